@@ -1,5 +1,6 @@
-// Soften: antialiasing where a surface ends before another or before the background, and at creases; and the last
-// step of the picture. Twin: crates/render/src/passes/antialias.rs, which says how.
+// Antialias: smooths the picture where a surface ends before another or before the background, and
+// at creases; and writes the picture. Twin: crates/render/src/passes/antialias.rs, which explains
+// the method and the constants.
 
 // include common/frame.wgsl
 // include common/marks.wgsl
@@ -8,19 +9,20 @@
 
 // Whether pixels carry normals.
 override NORMALS: bool;
-// Weights of coverage an axis (binomial), and of colours.
+// Weights along an axis, of coverage (binomial) and of colours, and the sums of all weights.
 const COVERAGE: array<f32, 5> = array<f32, 5>(1.0, 4.0, 6.0, 4.0, 1.0);
 const COVERAGE_SUM: f32 = 256.0;
 const COLOUR: array<f32, 5> = array<f32, 5>(0.0, 1.0, 2.0, 1.0, 0.0);
 const COLOUR_SUM: f32 = 16.0;
-// How much steeper the outline is than its weighted count.
+// Slope of the outline over that of its weighted count.
 const STEEP: f32 = 1.5;
-// How far outlines are taken back, pixels.
+// Distance by which outlines are moved inwards, pixels.
 const INSET_PX: f32 = 0.4;
-// Depth over width beyond which neighbouring pixels show two surfaces.
+// Slope (depth over width) above which neighbouring pixels show two surfaces.
 const STEP_PX: f32 = 6.0;
-// Square of the cosine below which neighbouring normals make a crease (30 degrees).
+// Square of the cosine of the angle between normals at a crease (30 degrees).
 const CREASE: f32 = 0.75;
+// Depth between a surface and the background.
 const FAR: f32 = 3.4028234e38;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -34,15 +36,16 @@ const FAR: f32 = 3.4028234e38;
 
 // include common/source.wgsl
 
-// The greatest step to a neighbour found so far, and the depth between its two sides.
+// The greatest step of depth to a neighbour so far, and the depth halfway between its sides.
 struct Split {
     step: f32,
     depth: f32,
 }
 
+// The greater of a step so far and that between two depths.
 fn split_by(split: Split, here: f32, beside: f32) -> Split {
     if is_infinite(here) || is_infinite(beside) {
-        // The background is farther than all.
+        // The background is farther than any surface.
         if is_infinite(here) != is_infinite(beside) && !is_infinite(split.step) {
             return Split(infinity(), FAR);
         }
@@ -56,7 +59,7 @@ fn split_by(split: Split, here: f32, beside: f32) -> Split {
     return split;
 }
 
-// The depth between the two sides of the greatest step to a neighbour; infinite where there is none.
+// The depth between the sides of the greatest step to a neighbour; infinite without a step.
 fn split_at(at: vec2<u32>, pixel: u32) -> f32 {
     let here = depth[pixel];
     var split = Split(0.0, infinity());
@@ -75,27 +78,27 @@ fn split_at(at: vec2<u32>, pixel: u32) -> f32 {
     return split.depth;
 }
 
-// Whether the normal beside, of a pixel that shows a surface, makes a crease with this one.
+// Whether the pixel `beside` shows a surface whose normal makes a crease with `normal`.
 fn is_crease(normal: vec3<f32>, beside: u32) -> bool {
     if is_infinite(depth[beside]) {
         return false;
     }
-    let other = normals[shown(beside)].xyz;
+    let other = normals[source_of(beside)].xyz;
     let cosine = dot(normal, other);
     return cosine * max(cosine, 0.0) < CREASE * dot(normal, normal) * dot(other, other);
 }
 
-// Whether the surface bends sharply to the right or below.
+// Whether there is a crease between a pixel and its right or lower neighbour.
 fn is_bent(at: vec2<u32>, pixel: u32) -> bool {
     if is_infinite(depth[pixel]) {
         return false;
     }
-    let normal = normals[shown(pixel)].xyz;
+    let normal = normals[source_of(pixel)].xyz;
     return (at.x + 1u < frame.width && is_crease(normal, pixel + 1u))
         || (at.y + 1u < frame.height && is_crease(normal, pixel + frame.width));
 }
 
-// Whether a pixel was beside a step, was trimmed, or is beside one that was.
+// Whether a pixel was beside a step, or silhouette removed it or a neighbour.
 fn is_outline(at: vec2<u32>, pixel: u32) -> bool {
     return (marks[pixel] & EDGE) != 0u
         || sources[pixel] != 0u
@@ -105,30 +108,32 @@ fn is_outline(at: vec2<u32>, pixel: u32) -> bool {
         || (at.y + 1u < frame.height && sources[pixel + frame.width] != 0u);
 }
 
-// A pixel of the surroundings; beyond the picture they go on as at its border.
+// A pixel of the surroundings, clamped to the picture.
 fn around(at: vec2<u32>, dx: i32, dy: i32) -> u32 {
     let last = vec2<i32>(i32(frame.width), i32(frame.height)) - 1;
     let place = vec2<u32>(clamp(vec2<i32>(at) + vec2<i32>(dx, dy), vec2<i32>(0), last));
     return place.y * frame.width + place.x;
 }
 
-// Two pixels from the middle in this direction: whole numbers and no root, so that processors and GPUs choose the same.
+// An offset of about two pixels in a direction. Computed without a root, so that CPU and GPU choose
+// the same.
 fn inwards(slope: vec2<f32>) -> vec2<i32> {
     let square = dot(slope, slope);
     let part = slope * slope * 16.0;
-    // Rounded: beyond three quarters of the way two, beyond a quarter one.
+    // Rounds the components of the offset: from three quarters of its length to two, from a quarter
+    // to one.
     let steps = vec2<i32>(part > vec2<f32>(square)) + vec2<i32>(part > vec2<f32>(9.0 * square));
     return select(steps, -steps, slope < vec2<f32>(0.0));
 }
 
-// The surroundings before `split` and behind it, mixed: sRGB bytes.
+// The mean colours in front of the depth `split` and behind it, mixed by coverage: sRGB bytes.
 fn antialiased(at: vec2<u32>, split: f32) -> u32 {
-    // Without a split all of it is before.
+    // Without a split all pixels are in front.
     let is_whole = is_infinite(split);
     var across = COVERAGE;
     var weights = COLOUR;
     var coverage = 0.0;
-    // What the count changes by, towards what is before: its sum of places.
+    // Direction in which the count of pixels in front grows: their weighted offsets.
     var slope = vec2<f32>(0.0);
     for (var y = 0; y < 5; y++) {
         for (var x = 0; x < 5; x++) {
@@ -145,7 +150,7 @@ fn antialiased(at: vec2<u32>, split: f32) -> u32 {
     if is_whole || (!is_infinite(d) && d <= split) {
         coverage -= INSET_PX * sqrt(dot(slope, slope));
     }
-    // Colours times alpha, alpha, and their weights.
+    // Weighted sums of colours times alpha, and of alpha: of the pixels in front, and of all.
     var before = vec4<f32>(0.0);
     var all = vec4<f32>(0.0);
     var weight = 0.0;
@@ -192,7 +197,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     rgba[pixel] = colour;
-    // In the margin left of the picture and above it this wraps.
+    // Wraps to large numbers in the margin left of the picture and above it.
     let place = id.xy - frame.margin_px;
     if all(place < vec2<u32>(frame.width, frame.height) - 2u * frame.margin_px) {
         textureStore(picture, place, unpack4x8unorm(colour));

@@ -1,5 +1,5 @@
-// Adds each point of a pixel's front surface to the pixel's sums. A group of threads a chunk. Twin:
-// crates/render/src/passes/average.rs.
+// Adds each point of a pixel's front surface to the sums of the pixel (schuetz2021). A workgroup a
+// chunk. Twin: crates/render/src/passes/average.rs.
 
 // include common/points.wgsl
 // include common/lookup.wgsl
@@ -11,7 +11,7 @@ override NORMALS: bool = false;
 // Whether colours come from the colour plane.
 override COLOURS: bool = true;
 
-// One page, whole.
+// A whole page.
 @group(0) @binding(7) var<storage, read> colours: array<u32>;
 @group(0) @binding(8) var<storage, read_write> sums: array<atomic<u32>>;
 @group(0) @binding(9) var<uniform> lookup: Lookup;
@@ -34,13 +34,14 @@ fn main(
     }
 }
 
-// No reach is less: what it divides stays a number.
+// Least reach, so that a quotient by it is not NaN.
 const LEAST_REACH: f32 = 1.1754944e-38;
 
 fn float_at(word: u32) -> f32 {
     return bitcast<f32>(atomicLoad(&sums[word]));
 }
 
+// Adds point `index` of the node in row `row`, if it is in the front surface.
 fn add(row: u32, draw: Draw, index: u32) {
     let seen = see(draw, index);
     if !is_inside(seen) {
@@ -52,7 +53,7 @@ fn add(row: u32, draw: Draw, index: u32) {
     let plane = float_at(first + AT_SCALE) + dot(slope, seen.at - vec2<f32>(at) - 0.5);
     let behind = plane - frame.focal_px / seen.depth;
     let reach = float_at(first + AT_REACH);
-    // Infinite where no point won.
+    // The plane is infinite in pixels without a winning point.
     if is_infinite(plane) || behind > reach || is_dropped(draw, index, seen.from_eye) {
         return;
     }
@@ -76,12 +77,12 @@ fn add(row: u32, draw: Draw, index: u32) {
     }
 }
 
-// Numbers from 0 to 1 in steps.
+// Numbers from 0 to 1 as whole numbers of steps.
 fn whole(value: vec3<f32>) -> vec3<u32> {
     return vec3<u32>(clamp(value, vec3<f32>(0.0), vec3<f32>(1.0)) * STEPS + 0.5);
 }
 
-// The words of a point as `gather/fetch` leaves them.
+// The words of a point, as `gather/fetch` writes them.
 fn paint_of(row: u32, draw: Draw, index: u32) -> vec4<u32> {
     var paint = vec4<u32>(row, 0u, 0u, NO_NORMAL);
     if COLOURS && draw.colour_page != NO_PAGE && index < draw.colour_points {
@@ -99,7 +100,7 @@ fn paint_of(row: u32, draw: Draw, index: u32) -> vec4<u32> {
     return paint;
 }
 
-// A normal in view space; where back faces are not culled, turned to the eye.
+// A normal in view space, turned to the eye unless back faces are culled.
 fn to_eye(code: u32, from_eye: vec3<f32>) -> vec3<f32> {
     let world = normal_of(code);
     let n = vec3<f32>(dot(frame.right, world), dot(frame.up, world), dot(frame.back, world));

@@ -1,4 +1,5 @@
-// Takes the planes of the points that won, and clears the sums. Twin: crates/render/src/passes/average.rs.
+// Clears the sums of each pixel and stores the plane of its winning point. Twin:
+// crates/render/src/passes/average.rs.
 
 // include common/frame.wgsl
 // include common/tangent.wgsl
@@ -30,7 +31,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     }
     let scale = frame.focal_px / own.x;
     var slope = vec2<f32>(0.0);
-    if PLANE == TOLD {
+    if PLANE == FITTED {
         let tilt = plane_of(pixel).xy;
         slope = vec2<f32>(-tilt.x, tilt.y) * scale;
     } else if PLANE == NORMAL {

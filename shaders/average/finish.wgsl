@@ -1,5 +1,5 @@
-// Replaces what the points that won brought to the picture's level by the means of their pixels' front surfaces.
-// Twin: crates/render/src/passes/average.rs.
+// Replaces the attributes of the winning points in level 0 by the averages of the pixels' front
+// surfaces. Twin: crates/render/src/passes/average.rs.
 
 // include common/frame.wgsl
 // include common/average.wgsl
@@ -33,7 +33,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         let n = first + AT_NORMAL;
         let mean = vec3<f32>(vec3<u32>(sums[n], sums[n + 1u], sums[n + 2u])) * share;
         var normal = mean * 2.0 - 1.0;
-        // Of points without normals the mean is off from zero by what steps round.
+        // Without any normals the mean differs from zero by the rounding to steps only.
         if all(abs(normal) <= vec3<f32>(2.0 / STEPS)) {
             normal = vec3<f32>(0.0);
         }

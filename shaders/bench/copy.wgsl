@@ -1,4 +1,5 @@
-// Copies a buffer, 16 bytes a thread: the rate at which kernels reach memory (crates/engine/src/bench/draw/gpu.rs).
+// Copies a buffer, 16 bytes a thread, to measure the memory bandwidth of kernels. Host:
+// crates/bench/src/draw/gpu.rs.
 
 @group(0) @binding(0) var<storage, read> source: array<vec4<u32>>;
 @group(0) @binding(1) var<storage, read_write> copied: array<vec4<u32>>;

@@ -1,11 +1,14 @@
-// What is added up for a pixel, in words: the winner's plane, then sums (crates/render/src/passes/average.rs says why). The
-// plane is `focal_px / depth` at the pixel's centre, what that changes by a pixel right and down, and how much less
-// it is where the depth interval ends. Needs a constant NORMALS; without normals depth is summed in their place.
+// Layout of the sums that average keeps for each pixel, in words. First the plane of the winning
+// point: the scale `focal_px / depth` at the pixel's centre, its change a pixel right and down (the
+// slope), and the decrease of the scale to the far end of the depth interval (the reach). Then the
+// number of points and the sums of colours, and of normals or, without normals, of depths. Needs a
+// constant `NORMALS`. Twin: crates/render/src/passes/average.rs.
 
-// What is summed lies between 0 and so many steps.
+// Terms of the sums are whole numbers from 0 to this.
 const STEPS: f32 = 16383.0;
-// Points of a pixel whose sums fit into 32 bits; of more one wins it.
+// Points whose sums fit in 32 bits; a pixel with more keeps the attributes of its winning point.
 const POINTS_MAX: f32 = 262144.0;
+// Offsets in the words of a pixel.
 const AT_SCALE: u32 = 0u;
 const AT_SLOPE: u32 = 1u;
 const AT_REACH: u32 = 3u;

@@ -1,6 +1,8 @@
-// What lies behind the points, as crates/render/src/passes/resolve.rs mixes it. Needs common/frame.wgsl.
+// The background behind all surfaces. Needs common/frame.wgsl. Twin:
+// crates/render/src/passes/resolve.rs.
 
-// The background in a row, sRGB bytes in one word, red lowest.
+// The background in row `y` of `height`, between the colours of the top and the bottom row; sRGB
+// bytes in one word, red lowest.
 fn backdrop(top: vec4<f32>, bottom: vec4<f32>, y: u32, height: u32) -> u32 {
     let share = (f32(y) + 0.5) / f32(height);
     let a = round(top * 255.0);

@@ -1,12 +1,12 @@
-// Colours of points, as crates/render/src/passes/gather.rs finds them. Whatever is mapped (values of any type, classes,
-// elevations, depths, sizes of cells) becomes the bits of a double, and the runs of doubles have their
-// colours from the host: the same as on a processor, bit by bit. Needs common/draws.wgsl, common/lookup.wgsl, and
-// variables `lookup` and `draws`.
+// Colours of points. Mapped quantities (values of any type, classes, elevations, depths, sizes of
+// cells) become the bits of a double, and the host prepares runs of doubles of one colour: the
+// colour is the same as on the CPU, bit by bit. Needs common/draws.wgsl, common/lookup.wgsl, and
+// variables `lookup` and `draws`. Twin: crates/render/src/passes/gather.rs.
 
 // include common/double.wgsl
 // include common/normal.wgsl
 
-// What gives points their colour.
+// Source of colours, `ColourBy::number` in crates/render/src/inputs/colour.rs.
 override COLOUR: u32 = 0u;
 const BY_PLAIN: u32 = 0u;
 const BY_RGB: u32 = 1u;
@@ -16,7 +16,8 @@ const BY_EYE_DEPTH: u32 = 4u;
 const BY_CELL: u32 = 5u;
 const BY_NORMAL: u32 = 6u;
 
-// Linear light of a point: its words, its height in steps on the lattice (high word first), bits of its depth.
+// Linear light of a point, from its fetched words, its height on the lattice in steps (high word
+// first) and the bits of its depth.
 fn colour_of(paint: vec4<u32>, height: vec2<u32>, depth_bits: u32) -> vec3<f32> {
     let draw = paint.x & ~HAS_COLOUR;
     let plain = lookup.plain.xyz;
@@ -52,7 +53,7 @@ fn linear_of(byte: u32) -> f32 {
     return lookup.linear[byte / 4u][byte % 4u];
 }
 
-// A value of a plane, its low word first.
+// The double of a value of a colour plane, whose words come low word first.
 fn double_of_value(words: vec2<u32>, kind: u32) -> vec2<u32> {
     switch kind {
         case COLOUR_U8, COLOUR_INDEX: { return double_of_u64(vec2<u32>(0u, words.x & 0xffu)); }
@@ -68,19 +69,19 @@ fn double_of_value(words: vec2<u32>, kind: u32) -> vec2<u32> {
     }
 }
 
-// A number of 64 bits from the topmost bits of 32.
+// The whole number of 64 bits that `top`, shifted down with its sign, stands for.
 fn widened(top: u32, down: u32) -> vec2<u32> {
     let value = bitcast<i32>(top) >> down;
     return vec2<u32>(bitcast<u32>(value >> 31u), bitcast<u32>(value));
 }
 
-// The colour of the run that a double is in.
+// The colour of the run that contains a double.
 fn mapped(bits: vec2<u32>) -> vec3<f32> {
     if is_no_number(bits) {
         return lookup.no_number.xyz;
     }
     let value = ordered(bits);
-    // The last run that begins at or below the value: the first begins below all.
+    // Binary search for the last run that begins at or below the value; the first begins below all.
     var run = 0u;
     for (var step = 128u; step > 0u; step >>= 1u) {
         let pair = lookup.starts[(run + step) / 2u];

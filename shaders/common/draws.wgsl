@@ -1,27 +1,28 @@
-// The tables of what is drawn: nodes, and equal chunks of their points (crates/render/src/gpu/table.rs has
-// the same structures). A point's number is `chunk * CHUNK_POINTS + place in the chunk`.
+// Rows of the tables of the cut: nodes, and chunks of their points. The number of a point is `chunk
+// * CHUNK_POINTS + index in the chunk`. Host: crates/render/src/gpu/memory/table.rs, where each
+// field is described.
 
 const CHUNK_POINTS: u32 = 4096u;
-// The page of a plane that is not there.
+// Page of a plane that does not exist.
 const NO_PAGE: u32 = 0xffffffffu;
 
-// A drawn node. Planes are given by page and first 32-bit word in it.
+// Row of a node. A plane is given by its page and its first word there.
 struct Draw {
-    // `box_min` less the eye, in steps, rounded down: the part above 2^16.
+    // `box_min` minus the eye, in steps, rounded down: the multiples of 2^16.
     base_high: vec3<i32>,
     // Bits that hot positions drop.
     shift: u32,
-    // The part below.
+    // The rest, below 2^16.
     base_low: vec3<i32>,
-    // Points drawn.
+    // Number of points drawn.
     points: u32,
-    // What rounding down left, and half a hot step where the dropped bits are not there.
+    // Remainder of rounding down, plus half a hot step without residual bits.
     bias_steps: vec3<f32>,
-    // Typical distance of the node's points, the file's unit.
+    // Spacing of the node, in the file's unit.
     spacing: f32,
-    // Least lattice coordinates.
+    // Least lattice coordinates of the node.
     box_min: vec3<u32>,
-    // Its place in the compact octree.
+    // Index of the node's cell in the compact octree.
     entry: u32,
     position_page: u32,
     position_word: u32,
@@ -31,27 +32,28 @@ struct Draw {
     colour_word: u32,
     normal_page: u32,
     normal_word: u32,
-    // Log2 of its cell's edge.
+    // Log2 of the edge of the node's cell.
     cell_log2: u32,
-    // Its first chunk.
+    // First chunk of the node.
     chunk: u32,
-    // What a point of the colour plane is: COLOUR_NONE ...
+    // Kind of the colour plane.
     colour_kind: u32,
-    // Points that the colour plane has.
+    // Points of the colour plane.
     colour_points: u32,
-    // Points that the normal plane has.
+    // Points of the normal plane.
     normal_points: u32,
     clip_page: u32,
     clip_word: u32,
-    // Points that the plane of clip lines has.
+    // Points of the plane of clip lines.
     clip_points: u32,
     tangent_page: u32,
     tangent_word: u32,
-    // Points that the plane of shapes has.
+    // Points of the plane of shapes.
     tangent_points: u32,
 }
 
-// Kinds of colour planes: bytes red, green, blue and one unused; one value of a type; or the last byte of a position.
+// Kinds of colour planes: none; bytes red, green, blue and one unused; a value of a type; or the
+// last byte of each position.
 const COLOUR_NONE: u32 = 0u;
 const COLOUR_RGBA: u32 = 1u;
 const COLOUR_U8: u32 = 2u;
@@ -66,8 +68,8 @@ const COLOUR_F32: u32 = 10u;
 const COLOUR_F64: u32 = 11u;
 const COLOUR_INDEX: u32 = 12u;
 
-// Where a colour plane has a point's value: the word, by how many bits it is shifted down, and whether (1) a second
-// word follows.
+// Place of the value of point `index` in a colour plane: its word, the bits to shift it down by,
+// and 1 if a second word follows, else 0.
 fn colour_place(kind: u32, index: u32) -> vec3<u32> {
     if kind == COLOUR_U8 || kind == COLOUR_I8 {
         return vec3<u32>(index / 4u, index % 4u * 8u, 0u);
@@ -82,12 +84,12 @@ fn colour_place(kind: u32, index: u32) -> vec3<u32> {
     return select(vec3<u32>(index, 0u, 0u), vec3<u32>(index * 2u, 0u, 1u), is_double);
 }
 
-// A run of a node's points.
+// Row of a chunk: consecutive points of a node.
 struct Chunk {
     draw: u32,
-    // First point, in the node.
+    // First point in the node.
     first: u32,
-    // Points, at most CHUNK_POINTS.
+    // Number of points, at most CHUNK_POINTS.
     points: u32,
     unused: u32,
 }

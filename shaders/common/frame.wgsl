@@ -1,29 +1,29 @@
-// What all passes know of a frame (crates/render/src/gpu/frame.rs has the same structure).
+// The uniform of a frame, which all passes read. Host: crates/render/src/gpu/memory/frame.rs.
 
 // include common/infinite.wgsl
 
 struct Frame {
-    // Rows of the rotation from the world's axes to the view's.
+    // `right`, `up` and `back` are the rows of the rotation from world to view space.
     right: vec3<f32>,
-    // Pixels that a unit of length takes at unit depth.
+    // Size in pixels of a unit of length at unit depth.
     focal_px: f32,
     up: vec3<f32>,
-    // What is nearer is not drawn.
+    // Depth of the near plane.
     near: f32,
     back: vec3<f32>,
-    // Pixels in a row, of the picture with its margin.
+    // Width of the picture with its margin, pixels.
     width: u32,
-    // Length of a lattice step, an axis.
+    // Length of a lattice step along each axis.
     step: vec3<f32>,
-    // Rows, of the same.
+    // Height of the picture with its margin, pixels.
     height: u32,
-    // sRGB with straight alpha, of the top row and the bottom row.
+    // Colours of the top and the bottom row, sRGB with straight alpha.
     background_top: vec4<f32>,
     background_bottom: vec4<f32>,
-    // The picture's middle.
+    // Centre of the picture, pixels.
     centre_px: vec2<f32>,
-    // Whether points whose normal looks away are dropped.
+    // 1 if points whose normal faces away from the eye are culled.
     cull_back_faces: u32,
-    // What is drawn beyond the picture on each side, pixels; it is not shown.
+    // Width of the margin on each side, which is cropped afterwards, pixels.
     margin_px: u32,
 }

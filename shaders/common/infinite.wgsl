@@ -1,20 +1,21 @@
-// Infinite depth: where there is nothing. WGSL has no literal for it, and compilers may take it that nothing is
-// infinite: it is told by its bits.
+// Infinite depth, which means that there is no surface, and tests of floats by their bits: WGSL has
+// no literal for infinity, and compilers may assume that no value is infinite or NaN.
 
 const INFINITE_BITS: u32 = 0x7f800000u;
 
-// Whether a value is infinite or no number.
+// Whether a value is infinite or NaN.
 fn is_infinite(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7fffffffu) >= INFINITE_BITS;
 }
 
-// Compilers may also take it that everything is a number.
+// Whether a value is not NaN.
 fn is_number(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7fffffffu) <= INFINITE_BITS;
 }
 
+// Positive infinity.
 fn infinity() -> f32 {
-    // In a variable: what is constant is refused.
+    // A variable, because WGSL refuses a constant expression that is infinite.
     var bits = INFINITE_BITS;
     return bitcast<f32>(bits);
 }

@@ -1,6 +1,7 @@
-// What the passes at outlines know of a pixel, a bit each.
+// Marks of pixels at outlines, a bit each, which fill_holes sets. Twin:
+// crates/render/src/picture/marks.rs.
 
-// Beside a step of depth.
+// The pixel is beside a step of depth.
 const EDGE: u32 = 1u;
-// A gap, to be closed in this round of mend.
+// The pixel is a gap, which this round of fill_holes closes.
 const GAP: u32 = 2u;

@@ -1,4 +1,4 @@
-// Octahedral normals (Meyer et al. 2010), as crates/points/src/quant.rs decodes them.
+// Octahedral normals (meyer2010). Twin: crates/points/src/quant.rs.
 
 // The code of a point without a normal.
 const NO_NORMAL: u32 = 0x80008000u;

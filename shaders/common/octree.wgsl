@@ -1,29 +1,31 @@
-// The compact octree of a cut, as crates/lod/src/octree.rs walks it. Needs a variable `octree`.
+// The compact octree of a cut, and the effective spacing at a point. Needs variables `octree` and
+// `lookup`. Twin: crates/lod/src/octree.rs.
 
-// A drawn cell.
+// The cell of a drawn node.
 struct OctreeCell {
-    // Its least lattice point.
+    // Least lattice coordinates.
     corner: vec3<u32>,
-    // Log2 of its edge.
+    // Log2 of the edge, steps.
     log2: u32,
-    // Effective spacing, the file's unit.
+    // Effective spacing, in the file's unit.
     spacing: f32,
-    // The cell below in each octant, which may be smaller than the octant.
+    // The next cell in each octant, which may be smaller than the octant.
     children: array<u32, 8>,
 }
 
+// Whether a cell contains the lattice point `p`.
 fn holds(cell: u32, p: vec3<u32>) -> bool {
     let bits = p ^ octree[cell].corner;
     let log2 = octree[cell].log2;
     return log2 >= 32u || ((bits.x | bits.y | bits.z) >> log2) == 0u;
 }
 
-// Effective spacing of the finest cell that holds `p`, from a cell downwards; the cell's own where it does not
-// hold `p`.
+// Effective spacing of the finest cell below `cell` that contains `p`; that of `cell` if it does
+// not contain `p` itself.
 fn spacing_from(cell: u32, p: vec3<u32>) -> f32 {
     var at = cell;
     if holds(at, p) {
-        // Each step is to a smaller cell, and there are 33 sizes.
+        // Each step goes to a smaller cell, and there are 33 sizes.
         for (var i = 0u; i < 33u; i += 1u) {
             let log2 = octree[at].log2;
             if log2 == 0u {

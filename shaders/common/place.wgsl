@@ -1,7 +1,8 @@
-// Where a point is against the eye, as crates/render/src/inputs/camera.rs says it. Needs common/draws.wgsl.
+// Positions of points against the eye, and hot positions. Needs common/draws.wgsl. Twin:
+// crates/render/src/inputs/camera.rs.
 
-// A point against the eye, in steps, from its offset in the node's box. What is above 2^16 and what is below
-// are exact in f32, so that their sum rounds once.
+// Position of a point against the eye, steps, from its offset in the node's box. The parts above
+// and below 2^16 are exact in f32, so that their sum rounds once.
 fn steps_from_eye(
     base_high: vec3<i32>,
     base_low: vec3<i32>,
@@ -13,12 +14,12 @@ fn steps_from_eye(
     return vec3<f32>(high) * 65536.0 + vec3<f32>(low) + bias_steps;
 }
 
-// Hot coordinates from the two words of a position.
+// Hot coordinates in the two words of a position.
 fn hot_of(words: vec2<u32>) -> vec3<u32> {
     return vec3<u32>(words.x & 0xffffu, words.x >> 16u, words.y & 0xffffu);
 }
 
-// The radius code of a position.
+// Radius code in the two words of a position.
 fn radius_code_of(words: vec2<u32>) -> u32 {
     return (words.y >> 16u) & 0xffu;
 }

@@ -1,9 +1,10 @@
-// A pixel's plane (crates/render/src/picture/pyramid.rs), along which its depths are moved. Needs common/tangent.wgsl
-// and a storage variable `from_planes`, of two values each.
+// Reads a pixel's plane, along which its depths are moved. Needs common/tangent.wgsl and a storage
+// variable `from_planes` of two values an element. Twin: `Planes` in
+// crates/render/src/picture/pyramid.rs.
 
-// Values of each: none, a tilt's or a normal's.
+// Values of a pixel's plane: none, the two of a fitted plane's tilt, or the four of a normal.
 override PLANE: u32 = 0u;
-const TOLD: u32 = 2u;
+const FITTED: u32 = 2u;
 const NORMAL: u32 = 4u;
 
 // The values of a pixel's plane.
@@ -14,10 +15,10 @@ fn plane_of(pixel: u32) -> vec4<f32> {
     return vec4<f32>(from_planes[pixel], 0.0, 0.0);
 }
 
-// Depth at `origin + by` (pixels) over that at `origin`, on a plane that has its values in `plane`.
+// Depth at `origin + by` (pixels) over that at `origin`, on the plane with the values `plane`.
 fn moved(plane: vec4<f32>, origin: vec2<f32>, by: vec2<f32>) -> f32 {
     switch PLANE {
-        case TOLD: {
+        case FITTED: {
             return over_turn(-1.0, turn_of(plane.xy, by));
         }
         case NORMAL: {

@@ -1,5 +1,7 @@
-// Points as they lie in the pages: decoding, and the way to a pixel (crates/render/src/inputs/camera.rs and
-// project.rs, the same steps). Work is a list of chunks whose planes lie in the pages that are bound.
+// Reads points from the pages and projects them to the picture. The work of a dispatch is a list of
+// chunks whose planes are in the pages that are bound. Host: `GpuCut::bind` in
+// crates/render/src/gpu/memory/cut.rs. Twins: crates/render/src/inputs/camera.rs,
+// passes/project.rs.
 
 // include common/frame.wgsl
 // include common/draws.wgsl
@@ -10,26 +12,27 @@
 @group(0) @binding(1) var<storage, read> draws: array<Draw>;
 @group(0) @binding(2) var<storage, read> chunks: array<Chunk>;
 @group(0) @binding(3) var<storage, read> work: array<u32>;
-// One page each, whole.
+// A whole page each.
 @group(0) @binding(4) var<storage, read> positions: array<vec2<u32>>;
 @group(0) @binding(5) var<storage, read> residuals: array<u32>;
 @group(0) @binding(6) var<storage, read> normals: array<u32>;
 
-// Whether points whose normal looks away are dropped.
+// Whether points whose normal faces away from the eye are culled.
 override CULLS_BACK_FACES: bool = false;
-// Whether points are dropped that a filter has marked.
+// Whether points that a filter has marked are hidden.
 override HIDES_POINTS: bool = false;
 
-// A point on the picture.
+// A projected point.
 struct Seen {
+    // Place in the picture, pixels.
     at: vec2<f32>,
     // Linear eye depth.
     depth: f32,
-    // From the eye, the file's unit, the world's axes.
+    // Position against the eye, in the file's unit, along the world's axes.
     from_eye: vec3<f32>,
 }
 
-// Offset of a point in its node's box, in steps.
+// Offset of a point in its node's box, steps.
 fn offset_at(draw: Draw, index: u32) -> vec3<u32> {
     let hot = positions[(draw.position_word >> 1u) + index];
     let q = hot_of(hot) << vec3<u32>(draw.shift);
@@ -40,7 +43,7 @@ fn offset_at(draw: Draw, index: u32) -> vec3<u32> {
         let low = residuals[draw.residual_word + index];
         return q | vec3<u32>(low & 1023u, (low >> 10u) & 1023u, (low >> 20u) & 1023u);
     }
-    // Six bytes a point: odd points begin in the middle of a word.
+    // Six bytes a point: points of odd index begin in the middle of a word.
     let word = draw.residual_word + (index * 3u >> 1u);
     let a = residuals[word];
     let b = residuals[word + 1u];
@@ -50,6 +53,7 @@ fn offset_at(draw: Draw, index: u32) -> vec3<u32> {
     return q | vec3<u32>(a >> 16u, b & 0xffffu, b >> 16u);
 }
 
+// Projects a point.
 fn see(draw: Draw, index: u32) -> Seen {
     let offset = offset_at(draw, index);
     let steps = steps_from_eye(draw.base_high, draw.base_low, draw.bias_steps, offset);
@@ -61,14 +65,14 @@ fn see(draw: Draw, index: u32) -> Seen {
     return Seen(vec2<f32>(x, y), depth, from_eye);
 }
 
-// Written so that what is not a number is outside.
+// Whether a point is in the picture; NaN is outside.
 fn is_inside(seen: Seen) -> bool {
     let in_x = seen.at.x >= 0.0 && seen.at.x < f32(frame.width);
     let in_y = seen.at.y >= 0.0 && seen.at.y < f32(frame.height);
     return in_x && in_y && seen.depth >= frame.near && !is_infinite(seen.depth);
 }
 
-// Whether a point's normal looks to the eye's side; a point without a normal does.
+// Whether a point's normal faces the eye, or the point has none.
 fn faces_eye(draw: Draw, index: u32, from_eye: vec3<f32>) -> bool {
     if index >= draw.normal_points {
         return true;
@@ -76,7 +80,7 @@ fn faces_eye(draw: Draw, index: u32, from_eye: vec3<f32>) -> bool {
     return dot(normal_of(normals[draw.normal_word + index]), from_eye) <= 0.0;
 }
 
-// Whether a point is dropped, by a filter's mark or by its normal.
+// Whether a point is hidden by a filter or culled by its normal.
 fn is_dropped(draw: Draw, index: u32, from_eye: vec3<f32>) -> bool {
     if HIDES_POINTS && (positions[(draw.position_word >> 1u) + index].y >> 24u) != 0u {
         return true;

@@ -1,8 +1,10 @@
-// Drawn radii of points. Needs common/lookup.wgsl, common/octree.wgsl, and variables `lookup` and `draws`.
+// Radii of points. Needs common/lookup.wgsl, common/octree.wgsl, and variables `lookup` and
+// `draws`. Twin: `Lookup` in crates/render/src/passes/gather.rs.
 
+// Greatest radius.
 const RADIUS_MAX: f32 = 1e30;
 
-// Clamped to 0 ... RADIUS_MAX; 0 for what is no number.
+// A radius clamped to at most RADIUS_MAX; 0 for NaN and negative values.
 fn radius_within(radius: f32) -> f32 {
     let bits = bitcast<u32>(radius);
     if bits > INFINITE_BITS {
@@ -11,7 +13,7 @@ fn radius_within(radius: f32) -> f32 {
     return min(radius, RADIUS_MAX);
 }
 
-// Effective spacing of the finest drawn cell that holds the point.
+// Effective spacing of the finest drawn cell that contains the lattice point `p` of a node.
 fn spacing_of(draw: u32, p: vec3<u32>) -> f32 {
     let stored = draws[draw].spacing;
     let entry = draws[draw].entry;

@@ -1,9 +1,10 @@
-// Runs: the positions of a page by 256, counted from its first byte, so that a node's first and last run may
-// hold what is not its own. Beside each page lies the box of each of its runs (crates/render/src/gpu/runs.rs).
+// Runs: the positions of a page in groups of 256, counted from its first byte, so that the first
+// and last run of a node may contain bytes of other planes. Each run has a bounding box beside its
+// page. Host: crates/render/src/gpu/memory/runs.rs.
 
 const RUN_POINTS: u32 = 256u;
 
-// Least and greatest hot coordinates.
+// Least and greatest hot coordinates of a run.
 struct RunBox {
     low: vec3<u32>,
     high: vec3<u32>,

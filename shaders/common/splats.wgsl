@@ -1,46 +1,49 @@
-// Splats as crates/render/src/ewa/ makes them (splat.rs has the same record), and the settings of a batch of points.
-// Needs common/infinite.wgsl.
+// Splats, and the uniform of a batch of points. Needs common/infinite.wgsl. Host:
+// crates/render/src/gpu/passes/ewa.rs. Twins: crates/render/src/ewa/splat.rs (the same record) and
+// clip.rs.
 
 struct Batch {
-    // Square of the cutoff times the low-pass's variance, 0 without one.
+    // Square of the cutoff times the variance of the low-pass; 0 without a low-pass.
     lowpass: f32,
     // Half the square of the cutoff.
     half_cutoff: f32,
-    // Cutoff radii over stored ones.
+    // Cutoff radii over stored radii.
     radius_factor: f32,
-    // Its first chunk of points.
+    // First chunk of the batch.
     first_chunk: u32,
-    // Chunks of the frame.
+    // Number of chunks of the frame.
     chunks: u32,
-    // Places for points in a batch: whole chunks.
+    // Capacity for points, a multiple of a chunk.
     points: u32,
-    // Places for entries of tiles.
+    // Capacity for entries of tiles.
     entries: u32,
-    // Whether it is the frame's first batch.
+    // 1 for the first batch of the frame.
     is_first: u32,
-    // Tiles in a row, rows of tiles.
+    // Tiles across and down the picture.
     tiles: vec2<u32>,
     unused: vec2<u32>,
-    // The eye on the lattice, rounded down: the part above 2^16, the part below, and what is left, steps.
+    // The eye on the lattice, in steps: multiples of 2^16, the whole steps below, and the fraction.
     eye_high: vec3<i32>,
     eye_low: vec3<i32>,
     eye_rest: vec3<f32>,
-    // Log2 of the grain of clip lines, an axis, steps.
+    // Log2 of the grain of clip lines along each axis, steps.
     grain: vec3<u32>,
 }
 
 struct Splat {
-    // Where its coordinates start, pixels; the first two of the form.
+    // Origin of its coordinates, pixels; the first two coefficients of the form.
     a: vec4<f32>,
-    // The rest of the form.
+    // The other coefficients of the form.
     b: vec4<f32>,
-    // Inverse depth there, its growth to the right and down; how far it moves back.
+    // Inverse depth at the origin, its growth a pixel right and down; distance by which it is moved
+    // back.
     c: vec4<f32>,
-    // Bits of its colour (linear light); its packed normal, or bits of its radius in pixels.
+    // Bits of its colour (linear light); its packed normal, or the bits of its radius in pixels.
     d: vec4<u32>,
 }
 
-// What of a splat its clip lines keep: all, what the first one keeps, what both, what either.
+// The part of a splat that its clip lines keep: all of it, the side of one line, of both, or of
+// either.
 const KEPT_WHOLE: u32 = 0u;
 const KEPT_ONE: u32 = 1u;
 const KEPT_BOTH: u32 = 2u;
@@ -48,25 +51,27 @@ const KEPT_EITHER: u32 = 3u;
 
 // Pixels on a side of a tile.
 const TILE: u32 = 16u;
-// The first word of the empty box of a splat that cannot be drawn: the eye lies in its plane.
+// First word of the empty box of a splat that cannot be drawn because the eye is in its plane.
 const DROPPED: u32 = 0xffffu;
-// A point that is none.
+// Number of no point.
 const NOTHING: u32 = 0xffffffffu;
-// As in crates/render/src/ewa/splat.rs.
+// How far beyond the disc's own range of inverse depths its plane is followed, as a factor.
 const WIDENED: f32 = 0.875;
 
-// Ten bits each, with a sign.
+// A normal in ten bits an axis.
 fn packed_normal(n: vec3<f32>) -> u32 {
     let q = vec3<u32>(n * 511.0 + 512.5) & vec3<u32>(0x3ffu);
     return q.x | (q.y << 10u) | (q.z << 20u);
 }
 
+// The normal of a code of packed_normal.
 fn unpacked_normal(code: u32) -> vec3<f32> {
     let q = (vec3<u32>(code) >> vec3<u32>(0u, 10u, 20u)) & vec3<u32>(0x3ffu);
     return (vec3<f32>(q) - 512.0) / 511.0;
 }
 
-// The square of the place in the splat, 1 at the cutoff, and the inverse depth on its plane; 2 where outside.
+// Square of the distance of a pixel from the splat's centre (1 at the cutoff, 2 outside), and the
+// inverse depth on the splat's plane.
 fn seen_at(splat: Splat, place: vec2<f32>, near: f32) -> vec2<f32> {
     let d = place - splat.a.xy;
     let plane = splat.c.y * d.x + (splat.c.x + splat.c.z * d.y);
@@ -84,7 +89,7 @@ fn seen_at(splat: Splat, place: vec2<f32>, near: f32) -> vec2<f32> {
         return vec2<f32>(2.0, 1.0);
     }
     let ends = splat.b.zw;
-    // Where it pays, weights follow the exact projected Gaussian.
+    // If depth varies much over the splat, weights follow the exact projected Gaussian.
     if splat.b.y < 0.0 {
         let z = clamp(plane, ends.x, ends.y);
         squared = max(1.0 - (1.0 - squared) * (ends.x * ends.y) / (z * z), 0.0);

@@ -1,9 +1,10 @@
-// Squares of pixels that keep their nearest point, row by row; twin: crates/render/src/passes/fit_planes.rs. Needs a variable `frame`.
+// Squares of pixels for fit_planes, row by row. Needs a variable `frame`. Twin:
+// crates/render/src/passes/fit_planes.rs.
 
-// Pixels on a side, and the widest radius of discs that something is told of.
+// Side of a square, and the greatest radius of discs that planes are fitted to, pixels.
 const SQUARE_PX: u32 = 4u;
 
-// Squares in a row, rows of them.
+// Squares across and down the picture.
 fn squares() -> vec2<u32> {
     return (vec2<u32>(frame.width, frame.height) + SQUARE_PX - 1u) / SQUARE_PX;
 }

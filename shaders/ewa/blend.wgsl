@@ -1,15 +1,17 @@
-// The passes of zwicker2004 section 6 over the splats of a batch: visibility, attributes, or both as one. A group is
-// a tile, a thread a pixel; sums stay in registers, of 32 bits: no target has to blend. Twin:
-// crates/render/src/ewa/blend.rs.
+// Blends the splats of a batch (zwicker2004, section 6): the visibility pass, the attribute pass,
+// or both as one. A workgroup is a tile, a thread a pixel; sums stay in registers of 32 bits, so
+// that no target has to support blending. Twin: crates/render/src/ewa/blend.rs.
 
 // include common/frame.wgsl
 // include common/splats.wgsl
 
-// Which pass.
+// The pass to run.
 override PASS: u32 = 0u;
+// Finds the front of each pixel.
 const VISIBILITY: u32 = 0u;
+// Sums the attributes of the splats that are not behind the front.
 const ATTRIBUTES: u32 = 1u;
-// The nearest splat shows.
+// Takes the attributes of the nearest splat.
 const SINGLE: u32 = 2u;
 // Whether the cloud has normals.
 override NORMALS: bool = false;
@@ -22,36 +24,37 @@ override CLIPS: bool = false;
 @group(0) @binding(3) var<storage, read> boxes: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read> starts: array<u32>;
 @group(0) @binding(5) var<storage, read> entries: array<u32>;
-// The front's inverse depth, moved back; 0 where nothing is.
+// Inverse depth of the front, moved back; 0 without a splat.
 @group(0) @binding(6) var<storage, read_write> front: array<f32>;
-// Red, green, blue and the weight.
+// Sums of red, green, blue and the weight.
 @group(0) @binding(7) var<storage, read_write> tint: array<vec4<f32>>;
-// Normal (or radius) and inverse depth.
+// Sums of the normal (or radius) and the inverse depth.
 @group(0) @binding(8) var<storage, read_write> shape: array<vec4<f32>>;
 
-// Two rows a point: lines over the pixels from the picture's middle, what is kept in the first one's last word.
+// Two rows a point: lines over pixels from the picture's centre; the last word of the first row is
+// the part that is kept.
 @group(0) @binding(9) var<storage, read> clips: array<vec4<u32>>;
 
-// Threads of a block of pixels, which run together, and blocks of a tile.
+// Threads of a block of pixels, which run in lockstep, and blocks of a tile.
 const THREADS: u32 = 32u;
 const BLOCKS: u32 = 8u;
-// Splats looked at together; two threads look at each.
+// Splats that a workgroup loads together; two threads test each.
 const BATCH: u32 = 128u;
 var<workgroup> batched: array<Splat, 128>;
-// Which of them touch each block of pixels, and how many: small splats miss most, whose threads need not look at them.
+// Splats that touch each block, and their numbers: most blocks skip a small splat.
 var<workgroup> touching: array<u32, 1024>;
 var<workgroup> touches: array<atomic<u32>, 8>;
-// Their places in the batch, where they are clipped.
+// Indices of the splats in the batch, if splats are clipped.
 var<workgroup> places: array<u32, 128>;
 
-// About `exp(-t)` for t from 0 to 2 (crates/render/src/ewa/gauss.rs).
+// Approximates exp(-t) for t from 0 to 2 (crates/render/src/ewa/gauss.rs).
 fn falloff(t: f32) -> f32 {
     let s = t * 0.5;
     let root = s * (s * (s * (s * 0.02553654 - 0.15375047) + 0.49556967) - 0.9994563) + 0.99998916;
     return root * root;
 }
 
-// The first pixel of a block in its tile: blocks are 8 pixels wide and 4 high.
+// First pixel of a block in its tile; blocks are 8 pixels wide and 4 high.
 fn corner_of(block: u32) -> vec2<u32> {
     return vec2<u32>(block % 2u * 8u, block / 2u * 4u);
 }
@@ -101,7 +104,7 @@ fn main(
                     places[member] = at;
                 }
             }
-            // Each of both threads looks at half of the blocks.
+            // Each of the two threads tests half of the blocks.
             let half = thread / BATCH * (BLOCKS / 2u);
             for (var b = half; b < half + BLOCKS / 2u; b += 1u) {
                 if is_in(box, corner + corner_of(b), vec2<u32>(8u, 4u)) {
@@ -162,7 +165,8 @@ fn main(
     }
 }
 
-// Whether a splat's lines keep a pixel. The same numbers but for their sign on both sides of a line.
+// Whether the clip lines of a splat keep a pixel. The splats on both sides of a line compute the
+// same numbers but for their signs, so that each pixel is kept by exactly one of them.
 fn is_kept(splat: u32, place: vec2<f32>) -> bool {
     let row = clips[2u * splat];
     let kept = row.w;
@@ -179,7 +183,7 @@ fn is_kept(splat: u32, place: vec2<f32>) -> bool {
     return select(first && second, first || second, kept == KEPT_EITHER);
 }
 
-// Whether a splat's box has some of the pixels from a corner on.
+// Whether a splat's box overlaps the rectangle of `size` pixels at `corner`.
 fn is_in(box: vec4<u32>, corner: vec2<u32>, size: vec2<u32>) -> bool {
     return all(box.xy < box.zw) && all(box.zw > corner) && all(box.xy < corner + size);
 }

@@ -1,5 +1,5 @@
-// Edges of the depth image, for the passes after EWA splatting; each pixel shows its own attributes. Twin:
-// crates/render/src/picture/edges.rs.
+// Marks the edges of the depth image after EWA splatting, for the passes that follow; each pixel is
+// its own source. Twin: crates/render/src/picture/edges.rs.
 
 // include common/frame.wgsl
 // include common/marks.wgsl

@@ -1,5 +1,5 @@
-// The points of a batch as if they had won a pixel each, so that `gather/fetch` fetches their words; and tiles
-// without splats.
+// Lists the points of a batch as if each had won a pixel, so that gather/fetch.wgsl fetches their
+// words; and clears the counts of the tiles. Host: crates/render/src/gpu/passes/ewa.rs.
 
 // include common/infinite.wgsl
 // include common/draws.wgsl
@@ -11,7 +11,7 @@
 @group(0) @binding(1) var<storage, read> chunks: array<Chunk>;
 @group(0) @binding(2) var<storage, read_write> hits: array<vec2<u32>>;
 @group(0) @binding(3) var<storage, read_write> paint: array<vec4<u32>>;
-// Splats a tile.
+// Number of splats of each tile.
 @group(0) @binding(4) var<storage, read_write> cursors: array<u32>;
 
 @compute @workgroup_size(256)

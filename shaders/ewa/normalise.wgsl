@@ -1,5 +1,5 @@
-// Pass 3 of zwicker2004: sums over the sum of weights, to level 0 of the pyramid, in place; the picture's depth; and
-// what shading asks of outlines: edges, and that each pixel shows its own. Twin: crates/render/src/ewa/blend.rs.
+// Normalises sums by their weights (zwicker2004, section 6, third pass), in place, to level 0 of
+// the pyramid, and writes the picture's depth. Twin: crates/render/src/ewa/blend.rs.
 
 // include common/frame.wgsl
 // include common/level.wgsl
@@ -9,14 +9,14 @@
 override NORMALS: bool = false;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-// Comes in as normal (or radius) and inverse depth, times the weight.
+// Input: sums of the normal (or radius) and the inverse depth.
 @group(0) @binding(1) var<storage, read_write> front: array<vec4<f32>>;
-// Comes in as red, green, blue and the weight.
+// Input: sums of red, green, blue and the weight.
 @group(0) @binding(2) var<storage, read_write> tint: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> depths: array<f32>;
 @group(0) @binding(4) var<storage, read_write> normals: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> depth: array<f32>;
-// Pixels that a splat is on, pixels that show something.
+// Number of pixels with a splat, and of pixels that show a surface.
 @group(0) @binding(6) var<storage, read_write> counts: array<atomic<u32>, 2>;
 
 var<workgroup> covered: atomic<u32>;
@@ -35,6 +35,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
     }
 }
 
+// Normalises a pixel; whether it has a splat.
 fn normalise(pixel: u32, at: vec2<u32>) -> bool {
     let sum = tint[pixel];
     if !(sum.w > 0.0) {
@@ -53,7 +54,7 @@ fn normalise(pixel: u32, at: vec2<u32>) -> bool {
         let world = shape.xyz;
         var n = vec3<f32>(dot(frame.right, world), dot(frame.up, world), dot(frame.back, world));
         if dot(n, n) < 1e-8 {
-            // None is known: it faces the eye.
+            // Without a normal the surface faces the eye.
             let from_middle = vec2<f32>(at) + 0.5 - frame.centre_px;
             n = unit_or(vec3<f32>(-from_middle.x, from_middle.y, frame.focal_px), vec3<f32>(0.0, 0.0, 1.0));
         }

@@ -1,5 +1,6 @@
-// From points to splats (zwicker2004 sections 4.1 to 4.4): the twin of crates/render/src/ewa/, place.rs, splat.rs
-// and mapping.rs, which say why. Counts the splats that touch a tile.
+// Makes splats of the points of a batch (zwicker2004, sections 4.1 to 4.4 and 5), and counts the
+// splats that touch each tile. Twins: crates/render/src/ewa/place.rs, splat.rs, mapping.rs, clip.rs
+// and shape.rs, which explain the method and the constants.
 
 // include common/frame.wgsl
 // include common/draws.wgsl
@@ -12,27 +13,30 @@
 
 // Whether the cloud has normals.
 override NORMALS: bool = false;
-// Whether points are dropped that a filter has marked.
+// Whether points that a filter has marked are hidden.
 override HIDES_POINTS: bool = false;
 // Whether splats are clipped.
 override CLIPS: bool = false;
 // Whether splats have shapes of their own.
 override TANGENTS: bool = false;
 
+// Constants of splat.rs.
 const REACH_MAX: f32 = 0.7;
 const CONDITION_MAX: f32 = 1e6;
-const MEND_REACH: f32 = 0.02;
+const EXACT_REACH: f32 = 0.02;
 const BACK: f32 = 1.0;
 const AMPLITUDE_MIN: f32 = 1e-12;
+// Sine between plane and line of sight below which rounding decides what is seen (mapping.rs).
 const SINE_MIN: f32 = 1e-6;
-// Square of the sine between a long axis and the normal under which it tells no direction.
+// Square of the sine between a long axis and the normal below which the axis gives no direction.
 const AXIS_SINE_MIN: f32 = 1e-4;
-// As in crates/points/src/tangents.rs.
+// Constants of crates/points/src/tangents.rs.
 const SHAPE_ROOM: f32 = 1.1;
 const SHAPE_LEAST: f32 = 0.7;
 const SHAPE_COARSER: f32 = 2.0;
+// Margin of boxes for rounding, pixels.
 const MARGIN: f32 = 0.01;
-// Half the side of an octagon around a circle.
+// Half the side of an octagon around a unit circle.
 const HALF: f32 = 0.41422;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -43,25 +47,26 @@ const HALF: f32 = 0.41422;
 @group(0) @binding(5) var<storage, read> geometry: array<vec4<u32>>;
 @group(0) @binding(6) var<storage, read> paint: array<vec4<u32>>;
 @group(0) @binding(7) var<storage, read_write> splats: array<Splat>;
-// Least and one past the greatest pixel, x in the first word and y in the second, 16 bits each.
+// First pixel and one past the last, 16 bits each: x in the first word, y in the second.
 @group(0) @binding(8) var<storage, read_write> boxes: array<vec2<u32>>;
 @group(0) @binding(9) var<storage, read_write> cursors: array<atomic<u32>>;
-// Two rows a point: in as the words of lines in the file, and that of its shape; out as lines over the pixels from the picture's middle, with
-// what is kept in the first one's last word.
+// Two rows a point. Input: the words of its clip lines in the file, and of its shape. Output: lines
+// over pixels from the picture's centre; the last word of the first row is the part that is kept.
 @group(0) @binding(10) var<storage, read_write> clips: array<vec4<u32>>;
 
 struct Placed {
     splat: Splat,
-    // Left, top, right, bottom; empty where it is not drawn.
+    // Left, top, right, bottom; empty if the splat is not drawn.
     bounds: vec4<u32>,
 }
 
-// Pixels from the first whose middle is right of a place.
+// First pixel whose centre is right of and below a place, clamped to the picture.
 fn past(place: vec2<f32>) -> vec2<u32> {
     let size = vec2<f32>(f32(frame.width), f32(frame.height));
     return vec2<u32>(clamp(place + 0.5, vec2<f32>(0.0), size));
 }
 
+// The box of pixels between two places; empty if a coordinate is NaN.
 fn clip(low: vec2<f32>, high: vec2<f32>) -> vec4<u32> {
     if !(is_number(low.x) && is_number(low.y) && is_number(high.x) && is_number(high.y)) {
         return vec4<u32>(0u);
@@ -77,19 +82,21 @@ fn all_finite(v: vec4<f32>) -> bool {
     return !(is_infinite(v.x) || is_infinite(v.y) || is_infinite(v.z) || is_infinite(v.w));
 }
 
-// The box of a splat that cannot be drawn, for those in the picture.
+// Box of a splat in the picture that cannot be drawn.
 const NOT_DRAWN: vec4<u32> = vec4<u32>(DROPPED, 0u, 0u, 0u);
 
+// The splat, with the box NOT_DRAWN if a coefficient is not finite.
 fn checked(splat: Splat, box: vec4<u32>) -> Placed {
     let fine = all_finite(splat.a) && all_finite(splat.b) && all_finite(splat.c) && splat.c.w != 0.0;
     return Placed(splat, select(NOT_DRAWN, box, fine));
 }
 
-// How much longer a depth gets where it moves back along its line of sight.
+// Growth of the depth of a splat that is moved back along its line of sight.
 fn back_of(p: vec3<f32>, radius: f32) -> f32 {
     return BACK * radius * max(abs(p.z) / length(p), 0.1);
 }
 
+// A splat as an ellipse in the picture.
 fn ellipse(p: vec3<f32>, t_a: vec3<f32>, t_b: vec3<f32>, radius: f32) -> Placed {
     // Equation 4, recentred.
     let inverse = 1.0 / p.z;
@@ -130,7 +137,7 @@ fn ellipse(p: vec3<f32>, t_a: vec3<f32>, t_b: vec3<f32>, radius: f32) -> Placed 
     let reach = sqrt(depths);
     let grows = vec2<f32>(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z) / area * inverse;
     let back = back_of(p, radius);
-    let signed = select(amplitude, -amplitude, reach > MEND_REACH);
+    let signed = select(amplitude, -amplitude, reach > EXACT_REACH);
     return checked(Splat(
         vec4<f32>(origin, across, shear),
         vec4<f32>(along, signed, inverse / (1.0 + reach), inverse / (1.0 - reach)),
@@ -139,16 +146,18 @@ fn ellipse(p: vec3<f32>, t_a: vec3<f32>, t_b: vec3<f32>, radius: f32) -> Placed 
     ), box);
 }
 
+// Corner `k` of an octagon around a disc.
 fn corner(p: vec3<f32>, a: vec3<f32>, b: vec3<f32>, k: u32) -> vec3<f32> {
-    // 1, HALF; HALF, 1; and so on around.
+    // (1, HALF), (HALF, 1), and so on around.
     let is_long = ((k + 1u) & 2u) == 0u;
     let x = select(HALF, 1.0, is_long) * select(1.0, -1.0, ((k + 6u) & 7u) < 4u);
     let y = select(1.0, HALF, is_long) * select(1.0, -1.0, (k & 7u) >= 4u);
     return p + a * x + b * y;
 }
 
+// A splat that is evaluated by rays, because its disc reaches the near plane or far in depth.
 fn by_rays(p: vec3<f32>, a: vec3<f32>, b: vec3<f32>, radius: f32) -> Placed {
-    // What of the disc is behind the near plane.
+    // Bounds of the part of the disc beyond the near plane.
     var low = vec2<f32>(3e38);
     var high = vec2<f32>(-3e38);
     for (var k = 0u; k < 8u; k += 1u) {
@@ -190,36 +199,40 @@ fn by_rays(p: vec3<f32>, a: vec3<f32>, b: vec3<f32>, radius: f32) -> Placed {
     ), box);
 }
 
-// A row of the inverse mapping, over pixels from a place.
+// A row of the inverse mapping, as a function of pixels from `place`.
 fn row(n: vec3<f32>, place: vec2<f32>) -> vec3<f32> {
     let grows = n.xy / frame.focal_px;
     return vec3<f32>(grows, n.z + grows.x * place.x + grows.y * place.y);
 }
 
-// Greatest shift of a line's unit (crates/points/src/clip.rs).
+// Greatest shift of the unit of a clip line (crates/points/src/clip.rs).
 const CLIP_SHIFT_MAX: u32 = 22u;
-// As in crates/render/src/ewa/clip.rs.
+// Constants of clip.rs.
 const CLIP_FLAT: f32 = 0.1;
 const CLIP_WIDER: f32 = 1.3;
 const CLIP_STROKE: f32 = 0.5;
 const CLIP_PAST: f32 = 1.0;
 
-// Three numbers of 9 bits with a sign.
+// Three signed numbers of 9 bits.
 fn parts(word: u32) -> vec3<i32> {
     return bitcast<vec3<i32>>(vec3<u32>(word) << vec3<u32>(23u, 14u, 5u)) >> vec3<u32>(23u);
 }
 
+// A vector in view space: right, down and away from the eye.
 fn in_view(world: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(frame.right, world), -dot(frame.up, world), -dot(frame.back, world));
 }
 
-// A line as the file has it: a point of it and the way to another one, which has no length where there is none.
+// A clip line of the file: a point and the vector to another point, which is zero if there is no
+// line.
 struct Line {
     c: vec3<f32>,
     e: vec3<f32>,
     keeps_right: bool,
 }
 
+// The clip line of two words of the file; `hot` is the point on the lattice without its residual
+// bits.
 fn line_of(words: vec2<u32>, hot: vec3<u32>) -> Line {
     let shifts = batch.grain + vec3<u32>(words.x >> 27u);
     if any(shifts > vec3<u32>(CLIP_SHIFT_MAX)) {
@@ -234,7 +247,8 @@ fn line_of(words: vec2<u32>, hot: vec3<u32>) -> Line {
     return Line(in_view(steps * frame.step), e, (words.y & 0x8000000u) != 0u);
 }
 
-// A line over the homogeneous pixel, not negative where the splat is kept; zeros where it is none.
+// The line over homogeneous pixels, not negative where the splat is kept; zeros if there is no
+// line.
 fn clip_line(line: Line, p: vec3<f32>, normal: vec3<f32>, is_flat: bool) -> vec3<f32> {
     let plane = cross(line.c, line.e);
     let by_normal = (dot(normal, p) < 0.0) != line.keeps_right;
@@ -244,7 +258,7 @@ fn clip_line(line: Line, p: vec3<f32>, normal: vec3<f32>, is_flat: bool) -> vec3
     return select(vec3<f32>(0.0), own, fine);
 }
 
-// Makes lines of the words of a point.
+// Computes the lines of a point from its words.
 fn make_lines(i: u32, words: vec4<u32>, hot: vec3<u32>, p: vec3<f32>, normal: vec3<f32>) {
     let either = ((words.w & 0x10000000u) != 0u) && any(parts(words.w) != vec3<i32>(0));
     let is_flat = abs(dot(normal, p)) < CLIP_FLAT * length(p) && !either;
@@ -264,8 +278,8 @@ fn make_lines(i: u32, words: vec4<u32>, hot: vec3<u32>, p: vec3<f32>, normal: ve
     clips[2u * i + 1u] = vec4<u32>(bitcast<vec3<u32>>(second), 0u);
 }
 
-// Where what a line keeps of a splat ends along the stroke that it is seen as: the plane there through the eye and along the
-// normal; zeros where the line does not cut the stroke short.
+// End of a splat that is seen edge-on as a stroke and that a line cuts short: the plane there
+// through the eye along the normal; zeros if the line does not cut the stroke short.
 fn end_of(line: Line, p: vec3<f32>, normal: vec3<f32>, a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     let flat = normal * dot(normal, p) - p;
     let eye = vec2<f32>(dot(flat, a) / dot(a, a), dot(flat, b) / dot(b, b));
@@ -290,7 +304,7 @@ fn end_of(line: Line, p: vec3<f32>, normal: vec3<f32>, a: vec3<f32>, b: vec3<f32
     return cross(p + a * place.x + b * place.y, normal) * (-side * hand);
 }
 
-// Gives a splat with one line a second one where it is seen flat.
+// Adds a second line to a splat with one line that is seen nearly edge-on.
 fn end_lines(i: u32, words: vec4<u32>, hot: vec3<u32>, p: vec3<f32>, normal: vec3<f32>, a: vec3<f32>, b: vec3<f32>) {
     if clips[2u * i].w != KEPT_ONE || !(abs(dot(normal, p)) < CLIP_STROKE * length(p)) {
         return;
@@ -305,7 +319,7 @@ fn end_lines(i: u32, words: vec4<u32>, hot: vec3<u32>, p: vec3<f32>, normal: vec
     clips[2u * i + 1u] = vec4<u32>(bitcast<vec3<u32>>(second), 0u);
 }
 
-// Whether all pixels of a box lie beyond a line, farther than rounding may tell.
+// Whether all pixels of a box are beyond a line, by more than rounding.
 fn is_beyond(line: vec3<f32>, box: vec4<u32>) -> bool {
     let low = vec2<f32>(box.xy) + 0.5 - frame.centre_px;
     let high = vec2<f32>(box.zw) - 0.5 - frame.centre_px;
@@ -314,7 +328,7 @@ fn is_beyond(line: vec3<f32>, box: vec4<u32>) -> bool {
     return greatest.x + greatest.y + line.z < -1e-6 * size;
 }
 
-// Whether nothing of a splat in a box is kept.
+// Whether the lines keep nothing of a splat within its box.
 fn is_cut_away(i: u32, box: vec4<u32>) -> bool {
     let row = clips[2u * i];
     if row.w == KEPT_WHOLE {
@@ -328,7 +342,7 @@ fn is_cut_away(i: u32, box: vec4<u32>) -> bool {
     return select(first || second, first && second, row.w == KEPT_EITHER);
 }
 
-// The direction of the first two bytes (crates/points/src/tangents.rs).
+// The direction of the first two bytes of a shape (crates/points/src/tangents.rs).
 fn axis_of(code: u32) -> vec3<f32> {
     let bits = bitcast<i32>(code);
     let uv = max(vec2<f32>(vec2<i32>(extractBits(bits, 0u, 8u), extractBits(bits, 8u, 8u))) / 127.0, vec2<f32>(-1.0));
@@ -336,6 +350,7 @@ fn axis_of(code: u32) -> vec3<f32> {
     return normalize(vec3<f32>(xy, 1.0 - abs(xy.x) - abs(xy.y)));
 }
 
+// Makes the splat of point `i` of the batch.
 fn place(i: u32) -> Placed {
     let words = geometry[i];
     let own = paint[i];
@@ -350,7 +365,7 @@ fn place(i: u32) -> Placed {
     let stored = radius_within(spacing_of(draw, lattice) * lookup.radius_factors[code / 4u][code % 4u]);
     var radius = stored * batch.radius_factor;
     var factor = batch.radius_factor;
-    // Before the room is taken.
+    // Read before make_lines overwrites the row.
     var shape = 0u;
     if TANGENTS {
         shape = clips[2u * i + 1u].x;
@@ -380,14 +395,14 @@ fn place(i: u32) -> Placed {
     if all(normal == vec3<f32>(0.0)) {
         normal = normalize(select(p, vec3<f32>(0.0, 0.0, 1.0), all(p == vec3<f32>(0.0))));
     }
-    // Directions across it.
+    // Two directions across the normal (duff2017).
     let sign = select(1.0, -1.0, (bitcast<u32>(normal.z) >> 31u) == 1u);
     let s = -1.0 / (sign + normal.z);
     let t = normal.x * normal.y * s;
     var a = vec3<f32>(1.0 + sign * normal.x * normal.x * s, sign * t, -sign * normal.x) * radius;
     var b = vec3<f32>(t, sign + normal.y * normal.y * s, -normal.y) * radius;
     if TANGENTS {
-        // As crates/render/src/ewa/shape.rs.
+        // The ellipse of the shape (shape.rs).
         let apart = (*d).spacing * lookup.radius_factors[(shape >> 18u) & 63u][(shape >> 16u) & 3u];
         let aspect = exp2(f32(shape >> 24u) / 128.0);
         let room = apart * factor * SHAPE_ROOM;
@@ -425,7 +440,7 @@ fn place(i: u32) -> Placed {
     if CLIPS && is_cut_away(i, placed.bounds) {
         return none;
     }
-    // The carry of the height, which may need more than 32 bits.
+    // The height may need more than 32 bits; the high word is the carry.
     let height = vec2<u32>(u32(lattice.z < offset.z), lattice.z);
     let colour = colour_of(own, height, bitcast<u32>(p.z));
     var last = bitcast<u32>(radius * frame.focal_px / max(p.z, frame.near));

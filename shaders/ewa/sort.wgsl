@@ -1,26 +1,29 @@
-// Sorts splats into tiles by counting: `starts` from the counts, one group; then `fill`. Where there is not enough
-// room for all entries, tiles look at all splats of the batch instead (ewa/blend.wgsl): slow, but the same picture.
+// Sorts the splats of a batch into tiles by counting: `begin` computes the starts of the tiles from
+// their counts, in one workgroup; then `fill` writes the entries. If the capacity is too small for
+// all entries, tiles test all splats of the batch instead (ewa/blend.wgsl): slower, but the same
+// picture. Host: crates/render/src/gpu/passes/ewa.rs.
 
 // include common/infinite.wgsl
 // include common/splats.wgsl
 
 @group(0) @binding(0) var<uniform> batch: Batch;
-// Counts, then the next free entry, a tile.
+// The count of each tile, then its next free entry.
 @group(0) @binding(1) var<storage, read_write> cursors: array<atomic<u32>>;
-// First entry a tile, and one past the last.
+// First entry of each tile, and one past the last entry.
 @group(0) @binding(2) var<storage, read_write> starts: array<u32>;
 @group(0) @binding(3) var<storage, read> boxes: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read_write> entries: array<u32>;
-// Beside counts of pixels: splats that are drawn, splats that cannot be.
+// Two counts of pixels, then the splats drawn and the splats that cannot be drawn.
 @group(0) @binding(5) var<storage, read_write> counts: array<atomic<u32>, 4>;
 
+// Threads of a workgroup.
 const THREADS: u32 = 256u;
 var<workgroup> sums: array<u32, 256>;
 
 @compute @workgroup_size(256)
 fn begin(@builtin(local_invocation_index) thread: u32) {
-    // Each thread a run of tiles: their sum, the sums before it, then the tiles one by one. All that is more than there is
-    // room for is alike: sums end there, before they wrap.
+    // Each thread has a run of tiles: it sums their counts, then the sums of the threads before it,
+    // then assigns the starts. Sums are capped just above the capacity, so that they do not wrap.
     let most = batch.entries + 1u;
     let tiles = batch.tiles.x * batch.tiles.y;
     let run = (tiles + THREADS - 1u) / THREADS;
@@ -67,7 +70,7 @@ fn fill(
     }
 }
 
-// Enters a splat in the tiles that it touches.
+// Adds a splat to the entries of the tiles that it touches.
 fn enter(i: u32) {
     let low = boxes[i] & vec2<u32>(0xffffu);
     let past = boxes[i] >> vec2<u32>(16u);

@@ -1,5 +1,5 @@
-// Adds each pixel's colour to its cell: to what all scans have there, and to what its own has. Twin:
-// crates/render/src/passes/exposure.rs.
+// Adds the colour of each pixel to two slots of its cell: that of all scans and that of its own
+// scan. Twin: crates/render/src/passes/exposure.rs.
 
 // include common/frame.wgsl
 // include common/exposure.wgsl

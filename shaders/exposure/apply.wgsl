@@ -1,5 +1,5 @@
-// Multiplies each pixel by what its surroundings have in all scans over what they have in its own. Twin:
-// crates/render/src/passes/exposure.rs.
+// Multiplies the colour of each pixel by the mean of all scans around it over the mean of its own
+// scan, both interpolated from the grid. Twin: crates/render/src/passes/exposure.rs.
 
 // include common/frame.wgsl
 // include common/exposure.wgsl
@@ -11,7 +11,9 @@
 @group(0) @binding(4) var<storage, read> slots: array<u32>;
 @group(0) @binding(5) var<storage, read> sums: array<u32>;
 
+// Greatest gain; the least is one over it.
 const GAIN_MAX: f32 = 2.0;
+// Added to means, so that the gain of dark surfaces stays near one.
 const DARK: f32 = 1e-3;
 
 fn sum_at(word: u32) -> vec4<f32> {
@@ -28,7 +30,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     if pixel >= frame.width * frame.height || is_infinite(front[pixel].x) {
         return;
     }
-    // Between the middles of which cells and slices it lies: one more than the number of the first, and the share of the second.
+    // The two cells along each axis, and the two slices, between whose centres the pixel lies: the
+    // index of the second, and its weight.
     let at = vec2<u32>(pixel % frame.width, pixel / frame.width) + CELL_PX / 2u;
     let upper = at / CELL_PX;
     let share = (vec2<f32>(at % CELL_PX) + 0.5) / f32(CELL_PX);

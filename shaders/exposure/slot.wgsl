@@ -1,5 +1,5 @@
-// The slot of the scan of each point that won a pixel, from its words (gather/fetch.wgsl) before gather turns them into
-// colours. Twin: crates/render/src/passes/exposure.rs.
+// Stores the slot of the scan of each winning point, from the words that gather/fetch.wgsl has
+// written and before gather turns them into colours. Twin: crates/render/src/passes/exposure.rs.
 
 // include common/frame.wgsl
 // include common/draws.wgsl

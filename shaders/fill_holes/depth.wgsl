@@ -1,5 +1,5 @@
-// The depth image of the filled level: depths at the pixels' centres, infinite where there is nothing. Twin:
-// `Level::depth_image` in crates/render/src/picture/pyramid.rs.
+// Writes the depth image of the filled level 0: depths at the pixels' centres, infinite without a
+// surface. Twin: `Level::depth_image` in crates/render/src/picture/pyramid.rs.
 
 // include common/frame.wgsl
 // include common/level.wgsl
@@ -13,7 +13,8 @@
 @group(0) @binding(4) var<storage, read> from_planes: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read> tint: array<vec4<f32>>;
 
-// Depths at pixels' centres are no farther from those of the ellipses' than discs reach, or so many pixels at least.
+// Distance over which a depth may change between the ellipse's centre and the pixel's: the radius,
+// or this many pixels at least.
 const REACH_MIN_PX: f32 = 4.0;
 
 @compute @workgroup_size(8, 8)

@@ -1,5 +1,6 @@
-// Closes the gaps found: each takes the mean of those in front of it around it that are no gaps themselves. These
-// alone are read and gaps alone are written, so the order does not matter. Twin: crates/render/src/passes/fill_holes.rs.
+// Closes the gaps: each becomes the mean of its neighbours in front of it that are no gaps
+// themselves. Only such pixels are read and only gaps are written, so the order of pixels does not
+// matter. Twin: crates/render/src/passes/fill_holes.rs.
 
 // include common/frame.wgsl
 // include common/marks.wgsl

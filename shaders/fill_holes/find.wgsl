@@ -1,4 +1,5 @@
-// Finds edges of the depth image, and gaps: pixels that lie behind nearly all of their neighbours. Twins: crates/render/src/picture/edges.rs, mend.rs.
+// Finds edges of the depth image, and gaps: pixels behind nearly all of their neighbours
+// (rosenthal2008). Twins: crates/render/src/picture/edges.rs, passes/fill_holes.rs.
 
 // include common/frame.wgsl
 // include common/marks.wgsl
@@ -7,11 +8,12 @@
 
 // Whether pixels carry normals.
 override NORMALS: bool;
-// Whether edges are found; else those found before are looked at again.
+// Whether edges are found; else those of the first round are kept.
 override FIRST: bool;
 
-// Of the eight neighbours of a gap, how many must be in front; or so many, where in all directions what is in front begins within
-// its own radius, and so many pixels.
+// A pixel is a gap if SURROUNDED of its eight neighbours are in front of it, or CORNERED of them
+// and, in each of the eight directions, a pixel in front within WITHIN_PX pixels and within its own
+// radius.
 const SURROUNDED: u32 = 6u;
 const CORNERED: u32 = 5u;
 const WITHIN_PX: i32 = 2;
@@ -21,9 +23,9 @@ const WITHIN_PX: i32 = 2;
 @group(0) @binding(2) var<storage, read> tint: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> marks: array<u32>;
 
-// Whether something in front of a pixel begins that way within its own radius.
+// Whether in direction `k` a pixel in front of depth `here` is within its own radius.
 fn meets(at: vec2<u32>, k: u32, here: f32) -> bool {
-    // Row by row, the middle left out, as beside().
+    // Row by row without the centre, as in beside().
     let i = i32(select(k + 1u, k, k < 4u));
     let way = vec2<i32>(i % 3 - 1, i / 3 - 1);
     for (var steps = 1; steps <= WITHIN_PX; steps++) {
@@ -40,6 +42,7 @@ fn meets(at: vec2<u32>, k: u32, here: f32) -> bool {
     return false;
 }
 
+// Whether a pixel is a gap.
 fn is_gap(at: vec2<u32>, pixel: u32) -> bool {
     if any(at == vec2<u32>(0u)) || any(at + 1u == vec2<u32>(frame.width, frame.height)) {
         return false;

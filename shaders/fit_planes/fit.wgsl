@@ -1,22 +1,24 @@
-// Tells the slant of each square from its nearest point and those of the squares around. Twin:
-// crates/render/src/passes/fit_planes.rs, which says how.
+// Fits a plane to the nearest point of each square and those of the squares around it. Twin:
+// crates/render/src/passes/fit_planes.rs, which explains the method and the constants.
 
 // include common/frame.wgsl
 // include common/squares.wgsl
 
-// Whether points crowd.
+// Whether the view is crowded.
 override CROWDED: bool = false;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-// As `fit_planes/nearest` has them.
+// Nearest points (fit_planes/nearest.wgsl).
 @group(0) @binding(1) var<storage, read> nears: array<vec2<u32>>;
-// What depth grows by a pixel right and down, over depth; the reach of depth intervals; and nothing.
-@group(0) @binding(2) var<storage, read_write> slants: array<vec4<f32>>;
+// Relative growth of depth a pixel right and down, the reach of depth intervals, and an unused
+// word.
+@group(0) @binding(2) var<storage, read_write> planes: array<vec4<f32>>;
 
-// As in crates/render/src/passes/fit_planes.rs, where they are explained.
+// Reach without a plane; and distance from a plane up to which a neighbour counts, in squares.
 const BARE_REACH: f32 = 2.0;
 const OFF_MAX: f32 = 1.0;
-// The reach, then the distances from which on planes are trusted less, and not at all.
+// Reach of a trusted plane, then the mean distances above which a plane is trusted less, and not at
+// all.
 const TRUST_APART: vec3<f32> = vec3<f32>(0.8, 0.2, 0.4);
 const TRUST_CROWDED: vec3<f32> = vec3<f32>(BARE_REACH, 0.18, 0.35);
 const MISSING_MAX: f32 = 1.0;
@@ -25,10 +27,12 @@ const BETTER: f32 = 1e-3;
 const NEARER_MAX: f32 = 1e6;
 const LEAST_SUM: f32 = 1.1754944e-38;
 
-// From the own point to the neighbours', pixels, and what one over the depth is more there, over that here.
+// From the own point to those of the neighbours: pixels, and the relative growth of the inverse
+// depth.
 var<private> around: array<vec3<f32>, 8>;
 var<private> is_there: array<bool, 8>;
 
+// Offset to a neighbour, in squares.
 fn neighbour(k: u32) -> vec2<i32> {
     switch k {
         case 0u: { return vec2<i32>(1, 0); }
@@ -42,11 +46,12 @@ fn neighbour(k: u32) -> vec2<i32> {
     }
 }
 
+// Pixel of a nearest point.
 fn pixel_of(near: vec2<u32>) -> vec2<f32> {
     return vec2<f32>(f32(near.y & 0xffffu), f32(near.y >> 16u));
 }
 
-// The sum of the neighbours' distances from a plane.
+// Sum of the distances of the neighbours from a plane, each at most `most`.
 fn off_of(steeper: vec2<f32>, most: f32) -> f32 {
     var sum = 0.0;
     for (var k = 0u; k < 8u; k += 1u) {
@@ -113,8 +118,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     let mistrust = clamp((mean - trust.y) * (1.0 / (trust.z - trust.y)), 0.0, 1.0);
     let reach = mistrust * (BARE_REACH - trust.x) + trust.x;
     if missing > MISSING_MAX {
-        slants[square] = vec4<f32>(0.0, 0.0, BARE_REACH, 0.0);
+        planes[square] = vec4<f32>(0.0, 0.0, BARE_REACH, 0.0);
     } else {
-        slants[square] = vec4<f32>(-steepest * (1.0 - mistrust), reach, 0.0);
+        planes[square] = vec4<f32>(-steepest * (1.0 - mistrust), reach, 0.0);
     }
 }

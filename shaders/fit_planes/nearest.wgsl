@@ -1,4 +1,5 @@
-// Takes the nearest point of each square from the frame buffer. Twin: crates/render/src/passes/fit_planes.rs.
+// Finds the nearest point of each square of the frame buffer. Twin:
+// crates/render/src/passes/fit_planes.rs.
 
 // include common/frame.wgsl
 // include common/hits.wgsl
@@ -6,7 +7,8 @@
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> hits: array<vec2<u32>>;
-// Bits of one over the depth of the nearest point, zero where there is none; and its pixel, 16 bits each.
+// Bits of the inverse depth of the nearest point, or zero without a point; and its pixel, 16 bits
+// an axis.
 @group(0) @binding(2) var<storage, read_write> nears: array<vec2<u32>>;
 
 @compute @workgroup_size(256)
@@ -21,7 +23,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     var near = 0.0;
     var place = 0u;
     for (var y = corner.y; y < end.y; y += 1u) {
-        // Of a row by depth itself, as its twin does.
+        // Within a row depths themselves are compared, as in the twin.
         var least = NO_HIT;
         var at = 0u;
         for (var x = corner.x; x < end.x; x += 1u) {

@@ -1,6 +1,6 @@
-// Fetch: the words of the planes of each point that won a pixel, as far as they lie in these pages; one dispatch
-// for every three pages. Pixels whose planes lie in others leave at once. What comes out is the points' own
-// bytes: they mean something in the pass after this.
+// Fetch: copies the words of the planes of each winning point to the buffers `geometry` and
+// `paint`. A dispatch reads up to three pages; pixels whose planes are in other pages end at once.
+// Host: crates/render/src/gpu/memory/lookup.rs.
 
 // include common/frame.wgsl
 // include common/draws.wgsl
@@ -8,18 +8,18 @@
 // include common/normal.wgsl
 // include common/lookup.wgsl
 
-// Whether positions, colours and normals are wanted.
+// Whether positions, colours and normals are fetched.
 override GEOMETRY: bool = true;
 override COLOURS: bool = true;
 override NORMALS: bool = true;
-// Whether it is clip lines that are wanted, and nothing else: they go to every other row of `paint`.
+// Whether only clip lines are fetched, to the even rows of `paint`.
 override CLIPS: bool = false;
-// Whether it is the shapes of splats: they go to the first words of the rows between.
+// Whether only shapes of splats are fetched, to the first words of the odd rows of `paint`.
 override TANGENTS: bool = false;
 
 struct Pages {
     numbers: vec3<u32>,
-    // Whether this is the frame's first dispatch, which fills in what is not there.
+    // 1 for the first dispatch of a frame, which fills in defaults.
     is_first: u32,
 }
 
@@ -34,14 +34,16 @@ struct Pages {
 @group(0) @binding(8) var<storage, read> page_b: array<u32>;
 @group(0) @binding(9) var<storage, read> page_c: array<u32>;
 
+// Slot of a page that is not bound.
 const ELSEWHERE: u32 = 3u;
 
-// Which of the pages at hand that is.
+// Slot of a page among those that are bound.
 fn slot_of(page: u32) -> u32 {
     let is_it = vec3<u32>(page) == pages.numbers;
     return select(select(select(ELSEWHERE, 2u, is_it.z), 1u, is_it.y), 0u, is_it.x);
 }
 
+// Word `i` of the page in a slot.
 fn word(slot: u32, i: u32) -> u32 {
     switch slot {
         case 0u: { return page_a[i]; }
@@ -121,7 +123,8 @@ fn fetch_position(pixel: u32, draw: u32, index: u32) {
     geometry[pixel].y = word(slot, at + 1u);
 }
 
-// Dropped bits are one word of 10-10-10 bits or three of 16 bits; none where they are not there.
+// Fetches the residual bits: a word of 10-10-10 bits, or three numbers of 16 bits; zero without
+// any.
 fn fetch_residual(pixel: u32, draw: u32, index: u32) {
     if draws[draw].residual_page == NO_PAGE {
         if pages.is_first == 1u {
@@ -140,7 +143,7 @@ fn fetch_residual(pixel: u32, draw: u32, index: u32) {
         let bits = word(slot, first + index);
         low = (vec3<u32>(bits) >> vec3<u32>(0u, 10u, 20u)) & vec3<u32>(1023u);
     } else {
-        // Six bytes a point: every other one begins in the middle of a word.
+        // Six bytes a point: points of odd index begin in the middle of a word.
         let at = first + index * 3u / 2u;
         let pair = vec2<u32>(word(slot, at), word(slot, at + 1u));
         let even = vec3<u32>(pair.x & 0xffffu, pair.x >> 16u, pair.y & 0xffffu);

@@ -1,6 +1,7 @@
-// Gather: level 0 of the pyramid from the points that won (marroquim2007 section 3.1); the twin of
-// crates/render/src/passes/gather.rs. `front` and `tint` come in as the points' own bytes (gather/fetch.wgsl), each
-// pixel's replaced by what they mean: no memory beside the pyramid's is needed.
+// Gather (marroquim2007, section 3.1): fills level 0 of the pyramid from the winning points.
+// `front` and `tint` come in with the words of the points (gather/fetch.wgsl), and each pixel's are
+// replaced by its attributes, so that no further memory is needed. Twin:
+// crates/render/src/passes/gather.rs, which explains the constants.
 
 // include common/frame.wgsl
 // include common/draws.wgsl
@@ -14,17 +15,18 @@
 
 // Whether pixels carry normals.
 override NORMALS: bool = false;
-// Whether they carry planes, be it told ones, which `fit_planes/tilt` brings.
+// Whether pixels carry planes; fitted ones are assigned afterwards by fit_planes/tilt.wgsl.
 override PLANES: bool = false;
 
-// As in crates/render/src/passes/gather.rs, where their measurements are.
+// Radii: factor on stored ones and margin, with normals and without (bare); factor and least size
+// of the minor axis.
 const RADIUS_FACTOR_NORMALS: f32 = 1.4;
 const RADIUS_FACTOR_BARE: f32 = 1.15;
 const RADIUS_MARGIN_PX_NORMALS: f32 = 0.35;
 const RADIUS_MARGIN_PX_BARE: f32 = 0.5;
 const MINOR_FACTOR: f32 = 1.3;
 const MINOR_MIN_PX: f32 = 1.4;
-// As in crates/render/src/passes/fit_planes.rs.
+// Length of depth intervals in radii, without a normal and with one.
 const BARE_REACH: f32 = 2.0;
 const THICKNESS: f32 = 1.0;
 
@@ -37,7 +39,7 @@ const THICKNESS: f32 = 1.0;
 @group(0) @binding(6) var<storage, read_write> tint: array<vec4<u32>>;
 @group(0) @binding(7) var<storage, read_write> depths: array<f32>;
 @group(0) @binding(8) var<storage, read_write> normals: array<vec4<f32>>;
-// Pixels that a point won.
+// Number of pixels with a winning point.
 @group(0) @binding(9) var<storage, read_write> counts: array<atomic<u32>>;
 
 var<workgroup> won: atomic<u32>;
@@ -68,6 +70,7 @@ fn main(
     }
 }
 
+// Fills a pixel from its winning point.
 fn gather(pixel: u32, depth_bits: u32) {
     let geometry = front[pixel];
     let paint = tint[pixel];
@@ -81,7 +84,7 @@ fn gather(pixel: u32, depth_bits: u32) {
     let radius = radius_within(spacing_of(draw, p) * factor * stored);
     let depth = bitcast<f32>(depth_bits);
     let margin = select(RADIUS_MARGIN_PX_BARE, RADIUS_MARGIN_PX_NORMALS, NORMALS);
-    // From the point's place to the pixel's centre: within the pixel, however the place was rounded.
+    // From the point's place to the pixel's centre, clamped to the pixel against rounding.
     let place = place_of(draw, offset, depth);
     let centre = vec2<f32>(vec2<u32>(pixel % frame.width, pixel / frame.width)) + 0.5;
     let within = vec2<f32>(select(0.0, 0.5, PLANES));
@@ -105,13 +108,13 @@ fn gather(pixel: u32, depth_bits: u32) {
     let in_middle = min(radius * frame.focal_px / depth, RADIUS_MAX);
     let radius_px = min(max(in_middle * (stretch * STRETCHED), in_middle + margin), RADIUS_MAX);
     if NORMALS {
-        // Never so small that the ellipse falls between pixels.
+        // Not so small that the ellipse falls between pixels.
         let minor_px = min(max(in_middle * (minor * STRETCHED), (in_middle + margin) * share), RADIUS_MAX);
         let filtered = min(max(minor_px / radius_px * MINOR_FACTOR, MINOR_MIN_PX / radius_px), 1.0);
         normals[pixel] = vec4<f32>(n, filtered);
     }
 
-    // The carry of the height, which may need more than 32 bits.
+    // The height may need more than 32 bits; the high word is the carry.
     let height = vec2<u32>(u32(p.z < offset.z), p.z);
     let colour = colour_of(paint, height, depth_bits);
     front[pixel] = vec4<u32>(depth_bits, bitcast<u32>(depth + reach), bitcast<vec2<u32>>(displaced));
@@ -119,7 +122,7 @@ fn gather(pixel: u32, depth_bits: u32) {
     depths[pixel] = depth;
 }
 
-// Where a point is on the picture.
+// Place of a point in the picture, pixels.
 fn place_of(draw: u32, offset: vec3<u32>, depth: f32) -> vec2<f32> {
     let d = &draws[draw];
     let steps = steps_from_eye((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
@@ -128,14 +131,14 @@ fn place_of(draw: u32, offset: vec3<u32>, depth: f32) -> vec2<f32> {
     return frame.centre_px + flat * (frame.focal_px / depth);
 }
 
-// The normal in view space; zero where there is none.
+// The normal in view space; zero without a normal.
 fn normal_to_eye(code: u32, draw: u32, offset: vec3<u32>) -> vec3<f32> {
     if code == NO_NORMAL {
         return vec3<f32>(0.0);
     }
     let world = normal_of(code);
     let n = vec3<f32>(dot(frame.right, world), dot(frame.up, world), dot(frame.back, world));
-    // Where back faces are not culled, a normal may look either way: it is turned to the eye.
+    // Unless back faces are culled, a normal may face either way, and is turned to the eye.
     let d = &draws[draw];
     let steps = steps_from_eye((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
     let away = dot(world, steps * frame.step) > 0.0 && frame.cull_back_faces == 0u;

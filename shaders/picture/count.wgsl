@@ -1,13 +1,14 @@
-// Counts the pixels of the picture that show a surface, for the figures of a frame.
+// Counts the pixels of the picture, without its margin, that show a surface. Host:
+// crates/render/src/gpu/feedback.rs.
 
 // include common/frame.wgsl
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> depth: array<f32>;
-// Pixels that a point won, pixels that show something.
+// Number of pixels with a winning point, and of pixels that show a surface.
 @group(0) @binding(2) var<storage, read_write> counts: array<atomic<u32>, 2>;
 
-var<workgroup> shown: atomic<u32>;
+var<workgroup> covered: atomic<u32>;
 
 @compute @workgroup_size(256)
 fn main(
@@ -20,11 +21,11 @@ fn main(
     if pixel < size.x * size.y {
         let place = vec2<u32>(pixel % size.x, pixel / size.x) + frame.margin_px;
         if !is_infinite(depth[place.y * frame.width + place.x]) {
-            atomicAdd(&shown, 1u);
+            atomicAdd(&covered, 1u);
         }
     }
     workgroupBarrier();
     if thread == 0u {
-        atomicAdd(&counts[1], atomicLoad(&shown));
+        atomicAdd(&counts[1], atomicLoad(&covered));
     }
 }

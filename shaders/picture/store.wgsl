@@ -1,4 +1,5 @@
-// The last step of pictures whose pixels are written one by one: to the texture that a window shows.
+// Copies the picture to the texture that a window shows, after resolve. Host:
+// crates/render/src/gpu/passes/store.rs.
 
 // include common/frame.wgsl
 

@@ -1,9 +1,10 @@
-// What the point primitives drew becomes the frame buffer that the passes after it read.
+// Copies the result of the point primitives to the frame buffer. Host:
+// crates/render/src/gpu/passes/primitives.rs.
 
 // include common/frame.wgsl
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-// Point in x, bits of the depth in y; all ones where nothing was drawn.
+// Number of the point in x, bits of its depth in y; all ones without a point.
 @group(0) @binding(1) var drawn: texture_2d<u32>;
 @group(0) @binding(2) var<storage, read_write> hits: array<vec2<u32>>;
 

@@ -1,6 +1,6 @@
-// Project by point primitives (crates/render/src/passes/project.rs, the same steps): one vertex a point, an
-// instance a chunk. A point is moved to its pixel's middle; the depth test keeps the nearest. What is drawn
-// is its number and the bits of its depth.
+// Project by point primitives: a vertex a point, an instance a chunk. A point is moved to the
+// centre of its pixel, and the depth test keeps the nearest. The output is the number of the point
+// and the bits of its depth. Twin: crates/render/src/passes/project.rs.
 
 // include common/points.wgsl
 
@@ -16,7 +16,7 @@ struct Exact {
 
 @vertex
 fn vertex(@builtin(vertex_index) i: u32, @builtin(instance_index) item: u32) -> Vertex {
-    // Outside of what is drawn.
+    // A place that is clipped.
     let nowhere = Vertex(vec4<f32>(2.0, 2.0, 2.0, 1.0), vec2<u32>(0xffffffffu));
     let number = work[item];
     let chunk = chunks[number];
@@ -38,9 +38,9 @@ fn vertex(@builtin(vertex_index) i: u32, @builtin(instance_index) item: u32) -> 
     return Vertex(vec4<f32>(middle.x, -middle.y, key_of(hit.y), 1.0), hit);
 }
 
-// A number from 0 to 1 that orders like the depth, for all depths from the near plane to 2^125 times it: bits
-// of positive numbers order like the numbers, and are moved to where these end at 1. Least is a normal
-// number: denormal ones may be taken for zero.
+// A number from 0 to 1 in the order of the depths, from the near plane to 2^125 times its depth.
+// Bits of positive floats have the order of the floats, and are shifted to end at 1. The least key
+// is a normal number, because drivers may flush denormal ones to zero.
 fn key_of(depth_bits: u32) -> f32 {
     let bits = depth_bits - bitcast<u32>(frame.near) + 0x00800000u;
     return bitcast<f32>(min(bits, 0x3f7fffffu));
@@ -51,7 +51,8 @@ fn fragment(in: Vertex) -> @location(0) vec2<u32> {
     return in.hit;
 }
 
-// OpenGL's clip space goes from -1 to 1 and rounds the key off: there it is written anew.
+// In OpenGL, whose clip space goes from -1 to 1, the key would be rounded; so the fragment writes
+// it.
 @fragment
 fn fragment_exact(in: Vertex) -> Exact {
     return Exact(in.hit, key_of(in.hit.y));

@@ -1,33 +1,34 @@
-// Project by one 64-bit atomic minimum a point (crates/render/src/passes/project.rs, the same steps): a pixel keeps
-// the least `depth << 32 | point`. A group of threads draws a chunk, run by run, and reads nothing of the runs
-// whose box is off the picture. The frame buffer is read before it is written: most points lose already there.
+// Project by one 64-bit atomic minimum a point: a pixel keeps the least `depth << 32 | point`
+// (schuetz2021). A workgroup draws a chunk, run by run, and reads nothing of runs whose boxes are
+// outside the picture. The frame buffer is read before it is written, because most points lose
+// already there. Twin: crates/render/src/passes/project.rs.
 
 // include common/points.wgsl
 // include common/runs.wgsl
 
 @group(0) @binding(7) var<storage, read_write> hits: array<atomic<u64>>;
-// Of the page of positions.
+// Boxes of the runs of the page of positions.
 @group(0) @binding(8) var<storage, read> boxes: array<vec4<u32>>;
 
-// Whether pixels are read and written. Without, all the rest is done: what the pass takes but for its frame
-// buffer, to compare with (`esker bench draw`).
+// Whether pixels are read and written. If not, all other work is done, for comparison in `esker
+// bench draw`.
 override TOUCHES_PIXELS: bool = true;
-// Whether runs are looked at by their boxes.
+// Whether runs are skipped by their boxes.
 override SKIPS_RUNS: bool = true;
 
-// What rounding may add up to, in the way of a point and in that of a box, against the distance from the eye:
-// some twenty steps of 2^-24, and divisions that drivers may round worse.
+// Bound of rounding errors in the projections of a point and of a box, relative to the distance
+// from the eye: about twenty roundings of 2^-24, and divisions, which drivers may round worse.
 const ROUNDING: f32 = 0.00000381469726;
 
-// The runs that may be on the picture, a bit each.
+// Runs of the chunk that may be in the picture, a bit each.
 var<workgroup> in_sight: atomic<u32>;
 
-// How far a box reaches along a direction.
+// Greatest extent of a box along a direction.
 fn reach(along: vec3<f32>, middle: vec3<f32>, half: vec3<f32>) -> f32 {
     return dot(along, middle) + dot(abs(along), half);
 }
 
-// Whether a point of a run may be on the picture. Written so that what is not a number may be.
+// Whether a point of a run may be in the picture; NaN may be.
 fn may_be_seen(draw: Draw, box: RunBox) -> bool {
     let dropped = select((1u << draw.shift) - 1u, 0u, draw.residual_page == NO_PAGE);
     let low = box.low << vec3<u32>(draw.shift);
@@ -36,7 +37,7 @@ fn may_be_seen(draw: Draw, box: RunBox) -> bool {
     let b = steps_from_eye(draw.base_high, draw.base_low, draw.bias_steps, high) * frame.step;
     let middle = (a + b) * 0.5;
     let half = abs(b - a) * 0.5;
-    // Half the picture at unit depth, and a pixel.
+    // Half the size of the picture at unit depth, and a pixel.
     let side = (frame.centre_px + 1.0) / frame.focal_px;
     let slack = dot(abs(middle) + half, vec3<f32>(1.0)) * ROUNDING;
     let slacks = slack * (side + 1.0);
@@ -61,7 +62,7 @@ fn main(
     let number = work[item];
     let chunk = chunks[number];
     let draw = draws[chunk.draw];
-    // Counted from the first byte of the page, as runs are.
+    // Points are counted from the first byte of the page, like runs.
     let start = (draw.position_word >> 1u) + chunk.first;
     let end = start + min(chunk.points, CHUNK_POINTS);
     let first = start / RUN_POINTS;
@@ -79,6 +80,7 @@ fn main(
     }
 }
 
+// Draws point `i` of chunk `number`.
 fn draw_point(draw: Draw, chunk: Chunk, number: u32, i: u32) {
     let index = chunk.first + i;
     let seen = see(draw, index);
@@ -93,7 +95,8 @@ fn draw_point(draw: Draw, chunk: Chunk, number: u32, i: u32) {
             return;
         }
     } else if value > u64(pixel) {
-        // Always, since a depth has bits above all pixels; but a compiler cannot know, and must have both.
+        // Always true, because the bits of a depth are above all pixel indices; but a compiler does
+        // not know that, and keeps both operands.
         return;
     }
     if is_dropped(draw, index, seen.from_eye) {

@@ -1,16 +1,18 @@
-// Boxes of the runs that were written to since they last had theirs: a group of threads a run.
+// Bounding boxes of the runs that were written to since their last box was computed; a workgroup a
+// run. Host: crates/render/src/gpu/passes/bounds.rs.
 
 // include common/place.wgsl
 // include common/runs.wgsl
 
+// Threads of a workgroup.
 const THREADS: u32 = 64u;
 
-// Numbers of the runs in the page that is bound.
+// Numbers of the stale runs of the bound page.
 @group(0) @binding(0) var<storage, read> stale: array<u32>;
 @group(0) @binding(1) var<storage, read> positions: array<vec2<u32>>;
 @group(0) @binding(2) var<storage, read_write> boxes: array<vec4<u32>>;
 
-// The greatest of what coordinates lack to 65535, and of the coordinates: both begin at zero.
+// Maxima of 65535 minus the coordinates, and of the coordinates, which both start at zero.
 var<workgroup> lack: array<atomic<u32>, 3>;
 var<workgroup> high: array<atomic<u32>, 3>;
 

@@ -1,9 +1,10 @@
-// Clears the frame buffer: every pixel to all ones, which no point reaches.
+// Clears the frame buffer: every pixel to all ones, which no point reaches. Host:
+// crates/render/src/gpu/memory/hits.rs.
 
 // include common/frame.wgsl
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-// Point in x, bits of the depth in y.
+// Number of the point in x, bits of its depth in y.
 @group(0) @binding(1) var<storage, read_write> hits: array<vec2<u32>>;
 
 @compute @workgroup_size(256)

@@ -1,5 +1,5 @@
-// Pull (marroquim2007 section 3.2): averages a level of the pyramid into the next coarser one. Twin:
-// crates/render/src/passes/pull.rs, which says how.
+// Pull (marroquim2007, section 3.2): averages a level of the pyramid into the next coarser one.
+// Twin: crates/render/src/passes/pull.rs, which explains the method.
 
 // include common/frame.wgsl
 // include common/level.wgsl
@@ -19,15 +19,15 @@
 @group(0) @binding(9) var<storage, read_write> to_planes: array<vec2<f32>>;
 @group(0) @binding(10) var<uniform> frame: Frame;
 
-// The four finer pixels of a coarser one: their fronts with displacements to the coarser pixel's centre, and which
-// of them take part.
+// The four finer pixels of a coarser one: their fronts, with displacements to the coarser pixel's
+// centre, and which of them take part.
 var<private> pixels: array<u32, 4>;
 var<private> fronts: array<vec4<f32>, 4>;
 var<private> kept: array<bool, 4>;
-// What each one's depths change by from its ellipse's centre to where they are compared.
+// Factor of each pixel's depths from its ellipse's centre to where depths are compared.
 var<private> factors: array<f32, 4>;
 
-// One over the number of those that take part.
+// One over the number of pixels that take part.
 fn share() -> f32 {
     var count = 0.0;
     for (var k = 0u; k < 4u; k++) {
@@ -36,7 +36,7 @@ fn share() -> f32 {
     return 1.0 / count;
 }
 
-// The mean displacement of those that take part.
+// Mean displacement of the pixels that take part.
 fn mean_displacement() -> vec2<f32> {
     var sum = vec2<f32>(0.0);
     for (var k = 0u; k < 4u; k++) {
@@ -47,6 +47,8 @@ fn mean_displacement() -> vec2<f32> {
     return sum * share();
 }
 
+// Sets the factors of depths: `centre` is the centre of the coarser pixel, `middle` the
+// displacement of the place where depths are compared from it.
 fn set_factors(centre: vec2<f32>, middle: vec2<f32>) {
     for (var k = 0u; k < 4u; k++) {
         factors[k] = 1.0;
@@ -57,7 +59,7 @@ fn set_factors(centre: vec2<f32>, middle: vec2<f32>) {
     }
 }
 
-// Drops those whose depth interval does not meet that of the frontmost. Whether it drops any.
+// Drops the pixels whose depth interval does not meet that of the frontmost. Whether it drops any.
 fn keep_frontmost() -> bool {
     var least = infinity();
     var limit = least;
@@ -101,7 +103,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         pixels[k] = first + right + down * fine.width;
         let front = fine_front[pixels[k]];
         if is_valid(front) {
-            // From the finer centre to the coarser: half a finer pixel right and down, or back.
+            // From the finer pixel's centre to the coarser one's: half a finer pixel along each
+            // axis.
             let to_coarser = vec2<f32>(1.0 - 2.0 * f32(right), 1.0 - 2.0 * f32(down)) * quarter;
             fronts[k] = front + vec4<f32>(0.0, 0.0, to_coarser);
             kept[k] = true;
@@ -110,7 +113,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     if is_empty {
         coarse_front[out] = invalid();
-        // No normal, for those who look for one.
+        // A zero vector means that there is no normal.
         set_plane(out, vec4<f32>(0.0));
         return;
     }

@@ -1,6 +1,6 @@
-// Pixels of a pushed level that have no normal get that of the coarser pixel above, which has got its own. So a
-// pixel of the picture without a normal finds that of its surroundings one level up. Twin: `normal_around`
-// in crates/render/src/picture/surface.rs.
+// Gives pixels of a pushed level that have no normal that of the coarser pixel above, which has
+// inherited its own already. So a pixel of the picture without a normal finds one a level up. Twin:
+// `normal_around` in crates/render/src/picture/surface.rs.
 
 // include common/level.wgsl
 // include common/unit.wgsl

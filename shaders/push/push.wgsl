@@ -1,5 +1,6 @@
-// Push (marroquim2007 section 3.3): pixels of a level that are invalid or occluded are interpolated from the
-// coarser one, which has been pushed already. Twin: crates/render/src/passes/push.rs, which says how.
+// Push (marroquim2007, section 3.3): interpolates the invalid or occluded pixels of a level from
+// the coarser level, which has been pushed already. Twin: crates/render/src/passes/push.rs, which
+// explains the method and the constants.
 
 // include common/frame.wgsl
 // include common/level.wgsl
@@ -8,7 +9,7 @@
 // include common/set_plane.wgsl
 // include common/ellipse.wgsl
 
-// Whether pixels of this level that stay take a part of what is interpolated there.
+// Whether pixels that are kept are smoothed by the interpolated value.
 override SMOOTHS: bool;
 
 @group(0) @binding(0) var<uniform> fine: LevelShape;
@@ -23,32 +24,36 @@ override SMOOTHS: bool;
 @group(0) @binding(9) var<storage, read> from_planes: array<vec2<f32>>;
 @group(0) @binding(10) var<uniform> frame: Frame;
 
-// Radius from which on an ellipse hides also what lies below the coarser pixels beside its own, pixels.
+// Radius above which an ellipse also hides pixels below the neighbours of its own pixel, pixels.
 const HIDING_PX: f32 = 24.0;
-// So many of its radii a pixel may be from the centre of each of four ellipses that enclose it.
+// Distance in radii of a pixel from the centre of each of four ellipses that enclose it, at most.
 const ENCLOSING: f32 = 1.15;
-// How much of a pixel that stays is what is interpolated there, where all four coarser ones have a part in it.
+// Share of the interpolated value in a pixel that is kept, if all four coarser pixels take part.
 const SMOOTH: f32 = 0.5;
-// Square of the cosine from which on normals are near each other (15 degrees).
+// Square of the cosine of the angle between similar normals at most (15 degrees).
 const NEAR: f32 = 0.933;
-// A rounding less than one: what a pixel has given to the coarser one is not to be in front of it.
+// Factor just below one: a pixel must not be in front of the coarser pixel that it was averaged
+// into only by rounding.
 const ROUNDING: f32 = 0.99999;
 
-// One of the four nearest coarser pixels: the one above (0), beside it to the side (1), up or down (2), both.
+// One of the four nearest coarser pixels: the one above (0), its neighbour in x (1), in y (2), in
+// both (3).
 struct Near {
     pixel: u32,
-    // The biquadratic B-spline's, times 16.
+    // Weight of the biquadratic B-spline, times 16.
     weight: f32,
-    // From its centre to the finer pixel's.
+    // From its centre to that of the finer pixel.
     to_finer: vec2<f32>,
 }
 
-// Where the finer pixel lies in the coarser one above it: its sides, towards which the neighbours lie.
+// The coarser pixel `k`. `above` is the coarser pixel that contains the finer one; `odd` is whether
+// the finer one is in its right and in its lower half, towards which the neighbours lie.
 fn near(k: u32, above: vec2<u32>, odd: vec2<bool>) -> Near {
     let side = vec2<u32>(k & 1u, k >> 1u);
     let is_beside = side == vec2<u32>(1u);
     let at = select(above, select(above - 1u, above + 1u, odd), is_beside);
-    // Half a finer pixel from the centre above, one and a half the other way from its neighbours'.
+    // Half a finer pixel from the centre of the pixel above, and one and a half from those of its
+    // neighbours, to the other side.
     let half = select(vec2<f32>(-0.5), vec2<f32>(0.5), odd) * fine.edge_px;
     let weights = select(vec2<f32>(3.0), vec2<f32>(1.0), is_beside);
     return Near(
@@ -58,7 +63,7 @@ fn near(k: u32, above: vec2<u32>, odd: vec2<bool>) -> Near {
     );
 }
 
-// What depths of a coarser pixel centred at `centre` change by to `place`.
+// Factor of the depths of a coarser pixel, centred at `centre`, at `place`.
 fn factor(pixel: u32, centre: vec2<f32>, place: vec2<f32>) -> f32 {
     if PLANE == 0u {
         return 1.0;
@@ -67,7 +72,7 @@ fn factor(pixel: u32, centre: vec2<f32>, place: vec2<f32>) -> f32 {
     return moved(plane_of(pixel), origin, place - origin);
 }
 
-// Whether a pixel lies behind the interval of a coarser one beside the one above whose ellipse is wide.
+// Whether a pixel is behind the interval of a neighbour of the pixel above that has a wide ellipse.
 fn is_behind(own: f32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<bool>, has: vec2<bool>) -> bool {
     for (var k = 1u; k < 4u; k++) {
         if ((k & 1u) != 0u && !has.x) || ((k & 2u) != 0u && !has.y) {
@@ -85,12 +90,12 @@ fn is_behind(own: f32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, od
     return false;
 }
 
-// Whether a pixel lies behind all four coarser ones, and between the centres of their ellipses.
+// Whether a pixel is behind all four coarser pixels and between the centres of their ellipses.
 fn is_enclosed(own: f32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<bool>, has: vec2<bool>) -> bool {
     if !all(has) {
         return false;
     }
-    // How far the centres are at most along four lines, one way and the other.
+    // Extent of the centres along four lines, in both directions.
     var low = vec4<f32>(0.0);
     var high = vec4<f32>(0.0);
     for (var k = 0u; k < 4u; k++) {
@@ -111,17 +116,17 @@ fn is_enclosed(own: f32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, 
     return all(low < vec4<f32>(0.0)) && all(high > vec4<f32>(0.0));
 }
 
-// What a coarser pixel has at a finer one.
+// A coarser pixel at the place of a finer one.
 struct Cover {
     near: Near,
-    // Whether it is there, and its ellipse covers the finer pixel or is one of four that enclose it.
+    // Whether it exists, and its ellipse covers the finer pixel or is one of four that enclose it.
     covers: bool,
     // Its depth interval where depths are compared.
     depths: vec2<f32>,
     normal: vec4<f32>,
 }
 
-// The same of one of the four; `place` is where depths are compared.
+// The coarser pixel `k` at the place of the finer one; `place` is where depths are compared.
 fn see(k: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<bool>, has: vec2<bool>, encloses: bool) -> Cover {
     var seen = Cover(near(k, above, odd), false, vec2<f32>(0.0), FACING);
     if ((k & 1u) != 0u && !has.x) || ((k & 2u) != 0u && !has.y) {
@@ -142,14 +147,15 @@ fn see(k: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<
     return seen;
 }
 
-// Whether normals of any length make a small angle, or there are none.
+// Whether the angle between normals of any length is small, or one of them is zero.
 fn are_near(a: vec3<f32>, b: vec3<f32>) -> bool {
     let along = dot(a, b);
     return dot(a, a) * NEAR * dot(b, b) <= along * max(along, 0.0);
 }
 
-// Gives a pixel that stays a part of those that cover it, whose intervals meet its own and whose normals are near its own. `place` is where depths are compared.
-fn smoothe(pixel: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<bool>, has: vec2<bool>) {
+// Smooths a pixel that is kept: mixes it with the coarser pixels that cover it, whose intervals
+// meet its own and whose normals are similar. `place` is where depths are compared.
+fn smooth_pixel(pixel: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<bool>, has: vec2<bool>) {
     let own = fine_front[pixel].xy;
     var tint = vec3<f32>(0.0);
     var normal = vec3<f32>(0.0);
@@ -191,7 +197,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let odd = (id.xy & vec2<u32>(1u)) == vec2<u32>(1u);
     let own = fine_front[pixel].x;
     let is_filled = !is_infinite(own);
-    // Neighbours beyond the picture's edge are none.
+    // Whether the neighbours in x and in y are in the picture.
     let has = select(id.xy > vec2<u32>(1u), above + 1u < vec2<u32>(coarse.width, coarse.height), odd);
     let centre = (vec2<f32>(id.xy) + 0.5) * fine.edge_px;
     // Where depths are compared.
@@ -205,7 +211,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let is_within = own >= cover.x * least && own <= cover.y * to_place;
         if is_within && !is_behind(own, place, centre, above, odd, has) {
             if SMOOTHS {
-                smoothe(pixel, place, centre, above, odd, has);
+                smooth_pixel(pixel, place, centre, above, odd, has);
             }
             return;
         }
@@ -213,7 +219,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 
     let encloses = PLANE == NORMAL && is_filled && is_enclosed(own, place, centre, above, odd, has);
 
-    // Those that cover the finer pixel, a bit each, and the depths of the frontmost of them.
+    // Coarser pixels that cover the finer one, a bit each, and the depths of the frontmost of them.
     var taken = 0u;
     var nearest = vec2<f32>(0.0);
     var least = array<f32, 4>();
@@ -227,10 +233,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             taken |= 1u << k;
         }
     }
-    // Nothing covers it; or it is valid and not behind what does.
+    // Nothing covers the pixel, or it is valid and not behind what covers it.
     if taken == 0u || (is_filled && own <= nearest.y) {
         if SMOOTHS && is_filled {
-            smoothe(pixel, place, centre, above, odd, has);
+            smooth_pixel(pixel, place, centre, above, odd, has);
         }
         return;
     }

@@ -1,4 +1,4 @@
-// Resolve: the points that won straight to the picture, colours as they are; the twin of
+// Resolve: writes the colours and depths of the winning points to the picture. Twin:
 // crates/render/src/passes/resolve.rs.
 
 // include common/frame.wgsl
@@ -18,7 +18,7 @@
 @group(0) @binding(6) var<storage, read> paint: array<vec4<u32>>;
 @group(0) @binding(7) var<storage, read_write> rgba: array<u32>;
 @group(0) @binding(8) var<storage, read_write> depths: array<u32>;
-// Pixels that a point won, and pixels that show something: here the same.
+// Number of pixels with a winning point, and of pixels that show a surface: here the same.
 @group(0) @binding(9) var<storage, read_write> counts: array<atomic<u32>>;
 
 var<workgroup> won: atomic<u32>;
@@ -35,7 +35,7 @@ fn main(
         let hit = hits[pixel];
         has_point = hit.y != NO_HIT;
         if has_point {
-            rgba[pixel] = shown(pixel, hit.y);
+            rgba[pixel] = colour_bytes(pixel, hit.y);
             depths[pixel] = hit.y;
         } else {
             let y = pixel / frame.width;
@@ -54,7 +54,8 @@ fn main(
     }
 }
 
-fn shown(pixel: u32, depth_bits: u32) -> u32 {
+// The colour of a pixel's point, sRGB bytes.
+fn colour_bytes(pixel: u32, depth_bits: u32) -> u32 {
     let words = paint[pixel];
     var height = vec2<u32>(0u);
     if COLOUR == BY_ELEVATION {

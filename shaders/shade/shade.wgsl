@@ -1,5 +1,7 @@
-// Shade (marroquim2007 section 3.4): deferred Phong lighting of the filled picture, with the interpolated normals,
-// or with normals from the smoothed depth image. Twins: crates/render/src/passes/shade.rs, smoothing.rs.
+// Shade (marroquim2007, section 3.4): deferred Phong lighting of the filled picture, with
+// interpolated normals, or with normals from the smoothed depth image; pixels behind their
+// surroundings are darkened (boucheny2009). Twins: crates/render/src/passes/shade.rs,
+// smooth_depth.rs.
 
 // include common/frame.wgsl
 // include common/smoothing.wgsl
@@ -12,7 +14,7 @@ override NORMALS: bool;
 // Whether surfaces have highlights, which need the direction to the eye.
 override SHINES: bool = true;
 
-// Direction to the key light, view space, unit length.
+// Direction to the key light in view space, of unit length.
 const KEY: vec3<f32> = vec3<f32>(-0.42, 0.60, 0.6808);
 // Shares of the lights.
 const KEY_SHARE: f32 = 0.62;
@@ -20,12 +22,13 @@ const EYE_SHARE: f32 = 0.16;
 const SKY_SHARE: f32 = 0.30;
 const GROUND_SHARE: f32 = 0.12;
 const SHINE: f32 = 0.10;
-// How dark the farthest behind is (as an exponent), and up to which slope nothing darkens.
+// Exponent of the greatest darkening, and the slope up to which nothing is darkened; with normals
+// (EDGE) and without (DOME).
 const EDGE: vec2<f32> = vec2<f32>(1.0, 4.0);
 const DOME: vec2<f32> = vec2<f32>(2.0, 0.5);
-// Distance of the surroundings that darken, pixels.
+// Distance of the surroundings that a pixel is compared with, pixels.
 const REACH: i32 = 2;
-// Beyond this slope more depth darkens no more.
+// Slope above which darkening grows no more.
 const BEHIND_MAX: f32 = 4.0;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -33,7 +36,7 @@ const BEHIND_MAX: f32 = 4.0;
 @group(0) @binding(2) var<storage, read> depth: array<f32>;
 @group(0) @binding(3) var<storage, read> tint: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> normals: array<vec4<f32>>;
-// Of the level above, all of them inherited.
+// Normals of the next coarser level, where every pixel has one.
 @group(0) @binding(5) var<storage, read> coarse_normals: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read> sources: array<u32>;
 // sRGB bytes.
@@ -41,7 +44,7 @@ const BEHIND_MAX: f32 = 4.0;
 
 // include common/source.wgsl
 
-// Depth beside a pixel; infinite outside.
+// Depth at a pixel; infinite outside of the picture.
 fn depth_at(at: vec2<i32>) -> f32 {
     if any(at < vec2<i32>(0)) || any(at >= vec2<i32>(i32(frame.width), i32(frame.height))) {
         return infinity();
@@ -49,7 +52,8 @@ fn depth_at(at: vec2<i32>) -> f32 {
     return depth[u32(at.y) * frame.width + u32(at.x)];
 }
 
-// Change of depth a pixel, from the changes on both sides: their mean, or the only one that stays on the surface.
+// Change of depth a pixel, from the changes on both sides: their mean, or that of the only side
+// that is on the surface.
 fn slope(before: f32, after: f32, limit: f32) -> f32 {
     let is_before = abs(before) < limit;
     let is_after = abs(after) < limit;
@@ -62,12 +66,12 @@ fn slope(before: f32, after: f32, limit: f32) -> f32 {
     if is_after {
         return after;
     }
-    // Alone between two steps, as at a silhouette: as steep as can be, towards the nearer one.
+    // Between two steps, as at a silhouette: as steep as possible, towards the nearer side.
     let nearer = select(after, before, abs(before) < abs(after));
     return select(clamp(nearer, -limit, limit), 0.0, is_infinite(nearer));
 }
 
-// The normal in view space that the depth image tells.
+// The normal in view space from the differences of the depth image.
 fn depth_normal(at: vec2<i32>, here: f32, from_centre: vec2<f32>) -> vec3<f32> {
     let limit = near_share(1.0, smoothing.radius_px) * here;
     let right = vec2<i32>(1, 0);
@@ -78,7 +82,7 @@ fn depth_normal(at: vec2<i32>, here: f32, from_centre: vec2<f32>) -> vec3<f32> {
     return unit_or(vec3<f32>(du, dv, towards), vec3<f32>(0.0, 0.0, 1.0));
 }
 
-// How dark a pixel at `here` is for what has this depth, 0 to BEHIND_MAX.
+// Darkening of a pixel at depth `here` by surroundings at `depth`, 0 to BEHIND_MAX.
 fn dark(here: f32, depth: f32, flat_slope: f32) -> f32 {
     let per_slope = frame.focal_px / (here * f32(REACH));
     if is_infinite(depth) {
@@ -87,7 +91,7 @@ fn dark(here: f32, depth: f32, flat_slope: f32) -> f32 {
     return clamp((here - depth) * per_slope - flat_slope, 0.0, BEHIND_MAX);
 }
 
-// How far a pixel lies behind its surroundings, 0 to 1.
+// How far a pixel is behind its surroundings, 0 to 1.
 fn behind(at: vec2<i32>, here: f32) -> f32 {
     var sum = 0.0;
     for (var y = -REACH; y <= REACH; y += REACH) {
@@ -100,7 +104,7 @@ fn behind(at: vec2<i32>, here: f32) -> f32 {
     return sum / (8.0 * BEHIND_MAX);
 }
 
-// How far a pixel lies behind the middle of what is on both sides of it, 0 to 1: slopes are no bends.
+// How far a pixel is behind the mean of both sides, 0 to 1, so that plain slopes are not darkened.
 fn sunken(at: vec2<i32>, here: f32) -> f32 {
     var sum = 0.0;
     for (var k = 0; k < 4; k++) {
@@ -111,9 +115,9 @@ fn sunken(at: vec2<i32>, here: f32) -> f32 {
     return sum / (4.0 * BEHIND_MAX);
 }
 
-// The interpolated normal, or that of the surroundings.
+// The interpolated normal, or that of the surroundings if the pixel has none.
 fn carried_normal(at: vec2<u32>, pixel: u32, to_eye: vec3<f32>) -> vec3<f32> {
-    let own = normals[shown(pixel)].xyz;
+    let own = normals[source_of(pixel)].xyz;
     if has_direction(own) {
         return unit_or(own, to_eye);
     }
@@ -121,7 +125,7 @@ fn carried_normal(at: vec2<u32>, pixel: u32, to_eye: vec3<f32>) -> vec3<f32> {
     return unit_or(coarse_normals[above].xyz, to_eye);
 }
 
-// Phong lighting of a colour (linear light).
+// Phong lighting of a colour, linear light.
 fn phong(colour: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
     let facing = dot(normal, KEY);
     let ambient = GROUND_SHARE + (SKY_SHARE - GROUND_SHARE) * (0.5 + 0.5 * normal.y);
@@ -132,7 +136,7 @@ fn phong(colour: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
     let mirrored = normal * (2.0 * facing) - KEY;
     var shine = 0.0;
     if facing > 0.0 {
-        // To the power of 24.
+        // The 24th power.
         let s1 = max(dot(mirrored, to_eye), 0.0);
         let s2 = s1 * s1;
         let s4 = s2 * s2;
@@ -142,7 +146,7 @@ fn phong(colour: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
     return colour * (ambient + diffuse) + SHINE * shine;
 }
 
-// About exp(-x) for x from 0.
+// Approximates exp(-x) for x from 0.
 fn darken(x: f32) -> f32 {
     return 1.0 / (1.0 + x * (1.0 + x * 0.5));
 }
@@ -155,7 +159,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = id.y * frame.width + id.x;
     let here = depth[pixel];
     if is_infinite(here) {
-        // In the margin as at the border.
+        // The margin has the background of the border.
         let height = frame.height - 2u * frame.margin_px;
         let row = clamp(id.y, frame.margin_px, frame.margin_px + height - 1u) - frame.margin_px;
         shaded[pixel] = backdrop(frame.background_top, frame.background_bottom, row, height);
@@ -163,7 +167,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let at = vec2<i32>(id.xy);
     let from_centre = (vec2<f32>(id.xy) + 0.5 - frame.centre_px) * vec2<f32>(1.0, -1.0);
-    // Without highlights the eye's soft light comes along the axis.
+    // Without highlights the light at the eye comes along the axis.
     var to_eye = vec3<f32>(0.0, 0.0, 1.0);
     if SHINES {
         to_eye = unit_or(vec3<f32>(-from_centre, frame.focal_px), to_eye);
@@ -177,6 +181,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         normal = depth_normal(at, here, from_centre);
         darkness = DOME.x * behind(at, here);
     }
-    let light = phong(tint[shown(pixel)].xyz, normal, to_eye) * darken(darkness);
+    let light = phong(tint[source_of(pixel)].xyz, normal, to_eye) * darken(darkness);
     shaded[pixel] = packed_bytes(vec4<u32>(vec4<f32>(srgb_of(light), 1.0) * 255.0 + 0.5));
 }

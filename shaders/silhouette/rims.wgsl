@@ -1,5 +1,6 @@
-// The rims of surfaces that stick out: for each pixel at one the pixel beyond. Twin: `Rims::beyond` in
-// crates/render/src/passes/silhouette/rim.rs.
+// Finds the rims of surfaces and lines that stick out beyond their samples: the source of a pixel
+// at a rim becomes the pixel beyond the rim. Twin: `Rims::beyond` in
+// crates/render/src/passes/silhouette/rim.rs, which explains the constants.
 
 // include common/frame.wgsl
 // include common/marks.wgsl
@@ -7,16 +8,18 @@
 // include common/overhang.wgsl
 // include common/turns.wgsl
 
-// Beyond a rim nothing of the surface lies for a radius, and for so many pixels at least and at most.
+// Distance without the surface beyond a rim, pixels: a radius, clamped to this range.
 const OPEN_PX: vec2<f32> = vec2<f32>(4.0, 32.0);
-// A surface goes on behind a gap as steeply as it comes to it, and half as much again, told over so many radii.
+// A surface may continue beyond a gap up to STEEPER times as steeply as before it; the slope is
+// taken over these numbers of radii.
 const SLOPE_RADII: vec3<i32> = vec3<i32>(2, 3, 4);
 const STEEPER: f32 = 1.5;
-// Where it reaches less far, gaps are small.
+// Least reach for which a slope is taken, pixels.
 const SLOPE_REACH_MIN: i32 = 8;
-// All radii above divide it.
+// A common multiple of SLOPE_RADII.
 const WIDTH_RADII: i32 = 12;
-// Width of lines at most, radii and pixels; their length on either side at least, radii; and radii at most, pixels.
+// Greatest width of a line, radii plus pixels; least length on either side, radii; and greatest
+// radius, pixels.
 const LINE_WIDTH: vec2<f32> = vec2<f32>(2.0, 2.0);
 const LINE_SIDE: f32 = 2.0;
 const LINE_RADIUS_MAX_PX: f32 = 32.0;
@@ -27,7 +30,7 @@ const LINE_RADIUS_MAX_PX: f32 = 32.0;
 @group(0) @binding(3) var<storage, read> front: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> tint: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> sources: array<u32>;
-// Whether a pixel has gone in a tile.
+// Whether a pixel of a tile was removed.
 @group(0) @binding(6) var<storage, read_write> gone: array<atomic<u32>>;
 
 // include common/source.wgsl
@@ -40,8 +43,8 @@ fn pixel_of(at: vec2<i32>) -> u32 {
     return u32(at.y) * frame.width + u32(at.x);
 }
 
-// By how much depth may grow over WIDTH_RADII of reach beyond a pixel for the surface to go on: by widths that divide it, since
-// quotients are rounded as a GPU likes.
+// Growth of depth over WIDTH_RADII times `reach` beyond a pixel up to which the surface continues.
+// Computed without a division, because GPUs may round quotients differently.
 fn rise_of(at: vec2<i32>, way: vec2<i32>, reach: i32) -> f32 {
     var rise = 0.0;
     if reach < SLOPE_REACH_MIN {
@@ -57,9 +60,10 @@ fn rise_of(at: vec2<i32>, way: vec2<i32>, reach: i32) -> f32 {
     return rise;
 }
 
-// Whether nothing that way lies as near as the surface, nor as near as its own slope goes on.
+// Whether within `reach` pixels in direction `way` nothing is as near as the surface or its
+// continuation.
 fn is_open(at: vec2<i32>, way: vec2<i32>, reach: i32, beyond: f32) -> bool {
-    // Mostly the next pixel is as near, which is seen without a slope.
+    // In most cases the next pixel is as near, which needs no slope.
     if is_in_picture(at + way) && depth[pixel_of(at + way)] <= beyond {
         return false;
     }
@@ -76,7 +80,7 @@ fn is_open(at: vec2<i32>, way: vec2<i32>, reach: i32, beyond: f32) -> bool {
     return true;
 }
 
-// Whether depth goes on from a place for so many steps in a direction.
+// Whether the surface continues for `wanted` steps in direction `way`.
 fn goes_on(start: vec2<i32>, way: vec2<i32>, wanted: u32, radius: f32) -> bool {
     let slack = 1.0 + radius * (1.0 / frame.focal_px);
     var at = start;
@@ -90,8 +94,8 @@ fn goes_on(start: vec2<i32>, way: vec2<i32>, wanted: u32, radius: f32) -> bool {
     return true;
 }
 
-// Whether the band inwards of a rim that is open in a direction is a line: no wider than a disc, as open
-// beyond, and long.
+// Whether the band inside a rim that is open in direction `outwards` is a line: no wider than a
+// disc, open on its other side, and long.
 fn is_line(at: vec2<i32>, outwards: u32, beyond: f32) -> bool {
     let radius = tint[pixel_of(at)].w;
     if radius > LINE_RADIUS_MAX_PX {
@@ -108,7 +112,7 @@ fn is_line(at: vec2<i32>, outwards: u32, beyond: f32) -> bool {
             if !is_open(inner, inwards, reach, beyond) {
                 return false;
             }
-            // From the far rim back to the middle.
+            // Back from the far rim to the centre of the band.
             inner -= inwards * (k / 2);
             break;
         }
@@ -121,12 +125,13 @@ fn is_line(at: vec2<i32>, outwards: u32, beyond: f32) -> bool {
     return goes_on(inner, along, wanted, radius) && goes_on(inner, -along, wanted, radius);
 }
 
-// Whether it is open that way.
+// Whether the surface ends in direction `k`.
 fn bit(open: u32, k: u32) -> bool {
     return ((open >> (k & 7u)) & 1u) == 1u;
 }
 
-// The direction outwards plus one of the line that a rim belongs to, where it does; else 0. At a tip there is none.
+// The outward direction, plus one, of the line that a rim belongs to; 0 if it belongs to none or is
+// a tip.
 fn line_of(at: vec2<i32>, pixel: u32, open: u32, beyond: f32) -> u32 {
     let count = countOneBits(open);
     if count > 5u {
@@ -141,15 +146,15 @@ fn line_of(at: vec2<i32>, pixel: u32, open: u32, beyond: f32) -> u32 {
     return 0u;
 }
 
-// The pixel beyond the rim as a source, where the pixel is at one: outwards in three neighbouring directions
-// nothing lies as near as the surface; else 0.
+// The source of a pixel at a rim, which is the pixel beyond; 0 if it is not at a rim. A rim is
+// where the surface ends in three neighbouring directions.
 fn beyond_rim(at: vec2<i32>, pixel: u32) -> u32 {
     if is_infinite(depth[pixel]) || !may_stick_out(pixel) {
         return 0u;
     }
     let beyond = limit(depth[pixel], pixel);
     let reach = i32(clamp(tint[pixel].w + 1.0, OPEN_PX.x, OPEN_PX.y));
-    // A bit a direction; the diagonals matter beside an open one only.
+    // A bit for each open direction; diagonals are tested only beside an open one.
     var open = 0u;
     for (var k = 0u; k < 8u; k += 2u) {
         if is_open(at, direction(k), reach, beyond) {

@@ -1,16 +1,17 @@
-// Lets go of pixels that trimming has left alone, and makes the picture's depth: that of what each pixel shows. Twin:
-// `Waves::left_alone` in crates/render/src/passes/silhouette/mod.rs.
+// Removes pixels that the waves left isolated, and writes the picture's depth: that of each pixel's
+// source, continued behind the removed pixels. Twin: `Waves::left_alone` in
+// crates/render/src/passes/silhouette/mod.rs, which explains the constants.
 
 // include common/frame.wgsl
 // include common/limit.wgsl
 
-// A pixel is left alone where so many of its eight neighbours show what lies behind it, and its radius has so many
-// pixels; not beside what went from a line.
+// A pixel is isolated if at least ALONE of its eight neighbours show a surface behind it and its
+// radius is at least ALONE_RADIUS_PX, but not beside a pixel that was removed from a line.
 const ALONE: u32 = 7u;
 const ALONE_RADIUS_PX: f32 = 3.0;
-// What lies behind goes on as far as its depth changes by so many pixels' worth a pixel, and by so much of it at most.
+// The surface behind is continued if its depth changes by at most STEEPEST (depth over width) and
+// by at most the share RISE_MAX, and at least MIRRORED_PX pixels from the rim.
 const STEEPEST: f32 = 4.0;
-// Nearer to the rim, pixels, it is shown as it is there.
 const MIRRORED_PX: i32 = 8;
 const RISE_MAX: f32 = 0.5;
 
@@ -23,6 +24,7 @@ const RISE_MAX: f32 = 0.5;
 
 // include common/source.wgsl
 
+// Whether a pixel is isolated; `beyond` is the depth at which another surface begins.
 fn is_alone(at: vec2<u32>, pixel: u32, beyond: f32) -> bool {
     if any(at == vec2<u32>(0u)) || any(at + 1u == vec2<u32>(frame.width, frame.height)) {
         return false;
@@ -36,23 +38,25 @@ fn is_alone(at: vec2<u32>, pixel: u32, beyond: f32) -> bool {
         if sources[beside] > PIXEL_MASK {
             return false;
         }
-        if depth[shown(beside)] > beyond {
+        if depth[source_of(beside)] > beyond {
             behind++;
         }
     }
     return behind >= ALONE;
 }
 
-// Of a pixel found so far and one beside it, the one that went and shows what is farther; the pixel itself for none.
+// The farther source of two removed pixels, `found` and `beside`; `found` is `pixel` if none was
+// found yet.
 fn farther(found: u32, beside: u32, pixel: u32) -> u32 {
     if sources[beside] == 0u {
         return found;
     }
-    let is_farther = found == pixel || depth[shown(beside)] > depth[shown(found)];
+    let is_farther = found == pixel || depth[source_of(beside)] > depth[source_of(found)];
     return select(found, beside, is_farther);
 }
 
-// What lies behind goes on as it came to the rim, mirrored, where that is the same surface and has not gone itself.
+// Continues the surface behind a removed pixel by mirroring it at the rim, if the mirrored pixel is
+// of the same surface and was not removed itself.
 fn carry_on(at: vec2<i32>, pixel: u32, source: u32) {
     let rim_pixel = (source & PIXEL_MASK) - 1u;
     let rim = vec2<i32>(i32(rim_pixel % frame.width), i32(rim_pixel / frame.width));
@@ -88,13 +92,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         after = farther(after, pixel + 1u, pixel);
         after = farther(after, pixel - frame.width, pixel);
         after = farther(after, pixel + frame.width, pixel);
-        // What it shows itself is not behind it.
-        if !(depth[shown(after)] > beyond) {
+        // The new source must be behind the pixel.
+        if !(depth[source_of(after)] > beyond) {
             after = pixel;
         }
     }
     sources_after[pixel] = sources[after];
-    settled[pixel] = depth[shown(after)];
+    settled[pixel] = depth[source_of(after)];
     if sources[after] != 0u {
         carry_on(vec2<i32>(id.xy), pixel, sources[after]);
     }

@@ -1,10 +1,11 @@
-// The tiles of a turn, one after the other in any order, and how many groups they take.
+// Lists the tiles of a turn, in any order, and sets the number of its workgroups. Host:
+// crates/render/src/gpu/passes/silhouette.rs.
 
 // include common/frame.wgsl
 // include common/turns.wgsl
 
 struct Half {
-    // Which turn, and the waves before this half of it.
+    // Number of the turn, and number of waves before this half of it.
     turn: u32,
     waves: u32,
 }
@@ -12,7 +13,7 @@ struct Half {
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> half: Half;
 @group(0) @binding(2) var<storage, read_write> turns: Turns;
-// Groups in y of each turn, in the second of four.
+// Workgroups of each turn, four words; the second is the number down.
 @group(0) @binding(3) var<storage, read_write> groups: array<atomic<u32>, 64>;
 @group(0) @binding(4) var<storage, read> gone: array<u32>;
 @group(0) @binding(5) var<storage, read_write> tiles: array<u32>;

@@ -1,20 +1,22 @@
-// Half a turn of waves inwards from the rims. A group keeps a tile in its memory with as many pixels around it as
-// there are waves, so that nothing from beyond reaches the tile. As on a chessboard a wave is for the pixels of
-// one colour. Twin: `Waves::inwards` in crates/render/src/passes/silhouette/mod.rs.
+// Half a turn of waves inwards from the rims. A workgroup keeps a tile in its memory, with as many
+// pixels around it as there are waves, so that nothing from beyond reaches the tile. A wave is for
+// the pixels of one colour of a chessboard, which read only those of the other. Twin:
+// `Waves::inwards` in crates/render/src/passes/silhouette/mod.rs.
 
 // include common/frame.wgsl
 // include common/limit.wgsl
 // include common/overhang.wgsl
 // include common/turns.wgsl
 
-// Pixels around a tile, which are as many as half a turn has waves, and on a side of both.
+// Width of the halo around a tile, pixels: as many as half a turn has waves. Side of tile and halo,
+// pixels.
 const HALO: u32 = 8u;
 const SIDE: u32 = 32u;
-// Lanes of a group on a side.
+// Threads on a side of a workgroup.
 const LANES: u32 = 8u;
 
 struct Half {
-    // Which turn, and the waves before this half of it.
+    // Number of the turn, and number of waves before this half of it.
     turn: u32,
     waves: u32,
 }
@@ -27,21 +29,22 @@ struct Half {
 @group(0) @binding(5) var<storage, read> sources: array<u32>;
 @group(0) @binding(6) var<storage, read_write> sources_after: array<u32>;
 @group(0) @binding(7) var<storage, read_write> turns: Turns;
-// Whether a pixel has gone in a tile.
+// Whether a pixel of a tile was removed.
 @group(0) @binding(8) var<storage, read_write> gone: array<atomic<u32>>;
 // The tiles of this turn.
 @group(0) @binding(9) var<storage, read> tiles: array<u32>;
 
 // include common/source.wgsl
 
-// Whether the group has a tile, and then whether anything went that more waves may come from.
+// Whether the workgroup has a tile, and later whether the last waves removed a pixel.
 var<workgroup> is_needed: u32;
 var<workgroup> has_gone: atomic<u32>;
-// Sources, and depths of what is shown, of the tile and around it.
+// Sources and their depths, of the tile and its halo.
 var<workgroup> tile_sources: array<u32, 1024>;
 var<workgroup> tile_depths: array<f32, 1024>;
 
-// Of a pixel found so far, and one beside it that went or not, the farther; both plus one, zero for none.
+// The farther of `found` and `beside`, if the latter was removed; `found` and the result are slots
+// plus one, or zero for none.
 fn farther(found: u32, beside: u32) -> u32 {
     if tile_sources[beside] == 0u {
         return found;
@@ -50,8 +53,8 @@ fn farther(found: u32, beside: u32) -> u32 {
     return select(found, beside + 1u, is_farther);
 }
 
-// Where a pixel goes in a wave: after the farthest of those beside it that went, of equals the first of left,
-// right, above, below. Plus one; zero where there is none.
+// The removed neighbour with the farthest source, whose source a pixel would take; of equals the
+// first of left, right, above, below. A slot plus one; zero if no neighbour was removed.
 fn after(slot: u32) -> u32 {
     let x = slot % SIDE;
     let y = slot / SIDE;
@@ -71,7 +74,7 @@ fn after(slot: u32) -> u32 {
     return found;
 }
 
-// Lets a pixel go in a wave, where it does.
+// Removes a pixel in a wave if it sticks out in front of its neighbour's source.
 fn go(pixel: u32, slot: u32, wave: u32) {
     let next = after(slot);
     if next == 0u || tile_depths[next - 1u] <= tile_depths[slot] {
@@ -88,11 +91,11 @@ fn go(pixel: u32, slot: u32, wave: u32) {
     }
 }
 
-// A wave over the pixels of its colour, in the tile and around it.
+// A wave over the pixels of its colour, in the tile and its halo.
 fn run(wave: u32, corner: vec2<u32>, local: vec2<u32>) {
     for (var i = 0u; i < 8u; i++) {
         let row = local.y + (i >> 1u) * LANES;
-        // The corner lies at even coordinates.
+        // The corner has even coordinates.
         let near = vec2<u32>((local.x + (i & 1u) * LANES) * 2u + ((row + wave) & 1u), row);
         let at = corner + near;
         if at.x < frame.width && at.y < frame.height {
@@ -118,7 +121,7 @@ fn main(
     let tile = tiles[place];
     let row_tiles = picture_tiles().x;
     let first = vec2<u32>(tile % row_tiles, tile / row_tiles) * TILE;
-    // Around the tile, what is left of the picture or above it wraps round to far beyond it.
+    // Coordinates left of the picture or above it wrap to large numbers, which are outside.
     let corner = first - HALO;
     for (var k = 0u; k < 16u; k++) {
         let near = local.xy + vec2<u32>(k & 3u, k >> 2u) * LANES;
@@ -129,7 +132,7 @@ fn main(
         if at.x < frame.width && at.y < frame.height {
             let pixel = at.y * frame.width + at.x;
             source = sources[pixel];
-            seen = depth[shown(pixel)];
+            seen = depth[source_of(pixel)];
         }
         tile_sources[slot] = source;
         tile_depths[slot] = seen;
@@ -142,7 +145,7 @@ fn main(
         if lane == 0u {
             is_needed = atomicExchange(&has_gone, 0u);
         }
-        // Where nothing went in a wave of either colour, nothing will.
+        // If no pixel of either colour was removed, none will be.
         if workgroupUniformLoad(&is_needed) == 0u {
             break;
         }

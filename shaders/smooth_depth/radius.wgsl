@@ -1,11 +1,12 @@
-// The mean radius over a sample of the pixels covered: how far apart the steps of the depth image lie. One group.
-// Twin: `mean_radius_px` in crates/render/src/passes/shade.rs.
+// Mean radius over a sample of the pixels with a surface, in one workgroup. Twin: `mean_radius_px`
+// in crates/render/src/passes/smooth_depth.rs.
 
 // include common/frame.wgsl
 // include common/smoothing.wgsl
 
-// A prime, so that the sample runs across columns.
+// Step of the sample, pixels: a prime, so that the sample runs across columns.
 const EVERY: u32 = 61u;
+// Threads of the workgroup.
 const LANES: u32 = 256u;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -16,7 +17,7 @@ const LANES: u32 = 256u;
 
 // include common/source.wgsl
 
-// Sum and count, a lane each.
+// Sum and count of each thread.
 var<workgroup> sums: array<vec2<f32>, 256>;
 
 @compute @workgroup_size(256)
@@ -24,7 +25,7 @@ fn main(@builtin(local_invocation_index) lane: u32) {
     var sum = vec2<f32>(0.0);
     for (var i = lane * EVERY; i < frame.width * frame.height; i += LANES * EVERY) {
         if !is_infinite(depth[i]) {
-            sum += vec2<f32>(min(tint[shown(i)].w, f32(frame.width)), 1.0);
+            sum += vec2<f32>(min(tint[source_of(i)].w, f32(frame.width)), 1.0);
         }
     }
     sums[lane] = sum;

@@ -1,27 +1,30 @@
-// A bilateral mean of the depth image along an axis, five taps `STEP` pixels apart. Twin: crates/render/src/passes/smooth_depth.rs.
+// Bilateral mean of the depth image along an axis, of five taps `STEP` pixels apart. Twin:
+// crates/render/src/passes/smooth_depth.rs.
 
 // include common/frame.wgsl
 // include common/smoothing.wgsl
 
-// Distance of the taps, pixels.
+// Distance between taps, pixels.
 override STEP: u32;
-// Along columns, or rows.
+// Whether along columns, else along rows.
 override DOWN: bool;
-// Weights, from the middle outwards (binomial).
+// Weights from the centre outwards (binomial).
 const TAPS: vec3<f32> = vec3<f32>(6.0, 4.0, 1.0);
-// Radius of discs over the distance of taps from which on a round counts, and from which on it counts in full.
+// Radius of discs over the distance of taps above which a round has any weight, and all of its
+// weight.
 const RADIUS_PER_STEP: vec2<f32> = vec2<f32>(1.7, 2.5);
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> smoothing: Smoothing;
 @group(0) @binding(2) var<storage, read> rough: array<f32>;
 @group(0) @binding(3) var<storage, read_write> smoothed: array<f32>;
-// What wider rounds have left; it stands for the rough image once there was one.
+// Result of the previous round, which replaces the rough image if a wider round was made.
 @group(0) @binding(4) var<storage, read> smoother: array<f32>;
 
 // Whether a wider round was made.
 var<private> is_later: bool;
 
+// The depth that this round smooths.
 fn depth(pixel: u32) -> f32 {
     if is_later {
         return smoother[pixel];
@@ -29,7 +32,7 @@ fn depth(pixel: u32) -> f32 {
     return rough[pixel];
 }
 
-// How much of its weight a round has whose taps are so far apart; 0 where it is left out.
+// Weight of the round whose taps are `step` pixels apart; 0 if it is left out.
 fn share(step: u32) -> f32 {
     if step <= 2u {
         return 1.0;
@@ -38,7 +41,8 @@ fn share(step: u32) -> f32 {
     return clamp(part / (RADIUS_PER_STEP.y - RADIUS_PER_STEP.x), 0.0, 1.0);
 }
 
-// The taps at a distance on both sides where both are on the surface: their sum and the number 1.
+// Sum of the taps at `distance` on both sides, and 1, if both are on the surface; else zeros.
+// `limit` is the greatest difference of depth within a surface.
 fn pair(pixel: u32, at: u32, count: u32, stride: u32, distance: u32, limit: f32) -> vec2<f32> {
     if at < distance || at + distance >= count {
         return vec2<f32>(0.0);
@@ -46,7 +50,7 @@ fn pair(pixel: u32, at: u32, count: u32, stride: u32, distance: u32, limit: f32)
     let here = depth(pixel);
     let before = depth(pixel - distance * stride);
     let after = depth(pixel + distance * stride);
-    // In pairs, so that a slope's edge does not bend towards its inside.
+    // Taps count in pairs, so that the edge of a slope does not bend inwards.
     let is_near = abs(before - here) < limit && abs(after - here) < limit;
     return select(vec2<f32>(0.0), vec2<f32>(before + after, 1.0), is_near);
 }
@@ -62,7 +66,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let here = depth(pixel);
     let at = select(id.x, id.y, DOWN);
     let count = select(frame.width, frame.height, DOWN);
-    // Rows are smoothed where all taps are in the picture.
+    // Along rows only pixels with all taps in the picture are smoothed.
     let is_border = !DOWN && (at < 2u * STEP || at + 2u * STEP >= count);
     if is_infinite(here) || is_border {
         smoothed[pixel] = here;

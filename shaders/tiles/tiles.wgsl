@@ -1,6 +1,6 @@
-// Tiles: nearest and farthest depth of each tile of the picture, from which the next frame's hidden nodes are
-// told; the twin of `tiles_of` in crates/lod/src/feedback.rs. One group a tile. Bits of positive floats order
-// like the numbers, so that all of it is whole numbers.
+// Nearest and farthest depth of each tile of the picture, by which the LOD thread finds nodes that
+// are hidden in the next views. A workgroup a tile. Bits of positive floats have the order of the
+// floats, so that whole numbers are compared. Twin: `tiles_of` in crates/lod/src/feedback.rs.
 
 // include common/frame.wgsl
 
@@ -25,7 +25,7 @@ fn main(
         atomicStore(&nearest, INFINITE_BITS);
     }
     workgroupBarrier();
-    // All pixels that the tile touches.
+    // The pixels that the tile touches.
     let size = vec2<u32>(frame.width, frame.height);
     let first = tile.xy * size / TILES;
     let end = ((tile.xy + 1u) * size + TILES - 1u) / TILES;
@@ -34,7 +34,7 @@ fn main(
     for (var y = first.y + local.y; y < end.y; y += 8u) {
         for (var x = first.x + local.x; x < end.x; x += 8u) {
             let bits = depths[y * frame.width + x];
-            // What is no depth is nothing.
+            // Values that are no finite depth count as infinite.
             let depth = select(INFINITE_BITS, bits, bits - 1u < INFINITE_BITS);
             least = min(least, depth);
             greatest = max(greatest, depth);

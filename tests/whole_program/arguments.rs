@@ -1,4 +1,5 @@
-//! Nonsense on the command line is refused in words that say what is wrong, and leaves nothing behind.
+//! Invalid command lines are refused with an error that says what is wrong, and leave no file
+//! behind.
 
 use crate::folder::Folder;
 use crate::program::{build, esker, sample};
@@ -6,7 +7,7 @@ use crate::trial;
 use libtest_mimic::Trial;
 
 pub fn trials(trials: &mut Vec<Trial>) {
-    trials.push(trial("arguments: nonsense is refused in words", nonsense));
+    trials.push(trial("arguments: invalid command lines are refused with a clear error", nonsense));
     trials.push(trial("arguments: an input is never replaced by the output", inputs_stay));
     trials.push(trial("arguments: empty and hostile small texts", small_texts));
 }
@@ -20,8 +21,8 @@ fn nonsense() {
     let jpeg = folder.file("out.jpg").display().to_string();
     let nowhere = folder.file("nowhere/out").display().to_string();
     let folder_name = folder.file("").display().to_string();
-    // What is typed, `S` the scan, `B` the built file, `O` a new file, `N` one in no folder, `F` a folder;
-    // and a word of the answer.
+    // Command line, and a word of the error. `S` is the scan, `B` the built file, `O` a new file,
+    // `N` a file in a folder that does not exist, `F` a folder.
     for (typed, word) in [
         ("frobnicate", "frobnicate"),
         ("build", "required"),
@@ -101,7 +102,7 @@ fn nonsense() {
         assert!(outcome.stderr.contains(word), "{typed}: {}", outcome.stderr);
         assert_eq!(folder.names(), ["built.esker"], "{typed}");
     }
-    // A cause is not said twice.
+    // An error does not repeat its cause.
     let outcome = esker(["build", "nothere.las", "-o", &out]);
     assert_eq!(outcome.error().matches("No such file").count().min(2), usize::from(cfg!(unix)));
 }

@@ -1,5 +1,6 @@
-//! Every damaged or hostile file of the data folder: a one-line error that names the file, or a success that
-//! verifies; never a panic, a hang, an allocation from a lying header, or a file left behind.
+//! Every damaged or hostile file of the data folder gives a one-line error that names the file, or
+//! a success that verifies; never a panic, a hang, an allocation of a size that a header claims, or
+//! a file left behind.
 
 use crate::data::root;
 use crate::folder::Folder;
@@ -8,7 +9,7 @@ use crate::{missing, trial};
 use libtest_mimic::Trial;
 use std::path::Path;
 
-/// Files that are read as far as they are sound.
+/// Files whose intact part is read.
 const SOUND_ENOUGH: [&str; 8] = [
     "bad-geotiff-keys.las",
     "bad_vlr_count.las",
@@ -33,10 +34,11 @@ pub fn trials(trials: &mut Vec<Trial>) {
         let name = format!("bad: {}", file.file_name().unwrap().display());
         trials.push(trial(&name, move || is_harmless(&file)));
     }
-    trials.push(trial("bad: bytes that a decoder panics at", move || is_damaged_within(&root)));
+    trials
+        .push(trial("bad: a panic inside a decoder is an error", move || is_damaged_within(&root)));
 }
 
-/// A LAZ file with bytes that its decoder panics at, which is nobody's concern.
+/// A LAZ file on whose bytes the decoder panics gives an error without a backtrace.
 fn is_damaged_within(root: &Path) {
     let folder = Folder::new();
     let (scan, out) = (folder.file("damaged.laz"), folder.file("out.esker"));
@@ -50,7 +52,7 @@ fn is_damaged_within(root: &Path) {
 
 #[cfg(unix)]
 fn run(scan: &Path, out: &Path) -> crate::program::Outcome {
-    /// Memory that none of these small files needs, KiB.
+    /// Limit of memory, KiB; far above the need of these small files.
     const DATA_KIB: u64 = 512 << 10;
     let words = ["build".into(), scan.to_owned(), "-o".into(), out.to_owned(), "--json".into()];
     crate::program::esker_within(DATA_KIB, 20, words)

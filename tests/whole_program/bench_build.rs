@@ -1,5 +1,5 @@
-//! `esker bench build` as scripts use it: a row for each program on each input, a rival beside ours, failures as
-//! rows and as the exit code, nothing left behind.
+//! `esker bench build` as scripts use it: a row for each program and input, a rival beside Esker,
+//! failures as rows and as the exit code, and no file left behind.
 
 use crate::folder::Folder;
 use crate::program::{Outcome, esker, sample};
@@ -8,10 +8,10 @@ use libtest_mimic::Trial;
 use serde_json::Value;
 
 pub fn trials(trials: &mut Vec<Trial>) {
-    trials.push(trial("bench build: rows for decoding and for ours", alone));
-    trials.push(trial("bench build: what fails is a row and an exit code", failures));
+    trials.push(trial("bench build: rows for decoding and for Esker", alone));
+    trials.push(trial("bench build: a failure is a row and an exit code", failures));
     #[cfg(unix)]
-    trials.push(trial("bench build: a rival is measured beside ours", unix::beside_a_rival));
+    trials.push(trial("bench build: a rival is measured beside Esker", unix::beside_a_rival));
 }
 
 fn bench(folder: &Folder, words: &[&str]) -> Outcome {
@@ -53,7 +53,7 @@ fn alone() {
     assert!(ours["bytes_out"].as_u64() > ours["points"].as_u64().map(|n| n * 8), "{ours}");
     assert_eq!(rows(&report)[3]["points"], 20_000);
     assert_eq!(folder.names(), [""; 0], "nothing is left");
-    // For people.
+    // The text for people.
     let text = bench(&folder, &["--runs", "1", &scan]).worked().stdout.clone();
     assert!(text.contains("decode") && text.contains("Mpts/s"), "{text}");
 }
@@ -79,8 +79,8 @@ mod unix {
     use super::*;
     use std::os::unix::fs::PermissionsExt;
 
-    /// A rival that needs four times as long as nothing, uses scratch space, leaves a folder, and is in the way of a
-    /// second run where the first one's files were not deleted.
+    /// A rival that takes time, uses scratch space and leaves a folder. It fails in a second run if
+    /// the files of the first were not deleted.
     const RIVAL: &str = r#"#!/bin/sh
 test "$2" = -o || exit 7
 mkdir "$3" "$3/chunks" || exit 8

@@ -1,5 +1,5 @@
-//! What scripts rely on: the fields of each `--json` object, one line, the last of standard output; exit codes;
-//! progress as JSON lines; and the demonstration.
+//! The interface that scripts rely on: the fields of each `--json` object, which is the last line
+//! of standard output; exit codes; progress as JSON lines; and the demonstration.
 
 use crate::folder::Folder;
 use crate::program::{ESKER, build, esker, run, sample, verify};
@@ -74,7 +74,7 @@ fn info_reports() {
         (sum("points"), sum("nodes")),
         (info["points"].as_u64().unwrap(), info["nodes"].as_u64().unwrap())
     );
-    // Of the scan itself, as far as its header goes.
+    // Fields of the header of a scan that is not built.
     let scan = esker([OsStr::new("info"), sample().as_os_str(), OsStr::new("--json")]).json();
     for same in ["points", "scale", "offset"] {
         assert_eq!(scan[same], info[same], "{same}");
@@ -83,7 +83,7 @@ fn info_reports() {
         scan["attributes"].as_array().map(Vec::len),
         info["attributes"].as_array().map(Vec::len)
     );
-    // And for people.
+    // The text for people.
     let text = esker([OsStr::new("info"), out.as_os_str()]);
     assert!(text.worked().stdout.lines().count() > 5);
 }

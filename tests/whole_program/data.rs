@@ -1,5 +1,5 @@
-//! Every good scan of the data folder is built and verified against itself, with the count of points that an
-//! independent reader found (`manifest.csv`), and exported again.
+//! Every good scan of the data folder is built, verified against itself and exported again. The
+//! number of points is that of an independent reader (`manifest.csv`).
 
 use crate::folder::Folder;
 use crate::program::{build, esker, verify};
@@ -8,13 +8,13 @@ use libtest_mimic::Trial;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Folders whose files are read, all but [`REFUSED`].
+/// Folders whose files are read, apart from [`REFUSED`].
 const READ: [&str; 10] = ["las", "laz", "copc", "ply", "models", "xyz", "pts", "ptx", "pcd", "e57"];
-/// Files of those folders that cannot be read whole: two whose compression drops fields of their point
-/// format, and one that holds waveforms, no points.
+/// Files of those folders that cannot be read whole: two whose compression drops fields of their
+/// point format, and one that holds waveforms, no points.
 const REFUSED: [&str; 3] =
     ["las/pdrf/10pts-pdrf9.laz", "las/pdrf/10pts-pdrf10.laz", "laz/fullwaveform.wdz"];
-/// The greatest cloud, built within a limit.
+/// The largest scan, which is built within a limit of memory.
 const BIG: &str = "big/craft-creek-ky-27m.laz";
 
 /// The folder of real scans.
@@ -26,7 +26,8 @@ pub fn root() -> Option<PathBuf> {
 fn manifest(root: &Path) -> Vec<(String, Option<u64>)> {
     let text = std::fs::read_to_string(root.join("manifest.csv")).unwrap();
     let rows = text.lines().skip(1).map(|line| {
-        // The first columns, file, format and points, are plain but for commas in a quoted format.
+        // The first columns are file, format and points; only the format may be quoted, with
+        // commas.
         let (file, rest) = line.split_once(',').unwrap();
         let rest = match rest.strip_prefix('"') {
             Some(quoted) => quoted.split_once("\",").unwrap().1,
@@ -69,7 +70,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial(name, move || have_the_same_hash(&pairs)));
 }
 
-/// Every point in is out or refused with a reason.
+/// Each input point is in the output or is refused with a reason.
 fn adds_up(report: &Value) {
     let n = |name: &str| report[name].as_u64().unwrap();
     assert_eq!(n("points_out") + n("points_refused"), n("points_in"), "{report}");
@@ -114,12 +115,12 @@ fn become_one_file(folder: &Path) {
     assert_eq!((&report["points_in"], &report["points_out"]), (&405_937.into(), &405_937.into()));
     assert_eq!(report["rounding_error_max"], 0.0);
     assert_eq!(verify(&out, &tiles).json()["points"], 405_937);
-    // Exported, they are one scan of the same points.
+    // An export of the file is one scan of all points.
     let merged = own.file("merged.laz");
     export::export(&out, &merged, &[]).json();
     let again = build(&[&merged], &own.file("again.esker"), &[]);
     assert_eq!(again["multiset_hash"], report["multiset_hash"]);
-    // In any order; but not with one missing, or one twice.
+    // Inputs may be in any order, but none missing and none twice.
     tiles.rotate_left(2);
     verify(&out, &tiles).json();
     verify(&out, &tiles[1..]).error();
@@ -138,7 +139,7 @@ fn have_the_same_hash(folder: &Path) {
         });
         assert_eq!(las.2["multiset_hash"], laz.2["multiset_hash"], "{pair}");
         verify(&las.1, &[&laz.0]).json();
-        // Both together are every point twice.
+        // Both inputs together hold every point twice.
         let both = own.file("both.esker");
         let report = build(&[&las.0, &laz.0], &both, &[]);
         assert_eq!(report["points_out"].as_u64(), las.2["points_out"].as_u64().map(|n| 2 * n));
@@ -147,8 +148,8 @@ fn have_the_same_hash(folder: &Path) {
     }
 }
 
-/// The bound is that of the empty program, measured as the least limit under which a tiny scan is built,
-/// and `--memory`, and 5 % of it.
+/// The bound is 1.05 times `--memory` plus the memory of the empty program, which is measured as
+/// the least limit under which a tiny scan is built.
 #[cfg(unix)]
 fn within_memory(scan: &Path, points: u64) {
     use crate::program::{empty_kib, esker_within};

@@ -1,5 +1,5 @@
-//! What draws: what the machine has, each path forced by its flag, and words where there is no GPU. On a machine
-//! without any adapter only what needs none is held.
+//! Devices that draw: the report on the machine, each path forced by its flag, and a clear error
+//! without a GPU. On a machine without an adapter only what needs none is tested.
 
 use crate::folder::Folder;
 use crate::program::{ESKER, Outcome, build, esker, run, sample};
@@ -13,7 +13,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("devices: the system is described", system));
     trials.push(trial("devices: without a driver everything but a GPU works", no_driver));
     trials.push(trial("devices: every path gives the CPU's picture", every_path));
-    trials.push(trial("devices: a benchmark names what drew, and its passes", benchmark));
+    trials.push(trial("devices: a benchmark names the device and its passes", benchmark));
 }
 
 /// Interfaces that have an adapter, and whether it has 64-bit atomics.
@@ -49,7 +49,7 @@ fn system() {
     assert!(esker(["info", "--system", "file"]).error().contains("--system"));
 }
 
-/// The program on a system whose Vulkan loader finds no driver, and that has no display.
+/// Runs the program where the Vulkan loader finds no driver and there is no display.
 fn without_driver(words: &[&str]) -> Outcome {
     let mut command = Command::new(ESKER);
     command.args(words).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
@@ -79,7 +79,7 @@ fn no_driver() {
     }
 }
 
-/// The pixels of a picture that a GPU, or the CPU, has drawn.
+/// Pixels and report of a picture drawn with the options `with`.
 fn picture(folder: &Folder, file: &Path, with: &[&str]) -> (Vec<u8>, Value) {
     let out = folder.file("p.png");
     let words = ["render", file.to_str().unwrap(), "-o", out.to_str().unwrap(), "--json"];

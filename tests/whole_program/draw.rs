@@ -1,5 +1,6 @@
-//! `esker bench draw` as scripts use it: a row for every path, order, number of points and size, with and without
-//! a GPU (a software driver counts here), over generated points and over a file's own.
+//! `esker bench draw` as scripts use it: a row for every path, order, number of points and size,
+//! with and without a GPU (a software driver counts as one here), over generated points and over a
+//! file.
 
 use crate::folder::Folder;
 use crate::program::{build, esker, sample};
@@ -11,7 +12,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("draw: a row has its fields, on the CPU alone", on_the_cpu));
     trials.push(trial("draw: every path of a GPU draws what the CPU draws", on_a_gpu));
     trials.push(trial("draw: a file is drawn in its own order", of_a_file));
-    trials.push(trial("draw: what does not fit is refused with the remedy", too_small));
+    trials.push(trial("draw: points that do not fit are refused with the remedy", too_small));
     trials.push(trial("draw: people get a table", for_people));
 }
 
@@ -62,7 +63,7 @@ fn on_the_cpu() {
     assert!(rows.iter().all(|row| row["path"] == "cpu" && row["is_software"] == false));
     let orders: Vec<_> = rows.iter().step_by(2).map(|row| row["order"].as_str().unwrap()).collect();
     assert_eq!(orders, ["random", "morton", "random", "morton"]);
-    // Both orders are of the same points, which hot positions of larger nodes move a little.
+    // Both orders hold the same points; hot positions of larger nodes round them differently.
     let covered = |row: &Value| row["pixels_covered"].as_f64().unwrap();
     assert!((covered(&rows[0]) / covered(&rows[2]) - 1.0).abs() < 0.01, "{report}");
     assert!(covered(&rows[0]) > 64.0 * 64.0 * 0.7, "the picture is filled: {report}");

@@ -1,5 +1,6 @@
-//! What was built is exported again: the same multiset of points, and of LAS the same records to the bit, with
-//! header, VLRs and EVLRs as the source had them. What a filter wants is what a plain reading of the scan gives.
+//! Exports give the multiset of input points; exports of LAS give the same records to the bit, with
+//! header, VLRs and EVLRs of the source. Filters keep the points that a plain reader of the scan
+//! keeps.
 
 use crate::folder::Folder;
 use crate::program::{Outcome, build, esker, sample, verify};
@@ -12,30 +13,34 @@ use std::path::Path;
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("export: the sample comes back in every format", sample_comes_back));
     trials.push(trial("export: text and PLY come back as they were", small_files_come_back));
-    trials.push(trial("export: what is wanted is what a plain reading gives", filters));
-    trials.push(trial("export: nothing wanted is an error and leaves no file", nothing_wanted));
+    trials.push(trial("export: filters keep the points that a plain reader keeps", filters));
+    trials.push(trial(
+        "export: a filter that keeps no point is an error and leaves no file",
+        nothing_wanted,
+    ));
     trials.push(trial("export: threads do not change a byte", threads));
     trials.push(trial("export: reports its fields", reports));
-    trials.push(trial("export: of no points is a file of no points", no_points));
-    trials.push(trial("export: no two columns are called alike", names_are_apart));
-    trials.push(trial("export: scan angles are told in degrees by text and PLY", angles));
+    trials.push(trial("export: a file without points gives a scan without points", no_points));
+    trials.push(trial("export: no two columns have the same name", names_are_apart));
+    trials.push(trial("export: text and PLY give scan angles in degrees", angles));
 }
 
-/// Exports `file` to `out`; what came of it.
+/// Exports `file` to `out` and returns the outcome.
 pub fn export(file: &Path, out: &Path, more: &[&str]) -> Outcome {
     let words = [OsStr::new("export"), file.as_os_str(), OsStr::new("-o"), out.as_os_str()];
     let rest = ["--json", "--progress", "none"].into_iter().chain(more.iter().copied());
     esker(words.into_iter().chain(rest.map(OsStr::new)))
 }
 
-/// Holds that a built file gives its only scan back, but for so many points that were refused, in the scan's own format.
+/// Asserts that an export of a built file in the scan's own format is its only scan, apart from
+/// `refused` points.
 pub fn gives_back(scan: &Path, file: &Path, refused: u64) {
     let folder = Folder::new();
     let head = head_of(scan);
     let endings: &[&str] = match &head {
         h if h.starts_with(b"LASF") => &["las", "laz"],
         h if h.starts_with(b"ply") || h.starts_with(&[0x28, 0xb5, 0x2f, 0xfd]) => &["ply"],
-        // They tell types, as PLY does and text doesn't.
+        // PLY has types of columns, which text has not.
         h if h.starts_with(b"ASTM") => &["ply"],
         _ if scan.extension().is_some_and(|e| e == "pcd" || e == "ptx") => &["ply"],
         _ => &["xyz", "csv"],
@@ -51,7 +56,7 @@ pub fn gives_back(scan: &Path, file: &Path, refused: u64) {
         if refused == 0 {
             verify(file, &[&out]).json();
         } else {
-            // Not the same scan: what was refused is not in it.
+            // The scan differs by the points that were refused.
             let again = build(&[&out], &folder.file("again.esker"), &[]);
             assert_eq!(
                 (&again["points_in"], &again["points_refused"]),
@@ -77,7 +82,7 @@ fn head_of(path: &Path) -> Vec<u8> {
     head
 }
 
-/// As much of LAS as is needed to compare two files, by the words of its specification.
+/// Reads as much of LAS as is needed to compare two files, after its specification.
 pub mod las {
     use std::collections::BTreeMap;
     use std::path::Path;
@@ -124,7 +129,8 @@ pub mod las {
             records
         }
 
-        /// VLRs and EVLRs that still hold: not how points are compressed, nor indices into their order.
+        /// VLRs and EVLRs that stay valid: neither the compression of points nor indices into their
+        /// order.
         fn records(&self) -> [Vec<Record>; 2] {
             let mut at = self.number(94, 2);
             let mut walk = |number: usize, start: Option<usize>, head: usize, length: usize| {
@@ -152,13 +158,14 @@ pub mod las {
             [before, behind]
         }
 
-        /// Holds that another file has all of this one's head that does not follow from the order of points.
+        /// Asserts that `other` has all header fields of this file that do not depend on the order
+        /// of points.
         pub fn same_head(&self, other: &Self, shown: &Path) {
             let shown = shown.display();
             assert_eq!(self.number(94, 2), other.number(94, 2), "{shown}: bytes of the header");
             assert_eq!(self.bytes[104] & 0x3f, other.bytes[104] & 0x3f, "{shown}: point format");
-            // Source id, global encoding, GUID, version, system, program, date; record; scale and offset; and what
-            // newer versions have behind the counts.
+            // Source id, global encoding, GUID, version, system, program, date; record; scale and
+            // offset; and the fields of newer versions behind the counts.
             for range in [4..94, 105..107, 131..179, 375..self.number(94, 2).max(375)] {
                 assert_eq!(
                     self.bytes[range.clone()],
@@ -177,7 +184,7 @@ pub mod las {
             }
         }
 
-        /// Points by number of return, and the bounds that the header tells.
+        /// Asserts that the counts by return and the bounds of the header are those of the points.
         pub fn hold_counts_and_bounds(&self) {
             let records = self.sorted_records();
             let mask = if self.bytes[104] & 0x3f < 6 { 7 } else { 15 };
@@ -216,23 +223,23 @@ fn sample_comes_back() {
     let folder = Folder::new();
     let built = built_sample(&folder);
     gives_back(&sample(), &built, 0);
-    // A plane more to draw takes nothing from the points.
+    // Another plane that is drawn does not change the points.
     let compact = folder.file("compact.esker");
     let report = build(&[sample()], &compact, &["--compact", "--tangents"]);
     assert!(report["palette_misfit"]["mean"].as_f64().is_some_and(|mean| mean < 6.0), "{report}");
-    // What is drawn from codes is off by so much, and is said.
+    // The error of compact colours is reported.
     let bounds = &report["code_error_bounds"];
     assert!(bounds["normal_degrees"].as_f64().is_some_and(|e| e < 0.01), "{report}");
     assert!(bounds["shape"]["axis_degrees"].as_f64().is_some_and(|e| e < 1.0), "{report}");
     gives_back(&sample(), &compact, 0);
-    // Through another format, the points are still the same.
+    // The points stay the same through another format.
     let las = folder.file("out.las");
     export(&built, &las, &[]).json();
     las::File::read(&las).hold_counts_and_bounds();
     let ply = folder.file("out.ply");
     export(&built, &ply, &[]).json();
     verify(&built, &[&ply]).json();
-    // And once more, from what came out.
+    // A build from the export gives the same points again.
     let again = folder.file("again.esker");
     let report = build(&[&las], &again, &["--node-capacity", "8192"]);
     assert_eq!(report["multiset_hash"], verify::<&str>(&built, &[]).json()["multiset_hash"]);
@@ -256,7 +263,7 @@ fn small_files_come_back() {
         let scan = folder.write(name, text);
         build(&[&scan], &built, &[]);
         gives_back(&scan, &built, 0);
-        // And as LAS: coordinates are exact where its integers are the lattice's.
+        // As LAS, coordinates are exact if its integers are those of the lattice.
         let las = folder.file("out.las");
         let report = export(&built, &las, &[]).json();
         assert_eq!(report["points_out"], report["points_in"]);
@@ -304,22 +311,22 @@ fn filters() {
     assert!(flat.len() > 100 && flat.len() < all.len() / 2, "{}", flat.len());
     assert!(lines_of(&built, &folder, &["--box", &bounds(2)]) == flat);
     assert!(lines_of(&built, &folder, &["--box", &bounds(3)]) == wanted(3));
-    // The same as a polygon.
+    // The same region as a polygon.
     let ring = format!("{0},{1} {2},{1} {2},{3} {0},{3}", lo[0], lo[1], hi[0], hi[1]);
     assert!(lines_of(&built, &folder, &["--polygon", &ring]) == flat);
-    // A sample is of the points, even, and denser the less its spacing.
+    // A sample holds points of the scan; it is even, and denser for a smaller spacing.
     let coarse = lines_of(&built, &folder, &["--max-spacing", "60"]);
     let fine = lines_of(&built, &folder, &["--max-spacing", "15"]);
     assert!(coarse.len() > 100 && coarse.len() * 8 < fine.len(), "{} {}", coarse.len(), fine.len());
     assert!(fine.len() * 4 < all.len() && fine.iter().all(|l| all.binary_search(l).is_ok()));
-    // What is not wanted is not read.
+    // Nodes outside the filter are not read.
     let out = folder.file("out.las");
     let report = export(&built, &out, &["--box", &bounds(2)]).json();
     let n = |name: &str| report[name].as_u64().unwrap();
     assert!(n("nodes_read") < n("nodes") * 2 / 3, "{report}");
     let sampled = export(&built, &out, &["--max-spacing", "60"]).json();
     assert!(sampled["bytes_read"].as_u64().unwrap() < n("bytes_read") / 2, "{sampled} {report}");
-    // Classes, in a scan that has such.
+    // Classes, in a scan that has them.
     let rows: String = (0..3000)
         .map(|i| format!("{},{},{},{}\n", i % 83, i / 83, i % 7, [2, 6, 9][i / 1000]))
         .collect();
@@ -396,7 +403,7 @@ fn no_points() {
 
 fn names_are_apart() {
     let folder = Folder::new();
-    // One has whole intensities, one fractions; neither are those that LAS means.
+    // One input has integer intensities, one has fractions; neither is the intensity of LAS.
     let whole = folder.write("a.csv", "x,y,z,intensity,X\n1,2,3,70000,5\n4,5,7,70001,6\n");
     let parts = folder.write("b.csv", "x,y,z,intensity,X\n1,2,4,0.5,0.25\n2,5,7,0.75,0.5\n");
     let built = folder.file("built.esker");

@@ -1,4 +1,4 @@
-//! A folder of a trial's own, gone when the trial ends, and what lies in it.
+//! A temporary folder of a trial, deleted when the trial ends.
 
 use std::path::PathBuf;
 
@@ -6,24 +6,24 @@ use std::path::PathBuf;
 pub struct Folder(tempfile::TempDir);
 
 impl Folder {
-    /// A new one, empty.
+    /// Makes an empty folder.
     pub fn new() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
 
-    /// A file's path in it.
+    /// Path of a file in the folder.
     pub fn file(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
-    /// A file of this text in it.
+    /// Writes a file with this text and returns its path.
     pub fn write(&self, name: &str, text: &str) -> PathBuf {
         let path = self.file(name);
         std::fs::write(&path, text).unwrap();
         path
     }
 
-    /// The names of all files in it, hidden ones too.
+    /// Names of all files in the folder, hidden ones included.
     pub fn names(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<_> =

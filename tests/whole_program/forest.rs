@@ -1,4 +1,5 @@
-//! Scans that were appended are one cloud with the old ones to every command, and one tree again once merged.
+//! Every command sees appended scans and the older ones as one cloud; merging makes one tree of
+//! them.
 
 use crate::export::{export, las};
 use crate::folder::Folder;
@@ -8,7 +9,7 @@ use libtest_mimic::Trial;
 use serde_json::Value;
 use std::path::Path;
 
-/// A short way over the cloud.
+/// A short camera path over the cloud.
 const PATH: &str = r#"{"coordinates": "bounds", "views": [
     {"name": "overview", "eye": [-0.2, -0.3, 3], "target": [0.5, 0.5, 0.5], "stay_s": 0.1},
     {"name": "close", "eye": [0.4, 0.2, 1.2], "target": [0.6, 0.6, 0.3], "travel_s": 0.3, "stay_s": 0.1}
@@ -78,7 +79,8 @@ fn one_cloud() {
 
 fn exported() {
     let folder = Folder::new();
-    // Text that has what no record of LAS has, so that trees lack attributes of each other's.
+    // Text with attributes that LAS records have not, so that each tree lacks attributes of the
+    // other.
     let at = |i: u32| format!("{}.25 {}.5 {}", 691_000 + i % 40, 5_334_995 + i % 11, 521 + i % 7);
     let line = |i: u32| format!("{} {} {}\n", at(i), i, 255 - i % 200);
     let text: String =
@@ -91,10 +93,10 @@ fn exported() {
         append(&a, second, &b, &["--node-capacity", "1024"]).json(),
         append(&b, &third, &c, &[]).json(),
     ];
-    // What is appended has nodes of the old file's capacity, where nothing is said.
+    // Appended trees have the node capacity of the old file by default.
     assert_eq!(json(&["info", c.to_str().unwrap()])["node_capacity"], 1024);
     let sum = reports.iter().fold(0u128, |sum, report| sum.wrapping_add(hash(report)));
-    // Two scans of one record come back as they were, in one file.
+    // Two scans of the same point format are exported as they were, in one file.
     let las = folder.file("b.las");
     let report = export(&b, &las, &[]).json();
     assert_eq!((report["trees"].as_u64(), report["points_out"].as_u64()), (Some(2), Some(50_000)));
@@ -115,7 +117,7 @@ fn exported() {
     }
     let lines = std::fs::read_to_string(folder.file("c.csv")).unwrap();
     assert_eq!(lines.lines().count(), 50_901);
-    // A box takes its points out of every tree.
+    // A box selects points of every tree.
     let part =
         export(&c, &folder.file("part.csv"), &["--box", "691000,5334990,691020,5335000"]).json();
     let inside = |line: &&str| {
@@ -126,7 +128,7 @@ fn exported() {
     let expected = lines.lines().skip(1).filter(inside).count();
     assert_eq!(part["points_out"].as_u64(), Some(expected as u64));
     assert!(expected > 1000, "{expected}");
-    // Damage in an old file leaves nothing behind.
+    // A damaged older file is an error that leaves no file behind.
     let mut bytes = std::fs::read(&a).unwrap();
     bytes[5000] ^= 1;
     std::fs::write(&a, bytes).unwrap();
@@ -146,7 +148,7 @@ fn misfits() {
     let reasons = report["refused_reasons"].as_object().unwrap();
     assert!(reasons.iter().all(|(why, n)| why.contains("lattice") && *n == 1), "{reasons:?}");
     assert!((report["rounding_error_max"].as_f64().unwrap() - 0.001).abs() < 1e-6, "{report}");
-    // Those of the last tree, or of all trees in any order.
+    // The scans of the last tree are accepted, or those of all trees in any order.
     let of_last = verify(&b, &[&new]).json();
     let of_all = verify(&b, &[&new, &old]).json();
     for (report, trees, points) in [(of_last, 1, 2), (of_all, 2, 4)] {

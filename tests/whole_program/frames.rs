@@ -1,4 +1,4 @@
-//! What a frame takes, as scripts ask for it: `esker render --explain`, `esker bench render`,
+//! The cost of a frame as scripts query it: `esker render --explain`, `esker bench render`,
 //! `esker bench leave-out`, and the filters of `esker render`.
 
 use crate::folder::Folder;
@@ -12,15 +12,11 @@ use std::path::PathBuf;
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("frames: table 1 has its fields for every method and backend", table));
     trials.push(trial("frames: radii are measured beside a full screen", radii));
-    trials.push(trial("frames: what is left out is told with bytes and times", omissions));
-    trials
-        .push(trial("frames: what a view does not have is not said to be left out", no_omissions));
-    trials.push(trial("frames: a plan is told and nothing is drawn", plan));
-    trials.push(trial("frames: filters and ranges are kept to", filters));
-    trials.push(trial(
-        "frames: colours have a range of values, and none of what stands for none",
-        ranges,
-    ));
+    trials.push(trial("frames: what is left out is reported with bytes and times", omissions));
+    trials.push(trial("frames: only what a view has is reported as left out", no_omissions));
+    trials.push(trial("frames: --explain reports the plan and draws nothing", plan));
+    trials.push(trial("frames: filters and ranges are applied", filters));
+    trials.push(trial("frames: values that mean no data are in no range of colours", ranges));
 }
 
 /// A small generated scan with every attribute and normals.
@@ -66,7 +62,7 @@ fn table() {
     assert!(points.iter().all(|n| [3000, 9000].contains(n)), "all points are drawn: {points:?}");
 }
 
-/// So few points are dense at no size: what only dense views do without is told not to be in this one.
+/// So few points are dense at no size: omissions of dense views are reported as not applicable.
 fn no_omissions() {
     let folder = Folder::new();
     let rows: String = (0..100)
@@ -88,7 +84,7 @@ fn no_omissions() {
     assert!(text.worked().stdout.contains("not in this view"), "{}", text.stdout);
 }
 
-/// What larger radii cost can be read beside a full screen, in one run.
+/// The report compares the time of larger radii with that of a full screen in the same run.
 fn radii() {
     let words = ["bench", "render", "--points", "3000", "--size", "96x64", "--method", "pull-push"];
     let words = words.into_iter().chain(["--radii", "0.5,4", "--gpu-software"]);
@@ -141,7 +137,8 @@ fn omissions() {
     saves("colour plane", "bytes_resident");
     saves("values beyond a byte of code", "bytes_resident");
     saves("what lies outside a box", "bytes_resident");
-    // Of each row the two frames take something else; what only dense views do without is drawn small enough for it.
+    // The two frames of each row differ; omissions of dense views are measured at a small enough
+    // size.
     assert!(rows.iter().all(|row| row["applies"] == true), "{report}");
     let row = |name: &str| rows.iter().find(|row| row["left_out"] == name).unwrap();
     let side = |name: &str| row(name)["width"].as_u64().unwrap();
@@ -205,7 +202,7 @@ fn filters() {
     assert_eq!(ranged["colour"]["range"], serde_json::json!([10.0, 20.0]), "{ranged}");
 }
 
-/// Values of which a part is missing, which is told by the greatest number of their type, as scanners' programs do.
+/// Values with no-data entries, which are the greatest number of the type, as in scanner software.
 fn ranges() {
     let folder = Folder::new();
     let rows: String = (0..2000)
@@ -223,7 +220,7 @@ fn ranges() {
         let words = words.into_iter().chain([scan.as_os_str(), OsStr::new("-o"), out.as_os_str()]);
         esker(words).json()
     };
-    // Whatever letters are capitals.
+    // Names of colours ignore case.
     for name in ["treeID", "treeid", "TREEID"] {
         let report = legend(name);
         let range = report["colour"]["range"].as_array().unwrap().clone();

@@ -1,6 +1,6 @@
-//! Hostile clouds and hostile machines: whatever the shape of a cloud, building keeps to its memory under a limit that
-//! the system holds (`RLIMIT_DATA`); more inputs than the system lets be open; a disk that is full in the middle.
-//! Inputs that lie or contradict each other are told so.
+//! Hostile clouds and machines. Whatever the shape of a cloud, a build keeps within its memory
+//! under a limit that the system enforces (`RLIMIT_DATA`); it works with more inputs than may be
+//! open, and leaves no file on a full disk. Wrong or contradictory inputs are reported.
 
 use crate::export::export;
 use crate::folder::Folder;
@@ -14,12 +14,12 @@ use std::path::{Path, PathBuf};
 pub fn trials(trials: &mut Vec<Trial>) {
     #[cfg(unix)]
     unix::trials(trials);
-    trials.push(trial("hostile: counts that lie are told with the true one", counts));
+    trials.push(trial("hostile: wrong counts are reported with the true one", counts));
     trials.push(trial("hostile: inputs of two reference systems are refused by name", systems));
-    trials.push(trial("hostile: GPS times that don't compare are told", gps_times));
+    trials.push(trial("hostile: GPS times of different epochs are reported", gps_times));
 }
 
-/// A number from 0 to `n - 1` by its place in a sequence (splitmix64).
+/// Random number from 0 to `n - 1` for each `seed` (splitmix64).
 fn below(seed: u64, n: u32) -> i32 {
     let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -87,12 +87,12 @@ fn gps_times() {
     let info = esker(["info".as_ref(), both.as_os_str(), "--json".as_ref()]).json();
     let times = [0, 1].map(|i| info["sources"][i]["gps_times"].as_str().unwrap());
     assert_eq!(times, ["week", "adjusted standard"]);
-    // Global encodings: WKT, and of the second also adjusted times.
+    // Global encodings: WKT; the second scan also has adjusted times.
     let encoding = |path: &Path| std::fs::read(path).unwrap()[6..8].to_vec();
     let report = export(&both, &out, &[]).json();
     tells(&report, &["GPS times of 1 sources", "which the global encoding tells (week)"]);
     assert_eq!(encoding(&out), [16, 0]);
-    // Each by itself has its own back.
+    // Each scan alone is exported with its own encoding.
     for (scan, bits) in [(&week, 16), (&adjusted, 17)] {
         let file = folder.file("one.esker");
         let report = build(&[scan], &file, &[]);
@@ -115,7 +115,7 @@ mod unix {
     use super::*;
     use crate::program::{Outcome, empty_kib, esker_under, esker_within};
 
-    /// Points whose rows are more than the least memory holds.
+    /// Number of points whose rows exceed the least memory.
     const POINTS: u64 = 2_000_000;
     /// The least `--memory`.
     const MEMORY_KIB: u64 = 256 << 10;
@@ -171,7 +171,7 @@ mod unix {
         words
     }
 
-    /// Builds so many points within the least memory; the bytes of their file.
+    /// Builds `points` points within the least memory. Returns the bytes of the file.
     fn keeps_within(is_compressed: bool, points: u64, position: Position) -> u64 {
         let folder = Folder::new();
         let (scan, out) = (folder.file("scan"), folder.file("out.esker"));
@@ -202,14 +202,15 @@ mod unix {
         assert_eq!(esker_under("ulimit -n 64", words).json()["points"], 15_000);
     }
 
-    /// As the system tells of a full disk, but by the size of a file: an error of the write that passes it.
+    /// Simulates a full disk by a limit on the size of files: the write that exceeds it fails.
     fn full_disk() {
         let folder = Folder::new();
         let (scan, out) = (folder.file("scan"), folder.file("out.esker"));
         let scratch = folder.file("scratch");
         std::fs::create_dir(&scratch).unwrap();
         let fails = |kib: u64| -> Outcome {
-            // Files are counted in blocks of 512 bytes; without the trap a signal would end the program.
+            // The limit counts blocks of 512 bytes; without the trap a signal would end the
+            // program.
             let limit = format!("trap '' XFSZ && ulimit -f {}", kib * 2);
             let outcome = esker_under(&limit, words(std::slice::from_ref(&scan), &out, &scratch));
             outcome.error();
@@ -221,7 +222,8 @@ mod unix {
             let left = std::fs::read_dir(&scratch).unwrap().count();
             assert_eq!(left, 0, "scratch is left after {kib} KiB");
         };
-        // In memory but for the file itself, from its first page to its footer. What is printed goes to files too.
+        // Only the output file is on the disk; limits from its first page to its footer. Printed
+        // text goes to files too.
         las::write(&scan, "", false, 100_000, scattered);
         let bytes = build(&[&scan], &out, &[])["bytes_out"].as_u64().unwrap();
         std::fs::remove_file(&out).unwrap();
@@ -230,7 +232,7 @@ mod unix {
             assert!(outcome.error().contains("out.esker"), "{}", outcome.stderr);
             is_clean(&["scan", "scratch"], kib);
         }
-        // Scratch is what passes the limit first; what is kept of it is gone with the next build.
+        // Scratch exceeds the limit first; the next build deletes the scratch that is kept.
         las::write(&scan, "", false, POINTS, scattered);
         let outcome = fails(10 << 10);
         let error = outcome.error();

@@ -1,5 +1,5 @@
-//! What is named as input and output by mistake: scans of which no point can be taken, outputs that are something else.
-//! Each is told in words, and leaves all files as they were.
+//! Inputs and outputs that are named by mistake: scans without a usable point, outputs that are
+//! other files. Each gives a clear error and leaves all files as they were.
 
 use crate::folder::Folder;
 use crate::program::{Outcome, build, esker, verify};
@@ -8,13 +8,13 @@ use libtest_mimic::Trial;
 use std::path::Path;
 
 pub fn trials(trials: &mut Vec<Trial>) {
-    trials.push(trial("inputs: scans without a point that can be taken make no file", all_refused));
-    trials.push(trial("inputs: points that were refused are told by verify", some_refused));
-    trials.push(trial("inputs: only an .esker file is replaced by a build", others_stay));
+    trials.push(trial("inputs: scans without a usable point make no file", all_refused));
+    trials.push(trial("inputs: verify reports refused points", some_refused));
+    trials.push(trial("inputs: a build replaces .esker files only", others_stay));
     trials.push(trial("inputs: a folder stands for the scans in it", folders));
-    trials.push(trial("inputs: a scan that is named twice is told", named_twice));
+    trials.push(trial("inputs: a scan that is named twice is reported", named_twice));
     #[cfg(unix)]
-    trials.push(trial("inputs: pipes and devices are named, and not waited for", pipes));
+    trials.push(trial("inputs: pipes and devices are refused without waiting", pipes));
 }
 
 /// Runs `esker` with a command, inputs and an output.
@@ -52,7 +52,7 @@ fn all_refused() {
         }
     }
     assert_eq!((std::fs::read(&a).unwrap(), folder.names()), (before, names));
-    // A scan that has no point is no mistake.
+    // A scan without any point is valid.
     let none = folder.write("none.ply", &ply(&[]));
     assert_eq!(build(&[&none], &b, &[])["points_out"], 0);
 }
@@ -94,14 +94,16 @@ fn others_stay() {
         assert_eq!(std::fs::read_to_string(&other).unwrap(), text);
         assert_eq!(folder.names(), names);
     }
-    // An empty file, as tools for temporary names make, and files that are Esker's, damaged ones too, are replaced.
+    // Empty files, which tools for temporary names make, and .esker files, damaged ones too, are
+    // replaced.
     folder.write("b.esker", "");
     run("append", &[&a, &scan], &b).worked();
     let bytes = std::fs::read(&b).unwrap();
     std::fs::write(&b, &bytes[..100]).unwrap();
     run("build", &[&scan], &b).worked();
     merge(&b).worked();
-    // An export replaces nothing that it reads: neither the file, nor one that it names.
+    // An export never replaces a file that it reads: neither the input nor one that the input
+    // names.
     let [old, new] = ["old.las", "new.las"].map(|name| folder.file(name));
     std::fs::rename(&a, &old).unwrap();
     std::fs::remove_file(&b).unwrap();
@@ -113,7 +115,7 @@ fn others_stay() {
         assert!(outcome.error().contains("input and output at once"), "{}", outcome.stderr);
         assert!(std::fs::read(out).unwrap() == before);
     }
-    // Nor the scan that a file was built from.
+    // It does not replace the scan that the file was built from.
     let outcome = run("export", &[&new], &scan);
     assert!(outcome.error().contains("one of the scans"), "{}", outcome.stderr);
     assert_eq!(std::fs::read_to_string(&scan).unwrap(), text);

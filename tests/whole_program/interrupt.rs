@@ -1,5 +1,5 @@
-//! Ctrl-C while a build runs: a code other than 0, a word about it, and no file left, neither under the final
-//! name nor beside it nor in the scratch folder.
+//! Ctrl-C while a build runs gives an exit code other than 0, a message, and leaves no file:
+//! neither under the final name nor beside it nor in the scratch folder.
 
 use libtest_mimic::Trial;
 
@@ -45,7 +45,7 @@ mod unix {
             let sent = Command::new("kill").args(["-INT", &id]).status().unwrap();
             let outcome = finish(child, outputs, format!("stopped after {wait_ms} ms"), 30);
             if outcome.code == Some(0) {
-                // It was faster than the signal.
+                // The build ended before the signal.
                 std::fs::remove_file(folder.file("out.esker")).unwrap();
                 continue;
             }
@@ -58,7 +58,7 @@ mod unix {
         assert!(early > 0, "no build was stopped");
     }
 
-    /// Until the build has begun to write; it reads the scan from then on.
+    /// Waits until the build has begun to write; it reads the scan from then on.
     fn wait_for_partial(folder: &Folder) {
         let deadline = Instant::now() + Duration::from_secs(60);
         while !folder.names().iter().any(|n| n.contains("partial")) {

@@ -1,4 +1,5 @@
-//! Writes LAS 1.4 of point format 7 for the trials, of any size: plain, or compressed as one chunk.
+//! Writes LAS 1.4 files of point format 7 and of any size for the trials: plain, or compressed as
+//! one chunk.
 
 use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 use std::fs::File;
@@ -8,8 +9,8 @@ use std::path::Path;
 const HEADER_BYTES: u16 = 375;
 const RECORD_BYTES: u16 = 36;
 
-/// Writes `count` points at these raw coordinates, a thousandth of a unit each, told apart by their GPS times. Bounds
-/// are those of the whole lattice. The WKT of their system, where there is one, must not be empty.
+/// Writes `count` points at raw coordinates with a step of a thousandth of a unit; their GPS times
+/// differ. The bounds are those of the whole lattice. A WKT must not be empty.
 pub fn write(
     path: &Path,
     wkt: &str,
@@ -17,7 +18,7 @@ pub fn write(
     count: u64,
     position: impl Fn(u64) -> [i32; 3],
 ) {
-    // A chunk must be larger than what it gets.
+    // A chunk must be larger than its contents.
     let builder = LazVlrBuilder::default().with_point_format(7, 0).unwrap();
     let laszip = builder.with_fixed_chunk_size(u32::MAX - 1).build();
     let mut vlrs: Vec<(&str, u16, Vec<u8>)> = Vec::new();
@@ -49,7 +50,7 @@ pub fn claim(path: &Path, count: u64) {
     file.write_all(&count.to_le_bytes()).unwrap();
 }
 
-/// Says of a file's GPS times that they are seconds of a week, not adjusted standard ones.
+/// Marks a file's GPS times as seconds of a week, not adjusted standard times.
 pub fn count_from_week(path: &Path) {
     let mut file = File::options().write(true).open(path).unwrap();
     file.seek(SeekFrom::Start(6)).unwrap();

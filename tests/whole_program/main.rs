@@ -1,5 +1,5 @@
-//! The `esker` binary as its users run it. Every real scan is a trial of its own, named after its file; where
-//! `ESKER_DATA` names no folder with `manifest.csv`, those trials are counted as ignored.
+//! Runs the `esker` binary as its users do. Every real scan is a trial of its own, named after its
+//! file; without a folder with `manifest.csv` in `ESKER_DATA`, these trials count as ignored.
 
 #![allow(clippy::unwrap_used, reason = "a trial fails by panicking")]
 #![allow(
@@ -10,6 +10,7 @@
 mod arguments;
 mod bad;
 mod bench_build;
+mod commands;
 mod contract;
 mod data;
 mod devices;
@@ -32,14 +33,14 @@ mod synthetic;
 
 use libtest_mimic::{Arguments, Trial};
 
-/// Trials at once: each runs a program that uses all cores itself.
+/// Trials that run at the same time: each runs a program that uses all cores.
 const TRIALS_AT_ONCE: usize = 2;
 
 fn main() {
     let mut arguments = Arguments::from_args();
     arguments.test_threads.get_or_insert(TRIALS_AT_ONCE);
     let mut trials = Vec::new();
-    // The longest first.
+    // The longest trials first.
     data::trials(&mut trials);
     hostile::trials(&mut trials);
     resume::trials(&mut trials);
@@ -48,6 +49,7 @@ fn main() {
     bench_build::trials(&mut trials);
     contract::trials(&mut trials);
     arguments::trials(&mut trials);
+    commands::trials(&mut trials);
     inputs::trials(&mut trials);
     proof::trials(&mut trials);
     pictures::trials(&mut trials);
@@ -62,7 +64,7 @@ fn main() {
     libtest_mimic::run(&arguments, trials).exit();
 }
 
-/// A trial from a function that fails by panicking.
+/// Makes a trial of a function that panics on failure.
 fn trial(name: &str, holds: impl FnOnce() + Send + 'static) -> Trial {
     Trial::test(name, move || {
         holds();
@@ -70,7 +72,7 @@ fn trial(name: &str, holds: impl FnOnce() + Send + 'static) -> Trial {
     })
 }
 
-/// Stands for trials whose input is not there; counted as ignored.
+/// Placeholder of trials whose input is missing; counts as ignored.
 fn missing(name: &str) -> Trial {
     Trial::test(name, || Ok(())).with_ignored_flag(true)
 }

@@ -1,5 +1,5 @@
-//! Pictures of the sample scan: the same from the scan and from its file, of any size, by any attribute; and
-//! never empty.
+//! Pictures of the sample scan are the same from the scan and from its file, in any size and by any
+//! attribute, and never empty without a note.
 
 use crate::folder::Folder;
 use crate::program::{Outcome, build, esker, sample};
@@ -9,10 +9,10 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 pub fn trials(trials: &mut Vec<Trial>) {
-    trials.push(trial("pictures: the scan and its file give the same", same_from_scan));
+    trials.push(trial("pictures: the scan and its file give the same picture", same_from_scan));
     trials.push(trial("pictures: every attribute colours them", every_attribute));
     trials.push(trial("pictures: every size and method", sizes));
-    trials.push(trial("pictures: one stray takes no colours", strays));
+    trials.push(trial("pictures: one stray does not change the colour range", strays));
     trials.push(trial(
         "pictures: a camera that sees nothing gives a background and says why",
         nothing_seen,
@@ -21,17 +21,18 @@ pub fn trials(trials: &mut Vec<Trial>) {
         "pictures: a filter that leaves nothing is an error, as in exports",
         nothing_left,
     ));
-    trials.push(trial("pictures: exposures that stay as they are are told", nothing_evened));
-    trials.push(trial("pictures: errors name the scan, not what was built of it", scans_are_named));
+    trials
+        .push(trial("pictures: exposures that cannot be compensated are reported", nothing_evened));
+    trials.push(trial("pictures: errors name the scan, not the temporary file", scans_are_named));
 }
 
-/// Draws `input`; what came of it.
+/// Draws `input` and returns the outcome.
 fn render(input: &Path, out: &Path, more: &[&str]) -> Outcome {
     let words = [OsStr::new("render"), input.as_os_str(), OsStr::new("-o"), out.as_os_str()];
     esker(words.into_iter().chain(["--progress", "none"].iter().chain(more).map(OsStr::new)))
 }
 
-/// Draws `input`; the picture's width and height and colours, and the pixels covered.
+/// Draws `input`. Returns width and height, colours, and the number of covered pixels.
 fn picture(folder: &Folder, input: &Path, more: &[&str]) -> ([u32; 2], Vec<u8>, u64) {
     let out = folder.file("p.png");
     let report = render(input, &out, &[&["--json"], more].concat()).json();
@@ -70,7 +71,7 @@ fn every_attribute() {
     let attributes = info["attributes"].as_array().unwrap();
     let mut names: Vec<_> = attributes.iter().map(|a| a["name"].as_str().unwrap()).collect();
     let has_colours = names.contains(&"red");
-    // The channels are drawn together.
+    // The colour channels are drawn together as `rgb`.
     names.retain(|name| !["red", "green", "blue"].contains(name));
     names.extend(["elevation", "level", "depth", "plain"]);
     names.extend(has_colours.then_some("rgb"));
@@ -84,7 +85,7 @@ fn every_attribute() {
     assert!(seen.len() > 5, "{} of {} pictures differ", seen.len(), names.len());
 }
 
-/// A picture's range of colours.
+/// Range of the values that a picture maps to colours.
 fn range(folder: &Folder, input: &Path, colour: &str) -> [f64; 2] {
     let words = ["--size", "40x30", "--colour", colour, "--json"];
     let report = render(input, &folder.file("p.png"), &words).json();
@@ -128,7 +129,7 @@ fn sizes() {
             assert!(size[1] < 100 || covered > 1000, "{shown}: {covered}");
         }
     }
-    // Closed surfaces cover more than points do.
+    // Closed surfaces cover more pixels than points do.
     let cover =
         |method| picture(&folder, &file, &["--budget-points", "20000", "--method", method]).2;
     assert!(cover("pull-push") > cover("points"));
@@ -143,7 +144,7 @@ fn nothing_seen() {
     }
     let (_, _, covered) = picture(&folder, &file, &["--budget-points", "0"]);
     assert_eq!(covered, 0);
-    // Whoever reads the report is told, and why.
+    // The report has a note with the reason.
     let out = folder.file("p.png");
     let none = folder.file("none.esker");
     build(&[folder.write("none.csv", "x,y,z\n")], &none, &[]);
@@ -172,7 +173,7 @@ fn nothing_left() {
         (&file, ["--classes", "99"], "is wanted"),
         (&file, ["--box", "0,0,1,1"], "is wanted"),
         (&file, ["--polygon", "0,0 1,0 0,1"], "is wanted"),
-        // Within the node's box, but at no point of it.
+        // Within the box of a node, but without a point in it.
         (&plain, ["--box", "2,3,3,4"], none),
         (&plain, ["--classes", "2"], "plain.esker: has no classification"),
     ] {
@@ -192,7 +193,7 @@ fn nothing_left() {
 fn nothing_evened() {
     let folder = Folder::new();
     let out = folder.file("P.PNG");
-    // Points of one scan and of two, in a plane.
+    // Points of one scan and of two scans in a plane.
     for (scans, note) in [(1, "all points are of one scan"), (2, "scans' own colours")] {
         let rows: String =
             (0..400).map(|i| format!("{},{},0,{},90,80,70\n", i % 20, i / 20, i % scans)).collect();

@@ -1,5 +1,5 @@
-//! Runs the program: arguments in; exit code, output and the last JSON object out. Nothing runs for ever: a
-//! program that hangs is ended and the trial fails.
+//! Runs the program: takes arguments; returns exit code, output and the last JSON object. A program
+//! that hangs is killed, and the trial fails.
 
 use serde_json::Value;
 use std::ffi::OsStr;
@@ -11,12 +11,12 @@ use std::time::{Duration, Instant};
 
 /// The program under test.
 pub const ESKER: &str = env!("CARGO_BIN_EXE_esker");
-/// Seconds after which a program is said to hang; far above what any of them needs.
+/// Seconds after which a program counts as hanging; far above the need of any trial.
 const HANGS_AFTER_S: u64 = 400;
 
-/// What a program left behind.
+/// Exit code and output of a program.
 pub struct Outcome {
-    /// `None` where a signal ended it.
+    /// Exit code; `None` if a signal ended the program.
     pub code: Option<i32>,
     pub stdout: String,
     pub stderr: String,
@@ -24,20 +24,21 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Holds that it worked; the object on its last line.
+    /// Asserts success and returns the object on the last line.
     pub fn json(&self) -> Value {
         self.worked();
         let last = self.stdout.lines().last().unwrap_or_default();
         serde_json::from_str(last).unwrap_or_else(|e| panic!("{}: {e}: {last}", self.shown))
     }
 
-    /// Holds that it worked.
+    /// Asserts success.
     pub fn worked(&self) -> &Self {
         assert_eq!(self.code, Some(0), "{}: {}", self.shown, self.stderr);
         self
     }
 
-    /// Holds that it failed as programs should: a code of its own, one line that says `error:`; that line.
+    /// Asserts a clean failure: an exit code and one line that begins with `error:`. Returns that
+    /// line.
     pub fn error(&self) -> &str {
         let shown = &self.shown;
         let code = self.code.unwrap_or_else(|| panic!("{shown}: ended by a signal"));
@@ -46,7 +47,7 @@ impl Outcome {
         let mut lines = self.stderr.lines().filter(|l| !l.starts_with("note: "));
         let line = lines.next().unwrap_or_else(|| panic!("{shown}: failed without a word"));
         assert!(line.starts_with("error: "), "{shown}: {line}");
-        // What follows is the usage that clap shows, with code 2.
+        // Clap prints the usage after the error, and exits with code 2.
         assert!(code == 2 || lines.next().is_none(), "{shown}: more than a line: {}", self.stderr);
         line
     }
@@ -59,7 +60,7 @@ pub fn esker<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Outcome
     run(command, HANGS_AFTER_S)
 }
 
-/// Runs `esker` where the system refuses more anonymous memory than this (`RLIMIT_DATA`).
+/// Runs `esker` under a limit of anonymous memory (`RLIMIT_DATA`), KiB.
 #[cfg(unix)]
 pub fn esker_within<S: AsRef<OsStr>>(
     data_kib: u64,
@@ -69,7 +70,7 @@ pub fn esker_within<S: AsRef<OsStr>>(
     run(under(&format!("ulimit -d {data_kib}"), arguments), hangs_after_s)
 }
 
-/// Runs `esker` after these words of a shell, which set a limit.
+/// Runs `esker` in a shell after a command that sets a limit.
 #[cfg(unix)]
 pub fn esker_under<S: AsRef<OsStr>>(
     limit: &str,
@@ -85,7 +86,7 @@ fn under<S: AsRef<OsStr>>(limit: &str, arguments: impl IntoIterator<Item = S>) -
     command
 }
 
-/// Anonymous memory of the empty program, KiB: the least limit under which it builds three points.
+/// Anonymous memory of the empty program: least limit under which it builds three points, KiB.
 #[cfg(unix)]
 pub fn empty_kib() -> u64 {
     static KIB: std::sync::OnceLock<u64> = std::sync::OnceLock::new();
@@ -104,7 +105,7 @@ pub fn empty_kib() -> u64 {
     })
 }
 
-/// Builds `inputs` into `out`; the report.
+/// Builds `inputs` into `out` and returns the report.
 pub fn build<P: AsRef<Path>>(inputs: &[P], out: &Path, more: &[&str]) -> Value {
     let mut arguments = vec![OsStr::new("build")];
     arguments.extend(inputs.iter().map(|i| i.as_ref().as_os_str()));
@@ -114,7 +115,7 @@ pub fn build<P: AsRef<Path>>(inputs: &[P], out: &Path, more: &[&str]) -> Value {
     esker(arguments).json()
 }
 
-/// Verifies `file` against `inputs`, which may be none; what came of it.
+/// Verifies `file`, against `inputs` if there are any, and returns the outcome.
 pub fn verify<P: AsRef<Path>>(file: &Path, inputs: &[P]) -> Outcome {
     let mut arguments = vec![OsStr::new("verify"), file.as_os_str(), OsStr::new("--json")];
     if !inputs.is_empty() {
@@ -127,7 +128,7 @@ pub fn verify<P: AsRef<Path>>(file: &Path, inputs: &[P]) -> Outcome {
 /// Starts a command with its output going to files, which can grow without a reader.
 pub fn start(mut command: Command) -> (Child, [File; 2]) {
     let [out, err] = [(); 2].map(|()| tempfile::tempfile().unwrap());
-    // Without it graphics drivers say so on standard error, of all programs that look at them.
+    // Graphics drivers print an error if it is unset.
     if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
         command.env("XDG_RUNTIME_DIR", std::env::temp_dir());
     }

@@ -1,5 +1,5 @@
-//! What a file claims is held: one flipped bit, a cut, or another scan is told; and the bytes are a function of
-//! the input, whatever the number of threads.
+//! Verification finds one flipped bit, a truncated file and another scan. The bytes of a file
+//! depend on the input alone, not on the number of threads.
 
 use crate::folder::Folder;
 use crate::program::{build, sample, verify};
@@ -7,9 +7,9 @@ use crate::trial;
 use libtest_mimic::Trial;
 
 pub fn trials(trials: &mut Vec<Trial>) {
-    trials.push(trial("proof: one flipped bit anywhere is told", flipped_bits));
-    trials.push(trial("proof: a cut file is told", cut));
-    trials.push(trial("proof: another scan is told", another_scan));
+    trials.push(trial("proof: one flipped bit anywhere is found", flipped_bits));
+    trials.push(trial("proof: a truncated file is found", cut));
+    trials.push(trial("proof: another scan is found", another_scan));
     trials.push(trial("proof: threads do not change a byte", threads));
     trials.push(trial("proof: memory does not change the points", memory));
 }
@@ -19,8 +19,8 @@ fn flipped_bits() {
     let out = folder.file("out.esker");
     build(&[sample()], &out, &[]);
     let whole = std::fs::read(&out).unwrap();
-    // Header, pages, table, statistics, metadata, footer: wherever these places fall; gaps between pages
-    // hold zeros, which are checked too.
+    // Places in header, pages, table, statistics, metadata and footer. Gaps between pages hold
+    // zeros, which are checked too.
     let count = 23;
     let last = whole.len() - 1;
     for i in 0..=count {
@@ -71,7 +71,7 @@ fn another_scan() {
         let other = folder.write(name, &other);
         verify(&out, &[&other]).error();
     }
-    // The order of points is no difference.
+    // The order of points does not matter.
     let lines: Vec<_> = text.lines().rev().collect();
     let turned = folder.write("turned.xyz", &(lines.join("\n") + "\n"));
     verify(&out, &[&turned]).json();

@@ -1,5 +1,5 @@
-//! The independent Python reader, written from the specification alone, reads in the sample's file what the
-//! program says of it.
+//! The independent Python reader, written from the specification alone, agrees with the program on
+//! the sample's file.
 
 use crate::folder::Folder;
 use crate::program::{Outcome, build, esker, run, sample, verify};
@@ -39,7 +39,7 @@ fn agrees(python: &str) {
         assert_eq!(theirs["nodes"], info["nodes"]);
         assert_eq!(theirs["multiset_hash"], built["multiset_hash"], "{theirs}");
     }
-    // Damage that the program tells, it tells too.
+    // It finds the same damage as the program.
     let mut bytes = std::fs::read(&out).unwrap();
     let middle = bytes.len() / 2;
     bytes[middle] ^= 4;

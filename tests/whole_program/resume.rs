@@ -1,5 +1,5 @@
-//! Builds that are ended from outside, by `kill -9`, by Ctrl-C, by a full disk, and go on with `--resume`: the file is
-//! the same to the byte, and nothing else is left.
+//! Builds that are ended by `kill -9`, by Ctrl-C or by a full disk continue with `--resume`: the
+//! file is byte-identical, and no other file is left.
 
 use libtest_mimic::Trial;
 
@@ -11,8 +11,11 @@ pub fn trials(trials: &mut Vec<Trial>) {
 #[cfg(unix)]
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(crate::trial("resume: killed at twenty moments", unix::killed));
-    trials.push(crate::trial("resume: Ctrl-C, then a change, then on", unix::interrupted));
-    trials.push(crate::trial("resume: a disk that was full", unix::full_disk));
+    trials.push(crate::trial(
+        "resume: Ctrl-C, then a changed input, then continued",
+        unix::interrupted,
+    ));
+    trials.push(crate::trial("resume: after a full disk", unix::full_disk));
 }
 
 #[cfg(unix)]
@@ -24,7 +27,7 @@ mod unix {
     use std::process::Command;
     use std::time::{Duration, Instant};
 
-    /// Points with so many attributes of eight bytes that their rows are more than the least memory holds.
+    /// Points with so many attributes of eight bytes that their rows exceed the least memory.
     const POINTS: u64 = 700_000;
     const ATTRIBUTES: u64 = 16;
 
@@ -33,7 +36,7 @@ mod unix {
         (z ^ z >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11
     }
 
-    /// A scan, the folder of its output, and that of scratch.
+    /// A scan, the folder of its output, and its scratch folder.
     struct Place {
         folder: Folder,
         scan: PathBuf,
@@ -71,7 +74,7 @@ mod unix {
             self.folder.file("out.esker")
         }
 
-        /// Holds that the file is there and nothing else; takes it.
+        /// Asserts that only the output file exists; reads and deletes it.
         fn take(&self) -> Vec<u8> {
             assert_eq!(self.folder.names(), ["out.esker", "scan.ply", "scratch"]);
             assert_eq!(std::fs::read_dir(self.folder.file("scratch")).unwrap().count(), 0);
@@ -80,7 +83,7 @@ mod unix {
             bytes
         }
 
-        /// Starts a build and waits until so much of its journal is there.
+        /// Starts a build and waits until its journal has `bytes` bytes.
         fn started(
             &self,
             more: &[&str],
@@ -112,7 +115,7 @@ mod unix {
         let whole = place.take();
         let (mut kills, mut begun) = (0, 0);
         while kills < 20 {
-            // The same build again and again, until it is faster than its end.
+            // The same build is killed later and later, until it finishes first.
             for more in [&[][..], &["--resume"]].into_iter().chain([&["--resume"][..]; 6]) {
                 let mut command = Command::new(ESKER);
                 command.args(place.words(more));
@@ -131,7 +134,8 @@ mod unix {
             if !place.out().exists() {
                 esker(place.words(&["--resume"])).json();
             }
-            // Killed after the file had its name, hidden files may be left: the next build deletes them.
+            // If it was killed after the file got its name, hidden files may be left; the next
+            // build deletes them.
             if place.folder.names().len() > 3 {
                 esker(place.words(&[])).json();
             }
@@ -149,7 +153,7 @@ mod unix {
         assert!(outcome.error().contains("stopped"), "{}", outcome.stderr);
         assert!(outcome.error().contains("--resume"), "{}", outcome.stderr);
         assert!(!place.out().exists());
-        // Other options, another time, another size.
+        // Other options, another modification time, another size.
         let error = |more: &[&str]| esker(place.words(more)).error().to_string();
         let other = error(&["--resume", "--compress", "small"]);
         assert!(other.contains("--compress was fast, and is small"), "{other}");
@@ -166,7 +170,7 @@ mod unix {
         scan.set_modified(time).unwrap();
         esker(place.words(&["--resume"])).json();
         let resumed = place.take();
-        // Without --resume it begins afresh, and says what that costs.
+        // Without --resume the build starts from the beginning, and says what is lost.
         let (mut child, _) = place.started(&[], 1000);
         child.kill().unwrap();
         child.wait().unwrap();
@@ -181,9 +185,11 @@ mod unix {
         let place = Place::new();
         esker(place.words(&[])).json();
         let whole = place.take();
-        // Files may grow to so many KiB: those of scratch to less than they need on few cores, the output on any.
+        // Limits of the size of a file, KiB: scratch files need more on few cores, the output on
+        // any number.
         for kib in [20 << 10, 40 << 10] {
-            // Files are counted in blocks of 512 bytes; without the trap a signal would end the program.
+            // The limit counts blocks of 512 bytes; without the trap a signal would end the
+            // program.
             let limit = format!("trap '' XFSZ && ulimit -f {}", kib * 2);
             let outcome = esker_under(&limit, place.words(&["--resume"]));
             assert!(outcome.error().contains("--resume"), "{}", outcome.stderr);

@@ -1,5 +1,5 @@
-//! `esker bench stream` as scripts use it: the fields of its report, budgets that are kept or refused, several
-//! files at once, scans in place of files, and the resident set as the system counts it.
+//! `esker bench stream` as scripts use it: the fields of its report, budgets that are kept or
+//! refused, several files, scans in place of files, and the resident set as the system counts it.
 
 use crate::folder::Folder;
 use crate::program::{ESKER, Outcome, build, esker, finish, sample, start};
@@ -9,7 +9,7 @@ use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
 
-/// A short way: an overview, and a corner of it.
+/// A short camera path: an overview, and a corner of the scan.
 const PATH: &str = r#"{"coordinates": "bounds", "views": [
     {"name": "overview", "eye": [-0.2, -0.3, 3], "target": [0.5, 0.5, 0.5], "stay_s": 0.1},
     {"name": "close", "eye": [0.4, 0.2, 1.2], "target": [0.6, 0.6, 0.3], "travel_s": 0.3, "stay_s": 0.1}
@@ -17,13 +17,16 @@ const PATH: &str = r#"{"coordinates": "bounds", "views": [
 
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("stream: the report has its fields and the budgets are kept", reports));
-    trials.push(trial("stream: several inputs are runs of one object", several));
-    trials.push(trial("stream: budgets that are too small are refused with the least", too_small));
+    trials.push(trial("stream: several inputs are the runs of one object", several));
+    trials.push(trial(
+        "stream: budgets that are too small are refused with the least budget",
+        too_small,
+    ));
     trials.push(trial("stream: the resident set stays within the budgets", resident_set));
-    trials.push(trial("stream: people get a table, and a list of what there is", for_people));
+    trials.push(trial("stream: people get a table, and a list of the benchmarks", for_people));
 }
 
-/// The sample scan in small nodes, and the words that measure it.
+/// Builds the sample scan with small nodes; its path.
 fn built(folder: &Folder) -> String {
     let out = folder.file("sample.esker");
     build(&[sample()], &out, &["--node-capacity", "4096"]);
@@ -55,7 +58,7 @@ fn holds_fields(run: &Value) {
         assert!(run[field].is_number(), "`{field}` is no number: {run}");
     }
     assert_eq!(run["budget_exceeded"], false, "{run}");
-    // The system itself may hold a thread up now and then; the disk would on every frame.
+    // The system may delay a thread now and then; waiting for the disk would delay every frame.
     let [stalls, frames] = ["render_stalls", "frames"].map(|f| run[f].as_u64().unwrap());
     assert!(stalls * 10 <= frames, "{run}");
     assert_eq!(run["fault"], Value::Null, "{run}");
@@ -131,7 +134,7 @@ fn too_small() {
 #[cfg(not(target_os = "linux"))]
 fn resident_set() {}
 
-/// As the system counts it, from outside of the program.
+/// Measures the resident set from outside the program.
 #[cfg(target_os = "linux")]
 fn resident_set() {
     let folder = Folder::new();
@@ -139,7 +142,7 @@ fn resident_set() {
     let path = folder.write("path.json", PATH);
     let [gpu, ram] = [4u64 << 20, 34 << 20];
     let mut command = Command::new(ESKER);
-    // A graphics driver's own memory is nobody's budget; looking whether it is a GPU's loads it.
+    // The memory of a graphics driver is in no budget, and looking for a GPU loads the driver.
     command.args(["bench", "stream", "--backend", "cpu", "--json", "--size", "256x256", "--path"]);
     command.arg(&path);
     command.arg(format!("--budget-gpu={gpu}")).arg(format!("--budget-ram={ram}")).arg(&file);

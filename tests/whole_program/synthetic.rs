@@ -1,4 +1,4 @@
-//! Generated scans are taken wherever an input is, and held to the same proof.
+//! Generated scans work as any input does, with the same proof.
 
 use crate::folder::Folder;
 use crate::program::{build, esker, verify};
@@ -13,8 +13,8 @@ pub fn trials(trials: &mut Vec<Trial>) {
         trials.push(trial(&name, move || comes_through(scene)));
     }
     trials.push(trial("synthetic: info and render take a generated scan", info_and_render));
-    trials.push(trial("synthetic: another seed or number is told", others));
-    trials.push(trial("synthetic: what there is not is told", faults));
+    trials.push(trial("synthetic: another seed or number of points is another scan", others));
+    trials.push(trial("synthetic: unknown scenes are refused", faults));
     #[cfg(unix)]
     trials.push(trial("synthetic: a file of such a name is a file", file_of_that_name));
 }
@@ -28,7 +28,7 @@ fn comes_through(scene: &str) {
         (&1_000_000.into(), &1_000_000.into())
     );
     assert_eq!(report["rounding_error_max"], 0.0);
-    // The seed is 1 where it is not said.
+    // The default seed is 1.
     let verified = verify(&out, &[format!("synthetic:{scene}:1000000")]).json();
     assert_eq!(verified["multiset_hash"], report["multiset_hash"]);
     let info = esker(["info", out.to_str().unwrap(), "--json"]).json();

@@ -1,36 +1,35 @@
-//! Benchmarks as calls: what they measure is what programs do, through the same calls, and their reports
-//! are for machines (JSON) and for people.
+//! Benchmarks as calls. A benchmark takes a request, runs what the programs run, through the same
+//! calls, and returns a report: a serialisable type for machines, and a function `text` that writes
+//! it for people.
 
 pub mod build;
-pub mod disk;
 pub mod draw;
-pub mod flight;
 pub mod leave_out;
-pub mod process;
+mod pass_times;
+mod quantile;
 pub mod render;
-pub mod report;
 pub mod size;
 pub mod splats;
 pub mod stream;
 
-/// The benchmarks that there are, with what each measures.
+/// Name of each benchmark, and what it does.
 pub const BENCHMARKS: [(&str, &str); 7] = [
     (
         "build",
-        "builds scans, beside a rival program: seconds, CPU time, memory, scratch space, bytes out",
+        "builds scans, beside a rival program: seconds, CPU time, memory, scratch space, bytes written",
     ),
-    ("decode", "reads scans and drops their points: the floor of building"),
+    ("decode", "reads scans and discards their points: the least time that building can take"),
     (
         "stream",
         "flies a camera through a scan: nodes, points, times, bytes and memory against the budgets",
     ),
     (
         "draw",
-        "draws points that lie in memory: million points a second, and the share of memory bandwidth",
+        "draws points that are in memory: million points a second, and the share of memory bandwidth",
     ),
     (
         "render",
-        "draws models whole, by every method and backend: table 1 of marroquim2007, and the floor of copying",
+        "draws models whole, by every method and backend: table 1 of marroquim2007, beside plain copies",
     ),
     (
         "leave-out",
@@ -38,6 +37,6 @@ pub const BENCHMARKS: [(&str, &str); 7] = [
     ),
     (
         "size",
-        "draws a scene from smaller planes: error of the picture, of places, colours and normals, against bytes",
+        "draws a scene from smaller planes: error of picture, positions, colours and normals, against bytes",
     ),
 ];

@@ -1,5 +1,6 @@
-//! Table 1 of zwicker2004: million splats a second, in one pass and in three. All splats face the viewer, are in view,
-//! and have one size in the picture, nine pixels with the low-pass: so the time should be linear in their number.
+//! Table 1 of `zwicker2004`: million splats a second, in one pass and in three. All splats face the
+//! viewer, are in view, and cover nine pixels each with the low-pass filter, so that time should be
+//! linear in their number.
 
 use anyhow::Result;
 use esker_engine::machine::backend::DrawWith;
@@ -8,41 +9,79 @@ use esker_lod::View;
 use esker_points::quant::{oct_encode, radius_code};
 use esker_points::{Lattice, Node, Task};
 use esker_render::ewa::{Options, Passes};
-use esker_render::gpu::passes::ewa::{GpuEwa, Room};
+use esker_render::gpu::passes::ewa::{BatchCapacity, GpuEwa};
 use esker_render::gpu::{Gpu, GpuRenderer, NodePool, PlaneAt};
-use esker_render::{
-    Background, ColourBy, ColourPlane, DrawNode, Frame, Method, Pass, Picture, Renderer, Stages,
-};
+use esker_render::{ColourPlane, DrawNode, Frame, Method, Pass, Picture, Renderer, Stages};
 use glam::DVec3;
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::time::Instant;
 
-/// Splats, as many as the paper's models have, and five million.
-pub const SPLATS: [u64; 4] = [100_000, 330_000, 650_000, 5_000_000];
-/// The paper's pictures.
-pub const SIZES: [[u32; 2]; 2] = [[512, 512], [1280, 1024]];
-/// Pixels that a splat covers.
+/// Default numbers of splats: those of the paper's models, and five million.
+const SPLATS: [u64; 4] = [100_000, 330_000, 650_000, 5_000_000];
+/// Default sizes of pictures: those of the paper.
+const SIZES: [[u32; 2]; 2] = [[512, 512], [1280, 1024]];
+/// Area of a splat in the picture, pixels.
 const SPLAT_PIXELS: f64 = 9.0;
 /// Points of a node.
 const NODE_POINTS: u64 = 1 << 16;
-/// Steps of the wall's sides.
+/// Length of the wall's sides, steps.
 const SIDE: f64 = 65_536.0;
-/// Frames at least, and for how long more are drawn, so that those of a few milliseconds are not all among the first,
-/// which find memory and processor cold.
+/// Least number of frames.
 const FRAMES: usize = 3;
+/// Least time of all frames, milliseconds: the first ones are slower, for memory and processor are
+/// cold.
 const FRAMES_MS: f64 = 500.0;
 
-/// What is measured.
+/// Numbers of splats, pictures and devices to measure.
 #[derive(Clone, Debug)]
-pub struct Request {
-    /// Numbers of splats; [`SPLATS`] where none is said.
+pub struct SplatsBenchRequest {
+    /// Numbers of splats; defaults if the list is empty.
     pub splats: Vec<u64>,
-    /// Widths and heights of pictures, pixels; [`SIZES`] where none is said.
+    /// Widths and heights of pictures, pixels; defaults if the list is empty.
     pub sizes: Vec<[u32; 2]>,
-    /// The GPU; the CPU is always measured as well.
+    /// Choice of the GPU; the CPU is always measured as well.
     pub with: DrawWith,
-    /// Threads; 0 is one a core.
+    /// Threads; 0 stands for one a core.
     pub threads: usize,
+}
+
+/// Rows of all sizes, numbers of splats, numbers of passes and backends.
+#[derive(Clone, Debug, Serialize)]
+pub struct SplatsReport {
+    method: &'static str,
+    /// Area of a splat in the picture.
+    splat_pixels: f64,
+    /// Name of the GPU.
+    adapter: Option<String>,
+    /// Whether the GPU is a software driver.
+    is_software: Option<bool>,
+    /// Why the CPU alone is measured.
+    note: Option<String>,
+    /// Threads of the CPU renderer.
+    threads: usize,
+    rows: Vec<SplatsRow>,
+}
+
+/// One number of splats in one picture by one backend.
+#[derive(Clone, Debug, Serialize)]
+struct SplatsRow {
+    /// Width and height, pixels.
+    size: [u32; 2],
+    /// Splats in the picture.
+    splats: u64,
+    /// Passes over the splats: one or three.
+    passes: u32,
+    /// `cpu` or `gpu`.
+    drawn_by: &'static str,
+    /// Median time of a frame.
+    ms: f64,
+    /// Least time of a frame.
+    ms_least: f64,
+    /// Times of passes in the median frame, measured on the CPU only.
+    place_ms: f64,
+    blend_ms: f64,
+    shade_ms: f64,
+    msplats_per_s: f64,
 }
 
 /// A wall of splats that fills the picture.
@@ -56,12 +95,13 @@ struct Wall {
 }
 
 impl Wall {
-    /// Nodes of the wall share their record; their points are spread evenly over it.
+    /// Makes a wall of `splats` splats. Its nodes share one record, and each has points of all of
+    /// it.
     fn new([width, height]: [u32; 2], splats: u64, options: &Options) -> Self {
         let middle = f64::from(1u32 << 31) + SIDE / 2.0;
         let lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] };
         let world = |i: usize| lattice.world_axis(i, middle);
-        // As high as the picture, and stretched to its width.
+        // The wall is as high as the picture, and stretched to its width.
         let wide = f64::from(width) / f64::from(height);
         let lattice = Lattice { scale: [wide, 1.0, 1.0], ..lattice };
         let at = DVec3::new(lattice.world_axis(0, middle), world(1), world(2));
@@ -79,7 +119,7 @@ impl Wall {
         let (mut position, mut normal) = (Vec::new(), Vec::new());
         let towards = oct_encode([0.0, -1.0, 0.0]).map(i16::to_le_bytes).concat();
         for i in 0..splats {
-            // Along a Morton curve, as neighbours stand together in a file.
+            // In Morton order, as in a file.
             let along = ((i as f64 + 0.5) * step * SIDE * SIDE) as u32;
             let [x, z] = [every_other(along), every_other(along >> 1)];
             for q in [x, 0, z] {
@@ -91,7 +131,8 @@ impl Wall {
         Self { view, lattice, node, position, normal, splats }
     }
 
-    /// Runs of the wall with the places of their planes.
+    /// Lists the nodes of the wall. `plane` gives a plane of a node: of normals or of positions,
+    /// with its first byte and its bytes.
     fn draws<'a, P>(&'a self, plane: impl Fn(bool, u64, u64) -> P) -> Vec<DrawNode<'a, P>> {
         let firsts = (0..self.splats).step_by(NODE_POINTS as usize);
         firsts
@@ -112,27 +153,17 @@ impl Wall {
             .collect()
     }
 
+    /// A frame of the wall.
     fn frame<'a, P>(&'a self, draws: &'a [DrawNode<'a, P>]) -> Frame<'a, P> {
         Frame {
-            view: &self.view,
-            lattice: &self.lattice,
-            draws,
-            octree: None,
             method: Method::Ewa,
-            colour: ColourBy::Plain,
             cull_back_faces: true,
-            hides_points: false,
-            shines: true,
             skips_push: false,
-            averages: true,
-            smooths: true,
-            fits_planes: true,
-            evens_exposure: false,
-            background: Background::default(),
+            ..Frame::new(&self.view, &self.lattice, draws)
         }
     }
 
-    /// Frames on the CPU, and how many splats they drew.
+    /// Draws frames on the CPU; returns their times, and the splats of one frame.
     fn on_cpu(&self, options: Options) -> Result<(Times, u64)> {
         let range = |first: u64, bytes: u64| first as usize..(first + bytes) as usize;
         let draws = self.draws(|is_normal, first, bytes| {
@@ -149,7 +180,7 @@ impl Wall {
         Ok((times, picture.stats.splats_drawn))
     }
 
-    /// Frames on a GPU, each from its commands to its picture read back.
+    /// Draws frames on a GPU, each timed from its commands until its picture is read back.
     fn on_gpu(&self, gpu: &Gpu, options: Options) -> Result<Times> {
         let page = gpu.tier.page_bytes_max;
         let a_page = page / (NODE_POINTS * 12);
@@ -172,7 +203,7 @@ impl Wall {
             }
         }
         let mut renderer = GpuRenderer::new(gpu)?;
-        let mut ewa = GpuEwa::new(gpu, Room::default())?;
+        let mut ewa = GpuEwa::new(gpu, BatchCapacity::default())?;
         ewa.options = options;
         renderer.set_ewa(ewa);
         let frame = self.frame(&draws);
@@ -188,14 +219,14 @@ impl Wall {
 
 /// Times of frames.
 struct Times {
-    /// The quickest, milliseconds.
-    least: f64,
-    /// Of the middle one.
+    /// Time of the fastest frame, milliseconds.
+    least_ms: f64,
+    /// Times of the median frame.
     median: Stages,
 }
 
 impl Times {
-    /// Of as many frames as are drawn in time; each says how long it took.
+    /// Draws frames until there are enough of them; `frame` returns its times.
     fn of(mut frame: impl FnMut() -> Result<Stages>) -> Result<Self> {
         let start = Instant::now();
         let mut all = Vec::new();
@@ -203,77 +234,79 @@ impl Times {
             all.push(frame()?);
         }
         all.sort_by(|a, b| a.total_ms.total_cmp(&b.total_ms));
-        Ok(Self { least: all[0].total_ms, median: all[all.len() / 2] })
+        Ok(Self { least_ms: all[0].total_ms, median: all[all.len() / 2] })
     }
 }
 
-/// The even bits of a number.
+/// Packs the even bits of a number.
 fn every_other(bits: u32) -> u16 {
     (0..16).map(|k| ((bits >> (2 * k) & 1) as u16) << k).sum()
 }
 
-/// Measures; the report.
+/// Measures splats a second.
 ///
 /// # Errors
-/// Where a GPU is asked for and there is none, or it fails; on request.
-pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
+/// If a required GPU is missing or fails, or `task` is cancelled.
+pub fn measure(request: &SplatsBenchRequest, task: &dyn Task) -> Result<SplatsReport> {
     let (gpu, drawer) = request.with.choose(None)?;
-    let or = |given: &[u64]| if given.is_empty() { SPLATS.to_vec() } else { given.to_vec() };
-    let sizes = if request.sizes.is_empty() { SIZES.to_vec() } else { request.sizes.clone() };
+    let all_splats = if request.splats.is_empty() { &SPLATS[..] } else { &request.splats };
+    let sizes = if request.sizes.is_empty() { &SIZES[..] } else { &request.sizes };
     pool::run(request.threads, || {
         let mut rows = Vec::new();
-        for &size in &sizes {
-            for splats in or(&request.splats) {
+        for &size in sizes {
+            for &splats in all_splats {
                 for (passes, count) in [(Passes::One, 1), (Passes::Three, 3)] {
                     task.check()?;
                     let options = Options { passes, ..Options::default() };
                     let wall = Wall::new(size, splats, &options);
-                    let mut row = |drawn_by: &str, times: Times, drawn: u64| {
-                        let Times { least, median } = times;
-                        rows.push(json!({
-                            "size": size, "splats": drawn, "passes": count, "drawn_by": drawn_by,
-                            "ms": median.total_ms, "ms_least": least, "place_ms": median.ms(Pass::Place),
-                            "blend_ms": median.ms(Pass::Blend), "shade_ms": median.ms(Pass::Shade),
-                            "msplats_per_s": drawn as f64 / median.total_ms / 1e3,
-                        }));
+                    let row = |drawn_by, times: Times, drawn: u64| SplatsRow {
+                        size,
+                        splats: drawn,
+                        passes: count,
+                        drawn_by,
+                        ms: times.median.total_ms,
+                        ms_least: times.least_ms,
+                        place_ms: times.median.ms(Pass::Place),
+                        blend_ms: times.median.ms(Pass::Blend),
+                        shade_ms: times.median.ms(Pass::Shade),
+                        msplats_per_s: drawn as f64 / times.median.total_ms / 1e3,
                     };
                     let (times, drawn) = wall.on_cpu(options)?;
-                    row("cpu", times, drawn);
+                    rows.push(row("cpu", times, drawn));
                     if let Some(gpu) = &gpu {
-                        row("gpu", wall.on_gpu(gpu, options)?, drawn);
+                        rows.push(row("gpu", wall.on_gpu(gpu, options)?, drawn));
                     }
                 }
             }
         }
-        Ok(json!({
-            "method": "ewa",
-            "splat_pixels": SPLAT_PIXELS,
-            "adapter": gpu.as_ref().map(|gpu| &gpu.name),
-            "is_software": gpu.as_ref().map(|gpu| gpu.tier.is_software),
-            "note": drawer.note,
-            "threads": rayon::current_num_threads(),
-            "rows": rows,
-        }))
+        Ok(SplatsReport {
+            method: "ewa",
+            splat_pixels: SPLAT_PIXELS,
+            adapter: gpu.as_ref().map(|gpu| gpu.name.clone()),
+            is_software: gpu.as_ref().map(|gpu| gpu.tier.is_software),
+            note: drawer.note,
+            threads: rayon::current_num_threads(),
+            rows,
+        })
     })
 }
 
-/// [`measure`]'s report for people.
-pub fn text(report: &Value) -> String {
+/// Writes the report for people.
+pub fn text(report: &SplatsReport) -> String {
     let mut lines = vec![format!(
         "{:>12} {:>9} {:>7} {:>4} {:>9} {:>10}",
         "picture", "splats", "passes", "by", "ms", "Msplats/s"
     )];
-    for row in report["rows"].as_array().into_iter().flatten() {
-        let number = |name: &str| row[name].as_f64().unwrap_or(0.0);
-        lines.push(format!(
+    lines.extend(report.rows.iter().map(|row| {
+        format!(
             "{:>12} {:>9} {:>7} {:>4} {:>9.1} {:>10.2}",
-            format!("{} x {}", row["size"][0], row["size"][1]),
-            number("splats"),
-            number("passes"),
-            row["drawn_by"].as_str().unwrap_or("?"),
-            number("ms"),
-            number("msplats_per_s"),
-        ));
-    }
+            format!("{} x {}", row.size[0], row.size[1]),
+            row.splats,
+            row.passes,
+            row.drawn_by,
+            row.ms,
+            row.msplats_per_s,
+        )
+    }));
     lines.join("\n")
 }

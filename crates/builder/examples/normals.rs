@@ -1,5 +1,5 @@
-//! Estimates the normals of a scan and prints CPU time a point and, where the scan brings normals, the angles
-//! between both: `normals FILE [threads] [points]`.
+//! Estimates the normals of a scan and prints CPU time a point and, where the scan brings normals,
+//! the angles between both: `normals FILE [threads] [points]`.
 
 use esker_builder::attributes::density::Density;
 use esker_builder::attributes::normals::{Bounds, UNKNOWN, estimate};

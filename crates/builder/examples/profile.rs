@@ -1,8 +1,9 @@
-//! Where the time of a build goes: builds a made cloud (hilly ground with walls and trees) of N points and
-//! prints seconds a phase and how full the nodes are.
+//! Where the time of a build goes: builds a made cloud (hilly ground with walls and trees) of N
+//! points and prints seconds a phase and how full the nodes are.
 //!
-//! `cargo run --release -p esker-builder --example profile -- [points] [plane|volume|ground|stack] [capacity]
-//! [memory MiB] [file to keep]`
+//! `cargo run --release -p esker-builder --example profile -- ARGUMENTS`, with the optional
+//! arguments points, shape (plane, volume, ground or stack), capacity, memory in MiB, and a file to
+//! keep, in this order.
 #![allow(clippy::unwrap_used, reason = "a tool for developers")]
 
 #[path = "../tests/cloud/mod.rs"]

@@ -6,7 +6,8 @@ use esker_points::lattice::LatticeError;
 use esker_scan::ScanError;
 use std::path::{Path, PathBuf};
 
-/// A build, or a comparison of a file with its inputs, failed. Nothing is left under the final name.
+/// A build, or a comparison of a file with its inputs, failed. Nothing is left under the final
+/// name.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BuildError {

@@ -1,5 +1,6 @@
-//! From scans to an .esker file under a memory bound: intake, partition, chunks bottom-up, levels above,
-//! the file, and the proof that no point was lost; and from the file back to a scan. Meets the runtime only in the file.
+//! From scans to an .esker file under a memory bound: intake, partition, chunks bottom-up, levels
+//! above, the file, and the proof that no point was lost; and from the file back to a scan. Meets
+//! the runtime only in the file.
 
 pub mod attributes;
 pub mod budget;

@@ -1,4 +1,5 @@
-//! Headers that lie, inputs that differ, and what is found when they change after the build.
+//! Headers with wrong bounds or colour depths, inputs with different attributes, and the detection
+//! of inputs that change after a build.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
 mod cloud;
@@ -19,7 +20,7 @@ fn points(count: u64) -> Vec<[i32; 3]> {
     (0..count).map(|i| [below(3 * i, 9000), below(3 * i + 1, 9000), below(3 * i + 2, 99)]).collect()
 }
 
-/// Three inputs: one bare, one with times, one with colours and an attribute of another type.
+/// Three inputs: without attributes; with times; with colours and an attribute of another type.
 fn three() -> Vec<Given> {
     let bare = given("a.xyz", [0.01; 3], points(900));
     let times = given("b.las", [0.001; 3], points(1500))
@@ -35,7 +36,7 @@ fn three() -> Vec<Given> {
 }
 
 #[test]
-fn inputs_of_different_attributes_make_a_union_whose_points_keep_their_own() {
+fn inputs_of_different_attributes_make_a_union_and_points_keep_their_own() {
     let (_, file) = whole(&three(), &options());
     let metadata = file.metadata();
     let names: Vec<_> = metadata.schema.attributes.iter().map(|a| a.key()).collect();
@@ -65,7 +66,7 @@ fn differs(file: &EskerFile, sources: &[Given]) -> String {
 }
 
 #[test]
-fn any_change_of_an_input_is_found() {
+fn any_change_of_an_input_is_detected() {
     let (_, file) = whole(&three(), &options());
     let changed = |change: fn(&mut Vec<Given>)| {
         let mut sources = three();
@@ -96,7 +97,7 @@ fn any_change_of_an_input_is_found() {
     assert!(fewer.contains("was built from 3 inputs, 2 are named"), "{fewer}");
     let attributes = changed(|s| s[0] = s[0].clone().with("user_data", AttrType::U8, |_| 0));
     assert!(attributes.contains("its attributes are not those"), "{attributes}");
-    // The order of points and of inputs is no difference.
+    // The order of points and of inputs makes no difference.
     let mut sources = three();
     sources.reverse();
     sources[2].positions.reverse();
@@ -104,7 +105,7 @@ fn any_change_of_an_input_is_found() {
 }
 
 #[test]
-fn bounds_that_lie_start_the_build_again_on_a_lattice_that_fits() {
+fn wrong_bounds_restart_the_build_on_a_lattice_that_fits() {
     let far = |i: u64| [below(2 * i, 1000) + 2_000_000_000, below(2 * i + 1, 1000), 5];
     let a = given("a", [0.001; 3], points(3000)).with("user_data", AttrType::U8, |i| i);
     let b = given("b", [0.1; 3], (0..3000).map(far).collect());
@@ -123,7 +124,7 @@ fn bounds_that_lie_start_the_build_again_on_a_lattice_that_fits() {
         assert_eq!(file.metadata().lattice, honest.1.metadata().lattice);
         assert_eq!(report.hash, honest.0.hash);
     }
-    // Alone, an input's own integers always fit: no bounds are asked.
+    // The integers of a single input always fit, whatever its bounds.
     let (_, file) = whole(&[b.claiming(zero)], &options());
     assert_eq!(file.metadata().lattice.shift, [0; 3]);
 }
@@ -138,7 +139,7 @@ fn coloured(name: &str, value: fn(u64) -> u64, depth: ColourDepth) -> Given {
 }
 
 #[test]
-fn colours_of_another_depth_than_thought_are_put_right() {
+fn wrong_colour_depths_are_corrected() {
     use ColourDepth::{Eight, Sixteen};
     let dark = |name, depth| coloured(name, |i| i % 256, depth);
     let bright = |name, depth| coloured(name, |i| i * 32, depth);
@@ -158,12 +159,12 @@ fn colours_of_another_depth_than_thought_are_put_right() {
     assert_eq!(depths(&[dark("a", Eight), bright("b", Eight)]), (vec![Eight, Sixteen], 2));
     assert_eq!(depths(&[dark("a", Sixteen), bright("b", Sixteen)]), (vec![Eight, Sixteen], 2));
     assert_eq!(depths(&[dark("a", Sixteen), bright("b", Eight)]), (vec![Eight, Sixteen], 2));
-    // Two that were thought different and are alike are one class.
+    // Two depths that were detected as different and turn out to be equal make one class.
     assert_eq!(depths(&[dark("a", Eight), dark("b", Sixteen)]), (vec![Eight, Eight], 1));
 }
 
 #[test]
-fn a_depth_that_the_user_names_stays() {
+fn a_colour_depth_that_the_user_names_is_kept() {
     let dark = coloured("a", |i| i % 256, ColourDepth::Sixteen);
     let options = Options { colour_depth: Some(ColourDepth::Sixteen), ..options() };
     let (_, file) = whole(&[dark], &options);

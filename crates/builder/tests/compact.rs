@@ -1,5 +1,6 @@
-//! Compact planes: their palette is a function of the points alone, whatever the threads, the memory and the interruptions; what
-//! is appended has the palette of what it is appended to; scans without colours have none.
+//! Compact planes: the palette is a function of the points alone, whatever the threads, the memory
+//! and the interruptions; appended scans share the palette of the old file; scans without colours
+//! have none.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 #![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
 
@@ -22,7 +23,8 @@ fn below(i: u64, n: u64) -> u64 {
     (mixed(x, 0x94d0_49bb_1331_11eb) >> 33) % n
 }
 
-/// Hills of many colours, in two inputs: of 16 bits in the high byte, which the first points hide, and of 8; and one without.
+/// Hills of many colours in two inputs, of 16 bits (in the high byte, which the first points hide)
+/// and of 8 bits; and one input without colours.
 fn coloured() -> Vec<Given> {
     let hills = |from: u64, n: u64| {
         let at = move |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), below(i, 300)];
@@ -83,23 +85,24 @@ fn the_palette_is_the_same_under_another_memory_bound_and_near_its_colours() {
     assert!(a.metadata().palette.is_some());
     assert_eq!(a.metadata().palette, b.metadata().palette);
     assert_eq!(ample.palette_misfit, little.palette_misfit);
-    // Colours fill a cube of 200 steps a side and one of 90: 255 cells of it have edges of some 32 steps.
+    // Colours fill a cube of 200 steps a side and one of 90: 255 cells of it have edges of some 32
+    // steps.
     let misfit = ample.palette_misfit.unwrap();
     assert!(misfit.mean > 5.0 && misfit.mean < 18.0 && misfit.worst < 64.0, "{misfit:?}");
     assert!(misfit.mean < misfit.most && misfit.most <= misfit.worst, "{misfit:?}");
 }
 
-/// Stops after so many questions whether to stop; keeps what is noted.
+/// Cancels the task after `after` checks; keeps its notes.
 #[derive(Default)]
 struct Stops {
-    asked: AtomicU64,
+    checks: AtomicU64,
     after: u64,
     notes: Mutex<String>,
 }
 
 impl Task for Stops {
     fn is_cancelled(&self) -> bool {
-        self.asked.fetch_add(1, Relaxed) >= self.after
+        self.checks.fetch_add(1, Relaxed) >= self.after
     }
 
     fn note(&self, line: &str) {
@@ -108,7 +111,7 @@ impl Task for Stops {
 }
 
 #[test]
-fn a_build_that_goes_on_has_the_same_palette() {
+fn a_resumed_build_has_the_same_palette() {
     let sources = coloured();
     let expected = bytes_of(&sources, LITTLE, 2);
     let mut kept = 0;
@@ -124,14 +127,14 @@ fn a_build_that_goes_on_has_the_same_palette() {
         let cut = run(Resume::Later, after);
         kept += u32::from(matches!(cut, Err(BuildError::Kept(_))));
         let report = cut.or_else(|_| run(Resume::Now, u64::MAX)).unwrap();
-        assert!(std::fs::read(&out).unwrap() == expected, "other bytes after {after} questions");
+        assert!(std::fs::read(&out).unwrap() == expected, "other bytes after {after} checks");
         assert!(report.palette_misfit.is_some_and(|m| m.mean > 5.0), "{report:?}");
     }
     assert!(kept > 3, "{kept} builds were cut short");
 }
 
 #[test]
-fn without_colours_there_is_nothing_to_do() {
+fn without_colours_there_is_no_compact_plane() {
     let black = |given: Given| {
         ["red", "green", "blue"].iter().fold(given, |g, name| g.with(name, AttrType::U8, |_| 0))
     };
@@ -148,7 +151,7 @@ fn without_colours_there_is_nothing_to_do() {
 }
 
 #[test]
-fn what_is_appended_has_the_same_palette_and_merging_trains_one() {
+fn appending_keeps_the_palette_and_merging_trains_a_new_one() {
     let folder = tempfile::tempdir().unwrap();
     let [a, b, c] = ["a.esker", "b.esker", "c.esker"].map(|name| folder.path().join(name));
     let sources = coloured();
@@ -161,7 +164,7 @@ fn what_is_appended_has_the_same_palette_and_merging_trains_one() {
     assert_eq!(both.palette(), old.palette());
     assert!(both.palette().is_some());
     both.files().for_each(|file| assert!(verify(file, &Silent).is_ok()));
-    // One tree without a compact plane, and there is no palette for all.
+    // If one tree has no compact plane, the forest has no palette.
     let bare = Options { compact: false, ..options() };
     append_sources(&old, boxed(&sources[1..2]), &c, &bare, &Silent).unwrap();
     assert_eq!(forest(&c).palette(), None);

@@ -1,5 +1,5 @@
-//! What a build makes depends on the points and the options alone: the same bytes whatever the number of
-//! threads and the order of the inputs' names, the same nodes under another memory bound.
+//! The result of a build depends on the points and the options alone: the same bytes for any number
+//! of threads and any order of the inputs, the same nodes under another memory bound.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 #![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
 
@@ -40,7 +40,7 @@ fn options() -> Options {
     Options { node_capacity: 1024, ..Default::default() }
 }
 
-/// In a pool of so many threads.
+/// Runs `work` in a pool of `threads` threads.
 fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
 }
@@ -52,7 +52,7 @@ fn bytes_of(sources: &[Given], shares: Shares) -> Vec<u8> {
     std::fs::read(out).unwrap()
 }
 
-/// Little memory: a few chunks at least, and most rows in scratch.
+/// Little memory: several chunks, and most rows in scratch.
 fn little() -> Shares {
     Shares { buffer_bytes_max: 200_000, chunk_bytes_max: 500_000 }
 }
@@ -83,7 +83,7 @@ fn built_with(sources: &[Given], shares: Shares, options: &Options) -> (Report, 
     })
 }
 
-/// All of the nodes but where their pages stand.
+/// All nodes, without the offsets of their pages.
 fn nodes(file: &EskerFile) -> Vec<Node> {
     file.table().nodes.iter().map(|n| Node { page_offset: 0, ..*n }).collect()
 }
@@ -115,7 +115,8 @@ fn the_same_nodes_under_another_memory_bound() {
 
 #[test]
 fn a_stack_larger_than_memory_has_the_nodes_of_one_that_fits() {
-    // 257 equal records and more of the same place: a stack cut into nodes by the order of records.
+    // Many equal records, and more at the same position: a stack that is cut into nodes by the
+    // order of records.
     let positions = (0..40_000).map(|i| if i % 4 == 0 { [i % 900, 5, 5] } else { [9, 9, 9] });
     let sources =
         [given("stack", [0.01; 3], positions.collect())

@@ -1,7 +1,7 @@
-//! Every prefix of a node, together with its ancestors' points, is an even sample: against a Poisson-disk sample of
-//! as many points, the largest gap is at most 1.5 times and the mean distance to the nearest neighbour at least
-//! 0.7 times as large. Tried are the prefixes of the root, and of the fullest inner node and leaf from the second
-//! depth on, that have 100 points or more with their ancestors'.
+//! Every prefix of a node, together with the points of its ancestors, is an even sample: compared
+//! with a Poisson-disk sample of as many points, the largest gap is at most 1.5 times and the mean
+//! distance to the nearest neighbour at least 0.7 times as large. Tested are prefixes with 100
+//! points or more of the root, and of the fullest inner node and leaf from the second depth on.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
 mod cloud;
@@ -14,10 +14,10 @@ use esker_points::strata::{STRATA, stratum_len};
 use poisson::{Growing, P, Poisson};
 use rayon::prelude::*;
 
-/// Below so many points chance has too large a part in the largest gap.
+/// With fewer points, chance dominates the largest gap.
 const POINTS_MIN: usize = 100;
 
-/// Positions of a cloud's points in millimetres, by a seed and an index.
+/// Positions of a cloud's points in millimetres, by seed and index.
 type Position = fn(u64, u64) -> [i32; 3];
 
 const CLOUDS: [(&str, Position); 6] = [
@@ -44,20 +44,21 @@ const CLOUDS: [(&str, Position); 6] = [
     }),
 ];
 
-/// A node's capacity, and points of a cloud.
+/// Capacity of nodes, and number of points.
 const SIZES: [(u32, u64); 4] = [(512, 16_000), (1024, 12_000), (1024, 24_000), (2048, 30_000)];
 
-/// Seeds of clouds; `ESKER_EVENNESS_SEEDS` names others, in hexadecimal, separated by commas.
+/// Seeds of clouds; the variable `ESKER_EVENNESS_SEEDS` sets others, in hexadecimal, separated by
+/// commas.
 const SEEDS: &str = "0,5151";
 
-/// What is measured of a prefix, over that of a Poisson-disk sample of as many points.
+/// Measures of a prefix over those of a Poisson-disk sample of as many points.
 struct Ratio {
     gap: f64,
     nearest: f64,
     what: String,
 }
 
-/// A built cloud, beside its points in random order.
+/// A built cloud, and its points in random order.
 struct Built {
     name: String,
     file: EskerFile,
@@ -95,7 +96,8 @@ impl Built {
         page.points().unwrap().positions.iter().map(|&p| lattice.world(p)).collect()
     }
 
-    /// The prefixes of a node with its ancestors' points in its cell, among all points of the cell.
+    /// Compares the prefixes of a node, with the points of its ancestors in its cell, with samples
+    /// of all points of the cell.
     fn compare(&self, node: usize) -> Vec<Ratio> {
         let nodes = &self.file.table().nodes;
         let (cell, lattice) = (nodes[node].cell(), self.file.metadata().lattice);
@@ -159,7 +161,7 @@ fn prefixes_with_their_ancestors_are_as_even_as_poisson_disk_samples() {
     assert!(nearest.nearest >= 0.7, "{}", nearest.what);
 }
 
-/// A road, a wall, a flight strip: however long it is, its points are those of a surface.
+/// A road, a wall, a flight strip: however long it is, its points have the radii of a surface.
 #[test]
 fn radii_of_a_strip_are_those_of_a_square_as_dense() {
     for (capacity, long, wide) in [(65_536, 200, 200), (65_536, 1000, 40), (1024, 2000, 20)] {
@@ -173,7 +175,7 @@ fn radii_of_a_strip_are_those_of_a_square_as_dense() {
             built(vec![cloud("strip", 0.001, long * wide, position)], &options);
         let nodes = &file.table().nodes;
         assert!(nodes.iter().all(|node| node.dimension() == 2), "{long} x {wide}");
-        // Of leaves: their own points and their ancestors' are all that there are.
+        // In leaves, own points and those of ancestors are all points.
         let mut radii = Vec::new();
         for (i, node) in (0..).zip(nodes).filter(|(_, node)| node.child_count == 0) {
             let planes = file.read_planes(i, &[PlaneKind::Position]).unwrap();
@@ -185,15 +187,15 @@ fn radii_of_a_strip_are_those_of_a_square_as_dense() {
         let median = radii[radii.len() / 2];
         assert!(
             (0.04..0.07).contains(&median),
-            "{long} x {wide}: {median} m where 0.05 lie between"
+            "{long} x {wide}: {median} m, where points are 0.05 m apart"
         );
     }
 }
 
-/// A floor whose noise reaches over a border of cells now and then: what lies beyond it is few points far apart, but part of
-/// the floor.
+/// A floor whose noise crosses a border of cells here and there: the few points beyond it are far
+/// apart, but part of the floor.
 #[test]
-fn what_is_scattered_beyond_a_border_of_cells_makes_no_blobs() {
+fn points_scattered_beyond_a_cell_border_have_no_wide_radii() {
     let position = |i: u64| {
         let (x, y) = ((i / 400) as i32, (i % 400) as i32);
         let up = if below(i, 500) == 0 { 3 } else { -3 };
@@ -218,10 +220,10 @@ fn what_is_scattered_beyond_a_border_of_cells_makes_no_blobs() {
     assert!(widest < 1.8, "a radius of {widest} times its node's spacing");
 }
 
-/// A floor that reaches over a border of cells by a hand's breadth: no node holds what lies there but the root, whose points
-/// are six times as far apart as the floor's.
+/// A floor that crosses a border of cells by 2 cm: only the root holds the points beyond, and its
+/// points are six times as far apart as those of the floor.
 #[test]
-fn what_reaches_over_a_border_of_cells_is_as_fine_as_what_it_belongs_to() {
+fn a_floor_that_reaches_over_a_cell_border_is_as_fine_there() {
     let position = |i: u64| [below(2 * i, 20_020) - 20_000, below(2 * i + 1, 20_000), 0];
     let options = esker_builder::Options { node_capacity: 4096, ..Default::default() };
     let (_, file, _folder) = built(vec![cloud("floor", 0.001, 160_000, position)], &options);
@@ -232,20 +234,20 @@ fn what_reaches_over_a_border_of_cells_is_as_fine_as_what_it_belongs_to() {
         for point in points {
             let x = u32::from(u16::from_le_bytes([point[0], point[1]])) << node.hot_shift;
             if file.metadata().lattice.world([node.box_min[0] + x, 0, 0])[0] >= 0.0 {
-                assert_eq!(i, 0, "only the root's");
+                assert_eq!(i, 0, "only the root holds them");
                 beyond += 1;
                 widest = widest.max(radius_factor(point[RADIUS_AT]) * node.spacing);
             }
         }
     }
     assert!(beyond > 100, "{beyond} points beyond the border");
-    assert!(widest < 0.15, "{widest} m, where points stand 0.05 m apart");
+    assert!(widest < 0.15, "{widest} m, where points are 0.05 m apart");
 }
 
-/// A sphere that is sampled as evenly as can be, and grazes cells: no point of the sample that no other is above is much wider
-/// than any.
+/// A sphere that is sampled as evenly as possible and grazes cells: no point of the root is much
+/// wider than another.
 #[test]
-fn what_grazes_a_cell_makes_no_blobs_in_the_uppermost_sample() {
+fn a_surface_that_grazes_cells_has_no_wide_radii_in_the_root() {
     const POINTS: u64 = 100_000;
     let position = |i: u64| {
         let (z, turn) =
@@ -261,7 +263,7 @@ fn what_grazes_a_cell_makes_no_blobs_in_the_uppermost_sample() {
     assert!(points.len() > 10_000 && widest < 2.1, "{} points, {widest} spacings", points.len());
 }
 
-/// A few points are no surface: seen whole, they are dots beside each other.
+/// A few points are no surface: drawn whole, they are dots.
 #[test]
 fn a_few_points_are_dots() {
     for count in [1, 2, 31, 32] {

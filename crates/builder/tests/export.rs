@@ -1,5 +1,5 @@
-//! A file's points are handed to the writer whole, or as the filter wants; whatever ends an export early leaves
-//! nothing behind.
+//! The points of a file are exported whole, or as a filter selects; an export that ends early
+//! leaves no file behind.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 #![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
 
@@ -8,7 +8,7 @@ mod given;
 
 use cloud::below;
 use esker_builder::{BuildError, Options, build_sources, export};
-use esker_format::{Footer, Forest, PlaneKind, Shown};
+use esker_format::{Footer, Forest, ForestFilter, PlaneKind};
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
 use esker_points::task::Silent;
 use esker_points::{AttrType, Filter, Task};
@@ -16,7 +16,7 @@ use given::{Given, boxed, given, names_in};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Points of a hill, of two sources: one with classes and times, the other with neither.
+/// Points of a hill in two sources: one with classes and times, the other with intensities only.
 fn sources() -> Vec<Given> {
     let hill = |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), below(i, 300)];
     let classed = given("a.las", [0.001; 3], (0..20_000).map(hill).collect())
@@ -33,7 +33,7 @@ fn built(folder: &Path) -> Forest {
     Forest::open(&out).unwrap()
 }
 
-/// The footer of the only file.
+/// Footer of the only file.
 fn footer(file: &Forest) -> &Footer {
     file.files().next().unwrap().footer()
 }
@@ -44,7 +44,7 @@ fn filter(change: impl FnOnce(&mut Filter)) -> Filter {
     filter
 }
 
-/// Lines of the export as text.
+/// Sorted lines of the export as text.
 fn lines(file: &Forest, folder: &Path, filter: &Filter) -> Vec<String> {
     let out = folder.join("out.csv");
     let report = export(file, &out, filter, &Silent).unwrap();
@@ -56,7 +56,7 @@ fn lines(file: &Forest, folder: &Path, filter: &Filter) -> Vec<String> {
 }
 
 #[test]
-fn sources_that_differ_come_out_together_with_zeros_for_what_they_lack() {
+fn different_sources_are_exported_together_with_zeros_for_missing_attributes() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());
     let report =
@@ -74,14 +74,16 @@ fn sources_that_differ_come_out_together_with_zeros_for_what_they_lack() {
 }
 
 #[test]
-fn classes_are_only_of_points_that_have_one() {
+fn class_filters_match_only_points_that_have_a_class() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());
-    // The bare points have zeros there, and no class; also where all classes that there are are wanted.
+    // Points of the second source are exported with zeros there, but have no class: not even a
+    // filter for all classes matches them.
     for (classes, points) in [("0", 4_000), ("0-4", 20_000), ("0-255", 20_000)] {
         let wanted = filter(|f| f.classes = Some(classes.parse().unwrap()));
         assert_eq!(lines(&file, folder.path(), &wanted).len(), points, "{classes}");
-        let shown = Shown::of(&file, Some(wanted.on(file.lattice()).unwrap()), None).unwrap();
+        let shown =
+            ForestFilter::of(&file, Some(wanted.on(file.lattice()).unwrap()), None).unwrap();
         let nodes = 0..file.table().nodes.len() as u32;
         let drawn = nodes.map(|node| {
             let planes = shown.read(&file, node, &[PlaneKind::Position]).unwrap();
@@ -94,7 +96,7 @@ fn classes_are_only_of_points_that_have_one() {
 }
 
 #[test]
-fn what_is_made_of_another_attribute_is_not_said_to_be_zero() {
+fn attributes_converted_from_others_are_not_reported_as_zero() {
     let folder = tempfile::tempdir().unwrap();
     let place = |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), 0];
     let scan = |name| given(name, [0.001; 3], (0..500).map(place).collect());
@@ -108,7 +110,7 @@ fn what_is_made_of_another_attribute_is_not_said_to_be_zero() {
             (Forest::open(&file).unwrap(), folder.path().join(format!("out.{ending}")));
         export(&file, &out, &Filter::default(), &Silent).unwrap().notes
     };
-    // A record of LAS has one field for both.
+    // A LAS record has one field for both.
     let two = [fine.clone(), coarse.clone()];
     assert_eq!(notes(&two, "las"), [""; 0]);
     let zeros = "zero where a point's source had none: scan_angle, scan_angle_rank";
@@ -117,7 +119,7 @@ fn what_is_made_of_another_attribute_is_not_said_to_be_zero() {
 }
 
 #[test]
-fn what_is_not_wanted_is_not_read() {
+fn nodes_that_a_filter_excludes_are_not_read() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());
     let out = folder.path().join("out.ply");
@@ -142,7 +144,7 @@ fn a_spacing_gives_an_even_sample_that_grows_with_it() {
         let wanted = filter(|f| f.max_spacing = Some(spacing));
         export(&file, &out, &wanted, &Silent).unwrap().points_out
     };
-    // 50 by 50 units: half the spacing, four times the points.
+    // 50 by 50 units: half the spacing gives four times the points.
     let points = [4.0, 2.0, 1.0].map(at);
     for pair in points.windows(2) {
         let ratio = pair[1] as f64 / pair[0] as f64;
@@ -152,34 +154,34 @@ fn a_spacing_gives_an_even_sample_that_grows_with_it() {
     assert_eq!(at(1e-6), 32_000);
 }
 
-/// Stops after so many questions whether to stop.
+/// Cancels the task after `after` checks.
 struct Stops {
-    asked: AtomicU64,
+    checks: AtomicU64,
     after: u64,
 }
 
 impl Task for Stops {
     fn is_cancelled(&self) -> bool {
-        self.asked.fetch_add(1, Ordering::Relaxed) >= self.after
+        self.checks.fetch_add(1, Ordering::Relaxed) >= self.after
     }
 }
 
 #[test]
-fn an_export_stops_wherever_it_is_asked_to() {
+fn an_export_can_be_cancelled_anywhere() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());
     for ending in ["las", "laz", "ply", "xyz"] {
         let out = folder.path().join(format!("out.{ending}"));
         let run = |after| {
-            let task = Stops { asked: AtomicU64::new(0), after };
+            let task = Stops { checks: AtomicU64::new(0), after };
             let result = export(&file, &out, &Filter::default(), &task);
-            (result, task.asked.into_inner())
+            (result, task.checks.into_inner())
         };
-        let (result, questions) = run(u64::MAX);
+        let (result, checks) = run(u64::MAX);
         result.unwrap();
         std::fs::remove_file(&out).unwrap();
-        assert!(questions > 100, "{questions}");
-        for after in (0..6).map(|i| i * (questions - 1) / 5) {
+        assert!(checks > 100, "{checks}");
+        for after in (0..6).map(|i| i * (checks - 1) / 5) {
             let (result, _) = run(after);
             assert!(matches!(result, Err(BuildError::Cancelled(_))), "{after}: {result:?}");
             assert_eq!(names_in(folder.path()), ["in.esker"]);
@@ -188,7 +190,7 @@ fn an_export_stops_wherever_it_is_asked_to() {
 }
 
 #[test]
-fn damage_is_told_and_an_earlier_file_survives() {
+fn damage_is_reported_and_an_earlier_file_survives() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());
     let out = folder.path().join("out.las");

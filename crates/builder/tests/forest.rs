@@ -1,5 +1,5 @@
-//! Appending leaves the old file as it is and loses nothing of the new inputs; merging makes of a forest the
-//! tree that building everything at once makes.
+//! Appending leaves the old file unchanged and loses no point of the new inputs; merging makes a
+//! forest into the tree that building everything at once makes.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
 mod cloud;
@@ -21,7 +21,7 @@ fn options() -> Options {
     Options { node_capacity: 256, ..Default::default() }
 }
 
-/// Keeps what is noted.
+/// Keeps the notes of a task.
 #[derive(Default)]
 struct Notes(std::sync::Mutex<Vec<String>>);
 
@@ -41,9 +41,9 @@ fn scan(name: &str, seed: u64, count: u64) -> Given {
     scan
 }
 
-struct Yard(tempfile::TempDir);
+struct TestFolder(tempfile::TempDir);
 
-impl Yard {
+impl TestFolder {
     fn new() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
@@ -76,11 +76,12 @@ impl Yard {
 
 #[test]
 fn finer_scans_are_appended_without_measuring_them() {
-    let yard = Yard::new();
-    yard.build("a", &[scan("a.las", 1, 2000)]);
+    let folder = TestFolder::new();
+    folder.build("a", &[scan("a.las", 1, 2000)]);
     let finer = given("b.las", [0.001; 3], (0..2000).map(|i| [i, 2 * i, 3]).collect());
-    let (old, notes) = (Forest::open(&yard.at("a")).unwrap(), Notes::default());
-    let report = append_sources(&old, boxed(&[finer]), &yard.at("b"), &options(), &notes).unwrap();
+    let (old, notes) = (Forest::open(&folder.at("a")).unwrap(), Notes::default());
+    let report =
+        append_sources(&old, boxed(&[finer]), &folder.at("b"), &options(), &notes).unwrap();
     assert_eq!((report.points_out, notes.0.into_inner().unwrap()), (2000, Vec::new()));
 }
 
@@ -90,7 +91,7 @@ fn hash(forest: &Forest) -> MultisetHash {
     sum
 }
 
-/// Records and points of all nodes, but for where their pages stand.
+/// Records and points of all nodes, without the offsets of their pages.
 fn nodes(file: &EskerFile) -> Vec<(esker_points::Node, PagePoints)> {
     let nodes = file.table().nodes.iter().zip(0..);
     let node = |(node, i): (&esker_points::Node, u32)| {
@@ -101,20 +102,20 @@ fn nodes(file: &EskerFile) -> Vec<(esker_points::Node, PagePoints)> {
 }
 
 #[test]
-fn new_scans_stand_beside_the_old_file_which_stays_as_it_is() {
-    let yard = Yard::new();
+fn appending_leaves_the_old_file_unchanged() {
+    let folder = TestFolder::new();
     let (a, b, c) = (scan("a.las", 1, 3000), scan("b.las", 90_000, 2000), scan("c.las", 7, 500));
-    yard.build("a.esker", std::slice::from_ref(&a));
-    let before = yard.bytes("a.esker");
-    let forest = yard.append("a.esker", std::slice::from_ref(&b), "ab.esker");
-    assert_eq!(before, yard.bytes("a.esker"));
+    folder.build("a.esker", std::slice::from_ref(&a));
+    let before = folder.bytes("a.esker");
+    let forest = folder.append("a.esker", std::slice::from_ref(&b), "ab.esker");
+    assert_eq!(before, folder.bytes("a.esker"));
     let own = forest.files().next().unwrap();
     assert_eq!(own.footer().hash, hash_of(std::slice::from_ref(&b), own));
     assert_eq!((own.footer().points, forest.points()), (2000, 5000));
     against_sources(own, boxed(std::slice::from_ref(&b)), &Silent).unwrap();
 
-    // A forest is appended to as a file is; the list of the new one is whole.
-    let forest = yard.append("ab.esker", std::slice::from_ref(&c), "abc.esker");
+    // Forests are appended to like files; the list of the new forest is complete.
+    let forest = folder.append("ab.esker", std::slice::from_ref(&c), "abc.esker");
     let own = forest.files().next().unwrap();
     let named: Vec<_> = own.metadata().forest.iter().map(|tree| tree.path.as_str()).collect();
     assert_eq!(named, ["ab.esker", "a.esker"]);
@@ -125,30 +126,30 @@ fn new_scans_stand_beside_the_old_file_which_stays_as_it_is() {
 
 #[test]
 fn points_off_the_old_lattice_are_rounded_and_those_outside_are_refused_and_counted() {
-    let yard = Yard::new();
-    yard.build("a.esker", &[scan("a.las", 1, 300)]);
+    let folder = TestFolder::new();
+    folder.build("a.esker", &[scan("a.las", 1, 300)]);
     let mut fine = scan("fine.las", 5, 1000);
     fine.info.grid.grid.scale = [0.003; 3];
-    // The lattice of hundredths reaches 21,474,836.47; this input's, moved, lies half outside.
+    // The lattice of hundredths reaches 21,474,836.47; half of this input, moved, lies outside.
     let mut far = scan("far.las", 9, 1000).at([21_474_790.0, 0.0, 0.0]);
     far.info.verbatim.clear();
     let outside = far.positions.iter().filter(|p| p[0] > 4647).count() as u64;
     assert!(outside > 100 && outside < 900);
-    let old = Forest::open(&yard.at("a.esker")).unwrap();
+    let old = Forest::open(&folder.at("a.esker")).unwrap();
     let sources = [fine, far];
     let report =
-        append_sources(&old, boxed(&sources), &yard.at("b.esker"), &options(), &Silent).unwrap();
+        append_sources(&old, boxed(&sources), &folder.at("b.esker"), &options(), &Silent).unwrap();
     assert_eq!(report.points_in, 2000);
     assert_eq!(report.points_out, 2000 - outside);
     assert_eq!(report.points_refused, [(OFF_LATTICE.to_string(), outside)].into());
     assert!(report.rounding_error_max > 0.001 && report.rounding_error_max <= 0.005);
-    let file = EskerFile::open(&yard.at("b.esker")).unwrap();
+    let file = EskerFile::open(&folder.at("b.esker")).unwrap();
     esker_format::verify(&file, &Silent).unwrap();
     let refused: Vec<u64> =
         file.metadata().sources.iter().map(|s| s.refused.values().sum()).collect();
     assert_eq!(refused, [outside, 0]);
     against_sources(&file, boxed(&sources), &Silent).unwrap();
-    // One more that is outside is noticed.
+    // Another point outside is detected.
     let mut changed = sources.clone();
     let inside = changed[1].positions.iter().position(|p| p[0] <= 4647).unwrap();
     changed[1].positions[inside][0] = 100_000;
@@ -159,31 +160,31 @@ fn points_off_the_old_lattice_are_rounded_and_those_outside_are_refused_and_coun
 }
 
 #[test]
-fn another_reference_system_is_refused_with_both_names_unless_told_otherwise() {
-    let yard = Yard::new();
+fn another_reference_system_is_refused_with_both_names_unless_ignored() {
+    let folder = TestFolder::new();
     let system = |mut scan: Given, name: &str| {
         scan.info.crs = Some(Crs { text: format!("PROJCS[\"{name}\"]"), unit: None });
         scan
     };
-    yard.build("a.esker", &[system(scan("a.las", 1, 300), "Here")]);
-    let old = Forest::open(&yard.at("a.esker")).unwrap();
+    folder.build("a.esker", &[system(scan("a.las", 1, 300), "Here")]);
+    let old = Forest::open(&folder.at("a.esker")).unwrap();
     let append = |source: Given, options: &Options| {
-        append_sources(&old, boxed(&[source]), &yard.at("b.esker"), options, &Silent)
+        append_sources(&old, boxed(&[source]), &folder.at("b.esker"), options, &Silent)
     };
     let there = || system(scan("b.las", 2, 300), "There");
     let error = append(there(), &options()).unwrap_err().to_string();
     for word in ["a.esker", "b.las", "Here", "There", "--ignore-crs"] {
         assert!(error.contains(word), "{error}");
     }
-    assert!(!yard.at("b.esker").exists());
+    assert!(!folder.at("b.esker").exists());
     append(there(), &Options { ignore_crs: true, ..options() }).unwrap();
     append(system(scan("b.las", 2, 300), "Here"), &options()).unwrap();
     append(scan("b.las", 2, 300), &options()).unwrap();
 }
 
-/// Under one name there is one scale: with another the same stored value would be another one.
+/// A name has one scale; with another the same stored value would be a different one.
 #[test]
-fn attributes_that_count_in_other_steps_are_refused_with_both_names() {
+fn attributes_of_different_scales_are_refused_with_both_names() {
     let of = |name: &str, scale: f64| {
         let mut scan = scan(name, 5, 100).with("height", AttrType::U16, |i| i);
         let schema = std::sync::Arc::make_mut(&mut scan.info.schema);
@@ -191,57 +192,60 @@ fn attributes_that_count_in_other_steps_are_refused_with_both_names() {
         schema.attributes[own].scale = scale;
         scan
     };
-    let yard = Yard::new();
+    let folder = TestFolder::new();
     let (fine, coarse) = (of("fine.las", 0.01), of("coarse.las", 0.1));
-    let told = |error: BuildError| {
+    let assert_names_both = |error: BuildError| {
         let error = error.to_string();
         for word in ["`height`", "fine", "coarse.las", "0.01", "0.1"] {
             assert!(error.contains(word), "{word}: {error}");
         }
     };
     let both = [fine.clone(), coarse.clone()];
-    let out = yard.at("both.esker");
-    told(build_sources(boxed(&both), &out, &options(), &Silent).unwrap_err());
-    yard.build("fine.esker", std::slice::from_ref(&fine));
-    let old = Forest::open(&yard.at("fine.esker")).unwrap();
-    told(append_sources(&old, boxed(&[coarse]), &out, &options(), &Silent).unwrap_err());
+    let out = folder.at("both.esker");
+    assert_names_both(build_sources(boxed(&both), &out, &options(), &Silent).unwrap_err());
+    folder.build("fine.esker", std::slice::from_ref(&fine));
+    let old = Forest::open(&folder.at("fine.esker")).unwrap();
+    assert_names_both(
+        append_sources(&old, boxed(&[coarse]), &out, &options(), &Silent).unwrap_err(),
+    );
     assert!(!out.exists());
-    // What rounding makes of a decimal number is the same.
-    yard.append("fine.esker", &[of("again.las", 0.1 * 0.1)], "two.esker");
+    // Differences by rounding of a decimal number are ignored.
+    folder.append("fine.esker", &[of("again.las", 0.1 * 0.1)], "two.esker");
 }
 
 #[test]
-fn what_is_read_is_not_written() {
-    let yard = Yard::new();
-    yard.build("a.esker", &[scan("a.las", 1, 300)]);
-    yard.append("a.esker", &[scan("b.las", 2, 300)], "ab.esker");
-    let (before, old) = (yard.bytes("a.esker"), Forest::open(&yard.at("ab.esker")).unwrap());
+fn a_file_that_is_read_is_not_overwritten() {
+    let folder = TestFolder::new();
+    folder.build("a.esker", &[scan("a.las", 1, 300)]);
+    folder.append("a.esker", &[scan("b.las", 2, 300)], "ab.esker");
+    let (before, old) = (folder.bytes("a.esker"), Forest::open(&folder.at("ab.esker")).unwrap());
     let over = append_sources(
         &old,
         boxed(&[scan("c.las", 3, 9)]),
-        &yard.at("a.esker"),
+        &folder.at("a.esker"),
         &options(),
         &Silent,
     );
     assert!(over.unwrap_err().to_string().contains("input and output at once"));
-    let over = merge(&[yard.at("ab.esker")], &yard.at("a.esker"), &options(), &Silent);
+    let over = merge(&[folder.at("ab.esker")], &folder.at("a.esker"), &options(), &Silent);
     assert!(over.unwrap_err().to_string().contains("input and output at once"));
-    assert_eq!(before, yard.bytes("a.esker"));
+    assert_eq!(before, folder.bytes("a.esker"));
 }
 
 #[test]
 fn a_merged_forest_is_the_tree_of_all_scans_built_at_once() {
-    let yard = Yard::new();
+    let folder = TestFolder::new();
     let all = [scan("a.las", 1, 3000), scan("b.las", 90_000, 2000), scan("c.las", 7, 500)];
-    let whole = yard.build("whole.esker", &all);
-    yard.build("a.esker", &all[..1]);
-    yard.append("a.esker", &all[1..2], "ab.esker");
-    yard.append("ab.esker", &all[2..], "abc.esker");
-    let merged = yard.merge(&["abc.esker"], "merged.esker");
+    let whole = folder.build("whole.esker", &all);
+    folder.build("a.esker", &all[..1]);
+    folder.append("a.esker", &all[1..2], "ab.esker");
+    folder.append("ab.esker", &all[2..], "abc.esker");
+    let merged = folder.merge(&["abc.esker"], "merged.esker");
     assert_eq!(nodes(&merged), nodes(&whole));
     assert_eq!(merged.footer().hash, whole.footer().hash);
     assert!(merged.metadata().forest.is_empty());
-    // The sources are known as before, their blocks included; and the scans are those of the points.
+    // Sources are recorded as before, including their verbatim blocks; and the inputs match the
+    // points.
     let record = |s: &esker_format::SourceRecord| (s.path.clone(), s.points, s.format.clone());
     let mut known: Vec<_> = merged.metadata().sources.iter().map(record).collect();
     known.sort();
@@ -251,39 +255,39 @@ fn a_merged_forest_is_the_tree_of_all_scans_built_at_once() {
         assert_eq!(merged.verbatim(i).unwrap(), [block]);
     }
     against_sources(&merged, boxed(&all), &Silent).unwrap();
-    // Trees over one place are thinned each by itself, which is said.
+    // Overlapping trees are thinned separately, which is noted.
     let filter = Filter { max_spacing: Some(2.0), ..Filter::default() };
     let thinned = |name: &str| {
-        let forest = Forest::open(&yard.at(name)).unwrap();
-        let exported = export(&forest, &yard.at("thinned.xyz"), &filter, &Silent).unwrap();
+        let forest = Forest::open(&folder.at(name)).unwrap();
+        let exported = export(&forest, &folder.at("thinned.xyz"), &filter, &Silent).unwrap();
         exported.notes.iter().any(|note| note.contains("trees overlap"))
     };
     assert!(thinned("abc.esker") && !thinned("merged.esker"));
-    // Named on their own, the same files make the same tree; twice named they are taken once.
-    let again = yard.merge(&["ab.esker", "abc.esker", "a.esker"], "again.esker");
+    // Named separately, the same files make the same tree; a file that is named twice is used once.
+    let again = folder.merge(&["ab.esker", "abc.esker", "a.esker"], "again.esker");
     assert_eq!(nodes(&again), nodes(&whole));
 }
 
 #[test]
-fn what_merging_does_not_take_over_is_told_with_what_makes_it_again() {
-    let yard = Yard::new();
+fn merging_notes_what_it_drops_and_the_options_that_restore_it() {
+    let folder = TestFolder::new();
     let all = [scan("a.las", 1, 3000)];
     let made =
         Options { normals: NormalsMode::Estimate, tangents: true, compact: true, ..options() };
-    build_sources(boxed(&all), &yard.at("a.esker"), &made, &Silent).unwrap();
+    build_sources(boxed(&all), &folder.at("a.esker"), &made, &Silent).unwrap();
     let notes = |options: &Options| {
-        let report = merge(&[yard.at("a.esker")], &yard.at("merged.esker"), options, &Silent);
+        let report = merge(&[folder.at("a.esker")], &folder.at("merged.esker"), options, &Silent);
         report.unwrap().notes
     };
-    let told = notes(&options());
-    let told = told.iter().find(|note| note.contains("not taken over")).unwrap();
-    assert!(told.contains("--normals estimate --tangents"), "{told}");
+    let notes_without = notes(&options());
+    let note = notes_without.iter().find(|note| note.contains("not taken over")).unwrap();
+    assert!(note.contains("--normals estimate --tangents"), "{note}");
     assert!(!notes(&made).iter().any(|note| note.contains("not taken over")));
 }
 
 #[test]
-fn merging_keeps_what_points_have_and_what_they_lack() {
-    let yard = Yard::new();
+fn merging_keeps_which_attributes_each_point_has() {
+    let folder = TestFolder::new();
     let bare = given("bare.xyz", [0.01; 3], scan("", 4, 900).positions);
     let coloured = |name: &str, depth: ColourDepth, step: u64| {
         scan(name, 11, 700)
@@ -294,9 +298,9 @@ fn merging_keeps_what_points_have_and_what_they_lack() {
     };
     let first = [bare, coloured("dark.las", ColourDepth::Eight, 0)];
     let second = [coloured("bright.las", ColourDepth::Sixteen, 80), scan("plain.las", 3, 400)];
-    yard.build("a.esker", &first);
-    yard.append("a.esker", &second, "b.esker");
-    let merged = yard.merge(&["b.esker"], "merged.esker");
+    folder.build("a.esker", &first);
+    folder.append("a.esker", &second, "b.esker");
+    let merged = folder.merge(&["b.esker"], "merged.esker");
     let all: Vec<Given> = first.into_iter().chain(second).collect();
     assert_eq!(merged.footer().hash, hash_of(&all, &merged));
     against_sources(&merged, boxed(&all), &Silent).unwrap();
@@ -318,11 +322,11 @@ fn merging_keeps_what_points_have_and_what_they_lack() {
 
 #[test]
 fn files_over_different_lattices_are_not_merged() {
-    let yard = Yard::new();
-    yard.build("a.esker", &[scan("a.las", 1, 300)]);
-    yard.build("b.esker", &[scan("b.las", 2, 300).at([0.5; 3])]);
-    let files = ["a.esker", "b.esker"].map(|name| yard.at(name));
-    let error = merge(&files, &yard.at("c.esker"), &options(), &Silent).unwrap_err().to_string();
+    let folder = TestFolder::new();
+    folder.build("a.esker", &[scan("a.las", 1, 300)]);
+    folder.build("b.esker", &[scan("b.las", 2, 300).at([0.5; 3])]);
+    let files = ["a.esker", "b.esker"].map(|name| folder.at(name));
+    let error = merge(&files, &folder.at("c.esker"), &options(), &Silent).unwrap_err().to_string();
     assert!(
         error.contains("a.esker") && error.contains("b.esker") && error.contains("lattice"),
         "{error}"
@@ -330,15 +334,16 @@ fn files_over_different_lattices_are_not_merged() {
 }
 
 #[test]
-fn a_damaged_tree_is_found_while_merging_and_leaves_nothing() {
-    let yard = Yard::new();
-    yard.build("a.esker", &[scan("a.las", 1, 3000)]);
-    yard.append("a.esker", &[scan("b.las", 2, 300)], "b.esker");
-    let mut bytes = yard.bytes("a.esker");
-    // In the directory of the first page: what lies between planes is looked at by verify alone.
+fn damage_found_while_merging_leaves_no_file() {
+    let folder = TestFolder::new();
+    folder.build("a.esker", &[scan("a.las", 1, 3000)]);
+    folder.append("a.esker", &[scan("b.las", 2, 300)], "b.esker");
+    let mut bytes = folder.bytes("a.esker");
+    // In the directory of the first page: bytes between planes are checked by verify alone.
     bytes[100] ^= 4;
-    std::fs::write(yard.at("a.esker"), bytes).unwrap();
-    let error = merge(&[yard.at("b.esker")], &yard.at("c.esker"), &options(), &Silent).unwrap_err();
+    std::fs::write(folder.at("a.esker"), bytes).unwrap();
+    let error =
+        merge(&[folder.at("b.esker")], &folder.at("c.esker"), &options(), &Silent).unwrap_err();
     assert!(error.to_string().contains("a.esker"), "{error}");
-    assert!(!yard.at("c.esker").exists());
+    assert!(!folder.at("c.esker").exists());
 }

@@ -1,4 +1,4 @@
-//! Hostile clouds come through whole: built, verified, counted, with the hash of their inputs.
+//! Hostile clouds are built without loss: verified, counted, and with the hash of their inputs.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
 mod cloud;
@@ -18,7 +18,7 @@ fn small(node_capacity: u32) -> Options {
     Options { node_capacity, ..Default::default() }
 }
 
-/// A cloud of millimetres whose points are told apart by a number.
+/// A cloud in millimetres whose points differ by a number.
 fn numbered(positions: Vec<[i32; 3]>) -> Given {
     given("cloud", MM, positions).with("gps_time", AttrType::F64, |i| (i as f64).to_bits())
 }
@@ -36,7 +36,7 @@ fn no_point_one_point_and_two_points() {
 
 #[test]
 fn a_chain_of_coincident_points_may_be_very_long() {
-    // Longer than any stack could follow node by node.
+    // Recursion node by node would overflow the stack.
     let (report, _) = whole(&[numbered(vec![[5; 3]; 3_000_000])], &small(64));
     assert_eq!(report.nodes, 46_875);
     assert_eq!(report.depth, 46_874);
@@ -71,7 +71,7 @@ fn scratch_holds_no_more_than_was_estimated_however_often_rows_are_parted() {
     let near = |i: u64| [0, 1, 2].map(|a| below(3 * i + a, 1000));
     let cloud = (0..250_000).map(near);
     let far = [i32::MAX, 3, i32::MIN];
-    // Seen from the first outlier all is one cell, from the second again.
+    // Seen from the first outlier everything is one cell, and again from the second.
     let clouds: [Vec<_>; 3] = [
         cloud.clone().collect(),
         cloud.clone().chain([far]).collect(),
@@ -79,7 +79,8 @@ fn scratch_holds_no_more_than_was_estimated_however_often_rows_are_parted() {
     ];
     for (outliers, positions) in clouds.iter().enumerate() {
         let rows_bytes = 12 * positions.len() as u64;
-        // Chunks of a fraction of the cell, and such of which one bucket may have all rows but several may not.
+        // Chunks that are a fraction of the cell; and chunks of which one bucket may have all rows
+        // but several may not.
         let (small_chunks, large_chunks) = (500_000, 60_000_000);
         for (buffer_bytes_max, normals, chunk_bytes_max) in [
             (0, Keep, small_chunks),
@@ -145,7 +146,7 @@ fn millimetres_at_ten_thousand_kilometres() {
     let far = numbered((0..60_000).map(point).collect()).at([1e7, -1e7, 1e7]);
     let (_, file) = whole(std::slice::from_ref(&far), &small(1024));
     assert_eq!(file.metadata().lattice.offset, [1e7, -1e7, 1e7]);
-    // Without an offset to carry it the raw numbers themselves are far away.
+    // Without an offset the raw numbers themselves are large.
     let plain = |i: u64| [2_000_000_000 + below(2 * i, 80_000), -2_000_000_000, below(2 * i, 99)];
     whole(&[numbered((0..60_000).map(plain).collect())], &small(1024));
 }
@@ -159,7 +160,7 @@ fn degrees_beside_metres() {
 }
 
 #[test]
-fn scales_that_no_length_has() {
+fn extreme_scales_are_built_or_refused() {
     let point = |i: u64| [below(3 * i, 5000), below(3 * i + 1, 5000), below(3 * i + 2, 200)];
     let cloud = |scale| given("cloud", [scale; 3], (0..3000).map(point).collect());
     for scale in [1e-300, 1e-170, 1e-40, 1e-12, 1e6, 1e25] {
@@ -176,7 +177,7 @@ fn scales_that_no_length_has() {
 }
 
 #[test]
-fn many_wide_points_for_which_little_memory_has_no_room_are_refused() {
+fn wide_points_that_do_not_fit_the_memory_bound_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.esker");
     let options = Options { memory_bytes: 256 << 20, ..Default::default() };
@@ -194,15 +195,15 @@ fn many_wide_points_for_which_little_memory_has_no_room_are_refused() {
 fn duplicates_in_pairs() {
     let point = |i: u64| [below(i / 2 * 3, 9000), below(i / 2 * 3 + 1, 9000), below(i / 2, 50)];
     whole(&[numbered((0..100_000).map(point).collect())], &small(512));
-    // Pairs that are alike in everything.
+    // Pairs of equal records.
     whole(&[given("bare", MM, (0..100_000).map(point).collect())], &small(512));
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Few places, many points: stacks above and below a node's capacity next to lone points, so that
-    /// nodes may lose all they offered.
+    /// Few positions, many points: stacks above and below a node's capacity next to lone points, so
+    /// that nodes may lose all points that they offered.
     #[test]
     fn stacks_of_any_height_beside_lone_points(
         stacks in prop::collection::vec(([0i32..6, 0i32..6, 0i32..3], 1usize..300), 1..12),
@@ -224,15 +225,15 @@ proptest! {
     }
 }
 
-/// A file that nobody could open is not found out at its end.
+/// Otherwise a file that nobody could open would be detected only at its end.
 #[test]
-fn nodes_too_wide_to_be_read_are_refused_before_anything_is() {
+fn nodes_too_wide_to_be_read_are_refused_before_the_inputs_are_read() {
     let mut wide = given("wide", MM, vec![[0; 3]; 10_000]);
     let attribute = |i| Attribute::new(format!("a{i}"), AttrType::F64);
     wide.info.schema = Arc::new(Schema::new((0..60_000).map(attribute).collect()));
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.esker");
-    // So much memory that its bound is not what refuses it.
+    // Enough memory that its bound is not the reason of the refusal.
     let options = Options { memory_bytes: 1 << 40, ..Default::default() };
     let error = build_sources(vec![wide.boxed()], &out, &options, &Silent).unwrap_err();
     assert!(error.to_string().contains("--node-capacity"), "{error}");

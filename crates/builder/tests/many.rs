@@ -1,5 +1,5 @@
-//! Very many inputs, and inputs whose headers lie about their bounds, cost no more than they should: every input is
-//! decoded a few times at most, however many there are.
+//! Very many inputs, and inputs with wrong bounds in their headers: every input is decoded a few
+//! times at most, however many there are.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
 mod cloud;
@@ -70,7 +70,7 @@ impl Source for Counted {
     }
 }
 
-/// Tiles that lie beside each other on grids of their own, each claiming these bounds.
+/// Adjacent tiles on grids of their own, each of which claims these bounds.
 fn tiles(count: u64, claims: Option<[[f64; 3]; 2]>) -> Vec<Given> {
     let tile = |i: u64| {
         let point = |j: u64| [0, 1, 2].map(|axis| below(99 * i + 3 * j + axis, 9000));
@@ -81,7 +81,7 @@ fn tiles(count: u64, claims: Option<[[f64; 3]; 2]>) -> Vec<Given> {
 }
 
 #[test]
-fn hundreds_of_headers_that_lie_are_measured_once() {
+fn hundreds_of_inputs_with_wrong_headers_are_measured_once() {
     for claims in [Some([[-9.0; 3], [-8.0; 3]]), Some([[f64::NAN; 3]; 2]), None] {
         let (sources, decoded) = (tiles(300, claims), Arc::new(AtomicU64::new(0)));
         let counted = |s: &Given| Box::new(Counted(s.clone(), decoded.clone())) as Box<dyn Source>;
@@ -97,12 +97,12 @@ fn hundreds_of_headers_that_lie_are_measured_once() {
 }
 
 #[test]
-fn bounds_that_claim_too_much_do_not_coarsen_the_lattice() {
+fn claimed_bounds_that_are_too_large_do_not_coarsen_the_lattice() {
     let everything = Some([[-1e300; 3], [1e300; 3]]);
     let (report, file) = whole(&tiles(3, everything), &options());
     assert_eq!(file.metadata().lattice.scale, [0.001; 3]);
     assert_eq!(report.rounding_error_max, 0.0);
-    // Points that are so far apart do.
+    // Points that are really that far apart do.
     let mut far = tiles(2, None);
     far[1] = far[1].clone().at([1e8, 0.0, 0.0]);
     let (_, file) = whole(&far, &options());
@@ -116,7 +116,7 @@ fn in_system(name: &str, text: Option<&str>) -> Given {
 }
 
 #[test]
-fn inputs_of_different_reference_systems_are_refused_unless_told_otherwise() {
+fn inputs_of_different_reference_systems_are_refused_unless_ignored() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.esker");
     let mixed = [
@@ -129,11 +129,11 @@ fn inputs_of_different_reference_systems_are_refused_unless_told_otherwise() {
     assert!(error.starts_with("b.las and c.las are in different"), "{error}");
     assert!(error.contains("`Mercator` and `Lambert`"), "{error}");
     assert!(given::names_in(folder.path()).is_empty());
-    let told = Options { ignore_crs: true, ..options() };
-    let report = build_sources(given::boxed(&mixed), &out, &told, &Silent).unwrap();
+    let ignoring = Options { ignore_crs: true, ..options() };
+    let report = build_sources(given::boxed(&mixed), &out, &ignoring, &Silent).unwrap();
     assert!(report.notes.iter().any(|n| n.contains("different coordinate")), "{:?}", report.notes);
     let file = EskerFile::open(&out).unwrap();
     assert_eq!(against_sources(&file, given::boxed(&mixed), &Silent).unwrap().points, 6);
-    // What says nothing agrees.
+    // An input without a reference system matches any.
     whole(&mixed[..2], &options());
 }

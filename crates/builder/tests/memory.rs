@@ -1,5 +1,5 @@
-//! A build keeps to its memory bound, on clouds many times as large. One test: what other tests of the same
-//! process hold would be counted.
+//! A build keeps to its memory bound, on clouds many times as large. This file has one test, since
+//! memory of other tests in the same process would be counted.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
 mod cloud;
@@ -11,12 +11,12 @@ use esker_scan::Source;
 
 const MEMORY_BYTES: u64 = 256 << 20;
 
-/// Builds within little memory, verifies and compares; the number of nodes.
+/// Builds with little memory, verifies and compares. Returns the number of nodes.
 fn bounded(make: impl Fn() -> Box<dyn Source>, count: u64) -> u64 {
     let options = Options { memory_bytes: MEMORY_BYTES, ..Default::default() };
     let (report, file, _folder) = built(vec![make()], &options);
     assert_eq!(report.points_out, count);
-    assert!(report.scratch_bytes > 0, "they fit into memory: no test of anything");
+    assert!(report.scratch_bytes > 0, "the rows fit into memory: nothing is tested");
     let peak = report.peak_anon_bytes;
     assert!(peak <= MEMORY_BYTES / 100 * 105, "{peak} of {MEMORY_BYTES} bytes used");
     let verified = esker_format::verify(&file, &Silent).unwrap();
@@ -32,7 +32,7 @@ fn ten_million_coincident_points_and_millions_of_scattered_ones_keep_to_the_boun
     assert_eq!(nodes, n.div_ceil(1 << 16));
     let scattered =
         |i| [below(2 * i, u32::MAX >> 1), below(2 * i + 1, u32::MAX >> 1), below(i, 90)];
-    // With more threads than so little memory has room for: fewer work.
+    // More threads than the memory has room for: fewer are used.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(16).build().unwrap();
     pool.install(|| bounded(|| cloud("scattered", 0.001, 4_500_000, scattered), 4_500_000));
 }

@@ -1,5 +1,6 @@
-//! Estimated normals through whole builds: right on walls and spheres, the same however memory cuts a cloud
-//! into chunks, turned to the scanner where it is known; and what `keep` and `none` leave in the file.
+//! Estimated normals through whole builds: right on walls and spheres, the same however memory cuts
+//! a cloud into chunks, turned to the scanner if its position is known; and the effect of the modes
+//! `keep` and `none` on the file.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
 mod cloud;
@@ -33,7 +34,7 @@ fn estimated(sources: &[Given], shares: Shares) -> EskerFile {
     build_from(boxed(sources), shares, NormalsMode::Estimate)
 }
 
-/// The normal of every position in a file, in metres about the lattice's origin.
+/// World positions and normal codes of all points of a file.
 fn normals(file: &EskerFile) -> Vec<([f64; 3], [i16; 2])> {
     let mut out = Vec::new();
     for i in 0..file.table().nodes.len() as u32 {
@@ -48,7 +49,7 @@ fn ample() -> Shares {
     Shares::of(1 << 30)
 }
 
-/// Degrees between the lines of a code and a direction.
+/// Angle between the lines of a code and a direction, degrees.
 fn angle(code: [i16; 2], n: [f64; 3]) -> f64 {
     let ours = oct_decode(code).map(f64::from);
     let norm = n.iter().map(|c| c * c).sum::<f64>().sqrt();
@@ -56,7 +57,7 @@ fn angle(code: [i16; 2], n: [f64; 3]) -> f64 {
     cos.abs().min(1.0).acos().to_degrees()
 }
 
-/// A wall of 20 m and a sphere of 3 m behind it, millimetres.
+/// A wall of 20 m and a sphere of 3 m behind it, in millimetres.
 fn wall_and_sphere(count: u64) -> Given {
     let place = |i: u64| {
         let at = |k: u64, n: u32| below(4 * i + k, n);
@@ -91,7 +92,7 @@ fn a_wall_and_a_sphere_have_their_normals_in_every_node() {
     assert!(mean < 1.0 && worst(&sphere) < 10.0, "{mean} {}", worst(&sphere));
 }
 
-/// Hills, a stack that no memory holds, a grid, strays far off.
+/// Hills, a stack that exceeds memory, a grid, distant strays.
 fn mixed(count: u64) -> Given {
     let place = |i: u64| {
         let (x, y) = (below(3 * i, 200_000), below(3 * i + 1, 150_000));
@@ -129,7 +130,7 @@ fn any_memory_bound_and_any_number_of_threads_give_the_same_normals() {
 }
 
 #[test]
-fn normals_look_to_the_tripod_that_saw_the_point() {
+fn normals_face_the_scanner_that_recorded_the_point() {
     let open = || {
         let path = Path::new("synthetic:office:60000:5");
         esker_scan::open(path, &Default::default(), &Silent as &dyn Task).unwrap()
@@ -159,7 +160,7 @@ fn normals_look_to_the_tripod_that_saw_the_point() {
     assert!(known > all * 9 / 10, "{known} of {all}");
 }
 
-/// A slope whose own normals, all alike, are not those that its points would give.
+/// A slope whose own normals, all equal, differ from those that its points would give.
 fn with_normals() -> Given {
     let component = |value: f32| move |_| u64::from(value.to_bits());
     given(

@@ -1,4 +1,4 @@
-//! Whatever ends a build early, nothing is left behind, and the error says what and where.
+//! A build that ends early leaves no file behind, and the error says what happened and where.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 #![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
 
@@ -26,34 +26,34 @@ fn options() -> Options {
     Options { node_capacity: 256, ..Default::default() }
 }
 
-/// Stops after so many questions whether to stop.
+/// Cancels the task after `after` checks.
 struct Stops {
-    asked: AtomicU64,
+    checks: AtomicU64,
     after: u64,
 }
 
 impl Task for Stops {
     fn is_cancelled(&self) -> bool {
-        self.asked.fetch_add(1, Ordering::Relaxed) >= self.after
+        self.checks.fetch_add(1, Ordering::Relaxed) >= self.after
     }
 }
 
 #[test]
-fn a_build_stops_wherever_it_is_asked_to() {
+fn a_build_can_be_cancelled_anywhere() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.esker");
     let little = Shares { buffer_bytes_max: 100_000, chunk_bytes_max: 300_000 };
     for shares in [Shares::of(1 << 30), little] {
         let run = |after| {
-            let task = Stops { asked: AtomicU64::new(0), after };
+            let task = Stops { checks: AtomicU64::new(0), after };
             let result = build_shared(boxed(&sources()), &out, &options(), shares, &task);
-            (result, task.asked.into_inner())
+            (result, task.checks.into_inner())
         };
-        let (result, questions) = run(u64::MAX);
+        let (result, checks) = run(u64::MAX);
         result.unwrap();
         std::fs::remove_file(&out).unwrap();
-        assert!(questions > 100, "{questions}");
-        for after in (0..12).map(|i| i * (questions - 1) / 11) {
+        assert!(checks > 100, "{checks}");
+        for after in (0..12).map(|i| i * (checks - 1) / 11) {
             let (result, _) = run(after);
             assert!(matches!(result, Err(BuildError::Cancelled(_))), "{after}: {result:?}");
             assert_eq!(names_in(folder.path()), [""; 0]);
@@ -62,8 +62,9 @@ fn a_build_stops_wherever_it_is_asked_to() {
 }
 
 #[test]
-fn cells_that_were_left_as_they_were_are_chosen_from_without_harm() {
-    // In an octant of each cell a lone point comes before 400 others, which may be left; the first octant has more of the kind.
+fn cancelling_while_nested_cells_are_sampled_is_harmless() {
+    // In one octant of each cell a lone point precedes 400 others, which may be left unsplit; the
+    // first octant holds more cells of the kind.
     let mut positions = Vec::new();
     for level in 6..12 {
         let half = 1u32 << level;
@@ -81,14 +82,14 @@ fn cells_that_were_left_as_they_were_are_chosen_from_without_harm() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.esker");
     let run = |after| {
-        let task = Stops { asked: AtomicU64::new(0), after };
+        let task = Stops { checks: AtomicU64::new(0), after };
         let options = Options { node_capacity: 64, ..Default::default() };
-        (build_sources(boxed(&sources), &out, &options, &task), task.asked.into_inner())
+        (build_sources(boxed(&sources), &out, &options, &task), task.checks.into_inner())
     };
-    let (result, questions) = run(u64::MAX);
+    let (result, checks) = run(u64::MAX);
     result.unwrap();
     std::fs::remove_file(&out).unwrap();
-    for after in 0..questions.min(400) {
+    for after in 0..checks.min(400) {
         let (result, _) = run(after);
         assert!(matches!(result, Err(BuildError::Cancelled(_))), "{after}: {result:?}");
     }
@@ -99,13 +100,13 @@ fn an_earlier_file_survives_a_build_that_fails() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.esker");
     std::fs::write(&out, "mine").unwrap();
-    let task = Stops { asked: AtomicU64::new(0), after: 3 };
+    let task = Stops { checks: AtomicU64::new(0), after: 3 };
     build_sources(boxed(&sources()), &out, &options(), &task).unwrap_err();
     assert_eq!(names_in(folder.path()), ["out.esker"]);
     assert_eq!(std::fs::read(&out).unwrap(), b"mine");
 }
 
-/// An input that breaks off.
+/// An input that ends too early.
 struct Broken(Given);
 
 impl Source for Broken {
@@ -129,7 +130,7 @@ impl Source for Broken {
 }
 
 #[test]
-fn a_damaged_input_leaves_nothing() {
+fn a_damaged_input_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.esker");
     let broken: Vec<Box<dyn Source>> = vec![Box::new(Broken(sources().remove(0)))];
@@ -139,7 +140,7 @@ fn a_damaged_input_leaves_nothing() {
 }
 
 #[test]
-fn places_that_do_not_exist_are_named() {
+fn folders_that_do_not_exist_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.esker");
     let nowhere = folder.path().join("nowhere");
@@ -153,7 +154,7 @@ fn places_that_do_not_exist_are_named() {
     let error = build_sources(boxed(&sources()), &nowhere.join("a.esker"), &options(), &Silent);
     let text = error.unwrap_err().to_string();
     assert!(text.contains("nowhere"), "{text}");
-    // A folder in the place of the file.
+    // A folder at the path of the output.
     std::fs::create_dir(&out).unwrap();
     let error = build_sources(boxed(&sources()), &out, &options(), &Silent).unwrap_err();
     assert!(error.to_string().contains("out.esker"), "{error}");
@@ -162,13 +163,13 @@ fn places_that_do_not_exist_are_named() {
 
 #[test]
 #[cfg(unix)]
-fn a_folder_that_takes_no_file_is_named() {
+fn a_folder_without_write_permission_is_named() {
     use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().unwrap();
     let closed = folder.path().join("closed");
     std::fs::create_dir(&closed).unwrap();
     std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o555)).unwrap();
-    // The superuser writes everywhere; another folder of the system takes nobody's files.
+    // The superuser may write everywhere; `/proc` refuses files of anyone.
     let closed = if std::fs::File::create(closed.join("probe")).is_ok() {
         PathBuf::from("/proc")
     } else {
@@ -186,7 +187,7 @@ fn a_folder_that_takes_no_file_is_named() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_device_is_no_place_for_a_file() {
+fn a_device_cannot_be_the_output() {
     let error = build_sources(boxed(&sources()), "/dev/full".as_ref(), &options(), &Silent);
     assert!(error.unwrap_err().to_string().contains("/dev/full"));
 }

@@ -1,13 +1,16 @@
-//! `esker bench`: its arguments and the calls.
+//! `esker bench`: the options of each benchmark, and the call of `esker_bench` that they become.
 
-use crate::commands::note_built;
 use crate::output::Output;
-use crate::shared::{BuildHow, DrawWithArgs, MethodArg, Threads, parse_camera};
+use crate::shared::{BuildHow, DrawWithArgs, MethodArg, Threads, note_built};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
-use esker_bench::build::Against;
-use esker_bench::stream::Settings;
-use esker_bench::{build, draw, leave_out, process, render, report, size, splats, stream};
+use esker_bench::build::{self, BuildBenchRequest, Rival};
+use esker_bench::draw::{self, DrawBenchRequest};
+use esker_bench::leave_out::{self, LeaveOutRequest};
+use esker_bench::render::{self, RenderBenchRequest};
+use esker_bench::size::{self, SizeBenchRequest};
+use esker_bench::splats::{self, SplatsBenchRequest};
+use esker_bench::stream::{self, FlightRequest, Settings, StreamBenchRequest};
 use esker_engine::cameras::camera::Camera;
 use esker_engine::io::progress::Progress;
 use esker_engine::io::quantity;
@@ -18,25 +21,38 @@ use std::sync::atomic::AtomicBool;
 
 #[derive(Subcommand)]
 pub enum Benchmark {
-    /// Fly a camera through a scan without a window and measure streaming: nodes, points, times, bytes
-    /// read, memory against the budgets; with and without the depth test.
+    /// Fly a camera through a scan without a window and measure streaming: nodes, points, times,
+    /// bytes read, memory against the budgets; with and without the depth test.
     Stream(Box<Stream>),
-    /// Draw points that lie in memory and measure how many a second become pixels, by every path of the GPU
-    /// and by the CPU, in Morton and in random order; and the share of memory bandwidth that they reach.
+    /// Draw points that are in memory: points a second by every path of the GPU and by the CPU, in
+    /// Morton and in random order, and the share of memory bandwidth that they reach.
     Draw(Box<Draw>),
-    /// Draw models whole by every method and backend, as table 1 of marroquim2007 does: project, pull-push, shade and
-    /// total milliseconds, beside the time in which the same bytes are copied; on a GPU beside its floor, memory and dispatches.
+    /// Draw models whole by every method and backend, as table 1 of marroquim2007 does:
+    /// milliseconds a pass, beside the time in which the same bytes are copied; on a GPU also
+    /// beside the floor that its memory and dispatches set.
     Render(Box<BenchRender>),
-    /// Draw a scene with and without each thing that it can do without: bytes read, bytes resident, milliseconds.
+    /// Draw a scene with and without each thing that it can do without: bytes read, bytes resident,
+    /// milliseconds.
     LeaveOut(Box<LeaveOut>),
-    /// Draw a scene from smaller forms of its planes: error of the picture, of places, colours and normals, against
-    /// bytes a point.
+    /// Draw a scene from smaller forms of its data: error of the picture, of positions, colours and
+    /// normals, against bytes a point.
     Size(BenchSize),
-    /// Build scans beside a rival program, turn by turn: seconds, CPU time, memory, scratch space, bytes out, and
-    /// what decoding alone takes.
+    /// Build scans and, in turn, have another program build them: seconds, CPU time, memory,
+    /// scratch space, bytes written, and what decoding alone takes.
     Build(BenchBuild),
-    /// Read scans and drop their points: the floor of building.
+    /// Read scans and discard their points: the least time that building can take.
     Decode(Decode),
+}
+
+/// Options of benchmarks that draw on the CPU and on a GPU.
+#[derive(ClapArgs)]
+pub struct DrawHow {
+    #[command(flatten)]
+    pub with: DrawWithArgs,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 /// Runs a benchmark.
@@ -54,13 +70,14 @@ pub fn run(benchmark: Benchmark, stop: Arc<AtomicBool>) -> Result<()> {
 
 #[derive(ClapArgs)]
 pub struct BenchRender {
-    /// .esker files or scans; generated models of as many points as the paper's where not said.
+    /// .esker files or scans; by default generated models with as many points as those of the
+    /// paper.
     #[arg(value_name = "MODEL", conflicts_with = "points")]
     pub models: Vec<PathBuf>,
     /// Numbers of points of generated models, such as 25k,5M.
     #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = quantity::points)]
     pub points: Vec<u64>,
-    /// Widths and heights in pixels.
+    /// Widths and heights in pixels; 512x512 and 1024x1024 by default.
     #[arg(
         long,
         value_name = "WxH,WxH",
@@ -68,19 +85,16 @@ pub struct BenchRender {
         value_parser = quantity::picture_size
     )]
     pub size: Vec<[u32; 2]>,
-    /// This method alone. With ewa and no model: splats of one size a second, in one pass and three
-    /// (table 1 of zwicker2004).
+    /// Measure this method alone. ewa without a model measures splats a second, in one pass and in
+    /// three (table 1 of zwicker2004).
     #[arg(long, value_enum)]
     pub method: Option<MethodArg>,
-    /// Draw points with so many times their radii, such as 1,2,4: what time does with them, beside that of a full screen.
+    /// Multiply the radii of points by these factors, such as 1,2,4: the time against the radius,
+    /// beside that of a full screen.
     #[arg(long, value_name = "X,X", value_delimiter = ',', value_parser = radius_factor)]
     pub radii: Vec<f32>,
     #[command(flatten)]
-    pub with: DrawWithArgs,
-    #[command(flatten)]
-    pub threads: Threads,
-    #[command(flatten)]
-    pub output: Output,
+    pub how: DrawHow,
 }
 
 #[derive(ClapArgs)]
@@ -91,39 +105,37 @@ pub struct LeaveOut {
     /// Width and height in pixels.
     #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
-    /// As of `esker render`.
-    #[arg(long, value_parser = parse_camera, default_value = "", hide_default_value = true)]
+    /// The camera, as in `esker render`.
+    #[arg(long, default_value = "", hide_default_value = true)]
     pub camera: Camera,
     #[command(flatten)]
-    pub with: DrawWithArgs,
-    #[command(flatten)]
-    pub threads: Threads,
-    #[command(flatten)]
-    pub output: Output,
+    pub how: DrawHow,
 }
 
 #[derive(ClapArgs)]
 pub struct BenchBuild {
-    /// Scans; each is built by itself, in a process of its own, into a temporary file; all in turn in each run.
+    /// The scans. Each is built by itself, in a process of its own, into a temporary file; each run
+    /// builds all of them.
     #[arg(required = true, value_name = "IN")]
     pub inputs: Vec<PathBuf>,
-    /// A rival: the path of PotreeConverter or copc_converter, or a command line such as
+    /// The other program: the path of PotreeConverter or copc_converter, or a command line such as
     /// "program -i {in} -o {out}".
-    #[arg(long, value_name = "PROGRAM", value_parser = parse_against)]
-    pub against: Option<Against>,
-    /// Runs that medians are taken of.
+    #[arg(long, value_name = "PROGRAM", value_parser = parse_rival)]
+    pub against: Option<Rival>,
+    /// Runs whose median is reported.
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub runs: usize,
-    /// Memory that our builds may use; half of what the machine grants where not said.
+    /// Memory that `esker build` may use; half of the machine's memory by default.
     #[arg(long, value_parser = quantity::bytes)]
     pub memory: Option<u64>,
-    /// Threads of ours; one a core where not said.
+    /// Threads of `esker build`; one a core by default.
     #[arg(long, value_parser = quantity::threads)]
     pub threads: Option<usize>,
-    /// Folder for all outputs and scratch files, which are deleted after each run; the system's where not said.
+    /// Folder for outputs and scratch files, which are deleted after each run; the system's
+    /// temporary folder by default.
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
-    /// Further options of `esker build`, for ours.
+    /// Further options of `esker build`.
     #[arg(last = true, value_name = "OPTIONS")]
     pub options: Vec<OsString>,
     #[command(flatten)]
@@ -143,44 +155,44 @@ pub struct Decode {
 
 #[derive(ClapArgs)]
 pub struct Stream {
-    /// .esker files; scans, and synthetic:SCENE:POINTS:SEED, are built first, into a temporary file. Each
-    /// is measured in a process of its own.
+    /// .esker files or scans; scans, and synthetic:SCENE:POINTS:SEED, are first built into a
+    /// temporary file. Each file is measured in a process of its own.
     #[arg(required = true, value_name = "FILE")]
     pub inputs: Vec<PathBuf>,
-    /// The camera's path; where not said: an overview, nearer, then a dense place.
+    /// The camera path; by default an overview, a nearer view, then a dense place.
     #[arg(long, value_name = "PATH.json")]
     pub path: Option<PathBuf>,
-    /// Drawing memory (in main memory, for the CPU renderer).
+    /// Drawing memory, which is main memory for the CPU renderer.
     #[arg(long, value_name = "BYTES", default_value = "512MiB", value_parser = quantity::bytes)]
     pub budget_gpu: u64,
-    /// Main memory beside that: table, statistics, staging, the renderer's buffers.
+    /// Main memory beside it: tables, statistics, staging, buffers of the renderer.
     #[arg(long, value_name = "BYTES", default_value = "1GiB", value_parser = quantity::bytes)]
     pub budget_ram: u64,
     #[command(flatten)]
     pub with: DrawWithArgs,
-    /// Draw what is hidden, too. Else the flight without the depth test is measured beside the one with.
+    /// Draw hidden nodes too, and measure no second flight.
     #[arg(long)]
     pub no_occlusion: bool,
-    /// Empty the system's cache of the file before each flight, and compare loading a view with plain
-    /// reads of the same ranges.
+    /// Remove the file from the system's cache before each flight, and compare loading a view with
+    /// plain reads of the same bytes.
     #[arg(long)]
     pub cold: bool,
     /// Width and height in pixels.
     #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
-    /// Measure with the settings of kanzok2015 as well: 5 buffers on their way, one loader, 2,000 nodes.
+    /// Measure the settings of kanzok2015 as well: 5 buffers in flight, one loader, 2,000 nodes.
     #[arg(long)]
     pub paper: bool,
-    /// Whose settings a single run has.
+    /// Settings of a single run.
     #[arg(long, value_enum, default_value_t, hide = true)]
     pub settings: SettingsArg,
     /// Build scans once with each of these node capacities, such as 32768,65536,131072.
     #[arg(long, value_delimiter = ',', value_name = "N,N")]
     pub capacities: Vec<u32>,
-    /// Read full planes where the file has compact ones, too (see build --compact).
+    /// Read exact colours although the file has compact ones (see build --compact).
     #[arg(long)]
     pub full: bool,
-    /// Folder for a picture of each view.
+    /// Write a picture of each view to this folder.
     #[arg(long, value_name = "DIR")]
     pub pictures: Option<PathBuf>,
     #[command(flatten)]
@@ -191,11 +203,11 @@ pub struct Stream {
 
 #[derive(ClapArgs)]
 pub struct Draw {
-    /// An .esker file, whose points are drawn in its order; generated points where not said.
+    /// An .esker file, whose points are drawn in its order; generated points by default.
     #[arg(value_name = "FILE", conflicts_with = "points")]
     pub file: Option<PathBuf>,
-    /// Numbers of generated points, such as 1M,20M; where not said 1, 5 and 20 million, on a GPU from 1 million
-    /// to as many as fit.
+    /// Numbers of generated points, such as 1M,20M; by default 1, 5 and 20 million, on a GPU from 1
+    /// million to as many as fit.
     #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = quantity::points)]
     pub points: Vec<u64>,
     /// Widths and heights in pixels.
@@ -207,23 +219,19 @@ pub struct Draw {
         value_parser = quantity::picture_size
     )]
     pub size: Vec<[u32; 2]>,
-    #[command(flatten)]
-    pub with: DrawWithArgs,
-    /// Positions on the GPU, at most.
+    /// Greatest sum of positions on the GPU.
     #[arg(long, value_name = "BYTES", default_value = "4GiB", value_parser = quantity::bytes)]
     pub budget_gpu: u64,
-    /// Positions in main memory, for the CPU renderer, at most.
+    /// Greatest sum of positions in main memory, for the CPU renderer.
     #[arg(long, value_name = "BYTES", default_value = "2GiB", value_parser = quantity::bytes)]
     pub budget_ram: u64,
     #[command(flatten)]
-    pub threads: Threads,
-    #[command(flatten)]
-    pub output: Output,
+    pub how: DrawHow,
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub enum SettingsArg {
-    /// Esker's.
+    /// Esker's defaults.
     #[default]
     Own,
     /// Those of kanzok2015.
@@ -253,13 +261,13 @@ pub struct BenchSize {
     pub output: Output,
 }
 
-/// A number of times that radii are drawn as large.
+/// Parses a factor of radii.
 fn radius_factor(text: &str) -> Result<f32> {
     let factor = text.parse().ok().filter(|factor| (0.01..=1000.0).contains(factor));
-    factor.with_context(|| format!("{text:?} is no number from 0.01 to 1000"))
+    factor.with_context(|| format!("{text:?} is not a number from 0.01 to 1000"))
 }
 
-/// Table 1.
+/// Table 1 of `marroquim2007`: times of a frame.
 fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
     if args.models.is_empty() && args.method == Some(MethodArg::Ewa) {
         return run_splats(args, stop);
@@ -267,52 +275,51 @@ fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
     if args.size.is_empty() {
         args.size = vec![[512, 512], [1024, 1024]];
     }
-    let request = render::Request {
+    let request = RenderBenchRequest {
         models: args.models,
         points: args.points,
         sizes: args.size,
         method: args.method.map(Into::into),
         radii: args.radii,
-        with: (&args.with).into(),
-        threads: args.threads.count,
+        with: (&args.how.with).into(),
+        threads: args.how.threads.count,
     };
-    args.output.report(stop, |progress| render::measure(&request, progress), render::text)
+    args.how.output.report(stop, |progress| render::measure(&request, progress), render::text)
 }
 
-/// Table 1 of the other paper.
+/// Table 1 of `zwicker2004`: splats a second.
 fn run_splats(args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
-    ensure!(args.radii.is_empty(), "--radii goes with models: name one, or another --method");
-    let request = splats::Request {
+    ensure!(args.radii.is_empty(), "--radii needs models: name one, or another --method");
+    let request = SplatsBenchRequest {
         splats: args.points,
         sizes: args.size,
-        with: (&args.with).into(),
-        threads: args.threads.count,
+        with: (&args.how.with).into(),
+        threads: args.how.threads.count,
     };
-    args.output.report(stop, |progress| splats::measure(&request, progress), splats::text)
+    args.how.output.report(stop, |progress| splats::measure(&request, progress), splats::text)
 }
 
-/// What leaving out saves.
 fn run_leave_out(args: LeaveOut, stop: Arc<AtomicBool>) -> Result<()> {
-    let request = leave_out::Request {
+    let request = LeaveOutRequest {
         files: args.files,
         size: args.size,
         camera: args.camera,
-        with: (&args.with).into(),
-        threads: args.threads.count,
+        with: (&args.how.with).into(),
+        threads: args.how.threads.count,
     };
-    args.output.report(stop, |progress| leave_out::measure(&request, progress), leave_out::text)
+    args.how.output.report(stop, |progress| leave_out::measure(&request, progress), leave_out::text)
 }
 
-/// Error against size.
 fn run_size(args: BenchSize, stop: Arc<AtomicBool>) -> Result<()> {
-    let request = size::Request { files: args.files, size: args.size, threads: args.threads.count };
+    let request =
+        SizeBenchRequest { files: args.files, size: args.size, threads: args.threads.count };
     args.output.report(stop, |progress| size::measure(&request, progress), size::text)
 }
 
 fn run_stream(args: Stream, stop: Arc<AtomicBool>) -> Result<()> {
     note_built(&args.inputs, &args.how);
-    let plan = process::Plan {
-        request: stream::Request {
+    let request = StreamBenchRequest {
+        flight: FlightRequest {
             path: args.path,
             with: (&args.with).into(),
             budget_gpu_bytes: args.budget_gpu,
@@ -331,35 +338,35 @@ fn run_stream(args: Stream, stop: Arc<AtomicBool>) -> Result<()> {
         build: args.how.options(),
         program: std::env::current_exe().context("cannot find the program itself")?,
     };
-    args.output.report(stop, |progress| process::stream(&plan, progress), report::text)
+    args.output.report(stop, |progress| stream::measure(&request, progress), stream::text)
 }
 
 fn run_draw(args: Draw, stop: Arc<AtomicBool>) -> Result<()> {
-    let request = draw::Request {
+    let request = DrawBenchRequest {
         file: args.file,
         points: args.points,
         sizes: args.size,
-        with: (&args.with).into(),
+        with: (&args.how.with).into(),
         budget_gpu_bytes: args.budget_gpu,
         budget_ram_bytes: args.budget_ram,
-        threads: args.threads.count,
+        threads: args.how.threads.count,
     };
-    args.output.report(stop, |progress| draw::measure(&request, progress), draw::text)
+    args.how.output.report(stop, |progress| draw::measure(&request, progress), draw::text)
 }
 
 fn run_build(args: BenchBuild, stop: Arc<AtomicBool>) -> Result<()> {
     let threads: Vec<_> = args.threads.iter().map(|n| format!("--threads={n}").into()).collect();
     let memory = args.memory.iter().map(|bytes| format!("--memory={bytes}").into());
-    let plan = build::Plan {
+    let request = BuildBenchRequest {
         inputs: args.inputs,
-        against: args.against,
+        rival: args.against,
         runs: args.runs,
         folder: args.scratch,
-        build_words: memory.chain(threads.clone()).chain(args.options).collect(),
-        decode_words: threads,
+        build_arguments: memory.chain(threads.clone()).chain(args.options).collect(),
+        decode_arguments: threads,
         esker: std::env::current_exe().context("cannot find the program itself")?,
     };
-    let report = args.output.watch(stop, |progress| build::measure(&plan, progress))?;
+    let report = args.output.watch(stop, |progress| build::measure(&request, progress))?;
     args.output.print(&report, || build::text(&report))?;
     match build::failure(&report) {
         Some(failure) => bail!(failure),
@@ -373,6 +380,6 @@ fn run_decode(args: Decode, stop: Arc<AtomicBool>) -> Result<()> {
     args.output.report(stop, decode, build::decode_text)
 }
 
-fn parse_against(text: &str) -> Result<Against, String> {
-    Against::parse(text).map_err(|e| format!("{e:#}"))
+fn parse_rival(text: &str) -> Result<Rival, String> {
+    Rival::parse(text).map_err(|e| format!("{e:#}"))
 }

@@ -1,26 +1,21 @@
-//! Each command: from its arguments to a call of the engine, and what that returns to standard output.
+//! The commands: each turns its options into a call of the engine, and prints the report.
 
 use crate::args::{Append, Build, Command, Render, Verify};
 use crate::output::{print, write};
-use crate::shared::BuildHow;
+use crate::shared::note_built;
 use crate::{export, view};
 use anyhow::Result;
+use esker_engine::calls::{build, demo, explain, info, render, verify};
+use esker_engine::draw::scene::PictureRequest;
 use esker_engine::io::progress::{Progress, Style};
-
-use esker_engine::calls::build;
-use esker_engine::calls::demo;
-use esker_engine::calls::explain;
-use esker_engine::calls::info;
-use esker_engine::calls::render;
-use esker_engine::calls::verify;
 use esker_engine::machine::devices;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Runs a command; `stop` is set when the user wants to stop. The exit code where it worked: that of the window, where
-/// that is what was run.
+/// Runs a command; `stop` is set when the user interrupts it. Returns the exit code: 0, or that of
+/// the window.
 pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
     let done = match command {
         Command::Build(args) => run_build(args, stop),
@@ -88,7 +83,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
     if args.fit {
         (camera.eye, camera.target) = (None, None);
     }
-    let request = esker_engine::draw::scene::PictureRequest {
+    let request = PictureRequest {
         size: args.size,
         method: args.method.into(),
         camera,
@@ -102,7 +97,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         with: (&args.with).into(),
         threads: args.how.threads.count,
         build: args.how.options(),
-        ..esker_engine::draw::scene::PictureRequest::default()
+        ..PictureRequest::default()
     };
     let (inputs, output) = (&args.inputs, &args.output);
     note_built(inputs, &args.how);
@@ -114,18 +109,8 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
     }
 }
 
-/// Says which options change nothing, of inputs that are built already.
-pub fn note_built(inputs: &[PathBuf], how: &BuildHow) {
-    let options = how.given().join(", ");
-    let is_built =
-        |file: &&PathBuf| esker_engine::io::file::is_esker(file).is_ok_and(|is_built| is_built);
-    for file in inputs.iter().filter(is_built).filter(|_| !options.is_empty()) {
-        eprintln!("note: {}: is built already, {options} changes nothing of it", file.display());
-    }
-}
-
-/// Where the sample scan lies: the current folder where it is a clone of the project, else where the
-/// program was built.
+/// Folder of the sample scan: the current folder if it is a clone of the project, else the one that
+/// the program was built from.
 fn project() -> &'static Path {
     let built = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new("."));
     if Path::new("tests/sample").is_dir() { Path::new(".") } else { built }

@@ -1,4 +1,4 @@
-//! `esker export`: its arguments and the call.
+//! `esker export`: its options, and the call that they become.
 
 use crate::output::Output;
 use crate::shared::{FilterArgs, Threads};
@@ -24,7 +24,7 @@ pub struct Export {
     pub output: Output,
 }
 
-/// Exports.
+/// Writes the scan and prints the report.
 pub fn run(args: Export, stop: Arc<AtomicBool>) -> Result<()> {
     let filter = args.filter.into();
     let (report, seconds) = args.output.watch(stop, |progress| {

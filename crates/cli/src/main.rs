@@ -1,5 +1,6 @@
-//! The `esker` binary: parses the command line, calls `esker_engine`, prints what comes back. Exit code 0
-//! means that all of it worked. With `--json` the last line of standard output is one object.
+//! The `esker` program: parses the command line, calls `esker_engine` or `esker_bench`, and prints
+//! the report. The exit code is 0 only if all of the work succeeded. With `--json` the last line of
+//! standard output is one JSON object.
 
 mod args;
 mod bench;
@@ -19,7 +20,7 @@ fn main() -> ExitCode {
     let args = args::Args::parse();
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
-    // A second Ctrl-C ends the program at once; temporary files have no final name.
+    // A second Ctrl-C ends the program at once, which leaves no file under its final name.
     let handler = ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
             std::process::abort();

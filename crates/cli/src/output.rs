@@ -1,9 +1,9 @@
-//! How every command tells what it does, and what came of it.
+//! Output of all commands: progress while they work, and a report as JSON or as text at their end.
 
 use anyhow::Result;
 use clap::{Args as ClapArgs, ValueEnum};
-use esker_engine::Value;
 use esker_engine::io::progress::{Progress, Style};
+use serde::Serialize;
 use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -19,36 +19,36 @@ pub struct Output {
 }
 
 impl Output {
-    /// Does some work under a bar, which is gone before anything else is told; `stop` ends it.
+    /// Does some work while progress is shown, which is cleared at its end; `stop` cancels it.
     pub fn watch<R>(&self, stop: Arc<AtomicBool>, work: impl FnOnce(&Progress) -> R) -> R {
         work(&Progress::new(self.progress.into(), stop))
     }
 
-    /// A report for machines or for people, to standard output.
-    pub fn print(&self, report: &Value, text: impl FnOnce() -> String) -> Result<()> {
+    /// Prints a report to standard output, as JSON or as text.
+    pub fn print<R: Serialize>(&self, report: &R, text: impl FnOnce() -> String) -> Result<()> {
         print(self.json, report, text)
     }
 
-    /// Measures, and prints the report.
-    pub fn report(
+    /// Does some work while progress is shown, and prints its report.
+    pub fn report<R: Serialize>(
         &self,
         stop: Arc<AtomicBool>,
-        measure: impl FnOnce(&Progress) -> Result<Value>,
-        text: impl FnOnce(&Value) -> String,
+        work: impl FnOnce(&Progress) -> Result<R>,
+        text: impl FnOnce(&R) -> String,
     ) -> Result<()> {
-        let report = self.watch(stop, measure)?;
+        let report = self.watch(stop, work)?;
         self.print(&report, || text(&report))
     }
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub enum ProgressArg {
-    /// A bar, on a terminal.
+    /// A bar, if standard error is a terminal.
     #[default]
     Bar,
     /// Lines of JSON.
     Json,
-    /// Nothing but notes.
+    /// Only notes.
     None,
 }
 
@@ -62,19 +62,19 @@ impl From<ProgressArg> for Style {
     }
 }
 
-/// A report for machines or for people, to standard output.
-pub fn print(as_json: bool, report: &Value, text: impl FnOnce() -> String) -> Result<()> {
-    write(&if as_json { report.to_string() } else { visible(&text()) })
+/// Prints a report to standard output, as JSON with sorted keys or as text.
+pub fn print<R: Serialize>(as_json: bool, report: &R, text: impl FnOnce() -> String) -> Result<()> {
+    write(&if as_json { serde_json::to_value(report)?.to_string() } else { visible(&text()) })
 }
 
-/// A text for a terminal: what files call their attributes, or are called, must not steer it.
+/// Escapes control characters: names of files and attributes must not control the terminal.
 pub fn visible(text: &str) -> String {
     let is_safe = |c: char| !c.is_control() || c == '\n' || c == '\t';
     let escape = |c: char| if is_safe(c) { c.to_string() } else { c.escape_default().to_string() };
     text.chars().map(escape).collect()
 }
 
-/// To standard output; a reader that went away is no reason to fail loudly.
+/// Writes a line to standard output. A closed pipe is no error: the reader has seen enough.
 pub fn write(text: &str) -> Result<()> {
     match writeln!(std::io::stdout().lock(), "{text}") {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(e.into()),

@@ -1,8 +1,8 @@
-//! Groups of options that several commands share.
+//! Groups of options that several commands share, and the engine's types that they become.
 
 use clap::{Args as ClapArgs, ValueEnum};
 use esker_engine::calls::export;
-use esker_engine::cameras::camera::Camera;
+use esker_engine::io::file::is_esker;
 use esker_engine::io::quantity;
 use esker_engine::machine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::{
@@ -10,48 +10,51 @@ use esker_engine::{
 };
 use std::path::PathBuf;
 
-/// How many threads work.
+/// Number of threads.
 #[derive(ClapArgs)]
 pub struct Threads {
-    /// Threads; one a core where not said.
+    /// Number of threads; one a core by default.
     #[arg(long = "threads", value_name = "N", value_parser = quantity::threads, default_value = "0", hide_default_value = true)]
     pub count: usize,
 }
 
-/// How scans are built, wherever they are.
+/// How scans are built.
 #[derive(ClapArgs)]
 pub struct BuildHow {
-    /// Memory that building may use, such as 4GiB; 256MiB at least. Half of what the machine grants where not said, or
-    /// that least.
+    /// Memory that building may use, such as 4GiB; at least 256MiB. Half of the machine's memory by
+    /// default, or that least.
     #[arg(long, value_parser = quantity::bytes)]
     pub memory: Option<u64>,
-    /// Folder for what does not fit memory; the system's where not said.
+    /// Folder for rows that do not fit in memory; the system's temporary folder by default.
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
-    /// Points that a node holds, 64 to 131072: 65536, or as many as in the file that is appended to, where not said.
+    /// Points that a node holds, 64 to 131072; 65536 by default, or as many as in the file that is
+    /// appended to.
     #[arg(long)]
     pub node_capacity: Option<u32>,
-    /// What 16-bit colour fields hold: values of 8 or of 16 bits. Detected for each input where not said.
+    /// What 16-bit colour fields hold: values of 8 or of 16 bits. Detected for each input by
+    /// default.
     #[arg(long, value_enum)]
     pub colour_bits: Option<ColourBits>,
-    /// How attributes that are not drawn are compressed; nothing is lost.
+    /// Compression of attributes that are not drawn; nothing is lost.
     #[arg(long, value_enum, default_value_t)]
     pub compress: Compress,
-    /// Take coordinates as they are where inputs name different coordinate reference systems.
+    /// Accept inputs of different coordinate reference systems, and take their coordinates as they
+    /// are.
     #[arg(long)]
     pub ignore_crs: bool,
     /// Where the normals that are drawn come from.
     #[arg(long, value_enum, default_value_t)]
     pub normals: NormalsArg,
-    /// Find sharp edges, at which --method ewa ends its splats; normals are estimated for it.
+    /// Find sharp edges, at which --method ewa clips its splats; estimates normals.
     #[arg(long)]
     pub sharp_features: bool,
-    /// Keep the shapes of splats (4 bytes a point), by which --method ewa closes the gaps between scan lines; normals are
-    /// estimated for it.
+    /// Store the shapes of splats (4 bytes a point), with which --method ewa closes the gaps
+    /// between scan lines; estimates normals.
     #[arg(long)]
     pub tangents: bool,
-    /// Keep positions a second time, with their colours in a palette (8 bytes a point): what is read and resident to draw colours
-    /// falls from 12 bytes a point to 8.
+    /// Store positions a second time, with palette colours (8 bytes a point), so that drawing
+    /// colours reads 8 bytes a point instead of 12.
     #[arg(long)]
     pub compact: bool,
     #[command(flatten)]
@@ -59,8 +62,9 @@ pub struct BuildHow {
 }
 
 impl BuildHow {
-    /// Which of them were given that say what is built, and so nothing of what is built already.
-    pub fn given(&self) -> Vec<&'static str> {
+    /// Names of the given options that change what is built, and so have no effect on an .esker
+    /// file.
+    fn given(&self) -> Vec<&'static str> {
         let all = [
             (self.node_capacity.is_some(), "--node-capacity"),
             (self.colour_bits.is_some(), "--colour-bits"),
@@ -73,13 +77,13 @@ impl BuildHow {
         all.into_iter().filter(|(is_given, _)| *is_given).map(|(_, name)| name).collect()
     }
 
-    /// For a build that is kept where it is cut short.
-    pub fn resumable(&self, goes_on: bool) -> BuildOptions {
-        let resume = if goes_on { Resume::Now } else { Resume::Later };
+    /// Options of a build that can be continued when it is interrupted; `resumes` continues one.
+    pub fn resumable(&self, resumes: bool) -> BuildOptions {
+        let resume = if resumes { Resume::Now } else { Resume::Later };
         BuildOptions { resume, ..self.options() }
     }
 
-    /// What they say.
+    /// Options of a build.
     pub fn options(&self) -> BuildOptions {
         let default = BuildOptions::default();
         BuildOptions {
@@ -98,6 +102,16 @@ impl BuildHow {
             ignore_crs: self.ignore_crs,
             ..default
         }
+    }
+}
+
+/// Prints a note for each input that is an `.esker` file, if there are options that have no effect
+/// on it.
+pub fn note_built(inputs: &[PathBuf], how: &BuildHow) {
+    let options = how.given().join(", ");
+    let is_built = |file: &&PathBuf| is_esker(file).is_ok_and(|is_built| is_built);
+    for file in inputs.iter().filter(is_built).filter(|_| !options.is_empty()) {
+        eprintln!("note: {}: is built already, {options} does not change it", file.display());
     }
 }
 
@@ -122,7 +136,7 @@ impl From<ColourBits> for ColourDepth {
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub enum NormalsArg {
-    /// From the scans, where they bring any.
+    /// From the scans, if they have any.
     #[default]
     Keep,
     /// Estimated for all points, from their neighbours.
@@ -143,12 +157,12 @@ impl From<NormalsArg> for NormalsMode {
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub enum Compress {
-    /// LZ4: costs little.
+    /// LZ4: fast.
     #[default]
     Fast,
     /// Zstandard: smaller, slower.
     Small,
-    /// Not at all.
+    /// No compression.
     None,
 }
 
@@ -162,20 +176,22 @@ impl From<Compress> for Codec {
     }
 }
 
-/// Which points are wanted; all where nothing is said.
+/// Choice of points; all by default.
 #[derive(ClapArgs)]
 pub struct FilterArgs {
-    /// Points in this box, its faces included, in the scan's coordinates; with four numbers, seen from above.
+    /// Points in this box, its faces included, in the scan's coordinates; with four numbers, seen
+    /// from above.
     #[arg(long = "box", value_name = "x0,y0,z0,x1,y1,z1", allow_hyphen_values = true)]
     pub bounds: Option<Bounds>,
-    /// Points over this polygon, its edges included, in the scan's coordinates: corners as "x,y x,y x,y", or a
-    /// file of lines of x and y (an empty one begins another ring) or of GeoJSON.
+    /// Points above or below this polygon, its edges included, in the scan's coordinates: corners
+    /// as "x,y x,y x,y", or a file of lines of x and y, in which an empty line begins another ring,
+    /// or of GeoJSON.
     #[arg(long, value_name = "POLYGON", allow_hyphen_values = true, value_parser = parse_polygon)]
     pub polygon: Option<Polygon>,
-    /// Points of these classes: numbers, ranges, names; such as 2,6 or ground,3-5.
+    /// Points of these classes: numbers, ranges and names, such as 2,6 or ground,3-5.
     #[arg(long, value_name = "CLASSES")]
     pub classes: Option<Classes>,
-    /// An even sample whose points are about this far apart: a length above 0, in the scan's unit.
+    /// An even sample whose points are about this length apart, above 0, in the scan's unit.
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = quantity::length)]
     pub max_spacing: Option<f64>,
 }
@@ -191,26 +207,26 @@ fn parse_polygon(word: &str) -> Result<Polygon, String> {
     export::polygon(word).map_err(|e| format!("{e:#}"))
 }
 
-/// What draws.
+/// Choice of the CPU or of a GPU.
 #[derive(ClapArgs)]
 pub struct DrawWithArgs {
-    /// What draws: a GPU where there is a real one, else the CPU (auto); a GPU or nothing; the CPU.
+    /// What draws: a real GPU if there is one, else the CPU (auto); a GPU or an error; the CPU.
     #[arg(long, value_enum, default_value_t)]
     pub backend: BackendArg,
-    /// How a GPU makes pixels of points; the best that it has where not said.
+    /// How a GPU makes pixels of points; by default the best path that it supports.
     #[arg(long, value_enum, hide = true)]
     pub gpu_path: Option<PathArg>,
-    /// The interface that a GPU is driven by.
+    /// Graphics interface of the GPU.
     #[arg(long, value_enum, hide = true)]
     pub gpu_api: Option<ApiArg>,
-    /// A driver on the CPU counts as a GPU, too.
+    /// Accept software drivers as GPUs.
     #[arg(long, hide = true)]
     pub gpu_software: bool,
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub enum BackendArg {
-    /// A GPU where there is a real one, else the CPU.
+    /// A real GPU if there is one, else the CPU.
     #[default]
     Auto,
     /// A GPU or an error.
@@ -221,7 +237,7 @@ pub enum BackendArg {
 
 #[derive(Clone, Copy, ValueEnum)]
 pub enum PathArg {
-    /// One 64-bit atomic minimum a point.
+    /// A 64-bit atomic minimum for each point.
     Atomics,
     /// Point primitives.
     Primitives,
@@ -266,7 +282,7 @@ pub enum MethodArg {
     /// Surfaces closed by pull-push interpolation.
     #[default]
     PullPush,
-    /// Splats of exact perspective shape, filtered and blended: for quality.
+    /// Splats of exact perspective shape, filtered and blended: slower, of the highest quality.
     Ewa,
 }
 
@@ -278,8 +294,4 @@ impl From<MethodArg> for Method {
             MethodArg::Ewa => Self::Ewa,
         }
     }
-}
-
-pub fn parse_camera(text: &str) -> Result<Camera, String> {
-    Camera::parse(text).map_err(|e| format!("{e:#}"))
 }

@@ -1,27 +1,28 @@
-//! `esker view`: starts the window, a program of its own that lies beside this one, so that this one links no window.
-//! Its arguments and its exit code are passed on.
+//! `esker view`: starts the window, `esker-view`, with the arguments as they are, and returns its
+//! exit code. The window is a program of its own, in the same folder, so that `esker` links no
+//! window library.
 
 use anyhow::{Context, Result, anyhow};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-/// The window's program.
+/// Name of the window's program.
 const PROGRAM: &str = "esker-view";
 
-/// What is passed on.
+/// Arguments that are passed on.
 #[derive(clap::Args)]
 #[command(disable_help_flag = true)]
 pub struct View {
-    /// What `esker-view` takes: a file or scans, and its options; `esker view --help` lists them.
+    /// A file or scans, and options of `esker-view`; `esker view --help` lists them.
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "FILE AND OPTIONS")]
     arguments: Vec<OsString>,
 }
 
-/// Shows the window until it is closed; its exit code.
+/// Shows the window until it is closed, and returns its exit code.
 ///
 /// # Errors
-/// Where its program is not there, with the command that builds it, or cannot be started.
+/// If the program is missing, which names the command that builds it, or cannot be started.
 pub fn run(view: &View) -> Result<ExitCode> {
     let own = std::env::current_exe().context("cannot find the program itself")?;
     let program = own.with_file_name(format!("{PROGRAM}{}", std::env::consts::EXE_SUFFIX));
@@ -34,16 +35,16 @@ pub fn run(view: &View) -> Result<ExitCode> {
     }
     let status = Command::new(&program).args(&view.arguments).status();
     let status = status.with_context(|| format!("{}: cannot be started", program.display()))?;
-    // What was ended by a signal has no code.
+    // A process that was ended by a signal has no code.
     Ok(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1).into())
 }
 
-/// Where the program was built from.
+/// Folder of the project that the program was built from.
 fn project() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new(".")).to_owned()
 }
 
-/// The command that puts the window's program beside `own`.
+/// The command that builds the window's program into the folder of `own`.
 fn build_command(own: &Path, project: &Path) -> String {
     let folder = own.parent().unwrap_or(Path::new("."));
     let is_built = folder.file_name().is_some_and(|name| name == "release" || name == "debug");
@@ -66,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_command_puts_the_program_beside_the_one_that_was_started() {
+    fn the_command_builds_the_window_beside_the_program_that_was_started() {
         let command = |own: &str| build_command(Path::new(own), Path::new("/src/esker"));
         let build = "cargo build --release -p esker-view --manifest-path /src/esker/Cargo.toml";
         assert_eq!(command("/src/esker/target/release/esker"), build);

@@ -1,6 +1,6 @@
-//! What the programs do, as calls: build, info, verify, export, render, demo, bench. Puts scan, build, format,
-//! lod, stream and render together; the programs only parse their command lines and print what comes
-//! back.
+//! What the programs do, as calls: build, info, verify, export, render, demo, bench. Puts scan,
+//! build, format, lod, stream and render together; the programs only parse their command lines and
+//! print what comes back.
 
 pub mod calls;
 pub mod cameras;
@@ -19,8 +19,8 @@ pub use esker_scan::caught::hide as hide_caught_panics;
 pub use esker_stream::{Cut, Status};
 pub use serde_json::Value;
 
-/// An error and its causes as one line, whatever they wrote; a cause that its effect already quotes is not
-/// said twice.
+/// An error and its causes as one line, whatever they wrote; a cause that its effect already quotes
+/// is not said twice.
 pub fn one_line(error: &anyhow::Error) -> String {
     let mut message = String::new();
     for cause in error.chain().map(ToString::to_string) {

@@ -1,6 +1,6 @@
-//! A scan in two parts, built and appended, gives the picture of the scan built at once: the very points where all
-//! are drawn, and surfaces as near as those of the same scan in nodes of another size. And it streams as one
-//! cloud, within its budgets, with nothing lost to what hides it.
+//! A scan in two parts, built and appended, gives the picture of the scan built at once: the very
+//! points where all are drawn, and surfaces as near as those of the same scan in nodes of another
+//! size. And it streams as one cloud, within its budgets, with nothing lost to what hides it.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[path = "../../render/tests/gpu/flip.rs"]
@@ -47,8 +47,8 @@ fn picture(file: &Forest, method: Method, target_spacing_px: f64, camera: &str) 
 struct Apart {
     /// Mean FLIP.
     flip: f64,
-    /// Shares of the pixels that are off by more than 8 of 255, that only the first covers, that only the
-    /// second does.
+    /// Shares of the pixels that are off by more than 8 of 255, that only the first covers, that
+    /// only the second does.
     off: f64,
     holes: f64,
     blobs: f64,
@@ -99,9 +99,9 @@ fn parts_give_the_picture_of_the_whole() {
                 parts.add(apart(&whole, &of(&forest, Method::PullPush, 1.0)));
                 sizes.add(apart(&whole, &of(&other.file, Method::PullPush, 1.0)));
             }
-            // Surfaces: each choice of points is a little different, as in nodes of another size, in one picture more
-            // than in another. Two trees of one ground have wider splats each (1.3 times the FLIP at most when this
-            // was made).
+            // Surfaces: each choice of points is a little different, as in nodes of another size,
+            // in one picture more than in another. Two trees of one ground have wider splats each
+            // (1.3 times the FLIP at most when this was made).
             println!("{} {split:?}: {parts:?} {sizes:?}", scan.display());
             let pictures = LOOKS.len() as f64;
             assert!(parts.flip <= sizes.flip * 1.4 + 0.002 * pictures, "{parts:?} {sizes:?}");
@@ -122,7 +122,8 @@ fn a_dense_tree_opens_no_holes_in_a_sparse_one_and_is_not_covered_by_it() {
             let truth = of(&truth.file);
             let [one, two] = [&at_once, &forest].map(|file| apart(&truth, &of(file)));
             println!("{} {camera:?}: {one:?} {two:?}", scan.display());
-            // One tree draws a sparse point by the dense cell that it lies in: a hole where the forest has none.
+            // One tree draws a sparse point by the dense cell that it lies in: a hole where the
+            // forest has none.
             assert!(two.holes <= one.holes * 1.1 + 0.001, "{one:?} {two:?}");
             let wrong = |apart: &Apart| apart.holes + apart.blobs;
             assert!(wrong(&two) <= wrong(&one) * 1.1 + 0.002, "{one:?} {two:?}");

@@ -1,5 +1,6 @@
-//! Whole pictures of three models and three scans, drawn by each way that a GPU of this machine has, software drivers
-//! included, against the CPU's: mean FLIP at most 0.01, at most 0.1 % of the pixels off by more than 8 of 255.
+//! Whole pictures of three models and three scans, drawn by each way that a GPU of this machine
+//! has, software drivers included, against the CPU's: mean FLIP at most 0.01, at most 0.1 % of the
+//! pixels off by more than 8 of 255.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[path = "../../render/tests/gpu/flip.rs"]

@@ -1,6 +1,6 @@
-//! Sessions on every GPU that the machine has, software drivers included: the CPU's picture, budgets kept on a
-//! random flight, no buffer left behind, and the CPU where the GPU fails. The flight takes some frames, and
-//! ESKER_FLIGHT_SECONDS, a device; ten minutes on each are
+//! Sessions on every GPU that the machine has, software drivers included: the CPU's picture,
+//! budgets kept on a random flight, no buffer left behind, and the CPU where the GPU fails. The
+//! flight takes some frames, and ESKER_FLIGHT_SECONDS, a device; ten minutes on each are
 //! `ESKER_FLIGHT_SECONDS=600 cargo test --release -p esker-engine --test gpu_session flight`.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
@@ -20,8 +20,8 @@ use std::time::{Duration, Instant};
 
 const BUDGET: u64 = 24 << 20;
 
-/// What each kind of device of this machine is asked for by: as it is, by point primitives, and with no more than
-/// WebGPU promises.
+/// What each kind of device of this machine is asked for by: as it is, by point primitives, and
+/// with no more than WebGPU promises.
 fn requests() -> Vec<GpuRequest> {
     let of = |backends| {
         let request = GpuRequest { backends, allow_software: true, ..GpuRequest::default() };

@@ -1,6 +1,6 @@
-//! What occlusion culling saves and what it costs, in rooms: of the nodes without a single visible point in
-//! the full-density picture most are culled, and the finished picture stays as it is. Prints the figures of
-//! each source: software depth, the last frame's depth, both.
+//! What occlusion culling saves and what it costs, in rooms: of the nodes without a single visible
+//! point in the full-density picture most are culled, and the finished picture stays as it is.
+//! Prints the figures of each source: software depth, the last frame's depth, both.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use esker_format::{Forest, PlaneKind, Planes};
@@ -90,9 +90,10 @@ impl Scan {
         Renderer::default().render(&frame).unwrap()
     }
 
-    /// The nodes with a point that the full-density picture shows: the nearest of its pixel, whose depth is then the
-    /// pixel's, not the mean of several, where one point wins a pixel; and not seen through a gap of a surface that is
-    /// closed where planes are told and points averaged, as pictures are drawn.
+    /// The nodes with a point that the full-density picture shows: the nearest of its pixel, whose
+    /// depth is then the pixel's, not the mean of several, where one point wins a pixel; and not
+    /// seen through a gap of a surface that is closed where planes are told and points averaged, as
+    /// pictures are drawn.
     fn visible(&self, view: &View) -> HashSet<u32> {
         let cut = self.cut(view, 0.0, None);
         let [picture, closed] = [false, true].map(|averages| self.drawn(view, &cut, averages));
@@ -257,9 +258,9 @@ fn over_several_offices_pictures_stay_in_the_mean() {
     assert!(changed < 5e-4, "{changed}");
 }
 
-/// 800 thousand uneven points, in nodes that are small in proportion and in larger ones, of which three quarters are
-/// culled: the others' parts reach past gaps in sparse walls, or out of empty space onto the picture, where the
-/// points in them don't.
+/// 800 thousand uneven points, in nodes that are small in proportion and in larger ones, of which
+/// three quarters are culled: the others' parts reach past gaps in sparse walls, or out of empty
+/// space onto the picture, where the points in them don't.
 #[test]
 fn in_a_sparse_scan_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
     let Some(data) = std::env::var_os("ESKER_DATA") else {

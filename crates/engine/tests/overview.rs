@@ -1,7 +1,7 @@
-//! The root of a file, and prefixes of it, show a scan as truly as a Poisson-disk sample of as many points: in colour
-//! (the mean colour of the sample in coarse cells against that of all points there), and as the picture of an overview
-//! (mean FLIP against the picture of all points). Samples become files of one node each, so that nothing but the
-//! choice of points differs.
+//! The root of a file, and prefixes of it, show a scan as truly as a Poisson-disk sample of as many
+//! points: in colour (the mean colour of the sample in coarse cells against that of all points
+//! there), and as the picture of an overview (mean FLIP against the picture of all points). Samples
+//! become files of one node each, so that nothing but the choice of points differs.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[path = "../../render/tests/gpu/flip.rs"]
@@ -37,12 +37,12 @@ const CAPACITY: u32 = 8192;
 const CELL_POINTS: usize = 4;
 /// Directions of view.
 const VIEWS: [[f64; 3]; 3] = [[0.0, 0.02, -1.0], [0.6, 0.5, -0.6], [-0.8, 0.3, -0.4]];
-/// How much greater our errors may be. Measured: pictures 0.99 to 1.06 times, of whole roots at most 1.01; colours 1.01 to
-/// 1.09 times.
+/// How much greater our errors may be. Measured: pictures 0.99 to 1.06 times, of whole roots at
+/// most 1.01; colours 1.01 to 1.09 times.
 const FLIP_RATIO_MAX: f64 = 1.1;
 const COLOUR_RATIO_MAX: f64 = 1.15;
-/// In few cells chance has a part: Poisson-disk samples of 500 points differ by up to 12 % among themselves, and ours
-/// had 0.83 to 1.24 times their error.
+/// In few cells chance has a part: Poisson-disk samples of 500 points differ by up to 12 % among
+/// themselves, and ours had 0.83 to 1.24 times their error.
 const FEW: (usize, f64) = (1000, 1.35);
 /// Poisson-disk samples that ours is compared with, each of another order of darts.
 const ORDERS: u64 = 3;
@@ -111,7 +111,8 @@ fn cells(points: &[Point], log2: u32) -> HashMap<[u32; 3], ([f64; 3], f64)> {
     cells
 }
 
-/// Mean distance of the cells' mean colours from those of all points, where the sample has a point: 0 to 255.
+/// Mean distance of the cells' mean colours from those of all points, where the sample has a point:
+/// 0 to 255.
 fn colour_error(sample: &[Point], all: &[Point], log2: u32) -> f64 {
     let (all, cells) = (cells(all, log2), cells(sample, log2));
     let distance = |(cell, (sum, n)): (&[u32; 3], &([f64; 3], f64))| {
@@ -142,7 +143,8 @@ struct Errors {
     flip: f64,
 }
 
-/// Our error over the mean of others; and that in words, with how far the others are from their mean.
+/// Our error over the mean of others; and that in words, with how far the others are from their
+/// mean.
 fn over(ours: f64, others: Vec<f64>) -> (f64, String) {
     let mean = others.iter().sum::<f64>() / others.len() as f64;
     let off = others.iter().map(|e| (e / mean - 1.0).abs()).fold(0.0, f64::max);
@@ -183,7 +185,8 @@ impl Scan {
         Errors { colour: colour_error(sample, &self.all, log2), flip }
     }
 
-    /// Holds that the root and two prefixes of it are no worse than Poisson-disk samples by these ratios.
+    /// Holds that the root and two prefixes of it are no worse than Poisson-disk samples by these
+    /// ratios.
     fn compare(&self, name: &str) {
         let lattice = self.file.lattice();
         let world = |p: &Point| lattice.world(p.0);

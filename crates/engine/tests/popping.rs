@@ -1,7 +1,7 @@
-//! No popping (issue of streaming; DESIGN, section 8): on a camera's way, whichever node arrives next never
-//! takes the picture away from the one of full density, in which everything is resident and every point in
-//! view is drawn; and no part of the picture is empty where that one is not. Nodes arrive in the streamer's
-//! order, in the paper's, and in random ones: what closes a hole must not depend on what came before.
+//! No popping: along a camera path, a node that arrives never moves the picture away from the one
+//! of full density, in which everything is resident and every point in view is drawn; and no part
+//! of the picture is empty where that one is not. Nodes arrive in the streamer's order, in the
+//! paper's, and in random ones: what closes a hole must not depend on what came before.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod pumping;
@@ -107,7 +107,8 @@ fn covered(picture: &Picture) -> f64 {
     covered as f64 / picture.depth.len() as f64
 }
 
-/// Shares of the pixels that one picture covers and the other one does not: of `b` in `a`, of `a` in `b`.
+/// Shares of the pixels that one picture covers and the other one does not: of `b` in `a`, of `a`
+/// in `b`.
 fn uncovered(a: &Picture, b: &Picture) -> [f64; 2] {
     let pixels = a.depth.len() as f64;
     let pairs = || a.depth.iter().zip(&b.depth).map(|(a, b)| (a.is_finite(), b.is_finite()));
@@ -171,8 +172,8 @@ fn error_per_byte(whole: &Whole, view: &View, missing: &Missing) -> f64 {
     missing.spacing_px * area_px / node.points() as f64
 }
 
-/// Flies along the path in so many steps, with so many arrivals at each, and all that are left at the
-/// last one.
+/// Flies along the path in so many steps, with so many arrivals at each, and all that are left at
+/// the last one.
 fn fly(whole: &Whole, path: &Flight, steps: usize, arrivals: usize, order: Order) -> Worst {
     let mut renderer = Renderer::default();
     let nodes = &whole.file.table().nodes;
@@ -208,8 +209,8 @@ fn fly(whole: &Whole, path: &Flight, steps: usize, arrivals: usize, order: Order
     worst
 }
 
-/// Asserts that nothing pops while a scan arrives in each order, and that no more is covered in excess than a share of what
-/// full density covers.
+/// Asserts that nothing pops while a scan arrives in each order, and that no more is covered in
+/// excess than a share of what full density covers.
 fn assert_only_sharpens(scan: &Path, node_capacity: u32, blobs_max: f64) {
     let folder = tempfile::tempdir().unwrap();
     let whole = Whole::build(scan, node_capacity, folder.path());
@@ -221,7 +222,8 @@ fn assert_only_sharpens(scan: &Path, node_capacity: u32, blobs_max: f64) {
         assert!(worst.rise <= 0.02, "{order:?}: a node pops: {worst:?}");
         assert!(worst.holes <= 0.02, "{order:?}: holes: {worst:?}");
         assert!(worst.blobs_added <= 0.01, "{order:?}: blobs: {worst:?}");
-        // What a camera comes near to is drawn as coarsely as it is known: no loader leaves that to chance.
+        // What a camera comes near to is drawn as coarsely as it is known: no loader leaves that to
+        // chance.
         let blobs_max = blobs_max * if matches!(order, Order::Random(_)) { 1.1 } else { 1.0 };
         assert!(worst.blobs <= blobs_max, "{order:?}: blobs: {worst:?}");
     }

@@ -1,6 +1,7 @@
-//! Close views show no specks: of a cloud a kilometre wide with millimetre steps, every point on the picture,
-//! from inner nodes too, is drawn within half a pixel of its exact coordinates, with the planes that the engine
-//! chose to read; and where hot positions are enough, the residuals are left on the disk.
+//! Close views show no specks: of a cloud a kilometre wide with millimetre steps, every point on
+//! the picture, from inner nodes too, is drawn within half a pixel of its exact coordinates, with
+//! the planes that the engine chose to read; and where hot positions are enough, the residuals are
+//! left on the disk.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use esker_engine::cameras::camera::Camera;
@@ -17,7 +18,8 @@ const AT: [f64; 2] = [3_000_000.0, 5_000_000.0];
 /// The middle of its dense spot, from the corner, metres.
 const SPOT: [f64; 2] = [612.345, 377.001];
 
-/// Points of a plane with relief, and of a dense spot of a metre in it, in millimetres from the corner.
+/// Points of a plane with relief, and of a dense spot of a metre in it, in millimetres from the
+/// corner.
 fn cloud() -> String {
     let mut text = String::new();
     let mut state = 0x0123_4567_89AB_CDEF_u64;

@@ -1,5 +1,5 @@
-//! Sessions: pictures at once and never empty, budgets kept on a random flight, faults of the file told
-//! while the rest goes on, and an end within a second.
+//! Sessions: pictures at once and never empty, budgets kept on a random flight, faults of the file
+//! told while the rest goes on, and an end within a second.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[path = "look/compact.rs"]
@@ -113,7 +113,8 @@ fn a_random_flight_stays_within_its_budgets_and_always_has_a_cut() {
         let mut session = open(sample(), budget);
         let mut wanderer = Wanderer::new(&session, seed);
         let mut drawn = 0;
-        // The first cut is another thread's, and an empty frame takes no time. From then on there is always one.
+        // The first cut is another thread's, and an empty frame takes no time. From then on there
+        // is always one.
         let deadline = Instant::now() + Duration::from_secs(60);
         let view = wanderer.next();
         while session.frame(&view).unwrap().cut.epoch == 0 {

@@ -1,19 +1,19 @@
-//! Error against size of a compact profile of hot planes, on the points of a file: positions of 10 or 8 bits
-//! an axis in the node's box (in the node's spacings), colours of 565 bits or in palettes of 256 (in CIE76
-//! dE, of which 2.3 is just visible), normals on the octahedron or in a codebook (in degrees).
-//! `cargo run --release --example compact -- FILE`.
+//! Measures the error of a compact profile of hot planes against its size, on the points of a file:
+//! positions of 10 or 8 bits an axis in the node's box (in the node's spacings), colours of 565
+//! bits or in palettes of 256 (in CIE76 dE, of which 2.3 is just visible), normals on the
+//! octahedron or in a codebook (in degrees). `cargo run --release --example compact -- FILE`.
 
 #![allow(clippy::unwrap_used, reason = "a measurement fails by panicking")]
 
 use esker_format::{EskerFile, PlaneKind};
 use esker_points::quant::{oct_decode, oct_encode};
 
-/// Errors, of which mean, 99th hundredth and greatest are told.
+/// Errors, reported by mean, 99th percentile and maximum.
 #[derive(Default)]
 struct Errors(Vec<f32>);
 
 impl Errors {
-    fn tell(mut self, what: &str, bits: &str) {
+    fn report(mut self, what: &str, bits: &str) {
         if self.0.is_empty() {
             return;
         }
@@ -64,9 +64,9 @@ fn positions(file: &EskerFile) {
             small.0.extend(points.iter().map(|p| error(p, 8)));
         }
     }
-    ten.tell("position 10-10-10, in spacings", "30");
-    eight.tell("position 8-8-8, in spacings", "24");
-    small.tell("position 8-8-8, nodes to 4096", "24");
+    ten.report("position 10-10-10, in spacings", "30");
+    eight.report("position 8-8-8, in spacings", "24");
+    small.report("position 8-8-8, nodes to 4096", "24");
 }
 
 /// CIE L*a*b* of an sRGB colour under D65 (IEC 61966-2-1, CIE 15).
@@ -90,7 +90,7 @@ fn colour_error(a: [u8; 3], b: [u8; 3]) -> f32 {
     length([0, 1, 2].map(|i| a[i] - b[i])) as f32
 }
 
-/// A palette of at most 256 colours by median cut (Heckbert 1982), of the mean of each box.
+/// A palette of at most 256 colours by median cut (heckbert1982), with the mean of each box.
 fn palette(colours: &[[u8; 3]]) -> Vec<[u8; 3]> {
     let mut boxes = vec![colours.to_vec()];
     while boxes.len() < 256 {
@@ -101,7 +101,7 @@ fn palette(colours: &[[u8; 3]]) -> Vec<[u8; 3]> {
             };
             (0..3).map(|c| (range(c), c)).max().unwrap_or((0, 0))
         };
-        // The box with the most points to gain for.
+        // The box with the greatest gain.
         let gain = |of: &Vec<[u8; 3]>| u64::from(spread(of).0) * of.len() as u64;
         let Some(widest) = (0..boxes.len()).max_by_key(|&i| gain(&boxes[i])) else { break };
         let (range, channel) = spread(&boxes[widest]);
@@ -163,13 +163,13 @@ fn colours(file: &EskerFile) {
         }
     }
     let points = of_nodes.iter().map(Vec::len).sum::<usize>().max(1);
-    packed.tell("colour 5-6-5, dE", "16");
-    global.tell("colour, one palette a file, dE", "8");
+    packed.report("colour 5-6-5, dE", "16");
+    global.report("colour, one palette a file, dE", "8");
     let each = format!("{:.2}", 8.0 + palettes as f64 / points as f64);
-    local.tell("colour, one palette a node, dE", &each);
+    local.report("colour, one palette a node, dE", &each);
 }
 
-/// Unit vectors all over the sphere: what is stored decides nothing.
+/// Unit vectors all over the sphere: the result does not depend on a file.
 fn normals() {
     let golden = (1.0 + 5f64.sqrt()) / 2.0;
     let count = 200_000;
@@ -186,7 +186,8 @@ fn normals() {
     for bits in [8u32, 7, 6, 5] {
         let steps = ((1 << (bits - 1)) - 1) as f32;
         let code = |n: [f32; 3]| {
-            // The best of the four codes around: rounding each axis by itself is not.
+            // The best of the four neighbouring codes: rounding each axis separately is not
+            // optimal.
             let exact = oct_encode(n).map(|c| f32::from(c) / 32767.0 * steps);
             let corners = [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]].map(|add: [f32; 2]| {
                 let at = |i: usize| ((exact[i].floor() + add[i]).clamp(-steps, steps)) / steps;
@@ -195,17 +196,17 @@ fn normals() {
             corners.into_iter().map(|c| degrees(n, c)).fold(f32::INFINITY, f32::min)
         };
         let errors = Errors(vectors.iter().map(|&n| code(n)).collect());
-        errors.tell("normal, octahedron, degrees", &(2 * bits).to_string());
+        errors.report("normal, octahedron, degrees", &(2 * bits).to_string());
     }
     for bits in [8u32, 10, 12] {
         let errors = Errors(
             vectors.iter().step_by(20).map(|&n| codebook_error(n, 1 << bits, golden)).collect(),
         );
-        errors.tell("normal, spiral codebook, degrees", &bits.to_string());
+        errors.report("normal, spiral codebook, degrees", &bits.to_string());
     }
 }
 
-/// Degrees to the nearest of so many points of a golden spiral, which spread nearly evenly.
+/// Degrees to the nearest of `count` points of a golden spiral, which are spread almost evenly.
 fn codebook_error(n: [f32; 3], count: i32, golden: f64) -> f32 {
     let best = (0..count).map(|i| {
         let z = 1.0 - f64::from(2 * i + 1) / f64::from(count);

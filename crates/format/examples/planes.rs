@@ -1,6 +1,7 @@
-//! What the planes of a file take with each codec, in bytes a point, and what they cost, in nanoseconds of
-//! CPU time a point: `cargo run --release --example planes -- FILE [POINTS]`. Files are read by their
-//! exact points, so any codec will do. Linux tells a thread its CPU time.
+//! Measures the size of the planes of a file with each codec, in bytes a point, and their cost, in
+//! nanoseconds of CPU time a point: `cargo run --release --example planes -- FILE [POINTS]`. Files
+//! are read by their exact points, so they may have any codec. CPU times are those of a thread,
+//! which Linux reports.
 
 #![allow(clippy::unwrap_used, reason = "a measurement fails by panicking")]
 
@@ -12,7 +13,7 @@ use esker_points::MultisetHash;
 use std::collections::BTreeMap;
 use std::hint::black_box;
 
-/// Runs of one measurement, of which the fastest counts.
+/// Runs of one measurement; the fastest counts.
 const RUNS: usize = 3;
 
 /// CPU time of this thread.
@@ -28,7 +29,7 @@ struct Nodes<'a> {
 }
 
 impl Nodes<'_> {
-    /// Nanoseconds a point.
+    /// Cost of `step`, nanoseconds a point.
     fn cost(&self, mut step: impl FnMut(u32, &PagePoints)) -> f64 {
         let run = |_| {
             let start = cpu_ns();

@@ -1,5 +1,6 @@
-//! Writes the sample files of the format's version into `data-format/samples`, with what is in them as
-//! `expected.json`. For a new version only: the samples of a frozen one are kept as they are.
+//! Writes the sample files of the format's version into `data-format/samples`, and their contents
+//! as `expected.json`. For a new version only: the samples of a frozen version are never written
+//! again.
 
 #![allow(clippy::unwrap_used, reason = "run by hand")]
 
@@ -13,7 +14,8 @@ use esker_format::{Codec, EskerFile, Metadata, Normals, PageLayout, PagePoints, 
 use esker_points::{AttrType, Attribute, ColourDepth, PointClass, Schema};
 use std::collections::BTreeMap;
 
-/// Points on a slope, their values smooth in part and noise in part; the last `coincident` in one place.
+/// Points on a slope, with values that are partly smooth and partly noise; the last `coincident`
+/// coincide.
 fn points_of(metadata: &Metadata, count: usize, coincident: usize) -> PagePoints {
     let layout: PageLayout = metadata.layout();
     let schema = &metadata.schema;

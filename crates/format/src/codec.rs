@@ -1,23 +1,24 @@
-//! How the values of cold planes are stored: raw, one for all, or byte by byte: all first bytes of the
-//! values, then all second bytes, each run compressed by itself. Neighbours in a node are near each other in
-//! space, not in time, so their differences were no smaller than what runs of bytes give (measured).
-//! Decoding fills a buffer whose length follows from the node's record; nothing else is allocated.
+//! Encodings of cold planes: raw, constant, or byte by byte: all first bytes of the values, then
+//! all second bytes, each run compressed on its own. Values are not stored as differences:
+//! neighbours in a node are near in space, not in time. Decoding fills a buffer whose length
+//! follows from the node's record, and allocates nothing else.
 
-use crate::directory::u32_at;
+use crate::bytes::u32_at;
 use crate::error::Fault;
 use std::cmp::Ordering;
 
 /// Level of zstd: 9 takes six times as long for 1 % less.
 const ZSTD_LEVEL: i32 = 3;
-/// A compressed plane takes at most so many sixteenths of the raw one: less is not worth decoding.
+/// Greatest size of a compressed plane, in sixteenths of the raw one: a smaller gain is not worth
+/// decoding.
 const SIXTEENTHS_MAX: usize = 15;
 
-/// How cold planes are compressed; hot ones never are.
+/// Compression of cold planes; hot planes are never compressed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Codec {
-    /// Not at all, but for planes of one value.
+    /// No compression, except for planes of one value.
     None,
-    /// LZ4: costs little.
+    /// LZ4: fast.
     #[default]
     Fast,
     /// Zstandard: a quarter smaller, twice the time.
@@ -25,7 +26,7 @@ pub enum Codec {
 }
 
 impl Codec {
-    /// Its name in metadata and on the command line.
+    /// Name in metadata and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -34,14 +35,14 @@ impl Codec {
         }
     }
 
-    /// The codec of this name; the default for one that this version does not know.
+    /// The codec of this name; the default for an unknown name.
     pub(crate) fn from_name(name: &str) -> Self {
         let known = [Self::None, Self::Fast, Self::Small];
         known.into_iter().find(|codec| codec.name() == name).unwrap_or_default()
     }
 }
 
-/// How a plane's values are stored.
+/// Encoding of a plane's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
     /// One value a point.
@@ -52,12 +53,12 @@ pub enum Encoding {
     Lz4,
     /// Runs of bytes as Zstandard frames.
     Zstd,
-    /// One that this version does not know.
+    /// An encoding that this version does not know.
     Unknown(u8),
 }
 
 impl Encoding {
-    /// Its number on disk.
+    /// Number on disk.
     pub fn number(self) -> u8 {
         match self {
             Self::Raw => 0,
@@ -80,14 +81,14 @@ impl Encoding {
     }
 }
 
-/// Buffers that encoding uses again for each plane.
+/// Buffers that are reused for each plane.
 #[derive(Default)]
 pub(crate) struct Scratch {
     run: Vec<u8>,
     packed: Vec<u8>,
 }
 
-/// Encodes the values that stand in `out` from `start` on, in place.
+/// Encodes the values in `out` from `start` on, in place.
 pub(crate) fn encode(
     codec: Codec,
     value_bytes: usize,
@@ -123,12 +124,12 @@ pub(crate) fn encode(
     encoding
 }
 
-/// Whether there are several values, all alike.
+/// Whether there are several values, all equal.
 pub(crate) fn is_constant(values: &[u8], size: usize) -> bool {
     values.len() > size && values[size..] == values[..values.len() - size]
 }
 
-/// Appends a run, compressed, or as it is where that is no longer.
+/// Appends a run, compressed, or raw if that is not longer.
 fn push_run(encoding: Encoding, run: &[u8], packed: &mut Vec<u8>) {
     let start = packed.len();
     let room = match encoding {
@@ -151,7 +152,7 @@ fn push_run(encoding: Encoding, run: &[u8], packed: &mut Vec<u8>) {
     }
 }
 
-/// The bytes of one place of all values.
+/// Collects byte number `byte` of all values.
 fn gather(values: &[u8], value_bytes: usize, byte: usize, run: &mut Vec<u8>) {
     fn strided<const N: usize>(values: &[u8], byte: usize, run: &mut Vec<u8>) {
         run.extend(values.as_chunks::<N>().0.iter().map(|value| value[byte]));
@@ -167,8 +168,8 @@ fn gather(values: &[u8], value_bytes: usize, byte: usize, run: &mut Vec<u8>) {
     }
 }
 
-/// The values of a plane of so many points. `stored` has the length that the encoding asks for, which
-/// the directory's reader checks.
+/// Decodes the values of a plane of `points` points. `stored` has the length that the encoding
+/// requires, which the directory's reader checks.
 pub(crate) fn decode(
     encoding: Encoding,
     stored: &[u8],
@@ -212,7 +213,7 @@ fn decode_runs(
     rest.is_empty().then_some(values)
 }
 
-/// Decompresses one block or frame; the bytes that it holds.
+/// Decompresses one block or frame; returns its length.
 fn unpack(encoding: Encoding, packed: &[u8], run: &mut [u8]) -> Option<usize> {
     if encoding == Encoding::Lz4 {
         return lz4_flex::block::decompress_into(packed, run).ok();
@@ -232,7 +233,7 @@ mod tests {
         (encode(codec, size, &mut out, 0, &mut Scratch::default()), out)
     }
 
-    /// Values whose upper bytes say little.
+    /// Values whose upper bytes vary little.
     fn values() -> impl Strategy<Value = (usize, Vec<u8>)> {
         let size = prop::sample::select(vec![1usize, 2, 3, 4, 8, 12]);
         (size, prop::collection::vec(any::<u16>(), 1..900), 0u32..16).prop_map(
@@ -269,7 +270,7 @@ mod tests {
             stored[..4].copy_from_slice(&length.to_le_bytes());
             decode(encoding, &stored, 1, 100).unwrap_err();
             decode(encoding, &stored, 1, bomb.len() + 1).unwrap_err();
-            // A run is no longer than its values.
+            // A run is not longer than its values.
             decode(encoding, &stored, 1, stored.len() - 5).unwrap_err();
             assert_eq!(decode(encoding, &stored, 1, bomb.len()).unwrap(), bomb);
         }

@@ -1,7 +1,7 @@
-//! The bytes of the statistics section: a directory of columns, then the columns, 8-aligned. Columns of
-//! kinds that this version does not know are skipped.
+//! Bytes of the statistics section: a directory of columns, then the columns, aligned to 8 bytes.
+//! Columns of unknown kinds are skipped.
 
-use crate::directory::{u16_at, u32_at, u64_at};
+use crate::bytes::{u16_at, u32_at, u64_at};
 use crate::error::Fault;
 use crate::footer::Section;
 use crate::layout::NO_ATTRIBUTE;
@@ -24,7 +24,7 @@ const SIDES: u16 = 8;
 const HISTOGRAM_BYTES: usize = 16 + 8 * BINS;
 
 impl Statistics {
-    /// The section's bytes.
+    /// Bytes of the section.
     pub(crate) fn encode(&self) -> Vec<u8> {
         let mut columns: Vec<(u16, u16, Vec<u8>)> = Vec::new();
         for (a, ranges) in self.ranges.iter().enumerate() {
@@ -69,7 +69,7 @@ impl Statistics {
         out
     }
 
-    /// Reads and checks the section of a file with these attributes and so many nodes.
+    /// Reads and checks the section of a file with these attributes and this number of nodes.
     pub(crate) fn decode(bytes: &[u8], schema: &Schema, nodes: usize) -> Result<Self, Fault> {
         let columns = find_columns(bytes, nodes)?;
         let column = |kind: u16, attribute: u16, length: usize| {
@@ -114,7 +114,8 @@ impl Statistics {
     }
 }
 
-/// The column of sides: two words a node, then their checksum, so that they can be read alone.
+/// The column of sides: two words a node, then their checksum, so that the column can be read
+/// alone.
 fn encode_sides(sides: &[Sides]) -> Vec<u8> {
     let mut column: Vec<u8> = bytemuck::cast_slice(sides).to_vec();
     let crc = crc32fast::hash(&column);
@@ -135,11 +136,11 @@ fn decode_sides(column: &[u8], nodes: usize) -> Result<Vec<Sides>, Fault> {
     Ok(words.chunks_exact(16).map(|c| [u64_at(c, 0), u64_at(c, 8)]).collect())
 }
 
-/// Reads the sides of a file's contours, and little else of its statistics, which may be long; empty where it has
-/// none.
+/// Reads the sides of a file's contours, and little else of its statistics, which may be long;
+/// empty if the file has none.
 ///
 /// # Errors
-/// Where they cannot be read; and inside, where they are damaged.
+/// The outer error if they cannot be read, the inner one if they are damaged.
 pub(crate) fn read_sides(
     source: &dyn ReadAt,
     section: Section,
@@ -201,7 +202,7 @@ fn find_columns(bytes: &[u8], nodes: usize) -> Result<Columns<'_>, Fault> {
         }
         end += padding;
         if columns.insert((u16_at(entry, 0), u16_at(entry, 2)), column).is_some() {
-            return Err(fault("a column stands twice"));
+            return Err(fault("a column occurs twice"));
         }
     }
     if end != bytes.len() {

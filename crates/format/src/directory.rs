@@ -1,6 +1,7 @@
-//! A page's directory: one entry a plane with its kind, encoding, place, length and checksum. Entries
-//! stand in the file's order of planes; what is not as computed is damage.
+//! Directory of a page: one entry a plane with kind, encoding, offset, length and checksum. The
+//! order of planes and their offsets are checked against the layout.
 
+use crate::bytes::{u16_at, u32_at};
 use crate::codec::Encoding;
 use crate::error::Fault;
 use crate::layout::{
@@ -14,24 +15,24 @@ pub const PAGE_MAGIC: [u8; 4] = *b"ESPG";
 /// One plane of one page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// How it is stored.
+    /// Encoding of the values.
     pub encoding: Encoding,
-    /// Place from the start of the page.
+    /// Offset from the start of the page, bytes.
     pub offset: u32,
-    /// Length on disk.
+    /// Length on disk, bytes.
     pub bytes: u32,
-    /// CRC-32 of those bytes.
+    /// CRC-32 of these bytes.
     pub crc: u32,
 }
 
 impl Entry {
-    /// Its place as indices into the page.
+    /// Byte range in the page.
     pub fn range(&self) -> Range<usize> {
         self.offset as usize..self.offset as usize + self.bytes as usize
     }
 }
 
-/// The directory of one page.
+/// Directory of one page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Directory {
     /// One entry a plane, in the layout's order.
@@ -39,7 +40,7 @@ pub struct Directory {
 }
 
 impl Directory {
-    /// Its bytes for a page of so many points.
+    /// Bytes of the directory for a page of `points` points.
     pub(crate) fn encode(&self, layout: &PageLayout, points: usize) -> Vec<u8> {
         let mut out = Vec::with_capacity(layout.directory_bytes());
         out.extend_from_slice(&PAGE_MAGIC);
@@ -60,8 +61,9 @@ impl Directory {
         out
     }
 
-    /// Reads and checks the directory at the start of `page` (at least [`PageLayout::directory_bytes`]
-    /// long) of a node with so many points, whose page has `page_bytes`.
+    /// Reads and checks the directory at the start of `page` (at least
+    /// [`PageLayout::directory_bytes`] long) of a node with `points` points, whose page has
+    /// `page_bytes`.
     pub(crate) fn decode(
         layout: &PageLayout,
         page: &[u8],
@@ -137,16 +139,4 @@ fn decode_entry(
         return fault("a plane's length does not suit the node's points");
     }
     Ok(entry)
-}
-
-pub(crate) fn u16_at(bytes: &[u8], at: usize) -> u16 {
-    u16::from_le_bytes([bytes[at], bytes[at + 1]])
-}
-
-pub(crate) fn u32_at(bytes: &[u8], at: usize) -> u32 {
-    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
-}
-
-pub(crate) fn u64_at(bytes: &[u8], at: usize) -> u64 {
-    u64::from(u32_at(bytes, at)) | u64::from(u32_at(bytes, at + 4)) << 32
 }

@@ -1,65 +1,64 @@
-//! What can be wrong with an .esker file or with writing one: the file, the part, what to do.
+//! Errors of reading and writing .esker files: the file, the part, what to do.
 
-use crate::layout::PlaneKind;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why an .esker file could not be written, read or trusted.
+/// Reason why an .esker file could not be written, read or trusted.
 #[derive(Debug, thiserror::Error)]
 pub enum FormatError {
     /// The system refused.
     #[error("{}: cannot {what}: {source}", path.display())]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What was tried.
+        /// Attempted operation.
         what: &'static str,
-        /// What the system says.
+        /// Error of the system.
         source: io::Error,
     },
-    /// No valid footer.
+    /// There is no valid footer.
     #[error(
         "{}: cut short, or not an .esker file ({fault}); build it again or copy it again",
         path.display()
     )]
     NotEsker {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What gave it away.
+        /// Reason.
         fault: String,
     },
-    /// A valid file that this version does not read.
+    /// A file that this version does not read.
     #[error("{}: {what}", path.display())]
     Unsupported {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What it is, and what to do.
+        /// What the file is, and what to do.
         what: String,
     },
     /// Bytes that contradict their checksum or each other.
     #[error("{}: the {section} is damaged: {fault}; build it again or copy it again", path.display())]
     Damaged {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Which part.
+        /// Damaged part.
         section: String,
         /// What is wrong with it.
         fault: String,
     },
-    /// What was to be written breaks the format's rules: a fault of the program, not of the user.
+    /// Data to write break the rules of the format: a fault of the program, not of the user.
     #[error("{}: cannot be written: {fault}; please report this", path.display())]
     Unwritable {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Which rule.
+        /// Broken rule.
         fault: String,
     },
     /// A file of a forest that does not belong to it.
     #[error("{}: its tree {} {fault}", path.display(), tree.display())]
     Forest {
-        /// The file that names it.
+        /// File that names it.
         path: PathBuf,
-        /// What is named.
+        /// Named file.
         tree: PathBuf,
         /// What is wrong with it, and what to do.
         fault: String,
@@ -69,10 +68,10 @@ pub enum FormatError {
     Cancelled(#[from] esker_points::Cancelled),
 }
 
-/// What is wrong with some bytes, before it is known which file they belong to.
+/// What is wrong with some bytes, before the file is known that they belong to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// Which part.
+    /// Faulty part.
     pub section: String,
     /// What is wrong with it.
     pub fault: String,
@@ -90,9 +89,9 @@ impl Fault {
         Self { is_later: true, ..Self::new("values", fault) }
     }
 
-    /// The same fault, told of a plane.
-    pub(crate) fn of_plane(self, kind: PlaneKind) -> Self {
-        Self { section: format!("{} plane", kind.name()), ..self }
+    /// The same fault, reported for a plane of this name.
+    pub(crate) fn of_plane(self, name: &str) -> Self {
+        Self { section: format!("{name} plane"), ..self }
     }
 
     pub(crate) fn damaged(self, path: &Path) -> FormatError {

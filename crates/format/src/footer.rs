@@ -1,13 +1,13 @@
-//! Header and footer: fixed records at both ends of the file. The footer has version, counts, places and
-//! checksums; its hash names the file for forests.
+//! Header and footer: fixed records at both ends of the file. The footer has version, counts,
+//! sections and checksums; its hash identifies the file in forests.
 
-use crate::directory::{u32_at, u64_at};
+use crate::bytes::{u32_at, u64_at};
 use esker_points::MultisetHash;
 use xxhash_rust::xxh3::xxh3_128;
 
-/// The version that this crate writes and reads.
+/// Version that this crate writes and reads.
 pub const VERSION: u32 = 1;
-/// First bytes of the file; made so that a transfer as text damages them.
+/// First bytes of the file, chosen so that a transfer as text damages them.
 pub const HEADER_MAGIC: [u8; 8] = *b"\x89ESKER\r\n";
 /// First bytes of the footer.
 pub const FOOTER_MAGIC: [u8; 8] = *b"ESKEREND";
@@ -16,19 +16,19 @@ pub const HEADER_BYTES: usize = 64;
 /// Bytes of the footer, the last of the file.
 pub const FOOTER_BYTES: usize = 192;
 
-/// Place and checksum of a part of the file.
+/// Byte range and checksum of a part of the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Section {
     /// First byte.
     pub offset: u64,
-    /// Length.
+    /// Length, bytes.
     pub bytes: u64,
     /// CRC-32 of its bytes.
     pub crc: u32,
 }
 
 impl Section {
-    /// The byte after its last, where it fits 64 bits.
+    /// First byte after the section, if it fits 64 bits.
     pub fn end(&self) -> Option<u64> {
         self.offset.checked_add(self.bytes)
     }
@@ -45,7 +45,7 @@ pub struct Footer {
     pub hash: MultisetHash,
     /// Greatest distance by which a coordinate was rounded, along one axis, in the file's unit.
     pub rounding_error_max: f64,
-    /// Points that a node is meant to hold at most.
+    /// Intended greatest number of points of a node.
     pub node_capacity: u32,
     /// The node table.
     pub table: Section,
@@ -60,7 +60,7 @@ pub struct Footer {
 }
 
 impl Footer {
-    /// Its bytes.
+    /// Bytes of the footer.
     pub fn encode(&self) -> [u8; FOOTER_BYTES] {
         let mut out = Vec::with_capacity(FOOTER_BYTES);
         out.extend_from_slice(&FOOTER_MAGIC);
@@ -82,7 +82,7 @@ impl Footer {
         sealed(&out)
     }
 
-    /// Reads and checks a footer; says what is wrong with it.
+    /// Reads and checks a footer.
     ///
     /// # Errors
     /// [`FooterFault`].
@@ -114,20 +114,20 @@ impl Footer {
             verbatim: section(136),
             file_bytes: u64_at(bytes, 160),
         };
-        // What is not a field must be zero: then the footer's bytes follow from its fields.
+        // Bytes outside of the fields must be zero: then the footer's bytes follow from its fields.
         if footer.encode() != *bytes {
             return Err(FooterFault::None("the footer's reserved bytes are not zero"));
         }
         Ok(footer)
     }
 
-    /// What names the file for forests: XXH3-128 of the footer's bytes.
+    /// Identity of the file in forests: XXH3-128 of the footer's bytes.
     pub fn name_hash(&self) -> u128 {
         xxh3_128(&self.encode())
     }
 }
 
-/// Why some bytes are no footer.
+/// Reason why some bytes are not a footer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FooterFault {
     /// There is no valid footer.
@@ -144,7 +144,7 @@ pub fn header() -> [u8; HEADER_BYTES] {
     sealed(&out)
 }
 
-/// `body`, zeros, and the CRC-32 of all that.
+/// Returns `body`, zeros, and the CRC-32 of both.
 fn sealed<const N: usize>(body: &[u8]) -> [u8; N] {
     let mut out = [0; N];
     out[..body.len()].copy_from_slice(body);

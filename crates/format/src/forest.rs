@@ -1,9 +1,10 @@
-//! A forest: a file and those that it names, whose trees over one lattice belong together (DESIGN, section 5).
-//! To whoever looks at it it is one cloud: one node table with several roots, and one run of bytes, the
-//! files one after the other, that page places point into. A file that names no other is a forest of one.
+//! A forest: a file and the files that it names, whose trees share one lattice and belong together.
+//! To its users it is one cloud: one node table with several roots, and one range of bytes, the
+//! files one after the other, which page offsets point into. A file that names no other is a forest
+//! of one.
 //!
-//! The list of a file is complete: what the named files name themselves is in it as well, and is not
-//! followed. So there are no cycles, and nothing belongs to a forest twice.
+//! The list of a file is complete: it includes the files that the named files name themselves, and
+//! their own lists are not followed. So there are no cycles, and no file is in a forest twice.
 
 use crate::error::FormatError;
 use crate::layout::PlaneKind;
@@ -15,21 +16,19 @@ use esker_points::{Lattice, Node, NodeName, NodeTable, Schema};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Trees of a forest at most: each is an open file.
-pub const TREES_MAX: usize = 512;
-/// Bytes between two files in the run that they make: more than is ever read at once.
+/// Gap between two files in the range of bytes of the forest: more than is ever read at once.
 const FILES_APART_BYTES: u64 = 1 << 32;
 
 /// Opened files whose trees belong together. Reading takes `&self`, from any thread.
 #[derive(Debug)]
 pub struct Forest {
-    /// The file itself first, then those that it names, in its order. Never empty.
+    /// The file itself first, then the files that it names, in its order. Never empty.
     trees: Vec<Tree>,
-    /// The nodes of all trees, where there are several; else the file's own table serves.
+    /// Nodes of all trees, if there are several; otherwise the file's own table is used.
     joined: Option<NodeTable>,
-    /// The attributes of all trees.
+    /// Attributes of all trees.
     schema: Schema,
-    /// What it is called instead of its path.
+    /// Name to show instead of the path.
     name: Option<PathBuf>,
 }
 
@@ -37,16 +36,16 @@ pub struct Forest {
 #[derive(Debug)]
 struct Tree {
     file: EskerFile,
-    /// Its root in the forest's table.
+    /// Index of its root in the forest's table.
     first_node: u32,
-    /// Its first byte in the run of all files.
+    /// Its first byte in the range of all files.
     first_byte: u64,
     /// Its attribute for each of the forest's.
     attributes: Vec<Option<u16>>,
 }
 
 impl From<EskerFile> for Forest {
-    /// The forest of a file's own tree, whatever other files it names.
+    /// The forest of a file's own tree, without the files that it names.
     fn from(file: EskerFile) -> Self {
         let schema = file.metadata().schema.clone();
         let attributes = (0..schema.attributes.len()).map(|i| Some(i as u16)).collect();
@@ -56,10 +55,10 @@ impl From<EskerFile> for Forest {
 }
 
 impl Forest {
-    /// Opens a file and all that it names.
+    /// Opens a file and all files that it names.
     ///
     /// # Errors
-    /// Where one cannot be opened, is not the one that was named, or lies on another lattice.
+    /// If a file cannot be opened, is not the named one, or is on another lattice.
     pub fn open(path: &Path) -> Result<Self, FormatError> {
         let file = EskerFile::open(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -69,10 +68,10 @@ impl Forest {
         Self::of(file, others)
     }
 
-    /// A file and those that belong to it, opened already.
+    /// Joins opened files.
     ///
     /// # Errors
-    /// Where they lie on different lattices, or are too many together.
+    /// If they are on different lattices, or too large together.
     pub fn of(file: EskerFile, others: Vec<EskerFile>) -> Result<Self, FormatError> {
         if others.is_empty() {
             return Ok(file.into());
@@ -111,12 +110,12 @@ impl Forest {
         Ok(Self { trees, joined: Some(table), schema, name: None })
     }
 
-    /// The same, called by what it was built from: a file that is temporary means nothing to the user.
+    /// Sets a name to show instead of the path: that of a temporary file means nothing to the user.
     pub fn called(self, name: PathBuf) -> Self {
         Self { name: Some(name), ..self }
     }
 
-    /// The path of the file that names the others, or what it is called instead.
+    /// Path of the file that names the others, or the name set by [`Forest::called`].
     pub fn path(&self) -> &Path {
         self.name.as_deref().unwrap_or_else(|| self.trees[0].file.path())
     }
@@ -126,27 +125,27 @@ impl Forest {
         self.trees.iter().map(|tree| &tree.file)
     }
 
-    /// The files by themselves, the one that names the others first.
+    /// The files as separate values, the one that names the others first.
     pub fn into_files(self) -> impl Iterator<Item = EskerFile> {
         self.trees.into_iter().map(|tree| tree.file)
     }
 
-    /// The nodes of all trees, with places of pages for [`Forest::read_exact_at`].
+    /// Nodes of all trees, with page offsets for [`Forest::read_exact_at`].
     pub fn table(&self) -> &NodeTable {
         self.joined.as_ref().unwrap_or_else(|| self.trees[0].file.table())
     }
 
-    /// The lattice of all trees.
+    /// Lattice of all trees.
     pub fn lattice(&self) -> &Lattice {
         &self.trees[0].file.metadata().lattice
     }
 
-    /// The attributes of all trees; a tree may lack some.
+    /// Attributes of all trees; a tree may lack some.
     pub fn schema(&self) -> &Schema {
         &self.schema
     }
 
-    /// Least and greatest lattice coordinates of all points; `None` where there is no point.
+    /// Least and greatest lattice coordinates of all points; `None` if there is no point.
     pub fn bounds(&self) -> Option<[[u32; 3]; 2]> {
         let bounds = self.files().filter_map(|file| file.metadata().bounds);
         bounds.reduce(|[low, high], [l, h]| {
@@ -154,12 +153,12 @@ impl Forest {
         })
     }
 
-    /// Points of all trees.
+    /// Number of points of all trees.
     pub fn points(&self) -> u64 {
         self.files().fold(0, |sum, file| sum.saturating_add(file.footer().points))
     }
 
-    /// Bytes read since they were opened: of pages and statistics.
+    /// Bytes of pages and statistics read since opening.
     pub fn read_bytes(&self) -> u64 {
         self.files().fold(0, |sum, file| sum.wrapping_add(file.read_bytes()))
     }
@@ -173,42 +172,43 @@ impl Forest {
         &self.trees[self.trees.partition_point(|tree| tree.first_node <= node) - 1]
     }
 
-    /// What a node is called.
+    /// Tree and index of a node.
     pub fn name_of(&self, node: u32) -> NodeName {
         // Of trees that begin at the same node all but the last are empty.
         let tree = self.trees.partition_point(|tree| tree.first_node <= node) - 1;
         NodeName { tree: tree as u16, index: node - self.trees[tree].first_node }
     }
 
-    /// The file that a node lies in.
+    /// File that has a node.
     pub fn file_of(&self, node: u32) -> &EskerFile {
         &self.tree_of(node).file
     }
 
-    /// Whether any tree has such planes.
+    /// Whether any tree has planes of this kind.
     pub fn has(&self, kind: PlaneKind) -> bool {
         self.trees.iter().any(|tree| tree.has(kind))
     }
 
-    /// The palette of compact planes, where every tree with points has them, and all number the same colours.
+    /// Palette of the compact planes, if every tree with points has such planes and all palettes
+    /// are equal.
     pub fn palette(&self) -> Option<&Palette> {
         let mut trees = self.files().filter(|file| file.footer().nodes > 0);
         let first = trees.next()?.layout().palette()?;
         trees.all(|file| file.layout().palette() == Some(first)).then_some(first)
     }
 
-    /// Whether a point whose normal looks away shows its back, in every tree that has normals.
+    /// Whether normals distinguish front and back, in every tree that has normals.
     pub fn has_oriented_normals(&self) -> bool {
         let mut origins = self.files().map(|f| f.layout().normals());
         self.has(PlaneKind::Normal) && origins.all(|n| n == Normals::None || n.is_oriented())
     }
 
-    /// Whether a node has such a plane.
+    /// Whether a node has a plane of this kind.
     pub fn has_plane(&self, node: u32, kind: PlaneKind) -> bool {
         self.tree_of(node).has(kind)
     }
 
-    /// Bytes of one value of a node's plane; 0 where the node has none.
+    /// Bytes of one value of a node's plane; 0 if the node has none.
     pub fn value_bytes(&self, node: u32, kind: PlaneKind) -> u64 {
         let tree = self.tree_of(node);
         let layout = tree.file.layout();
@@ -216,14 +216,15 @@ impl Forest {
         index.map_or(0, |i| u64::from(layout.planes()[i].value_bytes))
     }
 
-    /// Where a plane lies in its node's page, where its kind and the count of points tell that.
+    /// Byte range of a plane in its node's page, if it follows from the kind and the number of
+    /// points.
     pub fn plane_range(&self, node: u32, kind: PlaneKind) -> Option<Range<u64>> {
         let (tree, record) = (self.tree_of(node), self.record(node));
         let kind = tree.own(kind)?;
         tree.file.layout().plane_range(kind, record.points(), record.hot_shift)
     }
 
-    /// A node's record.
+    /// Record of a node.
     ///
     /// # Panics
     /// If there is no such node.
@@ -231,19 +232,19 @@ impl Forest {
         &self.table().nodes[node as usize]
     }
 
-    /// Reads any run of bytes of one file, unchecked, at a place of [`Forest::table`].
+    /// Reads bytes of one file, unchecked, at an offset of [`Forest::table`].
     ///
     /// # Errors
-    /// Where the file ends before, or cannot be read.
+    /// If the file ends before, or cannot be read.
     pub fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> Result<(), FormatError> {
         let tree = &self.trees[self.trees.partition_point(|t| t.first_byte <= offset) - 1];
         tree.file.read_exact_at(buf, offset - tree.first_byte)
     }
 
-    /// Reads these planes of a node, each checked. Planes that it does not have are left out.
+    /// Reads planes of a node, each checked. Planes that it does not have are left out.
     ///
     /// # Errors
-    /// Where they cannot be read or are damaged.
+    /// If they cannot be read or are damaged.
     pub fn read_planes(&self, node: u32, kinds: &[PlaneKind]) -> Result<Planes, FormatError> {
         let tree = self.tree_of(node);
         let both = kinds.iter().filter_map(|&kind| Some((kind, tree.own(kind)?)));
@@ -254,7 +255,7 @@ impl Forest {
 }
 
 impl Tree {
-    /// What the file calls a kind of planes: its attributes have their own numbers.
+    /// The file's own kind for a kind of the forest: attributes are numbered differently.
     fn own(&self, kind: PlaneKind) -> Option<PlaneKind> {
         match kind {
             PlaneKind::Attribute(i) => {
@@ -269,30 +270,30 @@ impl Tree {
     }
 }
 
-/// Bit by bit: what is placed on one is placed on the other.
+/// Compares bit by bit: points are then placed equally on both.
 fn is_same(a: &Lattice, b: &Lattice) -> bool {
     let bits = |l: &Lattice| (l.scale.map(f64::to_bits), l.offset.map(f64::to_bits), l.shift);
     bits(a) == bits(b)
 }
 
-/// Opens a file by the name that another has for it.
+/// Opens a file that another names.
 fn open_named(path: &Path, at: &Path, tree: &TreeRef) -> Result<EskerFile, FormatError> {
     let fault = |fault: String| FormatError::Forest { path: path.into(), tree: at.into(), fault };
-    // What is no file may never answer.
+    // Opening a pipe or a device may block for ever.
     if at.metadata().is_ok_and(|m| !m.is_file()) {
-        return Err(fault("is no file".into()));
+        return Err(fault("is not a file".into()));
     }
     let file = EskerFile::open(at).map_err(|error| {
         let error = error.to_string();
         let plain = error.strip_prefix(&format!("{}: ", at.display())).unwrap_or(&error);
         fault(format!(
-            "does not open: {plain}; keep the files of a forest where they are to each other"
+            "does not open: {plain}; keep the files of a forest in the same folders relative to each other"
         ))
     })?;
-    let found = file.footer().name_hash();
-    if found != tree.footer_hash {
+    let hash = file.footer().name_hash();
+    if hash != tree.footer_hash {
         return Err(fault(format!(
-            "is another file than was named (its footer's hash is {found:032x}, not {:032x}); put the right \
+            "is not the file that was named (its footer's hash is {hash:032x}, not {:032x}); put the right \
              one in its place, or append again",
             tree.footer_hash
         )));
@@ -301,10 +302,11 @@ fn open_named(path: &Path, at: &Path, tree: &TreeRef) -> Result<EskerFile, Forma
 }
 
 impl TreeRef {
-    /// How a file at `from` names an opened one: by the way from its own folder.
+    /// Reference to an opened file in a file at `from`: the relative path from the folder of that
+    /// file.
     ///
     /// # Errors
-    /// Where there is no such way, or its name is no Unicode.
+    /// If there is no such path, or the name is not Unicode.
     pub fn new(from: &Path, file: &EskerFile) -> Result<Self, FormatError> {
         let unnamed = |fault: &str| FormatError::Forest {
             path: from.into(),
@@ -316,17 +318,17 @@ impl TreeRef {
             path.canonicalize().map_err(crate::error::io_error(path, "find it"))
         };
         let folder = absolute(from.parent().unwrap_or(Path::new("")))?;
-        let way = way(&folder, &absolute(file.path())?).ok_or_else(|| {
+        let relative = relative_path(&folder, &absolute(file.path())?).ok_or_else(|| {
             unnamed("lies on another drive; write the forest where its files are")
         })?;
-        let parts: Option<Vec<_>> = way.iter().map(|part| part.to_str()).collect();
-        let parts = parts.ok_or_else(|| unnamed("has a name that is no Unicode; rename it"))?;
+        let parts: Option<Vec<_>> = relative.iter().map(|part| part.to_str()).collect();
+        let parts = parts.ok_or_else(|| unnamed("has a name that is not Unicode; rename it"))?;
         Ok(Self { path: parts.join("/"), footer_hash: file.footer().name_hash() })
     }
 }
 
-/// The way from a folder to a file, both absolute.
-fn way(folder: &Path, file: &Path) -> Option<PathBuf> {
+/// Relative path from a folder to a file, both absolute.
+fn relative_path(folder: &Path, file: &Path) -> Option<PathBuf> {
     let common = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(common).map(|_| std::path::Component::ParentDir);
     (common > 0).then(|| up.chain(file.components().skip(common)).collect())
@@ -337,11 +339,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_way_from_a_folder_goes_up_as_far_as_needed() {
-        let way = |folder: &str, file: &str| way(Path::new(folder), Path::new(file));
-        assert_eq!(way("/a/b", "/a/b/x.esker"), Some("x.esker".into()));
-        assert_eq!(way("/a/b", "/a/c/d/x.esker"), Some("../c/d/x.esker".into()));
-        assert_eq!(way("/a/b", "/x.esker"), Some("../../x.esker".into()));
-        assert_eq!(way("a", "b/x.esker"), None);
+    fn a_relative_path_goes_up_as_far_as_needed() {
+        let relative = |folder: &str, file: &str| relative_path(Path::new(folder), Path::new(file));
+        assert_eq!(relative("/a/b", "/a/b/x.esker"), Some("x.esker".into()));
+        assert_eq!(relative("/a/b", "/a/c/d/x.esker"), Some("../c/d/x.esker".into()));
+        assert_eq!(relative("/a/b", "/x.esker"), Some("../../x.esker".into()));
+        assert_eq!(relative("a", "b/x.esker"), None);
     }
 }

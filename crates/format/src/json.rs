@@ -1,10 +1,13 @@
-//! The metadata's JSON: one structure an object, apart from the types that the rest of the program uses, so
-//! that these can change without the file. Numbers that JSON does not have are strings.
+//! The metadata's JSON, encoded and decoded: one structure an object, separate from the types of
+//! the rest of the program, so that these can change without changing the file. Numbers that JSON
+//! lacks are strings.
 
 use crate::codec::Codec;
 use crate::error::Fault;
-use crate::layout::{CLIP_LINES, COMPACT, NO_ATTRIBUTE, PlaneKind, PlaneSpec, TANGENTS};
-use crate::metadata::{CrsRecord, Metadata, SourceRecord, TreeRef};
+use crate::layout::{
+    CLIP_LINES, COMPACT, NO_ATTRIBUTE, PageLayout, PlaneKind, PlaneSpec, TANGENTS,
+};
+use crate::metadata::{CrsRecord, METADATA_BYTES_MAX, Metadata, SourceRecord, TreeRef};
 use crate::normals::Normals;
 use esker_points::lattice::GridKind;
 use esker_points::palette::Palette;
@@ -14,7 +17,7 @@ use esker_points::{
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::BTreeMap;
 
-/// A verbatim block's name and place in the verbatim section.
+/// Name and byte range of a block in the verbatim section.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct BlockPlace {
     pub name: String,
@@ -22,7 +25,7 @@ pub(crate) struct BlockPlace {
     pub bytes: u64,
 }
 
-/// A number that may be infinite or none, as a string then: JSON has no such numbers.
+/// A number that may be infinite or NaN, which is then a string: JSON has no such numbers.
 #[derive(Clone, Copy)]
 struct Real(f64);
 
@@ -114,11 +117,11 @@ pub(crate) struct MetadataJson {
     palette: Option<Vec<[u8; 3]>>,
 }
 
-/// What a file's JSON says: metadata, planes in their order, verbatim blocks source by source.
+/// Contents of the JSON: metadata, planes in their order, verbatim blocks source by source.
 pub(crate) type Parts = (Metadata, Vec<PlaneSpec>, Vec<Vec<BlockPlace>>);
 
 impl MetadataJson {
-    /// The JSON of these metadata; verbatim blocks go to `blob`.
+    /// The JSON of `metadata`; verbatim blocks go to `blob`.
     pub(crate) fn of(metadata: &Metadata, blob: &mut Vec<u8>) -> Self {
         let layout = metadata.layout();
         Self {
@@ -137,14 +140,14 @@ impl MetadataJson {
         }
     }
 
-    /// What it says, not yet checked.
+    /// Contents, not yet checked.
     pub(crate) fn parts(mut self) -> Result<Parts, Fault> {
         let blocks = self.sources.iter_mut().map(|s| std::mem::take(&mut s.verbatim)).collect();
         let palette = self.palette.take().and_then(Palette::new);
         let planes: Vec<_> = self.planes.iter().map(|p| plane_spec(p, palette.is_some())).collect();
         let schema = Schema { attributes: self.attributes.into_iter().map(attribute).collect() };
         let normals = Normals::from_name(&self.normals)
-            .ok_or_else(|| Fault::new("metadata", "the origin of normals is none that is known"))?;
+            .ok_or_else(|| Fault::new("metadata", "the origin of normals is unknown"))?;
         let metadata = Metadata {
             lattice: self.lattice,
             bounds: self.bounds,
@@ -164,6 +167,56 @@ impl MetadataJson {
     }
 }
 
+/// Metadata as read, with what else the reader needs.
+pub(crate) struct Decoded {
+    pub metadata: Metadata,
+    pub layout: PageLayout,
+    pub blocks: Vec<Vec<BlockPlace>>,
+}
+
+impl Metadata {
+    /// Bytes of the JSON and of the verbatim section.
+    pub(crate) fn encode(&self) -> Result<(Vec<u8>, Vec<u8>), Fault> {
+        self.check()?;
+        let mut blob = Vec::new();
+        let json = MetadataJson::of(self, &mut blob);
+        let json = serde_json::to_vec(&json).map_err(|e| Fault::new("metadata", e.to_string()))?;
+        if json.len() as u64 > METADATA_BYTES_MAX {
+            return Err(Fault::new("metadata", "they are longer than any reader takes"));
+        }
+        Ok((json, blob))
+    }
+
+    /// Reads and checks the JSON; `verbatim_bytes` is the length of the verbatim section.
+    pub(crate) fn decode(json: &[u8], verbatim_bytes: u64) -> Result<Decoded, Fault> {
+        let json: MetadataJson =
+            serde_json::from_slice(json).map_err(|e| Fault::new("metadata", e.to_string()))?;
+        let (metadata, planes, blocks) = json.parts()?;
+        check_blocks(&blocks, verbatim_bytes)?;
+        metadata.check()?;
+        let layout = metadata.layout().with_planes(planes)?;
+        Ok(Decoded { metadata, layout, blocks })
+    }
+}
+
+fn check_blocks(blocks: &[Vec<BlockPlace>], verbatim_bytes: u64) -> Result<(), Fault> {
+    let mut end = 0u64;
+    for block in blocks.iter().flatten() {
+        // One after the other: no two overlap, so reading all never takes more than the section
+        // has.
+        if block.offset != end {
+            return Err(Fault::new("metadata", "verbatim blocks do not follow each other"));
+        }
+        end = end
+            .checked_add(block.bytes)
+            .ok_or_else(|| Fault::new("metadata", "a verbatim block is too long"))?;
+    }
+    if end != verbatim_bytes {
+        return Err(Fault::new("metadata", "verbatim blocks do not fill their section"));
+    }
+    Ok(())
+}
+
 fn plane_json(plane: &PlaneSpec) -> PlaneJson {
     PlaneJson {
         kind: plane.kind.number(),
@@ -173,8 +226,8 @@ fn plane_json(plane: &PlaneSpec) -> PlaneJson {
     }
 }
 
-/// A plane of a kind that version 1 has gained that is not as this version writes it is of an unknown kind; so is a compact one
-/// without a palette.
+/// Spec of a plane. Planes of kinds that were added to version 1 and are not as this version writes
+/// them count as unknown; so does a compact plane without a palette.
 fn plane_spec(p: &PlaneJson, has_palette: bool) -> PlaneSpec {
     let kind = PlaneKind::from_number(p.kind, p.attribute.unwrap_or(NO_ATTRIBUTE));
     let plane = PlaneSpec { kind, hot: p.hot, value_bytes: p.value_bytes };

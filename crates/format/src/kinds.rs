@@ -1,14 +1,14 @@
-//! The kinds of planes: numbers on disk, names, and what a list of planes says of each.
+//! Kinds of planes: numbers on disk, names, and the spec of a plane in the metadata.
 
-/// "No attribute" in a directory entry.
+/// Value for "no attribute" in a directory entry.
 pub const NO_ATTRIBUTE: u16 = u16::MAX;
 
-/// What a plane holds. Numbers on disk in [`PlaneKind::number`].
+/// Contents of a plane. [`PlaneKind::number`] has the numbers on disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum PlaneKind {
-    /// Hot: three `u16` of [`esker_points::quant::hot`], the log-u8 radius, a zero byte.
+    /// Hot: three `u16` of [`esker_points::quant::hot`], the radius code, a zero byte.
     Position,
-    /// The bits that hot positions drop, as [`esker_points::quant::push_residual`] lays them out.
+    /// Bits that hot positions drop, in the layout of [`esker_points::quant::push_residual`].
     Residual,
     /// Hot: red, green, blue, 255; all zero for a point without colour.
     Colour,
@@ -16,16 +16,16 @@ pub enum PlaneKind {
     Intensity,
     /// Hot: two `i16` of [`esker_points::quant::oct_encode`].
     Normal,
-    /// Hot: shapes of splats, [`esker_points::tangents`]; only where the file has them.
+    /// Hot: shapes of splats, [`esker_points::tangents`]; only in files that have them.
     Tangents,
-    /// [`esker_points::ClipWords`]; only where the file has clip lines.
+    /// [`esker_points::ClipWords`]; only in files with clip lines.
     ClipLines,
-    /// Index of each point's class, `u16`; only where the file has several.
+    /// Index of each point's class, `u16`; only in files with several classes.
     Class,
     /// The byte of each 16-bit red, green, blue that the colour plane does not hold.
     ColourRemainder,
-    /// Hot: positions with the number of each point's colour in the file's palette in place of the zero byte; only where the file
-    /// has one.
+    /// Hot: positions with the palette index of each point's colour in place of the zero byte; only
+    /// in files with a palette.
     Compact,
     /// Exact values of one attribute, given by its index in the schema.
     Attribute(u16),
@@ -34,7 +34,7 @@ pub enum PlaneKind {
 }
 
 impl PlaneKind {
-    /// Its number on disk.
+    /// Number on disk.
     pub fn number(self) -> u16 {
         match self {
             Self::Position => 1,
@@ -57,12 +57,12 @@ impl PlaneKind {
         !matches!(self, Self::Unknown(_))
     }
 
-    /// Whether it says where points are: a node is not drawn without one such plane.
+    /// Whether it has positions: a node is drawn only with one such plane.
     pub fn has_positions(self) -> bool {
         matches!(self, Self::Position | Self::Compact)
     }
 
-    /// A word for it.
+    /// Name in messages.
     pub fn name(self) -> String {
         match self {
             Self::Position => "position".into(),
@@ -80,12 +80,12 @@ impl PlaneKind {
         }
     }
 
-    /// The attribute it belongs to, [`NO_ATTRIBUTE`] for most.
+    /// Attribute that it belongs to, [`NO_ATTRIBUTE`] for most.
     pub fn attribute(self) -> u16 {
         if let Self::Attribute(index) = self { index } else { NO_ATTRIBUTE }
     }
 
-    /// The kind of this number and attribute.
+    /// Kind of this number and attribute.
     pub fn from_number(number: u16, attribute: u16) -> Self {
         match number {
             1 => Self::Position,
@@ -107,9 +107,9 @@ impl PlaneKind {
 /// One plane of every page of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlaneSpec {
-    /// What it holds.
+    /// Contents.
     pub kind: PlaneKind,
-    /// Whether it is always raw, so that its place follows from the node's record.
+    /// Whether it is always raw, so that its byte range follows from the node's record.
     pub hot: bool,
     /// Bytes of a point's value; 0 for the residual, whose size follows from the node's hot shift.
     pub value_bytes: u32,

@@ -1,6 +1,6 @@
-//! Which planes the pages of a file have, and where: derived from schema and classes, stored in the
-//! metadata. Hot planes are raw and stand first, so that their places follow from a node's record alone;
-//! cold planes are found through the page's directory.
+//! Planes of the pages of a file, and their byte ranges: derived from schema and classes, stored in
+//! the metadata. Hot planes are raw and come first, so that their ranges follow from a node's
+//! record alone; cold planes are found through the page's directory.
 
 use crate::codec::Codec;
 use crate::error::Fault;
@@ -15,55 +15,56 @@ use esker_points::{AttrType, ColourDepth, PointClass, Schema};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Pages, and planes in their page, start at multiples of this.
+/// Alignment of pages in the file, and of planes in their page, bytes.
 pub const ALIGNMENT: u64 = 64;
 /// Bytes of a page's directory before its entries.
 pub const DIRECTORY_HEAD_BYTES: usize = 12;
 /// Bytes of one entry of a page's directory.
 pub const DIRECTORY_ENTRY_BYTES: usize = 20;
-/// Attributes, and classes, that a file can have.
+/// Greatest number of attributes, and of classes.
 pub const ATTRIBUTES_MAX: usize = 65_000;
-/// Attributes times classes: bounds what a lying file can make a reader tabulate.
+/// Greatest product of attributes and classes: bounds the table that a hostile file can make a
+/// reader build.
 pub const ATTRIBUTES_TIMES_CLASSES_MAX: usize = 1 << 22;
-/// Bytes of a point's value in a plane: bounds sums of lengths.
+/// Greatest size of a point's value in a plane: bounds sums of lengths.
 const VALUE_BYTES_MAX: u32 = 1 << 16;
 
-/// The plane of clip lines: cold, since most nodes have none, and then it is one value.
+/// Plane of clip lines: cold, since most nodes have none, and the plane is then one value.
 pub(crate) const CLIP_LINES: PlaneSpec =
     PlaneSpec { kind: PlaneKind::ClipLines, hot: false, value_bytes: CLIP_BYTES as u32 };
 
-/// The plane of tangents: hot, since a renderer that draws them needs all of it.
+/// Plane of tangents: hot, since a renderer that draws them needs all of it.
 pub(crate) const TANGENTS: PlaneSpec =
     PlaneSpec { kind: PlaneKind::Tangents, hot: true, value_bytes: TANGENT_BYTES as u32 };
 
-/// The plane of positions with numbers of colours: hot, for it is drawn in place of two that are.
+/// Plane of positions with colour indices: hot, since it is drawn in place of two hot planes.
 pub(crate) const COMPACT: PlaneSpec =
     PlaneSpec { kind: PlaneKind::Compact, hot: true, value_bytes: HOT_POSITION_BYTES as u32 };
 
-/// Where a class of points has its colour.
+/// Attributes that hold the colour of a class of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ColourSource {
     /// Attributes red, green, blue.
     pub rgb: [usize; 3],
-    /// `None` for 8-bit attributes.
+    /// Depth of 16-bit attributes; `None` for 8-bit attributes.
     pub depth: Option<ColourDepth>,
 }
 
 impl ColourSource {
-    /// The byte of each value that the colour plane has.
+    /// Byte of each value that the colour plane holds.
     pub fn drawn_byte(self) -> usize {
         usize::from(self.depth == Some(ColourDepth::Sixteen))
     }
 }
 
-/// Where an attribute's values are kept.
+/// Plane that holds an attribute's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Home {
-    /// In a plane of its own.
+pub(crate) enum AttributePlane {
+    /// A plane of its own.
     Own,
-    /// In the hot intensity plane.
+    /// The hot intensity plane.
     Intensity,
-    /// In the colour plane and, for 16 bits, the remainder plane.
+    /// The colour plane and, for 16 bits, the remainder plane.
     Colour,
 }
 
@@ -77,7 +78,7 @@ pub struct PageLayout {
     /// Whether a class has an attribute, class by class.
     present: Vec<bool>,
     colours: Vec<Option<ColourSource>>,
-    homes: Vec<Home>,
+    attribute_planes: Vec<AttributePlane>,
     normals: Normals,
     has_clip_lines: bool,
     has_tangents: bool,
@@ -86,7 +87,7 @@ pub struct PageLayout {
 }
 
 impl PageLayout {
-    /// The layout that this version writes for a schema and its classes, with the default codec.
+    /// Layout that this version writes for a schema and its classes, with the default codec.
     pub fn new(schema: &Schema, classes: &[PointClass]) -> Self {
         let attributes = schema.attributes.len();
         let mut present = vec![false; attributes * classes.len()];
@@ -100,11 +101,11 @@ impl PageLayout {
             .map(|(c, class)| colour_source(schema, class, |a| has(c, a)))
             .collect();
         let intensity = schema.find_typed(names::INTENSITY, AttrType::U16);
-        let homes = (0..schema.attributes.len())
+        let attribute_planes = (0..schema.attributes.len())
             .map(|a| match intensity {
-                Some(i) if i == a => Home::Intensity,
-                _ if lives_in_colour(a, &colours, |c| has(c, a)) => Home::Colour,
-                _ => Home::Own,
+                Some(i) if i == a => AttributePlane::Intensity,
+                _ if lives_in_colour(a, &colours, |c| has(c, a)) => AttributePlane::Colour,
+                _ => AttributePlane::Own,
             })
             .collect();
         let mut layout = Self {
@@ -114,7 +115,7 @@ impl PageLayout {
             plane_indices: BTreeMap::new(),
             present,
             colours,
-            homes,
+            attribute_planes,
             normals: schema.normals().map_or(Normals::None, |_| Normals::Source),
             has_clip_lines: false,
             has_tangents: false,
@@ -125,42 +126,43 @@ impl PageLayout {
         layout
     }
 
-    /// The same with a normal plane of this origin, or none; exact normals stay, as attributes.
+    /// Sets the origin of the normal plane, or removes it; exact normals stay, as attributes.
     pub fn with_normals(mut self, normals: Normals) -> Self {
         self.normals = normals;
         self.set_planes(self.derive_planes());
         self
     }
 
-    /// The same with a plane of clip lines, or none.
+    /// Adds or removes the plane of clip lines.
     pub fn with_clip_lines(mut self, has_clip_lines: bool) -> Self {
         self.has_clip_lines = has_clip_lines;
         self.set_planes(self.derive_planes());
         self
     }
 
-    /// The same with a plane of tangents, or none.
+    /// Adds or removes the plane of tangents.
     pub fn with_tangents(mut self, has_tangents: bool) -> Self {
         self.has_tangents = has_tangents;
         self.set_planes(self.derive_planes());
         self
     }
 
-    /// The same with a compact plane of this palette, where points have colours, or none.
+    /// Adds a compact plane of this palette if points have colours, or removes it.
     pub fn with_palette(mut self, palette: Option<Palette>) -> Self {
         self.palette = palette.filter(|_| self.colours.iter().any(Option::is_some));
         self.set_planes(self.derive_planes());
         self
     }
 
-    /// The same with cold planes compressed so.
+    /// Sets the compression of cold planes.
     pub fn with_codec(mut self, codec: Codec) -> Self {
         self.codec = codec;
         self
     }
 
     fn set_planes(&mut self, planes: Vec<PlaneSpec>) {
-        // The first of several of one unknown kind; which does not matter, they are skipped.
+        // Of several planes of one unknown kind the first is found, which is irrelevant since they
+        // are skipped.
         self.plane_indices = planes.iter().enumerate().rev().map(|(i, p)| (p.kind, i)).collect();
         self.planes = planes;
     }
@@ -172,7 +174,7 @@ impl PageLayout {
         if self.colours.iter().any(Option::is_some) {
             planes.push(hot(PlaneKind::Colour, 4));
         }
-        if self.homes.contains(&Home::Intensity) {
+        if self.attribute_planes.contains(&AttributePlane::Intensity) {
             planes.push(hot(PlaneKind::Intensity, 2));
         }
         if self.normals != Normals::None {
@@ -195,25 +197,25 @@ impl PageLayout {
             planes.push(cold(PlaneKind::ColourRemainder, 3));
         }
         for (a, attribute) in self.schema.attributes.iter().enumerate() {
-            if self.homes[a] == Home::Own {
+            if self.attribute_planes[a] == AttributePlane::Own {
                 planes.push(cold(PlaneKind::Attribute(a as u16), attribute.ty.size() as u32));
             }
         }
         planes
     }
 
-    /// The same for a file whose metadata list these planes. Planes of kinds that this version does not
-    /// know may stand among those that it knows.
+    /// Sets the planes that a file's metadata list. Planes of unknown kinds may be among the known
+    /// ones.
     ///
     /// # Errors
-    /// Where the planes that this version knows are not those of this layout.
+    /// If the known planes are not those of this layout.
     pub fn with_planes(mut self, planes: Vec<PlaneSpec>) -> Result<Self, Fault> {
         if !planes.iter().filter(|p| p.kind.is_written()).eq(self.planes.iter()) {
             return Err(Fault::new("metadata", "the list of planes does not suit the attributes"));
         }
         let first_cold = planes.iter().position(|p| !p.hot).unwrap_or(planes.len());
         if planes[first_cold..].iter().any(|p| p.hot) || planes.len() > ATTRIBUTES_MAX + 16 {
-            return Err(Fault::new("metadata", "a hot plane stands behind a cold one"));
+            return Err(Fault::new("metadata", "a hot plane comes after a cold one"));
         }
         if planes.iter().any(|p| p.value_bytes > VALUE_BYTES_MAX) {
             return Err(Fault::new("metadata", "a plane's values are longer than any can be"));
@@ -222,42 +224,42 @@ impl PageLayout {
         Ok(self)
     }
 
-    /// How cold planes are compressed when written.
+    /// Compression of cold planes when written.
     pub fn codec(&self) -> Codec {
         self.codec
     }
 
-    /// Where the normal plane comes from. Of estimates [`crate::PagePoints`] have a column.
+    /// Origin of the normal plane. For estimated normals [`crate::PagePoints`] have a column.
     pub fn normals(&self) -> Normals {
         self.normals
     }
 
-    /// Whether there is a plane of clip lines. [`crate::PagePoints`] have a column of it.
+    /// Whether there is a plane of clip lines. [`crate::PagePoints`] then have a column for it.
     pub fn has_clip_lines(&self) -> bool {
         self.has_clip_lines
     }
 
-    /// Whether there is a plane of tangents. [`crate::PagePoints`] have a column of it.
+    /// Whether there is a plane of tangents. [`crate::PagePoints`] then have a column for it.
     pub fn has_tangents(&self) -> bool {
         self.has_tangents
     }
 
-    /// The colours that the compact plane numbers, where there is such a plane.
+    /// Colours that the compact plane indexes, if there is such a plane.
     pub fn palette(&self) -> Option<&Palette> {
         self.palette.as_ref()
     }
 
-    /// The attributes of the file.
+    /// Attributes of the file.
     pub fn schema(&self) -> &Schema {
         &self.schema
     }
 
-    /// The classes of points of the file.
+    /// Classes of points of the file.
     pub fn classes(&self) -> &[PointClass] {
         &self.classes
     }
 
-    /// The planes of every page, in their order.
+    /// Planes of every page, in their order.
     pub fn planes(&self) -> &[PlaneSpec] {
         &self.planes
     }
@@ -278,7 +280,7 @@ impl PageLayout {
         self.present.get(class * attributes + attribute).copied().unwrap_or(false)
     }
 
-    /// Whether points of all classes have one of these attributes, told by name and type.
+    /// Whether points of all classes have one of these attributes, given by name and type.
     pub fn all_have_one_of(&self, attributes: &[(&str, AttrType)]) -> bool {
         let own = attributes.iter().filter_map(|&(name, ty)| self.schema.find_typed(name, ty));
         let own: Vec<usize> = own.collect();
@@ -300,9 +302,9 @@ impl PageLayout {
         value * points as u64
     }
 
-    /// Place of a hot plane or the residual relative to the start of the page of a node with so many
-    /// points; `None` where the file has no such plane or it is cold (then only the page's directory
-    /// tells). Empty for the residual of a node that drops no bits.
+    /// Byte range of a hot plane or the residual relative to the start of the page of a node with
+    /// `node_points` points. `None` if the file has no such plane or it is cold (only the page's
+    /// directory has its range). Empty for the residual of a node that drops no bits.
     pub fn plane_range(
         &self,
         kind: PlaneKind,
@@ -320,8 +322,8 @@ impl PageLayout {
         None
     }
 
-    /// The run of bytes from the start of the page to the end of its last hot plane (with the residual):
-    /// what one read must fetch to draw the node.
+    /// Bytes from the start of the page to the end of its last hot plane (with the residual): what
+    /// one read must fetch to draw the node.
     pub fn hot_bytes(&self, node_points: usize, hot_shift: u8) -> u64 {
         let mut end = self.directory_bytes() as u64;
         for plane in self.planes.iter().take_while(|p| p.hot) {
@@ -330,7 +332,7 @@ impl PageLayout {
         end
     }
 
-    /// The greatest size of the page of a node with so many points.
+    /// Greatest size of the page of a node with `node_points` points.
     pub fn page_bytes_max(&self, node_points: usize) -> u64 {
         let mut end = self.directory_bytes() as u64;
         for plane in &self.planes {
@@ -339,8 +341,8 @@ impl PageLayout {
         end.next_multiple_of(ALIGNMENT)
     }
 
-    /// The attributes that points of a class have their red, green and blue in, and the byte of each that is drawn; `None` where
-    /// they have no colour.
+    /// Attributes that hold red, green and blue of points of a class, and the byte of each that is
+    /// drawn; `None` if they have no colour.
     pub fn drawn_colour(&self, class: usize) -> Option<([usize; 3], usize)> {
         self.colour_of_class(class).map(|c| (c.rgb, c.drawn_byte()))
     }
@@ -349,12 +351,12 @@ impl PageLayout {
         self.colours.get(class).copied().flatten()
     }
 
-    pub(crate) fn home(&self, attribute: usize) -> Home {
-        self.homes[attribute]
+    pub(crate) fn plane_of(&self, attribute: usize) -> AttributePlane {
+        self.attribute_planes[attribute]
     }
 }
 
-/// A class has its colour in 16-bit attributes where it has all three, else in 8-bit ones.
+/// Colour of a class: in 16-bit attributes if it has all three, otherwise in 8-bit ones.
 fn colour_source(
     schema: &Schema,
     class: &PointClass,
@@ -367,8 +369,8 @@ fn colour_source(
     })
 }
 
-/// Whether the colour plane (with its remainder) holds every value of an attribute: each class that has
-/// the attribute has its colour there.
+/// Whether the colour plane (with its remainder) holds every value of an attribute: each class that
+/// has the attribute has its colour there.
 fn lives_in_colour(
     a: usize,
     colours: &[Option<ColourSource>],

@@ -1,48 +1,53 @@
-//! The bytes of the .esker file: writer, reader, verify; the only crate that knows them. A node's points
-//! go in as [`PagePoints`] and come out again to the bit; in between stand pages of planes, the node
-//! table, statistics, metadata and a footer, specified to the byte in `data-format/SPEC.md`.
+//! The bytes of the .esker file: writer, reader, verifier; the only crate that knows them. A node's
+//! points go in as [`PagePoints`] and come out again to the bit. The file has pages of planes, the
+//! node table, statistics, metadata and a footer, specified to the byte in `data-format/SPEC.md`;
+//! reasons are in `docs/design/format.md`.
 
 #[cfg(target_endian = "big")]
 compile_error!("the node table is used as it lies on disk, little-endian");
 
-pub mod codec;
-pub mod columns;
-pub mod directory;
-pub mod error;
+mod bytes;
+mod codec;
+mod columns;
+mod directory;
+mod error;
 pub mod footer;
-pub mod forest;
+mod forest;
+mod forest_filter;
 mod json;
 mod kinds;
-pub mod layout;
-pub mod metadata;
-pub mod normals;
-pub mod page;
+mod layout;
+mod metadata;
+mod normals;
+mod page;
 mod planes;
 mod points;
-pub mod read_at;
-pub mod reader;
+mod read_at;
+mod reader;
 mod sections;
 mod sequential;
-pub mod shown;
-pub mod statistics;
+
+mod statistics;
 mod system;
-pub mod table;
+mod table;
 mod values;
-pub mod verify;
-pub mod writer;
+mod verify;
+mod writer;
 
 pub use codec::{Codec, Encoding};
-pub use error::FormatError;
+pub use error::{Fault, FormatError};
 pub use footer::{Footer, VERSION};
 pub use forest::Forest;
-pub use layout::{PageLayout, PlaneKind};
-pub use metadata::{CrsRecord, Metadata, SourceRecord, TreeRef};
+pub use forest_filter::ForestFilter;
+pub use layout::{PageLayout, PlaneKind, PlaneSpec};
+pub use metadata::{CrsRecord, Metadata, SourceRecord, TREES_MAX, TreeRef};
 pub use normals::Normals;
 pub use page::{Page, encode_page};
 pub use points::PagePoints;
 pub use read_at::{FileSource, ReadAt};
 pub use reader::{EskerFile, Planes};
-pub use shown::Shown;
+
 pub use statistics::{Histograms, NodeStatistics, Ranges, Statistics};
+pub use table::NODE_BYTES_MAX;
 pub use verify::{VerifyReport, verify};
 pub use writer::FileWriter;

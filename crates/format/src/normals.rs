@@ -1,21 +1,21 @@
-//! Where the normals of the hot plane come from.
+//! Origin of the normals in the hot plane.
 
-/// The origin of a file's normal plane.
+/// Origin of a file's normal plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Normals {
     /// There is no normal plane, whatever attributes the points have.
     #[default]
     None,
-    /// The exact normals that the points have as attributes.
+    /// Exact normals that the points have as attributes.
     Source,
-    /// Estimated by the builder; which of its two directions a normal has means nothing.
+    /// Estimated by the builder; the sign of a normal is arbitrary.
     Estimated,
-    /// Estimated by the builder, and turned to where the point was scanned from.
+    /// Estimated by the builder, and oriented towards the scanner.
     Oriented,
 }
 
 impl Normals {
-    /// The word for it in metadata.
+    /// Name in metadata.
     pub fn name(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -25,7 +25,7 @@ impl Normals {
         }
     }
 
-    /// What a word stands for.
+    /// The origin of this name.
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::None, Self::Source, Self::Estimated, Self::Oriented]
             .into_iter()
@@ -37,7 +37,7 @@ impl Normals {
         matches!(self, Self::Estimated | Self::Oriented)
     }
 
-    /// Whether a point whose normal looks away shows its back.
+    /// Whether normals distinguish front and back.
     pub fn is_oriented(self) -> bool {
         matches!(self, Self::Source | Self::Oriented)
     }

@@ -1,10 +1,12 @@
-//! Pages: a node's points as planes and back, exact to the bit. Hot position and residual make the lattice
-//! coordinate, the colour plane and its remainder 16-bit colour; every other attribute has a plane.
+//! Pages: a node's points as planes and back, exact to the bit. Hot position and residual make the
+//! lattice coordinate, the colour plane and its remainder 16-bit colour; every other attribute has
+//! a plane.
 
+use crate::bytes::{u16_at, u32_at};
 use crate::codec::{self, Codec, Encoding, Scratch};
-use crate::directory::{Directory, Entry, u16_at, u32_at};
+use crate::directory::{Directory, Entry};
 use crate::error::Fault;
-use crate::layout::{ALIGNMENT, ColourSource, Home, PageLayout, PlaneKind};
+use crate::layout::{ALIGNMENT, AttributePlane, ColourSource, PageLayout, PlaneKind};
 use crate::planes::Values;
 use crate::points::PagePoints;
 use esker_points::ColourDepth;
@@ -12,13 +14,13 @@ use esker_points::clip::CLIP_BYTES;
 use esker_points::quant::{HOT_POSITION_BYTES, exact, read_residual};
 use esker_points::tangents::TANGENT_BYTES;
 
-/// The whole page of a node: directory and planes, padded with zeros to a multiple of 64 bytes. Cold planes
-/// are compressed by the layout's codec.
-/// A page of 4 GiB or more is refused by [`crate::FileWriter::write_page`].
+/// The whole page of a node: directory and planes, padded with zeros to a multiple of 64 bytes.
+/// Cold planes are compressed by the layout's codec. [`crate::FileWriter::write_page`] refuses a
+/// page of 4 GiB or more.
 ///
 /// # Panics
 /// If the points are not consistent with the layout, or not in the box that starts at `box_min` and
-/// that `hot_shift` suits.
+/// that `hot_shift` fits.
 pub fn encode_page(
     layout: &PageLayout,
     box_min: [u32; 3],
@@ -68,33 +70,33 @@ pub struct Page<'a> {
 }
 
 impl Page<'_> {
-    /// Its bytes as on disk.
+    /// Bytes as on disk.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Its directory.
+    /// Directory.
     pub fn directory(&self) -> &Directory {
         &self.directory
     }
 
-    /// A plane's values, one a point; `None` where the file has no such plane.
+    /// Values of a plane, one a point; `None` if the file has no such plane.
     ///
     /// # Errors
-    /// Where it does not decode.
+    /// If it does not decode.
     pub fn plane(&self, kind: PlaneKind) -> Result<Option<Vec<u8>>, Fault> {
         let Some(index) = self.layout.plane_index(kind) else { return Ok(None) };
         let entry = &self.directory.entries[index];
         let value_bytes = self.layout.planes()[index].value_bytes as usize;
         codec::decode(entry.encoding, &self.bytes[entry.range()], value_bytes, self.points)
             .map(Some)
-            .map_err(|fault| fault.of_plane(kind))
+            .map_err(|fault| fault.of_plane(&kind.name()))
     }
 
     /// The exact points.
     ///
     /// # Errors
-    /// Where a point names a class that does not exist, or a coordinate leaves the lattice.
+    /// If a point has a class that does not exist, or a coordinate leaves the lattice.
     pub fn points(&self) -> Result<PagePoints, Fault> {
         let plane = |kind| Ok::<_, Fault>(self.plane(kind)?.unwrap_or_default());
         let position = plane(PlaneKind::Position)?;
@@ -141,10 +143,10 @@ impl Page<'_> {
         let plane = |kind| Ok::<_, Fault>(self.plane(kind)?.unwrap_or_default());
         let attributes = &self.layout.schema().attributes;
         points.columns = (0..attributes.len())
-            .map(|a| match self.layout.home(a) {
-                Home::Own => plane(PlaneKind::Attribute(a as u16)),
-                Home::Intensity => plane(PlaneKind::Intensity),
-                Home::Colour => Ok(vec![0; self.points * attributes[a].ty.size()]),
+            .map(|a| match self.layout.plane_of(a) {
+                AttributePlane::Own => plane(PlaneKind::Attribute(a as u16)),
+                AttributePlane::Intensity => plane(PlaneKind::Intensity),
+                AttributePlane::Colour => Ok(vec![0; self.points * attributes[a].ty.size()]),
             })
             .collect::<Result<_, _>>()?;
         let Some(colour) = self.plane(PlaneKind::Colour)? else { return Ok(()) };
@@ -155,7 +157,7 @@ impl Page<'_> {
                 continue;
             };
             for (k, a) in rgb.into_iter().enumerate() {
-                if self.layout.home(a) != Home::Colour {
+                if self.layout.plane_of(a) != AttributePlane::Colour {
                     continue;
                 }
                 let hot = colour[i * 4 + k];

@@ -1,11 +1,11 @@
-//! The raw values of each plane of a page, as a node's points give them.
+//! Raw values of each plane of a page, computed from a node's points.
 
-use crate::layout::{ColourSource, Home, PageLayout, PlaneKind, PlaneSpec};
+use crate::layout::{AttributePlane, ColourSource, PageLayout, PlaneKind, PlaneSpec};
 use crate::points::PagePoints;
 use esker_points::palette::NO_COLOUR;
 use esker_points::quant::{HOT_POSITION_BYTES, INDEX_AT, oct_encode, push_residual, residual};
 
-/// A node's points and what their planes depend on.
+/// A node's points and everything that their planes depend on.
 pub(crate) struct Values<'a> {
     pub layout: &'a PageLayout,
     pub box_min: [u32; 3],
@@ -29,8 +29,8 @@ impl Values<'_> {
             PlaneKind::Colour => self.push_colour(out),
             PlaneKind::ColourRemainder => self.push_remainder(out),
             PlaneKind::Intensity => {
-                let home = |&a: &usize| self.layout.home(a) == Home::Intensity;
-                if let Some(a) = (0..points.columns.len()).find(home) {
+                let is_there = |&a: &usize| self.layout.plane_of(a) == AttributePlane::Intensity;
+                if let Some(a) = (0..points.columns.len()).find(is_there) {
                     out.extend_from_slice(&points.columns[a]);
                 }
             }
@@ -42,7 +42,7 @@ impl Values<'_> {
             }
             PlaneKind::Compact => self.push_compact(out),
             PlaneKind::Tangents => out.extend(points.tangents.iter().flatten()),
-            // What this version cannot make is left zero.
+            // Planes of unknown kinds are zeros.
             PlaneKind::Unknown(_) => {
                 out.resize(out.len() + points.len() * plane.value_bytes as usize, 0);
             }
@@ -89,7 +89,7 @@ impl Values<'_> {
         });
     }
 
-    /// Positions, with the number of the palette's nearest colour.
+    /// Appends positions with the index of the palette's nearest colour.
     fn push_compact(&self, out: &mut Vec<u8>) {
         let Some(palette) = self.layout.palette() else { return };
         let (start, mut colours) = (out.len(), Vec::new());
@@ -110,8 +110,8 @@ impl Values<'_> {
         self.push_channels(byte, out, Option::unwrap_or_default);
     }
 
-    /// Appends what `give` makes of each point's red, green, blue: of the byte of their values that `byte`
-    /// chooses, and of none where there is no such byte or no colour.
+    /// Appends the result of `give` for each point's red, green and blue: for the byte of their
+    /// values that `byte` selects, and for `None` without such a byte or without colour.
     fn push_channels<const N: usize>(
         &self,
         byte: impl Fn(ColourSource) -> usize,
@@ -139,7 +139,7 @@ impl Values<'_> {
     }
 }
 
-/// One byte of the red, green and blue of all points, at every `stride`-th place.
+/// One byte of the red, green and blue of all points, with a stride.
 struct Channels<'a> {
     red: &'a [u8],
     green: &'a [u8],

@@ -4,27 +4,28 @@ use crate::layout::PageLayout;
 use esker_points::tangents::TANGENT_BYTES;
 use esker_points::{ClipWords, MultisetHash};
 
-/// Records that are put together at a time.
+/// Records that are assembled at a time.
 const BLOCK: usize = 128;
 
-/// A node's points, in their stored order.
+/// Points of a node, in their stored order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PagePoints {
     /// Lattice coordinates.
     pub positions: Vec<[u32; 3]>,
     /// Radius of each point, see [`esker_points::quant::radius_code`].
     pub radius_codes: Vec<u8>,
-    /// Class of each point; empty where the file has one class.
+    /// Class of each point; empty if the file has one class.
     pub classes: Vec<u16>,
-    /// Estimated normals, see [`esker_points::quant::oct_encode`]; empty where the layout has none. They are
-    /// no part of the hash.
+    /// Estimated normals, see [`esker_points::quant::oct_encode`]; empty if the layout has none.
+    /// Not part of the hash.
     pub normals: Vec<[i16; 2]>,
-    /// Clip lines of splats, see [`esker_points::clip`], as they are stored; empty where the layout has none. They
-    /// are no part of the hash.
+    /// Clip lines of splats, see [`esker_points::clip`], as stored; empty if the layout has none.
+    /// Not part of the hash.
     pub clip_lines: Vec<ClipWords>,
-    /// Shapes of splats, see [`esker_points::tangents`]; empty where the layout has none. They are no part of the hash.
+    /// Shapes of splats, see [`esker_points::tangents`]; empty if the layout has none. Not part of
+    /// the hash.
     pub tangents: Vec<[u8; TANGENT_BYTES]>,
-    /// One column an attribute of the file's schema, raw little-endian values; zero bytes where a
+    /// One column an attribute of the file's schema, raw little-endian values; zero bytes if a
     /// point's class does not have the attribute.
     pub columns: Vec<Vec<u8>>,
 }
@@ -45,7 +46,7 @@ impl PagePoints {
         self.classes.get(point).map_or(0, |&c| usize::from(c))
     }
 
-    /// Whether every column has a value a point, and every class exists.
+    /// Whether every column has one value a point, and every class exists.
     pub fn is_consistent(&self, layout: &PageLayout) -> bool {
         let attributes = &layout.schema().attributes;
         let n = self.len();
@@ -60,7 +61,7 @@ impl PagePoints {
             && attributes.iter().zip(&self.columns).all(|(a, c)| c.len() == n * a.ty.size())
     }
 
-    /// The multiset hash of these points: what the footer's hash is the sum of.
+    /// Multiset hash of these points; the footer has the sum over all nodes.
     pub fn hash(&self, layout: &PageLayout) -> MultisetHash {
         let mut of_class: Vec<Vec<u32>> = vec![Vec::new(); layout.classes().len().max(1)];
         if self.classes.is_empty() {

@@ -1,6 +1,6 @@
-//! Positioned reads: the one way in which the bytes of a finished file are got. A file today; ranges over
-//! HTTP and object storage can implement the same trait later. Nothing is ever mapped, so a file that is
-//! cut short while it is read gives an error, not a signal.
+//! Positioned reads: the only access to the bytes of a finished file. Ranges over HTTP or object
+//! storage can implement the trait too. Nothing is ever mapped, so a file that is truncated while
+//! it is read gives an error, not a signal.
 
 use crate::system::read_exact_at;
 use std::fs::File;
@@ -11,13 +11,13 @@ pub trait ReadAt: Send + Sync {
     /// Fills `buf` from `offset` on.
     ///
     /// # Errors
-    /// Where the source ends before `buf` is full, or cannot be read.
+    /// If the source ends before `buf` is full, or cannot be read.
     fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> io::Result<()>;
 
-    /// Bytes of the whole source.
+    /// Length of the source, bytes.
     ///
     /// # Errors
-    /// Where the source does not tell.
+    /// If the source has no known length.
     fn bytes(&self) -> io::Result<u64>;
 }
 

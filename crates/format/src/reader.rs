@@ -1,5 +1,5 @@
-//! Reading a file: footer, metadata and table are read, copied and checked when it is opened; pages, planes
-//! and statistics by positioned reads when asked for, each against its checksum.
+//! Reading a file: footer, metadata and table are read and checked on opening; pages, planes and
+//! statistics by positioned reads on request, each checked against its checksum.
 
 use crate::codec;
 use crate::directory::Directory;
@@ -21,7 +21,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Bytes between two planes that are read along with them rather than skipped.
+/// Greatest gap between two planes that is read along with them rather than skipped.
 const GAP_BYTES_MAX: u64 = 32 << 10;
 
 /// An opened .esker file. Reading takes `&self`, from any thread.
@@ -33,7 +33,7 @@ pub struct EskerFile {
     layout: PageLayout,
     blocks: Vec<Vec<BlockPlace>>,
     table: NodeTable,
-    /// Bytes read since it was opened.
+    /// Bytes read since opening.
     read_bytes: AtomicU64,
 }
 
@@ -44,27 +44,28 @@ pub struct Planes {
 }
 
 impl Planes {
-    /// A plane's values, one a point; `None` where the file has no such plane or it was not asked for.
+    /// Values of a plane, one a point; `None` if the file has no such plane or it was not
+    /// requested.
     pub fn get(&self, kind: PlaneKind) -> Option<&[u8]> {
         self.planes.iter().find(|(k, _)| *k == kind).map(|(_, bytes)| bytes.as_slice())
     }
 
-    /// A plane's values, to be changed.
+    /// Mutable values of a plane.
     pub(crate) fn get_mut(&mut self, kind: PlaneKind) -> Option<&mut Vec<u8>> {
         self.planes.iter_mut().find(|(k, _)| *k == kind).map(|(_, bytes)| bytes)
     }
 
-    /// Leaves those of these kinds.
+    /// Keeps the planes of some kinds.
     pub(crate) fn retain(&mut self, stays: impl Fn(PlaneKind) -> bool) {
         self.planes.retain(|(kind, _)| stays(*kind));
     }
 
-    /// Bytes of all of them.
+    /// Bytes of all planes.
     pub fn bytes(&self) -> u64 {
         self.planes.iter().map(|(_, bytes)| bytes.len() as u64).sum()
     }
 
-    /// The same planes by other names; those without one are left out.
+    /// Gives the planes other kinds; those without a new kind are left out.
     pub(crate) fn renamed(self, name: impl Fn(PlaneKind) -> Option<PlaneKind>) -> Self {
         let planes = self.planes.into_iter();
         Self { planes: planes.filter_map(|(kind, bytes)| Some((name(kind)?, bytes))).collect() }
@@ -78,10 +79,11 @@ impl fmt::Debug for EskerFile {
 }
 
 impl EskerFile {
-    /// Opens a file: its own tree alone. [`crate::Forest::open`] opens those that it names as well.
+    /// Opens a file: its own tree alone. [`crate::Forest::open`] also opens the files that it
+    /// names.
     ///
     /// # Errors
-    /// Where it cannot be read, has no valid footer, another version, or is damaged.
+    /// If it cannot be read, has no valid footer, has another version, or is damaged.
     pub fn open(path: &Path) -> Result<Self, FormatError> {
         if let Some(what) = no_file_at(path).map_err(io_error(path, "open it"))? {
             return Err(FormatError::Unsupported { path: path.into(), what: what.into() });
@@ -90,10 +92,10 @@ impl EskerFile {
         Self::from_source(path, Box::new(FileSource(file)))
     }
 
-    /// Opens a file behind any positioned reads; `name` stands in messages.
+    /// Opens a file behind any positioned reads; `name` is used in messages.
     ///
     /// # Errors
-    /// As [`EskerFile::open`].
+    /// See [`EskerFile::open`].
     pub fn from_source(name: &Path, source: Box<dyn ReadAt>) -> Result<Self, FormatError> {
         let footer = read_footer(name, source.as_ref())?;
         check_sections(&footer).map_err(|fault| fault.damaged(name))?;
@@ -122,17 +124,17 @@ impl EskerFile {
         })
     }
 
-    /// The path it was opened by.
+    /// Path by which it was opened.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Counts, places, checksums.
+    /// Counts, sections, checksums.
     pub fn footer(&self) -> &Footer {
         &self.footer
     }
 
-    /// What the file says of itself.
+    /// The file's description of itself.
     pub fn metadata(&self) -> &Metadata {
         &self.metadata
     }
@@ -142,21 +144,21 @@ impl EskerFile {
         &self.table
     }
 
-    /// The planes of its pages.
+    /// Planes of its pages.
     pub fn layout(&self) -> &PageLayout {
         &self.layout
     }
 
-    /// Reads any run of its bytes, unchecked: for loaders that fetch several planes or pages at once.
+    /// Reads bytes, unchecked: for loaders that fetch several planes or pages at once.
     ///
     /// # Errors
-    /// Where the file ends before, or cannot be read.
+    /// If the file ends before, or cannot be read.
     pub fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> Result<(), FormatError> {
         self.read_bytes.fetch_add(buf.len() as u64, Relaxed);
         self.source.read_exact_at(buf, offset).map_err(io_error(&self.path, "read it"))
     }
 
-    /// Bytes read since it was opened: of pages and statistics.
+    /// Bytes of pages and statistics read since opening.
     pub fn read_bytes(&self) -> u64 {
         self.read_bytes.load(Relaxed)
     }
@@ -164,7 +166,7 @@ impl EskerFile {
     /// Reads the statistics.
     ///
     /// # Errors
-    /// Where they cannot be read or are damaged.
+    /// If they cannot be read or are damaged.
     pub fn statistics(&self) -> Result<Statistics, FormatError> {
         let place = self.footer.statistics;
         let bytes = read_section(&self.path, self.source.as_ref(), place, "statistics")?;
@@ -175,7 +177,7 @@ impl EskerFile {
     /// Reads the verbatim blocks of a source, given by its index: name and bytes.
     ///
     /// # Errors
-    /// Where they cannot be read. Their checksum, one for all sources, is checked by `verify`.
+    /// If they cannot be read. `verify` checks their checksum, which is one for all sources.
     pub fn verbatim(&self, source: usize) -> Result<Vec<(String, Vec<u8>)>, FormatError> {
         let blocks = self.blocks.get(source).map_or(&[][..], Vec::as_slice);
         let read = |block: &BlockPlace| {
@@ -189,22 +191,22 @@ impl EskerFile {
     /// Checks the verbatim blocks of all sources, which [`EskerFile::verbatim`] does not.
     ///
     /// # Errors
-    /// Where they cannot be read or are damaged.
+    /// If they cannot be read or are damaged.
     pub fn check_verbatim(&self) -> Result<(), FormatError> {
         self.check_section(self.footer.verbatim, "verbatim section")
     }
 
-    /// A node's record.
+    /// Record of a node.
     ///
     /// # Errors
-    /// Where there is no such node.
+    /// If there is no such node.
     pub fn node(&self, node: u32) -> Result<&Node, FormatError> {
         self.table.nodes.get(node as usize).ok_or_else(|| {
             Fault::new("node table", format!("there is no node {node}")).damaged(&self.path)
         })
     }
 
-    /// What a fault in the page of a node is.
+    /// Error for a fault in the page of a node.
     pub fn damaged_page(&self, node: u32, fault: Fault) -> FormatError {
         self.in_node(node)(fault)
     }
@@ -219,7 +221,7 @@ impl EskerFile {
     /// Reads a node's whole page; every plane is checked.
     ///
     /// # Errors
-    /// Where it cannot be read or is damaged.
+    /// If it cannot be read or is damaged.
     pub fn read_page(&self, node: u32) -> Result<Page<'_>, FormatError> {
         let record = self.node(node)?;
         let mut bytes = vec![0; record.page_bytes as usize];
@@ -227,10 +229,10 @@ impl EskerFile {
         self.page_of(node, bytes)
     }
 
-    /// The page of a node from its bytes, which may also be made anew; every plane is checked.
+    /// The page of a node from its bytes, which may be newly encoded; every plane is checked.
     ///
     /// # Errors
-    /// Where they are damaged.
+    /// If the bytes are damaged.
     pub fn page_of(&self, node: u32, bytes: Vec<u8>) -> Result<Page<'_>, FormatError> {
         let record = self.node(node)?;
         let page_bytes = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
@@ -252,10 +254,10 @@ impl EskerFile {
         })
     }
 
-    /// Bytes that each plane of the layout takes in all pages; reads every page's directory.
+    /// Bytes of each plane of the layout in all pages; reads every page's directory.
     ///
     /// # Errors
-    /// Where one cannot be read or is damaged.
+    /// If one cannot be read or is damaged.
     pub fn plane_bytes(&self) -> Result<Vec<u64>, FormatError> {
         let mut sums = vec![0; self.layout.planes().len()];
         let mut head = vec![0; self.layout.directory_bytes()];
@@ -280,15 +282,15 @@ impl EskerFile {
         Directory::decode(&self.layout, bytes, points, record.hot_shift, page_bytes)
     }
 
-    /// Reads these planes of a node, with as few reads as they need, each checked. Planes that the file
+    /// Reads planes of a node, with as few reads as possible, each checked. Planes that the file
     /// does not have are left out.
     ///
     /// # Errors
-    /// Where they cannot be read or are damaged.
+    /// If they cannot be read or are damaged.
     pub fn read_planes(&self, node: u32, kinds: &[PlaneKind]) -> Result<Planes, FormatError> {
         let record = self.node(node)?;
         let points = record.points();
-        // What lies close together is read at once.
+        // Adjacent ranges are read at once.
         let hot =
             kinds.iter().filter_map(|&k| self.layout.plane_range(k, points, record.hot_shift));
         let mut places: Vec<_> =
@@ -330,7 +332,7 @@ impl EskerFile {
             }
             let value_bytes = self.layout.planes()[index].value_bytes as usize;
             let values = codec::decode(entry.encoding, &stored, value_bytes, points)
-                .map_err(|fault| self.in_node(node)(fault.of_plane(kind)))?;
+                .map_err(|fault| self.in_node(node)(fault.of_plane(&kind.name())))?;
             planes.planes.push((kind, values));
         }
         Ok(planes)

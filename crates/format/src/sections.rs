@@ -1,4 +1,4 @@
-//! The sections of a file as they are read and checked when it is opened: footer, metadata, table.
+//! Sections of a file that are read and checked on opening: footer, metadata, table.
 
 use crate::columns::read_sides;
 use crate::error::{Fault, FormatError, io_error};
@@ -20,7 +20,7 @@ pub(crate) fn read_footer(path: &Path, source: &dyn ReadAt) -> Result<Footer, Fo
     if head != HEADER_MAGIC {
         return Err(FormatError::Unsupported {
             path: path.into(),
-            what: "is not an .esker file; where it is a scan, build one first: esker build SCAN -o FILE.esker".into(),
+            what: "is not an .esker file; if it is a scan, build one first: esker build SCAN -o FILE.esker".into(),
         });
     }
     let mut bytes = [0; FOOTER_BYTES];
@@ -42,7 +42,7 @@ pub(crate) fn read_footer(path: &Path, source: &dyn ReadAt) -> Result<Footer, Fo
     Ok(footer)
 }
 
-/// Sections follow each other without gaps, from the end of the pages to the footer.
+/// Checks that sections follow each other without gaps, from the end of the pages to the footer.
 pub(crate) fn check_sections(footer: &Footer) -> Result<(), Fault> {
     let fault = |what: &str| Err(Fault::new("footer", what));
     let mut end = Some(footer.table.offset);
@@ -68,7 +68,7 @@ pub(crate) fn check_sections(footer: &Footer) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Counts and numbers that stand in the footer and elsewhere.
+/// Checks the numbers that are both in the footer and elsewhere.
 pub(crate) fn check_counts(footer: &Footer, metadata: &Metadata) -> Result<(), Fault> {
     if footer.node_capacity != metadata.node_capacity
         || footer.rounding_error_max.to_bits() != metadata.rounding_error_max().to_bits()
@@ -78,7 +78,8 @@ pub(crate) fn check_counts(footer: &Footer, metadata: &Metadata) -> Result<(), F
     metadata.check_classes(footer.points)
 }
 
-/// Sections lie inside the file (checked before), so this allocates no more than the file has.
+/// Reads a section. It is within the file (checked before), so the allocation is bounded by the
+/// file's size.
 pub(crate) fn read_section(
     path: &Path,
     source: &dyn ReadAt,

@@ -1,6 +1,6 @@
-//! A file written from front to back: bytes are gathered in blocks, which a thread of its own brings to the file, past
-//! the system's cache where the file system allows. A copy in that cache is the first touch of fresh memory for each
-//! page, which took a tenth of the CPU time of a build, and drives out what others read.
+//! A file written from front to back: bytes are collected in blocks, which a separate thread
+//! writes, past the system's cache if the file system allows. A copy in that cache costs the first
+//! touch of each fresh page of memory, and evicts what others read.
 
 use crate::system::write_all_at;
 use crossbeam_channel::{Receiver, Sender, bounded};
@@ -11,40 +11,42 @@ use std::thread::{self, JoinHandle};
 
 /// Bytes that are written together.
 const BLOCK_BYTES: usize = 4 << 20;
-/// One is filled while one is written; as many as a chunk's pages fill may wait.
+/// Number of blocks: one is filled while one is written; as many as the pages of a chunk fill may
+/// wait.
 const BLOCKS: usize = 8;
-/// What writing past the cache wants all places to be multiples of: in the file and in memory.
+/// Alignment that direct writes require, in the file and in memory.
 const SECTOR: usize = 4096;
-/// A small file, up to so many bytes, goes through the cache: it is likely to be read at once.
+/// Length up to which a file is written through the cache: a small file is likely to be read at
+/// once.
 const CACHED_BYTES: u64 = 32 << 20;
-/// All that a thread needs that waits for the disk.
+/// Stack of a thread that only waits for the disk.
 pub(crate) const STACK_BYTES: usize = 128 << 10;
 
 /// A file that grows at its end.
 #[derive(Debug)]
 pub struct Sequential {
     file: File,
-    /// What is being filled.
+    /// Block that is being filled.
     block: Block,
-    /// Blocks with nothing in them.
+    /// Empty blocks.
     free: Vec<Block>,
-    /// How many are on their way.
+    /// Number of blocks in progress.
     busy: usize,
-    /// `None` while it is dropped.
+    /// `None` while the value is dropped.
     to_disk: Option<Sender<Block>>,
     from_disk: Receiver<(Block, io::Result<()>)>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// Bytes on their way to a part of the file.
+/// Bytes of a part of the file.
 #[derive(Debug)]
 struct Block {
-    /// [`BLOCK_BYTES`] from `start`, which is a multiple of [`SECTOR`] in memory, on.
+    /// [`BLOCK_BYTES`] from `start` on, which is a multiple of [`SECTOR`] in memory.
     bytes: Vec<u8>,
     start: usize,
-    /// Where in the file that is, a multiple of [`SECTOR`] too.
+    /// Their offset in the file, also a multiple of [`SECTOR`].
     offset: u64,
-    /// The part of it that has been filled.
+    /// Part of the block that has been filled.
     filled: std::ops::Range<usize>,
 }
 
@@ -55,19 +57,19 @@ impl Block {
         Self { bytes, start, offset: 0, filled: 0..0 }
     }
 
-    /// Empties it, to be filled from this place in the file on.
+    /// Empties the block, to be filled from this offset in the file on.
     fn begin(&mut self, offset: u64) {
         let from = (offset % SECTOR as u64) as usize;
         self.offset = offset - from as u64;
         self.filled = from..from;
     }
 
-    /// Where in the file its bytes end.
+    /// Offset in the file after its last byte.
     fn end(&self) -> u64 {
         self.offset + self.filled.end as u64
     }
 
-    /// Takes what it has room for; how many bytes those are.
+    /// Copies the bytes that fit; returns their number.
     fn take(&mut self, bytes: &[u8]) -> usize {
         let at = self.filled.end;
         let count = bytes.len().min(BLOCK_BYTES - at);
@@ -76,17 +78,17 @@ impl Block {
         count
     }
 
-    /// Its bytes between two of its places.
+    /// The bytes between two positions of the block.
     fn part(&self, from: usize, to: usize) -> &[u8] {
         &self.bytes[self.start + from..self.start + to]
     }
 }
 
 impl Sequential {
-    /// Writes from the front of `file`, which stands at `path`.
+    /// Writes from the front of `file`, which has the path `path`.
     ///
     /// # Errors
-    /// Where the system gives no thread.
+    /// If the system gives no thread.
     pub fn new(file: File, path: &Path) -> io::Result<Self> {
         Self::past_cache_from(CACHED_BYTES, file, path)
     }
@@ -117,12 +119,12 @@ impl Sequential {
         })
     }
 
-    /// The file. What is still on its way may not be in it.
+    /// The file. Bytes in progress may not be in it.
     pub fn file(&self) -> &File {
         &self.file
     }
 
-    /// Where the next byte goes.
+    /// Offset of the next byte.
     pub fn offset(&self) -> u64 {
         self.block.end()
     }
@@ -130,7 +132,7 @@ impl Sequential {
     /// Appends bytes.
     ///
     /// # Errors
-    /// Where the disk is full, for these bytes or some before them.
+    /// If the disk is full, for these bytes or some before them.
     pub fn write_all(&mut self, mut bytes: &[u8]) -> io::Result<()> {
         while !bytes.is_empty() {
             let taken = self.block.take(bytes);
@@ -142,10 +144,10 @@ impl Sequential {
         Ok(())
     }
 
-    /// Hands all to the system; the file has it then.
+    /// Passes all bytes to the system; afterwards they are in the file.
     ///
     /// # Errors
-    /// Where the disk is full.
+    /// If the disk is full.
     pub fn flush(&mut self) -> io::Result<()> {
         if !self.block.filled.is_empty() {
             self.send()?;
@@ -157,17 +159,17 @@ impl Sequential {
         Ok(())
     }
 
-    /// Goes on at another place.
+    /// Continues at another offset.
     ///
     /// # Errors
-    /// As [`Sequential::flush`].
+    /// See [`Sequential::flush`].
     pub fn seek(&mut self, offset: u64) -> io::Result<()> {
         self.flush()?;
         self.block.begin(offset);
         Ok(())
     }
 
-    /// Sends what is filled on its way and begins with what follows it.
+    /// Passes the filled block to the thread and begins the next one.
     fn send(&mut self) -> io::Result<()> {
         let end = self.block.end();
         let mut next = match self.free.pop() {
@@ -185,7 +187,7 @@ impl Sequential {
         Ok(())
     }
 
-    /// Waits for the block that is longest on its way.
+    /// Waits for the oldest block in progress.
     fn receive(&mut self) -> io::Result<Block> {
         let gone = |_| io::Error::other("the thread that writes it is gone");
         let (block, written) = self.from_disk.recv().map_err(gone)?;
@@ -197,17 +199,17 @@ impl Sequential {
 impl Drop for Sequential {
     fn drop(&mut self) {
         self.to_disk = None;
-        // After this nothing of it is written any more.
+        // After this no byte is written any more.
         let _ = self.thread.take().map(JoinHandle::join);
     }
 }
 
-/// What blocks go to.
+/// Destination of blocks.
 struct Output {
     file: File,
-    /// The same file past the cache, where that is possible.
+    /// The same file past the cache, if that is possible.
     direct: Option<File>,
-    /// What lies before this goes through the cache.
+    /// Bytes before this offset go through the cache.
     cached_bytes: u64,
 }
 
@@ -218,13 +220,13 @@ impl Output {
             let bytes = block.part(part.start, part.end);
             write_all_at(&self.file, bytes, block.offset + part.start as u64)
         };
-        // Sectors that this block has as a whole.
+        // Sectors that this block has completely.
         let (first, last) = (from.next_multiple_of(SECTOR), to - to % SECTOR);
         let direct = self.direct.as_ref().filter(|_| block.offset >= self.cached_bytes);
         let Some(direct) = direct.filter(|_| first < last) else { return cached(from..to) };
         let whole = block.part(first, last);
         match write_all_at(direct, whole, block.offset + first as u64) {
-            // Not every file system that opens a file so lets it be written so.
+            // Some file systems open files for direct writes and then refuse such writes.
             Err(error) if error.kind() == ErrorKind::InvalidInput => {
                 cached(from..to)?;
                 self.direct = None;
@@ -256,38 +258,40 @@ mod tests {
     use proptest::prelude::*;
     use std::fs;
 
+    /// A step of a random sequence of writes.
     #[derive(Clone, Debug)]
-    enum Act {
+    enum Step {
         Write(usize),
         Flush,
         GoBack(u64),
     }
 
-    fn acts() -> impl Strategy<Value = Vec<Act>> {
+    fn steps() -> impl Strategy<Value = Vec<Step>> {
         let write = prop_oneof![1..200_usize, 3_000..10_000_usize, 1_000_000..9_000_000_usize];
-        let act = prop_oneof![
-            6 => write.prop_map(Act::Write),
-            2 => Just(Act::Flush),
-            1 => (0..20_000_u64).prop_map(Act::GoBack),
+        let step = prop_oneof![
+            6 => write.prop_map(Step::Write),
+            2 => Just(Step::Flush),
+            1 => (0..20_000_u64).prop_map(Step::GoBack),
         ];
-        proptest::collection::vec(act, 1..12)
+        proptest::collection::vec(step, 1..12)
     }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
 
-        /// Whatever is written in whatever parts, through the cache or past it, is in the file.
+        /// All bytes are in the file, however they are divided and whether written through the
+        /// cache or past it.
         #[test]
-        fn the_file_has_what_was_written(acts in acts(), cached in 0..16_000_000_u64) {
+        fn the_file_has_what_was_written(steps in steps(), cached in 0..16_000_000_u64) {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("file");
             let file = File::options().read(true).write(true).create_new(true).open(&path).unwrap();
             let mut out = Sequential::past_cache_from(cached, file, &path).unwrap();
             let (mut expected, mut at) = (Vec::new(), 0_usize);
             let mut random = 1_u64;
-            for act in acts {
-                match act {
-                    Act::Write(count) => {
+            for step in steps {
+                match step {
+                    Step::Write(count) => {
                         let mut bytes = vec![0; count];
                         for byte in &mut bytes {
                             random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -298,11 +302,11 @@ mod tests {
                         expected[at..at + count].copy_from_slice(&bytes);
                         at += count;
                     }
-                    Act::Flush => {
+                    Step::Flush => {
                         out.flush().unwrap();
                         prop_assert!(fs::metadata(&path).unwrap().len() >= at as u64);
                     }
-                    Act::GoBack(by) => {
+                    Step::GoBack(by) => {
                         at = at.saturating_sub(by as usize);
                         out.seek(at as u64).unwrap();
                     }
@@ -320,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_takes_no_more_is_told() {
+    fn a_failed_write_is_reported() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
         fs::write(&path, []).unwrap();

@@ -1,7 +1,7 @@
-//! Statistics: the least and greatest value of each attribute, in its own type, and the classes that occur,
-//! for each node's own points and for its subtree; one histogram an attribute for the whole file; and the sides
-//! of the nodes' contours.
-//! NaN and what a point does not have count for nothing; -0 counts as +0.
+//! Statistics: the least and greatest value of each attribute, in its own type, and the classes
+//! that occur, for each node's own points and for its subtree; one histogram an attribute for the
+//! whole file; and the sides of the nodes' contours. NaN and absent values are ignored; -0 counts
+//! as +0.
 
 use crate::error::Fault;
 use crate::layout::PageLayout;
@@ -15,7 +15,7 @@ pub use crate::values::BINS;
 
 const SIGN: u64 = 1 << 63;
 
-/// An unsigned number that orders as the value, which is not NaN, does.
+/// An unsigned number with the order of the value, which is not NaN.
 fn key(ty: AttrType, value: [u8; 8]) -> u64 {
     let bits = u64::from_le_bytes(value);
     let signed = |bits: u32| ((bits as i64) << (64 - 8 * ty.size()) >> (64 - 8 * ty.size())) as u64;
@@ -37,7 +37,7 @@ fn real(key: u64) -> f64 {
     f64::from_bits(if key & SIGN == 0 { !key } else { key & !SIGN })
 }
 
-/// Appends the value that a key stands for.
+/// Appends the value of a key.
 fn push_raw(ty: AttrType, key: u64, out: &mut Vec<u8>) {
     let bits = match ty {
         AttrType::U8 | AttrType::U16 | AttrType::U32 | AttrType::U64 => key,
@@ -48,18 +48,19 @@ fn push_raw(ty: AttrType, key: u64, out: &mut Vec<u8>) {
     out.extend_from_slice(&bits.to_le_bytes()[..ty.size()]);
 }
 
-/// Least and greatest of each attribute and the classes of one node's own points, and its contour's sides.
+/// Least and greatest value of each attribute and classes of one node's own points, and the sides
+/// of its contour.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodeStatistics {
-    /// Keys of least and greatest, an attribute.
+    /// Keys of least and greatest value of each attribute.
     ranges: Vec<(u64, u64)>,
     class_bits: [u64; 4],
-    /// Zeros where they are not known.
+    /// Zeros if unknown.
     sides: Sides,
 }
 
 impl NodeStatistics {
-    /// Of these points.
+    /// Statistics of these points.
     pub fn of(layout: &PageLayout, points: &PagePoints) -> Self {
         let mut scratch = Vec::new();
         let attributes = layout.schema().attributes.iter().enumerate();
@@ -71,18 +72,19 @@ impl NodeStatistics {
         Self { ranges: ranges.collect(), class_bits: class_bits(layout, points), sides: [0; 2] }
     }
 
-    /// These, with the sides of the contour around the points.
+    /// Sets the sides of the contour around the points.
     pub fn with_sides(self, sides: Sides) -> Self {
         Self { sides, ..self }
     }
 
-    /// As numbers, to be kept outside of a file.
+    /// Packs the statistics into words, to be stored outside of a file.
     pub fn to_words(&self) -> Vec<u64> {
         let ranges = self.ranges.iter().flat_map(|r| [r.0, r.1]);
         self.sides.into_iter().chain(self.class_bits).chain(ranges).collect()
     }
 
-    /// From the numbers of [`NodeStatistics::to_words`]; `None` where they are not for so many attributes.
+    /// Unpacks the words of [`NodeStatistics::to_words`]; `None` if they are not for `attributes`
+    /// attributes.
     pub fn from_words(words: &[u64], attributes: usize) -> Option<Self> {
         let (sides, words) = words.split_first_chunk()?;
         let (class_bits, ranges) = words.split_first_chunk()?;
@@ -111,12 +113,12 @@ pub struct Ranges {
 }
 
 impl Ranges {
-    /// Of no points.
+    /// Ranges of no points.
     pub fn new(schema: &Schema) -> Self {
         Self { ranges: vec![(f64::INFINITY, f64::NEG_INFINITY); schema.attributes.len()] }
     }
 
-    /// Adds raw values of one attribute, all of points that have it.
+    /// Adds raw values of one attribute, of points that have it.
     pub fn add_column(&mut self, attribute: usize, ty: AttrType, column: &[u8]) {
         let of = finite_range(ty, column);
         let range = &mut self.ranges[attribute];
@@ -131,14 +133,15 @@ impl Ranges {
         }
     }
 
-    /// Adds those of other points.
+    /// Adds the ranges of other points.
     pub fn merge(&mut self, other: &Self) {
         for (range, o) in self.ranges.iter_mut().zip(&other.ranges) {
             *range = (range.0.min(o.0), range.1.max(o.1));
         }
     }
 
-    /// Least and greatest of an attribute; the least is above the greatest where there is no value.
+    /// Least and greatest value of an attribute; the least is above the greatest if there is no
+    /// value.
     pub fn of(&self, attribute: usize) -> (f64, f64) {
         self.ranges[attribute]
     }
@@ -152,7 +155,7 @@ pub struct Histograms {
 }
 
 impl Histograms {
-    /// Empty, over these ranges.
+    /// Empty histograms over these ranges.
     pub fn new(ranges: Ranges) -> Self {
         let counts = vec![[0; BINS]; ranges.ranges.len()];
         Self { ranges, counts }
@@ -179,30 +182,30 @@ impl Histograms {
         }
     }
 
-    /// The ranges.
+    /// Ranges of the histograms.
     pub fn ranges(&self) -> &Ranges {
         &self.ranges
     }
 
-    /// The bin of an attribute that a value falls into; `None` outside of its range.
+    /// Bin of an attribute that a value falls into; `None` outside of its range.
     pub fn bin_of(&self, attribute: usize, value: f64) -> Option<usize> {
         let (least, greatest) = self.ranges.of(attribute);
         Some(Bins::new(least, greatest).of(value)).filter(|&bin| bin < BINS)
     }
 
-    /// The bins of an attribute.
+    /// Bins of an attribute.
     pub fn counts(&self, attribute: usize) -> &[u64; BINS] {
         &self.counts[attribute]
     }
 }
 
 impl Ranges {
-    /// These, an attribute each.
+    /// Ranges given as pairs, one an attribute.
     pub fn from_pairs(ranges: Vec<(f64, f64)>) -> Self {
         Self { ranges }
     }
 
-    /// How many values of an attribute of these points fall into each bin.
+    /// Number of values of an attribute of these points in each bin.
     pub(crate) fn counts_of(
         &self,
         a: usize,
@@ -215,27 +218,27 @@ impl Ranges {
     }
 }
 
-/// The side table: columns over the nodes, in table order.
+/// Side table: columns over the nodes, in table order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Statistics {
     pub(crate) types: Vec<AttrType>,
     pub(crate) nodes: usize,
-    /// An attribute: least and greatest of own points, of the subtree's.
+    /// For each attribute: least and greatest value of own points, then of the subtree's.
     pub(crate) ranges: Vec<[Vec<u8>; 4]>,
     /// Whether the file has a classification.
     pub(crate) has_classes: bool,
-    /// Classes of own points, of the subtree's; empty where there is no classification.
+    /// Classes of own points, then of the subtree's; empty without classification.
     pub(crate) class_bits: [Vec<[u64; 4]>; 2],
     pub(crate) histograms: Histograms,
-    /// Of the contours; `None` in files of before there was such a column.
+    /// Sides of the contours; `None` in files written before there was such a column.
     pub(crate) sides: Option<Vec<Sides>>,
 }
 
 impl Statistics {
-    /// Puts the nodes' own statistics, in table order, together and sums subtrees up.
+    /// Joins the nodes' own statistics, in table order, and sums up subtrees.
     ///
     /// # Panics
-    /// If `own` has not one entry for each node.
+    /// If `own` does not have one entry for each node.
     pub fn assemble(
         table: &NodeTable,
         schema: &Schema,
@@ -273,7 +276,7 @@ impl Statistics {
         Self { types, nodes: table.nodes.len(), ranges, has_classes, class_bits, histograms, sides }
     }
 
-    /// Whether it belongs to such a table and schema.
+    /// Checks that the statistics belong to this table and schema.
     pub(crate) fn check_shape(&self, table: &NodeTable, schema: &Schema) -> Result<(), Fault> {
         let types = schema.attributes.iter().map(|a| a.ty);
         if self.nodes != table.nodes.len() || !types.eq(self.types.iter().copied()) {
@@ -292,34 +295,36 @@ impl Statistics {
         (least <= greatest).then_some((least, greatest))
     }
 
-    /// Least and greatest value of an attribute among a node's own points; `None` where no point has one.
+    /// Least and greatest value of an attribute among a node's own points; `None` if no point has a
+    /// value.
     pub fn own(&self, node: u32, attribute: usize) -> Option<(f64, f64)> {
         self.range(node, attribute, [0, 1])
     }
 
-    /// The same for the node and all below it.
+    /// Least and greatest value of an attribute in a node's subtree; `None` if no point has a
+    /// value.
     pub fn subtree(&self, node: u32, attribute: usize) -> Option<(f64, f64)> {
         self.range(node, attribute, [2, 3])
     }
 
-    /// A bit for each ASPRS class among a node's own points (class `c`: bit `c % 64` of word `c / 64`);
-    /// `None` where the file has no classification.
+    /// One bit for each ASPRS class among a node's own points (class `c`: bit `c % 64` of word
+    /// `c / 64`); `None` if the file has no classification.
     pub fn own_classes(&self, node: u32) -> Option<[u64; 4]> {
         self.class_bits[0].get(node as usize).copied()
     }
 
-    /// The same for the node and all below it.
+    /// Classes in a node's subtree, as in [`Statistics::own_classes`].
     pub fn subtree_classes(&self, node: u32) -> Option<[u64; 4]> {
         self.class_bits[1].get(node as usize).copied()
     }
 
-    /// The histograms of the file.
+    /// Histograms of the file.
     pub fn histograms(&self) -> &Histograms {
         &self.histograms
     }
 }
 
-/// Folds every node's value into its parent's, deepest first: parents stand before their children.
+/// Folds every node's value into its parent's, deepest first: parents come before their children.
 fn fold_up<T: Copy>(table: &NodeTable, mut values: Vec<T>, join: impl Fn(T, T) -> T) -> Vec<T> {
     for index in (1..values.len()).rev() {
         let parent = table.nodes[index].parent as usize;

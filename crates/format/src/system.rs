@@ -1,4 +1,4 @@
-//! Positioned reads and writes of all of some bytes, as each system has them.
+//! Positioned reads and writes that transfer all bytes, for each operating system.
 
 #[cfg(unix)]
 mod calls {
@@ -39,7 +39,7 @@ mod calls {
         Ok(())
     }
 
-    /// Bytes that a call has come further: none where it was interrupted, an error where it ended.
+    /// Bytes that a call transferred: 0 if it was interrupted, an error at the end.
     fn progress(result: Result<usize>, end: ErrorKind) -> Result<usize> {
         match result {
             Ok(0) => Err(Error::from(end)),

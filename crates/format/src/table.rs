@@ -1,5 +1,6 @@
-//! The node table's rules. Every field of every record is checked before anything relies on it: indices,
-//! links both ways, cells nested, siblings in Morton order, counts, numbers, places of pages.
+//! Rules of the node table. Every field of every record is checked before anything relies on it:
+//! indices, links in both directions, nested cells, Morton order of siblings, counts, numbers, byte
+//! ranges of pages.
 
 use crate::error::Fault;
 use crate::footer::HEADER_BYTES;
@@ -8,14 +9,14 @@ use esker_points::node::{LEVELS_MAX, NONE, Node, SHAPE_CONTINUATION};
 use esker_points::quant::hot_shift;
 use esker_points::{Cell, NodeTable};
 
-/// Points that a node can have, whatever the capacity says.
+/// Greatest number of points of a node, regardless of the capacity.
 pub const NODE_POINTS_MAX: usize = 1 << 18;
 
-/// Bytes that the attributes of a node can take when they are read. A value that all points share is stored once: without a
-/// bound a small file could ask for all of a machine's memory.
+/// Greatest size of a node's attributes when read, bytes. A value that all points share is stored
+/// once: without this bound a small file could request all of a machine's memory.
 pub const NODE_BYTES_MAX: u64 = 4 << 30;
 
-/// Checks a table whose pages lie before `pages_end`, and that it has `points` points in all.
+/// Checks a table whose pages end before `pages_end`, and that it has `points` points in all.
 pub(crate) fn check(
     table: &NodeTable,
     layout: &PageLayout,
@@ -39,7 +40,7 @@ pub(crate) fn check(
     Ok(())
 }
 
-/// What can be said of a record by itself.
+/// Checks a record by itself.
 fn check_record(node: &Node) -> Result<(), &'static str> {
     let cell = node.cell();
     if !cell.is_valid() {
@@ -84,9 +85,9 @@ fn check_links(table: &NodeTable, index: usize) -> Result<(), &'static str> {
     if index > 0 {
         let parent =
             table.nodes.get(node.parent as usize).filter(|_| (node.parent as usize) < index);
-        let Some(parent) = parent else { return Err("its parent does not stand before it") };
+        let Some(parent) = parent else { return Err("its parent does not come before it") };
         if !parent.children().contains(&(index as u32)) {
-            return Err("its parent does not know it");
+            return Err("its parent does not list it");
         }
     }
     let children = node.children();
@@ -102,12 +103,13 @@ fn check_links(table: &NodeTable, index: usize) -> Result<(), &'static str> {
     }
     let children = &table.nodes[children.start as usize..children.end as usize];
     if children.iter().any(|c| c.parent as usize != index) {
-        return Err("its children do not know it");
+        return Err("its children name another parent");
     }
     check_cells(node, children)
 }
 
-/// Children lie in different octants, in Morton order; a continuation is an only child of equal cell.
+/// Checks that children are in different octants, in Morton order; a continuation is an only child
+/// of equal cell.
 fn check_cells(node: &Node, children: &[Node]) -> Result<(), &'static str> {
     let cell = node.cell();
     if let [only] = children
@@ -155,7 +157,7 @@ fn check_page(node: &Node, layout: &PageLayout, pages_end: u64) -> Result<(), &'
     Ok(())
 }
 
-/// Pages lie one after the other from the header to `pages_end`: no byte is unaccounted for.
+/// Checks that pages are contiguous from the header to `pages_end`: every byte belongs to a page.
 pub(crate) fn check_pages_fill(table: &NodeTable, pages_end: u64) -> Result<(), Fault> {
     let mut places: Vec<_> =
         table.nodes.iter().map(|n| (n.page_offset, u64::from(n.page_bytes))).collect();
@@ -179,7 +181,7 @@ mod tests {
     use bytemuck::Zeroable;
 
     #[test]
-    fn a_node_of_which_all_attributes_would_fill_memory_is_refused() {
+    fn a_node_whose_attributes_would_fill_memory_is_refused() {
         for (points, row_bytes, is_fine) in
             [(1 << 16, 1 << 16, true), (1 << 16, (1 << 16) + 1, false), (1 << 17, 60_000, false)]
         {

@@ -1,5 +1,5 @@
-//! Columns of raw values looked at in their own type: least and greatest, and the bins of a histogram.
-//! Loops run over plain slices in lanes, so that they become vector instructions.
+//! Columns of raw values, interpreted in their own type: least and greatest value, and bins of a
+//! histogram. Loops run over plain slices in lanes, so that they are vectorised.
 
 use crate::codec::is_constant;
 use crate::layout::PageLayout;
@@ -8,11 +8,11 @@ use esker_points::AttrType;
 
 /// Bins of a histogram.
 pub const BINS: usize = 256;
-/// Values looked at in step.
+/// Values that are processed in step.
 const LANES: usize = 16;
 
-/// The raw values of an attribute of those points that have it: the column itself where all do, else
-/// copied to `scratch`.
+/// Raw values of an attribute of the points that have it: the column itself if all do, otherwise a
+/// copy in `scratch`.
 pub(crate) fn present<'a>(
     layout: &PageLayout,
     points: &'a PagePoints,
@@ -37,19 +37,19 @@ pub(crate) fn present<'a>(
     scratch
 }
 
-/// A number as a column stores it.
+/// A number as stored in a column.
 trait Value<const BYTES: usize>: Copy {
     /// Least and greatest of no values.
     const NONE: (Self, Self);
     fn of(bytes: [u8; BYTES]) -> Self;
     fn bytes(self) -> [u8; BYTES];
-    /// The value itself where it is finite, else NaN.
+    /// The value itself if it is finite, otherwise NaN.
     fn finite(self) -> Self;
-    /// The lesser; `self` where the other is NaN.
+    /// The lesser value; `self` if the other is NaN.
     fn least(self, other: Self) -> Self;
-    /// The greater; `self` where the other is NaN.
+    /// The greater value; `self` if the other is NaN.
     fn greatest(self, other: Self) -> Self;
-    /// 64-bit integers round.
+    /// The value as `f64`; 64-bit integers round.
     fn real(self) -> f64;
 }
 
@@ -132,7 +132,7 @@ fn raw_range_of<T: Value<N>, const N: usize>(column: &[u8]) -> [[u8; 8]; 2] {
     })
 }
 
-/// Least and greatest value, raw. NaN does not count; of no values the least is the type's greatest.
+/// Least and greatest value, raw. NaN is ignored; of no values the least is the type's greatest.
 pub(crate) fn raw_range(ty: AttrType, column: &[u8]) -> [[u8; 8]; 2] {
     by_type!(ty, raw_range_of(column))
 }
@@ -143,7 +143,7 @@ fn finite_range_of<T: Value<N>, const N: usize>(column: &[u8]) -> (f64, f64) {
     (least.real() + 0.0, greatest.real() + 0.0)
 }
 
-/// Least and greatest finite value; the least is above the greatest where there is none.
+/// Least and greatest finite value; the least is above the greatest if there is none.
 pub(crate) fn finite_range(ty: AttrType, column: &[u8]) -> (f64, f64) {
     if column.len() < ty.size() {
         return (f64::INFINITY, f64::NEG_INFINITY);
@@ -151,7 +151,8 @@ pub(crate) fn finite_range(ty: AttrType, column: &[u8]) -> (f64, f64) {
     by_type!(ty, finite_range_of(column))
 }
 
-/// The bins of a range: [`BINS`] of equal width. Halves, so that the widest range does not overflow.
+/// Bins of a range: [`BINS`] of equal width. Computed with halves, so that the widest range does
+/// not overflow.
 #[derive(Clone, Copy)]
 pub(crate) struct Bins {
     least: f64,
@@ -166,17 +167,17 @@ impl Bins {
         Self { least, greatest, half_least: least * 0.5, bins_per_half }
     }
 
-    /// The bin of a value; [`BINS`] for one outside the range, NaN too.
+    /// Bin of a value; [`BINS`] for a value outside the range or NaN.
     pub fn of(&self, v: f64) -> usize {
         if !(v >= self.least && v <= self.greatest) {
             return BINS;
         }
-        // Zero times infinity, where there is one value only, is NaN, which becomes 0.
+        // Zero times infinity, if there is only one value, is NaN, which becomes 0.
         let bin = ((v * 0.5 - self.half_least) * self.bins_per_half) as u32;
         bin.min(BINS as u32 - 1) as usize
     }
 
-    /// How many values fall into each bin.
+    /// Number of values in each bin.
     pub fn counts(&self, ty: AttrType, column: &[u8]) -> [u64; BINS] {
         if is_constant(column, ty.size()) {
             let mut counts = [0; BINS + 1];
@@ -195,7 +196,8 @@ impl Bins {
 }
 
 fn counts_of<T: Value<N>, const N: usize>(bins: &Bins, column: &[u8]) -> [u64; BINS] {
-    // Several tables, since neighbours often fall into one bin, and each count waits for the last.
+    // Several tables, since neighbours often fall into one bin, and each count depends on the
+    // previous one.
     let mut tables = [[0u32; BINS + 1]; 4];
     let (rows, rest) = column.as_chunks::<N>().0.as_chunks::<4>();
     for row in rows {
@@ -215,7 +217,7 @@ fn within(counts: [u64; BINS + 1]) -> [u64; BINS] {
     std::array::from_fn(|i| counts[i])
 }
 
-/// How often each byte occurs.
+/// Number of occurrences of each byte.
 pub(crate) fn count_bytes(bytes: &[u8]) -> [u64; 256] {
     let mut tables = [[0u32; 256]; 4];
     let (rows, rest) = bytes.as_chunks::<4>();
@@ -249,7 +251,7 @@ mod tests {
             column in prop::collection::vec(any::<u8>(), 0..600), narrow: bool,
             runs in 0usize..3,
         ) {
-            // Neighbours of one value too, NaN among them.
+            // Also runs of one value, including NaN.
             let column = match runs {
                 0 => column,
                 1 => column.repeat(3),

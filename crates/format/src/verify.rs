@@ -1,6 +1,6 @@
-//! Verify: every checksum, every invariant, every byte. What can be computed again is computed again and
-//! compared: pages from their points, boxes, statistics, the multiset hash. Nodes are checked in parallel
-//! in the current rayon pool; each thread holds one page.
+//! Verification: every checksum, every invariant, every byte. Everything that can be computed is
+//! computed again and compared: pages from their points, boxes, statistics, the multiset hash.
+//! Nodes are checked in parallel in the current rayon pool; each thread holds one page.
 
 use crate::codec::{Encoding, is_constant};
 use crate::error::{Fault, FormatError};
@@ -17,12 +17,13 @@ use esker_points::{Lattice, MultisetHash, Node, Task};
 use rayon::prelude::*;
 use std::sync::Mutex;
 
-/// By how much of the contour's size points may lie outside it: its numbers are `f32`.
+/// Tolerance of points outside the contour, relative to its size: its numbers are `f32`.
 const CONTOUR_SLACK: f64 = 1e-5;
-/// By how much of the greatest number involved a projected position is uncertain: `f64`, a few sums.
+/// Uncertainty of a projected position, relative to the greatest number involved: a few sums of
+/// `f64`.
 const OCCUPANCY_SLACK: f64 = 1e-12;
 
-/// What was verified.
+/// Result of a verification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VerifyReport {
     /// Points decoded.
@@ -35,7 +36,7 @@ pub struct VerifyReport {
     pub bytes: u64,
 }
 
-/// What all threads add to.
+/// Sums over all threads.
 struct Sums {
     points: u64,
     hash: MultisetHash,
@@ -146,8 +147,8 @@ fn verify_node(
     Ok(statistics)
 }
 
-/// Every plane holds what the exact points give, stored as the format asks, and the bytes between are zero.
-/// How well a plane was compressed is the writer's affair.
+/// Checks that every plane holds the values of the exact points, encoded as the format requires,
+/// and that the bytes between planes are zero. How well a plane is compressed is not checked.
 fn check_planes(node: &Node, page: &Page<'_>, points: &PagePoints) -> Result<(), Fault> {
     let layout = page.layout;
     let values = Values { layout, box_min: node.box_min, hot_shift: node.hot_shift, points };
@@ -155,12 +156,12 @@ fn check_planes(node: &Node, page: &Page<'_>, points: &PagePoints) -> Result<(),
     let mut end = layout.directory_bytes();
     for (plane, entry) in layout.planes().iter().zip(&page.directory().entries) {
         let range = entry.range();
-        let fault = |what| Err(Fault::new("planes", what).of_plane(plane.kind));
+        let fault = |what| Err(Fault::new("planes", what).of_plane(&plane.kind.name()));
         if page.bytes()[end..range.start].iter().any(|&b| b != 0) {
             return fault("the bytes before it are not zero");
         }
         end = range.end;
-        // Planes of unknown kinds cannot be made again.
+        // Planes of unknown kinds cannot be computed.
         if !plane.kind.is_written() {
             continue;
         }
@@ -180,8 +181,8 @@ fn check_planes(node: &Node, page: &Page<'_>, points: &PagePoints) -> Result<(),
     Ok(())
 }
 
-/// Points lie in the node's cell; its integer box begins at their least coordinates and drops no more bits
-/// than they need. Gives their least and greatest coordinates.
+/// Checks that points are in the node's cell, and that its integer box begins at their least
+/// coordinates and drops no more bits than needed. Returns their least and greatest coordinates.
 fn check_box(node: &Node, points: &PagePoints) -> Result<[[u32; 3]; 2], Fault> {
     let fault = |what: &str| Err(Fault::new("position plane", what));
     let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
@@ -201,9 +202,9 @@ fn check_box(node: &Node, points: &PagePoints) -> Result<[[u32; 3]; 2], Fault> {
     Ok([min, max])
 }
 
-/// The contour holds all of the node's own points, but for the rounding of its numbers to `f32`, and the
-/// occupancies of its plane and its sides tell in which of 8 x 8 parts they lie. A point so near to the border of
-/// two parts that the order of adding decides may be told in either.
+/// Checks that the contour holds all of the node's own points, up to rounding to `f32`, and that
+/// the occupancies of its plane and its sides are those of the points. A point so close to the
+/// border of two of the 8 x 8 parts that the order of summation decides may be counted in either.
 fn check_contour(
     node: &Node,
     sides: Option<Sides>,
@@ -232,21 +233,22 @@ fn check_contour(
             must[mask] |= if is_certain { bits } else { 0 };
         }
     }
-    let is_off = |(mask, told): (usize, u64)| told & !may[mask] != 0 || must[mask] & !told != 0;
-    let told = [node.occupancy].into_iter().chain(sides.into_iter().flatten());
-    if told.enumerate().any(is_off) {
+    let is_off =
+        |(mask, stored): (usize, u64)| stored & !may[mask] != 0 || must[mask] & !stored != 0;
+    let stored = [node.occupancy].into_iter().chain(sides.into_iter().flatten());
+    if stored.enumerate().any(is_off) {
         return fault("the occupancy of the node's contour is not that of its points");
     }
     Ok(())
 }
 
-/// The eighths of an edge that a position along it, uncertain by `near`, may lie in.
+/// Eighths of an edge that a position along it, uncertain by `near`, may be in.
 fn parts(along: f64, half: f64, near: f64) -> std::ops::RangeInclusive<u32> {
     let part = |t: f64| (((t / (2.0 * half) + 0.5) * 8.0) as u32).min(7);
     if half > 0.0 { part(along - near)..=part(along + near) } else { 0..=7 }
 }
 
-/// What a point does not have is stored as zeros.
+/// Checks that absent values are stored as zeros.
 fn check_absent(layout: &PageLayout, points: &PagePoints) -> Result<(), Fault> {
     for (a, attribute) in layout.schema().attributes.iter().enumerate() {
         if (0..layout.classes().len()).all(|class| layout.has_attribute(class, a)) {

@@ -1,6 +1,7 @@
-//! Writing a file: header, pages as they come, then table, statistics, metadata, footer. Everything goes to
-//! a temporary name beside the final one, which is taken only when all is on the disk; a writer that is
-//! dropped before that leaves nothing behind, unless it is told to, so that another one can go on.
+//! Writing a file: header, pages as they come, then table, statistics, metadata, footer. Everything
+//! goes to a temporary name beside the final one, and the file is renamed only when it is
+//! completely on the disk. A writer that is dropped before removes the temporary file, unless it
+//! was set to keep it for a later writer.
 
 use crate::error::{Fault, FormatError, io_error};
 use crate::footer::{FOOTER_BYTES, Footer, HEADER_BYTES, Section, header};
@@ -19,7 +20,8 @@ use std::path::{Path, PathBuf};
 use std::thread::{self, JoinHandle};
 
 const BUFFER_BYTES: usize = 1 << 20;
-/// So many bytes are brought to the disk at a time while more come: at the end little is left to wait for.
+/// Bytes that are flushed to the disk at a time while writing goes on, so that little is left at
+/// the end.
 const SYNC_BYTES: u64 = 64 << 20;
 
 /// Writes one .esker file.
@@ -29,13 +31,13 @@ pub struct FileWriter {
     partial: PathBuf,
     /// `None` once finished.
     out: Option<Sequential>,
-    /// What is being brought to the disk, and what lay before its end.
+    /// Flush in progress, and the offset that it began at.
     syncing: Option<JoinHandle<io::Result<()>>>,
     synced: u64,
     is_kept: bool,
 }
 
-/// Goes on behind bytes that have this CRC-32; whether they have.
+/// Skips bytes if they have this CRC-32; returns whether they do.
 fn skip(out: &mut Sequential, bytes: u64, crc: u32) -> io::Result<bool> {
     out.flush()?;
     let (mut at, end) = (out.offset(), out.offset().saturating_add(bytes));
@@ -57,7 +59,7 @@ fn skip(out: &mut Sequential, bytes: u64, crc: u32) -> io::Result<bool> {
     Ok(is_there)
 }
 
-/// What a file is called until it is finished.
+/// Name of a file until it is finished.
 fn partial_name(name: &OsStr) -> OsString {
     let mut hidden = OsString::from(".");
     hidden.push(name);
@@ -66,10 +68,10 @@ fn partial_name(name: &OsStr) -> OsString {
 }
 
 impl FileWriter {
-    /// Begins a file that will stand at `path`.
+    /// Begins a file with the final name `path`.
     ///
     /// # Errors
-    /// Where the temporary file beside it cannot be created, or another writer has it.
+    /// If the temporary file beside it cannot be created, or another writer has it.
     pub fn create(path: &Path) -> Result<Self, FormatError> {
         let writer = Self::resume(path)?;
         if let Some(out) = &writer.out {
@@ -78,10 +80,10 @@ impl FileWriter {
         Ok(writer)
     }
 
-    /// As [`FileWriter::create`], over what an earlier writer left: its pages can be skipped, or written again.
+    /// Begins a file over what an earlier writer left: its pages can be skipped, or written again.
     ///
     /// # Errors
-    /// As [`FileWriter::create`].
+    /// See [`FileWriter::create`].
     pub fn resume(path: &Path) -> Result<Self, FormatError> {
         let name = path.file_name().ok_or_else(|| FormatError::Io {
             path: path.into(),
@@ -89,12 +91,12 @@ impl FileWriter {
             source: io::Error::other("the path names no file"),
         })?;
         let partial = path.with_file_name(partial_name(name));
-        // The rename at the end would put a file in the place of a device or fail on a folder.
+        // The rename at the end would replace a device or fail on a folder.
         if path.metadata().is_ok_and(|m| !m.is_file()) {
             return Err(FormatError::Io {
                 path: path.into(),
                 what: "write it",
-                source: io::Error::other("something that is no file has this name"),
+                source: io::Error::other("something other than a file has this name"),
             });
         }
         let file = open_alone(&partial, "build").map_err(io_error(path, "write it"))?;
@@ -105,30 +107,31 @@ impl FileWriter {
         Ok(writer)
     }
 
-    /// Whether a writer of `path` has left anything, or is still at it.
+    /// Whether a writer of `path` has left a temporary file, or is still writing it.
     pub fn has_left(path: &Path) -> bool {
         let name = path.file_name().map(partial_name);
         name.is_some_and(|name| path.with_file_name(name).exists())
     }
 
-    /// Whether what is written stays where the writer is dropped before its end.
+    /// Sets whether the temporary file stays if the writer is dropped before its end.
     pub fn keep(&mut self, is_kept: bool) {
         self.is_kept = is_kept;
     }
 
-    /// Skips bytes that an earlier writer left; whether they have this CRC-32. On `false` nothing is skipped.
+    /// Skips bytes that an earlier writer left, if they have this CRC-32; returns whether they do.
+    /// Otherwise nothing is skipped.
     ///
     /// # Errors
-    /// Where the disk fails.
+    /// If the disk fails.
     pub fn skip(&mut self, bytes: u64, crc: u32) -> Result<bool, FormatError> {
         let Some(out) = &mut self.out else { return Ok(false) };
         skip(out, bytes, crc).map_err(io_error(&self.partial, "read it"))
     }
 
-    /// Hands what is buffered to the system.
+    /// Passes buffered bytes to the system.
     ///
     /// # Errors
-    /// Where the disk is full.
+    /// If the disk is full.
     pub fn flush(&mut self) -> Result<(), FormatError> {
         let Some(out) = &mut self.out else { return Ok(()) };
         out.flush().map_err(io_error(&self.path, "write it"))
@@ -144,7 +147,7 @@ impl FileWriter {
         Ok(())
     }
 
-    /// Has what is written so far brought to the disk while the writer goes on, unless that is still under way.
+    /// Starts a flush of everything written so far in a separate thread, unless one is in progress.
     fn begin_sync(&mut self) -> Result<(), FormatError> {
         if self.syncing.as_ref().is_some_and(|syncing| !syncing.is_finished()) {
             return Ok(());
@@ -155,26 +158,26 @@ impl FileWriter {
             return Ok(());
         };
         let thread = thread::Builder::new().name("esker-sync".into()).stack_size(STACK_BYTES);
-        // Where there is no thread to be had, all is left for the end.
+        // Without a thread, everything is flushed at the end.
         self.syncing = thread.spawn(move || file.sync_data()).ok();
         Ok(())
     }
 
-    /// Waits for it. The system tells of an error once.
+    /// Waits for the flush. The system reports an error only once.
     fn end_sync(&mut self) -> Result<(), FormatError> {
         let synced = self.syncing.take().and_then(|syncing| syncing.join().ok());
         synced.unwrap_or(Ok(())).map_err(io_error(&self.path, "write it"))
     }
 
-    /// Where the next page will stand.
+    /// Offset of the next page.
     pub fn offset(&self) -> u64 {
         self.out.as_ref().map_or(0, Sequential::offset)
     }
 
-    /// Appends a page of [`crate::encode_page`]; its place in the file.
+    /// Appends a page of [`crate::encode_page`]; returns its offset in the file.
     ///
     /// # Errors
-    /// Where the disk is full, or the page is no whole page or 4 GiB or more.
+    /// If the disk is full, or the page is not a whole page or has 4 GiB or more.
     pub fn write_page(&mut self, page: &[u8]) -> Result<u64, FormatError> {
         if !(page.len() as u64).is_multiple_of(ALIGNMENT) || u32::try_from(page.len()).is_err() {
             let fault = format!(
@@ -194,10 +197,10 @@ impl FileWriter {
         Ok(Section { offset, bytes: bytes.len() as u64, crc: crc32fast::hash(bytes) })
     }
 
-    /// Writes all that follows the pages and gives the file its name; its length in bytes.
+    /// Writes everything that follows the pages and renames the file; returns its length in bytes.
     ///
     /// # Errors
-    /// Where the disk is full, or table or metadata break the format's rules.
+    /// If the disk is full, or table or metadata break the rules of the format.
     pub fn finish(
         &mut self,
         table: &NodeTable,
@@ -231,7 +234,7 @@ impl FileWriter {
         Ok(footer.file_bytes)
     }
 
-    /// To the disk, then under the final name. Nobody else has the file before it has that.
+    /// Flushes the file and gives it its final name. No reader has the file before.
     fn commit(&mut self) -> Result<(), FormatError> {
         debug_assert!(self.offset() >= (HEADER_BYTES + FOOTER_BYTES) as u64);
         self.flush()?;
@@ -252,7 +255,7 @@ impl Drop for FileWriter {
         let Some(out) = self.out.take() else { return };
         let _ = self.end_sync();
         if !self.is_kept {
-            // While it is locked, so that it is no other writer's.
+            // Removed while it is locked, so that it cannot be another writer's.
             let _ = fs::remove_file(&self.partial);
         }
         drop(out);

@@ -1,4 +1,5 @@
-//! Damaged, cut and hostile files: every changed byte is found, nothing panics, nothing is believed.
+//! Damaged, truncated and hostile files: every changed byte is found, nothing panics, and no claim
+//! is trusted.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -60,15 +61,12 @@ fn every_cut_is_found() {
 }
 
 #[test]
-fn a_scan_is_told_from_a_damaged_file() {
+fn a_scan_is_distinguished_from_a_damaged_file() {
     let error = check([b"LASF".as_slice(), &[0; 4000]].concat()).unwrap_err().to_string();
-    assert!(
-        error.contains("is not an .esker file; where it is a scan, build one first"),
-        "{error}"
-    );
+    assert!(error.contains("is not an .esker file; if it is a scan, build one first"), "{error}");
 }
 
-/// The file with another node table, all checksums right.
+/// The file with another node table and correct checksums.
 fn with_table(good: &[u8], change: impl FnOnce(&mut [Node])) -> Vec<u8> {
     rewrite(good, |bytes, footer| {
         let place =
@@ -80,7 +78,7 @@ fn with_table(good: &[u8], change: impl FnOnce(&mut [Node])) -> Vec<u8> {
     })
 }
 
-/// The file with changed sections or footer, all checksums right.
+/// The file with changed sections or footer and correct checksums.
 fn rewrite(good: &[u8], change: impl FnOnce(&mut [u8], &mut Footer)) -> Vec<u8> {
     let mut bytes = good.to_vec();
     let at = bytes.len() - esker_format::footer::FOOTER_BYTES;
@@ -117,7 +115,7 @@ fn tables_that_break_a_rule_are_refused_when_opened() {
         ("contour", |n| n[0].contour_half[2] = -1.0),
         ("contour", |n| n[0].spacing = f32::INFINITY),
         ("parent", |n| n[0].parent = 0),
-        ("know", |n| n[1].parent = 5),
+        ("parent", |n| n[1].parent = 5),
         ("children", |n| n[0].first_child = u32::MAX),
         ("children", |n| n[0].child_count = 200),
         ("children", |n| n[0].first_child = 0),
@@ -152,7 +150,7 @@ fn tables_that_only_the_points_contradict_are_found_by_verify() {
 }
 
 #[test]
-fn claims_of_the_footer_are_not_believed() {
+fn claims_of_the_footer_are_not_trusted() {
     let good = small_file();
     let changes: [fn(&mut Footer); 8] = [
         |f| f.nodes = u64::MAX,
@@ -183,7 +181,7 @@ fn other_versions_are_refused_by_name() {
     }
 }
 
-/// Recomputes the checksums of a page's planes, where they lie inside it, and of its directory.
+/// Recomputes the checksums of a page's planes, if these are within the page, and of its directory.
 fn seal_page(page: &mut [u8]) {
     let u32_at = |page: &[u8], at: usize| u32::from_le_bytes(page[at..at + 4].try_into().unwrap());
     let count = usize::from(u16::from_le_bytes([page[8], page[9]]));

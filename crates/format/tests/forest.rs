@@ -1,4 +1,5 @@
-//! Forests: what opens as one cloud, and what is refused, by name, before anything of it is believed.
+//! Forests: which files open as one cloud, and which are refused, by name, before anything of them
+//! is used.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -17,8 +18,8 @@ fn plain(names: &[&str]) -> Metadata {
     tree::metadata(schema, vec![class])
 }
 
-/// Writes a file of so many points; its name.
-fn plant(path: &Path, points: usize, metadata: &Metadata) -> TreeRef {
+/// Writes a file of `points` points; returns a reference to it.
+fn write_file(path: &Path, points: usize, metadata: &Metadata) -> TreeRef {
     let points = tree::points_of(&metadata.schema, &metadata.classes, points, 20, points as u64);
     tree::write(path, metadata, &points, 15);
     let file = EskerFile::open(path).unwrap();
@@ -35,11 +36,11 @@ fn trees_of_several_files_open_as_one() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     std::fs::create_dir(at("old")).unwrap();
-    let mut a = plant(&at("old/a.esker"), 70, &plain(&["a_first", "intensity", "z_last"]));
+    let mut a = write_file(&at("old/a.esker"), 70, &plain(&["a_first", "intensity", "z_last"]));
     a.path = format!("old/{}", a.path);
-    let empty = plant(&at("empty.esker"), 0, &plain(&["z_last"]));
-    let b = plant(&at("b.esker"), 40, &plain(&["z_last"]));
-    plant(&at("new.esker"), 100, &naming(vec![a, empty, b]));
+    let empty = write_file(&at("empty.esker"), 0, &plain(&["z_last"]));
+    let b = write_file(&at("b.esker"), 40, &plain(&["z_last"]));
+    write_file(&at("new.esker"), 100, &naming(vec![a, empty, b]));
 
     let forest = Forest::open(&at("new.esker")).unwrap();
     let paths: Vec<PathBuf> = forest.files().map(|file| file.path().into()).collect();
@@ -58,13 +59,13 @@ fn trees_of_several_files_open_as_one() {
             assert_eq!(forest.name_of(node), NodeName { tree: tree as u16, index: index as u32 });
             assert_eq!(table.nodes[node as usize].points(), record.points());
             assert_eq!(forest.file_of(node).path(), file.path());
-            // The bytes of its page, by the place that the forest has for it.
+            // The bytes of its page, by the forest's offset.
             let (mut page, mut own) = (vec![0; record.page_bytes as usize], Vec::new());
             own.clone_from(&page);
             forest.read_exact_at(&mut page, table.nodes[node as usize].page_offset).unwrap();
             file.read_exact_at(&mut own, record.page_offset).unwrap();
             assert_eq!(page, own);
-            // An attribute by the forest's number is that of its name.
+            // The forest's attribute has the values of the file's attribute of that name.
             for (i, attribute) in forest.schema().attributes.iter().enumerate() {
                 let named = if attribute.name == "intensity" {
                     PlaneKind::Intensity
@@ -87,7 +88,7 @@ fn trees_of_several_files_open_as_one() {
         }
     }
     assert_eq!(table.nodes.len(), node as usize);
-    // A file by itself is its own tree alone.
+    // A file by itself has only its own tree.
     assert_eq!(EskerFile::open(&at("new.esker")).unwrap().footer().points, 100);
     let alone = Forest::open(&at("b.esker")).unwrap();
     assert_eq!((alone.files().len(), alone.points()), (1, 40));
@@ -98,23 +99,23 @@ fn a_forest_opens_wherever_its_files_are_moved_together() {
     let folder = tempfile::tempdir().unwrap();
     let before = folder.path().join("before");
     std::fs::create_dir_all(before.join("deep")).unwrap();
-    plant(&before.join("a.esker"), 30, &plain(&["intensity"]));
+    write_file(&before.join("a.esker"), 30, &plain(&["intensity"]));
     let file = EskerFile::open(&before.join("a.esker")).unwrap();
     let a = TreeRef::new(&before.join("deep/new.esker"), &file).unwrap();
     assert_eq!(a.path, "../a.esker");
-    plant(&before.join("deep/new.esker"), 20, &naming(vec![a]));
+    write_file(&before.join("deep/new.esker"), 20, &naming(vec![a]));
     std::fs::rename(&before, folder.path().join("after")).unwrap();
     let forest = Forest::open(&folder.path().join("after/deep/new.esker")).unwrap();
     assert_eq!(forest.points(), 50);
 }
 
 #[test]
-fn what_does_not_belong_is_refused_by_name() {
+fn files_that_do_not_belong_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    let a = plant(&at("a.esker"), 30, &plain(&["intensity"]));
+    let a = write_file(&at("a.esker"), 30, &plain(&["intensity"]));
     let refused = |named: TreeRef| {
-        plant(&at("new.esker"), 20, &naming(vec![named]));
+        write_file(&at("new.esker"), 20, &naming(vec![named]));
         let error = Forest::open(&at("new.esker")).unwrap_err().to_string();
         assert!(error.starts_with(&at("new.esker").display().to_string()), "{error}");
         error
@@ -122,15 +123,16 @@ fn what_does_not_belong_is_refused_by_name() {
     // Gone.
     let error = refused(TreeRef { path: "gone.esker".into(), ..a.clone() });
     assert!(error.contains("gone.esker") && error.contains("does not open"), "{error}");
-    // Another file of this name; the forest itself is one, too, so that no file can belong to itself.
-    let other = plant(&at("b.esker"), 31, &plain(&["intensity"]));
+    // Another file of this name; this includes the forest itself, so that no file can belong to
+    // itself.
+    let other = write_file(&at("b.esker"), 31, &plain(&["intensity"]));
     for path in ["b.esker", "new.esker"] {
         let error = refused(TreeRef { path: path.into(), ..a.clone() });
-        assert!(error.contains(path) && error.contains("another file than was named"), "{error}");
+        assert!(error.contains(path) && error.contains("not the file that was named"), "{error}");
     }
-    // No file at all.
+    // Not a file.
     let error = refused(TreeRef { path: ".".into(), ..a.clone() });
-    assert!(error.contains("is no file"), "{error}");
+    assert!(error.contains("is not a file"), "{error}");
     // Damaged.
     let mut bytes = Vec::new();
     std::io::Read::read_to_end(&mut std::fs::File::open(at("b.esker")).unwrap(), &mut bytes)
@@ -139,26 +141,26 @@ fn what_does_not_belong_is_refused_by_name() {
     std::fs::write(at("b.esker"), bytes).unwrap();
     let error = refused(other);
     assert!(error.contains("b.esker") && error.contains("cut short"), "{error}");
-    // Of another lattice.
+    // On another lattice.
     let mut metadata = plain(&["intensity"]);
     metadata.lattice.shift[2] += 1;
-    let error = refused(plant(&at("c.esker"), 30, &metadata));
+    let error = refused(write_file(&at("c.esker"), 30, &metadata));
     assert!(error.contains("c.esker") && error.contains("another lattice"), "{error}");
 }
 
 #[test]
-fn lists_that_no_forest_has_are_refused() {
+fn impossible_lists_of_files_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let a = plant(&folder.path().join("a.esker"), 30, &plain(&["intensity"]));
+    let a = write_file(&folder.path().join("a.esker"), 30, &plain(&["intensity"]));
     let schema = plain(&["intensity"]).schema;
     let many = |n: u128| {
         (0..n).map(|i| TreeRef { path: format!("{i}.esker"), footer_hash: i }).collect::<Vec<_>>()
     };
     for (forest, what) in [
         (vec![a.clone(), a.clone()], "names a file twice"),
-        (vec![TreeRef { path: String::new(), ..a.clone() }], "no way"),
-        (vec![TreeRef { path: "/etc/a.esker".into(), ..a.clone() }], "no way"),
-        (many(esker_format::forest::TREES_MAX as u128), "more files than a forest can have"),
+        (vec![TreeRef { path: String::new(), ..a.clone() }], "path that is not relative"),
+        (vec![TreeRef { path: "/etc/a.esker".into(), ..a.clone() }], "path that is not relative"),
+        (many(esker_format::TREES_MAX as u128), "more files than a forest can have"),
     ] {
         let points = tree::points_of(&schema, &naming(vec![]).classes, 10, 20, 1);
         let writes = std::panic::catch_unwind(|| {

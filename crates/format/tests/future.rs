@@ -1,14 +1,13 @@
-//! A file of a later Esker, with planes, a statistics column and metadata of kinds that this version does not
-//! know, is read: what is known comes out, the rest is skipped. Both readers are asked.
+//! A file of a later Esker, with planes, a statistics column and metadata of unknown kinds, can be
+//! read: known parts come out, the rest is skipped. Tests both readers.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod tree;
 
 use esker_format::footer::{FOOTER_BYTES, Section, header};
-use esker_format::layout::PlaneSpec;
 use esker_format::{
-    EskerFile, Footer, FormatError, Metadata, PageLayout, PlaneKind, encode_page, verify,
+    EskerFile, Footer, FormatError, Metadata, PageLayout, PlaneKind, PlaneSpec, encode_page, verify,
 };
 use esker_points::palette::{NO_COLOUR, Palette};
 use esker_points::quant::{HOT_POSITION_BYTES, INDEX_AT};
@@ -16,7 +15,7 @@ use esker_points::task::Silent;
 use std::path::Path;
 use std::process::Command;
 
-/// The planes of a later version: unknown ones among the hot and among the cold.
+/// Planes of a later version: unknown ones among the hot and among the cold.
 fn later_layout(today: &PageLayout) -> PageLayout {
     let unknown =
         |number, hot| PlaneSpec { kind: PlaneKind::Unknown(number), hot, value_bytes: 12 };
@@ -26,7 +25,7 @@ fn later_layout(today: &PageLayout) -> PageLayout {
     today.clone().with_planes(planes).unwrap()
 }
 
-/// Adds a column of kind 99 behind all others.
+/// Adds a column of kind 99 at the end.
 fn later_statistics(today: &[u8]) -> Vec<u8> {
     let count = u32::from_le_bytes(today[4..8].try_into().unwrap()) as usize;
     let directory = 16 + 24 * count;
@@ -99,7 +98,7 @@ fn rewritten(file: &EskerFile, layout: &PageLayout, statistics: &[u8], metadata:
     out
 }
 
-/// The first entry of a page whose kind is 10 gets an encoding that nobody knows.
+/// Gives the first entry of a page whose kind is 10 an unknown encoding.
 fn with_later_encoding(mut file: Vec<u8>, page: usize, planes: usize) -> Vec<u8> {
     let entries = page + 12..page + 12 + 20 * planes;
     let mut starts = entries.clone().step_by(20);
@@ -111,7 +110,7 @@ fn with_later_encoding(mut file: Vec<u8>, page: usize, planes: usize) -> Vec<u8>
 }
 
 #[test]
-fn an_unknown_encoding_is_named_when_its_plane_is_asked_for() {
+fn an_unknown_encoding_is_named_when_its_plane_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.esker");
     let (schema, classes) = tree::mixed_schema();
@@ -179,7 +178,7 @@ fn compact_file(folder: &Path, palette: Palette) -> EskerFile {
 }
 
 #[test]
-fn a_compact_plane_is_positions_with_the_numbers_of_their_colours() {
+fn a_compact_plane_has_positions_with_the_indices_of_their_colours() {
     let folder = tempfile::tempdir().unwrap();
     let palette = Palette::new(vec![[0; 3], [200, 10, 30], [90, 100, 110], [255; 3]]).unwrap();
     let file = compact_file(folder.path(), palette.clone());
@@ -204,7 +203,7 @@ fn a_compact_plane_is_positions_with_the_numbers_of_their_colours() {
 }
 
 #[test]
-fn compact_planes_of_another_palette_are_told() {
+fn compact_planes_of_another_palette_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let palette = |red| Palette::new(vec![[red, 0, 0], [90, 100, 110]]).unwrap();
     let file = compact_file(folder.path(), palette(0));
@@ -212,11 +211,11 @@ fn compact_planes_of_another_palette_are_told() {
     let sections = [file.footer().statistics, file.footer().metadata].map(|s| read(&file, s));
     let bytes = rewritten(&file, &layout, &sections[0], &sections[1]);
     let other = EskerFile::from_source(Path::new("b"), Box::new(bytes)).unwrap();
-    let told = verify(&other, &Silent).unwrap_err().to_string();
-    assert!(told.contains("compact"), "{told}");
+    let error = verify(&other, &Silent).unwrap_err().to_string();
+    assert!(error.contains("compact"), "{error}");
 }
 
-/// So does a reader that knows no such planes.
+/// A reader that does not know such planes skips them too.
 #[test]
 fn a_compact_plane_without_a_palette_or_of_another_length_is_skipped() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! The independent Python reader, written from the specification alone, reads the same points out of the
-//! same file, and finds damage.
+//! The independent Python reader, written from the specification alone, reads the same points from
+//! the same file, and finds damage.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -61,7 +61,7 @@ fn both_readers_read_the_same_points() {
     }
 }
 
-/// Every coordinate, class and value, in the order of nodes.
+/// Compares every coordinate, class and value, in the order of nodes.
 fn compare<'a>(file: &EskerFile, mut rows: impl Iterator<Item = &'a str>) {
     let attributes = &file.layout().schema().attributes;
     for node in 0..file.table().nodes.len() as u32 {

@@ -1,4 +1,5 @@
-//! Whatever is written is read again to the bit: points of any schema and classes, statistics, metadata.
+//! Everything that is written is read again to the bit: points of any schema and classes,
+//! statistics, metadata.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -28,7 +29,7 @@ proptest! {
         if metadata.normals.is_estimated() {
             points.normals = (0..count).map(|i| [i as i16, seed as i16]).collect();
         }
-        // Most points have no clip lines, and most nodes none with any.
+        // Most points have no clip lines, and most nodes have no point with any.
         let has_clip_lines = clipped.is_some();
         let palette = Palette::new(colours);
         let metadata = Metadata { has_clip_lines, has_tangents, palette, ..metadata };
@@ -47,7 +48,7 @@ proptest! {
         let compact = metadata.palette.as_ref().filter(|_| file.layout().has(PlaneKind::Colour));
         prop_assert_eq!(file.metadata().palette.as_ref(), compact);
         prop_assert_eq!(file.layout().has(PlaneKind::Compact), compact.is_some());
-        let (_, own) = tree::plant(&points, &metadata.lattice, capacity);
+        let (_, own) = tree::build_tree(&points, &metadata.lattice, capacity);
         for (index, own) in own.iter().enumerate() {
             let page = file.read_page(index as u32).unwrap();
             let part = tree::take(&points, file.layout(), own);
@@ -111,7 +112,7 @@ proptest! {
         let metadata = tree::metadata(schema, classes);
         let table = tree::write(&path, &metadata, &points, 30);
         let file = EskerFile::open(&path).unwrap();
-        let (_, own) = tree::plant(&points, &metadata.lattice, 30);
+        let (_, own) = tree::build_tree(&points, &metadata.lattice, 30);
         let mut below = own.clone();
         for index in (1..below.len()).rev() {
             let moved = below[index].clone();
@@ -121,7 +122,7 @@ proptest! {
     }
 }
 
-/// Statistics against a plain computation in `f64`.
+/// Compares statistics with a plain computation in `f64`.
 fn hold(file: &EskerFile, points: &PagePoints, own: &[Vec<usize>], below: &[Vec<usize>]) {
     let statistics = file.statistics().unwrap();
     let schema = file.layout().schema();
@@ -160,7 +161,7 @@ fn hold(file: &EskerFile, points: &PagePoints, own: &[Vec<usize>], below: &[Vec<
 }
 
 #[test]
-fn what_no_point_has_takes_no_plane() {
+fn attributes_without_points_take_no_plane() {
     let (schema, classes) = tree::mixed_schema();
     let plain = PageLayout::new(
         &Schema::default(),
@@ -189,7 +190,7 @@ fn a_writer_that_does_not_finish_leaves_nothing_and_the_old_file_stays() {
 }
 
 #[test]
-fn what_cannot_be_written_is_refused_before_anything_stands_there() {
+fn invalid_data_are_refused_before_a_file_exists() {
     let folder = tempfile::tempdir().unwrap();
     let error =
         |path: &std::path::Path| esker_format::FileWriter::create(path).unwrap_err().to_string();

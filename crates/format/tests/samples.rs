@@ -1,5 +1,5 @@
-//! The sample files of every frozen version are read for ever: opened, verified, and compared with what
-//! was written down when they were made.
+//! The sample files of every frozen version stay readable: they are opened, verified, and compared
+//! with the contents that were recorded when they were made.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -21,8 +21,8 @@ fn every_sample_is_whole_and_holds_what_it_always_held() {
     let expected = expected();
     let there = std::fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap().file_name());
     let there: BTreeSet<String> = there.map(|name| name.into_string().unwrap()).collect();
-    let told = expected.keys().cloned().chain(["expected.json".into()]).collect();
-    assert_eq!(there, told);
+    let listed = expected.keys().cloned().chain(["expected.json".into()]).collect();
+    assert_eq!(there, listed);
     for (name, expected) in &expected {
         let file = EskerFile::open(&folder().join(name)).unwrap();
         let report = verify(&file, &Silent).unwrap();

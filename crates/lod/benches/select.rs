@@ -1,6 +1,6 @@
-//! The LOD pass: choosing a cut of about 1,000 nodes, with and without occlusion, and what occlusion itself
-//! takes to make. A table of a building of rooms is made here: walls of flat nodes, quadtrees in an octree.
-//! Prints medians (and least times); `cargo bench -p esker-lod`.
+//! Measures the LOD pass: selecting a cut of about 1,000 nodes with and without occlusion, and
+//! making the occlusion itself. The table is a generated building of rooms: walls of flat nodes,
+//! quadtrees in an octree. Prints medians (and least times); run it by `cargo bench -p esker-lod`.
 #![allow(clippy::unwrap_used, reason = "a benchmark may panic")]
 
 use bytemuck::Zeroable;
@@ -14,12 +14,12 @@ use glam::DVec3;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Edge of a room, steps of a millimetre.
+/// Edge of a room, in steps of a millimetre.
 const ROOM: u32 = 1 << 12;
-/// Rooms on a side of the building, and the edge of the pieces that walls are cut into.
+/// Rooms on a side of the building, and the edge of the pieces that walls are divided into.
 const ROOMS: u32 = 8;
 const PIECE: u32 = 1 << 7;
-/// Points of a leaf, and of what is above it.
+/// Points of a node.
 const POINTS: usize = 8192;
 const CORNER: u32 = 1 << 31;
 const RUNS: usize = 101;
@@ -74,7 +74,7 @@ fn report(what: &str, run: impl Fn() -> Selection) {
     );
 }
 
-/// Milliseconds of many runs: their median, and the least, which a busy machine disturbs less.
+/// Median of many runs in milliseconds, and the least time, which a busy machine disturbs less.
 fn time<T>(run: impl Fn() -> T) -> String {
     let mut times: Vec<_> = (0..RUNS)
         .map(|_| {
@@ -87,7 +87,7 @@ fn time<T>(run: impl Fn() -> T) -> String {
     format!("{:.3} ms ({:.3})", times[RUNS / 2], times[0])
 }
 
-/// Depth of the walls of the rooms in which the eye is: a box.
+/// Depth of the walls of the room with the eye, which is a box.
 fn walls(view: &View, room: f64) -> Vec<f32> {
     let (width, height) = (view.width as usize, view.height as usize);
     let depth = |i: usize| {

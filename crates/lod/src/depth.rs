@@ -1,11 +1,11 @@
-//! The software depth buffer: what the nodes of a cut hide of a view (kanzok2015, sections 3.2.1 and
-//! 3.2.2; DESIGN, section 7). Occluders are flat nodes drawn densely enough, through those parts of
-//! their occupancy mask that are certainly closed. Each is a slab: a line of sight that enters a closed
-//! part of its front and leaves through a closed part of its back has met the surface between. So its
-//! coverage is the samples covered by both, and what it hides lies behind its back.
+//! Software depth buffer: what the nodes of a cut hide of a view (kanzok2015, sections 3.2.1 and
+//! 3.2.2). Occluders are flat nodes drawn densely enough, by the closed parts of their occupancy
+//! mask. Each is a slab: a line of sight that enters a closed part of its front and leaves through
+//! a closed part of its back has met the surface between. So a slab covers the samples covered by
+//! both, and hides what lies behind its back.
 //!
-//! Samples of all nodes gather in the tiles, the nearest nodes first, until a tile has them all: a wall
-//! of many nodes is closed across their seams.
+//! Samples of all nodes accumulate in the tiles, the nearest nodes first, until a tile has all of
+//! its samples: a wall of many nodes is closed across their seams.
 
 use crate::closed::closed_parts;
 use crate::grid::{DepthGrid, SIDE};
@@ -21,16 +21,16 @@ use esker_points::{Lattice, NodeTable};
 use glam::{DVec2, DVec3};
 use std::ops::Range;
 
-/// Samples of a tile on a side: gaps narrower than an eighth of a tile are not seen.
+/// Samples of a tile on a side: gaps narrower than an eighth of a tile are missed.
 const SAMPLES: usize = 8;
 /// Samples of the picture on a side.
 const SAMPLE_SIDE: usize = SIDE * SAMPLES;
 /// Words of 64 samples in a row.
 const WORDS: usize = SAMPLE_SIDE / 64;
-/// Most spacing, in tiles, of a node that hides anything.
+/// Greatest spacing of an occluder, in tiles.
 const SPACING_TILES_MAX: f64 = 0.5;
 
-/// Depth of what certainly covers the view.
+/// Depth of the surfaces that certainly cover the view.
 #[derive(Clone, Debug)]
 pub struct SoftwareDepth {
     projection: Projection,
@@ -39,7 +39,7 @@ pub struct SoftwareDepth {
 }
 
 impl SoftwareDepth {
-    /// What `drawn` hides of `view`: resident nodes, for instance those of the last cut.
+    /// Rasterises the occluders among `drawn`: resident nodes, for instance those of the last cut.
     pub fn new(table: &NodeTable, lattice: &Lattice, view: &View, drawn: &[Drawn]) -> Self {
         let projection = Projection::of(view);
         let grid = DepthGrid::new(view);
@@ -70,14 +70,9 @@ impl SoftwareDepth {
         Self { projection, grid, occluders }
     }
 
-    /// How many nodes had a part in it.
+    /// Number of nodes that contributed.
     pub fn occluders(&self) -> usize {
         self.occluders
-    }
-
-    /// Its depths.
-    pub fn grid(&self) -> &DepthGrid {
-        &self.grid
     }
 }
 
@@ -119,7 +114,7 @@ struct Canvas {
 struct Tile {
     /// Covered samples, a byte a row.
     covered: u64,
-    /// The farthest of those.
+    /// Greatest depth of the covered samples.
     farthest: f32,
 }
 
@@ -142,18 +137,19 @@ impl Canvas {
         grid
     }
 
-    /// Draws an occluder, whose parts are all in front of the near plane. Whether it covers anything.
+    /// Draws an occluder, all of whose parts are in front of the near plane. Returns whether it
+    /// covers anything.
     fn draw(&mut self, slab: &Slab, projection: &Projection) -> bool {
         let b = &slab.contour;
         let normal = b.axes.z_axis;
         let height = normal.dot(projection.eye() - b.centre);
-        // From within, or nearly along it, nothing is certain.
+        // From within the slab, or nearly along it, nothing is certain.
         if height.abs() <= b.half.z {
             return false;
         }
         let half = normal * b.half.z.copysign(height);
         let (front, back) = (b.centre + half, b.centre - half);
-        let mut touched = Touched::default();
+        let mut bounds = SampleBounds::default();
         for (u, v) in rectangles(slab.closed) {
             for (middle, is_front) in [(front, true), (back, false)] {
                 let outline = self.outline(b, middle, [&u, &v], projection);
@@ -162,16 +158,16 @@ impl Canvas {
                 for (row, run) in self.rows.covered() {
                     if !run.is_empty() {
                         set(&mut samples[row], &run);
-                        touched.add(row, &run);
+                        bounds.add(row, &run);
                     }
                 }
             }
         }
         let depth = Plane::through(back, normal, projection, slab.farthest, self);
-        self.gather(&touched, &depth)
+        self.gather(&bounds, &depth)
     }
 
-    /// The outline of parts `u` and `v` of the slab's side about `middle`.
+    /// Outline of the parts `u` x `v` of the slab's face through `middle`.
     fn outline(
         &self,
         b: &OrientedBox,
@@ -190,10 +186,10 @@ impl Canvas {
     }
 
     /// Adds the samples that front and back both cover to the tiles, and clears them.
-    fn gather(&mut self, touched: &Touched, depth: &Plane) -> bool {
+    fn gather(&mut self, bounds: &SampleBounds, depth: &Plane) -> bool {
         let mut any = false;
-        for y in touched.rows.start / SAMPLES..touched.rows.end.div_ceil(SAMPLES) {
-            for w in touched.words.clone() {
+        for y in bounds.rows.start / SAMPLES..bounds.rows.end.div_ceil(SAMPLES) {
+            for w in bounds.words.clone() {
                 let mut lines = [0u64; SAMPLES];
                 for (line, row) in lines.iter_mut().zip(y * SAMPLES..) {
                     *line = self.front[row][w] & self.back[row][w];
@@ -217,14 +213,14 @@ impl Canvas {
     }
 }
 
-/// The rows and words of samples that an occluder has set.
+/// Rows and words of the samples that an occluder has set.
 #[derive(Default)]
-struct Touched {
+struct SampleBounds {
     rows: Range<usize>,
     words: Range<usize>,
 }
 
-impl Touched {
+impl SampleBounds {
     fn add(&mut self, row: usize, run: &Range<usize>) {
         let words = run.start / 64..(run.end - 1) / 64 + 1;
         if self.rows.is_empty() {
@@ -237,7 +233,7 @@ impl Touched {
 }
 
 impl Tile {
-    /// Adds samples, unless nearer nodes have covered it.
+    /// Adds samples, unless nearer nodes cover all of them.
     fn add(&mut self, covered: u64, farthest: impl Fn() -> f32) {
         if covered & !self.covered != 0 {
             self.covered |= covered;
@@ -246,9 +242,9 @@ impl Tile {
     }
 }
 
-/// Depths of a plane on the grid: what is affine there is one over the depth.
+/// Depths of a plane on the grid, where the inverse of the depth is affine.
 struct Plane {
-    /// One over the depth at the grid's corner, and its slope a tile.
+    /// Inverse depth at the grid's corner, and its slope per tile.
     inverse: f64,
     slope: DVec2,
     farthest: f64,
@@ -262,7 +258,7 @@ impl Plane {
         farthest: f64,
         on: &Canvas,
     ) -> Self {
-        // A ray of depth 1 through the picture's place meets it at the depth height / (normal . ray).
+        // A ray of depth 1 through a pixel meets the plane at the depth height / (normal . ray).
         let height = normal.dot(at - projection.eye());
         let ray = |px: DVec2| normal.dot(projection.place(px, 1.0) - projection.eye()) / height;
         let tile = SAMPLES as f64 / on.samples_per_px;
@@ -274,7 +270,7 @@ impl Plane {
         Self { inverse, slope, farthest }
     }
 
-    /// The farthest of it in a tile, and no farther than its slab is.
+    /// Greatest depth of the plane in a tile, limited to that of its slab.
     fn farthest_in(&self, x: usize, y: usize) -> f32 {
         let at = DVec2::new(x as f64, y as f64) + 0.5;
         let least = self.inverse + self.slope.dot(at) - 0.5 * self.slope.abs().element_sum();
@@ -283,7 +279,7 @@ impl Plane {
     }
 }
 
-/// Few rectangles (u and v) that together are the set bits of an 8 x 8 mask.
+/// Divides the set bits of an 8 x 8 mask into few rectangles (u and v).
 fn rectangles(mut mask: u64) -> impl Iterator<Item = (Range<u32>, Range<u32>)> {
     std::iter::from_fn(move || {
         if mask == 0 {
@@ -303,7 +299,7 @@ fn rectangles(mut mask: u64) -> impl Iterator<Item = (Range<u32>, Range<u32>)> {
     })
 }
 
-/// Sets a run of bits, which has at least one.
+/// Sets a run of bits, which is not empty.
 fn set(row: &mut [u64; WORDS], run: &Range<usize>) {
     let (first, last) = (run.start / 64, (run.end - 1) / 64);
     for (w, word) in row.iter_mut().enumerate().take(last + 1).skip(first) {

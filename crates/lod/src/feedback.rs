@@ -1,8 +1,9 @@
-//! What the last finished frame hides of the next: its own depth, in coarse tiles. A box is looked for in
-//! the picture of that frame: it is hidden where all tiles about it are covered and nearer. Turning the
-//! camera costs nothing, since a depth picture holds for all directions from its eye. Moving it does: the
-//! box's place in the old picture is grown by the parallax that anything there can have, and where
-//! depths side by side differ by so much that a gap may have opened between them, nothing is hidden.
+//! Occlusion by the depth of the last finished frame, in coarse tiles. A box is projected to the
+//! picture of that frame: it is hidden if all tiles around it are covered and nearer. Turning the
+//! camera costs nothing, since a depth picture holds for all directions from its eye. Moving costs
+//! some culling: the box's area in the old picture grows by the greatest parallax of anything
+//! there, and nothing is hidden where neighbouring depths differ so much that a gap may have opened
+//! between them.
 
 use crate::grid::{DepthGrid, ROUNDING, SIDE};
 use crate::occlusion::Occlusion;
@@ -16,28 +17,29 @@ use std::sync::Arc;
 /// Tiles on a side of the picture.
 pub const TILES: usize = SIDE;
 
-/// How far a box may be outside of the old picture by rounding alone, pixels.
+/// Distance that a box may be outside of the old picture by rounding alone, pixels.
 const ROUNDING_PX: f64 = 1e-3;
-/// Widest gap, pixels of the old picture, that may open between two surfaces one behind the other before
-/// they hide nothing together.
+/// Widest gap, in pixels of the old picture, that may open between two surfaces at different depths
+/// before they no longer hide anything together.
 const GAP_MAX_PX: f64 = 1.0;
 
 /// The last tile, for clamping.
 const LAST: DVec2 = DVec2::splat(SIDE as f64 - 1.0);
-/// Tiles on a side of a rectangle that are looked at one by one.
-const LOOKED_AT: u32 = 8;
+/// Greatest side of a rectangle, in tiles, that is tested tile by tile.
+const DIRECT_TILES_MAX: u32 = 8;
 
 /// Eye depths of a tile of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthTile {
-    /// The nearest of its pixels; infinite where none is covered.
+    /// Least depth of its pixels; infinite if no pixel is covered.
     pub nearest: f32,
-    /// The farthest of its pixels; infinite where any is not covered.
+    /// Greatest depth of its pixels; infinite if any pixel is not covered.
     pub farthest: f32,
 }
 
-/// The tiles of a depth picture (row by row, infinite where nothing is): [`TILES`] x [`TILES`], row by
-/// row. A tile has all pixels that it touches, so that pictures may be smaller than that.
+/// Reduces a depth picture (row by row, infinite where nothing is drawn) to [`TILES`] x [`TILES`]
+/// tiles, row by row. A tile includes all pixels that it touches, so the picture may be smaller
+/// than the grid.
 pub fn tiles_of(depth: &[f32], width: usize, height: usize) -> Vec<DepthTile> {
     let nothing = DepthTile { nearest: f32::INFINITY, farthest: f32::INFINITY };
     let mut tiles = vec![nothing; TILES * TILES];
@@ -49,7 +51,7 @@ pub fn tiles_of(depth: &[f32], width: usize, height: usize) -> Vec<DepthTile> {
         let (mut nearest, mut farthest) = (f32::INFINITY, 0.0f32);
         for y in pixels(i / TILES, height) {
             for &d in &depth[y * width..][pixels(i % TILES, width)] {
-                // What is no depth is nothing.
+                // An invalid depth counts as not covered.
                 let d = if d > 0.0 { d } else { f32::INFINITY };
                 nearest = nearest.min(d);
                 farthest = farthest.max(d);
@@ -60,22 +62,22 @@ pub fn tiles_of(depth: &[f32], width: usize, height: usize) -> Vec<DepthTile> {
     tiles
 }
 
-/// What some tiles show.
+/// Depths of one or more tiles.
 #[derive(Clone, Copy, Debug)]
-struct Range {
-    /// The nearest depth.
+struct DepthRange {
+    /// Least depth.
     nearest: f32,
-    /// The farthest; infinite where something is not covered.
+    /// Greatest depth; infinite where something is not covered.
     farthest: f32,
-    /// How far pixels that touch can move apart when the eye moves: the greatest difference of the inverse depths of
-    /// a tile and those around it.
+    /// Greatest difference of the inverse depths of a tile and its neighbours: bounds how far
+    /// adjacent pixels move apart when the eye moves.
     opening: f32,
 }
 
-impl Range {
-    const NOTHING: Self = Self { nearest: f32::INFINITY, farthest: 0.0, opening: 0.0 };
+impl DepthRange {
+    const EMPTY: Self = Self { nearest: f32::INFINITY, farthest: 0.0, opening: 0.0 };
 
-    /// The range that has both.
+    /// The union of two ranges.
     fn join(self, other: Self) -> Self {
         Self {
             nearest: self.nearest.min(other.nearest),
@@ -85,24 +87,25 @@ impl Range {
     }
 }
 
-/// The depth of a finished frame, looked at from where the next one is seen.
+/// Depth of a finished frame, projected to the next view.
 #[derive(Clone, Debug)]
 pub struct DepthFeedback {
-    /// The view of that frame.
+    /// View of that frame.
     old: Projection,
     grid: Arc<DepthGrid>,
-    /// What the tiles show, and ever coarser ones.
-    ranges: Arc<Vec<Vec<Range>>>,
-    /// The margin of its picture, pixels.
+    /// Depth ranges of the tiles, and of ever coarser ones.
+    ranges: Arc<Vec<Vec<DepthRange>>>,
+    /// Margin of its picture, pixels.
     margin_px: f64,
-    /// The view that is asked for.
+    /// View that boxes are tested for.
     new: Projection,
-    /// Most pixels that anything at depth 1 moves on the old picture between the two.
+    /// Greatest motion in the old picture of anything at depth 1 between both views, pixels.
     parallax: f64,
 }
 
 impl DepthFeedback {
-    /// From the view of that frame and its [`tiles_of`]; `None` where there are not as many.
+    /// Makes feedback of the view of a frame and its [`tiles_of`]; `None` if the number of tiles is
+    /// wrong.
     pub fn new(view: &View, tiles: &[DepthTile]) -> Option<Self> {
         if tiles.len() != TILES * TILES {
             return None;
@@ -116,23 +119,23 @@ impl DepthFeedback {
         Some(Self { old, grid, ranges, margin_px, new: old, parallax: 0.0 })
     }
 
-    /// Whether that frame was seen from the same place in the same direction as a view.
+    /// Whether that frame was seen from the eye and direction of `view`.
     pub fn is_from(&self, view: &View) -> bool {
         self.old.is_from(view)
     }
 
-    /// What it hides of a new view.
+    /// The same depths, used for the occlusion of a new view.
     pub fn seen_from(&self, view: &View) -> Self {
         let new = Projection::of(view);
-        // A move by m along the picture shifts by focal * m / depth, one along the view by up to the
-        // tangent of the widest angle times that.
+        // A motion by m along the picture shifts by focal * m / depth; one along the view shifts by
+        // up to the tangent of the widest angle times that.
         let corner = self.grid.size_px().length() * 0.5;
         let parallax = new.eye().distance(self.old.eye()) * (self.old.focal_px() + corner);
         Self { new, parallax, ..self.clone() }
     }
 
-    /// The nearest depth of the tile at a place of what that frame shows (0 to 1 from its top left corner, without a margin);
-    /// `None` where the tile shows nothing.
+    /// Least depth of the tile at a position of the shown picture (0 to 1 from its top left corner,
+    /// without the margin); `None` if the tile is empty.
     pub fn nearest_at(&self, place: DVec2) -> Option<f64> {
         let shown = self.grid.size_px() - 2.0 * self.margin_px;
         let at = place * shown + self.margin_px;
@@ -140,8 +143,9 @@ impl DepthFeedback {
         (nearest > 0.0 && nearest.is_finite()).then_some(nearest)
     }
 
-    /// What of a box that sticks out of the new picture can be on it: the corners of its outline within the new
-    /// picture, at its nearest and its farthest depth, on the old one, with their depths there.
+    /// Projects the part of a box on the new picture to the old one: the corners of its outline
+    /// within the new picture, at its nearest and its farthest depth, with their depths in the old
+    /// view.
     fn rest_in_old_picture(&self, seen: &Silhouette) -> impl Iterator<Item = (DVec2, f64)> {
         let outline = seen.clipped(DVec2::ZERO, self.new.size_px());
         let ends = [seen.nearest, seen.farthest];
@@ -151,7 +155,7 @@ impl DepthFeedback {
         })
     }
 
-    /// Whether what of a box that sticks out of the new picture can be on it is hidden.
+    /// Whether the part of a box on the new picture is hidden, for a box that reaches beyond it.
     fn hides_rest(&self, b: &OrientedBox) -> bool {
         let Some(seen) = self.new.silhouette(b) else { return false };
         let mut bounds = [DVec2::INFINITY, DVec2::NEG_INFINITY];
@@ -165,21 +169,21 @@ impl DepthFeedback {
             nearest = nearest.min(depth);
         }
         if nearest == f64::INFINITY {
-            // It lies beyond a corner: nothing of it is on the picture.
+            // The box lies beyond a corner: no part of it is on the picture.
             return true;
         }
         let outline = || Polygon::hull_of(self.rest_in_old_picture(&seen).map(|(p, _)| p));
         self.hides_within(bounds, nearest, outline)
     }
 
-    /// Whether bounds are on the old picture, but for rounding.
+    /// Whether bounds are on the old picture, up to rounding.
     fn is_on_old_picture(&self, [low, high]: [DVec2; 2]) -> bool {
         low.cmpge(DVec2::splat(-ROUNDING_PX)).all()
             && high.cmple(self.grid.size_px() + ROUNDING_PX).all()
     }
 
-    /// Whether the tiles hide what lies behind `nearest` within bounds on the old picture and within an outline, which is
-    /// made only where the bounds don't tell.
+    /// Whether the tiles hide what lies behind `nearest` within `bounds` on the old picture and
+    /// within `outline`, which is made only if the bounds do not decide.
     fn hides_within(
         &self,
         bounds: [DVec2; 2],
@@ -196,20 +200,22 @@ impl DepthFeedback {
         f64::from(farthest) < nearest * (1.0 - ROUNDING) || self.grid.hides(&outline(), nearest)
     }
 
-    /// Whether the middle of a box is on the new picture and, on the old one, not behind its tile.
+    /// Whether the centre of a box is on the new picture and, on the old one, not behind its tile.
     fn shows_centre(&self, b: &OrientedBox, nearest: f64) -> bool {
         let size = self.new.size_px();
         let on = self.new.on_picture(b.centre);
-        let is_asked = self.new.depth(b.centre) > self.new.near()
+        let is_on_new = self.new.depth(b.centre) > self.new.near()
             && on.cmpge(DVec2::ZERO).all()
             && on.cmple(size).all();
-        is_asked && self.grid.shows_at(self.old.on_picture(b.centre), nearest)
+        is_on_new && self.grid.shows_at(self.old.on_picture(b.centre), nearest)
     }
 
-    /// Whether the tiles about an outline hide what is behind `nearest` after the eye has moved.
+    /// Whether the tiles around `low` to `high` hide what is behind `nearest` after the eye has
+    /// moved.
     fn hides_beside(&self, [low, high]: [DVec2; 2], nearest: f64) -> bool {
         let mut reach = 0.0;
-        // The nearer what is about it, the farther it moves, the more is about it.
+        // Near content moves farther, which makes a larger area relevant, which may have nearer
+        // content.
         for _ in 0..4 {
             let (low, high) = (low - reach, high + reach);
             if !self.is_on_old_picture([low, high]) {
@@ -223,22 +229,22 @@ impl DepthFeedback {
             if needed <= reach {
                 return self.parallax * f64::from(range.opening) <= GAP_MAX_PX;
             }
-            // Some more than is needed, so that the next round is mostly the last.
+            // A little more than needed, so that the next round is mostly the last.
             reach = needed * 1.1;
         }
         false
     }
 
-    /// What the tiles show that a rectangle of the old picture touches, or some more: of large rectangles, coarser
-    /// tiles.
-    fn range_within(&self, low: DVec2, high: DVec2) -> Range {
+    /// Depth range of the tiles that a rectangle of the old picture touches, or of slightly more:
+    /// large rectangles use coarser tiles.
+    fn range_within(&self, low: DVec2, high: DVec2) -> DepthRange {
         let tile = |at: DVec2| (at * self.grid.tiles_per_px()).clamp(DVec2::ZERO, LAST).as_uvec2();
         let (low, high) = (tile(low), tile(high));
         let extent = (high - low).max_element();
-        let level = (u32::BITS - (extent / LOOKED_AT).leading_zeros()) as usize;
+        let level = (u32::BITS - (extent / DIRECT_TILES_MAX).leading_zeros()) as usize;
         let level = level.min(self.ranges.len() - 1);
         let side = SIDE >> level;
-        let mut range = Range::NOTHING;
+        let mut range = DepthRange::EMPTY;
         for y in low.y as usize >> level..=high.y as usize >> level {
             for x in low.x as usize >> level..=high.x as usize >> level {
                 range = range.join(self.ranges[level][y * side + x]);
@@ -248,8 +254,8 @@ impl DepthFeedback {
     }
 }
 
-/// What the tiles show, then 2 x 2 of them, and so on to one for all.
-fn ranges_of(tiles: &[DepthTile]) -> Vec<Vec<Range>> {
+/// Depth ranges of the tiles, then of 2 x 2 of them, and so on to one for all.
+fn ranges_of(tiles: &[DepthTile]) -> Vec<Vec<DepthRange>> {
     let range = |(i, tile): (usize, &DepthTile)| {
         let (x, y) = (i % TILES, i / TILES);
         let [rows, columns] = [y, x].map(|c| c.saturating_sub(1)..(c + 2).min(TILES));
@@ -258,9 +264,9 @@ fn ranges_of(tiles: &[DepthTile]) -> Vec<Vec<Range>> {
             (nearest, farthest) = (nearest.min(tile.nearest), farthest.max(tile.farthest));
         }
         let opening = nearest.recip() - farthest.recip();
-        // What is no number hides nothing.
+        // A tile that is not a number hides nothing.
         let farthest = if tile.farthest.is_nan() { f32::INFINITY } else { tile.farthest };
-        Range { nearest: tile.nearest, farthest, opening }
+        DepthRange { nearest: tile.nearest, farthest, opening }
     };
     let mut levels = vec![tiles.iter().enumerate().map(range).collect::<Vec<_>>()];
     let mut side = SIDE;

@@ -1,18 +1,19 @@
-//! The view frustum as five half-spaces (left, right, bottom, top, near; nothing is too far), and the
-//! conservative test of a box against them: what it refuses is certainly outside, what it keeps may be.
+//! The view frustum as five half-spaces (left, right, bottom, top, near; there is no far plane),
+//! and the conservative test of a box against them: a refused box is certainly outside, a kept one
+//! may be.
 
 use crate::oriented_box::OrientedBox;
 use crate::view::View;
 use glam::DVec3;
 
-/// Share of the lengths at hand that a sum of products in `f64` may be off by, with room.
+/// Relative rounding error of a sum of products in `f64`, with room.
 const ROUNDING: f64 = 1e-12;
 
-/// What the picture of a view can show.
+/// Half-spaces that bound the picture of a view.
 #[derive(Clone, Copy, Debug)]
 pub struct Frustum {
     eye: DVec3,
-    /// Inward normals (unit) and the least distance along them, from the eye.
+    /// Inward normals (unit length) and the least distance along them, from the eye.
     planes: [(DVec3, f64); 5],
 }
 
@@ -36,13 +37,13 @@ impl Frustum {
         }
     }
 
-    /// Whether some point of the box may be on the picture; never false where one is.
+    /// Whether some point of the box may be on the picture; never false if one is.
     pub fn touches(&self, b: &OrientedBox) -> bool {
         let towards = b.centre - self.eye;
         let slack = ROUNDING * (self.eye.length() + b.centre.length() + b.radius());
         self.planes.iter().all(|&(normal, least)| {
             let farthest = normal.dot(towards) + b.extent_along(normal);
-            // What is not a number is kept rather than lost.
+            // A box that is not a number is kept rather than lost.
             farthest.is_nan() || farthest >= least - slack
         })
     }

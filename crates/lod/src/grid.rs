@@ -1,5 +1,5 @@
-//! A coarse picture of farthest depths, [`SIDE`] x [`SIDE`] (kanzok2015, section 3.2.1, has as many), and
-//! the one question asked of it: whether all that an outline touches lies nearer than the outline does.
+//! Coarse grid of the farthest depths of a picture, [`SIDE`] x [`SIDE`] as in kanzok2015, section
+//! 3.2.1, and its test: whether everything that an outline touches is nearer than the outlined box.
 
 use crate::polygon::Polygon;
 use crate::raster::Rows;
@@ -7,23 +7,23 @@ use crate::view::View;
 use glam::DVec2;
 
 /// Tiles on a side.
-pub const SIDE: usize = 128;
+pub(crate) const SIDE: usize = 128;
 
-/// What depths may be off by, as a share of them: they are kept as `f32`.
+/// Relative error of depths: they are stored as `f32`.
 pub(crate) const ROUNDING: f64 = 1e-5;
 
-/// Farthest eye depths of the tiles of a view's picture, row by row; infinite where something deeper
-/// may show.
+/// Greatest eye depths of the tiles of a view's picture, row by row; infinite where something
+/// deeper may be visible.
 #[derive(Clone, Debug)]
-pub struct DepthGrid {
+pub(crate) struct DepthGrid {
     tiles_per_px: DVec2,
     size_px: DVec2,
     farthest: Vec<f32>,
 }
 
 impl DepthGrid {
-    /// The grid of a view that hides nothing.
-    pub fn new(view: &View) -> Self {
+    /// A grid for a view, which hides nothing.
+    pub(crate) fn new(view: &View) -> Self {
         let size_px = DVec2::new(f64::from(view.width), f64::from(view.height));
         Self {
             tiles_per_px: SIDE as f64 / size_px,
@@ -32,28 +32,23 @@ impl DepthGrid {
         }
     }
 
-    /// Tiles that a pixel takes, horizontally and vertically.
-    pub fn tiles_per_px(&self) -> DVec2 {
+    /// Tiles a pixel, horizontally and vertically.
+    pub(crate) fn tiles_per_px(&self) -> DVec2 {
         self.tiles_per_px
     }
 
-    /// The picture's width and height, pixels.
-    pub fn size_px(&self) -> DVec2 {
+    /// Width and height of the picture, pixels.
+    pub(crate) fn size_px(&self) -> DVec2 {
         self.size_px
     }
 
-    /// The farthest depth of each tile.
-    pub fn farthest(&self) -> &[f32] {
-        &self.farthest
-    }
-
-    /// The same, to be set.
-    pub fn farthest_mut(&mut self) -> &mut [f32] {
+    /// Mutable depths of the tiles.
+    pub(crate) fn farthest_mut(&mut self) -> &mut [f32] {
         &mut self.farthest
     }
 
-    /// Whether the tile at a place of the picture (pixels) is infinite or no nearer than `nearest`; false
-    /// outside of the picture. Answers for most boxes in sight, of which one place is enough.
+    /// Whether the tile at a pixel is infinite or not nearer than `nearest`; false outside of the
+    /// picture. Decides most visible boxes by one tile.
     pub(crate) fn shows_at(&self, px: DVec2, nearest: f64) -> bool {
         let tile = px * self.tiles_per_px;
         let is_on_picture =
@@ -62,8 +57,8 @@ impl DepthGrid {
             && f64::from(self.farthest[tile.y as usize * SIDE + tile.x as usize]) >= nearest
     }
 
-    /// Whether what has this outline (pixels) and is no nearer than `nearest` lies behind all tiles that
-    /// it touches. False for an outline that touches none.
+    /// Whether a box with this outline (pixels), not nearer than `nearest`, lies behind all tiles
+    /// that it touches. False for an outline that touches none.
     pub(crate) fn hides(&self, outline: &Polygon, nearest: f64) -> bool {
         let clipped = outline.clipped(DVec2::ZERO, self.size_px);
         let outline = clipped.as_ref().unwrap_or(outline);
@@ -73,7 +68,7 @@ impl DepthGrid {
         let mut any = false;
         for (row, tiles) in rows.touched() {
             any |= !tiles.is_empty();
-            // Also where one of them is not a number.
+            // Negated so that a tile that is not a number hides nothing.
             if !self.farthest[row * SIDE..][tiles].iter().all(|&f| f < nearest) {
                 return false;
             }

@@ -1,28 +1,30 @@
-//! What to draw for a view: frustum, prefixes, budget; pure, without threads, files or GPU.
-//! [`View`] and a node table go in, a [`Selection`] (nodes, prefixes, counters) comes out; the
-//! [`CompactOctree`] of a selection tells the renderer how densely each place is drawn.
+//! Chooses what to draw for a view: frustum and occlusion culling, prefixes, budgets. Pure
+//! functions without threads, files or GPU. [`View`] and a node table go in, a [`Selection`]
+//! (nodes, prefixes, counters) comes out; the [`CompactOctree`] of a selection gives the renderer
+//! the spacing of the drawn points at each place. Reasons are in
+//! `docs/design/choosing-and-streaming.md`.
 
-pub mod closed;
-pub mod depth;
-pub mod feedback;
-pub mod frustum;
-pub mod grid;
-pub mod occlusion;
-pub mod octree;
-pub mod options;
-pub mod oriented_box;
-pub mod parts;
+mod closed;
+mod depth;
+mod feedback;
+mod frustum;
+mod grid;
+mod occlusion;
+mod octree;
+mod options;
+mod oriented_box;
+mod parts;
 mod polygon;
-pub mod prefix;
-pub mod project;
-pub mod raster;
-pub mod residual;
-pub mod select;
-pub mod selection;
-pub mod view;
+mod prefix;
+mod project;
+mod raster;
+mod residual;
+mod select;
+mod selection;
+mod view;
 
 pub use depth::SoftwareDepth;
-pub use feedback::{DepthFeedback, DepthTile, tiles_of};
+pub use feedback::{DepthFeedback, DepthTile, TILES, tiles_of};
 pub use frustum::Frustum;
 pub use occlusion::{Occlusion, Visible};
 pub use octree::CompactOctree;

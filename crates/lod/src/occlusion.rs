@@ -1,25 +1,25 @@
-//! What hides what: a test that the choice asks for each box, whatever its answer rests on.
+//! Interface of occlusion tests, and the test of loaders for what a view may show.
 
 use crate::frustum::Frustum;
 use crate::oriented_box::OrientedBox;
 use crate::view::View;
 use std::sync::Arc;
 
-/// Knows what stands in front.
+/// Tests boxes for occlusion.
 pub trait Occlusion: Send + Sync {
-    /// Whether nothing inside of the box can be seen. Where that is not certain it is false.
+    /// Whether nothing inside of the box can be seen. False if that is not certain.
     fn hides(&self, contour: &OrientedBox) -> bool;
 }
 
-/// Hides what any of them hides.
+/// Hides what any of its members hides.
 impl Occlusion for Vec<Arc<dyn Occlusion>> {
     fn hides(&self, contour: &OrientedBox) -> bool {
         self.iter().any(|o| o.hides(contour))
     }
 }
 
-/// What of the scene a view may show: the test that loader threads make again before they read
-/// (kanzok2015, section 3.2.3). Cheap to copy.
+/// What a view may show: the test that loader threads repeat before they read (kanzok2015, section
+/// 3.2.3). Cheap to copy.
 #[derive(Clone)]
 pub struct Visible {
     frustum: Frustum,
@@ -27,12 +27,12 @@ pub struct Visible {
 }
 
 impl Visible {
-    /// What `view` may show, of what `occlusion` does not hide.
+    /// Test for `view`, without the boxes that `occlusion` hides.
     pub fn new(view: &View, occlusion: Option<Arc<dyn Occlusion>>) -> Self {
         Self { frustum: Frustum::of(view), occlusion }
     }
 
-    /// Whether some point of the box may be seen; never false where one is.
+    /// Whether some point of the box may be seen; never false if one is.
     pub fn may_show(&self, b: &OrientedBox) -> bool {
         self.frustum.touches(b) && !self.occlusion.as_ref().is_some_and(|o| o.hides(b))
     }

@@ -1,20 +1,21 @@
-//! The compact octree of a cut: the drawn cells with their effective spacings. The renderer asks it,
-//! for each covered pixel, how densely the place of a point is drawn, and sizes the point's splat by
-//! that (kanzok2015, section 3.2; DESIGN, section 8).
+//! The compact octree of a cut: the drawn cells with their effective spacings. For each covered
+//! pixel, the renderer looks up how densely the surroundings of its point are drawn, and sizes the
+//! point's splat by that (kanzok2015, section 3.2).
 
 use crate::selection::Drawn;
 use esker_points::{Cell, Node, NodeTable};
 use std::collections::HashMap;
 
-/// No entry.
+/// Marks the absence of an entry.
 const NONE: u32 = u32::MAX;
 
-/// The drawn cells. Entry `i` belongs to `drawn[i]`; entries behind those are undrawn nodes between
-/// drawn ones, which lead on and have the spacing of what is drawn above them.
+/// The drawn cells. Entry `i` belongs to `drawn[i]`. Entries behind them are undrawn nodes between
+/// drawn ones; they lead to their children and have the spacing of the drawn ancestor.
 ///
-/// A table of several trees makes several octrees, and a point is looked up from its own node's entry, so in
-/// its own tree's: that tree's points are an even sample of its own surfaces and close them by themselves.
-/// Another tree may be denser there and yet have none of its points on that surface, only in the same cell.
+/// A table of several trees makes several octrees. A point is looked up from its own node's entry,
+/// so in its own tree: the points of a tree are an even sample of its own surfaces, which they
+/// close by themselves. Another tree may be denser in the same cell without any point on that
+/// surface.
 #[derive(Clone, Debug, Default)]
 pub struct CompactOctree {
     entries: Vec<Entry>,
@@ -39,13 +40,13 @@ impl Entry {
         Self { corner: node.corner, log2: u32::from(node.cell_log2), spacing, children: [NONE; 8] }
     }
 
-    /// As [`Cell::contains`], in `u64` so that the shift of the whole lattice is one as well.
+    /// [`Cell::contains`] computed in `u64`, so that the shift for the whole lattice is valid too.
     fn contains(&self, p: [u32; 3]) -> bool {
         let differing = (p[0] ^ self.corner[0]) | (p[1] ^ self.corner[1]) | (p[2] ^ self.corner[2]);
         u64::from(differing) >> self.log2 == 0
     }
 
-    /// As [`Cell::octant`]; for cells above a single lattice point.
+    /// [`Cell::octant`] for cells larger than a single lattice point.
     fn octant(&self, p: [u32; 3]) -> usize {
         let bit = self.log2 - 1;
         ((p[0] >> bit & 1) | (p[1] >> bit & 1) << 1 | (p[2] >> bit & 1) << 2) as usize
@@ -56,17 +57,17 @@ impl CompactOctree {
     /// The octree of what is drawn; `drawn` names nodes of `table`, each at most once.
     ///
     /// # Panics
-    /// If `drawn` names a node that the table has not.
+    /// If `drawn` names a node that is not in the table.
     pub fn new(table: &NodeTable, drawn: &[Drawn]) -> Self {
         Self::with_hidden(table, drawn, &[])
     }
 
-    /// The same, with the cells of nodes that are not drawn because all of their points are hidden
-    /// ([`crate::Selection::hidden`]): so that what is drawn in their place does not change its size with
-    /// what is hidden behind it.
+    /// The octree of drawn nodes, and of nodes that are not drawn because all of their points are
+    /// hidden ([`crate::Selection::hidden`]). With their cells, the splats drawn in their place do
+    /// not change size with what is hidden behind them.
     ///
     /// # Panics
-    /// If `drawn` or `hidden` names a node that the table has not.
+    /// If `drawn` or `hidden` names a node that is not in the table.
     pub fn with_hidden(table: &NodeTable, drawn: &[Drawn], hidden: &[Drawn]) -> Self {
         let cells = || drawn.iter().chain(hidden);
         let mut entries: Vec<_> = cells()
@@ -75,11 +76,11 @@ impl CompactOctree {
         let mut entry_of: HashMap<u32, u32> =
             cells().zip(0u32..).map(|(d, i)| (d.node, i)).collect();
         let mut roots = Vec::new();
-        // The entries of continuations, and of what they continue.
+        // Continuations: index of the node, its entry, and the entry that it continues.
         let mut continued = Vec::new();
         for d in cells() {
             let (mut index, mut node) = (d.node, &table.nodes[d.node as usize]);
-            // Links the node to its parent, and parents that are not drawn to theirs.
+            // Links the node to its parent, and undrawn parents to theirs.
             loop {
                 let entry = entry_of[&index];
                 let Some(parent) =
@@ -88,9 +89,9 @@ impl CompactOctree {
                     roots.push(entry);
                     break;
                 };
-                let known = entry_of.get(&node.parent).copied();
-                let above = known.unwrap_or(entries.len() as u32);
-                if known.is_none() {
+                let existing = entry_of.get(&node.parent).copied();
+                let above = existing.unwrap_or(entries.len() as u32);
+                if existing.is_none() {
                     entries.push(Entry::of(parent, f32::NAN));
                     entry_of.insert(node.parent, above);
                 }
@@ -99,7 +100,7 @@ impl CompactOctree {
                 } else if let Some(octant) = octant_below(parent, &node.cell()) {
                     entries[above as usize].children[usize::from(octant)] = entry;
                 }
-                if known.is_some() {
+                if existing.is_some() {
                     break;
                 }
                 (index, node) = (node.parent, parent);
@@ -111,10 +112,10 @@ impl CompactOctree {
         octree
     }
 
-    /// A cell is one, however many nodes hold its points: what is below its last is below all, and what the
-    /// last makes of its spacing holds for the points of all.
+    /// Merges the nodes of a cell: children and spacing of its last node hold for the points of all
+    /// of them.
     fn continue_cells(&mut self, mut continued: Vec<(u32, u32, u32)>) {
-        // Children stand behind their parents in the table: from the last to the first.
+        // Children come after their parents in the table: from the last to the first.
         continued.sort_unstable_by(|a, b| b.cmp(a));
         for (_, entry, above) in continued {
             let Entry { spacing, children, .. } = self.entries[entry as usize];
@@ -123,7 +124,7 @@ impl CompactOctree {
         }
     }
 
-    /// Gives entries that are not drawn the spacing of what is above them; 0 where nothing is.
+    /// Gives undrawn entries the spacing of the entry above them; 0 if there is none.
     fn inherit(&mut self, continued: &[(u32, u32, u32)]) {
         let below: HashMap<u32, u32> =
             continued.iter().map(|&(_, entry, head)| (head, entry)).collect();
@@ -139,7 +140,7 @@ impl CompactOctree {
         }
     }
 
-    /// Number of cells, those between drawn ones included.
+    /// Number of cells, including those between drawn ones.
     pub fn len(&self) -> usize {
         self.entries.len()
     }
@@ -149,7 +150,8 @@ impl CompactOctree {
         self.entries.is_empty()
     }
 
-    /// Effective spacing of a cell below which nothing is drawn, the file's unit; `None` where something is.
+    /// Effective spacing of a cell without drawn cells below it, the file's unit; `None` for other
+    /// cells.
     ///
     /// # Panics
     /// If there is no such entry.
@@ -158,8 +160,8 @@ impl CompactOctree {
         entry.children.iter().all(|&child| child == NONE).then_some(entry.spacing)
     }
 
-    /// The cells as they would lie in a GPU's memory: least lattice point, log2 of the edge, bits of the spacing,
-    /// the eight entries below (none: beyond all entries), three zeros.
+    /// The cells in the layout of GPU memory: lowest lattice point, log2 of the edge, bits of the
+    /// spacing, the eight entries below (absent: beyond all entries), three zeros.
     pub fn words(&self) -> impl Iterator<Item = [u32; 16]> + '_ {
         self.entries.iter().map(|e| {
             let mut words = [0; 16];
@@ -170,17 +172,18 @@ impl CompactOctree {
         })
     }
 
-    /// Effective spacing, the file's unit, of the finest drawn cell that holds the lattice point `p`, of the
-    /// tree that is drawn finest there; 0 where none does.
+    /// Effective spacing, the file's unit, of the finest drawn cell that holds the lattice point
+    /// `p`, in the tree that is drawn finest there; 0 if there is none.
     pub fn spacing_at(&self, p: [u32; 3]) -> f32 {
         let roots = self.roots.iter().filter_map(|&root| self.entries.get(root as usize));
         let drawn = roots.filter(|root| root.contains(p)).map(|root| self.descend(root, p));
         drawn.filter(|&spacing| spacing > 0.0).reduce(f32::min).unwrap_or(0.0)
     }
 
-    /// The same in the tree of `drawn[index]`, from the cell of `drawn[index]` downwards: the shorter way
-    /// for a point of that node. The spacing of `drawn[index]` where `p` is outside of its cell (hot
-    /// positions without residuals can be, by half a hot step).
+    /// Effective spacing at `p` in the tree of `drawn[index]`, searched from the cell of
+    /// `drawn[index]` downwards: the faster way for a point of that node. Returns the spacing of
+    /// `drawn[index]` if `p` is outside of its cell (hot positions without residuals can be, by
+    /// half a hot step).
     ///
     /// # Panics
     /// If there is no such entry.
@@ -202,7 +205,7 @@ impl CompactOctree {
     }
 }
 
-/// The octant of the parent's cell that holds the child's; `None` where the child's is no smaller.
+/// Octant of the parent's cell that holds the child's; `None` if the child's cell is not smaller.
 fn octant_below(parent: &Node, child: &Cell) -> Option<u8> {
     let cell = parent.cell();
     (child.log2 < cell.log2 && cell.contains_cell(child)).then(|| cell.octant(child.corner))

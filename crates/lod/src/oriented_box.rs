@@ -1,5 +1,6 @@
-//! Boxes in the world (the file's unit, `f64`): a node's contour, which bounds its own points, and a
-//! cell, which bounds its subtree. Tells how near a box is and how much of it faces the eye.
+//! Boxes in world coordinates (the file's unit, `f64`): a node's contour, which bounds its own
+//! points, and a cell, which bounds its subtree. Computes the distance of a box and how much of it
+//! faces the eye.
 
 use esker_points::{Cell, Lattice, Node};
 use glam::{DMat3, DVec3};
@@ -7,11 +8,11 @@ use glam::{DMat3, DVec3};
 /// A box with axes of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrientedBox {
-    /// Its centre, world.
+    /// Centre, world coordinates.
     pub centre: DVec3,
     /// Half its edges along its own axes, not negative.
     pub half: DVec3,
-    /// Its axes in the world: orthonormal columns.
+    /// Axes in world coordinates: orthonormal columns.
     pub axes: DMat3,
 }
 
@@ -40,7 +41,7 @@ impl OrientedBox {
         (local.abs() - self.half).max(DVec3::ZERO).length()
     }
 
-    /// Radius of the sphere around it.
+    /// Radius of the enclosing sphere.
     pub fn radius(&self) -> f64 {
         self.half.length()
     }
@@ -50,12 +51,12 @@ impl OrientedBox {
         (self.axes.transpose() * direction).abs().dot(self.half)
     }
 
-    /// An upper bound of its silhouette's area seen from `eye`, over the area of its greatest face,
-    /// in 0 to 1: 1 for whatever is as thick as wide, small for a flat box seen edge-on. Each face
-    /// counts by the greatest cosine that any line from the eye to a point of the box can have with its
-    /// normal: the eye's distance to the farther of the two planes, over that to the nearest point; so
-    /// no part of a near, large box is taken for edge-on because its centre is. 1 where the box has no
-    /// area.
+    /// Upper bound of the area of its silhouette seen from `eye`, divided by the area of its
+    /// greatest face, in 0 to 1: 1 for a box as thick as wide, small for a flat box seen edge-on, 1
+    /// for a box without area. Each face counts by the greatest cosine that a line from the eye to
+    /// any point of the box can have with its normal: the eye's distance to the farther of the two
+    /// planes, divided by that to the nearest point. So no part of a large box nearby is taken for
+    /// edge-on because its centre is.
     pub fn facing(&self, eye: DVec3) -> f64 {
         let faces = DVec3::new(
             self.half.y * self.half.z,

@@ -1,6 +1,7 @@
-//! A node's contour by parts: those of 8 x 8 x 8 that may hold points, by what is known of its plane
-//! (`Node::occupancy`) and of its sides (`NodeTable::sides`). They bound the points much closer than the contour
-//! does, so that a node is left out though its contour reaches into view.
+//! Tests a node's contour by parts: those of 8 x 8 x 8 that may hold points, by the masks of its
+//! plane (`Node::occupancy`) and of its sides (`NodeTable::sides`). They bound the points much
+//! closer than the contour does, so that a node can be culled although its contour reaches into
+//! view.
 
 use crate::oriented_box::OrientedBox;
 use esker_points::node::Sides;
@@ -10,21 +11,22 @@ use std::ops::Range;
 /// Parts along an edge.
 const PARTS: u32 = 8;
 
-/// Whether `shows` holds for some part of a contour that may hold points, asked for the contour and then for ever
-/// smaller parts of it: `shows` must hold for a box wherever it does for a part of it.
-pub fn any_part(
+/// Whether `shows` holds for some part of the contour that may hold points. It is called for the
+/// contour and then for ever smaller parts: `shows` must hold for a box if it does for a part of
+/// the box.
+pub(crate) fn any_part(
     contour: &OrientedBox,
     occupancy: u64,
     sides: Sides,
     shows: &mut impl FnMut(&OrientedBox) -> bool,
 ) -> bool {
-    // A mask without any bit is one that nobody made.
-    let known = |mask: u64| if mask == 0 { u64::MAX } else { mask };
-    let masks = [known(occupancy), known(sides[0]), known(sides[1])];
+    // A mask without any bit was not computed.
+    let or_full = |mask: u64| if mask == 0 { u64::MAX } else { mask };
+    let masks = [or_full(occupancy), or_full(sides[0]), or_full(sides[1])];
     search(contour, masks, [0; 2], PARTS, shows)
 }
 
-/// Looks through the columns over `side` by `side` parts of the plane.
+/// Searches the columns over `side` by `side` parts of the plane.
 fn search(
     contour: &OrientedBox,
     masks: [u64; 3],
@@ -45,7 +47,7 @@ fn search(
     }
     let half = side / 2;
     if half == 0 {
-        // In a column, what may hold points run by run.
+        // In a single column, tests each run of parts that may hold points.
         return heights.count_ones() == high - low || runs(heights).any(part);
     }
     [[0, 0], [half, 0], [0, half], [half, half]]
@@ -53,12 +55,12 @@ fn search(
         .any(|[du, dv]| search(contour, masks, [u + du, v + dv], half, shows))
 }
 
-/// The parts along the third axis that `count` rows of a side's mask may hold points in, a bit each.
+/// Parts along the third axis that `count` rows of a side's mask may hold points in, a bit each.
 fn heights(mask: u64, first: u32, count: u32) -> u8 {
     mask.to_le_bytes()[first as usize..][..count as usize].iter().fold(0, |all, row| all | row)
 }
 
-/// Bits that follow each other.
+/// Runs of consecutive bits.
 fn runs(mut bits: u8) -> impl Iterator<Item = Range<u32>> {
     std::iter::from_fn(move || {
         let first = bits.trailing_zeros();
@@ -68,7 +70,7 @@ fn runs(mut bits: u8) -> impl Iterator<Item = Range<u32>> {
     })
 }
 
-/// The parts `u`, `v` and `w` (of 8 each) of a contour.
+/// The box of the parts `u`, `v` and `w` (of 8 each) of a contour.
 fn part(contour: &OrientedBox, u: Range<u32>, v: Range<u32>, w: Range<u32>) -> OrientedBox {
     let parts = f64::from(PARTS);
     let middle = |r: &Range<u32>| f64::from(r.start + r.end) / parts - 1.0;
@@ -91,7 +93,7 @@ mod tests {
         #[test]
         fn parts_that_hold_points_are_found_and_those_off_every_mask_are_not(
             points in prop::collection::vec(any::<[u32; 3]>(), 1..40),
-            asked in any::<[u32; 3]>(),
+            other in any::<[u32; 3]>(),
         ) {
             let part_of = |p: &[u32; 3]| p.map(|c| c >> 29);
             let bits = |[u, v, w]: [u32; 3]| [v * 8 + u, u * 8 + w, v * 8 + w].map(|bit| 1u64 << bit);
@@ -107,9 +109,9 @@ mod tests {
                 any_part(&contour, masks[0], [masks[1], masks[2]], &mut holds)
             };
             prop_assert!(points.iter().map(part_of).all(finds));
-            let asked = part_of(&asked);
-            let may_hold = bits(asked).iter().zip(masks).all(|(bit, mask)| bit & mask != 0);
-            prop_assert_eq!(finds(asked), may_hold);
+            let other = part_of(&other);
+            let may_hold = bits(other).iter().zip(masks).all(|(bit, mask)| bit & mask != 0);
+            prop_assert_eq!(finds(other), may_hold);
         }
     }
 }

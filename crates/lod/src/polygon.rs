@@ -1,12 +1,14 @@
-//! Convex polygons of few corners on a picture: hulls, bounds, cuts at a rectangle. All in `f64`.
+//! Convex polygons of few corners on a picture: hulls, bounds, clipping to a rectangle. All in
+//! `f64`.
 
 use glam::DVec2;
 
-/// Most corners of a silhouette: a plane leaves at most 7 corners of a box and cuts at most 6 edges; the
-/// picture's four sides each add at most one.
+/// Greatest number of corners of a silhouette: a plane leaves at most 7 corners of a box and cuts
+/// at most 6 edges; each of the picture's four sides adds at most one.
 const CORNERS_MAX: usize = 7 + 6 + 4;
 
-/// A convex polygon of few corners, counterclockwise (in a picture whose y grows downwards: clockwise).
+/// A convex polygon of few corners, counterclockwise (clockwise in a picture whose y grows
+/// downwards).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Polygon {
     corners: [DVec2; CORNERS_MAX],
@@ -20,7 +22,8 @@ impl Default for Polygon {
 }
 
 impl Polygon {
-    /// The convex hull of points, of at most as many corners as a box's; else of their bounds.
+    /// The convex hull of points, if it has at most as many corners as a box's; otherwise their
+    /// bounds.
     pub(crate) fn hull_of(points: impl IntoIterator<Item = DVec2>) -> Self {
         let mut polygon = Self::default();
         for p in points {
@@ -35,7 +38,7 @@ impl Polygon {
         polygon.convex_hull()
     }
 
-    /// The rectangle around it.
+    /// Its bounding rectangle.
     fn rectangle(&self) -> Self {
         let Some([low, high]) = self.bounds() else { return *self };
         let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
@@ -48,14 +51,15 @@ impl Polygon {
         &self.corners[..self.len]
     }
 
-    /// Lowest and highest x and y; `None` where it has no corner.
+    /// Lowest and highest x and y; `None` without corners.
     pub(crate) fn bounds(&self) -> Option<[DVec2; 2]> {
         let low = self.corners().iter().copied().reduce(DVec2::min)?;
         let high = self.corners().iter().copied().reduce(DVec2::max)?;
         Some([low, high])
     }
 
-    /// The part of it within a rectangle, by cutting it at each side; `None` where that is all of it.
+    /// The part within a rectangle, found by cutting at each side; `None` if that is the whole
+    /// polygon.
     pub(crate) fn clipped(&self, low: DVec2, high: DVec2) -> Option<Self> {
         let [least, most] = self.bounds()?;
         let sides = [
@@ -80,7 +84,7 @@ impl Polygon {
     /// The convex hull of its corners (Andrew's monotone chain).
     pub(crate) fn convex_hull(&mut self) -> Self {
         let points = &mut self.corners[..self.len];
-        // Few and nearly sorted: by insertion.
+        // Insertion sort: the points are few and nearly sorted.
         for i in 1..points.len() {
             let mut j = i;
             while j > 0 && is_before(points[j], points[j - 1]) {
@@ -96,12 +100,12 @@ impl Polygon {
         for &p in points.iter().rev().skip(1) {
             hull.turn_to(p, first);
         }
-        // The last is the first again.
+        // The last corner equals the first.
         hull.len -= usize::from(hull.len > 1);
         hull
     }
 
-    /// Appends `p`, dropping corners behind `first` that turn the wrong way.
+    /// Appends `p`, after removing corners behind `first` that turn the wrong way.
     fn turn_to(&mut self, p: DVec2, first: usize) {
         while self.len >= first + 2 {
             let [a, b] = [self.corners[self.len - 2], self.corners[self.len - 1]];
@@ -113,7 +117,7 @@ impl Polygon {
         self.push(p);
     }
 
-    /// What is left on the side of a line along an axis where `sign * (p[axis] - at)` is not negative.
+    /// The part where `sign * (p[axis] - at)` is not negative.
     fn cut(&self, axis: usize, sign: f64, at: f64) -> Self {
         let mut kept = Self::default();
         let inside = |p: DVec2| sign * (p[axis] - at);

@@ -1,13 +1,13 @@
-//! Boxes on the picture, exactly: a box is cut at the near plane, its corners are projected, and their
-//! convex hull is its silhouette, with area, bounds and depths (kanzok2015, section 3.2.2: contours are
-//! transformed to the screen in software, "as strictly as possible"). All in `f64`.
+//! Exact projection of boxes: a box is cut at the near plane, its corners are projected, and their
+//! convex hull is its silhouette, with area, bounds and depths (kanzok2015, section 3.2.2: contours
+//! are transformed to the screen in software, "as strictly as possible"). All in `f64`.
 
 use crate::oriented_box::OrientedBox;
 use crate::polygon::Polygon;
 use crate::view::View;
 use glam::{DMat3, DVec2, DVec3};
 
-/// A view's projection, made once and used for many boxes.
+/// A view's projection, computed once for many boxes.
 #[derive(Clone, Copy, Debug)]
 pub struct Projection {
     eye: DVec3,
@@ -34,17 +34,17 @@ impl Projection {
         self.centre_px * 2.0
     }
 
-    /// Whether it sees from the same place in the same direction as a view.
+    /// Whether its eye and direction are those of `view`.
     pub fn is_from(&self, view: &View) -> bool {
         self.eye == view.eye && self.view_from_world == view.view_from_world()
     }
 
-    /// Where it looks from, world.
+    /// Position of the eye, world coordinates.
     pub fn eye(&self) -> DVec3 {
         self.eye
     }
 
-    /// Pixels that a unit of length takes at unit eye depth.
+    /// Pixels of a unit of length at unit eye depth.
     pub fn focal_px(&self) -> f64 {
         self.focal_px
     }
@@ -59,41 +59,41 @@ impl Projection {
         -self.view_from_world.row(2).dot(world - self.eye)
     }
 
-    /// A world point in front of the eye on the picture, pixels.
+    /// Projects a world point in front of the eye to the picture, pixels.
     pub fn on_picture(&self, world: DVec3) -> DVec2 {
         self.project(self.view_from_world * (world - self.eye))
     }
 
-    /// The world point at a place of the picture, pixels, and an eye depth.
+    /// The world point at a position of the picture, pixels, and an eye depth.
     pub fn place(&self, px: DVec2, depth: f64) -> DVec3 {
         let xy = (px - self.centre_px) * (depth / self.focal_px);
         self.eye + self.view_from_world.transpose() * DVec3::new(xy.x, -xy.y, -depth)
     }
 
-    /// Nearest and farthest eye depth of a box, not cut at the near plane.
+    /// Least and greatest eye depth of a box, not cut at the near plane.
     pub fn depths(&self, b: &OrientedBox) -> [f64; 2] {
         let forward = -self.view_from_world.row(2);
         let (depth, reach) = (forward.dot(b.centre - self.eye), b.extent_along(forward));
         [depth - reach, depth + reach]
     }
 
-    /// The silhouette of a box; `None` where all of it is nearer than the near plane, or where it is not
-    /// made of numbers.
+    /// The silhouette of a box; `None` if all of it is nearer than the near plane, or if it is not
+    /// finite.
     pub fn silhouette(&self, b: &OrientedBox) -> Option<Silhouette> {
         let mut corners = Polygon::default();
         let [nearest, farthest] = self.each_corner(b, |corner| corners.push(corner))?;
         Some(Silhouette { polygon: corners.convex_hull(), nearest, farthest })
     }
 
-    /// Lowest and highest x and y of its silhouette, pixels, for less.
+    /// Lowest and highest x and y of the silhouette of a box, pixels; cheaper than the silhouette.
     pub(crate) fn bounds(&self, b: &OrientedBox) -> Option<[DVec2; 2]> {
         let mut bounds = [DVec2::INFINITY, DVec2::NEG_INFINITY];
         self.each_corner(b, |p| bounds = [bounds[0].min(p), bounds[1].max(p)])?;
         Some(bounds)
     }
 
-    /// Tells `each` the corners on the picture of what of a box is behind the near plane, in no order. Nearest and
-    /// farthest depth of that.
+    /// Calls `each` with the projected corners of the part of a box behind the near plane, in no
+    /// order. Returns the least and greatest depth of that part.
     #[inline]
     fn each_corner(&self, b: &OrientedBox, mut each: impl FnMut(DVec2)) -> Option<[f64; 2]> {
         let centre = self.view_from_world * (b.centre - self.eye);
@@ -113,7 +113,7 @@ impl Projection {
                 each(self.project(*corner));
                 continue;
             }
-            // Of the edges that the near plane cuts, those that start at this corner.
+            // Cuts those edges at the near plane that start at this corner.
             for bit in 0..3 {
                 let other = corners[i ^ (1 << bit)];
                 if -other.z >= self.near {
@@ -146,21 +146,22 @@ impl Silhouette {
         &self.polygon
     }
 
-    /// Its corners in pixels, in order around it; convex.
+    /// Corners in pixels, in order around it; convex.
     pub fn corners(&self) -> &[DVec2] {
         self.polygon.corners()
     }
 
-    /// Its area, pixels.
+    /// Area, pixels.
     pub fn area_px(&self) -> f64 {
         let corners = self.corners();
         let Some(&first) = corners.first() else { return 0.0 };
-        // About the first corner, so that far coordinates cancel before they are multiplied.
+        // About the first corner, so that large coordinates cancel before they are multiplied.
         let doubled: f64 = corners.windows(2).map(|w| (w[0] - first).perp_dot(w[1] - first)).sum();
         doubled.abs() * 0.5
     }
 
-    /// How many squares with a side in pixels it has: by its area, and by its length where it is thinner than they are.
+    /// Number of squares with a side of `side_px` pixels: by its area, or by its length if it is
+    /// thinner than a square.
     pub fn squares(&self, side_px: f64) -> f64 {
         let corners = self.corners();
         let next = corners.iter().cycle().skip(1);
@@ -168,12 +169,12 @@ impl Silhouette {
         (self.area_px() / (side_px * side_px)).max(outline / (2.0 * side_px))
     }
 
-    /// Lowest and highest x and y, pixels; `None` where it has no corner.
+    /// Lowest and highest x and y, pixels; `None` without corners.
     pub fn bounds(&self) -> Option<[DVec2; 2]> {
         self.polygon.bounds()
     }
 
-    /// The part of it within a rectangle.
+    /// The part within a rectangle.
     pub fn clipped(&self, low: DVec2, high: DVec2) -> Self {
         let polygon = self.polygon.clipped(low, high).unwrap_or(self.polygon);
         Self { polygon, ..*self }
@@ -202,14 +203,14 @@ mod tests {
         view
     }
 
-    /// Whether the ray through a pixel's place meets the box behind the near plane: slabs in the box's
-    /// own axes.
+    /// Whether the ray through a pixel meets the box behind the near plane: slabs in the box's own
+    /// axes.
     fn is_hit(view: &View, b: &OrientedBox, px: DVec2) -> bool {
         let size = DVec2::new(f64::from(view.width), f64::from(view.height));
         let xy = (px - size * 0.5) / view.focal_px();
         let direction = b.axes.transpose() * (view.world_from_view * DVec3::new(xy.x, -xy.y, -1.0));
         let from = b.axes.transpose() * (view.eye - b.centre);
-        // The ray's parameter is the eye depth.
+        // The parameter of the ray is the eye depth.
         let (mut enter, mut leave) = (view.near, f64::INFINITY);
         for i in 0..3 {
             let [a, c] = [-b.half[i], b.half[i]].map(|h| (h - from[i]) / direction[i]);
@@ -228,7 +229,8 @@ mod tests {
             let size = DVec2::new(64.0, 48.0);
             let silhouette = Projection::of(&view).silhouette(&b);
             let area = silhouette.map_or(0.0, |s| s.clipped(DVec2::ZERO, size).area_px());
-            // 4 x 4 rays a pixel. An outline of at most 224 pixels crosses that many of their squares.
+            // 4 x 4 rays a pixel. An outline of at most 224 pixels crosses as many of their
+            // squares.
             let mut hits = 0u32;
             for i in 0..64 * 48 * 16 {
                 let px = DVec2::new(f64::from(i % 256) + 0.5, f64::from(i / 256) + 0.5) / 4.0;
@@ -274,7 +276,7 @@ mod tests {
         let squares = |half, side| projection.silhouette(&line(half)).unwrap().squares(side);
         let length_px = 2.0 * view(0.1).focal_px() / 4.0;
         assert!((squares(DVec3::new(1.0, 0.0, 0.0), 0.5) - length_px / 0.5).abs() < 1e-9);
-        // A wall is filled as before.
+        // A wall counts by its area.
         let wall = squares(DVec3::new(1.0, 0.0, 1.0), 0.5);
         assert!((wall - (length_px / 0.5).powi(2)).abs() < 1e-6);
     }

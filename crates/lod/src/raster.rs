@@ -1,17 +1,17 @@
-//! Convex polygons on a grid of rows: coverage by half-planes (Pineda 1988), solved for x, so that a
-//! polygon is one interval a row and each edge is one loop over arrays without branches. Two questions:
-//! which squares of the grid does it touch, and which samples (the squares' centres) does it cover.
+//! Convex polygons on a grid of rows: coverage by half-planes (pineda1988), solved for x, so that a
+//! polygon is one interval a row and each edge is one branch-free loop over arrays. Finds the
+//! squares of the grid that a polygon touches, and the samples (centres of squares) that it covers.
 
 use glam::DVec2;
 use std::ops::Range;
 
-/// Edges that rise less, in rows, bound nothing that the range of rows does not.
+/// Edges that rise less than this, in rows, add no bound to that of the range of rows.
 const FLAT: f32 = 1e-5;
-/// What touched intervals are widened by for the rounding of `f32`, in squares.
+/// Widening of touched intervals against the rounding of `f32`, in squares.
 const ROUNDING: f32 = 2e-3;
 
 /// One interval of x a row, on a grid of `SIDE` x `SIDE` squares.
-pub struct Rows<const SIDE: usize> {
+pub(crate) struct Rows<const SIDE: usize> {
     first: usize,
     len: usize,
     low: [f32; SIDE],
@@ -25,28 +25,29 @@ impl<const SIDE: usize> Default for Rows<SIDE> {
 }
 
 impl<const SIDE: usize> Rows<SIDE> {
-    /// An empty one, to be used again and again.
-    pub fn new() -> Self {
+    /// An empty value, for repeated use.
+    pub(crate) fn new() -> Self {
         Self { first: 0, len: 0, low: [0.0; SIDE], high: [0.0; SIDE] }
     }
 
-    /// The squares that a polygon touches (its border included; some more at sharp corners).
-    /// The corners go around it counterclockwise; times `scale` they are in squares.
-    pub fn touch(&mut self, corners: &[DVec2], scale: DVec2) {
+    /// Finds the squares that a polygon touches (including its border; slightly more at sharp
+    /// corners). The corners go around it counterclockwise; multiplied by `scale` they are in
+    /// squares.
+    pub(crate) fn touch(&mut self, corners: &[DVec2], scale: DVec2) {
         let Some((low, high)) = bounds(corners, scale) else { return self.clear() };
         let rounding = DVec2::splat(f64::from(ROUNDING));
         let (low, high) = (low - rounding, high + rounding);
         self.start(low.y.floor(), high.y.floor() + 1.0, [low.x, high.x]);
         let (top, bottom) = (low.y as f32, high.y as f32);
         self.cut(corners, scale, |row, from_y, slope| {
-            // The part of the row where the polygon is.
+            // The part of the row that the polygon covers.
             let [y, below] = [row.max(top), (row + 1.0).min(bottom)].map(|y| (y - from_y) * slope);
             [y.min(below) - ROUNDING, y.max(below) + ROUNDING]
         });
     }
 
-    /// The squares whose centres a polygon covers; corners and scale as for [`Rows::touch`].
-    pub fn cover(&mut self, corners: &[DVec2], scale: DVec2) {
+    /// Finds the squares whose centres a polygon covers; corners and scale as in [`Rows::touch`].
+    pub(crate) fn cover(&mut self, corners: &[DVec2], scale: DVec2) {
         let Some((low, high)) = bounds(corners, scale) else { return self.clear() };
         self.start((low.y - 0.5).ceil(), (high.y - 0.5).floor() + 1.0, [low.x, high.x]);
         self.cut(corners, scale, |row, from_y, slope| {
@@ -67,8 +68,8 @@ impl<const SIDE: usize> Rows<SIDE> {
         self.high[..self.len].fill(x[1] as f32);
     }
 
-    /// Cuts the intervals at each edge. `reach` gives, for a row and a line through x = 0 at `from_y`,
-    /// the least and the greatest x that count.
+    /// Cuts the intervals at each edge. For a row and a line through x = 0 at `from_y`, `reach`
+    /// returns the least and the greatest x that count.
     #[inline(always)]
     fn cut(&mut self, corners: &[DVec2], scale: DVec2, reach: impl Fn(f32, f32, f32) -> [f32; 2]) {
         let (low, high) = (&mut self.low[..self.len], &mut self.high[..self.len]);
@@ -90,18 +91,18 @@ impl<const SIDE: usize> Rows<SIDE> {
         }
     }
 
-    /// Row and touched squares of it, after [`Rows::touch`].
-    pub fn touched(&self) -> impl Iterator<Item = (usize, Range<usize>)> + '_ {
+    /// Row index and touched squares of each row, after [`Rows::touch`].
+    pub(crate) fn touched(&self) -> impl Iterator<Item = (usize, Range<usize>)> + '_ {
         self.intervals().map(move |(row, low, high)| {
             let end = ((high + 1.0).max(0.0) as usize).min(SIDE);
             (row, (low.max(0.0) as usize).min(end)..end)
         })
     }
 
-    /// Row and covered samples of it, after [`Rows::cover`].
-    pub fn covered(&self) -> impl Iterator<Item = (usize, Range<usize>)> + '_ {
+    /// Row index and covered samples of each row, after [`Rows::cover`].
+    pub(crate) fn covered(&self) -> impl Iterator<Item = (usize, Range<usize>)> + '_ {
         self.intervals().map(move |(row, low, high)| {
-            // A sample on the border of two polygons is the left one's.
+            // A sample on the border of two polygons belongs to the left one.
             let [start, end] = [low, high].map(|x| ((x + 0.5).max(0.0) as usize).min(SIDE));
             (row, start..end.max(start))
         })
@@ -134,7 +135,7 @@ mod tests {
             .prop_map(|points| Polygon::hull_of(points.into_iter().map(DVec2::from_array)))
     }
 
-    /// How far inside of a polygon a place is; negative outside.
+    /// Distance of a point from the border of a polygon; negative outside.
     fn depth_inside(corners: &[DVec2], p: DVec2) -> f64 {
         (0..corners.len()).fold(f64::INFINITY, |least, i| {
             let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
@@ -186,7 +187,7 @@ mod tests {
                     prop_assert!(touched[p.y as usize][p.x as usize], "{p}");
                 }
             }
-            // Not many more: within a square and a half of it.
+            // Few others: within a square and a half of the polygon.
             for (y, row) in touched.iter().enumerate() {
                 for (x, _) in row.iter().enumerate().filter(|(_, t)| **t) {
                     let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);

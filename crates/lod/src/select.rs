@@ -1,7 +1,7 @@
-//! The choice: which nodes, and how many points of each, a view wants, and which of them it draws. Walks
-//! the node table from its roots, worst projected spacing first, into a cut that is closed under parent
-//! and within its budgets of points and bytes (kanzok2015, section 3.2; DESIGN, section 7). The cut that
-//! is wanted does not depend on what is resident; what is drawn is its resident part. Plain data in and
+//! The selection: which nodes, and how many points of each, a view wants, and which of them it
+//! draws. Walks the node table from its roots, greatest projected spacing first, to a cut that is
+//! closed under parent and within its budgets of points and bytes (kanzok2015, section 3.2). The
+//! wanted cut does not depend on residency; the drawn cut is its resident part. Plain data in and
 //! out: the same input gives the same cut.
 
 use crate::frustum::Frustum;
@@ -10,7 +10,7 @@ use crate::options::{Options, Residency};
 use crate::oriented_box::OrientedBox;
 use crate::parts::any_part;
 use crate::prefix::{
-    FACING_LEAST, Shown, effective_spacing, prefix_at_most, share_above, spacing, wanted,
+    FACING_LEAST, ProjectedNode, effective_spacing, prefix_at_most, share_above, spacing, wanted,
 };
 use crate::project::Projection;
 use crate::selection::{Drawn, Missing, Selection};
@@ -19,11 +19,11 @@ use esker_points::{Lattice, Node, NodeTable};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Chooses what a view wants and what it draws. The table is one that was checked when its file was
-/// opened; links of an unchecked one that don't go down the tree are not followed.
+/// Selects the nodes that a view wants and draws. The table must have been checked when its file
+/// was opened; in an unchecked one, links that do not go down the tree are not followed.
 ///
-/// A node is wanted only where its parent is wanted whole, or has none of its own points in view; it is
-/// drawn where it and all of its ancestors are resident. What `occlusion` hides is neither.
+/// A node is wanted only if its parent is wanted whole, or has none of its own points in view; it
+/// is drawn if it and all of its ancestors are resident. Nodes that `occlusion` hides are neither.
 pub fn select(
     table: &NodeTable,
     lattice: &Lattice,
@@ -42,7 +42,7 @@ pub fn select(
         frustum: Frustum::of(view),
         projection: Projection::of(view),
         open: BinaryHeap::new(),
-        places: Vec::new(),
+        visited: Vec::new(),
         selection: Selection::default(),
     };
     walk.visit_roots();
@@ -55,20 +55,20 @@ pub fn select(
 /// A node in view whose parent is wanted whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Candidate {
-    /// Distance in pixels of what is wanted in its place without it.
+    /// Distance, pixels, of the points that are wanted in its place without it.
     spacing_px: f64,
     node: u32,
     /// Distance of the eye to its cell, at least the near plane's.
     distance: f64,
     /// Effective spacing of its parent.
     spacing: f64,
-    /// Its parent's entry in [`Walk::places`].
+    /// Its parent's entry in [`Walk::visited`].
     above: usize,
 }
 
 impl Candidate {
     fn key(&self) -> (u64, Reverse<u32>) {
-        // Bits of floats that are not negative sort as the floats do.
+        // Bits of non-negative floats sort as the floats do.
         (self.spacing_px.max(0.0).to_bits(), Reverse(self.node))
     }
 }
@@ -87,22 +87,22 @@ impl PartialOrd for Candidate {
     }
 }
 
-/// "No place": above the root.
-const NOWHERE: usize = usize::MAX;
+/// Parent of the roots.
+const NO_PARENT: usize = usize::MAX;
 
-/// A node that the walk went through.
+/// A node that the walk has entered.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct Visited {
     node: u32,
-    /// Its parent's place.
+    /// Entry of its parent.
     above: usize,
     /// Distance of the eye to its cell.
     distance: f64,
-    /// Whether it is among the wanted.
+    /// Whether it is wanted.
     is_wanted: bool,
     /// Whether it and all of its ancestors are resident.
     is_resident: bool,
-    /// Effective spacing of what is drawn in its place; infinite where nothing is.
+    /// Effective spacing of what is drawn in its place; infinite if nothing is.
     drawn_spacing: f64,
 }
 
@@ -116,17 +116,17 @@ struct Walk<'a, R> {
     frustum: Frustum,
     projection: Projection,
     open: BinaryHeap<Candidate>,
-    places: Vec<Place>,
+    visited: Vec<Visited>,
     selection: Selection,
 }
 
 impl<R: Residency> Walk<'_, R> {
-    /// Visits the roots, first those that need least, so that each gets a fair share of the points: where
-    /// trees overlap or lie side by side, none is left out for another. Then wants those of which nothing is
-    /// in view: they serve whatever comes into view next.
+    /// Visits the roots, those that need the fewest points first, so that each gets a fair share:
+    /// where trees overlap or are adjacent, none is left out for another. Then wants the roots that
+    /// are not in view: they are drawn in whatever view comes next.
     fn visit_roots(&mut self) {
         let table = self.table;
-        table.roots().for_each(|root| self.open(root, f64::INFINITY, NOWHERE));
+        table.roots().for_each(|root| self.open(root, f64::INFINITY, NO_PARENT));
         let mut seen = std::mem::take(&mut self.open).into_vec();
         if seen.len() > 1 {
             seen.sort_by_cached_key(|root| (self.root_need(root), root.node));
@@ -137,16 +137,16 @@ impl<R: Residency> Walk<'_, R> {
         }
         let wanted: Vec<u32> = self.selection.wanted.clone();
         for root in table.roots().filter(|root| !wanted.contains(root)) {
-            let gone_through = seen.iter().any(|c| c.node == root);
-            let place = self.places.iter().position(|p| gone_through && p.node == root);
-            let place = place.unwrap_or_else(|| self.pass(&self.root(root)));
+            let is_entered = seen.iter().any(|c| c.node == root);
+            let place = self.visited.iter().position(|p| is_entered && p.node == root);
+            let place = place.unwrap_or_else(|| self.enter(&self.root(root)));
             if self.fits(place) {
                 self.want(place, 0);
             }
         }
     }
 
-    /// Points that the view needs of a root.
+    /// Points of a root that the view needs.
     fn root_need(&self, root: &Candidate) -> usize {
         let node = &self.table.nodes[root.node as usize];
         let contour = OrientedBox::of_contour(node, self.lattice);
@@ -155,24 +155,25 @@ impl<R: Residency> Walk<'_, R> {
         if is_seen { self.need(root, node, node.points(), &contour, 0.0).0 } else { 0 }
     }
 
-    /// A root, whether it is in view or not.
+    /// A root as a candidate, in view or not.
     fn root(&self, node: u32) -> Candidate {
         let cell = OrientedBox::of_cell(&self.table.nodes[node as usize].cell(), self.lattice);
         let distance = cell.distance(self.view.eye).max(self.view.near);
         let (spacing, spacing_px) = (f64::INFINITY, f64::INFINITY);
-        Candidate { spacing_px, node, distance, spacing, above: NOWHERE }
+        Candidate { spacing_px, node, distance, spacing, above: NO_PARENT }
     }
 
-    /// Points that the budget has left.
+    /// Points left of the budget.
     fn points_left(&self) -> u64 {
         self.options.points_budget.saturating_sub(self.selection.counters.points_wanted)
     }
 
-    /// Takes a node up, unless its subtree cannot be seen; `spacing` is what is wanted without it.
+    /// Makes a node a candidate, unless its subtree cannot be seen; `spacing` is that of its
+    /// parent.
     fn open(&mut self, index: u32, spacing: f64, above: usize) {
         let node = &self.table.nodes[index as usize];
         self.selection.counters.visited += 1;
-        if self.residency.is_barren(index) {
+        if self.residency.rejects_subtree(index) {
             self.selection.counters.filtered += 1;
             return;
         }
@@ -190,8 +191,9 @@ impl<R: Residency> Walk<'_, R> {
         self.open.push(Candidate { spacing_px, node: index, distance, spacing, above });
     }
 
-    /// Whether a box, in whose place points of a spacing are drawn so far, is certainly hidden. Surfaces
-    /// made of those may stand off by as much: they must not hide the points that would mend them.
+    /// Whether a box, in whose place points of a spacing are drawn so far, is certainly hidden. A
+    /// surface of such points may be off by as much: it must not hide the points that would refine
+    /// it.
     fn is_hidden(&self, b: &OrientedBox, spacing: f64) -> bool {
         let Some(occlusion) = self.occlusion else { return false };
         let from_eye = b.centre - self.view.eye;
@@ -208,7 +210,7 @@ impl<R: Residency> Walk<'_, R> {
         })
     }
 
-    /// Decides about a node that was taken up, which may have `points_max` points.
+    /// Decides about a candidate, which may have `points_max` points.
     fn visit(&mut self, candidate: &Candidate, points_max: u64) {
         let node = &self.table.nodes[candidate.node as usize];
         let repeats = node.is_continuation() && node.cell_log2 == 0;
@@ -227,9 +229,9 @@ impl<R: Residency> Walk<'_, R> {
             counters.contour_culled += u64::from(is_culled);
             counters.filtered += u64::from(is_filtered);
             counters.contour_occluded += u64::from(!is_culled && !is_filtered);
-            let place = self.pass(candidate);
+            let place = self.enter(candidate);
             let spacing = spacing(node).min(candidate.spacing);
-            if !is_culled && self.places.get(candidate.above).is_some_and(|p| p.is_resident) {
+            if !is_culled && self.visited.get(candidate.above).is_some_and(|p| p.is_resident) {
                 let effective_spacing = spacing as f32;
                 let hidden = Drawn { node: candidate.node, prefix: 0, effective_spacing };
                 self.selection.hidden.push(hidden);
@@ -242,8 +244,8 @@ impl<R: Residency> Walk<'_, R> {
         }
     }
 
-    /// Wants what the view needs of a node, as far as the budgets go, and draws it where it can be.
-    /// Its effective spacing where its children may be wanted.
+    /// Wants the points that the view needs of a node, within the budgets, and draws the node if it
+    /// is resident. Returns its effective spacing if its children may be wanted.
     fn draw(
         &mut self,
         candidate: &Candidate,
@@ -252,7 +254,7 @@ impl<R: Residency> Walk<'_, R> {
         points_max: u64,
     ) -> Option<(f64, usize)> {
         let count = node.points();
-        let place = self.pass(candidate);
+        let place = self.enter(candidate);
         if count == 0 || !self.fits(place) {
             self.selection.counters.withheld += 1;
             return None;
@@ -272,10 +274,10 @@ impl<R: Residency> Walk<'_, R> {
         let counters = &mut self.selection.counters;
         counters.shortened += u64::from(prefix < need);
         counters.points_wanted += prefix as u64;
-        if self.places[place].is_resident {
+        if self.visited[place].is_resident {
             counters.drawn += 1;
             counters.points += prefix as u64;
-            self.places[place].drawn_spacing = effective;
+            self.visited[place].drawn_spacing = effective;
             self.selection.drawn.push(Drawn {
                 node: candidate.node,
                 prefix,
@@ -287,8 +289,8 @@ impl<R: Residency> Walk<'_, R> {
         (prefix == count).then_some((effective, place))
     }
 
-    /// Points that the view needs of a node of `count` points, budgets aside, and how much of it faces the
-    /// eye, where that made them fewer.
+    /// Points that the view needs of a node of `count` points, regardless of budgets, and how much
+    /// of the node faces the eye, if that made them fewer.
     fn need(
         &self,
         candidate: &Candidate,
@@ -299,15 +301,16 @@ impl<R: Residency> Walk<'_, R> {
     ) -> (usize, f64) {
         let eye = self.view.eye;
         let target_px = self.options.target_spacing_px;
-        // Where its children are wanted all of it is: what stands on a wall seen edge-on may face us.
+        // If its children are wanted, the whole node is: objects on a wall seen edge-on may face
+        // the eye.
         let own_spacing = spacing(node).min(candidate.spacing);
         if node.child_count > 0 && self.spacing_px(own_spacing, candidate.distance) > target_px {
             return (count, 1.0);
         }
-        // Both boxes hold all of its points, so the farther of the two distances bounds theirs. The
-        // silhouette is not cut at the picture's border: the points are everywhere in the box.
+        // Both boxes hold all of its points, so the greater distance is a bound for them. The
+        // silhouette is not clipped at the picture's border: the points are everywhere in the box.
         let distance = candidate.distance.max(contour.distance(eye));
-        let shown = Shown {
+        let projected = ProjectedNode {
             spacing_px: self.spacing_px(spacing(node), distance),
             facing: contour.facing(eye).max(FACING_LEAST),
             squares: self
@@ -316,13 +319,13 @@ impl<R: Residency> Walk<'_, R> {
                 .map_or(f64::INFINITY, |s| s.squares(target_px)),
             above,
         };
-        (wanted(node, count, &shown, target_px), shown.facing)
+        (wanted(node, count, &projected, target_px), projected.facing)
     }
 
-    /// Notes that the walk goes through a node.
-    fn pass(&mut self, candidate: &Candidate) -> usize {
-        let above = self.places.get(candidate.above);
-        self.places.push(Place {
+    /// Notes that the walk enters a node. Returns its entry.
+    fn enter(&mut self, candidate: &Candidate) -> usize {
+        let above = self.visited.get(candidate.above);
+        self.visited.push(Visited {
             node: candidate.node,
             above: candidate.above,
             distance: candidate.distance,
@@ -331,24 +334,24 @@ impl<R: Residency> Walk<'_, R> {
                 && self.residency.is_resident(candidate.node),
             drawn_spacing: above.map_or(f64::INFINITY, |p| p.drawn_spacing),
         });
-        self.places.len() - 1
+        self.visited.len() - 1
     }
 
-    /// Whether a place, and those above it that are not wanted yet, fit the budget of bytes.
+    /// Whether an entry and its ancestors that are not wanted yet fit the budget of bytes.
     fn fits(&self, mut place: usize) -> bool {
         let mut bytes = self.selection.counters.bytes_wanted;
-        while let Some(p) = self.places.get(place).filter(|p| !p.is_wanted) {
+        while let Some(p) = self.visited.get(place).filter(|p| !p.is_wanted) {
             bytes = bytes.saturating_add(self.residency.slot_bytes(p.node));
             place = p.above;
         }
         bytes <= self.options.bytes_budget
     }
 
-    /// Wants a place, with `prefix` points, and first those above it that were only gone through.
+    /// Wants an entry, with `prefix` points, after its ancestors that were only entered.
     fn want(&mut self, place: usize, prefix: usize) {
         let mut chain = vec![(place, prefix)];
-        let mut above = self.places[place].above;
-        while let Some(p) = self.places.get(above).filter(|p| !p.is_wanted) {
+        let mut above = self.visited[place].above;
+        while let Some(p) = self.visited.get(above).filter(|p| !p.is_wanted) {
             chain.push((above, 0));
             above = p.above;
         }
@@ -358,8 +361,8 @@ impl<R: Residency> Walk<'_, R> {
     }
 
     fn want_one(&mut self, place: usize, prefix: usize) {
-        self.places[place].is_wanted = true;
-        let Place { node, distance, drawn_spacing, .. } = self.places[place];
+        self.visited[place].is_wanted = true;
+        let Visited { node, distance, drawn_spacing, .. } = self.visited[place];
         let bytes = self.residency.slot_bytes(node);
         let wanted = &mut self.selection.counters.bytes_wanted;
         *wanted = wanted.saturating_add(bytes);
@@ -377,7 +380,7 @@ impl<R: Residency> Walk<'_, R> {
         }
     }
 
-    /// Takes up the children in whose places a spacing is not fine enough.
+    /// Makes the children candidates, unless the spacing is fine enough in their place.
     fn open_children(&mut self, candidate: &Candidate, spacing: f64, place: usize) {
         let target_px = self.options.target_spacing_px;
         if target_px > 0.0 && self.spacing_px(spacing, candidate.distance) <= target_px {

@@ -1,15 +1,15 @@
-//! What comes of a choice: the nodes that are drawn, those that are wanted, those that are missing, and how it
-//! came about. Plain data, the same for the same input.
+//! Result of a selection: the nodes that are drawn, wanted and missing, and counters. Plain data;
+//! the same input gives the same result.
 
 /// A node of the cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drawn {
     /// Index in the node table.
     pub node: u32,
-    /// Its first points that are drawn: whole strata, at least one point.
+    /// Number of drawn points, from the first one on: whole strata, at least one point.
     pub prefix: usize,
-    /// Typical distance of points in its cell, these and the ancestors', the file's unit; never more
-    /// than the parent's.
+    /// Typical distance of points in its cell, ancestors' points included, the file's unit; never
+    /// more than the parent's.
     pub effective_spacing: f32,
 }
 
@@ -18,49 +18,50 @@ pub struct Drawn {
 pub struct Missing {
     /// Index in the node table.
     pub node: u32,
-    /// Its first points that are wanted; 0 where none of its own is in view and it is wanted for its
-    /// children's sake.
+    /// Number of wanted points, from the first one on; 0 if none of its own points is in view and
+    /// it is wanted for its children.
     pub prefix: usize,
-    /// Distance of the eye to its contour, the file's unit: the paper's priority (kanzok2015,
-    /// section 3.2.2).
+    /// Distance of the eye to its contour, the file's unit: the priority of kanzok2015, section
+    /// 3.2.2.
     pub distance: f64,
-    /// Distance of points, pixels, of what is drawn in its place without it; infinite where that is
-    /// nothing.
+    /// Distance of points, pixels, of what is drawn in its place without it; infinite if nothing
+    /// is.
     pub spacing_px: f64,
     /// Bytes of its slot.
     pub bytes: u64,
 }
 
-/// What was looked at, in nodes; `visited` is the sum of `culled`, `occluded`, `contour_culled`,
+/// Numbers of nodes in a selection; `visited` is the sum of `culled`, `occluded`, `contour_culled`,
 /// `contour_occluded`, `filtered`, `continuations`, `withheld`, `missing` and `drawn`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Looked at.
+    /// Nodes tested.
     pub visited: u64,
-    /// With their whole subtree outside of the view.
+    /// Nodes whose whole subtree is outside of the view.
     pub culled: u64,
-    /// With their whole subtree hidden.
+    /// Nodes whose whole subtree is hidden.
     pub occluded: u64,
-    /// With none of their own points in view; their children were looked at all the same.
+    /// Nodes without own points in view; their children were tested.
     pub contour_culled: u64,
-    /// With all of their own points hidden; their children were looked at all the same.
+    /// Nodes whose own points are all hidden; their children were tested.
     pub contour_occluded: u64,
-    /// With no point of their own, or none below them either, that a filter wants.
+    /// Nodes of which a filter wants no own point, or no point of the subtree.
     pub filtered: u64,
-    /// Left out because all of their points lie where one is drawn already.
+    /// Nodes left out because each of their points coincides with a drawn one.
     pub continuations: u64,
-    /// Left out because they, or not one stratum of them, fitted the budgets.
+    /// Nodes left out because not even one of their strata fitted the budgets.
     pub withheld: u64,
-    /// With points in view, wanted, and not drawn, since they or one above them are not resident; what
-    /// is drawn above them serves.
+    /// Nodes with points in view that are wanted and not drawn, since they or an ancestor are not
+    /// resident; drawn ancestors take their place.
     pub missing: u64,
-    /// Drawn.
+    /// Nodes drawn.
     pub drawn: u64,
-    /// Of those drawn or missing: with fewer points than the view asks for, because of the budget.
+    /// Nodes, of those drawn or missing, with fewer points than the view needs, because of the
+    /// budget.
     pub shortened: u64,
-    /// Points drawn, in all.
+    /// Sum of drawn points.
     pub points: u64,
-    /// Points wanted, in all: those drawn and those of missing nodes.
+    /// Sum of wanted points: of drawn and of missing nodes.
     pub points_wanted: u64,
     /// Bytes of the slots of all wanted nodes.
     pub bytes_wanted: u64,
@@ -69,17 +70,18 @@ pub struct Counters {
 /// The cut of a view.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
-    /// What to draw, the coarsest on the picture first; parents stand before their children.
+    /// Nodes to draw, coarsest in the picture first; parents come before their children.
     pub drawn: Vec<Drawn>,
-    /// Nodes that are left out because all of their own points are hidden, though their cells are not:
-    /// with the spacings that their cells would have, and prefixes of 0. [`crate::CompactOctree`] wants
-    /// them, or points drawn in their cells would grow.
+    /// Nodes left out because all of their own points are hidden, though their cells are not: with
+    /// the spacings that their cells would have, and prefixes of 0. [`crate::CompactOctree`] needs
+    /// them, or splats drawn in their cells would grow.
     pub hidden: Vec<Drawn>,
-    /// What shall be resident: all that would be drawn were everything resident, and what lies between
-    /// those and the roots, parents first. The roots come first, in view or not, where they fit the budget.
+    /// Nodes that should be resident: all that would be drawn if everything were resident, and
+    /// their ancestors, parents first. The roots come first, in view or not, if they fit the
+    /// budget.
     pub wanted: Vec<u32>,
-    /// What of that is not resident, in the same order.
+    /// Those of the wanted nodes that are not resident, in the same order.
     pub missing: Vec<Missing>,
-    /// How it came about.
+    /// Counters.
     pub counters: Counters,
 }

@@ -1,13 +1,13 @@
 //! The view: a pinhole camera in world coordinates (the file's unit, `f64`) and the picture's size.
 //! View space has x to the right, y up, and looks along -z; pixels count from the top left corner.
-//! Made here from eye and target, or fitted to a box; consumed by the choice and by the renderer.
+//! A view is made from eye and target, or fitted to a box; selection and renderer read it.
 
 use glam::{DMat3, DVec2, DVec3, Vec3Swizzles};
 
-/// Least and greatest vertical field of view, radians: what is outside is clamped.
+/// Least and greatest vertical field of view, radians: other values are clamped.
 const FOVY_MIN_RAD: f64 = 1e-4;
 const FOVY_MAX_RAD: f64 = 3.1;
-/// The near plane's distance over the distance of what is looked at.
+/// Distance of the near plane, divided by that of the target.
 const NEAR_SHARE: f64 = 1e-4;
 /// Room left around a fitted box, as a factor on the distance.
 const FIT_MARGIN: f64 = 1.02;
@@ -15,9 +15,9 @@ const FIT_MARGIN: f64 = 1.02;
 /// A pinhole camera and the size of its picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Where it stands, world, the file's unit.
+    /// Position of the eye, world coordinates, the file's unit.
     pub eye: DVec3,
-    /// Its axes in the world, orthonormal: right, up, back (it looks along -z).
+    /// Its axes in world coordinates, orthonormal: right, up, back (it looks along -z).
     pub world_from_view: DMat3,
     /// Vertical field of view, radians, in (0, pi).
     pub fovy_rad: f64,
@@ -25,17 +25,17 @@ pub struct View {
     pub width: u32,
     /// Height of the picture, pixels, at least 1.
     pub height: u32,
-    /// What is nearer along the view direction than this is not drawn; positive, the file's unit.
+    /// Depth of the near plane: nearer points are not drawn; positive, the file's unit.
     pub near: f64,
-    /// How many of the pixels on each side of the picture are a margin, which is chosen for like the rest, may be drawn and is not
-    /// shown.
+    /// Width, pixels, of the margin on each side of the picture. Nodes are selected for the margin
+    /// as for the rest; it is not shown.
     pub margin_px: u32,
 }
 
 impl View {
-    /// Looks from `eye` at `target`, with `up` as far upwards as can be. A target at the eye is looked
-    /// at along the world's y; an `up` that is zero or along the view is
-    /// replaced by the world's z, or y where that is along the view too.
+    /// Looks from `eye` at `target`, with `up` as far upwards as possible. A target at the eye is
+    /// replaced by one along the world's y; an `up` that is zero or along the view is replaced by
+    /// the world's z, or by y if z is along the view too.
     pub fn look_at(
         eye: DVec3,
         target: DVec3,
@@ -59,9 +59,10 @@ impl View {
         }
     }
 
-    /// Looks along `direction` (from the eye into the scene) at a box, from as near as shows all of it, with a small margin; on
-    /// the axis that lets it be no nearer the box is in the picture's middle ([`View::centred`]: on both). Up is the world's z where that can be. A box without extent is
-    /// looked at from distance 1.
+    /// Looks along `direction` (from the eye into the scene) at a box, from the nearest position
+    /// that shows all of it with a small margin. Up is the world's z if possible. The box is
+    /// centred along the axis of the picture that limits the distance ([`View::centred`]: along
+    /// both). A box without extent is seen from distance 1.
     pub fn fit(
         bounds_min: DVec3,
         bounds_max: DVec3,
@@ -77,9 +78,10 @@ impl View {
         let fovy_rad = clamp_fovy(fovy_rad);
         let tan_y = (fovy_rad * 0.5).tan();
         let tan = DVec2::new(tan_y * f64::from(width.max(1)) / f64::from(height.max(1)), tan_y);
-        // From a distance d behind the centre and p beside it a corner v, in view, is in the picture where
-        // |v.x - p.x| is no more than tan.x (d - v.z): of all corners the greatest v.x + tan.x v.z, less p.x, and the
-        // greatest tan.x v.z - v.x, plus p.x, are no more than tan.x d. The same for y.
+        // From a distance d behind the centre and shifted by p, a corner v, in view space, is in
+        // the picture if |v.x - p.x| is at most tan.x (d - v.z). So over all corners, the greatest
+        // v.x + tan.x v.z, minus p.x, and the greatest tan.x v.z - v.x, plus p.x, are at most tan.x
+        // d. The same holds for y.
         let mut ends = [DVec2::ZERO; 2];
         for corner in 0..8 {
             let sign = |bit: u32| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
@@ -96,7 +98,8 @@ impl View {
         Self::look_at(target - forward * distance, target, DVec3::Z, fovy_rad, width, height)
     }
 
-    /// The same moved beside, so that a box, all of which is before the eye, leaves as much room left as right, and above as below.
+    /// Shifts the view so that a box, all of which is in front of the eye, has the same margin on
+    /// the left and right, and above and below.
     pub fn centred(self, bounds_min: DVec3, bounds_max: DVec3) -> Self {
         let corners: [DVec3; 8] = std::array::from_fn(|corner| {
             let pick =
@@ -108,7 +111,7 @@ impl View {
         Self { eye: self.eye + by, ..self }
     }
 
-    /// The same with another margin around what is shown, which stays as it is.
+    /// The view with another margin; the shown part of the picture stays the same.
     pub fn with_margin(self, margin_px: u32) -> Self {
         if margin_px == self.margin_px {
             return self;
@@ -123,28 +126,28 @@ impl View {
         Self { width, height, fovy_rad, margin_px, ..self }
     }
 
-    /// Half the tangent span of the picture: horizontal, vertical.
+    /// Tangents of half the fields of view: horizontal, vertical.
     pub fn tan_half(&self) -> DVec2 {
         let y = (self.fovy_rad * 0.5).tan();
         DVec2::new(y * f64::from(self.width) / f64::from(self.height), y)
     }
 
-    /// Pixels that a unit of length takes at unit eye depth; pixels are square.
+    /// Pixels of a unit of length at unit eye depth; pixels are square.
     pub fn focal_px(&self) -> f64 {
         f64::from(self.height) * 0.5 / (self.fovy_rad * 0.5).tan()
     }
 
-    /// The direction it looks along, unit length.
+    /// Direction of the view, unit length.
     pub fn forward(&self) -> DVec3 {
         -self.world_from_view.z_axis
     }
 
-    /// Rotation from the world's axes to the view's.
+    /// Rotation from world axes to view axes.
     pub fn view_from_world(&self) -> DMat3 {
         self.world_from_view.transpose()
     }
 
-    /// A world point in view space: right, up, back.
+    /// Transforms a world point to view space: right, up, back.
     pub fn to_view(&self, world: DVec3) -> DVec3 {
         self.view_from_world() * (world - self.eye)
     }
@@ -154,8 +157,8 @@ impl View {
         self.forward().dot(world - self.eye)
     }
 
-    /// A point of view space on the picture: x, y in pixels from the top left corner (pixel centres
-    /// at one half), z its eye depth. `None` where it is nearer than the near plane.
+    /// Projects a point of view space: x, y in pixels from the top left corner (pixel centres at
+    /// one half), z its eye depth. `None` if it is nearer than the near plane.
     pub fn project_view(&self, v: DVec3) -> Option<DVec3> {
         let depth = -v.z;
         if depth.is_nan() || depth < self.near {
@@ -169,7 +172,7 @@ impl View {
         ))
     }
 
-    /// A world point on the picture, as [`View::project_view`].
+    /// Projects a world point, see [`View::project_view`].
     pub fn project(&self, world: DVec3) -> Option<DVec3> {
         self.project_view(self.to_view(world))
     }
@@ -181,7 +184,7 @@ impl View {
     }
 }
 
-/// Right, up and back for a view along `forward` (unit).
+/// Right, up and back for a view along `forward` (unit length).
 fn axes(forward: DVec3, up: DVec3) -> DMat3 {
     let back = -forward;
     let right = [up, DVec3::Z, DVec3::Y]
@@ -191,7 +194,7 @@ fn axes(forward: DVec3, up: DVec3) -> DMat3 {
     DMat3::from_cols(right, back.cross(right), back)
 }
 
-/// The direction to the right, `None` where `up` is (nearly) along the view or not a direction.
+/// Direction to the right; `None` if `up` is (nearly) along the view or not a direction.
 fn sideways(forward: DVec3, up: DVec3) -> Option<DVec3> {
     let up = unit(up)?;
     let right = forward.cross(up);
@@ -202,7 +205,7 @@ fn direction_or(v: DVec3, fallback: DVec3) -> DVec3 {
     unit(v).unwrap_or(fallback)
 }
 
-/// Unit vector, also of very short and very long ones; `None` for zero and what is not finite.
+/// Unit vector, also of very short and very long ones; `None` for zero and for non-finite vectors.
 fn unit(v: DVec3) -> Option<DVec3> {
     let greatest = v.abs().max_element();
     if !(greatest > 0.0 && v.is_finite()) {
@@ -215,8 +218,9 @@ fn clamp_fovy(fovy_rad: f64) -> f64 {
     if fovy_rad.is_finite() { fovy_rad.clamp(FOVY_MIN_RAD, FOVY_MAX_RAD) } else { 1.0 }
 }
 
-/// How far beside points, each so far beside and before the eye, an eye stands for which the outermost on either side are as far from
-/// the picture's middle: the farther it stands, the less of them is on its one side and the more on the other.
+/// Position of an eye from which the outermost points on both sides are equally far from the
+/// picture's middle. Points are (beside, before): offsets from the eye to the side and along the
+/// view. Moving to one side moves all points to the other, so bisection finds the position.
 fn middle(points: [(f64, f64); 8]) -> f64 {
     let sum = |at: f64| {
         let places = points.map(|(beside, before)| (beside - at) / before.max(f64::MIN_POSITIVE));
@@ -308,13 +312,14 @@ mod tests {
             }
             prop_assert!((low / size - (1.0 - high / size)).abs().max_element() < 1e-6, "{} {}", low, high);
             prop_assert!((low / size).min_element() > -1e-6, "{} {}", low, high);
-            // Without the margin it touches two sides that lie opposite: no nearer view shows all of it.
+            // Without the margin the box touches two opposite sides: no nearer view shows all of
+            // it.
             let middle = view.depth(a.midpoint(b));
             let ahead = -view.world_from_view.z_axis * middle * (1.0 - 1.0 / FIT_MARGIN);
             let nearest = View { eye: view.eye + ahead, ..view };
             let (mut low, mut high) = (size, DVec2::ZERO);
             for p in corners {
-                // On the eye's own plane a corner is on the rim, or anywhere.
+                // In the plane of the eye a corner is on the border, or anywhere.
                 let v = nearest.to_view(p);
                 prop_assume!(v.z < -1e-6 * middle);
                 let at = size * 0.5 + DVec2::new(v.x, -v.y) / -v.z * nearest.focal_px();

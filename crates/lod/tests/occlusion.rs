@@ -1,5 +1,5 @@
-//! What hides and what does not: closed walls do; doorways, grilles, sparse and unloaded parts do not, and
-//! nothing that a ray can reach is ever hidden.
+//! What occludes and what does not: closed walls do; doorways, grilles, sparse and missing parts do
+//! not, and no point that a ray can reach is ever hidden.
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
 mod tree;
@@ -21,14 +21,15 @@ fn lattice() -> Lattice {
     Lattice { scale: [1e-3; 3], offset: [0.0; 3], shift: [0; 3] }
 }
 
-/// Looks along y at the origin from 10 away; the picture is about 9 wide there.
+/// Looks along y at the origin from a distance of 10; the picture is about 9 wide there.
 fn view() -> View {
     let mut view = View::look_at(DVec3::NEG_Y * 10.0, DVec3::ZERO, DVec3::Z, 0.85, SIDE, SIDE);
     view.near = 0.01;
     view
 }
 
-/// Beyond a corner of the picture no single side of the frustum refuses a box, whatever the tiles show.
+/// Beyond a corner of the picture no single side of the frustum refuses a box, whatever the tiles
+/// show.
 #[test]
 fn what_lies_beyond_a_corner_of_the_picture_is_hidden() {
     let view = View::look_at(DVec3::ZERO, DVec3::Y, DVec3::Z, 1.0, SIDE, SIDE);
@@ -56,7 +57,7 @@ fn what_lies_beyond_a_corner_of_the_picture_is_hidden() {
     assert!(beyond > 100, "{beyond}");
 }
 
-/// A piece of a wall: centre, half its width and height, how it is turned about z, and its mask.
+/// A piece of a wall: centre, half its width and height, rotation about z, and occupancy mask.
 struct Piece {
     centre: DVec3,
     half: [f64; 2],
@@ -66,7 +67,7 @@ struct Piece {
     fill: f64,
 }
 
-/// Under half a tile, that is a pixel, ten away.
+/// Less than half a tile, which is a pixel, at a distance of ten.
 const SPACING: f64 = 0.03;
 
 fn wall(centre: DVec3, half: [f64; 2]) -> Piece {
@@ -136,7 +137,7 @@ fn a_doorway_hides_nothing() {
     assert!(!depth.hides(&cube(DVec3::new(0.0, 3.0, -1.0), 0.2)), "seen through the door");
     assert!(!depth.hides(&cube(DVec3::new(0.55, 0.3, -1.0), 0.1)), "the jamb may be open in part");
     assert!(depth.hides(&cube(DVec3::new(1.5, 1.0, 0.0), 0.2)), "behind the wall beside it");
-    // A piece of a wall of many that is not there.
+    // One piece of a wall of many is missing.
     let mut missing = pieces(8);
     missing.remove(27);
     let at = missing[26].centre + DVec3::X * 0.5;
@@ -166,7 +167,7 @@ fn what_is_drawn_sparsely_hides_nothing() {
     assert_eq!(depth_of(&pieces(3), &near).occluders(), 0);
 }
 
-/// Rectangles for rays: those of the pieces.
+/// Whether the segment between two points crosses one of the pieces.
 fn is_blocked(pieces: &[Piece], from: DVec3, to: DVec3) -> bool {
     let way = to - from;
     pieces.iter().any(|p| {
@@ -174,7 +175,7 @@ fn is_blocked(pieces: &[Piece], from: DVec3, to: DVec3) -> bool {
         let (u, normal) = (DVec3::new(cos, sin, 0.0), DVec3::new(sin, -cos, 0.0));
         let t = normal.dot(p.centre - from) / normal.dot(way);
         let off = from + way * t - p.centre;
-        // Half a centimetre is the slab's; and some for the edge of a pixel.
+        // Half a centimetre for the slab, and some more for the edge of a pixel.
         (0.0..1.0).contains(&t)
             && off.dot(u).abs() <= p.half[0] + 0.02
             && off.z.abs() <= p.half[1] + 0.02
@@ -201,7 +202,7 @@ fn depth_picture(pieces: &[Piece], view: &View) -> Vec<f32> {
     (0..SIDE * SIDE).map(depth).collect()
 }
 
-/// A scene of walls, some of them far larger than others.
+/// A scene of walls of very different sizes.
 fn walls(random: &mut Random) -> Vec<Piece> {
     let mut within = |low: f64, high: f64| low + (high - low) * random.unit();
     (0..12)
@@ -215,7 +216,8 @@ fn walls(random: &mut Random) -> Vec<Piece> {
         .collect()
 }
 
-/// Counts boxes hidden and, of places in those that are on the picture, all and those that a ray reaches.
+/// Counts hidden boxes, points in them that are on the picture, and those of the points that a ray
+/// reaches.
 fn count(
     pieces: &[Piece],
     view: &View,
@@ -270,7 +272,7 @@ fn the_last_frames_depth_hides_nothing_that_a_ray_reaches_when_the_camera_turns_
             let pieces = walls(&mut random);
             let old = view();
             let tiles = tiles_of(&depth_picture(&pieces, &old), SIDE as usize, SIDE as usize);
-            let feedback = DepthFeedback::new(&old, &tiles).expect("as many tiles as asked");
+            let feedback = DepthFeedback::new(&old, &tiles).expect("the number of tiles is right");
             let mut new = old;
             let step = DVec3::new(random.unit(), random.unit(), random.unit()) - DVec3::splat(0.5);
             new.eye += step * moved;
@@ -281,7 +283,7 @@ fn the_last_frames_depth_hides_nothing_that_a_ray_reaches_when_the_camera_turns_
         }
         println!("moved {moved} turned {turned}: {sums:?}");
         assert!(sums[0] > 100, "{moved} {turned}: {sums:?}");
-        // Gaps of up to a pixel are let pass.
+        // Gaps of up to a pixel are tolerated.
         assert!(sums[2] * 1000 <= sums[1], "{moved} {turned}: {sums:?}");
     }
 }
@@ -293,7 +295,7 @@ fn pixels_that_show_nothing_hide_nothing() {
     let side = SIDE as usize;
     let hides = |picture: &[f32]| {
         let tiles = tiles_of(picture, side, side);
-        let feedback = DepthFeedback::new(&view(), &tiles).expect("as many tiles as asked");
+        let feedback = DepthFeedback::new(&view(), &tiles).expect("the number of tiles is right");
         feedback.hides(&cube(DVec3::Y * 3.0, 0.2))
     };
     assert!(hides(&picture));
@@ -301,10 +303,10 @@ fn pixels_that_show_nothing_hide_nothing() {
         picture[side * side / 2 + side / 2] = nothing;
         assert!(!hides(&picture), "{nothing}");
     }
-    // Tiles that are made elsewhere may be no numbers; camera still, and moved.
+    // Tiles made elsewhere may be NaN; the camera is still, then moved.
     let mut tiles = tiles_of(&depth_picture(&pieces, &view()), side, side);
     let box_hidden = |tiles: &[esker_lod::DepthTile], step: f64| {
-        let feedback = DepthFeedback::new(&view(), tiles).expect("as many tiles as asked");
+        let feedback = DepthFeedback::new(&view(), tiles).expect("the number of tiles is right");
         let moved = View { eye: view().eye + DVec3::X * step, ..view() };
         feedback.seen_from(&moved).hides(&cube(DVec3::Y * 3.0, 0.2))
     };
@@ -319,10 +321,10 @@ fn pixels_that_show_nothing_hide_nothing() {
 #[test]
 fn places_of_a_frame_count_from_what_it_shows() {
     let wide = View { width: 96, height: 96, ..view() }.with_margin(16);
-    // Each pixel of the picture with its margin, a tile each, is as deep as its column.
+    // Each pixel of the picture with its margin, which is one tile, is as deep as its column.
     let picture: Vec<f32> = (0..128 * 128).map(|i| (i % 128 + 1) as f32).collect();
-    let feedback =
-        DepthFeedback::new(&wide, &tiles_of(&picture, 128, 128)).expect("as many tiles as asked");
+    let feedback = DepthFeedback::new(&wide, &tiles_of(&picture, 128, 128))
+        .expect("the number of tiles is right");
     let nearest = |x: f64| feedback.nearest_at(DVec2::new((x + 0.5) / 96.0, 0.5));
     assert_eq!([nearest(0.0), nearest(40.0), nearest(95.0)], [17.0, 57.0, 112.0].map(Some));
 }

@@ -1,4 +1,4 @@
-//! What holds of every cut, whatever the tree, the view and the options.
+//! Properties of every cut, for any tree, view and options.
 
 mod tree;
 
@@ -11,7 +11,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use tree::{Random, Recipe, Tree, grow, recipes};
 
-/// A view from somewhere in or around the tree to somewhere in it.
+/// A view from a position in or around the tree to a position in it.
 fn view(tree: &Tree, seed: u64) -> View {
     let mut random = Random(seed);
     let (min, max) = tree.bounds();
@@ -40,7 +40,7 @@ fn focal_over_distance(tree: &Tree, view: &View, node: u32) -> f64 {
     view.focal_px() / cell.distance(view.eye).max(view.near)
 }
 
-/// A cache in which some nodes are, each of some size.
+/// A cache with some of the nodes, of several sizes.
 #[derive(Clone, Copy)]
 struct Cache<'a> {
     seed: u64,
@@ -56,7 +56,7 @@ impl Residency for Cache<'_> {
     }
 }
 
-/// Hides what is farther from the eye than this.
+/// Hides everything farther from the eye than a distance.
 struct Fog {
     eye: DVec3,
     distance: f64,
@@ -74,7 +74,7 @@ impl Occlusion for Fog {
     }
 }
 
-/// The same sizes, with all nodes there.
+/// The sizes of a cache, with all nodes resident.
 struct Loaded<'a>(Cache<'a>);
 
 impl Residency for Loaded<'_> {
@@ -88,7 +88,7 @@ impl Residency for Loaded<'_> {
 
 const NO_FOG: Fog = Fog { eye: DVec3::ZERO, distance: f64::INFINITY };
 
-/// What must hold of any cut.
+/// Asserts the invariants of a cut.
 fn assert_is_a_cut(
     tree: &Tree,
     view: &View,
@@ -144,7 +144,8 @@ fn assert_is_a_cut(
     }
 }
 
-/// Parents are wanted before their children; what is wanted is drawn or missing, or only between.
+/// Asserts that parents are wanted before their children, and that wanted nodes are drawn, missing,
+/// or ancestors of those.
 fn assert_wanted_is_closed(tree: &Tree, residency: &impl Residency, s: &Selection) {
     let mut wanted = vec![false; tree.table.nodes.len()];
     for &n in &s.wanted {
@@ -204,7 +205,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_hidden_is_left_out_and_nothing_else(recipe in recipes(true), seed: u64, share in 0.0f64..1.0) {
+    fn hidden_points_are_left_out_and_no_others(recipe in recipes(true), seed: u64, share in 0.0f64..1.0) {
         let tree = grow(&recipe);
         let view = view(&tree, seed);
         let (min, max) = tree.bounds();
@@ -237,7 +238,7 @@ proptest! {
         let view = view(&tree, seed);
         let s = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, 0.5), &Cache { seed: cache, tree: &tree }, None);
         let full = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, 0.5), &AllResident, None);
-        // Each node that should be drawn has the nearest one above it that is resident drawn whole.
+        // For each node that should be drawn, the nearest resident ancestor is drawn whole.
         for d in &full.drawn {
             let mut n = d.node;
             let serves = loop {
@@ -271,10 +272,10 @@ proptest! {
     }
 
     #[test]
-    fn every_place_in_view_is_drawn_as_densely_as_asked(
+    fn every_place_in_view_is_drawn_as_densely_as_the_target(
         recipe in recipes(false), seed: u64, target in 0.1f64..20.0,
     ) {
-        // Cubes as contours: those fill as much of the picture from every side.
+        // Contours are cubes, which cover as much of the picture from every side.
         let tree = grow(&recipe);
         let view = view(&tree, seed);
         let s = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, target), &AllResident, None);
@@ -287,8 +288,8 @@ proptest! {
             if repeats || s.drawn.iter().any(|d| d.node == node) {
                 continue;
             }
-            // It was left out: what is drawn in its place is fine enough already, or has a point for
-            // each square of that side that its silhouette has.
+            // The node was left out: the points drawn in its place are fine enough already, or
+            // there is one for each square of the target spacing on its silhouette.
             let mut above = tree.table.nodes[node as usize].parent;
             let mut is_filled = false;
             while let Some(record) = tree.table.nodes.get(above as usize) {
@@ -313,7 +314,7 @@ proptest! {
         let (min, max) = tree.bounds();
         let mut random = Random(seed);
         let direction = DVec3::new(random.unit(), random.unit(), random.unit()) - DVec3::splat(0.5);
-        // From the nearest place that shows all, so that nothing leaves the picture.
+        // From the nearest position that shows everything, so that nothing leaves the picture.
         let near = View::fit(min, max, direction, 1.0, 300, 300);
         let size = (max - min).length() + 1.0;
         let mut far = near;
@@ -340,8 +341,8 @@ proptest! {
     fn the_compact_octree_finds_the_finest_drawn_cell_of_a_point_s_own_tree(
         recipe in recipes(true), seed: u64,
     ) {
-        // Any set of nodes, with gaps between them as contours out of view leave them. Of a cell with
-        // several nodes the last is the finest, and that holds for the points of all of them.
+        // Any set of nodes, with gaps between them as contours out of view cause them. The last
+        // node of a cell is the finest, which holds for the points of all nodes of the cell.
         let tree = grow(&recipe);
         let nodes = &tree.table.nodes;
         let mut random = Random(seed);

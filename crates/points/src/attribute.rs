@@ -1,11 +1,11 @@
-//! Attributes of points: names, types, and the names that LAS fields get in Esker.
-//! Bits that LAS packs stay packed, in the layout of LAS 1.4 formats 6 to 10, whatever the source:
-//! `returns` (number of this return in bits 0-3, number of returns in 4-7) and `flags` (synthetic 0,
-//! key point 1, withheld 2, overlap 3, scanner channel 4-5, scan direction 6, edge of flight line 7).
+//! Attributes of points: names, types, and Esker's names for LAS fields. Bits that LAS packs stay
+//! packed, in the layout of LAS 1.4 formats 6 to 10, whatever the source: `returns` (number of this
+//! return in bits 0-3, number of returns in 4-7) and `flags` (synthetic 0, key point 1, withheld 2,
+//! overlap 3, scanner channel 4-5, scan direction 6, edge of flight line 7).
 
 use serde::{Deserialize, Serialize};
 
-/// The type of one attribute value; all are stored little-endian.
+/// Type of an attribute's values; all are stored little-endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AttrType {
@@ -42,7 +42,7 @@ impl AttrType {
         }
     }
 
-    /// The name used in files and messages: `u8`, `i16`, `f64` ...
+    /// Name in files and messages: `u8`, `i16`, `f64` ...
     pub const fn name(self) -> &'static str {
         match self {
             Self::U8 => "u8",
@@ -88,15 +88,16 @@ impl AttrType {
 /// One attribute of a schema.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Attribute {
-    /// Its name; unique in a schema together with the type.
+    /// Name; unique in a schema together with the type.
     pub name: String,
     /// Type of the stored value.
     #[serde(rename = "type")]
     pub ty: AttrType,
-    /// What the source says of it; empty where it says nothing.
+    /// Description in the source; empty if there is none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// Stored value times `scale` plus `offset` is what is shown (extra bytes of LAS). 1 and 0 else.
+    /// Displayed values are stored values times `scale` plus `offset` (extra bytes of LAS).
+    /// Otherwise 1 and 0.
     #[serde(default = "one")]
     pub scale: f64,
     /// See `scale`.
@@ -114,13 +115,13 @@ impl Attribute {
         Self { name: name.into(), ty, description: String::new(), scale: 1.0, offset: 0.0 }
     }
 
-    /// What identifies an attribute: name and type.
+    /// Identity of an attribute: name and type.
     pub fn key(&self) -> (&str, AttrType) {
         (&self.name, self.ty)
     }
 }
 
-/// Names that LAS fields, and their like in other formats, have in Esker.
+/// Esker's names for LAS fields and for similar fields of other formats.
 pub mod names {
     /// Pulse return magnitude, `u16`.
     pub const INTENSITY: &str = "intensity";
@@ -142,9 +143,9 @@ pub mod names {
     pub const GPS_TIME: &str = "gps_time";
     /// Red, `u16` in LAS, `u8` in most PLY.
     pub const RED: &str = "red";
-    /// Green, as red.
+    /// Green, `u16` in LAS, `u8` in most PLY.
     pub const GREEN: &str = "green";
-    /// Blue, as red.
+    /// Blue, `u16` in LAS, `u8` in most PLY.
     pub const BLUE: &str = "blue";
     /// Near infrared, `u16`.
     pub const NIR: &str = "nir";
@@ -168,12 +169,13 @@ pub mod names {
     pub const NY: &str = "ny";
     /// Unit normal, z, `f32`.
     pub const NZ: &str = "nz";
-    /// Clip lines of a splat ([`crate::clip`]), `u8`: 0 none, 1 one, 2 two (what both keep is kept), 3 two (what either
-    /// keeps is kept).
+    /// Clip lines of a splat ([`crate::clip`]), `u8`: 0 none, 1 one, 2 two (intersection of what
+    /// they keep), 3 two (union of what they keep).
     pub const CLIP: &str = "clip";
-    /// Where they lie, in the file's coordinates, `f64`: two places of the first line, two of the second. Kept is what
-    /// lies left of the way from the first to the second place, seen from where the normal points to. Lines that two
-    /// splats share have the same places, in either order, about as far apart as the splats are away.
+    /// Ends of the clip lines, in the file's coordinates, `f64`: two points of the first line, two
+    /// of the second. The part to the left of the direction from the first to the second point is
+    /// kept, seen from the side that the normal points to. Lines that two splats share have the
+    /// same points, in either order, about as far apart as the splats are away.
     pub const CLIP_ENDS: [[&str; 3]; 4] = [
         ["clip_x1", "clip_y1", "clip_z1"],
         ["clip_x2", "clip_y2", "clip_z2"],

@@ -1,16 +1,16 @@
-//! Columnar batches: a run of points as decoded, positions on the lattice and one column of raw
-//! little-endian values an attribute. Readers make them, the builder consumes them.
+//! Columnar batches: a run of decoded points, with positions on the lattice and one column of raw
+//! little-endian values an attribute. Readers make batches, the builder consumes them.
 
 use crate::schema::Schema;
 use std::sync::Arc;
 
-/// Raw little-endian values of one attribute, one after the other.
+/// Raw little-endian values of one attribute, contiguous.
 pub type Column = Vec<u8>;
 
 /// A run of points that all have the same attributes.
 #[derive(Clone, Debug)]
 pub struct Batch {
-    /// The attributes; `columns` has one entry for each, in this order.
+    /// Attributes; `columns` has one entry for each, in this order.
     pub schema: Arc<Schema>,
     /// Lattice coordinates.
     pub positions: Vec<[u32; 3]>,
@@ -34,7 +34,7 @@ impl Batch {
         self.positions.len()
     }
 
-    /// Whether it has no point.
+    /// Whether there is no point.
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
@@ -50,10 +50,10 @@ impl Batch {
                 .all(|(a, c)| c.len() == self.len() * a.ty.size())
     }
 
-    /// Drops its first `count` points.
+    /// Removes the first `count` points.
     ///
     /// # Panics
-    /// If it has fewer.
+    /// If there are fewer.
     pub fn drop_first(&mut self, count: usize) {
         if count == 0 {
             return;
@@ -64,8 +64,9 @@ impl Batch {
         }
     }
 
-    /// Appends the raw record of point `index` to `out`: x, y, z, then its attributes in the
-    /// schema's order. With a schema in canonical order this is what [`crate::MultisetHash`] takes.
+    /// Appends the raw record of point `index` to `out`: x, y, z, then the attributes in the
+    /// schema's order. With a schema in canonical order this is the input of
+    /// [`crate::MultisetHash`].
     pub fn record_into(&self, index: usize, out: &mut Vec<u8>) {
         for c in self.positions[index] {
             out.extend_from_slice(&c.to_le_bytes());

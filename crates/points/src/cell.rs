@@ -1,12 +1,13 @@
-//! Cells: size-aligned cubes of the absolute lattice, named by their corner and the log2 of their
-//! edge in steps. All tests are integer arithmetic: nothing is ever on two sides.
+//! Cells: size-aligned cubes of the absolute lattice, given by their corner and the log2 of their
+//! edge in steps. All tests are integer arithmetic, so a point is never in two cells of one level.
 
-/// A cube of the octree. Edge `2^log2` steps, corner a multiple of it; `log2` 0 to 32.
+/// A cube of the octree. Its edge is `2^log2` steps, its corner a multiple of that; `log2` is 0 to
+/// 32.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Cell {
-    /// The lowest lattice point in it.
+    /// Lowest lattice point in the cell.
     pub corner: [u32; 3],
-    /// Log2 of its edge in steps; 32 is the whole lattice, 0 a single lattice point.
+    /// Log2 of the edge in steps; 32 is the whole lattice, 0 a single lattice point.
     pub log2: u8,
 }
 
@@ -23,25 +24,26 @@ impl Cell {
         Self::containing(min, (32 - differing.leading_zeros()) as u8)
     }
 
-    /// Whether the lattice point lies in it.
+    /// Whether the lattice point is in the cell.
     #[inline]
     pub fn contains(&self, p: [u32; 3]) -> bool {
         Self::containing(p, self.log2).corner == self.corner
     }
 
-    /// Whether `other` lies in it (a cell lies in itself).
+    /// Whether `other` is in the cell (a cell is in itself).
     pub fn contains_cell(&self, other: &Self) -> bool {
         other.log2 <= self.log2 && self.contains(other.corner)
     }
 
-    /// Which of the eight children holds `p`: `x | y << 1 | z << 2`. The cell must not be a point.
+    /// Index of the child octant that holds `p`: `x | y << 1 | z << 2`. The cell must be larger
+    /// than a point.
     pub fn octant(&self, p: [u32; 3]) -> u8 {
         debug_assert!(self.log2 > 0 && self.contains(p));
         let bit = self.log2 - 1;
         ((p[0] >> bit & 1) | (p[1] >> bit & 1) << 1 | (p[2] >> bit & 1) << 2) as u8
     }
 
-    /// The highest lattice point in it.
+    /// Highest lattice point in the cell.
     pub fn last(&self) -> [u32; 3] {
         let span = ((1u64 << self.log2) - 1) as u32;
         self.corner.map(|c| c | span)

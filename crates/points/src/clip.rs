@@ -1,72 +1,78 @@
-//! Clip lines of splats (zwicker2004, section 5): where a surface has an edge, the tangent planes of the splats on
-//! both sides meet in a line, and each splat is drawn on its own side of it only. A line is two points of the
-//! lattice, whatever splat has it: so both splats of a pair share it to the bit, and no crack opens.
+//! Clip lines of splats (zwicker2004, section 5): at a sharp edge the tangent planes of the splats
+//! on both sides meet in a line, and each splat is drawn on its own side only. A line is two points
+//! of the lattice, independent of the splat: both splats of a pair share it to the bit, so no crack
+//! opens.
 //!
-//! A splat has up to two lines of two words each. The first word is a point of the line against the splat's own *hot*
-//! position, the second the way from there to another one: three numbers of 9 bits with a sign, in units of
-//! `2^k` grains; the first word's upper 5 bits are `k`. Of the second word's bits 27 tells which side is kept, and
-//! in the second line 28 how the two are joined. A way of no length is no line.
+//! A splat has up to two lines of two words each. The first word is a point of the line relative to
+//! the splat's own *hot* position, the second the vector from there to another point: three signed
+//! numbers of 9 bits, in units of `2^k` grains; `k` is in the first word's upper 5 bits. Bit 27 of
+//! the second word says which side is kept, and bit 28 in the second line how the two are combined.
+//! A vector of length zero means no line.
 
 /// Bytes of a splat's lines.
 pub const CLIP_BYTES: usize = 16;
 
-/// Greatest number of 9 bits with a sign.
+/// Greatest signed number of 9 bits.
 const PART_MAX: i64 = 255;
-/// Parts that the way between a line's points has at least, in its longest axis: half of what there is room for, so that
-/// the points are as exact as splats about the line need them.
+/// Least distance of a line's points in its longest axis, in units: almost the greatest number, so
+/// that the points are as exact as splats near the line need them.
 const WAY_PARTS: f64 = 200.0;
-/// Greatest shift of a unit: more is no splat's.
-const SHIFT_MAX: u32 = 22;
+/// Greatest shift of a unit: a larger one exceeds the size of any splat.
+pub const SHIFT_MAX: u32 = 22;
 const KEEPS_RIGHT: u32 = 1 << 27;
 const EITHER: u32 = 1 << 28;
 
-/// The words of a splat's lines; zeros where there are none.
+/// Words of a splat's lines; zeros without lines.
 pub type ClipWords = [u32; 4];
 
-/// A grain an axis, as a power of two of steps: about the same length on all axes.
+/// Length of a grain on each axis, as a power of two of steps: about the same length on all axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Grain(pub [u8; 3]);
 
 impl Grain {
-    /// Of a lattice whose steps have these lengths.
+    /// The grain of a lattice with steps of these lengths.
     pub fn new(scale: [f64; 3]) -> Self {
         let longest = scale.into_iter().fold(0.0, f64::max);
         Self(scale.map(|s| (longest / s).log2().round().clamp(0.0, 16.0) as u8))
     }
 
-    /// Shifts of a unit of `2^k` grains; `None` where no line has such.
+    /// Shifts of a unit of `2^k` grains; `None` if no line can have them.
     fn shifts(self, k: u32) -> Option<[u32; 3]> {
         let shifts = self.0.map(|g| u32::from(g) + k);
         shifts.iter().all(|&s| s <= SHIFT_MAX).then_some(shifts)
     }
 }
 
-/// A line, and which side of it is kept.
+/// A line, and the side of it that is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ClipLine {
-    /// A point of it, lattice coordinates.
+    /// A point of the line, lattice coordinates.
     pub from: [u32; 3],
-    /// The way to another one, steps; of the two directions the one whose first part that is not zero is positive.
+    /// Vector to another point, steps; of the two directions the one whose first non-zero component
+    /// is positive.
     pub along: [i32; 3],
-    /// Whether what is kept lies to the right, seen along the way from the side that the splat's normal points to.
+    /// Whether the right side is kept, looking along the vector from the side that the splat's
+    /// normal points to.
     pub keeps_right: bool,
-    /// Log2 of its unit over a grain.
+    /// Log2 of its unit in grains.
     unit_log2: u8,
 }
 
-/// A splat's lines.
+/// Lines of a splat.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Clip {
-    /// The first and the second.
+    /// The first and the second line.
     pub lines: [Option<ClipLine>; 2],
-    /// Whether what either line keeps is kept (a corner that goes in); else what both keep.
+    /// Whether the union of what the lines keep is kept (an inner corner); otherwise the
+    /// intersection.
     pub either: bool,
 }
 
 impl ClipLine {
-    /// The line through two points, in steps of the lattice; kept is what lies left of the way from the first to the
-    /// second. They should lie about as far apart as the splat is wide, at most that far away from it. The line is
-    /// the same for both orders of the points. `None` where they are one on the lattice, or off it.
+    /// The line through two points, in steps of the lattice. The part to the left of the direction
+    /// from `first` to `second` is kept. The points should be about as far apart as the splat is
+    /// wide, and at most that far away from it. Swapping them gives the same line. `None` if they
+    /// coincide on the lattice, or are off it.
     pub fn through(first: [f64; 3], second: [f64; 3], grain: Grain) -> Option<Self> {
         let apart = |i: usize| (second[i] - first[i]).abs() / f64::from(1u32 << grain.0[i]);
         let longest = apart(0).max(apart(1)).max(apart(2));
@@ -90,7 +96,7 @@ impl ClipLine {
         (line.along != [0; 3]).then_some(line)
     }
 
-    /// Its words in a splat at this hot position; `None` where it lies too far away.
+    /// Its words in a splat at this hot position; `None` if the line is too far away.
     fn words(&self, hot: [u32; 3], grain: Grain) -> Option<[u32; 2]> {
         let shifts = grain.shifts(u32::from(self.unit_log2))?;
         let mut words =
@@ -108,7 +114,7 @@ impl ClipLine {
         Some(words)
     }
 
-    /// The line of two words. Any words are a line or none.
+    /// The line of two words. Any words give a line or none.
     fn of_words([at, way]: [u32; 2], hot: [u32; 3], grain: Grain) -> Option<Self> {
         let shifts = grain.shifts(at >> 27)?;
         let part = |word: u32, i: usize| (word << (23 - 9 * i)) as i32 >> 23;
@@ -126,14 +132,15 @@ impl Clip {
         self.lines == [None; 2]
     }
 
-    /// The same seen from the other side: the splat's normal is turned.
+    /// The lines for a splat whose normal is reversed.
     pub fn turned(&self) -> Self {
         let turned = |l: ClipLine| ClipLine { keeps_right: !l.keeps_right, ..l };
         Self { lines: self.lines.map(|line| line.map(turned)), ..*self }
     }
 
-    /// The words of a splat at this hot position (its exact one less the dropped bits). Lines that are too far away are
-    /// left out: then either would keep everything, so both are.
+    /// Words for a splat at this hot position (its exact one without the dropped bits). Lines that
+    /// are too far away are left out; with `either`, both are, since the lost line would keep
+    /// everything.
     pub fn words(&self, hot: [u32; 3], grain: Grain) -> ClipWords {
         let words = self.lines.map(|line| line.map(|l| l.words(hot, grain)));
         let lost = words.contains(&Some(None));
@@ -162,7 +169,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Places about one in the lattice's middle.
+    /// Points around one in the middle of the lattice.
     fn about(middle: [f64; 3], reach: f64) -> impl Strategy<Value = [f64; 3]> {
         [0, 1, 2].map(|i| middle[i] - reach..middle[i] + reach)
     }
@@ -186,7 +193,7 @@ mod tests {
             let [a, b] = [0, 1].map(|i| Clip::of_words(words[i], hot(i), grain).lines[0].unwrap());
             prop_assert_eq!((a.from, a.along), (b.from, b.along));
             prop_assert_eq!(a.keeps_right, !b.keeps_right);
-            // Within half a unit of where it was asked for, on both ends.
+            // Within half a unit of the requested line, at both ends.
             let unit = f64::from(1u32 << a.unit_log2);
             let ends = [a.from.map(f64::from), [0, 1, 2].map(|i| f64::from(a.from[i]) + f64::from(a.along[i]))];
             let [low, high] = if a.keeps_right { [second, first] } else { [first, second] };

@@ -1,21 +1,22 @@
-//! Values of an attribute as codes of one byte, which is all that a colour map needs of them: an eighth of the
-//! bytes of a GPS time are resident and drawn. Codes are made while a plane is loaded.
+//! Maps values of an attribute to codes of one byte, which is all that a colour map needs: an
+//! eighth of the bytes of a GPS time are resident and drawn. Codes are made while a plane is
+//! loaded.
 
 use crate::attribute::AttrType;
 
-/// The code of what is no number, or of the greatest that a float can be, which stands for none; where values are coded along a
-/// range.
+/// Code of a value that is not a number, or that is the greatest float, which stands for none; for
+/// values coded along a range.
 pub const NO_NUMBER: u8 = 255;
-/// The greatest code of a value along a range.
+/// Greatest code of a value along a range.
 pub const LAST: u8 = 254;
-/// Numbers that labels are told apart by: values that differ by a multiple of it have one code.
+/// Number of distinct labels: values that differ by a multiple of it have one code.
 pub const LABELS: u64 = 251;
 
 /// How values become codes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Coding {
-    /// From 0 at `low` to [`LAST`] at `high`, rounded; what lies outside has the code of the nearer end, what
-    /// is no number [`NO_NUMBER`].
+    /// From 0 at `low` to [`LAST`] at `high`, rounded; a value outside has the code of the nearer
+    /// end, and one that is not a number has [`NO_NUMBER`].
     Along {
         /// Value of code 0.
         low: f64,
@@ -24,21 +25,21 @@ pub enum Coding {
     },
     /// Some bits of a whole number.
     Bits {
-        /// Those below that are dropped.
+        /// Number of low bits to drop.
         shift: u8,
-        /// Those that are kept after that.
+        /// Mask of the bits kept after the shift.
         mask: u8,
     },
     /// The lowest bits of a whole number, along a range as in `Along`.
     BitsAlong {
-        /// Those that are kept.
+        /// Mask of the bits that are kept.
         mask: u8,
         /// Value of code 0.
         low: f64,
         /// Value of code [`LAST`].
         high: f64,
     },
-    /// Whole numbers that name something: modulo [`LABELS`].
+    /// Whole numbers that identify something: modulo [`LABELS`].
     Labels,
 }
 
@@ -52,7 +53,7 @@ pub struct Codes {
 }
 
 impl Codes {
-    /// A code for each little-endian value.
+    /// One code for each little-endian value.
     pub fn of(&self, values: &[u8]) -> Vec<u8> {
         match self.coding {
             Coding::Along { low, high } => self.each(values, along(low, high)),
@@ -72,14 +73,14 @@ impl Codes {
     }
 }
 
-/// The codes of values along a range; one without extent has its first code alone.
+/// Codes of values along a range; an empty range gives only code 0.
 fn along(low: f64, high: f64) -> impl Fn(f64) -> u8 {
     let per_unit = f64::from(LAST) / (high - low);
     let per_unit = if per_unit.is_finite() { per_unit } else { 0.0 };
     move |value| {
         let at = (value - low) * per_unit;
-        let is_none = at.is_nan() || [f64::from(f32::MAX), f64::MAX].contains(&value.abs());
-        if is_none { NO_NUMBER } else { (at + 0.5).clamp(0.0, f64::from(LAST)) as u8 }
+        let is_missing = at.is_nan() || [f64::from(f32::MAX), f64::MAX].contains(&value.abs());
+        if is_missing { NO_NUMBER } else { (at + 0.5).clamp(0.0, f64::from(LAST)) as u8 }
     }
 }
 
@@ -94,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_end_at_their_ends_and_strays_have_the_nearer() {
+    fn values_outside_a_range_have_the_code_of_the_nearer_end() {
         let coding = Coding::Along { low: 10.0, high: 20.0 };
         let values = [10.0, 15.0, 20.0, -1e300, f64::INFINITY, f64::NAN];
         assert_eq!(codes(coding, &values), [0, 127, LAST, 0, LAST, NO_NUMBER]);

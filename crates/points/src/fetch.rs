@@ -1,7 +1,7 @@
-//! Saying ahead what will be read, where no processor can guess it: places far apart, one after the other in no
-//! pattern.
+//! Prefetch of memory that a processor cannot predict: distant addresses in no pattern.
 
-/// Asks for the cache line in which an element begins, where there is one; reads nothing.
+/// Prefetches the cache line in which an element begins, if there is such an element; reads
+/// nothing.
 #[inline(always)]
 pub fn fetch<T>(of: &[T], index: usize) {
     let Some(element) = of.get(index) else { return };

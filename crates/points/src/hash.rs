@@ -1,17 +1,17 @@
 //! The multiset hash: the sum modulo 2^128 of XXH3-128 over the raw record of each point. The order
-//! of points does not matter, duplicates count (a XOR would cancel them), and what a point does not
-//! have is not hashed, so that the hashes of parts add up to the hash of their union.
+//! of points does not matter, and duplicates count (XOR would cancel them). Attributes that a point
+//! lacks are not hashed, so the hashes of parts add up to the hash of their union.
 //!
 //! A record is x, y, z of the lattice (`u32`) and the attributes that the point has, in canonical
-//! order (name, then type), all little-endian. The seed is FNV-1a (64 bits) over the list of names and
-//! types, each written `name:type\n`.
+//! order (name, then type), all little-endian. The seed is FNV-1a (64 bits) over the list of names
+//! and types, each written `name:type\n`.
 
 use crate::attribute::AttrType;
 use std::fmt;
 use std::ops::AddAssign;
 use xxhash_rust::xxh3::xxh3_128_with_seed;
 
-/// The commutative hash of a multiset of points.
+/// Commutative hash of a multiset of points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct MultisetHash(pub u128);
 
@@ -34,7 +34,7 @@ impl fmt::Display for MultisetHash {
     }
 }
 
-/// The seed for points that have exactly these attributes, given in canonical order.
+/// Seed for points that have exactly these attributes, given in canonical order.
 pub fn layout_seed<'a>(attributes: impl IntoIterator<Item = (&'a str, AttrType)>) -> u64 {
     let mut seed = 0xcbf2_9ce4_8422_2325u64;
     let mut eat = |bytes: &[u8]| {

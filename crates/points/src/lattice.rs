@@ -1,23 +1,25 @@
-//! The lattice: the integer grid on which every point of a file lies, how it is chosen from the grids
-//! of the inputs, and how an input's coordinates are placed on it.
+//! The lattice: the integer grid of all points of a file, its choice from the grids of the inputs,
+//! and the placement of an input's coordinates on it.
 //!
-//! Where all inputs are integers of bit-equal scale and offset, a lattice coordinate is the raw `i32`
-//! plus 2^31. Else the finest scale of each axis and the offset of the first input in byte order of
-//! names serve, moved by whole steps to where all fit; whole ratios and differences stay exact, the
-//! rest is rounded half to even. Only where the extent passes 2^32 steps the scale coarsens, by tens.
+//! If all inputs are integers of bit-equal scale and offset, a lattice coordinate is the raw `i32`
+//! plus 2^31. Otherwise the lattice has the finest scale of each axis and the offset of the first
+//! input in byte order of names, moved by whole steps to where all inputs fit; whole ratios and
+//! differences stay exact, other values are rounded half to even. If the extent exceeds 2^32 steps,
+//! the scale grows by tens.
 
 use serde::{Deserialize, Serialize};
 
-/// Half the lattice: raw 0 of a LAS file lies here.
+/// Half the lattice: coordinate of raw 0 of a LAS file.
 pub const ORIGIN: i64 = 1 << 31;
-/// Deviations from a whole step below this are taken for noise of `f64`, not for a rounding.
+/// Deviations from a whole step below this are noise of `f64`, not rounding.
 const NOISE_STEPS: f64 = 1e-6;
-/// And so are deviations from a coordinate below so many units in the last place of it and of the lattice's offset.
+/// Deviations from a coordinate below this are noise too: in units in the last place of the
+/// coordinate and of the lattice's offset.
 const NOISE_ULPS: f64 = 4.0;
-/// The largest step number used while choosing: beyond it `f64` has no whole steps.
+/// Greatest step number while choosing: `f64` has no whole steps beyond it.
 const STEPS_MAX: f64 = 9.0e15;
 
-/// An integer grid: `world = raw * scale + offset`, an axis.
+/// An integer grid: `world = raw * scale + offset` on each axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grid {
     /// Length of a step in the file's unit.
@@ -26,7 +28,7 @@ pub struct Grid {
     pub offset: [f64; 3],
 }
 
-/// What kind of numbers an input's coordinates are.
+/// Kind of an input's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GridKind {
@@ -38,22 +40,22 @@ pub enum GridKind {
     Decimal,
 }
 
-/// What is known of an input's coordinates before its points are decoded.
+/// Coordinates of an input, as known before its points are decoded.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InputGrid {
-    /// Its path as given; decides whose offset serves.
+    /// Path as given; decides which input's offset is used.
     pub name: String,
     /// Kind of numbers.
     pub kind: GridKind,
-    /// Its grid.
+    /// Grid of the coordinates.
     pub grid: Grid,
-    /// World minimum and maximum: a hint (LAS headers lie), exact for floats and text.
+    /// World minimum and maximum: a hint (headers of LAS can be wrong), exact for floats and text.
     pub bounds: Option<[[f64; 3]; 2]>,
 }
 
-/// The grid for floating-point coordinates within these bounds: one power of two for all axes, the
-/// finest at which the longest extent stays within 2^31 steps and every coordinate within 2^52. Values
-/// on coarser binary grids, so all `f32` of like size, stay exact.
+/// Grid for floating-point coordinates within these bounds: one power of two for all axes, the
+/// finest at which the longest extent stays within 2^31 steps and every coordinate within 2^52.
+/// Values on coarser binary grids, such as all `f32` of similar size, stay exact.
 pub fn float_grid(bounds: [[f64; 3]; 2]) -> Grid {
     let extent = (0..3).map(|i| bounds[1][i] - bounds[0][i]).fold(0.0, f64::max);
     let largest = bounds.iter().flatten().fold(0.0f64, |m, c| m.max(c.abs()));
@@ -62,7 +64,8 @@ pub fn float_grid(bounds: [[f64; 3]; 2]) -> Grid {
     Grid { scale: [2f64.powi(exponent); 3], offset: [0.0; 3] }
 }
 
-/// The grid for decimal text with so many digits after the point on each axis (at most 15 are kept).
+/// Grid for decimal text with this number of digits after the point on each axis (at most 15 are
+/// kept).
 pub fn decimal_grid(decimals: [u32; 3]) -> Grid {
     // Parsed rather than computed: `powi` of a negative exponent is not the nearest double.
     let scale = decimals.map(|d| format!("1e-{}", d.min(15)).parse().unwrap_or(1.0));
@@ -84,7 +87,7 @@ fn ceil_log2(v: f64) -> i32 {
 /// The integer grid of all coordinates of a file: `world = (u - 2^31 + shift) * scale + offset`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lattice {
-    /// Length of a step in the file's unit, an axis.
+    /// Length of a step on each axis, the file's unit.
     pub scale: [f64; 3],
     /// World coordinate of step 0.
     pub offset: [f64; 3],
@@ -98,30 +101,30 @@ impl Default for Lattice {
     }
 }
 
-/// Why no lattice could be chosen.
+/// Reason why no lattice could be chosen.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LatticeError {
-    /// A scale that is zero, negative or no number; an offset or bound that is no number.
+    /// A scale that is not a positive number, or an offset or bound that is not a number.
     #[error(
         "{name}: {what} of axis {axis} is {value}, which is no usable number; the header is damaged"
     )]
     Unusable {
-        /// The input.
+        /// Name of the input.
         name: String,
-        /// Which value.
+        /// Name of the value.
         what: &'static str,
-        /// x, y or z.
+        /// Axis: x, y or z.
         axis: char,
-        /// What it is.
+        /// The value.
         value: f64,
     },
 }
 
 impl Lattice {
-    /// Chooses the lattice for these inputs (see the module's head).
+    /// Chooses the lattice for these inputs (see the head of this module).
     ///
     /// # Errors
-    /// Where an input's scale, offset or bounds are no usable numbers.
+    /// If an input's scale, offset or bounds are not usable numbers.
     pub fn choose(inputs: &[InputGrid]) -> Result<Self, LatticeError> {
         for input in inputs {
             input.check()?;
@@ -147,7 +150,8 @@ impl Lattice {
     }
 
     fn choose_axis(&mut self, inputs: &[InputGrid], axis: usize) -> Result<(), LatticeError> {
-        // Farther from the offset than numbers go: no scale makes steps of that.
+        // A bound so far from the offset that the difference overflows: no scale makes steps of
+        // that.
         let offset = self.offset[axis];
         for input in inputs {
             let bounds = input.axis_bounds(axis).map(|(lo, hi)| [lo, hi]);
@@ -191,13 +195,13 @@ impl Lattice {
         (u - ORIGIN as f64 + self.shift[axis] as f64) * self.scale[axis] + self.offset[axis]
     }
 
-    /// The position of a world coordinate along one axis of the lattice, in steps; not rounded and not
+    /// Position of a world coordinate along one axis of the lattice, in steps; neither rounded nor
     /// bounded.
     pub fn steps_axis(&self, axis: usize, world: f64) -> f64 {
         (world - self.offset[axis]) / self.scale[axis] - self.shift[axis] as f64 + ORIGIN as f64
     }
 
-    /// How coordinates of this input are placed on the lattice.
+    /// Placement of the coordinates of an input on the lattice.
     pub fn placement(&self, input: &InputGrid) -> Placement {
         let axes = [0, 1, 2].map(|axis| self.axis_map(&input.grid, axis));
         Placement { lattice: *self, axes, refuses: false }
@@ -239,7 +243,7 @@ impl InputGrid {
         LatticeError::Unusable { name: self.name.clone(), what, axis, value }
     }
 
-    /// Bounds of one axis where they are numbers, for integers clamped to what `i32` can hold.
+    /// Bounds of one axis if they are numbers, for integers clamped to the range of `i32`.
     fn axis_bounds(&self, axis: usize) -> Option<(f64, f64)> {
         let [lo, hi] = self.bounds?.map(|b| b[axis]);
         if !(lo.is_finite() && hi.is_finite() && lo <= hi) {
@@ -253,7 +257,7 @@ impl InputGrid {
     }
 }
 
-/// How one axis of an input comes onto the lattice; results are lattice coordinates.
+/// Map of one axis of an input to lattice coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum AxisMap {
     Whole { factor: i64, delta: i64 },
@@ -265,28 +269,28 @@ enum AxisMap {
 pub struct Placement {
     lattice: Lattice,
     axes: [AxisMap; 3],
-    /// Whether points that don't fit are placed at [`REFUSED`] instead of being an error.
+    /// Whether points that do not fit are placed at [`REFUSED`] instead of causing an error.
     refuses: bool,
 }
 
-/// Where a refusing placement puts points that don't fit the lattice: its last point, which so holds no other.
+/// Position of refused points: the last point of the lattice, which then holds no other point.
 pub const REFUSED: [u32; 3] = [u32::MAX; 3];
 
 /// A point that does not fit the lattice that was chosen from the headers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OffLattice {
-    /// Its world coordinates.
+    /// World coordinates.
     pub world: [f64; 3],
 }
 
 impl Placement {
-    /// The lattice placed on.
+    /// The lattice.
     pub fn lattice(&self) -> &Lattice {
         &self.lattice
     }
 
-    /// The same for a lattice that cannot change any more: points that don't fit are placed at [`REFUSED`],
-    /// for the caller to leave out, and are no error.
+    /// Placement on a lattice that cannot change any more: points that do not fit are placed at
+    /// [`REFUSED`], for the caller to leave out, and cause no error.
     pub fn refusing(self) -> Self {
         Self { refuses: true, ..self }
     }
@@ -299,7 +303,7 @@ impl Placement {
     /// Places raw integer coordinates; `error` collects the greatest rounding error in world units.
     ///
     /// # Errors
-    /// [`OffLattice`] where the point does not fit.
+    /// [`OffLattice`] if the point does not fit.
     pub fn integer(
         &self,
         raw: [i32; 3],
@@ -329,7 +333,7 @@ impl Placement {
     /// Places world coordinates (finite); `error` as in [`Placement::integer`].
     ///
     /// # Errors
-    /// [`OffLattice`] where the point does not fit.
+    /// [`OffLattice`] if the point does not fit.
     pub fn real(&self, world: [f64; 3], error: &mut f64) -> Result<[u32; 3], OffLattice> {
         let mut out = [0; 3];
         for axis in 0..3 {
@@ -339,7 +343,8 @@ impl Placement {
             }
             out[axis] = rounded as u32;
         }
-        // Not by steps: of large ones even a millionth is more than small coordinates.
+        // Compared in world units: of large step numbers even a millionth exceeds small
+        // coordinates.
         let there = self.lattice.world(out);
         for axis in 0..3 {
             let off = (there[axis] - world[axis]).abs();
@@ -351,7 +356,7 @@ impl Placement {
         Ok(out)
     }
 
-    /// What becomes of a point that doesn't fit.
+    /// Result for a point that does not fit.
     fn off(&self, world: impl FnOnce() -> [f64; 3]) -> Result<[u32; 3], OffLattice> {
         if self.refuses { Ok(REFUSED) } else { Err(OffLattice { world: world() }) }
     }
@@ -433,12 +438,12 @@ mod tests {
     }
 
     #[test]
-    fn inputs_farther_apart_than_numbers_go_are_told() {
+    fn inputs_too_far_apart_for_any_scale_are_refused() {
         let a = input("a", 0.001, 1.7e308, (1.7e308, 1.7e308));
         let b = input("b", 0.001, -1.7e308, (-1.7e308, -1.7e308));
         let error = Lattice::choose(&[a.clone(), b.clone()]).unwrap_err().to_string();
         assert!(error.starts_with("b: a bound of axis x is -"), "{error}");
-        // As far as they go there is a lattice.
+        // Within that range there is a lattice.
         let half = input("c", 0.001, -1.0, (-1.0, 1.0));
         assert!(Lattice::choose(&[a, half]).unwrap().scale[0] > 1e290);
     }
@@ -453,7 +458,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusing_placement_marks_what_does_not_fit_and_rounds_nothing_for_it() {
+    fn a_refusing_placement_marks_points_that_do_not_fit_and_counts_no_rounding() {
         let a = input("a", 0.001, 0.0, (0.0, 10.0));
         let b = input("b", 0.0015, 0.0, (0.0, 10.0));
         let lattice = Lattice::choose(std::slice::from_ref(&a)).unwrap();
@@ -531,15 +536,15 @@ mod tests {
         }
 
         #[test]
-        fn no_rounding_is_told_as_none(far in -1e18f64..1e18, near in -100.0f64..100.0, decimals in 0u32..8) {
-            // Floats beside one that is far away.
+        fn no_rounding_goes_unreported(far in -1e18f64..1e18, near in -100.0f64..100.0, decimals in 0u32..8) {
+            // Floats next to one that is far away.
             let bounds = [[far.min(near); 3], [far.max(near); 3]];
             let float = InputGrid { name: "f".into(), kind: GridKind::Float, grid: float_grid(bounds), bounds: Some(bounds) };
             let lattice = Lattice::choose(std::slice::from_ref(&float)).unwrap();
             let mut error = 0.0;
             let p = lattice.placement(&float).real([near; 3], &mut error).unwrap();
             prop_assert!((lattice.world(p)[0] - near).abs() <= error + near.abs() * 4.0 * f64::EPSILON);
-            // Decimals are what they are, whatever doubles make of them.
+            // Decimals are placed exactly, despite the rounding of doubles.
             let text: f64 = format!("{near:.*}", decimals as usize).parse().unwrap();
             let decimal = InputGrid { name: "d".into(), kind: GridKind::Decimal, grid: decimal_grid([decimals; 3]), bounds: Some([[-100.0; 3], [100.0; 3]]) };
             let lattice = Lattice::choose(std::slice::from_ref(&decimal)).unwrap();

@@ -1,10 +1,10 @@
-//! What every part of Esker agrees on: the integer lattice of all coordinates, attributes and
-//! columnar batches of points, Morton codes, cells of the octree, the node-table type, the
-//! multiset hash, and what counts as a file. Knows no file format, no thread and no device.
+//! Types that all of Esker shares: the integer lattice of all coordinates, attributes and columnar
+//! batches of points, Morton codes, cells of the octree, the node table, the multiset hash,
+//! filters, and what counts as a file. This crate knows no file format, no thread and no device.
 
 pub mod attribute;
-pub mod batch;
-pub mod cell;
+mod batch;
+mod cell;
 pub mod clip;
 pub mod codes;
 pub mod fetch;
@@ -16,7 +16,7 @@ pub mod node;
 pub mod palette;
 pub mod place;
 pub mod quant;
-pub mod schema;
+mod schema;
 pub mod strata;
 pub mod tangents;
 pub mod task;

@@ -1,5 +1,5 @@
-//! Morton codes: interleaved bits, so that points near in code are near in space. Axis 0 holds the
-//! lowest bit of each group, so that child `octant` of a cell is `x | y << 1 | z << 2`.
+//! Morton codes: interleaved bits, so that points with near codes are near in space. Axis 0 has the
+//! lowest bit of each group, so that the child `octant` of a cell is `x | y << 1 | z << 2`.
 
 /// Interleaves three 32-bit coordinates into 96 bits.
 pub fn encode3(p: [u32; 3]) -> u128 {
@@ -16,17 +16,12 @@ pub fn decode3(code: u128) -> [u32; 3] {
     [0, 1, 2].map(|axis| (gather3(low >> axis) | gather3(high >> axis) << 21) as u32)
 }
 
-/// Interleaves two 32-bit coordinates into 64 bits.
-pub fn encode2(p: [u32; 2]) -> u64 {
-    spread2(p[0]) | spread2(p[1]) << 1
-}
-
 /// Interleaves three coordinates of at most 21 bits into 63.
 pub fn encode3_21(p: [u32; 3]) -> u64 {
     spread3(p[0]) | spread3(p[1]) << 1 | spread3(p[2]) << 2
 }
 
-/// Spreads 21 bits so that two zero bits stand between neighbours.
+/// Spreads 21 bits, with two zero bits between neighbours.
 fn spread3(v: u32) -> u64 {
     let mut x = u64::from(v) & 0x1f_ffff;
     x = (x | x << 32) & 0x001f_0000_0000_ffff;
@@ -44,16 +39,6 @@ fn gather3(v: u64) -> u64 {
     x = (x | x >> 8) & 0x001f_0000_ff00_00ff;
     x = (x | x >> 16) & 0x001f_0000_0000_ffff;
     (x | x >> 32) & 0x1f_ffff
-}
-
-/// Spreads 32 bits so that one zero bit stands between neighbours.
-fn spread2(v: u32) -> u64 {
-    let mut x = u64::from(v);
-    x = (x | x << 16) & 0x0000_ffff_0000_ffff;
-    x = (x | x << 8) & 0x00ff_00ff_00ff_00ff;
-    x = (x | x << 4) & 0x0f0f_0f0f_0f0f_0f0f;
-    x = (x | x << 2) & 0x3333_3333_3333_3333;
-    (x | x << 1) & 0x5555_5555_5555_5555
 }
 
 #[cfg(test)]
@@ -78,11 +63,6 @@ mod tests {
             prop_assert_eq!(encode3(p), plain);
             let small = p.map(|c| c & 0x1f_ffff);
             prop_assert_eq!(u128::from(encode3_21(small)), encode3(small));
-            let mut plane = 0u64;
-            for bit in 0..32 {
-                plane |= u64::from(p[0] >> bit & 1) << (2 * bit) | u64::from(p[1] >> bit & 1) << (2 * bit + 1);
-            }
-            prop_assert_eq!(encode2([p[0], p[1]]), plane);
         }
     }
 }

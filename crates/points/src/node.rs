@@ -1,15 +1,15 @@
-//! The node table: one fixed-size record a node with everything that choosing, culling and reading need,
-//! and nothing else. 144 bytes a node (kanzok2015 has up to 184).
+//! The node table: one record of fixed size a node, with everything that selection, culling and
+//! reading need, and nothing else. 144 bytes a node (kanzok2015 has up to 184).
 
 use crate::cell::Cell;
 use bytemuck::{Pod, Zeroable};
 
-/// Levels a node can have; what is deeper in its n-tree joins the last.
+/// Greatest number of levels of a node; deeper levels of its n-tree join the last.
 pub const LEVELS_MAX: usize = 16;
-/// "No node": the parent of a root.
+/// Index for "no node": the parent of a root.
 pub const NONE: u32 = u32::MAX;
 
-/// What a node stores for its cell. Little-endian on disk, in this order, without padding.
+/// Record of a node. Little-endian on disk, in this order, without padding.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Node {
@@ -17,17 +17,17 @@ pub struct Node {
     pub corner: [u32; 3],
     /// Log2 of the cell's edge in steps.
     pub cell_log2: u8,
-    /// Bits 0-1: dimension of its n-tree (n = 2^dimension; 0 is a single point, 1 a line, 2 a plane,
-    /// 3 a volume). Bit 2: the contour is oriented (else axis-parallel). Bit 3: it continues its parent
-    /// (same cell, the next of its points, as an even sample of more).
+    /// Bits 0-1: dimension of its n-tree (n = 2^dimension; 0 is a single point, 1 a line, 2 a
+    /// plane, 3 a volume). Bit 2: the contour is oriented (otherwise axis-parallel). Bit 3: the
+    /// node continues its parent (same cell, the next of its points, as an even sample of more).
     pub shape: u8,
-    /// Number of children, which stand one after the other in the table, in Morton order.
+    /// Number of children, which are contiguous in the table, in Morton order.
     pub child_count: u8,
     /// Number of levels.
     pub level_count: u8,
     /// Index of its parent, [`NONE`] for a root.
     pub parent: u32,
-    /// Index of the first child; 0 where there is none.
+    /// Index of the first child; 0 without children.
     pub first_child: u32,
     /// Points of each level, three bytes each, little-endian.
     pub level_counts: [[u8; 3]; LEVELS_MAX],
@@ -35,29 +35,31 @@ pub struct Node {
     pub contour_centre: [f32; 3],
     /// Half the contour's edges along its own axes, in the file's unit; the third is the shortest.
     pub contour_half: [f32; 3],
-    /// The contour's axes as a unit quaternion x, y, z, w, times 32767: turns its axes into the world's.
+    /// Rotation from the contour's axes to the world's: a unit quaternion x, y, z, w, times 32767.
     pub contour_rotation: [i16; 4],
-    /// Where its points lie on the contour's plane (first and second axis), 8 x 8: bit `v * 8 + u`.
+    /// Parts of the contour's plane (first and second axis) that hold points, 8 x 8: bit
+    /// `v * 8 + u`.
     pub occupancy: u64,
-    /// Typical distance of points when all of this node and its ancestors' are drawn, in the file's unit.
+    /// Typical distance of points when all points of this node and its ancestors are drawn, the
+    /// file's unit.
     pub spacing: f32,
     /// Lowest corner of the integer box of its own points: the base of hot positions.
     pub box_min: [u32; 3],
-    /// Bits a hot position drops.
+    /// Bits that a hot position drops.
     pub hot_shift: u8,
     /// Zero.
     pub reserved: [u8; 3],
     /// Bytes of its page.
     pub page_bytes: u32,
-    /// Place of its page in the file.
+    /// Offset of its page in the file, bytes.
     pub page_offset: u64,
 }
 
 const _: () = assert!(size_of::<Node>() == 144 && size_of::<Node>() + size_of::<Sides>() <= 184);
 
-/// Set in [`Node::shape`] where the contour is oriented.
+/// Bit of [`Node::shape`] for an oriented contour.
 pub const SHAPE_ORIENTED: u8 = 4;
-/// Set in [`Node::shape`] of a continuation.
+/// Bit of [`Node::shape`] for a continuation.
 pub const SHAPE_CONTINUATION: u8 = 8;
 
 impl Node {
@@ -102,7 +104,8 @@ impl Node {
         self.levels().sum()
     }
 
-    /// A box on the lattice that holds its own points, both corners included. Any bits of the record give one.
+    /// A lattice box that holds its own points, both corners included. Any bits of the record give
+    /// a box.
     pub fn own_box(&self) -> [[u32; 3]; 2] {
         let span = ((1u64 << (16 + u32::from(self.hot_shift.min(16)))) - 1) as u32;
         let cell = self.cell();
@@ -115,7 +118,7 @@ impl Node {
         self.first_child..self.first_child.saturating_add(u32::from(self.child_count))
     }
 
-    /// The contour in numbers.
+    /// The contour as numbers.
     pub fn contour(&self) -> Contour {
         let q = self.contour_rotation.map(|c| f64::from(c) / 32767.0);
         Contour {
@@ -129,15 +132,15 @@ impl Node {
 /// A box around all of a node's own points; the third axis is the shortest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contour {
-    /// Centre, from the cell's corner, in the file's unit.
+    /// Centre relative to the cell's corner, the file's unit.
     pub centre: [f64; 3],
     /// Half its edges.
     pub half: [f64; 3],
-    /// Its axes in the world, unit vectors.
+    /// Its axes in world coordinates, unit vectors.
     pub axes: [[f64; 3]; 3],
 }
 
-/// The axes (columns of the rotation matrix) of a quaternion x, y, z, w, which is normalised first.
+/// Axes (columns of the rotation matrix) of a quaternion x, y, z, w, which is normalised first.
 fn axes_of(q: [f64; 4]) -> [[f64; 3]; 3] {
     let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
     let [x, y, z, w] = if norm > 1e-6 { q.map(|c| c / norm) } else { [0.0, 0.0, 0.0, 1.0] };
@@ -148,12 +151,12 @@ fn axes_of(q: [f64; 4]) -> [[f64; 3]; 3] {
     ]
 }
 
-/// The stored quaternion of a right-handed orthonormal frame given by its axes, and the axes that the
-/// stored, rounded quaternion stands for (bounds must be taken in those).
+/// Packs a right-handed orthonormal frame, given by its axes, into the stored quaternion. Also
+/// returns the axes of the rounded quaternion: bounds must be computed in these.
 pub fn pack_rotation(axes: [[f64; 3]; 3]) -> ([i16; 4], [[f64; 3]; 3]) {
     let [a, b, c] = axes;
     let trace = a[0] + b[1] + c[2];
-    // The largest of the four components is computed first, so that nothing divides by a small number.
+    // The largest of the four components is computed first, so that no divisor is small.
     let q = if trace > 0.0 {
         let s = 2.0 * (trace + 1.0).sqrt();
         [(b[2] - c[1]) / s, (c[0] - a[2]) / s, (a[1] - b[0]) / s, s / 4.0]
@@ -171,32 +174,33 @@ pub fn pack_rotation(axes: [[f64; 3]; 3]) -> ([i16; 4], [[f64; 3]; 3]) {
     (packed, axes_of(packed.map(|c| f64::from(c) / 32767.0)))
 }
 
-/// What a node is called in a forest, a file and those that it names.
+/// Identity of a node in a forest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct NodeName {
-    /// Which tree: 0 is that of the file itself, the others follow in the order in which it names them.
+    /// Tree: 0 is that of the file itself, the others follow in the order in which it names them.
     pub tree: u16,
     /// Index in that tree's own table.
     pub index: u32,
 }
 
-/// All nodes of a tree; the root is first, parents stand before their children. Or those of several
+/// All nodes of a tree: the root is first, parents come before their children. Or those of several
 /// trees over one lattice, one tree after the other.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NodeTable {
-    /// The records.
+    /// Records.
     pub nodes: Vec<Node>,
-    /// Where the trees behind the first begin, ascending.
+    /// Indices of the roots of all trees but the first, ascending.
     pub later_roots: Vec<u32>,
-    /// The nodes' [`Sides`], of the first nodes or of all.
+    /// [`Sides`] of the nodes: of the first nodes or of all.
     pub sides: Vec<Sides>,
 }
 
-/// Which parts of a contour's sides hold points, as [`Node::occupancy`] has it for its plane: of 8 x 8 parts along
-/// the first and third axis (bit `u * 8 + w`), and along the second and third (bit `v * 8 + w`).
+/// Parts of a contour's sides that hold points, as [`Node::occupancy`] has for its plane: of 8 x 8
+/// parts along the first and third axis (bit `u * 8 + w`), and along the second and third (bit
+/// `v * 8 + w`).
 pub type Sides = [u64; 2];
 
-/// Of a node of which nothing is known.
+/// Sides of a node whose sides are unknown.
 pub const ALL_SIDES: Sides = [u64::MAX; 2];
 
 impl NodeTable {
@@ -210,31 +214,31 @@ impl NodeTable {
         size_of::<Node>() + if self.sides.is_empty() { 0 } else { size_of::<Sides>() }
     }
 
-    /// Bytes that all nodes take in memory.
+    /// Bytes of all nodes in memory.
     pub fn bytes(&self) -> usize {
         self.nodes.len() * self.bytes_a_node()
     }
 
-    /// The sides of a node; all of them where the file does not tell.
+    /// Sides of a node; all parts if the file does not have them.
     pub fn sides_of(&self, node: u32) -> Sides {
         self.sides.get(node as usize).copied().unwrap_or(ALL_SIDES)
     }
 
-    /// The root of the first tree, where there is any node.
+    /// Root of the first tree, if there is any node.
     pub fn root(&self) -> Option<&Node> {
         self.nodes.first()
     }
 
-    /// The roots of all trees that have nodes, ascending.
+    /// Roots of all trees that have nodes, ascending.
     pub fn roots(&self) -> impl Iterator<Item = u32> + Clone + '_ {
         let first = (!self.nodes.is_empty()).then_some(0);
         first.into_iter().chain(self.later_roots.iter().copied())
     }
 
-    /// Puts the nodes of another tree behind those that there are, its pages `pages_moved` bytes further on.
+    /// Appends the nodes of another tree, with its pages moved by `pages_moved` bytes.
     ///
     /// # Panics
-    /// If there are 2^32 nodes in all, or pages behind byte 2^64: whoever joins trees has asked.
+    /// If there are 2^32 nodes in all, or pages beyond byte 2^64: the caller checks that first.
     pub fn join(&mut self, tree: &Self, pages_moved: u64) {
         let base =
             u32::try_from(self.nodes.len()).expect("nodes are counted before trees are joined");

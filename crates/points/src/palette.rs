@@ -1,5 +1,6 @@
-//! Colours by number: a palette of at most 255 colours, and of any colour the entry that is nearest to it. Compact planes keep
-//! the number beside each point's position (`data-format/SPEC.md`, section 11). How palettes are trained: [`train`].
+//! Palettes of at most 255 colours, and the entry nearest to any colour. Compact planes store its
+//! index beside each point's position (`data-format/SPEC.md`, section 11). [`train`] makes
+//! palettes.
 
 pub mod train;
 
@@ -7,14 +8,14 @@ pub use train::{Histogram, Misfit};
 
 use std::sync::{Arc, OnceLock};
 
-/// Colours of a palette at most: one number is left.
+/// Greatest number of colours in a palette: one index is left.
 pub const COLOURS_MAX: usize = 255;
-/// The number of a point that has no colour.
+/// Index for a point without colour.
 pub const NO_COLOUR: u8 = 255;
 
-/// Bits of a channel by which the entries that may be nearest are listed.
+/// Bits of a channel in the grid of colours that lists the entries which may be nearest.
 const CELL_BITS: u32 = 5;
-/// Steps along the edge of such a cell.
+/// Edge of a cell of that grid, in steps of a channel.
 const CELL_EDGE: i32 = 1 << (8 - CELL_BITS);
 
 /// From 1 to [`COLOURS_MAX`] colours.
@@ -24,7 +25,8 @@ pub struct Palette {
     near: Arc<OnceLock<Near>>,
 }
 
-/// For each cell of colours the entries that any of them may be nearest to, in their order.
+/// For each cell of the grid of colours, the entries that may be nearest to any of its colours, in
+/// order.
 #[derive(Debug)]
 struct Near {
     starts: Vec<u32>,
@@ -38,23 +40,24 @@ impl PartialEq for Palette {
 }
 
 impl Palette {
-    /// Of these colours; `None` where they are none, or too many.
+    /// A palette of these colours; `None` if there are none, or too many.
     pub fn new(colours: Vec<[u8; 3]>) -> Option<Self> {
         let fits = (1..=COLOURS_MAX).contains(&colours.len());
         fits.then(|| Self { colours, near: Arc::default() })
     }
 
-    /// The colours, in the order of their numbers.
+    /// Colours in the order of their indices.
     pub fn colours(&self) -> &[[u8; 3]] {
         &self.colours
     }
 
-    /// The colour of any number; black where it has none, as of points without colour.
+    /// Colour of every index; black for indices without one, such as that of points without colour.
     pub fn table(&self) -> [[u8; 3]; 256] {
         std::array::from_fn(|i| self.colours.get(i).copied().unwrap_or_default())
     }
 
-    /// The entry nearest to a colour: the one with the least sum of squared differences of the channels, the first of several.
+    /// Entry nearest to a colour: least sum of squared differences of the channels, the first of
+    /// several.
     #[inline]
     pub fn nearest(&self, rgb: [u8; 3]) -> u8 {
         let near = self.near.get_or_init(|| Near::of(&self.colours));
@@ -85,9 +88,11 @@ fn cell_of(rgb: [u8; 3]) -> usize {
 }
 
 impl Near {
-    /// What is farther off a cell than another entry is from all of it, is nearest to none of its colours.
+    /// Lists the entries of each cell: an entry whose distance from the cell exceeds the distance
+    /// of another entry from all of the cell is nearest to none of its colours.
     fn of(colours: &[[u8; 3]]) -> Self {
-        // Squared distances of each entry from the nearest and the farthest step of each part of a channel.
+        // Squared distances of each entry from the nearest and the farthest step of each part of a
+        // channel.
         let parts: Vec<[Vec<[i32; 2]>; 3]> = (0..1 << CELL_BITS)
             .map(|part: i32| {
                 let (low, high) = (part * CELL_EDGE, part * CELL_EDGE + CELL_EDGE - 1);

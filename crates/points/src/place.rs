@@ -1,6 +1,5 @@
-//! What stands at a path where a file is asked for. Whoever opens one that was named asks first: a pipe that nobody
-//! writes to lets whoever opens it wait for ever, a device may never end. And the lock by which a file that is being
-//! written is one writer's.
+//! Tests what a path names before it is opened: a pipe without a writer blocks whoever opens it,
+//! and a device may never end. Also the lock that gives a file that is being written to one writer.
 
 use std::fs::{File, FileType, OpenOptions, TryLockError};
 use std::io;
@@ -8,10 +7,10 @@ use std::path::Path;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// What stands at `path` in place of a file, and what to do; `None` where it is a file.
+/// Message about anything but a file at `path`, with what to do; `None` if it is a file.
 ///
 /// # Errors
-/// Where nothing stands there, or the system does not say.
+/// If there is nothing at `path`, or the system refuses.
 pub fn no_file_at(path: &Path) -> io::Result<Option<&'static str>> {
     let kind = path.metadata()?.file_type();
     Ok(match kind {
@@ -38,14 +37,14 @@ fn special(_kind: FileType) -> &'static str {
     "is no file: save what it holds to a file first, and name that"
 }
 
-/// How long another writer is waited for: one that was just killed takes a moment to be gone.
+/// Longest wait for another writer: one that was just killed takes a moment to release the lock.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Opens a file for this writer alone, with what an earlier one left in it; another that has it is told by an error, by
-/// what it does (`build`).
+/// Opens a file for one writer, with the contents that an earlier writer left. `work` names the
+/// writer's task in the error of a second one (`build`).
 ///
 /// # Errors
-/// As said; where the file cannot be made.
+/// If another writer has the file, or it cannot be created.
 pub fn open_alone(path: &Path, work: &str) -> io::Result<File> {
     let start = Instant::now();
     loop {
@@ -61,19 +60,19 @@ pub fn open_alone(path: &Path, work: &str) -> io::Result<File> {
                     "another {work} is writing it; wait for its end, or choose another output"
                 )));
             }
-            // Not every file system knows locks.
+            // Not every file system supports locks.
             Err(TryLockError::Error(e)) if e.kind() != io::ErrorKind::Unsupported => return Err(e),
             _ => {}
         }
-        if stands_at(&file, path) {
+        if is_still_at(&file, path) {
             return Ok(file);
         }
     }
 }
 
-/// Whether an open file still has this name: else another writer has finished or dropped it meanwhile.
+/// Whether an open file still has this name: otherwise another writer has finished or removed it.
 #[cfg(unix)]
-fn stands_at(file: &File, path: &Path) -> bool {
+fn is_still_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
     let identity = |m: std::fs::Metadata| (m.dev(), m.ino());
     match (file.metadata(), path.metadata()) {
@@ -83,7 +82,7 @@ fn stands_at(file: &File, path: &Path) -> bool {
 }
 
 #[cfg(not(unix))]
-fn stands_at(_file: &File, _path: &Path) -> bool {
+fn is_still_at(_file: &File, _path: &Path) -> bool {
     true
 }
 
@@ -92,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_files_and_what_else_there_is_is_named() {
+    fn anything_but_a_file_is_refused_by_its_kind() {
         let folder = std::env::temp_dir();
         assert!(no_file_at(&folder).unwrap().unwrap().contains("folder"));
         let program = std::env::current_exe().unwrap();

@@ -1,32 +1,33 @@
-//! Quantised planes: hot positions and their residuals, radii, normals. One place for both directions,
+//! Quantised planes: hot positions and their residuals, radii, normals. Both directions are here,
 //! so that builder, renderer and tests agree.
 
-/// Bytes of a point in the hot position plane: three `u16`, a log-u8 radius, a zero byte.
+/// Bytes of a point in the hot position plane: three `u16`, a radius code of 8 bits, a zero byte.
 pub const HOT_POSITION_BYTES: usize = 8;
-/// The place of the zero byte. Planes of points that are filtered while they are loaded have another value
-/// there for points that are not wanted; no file has.
+/// Offset of the zero byte. Planes that are filtered while they are loaded have another value there
+/// for unwanted points; no file has.
 pub const HIDDEN_AT: usize = 7;
-/// The place of a colour's number in compact planes, which have it there instead of the zero byte.
+/// Offset of a colour's index in compact planes, in place of the zero byte.
 pub const INDEX_AT: usize = 7;
-/// Where the radius code lies in a hot position.
+/// Offset of the radius code in a hot position.
 pub const RADIUS_AT: usize = 6;
 
-/// The least number of dropped bits with which a box of this extent (steps, greatest axis) fits `u16`.
+/// The least number of dropped bits with which a box of this extent (steps, longest axis) fits
+/// `u16`.
 pub fn hot_shift(extent_steps: u32) -> u8 {
     (32 - extent_steps.leading_zeros()).saturating_sub(16) as u8
 }
 
-/// The hot coordinate of a lattice coordinate.
+/// Hot coordinate of a lattice coordinate.
 pub fn hot(c: u32, box_min: u32, shift: u8) -> u16 {
     ((c - box_min) >> shift) as u16
 }
 
-/// The dropped bits.
+/// Dropped bits of a lattice coordinate.
 pub fn residual(c: u32, box_min: u32, shift: u8) -> u16 {
     ((c - box_min) & ((1 << shift) - 1)) as u16
 }
 
-/// The lattice coordinate of hot and residual.
+/// Lattice coordinate of a hot coordinate and its residual.
 pub fn exact(q: u16, residual: u16, box_min: u32, shift: u8) -> u32 {
     box_min.wrapping_add((u32::from(q) << shift) | u32::from(residual))
 }
@@ -71,14 +72,14 @@ pub fn read_residual(plane: &[u8], index: usize, shift: u8) -> [u16; 3] {
     }
 }
 
-/// The most by which a code's radius exceeds its own, as a share; of radii from 1/256 to 245 spacings, to which codes are
-/// bounded.
+/// Greatest relative excess of a code's radius over the exact one, for radii from 1/256 to 245
+/// spacings, to which codes are limited.
 pub const RADIUS_ERROR: f64 = 0.0444;
-/// The most by which a code's normal is turned, degrees.
+/// Greatest rotation of a normal by its code, degrees.
 pub const NORMAL_ERROR_DEGREES: f64 = 0.004;
 
-/// The radius code of a radius: sixteenths of a power of two about the node's spacing, rounded up (a
-/// covering radius must not shrink).
+/// Code of a radius: sixteenths of an octave relative to the node's spacing, rounded up (a covering
+/// radius must not shrink).
 pub fn radius_code(radius: f64, spacing: f64) -> u8 {
     if !(radius > 0.0 && spacing > 0.0) {
         return 0;
@@ -86,13 +87,13 @@ pub fn radius_code(radius: f64, spacing: f64) -> u8 {
     ((radius / spacing).log2() * 16.0 + 128.0 - 1e-9).ceil().clamp(0.0, 255.0) as u8
 }
 
-/// The radius that a code stands for, in units of the node's spacing.
+/// Radius of a code, in units of the node's spacing.
 pub fn radius_factor(code: u8) -> f32 {
     ((f32::from(code) - 128.0) / 16.0).exp2()
 }
 
-/// A unit vector as two `i16` on the octahedron (Meyer et al. 2010, On floating-point normal vectors).
-/// A zero or non-finite vector gives (-32768, -32768), which [`oct_decode`] returns as zero.
+/// Encodes a unit vector as two `i16` on the octahedron (meyer2010). A zero or non-finite vector
+/// gives (-32768, -32768), which [`oct_decode`] returns as zero.
 pub fn oct_encode(n: [f32; 3]) -> [i16; 2] {
     let sum = n[0].abs() + n[1].abs() + n[2].abs();
     if !(sum > 0.0 && sum.is_finite()) {
@@ -107,14 +108,14 @@ pub fn oct_encode(n: [f32; 3]) -> [i16; 2] {
     folded.map(|c| (c * 32767.0).round() as i16)
 }
 
-/// The unit vector of an octahedral code; zero for "none".
+/// Unit vector of an octahedral code; zero for "none".
 pub fn oct_decode(code: [i16; 2]) -> [f32; 3] {
     let [x, y, z] = oct_direction(code);
     let norm = (x * x + y * y + z * z).sqrt();
     if norm == 0.0 { [0.0; 3] } else { [x / norm, y / norm, z / norm] }
 }
 
-/// The direction of an octahedral code, not of unit length: enough to tell sides. Zero for "none".
+/// Direction of an octahedral code, not of unit length: enough to determine sides. Zero for "none".
 pub fn oct_direction(code: [i16; 2]) -> [f32; 3] {
     if code == [i16::MIN; 2] {
         return [0.0; 3];
@@ -164,7 +165,7 @@ mod tests {
         }
 
         #[test]
-        fn normals_turn_by_no_more_than_is_said(v in [-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0]) {
+        fn normals_turn_by_no_more_than_the_bound(v in [-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0]) {
             let norm = v.iter().map(|c| c * c).sum::<f32>().sqrt();
             prop_assume!(norm > 1e-3);
             let n = v.map(|c| c / norm);

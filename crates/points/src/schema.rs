@@ -1,17 +1,17 @@
-//! The attribute schema of a source or a file, the classes of points in a file whose sources
-//! differ, and the question whether 16-bit colour fields hold 8-bit values.
+//! Attribute schema of a source or a file, classes of points in a file whose sources differ, and
+//! the depth of 16-bit colour fields.
 
 use crate::attribute::{AttrType, Attribute, names};
 use crate::hash::layout_seed;
 use serde::{Deserialize, Serialize};
 
-/// Relative difference of scales that counts as none: what rounding makes of a decimal number.
+/// Relative difference below which scales count as equal: the rounding of a decimal number.
 const SCALE_NOISE: f64 = 1e-12;
 
 /// Attributes in canonical order: by name, then type; no two alike.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Schema {
-    /// The attributes.
+    /// Attributes.
     pub attributes: Vec<Attribute>,
 }
 
@@ -19,8 +19,9 @@ pub struct Schema {
 const SCAN_ANGLE_STEP: f64 = 0.006;
 
 impl Schema {
-    /// What stored values of an attribute are multiplied by to be shown: its scale, and for the scan angles of LAS point formats 6 to
-    /// 10, which stand beside that format's bits, their step. (Another format may have degrees by that name.)
+    /// Factor from stored to displayed values of an attribute: its scale, or the step of scan
+    /// angles of LAS point formats 6 to 10. These are recognised by the bit fields of that format,
+    /// since another format may have degrees under that name.
     pub fn shown_scale(&self, attribute: usize) -> f64 {
         let attribute = &self.attributes[attribute];
         let bits = [names::RETURNS, names::FLAGS];
@@ -33,8 +34,8 @@ impl Schema {
         }
     }
 
-    /// Sorts into canonical order. Of two attributes of equal name and type the later one gets a
-    /// number behind its name, so that nothing is lost.
+    /// Sorts into canonical order. The later of two attributes of equal name and type gets a number
+    /// appended to its name, so that nothing is lost.
     pub fn new(mut attributes: Vec<Attribute>) -> Self {
         let mut seen = std::collections::HashSet::new();
         for a in &mut attributes {
@@ -49,7 +50,7 @@ impl Schema {
         Self { attributes }
     }
 
-    /// Index of the attribute of this name, of the first type where there are several.
+    /// Index of the attribute of this name, of the first type if there are several.
     pub fn find(&self, name: &str) -> Option<usize> {
         self.attributes.iter().position(|a| a.name == name)
     }
@@ -64,8 +65,9 @@ impl Schema {
         self.attributes.iter().map(|a| a.ty.size()).sum()
     }
 
-    /// The first attribute that another schema has under the same name and type, but whose stored values mean others: with another scale
-    /// or offset. Both cannot be kept under one name.
+    /// The first attribute that another schema has under the same name and type, but with another
+    /// scale or offset, so that stored values differ in meaning. Both cannot be kept under one
+    /// name.
     pub fn conflict<'a>(&'a self, other: &'a Self) -> Option<[&'a Attribute; 2]> {
         let is_near = |a: f64, b: f64| a == b || (a - b).abs() <= a.abs() * SCALE_NOISE;
         self.attributes.iter().find_map(|own| {
@@ -84,8 +86,8 @@ impl Schema {
         Self::new(all)
     }
 
-    /// Indices of red, green, blue where all three are there with one type, `u8` or `u16`
-    /// (16-bit first where both are).
+    /// Indices of red, green, blue if all three exist with one type, `u8` or `u16` (16-bit first if
+    /// both do).
     pub fn rgb(&self) -> Option<[usize; 3]> {
         [AttrType::U16, AttrType::U8].into_iter().find_map(|ty| {
             Some([
@@ -96,7 +98,7 @@ impl Schema {
         })
     }
 
-    /// Indices of nx, ny, nz where all three are there as `f32`.
+    /// Indices of nx, ny, nz if all three exist as `f32`.
     pub fn normals(&self) -> Option<[usize; 3]> {
         Some([
             self.find_typed(names::NX, AttrType::F32)?,
@@ -105,7 +107,7 @@ impl Schema {
         ])
     }
 
-    /// Indices of the attributes of clip lines, where all are there: their number, and the ends of both.
+    /// Indices of the attributes of clip lines, if all exist: their number, and the ends of both.
     pub fn clip_lines(&self) -> Option<(usize, [[usize; 3]; 4])> {
         let number = self.find_typed(names::CLIP, AttrType::U8)?;
         let mut ends = [[0; 3]; 4];
@@ -116,7 +118,7 @@ impl Schema {
     }
 }
 
-/// What the 16-bit colour fields of a source hold.
+/// Contents of the 16-bit colour fields of a source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ColourDepth {
@@ -126,13 +128,14 @@ pub enum ColourDepth {
     Eight,
 }
 
-/// Points of one set of attributes. A file whose sources all have the same has one class; else a
-/// plane tells the class of each point, and absent values are known as absent.
+/// Points with one set of attributes. A file whose sources all have the same attributes has one
+/// class; otherwise a plane has the class of each point, so that absent values are known to be
+/// absent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointClass {
-    /// Which attributes of the file's schema its points have, ascending indices.
+    /// Attributes of the file's schema that its points have, ascending indices.
     pub present: Vec<u16>,
-    /// What its 16-bit colour fields hold.
+    /// Contents of its 16-bit colour fields.
     pub colour_depth: ColourDepth,
 }
 

@@ -1,11 +1,12 @@
-//! Levels and strata: how many points a prefix of a node may have. A level of `n` points is cut into
-//! 16 strata; stratum `s` holds the points whose index in the level's Morton order is congruent to the
-//! bit-reversed `s` modulo 16, so its size follows from `n` alone. Prefixes are whole strata.
+//! Levels and strata: the possible lengths of a node's prefix. A level of `n` points is divided
+//! into 16 strata; stratum `s` holds the points whose index in the level's Morton order is
+//! congruent to the bit-reversed `s` modulo 16, so its size follows from `n` alone. Prefixes are
+//! whole strata.
 
-/// Strata a level is cut into.
+/// Strata of a level.
 pub const STRATA: usize = 16;
 
-/// The residue modulo [`STRATA`] that stratum `s` holds: `s` with its four bits reversed.
+/// Residue modulo [`STRATA`] of the points in stratum `s`: `s` with its four bits reversed.
 pub const fn residue(s: usize) -> usize {
     ((s & 1) << 3) | ((s & 2) << 1) | ((s & 4) >> 1) | ((s & 8) >> 3)
 }
@@ -15,8 +16,8 @@ pub const fn stratum_len(n: usize, s: usize) -> usize {
     (n + STRATA - 1 - residue(s)) / STRATA
 }
 
-/// The smallest prefix of whole strata with at least `wanted` points; all points where `wanted` is
-/// more than there are. `levels` are the counts of the node's levels.
+/// The smallest prefix of whole strata with at least `wanted` points; all points if there are
+/// fewer. `levels` are the counts of the node's levels.
 pub fn prefix_at_least(levels: impl IntoIterator<Item = usize>, wanted: usize) -> usize {
     let mut have = 0;
     if wanted == 0 {

@@ -1,6 +1,7 @@
-//! The shapes of splats as files keep them: four bytes a point tell which way it is elongated, how far apart points are that
-//! way, and how much farther than on the average. A splat is then an ellipse in its tangent plane; a coarser sample is as
-//! far apart in all directions, so that its splats are discs again ([`Shape::half_axes`]).
+//! Shapes of splats as files store them: four bytes a point for the direction of elongation, the
+//! distance of points along it, and the aspect, which is that distance over the mean distance. A
+//! splat is then an ellipse in its tangent plane; points of a coarser sample are equally far apart
+//! in all directions, so their splats are discs again ([`Shape::half_axes`]).
 
 /// Bytes of a point's shape.
 pub const TANGENT_BYTES: usize = 4;
@@ -8,39 +9,42 @@ pub const TANGENT_BYTES: usize = 4;
 const AXIS_STEPS: f32 = 127.0;
 /// Steps of an octave of aspects: the greatest is just under [`ASPECT_MAX`].
 const ASPECT_STEPS: f32 = 128.0;
-/// Long half axis over that of a disc as large, at most.
+/// Greatest ratio of the long half axis to the radius of a disc of equal area.
 pub const ASPECT_MAX: f32 = 4.0;
 
-/// The most by which a code's axis is turned, degrees.
+/// Greatest rotation of an axis by its code, degrees.
 pub const AXIS_ERROR_DEGREES: f64 = 0.7;
-/// The most by which a code's distance of points is off, as a share; of distances from 1/256 to 245 spacings, to which codes
-/// are bounded.
+/// Greatest relative error of a code's distance of points, for distances from 1/256 to 245
+/// spacings, to which codes are limited.
 pub const APART_ERROR: f64 = 0.022;
-/// The most by which a code's aspect is off, as a share.
+/// Greatest relative error of a code's aspect.
 pub const ASPECT_ERROR: f64 = 0.006;
 
-/// How much wider splats are than the symmetric cells that shapes are told by, which are smaller than the points' own.
+/// Widening of splats against the symmetric cells that shapes are estimated from, which are smaller
+/// than the points' own cells.
 pub const ROOM: f32 = 1.1;
-/// Least share of a disc's radius that an ellipse is as large as. Radii are those of cells of eight points, which lines fill
-/// unevenly: 1.4 times the mean distance of points in lines four times as far apart as their points.
+/// Least ratio of an ellipse's size to the disc's radius. Radii are those of cells of eight points,
+/// which lines fill unevenly: 1.4 times the mean distance if lines are four times as far apart as
+/// their points.
 pub const LEAST: f32 = 0.7;
-/// Radius over a shape's own from which a sample counts as coarser than the points that the shape was told by; one more,
-/// and it is.
+/// Ratio of the radius to the shape's own at which a sample begins to count as coarser than the
+/// points that the shape was estimated from; at one more, it does so fully.
 pub const COARSER: f32 = 2.0;
 
 /// The shape of a splat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shape {
-    /// Direction of the long axis, unit length; either way round, and not quite in the tangent plane.
+    /// Direction of the long axis, unit length, of either sign, and not exactly in the tangent
+    /// plane.
     pub along: [f32; 3],
-    /// How far apart points are along it, the file's unit.
+    /// Distance of points along it, the file's unit.
     pub apart: f32,
-    /// That over how far apart they are on the average, from 1 to [`ASPECT_MAX`].
+    /// That distance over the mean distance, from 1 to [`ASPECT_MAX`].
     pub aspect: f32,
 }
 
 impl Shape {
-    /// Its code, for a point of a node of this spacing. Round ones are all alike.
+    /// Its code, for a point of a node with this spacing. Round shapes have one code.
     pub fn code(&self, spacing: f32) -> [u8; TANGENT_BYTES] {
         let aspect = (self.aspect.max(1.0).log2() * ASPECT_STEPS).round().min(255.0) as u8;
         if aspect == 0 {
@@ -48,11 +52,12 @@ impl Shape {
         }
         let [x, y] = axis_code(self.along).map(i8::cast_unsigned);
         let apart = (self.apart / spacing).log2() * 16.0 + 128.0;
-        // `as` saturates, and takes what is no number for 0.
+        // `as` saturates, and maps a value that is not a number to 0.
         [x, y, apart.round() as u8, aspect]
     }
 
-    /// The shape of a code; any four bytes are one. `factors` are those of [`crate::quant::radius_factor`].
+    /// The shape of a code; any four bytes give one. `factors` are those of
+    /// [`crate::quant::radius_factor`].
     #[inline]
     pub fn of_code(code: [u8; TANGENT_BYTES], spacing: f32, factors: &[f32; 256]) -> Self {
         let [x, y, apart, aspect] = code;
@@ -63,9 +68,10 @@ impl Shape {
         }
     }
 
-    /// Half axes, long and short, of a splat `factor` times as wide as points are apart, that is drawn as a disc of this
-    /// radius where it has no shape. Where the radius shows that all points there are drawn, they are this shape's; points
-    /// of a coarser sample are as far apart across the long axis as along it, so that it is a disc.
+    /// Half axes, long and short, of a splat `factor` times as wide as points are apart, which
+    /// would be a disc of `radius` without a shape. If the radius shows that all points there are
+    /// drawn, they are this shape's; points of a coarser sample are as far apart across the long
+    /// axis as along it, so the result is a disc.
     #[inline]
     pub fn half_axes(&self, radius: f32, factor: f32) -> [f32; 2] {
         let apart = self.apart * factor * ROOM;
@@ -77,13 +83,14 @@ impl Shape {
     }
 }
 
-/// The aspect of its code.
+/// Aspect of its code.
 #[inline]
 pub fn aspect_of(code: u8) -> f32 {
     (f32::from(code) / ASPECT_STEPS).exp2()
 }
 
-/// A direction, either way round, as two bytes: a hemisphere's octahedron, turned by half a right angle, fills the square.
+/// A direction, of either sign, as two bytes: a hemisphere's octahedron, rotated by 45 degrees,
+/// fills the square.
 pub fn axis_code(along: [f32; 3]) -> [i8; 2] {
     let sum = along[0].abs() + along[1].abs() + along[2].abs();
     if !(sum > 0.0 && sum.is_finite()) {
@@ -94,7 +101,7 @@ pub fn axis_code(along: [f32; 3]) -> [i8; 2] {
     [x + y, x - y].map(|c| (c * AXIS_STEPS).round() as i8)
 }
 
-/// The direction of its code, unit length.
+/// Direction of its code, unit length.
 #[inline]
 pub fn axis_of(code: [i8; 2]) -> [f32; 3] {
     let [u, v] = code.map(|c| (f32::from(c) / AXIS_STEPS).max(-1.0));

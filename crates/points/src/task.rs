@@ -1,21 +1,22 @@
-//! What long work tells and asks while it runs: phases, how far it is, and whether to stop.
+//! Progress of long work: phases, how much is done, and cancellation.
 
 use std::fmt;
 
-/// Told by long work, implemented by whoever shows progress. Calls are cheap and come from any
-/// thread.
+/// Receives the progress of long work; implemented by whoever displays it. Calls are cheap and come
+/// from any thread.
 pub trait Task: Sync {
-    /// A new phase begins: its name, and how much there is to do, where known.
+    /// Begins a phase: its name, and the amount of work if it is known.
     fn phase(&self, _name: &str, _total: Option<u64>, _unit: &'static str) {}
-    /// So much more of the phase is done.
+    /// Adds to the work done in the phase.
     fn advance(&self, _by: u64) {}
-    /// Something the user should know, in one line.
+    /// Passes on a message to the user, in one line.
     fn note(&self, _line: &str) {}
-    /// Whether the user wants to stop. Long work asks at least every few hundred milliseconds.
+    /// Whether the user wants to stop. Long work tests this at least every few hundred
+    /// milliseconds.
     fn is_cancelled(&self) -> bool {
         false
     }
-    /// `Err` where the user wants to stop.
+    /// Returns an error if the user wants to stop.
     ///
     /// # Errors
     /// [`Cancelled`].
@@ -36,6 +37,6 @@ impl fmt::Display for Cancelled {
 
 impl std::error::Error for Cancelled {}
 
-/// Shows nothing and never stops: for tests and short work.
+/// Displays nothing and never stops: for tests and short work.
 pub struct Silent;
 impl Task for Silent {}

@@ -1,5 +1,6 @@
-//! Million splats a second by EWA splatting, as table 1 of zwicker2004: splats of a constant size in the picture,
-//! nine pixels in the mean, all facing the viewer and in view. One pass and three; linear in their number.
+//! Measures millions of splats per second by EWA splatting, as table 1 of `zwicker2004`: splats of
+//! a constant size in the picture, nine pixels on average, all facing the viewer and in view, in
+//! one pass and in three. The time should be linear in their number.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a measurement")]
 
 #[path = "../tests/scene/mod.rs"]
@@ -27,13 +28,13 @@ fn main() {
 
 fn measure([width, height]: [u32; 2], passes: Passes, side: usize) {
     let view = View::look_at(DVec3::NEG_Y * 4.0, DVec3::ZERO, DVec3::Z, 0.6, width, height);
-    // A wall that just fills the height, and the width too.
+    // A wall that just fills the picture.
     let half = 4.0 * 0.3f64.tan() * 0.98;
     let (u, v) =
         (DVec3::X * half * 2.0 * f64::from(width) / f64::from(height), DVec3::Z * half * 2.0);
     let mut renderer = Renderer::default();
     renderer.ewa.options.passes = passes;
-    // The ellipse's area with the low-pass is nine pixels.
+    // The area of an ellipse with the low-pass is nine pixels.
     let cutoff = f64::from(renderer.ewa.options.cutoff);
     let radius_px = (9.0 / std::f64::consts::PI - cutoff * cutoff).sqrt();
     let radius = radius_px * 4.0 / view.focal_px();

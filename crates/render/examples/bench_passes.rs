@@ -1,6 +1,7 @@
-//! Milliseconds a pass at 1024 x 1024: `bench_passes [RUNS [least]]` draws a generated terrain of 1 and 5
-//! million points (nodes of 65,536 in Morton order, residuals, colours, with and without normals) and
-//! prints medians (or the least). Say with the figures which machine they are from.
+//! Measures milliseconds a pass at 1024 x 1024 pixels: `bench_passes [RUNS [least]]` draws a
+//! generated terrain of 1 and 5 million points (nodes of 65,536 in Morton order, residuals,
+//! colours, with and without normals) and prints medians, or least times. Publish the numbers with
+//! the machine that they were measured on.
 
 #[allow(dead_code, reason = "shared with the tests, which use more of it")]
 #[path = "../tests/scene/mod.rs"]
@@ -17,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let what = if least { "least" } else { "median" };
     println!("{} threads, {what} of {runs}", rayon::current_num_threads());
     println!(
-        "points   method     normals  project  gather   pull   push   holes  shade smooth  total   covered"
+        "points   method     normals  project  gather   pull   push   holes  shade     aa  total   covered"
     );
     for side in [1000, 2236] {
         let scene = terrain(side);
@@ -41,9 +42,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 renderer.render_into(&frame, &mut picture)?;
                 stages.push(picture.stats.stages);
             }
-            // The first frame pays for fresh memory.
+            // The first frame allocates memory.
             let stages = &stages[1..];
-            // The median, and for a machine with other work the least.
+            // The median; the least time on a machine with other load.
             let pick = |of: fn(&Stages) -> f64| {
                 let mut all: Vec<f64> = stages.iter().map(of).collect();
                 all.sort_by(f64::total_cmp);
@@ -69,7 +70,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Hills a kilometre wide at 10^6 m from the lattice's middle.
+/// Hills, a kilometre wide.
 fn terrain(side: usize) -> Scene {
     let mut dice = Dice(3);
     let height = |x: f64, y: f64| {

@@ -1,6 +1,7 @@
-//! Compute tiles against instanced quads for EWA splatting on a GPU: the same splats of nine pixels, blended by both. Quads are the
-//! passes of zwicker2004 section 6 as hardware draws them: a quad a splat, visibility by a depth test on what fragments write,
-//! attributes added up by blending, into targets of 16 bits a number and, where the device can, of 32.
+//! Compares compute tiles with instanced quads for EWA splatting on a GPU, on the same splats of
+//! nine pixels. Quads do the passes of `zwicker2004`, section 6, with fixed-function hardware: a
+//! quad a splat, visibility by a depth test on the depth that fragments write, attributes summed by
+//! blending into targets of 16 bits a component and, if the device supports it, of 32.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a measurement")]
 
 #[path = "../tests/gpu/mod.rs"]
@@ -10,9 +11,9 @@ mod gpu;
 mod scene;
 
 use esker_lod::View;
-use esker_render::ewa::splat::{Disc, Lens, Placed};
+use esker_render::ewa::splat::{Disc, Lens, Placement};
 use esker_render::gpu::wgpu::{self, BufferUsages, Features, TextureFormat, util::DeviceExt};
-use esker_render::gpu::{GpuRenderer, Request};
+use esker_render::gpu::{GpuRenderer, GpuRequest};
 use esker_render::inputs::camera::Camera;
 use esker_render::{Frame, Method, Pass};
 use glam::{DVec3, Vec2, Vec3};
@@ -60,12 +61,12 @@ fn attributes(in: Corner) -> Sums {
 ";
 
 fn main() {
-    let request = Request { allow_software: true, ..Request::default() };
+    let request = GpuRequest { allow_software: true, ..GpuRequest::default() };
     for side in [316, 806] {
         let view = View::look_at(DVec3::NEG_Y * 4.0, DVec3::ZERO, DVec3::Z, 0.6, SIZE, SIZE);
         let half = 4.0 * 0.3f64.tan() * 0.98;
         let (u, v) = (DVec3::X * half * 2.0, DVec3::Z * half * 2.0);
-        // With the low-pass nine pixels.
+        // Nine pixels with the low-pass.
         let radius_px = (9.0 / std::f64::consts::PI - f64::from(CUTOFF * CUTOFF)).sqrt();
         let radius = radius_px * 4.0 / view.focal_px();
         let points = sheet(&mut Dice(7), (u + v) * -0.5, u, v, side, [200, 120, 60]);
@@ -99,7 +100,8 @@ fn main() {
     }
 }
 
-/// Milliseconds of both passes, of ready-made splats.
+/// Milliseconds of both passes, for splats that are already projected; `None` if the device cannot
+/// blend `format`.
 fn quads(
     frame: &Frame<'_>,
     points: &[scene::ScenePoint],
@@ -117,7 +119,7 @@ fn quads(
     let (mut splats, mut boxes) = (Vec::<u8>::new(), Vec::<u8>::new());
     for p in points {
         let at = Vec3::new(p.at.x as f32, -p.at.z as f32, (p.at.y + 4.0) as f32);
-        let Placed::Drawn(s, b) = Disc::round(at, Vec3::NEG_Z, radius).place(&lens) else {
+        let Placement::Drawn(s, b) = Disc::round(at, Vec3::NEG_Z, radius).place(&lens) else {
             continue;
         };
         let (form, z) = (s.form, s.inverse_depth);

@@ -1,5 +1,6 @@
-//! Plots the worst relative error of a projected splat's conic in `f32`, by its condition number: `ewa_error OUT.svg`.
-//! A million splats and views, extreme ones included, against `f64`.
+//! Plots the worst relative error of the conic of a projected splat in `f32` over its condition
+//! number: `ewa_error OUT.svg`. Compares a million splats and views, extreme ones included, with
+//! `f64`.
 #![allow(clippy::print_stdout, reason = "a measurement")]
 
 #[allow(dead_code, reason = "shared with tests, which use more of it")]
@@ -9,13 +10,13 @@ mod exact;
 #[path = "../tests/scene/mod.rs"]
 mod scene;
 
-use esker_render::ewa::splat::Placed;
+use esker_render::ewa::splat::Placement;
 use std::fmt::Write;
 
-/// Bins of a decade of the condition number, and decades.
+/// Bins a decade of the condition number, and number of decades.
 const FINE: usize = 4;
 const DECADES: usize = 6;
-/// Pixels of a decade of the condition number and of the error.
+/// Pixels a decade of the condition number, and of the error.
 const WIDE: usize = 90;
 const HIGH: usize = 40;
 
@@ -25,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut worst = [0f64; FINE * DECADES];
     for _ in 0..1_000_000 {
         let (disc, lens) = exact::case(&mut dice);
-        let Placed::Drawn(splat, _) = disc.place(&lens) else { continue };
+        let Placement::Drawn(splat, _) = disc.place(&lens) else { continue };
         if splat.is_by_rays() {
             continue;
         }

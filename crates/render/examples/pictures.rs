@@ -1,5 +1,5 @@
-//! Draws synthetic scenes with and without normals, for the eye: `pictures FOLDER` writes PNG files;
-//! with `ESKER_DATA` set, the bunny too.
+//! Draws synthetic scenes with and without normals, to be looked at: `pictures FOLDER` writes PNG
+//! files. With `ESKER_DATA` set it draws the bunny too.
 
 #[allow(dead_code, reason = "shared with the tests, which use more of it")]
 #[path = "../tests/scene/mod.rs"]
@@ -52,7 +52,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// A sphere on a floor before two walls, and a small sphere in front; one point in `1/points` of it.
+/// A sphere on a floor before two walls, and a small sphere in front. The number of points of each
+/// part follows from `points`.
 fn still_life(points: usize) -> Scene {
     let mut dice = Dice(7);
     let side = (points as f64 / 3.0).sqrt() as usize;
@@ -82,7 +83,7 @@ fn still_life(points: usize) -> Scene {
     ));
     all.extend(sphere(&mut dice, DVec3::new(0.2, 0.2, 1.0), 1.0, points, [220, 170, 60]));
     all.extend(sphere(&mut dice, DVec3::new(1.3, -1.2, 0.35), 0.35, points / 8, [90, 170, 90]));
-    // Random points leave larger gaps than even ones: the radius covers them.
+    // Random points leave larger gaps than even samples, which the radius covers.
     let spacing = 4.0 / side as f64;
     Scene::new(&all, 1e-4, spacing, spacing * 1.42, 1 << 15)
 }

@@ -1,6 +1,6 @@
-//! Measures surfaces against analytic scenes: `surface_quality FOLDER [SCENE...]` writes `surfaces.json` (a row a scene,
-//! density and kind of sample, with normals and without, as published and as drawn), `bleeding.json`, and a plot of
-//! each. Wall times are not measured here.
+//! Measures the quality of surfaces on analytic scenes: `surface_quality FOLDER [SCENE...]` writes
+//! `surfaces.json` (a row for each scene, density and kind of sample, with and without normals, as
+//! published and as drawn), `bleeding.json`, and a plot of each. Times are not measured.
 
 #[path = "surface_quality/plots.rs"]
 mod plots;
@@ -18,12 +18,13 @@ use truth::measure::{Cloud, Errors, Image};
 use truth::sample::{Kind, sample};
 use truth::{Truth, walls, walls_view};
 
-/// Points a pixel.
+/// Points per pixel.
 const DENSITIES: [f64; 7] = [0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0];
 const SIDE: u32 = 128;
-/// Frames of a slow way around, and how far a place on the surface moves between two of them, pixels.
+/// Frames of a slow orbit, and distance in pixels by which a point of the surface moves from one to
+/// the next.
 const WAY: (usize, f64) = (4, 0.25);
-/// Ways of drawing: their names, whether with normals, and whether as published.
+/// Ways of drawing: name, with normals, with the published depth intervals.
 const WAYS: [(&str, bool, bool); 4] = [
     ("normals", true, false),
     ("without normals", false, false),
@@ -31,7 +32,7 @@ const WAYS: [(&str, bool, bool); 4] = [
     ("without normals, published intervals", false, true),
 ];
 
-/// What one way of drawing made of a sample.
+/// Errors of one way of drawing a sample.
 struct Row {
     scene: &'static str,
     density: f64,
@@ -66,7 +67,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn measure(scene: &'static str, truth: &Truth, view: &View, density: f64, kind: Kind) -> Vec<Row> {
     let cloud = Cloud::of(truth, view, density, kind, &mut Dice(17));
     let image = Image::new(truth, view);
-    // Only these turn about the origin.
+    // Only these scenes lie around the origin, which the orbit turns about.
     let turns = ["sphere", "cube", "torus"].contains(&scene) && kind == Kind::Poisson;
     let row = |(way, (_, normals, published)): (usize, &(&str, bool, bool))| {
         let drawn = match published {
@@ -106,7 +107,8 @@ impl Row {
     }
 }
 
-/// A panel a scene and error: Poisson-disk samples, a curve a way of drawing.
+/// One panel for each scene and error, with Poisson-disk samples and a curve for each way of
+/// drawing.
 fn panels(rows: &[Row]) -> Vec<Vec<Panel>> {
     type Error = (&'static str, fn(&Row) -> Option<f64>);
     const ERRORS: [Error; 7] = [
@@ -132,8 +134,8 @@ fn panels(rows: &[Row]) -> Vec<Vec<Panel>> {
     scenes.iter().map(|scene| ERRORS.iter().map(|&e| panel(scene, e)).collect()).collect()
 }
 
-/// Shares of the pixels that show the far one of two walls, over the gap's ratio to the radius, as passes draw them and
-/// with the published intervals.
+/// Writes the shares of pixels that show the farther one of two walls, over the ratio of gap and
+/// radius, as drawn and with the published intervals.
 fn bleeding(out: &std::path::Path) -> Result<(), Box<dyn std::error::Error>> {
     const RATIOS: [f64; 8] = [0.25, 0.5, 0.75, 1.05, 1.5, 2.0, 3.0, 5.0];
     let (gap, mut rows, mut panels) = (0.01, Vec::new(), Vec::new());

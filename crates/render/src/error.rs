@@ -1,28 +1,28 @@
-//! Why no picture could be drawn. Points and planes never cause an error: any bits are a harmless
-//! picture. Only the view can ask for what cannot be.
+//! The error of a frame. Points and planes never cause an error: any bits are drawn as a harmless
+//! picture. Only a view can be invalid.
 
-/// Why no picture could be drawn.
+/// Reason why a picture cannot be drawn.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RenderError {
-    /// No pixels, or more than the passes are made for.
+    /// The picture has no pixels, or more than the passes support.
     #[error(
         "a picture of {width} x {height} pixels cannot be drawn; give 1 to {side} on each side and at \
          most {pixels} in all"
     )]
     Size {
-        /// Width asked for.
+        /// Width of the view, pixels.
         width: u32,
-        /// Height asked for.
+        /// Height of the view, pixels.
         height: u32,
         /// Most pixels on a side.
         side: u32,
         /// Most pixels in all.
         pixels: u64,
     },
-    /// An eye, direction, field of view or near plane that is no usable number.
+    /// The eye, direction, field of view or near plane of the view is not usable.
     #[error("the camera's {what} is no usable number; give a finite eye, target and field of view")]
     Camera {
-        /// Which value.
+        /// Name of the value.
         what: &'static str,
     },
 }

@@ -1,52 +1,55 @@
-//! What a frame is made from, and what comes out: the view, the nodes to draw with the planes that
-//! they bring, how to colour them, and the picture with its counts and times. Plain borrowed data.
+//! Input and output of a frame: the view, the nodes to draw with their planes and the settings; the
+//! picture with its counts and times. Plain data that borrows its planes.
 
 use crate::inputs::colour::ColourBy;
-use crate::plan::Pass;
+use crate::pass::Pass;
 use esker_lod::{CompactOctree, View};
 use esker_points::{AttrType, Lattice, Node};
 use std::time::Duration;
 
 /// Most pixels on a side of a picture.
 pub const SIDE_MAX: u32 = 16_384;
-/// Most pixels of a picture: the passes hold about 90 bytes a pixel.
+/// Most pixels of a picture. The passes need about 90 bytes a pixel.
 pub const PIXELS_MAX: u64 = 1 << 26;
 
-/// One node of the cut, with the planes that the frame needs: their bytes, or their place on a GPU. Planes shorter than the prefix end the
-/// prefix; any bits in them are drawn harmlessly.
+/// A node of the cut with the planes that the frame needs: their bytes, or their addresses on a
+/// GPU. A plane that is shorter than the prefix ends the prefix; any bits in planes are drawn
+/// harmlessly.
 #[derive(Clone, Copy, Debug)]
 pub struct DrawNode<'a, P = &'a [u8]> {
-    /// Its record.
+    /// Record of the node.
     pub node: &'a Node,
-    /// Its place in the list of drawn nodes that the frame's octree was made from.
+    /// Index of the node in the list of drawn nodes that the octree of the frame was made from.
     pub entry: usize,
-    /// How many of its points are drawn, from the first.
+    /// Number of its points that are drawn, from the first.
     pub prefix: usize,
     /// Hot positions, [`esker_points::quant::HOT_POSITION_BYTES`] a point.
     pub position: P,
-    /// Dropped bits of the positions, where they are at hand ([`esker_points::quant::residual_bytes`]
-    /// a point); without them points are drawn at mid-step.
+    /// Bits that hot positions drop ([`esker_points::quant::residual_bytes`] a point). Without
+    /// them, points are drawn in the middle of their step.
     pub residual: Option<P>,
-    /// What colours come from.
+    /// Plane that colours are computed from.
     pub colour: ColourPlane<P>,
     /// Octahedral normals, two little-endian `i16` a point.
     pub normal: Option<P>,
     /// Clip lines of splats, [`esker_points::clip::CLIP_BYTES`] a point.
     pub clip: Option<P>,
-    /// Shapes of splats, [`esker_points::tangents::TANGENT_BYTES`] a point; discs without them.
+    /// Shapes of splats, [`esker_points::tangents::TANGENT_BYTES`] a point; without them splats are
+    /// discs.
     pub tangents: Option<P>,
 }
 
-/// The plane that a node's colours come from.
+/// The plane that the colours of a node are computed from.
 #[derive(Clone, Copy, Debug)]
 pub enum ColourPlane<P> {
-    /// None: the plain colour, or what needs no plane (elevation, depth ...).
+    /// No plane: for colours that need none (plain, elevation, depth ...).
     None,
     /// Red, green, blue (sRGB) and an unused byte a point.
     Rgba(P),
-    /// The last bytes of the positions, numbers of [`ColourBy::Codes`] ([`esker_points::quant::INDEX_AT`]).
+    /// The last bytes of hot positions, which are numbers of [`ColourBy::Codes`]
+    /// ([`esker_points::quant::INDEX_AT`]).
     Indexed,
-    /// One value a point, little-endian; coloured as [`ColourBy`] says.
+    /// One value a point, little-endian, mapped by [`ColourBy`].
     Scalar {
         /// The values.
         bytes: P,
@@ -58,21 +61,21 @@ pub enum ColourPlane<P> {
 /// How points become a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Method {
-    /// One pixel a point, colours as they are.
+    /// One pixel a point, without lighting.
     Points,
-    /// Surfaces closed by pull-push interpolation and lit (marroquim2007).
+    /// Surfaces closed by pull-push interpolation, and lit (`marroquim2007`).
     #[default]
     PullPush,
-    /// Splats of exact perspective shape, filtered and blended (zwicker2004).
+    /// Splats of exact perspective shape, filtered and blended (`zwicker2004`).
     Ewa,
 }
 
-/// What lies behind the points; sRGB, alpha last.
+/// Background of a picture; sRGB, alpha last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Background {
-    /// One colour; alpha 0 gives a cut-out.
+    /// One colour; alpha 0 makes the background transparent.
     Plain([u8; 4]),
-    /// From the top row to the bottom row.
+    /// Gradient from the top row to the bottom row.
     Gradient([u8; 3], [u8; 3]),
 }
 
@@ -82,45 +85,97 @@ impl Default for Background {
     }
 }
 
-/// Everything that a frame is drawn from.
+/// Everything that a frame is drawn from. [`Frame::new`] has defaults for the settings.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a, P = &'a [u8]> {
-    /// The camera and the size of the picture. Its margin is drawn where surfaces are filled ([`crate::picture::margin`]).
+    /// The camera and the size of the picture. The margin of the view is drawn only if surfaces are
+    /// filled ([`crate::picture::margin`]).
     pub view: &'a View,
     /// The grid of all coordinates.
     pub lattice: &'a Lattice,
-    /// The cut. At most 2^32 - 1 points; what goes beyond is not drawn and shows in the counts.
+    /// The cut. Points beyond the first 2^32 - 1 are neither drawn nor counted as drawn.
     pub draws: &'a [DrawNode<'a, P>],
-    /// The cells of the cut with their effective spacings, which size the points; without it points
-    /// have their stored radii.
+    /// The cells of the cut with their effective spacings, from which radii of points follow;
+    /// without it points have their stored radii.
     pub octree: Option<&'a CompactOctree>,
     /// How points become a picture.
     pub method: Method,
-    /// What gives points their colour.
+    /// Source of the colours.
     pub colour: ColourBy,
-    /// Whether points whose normal looks away are dropped (marroquim2007 section 3.1). Scans whose
-    /// normals have no consistent side need it off; normals are then turned towards the viewer.
+    /// Whether points whose normal looks away are dropped (`marroquim2007`, section 3.1). It has to
+    /// be off for normals without a consistent side, which are turned towards the viewer instead.
     pub cull_back_faces: bool,
-    /// Whether points are left out whose positions are marked
-    /// ([`esker_points::quant::HIDDEN_AT`]).
+    /// Whether points that a filter has marked are left out ([`esker_points::quant::HIDDEN_AT`]).
     pub hides_points: bool,
     /// Whether surfaces have highlights.
     pub shines: bool,
     /// Whether views that are dense everywhere are drawn without pull and push
     /// ([`crate::inputs::density::DENSE_PX`]).
     pub skips_push: bool,
-    /// Whether the points of a pixel's front surface are averaged where points crowd
-    /// ([`crate::inputs::density::CROWDED_PX`]); else one wins it.
+    /// Whether the points of the front surface of a pixel are averaged in crowded views
+    /// ([`crate::inputs::density::CROWDED_PX`]); else a pixel shows one of them.
     pub averages: bool,
     /// Whether pixels that show one point are smoothed ([`crate::passes::push`]).
     pub smooths: bool,
-    /// Whether planes are told from depths where points have no normals ([`crate::passes::fit_planes`]).
+    /// Whether planes are fitted to depths if points have no normals
+    /// ([`crate::passes::fit_planes`]).
     pub fits_planes: bool,
-    /// Whether differences of exposure between scans are evened out ([`crate::passes::exposure`]): the spare bytes of colour planes then
-    /// tell scans apart.
+    /// Whether differences of exposure between scans are removed ([`crate::passes::exposure`]). The
+    /// spare byte of a colour is then the number of its scan.
     pub evens_exposure: bool,
-    /// What lies behind the points.
+    /// Background of the picture.
     pub background: Background,
+}
+
+impl<'a, P> Frame<'a, P> {
+    /// A frame with the usual settings: pull-push with highlights, in one colour, on the default
+    /// background; without an octree, and without dropping or hiding points.
+    pub fn new(view: &'a View, lattice: &'a Lattice, draws: &'a [DrawNode<'a, P>]) -> Self {
+        Self {
+            view,
+            lattice,
+            draws,
+            octree: None,
+            method: Method::PullPush,
+            colour: ColourBy::Plain,
+            cull_back_faces: false,
+            hides_points: false,
+            shines: true,
+            skips_push: true,
+            averages: true,
+            smooths: true,
+            fits_planes: true,
+            evens_exposure: false,
+            background: Background::default(),
+        }
+    }
+
+    /// The same frame of other nodes, or of nodes whose planes are elsewhere.
+    pub fn with_draws<'b, Q>(&self, draws: &'b [DrawNode<'b, Q>]) -> Frame<'b, Q>
+    where
+        'a: 'b,
+    {
+        let Self { view, lattice, draws: _, octree, method, colour, .. } = *self;
+        let Self { cull_back_faces, hides_points, shines, skips_push, averages, .. } = *self;
+        let Self { smooths, fits_planes, evens_exposure, background, .. } = *self;
+        Frame {
+            view,
+            lattice,
+            draws,
+            octree,
+            method,
+            colour,
+            cull_back_faces,
+            hides_points,
+            shines,
+            skips_push,
+            averages,
+            smooths,
+            fits_planes,
+            evens_exposure,
+            background,
+        }
+    }
 }
 
 /// A drawn picture.
@@ -128,39 +183,39 @@ pub struct Frame<'a, P = &'a [u8]> {
 pub struct Picture {
     /// Pixels in a row.
     pub width: u32,
-    /// Rows, the top one first.
+    /// Number of rows.
     pub height: u32,
-    /// sRGB with straight alpha, four bytes a pixel.
+    /// sRGB with straight alpha, four bytes a pixel, the top row first.
     pub rgba: Vec<u8>,
-    /// Linear eye depth in the file's unit; infinite where nothing was drawn.
+    /// Linear eye depth in the unit of the file; infinite where nothing was drawn.
     pub depth: Vec<f32>,
     /// Counts and times.
     pub stats: Stats,
 }
 
-/// What a frame did.
+/// Counts and times of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stats {
-    /// Points that went through projection.
+    /// Points that were projected.
     pub points_drawn: u64,
     /// Nodes with at least one such point.
     pub nodes_drawn: u32,
-    /// Splats in the picture, of EWA splatting.
+    /// Splats in the picture (EWA splatting).
     pub splats_drawn: u64,
-    /// Splats that could not be drawn: the eye lies in their plane.
+    /// Splats that could not be evaluated, since the eye lies in their plane.
     pub splats_dropped: u64,
-    /// Pixels that a point itself won.
+    /// Pixels that show a point or splat before surfaces are filled.
     pub pixels_projected: u64,
-    /// Pixels that show a surface in the end.
+    /// Pixels of the finished picture that show a surface.
     pub pixels_covered: u64,
-    /// Times.
+    /// Times of the passes.
     pub stages: Stages,
 }
 
-/// Times of a frame, milliseconds: one a pass, indexed by [`Pass::ALL`], and the total.
+/// Times of a frame: one a pass, in the order of [`Pass::ALL`], and the total.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stages {
-    /// Time of each pass, in the order of [`Pass::ALL`].
+    /// Time of each pass, milliseconds.
     pub passes_ms: [f64; Pass::ALL.len()],
     /// Time of the whole frame, milliseconds.
     pub total_ms: f64,
@@ -172,7 +227,7 @@ impl Stages {
         self.passes_ms[pass as usize]
     }
 
-    /// Adds to the time of a pass, milliseconds; the total stays as it is.
+    /// Adds milliseconds to the time of a pass, not to the total.
     pub fn add(&mut self, pass: Pass, ms: f64) {
         self.passes_ms[pass as usize] += ms;
     }
@@ -183,7 +238,7 @@ impl Stages {
     }
 }
 
-/// Milliseconds of a duration.
+/// Converts a duration to milliseconds.
 pub(crate) fn ms(d: Duration) -> f64 {
     d.as_secs_f64() * 1e3
 }

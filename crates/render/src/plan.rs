@@ -1,102 +1,27 @@
-//! The plan of a frame (DESIGN section 8): from what the scene has, what the view asks and how it is drawn to the
-//! passes, the planes and the variants of pipelines that it takes. What a scene does not need is left out: it is
-//! not read, not resident, not bound and not computed. Both renderers follow it, and so does who reads planes.
+//! The plan of a frame: which passes run, which planes are read and which variants of pipelines are
+//! used, from the planes of the scene, the density of the view and the settings. Attributes that a
+//! frame does not need are not read, not resident, not bound and not computed. Both renderers
+//! follow the plan, and so does the code that reads planes.
 
 use crate::frame::{ColourPlane, Frame, Method};
 use crate::inputs::colour::ColourBy;
 use crate::inputs::density::{is_crowded, is_dense};
+use crate::pass::Pass;
 use crate::picture::pyramid::Planes;
 use std::ops::Deref;
 
-/// A pass of the renderers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Pass {
-    /// Projects points to single pixels.
-    Project,
-    /// Fits planes to the depths of clouds without normals.
-    FitPlanes,
-    /// Gathers the attributes of visible points into level 0 of the pyramid.
-    Gather,
-    /// Averages the points that share a pixel.
-    Average,
-    /// Removes differences of exposure between scans.
-    Exposure,
-    /// Averages upwards in the pyramid.
-    Pull,
-    /// Fills pixels downwards in the pyramid.
-    Push,
-    /// Fills small holes through which a farther surface shows.
-    FillHoles,
-    /// Trims silhouettes back to the samples.
-    Silhouette,
-    /// Projects points to splats and sorts them into tiles of the picture.
-    Place,
-    /// Blends the splats of each tile: visibility, attributes, normalisation.
-    Blend,
-    /// Smooths the depths of clouds without normals, which shading derives normals from.
-    SmoothDepth,
-    /// Lights the surface and encodes its colours.
-    Shade,
-    /// Antialiases silhouettes and creases.
-    Antialias,
-    /// Writes the colours of visible points straight to the picture.
-    Resolve,
-}
-
-impl Pass {
-    /// All passes, in the order in which a frame runs them.
-    pub const ALL: [Self; 15] = [
-        Self::Project,
-        Self::FitPlanes,
-        Self::Gather,
-        Self::Average,
-        Self::Exposure,
-        Self::Pull,
-        Self::Push,
-        Self::FillHoles,
-        Self::Silhouette,
-        Self::Place,
-        Self::Blend,
-        Self::SmoothDepth,
-        Self::Shade,
-        Self::Antialias,
-        Self::Resolve,
-    ];
-
-    /// Name of the pass, the same in shaders, JSON and documents.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Project => "project",
-            Self::FitPlanes => "fit_planes",
-            Self::Gather => "gather",
-            Self::Average => "average",
-            Self::Exposure => "exposure",
-            Self::Pull => "pull",
-            Self::Push => "push",
-            Self::FillHoles => "fill_holes",
-            Self::Silhouette => "silhouette",
-            Self::Place => "place",
-            Self::Blend => "blend",
-            Self::SmoothDepth => "smooth_depth",
-            Self::Shade => "shade",
-            Self::Antialias => "antialias",
-            Self::Resolve => "resolve",
-        }
-    }
-}
-
-/// Passes in their order.
+/// A list of passes in the order in which they run.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct PassList {
     all: [Pass; PASSES_MAX],
     count: usize,
 }
 
-/// Passes of the longest list.
+/// Length of the longest list.
 const PASSES_MAX: usize = 12;
 
 impl PassList {
-    /// Those of `passes` that are wanted.
+    /// The passes that are marked `true`.
     fn of(passes: &[(Pass, bool)]) -> Self {
         let mut list = Self { all: [Pass::Project; PASSES_MAX], count: 0 };
         let wanted = passes.iter().filter(|(_, wanted)| *wanted);
@@ -107,7 +32,7 @@ impl PassList {
         list
     }
 
-    /// All but one.
+    /// The list without `pass`.
     fn without(self, pass: Pass) -> Self {
         let left: Vec<_> = self.iter().map(|&p| (p, p != pass)).collect();
         Self::of(&left)
@@ -128,106 +53,109 @@ impl std::fmt::Debug for PassList {
     }
 }
 
-/// What a scene has.
+/// Planes that a scene has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SceneHas {
-    /// Normals, in some node at least.
+    /// Whether some node has normals.
     pub normals: bool,
-    /// Whether the normals tell front from back.
+    /// Whether the normals have a consistent side, so that points can be dropped by them.
     pub oriented_normals: bool,
-    /// The plane that the colours asked for come from.
+    /// Whether some node has the plane that colours are computed from.
     pub colour_plane: bool,
-    /// Marks of points that a filter leaves out.
+    /// Whether points may be marked as left out by a filter.
     pub hidden_points: bool,
-    /// Clip lines of splats, in some node at least.
+    /// Whether some node has clip lines of splats.
     pub clip_lines: bool,
-    /// Shapes of splats, in some node at least.
+    /// Whether some node has shapes of splats.
     pub tangents: bool,
 }
 
-/// What is asked of a frame.
+/// Settings of a frame, and the density of its view.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Asked {
+pub struct FrameOptions {
     /// How points become a picture.
     pub method: Method,
-    /// What gives points their colour.
+    /// Source of the colours.
     pub colour: ColourBy,
     /// Whether surfaces have highlights.
     pub shines: bool,
-    /// Whether points are dense in the whole view, see [`crate::inputs::density::DENSE_PX`].
+    /// Whether the whole view is dense ([`crate::inputs::density::DENSE_PX`]).
     pub is_dense: bool,
     /// Whether pixels that show one point are smoothed.
     pub smooths: bool,
-    /// Whether planes are told from depths where there are no normals.
+    /// Whether planes are fitted to depths if points have no normals.
     pub fits_planes: bool,
-    /// Whether points crowd, see [`crate::inputs::density::CROWDED_PX`].
+    /// Whether the view is crowded ([`crate::inputs::density::CROWDED_PX`]).
     pub is_crowded: bool,
-    /// Whether differences of exposure between scans are evened out; the colour plane's spare bytes then tell scans apart.
+    /// Whether differences of exposure between scans are removed. The spare byte of a colour is
+    /// then the number of its scan.
     pub evens_exposure: bool,
 }
 
-/// What a frame takes.
+/// The passes and planes of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FramePlan {
-    /// Its passes in their order.
+    /// The passes that run.
     pub passes: PassList,
     /// Whether the colour plane is read.
     pub reads_colours: bool,
     /// Whether the normal plane is read.
     pub reads_normals: bool,
-    /// Whether pixels carry normals on their way to the picture.
+    /// Whether pixels have normals, from gathering or blending to shading.
     pub carries_normals: bool,
-    /// Whether points are dropped by their normals while projecting.
+    /// Whether points whose normal looks away are dropped.
     pub culls_back_faces: bool,
-    /// Whether points are dropped that a filter has marked.
+    /// Whether points that a filter has marked are dropped.
     pub hides_points: bool,
-    /// Whether splats are clipped at lines, whose plane is read.
+    /// Whether splats are clipped; then the plane of clip lines is read.
     pub clips: bool,
-    /// Whether splats have their own shapes, whose plane is read.
+    /// Whether splats have shapes; then their plane is read.
     pub tangents: bool,
-    /// Whether the highlight is lit, which needs the direction to the eye.
+    /// Whether surfaces have highlights.
     pub shines: bool,
-    /// Whether pixels find a surface above level 0 of the pyramid.
+    /// Whether the pyramid has levels above level 0.
     pub has_pyramid: bool,
-    /// Whether pixels of surfaces take a part of what is interpolated there ([`crate::passes::push`]): where that is asked, points
-    /// do not crowd and colours are no names.
+    /// Whether pixels that show one point are mixed with their interpolation
+    /// ([`crate::passes::push`]): if the options want it, the view is not crowded and colours are
+    /// not names.
     pub smooths: bool,
-    /// What a frame draws beyond the picture on each side, pixels ([`crate::picture::margin`]); 0 while no view is known.
+    /// Width of the margin around the picture, pixels ([`crate::picture::margin`]); 0 if the plan
+    /// is not that of a view.
     pub margin_px: u32,
-    /// What gives points their colour, as the shaders number it.
+    /// [`ColourBy::number`] of the frame.
     colour: u32,
-    /// Which words of the points that won are fetched: positions, colours, normals.
+    /// Whether words of positions, colours and normals are fetched for the winning points.
     pub(crate) fetches: [bool; 3],
 }
 
-/// A pipeline and the values of its constants.
+/// A variant of a shader: the values of its constants.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Variant {
-    /// The shader: folder and file.
+    /// Folder and file of the shader.
     pub shader: &'static str,
     /// Its `override` constants.
     pub constants: Vec<(&'static str, u32)>,
 }
 
 impl FramePlan {
-    /// The plan of a scene that is looked at.
-    pub fn of(has: &SceneHas, asked: &Asked) -> Self {
+    /// The plan for a scene with these planes and these options.
+    pub fn of(has: &SceneHas, options: &FrameOptions) -> Self {
         use Pass::{Antialias, Average, Blend, Exposure, FillHoles, FitPlanes, Gather, Place};
         use Pass::{Project, Pull, Push, Resolve, Shade, Silhouette, SmoothDepth};
-        let has_surface = asked.method != Method::Points;
-        let has_pyramid = asked.method == Method::PullPush && !asked.is_dense;
+        let has_surface = options.method != Method::Points;
+        let has_pyramid = options.method == Method::PullPush && !options.is_dense;
         let carries_normals = has.normals && has_surface;
-        let tells = asked.fits_planes && has_pyramid && !has.normals;
-        let passes = match asked.method {
+        let fits = options.fits_planes && has_pyramid && !has.normals;
+        let passes = match options.method {
             Method::Points => PassList::of(&[Project, Resolve].map(|pass| (pass, true))),
             Method::PullPush => PassList::of(&[
                 (Project, true),
-                (FitPlanes, tells),
+                (FitPlanes, fits),
                 (Gather, true),
-                (Average, asked.is_crowded),
+                (Average, options.is_crowded),
                 (
                     Exposure,
-                    asked.evens_exposure && has.colour_plane && asked.colour == ColourBy::Rgb,
+                    options.evens_exposure && has.colour_plane && options.colour == ColourBy::Rgb,
                 ),
                 (Pull, has_pyramid),
                 (Push, has_pyramid),
@@ -246,32 +174,36 @@ impl FramePlan {
             ]),
         };
         let culls_back_faces = has.oriented_normals && has.normals;
-        let fetches_normals = carries_normals || (has.normals && asked.colour == ColourBy::Normal);
+        let fetches_normals =
+            carries_normals || (has.normals && options.colour == ColourBy::Normal);
         Self {
             passes,
-            reads_colours: has.colour_plane && asked.colour.reads_plane(),
+            reads_colours: has.colour_plane && options.colour.reads_plane(),
             reads_normals: fetches_normals || culls_back_faces,
             carries_normals,
             culls_back_faces,
             hides_points: has.hidden_points,
-            // The kept side of a line is told by the splat's normal.
-            clips: has.clip_lines && carries_normals && asked.method == Method::Ewa,
-            // They lie in the plane of the normal.
-            tangents: has.tangents && carries_normals && asked.method == Method::Ewa,
-            shines: asked.shines && has_surface,
+            // The normal of a splat decides which side of a line is kept.
+            clips: has.clip_lines && carries_normals && options.method == Method::Ewa,
+            // Shapes lie in the plane of the normal.
+            tangents: has.tangents && carries_normals && options.method == Method::Ewa,
+            shines: options.shines && has_surface,
             has_pyramid,
-            smooths: has_pyramid && asked.smooths && !asked.is_crowded && !asked.colour.names(),
+            smooths: has_pyramid
+                && options.smooths
+                && !options.is_crowded
+                && !options.colour.names(),
             margin_px: 0,
-            colour: asked.colour.number(),
+            colour: options.colour.number(),
             fetches: [
-                has_surface || matches!(asked.colour, ColourBy::Elevation(_)),
-                has.colour_plane && asked.colour.reads_plane(),
+                has_surface || matches!(options.colour, ColourBy::Elevation(_)),
+                has.colour_plane && options.colour.reads_plane(),
                 fetches_normals,
             ],
         }
     }
 
-    /// The plan of a frame, wherever its planes lie.
+    /// The plan of `frame`.
     pub fn new<P>(frame: &Frame<'_, P>) -> Self {
         let normals = frame.draws.iter().any(|d| d.normal.is_some());
         let has = SceneHas {
@@ -292,7 +224,7 @@ impl FramePlan {
             && frame.averages
             && is_crowded(frame.view, frame.lattice, frame.octree, drawn);
         let Frame { shines, smooths, fits_planes, evens_exposure, .. } = *frame;
-        let asked = Asked {
+        let options = FrameOptions {
             method,
             colour,
             shines,
@@ -302,12 +234,12 @@ impl FramePlan {
             is_crowded,
             evens_exposure,
         };
-        let plan = Self::of(&has, &asked);
+        let plan = Self::of(&has, &options);
         let margin_px = if plan.has_pyramid { frame.view.margin_px } else { 0 };
         Self { margin_px, ..plan }
     }
 
-    /// The planes that are told or read in this frame.
+    /// The planes that pixels carry in this frame.
     pub fn planes(&self) -> Planes {
         match (self.carries_normals, self.passes.contains(&Pass::FitPlanes)) {
             (true, _) => Planes::Normals,
@@ -316,63 +248,63 @@ impl FramePlan {
         }
     }
 
-    /// Whether the points of a pixel's front surface are averaged.
+    /// Whether the points of the front surface of a pixel are averaged.
     pub fn averages(&self) -> bool {
         self.passes.contains(&Pass::Average)
     }
 
-    /// The same where one point wins a pixel, however many share it.
+    /// The plan without [`Pass::Average`].
     pub fn without_averages(self) -> Self {
         Self { passes: self.passes.without(Pass::Average), ..self }
     }
 
-    /// Whether differences of exposure between scans are evened out.
+    /// Whether differences of exposure between scans are removed.
     pub fn evens_exposure(&self) -> bool {
         self.passes.contains(&Pass::Exposure)
     }
 
-    /// The same with exposures as they are.
+    /// The plan without [`Pass::Exposure`].
     pub fn without_exposure(self) -> Self {
         Self { passes: self.passes.without(Pass::Exposure), ..self }
     }
 
-    /// Whether colours and normals are read point by point to be averaged.
+    /// Whether averaging reads colours and normals.
     pub(crate) fn averages_read(&self) -> [bool; 2] {
         let [_, colours, normals] = self.fetches;
         [colours, normals].map(|reads| reads && self.averages())
     }
 
-    /// Constants of the pass that adds points up.
+    /// Constants of the shader that adds up points.
     pub fn average_constants(&self) -> [(&'static str, u32); 5] {
         let [culls, hides] = self.project_constants();
         let [normals, colour] = self.colour_constants();
         [culls, hides, normals, ("COLOURS", u32::from(self.fetches[1])), colour]
     }
 
-    /// Constants of the pass that projects, by compute or by primitives.
+    /// Constants of the shaders that project points, by compute or by primitives.
     pub fn project_constants(&self) -> [(&'static str, u32); 2] {
         let flags = [self.culls_back_faces, self.hides_points].map(u32::from);
         [("CULLS_BACK_FACES", flags[0]), ("HIDES_POINTS", flags[1])]
     }
 
-    /// Words of the points that won which are fetched: positions, colours, normals.
+    /// Constants of the shader that fetches words of the winning points.
     pub fn fetch_constants(&self) -> [(&'static str, u32); 3] {
         let flags = self.fetches.map(u32::from);
         [("GEOMETRY", flags[0]), ("COLOURS", flags[1]), ("NORMALS", flags[2])]
     }
 
-    /// Constants of the pass that makes the pyramid's pixels of words.
+    /// Constants of the shader that converts words to pixels of the pyramid.
     pub fn gather_constants(&self) -> [(&'static str, u32); 3] {
         let [normals, colour] = self.colour_constants();
         [normals, ("PLANES", u32::from(self.planes() != Planes::None)), colour]
     }
 
-    /// Constants of the pass that makes pixels of words.
+    /// Constants of the shaders that compute colours from words.
     pub fn colour_constants(&self) -> [(&'static str, u32); 2] {
         [("NORMALS", u32::from(self.carries_normals)), ("COLOUR", self.colour)]
     }
 
-    /// The pipelines of a frame on a GPU, in the order of the passes.
+    /// The shader variants of a frame on a GPU, in the order of the passes.
     pub fn variants(&self) -> Vec<Variant> {
         let normals = ("NORMALS", u32::from(self.carries_normals));
         let planes = ("PLANE", self.planes().values() as u32);

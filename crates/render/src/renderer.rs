@@ -1,11 +1,12 @@
-//! The frame from first pass to last, and the memory that the passes keep from frame to frame (fresh
-//! pages cost more than the passes that fill them). Which passes run, the frame's plan says.
+//! Runs the passes of a frame on the CPU, as its plan lists them. The passes keep their memory from
+//! frame to frame, since the first touch of fresh pages costs more than the passes that fill them.
 
 use crate::error::RenderError;
 use crate::ewa::Ewa;
 use crate::frame::{Frame, Picture, Stats, ms};
 use crate::inputs::camera::Camera;
 use crate::inputs::lookup::{DrawList, Lookup};
+use crate::pass::Pass;
 use crate::passes::antialias::antialias;
 use crate::passes::average::Averages;
 use crate::passes::exposure::ExposureGrid;
@@ -24,14 +25,14 @@ use crate::picture::edges::edges as find_edges;
 use crate::picture::margin::crop;
 use crate::picture::marks::Marks;
 use crate::picture::pyramid::{Planes, Pyramid};
-use crate::plan::{FramePlan, Pass};
+use crate::plan::FramePlan;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
-/// Depth over width beyond which a step is none of a surface's own.
-const STEP_PX: f32 = 2.0;
+/// Difference of depth over width above which neighbouring pixels show different surfaces.
+pub(crate) const STEP_PX: f32 = 2.0;
 
-/// Draws frames; keeps its buffers between them.
+/// Draws frames on the CPU and keeps its buffers between them.
 #[derive(Default)]
 pub struct Renderer {
     target: Vec<AtomicU64>,
@@ -40,39 +41,40 @@ pub struct Renderer {
     exposure: ExposureGrid,
     pyramid: Pyramid,
     smooth: SmoothDepthScratch,
-    /// EWA splatting, and how it is done.
+    /// The renderer of splats and its options.
     pub ewa: Ewa,
-    /// Of [`trim_with`].
+    /// Scratch of [`trim_with`]: the source of each pixel.
     sources: Vec<u32>,
-    /// The last picture with its margin, where it had one.
+    /// The last picture with its margin.
     wide: Picture,
+    /// Whether the last picture had a margin.
     has_margin: bool,
 }
 
-/// Draws one frame. Who draws many keeps a [`Renderer`].
+/// Draws one frame. To draw several, keep a [`Renderer`].
 ///
 /// # Errors
-/// Where the view is no usable camera.
+/// If the size of the view is not supported or its camera is not usable.
 pub fn render(frame: &Frame<'_>) -> Result<Picture, RenderError> {
     Renderer::default().render(frame)
 }
 
 impl Renderer {
-    /// Draws a frame, in the current rayon pool.
+    /// Draws a frame in the current rayon pool.
     ///
     /// # Errors
-    /// Where the view is no usable camera.
+    /// If the size of the view is not supported or its camera is not usable.
     pub fn render(&mut self, frame: &Frame<'_>) -> Result<Picture, RenderError> {
         let mut picture = Picture::default();
         self.render_into(frame, &mut picture)?;
         Ok(picture)
     }
 
-    /// The passes before pull alone: fills the pyramid's level 0. Who looks into the passes (tests,
-    /// figures) goes on from here. Returns the number of valid pixels.
+    /// Runs the passes before pull only, which fill level 0 of `pyramid`. For tests and figures
+    /// that run the other passes themselves. Returns the number of valid pixels.
     ///
     /// # Errors
-    /// Where the view is no usable camera.
+    /// If the size of the view is not supported or its camera is not usable.
     pub fn base_level(
         &mut self,
         frame: &Frame<'_>,
@@ -102,10 +104,11 @@ impl Renderer {
         Ok(valid)
     }
 
-    /// Draws a frame over an earlier picture, whose memory is used again.
+    /// Draws a frame to `picture`, whose memory is reused.
     ///
     /// # Errors
-    /// Where the view is no usable camera; the picture is then as it was.
+    /// If the size of the view is not supported or its camera is not usable; `picture` is then
+    /// unchanged.
     pub fn render_into(
         &mut self,
         frame: &Frame<'_>,
@@ -131,12 +134,13 @@ impl Renderer {
         Ok(())
     }
 
-    /// The last picture with its margin, where one was drawn.
+    /// The last picture with its margin, if it had one.
     pub fn with_margin(&self) -> Option<&Picture> {
         self.has_margin.then_some(&self.wide)
     }
 
-    /// The passes of a plan, whose camera is that of the picture with its margin. Returns counts and times.
+    /// Runs the passes of a plan. `camera` is that of the picture with its margin. Returns counts
+    /// and times.
     fn draw(
         &mut self,
         frame: &Frame<'_>,
@@ -231,10 +235,11 @@ impl Renderer {
     }
 }
 
-/// Time since the last lap.
+/// Stopwatch that starts anew at each lap.
 struct Clock(Instant);
 
 impl Clock {
+    /// Milliseconds since the last lap.
     fn lap(&mut self) -> f64 {
         let now = Instant::now();
         let lap = ms(now - self.0);

@@ -50,7 +50,8 @@ fn nothing_of_a_wall_shows_through_a_parallel_one_before_it_where_the_gap_exceed
                 let what = format!("ratio {ratio}, {kind:?}, {spacing_px} px, {degrees} degrees");
                 let near = near_wall(&image);
                 let bleeding = near.iter().filter(|&&p| drawn.bleeds(&image, p)).count();
-                // Of a grid seen edge on, means of discs fall short here and there of what these cover.
+                // Of a grid seen edge on, means of discs fall short here and there of what these
+                // cover.
                 let is_edge_on = kind == Kind::Regular && spacing_px > 1.0 && degrees > 75.0;
                 assert!(bleeding <= if is_edge_on { 2 } else { 0 }, "{bleeding}: {what}");
                 let blue = |p: usize| drawn.picture.rgba[p * 4 + 2] > drawn.picture.rgba[p * 4];
@@ -62,8 +63,8 @@ fn nothing_of_a_wall_shows_through_a_parallel_one_before_it_where_the_gap_exceed
     }
 }
 
-/// The far wall is as much as a gap of the near one may be behind it: hardly more than half of the drawn radius, and less than what counts as
-/// an edge.
+/// The far wall is as much as a gap of the near one may be behind it: hardly more than half of the
+/// drawn radius, and less than what counts as an edge.
 #[test]
 fn a_wall_seen_from_the_front_is_closed_before_one_a_radius_behind_it() {
     let spacing = GAP / 1.05 / 0.9;
@@ -76,7 +77,8 @@ fn a_wall_seen_from_the_front_is_closed_before_one_a_radius_behind_it() {
     }
 }
 
-/// Planes are told of discs up to 4 pixels wide: of walls about a pixel and a half apart, seen from anywhere but nearly edge on.
+/// Planes are told of discs up to 4 pixels wide: of walls about a pixel and a half apart, seen from
+/// anywhere but nearly edge on.
 #[test]
 fn next_to_nothing_of_a_wall_shows_through_one_before_it_without_normals() {
     for (ratio, most) in [(1.15, 0.02), (1.5, 0.004)] {
@@ -94,8 +96,9 @@ fn next_to_nothing_of_a_wall_shows_through_one_before_it_without_normals() {
     }
 }
 
-/// Only where samples lie about a pixel apart: farther apart it is more, 36 beside 6 % of the pixels 5 px apart at half a radius
-/// and 80 degrees. Intervals shortened there tore the edges of sparse solids (ARCHITECTURE.md, "Depths along planes").
+/// Only where samples lie about a pixel apart: farther apart it is more, 36 beside 6 % of the
+/// pixels 5 px apart at half a radius and 80 degrees. Intervals shortened there tore the edges of
+/// sparse solids (ARCHITECTURE.md, "Depths along planes").
 #[test]
 fn dense_walls_closer_than_a_radius_seen_nearly_edge_on_show_through_less_than_as_published() {
     for ratio in [0.5, 0.75] {
@@ -112,8 +115,8 @@ fn dense_walls_closer_than_a_radius_seen_nearly_edge_on_show_through_less_than_a
     }
 }
 
-/// Light on a surface (marroquim2007 section 3.4), as [`esker_render::passes::shade`] has it: what a colour is multiplied by, and
-/// what is added.
+/// Light on a surface (marroquim2007 section 3.4), as [`esker_render::passes::shade`] has it: what
+/// a colour is multiplied by, and what is added.
 fn phong(normal: DVec3, to_eye: DVec3) -> (f64, f64) {
     let key = DVec3::new(-0.42, 0.60, 0.6808);
     let facing = normal.dot(key);
@@ -201,7 +204,8 @@ fn where_points_crowd_their_means_are_nearer_to_the_truth_and_flicker_less() {
     }
 }
 
-/// Scans with normals and scans without may be drawn together, and not every normal can be estimated.
+/// Scans with normals and scans without may be drawn together, and not every normal can be
+/// estimated.
 #[test]
 fn points_without_normals_hide_what_is_behind_them_where_points_crowd() {
     let view = walls_view(SIDE, 0.0, 1.0);
@@ -278,8 +282,8 @@ fn closed_surfaces_whose_radii_cover_them_have_no_holes() {
     }
 }
 
-/// By scene and points a pixel, with normals and without: colour off by so much of 255 at most, depth by so many pixels' widths,
-/// normals by so many degrees.
+/// By scene and points a pixel, with normals and without: colour off by so much of 255 at most,
+/// depth by so many pixels' widths, normals by so many degrees.
 type Bounds = (&'static str, [(f64, [[f64; 3]; 2]); 4]);
 #[rustfmt::skip]
 const BOUNDS: [Bounds; 4] = [

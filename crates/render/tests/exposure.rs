@@ -1,5 +1,6 @@
-//! ExposureGrid of exposures: two scans of one wall, one darker and one brighter, meet without a seam or speckles, the wall's
-//! texture is as it was, and across an edge of depth nothing is evened.
+//! ExposureGrid of exposures: two scans of one wall, one darker and one brighter, meet without a
+//! seam or speckles, the wall's texture is as it was, and across an edge of depth nothing is
+//! evened.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -32,8 +33,8 @@ fn texture(x: f64, z: f64) -> f64 {
     0.3 + 0.1 * stripes + 0.05 * (z / (60.0 * pixel())).cos()
 }
 
-/// A wall in this depth, of so many points a pixel, as `scan` and `light` say of its places (in pixels). The scan is the last
-/// bit of blue.
+/// A wall in this depth, of so many points a pixel, as `scan` and `light` say of its places (in
+/// pixels). The scan is the last bit of blue.
 fn wall(
     dice: &mut Dice,
     depth: f64,
@@ -70,7 +71,8 @@ fn scene(points: &[ScenePoint], density: f64) -> Scene {
     scene
 }
 
-/// Red of the pixels that points won, evened or not, with the scan of each; what has none is left out.
+/// Red of the pixels that points won, evened or not, with the scan of each; what has none is left
+/// out.
 fn lights(scene: &Scene, evens_exposure: bool, normals: bool) -> Vec<Option<(f64, usize)>> {
     let view = view();
     let draws = scene.draws(true, true, normals);
@@ -91,8 +93,8 @@ fn lights(scene: &Scene, evens_exposure: bool, normals: bool) -> Vec<Option<(f64
     all.map(|(i, (tint, own))| base.is_valid(i).then(|| (f64::from(tint.x), scan(*own)))).collect()
 }
 
-/// Over pixels beside each other: the mean square of their difference over that of their sum, of those of one scan, and of
-/// those of two.
+/// Over pixels beside each other: the mean square of their difference over that of their sum, of
+/// those of one scan, and of those of two.
 fn roughness(lights: &[Option<(f64, usize)>]) -> [f64; 2] {
     let (mut sums, mut counts, mut all) = ([0.0; 2], [0.0; 2], (0.0, 0.0));
     let pairs = lights.iter().zip(&lights[SIDE as usize..]);

@@ -84,7 +84,8 @@ fn figure_3b_two_samples_give_an_ellipse_between_them() {
     }
     pull::pull(&mut pyramid);
     let top = &pyramid.levels[1];
-    // Centre (1, 0.5), half a pixel above the coarse pixel's; interval from least to greatest depth.
+    // Centre (1, 0.5), half a pixel above the coarse pixel's; interval from least to greatest
+    // depth.
     assert_eq!(top.front[0], Vec4::new(1.0, 2.5, 0.0, 0.5));
     assert_eq!(top.tint[0].w, 3.0);
 }

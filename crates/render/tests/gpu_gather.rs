@@ -1,5 +1,6 @@
-//! Gather, resolve and tiles on the GPU give what their twins give, on every adapter of this machine, as it is
-//! and with the least that WebGPU promises. The twins' own hits go in, so that only these passes are told apart.
+//! Gather, resolve and tiles on the GPU give what their twins give, on every adapter of this
+//! machine, as it is and with the least that WebGPU promises. The twins' own hits go in, so that
+//! only these passes are told apart.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -79,7 +80,8 @@ fn near_all(a: Vec4, b: Vec4) -> bool {
     a.to_array().iter().zip(b.to_array()).all(|(&a, b)| near(a, b))
 }
 
-/// Level 0 as the twin fills it; at most a thousandth of the pixels may stand on a decision's other side.
+/// Level 0 as the twin fills it; at most a thousandth of the pixels may stand on a decision's other
+/// side.
 fn assert_gathers(rig: &mut Rig, frame: &Frame<'_>, what: &str) {
     let cpu = rig::cpu(frame);
     let mut pyramid = GpuPyramid::default();
@@ -100,7 +102,8 @@ fn assert_gathers(rig: &mut Rig, frame: &Frame<'_>, what: &str) {
         };
         let tilt =
             |l: &esker_render::picture::pyramid::Level| l.tilt.get(i).copied().unwrap_or_default();
-        // Displacements are what is left of places of hundreds of pixels: within a thousandth of one.
+        // Displacements are what is left of places of hundreds of pixels: within a thousandth of
+        // one.
         let [front, twins] = [gpu.front[i], twin.front[i]];
         // Depths of told planes are moved along them, others are the points' own.
         let is_told = frame.draws.iter().all(|d| d.normal.is_none());
@@ -158,7 +161,8 @@ fn level_0_is_the_twins_with_and_without_normals_octree_and_dropped_bits() {
 
 #[test]
 fn heights_have_their_dropped_bits() {
-    // A floor that rises by three steps of the hot positions, seen from above, in colours of its height.
+    // A floor that rises by three steps of the hot positions, seen from above, in colours of its
+    // height.
     let floor = |step: f64, rise: f64| {
         let (u, v) = (DVec3::new(3.0, 0.0, rise * 0.5), DVec3::new(0.0, 3.0, rise * 0.5));
         let points = sheet(&mut Dice(2), DVec3::ZERO, u, v, 80, [9, 99, 199]);

@@ -1,6 +1,6 @@
-//! Claims about whole pictures: on every adapter there is and by either path the GPU draws the CPU's picture
-//! (DESIGN section 9: mean FLIP at most 0.01, at most 0.1 % of the pixels off by more than 8 of 255), gives
-//! back what it took, and tells of its frames without being waited for.
+//! Whole pictures: on every adapter and by either path the GPU draws the picture of the CPU (mean
+//! FLIP at most 0.01, at most 0.1 % of the pixels off by more than 8 of 255), frees its memory, and
+//! reports on its frames without waiting.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod gpu;
@@ -73,7 +73,7 @@ fn ball_and_floor() -> Scene {
     Scene::new(&points, 1e-5, 0.045, 0.045, 3000)
 }
 
-/// The same of four times as many points, no two of one colour.
+/// The scene with four times as many points, each of another colour.
 fn speckled() -> Scene {
     let mut dice = Dice(12);
     let mut points = sphere(&mut dice, DVec3::Z, 1.0, 36_000, [0; 3]);

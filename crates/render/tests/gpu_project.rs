@@ -1,5 +1,5 @@
-//! Claims about the project pass on a GPU: by either path, on every adapter there is, the same points win the
-//! same pixels as on the CPU.
+//! Claims about the project pass on a GPU: by either path, on every adapter there is, the same
+//! points win the same pixels as on the CPU.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod gpu;
@@ -12,7 +12,7 @@ use esker_render::gpu::{Gpu, GpuError, GpuRenderer, PlaneAt};
 use esker_render::inputs::camera::Camera;
 use esker_render::inputs::lookup::DrawList;
 use esker_render::passes::project::{EMPTY, project, unpack};
-use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method};
+use esker_render::{ColourBy, ColourPlane, DrawNode, Frame, Method};
 use glam::DVec3;
 use gpu::{gpus, laid_frame, lay, name};
 use scene::{Dice, Scene, sheet, sphere};
@@ -244,21 +244,10 @@ fn any_bits_are_a_harmless_picture() {
         let target = DVec3::splat(32_768.0) * scale.clamp(1e-200, 1e200);
         let view = View::look_at(target * 3.0, target, DVec3::Z, 1.0, 40, 30);
         let frame = Frame {
-            view: &view,
-            lattice: &lattice,
-            draws: &draws,
-            octree: None,
             method: Method::Points,
             colour: ColourBy::Rgb,
             cull_back_faces: true,
-            hides_points: false,
-            shines: true,
-            skips_push: true,
-            averages: true,
-            smooths: true,
-            fits_planes: true,
-            evens_exposure: false,
-            background: Background::default(),
+            ..Frame::new(&view, &lattice, &draws)
         };
         for (gpu, renderer) in gpus.iter().zip(&mut renderers) {
             let laid = lay(gpu, &draws, PAGE_BYTES);

@@ -1,5 +1,6 @@
-//! A shader that changes on the disk is taken while it runs; a broken one leaves the last good one running and is
-//! told. The folder of shaders is the environment's to name, so the test runs itself again with one.
+//! A shader that changes on the disk is taken while it runs; a broken one leaves the last good one
+//! running and is told. The folder of shaders is the environment's to name, so the test runs itself
+//! again with one.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod gpu;

@@ -1,5 +1,5 @@
-//! Claims about runs of points that are skipped by their boxes: no pixel changes, no box outlives the bytes that it
-//! was made of, and what a box rules out is not drawn.
+//! Claims about runs of points that are skipped by their boxes: no pixel changes, no box outlives
+//! the bytes that it was made of, and what a box rules out is not drawn.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod gpu;
@@ -49,7 +49,8 @@ fn frame<'a>(scene: &'a Scene, view: &'a View, draws: &'a [DrawNode<'a>]) -> Fra
     Frame { method: Method::Points, cull_back_faces: false, ..scene.frame(view, draws) }
 }
 
-/// From outside, close to a surface, inside of the ball, along an axis with a narrow field, wide, and away.
+/// From outside, close to a surface, inside of the ball, along an axis with a narrow field, wide,
+/// and away.
 fn views(far: DVec3) -> Vec<View> {
     let look = |eye: [f64; 3], target: [f64; 3], fov, width, height| {
         let (eye, target) = (DVec3::from_array(eye) + far, DVec3::from_array(target) + far);
@@ -89,7 +90,8 @@ fn skipped_runs_change_no_bit_of_the_frame_buffer() {
                             renderer.render(&laid_frame(&frame, &laid.draws), &laid.pool).unwrap();
                             hits_of(&gpu, renderer)
                         });
-                        // Nothing is where one looks away, nor where all that is seen is seen from behind.
+                        // Nothing is where one looks away, nor where all that is seen is seen from
+                        // behind.
                         let shows = i != 6 && !cull_back_faces;
                         let won = points_won(&without);
                         assert!(!shows || won > 20, "view {i} shows {won} points");

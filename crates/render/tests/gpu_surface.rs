@@ -1,5 +1,6 @@
-//! Claims about the passes from the pyramid's level 0 to the picture on a GPU: each comes to the same as its twin on
-//! the CPU, on every adapter there is, within 1e-4 but for near-ties, which are at most 0.1 % of the pixels.
+//! Claims about the passes from the pyramid's level 0 to the picture on a GPU: each comes to the
+//! same as its twin on the CPU, on every adapter there is, within 1e-4 but for near-ties, which are
+//! at most 0.1 % of the pixels.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod scene;
@@ -13,7 +14,7 @@ use esker_render::gpu::memory::picture::GpuPicture;
 use esker_render::gpu::memory::pyramid::GpuPyramid;
 use esker_render::gpu::surface::{Choices, Surface};
 use esker_render::gpu::wgpu::{self, BufferUsages};
-use esker_render::gpu::{Gpu, Request};
+use esker_render::gpu::{Gpu, GpuRequest};
 use esker_render::inputs::camera::Camera;
 use esker_render::passes::antialias;
 use esker_render::passes::fill_holes;
@@ -35,7 +36,7 @@ const STEP_PX: f32 = 2.0;
 /// Each adapter, as it is and with the least that WebGPU promises.
 fn gpus() -> Vec<Gpu> {
     let requests = all_interfaces().iter().flat_map(|&backends| {
-        [false, true].map(|is_minimal| Request {
+        [false, true].map(|is_minimal| GpuRequest {
             backends,
             allow_software: true,
             is_minimal,
@@ -56,7 +57,8 @@ struct Input<'a> {
     /// Those that its pixels carry.
     planes: Planes,
     base: Level,
-    /// Whether it has ties that a rounding decides: software drivers round as the CPU does, GPUs do not.
+    /// Whether it has ties that a rounding decides: software drivers round as the CPU does, GPUs do
+    /// not.
     has_ties: bool,
 }
 
@@ -214,7 +216,8 @@ fn close(a: f32, b: f32, size: f32) -> bool {
     a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan() || (a - b).abs() <= 1e-4 * size
 }
 
-/// Which pixels of two levels differ by more than rounding. Where `bare`, normals are not looked at.
+/// Which pixels of two levels differ by more than rounding. Where `bare`, normals are not looked
+/// at.
 fn differing(a: &Level, b: &Level, bare: bool) -> Vec<bool> {
     let close4 = |a: Vec4, b: Vec4, size: f32| (0..4).all(|i| close(a[i], b[i], size));
     let same = |i: usize| {
@@ -237,8 +240,8 @@ fn differing(a: &Level, b: &Level, bare: bool) -> Vec<bool> {
     (0..a.front.len()).map(|i| !same(i)).collect()
 }
 
-/// Pixels of pushed levels that differ; where `rounds`, but for those whose coarser pixels do: what a near-tie decides reaches
-/// down to all pixels below, and is counted where it was decided.
+/// Pixels of pushed levels that differ; where `rounds`, but for those whose coarser pixels do: what
+/// a near-tie decides reaches down to all pixels below, and is counted where it was decided.
 fn decided(a: &[Level], b: &[Level], rounds: bool) -> usize {
     // Above the picture normals are inherited after push.
     let pairs = a.iter().zip(b).enumerate();
@@ -260,8 +263,8 @@ fn differing_depths(a: &[f32], b: &[f32]) -> usize {
     a.iter().zip(b).filter(|&(&a, &b)| !close(a, b, a)).count()
 }
 
-/// Pixels of which a colour or the alpha is off by more than 8; where `rounds`, but for those that a pixel reaches whose depth
-/// differs: it is counted where it was trimmed.
+/// Pixels of which a colour or the alpha is off by more than 8; where `rounds`, but for those that
+/// a pixel reaches whose depth differs: it is counted where it was trimmed.
 fn off(twins: &Twins, rgba: &[u8], depth: &[f32], rounds: bool) -> usize {
     /// How far softening looks, pixels.
     const REACH: usize = 2;
@@ -282,7 +285,8 @@ fn off(twins: &Twins, rgba: &[u8], depth: &[f32], rounds: bool) -> usize {
     pixels.filter(is_off).count()
 }
 
-/// Runs the passes on every adapter and compares each with its twin, also where pixels that stay are smoothed.
+/// Runs the passes on every adapter and compares each with its twin, also where pixels that stay
+/// are smoothed.
 fn same_as_twins(inputs: &[Input<'_>]) {
     [false, true].into_iter().for_each(|smooths| same_as_twins_with(inputs, smooths));
 }
@@ -485,7 +489,8 @@ fn another_picture_takes_the_memory_of_the_last() {
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             let Rig { uniform, pyramid, picture, .. } = &rig;
             let timing = &mut Timing::default();
-            // Choices that change and change back take no more, and leave what there is where it is.
+            // Choices that change and change back take no more, and leave what there is where it
+            // is.
             let mut held = Vec::new();
             for smooths in [true, false, true] {
                 let plan = FramePlan::new(&Frame { smooths, ..scene.frame(&view, &draws) });

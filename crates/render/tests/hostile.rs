@@ -1,5 +1,5 @@
-//! Whatever the planes and records hold, the picture is a harmless one: its size, no depth that is not
-//! a number, no panic.
+//! Whatever the planes and records hold, the picture is a harmless one: its size, no depth that is
+//! not a number, no panic.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -11,8 +11,8 @@ use esker_render::passes::pull;
 use esker_render::passes::push;
 use esker_render::picture::pyramid::Pyramid;
 use esker_render::{
-    Background, Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette,
-    RenderError, Renderer,
+    Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette, RenderError,
+    Renderer,
 };
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
@@ -87,17 +87,7 @@ proptest! {
         let view = View::look_at(target * 3.0, target, DVec3::Z, 1.0, width, height);
         let draws = [draw, draw];
         let method = [Method::Points, Method::PullPush, Method::Ewa][method];
-        let frame = Frame {
-            view: &view, lattice: &lattice, draws: &draws, octree: None, method, colour, cull_back_faces,
-            hides_points: false,
-            shines: true,
-            skips_push: true,
-            averages: true,
-            smooths: true,
-            fits_planes: true,
-            evens_exposure: false,
-            background: Background::default(),
-        };
+        let frame = Frame { method, colour, cull_back_faces, ..Frame::new(&view, &lattice, &draws) };
         let mut renderer = Renderer::default();
         let picture = match renderer.render(&frame) {
             Ok(picture) => picture,

@@ -1,5 +1,5 @@
-//! The margin around pictures: what a picture shows at its border is what a larger one shows there, and a scene that lies
-//! in the picture is drawn without.
+//! The margin around pictures: what a picture shows at its border is what a larger one shows there,
+//! and a scene that lies in the picture is drawn without.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -43,7 +43,8 @@ fn floor(apart_px: f64, half: DVec2) -> Scene {
     Scene::new(&points, 1e-5, spacing, spacing * 1.5, 3000)
 }
 
-/// The share of the pixels up to `deep` from the border that are off from those of the larger picture.
+/// The share of the pixels up to `deep` from the border that are off from those of the larger
+/// picture.
 fn off(picture: &Picture, larger: &Picture, deep: u32) -> f64 {
     let ([width, height], more) = (SIZE, (larger.width - SIZE[0]) / 2);
     let (mut off, mut all) = (0, 0);

@@ -24,8 +24,8 @@ fn view() -> View {
     View::look_at(DVec3::NEG_Y * 20.0, DVec3::ZERO, DVec3::Z, 0.11, SIDE, SIDE)
 }
 
-/// Where the picture's alpha falls to one half along rays from its middle: distance in pixels for each of
-/// `n` directions, from outside inwards.
+/// Where the picture's alpha falls to one half along rays from its middle: distance in pixels for
+/// each of `n` directions, from outside inwards.
 fn outline(picture: &Picture, n: usize) -> Vec<f64> {
     let alpha = |at: DVec2| {
         let (x, y) = (at.x - 0.5, at.y - 0.5);
@@ -64,8 +64,8 @@ fn light(picture: &Picture, x: usize, y: usize) -> f64 {
     pixel.iter().map(|&c| f64::from(c)).sum::<f64>() / 3.0
 }
 
-/// An even wall facing the viewer at this depth behind the origin, its sides (in pixels from the middle)
-/// from `low` to `high`.
+/// An even wall facing the viewer at this depth behind the origin, its sides (in pixels from the
+/// middle) from `low` to `high`.
 fn wall(dice: &mut Dice, behind: f64, low: DVec2, high: DVec2, spacing_px: f64) -> Vec<ScenePoint> {
     let pixel = (20.0 + behind) / view().focal_px();
     let [columns, rows] = ((high - low) / spacing_px).to_array().map(|n| n as usize);
@@ -200,8 +200,8 @@ fn a_slanted_edge_covers_its_share_of_pixels_and_thin_lines_stay() {
     }
 }
 
-/// Discs of scan lines on ground that is seen aslant leave narrow gaps, as wide as they are apart: what lies behind a gap is the
-/// same ground, and none of it is a rim.
+/// Discs of scan lines on ground that is seen aslant leave narrow gaps, as wide as they are apart:
+/// what lies behind a gap is the same ground, and none of it is a rim.
 #[test]
 fn gaps_between_scan_lines_on_slopes_do_not_grow() {
     let (radius_px, apart_px, pixel) = (10.0, 22.5, 1.0 / pixels_per_unit());
@@ -223,7 +223,8 @@ fn gaps_between_scan_lines_on_slopes_do_not_grow() {
     }
 }
 
-/// Where points are far apart, whole pixels of coarse levels hold but points of what lies behind. The discs beside them hide these.
+/// Where points are far apart, whole pixels of coarse levels hold but points of what lies behind.
+/// The discs beside them hide these.
 #[test]
 fn a_wall_hides_what_lies_behind_it_however_far_apart_its_points_are() {
     for spacing_px in [24.0, 32.0, 48.0] {

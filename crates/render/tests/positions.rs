@@ -47,8 +47,8 @@ fn node(
     (node, points, hot, residual)
 }
 
-/// The greatest distance on the picture between where points are drawn and where they are, pixels; of
-/// those on the picture. `bound_px` gives what is allowed at an exact depth.
+/// The greatest distance on the picture between where points are drawn and where they are, pixels;
+/// of those on the picture. `bound_px` gives what is allowed at an exact depth.
 fn check(
     lattice: &Lattice,
     view: &View,

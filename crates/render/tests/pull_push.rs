@@ -1,5 +1,5 @@
-//! Pull and push do what the published algorithm does, with normals along the discs' planes: against the `f64`
-//! reference, on random pixels of many sizes and on views of models.
+//! Pull and push do what the published algorithm does, with normals along the discs' planes:
+//! against the `f64` reference, on random pixels of many sizes and on views of models.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod reference;

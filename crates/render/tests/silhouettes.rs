@@ -1,6 +1,7 @@
-//! Alpha at silhouettes against the share of each pixel that a sphere and a cube cover in truth (64 samples a pixel), and the
-//! width of wires against their own; over densities, with normals and without. What is too much is told apart from what is too
-//! little: discs stick out of a surface, and where samples are sparse its outline has dents.
+//! Alpha at silhouettes against the share of each pixel that a sphere and a cube cover in truth (64
+//! samples a pixel), and the width of wires against their own; over densities, with normals and
+//! without. What is too much is told apart from what is too little: discs stick out of a surface,
+//! and where samples are sparse its outline has dents.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -125,8 +126,8 @@ fn cube_outline() -> Vec<DVec2> {
     }
 }
 
-/// Off by so much at most: too much and too little, pixels; and the root of the mean square. By spacing, with normals and
-/// without: those of the sphere, those of the cube.
+/// Off by so much at most: too much and too little, pixels; and the root of the mean square. By
+/// spacing, with normals and without: those of the sphere, those of the cube.
 type Bounds = (f64, [[[f64; 3]; 2]; 2]);
 const BOUNDS: [Bounds; 5] = [
     (0.5, [[[0.28, 0.06, 0.24], [0.18, 0.10, 0.22]], [[0.55, 0.04, 0.38], [0.36, 0.07, 0.36]]]),
@@ -190,7 +191,8 @@ const WIRES: Wires = [
     (4.0, [4.20, 4.30, 4.60, 4.75], [3.2; 4]),
     (8.0, [8.10, 8.15, 9.40, 9.30], [6.9; 4]),
 ];
-/// With normals, rows of a wire thinner than a pixel may be empty where its samples are farther apart than it is wide.
+/// With normals, rows of a wire thinner than a pixel may be empty where its samples are farther
+/// apart than it is wide.
 const WIRES_WITH_NORMALS: Wires = [
     (0.5, [1.05, 1.25, 1.20, 1.20], [0.50, 0.75, 0.0, 0.0]),
     (1.0, [1.65, 1.50, 1.55, 1.45], [1.00, 0.60, 0.60, 0.0]),

@@ -1,5 +1,5 @@
-//! What a user sees: surfaces are closed, nothing behind shows through, silhouettes are where they are,
-//! points keep their colours.
+//! What a user sees: surfaces are closed, nothing behind shows through, silhouettes are where they
+//! are, points keep their colours.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -98,7 +98,8 @@ fn nothing_shows_through_a_sparse_wall() {
     }
 }
 
-/// From within a sphere each of its places is seen face on, and stretched the more the farther it is from the middle.
+/// From within a sphere each of its places is seen face on, and stretched the more the farther it
+/// is from the middle.
 #[test]
 fn what_surrounds_the_eye_is_closed_at_wide_angles() {
     let mut dice = Dice(31);
@@ -130,7 +131,8 @@ fn a_sphere_with_normals_ends_at_its_silhouette() {
         let picture = draw(&scene, &view, true);
         let spacing_px = spacing * view.focal_px() / 20.0;
         let (mut missing, mut beyond) = (0, 0.0f64);
-        // The greatest depth of the near side, and what the plane of a disc there may go on by beyond it.
+        // The greatest depth of the near side, and what the plane of a disc there may go on by
+        // beyond it.
         let (limb, pixel) = (20.0 - 1.0 / 20.0, 20.0 / view.focal_px());
         let disc = 1.4 * 2.0 * spacing + 2.0 * pixel;
         for (i, d) in picture.depth.iter().enumerate() {
@@ -248,7 +250,8 @@ fn a_pixel_that_more_points_share_than_sums_hold_shows_the_one_that_wins_it() {
     }
 }
 
-/// A texture coordinate is an attribute like any other: mapped to grey, it is interpolated with the surface.
+/// A texture coordinate is an attribute like any other: mapped to grey, it is interpolated with the
+/// surface.
 #[test]
 fn a_coordinate_across_a_wall_is_interpolated_between_its_points() {
     let view = narrow_view();
@@ -328,21 +331,9 @@ fn radii_follow_the_finest_drawn_cell() {
     let middle = DVec3::new(32.0, 0.0, 0.0);
     let view = View::look_at(middle - DVec3::Y * 60.0, middle, DVec3::Z, 1.0, 64, 64);
     let frame = Frame {
-        view: &view,
-        lattice: &lattice,
-        draws: &draws,
         octree: Some(&octree),
-        method: Method::PullPush,
-        colour: ColourBy::Plain,
         cull_back_faces: true,
-        hides_points: false,
-        shines: true,
-        skips_push: true,
-        averages: true,
-        smooths: true,
-        fits_planes: true,
-        evens_exposure: false,
-        background: Background::default(),
+        ..Frame::new(&view, &lattice, &draws)
     };
     let mut pyramid = Pyramid::default();
     assert_eq!(Renderer::default().base_level(&frame, &mut pyramid).unwrap(), 2);

@@ -1,4 +1,5 @@
-//! Work that runs ahead on the cores of a pool: begun in order, taken in order, and who waits for it helps meanwhile.
+//! Work that runs ahead on the cores of a pool: begun in order, taken in order, and who waits for
+//! it helps meanwhile.
 
 use rayon::{ScopeFifo, Yield};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};

@@ -1,4 +1,5 @@
-//! Panics of other people's decoders on damaged bytes: they become errors, and programs may keep to themselves what they say.
+//! Panics of other people's decoders on damaged bytes: they become errors, and programs may keep to
+//! themselves what they say.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
@@ -20,7 +21,8 @@ pub fn catch<T>(f: impl FnOnce() -> T) -> Result<T> {
     result
 }
 
-/// From now on panics that become errors say nothing on standard error, in the whole program. Others do as before.
+/// From now on panics that become errors say nothing on standard error, in the whole program.
+/// Others do as before.
 pub fn hide() {
     let say = take_hook();
     set_hook(Box::new(move |panic| {

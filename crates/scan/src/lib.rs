@@ -1,6 +1,6 @@
-//! Scan formats to columnar batches on the lattice, and back ([`mod@write`]). The only crate that knows LAS, LAZ, PLY,
-//! PCD, E57, PTX and text.
-//! The format is told by content, never by the name; only generated scans ([`synthetic`]) are named.
+//! Scan formats to columnar batches on the lattice, and back ([`mod@write`]). The only crate that
+//! knows LAS, LAZ, PLY, PCD, E57, PTX and text. The format is told by content, never by the name;
+//! only generated scans ([`synthetic`]) are named.
 //!
 //! | format | what is read | coordinates |
 //! |---|---|---|

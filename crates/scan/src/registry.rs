@@ -1,7 +1,7 @@
 //! The formats that are read, in the order in which they are tried.
 
 use crate::error::ScanError;
-use crate::source::{Format, OpenOptions, Source};
+use crate::source::{Format, HEAD_BYTES, OpenOptions, Source};
 use crate::synthetic;
 use esker_points::Task;
 use esker_points::place::no_file_at;
@@ -26,14 +26,11 @@ const NAMED: &[(&[u8], &str)] = &[(
     "is an .esker file already; give it to info, verify, render or build --merge",
 )];
 
-/// Bytes of a file's beginning by which its format is told: text may begin with many comments, or with one long line
-/// of names.
-pub(crate) const HEAD_BYTES: u64 = 64 << 10;
-
 /// Opens a scan, its format told by its content; or a generated one, told by its name.
 ///
 /// # Errors
-/// Where the file cannot be read, is of no known format, or is damaged; where no such scan is generated.
+/// Where the file cannot be read, is of no known format, or is damaged; where no such scan is
+/// generated.
 pub fn open(
     path: &Path,
     options: &OpenOptions,
@@ -64,8 +61,8 @@ pub fn open(
     }
 }
 
-/// The scans that lie directly in a folder, by their names' endings and in the order of their names; hidden files are
-/// none.
+/// The scans that lie directly in a folder, by their names' endings and in the order of their
+/// names; hidden files are none.
 ///
 /// # Errors
 /// Where the folder cannot be read, or has no scan.

@@ -1,6 +1,6 @@
-//! What a reader of a scan format gives: what it knows before decoding, and its points as batches on
-//! the lattice, in the file's order. A new format is one file with one [`Format`] and one line in
-//! [`crate::registry`].
+//! What a reader of a scan format gives: what it knows before decoding, and its points as batches
+//! on the lattice, in the file's order. A new format is one file with one [`Format`] and one line
+//! in [`crate::registry`].
 
 use crate::error::ScanError;
 use esker_points::lattice::Placement;
@@ -8,6 +8,10 @@ use esker_points::{Batch, ColourDepth, InputGrid, Schema, Task};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// Bytes at the beginning of a file from which its format is detected: text may begin with many
+/// comments, or with one long line of names.
+pub(crate) const HEAD_BYTES: u64 = 64 << 10;
 
 /// Points in a batch at most: small enough for a cache, large enough that calls cost nothing.
 pub const BATCH_POINTS: usize = 1 << 16;
@@ -33,12 +37,13 @@ pub type Open =
 pub struct OpenOptions {
     /// Overrides what was detected of 16-bit colour fields.
     pub colour_depth: Option<ColourDepth>,
-    /// Memory that all together may take while inputs are read, in bytes; a few dozen MiB and what a format needs
-    /// where not said.
+    /// Memory that all together may take while inputs are read, in bytes; a few dozen MiB and what
+    /// a format needs where not said.
     pub memory_bytes: Option<u64>,
 }
 
-/// What all but [`Source::held_bytes`] takes while inputs are read: batches, and the least of what is made of them.
+/// What all but [`Source::held_bytes`] takes while inputs are read: batches, and the least of what
+/// is made of them.
 pub const BESIDE_HELD_BYTES: u64 = 128 << 20;
 
 /// What is known of an input before its points are decoded.
@@ -113,8 +118,8 @@ pub struct ReadReport {
 }
 
 impl ReadReport {
-    /// Counts what was read of a part of an input, and hands its points over: how many others were refused for which reason,
-    /// and the greatest rounding and 16-bit colour among them.
+    /// Counts what was read of a part of an input, and hands its points over: how many others were
+    /// refused for which reason, and the greatest rounding and 16-bit colour among them.
     pub(crate) fn take(
         &mut self,
         batch: Batch,
@@ -142,14 +147,14 @@ pub trait Source: Send + Sync {
     fn info(&self) -> &SourceInfo;
 
     /// Decodes all points once, in order, on the lattice of `placement`, into batches of at most
-    /// [`BATCH_POINTS`] points that have all attributes of the schema. Uses the cores of the current
-    /// rayon pool where the format allows; calls `sink` from this thread only. Memory stays bounded by
-    /// a few dozen MiB beside [`Source::held_bytes`] whatever the file claims.
+    /// [`BATCH_POINTS`] points that have all attributes of the schema. Uses the cores of the
+    /// current rayon pool where the format allows; calls `sink` from this thread only. Memory stays
+    /// bounded by a few dozen MiB beside [`Source::held_bytes`] whatever the file claims.
     ///
     /// # Errors
     /// [`ScanError::OffLattice`] where a point does not fit the lattice (its header's bounds lied);
-    /// [`ScanError::Cancelled`]; otherwise what is wrong with the file. Points handed over before an
-    /// error are void.
+    /// [`ScanError::Cancelled`]; otherwise what is wrong with the file. Points handed over before
+    /// an error are void.
     fn read(
         &self,
         placement: &Placement,
@@ -164,8 +169,8 @@ pub trait Source: Send + Sync {
     /// As [`Source::read`].
     fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError>;
 
-    /// Bytes of memory that it holds at once at most while it is read: a large compressed chunk whose decoder needs all
-    /// of it.
+    /// Bytes of memory that it holds at once at most while it is read: a large compressed chunk
+    /// whose decoder needs all of it.
     fn held_bytes(&self) -> u64 {
         0
     }

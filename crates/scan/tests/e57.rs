@@ -1,5 +1,5 @@
-//! E57: places come in the pose of their scan, exactly where they are integers; values keep their types; damaged files
-//! end in an error.
+//! E57: places come in the pose of their scan, exactly where they are integers; values keep their
+//! types; damaged files end in an error.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
@@ -119,7 +119,8 @@ proptest! {
         let at = at % bytes.len();
         let same = bytes[at] == byte;
         bytes[at] = byte;
-        // Every page has a checksum; the first page's head is read before it, and says where the rest is.
+        // Every page has a checksum; the first page's head is read before it, and says where the
+        // rest is.
         let is_sound = read(&bytes).is_ok();
         prop_assert!(is_sound == same || at < 48, "{at}");
     }

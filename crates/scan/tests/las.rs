@@ -1,6 +1,6 @@
 //! LAS and LAZ as users meet them: files written here byte by byte, for every version and point
-//! format, come back to the bit; damaged ones end in an error. The writer below knows nothing of the
-//! reader's tables: it places every field by the specification.
+//! format, come back to the bit; damaged ones end in an error. The writer below knows nothing of
+//! the reader's tables: it places every field by the specification.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -505,7 +505,8 @@ fn keys_that_all_point_to_the_same_values_are_bounded() {
     assert_eq!(read(many.as_ref()).unwrap().1.points, 2);
 }
 
-/// A LAS 1.4 of two points with EVLRs of these payload sizes; the payloads may be a hole in the file.
+/// A LAS 1.4 of two points with EVLRs of these payload sizes; the payloads may be a hole in the
+/// file.
 fn with_evlrs(payloads: &[u64], claimed: u32) -> tempfile::NamedTempFile {
     let file = file_of(Variant { format: 6, minor: 4, extra: 0 }, plain_points(2, 0));
     let mut bytes = file.las();

@@ -1,4 +1,5 @@
-//! Real PCD, E57, PTX and PTS files have the points and the bounds that independent readers found (`manifest.csv`).
+//! Real PCD, E57, PTX and PTS files have the points and the bounds that independent readers found
+//! (`manifest.csv`).
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
@@ -49,7 +50,8 @@ fn real_files_lie_where_others_read_them() {
         for i in 0..3 {
             let of =
                 |pick: fn(f64, f64) -> f64| cloud.world.iter().map(|p| p[i]).reduce(pick).unwrap();
-            // Written with ten digits; one file's singles in text are not, since they need more than a lattice has.
+            // Written with ten digits; one file's singles in text are not, since they need more
+            // than a lattice has.
             let digits = if name == "pcd/lamppost.pcd" { 6e-8 } else { 1e-9 };
             let slack =
                 cloud.report.rounding_error_max + digits * high[i].abs().max(low[i].abs()) + 1e-9;

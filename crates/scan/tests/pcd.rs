@@ -1,5 +1,5 @@
-//! PCD: lines, records and compressed fields give the same points and attributes, exactly; headers that lie and bytes
-//! that are damaged end in an error.
+//! PCD: lines, records and compressed fields give the same points and attributes, exactly; headers
+//! that lie and bytes that are damaged end in an error.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 

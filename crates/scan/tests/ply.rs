@@ -1,5 +1,5 @@
-//! PLY: every encoding gives the same points and attributes, exactly; headers that lie and bytes that
-//! are damaged end in an error or in the points that are sound, never in a panic.
+//! PLY: every encoding gives the same points and attributes, exactly; headers that lie and bytes
+//! that are damaged end in an error or in the points that are sound, never in a panic.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
@@ -292,7 +292,8 @@ proptest! {
             for (p, row) in cloud.world.iter().zip(&rows) {
                 for i in 0..3 {
                     let want = TYPES[types[i]].1.to_f64(&row[i]);
-                    // The last term: an f32 in decimal text differs from its binary twin by its text.
+                    // The last term: an f32 in decimal text differs from its binary twin by its
+                    // text.
                     let text = if format == "ascii" { want.abs() * 6e-8 } else { 0.0 };
                     prop_assert!((p[i] - want).abs() <= error + want.abs() * 1e-15 + text + 1e-12, "{} {} {}", p[i], want, error);
                 }

@@ -1,5 +1,6 @@
-//! PTX and PTS: points come where their scan stood, with what was measured of them; directions without a return and
-//! lines of counts are no points; what is cut or damaged is refused in one line that says why.
+//! PTX and PTS: points come where their scan stood, with what was measured of them; directions
+//! without a return and lines of counts are no points; what is cut or damaged is refused in one
+//! line that says why.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 

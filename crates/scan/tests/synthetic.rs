@@ -1,4 +1,5 @@
-//! Generated scans: the same points on every machine, as many as were asked for, however they are read.
+//! Generated scans: the same points on every machine, as many as were asked for, however they are
+//! read.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -43,8 +44,8 @@ fn pool(threads: usize) -> rayon::ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
 }
 
-/// Scenes with the hash of 100,001 points of seed 7. A new hash means that files built from a scene no
-/// longer verify against it: change it on purpose only.
+/// Scenes with the hash of 100,001 points of seed 7. A new hash means that files built from a scene
+/// no longer verify against it: change it on purpose only.
 const PINNED: [(&str, &str); 3] = [
     ("bridge", "5107fe3b442c8b861598d8ae4d242bfa"),
     ("office", "a76074484c69a49cea08007462eff964"),

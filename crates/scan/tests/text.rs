@@ -1,5 +1,5 @@
-//! Text: numbers come back exact at their digits, columns get the narrowest types, and what is not a
-//! table of points is refused in one line that says why.
+//! Text: numbers come back exact at their digits, columns get the narrowest types, and what is not
+//! a table of points is refused in one line that says why.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 

@@ -1,5 +1,5 @@
-//! Scans written by Esker are what was read: LAS records to the bit, with header and VLRs as they were; what LAS
-//! has no field for as extra bytes; and blocks of a source that lie make no panic.
+//! Scans written by Esker are what was read: LAS records to the bit, with header and VLRs as they
+//! were; what LAS has no field for as extra bytes; and blocks of a source that lie make no panic.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]

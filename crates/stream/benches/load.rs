@@ -1,6 +1,6 @@
-//! How fast a view is loaded: useful bytes a second by a streamer, against plain reads of the same
-//! ranges, as many in flight, in the same run; alternately, and medians of all. Both from cold with
-//! `--cold` (Linux: `dd` tells the system to forget the file).
+//! Measures how fast a view is loaded: useful bytes a second of a streamer, and of plain reads of
+//! the same ranges with as many in progress. Both alternate in one run; the medians are printed.
+//! With `--cold` both start from an empty page cache (Linux: `dd` drops the file from it).
 //!
 //! `cargo bench -p esker-stream --bench load -- FILE [--cold] [--rounds N]`
 
@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 
 const IN_FLIGHT: usize = 8;
 
-/// A loaded view.
+/// Measurements of a loaded view.
 struct Loaded {
     seconds: f64,
     useful_bytes: u64,
@@ -82,7 +82,7 @@ fn range(file: &Forest, node: u32, kind: PlaneKind) -> Range<u64> {
     record.page_offset + range.start..record.page_offset + range.end
 }
 
-/// The ranges that lie next to each other as one, at most a run long.
+/// Joins adjacent ranges, each at most a run long.
 fn joined(mut ranges: Vec<Range<u64>>) -> Vec<Range<u64>> {
     ranges.sort_by_key(|r| r.start);
     let mut joined: Vec<Range<u64>> = Vec::new();
@@ -121,6 +121,7 @@ fn read(file: &Forest, ranges: &[Range<u64>]) -> f64 {
     began.elapsed().as_secs_f64()
 }
 
+/// Drops a file from the page cache.
 fn forget(path: &Path) {
     let of = format!("of={}", path.display());
     let arguments = [of.as_str(), "oflag=nocache", "conv=notrunc,fdatasync", "count=0"];

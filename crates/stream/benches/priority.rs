@@ -1,6 +1,7 @@
-//! What an order of loading is worth: the error of what is drawn, over the bytes that have been loaded,
-//! until a view is complete, for each priority. The error of a cut is the distance of points on the
-//! picture, pixels, beyond the target, where each node of the complete cut is, weighted by its area.
+//! Compares the orders of loading: the error of what is drawn, over the bytes that have been
+//! loaded, until a view is complete, for each priority. The error of a cut is the distance of
+//! points in the picture, pixels, beyond that of the complete cut, at each of its nodes, weighted
+//! by area.
 //!
 //! `cargo bench -p esker-stream --bench priority -- FILE`
 
@@ -20,7 +21,7 @@ use std::time::Duration;
 /// Loads of each view by each priority, in turn.
 const ROUNDS: usize = 5;
 
-/// Cuts on the way to a complete one, with the bytes that were there.
+/// Cuts up to the complete one, each with the bytes loaded by then.
 fn cuts(file: &Arc<Forest>, view: View, priority: Priority) -> Vec<(u64, Arc<Cut>)> {
     let ring = Arc::new(Ring::new(2));
     let options = Options {
@@ -35,7 +36,7 @@ fn cuts(file: &Arc<Forest>, view: View, priority: Priority) -> Vec<(u64, Arc<Cut
     streamer.look(view);
     let (mut cuts, mut bytes): (Vec<(u64, Arc<Cut>)>, u64) = (Vec::new(), 0);
     loop {
-        // A frame: slow enough that each is a choice of its own.
+        // A frame: slow enough that each gets a new choice.
         std::thread::sleep(Duration::from_millis(8));
         while let Ok((run, transfers)) = ring.landed.1.try_recv() {
             for t in &transfers {
@@ -54,7 +55,7 @@ fn cuts(file: &Arc<Forest>, view: View, priority: Priority) -> Vec<(u64, Arc<Cut
     }
 }
 
-/// Mean error of a cut where the nodes of the complete one are, pixels.
+/// Mean error of a cut at the nodes of the complete one, pixels.
 fn error_px(file: &Forest, cut: &Cut, complete: &Cut) -> f64 {
     let (view, lattice) = (&cut.view, file.lattice());
     let projection = Projection::of(view);
@@ -92,15 +93,15 @@ fn main() {
     ];
     for (name, view) in views {
         let priorities = [Priority::Distance, Priority::ErrorPerByte];
-        let mut found = priorities.map(|_| Vec::new());
+        let mut results = priorities.map(|_| Vec::new());
         for _ in 0..ROUNDS {
-            for (priority, found) in priorities.iter().zip(&mut found) {
-                found.push(measure(&file, view, *priority));
+            for (priority, results) in priorities.iter().zip(&mut results) {
+                results.push(measure(&file, view, *priority));
             }
         }
-        for (priority, found) in priorities.iter().zip(&found) {
+        for (priority, results) in priorities.iter().zip(&results) {
             let median = |of: fn(&Measured) -> f64| {
-                let mut values: Vec<f64> = found.iter().map(of).collect();
+                let mut values: Vec<f64> = results.iter().map(of).collect();
                 values.sort_by(f64::total_cmp);
                 values[values.len() / 2]
             };
@@ -115,12 +116,12 @@ fn main() {
     }
 }
 
-/// The error on the way to a complete view.
+/// Errors on the way to a complete view.
 struct Measured {
     bytes: f64,
     /// Mean over the bytes: each cut lasts until the next one.
     mean_px: f64,
-    /// When a quarter of the bytes are there.
+    /// Error when a quarter of the bytes is loaded.
     quarter_px: f64,
 }
 

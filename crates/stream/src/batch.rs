@@ -1,42 +1,41 @@
-//! The prioritised load queue (kanzok2015, section 3.2.1, item 3): what it holds at most, and how
-//! requests whose bytes lie next to each other in the file become one batch, which one loader reads at
-//! once.
+//! The prioritised load queue (kanzok2015, section 3.2.1, item 3): its limits, and how requests
+//! whose bytes are adjacent in the file become one batch, which one loader reads at once.
 
-use crate::planes::{Planes, Request};
+use crate::planes::{LoadRequest, Planes};
 use esker_format::PlaneKind;
 use std::collections::{BTreeMap, HashSet};
 
-/// Bytes between two planes that are read along with them rather than skipped: a disk gives them in
-/// less time than it takes to begin another read.
+/// Greatest gap between two planes that is read along with them rather than skipped: a disk
+/// transfers it in less time than it takes to start another read.
 pub(crate) const GAP_BYTES_MAX: u64 = 32 << 10;
 
-/// Requests under way at once: waiting, taken, or landed and not yet uploaded. More than enough for
-/// tens of milliseconds of the smallest nodes. Bounds the queue and every channel that tells of
-/// requests, each of which is told of once.
+/// Greatest number of requests in progress: waiting, taken, or landed and not yet uploaded. More
+/// than enough for tens of milliseconds of the smallest nodes. It bounds the queue and every
+/// channel that reports requests, since each request is reported once.
 pub(crate) const REQUESTS_MAX: usize = 1024;
 
-/// Bytes that wait in the queue: what a disk of 2 GB/s reads in 30 ms, which is longer than the LOD
-/// thread takes to fill it again; less where drawing memory is small, so that most of it can be drawn.
+/// Bytes that wait in the queue: what a disk of 2 GB/s reads in 30 ms, longer than the LOD thread
+/// takes to fill it again; less if drawing memory is small, so that most of it can be drawn.
 pub(crate) fn queue_bytes_max(drawing_bytes: u64) -> u64 {
     (drawing_bytes / 4).min(64 << 20)
 }
 
 /// Requests that are read together.
-pub(crate) type Batch = Vec<Request>;
+pub(crate) type Batch = Vec<LoadRequest>;
 
-/// The bytes from the first to the last of a request.
+/// Range of the file from the first to the last byte of a request.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
     start: u64,
     end: u64,
-    /// Bytes of its planes.
+    /// Bytes of the request's planes.
     bytes: u64,
 }
 
-/// Joins requests, given best first, into batches, best first: each as good as its best. No batch has
-/// more than `run_bytes`, gaps included, unless it is a single request; none is read along before what
-/// it is drawn upon.
-pub(crate) fn batches(requests: Vec<Request>, planes: &Planes, run_bytes: usize) -> Vec<Batch> {
+/// Joins requests, given best first, into batches, best first: a batch ranks as its best request.
+/// No batch has more than `run_bytes`, gaps included, unless it is a single request. No request
+/// joins a batch ahead of the request for the planes that it is drawn upon.
+pub(crate) fn batches(requests: Vec<LoadRequest>, planes: &Planes, run_bytes: usize) -> Vec<Batch> {
     let extents: Vec<_> = requests.iter().map(|r| extent(r, planes)).collect();
     let starts = extents.iter().enumerate().filter_map(|(i, e)| Some((e.as_ref()?.start, i)));
     let mut at: BTreeMap<u64, usize> = starts.collect();
@@ -53,7 +52,7 @@ pub(crate) fn batches(requests: Vec<Request>, planes: &Planes, run_bytes: usize)
                 at.remove(&extent.start);
             }
             let may_join = |i: usize, bases: &HashSet<u32>| {
-                waiting[i].as_ref().is_some_and(|r| !bases.contains(&below(r, planes)))
+                waiting[i].as_ref().is_some_and(|r| !bases.contains(&depends_on(r, planes)))
             };
             let bytes_max = run_bytes as u64;
             let mut joined = Vec::new();
@@ -72,16 +71,17 @@ pub(crate) fn batches(requests: Vec<Request>, planes: &Planes, run_bytes: usize)
     batches
 }
 
-fn is_base(request: &Request) -> bool {
+fn is_base(request: &LoadRequest) -> bool {
     request.planes.iter().any(|&(kind, _)| kind != PlaneKind::Residual)
 }
 
-/// The node whose base planes a request is of no use without: for a residual its own node.
-fn below(request: &Request, planes: &Planes) -> u32 {
+/// The node whose base planes a request depends on: its own node for a residual, otherwise the
+/// parent.
+fn depends_on(request: &LoadRequest, planes: &Planes) -> u32 {
     if is_base(request) { planes.node(request.node).parent } else { request.node }
 }
 
-/// The request right before or behind an extent that may be read along, and both together.
+/// The adjacent request before or after an extent that may join it, and the joined extent.
 fn neighbour(
     at: &BTreeMap<u64, usize>,
     extents: &[Option<Extent>],
@@ -106,8 +106,8 @@ fn neighbour(
     })
 }
 
-/// `None` for requests that are read by themselves.
-fn extent(request: &Request, planes: &Planes) -> Option<Extent> {
+/// Extent of a request; `None` for requests that are read alone.
+fn extent(request: &LoadRequest, planes: &Planes) -> Option<Extent> {
     let mut extent = Extent { start: u64::MAX, end: 0, bytes: 0 };
     for &(kind, _) in &request.planes {
         let range = planes.in_file(request.node, kind)?;
@@ -122,14 +122,14 @@ fn extent(request: &Request, planes: &Planes) -> Option<Extent> {
 mod tests {
     use super::*;
     use crate::landing::Slot;
-    use crate::planes::Sight;
+    use crate::planes::VisibilityTest;
     use crate::testing::hills;
     use proptest::prelude::*;
 
-    fn request(id: u64, node: u32, kinds: &[PlaneKind], alone: bool) -> Request {
+    fn request(id: u64, node: u32, kinds: &[PlaneKind], alone: bool) -> LoadRequest {
         let slot = Slot { offset: 0, bytes: 0 };
         let planes = kinds.iter().map(|&kind| (kind, slot)).collect();
-        Request { id, node, planes, sight: Sight::Contour, alone }
+        LoadRequest { id, node, planes, test: VisibilityTest::Contour, alone }
     }
 
     proptest! {
@@ -183,7 +183,7 @@ mod tests {
     fn neighbours_are_read_at_once() {
         let planes = Planes::of(hills());
         let kinds = [PlaneKind::Position, PlaneKind::Colour];
-        // Siblings, whose parent is at hand.
+        // Siblings whose parent is resident.
         let nodes = planes.node(0).children();
         let requests: Vec<_> = nodes.map(|n| request(n.into(), n, &kinds, false)).collect();
         assert!(requests.len() > 2);

@@ -1,6 +1,7 @@
-//! The hierarchical cache (kanzok2015, section 3.2.1, item 5): which planes of which nodes have a slot,
-//! and which of them has been of no use for longest. The unit is a node's plane. It is closed under
-//! parent: a node is taken in below one that is there, and its base planes leave before its parent's do.
+//! The hierarchical cache (kanzok2015, section 3.2.1, item 5): which planes of which nodes have a
+//! slot, and which of them is least recently used. The unit is a plane of a node. The cache is
+//! closed under parent: a node enters only below a node that is cached, and its base planes are
+//! evicted before those of its parent.
 
 use crate::landing::Slot;
 use crate::planes::Planes;
@@ -11,20 +12,21 @@ use std::collections::HashMap;
 
 /// A plane with a slot.
 #[derive(Clone, Copy, Debug)]
-struct Held {
+struct CachedPlane {
     kind: PlaneKind,
     slot: Slot,
-    /// The last pass that had a use for it.
+    /// Last pass that used the plane.
     stamp: u64,
-    /// Whether its bytes have been uploaded; until then it is asked for, and stays.
+    /// Whether its bytes have been uploaded; until then the plane is requested and cannot be
+    /// evicted.
     is_resident: bool,
 }
 
-/// A node with slots, or with children that have some.
+/// A node with slots, or with children that have slots.
 #[derive(Debug, Default)]
 struct Entry {
-    planes: Vec<Held>,
-    /// Nodes below it that have an entry.
+    planes: Vec<CachedPlane>,
+    /// Number of child nodes with an entry.
     children: u32,
 }
 
@@ -35,9 +37,9 @@ pub(crate) struct Cache {
     pool: Pool,
     entries: HashMap<u32, Entry>,
     nodes_max: usize,
-    /// Counts choices: what was stamped in this one is in use.
+    /// Number of the pass; planes stamped with it are in use.
     pass: u64,
-    /// What may leave, in this pass; the first to leave is last. Made when first needed.
+    /// Planes that may be evicted in this pass, the first to leave last. Made on first use.
     leaving: Option<Vec<(u64, Reverse<u32>, PlaneKind)>>,
     resident: usize,
     evicted: u64,
@@ -62,12 +64,12 @@ impl Cache {
         &self.pool
     }
 
-    /// Nodes whose positions are uploaded.
+    /// Number of nodes whose positions are uploaded.
     pub(crate) fn resident_nodes(&self) -> usize {
         self.resident
     }
 
-    /// Nodes that left so that others could come.
+    /// Number of nodes evicted so far.
     pub(crate) fn evicted(&self) -> u64 {
         self.evicted
     }
@@ -76,43 +78,43 @@ impl Cache {
         self.entries.contains_key(&node)
     }
 
-    fn held(&self, node: u32, kind: PlaneKind) -> Option<&Held> {
-        self.entries.get(&node)?.planes.iter().find(|h| h.kind == kind)
+    fn plane(&self, node: u32, kind: PlaneKind) -> Option<&CachedPlane> {
+        self.entries.get(&node)?.planes.iter().find(|p| p.kind == kind)
     }
 
     /// Whether a plane has a slot, uploaded or not.
     pub(crate) fn has(&self, node: u32, kind: PlaneKind) -> bool {
-        self.held(node, kind).is_some()
+        self.plane(node, kind).is_some()
     }
 
-    /// Where a plane is, once uploaded.
+    /// Slot of a plane that is uploaded.
     pub(crate) fn resident(&self, node: u32, kind: PlaneKind) -> Option<Slot> {
-        self.held(node, kind).filter(|h| h.is_resident).map(|h| h.slot)
+        self.plane(node, kind).filter(|p| p.is_resident).map(|p| p.slot)
     }
 
-    /// Whether all of these planes, as far as the node has them, are uploaded.
+    /// Whether all of `kinds` that the node has are uploaded.
     pub(crate) fn is_resident(&self, node: u32, kinds: &[PlaneKind]) -> bool {
         kinds.iter().all(|&k| self.resident(node, k).is_some() || !self.planes.has(node, k))
     }
 
-    /// Begins a pass: from here on, what is not touched may leave.
+    /// Begins a pass: planes that are not touched from here on may be evicted.
     pub(crate) fn begin_pass(&mut self) {
         self.pass += 1;
         self.leaving = None;
     }
 
-    /// Keeps a plane, where it is, through this pass.
+    /// Keeps a plane through this pass, if it is cached.
     pub(crate) fn touch(&mut self, node: u32, kind: PlaneKind) {
         let pass = self.pass;
         let entry = self.entries.get_mut(&node);
-        if let Some(held) = entry.and_then(|e| e.planes.iter_mut().find(|h| h.kind == kind)) {
-            held.stamp = pass;
+        if let Some(plane) = entry.and_then(|e| e.planes.iter_mut().find(|p| p.kind == kind)) {
+            plane.stamp = pass;
         }
     }
 
-    /// Finds slots for planes of a node that have none, for the loaders to fill; what has been of no use
-    /// for longest leaves for them. `base` are the planes that a node is drawn with. `None`, and no slot
-    /// taken, where there is no place, or the parent is not here.
+    /// Finds slots for planes of a node that have none, evicting the least recently used planes for
+    /// them. `base` are the base planes of nodes. Returns `None` and takes no slot if there is no
+    /// room or the parent is not cached.
     pub(crate) fn reserve(
         &mut self,
         node: u32,
@@ -149,32 +151,33 @@ impl Cache {
             }
         }
         let (entry, stamp) = (self.entries.entry(node).or_default(), self.pass);
-        let held = |&(kind, slot)| Held { kind, slot, stamp, is_resident: false };
-        entry.planes.extend(slots.iter().map(held));
+        let requested = |&(kind, slot)| CachedPlane { kind, slot, stamp, is_resident: false };
+        entry.planes.extend(slots.iter().map(requested));
         Some(slots)
     }
 
-    /// A plane has been uploaded.
+    /// Marks a plane as uploaded.
     pub(crate) fn arrive(&mut self, node: u32, kind: PlaneKind) {
         let entry = self.entries.get_mut(&node);
-        if let Some(held) = entry.and_then(|e| e.planes.iter_mut().find(|h| h.kind == kind)) {
-            self.resident += usize::from(kind.has_positions() && !held.is_resident);
-            held.is_resident = true;
+        if let Some(plane) = entry.and_then(|e| e.planes.iter_mut().find(|p| p.kind == kind)) {
+            self.resident += usize::from(kind.has_positions() && !plane.is_resident);
+            plane.is_resident = true;
         }
     }
 
-    /// Gives a plane's slot back.
+    /// Frees the slot of a plane.
     pub(crate) fn release(&mut self, node: u32, kind: PlaneKind) {
         let Some(entry) = self.entries.get_mut(&node) else { return };
-        if let Some(at) = entry.planes.iter().position(|h| h.kind == kind) {
-            let held = entry.planes.swap_remove(at);
-            self.resident -= usize::from(kind.has_positions() && held.is_resident);
-            self.pool.give(held.slot);
+        if let Some(at) = entry.planes.iter().position(|p| p.kind == kind) {
+            let plane = entry.planes.swap_remove(at);
+            self.resident -= usize::from(kind.has_positions() && plane.is_resident);
+            self.pool.give(plane.slot);
         }
         self.drop_empty(node);
     }
 
-    /// Forgets a node that has neither slots nor children, and those above it that kept theirs for it.
+    /// Removes the entry of a node without slots and children, and then of ancestors that become
+    /// empty.
     fn drop_empty(&mut self, mut node: u32) {
         while self.entries.get(&node).is_some_and(|e| e.planes.is_empty() && e.children == 0) {
             self.entries.remove(&node);
@@ -184,13 +187,13 @@ impl Cache {
         }
     }
 
-    /// Lets one plane leave; false where none may.
+    /// Evicts one plane; false if none may be evicted.
     fn evict_one(&mut self, base: &[PlaneKind]) -> bool {
         let mut leaving = self.leaving.take().unwrap_or_else(|| self.unused());
         let next = loop {
             let Some((_, Reverse(node), kind)) = leaving.pop() else { break None };
             let is_leaf = self.entries.get(&node).is_some_and(|e| e.children == 0);
-            // A parent with a child on its way waits for it to arrive and leave.
+            // A parent with a child in progress stays until that child has arrived and left.
             if is_leaf || !base.contains(&kind) {
                 break Some((node, kind));
             }
@@ -202,13 +205,13 @@ impl Cache {
         true
     }
 
-    /// Uploaded planes that this pass had no use for. Of equal age children leave first: they stand
-    /// behind their parents in the table, and are never used without them.
+    /// Uploaded planes that this pass did not use. Of equal age, children are evicted first: their
+    /// index is greater than their parent's, and they are never used without it.
     fn unused(&self) -> Vec<(u64, Reverse<u32>, PlaneKind)> {
         let mut unused = Vec::new();
         for (&node, entry) in &self.entries {
-            let old = entry.planes.iter().filter(|h| h.is_resident && h.stamp < self.pass);
-            unused.extend(old.map(|h| (h.stamp, Reverse(node), h.kind)));
+            let old = entry.planes.iter().filter(|p| p.is_resident && p.stamp < self.pass);
+            unused.extend(old.map(|p| (p.stamp, Reverse(node), p.kind)));
         }
         unused.sort_unstable_by(|a, b| b.cmp(a));
         unused
@@ -224,7 +227,7 @@ mod tests {
     const BASE: [PlaneKind; 2] = [PlaneKind::Position, PlaneKind::Colour];
 
     impl Cache {
-        /// What must always hold.
+        /// Asserts the invariants.
         fn check(&self) -> Result<(), TestCaseError> {
             let mut children: HashMap<u32, u32> = HashMap::new();
             for &node in self.entries.keys().filter(|&&n| !self.planes.is_root(n)) {
@@ -236,7 +239,7 @@ mod tests {
             for (node, entry) in &self.entries {
                 prop_assert_eq!(entry.children, children.get(node).copied().unwrap_or(0));
                 prop_assert!(entry.children > 0 || !entry.planes.is_empty());
-                used += entry.planes.iter().map(|h| Pool::taken(h.slot.bytes)).sum::<u64>();
+                used += entry.planes.iter().map(|p| Pool::taken(p.slot.bytes)).sum::<u64>();
             }
             prop_assert_eq!(used, self.pool.used());
             let resident = self.entries.keys().filter(|&&n| self.is_resident(n, &BASE[..1]));
@@ -245,7 +248,7 @@ mod tests {
         }
     }
 
-    /// A walk from the root: each number chooses a child.
+    /// A path from the root: each number chooses a child.
     fn path(planes: &Planes, turns: &[u8]) -> Vec<u32> {
         let mut path = vec![0];
         for &turn in turns {
@@ -269,7 +272,7 @@ mod tests {
             let planes = Planes::of(hills());
             let mut cache =
                 Cache::new(planes.clone(), Pool::new(pages * (64 << 10), 64 << 10), nodes_max);
-            let mut asked: Vec<(u32, PlaneKind)> = Vec::new();
+            let mut requested: Vec<(u32, PlaneKind)> = Vec::new();
             for (turns, with_residual, fate) in passes {
                 cache.begin_pass();
                 let path = path(&planes, &turns);
@@ -282,14 +285,14 @@ mod tests {
                     kinds.retain(|&kind| !cache.has(node, kind));
                     let kept = path.iter().filter(|&&n| cache.is_resident(n, &BASE)).count();
                     let slots = cache.reserve(node, &kinds, &BASE);
-                    asked.extend(slots.into_iter().flatten().map(|(kind, _)| (node, kind)));
+                    requested.extend(slots.into_iter().flatten().map(|(kind, _)| (node, kind)));
                     let still = path.iter().filter(|&&n| cache.is_resident(n, &BASE)).count();
                     prop_assert_eq!(kept, still, "what is in use stays");
                     cache.check()?;
                 }
-                // Some arrive, some fail, some are still on their way.
-                let ends = asked.len() * usize::from(fate) / 3;
-                for (i, (node, kind)) in asked.drain(..ends.min(asked.len())).enumerate() {
+                // Some arrive, some fail, some are still in progress.
+                let ends = requested.len() * usize::from(fate) / 3;
+                for (i, (node, kind)) in requested.drain(..ends.min(requested.len())).enumerate() {
                     if i % 5 == 4 { cache.release(node, kind) } else { cache.arrive(node, kind) }
                 }
                 cache.check()?;

@@ -1,13 +1,13 @@
-//! A pass of the LOD thread (kanzok2015, section 3.2.2): choose the cut of the newest view, publish it,
-//! then ask for the best of what it misses, in the slots of what it does not want. The order matters,
-//! see [`crate::shared`].
+//! A pass of the LOD thread (kanzok2015, section 3.2.2): chooses the cut of the newest view,
+//! publishes it, then requests the best missing planes in the slots of planes that the cut does not
+//! want. This order is required, see [`crate::shared`].
 
 use crate::batch::Batch;
 use crate::cache::Cache;
 use crate::cut::{Cut, CutNode};
 use crate::error::StreamError;
 use crate::options::{Needs, Options};
-use crate::planes::{Planes, Request};
+use crate::planes::{LoadRequest, Planes};
 use crate::queue::Queue;
 use crate::retries::Retries;
 use crate::shared::Shared;
@@ -20,10 +20,11 @@ use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The share of drawing memory that is at first kept for holes between slots of different lengths.
+/// The share of drawing memory, one over this, that is initially reserved for holes between slots
+/// of different lengths.
 const SPARE: u64 = 16;
 
-/// What the LOD thread owns.
+/// State of the LOD thread.
 pub(crate) struct Chooser {
     pub(crate) options: Options,
     pub(crate) planes: Planes,
@@ -32,42 +33,43 @@ pub(crate) struct Chooser {
     pub(crate) retries: Retries,
     pub(crate) run_bytes: usize,
     pub(crate) queue: Arc<Queue<Batch>>,
-    /// Requests under way, by id.
-    pub(crate) asked: HashMap<u64, Request>,
+    /// Requests in progress, by id.
+    pub(crate) requests: HashMap<u64, LoadRequest>,
     pub(crate) last_id: u64,
     pub(crate) epoch: u64,
     pub(crate) view: Option<View>,
-    /// What cuts are drawn with.
-    pub(crate) shown: Needs,
-    /// What was asked for last; shown once the roots have it.
+    /// Planes that cuts are drawn with.
+    pub(crate) drawn_needs: Needs,
+    /// Planes needed last; drawn once the roots have them.
     pub(crate) needs: Needs,
     pub(crate) feedback: Option<Arc<DepthFeedback>>,
-    /// What the front cut draws.
+    /// Nodes of the front cut.
     pub(crate) drawn: Vec<Drawn>,
-    /// Whether wishes were left over because the queue was full.
+    /// Whether missing planes were not requested because the queue was full.
     pub(crate) has_more: bool,
-    /// Bytes that are not planned with, because holes between slots take them.
+    /// Bytes left out of the budget because holes between slots take them.
     pub(crate) spare_bytes: u64,
 }
 
-/// What a pass chose.
+/// Result of the choice of a pass.
 pub(crate) struct Choice {
     pub(crate) view: View,
-    /// The planes without which nothing is drawn.
+    /// Base planes: a node is drawn only if it has all of them.
     pub(crate) base: Vec<PlaneKind>,
     pub(crate) selection: Selection,
-    /// Which of the nodes with points that are drawn, or will be once they are there, need their residual.
+    /// Nodes that need their residual plane, among those whose points are drawn or will be once
+    /// loaded.
     pub(crate) residuals: HashSet<u32>,
 }
 
-/// What [`select`] is told of the cache. Roots count nothing: they have their places.
-struct Known<'a> {
+/// The cache as [`select`] sees it. Roots cost nothing, since their slots are reserved.
+struct CacheResidency<'a> {
     chooser: &'a Chooser,
     base: &'a [PlaneKind],
     view: &'a View,
 }
 
-impl Residency for Known<'_> {
+impl Residency for CacheResidency<'_> {
     fn is_resident(&self, node: u32) -> bool {
         self.chooser.cache.is_resident(node, self.base)
     }
@@ -80,23 +82,23 @@ impl Residency for Known<'_> {
     }
 
     fn points_max(&self, node: u32) -> usize {
-        self.chooser.planes.shown.points_max(node)
+        self.chooser.planes.filter.points_max(node)
     }
 
-    fn is_barren(&self, node: u32) -> bool {
-        self.chooser.planes.shown.is_barren(node)
+    fn rejects_subtree(&self, node: u32) -> bool {
+        self.chooser.planes.filter.rejects_subtree(node)
     }
 }
 
 impl Chooser {
-    /// One pass; whether another one should follow, though nothing happens until then: it may find more
-    /// hidden. Never where one may not follow.
+    /// Makes one pass. Returns whether another pass should follow at once because it may find more
+    /// hidden nodes; never if `may_follow` is false.
     pub(crate) fn pass(&mut self, may_follow: bool) -> bool {
         self.cache.begin_pass();
         self.show_needs();
         let Some(view) = self.view else {
             self.show_roots();
-            self.ask_for_roots();
+            self.request_roots();
             return false;
         };
         let began = Instant::now();
@@ -106,14 +108,14 @@ impl Chooser {
         let front = Arc::new(cut);
         self.shared.front.store(Arc::clone(&front));
         self.touch(&choice);
-        let finds_place = self.ask(&choice);
+        let all_placed = self.request_missing(&choice);
         let drawn = choice.selection.drawn;
         let same = self.drawn.iter().map(|d| d.node).eq(drawn.iter().map(|d| d.node));
         self.drawn = drawn;
         let follows = may_follow && self.options.occlusion && !same;
-        let follows = follows || (!finds_place && self.spare_more());
+        let follows = follows || (!all_placed && self.spare_more());
         let waits = !is_complete && self.retries.is_waiting(began);
-        if self.asked.is_empty() && !self.has_more && !waits && !follows {
+        if self.requests.is_empty() && !self.has_more && !waits && !follows {
             self.epoch += 1;
             let cut = Cut { epoch: self.epoch, settled: true, ..Cut::clone(&front) };
             self.shared.front.store(Arc::new(cut));
@@ -121,9 +123,9 @@ impl Chooser {
         follows
     }
 
-    /// Whether the roots can be drawn with these planes, beside those that they are drawn with.
+    /// Checks that the roots' planes for `needs` fit beside the planes that they are drawn with.
     pub(crate) fn check_roots(&self, needs: &Needs) -> Result<(), StreamError> {
-        let mut kinds = self.planes.base(&self.shown);
+        let mut kinds = self.planes.base(&self.drawn_needs);
         kinds.extend(self.planes.base(needs));
         kinds.sort_unstable();
         kinds.dedup();
@@ -156,23 +158,25 @@ impl Chooser {
         needs_residual(self.planes.node(node), self.planes.lattice(), view)
     }
 
-    /// A new view; it may find fewer holes than the last.
+    /// Sets a new view. It may meet fewer holes than the last one, so the spare share shrinks.
     pub(crate) fn look(&mut self, view: View) {
         self.view = Some(view);
         let least = self.options.drawing_bytes / SPARE;
         self.spare_bytes = (self.spare_bytes - self.spare_bytes / 16).max(least);
     }
 
-    /// Plans with less, where holes keep something from its place though nothing else can leave and
-    /// nothing is under way: then what is wanted least leaves. Whether that may help.
+    /// Reserves more spare bytes if holes prevent a request from getting slots, although no unused
+    /// plane is left to evict and no request is in progress: then the least wanted planes are
+    /// evicted. Returns whether that may help.
     fn spare_more(&mut self) -> bool {
         let step = self.options.drawing_bytes / (4 * SPARE);
-        let may_help = self.asked.is_empty() && self.spare_bytes < self.options.drawing_bytes / 2;
+        let may_help =
+            self.requests.is_empty() && self.spare_bytes < self.options.drawing_bytes / 2;
         self.spare_bytes += if may_help { step } else { 0 };
         may_help && step > 0
     }
 
-    /// Bytes that a cut may take: all but the spare ones, and the roots'.
+    /// Bytes that a cut may take: drawing memory without the spare bytes and the roots.
     fn bytes_budget(&self, base: &[PlaneKind], view: &View) -> u64 {
         let coming = self.planes.base(&self.needs);
         let coming: Vec<_> = coming.into_iter().filter(|kind| !base.contains(kind)).collect();
@@ -185,15 +189,15 @@ impl Chooser {
         bytes.saturating_sub(self.spare_bytes).saturating_sub(roots)
     }
 
+    /// Chooses the nodes of a view.
     fn choose(&self, view: View) -> Choice {
-        let base = self.planes.base(&self.shown);
-        // Software depth is of nodes, not of the points that a filter leaves of them.
-        let hides = self.feedback.is_some() || !self.planes.shown.is_filtered();
+        let base = self.planes.base(&self.drawn_needs);
+        // Software depth is computed from nodes, not from the points that a filter leaves of them.
+        let hides = self.feedback.is_some() || !self.planes.filter.is_filtered();
         let mut selection = if self.options.occlusion && hides {
             let occlusion = self.occlusion(&view, &self.drawn);
             let selection = self.select(&view, &base, Some(&*occlusion));
-            if self.feedback.is_none() && self.hides_by_what_is_gone(&view, &selection, &*occlusion)
-            {
+            if self.feedback.is_none() && self.is_occluder_gone(&view, &selection, &*occlusion) {
                 let occlusion = self.occlusion(&view, &selection.drawn);
                 self.select(&view, &base, Some(&*occlusion))
             } else {
@@ -203,11 +207,12 @@ impl Chooser {
             self.select(&view, &base, None)
         };
         if self.options.occlusion && selection.drawn.is_empty() {
-            // What hides everything would have to be drawn.
+            // Whatever hides everything must be drawn itself.
             selection = self.select(&view, &base, None);
         }
         self.keep_to_nodes_max(&mut selection);
-        // What is wanted for its children's sake alone draws no point, and loaders would drop what is asked for it.
+        // A node that is wanted only for its children draws no point, and loaders would drop its
+        // residual.
         let drawn = selection.drawn.iter().map(|d| d.node);
         let coming = selection.missing.iter().filter(|m| m.prefix > 0).map(|m| m.node);
         let residuals =
@@ -215,8 +220,8 @@ impl Chooser {
         Choice { view, base, selection, residuals }
     }
 
-    /// What the last finished frame hides; before there is one, what these nodes do. In rooms the frame's
-    /// depth alone left out all that both did, and the other's takes 2 ms to make for 1,000 nodes.
+    /// Occlusion by the last finished frame, or by the nodes `hiding` as long as there is no
+    /// feedback.
     fn occlusion(&self, view: &View, hiding: &[Drawn]) -> Box<dyn Occlusion> {
         if let Some(feedback) = &self.feedback {
             return Box::new(feedback.seen_from(view));
@@ -225,9 +230,9 @@ impl Chooser {
         Box::new(SoftwareDepth::new(table, lattice, view, hiding))
     }
 
-    /// Whether something of the last cut, which this choice took to hide what is behind it, is in view
-    /// and not drawn any more, because less detail is enough: there may be nothing in its place.
-    fn hides_by_what_is_gone(
+    /// Whether a node of the last cut that served as an occluder is in view and not drawn any more,
+    /// because less detail is enough: its place may then be empty.
+    fn is_occluder_gone(
         &self,
         view: &View,
         selection: &Selection,
@@ -241,6 +246,7 @@ impl Chooser {
         })
     }
 
+    /// Runs the pure selection with the budgets and the cache of this moment.
     fn select(
         &self,
         view: &View,
@@ -253,11 +259,18 @@ impl Chooser {
             target_spacing_px: self.options.target_spacing_px,
         };
         let (table, lattice) = (self.planes.forest.table(), self.planes.lattice());
-        select(table, lattice, view, &options, &Known { chooser: self, base, view }, occlusion)
+        select(
+            table,
+            lattice,
+            view,
+            &options,
+            &CacheResidency { chooser: self, base, view },
+            occlusion,
+        )
     }
 
-    /// Leaves out what is beyond the greatest number of nodes; the beginning of what is wanted is
-    /// closed under parent.
+    /// Removes nodes beyond the greatest number of nodes. A prefix of the wanted list is closed
+    /// under parent.
     fn keep_to_nodes_max(&self, selection: &mut Selection) {
         if selection.wanted.len() > self.options.nodes_max {
             let nodes_max = self.options.nodes_max.max(self.planes.roots().count());
@@ -271,15 +284,16 @@ impl Chooser {
         }
     }
 
+    /// Makes the cut of a choice.
     fn cut(&mut self, choice: &Choice, began: Instant) -> Cut {
         let Choice { base, selection, .. } = choice;
-        let mut lacks_residual = false;
+        let mut misses_residual = false;
         let nodes = selection.drawn.iter().map(|d| {
             let residual = choice.residuals.get(&d.node).map(|_| PlaneKind::Residual);
             let kinds = base.iter().copied().chain(residual);
             let planes = kinds.filter_map(|k| Some((k, self.cache.resident(d.node, k)?)));
             let planes: Vec<_> = planes.collect();
-            lacks_residual |=
+            misses_residual |=
                 residual.is_some_and(|residual| planes.iter().all(|p| p.0 != residual));
             CutNode {
                 node: d.node,
@@ -293,7 +307,7 @@ impl Chooser {
         Cut {
             epoch: self.epoch,
             view: choice.view,
-            needs: self.shown.clone(),
+            needs: self.drawn_needs.clone(),
             nodes,
             octree: CompactOctree::with_hidden(
                 self.planes.forest.table(),
@@ -301,13 +315,15 @@ impl Chooser {
                 &selection.hidden,
             ),
             counters: selection.counters,
-            complete: selection.missing.is_empty() && !lacks_residual && self.shown == self.needs,
+            complete: selection.missing.is_empty()
+                && !misses_residual
+                && self.drawn_needs == self.needs,
             settled: false,
             lod_ms: began.elapsed().as_secs_f64() * 1000.0,
         }
     }
 
-    /// Keeps what the cut wants; everything else may leave.
+    /// Marks the planes that the cut wants as used in this pass; all others may be evicted.
     fn touch(&mut self, choice: &Choice) {
         for &node in &choice.selection.wanted {
             choice.base.iter().for_each(|&kind| self.cache.touch(node, kind));
@@ -319,11 +335,11 @@ impl Chooser {
         }
     }
 
-    /// Without a view all there is to draw are the roots, once they are there: so the first frame has them.
+    /// Publishes the resident roots while there is no view, so that the first frame has them.
     fn show_roots(&mut self) {
-        let base = self.planes.base(&self.shown);
-        let is_there = |&root: &u32| self.cache.is_resident(root, &base);
-        let drawn = self.planes.roots().filter(is_there).map(|node| {
+        let base = self.planes.base(&self.drawn_needs);
+        let is_resident = |&root: &u32| self.cache.is_resident(root, &base);
+        let drawn = self.planes.roots().filter(is_resident).map(|node| {
             let root = self.planes.node(node);
             Drawn { node, prefix: root.points(), effective_spacing: root.spacing }
         });
@@ -341,14 +357,14 @@ impl Chooser {
         }
     }
 
-    /// Shows what was asked for last, once all roots have it: from there on there is always something to
-    /// draw.
+    /// Switches to the newest needs once all roots have their planes: from then on there is always
+    /// something to draw.
     fn show_needs(&mut self) {
         let base = self.planes.base(&self.needs);
-        let are_there = || self.planes.roots().all(|root| self.cache.is_resident(root, &base));
-        if self.shown != self.needs && are_there() {
-            self.shown = self.needs.clone();
-            // What was drawn with the planes before hides nothing of what is drawn with these.
+        let are_resident = || self.planes.roots().all(|root| self.cache.is_resident(root, &base));
+        if self.drawn_needs != self.needs && are_resident() {
+            self.drawn_needs = self.needs.clone();
+            // Nodes drawn with the earlier planes hide nothing of nodes drawn with the new ones.
             self.drawn.clear();
         }
     }

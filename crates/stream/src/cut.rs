@@ -1,5 +1,5 @@
-//! The cut of a view as the render thread draws it: nodes, prefixes, and where their planes lie in
-//! drawing memory. Immutable once published; a newer one replaces it.
+//! The cut of a view as the render thread draws it: nodes, prefixes, and the slots of their planes
+//! in drawing memory. A published cut is immutable; a newer one replaces it.
 
 use crate::landing::Slot;
 use crate::options::Needs;
@@ -7,29 +7,29 @@ use esker_format::PlaneKind;
 use esker_lod::{CompactOctree, Counters, View};
 use glam::DVec3;
 
-/// What to draw.
+/// The nodes to draw for a view.
 #[derive(Clone, Debug)]
 pub struct Cut {
-    /// Counts published cuts, from 1; 0 for the empty one before the first.
+    /// Number of the published cut, from 1; 0 for the empty cut before the first.
     pub epoch: u64,
-    /// The view that it was chosen for.
+    /// View that the cut was chosen for.
     pub view: View,
-    /// The planes that all of its nodes have, as far as their files have them. What was asked for last by
-    /// `Streamer::need`, once the roots have it.
+    /// Planes that all nodes of the cut have, as far as their files have them. These are the planes
+    /// that `Streamer::need` set last, once the roots have them.
     pub needs: Needs,
-    /// The nodes, parents before their children. The octree's entries are in this order.
+    /// Nodes, parents before their children. The octree's entries are in this order.
     pub nodes: Vec<CutNode>,
-    /// The drawn cells with their effective spacings.
+    /// Drawn cells with their effective spacings.
     pub octree: CompactOctree,
-    /// How the choice came about.
+    /// Counters of the choice.
     pub counters: Counters,
-    /// Whether all that the view wants (within the budgets) is in it.
+    /// Whether the cut has everything that the view wants within the budgets.
     pub complete: bool,
-    /// Whether nothing more comes until the view, the needs, what is hidden or the file's state change: `complete`, or
-    /// what is missing cannot be read, or finds no place. What was told meanwhile may be about to change it, see
-    /// [`crate::Streamer::has_taken_in`].
+    /// Whether no newer cut comes until the view, the needs, what is hidden or the state of the
+    /// file changes: the cut is `complete`, or its missing planes cannot be read or find no slot.
+    /// Inputs that arrived later may still change it, see [`crate::Streamer::has_taken_in`].
     pub settled: bool,
-    /// Milliseconds that the choice took.
+    /// Time of the choice, milliseconds.
     pub lod_ms: f64,
 }
 
@@ -38,23 +38,23 @@ pub struct Cut {
 pub struct CutNode {
     /// Index in the node table.
     pub node: u32,
-    /// Its first points that are drawn.
+    /// Number of points to draw, from the first one on.
     pub prefix: usize,
-    /// Typical distance of points in its cell, the file's unit.
+    /// Typical distance of points in the node's cell, the file's unit.
     pub effective_spacing: f32,
-    /// Its resident planes.
+    /// Resident planes with their slots.
     pub planes: Vec<(PlaneKind, Slot)>,
 }
 
 impl CutNode {
-    /// Where a plane lies; `None` where it is not resident.
+    /// Slot of a plane; `None` if the plane is not resident.
     pub fn slot(&self, kind: PlaneKind) -> Option<Slot> {
         self.planes.iter().find(|(k, _)| *k == kind).map(|&(_, slot)| slot)
     }
 }
 
 impl Cut {
-    /// What there is before the first choice: nothing.
+    /// The empty cut before the first choice.
     pub(crate) fn empty(needs: Needs) -> Self {
         Self {
             epoch: 0,

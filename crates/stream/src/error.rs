@@ -1,12 +1,12 @@
-//! Why streaming cannot start. What goes wrong later is told by [`crate::Status::fault`], and the rest
-//! goes on.
+//! Errors that prevent streaming from starting. Later faults are reported by
+//! [`crate::Status::fault`], and streaming goes on with what can be read.
 
 use std::path::PathBuf;
 
-/// What is wrong with what a `Streamer` was asked to do.
+/// Error of [`crate::Streamer::start`], or of a change of needs.
 #[derive(Debug, thiserror::Error)]
 pub enum StreamError {
-    /// The roots of all trees must always be resident.
+    /// The roots of all trees must always be resident, and do not fit.
     #[error(
         "{}: the planes of {} take {bytes} bytes, and drawing memory has {drawing_bytes} in pages of \
          {page_bytes}; raise the budget (--budget-gpu){}",
@@ -15,18 +15,18 @@ pub enum StreamError {
         if *roots > 1 { ", or make one tree of them (esker build --merge)" } else { "" }
     )]
     RootsTooLarge {
-        /// The file.
+        /// Path of the first file.
         path: PathBuf,
-        /// Trees that have one.
+        /// Number of trees with a root.
         roots: usize,
-        /// What the roots take.
+        /// Bytes that the roots take.
         bytes: u64,
-        /// The budget.
+        /// Budget of drawing memory, bytes.
         drawing_bytes: u64,
-        /// What no slot straddles.
+        /// Page of drawing memory, bytes; a slot lies within one page.
         page_bytes: u64,
     },
-    /// Runs too short to be worth a read, or not aligned.
+    /// The landing's runs are too short to be worth a read, or not aligned.
     #[error(
         "a landing of runs of {0} bytes; they must be multiples of {align}, at least {least}",
         align = crate::Transfer::ALIGNMENT,
@@ -38,9 +38,9 @@ pub enum StreamError {
         "cannot start the thread {name}: {source}; close other programs, or ask for fewer loaders"
     )]
     Thread {
-        /// Its name.
+        /// Name of the thread.
         name: String,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
     },
 }

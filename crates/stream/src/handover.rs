@@ -1,6 +1,6 @@
-//! The hand-over of a slot from one node to another, in interleavings (loom): the real load queue,
-//! and the least that LOD thread, loader and render thread do around it, in the order that
-//! [`crate::shared`] asks for, and in wrong orders, which must be found out. Run by
+//! Model of how a slot passes from one node to another, in all interleavings (loom). It uses the
+//! real load queue and the minimum that LOD thread, loader and render thread do around it: in the
+//! order that [`crate::shared`] requires, and in wrong orders, which must fail. Run it by
 //! `RUSTFLAGS="--cfg loom" cargo test --release -p esker-stream --lib handover`.
 
 use crate::queue::Queue;
@@ -8,12 +8,12 @@ use loom::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use loom::sync::{Arc, Mutex};
 use loom::thread;
 
-/// What a cut draws from the slot, and what is in it.
+/// Node that a cut draws from the slot, and node whose bytes are in it.
 const NOTHING: usize = 0;
 const OLD: usize = 1;
 const NEW: usize = 2;
 
-/// In what order things are done.
+/// Order of the steps.
 #[derive(Clone, Copy, PartialEq)]
 struct Order {
     /// The LOD thread publishes a cut without the old node before it gives the slot away.
@@ -22,26 +22,26 @@ struct Order {
     drains_first: bool,
 }
 
-const RIGHT: Order = Order { publishes_first: true, drains_first: true };
+const CORRECT: Order = Order { publishes_first: true, drains_first: true };
 
 struct World {
     order: Order,
     front: AtomicUsize,
     /// Written and read by the render thread alone, as GPU memory is.
     slot: AtomicUsize,
-    asked: Queue<usize>,
+    requested: Queue<usize>,
     landed: Mutex<Vec<usize>>,
     uploaded: Queue<usize>,
 }
 
 impl World {
-    /// Gives the slot of the old node to the new one, and draws that once it is there.
+    /// Gives the slot of the old node to the new one, and draws the new one once it is uploaded.
     fn choose(&self) {
         if self.order.publishes_first {
             self.front.store(NOTHING, SeqCst);
-            self.asked.fill([NEW]);
+            self.requested.fill([NEW]);
         } else {
-            self.asked.fill([NEW]);
+            self.requested.fill([NEW]);
             self.front.store(NOTHING, SeqCst);
         }
         if self.uploaded.take().is_some() {
@@ -50,7 +50,7 @@ impl World {
     }
 
     fn load(&self) {
-        while let Some(node) = self.asked.take() {
+        while let Some(node) = self.requested.take() {
             self.landed.lock().expect("no test panics under a lock").push(node);
         }
     }
@@ -76,13 +76,13 @@ impl World {
     }
 }
 
-/// All interleavings in which threads are interrupted at most so often, which finds nearly all faults;
-/// without a bound there are too many.
-const INTERRUPTIONS_MAX: usize = 3;
+/// Bound on the preemptions of a thread in explored interleavings. It finds nearly all faults;
+/// without a bound there are too many interleavings.
+const PREEMPTIONS_MAX: usize = 3;
 
 fn model(run: impl Fn() + Sync + Send + 'static) {
     let mut builder = loom::model::Builder::new();
-    builder.preemption_bound = Some(INTERRUPTIONS_MAX);
+    builder.preemption_bound = Some(PREEMPTIONS_MAX);
     builder.check(run);
 }
 
@@ -92,7 +92,7 @@ fn explore(order: Order) {
             order,
             front: AtomicUsize::new(OLD),
             slot: AtomicUsize::new(OLD),
-            asked: Queue::new(),
+            requested: Queue::new(),
             landed: Mutex::new(Vec::new()),
             uploaded: Queue::new(),
         });
@@ -102,7 +102,7 @@ fn explore(order: Order) {
         });
         world.frame();
         world.frame();
-        world.asked.close();
+        world.requested.close();
         world.uploaded.close();
         threads.into_iter().for_each(|t| t.join().expect("no thread panics"));
         world.frame();
@@ -110,24 +110,24 @@ fn explore(order: Order) {
 }
 
 #[test]
-fn what_is_drawn_is_never_overwritten() {
-    explore(RIGHT);
+fn a_drawn_slot_is_never_overwritten() {
+    explore(CORRECT);
 }
 
 #[test]
 #[should_panic(expected = "the cut has")]
-fn taking_the_cut_before_draining_is_found_out() {
-    explore(Order { drains_first: false, ..RIGHT });
+fn taking_the_cut_before_draining_fails() {
+    explore(Order { drains_first: false, ..CORRECT });
 }
 
 #[test]
 #[should_panic(expected = "the cut has")]
-fn giving_a_slot_away_before_publishing_is_found_out() {
-    explore(Order { publishes_first: false, ..RIGHT });
+fn giving_a_slot_away_before_publishing_fails() {
+    explore(Order { publishes_first: false, ..CORRECT });
 }
 
 #[test]
-fn a_batch_is_taken_or_taken_back_once() {
+fn each_batch_is_taken_or_withdrawn_once() {
     model(|| {
         let queue = Arc::new(Queue::new());
         let loaders = [(); 2].map(|()| {

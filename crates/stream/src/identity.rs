@@ -1,6 +1,6 @@
-//! Whether the files are still those that were opened: their footers, read again, at most once a second
-//! while loading and whenever a read fails. Bytes that are read may be anything after a change; the
-//! picture is then wrong but nothing else is.
+//! Tests whether the files are still those that were opened, by reading their footers again: at
+//! most once a second while loading, and after each failed read. After a change, the bytes read may
+//! be anything; the picture is then wrong, but nothing else fails.
 
 use esker_format::footer::FOOTER_BYTES;
 use esker_format::{EskerFile, Forest};
@@ -8,15 +8,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Instant;
 
-/// Between two looks at the footers, milliseconds: reads of 192 bytes then cost nothing.
+/// Pause between two reads of the footers, milliseconds.
 const PAUSE_MS: u64 = 1000;
 
-/// Looks at the footers.
+/// Compares footers with those read on opening.
 #[derive(Debug)]
 pub(crate) struct Identity {
     forest: Arc<Forest>,
     opened: Instant,
-    /// When the next look is due, milliseconds after opening.
+    /// Time of the next read, milliseconds after opening.
     due_ms: AtomicU64,
 }
 
@@ -25,7 +25,7 @@ impl Identity {
         Self { forest, opened: Instant::now(), due_ms: AtomicU64::new(PAUSE_MS) }
     }
 
-    /// As [`Identity::fault`], where nobody has looked for a while.
+    /// Calls [`Identity::fault`] if no thread has done so within the pause.
     pub(crate) fn fault_if_due(&self) -> Option<String> {
         let now_ms = self.opened.elapsed().as_millis() as u64;
         let due_ms = self.due_ms.load(Relaxed);
@@ -34,8 +34,8 @@ impl Identity {
         if is_mine { self.fault() } else { None }
     }
 
-    /// What has become of the first file that is not what it was; `None` where all footers are in their
-    /// places, or cannot be read for other reasons than a file's end.
+    /// Message for the first file that has changed. `None` if all footers are unchanged, or cannot
+    /// be read for a reason other than the end of the file.
     pub(crate) fn fault(&self) -> Option<String> {
         self.forest.files().find_map(Self::fault_of)
     }

@@ -1,39 +1,58 @@
-//! Streams the nodes of an `.esker` file for a moving view (kanzok2015, section 3.2): one LOD thread
-//! chooses, loader threads read, the caller's render thread draws and never waits. Views go in by
-//! `Streamer::look`, a [`Cut`] to draw comes out by `Streamer::cut`, bytes go through the caller's
-//! [`Landing`]. Knows nothing of GPUs, windows or pictures; maps no file.
+//! Streams the nodes of an `.esker` file for a moving view (kanzok2015, section 3.2). Views go in
+//! by [`Streamer::look`], a [`Cut`] to draw comes out of [`Streamer::cut`], and bytes go through
+//! the caller's [`Landing`]. This crate knows nothing of GPUs, windows or pictures, and maps no
+//! file.
+//!
+//! # What each thread may touch
+//!
+//! - The **LOD thread** (`esker-lod`, `lod_thread.rs`) alone owns the cache, the slots of drawing
+//!   memory, the table of requests, and the retries of failed reads. It takes views, needs and
+//!   feedback from the mailboxes of `shared.rs`, chooses a cut, publishes it as the front cut, and
+//!   replaces the load queue. It reads no file and sees no run.
+//! - A **loader thread** (`esker-load-N`, `loader.rs`) takes batches from the load queue, borrows
+//!   runs from the [`Landing`], reads the file into them and lands them. It may write to the run
+//!   that it holds, to the counters of `shared.rs`, and to the channel of reports. It touches
+//!   neither the cache nor a slot: a batch names the slots, and the render thread copies the bytes
+//!   there.
+//! - The **render thread** (the caller's) calls [`Streamer`]. It writes the mailboxes, loads the
+//!   front cut, and reports uploaded requests by a channel. It alone copies landed runs into
+//!   drawing memory and draws from it.
+//!
+//! No call of the render thread but stopping waits for a lock, a thread or the disk. `shared.rs`
+//! explains why a slot can get a new owner without a lock; `handover.rs` checks the protocol under
+//! loom.
 
 #![forbid(unsafe_code)]
 
-mod ask;
 mod batch;
 mod cache;
 mod choose;
-pub mod cut;
-pub mod error;
+mod cut;
+mod error;
 #[cfg(all(test, loom))]
 mod handover;
 mod identity;
-pub mod landing;
+mod landing;
 mod loader;
 mod lod_thread;
 mod mailbox;
-pub mod options;
+mod options;
 mod planes;
 mod pool;
 mod priority;
 mod queue;
 mod reading;
+mod requests;
 mod retries;
 mod shared;
-pub mod status;
-pub mod streamer;
+mod status;
+mod streamer;
 #[cfg(test)]
 mod testing;
 
 pub use cut::{Cut, CutNode};
 pub use error::StreamError;
-pub use landing::{Landing, Run, Slot, Transfer};
+pub use landing::{Landing, RUN_BYTES_MIN, Run, Slot, Transfer};
 pub use options::{Needs, Options, Priority};
 pub use status::{PassTimes, Status};
 pub use streamer::Streamer;

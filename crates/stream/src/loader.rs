@@ -1,11 +1,11 @@
-//! A loader thread (kanzok2015, section 3.2.3): takes the best batch, gets a run, looks again whether it
-//! is in view, reads it, lands it. It waits for runs and for the queue only, and stops from either at
-//! once when streaming does.
+//! A loader thread (kanzok2015, section 3.2.3): takes the best batch, borrows a run, tests again
+//! whether the batch is in view, reads it and lands it. A loader waits only for the queue and for
+//! runs, and stops either wait at once when streaming stops.
 
 use crate::batch::Batch;
 use crate::identity::Identity;
 use crate::landing::Landing;
-use crate::planes::{Planes, Sight};
+use crate::planes::{Planes, VisibilityTest};
 use crate::queue::Queue;
 use crate::reading::{Outcome, Reading};
 use crate::shared::Shared;
@@ -16,24 +16,24 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
-/// How long a loader waits for a run before it looks whether it shall stop.
+/// Longest wait for a run before a loader tests whether streaming has stopped.
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// Batches in the queue below which the LOD thread is woken to fill it.
+/// Number of batches in the queue below which a loader wakes the LOD thread to fill it.
 pub(crate) const QUEUE_LOW: usize = 4;
 
-/// What loaders tell the LOD thread, of each request that is not landed once.
+/// Message of a loader to the LOD thread. Each request that is not landed is reported once.
 #[derive(Debug)]
 pub(crate) enum Report {
-    /// Out of view when their turn came.
+    /// Requests that were out of view when a loader took them.
     Dropped(Vec<u64>),
-    /// Could not be read, and why.
+    /// Requests that could not be read, and the reason.
     Failed(Vec<u64>, String),
-    /// The file is not what it was.
+    /// The file has changed since it was opened.
     Changed(String),
 }
 
-/// One loader.
+/// One loader thread.
 pub(crate) struct Loader<L: Landing> {
     pub(crate) planes: Planes,
     pub(crate) landing: Arc<L>,
@@ -42,7 +42,7 @@ pub(crate) struct Loader<L: Landing> {
     pub(crate) queue: Arc<Queue<Batch>>,
     pub(crate) reports: Sender<Report>,
     pub(crate) wake: Sender<()>,
-    /// Nothing is ever sent: it closes when streaming stops.
+    /// Nothing is ever sent: the channel closes when streaming stops.
     pub(crate) stop: Receiver<Infallible>,
 }
 
@@ -50,7 +50,8 @@ impl<L: Landing> Loader<L> {
     /// Loads until streaming stops.
     pub(crate) fn run(self) {
         while let Some(mut batch) = self.take() {
-            // No run is held without a batch to fill it: one that needs a second run would wait for ever.
+            // A loader borrows a run only after it has a batch: idle loaders that hold all runs
+            // would block a batch that needs a second one.
             let Some(run) = self.lend() else { return };
             self.drop_unseen(&mut batch);
             if batch.is_empty() {
@@ -72,7 +73,7 @@ impl<L: Landing> Loader<L> {
         let batch = self.queue.take()?;
         self.shared.counts.waiting.fetch_sub(batch.len(), Relaxed);
         if self.queue.len() < QUEUE_LOW {
-            // Full: the LOD thread is woken already.
+            // A full channel means that the LOD thread is woken already.
             let _ = self.wake.try_send(());
         }
         Some(batch)
@@ -84,19 +85,19 @@ impl<L: Landing> Loader<L> {
             if self.stop.try_recv() == Err(TryRecvError::Disconnected) {
                 return None;
             }
-            let asked = Instant::now();
+            let began = Instant::now();
             if let Some(run) = self.landing.lend(PATIENCE) {
                 return Some(run);
             }
-            // A closed landing answers at once.
-            let _ = self.stop.recv_timeout(PATIENCE.saturating_sub(asked.elapsed()));
+            // A closed landing returns at once.
+            let _ = self.stop.recv_timeout(PATIENCE.saturating_sub(began.elapsed()));
         }
     }
 
-    /// Leaves out what has gone out of view since it was chosen.
+    /// Removes requests that have left the view since they were made.
     fn drop_unseen(&self, batch: &mut Batch) {
         let Some(visible) = self.shared.visible.load_full() else { return };
-        let unseen = batch.extract_if(.., |r| !self.is_seen(r.node, r.sight, &visible));
+        let unseen = batch.extract_if(.., |r| !self.is_seen(r.node, r.test, &visible));
         let dropped: Vec<u64> = unseen.map(|r| r.id).collect();
         if !dropped.is_empty() {
             self.shared.counts.dropped.fetch_add(dropped.len() as u64, Relaxed);
@@ -104,12 +105,12 @@ impl<L: Landing> Loader<L> {
         }
     }
 
-    fn is_seen(&self, node: u32, sight: Sight, visible: &Visible) -> bool {
+    fn is_seen(&self, node: u32, test: VisibilityTest, visible: &Visible) -> bool {
         let (node, lattice) = (self.planes.node(node), self.planes.lattice());
-        match sight {
-            Sight::Always => true,
-            Sight::Contour => visible.may_show(&OrientedBox::of_contour(node, lattice)),
-            Sight::Cell => visible.may_show(&OrientedBox::of_cell(&node.cell(), lattice)),
+        match test {
+            VisibilityTest::Always => true,
+            VisibilityTest::Contour => visible.may_show(&OrientedBox::of_contour(node, lattice)),
+            VisibilityTest::Cell => visible.may_show(&OrientedBox::of_cell(&node.cell(), lattice)),
         }
     }
 
@@ -119,15 +120,15 @@ impl<L: Landing> Loader<L> {
         counts.useful_bytes.fetch_add(outcome.useful_bytes, Relaxed);
         counts.reads.fetch_add(outcome.reads, Relaxed);
         if !outcome.failed.is_empty() {
-            // A file that was cut short or changed explains more than the read that met it.
+            // A truncated or changed file explains a failed read better than the read's own error.
             let fault = self.identity.fault().or(outcome.fault).unwrap_or_default();
             self.report(Report::Failed(outcome.failed, fault));
         }
     }
 
     fn report(&self, report: Report) {
-        // Has room, as each request is reported once; where the caller of `uploaded` made up requests
-        // it is better to lose one than to wait.
+        // The channel has room for one report a request. If the caller of `uploaded` invented
+        // requests, it is better to lose a report than to wait.
         let _ = self.reports.try_send(report);
     }
 }

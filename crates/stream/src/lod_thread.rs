@@ -1,6 +1,6 @@
-//! The LOD thread: waits for something to happen, takes it in, makes a pass. It alone owns cache, slots
-//! and requests; all others tell it what they did by channels and mailboxes. Sleeps while nothing
-//! happens, and between passes leaves the core to others.
+//! The LOD thread: waits for an event, takes in all that has happened, and makes a pass. This
+//! thread alone owns the cache, the slots and the requests; the other threads report to it by
+//! channels and mailboxes. It sleeps while nothing happens and rests between passes.
 
 use crate::choose::Chooser;
 use crate::loader::{QUEUE_LOW, Report};
@@ -12,55 +12,58 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::SeqCst;
 use std::time::{Duration, Instant};
 
-/// Between two passes while only loading goes on: what arrives is drawn a few milliseconds later, and
-/// a pass is not made for each node.
+/// Pause between two passes while loading goes on: an arriving node is drawn a few milliseconds
+/// later, and there is not a pass for each node.
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// Passes that follow one another without a cause from outside: what is drawn hides more, and what is
-/// hidden is not drawn; this ends where nothing changes, or here.
-const FOLLOWING_MAX: u32 = 3;
+/// Greatest number of passes in a row without an outside cause. A new cut hides other nodes, which
+/// changes the next cut; the passes end when the cut stays the same, or at this number.
+const FOLLOW_UPS_MAX: u32 = 3;
 
-/// Its ends of the channels, and what it owns.
+/// The thread's state and its ends of the channels.
 pub(crate) struct LodThread {
     pub(crate) chooser: Chooser,
     pub(crate) wake: Receiver<()>,
     pub(crate) uploaded: Receiver<u64>,
     pub(crate) reports: Receiver<Report>,
-    /// Nothing is ever sent: it closes when streaming stops.
+    /// Nothing is ever sent: the channel closes when streaming stops.
     pub(crate) stop: Receiver<Infallible>,
     pub(crate) status: Status,
-    /// How much had been told before mailboxes were looked into last.
-    pub(crate) told: u64,
-    /// Whether feedback from where the view is has been used since what is drawn changed.
+    /// Value of `Shared::inputs` before the mailboxes were last read.
+    pub(crate) inputs: u64,
+    /// Whether feedback from the current view has been used since the drawn nodes changed.
     pub(crate) is_fed: bool,
 }
 
-/// Why a pass is made, the most urgent last.
+/// Reason for a pass, in ascending urgency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Cause {
     None,
-    Following,
+    /// The last pass changed what is hidden.
+    FollowUp,
+    /// Requests arrived or failed, and more are in progress.
     Loading,
-    /// All that was asked for has come: waiting brings nothing more.
+    /// All requests have arrived: waiting brings no more.
     Loaded,
-    Looking,
+    /// The view or the needs changed.
+    NewView,
 }
 
-/// The last pass.
+/// Times of the last pass.
 #[derive(Clone, Copy, Debug)]
-struct Past {
+struct LastPass {
     ended: Instant,
     took: Duration,
 }
 
-impl Past {
-    /// When it began: nodes that were to be tried again by then were asked for in it.
+impl LastPass {
+    /// When the pass began: it has requested the nodes whose retry was due by then.
     fn began(&self) -> Instant {
         self.ended - self.took
     }
 
-    /// When the next pass may begin: at most half of a core is spent on looking around, a third while
-    /// loading goes on.
+    /// When the next pass may begin: passes take at most half of a core, and a third while loading
+    /// goes on.
     fn rested(&self, cause: Cause) -> Instant {
         match cause {
             Cause::Loading => self.ended + PAUSE.max(self.took * 2),
@@ -72,48 +75,48 @@ impl Past {
 impl LodThread {
     /// Runs until streaming stops.
     pub(crate) fn run(mut self) {
-        let (mut cause, mut following) = (Cause::Loading, 0);
-        let mut past = Past { ended: Instant::now(), took: Duration::ZERO };
+        let (mut cause, mut follow_ups) = (Cause::Loading, 0);
+        let mut last = LastPass { ended: Instant::now(), took: Duration::ZERO };
         loop {
             cause = cause.max(self.take_in());
-            if cause > Cause::Following {
-                following = 0;
+            if cause > Cause::FollowUp {
+                follow_ups = 0;
             }
             let due = match cause {
-                Cause::None => self.chooser.retries.next_due(past.began()),
-                _ => Some(past.rested(cause)),
+                Cause::None => self.chooser.retries.next_due(last.began()),
+                _ => Some(last.rested(cause)),
             };
             let began = Instant::now();
             if due.is_none_or(|due| due > began) {
                 self.publish_status();
                 if cause == Cause::None {
-                    self.chooser.shared.taken_in.store(self.told, SeqCst);
+                    self.chooser.shared.inputs_used.store(self.inputs, SeqCst);
                 }
                 if !self.wait(due) {
                     break;
                 }
                 continue;
             }
-            let follows = self.chooser.pass(following < FOLLOWING_MAX);
-            past = Past { ended: Instant::now(), took: began.elapsed() };
+            let follows = self.chooser.pass(follow_ups < FOLLOW_UPS_MAX);
+            last = LastPass { ended: Instant::now(), took: began.elapsed() };
             self.status.passes += 1;
-            self.status.lod_ms.add(past.took.as_secs_f64() * 1000.0);
-            following += 1;
-            cause = if follows { Cause::Following } else { Cause::None };
+            self.status.lod_ms.add(last.took.as_secs_f64() * 1000.0);
+            follow_ups += 1;
+            cause = if follows { Cause::FollowUp } else { Cause::None };
             self.is_fed &= !follows;
-            self.chooser.shared.taken_in.store(self.told, SeqCst);
+            self.chooser.shared.inputs_used.store(self.inputs, SeqCst);
         }
         self.chooser.take_back();
     }
 
-    /// Waits until something happens or it is `due`; false once streaming stops.
+    /// Waits for an event, or until `due`. Returns false once streaming stops.
     fn wait(&self, due: Option<Instant>) -> bool {
         let mut select = Select::new();
         select.recv(&self.stop);
         select.recv(&self.wake);
         select.recv(&self.uploaded);
         select.recv(&self.reports);
-        // Which one is ready does not matter: `take_in` looks at all.
+        // It does not matter which channel is ready: `take_in` reads all of them.
         match due {
             Some(due) => drop(select.ready_deadline(due)),
             None => drop(select.ready()),
@@ -121,13 +124,13 @@ impl LodThread {
         self.stop.try_recv() != Err(TryRecvError::Disconnected)
     }
 
-    /// Takes in all that has happened.
+    /// Reads all channels and mailboxes. Returns the most urgent cause for a pass.
     fn take_in(&mut self) -> Cause {
         while self.wake.try_recv().is_ok() {}
-        let mut cause = self.take_views();
+        let mut cause = self.take_mail();
         while let Ok(id) = self.uploaded.try_recv() {
             self.status.nodes_loaded += u64::from(self.chooser.arrive(id));
-            let is_last = self.chooser.asked.is_empty();
+            let is_last = self.chooser.requests.is_empty();
             cause = cause.max(if is_last { Cause::Loaded } else { Cause::Loading });
         }
         while let Ok(report) = self.reports.try_recv() {
@@ -139,35 +142,37 @@ impl LodThread {
         cause
     }
 
-    fn take_views(&mut self) -> Cause {
+    /// Reads the mailboxes.
+    fn take_mail(&mut self) -> Cause {
         let chooser = &mut self.chooser;
         let shared = Arc::clone(&chooser.shared);
         let mut cause = Cause::None;
-        self.told = shared.told.load(SeqCst);
+        self.inputs = shared.inputs.load(SeqCst);
         if let Some(needs) = shared.needs.take().filter(|n| **n != chooser.needs) {
             match chooser.check_roots(&needs) {
                 Ok(()) => {
                     chooser.needs = Needs::clone(&needs);
-                    cause = Cause::Looking;
+                    cause = Cause::NewView;
                 }
                 Err(error) => self.status.fault = Some(error.to_string()),
             }
         }
         if let Some(view) = shared.view.take().filter(|v| chooser.view != Some(**v)) {
             chooser.look(*view);
-            cause = Cause::Looking;
+            cause = Cause::NewView;
         }
         if let Some(feedback) = shared.feedback.take() {
             if !self.is_fed {
-                cause = cause.max(Cause::Following);
+                cause = cause.max(Cause::FollowUp);
             }
-            // What a frame before the view's hides is soon told better.
+            // Feedback from an earlier view is soon replaced by better feedback.
             self.is_fed |= chooser.view.is_none_or(|view| feedback.is_from(&view));
             chooser.feedback = Some(feedback);
         }
         cause
     }
 
+    /// Takes a loader's report.
     fn take_report(&mut self, report: Report) -> Cause {
         match report {
             Report::Dropped(requests) => {
@@ -193,6 +198,7 @@ impl LodThread {
         Cause::Loading
     }
 
+    /// Publishes this thread's part of the status.
     fn publish_status(&mut self) {
         let cache = &self.chooser.cache;
         self.status.drawing_bytes = cache.pool().used();
@@ -200,8 +206,8 @@ impl LodThread {
         self.status.nodes_resident = cache.resident_nodes();
         self.status.nodes_evicted = cache.evicted();
         self.status.nodes_failed = self.chooser.retries.given_up();
-        // How many of them wait is known to the queue.
-        self.status.requests_in_flight = self.chooser.asked.len();
+        // The number of requests still in the queue is known to the loaders' counters.
+        self.status.requests_in_flight = self.chooser.requests.len();
         self.chooser.shared.status.store(Arc::new(self.status.clone()));
     }
 }

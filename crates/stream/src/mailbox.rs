@@ -1,19 +1,19 @@
-//! What one thread leaves for another to find: only the newest counts, and nobody waits.
+//! A mailbox from one thread to another, which holds only the newest value. Neither side waits.
 
 use arc_swap::ArcSwapOption;
 use std::sync::Arc;
 
-/// Room for one thing, which a newer one replaces.
+/// Holds one value, which a newer one replaces.
 #[derive(Debug)]
 pub(crate) struct Mailbox<T>(ArcSwapOption<T>);
 
 impl<T> Mailbox<T> {
-    /// Leaves a thing.
-    pub(crate) fn put(&self, thing: T) {
-        self.0.store(Some(Arc::new(thing)));
+    /// Replaces the value.
+    pub(crate) fn put(&self, value: T) {
+        self.0.store(Some(Arc::new(value)));
     }
 
-    /// Takes what was left last, if that has not been taken yet.
+    /// Takes the newest value, unless it has been taken already.
     pub(crate) fn take(&self) -> Option<Arc<T>> {
         self.0.swap(None)
     }

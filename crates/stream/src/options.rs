@@ -1,29 +1,29 @@
-//! What streaming may cost, in what order it loads, and which planes the frames need.
+//! Options of a streamer: budgets, the order of loading, and the planes that frames need.
 
-use esker_format::{PlaneKind, Shown};
+use esker_format::{ForestFilter, PlaneKind};
 use std::sync::Arc;
 
-/// Budgets and habits of a `Streamer`.
+/// Budgets and settings of a `Streamer`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Bytes of drawing memory (`--budget-gpu`). Slots never pass it.
+    /// Bytes of drawing memory (`--budget-gpu`). Slots never exceed it.
     pub drawing_bytes: u64,
-    /// Bytes of a page of drawing memory, which no slot straddles.
+    /// Bytes of a page of drawing memory; a slot lies within one page.
     pub page_bytes: u64,
-    /// Nodes resident at most, beside the budget in bytes (the paper's cache has 2,000).
+    /// Greatest number of resident nodes, beside the budget in bytes (2,000 in kanzok2015).
     pub nodes_max: usize,
-    /// Points drawn at most in a frame.
+    /// Greatest number of points drawn in a frame.
     pub points_budget: u64,
-    /// Distance of neighbouring points on the picture that is fine enough, pixels.
+    /// Distance of neighbouring points in the picture that is fine enough, pixels.
     pub target_spacing_px: f64,
-    /// Which missing node is read first.
+    /// Order in which missing nodes are read.
     pub priority: Priority,
-    /// Whether what is hidden is left out.
+    /// Whether hidden nodes are culled.
     pub occlusion: bool,
-    /// Loader threads: reads in flight.
+    /// Number of loader threads, which is the number of reads in progress.
     pub loaders: usize,
-    /// Which points, and what of them.
-    pub shown: Arc<Shown>,
+    /// Filter of points, and values mapped while reading.
+    pub filter: Arc<ForestFilter>,
 }
 
 impl Default for Options {
@@ -36,32 +36,32 @@ impl Default for Options {
             target_spacing_px: 1.0,
             priority: Priority::default(),
             occlusion: true,
-            // Disks give their best at about eight requests in flight.
+            // Disks reach their best rate at about eight requests in progress.
             loaders: 8,
-            shown: Arc::default(),
+            filter: Arc::default(),
         }
     }
 }
 
-/// Which missing node is read first.
+/// Order in which missing nodes are read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Priority {
-    /// The nearest (kanzok2015, section 3.2.2).
+    /// Nearest first (kanzok2015, section 3.2.2).
     Distance,
-    /// The one whose absence shows most for its bytes.
+    /// Greatest expected error of the picture a byte first.
     #[default]
     ErrorPerByte,
 }
 
-/// The planes that frames need. Positions always; residuals where hot positions would be off by half a
-/// pixel.
+/// Planes that frames need. Positions are always loaded; residuals where hot positions would be off
+/// by half a pixel.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
-    /// The plane that colours come from.
+    /// Plane that colours come from.
     pub colour: Option<PlaneKind>,
-    /// Whether normals are drawn.
+    /// Whether normals are used.
     pub normals: bool,
-    /// Whether splats are clipped at their lines.
+    /// Whether splats are clipped at their clip lines.
     pub clip_lines: bool,
     /// Whether splats have shapes of their own.
     pub tangents: bool,

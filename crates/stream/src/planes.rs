@@ -1,32 +1,33 @@
-//! Which planes of a node are needed, how long they are, and where they lie in the files.
+//! The planes of a node: which of them are needed, how long they are, and where they lie in the
+//! files. Also the requests for planes that go to the loaders.
 
 use crate::landing::Slot;
 use crate::options::Needs;
 use crate::pool::Pool;
-use esker_format::{Forest, PlaneKind, Shown};
+use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_points::node::NONE;
 use esker_points::{Lattice, Node};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The planes of all files, as they are shown.
+/// Planes of all files of a forest, as they are loaded.
 #[derive(Clone, Debug)]
 pub(crate) struct Planes {
     pub(crate) forest: Arc<Forest>,
-    pub(crate) shown: Arc<Shown>,
+    pub(crate) filter: Arc<ForestFilter>,
 }
 
 impl Planes {
-    /// All of a forest, as it lies in the files.
+    /// All planes of a forest, as they lie in the files.
     #[cfg(test)]
     pub(crate) fn of(forest: Arc<Forest>) -> Self {
-        Self { forest, shown: Arc::default() }
+        Self { forest, filter: Arc::default() }
     }
 
-    /// The planes without which a node is not drawn, as far as it has them. Those that no file has are left
-    /// out.
+    /// Base planes: a node is drawn only if it has all of them, as far as its file has them. Planes
+    /// that no file has are left out.
     pub(crate) fn base(&self, needs: &Needs) -> Vec<PlaneKind> {
-        // A compact plane has positions and colours at once.
+        // A compact plane has positions and colours.
         let compact = needs.colour.filter(|kind| kind.has_positions());
         let mut base = vec![compact.unwrap_or(PlaneKind::Position)];
         let normals = needs.normals.then_some(PlaneKind::Normal);
@@ -34,7 +35,7 @@ impl Planes {
         let tangents = needs.tangents.then_some(PlaneKind::Tangents);
         let kinds = needs.colour.into_iter().chain(normals).chain(clip_lines).chain(tangents);
         for kind in kinds {
-            // The residual is asked for node by node.
+            // The residual is requested for single nodes.
             let counts = kind.is_written() && kind != PlaneKind::Residual;
             if counts && self.forest.has(kind) && !base.contains(&kind) {
                 base.push(kind);
@@ -51,7 +52,7 @@ impl Planes {
         self.forest.record(node)
     }
 
-    /// The nodes that are always wanted.
+    /// The roots, which are always wanted.
     pub(crate) fn roots(&self) -> impl Iterator<Item = u32> + Clone + '_ {
         self.forest.table().roots()
     }
@@ -60,7 +61,7 @@ impl Planes {
         self.node(node).parent == NONE
     }
 
-    /// Whether a node has a plane: trees of other scans may not.
+    /// Whether a node has a plane: trees of other scans may lack it.
     pub(crate) fn has(&self, node: u32, kind: PlaneKind) -> bool {
         self.forest.has_plane(node, kind)
     }
@@ -68,7 +69,7 @@ impl Planes {
     /// Bytes of a node's plane.
     pub(crate) fn bytes(&self, node: u32, kind: PlaneKind) -> u64 {
         let points = self.node(node).points() as u64;
-        if let Some(bytes) = self.shown.value_bytes(kind).filter(|_| self.has(node, kind)) {
+        if let Some(bytes) = self.filter.value_bytes(kind).filter(|_| self.has(node, kind)) {
             return bytes * points;
         }
         if let Some(range) = self.in_page(node, kind) {
@@ -82,10 +83,11 @@ impl Planes {
         Pool::taken(self.bytes(node, kind))
     }
 
-    /// Where a plane lies, for [`Forest::read_exact_at`]; `None` for a cold one, which only its page's directory knows,
-    /// and for one that is shown otherwise than it lies there.
+    /// Byte range of a plane, for [`Forest::read_exact_at`]. `None` for a cold plane, whose range
+    /// only the directory of the page has, and for a plane that is mapped or filtered while it is
+    /// read.
     pub(crate) fn in_file(&self, node: u32, kind: PlaneKind) -> Option<Range<u64>> {
-        if self.shown.changes(node, kind) {
+        if self.filter.changes(node, kind) {
             return None;
         }
         let page = self.node(node).page_offset;
@@ -97,26 +99,27 @@ impl Planes {
     }
 }
 
-/// What a loader is asked to read: planes of one node, and where they go.
+/// LoadRequest to a loader: planes of one node, and their slots.
 #[derive(Clone, Debug)]
-pub(crate) struct Request {
-    /// Its name, never used twice.
+pub(crate) struct LoadRequest {
+    /// Id, never used twice.
     pub(crate) id: u64,
     pub(crate) node: u32,
     pub(crate) planes: Vec<(PlaneKind, Slot)>,
-    /// How it is told whether it is still in view.
-    pub(crate) sight: Sight,
-    /// Whether it is read by itself: reading it failed before, and shall not fail its neighbours.
+    /// Test by which a loader decides whether the request is still in view.
+    pub(crate) test: VisibilityTest,
+    /// Whether the request is read alone: reading it failed before, and must not make its
+    /// neighbours fail.
     pub(crate) alone: bool,
 }
 
-/// What of a node must be in view for it to be loaded.
+/// Part of a node that must be in view for the node to be loaded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Sight {
-    /// It is always wanted: a root.
+pub(crate) enum VisibilityTest {
+    /// None: roots are always wanted.
     Always,
-    /// Its own points.
+    /// The node's own points.
     Contour,
-    /// Anything in its cell: it is wanted for its children's sake.
+    /// Anything in the node's cell: it is wanted for its children.
     Cell,
 }

@@ -1,27 +1,27 @@
-//! Drawing memory as places to give away: best fit over the holes, which join again when places come
-//! back. No slot straddles a page, none overlaps another, and their sum, rounded up to
-//! [`Slot::ALIGNMENT`], never passes the budget.
+//! Allocator of slots in drawing memory: best fit over the holes, which join again when slots are
+//! freed. No slot crosses a page boundary, none overlaps another, and the sum of their lengths,
+//! rounded up to [`Slot::ALIGNMENT`], never exceeds the budget.
 
 use crate::landing::Slot;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The budget's bytes, free and taken.
+/// Free and used bytes of the budget.
 #[derive(Debug)]
 pub(crate) struct Pool {
     bytes: u64,
     page_bytes: u64,
-    /// Where pages begin that were never used: a place is looked for in the holes of used ones first.
+    /// Offset from which pages were never used: holes of used pages are tried first.
     untouched: u64,
     /// Holes: length by offset.
     holes: BTreeMap<u64, u64>,
-    /// The same holes: (length, offset).
+    /// The same holes as (length, offset).
     by_length: BTreeSet<(u64, u64)>,
     used: u64,
     peak: u64,
 }
 
 impl Pool {
-    /// All free. Sizes are rounded down to whole steps of [`Slot::ALIGNMENT`].
+    /// An empty pool. Sizes are rounded down to multiples of [`Slot::ALIGNMENT`].
     pub(crate) fn new(bytes: u64, page_bytes: u64) -> Self {
         let whole = |b: u64| b - b % Slot::ALIGNMENT;
         Self {
@@ -35,22 +35,22 @@ impl Pool {
         }
     }
 
-    /// What a slot of so many bytes takes.
+    /// Bytes that a slot for `bytes` takes.
     pub(crate) fn taken(bytes: u64) -> u64 {
         bytes.max(1).checked_next_multiple_of(Slot::ALIGNMENT).unwrap_or(u64::MAX)
     }
 
-    /// Bytes taken.
+    /// Bytes in use.
     pub(crate) fn used(&self) -> u64 {
         self.used
     }
 
-    /// The most bytes that were taken at once.
+    /// Greatest number of bytes in use at once.
     pub(crate) fn peak(&self) -> u64 {
         self.peak
     }
 
-    /// Takes a slot; `None` where no hole is long enough.
+    /// Allocates a slot; `None` if no hole is long enough.
     pub(crate) fn take(&mut self, bytes: u64) -> Option<Slot> {
         let taken = Self::taken(bytes);
         let found = self.by_length.range((taken, 0)..).next().copied();
@@ -65,7 +65,7 @@ impl Pool {
         Some(Slot { offset, bytes })
     }
 
-    /// Takes back a slot of [`Pool::take`].
+    /// Frees a slot of [`Pool::take`].
     pub(crate) fn give(&mut self, slot: Slot) {
         let taken = Self::taken(slot.bytes);
         self.used -= taken;
@@ -86,7 +86,8 @@ impl Pool {
         self.insert(start, end - start);
     }
 
-    /// Makes a hole of the next page that was never used, where a slot fits it; its length and offset.
+    /// Makes a hole of the next page that was never used, if a slot fits it. Returns length and
+    /// offset.
     fn open_page(&mut self, taken: u64) -> Option<(u64, u64)> {
         let length = self.page_bytes.min(self.bytes - self.untouched);
         (taken <= length).then(|| {
@@ -161,7 +162,7 @@ mod tests {
                 prop_assert!(pool.used() <= pool.peak() && pool.peak() <= bytes);
             }
             held.drain(..).for_each(|s| pool.give(s));
-            // No hole stays cut up: every page that was opened is one hole.
+            // No hole stays fragmented: every page that was opened is one hole.
             prop_assert!(pool.holes.keys().all(|&offset| offset % page_bytes == 0));
         }
     }

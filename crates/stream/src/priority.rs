@@ -1,6 +1,6 @@
-//! In what order missing planes are asked for: the nearest first (kanzok2015, section 3.2.2), or those
-//! first whose absence shows most for their bytes. Parents come before their children in either case,
-//! since without them children are not drawn.
+//! Order in which missing planes are requested: nearest first (kanzok2015, section 3.2.2), or by
+//! the error that their absence causes, a byte. Parents come before their children in either case,
+//! since children are not drawn without them.
 
 use crate::choose::Choice;
 use crate::options::Priority;
@@ -9,32 +9,33 @@ use esker_format::PlaneKind;
 use esker_lod::{OrientedBox, Projection, View};
 use glam::DVec2;
 
-/// Planes of a node to be asked for.
+/// Missing planes of a node.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Wish {
+pub(crate) struct LoadCandidate {
     pub(crate) node: u32,
     pub(crate) kinds: Vec<PlaneKind>,
-    /// Whether its own points are wanted; else it is for its children's sake.
+    /// Whether the node's own points are wanted; otherwise the node is wanted for its children.
     pub(crate) is_seen: bool,
-    /// Higher comes first.
-    worth: f64,
+    /// Higher is loaded first.
+    score: f64,
 }
 
-/// Distance of the eye to a node's points, or what its points are worth a byte.
-pub(crate) struct Worth<'a> {
+/// Scores missing planes by the distance of the eye or by the error a byte.
+pub(crate) struct Scorer<'a> {
     planes: &'a Planes,
     view: &'a View,
     projection: Projection,
     priority: Priority,
 }
 
-impl<'a> Worth<'a> {
+impl<'a> Scorer<'a> {
     pub(crate) fn new(planes: &'a Planes, view: &'a View, priority: Priority) -> Self {
         Self { planes, view, projection: Projection::of(view), priority }
     }
 
-    /// Of planes without which what is drawn is off by `error_px` pixels on all of the node's area.
-    fn of(&self, node: u32, kinds: &[PlaneKind], error_px: f64) -> f64 {
+    /// Score of planes without which the drawn picture is off by `error_px` pixels on the node's
+    /// whole area.
+    fn score(&self, node: u32, kinds: &[PlaneKind], error_px: f64) -> f64 {
         let lattice = self.planes.lattice();
         let contour = OrientedBox::of_contour(self.planes.node(node), lattice);
         match self.priority {
@@ -44,14 +45,14 @@ impl<'a> Worth<'a> {
                 let silhouette = self.projection.silhouette(&contour);
                 let clipped =
                     silhouette.map(|s| s.clipped(DVec2::ZERO, self.projection.size_px()).area_px());
-                // Nothing is drawn finer than a pixel.
+                // Nothing is drawn smaller than a pixel.
                 let area_px = clipped.unwrap_or(0.0).max(1.0);
                 error_px * area_px / bytes.max(1) as f64
             }
         }
     }
 
-    /// Pixels by which points may be off while a node's residual is missing.
+    /// Error of points while a node's residual is missing, pixels.
     fn hot_error_px(&self, node: u32) -> f64 {
         let (record, lattice) = (self.planes.node(node), self.planes.lattice());
         let half_steps = f64::from((1u32 << record.hot_shift.min(31)) - 1) * 0.5;
@@ -61,51 +62,52 @@ impl<'a> Worth<'a> {
     }
 }
 
-/// What a choice misses, best first: base planes of missing nodes, and residuals where hot positions
-/// are not exact enough. `lacks` tells which of some planes of a node have not been asked for yet.
-pub(crate) fn wishes(
+/// Missing planes of a choice, best first: base planes of missing nodes, and residuals where hot
+/// positions are not exact enough. `missing_of` selects those of some planes of a node that have
+/// not been requested yet.
+pub(crate) fn load_candidates(
     choice: &Choice,
-    worth: &Worth<'_>,
-    lacks: impl Fn(u32, &[PlaneKind]) -> Vec<PlaneKind>,
-) -> Vec<Wish> {
-    let mut wishes: Vec<Wish> = Vec::new();
+    scorer: &Scorer<'_>,
+    missing_of: impl Fn(u32, &[PlaneKind]) -> Vec<PlaneKind>,
+) -> Vec<LoadCandidate> {
+    let mut candidates: Vec<LoadCandidate> = Vec::new();
     let selection = &choice.selection;
     let mut missing = selection.missing.iter().peekable();
     for &node in &selection.wanted {
         let miss = missing.next_if(|m| m.node == node);
         let is_seen = miss.is_none_or(|m| m.prefix > 0);
         if let Some(miss) = miss {
-            let kinds = lacks(node, &choice.base);
+            let kinds = missing_of(node, &choice.base);
             if !kinds.is_empty() {
-                let worth = worth.of(node, &kinds, miss.spacing_px);
-                wishes.push(Wish { node, kinds, is_seen, worth });
+                let score = scorer.score(node, &kinds, miss.spacing_px);
+                candidates.push(LoadCandidate { node, kinds, is_seen, score });
             }
         }
         if is_seen && choice.residuals.contains(&node) {
-            let kinds = lacks(node, &[PlaneKind::Residual]);
+            let kinds = missing_of(node, &[PlaneKind::Residual]);
             if !kinds.is_empty() {
-                let worth = worth.of(node, &kinds, worth.hot_error_px(node));
-                wishes.push(Wish { node, kinds, is_seen, worth });
+                let score = scorer.score(node, &kinds, scorer.hot_error_px(node));
+                candidates.push(LoadCandidate { node, kinds, is_seen, score });
             }
         }
     }
-    in_order(wishes, worth.planes)
+    in_order(candidates, scorer.planes)
 }
 
-/// Sorts by worth; what is above a wish in the tree is worth as much as that, and stands before it.
-fn in_order(mut wishes: Vec<Wish>, planes: &Planes) -> Vec<Wish> {
+/// Sorts by score. An entry's ancestors get at least its score and come before it.
+fn in_order(mut candidates: Vec<LoadCandidate>, planes: &Planes) -> Vec<LoadCandidate> {
     let first_of: std::collections::HashMap<u32, usize> =
-        wishes.iter().enumerate().rev().map(|(i, w)| (w.node, i)).collect();
-    // Parents stand before their children, so going backwards meets children first.
-    for i in (0..wishes.len()).rev() {
-        let (node, worth) = (wishes[i].node, wishes[i].worth);
+        candidates.iter().enumerate().rev().map(|(i, c)| (c.node, i)).collect();
+    // Parents come before their children in the list, so going backwards meets children first.
+    for i in (0..candidates.len()).rev() {
+        let (node, score) = (candidates[i].node, candidates[i].score);
         let own = first_of.get(&node).copied().filter(|&first| first < i);
         let above = own.or_else(|| first_of.get(&planes.node(node).parent).copied());
         if let Some(above) = above.filter(|&above| above < i) {
-            wishes[above].worth = wishes[above].worth.max(worth);
+            candidates[above].score = candidates[above].score.max(score);
         }
     }
-    // Stable: of equal worth, those above stay first.
-    wishes.sort_by(|a, b| b.worth.total_cmp(&a.worth));
-    wishes
+    // The sort is stable: of equal scores, ancestors stay first.
+    candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
+    candidates
 }

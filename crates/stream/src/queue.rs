@@ -1,6 +1,7 @@
-//! The load queue between the LOD thread, which empties and fills it, and the loader threads, which take
-//! the best. A lock and not a channel, since it is replaced as a whole: no loader ever finds half of an
-//! old queue, a child whose parent was taken back before it. Held only to move batches in or out.
+//! The load queue from the LOD thread, which replaces its contents, to the loader threads, which
+//! take the best batch. It is a lock and not a channel because it is replaced as a whole: otherwise
+//! a loader could take a child whose parent was just withdrawn. The lock is held only to move
+//! batches.
 
 #[cfg(loom)]
 use loom::sync::{Condvar, Mutex, MutexGuard};
@@ -9,17 +10,17 @@ use std::sync::PoisonError;
 #[cfg(not(loom))]
 use std::sync::{Condvar, Mutex, MutexGuard};
 
-/// A queue that closes.
+/// A queue that can be closed.
 #[derive(Debug)]
 pub(crate) struct Queue<T> {
     state: Mutex<State<T>>,
-    /// There is something to take, or nothing will come any more.
+    /// Notified when a batch is added or the queue is closed.
     changed: Condvar,
 }
 
 #[derive(Debug)]
 struct State<T> {
-    /// The best first.
+    /// Best first.
     waiting: VecDeque<T>,
     is_closed: bool,
 }
@@ -30,12 +31,12 @@ impl<T> Queue<T> {
         Self { state: Mutex::new(state), changed: Condvar::new() }
     }
 
-    /// No invariant spans two statements under the lock, so a panic elsewhere spoils nothing.
+    /// No invariant spans two statements under the lock, so a poisoned lock is still usable.
     fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes the best, waiting until there is one; `None` once it is closed.
+    /// Takes the best entry, waiting for one; `None` once the queue is closed.
     pub(crate) fn take(&self) -> Option<T> {
         let mut state = self.lock();
         loop {
@@ -49,23 +50,23 @@ impl<T> Queue<T> {
         }
     }
 
-    /// Takes back all that nobody took.
+    /// Removes all entries that were not taken.
     pub(crate) fn take_back(&self) -> VecDeque<T> {
         std::mem::take(&mut self.lock().waiting)
     }
 
-    /// Fills it, best first, after [`Queue::take_back`]. The caller bounds how much that is.
+    /// Adds entries, best first, after [`Queue::take_back`]. The caller bounds their number.
     pub(crate) fn fill(&self, best_first: impl IntoIterator<Item = T>) {
         self.lock().waiting.extend(best_first);
         self.changed.notify_all();
     }
 
-    /// How many wait.
+    /// Number of waiting entries.
     pub(crate) fn len(&self) -> usize {
         self.lock().waiting.len()
     }
 
-    /// Lets nobody wait any more.
+    /// Closes the queue, which ends all waits.
     pub(crate) fn close(&self) {
         self.lock().is_closed = true;
         self.changed.notify_all();

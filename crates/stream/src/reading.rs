@@ -1,27 +1,27 @@
-//! Reads a batch into lent runs: planes become pieces, pieces that lie close in the file one read, and
-//! reads fill runs one after another. What was read is landed as transfers; what could not be read is
-//! reported, after the runs have been landed, so that a slot that goes to another node is written by
-//! that node last.
+//! Reads a batch into lent runs: planes are split into pieces, pieces that are close in the file
+//! are joined into one read, and reads fill runs one after another. Bytes that were read are landed
+//! as transfers. Failures are reported after the runs have landed, so that the next owner of a slot
+//! writes to it last.
 
 use crate::batch::{Batch, GAP_BYTES_MAX};
 use crate::landing::{Landing, Run, Slot, Transfer};
-use crate::planes::{Planes, Request};
+use crate::planes::{LoadRequest, Planes};
 use esker_format::PlaneKind;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Why a run takes no bytes.
+/// Reason why a run takes no bytes.
 const NO_ROOM: &str = "the memory that was lent for it is gone";
 
-/// A part of a plane that fits a run.
+/// A part of a plane that fits into a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Piece {
-    /// Index of its request in the batch.
+    /// Index of the request in the batch.
     request: usize,
     kind: PlaneKind,
     slot: Slot,
     slot_offset: u64,
-    /// Where it lies: in the file, or in the copy of a cold plane.
+    /// Byte range in the file, or in the decoded copy of a cold plane.
     place: Range<u64>,
 }
 
@@ -32,18 +32,18 @@ struct Read {
     pieces: Vec<Piece>,
 }
 
-/// What became of a batch.
+/// Result of reading a batch.
 #[derive(Debug, Default)]
 pub(crate) struct Outcome {
     /// Requests that could not be read.
     pub(crate) failed: Vec<u64>,
-    /// Why: of the first of them.
+    /// Reason of the first failure.
     pub(crate) fault: Option<String>,
     /// Bytes read.
     pub(crate) read_bytes: u64,
-    /// Bytes of those that were asked for.
+    /// Bytes read that belong to requested planes.
     pub(crate) useful_bytes: u64,
-    /// Calls that read.
+    /// Number of read calls.
     pub(crate) reads: u64,
 }
 
@@ -51,7 +51,7 @@ pub(crate) struct Outcome {
 pub(crate) struct Reading<'a, L: Landing> {
     pub(crate) planes: &'a Planes,
     pub(crate) landing: &'a L,
-    /// Lends a run, waiting until there is one; `None` once streaming stops.
+    /// Lends a run, waiting for one; `None` once streaming stops.
     pub(crate) lend: &'a dyn Fn() -> Option<L::Run>,
 }
 
@@ -63,7 +63,8 @@ struct Filling<R> {
 }
 
 impl<L: Landing> Reading<'_, L> {
-    /// Reads what a batch asks for, beginning in `run`, and lands it. `None` once streaming stops.
+    /// Reads the planes of a batch, beginning in `run`, and lands them. `None` once streaming
+    /// stops.
     pub(crate) fn read(&self, batch: &Batch, run: L::Run) -> Option<Outcome> {
         let mut outcome = Outcome::default();
         let mut filling = Filling { run, at: 0, transfers: Vec::new() };
@@ -75,7 +76,7 @@ impl<L: Landing> Reading<'_, L> {
         for (index, request) in batch.iter().enumerate() {
             for &(kind, slot) in &request.planes {
                 if self.planes.in_file(request.node, kind).is_none() {
-                    let cold = Cold { index, request, kind, slot };
+                    let cold = ColdPlane { index, request, kind, slot };
                     filling = self.read_cold(batch, cold, filling, &mut left, &mut outcome)?;
                 }
             }
@@ -84,8 +85,8 @@ impl<L: Landing> Reading<'_, L> {
         Some(outcome)
     }
 
-    /// The reads of all planes whose places are known. Counts the pieces of each request in `left`,
-    /// a cold plane as one.
+    /// Plans the reads of all planes whose byte range is known. Counts the pieces of each request
+    /// in `left`, a cold plane as one.
     fn hot_reads(&self, batch: &Batch, left: &mut HashMap<u64, usize>) -> Vec<Read> {
         let run_bytes = self.landing.run_bytes() as u64;
         let mut pieces = Vec::new();
@@ -104,6 +105,7 @@ impl<L: Landing> Reading<'_, L> {
         joined(pieces, run_bytes)
     }
 
+    /// Makes one read and notes its pieces as transfers.
     fn read_hot(
         &self,
         batch: &Batch,
@@ -138,16 +140,16 @@ impl<L: Landing> Reading<'_, L> {
         Some(filling)
     }
 
-    /// Reads a cold plane, which is checked and unpacked on its way, and copies it.
+    /// Reads a cold plane, which is verified and decoded on the way, and copies it into runs.
     fn read_cold(
         &self,
         batch: &Batch,
-        cold: Cold<'_>,
+        cold: ColdPlane<'_>,
         mut filling: Filling<L::Run>,
         left: &mut HashMap<u64, usize>,
         outcome: &mut Outcome,
     ) -> Option<Filling<L::Run>> {
-        let Cold { index, request, kind, slot } = cold;
+        let ColdPlane { index, request, kind, slot } = cold;
         outcome.reads += 1;
         let copy = match cold_plane(self.planes, request.node, kind, slot.bytes) {
             Ok(copy) => copy,
@@ -161,7 +163,7 @@ impl<L: Landing> Reading<'_, L> {
         outcome.useful_bytes += slot.bytes;
         let parts: Vec<_> =
             split(index, kind, slot, 0..slot.bytes, self.landing.run_bytes() as u64).collect();
-        // It was counted as one piece.
+        // The plane was counted as one piece.
         *left.entry(request.id).or_default() += parts.len() - 1;
         for part in &parts {
             let bytes = (part.place.end - part.place.start) as usize;
@@ -179,7 +181,7 @@ impl<L: Landing> Reading<'_, L> {
         Some(filling)
     }
 
-    /// A run with room for so many bytes: this one, or a fresh one after landing this.
+    /// Returns a run with room for `bytes`: this run, or a new one after landing this run.
     fn room(&self, filling: Filling<L::Run>, bytes: usize) -> Option<Filling<L::Run>> {
         if filling.at == 0 || filling.at + bytes <= self.landing.run_bytes() {
             return Some(filling);
@@ -190,19 +192,19 @@ impl<L: Landing> Reading<'_, L> {
     }
 }
 
-/// A cold plane that is asked for.
-struct Cold<'a> {
+/// A cold plane of a request.
+struct ColdPlane<'a> {
     index: usize,
-    request: &'a Request,
+    request: &'a LoadRequest,
     kind: PlaneKind,
     slot: Slot,
 }
 
 impl<R> Filling<R> {
-    /// Notes a piece that is in the run; with the last of its request, that this is all of it.
+    /// Notes a piece that is in the run; the last piece of a request carries the request's id.
     fn transfer(
         &mut self,
-        request: &Request,
+        request: &LoadRequest,
         piece: &Piece,
         run_offset: usize,
         left: &mut HashMap<u64, usize>,
@@ -225,8 +227,8 @@ impl<R> Filling<R> {
     }
 }
 
-/// Gives a request up: nothing of it that is still here is landed.
-fn fail<R>(request: &Request, filling: &mut Filling<R>, outcome: &mut Outcome) {
+/// Marks a request as failed and removes those of its transfers that have not landed.
+fn fail<R>(request: &LoadRequest, filling: &mut Filling<R>, outcome: &mut Outcome) {
     if !outcome.failed.contains(&request.id) {
         outcome.failed.push(request.id);
         let slots = request.planes.iter().map(|&(_, slot)| slot).collect::<Vec<_>>();
@@ -234,7 +236,7 @@ fn fail<R>(request: &Request, filling: &mut Filling<R>, outcome: &mut Outcome) {
     }
 }
 
-/// A plane in parts of at most `run_bytes`; one empty part for an empty plane.
+/// Splits a plane into parts of at most `run_bytes`; an empty plane gives one empty part.
 fn split(
     request: usize,
     kind: PlaneKind,
@@ -251,7 +253,7 @@ fn split(
     })
 }
 
-/// Joins pieces, in the file's order, into reads of at most `run_bytes`.
+/// Joins pieces, given in the order of the file, into reads of at most `run_bytes`.
 fn joined(pieces: Vec<Piece>, run_bytes: u64) -> Vec<Read> {
     let mut reads: Vec<Read> = Vec::new();
     for piece in pieces {
@@ -271,9 +273,10 @@ fn joined(pieces: Vec<Piece>, run_bytes: u64) -> Vec<Read> {
     reads
 }
 
+/// Reads and decodes a cold plane.
 fn cold_plane(planes: &Planes, node: u32, kind: PlaneKind, bytes: u64) -> Result<Vec<u8>, String> {
-    let Planes { forest, shown } = planes;
-    let planes = shown.read(forest, node, &[kind]).map_err(|e| e.to_string())?;
+    let Planes { forest, filter } = planes;
+    let planes = filter.read(forest, node, &[kind]).map_err(|e| e.to_string())?;
     match planes.get(kind) {
         Some(plane) if plane.len() as u64 == bytes => Ok(plane.to_vec()),
         _ => {
@@ -290,16 +293,16 @@ mod tests {
 
     proptest! {
         #[test]
-        fn reads_hold_every_byte_that_is_asked_for_and_few_others(
+        fn reads_hold_every_requested_byte_and_few_others(
             lengths in prop::collection::vec((0u64..300_000, 0u64..100_000), 1..40),
             run_bytes in (64u64..4000).prop_map(|n| n * 64),
         ) {
-            let (mut at, mut pieces, mut asked) = (64, Vec::new(), 0);
+            let (mut at, mut pieces, mut requested) = (64, Vec::new(), 0);
             for (i, &(gap, bytes)) in lengths.iter().enumerate() {
                 at = (at + gap).next_multiple_of(64);
                 let slot = Slot { offset: at, bytes };
                 pieces.extend(split(i, PlaneKind::Colour, slot, at..at + bytes, run_bytes));
-                asked += bytes;
+                requested += bytes;
                 at += bytes;
             }
             let parts = pieces.len();
@@ -312,7 +315,7 @@ mod tests {
                 for piece in &read.pieces {
                     prop_assert!(piece.place.start >= end && piece.place.start - end <= GAP_BYTES_MAX);
                     prop_assert!(piece.place.end <= read.place.end);
-                    // Parts come in order, each where the one before ended.
+                    // Parts come in order, each where the previous one ended.
                     prop_assert_eq!(piece.slot_offset, covered[piece.request]);
                     prop_assert_eq!(piece.place.start, piece.slot.offset + piece.slot_offset);
                     covered[piece.request] += piece.place.end - piece.place.start;
@@ -320,7 +323,7 @@ mod tests {
                 }
             }
             prop_assert!(covered.iter().zip(&lengths).all(|(c, l)| *c == l.1));
-            prop_assert_eq!(covered.iter().sum::<u64>(), asked);
+            prop_assert_eq!(covered.iter().sum::<u64>(), requested);
         }
     }
 }

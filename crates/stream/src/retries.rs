@@ -1,20 +1,21 @@
-//! Nodes that could not be read: when they are tried again, and for which nobody waits any more.
+//! Nodes that could not be read: when they are tried again, and when a view no longer waits for
+//! them.
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
-/// The pause after the first failure; each further one doubles it.
+/// Pause after the first failure; each further failure doubles it.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Failures after which nobody waits for a node any more: by then a disk has had twelve seconds to come
-/// back. It is still tried after the longest pause, since it may come back later.
+/// Failures after which a view settles without the node: a disk has had twelve seconds to recover
+/// by then. The node is still tried after each longest pause, since the disk may recover later.
 const FAILURES_MAX: u32 = 7;
 
-/// A node's failures.
+/// Failures of a node.
 #[derive(Clone, Copy, Debug)]
 struct Failures {
     count: u32,
-    /// When it is tried again.
+    /// Time of the next try.
     due: Instant,
 }
 
@@ -37,27 +38,27 @@ impl Retries {
         self.nodes.remove(&node);
     }
 
-    /// Whether reading it failed.
+    /// Whether reading a node failed.
     pub(crate) fn has_failed(&self, node: u32) -> bool {
         self.nodes.contains_key(&node)
     }
 
-    /// Whether a node may be asked for.
-    pub(crate) fn may_ask(&self, node: u32, now: Instant) -> bool {
+    /// Whether a node may be requested now.
+    pub(crate) fn may_request(&self, node: u32, now: Instant) -> bool {
         self.nodes.get(&node).is_none_or(|f| f.due <= now)
     }
 
-    /// When the next node is tried again; `None` where none failed.
+    /// Time of the next retry; `None` if no node failed.
     pub(crate) fn next_due(&self, now: Instant) -> Option<Instant> {
         self.nodes.values().map(|f| f.due).filter(|&due| due > now).min()
     }
 
-    /// Whether some node that may soon be read waits.
+    /// Whether a view should wait for the retry of some node.
     pub(crate) fn is_waiting(&self, now: Instant) -> bool {
         self.nodes.values().any(|f| f.count < FAILURES_MAX && f.due > now)
     }
 
-    /// Nodes that nobody waits for any more.
+    /// Number of nodes that views no longer wait for.
     pub(crate) fn given_up(&self) -> u64 {
         self.nodes.values().filter(|f| f.count >= FAILURES_MAX).count() as u64
     }
@@ -68,13 +69,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pauses_double_until_nobody_waits() {
+    fn pauses_double_until_a_node_is_given_up() {
         let (mut retries, mut now) = (Retries::default(), Instant::now());
         let mut pause = PAUSE;
         for failure in 1..=FAILURES_MAX + 3 {
-            assert!(retries.may_ask(5, now));
+            assert!(retries.may_request(5, now));
             retries.fail(5, now);
-            assert!(!retries.may_ask(5, now) && retries.may_ask(6, now));
+            assert!(!retries.may_request(5, now) && retries.may_request(6, now));
             assert_eq!(retries.is_waiting(now), failure < FAILURES_MAX);
             assert_eq!(retries.given_up(), u64::from(failure >= FAILURES_MAX));
             assert_eq!(retries.next_due(now), Some(now + pause));
@@ -89,7 +90,9 @@ mod tests {
         retries.fail(5, now);
         retries.succeed(5);
         assert!(
-            retries.may_ask(5, now) && !retries.has_failed(5) && retries.next_due(now).is_none()
+            retries.may_request(5, now)
+                && !retries.has_failed(5)
+                && retries.next_due(now).is_none()
         );
     }
 }

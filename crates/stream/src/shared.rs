@@ -1,18 +1,19 @@
-//! What the threads of a streamer share: the front cut, the mailboxes, and counters. Nothing in it is
-//! ever waited for.
+//! State that the threads of a streamer share: the front cut, the mailboxes, and counters. No
+//! access to it ever waits.
 //!
-//! # Why slots can be given away without asking the render thread
+//! # Why a slot can get a new owner without a lock
 //!
-//! A slot that some cut draws from is given to another node only after a newer cut without it has been
-//! published; only then is a loader asked to fill it. The render thread, each frame, **first** drains
-//! landed runs, **then** takes the front cut, **then** uploads, **then** draws. So when it finds bytes
-//! for a slot, the cut that it takes next is at least as new as the one for which the slot was given
-//! away: what is uploaded never lies under anything drawn. Requests that a loader has taken keep their
-//! slots until they are uploaded, or reported as dropped or failed, which happens after their runs have
-//! been landed; runs are uploaded in that order, so a slot's later owner writes last.
+//! The LOD thread gives a slot that some cut draws from to another node only after it has published
+//! a newer cut without the old node; only then does it request the new node's bytes. In each frame
+//! the render thread **first** drains landed runs, **then** takes the front cut, **then** uploads,
+//! **then** draws. So when the render thread finds bytes for a slot, the cut that it takes next is
+//! at least as new as the one for which the slot was given away: an upload never goes to a slot
+//! that is being drawn. A request that a loader has taken keeps its slots until it is uploaded, or
+//! until it is reported as dropped or failed, which happens after its runs have been landed. Runs
+//! are uploaded in the order in which they landed, so the later owner of a slot writes last.
 //!
-//! `handover.rs` checks this order in all interleavings, and that other orders fail. There is no `unsafe`
-//! in this crate, so that no data race can be; what it checks is the protocol.
+//! `handover.rs` checks this order in all interleavings, and checks that other orders fail. Data
+//! races are excluded since the crate has no `unsafe`; the model checks the protocol.
 
 use crate::cut::Cut;
 use crate::mailbox::Mailbox;
@@ -22,27 +23,27 @@ use arc_swap::{ArcSwap, ArcSwapOption};
 use esker_lod::{DepthFeedback, View, Visible};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 
-/// Shared by all threads of one streamer.
+/// State shared by all threads of one streamer.
 #[derive(Debug)]
 pub(crate) struct Shared {
-    /// What is drawn (kanzok2015, section 3.2.1, item 2: the list that is read from).
+    /// Cut that is drawn (kanzok2015, section 3.2.1, item 2: the list that is read from).
     pub(crate) front: ArcSwap<Cut>,
-    /// Where to look from.
+    /// Newest view.
     pub(crate) view: Mailbox<View>,
-    /// Which planes to draw.
+    /// Newest choice of planes.
     pub(crate) needs: Mailbox<Needs>,
-    /// What the last finished frame hides.
+    /// Depth of the last finished frame.
     pub(crate) feedback: Mailbox<DepthFeedback>,
-    /// How often needs or feedback were told.
-    pub(crate) told: AtomicU64,
-    /// Which of these times the LOD thread has taken in, and made a pass for where one was due.
-    pub(crate) taken_in: AtomicU64,
-    /// What the newest view can show: its frustum. What it hides is known only after the next choice,
-    /// which replaces the queue.
+    /// Number of needs and feedbacks that the render thread has put into the mailboxes.
+    pub(crate) inputs: AtomicU64,
+    /// Number of these inputs that the LOD thread has used, in a pass if they required one.
+    pub(crate) inputs_used: AtomicU64,
+    /// Frustum of the newest view, for the loaders. What the view hides is known only after the
+    /// next choice, which replaces the queue.
     pub(crate) visible: ArcSwapOption<Visible>,
-    /// What the LOD thread knows.
+    /// The LOD thread's part of the status.
     pub(crate) status: ArcSwap<Status>,
-    /// What the loaders do.
+    /// The loaders' part of the status.
     pub(crate) counts: Counts,
 }
 
@@ -64,15 +65,15 @@ impl Shared {
             view: Mailbox::default(),
             needs: Mailbox::default(),
             feedback: Mailbox::default(),
-            told: AtomicU64::new(0),
-            taken_in: AtomicU64::new(0),
+            inputs: AtomicU64::new(0),
+            inputs_used: AtomicU64::new(0),
             visible: ArcSwapOption::empty(),
             status: ArcSwap::from_pointee(Status::default()),
             counts: Counts::default(),
         }
     }
 
-    /// A snapshot of it all.
+    /// Joins the LOD thread's status with the loaders' counters.
     pub(crate) fn status(&self) -> Status {
         let mut status = Status::clone(&self.status.load());
         let counts = &self.counts;

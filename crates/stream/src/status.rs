@@ -1,12 +1,12 @@
-//! What streaming is at: sizes against budgets, bytes read, and what went wrong. A copy of plain numbers
-//! that anyone may ask for at any time.
+//! Status of streaming: sizes and budgets, bytes read, and faults. A copy of plain numbers that any
+//! thread may take at any time.
 
 /// A snapshot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Status {
-    /// Bytes of drawing memory in slots, those of requests on their way included.
+    /// Bytes of drawing memory in slots, those of requests in progress included.
     pub drawing_bytes: u64,
-    /// The most that there were.
+    /// Greatest value of `drawing_bytes` so far.
     pub drawing_bytes_peak: u64,
     /// Nodes whose planes are resident.
     pub nodes_resident: usize,
@@ -16,55 +16,55 @@ pub struct Status {
     pub requests_in_flight: usize,
     /// Bytes read from the file.
     pub read_bytes: u64,
-    /// Bytes of those that were planes asked for.
+    /// Bytes read that belong to requested planes.
     pub useful_bytes: u64,
-    /// Calls that read.
+    /// Number of read calls.
     pub reads: u64,
     /// Nodes loaded.
     pub nodes_loaded: u64,
     /// Nodes whose slots were given to others.
     pub nodes_evicted: u64,
-    /// Requests that were out of view when their turn came.
+    /// Requests that were out of view when a loader took them.
     pub requests_dropped: u64,
-    /// Choices made by the LOD thread.
+    /// Passes of the LOD thread.
     pub passes: u64,
-    /// Milliseconds that choices took.
+    /// Times of these passes, milliseconds.
     pub lod_ms: PassTimes,
     /// Requests that could not be read; they are made again, after pauses that double.
     pub reads_failed: u64,
-    /// Nodes that could not be read so often that nobody waits for them.
+    /// Nodes that failed so often that views no longer wait for them.
     pub nodes_failed: u64,
-    /// The last fault: file, what is wrong, what to do.
+    /// Last fault: file, what is wrong, what to do.
     pub fault: Option<String>,
 }
 
-/// How long passes took, as a histogram of fixed size.
+/// Times of passes, as a histogram of fixed size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PassTimes {
-    /// The last one, milliseconds.
+    /// Time of the last pass, milliseconds.
     pub last_ms: f64,
-    /// The longest one, milliseconds.
+    /// Longest time, milliseconds.
     pub max_ms: f64,
     /// Passes by time: bin `i` ends at [`PassTimes::FIRST_MS`] * 2^(i/4).
     counts: [u64; Self::BINS],
 }
 
 impl PassTimes {
-    /// Where the first bin ends, milliseconds.
+    /// End of the first bin, milliseconds.
     const FIRST_MS: f64 = 0.01;
-    /// The last bin ends at ten minutes.
+    /// Number of bins; the last one ends at ten minutes.
     const BINS: usize = 104;
 
     /// Adds a pass.
     pub(crate) fn add(&mut self, ms: f64) {
         self.last_ms = ms;
         self.max_ms = self.max_ms.max(ms);
-        // Casting clamps what is negative, too large or no number.
+        // The cast clamps values that are negative, too large or not a number.
         let bin = ((ms / Self::FIRST_MS).log2() * 4.0).ceil() as usize;
         self.counts[bin.min(Self::BINS - 1)] += 1;
     }
 
-    /// The time that a share of the passes, 0 to 1, did not pass: exact to a fifth, 0 without passes.
+    /// Time that a share (0 to 1) of the passes did not exceed: exact to a fifth, 0 without passes.
     pub fn quantile_ms(&self, share: f64) -> f64 {
         let all: u64 = self.counts.iter().sum();
         let rank = (share.clamp(0.0, 1.0) * all as f64).ceil() as u64;

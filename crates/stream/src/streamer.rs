@@ -1,5 +1,5 @@
-//! The streamer: starts the threads, passes messages on, joins the threads. What the render thread
-//! calls never waits.
+//! The streamer: starts the threads, passes messages to them and joins them. No function that the
+//! render thread calls waits. The crate's documentation lists what each thread may touch.
 
 use crate::batch::{Batch, REQUESTS_MAX};
 use crate::cache::Cache;
@@ -18,8 +18,7 @@ use crate::retries::Retries;
 use crate::shared::Shared;
 use crate::status::Status;
 use crossbeam_channel::{Receiver, Sender, bounded};
-use esker_format::Forest;
-use esker_format::forest::TREES_MAX;
+use esker_format::{Forest, TREES_MAX};
 use esker_lod::{DepthFeedback, View, Visible};
 use std::collections::HashMap;
 use std::convert::Infallible;
@@ -27,34 +26,34 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::SeqCst;
 use std::thread::{Builder, JoinHandle};
 
-/// Loader threads at most: a disk serves no more at once.
+/// Greatest number of loader threads: a disk serves no more requests at once.
 const LOADERS_MAX: usize = 64;
 
-/// Streams one cloud. Dropping it stops and joins its threads: after at most one read and one patience
-/// of the landing.
+/// Streams one cloud. Dropping a streamer stops and joins its threads, which takes at most one read
+/// and one wait for a run of the landing.
 ///
-/// Each frame the render thread first drains landed runs, then takes [`Streamer::cut`], then uploads
-/// what it drained and tells of it by [`Streamer::uploaded`], then draws. In this order no slot that is
-/// drawn is ever overwritten by another node.
+/// In each frame the render thread first drains landed runs, then takes [`Streamer::cut`], then
+/// uploads the drained runs and reports them by [`Streamer::uploaded`], then draws. In this order
+/// no slot that is drawn is ever overwritten by another node.
 #[derive(Debug)]
 pub struct Streamer {
     shared: Arc<Shared>,
     wake: Sender<()>,
     uploaded: Sender<u64>,
-    /// Closed to stop those that wait for something to load.
+    /// Closed on stopping, which ends the loaders that wait for a batch.
     queue: Arc<Queue<Batch>>,
-    /// Dropped to stop all others.
+    /// Dropped on stopping, which ends all other waits.
     stop: Option<Sender<Infallible>>,
     threads: Vec<JoinHandle<()>>,
 }
 
-/// Both ends of every channel between the threads of one streamer. All are bounded.
+/// Both ends of the channels between the threads of one streamer. All of them are bounded.
 struct Channels {
-    /// One is enough: it only says "look around".
+    /// Capacity 1 is enough: the message only says that something has changed.
     wake: (Sender<()>, Receiver<()>),
-    /// Each request is told of once; roots may be asked for beside the others.
+    /// Each request is reported once; requests for roots may come on top of the others.
     uploaded: (Sender<u64>, Receiver<u64>),
-    /// Each request is told of once; a changed file once a second.
+    /// Each request is reported once; a changed file is reported once a second.
     reports: (Sender<Report>, Receiver<Report>),
     stop: (Sender<Infallible>, Receiver<Infallible>),
 }
@@ -71,10 +70,10 @@ impl Channels {
 }
 
 impl Streamer {
-    /// Starts streaming: the roots first, and what views need once there is one.
+    /// Starts streaming: first the roots, then the nodes of the first view.
     ///
     /// # Errors
-    /// Where the roots do not fit drawing memory, the landing's runs are too short, or the system
+    /// If the roots do not fit drawing memory, the landing's runs are too short, or the system
     /// refuses a thread.
     pub fn start<L: Landing>(
         forest: Arc<Forest>,
@@ -87,7 +86,7 @@ impl Streamer {
             return Err(StreamError::Runs(run_bytes));
         }
         let loaders = options.loaders.clamp(1, LOADERS_MAX);
-        let planes = Planes { forest: Arc::clone(&forest), shown: Arc::clone(&options.shown) };
+        let planes = Planes { forest: Arc::clone(&forest), filter: Arc::clone(&options.filter) };
         let shared = Arc::new(Shared::new(&needs));
         let channels = Channels::new();
         let queue = Arc::new(Queue::new());
@@ -100,7 +99,7 @@ impl Streamer {
             reports: channels.reports.1,
             stop: channels.stop.1.clone(),
             status: Status::default(),
-            told: 0,
+            inputs: 0,
             is_fed: false,
         };
         let mut streamer = Self {
@@ -111,7 +110,7 @@ impl Streamer {
             stop: Some(channels.stop.0),
             threads: Vec::with_capacity(loaders + 1),
         };
-        streamer.thread("esker-lod".into(), move || lod.run())?;
+        streamer.spawn("esker-lod".into(), move || lod.run())?;
         let identity = Arc::new(Identity::new(forest));
         for i in 0..loaders {
             let loader = Loader {
@@ -124,12 +123,12 @@ impl Streamer {
                 wake: channels.wake.0.clone(),
                 stop: channels.stop.1.clone(),
             };
-            streamer.thread(format!("esker-load-{i}"), move || loader.run())?;
+            streamer.spawn(format!("esker-load-{i}"), move || loader.run())?;
         }
         Ok(streamer)
     }
 
-    fn thread(
+    fn spawn(
         &mut self,
         name: String,
         run: impl FnOnce() + Send + 'static,
@@ -139,47 +138,49 @@ impl Streamer {
         Ok(())
     }
 
-    /// Looks from here; replaces the view before. Never waits.
+    /// Sets the view, which replaces the one before. Never waits.
     pub fn look(&self, view: View) {
         self.shared.visible.store(Some(Arc::new(Visible::new(&view, None))));
         self.shared.view.put(view);
-        self.nudge();
+        self.wake_lod_thread();
     }
 
-    /// Changes which planes are drawn. Cuts keep the planes before until the roots have the new ones.
-    /// Where they would not fit, [`Status::fault`] says so and nothing changes. Never waits.
+    /// Changes which planes are drawn. Cuts keep the earlier planes until the roots have the new
+    /// ones. If the new planes of the roots do not fit, [`Status::fault`] says so and nothing
+    /// changes. Never waits.
     pub fn need(&self, needs: Needs) {
         self.shared.needs.put(needs);
-        self.tell();
+        self.count_input();
     }
 
-    /// Tells what a finished frame hides; used by the choices that follow, where `Options::occlusion`
-    /// is set. Never waits.
+    /// Passes on the depth of a finished frame. Later choices cull what it hides, if
+    /// `Options::occlusion` is set. Never waits.
     pub fn feedback(&self, feedback: DepthFeedback) {
         self.shared.feedback.put(feedback);
-        self.tell();
+        self.count_input();
     }
 
-    /// What to draw: empty until a root is there, never after that where a root is in view. Never
-    /// waits. To be taken after the landed runs of the frame have been drained.
+    /// The cut to draw: empty until a root is resident, and later only if no root is in view. Never
+    /// waits. The caller takes the cut after it has drained the landed runs of the frame.
     pub fn cut(&self) -> Arc<Cut> {
         self.shared.front.load_full()
     }
 
-    /// Whether cuts that are taken from now on were chosen with all that was told by [`Streamer::need`] and [`Streamer::feedback`]
-    /// in mind: else a cut may be called settled though it is about to change. Never waits.
+    /// Whether the current cut was chosen with everything passed to [`Streamer::need`] and
+    /// [`Streamer::feedback`]. Otherwise a cut may be marked as settled although it is about to
+    /// change. Never waits.
     pub fn has_taken_in(&self) -> bool {
-        self.shared.taken_in.load(SeqCst) == self.shared.told.load(SeqCst)
+        self.shared.inputs_used.load(SeqCst) == self.shared.inputs.load(SeqCst)
     }
 
-    /// Tells that a request ([`Transfer::request`]) is uploaded. Never waits: there is room for all
-    /// requests under way.
+    /// Reports that a request ([`Transfer::request`]) is uploaded. Never waits: the channel has
+    /// room for all requests in progress.
     pub fn uploaded(&self, request: u64) {
-        // Full only where requests are told of that never were.
+        // The channel is full only if requests are reported that were never made.
         let _ = self.uploaded.try_send(request);
     }
 
-    /// What streaming is at. Never waits.
+    /// Snapshot of the streamer's state. Never waits.
     pub fn status(&self) -> Status {
         self.shared.status()
     }
@@ -187,14 +188,15 @@ impl Streamer {
     /// Stops and joins all threads, as dropping does.
     pub fn stop(self) {}
 
-    /// After something was put into a mailbox: who reads this number finds it there, or has taken it.
-    fn tell(&self) {
-        self.shared.told.fetch_add(1, SeqCst);
-        self.nudge();
+    /// Counts an input after it was put into a mailbox: a thread that reads the new count finds the
+    /// input in the mailbox, or has taken it already.
+    fn count_input(&self) {
+        self.shared.inputs.fetch_add(1, SeqCst);
+        self.wake_lod_thread();
     }
 
-    fn nudge(&self) {
-        // Full: it has been nudged already.
+    fn wake_lod_thread(&self) {
+        // A full channel means that the LOD thread is woken already.
         let _ = self.wake.try_send(());
     }
 }
@@ -204,7 +206,7 @@ impl Drop for Streamer {
         drop(self.stop.take());
         self.queue.close();
         for thread in self.threads.drain(..) {
-            // A thread that panicked has said so itself.
+            // A thread that panicked has printed its message itself.
             let _ = thread.join();
         }
     }
@@ -228,11 +230,11 @@ fn chooser(
         retries: Retries::default(),
         run_bytes,
         queue,
-        asked: HashMap::new(),
+        requests: HashMap::new(),
         last_id: 0,
         epoch: 0,
         view: None,
-        shown: needs.clone(),
+        drawn_needs: needs.clone(),
         needs,
         feedback: None,
         drawn: Vec::new(),

@@ -1,11 +1,11 @@
-//! What the tests of several modules look at: the hills of `tests/rig`, read once.
+//! Test file for the unit tests of several modules: the hills of `tests/harness`, opened once.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-#[path = "../tests/rig/hills.rs"]
+#[path = "../tests/harness/hills.rs"]
 #[allow(dead_code, reason = "one file is enough here")]
 mod hills;
-#[path = "../tests/rig/random.rs"]
+#[path = "../tests/harness/random.rs"]
 mod random;
 
 use esker_format::{EskerFile, Forest};

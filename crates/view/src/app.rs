@@ -1,12 +1,13 @@
-//! The window's state and what happens in a pass of it: input moves the camera, the scene is drawn for it, the
-//! picture is shown, the panel beside it. Knows egui, but not who shows the window.
+//! The window's state and what happens in a pass of it: input moves the camera, the scene is drawn
+//! for it, the picture is shown, the panel beside it. Knows egui, but not who shows the window.
 
 use crate::args::Args;
 use crate::counters::Counters;
 use crate::device::ShownBy;
+use crate::input_events::Sight;
 use crate::looking::{Looking, pixels};
 use crate::panel::{self, Asked, Facts};
-use crate::pilot::{Order, Sight};
+use crate::pilot::Order;
 use crate::rig::Rig;
 use crate::script::Script;
 use crate::settings::Settings;

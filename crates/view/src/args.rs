@@ -26,18 +26,21 @@ pub struct Args {
     /// Points alone, closed surfaces, or splats.
     #[arg(long, value_enum, default_value_t)]
     pub method: MethodArg,
-    /// Where the camera stands first: "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates.
-    #[arg(long, value_parser = parse_camera, default_value = "", hide_default_value = true)]
+    /// Where the camera stands first: "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's
+    /// coordinates.
+    #[arg(long, default_value = "", hide_default_value = true)]
     pub camera: Camera,
-    /// rgb, intensity, elevation, classification, return_number, number_of_returns, source_id, time, normal, level, depth, plain, or any
-    /// attribute's name; where it has a range of values, that may follow, with either end open.
+    /// rgb, intensity, elevation, classification, return_number, number_of_returns, source_id,
+    /// time, normal, level, depth, plain, or any attribute's name; where it has a range of values,
+    /// that may follow, with either end open.
     #[arg(long, value_name = "NAME[:MIN..MAX]", aliases = ["colour-by", "color"])]
     pub colour: Option<String>,
-    /// Points in this box, its faces included, in the scan's coordinates; with four numbers, seen from above.
+    /// Points in this box, its faces included, in the scan's coordinates; with four numbers, seen
+    /// from above.
     #[arg(long = "box", value_name = "x0,y0,z0,x1,y1,z1", allow_hyphen_values = true)]
     pub bounds: Option<Bounds>,
-    /// Points over this polygon, its edges included: corners as "x,y x,y x,y", or a file of such lines or of
-    /// GeoJSON.
+    /// Points over this polygon, its edges included: corners as "x,y x,y x,y", or a file of such
+    /// lines or of GeoJSON.
     #[arg(long, value_name = "POLYGON", allow_hyphen_values = true, value_parser = parse_polygon)]
     pub polygon: Option<Polygon>,
     /// Points of these classes: numbers, ranges, names; such as 2,6 or ground,3-5.
@@ -49,8 +52,8 @@ pub struct Args {
     /// Light surfaces without highlights.
     #[arg(long)]
     pub no_highlights: bool,
-    /// Even out differences of exposure where scans cover the same surface; point_source_id, scan or scan_id tells
-    /// them apart.
+    /// Even out differences of exposure where scans cover the same surface; point_source_id, scan
+    /// or scan_id tells them apart.
     #[arg(long)]
     pub even_exposure: bool,
     /// Draw exact colours where the file has compact planes, too (see esker build --compact).
@@ -143,10 +146,6 @@ impl From<MethodArg> for Method {
             MethodArg::Ewa => Self::Ewa,
         }
     }
-}
-
-fn parse_camera(text: &str) -> Result<Camera, String> {
-    Camera::parse(text).map_err(|e| format!("{e:#}"))
 }
 
 fn parse_polygon(word: &str) -> Result<Polygon, String> {

@@ -1,9 +1,10 @@
-//! Follows a camera path as a hand would: the right button held and the mouse moved to turn, keys pressed and let go
-//! to stay near, the wheel turned to be as fast as the path. It is late by a fraction of a second and never exact;
-//! what counts is that all of it goes through the window's own input.
+//! Follows a camera path as a hand would: the right button held and the mouse moved to turn, keys
+//! pressed and let go to stay near, the wheel turned to be as fast as the path. It is late by a
+//! fraction of a second and never exact; what counts is that all of it goes through the window's
+//! own input.
 
 use crate::gestures::{SPEED_A_POINT, TURN_RAD};
-use crate::pilot::{Sight, clicked, place_at, pressed, scrolled};
+use crate::input_events::{Sight, clicked, place_at, pressed, scrolled};
 use eframe::egui::{Event, Key, PointerButton, vec2};
 use esker_engine::View;
 use esker_engine::cameras::path::Path;
@@ -11,7 +12,8 @@ use glam::DVec3;
 
 /// Share of the error in direction that a frame takes back.
 const TURN_A_FRAME: f64 = 0.5;
-/// Keys are pressed where the eye is off by this share of the distance to what is seen, and let go below the other.
+/// Keys are pressed where the eye is off by this share of the distance to what is seen, and let go
+/// below the other.
 const PRESS: f64 = 0.03;
 const RELEASE: f64 = 0.012;
 /// Seconds in which the keys would take back the error.
@@ -131,8 +133,8 @@ impl Autopilot {
     }
 }
 
-/// How far the keys must fly to the right, upwards and ahead, to go by `way`: up is the world's, which the view may
-/// look along.
+/// How far the keys must fly to the right, upwards and ahead, to go by `way`: up is the world's,
+/// which the view may look along.
 fn along_keys(way: DVec3, right: DVec3, up: DVec3, forward: DVec3) -> DVec3 {
     let lean = forward.dot(up);
     let (ahead, upwards) = (way.dot(forward), way.dot(up));

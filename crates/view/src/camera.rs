@@ -1,7 +1,7 @@
-//! How the camera moves: flying, looking around, orbiting, zooming, panning, and gliding to a place. Pure: seconds
-//! and pixels go in, a pose comes out; no window, no clock. All of it is in `f64` and relative to the eye, so that
-//! nothing shakes at coordinates of 10^7; what decays does so exponentially in time, so that the way does not depend
-//! on the frame rate.
+//! How the camera moves: flying, looking around, orbiting, zooming, panning, and gliding to a
+//! place. Pure: seconds and pixels go in, a pose comes out; no window, no clock. All of it is in
+//! `f64` and relative to the eye, so that nothing shakes at coordinates of 10^7; what decays does
+//! so exponentially in time, so that the way does not depend on the frame rate.
 
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
@@ -18,8 +18,8 @@ const NEARER: f64 = 0.3;
 const STEP_MAX_S: f64 = 0.25;
 /// Range of the speed, in distances to what is seen a second.
 const SPEED: [f64; 2] = [0.01, 100.0];
-/// Range of the distance to what is seen, in sizes of the scene; no eye is farther from its middle either, from where
-/// it still covers some pixels.
+/// Range of the distance to what is seen, in sizes of the scene; no eye is farther from its middle
+/// either, from where it still covers some pixels.
 const DISTANCE: [f64; 2] = [1e-8, 30.0];
 
 /// Where the camera stands and how it is turned.
@@ -106,7 +106,8 @@ pub struct Camera {
     /// Distance to what is seen at home.
     home_distance: f64,
     fovy_rad: f64,
-    /// Distance to what is seen: what a speed of 1 covers in a second, and where panning holds the scene.
+    /// Distance to what is seen: what a speed of 1 covers in a second, and where panning holds the
+    /// scene.
     distance: f64,
     speed: f64,
     velocity: DVec3,
@@ -128,8 +129,8 @@ struct Glide {
 }
 
 impl Camera {
-    /// Standing at `eye` and looking at `target`, which is also what [`Camera::go_home`] returns to. The scene is as
-    /// large as they are apart, unless [`Camera::around`] tells.
+    /// Standing at `eye` and looking at `target`, which is also what [`Camera::go_home`] returns
+    /// to. The scene is as large as they are apart, unless [`Camera::around`] tells.
     pub fn new(eye: DVec3, target: DVec3, up: DVec3, fovy_rad: f64) -> Self {
         let frame = Frame::new(up);
         let (yaw, pitch) = frame.angles(target - eye, 0.0);
@@ -219,8 +220,8 @@ impl Camera {
         self.pose.eye + ray * (depth / ray.dot(self.forward()).max(1e-9))
     }
 
-    /// Told how far away the scene is, eye depth; follows slowly, so that the speed does not jump where a
-    /// near thing passes by.
+    /// Told how far away the scene is, eye depth; follows slowly, so that the speed does not jump
+    /// where a near thing passes by.
     pub fn sees(&mut self, depth: f64, seconds: f64) {
         let Some(depth) = usable(depth) else { return };
         let share = 1.0 - (-step(seconds) / (4.0 * EASE_S)).exp();
@@ -247,7 +248,8 @@ impl Camera {
         self.go(pivot + self.axes() * (before.transpose() * arm));
     }
 
-    /// Moves sideways, so that what lies at this depth follows the pointer; pixels to the right and down.
+    /// Moves sideways, so that what lies at this depth follows the pointer; pixels to the right and
+    /// down.
     pub fn pan(&mut self, right_px: f64, down_px: f64, depth: f64, height_px: f64) {
         self.hold();
         let axes = self.axes();
@@ -255,8 +257,8 @@ impl Camera {
         self.go(self.pose.eye + (axes.y_axis * down_px - axes.x_axis * right_px) * scale);
     }
 
-    /// Zooms towards a place, which stays where it is on the picture, by a ratio of distances below 1
-    /// (or away from it, above 1); eased over the next steps, as far as there is room.
+    /// Zooms towards a place, which stays where it is on the picture, by a ratio of distances below
+    /// 1 (or away from it, above 1); eased over the next steps, as far as there is room.
     pub fn zoom(&mut self, place: DVec3, ratio: f64) {
         let Some(ratio) = usable(ratio) else { return };
         self.glide = None;
@@ -295,7 +297,8 @@ impl Camera {
         self.pose = Pose { eye: self.room.place(pose.eye), ..pose };
     }
 
-    /// Goes on by so many seconds; `keys` are the directions held, to the right, upwards and ahead, each -1 to 1.
+    /// Goes on by so many seconds; `keys` are the directions held, to the right, upwards and ahead,
+    /// each -1 to 1.
     pub fn step(&mut self, keys: DVec3, seconds: f64) {
         let seconds = step(seconds);
         if keys != DVec3::ZERO {

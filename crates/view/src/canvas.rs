@@ -1,5 +1,5 @@
-//! The picture as a texture of the window: the GPU renderer's own, which needs no copy through main memory; or
-//! uploaded from the CPU renderer.
+//! The picture as a texture of the window: the GPU renderer's own, which needs no copy through main
+//! memory; or uploaded from the CPU renderer.
 
 use eframe::egui::{
     Color32, ColorImage, Context, Rect, TextureHandle, TextureId, TextureOptions, Ui, pos2,
@@ -43,7 +43,8 @@ impl Canvas {
         self.size = [picture.width, picture.height];
     }
 
-    /// Takes the renderer's own texture, of this size; false where the window is not painted by a graphics driver.
+    /// Takes the renderer's own texture, of this size; false where the window is not painted by a
+    /// graphics driver.
     pub fn show(&mut self, view: &wgpu::TextureView, size: [u32; 2]) -> bool {
         let Some(painter) = &self.painter else { return false };
         let filter = wgpu::FilterMode::Linear;

@@ -1,4 +1,5 @@
-//! What a picture's depth tells the camera: how far away the thing under the pointer is, and the scene.
+//! What a picture's depth tells the camera: how far away the thing under the pointer is, and the
+//! scene.
 
 use glam::DVec2;
 
@@ -30,8 +31,8 @@ impl Depths<'_> {
         (depth > 0.0 && depth.is_finite()).then_some(depth)
     }
 
-    /// The depth at a place of the picture (0 to 1 from its top left corner), or of the nearest thing in
-    /// the smallest square around it that has any.
+    /// The depth at a place of the picture (0 to 1 from its top left corner), or of the nearest
+    /// thing in the smallest square around it that has any.
     pub fn near(&self, place: DVec2) -> Option<f64> {
         let x = (place.x * self.width as f64) as i64;
         let y = (place.y * self.height() as f64) as i64;
@@ -47,8 +48,8 @@ impl Depths<'_> {
     }
 }
 
-/// How far away a scene is whose picture has these depths: their lower quartile, so that what is near counts more than
-/// the horizon. `None` where nothing is seen.
+/// How far away a scene is whose picture has these depths: their lower quartile, so that what is
+/// near counts more than the horizon. `None` where nothing is seen.
 pub fn typical(at: impl Fn(DVec2) -> Option<f64>) -> Option<f64> {
     let middle = |cell: usize| (cell as f64 + 0.5) / SAMPLES as f64;
     let cells =

@@ -1,4 +1,5 @@
-//! What the scene is drawn on: the window's own graphics device, so that the picture needs no copy, or the CPU.
+//! What the scene is drawn on: the window's own graphics device, so that the picture needs no copy,
+//! or the CPU.
 
 use crate::args::Backend;
 use crate::settings::Settings;
@@ -23,7 +24,8 @@ pub struct Device {
     gpu: Option<Gpu>,
 }
 
-/// The device to ask an adapter for: one that the engine can draw on, too, where the adapter has what that takes.
+/// The device to ask an adapter for: one that the engine can draw on, too, where the adapter has
+/// what that takes.
 pub fn device_of(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
     let has = adapter.limits();
     if wgpu::Limits::default().check_limits(&has) {
@@ -52,7 +54,8 @@ impl ShownBy {
             Backend::Cpu => backend::Backend::Cpu,
         };
         let gpu = self.painter.as_ref().filter(|_| wanted != Backend::Cpu).and_then(gpu);
-        // Without the window's device a GPU's picture would go through main memory every frame: only on demand.
+        // Without the window's device a GPU's picture would go through main memory every frame:
+        // only on demand.
         let backend =
             if gpu.is_none() && wanted == Backend::Auto { backend::Backend::Cpu } else { backend };
         Device { backend, gpu }

@@ -1,5 +1,5 @@
-//! The fields of the panel that say which points are shown: classes, a box, a spacing. A field is taken when it is
-//! left, where it makes sense; else it says what is wrong.
+//! The fields of the panel that say which points are shown: classes, a box, a spacing. A field is
+//! taken when it is left, where it makes sense; else it says what is wrong.
 
 use crate::settings::Settings;
 use crate::theme;

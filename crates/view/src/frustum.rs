@@ -1,4 +1,5 @@
-//! The frustum of a frozen cut as lines, seen from outside: from its eye to the corners of a rectangle before it.
+//! The frustum of a frozen cut as lines, seen from outside: from its eye to the corners of a
+//! rectangle before it.
 
 use eframe::egui::{Color32, Painter, Pos2, Rect, Stroke, pos2};
 use esker_engine::View;
@@ -21,7 +22,8 @@ pub fn edges(view: &View, depth: f64) -> Vec<[DVec3; 2]> {
     (0..4).flat_map(|i| [[view.eye, far[i]], [far[i], far[(i + 1) % 4]]]).collect()
 }
 
-/// A line between world points on another view's picture, pixels: the part of it that lies before that eye.
+/// A line between world points on another view's picture, pixels: the part of it that lies before
+/// that eye.
 pub fn project(seen: &View, line: [DVec3; 2]) -> Option<[[f64; 2]; 2]> {
     let [a, b] = line.map(|p| seen.to_view(p));
     let near = seen.near * NEARLY;

@@ -1,7 +1,8 @@
-//! From the window's input to the camera: keys fly, the left button orbits around what is under the pointer, the
-//! right one looks around, the middle one pans, the wheel zooms to the pointer (or changes the speed, while flying),
-//! a click tells the coordinates there, a double click flies there. What needs the place under the pointer is kept until a picture of this frame's view
-//! has told its depth, so that nothing ever waits for a reading.
+//! From the window's input to the camera: keys fly, the left button orbits around what is under the
+//! pointer, the right one looks around, the middle one pans, the wheel zooms to the pointer (or
+//! changes the speed, while flying), a click tells the coordinates there, a double click flies
+//! there. What needs the place under the pointer is kept until a picture of this frame's view has
+//! told its depth, so that nothing ever waits for a reading.
 
 use crate::camera::Camera;
 use crate::measure::{Measure, Place};
@@ -116,7 +117,8 @@ impl Gestures {
     fn drag(&self, camera: &mut Camera, moved: DVec2, height: f64) {
         let turn = moved * (TURN_RAD / height);
         match self.drag {
-            // The scene follows the hand: to the right is a turn to the left of the camera around it.
+            // The scene follows the hand: to the right is a turn to the left of the camera around
+            // it.
             Some(Drag::Orbit(Some(pivot))) => camera.orbit(pivot, -turn.x, -turn.y),
             // The view follows the hand.
             Some(Drag::Look) => camera.look(-turn.x, -turn.y),
@@ -161,8 +163,8 @@ impl Gestures {
         &self.picks
     }
 
-    /// Tells what lies under the pixels asked for: `depth` gives the eye depth at a place of the picture
-    /// of this size; the camera stands where that picture was seen from.
+    /// Tells what lies under the pixels asked for: `depth` gives the eye depth at a place of the
+    /// picture of this size; the camera stands where that picture was seen from.
     pub fn told(
         &mut self,
         camera: &mut Camera,

@@ -1,9 +1,10 @@
-//! Whose the keys are: those of whoever is typing, else the window's. egui goes from one widget to the next by Tab, and leaves the
-//! keys to what was clicked last.
+//! Whose the keys are: those of whoever is typing, else the window's. egui goes from one widget to
+//! the next by Tab, and leaves the keys to what was clicked last.
 
 use eframe::egui::{Context, Event, Key, RawInput};
 
-/// Before a pass: takes the focus from what is not typed in. Whether the panel's key was pressed, which nobody else gets.
+/// Before a pass: takes the focus from what is not typed in. Whether the panel's key was pressed,
+/// which nobody else gets.
 pub fn take(ctx: &Context, raw: &mut RawInput) -> bool {
     if ctx.text_edit_focused() {
         return false;

@@ -1,4 +1,5 @@
-//! What the colours of the picture mean: a bar of a range's colours with its ends, or a line a value with its colour.
+//! What the colours of the picture mean: a bar of a range's colours with its ends, or a line a
+//! value with its colour.
 
 use crate::theme;
 use eframe::egui::{Align2, Color32, FontId, Label, Mesh, Rect, RichText, Sense, Ui, pos2, vec2};

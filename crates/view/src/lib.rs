@@ -1,5 +1,6 @@
-//! The window: flies through an `.esker` file, or a scan, while it streams. Input moves a camera, the engine's session
-//! draws for it, the picture becomes a texture. The only crate that knows egui.
+//! The window: flies through an `.esker` file, or a scan, while it streams. Input moves a camera,
+//! the engine's session draws for it, the picture becomes a texture. The only crate that knows
+//! egui.
 
 pub mod app;
 pub mod args;
@@ -12,6 +13,7 @@ pub mod device;
 pub mod filters;
 mod frustum;
 pub mod gestures;
+pub mod input_events;
 pub mod keys;
 pub mod legend;
 pub mod looking;

@@ -1,4 +1,5 @@
-//! A scene that is looked at: its camera, the session behind it, the picture as a texture, the frozen cut.
+//! A scene that is looked at: its camera, the session behind it, the picture as a texture, the
+//! frozen cut.
 
 use crate::args::Args;
 use crate::camera::{Camera, Pose};
@@ -381,7 +382,8 @@ impl Looking {
     /// The camera's view, for the picture.
     fn view(&self) -> View {
         let camera = &self.camera;
-        // Only the near plane depends on how far the target is: by powers of two, so that a still camera has one view.
+        // Only the near plane depends on how far the target is: by powers of two, so that a still
+        // camera has one view.
         let far = camera.distance().log2().floor().exp2();
         let target = camera.eye() + camera.forward() * far;
         let [width, height] = self.size;
@@ -400,7 +402,8 @@ pub fn pixels(place: Rect, pixels_per_point: f32, scale: f64) -> [u32; 2] {
     [side(place.width()), side(place.height())]
 }
 
-/// A size of the same shape within another one: what a window that has grown shows until its session has.
+/// A size of the same shape within another one: what a window that has grown shows until its
+/// session has.
 fn within(size: [u32; 2], most: [u32; 2]) -> [u32; 2] {
     let share = |i: usize| f64::from(most[i]) / f64::from(size[i]);
     let share = share(0).min(share(1)).min(1.0);

@@ -1,4 +1,5 @@
-//! The `esker-view` binary: parses its command line and shows the window. Exit code 0 means that all of it worked.
+//! The `esker-view` binary: parses its command line and shows the window. Exit code 0 means that
+//! all of it worked.
 
 use clap::Parser;
 use esker_view::args::Args;
@@ -13,7 +14,8 @@ const INTERRUPTED: i32 = 130;
 fn main() -> ExitCode {
     let start = Instant::now();
     esker_engine::hide_caught_panics();
-    // What was built for this window goes with it, also by Ctrl-C. Where nobody can be told, it stays.
+    // What was built for this window goes with it, also by Ctrl-C. Where nobody can be told, it
+    // stays.
     let _ = ctrlc::set_handler(|| {
         sweep();
         std::process::exit(INTERRUPTED);

@@ -1,4 +1,5 @@
-//! What a click tells: the coordinates of the place under the pointer, and of two places how far they are apart.
+//! What a click tells: the coordinates of the place under the pointer, and of two places how far
+//! they are apart.
 
 use crate::{frustum, theme};
 use eframe::egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};

@@ -1,5 +1,5 @@
-//! The panel beside the picture: how long frames take, what is drawn and loaded, what it may cost, how it is drawn.
-//! Shows what it is given and says what the user asks for; does nothing itself.
+//! The panel beside the picture: how long frames take, what is drawn and loaded, what it may cost,
+//! how it is drawn. Shows what it is given and says what the user asks for; does nothing itself.
 
 use crate::counters::Counters;
 use crate::filters;
@@ -89,7 +89,8 @@ impl Asked {
     }
 }
 
-/// Shows the panel, as wide as there is room, whatever stands in it; changes `wanted` and `is_coarser_moving` as the user does.
+/// Shows the panel, as wide as there is room, whatever stands in it; changes `wanted` and
+/// `is_coarser_moving` as the user does.
 pub fn show(
     ui: &mut Ui,
     facts: &Facts<'_>,

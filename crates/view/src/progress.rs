@@ -1,4 +1,5 @@
-//! What is shown in place of the picture while there is none: how far opening and building are, or what went wrong.
+//! What is shown in place of the picture while there is none: how far opening and building are, or
+//! what went wrong.
 
 use crate::source::Opening;
 use crate::theme;

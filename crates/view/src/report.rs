@@ -1,5 +1,5 @@
-//! What a scripted run was like, for machines: frame times of each flight, the first frame, peaks against budgets,
-//! stalls, faults.
+//! What a scripted run was like, for machines: frame times of each flight, the first frame, peaks
+//! against budgets, stalls, faults.
 
 use crate::times::{FrameTime, quantile};
 use serde_json::{Value, json};
@@ -47,7 +47,8 @@ impl Flight {
 /// What is collected over the whole run.
 #[derive(Clone, Debug, Default)]
 pub struct Record {
-    /// The flights, the first while loading, the last with everything resident (if it read nothing).
+    /// The flights, the first while loading, the last with everything resident (if it read
+    /// nothing).
     pub flights: Vec<Flight>,
     /// Whether a flight is being flown.
     pub is_flying: bool,

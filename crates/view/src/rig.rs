@@ -1,6 +1,8 @@
-//! A scripted run: the script, who flies by it, and what is recorded. The report is written when the window closes.
+//! A scripted run: the script, who flies by it, and what is recorded. The report is written when
+//! the window closes.
 
-use crate::pilot::{Order, Pilot, Sight};
+use crate::input_events::Sight;
+use crate::pilot::{Order, Pilot};
 use crate::report::{Flight, Record};
 use crate::script::{Script, Step};
 use crate::times::FrameTime;

@@ -1,6 +1,6 @@
-//! The session behind the picture, kept alive through changes: what it can change while it runs is changed, for the
-//! rest it is closed and opened again on a thread of its own, while the last picture stays. Never two sessions at
-//! once, so that budgets hold.
+//! The session behind the picture, kept alive through changes: what it can change while it runs is
+//! changed, for the rest it is closed and opened again on a thread of its own, while the last
+//! picture stays. Never two sessions at once, so that budgets hold.
 
 use crate::device::Device;
 use crate::settings::Settings;

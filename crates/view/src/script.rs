@@ -1,5 +1,6 @@
-//! What is done in place of a hand, as a JSON file says: steps of keys, drags, wheel and clicks, pictures at given
-//! places, a flight that is repeated until all of it is resident. `README.md` beside this crate has the format for people.
+//! What is done in place of a hand, as a JSON file says: steps of keys, drags, wheel and clicks,
+//! pictures at given places, a flight that is repeated until all of it is resident. `README.md`
+//! beside this crate has the format for people.
 
 use anyhow::{Context, Result, ensure};
 use eframe::egui::{Key, PointerButton};
@@ -23,7 +24,8 @@ pub struct Script {
     /// Done first, once.
     #[serde(default)]
     pub before: Vec<Step>,
-    /// Done at least once and then, from the same pose, until a flight reads nothing: its frames are timed.
+    /// Done at least once and then, from the same pose, until a flight reads nothing: its frames
+    /// are timed.
     #[serde(default)]
     pub flight: Vec<Step>,
     /// Flights at most.
@@ -43,7 +45,8 @@ pub struct Script {
     pub coarser_moving: bool,
 }
 
-/// Something that a hand does, or that is looked at. Places are shares of the picture from its top left corner.
+/// Something that a hand does, or that is looked at. Places are shares of the picture from its top
+/// left corner.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Step {

@@ -1,5 +1,5 @@
-//! What the user can change while looking: budgets, detail, method, colours. Compared as a whole: what the running
-//! session cannot change is reopened.
+//! What the user can change while looking: budgets, detail, method, colours. Compared as a whole:
+//! what the running session cannot change is reopened.
 
 use esker_engine::draw::options::Options;
 use esker_engine::{Filter, Method};

@@ -1,9 +1,10 @@
-//! How many pixels a picture has while the camera moves: so few that it follows the hand, where the renderer is slow.
-//! At rest the picture is always whole.
+//! How many pixels a picture has while the camera moves: so few that it follows the hand, where the
+//! renderer is slow. At rest the picture is always whole.
 
 /// Shares of the window's pixels on a side.
 const SCALES: [f64; 5] = [1.0, 0.8, 0.6, 0.45, 0.33];
-/// Frames that take longer are drawn coarser, those that take less than the other are drawn finer; milliseconds.
+/// Frames that take longer are drawn coarser, those that take less than the other are drawn finer;
+/// milliseconds.
 const SLOW_MS: f64 = 40.0;
 const FAST_MS: f64 = 14.0;
 /// Weight of the newest frame in the mean.

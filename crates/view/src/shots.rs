@@ -1,5 +1,5 @@
-//! Pictures of what is seen, as PNG files: asked for, taken from the next whole picture, written by a thread of
-//! their own. The whole window can be had, too.
+//! Pictures of what is seen, as PNG files: asked for, taken from the next whole picture, written by
+//! a thread of their own. The whole window can be had, too.
 
 use anyhow::Result;
 use eframe::egui::{Color32, ColorImage, Context, ScreenshotCallback, ViewportCommand};

@@ -1,9 +1,9 @@
-//! Where the scene comes from: an `.esker` file is opened, scans are first built into one, in a temporary folder
-//! that goes with it. Done by a thread of its own, which tells how far it is and can be stopped.
+//! Where the scene comes from: an `.esker` file is opened, scans are first built into one, in a
+//! temporary folder that goes with it. Done by a thread of its own, which tells how far it is and
+//! can be stopped.
 
 use anyhow::{Context, Result, bail};
 use esker_engine::calls::build;
-use esker_engine::calls::render;
 use esker_engine::io::output;
 use esker_engine::{BuildOptions, Forest, Task};
 use std::path::PathBuf;

@@ -1,11 +1,12 @@
-//! Who shows the window: eframe on a real GPU, by Vulkan (or Metal, Direct3D) before OpenGL; where there is none, the
-//! CPU, which is several times faster than a software driver. A machine without a display gets a message that says
-//! what to do.
+//! Who shows the window: eframe on a real GPU, by Vulkan (or Metal, Direct3D) before OpenGL; where
+//! there is none, the CPU, which is several times faster than a software driver. A machine without
+//! a display gets a message that says what to do.
 
 use crate::app::App;
 use crate::args::{Args, Backend, WindowBy};
 use crate::device::{ShownBy, device_of};
 use crate::soft;
+use crate::soft::NO_DISPLAY;
 use anyhow::{Context, Result, anyhow};
 use eframe::egui::{self, ViewportBuilder};
 use eframe::egui_wgpu::{SurfaceConfig, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
@@ -19,9 +20,6 @@ use std::time::Instant;
 
 /// The window's title.
 pub const TITLE: &str = "Esker";
-/// What to do where no window opens.
-pub(crate) const NO_DISPLAY: &str = "cannot open a window: it needs a display (DISPLAY or WAYLAND_DISPLAY), and on X11 the packages \
-    libxkbcommon-x11-0, libxcursor1 and libxi6; without one: esker render FILE -o picture.png";
 
 /// Shows the window until it is closed.
 ///
@@ -44,8 +42,8 @@ pub fn run(args: Args, start: Instant) -> Result<ExitCode> {
     }
 }
 
-/// The same command with a window that needs no driver, in a process of its own: a process has its connection to the
-/// display once.
+/// The same command with a window that needs no driver, in a process of its own: a process has its
+/// connection to the display once.
 fn again_by_cpu() -> Result<ExitCode> {
     let program = std::env::current_exe().context("cannot find the program itself")?;
     let mut command = Command::new(program);
@@ -145,8 +143,8 @@ fn options(args: &Args) -> NativeOptions {
     NativeOptions { viewport: viewport(args), wgpu_options, ..NativeOptions::default() }
 }
 
-/// The adapter to show the window by: one that can show it, real GPUs first, OpenGL last; no software driver where
-/// `is_real`.
+/// The adapter to show the window by: one that can show it, real GPUs first, OpenGL last; no
+/// software driver where `is_real`.
 fn choose(
     adapters: &[wgpu::Adapter],
     surface: Option<&wgpu::Surface<'_>>,

@@ -1,5 +1,5 @@
-//! How the camera moves, as claims: what stays under the pointer, what does not depend on the frame rate, what stays
-//! exact at large coordinates.
+//! How the camera moves, as claims: what stays under the pointer, what does not depend on the frame
+//! rate, what stays exact at large coordinates.
 
 use esker_view::camera::Camera;
 use glam::{DVec2, DVec3};

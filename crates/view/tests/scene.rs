@@ -1,4 +1,5 @@
-//! The session behind the picture: what it says where there is nothing to show, and that it goes on from there.
+//! The session behind the picture: what it says where there is nothing to show, and that it goes on
+//! from there.
 
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 

@@ -1,5 +1,5 @@
-//! Opens real windows and flies through them by scripts. Where there is no display the tests say so and pass: `cargo
-//! xtask view` runs them on a display in memory.
+//! Opens real windows and flies through them by scripts. Where there is no display the tests say so
+//! and pass: `cargo xtask view` runs them on a display in memory.
 
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 

@@ -1,5 +1,5 @@
-//! What a generated scan would have had as a LAS file: LAS 1.4 of point format 7, its header and its WKT, so that
-//! it is written as the scan of any other LAS file is.
+//! Presents a generated scan as the source of a LAS 1.4 file of point format 7, with header and
+//! WKT, so that the LAS writer treats it as any other scan.
 
 use esker_scan::SourceInfo;
 use esker_scan::write::Origin;
@@ -10,7 +10,7 @@ const RECORD_BYTES: u16 = 36;
 /// GPS times are adjusted standard time; the CRS is WKT.
 const GLOBAL_ENCODING: u16 = 1 | 1 << 4;
 
-/// The scan as a source of LAS.
+/// The generated scan as a LAS source.
 pub fn origin(info: &SourceInfo) -> Origin {
     let mut origin = Origin::from(info);
     let mut vlrs = Vec::new();
@@ -29,7 +29,7 @@ pub fn origin(info: &SourceInfo) -> Origin {
     put(24, &[1, 4]);
     put(26, b"synthetic");
     put(58, concat!("esker-generate ", env!("CARGO_PKG_VERSION")).as_bytes());
-    // Day and year of creation: fixed, so that the same scan is the same file.
+    // Day and year of creation are fixed, so that equal scans give equal files.
     put(90, &1u16.to_le_bytes());
     put(92, &2000u16.to_le_bytes());
     put(94, &HEADER_BYTES.to_le_bytes());

@@ -1,5 +1,6 @@
-//! Writes a generated scan as LAS or LAZ, for programs that read nothing else and for measuring how fast
-//! LAZ is decoded. Without a file it only generates, which says how fast that is.
+//! Writes a generated scan as LAS or LAZ, for programs that read only these and for measuring how
+//! fast LAZ is decoded. Without a file the points are generated and dropped, to measure the
+//! generator.
 
 mod las;
 
@@ -12,7 +13,7 @@ use std::path::Path;
 /// Opens a generated scan.
 ///
 /// # Errors
-/// Where the name is none of a generated scan.
+/// If the name is not that of a generated scan.
 pub fn open(spec: &Path, task: &dyn Task) -> Result<Box<dyn Source>> {
     if !esker_scan::synthetic::is_spec(spec) {
         bail!(
@@ -23,19 +24,19 @@ pub fn open(spec: &Path, task: &dyn Task) -> Result<Box<dyn Source>> {
     Ok(esker_scan::open(spec, &OpenOptions::default(), task)?)
 }
 
-/// Generates all points and drops them; how many there were.
+/// Generates all points, drops them and returns their number.
 ///
 /// # Errors
-/// Only on request.
+/// If the task is cancelled.
 pub fn generate(source: &dyn Source, task: &dyn Task) -> Result<u64> {
     read(source, task, &mut |_| Ok(()))
 }
 
-/// Writes all points to `out`, which appears when it is whole: LAZ or LAS, by its ending. The bytes of
-/// the file.
+/// Writes all points to `out`, which appears once it is complete: LAZ or LAS, by its extension.
+/// Returns the bytes of the file.
 ///
 /// # Errors
-/// Where the ending is neither, or the file cannot be written.
+/// If the extension is neither, or the file cannot be written.
 pub fn write(source: &dyn Source, out: &Path, task: &dyn Task) -> Result<u64> {
     let target = match Target::of(out) {
         Ok(target @ (Target::Las | Target::Laz)) => target,
@@ -55,7 +56,8 @@ pub fn write(source: &dyn Source, out: &Path, task: &dyn Task) -> Result<u64> {
     Ok(export.output.finish()?)
 }
 
-/// Reads on the lattice of the scan's own grid, whose coordinates are its integers and 2^31.
+/// Reads the scan on the lattice of its own grid: lattice coordinates are the grid's integers plus
+/// 2^31.
 fn read(
     source: &dyn Source,
     task: &dyn Task,

@@ -1,5 +1,4 @@
-//! What is written is what was generated: the same points and fields, in files that readers of LAS and
-//! LAZ take.
+//! Written files hold the generated points with all fields, and LAS and LAZ readers accept them.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -9,7 +8,7 @@ use esker_points::{Lattice, MultisetHash};
 use esker_scan::{OpenOptions, Source};
 use std::path::{Path, PathBuf};
 
-/// Counts and hashes all points, each on the lattice of its own grid.
+/// Counts and hashes all points on the lattice of the scan's own grid.
 fn points_and_hash(source: &dyn Source) -> (u64, MultisetHash) {
     let grid = &source.info().grid;
     let placement = Lattice::choose(std::slice::from_ref(grid)).unwrap().placement(grid);
@@ -30,7 +29,7 @@ fn scan(path: &Path) -> Box<dyn Source> {
     esker_scan::open(path, &OpenOptions::default(), &Silent).unwrap()
 }
 
-/// Writes a scan to a file of this ending and reads it again; the file's bytes.
+/// Writes a scan to a file with this extension and reads it again. Returns the file's bytes.
 fn comes_back(spec: &str, ending: &str) -> u64 {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join(format!("out.{ending}"));

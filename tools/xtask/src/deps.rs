@@ -1,12 +1,13 @@
-//! Directions of dependencies: which crate of the project may use which, and which outside crates
-//! some must never link. Reads what cargo says (`cargo metadata`, `cargo tree`), not the manifests.
+//! Checks the directions of dependencies: which crate of the project may depend on which, and which
+//! outside crates some must never link. Reads the output of `cargo metadata` and `cargo tree`, not
+//! the manifests.
 
 use crate::shell::{cargo, output};
 use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
-/// Which crates of the project each may depend on, for its tests too. Whoever is not here may not be
-/// in the workspace.
+/// Crates of the project that each crate may depend on, its tests included. A crate missing from
+/// this table fails the check.
 const ALLOWED: [(&str, &[&str]); 13] = [
     ("esker-points", &[]),
     ("esker-scan", &["points"]),
@@ -30,7 +31,7 @@ const WINDOW: [&str; 8] =
 /// Outside crates that drive a GPU.
 const GPU: [&str; 2] = ["wgpu", "naga"];
 
-/// What must be nowhere in the tree of each.
+/// Outside crates that must not be in the dependency tree of each crate.
 const NEVER: [(&str, &[&[&str]]); 7] = [
     ("esker-points", &[&WINDOW, &GPU]),
     ("esker-scan", &[&WINDOW, &GPU]),
@@ -41,7 +42,7 @@ const NEVER: [(&str, &[&[&str]]); 7] = [
     ("esker", &[&WINDOW]),
 ];
 
-/// Refuses every edge that the tables do not have.
+/// Refuses every edge that is not in the tables.
 pub fn check() -> Result<()> {
     let metadata = output(&cargo(), &["metadata", "--format-version", "1", "--no-deps"])?;
     let metadata: Value = serde_json::from_str(&metadata).context("what cargo metadata says")?;
@@ -75,7 +76,7 @@ fn is_ours(name: &str) -> bool {
     name == "esker" || name == "xtask" || name.starts_with("esker-")
 }
 
-/// What is wrong with a package of the workspace that depends on these packages of the project.
+/// Faults of a package of the workspace that depends on the project's packages `ours`.
 fn refused(package: &str, ours: &[&str]) -> Vec<String> {
     let Some((_, allowed)) = ALLOWED.iter().find(|(name, _)| *name == package) else {
         return vec![format!(
@@ -88,7 +89,7 @@ fn refused(package: &str, ours: &[&str]) -> Vec<String> {
         .collect()
 }
 
-/// Which of the forbidden crates a tree, as `cargo tree --prefix none` prints it, has.
+/// Forbidden crates in a dependency tree as printed by `cargo tree --prefix none`.
 fn linked<'a>(tree: &'a str, never: &'a [&'a [&'a str]]) -> impl Iterator<Item = &'a str> {
     let in_tree = move |bad: &str| {
         tree.lines().any(|line| line.split_whitespace().next().is_some_and(|name| name == bad))

@@ -1,6 +1,7 @@
-//! The gallery drawn anew: `cargo xtask gallery`. Which pictures of which scans, and how they are seen, is said by
-//! `docs/gallery/pictures.json`; scans lie in `ESKER_DATA`, or are generated. Each is built once, and drawn on the CPU by the program
-//! as users run it, so that pictures are the same wherever they are drawn. What is to be seen in them, a person says.
+//! Draws the gallery anew: `cargo xtask gallery`. `docs/gallery/pictures.json` lists the pictures
+//! with their scans and cameras; scans are in `ESKER_DATA`, or are generated. Each scan is built
+//! once, and drawn on the CPU by the program as users run it, so that pictures are the same on
+//! every machine. The captions in `docs/gallery/README.md` are written by a person.
 
 use crate::shell::{Scratch, build_esker, run};
 use anyhow::{Context, Result};
@@ -9,13 +10,13 @@ use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// Where pictures and their list are.
+/// Folder of the pictures and of their list.
 const FOLDER: &str = "docs/gallery";
 
-/// Draws all of them.
+/// Draws all pictures.
 ///
 /// # Errors
-/// Where a scan is not there, or does not build or draw.
+/// If a scan is missing, or cannot be built or drawn.
 pub fn draw() -> Result<()> {
     let data =
         std::env::var_os("ESKER_DATA").context("ESKER_DATA is not set: say where scans are")?;
@@ -41,7 +42,7 @@ pub fn draw() -> Result<()> {
     Ok(())
 }
 
-/// Builds scans into one file.
+/// Builds `scans` into one file.
 fn build(program: &Path, data: &OsStr, scans: &[&str], normals: &str, file: &Path) -> Result<()> {
     let is_generated = |scan: &str| scan.starts_with("synthetic:");
     let path = |scan: &&str| match is_generated(scan) {
@@ -55,7 +56,7 @@ fn build(program: &Path, data: &OsStr, scans: &[&str], normals: &str, file: &Pat
     esker(program, &words)
 }
 
-/// Draws one by each of its methods; where there are several, each has a picture.
+/// Draws one entry of the list, one picture a method.
 fn draw_one(program: &Path, file: &Path, picture: &Value) -> Result<()> {
     let word = |key: &str| picture[key].as_str().with_context(|| format!("{picture} has no {key}"));
     let methods = words(picture, "methods").unwrap_or_else(|_| vec!["pull-push"]);
@@ -77,13 +78,13 @@ fn draw_one(program: &Path, file: &Path, picture: &Value) -> Result<()> {
     Ok(())
 }
 
-/// A list of words of a picture.
+/// The list of strings `key` of a picture.
 fn words<'a>(picture: &'a Value, key: &str) -> Result<Vec<&'a str>> {
     let all = picture[key].as_array().with_context(|| format!("{picture} has no {key}"))?;
     all.iter().map(|word| word.as_str().context("not a word")).collect()
 }
 
-/// Runs the program.
+/// Runs the `esker` program.
 fn esker(program: &Path, words: &[&OsStr]) -> Result<()> {
     run("esker", program.as_os_str(), words)
 }

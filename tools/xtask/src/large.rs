@@ -1,7 +1,8 @@
-//! Builds that take too long for the gate: `cargo xtask large`. `ESKER_LARGE=stack` runs only those that have this word in
-//! their names; a thousand million points are built with `ESKER_LARGE=1G` only. Each is built by the program as users run it, under a limit of anonymous memory that the system holds where it
-//! can, and verified; a table, and an error where a bound does not hold. Files go to the system's place for temporary
-//! ones (`TMPDIR`): 60 bytes a point at most.
+//! Builds that take too long for the gate: `cargo xtask large`. `ESKER_LARGE=stack` runs only those
+//! that have this word in their names; 1,000 million points are built with `ESKER_LARGE=1G` only.
+//! Each is built by the program as users run it, under a limit of anonymous memory that the system
+//! enforces where it can, and verified. Prints a table; fails if a bound is exceeded. Files go to
+//! the system's temporary folder (`TMPDIR`): 60 bytes a point at most.
 
 use crate::shell::{Scratch, build_esker};
 use anyhow::{Context, Result, ensure};
@@ -13,27 +14,27 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-/// Scratch and output together, at most at once.
+/// Most bytes a point that scratch and output take together at any time.
 const BYTES_A_POINT_MAX: f64 = 60.0;
-/// What anonymous memory may be above `--memory`.
+/// Factor by which anonymous memory may exceed `--memory`.
 const MARGIN: f64 = 1.05;
-/// Steps of the files that are made here, in metres, and where their points are: one is so far away that a scan is one
-/// cell beside it.
+/// Lattice step of the generated files, metres, and places of their points: one point is so far
+/// away that the rest of the scan is within one cell.
 const SCALE: f64 = 0.001;
 const NEAR: [i32; 3] = [123_456, -5, 99];
 const FAR: [i32; 3] = [2_000_000_000, 2_000_000_000, 99];
 /// A mebibyte.
 const MIB: u64 = 1 << 20;
 
-/// One build.
+/// A build and its bounds.
 struct Case {
-    /// A generated scan, of which `far` is added a point far outside; or a stack of as many coincident points.
+    /// A generated scan, with a point far outside if `far`; or a stack of coincident points.
     input: &'static str,
     points: u64,
     memory_mib: u64,
 }
 
-/// In the order in which they are run.
+/// Builds in the order in which they run.
 const CASES: [Case; 6] = [
     Case { input: "synthetic:terrain:20M:1", points: 20_000_000, memory_mib: 512 },
     Case { input: "synthetic:terrain:100M:1", points: 100_000_000, memory_mib: 1024 },
@@ -42,13 +43,13 @@ const CASES: [Case; 6] = [
     Case { input: "synthetic:terrain:20M:1 far", points: 20_000_001, memory_mib: 512 },
     Case { input: "synthetic:terrain:1G:1", points: 1_000_000_000, memory_mib: 4096 },
 ];
-/// More points are built where they are named only.
+/// Builds of more points run only if `ESKER_LARGE` names them.
 const POINTS_MAX: u64 = 100_000_000;
 
-/// Builds all of them.
+/// Runs all builds.
 ///
 /// # Errors
-/// Where a build fails or a bound does not hold; the others are run all the same.
+/// If a build fails or exceeds a bound; the other builds are run all the same.
 pub fn run() -> Result<()> {
     let wanted = std::env::var("ESKER_LARGE").ok();
     let is_wanted = |case: &&Case| match &wanted {
@@ -143,7 +144,7 @@ impl Case {
     }
 }
 
-/// Runs the program within a limit; what it reports.
+/// Runs the program within a limit of memory and returns its report.
 fn esker(program: &Path, limit_mib: u64, words: &[&OsStr]) -> Result<Value> {
     let mut command = if cfg!(unix) {
         let mut shell = Command::new("sh");
@@ -161,7 +162,7 @@ fn esker(program: &Path, limit_mib: u64, words: &[&OsStr]) -> Result<Value> {
     serde_json::from_str(last).with_context(|| format!("no report: {last}"))
 }
 
-/// The least limit under which the program builds three points, MiB.
+/// Least limit under which the program builds three points, MiB.
 fn empty_mib(program: &Path, place: &Scratch) -> Result<u64> {
     let (tiny, out) = (place.file("tiny.xyz"), place.file("tiny.esker"));
     std::fs::write(&tiny, "0 0 0\n1 2 3\n4 5 6\n")?;
@@ -183,7 +184,7 @@ fn empty_mib(program: &Path, place: &Scratch) -> Result<u64> {
     Ok(works)
 }
 
-/// A LAS file of points in one place, given in millimetres, all of them different.
+/// Writes a LAS file of coincident points with different records; the place is in millimetres.
 fn stack(path: &Path, place: [i32; 3], points: u64) -> Result<PathBuf> {
     const HEADER_BYTES: usize = 227;
     let mut head = vec![0; HEADER_BYTES];
@@ -197,7 +198,7 @@ fn stack(path: &Path, place: [i32; 3], points: u64) -> Result<PathBuf> {
     put(107, &u32::try_from(points)?.to_le_bytes());
     for (axis, c) in place.into_iter().enumerate() {
         put(131 + 8 * axis, &SCALE.to_le_bytes());
-        // The greatest and the least.
+        // Greatest and least coordinate.
         (0..2).for_each(|i| put(179 + 16 * axis + 8 * i, &(f64::from(c) * SCALE).to_le_bytes()));
     }
     let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
@@ -207,7 +208,7 @@ fn stack(path: &Path, place: [i32; 3], points: u64) -> Result<PathBuf> {
         record[4 * axis..][..4].copy_from_slice(&c.to_le_bytes());
     }
     for i in 0..points {
-        // Intensity, user data and source: 32 bits of the point's number.
+        // Intensity, user data and source id hold 32 bits of the point's index.
         record[12..14].copy_from_slice(&(i as u16).to_le_bytes());
         record[17] = (i >> 16) as u8;
         record[18..20].copy_from_slice(&((i >> 24) as u16).to_le_bytes());

@@ -1,12 +1,12 @@
-//! Clippy, with the lints of the workspace, over everything that a newcomer builds, the window and the tools; and the
-//! links in the documentation. A warning is an error.
+//! Runs clippy with the lints of the workspace over all crates, the window and the tools included,
+//! and checks the links in the documentation. A warning is an error.
 
 use crate::shell::run_cargo;
 
-/// What is no default member of the workspace.
+/// Packages that are not default members of the workspace.
 const OTHERS: [&str; 2] = ["esker-view", "xtask"];
 
-/// Makes documentation of which a link that leads nowhere is an error.
+/// Builds the documentation; a broken link is an error.
 const DOC: [&str; 5] =
     ["doc", "--release", "--no-deps", "--config", "build.rustdocflags=['-Dwarnings']"];
 

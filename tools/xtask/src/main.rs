@@ -1,7 +1,8 @@
-//! Developers' tasks: `cargo xtask ci` is the one gate of the project, and what CI runs; each of its
-//! steps can be run alone. A step that fails does not keep the others from being run.
+//! Tasks for developers: `cargo xtask ci` is the one gate of the project, and CI runs it; each of
+//! its steps can be run alone. After a failed step the others are still run.
 
 mod deps;
+mod figures;
 mod fmt;
 mod gallery;
 mod house;
@@ -17,7 +18,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use tally::Tally;
 
-/// A step: its name, what it does in a few words, and how. Tests add to the tally.
+/// A step: its name, a description in a few words, and its function. Tests add to the tally.
 struct Step {
     name: &'static str,
     about: &'static str,
@@ -39,8 +40,8 @@ const STEPS: [Step; 8] = [
     Step { name: "demo", about: "the README's run command", run: |_| readme::demo() },
 ];
 
-/// What takes too long for the gate, and is run by its own name only.
-const APART: [Step; 2] = [
+/// Tasks outside the gate: they take too long, or write files.
+const APART: [Step; 3] = [
     Step {
         name: "large",
         about: "20 to 100 million points within their memory; ESKER_LARGE=1G for more",
@@ -50,6 +51,11 @@ const APART: [Step; 2] = [
         name: "gallery",
         about: "draws docs/gallery anew, of the scans in ESKER_DATA",
         run: |_| gallery::draw(),
+    },
+    Step {
+        name: "figures",
+        about: "writes the README's table of figures from bench/results",
+        run: |_| figures::write(),
     },
 ];
 

@@ -1,5 +1,5 @@
-//! Does what the README tells a newcomer to do: its test command and its run command are taken from
-//! it word for word and run, so that they cannot rot.
+//! Runs the test command and the run command of the README, word for word, so that they keep
+//! working.
 
 use crate::shell::follow;
 use crate::tally::Tally;
@@ -8,11 +8,11 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// The tools are no default member of the workspace.
+/// Tests of the tools, which are not default members of the workspace.
 const OWN_TESTS: &str = "cargo test --release -p xtask";
 /// First bytes of every PNG file.
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
-/// Clocks of file systems are that coarse at most.
+/// Coarsest resolution of the clocks of file systems.
 const CLOCK: Duration = Duration::from_secs(2);
 
 /// Runs the README's test command and the tests of this program, and counts them.
@@ -33,7 +33,7 @@ pub fn test(tally: &mut Tally) -> Result<()> {
     Ok(())
 }
 
-/// Runs the README's run command and looks at the picture that it names.
+/// Runs the README's run command and checks the picture that it names.
 pub fn demo() -> Result<()> {
     let command = command("cargo run --release")?;
     println!("$ {command}");
@@ -51,7 +51,7 @@ pub fn demo() -> Result<()> {
     Ok(())
 }
 
-/// The README's command that begins with these words and goes no further than plain options.
+/// The command `words` of the README's code blocks.
 fn command(words: &str) -> Result<String> {
     let readme = std::fs::read_to_string("README.md").context("README.md")?;
     commands(&readme)

@@ -1,11 +1,11 @@
-//! Validation of the shaders. What builds `esker-render` links them and refuses what naga refuses
-//! (`crates/render/build.rs`); here is checked that no shader escapes that.
+//! Checks that no shader escapes validation. The build script of `esker-render`
+//! (`crates/render/build.rs`) links all shaders and validates them with naga.
 
 use anyhow::{Result, ensure};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Fails where a shader lies where nothing links it, or is included by nobody.
+/// Fails if a shader is in a folder that nothing links, or is included by no other.
 pub fn check() -> Result<()> {
     let root = Path::new("shaders");
     let mut all = Vec::new();

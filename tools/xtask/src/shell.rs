@@ -1,5 +1,5 @@
-//! Running other programs from the root of the workspace, without a standard input: so that nothing
-//! ever waits for a person. What they print is passed through line by line where it is also read.
+//! Runs other programs from the root of the workspace, without a standard input, so that nothing
+//! waits for a person. Output that is read is also passed on, line by line.
 
 use anyhow::{Context, Result, bail, ensure};
 use std::ffi::{OsStr, OsString};
@@ -15,17 +15,17 @@ pub fn enter_root() -> Result<()> {
     std::env::set_current_dir(root).with_context(|| format!("{}", root.display()))
 }
 
-/// The cargo that runs this.
+/// The cargo that runs this program.
 pub fn cargo() -> OsString {
     std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
 }
 
-/// Runs cargo, its output passed on; fails where it fails.
+/// Runs cargo and passes its output on; fails if it fails.
 pub fn run_cargo(args: &[&str]) -> Result<()> {
     run("cargo", &cargo(), args)
 }
 
-/// Runs a program, which errors call by a name, its output passed on; fails where it fails.
+/// Runs a program and passes its output on; fails if it fails. Errors call it `name`.
 pub fn run<S: AsRef<OsStr>>(name: &str, program: &OsStr, args: &[S]) -> Result<()> {
     let status = Command::new(program).args(args).stdin(Stdio::null()).status()?;
     let words: Vec<_> = args.iter().map(|word| word.as_ref().to_string_lossy()).collect();
@@ -33,7 +33,7 @@ pub fn run<S: AsRef<OsStr>>(name: &str, program: &OsStr, args: &[S]) -> Result<(
     Ok(())
 }
 
-/// Builds the program as users run it, and says where it is.
+/// Builds the `esker` program in release mode; its path.
 pub fn build_esker() -> Result<PathBuf> {
     run_cargo(&["build", "--release", "-p", "esker"])?;
     let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
@@ -41,23 +41,23 @@ pub fn build_esker() -> Result<PathBuf> {
     program.context("the program that was built")
 }
 
-/// A folder in the system's place for temporary files, which goes with its value.
+/// A folder in the system's temporary folder; deleted when dropped.
 pub struct Scratch(PathBuf);
 
 impl Scratch {
-    /// An empty one for a task.
+    /// Makes an empty folder for a task.
     pub fn new(task: &str) -> Result<Self> {
         let folder = std::env::temp_dir().join(format!("esker-{task}-{}", std::process::id()));
         std::fs::create_dir(&folder).with_context(|| format!("{}", folder.display()))?;
         Ok(Self(folder))
     }
 
-    /// The folder.
+    /// Path of the folder.
     pub fn folder(&self) -> &Path {
         &self.0
     }
 
-    /// A file in it.
+    /// Path of a file in the folder.
     pub fn file(&self, name: &str) -> PathBuf {
         self.0.join(name)
     }
@@ -69,7 +69,7 @@ impl Drop for Scratch {
     }
 }
 
-/// What a program prints; fails where it fails.
+/// Standard output of a program; fails if the program fails.
 pub fn output(program: &OsString, args: &[&str]) -> Result<String> {
     let name = program.to_string_lossy();
     let out = Command::new(program)
@@ -83,13 +83,13 @@ pub fn output(program: &OsString, args: &[&str]) -> Result<String> {
     Ok(String::from_utf8_lossy(&out.stdout).into_owned())
 }
 
-/// Runs a command line of plain words, passing on what it prints and collecting it line by line.
-/// Its lines, and whether it succeeded.
+/// Runs a command line of words without spaces; passes its output on and collects it. Returns the
+/// lines, and whether the program succeeded.
 pub fn follow(line: &str, environment: &[(&str, &str)]) -> Result<(Vec<String>, bool)> {
     follow_words(&line.split_whitespace().collect::<Vec<_>>(), environment)
 }
 
-/// As [`follow`], from words that may have spaces.
+/// [`follow`] for words that may contain spaces.
 pub fn follow_words(words: &[&str], environment: &[(&str, &str)]) -> Result<(Vec<String>, bool)> {
     let (program, arguments) = words.split_first().context("an empty command")?;
     let mut child = Command::new(program)
@@ -102,7 +102,7 @@ pub fn follow_words(words: &[&str], environment: &[(&str, &str)]) -> Result<(Vec
         .with_context(|| format!("`{}` cannot be run", words.join(" ")))?;
     let stdout = child.stdout.take().context("no standard output")?;
     let stderr = child.stderr.take().context("no standard error")?;
-    // Both are read at once: a full pipe would stop the child.
+    // Both pipes are read at the same time: a full pipe would stop the child.
     let aside = std::thread::Builder::new()
         .name("stderr".into())
         .spawn(move || pass_on(stderr, |l| eprintln!("{l}")))?;

@@ -1,25 +1,25 @@
-//! Counts tests from what `cargo test` prints: the sums of its `test result:` lines, with tests that
-//! say `skipped: reason` and return early counted as skipped, not as passed.
+//! Counts tests from the output of `cargo test`: sums of its `test result:` lines. Tests that print
+//! `skipped: reason` and return early count as skipped, not as passed.
 
 use std::fmt;
 
 /// Tests run, over all suites.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// `test result:` lines.
+    /// Number of `test result:` lines.
     pub suites: usize,
-    /// Tests that held, those that returned early among them.
+    /// Tests that passed, those that returned early included.
     pub passed: usize,
-    /// Tests that did not hold.
+    /// Tests that failed.
     pub failed: usize,
-    /// Tests that were not run.
+    /// Tests that were ignored.
     pub ignored: usize,
-    /// Tests that had nothing to run on, and said so.
+    /// Tests that printed that they were skipped.
     pub returned_early: usize,
 }
 
 impl Tally {
-    /// Takes one line of the output.
+    /// Reads one line of the output.
     pub fn read(&mut self, line: &str) {
         if line.starts_with("skipped: ") || line.contains(" ... skipped: ") {
             self.returned_early += 1;

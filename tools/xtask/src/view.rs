@@ -1,14 +1,14 @@
-//! The viewer's tests, which open real windows: on the display there is, else on one in memory (Xvfb), so that they
-//! run on a server, too.
+//! Runs the viewer's tests, which open real windows: on the display, or without one on a display in
+//! memory (Xvfb), so that they run on servers too.
 
 use crate::shell::follow_words;
 use crate::tally::Tally;
 use anyhow::{Result, ensure};
 use std::process::{Command, Stdio};
 
-/// The tests.
+/// Command of the tests.
 const TESTS: [&str; 5] = ["cargo", "test", "--release", "-p", "esker-view"];
-/// A display in memory, of the size of a small screen.
+/// Command of a display in memory, with the size of a small screen.
 const XVFB: [&str; 4] = ["xvfb-run", "-a", "-s", "-screen 0 1280x800x24"];
 
 /// Runs the tests and counts them.

@@ -1,6 +1,7 @@
-//! Points to draw as a built file has them: nodes with hot positions and nothing else. Generated ones are a hilly
-//! ground with woods, each point a function of its number, the same on every machine, in Morton order or shuffled;
-//! so a cloud needs no memory of its own and can be larger than it.
+//! Points to draw, laid out as in a built file: nodes with hot positions and nothing else. A
+//! generated cloud is a hilly ground with woods, in Morton order or shuffled. Each of its points is
+//! a function of its index, the same on every machine, so that a cloud needs no memory of its own
+//! and can be larger than memory.
 
 use anyhow::{Context, Result};
 use bytemuck::Zeroable;
@@ -14,38 +15,38 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Points of a generated node: what the builder fills nodes up to.
-pub const NODE_POINTS: u64 = 65_536;
-/// Log2 of the edge of the ground, steps.
+/// Points of a generated node: the builder's default capacity.
+const NODE_POINTS: u64 = 65_536;
+/// Binary logarithm of the edge of the ground, steps.
 const GROUND_LOG2: u32 = 22;
-/// Length of a step.
+/// Length of a step, metres.
 const STEP_M: f64 = 1e-3;
 /// Lattice coordinate of the ground's corner.
 const CORNER: u32 = 1 << 31;
-/// Greatest height, steps: hills and the woods on them.
+/// Greatest height of hills and the woods on them, steps.
 const HEIGHT: f64 = (1 << GROUND_LOG2) as f64 * 0.06;
-/// Nodes made at once before they are handed over.
+/// Nodes that are made in parallel.
 const BATCH_NODES: usize = 32;
 
-/// How points follow each other.
+/// Order of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
-    /// Neighbours follow each other: along a Morton curve over the ground.
+pub(super) enum Order {
+    /// Along a Morton curve over the ground, so that neighbours follow each other.
     Morton,
-    /// Every node has points of all the ground.
+    /// Shuffled, so that each node has points of the whole ground.
     Random,
 }
 
 /// Nodes with their positions.
-pub enum Cloud<'a> {
-    /// A ground of so many points.
+pub(super) enum Cloud<'a> {
+    /// A generated ground with this number of points.
     Ground(u64, Order),
     /// All nodes of a file, in their order.
     File(&'a Forest),
 }
 
 impl Cloud<'_> {
-    /// What reports call its order.
+    /// Name of the order in reports.
     pub fn order(&self) -> &'static str {
         match self {
             Self::Ground(_, Order::Morton) => "morton",
@@ -67,7 +68,7 @@ impl Cloud<'_> {
         }
     }
 
-    /// Points of a node.
+    /// Number of points of a node.
     pub fn points_of(&self, node: usize) -> u64 {
         match self {
             Self::Ground(points, _) => (points - node as u64 * NODE_POINTS).min(NODE_POINTS),
@@ -75,7 +76,7 @@ impl Cloud<'_> {
         }
     }
 
-    /// The grid of its coordinates.
+    /// Lattice of the coordinates.
     pub fn lattice(&self) -> Lattice {
         match self {
             Self::Ground(..) => Lattice { scale: [STEP_M; 3], offset: [0.0; 3], shift: [0; 3] },
@@ -83,7 +84,8 @@ impl Cloud<'_> {
         }
     }
 
-    /// A view that has all points in the picture; a ground is seen from above, so that it fills it.
+    /// A view with all points in the picture. A ground is seen from above, so that it fills the
+    /// picture.
     pub fn view(&self, size: [u32; 2]) -> View {
         match self {
             Self::Ground(..) => {
@@ -95,11 +97,11 @@ impl Cloud<'_> {
         }
     }
 
-    /// Hands every node with its hot positions to `sink`, in order, from this thread; they are made or read on
-    /// all.
+    /// Hands each node with its hot positions to `sink`, in order and on this thread. Nodes are
+    /// made or read in parallel.
     ///
     /// # Errors
-    /// Where a file cannot be read, on request, and those of `sink`.
+    /// If a file cannot be read, `sink` fails, or `task` is cancelled.
     pub fn each(
         &self,
         task: &dyn Task,
@@ -131,14 +133,14 @@ impl Cloud<'_> {
     }
 }
 
-/// A node of these points of a ground.
+/// Makes the node that holds points `range` of a ground of `points`.
 fn lay_out(points: u64, order: Order, range: Range<u64>) -> (Node, Vec<u8>) {
     let at: Vec<[u32; 3]> = range
         .map(|number| match order {
             Order::Morton => number,
             Order::Random => shuffled(number, points),
         })
-        .map(|place| ground_point(place, points))
+        .map(|index| ground_point(index, points))
         .collect();
     let fold = |f: fn(u32, u32) -> u32| {
         let corner = at.iter().copied().reduce(|a, b| [0, 1, 2].map(|i| f(a[i], b[i])));
@@ -152,7 +154,7 @@ fn lay_out(points: u64, order: Order, range: Range<u64>) -> (Node, Vec<u8>) {
         for i in 0..3 {
             plane.extend(quant::hot(p[i], low[i], shift).to_le_bytes());
         }
-        // A radius of one spacing.
+        // The radius is one spacing.
         plane.extend([128, 0]);
     }
     let spacing = f64::from(1u32 << GROUND_LOG2) / (points as f64).sqrt() * STEP_M;
@@ -164,13 +166,13 @@ fn lay_out(points: u64, order: Order, range: Range<u64>) -> (Node, Vec<u8>) {
     (node, plane)
 }
 
-/// The point at a place of the curve. A grid of 4^k cells, at least one a point, is visited along the curve;
-/// points are in evenly distributed ones of its cells, anywhere in them.
-fn ground_point(place: u64, points: u64) -> [u32; 3] {
+/// Point `index` along the curve. The curve visits a grid of 4^k cells, at least one a point;
+/// points are at random places in cells that are evenly distributed along it.
+fn ground_point(index: u64, points: u64) -> [u32; 3] {
     let log2 = (0..GROUND_LOG2).find(|k| 1u64 << (2 * k) >= points).unwrap_or(GROUND_LOG2);
-    let cell = ((u128::from(place) << (2 * log2)) / u128::from(points.max(1))) as u64;
+    let cell = ((u128::from(index) << (2 * log2)) / u128::from(points.max(1))) as u64;
     let edge = 1u64 << (GROUND_LOG2 - log2);
-    let dice = mixed(place);
+    let dice = mixed(index);
     let x = gather2(cell) * edge + (dice & 0xffff) * edge / 0x10000;
     let y = gather2(cell >> 1) * edge + (dice >> 16 & 0xffff) * edge / 0x10000;
     let share = |c: u64| c as f64 / f64::from(1u32 << GROUND_LOG2);
@@ -182,15 +184,15 @@ fn ground_point(place: u64, points: u64) -> [u32; 3] {
     [CORNER + x as u32, CORNER + y as u32, CORNER + ((hills + tree) * HEIGHT) as u32]
 }
 
-/// A smooth wave of period 1 from 0 to 1, by exact operations alone.
+/// A smooth wave from 0 to 1 with period 1. Its operations round the same on every machine.
 fn wave(t: f64) -> f64 {
     let f = t - t.floor();
     let hump = 4.0 * f * (1.0 - f);
     hump * hump
 }
 
-/// Every number below `points` once, in no order: rounds that have an inverse on the next power of two, walked
-/// until they fall below.
+/// Permutes the numbers below `points`: invertible rounds on the next power of two, repeated until
+/// the result is below `points`.
 fn shuffled(number: u64, points: u64) -> u64 {
     let bits = 64 - (points.max(2) - 1).leading_zeros();
     let mask = (1u64 << bits) - 1;
@@ -206,7 +208,7 @@ fn shuffled(number: u64, points: u64) -> u64 {
     }
 }
 
-/// 64 random bits of a number (splitmix64).
+/// Hashes a number to 64 bits (splitmix64).
 fn mixed(number: u64) -> u64 {
     let mut z = number.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -214,7 +216,7 @@ fn mixed(number: u64) -> u64 {
     z ^ z >> 31
 }
 
-/// Every second bit, from the lowest.
+/// Packs every second bit, from the lowest.
 fn gather2(code: u64) -> u64 {
     let mut x = code & 0x5555_5555_5555_5555;
     x = (x | x >> 1) & 0x3333_3333_3333_3333;

@@ -1,10 +1,10 @@
-//! The drawing rate of the GPU's passes from points to single pixels, over points that lie in its memory, and
-//! the bandwidth of that memory as copies reach it. Every frame is submitted and waited for; where the device has
-//! timestamps, they time it beside the clock on the wall.
+//! The passes of the GPU that turn points into single pixels, over points in its memory, and the
+//! bandwidth of that memory that copies reach. Each frame is submitted and waited for; timestamps
+//! time it beside the wall clock if the device has them.
 
-use super::{Covered, Times};
 use crate::draw::cloud::Cloud;
-use crate::draw::cpu::{draw_of, frame_of};
+use crate::draw::frame::{Covered, Times, draw_of, frame_of};
+use crate::quantile::quantile;
 use esker_points::Node;
 use esker_points::quant::HOT_POSITION_BYTES;
 use esker_render::gpu::device::Counted;
@@ -23,58 +23,60 @@ use esker_render::inputs::camera::Camera;
 use esker_render::{FramePlan, Pass};
 use std::time::Instant;
 
-/// Bytes of each of the two buffers of a copy: more than caches hold.
+/// Bytes of each of the two buffers of a copy, more than fits in caches.
 const COPY_BYTES: u64 = 128 << 20;
-/// A submission of copies takes at least so long that submitting it does not count.
+/// Least time of a submission of copies, milliseconds: far more than submitting it takes.
 const COPY_MS: f64 = 20.0;
-/// Submissions that the median is taken of.
+/// Submissions whose median is returned.
 const COPIES: usize = 5;
-/// Bytes that are sent before the queue is told to take them: it keeps a copy until then.
-const SENT_MAX: u64 = 64 << 20;
+/// Bytes that are written before they are submitted: the queue keeps a copy of them until then.
+const UNSUBMITTED_MAX: u64 = 64 << 20;
 
 /// A pass that is measured.
-enum Way {
+enum Projection {
     Project(Project),
     Primitives(Primitives),
 }
 
-/// The passes, and a cloud in the GPU's memory.
-pub struct OnGpu {
+/// The passes that are measured, and a cloud in the GPU's memory.
+pub(super) struct OnGpu {
     gpu: Gpu,
-    ways: Vec<(&'static str, Way)>,
+    paths: Vec<(&'static str, Projection)>,
     uniform: Counted,
     cut: GpuCut,
     hits: Hits,
     timing: Timing,
     pool: NodePool,
     nodes: Vec<(Node, PlaneAt)>,
+    /// Places of the nodes that are still to be appended.
     places: std::vec::IntoIter<PlaneAt>,
-    sent: u64,
+    /// Bytes written since the last submission.
+    unsubmitted: u64,
     size: [u32; 2],
     plan: Option<FramePlan>,
 }
 
-/// What the pass without its frame buffer is called.
-pub const NO_PIXELS: &str = "atomics-no-pixels";
+/// Name of the pass that writes no pixels.
+pub(super) const NO_PIXELS: &str = "atomics-no-pixels";
 
 impl OnGpu {
-    /// The passes that the device has, or the one that `only` names; and memory for a cloud.
+    /// Makes the passes that the device supports, or `only` one of them, and memory for `cloud`.
     ///
     /// # Errors
-    /// Where the driver refuses a shader, or memory.
+    /// If the driver refuses a shader or memory.
     pub fn new(gpu: &Gpu, only: Option<ProjectPath>, cloud: &Cloud<'_>) -> Result<Self, GpuError> {
-        let mut ways = Vec::new();
+        let mut paths = Vec::new();
         if gpu.tier.path == ProjectPath::Atomics {
-            ways.push(("atomics", Way::Project(Project::new(gpu)?)));
-            ways.push((NO_PIXELS, Way::Project(Project::without_pixels(gpu)?)));
+            paths.push(("atomics", Projection::Project(Project::new(gpu)?)));
+            paths.push((NO_PIXELS, Projection::Project(Project::without_pixels(gpu)?)));
         }
         if only != Some(ProjectPath::Atomics) {
-            ways.push(("primitives", Way::Primitives(Primitives::new(gpu)?)));
+            paths.push(("primitives", Projection::Primitives(Primitives::new(gpu)?)));
         }
         let (places, bytes) = places(cloud, gpu.tier.page_bytes_max);
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         Ok(Self {
-            ways,
+            paths,
             uniform: gpu.buffer("frame", size_of::<FrameUniform>() as u64, usage)?,
             cut: GpuCut::new(gpu)?,
             hits: Hits::new(gpu)?,
@@ -82,72 +84,72 @@ impl OnGpu {
             pool: NodePool::new(gpu, bytes),
             nodes: Vec::new(),
             places: places.into_iter(),
-            sent: 0,
+            unsubmitted: 0,
             size: [0; 2],
             plan: None,
             gpu: gpu.clone(),
         })
     }
 
-    /// Names of its passes.
-    pub fn ways(&self) -> Vec<&'static str> {
-        self.ways.iter().map(|(name, _)| *name).collect()
+    /// Names of the passes.
+    pub fn paths(&self) -> Vec<&'static str> {
+        self.paths.iter().map(|(name, _)| *name).collect()
     }
 
-    /// Takes the cloud's next node.
+    /// Appends the cloud's next node.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn push(&mut self, node: Node, plane: &[u8]) -> Result<(), GpuError> {
         let Some(at) = self.places.next() else { return Ok(()) };
         self.pool.write(&self.gpu, at.offset, plane)?;
         self.nodes.push((node, at));
-        self.sent += at.bytes;
-        if self.sent > SENT_MAX {
-            self.sent = 0;
-            send(&self.gpu)?;
+        self.unsubmitted += at.bytes;
+        if self.unsubmitted > UNSUBMITTED_MAX {
+            self.unsubmitted = 0;
+            submit_writes(&self.gpu)?;
         }
         Ok(())
     }
 
-    /// Takes the size of the picture, and lists the nodes for it.
+    /// Sets the size of the picture, and uploads the table of nodes for it.
     ///
     /// # Errors
-    /// Where the view is no usable camera or too large, or memory is refused.
-    pub fn fit(&mut self, cloud: &Cloud<'_>, size: [u32; 2]) -> Result<(), GpuError> {
+    /// If the view makes no valid camera, the picture is too large, or memory is refused.
+    pub fn resize(&mut self, cloud: &Cloud<'_>, size: [u32; 2]) -> Result<(), GpuError> {
         let (view, lattice) = (cloud.view(size), cloud.lattice());
         let draws: Vec<_> = self.nodes.iter().map(|(node, at)| draw_of(node, *at)).collect();
         let frame = frame_of(&view, &lattice, &draws);
         let (camera, plan) = (Camera::new(&view, &lattice)?, FramePlan::new(&frame));
         self.hits.fit(&self.gpu, size)?;
         self.cut.fill(&self.gpu, &frame, &camera, &plan, &self.pool)?;
-        for (_, way) in &mut self.ways {
-            if let Way::Primitives(primitives) = way {
+        for (_, pass) in &mut self.paths {
+            if let Projection::Primitives(primitives) = pass {
                 primitives.fit(&self.gpu, size)?;
             }
         }
         let uniform = FrameUniform::new(&frame, &camera);
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         (self.size, self.plan) = (size, Some(plan));
-        send(&self.gpu)
+        submit_writes(&self.gpu)
     }
 
-    /// Draws all points once by one of [`OnGpu::ways`], and waits.
+    /// Draws all points once by pass `path`, an index into [`OnGpu::paths`], and waits.
     ///
     /// # Errors
-    /// Where the device fails.
-    pub fn frame(&mut self, way: usize) -> Result<Times, GpuError> {
-        let Self { gpu, ways, uniform, cut, hits, timing, pool, plan, .. } = self;
-        let (Some((_, way)), Some(plan)) = (ways.get_mut(way), plan) else {
+    /// If the device fails.
+    pub fn frame(&mut self, path: usize) -> Result<Times, GpuError> {
+        let Self { gpu, paths, uniform, cut, hits, timing, pool, plan, .. } = self;
+        let (Some((_, pass)), Some(plan)) = (paths.get_mut(path), plan) else {
             return Ok(Times::default());
         };
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         timing.begin();
-        match way {
-            Way::Project(p) => {
+        match pass {
+            Projection::Project(p) => {
                 p.encode(gpu, &mut encoder, uniform, plan, cut, pool, hits, timing)?;
             }
-            Way::Primitives(p) => {
+            Projection::Primitives(p) => {
                 p.encode(gpu, &mut encoder, uniform, plan, cut, pool, hits, timing);
             }
         }
@@ -155,7 +157,7 @@ impl OnGpu {
         let commands = encoder.finish();
         let start = Instant::now();
         gpu.queue.submit([commands]);
-        if let Way::Project(p) = way {
+        if let Projection::Project(p) = pass {
             p.submitted(pool);
         }
         timing.submitted();
@@ -164,12 +166,12 @@ impl OnGpu {
         Ok(Times { wall_ms, gpu_ms: timing.newest().map(|stages| stages.ms(Pass::Project)) })
     }
 
-    /// Pixels that the last frame drew points on; of no frame that has no pixels.
+    /// Counts the pixels that the last frame, drawn by pass `path`, drew points to.
     ///
     /// # Errors
-    /// Where memory is refused or the device fails.
-    pub fn covered(&self, way: usize) -> Result<Covered, GpuError> {
-        let Some(hits) = self.hits.buffer().filter(|_| self.ways[way].0 != NO_PIXELS) else {
+    /// If memory is refused or the device fails.
+    pub fn covered(&self, path: usize) -> Result<Covered, GpuError> {
+        let Some(hits) = self.hits.buffer().filter(|_| self.paths[path].0 != NO_PIXELS) else {
             return Ok(None);
         };
         let bytes = u64::from(self.size[0]) * u64::from(self.size[1]) * HIT_BYTES;
@@ -179,12 +181,12 @@ impl OnGpu {
     }
 }
 
-/// Bytes a second, read and written, of copying a large buffer to another, by the driver or by a kernel, whichever is
-/// faster (an H100's driver copies at 0.84 TB/s, which its kernels exceed): a median.
+/// Copies a large buffer by the driver and by a kernel, and returns the greater of both median
+/// rates: bytes a second, read and written. The copies of some drivers are slower than a kernel.
 ///
 /// # Errors
-/// Where memory is refused or the device fails.
-pub fn copy_rate(gpu: &Gpu) -> Result<f64, GpuError> {
+/// If memory is refused or the device fails.
+pub(crate) fn copy_rate(gpu: &Gpu) -> Result<f64, GpuError> {
     let bytes = COPY_BYTES.min(gpu.device.limits().max_storage_buffer_binding_size);
     let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
     let source = gpu.buffer("copied from", bytes, usage)?;
@@ -204,7 +206,7 @@ pub fn copy_rate(gpu: &Gpu) -> Result<f64, GpuError> {
     Ok(by_driver.max(by_kernel))
 }
 
-/// Bytes a second of a copy of so many.
+/// Median rate of `copy`, which copies `bytes`: bytes a second, read and written.
 fn rate_of(gpu: &Gpu, bytes: u64, copy: impl Fn(&mut CommandEncoder)) -> Result<f64, GpuError> {
     let copies_ms = |copies: u32| -> Result<f64, GpuError> {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
@@ -215,7 +217,7 @@ fn rate_of(gpu: &Gpu, bytes: u64, copy: impl Fn(&mut CommandEncoder)) -> Result<
         wait(gpu)?;
         Ok(start.elapsed().as_secs_f64() * 1e3)
     };
-    // The first ones pay for fresh memory and a clock that is low.
+    // The first copies are slower: their memory is new, and the clock is low.
     copies_ms(1)?;
     let mut copies = 1;
     while copies < 1 << 12 && copies_ms(copies)? < COPY_MS {
@@ -224,25 +226,29 @@ fn rate_of(gpu: &Gpu, bytes: u64, copy: impl Fn(&mut CommandEncoder)) -> Result<
     let rate = |ms: f64| 2.0 * bytes as f64 * f64::from(copies) / (ms * 1e-3).max(1e-9);
     let rates: Vec<f64> =
         (0..COPIES).map(|_| copies_ms(copies).map(rate)).collect::<Result<_, _>>()?;
-    Ok(crate::flight::quantile(&rates, 0.5))
+    Ok(quantile(&rates, 0.5))
 }
 
 /// Submits what was written, and waits for it.
-fn send(gpu: &Gpu) -> Result<(), GpuError> {
+fn submit_writes(gpu: &Gpu) -> Result<(), GpuError> {
     gpu.queue.submit([]);
     wait(gpu)
 }
 
-/// Waits for all that was submitted.
-pub fn wait(gpu: &Gpu) -> Result<(), GpuError> {
+/// Waits until everything that was submitted is done.
+///
+/// # Errors
+/// If the device fails.
+pub(crate) fn wait(gpu: &Gpu) -> Result<(), GpuError> {
     let waited = gpu.device.poll(PollType::wait_indefinitely());
     waited.map_err(|e| gpu.fault().unwrap_or(GpuError::Lost(e.to_string())))?;
     gpu.fault().map_or(Ok(()), Err)
 }
 
-/// Places of a cloud's nodes one after another, none over a page's end; and the bytes of all.
+/// Places the nodes of a cloud one after another, none across the end of a page, and returns the
+/// end of the last one as well.
 fn places(cloud: &Cloud<'_>, page_bytes: u64) -> (Vec<PlaneAt>, u64) {
-    /// What GPUs ask of bound ranges.
+    /// Alignment of bound ranges, bytes.
     const ALIGNMENT: u64 = 256;
     let mut end = 0;
     let of = |node| {
@@ -261,29 +267,30 @@ mod tests {
     use super::*;
     use crate::draw::cloud::Order;
     use esker_points::task::Silent;
-    use esker_render::gpu::Request;
+    use esker_render::gpu::GpuRequest;
 
     #[test]
     fn the_pass_without_pixels_leaves_them_as_they_are() {
-        let Ok(gpu) = Gpu::open(&Request { allow_software: true, ..Request::default() }) else {
+        let Ok(gpu) = Gpu::open(&GpuRequest { allow_software: true, ..GpuRequest::default() })
+        else {
             eprintln!("no adapter");
             return;
         };
         let cloud = Cloud::Ground(5_000, Order::Morton);
         let mut drawn = OnGpu::new(&gpu, None, &cloud).unwrap();
         let (Some(atomics), Some(no_pixels)) = (
-            drawn.ways().iter().position(|&way| way == "atomics"),
-            drawn.ways().iter().position(|&way| way == NO_PIXELS),
+            drawn.paths().iter().position(|&path| path == "atomics"),
+            drawn.paths().iter().position(|&path| path == NO_PIXELS),
         ) else {
             eprintln!("no 64-bit atomics");
             return;
         };
         // Without a node a frame clears the pixels.
-        drawn.fit(&cloud, [64, 64]).unwrap();
+        drawn.resize(&cloud, [64, 64]).unwrap();
         drawn.frame(atomics).unwrap();
         assert_eq!(drawn.covered(atomics).unwrap(), Some(0));
         cloud.each(&Silent, |node, plane| Ok(drawn.push(node, &plane)?)).unwrap();
-        drawn.fit(&cloud, [64, 64]).unwrap();
+        drawn.resize(&cloud, [64, 64]).unwrap();
         drawn.frame(no_pixels).unwrap();
         assert_eq!(drawn.covered(atomics).unwrap(), Some(0));
         drawn.frame(atomics).unwrap();

@@ -1,11 +1,69 @@
-//! Table 1 for people.
+//! The report of the benchmark of rendering, and its table for people.
 
+use crate::pass_times;
 use esker_engine::io::quantity::grouped;
-use serde_json::Value;
+use esker_render::Stages;
+use serde::Serialize;
 
-/// A line for each model, size, method and backend.
-pub fn text(report: &Value) -> String {
-    let rows = report["rows"].as_array().map_or(&[][..], Vec::as_slice);
+/// Rows of all models, sizes, methods, radii and backends.
+#[derive(Clone, Debug, Serialize)]
+pub struct RenderBenchReport {
+    /// Name of the GPU.
+    pub(super) adapter: Option<String>,
+    /// Whether the GPU is a software driver.
+    pub(super) is_software: Option<bool>,
+    /// Why the CPU alone is measured.
+    pub(super) note: Option<String>,
+    /// Threads of the CPU renderer.
+    pub(super) threads: usize,
+    /// A row for each model, size, method, radius and backend.
+    pub(super) rows: Vec<RenderRow>,
+}
+
+/// One model in pictures of one size, by one method, radius and backend. Times are medians.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct RenderRow {
+    pub model: String,
+    pub points: u64,
+    pub width: u32,
+    pub height: u32,
+    /// `cpu` or `gpu`.
+    pub backend: &'static str,
+    pub method: &'static str,
+    /// Passes from points to level 0 of the pyramid, or to placed splats.
+    pub project_ms: f64,
+    /// Passes that close the surface.
+    pub pull_push_ms: f64,
+    /// Passes that light the surface.
+    pub shade_ms: f64,
+    pub total_ms: f64,
+    /// Pixels that show a surface.
+    pub pixels_covered: u64,
+    /// Time in which the bytes of points and pixels are copied once.
+    pub copy_floor_ms: f64,
+    /// Dispatches of a frame on the GPU.
+    pub dispatches: Option<u64>,
+    /// Least time of a frame on the GPU, by its memory and its dispatches.
+    pub gpu_floor_ms: Option<f64>,
+    /// `total_ms` over `gpu_floor_ms`.
+    pub over_floor: Option<f64>,
+    pub mpoints_per_s: f64,
+    /// Frames that were timed.
+    pub frames: usize,
+    /// Least time of each pass: its time if nothing else is running.
+    #[serde(serialize_with = "pass_times::with_total")]
+    pub least_ms: Stages,
+    /// Time in the paper.
+    pub paper_total_ms: Option<f64>,
+    /// Factor of the radii.
+    pub radius_factor: f32,
+    /// Time of a frame in which every pixel is covered.
+    pub full_screen_ms: Option<f64>,
+}
+
+/// Writes the report for people: a line for each row, then the times beside a full screen.
+pub fn text(report: &RenderBenchReport) -> String {
+    let rows = &report.rows;
     let mut lines = vec![format!(
         "{:<18} {:>11} {:>10} {:<14} {:<7} {:>9} {:>9} {:>8} {:>9} {:>9} {:>14} {:>10} {:>9}",
         "model",
@@ -22,76 +80,63 @@ pub fn text(report: &Value) -> String {
         "Mpoints/s",
         "paper ms"
     )];
-    lines.extend(rows.iter().map(row));
+    lines.extend(rows.iter().map(line));
     lines.extend(rows.iter().filter_map(beside_full_screen));
-    lines.extend(report["adapter"].as_str().map(|name| format!("gpu: {name}")));
-    lines.extend(report["note"].as_str().map(|note| format!("the CPU alone is measured: {note}")));
+    lines.extend(report.adapter.iter().map(|name| format!("gpu: {name}")));
+    lines.extend(report.note.iter().map(|note| format!("the CPU alone is measured: {note}")));
     lines.join("\n")
 }
 
-fn row(row: &Value) -> String {
-    let number = |name: &str| row[name].as_f64().unwrap_or(0.0);
-    let word = |name: &str| row[name].as_str().unwrap_or("?");
+fn line(row: &RenderRow) -> String {
     format!(
         "{:<18} {:>11} {:>10} {:<14} {:<7} {:>9.2} {:>9.2} {:>8.2} {:>9.2} {:>9.2} {:>14} {:>10.1} {:>9}",
-        word("model"),
-        grouped(row["points"].as_u64().unwrap_or(0)),
-        format!("{}x{}", row["width"], row["height"]),
+        row.model,
+        grouped(row.points),
+        format!("{}x{}", row.width, row.height),
         method(row),
-        word("backend"),
-        number("project_ms"),
-        number("pull_push_ms"),
-        number("shade_ms"),
-        number("total_ms"),
-        number("copy_floor_ms"),
+        row.backend,
+        row.project_ms,
+        row.pull_push_ms,
+        row.shade_ms,
+        row.total_ms,
+        row.copy_floor_ms,
         floor(row),
-        number("mpoints_per_s"),
-        row["paper_total_ms"].as_f64().map_or("-".into(), |ms| ms.to_string()),
+        row.mpoints_per_s,
+        row.paper_total_ms.map_or("-".into(), |ms| ms.to_string()),
     )
 }
 
-/// The floor of a GPU, and how many times as long the frame takes.
-fn floor(row: &Value) -> String {
-    match [&row["gpu_floor_ms"], &row["over_floor"]].map(Value::as_f64) {
-        [Some(floor), Some(over)] => format!("{floor:.2} (x{over:.1})"),
+/// The floor of a GPU, and the factor by which the frame takes longer.
+fn floor(row: &RenderRow) -> String {
+    match (row.gpu_floor_ms, row.over_floor) {
+        (Some(floor), Some(over)) => format!("{floor:.2} (x{over:.1})"),
         _ => "-".into(),
     }
 }
 
-/// A line a radius: how much of the picture it covers, and its time beside that of a full screen.
-fn beside_full_screen(row: &Value) -> Option<String> {
-    let full = row["full_screen_ms"].as_f64()?;
-    let number = |name: &str| row[name].as_f64().unwrap_or(0.0);
-    let pixels = number("width") * number("height");
-    let (factor, total) = (number("radius_factor"), number("total_ms"));
+/// A line for each row with a factor of radii: the share of the picture that they cover, and the
+/// time beside that of a full screen.
+fn beside_full_screen(row: &RenderRow) -> Option<String> {
+    let full = row.full_screen_ms?;
+    let pixels = f64::from(row.width) * f64::from(row.height);
     Some(format!(
-        "{} {}x{} {} {}: radii x{factor} cover {:.1} % of the pixels in {total:.2} ms, {:.2} of a full screen's {full:.2}",
-        row["model"].as_str().unwrap_or("?"),
-        row["width"],
-        row["height"],
-        row["method"].as_str().unwrap_or("?"),
-        row["backend"].as_str().unwrap_or("?"),
-        number("pixels_covered") / pixels.max(1.0) * 100.0,
-        total / full.max(1e-9),
+        "{} {}x{} {} {}: radii x{} cover {:.1} % of the pixels in {:.2} ms, {:.2} of a full screen's {full:.2}",
+        row.model,
+        row.width,
+        row.height,
+        row.method,
+        row.backend,
+        row.radius_factor,
+        row.pixels_covered as f64 / pixels.max(1.0) * 100.0,
+        row.total_ms,
+        row.total_ms / full.max(1e-9),
     ))
 }
 
-/// The method, and how large points are drawn where they do not have their own radii.
-fn method(row: &Value) -> String {
-    let name = row["method"].as_str().unwrap_or("?");
-    match row["radius_factor"].as_f64().filter(|&factor| factor != 1.0) {
-        Some(factor) => format!("{name} x{factor}"),
-        None => name.into(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_object_without_fields_is_no_reason_to_panic() {
-        assert_eq!(text(&serde_json::json!({})).lines().count(), 1);
-        assert_eq!(text(&serde_json::json!({"rows": [{}], "note": "a"})).lines().count(), 3);
+/// The method, and the factor of the radii unless it is 1.
+fn method(row: &RenderRow) -> String {
+    match row.radius_factor {
+        1.0 => row.method.into(),
+        factor => format!("{} x{factor}", row.method),
     }
 }

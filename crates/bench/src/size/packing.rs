@@ -1,13 +1,13 @@
-//! Smaller forms of the hot planes, to be judged: each takes planes as they lie in a file and gives the same planes
-//! back with what the smaller form would have lost, so that the renderer draws them as they are.
+//! Smaller forms of the hot planes. Each packs a plane of a file and unpacks it again, so that the
+//! renderer draws planes of the usual form with the errors of the smaller one.
 
 use esker_points::palette::Palette;
 use esker_points::quant::{HOT_POSITION_BYTES, oct_decode, oct_encode};
 use std::f32::consts::PI;
 
-/// Nodes of at most so many points are small: on a surface their points lie as far apart as 8 bits can tell.
+/// Greatest number of points of a small node: on a surface their spacing is a step of 8 bits.
 pub const SMALL: usize = 4096;
-/// Directions of the codebook: what fits a byte, but for the one that stands for none.
+/// Directions of the codebook: the values of a byte, but for one that stands for no normal.
 const DIRECTIONS: usize = 255;
 
 /// How positions are packed.
@@ -15,7 +15,7 @@ const DIRECTIONS: usize = 255;
 pub enum Positions {
     /// Three `u16`, as in the file.
     Full,
-    /// Three times so many bits, of the node's greatest extent.
+    /// Three times this number of bits, over the node's greatest extent.
     Bits(u32),
     /// Three times 8 bits in nodes of at most [`SMALL`] points, else 10.
     BySize,
@@ -43,21 +43,21 @@ pub enum Normals {
     Codebook,
 }
 
-/// A form of the hot planes.
+/// Forms of all hot planes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Packing {
-    /// What it is called in reports.
+    /// Name in reports.
     pub name: &'static str,
-    /// Of positions and radii.
+    /// Form of positions and radii.
     pub positions: Positions,
-    /// Of colours.
+    /// Form of colours.
     pub colours: Colours,
-    /// Of normals.
+    /// Form of normals.
     pub normals: Normals,
 }
 
 impl Positions {
-    /// Bits of a coordinate in a node of so many points.
+    /// Bits of a coordinate in a node of `points` points.
     fn bits(self, points: usize) -> u32 {
         match self {
             Self::Full => 16,
@@ -72,7 +72,7 @@ impl Positions {
         }
     }
 
-    /// Bytes of a point with its radius, in a node of so many points.
+    /// Bytes of a point with its radius, in a node of `points` points.
     pub fn bytes(self, points: usize) -> usize {
         match self {
             Self::Full => HOT_POSITION_BYTES,
@@ -80,8 +80,9 @@ impl Positions {
         }
     }
 
-    /// Packs a plane and unpacks it again, each point to the middle of its step. Returns the step, in hot steps.
-    pub fn lose(self, plane: &mut [u8], points: usize) -> u32 {
+    /// Packs a plane and unpacks it again, each point to the middle of its step. Returns the step
+    /// in units of hot steps.
+    pub fn round_trip(self, plane: &mut [u8], points: usize) -> u32 {
         if self == Self::Full {
             return 1;
         }
@@ -111,8 +112,9 @@ impl Colours {
         }
     }
 
-    /// Packs a plane of RGBA and unpacks it again. Returns the sum of squared differences.
-    pub fn lose(self, plane: &mut [u8], palette: Option<&Palette>) -> f64 {
+    /// Packs a plane of RGBA and unpacks it again. Returns the sum of squared differences of
+    /// channels.
+    pub fn round_trip(self, plane: &mut [u8], palette: Option<&Palette>) -> f64 {
         let mut squares = 0u64;
         for rgba in plane.chunks_exact_mut(4).filter(|rgba| rgba[3] != 0 && self != Self::Full) {
             let before = [rgba[0], rgba[1], rgba[2]];
@@ -133,7 +135,7 @@ impl Colours {
     }
 }
 
-/// The nearest value that so many bits can tell.
+/// The value of `bits` bits nearest to `value`, on the scale of 8 bits.
 fn reduced(value: u8, bits: u32) -> u8 {
     let most = (1u32 << bits) - 1;
     let code = (u32::from(value) * most + 127) / 255;
@@ -150,8 +152,9 @@ impl Normals {
         }
     }
 
-    /// Packs a plane and unpacks it again. Returns the sum of squared angles, radians, and how many there are.
-    pub fn lose(self, plane: &mut [u8]) -> (f64, u64) {
+    /// Packs a plane and unpacks it again. Returns the sum of squared angles, radians, and their
+    /// number.
+    pub fn round_trip(self, plane: &mut [u8]) -> (f64, u64) {
         let (mut squares, mut count) = (0.0, 0);
         let codebook = if self == Self::Codebook { directions() } else { Vec::new() };
         for code in plane.chunks_exact_mut(4).filter(|_| self != Self::Full) {
@@ -183,7 +186,8 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Directions spread evenly over the sphere: the Fibonacci lattice (Swinbank and Purser 2006).
+/// Directions spread evenly over the sphere by a Fibonacci lattice (`swinbank2006`), from the top
+/// down.
 fn directions() -> Vec<[f32; 3]> {
     let turn = PI * (3.0 - 5f32.sqrt());
     let direction = |i: usize| {
@@ -195,7 +199,7 @@ fn directions() -> Vec<[f32; 3]> {
     (0..DIRECTIONS).map(direction).collect()
 }
 
-/// The direction of the codebook that is nearest: of those whose height is near enough to be.
+/// The direction of the codebook nearest to `n`. Only directions of about its height are compared.
 fn nearest(codebook: &[[f32; 3]], n: [f32; 3]) -> [f32; 3] {
     let reach = 4.0 / (DIRECTIONS as f32).sqrt();
     let from = codebook.partition_point(|d| d[2] > n[2] + reach);
@@ -215,7 +219,7 @@ mod tests {
             let points: Vec<_> = points.iter().map(|p| p.map(|c| c >> low)).collect();
             let plane = |p: &[u16; 3]| [p[0].to_le_bytes(), p[1].to_le_bytes(), p[2].to_le_bytes(), [128, 0]].concat();
             let mut packed: Vec<u8> = points.iter().flat_map(plane).collect();
-            let step = Positions::Bits(bits).lose(&mut packed, points.len());
+            let step = Positions::Bits(bits).round_trip(&mut packed, points.len());
             let greatest = u32::from(*points.iter().flatten().max().unwrap());
             prop_assert!(greatest / step < 1 << bits && (step == 1 || greatest / (step / 2) >= 1 << bits), "no wider than needed");
             for (p, q) in points.iter().zip(packed.chunks_exact(HOT_POSITION_BYTES)) {
@@ -230,7 +234,7 @@ mod tests {
         #[test]
         fn a_packed_colour_is_off_by_half_a_step(rgb: [u8; 3]) {
             let mut plane = [rgb[0], rgb[1], rgb[2], 255];
-            Colours::Packed565.lose(&mut plane, None);
+            Colours::Packed565.round_trip(&mut plane, None);
             for (i, most) in [31u8, 63, 31].into_iter().enumerate() {
                 prop_assert!(f32::from(plane[i].abs_diff(rgb[i])) <= 255.0 / f32::from(most) / 2.0 + 0.51);
             }
@@ -241,11 +245,12 @@ mod tests {
             let norm = dot(n, n).sqrt();
             prop_assume!(norm > 0.01);
             let n = n.map(|c| c / norm);
-            // 255 even directions are some 13 degrees apart; the farthest from all is not much farther than half of it.
+            // 255 even directions are about 13 degrees apart, so that none is much farther away
+            // than half of it.
             let found = nearest(&directions(), n);
             prop_assert!(dot(found, n) > 10f32.to_radians().cos());
             let best = directions().into_iter().map(|d| dot(d, n)).fold(-1.0, f32::max);
-            prop_assert!((dot(found, n) - best).abs() < 1e-6, "the search looks at all that may be nearest");
+            prop_assert!((dot(found, n) - best).abs() < 1e-6, "the search compares all that may be nearest");
         }
     }
 }

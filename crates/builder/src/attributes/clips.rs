@@ -1,20 +1,21 @@
-//! Clip lines of splats (zwicker2004, section 5) as pages have them: from the attributes of sources that bring them, or from the
-//! room in rows where found ones are.
+//! Clip lines of splats (`zwicker2004`, section 5) in the form that pages store: from attributes of
+//! the sources, or from the rows, if edges were detected.
 
 use crate::rows::row::{RowLayout, Rows, position};
 use esker_points::{Clip, ClipLine, ClipWords, Grain, Lattice, Node, Schema};
 
-/// Where the lines of points come from.
+/// Source of the clip lines of points.
 #[derive(Clone, Debug)]
 pub struct Clips {
     lattice: Lattice,
     grain: Grain,
-    /// Attributes: the number of lines, their ends; none where lines are found.
+    /// Attributes that hold the number of lines and their ends; `None` if edges are detected.
     attributes: Option<(usize, [[usize; 3]; 4])>,
 }
 
 impl Clips {
-    /// Of what is found, or of the attributes of a file, where these have lines.
+    /// Clip lines that are detected, or else those of the attributes of `schema`; `None` if there
+    /// are neither.
     pub fn of(schema: &Schema, lattice: &Lattice, finds_edges: bool) -> Option<Self> {
         let attributes = schema.clip_lines().filter(|_| !finds_edges);
         let grain = Grain::new(lattice.scale);
@@ -22,7 +23,7 @@ impl Clips {
         (finds_edges || attributes.is_some()).then_some(clips)
     }
 
-    /// The words of a node's own points.
+    /// Encodes the clip lines of a node's own points.
     pub fn words(
         &self,
         rows: &Rows<'_>,
@@ -46,7 +47,7 @@ impl Clips {
         own.iter().map(words).collect()
     }
 
-    /// The lines of a row.
+    /// Clip lines of a row.
     fn clip(&self, row: &[u8], layout: &RowLayout) -> Clip {
         let Some((number, ends)) = self.attributes else {
             let words = layout.clip_lines(row).unwrap_or_default();
@@ -66,7 +67,7 @@ impl Clips {
             1 => [line(0), None],
             _ => [line(0), line(2)],
         };
-        // Without one of its lines what either keeps is everything.
+        // A point that either line keeps is kept: if one line is degenerate, that is everything.
         let either = number == 3;
         let lost = either && lines.contains(&None);
         if lost { Clip::default() } else { Clip { lines, either } }

@@ -1,15 +1,15 @@
-//! How densely points lie: points counted by cell, in the finest cells of which there are not too many. What
-//! comes out follows from the points alone, however they are cut and whatever their headers claim.
+//! Density of points, counted by cell, in the finest cells of which there are not too many. The
+//! result depends only on the points, not on how they are split or what headers claim.
 
 use std::collections::HashMap;
 
-/// Cells at most; beyond, they double.
+/// Largest number of cells; beyond it, their edges double.
 const CELLS_MAX: usize = 1 << 14;
 
-/// Points of a cell that tell a density.
-const TELLING_POINTS: u64 = 8;
+/// Points of a cell from which a density is estimated.
+const POINTS_MIN: u64 = 8;
 
-/// Points by cell.
+/// Number of points by cell.
 #[derive(Default)]
 pub struct Density {
     /// Log2 of the cells' edge.
@@ -18,7 +18,7 @@ pub struct Density {
 }
 
 impl Density {
-    /// Of these points.
+    /// Counts points by cell.
     pub fn of(points: impl Iterator<Item = [u32; 3]>) -> Self {
         let mut density = Self::default();
         let (mut last, mut count) = ([0; 3], 0);
@@ -34,7 +34,7 @@ impl Density {
         density
     }
 
-    /// Of both.
+    /// Sums both counts.
     pub fn merged(mut self, mut other: Self) -> Self {
         while self.log2 < other.log2 {
             self.coarsen();
@@ -49,14 +49,15 @@ impl Density {
         self
     }
 
-    /// The distance of points in steps in half of the cells or more, as if each held a square of a surface. The
-    /// cells double until half of them have points enough to tell; stacks and strays don't weigh.
+    /// Typical distance of points, in steps: that of the median cell, as if each cell held a square
+    /// of a surface. Cells double until the median has enough points. Stacks and strays have little
+    /// weight.
     pub fn spacing(mut self) -> f64 {
         loop {
             let mut counts: Vec<u64> = self.cells.values().copied().collect();
             counts.sort_unstable();
             let middle = counts.get(counts.len() / 2).copied().unwrap_or(1);
-            if middle >= TELLING_POINTS || self.log2 == 32 {
+            if middle >= POINTS_MIN || self.log2 == 32 {
                 return (1u64 << self.log2) as f64 / (middle as f64).sqrt();
             }
             self.coarsen();
@@ -95,7 +96,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_does_not_depend_on_how_points_are_cut(points in prop::collection::vec(any::<[u32; 3]>(), 0..300), shift in 0u32..28, cut in 0usize..300) {
+        fn density_does_not_depend_on_how_points_are_split(points in prop::collection::vec(any::<[u32; 3]>(), 0..300), shift in 0u32..28, cut in 0usize..300) {
             let points: Vec<_> = points.into_iter().map(|p| p.map(|c| c >> shift)).collect();
             let whole = Density::of(points.iter().copied());
             let (a, b) = points.split_at(cut.min(points.len()));

@@ -1,12 +1,12 @@
-//! Eigenvalues and eigenvectors of a symmetric 3 x 3 matrix in closed form, after Eberly, A Robust
-//! Eigensolver for 3 x 3 Symmetric Matrices (2014, section 3): the eigenvalue farthest from the others first,
-//! its vector from the longest cross product, the rest in the plane across it. Only sums, products, quotients
-//! and square roots, so the same bits on every machine; the root of the cubic is found without trigonometry.
+//! Eigenvalues and eigenvectors of a symmetric 3 x 3 matrix in closed form (`eberly2014`, section
+//! 3): the eigenvalue farthest from the others first, its vector from the longest cross product,
+//! the others in the plane across it. It uses only sums, products, quotients and square roots, so
+//! its bits are the same on every machine; the root of the cubic is found without trigonometry.
 
 /// A vector.
 type Vec3 = [f64; 3];
 
-/// An eigen-system.
+/// Eigenvalues and eigenvectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eigen {
     /// Eigenvalues, largest first.
@@ -16,17 +16,18 @@ pub struct Eigen {
 }
 
 impl Eigen {
-    /// What all directions are alike for.
+    /// Eigensystem of the zero matrix.
     const NONE: Self =
         Self { values: [0.0; 3], axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };
 
-    /// Of the matrix with entries xx, yy, zz, xy, xz, yz. One that is not finite counts as zero.
+    /// Computes the eigensystem of the matrix with entries xx, yy, zz, xy, xz, yz. A matrix that is
+    /// not finite counts as zero.
     pub fn of(m: [f64; 6]) -> Self {
         let largest = m.iter().fold(0.0f64, |a, b| a.max(b.abs()));
         if !m.iter().all(|c| c.is_finite()) || largest == 0.0 {
             return Self::NONE;
         }
-        // In two steps: the quotient of 1 and a denormal number is infinite.
+        // Divided, not multiplied by an inverse: the inverse of a denormal number is infinite.
         let m = m.map(|c| c / largest);
         let mean = (m[0] + m[1] + m[2]) / 3.0;
         let [xx, yy, zz] = [m[0] - mean, m[1] - mean, m[2] - mean];
@@ -36,7 +37,8 @@ impl Eigen {
         if size == 0.0 {
             return Self { values: [mean * largest; 3], ..Self::NONE };
         }
-        // The matrix less its mean, over its size: eigenvalues 2 cos t of cos 3t = half its determinant.
+        // Of the matrix less its mean, over its size, the eigenvalues are 2 cos t, where cos 3t is
+        // half the determinant.
         let rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]].map(|row| row.map(|c| c / size));
         let half_det = dot(rows[0], cross(rows[1], rows[2])) / 2.0;
         let lone = (2.0 * third_of_angle(half_det.abs().min(1.0))).copysign(half_det);
@@ -50,7 +52,7 @@ impl Eigen {
         } else {
             ([values[0], values[1], lone], [first, second, axis])
         };
-        // Rounding may swap what is nearly equal.
+        // Rounding may swap nearly equal eigenvalues.
         for (a, b) in [(0, 1), (1, 2), (0, 1)] {
             if values[a] < values[b] {
                 values.swap(a, b);
@@ -61,8 +63,9 @@ impl Eigen {
     }
 }
 
-/// `cos(acos(h) / 3)` for 0 <= h <= 1: the root of 4 c^3 - 3 c = h from cos(30 degrees) to 1. The slope there
-/// is 6 to 9, so three of Newton's steps from a chord that is off by at most 0.005 reach the last bits.
+/// `cos(acos(h) / 3)` for 0 <= h <= 1: the root of 4 c^3 - 3 c = h between cos(pi / 6) and 1. The
+/// slope there is 6 to 9, so three Newton steps from a chord that is off by at most 0.005 reach the
+/// last bits.
 fn third_of_angle(h: f64) -> f64 {
     let mut c = 0.868_5 + 0.134_0 * h;
     for _ in 0..3 {
@@ -71,8 +74,9 @@ fn third_of_angle(h: f64) -> f64 {
     c
 }
 
-/// The unit vector that the matrix less `value` takes to zero: the rows are across it, and the longest of
-/// their cross products is the surest. `value` lies apart from the other two, so that one is never short.
+/// Returns the unit vector that the matrix less `value` maps to zero. The rows are perpendicular to
+/// it, and the longest of their cross products is the most accurate. It is never short, since
+/// `value` is apart from the other two eigenvalues.
 fn null_of(rows: &[Vec3; 3], value: f64) -> Vec3 {
     let mut rows = *rows;
     for (i, row) in rows.iter_mut().enumerate() {
@@ -90,7 +94,7 @@ fn null_of(rows: &[Vec3; 3], value: f64) -> Vec3 {
     if norm > 0.0 { longest.1.map(|c| c / norm) } else { longest.1 }
 }
 
-/// Two unit vectors that are right-handed with a unit vector.
+/// Returns two unit vectors that form a right-handed system with `axis`.
 fn across(axis: Vec3) -> (Vec3, Vec3) {
     let [x, y, z] = axis;
     let u = if x.abs() > y.abs() {
@@ -103,7 +107,8 @@ fn across(axis: Vec3) -> (Vec3, Vec3) {
     (u, cross(axis, u))
 }
 
-/// Eigenvalues, largest first, and eigenvectors in the plane of `u` and `v`: one Jacobi rotation.
+/// Eigenvalues, largest first, and eigenvectors in the plane of `u` and `v`, by one Jacobi
+/// rotation.
 fn in_plane(rows: &[Vec3; 3], u: Vec3, v: Vec3) -> ([f64; 2], [Vec3; 2]) {
     let (mu, mv) = (times(rows, u), times(rows, v));
     let (uu, uv, vv) = (dot(u, mu), dot(u, mv), dot(v, mv));
@@ -138,7 +143,7 @@ mod tests {
     use crate::random::Random;
     use nalgebra::{Matrix3, SymmetricEigen};
 
-    /// Matrices of eight kinds, seven of them degenerate in some way.
+    /// Matrices of eight kinds, seven of them degenerate.
     fn matrix(kind: u64, random: &mut Random) -> [f64; 6] {
         const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
         let outer = |m: &mut [f64; 6], v: Vec3, share: f64| {
@@ -146,27 +151,27 @@ mod tests {
         };
         let mut m = [0.0; 6];
         match kind {
-            // Anything, of any sign and size.
+            // Any entries, of any sign and size.
             0 => {
                 let size = 10f64.powi((random.next() % 200) as i32 - 100);
                 m = m.map(|_| random.signed() * size);
             }
-            // One direction; two directions, one of them nearly or wholly absent.
+            // One direction; two directions, one of them nearly or entirely absent.
             1 => outer(&mut m, random.vector(), 1.0),
             2 => {
                 outer(&mut m, random.vector(), 1.0);
                 let share = 10f64.powi(-((random.next() % 20) as i32));
                 outer(&mut m, random.vector(), share);
             }
-            // Nearly or wholly a multiple of one.
+            // Nearly or exactly a multiple of the identity.
             3 => {
                 let share = 10f64.powi(-((random.next() % 20) as i32));
                 m = m.map(|_| random.signed() * share);
                 (0..3).for_each(|i| m[i] += 1.0);
             }
-            // Diagonal, with equal entries among them.
+            // Diagonal, with equal entries.
             4 => (0..3).for_each(|i| m[i] = (random.next() % 3) as f64),
-            // A plane's covariance in any direction: two equal eigenvalues, the third small.
+            // Covariance of a plane in any direction: two equal eigenvalues, the third small.
             5 => {
                 let n = random.vector();
                 let square = dot(n, n).max(1e-9);
@@ -188,7 +193,7 @@ mod tests {
         m
     }
 
-    /// Worst errors against a library: of eigenvalues, of `A v - l v`, of the axes' products.
+    /// Greatest errors against a library: of eigenvalues, of `A v - l v`, of the products of axes.
     fn worst_errors(count: u64) -> [[f64; 3]; 8] {
         let (mut random, mut worst) = (Random(7), [[0.0f64; 3]; 8]);
         for i in 0..count {
@@ -229,11 +234,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_or_nothing_has_no_direction() {
+    fn zero_and_non_finite_matrices_have_no_direction() {
         for m in [[0.0; 6], [f64::NAN; 6], [f64::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0]] {
             assert_eq!(Eigen::of(m), Eigen::NONE);
         }
-        // The least and the greatest numbers there are.
+        // The smallest and the largest numbers.
         for size in [5e-324, f64::MAX] {
             let e = Eigen::of([size, 0.0, 0.0, 0.0, 0.0, 0.0]);
             assert_eq!((e.values, e.axes[0]), ([size, 0.0, 0.0], [1.0, 0.0, 0.0]));

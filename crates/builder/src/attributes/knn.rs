@@ -1,92 +1,47 @@
-//! The k nearest neighbours of lattice points, exact within a reach. Points along the Morton curve are cut
-//! into runs that share a cell of the octree; boxes of runs, eight to a box above, are the index
-//! (`nearest.rs` searches it). What is found of a point depends only on the points within the reach of it.
+//! Runs a function for each lattice point on its k nearest neighbours, which are exact within a
+//! reach. Runs of an index (`knn_index.rs`) are searched in parallel (`knn_search.rs`). The result
+//! for a point depends only on the points within its reach.
 
-use crate::attributes::knn_search::{Found, Search};
+use crate::attributes::knn_index::KnnIndex;
+use crate::attributes::knn_search::{Neighbourhood, Search};
 use esker_points::morton;
 use rayon::prelude::*;
-use std::ops::Range;
 
-/// Points of a run at most: fewer make the index dear, more make each point look at more candidates.
-const RUN_POINTS: usize = 24;
-/// Boxes that a box above holds.
-pub const FAN: usize = 8;
-/// Below so many points runs are cut by one task.
-const TASK_POINTS: usize = 1 << 14;
-/// Runs that one task asks about.
+/// Runs that one task searches.
 const TASK_RUNS: usize = 256;
 
-/// Distinct lattice points, indexed.
-pub struct Neighbours {
-    /// Along the Morton curve, axis by axis; less 2^31, since signed numbers become floats faster.
-    points: [Vec<i32>; 3],
-    runs: Vec<Range<u32>>,
-    /// Boxes of the runs, of eight of these each, and so on, to at most eight.
-    pub(crate) levels: Vec<Vec<Box3>>,
-    /// Steps of the axes over that of the first.
-    pub(crate) aspect: [f64; 3],
-}
-
-/// A box of lattice points, both corners in it.
-#[derive(Clone, Copy)]
-pub struct Box3 {
-    pub low: [i32; 3],
-    pub high: [i32; 3],
-}
-
-/// What is asked of each point.
+/// Parameters of a search.
 #[derive(Clone, Copy, Debug)]
-pub struct Ask {
-    /// Neighbours wanted.
+pub struct Query {
+    /// Number of neighbours.
     pub count: usize,
-    /// Where nothing can be said of these, twice as many are asked for, up to this number.
+    /// If a function returns nothing for these, the number is doubled, up to this one.
     pub count_max: usize,
-    /// How far neighbours may be, in steps of the first axis.
+    /// Greatest distance of neighbours, in steps of the first axis.
     pub reach: f64,
 }
 
-impl Neighbours {
-    /// Of points along the Morton curve, no two alike. `scale` is the length of a step on each axis.
-    pub fn new(points: &[[u32; 3]], scale: [f64; 3]) -> Self {
-        let mut runs = Vec::new();
-        if !points.is_empty() {
-            runs = cut(points, 0);
-        }
-        let axis = |i: usize| points.par_iter().map(|p| (p[i] ^ 1 << 31) as i32).collect();
-        let mut index = Self {
-            points: [axis(0), axis(1), axis(2)],
-            levels: Vec::new(),
-            runs,
-            aspect: scale.map(|s| s / scale[0]),
-        };
-        let mut level: Vec<Box3> =
-            index.runs.par_iter().map(|r| Box3::around(index.places(r))).collect();
-        while level.len() > FAN {
-            let above = level.par_chunks(FAN).map(Box3::joined).collect();
-            index.levels.push(std::mem::replace(&mut level, above));
-        }
-        index.levels.push(level);
-        index
-    }
-
-    /// For every point that is `wanted`, what `tell` makes of the steps from it to its nearest neighbours, in
-    /// Morton order; `none` where it has nothing to tell.
+impl KnnIndex {
+    /// Calls `estimate` for every point that is `wanted` with the steps from it to its nearest
+    /// neighbours, in Morton order. Returns the results of all points, `none` where there is no
+    /// result.
     pub fn map<T: Copy + Send + Sync>(
         &self,
-        ask: &Ask,
+        query: &Query,
         wanted: impl Fn(usize) -> bool + Sync,
-        tell: impl Fn(&[[f64; 3]]) -> Option<T> + Sync,
+        estimate: impl Fn(&[[f64; 3]]) -> Option<T> + Sync,
         none: T,
     ) -> Vec<T> {
-        self.map_placed(ask, wanted, |_, found| tell(found.steps), none)
+        self.map_placed(query, wanted, |_, found| estimate(found.steps), none)
     }
 
-    /// The same where `tell` is given the point's place and those of its neighbours as well.
+    /// Variant of [`KnnIndex::map`] that also passes the indices of the point and of its
+    /// neighbours.
     pub fn map_placed<T: Copy + Send + Sync>(
         &self,
-        ask: &Ask,
+        query: &Query,
         wanted: impl Fn(usize) -> bool + Sync,
-        tell: impl Fn(usize, Found<'_>) -> Option<T> + Sync,
+        estimate: impl Fn(usize, Neighbourhood<'_>) -> Option<T> + Sync,
         none: T,
     ) -> Vec<T> {
         let mut out = vec![none; self.points[0].len()];
@@ -100,21 +55,21 @@ impl Neighbours {
         }
         tasks.into_par_iter().for_each(|(runs, out)| {
             let first = self.runs[runs.start].start as usize;
-            let mut search = Search::new(self, ask.reach);
+            let mut search = Search::new(self, query.reach);
             let mut open = Vec::new();
             for run in runs {
                 open.clear();
                 open.extend(self.run(run).filter(|&p| wanted(p)));
-                let mut count = ask.count;
-                while !open.is_empty() && count <= ask.count_max {
+                let mut count = query.count;
+                while !open.is_empty() && count <= query.count_max {
                     search.around(run, count);
                     open.retain(|&place| {
                         let found = search.nearest(place, count);
-                        let told = tell(place, found);
-                        if let Some(told) = told {
-                            out[place - first] = told;
+                        let result = estimate(place, found);
+                        if let Some(result) = result {
+                            out[place - first] = result;
                         }
-                        told.is_none() && found.steps.len() == count
+                        result.is_none() && found.steps.len() == count
                     });
                     count *= 2;
                 }
@@ -122,73 +77,94 @@ impl Neighbours {
         });
         out
     }
-
-    /// A point's coordinates, less 2^31.
-    pub(crate) fn point(&self, place: usize) -> [f64; 3] {
-        [0, 1, 2].map(|i| f64::from(self.points[i][place]))
-    }
-
-    /// Places of a run's points.
-    pub(crate) fn run(&self, run: usize) -> Range<usize> {
-        self.runs[run].start as usize..self.runs[run].end as usize
-    }
-
-    /// One coordinate of a run's points.
-    pub(crate) fn axis(&self, axis: usize, run: usize) -> &[i32] {
-        &self.points[axis][self.run(run)]
-    }
-
-    fn places(&self, run: &Range<u32>) -> [&[i32]; 3] {
-        [0, 1, 2].map(|i| &self.points[i][run.start as usize..run.end as usize])
-    }
 }
 
-/// Cuts points into cells of the octree with at most a run's points; `before` is the place of the first.
-fn cut(points: &[[u32; 3]], before: u32) -> Vec<Range<u32>> {
-    let n = points.len();
-    if n <= RUN_POINTS {
-        return std::iter::once(before..before + n as u32).collect();
-    }
-    // The first and the last differ most: their highest differing bit is that of the children's octants.
-    let (first, last) = (points[0], points[n - 1]);
-    let bit = (0..3).fold(0, |all, i| all | (first[i] ^ last[i])).ilog2();
-    let octant = |p: &[u32; 3]| p[0] >> bit & 1 | (p[1] >> bit & 1) << 1 | (p[2] >> bit & 1) << 2;
-    let mut parts = Vec::with_capacity(8);
-    let mut start = 0;
-    for o in 0..8 {
-        let end = start + points[start..].partition_point(|p| octant(p) <= o);
-        if end > start {
-            parts.push(start..end);
-        }
-        start = end;
-    }
-    let below = |part: Range<usize>| cut(&points[part.clone()], before + part.start as u32);
-    if n > TASK_POINTS {
-        parts.into_par_iter().map(below).collect::<Vec<_>>().concat()
-    } else {
-        parts.into_iter().flat_map(below).collect()
-    }
-}
-
-impl Box3 {
-    fn around(axes: [&[i32]; 3]) -> Self {
-        let least = |axis: &[i32]| axis.iter().copied().min().unwrap_or_default();
-        let greatest = |axis: &[i32]| axis.iter().copied().max().unwrap_or_default();
-        Self { low: axes.map(least), high: axes.map(greatest) }
-    }
-
-    fn joined(boxes: &[Self]) -> Self {
-        boxes[1..].iter().fold(boxes[0], |a, b| Self {
-            low: [0, 1, 2].map(|i| a.low[i].min(b.low[i])),
-            high: [0, 1, 2].map(|i| a.high[i].max(b.high[i])),
-        })
-    }
-}
-
-/// The Morton codes of positions, each once, in order.
+/// Returns the sorted Morton codes of positions, without duplicates.
 pub fn sorted_codes(positions: &[[u32; 3]]) -> Vec<u128> {
     let mut codes: Vec<u128> = positions.par_iter().map(|&p| morton::encode3(p)).collect();
     codes.par_sort_unstable();
     codes.dedup();
     codes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn distinct(points: &[[u32; 3]]) -> Vec<[u32; 3]> {
+        sorted_codes(points).into_iter().map(morton::decode3).collect()
+    }
+
+    /// Nearest neighbours by brute force.
+    fn plain(points: &[[u32; 3]], i: usize, scale: [f64; 3], query: &Query) -> Vec<[f64; 3]> {
+        let aspect = scale.map(|s| s / scale[0]);
+        let mut all: Vec<(u32, usize, [f64; 3])> = Vec::new();
+        for (j, q) in points.iter().enumerate().filter(|&(j, _)| j != i) {
+            let step = [0, 1, 2].map(|a| f64::from(q[a]) - f64::from(points[i][a]));
+            let square: f64 = (0..3).map(|a| aspect[a] * aspect[a] * (step[a] * step[a])).sum();
+            if square <= query.reach * query.reach {
+                all.push(((square as f32).to_bits(), j, step));
+            }
+        }
+        all.sort_by_key(|n| (n.0, n.1));
+        all.truncate(query.count);
+        all.sort_by_key(|n| n.1);
+        all.into_iter().map(|n| n.2).collect()
+    }
+
+    fn agree(points: &[[u32; 3]], scale: [f64; 3], count: usize, reach: f64) {
+        let points = distinct(points);
+        let query = Query { count, count_max: count, reach };
+        let found = std::sync::Mutex::new(Vec::new());
+        let index = KnnIndex::new(&points, scale);
+        let places = index.map(
+            &query,
+            |_| true,
+            |steps| {
+                let mut found = found.lock().unwrap();
+                found.push(steps.to_vec());
+                Some(found.len() - 1)
+            },
+            usize::MAX,
+        );
+        let found = found.into_inner().unwrap();
+        for (i, &place) in places.iter().enumerate() {
+            assert_eq!(found[place], plain(&points, i, scale, &query), "{i}: {:?}", points[i]);
+        }
+    }
+
+    /// Points of several densities: a cube, a sheet, a line, and a few strays anywhere.
+    fn clouds() -> impl Strategy<Value = Vec<[u32; 3]>> {
+        let at = |c: u32| (c..c + 40).prop_map(move |x| x);
+        let cube = prop::collection::vec((at(1000), at(1000), at(1000)), 0..300);
+        let sheet = prop::collection::vec((0u32..2000, 0u32..2000, Just(1u32 << 31)), 0..200);
+        let line = prop::collection::vec((0u32..100_000, Just(7u32), Just(9u32)), 0..60);
+        let stray = prop::collection::vec(any::<(u32, u32, u32)>(), 0..20);
+        (cube, sheet, line, stray).prop_map(|(a, b, c, d)| {
+            [a, b, c, d].concat().into_iter().map(|(x, y, z)| [x, y, z]).collect()
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn the_search_agrees_with_brute_force(points in clouds(), count in 1usize..20, reach in prop::sample::select(vec![3.0, 50.0, 1e4, 1e10]), flat: bool) {
+            agree(&points, if flat { [0.001, 0.001, 0.01] } else { [0.5; 3] }, count, reach);
+        }
+    }
+
+    #[test]
+    fn empty_clouds_and_lone_points_have_no_neighbours() {
+        agree(&[], [1.0; 3], 12, 1e10);
+        agree(&[[5, 6, 7]], [1.0; 3], 12, 1e10);
+        agree(&[[0; 3], [u32::MAX; 3]], [1.0; 3], 12, 1e10);
+    }
+
+    #[test]
+    fn neighbours_at_the_other_end_of_the_lattice_are_found() {
+        let near = (0..8).map(|i| [0, 5, i]);
+        let points: Vec<_> = near.chain([[u32::MAX, 5, 9], [u32::MAX - 90, 7, 7]]).collect();
+        (1..10).for_each(|count| agree(&points, [0.5; 3], count, 1e10));
+    }
 }

@@ -1,43 +1,43 @@
-//! The search for nearest neighbours. The points of a run look among the same candidates, those of all runs
-//! near theirs; a point that does not find enough there looks alone, from the nearest box on. Points equally
-//! far, to the bits of an `f32`, are taken in Morton order.
+//! Search for nearest neighbours. The points of a run share candidates: the points of all runs near
+//! theirs. A point that does not find enough neighbours among them searches the boxes alone,
+//! nearest first. Neighbours at equal distance (as `f32`) are chosen in Morton order.
 
-use crate::attributes::knn::{Box3, FAN, Neighbours};
+use crate::attributes::knn_index::{Box3, FAN, KnnIndex};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Candidates for each neighbour wanted, beyond which every point looks alone: it does not pay, and a stray
-/// point over a dense surface would gather all of it.
+/// Candidates for each neighbour, beyond which every point searches alone. A stray over a dense
+/// surface would otherwise collect all of it.
 const CANDIDATES_EACH: usize = 64;
 
-/// The nearest neighbours of a point, along the Morton curve.
+/// Nearest neighbours of a point, along the Morton curve.
 #[derive(Clone, Copy, Debug)]
-pub struct Found<'a> {
-    /// The steps to them.
+pub struct Neighbourhood<'a> {
+    /// Steps from the point to them.
     pub steps: &'a [[f64; 3]],
-    /// Their places.
+    /// Their indices.
     pub places: &'a [u32],
 }
 
-/// One task's search. What it carries over from run to run saves work and changes no result.
+/// The search of one task. What it keeps from run to run saves work and changes no result.
 pub struct Search<'a> {
-    index: &'a Neighbours,
+    index: &'a KnnIndex,
     reach: f64,
     /// Squares of the aspect.
     weights: [f64; 3],
-    /// How far the candidates go from the run's box; nothing where there are none.
+    /// Distance of candidates from the box of the run; zero if there are none.
     radius: f64,
     /// Distance of the farthest neighbour: in the last run, and in this one so far.
     usual: f64,
     farthest: f64,
-    /// The last point asked about, and how far its neighbours were.
+    /// The last point searched, and the distance of its farthest neighbour.
     last: Option<([f64; 3], f64)>,
     /// Coordinates of the candidates, axis by axis, in Morton order.
     candidates: [Vec<f64>; 3],
-    /// Their places.
+    /// Indices of the candidates' points.
     places: Vec<u32>,
     squares: Vec<f64>,
-    /// Bits of the square above, place of the candidate below.
+    /// Upper half: bits of the squared distance; lower half: index of the candidate.
     keys: Vec<u64>,
     order: Vec<u64>,
     steps: Vec<[f64; 3]>,
@@ -48,8 +48,8 @@ pub struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// Of neighbours at most `reach` steps of the first axis away.
-    pub fn new(index: &'a Neighbours, reach: f64) -> Self {
+    /// Searches within `reach` steps of the first axis.
+    pub fn new(index: &'a KnnIndex, reach: f64) -> Self {
         Self {
             weights: index.aspect.map(|a| a * a),
             index,
@@ -71,7 +71,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Collects candidates for the points of a run that look for `count` neighbours.
+    /// Collects candidates for the points of a run that need `count` neighbours.
     pub fn around(&mut self, run: usize, count: usize) {
         let own = self.index.levels[0][run];
         if self.farthest > 0.0 {
@@ -119,22 +119,22 @@ impl<'a> Search<'a> {
         self.candidates.iter_mut().for_each(|c| c.truncate(n));
     }
 
-    /// How far to look: by the run's own density where it has points enough to tell, as far as the last run
-    /// had to where not.
+    /// Guesses the distance to search: from the density of the run if it has enough points, else
+    /// from the last run.
     fn guess(&self, own: &Box3, points: usize, count: usize) -> f64 {
         let mut square = 0.0;
         for i in 0..3 {
             let side = f64::from(own.high[i]) - f64::from(own.low[i]);
             square += self.weights[i] * (side * side);
         }
-        // A square of this diagonal has `points`; the circle that has `count`, and something over.
+        // A square with this diagonal has `points` points; the circle has `count`, and a margin.
         let dense = (square * count as f64 / points as f64 / 2.0).sqrt();
         if points >= 8 || self.usual == 0.0 { dense.max(1.0) } else { self.usual * 1.2 }
     }
 
-    /// The steps from a point of the run to its nearest neighbours, `count` or all within the reach; and the places of
-    /// these.
-    pub fn nearest(&mut self, place: usize, count: usize) -> Found<'_> {
+    /// Returns the `count` nearest neighbours of a point of the run, or all within the reach if
+    /// there are fewer.
+    pub fn nearest(&mut self, place: usize, count: usize) -> Neighbourhood<'_> {
         let p = self.index.point(place);
         if self.radius == 0.0 || !self.among_candidates(p, count) {
             self.alone(p, count);
@@ -142,7 +142,7 @@ impl<'a> Search<'a> {
         let far = self.steps.iter().map(|s| self.square(*s)).fold(0.0, f64::max).sqrt();
         self.farthest = self.farthest.max(far);
         self.last = (self.steps.len() == count).then_some((p, far));
-        Found { steps: &self.steps, places: &self.found }
+        Neighbourhood { steps: &self.steps, places: &self.found }
     }
 
     fn square(&self, step: [f64; 3]) -> f64 {
@@ -150,9 +150,9 @@ impl<'a> Search<'a> {
         self.weights[0] * (x * x) + self.weights[1] * (y * y) + self.weights[2] * (z * z)
     }
 
-    /// Looks among the candidates; false where these are too few to be sure.
+    /// Searches the candidates; returns false if there are too few to be certain.
     fn among_candidates(&mut self, p: [f64; 3], count: usize) -> bool {
-        // The last point's neighbours are neighbours of this one too, a little farther away.
+        // Neighbours of the last point are neighbours of this one too, a little farther away.
         let near = self.last.map_or(f64::INFINITY, |(q, far)| {
             let between = self.square([q[0] - p[0], q[1] - p[1], q[2] - p[2]]);
             (far + between.sqrt()) * (1.0 + 1e-6)
@@ -189,7 +189,7 @@ impl<'a> Search<'a> {
         true
     }
 
-    /// Looks through the boxes from the nearest on, until none can hold anything nearer than what was found.
+    /// Searches the boxes, nearest first, until none can hold a nearer point than those found.
     fn alone(&mut self, p: [f64; 3], count: usize) {
         let bits = |square: f64| (square as f32).to_bits();
         let bound = bits(self.reach * self.reach);
@@ -231,102 +231,5 @@ impl<'a> Search<'a> {
             let q = self.index.point(place as usize);
             self.steps.push([q[0] - p[0], q[1] - p[1], q[2] - p[2]]);
         }
-    }
-}
-
-impl Box3 {
-    fn meets(&self, other: &Self) -> bool {
-        (0..3).fold(true, |all, i| {
-            all & (self.low[i] <= other.high[i]) & (other.low[i] <= self.high[i])
-        })
-    }
-
-    /// From a point to the nearest place of the box.
-    fn from(&self, p: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2]
-            .map(|i| (f64::from(self.low[i]) - p[i]).max(p[i] - f64::from(self.high[i])).max(0.0))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::attributes::knn::{Ask, Neighbours, sorted_codes};
-    use esker_points::morton;
-    use proptest::prelude::*;
-
-    fn distinct(points: &[[u32; 3]]) -> Vec<[u32; 3]> {
-        sorted_codes(points).into_iter().map(morton::decode3).collect()
-    }
-
-    /// What is nearest by looking at all points.
-    fn plain(points: &[[u32; 3]], i: usize, scale: [f64; 3], ask: &Ask) -> Vec<[f64; 3]> {
-        let aspect = scale.map(|s| s / scale[0]);
-        let mut all: Vec<(u32, usize, [f64; 3])> = Vec::new();
-        for (j, q) in points.iter().enumerate().filter(|&(j, _)| j != i) {
-            let step = [0, 1, 2].map(|a| f64::from(q[a]) - f64::from(points[i][a]));
-            let square: f64 = (0..3).map(|a| aspect[a] * aspect[a] * (step[a] * step[a])).sum();
-            if square <= ask.reach * ask.reach {
-                all.push(((square as f32).to_bits(), j, step));
-            }
-        }
-        all.sort_by_key(|n| (n.0, n.1));
-        all.truncate(ask.count);
-        all.sort_by_key(|n| n.1);
-        all.into_iter().map(|n| n.2).collect()
-    }
-
-    fn agree(points: &[[u32; 3]], scale: [f64; 3], count: usize, reach: f64) {
-        let points = distinct(points);
-        let ask = Ask { count, count_max: count, reach };
-        let found = std::sync::Mutex::new(Vec::new());
-        let index = Neighbours::new(&points, scale);
-        let places = index.map(
-            &ask,
-            |_| true,
-            |steps| {
-                let mut found = found.lock().unwrap();
-                found.push(steps.to_vec());
-                Some(found.len() - 1)
-            },
-            usize::MAX,
-        );
-        let found = found.into_inner().unwrap();
-        for (i, &place) in places.iter().enumerate() {
-            assert_eq!(found[place], plain(&points, i, scale, &ask), "{i}: {:?}", points[i]);
-        }
-    }
-
-    /// Points of several densities: a cube, a sheet, a line, a few strays anywhere.
-    fn clouds() -> impl Strategy<Value = Vec<[u32; 3]>> {
-        let at = |c: u32| (c..c + 40).prop_map(move |x| x);
-        let cube = prop::collection::vec((at(1000), at(1000), at(1000)), 0..300);
-        let sheet = prop::collection::vec((0u32..2000, 0u32..2000, Just(1u32 << 31)), 0..200);
-        let line = prop::collection::vec((0u32..100_000, Just(7u32), Just(9u32)), 0..60);
-        let stray = prop::collection::vec(any::<(u32, u32, u32)>(), 0..20);
-        (cube, sheet, line, stray).prop_map(|(a, b, c, d)| {
-            [a, b, c, d].concat().into_iter().map(|(x, y, z)| [x, y, z]).collect()
-        })
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
-        #[test]
-        fn the_nearest_are_those_that_looking_at_all_points_finds(points in clouds(), count in 1usize..20, reach in prop::sample::select(vec![3.0, 50.0, 1e4, 1e10]), flat: bool) {
-            agree(&points, if flat { [0.001, 0.001, 0.01] } else { [0.5; 3] }, count, reach);
-        }
-    }
-
-    #[test]
-    fn nothing_and_one_point_have_no_neighbours() {
-        agree(&[], [1.0; 3], 12, 1e10);
-        agree(&[[5, 6, 7]], [1.0; 3], 12, 1e10);
-        agree(&[[0; 3], [u32::MAX; 3]], [1.0; 3], 12, 1e10);
-    }
-
-    #[test]
-    fn neighbours_at_the_other_end_of_the_lattice_are_found() {
-        let near = (0..8).map(|i| [0, 5, i]);
-        let points: Vec<_> = near.chain([[u32::MAX, 5, 9], [u32::MAX - 90, 7, 7]]).collect();
-        (1..10).for_each(|count| agree(&points, [0.5; 3], count, 1e10));
     }
 }

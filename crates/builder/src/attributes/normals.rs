@@ -1,46 +1,48 @@
-//! Normals of points that bring none: the direction in which a point's nearest neighbours spread least (Hoppe et
-//! al. 1992, Surface Reconstruction from Unorganized Points, section 3.2). A normal follows from the positions
-//! within the reach alone, so it is the same however a cloud is cut into chunks.
+//! Estimates normals for points that bring none: the direction in which the nearest neighbours of a
+//! point spread least (`hoppe1992`, section 3.2). A normal depends only on positions within the
+//! reach, so it is the same however a cloud is cut into chunks.
 
 use crate::attributes::eigen::Eigen;
-use crate::attributes::knn::{Ask, Neighbours, sorted_codes};
+use crate::attributes::knn::{Query, sorted_codes};
+use crate::attributes::knn_index::KnnIndex;
 use esker_points::{morton, quant};
 
-/// Neighbours that a plane is laid through; where these lie along a line, two and four times as many.
+/// Neighbours to which a plane is fitted; if these lie along a line, twice and four times as many.
 pub(crate) const NEIGHBOURS: usize = 16;
 pub(crate) const NEIGHBOURS_MAX: usize = 64;
-/// Second variance over the greatest below which neighbours lie along a line, as those of one scan line do.
+/// Second variance over the greatest below which neighbours lie along a line, as those of one scan
+/// line do.
 const LINE: f64 = 0.01;
-/// The reach in typical spacings: a wider one makes chunks' halos large, a narrower one leaves over 0.2 % of
-/// the points of uneven scans without a normal.
+/// Reach in typical spacings. A larger one makes the halos of chunks large; a smaller one leaves
+/// sparse parts of uneven scans without normals.
 const REACH_SPACINGS: f64 = 16.0;
 
-/// The code of a point whose neighbours tell no direction; drawn facing the eye.
+/// Code of a point without a normal, which is drawn facing the eye.
 pub const UNKNOWN: [i16; 2] = [i16::MIN; 2];
 
-/// Where the normals that are drawn come from. Attributes stay exact, whatever is chosen.
+/// Origin of the normals that are drawn. Attributes stay exact in any case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NormalsMode {
-    /// From the sources, where they bring any.
+    /// From the sources, if they bring any.
     #[default]
     Keep,
     /// Estimated for all points.
     Estimate,
-    /// None are drawn.
+    /// No normals are drawn.
     None,
 }
 
-/// How the neighbourhood of a point is bounded.
+/// Limits of the neighbourhood of a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
     /// Length of a lattice step on each axis.
     pub scale: [f64; 3],
-    /// Neighbours count up to so many steps of the first axis away.
+    /// Greatest distance of neighbours, in steps of the first axis.
     pub reach: f64,
 }
 
 impl Bounds {
-    /// For a cloud whose points are typically so many steps apart.
+    /// Limits for a cloud whose points are typically `spacing` steps apart.
     pub fn new(scale: [f64; 3], spacing: f64) -> Self {
         Self { scale, reach: (spacing * REACH_SPACINGS).ceil().max(1.0) }
     }
@@ -52,20 +54,20 @@ impl Bounds {
     }
 }
 
-/// Octahedral codes of the normals of `own` points, which lie along the Morton curve, where `halo` has at least
-/// all other points within the reach of them, in any order. Of the two directions it is that which looks up
-/// (along z; y, x where it is level).
+/// Estimates the normals of `own` points, which lie along the Morton curve, and returns their
+/// octahedral codes. `halo` has at least all other points within the reach of them, in any order.
+/// Of the two directions the upward one is chosen (along z; along y, then x, if it is level).
 pub fn estimate(own: &[[u32; 3]], halo: &[[u32; 3]], bounds: &Bounds) -> Vec<[i16; 2]> {
     let (points, place_of) = joined(own, &sorted_codes(halo));
     let mut wanted = vec![false; points.len()];
     place_of.iter().for_each(|&place| wanted[place as usize] = true);
-    let ask = Ask { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach };
-    let tell = |steps: &[[f64; 3]]| normal(steps, bounds.scale);
-    let found = Neighbours::new(&points, bounds.scale).map(&ask, |p| wanted[p], tell, UNKNOWN);
+    let query = Query { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach };
+    let fit = |steps: &[[f64; 3]]| normal(steps, bounds.scale);
+    let found = KnnIndex::new(&points, bounds.scale).map(&query, |p| wanted[p], fit, UNKNOWN);
     place_of.into_iter().map(|place| found[place as usize]).collect()
 }
 
-/// The distinct points of both along the Morton curve, and the place of each of `own` among them.
+/// Merges distinct points along the Morton curve; also returns the index of each point of `own`.
 pub(crate) fn joined(own: &[[u32; 3]], halo: &[u128]) -> (Vec<[u32; 3]>, Vec<u32>) {
     let mut points: Vec<[u32; 3]> = Vec::with_capacity(own.len() + halo.len());
     let mut place_of = Vec::with_capacity(own.len());
@@ -86,26 +88,27 @@ pub(crate) fn joined(own: &[[u32; 3]], halo: &[u128]) -> (Vec<[u32; 3]>, Vec<u32
     (points, place_of)
 }
 
-/// The code of the direction in which a point and its neighbours, that many steps away, spread least; none
-/// where they are too few or lie along a line.
+/// Code of the direction in which a point and its neighbours, at the offsets `steps`, spread least;
+/// `None` if there are too few or they lie along a line.
 fn normal(steps: &[[f64; 3]], scale: [f64; 3]) -> Option<[i16; 2]> {
     Some(code_of(flattest(steps, scale)?.0))
 }
 
-/// The code of a direction, turned to look up.
+/// Code of a direction, turned upwards.
 pub(crate) fn code_of([x, y, z]: [f64; 3]) -> [i16; 2] {
     let up = [z, y, x].into_iter().find(|&c| c != 0.0).unwrap_or_default();
     let turned = if up < 0.0 { [-x, -y, -z] } else { [x, y, z] };
     quant::oct_encode(turned.map(|c| c as f32))
 }
 
-/// The direction in which a point and its neighbours spread least, and their variances; as for [`normal`].
+/// Direction in which a point and its neighbours spread least, and the variances, largest first;
+/// `None` as for [`normal`].
 pub(crate) fn flattest(steps: &[[f64; 3]], scale: [f64; 3]) -> Option<([f64; 3], [f64; 3])> {
     const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
     if steps.len() < 2 {
         return None;
     }
-    // Sums of whole numbers: exact while neighbours are within some 2^24 steps.
+    // Sums of integers, exact while neighbours are within some 2^24 steps.
     let (mut sum, mut square) = ([0.0; 3], [0.0; 6]);
     for s in steps {
         sum = [sum[0] + s[0], sum[1] + s[1], sum[2] + s[2]];
@@ -123,7 +126,7 @@ pub(crate) fn flattest(steps: &[[f64; 3]], scale: [f64; 3]) -> Option<([f64; 3],
     Some((eigen.axes[2], eigen.values))
 }
 
-/// A normal turned to the side of a direction; unknown ones stay.
+/// Turns a normal to the side of `direction`; unknown ones stay unknown.
 pub fn turned_to(code: [i16; 2], direction: [f32; 3]) -> [i16; 2] {
     let n = quant::oct_decode(code);
     let towards = n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2];
@@ -191,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sphere_has_its_radii() {
+    fn a_sphere_has_radial_normals() {
         let mut r = Random(2);
         let mut point = || loop {
             let v = [0; 3].map(|_| r.unit() * 2.0 - 1.0);
@@ -206,7 +209,8 @@ mod tests {
 
     #[test]
     fn an_edge_is_blurred_by_no_more_than_its_neighbours() {
-        // Two walls of 5 m at a right angle; what is wrong lies within four spacings of the edge.
+        // Two walls of 5 m at a right angle; normals are wrong only within four spacings of the
+        // edge.
         let mut r = Random(3);
         let mut point = |i: u32| {
             let (a, b) = (r.unit() * 5.0, r.unit() * 5.0);
@@ -224,11 +228,11 @@ mod tests {
     }
 
     #[test]
-    fn what_tells_no_direction_is_unknown_and_what_is_flat_is_not() {
+    fn neighbours_along_a_line_give_no_normal_and_flat_ones_do() {
         let bounds = Bounds { scale: [SCALE; 3], reach: 1e6 };
         let codes = |points: Vec<[u32; 3]>| estimate(&along_the_curve(points), &[], &bounds);
         assert!(codes(vec![]).is_empty());
-        // One, two, many coincident points; a line; a point beyond the reach of any other.
+        // One, two, many coincident points; a line; points beyond the reach of each other.
         for points in [
             vec![[5; 3]],
             vec![[5; 3], [9; 3]],
@@ -239,12 +243,12 @@ mod tests {
             let n = points.len();
             assert_eq!(codes(points), vec![UNKNOWN; n]);
         }
-        // Three points are a plane, stacked or not.
+        // Three points are a plane, also if each is repeated.
         let up = quant::oct_encode([0.0, 0.0, 1.0]);
         let corner = vec![[0, 0, 0], [0, 9, 0], [9, 0, 0]];
         assert_eq!(codes(corner.clone()), [up; 3]);
         assert_eq!(codes(corner.repeat(50)), [up; 150]);
-        // Scan lines far apart: the nearest twelve lie along one of them.
+        // Scan lines far apart: the nearest neighbours lie along one of them.
         let lines = (0..3).flat_map(|y| (0..400).map(move |x| [x, y * 20, 7]));
         assert_eq!(codes(lines.collect()), vec![up; 1200]);
     }

@@ -1,6 +1,6 @@
-//! The palette of a compact plane: trained on the colours of all rows once they are partitioned, before any page is made. It is
-//! a function of the rows alone, and what was trained is kept in the journal. One that is given, as of the file that scans are
-//! appended to, is only compared with them.
+//! Palette of the compact plane, trained on the colours of all rows once they are partitioned,
+//! before any page is made. It is a function of the rows alone and is kept in the journal. A given
+//! palette, such as that of the file that scans are appended to, is only compared with the colours.
 
 use crate::calls::build::Options;
 use crate::error::BuildError;
@@ -13,18 +13,18 @@ use esker_points::Task;
 use esker_points::palette::{Histogram, Misfit, Palette};
 use rayon::prelude::*;
 
-/// Where rows of a class have the bytes of their colour that are drawn; nowhere, where they have none.
-type Places = Option<[usize; 3]>;
+/// Bytes of a row that hold the drawn colour, for a class; `None` if the class has no colour.
+type ColourBytes = Option<[usize; 3]>;
 
-/// A palette, and how far colours are from it.
+/// A palette, and the distances of colours from it.
 pub type Trained = Option<(Palette, Misfit)>;
 
 impl Store {
-    /// The palette for the rows of these buckets, where one is asked for: the given one, or one that is trained on them. None
-    /// where they have no colours, or nothing but black.
+    /// Returns the palette for the rows of `buckets` if one is requested: the given one, or one
+    /// trained on the rows. `None` if the rows have no colours, or only black.
     ///
     /// # Errors
-    /// Where scratch fails, or the journal is damaged.
+    /// If scratch fails, or the journal is damaged.
     pub fn palette(
         &mut self,
         buckets: &[Bucket],
@@ -38,7 +38,7 @@ impl Store {
         }
         let trained = self.trained(buckets, rows, pages, options.onto.palette.as_ref())?;
         if trained.is_none() {
-            task.note("--compact: the inputs have no colours; what is drawn of a point takes 8 bytes without");
+            task.note("--compact has no effect: the inputs have no colours");
         }
         Ok(trained)
     }
@@ -53,7 +53,7 @@ impl Store {
         if let Some(record) = self.journal.ask(Kind::Trained)? {
             return restored(&record).ok_or_else(|| self.journal.damaged("its palette"));
         }
-        let places: Vec<Places> = (0..pages.classes().len())
+        let places: Vec<ColourBytes> = (0..pages.classes().len())
             .map(|class| {
                 let (rgb, byte) = pages.drawn_colour(class)?;
                 Some(rgb.map(|attribute| rows.attribute(attribute).start + byte))
@@ -77,7 +77,7 @@ impl Store {
         &mut self,
         buckets: &[Bucket],
         rows: &RowLayout,
-        places: &[Places],
+        places: &[ColourBytes],
     ) -> Result<Histogram, BuildError> {
         let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
         let map = if is_stored { Some(self.scratch.map()?) } else { None };
@@ -86,7 +86,8 @@ impl Store {
             let runs = bucket.runs(map.as_ref(), rows.bytes());
             for row in runs.into_iter().flat_map(|run| run.chunks_exact(rows.bytes())) {
                 let class = if rows.has_class() { usize::from(rows.class(row)) } else { 0 };
-                // Rows of an earlier build may be damaged; whoever builds of them finds that out.
+                // Rows of an interrupted build may be damaged, which is detected when pages are
+                // made of them.
                 if let Some(&Some(places)) = places.get(class) {
                     histogram.add(places.map(|at| row[at]));
                 }
@@ -105,7 +106,7 @@ fn record(trained: Option<&(Palette, Misfit)>) -> Record {
     record
 }
 
-/// What a record tells; `None` where that is damaged.
+/// Restores a palette from a record; `None` if the record is damaged.
 fn restored(record: &[u8]) -> Option<Trained> {
     if record.is_empty() {
         return Some(None);

@@ -1,83 +1,87 @@
-//! Sharp edges of scanned surfaces: where the tangent planes of neighbouring points meet within their reach at an angle,
-//! each point gets the line in which they do, and is drawn on its own side of it only (zwicker2004, section 5).
-//!
-//! Near an edge a normal is blurred: its neighbours lie on both sides. So it first becomes that of the flattest
-//! plane near by that goes through the point, whose own neighbours lie on one side. What a point gets depends on points
-//! within the reach of normals alone, in three steps that share it: so it is the same however a cloud is cut into
-//! chunks.
+//! Detects sharp edges of scanned surfaces: where the tangent planes of neighbouring points meet
+//! nearby at an angle, each point gets the line of intersection as a clip line, and its splat is
+//! drawn on its own side only (`zwicker2004`, section 5). Normals are blurred near an edge, since
+//! neighbours lie on both sides, so a point first takes the flattest plane nearby that passes
+//! through it. The result depends only on points within the reach of normals. See
+//! docs/design/building.md.
 
-use crate::attributes::knn::{Ask, Neighbours, sorted_codes};
-use crate::attributes::knn_search::Found;
+use crate::attributes::knn::{Query, sorted_codes};
+use crate::attributes::knn_index::KnnIndex;
+use crate::attributes::knn_search::Neighbourhood;
 use crate::attributes::normals::{
     Bounds, NEIGHBOURS, NEIGHBOURS_MAX, UNKNOWN, code_of, flattest, joined,
 };
 use esker_points::{Clip, ClipLine, Grain, quant};
 use rayon::prelude::*;
 
-/// Neighbours that edges are looked for among, and flatter planes: in a corner the nearest clean ones are three spacings away.
+/// Neighbours among which edges, and flatter planes, are searched. In a corner the nearest planes
+/// of one side are three spacings away.
 const AROUND: usize = 32;
 const AROUND_FLAT: usize = 64;
-/// Shares of the reach: of planes, of the flattest near by, of edges. Together they are less than one.
+/// Shares of the reach: of planes, of flatter planes, of edges. Their sum is less than one.
 const PLANE_SHARE: f64 = 0.5;
 const FLAT_SHARE: f64 = 0.25;
 const EDGE_SHARE: f64 = 0.1875;
-/// A plane goes through a point that is so many local spacings off it.
+/// Greatest distance of a point from a plane that passes through it, in local spacings.
 const THROUGH: f64 = 0.3;
-/// What being off a plane by a local spacing counts, in roughness.
+/// Roughness that a distance of one local spacing from a plane adds.
 const OFF: f64 = 0.1;
-/// Roughness under which a plane is flat, and no better one is looked for.
+/// Roughness below which a plane is flat, and no better one is searched.
 const FLAT: f64 = 1e-4;
-/// How much flatter another plane must be than a point's own.
+/// Share of the roughness of a point's own plane that another one must stay below.
 const FLATTER: f64 = 0.5;
-/// Cosine of the angle between planes that are one, and of that from which they meet in an edge: 15 and 30 degrees.
+/// Cosines of 15 and 30 degrees: planes below the first angle are the same, above the second they
+/// meet in an edge.
 const SAME: f64 = 0.966;
 const EDGE: f64 = 0.866;
-/// Local spacings from a point to an edge at most: what its splat reaches, and something for the low-pass.
+/// Greatest distance from a point to an edge, in local spacings: the reach of its splat, and a
+/// margin for the low-pass.
 const NEAR: f64 = 2.0;
-/// Share of the points of the same plane that may lie beyond a line, and how far beyond counts, in local spacings.
+/// Share of the points of the same plane that may lie beyond a line, and the distance from which
+/// they do, in local spacings.
 const BEYOND_SHARE: f64 = 0.2;
 const BEYOND: f64 = 0.35;
 
 type Vec3 = [f64; 3];
 
-/// What is known of a point that lies near an edge.
+/// Normal and clip lines of a point near an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// The code of its own side's normal.
+    /// Code of the normal on the point's own side.
     pub normal: [i16; 2],
-    /// Its lines, whose sides are told as that normal sees them.
+    /// Clip lines, whose sides are relative to that normal.
     pub clip: Clip,
 }
 
-/// The tangent plane of a point.
+/// Tangent plane of a point.
 #[derive(Clone, Copy, Debug)]
 struct Plane {
     normal: Vec3,
-    /// Least variance over all.
+    /// Least variance over the sum of all.
     roughness: f64,
     /// Local distance of points.
     spacing: f64,
 }
 
-/// A line in which two points' planes meet.
+/// Line in which the planes of two points meet.
 #[derive(Clone, Copy, Debug)]
-struct Meeting {
-    /// A place of it, against the point.
+struct Crease {
+    /// A position on the line, relative to the point.
     at: Vec3,
     along: Vec3,
-    /// Across it in the point's plane, away from what is kept.
+    /// Perpendicular to the line in the point's plane, away from the side that is kept.
     out: Vec3,
-    /// Whose plane it meets.
-    mate: Mate,
+    /// The point of the other plane.
+    neighbour: Neighbour,
 }
 
 /// A point near another one.
 #[derive(Clone, Copy, Debug)]
-struct Mate {
+struct Neighbour {
     place: usize,
     plane: Plane,
-    /// The way to it.
-    way: Vec3,
+    /// Vector to the point.
+    offset: Vec3,
 }
 
 fn dot(a: Vec3, b: Vec3) -> f64 {
@@ -92,58 +96,59 @@ fn plus(a: Vec3, b: Vec3, times: f64) -> Vec3 {
     [0, 1, 2].map(|i| a[i] + b[i] * times)
 }
 
-/// Codes of the normals of `own` points, as [`crate::attributes::normals::estimate`] has them, and the edges near them; both
-/// lie along the Morton curve, `halo` as there.
+/// Detects edges. Returns the codes of the normals of `own` points, equal to those of
+/// [`crate::attributes::normals::estimate`], and the edges near them. The parameters are as there.
 pub fn detect(
     own: &[[u32; 3]],
     halo: &[[u32; 3]],
     bounds: &Bounds,
 ) -> (Vec<[i16; 2]>, Vec<Option<Edge>>) {
     let (points, place_of) = joined(own, &sorted_codes(halo));
-    let index = Neighbours::new(&points, bounds.scale);
-    let ask = |count, share: f64| Ask { count, count_max: count, reach: bounds.reach * share };
-    // The nearest tell both the normal and the plane.
-    let told = index.map_placed(
-        &Ask { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach },
+    let index = KnnIndex::new(&points, bounds.scale);
+    let query = |count, share: f64| Query { count, count_max: count, reach: bounds.reach * share };
+    // Fits normals and planes to the nearest neighbours.
+    let fits = index.map_placed(
+        &Query { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach },
         |_| true,
-        |_, found| Some(Told::of(found.steps, bounds)).filter(|t| t.normal != UNKNOWN),
-        Told { normal: UNKNOWN, plane: None },
+        |_, found| Some(PointFit::of(found.steps, bounds)).filter(|t| t.normal != UNKNOWN),
+        PointFit { normal: UNKNOWN, plane: None },
     );
     let cloud = Cloud { points: &points, scale: bounds.scale };
     let mut wanted = vec![false; points.len()];
     place_of.iter().for_each(|&place| wanted[place as usize] = true);
-    let mut flat: Vec<Option<Plane>> = told.iter().map(|t| t.plane).collect();
+    let mut flat: Vec<Option<Plane>> = fits.iter().map(|t| t.plane).collect();
     // The others are flat enough.
-    let is_rough = |place: usize| told[place].plane.is_some_and(|p| p.roughness >= FLAT);
+    let is_rough = |place: usize| fits[place].plane.is_some_and(|p| p.roughness >= FLAT);
     let flatter = index.map_placed(
-        &ask(AROUND_FLAT, FLAT_SHARE),
+        &query(AROUND_FLAT, FLAT_SHARE),
         is_rough,
-        |place, found| Some(cloud.flattest(place, found, &told)),
+        |place, found| Some(cloud.flattest(place, found, &fits)),
         None,
     );
     let rough = (0..).zip(flat.iter_mut().zip(flatter)).filter(|(place, _)| is_rough(*place));
     rough.for_each(|(_, (flat, flatter))| *flat = flatter);
     let found = index.map_placed(
-        &ask(AROUND, EDGE_SHARE),
+        &query(AROUND, EDGE_SHARE),
         |place| wanted[place],
         |place, found| Some(cloud.edge(place, found, &flat)),
         None,
     );
-    let codes = place_of.iter().map(|&place| told[place as usize].normal).collect();
+    let codes = place_of.iter().map(|&place| fits[place as usize].normal).collect();
     (codes, place_of.into_par_iter().map(|place| found[place as usize]).collect())
 }
 
-/// What the nearest neighbours of a point tell.
+/// Normal and plane fitted to the nearest neighbours of a point.
 #[derive(Clone, Copy, Debug)]
-struct Told {
-    /// The code of its normal.
+struct PointFit {
+    /// Code of the normal.
     normal: [i16; 2],
-    /// Its plane.
+    /// The plane.
     plane: Option<Plane>,
 }
 
-impl Told {
-    /// Of neighbours so many steps away: the normal of all of them, the plane of the nearest.
+impl PointFit {
+    /// Fits the normal to all neighbours, which are at the offsets `steps`, and the plane to the
+    /// nearest.
     fn of(steps: &[Vec3], bounds: &Bounds) -> Self {
         let scale = bounds.scale;
         let found = flattest(steps, scale);
@@ -169,38 +174,42 @@ impl Told {
 }
 
 impl Plane {
-    /// Of a point and its neighbours, so many steps away, of which normal and variances are known.
+    /// Makes a plane of the normal and the variances that were fitted to neighbours at the offsets
+    /// `steps`.
     fn of(normal: Vec3, values: Vec3, steps: &[Vec3], scale: Vec3) -> Self {
         let lengths = steps.iter().map(|s| [0, 1, 2].map(|i| s[i] * scale[i])).map(|s| dot(s, s));
         let far = lengths.fold(0.0, f64::max).sqrt();
-        // A circle of this radius has so many points.
+        // A circle of this radius has `steps.len()` points.
         let spacing = far * (std::f64::consts::PI / steps.len() as f64).sqrt();
         Self { normal, roughness: values[2] / (values[0] + values[1] + values[2]), spacing }
     }
 }
 
-/// Points along the Morton curve, no two alike.
+/// Distinct points along the Morton curve.
 struct Cloud<'a> {
     points: &'a [[u32; 3]],
     scale: Vec3,
 }
 
 impl Cloud<'_> {
-    /// Neighbours' places, and the ways to them in the file's unit.
-    fn ways<'f>(&self, found: Found<'f>) -> impl Iterator<Item = (usize, Vec3)> + use<'f> {
+    /// Indices of neighbours, and the vectors to them in the file's unit.
+    fn offsets<'f>(
+        &self,
+        found: Neighbourhood<'f>,
+    ) -> impl Iterator<Item = (usize, Vec3)> + use<'f> {
         let scale = self.scale;
-        let way = move |s: &Vec3| [0, 1, 2].map(|i| s[i] * scale[i]);
-        found.places.iter().map(|&place| place as usize).zip(found.steps.iter().map(way))
+        let offset = move |s: &Vec3| [0, 1, 2].map(|i| s[i] * scale[i]);
+        found.places.iter().map(|&place| place as usize).zip(found.steps.iter().map(offset))
     }
 
-    /// The flattest plane of a point's own and of those around that go through it.
-    fn flattest(&self, place: usize, found: Found<'_>, told: &[Told]) -> Option<Plane> {
-        let own = told[place].plane?;
+    /// Chooses the flattest of a point's own plane and of those nearby that pass through the point.
+    fn flattest(&self, place: usize, found: Neighbourhood<'_>, fits: &[PointFit]) -> Option<Plane> {
+        let own = fits[place].plane?;
         let (mut best, mut least) = (own, own.roughness * FLATTER);
-        for (other, way) in self.ways(found) {
-            let Some(plane) = told[other].plane else { continue };
+        for (other, offset) in self.offsets(found) {
+            let Some(plane) = fits[other].plane else { continue };
             // On an edge the planes of both sides are flat: the one that the point is on counts.
-            let off = dot(plane.normal, way).abs() / own.spacing;
+            let off = dot(plane.normal, offset).abs() / own.spacing;
             let score = plane.roughness + OFF * off * off;
             if off <= THROUGH && score < least {
                 (best, least) = (Plane { spacing: own.spacing, ..plane }, score);
@@ -209,35 +218,42 @@ impl Cloud<'_> {
         Some(best)
     }
 
-    /// The edge of a point, where it has one.
-    fn edge(&self, place: usize, found: Found<'_>, planes: &[Option<Plane>]) -> Option<Edge> {
+    /// Detects the edge of a point.
+    fn edge(
+        &self,
+        place: usize,
+        found: Neighbourhood<'_>,
+        planes: &[Option<Plane>],
+    ) -> Option<Edge> {
         let own = planes[place]?;
         // Most points have none.
         let meets = |plane: &Plane| dot(plane.normal, own.normal).abs() < EDGE;
         if !found.places.iter().any(|&p| planes[p as usize].as_ref().is_some_and(meets)) {
             return None;
         }
-        let around: Vec<Mate> = self
-            .ways(found)
-            .filter_map(|(place, way)| Some(Mate { place, plane: planes[place]?, way }))
+        let around: Vec<Neighbour> = self
+            .offsets(found)
+            .filter_map(|(place, offset)| Some(Neighbour { place, plane: planes[place]?, offset }))
             .collect();
-        let cosine = |m: &Mate| dot(m.plane.normal, own.normal).abs();
-        let is_same =
-            |m: &&Mate| cosine(m) > SAME && dot(own.normal, m.way).abs() < BEYOND * own.spacing;
-        let same: Vec<Vec3> = around.iter().filter(is_same).map(|m| m.way).collect();
-        let mut mates: Vec<&Mate> = around.iter().filter(|m| meets(&m.plane)).collect();
-        mates.sort_by(|a, b| dot(a.way, a.way).total_cmp(&dot(b.way, b.way)));
-        let meetings: Vec<Meeting> =
-            mates.into_iter().filter_map(|mate| meeting(&own, mate, &same)).collect();
-        let beyond =
-            |m: &Meeting, way: &Vec3| dot(m.out, plus(*way, m.at, -1.0)) > BEYOND * own.spacing;
+        let cosine = |m: &Neighbour| dot(m.plane.normal, own.normal).abs();
+        let is_same = |m: &&Neighbour| {
+            cosine(m) > SAME && dot(own.normal, m.offset).abs() < BEYOND * own.spacing
+        };
+        let same: Vec<Vec3> = around.iter().filter(is_same).map(|m| m.offset).collect();
+        let mut neighbours: Vec<&Neighbour> = around.iter().filter(|m| meets(&m.plane)).collect();
+        neighbours.sort_by(|a, b| dot(a.offset, a.offset).total_cmp(&dot(b.offset, b.offset)));
+        let creases: Vec<Crease> =
+            neighbours.into_iter().filter_map(|neighbour| crease(&own, neighbour, &same)).collect();
+        let beyond = |m: &Crease, offset: &Vec3| {
+            dot(m.out, plus(*offset, m.at, -1.0)) > BEYOND * own.spacing
+        };
         let holds = |is_beyond: &dyn Fn(&Vec3) -> bool| {
             let count = same.iter().filter(|w| is_beyond(w)).count();
             count as f64 <= BEYOND_SHARE * (same.len() + 1) as f64
         };
-        let is_end = |m: &&Meeting| holds(&|way| beyond(m, way));
-        let (ends, others): (Vec<&Meeting>, Vec<&Meeting>) = meetings.iter().partition(is_end);
-        let is_other = |a: &Meeting, b: &Meeting| {
+        let is_end = |m: &&Crease| holds(&|offset| beyond(m, offset));
+        let (ends, others): (Vec<&Crease>, Vec<&Crease>) = creases.iter().partition(is_end);
+        let is_other = |a: &Crease, b: &Crease| {
             dot(a.along, b.along).abs() < EDGE || dot(a.out, b.out) < -EDGE
         };
         let (mut lines, mut either) = ([None; 2], false);
@@ -245,12 +261,12 @@ impl Cloud<'_> {
             let second = ends.iter().find(|m| is_other(first, m));
             lines = [self.line(place, &own, first), second.and_then(|m| self.line(place, &own, m))];
         } else {
-            // A corner that goes in: some of the plane lies beyond each line, none beyond both.
+            // At a concave corner, points of the plane lie beyond each line, but none beyond both.
             let pair = others.iter().enumerate().find_map(|(i, a)| {
-                let fits = |b: &&&Meeting| {
-                    is_other(a, b) && holds(&|way| beyond(a, way) && beyond(b, way))
+                let is_pair = |b: &&&Crease| {
+                    is_other(a, b) && holds(&|offset| beyond(a, offset) && beyond(b, offset))
                 };
-                others[i + 1..].iter().find(fits).map(|b| [*a, *b])
+                others[i + 1..].iter().find(is_pair).map(|b| [*a, *b])
             });
             if let Some(pair) = pair {
                 lines = pair.map(|m| self.line(place, &own, m));
@@ -265,55 +281,56 @@ impl Cloud<'_> {
         (!clip.is_none()).then_some(Edge { normal, clip })
     }
 
-    /// The line as it is stored: worked out from the pair's first point, whichever of both asks.
-    fn line(&self, place: usize, own: &Plane, m: &Meeting) -> Option<ClipLine> {
-        let mate = &m.mate;
-        let (first, (at, along)) = if place < mate.place {
-            (place, crossing(own, &mate.plane, mate.way))
+    /// The clip line to be stored. It is computed from the first point of the pair, so that both
+    /// points get the same line.
+    fn line(&self, place: usize, own: &Plane, m: &Crease) -> Option<ClipLine> {
+        let neighbour = &m.neighbour;
+        let (first, (at, along)) = if place < neighbour.place {
+            (place, intersect(own, &neighbour.plane, neighbour.offset))
         } else {
-            (mate.place, crossing(&mate.plane, own, mate.way.map(|w| -w)))
+            (neighbour.place, intersect(&neighbour.plane, own, neighbour.offset.map(|w| -w)))
         };
-        // What is kept lies to the left, seen from where the normal points to.
+        // The kept side is to the left of the line, seen from the side that the normal points to.
         let turn = dot(cross(own.normal, along), m.out);
-        let half = dot(mate.way, mate.way).sqrt();
+        let half = dot(neighbour.offset, neighbour.offset).sqrt();
         let half = if turn < 0.0 { half } else { -half };
-        let end = |way: f64| {
-            let at = plus(at, along, way);
+        let end = |t: f64| {
+            let at = plus(at, along, t);
             [0, 1, 2].map(|i| f64::from(self.points[first][i]) + at[i] / self.scale[i])
         };
         ClipLine::through(end(-half), end(half), Grain::new(self.scale))
     }
 }
 
-/// Where two planes meet, of points that far apart: the place nearest to the middle between both, against the first, and
-/// the line's direction.
-fn crossing(a: &Plane, b: &Plane, way: Vec3) -> (Vec3, Vec3) {
+/// Intersects the planes of two points, `offset` apart. Returns the position on the line that is
+/// nearest to the middle between the points, relative to the first, and the direction of the line.
+fn intersect(a: &Plane, b: &Plane, offset: Vec3) -> (Vec3, Vec3) {
     let (a, b) = (a.normal, b.normal);
     let c = dot(a, b);
     let squared = 1.0 - c * c;
-    let middle = way.map(|w| 0.5 * w);
+    let middle = offset.map(|w| 0.5 * w);
     let (f, g) = (dot(a, middle), -dot(b, middle));
     let at = plus(plus(middle, a, (c * g - f) / squared), b, (c * f - g) / squared);
     (at, cross(a, b).map(|v| v / squared.sqrt()))
 }
 
-/// Where the plane of a point meets that of a mate; `None` where that is too far away.
-fn meeting(own: &Plane, mate: &Mate, same: &[Vec3]) -> Option<Meeting> {
-    let (at, along) = crossing(own, &mate.plane, mate.way);
+/// Returns where the plane of a point meets that of a neighbour; `None` if that is too far away.
+fn crease(own: &Plane, neighbour: &Neighbour, same: &[Vec3]) -> Option<Crease> {
+    let (at, along) = intersect(own, &neighbour.plane, neighbour.offset);
     let far = |from: Vec3| {
         let off = plus(from, along, -dot(from, along));
         dot(off, off).sqrt()
     };
-    let from_mate = plus(at, mate.way, -1.0);
-    if far(at) > NEAR * own.spacing || far(from_mate) > NEAR * mate.plane.spacing {
+    let from_neighbour = plus(at, neighbour.offset, -1.0);
+    if far(at) > NEAR * own.spacing || far(from_neighbour) > NEAR * neighbour.plane.spacing {
         return None;
     }
     let across = cross(along, own.normal);
-    // What is kept is where the points of the plane are.
-    let from_line = |way: &Vec3| dot(across, plus(*way, at, -1.0));
+    // The side that is kept has the points of the plane.
+    let from_line = |offset: &Vec3| dot(across, plus(*offset, at, -1.0));
     let side = same.iter().map(from_line).sum::<f64>() + from_line(&[0.0; 3]);
     let out = if side > 0.0 { across.map(|v| -v) } else { across };
-    Some(Meeting { at, along, out, mate: *mate })
+    Some(Crease { at, along, out, neighbour: *neighbour })
 }
 
 #[cfg(test)]

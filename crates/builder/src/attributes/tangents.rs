@@ -1,30 +1,33 @@
-//! The shapes of splats from positions: how far apart points are along their surface, in each direction. Lines of a scan
-//! lie apart, points on them close together; an ellipse that is as wide as points are apart closes the gaps between the
-//! lines and keeps what they resolve.
+//! Estimates the shapes of splats from positions: the distance of points along their surface, in
+//! each direction. Scan lines are far apart, their points close together; an ellipse as wide as
+//! points are apart closes the gaps between lines and keeps what they resolve.
 //!
-//! The variances of the nearest neighbours tell little of it, for those fill a circle however they are spread in it: of
-//! lines three times as far apart as their points they make a ratio of 1.4. So the shape is that of the cell which a
-//! point has for itself among its neighbours, and their mirror images, since splats are symmetric: its second moments.
+//! The shape is given by the second moments of the cell that a point has among its nearest
+//! neighbours and their mirror images, since splats are symmetric. Variances of neighbours would
+//! not show it, for these fill a circle however they are spread. See docs/design/building.md.
 
-use crate::attributes::knn::{Ask, Neighbours, sorted_codes};
+use crate::attributes::knn::{Query, sorted_codes};
+use crate::attributes::knn_index::KnnIndex;
 use crate::attributes::normals::{Bounds, NEIGHBOURS, NEIGHBOURS_MAX, joined};
 use esker_points::quant::oct_decode;
 use esker_points::tangents::{ASPECT_MAX, Shape};
 
-/// Neighbours farther off the tangent plane than this, over their distance along it, are of another surface.
+/// Distance from the tangent plane over the distance along it, above which a neighbour belongs to
+/// another surface.
 const OFF: f64 = 1.0;
 /// Half the side of the square that bounds a cell, in mean distances of points.
 const BOUND: f64 = 3.0;
-/// Corners of a cell at most: each neighbour cuts one off on each side.
+/// Largest number of corners of a cell: each neighbour cuts one off on each side.
 const CORNERS: usize = 2 * NEIGHBOURS_MAX + 8;
 
 type Vec2 = [f64; 2];
 type Vec3 = [f64; 3];
 
-/// What is not known to be elongated.
+/// Shape of a splat that is not known to be elongated.
 pub const ROUND: Shape = Shape { along: [0.0; 3], apart: 0.0, aspect: 1.0 };
 
-/// The shapes of `own` points, whose normals have these codes; both and `halo` as [`crate::attributes::normals::estimate`] has them.
+/// Estimates the shapes of `own` points, whose normals have the codes `normals`. Points are as in
+/// [`crate::attributes::normals::estimate`].
 pub fn shapes(
     own: &[[u32; 3]],
     halo: &[[u32; 3]],
@@ -37,43 +40,43 @@ pub fn shapes(
         let normal = oct_decode(code);
         normal_of[place as usize] = Some(normal).filter(|n| *n != [0.0; 3]);
     }
-    let ask = Ask { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach };
-    let tell = |place: usize, steps: &[Vec3]| {
+    let query = Query { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach };
+    let estimate = |place: usize, steps: &[Vec3]| {
         let normal: [f32; 3] = normal_of[place]?;
         shape(steps, bounds.scale, normal.map(f64::from))
     };
-    let found = Neighbours::new(&points, bounds.scale).map_placed(
-        &ask,
+    let found = KnnIndex::new(&points, bounds.scale).map_placed(
+        &query,
         |place| normal_of[place].is_some(),
-        |place, found| tell(place, found.steps),
+        |place, found| estimate(place, found.steps),
         ROUND,
     );
     place_of.into_iter().map(|place| found[place as usize]).collect()
 }
 
-/// The shape of a point with neighbours so many steps away, and a normal; `None` where they leave its cell open.
+/// Shape of a point with neighbours at the offsets `steps`; `None` if they leave its cell open.
 fn shape(steps: &[Vec3], scale: Vec3, normal: Vec3) -> Option<Shape> {
     let [u, v] = across(normal);
     let mut beside: Vec<(f64, Vec2)> = steps
         .iter()
         .filter_map(|s| {
-            let way = [0, 1, 2].map(|i| s[i] * scale[i]);
-            let at = [dot(u, way), dot(v, way)];
+            let offset = [0, 1, 2].map(|i| s[i] * scale[i]);
+            let at = [dot(u, offset), dot(v, offset)];
             let square = at[0] * at[0] + at[1] * at[1];
-            let off = dot(normal, way);
+            let off = dot(normal, offset);
             (square > 0.0 && off * off <= OFF * OFF * square).then_some((square, at))
         })
         .collect();
-    // So that it does not matter in which order they were found.
+    // Sorted, so that the order in which they were found does not matter.
     beside.sort_by(|a, b| {
         a.0.total_cmp(&b.0).then(a.1[0].total_cmp(&b.1[0])).then(a.1[1].total_cmp(&b.1[1]))
     });
     let far = beside.last()?.0.sqrt();
-    // A circle of this radius has so many points.
+    // A circle of this radius has `beside.len()` points.
     let mean = far * (std::f64::consts::PI / beside.len() as f64).sqrt();
     let cell = Cell::of(&beside, mean * BOUND)?;
     let [xx, xy, yy] = cell.moments()?;
-    // Eigenvalues and the first one's direction.
+    // Eigenvalues and the direction of the first.
     let (middle, half) = ((xx + yy) * 0.5, (xx - yy) * 0.5);
     let root = (half * half + xy * xy).sqrt();
     let (most, least) = (middle + root, middle - root);
@@ -83,13 +86,13 @@ fn shape(steps: &[Vec3], scale: Vec3, normal: Vec3) -> Option<Shape> {
         return Some(ROUND);
     }
     let along = [0, 1, 2].map(|i| (u[i] * direction[0] + v[i] * direction[1]) / length);
-    // A rectangle of these sides has these moments.
+    // A rectangle with these sides has these moments.
     let sides = [most, least].map(|m| (12.0 * m).sqrt());
     let aspect = (sides[0] / sides[1]).sqrt().min(f64::from(ASPECT_MAX));
     Some(Shape { along: along.map(|c| c as f32), apart: sides[0] as f32, aspect: aspect as f32 })
 }
 
-/// Corners of a convex polygon around the origin, in their order.
+/// Corners of a convex polygon around the origin, in order.
 #[derive(Clone, Copy)]
 struct Cell {
     corners: [Vec2; CORNERS],
@@ -97,15 +100,16 @@ struct Cell {
 }
 
 impl Cell {
-    /// Where nothing of these (square of their distance, place; the nearest first), nor of their mirror images, is nearer;
-    /// within a square. `None` where it reaches that square's corners: it is open.
+    /// Cell of the origin among `beside` (squared distance and position, the nearest first) and
+    /// their mirror images, within a square. `None` if it reaches the corners of the square, and so
+    /// is open.
     fn of(beside: &[(f64, Vec2)], bound: f64) -> Option<Self> {
         let mut corners = [[0.0; 2]; CORNERS];
         let square = [[-bound, -bound], [bound, -bound], [bound, bound], [-bound, bound]];
         corners[..4].copy_from_slice(&square);
         let mut cell = Self { corners, count: 4 };
         for &(square, at) in beside {
-            // Half as far as its farthest corner nothing cuts it any more.
+            // Neighbours more than twice as far as the farthest corner cut nothing.
             if square * 0.25 > cell.farthest() {
                 break;
             }
@@ -120,12 +124,12 @@ impl Cell {
         &self.corners[..self.count]
     }
 
-    /// Square of the distance of its farthest corner.
+    /// Square of the distance of the farthest corner.
     fn farthest(&self) -> f64 {
         self.corners().iter().map(|c| c[0] * c[0] + c[1] * c[1]).fold(0.0, f64::max)
     }
 
-    /// Keeps where `at . place <= limit`.
+    /// Keeps the part where `dot(at, position) <= limit`.
     fn cut(&mut self, at: Vec2, limit: f64) {
         let over = |c: &Vec2| at[0] * c[0] + at[1] * c[1] - limit;
         let before = *self;
@@ -154,7 +158,7 @@ impl Cell {
         }
     }
 
-    /// Its second moments xx, xy, yy around the origin over its area.
+    /// Second moments xx, xy, yy around the origin, over the area.
     fn moments(&self) -> Option<Vec3> {
         let (mut area, mut sums) = (0.0, [0.0; 3]);
         let corners = self.corners();
@@ -175,7 +179,7 @@ fn dot(a: Vec3, b: Vec3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Two directions of unit length across one, and across each other.
+/// Two unit vectors perpendicular to `n` and to each other (`duff2017`).
 fn across(n: Vec3) -> [Vec3; 2] {
     let sign = 1f64.copysign(n[2]);
     let a = -1.0 / (sign + n[2]);
@@ -190,7 +194,7 @@ mod tests {
     use nalgebra::{Matrix2, SymmetricEigen, Vector2};
     use proptest::prelude::*;
 
-    /// The nearest of points in a plane to its origin, with their places in space.
+    /// The nearest points of a plane to its origin, in space.
     fn nearest(mut points: Vec<Vec2>, [u, v]: [Vec3; 2]) -> Vec<Vec3> {
         points.retain(|p| *p != [0.0; 2]);
         points.sort_by(|a, b| (a[0] * a[0] + a[1] * a[1]).total_cmp(&(b[0] * b[0] + b[1] * b[1])));
@@ -198,7 +202,8 @@ mod tests {
         points.iter().map(|p| [0, 1, 2].map(|i| u[i] * p[0] + v[i] * p[1])).collect()
     }
 
-    /// Lines so far apart, points along them a unit apart, each line moved along itself by chance; seen from one of the points.
+    /// Lines `apart` from each other with points one unit apart, each line shifted along itself at
+    /// random, seen from one of the points.
     fn lines(apart: f64, turn: f64, random: &mut Random) -> Vec<Vec2> {
         let (sine, cosine) = turn.sin_cos();
         let mut points = Vec::new();
@@ -212,7 +217,8 @@ mod tests {
         points
     }
 
-    /// Second moments, by a fine grid, of what is nearer to the origin than to any of the points and their mirror images.
+    /// Second moments, on a fine grid, of the area that is nearer to the origin than to any point
+    /// or mirror image.
     fn sampled(points: &[Vec2], half: f64) -> Matrix2<f64> {
         const STEPS: i32 = 400;
         let (mut sum, mut count) = (Matrix2::zeros(), 0.0);
@@ -296,13 +302,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_open_or_of_another_surface_makes_no_shape() {
+    fn open_cells_and_points_of_other_surfaces_make_no_shape() {
         let [u, _] = across(NORMAL);
         let line: Vec<Vec3> =
             (1..=8).flat_map(|i| [f64::from(i), -f64::from(i)]).map(|t| u.map(|c| c * t)).collect();
         assert_eq!(shape(&line, [1.0; 3], NORMAL), None);
         assert_eq!(shape(&[], [1.0; 3], NORMAL), None);
-        // Points over and under the plane alone.
+        // Points above and below the plane only.
         let over: Vec<Vec3> = (1..=8).map(|i| NORMAL.map(|c| c * f64::from(i))).collect();
         assert_eq!(shape(&over, [1.0; 3], NORMAL), None);
     }

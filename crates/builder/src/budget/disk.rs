@@ -1,5 +1,5 @@
-//! Space on disks: estimated before work starts, and refused early where it cannot suffice. What the file takes beside
-//! hot positions is not known, and counts for nothing.
+//! Space on disks: estimated before work starts, and refused early where it cannot suffice. What
+//! the file takes beside hot positions is not known, and counts for nothing.
 
 use crate::error::BuildError;
 use crate::input::intake::{Intake, Plan};
@@ -8,9 +8,9 @@ use crate::tree::parting::twice_bytes_max;
 use esker_points::quant::HOT_POSITION_BYTES;
 use std::path::Path;
 
-/// More rows than these go to scratch where it has room for them, also where memory would hold them. Memory that was
-/// never touched before costs more than a copy in the system's cache, made while others are read, of which little is
-/// touched at a time.
+/// More rows than these go to scratch where it has room for them, also where memory would hold
+/// them. Memory that was never touched before costs more than a copy in the system's cache, made
+/// while others are read, of which little is touched at a time.
 const HELD_BYTES_MAX: u64 = 1 << 30;
 
 /// What a build needs.
@@ -22,18 +22,20 @@ pub struct Needs {
     pub is_held: bool,
     /// Whether a cell may hold more of them than a chunk, which then is parted through scratch.
     pub may_part: bool,
-    /// Bytes of scratch at most, where rows go there: all of them, and those that a cell that is parted has twice.
+    /// Bytes of scratch at most, where rows go there: all of them, and those that a cell that is
+    /// parted has twice.
     pub parted_bytes_max: u64,
-    /// And wherever rows are, of what chunks put aside for each other where normals are estimated: the positions near
-    /// borders, at most all.
+    /// And wherever rows are, of what chunks put aside for each other where normals are estimated:
+    /// the positions near borders, at most all.
     pub aside_bytes_max: u64,
-    /// Bytes of the file at least: hot positions, what it has of every point whatever the rest is compressed to.
+    /// Bytes of the file at least: hot positions, what it has of every point whatever the rest is
+    /// compressed to.
     pub file_bytes: u64,
 }
 
 impl Needs {
-    /// Of these inputs, of which rows of `buffer_bytes_max` stay in memory, and chunks have so many rows, of several
-    /// buckets or of one.
+    /// Of these inputs, of which rows of `buffer_bytes_max` stay in memory, and chunks have so many
+    /// rows, of several buckets or of one.
     pub fn of(
         intake: &Intake,
         plan: &Plan,
@@ -55,7 +57,8 @@ impl Needs {
         }
     }
 
-    /// Whether rows go to scratch, where so much is free as far as the system tells, although memory would hold them.
+    /// Whether rows go to scratch, where so much is free as far as the system tells, although
+    /// memory would hold them.
     pub fn spills(self, free_bytes: Option<u64>) -> bool {
         self.is_held
             && self.rows_bytes > HELD_BYTES_MAX
@@ -69,8 +72,9 @@ impl Needs {
         of_rows.saturating_add(self.aside_bytes_max)
     }
 
-    /// Holds them against the space that is free in the folders, as `free_bytes` tells it, where it does.
-    /// On one disk too neither is added to the other: scratch is given back while the file grows.
+    /// Holds them against the space that is free in the folders, as `free_bytes` tells it, where it
+    /// does. On one disk too neither is added to the other: scratch is given back while the file
+    /// grows.
     ///
     /// # Errors
     /// [`BuildError::Space`] where one is more than there is.
@@ -87,7 +91,8 @@ impl Needs {
         let of_scratch =
             ("scratch files need", "name another folder with --scratch, or give more --memory");
         let of_file = ("the file needs", "choose another folder for it");
-        // Where memory holds the rows, few builds part a cell, and of positions most are far from borders.
+        // Where memory holds the rows, few builds part a cell, and of positions most are far from
+        // borders.
         let scratch_bytes = if self.is_held { 0 } else { self.scratch_bytes(false) };
         for (path, needed_bytes, (what, remedy)) in
             [(scratch, scratch_bytes, of_scratch), (folder, self.file_bytes, of_file)]

@@ -2,8 +2,8 @@
 
 use crate::calls::build::MEMORY_BYTES_MIN;
 
-/// Bytes a build may use where the user says nothing: half of what the machine, or its control group, grants; on the
-/// smallest the least that it works with.
+/// Bytes a build may use where the user says nothing: half of what the machine, or its control
+/// group, grants; on the smallest the least that it works with.
 pub fn default_bytes() -> u64 {
     half_of(granted_bytes().unwrap_or(4 << 30))
 }
@@ -38,9 +38,10 @@ fn granted_bytes() -> Option<u64> {
     Some(limits.iter().filter_map(limit).fold(total, u64::min))
 }
 
-/// The files that may hold a limit of the control groups that `/proc/self/cgroup` names: the group's own and
-/// those above it, of version 2 (`0::/path`) and version 1 (`4:memory:/path`). In a container the path may
-/// be the host's and lead nowhere; the root that is seen is its own group then.
+/// The files that may hold a limit of the control groups that `/proc/self/cgroup` names: the
+/// group's own and those above it, of version 2 (`0::/path`) and version 1 (`4:memory:/path`). In a
+/// container the path may be the host's and lead nowhere; the root that is seen is its own group
+/// then.
 #[cfg(target_os = "linux")]
 fn limit_files(groups: &str) -> Vec<std::path::PathBuf> {
     let mut files = Vec::new();

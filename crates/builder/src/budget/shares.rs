@@ -22,8 +22,8 @@ const EDGES_BYTES: f64 = 240.0;
 /// The same while shapes are told, more.
 const SHAPES_BYTES: f64 = 48.0;
 
-/// How the memory is shared out. What does not fit goes to scratch: nodes don't depend on it, only where
-/// their pages stand in the file.
+/// How the memory is shared out. What does not fit goes to scratch: nodes don't depend on it, only
+/// where their pages stand in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shares {
     /// Bytes of rows kept while inputs are read or a chunk is parted.
@@ -47,8 +47,10 @@ impl Shares {
         Self { buffer_bytes_max: self.buffer_bytes_max.min(room), ..self }
     }
 
-    /// Rows of a chunk of several buckets, and half of those of all chunks that are under way, or those of one bucket alone. Their sorted
-    /// rows, pages of about the rows' size, and the samples must fit. Small chunks share out better among threads; where memory is ample, they use the same memory again.
+    /// Rows of a chunk of several buckets, and half of those of all chunks that are under way, or
+    /// those of one bucket alone. Their sorted rows, pages of about the rows' size, and the samples
+    /// must fit. Small chunks share out better among threads; where memory is ample, they use the
+    /// same memory again.
     pub(crate) fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> (u64, u64) {
         let rows = self.rows_of(4.2, options, row_bytes);
         let nodes = |n| u64::from(options.node_capacity) * n;

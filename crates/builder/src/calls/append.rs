@@ -1,5 +1,5 @@
-//! Append: new scans become a file of their own over the lattice of an old one, and name it. The old one, and
-//! what it names, stay as they are; all together are a forest (DESIGN, section 5).
+//! Append: builds new scans into a file of their own, on the lattice of an older file, which it
+//! names. The older file and those that it names do not change; together they are a forest.
 
 use crate::calls::build::{Options, Report, build_sources, one_meaning};
 use crate::calls::onto::{Onto, Within};
@@ -7,20 +7,19 @@ use crate::error::BuildError;
 use crate::input::crs::one_system;
 use crate::input::gps_times;
 use crate::input::intake::open_with;
-use esker_format::forest::TREES_MAX;
-use esker_format::{EskerFile, Forest, TreeRef};
+use esker_format::{EskerFile, Forest, TREES_MAX, TreeRef};
 use esker_points::Task;
 use esker_scan::Source;
 use esker_scan::las::gps_times;
 use std::path::{Path, PathBuf};
 
-/// Builds `out` from `inputs` onto the lattice of the file `old`, which it then names with all that `old`
-/// names; in the current rayon pool. Points off the lattice are rounded, points outside of it refused; the
-/// report counts them.
+/// Builds `out` from `inputs` onto the lattice of the file `old`, which it then names with all that
+/// `old` names; in the current rayon pool. Points off the lattice are rounded, points outside of it
+/// refused; the report counts them.
 ///
 /// # Errors
-/// As [`crate::build()`]; where `old` or what it names does not open; where they and the inputs are in
-/// different coordinate reference systems, unless the options say otherwise.
+/// As [`crate::build()`]; where `old` or what it names does not open; where they and the inputs are
+/// in different coordinate reference systems, unless the options say otherwise.
 pub fn append(
     old: &Path,
     inputs: &[PathBuf],
@@ -69,7 +68,8 @@ pub fn append_sources(
     Ok(report)
 }
 
-/// A line where GPS times of the old files and of the inputs don't compare, unless either's alone do not.
+/// A line where GPS times of the old files and of the inputs don't compare, unless either's alone
+/// do not.
 fn mixed_times(old: &Forest, sources: &[Box<dyn Source>]) -> Result<Option<String>, BuildError> {
     let (mut known, mut new) = (Vec::new(), Vec::new());
     for file in old.files() {

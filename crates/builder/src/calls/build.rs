@@ -21,9 +21,9 @@ use crate::sample::wires::has_wires;
 use crate::tree::levels::Raiser;
 use crate::tree::proof::{bounds_of, hash_of, prove, prove_merged};
 use crate::tree::subtree::assemble;
-use esker_format::table::NODE_BYTES_MAX;
 use esker_format::{
-    Codec, CrsRecord, FileWriter, Metadata, Normals, PageLayout, SourceRecord, Statistics,
+    Codec, CrsRecord, FileWriter, Metadata, NODE_BYTES_MAX, Normals, PageLayout, SourceRecord,
+    Statistics,
 };
 use esker_points::attribute::names;
 use esker_points::palette::Misfit;
@@ -38,16 +38,17 @@ use std::path::{Path, PathBuf};
 pub const CAPACITY_RANGE: std::ops::RangeInclusive<u32> = 64..=1 << 17;
 /// The least memory a build works with, in bytes.
 pub const MEMORY_BYTES_MIN: u64 = 256 << 20;
-/// A build has memory for the points of so many nodes, those of a chunk and the samples of cells that wait for others;
-/// or for so many copies of all.
+/// A build has memory for the points of so many nodes, those of a chunk and the samples of cells
+/// that wait for others; or for so many copies of all.
 const NODES_MIN: u64 = 80;
 const COPIES: u64 = 6;
-/// Memory that a build takes whatever works on it, and for each thread: nodes or samples in hand, and what the allocator
-/// keeps for it.
+/// Memory that a build takes whatever works on it, and for each thread: nodes or samples in hand,
+/// and what the allocator keeps for it.
 const BASE_BYTES: u64 = 128 << 20;
 const THREAD_BYTES: u64 = 56 << 20;
 
-/// More chunks than these are told to the journal, also where all rows are in memory: fewer are soon built again.
+/// More chunks than these are told to the journal, also where all rows are in memory: fewer are
+/// soon built again.
 const UNKEPT_CHUNKS: u64 = 16;
 
 /// Inputs that a message names.
@@ -70,7 +71,8 @@ pub struct Options {
     pub ignore_crs: bool,
     /// What becomes of a build that is cut short.
     pub resume: Resume,
-    /// What is taken from files that are there already: see [`crate::append()`] and [`crate::merge()`].
+    /// What is taken from files that are there already: see [`crate::append()`] and
+    /// [`crate::merge()`].
     pub onto: Onto,
     /// Where the normals that are drawn come from.
     pub normals: NormalsMode,
@@ -78,8 +80,8 @@ pub struct Options {
     pub sharp_features: bool,
     /// Whether the shapes of splats are told and kept; normals are estimated for it.
     pub tangents: bool,
-    /// Whether positions are kept a second time, with their colours in a palette: what is read and resident to draw them falls
-    /// from 12 bytes a point to 8.
+    /// Whether positions are kept a second time, with their colours in a palette: what is read and
+    /// resident to draw them falls from 12 bytes a point to 8.
     pub compact: bool,
 }
 
@@ -124,7 +126,8 @@ pub struct Report {
     pub peak_anon_bytes: u64,
     /// Greatest resident set, in bytes.
     pub peak_rss_bytes: u64,
-    /// What scratch would hold at once at most, as was estimated before work started; not where a build was gone on with.
+    /// What scratch would hold at once at most, as was estimated before work started; not where a
+    /// build was gone on with.
     pub scratch_bytes_estimated: Option<u64>,
     /// Bytes written to scratch.
     pub scratch_bytes: u64,
@@ -150,8 +153,8 @@ pub struct Report {
     pub notes: Vec<String>,
 }
 
-/// Builds `out` from `inputs`, in the current rayon pool, or in one of fewer threads where memory is scarce. Nothing is left
-/// under the final name where it fails.
+/// Builds `out` from `inputs`, in the current rayon pool, or in one of fewer threads where memory
+/// is scarce. Nothing is left under the final name where it fails.
 ///
 /// # Errors
 /// Where an input is damaged, space runs out, or on request.
@@ -200,8 +203,8 @@ pub fn build_sources(
         .map_err(BuildError::no_thread)?
 }
 
-/// As [`build_sources`], with the memory shared out as told, also less than any machine has: so the ways
-/// of clouds larger than memory can be tried on small ones.
+/// As [`build_sources`], with the memory shared out as told, also less than any machine has: so the
+/// ways of clouds larger than memory can be tried on small ones.
 ///
 /// # Errors
 /// As [`build`].
@@ -215,8 +218,8 @@ pub fn build_shared(
     check(&sources, options)?;
     let folder = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
     let scratch = Scratch::new(&folder)?;
-    // A journal without a file is of a build that is finished: it was stopped between its last two acts, taking its name and
-    // deleting its journal.
+    // A journal without a file is of a build that is finished: it was stopped between its last two
+    // acts, taking its name and deleting its journal.
     let was_cut = FileWriter::has_left(out);
     let goes_on = options.resume == Resume::Now && was_cut;
     let resume =
@@ -462,7 +465,8 @@ fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildErro
     one_system(said.iter().map(|(path, text)| (path.as_str(), *text)))
 }
 
-/// Refuses attributes of one name and type whose stored values mean different things in different files.
+/// Refuses attributes of one name and type whose stored values mean different things in different
+/// files.
 pub(crate) fn one_meaning<'a>(
     files: impl Iterator<Item = (&'a Path, &'a Schema)>,
 ) -> Result<(), BuildError> {
@@ -547,7 +551,8 @@ fn of_merged(
     SourceRecord { class: at.map_or(0, |i| plan.class_of[i]), ..record.clone() }
 }
 
-/// The notes on all sources; and a word where their reference systems differ, or what their GPS times are counted from.
+/// The notes on all sources; and a word where their reference systems differ, or what their GPS
+/// times are counted from.
 fn notes(metadata: &Metadata) -> Vec<String> {
     let mut out: Vec<String> = metadata
         .sources

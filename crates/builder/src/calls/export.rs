@@ -1,11 +1,11 @@
-//! From an .esker file, and those that it names, back to a scan format: tree by tree, the oldest first, the nodes
-//! that a filter wants, in the order of their pages, are read and decoded in parallel, encoded for the format, and
-//! written in order while the next ones are decoded. What the node table and the statistics show to be unwanted is
-//! not read. Without a filter, count and multiset hash of what was handed to the writer must be each footer's.
+//! From an .esker file, and those that it names, back to a scan format: tree by tree, the oldest
+//! first, the nodes that a filter wants, in the order of their pages, are read and decoded in
+//! parallel, encoded for the format, and written in order while the next ones are decoded. What the
+//! node table and the statistics show to be unwanted is not read. Without a filter, count and
+//! multiset hash of what was handed to the writer must be each footer's.
 
 use crate::error::BuildError;
-use esker_format::error::Fault;
-use esker_format::{EskerFile, Forest, FormatError, PagePoints, SourceRecord};
+use esker_format::{EskerFile, Fault, Forest, FormatError, PagePoints, SourceRecord};
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
 use esker_points::{AttrType, Attribute, Batch, Filter, MultisetHash, Schema, Task};
@@ -64,12 +64,13 @@ struct Part {
     read: u64,
 }
 
-/// Writes the points that `filter` wants of all trees to `out`, in the format that its ending names, in the current
-/// rayon pool. Nothing is left under the final name where it fails. A spacing is that of each tree's sample.
+/// Writes the points that `filter` wants of all trees to `out`, in the format that its ending
+/// names, in the current rayon pool. Nothing is left under the final name where it fails. A spacing
+/// is that of each tree's sample.
 ///
 /// # Errors
-/// Where a file is damaged, the format cannot hold the attributes, no point is wanted although there are some,
-/// the disk is full, or on request.
+/// Where a file is damaged, the format cannot hold the attributes, no point is wanted although
+/// there are some, the disk is full, or on request.
 pub fn export(
     forest: &Forest,
     out: &Path,
@@ -172,7 +173,7 @@ fn origin(file: &EskerFile, index: usize, record: &SourceRecord) -> Result<Origi
 /// The nodes of a tree that are wanted, in the order of their pages.
 fn plan(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Take>, BuildError> {
     let nodes = &tree.table().nodes;
-    let statistics = filter.asks_classes().then(|| tree.statistics()).transpose()?;
+    let statistics = filter.needs_classes().then(|| tree.statistics()).transpose()?;
     let all_have_one = tree.layout().all_have_one_of(&[(names::CLASSIFICATION, AttrType::U8)]);
     let mut takes = Vec::new();
     for (index, node) in (0u32..).zip(nodes) {
@@ -199,8 +200,8 @@ fn plan(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Take>, BuildErro
     Ok(takes)
 }
 
-/// Attributes that some points lack, and which are zero there in the export; unless the field has been made from another
-/// attribute of these points.
+/// Attributes that some points lack, and which are zero there in the export; unless the field has
+/// been made from another attribute of these points.
 fn note_absent(forest: &Forest, fields: &[usize]) -> Option<String> {
     let attributes = &forest.schema().attributes;
     let names: Vec<_> = (0..attributes.len())

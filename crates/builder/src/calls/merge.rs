@@ -1,6 +1,6 @@
-//! Merge: the points of all trees of a forest, or of several, become one tree again: as if it had been built from
-//! all scans at once onto the lattice that they lie on. Every point is kept exactly, and what is known of its
-//! source as well.
+//! Merge: the points of all trees of a forest, or of several, become one tree again: as if it had
+//! been built from all scans at once onto the lattice that they lie on. Every point is kept
+//! exactly, and what is known of its source as well.
 
 use crate::attributes::normals::NormalsMode;
 use crate::calls::append::{not_replaced, systems_of};
@@ -16,12 +16,13 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Builds `out` from the points of these files and of all that they name, in the current rayon pool; a file that
-/// is named twice is taken once.
+/// Builds `out` from the points of these files and of all that they name, in the current rayon
+/// pool; a file that is named twice is taken once.
 ///
 /// # Errors
 /// As [`crate::build()`]; where the files lie on different lattices, or are in different coordinate
-/// reference systems, unless the options say otherwise; where their points are not those that their footers tell.
+/// reference systems, unless the options say otherwise; where their points are not those that their
+/// footers tell.
 pub fn merge(
     files: &[PathBuf],
     out: &Path,
@@ -77,8 +78,8 @@ pub fn merge(
     Ok(Report { rounding_error_max, ..report })
 }
 
-/// What files have beside points and what is known of their sources is made anew where it is asked for, and else not: which options
-/// ask for it, if any are missing.
+/// What files have beside points and what is known of their sources is made anew where it is asked
+/// for, and else not: which options ask for it, if any are missing.
 fn not_taken_over(files: &[Arc<EskerFile>], options: &Options) -> Option<String> {
     let has = |kind| files.iter().any(|file| file.layout().has(kind));
     let is_estimated = files.iter().any(|file| file.metadata().normals.is_estimated());
@@ -99,7 +100,8 @@ fn not_taken_over(files: &[Arc<EskerFile>], options: &Options) -> Option<String>
         .then(|| format!("what was made for drawing is not taken over; {options} makes it again"))
 }
 
-/// What a file knows of its sources, blocks included, each with the path of what brings its points now.
+/// What a file knows of its sources, blocks included, each with the path of what brings its points
+/// now.
 fn records(file: &EskerFile) -> Result<Vec<(PathBuf, SourceRecord)>, BuildError> {
     let records = file.metadata().sources.iter().enumerate();
     let record = |(i, record): (usize, &SourceRecord)| {

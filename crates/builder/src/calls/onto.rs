@@ -1,5 +1,6 @@
-//! Building onto what there is: points are placed on a lattice that was chosen before. What lies between its
-//! steps is rounded, as everywhere; what lies outside of it is refused, and counted with the reason.
+//! Building onto what there is: points are placed on a lattice that was chosen before. What lies
+//! between its steps is rounded, as everywhere; what lies outside of it is refused, and counted
+//! with the reason.
 
 use esker_format::{SourceRecord, TreeRef};
 use esker_points::lattice::{Placement, REFUSED};

@@ -1,5 +1,6 @@
-//! Verify against the inputs: they are decoded again by the rule that the file recorded, and must be the
-//! same multiset of points. Those of a forest are those of its last tree, or of all its trees together.
+//! Verify against the inputs: they are decoded again by the rule that the file recorded, and must
+//! be the same multiset of points. Those of a forest are those of its last tree, or of all its
+//! trees together.
 
 use crate::calls::onto::{OFF_LATTICE, Within};
 use crate::error::BuildError;
@@ -73,12 +74,13 @@ impl<'a> Trees<'a> {
     }
 }
 
-/// Decodes `inputs` onto the forest's lattice and compares count and multiset hash with those of its last tree, or of
-/// all its trees, by how many inputs are named. The hashes in the footers are trusted here: [`esker_format::verify()`]
-/// compares them with the points.
+/// Decodes `inputs` onto the forest's lattice and compares count and multiset hash with those of
+/// its last tree, or of all its trees, by how many inputs are named. The hashes in the footers are
+/// trusted here: [`esker_format::verify()`] compares them with the points.
 ///
 /// # Errors
-/// [`BuildError::Differs`] where the points are not the same; where an input cannot be read; on request.
+/// [`BuildError::Differs`] where the points are not the same; where an input cannot be read; on
+/// request.
 pub fn against_forest(
     forest: &Forest,
     inputs: &[PathBuf],

@@ -1,6 +1,7 @@
-//! Inputs of one file must lie in one coordinate reference system: else they would stand in each other's places, or
-//! worlds apart. In: what the inputs say of theirs; out: nothing, or an error that names two that differ. An
-//! input that says nothing is taken to agree; so are two that tell the same numbers of the EPSG register, each in its way.
+//! Inputs of one file must lie in one coordinate reference system: else they would stand in each
+//! other's places, or worlds apart. In: what the inputs say of theirs; out: nothing, or an error
+//! that names two that differ. An input that says nothing is taken to agree; so are two that tell
+//! the same numbers of the EPSG register, each in its way.
 
 use crate::error::BuildError;
 use esker_scan::{Codes, codes};
@@ -63,8 +64,8 @@ pub fn are_same(a: &str, b: &str) -> bool {
     a == b || Told::new("", a).is_same(&Told::new("", b))
 }
 
-/// What two writers of the same system have in common: letters without case, no blanks outside of quotes, no
-/// citations of GeoTIFF.
+/// What two writers of the same system have in common: letters without case, no blanks outside of
+/// quotes, no citations of GeoTIFF.
 fn sense_of(text: &str) -> String {
     let mut quoted = false;
     let mut words = vec![String::new()];

@@ -1,5 +1,6 @@
-//! The points of an `.esker` file as an input: pages are read back to batches, exactly, on the lattice on which
-//! they are. A source has one set of attributes, so each class of a file's points is one of its own.
+//! The points of an `.esker` file as an input: pages are read back to batches, exactly, on the
+//! lattice on which they are. A source has one set of attributes, so each class of a file's points
+//! is one of its own.
 
 use crate::error::BuildError;
 use esker_format::{EskerFile, PagePoints};
@@ -11,7 +12,8 @@ use rayon::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Nodes that are read at once for each thread: enough to keep all busy, few enough for little memory.
+/// Nodes that are read at once for each thread: enough to keep all busy, few enough for little
+/// memory.
 const NODES_A_THREAD: usize = 2;
 
 /// The points of one class of a file.

@@ -1,5 +1,6 @@
-//! GPS times of inputs that are counted from different beginnings, seconds of a week and adjusted standard ones, are
-//! kept as they are, each with its source's global encoding; but they don't compare, which is told.
+//! GPS times of inputs that are counted from different beginnings, seconds of a week and adjusted
+//! standard ones, are kept as they are, each with its source's global encoding; but they don't
+//! compare, which is told.
 
 use esker_scan::las::GpsTimes;
 

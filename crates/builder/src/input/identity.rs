@@ -1,4 +1,5 @@
-//! What a build is made of, by name: options and inputs. A build goes on only where all of it is the same.
+//! What a build is made of, by name: options and inputs. A build goes on only where all of it is
+//! the same.
 
 use crate::budget::shares::Shares;
 use crate::calls::build::Options;

@@ -1,6 +1,6 @@
-//! Intake: opens the inputs, chooses lattice, schema and classes from what they say of themselves, and
-//! decodes each once into a partition. Where a header lied (a point off the lattice, colours of another
-//! depth), it begins again with what is true.
+//! Intake: opens the inputs, chooses lattice, schema and classes from what they say of themselves,
+//! and decodes each once into a partition. Where a header lied (a point off the lattice, colours of
+//! another depth), it begins again with what is true.
 
 use crate::budget::memory::Peak;
 use crate::error::BuildError;
@@ -20,11 +20,12 @@ use rayon::ScopeFifo;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
-/// Rows that a bucket should have: few enough for a core's cache, enough that a bucket costs nothing.
+/// Rows that a bucket should have: few enough for a core's cache, enough that a bucket costs
+/// nothing.
 const BUCKET_ROWS: u64 = 1 << 13;
 
-/// The longest step, in the file's unit: 2^32 of them squared, and what is drawn about them, are numbers
-/// for `f32`.
+/// The longest step, in the file's unit: 2^32 of them squared, and what is drawn about them, are
+/// numbers for `f32`.
 const SCALE_MAX: f64 = 1e26;
 
 /// The opened inputs, in byte order of their paths.
@@ -263,7 +264,8 @@ impl Intake {
         peak: &Peak,
     ) -> Result<(Plan, Taken), BuildError> {
         let mut earlier = self.resume(journal)?;
-        // A header may claim more room than its points have: the lattice must not be coarser for it.
+        // A header may claim more room than its points have: the lattice must not be coarser for
+        // it.
         let scale = self.plan()?.lattice.scale;
         let finest = |axis: usize| {
             self.grids.iter().map(|g| g.grid.scale[axis]).fold(f64::INFINITY, f64::min)
@@ -304,8 +306,8 @@ impl Intake {
         Err(BuildError::Options("the inputs change while they are read".into()))
     }
 
-    /// True bounds of this source and of all after it: where one header lies, others may, and each of them would start
-    /// the reading again.
+    /// True bounds of this source and of all after it: where one header lies, others may, and each
+    /// of them would start the reading again.
     fn measure(&mut self, from: usize, task: &dyn Task) -> Result<(), BuildError> {
         task.phase("measuring", None, "points");
         for (source, grid) in self.sources.iter().zip(&mut self.grids).skip(from) {
@@ -392,7 +394,8 @@ impl Intake {
                 Ok(report) => taking.reports.push(report),
                 Err(ScanError::OffLattice { .. }) => return Ok(Err(Void::Bounds(i))),
                 Err(e) => {
-                    // A later build goes on with what is in scratch. What stopped this one is told first.
+                    // A later build goes on with what is in scratch. What stopped this one is told
+                    // first.
                     let _ = taking.tell();
                     return Err(BuildError::from_sink(e));
                 }
@@ -417,16 +420,16 @@ impl Intake {
             (min, max) = ([0; 3], [u32::MAX; 3]);
         }
         let buckets = (self.points_hint() / BUCKET_ROWS).clamp(64, BUCKETS_MAX as u64);
-        // Scans are surfaces: their cells are counted on the box's largest side. Of volumes there are more,
-        // and they coarsen.
+        // Scans are surfaces: their cells are counted on the box's largest side. Of volumes there
+        // are more, and they coarsen.
         let mut edges = [0, 1, 2].map(|i| u64::from(max[i] - min[i]));
         edges.sort_unstable();
         let cells = |log2: u8| ((edges[2] >> log2) + 1).saturating_mul((edges[1] >> log2) + 1);
         (0..32).rev().find(|&log2| cells(log2) >= buckets).unwrap_or(0)
     }
 
-    /// Compares what the colours were taken for with what they are. Where the sources of a class agree,
-    /// the class is put right; else everything must be read again with what is now known.
+    /// Compares what the colours were taken for with what they are. Where the sources of a class
+    /// agree, the class is put right; else everything must be read again with what is now known.
     fn correct_colours(&mut self, plan: &mut Plan, reports: &[ReadReport]) -> Option<Void> {
         if self.forced_depth {
             return None;

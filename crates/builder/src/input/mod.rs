@@ -1,4 +1,5 @@
-//! From scans to rows: opens the inputs, chooses lattice, schema and classes, decodes each input once.
+//! From scans to rows: opens the inputs, chooses lattice, schema and classes, decodes each input
+//! once.
 
 pub(crate) mod crs;
 pub(crate) mod esker_source;

@@ -1,5 +1,5 @@
-//! Taking points in: batches become rows in a partition, on all cores; and whenever memory is full, all rows go to
-//! scratch, and the journal is told how far the inputs are taken in.
+//! Taking points in: batches become rows in a partition, on all cores; and whenever memory is full,
+//! all rows go to scratch, and the journal is told how far the inputs are taken in.
 
 use crate::error::BuildError;
 use crate::input::intake::{Intake, Plan, Taken};
@@ -171,8 +171,8 @@ impl<'a> Taking<'a> {
         if self.partition.is_full() { self.spill() } else { Ok(()) }
     }
 
-    /// All that was taken in. Once anything has gone to scratch, everything does, so that memory is free for
-    /// building.
+    /// All that was taken in. Once anything has gone to scratch, everything does, so that memory is
+    /// free for building.
     ///
     /// # Errors
     /// Where scratch space fails.
@@ -268,7 +268,8 @@ impl<'a> Taking<'a> {
     }
 }
 
-/// Octahedral codes of the directions from points to where they were scanned from, if that is known of all.
+/// Octahedral codes of the directions from points to where they were scanned from, if that is known
+/// of all.
 fn towards_scanner(batch: &Batch, info: &SourceInfo, lattice: &Lattice) -> Option<Vec<[i16; 2]>> {
     let scanner = info.scanner.as_ref()?;
     let ids = batch.schema.find_typed(names::POINT_SOURCE_ID, AttrType::U16);

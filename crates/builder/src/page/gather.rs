@@ -1,4 +1,5 @@
-//! Gathering: a node's own rows, wherever they lie in a chunk, as the columns of its page, and their hash.
+//! Gathers the rows of a node, scattered over a chunk, into the columns of its page, and hashes
+//! them.
 
 use crate::rows::row::{Rows, copy_row, position};
 use crate::sample::cell::Context;
@@ -7,13 +8,14 @@ use esker_points::MultisetHash;
 use esker_points::fetch::fetch;
 use std::ops::Range;
 
-/// Rows whose columns are filled together: they stay in the first-level cache meanwhile.
+/// Rows whose columns are filled together; they stay in the first-level cache.
 const BLOCK_ROWS: usize = 256;
-/// So many rows before it is copied, a row is asked for.
+/// Rows between one that is copied and the one that is prefetched.
 const AHEAD: usize = 24;
 
 impl Context {
-    /// The columns of a page, and the hash of its points.
+    /// Makes the columns of a page from the rows `own`, in their order; also returns the hash of
+    /// the points.
     pub fn page_points(
         &self,
         rows: &Rows<'_>,
@@ -35,7 +37,8 @@ impl Context {
         let mut block = vec![0; BLOCK_ROWS * rows.stride];
         for (start, some) in (0..).step_by(BLOCK_ROWS).zip(own.chunks(BLOCK_ROWS)) {
             let block = &mut block[..some.len() * rows.stride];
-            // Copied before anything is made of them: so many far reads are under way at once.
+            // Rows are copied before they are processed, so that many distant reads are in flight
+            // at once.
             for ((row, &i), at) in block.chunks_exact_mut(rows.stride).zip(some).zip(start..) {
                 if let Some(&ahead) = own.get(at + AHEAD) {
                     let ahead = rows.row(ahead);
@@ -66,7 +69,7 @@ impl Context {
     }
 }
 
-/// Appends the `N` bytes at `at` of each row; of [`BLOCK_ROWS`] at most.
+/// Appends the `N` bytes at `at` of each row, of at most [`BLOCK_ROWS`] rows.
 fn take<const N: usize>(rows: &Rows<'_>, at: usize, column: &mut Vec<u8>) {
     let mut values = [[0u8; N]; BLOCK_ROWS];
     for (value, row) in values.iter_mut().zip(rows.bytes.chunks_exact(rows.stride)) {

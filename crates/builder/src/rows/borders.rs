@@ -1,6 +1,6 @@
-//! What chunks need of each other to estimate normals: the positions near the faces of each chunk's cell, put
-//! aside in scratch before the first chunk is built, since rows are given back chunk by chunk. A chunk's halo
-//! is what others have put aside within the reach of its cell.
+//! What chunks need of each other to estimate normals: the positions near the faces of each chunk's
+//! cell, put aside in scratch before the first chunk is built, since rows are given back chunk by
+//! chunk. A chunk's halo is what others have put aside within the reach of its cell.
 
 use crate::attributes::density::Density;
 use crate::attributes::normals::{Bounds, estimate, turned_to};
@@ -107,13 +107,15 @@ impl Borders {
         Ok(())
     }
 
-    /// Forgets what this cell has put aside: where it lies. The others stay in their order, which halos are in.
+    /// Forgets what this cell has put aside: where it lies. The others stay in their order, which
+    /// halos are in.
     pub fn forget(&mut self, cell: &Cell) -> Vec<Extent> {
         let at = self.cells.iter().position(|(other, _)| other == cell);
         at.map_or_else(Vec::new, |at| self.cells.remove(at).1)
     }
 
-    /// Estimates the normals of a chunk's sorted rows, which are all of the cell's; with the content of scratch.
+    /// Estimates the normals of a chunk's sorted rows, which are all of the cell's; with the
+    /// content of scratch.
     pub fn estimate(&self, cell: &Cell, rows: &mut [u8], scratch: &Map) {
         let stride = self.rows.bytes();
         let own: Vec<[u32; 3]> = rows.par_chunks_exact(stride).map(position).collect();

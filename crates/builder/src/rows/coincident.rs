@@ -1,5 +1,5 @@
-//! More coincident points than memory holds, in the order of their records: as many at a time as it holds, between rows
-//! that a sample tells, so that it needs passes rather than space.
+//! More coincident points than memory holds, in the order of their records: as many at a time as it
+//! holds, between rows that a sample tells, so that it needs passes rather than space.
 
 use crate::error::BuildError;
 use esker_points::Task;
@@ -78,8 +78,8 @@ impl<'a> Coincident<'a> {
         rows.filter(move |row| is_within(row, bounds))
     }
 
-    /// Rows between two bounds, ascending, at least one of the so many that there are: memory mostly holds what is between
-    /// neighbours.
+    /// Rows between two bounds, ascending, at least one of the so many that there are: memory
+    /// mostly holds what is between neighbours.
     fn pivots(&self, bounds: [Option<&'a [u8]>; 2], count: u64) -> Vec<&'a [u8]> {
         let parts = count.div_ceil(self.rows_max).saturating_mul(2);
         let wanted = parts.saturating_mul(SAMPLE_ROWS);
@@ -100,7 +100,8 @@ impl<'a> Coincident<'a> {
         pivots
     }
 
-    /// How many rows there are between two bounds before the first pivot, like it, between it and the next one, and so on.
+    /// How many rows there are between two bounds before the first pivot, like it, between it and
+    /// the next one, and so on.
     fn counts(&self, bounds: [Option<&'a [u8]>; 2], pivots: &[&[u8]]) -> Vec<u64> {
         let none = || vec![0; 2 * pivots.len() + 1];
         let count = |mut counts: Vec<u64>, row: &[u8]| {

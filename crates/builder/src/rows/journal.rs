@@ -1,7 +1,8 @@
-//! The journal of a build: what is done, record after record, so that a build that was cut short goes on where it
-//! was. It lies beside the output under a hidden name. A record is whole or counts for nothing: each has a length and
-//! a CRC-32, and what follows the last whole one is dropped. Records come in the order of the steps of a build, which
-//! does not depend on time; so a phase asks for the next record, and where there is none, does the work and tells.
+//! The journal of a build: what is done, record after record, so that a build that was cut short
+//! goes on where it was. It lies beside the output under a hidden name. A record is whole or counts
+//! for nothing: each has a length and a CRC-32, and what follows the last whole one is dropped.
+//! Records come in the order of the steps of a build, which does not depend on time; so a phase
+//! asks for the next record, and where there is none, does the work and tells.
 
 use crate::error::BuildError;
 use crate::input::identity::Identity;
@@ -44,8 +45,9 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// The journal of a build of `out`: of an earlier one, where this is to go on with it and there is one. Else what
-    /// an earlier one has left is deleted. The caller must hold the output's lock.
+    /// The journal of a build of `out`: of an earlier one, where this is to go on with it and there
+    /// is one. Else what an earlier one has left is deleted. The caller must hold the output's
+    /// lock.
     ///
     /// # Errors
     /// Where an earlier build was made of something else, or its journal is damaged.
@@ -152,7 +154,7 @@ impl Journal {
         self.is_begun() && self.upcoming.is_none()
     }
 
-    /// Whether what is told now of rows in scratch is kept.
+    /// Whether the journal records rows in scratch.
     pub fn keeps_rows(&self) -> bool {
         self.is_live() && self.rows.is_some()
     }
@@ -209,7 +211,8 @@ impl Journal {
         }
     }
 
-    /// Keeps a record, where it is live. What the record speaks of must have been handed to the system before.
+    /// Keeps a record, where it is live. What the record speaks of must have been handed to the
+    /// system before.
     ///
     /// # Errors
     /// Where the disk is full.

@@ -1,5 +1,5 @@
-//! The bytes of a journal's records. Numbers are as the machine has them: only the machine that wrote a journal
-//! goes on from it.
+//! The bytes of a journal's records. Numbers are as the machine has them: only the machine that
+//! wrote a journal goes on from it.
 
 use bytemuck::{AnyBitPattern, NoUninit};
 

@@ -1,4 +1,5 @@
-//! Points while they are moved about: rows, partitions, sorting, scratch files, the journal of a build.
+//! Points while they are moved about: rows, partitions, sorting, scratch files, the journal of a
+//! build.
 
 pub(crate) mod borders;
 pub(crate) mod coincident;

@@ -1,7 +1,7 @@
-//! Partition: rows go to buckets by the cell they lie in, in memory while they fit, else to scratch. A block
-//! of rows is sorted into cells on any thread; buckets then take its parts as they lie. Cells are of one
-//! size that coarsens when there are too many, so no bounds need be known beforehand and lying ones do no
-//! harm.
+//! Partition: rows go to buckets by the cell they lie in, in memory while they fit, else to
+//! scratch. A block of rows is sorted into cells on any thread; buckets then take its parts as they
+//! lie. Cells are of one size that coarsens when there are too many, so no bounds need be known
+//! beforehand and lying ones do no harm.
 
 use crate::error::BuildError;
 use crate::rows::journal_record::{Reading, Record};
@@ -27,8 +27,8 @@ pub struct Block {
 type Part = ([u32; 3], Range<u32>);
 
 impl Block {
-    /// Sorts rows into cells of `2^log2` steps: `positions` is what stands in the rows that `fill` hands
-    /// over in the same order, whole ones, any number at a time. Below 2^32 rows.
+    /// Sorts rows into cells of `2^log2` steps: `positions` is what stands in the rows that `fill`
+    /// hands over in the same order, whole ones, any number at a time. Below 2^32 rows.
     pub fn new(
         stride: usize,
         log2: u8,
@@ -68,7 +68,8 @@ impl Block {
     }
 }
 
-/// Which cell each position lies in, numbered as they come, and the cells with the count of their positions.
+/// Which cell each position lies in, numbered as they come, and the cells with the count of their
+/// positions.
 fn parts_of(log2: u8, positions: impl Iterator<Item = [u32; 3]>) -> (Vec<u32>, Vec<Part>) {
     let mut parts: Vec<Part> = Vec::new();
     let mut by_corner = Cells::default();
@@ -198,8 +199,8 @@ pub struct Partition {
 }
 
 impl Partition {
-    /// An empty partition into cells of `2^log2` steps; rows beyond `buffer_bytes_max` go to scratch, which is
-    /// likely to happen where it `is_spilling`.
+    /// An empty partition into cells of `2^log2` steps; rows beyond `buffer_bytes_max` go to
+    /// scratch, which is likely to happen where it `is_spilling`.
     pub fn new(stride: usize, log2: u8, buffer_bytes_max: usize, is_spilling: bool) -> Self {
         Self {
             stride,
@@ -296,8 +297,8 @@ impl Partition {
         self.buckets = joined;
     }
 
-    /// Moves all rows in memory to scratch, along the Morton curve: what is built together lies together. What
-    /// goes where; it is on its way until [`Scratch::flush`].
+    /// Moves all rows in memory to scratch, along the Morton curve: what is built together lies
+    /// together. What goes where; it is on its way until [`Scratch::flush`].
     ///
     /// # Errors
     /// Where scratch space fails, for these rows or those before.
@@ -322,8 +323,8 @@ impl Partition {
         Ok(Spilled { log2: self.log2, parts })
     }
 
-    /// The buckets along the Morton curve; once anything has gone to scratch, everything does, so that
-    /// memory is free for building.
+    /// The buckets along the Morton curve; once anything has gone to scratch, everything does, so
+    /// that memory is free for building.
     ///
     /// # Errors
     /// Where scratch space fails.

@@ -1,6 +1,7 @@
-//! Rows: the builder's own record of a point while it is moved about. x, y, z on the lattice, the values
-//! of all attributes of the file's schema in canonical order (absent ones zero), and the point's class
-//! where there are several; where normals are estimated, room for one. Comparing rows bytewise after the coordinates breaks ties.
+//! Rows: the builder's own record of a point while it is moved about. x, y, z on the lattice, the
+//! values of all attributes of the file's schema in canonical order (absent ones zero), and the
+//! point's class where there are several; where normals are estimated, room for one. Comparing rows
+//! bytewise after the coordinates breaks ties.
 
 use esker_points::clip::CLIP_BYTES;
 use esker_points::tangents::{Shape, axis_code, axis_of};
@@ -83,7 +84,8 @@ impl RowLayout {
         }
     }
 
-    /// The same with room for an estimated normal; until it is, for the direction to the scanner, or up.
+    /// The same with room for an estimated normal; until it is, for the direction to the scanner,
+    /// or up.
     pub fn with_normals(mut self) -> Self {
         self.normal_at = Some(self.bytes);
         self.bytes += 4;
@@ -255,8 +257,8 @@ fn put<const N: usize>(rows: &mut [u8], stride: usize, at: usize, values: &[u8])
     }
 }
 
-/// Copies a row, by words of known size, the last of which overlaps the one before where the row is no multiple of them.
-/// No loop: that would be a call for each row.
+/// Copies a row, by words of known size, the last of which overlaps the one before where the row is
+/// no multiple of them. No loop: that would be a call for each row.
 #[inline]
 pub fn copy_row(to: &mut [u8], from: &[u8]) {
     const WORD: usize = 16;

@@ -1,6 +1,7 @@
-//! Scratch space: few files of rows, each appended to, also by a thread of its own meanwhile, mapped to read, given back piece
-//! by piece as it is consumed. They have no names, or some where a later build may go on with them. Their pages are the system's to drop: they are no
-//! anonymous memory.
+//! Scratch space: few files of rows, each appended to, also by a thread of its own meanwhile,
+//! mapped to read, given back piece by piece as it is consumed. They have no names, or some where a
+//! later build may go on with them. Their pages are the system's to drop: they are no anonymous
+//! memory.
 
 use crate::error::BuildError;
 use crate::rows::journal_record::{Reading, Record};
@@ -12,13 +13,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 
-/// Files at most. As many as threads are written to at once, since a system lets one thread at a time write to a file.
+/// Files at most. As many as threads are written to at once, since a system lets one thread at a
+/// time write to a file.
 const FILES_MAX: usize = 8;
 /// Bytes written to a file together.
 const WRITE_BYTES: usize = 1 << 20;
 /// All that a thread needs that waits for the disk.
 const STACK_BYTES: usize = 128 << 10;
-/// How names of files of rows begin and end; those of all but the first have a number before the end.
+/// How names of files of rows begin and end; those of all but the first have a number before the
+/// end.
 const NAME: [&str; 2] = [".esker-", ".rows"];
 
 /// A run of bytes in a scratch file.
@@ -188,8 +191,8 @@ impl Scratch {
         })
     }
 
-    /// Gives the files, in which nothing is yet, names that can be kept in a journal, if their folder's has letters. That of
-    /// the first.
+    /// Gives the files, in which nothing is yet, names that can be kept in a journal, if their
+    /// folder's has letters. That of the first.
     ///
     /// # Errors
     /// Where the folder takes no file.
@@ -209,7 +212,8 @@ impl Scratch {
         Ok(self.path.as_deref())
     }
 
-    /// Takes the files of an earlier build, up to one that is not there; [`Scratch::restore`] is to be told what is in them.
+    /// Takes the files of an earlier build, up to one that is not there; [`Scratch::restore`] is to
+    /// be told what is in them.
     ///
     /// # Errors
     /// Where the first is not there, or one cannot be opened.
@@ -240,7 +244,8 @@ impl Scratch {
         Ok(())
     }
 
-    /// These extents are in the files that were reopened, and nothing behind them. Whether that can be.
+    /// These extents are in the files that were reopened, and nothing behind them. Whether that can
+    /// be.
     ///
     /// # Errors
     /// Where the disk fails.
@@ -301,8 +306,9 @@ impl Scratch {
         Ok(extent)
     }
 
-    /// Appends parts, each of which is runs that come to lie behind each other, while the caller goes on: what it asks next of
-    /// the files waits for them, and has their errors. Where each part will be.
+    /// Appends parts, each of which is runs that come to lie behind each other, while the caller
+    /// goes on: what it asks next of the files waits for them, and has their errors. Where each
+    /// part will be.
     ///
     /// # Errors
     /// Where the disk is full, for what was appended before; where the system gives no thread.
@@ -396,19 +402,20 @@ impl Scratch {
     /// Where the disk is full, or the system refuses a mapping.
     pub fn map(&mut self) -> Result<Map, BuildError> {
         self.flush()?;
-        // SAFETY: this process alone holds the files: they have no names, or random ones of this user's, which the
-        // journal of an output alone knows, and the output is locked; they are only appended to, cut only when
-        // no extent is left (`clear` takes `&mut self` where no map lives), and holes
-        // are punched only in extents that nobody reads any more (whoever parts rows may still have slices of them, but is
-        // past them), so the mapped bytes never change under a reader and a mapping never reaches past its file's end.
+        // SAFETY: this process alone holds the files: they have no names, or random ones of this
+        // user's, which the journal of an output alone knows, and the output is locked; they are
+        // only appended to, cut only when no extent is left (`clear` takes `&mut self` where no map
+        // lives), and holes are punched only in extents that nobody reads any more (whoever parts
+        // rows may still have slices of them, but is past them), so the mapped bytes never change
+        // under a reader and a mapping never reaches past its file's end.
         let map = |rows: &Growing| unsafe { Mmap::map(rows.file.get_ref()) };
         let maps: io::Result<Vec<Mmap>> = self.files.iter().map(map).collect();
         let failed = |e| BuildError::scratch(&self.folder, "cannot map scratch data", e);
         maps.map(Map).map_err(failed)
     }
 
-    /// Gives the space of extents back to the system, neighbours together. Best effort: what is not given
-    /// back is freed at the end.
+    /// Gives the space of extents back to the system, neighbours together. Best effort: what is not
+    /// given back is freed at the end.
     pub fn release(&mut self, mut extents: Vec<Extent>) {
         extents.sort_unstable_by_key(|e| (e.file, e.offset));
         for run in extents.chunk_by(|a, b| a.file == b.file && a.offset + a.bytes == b.offset) {

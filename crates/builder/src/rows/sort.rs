@@ -1,12 +1,13 @@
-//! Sorting: the rows of each bucket along the Morton curve, ties by the record. Buckets are cells along the
-//! curve, so one after the other they are sorted as a whole; each by itself fits a core's cache.
+//! Sorting: the rows of each bucket along the Morton curve, ties by the record. Buckets are cells
+//! along the curve, so one after the other they are sorted as a whole; each by itself fits a core's
+//! cache.
 
 use crate::rows::row::{copy_row, position};
 use esker_points::{Cell, morton};
 use rayon::prelude::*;
 
-/// Rows of more runs than one are brought together first, where they are at most so many bytes: half of
-/// what a core's second-level cache commonly holds.
+/// Rows of more runs than one are brought together first, where they are at most so many bytes:
+/// half of what a core's second-level cache commonly holds.
 const STAGED_BYTES: usize = 512 << 10;
 /// Buckets of more rows are sorted by several tasks.
 const TASK_ROWS: usize = 1 << 16;
@@ -18,8 +19,8 @@ struct Staging {
     keys: Vec<u64>,
 }
 
-/// Sorts the rows of buckets that follow each other along the curve; of each bucket its runs, below 2^32
-/// rows in all. `out` is overwritten and has only the sorted rows.
+/// Sorts the rows of buckets that follow each other along the curve; of each bucket its runs, below
+/// 2^32 rows in all. `out` is overwritten and has only the sorted rows.
 pub fn sort(buckets: &[Vec<&[u8]>], stride: usize, out: &mut Vec<u8>) {
     let bytes = |runs: &Vec<&[u8]>| runs.iter().map(|r| r.len()).sum::<usize>();
     out.resize(buckets.iter().map(bytes).sum(), 0);
@@ -79,8 +80,9 @@ impl<'a> Runs<'a> {
         Cell::enclosing(min, max)
     }
 
-    /// Sorts the rows into `out`, which they fill. A key is the upper bits of the code within the rows'
-    /// own cell, as many as 64 bits leave beside the row's number; what is alike there is compared.
+    /// Sorts the rows into `out`, which they fill. A key is the upper bits of the code within the
+    /// rows' own cell, as many as 64 bits leave beside the row's number; what is alike there is
+    /// compared.
     fn sort(&self, keys: &mut Vec<u64>, out: &mut [u8]) {
         if self.rows == 0 {
             return;
@@ -116,8 +118,9 @@ impl<'a> Runs<'a> {
             .for_each(|(slot, key)| copy_row(slot, self.row((*key & mask) as u32)));
     }
 
-    /// Puts keys that differ in their index alone into the order of their rows; each row is looked up
-    /// once, not for each comparison. `is_part` where keys have a part of the code only; else what is alike coincides.
+    /// Puts keys that differ in their index alone into the order of their rows; each row is looked
+    /// up once, not for each comparison. `is_part` where keys have a part of the code only; else
+    /// what is alike coincides.
     fn sort_ties(&self, keys: &mut [u64], index_bits: u32, is_part: bool) {
         let mask = (1u64 << index_bits) - 1;
         let mut rows: Vec<(u128, &[u8], u64)> = Vec::new();

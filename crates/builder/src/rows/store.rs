@@ -1,5 +1,6 @@
-//! The files that a tree is built between: scratch, where rows come from; the file, where pages go; and the journal,
-//! which is told of pages when they are written, and of rows before they are given back.
+//! The files that a tree is built between: scratch, where rows come from; the file, where pages go;
+//! and the journal, which is told of pages when they are written, and of rows before they are given
+//! back.
 
 use crate::error::BuildError;
 use crate::rows::borders::{self, Borders, cell_of};
@@ -69,8 +70,8 @@ impl Store {
         if bucket.extents.is_empty() { Ok(None) } else { self.scratch.map().map(Some) }
     }
 
-    /// Holds that rows in scratch which an earlier build may have put there are those of a bucket: a system that
-    /// went down may have lost them.
+    /// Holds that rows in scratch which an earlier build may have put there are those of a bucket:
+    /// a system that went down may have lost them.
     ///
     /// # Errors
     /// Where they are not.
@@ -92,7 +93,8 @@ impl Store {
         Err(self.journal.damaged("its scratch file"))
     }
 
-    /// The rows of a chunk, wherever they lie; and what others have put aside for it, where any has.
+    /// The rows of a chunk, wherever they lie; and what others have put aside for it, where any
+    /// has.
     ///
     /// # Errors
     /// Where scratch fails, or rows of an earlier build are damaged.
@@ -150,7 +152,8 @@ impl Store {
         }
     }
 
-    /// Gives back what a cell has put aside whose parts are to: that is all of it that others may need, and more.
+    /// Gives back what a cell has put aside whose parts are to: that is all of it that others may
+    /// need, and more.
     pub fn forget_aside(&mut self, cell: &Cell) {
         let extents = self.borders.as_mut().map(|borders| borders.forget(cell));
         self.scratch.release(extents.unwrap_or_default());
@@ -205,7 +208,8 @@ impl Store {
         if self.journal.rows().is_some() { self.journal.ask(kind) } else { Ok(None) }
     }
 
-    /// What the journal has next of the parts of a bucket of rows of `stride` bytes; they then are the bucket's no more.
+    /// What the journal has next of the parts of a bucket of rows of `stride` bytes; they then are
+    /// the bucket's no more.
     ///
     /// # Errors
     /// Where it is damaged.
@@ -243,7 +247,8 @@ pub struct Stored {
 }
 
 impl Stored {
-    /// Sorts them into `rows`, with their normals where borders are known, and lets go of them; where in scratch they lie.
+    /// Sorts them into `rows`, with their normals where borders are known, and lets go of them;
+    /// where in scratch they lie.
     pub fn load(
         self,
         layout: &RowLayout,

@@ -1,36 +1,38 @@
-//! The points that a cell may choose from, in columns along the Morton curve: the points of any octree cell then
-//! stand together, and neighbours are found by cells without sorting anything.
+//! The points that a cell may choose from, in columns along the Morton curve. In this order the
+//! points of any octree cell are contiguous, so neighbours are found by cells without sorting
+//! anything.
 
 use crate::rows::row::Rows;
 use esker_points::{Cell, morton};
 use std::borrow::Cow;
 
-/// Bits of a coordinate along an axis where steps are no cubes, and points must be sorted anew.
+/// Bits of a coordinate where the steps of the axes differ, and points are quantised and sorted
+/// anew.
 const BITS: u32 = 21;
 
-/// Points in integer coordinates, whose steps are cubes.
+/// Points in integer coordinates whose steps are cubes.
 pub struct Candidates {
-    /// Coordinates, none negative.
+    /// Coordinates in steps, none negative.
     pub q: Vec<[i32; 3]>,
-    /// Which of the offered points each is; empty where they stand as they were offered.
+    /// Index of each point among the offered points; empty if the points are in the offered order.
     offer: Vec<u32>,
-    /// Log2 of the edge, in steps, of the smallest octree cell that a point shares with the one before it;
-    /// [`Candidates::ALONE`] for the first.
+    /// Log2 of the edge, in steps, of the smallest octree cell that a point shares with the one
+    /// before it; [`Candidates::ALONE`] for the first.
     pub shared_log2: Vec<u8>,
-    /// How many points are the first in their octree cell, by the log2 of its edge.
+    /// Number of occupied octree cells, by the log2 of their edge.
     pub firsts: [u32; Self::ALONE as usize],
     /// Length of a step, in the file's unit.
     pub step: f64,
-    /// ASPRS classes; empty where they matter not.
+    /// ASPRS classes; empty if they are not needed.
     pub classes: Vec<u8>,
 }
 
 impl Candidates {
-    /// Above the log2 of any cell's edge.
+    /// Greater than the log2 of any cell's edge.
     pub const ALONE: u8 = 32;
 
-    /// The rows `offered`, which are sorted along the curve, of a cell. Their classes, where these matter, are at `class_at` in
-    /// each.
+    /// Collects the rows `offered` of `cell`, which are sorted along the curve. `class_at` is the
+    /// byte of a row that holds the class, if classes are needed.
     pub fn new(
         rows: &Rows<'_>,
         offered: &[u32],
@@ -40,11 +42,12 @@ impl Candidates {
     ) -> Self {
         let mut classes = Vec::with_capacity(class_at.map_or(0, |_| offered.len()));
         if scale[0] == scale[1] && scale[1] == scale[2] {
-            // A step is lost where a cell is the whole lattice, so that differences fit.
+            // In a cell as large as the lattice the lowest bit is dropped, so that differences fit
+            // `i32`.
             let shift = u32::from(cell.log2 == 32);
             let local = |row| {
                 let ([x, y, z], [x0, y0, z0]) = (rows.position(row), cell.corner);
-                // Beside the position: read here, it waits for no memory.
+                // Read here, beside the position, the class is already in the cache.
                 classes.extend(class_at.map(|at| rows.row(row)[at]));
                 [((x - x0) >> shift) as i32, ((y - y0) >> shift) as i32, ((z - z0) >> shift) as i32]
             };
@@ -54,7 +57,7 @@ impl Candidates {
         Self::resorted(rows, offered, scale, class_at)
     }
 
-    /// Where steps have other lengths along other axes, positions are quantised to cubes and sorted.
+    /// Quantises positions to cubes and sorts them, for axes with different steps.
     fn resorted(
         rows: &Rows<'_>,
         offered: &[u32],
@@ -89,7 +92,8 @@ impl Candidates {
     fn sorted(q: Vec<[i32; 3]>, offer: Vec<u32>, step: f64, classes: Vec<u8>) -> Self {
         let shared_log2 = shared_log2(&q);
         let mut firsts = [0; Self::ALONE as usize];
-        // Neighbours are mostly alike: each of four has a count of its own, so that none waits for the one before.
+        // Neighbours are mostly equal. Four tables of counts keep an increment from waiting for the
+        // one before it.
         let mut counts = [[0u32; 1 << u8::BITS]; 4];
         for alike in shared_log2.chunks(counts.len()) {
             let counted = counts.iter_mut().zip(alike);
@@ -103,7 +107,7 @@ impl Candidates {
         Self { q, offer, shared_log2, firsts, step, classes }
     }
 
-    /// What there is for each offered point, brought along the curve; nothing stays nothing.
+    /// Brings values of the offered points into the order of the curve; an empty slice stays empty.
     pub fn along_curve<'a, T: Copy>(&self, values: &'a [T]) -> Cow<'a, [T]> {
         if values.is_empty() || self.offer.is_empty() {
             return values.into();
@@ -111,7 +115,7 @@ impl Candidates {
         self.offer.iter().map(|&offer| values[offer as usize]).collect()
     }
 
-    /// What there is for each point along the curve, brought into the order in which they were offered.
+    /// Brings values of the points along the curve into the order in which they were offered.
     pub fn as_offered<T: Copy + Default>(&self, values: Vec<T>) -> Vec<T> {
         if self.offer.is_empty() {
             return values;
@@ -121,7 +125,8 @@ impl Candidates {
         out
     }
 
-    /// The same of those that are wanted, by their places along the curve.
+    /// Variant of [`Candidates::as_offered`] for the wanted points only; `is_wanted` is in the
+    /// order of the curve.
     pub fn some_as_offered<T>(
         &self,
         values: Vec<T>,
@@ -136,15 +141,18 @@ impl Candidates {
         keyed.into_iter().map(|(_, value)| value).collect()
     }
 
-    /// Of those of the points that are wanted, by their places along the curve, [`Candidates::shared_log2`] of their own.
+    /// Returns [`Candidates::shared_log2`] of the wanted points alone; `is_wanted` is in the order
+    /// of the curve.
     pub fn shared_of(&self, is_wanted: impl Iterator<Item = bool>) -> Vec<u8> {
         let mut shared = vec![0; self.len()];
         let mut wanted = 0;
-        // What lies between two points along the curve shares no larger cell with them than they do.
+        // The smallest cell that two points share is the largest that any neighbours between them
+        // share.
         let mut outer = Self::ALONE;
         for (&log2, is_wanted) in self.shared_log2.iter().zip(is_wanted) {
             outer = outer.max(log2);
-            // Written in any case, to be written over: no guess what is wanted goes wrong.
+            // The value is written in any case and overwritten if the point is not wanted: without
+            // a branch nothing is mispredicted.
             shared[wanted] = outer;
             wanted += usize::from(is_wanted);
             outer = if is_wanted { 0 } else { outer };
@@ -153,7 +161,7 @@ impl Candidates {
         shared
     }
 
-    /// Number of places that have points: what coincides has one.
+    /// Number of distinct positions.
     pub fn places(&self) -> usize {
         self.firsts[0] as usize
     }
@@ -164,10 +172,10 @@ impl Candidates {
     }
 }
 
-/// Of points along the Morton curve, none with a negative coordinate, the log2 of the edge of the smallest cell shared
-/// with the one before.
+/// Returns, for points along the Morton curve without negative coordinates, the log2 of the edge of
+/// the smallest cell that each shares with the point before it.
 fn shared_log2(q: &[[i32; 3]]) -> Vec<u8> {
-    // No cell has both.
+    // Flipped signs: no cell contains the first point and this one.
     let mut before = q.first().map_or([0; 3], |first| first.map(|c| c ^ i32::MIN));
     let mut shared = Vec::with_capacity(q.len());
     shared.extend(q.iter().map(|p| {
@@ -183,12 +191,12 @@ pub(crate) mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Rows of bare positions.
+    /// Rows that hold positions only.
     pub fn rows_of(points: &[[u32; 3]]) -> Vec<u8> {
         points.iter().flatten().flat_map(|c| c.to_le_bytes()).collect()
     }
 
-    /// Positions as candidates, in the smallest cell that holds them.
+    /// Makes positions to candidates of the smallest cell that holds them.
     pub fn candidates_of(points: &[[u32; 3]], scale: [f64; 3]) -> Candidates {
         let mut points = points.to_vec();
         points.sort_unstable_by_key(|&p| morton::encode3(p));
@@ -200,7 +208,7 @@ pub(crate) mod tests {
 
     proptest! {
         #[test]
-        fn a_part_of_points_shares_what_it_does_alone(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, every in 1usize..9) {
+        fn shared_cells_of_a_subset_are_those_of_the_subset_alone(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, every in 1usize..9) {
             let points: Vec<_> = points.iter().map(|p| p.map(|c| c >> small)).collect();
             let all = candidates_of(&points, [0.5; 3]);
             let part: Vec<_> = all.q.iter().copied().skip(every / 2).step_by(every).collect();
@@ -209,12 +217,12 @@ pub(crate) mod tests {
         }
 
         #[test]
-        fn points_of_a_cell_stand_together(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, cubic: bool) {
+        fn points_of_a_cell_are_contiguous(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, cubic: bool) {
             let points: Vec<_> = points.iter().map(|p| p.map(|c| c >> small)).collect();
             let candidates = candidates_of(&points, if cubic { [0.5; 3] } else { [0.5, 2.0, 0.1] });
             let places = candidates.as_offered((0..points.len() as u16).collect());
             prop_assert!(candidates.along_curve(&places).iter().zip(0..).all(|(&place, i)| place == i));
-            // Offered points in the order of their numbers, wherever they stand along the curve.
+            // Values of wanted points come back in the order of the offered points.
             let numbers: Vec<u16> = (0..points.len() as u16).collect();
             let along = candidates.along_curve(&numbers);
             let is_wanted = |number: &u16| number % 3 == 1;

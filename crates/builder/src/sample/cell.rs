@@ -1,19 +1,20 @@
-//! The tree, bottom-up: a cell with no more points than a node holds offers them all; a larger one offers
-//! an even sample of what its children offer, and what it takes, they lose. A node can be finished, and its
-//! page made, once the cell above has taken its share. A cell that has few points left gives them to the node above.
+//! Builds the octree bottom-up (after `kanzok2015`, section 3.1): a leaf offers all of its points,
+//! a larger cell an even sample of what its children offer; the children lose the points it takes.
+//! A node is finished, and its page encoded, once the cell above has taken its share. A small leaf
+//! gives the rest of its points to the node above. See docs/design/building.md.
 
 use crate::attributes::clips::Clips;
 use crate::page::histograms::Counts;
 use crate::rows::row::{RowLayout, Rows};
 use crate::sample::candidates::Candidates;
-use crate::sample::choose::{choose, place};
-use crate::sample::compact::places_of;
+use crate::sample::choose::{assign_turns, choose};
+use crate::sample::compact::indices_of;
 use crate::sample::contour;
 use crate::sample::fringe::{self, Offer};
 use crate::sample::order::{order, parts};
-use crate::sample::pending::{Below, Cut, Pending};
+use crate::sample::pending::{Below, PendingCell, ReadyCell};
 use crate::sample::shape::{Moments, Shape};
-use crate::sample::spacing::{Picked, radii};
+use crate::sample::spacing::{TurnCounts, radii};
 use crate::sample::turns::LAST_TURN;
 use crate::sample::wires;
 use crate::tree::subtree::{Children, Subtree};
@@ -24,41 +25,44 @@ use esker_points::tangents::TANGENT_BYTES;
 use esker_points::{Cell, Node, morton, quant};
 use std::ops::Range;
 
-/// A radius is at most so many times its node's spacing: a lone point must not become a blob.
+/// Largest radius in spacings of the node, so that a lone point does not become a blob.
 const RADIUS_SPACINGS_MAX: f64 = 8.0;
-/// And at most so many times the spacing of the sample above, which is its typical distance, not its greatest.
+/// Largest radius in spacings of the sample above. More than 1, since the spacing is the typical
+/// distance in that sample, not the greatest.
 const RADIUS_ABOVE_MAX: f64 = 1.5;
-/// A cloud of fewer points shows no surface: they are drawn as dots, of so many spacings.
+/// A cloud of fewer points shows no surface: its points are drawn as dots, with a radius of
+/// `DOT_SPACINGS`.
 const SURFACE_POINTS: usize = 32;
 const DOT_SPACINGS: f64 = 1.0 / 32.0;
-/// Cells with few points give what is left of them to the node above, where they cost no node of their own: together
-/// at most this part of what a node holds, so that it stays an even sample.
+/// Small leaves give the rest of their points to the node above, since they are not worth a node.
+/// The points given are at most 1 / `GIVEN` of a node's capacity, so that the node stays an even
+/// sample.
 const GIVEN: usize = 16;
-/// A cell is not split before it has so many nodes' points.
+/// Nodes' worth of points up to which a cell is not split.
 pub const LEAF_NODES: usize = 2;
 
-/// What every step of the building knows.
+/// Settings and sums that all steps of a build share.
 pub struct Context {
-    /// Rows.
+    /// Layout of the rows.
     pub rows: RowLayout,
-    /// Pages.
+    /// Layout of the pages.
     pub pages: PageLayout,
-    /// Where in a row the ASPRS class of a point is, where any is of a wire.
+    /// Byte of a row that holds the ASPRS class; `None` if no point is on a wire.
     pub class_at: Option<usize>,
-    /// Length of a step, an axis.
+    /// Length of a step on each axis, in the file's unit.
     pub scale: [f64; 3],
-    /// The clip lines that points have, where any does.
+    /// Source of clip lines, if the file has any.
     pub clips: Option<Clips>,
-    /// Points a node holds.
+    /// Largest number of points of a node.
     pub capacity: usize,
-    /// What nodes have counted.
+    /// Histograms of the nodes finished so far.
     pub counts: Counts,
 }
 
 impl Context {
-    /// A cell that is not split: it offers all of its points.
-    pub fn leaf(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> Pending {
-        Pending {
+    /// Makes a cell that is not split, which offers all of its points.
+    pub fn leaf(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> PendingCell {
+        PendingCell {
             cell,
             moments: Moments::of(points.clone().map(|i| rows.position(i)), &cell),
             sampled: points.len(),
@@ -70,14 +74,15 @@ impl Context {
         }
     }
 
-    /// Points that a cell may have without being split. What the cells above leave of them may be more than a node
-    /// holds: then nodes continue it.
+    /// Number of points up to which a cell is not split. What the cells above leave of them may
+    /// exceed the capacity of a node; further nodes then continue it.
     pub fn leaf_points_max(&self) -> usize {
         self.capacity * LEAF_NODES
     }
 
-    /// More coincident points than a leaf may have: the first offers itself, the rest continues it.
-    pub fn coincident(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> Pending {
+    /// Makes a cell of coincident points that exceed the limit of a leaf. As many as a node holds
+    /// are offered; nodes that continue the leaf hold the rest.
+    pub fn coincident(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> PendingCell {
         let first = points.start + self.capacity as u32;
         let mut head = self.leaf(rows, points.start..first, cell);
         head.below = Below::Coincident(first..points.end);
@@ -85,7 +90,7 @@ impl Context {
         head
     }
 
-    /// As many rows at a time as a node holds.
+    /// Cuts `rows` into ranges of a node's capacity.
     fn nodeful(&self, rows: Range<u32>) -> impl DoubleEndedIterator<Item = Range<u32>> {
         let capacity = self.capacity as u32;
         rows.clone()
@@ -93,11 +98,12 @@ impl Context {
             .map(move |i| i..rows.end.min(i.saturating_add(capacity)))
     }
 
-    /// A node that continues the one above it in the same cell, and the moments of its points.
+    /// Finishes a node that continues the one above it in the same cell. Returns it with the
+    /// moments of its points.
     pub fn continuation(
         &self,
         rows: &Rows<'_>,
-        pending: Pending,
+        pending: PendingCell,
         counts: &Counts,
     ) -> Option<(Moments, Subtree)> {
         let moments = pending.moments;
@@ -106,29 +112,32 @@ impl Context {
         Some((moments, node))
     }
 
-    /// A cell made of the cells in it: takes an even sample of what they offer. They are yet to be finished.
-    pub fn combine(&self, rows: &Rows<'_>, cell: Cell, children: Vec<Pending>) -> Pending {
+    /// Makes a cell of its children by taking an even sample of the points that they offer. The
+    /// children are ready to be finished, but are not finished here.
+    pub fn combine(&self, rows: &Rows<'_>, cell: Cell, children: Vec<PendingCell>) -> PendingCell {
         let mut moments = Moments::default();
         children.iter().for_each(|c| moments.merge(&c.moments));
         let mut offered: Vec<u32> = Vec::with_capacity(children.iter().map(|c| c.sampled).sum());
         children.iter().for_each(|c| offered.extend_from_slice(&c.offered[..c.sampled]));
         let candidates = Candidates::new(rows, &offered, &cell, self.scale, self.class_at);
-        let placed = Pending::placed(&children, offered.len());
-        // What is left of cells with few points has its place beside the sample.
+        let turns_below = PendingCell::turns_below(&children, offered.len());
+        // Room is left beside the sample for the points that small cells give.
         let (few, given_max) = self.few(&children);
-        // No cell offers less than is chosen, so none is chosen from to a finer radius than its own sample has.
+        // The sample is never larger than those it is chosen from. Otherwise its spacing would be
+        // finer than that of the cells below.
         let samples = children.iter().filter(|c| !c.is_leaf()).map(|c| c.sampled);
         let points = samples.chain([self.capacity - given_max]).min().unwrap_or(1);
         let shape = Shape::of(moments.covariance(self.scale));
         let dimension = shape.dimension_of(points.min(candidates.places()));
-        let mut turns = choose(&candidates, &placed, points, self.edge(&cell), dimension);
-        let shares = Pending::shares(&children, offered.len());
+        let mut turns = choose(&candidates, &turns_below, points, self.edge(&cell), dimension);
+        let shares = PendingCell::shares(&children, offered.len());
         let mut parts = Vec::with_capacity(children.len());
         let mut start = 0;
         for child in children {
             let part = start..start + child.sampled;
             start = part.end;
-            // A node keeps a point of its own, or it could not stand between the one above and those below.
+            // A child with nodes below keeps a point of its own: a node without points cannot link
+            // the node above to those below.
             let own = &mut turns[part.clone()];
             if child.has_below()
                 && own.iter().all(|turn| *turn != LAST_TURN)
@@ -138,13 +147,14 @@ impl Context {
             }
             parts.push((child, part));
         }
-        let chosen = places_of(&turns, |&turn| turn != LAST_TURN);
-        // Right above leaves it would cost three times as much for half as many radii, of which none is as far off.
+        let chosen = indices_of(&turns, |&turn| turn != LAST_TURN);
+        // Radii of samples right above leaves are not narrowed: that would take three times as long
+        // for half as many radii, none of which is as far off.
         let is_high = parts.iter().any(|(child, _)| !child.is_leaf());
         let own: Vec<u16> = chosen.iter().map(|&i| turns[i as usize]).collect();
         let drawn = [chosen.len(), moments.count as usize];
-        let above = self.spacing(&Picked::of(&own), drawn, dimension, None);
-        let mut pending = Pending {
+        let above = self.spacing(&TurnCounts::of(&own), drawn, dimension, None);
+        let mut pending = PendingCell {
             cell,
             moments,
             offered: chosen.iter().map(|&i| offered[i as usize]).collect(),
@@ -166,17 +176,23 @@ impl Context {
             self.give(rows, child, (&turns[part], shares), above, &mut pending);
         }
         let parts = parts.into_iter();
-        let cut = parts.map(|(pending, part)| Cut { pending, taken: turns[part].to_vec(), above });
-        pending.below = Below::Cut(cut.collect());
+        let ready =
+            parts.map(|(pending, part)| ReadyCell { pending, taken: turns[part].to_vec(), above });
+        pending.below = Below::Ready(ready.collect());
         pending
     }
 
-    /// The nodes below a cell that do not wait for others: what coincides with its points continues it.
-    pub fn nodes_below(&self, rows: &Rows<'_>, pending: &mut Pending, counts: &Counts) -> Children {
+    /// Finishes the nodes below a cell that wait for no others: coincident points that continue it.
+    pub fn nodes_below(
+        &self,
+        rows: &Rows<'_>,
+        pending: &mut PendingCell,
+        counts: &Counts,
+    ) -> Children {
         let mut below = Children::default();
         match std::mem::take(&mut pending.below) {
             Below::Finished(children) => below = children,
-            Below::Cut(_) | Below::Elsewhere { .. } => (),
+            Below::Ready(_) | Below::Elsewhere { .. } => (),
             Below::Coincident(rest) => {
                 below = self.coincident_below(rows, rest, pending.cell, counts);
             }
@@ -184,7 +200,7 @@ impl Context {
         below
     }
 
-    /// The nodes of rows that coincide with what a cell offers, a chain.
+    /// Finishes a chain of nodes for rows that coincide with the points of a cell.
     pub fn coincident_below(
         &self,
         rows: &Rows<'_>,
@@ -203,8 +219,9 @@ impl Context {
         below
     }
 
-    /// Which cells have few points, and how many those are, as far as the node above has room for them.
-    fn few(&self, children: &[Pending]) -> (Vec<bool>, usize) {
+    /// Marks the small leaves that fit into the node above, the smallest first; also returns their
+    /// number of points.
+    fn few(&self, children: &[PendingCell]) -> (Vec<bool>, usize) {
         let mut least: Vec<usize> =
             (0..children.len()).filter(|&i| children[i].is_leaf()).collect();
         least.sort_by_key(|&i| children[i].sampled);
@@ -216,17 +233,17 @@ impl Context {
         (few, points)
     }
 
-    /// The shares of what is offered, and of which cells below have told `shares`, as the cells in `parts` that end now change
-    /// them; the sample has the spacing `above`.
+    /// Updates `shares`, the shares of radii of the offered points, for the cells in `parts` that
+    /// end here. `above` is the spacing of the sample. See [`fringe::shares`].
     fn shares(
         &self,
         candidates: &Candidates,
         mut shares: Vec<f32>,
-        parts: &[(Pending, Range<usize>)],
+        parts: &[(PendingCell, Range<usize>)],
         (few, turns): (&[bool], &[u16]),
         above: f64,
     ) -> Vec<f32> {
-        let offer = |((child, part), &is_few): (&(Pending, Range<usize>), &bool)| {
+        let offer = |((child, part), &is_few): (&(PendingCell, Range<usize>), &bool)| {
             let is_taken = || turns[part.clone()].iter().all(|turn| *turn != LAST_TURN);
             let weight = child.moments.count as f32 / child.sampled as f32;
             Offer { ends: is_few || (child.is_leaf() && is_taken()), weight }
@@ -243,19 +260,19 @@ impl Context {
         shares
     }
 
-    /// Gives what is left of a leaf to the cell above, whose sample has the spacing `above`.
+    /// Gives the rest of a leaf to the cell above, whose sample has the spacing `above`.
     fn give(
         &self,
         rows: &Rows<'_>,
-        mut leaf: Pending,
+        mut leaf: PendingCell,
         (taken, shares): (&[u16], &[f32]),
         above: f64,
-        to: &mut Pending,
+        to: &mut PendingCell,
     ) {
         let shape = Shape::of(leaf.moments.covariance(self.scale));
-        let dimension = self.place(rows, &mut leaf, taken, Some(above), &shape);
+        let dimension = self.assign_turns(rows, &mut leaf, taken, Some(above), &shape);
         let drawn = [leaf.sampled, leaf.moments.count as usize];
-        let spacing = self.spacing(&leaf.picked(), drawn, dimension, Some(above)) as f32;
+        let spacing = self.spacing(&leaf.turn_counts(), drawn, dimension, Some(above)) as f32;
         for i in (0..leaf.sampled).filter(|&i| taken[i] == LAST_TURN) {
             to.offered.push(leaf.offered[i]);
             to.turns.push(leaf.turns[i]);
@@ -266,11 +283,11 @@ impl Context {
         }
     }
 
-    /// Gives a leaf's points their turns and radii. The dimension in which they stand.
-    fn place(
+    /// Assigns turns and radii to the points of a leaf. Returns the dimension of their shape.
+    fn assign_turns(
         &self,
         rows: &Rows<'_>,
-        leaf: &mut Pending,
+        leaf: &mut PendingCell,
         taken: &[u16],
         above: Option<f64>,
         shape: &Shape,
@@ -278,20 +295,21 @@ impl Context {
         let candidates =
             Candidates::new(rows, &leaf.offered, &leaf.cell, self.scale, self.class_at);
         let dimension = shape.dimension_of(candidates.places());
-        leaf.turns = place(&candidates, taken, above, self.edge(&leaf.cell), dimension);
+        leaf.turns = assign_turns(&candidates, taken, above, self.edge(&leaf.cell), dimension);
         let drawn = [leaf.sampled, leaf.moments.count as usize];
-        let spacing = || self.spacing(&leaf.picked(), drawn, dimension, above);
+        let spacing = || self.spacing(&leaf.turn_counts(), drawn, dimension, above);
         leaf.radii = self.radii(&candidates, &leaf.turns, dimension, (spacing, false));
         dimension
     }
 
-    /// Finishes a cell, but for cells below which are not, and of whose offer the cell above, whose sample has the spacing `above`, has taken those points that
-    /// have a turn in `taken`. What a node does not hold continues it. `None` where nothing is left, which only happens
-    /// to cells without children (see [`Context::combine`]).
+    /// Finishes the node of a cell; nodes that continue it hold what exceeds the capacity. The cell
+    /// above has taken the points that have a turn in `taken`; its sample has the spacing `above`.
+    /// Children that are not finished yet are left out. Returns `None` if no point is left, which
+    /// happens only to cells without children (see [`Context::combine`]).
     pub fn finish(
         &self,
         rows: &Rows<'_>,
-        mut pending: Pending,
+        mut pending: PendingCell,
         taken: &[u16],
         above: Option<f64>,
         counts: &Counts,
@@ -299,14 +317,14 @@ impl Context {
         let mut below = self.nodes_below(rows, &mut pending, counts);
         let shape = Shape::of(pending.moments.covariance(self.scale));
         let dimension = if pending.turns.is_empty() {
-            self.place(rows, &mut pending, taken, above, &shape)
+            self.assign_turns(rows, &mut pending, taken, above, &shape)
         } else {
             shape.dimension_of(pending.sampled)
         };
         if let Some(above) = above {
             pending.radii.iter_mut().for_each(|radius| *radius = radius.min(widest(above)));
         }
-        let mut own = places_of(taken, |&turn| turn == LAST_TURN);
+        let mut own = indices_of(taken, |&turn| turn == LAST_TURN);
         own.extend(taken.len() as u32..pending.offered.len() as u32);
         let sampled = pending.sampled;
         let is_given = |i: u32| i as usize >= sampled;
@@ -319,7 +337,7 @@ impl Context {
         let count = own.len().div_ceil(self.capacity) as u32;
         let part_of = if count > 1 { parts(&turns, count as usize) } else { vec![0; own.len()] };
         let mut drawn = pending.sampled;
-        let (picked, total) = (pending.picked(), pending.moments.count as usize);
+        let (picked, total) = (pending.turn_counts(), pending.moments.count as usize);
         let spacing = |drawn| self.spacing(&picked, [drawn, total], dimension, above);
         let full = spacing(drawn);
         if above.is_none() && total < SURFACE_POINTS {
@@ -344,8 +362,9 @@ impl Context {
         None
     }
 
-    /// The radii, in the file's unit, of those of the offered points that have a turn, and this spacing; what is wide is looked
-    /// at again on wires, and of samples above others anywhere.
+    /// Computes the radii, in the file's unit, of the offered points that have a turn. Radii that
+    /// are wide beside `spacing` are narrowed on wires, and elsewhere if `is_high`: if the cell is
+    /// not right above leaves.
     fn radii(
         &self,
         candidates: &Candidates,
@@ -358,7 +377,7 @@ impl Context {
         let mut steps = radii(&candidates.shared_of(is_wanted()), dimension);
         if is_high || wires::has_any(&candidates.classes) {
             let spacing = spacing() / candidates.step;
-            let places = places_of(&turns, |&turn| turn != LAST_TURN);
+            let places = indices_of(&turns, |&turn| turn != LAST_TURN);
             wires::narrow(&mut steps, spacing, &places, candidates);
             if is_high {
                 let q = || places.iter().map(|&place| candidates.q[place as usize]).collect();
@@ -369,9 +388,9 @@ impl Context {
         candidates.some_as_offered(steps.into_iter().map(in_unit).collect(), is_wanted())
     }
 
-    /// The sample that no other is above reaches no farther than to the points around, as samples above others do: nothing else keeps
-    /// its radii from being wide where a surface only grazes a cell.
-    fn narrow_uppermost(&self, rows: &Rows<'_>, pending: &mut Pending, spacing: f64) {
+    /// Narrows the radii of the root's sample to the distance of the points around, as those of
+    /// other samples above leaves. No sample above bounds them where a surface only grazes a cell.
+    fn narrow_uppermost(&self, rows: &Rows<'_>, pending: &mut PendingCell, spacing: f64) {
         let sampled = pending.sampled;
         let candidates =
             Candidates::new(rows, &pending.offered[..sampled], &pending.cell, self.scale, None);
@@ -387,12 +406,12 @@ impl Context {
             .for_each(|(radius, narrow)| *radius = radius.min(narrow));
     }
 
-    /// A node of some of a cell's points, which are drawn with this spacing and, once all of the cell's are, with
-    /// the second.
+    /// Encodes a node of some points of a cell. `spacing` is that with these points drawn, `full`
+    /// that with all points of the cell drawn.
     fn node(
         &self,
         rows: &Rows<'_>,
-        pending: &Pending,
+        pending: &PendingCell,
         points: &[u32],
         dimension: u32,
         [spacing, full]: [f64; 2],
@@ -408,7 +427,7 @@ impl Context {
             };
             quant::radius_code(spacings * spacing, spacing)
         };
-        // Neighbours mostly have the same.
+        // Consecutive points mostly have the same radius.
         let mut last = (0.0, code(0.0));
         let along_curve = points.iter().map(|&i| {
             let radius = pending.radii[i as usize];
@@ -448,10 +467,11 @@ impl Context {
         Subtree { node, page, statistics, hash, bounds, children: Children::default() }
     }
 
-    /// The spacing of the first `drawn` of `total` points of a cell: never more than that of the sample above, never zero.
+    /// Spacing of the first `drawn` of `total` points of a cell: at most that of the sample above,
+    /// never zero.
     fn spacing(
         &self,
-        picked: &Picked,
+        picked: &TurnCounts,
         [drawn, total]: [usize; 2],
         dimension: u32,
         above: Option<f64>,
@@ -463,23 +483,24 @@ impl Context {
             Some(above) if few || own > above => above,
             _ => own,
         };
-        // Half the largest f32 keeps a multiple of it finite.
+        // Leaves room for multiples below the largest `f32`.
         spacing.clamp(step.max(1e-30), 1e30)
     }
 
-    /// The edge of a cell, in the file's unit, along the axis of the longest steps.
+    /// Edge of a cell, in the file's unit, along the axis of the longest steps.
     fn edge(&self, cell: &Cell) -> f64 {
         self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * cell.edge() as f64
     }
 }
 
-/// The widest radius of what a sample with this spacing has not taken: that sample is no farther from it, so that few points of
-/// a surface which reaches over a border of cells are no discs on it.
+/// Widest radius of a point that a sample of spacing `above` has not taken. A point of that sample
+/// is within its spacing, so a wider disc is not needed to close a surface that crosses a border of
+/// cells.
 fn widest(above: f64) -> f32 {
     (above * RADIUS_ABOVE_MAX) as f32
 }
 
-/// Sets the integer box of a node's own points, and returns it; there is at least one.
+/// Sets the integer box of a node's own points, of which there is at least one, and returns it.
 fn set_box(node: &mut Node, positions: &[[u32; 3]]) -> [[u32; 3]; 2] {
     let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
     for p in positions {

@@ -1,23 +1,23 @@
-//! Lists which of many are as asked, without a branch for each: where that is as good as chance, half the guesses of a processor
-//! would go wrong.
+//! Branch-free compaction: lists the indices of items that satisfy a predicate, 64 at a time. Where
+//! the predicate is as good as random, a branch would be mispredicted every second time.
 
-/// How many are looked at together.
-pub const TOGETHER: usize = 64;
+/// Number of items tested together.
+pub const GROUP: usize = 64;
 
-/// The places of those that are as asked.
-pub fn places_of<T>(of: &[T], is_so: impl Fn(&T) -> bool) -> Vec<u32> {
-    let mut places = Vec::new();
-    for (start, of) in (0..).step_by(TOGETHER).zip(of.chunks(TOGETHER)) {
-        list(start, bits_of(of, &is_so), &mut places);
+/// Returns the indices of the items that match.
+pub fn indices_of<T>(items: &[T], matches: impl Fn(&T) -> bool) -> Vec<u32> {
+    let mut indices = Vec::new();
+    for (start, items) in (0..).step_by(GROUP).zip(items.chunks(GROUP)) {
+        push_indices(start, mask_of(items, &matches), &mut indices);
     }
-    places
+    indices
 }
 
-/// A bit for each of up to [`TOGETHER`].
+/// Returns a bit for each of up to [`GROUP`] items.
 #[inline(always)]
-pub fn bits_of<T>(of: &[T], is_so: impl Fn(&T) -> bool) -> u64 {
-    let mut bytes = [0; TOGETHER];
-    bytes.iter_mut().zip(of).for_each(|(byte, of)| *byte = u8::from(is_so(of)));
+pub fn mask_of<T>(items: &[T], matches: impl Fn(&T) -> bool) -> u64 {
+    let mut bytes = [0; GROUP];
+    bytes.iter_mut().zip(items).for_each(|(byte, item)| *byte = u8::from(matches(item)));
     let sixteen = bytes.as_chunks::<16>().0.iter().rev().map(|bytes| {
         let signs = wide::u8x16::from(*bytes).simd_eq(wide::u8x16::splat(1));
         u64::from(signs.to_bitmask())
@@ -25,16 +25,16 @@ pub fn bits_of<T>(of: &[T], is_so: impl Fn(&T) -> bool) -> u64 {
     sixteen.fold(0, |bits, sixteen| bits << 16 | sixteen)
 }
 
-/// Adds the places, from `start` on, of the bits that are set.
+/// Appends the indices, from `start` on, of the bits that are set.
 #[inline(always)]
-pub fn list(start: u32, mut bits: u64, to: &mut Vec<u32>) {
-    let mut places = [0; TOGETHER];
+pub fn push_indices(start: u32, mut bits: u64, to: &mut Vec<u32>) {
+    let mut indices = [0; GROUP];
     let count = bits.count_ones() as usize;
-    for place in &mut places[..count] {
-        *place = start + bits.trailing_zeros();
+    for index in &mut indices[..count] {
+        *index = start + bits.trailing_zeros();
         bits &= bits - 1;
     }
-    to.extend_from_slice(&places[..count]);
+    to.extend_from_slice(&indices[..count]);
 }
 
 #[cfg(test)]
@@ -44,9 +44,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn places_are_those_of_a_filter(of in prop::collection::vec(0u8..9, 0..300), least in 0u8..9) {
-            let filtered = (0..).zip(&of).filter(|(_, v)| **v >= least).map(|(i, _)| i);
-            prop_assert_eq!(places_of(&of, |v| *v >= least), filtered.collect::<Vec<u32>>());
+        fn indices_are_those_of_a_filter(items in prop::collection::vec(0u8..9, 0..300), least in 0u8..9) {
+            let filtered = (0..).zip(&items).filter(|(_, v)| **v >= least).map(|(i, _)| i);
+            prop_assert_eq!(indices_of(&items, |v| *v >= least), filtered.collect::<Vec<u32>>());
         }
     }
 }

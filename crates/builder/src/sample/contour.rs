@@ -1,22 +1,24 @@
-//! The contour of a node: the box around its own points, oriented along their shape where that is flat
-//! enough, else along the lattice's axes (kanzok2015, section 3.1), grown by the rounding of hot positions;
-//! and which of 8 x 8 parts of its plane and of its sides hold points. It is not grown by drawn radii: how wide a splat is
-//! drawn depends on the cut, so who draws splats whose centres are out of view grows the box then.
+//! The contour of a node (`kanzok2015`, section 3.1): the box around its own points, oriented along
+//! their shape if that is flat or long, else along the axes of the lattice, grown by the rounding
+//! of hot positions; and masks of the 8 x 8 parts of three of its sides that hold points. The box
+//! is not grown by radii: the drawn width of a splat depends on the cut, so the box is grown where
+//! splats of hidden centres are drawn.
 
 use crate::sample::shape::{Moments, Shape};
 use esker_points::node::{ALL_SIDES, SHAPE_ORIENTED, Sides, pack_rotation};
 use esker_points::{Cell, Node};
 use fearless_simd::{Level, Simd, dispatch};
 
-/// Points whose places are looked at in step.
+/// Points processed together.
 const LANES: usize = 4;
 /// Parts along an axis.
 const PARTS: usize = 8;
-/// From here on, up to twice as much, an `f64` counts whole numbers in its lowest bits.
+/// 2^52: from here to twice as much, the lowest bits of an `f64` are an integer.
 const WHOLE: f64 = (1u64 << 52) as f64;
 
-/// Sets contour, occupancy and orientation of `node` (whose cell is set) for these lattice positions,
-/// each of which is drawn at most `reach`, in the file's unit, off its place. Gives the contour's sides.
+/// Sets contour, occupancy and orientation of `node`, whose cell is set, for these lattice
+/// positions. Each is drawn at most `reach`, in the file's unit, off its position. Returns the
+/// masks of the other two sides.
 pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: f64) -> Sides {
     let cell = Cell { corner: node.corner, log2: node.cell_log2 };
     let shape = Shape::of(Moments::of(positions.iter().copied(), &cell).covariance(scale));
@@ -32,7 +34,7 @@ pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: 
     let middle = [0, 1, 2].map(|i| (low[i] + high[i]) / 2.0);
     let centre: [f32; 3] =
         [0, 1, 2].map(|k| (0..3).map(|i| middle[i] * axes[i][k]).sum::<f64>() as f32);
-    // The stored centre is rounded: the box is measured about where it really is.
+    // The stored centre is rounded: half extents are measured from the rounded one.
     let about = axes.map(|axis| dot(&axis, centre.map(f64::from)));
     let half = [0, 1, 2].map(|i| {
         let exact = (high[i] - about[i]).max(about[i] - low[i]) + reach;
@@ -60,7 +62,8 @@ pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: 
     if positions.is_empty() { ALL_SIDES } else { [masks[1], masks[2]] }
 }
 
-/// Axes about a cell's corner. Loops over points are inlined, and so compiled for the processor that they find.
+/// Axes around the corner of a cell. Loops over points are inlined, and so compiled for the vector
+/// instructions that are detected at run time.
 struct Frame {
     corner: [u32; 3],
     scale: [f64; 3],
@@ -68,7 +71,7 @@ struct Frame {
 }
 
 impl Frame {
-    /// How far points lie along each axis.
+    /// Coordinates of points along each axis.
     #[inline(always)]
     fn along(&self, points: &[[u32; 3]; LANES]) -> [[f64; LANES]; 3] {
         let (mut local, mut out) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
@@ -86,7 +89,7 @@ impl Frame {
         out
     }
 
-    /// The least and greatest place of points along each axis; zero of no point.
+    /// Least and greatest coordinates along each axis; zero if there is no point.
     #[inline(always)]
     fn extent(&self, positions: &[[u32; 3]]) -> [[f64; 3]; 2] {
         let (mut low, mut high) = ([[f64::INFINITY; LANES]; 3], [[f64::NEG_INFINITY; LANES]; 3]);
@@ -110,7 +113,8 @@ impl Frame {
         ]
     }
 
-    /// Which of 8 x 8 x 8 parts of a box about a place have points: by their parts along the second axis, the first, the third.
+    /// Marks which of the 8 x 8 x 8 parts of a box around `about`, with the sides `across`, hold
+    /// points; indexed by the part along the second axis, the first, the third.
     #[inline(always)]
     fn parts(
         &self,
@@ -137,7 +141,7 @@ impl Frame {
     }
 }
 
-/// Points, so many at a time; the last one several times where they don't come out even.
+/// Cuts points into groups of [`LANES`]; the last one is repeated to fill the last group.
 #[inline(always)]
 fn in_step(positions: &[[u32; 3]]) -> impl Iterator<Item = [[u32; 3]; LANES]> {
     let (some, rest) = positions.as_chunks::<LANES>();
@@ -154,7 +158,7 @@ fn dot(a: &[f64; 3], p: [f64; 3]) -> f64 {
     a[0] * p[0] + a[1] * p[1] + a[2] * p[2]
 }
 
-/// The lattice's axes, the longest extent first, right-handed.
+/// Axes of the lattice, the longest extent first, right-handed.
 fn upright_axes(positions: &[[u32; 3]], scale: [f64; 3]) -> [[f64; 3]; 3] {
     let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
     for p in positions {

@@ -1,4 +1,5 @@
-//! Which points represent a cell: thinning, spacing, radii, order and shape of a node's points.
+//! Selects the points that represent a cell: thinning, spacing, radii, order and shape of the
+//! points of a node.
 
 pub(crate) mod candidates;
 pub(crate) mod cell;

@@ -1,24 +1,25 @@
-//! The order of a node's points: level by level, within a level in strata, within a stratum along the
-//! Morton curve. A level is what thinning picks in an octave of turns, while its radius halves, so a prefix is an
-//! even sample.
+//! The order of a node's points: level by level; within a level in strata; within a stratum along
+//! the Morton curve. A level is an octave of turns, in which the radius of thinning halves, so a
+//! prefix of whole strata is an even sample.
 
 use crate::sample::turns::TURNS_PER_OCTAVE;
 use esker_points::node::LEVELS_MAX;
 use esker_points::strata::{STRATA, residue, stratum_len};
 
-/// The first levels, too small to be worth a prefix each, are one until they have so many points.
+/// Points up to which the first levels are joined, since they are too small to be worth a prefix
+/// each.
 const FIRST_LEVEL_POINTS: usize = 32;
 
 /// Points in drawing order, and the points of each level.
 pub struct Order {
-    /// Indices of the points given.
+    /// Indices into the points given.
     pub points: Vec<u32>,
     /// Points of each level, at most [`LEVELS_MAX`] levels.
     pub levels: Vec<usize>,
 }
 
-/// Sequence numbers of points along the curve, by their turns; within a turn every 16th along the curve comes first,
-/// so that a part of it is spread over all of it.
+/// Numbers points along the curve by their turns. Within a turn every 16th point along the curve
+/// comes first, so that a part of a turn is spread over all of it.
 pub struct Sequence {
     first_turn: u16,
     steps: Vec<Step>,
@@ -28,14 +29,14 @@ pub struct Sequence {
 #[derive(Clone, Copy, Default)]
 struct Step {
     points: usize,
-    /// How many of them have been numbered.
+    /// Number of points that have been numbered.
     numbered: usize,
-    /// The next number of those whose index along the curve has this residue.
+    /// Next number for points whose index along the curve has this residue.
     next: [usize; STRATA],
 }
 
 impl Sequence {
-    /// Of the points with these turns.
+    /// Counts the points of each turn.
     pub fn new(turns: &[u16]) -> Self {
         let first_turn = turns.iter().copied().min().unwrap_or(0);
         let last_turn = turns.iter().copied().max().unwrap_or(0);
@@ -51,7 +52,7 @@ impl Sequence {
         Self { first_turn, steps }
     }
 
-    /// The number of the next point along the curve, whose turn this is.
+    /// Returns the number of the next point along the curve, which has this turn.
     pub fn number(&mut self, turn: u16) -> usize {
         let step = &mut self.steps[usize::from(turn - self.first_turn)];
         let next = &mut step.next[step.numbered % STRATA];
@@ -61,7 +62,8 @@ impl Sequence {
         number
     }
 
-    /// Points of each level: one an octave; the first ones, and those beyond the last, are one.
+    /// Counts the points of each level: one level an octave, except that the first ones, and those
+    /// beyond the last, are joined.
     fn levels(&self) -> Vec<usize> {
         let mut levels: Vec<usize> = Vec::new();
         let mut octave = None;
@@ -101,14 +103,15 @@ pub fn order(turns: &[u16]) -> Order {
     Order { points, levels }
 }
 
-/// The stratum of each number, strata being told by their ends.
+/// Expands the ends of strata to the stratum of each number.
 fn stratum_by_number(ends: &[usize], points: usize) -> Vec<u16> {
     let mut out = Vec::with_capacity(points);
     ends.iter().zip(0..).for_each(|(&end, stratum)| out.resize(end, stratum));
     out
 }
 
-/// Cuts points along the curve into so many parts of a sequence, as even in number as can be: the part of each.
+/// Divides points along the curve into `parts` consecutive parts of their sequence, as equal in
+/// number as possible. Returns the part of each point.
 pub fn parts(turns: &[u16], parts: usize) -> Vec<u32> {
     let mut sequence = Sequence::new(turns);
     turns.iter().map(|&turn| (sequence.number(turn) * parts / turns.len()) as u32).collect()

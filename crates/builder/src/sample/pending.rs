@@ -1,63 +1,66 @@
-//! Cells whose points the cell above has not yet chosen from, and those from which it has, but which are not finished.
+//! Cells between sampling and finishing: those whose points the cell above has not chosen from yet,
+//! and those from which it has.
 
 use crate::sample::shape::Moments;
-use crate::sample::spacing::Picked;
+use crate::sample::spacing::TurnCounts;
 use crate::sample::turns::LAST_TURN;
 use crate::tree::subtree::Children;
 use esker_points::Cell;
 use std::ops::Range;
 
-/// A cell whose points the cell above has not yet chosen from.
-pub struct Pending {
-    /// The smallest cell that holds its points.
+/// A cell whose points the cell above has not chosen from yet.
+pub struct PendingCell {
+    /// Smallest cell that holds its points.
     pub cell: Cell,
-    /// Of all points in the cell.
+    /// Moments of all points in the cell.
     pub moments: Moments,
-    /// What it offers: rows, ascending (which is along the Morton curve); then those that it does not offer, but
-    /// has been given by cells below that had few left.
+    /// Rows: first those that the cell offers, ascending (which is along the Morton curve), then
+    /// those that small leaves below have given to it.
     pub offered: Vec<u32>,
-    /// How many it offers.
+    /// Number of rows that it offers.
     pub sampled: usize,
-    /// The turn of each of these rows in thinning; empty where no sample has placed them.
+    /// Turn of each of these rows; empty for a leaf, which has not been thinned yet.
     pub turns: Vec<u16>,
-    /// Their local spacing, in the file's unit; as many as turns. 0 where the cell's is to be taken.
+    /// Local spacing at each point, in the file's unit, one for each turn; 0 stands for the spacing
+    /// of the node.
     pub radii: Vec<f32>,
-    /// For each point that it offers, the share of the spacing around that its radius has at most, wherever it
-    /// is drawn ([`crate::sample::fringe`]); empty where that is 1.
+    /// For each point that it offers, the largest radius wherever the point is drawn, as a share of
+    /// the spacing there ([`crate::sample::fringe`]); empty if all are 1.
     pub shares: Vec<f32>,
-    /// What lies below.
+    /// What is below the cell.
     pub below: Below,
 }
 
-/// What lies below a cell.
+/// What is below a cell.
 pub enum Below {
     /// Finished nodes, or nothing.
     Finished(Children),
-    /// Cells that have lost what this one took.
-    Cut(Vec<Cut>),
+    /// Cells from which this one has chosen.
+    Ready(Vec<ReadyCell>),
     /// Rows that coincide with those that the cell offers.
     Coincident(Range<u32>),
-    /// Nodes that are finished elsewhere: of which of the cells that are chosen from together, and whether there are any.
+    /// Nodes that are finished elsewhere: `of` is the index among the cells that are sampled
+    /// together, `is_any` whether there are such nodes.
     Elsewhere { of: usize, is_any: bool },
 }
 
-/// A cell that can be finished.
-pub struct Cut {
+/// A cell from which the cell above has chosen, ready to be finished.
+pub struct ReadyCell {
     /// The cell.
-    pub pending: Pending,
-    /// The turns of what the cell above took of its offer; [`LAST_TURN`] for the rest.
+    pub pending: PendingCell,
+    /// Turns of the offered points that the cell above took; [`LAST_TURN`] for the rest.
     pub taken: Vec<u16>,
-    /// The spacing of the sample above.
+    /// Spacing of the sample above.
     pub above: f64,
 }
 
-impl Pending {
-    /// How many of the points that it offers were picked at each turn.
-    pub fn picked(&self) -> Picked {
-        Picked::of(&self.turns[..self.sampled])
+impl PendingCell {
+    /// Counts the offered points that were picked at each turn.
+    pub fn turn_counts(&self) -> TurnCounts {
+        TurnCounts::of(&self.turns[..self.sampled])
     }
 
-    /// What it offers, with this spacing, gets no more than its share of that for a radius.
+    /// Bounds the radii of offered points by their shares of `spacing`.
     pub fn narrow(&mut self, spacing: f64) {
         for (radius, share) in self.radii.iter_mut().zip(&self.shares).filter(|(_, s)| **s < 1.0) {
             let widest = share * spacing as f32;
@@ -65,23 +68,24 @@ impl Pending {
         }
     }
 
-    /// Whether there are, or will be, nodes below.
+    /// Whether the cell has, or will have, nodes below.
     pub fn has_below(&self) -> bool {
         match &self.below {
             Below::Finished(children) => !children.is_empty(),
-            Below::Cut(cells) => cells.iter().any(Cut::is_left),
+            Below::Ready(cells) => cells.iter().any(ReadyCell::is_left),
             Below::Coincident(rows) => !rows.is_empty(),
             Below::Elsewhere { is_any, .. } => *is_any,
         }
     }
 
-    /// Whether the cell was not split: only then it has neither turns yet nor nodes below.
+    /// Whether the cell was not split. Only such a cell has neither turns yet nor nodes below.
     pub fn is_leaf(&self) -> bool {
         self.turns.is_empty() && !self.has_below()
     }
 
-    /// The turns that cells below have given to what they offer, in all so many; empty where none has.
-    pub fn placed(children: &[Self], offered: usize) -> Vec<u16> {
+    /// Joins the turns of the points that `children` offer, `offered` in total; empty if no child
+    /// has turns.
+    pub fn turns_below(children: &[Self], offered: usize) -> Vec<u16> {
         if children.iter().all(|c| c.turns.is_empty()) {
             return Vec::new();
         }
@@ -95,8 +99,9 @@ impl Pending {
     }
 }
 
-impl Pending {
-    /// The shares of what cells offer, in all so many; empty where all are 1.
+impl PendingCell {
+    /// Joins the shares of the points that `children` offer, `offered` in total; empty if all are
+    /// 1.
     pub fn shares(children: &[Self], offered: usize) -> Vec<f32> {
         if children.iter().all(|c| c.shares.is_empty()) {
             return Vec::new();
@@ -110,8 +115,8 @@ impl Pending {
     }
 }
 
-impl Cut {
-    /// Whether a node of it will be.
+impl ReadyCell {
+    /// Whether points are left for a node of the cell.
     fn is_left(&self) -> bool {
         let is_own = |turn: &u16| *turn == LAST_TURN;
         self.pending.offered.len() > self.taken.len() || self.taken.iter().any(is_own)
@@ -119,25 +124,25 @@ impl Cut {
 }
 
 impl Below {
-    /// The finished nodes; none where others wait to be.
+    /// Takes the finished nodes; empty if the cell waits for others.
     pub fn take(&mut self) -> Children {
         match std::mem::take(self) {
             Self::Finished(children) => children,
-            Self::Cut(_) | Self::Coincident(_) | Self::Elsewhere { .. } => Children::default(),
+            Self::Ready(_) | Self::Coincident(_) | Self::Elsewhere { .. } => Children::default(),
         }
     }
 
-    /// The finished nodes, which from now on are elsewhere.
+    /// Takes the finished nodes and notes that they are elsewhere from now on.
     pub fn put_elsewhere(&mut self) -> Children {
         let children = self.take();
         *self = Self::Elsewhere { of: 0, is_any: !children.is_empty() };
         children
     }
 
-    /// Cells that are not finished.
-    pub fn take_cut(&mut self) -> Vec<Cut> {
+    /// Takes the cells that are ready to be finished.
+    pub fn take_ready(&mut self) -> Vec<ReadyCell> {
         match self {
-            Self::Cut(cells) => std::mem::take(cells),
+            Self::Ready(cells) => std::mem::take(cells),
             _ => Vec::new(),
         }
     }

@@ -1,15 +1,16 @@
-//! The local shape of a node: exact integer moments that merge without rounding, the covariance in the
-//! file's unit, its eigen-system, and the dimension of the n-tree (kanzok2015, section 3.1, equation 1,
-//! after Westin et al. 1997).
+//! The local shape of a node: exact integer moments that merge without rounding, the covariance in
+//! the file's unit, its eigensystem, and the dimension of the n-tree (`kanzok2015`, section 3.1,
+//! equation 1, after `westin1997`).
 
 use esker_points::Cell;
 
-/// Below this linearity, planarity or sphericity counts as nothing (kanzok2015, section 3.1).
+/// Linearity, planarity or sphericity below this counts as zero (`kanzok2015`, section 3.1).
 const THRESHOLD: f64 = 0.03;
-/// A line is at most so many times as wide as its points, one behind the other, stand apart: from three rows on it is a strip.
+/// Largest width of a line, in distances of points along it; with three rows of points or more it
+/// is a strip.
 const LINE_WIDTH: f64 = 8.0;
 
-/// Exact sums over lattice positions; merging is addition, in any order.
+/// Exact sums over lattice positions. Merging is addition, in any order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Moments {
     /// Number of points, below 2^40.
@@ -20,7 +21,7 @@ pub struct Moments {
     square: [i128; 6],
 }
 
-/// Pairs of axes behind the entries of `Moments::square`.
+/// Pairs of axes of the entries of `Moments::square`.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
 
 impl Moments {
@@ -35,8 +36,8 @@ impl Moments {
         }
     }
 
-    /// Of points near a corner: no coordinate is below it, nor 2^22 or more above it. Sums of local coordinates
-    /// are quick.
+    /// Sums points that are less than 2^22 steps above `corner` on each axis, in local 64-bit
+    /// coordinates, which is fast.
     fn of_near(points: impl Iterator<Item = [u32; 3]>, corner: [u32; 3]) -> Self {
         let (mut count, mut sum, mut square) = (0u64, [0u64; 3], [0u64; 6]);
         for p in points {
@@ -58,7 +59,7 @@ impl Moments {
         moments
     }
 
-    /// Of points that lie in a cell, below 2^20 of them.
+    /// Sums points in a cell, fewer than 2^20.
     pub fn of(points: impl Iterator<Item = [u32; 3]>, cell: &Cell) -> Self {
         if cell.log2 <= 22 {
             return Self::of_near(points, cell.corner);
@@ -68,7 +69,7 @@ impl Moments {
         moments
     }
 
-    /// As numbers, to be kept.
+    /// Returns the sums as numbers, to be stored.
     pub fn to_numbers(self) -> [i128; 10] {
         let mut numbers = [i128::from(self.count); 10];
         numbers[1..4].copy_from_slice(&self.sum);
@@ -76,20 +77,20 @@ impl Moments {
         numbers
     }
 
-    /// From the numbers of [`Moments::to_numbers`].
+    /// Restores sums from [`Moments::to_numbers`].
     pub fn from_numbers([count, x, y, z, square @ ..]: [i128; 10]) -> Self {
         Self { count: count as u64, sum: [x, y, z], square }
     }
 
-    /// Adds all of another's points.
+    /// Adds all points of `other`.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.sum.iter_mut().zip(other.sum).for_each(|(a, b)| *a += b);
         self.square.iter_mut().zip(other.square).for_each(|(a, b)| *a += b);
     }
 
-    /// The covariance matrix in the file's unit, entries as in [`PAIRS`]; zero for no point. Sums are
-    /// taken about the mean's lattice point while they are still integers, so nothing cancels.
+    /// Covariance matrix in the file's unit, entries as in [`PAIRS`]; zero for no point. Sums are
+    /// moved to the lattice point at the mean while they are still integers, so nothing cancels.
     pub fn covariance(&self, scale: [f64; 3]) -> [f64; 6] {
         let n = i128::from(self.count);
         if n == 0 {
@@ -107,7 +108,7 @@ impl Moments {
     }
 }
 
-/// Eigenvalues, largest first, and eigenvectors of a shape's covariance.
+/// Eigenvalues, largest first, and eigenvectors of a covariance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shape {
     /// l1 >= l2 >= l3 >= 0.
@@ -119,7 +120,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The shape of a covariance (entries xx, yy, zz, xy, xz, yz).
+    /// Computes the shape of a covariance (entries xx, yy, zz, xy, xz, yz).
     pub fn of(covariance: [f64; 6]) -> Self {
         let (values, axes) = eigen(covariance);
         let sum: f64 = values.iter().sum();
@@ -135,14 +136,15 @@ impl Shape {
         Self { values, axes, dimension }
     }
 
-    /// The dimension in which so many points fill the shape evenly: what is much longer than wide is a line of few points, but
-    /// of many a surface (a road, a wall, a flight strip), or where it is as thick as wide a volume.
+    /// Dimension in which `points` points fill the shape evenly. A long shape is a line if it has
+    /// few points; with many it is a surface (a road, a wall, a flight strip), or a volume if it is
+    /// as thick as wide.
     pub fn dimension_of(&self, points: usize) -> u32 {
         let [along, across, thick] = self.values;
         let is_line = across.sqrt() * points as f64 <= LINE_WIDTH * along.sqrt();
         match self.dimension {
             1 if is_line => 1,
-            // As if it were cut to a square.
+            // Sphericity of a piece that is as long as wide.
             1 if 3.0 * thick / (2.0 * across + thick) > THRESHOLD => 3,
             1 => 2,
             dimension => dimension,
@@ -150,8 +152,9 @@ impl Shape {
     }
 }
 
-/// Eigen-system of a symmetric 3 x 3 matrix by cyclic Jacobi rotations (Golub and Van Loan, Matrix
-/// Computations, 8.5): only sums, products and square roots, so the same bits everywhere.
+/// Eigensystem of a symmetric 3 x 3 matrix by cyclic Jacobi rotations (`golub2013`, section 8.5).
+/// It uses only sums, products, quotients and square roots, so its bits are the same on every
+/// machine.
 fn eigen(m: [f64; 6]) -> ([f64; 3], [[f64; 3]; 3]) {
     const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let largest = m.iter().fold(0.0f64, |a, b| a.max(b.abs()));
@@ -205,7 +208,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn sums_of_local_coordinates_are_those_of_absolute_ones(points in prop::collection::vec([0u32..1 << 22, 0u32..1 << 22, 0u32..1 << 22], 1..100), corner in [0u32..1 << 10, 0u32..1 << 10, 0u32..1 << 10]) {
+        fn moments_of_local_coordinates_are_those_of_absolute_ones(points in prop::collection::vec([0u32..1 << 22, 0u32..1 << 22, 0u32..1 << 22], 1..100), corner in [0u32..1 << 10, 0u32..1 << 10, 0u32..1 << 10]) {
             let cell = Cell { corner: corner.map(|c| c << 22), log2: 22 };
             let points: Vec<_> = points.iter().map(|p| [0, 1, 2].map(|i| p[i] + cell.corner[i])).collect();
             prop_assert_eq!(Moments::of(points.iter().copied(), &cell), moments(&points));
@@ -219,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn coincident_points_are_a_point_wherever_they_lie() {
+    fn coincident_points_have_dimension_zero_anywhere() {
         for p in [[0; 3], [u32::MAX; 3], [u32::MAX, 0, 1 << 31]] {
             let shape = Shape::of(moments(&[p; 1000]).covariance([0.001; 3]));
             assert_eq!((shape.dimension, shape.values), (0, [0.0; 3]));
@@ -227,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_long_is_a_line_of_few_points_and_a_surface_or_a_volume_of_many() {
+    fn a_long_shape_is_a_line_of_few_points_and_a_surface_or_a_volume_of_many() {
         let dimension = |along: u32, across: u32, thick: u32| {
             let place = |i: u32| [i / across / thick, i / thick % across, i % thick];
             let points: Vec<_> =
@@ -241,7 +244,7 @@ mod tests {
         assert_eq!(dimension(1000, 40, 1), (1, 2));
         assert_eq!(dimension(200, 9, 9), (1, 3));
         assert_eq!(dimension(100, 60, 1), (2, 2));
-        // A wire that sways by as much as its points stand apart.
+        // A wire that sways by as much as its points are apart.
         let wire: Vec<_> = (0..1000u32).map(|i| [i * 50, i % 3 * 25 + 7, i * 7 % 5 * 12]).collect();
         let wire = Shape::of(moments(&wire).covariance([0.001; 3]));
         assert_eq!(wire.dimension_of(1000), 1);
@@ -249,14 +252,14 @@ mod tests {
 
     #[test]
     fn a_far_corner_does_not_cancel() {
-        // 2^32 steps from the origin, one step apart: variance 1/4 of a step squared.
+        // 2^32 steps from the origin, one step apart: the variance is 1/4 of a squared step.
         let m = moments(&[[u32::MAX; 3], [u32::MAX - 1, u32::MAX, u32::MAX]]);
         assert_eq!(m.covariance([1.0; 3]), [0.25, 0.0, 0.0, 0.0, 0.0, 0.0]);
     }
 
     proptest! {
         #[test]
-        fn covariance_equals_the_plain_f64_one(points in prop::collection::vec([0u32..1000, 0u32..1000, 0u32..1000], 1..100)) {
+        fn covariance_equals_that_computed_in_f64(points in prop::collection::vec([0u32..1000, 0u32..1000, 0u32..1000], 1..100)) {
             let n = points.len() as f64;
             let mean = [0, 1, 2].map(|i| points.iter().map(|p| f64::from(p[i])).sum::<f64>() / n);
             let ours = moments(&points).covariance([0.5, 1.0, 2.0]);
@@ -269,7 +272,8 @@ mod tests {
 
         #[test]
         fn eigenvectors_reproduce_the_matrix(m in [-1e3f64..1e3, -1e3f64..1e3, -1e3f64..1e3, -1.0f64..1.0, -1.0f64..1.0, -1.0f64..1.0]) {
-            // Any symmetric positive semi-definite matrix: a product with its transpose.
+            // Any symmetric positive semi-definite matrix: the product of a matrix with its
+            // transpose.
             let b = [[m[0], m[3], m[4]], [m[3], m[1], m[5]], [m[4] * 7.0, m[5], m[2]]];
             let g = |i: usize, j: usize| (0..3).map(|k| b[i][k] * b[j][k]).sum::<f64>();
             let spd = [g(0, 0), g(1, 1), g(2, 2), g(0, 1), g(0, 2), g(1, 2)];

@@ -1,28 +1,29 @@
-//! Typical distances of points: that of a node's, which choice of detail rests on, and that around each point, its
-//! covering radius.
+//! Typical distances of points: that of a node, which the choice of detail uses, and that around
+//! each point, its covering radius.
 
 use crate::sample::turns::radius_at;
 
-/// Edge of the square that a point has for itself in a sample that was thinned to a radius, over the radius.
+/// Edge of the square that a point has for itself in a thinned sample, over the radius of thinning.
 const SQUARE_EDGE: f64 = 1.15;
-/// Up to this share of all points a thinned sample is as even as can be; with more, what else there is shows.
+/// A thinned sample of up to 1 / `EVEN_SHARE` of all points is as even as possible; a larger one
+/// shows the distribution of the input.
 const EVEN_SHARE: usize = 4;
-/// Points in a cell from which the local spacing is taken: enough that chance evens out.
+/// Points of the cell from which a local spacing follows: enough to average out chance.
 const LOCAL_POINTS: usize = 8;
-/// Few points with less than this share of the cell above are strays (a bird over a field): the density
-/// around them is not theirs.
+/// Points that are less than 1 / `STRAY_SHARE` of those in the cell above are strays (a bird over a
+/// field): the density of that cell is not theirs.
 const STRAY_SHARE: usize = 16;
 
-/// How many points were picked at each turn.
-pub struct Picked {
+/// Number of points picked at each turn.
+pub struct TurnCounts {
     first: u16,
     counts: Vec<usize>,
-    /// Points of all turns.
+    /// Sum over all turns.
     points: usize,
 }
 
-impl Picked {
-    /// Of points with these turns.
+impl TurnCounts {
+    /// Counts the points of each turn.
     pub fn of(turns: &[u16]) -> Self {
         let first = turns.iter().copied().min().unwrap_or(0);
         let last = turns.iter().copied().max().unwrap_or(0);
@@ -36,7 +37,8 @@ impl Picked {
         self.points
     }
 
-    /// Log2 of the radius, in the file's unit, at which so many are picked, between turns by their logarithms.
+    /// Log2 of the radius, in the file's unit, at which `wanted` points are picked; interpolated
+    /// between turns by the logarithms of their numbers.
     fn radius_log2(&self, wanted: usize) -> f64 {
         let wanted = wanted.max(1);
         let (mut before, mut last) = (0, self.first);
@@ -55,9 +57,10 @@ impl Picked {
         radius_at(last).log2()
     }
 
-    /// Typical distance, in the file's unit, of the first `drawn` of the points, in a cell of `total` points: they stand
-    /// as evenly as on a grid of this edge. For a part of all points it follows from the radius at which they were
-    /// picked, for more by how the number grows with shrinking radius.
+    /// Typical distance, in the file's unit, of the first `drawn` of `total` points of a cell: the
+    /// edge of the squares of a grid that is as dense. For a small part of the points it follows
+    /// from the radius at which they were picked, else from how their number grows with a shrinking
+    /// radius.
     pub fn spacing(&self, drawn: usize, total: usize, dimension: u32) -> f64 {
         let even = (total / EVEN_SHARE).max(1);
         if drawn <= even {
@@ -71,14 +74,15 @@ impl Picked {
     }
 }
 
-/// The covering radius of each of some points along the Morton curve, in steps, told by
-/// [`shared_log2`](crate::sample::candidates::Candidates::shared_log2): the local spacing, that is the edge
-/// of the square that a point has for itself where the points around it stand evenly. "Around it" is the smallest
-/// octree cell with at least [`LOCAL_POINTS`] points. The greatest gap of an even sample is 0.84 of it, so an even
-/// sample is covered; the diagonal of the square made silhouettes swell without closing a hole that the renderer's
-/// own margin does not close. Laser scans are surfaces also where their node is a volume, so the local dimension
-/// is at most 2. What coincides counts once: it covers no more, and counted each, returns stored twice leave gaps between
-/// scan lines. Strays, and points that all coincide, get 0, which the node's spacing replaces.
+/// Computes the covering radii, in steps, of points along the Morton curve from
+/// [`shared_log2`](crate::sample::candidates::Candidates::shared_log2).
+///
+/// The radius is the local spacing: the edge of the square that the point has for itself in the
+/// smallest octree cell around it with at least [`LOCAL_POINTS`] points. The greatest gap of an
+/// even sample is 0.84 of that, so the sample is covered. Laser scans are surfaces also where their
+/// node is a volume, so the local dimension is at most 2. Coincident points count once, since they
+/// cover no more. Strays, and points that all coincide, get 0, which stands for the spacing of the
+/// node.
 pub fn radii(shared: &[u8], dimension: u32) -> Vec<f32> {
     if !shared.contains(&0) {
         return radii_of_places(shared, dimension);
@@ -93,7 +97,7 @@ pub fn radii(shared: &[u8], dimension: u32) -> Vec<f32> {
     of_point.collect()
 }
 
-/// The same, of points of which none coincide.
+/// Variant of [`radii`] for points of which none coincide.
 fn radii_of_places(shared: &[u8], dimension: u32) -> Vec<f32> {
     let points = shared.len();
     let smallest = smallest_cells(shared);
@@ -101,8 +105,8 @@ fn radii_of_places(shared: &[u8], dimension: u32) -> Vec<f32> {
     while let Some(&log2) = smallest.get(out.len())
         && points > 1
     {
-        // The cell reaches as far as neighbours share one that is no larger. It is looked through once for each of its at
-        // most eight parts, and so is any around it.
+        // The cell extends while neighbours share a cell that is not larger. It is scanned once for
+        // each of its at most eight parts, and so is each cell around it.
         let from = out.len();
         let is_outside = |&shared: &u8| shared > log2;
         let start = shared[..=from].iter().rposition(is_outside).unwrap_or(0);
@@ -111,7 +115,7 @@ fn radii_of_places(shared: &[u8], dimension: u32) -> Vec<f32> {
         let around = end - start;
         let edge = if log2 == 0 { 0.0 } else { (1u64 << log2) as f32 };
         let across = if dimension <= 1 { around as f32 } else { (around as f32).sqrt() };
-        // Its parts, while they have too few points to tell by themselves.
+        // Parts of the cell that have too few points for a cell of their own.
         while out.len() < end && smallest[out.len()] == log2 {
             let behind = shared[out.len() + 1..end].iter().position(|&shared| shared >= log2);
             let part_end = behind.map_or(end, |others| out.len() + 1 + others);
@@ -123,24 +127,25 @@ fn radii_of_places(shared: &[u8], dimension: u32) -> Vec<f32> {
     out
 }
 
-/// The log2 of the edge of the smallest cell around each point that has [`LOCAL_POINTS`] points or more, or all there
-/// are. So many that follow each other along the curve lie in the largest cell that two neighbours among them share; a
-/// point has the smallest of those that it is among.
+/// Log2 of the edge of the smallest cell around each point that has [`LOCAL_POINTS`] points or
+/// more, or all points. A group of as many consecutive points lies in the largest cell that two
+/// neighbours in it share; a point gets the smallest cell of the groups that it belongs to.
 fn smallest_cells(shared: &[u8]) -> Vec<u8> {
     const OTHERS: usize = LOCAL_POINTS - 1;
-    /// Points looked at in step.
+    /// Points processed together.
     const BLOCK: usize = 64;
     let Some(inner) = shared.get(1..).filter(|inner| inner.len() >= OTHERS) else {
         let all = shared.iter().skip(1).copied().max().unwrap_or(0);
         return vec![all; shared.len()];
     };
     let blocks = shared.len().div_ceil(BLOCK);
-    // Nothing shares a cell with what is not there.
+    // Beyond the ends, points share no cell.
     let mut links = vec![u8::MAX; blocks * BLOCK + 2 * OTHERS];
     links[OTHERS..OTHERS + inner.len()].copy_from_slice(inner);
     let mut out = Vec::with_capacity(blocks * BLOCK);
     for first in (0..blocks * BLOCK).step_by(BLOCK) {
-        // The largest of seven links, the least of eight of these: by pairs, then pairs of those.
+        // The largest of seven links, then the least of eight of these: pairs first, then pairs of
+        // pairs.
         let mut cells = [0; BLOCK + 2 * OTHERS];
         cells.copy_from_slice(&links[first..][..BLOCK + 2 * OTHERS]);
         for step in [1, 2, 3] {
@@ -166,7 +171,8 @@ mod tests {
     use esker_points::morton;
     use proptest::prelude::*;
 
-    /// The radius of a place by the definition: from the smallest cell around it that has enough places.
+    /// Radius of a position by its definition: from the smallest cell around it with enough
+    /// positions.
     fn plain(q: &[[i32; 3]], i: usize) -> f32 {
         let count = |log2: u32| {
             q.iter().filter(|p| (0..3).all(|a| p[a] >> log2 == q[i][a] >> log2)).count()

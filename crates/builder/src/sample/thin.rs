@@ -1,89 +1,91 @@
-//! Thinning: points picked so that no two are nearer than a radius and none is farther from a picked one,
-//! with a radius that shrinks turn by turn (progressive Poisson-disk sampling; maximal at each turn). Every
-//! beginning of the sequence so is an even sample.
-//!
-//! Each point that is not yet picked knows its distance to the nearest picked one: a picked point tells all
-//! within the radius. A turn is a pass over these distances along the Morton curve.
+//! Progressive Poisson-disk thinning (after `mccool1992`): at each turn no two picked points are
+//! closer than the radius and no point is farther than it from a picked one; the radius shrinks
+//! turn by turn. So every prefix of the sequence is an even sample. Each point that is not picked
+//! yet keeps its distance to the nearest picked one, which a pick updates within the radius. A turn
+//! is a pass over these distances along the Morton curve. See docs/design/building.md.
 
 use crate::sample::candidates::Candidates;
-use crate::sample::compact::{TOGETHER, bits_of, list, places_of};
+use crate::sample::compact::{GROUP, indices_of, mask_of, push_indices};
 use crate::sample::turns::{LAST_TURN, radius_at, turn_at};
-use crate::sample::unpicked::{Rest, octave};
+use crate::sample::unpicked::{Unpicked, octave};
 use fearless_simd::{Level, Simd, dispatch};
 
-/// A point that a cell below has picked at an earlier turn is picked from this share of the radius on: the points
-/// of a turn leave no gap in the cell below, but without one of them, for the sake of a point out of turn, the gap
-/// can be almost twice the radius. (Gaps over 1.5 times those of Poisson-disk samples: 8 of 7,838 prefixes where the
-/// cell above waits for the whole radius, none where it waits for 0.6 to 0.7 of it.)
+/// Share of the radius from which a point is picked that a cell below has picked at an earlier
+/// turn. The points of a turn leave no gap in the cell below; if one of them is dropped for a point
+/// out of turn, the gap can be almost twice the radius. Between 0.6 and 0.7 gaps stay within the
+/// bound of `crates/builder/tests/evenness.rs`.
 const DUE_SHARE: f32 = 0.65;
 
-/// While the radius is large, a part of the points is enough to thin among: the first in each octree cell whose
+/// While the radius is large, a part of the points is enough: the first in each octree cell whose
 /// edge is at most this share of the radius, and those that a cell below has picked by then.
 const PART_EDGE: f64 = 0.25;
 
-/// Cells in which neighbours are found are made finer while they have so many points, at most so many times.
+/// Neighbour cells are made finer, at most by `FINER` powers of two, while they hold at least
+/// `DENSE` points on average.
 const DENSE: usize = 16;
 const FINER: u32 = 2;
 
-/// Where all are to be picked, and one in so many is, a picked point tells only those beside it along the curve, which are
-/// most of those near it. Prefixes are as even as before (no gap over 1.39 times those of Poisson-disk samples; where it
-/// tells but 8 to 15 beside it instead of 16 to 23, a node pops by 3.9 % of a picture).
+/// If all points are to be picked and 1 / `BESIDE_SHARE` of them are, a pick updates only those
+/// beside it along the curve, which are most of those near it.
 const BESIDE_SHARE: usize = 3;
 
-/// The golden ratio's fraction, of so many bits: multiples are spread evenly, however few or many.
+/// Fraction of the golden ratio, of `GOLDEN_BITS` bits: its multiples are spread evenly, however
+/// many.
 const GOLDEN: usize = 0x9e37_79b9;
 const GOLDEN_BITS: u32 = 32;
 
-/// Points being picked, one turn after the other.
-pub struct Thinning<'a> {
+/// Sampler that picks points turn by turn.
+pub struct PoissonSampler<'a> {
     candidates: &'a Candidates,
-    /// The turn at which a cell below has picked each; empty where none has.
-    placed: &'a [u16],
-    /// The turn at which each was picked; [`LAST_TURN`] before.
+    /// Turn at which a cell below has picked each point; empty if none has.
+    turns_below: &'a [u16],
+    /// Turn at which each point was picked; [`LAST_TURN`] if it is not.
     pub turns: Vec<u16>,
-    /// Those picked, in this order.
+    /// Points in the order in which they were picked.
     pub picked: Vec<u32>,
-    /// How many were picked before the last turn.
+    /// Number of points that were picked before the last turn.
     pub picked_before: usize,
-    /// Whether points are on a line.
+    /// Whether the points lie along a line.
     is_line: bool,
     /// The next turn.
     turn: u16,
-    rest: Rest,
-    /// The points to look at while not all are.
+    unpicked: Unpicked,
+    /// Points to consider while not all are.
     part: Vec<u32>,
-    /// The octave of radii for which `rest` was filled, once it is.
+    /// Octave of radii for which `unpicked` was filled; `None` before.
     octave: Option<u32>,
-    /// Points share no cell of this edge's log2, or are left out of `rest` for now.
+    /// No two points of `unpicked` share a cell of this log2, unless a cell below has picked them;
+    /// 0 if it has all points.
     part_log2: u8,
     is_over: bool,
-    /// How many there are to pick; what coincides counts once where all are to be picked.
+    /// Number of points to pick; coincident ones count once if all points are to be picked.
     points: usize,
-    /// From so many picked on, only those beside a picked point along the curve are told.
+    /// Number of picked points from which on a pick updates only those beside it along the curve.
     beside_from: usize,
     is_beside: bool,
 }
 
-impl<'a> Thinning<'a> {
-    /// Begins at a radius, in the file's unit. `placed` is empty or has a turn for each candidate; `turns` has those
-    /// of the points that are picked before, [`LAST_TURN`] for the others.
+impl<'a> PoissonSampler<'a> {
+    /// Begins at `radius`, in the file's unit. `turns_below` is empty or has a turn for each
+    /// candidate; `turns` has those of the points that are picked already, [`LAST_TURN`] for the
+    /// others.
     pub fn new(
         candidates: &'a Candidates,
-        placed: &'a [u16],
+        turns_below: &'a [u16],
         turns: Vec<u16>,
         radius: f64,
         dimension: u32,
     ) -> Self {
-        let picked = places_of(&turns, |&turn| turn != LAST_TURN);
+        let picked = indices_of(&turns, |&turn| turn != LAST_TURN);
         Self {
             candidates,
-            placed,
+            turns_below,
             picked_before: picked.len(),
             turns,
             picked,
             is_line: dimension == 1,
             turn: turn_at(radius),
-            rest: Rest::default(),
+            unpicked: Unpicked::default(),
             part: Vec::new(),
             octave: None,
             part_log2: Candidates::ALONE,
@@ -94,7 +96,7 @@ impl<'a> Thinning<'a> {
         }
     }
 
-    /// Where all are to be picked: the last of them more quickly, see [`BESIDE_SHARE`].
+    /// Picks all points, the last of them faster (see [`BESIDE_SHARE`]).
     pub fn of_all(mut self) -> Self {
         self.points = self.candidates.places();
         if !self.is_line {
@@ -103,31 +105,31 @@ impl<'a> Thinning<'a> {
         self
     }
 
-    /// Goes on turn by turn until so many are picked, or all.
+    /// Continues turn by turn until `wanted` points are picked, or all.
     pub fn pick(&mut self, wanted: usize) {
         while self.picked.len() < wanted && !self.is_over {
             self.picked_before = self.picked.len();
-            dispatch!(Level::new(), simd => self.take_turn(simd));
+            dispatch!(Level::new(), simd => self.pick_turn(simd));
         }
     }
 
     #[inline(always)]
-    fn take_turn<S: Simd>(&mut self, simd: S) {
+    fn pick_turn<S: Simd>(&mut self, simd: S) {
         if self.octave != Some(octave(self.radius())) {
             if self.is_complete() {
-                // On to the turn at which there is something to pick.
-                let farthest2 = self.rest.farthest2();
+                // Skips to the turn at which there is something to pick.
+                let farthest2 = self.unpicked.farthest2();
                 if farthest2 < 1.0 {
                     return self.finish();
                 }
                 let farthest = f64::from(farthest2).sqrt() * self.candidates.step;
                 self.turn = self.turn.max(turn_at(farthest));
             }
-            self.settle(simd);
+            self.prepare(simd);
         }
         if !self.is_beside && self.is_complete() && self.picked.len() >= self.beside_from {
             self.is_beside = true;
-            self.rest.narrow_beside();
+            self.unpicked.shrink();
         }
         self.pick_at(simd, self.radius());
         if self.radius() <= 1.0 {
@@ -136,51 +138,53 @@ impl<'a> Thinning<'a> {
         self.turn += 1;
     }
 
-    /// The radius of the next turn, in steps.
+    /// Radius of the next turn, in steps.
     fn radius(&self) -> f64 {
         (radius_at(self.turn) / self.candidates.step).max(1.0)
     }
 
-    /// Whether `rest` has all points that are to be picked, apart from coincident ones.
+    /// Whether `unpicked` has all points that are to be picked, except coincident ones.
     fn is_complete(&self) -> bool {
         self.octave.is_some() && self.part_log2 == 0
     }
 
-    /// Chooses cells, and the points to look at, for the next turns.
+    /// Chooses the points to consider, and the cells to find neighbours by, for the next turns.
     #[inline(always)]
-    fn settle<S: Simd>(&mut self, simd: S) {
+    fn prepare<S: Simd>(&mut self, simd: S) {
         let radius = self.radius();
         let until = turn_at(radius * self.candidates.step / 2.0);
         if self.is_complete() {
-            // Of those picked before some may coincide.
+            // Some of the points picked before may coincide.
             let points = self.points.saturating_sub(self.picked.len());
             let log2 = self.cell_log2(radius, points);
-            // Cells may be twice as large as they might be while little is to be left out. The order on a line depends
-            // on what is.
-            let is_much = self.rest.points() / 4 * 3 > points;
+            // Cells may be twice as large as needed while little would be removed. On a line they
+            // are always rebuilt, since the order there depends on what is removed.
+            let is_much = self.unpicked.points() / 4 * 3 > points;
             if self.is_beside {
                 if is_much {
-                    self.rest.narrow_beside();
+                    self.unpicked.shrink();
                 }
-            } else if self.is_line || is_much || self.rest.log2() > log2 + 1 {
-                self.rest.narrow(log2);
+            } else if self.is_line || is_much || self.unpicked.log2() > log2 + 1 {
+                self.unpicked.rebuild(log2);
             }
         } else {
             self.part_log2 = self.part_log2(radius);
             self.choose_part(until);
             let q = &self.candidates.q;
-            self.rest.refill(q, &self.part, self.cell_log2(radius, self.part.len()));
+            self.unpicked.refill(q, &self.part, self.cell_log2(radius, self.part.len()));
             let reach = (radius as i32).saturating_add(1);
-            self.picked.iter().for_each(|&i| self.rest.tell(simd, &q[i as usize], reach));
+            self.picked
+                .iter()
+                .for_each(|&i| self.unpicked.update_near(simd, &q[i as usize], reach));
         }
-        if !self.placed.is_empty() {
-            self.rest.set_due(self.placed);
+        if !self.turns_below.is_empty() {
+            self.unpicked.set_due(self.turns_below);
         }
         self.octave = Some(octave(radius));
     }
 
-    /// Log2 of the edge of cells by which to find neighbours within a radius: the less a cell reaches beyond it the better,
-    /// while cells have many of so many points.
+    /// Log2 of the edge of cells by which neighbours within a radius are found. The less a cell
+    /// reaches beyond the radius the better, while cells hold many of `points` points.
     fn cell_log2(&self, radius: f64, points: usize) -> u32 {
         let octave = octave(radius);
         let is_dense =
@@ -188,77 +192,78 @@ impl<'a> Thinning<'a> {
         (octave.saturating_sub(FINER)..octave).find(is_dense).unwrap_or(octave)
     }
 
-    /// Lists the points to look at for turns up to this one.
+    /// Lists the points to consider for turns up to `until`.
     #[inline(always)]
     fn choose_part(&mut self, until: u16) {
-        let shared = self.candidates.shared_log2.chunks(TOGETHER);
-        let turns = self.turns.chunks(TOGETHER);
+        let shared = self.candidates.shared_log2.chunks(GROUP);
+        let turns = self.turns.chunks(GROUP);
         self.part.clear();
-        for (start, (shared, turns)) in (0..).step_by(TOGETHER).zip(shared.zip(turns)) {
-            let placed = self.placed.get(start..start + shared.len()).unwrap_or_default();
-            let wanted = bits_of(shared, |&log2| log2 > self.part_log2)
-                | bits_of(placed, |&turn| turn <= until);
-            // Mostly there is nothing, which is seen at once.
+        for (start, (shared, turns)) in (0..).step_by(GROUP).zip(shared.zip(turns)) {
+            let turns_below = self.turns_below.get(start..start + shared.len()).unwrap_or_default();
+            let wanted = mask_of(shared, |&log2| log2 > self.part_log2)
+                | mask_of(turns_below, |&turn| turn <= until);
+            // Mostly there is none, which this branch predicts well.
             if wanted != 0 {
-                let left = bits_of(turns, |&turn| turn == LAST_TURN);
-                list(start as u32, wanted & left, &mut self.part);
+                let left = mask_of(turns, |&turn| turn == LAST_TURN);
+                push_indices(start as u32, wanted & left, &mut self.part);
             }
         }
     }
 
-    /// Which points are enough down to half a radius; 0 where most are needed.
+    /// Log2 of the edge of cells whose first points are enough down to half of `radius`; 0 if most
+    /// points are needed.
     fn part_log2(&self, radius: f64) -> u8 {
         let log2 = (radius / 2.0 * PART_EDGE).log2().floor().clamp(0.0, 31.0) as u8;
         if self.candidates.firsts[usize::from(log2)] as usize * 2 > self.points { 0 } else { log2 }
     }
 
-    /// Picks what can be picked at a radius: first what a cell below has picked first, then along the curve. On a
-    /// line that would pack points as tightly as can be and leave gaps of almost twice the radius, so there in an
-    /// order that leaves and returns.
+    /// Picks points at a radius: first those that a cell below has picked, then the others along
+    /// the curve. On a line the order of the curve would pack points as tightly as possible and
+    /// leave gaps of almost twice the radius, so there the order jumps back and forth.
     #[inline(always)]
     fn pick_at<S: Simd>(&mut self, simd: S, radius: f64) {
         let radius2 = (radius * radius) as f32;
         let reach = (radius as i32).saturating_add(1);
-        if !self.placed.is_empty() {
+        if !self.turns_below.is_empty() {
             let due2 = (radius2 * DUE_SHARE * DUE_SHARE).max(1.0);
             let mut from = 0;
-            while let Some(i) = self.rest.next_due_from(from, self.turn, due2) {
-                self.take(simd, i, reach);
+            while let Some(i) = self.unpicked.next_due_from(from, self.turn, due2) {
+                self.pick_one(simd, i, reach);
                 from = i + 1;
             }
         }
         if self.is_line {
-            let bits = self.rest.len().next_power_of_two().ilog2();
+            let bits = self.unpicked.len().next_power_of_two().ilog2();
             let multiplier = GOLDEN >> (GOLDEN_BITS - bits) | 1;
             let spread =
                 (0..1 << bits).map(|i: usize| i.wrapping_mul(multiplier) & ((1 << bits) - 1));
             for i in spread {
-                if i < self.rest.len() && self.rest.nearest2(i) >= radius2 {
-                    self.take(simd, i, reach);
+                if i < self.unpicked.len() && self.unpicked.nearest2(i) >= radius2 {
+                    self.pick_one(simd, i, reach);
                 }
             }
         } else {
             let mut from = 0;
-            while let Some(i) = self.rest.next_from(from, radius2) {
-                self.take(simd, i, reach);
+            while let Some(i) = self.unpicked.next_from(from, radius2) {
+                self.pick_one(simd, i, reach);
                 from = i + 1;
             }
         }
     }
 
     #[inline(always)]
-    fn take<S: Simd>(&mut self, simd: S, i: usize, reach: i32) {
-        let candidate = self.rest.candidate(i);
+    fn pick_one<S: Simd>(&mut self, simd: S, i: usize, reach: i32) {
+        let candidate = self.unpicked.candidate(i);
         self.turns[candidate as usize] = self.turn;
         self.picked.push(candidate);
         if self.is_beside {
-            self.rest.tell_beside(simd, i);
+            self.unpicked.update_beside(simd, i);
         } else {
-            self.rest.tell_around(simd, i, reach);
+            self.unpicked.update_around(simd, i, reach);
         }
     }
 
-    /// What is left coincides with what is picked: it comes last.
+    /// Appends the points that are left, which coincide with picked ones.
     fn finish(&mut self) {
         self.is_over = true;
         for i in 0..self.turns.len() {
@@ -282,27 +287,27 @@ mod tests {
             let points: Vec<_> = points.into_iter().map(|p| if flat { [p[0], p[1], 7] } else { p }).collect();
             let candidates = candidates_of(&points, [0.01; 3]);
             let first = turn_at(20.0);
-            let placed = |i: usize| if i % placed_every == 1 { first + i as u16 % 20 } else { LAST_TURN };
-            let placed: Vec<u16> = (0..points.len()).map(placed).collect();
-            let mut thinning = Thinning::new(&candidates, &placed, vec![LAST_TURN; points.len()], 40.96, 3);
+            let turns_below = |i: usize| if i % placed_every == 1 { first + i as u16 % 20 } else { LAST_TURN };
+            let turns_below: Vec<u16> = (0..points.len()).map(turns_below).collect();
+            let mut sampler = PoissonSampler::new(&candidates, &turns_below, vec![LAST_TURN; points.len()], 40.96, 3);
             let away2 = |a: u32, b: u32| -> f64 { (0..3).map(|i| f64::from(candidates.q[a as usize][i] - candidates.q[b as usize][i]).powi(2)).sum() };
-            while !thinning.is_over {
-                thinning.pick(thinning.picked.len() + 1);
-                let turn = thinning.turn - 1;
+            while !sampler.is_over {
+                sampler.pick(sampler.picked.len() + 1);
+                let turn = sampler.turn - 1;
                 let radius2 = (radius_at(turn) / 0.01).max(1.0).powi(2);
-                for k in thinning.picked_before..thinning.picked.len() {
-                    let is_due = |i: u32| placed[i as usize] <= turn;
+                for k in sampler.picked_before..sampler.picked.len() {
+                    let is_due = |i: u32| turns_below[i as usize] <= turn;
                     for other in 0..k {
-                        let (a, b) = (thinning.picked[k], thinning.picked[other]);
+                        let (a, b) = (sampler.picked[k], sampler.picked[other]);
                         let share2: f64 = if is_due(a) || is_due(b) { 0.42 } else { 1.0 - 1e-6 };
-                        prop_assert!(thinning.is_over || away2(a, b) >= (radius2 * share2).max(1.0));
+                        prop_assert!(sampler.is_over || away2(a, b) >= (radius2 * share2).max(1.0));
                     }
                 }
-                for left in (0..points.len() as u32).filter(|&i| thinning.turns[i as usize] == LAST_TURN) {
-                    prop_assert!(thinning.part_log2 > 0 || thinning.picked.iter().any(|&p| away2(left, p) < radius2 * (1.0 + 1e-6)));
+                for left in (0..points.len() as u32).filter(|&i| sampler.turns[i as usize] == LAST_TURN) {
+                    prop_assert!(sampler.part_log2 > 0 || sampler.picked.iter().any(|&p| away2(left, p) < radius2 * (1.0 + 1e-6)));
                 }
             }
-            prop_assert_eq!(thinning.picked.len(), points.len());
+            prop_assert_eq!(sampler.picked.len(), points.len());
         }
     }
 }

@@ -1,17 +1,19 @@
-//! Octree cells of one size that have points, found by their place: cells are bits of tiles of 4 x 4 x 4, tiles stand in
-//! a table with open addressing. Points are along the Morton curve, so those of a cell follow each other, and so do the
-//! cells of a tile.
+//! Occupied octree cells of one size, found by position. Cells are bits of tiles of 4 x 4 x 4;
+//! tiles are in a hash table with open addressing. Points are along the Morton curve, so the points
+//! of a cell are contiguous, and so are the cells of a tile.
 
-use crate::sample::unpicked::NONE;
+/// Index that stands for no tile or no candidate.
+pub const NONE: u32 = u32::MAX;
 
-/// Cells along an edge of a tile, as log2: a tile has as many as a word has bits.
+/// Log2 of the cells along an edge of a tile: a tile has as many cells as a word has bits.
 pub const TILE_LOG2: u32 = 2;
 const TILE_EDGE: i32 = 1 << TILE_LOG2;
 
-/// Bits of a coordinate within a tile, where they stand in the place of a cell.
+/// Bits of a coordinate within a tile, spread to their places in the Morton index of a cell.
 const SPREAD: [u32; TILE_EDGE as usize] = [0, 1, 8, 9];
 
-/// The cells of a tile that lie, along an axis, between two: by the first, and in the lower bits the last.
+/// Masks of the cells of a tile that lie, along an axis, between two coordinates: the index has the
+/// first coordinate in its upper bits, the last in its lower bits.
 const BETWEEN: [[u64; 1 << (2 * TILE_LOG2)]; 3] = {
     let mut out = [[0; 1 << (2 * TILE_LOG2)]; 3];
     let mut i = 0;
@@ -26,7 +28,7 @@ const BETWEEN: [[u64; 1 << (2 * TILE_LOG2)]; 3] = {
     out
 };
 
-/// The cells of a tile between two of them.
+/// Mask of the cells of a tile in the box between two cells.
 #[inline(always)]
 pub fn between([low, high]: [[i32; 3]; 2]) -> u64 {
     let along =
@@ -34,30 +36,30 @@ pub fn between([low, high]: [[i32; 3]; 2]) -> u64 {
     along(0) & along(1) & along(2)
 }
 
-/// The place of a cell in its tile, along the Morton curve.
+/// Index of a cell in its tile, along the Morton curve.
 #[inline]
-fn within(cell: [i32; 3]) -> u32 {
+fn cell_index(cell: [i32; 3]) -> u32 {
     let [x, y, z] = cell.map(|c| SPREAD[(c & (TILE_EDGE - 1)) as usize]);
     x | y << 1 | z << 2
 }
 
-/// Cells being found along the curve.
-pub struct Filling<'a> {
+/// Builds [`Cells`] from points along the curve.
+pub struct CellsBuilder<'a> {
     cells: &'a mut Cells,
     log2: u32,
-    /// The last point; none is negative.
+    /// The last point; initially negative, as no point is.
     last: [i32; 3],
     tile: u32,
 }
 
-impl<'a> Filling<'a> {
-    /// None found yet.
+impl<'a> CellsBuilder<'a> {
+    /// Clears `cells` and begins with cells of edge 2^`log2`.
     pub fn new(cells: &'a mut Cells, log2: u32) -> Self {
         cells.clear();
         Self { cells, log2, last: [-1; 3], tile: NONE }
     }
 
-    /// The tile of the next point, whose place this is.
+    /// Adds the next point, with the index `place`; returns its tile.
     #[inline(always)]
     pub fn tile(&mut self, p: [i32; 3], place: usize) -> u32 {
         let differing = (p[0] ^ self.last[0]) | (p[1] ^ self.last[1]) | (p[2] ^ self.last[2]);
@@ -69,26 +71,26 @@ impl<'a> Filling<'a> {
     }
 }
 
-/// Cells that are neighbours.
+/// A tile of 4 x 4 x 4 cells.
 #[derive(Clone, Copy)]
 pub struct Tile {
-    /// A bit for each cell that has points.
+    /// A bit for each occupied cell.
     pub occupied: u64,
-    /// The first of these; the others follow.
+    /// Index of the first of these in [`Cells::first`]; the others follow.
     pub first: u32,
-    /// Its first point.
+    /// Index of its first point.
     pub start: u32,
 }
 
-/// The cells that have points, along the curve, by tiles of them, which a table with open addressing finds.
+/// Occupied cells along the curve, and the hash table of their tiles.
 #[derive(Default)]
 pub struct Cells {
-    /// The first point of each cell, and of what follows.
+    /// First point of each cell, and the end of the last one.
     pub first: Vec<u32>,
-    /// One more than there are: where the last one ends.
+    /// Tiles, and one more that marks the end of the last.
     pub tiles: Vec<Tile>,
     corners: Vec<[i32; 3]>,
-    /// Tiles by their corners; [`NONE`] where there is none.
+    /// Hash table of tiles by their corners; [`NONE`] marks a free slot.
     slots: Vec<u32>,
     shift: u32,
 }
@@ -100,7 +102,7 @@ impl Cells {
         self.corners.clear();
     }
 
-    /// The next cell along the curve, which begins at a point; the tile that it lies in.
+    /// Begins the next cell along the curve at `point`; returns its tile.
     fn open(&mut self, cell: [i32; 3], point: usize) -> u32 {
         let corner = cell.map(|c| c >> TILE_LOG2);
         if self.corners.last() != Some(&corner) {
@@ -109,13 +111,13 @@ impl Cells {
             self.tiles.push(Tile { occupied: 0, first, start });
         }
         if let Some(tile) = self.tiles.last_mut() {
-            tile.occupied |= 1 << within(cell);
+            tile.occupied |= 1 << cell_index(cell);
         }
         self.first.push(point as u32);
         self.tiles.len() as u32 - 1
     }
 
-    /// Makes the table; the last cell ends before a point.
+    /// Builds the hash table; `point` is the end of the last cell.
     pub fn close(&mut self, point: usize) {
         let (first, start) = (self.first.len() as u32, point as u32);
         self.first.push(start);
@@ -133,7 +135,7 @@ impl Cells {
         }
     }
 
-    /// The tile at a place; [`NONE`] where there is none.
+    /// Returns the tile at a corner, or [`NONE`].
     #[inline(always)]
     pub fn find(&self, corner: [i32; 3]) -> u32 {
         let mut at = (hash(corner) >> self.shift) as usize;

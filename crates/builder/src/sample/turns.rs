@@ -1,23 +1,23 @@
-//! Turns: the ladder of radii on which all thinning goes down, the same for all cells of a file. A turn is a
-//! rung. What is picked at a turn in one cell so is nearly what the cell above picks at the same turn, but for the
+//! Turns: the rungs of the ladder of radii on which thinning descends, the same for all cells of a
+//! file. So a cell picks nearly the same points at a turn as the cell above it, except along the
 //! borders between its children.
 
 /// Rungs in which the radius halves: a gap within a rung is at most a fifth wider than at its end.
 pub const TURNS_PER_OCTAVE: u16 = 4;
 
-/// Turn of points that no sample has placed.
+/// Turn of points that are in no sample yet.
 pub const LAST_TURN: u16 = u16::MAX;
 
-/// The largest power of two among the radii: no `f64` is larger.
+/// Log2 of the largest radius: no `f64` is larger.
 const OCTAVE_MAX: f64 = 1024.0;
 
-/// The first turn whose radius is not above this one, in the file's unit.
+/// First turn whose radius is at most `radius`, in the file's unit.
 pub fn turn_at(radius: f64) -> u16 {
     let octaves = OCTAVE_MAX - radius.max(f64::MIN_POSITIVE).log2();
     (octaves * f64::from(TURNS_PER_OCTAVE)).ceil() as u16
 }
 
-/// The radius of a turn, in the file's unit.
+/// Radius of a turn, in the file's unit.
 pub fn radius_at(turn: u16) -> f64 {
     (OCTAVE_MAX - f64::from(turn) / f64::from(TURNS_PER_OCTAVE)).exp2()
 }

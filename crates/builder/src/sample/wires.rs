@@ -1,34 +1,36 @@
-//! Wires, by their class. A radius is told from how many points a cell has, as if they stood on a surface. Wires side by side
-//! might be one, by their points alone; where it is known that they are none, half of that radius or less closes each by itself.
+//! Narrows the radii of points on wires, which are recognised by class. Radii follow from densities
+//! as if points were on a surface, so parallel wires would merge into one. Half of such a radius or
+//! less closes each wire.
 
 use crate::attributes::eigen::Eigen;
 use crate::sample::candidates::Candidates;
-use crate::sample::nearby::Near;
+use crate::sample::nearby::NeighbourGrid;
 
-/// Classes of LAS 1.4 R15, table 17: guards, conductors, and what connects them.
+/// Classes of wires (`asprs2019`, table 17): guards, conductors and connectors.
 const WIRES: [u8; 3] = [13, 14, 16];
-/// Radii are looked at that are so many times the spacing of the points they are among: wires are sparse beside surfaces.
+/// Radii above this multiple of the spacing are narrowed: wires are sparse beside surfaces.
 const WIDE_SPACINGS: f64 = 1.25;
-/// Gaps are looked for as far, in spacings: no radius is wider, and cells that are as large have few points where those are wide.
+/// Distance to which gaps are searched, in spacings: no radius is wider, and cells of this size
+/// hold few points where radii are wide.
 const FAR_SPACINGS: f64 = 8.0;
-/// The radius that closes a wire, over the larger of its two gaps beside a point: half, and for what bends between.
+/// Radius over the larger of the two gaps beside a point of a wire: half, and a margin for bends.
 const GAP_SHARE: f64 = 0.6;
-/// Neighbours that tell a direction; more are as good.
+/// Neighbours used to estimate a direction; more do not improve it.
 const NEIGHBOURS_MAX: usize = 256;
 
-/// Whether any of the classes between two is of wires.
+/// Whether any class of a range is that of a wire.
 pub fn has_wires([low, high]: [f64; 2]) -> bool {
     WIRES.iter().any(|&class| (low..=high).contains(&f64::from(class)))
 }
 
-/// Whether any of the points is on a wire.
+/// Whether any point is on a wire.
 pub fn has_any(classes: &[u8]) -> bool {
-    // Without a branch for each.
+    // Branch-free.
     classes.iter().fold(false, |any, class| any | WIRES.contains(class))
 }
 
-/// Narrows the radii of wires' points that are wide beside the spacing of all, both in steps; `places` tells which of the candidates
-/// they are of.
+/// Narrows the radii of points on wires that are wide beside the `spacing` of all; both are in
+/// steps. `places` has the index among the candidates of each radius.
 pub fn narrow(radii: &mut [f32], spacing: f64, places: &[u32], candidates: &Candidates) {
     let is_wide = |radius: f32| f64::from(radius) > spacing * WIDE_SPACINGS;
     let class = |i: usize| candidates.classes.get(places[i] as usize);
@@ -39,9 +41,9 @@ pub fn narrow(radii: &mut [f32], spacing: f64, places: &[u32], candidates: &Cand
     let wires: Vec<usize> = (0..radii.len()).filter(|&i| is_wire(i)).collect();
     let points: Vec<[i32; 3]> = wires.iter().map(|&i| candidates.q[places[i] as usize]).collect();
     let far = spacing * FAR_SPACINGS;
-    let near = Near::new(&points, far);
+    let near = NeighbourGrid::new(&points, far);
     for (point, &i) in wires.iter().enumerate() {
-        // A gap that is wider narrows nothing.
+        // A wider gap would not narrow the radius.
         if is_wide(radii[i])
             && let Some(gap) = gap(&near, point, far.min(f64::from(radii[i]) / GAP_SHARE))
         {
@@ -50,24 +52,26 @@ pub fn narrow(radii: &mut [f32], spacing: f64, places: &[u32], candidates: &Cand
     }
 }
 
-/// The larger of the gaps beside a point on its wire, by the points around it, as far as that; none where there is none.
-fn gap(near: &Near<'_>, point: usize, far: f64) -> Option<f64> {
-    let mut ways: Vec<[f64; 3]> = Vec::new();
+/// Returns the larger of the gaps beside a point on its wire, among the points within `far`; `None`
+/// if there is none.
+fn gap(near: &NeighbourGrid<'_>, point: usize, far: f64) -> Option<f64> {
+    let mut offsets: Vec<[f64; 3]> = Vec::new();
     near.each_run(point, |run| {
-        let more = run.filter(|&other| other != point).map(|other| near.away(point, other));
-        let room = NEIGHBOURS_MAX - ways.len();
-        ways.extend(more.filter(|way| length2(way) <= far * far).take(room));
+        let more = run.filter(|&other| other != point).map(|other| near.offset(point, other));
+        let room = NEIGHBOURS_MAX - offsets.len();
+        offsets.extend(more.filter(|offset| length2(offset) <= far * far).take(room));
     });
-    // What coincides with it is no neighbour. Directions are weighed by one over their length: the nearest tell that of its own
-    // wire rather than of several.
-    ways.retain(|way| length2(way) > 0.0);
-    let directions: Vec<_> = ways.iter().map(|way| way.map(|c| c / length2(way))).collect();
+    // Coincident points are no neighbours. Directions are weighted by the inverse of their length:
+    // the nearest give the direction of the point's own wire rather than that of several.
+    offsets.retain(|offset| length2(offset) > 0.0);
+    let directions: Vec<_> =
+        offsets.iter().map(|offset| offset.map(|c| c / length2(offset))).collect();
     let along = Eigen::of(square(&directions)).axes[0];
     let mut gaps = [f64::INFINITY; 2];
-    for way in &ways {
-        let on_it: f64 = way.iter().zip(along).map(|(a, b)| a * b).sum();
-        let away2 = length2(way);
-        // Ahead or behind rather than on the next wire.
+    for offset in &offsets {
+        let on_it: f64 = offset.iter().zip(along).map(|(a, b)| a * b).sum();
+        let away2 = length2(offset);
+        // Ahead or behind, not on the next wire.
         if 2.0 * on_it * on_it >= away2 {
             let gap = &mut gaps[usize::from(on_it > 0.0)];
             *gap = gap.min(away2.sqrt());
@@ -76,14 +80,16 @@ fn gap(near: &Near<'_>, point: usize, far: f64) -> Option<f64> {
     gaps.into_iter().filter(|gap| gap.is_finite()).max_by(f64::total_cmp)
 }
 
-fn length2(way: &[f64; 3]) -> f64 {
-    way.iter().map(|along| along * along).sum()
+fn length2(offset: &[f64; 3]) -> f64 {
+    offset.iter().map(|along| along * along).sum()
 }
 
-/// Mean products of ways along axes, as a symmetric matrix.
-fn square(ways: &[[f64; 3]]) -> [f64; 6] {
-    let n = ways.len().max(1) as f64;
-    let entry = |(i, j): (usize, usize)| ways.iter().map(|way| way[i] * way[j]).sum::<f64>() / n;
+/// Mean products of the components of `offsets`, as a symmetric matrix.
+fn square(offsets: &[[f64; 3]]) -> [f64; 6] {
+    let n = offsets.len().max(1) as f64;
+    let entry = |(i, j): (usize, usize)| {
+        offsets.iter().map(|offset| offset[i] * offset[j]).sum::<f64>() / n
+    };
     [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(entry)
 }
 
@@ -95,7 +101,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn wires_side_by_side_stay_closed_each_and_swell_no_more(gaps in prop::collection::vec(40u32..80, 60), turn in 0.0f64..1.5, apart in 100.0f64..300.0) {
+        fn parallel_wires_stay_closed_and_become_narrow(gaps in prop::collection::vec(40u32..80, 60), turn in 0.0f64..1.5, apart in 100.0f64..300.0) {
             // Three wires a metre or more apart, in steps of a centimetre, and a field below.
             let (sin, cos) = turn.sin_cos();
             let mut wires: Vec<Vec<[u32; 3]>> = vec![Vec::new(); 3];
@@ -124,14 +130,14 @@ mod tests {
                     let away2: f64 = (0..3).map(|axis| f64::from(pair[0][axis].abs_diff(pair[1][axis])).powi(2)).sum();
                     prop_assert!(f64::from(radius(&pair[0]) + radius(&pair[1])) >= away2.sqrt());
                 }
-                // Beyond a wire's end another may seem to be ahead.
+                // Beyond the end of a wire another one may seem to be ahead.
                 prop_assert!(wire[8..52].iter().all(|p| radius(p) < 54.0));
             }
         }
     }
 
     #[test]
-    fn what_is_no_wire_or_alone_stays_as_it_is() {
+    fn other_classes_and_lone_points_keep_their_radii() {
         let mut candidates =
             candidates_of(&[0, 1, 2, 3, 4, 5, 6, 7, 8].map(|i| [i * 50, 0, 0]), [0.01; 3]);
         let mut narrowed = |radius: f32, classes: &[u8]| {

@@ -1,9 +1,9 @@
-//! A chunk: the points of one cell, few enough for memory, sorted along the Morton curve. Its part of the tree
-//! is built in parallel over contiguous ranges.
+//! A chunk: the points of one cell, few enough for memory, sorted along the Morton curve. Its part
+//! of the tree is built in parallel over contiguous ranges.
 
 use crate::rows::row::Rows;
 use crate::sample::cell::Context;
-use crate::sample::pending::Pending;
+use crate::sample::pending::PendingCell;
 use esker_points::{Cell, Task};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -12,9 +12,9 @@ use std::ops::Range;
 const TASK_POINTS: usize = 1 << 14;
 
 impl Context {
-    /// Chooses what each cell over a range of sorted rows (at least one) offers, down to single lattice points. Nodes
-    /// are yet to be finished. Void where the task was cancelled.
-    pub fn build(&self, rows: &Rows<'_>, range: Range<u32>, task: &dyn Task) -> Pending {
+    /// Chooses what each cell over a range of sorted rows (at least one) offers, down to single
+    /// lattice points. Nodes are yet to be finished. Void where the task was cancelled.
+    pub fn build(&self, rows: &Rows<'_>, range: Range<u32>, task: &dyn Task) -> PendingCell {
         let cell = Cell::enclosing(rows.position(range.start), rows.position(range.end - 1));
         let n = range.len();
         if task.is_cancelled() {

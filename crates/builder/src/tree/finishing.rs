@@ -1,14 +1,16 @@
-//! The nodes below a cell: each is finished by itself, in any order and on any thread, then they are put together.
+//! The nodes below a cell: each is finished by itself, in any order and on any thread, then they
+//! are put together.
 
 use crate::page::histograms::Counts;
 use crate::rows::row::Rows;
 use crate::sample::cell::Context;
-use crate::sample::pending::{Below, Cut, Pending};
+use crate::sample::pending::{Below, PendingCell, ReadyCell};
 use crate::tree::subtree::{Children, Subtree};
 use esker_points::Task;
 use std::sync::{Mutex, PoisonError};
 
-/// What is below a cell and not finished: cells before those in them, and those of one cell in Morton order.
+/// What is below a cell and not finished: cells before those in them, and those of one cell in
+/// Morton order.
 pub struct Unfinished {
     cells: Vec<Unit>,
     /// Points that are in none of them.
@@ -27,16 +29,17 @@ struct Unit {
 }
 
 enum State {
-    Cut(Box<Cut>),
+    Ready(Box<ReadyCell>),
     Finished(Option<Box<Subtree>>),
 }
 
 impl Unfinished {
     /// What is below a cell.
-    pub fn below(pending: &mut Pending) -> Self {
+    pub fn below(pending: &mut PendingCell) -> Self {
         let mut cells: Vec<Unit> = Vec::new();
         let mut others = pending.moments.count;
-        let mut open: Vec<(Option<usize>, Vec<Cut>)> = vec![(None, pending.below.take_cut())];
+        let mut open: Vec<(Option<usize>, Vec<ReadyCell>)> =
+            vec![(None, pending.below.take_ready())];
         while let Some((parent, cuts)) = open.pop() {
             for mut cut in cuts {
                 let points = cut.pending.moments.count;
@@ -48,8 +51,8 @@ impl Unfinished {
                     Below::Elsewhere { of, .. } => Some(of),
                     _ => None,
                 };
-                open.push((Some(cells.len()), cut.pending.below.take_cut()));
-                let state = Mutex::new(State::Cut(Box::new(cut)));
+                open.push((Some(cells.len()), cut.pending.below.take_ready()));
+                let state = Mutex::new(State::Ready(Box::new(cut)));
                 cells.push(Unit { parent, points, elsewhere, state });
             }
         }
@@ -80,16 +83,16 @@ impl Unfinished {
         }
         let Unit { points, state, .. } = &self.cells[index];
         let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
-        if let State::Cut(cut) = std::mem::replace(&mut *state, State::Finished(None)) {
-            let Cut { pending, taken, above } = *cut;
+        if let State::Ready(cut) = std::mem::replace(&mut *state, State::Finished(None)) {
+            let ReadyCell { pending, taken, above } = *cut;
             let tree = context.finish(rows, pending, &taken, Some(above), counts);
             *state = State::Finished(tree.map(Box::new));
         }
         task.advance(*points);
     }
 
-    /// The nodes right below the cell, with those below them, where all are finished, and of each where the nodes below it are
-    /// that are finished elsewhere; `None` where one has panicked.
+    /// The nodes right below the cell, with those below them, where all are finished, and of each
+    /// where the nodes below it are that are finished elsewhere; `None` where one has panicked.
     pub fn into_children(self) -> Option<(Children, Vec<Option<usize>>)> {
         let mut below: Vec<Vec<Subtree>> = self.cells.iter().map(|_| Vec::new()).collect();
         let (mut top, mut top_elsewhere) = (Vec::new(), Vec::new());

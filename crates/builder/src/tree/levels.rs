@@ -1,5 +1,5 @@
-//! The levels above the chunks. Buckets are joined to chunks or parted until each fits memory: a list of steps
-//! that does not depend on time.
+//! The levels above the chunks. Buckets are joined to chunks or parted until each fits memory: a
+//! list of steps that does not depend on time.
 
 use crate::attributes::normals::UNKNOWN;
 use crate::budget::memory::Peak;
@@ -169,7 +169,8 @@ impl Raiser<'_> {
         self.store.tell_aside(known)
     }
 
-    /// More coincident points than memory holds: a node's worth at a time, in the order of their records.
+    /// More coincident points than memory holds: a node's worth at a time, in the order of their
+    /// records.
     fn coincident(&mut self, bucket: Bucket, built: &mut Built) -> Result<(), BuildError> {
         let stride = self.context.rows.bytes();
         let borders = self.store.borders.take();

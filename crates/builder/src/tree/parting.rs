@@ -1,5 +1,6 @@
-//! Parting a bucket that does not fit memory into smaller cells. Rows that went to scratch for the second time are told to
-//! the journal and given back where they lay, run by run: what scratch has at once grows by one run.
+//! Parting a bucket that does not fit memory into smaller cells. Rows that went to scratch for the
+//! second time are told to the journal and given back where they lay, run by run: what scratch has
+//! at once grows by one run.
 
 use crate::budget::shares::SPILLED_BYTES_MAX;
 use crate::error::BuildError;
@@ -17,7 +18,8 @@ const PART_LEVELS: u8 = 3;
 /// Rows that are sorted into cells together.
 const BLOCK_ROWS: usize = 1 << 16;
 
-/// Bytes of rows that scratch has twice at most while a bucket is parted, where so many may be kept in memory.
+/// Bytes of rows that scratch has twice at most while a bucket is parted, where so many may be kept
+/// in memory.
 pub fn twice_bytes_max(buffer_bytes_max: u64, row_bytes: usize) -> u64 {
     let block_bytes = (BLOCK_ROWS * row_bytes) as u64;
     (buffer_bytes_max.min(SPILLED_BYTES_MAX) / 2).max(block_bytes)
@@ -34,8 +36,8 @@ struct Parting<'a> {
 }
 
 impl Raiser<'_> {
-    /// Parts a bucket that is too large: some levels below the smallest cell that holds its rows, so that a far outlier
-    /// or a stack of points costs one pass, not one for each level.
+    /// Parts a bucket that is too large: some levels below the smallest cell that holds its rows,
+    /// so that a far outlier or a stack of points costs one pass, not one for each level.
     pub(crate) fn part(&mut self, mut bucket: Bucket) -> Result<Vec<Bucket>, BuildError> {
         let (stride, store) = (self.context.rows.bytes(), &mut *self.store);
         let is_stored = !bucket.extents.is_empty();

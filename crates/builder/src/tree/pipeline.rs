@@ -1,7 +1,8 @@
-//! Chunks that follow each other, and the cells above them. A chunk is loaded, sorted and chosen from; a cell above is chosen
-//! from as soon as those that it is made of have been. Then the nodes below each are finished, which any thread can do in any order.
-//! Only at last what is built of each is put in its place, in the order of steps, and written. No step waits for another: whoever has done one spawns
-//! what follows from it.
+//! Chunks that follow each other, and the cells above them. A chunk is loaded, sorted and chosen
+//! from; a cell above is chosen from as soon as those that it is made of have been. Then the nodes
+//! below each are finished, which any thread can do in any order. Only at last what is built of
+//! each is put in its place, in the order of steps, and written. No step waits for another: whoever
+//! has done one spawns what follows from it.
 
 use crate::budget::memory::Peak;
 use crate::error::BuildError;
@@ -13,7 +14,7 @@ use crate::rows::row::Rows;
 use crate::rows::scratch::Extent;
 use crate::rows::store::{Store, Stored};
 use crate::sample::cell::Context;
-use crate::sample::pending::{Below, Pending};
+use crate::sample::pending::{Below, PendingCell};
 use crate::tree::finishing::Unfinished;
 use crate::tree::levels::{Raiser, Step};
 use crate::tree::subtree::Children;
@@ -26,8 +27,8 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Chunks under way, for each thread: one whose nodes are finished while one is chosen from, and one that waits for those
-/// before it.
+/// Chunks under way, for each thread: one whose nodes are finished while one is chosen from, and
+/// one that waits for those before it.
 const CHUNKS_A_THREAD: usize = 3;
 
 /// Where a chunk or a cell above is put once its nodes are finished.
@@ -103,7 +104,8 @@ struct Front<'a> {
     /// How many chunks that are, and their rows.
     chunks: usize,
     rows: u64,
-    /// Where the offers are of cells that are under way, or built, and that no cell above is made of yet.
+    /// Where the offers are of cells that are under way, or built, and that no cell above is made
+    /// of yet.
     open: Vec<Desk>,
     /// The nodes below each cell that is built and that none above is made of yet.
     below: Vec<Children>,
@@ -147,7 +149,8 @@ impl Raiser<'_> {
     ) -> Result<(), BuildError> {
         self.store.write(std::mem::take(&mut built.outgoing))?;
         let threads = rayon::current_num_threads();
-        // Each thread has a node or a sample in hand, which takes about as much as the rows of a node in a chunk.
+        // Each thread has a node or a sample in hand, which takes about as much as the rows of a
+        // node in a chunk.
         let in_hand = (threads * self.context.capacity) as u64;
         let (joined_max, single_max) = self.chunk_rows_max;
         let rows_max = single_max.saturating_sub(in_hand);
@@ -207,8 +210,8 @@ impl Raiser<'_> {
 }
 
 impl<'a> Pipeline<'a> {
-    /// Puts the chunks that are finished among what is built, and begins those for which there is room; or has it done
-    /// by the thread that is at it.
+    /// Puts the chunks that are finished among what is built, and begins those for which there is
+    /// room; or has it done by the thread that is at it.
     fn go_on<'s>(&'s self, scope: &Scope<'s>) {
         self.asked.fetch_add(1, Ordering::SeqCst);
         loop {
@@ -219,7 +222,8 @@ impl<'a> Pipeline<'a> {
                 self.is_faulty.fetch_or(front.fault.is_some(), Ordering::Relaxed);
             }
             drop(front);
-            // Who asked meanwhile has found it locked; by a write, which what was asked before comes before.
+            // Who asked meanwhile has found it locked; by a write, which what was asked before
+            // comes before.
             if self.asked.fetch_add(0, Ordering::SeqCst) == asked {
                 return;
             }
@@ -316,7 +320,8 @@ impl<'a> Pipeline<'a> {
         self.is_faulty.load(Ordering::Relaxed) || self.task.is_cancelled()
     }
 
-    /// Loads and sorts a chunk, and chooses what each of its cells offers. On request, or after a fault, it is left as it is.
+    /// Loads and sorts a chunk, and chooses what each of its cells offers. On request, or after a
+    /// fault, it is left as it is.
     fn choose<'s>(&'s self, stored: Stored, (slot, desk): (Slot, Desk), scope: &Scope<'s>) {
         if self.is_ended() {
             return;
@@ -327,7 +332,8 @@ impl<'a> Pipeline<'a> {
         let pending = self.context.build(&sorted, 0..sorted.len() as u32, self.task);
         let chunk = Chunk { counts: self.context.counts.beside(), extents, offer: None };
         self.finish(rows, pending, Some(chunk), (slot, &desk), scope);
-        // Spawned last, what this begins is taken up first: nodes are finished where nothing waits to be chosen from.
+        // Spawned last, what this begins is taken up first: nodes are finished where nothing waits
+        // to be chosen from.
         self.choosing.fetch_sub(1, Ordering::SeqCst);
         self.go_on(scope);
     }
@@ -351,7 +357,7 @@ impl<'a> Pipeline<'a> {
     fn finish<'s>(
         &'s self,
         rows: Vec<u8>,
-        mut pending: Pending,
+        mut pending: PendingCell,
         mut chunk: Option<Chunk>,
         (slot, desk): (Slot, &Desk),
         scope: &Scope<'s>,
@@ -415,7 +421,8 @@ impl<'a> Pipeline<'a> {
 }
 
 impl Front<'_> {
-    /// Puts what is finished in its place: a chunk of so many rows, or a cell made of so many before it.
+    /// Puts what is finished in its place: a chunk of so many rows, or a cell made of so many
+    /// before it.
     fn put(&mut self, finished: Finished, (rows, made_of): (u64, usize), pipeline: &Pipeline<'_>) {
         let Finished { mut children, elsewhere, pages, chunk } = finished;
         let built = &mut *self.built;

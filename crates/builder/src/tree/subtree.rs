@@ -30,7 +30,8 @@ impl Subtree {
     }
 }
 
-/// Children, which are dropped one after the other: a chain of continuations is longer than a stack.
+/// Children, which are dropped one after the other: a chain of continuations is longer than a
+/// stack.
 #[derive(Default)]
 pub struct Children(Vec<Subtree>);
 
@@ -75,8 +76,8 @@ impl Drop for Children {
     }
 }
 
-/// The node table of a tree, and the statistics of its nodes in the table's order: siblings together,
-/// parents before children.
+/// The node table of a tree, and the statistics of its nodes in the table's order: siblings
+/// together, parents before children.
 pub fn assemble(root: Option<Subtree>) -> (NodeTable, Vec<NodeStatistics>) {
     let (mut table, mut statistics) = (NodeTable::default(), Vec::new());
     let mut open = Vec::new();

@@ -1,11 +1,12 @@
-//! What is built: cells that wait for the one above, and what waits to be written; and how the journal keeps it.
+//! What is built: cells that wait for the one above, and what waits to be written; and how the
+//! journal keeps it.
 
 use crate::page::histograms::Counts;
 use crate::rows::journal_record::{Kind, Reading, Record};
 use crate::rows::row::{RowLayout, Rows};
 use crate::rows::store::Outgoing;
 use crate::sample::cell::Context;
-use crate::sample::pending::{Below, Pending};
+use crate::sample::pending::{Below, PendingCell};
 use crate::sample::shape::Moments;
 use crate::tree::finishing::Unfinished;
 use crate::tree::subtree::Subtree;
@@ -48,8 +49,8 @@ pub struct Pages {
 }
 
 impl Pages {
-    /// Takes those of siblings, then of what lies below each, where they have not been taken: the nodes are told their places
-    /// from this offset on.
+    /// Takes those of siblings, then of what lies below each, where they have not been taken: the
+    /// nodes are told their places from this offset on.
     pub fn take(siblings: &mut [Subtree], offset: u64, with_crc: bool) -> Self {
         let mut taken = Self::default();
         let mut open = vec![siblings];
@@ -72,13 +73,15 @@ impl Pages {
 }
 
 impl Built {
-    /// Gives the pages of siblings, then of what lies below each, their places, where they have none.
+    /// Gives the pages of siblings, then of what lies below each, their places, where they have
+    /// none.
     pub fn place(&mut self, siblings: &mut [Subtree]) {
         let pages = Pages::take(siblings, self.page_offset, self.part.is_told);
         self.add(pages);
     }
 
-    /// The same with pages that were taken from all nodes of these trees, as if they stood at the beginning.
+    /// The same with pages that were taken from all nodes of these trees, as if they stood at the
+    /// beginning.
     pub fn place_taken(&mut self, trees: &mut [Subtree], pages: Pages) {
         let mut open: Vec<&mut Subtree> = trees.iter_mut().collect();
         while let Some(tree) = open.pop() {
@@ -99,8 +102,8 @@ impl Built {
         self.part = Part { page_offset: self.page_offset, is_told, ..Part::default() };
     }
 
-    /// The part, of so many rows, has ended. The journal wants to know what its cell offers, as [`Held::offer`] has it, and what
-    /// nodes are below.
+    /// The part, of so many rows, has ended. The journal wants to know what its cell offers, as
+    /// [`Held::offer`] has it, and what nodes are below.
     pub fn end(
         &mut self,
         context: &Context,
@@ -140,7 +143,7 @@ impl Built {
 }
 
 /// Cells that one above is made of, with all their rows.
-pub fn join(cells: Vec<Held>, stride: usize) -> (Vec<u8>, Vec<Pending>) {
+pub fn join(cells: Vec<Held>, stride: usize) -> (Vec<u8>, Vec<PendingCell>) {
     let mut bytes = Vec::with_capacity(cells.iter().map(|c| c.rows.len()).sum());
     let mut pending = Vec::with_capacity(cells.len());
     for mut cell in cells {
@@ -183,14 +186,14 @@ impl PartRead {
 /// A cell that is built but for its root, with the rows that the root has.
 pub struct Held {
     /// The cell; what it has is all of the rows.
-    pub pending: Pending,
+    pub pending: PendingCell,
     /// The rows.
     pub rows: Vec<u8>,
 }
 
 impl Held {
     /// A cell, all below which is finished, with only the rows of its root.
-    pub fn new(mut pending: Pending, rows: &Rows<'_>) -> Self {
+    pub fn new(mut pending: PendingCell, rows: &Rows<'_>) -> Self {
         let mut bytes = Vec::with_capacity(pending.offered.len() * rows.stride);
         pending.offered.iter().for_each(|&i| bytes.extend_from_slice(rows.row(i)));
         pending.offered = (0..pending.offered.len() as u32).collect();
@@ -200,7 +203,7 @@ impl Held {
     /// What it offers, for the journal; the nodes below follow.
     pub fn offer(&self) -> Record {
         let mut record = Record::new(Kind::Built);
-        let Pending { cell, moments, sampled, turns, radii, shares, .. } = &self.pending;
+        let PendingCell { cell, moments, sampled, turns, radii, shares, .. } = &self.pending;
         record.put(cell.corner);
         record.put(cell.log2);
         record.put(moments.to_numbers());
@@ -238,7 +241,7 @@ impl Held {
         }
         let below = Below::Finished(trees.into());
         let offered = (0..count as u32).collect();
-        let pending = Pending { cell, moments, offered, sampled, turns, radii, shares, below };
+        let pending = PendingCell { cell, moments, offered, sampled, turns, radii, shares, below };
         Some(Self { pending, rows })
     }
 }

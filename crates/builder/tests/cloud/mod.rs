@@ -14,7 +14,7 @@ use esker_scan::{ReadReport, ScanError, Source, SourceInfo};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A cloud of raw positions by index, with an intensity and a GPS time that make points tell-apart.
+/// A cloud of raw positions by index, with an intensity and a GPS time that distinguish points.
 pub struct Cloud<F> {
     info: SourceInfo,
     count: u64,
@@ -108,7 +108,7 @@ impl<F: Fn(u64) -> [i32; 3] + Send + Sync> Source for Cloud<F> {
     }
 }
 
-/// Builds in a folder of its own; the report and the opened file.
+/// Builds in a folder of its own. Returns the report, the opened file and the folder.
 pub fn built(
     sources: Vec<Box<dyn Source>>,
     options: &esker_builder::Options,
@@ -122,7 +122,7 @@ pub fn built(
     (report, EskerFile::open(&out).unwrap(), folder)
 }
 
-/// A deterministic stream of numbers (splitmix64).
+/// Hash of a number (`steele2014`).
 pub fn random(seed: u64) -> u64 {
     let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

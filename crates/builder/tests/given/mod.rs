@@ -1,5 +1,5 @@
-//! Inputs given point by point, of any schema, with headers that may lie; and the check that a cloud came
-//! through a build whole, by sums of its own.
+//! Inputs given point by point, of any schema, with headers that may be wrong; and the check that a
+//! build has lost no point, by sums of its own.
 #![allow(
     dead_code,
     clippy::unwrap_used,
@@ -18,7 +18,7 @@ use esker_scan::{ReadReport, ScanError, Source, SourceInfo};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// An input whose points stand in memory.
+/// An input whose points are in memory.
 #[derive(Clone)]
 pub struct Given {
     pub info: SourceInfo,
@@ -28,7 +28,7 @@ pub struct Given {
     pub columns: Vec<Vec<u8>>,
 }
 
-/// An input without attributes, of this scale, with true bounds.
+/// Makes an input without attributes, with correct bounds.
 pub fn given(name: &str, scale: [f64; 3], positions: Vec<[i32; 3]>) -> Given {
     let grid = Grid { scale, offset: [0.0; 3] };
     let mut given = Given {
@@ -53,7 +53,8 @@ pub fn given(name: &str, scale: [f64; 3], positions: Vec<[i32; 3]>) -> Given {
 }
 
 impl Given {
-    /// Adds an attribute whose value is `value` of a point's index, cut to the type's size.
+    /// Adds an attribute whose value is `value` of the index of a point, truncated to the size of
+    /// the type.
     pub fn with(mut self, name: &str, ty: AttrType, value: impl Fn(u64) -> u64) -> Self {
         let old = self.info.schema.attributes.clone();
         let all = Schema::new([old.clone(), vec![Attribute::new(name, ty)]].concat());
@@ -67,20 +68,20 @@ impl Given {
         self
     }
 
-    /// Moves its grid.
+    /// Moves the grid to `offset`.
     pub fn at(mut self, offset: [f64; 3]) -> Self {
         self.info.grid.grid.offset = offset;
         self.info.grid.bounds = self.bounds();
         self
     }
 
-    /// Claims other bounds than it has.
+    /// Claims other bounds than the points have.
     pub fn claiming(mut self, bounds: Option<[[f64; 3]; 2]>) -> Self {
         self.info.grid.bounds = bounds;
         self
     }
 
-    /// Says that its colours are so, detected from its first points.
+    /// Claims a colour depth, as detected from the first points.
     pub fn coloured(mut self, depth: ColourDepth) -> Self {
         self.info.colour_depth = Some(depth);
         self
@@ -150,7 +151,7 @@ impl Source for Given {
     }
 }
 
-/// The multiset hash of inputs on the lattice of a file, by the words of its definition.
+/// Multiset hash of inputs on the lattice of a file, by its definition.
 pub fn hash_of(sources: &[Given], file: &EskerFile) -> MultisetHash {
     let mut hash = MultisetHash::default();
     for source in sources {
@@ -174,20 +175,20 @@ pub fn boxed(sources: &[Given]) -> Vec<Box<dyn Source>> {
     sources.iter().map(Given::boxed).collect()
 }
 
-/// What lies in a folder.
+/// Names of the files in a folder.
 pub fn names_in(folder: &Path) -> Vec<String> {
     let name =
         |e: std::io::Result<std::fs::DirEntry>| e.unwrap().file_name().into_string().unwrap();
     std::fs::read_dir(folder).unwrap().map(name).collect()
 }
 
-/// Builds these inputs and checks that all of them is in the file: verified, counted, the hash that the
-/// inputs have, and compared with them.
+/// Builds inputs and checks that all points are in the file: verified, counted, with the hash of
+/// the inputs, and compared with them.
 pub fn whole(sources: &[Given], options: &Options) -> (Report, EskerFile) {
     whole_by(sources, |out| build_sources(boxed(sources), out, options, &Silent).unwrap())
 }
 
-/// As [`whole`], with another way to build.
+/// Variant of [`whole`] with another way to build.
 pub fn whole_by(sources: &[Given], build: impl FnOnce(&Path) -> Report) -> (Report, EskerFile) {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.esker");

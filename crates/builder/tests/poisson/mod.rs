@@ -1,5 +1,6 @@
-//! A plain Poisson-disk sampler (dart throwing), and what is measured of a sample: its largest gap, that is the
-//! farthest that a point of the cloud is from it, and the mean distance of its points to their nearest neighbours.
+//! A plain Poisson-disk sampler (dart throwing), and measures of a sample: its largest gap, which
+//! is the greatest distance of a point of the cloud from it, and the mean distance of its points to
+//! their nearest neighbours.
 
 /// A position in metres.
 pub type P = [f64; 3];
@@ -9,12 +10,12 @@ pub fn distance2(a: &P, b: &P) -> f64 {
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum()
 }
 
-/// What is measured of a sample.
+/// Measures of a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Spread {
-    /// Points of the sample.
+    /// Number of points.
     pub points: usize,
-    /// Farthest that a point of the cloud is from the sample.
+    /// Greatest distance of a point of the cloud from the sample.
     pub gap: f64,
     /// Mean distance to the nearest neighbour.
     pub nearest: f64,
@@ -22,19 +23,20 @@ pub struct Spread {
 
 const BUCKETS_LOG2: u32 = 12;
 
-/// Points by the cubes in which they lie; cubes may share a bucket.
+/// Points by the cubes that they lie in; cubes may share a bucket.
 struct Grid {
     reach: f64,
     buckets: Vec<Vec<P>>,
 }
 
 impl Grid {
-    /// For finding points within `reach`, an edge of a cube being twice that.
+    /// A grid for finding points within `reach`; the edge of a cube is twice that.
     fn new(reach: f64) -> Self {
         Self { reach, buckets: vec![Vec::new(); 1 << BUCKETS_LOG2] }
     }
 
-    /// Rounded towards zero, which is as good as down: greater coordinates give no lesser cubes.
+    /// Rounded towards zero, which works as well as rounding down: greater coordinates never give
+    /// lesser cubes.
     fn cube(&self, p: &P, shift: f64) -> [i64; 3] {
         p.map(|c| ((c + shift) / (self.reach * 2.0)) as i64)
     }
@@ -49,8 +51,8 @@ impl Grid {
         self.buckets[Self::bucket(cube)].push(p);
     }
 
-    /// Square of the distance to the nearest point, apart from `p` itself where it is to be left out; right where
-    /// that is within the reach.
+    /// Square of the distance to the nearest point, apart from `p` itself if `leave_out` is set.
+    /// Exact if it is within the reach.
     fn nearest2(&self, p: &P, leave_out: bool) -> f64 {
         let (low, high) = (self.cube(p, -self.reach), self.cube(p, self.reach));
         let mut nearest2 = f64::INFINITY;
@@ -70,12 +72,12 @@ impl Grid {
     }
 }
 
-/// Dart throwing: the cloud's points in the order given, each taken where none is nearer than the radius.
+/// Dart throwing: the cloud's points in order, each accepted if none is closer than the radius.
 fn throw(cloud: &[P], radius: f64) -> Vec<P> {
     throw_indices(cloud, radius).into_iter().map(|i| cloud[i]).collect()
 }
 
-/// As [`throw`]; the places of the points in the cloud.
+/// Variant of [`throw`] that returns indices into the cloud.
 pub fn throw_indices(cloud: &[P], radius: f64) -> Vec<usize> {
     let mut grid = Grid::new(radius);
     let mut sample = Vec::new();
@@ -88,12 +90,12 @@ pub fn throw_indices(cloud: &[P], radius: f64) -> Vec<usize> {
     sample
 }
 
-/// Poisson-disk samples of a cloud, of about as many points as are asked for: within one in sixty, where the
-/// cloud allows it.
+/// Poisson-disk samples of a cloud, with the requested number of points within one in sixty, where
+/// the cloud allows it.
 pub struct Poisson<'a> {
     /// In random order.
     cloud: &'a [P],
-    /// What was measured last.
+    /// Measures of the last sample.
     last: Spread,
     /// Points and radius of the last sample.
     points: usize,
@@ -101,7 +103,7 @@ pub struct Poisson<'a> {
 }
 
 impl<'a> Poisson<'a> {
-    /// Of a cloud in random order.
+    /// Samples a cloud that is in random order.
     pub fn new(cloud: &'a [P]) -> Self {
         let extent = (0..3).map(|i| {
             let along = cloud.iter().map(|p| p[i]);
@@ -112,7 +114,7 @@ impl<'a> Poisson<'a> {
         Self { cloud, last, points: 1, radius }
     }
 
-    /// What the sample of about `count` points is like.
+    /// Measures the sample of about `count` points.
     pub fn of(&mut self, count: usize) -> Spread {
         if self.last.points.abs_diff(count) * 60 > count {
             let sample = self.sample(count);
@@ -121,7 +123,7 @@ impl<'a> Poisson<'a> {
         self.last
     }
 
-    /// The sample of about `count` points: its radius is searched for from that of the last one.
+    /// The sample of about `count` points; its radius is searched from that of the last one.
     pub fn sample(&mut self, count: usize) -> Vec<P> {
         let off = |points: usize| points.abs_diff(count) * 60;
         let (mut low, mut high) = (0.0, f64::INFINITY);
@@ -151,7 +153,8 @@ impl<'a> Poisson<'a> {
         throw(self.cloud, self.radius)
     }
 
-    /// No point of the cloud is farther from the sample than its radius; few have no neighbour within twice that.
+    /// No point of the cloud is farther from the sample than its radius; few have no neighbour
+    /// within twice that.
     fn measure(&self, sample: &[P]) -> Spread {
         let (mut near, mut far) = (Grid::new(self.radius), Grid::new(self.radius * 2.0));
         sample.iter().for_each(|p| near.add(*p));
@@ -169,18 +172,18 @@ impl<'a> Poisson<'a> {
     }
 }
 
-/// A sample that grows, measured as it does.
+/// A sample that grows and is measured as it does.
 pub struct Growing<'a> {
     cloud: &'a [P],
     sample: Vec<P>,
-    /// Of each point of the cloud, to the sample.
+    /// Squared distance of each point of the cloud to the sample.
     from2: Vec<f64>,
-    /// Of each point of the sample, to its nearest neighbour.
+    /// Squared distance of each point of the sample to its nearest neighbour.
     nearest2: Vec<f64>,
 }
 
 impl<'a> Growing<'a> {
-    /// An empty sample of a cloud.
+    /// Begins with an empty sample of a cloud.
     pub fn new(cloud: &'a [P]) -> Self {
         let from2 = vec![f64::INFINITY; cloud.len()];
         Self { cloud, sample: Vec::new(), from2, nearest2: Vec::new() }
@@ -203,7 +206,7 @@ impl<'a> Growing<'a> {
         }
     }
 
-    /// What it is like.
+    /// Measures the sample.
     pub fn spread(&self) -> Spread {
         let sum: f64 = self.nearest2.iter().map(|d2| d2.sqrt()).sum();
         Spread {

@@ -15,7 +15,8 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Builds `out` from scans, or from those in folders, on so many threads (0: one a core); the report and the seconds it took.
+/// Builds `out` from scans, or from those in folders, on so many threads (0: one a core); the
+/// report and the seconds it took.
 ///
 /// # Errors
 /// Where an input is damaged, space runs out, or on request; nothing is left under the final name.
@@ -34,7 +35,8 @@ pub fn build(
     Ok((report, start.elapsed().as_secs_f64()))
 }
 
-/// Runs what is to keep to `--memory` on so many threads: what is freed must not stay with the process.
+/// Runs what is to keep to `--memory` on so many threads: what is freed must not stay with the
+/// process.
 fn within_memory<R: Send>(threads: usize, work: impl FnOnce() -> Result<R> + Send) -> Result<R> {
     system::give_back_freed_memory();
     pool::run(threads, work)
@@ -48,7 +50,8 @@ pub fn node_capacity(file: &Path) -> Result<u32> {
     Ok(EskerFile::open(file)?.metadata().node_capacity)
 }
 
-/// Builds `out` from scans onto the lattice of `old`, which it names; nothing of that is written again.
+/// Builds `out` from scans onto the lattice of `old`, which it names; nothing of that is written
+/// again.
 ///
 /// # Errors
 /// As [`build`]; where `old` does not open, or is in another coordinate reference system.
@@ -177,7 +180,8 @@ fn scratch_at_once(report: &Report) -> String {
     format!(" ({} at once{estimated})", readable_bytes(report.scratch_bytes_peak))
 }
 
-/// What codes that pictures are drawn from can be off by: this follows from their form, not from the points.
+/// What codes that pictures are drawn from can be off by: this follows from their form, not from
+/// the points.
 fn codes(report: &Report) -> String {
     let per_cent = |share: f64| format!("{:.1} %", share * 100.0);
     let mut line = "codes: their form lets ".to_owned();

@@ -15,8 +15,8 @@ const SAMPLE: &str = "tests/sample/creek.laz";
 /// A view up the valley of the sample scan.
 const CAMERA: &str = "eye=5679750,3769950,1480;target=5679080,3770560,955;fovy=48";
 
-/// Builds the sample scan, verifies the file against it, and draws it into the folder `out`; the lines
-/// to show. `project` is where the project's sources lie.
+/// Builds the sample scan, verifies the file against it, and draws it into the folder `out`; the
+/// lines to show. `project` is where the project's sources lie.
 ///
 /// # Errors
 /// Where a step fails.

@@ -1,5 +1,6 @@
-//! The plan of a picture in words (`esker render --explain`): the passes, the planes that are read, the pipelines
-//! and their constants, and what is left out and why. Nothing but the node table and statistics is read for it.
+//! The plan of a picture in words (`esker render --explain`): the passes, the planes that are read,
+//! the pipelines and their constants, and what is left out and why. Nothing but the node table and
+//! statistics is read for it.
 
 use crate::cameras::colour;
 use crate::cameras::ranges;

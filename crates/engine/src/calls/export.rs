@@ -1,5 +1,5 @@
-//! Exporting as a call: an .esker file with all that it names, or the part of it that is wanted, as a scan; the
-//! polygon that the user names, and the report as JSON and as text.
+//! Exporting as a call: an .esker file with all that it names, or the part of it that is wanted, as
+//! a scan; the polygon that the user names, and the report as JSON and as text.
 
 use crate::draw::empty_picture;
 use crate::io::output;
@@ -19,11 +19,12 @@ use std::time::Instant;
 /// Bytes of a polygon's file at most.
 const POLYGON_BYTES_MAX: u64 = 64 << 20;
 
-/// Writes the points of `file`, and of those that it names, that `filter` wants to `out`, on so many threads (0: one a core).
+/// Writes the points of `file`, and of those that it names, that `filter` wants to `out`, on so
+/// many threads (0: one a core).
 ///
 /// # Errors
-/// Where the file is damaged, nothing is wanted, the disk is full, or on request; nothing is left under the
-/// final name.
+/// Where the file is damaged, nothing is wanted, the disk is full, or on request; nothing is left
+/// under the final name.
 pub fn export(
     file: &Path,
     out: &Path,
@@ -45,10 +46,10 @@ pub fn export(
     Ok((report, start.elapsed().as_secs_f64()))
 }
 
-/// The polygon that a word names: corners (`x,y x,y x,y`), or a file of such lines or of GeoJSON.
+/// Parses the polygon of `word`: corners (`x,y x,y x,y`), or a file of such lines or of GeoJSON.
 ///
 /// # Errors
-/// Where it is none of these.
+/// If `word` is neither corners nor a readable file of corners.
 pub fn polygon(word: &str) -> Result<Polygon> {
     let has_corners = word.split_whitespace().filter(|w| w.contains(',')).count() > 1;
     if has_corners && !Path::new(word).exists() {
@@ -66,8 +67,9 @@ pub fn polygon(word: &str) -> Result<Polygon> {
     polygon.with_context(|| format!("{word}: is no polygon"))
 }
 
-/// Lines of x and y, and maybe a height, which does not matter; or all corners on one line. An empty line begins another ring
-/// (a hole, or an island), `#` a comment; a first line without a number is a heading.
+/// Lines of x and y, and maybe a height, which does not matter; or all corners on one line. An
+/// empty line begins another ring (a hole, or an island), `#` a comment; a first line without a
+/// number is a heading.
 fn lines(text: &str) -> Result<Polygon> {
     let words = |line: &'_ str| -> Vec<String> {
         let line = line.split('#').next().unwrap_or_default();

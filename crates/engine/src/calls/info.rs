@@ -1,4 +1,5 @@
-//! What a file says of itself: counts, bounds, attributes, sources, and how its points lie in the tree.
+//! What a file says of itself: counts, bounds, attributes, sources, and how its points lie in the
+//! tree.
 
 use crate::io::quantity::{grouped, readable_bytes};
 use anyhow::Result;
@@ -73,14 +74,15 @@ pub fn info(path: &Path, task: &dyn Task) -> Result<Value> {
     }))
 }
 
-/// The unit of a file's lengths, where one of its sources tells one; none where coordinates are degrees.
+/// The unit of a file's lengths, where one of its sources tells one; none where coordinates are
+/// degrees.
 pub fn unit(forest: &Forest) -> Option<String> {
     let mut records = forest.files().flat_map(|file| &file.metadata().sources);
     records.find_map(|s| s.crs.as_ref())?.unit.clone().filter(|unit| unit != "degree")
 }
 
-/// What reading the sources of a file has left out or found odd: points that were refused, by reason, and the notes, each once and the
-/// first of many.
+/// What reading the sources of a file has left out or found odd: points that were refused, by
+/// reason, and the notes, each once and the first of many.
 pub fn notes(forest: &Forest) -> Vec<String> {
     let records = || forest.files().flat_map(|file| &file.metadata().sources);
     let mut refused = std::collections::BTreeMap::<&str, u64>::new();

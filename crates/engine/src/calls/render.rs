@@ -1,5 +1,5 @@
-//! Drawing as a call: opens a file (or builds one from scans first), chooses what the view needs, reads
-//! just the planes that the frame asks for, draws, and writes the picture.
+//! Drawing as a call: opens a file (or builds one from scans first), chooses what the view needs,
+//! reads just the planes that the frame asks for, draws, and writes the picture.
 
 use crate::calls::explain;
 use crate::draw::empty_picture;
@@ -19,10 +19,12 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Draws `inputs` (one `.esker` file with those that it names, or scans) to the PNG file `out`; what it did, for machines.
+/// Draws `inputs` (one `.esker` file with those that it names, or scans) to the PNG file `out`;
+/// what it did, for machines.
 ///
 /// # Errors
-/// Where the input cannot be read, a filter leaves no point of it, or the picture cannot be written.
+/// Where the input cannot be read, a filter leaves no point of it, or the picture cannot be
+/// written.
 pub fn render(
     inputs: &[PathBuf],
     out: &Path,
@@ -46,7 +48,8 @@ pub fn render(
     })
 }
 
-/// What a picture of `inputs` would take, without reading or drawing any of it: the plan of its frame.
+/// What a picture of `inputs` would take, without reading or drawing any of it: the plan of its
+/// frame.
 ///
 /// # Errors
 /// Where the input cannot be read, or has not what is asked for.
@@ -60,7 +63,8 @@ pub fn explain(inputs: &[PathBuf], request: &PictureRequest, task: &dyn Task) ->
 /// Draws an opened file; the picture and what it took.
 ///
 /// # Errors
-/// Where planes cannot be read, the filter leaves no point, or a GPU is asked for and there is none, or it fails.
+/// Where planes cannot be read, the filter leaves no point, or a GPU is asked for and there is
+/// none, or it fails.
 pub fn draw(file: &Forest, request: &PictureRequest, task: &dyn Task) -> Result<(Picture, Value)> {
     let scene = PictureScene::read(file, request, task)?;
     let (gpu, mut drawer) = request.with.choose(None)?;

@@ -1,5 +1,5 @@
-//! Verifying as a call: a file and those that it names against themselves, and against the scans they were built
-//! from; and the report as text.
+//! Verifying as a call: a file and those that it names against themselves, and against the scans
+//! they were built from; and the report as text.
 
 use crate::io::inputs;
 use crate::io::quantity::grouped;
@@ -11,8 +11,8 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Checks every byte and every rule of a file and of all files that it names; with `against`, also that the
-/// points of all trees, or of its own alone, are those of the scans.
+/// Checks every byte and every rule of a file and of all files that it names; with `against`, also
+/// that the points of all trees, or of its own alone, are those of the scans.
 ///
 /// # Errors
 /// The first fault found.
@@ -73,7 +73,8 @@ pub fn text(path: &Path, report: &Value) -> String {
     line
 }
 
-/// What machines are told of a file that did not hold: `ok` is false; its points, where it says them.
+/// What machines are told of a file that did not hold: `ok` is false; its points, where it says
+/// them.
 pub fn refused(path: &Path, error: &anyhow::Error) -> Value {
     let points = EskerFile::open(path).ok().map(|file| file.footer().points);
     json!({ "ok": false, "points": points, "error": crate::one_line(error) })

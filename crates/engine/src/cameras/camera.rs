@@ -3,6 +3,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use esker_lod::View;
 use glam::DVec3;
+use std::str::FromStr;
 
 /// What the user said of the camera; what is not said is fitted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -17,6 +18,15 @@ pub struct Camera {
     pub direction: Option<DVec3>,
     /// Vertical field of view, degrees; 60 where not said.
     pub fovy_deg: Option<f64>,
+}
+
+impl FromStr for Camera {
+    type Err = String;
+
+    /// [`Camera::parse`] for command lines: an error has its causes in one line.
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::parse(text).map_err(|e| format!("{e:#}"))
+    }
 }
 
 /// Degrees of the vertical field of view where the user says nothing.
@@ -65,8 +75,9 @@ impl Camera {
         Ok(camera)
     }
 
-    /// The view of a whole scan that benchmarks begin with: as near as shows all of it, and so not in the middle on both axes.
-    /// It stays as it is, so that figures of different versions compare.
+    /// The view of a whole scan that benchmarks begin with: as near as shows all of it, and so not
+    /// in the middle on both axes. It stays as it is, so that figures of different versions
+    /// compare.
     pub fn of_benchmarks(bounds: [[f64; 3]; 2], size: [u32; 2]) -> View {
         Self::overview(bounds, oblique(DVec3::Z), FOVY_DEG.to_radians(), size)
     }

@@ -1,9 +1,10 @@
-//! What gives points their colour: the name that the user gives becomes the renderer's map, the plane that it
-//! needs and a legend, with the range of values from the user or from the statistics ([`crate::cameras::ranges`]).
+//! What gives points their colour: the name that the user gives becomes the renderer's map, the
+//! plane that it needs and a legend, with the range of values from the user or from the statistics
+//! ([`crate::cameras::ranges`]).
 
 use crate::cameras::ranges;
 use anyhow::{Context, Result, bail, ensure};
-use esker_format::{Forest, PlaneKind, Shown};
+use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_points::attribute::names;
 use esker_points::filter::Classes;
 use esker_points::{AttrType, Codes, Coding, Schema};
@@ -44,7 +45,8 @@ pub struct Legend {
     pub palette: Option<Palette>,
     /// Numbers, what they mean, and their colours (sRGB).
     pub entries: Vec<(u8, String, [u8; 3])>,
-    /// Whether values are lengths in the file's unit, that of its horizontal coordinates: heights may have another one.
+    /// Whether values are lengths in the file's unit, that of its horizontal coordinates: heights
+    /// may have another one.
     pub is_length: bool,
     /// Why there may be little to see.
     pub note: Option<&'static str>,
@@ -60,7 +62,8 @@ impl Legend {
         self.range.map(ends)
     }
 
-    /// So many colours from the first value to the last, sRGB; none where there is no range of colours.
+    /// So many colours from the first value to the last, sRGB; none where there is no range of
+    /// colours.
     pub fn bar(&self, count: usize) -> Vec<[u8; 3]> {
         let Some(palette) = self.palette else { return Vec::new() };
         let last = count.saturating_sub(1).max(1) as f64;
@@ -179,13 +182,13 @@ impl<'a> Wish<'a> {
     }
 }
 
-/// The colouring of this name; the best that the file has where there is none: its colours, else its
-/// intensity where it has no normals to be lit by, else elevation.
+/// The colouring of this name; the best that the file has where there is none: its colours, else
+/// its intensity where it has no normals to be lit by, else elevation.
 ///
 /// # Errors
 /// Where the file has no such attribute, or what is asked for is no range.
 pub fn colouring(file: &Forest, name: Option<&str>, bounds: [[f64; 3]; 2]) -> Result<Colouring> {
-    colouring_of(file, name, bounds, &Shown::default())
+    colouring_of(file, name, bounds, &ForestFilter::default())
 }
 
 /// The same, with ranges of the points that are shown.
@@ -196,7 +199,7 @@ pub fn colouring_of(
     file: &Forest,
     name: Option<&str>,
     bounds: [[f64; 3]; 2],
-    shown: &Shown,
+    shown: &ForestFilter,
 ) -> Result<Colouring> {
     let Some(text) = name else {
         return if file.has(PlaneKind::Colour) && has_colours(file)? {
@@ -259,7 +262,12 @@ pub fn colouring_of(
 }
 
 /// Refuses what is no attribute's name, but one with something behind it that is no range.
-fn check_end(file: &Forest, wish: &Wish<'_>, bounds: [[f64; 3]; 2], shown: &Shown) -> Result<()> {
+fn check_end(
+    file: &Forest,
+    wish: &Wish<'_>,
+    bounds: [[f64; 3]; 2],
+    shown: &ForestFilter,
+) -> Result<()> {
     if let Some((name, end)) = wish.name.rsplit_once(':')
         && file.schema().find(wish.name).is_none()
         && colouring_of(file, Some(name), bounds, shown).is_ok()
@@ -275,7 +283,7 @@ fn black(file: &Forest) -> Result<Option<&'static str>> {
 }
 
 /// The sizes of cells that occur among what is shown, the largest first, in the scan's unit.
-fn cell_entries(file: &Forest, shown: &Shown) -> Vec<(u8, String, [u8; 3])> {
+fn cell_entries(file: &Forest, shown: &ForestFilter) -> Vec<(u8, String, [u8; 3])> {
     let nodes = (0u32..).zip(&file.table().nodes);
     let kept = nodes.filter(|&(index, _)| shown.points_max(index) > 0);
     let sizes: BTreeSet<u8> = kept.map(|(_, node)| node.cell_log2).collect();
@@ -317,7 +325,8 @@ fn has_colours(file: &Forest) -> Result<bool> {
     Ok(false)
 }
 
-/// The plane that tells the points of one scan from those of another, and how its values become codes.
+/// The plane that tells the points of one scan from those of another, and how its values become
+/// codes.
 ///
 /// # Errors
 /// Where no attribute does.
@@ -369,7 +378,7 @@ fn find_in_any_case(schema: &Schema, name: &str) -> Option<usize> {
     schema.attributes.iter().position(|a| a.name.eq_ignore_ascii_case(name))
 }
 
-fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring> {
+fn attribute(file: &Forest, wish: &Wish<'_>, shown: &ForestFilter) -> Result<Colouring> {
     let schema = file.schema();
     let is_number = ["return", RETURN_NUMBER].iter().any(|n| n.eq_ignore_ascii_case(wish.name));
     let is_count = NUMBER_OF_RETURNS.eq_ignore_ascii_case(wish.name);
@@ -467,7 +476,7 @@ fn bytes(linear: glam::Vec3) -> [u8; 3] {
 }
 
 /// The classes that occur among what is shown.
-fn class_entries(forest: &Forest, shown: &Shown) -> Result<Vec<(u8, String, [u8; 3])>> {
+fn class_entries(forest: &Forest, shown: &ForestFilter) -> Result<Vec<(u8, String, [u8; 3])>> {
     let (mut bits, mut first) = ([0u64; 4], 0);
     for file in forest.files() {
         let statistics = file.statistics()?;

@@ -1,6 +1,6 @@
-//! The camera's way of a benchmark: named views, and how long it takes from each to the next (kanzok2015,
-//! figure 4: overview, close view, detail). From a JSON file, or derived from the scan's bounds and
-//! density. `bench/README.md` says what the JSON means.
+//! The camera's way of a benchmark: named views, and how long it takes from each to the next
+//! (kanzok2015, figure 4: overview, close view, detail). From a JSON file, or derived from the
+//! scan's bounds and density. `bench/README.md` says what the JSON means.
 
 use crate::calls::info;
 use crate::cameras::camera::Camera;
@@ -128,8 +128,8 @@ impl Path {
         Ok(Self { views: told.views.into_iter().map(stop).collect::<Result<_>>()? })
     }
 
-    /// The path of a scan that nobody wrote one for: all of it, then nearer, then so near to a dense
-    /// place that its points lie a pixel apart.
+    /// The path of a scan that nobody wrote one for: all of it, then nearer, then so near to a
+    /// dense place that its points lie a pixel apart.
     pub fn of(file: &Forest, size: [u32; 2]) -> Self {
         let overview = Camera::of_benchmarks(info::bounds(file), size);
         let [low, high] = info::bounds(file).map(DVec3::from_array);
@@ -153,8 +153,8 @@ impl Path {
         }
     }
 
-    /// The view on the way to stop `to`, with `share` of the way behind it: starting and ending gently,
-    /// with equal ratios of distance to what is looked at in equal times.
+    /// The view on the way to stop `to`, with `share` of the way behind it: starting and ending
+    /// gently, with equal ratios of distance to what is looked at in equal times.
     pub fn between(&self, to: usize, share: f64) -> View {
         let (a, b) = (&self.views[to.saturating_sub(1)], &self.views[to]);
         let t = share.clamp(0.0, 1.0);
@@ -196,8 +196,8 @@ impl ToldView {
     }
 }
 
-/// A place that is scanned densely, and the spacing there: the node below which a tenth of all points
-/// have finer spacings.
+/// A place that is scanned densely, and the spacing there: the node below which a tenth of all
+/// points have finer spacings.
 fn dense_place(file: &Forest) -> Option<(DVec3, f64)> {
     let mut nodes: Vec<_> = file.table().nodes.iter().filter(|n| n.spacing > 0.0).collect();
     nodes.sort_by(|a, b| a.spacing.total_cmp(&b.spacing));

@@ -1,11 +1,12 @@
-//! Ranges of values for colour maps: from the files' histograms and the nodes' least and greatest values, so that
-//! neither a few strays take all colours nor what a filter leaves out takes any. Where strays are so far away that bins, or the
-//! boxes of nodes, hide what the others differ by, points are read: of a few nodes, and only to tell where within a bin a
-//! range ends. Where an end is a number that stands for no value, a sample of the values tells all.
+//! Ranges of values for colour maps: from the files' histograms and the nodes' least and greatest
+//! values, so that neither a few strays take all colours nor what a filter leaves out takes any.
+//! Where strays are so far away that bins, or the boxes of nodes, hide what the others differ by,
+//! points are read: of a few nodes, and only to tell where within a bin a range ends. Where an end
+//! is a number that stands for no value, a sample of the values tells all.
 
 use crate::cameras::colour::plane_of;
 use anyhow::Result;
-use esker_format::{EskerFile, Forest, PlaneKind, Shown};
+use esker_format::{EskerFile, Forest, ForestFilter, PlaneKind};
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
 use esker_points::{AttrType, Node};
 
@@ -13,7 +14,8 @@ use esker_points::{AttrType, Node};
 const STRAYS: f64 = 0.01;
 /// Bins of heights.
 const BINS: usize = 1024;
-/// Numbers from here on stand for no value: scans write the greatest of their type where they have none.
+/// Numbers from here on stand for no value: scans write the greatest of their type where they have
+/// none.
 const NO_VALUE: f64 = f32::MAX as f64;
 /// Values that a sample has at least, where there are so many.
 const SAMPLE: usize = 1 << 17;
@@ -30,7 +32,7 @@ const ROUNDS: usize = 8;
 ///
 /// # Errors
 /// Where statistics cannot be read.
-pub fn of_attribute(forest: &Forest, number: usize, shown: &Shown) -> Result<(f64, f64)> {
+pub fn of_attribute(forest: &Forest, number: usize, shown: &ForestFilter) -> Result<(f64, f64)> {
     let attribute = &forest.schema().attributes[number];
     let (mut range, mut first) = (None, 0);
     for file in forest.files() {
@@ -48,7 +50,8 @@ pub fn of_attribute(forest: &Forest, number: usize, shown: &Shown) -> Result<(f6
     of_sample(forest, number, attribute.ty, shown)
 }
 
-/// Least and greatest value of an attribute of the forest over all trees, strays and all; `None` where nothing is a number.
+/// Least and greatest value of an attribute of the forest over all trees, strays and all; `None`
+/// where nothing is a number.
 ///
 /// # Errors
 /// Where statistics cannot be read.
@@ -92,8 +95,14 @@ fn is_value(number: f64) -> bool {
     number.abs() < NO_VALUE
 }
 
-/// The range of a sample, without what stands for no value: of the first nodes, whose points are spread evenly.
-fn of_sample(forest: &Forest, attribute: usize, ty: AttrType, shown: &Shown) -> Result<(f64, f64)> {
+/// The range of a sample, without what stands for no value: of the first nodes, whose points are
+/// spread evenly.
+fn of_sample(
+    forest: &Forest,
+    attribute: usize,
+    ty: AttrType,
+    shown: &ForestFilter,
+) -> Result<(f64, f64)> {
     let kind = plane_of(&forest.schema().attributes[attribute].name, ty, attribute);
     let mut values = Vec::new();
     let nodes = 0..forest.table().nodes.len() as u32;
@@ -122,7 +131,7 @@ fn joined(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {
 fn within(
     file: &EskerFile,
     attribute: usize,
-    shown: &Shown,
+    shown: &ForestFilter,
     first: u32,
 ) -> Result<Option<(f64, f64)>> {
     let statistics = file.statistics()?;
@@ -150,7 +159,8 @@ fn within(
     Ok(clamped.filter(|(a, b)| a <= b).or(kept))
 }
 
-/// A range whose ends are those of bins, ended at the outermost values in these bins instead, as far as the first nodes have any.
+/// A range whose ends are those of bins, ended at the outermost values in these bins instead, as
+/// far as the first nodes have any.
 fn within_bins(
     file: &EskerFile,
     attribute: usize,
@@ -200,12 +210,17 @@ fn outer(counts: impl Iterator<Item = f64>, strays: f64) -> usize {
     counts.take_while(is_stray).count()
 }
 
-/// The range of heights. Points are taken to be spread evenly over the heights of their node's contour; those of a few tall
-/// nodes, which a stray may have stretched, are read. `bounds` are of all points.
+/// The range of heights. Points are taken to be spread evenly over the heights of their node's
+/// contour; those of a few tall nodes, which a stray may have stretched, are read. `bounds` are of
+/// all points.
 ///
 /// # Errors
 /// Where a node cannot be read.
-pub fn of_heights(forest: &Forest, bounds: [[f64; 3]; 2], shown: &Shown) -> Result<(f64, f64)> {
+pub fn of_heights(
+    forest: &Forest,
+    bounds: [[f64; 3]; 2],
+    shown: &ForestFilter,
+) -> Result<(f64, f64)> {
     let mut range = (bounds[0][2], bounds[1][2]);
     let known = Heights::of(forest, shown)?;
     for _ in 0..ROUNDS {
@@ -230,7 +245,7 @@ struct Heights {
 
 impl Heights {
     /// Of what is shown.
-    fn of(forest: &Forest, shown: &Shown) -> Result<Self> {
+    fn of(forest: &Forest, shown: &ForestFilter) -> Result<Self> {
         let nodes = (0u32..).zip(&forest.table().nodes);
         let mut nodes: Vec<_> = nodes
             .map(|(index, node)| {
@@ -264,7 +279,13 @@ impl Heights {
     }
 
     /// Reads the heights of so many points of a node, but for those that a filter hides.
-    fn read(&mut self, forest: &Forest, shown: &Shown, index: u32, points: usize) -> Result<()> {
+    fn read(
+        &mut self,
+        forest: &Forest,
+        shown: &ForestFilter,
+        index: u32,
+        points: usize,
+    ) -> Result<()> {
         let node = forest.record(index);
         // Where a stray has stretched its box, hot positions alone are coarse.
         let planes = shown.read(forest, index, &[PlaneKind::Position, PlaneKind::Residual])?;

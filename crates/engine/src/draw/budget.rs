@@ -1,6 +1,6 @@
-//! Where a session's memory goes, before any of it is taken: what cannot be less, and how much of the rest is
-//! lent to the loaders. `--budget-ram` bounds main memory; `--budget-gpu` the drawing slots where these lie in
-//! main memory, and on a GPU all of its buffers.
+//! Where a session's memory goes, before any of it is taken: what cannot be less, and how much of
+//! the rest is lent to the loaders. `--budget-ram` bounds main memory; `--budget-gpu` the drawing
+//! slots where these lie in main memory, and on a GPU all of its buffers.
 
 use crate::draw::options::Options;
 use crate::draw::staging::RUN_BYTES;
@@ -9,18 +9,21 @@ use anyhow::{Result, ensure};
 use esker_format::{Footer, Forest};
 use esker_points::Node;
 use esker_render::gpu::NodePool;
-use esker_render::gpu::passes::ewa::Room;
+use esker_render::gpu::passes::ewa::BatchCapacity;
 use esker_render::picture::margin::MARGIN_PX;
 
-/// Bytes a pixel that the renderer holds: frame buffer, pyramid with normals, picture, smoothed depth.
+/// Bytes a pixel that the renderer holds: frame buffer, pyramid with normals, picture, smoothed
+/// depth.
 const PIXEL_BYTES: u64 = 90;
-/// And of either renderer where exposures are evened out: slots of scans 4 at most, sums of cells 8.
+/// And of either renderer where exposures are evened out: slots of scans 4 at most, sums of cells
+/// 8.
 const EXPOSURE_PIXEL_BYTES: u64 = 12;
 /// Bytes a node beside its record: the cache's entry, and what a choice that visits it keeps of it.
 const NODE_BYTES: u64 = 512;
 /// Threads' stacks, channels, allocators' slack.
 const FIXED_BYTES: u64 = 12 << 20;
-/// Runs of staging at least: one that is read into while another one is uploaded, and room for chance.
+/// Runs of staging at least: one that is read into while another one is uploaded, and room for
+/// chance.
 const RUNS_MIN: u64 = 4;
 /// Runs of staging at most: what a gigabyte a second brings during a frame of a twentieth of one.
 const RUNS_MAX: u64 = 48;
@@ -79,10 +82,11 @@ impl Shares {
     }
 }
 
-/// Bytes a pixel of the GPU renderer's buffers and textures: frame buffer 8, pyramid with normals 70, picture
-/// with depth 12, targets of point primitives 12, edges and relief 20, averages 48.
+/// Bytes a pixel of the GPU renderer's buffers and textures: frame buffer 8, pyramid with normals
+/// 70, picture with depth 12, targets of point primitives 12, edges and relief 20, averages 48.
 const GPU_PIXEL_BYTES: u64 = 176;
-/// Bytes a drawn node: its rows in the tables of draws, of chunks and of the octree, which grow by doubling.
+/// Bytes a drawn node: its rows in the tables of draws, of chunks and of the octree, which grow by
+/// doubling.
 const GPU_NODE_BYTES: u64 = 512;
 /// Uniforms, colour maps, timestamps, depth tiles on their way back.
 const GPU_FIXED_BYTES: u64 = 1 << 20;
@@ -101,7 +105,7 @@ pub struct GpuShares {
     /// Mapped upload runs that are lent to loaders.
     pub runs: usize,
     /// Room for a batch of splats.
-    pub room: Room,
+    pub room: BatchCapacity,
     /// What is left for node planes.
     pub pool_bytes: u64,
 }
@@ -121,7 +125,7 @@ impl GpuShares {
             + GPU_FIXED_BYTES;
         let budget_bytes = options.budget_gpu_bytes;
         // Whatever is drawn first: sessions change their method while they run.
-        let room = Room::within(budget_bytes / ROOM_SHARE);
+        let room = BatchCapacity::within(budget_bytes / ROOM_SHARE);
         let picture_bytes = picture_bytes + room.bytes();
         let run_bytes = RUN_BYTES as u64;
         let runs_min = options.runs.map_or(RUNS_MIN, |r| r as u64);

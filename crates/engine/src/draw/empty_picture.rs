@@ -1,18 +1,18 @@
-//! Pictures that show nothing say so. A filter that leaves no point is an error, as it is when exporting; where a view
-//! alone shows nothing, the reason is told beside the picture.
+//! Pictures that show nothing say so. A filter that leaves no point is an error, as it is when
+//! exporting; where a view alone shows nothing, the reason is told beside the picture.
 
 use crate::io::quantity::grouped;
 use anyhow::{Result, ensure};
-use esker_format::{Forest, PlaneKind, Shown};
+use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_lod::Counters;
 use esker_points::attribute::names;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
 use esker_points::{AttrType, Filter};
 
-/// Refuses to ask for classes where no point has one.
+/// Checks that the points have classes if the filter selects some.
 ///
 /// # Errors
-/// As said.
+/// If the filter selects classes and no point has one.
 pub fn check_classes(file: &Forest, filter: &Filter) -> Result<()> {
     let has = file.schema().find_typed(names::CLASSIFICATION, AttrType::U8).is_some();
     ensure!(
@@ -23,12 +23,12 @@ pub fn check_classes(file: &Forest, filter: &Filter) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a filter that leaves no point, though there are some. Positions are read until one is found that is wanted:
-/// to be asked only where nothing was drawn.
+/// Checks that a filter leaves a point. Reads positions until one is found that passes, so it is to
+/// be called only after a picture was empty.
 ///
 /// # Errors
-/// As said, or where they cannot be read.
-pub fn check_wanted(file: &Forest, shown: &Shown) -> Result<()> {
+/// If the file has points and the filter leaves none, or positions cannot be read.
+pub fn check_wanted(file: &Forest, shown: &ForestFilter) -> Result<()> {
     let points = file.points();
     if points == 0 || !shown.is_filtered() {
         return Ok(());
@@ -46,7 +46,7 @@ pub fn check_wanted(file: &Forest, shown: &Shown) -> Result<()> {
 }
 
 /// Whether any of a node's own points is wanted.
-fn has_wanted(file: &Forest, shown: &Shown, node: u32) -> Result<bool> {
+fn has_wanted(file: &Forest, shown: &ForestFilter, node: u32) -> Result<bool> {
     let prefix = shown.points_max(node).min(file.record(node).points());
     if prefix == 0 || !shown.hides_points(node) {
         return Ok(prefix > 0);

@@ -1,18 +1,18 @@
-//! From planes to the renderer's frame: the one place where nodes of a cut, wherever their planes lie,
-//! become what is drawn. Shared by pictures read whole and by sessions that stream.
+//! From planes to the renderer's frame: the one place where nodes of a cut, wherever their planes
+//! lie, become what is drawn. Shared by pictures read whole and by sessions that stream.
 
 use crate::calls::info;
 use crate::cameras::colour::{self, Colouring, colouring_of};
 use crate::draw::empty_picture;
 use anyhow::Result;
-use esker_format::{Forest, PlaneKind, Shown};
+use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_lod::{CompactOctree, View};
 use esker_points::{Codes, Coding, Filter, Node};
 use esker_render::inputs::camera::is_drawable;
 use esker_render::picture::margin::{MARGIN_PX, goes_beyond};
 use esker_render::{
-    Asked, Background, Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FramePlan,
-    Method, SceneHas,
+    Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FrameOptions, FramePlan, Method,
+    SceneHas,
 };
 use esker_stream::Needs;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub struct Look {
     /// Where colours come from.
     pub colouring: Colouring,
     /// Which points, and what of them.
-    pub shown: Arc<Shown>,
+    pub shown: Arc<ForestFilter>,
     /// How points become a picture.
     pub method: Method,
     /// Whether surfaces have highlights.
@@ -33,7 +33,8 @@ pub struct Look {
 }
 
 impl Look {
-    /// Of a file: what `filter` wants, coloured by `colour` ([`crate::cameras::colour::colouring`]).
+    /// Of a file: what `filter` wants, coloured by `colour`
+    /// ([`crate::cameras::colour::colouring`]).
     ///
     /// # Errors
     /// Where the file has not what colours shall come from, or the filter makes no sense.
@@ -46,7 +47,7 @@ impl Look {
     ) -> Result<Self> {
         empty_picture::check_classes(file, filter)?;
         let on_lattice = (!filter.is_all()).then(|| filter.on(file.lattice())).transpose()?;
-        let shown = Shown::of(file, on_lattice, None)?;
+        let shown = ForestFilter::of(file, on_lattice, None)?;
         let colouring = colouring_of(file, colour, info::bounds(file), &shown)?;
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
@@ -60,12 +61,13 @@ impl Look {
     pub fn evened(mut self, file: &Forest, evens_exposure: bool) -> Result<Self> {
         if evens_exposure {
             let scans = colour::scans(file)?;
-            self.shown = Arc::new(Shown::clone(&self.shown).with_scans(Some(scans)));
+            self.shown = Arc::new(ForestFilter::clone(&self.shown).with_scans(Some(scans)));
         }
         Ok(Self { evens_exposure, ..self })
     }
 
-    /// The same from compact planes, where all trees have them and nothing else is asked of the bytes that they save.
+    /// The same from compact planes, where all trees have them and nothing else is asked of the
+    /// bytes that they save.
     pub fn compacted(mut self, file: &Forest) -> Self {
         let asks =
             self.evens_exposure || self.shown.hides_any() || self.colouring.by != ColourBy::Rgb;
@@ -85,12 +87,13 @@ impl Look {
         {
             *by = ColourBy::Scalar(ColourMap { low, high, palette });
             (*stored, *codes) = (Some(ty), None);
-            self.shown = Arc::new(Shown::clone(&self.shown).coded(None));
+            self.shown = Arc::new(ForestFilter::clone(&self.shown).coded(None));
         }
         self
     }
 
-    /// The plan of its frames; `is_dense` where points are dense in the whole view, `is_crowded` where they crowd.
+    /// The plan of its frames; `is_dense` where points are dense in the whole view, `is_crowded`
+    /// where they crowd.
     pub fn plan(&self, file: &Forest, is_dense: bool, is_crowded: bool) -> FramePlan {
         let normals = file.has(PlaneKind::Normal);
         let has = SceneHas {
@@ -104,7 +107,7 @@ impl Look {
         let (method, colour) = (self.method, self.colouring.by);
         let Self { shines, evens_exposure, .. } = *self;
         let (smooths, fits_planes) = (true, true);
-        let asked = Asked {
+        let options = FrameOptions {
             method,
             colour,
             shines,
@@ -114,10 +117,11 @@ impl Look {
             is_crowded,
             evens_exposure,
         };
-        FramePlan::of(&has, &asked)
+        FramePlan::of(&has, &options)
     }
 
-    /// The planes that its frames need of each node, the residual aside, which views ask for node by node.
+    /// The planes that its frames need of each node, the residual aside, which views ask for node
+    /// by node.
     pub fn needs(&self, file: &Forest) -> Needs {
         let plan = self.plan(file, false, false);
         let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
@@ -125,8 +129,8 @@ impl Look {
         Needs { colour, normals, clip_lines, tangents }
     }
 
-    /// A view with the margin that its pictures of a file take ([`esker_render::picture::margin`]): none where all of the file lies in
-    /// the picture, or one so large cannot be drawn.
+    /// A view with the margin that its pictures of a file take ([`esker_render::picture::margin`]):
+    /// none where all of the file lies in the picture, or one so large cannot be drawn.
     pub fn with_margin(&self, file: &Forest, view: &View) -> View {
         let shown = view.with_margin(0);
         let wide = view.with_margin(MARGIN_PX);
@@ -190,20 +194,10 @@ pub fn frame<'a, P>(
     method: Method,
 ) -> Frame<'a, P> {
     Frame {
-        view,
-        lattice: file.lattice(),
-        draws,
         octree: Some(octree),
         method,
         colour: colouring.by,
         cull_back_faces: file.has_oriented_normals() && method != Method::Points,
-        hides_points: false,
-        shines: true,
-        skips_push: true,
-        averages: true,
-        smooths: true,
-        fits_planes: true,
-        evens_exposure: false,
-        background: Background::default(),
+        ..Frame::new(view, file.lattice(), draws)
     }
 }

@@ -1,4 +1,5 @@
-//! From an opened file to pictures: sessions that stream, planes that are read whole, and the painters of both.
+//! From an opened file to pictures: sessions that stream, planes that are read whole, and the
+//! painters of both.
 
 pub mod budget;
 pub mod empty_picture;

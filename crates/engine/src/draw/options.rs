@@ -14,7 +14,8 @@ pub struct Options {
     pub backend: Backend,
     /// Which GPU, and how it draws points.
     pub gpu: GpuRequest,
-    /// The device to draw on, where a window has one. The session is used by the thread that submits to it.
+    /// The device to draw on, where a window has one. The session is used by the thread that
+    /// submits to it.
     pub device: Option<Gpu>,
     /// Bytes of drawing memory: on a GPU of all its buffers, with those that pictures need.
     pub budget_gpu_bytes: u64,

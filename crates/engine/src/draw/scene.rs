@@ -1,5 +1,5 @@
-//! What a still picture is drawn from: the request, the file (opened, or built from scans first), and the
-//! nodes, prefixes and planes that the view needs, read whole.
+//! What a still picture is drawn from: the request, the file (opened, or built from scans first),
+//! and the nodes, prefixes and planes that the view needs, read whole.
 
 use crate::calls::info;
 use crate::cameras::camera::Camera;
@@ -8,7 +8,7 @@ use crate::io::file::is_esker;
 use crate::io::output;
 use crate::machine::backend::DrawWith;
 use anyhow::Result;
-use esker_format::{Forest, PlaneKind, Planes, Shown};
+use esker_format::{Forest, ForestFilter, PlaneKind, Planes};
 use esker_lod::{CompactOctree, Options, Residency, Selection, View, needs_residual, select};
 use esker_points::{Filter, Task};
 use esker_render::inputs::density::{is_crowded, is_dense};
@@ -38,7 +38,8 @@ pub struct PictureRequest {
     pub shines: bool,
     /// Whether differences of exposure between scans are evened out.
     pub evens_exposure: bool,
-    /// Whether values that are mapped are kept as they are, and not as codes of a byte: to compare with.
+    /// Whether values that are mapped are kept as they are, and not as codes of a byte: to compare
+    /// with.
     pub keeps_values: bool,
     /// Whether full planes are drawn where there are compact ones, too.
     pub full: bool,
@@ -72,7 +73,8 @@ impl Default for PictureRequest {
     }
 }
 
-/// Opens the file, or builds scans into one in a temporary folder, which goes with the second value.
+/// Opens the file, or builds scans into one in a temporary folder, which goes with the second
+/// value.
 pub fn open(
     inputs: &[PathBuf],
     request: &PictureRequest,
@@ -207,7 +209,7 @@ fn bounds_of(file: &Forest, filter: &Filter) -> [[f64; 3]; 2] {
 }
 
 /// Everything is at hand; a filter says what may be shown.
-struct AtHand<'a>(&'a Shown);
+struct AtHand<'a>(&'a ForestFilter);
 
 impl Residency for AtHand<'_> {
     fn is_resident(&self, _: u32) -> bool {
@@ -219,8 +221,8 @@ impl Residency for AtHand<'_> {
     fn points_max(&self, node: u32) -> usize {
         self.0.points_max(node)
     }
-    fn is_barren(&self, node: u32) -> bool {
-        self.0.is_barren(node)
+    fn rejects_subtree(&self, node: u32) -> bool {
+        self.0.rejects_subtree(node)
     }
 }
 

@@ -1,13 +1,14 @@
-//! A session: an opened file, with those that it names, that is looked at, frame by frame. It starts the threads that choose and
-//! read (kanzok2015, section 3.2), is their render thread, and never waits for the disk. Views go in,
-//! pictures come out; a window is not needed.
+//! A session: an opened file, with those that it names, that is looked at, frame by frame. It
+//! starts the threads that choose and read (kanzok2015, section 3.2), is their render thread, and
+//! never waits for the disk. Views go in, pictures come out; a window is not needed.
 //!
-//! **The order of a frame is what lets slots be reused**: landed runs are taken *first*, then the newest
-//! cut, then the runs are copied into their slots, then the cut is drawn. A slot changes hands only after
-//! a cut without its former owner was published, and what lands in it was asked for after that: so the
-//! cut taken after the run cannot draw the former owner from bytes of the new one. And the new owner is
-//! in no cut before the streamer was told that its last byte is in place. On a GPU copies and passes run in
-//! the order in which they were submitted, so the same holds there, whatever is still in flight.
+//! **The order of a frame is what lets slots be reused**: landed runs are taken *first*, then the
+//! newest cut, then the runs are copied into their slots, then the cut is drawn. A slot changes
+//! hands only after a cut without its former owner was published, and what lands in it was asked
+//! for after that: so the cut taken after the run cannot draw the former owner from bytes of the
+//! new one. And the new owner is in no cut before the streamer was told that its last byte is in
+//! place. On a GPU copies and passes run in the order in which they were submitted, so the same
+//! holds there, whatever is still in flight.
 
 use crate::draw::budget::Shares;
 use crate::draw::frame::Look;
@@ -42,8 +43,8 @@ pub struct Frame<'a> {
     pub cut: Arc<Cut>,
     /// Whether that is the one of the view that was asked for.
     pub is_of_view: bool,
-    /// Whether the next frame of the same view would be the same: nothing more comes, and what this view hides is
-    /// known.
+    /// Whether the next frame of the same view would be the same: nothing more comes, and what this
+    /// view hides is known.
     pub is_final: bool,
     /// What the renderer did: for this frame on the CPU, for the newest finished one on a GPU.
     pub stats: Stats,
@@ -62,8 +63,8 @@ pub struct Times {
     pub talk_ms: f64,
     /// Copying what landed; on a GPU, writing the commands that do.
     pub upload_ms: f64,
-    /// Drawing, and taking the depth that hides things from the next choice; on a GPU, writing the commands
-    /// and waiting where two frames are in flight.
+    /// Drawing, and taking the depth that hides things from the next choice; on a GPU, writing the
+    /// commands and waiting where two frames are in flight.
     pub draw_ms: f64,
     /// All of it.
     pub total_ms: f64,
@@ -89,8 +90,9 @@ impl Session {
     /// Opens a session on a file and waits until its roots can be drawn, so that no frame is empty.
     ///
     /// # Errors
-    /// Where a budget is too small (the least is told), the file has not what colours shall come from,
-    /// a thread cannot be started, a root cannot be read, or a GPU is asked for and cannot be had.
+    /// Where a budget is too small (the least is told), the file has not what colours shall come
+    /// from, a thread cannot be started, a root cannot be read, or a GPU is asked for and cannot be
+    /// had.
     pub fn open(file: Arc<Forest>, options: Options) -> Result<Self> {
         let shares = Shares::of(&file, &options)?;
         let Options { colour_by, filter, method, shines, evens_exposure, full, .. } = &options;
@@ -125,7 +127,7 @@ impl Session {
 
     fn start(&mut self, painter: Box<dyn Painter>) -> Result<()> {
         let shown = Arc::clone(&self.look.shown);
-        let options = esker_stream::Options { shown, ..self.options.stream() };
+        let options = esker_stream::Options { filter: shown, ..self.options.stream() };
         let needs = self.look.needs(&self.file);
         let streamer = painter.start(self.file.clone(), options, needs)?;
         self.running = Some(Running { streamer: Some(streamer), painter });
@@ -174,8 +176,8 @@ impl Session {
         &self.file
     }
 
-    /// What draws, and why it is not a GPU where it is none. It changes where a GPU fails that the user did
-    /// not insist on.
+    /// What draws, and why it is not a GPU where it is none. It changes where a GPU fails that the
+    /// user did not insist on.
     pub fn drawer(&self) -> &Drawer {
         &self.drawer
     }
@@ -195,23 +197,25 @@ impl Session {
         self.running.as_ref().and_then(|r| r.painter.gpu_bytes())
     }
 
-    /// How often the render thread waited for another thread, or the disk, for more than a millisecond.
+    /// How often the render thread waited for another thread, or the disk, for more than a
+    /// millisecond.
     pub fn stalls(&self) -> u64 {
         self.stalls
     }
 
-    /// Draws a frame of what is there at once, and tells the other threads what is looked at, so that later
-    /// frames are finer. The CPU renderer works in the current rayon pool; on a GPU the commands are
-    /// submitted, and at most two frames are in flight.
+    /// Draws a frame of what is there at once, and tells the other threads what is looked at, so
+    /// that later frames are finer. The CPU renderer works in the current rayon pool; on a GPU the
+    /// commands are submitted, and at most two frames are in flight.
     ///
     /// # Errors
-    /// Where the view is no usable camera, or a larger picture than the budget was made for; where a GPU
-    /// fails that the user insists on.
+    /// Where the view is no usable camera, or a larger picture than the budget was made for; where
+    /// a GPU fails that the user insists on.
     pub fn frame(&mut self, view: &View) -> Result<Frame<'_>> {
         self.frame_from(view, view)
     }
 
-    /// As [`Session::frame`], but seen from elsewhere than it was chosen for: a cut looked at from outside.
+    /// As [`Session::frame`], but seen from elsewhere than it was chosen for: a cut looked at from
+    /// outside.
     ///
     /// # Errors
     /// As [`Session::frame`].
@@ -264,9 +268,10 @@ impl Session {
         }
     }
 
-    /// Eye depth of the nearest thing about a place of the picture (0 to 1 from its top left corner), from the depth
-    /// of the newest finished frame, coarsely; never waits. `None` where nothing is, and on the CPU where nothing that
-    /// is hidden is left out: its pictures have their depth.
+    /// Eye depth of the nearest thing about a place of the picture (0 to 1 from its top left
+    /// corner), from the depth of the newest finished frame, coarsely; never waits. `None` where
+    /// nothing is, and on the CPU where nothing that is hidden is left out: its pictures have their
+    /// depth.
     pub fn depth_at(&self, place: DVec2) -> Option<f64> {
         self.depth.as_ref()?.nearest_at(place)
     }
@@ -279,8 +284,8 @@ impl Session {
         self.running()?.painter.picture()
     }
 
-    /// Takes what lands for `view`, without drawing, until nothing more comes or `patience` is over. The
-    /// newest cut.
+    /// Takes what lands for `view`, without drawing, until nothing more comes or `patience` is
+    /// over. The newest cut.
     ///
     /// # Errors
     /// As [`Session::frame`].
@@ -327,8 +332,8 @@ impl Session {
         self.running.as_mut().context(ENDED)
     }
 
-    /// Drain, cut, upload: the order of the module's head. First the others are told of the view, where
-    /// there is one.
+    /// Drain, cut, upload: the order of the module's head. First the others are told of the view,
+    /// where there is one.
     fn exchange(&mut self, view: Option<&View>) -> Result<Exchange> {
         let bytes_max = self.options.upload_bytes_a_frame;
         let Running { streamer, painter } = self.running.as_mut().context(ENDED)?;

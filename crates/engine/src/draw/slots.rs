@@ -1,9 +1,10 @@
-//! Drawing memory of the CPU renderer: one range of addresses from 0 to the budget in pages that come
-//! into being when they are first written, so that the resident set grows with use. The streamer gives
-//! out its slots; only the render thread writes and reads.
+//! Drawing memory of the CPU renderer: one range of addresses from 0 to the budget in pages that
+//! come into being when they are first written, so that the resident set grows with use. The
+//! streamer gives out its slots; only the render thread writes and reads.
 //!
-//! Pages are asked of the system in huge parts, where it has them: of each part that is written first the render
-//! thread waits for zeros, and 512 small parts make it wait several times as long as one huge one.
+//! Pages are asked of the system in huge parts, where it has them: of each part that is written
+//! first the render thread waits for zeros, and 512 small parts make it wait several times as long
+//! as one huge one.
 
 use anyhow::{Context, Result};
 use esker_stream::Slot;

@@ -1,7 +1,7 @@
-//! The landing of both renderers: a ring of runs that goes from the render thread to the loaders, filled back,
-//! and round again (kanzok2015, section 3.2.1, item 6: the map and the unmap queue). Runs are plain memory for
-//! the CPU, mapped upload memory for a GPU. Both queues hold as many runs as there are, so that giving back
-//! never waits.
+//! The landing of both renderers: a ring of runs that goes from the render thread to the loaders,
+//! filled back, and round again (kanzok2015, section 3.2.1, item 6: the map and the unmap queue).
+//! Runs are plain memory for the CPU, mapped upload memory for a GPU. Both queues hold as many runs
+//! as there are, so that giving back never waits.
 
 use crossbeam_channel::{Receiver, Sender, bounded};
 use esker_render::gpu::UploadRun;
@@ -16,8 +16,9 @@ pub type Landed<R> = (R, Vec<Transfer>);
 
 /// The ring.
 pub struct Staging<R> {
-    /// With what was last copied from each. The list is dropped by the loader that gets the run next: to free
-    /// what another thread has allocated can mean waiting for that thread, which the render thread must not.
+    /// With what was last copied from each. The list is dropped by the loader that gets the run
+    /// next: to free what another thread has allocated can mean waiting for that thread, which the
+    /// render thread must not.
     free: (Sender<Landed<R>>, Receiver<Landed<R>>),
     landed: (Sender<Landed<R>>, Receiver<Landed<R>>),
     is_closed: AtomicBool,

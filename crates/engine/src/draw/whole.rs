@@ -1,5 +1,5 @@
-//! Pictures of planes that were read whole, on a GPU: they are placed one after another, sent through its queue,
-//! drawn once and read back.
+//! Pictures of planes that were read whole, on a GPU: they are placed one after another, sent
+//! through its queue, drawn once and read back.
 
 use crate::draw::frame::draw_node;
 use crate::draw::scene::PictureScene;

@@ -1,4 +1,5 @@
-//! The inputs that were named: a folder stands for the scans in it, and what is named twice is told.
+//! The inputs that were named: a folder stands for the scans in it, and what is named twice is
+//! told.
 
 use anyhow::Result;
 use esker_points::Task;
@@ -22,7 +23,8 @@ pub fn scans(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(scans)
 }
 
-/// Tells of scans that are named more than once. That may be meant: their points are taken as often.
+/// Tells of scans that are named more than once. That may be meant: their points are taken as
+/// often.
 pub fn note_repeated(scans: &[PathBuf], task: &dyn Task) {
     let mut times = BTreeMap::new();
     for path in scans {

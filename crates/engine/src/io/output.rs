@@ -1,14 +1,14 @@
-//! What is to be written is looked at before the work, not after it: a missing folder, a folder in place of a
-//! file, an input that would be replaced, a file of another kind that would be.
+//! What is to be written is looked at before the work, not after it: a missing folder, a folder in
+//! place of a file, an input that would be replaced, a file of another kind that would be.
 
 use crate::io::file::is_esker;
 use anyhow::{Context, Result, ensure};
 use std::path::{Path, PathBuf};
 
-/// Refuses an output that would replace what it is made from, or that has no place.
+/// Checks that an output can be written.
 ///
 /// # Errors
-/// As said.
+/// If `path` is a folder, is one of `inputs`, or is in no folder.
 pub fn may_write(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     let shown = path.display();
     if let Ok(place) = path.canonicalize() {
@@ -29,11 +29,11 @@ pub fn may_write(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// As [`may_write`], of an .esker file: it replaces another one, or an empty file, but nothing else. A name that was
-/// mistyped, or that a shell has put there, must not cost a scan.
+/// Checks that an `.esker` file can be written to `path`: it may replace another one, or an empty
+/// file, so that a mistyped name does not cost a scan.
 ///
 /// # Errors
-/// As said.
+/// If [`may_write`] fails, or `path` is a file of another kind.
 pub fn may_build(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     may_write(path, inputs)?;
     let holds_something = path.metadata().is_ok_and(|m| m.is_file() && m.len() > 0);
@@ -45,11 +45,11 @@ pub fn may_build(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// Refuses an output that would replace one of the scans that an .esker file in a folder was built from, as their paths were
-/// given then.
+/// Checks that an output is none of the scans that an `.esker` file in a folder was built from, by
+/// the paths that were given then.
 ///
 /// # Errors
-/// As said.
+/// If the output is one of these scans.
 pub fn may_replace<'a>(
     path: &Path,
     folder: &Path,
@@ -66,8 +66,8 @@ pub fn may_replace<'a>(
     Ok(())
 }
 
-/// A folder for what is built to be drawn or measured alone, which goes with it: in the one that the user has named for such, else in the
-/// system's.
+/// A folder for what is built to be drawn or measured alone, which goes with it: in the one that
+/// the user has named for such, else in the system's.
 ///
 /// # Errors
 /// Where none can be made.

@@ -8,10 +8,10 @@ use esker_render::{Method, Picture};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-/// Refuses a name whose ending promises another format than PNG.
+/// Checks the extension of a picture.
 ///
 /// # Errors
-/// As said.
+/// If it names a format other than PNG.
 pub fn check_name(path: &Path) -> Result<()> {
     let ending = path.extension();
     ensure!(
@@ -23,10 +23,10 @@ pub fn check_name(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a picture for which the machine has not the memory, before any work.
+/// Checks that the machine has the memory for a picture, before any work.
 ///
 /// # Errors
-/// As said.
+/// If it has not.
 pub fn check_size([width, height]: [u32; 2], method: Method) -> Result<()> {
     check_bytes([width, height], method, memory::granted().unwrap_or(u64::MAX))
 }

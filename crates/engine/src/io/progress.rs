@@ -1,5 +1,5 @@
-//! Progress on standard error: a bar with rate and time left, lines of JSON for machines, or nothing; and the
-//! flag that Ctrl-C sets.
+//! Progress on standard error: a bar with rate and time left, lines of JSON for machines, or
+//! nothing; and the flag that Ctrl-C sets.
 
 use esker_points::Task;
 use indicatif::{HumanCount, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};

@@ -1,4 +1,5 @@
-//! Quantities as people write them: bytes with units, sizes of pictures; and numbers as people read them.
+//! Quantities as people write them: bytes with units, sizes of pictures; and numbers as people read
+//! them.
 
 use anyhow::{Context, Result, bail, ensure};
 use esker_scan::synthetic::parse_points;
@@ -6,8 +7,8 @@ use esker_scan::synthetic::parse_points;
 /// Most points of a generated model or cloud: renderers number points by 32 bits.
 pub const POINTS_MAX: u64 = 4_000_000_000;
 
-/// Parses `4GiB`, `512M`, `1.5 GB` or plain bytes. Binary units (KiB, K) are powers of 1024, decimal ones
-/// (KB) of 1000.
+/// Parses `4GiB`, `512M`, `1.5 GB` or plain bytes. Binary units (KiB, K) are powers of 1024,
+/// decimal ones (KB) of 1000.
 ///
 /// # Errors
 /// Where it is neither.
@@ -35,7 +36,7 @@ pub fn bytes(text: &str) -> Result<u64> {
 /// Parses a number of points, `250000`, `25k` or `20M`, of a generated model.
 ///
 /// # Errors
-/// Where it is none, or not from 1 to [`POINTS_MAX`].
+/// If `text` is not a number from 1 to [`POINTS_MAX`].
 pub fn points(text: &str) -> Result<u64> {
     let points = parse_points(text).map_err(anyhow::Error::msg)?;
     ensure!(
@@ -48,10 +49,10 @@ pub fn points(text: &str) -> Result<u64> {
 /// Pixels that a picture has at most: passes number them, also those of its margins, by 28 bits.
 const PIXELS_MAX: u64 = 250_000_000;
 
-/// Parses a number of points that are drawn at most, such as `500000` or `20M`; 0 draws none.
+/// Parses the greatest number of points to draw, such as `500000` or `20M`; 0 draws none.
 ///
 /// # Errors
-/// Where it is none.
+/// If `text` is not a number of points.
 pub fn points_budget(text: &str) -> Result<u64> {
     text.parse().or_else(|_| parse_points(text)).map_err(anyhow::Error::msg)
 }
@@ -80,10 +81,10 @@ pub fn picture_size(text: &str) -> Result<[u32; 2]> {
 /// Pixels between points at most.
 const SPACING_PX_MAX: f64 = 1e6;
 
-/// Parses a distance of points on the picture, pixels.
+/// Parses a distance of points in the picture, pixels.
 ///
 /// # Errors
-/// Where it is none.
+/// If `text` is not a distance within the limits.
 pub fn spacing_px(text: &str) -> Result<f64> {
     let pixels: f64 = text.trim().parse().with_context(|| format!("`{text}` is no number"))?;
     ensure!(
@@ -99,7 +100,7 @@ const THREADS_MAX: usize = 1024;
 /// Parses a number of threads; 0 is one a core.
 ///
 /// # Errors
-/// Where it is none, or more than any machine has use for.
+/// If `text` is not a number, or exceeds [`THREADS_MAX`].
 pub fn threads(text: &str) -> Result<usize> {
     let threads: usize = text.trim().parse().with_context(|| format!("`{text}` is no number"))?;
     ensure!(threads <= THREADS_MAX, "{threads} threads are more than {THREADS_MAX}");

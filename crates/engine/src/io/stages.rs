@@ -3,8 +3,9 @@
 use esker_render::Pass;
 use serde_json::Value;
 
-/// Names and times of those stages that took a twentieth of a millisecond; others are most often left out. `times` are
-/// milliseconds by name; `before` what ran before the first stage, `all` what all of them are called together.
+/// Names and times of those stages that took a twentieth of a millisecond; others are most often
+/// left out. `times` are milliseconds by name; `before` what ran before the first stage, `all` what
+/// all of them are called together.
 pub fn taken(times: &Value, before: &[&str], all: &str) -> String {
     let stages = Pass::ALL.map(Pass::name);
     let names = before.iter().copied().chain(stages).chain([all]);

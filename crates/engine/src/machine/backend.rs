@@ -1,9 +1,9 @@
-//! What draws: a GPU where there is a real one, else the CPU; or what the user says. A software driver
-//! counts as no GPU: the CPU renderer is many times faster than it.
+//! What draws: a GPU where there is a real one, else the CPU; or what the user says. A software
+//! driver counts as no GPU: the CPU renderer is many times faster than it.
 
 use anyhow::Result;
 use esker_render::gpu::Gpu;
-pub use esker_render::gpu::{ProjectPath, Request as GpuRequest, wgpu};
+pub use esker_render::gpu::{GpuRequest, ProjectPath, wgpu};
 use serde_json::{Value, json};
 
 /// What the user wants drawn with.
@@ -113,8 +113,8 @@ impl Backend {
         }
     }
 
-    /// The device to draw on, `None` for the CPU; and what is to be said of it. A device that is given (a
-    /// window's) is taken as the only one there is.
+    /// The device to draw on, `None` for the CPU; and what is to be said of it. A device that is
+    /// given (a window's) is taken as the only one there is.
     ///
     /// # Errors
     /// Where a GPU is asked for and there is none.

@@ -1,5 +1,6 @@
-//! What the machine can draw with (`esker info --system`): the adapters that its drivers show, what each has of
-//! what the passes choose between, and which one is chosen and why. Works without any driver.
+//! What the machine can draw with (`esker info --system`): the adapters that its drivers show, what
+//! each has of what the passes choose between, and which one is chosen and why. Works without any
+//! driver.
 
 use crate::io::quantity::readable_bytes;
 use crate::machine::backend::{Backend, DrawWith, ProjectPath, wgpu};

@@ -27,8 +27,9 @@ pub fn run<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> 
         .context("cannot start the worker threads")?;
     let result = pool.install(work);
     drop(pool);
-    // A pool does not wait for its threads. A program that ends meanwhile unloads libraries, graphics drivers among them,
-    // under threads that still clear away what these have left with them: one in a hundred crashed.
+    // A pool does not wait for its threads. A program that ends meanwhile unloads libraries,
+    // graphics drivers among them, under threads that still clear away what these have left with
+    // them: one in a hundred crashed.
     for handle in handles.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
         // What panics in a pool's thread is told where its work is waited for.
         let _ = handle.join();

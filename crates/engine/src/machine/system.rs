@@ -1,5 +1,5 @@
-//! What differs between systems: dropping a file from the system's cache, giving memory back, how often a thread gave up
-//! the processor, and what a process used.
+//! What differs between systems: dropping a file from the system's cache, giving memory back, how
+//! often a thread gave up the processor, and what a process used.
 
 use std::fs::File;
 use std::io;
@@ -8,8 +8,8 @@ use std::process::{Child, ExitStatus};
 /// Whether [`forget`] does anything here.
 pub const CAN_FORGET: bool = cfg!(target_os = "linux");
 
-/// Drops a file's pages from the system's cache, so that the next reads are from cold. Written pages
-/// stay until they are on the disk, so the file is synced first.
+/// Drops a file's pages from the system's cache, so that the next reads are from cold. Written
+/// pages stay until they are on the disk, so the file is synced first.
 ///
 /// # Errors
 /// Where the system refuses.
@@ -26,13 +26,15 @@ pub fn forget(_file: &File) -> io::Result<()> {
     Ok(())
 }
 
-/// Has this process give back from now on, as it is freed, what is allocated in runs of 4 MiB and more, and what is free at a
-/// heap's end beyond 8 MiB. Left to itself the allocator raises both marks with what is freed, to 32 and 64 MiB a heap, and
-/// what a process holds depends on how its threads took turns.
+/// Has this process give back from now on, as it is freed, what is allocated in runs of 4 MiB and
+/// more, and what is free at a heap's end beyond 8 MiB. Left to itself the allocator raises both
+/// marks with what is freed, to 32 and 64 MiB a heap, and what a process holds depends on how its
+/// threads took turns.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub fn give_back_freed_memory() {
     for (mark, bytes) in [(libc::M_MMAP_THRESHOLD, 4 << 20), (libc::M_TRIM_THRESHOLD, 8 << 20)] {
-        // SAFETY: takes numbers only, and glibc's own lock around what it changes. Where it refuses all is as it was.
+        // SAFETY: takes numbers only, and glibc's own lock around what it changes. Where it refuses
+        // all is as it was.
         unsafe { libc::mallopt(mark, bytes) };
     }
 }
@@ -41,8 +43,8 @@ pub fn give_back_freed_memory() {
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 pub fn give_back_freed_memory() {}
 
-/// How often this thread has waited of its own accord (for a lock, a channel, the disk); `None` where
-/// the system does not tell.
+/// How often this thread has waited of its own accord (for a lock, a channel, the disk); `None`
+/// where the system does not tell.
 #[cfg(target_os = "linux")]
 pub fn waits_of_this_thread() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/thread-self/status").ok()?;
@@ -61,12 +63,13 @@ pub fn waits_of_this_thread() -> Option<u64> {
 pub struct Used {
     /// Of all its threads, user and system, seconds.
     pub cpu_seconds: f64,
-    /// Greatest resident set, in bytes: that of this process when it started the other one, at least.
+    /// Greatest resident set, in bytes: that of this process when it started the other one, at
+    /// least.
     pub peak_rss_bytes: u64,
 }
 
-/// How a process ended and what it used, with what its own processes used; nothing while it runs. Once it has
-/// ended the child must not be waited for again.
+/// How a process ended and what it used, with what its own processes used; nothing while it runs.
+/// Once it has ended the child must not be waited for again.
 ///
 /// # Errors
 /// Where the system refuses.
@@ -77,8 +80,8 @@ pub fn try_wait(child: &mut Child) -> io::Result<Option<(ExitStatus, Option<Used
     let mut status = 0;
     // SAFETY: all zeros is a value of `rusage`, which has integers only.
     let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
-    // SAFETY: both pointers are to values of the right type that live through the call; the child is ours and was
-    // not waited for, so the id is no other process's.
+    // SAFETY: both pointers are to values of the right type that live through the call; the child
+    // is ours and was not waited for, so the id is no other process's.
     match unsafe { libc::wait4(id, &mut status, libc::WNOHANG, &mut usage) } {
         0 => Ok(None),
         -1 => Err(io::Error::last_os_error()),

@@ -1,5 +1,5 @@
-//! Flicker of a real scan: how much more its picture changes from frame to frame of a slow camera than a picture of
-//! four times the pixels a side does, averaged.
+//! Flicker of a real scan: how much more its picture changes from frame to frame of a slow camera
+//! than a picture of four times the pixels a side does, averaged.
 
 use super::creek::sample;
 use esker_engine::cameras::camera::Camera;

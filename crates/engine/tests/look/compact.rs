@@ -1,5 +1,5 @@
-//! Compact planes from a build to a picture: two thirds of the bytes, nearly the same picture, by files, sessions and forests; and
-//! the full planes where something else is asked of them.
+//! Compact planes from a build to a picture: two thirds of the bytes, nearly the same picture, by
+//! files, sessions and forests; and the full planes where something else is asked of them.
 
 use super::flip::mean_flip;
 use super::look::{off, request, session};

@@ -1,4 +1,5 @@
-//! ExposureGrid of exposures: what it takes beside colours is read where it is asked, and nowhere else.
+//! ExposureGrid of exposures: what it takes beside colours is read where it is asked, and nowhere
+//! else.
 
 use super::look::{camera_of, off, request, session, terrain};
 use esker_engine::calls::render::draw;

@@ -1,5 +1,6 @@
-//! What is shown, and how: filters show what export writes and read nothing else, attributes that are not shown
-//! are neither read nor resident, sessions draw what pictures show, and each map and method has its golden picture.
+//! What is shown, and how: filters show what export writes and read nothing else, attributes that
+//! are not shown are neither read nor resident, sessions draw what pictures show, and each map and
+//! method has its golden picture.
 
 use super::flip::mean_flip;
 use esker_engine::calls::render::draw;
@@ -9,7 +10,7 @@ use esker_engine::draw::session::{Options, Session};
 use esker_engine::io::picture;
 use esker_engine::machine::backend::{Backend, DrawWith};
 use esker_engine::{Filter, Method, NormalsMode, Picture};
-use esker_format::{Forest, PlaneKind, Shown};
+use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_lod::CompactOctree;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
 use esker_points::task::Silent;
@@ -21,7 +22,8 @@ use std::time::Duration;
 /// Width and height of the golden pictures.
 const SIZE: [u32; 2] = [128, 96];
 
-/// A generated scan with all attributes of LAS and normals, in small nodes; built once for all tests.
+/// A generated scan with all attributes of LAS and normals, in small nodes; built once for all
+/// tests.
 pub fn terrain() -> &'static Path {
     static TERRAIN: OnceLock<PathBuf> = OnceLock::new();
     TERRAIN.get_or_init(|| build_terrain("terrain", NormalsMode::Estimate))
@@ -81,7 +83,7 @@ fn filters(file: &Forest) -> Vec<Filter> {
 
 /// Points that are shown: those of each node's prefix that are not marked.
 fn shown_points(file: &Forest, filter: &Filter) -> u64 {
-    let shown = Shown::of(file, Some(filter.on(file.lattice()).unwrap()), None).unwrap();
+    let shown = ForestFilter::of(file, Some(filter.on(file.lattice()).unwrap()), None).unwrap();
     let nodes = 0..file.table().nodes.len() as u32;
     let count = |node: u32| {
         let planes = shown.read(file, node, &[PlaneKind::Position]).unwrap();
@@ -89,7 +91,7 @@ fn shown_points(file: &Forest, filter: &Filter) -> u64 {
         let prefix = points.take(shown.points_max(node));
         prefix.filter(|point| point[HIDDEN_AT] == 0).count() as u64
     };
-    nodes.filter(|&node| !shown.is_barren(node)).map(count).sum()
+    nodes.filter(|&node| !shown.rejects_subtree(node)).map(count).sum()
 }
 
 #[test]
@@ -241,7 +243,8 @@ fn a_dense_view_needs_no_push() {
     assert!(near.plan.passes.contains(&Pass::Push));
 }
 
-/// Pictures that are kept in `tests/golden`: every map as points, and every method. `ESKER_BLESS=1` writes them.
+/// Pictures that are kept in `tests/golden`: every map as points, and every method. `ESKER_BLESS=1`
+/// writes them.
 #[test]
 fn every_map_and_method_has_its_golden_picture() {
     let file = Forest::open(terrain()).unwrap();
@@ -260,8 +263,8 @@ fn every_map_and_method_has_its_golden_picture() {
     }
 }
 
-/// What changes surfaces beside their colours: no normals (these then come from depth, and clefts are darkened), evened
-/// exposures, no highlights, and a box, to which the view is fitted.
+/// What changes surfaces beside their colours: no normals (these then come from depth, and clefts
+/// are darkened), evened exposures, no highlights, and a box, to which the view is fitted.
 #[test]
 fn every_option_of_surfaces_has_its_golden_picture() {
     let file = Forest::open(terrain()).unwrap();
@@ -295,7 +298,8 @@ fn every_option_of_surfaces_has_its_golden_picture() {
     is_golden(&bare, &plain, "surface-plain-bare.png");
 }
 
-/// A sheet of 10 by 10 m, its points about 0.2 m apart, with the texture coordinates s and t that cross it.
+/// A sheet of 10 by 10 m, its points about 0.2 m apart, with the texture coordinates s and t that
+/// cross it.
 fn textured_sheet(folder: &Path) -> Forest {
     const SIDE: u32 = 50;
     let names = ["x", "y", "z", "nx", "ny", "nz", "s", "t"];

@@ -1,4 +1,5 @@
-//! The shapes of splats from a build to a picture: a scan in lines, built with them and without, drawn whole and by a session.
+//! The shapes of splats from a build to a picture: a scan in lines, built with them and without,
+//! drawn whole and by a session.
 
 use super::flip::mean_flip;
 use super::splats::request;

@@ -1,5 +1,5 @@
-//! Splats from a build to a picture: generated models whose clip lines come with them, and the same solids with lines that
-//! are found; golden pictures of both.
+//! Splats from a build to a picture: generated models whose clip lines come with them, and the same
+//! solids with lines that are found; golden pictures of both.
 
 use super::flip::mean_flip;
 use super::look::read_png;
@@ -72,8 +72,8 @@ fn outside(place: DVec2, hull_of: &[DVec2]) -> f64 {
     farthest
 }
 
-/// Pixels that show something farther out of the cube than this, and that show nothing farther inside, as the picture's
-/// share.
+/// Pixels that show something farther out of the cube than this, and that show nothing farther
+/// inside, as the picture's share.
 fn wrong(file: &Forest, camera: &str, pixels: f64) -> f64 {
     let asked = request(camera, [320, 240]);
     let view = PictureScene::choose(file, &asked).unwrap().view;
@@ -92,8 +92,8 @@ fn wrong(file: &Forest, camera: &str, pixels: f64) -> f64 {
     wrong as f64 / drawn.depth.len() as f64
 }
 
-/// Views in which no face is seen flat; and some in which one is, where the low-pass reaches the edge from beyond the splats
-/// that have lines.
+/// Views in which no face is seen flat; and some in which one is, where the low-pass reaches the
+/// edge from beyond the splats that have lines.
 const CAMERAS: [&str; 3] = [
     "direction=0.6,0.3,1;fovy=25",
     "direction=1,0.3,0.9;fovy=30",

@@ -1,4 +1,5 @@
-//! Scans in two parts: each built as a tree of its own, one appended to the other, beside all of it at once.
+//! Scans in two parts: each built as a tree of its own, one appended to the other, beside all of it
+//! at once.
 
 use esker_builder::{Options, append_sources, build_sources};
 use esker_format::Forest;
@@ -23,7 +24,8 @@ pub enum Split {
 }
 
 impl Split {
-    /// The part of a point, the number of which is `i` and which lies at these shares of the bounds.
+    /// The part of a point, the number of which is `i` and which lies at these shares of the
+    /// bounds.
     fn part(self, i: u64, share: [f64; 2]) -> Option<usize> {
         let dice = i.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
         match self {

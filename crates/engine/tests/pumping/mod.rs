@@ -1,6 +1,7 @@
-//! No pumping of splats (issue of EWA splatting): on a slow way towards a scan prefixes and nodes change from frame to frame,
-//! and with them the radii that splats are drawn with. What that changes in a picture beyond what changes where every
-//! point is drawn, is small, and no frame stands out.
+//! No pumping of splats (issue of EWA splatting): on a slow way towards a scan prefixes and nodes
+//! change from frame to frame, and with them the radii that splats are drawn with. What that
+//! changes in a picture beyond what changes where every point is drawn, is small, and no frame
+//! stands out.
 
 use super::{Whole, uncovered};
 use esker_engine::calls::info;
@@ -15,16 +16,19 @@ const SIZE: [u32; 2] = [192, 144];
 /// Frames, and what is left of the distance from each to the next.
 const FRAMES: usize = 30;
 const NEARER: f64 = 0.985;
-/// Pixels on a side of the blocks whose mean colours are compared: what pumps is wider than a pixel.
+/// Pixels on a side of the blocks whose mean colours are compared: what pumps is wider than a
+/// pixel.
 const BLOCK: usize = 8;
 
 /// What happens from frame to frame, over all frames.
 #[derive(Debug, Default)]
 struct Pumping {
-    /// Root mean square of what blocks change by beyond the reference's, of 255: of the median frame, and of the worst.
+    /// Root mean square of what blocks change by beyond the reference's, of 255: of the median
+    /// frame, and of the worst.
     median: f64,
     worst: f64,
-    /// Share of the picture by which what is covered grows or shrinks beyond the reference's, at most.
+    /// Share of the picture by which what is covered grows or shrinks beyond the reference's, at
+    /// most.
     swelling: f64,
     /// Frames in which another number of points is chosen.
     changes: usize,

@@ -1,4 +1,4 @@
-//! What is in a file, as JSON: what the samples of every version are compared with.
+//! Contents of a file as JSON, which the samples of every version are compared by.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// Where the samples lie.
+/// Folder of the samples.
 pub fn folder() -> PathBuf {
     PathBuf::from("../../data-format/samples")
 }

@@ -1,5 +1,5 @@
-//! A plain builder of small trees for the tests: a node takes the first points that reach it, the rest goes
-//! to the octants below. And random schemas, classes and points.
+//! A simple builder of small trees for the tests: a node takes the first points that reach it, the
+//! rest goes to the octants below. Also random schemas, classes and points.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![allow(dead_code, reason = "each test file uses its own part")]
@@ -90,8 +90,8 @@ fn bounds(points: &PagePoints, indices: &[usize]) -> ([u32; 3], [u32; 3]) {
     ([0, 1, 2].map(|i| axis(i).min().unwrap_or(0)), [0, 1, 2].map(|i| axis(i).max().unwrap_or(0)))
 }
 
-/// The nodes of a tree and the indices of the points of each.
-pub fn plant(
+/// Nodes of a tree and the indices of the points of each.
+pub fn build_tree(
     points: &PagePoints,
     lattice: &Lattice,
     capacity: usize,
@@ -156,7 +156,7 @@ pub fn plant(
     (NodeTable { sides, ..NodeTable::of_tree(nodes) }, own)
 }
 
-/// For contours along the lattice's axes.
+/// Occupancy masks for contours along the lattice's axes.
 fn occupancy(node: &Node, lattice: &Lattice, p: [u32; 3]) -> [u64; 3] {
     let part = |i: usize| {
         let at = f64::from(p[i] - node.corner[i]) * lattice.scale[i];
@@ -177,10 +177,10 @@ fn record(cell: Cell, parent: u32) -> Node {
     node
 }
 
-/// Writes a file of these points; its pages in an order of their own. Gives the table.
+/// Writes a file of these points, with its pages in random order. Returns the table.
 pub fn write(path: &Path, metadata: &Metadata, points: &PagePoints, capacity: usize) -> NodeTable {
     let layout = metadata.layout();
-    let (mut table, own) = plant(points, &metadata.lattice, capacity);
+    let (mut table, own) = build_tree(points, &metadata.lattice, capacity);
     let mut writer = FileWriter::create(path).unwrap();
     let parts: Vec<_> = own.iter().map(|o| take(points, &layout, o)).collect();
     for index in (0..parts.len()).rev() {
@@ -210,7 +210,7 @@ pub fn write(path: &Path, metadata: &Metadata, points: &PagePoints, capacity: us
     table
 }
 
-/// Attributes that have planes of their own kind, several classes of points, and plain ones.
+/// Attributes that have planes of their own kind, several classes of points, and plain attributes.
 pub fn mixed_schema() -> (Schema, Vec<PointClass>) {
     use AttrType::{F32, F64, I16, U8, U16};
     let list = [
@@ -294,7 +294,7 @@ pub fn schemas() -> impl Strategy<Value = (Schema, Vec<PointClass>)> {
     })
 }
 
-/// An origin of normals that suits any schema; none for what the schema suggests.
+/// An origin of normals that suits any schema; `None` for the schema's default.
 pub fn normals() -> impl Strategy<Value = Option<Normals>> {
     let any = [Normals::None, Normals::Estimated, Normals::Oriented];
     prop::option::of(prop::sample::select(any.to_vec()))
@@ -341,7 +341,7 @@ pub fn points_of(
     points
 }
 
-/// Classes whose records are of every kind of length that the hash treats apart: 13 to 260 bytes.
+/// Classes whose records have every kind of length that the hash distinguishes: 13 to 260 bytes.
 pub fn long_schema() -> (Schema, Vec<PointClass>) {
     let list = (0..31).map(|i| Attribute::new(format!("a{i:02}"), AttrType::U64));
     let schema = Schema::new(list.chain([Attribute::new("b", AttrType::U8)]).collect());

@@ -1,6 +1,6 @@
 //! Small valid trees for the tests: random points on the lattice, taken by an additive octree with
-//! skipped chains, oriented contours, continuations and whole levels; up to three such trees in one table. Slow and plain on purpose; keeps
-//! each node's points so that tests can look at them.
+//! skipped chains, oriented contours, continuations and whole levels; up to three such trees in one
+//! table. Simple rather than fast; keeps each node's points for the tests.
 
 use bytemuck::Zeroable;
 use esker_points::node::{NONE, SHAPE_CONTINUATION, SHAPE_ORIENTED, pack_rotation};
@@ -8,7 +8,7 @@ use esker_points::{Cell, Lattice, Node, NodeTable};
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
 
-/// A table of one or more trees and the points that its nodes hold.
+/// A table of one or more trees, and the points of its nodes.
 #[derive(Clone, Debug)]
 pub struct Tree {
     pub lattice: Lattice,
@@ -16,15 +16,15 @@ pub struct Tree {
     pub points: Vec<Vec<[u32; 3]>>,
 }
 
-/// What a tree is made from.
+/// Parameters of a tree.
 #[derive(Clone, Debug)]
 pub struct Recipe {
     pub seed: u64,
     pub points: usize,
     pub capacity: usize,
-    /// Whether contours are tight and turned; else each is its cell's cube.
+    /// Whether contours are tight and rotated; otherwise each is its cell's cube.
     pub tight: bool,
-    /// Number of trees; all lie in the same place.
+    /// Number of trees, all in the same place.
     pub trees: u64,
 }
 
@@ -70,7 +70,7 @@ pub fn grow(recipe: &Recipe) -> Tree {
 fn grow_one(recipe: &Recipe, base: [u32; 3], seed: u64) -> Tree {
     let mut random = Random(seed);
     let lattice = Lattice { scale: [0.01, 0.01, 0.01], offset: [1e6, -1e6, 0.0], shift: [0; 3] };
-    // Clusters of many sizes, flat ones and coincident points among them.
+    // Clusters of many sizes, including flat ones and coincident points.
     let mut points = Vec::new();
     while points.len() < recipe.points {
         let corner = [0; 3].map(|_: u32| random.below(20_000));
@@ -82,7 +82,7 @@ fn grow_one(recipe: &Recipe, base: [u32; 3], seed: u64) -> Tree {
     }
     points.truncate(recipe.points);
     let mut tree = Tree { lattice, table: NodeTable::default(), points: Vec::new() };
-    // Breadth first: children stand one after the other, behind their parents.
+    // Breadth first: children are contiguous and come after their parents.
     let mut level = vec![(NONE, points, None)];
     while !level.is_empty() {
         let mut below = Vec::new();
@@ -103,8 +103,8 @@ fn grow_one(recipe: &Recipe, base: [u32; 3], seed: u64) -> Tree {
 }
 
 impl Tree {
-    /// Adds a node for a share of the points, of a cell where that is given; what it leaves to each of its
-    /// children, and their cell where there is one that continues it.
+    /// Adds a node for `share` of the points, in `cell` if that is given. Returns the points left
+    /// for each of its children, and their cell if a child continues this node.
     fn add(
         &mut self,
         parent: u32,
@@ -165,7 +165,7 @@ impl Tree {
         let max = bounded.iter().map(local).fold(DVec3::NEG_INFINITY, DVec3::max);
         let centre = axes * min.midpoint(max);
         node.contour_centre = centre.as_vec3().to_array();
-        // Grown by what rounding to f32 may cost.
+        // Grown by the rounding error of f32.
         let grown = (max - min) * 0.5 + DVec3::splat(1e-6 * (1.0 + centre.length()));
         node.contour_half = grown.as_vec3().to_array();
         node.contour_rotation = rotation;

@@ -1,4 +1,4 @@
-//! ASPRS classes that are wanted: numbers, ranges and names in, a bit each out.
+//! Set of wanted ASPRS classes: parsed from numbers, ranges and names, stored as one bit each.
 
 use super::{FilterError, Side};
 use std::str::FromStr;
@@ -35,17 +35,17 @@ const NAMES: [&str; 23] = [
 pub struct Classes([u64; 4]);
 
 impl Classes {
-    /// The name of a class in LAS 1.4 R15; `None` for those that are reserved or left to users.
+    /// Name of a class in LAS 1.4 R15; `None` for reserved and user-defined classes.
     pub fn name(class: u8) -> Option<&'static str> {
         NAMES.get(usize::from(class)).copied()
     }
 
-    /// Whether a class is in it.
+    /// Whether a class is in the set.
     pub fn has(&self, class: u8) -> bool {
         self.0[usize::from(class >> 6)] >> (class & 63) & 1 == 1
     }
 
-    /// Where points of these classes lie.
+    /// Side of a node whose points have these classes.
     pub(super) fn side_of(&self, bits: [u64; 4]) -> Side {
         if (0..4).all(|i| bits[i] & self.0[i] == 0) {
             Side::Outside
@@ -64,7 +64,7 @@ impl Classes {
 impl FromStr for Classes {
     type Err = FilterError;
 
-    /// Reads `2,6`, `3-5`, `ground,building`.
+    /// Parses `2,6`, `3-5`, `ground,building`.
     fn from_str(text: &str) -> Result<Self, FilterError> {
         let mut classes = Self::default();
         for part in text.split(',').map(str::trim) {
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_of_a_node_tell_on_which_side_it_lies() {
+    fn class_bits_decide_the_side_of_a_node() {
         let classes: Classes = "2,200".parse().unwrap();
         let bits = |classes: &str| classes.parse::<Classes>().unwrap().0;
         assert_eq!(classes.side_of(bits("2")), Side::Inside);

@@ -1,7 +1,7 @@
-//! Which points are wanted: a box, a polygon, classes, a spacing. [`Filter`] is what the user says, in world
-//! units and parsed once; [`LatticeFilter`] is the same on the lattice of one file, all tests on integers. Each
-//! test is first asked of a node (its box, its classes, its parent's spacing), so that what is not wanted is not
-//! read, and of single points only where a node lies across a border.
+//! Filters of points: a box, a polygon, classes, a spacing. [`Filter`] is the user's input in world
+//! units; [`LatticeFilter`] is the same on the lattice of one file, where all tests are on
+//! integers. Each test is first made for a node (its box, its classes, its parent's spacing), so
+//! that unwanted nodes are not read, and for single points only in nodes that cross a border.
 
 mod classes;
 mod polygon;
@@ -14,10 +14,11 @@ use crate::node::Node;
 use crate::strata::prefix_at_least;
 use std::str::FromStr;
 
-/// Parts of a step to which faces and corners are rounded, once; from there on all is integers.
+/// Fractions of a step to which faces and corners are rounded once; all later tests are on
+/// integers.
 const PARTS: i64 = 256;
 
-/// What is wanted, in world units. What is not said is wanted.
+/// Wanted points, in world units. Absent conditions accept all points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Filter {
     /// Points in this box, its faces included.
@@ -30,12 +31,12 @@ pub struct Filter {
     pub max_spacing: Option<f64>,
 }
 
-/// A filter that makes no sense, in words.
+/// Message about an invalid filter.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct FilterError(pub String);
 
-/// A box in world units; without a third axis it is open upwards and downwards.
+/// A box in world units; without a third axis it is unbounded upwards and downwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// Least corner.
@@ -47,7 +48,7 @@ pub struct Bounds {
 impl FromStr for Bounds {
     type Err = FilterError;
 
-    /// Reads `x0,y0,z0,x1,y1,z1` or `x0,y0,x1,y1`.
+    /// Parses `x0,y0,z0,x1,y1,z1` or `x0,y0,x1,y1`.
     fn from_str(text: &str) -> Result<Self, FilterError> {
         let wrong = |what: &str| {
             FilterError(format!("`{text}` is no box: {what}, as x0,y0,z0,x1,y1,z1 or x0,y0,x1,y1"))
@@ -68,19 +69,19 @@ impl FromStr for Bounds {
     }
 }
 
-/// Where the points of a node lie.
+/// Position of a node's points relative to a filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// None is wanted.
+    /// No point is wanted.
     Outside,
-    /// All are wanted.
+    /// All points are wanted.
     Inside,
-    /// Each must be asked.
+    /// Each point must be tested.
     Across,
 }
 
 impl Side {
-    /// Of two tests that both must hold.
+    /// Side for two conditions that both must hold.
     fn and(self, other: Self) -> Self {
         match (self, other) {
             (Self::Outside, _) | (_, Self::Outside) => Self::Outside,
@@ -99,7 +100,7 @@ impl Filter {
     /// The filter on the lattice of a file.
     ///
     /// # Errors
-    /// Where the polygon lies farther away than the lattice can tell, or the spacing is no length.
+    /// If the polygon is too far away for the lattice, or the spacing is not a length.
     pub fn on(&self, lattice: &Lattice) -> Result<LatticeFilter, FilterError> {
         if let Some(spacing) = self.max_spacing.filter(|s| !(s.is_finite() && *s > 0.0)) {
             return Err(FilterError(format!(
@@ -115,17 +116,17 @@ impl Filter {
     }
 }
 
-/// What is wanted, on a lattice.
+/// Wanted points, on a lattice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LatticeFilter {
-    /// Least and greatest coordinates; the least is above the greatest where nothing is inside.
+    /// Least and greatest coordinates; the least is above the greatest if nothing is inside.
     region: Option<[[u32; 3]; 2]>,
     polygon: Option<LatticePolygon>,
     classes: Option<Classes>,
     max_spacing: Option<f64>,
 }
 
-/// What must be asked of the points of one node.
+/// Conditions that the points of one node must be tested for.
 #[derive(Clone, Debug)]
 pub struct PointTest {
     region: Option<[[u32; 3]; 2]>,
@@ -134,7 +135,7 @@ pub struct PointTest {
 }
 
 impl LatticeFilter {
-    /// Where the points of a box, both corners included, lie.
+    /// Side of the points of a box, both corners included.
     pub fn side_of_box(&self, min: [u32; 3], max: [u32; 3]) -> Side {
         let by_region = self.region.map_or(Side::Inside, |[low, high]| {
             if (0..3).any(|i| max[i] < low[i] || min[i] > high[i] || low[i] > high[i]) {
@@ -152,8 +153,9 @@ impl LatticeFilter {
         by_region.and(by_polygon)
     }
 
-    /// Where points of these classes (a bit each, as the statistics have them) lie; `None` where points have no
-    /// class, and none is wanted if classes are. Where not all have one, those without are among them.
+    /// Side of points of these classes (one bit each, as in the statistics); `None` if points have
+    /// no class, which makes none of them wanted by a filter of classes. With `all_have_one` false,
+    /// some of them have no class.
     pub fn side_of_classes(&self, bits: Option<[u64; 4]>, all_have_one: bool) -> Side {
         match (self.classes, bits) {
             (None, _) => Side::Inside,
@@ -170,15 +172,16 @@ impl LatticeFilter {
         self.classes.is_none_or(|wanted| wanted.has(class))
     }
 
-    /// Whether it asks for classes.
-    pub fn asks_classes(&self) -> bool {
+    /// Whether the filter depends on classes.
+    pub fn needs_classes(&self) -> bool {
         self.classes.is_some()
     }
 
-    /// How many of a node's points the spacing wants, from the first on: none where its parent is dense enough,
-    /// all where it is itself not denser than wanted, else the smallest prefix of whole strata that is dense
-    /// enough. It is how a picture is thinned: a prefix and the ancestors' points are an even sample, whose
-    /// distance grows with the root of what is left out, of surfaces the second (DESIGN, section 8).
+    /// Number of a node's points that the spacing wants, from the first one on: none if its parent
+    /// is dense enough, all if the node itself is not denser than wanted, otherwise the smallest
+    /// prefix of whole strata that is dense enough. Selection for a picture works the same way: a
+    /// prefix and the ancestors' points are an even sample, whose distance grows with the root of
+    /// the share that is left out (`docs/design/choosing-and-streaming.md`).
     pub fn prefix(&self, node: &Node, parent: Option<&Node>) -> usize {
         let count = node.points();
         let Some(wanted) = self.max_spacing else { return count };
@@ -194,7 +197,7 @@ impl LatticeFilter {
         prefix_at_least(node.levels(), points.clamp(1, count.max(1)))
     }
 
-    /// What must be asked of the points in a box that lies across.
+    /// Tests for the points in a box that crosses a border.
     pub fn in_box(&self, min: [u32; 3], max: [u32; 3]) -> PointTest {
         PointTest {
             region: self.region,
@@ -205,7 +208,7 @@ impl LatticeFilter {
 }
 
 impl PointTest {
-    /// Whether a point is wanted; `class` where it has one.
+    /// Whether a point is wanted; `class` if it has one.
     pub fn keeps(&self, p: [u32; 3], class: Option<u8>) -> bool {
         self.region.is_none_or(|[low, high]| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i]))
             && self.classes.is_none_or(|wanted| class.is_some_and(|c| wanted.has(c)))
@@ -218,8 +221,8 @@ fn spacing(node: &Node) -> f64 {
     if spacing.is_finite() { spacing.max(0.0) } else { 0.0 }
 }
 
-/// The place of a world coordinate along an axis of the lattice, in parts of a step: rounded, so that a coordinate
-/// as people write it is the step that it names, whatever `f64` makes of it. Saturates.
+/// Position of a world coordinate along an axis of the lattice, in parts of a step. Rounding makes
+/// a coordinate as people write it the step that it names, despite the error of `f64`. Saturates.
 fn in_parts(lattice: &Lattice, axis: usize, world: f64) -> i64 {
     (lattice.steps_axis(axis, world) * PARTS as f64).round() as i64
 }
@@ -257,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_are_read_in_words() {
+    fn boxes_are_parsed() {
         let bounds: Bounds = "-1,2, 3,4,5,6".parse().unwrap();
         assert_eq!((bounds.min, bounds.max), ([-1.0, 2.0, 3.0], [4.0, 5.0, 6.0]));
         let flat: Bounds = "0,0,1,1".parse().unwrap();

@@ -1,19 +1,21 @@
-//! Polygons seen from above: rings in world units in, exact tests on the lattice out. A point is inside a polygon where a
-//! ray from it crosses its rings an odd number of times (even-odd: holes and islands need no order), or where
-//! it lies on an edge; and inside several where it is inside one of them, however they overlap. Corners are rounded to 1/256 of a step, once; from there on all is integers, so that
-//! no point is lost or doubled by rounding.
+//! Polygons in plan view: parsed from rings in world units, tested exactly on the lattice. A point
+//! is inside a polygon if a ray from it crosses the rings an odd number of times (even-odd rule:
+//! holes and islands need no order), or if it is on an edge. It is inside a set of polygons if it
+//! is inside any of them. Corners are rounded to 1/256 of a step once; all tests are on integers,
+//! so that no point is lost or doubled by rounding.
 
 use super::{FilterError, PARTS, Side, in_parts};
 use crate::lattice::Lattice;
 use std::str::FromStr;
 
-/// Steps from the lattice's own at which a corner may lie: products of differences then fit `i128`.
+/// Greatest distance of a corner from the lattice's origin, in steps: products of differences then
+/// fit `i128`.
 const STEPS_MAX: f64 = (1u64 << 52) as f64;
 
 /// Corners in world units, at least three; the last is joined to the first.
 pub type Ring = Vec<[f64; 2]>;
 
-/// One polygon or several, each of rings.
+/// One or more polygons, each with one or more rings.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Polygon {
     polygons: Vec<Vec<Ring>>,
@@ -23,15 +25,15 @@ impl Polygon {
     /// A polygon of these rings.
     ///
     /// # Errors
-    /// Where there is none, one has fewer than three corners, or a coordinate is no finite number.
+    /// If there is no ring, one has fewer than three corners, or a coordinate is not finite.
     pub fn new(rings: Vec<Ring>) -> Result<Self, FilterError> {
         Self::any_of(vec![rings])
     }
 
-    /// All that is in one of several polygons, each of rings.
+    /// The union of several polygons, each given by its rings.
     ///
     /// # Errors
-    /// As [`Polygon::new`], of any of them.
+    /// If there is no polygon, or one is invalid as in [`Polygon::new`].
     pub fn any_of(polygons: Vec<Vec<Ring>>) -> Result<Self, FilterError> {
         let fault = |what: &str| Err(FilterError(format!("the polygon {what}")));
         let is_none = |rings: &Vec<Ring>| rings.is_empty() || rings.iter().any(|r| r.len() < 3);
@@ -47,7 +49,7 @@ impl Polygon {
     /// The polygon on a lattice.
     ///
     /// # Errors
-    /// Where a corner lies too far away.
+    /// If a corner is too far away.
     pub(super) fn on(&self, lattice: &Lattice) -> Result<LatticePolygon, FilterError> {
         let corner = |c: &[f64; 2]| {
             let steps = [0, 1].map(|axis| lattice.steps_axis(axis, c[axis]));
@@ -77,7 +79,8 @@ impl Polygon {
 impl FromStr for Polygon {
     type Err = FilterError;
 
-    /// Reads one ring: two numbers a corner, separated by blanks, commas or line ends (`x,y x,y x,y`).
+    /// Parses one ring: two numbers a corner, separated by blanks, commas or line ends
+    /// (`x,y x,y x,y`).
     fn from_str(text: &str) -> Result<Self, FilterError> {
         let words = text.split(|c: char| c.is_whitespace() || c == ',' || c == ';');
         let numbers = words.filter(|w| !w.is_empty()).map(|word| {
@@ -100,11 +103,11 @@ pub struct LatticePolygon {
     polygons: Vec<Edges>,
 }
 
-/// A polygon's edges on a lattice, in parts of a step.
+/// Edges of a polygon on a lattice, in parts of a step.
 #[derive(Clone, Debug, PartialEq)]
 struct Edges(Vec<[[i64; 2]; 2]>);
 
-/// On which side of the line from `a` to `b` a point lies: positive to the left.
+/// Side of the line from `a` to `b` that a point is on: positive to the left.
 fn turn([a, b]: [[i64; 2]; 2], p: [i64; 2]) -> i128 {
     let from_a = |q: [i64; 2]| [0, 1].map(|i| i128::from(q[i]) - i128::from(a[i]));
     let ([bx, by], [px, py]) = (from_a(b), from_a(p));
@@ -122,7 +125,7 @@ impl LatticePolygon {
         self.polygons.iter().any(|polygon| polygon.contains(p))
     }
 
-    /// Where the points of a box, both corners included, lie.
+    /// Side of the points of a box, both corners included.
     pub(super) fn side_of_box(&self, min: [u32; 3], max: [u32; 3]) -> Side {
         let mut side = Side::Outside;
         for polygon in &self.polygons {
@@ -135,7 +138,8 @@ impl LatticePolygon {
         side
     }
 
-    /// The edges that decide for points of a box: those beside it, to the right or through it.
+    /// The edges that matter for points of a box: those at the same height that are to its right or
+    /// cross it.
     pub(super) fn in_box(&self, min: [u32; 3], max: [u32; 3]) -> Self {
         let near = self.polygons.iter().map(|polygon| polygon.in_box(min, max));
         Self { polygons: near.filter(|near| !near.0.is_empty()).collect() }
@@ -161,7 +165,8 @@ impl Edges {
             if side == 0 {
                 return true;
             }
-            // The ray goes to the right: it meets an edge upwards whose left side the point is on.
+            // The ray goes to the right: it crosses an upward edge if the point is on the edge's
+            // left.
             inside ^= crosses && (side > 0) == (b[1] > a[1]);
         }
         inside
@@ -200,7 +205,7 @@ mod tests {
     use crate::lattice::ORIGIN;
     use proptest::prelude::*;
 
-    /// World coordinates are small whole numbers about the lattice's middle.
+    /// A polygon whose world coordinates are small whole numbers around the lattice's middle.
     fn polygon(text: &str) -> LatticePolygon {
         text.parse::<Polygon>().unwrap().on(&Lattice::default()).unwrap()
     }
@@ -214,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_polygon_is_told() {
+    fn invalid_polygons_are_refused() {
         for (text, word) in [
             ("0,0 1,1", "three corners"),
             ("0,0 1,1 2", "5 numbers"),

@@ -1,18 +1,21 @@
-//! Training a palette on the colours of a cloud: boxes of their histogram are halved at their medians, those of the greatest
-//! variance first (after Heckbert 1982), and then moved to the means of what is nearest to them (Lloyd). All of it is a function of how many
-//! points have which colour: the same for any order of points and any number of threads.
+//! Trains a palette on the colours of a cloud: median cut of their histogram, boxes of greatest
+//! variance first (after heckbert1982), then rounds of Lloyd's algorithm (lloyd1982). The result is
+//! a function of the number of points of each colour: the same for any order of points and any
+//! number of threads.
 
 use super::{COLOURS_MAX, Palette, apart};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-/// Bits of a channel in the bins that a palette is trained on, and rounds of moving. 5 bits and 6 rounds leave colours 6 to 9 %
-/// farther off in the mean (three scans); halving at means instead of medians, or 30 rounds, change less than 1 %.
+/// Bits of a channel in the bins that a palette is trained on, and rounds of Lloyd's algorithm.
+/// Fewer bits with fewer rounds leave colours some percent farther off; more rounds change less
+/// than 1 %.
 const BITS: u32 = 6;
 const ROUNDS: usize = 12;
-/// Points of a colour that are counted at most; a few more by threads that count at once are cut off.
+/// Greatest count of a colour; threads that count at once may pass it slightly, and the excess is
+/// cut off.
 const COUNT_MAX: u32 = 1 << 31;
 
-/// How many points have each colour of 8 bits a channel. Counted by any number of threads.
+/// Number of points of each colour of 8 bits a channel. Counted by any number of threads.
 pub struct Histogram(Vec<AtomicU32>);
 
 impl Default for Histogram {
@@ -21,14 +24,15 @@ impl Default for Histogram {
     }
 }
 
-/// How far colours are from those of a palette, as places in the cube of red, green and blue, in steps of 255.
+/// Distances of colours from those of a palette, in the cube of red, green and blue, in steps of
+/// 255.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Misfit {
-    /// Over all points.
+    /// Mean over all points.
     pub mean: f64,
-    /// Of 99 % of the points no more.
+    /// 99th percentile.
     pub most: f64,
-    /// Of no point more.
+    /// Maximum.
     pub worst: f64,
 }
 
@@ -42,7 +46,7 @@ impl Histogram {
         }
     }
 
-    /// The colours that occur, in order, and how often.
+    /// Colours that occur, in order, with their counts.
     fn colours(&self) -> impl Iterator<Item = ([u8; 3], u64)> + '_ {
         self.0.iter().enumerate().filter_map(|(at, count)| {
             let count = u64::from(count.load(Relaxed).min(COUNT_MAX));
@@ -50,8 +54,8 @@ impl Histogram {
         })
     }
 
-    /// A palette for them: where they are few, themselves. `None` where there is none but black: fields that nothing was
-    /// written to.
+    /// A palette for the counted colours: the colours themselves if there are few. `None` if there
+    /// is only black, as in fields that were never written.
     pub fn palette(&self) -> Option<Palette> {
         let first: Vec<_> = self.colours().map(|(rgb, _)| rgb).take(COLOURS_MAX + 1).collect();
         if first.len() <= COLOURS_MAX {
@@ -78,7 +82,7 @@ impl Histogram {
         Palette::new(colours)
     }
 
-    /// How well a palette suits them.
+    /// Error of a palette for the counted colours.
     pub fn misfit(&self, palette: &Palette) -> Misfit {
         let mut by_square = std::collections::BTreeMap::<i32, u64>::new();
         for (rgb, count) in self.colours() {
@@ -101,7 +105,7 @@ impl Histogram {
     }
 }
 
-/// Colours that lie close: how many points have one of them, and the sums of their channels.
+/// A set of similar colours: number of points, and sums of their channels.
 #[derive(Clone, Copy, Default)]
 struct Bin {
     count: u64,
@@ -126,7 +130,7 @@ fn total(bins: &[Bin]) -> Bin {
     })
 }
 
-/// The channel in which the points of bins are farthest from their mean, and the sum of the squares of that.
+/// Channel of the greatest variance in some bins, and the sum of its squared deviations.
 fn widest(bins: &[Bin]) -> (usize, f32) {
     let mean = total(bins).mean();
     let spread = |i: usize| {
@@ -135,7 +139,7 @@ fn widest(bins: &[Bin]) -> (usize, f32) {
     (0..3).map(|i| (i, spread(i))).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
 }
 
-/// The filled bins in as many boxes as there may be colours.
+/// Divides the filled bins into as many boxes as a palette has colours.
 fn boxes(filled: Vec<Bin>) -> Vec<Vec<Bin>> {
     let mut boxes = vec![(widest(&filled), filled)];
     while boxes.len() < COLOURS_MAX {
@@ -193,7 +197,7 @@ mod tests {
         let histogram = counted(forth.map(colour));
         let palette = histogram.palette().unwrap();
         assert_eq!(counted(back.map(colour)).palette().unwrap(), palette);
-        // Colours in even boxes, 8 x 8 x 4 of them, are off by this (root of the mean square; the mean is 0.96 of it).
+        // Error of uniform boxes, 8 x 8 x 4 of them (root mean square; the mean is 0.96 of it).
         let even = ((32f64.powi(2) * 2.0 + 64f64.powi(2)) / 12.0).sqrt();
         let Misfit { mean, most, worst } = histogram.misfit(&palette);
         assert!(

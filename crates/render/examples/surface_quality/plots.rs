@@ -1,25 +1,26 @@
-//! Plots: panels of curves in a grid, as SVG. The horizontal axis is logarithmic, the vertical one begins at zero.
+//! Plots panels of curves in a grid, as SVG. The horizontal axis is logarithmic, the vertical one
+//! begins at zero.
 
 use std::fmt::Write;
 
-/// Width and height of a panel's curves, and room around them, pixels.
+/// Width and height of the curves of a panel, and space around them, pixels.
 const WIDE: f64 = 170.0;
 const HIGH: f64 = 90.0;
 const ROOM: [f64; 2] = [50.0, 50.0];
-/// Colours and dashes of the curves, in their order.
+/// Colour and dashes of each curve.
 const STYLES: [(&str, &str); 4] = [("#2a6", ""), ("#e80", ""), ("#2a6", "4 3"), ("#e80", "4 3")];
 
-/// Curves over one axis.
+/// Curves over a common axis.
 pub struct Panel {
-    /// What is shown.
+    /// Title of the panel.
     pub title: String,
-    /// Name and places of each curve.
+    /// Name and points of each curve.
     pub curves: Vec<(&'static str, Vec<(f64, f64)>)>,
-    /// What the horizontal axis is.
+    /// Title of the horizontal axis.
     pub x: &'static str,
 }
 
-/// Rows of panels below a legend. Panels without places are left empty.
+/// Draws rows of panels below a legend. Panels without points are left empty.
 pub fn grid(rows: &[Vec<Panel>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let [wide, high] = [WIDE + ROOM[0], HIGH + ROOM[1]];
@@ -69,7 +70,7 @@ fn draw(svg: &mut String, panel: &Panel, left: f64, top: f64) {
     }
 }
 
-/// A number in three digits.
+/// Formats a number with three digits.
 fn short(value: f64) -> String {
     match value {
         v if v >= 100.0 => format!("{v:.0}"),

@@ -1,60 +1,64 @@
-//! The three passes of zwicker2004 section 6, tile by tile, so that what they share stays in the cache:
-//! visibility (the front's inverse depth, moved back), attributes (sums with weights, over what is not behind
-//! that), and normalisation (sums over the sum of weights), into planes that are shaded afterwards.
+//! Pass `blend` of EWA splatting: the three passes of `zwicker2004`, section 6, tile by tile, so
+//! that the buffers of a tile stay in the cache. Visibility finds the inverse depth of the front,
+//! moved back; attributes are summed with their weights over the splats that are not behind it;
+//! normalisation divides by the sum of weights. The means go to planes that are shaded afterwards.
 
 use crate::ewa::cover::{Pixels, Window, for_each, for_each_small};
 use crate::ewa::gauss::Falloff;
-use crate::ewa::place::{PART_MAX, along, unpacked};
+use crate::ewa::place::{CODE_MAX, along, unpacked};
 use crate::ewa::planes::Planes;
-use crate::ewa::splat::{Dye, Splat};
+use crate::ewa::splat::{Splat, SplatAttributes};
 use crate::ewa::sums::{
     INVERSE_DEPTH, PAIRS, Rows, SHAPE, Share, Sums, TINT, WEIGHT, add, advance, front, replace,
 };
-use crate::ewa::tiles::{Entry, Run, TILE};
+use crate::ewa::tiles::{SplatRun, TILE, TileEntry};
 use crate::inputs::camera::Camera;
 use crate::picture::surface::Surface;
 use crate::simd::values::{EIGHT, Values, dot, only};
 use fearless_simd::{ExtractToken, Level, Simd, SimdMask, dispatch, f32x8};
 use rayon::prelude::*;
 
-/// Square of the length under which a sum of normals has no direction.
+/// Squared length below which a sum of normals has no direction.
 const UNKNOWN: f32 = 1e-8;
 
-/// How splats are drawn.
+/// Number of passes in which splats are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Passes {
-    /// The nearest splat shows, without blending (the paper's table 1).
+    /// One pass: the nearest splat shows, without blending (table 1 of the paper).
     One,
-    /// Visibility, attributes, normalisation.
+    /// Three passes: visibility, attributes, normalisation.
     #[default]
     Three,
 }
 
-/// What all tiles are drawn with.
+/// Draws the splats of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Blend<'a> {
     /// The splats.
-    pub runs: &'a [Run],
-    /// The weights.
+    pub runs: &'a [SplatRun],
+    /// Weights of the kernel.
     pub falloff: Falloff,
-    /// How.
+    /// Number of passes.
     pub passes: Passes,
-    /// The frame's camera.
+    /// Camera of the frame.
     pub camera: &'a Camera,
 }
 
-/// Where a row of tiles goes: its rows of planes, so many for eight pixels, and of depths.
+/// Rows of the picture that a row of tiles is written to.
 struct Picture<'a> {
     planes: &'a mut [[f32; EIGHT]],
+    /// Length of a row of `planes`.
     row_len: usize,
+    /// Planes of eight pixels.
     count: usize,
     depth: &'a mut [f32],
+    /// Length of a row of `depth`.
     width: usize,
 }
 
 impl Blend<'_> {
-    /// Draws all tiles to `planes` and their depths (infinite where nothing is) to `depth`. Returns the number of
-    /// pixels covered.
+    /// Draws all tiles to `planes`, and their depths to `depth`, infinite where there is no splat.
+    /// Returns the number of pixels covered.
     pub fn draw(&self, planes: &mut Planes, depth: &mut [f32]) -> u64 {
         if planes.has_normals() {
             self.draw_tiles::<true>(planes, depth)
@@ -89,6 +93,7 @@ impl Blend<'_> {
             .sum()
     }
 
+    /// Draws the splats of a tile to its sums.
     #[inline(always)]
     fn tile<S: Simd, const NORMALS: bool>(
         &self,
@@ -107,23 +112,24 @@ impl Blend<'_> {
         }
     }
 
-    /// Gives the splats of a tile in their order.
+    /// Calls `work` with the splats of a tile in their order.
     #[inline(always)]
-    fn for_each(&self, tile: usize, mut work: impl FnMut(&Run, &Splat, &Entry)) {
+    fn for_each(&self, tile: usize, mut work: impl FnMut(&SplatRun, &Splat, &TileEntry)) {
         for run in self.runs {
-            // Not by another closure, which would be compiled for any processor.
+            // A loop, since another closure would be compiled for the baseline processor.
             for (splat, entry) in run.of_tile(tile) {
                 work(run, splat, entry);
             }
         }
     }
 
-    /// Gives the pixels of a splat that is not small: a function of its own, so that the short way is short.
+    /// Calls `work` with the pixels of a splat that is not small. A function of its own keeps the
+    /// fast path short.
     #[inline(always)]
     fn for_each_large<S: Simd, const NEAREST: bool>(
         &self,
         simd: S,
-        (run, splat, entry): (&Run, &Splat, &Entry),
+        (run, splat, entry): (&SplatRun, &Splat, &TileEntry),
         window: &Window,
         sums: &mut [Rows; PAIRS],
         work: impl FnMut(&mut Rows, Pixels<S>),
@@ -132,13 +138,13 @@ impl Blend<'_> {
         simd.vectorize(
             #[inline(always)]
             || {
-                let own = (splat, &entry.part, run.lines(entry));
+                let own = (splat, &entry.rect, run.lines(entry));
                 for_each::<_, NEAREST>(simd, own, window, (centre_px, near), sums, work);
             },
         );
     }
 
-    /// Pass 1.
+    /// Pass 1: finds the front.
     #[inline(always)]
     fn visibility<S: Simd>(&self, simd: S, tile: usize, window: &Window, sums: &mut Sums) {
         let pairs = sums.pairs();
@@ -146,11 +152,11 @@ impl Blend<'_> {
             tile,
             #[inline(always)]
             |run, splat, entry| {
-                if entry.part.is_small {
+                if entry.rect.is_small {
                     return for_each_small::<_, true>(
                         simd,
                         splat,
-                        &entry.part,
+                        &entry.rect,
                         window,
                         pairs,
                         #[inline(always)]
@@ -177,7 +183,8 @@ impl Blend<'_> {
         );
     }
 
-    /// Pass 2; or the only one, where a splat in front takes the pixel.
+    /// Pass 2: sums the attributes (`BLENDS`). As the only pass it keeps those of the nearest
+    /// splat.
     #[inline(always)]
     fn attributes<S: Simd, const BLENDS: bool, const NORMALS: bool>(
         &self,
@@ -191,19 +198,19 @@ impl Blend<'_> {
             tile,
             #[inline(always)]
             |run, splat, entry| {
-                let Dye { tint, normal } = splat.dye;
+                let SplatAttributes { tint, normal } = splat.attributes;
                 let shape = if NORMALS {
                     unpacked(simd, normal)
                 } else {
                     let zero = simd.splat_f32x8(0.0);
                     [simd.splat_f32x8(f32::from_bits(normal)), zero, zero]
                 };
-                if entry.part.is_small {
+                if entry.rect.is_small {
                     let share = Share { tint, shape, amplitude: splat.form[3] };
                     return for_each_small::<_, false>(
                         simd,
                         splat,
-                        &entry.part,
+                        &entry.rect,
                         window,
                         pairs,
                         #[inline(always)]
@@ -224,7 +231,7 @@ impl Blend<'_> {
         );
     }
 
-    /// Gives pixels what a splat adds to those that see it.
+    /// Adds a splat to the pixels in which it is visible.
     #[inline(always)]
     fn share<S: Simd, const BLENDS: bool, const NORMALS: bool>(
         &self,
@@ -247,7 +254,7 @@ impl Blend<'_> {
         }
     }
 
-    /// Pass 3. Returns the number of pixels covered.
+    /// Pass 3: writes the means of a tile. Returns the number of pixels covered.
     #[inline(always)]
     fn normalise<S: Simd, const NORMALS: bool>(
         &self,
@@ -273,7 +280,7 @@ impl Blend<'_> {
                 planes[1] = *(row.sum(simd, TINT + 1, x) * share);
                 planes[2] = *(row.sum(simd, TINT + 2, x) * share);
                 if NORMALS {
-                    let share = share * (1.0 / PART_MAX);
+                    let share = share * (1.0 / CODE_MAX);
                     let nx = row.sum(simd, SHAPE, x) * share;
                     let ny = row.sum(simd, SHAPE + 1, x) * share;
                     let nz = row.sum(simd, SHAPE + 2, x) * share;
@@ -281,7 +288,7 @@ impl Blend<'_> {
                     let mut n = [along(n, right), along(n, up), along(n, back)];
                     let is_unknown = dot(n, n).cmplt(simd.splat_f32x8(UNKNOWN));
                     if is_unknown.any_true() {
-                        // It faces the eye.
+                        // Pixels without a direction face the eye.
                         let to_eye = self.camera.to_eye(simd, window.left + x, window.top + y);
                         for i in 0..3 {
                             n[i] = f32x8::select(is_unknown, to_eye[i], n[i]);

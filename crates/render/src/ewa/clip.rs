@@ -1,52 +1,55 @@
-//! Clip lines in the picture (zwicker2004, section 5). The paper projects two points of a line and normalises them;
-//! here a line stays homogeneous, the plane through it and the eye, so its points may lie behind the camera. A pixel's
-//! ray is on the plane's one side or on its other: with `c` a point of the line and `e` its way, against the eye, it is
-//! the sign of `(c x e) . ray`. Both depend on the lattice and the eye alone, not on the splat, and numbers only change
-//! their sign from one splat of a pair to the other: what the one leaves the other takes, to the pixel.
+//! Clip lines in the picture (`zwicker2004`, section 5). The paper projects two points of a line
+//! and normalises them; here a line stays homogeneous, the plane through the line and the eye, so
+//! its points may lie behind the camera. With `c` a point of the line relative to the eye and `e`
+//! its direction, the sign of `(c x e) . ray` is the side on which the ray of a pixel lies. `c` and
+//! `e` depend on the lattice and the eye only, and for the two splats of a pair the numbers differ
+//! by their sign, so every pixel along the line belongs to exactly one of them.
 
+use crate::ewa::splat::Box4;
 use crate::inputs::camera::Camera;
 use crate::simd::values::Values;
 use esker_points::clip::{CLIP_BYTES, Clip, ClipLine, Grain};
 use glam::{Vec2, Vec3};
 
-use crate::ewa::splat::Box4;
-
-/// The lines of a splat, each over the homogeneous pixel (x, y, 1) from the picture's middle: not negative where the splat
-/// is kept. As large as on the GPU.
+/// Clip lines of a splat. The product of a line and the homogeneous pixel (x, y, 1), relative to
+/// the centre of the picture, is not negative where the splat is kept. The layout is that of the
+/// GPU.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Lines {
-    /// The first.
+    /// The first line.
     pub first: [f32; 3],
-    /// What is kept: [`WHOLE`], [`ONE`], [`BOTH`] or [`EITHER`].
+    /// How the lines are combined: [`WHOLE`], [`ONE`], [`BOTH`] or [`EITHER`].
     pub kept: f32,
-    /// The second.
+    /// The second line.
     pub second: [f32; 3],
-    /// To a whole multiple of 16 bytes.
+    /// Padding to a multiple of 16 bytes.
     pub unused: f32,
 }
 
-/// There is no line.
+/// The splat has no lines.
 pub const WHOLE: f32 = 0.0;
-/// What the first line keeps.
+/// The first line decides.
 pub const ONE: f32 = 1.0;
-/// What both lines keep.
+/// A pixel is kept if both lines keep it.
 pub const BOTH: f32 = 2.0;
-/// What either line keeps.
+/// A pixel is kept if one of the lines keeps it.
 pub const EITHER: f32 = 3.0;
 
-/// Sine between a splat's plane and the line of sight under which it is seen flat.
-const FLAT: f32 = 0.1;
-/// Radii of splats with lines over what they would be without: on an edge there are neighbours on one side only, and lines
-/// hold what would stick out.
+/// Sine between the plane of a splat and the line of sight below which the centre decides which
+/// side of a line is kept.
+pub(crate) const FLAT: f32 = 0.1;
+/// Factor of the radii of splats with lines. A point on an edge has neighbours on one side only,
+/// which would leave notches; the lines cut off what would stick out.
 pub const WIDER: f32 = 1.3;
 
-/// The same sine under which a line may cross a splat so that its low-pass reaches far.
-const STROKE: f32 = 0.5;
-/// Pixels by which a splat may reach past what is kept of it, for the low-pass.
-const PAST: f32 = 1.0;
+/// Sine between the plane of a splat and the line of sight below which the splat is seen as a
+/// stroke, whose low-pass may reach far beyond a line.
+pub(crate) const STROKE: f32 = 0.5;
+/// Pixels by which a stroke may reach beyond its kept part, for the low-pass.
+pub(crate) const PAST: f32 = 1.0;
 
-/// What of a rectangle of pixels lies on a line's kept side.
+/// Which pixels of a rectangle lie on the kept side of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Side {
     All,
@@ -54,18 +57,19 @@ enum Side {
     None,
 }
 
-/// What a frame's lines are made with.
+/// Computes the clip lines of the splats of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Clipping<'a> {
-    /// The camera.
+    /// Camera of the frame.
     pub camera: &'a Camera,
-    /// As in [`Grain::new`].
+    /// Units of stored lines ([`Grain::new`]).
     pub grain: Grain,
 }
 
 impl Clipping<'_> {
-    /// The lines of the point `index` of a plane, which lies at `hot` on the lattice without its dropped bits and at
-    /// `centre` against the eye; `normal` as it is stored. Both right, down and away from the eye.
+    /// Clip lines of the point `index`, stored in `plane`. `hot` is its position on the lattice
+    /// without the bits that hot positions drop, `centre` its position and `normal` its stored
+    /// normal, both right, down and away from the eye.
     #[inline]
     pub fn lines(
         &self,
@@ -77,8 +81,8 @@ impl Clipping<'_> {
     ) -> Option<Lines> {
         let clip = self.clip(plane, index, hot, normal)?;
         let seen = normal.dot(centre);
-        // Round surfaces leave their lines a little; seen flat, that is all that is seen of the way to the line. The
-        // centre is on its own side then, unless the other line keeps it.
+        // A round surface deviates from its lines, and at a grazing view that deviation dominates.
+        // Then the side of the centre is kept, unless the other line may keep it.
         let is_flat = seen.abs() < FLAT * centre.length() && !clip.either;
         let own = is_flat.then_some(centre);
         let [first, second] = clip.lines.map(|line| self.line(&line?, seen, own));
@@ -91,7 +95,7 @@ impl Clipping<'_> {
         Some(Lines { first, kept, second: second.unwrap_or_default(), unused: 0.0 })
     }
 
-    /// The lines of a point as the file has them; `None` where there are none, as most splats have.
+    /// Stored lines of a point; `None` if it has none, like most points.
     #[inline]
     fn clip(&self, plane: &[u8], index: usize, hot: [u32; 3], normal: Vec3) -> Option<Clip> {
         let bytes = plane.get(index * CLIP_BYTES..(index + 1) * CLIP_BYTES)?;
@@ -103,10 +107,12 @@ impl Clipping<'_> {
         Some(Clip::of_words(words, hot, self.grain))
     }
 
-    /// The lines of a splat with one line, with a second one where it is seen flat; arguments as in [`Clipping::lines`].
+    /// Adds a second line to a splat that has one line and is seen as a stroke; see
+    /// [`Clipping::lines`]. `a` and `b` are its tangents.
     ///
-    /// Seen flat a splat is a stroke, and the low-pass is most of its width. A line crosses it at any angle, so that pixels
-    /// beside the stroke are on the kept side far beyond what is kept of the stroke itself. The second line ends it there.
+    /// Most of the width of a stroke comes from the low-pass. A line crosses the stroke at any
+    /// angle, so that pixels beside the stroke lie on the kept side far beyond its kept part. The
+    /// second line ends the stroke there.
     pub fn ended(
         &self,
         lines: Lines,
@@ -135,7 +141,7 @@ impl Clipping<'_> {
         Lines { second, kept: BOTH, ..lines }
     }
 
-    /// A point of a line and the way to another one: right, down and away from the eye.
+    /// A point of a line and its direction: right, down and away from the eye.
     #[inline]
     fn seen(&self, line: &ClipLine) -> [Vec3; 2] {
         let camera = self.camera;
@@ -145,12 +151,14 @@ impl Clipping<'_> {
         [camera.steps_from_eye(line.from), way].map(|v| view(v * camera.step))
     }
 
-    /// A line over the homogeneous pixel; `None` where it is no number, or the eye lies in it.
+    /// A line in homogeneous pixels; `None` if it is not finite or the eye lies on it. `seen` is
+    /// the product of normal and centre; `own` is a point whose side is kept, else the normal
+    /// decides.
     #[inline]
     fn line(&self, line: &ClipLine, seen: f32, own: Option<Vec3>) -> Option<[f32; 3]> {
         let [c, e] = self.seen(line);
         let plane = c.cross(e);
-        // The splat's own side: left of the way, as its normal looks at it.
+        // The splat lies left of the direction, seen from the side of its normal.
         let is_other = match own {
             Some(centre) => plane.dot(centre) < 0.0,
             None => (seen < 0.0) != line.keeps_right,
@@ -163,12 +171,13 @@ impl Clipping<'_> {
     }
 }
 
-/// Where what a line keeps of a splat ends along the stroke that it is seen as, where the line cuts that short: the plane
-/// there through the eye and along the normal, right, down and away from the eye, towards what is kept. Kept is what is as
-/// far as `reach` along `out`, from the centre; `None` also where the eye is over the splat.
+/// End of the kept part of a splat that is seen as a stroke: the plane through that end, the eye
+/// and the normal, oriented towards the kept part; right, down and away from the eye. The kept part
+/// ends at the distance `reach` from the centre along `out`. `None` if the line does not shorten
+/// the stroke or the eye is above the splat.
 fn end([centre, normal, a, b]: [Vec3; 4], out: Vec3, reach: f32) -> Option<Vec3> {
-    // In the splat's plane, in tangents from its centre: the disc is a unit circle, and from under the eye the ends of the
-    // stroke are where rays touch it.
+    // In tangents from the centre the disc is a unit circle, and the ends of the stroke are the
+    // points of contact of tangents from the foot of the eye.
     let flat = normal * normal.dot(centre) - centre;
     let eye = Vec2::new(flat.dot(a) / a.length_squared(), flat.dot(b) / b.length_squared());
     let on_disc = Vec2::new(out.dot(a), out.dot(b));
@@ -180,7 +189,7 @@ fn end([centre, normal, a, b]: [Vec3; 4], out: Vec3, reach: f32) -> Option<Vec3>
     if !(away > 1.0 && past[0].max(past[1]) > 0.0 && reach.abs() < 1.0) {
         return None;
     }
-    // The end of the line on the disc that is seen farther to that side.
+    // The end of the chord that is seen farther to that side.
     let half = out.perp() * (1.0 - reach * reach).sqrt();
     let [p, q] = [out * reach + half, out * reach - half];
     let place = if (q - eye).perp_dot(p - eye) * side < 0.0 { p } else { q };
@@ -190,8 +199,8 @@ fn end([centre, normal, a, b]: [Vec3; 4], out: Vec3, reach: f32) -> Option<Vec3>
 }
 
 impl Lines {
-    /// The same without lines that do not cut the pixels of a box; `None` where nothing of it is kept. `Some(None)` where
-    /// all is.
+    /// Removes lines that do not cut the pixels within `bounds`. `None` if no pixel is kept,
+    /// `Some(None)` if all are.
     #[inline]
     pub fn within(self, bounds: Box4, centre_px: [f32; 2]) -> Option<Option<Self>> {
         let [first, second] = [self.first, self.second].map(|line| side(line, bounds, centre_px));
@@ -211,7 +220,8 @@ impl Lines {
         }
     }
 
-    /// Those of some pixels that are kept; `x` and `y` are their middles from the picture's.
+    /// Mask of the pixels that are kept; `x` and `y` are their centres relative to the centre of
+    /// the picture.
     #[inline(always)]
     pub fn keep<V: Values>(&self, x: V, y: V) -> V::Mask {
         let is_kept = |[lx, ly, l]: [f32; 3]| x.like(0.0).cmple(x * lx + (y * ly + l));
@@ -226,10 +236,11 @@ impl Lines {
     }
 }
 
-/// On which side of a line the pixels of a box lie. Near the line rounding decides, pixel by pixel.
+/// The side of a line on which the pixels of a box lie. [`Side::Some`] if rounding could decide
+/// otherwise for a pixel.
 #[inline]
 fn side([lx, ly, l]: [f32; 3], [left, right, top, bottom]: Box4, [cx, cy]: [f32; 2]) -> Side {
-    /// Rounding of the sum of three products.
+    /// Relative rounding error of the sum of three products.
     const ROUNDING: f32 = 1e-6;
     let [x0, x1] = [left as f32 + 0.5 - cx, right as f32 - 0.5 - cx];
     let [y0, y1] = [top as f32 + 0.5 - cy, bottom as f32 - 0.5 - cy];

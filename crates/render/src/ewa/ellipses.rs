@@ -1,42 +1,42 @@
-//! Eight splats at once: what [`crate::ewa::splat`] does with one disc, in registers of eight.
+//! Eight splats at once: [`crate::ewa::splat::Disc::place`] for eight discs in registers, with
+//! their tiles. The test compares both.
 
 use crate::ewa::splat::{Box4, CONDITION_MAX, Lens, REACH_MAX, Splat, edges, ellipse};
-use crate::ewa::sums::PAIR;
-use crate::ewa::tiles::{LANES, Part, TILE};
+use crate::ewa::tiles::{LANES, PAIR, TILE, TileRect};
 use crate::simd::lanes::turned;
 use crate::simd::values::{EIGHT, Values, bits};
 use fearless_simd::{Bytes, Simd, SimdBase, f32x8, mask32x8, u32x8};
 use glam::Vec4;
 
-/// Eight ellipses and what becomes of them.
+/// Projections of eight discs as ellipses.
 pub struct Ellipses<S: Simd> {
-    /// Those of which something may be in the picture, a bit each.
+    /// Bit mask of the discs that may be in the picture.
     pub shows: u32,
-    /// Those that are ellipses.
+    /// Bit mask of the discs whose projection is an ellipse.
     pub ellipses: u32,
-    /// Those of them that can be evaluated.
+    /// Bit mask of the ellipses that can be evaluated in `f32`.
     usable: u32,
-    /// All of [`Splat`] but its dye, a row of four values after the other.
+    /// [`Splat`] without its attributes, in rows of four values.
     rows: [[f32x8<S>; 4]; 3],
-    parts: Parts,
+    tile_rects: TileRects,
 }
 
-/// The parts of tiles that eight splats touch, where they touch no more than one.
-struct Parts {
-    /// Boxes: first columns and one past the last ones, first rows and one past the last ones.
+/// The tiles and rectangles of eight splats that touch one tile each.
+struct TileRects {
+    /// Bounds in the picture, as in [`Box4`].
     bounds: [[u32; EIGHT]; 4],
-    /// The tile's number.
+    /// Number of the tile.
     tile: [u32; EIGHT],
-    /// Columns and pairs of rows as in [`Part`], a byte each.
+    /// Columns and pairs of rows of [`TileRect`], a byte each.
     sides: [u32; EIGHT],
-    /// Those that touch one tile, a bit each.
+    /// Bit mask of the splats that touch one tile only.
     single: u32,
-    /// Those that are narrow, a bit each.
+    /// Bit mask of the splats that the fast path draws ([`TileRect::is_small`]).
     narrow: u32,
 }
 
 impl<S: Simd> Ellipses<S> {
-    /// Of eight discs, as [`crate::ewa::splat::Disc::place`] does, in a picture of so many columns of tiles.
+    /// Projects eight discs, in a picture with `columns` tiles in a row.
     #[inline(always)]
     pub fn new(
         lens: &Lens,
@@ -59,7 +59,7 @@ impl<S: Simd> Ellipses<S> {
         });
         let is_seen = x[0].cmplt(x[1]) & y[0].cmplt(y[1]);
         let is_fine = zero.cmple(e.condition) & e.condition.cmplt(zero.like(CONDITION_MAX));
-        // A sum with something infinite or not a number in it is so itself.
+        // A sum with an infinite or NaN term is not 0.
         let mut sum = zero;
         for value in e.form {
             sum += value * 0.0;
@@ -80,23 +80,24 @@ impl<S: Simd> Ellipses<S> {
                 [along, amplitude, least, greatest],
                 [z, z_x, z_y, e.back],
             ],
-            parts: Parts::new(x, y, zero.cmplt(amplitude), columns),
+            tile_rects: TileRects::new(x, y, zero.cmplt(amplitude), columns),
         }
     }
 
-    /// Those that can be drawn as ellipses.
+    /// Bit mask of the discs that are drawn as ellipses.
     #[inline(always)]
     pub fn drawn(&self) -> u32 {
         self.shows & self.ellipses & self.usable
     }
 
-    /// Writes some of them, a bit each, one after another. Dyes are left as they are.
+    /// Writes the splats of the bit mask `which` one after another. Their attributes are not
+    /// changed.
     #[inline(always)]
     pub fn write(&self, which: u32, into: &mut [Splat; EIGHT]) {
         if which == 0xff {
             self.write_to([0, 1, 2, 3, 4, 5, 6, 7], into);
         } else {
-            // Each over the one before, unless that is to stay.
+            // A splat that is not in the mask is overwritten by the next one.
             let mut places = [0; EIGHT];
             for k in 1..EIGHT {
                 places[k] = places[k - 1] + (which >> (k - 1) & 1) as usize;
@@ -105,6 +106,7 @@ impl<S: Simd> Ellipses<S> {
         }
     }
 
+    /// Writes splat `k` to `into[places[k]]`.
     #[inline(always)]
     fn write_to(&self, places: [usize; EIGHT], into: &mut [Splat; EIGHT]) {
         for (i, row) in self.rows.iter().enumerate() {
@@ -115,26 +117,28 @@ impl<S: Simd> Ellipses<S> {
         }
     }
 
-    /// The box of one.
+    /// Bounds of splat `k`.
     #[inline(always)]
     pub fn bounds(&self, k: usize) -> Box4 {
-        self.parts.bounds.map(|c| c[k % EIGHT])
+        self.tile_rects.bounds.map(|c| c[k % EIGHT])
     }
 
-    /// The tile that one touches, and what of that, where it is no more than one.
+    /// The tile that splat `k` touches and the rectangle in it; `None` if the splat touches several
+    /// tiles.
     #[inline(always)]
-    pub fn part(&self, k: usize) -> Option<(usize, Part)> {
-        let Parts { tile, sides, single, narrow, .. } = &self.parts;
+    pub fn tile_rect(&self, k: usize) -> Option<(usize, TileRect)> {
+        let TileRects { tile, sides, single, narrow, .. } = &self.tile_rects;
         let [left, right, first_pair, past_pair] = sides[k % EIGHT].to_le_bytes();
         let is_small = narrow >> k & 1 == 1;
         (single >> k & 1 == 1).then(|| {
-            (tile[k % EIGHT] as usize, Part { is_small, left, right, first_pair, past_pair })
+            (tile[k % EIGHT] as usize, TileRect { is_small, left, right, first_pair, past_pair })
         })
     }
 }
 
-impl Parts {
-    /// Of the boxes of ellipses, and whether they are plain.
+impl TileRects {
+    /// Computes tiles from the edges of ellipses ([`edges`]) and whether these are plain
+    /// ([`Splat::is_plain`]).
     #[inline(always)]
     fn new<S: Simd>(
         x: [f32x8<S>; 2],
@@ -167,13 +171,13 @@ const TILE_LOG2: u32 = TILE.ilog2();
 /// Log2 of [`PAIR`].
 const PAIR_LOG2: u32 = PAIR.ilog2();
 
-/// Whole numbers with [`WHOLE`] added.
+/// The integer of numbers that have [`crate::simd::values::WHOLE`] added.
 #[inline(always)]
 fn whole<S: Simd>(edge: f32x8<S>) -> u32x8<S> {
     edge.bitcast::<u32x8<S>>() & 0xffff
 }
 
-/// Four values each of eight, one's after another's.
+/// Transposes four values of eight splats to one vector a splat.
 #[inline(always)]
 fn side_by_side<S: Simd>(values: [f32x8<S>; 4]) -> [Vec4; EIGHT] {
     let [a, b, c, d] = [*values[0], *values[1], *values[2], *values[3]];
@@ -188,7 +192,7 @@ fn side_by_side<S: Simd>(values: [f32x8<S>; 4]) -> [Vec4; EIGHT] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ewa::splat::{Disc, Placed};
+    use crate::ewa::splat::{Disc, Placement};
     use crate::simd::values::load;
     use fearless_simd::{Level, dispatch};
     use glam::{Vec2, Vec3};
@@ -223,21 +227,21 @@ mod tests {
         for (k, disc) in discs.iter().enumerate() {
             let is = |bits: u32| bits >> k & 1 == 1;
             match disc.place(&lens) {
-                Placed::Drawn(splat, box4) if !splat.is_by_rays() => {
+                Placement::Drawn(splat, box4) if !splat.is_by_rays() => {
                     prop_assert!(is(drawn));
                     prop_assert_eq!(format!("{:?}", written.next()), format!("{:?}", Some(splat)));
                     prop_assert_eq!(bounds[k], box4);
                 }
-                Placed::Drawn(..) => prop_assert!(is(shows) && !is(ellipses)),
-                Placed::Outside => prop_assert!(!is(drawn)),
-                Placed::Dropped => prop_assert!(is(shows) && !is(drawn)),
+                Placement::Drawn(..) => prop_assert!(is(shows) && !is(ellipses)),
+                Placement::Outside => prop_assert!(!is(drawn)),
+                Placement::Dropped => prop_assert!(is(shows) && !is(drawn)),
             }
         }
         Ok(())
     }
 
     #[test]
-    fn a_box_that_ends_at_a_middle_of_a_pixel_is_the_same() {
+    fn a_box_that_ends_at_the_centre_of_a_pixel_is_the_same() {
         let disc =
             ([0.0, -0.28869793, 2.9854128], [-0.46423763, 0.29723123, 0.29949716], -10.743054);
         agree([disc; EIGHT], 2.25).unwrap();
@@ -245,7 +249,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn eight_at_once_are_what_they_are_alone(
+        fn eight_discs_at_once_make_the_same_splats_as_one_by_one(
             discs in [0; EIGHT].map(|_| ([-2.0f32..2.0, -2.0f32..2.0, -0.5f32..3.0], [-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0], -12f32..1.0)),
             lowpass in prop::sample::select(vec![0.0f32, 2.25]),
         ) {

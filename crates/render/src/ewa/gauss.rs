@@ -1,22 +1,23 @@
-//! The Gaussian's weights inside its cutoff.
+//! Weights of the Gaussian inside its cutoff (`zwicker2004`, section 4.4), by a polynomial.
 
 use crate::simd::values::Values;
 
-/// Least and greatest cutoff, standard deviations from the middle to where kernels end (zwicker2004, section
-/// 4.4 and figure 5).
+/// Least and greatest cutoff, standard deviations from the centre of a kernel to its end
+/// (`zwicker2004`, section 4.4 and figure 5).
 pub const CUTOFF: std::ops::RangeInclusive<f32> = 0.5..=2.0;
 
-/// `exp(-t / 2)` for t from 0 to 2, by powers of t / 2, lowest first; relative error 2.5e-5.
+/// Coefficients of `exp(-t / 2)` for t from 0 to 2 in powers of t / 2, lowest first; relative error
+/// 2.5e-5.
 const POWERS: [f32; 5] = [0.999_989_16, -0.999_456_3, 0.495_569_67, -0.153_750_47, 0.025_536_54];
 
-/// Weights from the middle of a kernel to its end: `exp(-c t)` for t from 0 to 1, to 5e-5 of itself, where `c` is half the
-/// square of the cutoff and at most 2: the square of a polynomial. Without branches or tables, so that several pixels are
-/// done at once.
+/// Weights from the centre of a kernel to its end: `exp(-c t)` for t from 0 to 1, with a relative
+/// error of 5e-5, where `c` is half the square of the cutoff and at most 2. Computed as the square
+/// of a polynomial, without branches or tables, for several pixels at once.
 #[derive(Clone, Copy, Debug)]
 pub struct Falloff([f32; 5]);
 
 impl Falloff {
-    /// Of a cutoff.
+    /// Weights for a cutoff, in standard deviations.
     pub fn new(cutoff: f32) -> Self {
         let half = 0.25 * cutoff * cutoff;
         let mut scale = 1.0;
@@ -27,7 +28,7 @@ impl Falloff {
         }))
     }
 
-    /// The weights at these squares of the place in the kernel.
+    /// Weights at squared distances from the centre, 1 at the cutoff.
     #[inline(always)]
     pub fn of<V: Values>(&self, squared: V) -> V {
         let [a, b, c, d, e] = self.0.map(

@@ -1,37 +1,38 @@
-//! From a splat's tangent plane to the picture (zwicker2004 sections 4.1 to 4.4), each equation one function.
-//! Lengths in the picture are pixels, x to the right and y down, from the picture's middle.
+//! From the tangent plane of a splat to the picture (`zwicker2004`, sections 4.1 to 4.4), one
+//! function an equation. Lengths in the picture are pixels, x to the right and y down, from the
+//! centre of the picture. All functions work on one splat or on several at once ([`Values`]).
 //!
-//! The printed formulas invert the mapping and then cancel large numbers: in `f32` they miss by over a pixel
-//! in a fifth of ordinary splats. Here the mapping is first moved to where the splat's own centre is projected
-//! to and divided by its depth. Then the *dual* conic is formed, the tangents' outer products, which needs no
-//! inverse: all that is left are sums of squares. The determinant comes from the mapping's own
-//! ([`Mapping::area`]), never as a difference of products of the conic's coefficients.
-//!
-//! All of it is computed of one splat or of several at once ([`Values`]).
+//! The printed formulas invert the mapping and then cancel large numbers. Here the mapping is first
+//! moved to the projection of the splat's centre and divided by its depth. Then the *dual* conic is
+//! formed, outer products of the tangents, which needs no inverse and leaves sums of squares only.
+//! The determinant comes from that of the mapping ([`Mapping::area`]), not from a difference of
+//! products of the conic's coefficients (`docs/design/splats.md`).
 
 use crate::simd::values::{Values, dot};
 use glam::{Vec2, Vec3};
 
-/// The homogeneous mapping of equation 4, recentred: the rows of `M`, with the splat's centre in the third.
+/// The homogeneous mapping of equation 4, moved to the centre of the splat: the rows of `M`, with
+/// the centre in the third.
 #[derive(Clone, Copy, Debug)]
 pub struct Mapping<T = f32> {
-    /// Where the centre is projected to.
+    /// Projection of the centre.
     pub centre: [T; 2],
     /// Inverse depth of the centre.
     pub nearness: T,
     /// Distance of the centre over its depth.
     pub stretch: T,
-    /// First tangent: x and y in pixels at the centre's depth, z over that depth. It reaches from the centre
-    /// to the cut-off isocontour.
+    /// First tangent: x and y in pixels at the centre's depth, z over that depth. It reaches from
+    /// the centre to the cut-off isocontour.
     pub a: [T; 3],
     /// Second tangent.
     pub b: [T; 3],
-    /// Product of the lengths of the rows before they were moved, in the units of [`Mapping::area`].
+    /// Product of the lengths of the rows before they were moved, in the units of
+    /// [`Mapping::area`].
     pub lengths: T,
 }
 
-/// Equation 4: the mapping of a splat. `p` is its centre, `tangents` reach from there to the cut-off
-/// isocontour; right, down and depth from the eye.
+/// Computes the mapping of a splat (equation 4). `p` is its centre, `tangents` reach from there to
+/// the cut-off isocontour; both are right, down and depth from the eye.
 #[inline(always)]
 pub fn mapping<T: Values>(p: [T; 3], tangents: [[T; 3]; 2], focal_px: f32) -> Mapping<T> {
     let inverse = p[2].like(1.0) / p[2];
@@ -44,7 +45,7 @@ pub fn mapping<T: Values>(p: [T; 3], tangents: [[T; 3]; 2], focal_px: f32) -> Ma
     Mapping { centre, nearness: inverse, stretch, a, b, lengths: u * v * stretch }
 }
 
-/// A tangent's row. No closure, which would be compiled for any processor.
+/// Row of a tangent. Not a closure, which would be compiled for the baseline processor.
 #[inline(always)]
 fn row<T: Values>(t: [T; 3], slope: [T; 2], scale: T, inverse: T) -> [T; 3] {
     [(t[0] - slope[0] * t[2]) * scale, (t[1] - slope[1] * t[2]) * scale, t[2] * inverse]
@@ -56,8 +57,9 @@ fn length<T: Values>(t: [T; 3]) -> T {
 }
 
 impl<T: Values> Mapping<T> {
-    /// Determinant of the mapping: the signed area that the tangents span in the picture, at the centre's
-    /// depth. Nothing is seen of a splat where it is 0: the eye lies in its plane.
+    /// Determinant of the mapping: the signed area that the tangents span in the picture, at the
+    /// depth of the centre. It is 0 where the eye lies in the plane of the splat, which then is
+    /// invisible.
     #[inline(always)]
     pub fn area(&self) -> T {
         self.a[0] * self.b[1] - self.a[1] * self.b[0]
@@ -69,27 +71,29 @@ impl<T: Values> Mapping<T> {
         self.a[2] * self.a[2] + self.b[2] * self.b[2]
     }
 
-    /// Share of the depth by which the disc reaches before and behind its centre.
+    /// Half the extent of the disc in depth, over the depth of its centre.
     #[inline(always)]
     pub fn reach(&self) -> T {
         self.reach_squared().sqrt()
     }
 
-    /// The discriminant of section 4.2, of the projected isocontour: positive for an ellipse, 0 for a
-    /// parabola, negative for a hyperbola. 1 where the disc has the same depth everywhere.
+    /// Discriminant of the projected isocontour (section 4.2): positive for an ellipse, 0 for a
+    /// parabola, negative for a hyperbola. It is 1 if the disc has the same depth everywhere.
     #[inline(always)]
     pub fn discriminant(&self) -> T {
         self.nearness.like(1.0) - self.reach_squared()
     }
 
-    /// How ill-conditioned the mapping is, 1 at best: Hadamard's condition number, the product of the lengths of
-    /// its rows over its determinant, over the discriminant. Neither the splat's size nor its distance changes it.
+    /// Condition number of the mapping, at least 1: Hadamard's condition number (the product of the
+    /// lengths of its rows over its determinant), over the discriminant. It depends neither on the
+    /// size of the splat nor on its distance.
     #[inline(always)]
     pub fn condition(&self) -> T {
         self.lengths / (self.area().abs() * self.discriminant().max(self.lengths.like(0.0)))
     }
 
-    /// Equation 7: the middle of the projected isocontour, from [`Mapping::centre`]. For ellipses.
+    /// Centre of the projected isocontour (equation 7), relative to [`Mapping::centre`]. For
+    /// ellipses.
     #[inline(always)]
     pub fn middle(&self) -> [T; 2] {
         let Self { a, b, .. } = *self;
@@ -97,8 +101,8 @@ impl<T: Values> Mapping<T> {
         [(a[0] * a[2] + b[0] * b[2]) * scale, (a[1] * a[2] + b[1] * b[2]) * scale]
     }
 
-    /// Inverse depth on the tangent plane: its growth a pixel, over that of the centre. Infinite where the eye
-    /// lies in the plane.
+    /// Growth of the inverse depth on the tangent plane per pixel, over the inverse depth of the
+    /// centre. Infinite where the eye lies in the plane.
     #[inline(always)]
     pub fn inverse_depth_slope(&self) -> [T; 2] {
         let Self { a, b, .. } = *self;
@@ -106,16 +110,16 @@ impl<T: Values> Mapping<T> {
         [(a[1] * b[2] - a[2] * b[1]) * scale, (a[2] * b[0] - a[0] * b[2]) * scale]
     }
 
-    /// Equations 10 and 11: the shape of the projected isocontour, whose points `x` from its middle have
-    /// `x shape^-1 x = 1`. It is the variance matrix R' = Q'''^-1 of the affine approximation times the square
-    /// of the cutoff. For ellipses.
+    /// Shape of the projected isocontour (equations 10 and 11), whose points `x`, relative to its
+    /// centre, have `x shape^-1 x = 1`. It is the variance matrix R' = Q'''^-1 of the affine
+    /// approximation times the square of the cutoff. For ellipses.
     #[inline(always)]
     pub fn isocontour(&self) -> Shape<T> {
         let Self { a, b, .. } = *self;
         let d = self.nearness.like(1.0) / self.discriminant();
         let m = self.middle();
-        // With d = 1/discriminant and z the tangents' depths, the determinant is area^2 d^2 (1 + z.z d),
-        // and 1 + z.z d = d.
+        // With d = 1/discriminant and z the tangents' depths, the determinant is area^2 d^2 (1 +
+        // z.z d), and 1 + z.z d = d.
         Shape {
             xx: (a[0] * a[0] + b[0] * b[0]) * d + m[0] * m[0],
             xy: (a[0] * a[1] + b[0] * b[1]) * d + m[0] * m[1],
@@ -128,34 +132,34 @@ impl<T: Values> Mapping<T> {
 /// A symmetric matrix with its determinant: the shape of an ellipse.
 #[derive(Clone, Copy, Debug)]
 pub struct Shape<T = f32> {
-    /// Coefficient.
+    /// First diagonal element.
     pub xx: T,
-    /// Coefficient.
+    /// Element beside the diagonal.
     pub xy: T,
-    /// Coefficient.
+    /// Second diagonal element.
     pub yy: T,
     /// Square root of the determinant.
     pub root: T,
 }
 
 impl<T: Values> Shape<T> {
-    /// The shape of the resampling filter (equation 3): the low-pass of variance `lowpass` (square pixels)
-    /// times the square of the cutoff is added, `h` of both.
+    /// Shape of the resampling filter (equation 3). `h` is the variance of the low-pass filter
+    /// (square pixels) times the square of the cutoff.
     #[inline(always)]
     pub fn with_lowpass(self, h: f32) -> Self {
         let (xx, yy) = (self.xx + h, self.yy + h);
-        // det + h trace + h^2; no difference in it.
+        // det + h trace + h^2, without differences.
         let root = (self.root * self.root + (self.xx + self.yy) * h + h * h).sqrt();
         Self { xx, yy, root, ..self }
     }
 
-    /// Equations 8 and 9: half the width and height of the box around the ellipse.
+    /// Half the width and height of the box around the ellipse (equations 8 and 9).
     #[inline(always)]
     pub fn bounds(&self) -> [T; 2] {
         [self.xx.sqrt(), self.yy.sqrt()]
     }
 
-    /// The central conic (equation 10) as a sum of squares, which cannot cancel.
+    /// The central conic (equation 10) as a sum of squares, in which nothing cancels.
     #[inline(always)]
     pub fn conic(&self) -> Conic<T> {
         let side = self.yy.sqrt();
@@ -165,9 +169,9 @@ impl<T: Values> Shape<T> {
     }
 }
 
-/// Amplitude of the resampling filter (equation 3, where it is printed inverted): what the low-pass leaves of
-/// the projected kernel's height, |R'|^(1/2) / |R' + H|^(1/2). Kept, so that where splats of unlike tilt or
-/// size meet each counts by the area that it has in the picture.
+/// Amplitude of the resampling filter (equation 3, where it is printed inverted): the height of the
+/// projected kernel after the low-pass, |R'|^(1/2) / |R' + H|^(1/2). With it, splats of different
+/// tilt or size are weighted by their area in the picture.
 #[inline(always)]
 pub fn amplitude<T: Values>(kernel: &Shape<T>, filter: &Shape<T>) -> T {
     kernel.root / filter.root
@@ -176,16 +180,16 @@ pub fn amplitude<T: Values>(kernel: &Shape<T>, filter: &Shape<T>) -> T {
 /// A central conic: `(across x - shear y)^2 + (along y)^2 <= 1`.
 #[derive(Clone, Copy, Debug)]
 pub struct Conic<T = f32> {
-    /// Of x.
+    /// Factor of x.
     pub across: T,
-    /// Of y, in the same square.
+    /// Factor of y in the same square.
     pub shear: T,
-    /// Of y.
+    /// Factor of y in the other square.
     pub along: T,
 }
 
 impl<T: Values> Conic<T> {
-    /// Square of the distance from the middle over that of the isocontour in the same direction.
+    /// Squared distance from the centre, over that of the isocontour in the same direction.
     #[inline(always)]
     pub fn at(&self, x: T, y: T) -> T {
         let (u, v) = (self.across * x - self.shear * y, self.along * y);
@@ -193,9 +197,10 @@ impl<T: Values> Conic<T> {
     }
 }
 
-/// The mapping from the picture back to the tangent plane, for splats whose isocontour is no ellipse or that
-/// are too near for an affine approximation: rows over the homogeneous pixel (x, y, 1). A pixel's place on the
-/// plane is `(u, v) / inverse_depth`, in tangents: exact.
+/// The exact mapping from the picture back to the tangent plane, for splats whose isocontour is no
+/// ellipse or that are too near for the affine approximation: rows that are multiplied by the
+/// homogeneous pixel (x, y, 1). The position of a pixel on the plane, in tangents, is `(u, v) /
+/// inverse_depth`.
 #[derive(Clone, Copy, Debug)]
 pub struct Inverse {
     /// First coordinate over depth.
@@ -206,16 +211,17 @@ pub struct Inverse {
     pub inverse_depth: Vec3,
 }
 
-/// The inverse of equation 4 (`u = x M^-1`), from a place in the picture; `None` where the eye lies in the
-/// plane as far as `f32` can tell.
+/// Sine between the plane and the line of sight below which rounding decides what is visible.
+pub(crate) const SINE_MIN: f32 = 1e-6;
+
+/// Inverse of equation 4 (`u = x M^-1`), relative to the position `from` in the picture; `None`
+/// where the eye lies in the plane in `f32`.
 #[inline]
 pub fn inverse(p: Vec3, tangents: [Vec3; 2], focal_px: f32, from: Vec2) -> Option<Inverse> {
-    /// Sine between plane and line of sight under which rounding decides what is seen.
-    const SINE_MIN: f32 = 1e-6;
     let [a, b] = tangents;
     let normal = a.cross(b);
     let seen = normal.dot(p);
-    // What is not a number is in no range.
+    // NaN is in no range.
     if !(SINE_MIN..2.0).contains(&(seen.abs() / (normal.length() * p.length()))) {
         return None;
     }

@@ -1,24 +1,26 @@
-//! Perspective-accurate EWA splatting (zwicker2004): each point is a disc on its tangent plane, drawn with the
-//! exact shape of its projection, filtered against aliasing, and blended with its neighbours by Gaussian
-//! weights. [`mapping`] has the equations, [`splat`] makes a splat's record, [`ellipses`] eight of them, [`clip`] the lines
-//! at which they end, [`place`] sorts splats into tiles, [`blend`] draws these.
+//! Perspective-accurate EWA splatting (`zwicker2004`): each point is a disc on its tangent plane,
+//! drawn with the exact shape of its projection, filtered against aliasing, and blended with its
+//! neighbours by Gaussian weights. `mapping.rs` has the equations, `splat.rs` computes the record
+//! of a splat and `ellipses.rs` eight of them, `clip.rs` has clip lines, `shape.rs` ellipses in
+//! space, `place.rs` sorts splats into tiles, `blend.rs` draws tiles.
 //!
-//! Two remarks on the paper. It uses Q''' as the inverse of a variance (section 4.4) and as a variance
-//! (section 6); meant is R' = Q'''^-1, with the filter (Q'''^-1 + H)^-1. And equation 3 prints the inverse of
-//! its amplitude, which is |R'|^(1/2). Both follow from numerical convolution, in the tests.
+//! The paper uses Q''' as the inverse of a variance (section 4.4) and as a variance (section 6),
+//! and equation 3 prints the inverse of its amplitude. Here R' = Q'''^-1, the filter is (R' + H)^-1
+//! and the amplitude |R'|^(1/2), which numerical convolution confirms (`tests/ewa.rs`). Reasons are
+//! in `docs/design/splats.md`.
 
-pub mod blend;
+pub(crate) mod blend;
 pub mod clip;
-pub mod cover;
-pub mod ellipses;
-pub mod gauss;
+pub(crate) mod cover;
+pub(crate) mod ellipses;
+pub(crate) mod gauss;
 pub mod mapping;
-pub mod place;
+pub(crate) mod place;
 pub mod planes;
-pub mod shape;
+pub(crate) mod shape;
 pub mod splat;
-pub mod sums;
-pub mod tiles;
+pub(crate) mod sums;
+pub(crate) mod tiles;
 
 pub use blend::Passes;
 
@@ -31,23 +33,23 @@ use clip::Clipping;
 use esker_points::Grain;
 use gauss::Falloff;
 use glam::Vec2;
-use place::Placing;
+use place::Placer;
 use planes::Planes;
 use splat::Lens;
-use tiles::{Run, Tiles};
+use tiles::{SplatRun, Tiles};
 
 /// How splats are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Standard deviations from a kernel's middle to its end; within [`gauss::CUTOFF`]. The end is where the
-    /// drawn radius says, so a greater cutoff makes narrower kernels, not larger ones.
+    /// Standard deviations from the centre of a kernel to its end, 0.5 to 2. The end lies at the
+    /// drawn radius, so a greater cutoff makes narrower kernels, not larger ones.
     pub cutoff: f32,
-    /// Cutoff radius over the drawn radius. That is the spacing of the points: discs on a square grid cover the
-    /// plane from 0.71 on.
+    /// Cutoff radius over the drawn radius, which is the spacing of the points. Discs on a square
+    /// grid cover the plane from 0.71 on.
     pub radius_factor: f32,
-    /// Whether the low-pass filter is added (its variance is a square pixel).
+    /// Whether splats are low-pass filtered; the variance of the filter is a square pixel.
     pub lowpass: bool,
-    /// How many passes.
+    /// Number of passes.
     pub passes: Passes,
 }
 
@@ -57,28 +59,28 @@ impl Default for Options {
     }
 }
 
-/// The method and the memory that it keeps from frame to frame.
+/// The renderer of splats, which keeps its memory from frame to frame.
 #[derive(Debug, Default)]
 pub struct Ewa {
     /// How splats are drawn.
     pub options: Options,
     shapes: shape::Codes,
-    /// What is shaded of the last picture.
+    /// Colours and normals of the last picture, to be shaded.
     pub planes: Planes,
-    runs: Vec<Run>,
+    runs: Vec<SplatRun>,
 }
 
-/// What a frame's splats came to.
+/// Numbers of splats of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Splats in the picture.
     pub drawn: u64,
-    /// Splats that could not be evaluated: the eye lies in their plane.
+    /// Splats that could not be evaluated, since the eye lies in their plane.
     pub dropped: u64,
 }
 
 impl Ewa {
-    /// Makes splats of the frame's points, in tiles.
+    /// Makes splats of the points of a frame and sorts them into tiles.
     pub fn place(
         &mut self,
         frame: &Frame<'_>,
@@ -101,7 +103,7 @@ impl Ewa {
         let grain = Grain::new(frame.lattice.scale);
         let clipping = plan.clips.then_some(Clipping { camera, grain });
         let shapes = &self.shapes;
-        let placing = Placing {
+        let placer = Placer {
             frame,
             camera,
             list,
@@ -112,15 +114,15 @@ impl Ewa {
             shapes,
             clipping,
         };
-        placing.place(Tiles::new(width, height), &mut self.runs);
+        placer.place(Tiles::new(width, height), &mut self.runs);
         Counts {
             drawn: self.runs.iter().map(|r| r.count() as u64).sum(),
             dropped: self.runs.iter().map(|r| r.dropped).sum(),
         }
     }
 
-    /// Draws the splats placed to [`Ewa::planes`], with normals or without, and their depths to `depth`. Returns the
-    /// number of pixels covered.
+    /// Draws the placed splats, with normals or without, and writes their depths to `depth`.
+    /// Returns the number of pixels covered.
     pub fn draw(&mut self, camera: &Camera, has_normals: bool, depth: &mut [f32]) -> u64 {
         let options = self.options.within_bounds();
         let falloff = Falloff::new(options.cutoff);
@@ -131,7 +133,7 @@ impl Ewa {
 }
 
 impl Options {
-    /// The same, with a cutoff that the weights are made for.
+    /// Clamps the cutoff to the range that the approximation of the weights is made for.
     pub(crate) fn within_bounds(self) -> Self {
         let (least, greatest) = (*gauss::CUTOFF.start(), *gauss::CUTOFF.end());
         Self { cutoff: self.cutoff.clamp(least, greatest), ..self }

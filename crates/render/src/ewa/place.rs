@@ -1,77 +1,103 @@
-//! From points to splats, eight at a time, sorted into tiles of the picture. Runs of points are placed in parallel; each
-//! keeps its own splats, in the order of its points, and for each tile the list of those that touch it. A tile goes
-//! through the runs in their order: the same sums, and so the same bits, for any number of threads.
+//! Pass `place` of EWA splatting (`zwicker2004`, sections 4 and 5): makes splats of points, eight
+//! at a time, and sorts them into tiles of the picture. Runs of points are placed in parallel. Each
+//! run keeps its own splats, in the order of its points, and for each tile the list of those that
+//! touch it. A tile goes through the runs in their order, so that its sums have the same bits for
+//! any number of threads.
 
 use crate::ewa::clip::{Clipping, Lines, WIDER};
 use crate::ewa::ellipses::Ellipses;
 use crate::ewa::shape::{Codes, Shapes, WIDEST, shape_code};
-use crate::ewa::splat::{Box4, Disc, Dye, Lens, Placed, across};
-use crate::ewa::tiles::{RUN_POINTS, Run, Tiles};
+use crate::ewa::splat::{Box4, Disc, Lens, Placement, SplatAttributes, across};
+use crate::ewa::tiles::{RUN_POINTS, SplatRun, Tiles};
 use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::inputs::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
 use crate::inputs::colour::{ColourBy, linear};
 use crate::inputs::lookup::{DrawList, Lookup, NO_NORMAL, is_hidden, normal_code};
 use crate::simd::values::{EIGHT, Values, WHOLE, bits, directions, dot, load, only};
-use esker_points::Node;
 use esker_points::quant::{HOT_POSITION_BYTES, RADIUS_AT};
 use fearless_simd::{Bytes, Level, Simd, SimdMask, dispatch, f32x8, mask32x8, u32x8};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Runs that the points of a small cloud make, so that no thread waits long for another's last one; longer ones than
-/// this, since every tile goes through all runs.
+/// Number of runs that a small cloud is divided into, so that no thread waits long for the last run
+/// of another one. Runs are not shorter than `RUN_POINTS_MIN`, since every tile goes through all
+/// runs.
 const RUNS: usize = 32;
 const RUN_POINTS_MIN: usize = 1 << 12;
-/// Points whose places are worked out at once: arithmetic without branches.
+/// Points whose positions are computed together, by loops without branches.
 const BLOCK: usize = 64;
 
-/// What points are made into splats with.
-pub struct Placing<'a> {
+/// Makes splats of the points of a frame.
+pub struct Placer<'a> {
     /// The frame.
     pub frame: &'a Frame<'a>,
-    /// Its camera.
+    /// Camera of the frame.
     pub camera: &'a Camera,
-    /// Its points.
+    /// Points to draw.
     pub list: &'a DrawList,
-    /// Their attributes.
+    /// Attributes of the points.
     pub lookup: &'a Lookup<'a>,
-    /// The camera for splats.
+    /// Projection of splats.
     pub lens: Lens,
-    /// Cutoff radii over stored ones.
+    /// Cutoff radius over the stored radius.
     pub radius_factor: f32,
     /// Whether the cloud has normals.
     pub has_normals: bool,
-    /// What the codes of shapes stand for.
+    /// Values of the codes of shapes.
     pub shapes: &'a Codes,
-    /// How splats are clipped, where they are.
+    /// Computes clip lines, if splats are clipped.
     pub clipping: Option<Clipping<'a>>,
 }
 
-/// Points of a node one after another, attribute by attribute.
-struct Block {
-    /// The first one's place in the node.
+/// Up to [`BLOCK`] consecutive points of a node, one array an attribute.
+struct PointBlock {
+    /// Index of the first point in the node.
     start: usize,
     count: usize,
-    /// In the node's box, steps.
+    /// Positions in the box of the node, steps.
     offsets: [[u32; BLOCK]; 3],
-    /// Against the eye, steps.
+    /// Positions relative to the eye, steps.
     steps: [[f32; BLOCK]; 3],
-    /// Of the cutoff; what is no number is hidden.
+    /// Cutoff radii; NaN hides a point.
     radii: [f32; BLOCK],
-    /// The colour of all points of the node, where they have but one.
+    /// Colour of all points of the node, if they have the same one.
     only_tint: Option<[f32; 3]>,
 }
 
-impl Placing<'_> {
-    /// Places all points. `runs` are used again.
-    pub fn place(&self, tiles: Tiles, runs: &mut Vec<Run>) {
+/// Eight points of a block.
+#[derive(Clone, Copy)]
+struct EightPoints<'a> {
+    /// Index of the node in the frame.
+    draw: usize,
+    node: &'a DrawNode<'a>,
+    block: &'a PointBlock,
+    /// Index of the first point in the block.
+    first: usize,
+}
+
+/// Eight discs or ellipses in space, right, down and depth from the eye.
+struct EightDiscs<S: Simd> {
+    centre: [f32x8<S>; 3],
+    /// From the centre to the cutoff.
+    tangents: [[f32x8<S>; 3]; 2],
+    /// Cutoff radius.
+    radius: f32x8<S>,
+    /// World normals, turned to the eye ([`packed`]); unused for clouds without normals.
+    normals: [u32; EIGHT],
+    /// Clip lines.
+    lines: [Option<Lines>; EIGHT],
+}
+
+impl Placer<'_> {
+    /// Places all points in `runs`, whose memory is reused.
+    pub fn place(&self, tiles: Tiles, runs: &mut Vec<SplatRun>) {
         let draws = 0..self.frame.draws.len();
         let points = draws.clone().map(|d| self.list.len(d)).sum::<usize>();
         let run_points = (points / RUNS).clamp(RUN_POINTS_MIN, RUN_POINTS);
         let jobs: Vec<(usize, usize)> = draws
             .flat_map(|d| (0..self.list.len(d)).step_by(run_points).map(move |first| (d, first)))
             .collect();
-        runs.resize_with(jobs.len(), Run::default);
+        runs.resize_with(jobs.len(), SplatRun::default);
         runs.par_iter_mut().zip(jobs).for_each(|(run, (draw, first))| {
             run.clear(tiles);
             let points = first..(first + run_points).min(self.list.len(draw));
@@ -88,24 +114,25 @@ impl Placing<'_> {
         });
     }
 
+    /// Places `points` of the node `draw` in a run.
     #[inline(always)]
     fn place_run<S: Simd, const NORMALS: bool, const CLIPS: bool, const SHAPES: bool>(
         &self,
         simd: S,
         draw: usize,
         points: std::ops::Range<usize>,
-        run: &mut Run,
+        run: &mut SplatRun,
     ) {
         let node = &self.frame.draws[draw];
         let positions = Positions::of(node);
         let place = self.camera.place(node.node, positions.is_exact());
-        let mut block = Block::new();
+        let mut block = PointBlock::new();
         let radii = self.lookup.radii(draw).map(|radii| radii.map(|r| r * self.radius_factor));
         block.only_tint = self.lookup.only_colour(draw).map(|colour| colour.to_array());
         for start in points.clone().step_by(BLOCK) {
             (block.start, block.count) = (start, BLOCK.min(points.end - start));
             positions.offsets(start, &mut block.offsets);
-            block.see(&place);
+            block.subtract_eye(&place);
             let hot = node.position[start * HOT_POSITION_BYTES..].as_chunks().0;
             let codes = hot.iter().map(|hot: &[u8; HOT_POSITION_BYTES]| hot[RADIUS_AT]);
             for (k, code) in codes.take(block.count).enumerate() {
@@ -122,49 +149,32 @@ impl Placing<'_> {
                 }
             }
             for first in (0..block.count).step_by(EIGHT) {
-                self.place_eight::<_, NORMALS, CLIPS, SHAPES>(simd, draw, &block, first, run);
+                let points = EightPoints { draw, node, block: &block, first };
+                self.place_eight::<_, NORMALS, CLIPS, SHAPES>(simd, &points, run);
             }
         }
     }
 
-    /// Places eight points of a block.
+    /// Places eight points: computes their discs, projects them and stores those that are visible.
     #[inline(always)]
     fn place_eight<S: Simd, const NORMALS: bool, const CLIPS: bool, const SHAPES: bool>(
         &self,
         simd: S,
-        draw: usize,
-        block: &Block,
-        first: usize,
-        run: &mut Run,
+        points: &EightPoints<'_>,
+        run: &mut SplatRun,
     ) {
-        let node = &self.frame.draws[draw];
-        let step = self.camera.step;
-        let [x, y, z] = &block.steps;
-        let world = [
-            eight(simd, x, first) * step.x,
-            eight(simd, y, first) * step.y,
-            eight(simd, z, first) * step.z,
-        ];
-        let centre = self.in_view(world);
-        let mut radius = eight(simd, &block.radii, first);
+        let centre = self.centres(simd, points);
+        let mut radius = eight(simd, &points.block.radii, points.first);
         let reach = if SHAPES { radius * WIDEST } else { radius };
         let mut shows = bits(self.may_show(centre, reach));
-        shows &= (1 << (block.count - first).min(EIGHT)) - 1;
+        shows &= points.mask();
         if shows == 0 {
             return;
         }
-        let index = |k: usize| block.start + first + k;
         let zero = simd.splat_f32x8(0.0);
-        let (mut normal, mut codes) = ([zero; 3], [0; EIGHT]);
-        let mut facing = normal;
+        let (mut normal, mut normals) = ([zero; 3], [0; EIGHT]);
         if NORMALS {
-            let (mut x, mut y) = ([0.0; EIGHT], [0.0; EIGHT]);
-            for k in 0..EIGHT {
-                let code = node.normal.and_then(|plane| normal_code(plane, index(k)));
-                let [code_x, code_y] = code.unwrap_or(NO_NORMAL);
-                (x[k], y[k]) = (f32::from(code_x), f32::from(code_y));
-            }
-            let world = unit(directions(load(simd, &x), load(simd, &y)));
+            let world = world_normals(simd, points);
             normal = self.in_view(world);
             let looks_away = zero.cmplt(dot(normal, centre));
             if self.frame.cull_back_faces {
@@ -173,115 +183,182 @@ impl Placing<'_> {
                     return;
                 }
             }
-            let mut towards = world;
-            for c in &mut towards {
-                *c = Values::select(looks_away, -*c, *c);
-            }
-            codes = packed(towards);
-            facing = normal;
+            normals = packed_towards_eye(world, looks_away);
         }
-        // Without a normal a splat faces the eye.
-        let has_normal = zero.cmplt(dot(facing, facing));
-        if !has_normal.all_true() {
-            let to_eye = unit(centre);
-            for (own, to_eye) in facing.iter_mut().zip(to_eye) {
-                *own = Values::select(has_normal, *own, to_eye);
-            }
-        }
+        let facing = normals_or_to_eye(simd, normal, centre);
         let mut lines: [Option<Lines>; EIGHT] = [None; EIGHT];
         let mut factor = simd.splat_f32x8(self.radius_factor);
         if CLIPS {
-            let (mut radii, mut factors) = (*radius, *factor);
-            for (k, lines) in lines.iter_mut().enumerate().filter(|(k, _)| shows >> k & 1 == 1) {
-                let (centre, normal) = (one_of(&centre, k), one_of(&normal, k));
-                *lines = self.lines(node, index(k), block.offset(first + k), centre, normal);
-                if lines.is_some() {
-                    radii[k] *= WIDER;
-                    factors[k] *= WIDER;
-                }
-            }
-            (radius, factor) = (load(simd, &radii), load(simd, &factors));
+            let sizes = [radius, factor];
+            (lines, [radius, factor]) =
+                self.clip_lines(simd, points, shows, [centre, normal], sizes);
         }
-        // No loop, which went through memory.
+        let tangents = self.tangents::<_, SHAPES>(simd, points, facing, radius, factor);
+        if CLIPS {
+            self.end_lines(points, &mut lines, [centre, normal, tangents[0], tangents[1]]);
+        }
+        let ellipses = Ellipses::new(&self.lens, run.columns(), centre, tangents, radius);
+        shows &= ellipses.shows;
+        let discs = EightDiscs { centre, tangents, radius, normals, lines };
+        let drawn = shows & ellipses.drawn();
+        let others = shows & !ellipses.drawn();
+        self.store_ellipses::<_, NORMALS, CLIPS>(points, &discs, &ellipses, drawn, run);
+        self.store_by_rays::<_, NORMALS, CLIPS>(points, &discs, &ellipses, others, run);
+    }
+
+    /// Centres of eight discs, right, down and depth from the eye.
+    #[inline(always)]
+    fn centres<S: Simd>(&self, simd: S, points: &EightPoints<'_>) -> [f32x8<S>; 3] {
+        let step = self.camera.step;
+        let [x, y, z] = &points.block.steps;
+        let world = [
+            eight(simd, x, points.first) * step.x,
+            eight(simd, y, points.first) * step.y,
+            eight(simd, z, points.first) * step.z,
+        ];
+        self.in_view(world)
+    }
+
+    /// Computes the clip lines of the points in `shows`, and multiplies `radius` and `factor` of
+    /// splats with lines by [`WIDER`].
+    #[inline(always)]
+    fn clip_lines<S: Simd>(
+        &self,
+        simd: S,
+        points: &EightPoints<'_>,
+        shows: u32,
+        [centre, normal]: [[f32x8<S>; 3]; 2],
+        [radius, factor]: [f32x8<S>; 2],
+    ) -> ([Option<Lines>; EIGHT], [f32x8<S>; 2]) {
+        let mut lines: [Option<Lines>; EIGHT] = [None; EIGHT];
+        let (mut radii, mut factors) = (*radius, *factor);
+        for (k, lines) in lines.iter_mut().enumerate().filter(|(k, _)| shows >> k & 1 == 1) {
+            let (centre, normal) = (one_of(&centre, k), one_of(&normal, k));
+            *lines = self.lines(points, k, centre, normal);
+            if lines.is_some() {
+                radii[k] *= WIDER;
+                factors[k] *= WIDER;
+            }
+        }
+        (lines, [load(simd, &radii), load(simd, &factors)])
+    }
+
+    /// Tangents of eight discs across `facing`, or of ellipses where the file has their shapes.
+    /// `factor` is the cutoff radius over the distance of points.
+    #[inline(always)]
+    fn tangents<S: Simd, const SHAPES: bool>(
+        &self,
+        simd: S,
+        points: &EightPoints<'_>,
+        facing: [f32x8<S>; 3],
+        radius: f32x8<S>,
+        factor: f32x8<S>,
+    ) -> [[f32x8<S>; 3]; 2] {
+        // Written out, since a loop would go through memory.
         let [a, b] = across(facing);
         let mut tangents = [
             [a[0] * radius, a[1] * radius, a[2] * radius],
             [b[0] * radius, b[1] * radius, b[2] * radius],
         ];
-        if SHAPES && let Some(plane) = node.tangents {
+        if SHAPES && let Some(plane) = points.node.tangents {
             let mut codes = [[0; 4]; EIGHT];
             for (k, code) in codes.iter_mut().enumerate() {
-                *code = shape_code(plane, index(k));
+                *code = shape_code(plane, points.index(k));
             }
-            let shapes = Shapes::of(simd, &codes, node.node.spacing, self.shapes);
+            let shapes = Shapes::of(simd, &codes, points.node.node.spacing, self.shapes);
             let along = self.in_view(shapes.along);
             tangents = shapes.tangents(along, facing, radius, factor, tangents);
         }
-        if CLIPS {
-            for (k, lines) in lines.iter_mut().enumerate() {
-                let own = [centre, normal, tangents[0], tangents[1]].map(|v| one_of(&v, k));
-                let offset = block.offset(first + k);
-                *lines = lines.map(|lines| self.ended(lines, node, index(k), offset, own));
-            }
+        tangents
+    }
+
+    /// Adds the lines that end splats which are seen flat. `discs` are centres, normals and
+    /// tangents.
+    #[inline(always)]
+    fn end_lines<S: Simd>(
+        &self,
+        points: &EightPoints<'_>,
+        lines: &mut [Option<Lines>; EIGHT],
+        discs: [[f32x8<S>; 3]; 4],
+    ) {
+        for (k, lines) in lines.iter_mut().enumerate() {
+            let disc = discs.map(|v| one_of(&v, k));
+            *lines = lines.map(|lines| self.ended(lines, points, k, disc));
         }
-        let placed = Ellipses::new(&self.lens, run.columns(), centre, tangents, radius);
-        shows &= placed.shows;
-        let dye = |k: usize| {
-            let depth = centre[2][k];
-            let normal = if NORMALS {
-                codes[k]
-            } else {
-                (radius[k] * self.lens.focal_px / depth.max(self.lens.near)).to_bits()
-            };
-            Dye { tint: self.tint(draw, index(k), block, first + k, depth), normal }
-        };
-        let mut drawn = shows & placed.drawn();
+    }
+
+    /// Stores the ellipses in `drawn`.
+    #[inline(always)]
+    fn store_ellipses<S: Simd, const NORMALS: bool, const CLIPS: bool>(
+        &self,
+        points: &EightPoints<'_>,
+        discs: &EightDiscs<S>,
+        ellipses: &Ellipses<S>,
+        mut drawn: u32,
+        run: &mut SplatRun,
+    ) {
+        let lines = &discs.lines;
         let mut kept: [Option<Lines>; EIGHT] = [None; EIGHT];
         if CLIPS {
             for (k, kept) in kept.iter_mut().enumerate().filter(|(k, _)| lines[*k].is_some()) {
-                match self.kept::<CLIPS>(lines[k].as_ref(), placed.bounds(k)) {
+                match self.lines_within::<CLIPS>(lines[k].as_ref(), ellipses.bounds(k)) {
                     Some(own) => *kept = own,
                     None => drawn &= !(1 << k),
                 }
             }
         }
-        placed.write(drawn, run.room());
-        let mut others = shows & !placed.drawn();
+        ellipses.write(drawn, run.room());
         while drawn != 0 {
             let k = drawn.trailing_zeros() as usize;
             drawn &= drawn - 1;
-            match placed.part(k) {
-                Some((tile, part)) if !CLIPS || kept[k].is_none() => {
-                    run.take_single(dye(k), tile, part);
+            let attributes = self.attributes::<_, NORMALS>(points, discs, k);
+            match ellipses.tile_rect(k) {
+                Some((tile, rect)) if !CLIPS || kept[k].is_none() => {
+                    run.push_single(attributes, tile, rect);
                 }
-                _ => run.take(dye(k), placed.bounds(k), kept[k]),
-            }
-        }
-        while others != 0 {
-            let k = others.trailing_zeros() as usize;
-            others &= others - 1;
-            if placed.ellipses >> k & 1 == 1 {
-                run.dropped += 1;
-                continue;
-            }
-            let tangents = [one_of(&tangents[0], k), one_of(&tangents[1], k)];
-            let disc = Disc { centre: one_of(&centre, k), tangents, radius: radius[k] };
-            match disc.by_rays(&self.lens) {
-                Placed::Drawn(splat, bounds) => {
-                    if let Some(kept) = self.kept::<CLIPS>(lines[k].as_ref(), bounds) {
-                        run.room()[0] = splat;
-                        run.take(dye(k), bounds, kept);
-                    }
-                }
-                Placed::Dropped => run.dropped += 1,
-                Placed::Outside => {}
+                _ => run.push(attributes, ellipses.bounds(k), kept[k]),
             }
         }
     }
 
-    /// What lines keep of a splat in a box; `None` where all of it lies beyond them.
+    /// Stores those of `others` that can be evaluated by rays, and counts the dropped ones.
     #[inline(always)]
-    fn kept<const CLIPS: bool>(
+    fn store_by_rays<S: Simd, const NORMALS: bool, const CLIPS: bool>(
+        &self,
+        points: &EightPoints<'_>,
+        discs: &EightDiscs<S>,
+        ellipses: &Ellipses<S>,
+        mut others: u32,
+        run: &mut SplatRun,
+    ) {
+        while others != 0 {
+            let k = others.trailing_zeros() as usize;
+            others &= others - 1;
+            if ellipses.ellipses >> k & 1 == 1 {
+                run.dropped += 1;
+                continue;
+            }
+            let tangents = [one_of(&discs.tangents[0], k), one_of(&discs.tangents[1], k)];
+            let centre = one_of(&discs.centre, k);
+            let disc = Disc { centre, tangents, radius: discs.radius[k] };
+            match disc.by_rays(&self.lens) {
+                Placement::Drawn(splat, bounds) => {
+                    let lines = discs.lines[k].as_ref();
+                    if let Some(kept) = self.lines_within::<CLIPS>(lines, bounds) {
+                        run.room()[0] = splat;
+                        run.push(self.attributes::<_, NORMALS>(points, discs, k), bounds, kept);
+                    }
+                }
+                Placement::Dropped => run.dropped += 1,
+                Placement::Outside => {}
+            }
+        }
+    }
+
+    /// The lines that cut a splat with these bounds ([`Lines::within`]); `None` if they leave
+    /// nothing of it.
+    #[inline(always)]
+    fn lines_within<const CLIPS: bool>(
         &self,
         lines: Option<&Lines>,
         bounds: Box4,
@@ -292,60 +369,70 @@ impl Placing<'_> {
         }
     }
 
+    /// Colour and normal of a splat, or its radius in clouds without normals.
+    #[inline]
+    fn attributes<S: Simd, const NORMALS: bool>(
+        &self,
+        points: &EightPoints<'_>,
+        discs: &EightDiscs<S>,
+        k: usize,
+    ) -> SplatAttributes {
+        let depth = discs.centre[2][k];
+        let normal = if NORMALS {
+            discs.normals[k]
+        } else {
+            (discs.radius[k] * self.lens.focal_px / depth.max(self.lens.near)).to_bits()
+        };
+        SplatAttributes { tint: self.tint(points, k, depth), normal }
+    }
+
     /// Colour of a point, linear light.
     #[inline(always)]
-    fn tint(&self, draw: usize, index: usize, block: &Block, k: usize, depth: f32) -> [f32; 3] {
-        if let Some(only) = block.only_tint {
+    fn tint(&self, points: &EightPoints<'_>, k: usize, depth: f32) -> [f32; 3] {
+        if let Some(only) = points.block.only_tint {
             return only;
         }
-        // Most files have such colours.
-        if let (ColourBy::Rgb, ColourPlane::Rgba(plane)) =
-            (self.frame.colour, self.frame.draws[draw].colour)
+        let index = points.index(k);
+        // The common case.
+        if let (ColourBy::Rgb, ColourPlane::Rgba(plane)) = (self.frame.colour, points.node.colour)
             && let Some(b) = plane.get(index * 4..index * 4 + 4)
         {
             return linear([b[0], b[1], b[2]]).to_array();
         }
-        self.lookup.colour(draw, index, block.offset(k), depth).to_array()
+        self.lookup.colour(points.draw, index, points.offset(k), depth).to_array()
     }
 
-    /// Directions of the world right, down and away from the eye.
+    /// Directions of the world, as right, down and away from the eye.
     #[inline(always)]
     fn in_view<V: Values>(&self, world: [V; 3]) -> [V; 3] {
         let [right, up, back] = self.camera.view_from_world;
         [along(world, right), -along(world, up), -along(world, back)]
     }
 
-    /// The clip lines of a point.
+    /// Clip lines of point `k`.
     fn lines(
         &self,
-        draw: &DrawNode<'_>,
-        index: usize,
-        offset: [u32; 3],
+        points: &EightPoints<'_>,
+        k: usize,
         centre: Vec3,
         normal: Vec3,
     ) -> Option<Lines> {
-        let (clipping, plane) = (self.clipping.as_ref()?, draw.clip?);
-        clipping.lines(plane, index, hot(draw.node, offset), centre, normal)
+        let (clipping, plane) = (self.clipping.as_ref()?, points.node.clip?);
+        clipping.lines(plane, points.index(k), points.hot(k), centre, normal)
     }
 
-    /// The lines of a point of this centre, normal and tangents, ended where it is seen flat.
-    fn ended(
-        &self,
-        lines: Lines,
-        draw: &DrawNode<'_>,
-        index: usize,
-        offset: [u32; 3],
-        own: [Vec3; 4],
-    ) -> Lines {
-        match (&self.clipping, draw.clip) {
+    /// Clip lines of point `k` with the line that ends a splat which is seen flat. `disc` is its
+    /// centre, normal and tangents.
+    fn ended(&self, lines: Lines, points: &EightPoints<'_>, k: usize, disc: [Vec3; 4]) -> Lines {
+        match (&self.clipping, points.node.clip) {
             (Some(clipping), Some(plane)) => {
-                clipping.ended(lines, plane, index, hot(draw.node, offset), own)
+                clipping.ended(lines, plane, points.index(k), points.hot(k), disc)
             }
             _ => lines,
         }
     }
 
-    /// Whether balls touch the cone of what is in view. Generous by a pixel or so for the low-pass.
+    /// Whether spheres touch the view frustum, which is a few pixels wider for the low-pass.
     #[inline(always)]
     fn may_show<S: Simd>(&self, centre: [f32x8<S>; 3], radius: f32x8<S>) -> mask32x8<S> {
         let half = self.lens.size * 0.5 + 4.0;
@@ -358,44 +445,67 @@ impl Placing<'_> {
     }
 }
 
-/// A point's place on the lattice without its dropped bits.
-#[inline]
-fn hot(node: &Node, offset: [u32; 3]) -> [u32; 3] {
-    let shift = node.hot_shift.min(SHIFT_MAX);
-    [0, 1, 2].map(|i| node.box_min[i].wrapping_add(offset[i] >> shift << shift))
+impl EightPoints<'_> {
+    /// Bit mask of the points that the block has.
+    #[inline(always)]
+    fn mask(&self) -> u32 {
+        (1 << (self.block.count - self.first).min(EIGHT)) - 1
+    }
+
+    /// Index of point `k` in the node.
+    #[inline(always)]
+    fn index(&self, k: usize) -> usize {
+        self.block.start + self.first + k
+    }
+
+    /// Position of point `k` in the box of the node, steps.
+    #[inline(always)]
+    fn offset(&self, k: usize) -> [u32; 3] {
+        self.block.offset(self.first + k)
+    }
+
+    /// Position of point `k` on the lattice, without the bits that hot positions drop.
+    #[inline]
+    fn hot(&self, k: usize) -> [u32; 3] {
+        let (node, offset) = (self.node.node, self.offset(k));
+        let shift = node.hot_shift.min(SHIFT_MAX);
+        [0, 1, 2].map(|i| node.box_min[i].wrapping_add(offset[i] >> shift << shift))
+    }
 }
 
-/// How far a ball reaches past the picture's side, over its radius.
+/// Distance from a side plane of the frustum at which a sphere touches it, over its radius and in
+/// the units of [`Placer::may_show`].
 fn reach(focal: f32, half: f32) -> f32 {
     (focal * focal + half * half).sqrt()
 }
 
-/// Eight values of a block from `first` on.
+/// Loads eight values of a block from `first` on.
 #[inline(always)]
 fn eight<S: Simd>(simd: S, values: &[f32; BLOCK], first: usize) -> f32x8<S> {
     let values = values[first % BLOCK..].first_chunk();
     load(simd, &values.copied().unwrap_or([f32::NAN; EIGHT]))
 }
 
-/// One of eight vectors.
+/// Vector `k` of eight.
 #[inline(always)]
 fn one_of<S: Simd>(vectors: &[f32x8<S>; 3], k: usize) -> Vec3 {
     Vec3::new(vectors[0][k], vectors[1][k], vectors[2][k])
 }
 
-/// Vectors along one.
+/// Components of vectors along `way`.
 #[inline(always)]
 pub fn along<V: Values>(world: [V; 3], way: Vec3) -> V {
     let [x, y, z] = way.to_array();
     dot(world, [world[0].like(x), world[0].like(y), world[0].like(z)])
 }
 
-impl Block {
+impl PointBlock {
     fn new() -> Self {
         let (offsets, steps) = ([[0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
         Self { start: 0, count: 0, offsets, steps, radii: [0.0; BLOCK], only_tint: None }
     }
 
+    /// Position of point `k` in the box of the node, steps.
     #[inline(always)]
     fn offset(&self, k: usize) -> [u32; 3] {
         // Not by `map` over the arrays, which copies them.
@@ -403,9 +513,9 @@ impl Block {
         [self.offsets[0][k], self.offsets[1][k], self.offsets[2][k]]
     }
 
-    /// Works out the places against the eye.
+    /// Computes the positions relative to the eye.
     #[inline(always)]
-    fn see(&mut self, place: &NodePlace) {
+    fn subtract_eye(&mut self, place: &NodePlace) {
         for (axis, (steps, offsets)) in self.steps.iter_mut().zip(&self.offsets).enumerate() {
             for (step, &offset) in steps.iter_mut().zip(offsets) {
                 *step = place.axis_steps(axis, offset);
@@ -414,7 +524,48 @@ impl Block {
     }
 }
 
-/// The same of unit length; zero where there is none.
+/// World normals of eight points, of unit length; zeros for points without normals.
+#[inline(always)]
+fn world_normals<S: Simd>(simd: S, points: &EightPoints<'_>) -> [f32x8<S>; 3] {
+    let (mut x, mut y) = ([0.0; EIGHT], [0.0; EIGHT]);
+    for k in 0..EIGHT {
+        let code = points.node.normal.and_then(|plane| normal_code(plane, points.index(k)));
+        let [code_x, code_y] = code.unwrap_or(NO_NORMAL);
+        (x[k], y[k]) = (f32::from(code_x), f32::from(code_y));
+    }
+    unit(directions(load(simd, &x), load(simd, &y)))
+}
+
+/// Packs world normals, those that look away reversed.
+#[inline(always)]
+fn packed_towards_eye<S: Simd>(world: [f32x8<S>; 3], looks_away: mask32x8<S>) -> [u32; EIGHT] {
+    let mut towards = world;
+    for c in &mut towards {
+        *c = Values::select(looks_away, -*c, *c);
+    }
+    packed(towards)
+}
+
+/// Normals of discs: a point without a normal faces the eye.
+#[inline(always)]
+fn normals_or_to_eye<S: Simd>(
+    simd: S,
+    normal: [f32x8<S>; 3],
+    centre: [f32x8<S>; 3],
+) -> [f32x8<S>; 3] {
+    let zero = simd.splat_f32x8(0.0);
+    let mut facing = normal;
+    let has_normal = zero.cmplt(dot(facing, facing));
+    if !has_normal.all_true() {
+        let to_eye = unit(centre);
+        for (own, to_eye) in facing.iter_mut().zip(to_eye) {
+            *own = Values::select(has_normal, *own, to_eye);
+        }
+    }
+    facing
+}
+
+/// Normalises vectors; zero stays zero.
 #[inline(always)]
 fn unit<V: Values>(v: [V; 3]) -> [V; 3] {
     let length = dot(v, v).sqrt();
@@ -423,20 +574,21 @@ fn unit<V: Values>(v: [V; 3]) -> [V; 3] {
     [only(has_length, x / length), only(has_length, y / length), only(has_length, z / length)]
 }
 
-/// Greatest code of a normal's part: ten bits each, with a sign.
-pub const PART_MAX: f32 = 511.0;
+/// Greatest code of a component of a normal: ten bits with a sign.
+pub const CODE_MAX: f32 = 511.0;
 
-/// Parts of unit vectors, whose last bits are their codes.
+/// Adds an offset to components of unit vectors so that their last bits are their codes.
 #[inline(always)]
-fn part<S: Simd>(c: f32x8<S>) -> [f32; EIGHT] {
-    *(c * PART_MAX + 512.0 + WHOLE)
+fn component<S: Simd>(c: f32x8<S>) -> [f32; EIGHT] {
+    *(c * CODE_MAX + 512.0 + WHOLE)
 }
 
-/// Unit vectors, or zeros, in 30 bits each: quick to take out again, which is done for every tile.
+/// Packs unit vectors, or zeros, in 30 bits each. They are quick to unpack, which is done for every
+/// tile.
 #[inline(always)]
 fn packed<S: Simd>(n: [f32x8<S>; 3]) -> [u32; EIGHT] {
-    let [x, y, z] = [part(n[0]), part(n[1]), part(n[2])];
-    // No closures: they were calls.
+    let [x, y, z] = [component(n[0]), component(n[1]), component(n[2])];
+    // No closures, which would be calls.
     let mut codes = [0; EIGHT];
     for k in 0..EIGHT {
         let [x, y, z] = [x[k].to_bits() & 0x3ff, y[k].to_bits() & 0x3ff, z[k].to_bits() & 0x3ff];
@@ -445,12 +597,12 @@ fn packed<S: Simd>(n: [f32x8<S>; 3]) -> [u32; EIGHT] {
     codes
 }
 
-/// The vector of [`packed`], times [`PART_MAX`]; each of its parts eight times.
+/// The vector of [`packed`] times [`CODE_MAX`], in all eight lanes.
 #[inline(always)]
 pub fn unpacked<S: Simd>(simd: S, code: u32) -> [f32x8<S>; 3] {
     let code = simd.splat_u32x8(code);
-    // As floats that have no parts.
-    let part =
+    // As the last bits of floats whose other bits are those of a whole number.
+    let component =
         |bits: u32x8<S>| ((bits & 0x3ff) | WHOLE.to_bits()).bitcast::<f32x8<S>>() - (WHOLE + 512.0);
-    [part(code), part(code >> 10), part(code >> 20)]
+    [component(code), component(code >> 10), component(code >> 20)]
 }

@@ -1,13 +1,14 @@
-//! What splats leave of a picture for shading: means of colours and normals. Eight neighbouring pixels of a row lie side by
-//! side, plane after plane: what a row of a tile leaves is one run of memory, which is written in half the time that
-//! planes a whole row apart take.
+//! Means of the colours and normals of splats, to be shaded. Eight neighbouring pixels of a plane
+//! are adjacent in memory, followed by the same pixels of the next plane, so that the result of a
+//! row of a tile is one run of memory (`docs/design/splats.md`).
 
 use crate::picture::surface::{Surface, SurfaceRow};
 use crate::simd::values::{EIGHT, load};
 use fearless_simd::{Simd, f32x8};
 use glam::Vec3;
 
-/// Planes: red, green, blue, then the normal (right, up, back), or the radius alone.
+/// First planes of the colour (red, green, blue) and of the normal (right, up, back); without
+/// normals, the second one is the radius.
 const TINT: usize = 0;
 const SHAPE: usize = 3;
 
@@ -16,39 +17,41 @@ const SHAPE: usize = 3;
 pub struct Planes {
     size: [usize; 2],
     has_normals: bool,
-    /// Planes of each eight pixels of a row, and of eight more, so that the last ones have neighbours.
+    /// Planes of each eight pixels of a row; a row has eight more pixels, so that its last ones
+    /// have neighbours.
     values: Vec<[f32; EIGHT]>,
 }
 
 impl Planes {
-    /// Takes the shape for a picture; what the pixels hold is left over from before.
+    /// Resizes the planes for a picture; the contents of pixels are undefined.
     pub fn fit(&mut self, size: [usize; 2], has_normals: bool) {
         (self.size, self.has_normals) = (size, has_normals);
         self.values.resize(self.row_len() * size[1], [0.0; EIGHT]);
     }
 
-    /// Planes of eight pixels.
+    /// Number of planes of eight pixels.
     pub fn planes(&self) -> usize {
         SHAPE + if self.has_normals { 3 } else { 1 }
     }
 
-    /// Planes of all pixels of a row.
+    /// Number of planes of all pixels of a row.
     pub fn row_len(&self) -> usize {
         (self.size[0].div_ceil(EIGHT) + 1) * self.planes()
     }
 
-    /// All rows, [`Planes::row_len`] each.
+    /// All rows, [`Planes::row_len`] values of eight pixels each.
     pub fn rows_mut(&mut self) -> &mut [[f32; EIGHT]] {
         &mut self.values
     }
 
-    /// The planes of the eight pixels that one is among; none below the picture.
+    /// Planes of the eight pixels that include (`x`, `y`); empty below the picture.
     #[inline(always)]
     fn eight(&self, x: usize, y: usize) -> &[[f32; EIGHT]] {
         let first = y * self.row_len() + x / EIGHT * self.planes();
         self.values.get(first..first + self.planes()).unwrap_or(&[])
     }
 
+    /// Value of one plane of a pixel.
     fn one(&self, plane: usize, x: usize, y: usize) -> f32 {
         self.eight(x, y)[plane][x % EIGHT]
     }
@@ -59,14 +62,14 @@ impl Planes {
     }
 }
 
-/// A row of planes, and the one below it.
+/// A row of planes, and the row below it.
 struct PlaneRow<'a> {
     planes: usize,
     here: &'a [[f32; EIGHT]],
     below: &'a [[f32; EIGHT]],
 }
 
-/// Three planes of eight pixels, from one on; zeros where there are none.
+/// Three planes of eight pixels, from `plane` on; zeros beyond the row.
 #[inline(always)]
 fn three<S: Simd>(simd: S, row: &[[f32; EIGHT]], plane: usize) -> [f32x8<S>; 3] {
     let Some([a, b, c]) = row.get(plane..).and_then(<[_]>::first_chunk) else {
@@ -117,7 +120,7 @@ impl Surface for Planes {
         Vec3::from_array([0, 1, 2].map(|i| self.one(SHAPE + i, x, y)))
     }
 
-    /// None: what has no normal was made to face the eye.
+    /// Zero: pixels without a normal already face the eye.
     fn normal_around(&self, _: usize, _: usize) -> Vec3 {
         Vec3::ZERO
     }

@@ -1,20 +1,23 @@
-//! Ellipses in the plane of the normal, where a file keeps the shapes of splats ([`esker_points::tangents`]): eight at a time.
+//! Shapes of splats that a file stores ([`esker_points::tangents`]): decodes them to ellipses in
+//! the plane of the normal, eight at a time.
 
 use crate::simd::values::{EIGHT, Values, cross, dot, load};
 use esker_points::quant::radius_factor;
 use esker_points::tangents::{ASPECT_MAX, COARSER, LEAST, ROOM, TANGENT_BYTES, aspect_of, axis_of};
 use fearless_simd::{Simd, f32x8};
 
-/// A splat's longest half axis over the radius of a disc as large.
+/// Longest half axis of a splat over the radius of a disc of the same area.
 pub const WIDEST: f32 = ASPECT_MAX;
-/// Square of the sine between a long axis and the normal under which it tells no direction.
-const SINE_MIN: f32 = 1e-4;
+/// Squared sine between a long axis and the normal below which the axis has no direction in the
+/// plane.
+pub(crate) const SINE_MIN: f32 = 1e-4;
 
-/// What the bytes of codes stand for.
+/// Values of the codes of shapes.
 #[derive(Clone, Debug)]
 pub struct Codes {
-    /// Distances, over the node's spacing.
+    /// Distance of points along the long axis, over the spacing of the node.
     apart: [f32; 256],
+    /// Ratio of that distance to the one across.
     aspect: [f32; 256],
 }
 
@@ -27,17 +30,18 @@ impl Default for Codes {
     }
 }
 
-/// Some shapes.
+/// Shapes of several splats.
 #[derive(Clone, Copy, Debug)]
 pub struct Shapes<V> {
-    /// Long axes, in the world.
+    /// Directions of the long axes, in the world.
     pub along: [V; 3],
-    /// As in [`esker_points::tangents::Shape`].
+    /// See [`esker_points::tangents::Shape`].
     apart: V,
+    /// See [`esker_points::tangents::Shape`].
     aspect: V,
 }
 
-/// The code of a point of a plane; that of a round one where the plane is too short.
+/// Code of the shape of a point; that of a disc if the plane is too short.
 #[inline(always)]
 pub fn shape_code(plane: &[u8], index: usize) -> [u8; TANGENT_BYTES] {
     let bytes = plane.get(index * TANGENT_BYTES..).and_then(<[u8]>::first_chunk);
@@ -45,7 +49,7 @@ pub fn shape_code(plane: &[u8], index: usize) -> [u8; TANGENT_BYTES] {
 }
 
 impl<S: Simd> Shapes<f32x8<S>> {
-    /// Of codes of points of a node of this spacing.
+    /// Decodes the shapes of eight points of a node with this spacing.
     #[inline(always)]
     pub fn of(simd: S, codes: &[[u8; TANGENT_BYTES]; EIGHT], spacing: f32, table: &Codes) -> Self {
         let mut along = [[0.0; EIGHT]; 3];
@@ -61,8 +65,9 @@ impl<S: Simd> Shapes<f32x8<S>> {
 }
 
 impl<V: Values> Shapes<V> {
-    /// Tangents of splats as large as discs of these radii, which are `factor` times the distances of points, with these
-    /// normals of unit length; `along` is [`Shapes::along`] as the normals are seen. `round` where a shape tells none.
+    /// Tangents of splats. `along` is [`Shapes::along`] in the space of `normal`, which has unit
+    /// length; `radius` is the radius of discs of the same area, `factor` times the distance of
+    /// points; `round` are the tangents of these discs, for splats without a shape.
     #[inline(always)]
     pub fn tangents(
         &self,
@@ -73,7 +78,7 @@ impl<V: Values> Shapes<V> {
         round: [[V; 3]; 2],
     ) -> [[V; 3]; 2] {
         let one = radius.like(1.0);
-        // As `esker_points::tangents::Shape::half_axes`; round ones have no extent, and are discs.
+        // As in `esker_points::tangents::Shape::half_axes`; an aspect of at most 1 is a disc.
         let apart = self.apart * factor * ROOM;
         let over = radius * self.aspect / apart;
         let coarser = (over - COARSER).max(radius.like(0.0)).min(one);
@@ -88,17 +93,17 @@ impl<V: Values> Shapes<V> {
         let per_length = one / squared.sqrt();
         let u = [flat[0] * per_length, flat[1] * per_length, flat[2] * per_length];
         let v = cross(normal, u);
-        let is_told = radius.like(SINE_MIN).cmplt(squared) & one.cmplt(self.aspect);
-        [or_round(is_told, u, long, round[0]), or_round(is_told, v, short, round[1])]
+        let has_axis = radius.like(SINE_MIN).cmplt(squared) & one.cmplt(self.aspect);
+        [or_round(has_axis, u, long, round[0]), or_round(has_axis, v, short, round[1])]
     }
 }
 
-/// An axis of this length where it is told, else a round splat's.
+/// Axis of this length, or that of a disc where the splat has none.
 #[inline(always)]
-fn or_round<V: Values>(is_told: V::Mask, own: [V; 3], length: V, round: [V; 3]) -> [V; 3] {
+fn or_round<V: Values>(has_axis: V::Mask, own: [V; 3], length: V, round: [V; 3]) -> [V; 3] {
     [
-        V::select(is_told, own[0] * length, round[0]),
-        V::select(is_told, own[1] * length, round[1]),
-        V::select(is_told, own[2] * length, round[2]),
+        V::select(has_axis, own[0] * length, round[0]),
+        V::select(has_axis, own[1] * length, round[1]),
+        V::select(has_axis, own[2] * length, round[2]),
     ]
 }

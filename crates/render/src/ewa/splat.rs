@@ -1,37 +1,39 @@
-//! From a disc or ellipse in space to what is evaluated in the picture: one record a splat, the same for the
-//! CPU and the GPU (`shaders/ewa/`). Most splats are the paper's ellipses. A disc that reaches through the
-//! near plane, or so far towards the eye that no affine approximation is any good, is evaluated by the
-//! pixel's ray instead, where the paper drops it; one wholly before the near plane is culled by its depth,
-//! for behind the eye a projection passes the test for an ellipse too.
+//! From a disc or ellipse in space to the record of its splat, which is evaluated in the picture;
+//! the record is the same on the CPU and the GPU (`shaders/ewa/`). Most splats are the ellipses of
+//! `zwicker2004`. A disc that reaches through the near plane, or so far towards the eye that the
+//! affine approximation fails, is evaluated by the ray of each pixel, where the paper drops it. A
+//! disc wholly before the near plane is culled by its depth, since the projection of a disc behind
+//! the eye may pass as an ellipse.
 
 use crate::ewa::mapping::{Conic, Mapping, amplitude, inverse, mapping};
 use crate::simd::values::{Values, WHOLE};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
-/// Reach over depth from which a splat is evaluated by rays.
-pub(super) const REACH_MAX: f32 = 0.7;
-/// Condition from which a splat is dropped: the eye lies in its plane as far as `f32` can tell.
-pub(super) const CONDITION_MAX: f32 = 1e6;
-/// Reach over depth from which weights follow the exact projected Gaussian. Under it a centre is less than
-/// this share of the splat's size from where it should be.
-const MEND_REACH: f32 = 0.02;
-/// How far the visibility pass moves a splat back, over its radius: what lies less than that behind the front
-/// is blended with it.
-const BACK: f32 = 1.0;
+/// Extent in depth over depth above which a splat is evaluated by rays.
+pub(crate) const REACH_MAX: f32 = 0.7;
+/// Condition number from which a splat is dropped: in `f32` the eye lies in its plane.
+pub(crate) const CONDITION_MAX: f32 = 1e6;
+/// Extent in depth over depth above which weights follow the exact projected Gaussian. Below it,
+/// the centre of the ellipse is off by less than this share of the size of the splat.
+pub(crate) const EXACT_REACH: f32 = 0.02;
+/// Distance over radius by which the visibility pass moves a splat back: splats that lie less than
+/// that behind the front are blended with it.
+pub(crate) const BACK: f32 = 1.0;
 
-/// The camera, as splats need it.
+/// Projection of splats.
 #[derive(Clone, Copy, Debug)]
 pub struct Lens {
     /// Pixels that a unit of length takes at unit depth.
     pub focal_px: f32,
-    /// The picture's middle, pixels.
+    /// Centre of the picture, pixels.
     pub centre_px: Vec2,
-    /// Pixels in a row, rows.
+    /// Width and height of the picture, pixels.
     pub size: Vec2,
-    /// What is nearer is not drawn.
+    /// Depth of the near plane.
     pub near: f32,
-    /// Square of the cutoff times the low-pass's variance (square pixels), 0 without one.
+    /// Square of the cutoff times the variance of the low-pass filter (square pixels); 0 without a
+    /// filter.
     pub lowpass: f32,
 }
 
@@ -46,52 +48,53 @@ pub struct Disc {
     pub radius: f32,
 }
 
-/// What a splat is in the picture: a line of the cache.
+/// The record of a splat in the picture, one cache line long.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Splat {
-    /// Where its coordinates start, pixels from the picture's upper left.
+    /// Origin of its coordinates, pixels from the upper left corner of the picture.
     pub origin: [f32; 2],
-    /// Of an ellipse: the conic ([`crate::ewa::mapping::Conic`]), the amplitude, which is negative where weights follow
-    /// the exact Gaussian, least and greatest inverse depth.
-    /// Of a splat evaluated by rays: the rows u and v of [`crate::ewa::mapping::Inverse`].
+    /// Ellipse: its [`crate::ewa::mapping::Conic`]; its amplitude, negative where weights follow
+    /// the exact Gaussian; its least and greatest inverse depth. Splat evaluated by rays: the rows
+    /// u and v of [`crate::ewa::mapping::Inverse`].
     pub form: [f32; 6],
-    /// Inverse depth on its plane: at the origin, and its growth a pixel to the right and down.
+    /// Inverse depth on its plane: at the origin, and its growth per pixel to the right and down.
     pub inverse_depth: [f32; 3],
-    /// Of an ellipse: by how much the visibility pass lessens its inverse depth. Of one evaluated by rays: by
-    /// how much it lengthens its depth, negative.
+    /// Ellipse: what the visibility pass subtracts from its inverse depth. Splat evaluated by rays:
+    /// the negative of what that pass adds to its depth.
     pub back: f32,
-    /// What it looks like.
-    pub dye: Dye,
+    /// Its colour and normal.
+    pub attributes: SplatAttributes,
 }
 
-/// What a splat looks like.
+/// Attributes of a splat that are blended.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct Dye {
-    /// Linear light.
+pub struct SplatAttributes {
+    /// Colour, linear light.
     pub tint: [f32; 3],
-    /// The world normal, turned to the eye ([`crate::ewa::place::unpacked`]); where the cloud has none, the radius in pixels as
-    /// bits.
+    /// World normal, turned to the eye, of ten bits a component; in clouds without normals the bits
+    /// of the radius in pixels.
     pub normal: u32,
 }
 
-/// The pixels that a splat may touch: least and one past the greatest x, and y.
+/// Bounds of the pixels that a splat may touch: least x, one past the greatest x, and the same of
+/// y.
 pub type Box4 = [u32; 4];
 
-/// What becomes of a disc.
+/// The projection of a disc.
 #[derive(Clone, Copy, Debug)]
-pub enum Placed {
-    /// It is drawn.
+pub enum Placement {
+    /// The disc is drawn as this splat within these bounds.
     Drawn(Splat, Box4),
-    /// Nothing of it is in the picture.
+    /// The disc is outside the picture.
     Outside,
-    /// It cannot be evaluated.
+    /// The splat cannot be evaluated in `f32`.
     Dropped,
 }
 
 impl Disc {
-    /// The disc of a normal (of unit length; none faces the eye) and a radius.
+    /// A round disc. `normal` has unit length; a disc whose normal is zero faces the eye.
     #[inline(always)]
     pub fn round(centre: Vec3, normal: Vec3, radius: f32) -> Self {
         let normal = if normal == Vec3::ZERO { centre.normalize_or(Vec3::Z) } else { normal };
@@ -99,44 +102,44 @@ impl Disc {
         Self { centre, tangents, radius }
     }
 
-    /// Equation 4.
+    /// Its mapping to the picture (equation 4).
     #[inline(always)]
     pub fn mapping(&self, focal_px: f32) -> Mapping {
         mapping(self.centre.to_array(), self.tangents.map(|t| t.to_array()), focal_px)
     }
 
-    /// Half its extent in depth.
+    /// Half of its extent in depth.
     #[inline(always)]
     fn depth_extent(&self) -> f32 {
         let [a, b] = self.tangents;
         (a.z * a.z + b.z * b.z).sqrt()
     }
 
-    /// What it is in the picture; colour and normal are left to the caller.
+    /// Projects the disc; the caller sets the attributes of the splat.
     #[inline(always)]
-    pub fn place(&self, lens: &Lens) -> Placed {
+    pub fn place(&self, lens: &Lens) -> Placement {
         let (depth, extent) = (self.centre.z, self.depth_extent());
-        // What is not a number is in no range.
+        // NaN is in no range.
         if !(lens.near..f32::INFINITY).contains(&(depth + extent)) {
-            return Placed::Outside;
+            return Placement::Outside;
         }
         if depth - extent >= lens.near && extent <= REACH_MAX * depth {
             ellipse(lens, self.centre.to_array(), self.tangents.map(|t| t.to_array()), self.radius)
-                .placed(lens)
+                .placement(lens)
         } else {
             self.by_rays(lens)
         }
     }
 
-    /// The same by rays.
-    pub fn by_rays(&self, lens: &Lens) -> Placed {
-        let Some([low, high]) = self.bounds_before_near(lens) else { return Placed::Outside };
-        let Some(bounds) = lens.clip(low, high) else { return Placed::Outside };
+    /// Projects the disc to a splat that is evaluated by rays.
+    pub fn by_rays(&self, lens: &Lens) -> Placement {
+        let Some([low, high]) = self.bounds_before_near(lens) else { return Placement::Outside };
+        let Some(bounds) = lens.clip(low, high) else { return Placement::Outside };
         let [left, right, top, bottom] = bounds.map(|c| c as f32);
         let origin = Vec2::new((left + right) * 0.5, (top + bottom) * 0.5);
         let from = origin - lens.centre_px;
         let Some(rows) = inverse(self.centre, self.tangents, lens.focal_px, from) else {
-            return Placed::Dropped;
+            return Placement::Dropped;
         };
         let z = rows.inverse_depth;
         let splat = Splat {
@@ -146,14 +149,12 @@ impl Disc {
             back: -back(self.radius, self.centre.length() / self.centre.z.abs()),
             ..Splat::default()
         };
-        if splat.is_finite() { Placed::Drawn(splat, bounds) } else { Placed::Dropped }
+        if splat.is_finite() { Placement::Drawn(splat, bounds) } else { Placement::Dropped }
     }
 
-    /// A box around what of the disc is behind the near plane, in the picture: that of an octagon around it,
-    /// clipped.
+    /// Bounds in the picture of the part of the disc behind the near plane: those of a
+    /// circumscribed octagon that is clipped at the near plane.
     fn bounds_before_near(&self, lens: &Lens) -> Option<[Vec2; 2]> {
-        /// Half the side of an octagon around a circle, with something for rounding.
-        const HALF: f32 = 0.414_22;
         const CORNERS: [[f32; 2]; 8] = [
             [1.0, HALF],
             [HALF, 1.0],
@@ -186,31 +187,32 @@ impl Disc {
     }
 }
 
-/// How much longer a depth gets where it moves back along its line of sight; `stretch` is distance over depth.
+/// Growth of a depth that moves back along its line of sight by [`BACK`] radii; `stretch` is
+/// distance over depth.
 #[inline(always)]
 fn back<T: Values>(radius: T, stretch: T) -> T {
-    // A centre beside the eye still hides what is behind it.
+    // The bound keeps the distance positive for centres beside the eye.
     radius * BACK / stretch.min(radius.like(10.0))
 }
 
-/// The ellipse that a disc, or each of several, is in the picture, before it is known whether it is any.
+/// The projection of a disc, or of several, as an ellipse. Whether it is one is checked afterwards.
 #[derive(Clone, Copy, Debug)]
 pub struct Ellipse<T> {
-    /// As in [`Splat`].
+    /// See [`Splat::origin`].
     pub origin: [T; 2],
-    /// As in [`Splat`].
+    /// See [`Splat::form`].
     pub form: [T; 6],
-    /// As in [`Splat`].
+    /// See [`Splat::inverse_depth`].
     pub inverse_depth: [T; 3],
-    /// As in [`Splat`].
+    /// See [`Splat::back`].
     pub back: T,
-    /// Half the width and height of its box.
+    /// Half the width and height of its bounds.
     pub half: [T; 2],
-    /// Condition of its mapping.
+    /// Condition number of its mapping.
     pub condition: T,
 }
 
-/// The ellipse of a disc: its centre, tangents and radius.
+/// Projects a disc, or several, as an ellipse.
 #[inline(always)]
 pub fn ellipse<T: Values>(
     lens: &Lens,
@@ -225,11 +227,11 @@ pub fn ellipse<T: Values>(
     let middle = m.middle();
     let at = [m.centre[0] + middle[0], m.centre[1] + middle[1]];
     let origin = [at[0] + lens.centre_px.x, at[1] + lens.centre_px.y];
-    // What rounding may take from wide ones.
+    // The factor makes up for rounding in wide ellipses.
     let half = filter.bounds().map(|h| h * 1.000_002);
     let conic = filter.conic();
     let (nearness, reach) = (m.nearness, m.reach());
-    // Over the discriminant, 1 less the square of the reach.
+    // The discriminant is 1 less the square of `reach`.
     let nearness_over = nearness / m.discriminant();
     let slope = m.inverse_depth_slope().map(|s| s * nearness);
     let back = back(radius, m.stretch);
@@ -241,8 +243,8 @@ pub fn ellipse<T: Values>(
             conic.across,
             conic.shear,
             conic.along,
-            // Negative where it is mended.
-            amplitude.copysign(radius.like(MEND_REACH) - reach),
+            // Negative where weights follow the exact Gaussian.
+            amplitude.copysign(radius.like(EXACT_REACH) - reach),
             nearness_over * (one - reach),
             nearness_over * (one + reach),
         ],
@@ -254,38 +256,45 @@ pub fn ellipse<T: Values>(
 }
 
 impl Ellipse<f32> {
-    fn placed(&self, lens: &Lens) -> Placed {
+    fn placement(&self, lens: &Lens) -> Placement {
         let (origin, half) = (Vec2::from_array(self.origin), Vec2::from_array(self.half));
-        let Some(bounds) = lens.clip(origin - half, origin + half) else { return Placed::Outside };
-        // What is not a number is in no range.
+        let Some(bounds) = lens.clip(origin - half, origin + half) else {
+            return Placement::Outside;
+        };
+        // NaN is in no range.
         if !(0.0..CONDITION_MAX).contains(&self.condition) {
-            return Placed::Dropped;
+            return Placement::Dropped;
         }
         let Self { origin, form, inverse_depth, back, .. } = *self;
         let splat = Splat { origin, form, inverse_depth, back, ..Splat::default() };
-        if splat.is_finite() { Placed::Drawn(splat, bounds) } else { Placed::Dropped }
+        if splat.is_finite() { Placement::Drawn(splat, bounds) } else { Placement::Dropped }
     }
 }
 
-/// Inverse depth, over the disc's least and of its greatest over it, up to where a splat's plane is followed over
-/// what the low-pass adds. There it is still the surface, so that on floors seen flat the splats of rows farther
-/// off and nearer don't hide each other; but seen edge-on a plane is anywhere.
+/// Bound on how far the plane of a splat is followed over the pixels that the low-pass adds: its
+/// inverse depth there is at least this factor of the least one of the disc, and at most the
+/// greatest one over this factor. Near the horizon the low-pass covers rows of the surface that lie
+/// farther off and nearer, which would hide each other without the plane; the bound is for planes
+/// seen edge-on (`docs/design/splats.md`).
 pub const WIDENED: f32 = 0.875;
-/// Amplitudes are at least this: the least sum of weights that is divided by stays far from 0.
-const AMPLITUDE_MIN: f32 = 1e-12;
+/// Least amplitude, which keeps sums of weights, which are divided by, away from 0.
+pub(crate) const AMPLITUDE_MIN: f32 = 1e-12;
 
-/// Rounding of places in the picture.
-const MARGIN: f32 = 0.01;
+/// Half the side of an octagon around the unit circle, rounded up.
+pub(crate) const HALF: f32 = 0.414_22;
+/// Bound on the rounding of positions in the picture, pixels.
+pub(crate) const MARGIN: f32 = 0.01;
 
-/// First pixels whose middles are past the least and the greatest of places, in a picture of so many pixels, with
-/// [`WHOLE`] added; a middle that is the place itself may be either's. What is not a number is 0.
+/// First pixels whose centres lie beyond `low` and beyond `high`, clamped to a picture of `size`
+/// pixels, with [`WHOLE`] added. A pixel with its centre exactly there may be in or out. NaN
+/// becomes 0.
 #[inline(always)]
 pub(super) fn edges<V: Values>(low: V, high: V, size: f32) -> [V; 2] {
     [low - MARGIN, high + MARGIN].map(|at| at.max(at.like(0.0)).min(at.like(size)) + WHOLE)
 }
 
 impl Lens {
-    /// The pixels whose centres lie in a box; `None` where none does.
+    /// The pixels whose centres lie between `low` and `high`; `None` if there are none.
     #[inline(always)]
     fn clip(&self, low: Vec2, high: Vec2) -> Option<Box4> {
         let [[left, right], [top, bottom]] =
@@ -301,14 +310,15 @@ impl Splat {
         self.back < 0.0
     }
 
-    /// Whether it is an ellipse whose weights need no mending.
+    /// Whether it is an ellipse whose weights follow the affine approximation.
     #[inline(always)]
     pub fn is_plain(&self) -> bool {
         self.back > 0.0 && self.form[3] > 0.0
     }
 
-    /// What a place in the picture sees of it: the square of the place in the splat, 1 at the cutoff, and the
-    /// inverse depth on its plane; `None` outside. [`crate::ewa::blend`] does the same for several pixels at once.
+    /// Evaluates the splat at `place` in the picture: the squared distance from its centre, 1 at
+    /// the cutoff, and the inverse depth on its plane; `None` outside. The blend pass does this for
+    /// several pixels at once.
     pub fn at(&self, place: Vec2, near: f32) -> Option<[f32; 2]> {
         let d = place - Vec2::from_array(self.origin);
         let [z, z_x, z_y] = self.inverse_depth;
@@ -323,14 +333,15 @@ impl Splat {
             let inverse_depth = plane.clamp(least * WIDENED, greatest / WIDENED);
             [Conic { across, shear, along }.at(d.x, d.y), inverse_depth]
         };
-        (squared < 1.0).then(|| [self.mended(squared, inverse_depth), inverse_depth])
+        (squared < 1.0).then(|| [self.exact_squared(squared, inverse_depth), inverse_depth])
     }
 
-    /// What a weight is made from: where it pays, the place that the exact projected Gaussian has. Section 4.4's
-    /// conic is that of the plane times the square of the inverse depth, so what a weight lacks to the cutoff
-    /// goes by that.
+    /// Squared distance that the weight is computed from: that of the exact projected Gaussian
+    /// where the affine approximation is too coarse. The conic of section 4.4 is that of the plane
+    /// times the square of the inverse depth, so the difference to the cutoff scales with that
+    /// square.
     #[inline(always)]
-    fn mended(&self, squared: f32, inverse_depth: f32) -> f32 {
+    fn exact_squared(&self, squared: f32, inverse_depth: f32) -> f32 {
         let [_, _, _, amplitude, least, greatest] = self.form;
         if self.is_by_rays() || amplitude > 0.0 {
             return squared;
@@ -342,14 +353,13 @@ impl Splat {
 
     #[inline(always)]
     fn is_finite(&self) -> bool {
-        // A sum with something infinite or not a number in it is so itself.
+        // A sum with an infinite or NaN term is not 0.
         let sum: f32 = self.form.iter().chain(&self.inverse_depth).map(|v| v * 0.0).sum();
         sum == 0.0 && self.back != 0.0
     }
 }
 
-/// Two directions of unit length across one, and across each other (after Duff and others, Building an
-/// Orthonormal Basis, Revisited, 2017).
+/// Two unit vectors that form an orthonormal basis with `n` (`duff2017`).
 #[inline(always)]
 pub fn across<T: Values>(n: [T; 3]) -> [[T; 3]; 2] {
     let one = n[2].like(1.0);

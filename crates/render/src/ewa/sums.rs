@@ -1,43 +1,43 @@
-//! What a tile holds while its splats are drawn: the front, and sums over what is not behind it, plane after plane in each
-//! pair of rows. A pixel lies beside the one under it, so that four neighbours of two rows are one addition a plane.
+//! Buffers of a tile while its splats are drawn: the front, and weighted sums of the splats that
+//! are not behind it, one array an attribute in each pair of rows. A pixel is stored beside the one
+//! below it, so that four neighbours of two rows take one addition an attribute.
 
-use crate::ewa::cover::STRIDE;
-use crate::ewa::tiles::TILE;
+use crate::ewa::tiles::{PAIR, STRIDE, TILE};
 use crate::simd::values::{EIGHT, Values, load, only};
 use fearless_simd::{ExtractToken, Simd, f32x8, mask32x8};
 
-/// Planes of rows: the front; red, green, blue, the weight; the normal (or the radius), the inverse depth.
+/// Arrays of a pair of rows: the front; red, green, blue, the weight; the normal or the radius; the
+/// inverse depth.
 const PLANES: usize = 9;
 const FRONT: usize = 0;
-/// Red, green, blue.
+/// First array of the colour: red, green, blue.
 pub const TINT: usize = 1;
-/// The sum of weights.
+/// Array of the sums of weights.
 pub const WEIGHT: usize = 4;
-/// The normal, or the radius alone.
+/// First array of the normal; or array of the radius.
 pub const SHAPE: usize = 5;
-/// Inverse depth.
+/// Array of the inverse depth.
 pub const INVERSE_DEPTH: usize = 8;
 
-/// Rows that lie together.
-pub const PAIR: usize = 2;
 /// Pairs of rows of a tile.
 pub const PAIRS: usize = TILE / PAIR;
-/// Two rows of a tile: of a plane the first column's pixels, the second's, and so on.
+/// Two rows of a tile. An array has the two pixels of the first column, of the second column, and
+/// so on.
 pub type Rows = [[f32; PAIR * STRIDE]; PLANES];
-/// Nothing in them.
+/// Rows without splats.
 const EMPTY: Rows = [[0.0; PAIR * STRIDE]; PLANES];
 
-/// A tile's sums.
+/// Buffers of a tile.
 pub struct Sums(Box<[Rows; PAIRS]>);
 
-/// What a splat adds: colour, and normal or radius.
+/// Attributes of a splat that are added to pixels.
 #[derive(Clone, Copy)]
 pub struct Share<S: Simd> {
     /// Linear light.
     pub tint: [f32; 3],
-    /// Normal, or the radius and zeros.
+    /// Normal; or the radius and zeros.
     pub shape: [f32x8<S>; 3],
-    /// Its weight in the middle.
+    /// Weight at its centre.
     pub amplitude: f32,
 }
 
@@ -48,39 +48,39 @@ impl Default for Sums {
 }
 
 impl Sums {
-    /// Empties the tile.
+    /// Removes all splats.
     pub fn clear(&mut self) {
         self.0.fill(EMPTY);
     }
 
-    /// One of its rows.
+    /// Row `y` of the tile.
     #[inline(always)]
     pub fn row(&self, y: usize) -> Row<'_> {
         Row { rows: &self.0[y / PAIR], is_second: y % PAIR == 1 }
     }
 
-    /// Its pairs of rows.
+    /// The pairs of rows of the tile.
     #[inline(always)]
     pub fn pairs(&mut self) -> &mut [Rows; PAIRS] {
         &mut self.0
     }
 }
 
-/// Four columns of a plane of two rows, from `x` on.
+/// Four columns of an array of two rows, from column `x` on.
 #[inline(always)]
 fn at(rows: &mut Rows, plane: usize, x: usize) -> &mut [f32; EIGHT] {
-    // A remainder that is none, so that nothing is left to check.
+    // `x` is less than `TILE`; the remainder lets the compiler drop the bounds check.
     let columns = rows[plane][PAIR * (x % TILE)..].first_chunk_mut();
     columns.unwrap_or_else(|| unreachable!("tiles have columns to spare"))
 }
 
-/// The front's inverse depth at pixels from column `x` on, moved back; 0 where nothing is.
+/// Inverse depth of the moved-back front at pixels from column `x` on; 0 where there is no splat.
 #[inline(always)]
 pub fn front<S: Simd>(simd: S, rows: &mut Rows, x: usize) -> f32x8<S> {
     load(simd, at(rows, FRONT, x))
 }
 
-/// Moves the front of some pixels to where it is nearer.
+/// Moves the front of pixels that are `inside` to `inverse_depth` if that is nearer.
 #[inline(always)]
 pub fn advance<S: Simd>(rows: &mut Rows, x: usize, inside: mask32x8<S>, inverse_depth: f32x8<S>) {
     let own = at(rows, FRONT, x);
@@ -88,7 +88,7 @@ pub fn advance<S: Simd>(rows: &mut Rows, x: usize, inside: mask32x8<S>, inverse_
     *own = *Values::max(front, only(inside, inverse_depth));
 }
 
-/// Adds to the sums.
+/// Adds a splat to the sums of pixels.
 #[inline(always)]
 pub fn add<S: Simd, const NORMALS: bool>(
     rows: &mut Rows,
@@ -111,7 +111,7 @@ pub fn add<S: Simd, const NORMALS: bool>(
     add_to(rows, INVERSE_DEPTH, x, weight, inverse_depth);
 }
 
-/// Puts a splat in the place of what was there, and of the front.
+/// Replaces the attributes and the front of pixels that are `seen` by those of a splat.
 #[inline(always)]
 pub fn replace<S: Simd>(
     rows: &mut Rows,
@@ -151,7 +151,7 @@ pub struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// A sum of eight of its pixels, from column `x` on.
+    /// Sums in array `plane` of eight pixels from column `x` on.
     #[inline(always)]
     pub fn sum<S: Simd>(&self, simd: S, plane: usize, x: usize) -> f32x8<S> {
         let pixels = &self.rows[plane][PAIR * (x % TILE)..];

@@ -1,16 +1,22 @@
-//! The splats of a run of points, and for each tile of the picture the list of those that touch it, sorted by counting.
+//! The splats of a run of points, and for each tile of the picture the list of splats that touch
+//! it, by counting sort. [`crate::ewa::place`] fills runs, [`crate::ewa::blend`] draws them tile by
+//! tile.
 
 use crate::ewa::clip::{Lines, WHOLE};
-use crate::ewa::splat::{Box4, Dye, Splat};
-use crate::ewa::sums::PAIR;
+use crate::ewa::splat::{Box4, Splat, SplatAttributes};
 use crate::simd::values::EIGHT;
 
-/// Pixels on a side of a tile: its sums stay in the nearest cache.
+/// Pixels on a side of a tile, so that its sums fit the first-level cache.
 pub const TILE: usize = 32;
-/// Pixels of a row that are worked on together.
+/// Columns that are worked on together.
 pub const LANES: usize = crate::simd::lanes::LANES;
+/// Rows that lie together.
+pub const PAIR: usize = 2;
+/// Columns of a row in the buffers of a tile: the last ones that are worked on together may end
+/// beyond the tile.
+pub const STRIDE: usize = TILE + LANES;
 
-/// Tiles of a picture.
+/// The grid of tiles of a picture.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tiles {
     /// Tiles in a row.
@@ -20,30 +26,31 @@ pub struct Tiles {
 }
 
 impl Tiles {
-    /// Of a picture.
+    /// Tiles that cover a picture of `width` x `height` pixels.
     pub fn new(width: usize, height: usize) -> Self {
         Self { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) }
     }
 }
 
-/// The part of a tile that a splat may touch.
+/// The rectangle of a tile that a splat may touch, relative to the tile.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Part {
-    /// Whether the splat takes the short way: an ellipse without mending or lines, in the tile no wider than what is worked on
-    /// together.
+pub struct TileRect {
+    /// Whether the fast path draws the splat: a plain ellipse ([`Splat::is_plain`]) without clip
+    /// lines, at most [`LANES`] columns wide.
     pub is_small: bool,
-    /// Its first column and row, and one past the last ones; from the tile's.
+    /// First column.
     pub left: u8,
-    /// One past its last column.
+    /// One past the last column.
     pub right: u8,
-    /// Its first pair of rows.
+    /// First pair of rows.
     pub first_pair: u8,
-    /// One past its last pair of rows.
+    /// One past the last pair of rows.
     pub past_pair: u8,
 }
 
-impl Part {
-    /// Of the first and last columns and rows, each last one being one past it.
+impl TileRect {
+    /// The rectangle of the first column, one past the last one, the first row and one past the
+    /// last one.
     #[inline(always)]
     fn new(is_small: bool, [left, right, top, bottom]: [u8; 4]) -> Self {
         let pair = PAIR as u8;
@@ -51,62 +58,63 @@ impl Part {
     }
 }
 
-/// A splat in a tile.
+/// A splat in the list of a tile.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Entry {
-    /// Which splat of the run.
+pub struct TileEntry {
+    /// Index of the splat in the run.
     splat: u16,
-    /// What it may touch.
-    pub part: Part,
+    /// The pixels that it may touch.
+    pub rect: TileRect,
 }
 
-/// Points that a run has at most: entries number its splats by 16 bits.
+/// Most points of a run: entries have indices of 16 bits.
 pub const RUN_POINTS: usize = 1 << 14;
 
-/// Splats that there is room for at first.
+/// Splats that a new run has room for.
 const RUN_POINTS_LEAST: usize = 1 << 10;
 
-/// The splats of a run of points, by tiles.
+/// The splats of a run of points, with a list for each tile.
 #[derive(Debug, Default)]
-pub struct Run {
-    /// The splats, in the order of their points, and room for more.
+pub struct SplatRun {
+    /// The splats in the order of their points, and room for more.
     splats: Vec<Splat>,
-    /// How many there are.
+    /// Number of splats.
     count: usize,
     /// Tiles in a row.
     columns: usize,
-    /// The tiles that splats touch, in the order of the splats, with their entries.
-    touched: Vec<(u32, Entry)>,
-    /// For each tile its first entry, and one past the last of all.
+    /// Tiles with their entries, in the order of the splats.
+    touched: Vec<(u32, TileEntry)>,
+    /// For each tile the index of its first entry; then the number of all entries.
     starts: Vec<u32>,
-    /// Splats by tile.
-    entries: Vec<Entry>,
-    /// What of each splat is kept, up to the last one of which that is not all.
+    /// Entries sorted by tile.
+    entries: Vec<TileEntry>,
+    /// Clip lines of splats, up to the last splat that has some.
     lines: Vec<Lines>,
     /// Splats that could not be evaluated.
     pub dropped: u64,
 }
 
-impl Run {
-    /// The splats that touch a tile, in their order.
+impl SplatRun {
+    /// Iterates over the splats that touch a tile, in their order.
     #[inline(always)]
-    pub fn of_tile(&self, tile: usize) -> impl Iterator<Item = (&Splat, &Entry)> {
+    pub fn of_tile(&self, tile: usize) -> impl Iterator<Item = (&Splat, &TileEntry)> {
         let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
         self.entries[range].iter().map(|e| (&self.splats[usize::from(e.splat)], e))
     }
 
-    /// The lines of an entry's splat, where it has some.
+    /// Clip lines of the splat of an entry, if it has some.
     #[inline]
-    pub fn lines(&self, entry: &Entry) -> Option<&Lines> {
+    pub fn lines(&self, entry: &TileEntry) -> Option<&Lines> {
         self.lines.get(usize::from(entry.splat)).filter(|l| l.kept != WHOLE)
     }
 
-    /// How many splats there are.
+    /// Number of splats.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Room for the next eight splats, for all but their dyes; [`Run::take`] takes the first one that it has not taken.
+    /// Room to write the next eight splats to, without their attributes. Each call of
+    /// [`SplatRun::push`] or [`SplatRun::push_single`] then appends the next of them.
     #[inline(always)]
     pub fn room(&mut self) -> &mut [Splat; EIGHT] {
         if self.splats.len() < self.count + EIGHT {
@@ -122,28 +130,28 @@ impl Run {
         self.splats.resize(2 * self.count + (RUN_POINTS_LEAST + EIGHT), Splat::default());
     }
 
-    /// Takes the next splat in the room, which touches one tile only and which no line cuts.
+    /// Appends the next splat of [`SplatRun::room`], which touches one tile only and has no lines.
     #[inline(always)]
-    pub fn take_single(&mut self, dye: Dye, tile: usize, part: Part) {
-        let entry = Entry { splat: self.count as u16, part };
-        self.splats[self.count].dye = dye;
+    pub fn push_single(&mut self, attributes: SplatAttributes, tile: usize, rect: TileRect) {
+        let entry = TileEntry { splat: self.count as u16, rect };
+        self.splats[self.count].attributes = attributes;
         self.count += 1;
         self.starts[tile] += 1;
         self.touched.push((tile as u32, entry));
     }
 
-    /// Takes the next splat in the room, with its box and what is kept of it.
-    pub fn take(&mut self, dye: Dye, bounds: Box4, lines: Option<Lines>) {
+    /// Appends the next splat of [`SplatRun::room`], with its bounds and clip lines.
+    pub fn push(&mut self, attributes: SplatAttributes, bounds: Box4, lines: Option<Lines>) {
         let first = self.count;
-        self.splats[first].dye = dye;
+        self.splats[first].attributes = attributes;
         self.count += 1;
         let is_plain = self.splats[first].is_plain() && lines.is_none();
         let Self { touched, starts, columns, .. } = self;
-        for_each_tile(bounds, *columns, |tile, part| {
+        for_each_tile(bounds, *columns, |tile, sides| {
             starts[tile] += 1;
-            let is_small = is_plain && usize::from(part[1] - part[0]) <= LANES;
-            let part = Part::new(is_small, part);
-            touched.push((tile as u32, Entry { splat: first as u16, part }));
+            let is_small = is_plain && usize::from(sides[1] - sides[0]) <= LANES;
+            let rect = TileRect::new(is_small, sides);
+            touched.push((tile as u32, TileEntry { splat: first as u16, rect }));
         });
         if let Some(lines) = lines {
             self.lines.resize(first, Lines::default());
@@ -156,7 +164,7 @@ impl Run {
         self.columns
     }
 
-    /// Forgets all splats.
+    /// Removes all splats.
     pub fn clear(&mut self, tiles: Tiles) {
         self.count = 0;
         self.touched.clear();
@@ -167,15 +175,15 @@ impl Run {
         self.dropped = 0;
     }
 
-    /// Sorts the splats into tiles, by counting.
+    /// Sorts the entries by tile, by counting.
     pub fn sort(&mut self) {
-        // Ends of all tiles; filled from behind, they become their starts.
+        // Turns counts into ends; filling from behind turns ends into starts.
         let mut end = 0;
         for start in &mut self.starts {
             end += *start;
             *start = end;
         }
-        self.entries.resize(end as usize, Entry::default());
+        self.entries.resize(end as usize, TileEntry::default());
         for &(tile, entry) in self.touched.iter().rev() {
             let start = &mut self.starts[tile as usize];
             *start -= 1;
@@ -184,7 +192,7 @@ impl Run {
     }
 }
 
-/// Gives the tiles that a box touches, and the part of each.
+/// Calls `work` with the number of each tile that a box touches, and the sides of the box in it.
 #[inline(always)]
 fn for_each_tile(b: Box4, columns: usize, mut work: impl FnMut(usize, [u8; 4])) {
     const SIDE: u32 = TILE as u32;
@@ -193,8 +201,8 @@ fn for_each_tile(b: Box4, columns: usize, mut work: impl FnMut(usize, [u8; 4])) 
     for y in first[1]..=last[1] {
         for x in first[0]..=last[0] {
             let within = |at: u32, first: u32| at.saturating_sub(first * SIDE).min(SIDE) as u8;
-            let part = [within(left, x), within(right, x), within(top, y), within(bottom, y)];
-            work(y as usize * columns + x as usize, part);
+            let sides = [within(left, x), within(right, x), within(top, y), within(bottom, y)];
+            work(y as usize * columns + x as usize, sides);
         }
     }
 }

@@ -1,5 +1,6 @@
-//! What comes back from a frame some frames later: its counts and times, and the depth tiles by which the next
-//! views tell what is hidden. All of it is copied behind the frame's passes and polled, never waited for.
+//! Results of a frame that reach the host some frames later: counts, times, and the depth tiles by
+//! which the LOD thread finds hidden nodes. They are copied after the frame's passes, and polled,
+//! never waited for.
 
 use crate::frame::{Method, Stats};
 use crate::gpu::device::error::GpuError;
@@ -13,12 +14,13 @@ use crate::gpu::passes::tiles::{TILES_BYTES, Tiles, tiles_from};
 use esker_lod::{DepthFeedback, View};
 use wgpu::{BufferUsages, CommandEncoder, PollType};
 
-/// Bytes of the counts: pixels that a point won, pixels that show something, splats drawn, splats dropped.
+/// Bytes of the four counts.
 const COUNTS_BYTES: u64 = 16;
 
-/// Counts, times and tiles of frames.
+/// Counts, times and depth tiles of frames.
 pub struct Feedback {
-    /// Four words: pixels that a point won, pixels that show something, splats drawn, splats dropped.
+    /// Four words: pixels with a winning point, pixels that show a surface, splats drawn, splats
+    /// dropped.
     pub counts: Counted,
     /// Times of the passes.
     pub timing: Timing,
@@ -31,10 +33,10 @@ pub struct Feedback {
 }
 
 impl Feedback {
-    /// For a device.
+    /// Creates buffers and kernels.
     ///
     /// # Errors
-    /// Where a shader or memory is refused.
+    /// If the driver refuses a shader or memory.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         Ok(Self {
@@ -49,13 +51,14 @@ impl Feedback {
         })
     }
 
-    /// Begins a frame: before its passes.
+    /// Begins a frame, before its passes.
     pub fn begin(&mut self, encoder: &mut CommandEncoder) {
         self.timing.begin();
         encoder.clear_buffer(&self.counts, 0, None);
     }
 
-    /// Ends a frame: after its passes, whose picture this is; `stats` is what the host knows of it.
+    /// Ends a frame, after its passes: counts the pixels of `picture` and encodes the copies.
+    /// `stats` has the counts that the host already knows.
     pub fn end(
         &mut self,
         gpu: &Gpu,
@@ -79,7 +82,7 @@ impl Feedback {
         self.timing.end(encoder);
     }
 
-    /// After the frame was submitted.
+    /// To be called after the submission of the frame.
     pub fn submitted(&mut self, gpu: &Gpu) {
         self.counts_ring.submitted();
         self.tiles_ring.submitted();
@@ -87,9 +90,9 @@ impl Feedback {
         self.arrive(gpu);
     }
 
-    /// Takes what has arrived.
+    /// Polls the device and takes the copies that have arrived.
     fn arrive(&mut self, gpu: &Gpu) {
-        // A lost device shows in its fault.
+        // `Gpu::fault` reports a lost device.
         let _ = gpu.device.poll(PollType::Poll);
         if let Some((stats, bytes)) = self.counts_ring.newest() {
             let counts: &[u32] = bytemuck::try_cast_slice(&bytes).unwrap_or(&[0; 4]);
@@ -109,22 +112,23 @@ impl Feedback {
         }
     }
 
-    /// Counts and times of the newest frame that has come back; without times where the device has none.
+    /// Counts and times of the newest frame whose counts have arrived; the times are zero if the
+    /// device has no timestamps.
     pub fn stats(&mut self, gpu: &Gpu) -> Option<Stats> {
         self.arrive(gpu);
         self.stats
     }
 
-    /// The newest depth that has come back, if it was not asked for before.
+    /// The newest depth tiles, if they have arrived since the last call.
     pub fn depth(&mut self, gpu: &Gpu) -> Option<DepthFeedback> {
         self.arrive(gpu);
         self.newest.take()
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         Ok(self.count.reload(gpu)? | self.tiles.reload(gpu)?)
     }

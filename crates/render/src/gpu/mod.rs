@@ -1,5 +1,5 @@
-//! The passes on a GPU. Each has its shader in `shaders/`, a host here, a twin of the same name in this
-//! crate, and a test that holds the two together. One thread submits, maps and polls.
+//! The passes on a GPU, by wgpu. Each has shaders in `shaders/`, a host file here, a CPU pass of
+//! the same name (its twin), and a test that compares both. One thread submits, maps and polls.
 
 pub mod device;
 pub mod feedback;
@@ -7,15 +7,16 @@ pub mod memory;
 pub mod passes;
 pub mod renderer;
 pub mod surface;
+pub(crate) mod target;
 #[cfg(test)]
 mod testing;
 
 pub use device::error::GpuError;
 pub use device::kernel::Kernel;
-pub use device::{Gpu, ProjectPath, Request, Tier};
+pub use device::{Gpu, GpuRequest, ProjectPath, Tier};
 pub use memory::pool::NodePool;
 pub use memory::table::PlaneAt;
 pub use memory::upload::{UploadRing, UploadRun};
 pub use renderer::GpuRenderer;
-/// The device library, for those that bring a device of their own.
+/// The device library, for callers that create the device themselves.
 pub use wgpu;

@@ -1,5 +1,5 @@
-//! The frame on the GPU from first pass to last, as its plan says: all passes in one command buffer, submitted
-//! once. Nothing waits for the GPU but [`GpuRenderer::read`]. Twin: [`crate::renderer`].
+//! A frame on the GPU: encodes the passes of the frame's plan into one command buffer and submits
+//! it once. Only [`GpuRenderer::read`] waits for the GPU. Twin: [`crate::renderer`].
 
 use crate::frame::{Frame, Method, Picture, Stats};
 use crate::gpu::device::error::GpuError;
@@ -9,13 +9,13 @@ use crate::gpu::feedback::Feedback;
 use crate::gpu::memory::cut::GpuCut;
 use crate::gpu::memory::frame::FrameUniform;
 use crate::gpu::memory::hits::Hits;
-use crate::gpu::memory::lookup::{GpuLookup, Won};
+use crate::gpu::memory::lookup::{GpuLookup, WinningPoints};
 use crate::gpu::memory::picture::GpuPicture;
 use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::pyramid::GpuPyramid;
 use crate::gpu::memory::table::PlaneAt;
 use crate::gpu::passes::average::Average;
-use crate::gpu::passes::ewa::{self, GpuEwa, Room};
+use crate::gpu::passes::ewa::{BatchCapacity, EwaTarget, GpuEwa};
 use crate::gpu::passes::exposure::Exposure;
 use crate::gpu::passes::gather::Gather;
 use crate::gpu::passes::primitives::Primitives;
@@ -24,17 +24,19 @@ use crate::gpu::passes::resolve::Resolve;
 use crate::gpu::passes::store::Store;
 use crate::gpu::surface::Surface;
 use crate::inputs::camera::Camera;
+use crate::pass::Pass;
 use crate::picture::margin::crop;
 use crate::picture::pyramid::Planes;
-use crate::plan::{FramePlan, Pass};
+use crate::plan::FramePlan;
 use esker_lod::DepthFeedback;
 use esker_points::Grain;
-use wgpu::{BufferUsages, CommandEncoder, TextureView};
+use wgpu::{Buffer, BufferUsages, CommandEncoder, TextureView};
 
-/// Bytes of the widest plane of pictures and pyramids, a pixel.
+/// Bytes a pixel of the widest plane of pictures and pyramids.
 const PIXEL_BYTES_MAX: u64 = 16;
 
-/// Draws frames on a GPU; keeps its buffers between them. Used by the render thread alone.
+/// Draws frames on a GPU, and keeps its buffers from frame to frame. Only the render thread uses
+/// it.
 pub struct GpuRenderer {
     gpu: Gpu,
     uniform: Counted,
@@ -48,30 +50,30 @@ pub struct GpuRenderer {
     store: Store,
     pyramid: GpuPyramid,
     surface: Surface,
-    /// EWA splatting, made when it is first drawn with, and its room.
+    /// EWA splatting, created when it is first drawn with, with this capacity.
     ewa: Option<GpuEwa>,
-    room: Room,
-    shown: Option<Shown>,
+    capacity: BatchCapacity,
+    output: Option<Output>,
     feedback: Feedback,
 }
 
-/// How points become pixels.
+/// The pass that draws points, by the tier of the device.
 enum Points {
     Atomics(Project),
     Primitives(Primitives),
 }
 
-/// The newest picture.
-struct Shown {
+/// The newest picture, and a view of its texture.
+struct Output {
     picture: GpuPicture,
     view: TextureView,
 }
 
 impl GpuRenderer {
-    /// For a device, by the path of its tier.
+    /// Creates the passes of the device's tier.
     ///
     /// # Errors
-    /// Where the driver refuses a shader, or memory.
+    /// If the driver refuses a shader or memory.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         Ok(Self {
@@ -90,26 +92,28 @@ impl GpuRenderer {
             pyramid: GpuPyramid::default(),
             surface: Surface::default(),
             ewa: None,
-            room: Room::default(),
-            shown: None,
+            capacity: BatchCapacity::default(),
+            output: None,
             feedback: Feedback::new(gpu)?,
             gpu: gpu.clone(),
         })
     }
 
-    /// Draws a frame whose planes lie in `pool`: encodes and submits, and does not wait.
+    /// Draws a frame whose planes are in `pool`: encodes and submits, and does not wait.
     ///
     /// # Errors
-    /// Where the view is no usable camera or too large, memory is refused, or the device has failed.
+    /// If the view makes no valid camera or is too large, memory is refused, or the device has
+    /// failed.
     pub fn render(&mut self, frame: &Frame<'_, PlaneAt>, pool: &NodePool) -> Result<(), GpuError> {
         let encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.render_after(encoder, frame, pool)
     }
 
-    /// As [`GpuRenderer::render`], after the commands that `encoder` has (uploads), in one submission.
+    /// Draws a frame like [`GpuRenderer::render`], in the submission of the commands that `encoder`
+    /// already has (uploads), and after them.
     ///
     /// # Errors
-    /// As [`GpuRenderer::render`]; the commands are then not submitted.
+    /// On the same conditions; the commands are then not submitted.
     pub fn render_after(
         &mut self,
         mut encoder: CommandEncoder,
@@ -144,11 +148,11 @@ impl GpuRenderer {
         self.gpu.fault().map_or(Ok(()), Err)
     }
 
-    /// Whether runs of points off the picture are left unread, as they are at first; for measurements and tests.
-    /// Point primitives leave none.
+    /// Sets whether runs of points outside the picture are skipped, for measurements and tests. By
+    /// default they are; point primitives never skip any.
     ///
     /// # Errors
-    /// Where the driver refuses a shader.
+    /// If the driver refuses a shader.
     pub fn skip_runs(&mut self, skips: bool) -> Result<(), GpuError> {
         if let Points::Atomics(project) = &mut self.points {
             let make = if skips { Project::new } else { Project::without_skips };
@@ -157,28 +161,29 @@ impl GpuRenderer {
         Ok(())
     }
 
-    /// Whether the device has room for pictures of this size.
+    /// Whether the device can hold pictures of this size.
     fn holds(&self, [width, height]: [u32; 2]) -> bool {
         let bytes = u64::from(width) * u64::from(height) * PIXEL_BYTES_MAX;
         width.max(height) <= self.gpu.device.limits().max_texture_dimension_2d
             && bytes <= self.gpu.tier.binding_bytes_max
     }
 
-    /// Takes the size of a picture and its margin, and what its plan needs.
+    /// Creates the picture, the frame buffer and the pyramid that a frame needs, and releases what
+    /// it does not need.
     fn fit(&mut self, camera: &Camera, plan: &FramePlan) -> Result<(), GpuError> {
         let (size, margin_px) = (camera.size, camera.margin_px);
         let [width, height] = size;
-        let is_new = self.shown.as_ref().is_none_or(|Shown { picture, .. }| {
+        let is_new = self.output.as_ref().is_none_or(|Output { picture, .. }| {
             ([picture.width, picture.height], picture.margin_px) != (size, margin_px)
         });
         let has_surface = plan.passes.contains(&Pass::Shade);
         let planes = match (plan.planes(), self.pyramid.planes) {
-            // Views that are dense now and then tell none, and keep their room.
+            // In dense views no planes are fitted; their memory is kept for the next sparser view.
             (Planes::None, Planes::Fitted) if plan.passes.contains(&Pass::Gather) => Planes::Fitted,
             (planes, _) => planes,
         };
         if is_new || !has_surface || self.pyramid.planes != planes {
-            // The old ones go first, so that never both are there; and none is kept that is not needed.
+            // The old buffers are released first, so that both never exist at once.
             self.surface.release();
             self.pyramid = GpuPyramid::default();
         }
@@ -186,14 +191,14 @@ impl GpuRenderer {
             self.resolve.release(&self.gpu)?;
         }
         if is_new {
-            self.shown = None;
+            self.output = None;
             if !self.holds(size) {
                 return Err(GpuError::Size { width, height });
             }
             self.hits.fit(&self.gpu, size)?;
             let picture = GpuPicture::new(&self.gpu, size, margin_px)?;
             let view = picture.texture.create_view(&Default::default());
-            self.shown = Some(Shown { picture, view });
+            self.output = Some(Output { picture, view });
         }
         if has_surface {
             self.pyramid.fit(&self.gpu, width, height, planes)?;
@@ -201,6 +206,7 @@ impl GpuRenderer {
         Ok(())
     }
 
+    /// Encodes the passes of a frame, between the beginning and the end of its feedback.
     fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
@@ -209,101 +215,162 @@ impl GpuRenderer {
         plan: &FramePlan,
         pool: &NodePool,
     ) -> Result<(), GpuError> {
-        let Self { gpu, uniform, cut, hits, points, lookup, feedback, .. } = self;
-        let Some(Shown { picture, .. }) = &self.shown else { return Ok(()) };
-        let size = [picture.width, picture.height];
+        if self.output.is_none() {
+            return Ok(());
+        }
         if let Some(ewa) = self.ewa.as_mut().filter(|_| frame.method != Method::Ewa) {
             ewa.release();
         }
-        feedback.begin(encoder);
-        let timing = &mut feedback.timing;
-        match points {
-            _ if !plan.passes.contains(&Pass::Project) => {}
-            Points::Atomics(project) => {
-                project.encode(gpu, encoder, uniform, plan, cut, pool, hits, timing)?;
-            }
-            Points::Primitives(primitives) => {
-                primitives.fit(gpu, size)?;
-                primitives.encode(gpu, encoder, uniform, plan, cut, pool, hits, timing);
-            }
-        }
-        let Some(hits) = hits.buffer() else { return Ok(()) };
-        let (draws, chunks, counts) = (cut.draws(), cut.chunks(), &*feedback.counts);
-        let pages = cut.pages(pool, plan.fetches);
-        let won = Won { uniform, size, hits, draws, chunks, pages: &pages, counts };
+        self.feedback.begin(encoder);
+        self.encode_project(encoder, plan, pool)?;
         match frame.method {
-            Method::Ewa => {
-                let (pyramid, counts) = (&self.pyramid, won.counts);
-                let grain = Grain::new(frame.lattice.scale);
-                let frame = FrameUniform::new(frame, camera);
-                let target = ewa::Target {
-                    uniform,
-                    frame,
-                    plan,
-                    cut,
-                    pool,
-                    pyramid,
-                    picture,
-                    counts,
-                    camera,
-                    grain,
-                };
-                let ewa = match &mut self.ewa {
-                    Some(ewa) => ewa,
-                    none => none.insert(GpuEwa::new(gpu, self.room)?),
-                };
-                ewa.encode(gpu, encoder, lookup, &target, timing)?;
-                self.surface.encode(gpu, encoder, plan, uniform, pyramid, picture, timing)?;
-            }
-            Method::Points => {
-                let mut pass = timing.compute(encoder, Pass::Resolve);
-                self.resolve.encode(gpu, &mut pass, plan, lookup, &won, picture)?;
-                self.store.dispatch(gpu, uniform, picture).run(&mut pass);
-            }
-            Method::PullPush => {
-                let pyramid = &self.pyramid;
-                if plan.planes() == Planes::Fitted {
-                    self.gather.fit_planes.encode(gpu, encoder, uniform, won.hits, plan, timing);
-                }
-                let mut pass = timing.compute(encoder, Pass::Gather);
-                self.gather.encode(gpu, &mut pass, plan, lookup, &won, pyramid)?;
-                drop(pass);
-                if plan.averages()
-                    && let Some(level) = pyramid.levels.first()
-                {
-                    self.average
-                        .encode(gpu, encoder, uniform, plan, cut, pool, lookup, level, timing)?;
-                }
-                if plan.evens_exposure()
-                    && let Some(level) = pyramid.levels.first()
-                {
-                    self.gather.exposure.encode(gpu, encoder, uniform, level, timing);
-                }
-                self.surface.encode(gpu, encoder, plan, uniform, pyramid, picture, timing)?;
-            }
+            Method::Points => self.encode_points(encoder, plan, pool)?,
+            Method::PullPush => self.encode_pull_push(encoder, plan, pool)?,
+            Method::Ewa => self.encode_ewa(encoder, frame, camera, plan, pool)?,
         }
-        let stats = Stats {
-            points_drawn: cut.points,
-            nodes_drawn: cut.rows.len() as u32,
-            ..Stats::default()
-        };
-        let view = frame.view.with_margin(camera.margin_px);
-        feedback.end(gpu, encoder, uniform, picture, (&view, frame.method, stats));
+        self.encode_feedback(encoder, frame, camera);
         Ok(())
     }
 
-    /// The newest picture as a texture, `rgba8unorm` with sRGB bytes and straight alpha, for a window. Another
-    /// one after the picture's size has changed.
-    pub fn texture(&self) -> Option<&TextureView> {
-        self.shown.as_ref().map(|s| &s.view)
+    /// Encodes the projection of points to the frame buffer.
+    fn encode_project(
+        &mut self,
+        encoder: &mut CommandEncoder,
+        plan: &FramePlan,
+        pool: &NodePool,
+    ) -> Result<(), GpuError> {
+        let Self { gpu, uniform, cut, hits, points, feedback, .. } = self;
+        let Some(Output { picture, .. }) = &self.output else { return Ok(()) };
+        let timing = &mut feedback.timing;
+        match points {
+            _ if !plan.passes.contains(&Pass::Project) => Ok(()),
+            Points::Atomics(project) => {
+                project.encode(gpu, encoder, uniform, plan, cut, pool, hits, timing)
+            }
+            Points::Primitives(primitives) => {
+                primitives.fit(gpu, [picture.width, picture.height])?;
+                primitives.encode(gpu, encoder, uniform, plan, cut, pool, hits, timing);
+                Ok(())
+            }
+        }
     }
 
-    /// The newest picture and its depths; waits for it.
+    /// Encodes the passes that write the colours of the winning points to the picture.
+    fn encode_points(
+        &mut self,
+        encoder: &mut CommandEncoder,
+        plan: &FramePlan,
+        pool: &NodePool,
+    ) -> Result<(), GpuError> {
+        let Self { gpu, uniform, cut, hits, lookup, feedback, .. } = self;
+        let Some(Output { picture, .. }) = &self.output else { return Ok(()) };
+        let pages = cut.pages(pool, plan.fetches);
+        let Some(won) = winning(uniform, picture, hits, cut, &pages, &feedback.counts) else {
+            return Ok(());
+        };
+        let mut pass = feedback.timing.compute(encoder, Pass::Resolve);
+        self.resolve.encode(gpu, &mut pass, plan, lookup, &won, picture)?;
+        self.store.dispatch(gpu, uniform, picture).run(&mut pass);
+        Ok(())
+    }
+
+    /// Encodes pull-push: level 0 of the pyramid from the winning points, then the surface.
+    fn encode_pull_push(
+        &mut self,
+        encoder: &mut CommandEncoder,
+        plan: &FramePlan,
+        pool: &NodePool,
+    ) -> Result<(), GpuError> {
+        let Self { gpu, uniform, cut, hits, lookup, feedback, pyramid, .. } = self;
+        let Some(Output { picture, .. }) = &self.output else { return Ok(()) };
+        let pages = cut.pages(pool, plan.fetches);
+        let Some(won) = winning(uniform, picture, hits, cut, &pages, &feedback.counts) else {
+            return Ok(());
+        };
+        let timing = &mut feedback.timing;
+        if plan.planes() == Planes::Fitted {
+            self.gather.fit_planes.encode(gpu, encoder, uniform, won.hits, plan, timing);
+        }
+        let mut pass = timing.compute(encoder, Pass::Gather);
+        self.gather.encode(gpu, &mut pass, plan, lookup, &won, pyramid)?;
+        drop(pass);
+        if let Some(level) = pyramid.levels.first() {
+            if plan.averages() {
+                self.average
+                    .encode(gpu, encoder, uniform, plan, cut, pool, lookup, level, timing)?;
+            }
+            if plan.evens_exposure() {
+                self.gather.exposure.encode(gpu, encoder, uniform, level, timing);
+            }
+        }
+        self.surface.encode(gpu, encoder, plan, uniform, pyramid, picture, timing)
+    }
+
+    /// Encodes EWA splatting to level 0 of the pyramid, then the surface.
+    fn encode_ewa(
+        &mut self,
+        encoder: &mut CommandEncoder,
+        frame: &Frame<'_, PlaneAt>,
+        camera: &Camera,
+        plan: &FramePlan,
+        pool: &NodePool,
+    ) -> Result<(), GpuError> {
+        let Self { gpu, uniform, cut, hits, lookup, feedback, pyramid, .. } = self;
+        let Some(Output { picture, .. }) = &self.output else { return Ok(()) };
+        if hits.buffer().is_none() {
+            return Ok(());
+        }
+        let target = EwaTarget {
+            uniform,
+            frame: FrameUniform::new(frame, camera),
+            plan,
+            cut,
+            pool,
+            pyramid,
+            picture,
+            counts: &feedback.counts,
+            camera,
+            grain: Grain::new(frame.lattice.scale),
+        };
+        let ewa = match &mut self.ewa {
+            Some(ewa) => ewa,
+            none => none.insert(GpuEwa::new(gpu, self.capacity)?),
+        };
+        let timing = &mut feedback.timing;
+        ewa.encode(gpu, encoder, lookup, &target, timing)?;
+        self.surface.encode(gpu, encoder, plan, uniform, pyramid, picture, timing)
+    }
+
+    /// Encodes the copies of counts, times and depth tiles that the host reads later.
+    fn encode_feedback(
+        &mut self,
+        encoder: &mut CommandEncoder,
+        frame: &Frame<'_, PlaneAt>,
+        camera: &Camera,
+    ) {
+        let Some(Output { picture, .. }) = &self.output else { return };
+        let stats = Stats {
+            points_drawn: self.cut.points,
+            nodes_drawn: self.cut.rows.len() as u32,
+            ..Stats::default()
+        };
+        let view = frame.view.with_margin(camera.margin_px);
+        let of = (&view, frame.method, stats);
+        self.feedback.end(&self.gpu, encoder, &self.uniform, picture, of);
+    }
+
+    /// The newest picture as a texture for a window: `rgba8unorm` with sRGB bytes and straight
+    /// alpha. A frame of another size has another texture.
+    pub fn texture(&self) -> Option<&TextureView> {
+        self.output.as_ref().map(|output| &output.view)
+    }
+
+    /// Reads the newest picture and its depths back, and waits for them.
     ///
     /// # Errors
-    /// Where memory is refused or the device has failed.
+    /// If memory is refused or the device has failed.
     pub fn read(&mut self) -> Result<Picture, GpuError> {
-        let Some(Shown { picture, .. }) = &self.shown else { return Ok(Picture::default()) };
+        let Some(Output { picture, .. }) = &self.output else { return Ok(Picture::default()) };
         let (width, height) = (picture.width, picture.height);
         let bytes = u64::from(width) * u64::from(height) * 4;
         let planes = [(&*picture.rgba, bytes), (&*picture.depth, bytes)];
@@ -317,41 +384,43 @@ impl GpuRenderer {
         if margin_px == 0 {
             return Ok(drawn);
         }
-        let mut shown = Picture { stats, ..Picture::default() };
-        crop(&drawn, margin_px, &mut shown);
-        Ok(shown)
+        let mut cropped = Picture { stats, ..Picture::default() };
+        crop(&drawn, margin_px, &mut cropped);
+        Ok(cropped)
     }
 
-    /// Counts and times of the newest frame that has come back; does not wait. Without times where the device
-    /// has no timestamps.
+    /// Counts and times of the newest frame whose counts have arrived; does not wait. The times are
+    /// zero if the device has no timestamps.
     pub fn stats(&mut self) -> Option<Stats> {
         self.feedback.stats(&self.gpu)
     }
 
-    /// The newest depth that has come back, with the view that it was seen from; does not wait.
+    /// The newest depth tiles that have arrived, with the view that they were drawn from; does not
+    /// wait.
     pub fn feedback(&mut self) -> Option<DepthFeedback> {
         self.feedback.depth(&self.gpu)
     }
 
-    /// The room that EWA splatting has when it is first drawn with.
-    pub fn set_room(&mut self, room: Room) {
-        self.room = room;
+    /// Sets the capacity that EWA splatting is created with.
+    pub fn set_batch_capacity(&mut self, capacity: BatchCapacity) {
+        self.capacity = capacity;
     }
 
-    /// Takes another way of EWA splatting, or other room for it.
+    /// Replaces EWA splatting by one with other options or another capacity.
     pub fn set_ewa(&mut self, ewa: GpuEwa) {
         self.ewa = Some(ewa);
     }
 
-    /// The frame buffer of the newest frame and the tables that its numbers mean.
+    /// The frame buffer of the newest frame, and the tables that its point numbers refer to.
     pub fn hits(&self) -> (&Hits, &GpuCut) {
         (&self.hits, &self.cut)
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (where [`crate::gpu::device::shader::folder`] is). Whether any has.
+    /// Rebuilds the kernels whose shaders have changed in [`crate::gpu::device::shader::folder`].
+    /// Whether any has.
     ///
     /// # Errors
-    /// Where a changed shader does not build; what it made before goes on.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self) -> Result<bool, GpuError> {
         let gpu = &self.gpu;
         let points = match &mut self.points {
@@ -365,4 +434,19 @@ impl GpuRenderer {
             self.hits.reload(gpu)? | self.surface.reload(gpu)? | self.feedback.reload(gpu)?;
         Ok(points | won | averages | splats | rest)
     }
+}
+
+/// The winning points of the frame buffer, and the tables and pages that they refer to; `None`
+/// before there is a frame buffer.
+fn winning<'a>(
+    uniform: &'a Buffer,
+    picture: &GpuPicture,
+    hits: &'a Hits,
+    cut: &'a GpuCut,
+    pages: &'a [(u32, &'a Buffer)],
+    counts: &'a Buffer,
+) -> Option<WinningPoints<'a>> {
+    let size = [picture.width, picture.height];
+    let (hits, draws, chunks) = (hits.buffer()?, cut.draws(), cut.chunks());
+    Some(WinningPoints { uniform, size, hits, draws, chunks, pages, counts })
 }

@@ -1,23 +1,26 @@
-//! From a filled level 0 of the pyramid to the picture, on the GPU: pull, push, fill_holes, silhouette, shade, antialias. Kernels are
-//! made when a scene first needs them, and bound once; a frame then only runs their dispatches.
+//! The passes from a filled level 0 of the pyramid to the picture: pull, push, fill_holes,
+//! silhouette, smooth_depth, shade and antialias. Kernels are built when a scene first needs them,
+//! and bound once for each pyramid and picture; a frame then only runs their dispatches.
 
-use crate::gpu::device::dispatch::{Dispatch, Groups};
+use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
-use crate::gpu::device::kernel::{Beside, Kernel};
+use crate::gpu::device::kernel::{Compilation, Kernel};
 use crate::gpu::device::shader::sources;
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::picture::GpuPicture;
-use crate::gpu::memory::pyramid::{GpuLevel, GpuPyramid};
+use crate::gpu::memory::pyramid::GpuPyramid;
 use crate::gpu::passes::antialias::Antialias;
 use crate::gpu::passes::fill_holes::FillHoles;
 use crate::gpu::passes::pull::Pull;
 use crate::gpu::passes::push::Push;
 use crate::gpu::passes::shade::Shade;
-use crate::gpu::passes::silhouette::{Silhouette, Turns};
+use crate::gpu::passes::silhouette::Silhouette;
 use crate::gpu::passes::smooth_depth::SmoothDepth;
+use crate::gpu::target::{SurfaceTarget, Turns};
+use crate::pass::Pass;
 use crate::picture::pyramid::Planes;
-use crate::plan::{FramePlan, Pass};
+use crate::plan::FramePlan;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::thread;
@@ -31,7 +34,7 @@ pub struct Surface {
     bound: Option<Bound>,
 }
 
-/// What a scene needs whose pixels carry some planes.
+/// Kernels of the scenes whose pixels carry the same planes.
 struct Kernels {
     edges: Kernel,
     pull: Pull,
@@ -43,33 +46,36 @@ struct Kernels {
     antialias: Antialias,
 }
 
-/// What a frame's plan leaves open to the passes.
+/// Variants of the passes, which a frame's plan chooses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Choices {
-    /// The planes that pixels carry: no others than the pyramid has room for.
+    /// Planes that pixels carry, for which the pyramid has room.
     pub planes: Planes,
-    /// Whether there are highlights.
+    /// Whether surfaces have highlights.
     pub shines: bool,
-    /// Whether pixels that push leaves as they are are smoothed.
+    /// Whether push smooths the pixels of level 0 that it keeps.
     pub smooths: bool,
 }
 
 /// Dispatches over one pyramid and picture.
 struct Bound {
-    /// What they are bound to: the uniform, a plane of the pyramid, one of the picture.
+    /// Buffers that identify what is bound: the uniform, a plane of the pyramid, one of the
+    /// picture.
     to: [wgpu::Buffer; 3],
-    /// By what was chosen; points that begin to crowd while a camera moves cost no memory, nor bindings twice.
+    /// Stages of each choice so far: when a moving camera alternates between two choices, neither
+    /// is bound again.
     stages: Vec<(Choices, Vec<Stage>)>,
-    /// Bind groups keep memory alive; this counts it, and tests look at it.
+    /// Held here so that its bytes are counted, and for tests; bind groups alone would keep it
+    /// alive.
     scratch: Scratch,
 }
 
-/// A run of dispatches that is timed and tested by itself.
+/// Dispatches that are timed and tested together.
 #[derive(Debug)]
 pub struct Stage {
-    /// Its name: that of its twin.
+    /// Name of the CPU pass that it is compared with.
     pub name: &'static str,
-    /// What its time counts for.
+    /// Pass that its time is added to.
     pub pass: Pass,
     dispatches: Vec<Dispatch>,
 }
@@ -82,63 +88,12 @@ impl Stage {
     }
 }
 
-/// What the passes after push work on.
-pub struct Target<'a> {
-    /// The frame's uniform.
-    pub uniform: &'a wgpu::Buffer,
-    /// The pyramid, pushed.
-    pub pyramid: &'a GpuPyramid,
-    /// The picture.
-    pub picture: &'a GpuPicture,
-    /// Bits of `shaders/common/marks.wgsl`, a word a pixel.
-    pub marks: &'a Counted,
-    /// Depth after fill_holes, `f32` a pixel; [`crate::gpu::passes::silhouette`] makes the picture's from it. Then it is free for depth
-    /// smoothed along rows, and then for [`Target::shaded`].
-    pub depth: &'a Counted,
-    /// Whose attributes each pixel shows, a word a pixel (`shaders/common/source.wgsl`).
-    pub sources: &'a Counted,
-    /// Sources between two halves of a turn; then smooth depth.
-    pub spare: &'a Counted,
-    /// Colours before they are softened, sRGB bytes, a word a pixel.
-    pub shaded: &'a Counted,
-    /// What the turns of silhouette keep.
-    pub turns: &'a Turns,
-    /// The structure `SmoothDepth` of `shaders/common/smoothing.wgsl`.
-    pub smoothing: &'a Counted,
-}
-
-impl<'a> Target<'a> {
-    /// The picture's level.
-    pub fn base(&self) -> &'a GpuLevel {
-        &self.pyramid.levels[0]
-    }
-
-    /// A kernel over the picture that has the uniform at binding 0 and these after it.
-    pub(crate) fn dispatch(&self, gpu: &Gpu, kernel: &Kernel, buffers: &[&Counted]) -> Dispatch {
-        let size = [self.picture.width, self.picture.height];
-        Dispatch::over(gpu, kernel, size, &self.resources(buffers))
-    }
-
-    /// The same, one group.
-    pub(crate) fn one_group(&self, gpu: &Gpu, kernel: &Kernel, buffers: &[&Counted]) -> Dispatch {
-        Dispatch::new(gpu, kernel, Groups::Fixed([1, 1]), &self.resources(buffers))
-    }
-
-    pub(crate) fn resources<'b>(
-        &'b self,
-        buffers: &[&'b Counted],
-    ) -> Vec<(u32, wgpu::BindingResource<'b>)> {
-        let all = std::iter::once(self.uniform).chain(buffers.iter().map(|b| &***b));
-        (0..).zip(all.map(wgpu::Buffer::as_entire_binding)).collect()
-    }
-}
-
-/// Memory of the passes: four planes, used again and again.
+/// Memory of the passes: planes that several passes share, one after the other.
 struct Scratch {
     marks: Counted,
     sources: Counted,
     spare: Counted,
-    /// Depth after fill_holes, then rows, then colours.
+    /// [`SurfaceTarget::depth`] and [`SurfaceTarget::shaded`].
     work: Counted,
     turns: Turns,
     smoothing: Counted,
@@ -168,10 +123,21 @@ impl Scratch {
         uniform: &'a wgpu::Buffer,
         pyramid: &'a GpuPyramid,
         picture: &'a GpuPicture,
-    ) -> Target<'a> {
+    ) -> SurfaceTarget<'a> {
         let Self { marks, sources, spare, work, turns, smoothing } = self;
         let (depth, shaded) = (work, work);
-        Target { uniform, pyramid, picture, marks, depth, sources, spare, shaded, turns, smoothing }
+        SurfaceTarget {
+            uniform,
+            pyramid,
+            picture,
+            marks,
+            depth,
+            sources,
+            spare,
+            shaded,
+            turns,
+            smoothing,
+        }
     }
 }
 
@@ -179,25 +145,25 @@ impl Kernels {
     fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
         let has_normals = planes == Planes::Normals;
         thread::scope(|scope| {
-            let silhouette = Beside::begin(scope, || Silhouette::new(gpu, has_normals))?;
-            let fill_holes = Beside::begin(scope, || FillHoles::new(gpu, planes))?;
-            let push = Beside::begin(scope, || Push::new(gpu, planes))?;
-            let shade = Beside::begin(scope, || {
+            let silhouette = Compilation::start(scope, || Silhouette::new(gpu, has_normals))?;
+            let fill_holes = Compilation::start(scope, || FillHoles::new(gpu, planes))?;
+            let push = Compilation::start(scope, || Push::new(gpu, planes))?;
+            let shade = Compilation::start(scope, || {
                 Ok((Shade::new(gpu, has_normals)?, Antialias::new(gpu, has_normals)?))
             })?;
-            let smooth_depth = Beside::begin(scope, || {
+            let smooth_depth = Compilation::start(scope, || {
                 if has_normals { Ok(None) } else { SmoothDepth::new(gpu).map(Some) }
             })?;
             let edges = Kernel::new(gpu, sources::EWA_EDGES, "main", &[])?;
             let pull = Pull::new(gpu, planes)?;
-            let (shade, antialias) = shade.get()?;
+            let (shade, antialias) = shade.finish()?;
             Ok(Self {
                 edges,
                 pull,
-                push: push.get()?,
-                fill_holes: fill_holes.get()?,
-                silhouette: silhouette.get()?,
-                smooth_depth: smooth_depth.get()?,
+                push: push.finish()?,
+                fill_holes: fill_holes.finish()?,
+                silhouette: silhouette.finish()?,
+                smooth_depth: smooth_depth.finish()?,
                 shade,
                 antialias,
             })
@@ -207,7 +173,7 @@ impl Kernels {
     fn stages(
         &mut self,
         gpu: &Gpu,
-        target: &Target<'_>,
+        target: &SurfaceTarget<'_>,
         Choices { shines, smooths, .. }: Choices,
     ) -> Result<Vec<Stage>, GpuError> {
         let stage = |name, pass, dispatches| Stage { name, pass, dispatches };
@@ -215,7 +181,7 @@ impl Kernels {
         let marks = [&target.picture.depth, target.marks, target.sources];
         let push = self.push.dispatches(gpu, uniform, target.pyramid, smooths)?;
         let mut stages = vec![
-            // After EWA splatting, which has filled level 0 and the picture's depth.
+            // Runs after EWA splatting, which fills level 0 and the picture's depth.
             stage("edges", Pass::Blend, vec![target.dispatch(gpu, &self.edges, &marks)]),
             stage("pull", Pass::Pull, self.pull.dispatches(gpu, uniform, target.pyramid)),
             stage("push", Pass::Push, push),
@@ -247,12 +213,12 @@ impl Kernels {
 }
 
 impl Surface {
-    /// Adds the passes to the commands of a frame: level 0 of `pyramid` is filled, `picture` has its size, and
-    /// `uniform` holds the frame ([`crate::gpu::memory::frame::FrameUniform`]).
+    /// Adds the passes of `plan` to the commands of a frame. Level 0 of `pyramid` is filled,
+    /// `picture` has its size, and `uniform` holds the [`crate::gpu::memory::frame::FrameUniform`].
     ///
     /// # Errors
-    /// Where a shader or memory is refused.
-    #[allow(clippy::too_many_arguments, reason = "what a pass reads is named, one by one")]
+    /// If the driver refuses a shader or memory.
+    #[allow(clippy::too_many_arguments, reason = "each input of a pass has its own argument")]
     pub fn encode(
         &mut self,
         gpu: &Gpu,
@@ -272,10 +238,10 @@ impl Surface {
         Ok(())
     }
 
-    /// The passes one by one, of which [`Surface::encode`] runs those of a plan.
+    /// All passes in their order; [`Surface::encode`] runs those that a plan has.
     ///
     /// # Errors
-    /// Where a shader or memory is refused.
+    /// If the driver refuses a shader or memory.
     pub fn stages(
         &mut self,
         gpu: &Gpu,
@@ -286,7 +252,7 @@ impl Surface {
     ) -> Result<&[Stage], GpuError> {
         let to = [uniform, &pyramid.levels[0].front, &*picture.rgba].map(Clone::clone);
         if self.bound.as_ref().is_none_or(|bound| bound.to != to) {
-            // The old memory goes first, so that never both are there.
+            // The old memory is released first, so that both never exist at once.
             self.release();
             let scratch = Scratch::new(gpu, [picture.width, picture.height])?;
             self.bound = Some(Bound { to, stages: Vec::new(), scratch });
@@ -308,25 +274,25 @@ impl Surface {
         Ok(&stages[at].1)
     }
 
-    /// Whose attributes each pixel shows, as silhouette has found in the last frame (`shaders/common/source.wgsl`).
+    /// Source of each pixel in the last frame (`shaders/common/source.wgsl`).
     pub fn sources(&self) -> Option<&wgpu::Buffer> {
         self.bound.as_ref().map(|b| &*b.scratch.sources)
     }
 
-    /// Depths after fill_holes, while nothing that comes after it has run.
+    /// Depths that fill_holes left, until a later pass has run.
     pub fn filled(&self) -> Option<&wgpu::Buffer> {
         self.bound.as_ref().map(|b| &*b.scratch.work)
     }
 
-    /// Lets go of the pyramid and the picture that it was used with last, before others take their place.
+    /// Releases the pyramid and the picture of the last frame, before others replace them.
     pub fn release(&mut self) {
         self.bound = None;
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only). Whether any has.
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only). Whether any has.
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let mut is_changed = false;
         for kernel in self.kernels.values_mut().flat_map(Kernels::all) {

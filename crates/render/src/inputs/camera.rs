@@ -1,9 +1,10 @@
-//! The camera on the lattice: what a frame and a node give to each point's arithmetic (DESIGN
-//! section 4). The camera's lattice cell is subtracted as integers, only the difference becomes `f32`:
-//! its rounding is relative to the distance from the eye, so far coordinates do not jitter.
+//! The camera on the lattice: the numbers of a frame and of a node from which positions of points
+//! relative to the eye are computed. The lattice cell of the camera is subtracted in integers and
+//! only the difference becomes `f32`. Its rounding is relative to the distance from the eye, so far
+//! coordinates do not jitter.
 //!
-//! A difference may need more than 32 bits, and a GPU has no wider integers: it is kept as
-//! `high * 2^16 + low`, two integers that are exact in `f32`, so that their sum rounds once.
+//! A difference may need more than 32 bits, and a GPU has no wider integers. It is kept as `high *
+//! 2^16 + low`, two integers that are exact in `f32`, so that their sum rounds once.
 
 use crate::error::RenderError;
 use crate::frame::{DrawNode, PIXELS_MAX, SIDE_MAX};
@@ -15,9 +16,9 @@ use esker_points::{Lattice, Node};
 use fearless_simd::{Simd, f32x8};
 use glam::Vec3;
 
-/// Differences are clamped here; nothing this far away is on a picture.
+/// Greatest difference, steps; nothing beyond it is in a picture.
 const STEPS_FAR: f64 = (1u64 << 46) as f64;
-/// Bits a hot position can drop (the lattice has 32, a hot coordinate keeps 16).
+/// Most bits that a hot position drops: the lattice has 32 bits an axis, hot positions keep 16.
 pub(crate) const SHIFT_MAX: u8 = 16;
 
 /// Whether pictures of this size can be drawn.
@@ -27,29 +28,29 @@ pub fn is_drawable(width: u32, height: u32) -> bool {
     sides.contains(&width) && sides.contains(&height) && pixels <= PIXELS_MAX
 }
 
-/// The camera in `f32`, for a frame.
+/// Camera of a frame in `f32`.
 #[derive(Clone, Debug)]
 pub struct Camera {
     eye_steps: [f64; 3],
-    /// The eye on the lattice, rounded down: the part above 2^16 ...
+    /// The eye on the lattice, rounded down: the part above 2^16,
     pub eye_high: [i32; 3],
-    /// ... and the part below.
+    /// and the part below.
     pub eye_low: [i32; 3],
-    /// What rounding down left, steps.
+    /// Rest of the eye after rounding down, steps.
     pub eye_rest: Vec3,
-    /// Length of a lattice step, an axis, the file's unit.
+    /// Length of a lattice step along each axis, in the unit of the file.
     pub step: Vec3,
-    /// Rows right, up, back of the rotation from the world's axes to the view's.
+    /// Rows (right, up, back) of the rotation from world axes to view axes.
     pub view_from_world: [Vec3; 3],
     /// Pixels that a unit of length takes at unit depth.
     pub focal_px: f32,
-    /// The picture's middle in pixels.
+    /// Centre of the picture, pixels.
     pub centre_px: [f32; 2],
-    /// Pixels in a row, rows; of the picture with its margin.
+    /// Width and height of the picture with its margin, pixels.
     pub size: [u32; 2],
-    /// What is drawn beyond the picture on each side, pixels ([`crate::picture::margin`]).
+    /// Width of the margin on each side, pixels ([`crate::picture::margin`]).
     pub margin_px: u32,
-    /// What is nearer is not drawn.
+    /// Depth of the near plane.
     pub near: f32,
 }
 
@@ -57,7 +58,8 @@ impl Camera {
     /// The camera of a view.
     ///
     /// # Errors
-    /// Where the view is no usable camera.
+    /// If the size of the view is not supported, or its eye, direction, field of view or near plane
+    /// is not usable.
     pub fn new(view: &View, lattice: &Lattice) -> Result<Self, RenderError> {
         let (width, height) = (view.width, view.height);
         if !is_drawable(width, height) {
@@ -81,13 +83,13 @@ impl Camera {
             focal_px: view.focal_px() as f32,
             centre_px: [width as f32 * 0.5, height as f32 * 0.5],
             size: [width, height],
-            // A pixel at least is shown.
+            // At least one pixel remains after cropping.
             margin_px: view.margin_px.min((width.min(height) - 1) / 2),
             near: (view.near as f32).max(f32::MIN_POSITIVE),
         })
     }
 
-    /// The same with so much of its margin.
+    /// The camera with a margin of at most `margin_px` pixels.
     pub fn with_margin(self, margin_px: u32) -> Self {
         let left_out = self.margin_px.saturating_sub(margin_px);
         Self {
@@ -98,19 +100,19 @@ impl Camera {
         }
     }
 
-    /// A direction of the world in view space.
+    /// Transforms a direction from world to view space.
     pub fn to_view(&self, v: Vec3) -> Vec3 {
         let [right, up, back] = self.view_from_world;
         Vec3::new(right.dot(v), up.dot(v), back.dot(v))
     }
 
-    /// Directions to the eye from the middles of eight pixels of a row, the first of which is given; right, up and back, of
-    /// unit length.
+    /// Directions to the eye from the centres of eight pixels, of which (`x`, `y`) is the first:
+    /// right, up and back, of unit length.
     #[inline(always)]
     pub(crate) fn to_eye<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3] {
         let [middle_x, middle_y] = self.centre_px;
         let columns = load(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-        // By 32 bits, which take an instruction.
+        // Via `u32`, which converts in one instruction.
         let left = -(columns + (x as u32 as f32 + 0.5 - middle_x));
         let down = y as u32 as f32 + 0.5 - middle_y;
         let beside = simd.splat_f32x8(down * down + self.focal_px * self.focal_px);
@@ -118,7 +120,8 @@ impl Camera {
         [left * per_length, per_length * down, per_length * self.focal_px]
     }
 
-    /// A place of the lattice against the eye, in steps: the same bits from whichever node it is asked.
+    /// Position of a lattice point relative to the eye, steps. It does not depend on a node, so
+    /// nodes that share a point get the same bits.
     #[inline(always)]
     pub fn steps_from_eye(&self, at: [u32; 3]) -> Vec3 {
         let axis = |i: usize| {
@@ -129,10 +132,10 @@ impl Camera {
         Vec3::new(axis(0), axis(1), axis(2))
     }
 
-    /// The constants of a node's points.
+    /// Constants for the positions of the points of a node.
     pub fn place(&self, node: &Node, has_residual: bool) -> NodePlace {
         let shift = node.hot_shift.min(SHIFT_MAX);
-        // Without the dropped bits a point stands in the middle of its hot step.
+        // Without the dropped bits a point is drawn in the middle of its hot step.
         let middle = if has_residual { 0.0 } else { ((1u32 << shift) - 1) as f64 * 0.5 };
         let mut place =
             NodePlace { shift, base_high: [0; 3], base_low: [0; 3], bias_steps: Vec3::ZERO };
@@ -149,30 +152,31 @@ impl Camera {
     }
 }
 
-/// A node's place against the eye, for its points' arithmetic.
+/// Position of a node relative to the eye, from which those of its points are computed.
 #[derive(Clone, Copy, Debug)]
 pub struct NodePlace {
-    /// Bits that hot positions drop.
+    /// Number of bits that hot positions drop.
     pub shift: u8,
-    /// `box_min` less the eye, in steps, rounded down: the part above 2^16 ...
+    /// `box_min` minus the eye, steps, rounded down: the part above 2^16,
     pub base_high: [i32; 3],
-    /// ... and the part below.
+    /// and the part below.
     pub base_low: [i32; 3],
-    /// What rounding down left, and half a hot step where the dropped bits are not there.
+    /// Rest after rounding down, and half a hot step if the dropped bits are missing, steps.
     pub bias_steps: Vec3,
 }
 
 impl NodePlace {
-    /// Whole steps of the box from the eye, where no place in it is so far that high and low parts have to be apart:
-    /// the sum with an offset rounds to the same `f32`.
+    /// Whole steps from the eye to the box, if the node is so near that high and low part fit one
+    /// integer: the sum with an offset then rounds to the same `f32`.
     pub fn near(&self) -> Option<[i32; 3]> {
-        /// With this the sum stays under 2^31, for the highest of hot positions as well.
+        /// Keeps the sum below 2^31 for the greatest hot position.
         const HIGH_MAX: u32 = 1 << 14;
         let is_near = self.shift < 14 && self.base_high.iter().all(|h| h.unsigned_abs() < HIGH_MAX);
         is_near.then(|| [0, 1, 2].map(|i| (self.base_high[i] << 16) + self.base_low[i]))
     }
 
-    /// A point against the eye along an axis, in steps, from its offset in the node's box.
+    /// Position of a point relative to the eye along an axis, steps, from its offset in the box of
+    /// the node.
     #[inline(always)]
     pub fn axis_steps(&self, axis: usize, offset: u32) -> f32 {
         let high = self.base_high[axis].wrapping_add((offset >> 16) as i32);
@@ -180,14 +184,14 @@ impl NodePlace {
         high as f32 * 65_536.0 + low as f32 + self.bias_steps[axis]
     }
 
-    /// A point against the eye, in steps, from its offset in the node's box.
+    /// Position of a point relative to the eye, steps, from its offset in the box of the node.
     #[inline(always)]
     pub fn steps_from_eye(&self, offset: [u32; 3]) -> Vec3 {
         Vec3::from_array([0, 1, 2].map(|i| self.axis_steps(i, offset[i])))
     }
 }
 
-/// The planes that positions are decoded from, cut to the points that they all have.
+/// The planes that positions are decoded from, up to the shortest one.
 #[derive(Clone, Copy, Debug)]
 pub struct Positions<'a> {
     /// Number of points.
@@ -198,7 +202,7 @@ pub struct Positions<'a> {
 }
 
 impl<'a> Positions<'a> {
-    /// The points of a node that are drawn. A residual plane that is too short serves nobody.
+    /// Positions of the drawn points of a node. A residual plane that is too short is ignored.
     pub fn of(draw: &DrawNode<'a>) -> Self {
         let shift = draw.node.hot_shift.min(SHIFT_MAX);
         let len = draw.prefix.min(draw.position.len() / HOT_POSITION_BYTES);
@@ -207,13 +211,13 @@ impl<'a> Positions<'a> {
         Self { len, hot: draw.position, residual, shift }
     }
 
-    /// Whether positions are exact.
+    /// Whether no bits are missing.
     pub fn is_exact(&self) -> bool {
         self.residual.is_some()
     }
 
-    /// Offsets of the points from `first` on, as many as there are and `out` takes: what [`Positions::offset`]
-    /// says of each, by straight loops that become SIMD. Returns their number.
+    /// Writes the offsets ([`Positions::offset`]) of points from `first` on, as many as `out` has
+    /// room for, by straight loops that are vectorised. Returns their number.
     #[inline(always)]
     pub fn offsets<const N: usize>(&self, first: usize, out: &mut [[u32; N]; 3]) -> usize {
         let count = N.min(self.len - first);
@@ -252,14 +256,14 @@ impl<'a> Positions<'a> {
         count
     }
 
-    /// Says ahead that a point's offset will be asked for.
+    /// Prefetches the data of a point's offset.
     #[inline(always)]
     pub fn fetch(&self, index: usize) {
         fetch(self.hot, index * HOT_POSITION_BYTES);
     }
 
-    /// Offset of a point in its node's box, in steps, without the dropped bits where these are not
-    /// there; and its radius code.
+    /// Offset of a point in the box of its node, steps, without the dropped bits if they are
+    /// missing; and the code of its radius.
     #[inline(always)]
     pub fn offset(&self, index: usize) -> ([u32; 3], u8) {
         let mut raw = [0; HOT_POSITION_BYTES];

@@ -1,38 +1,38 @@
-//! Colours of points: what they come from ([`ColourBy`]), the maps from values to colours, and the
-//! tables between sRGB bytes and linear light. Averages and lighting are done in linear light; bytes are
-//! sRGB on both ends.
+//! Colours of points: their sources ([`ColourBy`]), maps from values to colours, and conversion
+//! between sRGB bytes and linear light. Averages and lighting are computed in linear light; bytes
+//! are sRGB on both ends.
 
 use crate::simd::values::{Values, WHOLE};
 use fearless_simd::{Bytes, Simd, f32x8, u32x8};
 use glam::Vec3;
 use std::sync::LazyLock;
 
-/// What gives points their colour.
+/// Source of the colours of points.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 #[allow(clippy::large_enum_variant, reason = "there is one a frame")]
 pub enum ColourBy {
-    /// One colour for all: shape by light alone.
+    /// One colour for all points.
     #[default]
     Plain,
     /// The colour plane.
     Rgb,
-    /// The scalar plane, mapped.
+    /// The scalar plane, mapped to colours.
     Scalar(ColourMap),
-    /// The scalar plane, whose values are numbers below 256 of a book of colours.
+    /// The scalar plane, whose values are numbers below 256 with a colour each.
     Codes(Codebook),
-    /// World z, mapped.
+    /// World z, mapped to colours.
     Elevation(ColourMap),
-    /// Eye depth, mapped.
+    /// Eye depth, mapped to colours.
     EyeDepth(ColourMap),
-    /// Size of the node's cell, a hue each: shows the levels of detail.
+    /// Size of the cell of the node, one hue a size: shows the levels of detail.
     Cell,
-    /// The world normal, x y z as red green blue.
+    /// The world normal, with x, y, z as red, green, blue.
     Normal,
 }
 
 impl ColourBy {
-    /// Its number, as the shaders have it.
-    pub fn number(&self) -> u32 {
+    /// Number of the source in shaders.
+    pub const fn number(&self) -> u32 {
         match self {
             Self::Plain => 0,
             Self::Rgb => 1,
@@ -49,7 +49,7 @@ impl ColourBy {
         matches!(self, Self::Rgb | Self::Scalar(_) | Self::Codes(_))
     }
 
-    /// Whether colours stand for names: what lies between two of them means nothing.
+    /// Whether colours stand for names, so that a mixture of two colours means nothing.
     pub fn names(&self) -> bool {
         matches!(self, Self::Codes(Codebook::Classes | Codebook::Labels) | Self::Cell)
     }
@@ -61,11 +61,11 @@ impl ColourBy {
 pub enum Codebook {
     /// ASPRS classes.
     Classes,
-    /// Numbers that name something, a hue each.
+    /// Labels, one hue each.
     Labels,
-    /// A palette from 0 to 254 ([`esker_points::codes`]); 255 is no number.
+    /// A palette from 0 to 254 ([`esker_points::codes`]); 255 stands for NaN.
     Along(Palette),
-    /// Colours of its own (sRGB), as files have them that number those of their points.
+    /// These colours (sRGB), for files that number the colours of their points.
     Own([[u8; 3]; 256]),
 }
 
@@ -88,9 +88,9 @@ impl Codebook {
     }
 }
 
-/// A map from a range of values to colours; values as they are stored (where a schema scales an
-/// attribute, the caller scales the range back). What lies outside has the colour of the nearer end, what is
-/// no number is grey.
+/// A map from a range of values to colours. Values are as stored; if a schema scales an attribute,
+/// the caller scales the range back. Values outside the range have the colour of the nearer end;
+/// NaN is grey.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColourMap {
     /// Value of the first colour.
@@ -101,10 +101,11 @@ pub struct ColourMap {
     pub palette: Palette,
 }
 
-/// A sequence of colours.
+/// A sequence of colours to map values to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Palette {
-    /// Perceptually even, dark blue over green to yellow, fit for the colour-blind.
+    /// Perceptually uniform, from dark blue over green to yellow; suitable for colour-blind viewers
+    /// (`smith2015`).
     #[default]
     Viridis,
     /// Black to white.
@@ -114,7 +115,7 @@ pub enum Palette {
 }
 
 impl Palette {
-    /// Its name.
+    /// Name of the palette.
     pub fn name(self) -> &'static str {
         match self {
             Self::Viridis => "viridis",
@@ -124,13 +125,13 @@ impl Palette {
     }
 }
 
-/// The colour of points that have none (sRGB): a warm clay.
+/// Colour of points without colours (sRGB): a warm clay.
 pub const PLAIN: [u8; 3] = [204, 196, 184];
-/// The colour of values that are no number.
+/// Colour of NaN.
 const NO_NUMBER: [u8; 3] = [128, 128, 128];
 
-/// Colours of a palette at even distances, sRGB; between them is interpolated in linear light.
-/// Viridis after Smith and van der Walt (matplotlib, CC0).
+/// Colours of each palette at even distances, sRGB; colours in between are interpolated in linear
+/// light. Viridis: `smith2015`.
 const VIRIDIS: [[u8; 3]; 11] = [
     [68, 1, 84],
     [72, 36, 117],
@@ -154,7 +155,7 @@ const TERRAIN: [[u8; 3]; 6] = [
     [246, 244, 240],
 ];
 
-/// ASPRS classes 0 to 22 (LAS 1.4 R15, table 17), sRGB.
+/// Colours of the ASPRS classes 0 to 22 (`asprs2019`, table 17), sRGB.
 const CLASSES: [[u8; 3]; 23] = [
     [150, 150, 150], // never classified
     [190, 190, 190], // unclassified
@@ -181,7 +182,8 @@ const CLASSES: [[u8; 3]; 23] = [
     [96, 96, 96],    // temporal exclusion
 ];
 
-/// Entries of the table from linear light to sRGB: fine enough that darks are at most one byte off.
+/// Entries of the table from linear light to sRGB: enough that dark colours are at most one byte
+/// off.
 pub(crate) const ENCODE_ENTRIES: usize = 1 << 13;
 
 static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
@@ -191,7 +193,7 @@ static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
-/// Bytes of the entries, and of full light.
+/// Bytes of the entries and of full light.
 type Table = [u8; ENCODE_ENTRIES + 1];
 
 static TO_SRGB: LazyLock<Box<Table>> = LazyLock::new(|| {
@@ -204,19 +206,19 @@ static TO_SRGB: LazyLock<Box<Table>> = LazyLock::new(|| {
     table
 });
 
-/// Linear light of sRGB bytes.
+/// Converts sRGB bytes to linear light.
 #[inline]
 pub fn linear(srgb: [u8; 3]) -> Vec3 {
     let table = &*TO_LINEAR;
     Vec3::from_array(srgb.map(|c| table[usize::from(c)]))
 }
 
-/// From linear light to sRGB bytes, clamped; what is no number is black.
+/// Converts linear light to sRGB bytes, clamped; NaN becomes black.
 #[derive(Clone, Copy, Debug)]
 pub struct Encoder(&'static Table);
 
 impl Encoder {
-    /// The table, made at the first call.
+    /// The encoder; its table is computed at the first call.
     pub fn get() -> Self {
         Self(&TO_SRGB)
     }
@@ -224,26 +226,28 @@ impl Encoder {
     /// sRGB bytes of a colour.
     #[inline]
     pub fn bytes(self, c: Vec3) -> [u8; 3] {
-        // `as` saturates and takes what is no number for zero.
+        // `as` saturates and turns NaN into zero.
         c.to_array()
             .map(|c| self.0[((c * ENCODE_ENTRIES as f32 + 0.5) as usize).min(ENCODE_ENTRIES)])
     }
 }
 
-/// sRGB over linear light beyond its straight part, by powers of light's fourth root, lowest first; of a byte, to a
-/// hundredth of it.
+/// Coefficients of sRGB beyond its linear segment in powers of the fourth root of light, lowest
+/// first; exact to a hundredth of a byte.
 const CURVE: [f32; 5] = [-16.475_954, 50.014_74, 286.283_55, -85.552_58, 20.739_016];
-/// The straight part's slope, of a byte, and its end.
+/// Slope of the linear segment of sRGB, bytes, and its end.
 const STRAIGHT: f32 = 12.92 * 255.0;
 const STRAIGHT_END: f32 = 0.003_130_8;
 
-/// sRGB bytes of eight colours in linear light, a word each, red lowest, opaque; clamped, and what is no number is black.
+/// Converts eight colours from linear light to opaque sRGB words, red in the lowest byte; clamped,
+/// and NaN becomes black.
 #[inline(always)]
 pub(crate) fn words<S: Simd>([r, g, b]: [f32x8<S>; 3]) -> u32x8<S> {
     (bytes(r) | bytes(g) << 8) | (bytes(b) << 16 | 0xff00_0000)
 }
 
-/// Bytes in the last bits of words, whose first byte means nothing; the others are zero.
+/// sRGB bytes of light in the lowest bits of words, whose highest byte is undefined; the other bits
+/// are zero.
 #[inline(always)]
 fn bytes<S: Simd>(light: f32x8<S>) -> u32x8<S> {
     let light = Values::min(Values::max(light, light.like(0.0)), light.like(1.0));
@@ -259,21 +263,21 @@ fn bytes<S: Simd>(light: f32x8<S>) -> u32x8<S> {
     (byte + WHOLE).bitcast()
 }
 
-/// A colour map as a table in linear light.
+/// Table of a colour map, linear light.
 #[derive(Clone, Debug)]
 pub struct MapTable {
     low: f64,
     per_unit: f64,
-    /// Those of the palette; after them the colour of what is no number.
+    /// Colours of the palette, then the colour of NaN.
     colours: Vec<Vec3>,
 }
 
 impl MapTable {
     const ENTRIES: usize = 256;
-    /// The entry of what is no number.
+    /// Entry of NaN.
     pub(crate) const NO_NUMBER: usize = Self::ENTRIES;
 
-    /// The table of a map.
+    /// Computes the table of a map.
     pub fn new(map: &ColourMap) -> Self {
         let stops: &[[u8; 3]] = match map.palette {
             Palette::Viridis => &VIRIDIS,
@@ -287,7 +291,7 @@ impl MapTable {
             linear(stops[k]).lerp(linear(stops[k + 1]), at - k as f32)
         });
         let colours = palette.chain([linear(NO_NUMBER)]).collect();
-        // A range without extent maps to its first colour.
+        // An empty range maps to its first colour.
         let per_unit = last as f64 / (map.high - map.low);
         let per_unit = if per_unit.is_finite() { per_unit } else { 0.0 };
         Self { low: map.low, per_unit, colours }
@@ -315,7 +319,7 @@ impl MapTable {
     }
 }
 
-/// Colour of an ASPRS class, linear light. Classes above 22 get a hue of their own.
+/// Colour of an ASPRS class, linear light. Classes above 22 have a hue each.
 pub fn class_colour(class: u8) -> Vec3 {
     match CLASSES.get(usize::from(class)) {
         Some(&c) => linear(c),
@@ -323,7 +327,8 @@ pub fn class_colour(class: u8) -> Vec3 {
     }
 }
 
-/// Well-told-apart hues for small numbers: golden-angle steps around the wheel, linear light.
+/// Hue of a small number, linear light: golden-angle steps around the colour wheel keep
+/// neighbouring numbers distinct.
 pub fn hue(number: u32) -> Vec3 {
     let turn = (number as f32 * 0.618_034).fract() * std::f32::consts::TAU;
     let wave = |shift: f32| 0.5 + 0.38 * (turn + shift).cos();

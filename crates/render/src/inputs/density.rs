@@ -1,20 +1,23 @@
-//! How densely a view is drawn, by the nodes of its cut: so that no pixel is without a point, which saves pull and push;
-//! or so that points share pixels, which are then averaged. The plan of a frame asks ([`crate::plan`]).
+//! Density of a view, from the nodes of its cut: dense if no pixel is without a point, which saves
+//! pull and push; crowded if points share pixels, which are then averaged.
+//! [`crate::FramePlan::new`] uses both.
 
 use esker_lod::{CompactOctree, View};
 use esker_points::{Lattice, Node};
 use glam::DVec3;
 
-/// A view is dense where points are drawn at most this far apart everywhere, pixels: then no pixel of the front
-/// surface is without a point of its own, and nothing is left to be pushed. Samples are even: their gaps are
-/// at most 1.42 times as wide as those of a Poisson-disk sample, whose circles of one spacing hold a point each.
+/// A view is dense if points are nowhere farther apart than this, pixels: then no pixel of the
+/// front surface is without a point, and push has nothing to fill. Samples are even: their gaps are
+/// at most 1.42 times as wide as those of a Poisson-disk sample, in which every circle of one
+/// spacing holds a point.
 pub const DENSE_PX: f64 = 0.5;
 
-/// Points crowd where most of them are drawn closer than this, pixels: about two share a pixel.
+/// A view is crowded if most points are closer together than this, pixels: about two points share a
+/// pixel.
 pub const CROWDED_PX: f64 = 0.75;
 
-/// Whether these nodes, given with their entries in the octree of the cut, are drawn so densely that no pixel of
-/// their surfaces is without a point. Where something is drawn below a node, its points are among those.
+/// Whether a view is dense. `nodes` are the drawn nodes with their indices in `octree`. A node
+/// below which something is drawn counts with the spacing of what is drawn there.
 pub fn is_dense<'a>(
     view: &View,
     lattice: &Lattice,
@@ -32,8 +35,9 @@ pub fn is_dense<'a>(
     any && is_dense
 }
 
-/// Whether points crowd: half of those of the finest nodes (given with their entries in the octree of the cut, and the
-/// number drawn) are closer together on the picture than [`CROWDED_PX`], by the middle of their node.
+/// Whether a view is crowded: at least half of the points of the finest nodes are closer together
+/// than [`CROWDED_PX`], at the distance of the centre of their node. `nodes` are the drawn nodes
+/// with their indices in `octree` and their numbers of drawn points.
 pub fn is_crowded<'a>(
     view: &View,
     lattice: &Lattice,
@@ -47,7 +51,8 @@ pub fn is_crowded<'a>(
             None => Some(node.spacing),
         };
         let Some(spacing) = spacing else { continue };
-        // Its box is more than half of what hot positions reach, and all of it at most.
+        // The box of a node covers between half and all of the range of hot positions; three
+        // eighths of the range is its centre on average.
         let half = 0.375 * 2f64.powi(16 + i32::from(node.hot_shift.min(16)));
         let middle =
             [0, 1, 2].map(|axis| lattice.world_axis(axis, f64::from(node.box_min[axis]) + half));
@@ -61,7 +66,7 @@ pub fn is_crowded<'a>(
     crowded > 0 && crowded * 2 >= all
 }
 
-/// How far points of this spacing are apart on the picture where a node comes nearest, pixels.
+/// Distance of points of this spacing on the picture where a node comes nearest, pixels.
 fn nearest_spacing_px(view: &View, lattice: &Lattice, node: &Node, spacing: f64) -> f64 {
     let [low, high] = node
         .own_box()

@@ -1,4 +1,4 @@
-//! What passes read beside the points: camera, colour maps, density, and look-ups of a point's values.
+//! Inputs of the passes: camera, colour maps, density of the view, attributes of points.
 
 pub mod camera;
 pub mod colour;

@@ -17,21 +17,21 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Weights of coverage along an axis (binomial).
-const COVERAGE: [f32; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
-const COVERAGE_SUM: f32 = 256.0;
+pub(crate) const COVERAGE: [f32; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
+pub(crate) const COVERAGE_SUM: f32 = 256.0;
 /// Positions of the weights, pixels from the middle.
 const PLACES: [f32; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
 /// Weights of colours along an axis.
-const COLOUR: [f32; 3] = [1.0, 2.0, 1.0];
-const COLOUR_SUM: f32 = 16.0;
+pub(crate) const COLOUR: [f32; 3] = [1.0, 2.0, 1.0];
+pub(crate) const COLOUR_SUM: f32 = 16.0;
 /// Steepness of the outline over that of the weighted count. Steeper outlines show steps again.
-const STEEP: f32 = 1.5;
+pub(crate) const STEEP: f32 = 1.5;
 /// Distance by which outlines are taken back, pixels. More dents outlines of sparse samples.
-const INSET_PX: f32 = 0.4;
+pub(crate) const INSET_PX: f32 = 0.4;
 /// Depth over width beyond which neighbouring pixels show two surfaces.
-const STEP_PX: f32 = 6.0;
+pub(crate) const STEP_PX: f32 = 6.0;
 /// Square of the cosine (30 degrees) below which neighbouring normals make a crease.
-const CREASE: f32 = 0.75;
+pub(crate) const CREASE: f32 = 0.75;
 
 /// Whether two normals of any length make a crease.
 #[inline]

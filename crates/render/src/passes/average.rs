@@ -13,18 +13,18 @@ use crate::inputs::camera::{Camera, NodePlace};
 use crate::inputs::lookup::{Lookup, is_hidden, normal_at};
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{Level, Planes, for_each_row};
-use crate::simd::lanes::Lane;
+use crate::simd::values::Lane;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Steps that values from 0 to 1 are quantised to before they are summed.
-const STEPS: f32 = 16_383.0;
+pub(crate) const STEPS: f32 = 16_383.0;
 /// Greatest component of a mean of normals that counts as no normal.
 const NO_NORMAL: f32 = 2.0 / STEPS;
 /// Most points of a pixel whose sums fit into 32 bits; with more, the winner stays.
-const POINTS_MAX: f32 = 262_144.0;
+pub(crate) const POINTS_MAX: f32 = 262_144.0;
 /// Points per job.
 const JOB_POINTS: usize = 1 << 14;
 /// Points that are projected together, before any is added, by arithmetic without branches.

@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 pub(crate) const CELL_PX: usize = 32;
 /// Bits of a depth below those that number its slice: eight slices double the depth, so a slice is
 /// about as deep as a cell is wide.
-const SLICE_BITS: u32 = 20;
+pub(crate) const SLICE_BITS: u32 = 20;
 /// Slices per column of cells: depths that differ by a factor of 16, or a power of it, share one.
 pub(crate) const SLICES: usize = 32;
 /// Slots of a cell: the first for all scans, the others for one scan each, by its number modulo
@@ -29,12 +29,12 @@ pub(crate) const SLICES: usize = 32;
 pub(crate) const SLOTS: usize = 16;
 /// Steps that values from 0 to 1 are quantised to before they are summed: sums of a cell are whole
 /// numbers that `f32` represents.
-const STEPS: f32 = 16_383.0;
+pub(crate) const STEPS: f32 = 16_383.0;
 /// Greatest factor that colours are multiplied by, and inverse of the least: greater differences
 /// are not due to exposure.
-const GAIN_MAX: f32 = 2.0;
+pub(crate) const GAIN_MAX: f32 = 2.0;
 /// Added to means before they are divided, so that nearly black colours get no gain.
-const DARK: f32 = 1e-3;
+pub(crate) const DARK: f32 = 1e-3;
 
 /// Sums for the cells of a picture. Memory is kept from frame to frame.
 #[derive(Debug, Default)]

@@ -17,19 +17,19 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 /// Least number of the eight neighbours that are in front. A gap one pixel wide has six.
-const SURROUNDED: usize = 6;
+pub(crate) const SURROUNDED: usize = 6;
 /// Least number of neighbours in front of a pixel that is enclosed: the pixels of a gap two by two
 /// pixels wide have five. A pixel is enclosed if in all eight directions a surface in front begins
 /// within its own radius, and within [`WITHIN_PX`]: discs of samples farther apart would not close
 /// the gap either. Three pixels would exceed the bound of `crates/engine/tests/occlusion.rs`.
-const CORNERED: usize = 5;
-const WITHIN_PX: usize = 2;
+pub(crate) const CORNERED: usize = 5;
+pub(crate) const WITHIN_PX: usize = 2;
 /// Least distance of the neighbours in front, over their radius, with normals and without:
 /// intervals are shorter with normals, so gaps show nearer surfaces. And their least value, pixels.
-const BEFORE: [f32; 2] = [0.5, 1.0];
-const BEFORE_MIN_PX: f32 = 1.0;
+pub(crate) const BEFORE: [f32; 2] = [0.5, 1.0];
+pub(crate) const BEFORE_MIN_PX: f32 = 1.0;
 /// Number of rounds: the second closes the pixels that the first left of wider gaps.
-const ROUNDS: usize = 2;
+pub(crate) const ROUNDS: usize = 2;
 
 /// New attributes of a pixel.
 struct Patch {

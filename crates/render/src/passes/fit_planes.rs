@@ -26,42 +26,42 @@ pub const SQUARE_PX: usize = 4;
 pub const BARE_REACH: f32 = 2.0;
 /// Greatest distance of a neighbour from a plane that counts, as a slope across the width of a
 /// square.
-const OFF_MAX: f32 = 1.0;
+pub(crate) const OFF_MAX: f32 = 1.0;
 /// Most neighbours within the picture without a point: no plane is fitted to thin or ending
 /// surfaces.
-const MISSING_MAX: f32 = 1.0;
+pub(crate) const MISSING_MAX: f32 = 1.0;
 /// Least area between two neighbours, over that of a square: no plane is fitted to points on a
 /// line.
-const AREA_MIN: f32 = 0.2;
+pub(crate) const AREA_MIN: f32 = 0.2;
 /// Least improvement of the sum of distances by another plane, over the greatest distance that
 /// counts: less is rounding.
-const BETTER: f32 = 1e-3;
+pub(crate) const BETTER: f32 = 1e-3;
 /// Marks squares outside the picture in `near`, which otherwise holds 1 / depth.
 const OUTSIDE: f32 = -1.0;
 /// Greatest relative difference of a neighbour's 1 / depth, so that all values stay finite.
-const NEARER_MAX: f32 = 1e6;
+pub(crate) const NEARER_MAX: f32 = 1e6;
 /// Neighbours of a square: those at its sides, in a circle, then those at its corners.
 const AROUND: [[isize; 2]; 8] =
     [[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]];
 
 /// How far planes are trusted.
 #[derive(Clone, Copy, Debug)]
-struct Trust {
+pub(crate) struct Trust {
     /// Length of the depth interval across a plane on which all neighbours lie, over the drawn
     /// radius.
-    reach: f32,
+    pub(crate) reach: f32,
     /// Mean distances from a plane, over the greatest that counts, up to which it is trusted fully,
     /// and from which it is not trusted.
-    distance: [f32; 2],
+    pub(crate) distance: [f32; 2],
 }
 
 /// Trust where points lie apart. Intervals are shorter than a stored radius, since fitted planes
 /// are rough.
-const APART: Trust = Trust { reach: 0.8, distance: [0.2, 0.4] };
+pub(crate) const APART: Trust = Trust { reach: 0.8, distance: [0.2, 0.4] };
 /// Trust where points crowd. Colours are averages of all points in the interval there: short
 /// intervals make scans flicker. Planes are trusted less than where points lie apart, or more
 /// pixels depend on hidden nodes (`crates/engine/tests/occlusion.rs`).
-const CROWDED: Trust = Trust { reach: BARE_REACH, distance: [0.18, 0.35] };
+pub(crate) const CROWDED: Trust = Trust { reach: BARE_REACH, distance: [0.18, 0.35] };
 
 /// A plane fitted to a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn planes_are_fitted_exactly_and_trusted_at_any_slope() {
+    fn planes_are_fitted_exactly_at_any_slope_and_trusted() {
         for [right, down] in [[0.0, 0.0], [1e-3, -2e-3], [-2e-3, 0.0], [3e-3, 3e-3]] {
             // 1 / depth is linear in the picture.
             let near =
@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn points_off_any_surface_keep_long_intervals() {
+    fn unrelated_depths_keep_long_intervals() {
         // Leaves: depths unrelated to each other.
         let leaves = target(60, |x, y| 1.0 + ((x * 7919 + y * 104_729) % 101) as f32 * 0.05);
         let fitted = fit(&leaves);

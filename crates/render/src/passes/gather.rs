@@ -7,9 +7,11 @@ use crate::inputs::lookup::{Lookup, NO_NORMAL, RADIUS_MAX, normal_code};
 use crate::passes::fit_planes::{BARE_REACH, FittedPlane, FittedPlanes};
 use crate::passes::project::{EMPTY, unpack};
 use crate::passes::tangent::{Lens, SLOPE_MAX};
-use crate::picture::pyramid::{INVALID, Level, Planes, RowMut, for_each_row};
-use crate::simd::lanes::{FITTED, FLAT, LANES, Lane, NORMALS, Pixels, moved, only};
-use crate::simd::values::directions;
+use crate::picture::pyramid::{
+    FITTED, FLAT, INVALID, Level, NORMALS, Planes, RowMut, for_each_row,
+};
+use crate::simd::lanes::{LANES, Pixels, moved, only};
+use crate::simd::values::{Lane, directions};
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
 use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
@@ -17,25 +19,25 @@ use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 /// Drawn radii over stored ones, with normals and without. A coarser pixel's ellipse is the mean of
 /// its points' ellipses, which covers less than they do, so stored radii would leave holes in
 /// tilted walls. Circles lose less, and what they add shows at silhouettes.
-const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
+pub(crate) const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
 /// Added to projected radii, pixels, with normals and without: a pixel is covered where its centre
 /// is. With less, the far side shows through a sphere of half a point per pixel.
-const RADIUS_MARGIN_PX: [f32; 2] = [0.35, 0.5];
+pub(crate) const RADIUS_MARGIN_PX: [f32; 2] = [0.35, 0.5];
 /// Share that radii take of the stretch of the picture away from its middle. Discs without normals
 /// are 1.15 spacings wide and gaps of even samples at most 0.84, so only a stretch beyond their
 /// ratio opens holes. A greater share exceeds the bound of `crates/engine/tests/popping.rs`.
-const STRETCHED: f32 = 0.83;
+pub(crate) const STRETCHED: f32 = 0.83;
 /// Minor axes over those of the projected disc, for tilted discs: the mean of two ellipses one
 /// above the other covers least of all.
-const MINOR_FACTOR: f32 = 1.3;
+pub(crate) const MINOR_FACTOR: f32 = 1.3;
 /// Half of the least minor axis of an ellipse, pixels. Thinner ellipses pass between the centres of
 /// pixels and leave holes in tilted floors.
-const MINOR_MIN_PX: f32 = 1.4;
+pub(crate) const MINOR_MIN_PX: f32 = 1.4;
 /// Thickness of a surface across its plane, over the stored radius, with normals.
-const THICKNESS: f32 = 1.0;
+pub(crate) const THICKNESS: f32 = 1.0;
 /// Greatest length of the depth interval over the drawn radius with fitted planes, since steep ones
 /// are rough.
-const SLANT_REACH_MAX: f32 = 3.0;
+pub(crate) const FITTED_REACH_MAX: f32 = 3.0;
 
 /// Fills level 0 from the frame buffer. Planes of pixels are those of `fitted`, if the level has
 /// fitted planes. Returns the number of valid pixels.
@@ -245,7 +247,7 @@ impl Hits {
                 let [_, major] = disc_stretch(normal, ray);
                 radius_px = Vec4::select(is_fitted, in_pixels(Vec4::ONE, major), radius_px);
                 out.tint[3] = radius_px;
-                reach = radius * (plate * across).min(Vec4::splat(SLANT_REACH_MAX));
+                reach = radius * (plate * across).min(Vec4::splat(FITTED_REACH_MAX));
                 // Discs stay at their pixels, and get the depths of their planes there.
                 let to_centre = [out.front[2], out.front[3]];
                 let moved = moved::<PLANE, _>(tilt, tilt[0], to_centre);

@@ -32,7 +32,7 @@ pub fn unpack(value: u64) -> (f32, u32) {
 }
 
 /// [`NO_NORMAL`](crate::inputs::lookup::NO_NORMAL) as stored in a plane.
-const NO_NORMAL_BITS: u32 = 0x8000_8000;
+pub(crate) const NO_NORMAL_BITS: u32 = 0x8000_8000;
 
 /// Clears `target` (one value per pixel, row by row) and draws all points into it.
 pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[AtomicU64]) {

@@ -11,11 +11,14 @@
 //! averaged.
 
 use crate::passes::tangent::Lens;
-use crate::picture::pyramid::{INVALID, Level, Planes, Pyramid, RowMut, for_each_row};
-use crate::simd::lanes::{
-    FITTED, FLAT, LANES, Lane, Mask, NORMALS, Pixels, counting, halves, halves_of_planes,
-    halves_of_values, is_empty, moved, only, valid,
+use crate::picture::pyramid::{
+    FITTED, FLAT, INVALID, Level, NORMALS, Planes, Pyramid, RowMut, for_each_row,
 };
+use crate::simd::lanes::{
+    LANES, Pixels, counting, halves, halves_of_planes, halves_of_values, is_empty, moved, only,
+    valid,
+};
+use crate::simd::values::{Lane, Mask};
 use fearless_simd::{Level as Simd, dispatch};
 use glam::Vec4;
 use std::ops::Range;

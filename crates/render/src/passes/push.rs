@@ -33,13 +33,13 @@ mod coarser;
 mod interpolate;
 
 use crate::passes::push::coarser::{CoarserPixels, Interval, Near};
-use crate::passes::push::interpolate::{
-    Interpolated, are_near, mean_attributes, normals_of, smooth, split,
-};
+use crate::passes::push::interpolate::{Interpolated, mean_attributes, normals_of, smooth, split};
 use crate::passes::tangent::Lens;
-use crate::picture::pyramid::{INVALID, Level, Planes, Pyramid, RowMut, Rows, for_each_band};
-use crate::simd::lanes::{FITTED, FLAT, LANES, Line, NORMALS, Run, halves, has_pixels, is_empty};
-use crate::simd::values::{Values, bits, join, only};
+use crate::picture::pyramid::{
+    FITTED, FLAT, INVALID, Level, NORMALS, Planes, Pyramid, RowMut, Rows, for_each_band,
+};
+use crate::simd::lanes::{LANES, Line, Run, halves, has_pixels, is_empty};
+use crate::simd::values::{Values, bits, dot, join, only};
 use fearless_simd::{ExtractToken, Level as Support, Simd, SimdMask, dispatch, f32x8, mask32x8};
 use glam::Vec4;
 
@@ -49,19 +49,23 @@ const WEIGHTS: [f32; 4] = [9.0, 3.0, 3.0, 1.0];
 
 /// Radius from which an ellipse also hides pixels below the neighbours of its coarser pixel,
 /// pixels. Narrower ellipses exist in every pixel and would make outlines swell.
-const HIDING_PX: f32 = 24.0;
+pub(crate) const HIDING_PX: f32 = 24.0;
 
 /// Greatest distance of a pixel from the centre of each of the four ellipses that enclose it, over
 /// their radius.
-const ENCLOSING: f32 = 1.15;
+pub(crate) const ENCLOSING: f32 = 1.15;
 
 /// Share of the interpolated value in a smoothed pixel, if all four coarser pixels take part. A
 /// greater share flickers less, but blurs colours.
-const SMOOTH: f32 = 0.5;
+pub(crate) const SMOOTH: f32 = 0.5;
+
+/// Square of the cosine (15 degrees) from which two normals are near each other. A coarser pixel at
+/// the edge of a cube, with three parts of one side and one of the other, is near neither side.
+pub(crate) const NEAR: f32 = 0.933;
 
 /// Just below one, by a rounding: a pixel must not lie in front of the coarser pixel that was
 /// averaged from it.
-const ROUNDING: f32 = 0.99999;
+pub(crate) const ROUNDING: f32 = 0.99999;
 
 /// Fills the levels from the second coarsest one down to the picture.
 pub fn push(pyramid: &mut Pyramid) {
@@ -374,4 +378,12 @@ struct Cover<S: Simd> {
     nearest: f32x8<S>,
     /// Greatest depth of the frontmost interval.
     limit: f32x8<S>,
+}
+
+/// Whether two normals of any length make a small angle, or one of them is zero. False where a
+/// component is NaN.
+#[inline(always)]
+fn are_near<V: Values>(a: [V; 3], b: [V; 3]) -> V::Mask {
+    let along = dot(a, b);
+    (dot(a, a) * NEAR * dot(b, b)).cmple(along * along.max(along.like(0.0)))
 }

@@ -20,20 +20,20 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 /// Direction to the key light, view space, unit length.
-const KEY: Vec3 = Vec3::new(-0.42, 0.60, 0.6808);
+pub(crate) const KEY: Vec3 = Vec3::new(-0.42, 0.60, 0.6808);
 /// Shares of the lights. Key, eye and the brighter ambient add up to a little over one.
-const KEY_SHARE: f32 = 0.62;
-const EYE_SHARE: f32 = 0.16;
-const SKY_SHARE: f32 = 0.30;
-const GROUND_SHARE: f32 = 0.12;
+pub(crate) const KEY_SHARE: f32 = 0.62;
+pub(crate) const EYE_SHARE: f32 = 0.16;
+pub(crate) const SKY_SHARE: f32 = 0.30;
+pub(crate) const GROUND_SHARE: f32 = 0.12;
 /// Strength of the highlight; its Phong exponent is 24.
-const SHINE: f32 = 0.10;
+pub(crate) const SHINE: f32 = 0.10;
 /// Greatest darkness of a pixel behind its surroundings (as an exponent), and slope up to which
 /// nothing darkens. With normals only surfaces behind an edge are darkened, whatever their slope
 /// ([`Surroundings::sunken`]); without normals depth alone shows the shape
 /// ([`Surroundings::behind`]).
-const EDGE: (f32, f32) = (1.0, 4.0);
-const DOME: (f32, f32) = (2.0, 0.5);
+pub(crate) const EDGE: (f32, f32) = (1.0, 4.0);
+pub(crate) const DOME: (f32, f32) = (2.0, 0.5);
 
 /// What [`shade`] returns.
 pub struct Shaded {

@@ -15,19 +15,22 @@ use fearless_simd::{Level, Simd, dispatch, f32x8};
 use rayon::prelude::*;
 
 /// Steepest slope (depth over width) that still counts as one surface.
-const SLOPE_MAX: f32 = 6.0;
+pub(crate) const SLOPE_MAX: f32 = 6.0;
 /// Weights of the smoothing, from the middle outwards (binomial).
-const TAPS: [f32; 3] = [6.0, 4.0, 1.0];
+pub(crate) const TAPS: [f32; 3] = [6.0, 4.0, 1.0];
 /// Distances of taps, pixels. The rounds of the last two always run.
-const STEPS: [usize; 4] = [8, 4, 2, 1];
+pub(crate) const STEPS: [usize; 4] = [8, 4, 2, 1];
 /// Radius of discs over the distance of taps from which a round takes part, and from which it has
 /// its full weight. In between its weight grows with the radius, so that pictures do not jump when
 /// the view changes a little.
-const RADIUS_PER_STEP: [f32; 2] = [1.7, 2.5];
+pub(crate) const RADIUS_PER_STEP: [f32; 2] = [1.7, 2.5];
 /// Distance of the surroundings that a pixel is compared with, pixels.
-const REACH: usize = 2;
+pub(crate) const REACH: usize = 2;
+/// Stride of the pixels whose mean radius is taken: a prime, so that the sample runs across
+/// columns.
+pub(crate) const EVERY: usize = 61;
 /// Slope beyond which greater differences of depth darken no more.
-const BEHIND_MAX: f32 = 4.0;
+pub(crate) const BEHIND_MAX: f32 = 4.0;
 
 /// A depth image; infinite where it is empty.
 #[derive(Clone, Copy)]
@@ -75,8 +78,6 @@ pub fn smooth_depth(
 
 /// Mean radius over a sample of the covered pixels.
 fn mean_radius_px(surface: &impl Surface, depth: &[f32]) -> f32 {
-    /// A prime, so that the sample runs across columns.
-    const EVERY: usize = 61;
     let [width, _] = surface.size();
     let covered = (0..depth.len()).step_by(EVERY).filter(|&i| depth[i] < f32::INFINITY);
     let (sum, count) = covered.fold((0.0, 0.0), |(sum, count), i| {

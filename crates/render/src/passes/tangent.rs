@@ -10,14 +10,14 @@
 //! is scaled so that q is -1: then n.x and n.y suffice.
 
 use crate::inputs::camera::Camera;
-use crate::simd::values::Values;
-use glam::{Vec2, Vec4};
+use crate::simd::values::{Lane, Values};
+use glam::Vec2;
 
 /// Steepest slope (depth over width) along which depths are moved: of discs nearly edge-on the
 /// slope is unreliable.
 pub(crate) const SLOPE_MAX: f32 = 32.0;
 /// Greatest factor by which a move changes a depth.
-const FACTOR_MAX: f32 = 2.0;
+pub(crate) const FACTOR_MAX: f32 = 2.0;
 
 /// Projection of a picture: the part of the camera that planes need.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,7 +44,7 @@ impl Lens {
     /// Extent in depth of plates of unit thickness along the rays at positions `at` (pixels);
     /// normals have unit length.
     #[inline(always)]
-    pub fn thickness(&self, normal: [Vec4; 3], at: [Vec4; 2]) -> Vec4 {
+    pub fn thickness(&self, normal: [Lane; 3], at: [Lane; 2]) -> Lane {
         -self.focal_px / self.facing(normal, at)
     }
 
@@ -74,7 +74,7 @@ pub(crate) fn factor<V: Values>(q: V, turn: V) -> V {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
+    use glam::{Vec3, Vec4};
 
     const LENS: Lens = Lens { focal_px: 100.0, centre_px: Vec2::new(40.0, 30.0) };
 

@@ -1,14 +1,14 @@
-//! Edges of a depth image: the pixels beside a step from one surface to another or to the background.
-//! What goes wrong at silhouettes goes wrong there, so [`crate::passes::silhouette`] and [`crate::passes::antialias`] look at these
-//! pixels alone.
+//! Edges of a depth image: the pixels beside a step from one surface to another or to the
+//! background. [`crate::passes::silhouette`] and [`crate::passes::antialias`] look at these pixels
+//! only.
 
 use crate::picture::marks::Marks;
 use crate::picture::windows::{eight, rows_around, windows};
 use crate::simd::values::{EIGHT, Values, bits};
 use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8};
 
-/// The pixels of `depth` (infinite where there is nothing) of which a neighbour to the side, above or below is farther or
-/// nearer by more than the share `near` of its depth.
+/// Marks the pixels of `depth` (infinite where there is nothing) whose depth differs from that of
+/// the pixel to the left, to the right, above or below by more than the share `near`.
 pub fn edges(depth: &[f32], width: usize, near: f32) -> Marks {
     Marks::of_rows(width, depth.len() / width, |y, band| {
         let rows = rows_around(depth, width, y);
@@ -21,13 +21,13 @@ pub fn edges(depth: &[f32], width: usize, near: f32) -> Marks {
     })
 }
 
-/// Which of eight pixels of the middle row are edges, a bit each.
+/// Bit mask of the edges among eight pixels of the middle row.
 #[inline(always)]
 fn edges_of_eight<S: Simd>(simd: S, rows: [&[f32]; 3], x: usize, near: f32) -> u64 {
     let mut space = [[0.0; _]; 3];
     let [above, here, below] = windows::<_, 3, { EIGHT + 2 }>(rows, x, &mut space);
     let middle = eight(simd, here, 1);
-    // Beside the picture there is nothing to step to.
+    // Beyond its border the picture is continued, so there is no step.
     let across =
         is_step(middle, eight(simd, here, 0), near) | is_step(middle, eight(simd, here, 2), near);
     let along =
@@ -35,7 +35,8 @@ fn edges_of_eight<S: Simd>(simd: S, rows: [&[f32]; 3], x: usize, near: f32) -> u
     u64::from(bits(across | along))
 }
 
-/// Between which depths there is a step. Infinity from infinity is no number, which is no step.
+/// Mask of the pairs of depths with a step in between. The difference of two infinite depths is
+/// NaN, which is no step.
 #[inline(always)]
 fn is_step<S: Simd>(middle: f32x8<S>, beside: f32x8<S>, near: f32) -> mask32x8<S> {
     (middle.min(beside) * near).cmplt(Values::abs(middle - beside))
@@ -50,7 +51,7 @@ mod tests {
     fn both_sides_of_a_step_are_edges_and_nothing_else_is() {
         const W: usize = 9;
         let inf = f32::INFINITY;
-        // Sky, a surface in columns 3 and up with a slope, a nearer square in it.
+        // Background, a sloped surface from column 3 on, a nearer square in it.
         let depth: Vec<f32> = (0..W * W)
             .map(|i| match (i % W, i / W) {
                 (0..3, _) => inf,

@@ -1,22 +1,22 @@
-//! A margin around pictures of filled surfaces: at the border of a picture pixels lack the neighbours that they are filled from,
-//! smoothed by and trimmed beside. Where what is drawn goes on beyond the border, the passes therefore work on a larger
-//! picture, of which the inner part is kept.
+//! A margin around pictures of filled surfaces. At the border of a picture pixels lack the
+//! neighbours that filling, smoothing and trimming use. If the scene goes on beyond the border, the
+//! passes therefore work on a larger picture, which is cropped afterwards.
 
 use crate::frame::Picture;
 use esker_lod::View;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Its width on each side, pixels, in all of Esker's pictures of filled surfaces. (Of an airborne scan with points a pixel
-/// apart 24 % of the outermost two pixels' colours are off by more than 12 of 255 without a margin, 0.7 % with 8 or 16
-/// pixels; with points 6 pixels apart 58 % and none.)
+/// Width of the margin on each side, pixels, in all of Esker's pictures of filled surfaces. With
+/// it, less than 1 % of the border differs from what a larger picture shows there
+/// (`tests/margin.rs`; `docs/design/surfaces.md`).
 pub const MARGIN_PX: u32 = 16;
 
-/// Rows of a picture that are taken over together.
+/// Rows of a picture that a job copies.
 const ROWS: usize = 32;
 
-/// Whether points within these bounds (least and greatest coordinates, world) may lie beyond the picture of a view, or before
-/// its near plane.
+/// Whether points within `bounds` (least and greatest coordinates, world) may lie beyond the
+/// picture of `view` or before its near plane.
 pub fn goes_beyond(view: &View, bounds: [[f64; 3]; 2]) -> bool {
     (0..8).any(|corner| {
         let at = |axis: usize| bounds[corner >> axis & 1][axis];
@@ -25,8 +25,8 @@ pub fn goes_beyond(view: &View, bounds: [[f64; 3]; 2]) -> bool {
     })
 }
 
-/// The picture without a margin of so many pixels. Returns how many of its pixels show something; its other counts and its
-/// times are told by who drew it.
+/// Copies `wide` without a margin of `margin_px` pixels to `picture`. Returns the number of its
+/// pixels that show a surface; the caller sets its other counts and its times.
 pub fn crop(wide: &Picture, margin_px: u32, picture: &mut Picture) -> u64 {
     (picture.width, picture.height) = (wide.width - 2 * margin_px, wide.height - 2 * margin_px);
     let [width, height, margin] = [picture.width, picture.height, margin_px].map(|n| n as usize);

@@ -1,15 +1,16 @@
-//! Marks: a bit for every pixel of a picture, by which the passes at outlines tell each other where to look. A picture's
-//! marks fit the caches, however many are set, and jobs of whole rows set them without sharing a word.
+//! Marks: a set of pixels as one bit a pixel. A pass at silhouettes or creases marks the pixels
+//! that later ones look at. The marks of a picture fit the caches, and jobs of whole rows set them
+//! without sharing a word.
 
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Pixels of a word.
+/// Pixels in a word.
 const WORD: usize = u64::BITS as usize;
-/// Rows that a job has, at least.
+/// Least number of rows of a job.
 const ROWS: usize = 16;
 
-/// Marked pixels, in their order.
+/// A set of pixels of a picture.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Marks {
     width: usize,
@@ -18,12 +19,12 @@ pub struct Marks {
 }
 
 impl Marks {
-    /// None of a picture's pixels.
+    /// The empty set, of a picture of `width` x `height` pixels.
     pub fn new(width: usize, height: usize) -> Self {
         Self { width, height, words: vec![0; (width * height).div_ceil(WORD)] }
     }
 
-    /// Those that a job for each row marks.
+    /// The pixels that `job` marks; it is called for each row, in parallel.
     pub fn of_rows(width: usize, height: usize, job: impl Fn(usize, &mut Band<'_>) + Sync) -> Self {
         let mut marks = Self::new(width, height);
         let rows = marks.rows_a_band();
@@ -41,13 +42,14 @@ impl Marks {
         self.words[pixel / WORD] |= 1 << (pixel % WORD);
     }
 
-    /// Whether a pixel is marked.
+    /// Whether `pixel` is marked.
     #[inline]
     pub fn has(&self, pixel: usize) -> bool {
         self.words[pixel / WORD] >> (pixel % WORD) & 1 == 1
     }
 
-    /// Marks of so many pixels, 1 to 64, from one on, the first in the lowest bit; none behind the last.
+    /// Marks of `count` pixels (1 to 64) from `pixel` on, the first in the lowest bit; unmarked
+    /// beyond the last pixel of the picture.
     #[inline(always)]
     pub fn run(&self, pixel: usize, count: usize) -> u64 {
         let (i, shift) = (pixel / WORD, pixel % WORD);
@@ -56,7 +58,7 @@ impl Marks {
         (word(i) >> shift | high) & (u64::MAX >> (WORD - count))
     }
 
-    /// The marked ones of a run of pixels, in their order.
+    /// Iterates over the marked pixels of a range, in order.
     pub fn among(&self, pixels: Range<usize>) -> impl Iterator<Item = usize> {
         let end = pixels.end;
         let starts = pixels.step_by(WORD);
@@ -66,19 +68,20 @@ impl Marks {
         })
     }
 
-    /// All that are marked, in their order.
+    /// Iterates over all marked pixels, in order.
     pub fn pixels(&self) -> impl ParallelIterator<Item = usize> {
         self.bands().flat_map_iter(|pixels| self.among(pixels))
     }
 
-    /// Runs of whole rows for jobs, in their order.
+    /// Ranges of pixels of whole rows, one a job, in order.
     pub fn bands(&self) -> impl IndexedParallelIterator<Item = Range<usize>> {
         let size = self.rows_a_band() * self.width.max(1);
         let count = self.width * self.height;
         (0..count).into_par_iter().step_by(size).map(move |start| start..count.min(start + size))
     }
 
-    /// These and the pixels beside them: left, right, above and below, with `corners` all eight.
+    /// The marked pixels and their neighbours to the left, right, above and below; with `corners`
+    /// all eight neighbours.
     pub fn grown(&self, corners: bool) -> Self {
         let Self { width, height, .. } = *self;
         Self::of_rows(width, height, |y, band| {
@@ -103,34 +106,34 @@ impl Marks {
         })
     }
 
-    /// Those that others have too.
+    /// Intersection of both sets.
     #[must_use]
     pub fn and(mut self, other: &Self) -> Self {
         self.words.iter_mut().zip(&other.words).for_each(|(a, b)| *a &= b);
         self
     }
 
-    /// Those that others do not have.
+    /// The marked pixels that are not in `other`.
     #[must_use]
     pub fn without(mut self, other: &Self) -> Self {
         self.words.iter_mut().zip(&other.words).for_each(|(a, b)| *a &= !b);
         self
     }
 
-    /// These and others.
+    /// Union of both sets.
     #[must_use]
     pub fn or(mut self, other: &Self) -> Self {
         self.words.iter_mut().zip(&other.words).for_each(|(a, b)| *a |= b);
         self
     }
 
-    /// So many that jobs begin at whole words.
+    /// Number of rows of a job, such that jobs begin at whole words.
     fn rows_a_band(&self) -> usize {
         ROWS.max(WORD >> self.width.trailing_zeros().min(WORD.trailing_zeros()))
     }
 }
 
-/// Rows that a job marks pixels of.
+/// The rows of a job.
 pub struct Band<'a> {
     start: usize,
     words: &'a mut [u64],
@@ -144,7 +147,7 @@ impl Band<'_> {
         self.words[at / WORD] |= 1 << (at % WORD);
     }
 
-    /// Adds marks of so many pixels, 1 to 64, from one on, the first in the lowest bit.
+    /// Adds marks of `count` pixels (1 to 64) from `pixel` on, the first in the lowest bit.
     #[inline(always)]
     pub fn add(&mut self, pixel: usize, count: usize, marks: u64) {
         let marks = marks & (u64::MAX >> (WORD - count));
@@ -156,7 +159,7 @@ impl Band<'_> {
     }
 }
 
-/// Places of the bits of a word, in their order.
+/// Indices of the set bits of a word, in order.
 #[inline(always)]
 pub fn bits(mut word: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -170,7 +173,7 @@ pub fn bits(mut word: u64) -> impl Iterator<Item = usize> {
 mod tests {
     use super::*;
 
-    /// Sizes whose rows end within words, at their ends, and are shorter than one.
+    /// Sizes with rows that end inside words, at their ends, or are shorter than a word.
     const SIZES: [[usize; 2]; 6] = [[1, 1], [7, 90], [64, 5], [65, 40], [130, 33], [48, 70]];
 
     fn some([width, height]: [usize; 2], every: usize) -> Marks {

@@ -1,5 +1,7 @@
-//! Images that passes work on: the pyramid, marks, edges, windows of pixels, the surface to shade, the margin.
+//! Images that passes work on: the pyramid and depth images, bit masks of pixels, edges, windows of
+//! pixels, the surface to shade, the margin.
 
+pub(crate) mod depth_image;
 pub mod edges;
 pub mod margin;
 pub(crate) mod marks;

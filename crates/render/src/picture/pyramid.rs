@@ -1,32 +1,37 @@
-//! The image pyramid that pull and push work on: level 0 is the picture, each level above has half as
-//! many pixels a side (rounded up), down to a single one. Flat planes of up to four floats, as they would lie
-//! in a GPU's textures; those that pixels do not carry ([`Planes`]) are empty.
+//! The image pyramid that pull and push work on (`marroquim2007`, section 3.2): level 0 is the
+//! picture, each level above has half as many pixels a side (rounded up), down to a single one. A
+//! level is a set of flat arrays of up to four floats a pixel, laid out as in a GPU's textures;
+//! arrays of attributes that pixels do not carry ([`Planes`]) are empty.
 //!
-//! Lengths in the picture (displacements, radii) are in pixels of level 0 at every level. The centre of
-//! pixel (x, y) of level l then lies at ((x + 1/2) 2^l, (y + 1/2) 2^l).
+//! Lengths in the picture (displacements, radii) are in pixels of level 0 at every level. The
+//! centre of pixel (x, y) of level l then lies at ((x + 1/2) 2^l, (y + 1/2) 2^l).
 
 use crate::passes::tangent::Lens;
-use crate::simd::lanes::{
-    FITTED, FLAT, LANES, NORMALS, counting, four, four_planes, four_values, to_centres, valid,
-};
-use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec2, Vec4};
-use rayon::prelude::*;
 
-/// The planes that pixels carry through the pyramid: those of their discs, along which depths are moved.
+/// Number of values of a pixel's plane ([`Planes::values`]), for which kernels are compiled: pixels
+/// have no plane.
+pub const FLAT: usize = 0;
+/// Number of values of a plane that is fitted to depths: its tilt.
+pub const FITTED: usize = 2;
+/// Number of values of a normal, with the aspect of its ellipse.
+pub const NORMALS: usize = 4;
+
+/// Which planes pixels carry through the pyramid. A pixel's depth is moved along the plane of its
+/// disc.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Planes {
-    /// None: depths are compared as they are.
+    /// No planes: depths are compared as they are.
     #[default]
     None,
-    /// Those told from depths ([`crate::passes::fit_planes`]).
+    /// Planes fitted to depths ([`crate::passes::fit_planes`]).
     Fitted,
-    /// Those of the points' normals.
+    /// The planes of the points' normals.
     Normals,
 }
 
 impl Planes {
-    /// Values that each takes.
+    /// Number of values of a pixel's plane.
     pub fn values(self) -> usize {
         match self {
             Self::None => FLAT,
@@ -36,29 +41,31 @@ impl Planes {
     }
 }
 
-/// One level.
+/// One level of the pyramid.
 #[derive(Clone, Debug, Default)]
 pub struct Level {
     /// Pixels in a row.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Edge of its pixels, in pixels of level 0.
+    /// Side of its pixels, in pixels of level 0.
     pub edge_px: f32,
-    /// Least depth, greatest depth, and the displacement x, y from the ellipse's centre to the pixel's. Depths hold
-    /// at the ellipse's centre ([`crate::passes::tangent`]).
-    /// A pixel whose least depth is infinite is invalid, and its other planes mean nothing.
+    /// Least depth, greatest depth, and the displacement x, y from the centre of the ellipse to
+    /// that of the pixel. Depths hold at the centre of the ellipse ([`crate::passes::tangent`]). A
+    /// pixel whose least depth is infinite is invalid, and its other attributes mean nothing.
     pub front: Vec<Vec4>,
     /// Red, green, blue in linear light, and the radius in pixels of level 0.
     pub tint: Vec<Vec4>,
-    /// Mean depth: that of the surface, where `front` has the interval for tests.
+    /// Mean depth: the depth of the surface, while `front` has the interval that is compared.
     pub depth: Vec<f32>,
-    /// Normal in view space (right, up, back), not of unit length once averaged, and in w its
-    /// ellipse's minor axis over the major one ([`crate::passes::gather`]). Empty where pixels have none.
+    /// Normal in view space (right, up, back), not of unit length once averaged, and in w the minor
+    /// axis of its ellipse over the major one ([`crate::passes::gather`]). Empty where pixels have
+    /// no normals.
     pub normal: Vec<Vec4>,
-    /// Of a plane told from depths, what its depth grows by a pixel right, and a pixel up with the sign turned, over the
-    /// depth at the ellipse's centre: its normal's first two parts where that is as long as q is -1 ([`crate::passes::tangent`]).
-    /// Empty where none are told.
+    /// Tilt of a plane fitted to depths: growth of its depth per pixel to the right, and per pixel
+    /// upwards with the sign changed, over the depth at the ellipse's centre. These are the first
+    /// two components of its normal, scaled so that q is -1 ([`crate::passes::tangent`]). Empty
+    /// where no planes are fitted.
     pub tilt: Vec<Vec2>,
 }
 
@@ -77,7 +84,7 @@ impl Level {
         self.tilt.resize(where_carried(Planes::Fitted), Vec2::ZERO);
     }
 
-    /// Whether a pixel holds a surface.
+    /// Whether `pixel` holds a surface.
     pub fn is_valid(&self, pixel: usize) -> bool {
         self.front[pixel].x < f32::INFINITY
     }
@@ -91,54 +98,28 @@ impl Level {
         }
     }
 
-    /// Writes the depths at its pixels' centres; infinite where a pixel is invalid.
-    pub fn depth_image(&self, lens: &Lens, depth: &mut [f32]) {
-        match self.planes() {
-            Planes::None => self.depth_image_of::<FLAT>(lens, depth),
-            Planes::Fitted => self.depth_image_of::<FITTED>(lens, depth),
-            Planes::Normals => self.depth_image_of::<NORMALS>(lens, depth),
-        }
-    }
-
-    fn depth_image_of<const PLANE: usize>(&self, lens: &Lens, depth: &mut [f32]) {
-        let width = self.width;
-        let rows = depth.par_chunks_mut(width).with_min_len(8).enumerate();
-        rows.for_each(|(y, out)| {
-            let run = y * width..(y + 1) * width;
-            let row = Row {
-                y,
-                front: &self.front[run.clone()],
-                tint: &self.tint[run.clone()],
-                depth: &self.depth[run.clone()],
-                normal: self.normal.get(run.clone()).unwrap_or(&[]),
-                tilt: self.tilt.get(run).unwrap_or(&[]),
-            };
-            dispatch!(Simd::new(), _ => row.depths_at_centres::<PLANE>(lens, self.edge_px, out));
-        });
-    }
-
     /// Centre of a pixel, in pixels of level 0.
     pub fn centre(&self, x: usize, y: usize) -> Vec2 {
         Vec2::new(x as f32 + 0.5, y as f32 + 0.5) * self.edge_px
     }
 }
 
-/// All levels, the picture first. Memory is kept from frame to frame.
+/// All levels, the picture first. Keeps its memory from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub struct Pyramid {
     /// The levels.
     pub levels: Vec<Level>,
-    /// How the picture sees.
+    /// The projection of the picture.
     pub lens: Lens,
 }
 
 impl Pyramid {
-    /// Takes the shape for a picture; what the pixels hold is left over from before.
+    /// Resizes the levels for a picture; the contents of pixels are undefined.
     pub fn fit(&mut self, width: usize, height: usize, planes: Planes) {
         self.fit_levels(width, height, planes, usize::MAX);
     }
 
-    /// The same, of so many levels at most.
+    /// Like [`Pyramid::fit`], with `levels_max` levels at most.
     pub fn fit_levels(&mut self, width: usize, height: usize, planes: Planes, levels_max: usize) {
         let (mut w, mut h, mut edge) = (width.max(1), height.max(1), 1.0);
         let mut count = 0;
@@ -162,125 +143,49 @@ impl Pyramid {
     }
 }
 
-/// A row of a level.
+/// A row of a level, to be read.
 pub struct Row<'a> {
-    /// Which row.
+    /// Number of the row.
     pub y: usize,
-    /// As in [`Level`].
+    /// Row of [`Level::front`].
     pub front: &'a [Vec4],
-    /// As in [`Level`].
+    /// Row of [`Level::tint`].
     pub tint: &'a [Vec4],
-    /// As in [`Level`].
+    /// Row of [`Level::depth`].
     pub depth: &'a [f32],
-    /// As in [`Level`].
+    /// Row of [`Level::normal`].
     pub normal: &'a [Vec4],
-    /// As in [`Level`].
+    /// Row of [`Level::tilt`].
     pub tilt: &'a [Vec2],
-}
-
-impl Row<'_> {
-    /// Writes the depths at its pixels' centres; infinite where a pixel is invalid.
-    #[inline(always)]
-    pub fn depths_at_centres<const PLANE: usize>(
-        &self,
-        lens: &Lens,
-        edge_px: f32,
-        out: &mut [f32],
-    ) {
-        for (i, out) in out.chunks_mut(LANES).enumerate() {
-            put(self.four_at_centres::<PLANE>(lens, edge_px, i * LANES), out);
-        }
-    }
-
-    /// The same of four pixels from `first` on, as far as the row goes.
-    #[inline(always)]
-    fn four_at_centres<const PLANE: usize>(
-        &self,
-        lens: &Lens,
-        edge_px: f32,
-        first: usize,
-    ) -> [f32; LANES] {
-        let run = first..self.front.len().min(first + LANES);
-        let [least, _, right, down] = four(&self.front[run.clone()], INVALID);
-        let is_valid = valid(least);
-        if !is_valid.any() {
-            return [f32::INFINITY; LANES];
-        }
-        let mut depth = four_values(&self.depth[run.clone()]);
-        if PLANE != FLAT {
-            let normals = self.normal.get(run.clone()).unwrap_or_default();
-            let tilts = self.tilt.get(run.clone()).unwrap_or_default();
-            let plane = four_planes::<PLANE>(normals, tilts);
-            let [_, _, _, radius] = four(&self.tint[run], Vec4::ZERO);
-            let centre = [
-                counting((first as f32 + 0.5) * edge_px, edge_px),
-                Vec4::splat((self.y as f32 + 0.5) * edge_px),
-            ];
-            depth *= to_centres::<PLANE>(lens, centre, [right, down], radius, plane);
-        }
-        Vec4::select(is_valid, depth, Vec4::INFINITY).to_array()
-    }
 }
 
 /// A row of a level, to be written.
 pub struct RowMut<'a> {
-    /// Which row.
+    /// Number of the row.
     pub y: usize,
-    /// As in [`Level`].
+    /// Row of [`Level::front`].
     pub front: &'a mut [Vec4],
-    /// As in [`Level`].
+    /// Row of [`Level::tint`].
     pub tint: &'a mut [Vec4],
-    /// As in [`Level`].
+    /// Row of [`Level::depth`].
     pub depth: &'a mut [f32],
-    /// As in [`Level`].
+    /// Row of [`Level::normal`].
     pub normal: &'a mut [Vec4],
-    /// As in [`Level`].
+    /// Row of [`Level::tilt`].
     pub tilt: &'a mut [Vec2],
-    /// The image that rows are handed out with; else empty.
+    /// Row of the image that is written together with the level; empty without one.
     pub image: &'a mut [f32],
 }
 
-impl RowMut<'_> {
-    /// Writes the depths at the centres of eight pixels from `first` on to the image, where there is one, as far as the
-    /// row goes.
-    #[inline(always)]
-    pub fn write_image<const PLANE: usize>(&mut self, lens: &Lens, edge_px: f32, first: usize) {
-        let Self { y, front, tint, depth, normal, tilt, image } = self;
-        let row = Row { y: *y, front, tint, depth, normal, tilt };
-        for first in [first, first + LANES] {
-            if let Some(out) = image.get_mut(first..) {
-                put(row.four_at_centres::<PLANE>(lens, edge_px, first), out);
-            }
-        }
-    }
-
-    /// Writes that there is nothing at eight pixels from `first` on.
-    #[inline(always)]
-    pub fn write_nothing(&mut self, first: usize) {
-        if let Some(out) = self.image.get_mut(first..) {
-            put([f32::INFINITY; 2 * LANES], out);
-        }
-    }
-}
-
-/// Writes values to where they go, as far as that goes.
-#[inline(always)]
-fn put<const N: usize>(values: [f32; N], out: &mut [f32]) {
-    match out.first_chunk_mut() {
-        Some(out) => *out = values,
-        None => out.copy_from_slice(&values[..out.len()]),
-    }
-}
-
-/// Calls `work` for every row of a level, in the current rayon pool where the level is worth it.
+/// Calls `work` for every row of a level, in the current rayon pool if the level is large enough.
 pub fn for_each_row(level: &mut Level, work: impl Fn(RowMut<'_>) + Sync) {
     for_each_band(level, &mut [], |rows| rows.for_each(&work));
 }
 
-/// Calls `work` for bands of rows of a level, together all of it, in the current rayon pool where the level is worth it.
-/// Rows are handed out with those of an image of as many pixels, where it is not empty.
+/// Calls `work` for bands of rows that cover a level, in the current rayon pool if the level is
+/// large enough. `image` has as many pixels as the level and is split in the same way, or is empty.
 pub fn for_each_band(level: &mut Level, image: &mut [f32], work: impl Fn(Rows<'_>) + Sync) {
-    /// Pixels under which handing out costs more than it gains.
+    /// With fewer pixels, one thread is faster than several.
     const SERIAL_PIXELS: usize = 64 * 64;
     let (width, height) = (level.width, level.height);
     let rows = if width * height <= SERIAL_PIXELS { height } else { (height / 64).clamp(4, 16) };
@@ -296,7 +201,7 @@ pub fn for_each_band(level: &mut Level, image: &mut [f32], work: impl Fn(Rows<'_
     split_bands(0, height, rows, width, all, &band);
 }
 
-/// Rows one after another.
+/// Iterator over the rows of a band.
 pub struct Rows<'a> {
     next: usize,
     width: usize,
@@ -307,7 +212,7 @@ impl<'a> Iterator for Rows<'a> {
     type Item = RowMut<'a>;
 
     fn next(&mut self) -> Option<RowMut<'a>> {
-        /// The first values of a plane.
+        /// Splits the first `count` values off.
         fn first<'a, T>(plane: &mut &'a mut [T], count: usize) -> &'a mut [T] {
             plane.split_off_mut(..count).unwrap_or_default()
         }
@@ -332,6 +237,7 @@ impl<'a> Iterator for Rows<'a> {
     }
 }
 
+/// Attributes of neighbouring rows of a level.
 struct Slices<'a> {
     front: &'a mut [Vec4],
     tint: &'a mut [Vec4],
@@ -342,9 +248,9 @@ struct Slices<'a> {
 }
 
 impl Slices<'_> {
-    /// The first `cut` pixels of each, and the others.
+    /// Splits every attribute after the first `cut` pixels.
     fn split(self, cut: usize) -> [Self; 2] {
-        /// Of one; of none, nothing.
+        /// Splits one attribute, which may be empty.
         fn parts<T>(plane: &mut [T], cut: usize) -> (&mut [T], &mut [T]) {
             plane.split_at_mut(if plane.is_empty() { 0 } else { cut })
         }
@@ -361,7 +267,7 @@ impl Slices<'_> {
     }
 }
 
-/// Halves the rows until a band has at most `rows` of them; halves may run on two threads.
+/// Halves the rows until a band has at most `rows` rows; both halves may run in parallel.
 fn split_bands(
     first: usize,
     count: usize,

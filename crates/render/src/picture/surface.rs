@@ -1,5 +1,6 @@
-//! What is shaded: the colours and normals of a picture's pixels, wherever a method leaves them. Pull and push work on
-//! level 0 of a pyramid, a pixel's values side by side; splats are summed up plane by plane ([`crate::ewa::planes`]).
+//! Input of shading: the colours and normals of pixels. Pull-push leaves them in level 0 of the
+//! pyramid, the values of a pixel side by side; EWA splatting leaves them in planes
+//! ([`crate::ewa::planes`]).
 
 use crate::picture::pyramid::{Planes, Pyramid};
 use crate::simd::lanes::{LANES, four};
@@ -7,33 +8,33 @@ use crate::simd::values::{EIGHT, join};
 use fearless_simd::{Simd, f32x8};
 use glam::{Vec3, Vec4};
 
-/// Pixels with a colour, and a normal where the cloud has them. Which of them show anything the depth image tells; what the
-/// others hold means nothing.
+/// Pixels with a colour, and with a normal if the cloud has normals. The depth image decides which
+/// pixels show a surface; the values of the others are undefined.
 pub trait Surface: Sync {
-    /// Columns and rows.
+    /// Width and height, pixels.
     fn size(&self) -> [usize; 2];
     /// Whether pixels have normals.
     fn has_normals(&self) -> bool;
-    /// One of the rows.
+    /// Row `y`.
     fn row(&self, y: usize) -> impl SurfaceRow;
     /// The normal of a pixel.
     fn normal(&self, x: usize, y: usize) -> Vec3;
-    /// A normal of unit length for a pixel that has none, from around it; zero where there is none either.
+    /// A normal of unit length from around a pixel without a normal; zero if there is none.
     fn normal_around(&self, x: usize, y: usize) -> Vec3;
-    /// Radius of the disc or ellipse that a pixel shows, pixels; of clouds without normals.
+    /// Radius of the disc or ellipse that a pixel shows, pixels; for clouds without normals.
     fn radius_px(&self, x: usize, y: usize) -> f32;
 }
 
-/// A row of pixels, eight of which are told at once from a column on, a multiple of eight.
+/// A row of pixels. Functions return eight pixels from column `x` on, a multiple of eight.
 pub trait SurfaceRow {
-    /// Colours, linear light; any where the row has no more.
+    /// Colours, linear light; undefined beyond the row.
     fn tints<S: Simd>(&self, simd: S, x: usize) -> [f32x8<S>; 3];
-    /// Normals in view space (right, up, back), not of unit length, those to the right of them, and those below them; zeros
-    /// below the picture.
+    /// Normals in view space (right, up, back), not of unit length: those of the pixels, of their
+    /// right neighbours, and of their neighbours below; zeros below the picture.
     fn normals<S: Simd>(&self, simd: S, x: usize) -> [[f32x8<S>; 3]; 3];
 }
 
-/// A row of level 0: its pixels and all after them.
+/// A row of level 0 of the pyramid, with all rows below it.
 struct PixelRow<'a> {
     width: usize,
     tint: &'a [Vec4],
@@ -78,7 +79,7 @@ impl Surface for Pyramid {
         base.normal[y * base.width + x].truncate()
     }
 
-    /// That of the finest coarser pixel with one.
+    /// The normal of the finest coarser pixel that has one.
     fn normal_around(&self, x: usize, y: usize) -> Vec3 {
         let found = self.levels.iter().enumerate().find_map(|(i, level)| {
             let pixel = (y >> i) * level.width + (x >> i);
@@ -94,7 +95,7 @@ impl Surface for Pyramid {
     }
 }
 
-/// The first three attributes of eight pixels of a plane from one on; zeros behind its end.
+/// The first three values of eight pixels from `pixel` on; zeros beyond the end.
 #[inline(always)]
 fn eight<S: Simd>(simd: S, plane: &[Vec4], pixel: usize) -> [f32x8<S>; 3] {
     let run = plane.get(pixel..).unwrap_or(&[]);

@@ -1,10 +1,10 @@
-//! Windows: a picture's rows seen eight pixels at a time, with what lies beside them. Beyond the picture it goes on as at its
-//! border.
+//! Windows of eight pixels of a row with their neighbours. Beyond its border the picture is
+//! continued with its border pixels.
 
 use crate::simd::values::{EIGHT, load};
 use fearless_simd::{Simd, f32x8};
 
-/// As many rows of an image as asked for, the middle one this; above and below it the others.
+/// `R` rows of an image around row `y`.
 #[inline(always)]
 pub fn rows_around<T, const R: usize>(image: &[T], width: usize, y: usize) -> [&[T]; R] {
     let last = image.len() / width - 1;
@@ -14,8 +14,8 @@ pub fn rows_around<T, const R: usize>(image: &[T], width: usize, y: usize) -> [&
     })
 }
 
-/// Eight pixels of each row from one on, and as many on either side as `N` has room for. `space` is where those at a
-/// border are put together.
+/// Eight pixels of each row from column `x` on, with `(N - 8) / 2` neighbours on either side.
+/// `space` is filled for windows that cross the border.
 #[inline(always)]
 pub fn windows<'a, T: Copy, const R: usize, const N: usize>(
     rows: [&'a [T]; R],
@@ -35,7 +35,7 @@ pub fn windows<'a, T: Copy, const R: usize, const N: usize>(
     space.each_ref()
 }
 
-/// Eight of a window, from one on.
+/// Eight pixels of a window from index `from` on.
 #[inline(always)]
 pub fn eight<S: Simd, const N: usize>(simd: S, window: &[f32; N], from: usize) -> f32x8<S> {
     load(simd, window[from..].first_chunk().unwrap_or(&[0.0; EIGHT]))

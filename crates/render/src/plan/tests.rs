@@ -1,4 +1,5 @@
-//! Claims about plans: what is in them where it is asked, and in none else.
+//! Claims about plans: which options and planes of a scene lead to which passes, planes and
+//! variants.
 
 use super::*;
 use crate::inputs::colour::{Codebook, Palette};
@@ -11,7 +12,7 @@ const ALL: SceneHas = SceneHas {
     clip_lines: false,
     tangents: false,
 };
-const ASKED: Asked = Asked {
+const OPTIONS: FrameOptions = FrameOptions {
     method: Method::PullPush,
     colour: ColourBy::Rgb,
     shines: true,
@@ -23,8 +24,8 @@ const ASKED: Asked = Asked {
 };
 
 #[test]
-fn without_normals_none_is_read_carried_or_tested() {
-    let plan = FramePlan::of(&SceneHas { normals: false, ..ALL }, &ASKED);
+fn without_normals_none_are_read_carried_or_tested() {
+    let plan = FramePlan::of(&SceneHas { normals: false, ..ALL }, &OPTIONS);
     assert!(!plan.reads_normals && !plan.carries_normals && !plan.culls_back_faces);
     let constants = plan.variants().into_iter().flat_map(|v| v.constants);
     let flags = ["NORMALS", "CULLS_BACK_FACES"];
@@ -32,11 +33,11 @@ fn without_normals_none_is_read_carried_or_tested() {
 }
 
 #[test]
-fn points_alone_read_what_their_colour_comes_from_and_nothing_else() {
-    let points = Asked { method: Method::Points, ..ASKED };
+fn points_read_the_plane_of_their_colours_and_nothing_else() {
+    let points = FrameOptions { method: Method::Points, ..OPTIONS };
     let has = SceneHas { oriented_normals: false, ..ALL };
     let reads = |colour| {
-        let plan = FramePlan::of(&has, &Asked { colour, ..points });
+        let plan = FramePlan::of(&has, &FrameOptions { colour, ..points });
         assert!(!plan.carries_normals && !plan.has_pyramid && !plan.shines);
         (plan.reads_colours, plan.reads_normals, plan.fetches)
     };
@@ -50,124 +51,127 @@ fn points_alone_read_what_their_colour_comes_from_and_nothing_else() {
 
 #[test]
 fn only_splats_of_a_scene_with_clip_lines_and_normals_are_clipped() {
-    let ewa = Asked { method: Method::Ewa, ..ASKED };
+    let ewa = FrameOptions { method: Method::Ewa, ..OPTIONS };
     let has = SceneHas { clip_lines: true, ..ALL };
-    let clips = |has: &SceneHas, asked: &Asked| {
-        let plan = FramePlan::of(has, asked);
+    let clips = |has: &SceneHas, options: &FrameOptions| {
+        let plan = FramePlan::of(has, options);
         let variants = plan.variants().into_iter().flat_map(|v| v.constants);
         assert_eq!(plan.clips, variants.into_iter().any(|c| c == ("CLIPS", 1)));
         plan.clips
     };
     assert!(clips(&has, &ewa));
-    assert!(!clips(&ALL, &ewa) && !clips(&has, &ASKED));
+    assert!(!clips(&ALL, &ewa) && !clips(&has, &OPTIONS));
     assert!(!clips(&SceneHas { normals: false, ..has }, &ewa));
 }
 
 #[test]
 fn only_splats_of_a_scene_with_tangents_and_normals_have_shapes() {
-    let ewa = Asked { method: Method::Ewa, ..ASKED };
+    let ewa = FrameOptions { method: Method::Ewa, ..OPTIONS };
     let has = SceneHas { tangents: true, ..ALL };
-    let shapes = |has: &SceneHas, asked: &Asked| {
-        let plan = FramePlan::of(has, asked);
+    let shapes = |has: &SceneHas, options: &FrameOptions| {
+        let plan = FramePlan::of(has, options);
         let variants = plan.variants().into_iter().flat_map(|v| v.constants);
         assert_eq!(plan.tangents, variants.into_iter().any(|c| c == ("TANGENTS", 1)));
         plan.tangents
     };
     assert!(shapes(&has, &ewa));
-    assert!(!shapes(&ALL, &ewa) && !shapes(&has, &ASKED));
+    assert!(!shapes(&ALL, &ewa) && !shapes(&has, &OPTIONS));
     assert!(!shapes(&SceneHas { normals: false, ..has }, &ewa));
 }
 
 #[test]
 fn dense_views_are_neither_pulled_nor_pushed() {
-    let plan = FramePlan::of(&ALL, &Asked { is_dense: true, ..ASKED });
+    let plan = FramePlan::of(&ALL, &FrameOptions { is_dense: true, ..OPTIONS });
     assert!(!plan.has_pyramid);
     assert!(!plan.passes.contains(&Pass::Pull) && !plan.passes.contains(&Pass::Push));
-    assert!(FramePlan::of(&ALL, &ASKED).has_pyramid);
+    assert!(FramePlan::of(&ALL, &OPTIONS).has_pyramid);
 }
 
 #[test]
 fn points_are_averaged_where_they_crowd_and_nowhere_else() {
-    let crowded = Asked { is_crowded: true, ..ASKED };
+    let crowded = FrameOptions { is_crowded: true, ..OPTIONS };
     let plan = FramePlan::of(&ALL, &crowded);
     assert!(plan.averages() && plan.averages_read() == [true; 2]);
     assert!(plan.variants().iter().any(|v| v.shader == "average/add"));
-    let dense = FramePlan::of(&ALL, &Asked { is_dense: true, ..crowded });
+    let dense = FramePlan::of(&ALL, &FrameOptions { is_dense: true, ..crowded });
     assert!(dense.averages() && !dense.has_pyramid);
     assert!(!dense.without_averages().has_pyramid);
-    for plan in [FramePlan::of(&ALL, &ASKED), plan.without_averages()] {
+    for plan in [FramePlan::of(&ALL, &OPTIONS), plan.without_averages()] {
         assert!(!plan.averages() && plan.has_pyramid && plan.averages_read() == [false; 2]);
     }
     for method in [Method::Points, Method::Ewa] {
-        assert!(!FramePlan::of(&ALL, &Asked { method, ..crowded }).averages());
+        assert!(!FramePlan::of(&ALL, &FrameOptions { method, ..crowded }).averages());
     }
 }
 
 #[test]
-fn pixels_are_smoothed_where_points_do_not_crowd_and_colours_are_no_names() {
-    let plan = |asked| FramePlan::of(&ALL, &asked);
-    let smooth = plan(ASKED);
+fn pixels_are_smoothed_where_points_do_not_crowd_and_colours_are_not_names() {
+    let plan = |options| FramePlan::of(&ALL, &options);
+    let smooth = plan(OPTIONS);
     assert!(smooth.smooths && !smooth.averages());
     let constants = smooth.variants().into_iter().flat_map(|v| v.constants);
     assert!(constants.into_iter().any(|constant| constant == ("SMOOTHS", 1)));
-    let classes = Asked { colour: ColourBy::Codes(Codebook::Classes), ..ASKED };
-    let crowded = Asked { is_crowded: true, ..ASKED };
+    let classes = FrameOptions { colour: ColourBy::Codes(Codebook::Classes), ..OPTIONS };
+    let crowded = FrameOptions { is_crowded: true, ..OPTIONS };
     assert!(!plan(classes).smooths && !plan(crowded).smooths);
-    assert!(!plan(Asked { smooths: false, ..ASKED }).smooths);
-    let dense = Asked { is_dense: true, ..ASKED };
-    let [points, ewa] = [Method::Points, Method::Ewa].map(|method| Asked { method, ..ASKED });
-    assert!([dense, points, ewa].into_iter().all(|asked| !plan(asked).smooths));
+    assert!(!plan(FrameOptions { smooths: false, ..OPTIONS }).smooths);
+    let dense = FrameOptions { is_dense: true, ..OPTIONS };
+    let [points, ewa] =
+        [Method::Points, Method::Ewa].map(|method| FrameOptions { method, ..OPTIONS });
+    assert!([dense, points, ewa].into_iter().all(|options| !plan(options).smooths));
 }
 
 #[test]
-fn planes_are_told_where_there_are_no_normals_and_depths_are_compared() {
+fn planes_are_fitted_where_there_are_no_normals_and_depths_are_compared() {
     let bare = SceneHas { normals: false, ..ALL };
-    let plan = |has, asked| FramePlan::of(&has, &asked);
+    let plan = |has, options| FramePlan::of(&has, &options);
     let shaders = |plan: &FramePlan| {
         let variants = plan.variants().into_iter();
         variants.filter(|v| v.shader.starts_with("fit_planes/")).count()
     };
-    let told = plan(bare, ASKED);
-    assert!(told.planes() == Planes::Fitted && shaders(&told) == 3);
-    assert_eq!(told.passes[..3], [Pass::Project, Pass::FitPlanes, Pass::Gather]);
-    assert_eq!(plan(ALL, ASKED).planes(), Planes::Normals);
-    let [dense, crowded] = [Asked { is_dense: true, ..ASKED }, Asked { is_crowded: true, ..ASKED }];
-    // Where points crowd, their intervals stay long.
+    let fitted = plan(bare, OPTIONS);
+    assert!(fitted.planes() == Planes::Fitted && shaders(&fitted) == 3);
+    assert_eq!(fitted.passes[..3], [Pass::Project, Pass::FitPlanes, Pass::Gather]);
+    assert_eq!(plan(ALL, OPTIONS).planes(), Planes::Normals);
+    let [dense, crowded] =
+        [FrameOptions { is_dense: true, ..OPTIONS }, FrameOptions { is_crowded: true, ..OPTIONS }];
+    // In crowded views depth intervals stay long.
     let long = |plan: &FramePlan| {
         plan.variants().into_iter().filter(|v| v.constants.contains(&("CROWDED", 1))).count()
     };
-    assert_eq!([plan(bare, ASKED), plan(bare, crowded)].map(|plan| long(&plan)), [0, 1]);
+    assert_eq!([plan(bare, OPTIONS), plan(bare, crowded)].map(|plan| long(&plan)), [0, 1]);
     assert_eq!(plan(bare, crowded).planes(), Planes::Fitted);
-    let [points, ewa] = [Method::Points, Method::Ewa].map(|method| Asked { method, ..ASKED });
-    for asked in [dense, points, ewa, Asked { fits_planes: false, ..ASKED }] {
-        let plan = plan(bare, asked);
+    let [points, ewa] =
+        [Method::Points, Method::Ewa].map(|method| FrameOptions { method, ..OPTIONS });
+    for options in [dense, points, ewa, FrameOptions { fits_planes: false, ..OPTIONS }] {
+        let plan = plan(bare, options);
         assert!(plan.planes() == Planes::None && shaders(&plan) == 0, "{plan:?}");
     }
-    assert_eq!(shaders(&plan(ALL, ASKED)), 0);
+    assert_eq!(shaders(&plan(ALL, OPTIONS)), 0);
 }
 
 #[test]
-fn exposures_are_evened_where_that_is_asked_and_colours_are_the_scans_own() {
-    let asked = Asked { evens_exposure: true, ..ASKED };
-    let plan = FramePlan::of(&ALL, &asked);
+fn exposures_are_evened_on_request_and_only_for_colours_of_the_scans() {
+    let options = FrameOptions { evens_exposure: true, ..OPTIONS };
+    let plan = FramePlan::of(&ALL, &options);
     let shaders = |plan: &FramePlan| {
         let variants = plan.variants().into_iter().map(|v| v.shader);
         variants.filter(|s| s.starts_with("exposure/")).count()
     };
     assert!(plan.evens_exposure() && shaders(&plan) == 3);
-    let crowded = FramePlan::of(&ALL, &Asked { is_crowded: true, ..asked });
+    let crowded = FramePlan::of(&ALL, &FrameOptions { is_crowded: true, ..options });
     assert!(crowded.averages() && crowded.evens_exposure());
     assert_eq!(crowded.without_averages(), FramePlan { smooths: false, ..plan });
     assert_eq!(
         crowded.without_exposure(),
-        FramePlan::of(&ALL, &Asked { is_crowded: true, ..ASKED })
+        FramePlan::of(&ALL, &FrameOptions { is_crowded: true, ..OPTIONS })
     );
     let others = [
-        FramePlan::of(&ALL, &ASKED),
-        FramePlan::of(&ALL, &Asked { colour: ColourBy::Plain, ..asked }),
-        FramePlan::of(&SceneHas { colour_plane: false, ..ALL }, &asked),
-        FramePlan::of(&ALL, &Asked { method: Method::Points, ..asked }),
-        FramePlan::of(&ALL, &Asked { method: Method::Ewa, ..asked }),
+        FramePlan::of(&ALL, &OPTIONS),
+        FramePlan::of(&ALL, &FrameOptions { colour: ColourBy::Plain, ..options }),
+        FramePlan::of(&SceneHas { colour_plane: false, ..ALL }, &options),
+        FramePlan::of(&ALL, &FrameOptions { method: Method::Points, ..options }),
+        FramePlan::of(&ALL, &FrameOptions { method: Method::Ewa, ..options }),
         plan.without_exposure(),
     ];
     for plan in others {
@@ -177,12 +181,12 @@ fn exposures_are_evened_where_that_is_asked_and_colours_are_the_scans_own() {
 
 #[test]
 fn a_plan_names_a_pipeline_for_every_pass() {
-    let plan = FramePlan::of(&SceneHas { hidden_points: true, ..ALL }, &ASKED);
+    let plan = FramePlan::of(&SceneHas { hidden_points: true, ..ALL }, &OPTIONS);
     let variants = plan.variants();
     assert!(variants.len() > plan.passes.len());
     assert_eq!(variants[0].constants, [("CULLS_BACK_FACES", 1), ("HIDES_POINTS", 1)]);
     let shade = variants.iter().find(|v| v.shader == "shade").map(|v| v.constants.clone());
     assert_eq!(shade, Some(vec![("NORMALS", 1), ("SHINES", 1)]));
-    let matt = FramePlan::of(&ALL, &Asked { shines: false, ..ASKED });
+    let matt = FramePlan::of(&ALL, &FrameOptions { shines: false, ..OPTIONS });
     assert!(matt.variants().iter().any(|v| v.constants.contains(&("SHINES", 0))));
 }

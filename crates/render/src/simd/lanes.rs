@@ -1,45 +1,36 @@
-//! Four pixels at once, attribute by attribute: what pull, push and their like compute with. A [`Lane`] is a value of
-//! each of them, in a SIMD register. The pyramid's planes hold a pixel's four values side by side; here they are turned
-//! over on the way in, and back on the way out.
+//! Four pixels at once, one register an attribute: what pull, push and related passes compute with.
+//! A [`Lane`] holds one value of each pixel. The pyramid stores the four values of a pixel side by
+//! side; they are transposed when they are loaded and when they are stored.
 
 use crate::passes::tangent::{Lens, factor, turn};
-use crate::picture::pyramid::{INVALID, Level, RowMut};
-use crate::simd::values::Values;
-use glam::{BVec4A, Mat4, Vec2, Vec4};
+use crate::picture::pyramid::{FITTED, INVALID, Level, NORMALS, RowMut};
+use crate::simd::values::{Lane, Mask, Values};
+use glam::{Mat4, Vec2, Vec4};
 
 /// Pixels that are computed together.
 pub const LANES: usize = 4;
-/// A value of each.
-pub type Lane = Vec4;
-/// Yes or no for each.
-pub type Mask = BVec4A;
 
-/// Values of a pixel's plane ([`crate::picture::pyramid::Planes`]), which kernels are compiled for: there is none.
-pub const FLAT: usize = 0;
-/// Those of a plane told from depths.
-pub const FITTED: usize = 2;
-/// Those of a normal.
-pub const NORMALS: usize = 4;
+/// Depths are moved by at most the radius of a disc, or by this many pixels if the radius is
+/// smaller: beyond the rim of a disc its plane is not reliable.
+pub(crate) const REACH_MIN_PX: f32 = 4.0;
 
-/// Depths at pixels' centres are no farther from those of the ellipses' than discs reach, or so many pixels at least:
-/// beyond a rim a plane is nobody's.
-const REACH_MIN_PX: f32 = 4.0;
-
-/// Attributes of four pixels, as [`Level`] has them.
+/// Attributes of four pixels of a [`Level`].
 #[derive(Clone, Copy)]
 pub struct Pixels {
-    /// Least depth, greatest depth, displacement; the depths are infinite where there is no pixel.
+    /// Least depth, greatest depth, displacement; the depths are infinite for invalid pixels.
     pub front: [Lane; 4],
     /// Colour and radius.
     pub tint: [Lane; 4],
     /// Mean depth.
     pub depth: Lane,
-    /// The values of its plane, as many as there are: a tilt; or a normal, and the minor axis over the major one.
+    /// Values of the plane, as many as the kernel is compiled for: a tilt; or a normal and the
+    /// minor axis over the major one.
     pub plane: [Lane; 4],
 }
 
 impl Pixels {
-    /// Writes the lanes of a mask to every `step`th pixel of a row from `first` on, as far as the row goes.
+    /// Writes the pixels of a mask to every `step`th pixel of a row from `first` on, up to the end
+    /// of the row.
     #[inline(always)]
     pub fn write<const PLANE: usize>(
         &self,
@@ -56,8 +47,8 @@ impl Pixels {
         self.scatter::<PLANE>(to, row);
     }
 
-    /// Writes the lanes to every second of eight pixels of a row from `first` on: those to the left, or those to the
-    /// right. False where the row has not so many.
+    /// Writes the pixels to every second one of eight pixels of a row from `first` on: to the left
+    /// ones, or to the `right` ones. Returns false if the row has fewer pixels.
     #[inline(always)]
     pub fn write_half<const PLANE: usize>(
         &self,
@@ -90,7 +81,7 @@ impl Pixels {
         true
     }
 
-    /// Writes the lanes to these pixels of a row, one each; what is beyond the row is left out.
+    /// Writes one pixel to each of these columns of a row; columns beyond the row are skipped.
     #[inline(always)]
     pub fn scatter<const PLANE: usize>(&self, to: [usize; LANES], row: &mut RowMut<'_>) {
         let (front, tint) = (turned(self.front), turned(self.tint));
@@ -115,14 +106,14 @@ impl Pixels {
     }
 }
 
-/// Four values each of four pixels: from pixel by pixel to attribute by attribute, or back.
+/// Transposes four values of four pixels: from pixel by pixel to attribute by attribute, or back.
 #[inline(always)]
 pub fn turned(four: [Vec4; 4]) -> [Vec4; 4] {
     let m = Mat4::from_cols(four[0], four[1], four[2], four[3]).transpose();
     [m.x_axis, m.y_axis, m.z_axis, m.w_axis]
 }
 
-/// The first four pixels of a run, attribute by attribute; `missing` where the run is shorter.
+/// Loads the first four pixels of a run, attribute by attribute; `missing` beyond its end.
 #[inline(always)]
 pub fn four(run: &[Vec4], missing: Vec4) -> [Lane; 4] {
     match run.first_chunk::<LANES>() {
@@ -131,8 +122,8 @@ pub fn four(run: &[Vec4], missing: Vec4) -> [Lane; 4] {
     }
 }
 
-/// The first, third ... and the second, fourth ... of the first eight pixels of a run, attribute by attribute;
-/// `missing` where the run is shorter.
+/// Loads the even and the odd ones of the first eight pixels of a run, attribute by attribute;
+/// `missing` beyond its end.
 #[inline(always)]
 pub fn halves(run: &[Vec4], missing: Vec4) -> [[Lane; 4]; 2] {
     let of = |e: &[Vec4; 2 * LANES]| [[e[0], e[2], e[4], e[6]], [e[1], e[3], e[5], e[7]]];
@@ -143,7 +134,7 @@ pub fn halves(run: &[Vec4], missing: Vec4) -> [[Lane; 4]; 2] {
     [turned(even), turned(odd)]
 }
 
-/// The same of single values; zero where the run is shorter.
+/// [`halves`] for single values; zero beyond the end of the run.
 #[inline(always)]
 pub fn halves_of_values(run: &[f32]) -> [Lane; 2] {
     let of = |e: &[f32; 2 * LANES]| {
@@ -155,7 +146,7 @@ pub fn halves_of_values(run: &[f32]) -> [Lane; 2] {
     }
 }
 
-/// The first four of a run of single values; zero where the run is shorter.
+/// Loads the first four values of a run; zero beyond its end.
 #[inline(always)]
 pub fn four_values(run: &[f32]) -> Lane {
     Vec4::from_array(match run.first_chunk() {
@@ -164,7 +155,7 @@ pub fn four_values(run: &[f32]) -> Lane {
     })
 }
 
-/// The values of the planes of the first four pixels of a run, as many as there are.
+/// Loads the planes of the first four pixels of a run.
 #[inline(always)]
 pub fn four_planes<const PLANE: usize>(normal: &[Vec4], tilt: &[Vec2]) -> [Lane; 4] {
     match PLANE {
@@ -181,7 +172,7 @@ pub fn four_planes<const PLANE: usize>(normal: &[Vec4], tilt: &[Vec2]) -> [Lane;
     }
 }
 
-/// Those of the first, third ... and of the second, fourth ... of the first eight pixels of a run.
+/// [`halves`] for planes.
 #[inline(always)]
 pub fn halves_of_planes<const PLANE: usize>(normal: &[Vec4], tilt: &[Vec2]) -> [[Lane; 4]; 2] {
     match PLANE {
@@ -201,8 +192,8 @@ pub fn halves_of_planes<const PLANE: usize>(normal: &[Vec4], tilt: &[Vec2]) -> [
     }
 }
 
-/// What depths on planes are multiplied by where they are moved from `from` by so many pixels; one where there are none.
-/// Of normals, `facing` is q at `from` ([`crate::passes::tangent`]), which of tilts is -1.
+/// Factor of depths that are moved along planes from `from` by `by` pixels; one without planes.
+/// `facing` is q of a normal at `from` ([`crate::passes::tangent`]); q of a tilt is -1.
 #[inline(always)]
 pub fn moved<const PLANE: usize, V: Values>(tilt: [V; 2], facing: V, by: [V; 2]) -> V {
     match PLANE {
@@ -212,7 +203,7 @@ pub fn moved<const PLANE: usize, V: Values>(tilt: [V; 2], facing: V, by: [V; 2])
     }
 }
 
-/// A run that is too short, with something for what is missing.
+/// Copies a run that is shorter than `N` and appends `missing`.
 #[inline(never)]
 fn filled<T: Copy, const N: usize>(run: &[T], missing: T) -> [T; N] {
     let mut all = [missing; N];
@@ -227,27 +218,27 @@ pub fn only(mask: Mask, value: Lane) -> Lane {
     Vec4::select(mask, value, Vec4::ZERO)
 }
 
-/// The lanes of pixels with these least depths that are valid.
+/// Mask of the valid pixels, from their least depths.
 #[inline(always)]
 pub fn valid(least: Lane) -> Mask {
     least.cmplt(Vec4::INFINITY)
 }
 
-/// Whether none of the pixels with these `front`s is valid.
+/// Whether none of the pixels with these values of [`Level::front`] is valid.
 #[inline(always)]
 pub fn is_empty(fronts: &[Vec4]) -> bool {
     let least = fronts.iter().fold(Vec4::INFINITY, |least, front| least.min(*front));
     least.x == f32::INFINITY
 }
 
-/// The numbers from `first` on.
+/// Four numbers from `first` on, `step` apart.
 #[inline(always)]
 pub fn counting(first: f32, step: f32) -> Lane {
     Vec4::new(0.0, 1.0, 2.0, 3.0) * step + first
 }
 
-/// What depths at the centres of ellipses are multiplied by for depths at the centres of the pixels, which are given.
-/// Of the ellipses: displacements, radii and planes.
+/// Factor from depths at the centres of ellipses to depths at the centres of pixels, which are
+/// given. `displaced`, `radius` and `plane` are those of the ellipses.
 #[inline(always)]
 pub fn to_centres<const PLANE: usize>(
     lens: &Lens,
@@ -268,32 +259,34 @@ pub fn to_centres<const PLANE: usize>(
     moved.max(1.0 - reach).min(1.0 + reach)
 }
 
-/// A row of a level attribute by attribute, with invalid pixels before its first and after its last. The depths of invalid
-/// pixels are infinite, and what their other attributes are means nothing.
+/// A row of a level, attribute by attribute, with an invalid pixel before its first and after its
+/// last one. Invalid pixels have infinite depths; their other attributes are undefined.
 #[derive(Clone, Debug, Default)]
 pub struct Line {
-    /// Four pixels each, with the one before and the one after them.
+    /// Runs of four pixels, each with the pixel before and after it.
     blocks: Vec<Run>,
 }
 
-/// [`LANES`] pixels of a line, with the one before and the one after them: plane after plane.
+/// [`LANES`] pixels of a line with the pixel before and the pixel after them, one array an
+/// attribute.
 pub type Run = [[f32; LANES + 2]; PLANES];
 
 const PLANES: usize = 14;
 
 impl Line {
-    /// Where the planes of a run are: least and greatest depth, displacement.
+    /// First array of least depth, greatest depth and displacement.
     pub const FRONT: usize = 0;
-    /// Colour, radius.
+    /// First array of colour and radius.
     pub const TINT: usize = 4;
-    /// Mean depth.
+    /// Array of the mean depth.
     pub const DEPTH: usize = 8;
-    /// Tilt; or normal, minor axis over the major one, and [`Line::FACING`].
+    /// First array of the tilt; or of the normal, the minor axis over the major one, and
+    /// [`Line::FACING`].
     pub const PLANE: usize = 9;
-    /// q of a normal's plane at the ellipse's centre ([`crate::passes::tangent`]).
+    /// Array of q of a normal at the centre of the ellipse ([`crate::passes::tangent`]).
     pub const FACING: usize = 13;
 
-    /// Takes a row of a level; without one, all pixels are invalid.
+    /// Loads row `y` of a level; without a row, all pixels are invalid.
     #[inline(always)]
     pub fn take<const PLANE: usize>(&mut self, lens: &Lens, level: &Level, y: Option<usize>) {
         let mut nothing = [[0.0; LANES + 2]; PLANES];
@@ -348,7 +341,7 @@ impl Line {
         }
     }
 
-    /// The pixels of each block, and those beside it.
+    /// Iterates over the runs of the line.
     #[inline(always)]
     pub fn runs(&self) -> impl Iterator<Item = &Run> {
         self.blocks.iter()

@@ -1,4 +1,4 @@
-//! Registers of floats: one, four or eight at once.
+//! Arithmetic on registers of one, four and eight floats.
 
 pub(crate) mod lanes;
 pub(crate) mod values;

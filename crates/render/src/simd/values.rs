@@ -1,16 +1,22 @@
-//! What arithmetic asks of a register of floats, whatever its width: one, four ([`crate::simd::lanes`]), or eight where the
-//! processor has them. Names and meanings are those of `glam`'s vectors.
+//! Arithmetic of a register of floats of any width: one, four ([`crate::simd::lanes`]), or eight
+//! where the processor has them. Names and meanings are those of the vectors of `glam`.
 
 use fearless_simd::{ExtractToken, Select, Simd, SimdBase, SimdMask, f32x4, f32x8, mask32x8};
 use glam::{BVec4A, Vec4};
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
 
-/// Pixels of a row that go together where a processor may have registers of as many.
+/// One value for each of four pixels.
+pub type Lane = Vec4;
+/// A mask of four pixels.
+pub type Mask = BVec4A;
+
+/// Pixels of a row that are computed together in registers of eight.
 pub const EIGHT: usize = 8;
-/// Numbers from here on have no parts: what is added is rounded, and the last bits of the mantissa are whole.
+/// Least number from which floats have no fraction (2^23). Adding it rounds a number and leaves the
+/// integer in the last bits of the mantissa.
 pub const WHOLE: f32 = 8_388_608.0;
 
-/// Four values, and four more.
+/// Joins two registers of four values.
 #[inline(always)]
 pub fn join<S: Simd>(simd: S, first: Vec4, second: Vec4) -> f32x8<S> {
     simd.combine_f32x4(
@@ -19,37 +25,38 @@ pub fn join<S: Simd>(simd: S, first: Vec4, second: Vec4) -> f32x8<S> {
     )
 }
 
-/// Eight values. (Where `SimdBase` is in scope, which can load them too, its `min` and `max` are as well.)
+/// Loads eight values. `SimdBase` can do so too, but importing it brings its `min` and `max` into
+/// scope.
 #[inline(always)]
 pub fn load<S: Simd>(simd: S, values: &[f32; EIGHT]) -> f32x8<S> {
     f32x8::load_array_ref(simd, values)
 }
 
-/// `value` where the mask says yes, else zero.
+/// `value` in the lanes of the mask, zero in the others.
 #[inline(always)]
 pub fn only<V: Values>(mask: V::Mask, value: V) -> V {
     value.only(mask)
 }
 
-/// Sum of products.
+/// Dot product.
 #[inline(always)]
 pub fn dot<V: Values>(a: [V; 3], b: [V; 3]) -> V {
     a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
 }
 
-/// The vector product.
+/// Cross product.
 #[inline(always)]
 pub fn cross<V: Values>(a: [V; 3], b: [V; 3]) -> [V; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Which of eight are yes, a bit each.
+/// Converts a mask of eight to bits.
 #[inline(always)]
 pub fn bits<S: Simd>(mask: mask32x8<S>) -> u32 {
     mask.to_bitmask() as u32
 }
 
-/// Directions of octahedral codes, as [`esker_points::quant::oct_direction`] has them.
+/// Decodes octahedral normals, like [`esker_points::quant::oct_direction`].
 #[inline(always)]
 pub fn directions<V: Values>(x: V, y: V) -> [V; 3] {
     let (zero, one) = (x.like(0.0), x.like(1.0));
@@ -65,7 +72,7 @@ pub fn directions<V: Values>(x: V, y: V) -> [V; 3] {
     [or_none(folded_x), or_none(folded_y), or_none(z)]
 }
 
-/// A register of floats. Of a number and none, `min` and `max` are the second.
+/// A register of floats. If one operand of `min` or `max` is NaN, the result is the second operand.
 pub trait Values:
     Copy
     + Add<Output = Self>
@@ -77,32 +84,32 @@ pub trait Values:
     + Sub<f32, Output = Self>
     + Mul<f32, Output = Self>
 {
-    /// Yes or no for each.
+    /// A mask of the lanes.
     type Mask: Copy + BitAnd<Output = Self::Mask> + BitOr<Output = Self::Mask>;
 
-    /// As many of this value.
+    /// A register with `value` in all lanes.
     fn like(self, value: f32) -> Self;
-    /// The less of each.
+    /// Minimum.
     fn min(self, other: Self) -> Self;
-    /// The greater of each.
+    /// Maximum.
     fn max(self, other: Self) -> Self;
-    /// Without signs.
+    /// Absolute value.
     fn abs(self) -> Self;
-    /// Square roots.
+    /// Square root.
     fn sqrt(self) -> Self;
-    /// With others' signs.
+    /// Takes the signs of `sign`.
     fn copysign(self, sign: Self) -> Self;
-    /// This times `factor` and `more`; rounded once where a processor does that at no cost, else twice.
+    /// `self * factor + more`; rounded once if the processor has that instruction, else twice.
     fn mul_add(self, factor: Self, more: Self) -> Self;
-    /// Which are equal.
+    /// Lanes that are equal.
     fn cmpeq(self, other: Self) -> Self::Mask;
-    /// Which are less.
+    /// Lanes that are less than those of `other`.
     fn cmplt(self, other: Self) -> Self::Mask;
-    /// Which are less or equal.
+    /// Lanes that are less than or equal to those of `other`.
     fn cmple(self, other: Self) -> Self::Mask;
-    /// Those of `a` where the mask says yes, else of `b`.
+    /// `a` in the lanes of the mask, `b` in the others.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
-    /// Those where the mask says yes, else zeros.
+    /// The values in the lanes of the mask, zeros in the others.
     #[inline(always)]
     fn only(self, mask: Self::Mask) -> Self {
         Self::select(mask, self, self.like(0.0))

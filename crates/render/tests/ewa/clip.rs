@@ -1,5 +1,6 @@
-//! Clip lines (section 5, figures 4, 5 and 8 of zwicker2004): both splats of a pair share their line to the pixel, corners
-//! that go out and that go in, and a cube whose outline and edges are those of the analytic one.
+//! Clip lines (section 5, figures 4, 5 and 8 of zwicker2004): both splats of a pair share their
+//! line to the pixel, corners that go out and that go in, and a cube whose outline and edges are
+//! those of the analytic one.
 
 use crate::passes::draw;
 use crate::scene::{Dice, Scene, ScenePoint};
@@ -114,8 +115,8 @@ struct Kept {
 }
 
 impl Kept {
-    /// Of a splat as wide as drawn, of which what is nearer than `reach` along `out` is kept; `None` where some of it is
-    /// behind the eye.
+    /// Of a splat as wide as drawn, of which what is nearer than `reach` along `out` is kept;
+    /// `None` where some of it is behind the eye.
     fn new(view: &View, at: DVec3, [out, along]: [DVec3; 2], reach: f64) -> Option<Self> {
         let factor = quant::radius_factor(quant::radius_code(RADIUS, RADIUS));
         let radius = RADIUS * f64::from(factor * Options::default().radius_factor * WIDER);
@@ -272,11 +273,13 @@ impl Cube {
         let spacing = 1.0 / self.side as f64;
         let clip = |lattice: &Lattice, i: usize| {
             let (at, normal) = splats[i];
-            // The nearer edge on each way across, however far: seen flat, the low-pass reaches it from anywhere.
+            // The nearer edge on each way across, however far: seen flat, the low-pass reaches it
+            // from anywhere.
             let lines = Self::across(normal).map(|across| {
                 let (along, out) = (normal.cross(across), across * at.dot(across).signum());
-                // Where the plane through the splat cuts the edge, and as far along it as the splat is away: the same
-                // for the splats of both faces there. What is inside lies to the left.
+                // Where the plane through the splat cuts the edge, and as far along it as the splat
+                // is away: the same for the splats of both faces there. What is inside lies to the
+                // left.
                 let edge = (normal + out) * HALF + along * at.dot(along);
                 let way = out.cross(normal) * -(HALF - at.dot(out)).max(spacing);
                 line(lattice, self.axes * (edge - way), self.axes * (edge + way))
@@ -321,7 +324,8 @@ fn figure_5_a_cube_has_the_analytic_outline_and_edges_and_smooth_faces() {
         let (mut seen, mut worst, mut turned) = (0, 0f64, 1f64);
         for i in 0..level.tint.len() {
             let (x, y) = ((i % 240) as f64 + 0.5, (i / 240) as f64 + 0.5);
-            // What is seen half a pixel around: where that is one face, or nothing, the picture must say so.
+            // What is seen half a pixel around: where that is one face, or nothing, the picture
+            // must say so.
             let around = (0..16).map(|k| {
                 let (s, c) = (f64::from(k) * TAU / 16.0).sin_cos();
                 cube.meets(eye, ray(x + 0.5 * c, y + 0.5 * s)).map(|(_, face)| face)

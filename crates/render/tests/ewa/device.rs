@@ -1,12 +1,12 @@
-//! On every adapter: many batches, too little room for entries, thousands of splats on a pixel and almost nothing on
-//! one, extreme views; the CPU's picture within DESIGN's tolerance.
+//! On every adapter: many batches, too little room for entries, thousands of splats on a pixel and
+//! almost nothing on one, extreme views; the CPU's picture within DESIGN's tolerance.
 
 use crate::gpu::flip::mean_flip;
 use crate::gpu::{few_gpus, laid_frame, lay, name};
 use crate::scene::{Dice, Scene, ScenePoint, sheet, sphere};
 use esker_lod::View;
 use esker_render::gpu::GpuRenderer;
-use esker_render::gpu::passes::ewa::{GpuEwa, Room};
+use esker_render::gpu::passes::ewa::{BatchCapacity, GpuEwa};
 use esker_render::{Frame, Method, render};
 use glam::DVec3;
 
@@ -20,10 +20,10 @@ fn splats(frame: Frame<'_>) -> Frame<'_> {
 }
 
 /// Two batches of a chunk, and room for entries of few splats.
-const LITTLE: Room = Room { chunks: 1, entries: 4000 };
-const USUAL: Room = Room { chunks: 2, entries: 1 << 18 };
+const LITTLE: BatchCapacity = BatchCapacity { chunks: 1, entries: 4000 };
+const USUAL: BatchCapacity = BatchCapacity { chunks: 2, entries: 1 << 18 };
 /// More than some frames need: memory grows, and what is left of it after that is not looked at.
-const AMPLE: Room = Room { chunks: 8, entries: 1 << 18 };
+const AMPLE: BatchCapacity = BatchCapacity { chunks: 8, entries: 1 << 18 };
 
 #[test]
 fn every_room_and_view_gives_the_picture_of_the_cpu() {

@@ -1,5 +1,5 @@
-//! The reference: zwicker2004's formulas as they are printed (with R' = Q'''^-1), in `f64`, without any care for
-//! rounding; and the exact projection of a disc, by intersecting rays.
+//! The reference: zwicker2004's formulas as they are printed (with R' = Q'''^-1), in `f64`, without
+//! any care for rounding; and the exact projection of a disc, by intersecting rays.
 
 use crate::scene::Dice;
 use esker_render::ewa::splat::{Disc, Lens};
@@ -36,8 +36,9 @@ impl Exact {
         self.p.truncate() * (self.focal / self.p.z)
     }
 
-    /// Equation 4, transposed (columns are rows there), the image plane at the focal length. The picture is moved
-    /// to the projected centre: unmoved, the printed formulas cancel all digits of `f64` as well.
+    /// Equation 4, transposed (columns are rows there), the image plane at the focal length. The
+    /// picture is moved to the projected centre: unmoved, the printed formulas cancel all digits of
+    /// `f64` as well.
     fn mapping(&self) -> DMat3 {
         let at = self.projected();
         let row = |v: DVec3| (v.truncate() * self.focal - at * v.z).extend(v.z);
@@ -61,8 +62,8 @@ impl Exact {
         Some(Ellipse { middle: at + self.projected() + self.centre, q })
     }
 
-    /// Middle of the projected isocontour, and squares of half its width and height, by the lines that touch it: of
-    /// thin ones the conic's inverse cancels in `f64` too.
+    /// Middle of the projected isocontour, and squares of half its width and height, by the lines
+    /// that touch it: of thin ones the conic's inverse cancels in `f64` too.
     pub fn extents(&self) -> (DVec2, DVec2) {
         let m = self.mapping();
         let dual = |i: usize, j: usize| {
@@ -73,7 +74,8 @@ impl Exact {
         (middle + self.projected() + self.centre, squares)
     }
 
-    /// Where the ray of a place in the picture meets the plane: its coordinates in tangents, and its depth.
+    /// Where the ray of a place in the picture meets the plane: its coordinates in tangents, and
+    /// its depth.
     pub fn meets(&self, at: DVec2) -> (DVec2, f64) {
         let ray = ((at - self.centre) / self.focal).extend(1.0);
         let normal = self.a.cross(self.b);
@@ -164,8 +166,9 @@ pub fn direction(dice: &mut Dice) -> Vec3 {
     }
 }
 
-/// A splat and a camera: depths over six decades, up to 80 degrees off the axis, from far under a pixel to
-/// wider than the picture, a third edge-on, half elliptical, some around the eye and behind it.
+/// A splat and a camera: depths over six decades, up to 80 degrees off the axis, from far under a
+/// pixel to wider than the picture, a third edge-on, half elliptical, some around the eye and
+/// behind it.
 pub fn case(dice: &mut Dice) -> (Disc, Lens) {
     let lowpass = [0.0, 0.25, 2.25, 4.0][(dice.bits() % 4) as usize];
     let focal = log_even(dice, 40.0, 5000.0) as f32;

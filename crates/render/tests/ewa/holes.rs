@@ -1,4 +1,5 @@
-//! Figures 2, 3 and 7 of zwicker2004: what touches in space touches in the picture, what covers leaves no hole.
+//! Figures 2, 3 and 7 of zwicker2004: what touches in space touches in the picture, what covers
+//! leaves no hole.
 
 use crate::exact::{Exact, lens};
 use crate::passes::draw;
@@ -21,7 +22,8 @@ fn distance(shape: &Shape, place: Vec2) -> f64 {
     (u * u + v * v - 1.0) / slope.length()
 }
 
-/// The classical approximation, exact at the centre (Heckbert), as a reference for what is wrong with it.
+/// The classical approximation, exact at the centre (Heckbert), as a reference for what is wrong
+/// with it.
 fn centre_exact(disc: &Disc, lens: &Lens) -> (Vec2, Shape) {
     let m = disc.mapping(lens.focal_px);
     let (a, b) = (m.a, m.b);

@@ -48,7 +48,8 @@ fn the_lowpass_takes_moire_away() {
     let options = Options::default();
     let bare = Options { lowpass: false, ..options };
     let fine = picture(&scene, FINE, bare);
-    // The reference's samples under the same Gaussian of a pixel's variance, cut off as the filter is.
+    // The reference's samples under the same Gaussian of a pixel's variance, cut off as the filter
+    // is.
     let reference = |x: u32, y: u32| {
         let reach = (options.cutoff * FINE as f32) as i32;
         let (mut sum, mut weights) = (0.0, 0.0);
@@ -69,8 +70,8 @@ fn the_lowpass_takes_moire_away() {
         }
         sum / weights
     };
-    // Where the spacing along the view is under a pixel, and still over a pixel of the reference: distances of 5 to
-    // 10, at which it is 0.8 to 0.2 pixels.
+    // Where the spacing along the view is under a pixel, and still over a pixel of the reference:
+    // distances of 5 to 10, at which it is 0.8 to 0.2 pixels.
     let band = |y: u32| (40..80).contains(&(y - ROWS / 2));
     let [with, without] = [options, bare].map(|options| {
         let drawn = picture(&scene, 1, options);

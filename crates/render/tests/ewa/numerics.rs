@@ -1,10 +1,10 @@
-//! The equations in `f32` against the plain `f64` reference, over a million splats and views, extreme ones included;
-//! and what R' and the amplitude are, by numerical convolution.
+//! The equations in `f32` against the plain `f64` reference, over a million splats and views,
+//! extreme ones included; and what R' and the amplitude are, by numerical convolution.
 
 use crate::exact::{Exact, case, coefficient_error, direction, lens, log_even};
 use crate::scene::Dice;
 use esker_render::ewa::mapping::{amplitude, mapping};
-use esker_render::ewa::splat::{Disc, Lens, Placed};
+use esker_render::ewa::splat::{Disc, Lens, Placement};
 use glam::{DVec2, Vec2, Vec3};
 use rayon::prelude::*;
 use std::fmt::Write;
@@ -54,9 +54,9 @@ impl Worst {
         let (disc, lens) = case(dice);
         let exact = Exact::new(&disc, &lens);
         let (splat, bounds) = match disc.place(&lens) {
-            Placed::Drawn(splat, bounds) => (splat, bounds),
-            Placed::Outside => return,
-            Placed::Dropped => {
+            Placement::Drawn(splat, bounds) => (splat, bounds),
+            Placement::Outside => return,
+            Placement::Dropped => {
                 self.dropped += 1;
                 return;
             }
@@ -111,7 +111,8 @@ impl Worst {
         }
     }
 
-    /// Compares at the pixel's centre next to a place; pixels have centres, so tests look at these alone.
+    /// Compares at the pixel's centre next to a place; pixels have centres, so tests look at these
+    /// alone.
     fn compare(
         &mut self,
         splat: &esker_render::ewa::splat::Splat,
@@ -169,7 +170,8 @@ fn a_million_splats_agree_with_the_formulas_in_double_precision() {
 
 #[test]
 fn convolution_decides_what_the_filter_is() {
-    // An affine map from the plane: every kernel is the same, so the integral is that of the paper's equation 2.
+    // An affine map from the plane: every kernel is the same, so the integral is that of the
+    // paper's equation 2.
     for (a, b) in [([3.0, 0.4], [-0.3, 1.1]), ([0.5, 0.1], [0.2, 0.4]), ([6.0, 2.0], [0.01, 0.02])]
     {
         let cutoff = 1.5f64;
@@ -204,7 +206,8 @@ fn convolution_decides_what_the_filter_is() {
 
 #[test]
 fn weights_follow_the_exact_projected_gaussian() {
-    // Without mending a centre is off by the reach; with it every weight is that of the place on the plane.
+    // Without mending a centre is off by the reach; with it every weight is that of the place on
+    // the plane.
     let mut dice = Dice(77);
     let (mut worst, mut unmended) = (0f64, 0f64);
     let mut seen = 0;
@@ -215,7 +218,7 @@ fn weights_follow_the_exact_projected_gaussian() {
         let centre = Vec3::new(slope.x, slope.y, 1.0) * depth;
         let disc =
             Disc::round(centre, direction(&mut dice), depth * (0.05 + 0.5 * dice.unit() as f32));
-        let Placed::Drawn(splat, _) = disc.place(&lens) else { continue };
+        let Placement::Drawn(splat, _) = disc.place(&lens) else { continue };
         let exact = Exact::new(&disc, &lens);
         let m = disc.mapping(lens.focal_px);
         if splat.is_by_rays() || m.condition() > 20.0 {

@@ -1,4 +1,5 @@
-//! Visibility, attributes, normalisation: what is blended and what is not, sums of thousands, and of almost nothing.
+//! Visibility, attributes, normalisation: what is blended and what is not, sums of thousands, and
+//! of almost nothing.
 
 use crate::scene::{Dice, Scene, ScenePoint, sheet, sphere};
 use esker_lod::View;

@@ -1,5 +1,6 @@
-//! Splats with shapes of their own: on a surface scanned in lines they blur less along the lines than discs do, which have to
-//! reach from line to line, and leave no hole; coarser samples are drawn with discs.
+//! Splats with shapes of their own: on a surface scanned in lines they blur less along the lines
+//! than discs do, which have to reach from line to line, and leave no hole; coarser samples are
+//! drawn with discs.
 
 use crate::passes::draw;
 use crate::scene::{Dice, Scene, ScenePoint};
@@ -21,7 +22,8 @@ fn is_red(z: f64) -> bool {
     (z / (ALONG * PERIOD)).rem_euclid(1.0) < 0.5
 }
 
-/// A wall scanned in upright lines, each moved along itself by chance. `shaped` whether its splats have shapes.
+/// A wall scanned in upright lines, each moved along itself by chance. `shaped` whether its splats
+/// have shapes.
 pub fn lines(shaped: bool) -> Scene {
     let mut dice = Dice(5);
     let mut points = Vec::new();
@@ -57,7 +59,8 @@ pub fn front(line_px: f64) -> View {
     view
 }
 
-/// Root mean square of the red that is off the texture's, averaged over each pixel; and pixels without any splat.
+/// Root mean square of the red that is off the texture's, averaged over each pixel; and pixels
+/// without any splat.
 fn error(shaped: bool, line_px: f64, factor: f64) -> (f64, usize) {
     let (mut scene, view) = (lines(shaped), front(line_px));
     // As a coarser sample is drawn: every so many spacings a point.

@@ -1,6 +1,7 @@
-//! How different two pictures look, by the published metric FLIP (Andersson et al. 2020, "FLIP: A Difference
-//! Evaluator for Alternating Images"), written from the paper: the crate that wraps its authors' code wants
-//! a C++ compiler, which nothing else here does. Pictures of 8-bit sRGB, four bytes a pixel.
+//! How different two pictures look, by the published metric FLIP (Andersson et al. 2020, "FLIP: A
+//! Difference Evaluator for Alternating Images"), written from the paper: the crate that wraps its
+//! authors' code wants a C++ compiler, which nothing else here does. Pictures of 8-bit sRGB, four
+//! bytes a pixel.
 
 use glam::{Mat3, Vec3};
 use std::f32::consts::PI;
@@ -53,7 +54,8 @@ fn rgb_from_opponent(c: Vec3) -> Vec3 {
     xyz_from_rgb().inverse() * xyz
 }
 
-/// Convolution along rows with `along`, along columns with `across`; the picture goes on at its edges.
+/// Convolution along rows with `along`, along columns with `across`; the picture goes on at its
+/// edges.
 fn convolve(image: &[Vec3], width: usize, along: &[f32], across: &[f32]) -> Vec<Vec3> {
     let height = image.len() / width;
     let pass = |image: &[Vec3], kernel: &[f32], is_row: bool| -> Vec<Vec3> {
@@ -79,8 +81,8 @@ fn gaussian(radius: i32, at: impl Fn(f32) -> f32) -> Vec<f32> {
     weights.into_iter().map(|w| w / sum).collect()
 }
 
-/// What the eye sees of the opponent colours: each channel blurred as its contrast sensitivity says (table 1), as
-/// linear RGB within its range.
+/// What the eye sees of the opponent colours: each channel blurred as its contrast sensitivity says
+/// (table 1), as linear RGB within its range.
 fn filtered(image: &[Vec3], width: usize) -> Vec<Vec3> {
     let blurred = |b: f32| {
         // The widest filter's three sigmas, for all channels.

@@ -1,21 +1,22 @@
-//! Every adapter of the machine, each path on it; and scenes laid into drawing memory, in pages so small
-//! that the planes of a node lie in several.
+//! Every adapter of the machine, each path on it; and scenes laid into drawing memory, in pages so
+//! small that the planes of a node lie in several.
 #![allow(dead_code, reason = "not every test uses all of it")]
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 pub mod flip;
 
 use esker_render::gpu::device::all_interfaces;
-use esker_render::gpu::{Gpu, NodePool, PlaneAt, ProjectPath, Request};
+use esker_render::gpu::{Gpu, GpuRequest, NodePool, PlaneAt, ProjectPath};
 use esker_render::{ColourPlane, DrawNode, Frame};
 
-/// A device for each adapter and path, also with the least that WebGPU promises; says so where there is none.
+/// A device for each adapter and path, also with the least that WebGPU promises; says so where
+/// there is none.
 pub fn gpus() -> Vec<Gpu> {
     open(&[Some(ProjectPath::Atomics), Some(ProjectPath::Primitives), None])
 }
 
-/// One device for each path of an adapter, the one of point primitives with the least that WebGPU promises: for
-/// tests whose many kernels take software drivers seconds to compile.
+/// One device for each path of an adapter, the one of point primitives with the least that WebGPU
+/// promises: for tests whose many kernels take software drivers seconds to compile.
 pub fn few_gpus() -> Vec<Gpu> {
     open(&[Some(ProjectPath::Atomics), None])
 }
@@ -23,7 +24,7 @@ pub fn few_gpus() -> Vec<Gpu> {
 /// Devices by these paths; the least that there is where none is named.
 fn open(paths: &[Option<ProjectPath>]) -> Vec<Gpu> {
     let requests = all_interfaces().iter().flat_map(|&backends| {
-        paths.iter().map(move |&path| Request {
+        paths.iter().map(move |&path| GpuRequest {
             backends,
             allow_software: true,
             path,
@@ -48,7 +49,8 @@ pub struct Laid<'a> {
     pub draws: Vec<DrawNode<'a, PlaneAt>>,
 }
 
-/// Lays the planes of nodes into pages of at most so many bytes: all positions, then all residuals and so on.
+/// Lays the planes of nodes into pages of at most so many bytes: all positions, then all residuals
+/// and so on.
 pub fn lay<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Laid<'a> {
     let mut pool = NodePool::with_pages(gpu, 1 << 30, page_bytes);
     let mut next = 0;
@@ -96,21 +98,5 @@ pub fn lay<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Laid<'a> {
 
 /// The frame with its planes in drawing memory.
 pub fn laid_frame<'a>(frame: &Frame<'a>, draws: &'a [DrawNode<'a, PlaneAt>]) -> Frame<'a, PlaneAt> {
-    Frame {
-        view: frame.view,
-        lattice: frame.lattice,
-        draws,
-        octree: frame.octree,
-        method: frame.method,
-        colour: frame.colour,
-        cull_back_faces: frame.cull_back_faces,
-        hides_points: frame.hides_points,
-        shines: frame.shines,
-        skips_push: frame.skips_push,
-        averages: frame.averages,
-        smooths: frame.smooths,
-        fits_planes: frame.fits_planes,
-        evens_exposure: frame.evens_exposure,
-        background: frame.background,
-    }
+    frame.with_draws(draws)
 }

@@ -1,5 +1,5 @@
-//! What the tests of gather, resolve and tiles share: the twin's frame up to its hits, and the same hits and planes on
-//! a GPU, with the planes of a node spread over small pages.
+//! What the tests of gather, resolve and tiles share: the twin's frame up to its hits, and the same
+//! hits and planes on a GPU, with the planes of a node spread over small pages.
 
 use crate::scene::Dice;
 use esker_lod::{DepthTile, View};
@@ -8,14 +8,14 @@ use esker_render::gpu::device::all_interfaces;
 use esker_render::gpu::device::readback::read;
 use esker_render::gpu::device::timing::Timing;
 use esker_render::gpu::memory::frame::FrameUniform;
-use esker_render::gpu::memory::lookup::{GpuLookup, Won};
+use esker_render::gpu::memory::lookup::{GpuLookup, WinningPoints};
 use esker_render::gpu::memory::picture::GpuPicture;
 use esker_render::gpu::memory::pyramid::GpuPyramid;
 use esker_render::gpu::memory::table::{CHUNK_POINTS, Chunk, Draw};
 use esker_render::gpu::passes::gather::Gather;
 use esker_render::gpu::passes::resolve::Resolve;
 use esker_render::gpu::passes::tiles::{TILES_BYTES, Tiles, tiles_from};
-use esker_render::gpu::{Gpu, NodePool, PlaneAt, Request, wgpu};
+use esker_render::gpu::{Gpu, GpuRequest, NodePool, PlaneAt, wgpu};
 use esker_render::inputs::camera::Camera;
 use esker_render::inputs::lookup::{DrawList, Lookup};
 use esker_render::passes::fit_planes::FittedPlanes;
@@ -35,8 +35,12 @@ const PAGES: u64 = 10;
 
 /// A device of each kind that the machine has; says so where it has none.
 pub fn gpus() -> Vec<Gpu> {
-    let request =
-        |backends, is_minimal| Request { backends, allow_software: true, is_minimal, path: None };
+    let request = |backends, is_minimal| GpuRequest {
+        backends,
+        allow_software: true,
+        is_minimal,
+        path: None,
+    };
     let requests = all_interfaces().iter().flat_map(|&b| [request(b, false), request(b, true)]);
     let gpus: Vec<Gpu> = requests.filter_map(|r| Gpu::open(&r).ok()).collect();
     if gpus.is_empty() {
@@ -310,10 +314,14 @@ impl Buffers {
         pages.filter_map(|i| Some((i as u32, self.pool.page(i)?))).collect()
     }
 
-    fn won<'a>(&'a self, frame: &Frame<'_>, pages: &'a [(u32, &'a wgpu::Buffer)]) -> Won<'a> {
+    fn won<'a>(
+        &'a self,
+        frame: &Frame<'_>,
+        pages: &'a [(u32, &'a wgpu::Buffer)],
+    ) -> WinningPoints<'a> {
         let [uniform, hits, draws, chunks, counts] = self.buffers.each_ref();
         let size = [frame.view.width, frame.view.height];
-        Won { uniform, size, hits, draws, chunks, pages, counts }
+        WinningPoints { uniform, size, hits, draws, chunks, pages, counts }
     }
 }
 

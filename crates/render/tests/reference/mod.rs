@@ -1,6 +1,7 @@
-//! Pull-push as published (marroquim2007 sections 3.2 and 3.3), and with depths moved along the discs' planes, plain and
-//! slow in `f64`: the reference that the passes are held against. Written from the paper; shares no code with the crate. Where the
-//! paper is silent it follows the rules written in the heads of `pull`, `push` and `tangent`.
+//! Pull-push as published (marroquim2007 sections 3.2 and 3.3), and with depths moved along the
+//! discs' planes, plain and slow in `f64`: the reference that the passes are held against. Written
+//! from the paper; shares no code with the crate. Where the paper is silent it follows the rules
+//! written in the heads of `pull`, `push` and `tangent`.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 /// A pixel of any level.
@@ -12,7 +13,8 @@ pub struct Pixel {
     pub carried: [f64; 5],
     /// Normal x, y (view space), and its ellipse's minor axis over the major one.
     pub disc: [f64; 3],
-    /// What depth grows by a pixel right, and up with the sign turned, over itself; where that is told in a normal's place.
+    /// What depth grows by a pixel right, and up with the sign turned, over itself; where that is
+    /// told in a normal's place.
     pub tilt: Option<[f64; 2]>,
     /// Radius, pixels of the picture.
     pub radius: f64,
@@ -28,7 +30,8 @@ pub struct Image {
     /// Edge of a pixel in pixels of the picture.
     pub edge: f64,
     pub pixels: Vec<Option<Pixel>>,
-    /// Focal length and the picture's middle, pixels, where depths are moved along planes; else they are as published.
+    /// Focal length and the picture's middle, pixels, where depths are moved along planes; else
+    /// they are as published.
     pub lens: Option<[f64; 3]>,
     /// Decisions (comparisons of computed values) that a rounding to `f32` might turn.
     pub near_ties: usize,
@@ -46,7 +49,8 @@ impl Image {
 }
 
 impl Pixel {
-    /// What its depths change by from its ellipse's centre (it is itself centred at `centre`) to `place`.
+    /// What its depths change by from its ellipse's centre (it is itself centred at `centre`) to
+    /// `place`.
     fn factor(&self, lens: Option<[f64; 3]>, centre: [f64; 2], place: [f64; 2]) -> f64 {
         let from = [0, 1].map(|i| centre[i] - self.displacement[i]);
         let to_place = [place[0] - from[0], place[1] - from[1]];
@@ -72,8 +76,8 @@ impl Pixel {
     }
 }
 
-/// Whether two values are so near that rounding may order them either way. Equal ones are copies of the
-/// same input and compare alike everywhere.
+/// Whether two values are so near that rounding may order them either way. Equal ones are copies of
+/// the same input and compare alike everywhere.
 fn near(a: f64, b: f64) -> bool {
     a != b && (a - b).abs() <= 1e-5 * (a.abs() + b.abs())
 }
@@ -217,7 +221,8 @@ fn covers(p: &Pixel, centre: [f64; 2], place: [f64; 2], near_ties: &mut usize) -
     form <= 1.0
 }
 
-/// A pixel that stays, with its part of those that cover it, in the depths that they have where they are compared.
+/// A pixel that stays, with its part of those that cover it, in the depths that they have where
+/// they are compared.
 fn smooth(own: &Pixel, covering: &[(Pixel, Weighted)], near_ties: &mut usize) -> Pixel {
     let (mut out, mut sum) = (*own, 0.0);
     let mut means = [0.0; 6];
@@ -256,7 +261,8 @@ const HIDING_PX: f64 = 24.0;
 /// A coarser pixel moved to where depths are compared; itself, its centre and its weight.
 type Beside = (Pixel, (Pixel, [f64; 2], f64));
 
-/// Not published: whether a pixel with a normal lies behind all four coarser ones, and between the centres of their ellipses.
+/// Not published: whether a pixel with a normal lies behind all four coarser ones, and between the
+/// centres of their ellipses.
 fn is_enclosed(own: &Pixel, place: [f64; 2], beside: &[Beside], near_ties: &mut usize) -> bool {
     let mut is_enclosed = beside.len() == 4;
     let mut along: [Vec<f64>; 4] = Default::default();
@@ -288,7 +294,8 @@ fn push(coarser: &Image, finer: &Image, smooths: bool) -> Image {
             if let (Some(own), Some(above)) = (own, above) {
                 let factor = above.factor(finer.lens, coarser.centre(x / 2, y / 2), compare_at);
                 let [min, max] = above.moved(factor).depth;
-                // Whether it is a little in front of the interval that it has itself given does not matter.
+                // Whether it is a little in front of the interval that it has itself given does not
+                // matter.
                 let before = near(own.depth[0], min) && finer.lens.is_none();
                 out.near_ties += usize::from(before || near(own.depth[0], max));
                 let mut is_hidden = own.depth[0] < min || own.depth[0] > max;

@@ -1,10 +1,11 @@
-//! Synthetic scenes for tests, pictures and benchmarks: points in the world become nodes with planes,
-//! as the builder would lay them out (Morton order, hot positions and residuals), without its levels.
+//! Synthetic scenes for tests, pictures and benchmarks: points in the world become nodes with
+//! planes, as the builder would lay them out (Morton order, hot positions and residuals), without
+//! its levels.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use esker_lod::View;
 use esker_points::{AttrType, Cell, Clip, Grain, Lattice, Node, morton, quant};
-use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method};
+use esker_render::{ColourBy, ColourPlane, DrawNode, Frame};
 use glam::DVec3;
 
 /// A point of a scene.
@@ -54,8 +55,8 @@ impl Dice {
 }
 
 impl Scene {
-    /// Lays out points on a lattice of this step (the world's zero in its middle), in nodes of at most
-    /// `capacity` points, all with this spacing and radius.
+    /// Lays out points on a lattice of this step (the world's zero in its middle), in nodes of at
+    /// most `capacity` points, all with this spacing and radius.
     pub fn new(
         points: &[ScenePoint],
         step: f64,
@@ -66,7 +67,8 @@ impl Scene {
         Self::clipped(points, |_, _| Clip::default(), step, spacing, radius, capacity)
     }
 
-    /// The same with the clip lines that `clip` gives of the lattice and a point's place in `points`.
+    /// The same with the clip lines that `clip` gives of the lattice and a point's place in
+    /// `points`.
     pub fn clipped(
         points: &[ScenePoint],
         clip: impl Fn(&Lattice, usize) -> Clip,
@@ -96,21 +98,9 @@ impl Scene {
     /// A frame with the usual settings.
     pub fn frame<'a>(&'a self, view: &'a View, draws: &'a [DrawNode<'a>]) -> Frame<'a> {
         Frame {
-            view,
-            lattice: &self.lattice,
-            draws,
-            octree: None,
-            method: Method::PullPush,
             colour: ColourBy::Rgb,
             cull_back_faces: true,
-            hides_points: false,
-            shines: true,
-            skips_push: true,
-            averages: true,
-            smooths: true,
-            fits_planes: true,
-            evens_exposure: false,
-            background: Background::default(),
+            ..Frame::new(view, &self.lattice, draws)
         }
     }
 
@@ -178,7 +168,8 @@ impl SceneNode {
     }
 }
 
-/// Points on a sphere as even as the builder's: of a spiral, each moved at random by up to half a spacing.
+/// Points on a sphere as even as the builder's: of a spiral, each moved at random by up to half a
+/// spacing.
 #[allow(dead_code, reason = "not every user of this module asks where a sphere ends")]
 pub fn even_sphere(dice: &mut Dice, spacing: f64) -> Vec<ScenePoint> {
     let count = (4.0 * std::f64::consts::PI / spacing.powi(2)) as usize;

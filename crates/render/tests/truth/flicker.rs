@@ -1,12 +1,13 @@
-//! Flicker: how much more a picture changes from frame to frame of a slow camera than what it shows does.
+//! Flicker: how much more a picture changes from frame to frame of a slow camera than what it shows
+//! does.
 
 use super::Truth;
 use super::measure::{Cloud, Image, srgb};
 use esker_lod::View;
 use glam::{DMat3, DVec3, Vec3};
 
-/// A slow way around the origin's vertical: so many views, from one to the next a place on the surface of a unit
-/// sphere moves by `step_px`.
+/// A slow way around the origin's vertical: so many views, from one to the next a place on the
+/// surface of a unit sphere moves by `step_px`.
 pub fn orbit(view: &View, frames: usize, step_px: f64) -> Vec<View> {
     let distance = view.eye.length();
     let angle = step_px * (distance - 1.0) / view.focal_px();

@@ -1,4 +1,5 @@
-//! What a picture has of the truth: errors of colour, depth and normals, holes, what shows through, outlines.
+//! What a picture has of the truth: errors of colour, depth and normals, holes, what shows through,
+//! outlines.
 
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
@@ -75,7 +76,8 @@ impl Image {
         Self { width, seen, coverage }
     }
 
-    /// Whether a pixel and all within `reach` of it are wholly covered, without a step of depth between them.
+    /// Whether a pixel and all within `reach` of it are wholly covered, without a step of depth
+    /// between them.
     pub fn is_inside(&self, pixel: usize, reach: usize) -> bool {
         let (x, y, height) = (pixel % self.width, pixel / self.width, self.seen.len() / self.width);
         let Some(here) = self.seen[pixel] else { return false };
@@ -96,7 +98,8 @@ impl Image {
 /// Nodes of one spacing and radius, with the frame that draws them all.
 pub struct Cloud {
     pub scenes: Vec<Scene>,
-    /// Whether points that share a pixel are averaged, pixels that show one smoothed, and planes told without normals.
+    /// Whether points that share a pixel are averaged, pixels that show one smoothed, and planes
+    /// told without normals.
     pub averages: bool,
 }
 
@@ -106,7 +109,8 @@ impl Cloud {
         Self { scenes, averages: true }
     }
 
-    /// A scene sampled so that a pixel at its middle has so many points; floors in bands of distance.
+    /// A scene sampled so that a pixel at its middle has so many points; floors in bands of
+    /// distance.
     pub fn of(truth: &Truth, view: &View, density: f64, kind: Kind, dice: &mut Dice) -> Self {
         if let [(Shape::Floor { z }, paint)] = truth.parts[..] {
             let bands = floor(view, &paint, z, 1.0 / density.sqrt(), kind, dice);
@@ -125,8 +129,8 @@ impl Cloud {
         self.draw_with(view, has_normals, self.averages, pull_push)
     }
 
-    /// As [`Cloud::draw`], with the published passes: a depth interval as long as the drawn radius (twice as long without
-    /// normals), compared as it is. Its picture is that of [`Cloud::draw`].
+    /// As [`Cloud::draw`], with the published passes: a depth interval as long as the drawn radius
+    /// (twice as long without normals), compared as it is. Its picture is that of [`Cloud::draw`].
     pub fn draw_published(&self, view: &View, has_normals: bool) -> Drawn {
         self.draw_with(view, has_normals, false, |pyramid, _| {
             let base = &mut pyramid.levels[0];
@@ -145,8 +149,8 @@ impl Cloud {
         })
     }
 
-    /// As [`Cloud::draw`], with planes told from depths where that is asked, the pyramid filled by `fill`, which is told
-    /// whether pixels are smoothed.
+    /// As [`Cloud::draw`], with planes told from depths where that is asked, the pyramid filled by
+    /// `fill`, which is told whether pixels are smoothed.
     pub fn draw_with(
         &self,
         view: &View,
@@ -227,7 +231,8 @@ pub struct Errors {
     pub holes: usize,
     /// Pixels that show what lies behind the surface.
     pub bleeding: usize,
-    /// Mean displacement of outlines outwards, pixels; and root mean square error of alpha beside outlines.
+    /// Mean displacement of outlines outwards, pixels; and root mean square error of alpha beside
+    /// outlines.
     pub swell_px: f64,
     pub alpha: f64,
     /// Pixels that show a surface in truth.
@@ -235,7 +240,8 @@ pub struct Errors {
 }
 
 impl Drawn {
-    /// Normals in view space at a pixel that shows a surface: those carried, else those told from depth.
+    /// Normals in view space at a pixel that shows a surface: those carried, else those told from
+    /// depth.
     pub fn normals(&self) -> Vec<DVec3> {
         let (width, count) = (self.level.width, self.depth.len());
         if !self.level.normal.is_empty() {

@@ -1,5 +1,6 @@
-//! Analytic scenes with exact ground truth, in `f64`: what a ray sees (depth, normal, colour, what lies behind), and
-//! points sampled from their surfaces. Tests and the example `surface_quality` measure pictures against them.
+//! Analytic scenes with exact ground truth, in `f64`: what a ray sees (depth, normal, colour, what
+//! lies behind), and points sampled from their surfaces. Tests and the example `surface_quality`
+//! measure pictures against them.
 #![allow(dead_code, reason = "not every user needs all of it")]
 
 pub mod flicker;

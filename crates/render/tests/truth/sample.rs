@@ -1,4 +1,5 @@
-//! Points sampled from analytic surfaces, regular or as a Poisson-disk sample has them, and the radius that covers.
+//! Points sampled from analytic surfaces, regular or as a Poisson-disk sample has them, and the
+//! radius that covers.
 
 use super::{Paint, Shape, Truth};
 use crate::scene::{Dice, ScenePoint};
@@ -157,8 +158,8 @@ fn poisson(
     points
 }
 
-/// The greatest distance from a place of the surface to its nearest point, of many places; and some more, since the
-/// worst place is seldom among them.
+/// The greatest distance from a place of the surface to its nearest point, of many places; and some
+/// more, since the worst place is seldom among them.
 fn covering(shape: &Shape, points: &[ScenePoint], spacing: f64, dice: &mut Dice) -> f64 {
     let mut grid: HashMap<[i32; 3], Vec<DVec3>> = HashMap::new();
     points.iter().for_each(|p| grid.entry(cell(p.at, spacing)).or_default().push(p.at));
@@ -171,8 +172,8 @@ fn covering(shape: &Shape, points: &[ScenePoint], spacing: f64, dice: &mut Dice)
     worst.fold(0.0, f64::max) * 1.03
 }
 
-/// Points of a floor seen by a view, in bands of distance whose spacing is so many pixels, as a level of detail has
-/// them: each band's points with their spacing.
+/// Points of a floor seen by a view, in bands of distance whose spacing is so many pixels, as a
+/// level of detail has them: each band's points with their spacing.
 pub fn floor(
     view: &View,
     paint: &Paint,
@@ -182,7 +183,8 @@ pub fn floor(
     dice: &mut Dice,
 ) -> Vec<(f64, Sample)> {
     let mut bands = Vec::new();
-    // What is looked at from above lies farther off than it lies ahead; and the margin is seen, too.
+    // What is looked at from above lies farther off than it lies ahead; and the margin is seen,
+    // too.
     let (half, above) = (view.tan_half().x * 1.4, view.eye.z - z);
     let mut near = 0.3;
     while near < 1500.0 {

@@ -9,7 +9,8 @@ pub(crate) fn is_colour(name: &Name) -> bool {
     matches!(name, Name::ColorRed | Name::ColorGreen | Name::ColorBlue)
 }
 
-/// The values between which a colour lies: by the scan's limits, else by the value's own range; `None` where neither tells.
+/// The values between which a colour lies: by the scan's limits, else by the value's own range;
+/// `None` where neither tells.
 pub(crate) fn colour_range(cloud: &PointCloud, record: &Record) -> Option<[f64; 2]> {
     let kind = &record.data_type;
     let limits = cloud.color_limits.as_ref().and_then(|l| {

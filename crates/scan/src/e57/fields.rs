@@ -1,5 +1,5 @@
-//! What the scans of an E57 file tell of a point, and what becomes of it: the place, where that is valid, in the file's
-//! coordinates; and attributes, one list for all scans.
+//! What the scans of an E57 file tell of a point, and what becomes of it: the place, where that is
+//! valid, in the file's coordinates; and attributes, one list for all scans.
 
 use super::colours::{Colours, colour_range, is_colour};
 use super::grid::grid;
@@ -124,7 +124,8 @@ impl Taken {
         self.state.is_none_or(|i| real(&values[i], &cloud.prototype[i].data_type) == 0.0)
     }
 
-    /// The integers of a point on [`Fields::grid`], where there is one; `None` where they are beyond what they may be.
+    /// The integers of a point on [`Fields::grid`], where there is one; `None` where they are
+    /// beyond what they may be.
     pub fn raw(&self, values: &[Value]) -> Option<[i32; 3]> {
         let Place::Cartesian(xyz) = self.place else { return None };
         let mut raw = [0; 3];
@@ -237,7 +238,8 @@ impl Fields {
     /// Decides what is taken of these scans.
     ///
     /// # Errors
-    /// Where a scan has no place, or one that is none, or there are too many values: which, and why.
+    /// Where a scan has no place, or one that is none, or there are too many values: which, and
+    /// why.
     pub fn new(clouds: &[PointCloud], task: &dyn Task) -> Result<Self, FieldsError> {
         let colours = Colours::of(clouds);
         // In the order in which they come.
@@ -321,7 +323,15 @@ impl Fields {
                 );
             }
         }
-        let grid = grid(clouds, &mut scans);
+        let cartesian = |place| match place {
+            Place::Cartesian(xyz) => Some(xyz),
+            Place::Spherical(_) => None,
+        };
+        let places: Vec<_> = scans.iter().map(|scan| (cartesian(scan.place), scan.pose)).collect();
+        let grid = grid(clouds, &places).map(|(grid, shifts)| {
+            scans.iter_mut().zip(shifts).for_each(|(scan, shift)| scan.shift = shift);
+            grid
+        });
         Ok(Self { schema, scans, grid, are_shares, notes })
     }
 }

@@ -1,28 +1,31 @@
 //! The grid of scans whose coordinates are integers: one for all, where they differ by whole steps.
 
-use super::fields::{Place, Taken};
+use super::pose::Pose;
 use e57::{PointCloud, RecordDataType as Kind};
 use esker_points::Grid;
 
-/// Deviations from a whole step that are noise of doubles, and the most steps that doubles tell apart.
+/// Deviations from a whole step that are noise of doubles, and the most steps that doubles tell
+/// apart.
 const NOISE_STEPS: f64 = 1e-6;
 const STEPS_MAX: f64 = 9.0e15;
 
-/// The grid that all coordinates are integers on, if they are; scans get their shifts on it.
-pub(crate) fn grid(clouds: &[PointCloud], scans: &mut [Taken]) -> Option<Grid> {
+/// Finds the grid on which all coordinates are integers, and the shift of each scan on it, in
+/// steps. `places` holds the fields of the Cartesian coordinates of each scan, if it has them, and
+/// its pose.
+pub(crate) fn grid(
+    clouds: &[PointCloud],
+    places: &[(Option<[usize; 3]>, Pose)],
+) -> Option<(Grid, Vec<[i64; 3]>)> {
     let mut grid: Option<Grid> = None;
-    let mut shifts = vec![[0; 3]; scans.len()];
-    let scans_with_points = clouds
-        .iter()
-        .zip(scans.iter())
-        .zip(&mut shifts)
-        .filter(|((cloud, _), _)| cloud.records > 0);
-    for ((cloud, taken), shift) in scans_with_points {
-        let Place::Cartesian(xyz) = taken.place else { return None };
-        if taken.pose.is_turned {
+    let mut shifts = vec![[0; 3]; places.len()];
+    let scans_with_points =
+        clouds.iter().zip(places).zip(&mut shifts).filter(|((cloud, _), _)| cloud.records > 0);
+    for ((cloud, (xyz, pose)), shift) in scans_with_points {
+        let xyz = (*xyz)?;
+        if pose.is_turned {
             return None;
         }
-        let mut own = Grid { scale: [1.0; 3], offset: taken.pose.at };
+        let mut own = Grid { scale: [1.0; 3], offset: pose.at };
         let mut ends = [[0; 3]; 2];
         for (axis, i) in xyz.into_iter().enumerate() {
             let Kind::ScaledInteger { min, max, scale, offset } = cloud.prototype[i].data_type
@@ -51,6 +54,5 @@ pub(crate) fn grid(clouds: &[PointCloud], scans: &mut [Taken]) -> Option<Grid> {
             }
         }
     }
-    scans.iter_mut().zip(shifts).for_each(|(taken, shift)| taken.shift = shift);
-    grid
+    grid.map(|grid| (grid, shifts))
 }

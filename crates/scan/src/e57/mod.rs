@@ -1,9 +1,11 @@
-//! E57 (ASTM E2807): all scans of a file, each in its pose, with all their values; by the crate `e57`. Directions without
-//! a return are no points, and counted; images are left out. One pass at opening finds the bounds, but where coordinates
-//! are integers on one grid and the file tells their bounds.
+//! E57 (ASTM E2807): all scans of a file, each in its pose, with all their values; by the crate
+//! `e57`. Directions without a return are no points, and counted; images are left out. One pass at
+//! opening finds the bounds, but where coordinates are integers on one grid and the file tells
+//! their bounds.
 //!
 //! Where there are several scans, a point's `point_source_id` is that of its scan, from 1.
 
+mod ahead;
 mod colours;
 mod fields;
 mod grid;
@@ -17,13 +19,12 @@ use crate::error::ScanError;
 use crate::source::{Crs, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
 use crate::text::blocks::in_order;
 use crate::text::naming::{NO_RETURN, NOT_FINITE, colour_max, wide_colours};
+use ahead::{Ahead, file_of};
 use e57::{E57Reader, PointCloud, PointCloudReaderRaw, RecordValue};
 use esker_points::lattice::{GridKind, OffLattice, Placement, float_grid};
 use esker_points::{Batch, Cancelled, ColourDepth, InputGrid, Task};
 use fields::{Fields, FieldsError, Placed};
 use rayon::prelude::*;
-use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// E57, as the registry knows it.
@@ -36,8 +37,6 @@ pub const FORMAT: Format = Format {
 
 /// Values of a block at most, unless one point has more.
 const BLOCK_VALUES: usize = 1 << 17;
-/// Bytes read from the file at once.
-const READ_BYTES: usize = 256 << 10;
 /// A file's XML is kept up to so many bytes.
 const XML_BYTES_MAX: usize = 1 << 20;
 
@@ -47,34 +46,7 @@ struct E57Source {
     fields: Fields,
 }
 
-/// A file whose reader seeks to each page in turn: what was read ahead is kept.
-struct Ahead {
-    file: BufReader<File>,
-    at: u64,
-}
-
 type Reader = E57Reader<Ahead>;
-
-impl Read for Ahead {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let bytes = self.file.read(buffer)?;
-        self.at += bytes as u64;
-        Ok(bytes)
-    }
-}
-
-impl Seek for Ahead {
-    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
-        match to {
-            SeekFrom::Start(to) if to <= i64::MAX as u64 => {
-                self.file.seek_relative(to as i64 - self.at as i64)?;
-                self.at = to;
-            }
-            to => self.at = self.file.seek(to)?,
-        }
-        Ok(self.at)
-    }
-}
 
 /// Values of some points of a scan, one point after another.
 struct Block {
@@ -94,11 +66,6 @@ struct Part {
     no_return: u64,
     not_finite: u64,
     rounding_error_max: f64,
-}
-
-fn file_of(path: &Path) -> Result<Ahead, ScanError> {
-    let file = File::open(path).map_err(|e| ScanError::io(path, e))?;
-    Ok(Ahead { file: BufReader::with_capacity(READ_BYTES, file), at: 0 })
 }
 
 fn reader_of(path: &Path) -> Result<Reader, ScanError> {

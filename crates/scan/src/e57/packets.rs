@@ -1,8 +1,8 @@
-//! The packets of an E57 scan (ASTM E2807, 9.3): how many values each holds of each field, told by their heads. The crate
-//! that unpacks them keeps what is ahead of other fields, whatever it takes: so where one field is far ahead of another,
-//! as in no sound file, nothing is unpacked.
+//! The packets of an E57 scan (ASTM E2807, 9.3): how many values each holds of each field, told by
+//! their heads. The crate that unpacks them keeps what is ahead of other fields, whatever it takes:
+//! so where one field is far ahead of another, as in no sound file, nothing is unpacked.
 
-use super::Ahead;
+use super::ahead::Ahead;
 use e57::{PointCloud, RecordDataType as Kind};
 use esker_points::Task;
 use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom};
@@ -62,8 +62,8 @@ pub(crate) fn bits(kind: &Kind) -> u64 {
     }
 }
 
-/// Whether no field of a scan is ever far ahead of another, up to its last point. A file that is cut is not at fault here: its
-/// reader tells that.
+/// Whether no field of a scan is ever far ahead of another, up to its last point. A file that is
+/// cut is not at fault here: its reader tells that.
 ///
 /// # Errors
 /// Where the file cannot be read, or on request, as [`ErrorKind::Interrupted`].
@@ -161,7 +161,7 @@ mod tests {
         let mut cloud = PointCloud::default();
         (cloud.records, cloud.prototype) = (records, prototype.to_vec());
         let file = file(packets);
-        let input = super::super::file_of(file.path()).unwrap();
+        let input = super::super::ahead::file_of(file.path()).unwrap();
         are_even(input, PAGE_BYTES as u64, &cloud, &Silent).unwrap()
     }
 

@@ -1,6 +1,6 @@
-//! The coordinate reference system of a LAS file: OGC WKT where a VLR has it, else the GeoTIFF keys in
-//! readable form; and its unit of length, where that is told. What is malformed makes a note, never an
-//! error: points are readable without it.
+//! The coordinate reference system of a LAS file: OGC WKT where a VLR has it, else the GeoTIFF keys
+//! in readable form; and its unit of length, where that is told. What is malformed makes a note,
+//! never an error: points are readable without it.
 
 use super::header::{f64_at, u16_at};
 use super::vlr::Records;
@@ -17,10 +17,11 @@ const GEO_TEXT: u16 = 34737;
 const GEOGRAPHIC: u16 = 2;
 /// GeoTIFF's code for what has none.
 const USER_DEFINED: u32 = 32767;
-/// Bytes of GeoTIFF keys as text at most; those of real files take less than one thousand. Many keys may point to
-/// the same values, so that the size of the file bounds nothing.
+/// Bytes of GeoTIFF keys as text at most; those of real files take less than one thousand. Many
+/// keys may point to the same values, so that the size of the file bounds nothing.
 const KEYS_TEXT_BYTES_MAX: usize = 64 << 10;
-/// Bytes of a WKT in which numbers and units are looked for; those of real files have a few thousand.
+/// Bytes of a WKT in which numbers and units are looked for; those of real files have a few
+/// thousand.
 const WKT_BYTES_MAX: usize = 1 << 20;
 
 /// What a CRS is by its numbers in the EPSG register, however it is written down.
@@ -46,7 +47,8 @@ impl Codes {
     }
 }
 
-/// The numbers that the text of a CRS, as [`Crs::text`] has it, tells; `None` where it has none for the horizontal system.
+/// The numbers that the text of a CRS, as [`Crs::text`] has it, tells; `None` where it has none for
+/// the horizontal system.
 pub fn codes(text: &str) -> Option<Codes> {
     match text.strip_prefix("GeoTIFF:") {
         Some(keys) => geotiff_codes(keys),
@@ -238,8 +240,8 @@ fn key_name(id: u16) -> Option<&'static str> {
     })
 }
 
-/// The unit of the horizontal coordinates of a WKT (1 or 2): that of the projected system, else of the
-/// geocentric one, else degrees of a geographic one.
+/// The unit of the horizontal coordinates of a WKT (1 or 2): that of the projected system, else of
+/// the geocentric one, else degrees of a geographic one.
 fn wkt_unit(wkt: &str) -> Option<String> {
     let nodes = &nodes(wkt)[..];
     let system = |keywords: &[&str]| nodes.iter().position(|n| n.is(keywords));
@@ -256,7 +258,8 @@ fn wkt_unit(wkt: &str) -> Option<String> {
 /// What WKT 1 and 2 call units of length.
 const UNITS: [&str; 2] = ["UNIT", "LENGTHUNIT"];
 
-/// The name of a unit given as `"name",factor...`: by its factor where that is known, else as written.
+/// The name of a unit given as `"name",factor...`: by its factor where that is known, else as
+/// written.
 fn unit_name(rest: &str) -> Option<String> {
     let mut parts = rest.split(['"', ',', ']', ')']).map(str::trim).filter(|p| !p.is_empty());
     let name = parts.next()?;
@@ -332,7 +335,8 @@ mod tests {
         let wkt2 = r#"PROJCRS["RGF93 v1 / Lambert-93",BASEGEOGCRS["RGF93 v1",ID["EPSG",4171]],CS[Cartesian,2],AXIS["x",east],LENGTHUNIT["metre",1],ID["EPSG",2154]]"#;
         let keys = r#"GeoTIFF: GTModelType=1 GTCitation="\\\" ProjectedCSType=1 \\" ProjectedCSType=2154 GeographicType=4171 ProjLinearUnits=9001"#;
         assert!(of(wkt).agree(&of(wkt2)) && of(wkt2).agree(&of(keys)) && of(keys).agree(&of(wkt)));
-        // Heights of another system, or in other units, are another system; those that are not told are none.
+        // Heights of another system, or in other units, are another system; those that are not told
+        // are none.
         let compound =
             |vertical: &str| format!(r#"COMPD_CS["both",{wkt},{vertical},AUTHORITY["EPSG","1"]]"#);
         let metres = compound(r#"VERT_CS["NGF",UNIT["metre",1],AUTHORITY["EPSG","5720"]]"#);

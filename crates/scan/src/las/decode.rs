@@ -1,7 +1,7 @@
-//! The points of a file as runs of raw records, in order: uncompressed or LASzip-compressed bytes in,
-//! whatever `convert` makes of each run out, to `sink`, on the caller's thread. Chunks are read in groups and decoded
-//! on all cores of the current pool, each by itself, while the sink takes those before. What a
-//! chunk claims is checked before the decoder allocates for it.
+//! The points of a file as runs of raw records, in order: uncompressed or LASzip-compressed bytes
+//! in, whatever `convert` makes of each run out, to `sink`, on the caller's thread. Chunks are read
+//! in groups and decoded on all cores of the current pool, each by itself, while the sink takes
+//! those before. What a chunk claims is checked before the decoder allocates for it.
 
 use super::laszip::{Chunk, Compression, layered_chunk};
 use crate::ahead::Ahead;
@@ -21,7 +21,8 @@ use std::sync::Arc;
 
 /// Raw records of a run at most: bounds batches of files with very long records.
 const RUN_BYTES: usize = 4 << 20;
-/// Raw records of a group; another is read when no more are under way, or too few to give each thread work.
+/// Raw records of a group; another is read when no more are under way, or too few to give each
+/// thread work.
 const GROUP_BYTES: usize = 8 << 20;
 /// Chunks of a group at most: bounds what tiny chunks cost beside their points.
 const GROUP_PIECES: usize = 512;
@@ -90,7 +91,8 @@ impl Points {
         if let Some(c) = self.compression.as_ref().filter(|c| c.chunks.is_none()) {
             return self.stream(&mut reader, c, c.chunk_points, end, task, convert, sink);
         }
-        // Pieces are decoded on the pool while, on this thread, the next ones are read and the sink takes what came before.
+        // Pieces are decoded on the pool while, on this thread, the next ones are read and the sink
+        // takes what came before.
         rayon::in_place_scope_fifo(|scope| {
             let mut spare = Vec::new();
             let (mut window, mut filled) = (VecDeque::new(), Ok(()));
@@ -187,8 +189,8 @@ impl Points {
         Ok(runs)
     }
 
-    /// Decodes on this thread, in passing, up to point `end`: one chunk, or chunks of `chunk_points`
-    /// that follow each other without a table.
+    /// Decodes on this thread, in passing, up to point `end`: one chunk, or chunks of
+    /// `chunk_points` that follow each other without a table.
     #[expect(clippy::too_many_arguments, reason = "the caller's own arguments and the chunk's")]
     fn stream<T>(
         &self,
@@ -242,7 +244,8 @@ impl Points {
         raw_bytes > CHUNK_BYTES_MAX || chunk.bytes as usize > CHUNK_BYTES_MAX
     }
 
-    /// Compressed bytes of the largest chunk that is decoded in passing and whose decoder needs all of them at once.
+    /// Compressed bytes of the largest chunk that is decoded in passing and whose decoder needs all
+    /// of them at once.
     pub fn held_bytes(&self) -> u64 {
         let layered = self.compression.iter().filter(|c| c.layers.is_some());
         let chunks = layered.filter_map(|c| c.chunks.as_ref()).flatten();
@@ -358,8 +361,8 @@ impl Points {
         Ok(decoder)
     }
 
-    /// Runs the decoder; its errors, and panics that damaged bytes may cause in it, become errors that
-    /// name the place.
+    /// Runs the decoder; its errors, and panics that damaged bytes may cause in it, become errors
+    /// that name the place.
     fn guarded(
         &self,
         point: u64,

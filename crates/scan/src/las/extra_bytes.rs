@@ -1,6 +1,6 @@
-//! Extra bytes of point records: the descriptions of the extra-bytes VLR (LAS 1.4 R15, table 24, and
-//! the arrays that R15 deprecates) become attributes; bytes that nothing describes become one `u8`
-//! attribute each, so that no byte of a record is lost.
+//! Extra bytes of point records: the descriptions of the extra-bytes VLR (LAS 1.4 R15, table 24,
+//! and the arrays that R15 deprecates) become attributes; bytes that nothing describes become one
+//! `u8` attribute each, so that no byte of a record is lost.
 
 use super::header::f64_at;
 use super::vlr::{Records, text};
@@ -16,8 +16,8 @@ const OPTION_OFFSET: u8 = 1 << 4;
 
 /// Bytes of a name.
 pub const NAME_BYTES: usize = 32;
-/// Names that mean LAS fields (or their like) everywhere in Esker; an extra dimension of such a name
-/// gets a suffix, since it need not mean the same.
+/// Names that mean LAS fields (or their like) everywhere in Esker; an extra dimension of such a
+/// name gets a suffix, since it need not mean the same.
 const RESERVED: [&str; 24] = [
     names::INTENSITY,
     names::RETURNS,
@@ -136,7 +136,8 @@ pub fn descriptions(records: &Records) -> impl Iterator<Item = &[u8]> {
     records.all("LASF_Spec", 4).flat_map(|vlr| vlr.data.chunks_exact(DESCRIPTION_BYTES))
 }
 
-/// Names that an extra dimension had better not have: other programs know something else by them. Normals have another one here.
+/// Names that an extra dimension had better not have: other programs know something else by them.
+/// Normals have another one here.
 pub fn taken() -> Vec<&'static str> {
     let normals = NORMALS.map(|(_, own)| own);
     let fields = RESERVED.into_iter().filter(|name| !normals.contains(name));
@@ -151,8 +152,9 @@ fn normal(name: &str) -> Option<&'static str> {
     NORMALS.iter().find(|(usual, _)| *usual == name).map(|&(_, own)| own)
 }
 
-/// Descriptions of attributes, each a value of its own: the way back of [`attributes`]. Of `known` ones that say the same the value is
-/// kept that stands for none; least and greatest values are those of other points.
+/// Descriptions of attributes, each a value of its own: the way back of [`attributes`]. Of `known`
+/// ones that say the same the value is kept that stands for none; least and greatest values are
+/// those of other points.
 pub fn describe_all(attributes: &[Attribute], known: &[Vec<u8>]) -> Vec<u8> {
     let mut out = Vec::with_capacity(attributes.len() * DESCRIPTION_BYTES);
     for a in attributes {

@@ -1,6 +1,6 @@
-//! The public header of LAS 1.0 to 1.5, checked against the size of the file: bytes in, plain fields
-//! out. Offsets are those of the LAS 1.4 R15 specification, tables 3 to 5 (1.5 only appends fields).
-//! Counts and bounds are hints; what would make reading meaningless is refused here.
+//! The public header of LAS 1.0 to 1.5, checked against the size of the file: bytes in, plain
+//! fields out. Offsets are those of the LAS 1.4 R15 specification, tables 3 to 5 (1.5 only appends
+//! fields). Counts and bounds are hints; what would make reading meaningless is refused here.
 
 use crate::error::ScanError;
 use esker_points::Grid;

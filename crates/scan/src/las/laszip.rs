@@ -53,12 +53,12 @@ pub fn record(records: &Records) -> Option<&Vlr> {
 }
 
 impl Compression {
-    /// Checks the record against the header and reads the chunk table. Where the chunks tell how many points they hold
-    /// and the header claims another count, that is put right.
+    /// Checks the record against the header and reads the chunk table. Where the chunks tell how
+    /// many points they hold and the header claims another count, that is put right.
     ///
     /// # Errors
-    /// Where the record is of a kind that is not read or contradicts the header, and where the chunk
-    /// table is damaged or has fewer points than the header claims.
+    /// Where the record is of a kind that is not read or contradicts the header, and where the
+    /// chunk table is damaged or has fewer points than the header claims.
     pub fn read(
         vlr: &Vlr,
         header: &mut Header,
@@ -189,8 +189,8 @@ impl Compression {
         Ok(chunks)
     }
 
-    /// Takes the count of points from the chunks, where they tell: a table of varying chunks does, and the head of a
-    /// layered chunk, of which only the last one can have fewer than the rest.
+    /// Takes the count of points from the chunks, where they tell: a table of varying chunks does,
+    /// and the head of a layered chunk, of which only the last one can have fewer than the rest.
     fn correct_count(
         &self,
         chunks: &mut Vec<Chunk>,
@@ -286,8 +286,8 @@ impl Compression {
     }
 }
 
-/// Where the chunk table stands: the number before the points or, from writers that could not go back,
-/// the file's last eight bytes; none where neither makes sense.
+/// Where the chunk table stands: the number before the points or, from writers that could not go
+/// back, the file's last eight bytes; none where neither makes sense.
 fn table_place(file: &mut File, start: u64, file_bytes: u64) -> std::io::Result<Option<u64>> {
     if file_bytes < start + 8 {
         return Ok(Some(start));

@@ -1,7 +1,7 @@
-//! LAS and LAZ: versions 1.0 to 1.5, point formats 0 to 10, extra bytes, COPC (which is LAZ 1.4). The
-//! file is looked at once when opened (header, VLRs, chunk table, the first points' colours); points
-//! are decoded by [`decode`] and made columns by [`points`]. Whether they are compressed is told by the
-//! point format's upper bits and the LASzip record, never by the name.
+//! LAS and LAZ: versions 1.0 to 1.5, point formats 0 to 10, extra bytes, COPC (which is LAZ 1.4).
+//! The file is looked at once when opened (header, VLRs, chunk table, the first points' colours);
+//! points are decoded by [`decode`] and made columns by [`points`]. Whether they are compressed is
+//! told by the point format's upper bits and the LASzip record, never by the name.
 
 pub(crate) mod crs;
 mod decode;
@@ -48,11 +48,13 @@ const WINDOW_BYTES_MAX: u64 = 64 << 20;
 const COLOUR_PROBE_POINTS: u64 = 1 << 16;
 /// Bytes behind the points that are read at once.
 const BEHIND_BLOCK_BYTES: u64 = 64 << 10;
-/// Records that tell whether what lies behind the points is any, and how many of the header's boxes away it is then.
+/// Records that tell whether what lies behind the points is any, and how many of the header's boxes
+/// away it is then.
 const FAR_RECORDS: usize = 1000;
 const FAR_BOXES: f64 = 100.0;
 
-/// What the GPS times of a source are counted from, by its blocks kept verbatim; none where it has no such times.
+/// What the GPS times of a source are counted from, by its blocks kept verbatim; none where it has
+/// no such times.
 pub fn gps_times(verbatim: &[(String, Vec<u8>)]) -> Option<GpsTimes> {
     let (_, head) = verbatim.iter().find(|(name, _)| name == "las header")?;
     // It was checked when it was read; here it only must not be believed.
@@ -175,9 +177,9 @@ fn check_held(held_bytes: u64, memory_bytes: u64, path: &Path) -> Result<(), Sca
     ))
 }
 
-/// Holds the count of uncompressed points against the bytes that are there. Where these are whole records, their
-/// number is the true count, whatever the header claims, unless all that it leaves out is zero: padding. Where a
-/// record is cut and points are missing, so is the file.
+/// Holds the count of uncompressed points against the bytes that are there. Where these are whole
+/// records, their number is the true count, whatever the header claims, unless all that it leaves
+/// out is zero: padding. Where a record is cut and points are missing, so is the file.
 fn check_count(
     header: &mut Header,
     file: &mut File,
@@ -227,9 +229,10 @@ fn check_count(
     Ok(())
 }
 
-/// Whether what lies behind the points that the header claims is nothing of the kind: its first whole records all lie many boxes away
-/// from the one that the header tells, as none of the first records of those claimed does. (Points that were added later may lie
-/// outside of an old box, but not as far as any text is.)
+/// Whether what lies behind the points that the header claims is nothing of the kind: its first
+/// whole records all lie many boxes away from the one that the header tells, as none of the first
+/// records of those claimed does. (Points that were added later may lie outside of an old box, but
+/// not as far as any text is.)
 fn is_far(
     header: &Header,
     file: &mut File,
@@ -257,7 +260,8 @@ fn is_far(
         && others.chunks_exact(*record_bytes).all(is_far))
 }
 
-/// Whether bytes of a file are all zero; reads no further than to the block of the first that is not.
+/// Whether bytes of a file are all zero; reads no further than to the block of the first that is
+/// not.
 fn is_zero(
     file: &mut File,
     span: Range<u64>,
@@ -278,8 +282,8 @@ fn is_zero(
     Ok(true)
 }
 
-/// Whether the 16-bit colours of the first points all fit 8 bits. Damage found here is reported when
-/// the points are read.
+/// Whether the 16-bit colours of the first points all fit 8 bits. Damage found here is reported
+/// when the points are read.
 fn detect_depth(
     layout: &Layout,
     points: &Points,

@@ -1,5 +1,6 @@
 //! Variable length records, before the points (VLRs) and after them (EVLRs): read within a limit,
-//! kept verbatim, and walked. Wrong counts and lengths end the walk with a note; points stay readable.
+//! kept verbatim, and walked. Wrong counts and lengths end the walk with a note; points stay
+//! readable.
 
 use super::header::{Header, u16_at, u64_at};
 use crate::error::ScanError;
@@ -9,7 +10,8 @@ use std::path::Path;
 
 /// Header, VLRs and EVLRs together are kept up to here; real files have kilobytes.
 pub const VERBATIM_BYTES_MAX: u64 = 64 << 20;
-/// VLRs, and EVLRs, at most; real files have a few. Empty ones take more memory than bytes in the file.
+/// VLRs, and EVLRs, at most; real files have a few. Empty ones take more memory than bytes in the
+/// file.
 const RECORDS_MAX: u32 = 1 << 14;
 /// Bytes of a VLR before its payload.
 pub const VLR_HEAD_BYTES: usize = 54;
@@ -181,8 +183,8 @@ fn behind_the_last(kind: &str, number: u32) -> String {
     )
 }
 
-/// The records of blocks kept verbatim: VLRs and then EVLRs; and the bytes behind the VLRs, which some files
-/// have before their points.
+/// The records of blocks kept verbatim: VLRs and then EVLRs; and the bytes behind the VLRs, which
+/// some files have before their points.
 pub fn of_blocks<'a>(header: &Header, region: &'a [u8], evlrs: &[u8]) -> (Records, &'a [u8]) {
     let (mut vlrs, tail) = walk_vlrs(region, header.vlrs, &mut Vec::new());
     let mut rest = evlrs;

@@ -1,5 +1,5 @@
-//! The header of a PCD file (Point Cloud Library, versions 0.5 to 0.7): fields, their sizes, types and counts, the number
-//! of points and how they are stored, line by line up to and with `DATA`.
+//! The header of a PCD file (Point Cloud Library, versions 0.5 to 0.7): fields, their sizes, types
+//! and counts, the number of points and how they are stored, line by line up to and with `DATA`.
 
 use crate::ply::header::{Element, Property, Shape};
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX};

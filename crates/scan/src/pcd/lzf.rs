@@ -1,4 +1,5 @@
-//! LZF (Marc Lehmann's), the compression of PCD: runs of bytes, and copies of what was written before.
+//! LZF (Marc Lehmann's), the compression of PCD: runs of bytes, and copies of what was written
+//! before.
 
 /// What three bytes, a copy, may stand for at most: no more is believed.
 pub(crate) const BYTES_A_COPY: u64 = 264;

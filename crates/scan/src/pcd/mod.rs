@@ -1,6 +1,7 @@
-//! PCD (Point Cloud Library, 0.5 to 0.7): points as lines, as records, or compressed, with all their fields; colours that
-//! are packed into a number become red, green, blue (and alpha). Compressed points are held in memory, all of them, since
-//! fields stand one behind another. One pass at opening finds the bounds.
+//! PCD (Point Cloud Library, 0.5 to 0.7): points as lines, as records, or compressed, with all
+//! their fields; colours that are packed into a number become red, green, blue (and alpha).
+//! Compressed points are held in memory, all of them, since fields stand one behind another. One
+//! pass at opening finds the bounds.
 
 mod header;
 mod lzf;
@@ -84,7 +85,8 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         Data::Binary => "binary",
         Data::Compressed => "compressed",
     };
-    // Where nothing is said of it, the place is the origin: it is one where points are rows of an image.
+    // Where nothing is said of it, the place is the origin: it is one where points are rows of an
+    // image.
     let is_scanner = header.rows > 1 || header.viewpoint != [0.0; 3];
     let info = SourceInfo {
         path: path.to_owned(),
@@ -102,7 +104,8 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     Ok(Box::new(PcdSource { info, layout, plan, held_bytes }))
 }
 
-/// Refuses a count that the file has no room for. How many bytes are held at once while the points are read.
+/// Refuses a count that the file has no room for. How many bytes are held at once while the points
+/// are read.
 fn check_room(path: &Path, header: &Header, bytes: u64) -> Result<u64, ScanError> {
     let room = bytes.saturating_sub(header.text.len() as u64);
     match header.data {
@@ -163,8 +166,8 @@ fn survey_stream(
     };
     let mut found = Survey::EMPTY;
     if layout.header.data == Data::Compressed {
-        // Inputs are opened side by side, and what each holds may be all that memory has room for. No work is shared
-        // meanwhile: who waits for some might take up another input.
+        // Inputs are opened side by side, and what each holds may be all that memory has room for.
+        // No work is shared meanwhile: who waits for some might take up another input.
         let _alone = HOLDING.lock().unwrap_or_else(PoisonError::into_inner);
         let mut points = Points::new(path, body, layout)?;
         while let Some(raw) = points.next()? {

@@ -1,5 +1,6 @@
-//! The points of a PCD file as records of the values that are taken, little-endian: from lines, from records that hold
-//! more, or from fields that stand one behind another and are compressed together.
+//! The points of a PCD file as records of the values that are taken, little-endian: from lines,
+//! from records that hold more, or from fields that stand one behind another and are compressed
+//! together.
 
 use super::header::{Data, Field, Header, Taken};
 use super::lzf::{BYTES_A_COPY, unpack};
@@ -166,7 +167,8 @@ impl Layout {
 
 /// The bytes of a number that holds colours: blue, green, red, alpha.
 fn unpacked(word: &[u8], ty: AttrType) -> Option<[u8; 4]> {
-    // Old files write colours as the float that has their bits; others as the number that they make.
+    // Old files write colours as the float that has their bits; others as the number that they
+    // make.
     match ty {
         AttrType::F32 => {
             let value = fast_float2::parse::<f32, _>(word).ok()?;
@@ -252,7 +254,8 @@ impl<'a> Points<'a> {
         Ok(Some(raw))
     }
 
-    /// After the last point: whether lines that are not blank follow, as far as the next block tells.
+    /// After the last point: whether lines that are not blank follow, as far as the next block
+    /// tells.
     pub fn has_more_lines(&mut self) -> bool {
         match &mut self.body {
             Body::Lines { lines, has_more } => {

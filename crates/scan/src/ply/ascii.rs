@@ -5,9 +5,9 @@ use super::records::Record;
 use crate::text::number::{fields, number};
 use esker_points::AttrType;
 
-/// Reads a line into a record of this layout (see [`super::plan::Plan`]). Values of a coordinate that
-/// its declared type cannot hold become infinite, like those of a binary file. `on_scalar` is told the
-/// place of each scalar property and its word.
+/// Reads a line into a record of this layout (see [`super::plan::Plan`]). Values of a coordinate
+/// that its declared type cannot hold become infinite, like those of a binary file. `on_scalar` is
+/// told the place of each scalar property and its word.
 ///
 /// # Errors
 /// Where the line is not what the header says: why, in words.

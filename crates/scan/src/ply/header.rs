@@ -1,5 +1,5 @@
-//! The header of a PLY file (Turk 1994): encoding, elements and their properties, read from a stream up
-//! to and with `end_header`. Everything it claims is limited before it is believed.
+//! The header of a PLY file (Turk 1994): encoding, elements and their properties, read from a
+//! stream up to and with `end_header`. Everything it claims is limited before it is believed.
 
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX};
 use esker_points::AttrType;

@@ -1,6 +1,7 @@
-//! PLY (Turk 1994), ASCII and binary of either byte order, plain or compressed with zstd: the vertices
-//! with all their scalar properties. Faces and other elements are ignored, lists left out, both with a
-//! word. One pass at opening finds the bounds; neither pass keeps more than a few blocks.
+//! PLY (Turk 1994), ASCII and binary of either byte order, plain or compressed with zstd: the
+//! vertices with all their scalar properties. Faces and other elements are ignored, lists left out,
+//! both with a word. One pass at opening finds the bounds; neither pass keeps more than a few
+//! blocks.
 
 pub(crate) mod ascii;
 pub(crate) mod header;

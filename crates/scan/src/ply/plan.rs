@@ -1,5 +1,5 @@
-//! How a PLY file's vertices become points: which properties are coordinates, what the attributes are
-//! called, and, after one pass over the vertices, on which grid they lie. Serves PCD as well.
+//! How a PLY file's vertices become points: which properties are coordinates, what the attributes
+//! are called, and, after one pass over the vertices, on which grid they lie. Serves PCD as well.
 
 use super::ascii::parse_line;
 use super::header::{Element, Encoding, Header, Shape};
@@ -23,8 +23,8 @@ pub(crate) struct Plan {
     /// Which element has the vertices.
     pub vertex: usize,
     pub encoding: Encoding,
-    /// The records that are read. Of an ASCII file the coordinates are `f64`, since they are decimals,
-    /// unless [`Plan::as_declared`] was called.
+    /// The records that are read. Of an ASCII file the coordinates are `f64`, since they are
+    /// decimals, unless [`Plan::as_declared`] was called.
     pub record: Record,
     /// Fields of x, y and z.
     axes: [usize; 3],
@@ -105,7 +105,7 @@ impl Plan {
         Ok(Self { vertex, ..plan })
     }
 
-    /// The same of the only element that there is; `None` where it lacks a coordinate.
+    /// Plan of a file with a single element; `None` if the element lacks a coordinate.
     pub fn of_element(element: &Element, encoding: Encoding) -> Option<Self> {
         let scalars: Vec<(&str, AttrType)> = scalars(element).collect();
         let axes = axes(scalars.iter().map(|(name, _)| *name))?;
@@ -125,8 +125,8 @@ impl Plan {
     }
 
     /// Decides the grid after the survey. Decimal text keeps its digits where they fit a lattice of
-    /// 32 bits; else, and for binary numbers, it is the grid for floats, and the coordinates of ASCII
-    /// files are then read as the type that they are declared as.
+    /// 32 bits; else, and for binary numbers, it is the grid for floats, and the coordinates of
+    /// ASCII files are then read as the type that they are declared as.
     pub fn choose_grid(
         &mut self,
         element: &Element,

@@ -1,6 +1,6 @@
-//! Vertices as records of fixed length: the scalar properties in the file's order, little-endian, lists
-//! left out. Binary bodies of either byte order and ASCII bodies come out alike, in blocks of bounded
-//! size; what stands before the vertices is skipped.
+//! Vertices as records of fixed length: the scalar properties in the file's order, little-endian,
+//! lists left out. Binary bodies of either byte order and ASCII bodies come out alike, in blocks of
+//! bounded size; what stands before the vertices is skipped.
 
 use super::header::{Element, Encoding, Header, Shape};
 use crate::error::ScanError;
@@ -80,7 +80,8 @@ pub(crate) struct Vertices<'a> {
 
 enum Body {
     Binary(Box<dyn BufRead + Send>),
-    /// Lines, of which `skip` come before the vertices; `has_more` where the last block has some behind them.
+    /// Lines, of which `skip` come before the vertices; `has_more` where the last block has some
+    /// behind them.
     Ascii {
         lines: LineBlocks<Box<dyn BufRead + Send>>,
         skip: u64,
@@ -160,7 +161,8 @@ impl<'a> Vertices<'a> {
         Ok(Some(raw))
     }
 
-    /// After the last vertex: whether lines that are not blank follow, as far as the next block tells.
+    /// After the last vertex: whether lines that are not blank follow, as far as the next block
+    /// tells.
     pub fn has_more_lines(&mut self) -> bool {
         match &mut self.body {
             // What cannot be read as lines is something that is left out, too.

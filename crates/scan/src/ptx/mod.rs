@@ -1,6 +1,7 @@
-//! PTX (Leica Cyclone): scans as text, each with the place and the turn of its scanner. Points come in the file's
-//! coordinates. Directions without a return (`0 0 0`) are no points, and counted. A first pass finds bounds, digits and
-//! types, a second one hands the points over; neither keeps more than a few blocks.
+//! PTX (Leica Cyclone): scans as text, each with the place and the turn of its scanner. Points come
+//! in the file's coordinates. Directions without a return (`0 0 0`) are no points, and counted. A
+//! first pass finds bounds, digits and types, a second one hands the points over; neither keeps
+//! more than a few blocks.
 //!
 //! Where there are several scans, a point's `point_source_id` is that of its scan, from 1.
 

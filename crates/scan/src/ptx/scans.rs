@@ -1,6 +1,7 @@
-//! The scans of a PTX file: what stands before the points of each, and its points' lines in blocks. A scan begins with
-//! ten lines: columns, rows, where the scanner stood, its three axes, and four rows of a matrix that brings its points
-//! into the file's coordinates; behind them is a line for each direction that it looked in.
+//! The scans of a PTX file: what stands before the points of each, and its points' lines in blocks.
+//! A scan begins with ten lines: columns, rows, where the scanner stood, its three axes, and four
+//! rows of a matrix that brings its points into the file's coordinates; behind them is a line for
+//! each direction that it looked in.
 
 use crate::error::ScanError;
 use crate::text::blocks::{Block, LineBlocks};
@@ -105,7 +106,8 @@ impl<'a> Scans<'a> {
     /// The next lines of points; `None` at the end.
     ///
     /// # Errors
-    /// Where a head is not as it should be, a scan has fewer lines than its head says, or the file cannot be read.
+    /// Where a head is not as it should be, a scan has fewer lines than its head says, or the file
+    /// cannot be read.
     pub fn next(&mut self) -> Result<Option<Piece>, ScanError> {
         loop {
             while self.left == 0 {

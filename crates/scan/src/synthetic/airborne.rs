@@ -1,13 +1,14 @@
-//! Airborne scanning: strips that overlap, flown to and fro, a mirror that swings across them and lingers
-//! at its ends, up to five echoes a pulse. The area grows with the points: their density is that of a
-//! survey, whatever their number. A pulse's place follows from the index of its first echo, so that a
-//! block of points can be made alone; the last pulse of a block loses the echoes that do not fit it.
+//! Airborne scanning: strips that overlap, flown to and fro, a mirror that swings across them and
+//! lingers at its ends, up to five echoes a pulse. The area grows with the points: their density is
+//! that of a survey, whatever their number. A pulse's place follows from the index of its first
+//! echo, so that a block of points can be made alone; the last pulse of a block loses the echoes
+//! that do not fit it.
 
 use super::draw::{Draw, cos_sin, noise, smooth};
 use super::landscape::{Echo, HEIGHTS, Landscape};
 use super::point::Point;
 use super::ray::{Hit, Vec3};
-use super::{BLOCK_POINTS, Scene};
+use super::scene::{BLOCK_POINTS, Scene};
 use esker_points::Grid;
 use std::ops::Range;
 
@@ -156,7 +157,8 @@ impl Scene for Survey {
         while index < range.end {
             let mut draw = Draw::new(self.seed, 0, index);
             let pulse = self.pulse(index, &mut draw);
-            // Hills hide nothing at these angles: where the beam meets them is told by their height.
+            // Hills hide nothing at these angles: where the beam meets them is told by their
+            // height.
             let reach = |z: f64| pulse.middle + (self.height - z) * pulse.tangent;
             let y = reach(self.country.hills(pulse.x, reach(0.0)));
             let echoes = self.country.echoes(pulse.x, y, &mut draw);

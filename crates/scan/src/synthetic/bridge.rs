@@ -1,9 +1,9 @@
-//! The bridge scene: a valley with a river and trees, a bridge of stone and steel across it, and tripods
-//! on the banks, under the arches and on the roadway.
+//! The bridge scene: a valley with a river and trees, a bridge of stone and steel across it, and
+//! tripods on the banks, under the arches and on the roadway.
 
-use super::Scene;
 use super::draw::{Draw, cos_sin};
 use super::ray::{Hit, Material, Ray, Texture, Vec3};
+use super::scene::Scene;
 use super::solid::{Thing, part};
 use super::station::{Terrestrial, World};
 use super::tree::{Sectors, Tree};

@@ -1,6 +1,7 @@
-//! Constructive solid geometry: a solid is what an expression makes of being inside some half-spaces, balls and cylinders.
-//! Its surface is sampled evenly, a splat at a time, and each splat near an edge gets the lines at which it ends
-//! (zwicker2004, section 5): exact, since the surfaces on both sides of the edge are known.
+//! Constructive solid geometry: a solid is what an expression makes of being inside some
+//! half-spaces, balls and cylinders. Its surface is sampled evenly, a splat at a time, and each
+//! splat near an edge gets the lines at which it ends (zwicker2004, section 5): exact, since the
+//! surfaces on both sides of the edge are known.
 
 use super::draw::cos_sin;
 use super::ray::Vec3;
@@ -157,7 +158,8 @@ impl Solid {
             })
             .collect();
         near.sort_by(|&a, &b| found[a].0.abs().total_cmp(&found[b].0.abs()));
-        // Those that the surface does not end at, with all others as they are or turned, are no edges of it.
+        // Those that the surface does not end at, with all others as they are or turned, are no
+        // edges of it.
         let mut ends_at = |turned: &[usize]| {
             turned.iter().for_each(|&j| inside[j] = !inside[j]);
             let is_end = ends(&mut inside) == Some(goes_out);
@@ -208,8 +210,8 @@ impl Solid {
         (is_on(own) && is_on(other)).then_some(at)
     }
 
-    /// The line in which the tangent planes of two surfaces meet, at their edge near a place, so that what lies inside the
-    /// other one is kept, or what lies outside.
+    /// The line in which the tangent planes of two surfaces meet, at their edge near a place, so
+    /// that what lies inside the other one is kept, or what lies outside.
     fn line(
         &self,
         own: usize,
@@ -220,7 +222,8 @@ impl Solid {
         spacing: f64,
     ) -> Option<Line> {
         let edge = self.edge(own, other, near)?;
-        // The splats on both sides of a piece of the edge share its line: it is that of a cell of space.
+        // The splats on both sides of a piece of the edge share its line: it is that of a cell of
+        // space.
         let cell = edge.map(|c| ((c / spacing).floor() + 0.5) * spacing);
         let (first, second) = (own.min(other), own.max(other));
         let at = self.edge(first, second, cell);
@@ -306,7 +309,8 @@ mod tests {
         for splat in top.filter(|s| s.at[0].abs().max(s.at[1].abs()) < 0.12) {
             corners += 1;
             assert!(splat.either, "{splat:?}");
-            // A place of the quarter that is cut out is right of both lines; other places are left of one.
+            // A place of the quarter that is cut out is right of both lines; other places are left
+            // of one.
             for (p, is_kept) in [
                 ([0.1, 0.1], false),
                 ([0.1, -0.1], true),

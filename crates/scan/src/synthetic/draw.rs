@@ -1,7 +1,8 @@
-//! Numbers that are the same on every machine: hashing for chance, polynomials for angles, a lattice of
-//! hashes for noise. Only integer arithmetic and what IEEE 754 rounds exactly (`+ - * /`, `sqrt`,
-//! comparisons, conversions) may decide where a point lies: the standard library's `sin`, `exp` and
-//! `powf` differ between platforms, and `mul_add` where there is no such instruction is slow.
+//! Numbers that are the same on every machine: hashing for chance, polynomials for angles, a
+//! lattice of hashes for noise. Only integer arithmetic and what IEEE 754 rounds exactly
+//! (`+ - * /`, `sqrt`, comparisons, conversions) may decide where a point lies: the standard
+//! library's `sin`, `exp` and `powf` differ between platforms, and `mul_add` where there is no such
+//! instruction is slow.
 
 use std::f64::consts::TAU;
 

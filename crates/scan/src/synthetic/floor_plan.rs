@@ -1,10 +1,11 @@
-//! The plan of the office: floors of rooms on both sides of a corridor, and a stairwell that joins the
-//! floors. Rooms are boxes; what leads out of them (doors, windows) are rectangles in their walls.
+//! The plan of the office: floors of rooms on both sides of a corridor, and a stairwell that joins
+//! the floors. Rooms are boxes; what leads out of them (doors, windows) are rectangles in their
+//! walls.
 
 use super::draw::Draw;
 use super::furniture;
-use super::office::{Beyond, Opening, Room};
 use super::ray::{Material, Texture, Vec3};
+use super::room::{Beyond, Opening, Room};
 
 /// Length of the corridors, metres.
 pub const LENGTH: f64 = 46.0;

@@ -19,8 +19,8 @@ const LEAF: Material = Material::new([58, 112, 48], 0.45, 68, Texture::Speckle(2
 const POT: Material = Material::new([150, 82, 54], 0.4, 68, Texture::Plain);
 const STEP: Material = Material::new([172, 168, 160], 0.5, 66, Texture::Speckle(40.0));
 
-/// A room as its furniture sees it: x from `-half` to `half` along the window, y from the window, at 0,
-/// to the door's wall, z from the floor.
+/// A room as its furniture sees it: x from `-half` to `half` along the window, y from the window,
+/// at 0, to the door's wall, z from the floor.
 pub struct Frame {
     half: f64,
     height: f64,

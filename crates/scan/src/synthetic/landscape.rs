@@ -1,6 +1,6 @@
-//! The terrain scene's country, without end: hills and lakes, woods, fields in parcels, roads, villages
-//! and power lines; and what a laser from above meets at a place, from the top down. All of it follows
-//! from hashes of the place, so that nothing is kept.
+//! The terrain scene's country, without end: hills and lakes, woods, fields in parcels, roads,
+//! villages and power lines; and what a laser from above meets at a place, from the top down. All
+//! of it follows from hashes of the place, so that nothing is kept.
 
 use super::draw::{Draw, at, beyond, floor, noise, smooth, unit};
 use super::ray::{Material, Texture};
@@ -24,7 +24,8 @@ const PARCEL: [f64; 2] = [130.0, 70.0];
 /// From one power line to the next, and from pylon to pylon.
 const LINES: f64 = 1200.0;
 const SPAN: f64 = 160.0;
-/// Wires: metres aside and above the pylon's foot; how far they sag, and how near a pulse must pass.
+/// Wires: metres aside and above the pylon's foot; how far they sag, and how near a pulse must
+/// pass.
 const WIRES: [[f64; 2]; 5] = [[-7.0, 26.0], [0.0, 26.0], [7.0, 26.0], [-4.5, 34.0], [4.5, 34.0]];
 const SAG: f64 = 7.0;
 const WIRE_REACH: f64 = 0.2;

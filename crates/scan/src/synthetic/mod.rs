@@ -1,7 +1,7 @@
-//! Generated scans, taken wherever an input is: `synthetic:SCENE:POINTS:SEED`. Every point is a function
-//! of the scene, the number of points, the seed and its index, the same on every machine (the rule for
-//! that is in [`draw`]), so that blocks of points are made apart, on all cores, and handed over in order.
-//! They have the grid and the fields of a LAS file of point format 7.
+//! Generated scans, taken wherever an input is: `synthetic:SCENE:POINTS:SEED`. Every point is a
+//! function of the scene, the number of points, the seed and its index, the same on every machine
+//! (the rule for that is in [`draw`]), so that blocks of points are made apart, on all cores, and
+//! handed over in order. They have the grid and the fields of a LAS file of point format 7.
 //!
 //! | scene | what it is |
 //! |---|---|
@@ -9,7 +9,8 @@
 //! | `office` | three floors of rooms off corridors, furnished, scanned from a tripod in every room |
 //! | `terrain` | country with woods, fields, villages and power lines, scanned from the air |
 //!
-//! Beside them models ([`model`]), `cube` and `csg`: solids of about so many splats, with clip lines on their edges.
+//! Beside them models ([`model`]), `cube` and `csg`: solids of about so many splats, with clip
+//! lines on their edges.
 
 mod airborne;
 mod bridge;
@@ -22,6 +23,9 @@ pub mod model;
 mod office;
 mod point;
 mod ray;
+mod room;
+mod scene;
+mod scenes;
 mod solid;
 mod spec;
 mod station;
@@ -30,49 +34,21 @@ mod valley;
 mod viaduct;
 
 use crate::error::ScanError;
-use crate::source::{Crs, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
+use crate::source::{Crs, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use esker_points::lattice::{GridKind, Placement};
-use esker_points::{ColourDepth, Grid, InputGrid, Task};
+use esker_points::{ColourDepth, InputGrid, Task};
 use point::{Point, Run};
 use rayon::prelude::*;
+use scene::{BLOCK_POINTS, Scene};
+pub use scenes::SCENES;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
 pub use spec::{POINTS_MAX, is_spec, parse_points};
 
-/// Points that are made together; a batch.
-const BLOCK_POINTS: u64 = 1 << 14;
 /// Blocks made while those before are taken: 16 MiB of batches.
 const GROUP_BLOCKS: u64 = 28;
-
-/// A kind of scene.
-pub struct SceneKind {
-    /// Its name in `synthetic:NAME:...`.
-    pub name: &'static str,
-    make: fn(points: u64, seed: u64) -> Box<dyn Scene>,
-}
-
-/// All scenes.
-pub static SCENES: &[SceneKind] = &[
-    SceneKind { name: "bridge", make: bridge::make },
-    SceneKind { name: "office", make: office::make },
-    SceneKind { name: "terrain", make: airborne::make },
-];
-
-/// A world and how it is scanned.
-trait Scene: Send + Sync {
-    /// The grid of its coordinates.
-    fn grid(&self) -> Grid;
-    /// Where its points are scanned from, where they stand still for it.
-    fn scanner(&self) -> Option<Scanner> {
-        None
-    }
-    /// Corners of a box that no point is outside of, without the grid's offset.
-    fn bounds(&self) -> [[f64; 3]; 2];
-    /// Appends these points; the range begins at a multiple of [`BLOCK_POINTS`] and is not longer.
-    fn block(&self, range: Range<u64>, out: &mut Vec<Point>);
-}
 
 /// ETRS89 / UTM zone 32N, EPSG 25832.
 const CRS: &str = r#"PROJCS["ETRS89 / UTM zone 32N",GEOGCS["ETRS89",DATUM["European_Terrestrial_Reference_System_1989",SPHEROID["GRS 1980",6378137,298.257222101]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],PARAMETER["latitude_of_origin",0],PARAMETER["central_meridian",9],PARAMETER["scale_factor",0.9996],PARAMETER["false_easting",500000],PARAMETER["false_northing",0],UNIT["metre",1],AUTHORITY["EPSG","25832"]]"#;

@@ -1,5 +1,5 @@
-//! Generated models: solids whose splats have normals, colours, and clip lines on their edges. What they are of is the
-//! file's unit; seeds mean nothing to them.
+//! Generated models: solids whose splats have normals, colours, and clip lines on their edges. What
+//! they are of is the file's unit; seeds mean nothing to them.
 
 use super::csg::{Solid, Splat, Surface};
 use super::draw::cos_sin;
@@ -13,7 +13,8 @@ use std::sync::Arc;
 
 /// Splats of a model at most.
 pub const SPLATS_MAX: u64 = 4_000_000;
-/// Distances of splats: farther apart, those of a cube's faces would stand on its edges, where none is.
+/// Distances of splats: farther apart, those of a cube's faces would stand on its edges, where none
+/// is.
 const SPACINGS: [f64; 2] = [1e-4, 0.7];
 /// Length of a step: a model is two units wide.
 const STEP: f64 = 1e-6;
@@ -47,8 +48,8 @@ fn turned() -> [[f64; 3]; 3] {
     [[a, b, 0.0], [-b * c, a * c, d], [b * d, -a * d, c]]
 }
 
-/// A block with a shaft through it, a bowl in its side, a notch in its edge and a tower on its top (as figure 8 of
-/// zwicker2004 has it: edges straight and round, corners that go out and in).
+/// A block with a shaft through it, a bowl in its side, a notch in its edge and a tower on its top
+/// (as figure 8 of zwicker2004 has it: edges straight and round, corners that go out and in).
 fn csg() -> Solid {
     let wall = |i: usize, side: f64, offset: f64| {
         let mut n = [0.0; 3];

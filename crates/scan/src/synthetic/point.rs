@@ -9,7 +9,8 @@ use esker_points::{AttrType, Attribute, Batch, Column, Grid, Schema};
 use std::path::Path;
 use std::sync::Arc;
 
-/// One point; the fields are those of the LAS specification, packed as in `esker_points::attribute`.
+/// One point; the fields are those of the LAS specification, packed as in
+/// `esker_points::attribute`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Point {
     /// Steps of the scene's grid.
@@ -68,8 +69,8 @@ impl Point {
         self.rgb = [0, 1, 2].map(|i| (value(i) as u16) << 8);
     }
 
-    /// What comes back from `hit`: weaker with distance and at grazing angles; `noise` is the share of it
-    /// that is left to chance.
+    /// What comes back from `hit`: weaker with distance and at grazing angles; `noise` is the share
+    /// of it that is left to chance.
     pub fn set_intensity(&mut self, hit: &Hit, noise: f64, draw: &mut Draw) {
         let far = 1.0 / (1.0 + hit.t * hit.t * (1.0 / 1600.0));
         let share = hit.material.reflectance * (0.3 + 0.7 * hit.incidence) * far;

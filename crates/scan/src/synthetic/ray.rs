@@ -1,5 +1,5 @@
-//! Rays and the surfaces that they meet: what is hit where, and what it is made of. Lengths in metres,
-//! z up, relative to the scene's offset.
+//! Rays and the surfaces that they meet: what is hit where, and what it is made of. Lengths in
+//! metres, z up, relative to the scene's offset.
 
 use super::draw::{at, beyond, floor, noise, unit};
 
@@ -104,7 +104,8 @@ impl Material {
 
     /// Red, green, blue at a place, 0 to 1 and somewhat above.
     pub fn colour_at(&self, seed: u64, p: Vec3) -> [f64; 3] {
-        // One mapping for floors and walls: a wall along x varies with x and z, one along y with y and z.
+        // One mapping for floors and walls: a wall along x varies with x and z, one along y with y
+        // and z.
         let (u, v) = (p[0] + p[1], p[1] - p[0] + 2.0 * p[2]);
         let factor = match self.texture {
             Texture::Plain => 1.0,

@@ -1,5 +1,5 @@
-//! Things made of boxes (a desk, a shelf, a flight of stairs): each stands somewhere, turned about z, and
-//! is looked into only by rays that meet the box around it.
+//! Things made of boxes (a desk, a shelf, a flight of stairs): each stands somewhere, turned about
+//! z, and is looked into only by rays that meet the box around it.
 
 use super::ray::{Hit, Material, Ray, Vec3};
 

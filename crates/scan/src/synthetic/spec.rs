@@ -1,7 +1,7 @@
 //! The name of a generated scan: `synthetic:SCENE:POINTS` or `synthetic:SCENE:POINTS:SEED`.
 
-use super::SCENES;
 use super::model::MODELS;
+use super::scenes::SCENES;
 use crate::error::ScanError;
 use std::path::Path;
 
@@ -71,10 +71,11 @@ fn all() -> impl Iterator<Item = &'static str> {
     SCENES.iter().map(|s| s.name).chain(MODELS.iter().map(|m| m.name))
 }
 
-/// Reads a number of points, such as 250000, 100k, 10M or 1G; the unit's letter may be large or small.
+/// Reads a number of points, such as 250000, 100k, 10M or 1G; the unit's letter may be large or
+/// small.
 ///
 /// # Errors
-/// Where it is none, or more than [`POINTS_MAX`].
+/// If `text` is not a number of points, or is more than [`POINTS_MAX`].
 pub fn parse_points(text: &str) -> Result<u64, String> {
     let (digits, unit) = match text.as_bytes().last() {
         Some(b'k' | b'K') => (&text[..text.len() - 1], 1_000),

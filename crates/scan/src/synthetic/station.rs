@@ -1,12 +1,12 @@
-//! Terrestrial scanning: tripods in a world, each turning once about z while its mirror sweeps a fan of
-//! angles, at equal steps of both. So density falls with the square of the distance and the cosine of
-//! incidence, and what is behind something is not seen. A ray that meets nothing is thrown anew
-//! somewhere in the same turn, so that there are as many points as were asked for.
+//! Terrestrial scanning: tripods in a world, each turning once about z while its mirror sweeps a
+//! fan of angles, at equal steps of both. So density falls with the square of the distance and the
+//! cosine of incidence, and what is behind something is not seen. A ray that meets nothing is
+//! thrown anew somewhere in the same turn, so that there are as many points as were asked for.
 
 use super::draw::{Draw, cos_sin};
 use super::point::Point;
 use super::ray::{Hit, Ray, Vec3};
-use super::{BLOCK_POINTS, Scene};
+use super::scene::{BLOCK_POINTS, Scene};
 use crate::source::Scanner;
 use esker_points::Grid;
 use std::ops::Range;

@@ -1,5 +1,5 @@
-//! Trees that stand in a valley: a stem, and a crown that swallows a ray by and by. Which trees a station
-//! may see in a direction is told beforehand, by sectors.
+//! Trees that stand in a valley: a stem, and a crown that swallows a ray by and by. Which trees a
+//! station may see in a direction is told beforehand, by sectors.
 
 use super::draw::Draw;
 use super::ray::{Hit, Material, Ray, Texture, Vec3};

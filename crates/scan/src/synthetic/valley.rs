@@ -1,6 +1,6 @@
-//! The valley that the bridge spans: heights on a raster, blended between its places. Rays go from block to
-//! block of the raster, past those that they fly over, and march down to the ground in the others by steps
-//! that the block's greatest slope allows.
+//! The valley that the bridge spans: heights on a raster, blended between its places. Rays go from
+//! block to block of the raster, past those that they fly over, and march down to the ground in the
+//! others by steps that the block's greatest slope allows.
 
 use super::draw::{floor, noise, smooth};
 use super::ray::{Hit, Material, Ray, Texture};
@@ -114,8 +114,8 @@ impl Valley {
         from_river(self.seed, x, y) > RIVER + 4.0
     }
 
-    /// Whether a ray ends at ground or water before `t_max`, and what comes back from there: on water, where
-    /// `glint`, from 0 to 1, decides, mostly nothing.
+    /// Whether a ray ends at ground or water before `t_max`, and what comes back from there: on
+    /// water, where `glint`, from 0 to 1, decides, mostly nothing.
     pub fn cast(&self, ray: &Ray, t_max: f64, glint: f64) -> Option<Option<Hit>> {
         let level = (ray.to[0] * ray.to[0] + ray.to[1] * ray.to[1]).sqrt();
         let mut t = 0.0;

@@ -1,10 +1,11 @@
-//! The bridge: viaducts of stone whose arches are cut out of a block, and between them a span of steel,
-//! of which a ray meets girders and railings as bars in a plane.
+//! The bridge: viaducts of stone whose arches are cut out of a block, and between them a span of
+//! steel, of which a ray meets girders and railings as bars in a plane.
 
 use super::draw::beyond;
 use super::ray::{Hit, Material, Ray, Texture, Vec3};
 
-/// Half the length of the steel span, of the bridge, and half its width; the roadway's height; metres.
+/// Half the length of the steel span, of the bridge, and half its width; the roadway's height;
+/// metres.
 pub const SPAN: f64 = 24.0;
 pub const END: f64 = 92.0;
 pub const WIDTH: f64 = 4.5;
@@ -101,8 +102,8 @@ fn bars_of_railing(ray: &Ray, y: f64) -> Option<Hit> {
     bars(ray, y, is_railing, RAIL)
 }
 
-/// Whether a girder has steel at this place along the bridge and above the roadway: a bow, verticals and
-/// diagonals that change direction in the middle.
+/// Whether a girder has steel at this place along the bridge and above the roadway: a bow,
+/// verticals and diagonals that change direction in the middle.
 fn is_girder(x: f64, up: f64) -> bool {
     let bow = GIRDER * (1.0 - (x / SPAN) * (x / SPAN));
     if x.abs() > SPAN || up < 0.0 || up > bow {

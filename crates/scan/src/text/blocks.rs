@@ -1,6 +1,7 @@
-//! Blocks of whole lines from a stream, and work on blocks by all cores with results in order. In: a
-//! byte stream; out: blocks of at most 256 KiB, so that neither long files nor long lines cost memory.
-//! Serves the text reader and the ASCII body of PLY; the ordered work serves binary PLY as well.
+//! Blocks of whole lines from a stream, and work on blocks by all cores with results in order. In:
+//! a byte stream; out: blocks of at most 256 KiB, so that neither long files nor long lines cost
+//! memory. Serves the text reader and the ASCII body of PLY; the ordered work serves binary PLY as
+//! well.
 
 use crate::ahead::Ahead;
 use crate::error::ScanError;
@@ -9,8 +10,8 @@ use std::collections::VecDeque;
 use std::io::Read;
 use std::path::PathBuf;
 
-/// Bytes of a block at most. A point takes at least 6 (`0 0 0` and the line end), so that the points of
-/// a block always fit a batch.
+/// Bytes of a block at most. A point takes at least 6 (`0 0 0` and the line end), so that the
+/// points of a block always fit a batch.
 pub(crate) const BLOCK_BYTES: usize = 256 << 10;
 /// Bytes of a line at most.
 pub(crate) const LINE_BYTES_MAX: usize = 64 << 10;
@@ -93,8 +94,8 @@ impl<R: Read> LineBlocks<R> {
     }
 }
 
-/// Takes blocks from `next`, works on some at once with the cores of the current pool, and hands the
-/// results to `each` in the order of the blocks.
+/// Takes blocks from `next`, works on some at once with the cores of the current pool, and hands
+/// the results to `each` in the order of the blocks.
 ///
 /// # Errors
 /// The first error of any of the three; [`ScanError::Cancelled`].

@@ -1,5 +1,5 @@
-//! What a text file is, told by its first lines: columns of numbers with or without a line of names, or with
-//! counts of lines before them (PTS), or something else altogether.
+//! What a text file is, told by its first lines: columns of numbers with or without a line of
+//! names, or with counts of lines before them (PTS), or something else altogether.
 
 use super::naming::{COLUMNS_MAX, NAME_BYTES_MAX, axes};
 use super::number::{fields, has_decimal_commas, number};
@@ -52,8 +52,8 @@ pub(crate) fn is_comment(line: &[u8]) -> bool {
     line.starts_with(b"#") || line.starts_with(b"//") || line.starts_with(b"%")
 }
 
-/// Whether nothing but empty fields, or a comment, follows the numbers of a line: `field`, which is none, and
-/// what stands behind it.
+/// Whether nothing but empty fields, or a comment, follows the numbers of a line: `field`, which is
+/// none, and what stands behind it.
 pub(crate) fn is_end<'a>(field: &'a [u8], behind: impl Iterator<Item = &'a [u8]>) -> bool {
     std::iter::once(field).chain(behind).find(|f| !f.is_empty()).is_none_or(is_comment)
 }
@@ -63,8 +63,8 @@ pub(crate) fn excerpt(line: &[u8]) -> String {
     String::from_utf8_lossy(&line[..line.len().min(40)]).escape_debug().to_string()
 }
 
-/// Tells what a file is by its first lines; `None` where it is no text that could hold points. A file
-/// without any point is only told by its names.
+/// Tells what a file is by its first lines; `None` where it is no text that could hold points. A
+/// file without any point is only told by its names.
 pub(crate) fn classify(head: &[u8]) -> Option<Kind> {
     // Form feeds and the end mark of DOS (0x1A) occur in real files.
     let printable = |b: &u8| *b >= 0x20 || b.is_ascii_whitespace() || *b == 0x1A;
@@ -158,9 +158,9 @@ fn why_no_point(n: u64, numbers: usize, stray: Option<&[u8]>) -> String {
     }
 }
 
-/// Names in a line: separated by commas, else semicolons, else tabs, else blanks; quotes are taken off.
-/// `None` where a field does not look like a name; beside x, y and z any word does, and one that is empty
-/// gets `column_` and its number.
+/// Names in a line: separated by commas, else semicolons, else tabs, else blanks; quotes are taken
+/// off. `None` where a field does not look like a name; beside x, y and z any word does, and one
+/// that is empty gets `column_` and its number.
 fn names_of(line: &[u8]) -> Option<Vec<String>> {
     let line = std::str::from_utf8(line).ok()?;
     let mark = [',', ';', '\t'].into_iter().find(|&m| line.contains(m));

@@ -1,11 +1,12 @@
-//! Points as text: XYZ, TXT, CSV, PTS. Lines of numbers separated by blanks, tabs, commas or semicolons,
-//! optionally after a line of names; `#`, `//` and `%` begin comments. PTS has lines with a count alone before the
-//! points that it counts. Lines end with LF or CR LF, or all with
-//! CR. A first pass finds bounds, digits and types ([`survey`]), a second one hands the points over; neither
-//! keeps more than a few blocks.
+//! Points as text: XYZ, TXT, CSV, PTS. Lines of numbers separated by blanks, tabs, commas or
+//! semicolons, optionally after a line of names; `#`, `//` and `%` begin comments. PTS has lines
+//! with a count alone before the points that it counts. Lines end with LF or CR LF, or all with CR.
+//! A first pass finds bounds, digits and types ([`survey`]), a second one hands the points over;
+//! neither keeps more than a few blocks.
 //!
-//! Lines that are not as many numbers as the first are refused and counted while they are fewer than
-//! 1,000 and at most one in a hundred (one is always allowed: a cut last line); else the file is.
+//! Lines that are not as many numbers as the first are refused and counted while they are fewer
+//! than 1,000 and at most one in a hundred (one is always allowed: a cut last line); else the file
+//! is.
 
 pub(crate) mod blocks;
 pub(crate) mod layout;
@@ -202,8 +203,8 @@ impl TextSource {
     }
 }
 
-/// Appends a value as this type; `false` where the type does not hold it, which the survey rules out
-/// for a file that stays as it is.
+/// Appends a value as this type; `false` where the type does not hold it, which the survey rules
+/// out for a file that stays as it is.
 fn put(v: f64, ty: AttrType, out: &mut Vec<u8>) -> bool {
     match ty {
         AttrType::U8 => out.push(v as u8),

@@ -28,8 +28,8 @@ pub(crate) fn axes<'a>(names: impl Iterator<Item = &'a str> + Clone) -> Option<[
 /// Colour with more or less light through it; LAS has no such field.
 const ALPHA: &str = "alpha";
 
-/// The name that an attribute of this name may get, whatever its type. Capitals, underscores and blanks make no
-/// difference; `scalar` is what CloudCompare puts before names.
+/// The name that an attribute of this name may get, whatever its type. Capitals, underscores and
+/// blanks make no difference; `scalar` is what CloudCompare puts before names.
 pub(crate) fn usual(name: &str) -> Option<&'static str> {
     let letters = name.chars().filter(|c| !matches!(c, '_' | ' '));
     let plain: String = letters.flat_map(char::to_lowercase).collect();
@@ -65,8 +65,9 @@ fn fits(usual: &str, ty: AttrType) -> bool {
     }
 }
 
-/// What the attributes of a source with these names and types are called: [`usual`] where the type is usual for it
-/// too, else their own. Red, green and blue are colours only where all three are there, alpha only beside them.
+/// What the attributes of a source with these names and types are called: [`usual`] where the type
+/// is usual for it too, else their own. Red, green and blue are colours only where all three are
+/// there, alpha only beside them.
 pub(crate) fn named(attributes: &[(&str, AttrType)]) -> Vec<(String, AttrType)> {
     let usual: Vec<_> =
         attributes.iter().map(|&(name, ty)| usual(name).filter(|u| fits(u, ty))).collect();

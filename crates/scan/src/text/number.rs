@@ -1,8 +1,8 @@
-//! Numbers in text: a line's fields, a field's value, and how many digits after the point are needed to
-//! write it exactly. Parsing rounds correctly to the nearest `f64` (fast-float2).
+//! Numbers in text: a line's fields, a field's value, and how many digits after the point are
+//! needed to write it exactly. Parsing rounds correctly to the nearest `f64` (fast-float2).
 
-/// The fields of a line: separated by blanks and tabs, with at most one comma or semicolon among them.
-/// Two commas in a row enclose an empty field; one at the end of the line is ignored.
+/// The fields of a line: separated by blanks and tabs, with at most one comma or semicolon among
+/// them. Two commas in a row enclose an empty field; one at the end of the line is ignored.
 pub(crate) fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut rest = line.trim_ascii();
     std::iter::from_fn(move || {
@@ -20,8 +20,8 @@ pub(crate) fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// The value of a field, with or without quotes; `None` where it is no number. The ways in which C libraries write
-/// what is not a number (`nan(ind)`, `1.#QNAN`) are read as NaN.
+/// The value of a field, with or without quotes; `None` where it is no number. The ways in which C
+/// libraries write what is not a number (`nan(ind)`, `1.#QNAN`) are read as NaN.
 pub(crate) fn number(field: &[u8]) -> Option<f64> {
     fast_float2::parse::<f64, _>(field).ok().or_else(|| {
         let field = unquoted(field);
@@ -65,8 +65,9 @@ pub(crate) fn decimals(field: &[u8]) -> u32 {
     needed.clamp(0, i64::from(u32::MAX)) as u32
 }
 
-/// Whether a line's numbers are written with a comma for a decimal point: fields between semicolons,
-/// blanks or tabs of which at least one has the form `1,5` and no other form than whole numbers occurs.
+/// Whether a line's numbers are written with a comma for a decimal point: fields between
+/// semicolons, blanks or tabs of which at least one has the form `1,5` and no other form than whole
+/// numbers occurs.
 pub(crate) fn has_decimal_commas(line: &[u8]) -> bool {
     let parts = line.split(|b| *b == b';' || b.is_ascii_whitespace()).filter(|p| !p.is_empty());
     let whole = |p: &[u8]| {

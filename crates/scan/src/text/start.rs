@@ -1,9 +1,9 @@
-//! How a text file begins and how its lines end: bytes in, lines that end with LF out, without the mark that
-//! UTF-8 text may begin with.
+//! How a text file begins and how its lines end: bytes in, lines that end with LF out, without the
+//! mark that UTF-8 text may begin with.
 
 use super::blocks::LineBlocks;
 use crate::error::ScanError;
-use crate::registry::HEAD_BYTES;
+use crate::source::HEAD_BYTES;
 use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;

@@ -1,6 +1,6 @@
-//! The first pass over a text file: bounds, digits after the point, which columns hold whole numbers
-//! and of what range, and how many lines are no points. Out comes the plan by which the second pass
-//! reads: attributes, their types and the grid.
+//! The first pass over a text file: bounds, digits after the point, which columns hold whole
+//! numbers and of what range, and how many lines are no points. Out comes the plan by which the
+//! second pass reads: attributes, their types and the grid.
 
 use super::blocks::Block;
 use super::layout::{Layout, count, excerpt, is_end};
@@ -81,8 +81,8 @@ pub(crate) struct Survey {
     ranges: Vec<Range>,
 }
 
-/// Reads a line of exactly `columns` numbers into `row`; `false` where it is not such a line. Empty fields, or a
-/// comment, may follow.
+/// Reads a line of exactly `columns` numbers into `row`; `false` where it is not such a line. Empty
+/// fields, or a comment, may follow.
 pub(crate) fn parse_row(line: &[u8], columns: usize, row: &mut Vec<f64>) -> bool {
     row.clear();
     let mut fields = fields(line);
@@ -220,9 +220,10 @@ impl Plan {
     }
 }
 
-/// Names of columns that the file does not name: `column_4` and so on, but intensity for the fourth of
-/// four where it is whole and of 16 bits; colours for the last three of six where they are bytes; and of
-/// seven both, in the order that the values leave as the only one (`r g b i` or `i r g b`).
+/// Names of columns that the file does not name: `column_4` and so on, but intensity for the fourth
+/// of four where it is whole and of 16 bits; colours for the last three of six where they are
+/// bytes; and of seven both, in the order that the values leave as the only one (`r g b i` or
+/// `i r g b`).
 fn guessed_names(columns: usize, ranges: &[Range], notes: &mut Vec<String>) -> Vec<String> {
     let mut names: Vec<String> = ["x", "y", "z"].map(str::to_owned).to_vec();
     names.extend((4..=columns).map(|n| format!("column_{n}")));
@@ -254,7 +255,8 @@ fn guessed_names(columns: usize, ranges: &[Range], notes: &mut Vec<String>) -> V
     names
 }
 
-/// The ranges, with that of all three where columns are red, green and blue, so that they get one type.
+/// The ranges, with that of all three where columns are red, green and blue, so that they get one
+/// type.
 fn with_equal_colours(names: &[String], ranges: &[Range]) -> Vec<Range> {
     let mut ranges = ranges.to_vec();
     let at = |colour| names.iter().position(|n| usual(n) == Some(colour));
@@ -267,8 +269,8 @@ fn with_equal_colours(names: &[String], ranges: &[Range]) -> Vec<Range> {
     ranges
 }
 
-/// The type of a column: that of LAS where it has such a field and the values fit, and `f32` for normals, as the
-/// renderer wants them; else the narrowest that holds all values.
+/// The type of a column: that of LAS where it has such a field and the values fit, and `f32` for
+/// normals, as the renderer wants them; else the narrowest that holds all values.
 fn type_of(name: &str, range: &Range) -> AttrType {
     match usual(name) {
         Some(names::NX | names::NY | names::NZ) => AttrType::F32,

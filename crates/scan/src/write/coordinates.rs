@@ -1,5 +1,6 @@
-//! Lattice coordinates as numbers and as text, exactly where numbers can be exact: on a decimal lattice the
-//! nearest double of the decimal number and its digits; on a lattice of binary steps the double itself.
+//! Lattice coordinates as numbers and as text, exactly where numbers can be exact: on a decimal
+//! lattice the nearest double of the decimal number and its digits; on a lattice of binary steps
+//! the double itself.
 
 use super::numbers::{Decimal, float};
 use esker_points::Lattice;
@@ -11,8 +12,8 @@ pub struct Coordinates {
     lattice: Lattice,
     /// By lattice coordinate; what is no decimal is as [`Lattice::world_axis`] has it.
     axes: [Option<Decimal>; 3],
-    /// Whether single-precision numbers hold them. As text they are doubles all the same: the fewest digits of a
-    /// single would lie beside it by more than a step.
+    /// Whether single-precision numbers hold them. As text they are doubles all the same: the
+    /// fewest digits of a single would lie beside it by more than a step.
     pub single: bool,
 }
 
@@ -27,7 +28,8 @@ impl Coordinates {
             let mantissa = lattice.scale[i].to_bits() & ((1 << 52) - 1);
             mantissa == 0 && lattice.offset[i] == 0.0
         });
-        // Singles on such a lattice are multiples of its step, and rounded to it they have fewer bits.
+        // Singles on such a lattice are multiples of its step, and rounded to it they have fewer
+        // bits.
         Self { lattice: *lattice, axes, single: single && is_binary }
     }
 
@@ -88,7 +90,8 @@ mod tests {
             let lattice = lattice(scale, at as f64, at * 1000);
             let value = Coordinates::new(&lattice, false).value(1, u);
             prop_assert_eq!(text(&lattice, u).parse::<f64>().unwrap(), value);
-            // The lattice's own is rounded twice: far from zero that is more than a part of a fine step.
+            // The lattice's own is rounded twice: far from zero that is more than a part of a fine
+            // step.
             let rounding = value.abs() * f64::EPSILON;
             prop_assert!((value - lattice.world([u; 3])[1]).abs() < scale * 1e-4 + rounding);
         }

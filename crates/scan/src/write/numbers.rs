@@ -4,7 +4,8 @@ use std::io::Write;
 
 /// Digits after the point at most: the readers keep as many.
 const DIGITS_MAX: u32 = 15;
-/// Relative deviation of a scale from a decimal number that counts as none: a few units in the last place.
+/// Relative deviation of a scale from a decimal number that counts as none: a few units in the last
+/// place.
 const NOISE: f64 = 1e-15;
 /// Whole numbers up to here are exact in `f64`.
 const WHOLE_MAX: i128 = 1 << 53;
@@ -18,8 +19,8 @@ pub struct Decimal {
 }
 
 impl Decimal {
-    /// Of `n * scale + offset`, with the least digits with which both are whole; `None` where none have few enough, or the scale is
-    /// not above zero.
+    /// Of `n * scale + offset`, with the least digits with which both are whole; `None` where none
+    /// have few enough, or the scale is not above zero.
     pub fn new(scale: f64, offset: f64) -> Option<Self> {
         (0..=DIGITS_MAX).find_map(|digits| {
             let unit = 10f64.powi(digits as i32);
@@ -33,7 +34,7 @@ impl Decimal {
         })
     }
 
-    /// The same of numbers that are counted from another: of `n + start` instead of `n`.
+    /// Formats `n + start` instead of `n`.
     pub fn from(self, start: i128) -> Self {
         Self { base: self.base + start * self.step, ..self }
     }

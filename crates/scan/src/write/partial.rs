@@ -1,6 +1,6 @@
-//! A file under a temporary name beside its final one, which it gets when all of it is on the disk. Dropped
-//! before that, it leaves nothing behind; what a killed program left is the next one's to write over. It is locked
-//! until it has its name, so that no two write it.
+//! A file under a temporary name beside its final one, which it gets when all of it is on the disk.
+//! Dropped before that, it leaves nothing behind; what a killed program left is the next one's to
+//! write over. It is locked until it has its name, so that no two write it.
 
 use crate::error::ScanError;
 use esker_points::place::open_alone;
@@ -95,8 +95,8 @@ impl Seek for Partial {
 impl Drop for Partial {
     fn drop(&mut self) {
         if let Some(out) = self.out.take() {
-            // Without flushing: what is buffered is of no use. The name goes while the file is locked; whether it
-            // does changes nothing.
+            // Without flushing: what is buffered is of no use. The name goes while the file is
+            // locked; whether it does changes nothing.
             let (file, _) = out.into_parts();
             let _ = fs::remove_file(&self.partial);
             drop(file);

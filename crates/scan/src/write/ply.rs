@@ -1,12 +1,12 @@
-//! PLY (Turk 1994), binary little-endian: the vertices with a property for each attribute, in the usual order;
-//! comments of the first source's header. Coordinates are singles where all sources held singles, and then
-//! exactly theirs; else doubles.
+//! PLY (Turk 1994), binary little-endian: the vertices with a property for each attribute, in the
+//! usual order; comments of the first source's header. Coordinates are singles where all sources
+//! held singles, and then exactly theirs; else doubles.
 
 use super::coordinates::Coordinates;
+use super::encode::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
 use super::partial::Partial;
 use super::shown::{Shown, notes};
 use super::unique::unique;
-use super::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
 use crate::error::ScanError;
 use crate::text::naming::axis;
 use esker_points::attribute::names;

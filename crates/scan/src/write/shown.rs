@@ -1,6 +1,6 @@
-//! Attribute values where a format has no place for a scale: as they are shown, which is what other programs take them for. What is
-//! counted in steps (extra bytes of LAS with a scale or an offset, scan angles) becomes a double, or a decimal with all its digits;
-//! anything else stays as it is.
+//! Attribute values where a format has no place for a scale: as they are shown, which is what other
+//! programs take them for. What is counted in steps (extra bytes of LAS with a scale or an offset,
+//! scan angles) becomes a double, or a decimal with all its digits; anything else stays as it is.
 
 use super::numbers::{Decimal, float, put};
 use esker_points::{AttrType, Attribute, Schema};

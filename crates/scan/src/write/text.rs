@@ -1,12 +1,13 @@
-//! Text: a line of names, then a line a point, columns separated by a blank (a tab where a name has blanks) or,
-//! for CSV, a comma. Coordinates have all the digits of the lattice, other numbers the fewest that give them
-//! again, and values that are counted in steps ([`super::shown`]) all of theirs.
+//! Text: a line of names, then a line a point, columns separated by a blank (a tab where a name has
+//! blanks) or, for CSV, a comma. Coordinates have all the digits of the lattice, other numbers the
+//! fewest that give them again, and values that are counted in steps ([`super::shown`]) all of
+//! theirs.
 
 use super::coordinates::Coordinates;
+use super::encode::{Encode, Encoded, Export, Origins, Outline, Output};
 use super::partial::Partial;
 use super::shown::{Shown, notes};
 use super::unique::unique;
-use super::{Encode, Encoded, Export, Origins, Outline, Output};
 use crate::error::ScanError;
 use esker_points::{Attribute, Batch};
 use std::io::Write;

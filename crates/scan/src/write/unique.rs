@@ -2,8 +2,8 @@
 
 use esker_points::AttrType;
 
-/// Names and types of columns as names of so many bytes at most that are neither `taken` nor another's: one that would be has its
-/// type behind it, then a number. And what to say of those.
+/// Names and types of columns as names of so many bytes at most that are neither `taken` nor
+/// another's: one that would be has its type behind it, then a number. And what to say of those.
 pub fn unique(
     wanted: &[(String, AttrType)],
     taken: &[&str],

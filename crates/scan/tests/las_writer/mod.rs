@@ -1,5 +1,6 @@
-//! Writes small LAS and LAZ files for the tests, every field where the LAS specification puts it, and
-//! tells the columns that a reader must give for them. Random bytes in, files and expectations out.
+//! Writes small LAS and LAZ files for the tests, every field where the LAS specification puts it,
+//! and tells the columns that a reader must give for them. Random bytes in, files and expectations
+//! out.
 
 use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 use std::io::{Cursor, Write};

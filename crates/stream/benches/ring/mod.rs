@@ -1,4 +1,5 @@
-//! A ring of plain memory for benchmarks: loaders write into it, and what lands is not copied any further.
+//! A ring of plain memory for benchmarks: loaders write into it, and landed bytes are not copied
+//! any further.
 
 use crossbeam_channel::{Receiver, Sender, bounded};
 use esker_stream::{Landing, Run, Transfer};

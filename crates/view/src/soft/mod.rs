@@ -1,11 +1,11 @@
-//! A window without any graphics driver: winit opens it, egui's meshes are painted by the CPU, softbuffer shows them.
+//! A window without any graphics driver: winit opens it, egui's meshes are painted by the CPU,
+//! softbuffer shows them.
 
 mod painter;
 
 use crate::app::App;
 use crate::device::ShownBy;
 use crate::theme;
-use crate::window::NO_DISPLAY;
 use anyhow::{Context as _, Result, anyhow};
 use eframe::egui::{
     ColorImage, Context, FullOutput, ScreenshotCallback, ViewportBuilder, ViewportCommand,
@@ -21,6 +21,10 @@ use winit::application::ApplicationHandler;
 use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, OwnedDisplayHandle};
 use winit::window::{Window, WindowId};
+
+/// Error where no window can be opened, with what to do.
+pub(crate) const NO_DISPLAY: &str = "cannot open a window: it needs a display (DISPLAY or WAYLAND_DISPLAY), and on X11 the packages \
+    libxkbcommon-x11-0, libxcursor1 and libxi6; without one: esker render FILE -o picture.png";
 
 /// Shows the window until it is closed; what came of the app.
 ///

@@ -1,5 +1,6 @@
-//! Paints egui's meshes on the CPU: triangles row by row, a texture times the vertices' colour, blended premultiplied
-//! in gamma space, as egui means them. For machines without any graphics driver.
+//! Paints egui's meshes on the CPU: triangles row by row, a texture times the vertices' colour,
+//! blended premultiplied in gamma space, as egui means them. For machines without any graphics
+//! driver.
 
 use eframe::egui::epaint::{ClippedPrimitive, ImageDelta, Mesh, Primitive, Vertex};
 use eframe::egui::{Color32, ImageData, Rect, TextureId, TexturesDelta};
@@ -128,8 +129,8 @@ fn paint_mesh(mesh: &Mesh, texture: &Texture, scale: f32, clip: Clip, target: &m
     }
 }
 
-/// Where an edge crosses a row. Taken from its upper end, whichever way it runs: triangles that share it agree on
-/// every pixel.
+/// Where an edge crosses a row. Taken from its upper end, whichever way it runs: triangles that
+/// share it agree on every pixel.
 fn crossing(a: [f32; 2], b: [f32; 2], y: f32) -> Option<f32> {
     let (a, b) = if a[1] <= b[1] { (a, b) } else { (b, a) };
     (a[1] <= y && y < b[1]).then(|| a[0] + (y - a[1]) * (b[0] - a[0]) / (b[1] - a[1]))

@@ -1,4 +1,4 @@
-//! Edges of walls, corners and round things; pairs that share their line; chunks.
+//! Edges between walls, surfaces without edges, pairs that share a clip line, chunks.
 
 use super::*;
 use esker_points::morton;
@@ -11,7 +11,7 @@ fn bounds() -> Bounds {
     Bounds::new([0.001; 3], SPACING)
 }
 
-/// A sheet of jittered points from the middle on along two directions, off it by noise of so many spacings.
+/// A sheet of jittered points from [`MIDDLE`] on along `u` and `v`, off it by `noise` spacings.
 fn sheet(u: Vec3, v: Vec3, side: u64, noise: f64, seed: u64) -> Vec<[u32; 3]> {
     let random = |i: u64| {
         let z = (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15 ^ seed << 32);
@@ -34,7 +34,7 @@ fn sorted(mut points: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
     points
 }
 
-/// Two walls that meet at this angle, in the line along x through the middle.
+/// Two walls that meet at an angle in the line along x through [`MIDDLE`].
 fn walls(degrees: f64, noise: f64) -> Vec<[u32; 3]> {
     let (s, c) = degrees.to_radians().sin_cos();
     let mut points = sheet([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 40, noise, 1);
@@ -42,7 +42,7 @@ fn walls(degrees: f64, noise: f64) -> Vec<[u32; 3]> {
     sorted(points)
 }
 
-/// A point's distance from the edge of the walls, spacings; `None` near their other ends.
+/// Distance of a point from the edge of the walls, in spacings; `None` near their other ends.
 fn from_edge(p: [u32; 3]) -> Option<f64> {
     let at = p.map(|c| (f64::from(c) - MIDDLE) / SPACING);
     let away = at[1].hypot(at[2]);
@@ -88,7 +88,7 @@ fn splats_of_a_pair_share_their_line() {
 }
 
 #[test]
-fn what_has_no_edge_gets_no_line() {
+fn surfaces_without_edges_get_no_clip_lines() {
     let plane = sorted(sheet([0.6, 0.8, 0.0], [0.0, 0.0, 1.0], 60, 0.1, 3));
     let ball: Vec<[u32; 3]> = (0..6000)
         .map(|i| {

@@ -1,5 +1,5 @@
-//! Drawing on the CPU: runs of plain memory, drawing memory of plain pages, and the renderer in the current
-//! rayon pool.
+//! Drawing on the CPU: runs of plain memory, drawing memory of plain pages, and the renderer in the
+//! current rayon pool.
 
 use super::{GpuBytes, Image, Painter, Scene};
 use crate::draw::frame::draw_node;

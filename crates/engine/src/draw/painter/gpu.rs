@@ -1,6 +1,6 @@
-//! Drawing on a GPU: loaders fill mapped upload runs, the render thread writes one list of commands a frame that
-//! copies them into the pool of node planes and draws the cut, and submits it once. It waits for the GPU only
-//! where two frames are in flight already.
+//! Drawing on a GPU: loaders fill mapped upload runs, the render thread writes one list of commands
+//! a frame that copies them into the pool of node planes and draws the cut, and submits it once. It
+//! waits for the GPU only where two frames are in flight already.
 
 use super::{GpuBytes, Image, Painter, Scene};
 use crate::draw::budget::GpuShares;
@@ -56,7 +56,7 @@ impl GpuPainter {
     pub(crate) fn new(gpu: Gpu, file: &Forest, options: &Options) -> Result<Self> {
         let shares = GpuShares::of(file, options)?;
         let mut renderer = GpuRenderer::new(&gpu)?;
-        renderer.set_room(shares.room);
+        renderer.set_batch_capacity(shares.room);
         let runs = UploadRing::runs(&gpu, shares.runs)?.into_iter().map(GpuRun).collect();
         // A small file shall not take a large page.
         let page_bytes = file.file_bytes().next_power_of_two();
@@ -83,7 +83,8 @@ impl GpuPainter {
         ring.ready(gpu, |run| landing.free(GpuRun(run), spent.pop().unwrap_or_default()))
     }
 
-    /// After a submission: asks for what it read to be mapped again, and counts it until it is done.
+    /// After a submission: asks for what it read to be mapped again, and counts it until it is
+    /// done.
     fn submitted(&mut self) -> Result<(), GpuError> {
         self.ring.map();
         self.flying.fetch_add(1, AcqRel);

@@ -1,5 +1,6 @@
-//! What a session draws with: memory that planes land in, and the renderer that draws them. One on the CPU and
-//! one on a GPU; the session keeps the order of a frame (drain, cut, upload, draw), a painter does each step.
+//! What a session draws with: memory that planes land in, and the renderer that draws them. One on
+//! the CPU and one on a GPU; the session keeps the order of a frame (drain, cut, upload, draw), a
+//! painter does each step.
 
 mod cpu;
 mod gpu;
@@ -55,9 +56,11 @@ pub(crate) struct Scene<'a> {
     pub(crate) look: &'a Look,
 }
 
-/// Memory for planes and a renderer. All but what loaders do in the landing is done by the render thread.
+/// Memory for planes and a renderer. All but what loaders do in the landing is done by the render
+/// thread.
 pub(crate) trait Painter: Send {
-    /// Starts streaming into its memory. `options` say neither how much there is of it nor in what pages.
+    /// Starts streaming into its memory. `options` say neither how much there is of it nor in what
+    /// pages.
     fn start(
         &self,
         file: Arc<Forest>,

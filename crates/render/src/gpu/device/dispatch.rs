@@ -1,33 +1,34 @@
-//! A dispatch that is ready to run, frame after frame: a kernel with what it is bound to.
+//! A dispatch that is ready to run in every frame: a kernel with its bindings and number of
+//! workgroups.
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
-use crate::gpu::device::{Counted, Gpu, Runs};
+use crate::gpu::device::{Counted, DispatchCount, Gpu};
 use wgpu::{BindGroupDescriptor, BindGroupEntry, BindingResource, BufferUsages, ComputePass};
 
-/// Pixels on a side of a group of the kernels that go over pictures.
+/// Pixels on a side of a workgroup of the kernels that go over pictures.
 const GROUP_SIDE: u32 = 8;
 
-/// A kernel, its bindings, and how many groups run.
+/// A kernel, its bindings and its number of workgroups.
 #[derive(Debug)]
 pub struct Dispatch {
     pipeline: wgpu::ComputePipeline,
     bind: wgpu::BindGroup,
     groups: Groups,
-    runs: Runs,
+    count: DispatchCount,
 }
 
-/// How many groups run.
+/// Number of workgroups.
 #[derive(Clone, Debug)]
 pub enum Groups {
-    /// So many.
+    /// A fixed number, across and down.
     Fixed([u32; 2]),
-    /// As many as three words of a buffer say, from this byte on.
-    Told(wgpu::Buffer, u64),
+    /// The three words in a buffer from a byte on.
+    Indirect(wgpu::Buffer, u64),
 }
 
 impl Dispatch {
-    /// Over all pixels of a picture; resources at the bindings of group 0.
+    /// Binds `resources` at group 0 of a kernel that runs over all pixels of a picture.
     pub fn over(
         gpu: &Gpu,
         kernel: &Kernel,
@@ -38,7 +39,7 @@ impl Dispatch {
         Self::new(gpu, kernel, Groups::Fixed(groups), resources)
     }
 
-    /// Over so many groups.
+    /// Binds `resources` at group 0 of a kernel that runs `groups` workgroups.
     pub fn new(
         gpu: &Gpu,
         kernel: &Kernel,
@@ -57,26 +58,26 @@ impl Dispatch {
             layout: &kernel.pipeline().get_bind_group_layout(0),
             entries: &entries,
         });
-        let (pipeline, runs) = (kernel.pipeline().clone(), kernel.runs().clone());
-        Self { pipeline, bind, groups, runs }
+        let (pipeline, count) = (kernel.pipeline().clone(), kernel.dispatch_count().clone());
+        Self { pipeline, bind, groups, count }
     }
 
-    /// Runs it.
+    /// Encodes the dispatch.
     pub fn run(&self, pass: &mut ComputePass<'_>) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.bind, &[]);
         match &self.groups {
             &Groups::Fixed([x, y]) => pass.dispatch_workgroups(x, y, 1),
-            Groups::Told(buffer, first) => pass.dispatch_workgroups_indirect(buffer, *first),
+            Groups::Indirect(buffer, first) => pass.dispatch_workgroups_indirect(buffer, *first),
         }
-        self.runs.count();
+        self.count.add_one();
     }
 }
 
-/// A uniform that never changes.
+/// Creates a uniform that never changes.
 ///
 /// # Errors
-/// Where memory is refused.
+/// If memory is refused.
 pub(crate) fn fixed_uniform(gpu: &Gpu, label: &str, bytes: &[u8]) -> Result<Counted, GpuError> {
     let buffer = gpu.buffer_mapped(label, bytes.len() as u64, BufferUsages::UNIFORM, true)?;
     if let Ok(mut mapped) = buffer.get_mapped_range_mut(..bytes.len() as u64) {

@@ -1,4 +1,4 @@
-//! What can go wrong with a GPU. With `--backend auto` all of it ends on the CPU renderer.
+//! Faults of a GPU. With `--backend auto` every one of them leads to the CPU renderer.
 
 use crate::error::RenderError;
 use thiserror::Error;
@@ -12,9 +12,9 @@ pub enum GpuError {
     /// The adapter gave no device.
     #[error("{adapter}: gives no device: {fault}")]
     NoDevice {
-        /// Its name.
+        /// Name of the adapter.
         adapter: String,
-        /// What the system said.
+        /// Message of the system.
         fault: String,
     },
     /// Memory was refused.
@@ -22,34 +22,34 @@ pub enum GpuError {
         "GPU memory: {bytes} bytes for {what} were refused; lower --budget-gpu or draw smaller pictures"
     )]
     Memory {
-        /// What for.
+        /// What the memory was for.
         what: String,
-        /// How much.
+        /// Bytes requested.
         bytes: u64,
     },
-    /// A shader does not build.
+    /// A shader does not build: its file and the message.
     #[error("shader {0}")]
     Shader(String),
-    /// The device is gone.
+    /// The device was lost.
     #[error("the GPU was lost: {0}; start again, or draw with --backend cpu")]
     Lost(String),
-    /// A call was refused: a fault of Esker.
+    /// wgpu refused a call, which is a defect of Esker.
     #[error("the GPU refused a call: {0}")]
     Refused(String),
-    /// No picture can be drawn of the view.
+    /// The view makes no valid camera.
     #[error(transparent)]
     View(#[from] RenderError),
-    /// A picture larger than the device draws.
+    /// The picture is larger than the device can draw.
     #[error(
         "a picture of {width} x {height} pixels is more than this GPU draws; draw it with --backend cpu"
     )]
     Size {
-        /// Width asked for.
+        /// Width of the picture, pixels.
         width: u32,
-        /// Height asked for.
+        /// Height of the picture, pixels.
         height: u32,
     },
-    /// The path asked for is not there.
+    /// The device lacks a feature that the requested way to draw points needs.
     #[error("{0}")]
     Path(String),
 }

@@ -1,14 +1,14 @@
-//! A kernel: one entry point of a shader with its constants, as a compute pipeline. In a debug run a kernel
-//! whose shader has changed on the disk is made anew; where the new one does not build, the last good one
-//! goes on running and the fault is told.
+//! A kernel: one entry point of a shader with values for its `override`s, as a compute pipeline. In
+//! a debug run a kernel is rebuilt when its shader has changed on disk; if the new one does not
+//! build, the error is reported and the old one stays.
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::shader::{Source, folder};
-use crate::gpu::device::{Gpu, Runs};
+use crate::gpu::device::{DispatchCount, Gpu};
 use std::thread::{self, Scope, ScopedJoinHandle};
 use std::time::SystemTime;
 
-/// A compute pipeline and how it is made.
+/// A compute pipeline, and the parameters that it was built from.
 pub struct Kernel {
     source: Source,
     entry: &'static str,
@@ -16,38 +16,38 @@ pub struct Kernel {
     is_zeroed: bool,
     pipeline: wgpu::ComputePipeline,
     changed: Option<SystemTime>,
-    runs: Runs,
+    count: DispatchCount,
 }
 
 impl Kernel {
-    /// Builds the entry point of a shader; `constants` are its `override`s.
+    /// Builds an entry point of a shader; `constants` are values of its `override`s.
     ///
     /// # Errors
-    /// Where the driver refuses it.
+    /// If the driver refuses the shader.
     pub fn new(
         gpu: &Gpu,
         source: Source,
         entry: &'static str,
         constants: &[(&'static str, f64)],
     ) -> Result<Self, GpuError> {
-        Self::made(gpu, source, entry, constants, true)
+        Self::build(gpu, source, entry, constants, true)
     }
 
-    /// As [`Kernel::new`], but the memory that groups share is not zeroed first: the shader writes what it reads.
-    /// Worth it where that memory is large.
+    /// Builds a kernel like [`Kernel::new`] whose workgroup memory is not zeroed first: the shader
+    /// reads only what it has written. It saves time if that memory is large.
     ///
     /// # Errors
-    /// Where the driver refuses it.
+    /// If the driver refuses the shader.
     pub fn unzeroed(
         gpu: &Gpu,
         source: Source,
         entry: &'static str,
         constants: &[(&'static str, f64)],
     ) -> Result<Self, GpuError> {
-        Self::made(gpu, source, entry, constants, false)
+        Self::build(gpu, source, entry, constants, false)
     }
 
-    fn made(
+    fn build(
         gpu: &Gpu,
         source: Source,
         entry: &'static str,
@@ -56,14 +56,15 @@ impl Kernel {
     ) -> Result<Self, GpuError> {
         let pipeline = pipeline(gpu, source.file, source.wgsl, entry, constants, is_zeroed)?;
         let changed = folder().and_then(|f| source.read(&f).ok()).and_then(|(_, time)| time);
-        let (constants, runs) = (constants.to_vec(), gpu.runs().clone());
-        Ok(Self { source, entry, constants, is_zeroed, pipeline, changed, runs })
+        let (constants, count) = (constants.to_vec(), gpu.dispatch_count().clone());
+        Ok(Self { source, entry, constants, is_zeroed, pipeline, changed, count })
     }
 
-    /// Makes it anew where its shader has changed on the disk (where [`crate::gpu::device::shader::folder`] is). Whether it has.
+    /// Rebuilds the kernel if its shader has changed in [`crate::gpu::device::shader::folder`].
+    /// Whether it has.
     ///
     /// # Errors
-    /// Where the changed shader does not build; the kernel is as it was.
+    /// If the changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let Some(folder) = folder() else { return Ok(false) };
         let (text, changed) = self.source.read(&folder)?;
@@ -76,17 +77,17 @@ impl Kernel {
         Ok(true)
     }
 
-    /// Its pipeline.
+    /// The pipeline.
     pub fn pipeline(&self) -> &wgpu::ComputePipeline {
         &self.pipeline
     }
 
-    /// What counts its runs.
-    pub fn runs(&self) -> &Runs {
-        &self.runs
+    /// The counter of its dispatches.
+    pub fn dispatch_count(&self) -> &DispatchCount {
+        &self.count
     }
 
-    /// A bind group of whole buffers for group 0.
+    /// Creates a bind group of whole buffers for group 0.
     pub fn bind(&self, gpu: &Gpu, buffers: &[(u32, &wgpu::Buffer)]) -> wgpu::BindGroup {
         let entries: Vec<_> = buffers
             .iter()
@@ -102,7 +103,7 @@ impl Kernel {
         })
     }
 
-    /// Runs it over so many groups.
+    /// Encodes a dispatch of `groups` workgroups.
     pub fn dispatch(
         &self,
         pass: &mut wgpu::ComputePass<'_>,
@@ -112,36 +113,37 @@ impl Kernel {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, bind, &[]);
         pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
-        self.runs.count();
+        self.count.add_one();
     }
 }
 
-/// What is made on a thread of its own: a driver compiles on the thread that asks it to.
-pub struct Beside<'s, T>(ScopedJoinHandle<'s, Result<T, GpuError>>);
+/// Kernels that are built on a thread of their own: a driver compiles on the thread that calls it.
+pub struct Compilation<'s, T>(ScopedJoinHandle<'s, Result<T, GpuError>>);
 
-impl<'s, T: Send + 's> Beside<'s, T> {
-    /// Begins to make it.
+impl<'s, T: Send + 's> Compilation<'s, T> {
+    /// Starts a thread that calls `build`.
     ///
     /// # Errors
-    /// Where the system has no thread to give.
-    pub fn begin(
+    /// If the system refuses a thread.
+    pub fn start(
         scope: &'s Scope<'s, '_>,
-        make: impl FnOnce() -> Result<T, GpuError> + Send + 's,
+        build: impl FnOnce() -> Result<T, GpuError> + Send + 's,
     ) -> Result<Self, GpuError> {
-        let begun = thread::Builder::new().name("esker-compile".into()).spawn_scoped(scope, make);
-        begun.map(Self).map_err(|e| GpuError::Shader(format!("compilation got no thread: {e}")))
+        let started =
+            thread::Builder::new().name("esker-compile".into()).spawn_scoped(scope, build);
+        started.map(Self).map_err(|e| GpuError::Shader(format!("compilation got no thread: {e}")))
     }
 
-    /// What was made.
+    /// Waits for the thread and gives its result.
     ///
     /// # Errors
-    /// Where the driver refuses it.
-    pub fn get(self) -> Result<T, GpuError> {
+    /// If the driver refuses the shader.
+    pub fn finish(self) -> Result<T, GpuError> {
         self.0.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 }
 
-/// Groups of 256 items each, in rows as long as WebGPU's limits allow; the shader counts
+/// Workgroups of 256 items each, in rows as long as WebGPU's limits allow; a shader's item is
 /// `id.x + id.y * groups.x * 256`.
 pub fn groups_of(items: u64) -> [u32; 3] {
     const ROW_MAX: u64 = 65_535;

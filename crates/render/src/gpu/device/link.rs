@@ -1,16 +1,17 @@
-//! Links shaders: a line `// include common/frame.wgsl` stands for that file of `shaders/`, once. Used when
-//! the crate is built (`build.rs`) and, in debug runs, when a shader has changed on the disk.
+//! Links shaders: replaces a line `// include common/frame.wgsl` by that file of `shaders/`, once a
+//! shader. Used when the crate is built (`build.rs`) and, in debug runs, when a shader has changed
+//! on disk.
 
 use std::path::{Path, PathBuf};
 
-/// What starts a line that includes a file.
+/// Start of a line that includes a file.
 const INCLUDE: &str = "// include ";
 
-/// The text of `file` (relative to `root`) with everything that it includes before it; and the files that
-/// went in.
+/// The text of `file` (relative to `root`) with the files that it includes, and the paths of all of
+/// them.
 ///
 /// # Errors
-/// Which file cannot be read, and which file asked for it.
+/// If a file cannot be read; the message names the file that includes it.
 pub fn link(root: &Path, file: &str) -> Result<(String, Vec<PathBuf>), String> {
     let (mut text, mut files) = (String::new(), Vec::new());
     append(root, file, "the host", &mut text, &mut files)?;
@@ -20,7 +21,7 @@ pub fn link(root: &Path, file: &str) -> Result<(String, Vec<PathBuf>), String> {
 fn append(
     root: &Path,
     file: &str,
-    asker: &str,
+    includer: &str,
     text: &mut String,
     files: &mut Vec<PathBuf>,
 ) -> Result<(), String> {
@@ -29,7 +30,7 @@ fn append(
         return Ok(());
     }
     let source = std::fs::read_to_string(&path)
-        .map_err(|e| format!("{}: {e} (included by {asker})", path.display()))?;
+        .map_err(|e| format!("{}: {e} (included by {includer})", path.display()))?;
     files.push(path);
     for line in source.lines() {
         match line.strip_prefix(INCLUDE) {

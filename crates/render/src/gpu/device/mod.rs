@@ -1,5 +1,5 @@
-//! The device and its tier: which adapter is drawn on, and what it has that the passes choose between.
-//! Nothing is required: WebGPU's default limits and no feature suffice (DESIGN section 8).
+//! The device and its tier: chooses an adapter, and records the features and limits that the passes
+//! choose their variants by. WebGPU's default limits and no feature suffice (`docs/design/gpu.md`).
 
 pub(crate) mod dispatch;
 pub mod error;
@@ -17,39 +17,39 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 use wgpu::{Backends, DeviceType, Features, Limits};
 
-/// Bytes of a buffer that is bound whole, at most: what WebGPU promises.
+/// Bytes of a storage binding that WebGPU guarantees.
 pub const BINDING_BYTES_MAX: u64 = 128 << 20;
 
-/// How points become pixels.
+/// The way in which points are drawn to the frame buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProjectPath {
-    /// Compute, one 64-bit atomic minimum a point.
+    /// Compute shader with one 64-bit atomic minimum a point.
     Atomics,
     /// Point primitives with a depth test.
     Primitives,
 }
 
-/// What is asked of a GPU.
+/// Requirements on the adapter and the device.
 #[derive(Clone, Copy, Debug)]
-pub struct Request {
-    /// Interfaces to look at.
+pub struct GpuRequest {
+    /// Interfaces to search.
     pub backends: Backends,
-    /// Whether a software driver counts.
+    /// Whether a software driver is accepted.
     pub allow_software: bool,
-    /// The path to draw points by; the best there is where not said.
+    /// The way to draw points; `None` for the best that the device has.
     pub path: Option<ProjectPath>,
-    /// WebGPU's default limits and no features, whatever the adapter has.
+    /// Whether to request only WebGPU's default limits and no features.
     pub is_minimal: bool,
 }
 
-impl Default for Request {
+impl Default for GpuRequest {
     fn default() -> Self {
         Self { backends: interfaces(), allow_software: false, path: None, is_minimal: false }
     }
 }
 
-/// The interfaces that are looked at where nobody says which: OpenGL on Linux only with a display, since its
-/// libraries write complaints to standard error without one.
+/// Interfaces that are searched by default. On Linux OpenGL is left out without a display, because
+/// its libraries then write messages to standard error.
 fn interfaces() -> Backends {
     let has_display =
         ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
@@ -57,45 +57,45 @@ fn interfaces() -> Backends {
     if looks_at_gl { Backends::PRIMARY | Backends::GL } else { Backends::PRIMARY }
 }
 
-/// Every interface whose devices can be held beside those of the others, for tests on all that the system has. OpenGL is among
-/// them only where no other has a real GPU: NVIDIA's driver (580.159, Linux) never returns where a thread that used its
-/// OpenGL ends while another lets go of a Vulkan device.
+/// Interfaces whose devices can exist at the same time, for tests on all adapters of the system.
+/// OpenGL is among them only if no other interface has a hardware GPU: NVIDIA's driver (580.159,
+/// Linux) hangs when a thread that used its OpenGL ends while another thread drops a Vulkan device.
 pub fn all_interfaces() -> &'static [Backends] {
     const ALL: [Backends; 4] = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL];
     static HAS_OTHERS: OnceLock<bool> = OnceLock::new();
     let others = &ALL[..3];
-    let is_real = |&backends| choose(&Request { backends, ..Request::default() }).is_ok();
+    let is_real = |&backends| choose(&GpuRequest { backends, ..GpuRequest::default() }).is_ok();
     if *HAS_OTHERS.get_or_init(|| others.iter().any(is_real)) { others } else { &ALL }
 }
 
-/// What a device has.
+/// Features and limits of a device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tier {
-    /// How points become pixels.
+    /// The way in which points are drawn.
     pub path: ProjectPath,
-    /// Whether node pages can be mapped and written by loaders.
+    /// Whether loaders can map pages of node planes and write to them.
     pub is_mappable: bool,
     /// Whether passes can be timed.
     pub has_timestamps: bool,
-    /// Bytes of a page of node planes, at most.
+    /// Bytes of a page of node planes at most.
     pub page_bytes_max: u64,
-    /// Bytes of a binding, at most.
+    /// Bytes of a storage binding at most.
     pub binding_bytes_max: u64,
-    /// Whether it is a driver on the CPU.
+    /// Whether the driver runs on the CPU.
     pub is_software: bool,
 }
 
-/// A device with its queue. Clones are handles to the same device. All submitting, mapping and polling is done by
-/// one thread, the render thread.
+/// A device with its queue. Clones are handles to the same device. Only the render thread submits,
+/// maps and polls.
 #[derive(Clone)]
 pub struct Gpu {
     /// The device.
     pub device: wgpu::Device,
     /// Its queue.
     pub queue: wgpu::Queue,
-    /// What it has.
+    /// Features and limits.
     pub tier: Tier,
-    /// Name, driver, interface.
+    /// Name, driver and interface of the adapter.
     pub name: String,
     state: Arc<State>,
 }
@@ -106,41 +106,41 @@ struct State {
     gate: Arc<Gate>,
     bytes: AtomicU64,
     peak_bytes: AtomicU64,
-    runs: Runs,
+    dispatches: DispatchCount,
 }
 
-/// How often kernels were run on a device, and point primitives drawn.
+/// Number of dispatches and draws that were encoded on a device.
 #[derive(Clone, Debug, Default)]
-pub struct Runs(Arc<AtomicU64>);
+pub struct DispatchCount(Arc<AtomicU64>);
 
-impl Runs {
-    /// Counts one.
-    pub fn count(&self) {
+impl DispatchCount {
+    /// Adds one.
+    pub fn add_one(&self) {
         self.0.fetch_add(1, Relaxed);
     }
 }
 
-/// What those pass who write mapped memory on other threads: shut when the device is lost, before the device
-/// gives that memory back.
+/// Guard of mapped memory that other threads write to: shut when the device is lost, before the
+/// device frees that memory.
 #[derive(Debug, Default)]
 pub struct Gate {
     is_shut: RwLock<bool>,
 }
 
 impl Gate {
-    /// Holds the memory of mapped buffers as long as what comes back lives; `None` where the device is lost.
+    /// Keeps mapped memory valid while the guard lives; `None` if the device was lost.
     pub fn enter(&self) -> Option<RwLockReadGuard<'_, bool>> {
         let guard = self.is_shut.read().unwrap_or_else(PoisonError::into_inner);
         (!*guard).then_some(guard)
     }
 
-    /// Lets nobody in any more, and waits for those who are.
+    /// Refuses further guards and waits for those that live.
     fn shut(&self) {
         *self.is_shut.write().unwrap_or_else(PoisonError::into_inner) = true;
     }
 }
 
-/// A buffer whose bytes are counted as long as it lives.
+/// A buffer whose bytes are counted while it lives.
 pub struct Counted {
     buffer: wgpu::Buffer,
     state: Arc<State>,
@@ -175,14 +175,16 @@ impl fmt::Debug for Gpu {
 }
 
 impl Gpu {
-    /// The best device that fits: discrete before integrated before others before software.
+    /// Opens the best adapter that meets `request`: discrete before integrated before others before
+    /// software.
     ///
     /// # Errors
-    /// Where there is none, with what was looked at.
-    pub fn open(request: &Request) -> Result<Self, GpuError> {
+    /// If there is none; the error lists the adapters found.
+    pub fn open(request: &GpuRequest) -> Result<Self, GpuError> {
         let adapter = choose(request)?;
         let descriptor = descriptor(&adapter, request);
-        // Before there is a device: to make one only to let it go takes time, and drivers to the end.
+        // Checked before the device exists: creating a device only to drop it is slow and strains
+        // drivers.
         path_of(descriptor.required_features, &adapter.get_info(), request.path)?;
         let made = pollster::block_on(adapter.request_device(&descriptor));
         let (device, queue) = made.map_err(|e| GpuError::NoDevice {
@@ -192,10 +194,10 @@ impl Gpu {
         Self::new(device, queue, request.path)
     }
 
-    /// Over a device that another made (a window), asked for by [`descriptor`].
+    /// Wraps a device that the caller (a window) created with [`descriptor`].
     ///
     /// # Errors
-    /// Where the device lacks what the path asked for needs.
+    /// If the device lacks a feature that `path` needs.
     pub fn new(
         device: wgpu::Device,
         queue: wgpu::Queue,
@@ -224,27 +226,27 @@ impl Gpu {
         Ok(Self { device, queue, tier, name, state })
     }
 
-    /// What went wrong first, if anything did. Looked at after every frame.
+    /// The first fault of the device, if any; checked after every frame.
     pub fn fault(&self) -> Option<GpuError> {
         self.state.fault.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// What those pass who write mapped memory on other threads.
+    /// The guard of mapped memory.
     pub fn gate(&self) -> Arc<Gate> {
         Arc::clone(&self.state.gate)
     }
 
-    /// Ends the device for all of its handles, as losing it does: the fault says why.
+    /// Ends the device for all of its handles, as if it were lost; `why` becomes the fault.
     pub fn end(&self, why: &str) {
         self.state.gate.shut();
         self.state.note(GpuError::Lost(why.into()));
         self.device.destroy();
     }
 
-    /// A buffer, counted.
+    /// Creates a buffer whose bytes are counted.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn buffer(
         &self,
         label: &str,
@@ -254,10 +256,10 @@ impl Gpu {
         self.buffer_mapped(label, bytes, usage, false)
     }
 
-    /// As [`Gpu::buffer`]; where `is_mapped`, it can be written at once.
+    /// Creates a buffer like [`Gpu::buffer`]; if `is_mapped`, it can be written to at once.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn buffer_mapped(
         &self,
         label: &str,
@@ -286,22 +288,22 @@ impl Gpu {
         Ok(Counted { buffer, state: Arc::clone(&self.state) })
     }
 
-    /// What counts the runs of kernels.
-    pub fn runs(&self) -> &Runs {
-        &self.state.runs
+    /// The counter of dispatches and draws.
+    pub fn dispatch_count(&self) -> &DispatchCount {
+        &self.state.dispatches
     }
 
-    /// Dispatches, and draws of point primitives, that were encoded so far.
+    /// Number of dispatches and draws that were encoded so far.
     pub fn dispatches(&self) -> u64 {
-        self.state.runs.0.load(Relaxed)
+        self.state.dispatches.0.load(Relaxed)
     }
 
-    /// Bytes of all buffers that live.
+    /// Bytes of all live buffers.
     pub fn bytes(&self) -> u64 {
         self.state.bytes.load(Relaxed)
     }
 
-    /// The most bytes of buffers that lived at once.
+    /// Greatest number of bytes of live buffers so far.
     pub fn peak_bytes(&self) -> u64 {
         self.state.peak_bytes.load(Relaxed)
     }
@@ -313,10 +315,10 @@ impl State {
     }
 }
 
-/// The adapters there are, the best first: name, interface, kind.
+/// All adapters of `backends`, the best first.
 pub fn adapters(backends: Backends) -> Vec<wgpu::Adapter> {
-    /// Never let go of: with its last instance a driver is unloaded, and NVIDIA's (580.159, Linux) then crashes threads
-    /// that have used it and are just ending.
+    /// Never dropped: dropping the last instance unloads the driver, and NVIDIA's (580.159, Linux)
+    /// then crashes threads that used it and are just ending.
     static KEPT: OnceLock<wgpu::Instance> = OnceLock::new();
     let mut adapters = quiet::while_probing(|| {
         if backends.contains(Backends::VULKAN) {
@@ -347,14 +349,14 @@ fn rank(kind: DeviceType) -> u8 {
     }
 }
 
-/// Whether an adapter is a driver on the CPU: OpenGL does not say it by its kind.
+/// Whether an adapter is a driver on the CPU. OpenGL does not report that as its device type.
 pub fn is_software(info: &wgpu::AdapterInfo) -> bool {
     let name = info.name.to_lowercase();
     info.device_type == DeviceType::Cpu
         || ["llvmpipe", "softpipe", "swiftshader", "basic render"].iter().any(|s| name.contains(s))
 }
 
-fn choose(request: &Request) -> Result<wgpu::Adapter, GpuError> {
+fn choose(request: &GpuRequest) -> Result<wgpu::Adapter, GpuError> {
     let all = adapters(request.backends);
     let seen: Vec<String> = all
         .iter()
@@ -378,9 +380,12 @@ fn choose(request: &Request) -> Result<wgpu::Adapter, GpuError> {
     })
 }
 
-/// The device to ask an adapter for: WebGPU's default limits, with buffers as large as there are; and those
-/// of the features that the passes know to use.
-pub fn descriptor(adapter: &wgpu::Adapter, request: &Request) -> wgpu::DeviceDescriptor<'static> {
+/// Descriptor of the device to request: WebGPU's default limits, but the largest buffers that the
+/// adapter has, and those of its features that the passes can use.
+pub fn descriptor(
+    adapter: &wgpu::Adapter,
+    request: &GpuRequest,
+) -> wgpu::DeviceDescriptor<'static> {
     let has = adapter.limits();
     let mut limits = Limits::default();
     let mut features = Features::empty();
@@ -420,16 +425,17 @@ fn tier(
     })
 }
 
-/// How points become pixels on a device with these features, where `asked` does not say.
+/// The way to draw points on a device with these features: `wanted`, or else the best.
 fn path_of(
     features: Features,
     info: &wgpu::AdapterInfo,
-    asked: Option<ProjectPath>,
+    wanted: Option<ProjectPath>,
 ) -> Result<ProjectPath, GpuError> {
     let atomics = Features::SHADER_INT64 | Features::SHADER_INT64_ATOMIC_MIN_MAX;
-    // The pass reads a pixel before it writes it; Metal's 64-bit atomics have a minimum, but no read.
+    // The pass reads pixels before it writes them; Metal's 64-bit atomics have a minimum, but no
+    // load.
     let has_atomics = features.contains(atomics) && info.backend != wgpu::Backend::Metal;
-    match asked {
+    match wanted {
         Some(ProjectPath::Atomics) if !has_atomics => {
             let fault = format!("{}: has no 64-bit atomics; draw by point primitives", info.name);
             Err(GpuError::Path(fault))

@@ -1,11 +1,13 @@
-//! Drivers that complain without need. On Linux without a desktop a layer of Mesa's looks for one whenever drivers are asked for, and
-//! writes "error: XDG_RUNTIME_DIR is invalid or not set" where all is well.
+//! Silences drivers while adapters are enumerated. On Linux without a desktop a layer of Mesa
+//! writes "error: XDG_RUNTIME_DIR is invalid or not set" to standard error although nothing is
+//! wrong.
 
-/// Does what asks drivers what there is; where there is no desktop, without what they write to standard error meanwhile.
+/// Calls `probe`, which enumerates adapters; without a desktop, standard error is discarded
+/// meanwhile.
 #[cfg(target_os = "linux")]
 pub fn while_probing<T>(probe: impl FnOnce() -> T) -> T {
     use std::sync::{Mutex, PoisonError};
-    /// One at a time, or one would restore what another has put there.
+    /// One caller at a time, or one would restore the standard error that another has replaced.
     static ONE: Mutex<()> = Mutex::new(());
     if std::env::var_os("XDG_RUNTIME_DIR").is_some_and(|folder| !folder.is_empty()) {
         return probe();
@@ -15,19 +17,19 @@ pub fn while_probing<T>(probe: impl FnOnce() -> T) -> T {
     probe()
 }
 
-/// The same elsewhere, where nobody complains.
+/// Calls `probe`; only drivers on Linux need silencing.
 #[cfg(not(target_os = "linux"))]
 pub fn while_probing<T>(probe: impl FnOnce() -> T) -> T {
     probe()
 }
 
-/// Standard error leads nowhere, until this is dropped.
+/// Discards standard error until it is dropped, and keeps the original.
 #[cfg(target_os = "linux")]
 struct Muted(std::os::fd::OwnedFd);
 
 #[cfg(target_os = "linux")]
 impl Muted {
-    /// `None` where that is not to be had.
+    /// Redirects standard error to `/dev/null`; `None` if the system refuses.
     fn new() -> Option<Self> {
         let nowhere = std::fs::File::options().write(true).open("/dev/null").ok()?;
         let muted = Self(rustix::io::dup(rustix::stdio::stderr()).ok()?);
@@ -39,7 +41,7 @@ impl Muted {
 #[cfg(target_os = "linux")]
 impl Drop for Muted {
     fn drop(&mut self) {
-        // It was open before.
+        // The descriptor was open before, so this cannot fail.
         let _ = rustix::stdio::dup2_stderr(&self.0);
     }
 }

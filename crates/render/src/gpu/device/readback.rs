@@ -1,5 +1,6 @@
-//! Reading from the GPU: a ring of small buffers that are copied into frame by frame and polled, never
-//! waited for; and one read that waits, for pictures that go to a file. Called by the render thread alone.
+//! Reads buffers of the GPU: a ring of small buffers that frames copy into and that are polled,
+//! never waited for; and a read that waits, for pictures that go to a file. Only the render thread
+//! calls it.
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::{Counted, Gpu};
@@ -8,41 +9,44 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use wgpu::{BufferUsages, MapMode, PollType};
 
-/// Buffers of a ring: drivers keep two or three frames in flight.
+/// Buffers of a ring; drivers keep two or three frames in flight.
 const RING: usize = 4;
-/// What a mapping is waited for.
+/// State of a mapping: requested.
 const PENDING: u8 = 0;
+/// State of a mapping: readable.
 const MAPPED: u8 = 1;
+/// State of a mapping: refused.
 const FAILED: u8 = 2;
 
-/// Copies on their way to the host, each with what it belongs to. Where none of the buffers is free, a frame is left
-/// out.
+/// Copies on their way to the host, each with a value that identifies it. A frame without a free
+/// buffer is left out.
 #[derive(Debug)]
 pub struct ReadbackRing<T> {
     free: Vec<Counted>,
-    /// Copied into by commands that are not submitted yet.
+    /// Targets of copies that are not submitted yet.
     copied: Vec<(Counted, T)>,
-    /// Submitted, the oldest first.
+    /// Targets of submitted copies, the oldest first, with the states of their mappings.
     flying: VecDeque<(Counted, T, Arc<AtomicU8>)>,
 }
 
 impl<T> ReadbackRing<T> {
-    /// A ring of buffers of so many bytes.
+    /// Creates a ring of buffers of `bytes` bytes.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu, label: &str, bytes: u64) -> Result<Self, GpuError> {
         let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
         let free = (0..RING).map(|_| gpu.buffer(label, bytes, usage)).collect::<Result<_, _>>()?;
         Ok(Self { free, copied: Vec::new(), flying: VecDeque::new() })
     }
 
-    /// Whether the next [`ReadbackRing::copy`] has a buffer.
+    /// Whether a buffer is free for [`ReadbackRing::copy`].
     pub fn has_room(&self) -> bool {
         !self.free.is_empty()
     }
 
-    /// Copies the first `bytes` (a multiple of 4) of `source`. Whether there was room.
+    /// Encodes a copy of the first `bytes` (a multiple of 4) of `source`, identified by `of`.
+    /// Whether a buffer was free.
     pub fn copy(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -56,19 +60,20 @@ impl<T> ReadbackRing<T> {
         true
     }
 
-    /// After the commands were submitted: asks for what they copied.
+    /// To be called after the submission of the copies: requests the mappings of their buffers.
     pub fn submitted(&mut self) {
         for (buffer, of) in self.copied.drain(..) {
             let state = Arc::new(AtomicU8::new(PENDING));
-            let told = Arc::clone(&state);
+            let shared = Arc::clone(&state);
             buffer.map_async(MapMode::Read, .., move |r| {
-                told.store(if r.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
+                shared.store(if r.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
             });
             self.flying.push_back((buffer, of, state));
         }
     }
 
-    /// The newest copy that has arrived since the last call, with its bytes. The device was polled before.
+    /// The newest copy that has arrived since the last call, with its bytes. The caller has polled
+    /// the device.
     pub fn newest(&mut self) -> Option<(T, Vec<u8>)> {
         let mut newest = None;
         while let Some((buffer, of, state)) = self.flying.pop_front() {
@@ -78,7 +83,7 @@ impl<T> ReadbackRing<T> {
                     break;
                 }
                 MAPPED => {
-                    // Of several that have arrived only the last is read.
+                    // If several have arrived, only the last is read.
                     let is_last =
                         self.flying.front().is_none_or(|f| f.2.load(Ordering::Acquire) == PENDING);
                     if is_last && let Ok(bytes) = buffer.get_mapped_range(..) {
@@ -94,10 +99,10 @@ impl<T> ReadbackRing<T> {
     }
 }
 
-/// Reads the first `bytes` (a multiple of 4) of buffers, and waits for them.
+/// Reads the first bytes (a multiple of 4) of each buffer of `sources`, and waits for them.
 ///
 /// # Errors
-/// Where memory is refused or the device is gone.
+/// If memory is refused or the device is lost.
 pub fn read(gpu: &Gpu, sources: &[(&wgpu::Buffer, u64)]) -> Result<Vec<Vec<u8>>, GpuError> {
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let mut staged = Vec::with_capacity(sources.len());
@@ -112,9 +117,9 @@ pub fn read(gpu: &Gpu, sources: &[(&wgpu::Buffer, u64)]) -> Result<Vec<Vec<u8>>,
         .iter()
         .map(|(buffer, bytes)| {
             let state = Arc::new(AtomicU8::new(PENDING));
-            let told = Arc::clone(&state);
+            let shared = Arc::clone(&state);
             buffer.map_async(MapMode::Read, ..*bytes, move |r| {
-                told.store(if r.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
+                shared.store(if r.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
             });
             state
         })

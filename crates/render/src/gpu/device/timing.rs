@@ -1,14 +1,15 @@
-//! What passes take on the GPU, by timestamps around them. They are read back a few frames later; a device
-//! without timestamps gives no times, and a frame that finds no free buffer is not timed.
+//! Times of the passes on the GPU, by timestamps around them, which are read back a few frames
+//! later. A device without timestamps gives no times, and a frame without a free buffer is not
+//! timed.
 
 use crate::frame::Stages;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::readback::ReadbackRing;
 use crate::gpu::device::{Counted, Gpu};
-use crate::plan::Pass;
+use crate::pass::Pass;
 use wgpu::{BufferUsages, CommandEncoder, ComputePass, QuerySet};
 
-/// Passes that a frame can time; what comes after them is not timed.
+/// Spans that a frame can time; later ones are not timed.
 const SPANS_MAX: u32 = 96;
 /// Bytes of a timestamp.
 const STAMP: u64 = 8;
@@ -17,7 +18,7 @@ const STAMP: u64 = 8;
 #[derive(Debug, Default)]
 pub struct Timing {
     queries: Option<Queries>,
-    /// What the spans of this frame belong to.
+    /// Pass of each span of this frame.
     spans: Vec<Pass>,
     is_open: bool,
     newest: Option<Stages>,
@@ -32,10 +33,10 @@ struct Queries {
 }
 
 impl Timing {
-    /// Of a device; one without timestamps times nothing.
+    /// Creates the queries; without timestamps nothing is timed.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         if !gpu.tier.has_timestamps {
             return Ok(Self::default());
@@ -62,7 +63,7 @@ impl Timing {
         self.is_open = self.queries.as_ref().is_some_and(|q| q.ring.has_room());
     }
 
-    /// Opens a compute pass whose time counts for `pass`; times of several add up.
+    /// Begins a compute pass whose time is added to that of `pass`.
     pub fn compute<'e>(&mut self, encoder: &'e mut CommandEncoder, pass: Pass) -> ComputePass<'e> {
         let timestamp_writes =
             self.span(pass).map(|(set, begin, end)| wgpu::ComputePassTimestampWrites {
@@ -73,7 +74,7 @@ impl Timing {
         encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes })
     }
 
-    /// For a render pass whose time counts for `pass`.
+    /// Timestamps of a render pass whose time is added to that of `pass`.
     pub fn render(&mut self, pass: Pass) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
         self.span(pass).map(|(set, begin, end)| wgpu::RenderPassTimestampWrites {
             query_set: set,
@@ -92,7 +93,7 @@ impl Timing {
         Some((&queries.set, index * 2, index * 2 + 1))
     }
 
-    /// Ends a frame: after its last pass, before it is submitted.
+    /// Ends a frame, after its last pass and before its submission.
     pub fn end(&mut self, encoder: &mut CommandEncoder) {
         let count = self.spans.len() as u32 * 2;
         if let Some(queries) = self.queries.as_mut().filter(|_| self.is_open && count > 0) {
@@ -103,14 +104,14 @@ impl Timing {
         self.is_open = false;
     }
 
-    /// After the frame was submitted.
+    /// To be called after the submission of the frame.
     pub fn submitted(&mut self) {
         if let Some(queries) = &mut self.queries {
             queries.ring.submitted();
         }
     }
 
-    /// Times of the newest frame that has arrived. The device was polled before.
+    /// Times of the newest frame whose timestamps have arrived. The caller has polled the device.
     pub fn newest(&mut self) -> Option<Stages> {
         if let Some(queries) = &mut self.queries
             && let Some((spans, bytes)) = queries.ring.newest()
@@ -126,7 +127,7 @@ fn stages(spans: &[Pass], bytes: &[u8], ms_a_tick: f64) -> Stages {
     let (mut first, mut last) = (u64::MAX, 0);
     for (&pass, stamps) in spans.iter().zip(bytes.as_chunks::<16>().0) {
         let [begin, end] = bytemuck::cast::<[u8; 16], [u64; 2]>(*stamps);
-        // Clocks of some drivers step back between passes: such a time is none.
+        // The clocks of some drivers step back between passes; such a span counts as zero.
         stages.add(pass, end.saturating_sub(begin) as f64 * ms_a_tick);
         (first, last) = (first.min(begin), last.max(end));
     }

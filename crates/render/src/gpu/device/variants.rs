@@ -1,4 +1,5 @@
-//! Kernels of one shader that differ in their constants, each made when it is first used.
+//! Kernels of one shader that differ in the values of their `override`s; each is built when it is
+//! first used.
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::error::GpuError;
@@ -7,10 +8,10 @@ use crate::gpu::device::shader::Source;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
-/// The values of the constants, in their order.
+/// Values of the `override`s, in their order.
 type Values<const N: usize> = [u32; N];
 
-/// Kernels by the values of their constants.
+/// Kernels by the values of their `override`s.
 pub struct Variants<const N: usize> {
     source: Source,
     constants: [&'static str; N],
@@ -18,15 +19,15 @@ pub struct Variants<const N: usize> {
 }
 
 impl<const N: usize> Variants<N> {
-    /// Of a shader with these `override`s, whose entry point is `main`.
+    /// Variants of the entry point `main` of a shader with these `override`s; builds none yet.
     pub fn new(source: Source, constants: [&'static str; N]) -> Self {
         Self { source, constants, kernels: HashMap::new() }
     }
 
-    /// The kernel with these values.
+    /// The kernel with these values, built on first use.
     ///
     /// # Errors
-    /// Where the driver refuses it.
+    /// If the driver refuses the shader.
     pub fn get(&mut self, gpu: &Gpu, values: Values<N>) -> Result<&Kernel, GpuError> {
         match self.kernels.entry(values) {
             Entry::Occupied(known) => Ok(known.into_mut()),
@@ -40,15 +41,15 @@ impl<const N: usize> Variants<N> {
         }
     }
 
-    /// All that there are.
+    /// All kernels built so far.
     pub fn all(&mut self) -> impl Iterator<Item = &mut Kernel> {
         self.kernels.values_mut()
     }
 
-    /// [`Kernel::reload`] for all that there are.
+    /// Calls [`Kernel::reload`] for all kernels built so far.
     ///
     /// # Errors
-    /// Where the changed shader does not build; the kernel is as it was.
+    /// If the changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let mut any = false;
         for kernel in self.kernels.values_mut() {

@@ -1,27 +1,44 @@
-//! Colours for the shaders (`shaders/common/colour.wgsl`). Whatever is mapped becomes runs of values of one
-//! colour each, which are found here by asking the map itself: so both agree on every value, though
-//! shaders have no `f64`. And the table from linear light to sRGB bytes.
+//! Colour tables of the shaders (`shaders/common/colour.wgsl`): a colour map becomes runs of
+//! doubles, each of one colour, whose ends are found by evaluating the map itself. So CPU and GPU
+//! agree on every value, though shaders have no `f64`. Also the table from linear light to sRGB
+//! bytes.
 
 use crate::gpu::device::error::GpuError;
+use crate::gpu::device::shader::same_values;
 use crate::gpu::device::{Counted, Gpu};
-use crate::inputs::colour::{ColourBy, ENCODE_ENTRIES, Encoder, MapTable, hue};
+use crate::inputs::colour::{ColourBy, ColourMap, ENCODE_ENTRIES, Encoder, MapTable, Palette, hue};
 use esker_points::Lattice;
 use glam::Vec3;
 
-/// Runs of values at most.
+/// Any colour map; the number of a [`ColourBy`] does not depend on it.
+const MAP: ColourMap = ColourMap { low: 0.0, high: 1.0, palette: Palette::Grey };
+
+same_values!(common_encode == crate::inputs::colour { ENCODE_STEPS = ENCODE_ENTRIES });
+same_values!(common_colour == crate::inputs::colour {
+    BY_PLAIN = ColourBy::Plain.number(),
+    BY_RGB = ColourBy::Rgb.number(),
+    BY_VALUE = ColourBy::Scalar(MAP).number(),
+    BY_ELEVATION = ColourBy::Elevation(MAP).number(),
+    BY_EYE_DEPTH = ColourBy::EyeDepth(MAP).number(),
+    BY_CELL = ColourBy::Cell.number(),
+    BY_NORMAL = ColourBy::Normal.number(),
+});
+
+/// Number of runs at most.
 pub const RUNS_MAX: usize = 256;
 
-/// All doubles that are numbers, in runs of one colour.
+/// All doubles but NaN, in runs of one colour.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Runs {
-    /// Where they begin, as [`ordered`] bits, rising from [`ordered`] negative infinity; and their colours.
+pub struct ColourRuns {
+    /// First value of each run, as [`ordered`] bits, and its colour. The first run begins at
+    /// negative infinity.
     pub runs: Vec<(u64, Vec3)>,
-    /// Colour of what is no number.
+    /// Colour of NaN.
     pub no_number: Vec3,
 }
 
-impl Runs {
-    /// Those of what a frame maps; `None` where it maps nothing.
+impl ColourRuns {
+    /// Runs of the values that a frame maps to colours; `None` if it maps none.
     pub fn of(by: &ColourBy, lattice: &Lattice) -> Option<Self> {
         match by {
             ColourBy::Scalar(map) | ColourBy::EyeDepth(map) => {
@@ -45,8 +62,8 @@ impl Runs {
         }
     }
 
-    /// By halving between values of different entries. Entries rise or fall with the value, but where a map has
-    /// no extent those of the greatest values may be the same on both sides of `low`: hence from there.
+    /// Finds the ends of runs by bisection between values with different entries. Entries are
+    /// monotonic, except at `low` in a map without extent, hence `low` is one of the ends.
     fn found(entry: impl Fn(f64) -> usize, low: f64, colours: &[Vec3], no_number: usize) -> Self {
         let first = ordered(f64::NEG_INFINITY);
         let mut ends = [first, ordered(-f64::MAX), ordered(low), ordered(f64::MAX)].to_vec();
@@ -58,7 +75,7 @@ impl Runs {
         for pair in ends.windows(2) {
             let (mut from, to) = (pair[0], pair[1]);
             while at(from) != at(to) && runs.len() < RUNS_MAX {
-                // The first value that has another entry than `from`.
+                // Bisects to the first value with another entry than `from`.
                 let (mut same, mut other) = (from, to);
                 while other - same > 1 {
                     let middle = same + (other - same) / 2;
@@ -72,7 +89,7 @@ impl Runs {
     }
 }
 
-/// Bits of a double in an order that unsigned comparison follows.
+/// Bits of a double, mapped so that they compare as unsigned numbers like the doubles.
 pub fn ordered(value: f64) -> u64 {
     let bits = value.to_bits();
     if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
@@ -82,10 +99,10 @@ fn value_of(ordered: u64) -> f64 {
     f64::from_bits(if ordered >> 63 == 1 { ordered & !(1 << 63) } else { !ordered })
 }
 
-/// The table of `shaders/common/encode.wgsl`, for a uniform binding.
+/// Creates the uniform `EncodeTable` of `shaders/common/encode.wgsl`.
 ///
 /// # Errors
-/// Where memory is refused.
+/// If memory is refused.
 pub fn encode_table(gpu: &Gpu) -> Result<Counted, GpuError> {
     let mut bytes: Vec<u8> = (0..=ENCODE_ENTRIES)
         .map(|i| Encoder::get().bytes(Vec3::splat(i as f32 / ENCODE_ENTRIES as f32))[0])
@@ -100,9 +117,9 @@ pub fn encode_table(gpu: &Gpu) -> Result<Counted, GpuError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inputs::colour::{Codebook, ColourMap, Palette};
+    use crate::inputs::colour::Codebook;
 
-    fn looked_up(runs: &Runs, value: f64) -> Vec3 {
+    fn looked_up(runs: &ColourRuns, value: f64) -> Vec3 {
         if value.is_nan() {
             return runs.no_number;
         }
@@ -120,8 +137,8 @@ mod tests {
             for &high in &values {
                 let map = ColourMap { low, high, palette: Palette::Viridis };
                 let table = MapTable::new(&map);
-                let runs = Runs::of(&ColourBy::Scalar(map), &lattice).unwrap();
-                let heights = Runs::of(&ColourBy::Elevation(map), &lattice).unwrap();
+                let runs = ColourRuns::of(&ColourBy::Scalar(map), &lattice).unwrap();
+                let heights = ColourRuns::of(&ColourBy::Elevation(map), &lattice).unwrap();
                 assert!(runs.runs.len() <= RUNS_MAX && heights.runs.len() <= RUNS_MAX);
                 assert!(runs.runs.is_sorted_by(|a, b| a.0 < b.0));
                 let between = (0..200).map(|i| low + (high - low) * (f64::from(i) / 199.0));
@@ -141,7 +158,7 @@ mod tests {
         let along = Codebook::Along(Palette::Viridis);
         for book in [Codebook::Classes, Codebook::Labels, along, own] {
             let (runs, colours) =
-                (Runs::of(&ColourBy::Codes(book), &lattice).unwrap(), book.colours());
+                (ColourRuns::of(&ColourBy::Codes(book), &lattice).unwrap(), book.colours());
             for v in [-3.0, -0.0, 0.0, 0.9, 2.0, 17.5, 22.0, 254.0, 255.0, 300.0, f64::NAN] {
                 assert_eq!(looked_up(&runs, v), colours[usize::from(v as u8)], "{v} of {book:?}");
             }

@@ -1,56 +1,56 @@
-//! The cut in GPU memory: the tables of its nodes and of their chunks, and lists of chunks whose planes lie
-//! in the same pages, so that each combination of pages is one dispatch. Made anew for each frame, in
-//! buffers that stay and grow by doubling.
+//! The cut in GPU memory: tables of its nodes and of their chunks, and lists of chunks whose planes
+//! are in the same pages, so that each combination of pages takes one dispatch. The tables are
+//! written in every frame, to buffers that stay and grow by doubling.
 
 use crate::frame::Frame;
-use crate::gpu::PlaneAt;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::pool::NodePool;
-use crate::gpu::memory::table::{CHUNK_POINTS, Chunk, Draw, NO_PAGE};
+use crate::gpu::memory::table::{CHUNK_POINTS, Chunk, Draw, NO_PAGE, PlaneAt};
 use crate::inputs::camera::Camera;
 use crate::plan::FramePlan;
 use std::collections::BTreeSet;
 use std::ops::Range;
 use wgpu::BufferUsages;
 
-/// Most chunks of a frame: points are numbered by 32 bits, and all ones is none.
+/// Chunks of a frame at most: points have numbers of 32 bits, and all ones means no point.
 const CHUNKS_MAX: u32 = u32::MAX / CHUNK_POINTS;
-/// Lists of work begin at multiples of this: what devices ask of bound ranges, in words.
+/// Lists of chunks begin at multiples of this number of words: the alignment of bound ranges, 256
+/// bytes.
 const WORK_STEP: usize = 64;
-/// Least bytes of a table.
+/// Bytes of a table at least.
 const TABLE_BYTES_MIN: u64 = 1 << 14;
 
-/// The pages that the planes of a chunk lie in; [`NO_PAGE`] for what it does not need.
+/// Pages of the planes of a chunk; [`NO_PAGE`] for planes that it does not need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Pages {
-    /// Of the positions.
+    /// Page of the positions.
     pub position: u32,
-    /// Of the dropped bits.
+    /// Page of the residual bits.
     pub residual: u32,
-    /// Of the normals, where points are dropped by them, or averaged.
+    /// Page of the normals, if points are culled by them or averaged.
     pub normal: u32,
-    /// Of the colours, where points are averaged.
+    /// Page of the colours, if points are averaged.
     pub colour: u32,
 }
 
-/// Chunks whose planes lie in the same pages.
+/// Chunks whose planes are in the same pages.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Work {
-    /// The pages.
+    /// Pages of the planes.
     pub pages: Pages,
-    /// Where they stand in the list of work, words.
+    /// Range of the chunks in [`GpuCut::list`], words.
     pub range: Range<u32>,
 }
 
 /// Tables of a frame.
 #[derive(Debug)]
 pub struct GpuCut {
-    /// The rows of [`GpuCut::draws`], as they are on the GPU.
+    /// Rows of [`GpuCut::draws`].
     pub rows: Vec<Draw>,
-    /// Work by pages.
+    /// Chunks by their pages.
     pub work: Vec<Work>,
-    /// Points that are drawn.
+    /// Number of points drawn.
     pub points: u64,
     chunk_rows: Vec<Chunk>,
     list: Vec<u32>,
@@ -61,10 +61,10 @@ pub struct GpuCut {
 }
 
 impl GpuCut {
-    /// Of nothing.
+    /// Creates empty tables.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self {
             rows: Vec::new(),
@@ -79,12 +79,12 @@ impl GpuCut {
         })
     }
 
-    /// Table of nodes, [`Draw`] each. Nodes without points are left out.
+    /// Table of nodes, a [`Draw`] each. Nodes without points are left out.
     pub fn draws(&self) -> &wgpu::Buffer {
         &self.draws
     }
 
-    /// Table of chunks, [`Chunk`] each.
+    /// Table of chunks, a [`Chunk`] each.
     pub fn chunks(&self) -> &wgpu::Buffer {
         &self.chunks
     }
@@ -94,12 +94,13 @@ impl GpuCut {
         self.chunk_rows.len() as u32
     }
 
-    /// Numbers of chunks, as [`GpuCut::work`] says.
+    /// Numbers of chunks, in the ranges of [`GpuCut::work`].
     pub fn list(&self) -> &wgpu::Buffer {
         &self.list_buffer
     }
 
-    /// The pages of planes of this cut, of those that are read (positions and dropped bits, colours, normals).
+    /// Pages of the planes of this cut; `read` selects positions with residual bits, colours and
+    /// normals.
     pub fn pages<'p>(&self, pool: &'p NodePool, read: [bool; 3]) -> Vec<(u32, &'p wgpu::Buffer)> {
         let [geometry, colours, normals] = read;
         let of = |row: &Draw| {
@@ -115,12 +116,12 @@ impl GpuCut {
         numbers.into_iter().filter_map(|n| Some((n, pool.page(n as usize)?))).collect()
     }
 
-    /// The pages of clip lines.
+    /// Pages of the clip lines.
     pub fn clip_pages<'p>(&self, pool: &'p NodePool) -> Vec<(u32, &'p wgpu::Buffer)> {
         self.pages_of(pool, |row| row.clip_page)
     }
 
-    /// The pages of the shapes of splats.
+    /// Pages of the shapes of splats.
     pub fn tangent_pages<'p>(&self, pool: &'p NodePool) -> Vec<(u32, &'p wgpu::Buffer)> {
         self.pages_of(pool, |row| row.tangent_page)
     }
@@ -134,14 +135,14 @@ impl GpuCut {
         numbers.into_iter().filter_map(|n| Some((n, pool.page(n as usize)?))).collect()
     }
 
-    /// Row and place in its node of a numbered point.
+    /// Row of a point number in [`GpuCut::rows`], and index of the point in its node.
     pub fn find(&self, point: u32) -> Option<(usize, u32)> {
         let chunk = self.chunk_rows.get((point / CHUNK_POINTS) as usize)?;
         Some((chunk.draw as usize, chunk.first + point % CHUNK_POINTS))
     }
 
-    /// Bindings of `shaders/common/points.wgsl` for a list of work; `None` where a page is not there. What needs no page
-    /// of its own has that of the positions bound; `more` follows.
+    /// Bindings of `shaders/common/points.wgsl` for the chunks of `work`, then `more`; `None` if a
+    /// page does not exist. Planes that are not needed get the page of the positions.
     pub fn bind(
         &self,
         gpu: &Gpu,
@@ -181,16 +182,16 @@ impl GpuCut {
         }))
     }
 
-    /// The page of the colours of a list of work, as [`GpuCut::bind`] has pages.
+    /// The page of the colours of `work`, or that of the positions if they are not needed.
     pub fn colours<'p>(&self, work: &Work, pool: &'p NodePool) -> Option<&'p wgpu::Buffer> {
         let Pages { colour, position, .. } = work.pages;
         pool.page(if colour == NO_PAGE { position } else { colour } as usize)
     }
 
-    /// Takes the nodes of a frame and sends the tables with the next submission.
+    /// Fills the tables from the nodes of a frame; they are uploaded with the next submission.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn fill(
         &mut self,
         gpu: &Gpu,
@@ -207,7 +208,7 @@ impl GpuCut {
         for draw in frame.draws {
             let first_chunk = self.chunk_rows.len() as u32;
             let mut row = Draw::of(draw, camera, first_chunk, |plane| pool.place(plane));
-            // Positions are read by twos of words.
+            // Positions are read in pairs of words.
             let is_whole = row.position_word.is_multiple_of(2);
             let room = (CHUNKS_MAX - first_chunk) * CHUNK_POINTS;
             row.points = if is_whole { row.points.min(room) } else { 0 };
@@ -233,10 +234,10 @@ impl GpuCut {
             self.rows.push(row);
         }
         self.group();
-        self.send(gpu)
+        self.upload(gpu)
     }
 
-    /// Lists the chunks by their pages.
+    /// Groups the chunks by their pages.
     fn group(&mut self) {
         self.by_pages.sort_unstable();
         self.list.clear();
@@ -253,10 +254,10 @@ impl GpuCut {
         }
     }
 
-    fn send(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
-        send(gpu, &mut self.draws, "draws", bytemuck::cast_slice(&self.rows))?;
-        send(gpu, &mut self.chunks, "chunks", bytemuck::cast_slice(&self.chunk_rows))?;
-        send(gpu, &mut self.list_buffer, "work", bytemuck::cast_slice(&self.list))
+    fn upload(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
+        upload(gpu, &mut self.draws, "draws", bytemuck::cast_slice(&self.rows))?;
+        upload(gpu, &mut self.chunks, "chunks", bytemuck::cast_slice(&self.chunk_rows))?;
+        upload(gpu, &mut self.list_buffer, "work", bytemuck::cast_slice(&self.list))
     }
 }
 
@@ -264,7 +265,7 @@ fn table(gpu: &Gpu, label: &str, bytes: u64) -> Result<Counted, GpuError> {
     gpu.buffer(label, bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)
 }
 
-fn send(gpu: &Gpu, to: &mut Counted, label: &str, bytes: &[u8]) -> Result<(), GpuError> {
+fn upload(gpu: &Gpu, to: &mut Counted, label: &str, bytes: &[u8]) -> Result<(), GpuError> {
     let needed = bytes.len() as u64;
     if needed > to.size() {
         *to = table(gpu, label, needed.next_power_of_two())?;

@@ -1,8 +1,12 @@
-//! What all passes know of a frame, as the shaders read it (`shaders/common/frame.wgsl`).
+//! The uniform of a frame, which all passes read (`shaders/common/frame.wgsl`): camera, size,
+//! background.
 
 use crate::frame::{Background, Frame};
+use crate::gpu::device::shader::same_values;
 use crate::inputs::camera::Camera;
 use bytemuck::{Pod, Zeroable};
+
+same_values!(common_infinite == crate { INFINITE_BITS = f32::INFINITY.to_bits() });
 
 /// The uniform of a frame.
 #[repr(C)]
@@ -24,7 +28,7 @@ pub struct FrameUniform {
 }
 
 impl FrameUniform {
-    /// Of a frame and its camera.
+    /// Values of a frame and its camera.
     pub fn new<P>(frame: &Frame<'_, P>, camera: &Camera) -> Self {
         let [right, up, back] = camera.view_from_world.map(|r| r.to_array());
         let [top, bottom] = match frame.background {
@@ -51,19 +55,30 @@ impl FrameUniform {
 }
 
 impl FrameUniform {
-    /// The same for another number of pixels.
+    /// Values with another number of pixels.
     pub(crate) fn with_size(self, [width, height]: [u32; 2]) -> Self {
         Self { width, height, ..self }
     }
 }
 
-/// The shader's name of it, for the check of the layout.
-type FrameLayout = FrameUniform;
-const _: () = {
-    use crate::gpu::device::shader::sources::layout::Frame as shader;
-    assert!(size_of::<FrameLayout>() == shader::SIZE);
-    assert!(std::mem::offset_of!(FrameLayout, centre_px) == shader::centre_px);
-    assert!(std::mem::offset_of!(FrameLayout, margin_px) == shader::margin_px);
-    assert!(std::mem::offset_of!(FrameLayout, height) == shader::height);
-    assert!(std::mem::offset_of!(FrameLayout, background_bottom) == shader::background_bottom);
-};
+/// The shaders' structure is named `Frame`.
+mod layout {
+    use super::FrameUniform as Frame;
+    use crate::gpu::device::shader::same_layout;
+
+    same_layout!(Frame {
+        right,
+        focal_px,
+        up,
+        near,
+        back,
+        width,
+        step,
+        height,
+        background_top,
+        background_bottom,
+        centre_px,
+        cull_back_faces,
+        margin_px
+    });
+}

@@ -1,12 +1,14 @@
-//! The frame buffer of single pixels: in each, the number of the point that won it (`chunk * CHUNK_POINTS +
-//! place in the chunk`) and the bits of its depth; all ones where there is none. Twin of the target of
+//! The frame buffer: for each pixel the number of its winning point (`chunk * CHUNK_POINTS + index
+//! in the chunk`) and the bits of its depth, or all ones without a point. Twin: the target of
 //! [`crate::passes::project`].
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::{Kernel, groups_of};
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::{Counted, Gpu};
 use wgpu::BufferUsages;
+
+same_values!(common_hits == crate::passes::project { NO_HIT = EMPTY >> 32 });
 
 /// Bytes of a pixel.
 pub const HIT_BYTES: u64 = 8;
@@ -19,19 +21,19 @@ pub struct Hits {
 }
 
 impl Hits {
-    /// Of no pixels.
+    /// Creates an empty frame buffer.
     ///
     /// # Errors
-    /// Where the driver refuses the shader.
+    /// If the driver refuses the shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let clear = Kernel::new(gpu, sources::PROJECT_CLEAR, "main", &[])?;
         Ok(Self { buffer: None, pixels: 0, clear })
     }
 
-    /// The buffer for a picture of this size, made anew where the size is another.
+    /// Allocates the buffer for a picture of `size`, if it has another size so far.
     ///
     /// # Errors
-    /// Where memory is refused, or the picture is larger than the device binds.
+    /// If memory is refused, or the buffer is larger than a binding of the device.
     pub fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<(), GpuError> {
         let pixels = size[0] * size[1];
         let bytes = u64::from(pixels) * HIT_BYTES;
@@ -47,12 +49,12 @@ impl Hits {
         Ok(())
     }
 
-    /// The buffer, once it was fitted.
+    /// The buffer; `None` before the first [`Hits::fit`].
     pub fn buffer(&self) -> Option<&wgpu::Buffer> {
         self.buffer.as_deref()
     }
 
-    /// Empties every pixel.
+    /// Encodes the clearing of all pixels.
     pub fn clear(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, uniform: &wgpu::Buffer) {
         if let Some(buffer) = &self.buffer {
             let bind = self.clear.bind(gpu, &[(0, uniform), (1, buffer)]);
@@ -60,10 +62,10 @@ impl Hits {
         }
     }
 
-    /// Makes the kernel anew where its shader has changed on the disk.
+    /// Rebuilds the kernel if its shader has changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where the changed shader does not build; the old one goes on.
+    /// If the changed shader does not build; the old one stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         self.clear.reload(gpu)
     }

@@ -1,18 +1,18 @@
-//! What is made once a frame to look points up on the GPU, the twin of [`crate::inputs::lookup::Lookup`]: tables, the octree of
-//! the cut, and the pass that fetches the words of the points that won (`shaders/gather/fetch.wgsl`). Gather
-//! and resolve go on from there.
+//! Tables of a frame by which points are looked up on the GPU (the octree of the cut, colours,
+//! radii), and the pass that fetches the words of the winning points (`shaders/gather/fetch.wgsl`)
+//! for gather, resolve and EWA splatting. Twin: [`crate::inputs::lookup::Lookup`].
 
 use crate::frame::Frame;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::groups_of;
 use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_layout, same_values, without_twin};
 use crate::gpu::device::variants::Variants;
 use crate::gpu::device::{Counted, Gpu};
-use crate::gpu::memory::colour::Runs;
+use crate::gpu::memory::colour::ColourRuns;
 use crate::gpu::memory::octree::GpuOctree;
 use crate::inputs::colour::{ColourBy, PLAIN, linear};
 use crate::plan::FramePlan;
-use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use esker_points::Lattice;
 use esker_points::quant::radius_factor;
@@ -21,40 +21,45 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use wgpu::{Buffer, BufferUsages, ComputePass};
 
-/// Pages that one dispatch looks into: with the tables as many buffers as WebGPU's default limits allow.
+same_values!(common_normal == crate::passes::project { NO_NORMAL = NO_NORMAL_BITS });
+same_values!(gather_fetch == crate::gpu::memory::lookup { ELSEWHERE = PAGES_AT_ONCE });
+without_twin!(common_lookup { HAS_COLOUR });
+
+/// Pages that one dispatch reads: with the tables, as many buffers as WebGPU's default limits
+/// allow.
 pub const PAGES_AT_ONCE: usize = 3;
-/// Numbers of pages that are kept for the next frames: these are few, but not the same in all frames.
+/// Uniforms of page numbers that are kept for the next frames: there are few, but they vary.
 const PAGES_KEPT: usize = 256;
-/// A page that no plane lies in.
+/// Number of no page.
 const NO_SUCH_PAGE: u32 = u32::MAX - 1;
 
-/// The points that won pixels, as projection left them, and where their planes lie.
+/// Winning points of the pixels, and the pages of their planes.
 #[derive(Clone, Copy, Debug)]
-pub struct Won<'a> {
+pub struct WinningPoints<'a> {
     /// The frame's uniform.
     pub uniform: &'a Buffer,
-    /// Pixels in a row, rows.
+    /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Point number and bits of the depth a pixel.
+    /// Point number and bits of the depth of each pixel ([`crate::gpu::memory::hits`]).
     pub hits: &'a Buffer,
-    /// Rows of [`crate::gpu::memory::table::Draw`]; room for one at least.
+    /// Table of [`crate::gpu::memory::table::Draw`]; not empty.
     pub draws: &'a Buffer,
-    /// Rows of [`crate::gpu::memory::table::Chunk`]; room for one at least.
+    /// Table of [`crate::gpu::memory::table::Chunk`]; not empty.
     pub chunks: &'a Buffer,
-    /// The pages that planes of these draws lie in; what lies in others is not seen.
+    /// Numbers and buffers of the pages to read; planes in other pages are ignored.
     pub pages: &'a [(u32, &'a Buffer)],
-    /// Two words, cleared by the caller: pixels that a point won, pixels that show something.
+    /// Two words, cleared by the caller: pixels with a winning point, pixels that show a surface.
     pub counts: &'a Buffer,
 }
 
-impl Won<'_> {
-    /// Groups of 256 pixels.
+impl WinningPoints<'_> {
+    /// Workgroups of 256 pixels.
     pub(crate) fn groups(&self) -> [u32; 3] {
         groups_of(u64::from(self.size[0]) * u64::from(self.size[1]))
     }
 }
 
-/// The uniform of the tables.
+/// The uniform of the tables (`shaders/common/lookup.wgsl`).
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Pod, Zeroable)]
 struct Lookup {
@@ -70,7 +75,7 @@ struct Lookup {
 
 same_layout!(Lookup { starts, colours, linear, radius_factors, plain, no_number, cells });
 
-/// The uniform of a fetch.
+/// The uniform of a fetch (`shaders/gather/fetch.wgsl`).
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Pod, Zeroable)]
 struct Pages {
@@ -80,7 +85,7 @@ struct Pages {
 
 same_layout!(Pages { numbers, is_first });
 
-/// Tables, octree and fetch of a frame.
+/// Tables, octree and fetch pass of a frame.
 pub struct GpuLookup {
     tables: Box<Lookup>,
     uniform: Counted,
@@ -89,15 +94,15 @@ pub struct GpuLookup {
     lattice: Option<Lattice>,
     kernels: Variants<5>,
     pages: HashMap<Pages, Counted>,
-    /// Bound where a plane or page is not needed.
+    /// Bound in place of pages that are not needed.
     nothing: Counted,
 }
 
 impl GpuLookup {
-    /// For a device.
+    /// Creates the tables.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         Ok(Self {
@@ -115,10 +120,10 @@ impl GpuLookup {
         })
     }
 
-    /// Takes the octree and the colours of a frame; what has not changed since the last is not made again.
+    /// Takes the octree and the colours of a frame; only what has changed is uploaded.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn set<P>(&mut self, gpu: &Gpu, frame: &Frame<'_, P>) -> Result<(), GpuError> {
         self.octree.set(gpu, frame.octree)?;
         let cells = self.octree.len() as u32;
@@ -129,7 +134,7 @@ impl GpuLookup {
         self.tables.cells = cells;
         if !is_known {
             (self.lattice, self.colour) = (Some(*frame.lattice), frame.colour);
-            self.tables.take(Runs::of(&frame.colour, frame.lattice));
+            self.tables.take(ColourRuns::of(&frame.colour, frame.lattice));
         }
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&*self.tables));
         Ok(())
@@ -143,47 +148,48 @@ impl GpuLookup {
         self.octree.buffer()
     }
 
-    /// Fetches the words of the points that won into two buffers of four words a pixel; `geometry` may be any other
-    /// where it is not wanted.
+    /// Fetches the words of the winning points into two buffers of four words a pixel, `geometry`
+    /// and `paint`; the first may be any buffer if the plan fetches no positions.
     pub(crate) fn fetch(
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
-        won: &Won<'_>,
+        winners: &WinningPoints<'_>,
         plan: &FramePlan,
         to: [&Buffer; 2],
     ) -> Result<(), GpuError> {
         let [geometry, colours, normals] = plan.fetch_constants().map(|(_, value)| value);
-        self.run(gpu, pass, won, [geometry, colours, normals, 0, 0], to)
+        self.run(gpu, pass, winners, [geometry, colours, normals, 0, 0], to)
     }
 
-    /// Fetches the clip lines of points into every other row of a buffer; `any` is bound and not touched.
+    /// Fetches the clip lines of the points into every other row of `clips`; `any` is bound but
+    /// unused.
     pub(crate) fn fetch_clips(
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
-        won: &Won<'_>,
+        winners: &WinningPoints<'_>,
         [any, clips]: [&Buffer; 2],
     ) -> Result<(), GpuError> {
-        self.run(gpu, pass, won, [0, 0, 0, 1, 0], [any, clips])
+        self.run(gpu, pass, winners, [0, 0, 0, 1, 0], [any, clips])
     }
 
-    /// Fetches the shapes of points into the first words of the other rows.
+    /// Fetches the shapes of the points into the first words of the other rows of `clips`.
     pub(crate) fn fetch_tangents(
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
-        won: &Won<'_>,
+        winners: &WinningPoints<'_>,
         [any, clips]: [&Buffer; 2],
     ) -> Result<(), GpuError> {
-        self.run(gpu, pass, won, [0, 0, 0, 0, 1], [any, clips])
+        self.run(gpu, pass, winners, [0, 0, 0, 0, 1], [any, clips])
     }
 
     fn run(
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
-        won: &Won<'_>,
+        winners: &WinningPoints<'_>,
         constants: [u32; 5],
         [geometry, paint]: [&Buffer; 2],
     ) -> Result<(), GpuError> {
@@ -191,10 +197,10 @@ impl GpuLookup {
         if self.pages.len() > PAGES_KEPT {
             self.pages.clear();
         }
-        // Without any page there is still the first dispatch.
-        let rounds = won.pages.len().div_ceil(PAGES_AT_ONCE).max(1);
+        // The first dispatch runs even without pages: it fills in defaults.
+        let rounds = winners.pages.len().div_ceil(PAGES_AT_ONCE).max(1);
         for round in 0..rounds {
-            let at = |slot: usize| won.pages.get(round * PAGES_AT_ONCE + slot);
+            let at = |slot: usize| winners.pages.get(round * PAGES_AT_ONCE + slot);
             let numbers = [0, 1, 2].map(|slot| at(slot).map_or(NO_SUCH_PAGE, |p| p.0));
             let pages = Pages { numbers, is_first: u32::from(round == 0) };
             let numbers = match self.pages.entry(pages) {
@@ -203,26 +209,26 @@ impl GpuLookup {
             };
             let page = |slot: usize| at(slot).map_or(&*self.nothing, |p| p.1);
             let buffers = [
-                (0, won.uniform),
+                (0, winners.uniform),
                 (1, &**numbers),
-                (2, won.hits),
-                (3, won.chunks),
-                (4, won.draws),
+                (2, winners.hits),
+                (3, winners.chunks),
+                (4, winners.draws),
                 (5, geometry),
                 (6, paint),
                 (7, page(0)),
                 (8, page(1)),
                 (9, page(2)),
             ];
-            kernel.dispatch(pass, &kernel.bind(gpu, &buffers), won.groups());
+            kernel.dispatch(pass, &kernel.bind(gpu, &buffers), winners.groups());
         }
         Ok(())
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         self.kernels.reload(gpu)
     }
@@ -245,8 +251,8 @@ fn tables() -> Lookup {
 }
 
 impl Lookup {
-    fn take(&mut self, runs: Option<Runs>) {
-        // Runs that are not used begin above all values.
+    fn take(&mut self, runs: Option<ColourRuns>) {
+        // Unused runs begin above all values.
         self.starts = [[[u32::MAX; 2]; 2]; 128];
         let Some(runs) = runs else { return };
         for (i, (start, colour)) in runs.runs.into_iter().enumerate() {

@@ -1,4 +1,5 @@
-//! Memory of the GPU: the pool of node planes, uploads, tables of the cut, the pyramid, the frame's uniforms.
+//! Memory of the GPU: the pool of node planes, uploads, tables of the cut, the pyramid, uniforms of
+//! a frame.
 
 pub(crate) mod colour;
 pub mod cut;

@@ -1,4 +1,5 @@
-//! The compact octree of a cut in GPU memory, for `shaders/common/octree.wgsl`. It is written when it has changed.
+//! The compact octree of a cut in GPU memory (`shaders/common/octree.wgsl`); uploaded when it has
+//! changed.
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::shader::sources::layout::OctreeCell as shader;
@@ -7,7 +8,7 @@ use esker_lod::CompactOctree;
 use std::mem::size_of;
 use wgpu::BufferUsages;
 
-/// A cell in the words that [`CompactOctree::words`] has.
+/// A cell as the words of [`CompactOctree::words`].
 type Words = [u32; 16];
 
 const _: () = {
@@ -24,10 +25,10 @@ pub struct GpuOctree {
 }
 
 impl GpuOctree {
-    /// Without cells.
+    /// Creates an octree without cells.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self { cells: Vec::new(), buffer: buffer(gpu, 1)? })
     }
@@ -35,7 +36,7 @@ impl GpuOctree {
     /// Takes the octree of a frame.
     ///
     /// # Errors
-    /// Where memory is refused; there are no cells then.
+    /// If memory is refused; the octree then has no cells.
     pub fn set(&mut self, gpu: &Gpu, octree: Option<&CompactOctree>) -> Result<(), GpuError> {
         let words = || octree.into_iter().flat_map(CompactOctree::words);
         let count = octree.map_or(0, CompactOctree::len);
@@ -68,7 +69,7 @@ impl GpuOctree {
 
 fn buffer(gpu: &Gpu, cells: usize) -> Result<Counted, GpuError> {
     let bytes = (cells * shader::SIZE) as u64;
-    // Room to grow, but never more than can be bound.
+    // Room to grow, but at most what can be bound.
     let bytes = bytes.min(gpu.tier.binding_bytes_max);
     gpu.buffer("octree of the cut", bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)
 }

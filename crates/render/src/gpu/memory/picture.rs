@@ -1,31 +1,32 @@
-//! The picture in GPU memory: what the passes write, and the texture that a window shows.
+//! The picture in GPU memory: the buffers that the passes write, and the texture that a window
+//! shows.
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::{Counted, Gpu};
 use wgpu::{BufferUsages, TextureUsages};
 
-/// A picture, with a margin around it while it is made ([`crate::picture::margin`]).
+/// A picture; its buffers include the margin ([`crate::picture::margin`]).
 #[derive(Debug)]
 pub struct GpuPicture {
-    /// Pixels in a row, of the buffers.
+    /// Width of the buffers, pixels.
     pub width: u32,
-    /// Rows of the buffers.
+    /// Height of the buffers, pixels.
     pub height: u32,
-    /// The margin, pixels on each side.
+    /// Width of the margin on each side, pixels.
     pub margin_px: u32,
     /// sRGB with straight alpha, a word a pixel, red lowest.
     pub rgba: Counted,
-    /// Linear eye depth, `f32` a pixel; infinite where nothing is.
+    /// Linear eye depth, `f32` a pixel; infinite without a surface.
     pub depth: Counted,
-    /// The same colours without the margin, `rgba8unorm`.
+    /// The colours without the margin, `rgba8unorm`.
     pub texture: wgpu::Texture,
 }
 
 impl GpuPicture {
-    /// Room for a picture, given with its margin; at least one pixel.
+    /// Allocates a picture of `size` pixels, margin included; at least one pixel.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu, size: [u32; 2], margin_px: u32) -> Result<Self, GpuError> {
         let [width, height] = size.map(|side| side.max(1));
         let [inner_width, inner_height] = [width, height].map(|side| side - 2 * margin_px);

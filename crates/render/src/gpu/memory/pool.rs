@@ -1,7 +1,8 @@
-//! Node planes in GPU memory: one range of addresses from 0 to the budget, in pages that come into being
-//! when they are first written, so that memory grows with use. Who gives out places (the streamer) lets no
-//! plane straddle a page. A plane that is there is never written again while it is drawn. Where points are drawn
-//! by compute, each page has the boxes of its runs beside it.
+//! Node planes in GPU memory: one range of addresses from 0 to the budget, in pages that are
+//! allocated when they are first written, so that memory grows with use. The streamer, which
+//! assigns addresses, lets no plane straddle two pages. A plane is not written to while it is
+//! drawn. If points are drawn by compute, each page also has the boxes of its runs
+//! ([`crate::gpu::memory::runs`]).
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::{BINDING_BYTES_MAX, Counted, Gpu, ProjectPath};
@@ -9,9 +10,9 @@ use crate::gpu::memory::runs::{BOX_BYTES, PageRuns, RUN_BYTES, boxes_bytes};
 use crate::gpu::memory::table::PlaneAt;
 use wgpu::{BufferUsages, CommandEncoder};
 
-/// What page sizes are multiples of: what GPUs ask of bound ranges.
+/// Divisor of page sizes, bytes: the alignment of bound ranges.
 const PAGE_STEP: u64 = 256;
-/// What copies are multiples of.
+/// Divisor of the sizes of copies, bytes.
 const COPY_STEP: u64 = 4;
 
 /// Pages of node planes.
@@ -19,7 +20,7 @@ const COPY_STEP: u64 = 4;
 pub struct NodePool {
     bytes: u64,
     page_bytes: u64,
-    /// A page that nothing was written to is not there.
+    /// `None` for pages that were never written.
     pages: Vec<Option<Page>>,
 }
 
@@ -30,20 +31,20 @@ struct Page {
 }
 
 impl NodePool {
-    /// Bytes of planes that there is room for in so many bytes of memory, with the boxes of their runs.
+    /// Bytes of planes that fit in `memory` bytes together with the boxes of their runs.
     pub fn bytes_within(memory: u64) -> u64 {
-        // A page's last run may be a part of one.
+        // The last run of a page may be partial.
         let shared = memory.saturating_sub(boxes_bytes(1) * memory.div_ceil(BINDING_BYTES_MAX));
         (u128::from(shared) * u128::from(RUN_BYTES) / u128::from(RUN_BYTES + BOX_BYTES)) as u64
     }
 
-    /// Room for so many bytes, none of them taken yet, in pages as large as the device binds.
+    /// Creates a pool of `bytes` bytes, with pages as large as the device binds; allocates none.
     pub fn new(gpu: &Gpu, bytes: u64) -> Self {
         Self::with_pages(gpu, bytes, u64::MAX)
     }
 
-    /// As [`NodePool::new`], with pages of at most so many bytes: what is known to need little shall not
-    /// take a large page.
+    /// Creates a pool like [`NodePool::new`] with pages of at most `page_bytes_max` bytes, so that
+    /// a small scene takes no large page.
     pub fn with_pages(gpu: &Gpu, bytes: u64, page_bytes_max: u64) -> Self {
         let bytes = bytes - bytes % PAGE_STEP;
         let page_bytes = page_bytes_max.min(gpu.tier.page_bytes_max).min(bytes);
@@ -51,12 +52,12 @@ impl NodePool {
         Self { bytes, page_bytes, pages: Vec::new() }
     }
 
-    /// Bytes that there is room for.
+    /// Bytes of the range of addresses.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Bytes of the pages that are there, with the boxes beside them.
+    /// Bytes of the allocated pages and their boxes.
     pub fn taken_bytes(&self) -> u64 {
         let boxes = |page: &Page| page.runs.as_ref().map_or(0, |runs| runs.boxes.size());
         self.pages.iter().flatten().map(|page| page.buffer.size() + boxes(page)).sum()
@@ -67,40 +68,41 @@ impl NodePool {
         self.page_bytes
     }
 
-    /// Pages up to the last one that was written.
+    /// Number of pages up to the last one that was written.
     pub fn pages(&self) -> usize {
         self.pages.len()
     }
 
-    /// A page; `None` where nothing was written to it.
+    /// A page; `None` if it was never written.
     pub fn page(&self, index: usize) -> Option<&wgpu::Buffer> {
         Some(&self.pages.get(index)?.as_ref()?.buffer)
     }
 
-    /// The boxes of a page's runs, as the last frame left them (`shaders/common/runs.wgsl`); `None` where nothing
-    /// was written to it, or points are drawn by primitives.
+    /// Boxes of the runs of a page, as the last frame left them (`shaders/common/runs.wgsl`);
+    /// `None` if the page was never written, or points are drawn as primitives.
     pub fn boxes(&self, index: usize) -> Option<&wgpu::Buffer> {
         Some(&self.pages.get(index)?.as_ref()?.runs.as_ref()?.boxes)
     }
 
-    /// The pages that have boxes.
+    /// Pages with the boxes of their runs.
     pub(crate) fn runs(&self) -> impl Iterator<Item = (&wgpu::Buffer, &PageRuns)> {
         self.pages.iter().flatten().filter_map(|page| Some((&*page.buffer, page.runs.as_ref()?)))
     }
 
-    /// Page of a plane and its first word there; `None` for one that is not within one page, does not begin
-    /// at a word, or was never written.
+    /// Page of a plane and its first word there; `None` if the plane is not within one page, does
+    /// not begin at a word, or was never written.
     pub fn place(&self, plane: PlaneAt) -> Option<(u32, u32)> {
         let (page, start) = self.within(plane.offset, plane.bytes)?;
         self.page(page)?;
         Some((page as u32, (start / COPY_STEP) as u32))
     }
 
-    /// Adds the copy of `bytes` bytes of a buffer to `encoder`, rounded up to whole words, to an address of
-    /// the pool; it is to be submitted before the next frame or with it. What fits no page is not copied.
+    /// Encodes a copy of `bytes` bytes of `source`, rounded up to whole words, to the address `to`.
+    /// The commands must be submitted before the next frame or with it. A range that fits no page
+    /// is not copied.
     ///
     /// # Errors
-    /// Where memory for the page is refused.
+    /// If memory for the page is refused.
     pub fn copy_from(
         &mut self,
         gpu: &Gpu,
@@ -124,11 +126,11 @@ impl NodePool {
         Ok(())
     }
 
-    /// Writes bytes to an address, through the queue: for planes that are read whole. What fits no page is
-    /// not written.
+    /// Writes `bytes` to the address `to` through the queue, for planes that are in memory already.
+    /// A range that fits no page is not written.
     ///
     /// # Errors
-    /// Where memory for the page is refused.
+    /// If memory for the page is refused.
     pub fn write(&mut self, gpu: &Gpu, to: u64, bytes: &[u8]) -> Result<(), GpuError> {
         let whole = bytes.len() - bytes.len() % COPY_STEP as usize;
         let (words, rest) = bytes.split_at(whole);
@@ -147,7 +149,7 @@ impl NodePool {
         Ok(())
     }
 
-    /// Page of a range of addresses and its first byte there.
+    /// Page of a range of addresses, and the range's first byte there.
     fn within(&self, offset: u64, bytes: u64) -> Option<(usize, u64)> {
         let (page, start) = (offset / self.page_bytes, offset % self.page_bytes);
         let fits = start.checked_add(bytes)? <= self.page_bytes
@@ -156,7 +158,7 @@ impl NodePool {
         fits.then_some((page as usize, start))
     }
 
-    /// The page, made where it is not there, for writing to it.
+    /// The page to write to, allocated if needed; marks the runs of the range as stale.
     fn touch(
         &mut self,
         gpu: &Gpu,
@@ -201,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn pages_come_into_being_when_they_are_written_and_go_with_the_pool() {
+    fn pages_are_allocated_when_they_are_written_and_freed_with_the_pool() {
         for gpu in gpus() {
             let before = gpu.bytes();
             let mut pool = NodePool::with_pages(&gpu, 2 * 4096 + 512, 4096);
@@ -221,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_copied_lies_where_it_was_sent() {
+    fn copied_bytes_are_at_their_address() {
         for gpu in gpus() {
             let mut pool = NodePool::with_pages(&gpu, 1 << 20, 64 << 10);
             let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
@@ -264,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_is_what_the_device_binds_at_most() {
+    fn a_page_is_at_most_what_the_device_binds() {
         for gpu in gpus() {
             let pool = NodePool::new(&gpu, 1 << 40);
             assert_eq!(pool.page_bytes(), gpu.tier.page_bytes_max);

@@ -1,15 +1,22 @@
-//! The image pyramid in GPU memory: as [`crate::picture::pyramid`], each plane of each level a buffer of its own, so
-//! that none is larger than a binding may be.
+//! The image pyramid in GPU memory, with the planes of [`crate::picture::pyramid`]. Each plane of
+//! each level is a buffer of its own, so that none exceeds the size of a binding.
 
 use crate::gpu::device::dispatch::fixed_uniform;
 use crate::gpu::device::error::GpuError;
+use crate::gpu::device::shader::{same_layout, same_values};
 use crate::gpu::device::{Counted, Gpu};
 use crate::picture::pyramid::Planes;
-use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use wgpu::BufferUsages;
 
-/// A level's shape, as the shaders read it (`shaders/common/level.wgsl`).
+same_values!(common_plane == crate::picture::pyramid { FITTED, NORMAL = NORMALS });
+same_values!(common_tangent == crate::passes::tangent {
+    SLOPE_MAX,
+    FACTOR_MAX,
+    LEAST = f32::MIN_POSITIVE,
+});
+
+/// The uniform of a level (`shaders/common/level.wgsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct LevelShape {
@@ -21,16 +28,16 @@ struct LevelShape {
 
 same_layout!(LevelShape { width, height, edge_px });
 
-/// One level; planes as in [`crate::picture::pyramid::Level`].
+/// One level, with the planes of [`crate::picture::pyramid::Level`].
 #[derive(Debug)]
 pub struct GpuLevel {
-    /// Pixels in a row.
+    /// Width, pixels.
     pub width: u32,
-    /// Rows.
+    /// Height, pixels.
     pub height: u32,
-    /// Edge of its pixels, in pixels of level 0.
+    /// Edge of a pixel, in pixels of level 0.
     pub edge_px: f32,
-    /// The three of them, a uniform.
+    /// Uniform of width, height and edge.
     pub shape: Counted,
     /// `vec4<f32>` a pixel.
     pub front: Counted,
@@ -38,25 +45,26 @@ pub struct GpuLevel {
     pub tint: Counted,
     /// `f32` a pixel.
     pub depth: Counted,
-    /// Normals, `vec4<f32>` a pixel, or tilts, `vec2<f32>` a pixel; of one pixel only where there are none, so that
-    /// something can be bound.
+    /// Normals, `vec4<f32>` a pixel, or tilts, `vec2<f32>` a pixel; a single pixel if there are
+    /// neither, so that a buffer can be bound.
     pub plane: Counted,
 }
 
-/// All levels, the picture first.
+/// All levels, that of the picture first.
 #[derive(Debug, Default)]
 pub struct GpuPyramid {
     /// The levels.
     pub levels: Vec<GpuLevel>,
-    /// The planes that pixels have room for.
+    /// Planes that pixels have room for.
     pub planes: Planes,
 }
 
 impl GpuPyramid {
-    /// Takes the shape for a picture. Whether its buffers are new.
+    /// Allocates the levels for a picture, if they have another shape so far. Whether the buffers
+    /// are new.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn fit(
         &mut self,
         gpu: &Gpu,
@@ -68,7 +76,7 @@ impl GpuPyramid {
         if fits && self.planes == planes {
             return Ok(false);
         }
-        // The old ones go first, so that never both are there.
+        // The old buffers are released first, so that both never exist at once.
         *self = Self { levels: Vec::new(), planes };
         let (mut w, mut h, mut edge_px) = (width.max(1), height.max(1), 1.0);
         loop {

@@ -1,104 +1,124 @@
-//! The tables of what is drawn, as the shaders read them (`shaders/common/draws.wgsl`): nodes, and equal
-//! chunks of their points. One dispatch goes over all chunks, never one over a node.
+//! Rows of the tables of the cut (`shaders/common/draws.wgsl`): nodes, and chunks of their points.
+//! Dispatches run over chunks of many nodes, never over a single node.
 
 use crate::frame::{ColourPlane, DrawNode};
+use crate::gpu::device::shader::{same_layout, same_values};
 use crate::inputs::camera::Camera;
-use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use esker_points::AttrType;
 use esker_points::clip::CLIP_BYTES;
 use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
 use esker_points::tangents::TANGENT_BYTES;
 
-/// Points of a chunk.
+same_values!(common_draws == crate::gpu::memory::table {
+    CHUNK_POINTS,
+    NO_PAGE,
+    COLOUR_NONE,
+    COLOUR_RGBA,
+    COLOUR_U8 = scalar_kind(AttrType::U8),
+    COLOUR_I8 = scalar_kind(AttrType::I8),
+    COLOUR_U16 = scalar_kind(AttrType::U16),
+    COLOUR_I16 = scalar_kind(AttrType::I16),
+    COLOUR_U32 = scalar_kind(AttrType::U32),
+    COLOUR_I32 = scalar_kind(AttrType::I32),
+    COLOUR_U64 = scalar_kind(AttrType::U64),
+    COLOUR_I64 = scalar_kind(AttrType::I64),
+    COLOUR_F32 = scalar_kind(AttrType::F32),
+    COLOUR_F64 = scalar_kind(AttrType::F64),
+    COLOUR_INDEX,
+});
+
+/// Points of a chunk at most.
 pub const CHUNK_POINTS: u32 = 4096;
-/// The page of a plane that is not there.
+/// Page of a plane that does not exist.
 pub const NO_PAGE: u32 = u32::MAX;
-/// A node without colours.
+/// Kind of colour plane: none.
 pub const COLOUR_NONE: u32 = 0;
-/// Red, green, blue and an unused byte.
+/// Kind of colour plane: bytes red, green, blue and an unused one.
 pub const COLOUR_RGBA: u32 = 1;
-/// Values of the first type.
+/// Kind of colour plane: values of the first [`AttrType`]; the other types follow.
 pub const COLOUR_SCALAR: u32 = 2;
 
-/// A number in the last byte of a position.
+/// Kind of colour plane: the last byte of each position.
 pub const COLOUR_INDEX: u32 = 12;
 
-/// A place in drawing memory: one range of addresses from 0, cut into pages that no plane straddles.
+/// Place of a plane in drawing memory, which is one range of addresses in pages that no plane
+/// straddles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlaneAt {
     /// Its first byte, a multiple of 4.
     pub offset: u64,
-    /// Bytes.
+    /// Length, bytes.
     pub bytes: u64,
 }
 
-/// A drawn node.
+/// Row of a node.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Draw {
-    /// As in [`crate::inputs::camera::NodePlace`].
+    /// Field of [`crate::inputs::camera::NodePlace`].
     pub base_high: [i32; 3],
     /// Bits that hot positions drop.
     pub shift: u32,
-    /// As in [`crate::inputs::camera::NodePlace`].
+    /// Field of [`crate::inputs::camera::NodePlace`].
     pub base_low: [i32; 3],
-    /// Points drawn.
+    /// Number of points drawn.
     pub points: u32,
-    /// As in [`crate::inputs::camera::NodePlace`].
+    /// Field of [`crate::inputs::camera::NodePlace`].
     pub bias_steps: [f32; 3],
-    /// Typical distance of the node's points, the file's unit.
+    /// Spacing of the node, in the file's unit.
     pub spacing: f32,
-    /// Least lattice coordinates.
+    /// Least lattice coordinates of the node.
     pub box_min: [u32; 3],
-    /// Its place in the compact octree.
+    /// Index of the node's cell in the compact octree.
     pub entry: u32,
     /// Page of the positions.
     pub position_page: u32,
-    /// Their first word in it.
+    /// First word of that plane.
     pub position_word: u32,
-    /// Page of the dropped bits, or [`NO_PAGE`].
+    /// Page of the residual bits, or [`NO_PAGE`].
     pub residual_page: u32,
-    /// Their first word in it.
+    /// First word of that plane.
     pub residual_word: u32,
     /// Page of the colours or values, or [`NO_PAGE`].
     pub colour_page: u32,
-    /// Their first word in it.
+    /// First word of that plane.
     pub colour_word: u32,
     /// Page of the normals, or [`NO_PAGE`].
     pub normal_page: u32,
-    /// Their first word in it.
+    /// First word of that plane.
     pub normal_word: u32,
-    /// Log2 of its cell's edge.
+    /// Log2 of the edge of the node's cell, steps.
     pub cell_log2: u32,
-    /// Its first chunk.
+    /// First chunk of the node.
     pub chunk: u32,
-    /// What a point of the colour plane is: [`COLOUR_NONE`], [`COLOUR_RGBA`], or [`COLOUR_SCALAR`] and
-    /// more in the order of [`AttrType`].
+    /// Kind of the colour plane: [`COLOUR_NONE`], [`COLOUR_RGBA`], [`COLOUR_INDEX`], or
+    /// [`COLOUR_SCALAR`] plus the number of the [`AttrType`].
     pub colour_kind: u32,
-    /// Points that the colour plane has, at most those drawn.
+    /// Points of the colour plane, at most those drawn.
     pub colour_points: u32,
-    /// Points that the normal plane has, at most those drawn.
+    /// Points of the normal plane, at most those drawn.
     pub normal_points: u32,
     /// Page of the clip lines, or [`NO_PAGE`].
     pub clip_page: u32,
-    /// Their first word in it.
+    /// First word of that plane.
     pub clip_word: u32,
-    /// Points that their plane has, at most those drawn.
+    /// Points of the plane of clip lines, at most those drawn.
     pub clip_points: u32,
     /// Page of the shapes of splats, or [`NO_PAGE`].
     pub tangent_page: u32,
-    /// Their first word in it.
+    /// First word of that plane.
     pub tangent_word: u32,
-    /// Points that their plane has, at most those drawn.
+    /// Points of the plane of shapes, at most those drawn.
     pub tangent_points: u32,
-    /// To a whole multiple of 16 bytes.
+    /// Padding to a multiple of 16 bytes.
     pub unused: u32,
 }
 
 impl Draw {
-    /// The row of a node whose first chunk is `chunk`; `place` gives page and first word of a plane. What of
-    /// its points has no position is not drawn, as by [`crate::inputs::camera::Positions::of`].
+    /// The row of a node whose first chunk is `chunk`; `place` gives page and first word of a
+    /// plane. Points without a position are not drawn, as in
+    /// [`crate::inputs::camera::Positions::of`].
     pub fn of(
         draw: &DrawNode<'_, PlaneAt>,
         camera: &Camera,
@@ -163,21 +183,21 @@ impl Draw {
     }
 }
 
-fn scalar_kind(ty: AttrType) -> u32 {
+const fn scalar_kind(ty: AttrType) -> u32 {
     COLOUR_SCALAR + ty as u32
 }
 
-/// A run of a node's points.
+/// Row of a chunk: consecutive points of a node.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Chunk {
-    /// The node, in the table of draws.
+    /// Row of the node in the table of nodes.
     pub draw: u32,
-    /// First point, in the node.
+    /// First point in the node.
     pub first: u32,
-    /// Points, at most [`CHUNK_POINTS`].
+    /// Number of points, at most [`CHUNK_POINTS`].
     pub points: u32,
-    /// To a whole multiple of 16 bytes.
+    /// Padding to a multiple of 16 bytes.
     pub unused: u32,
 }
 
@@ -211,22 +231,3 @@ same_layout!(Draw {
     tangent_points
 });
 same_layout!(Chunk { draw, first, points });
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::gpu::device::shader::sources;
-
-    #[test]
-    fn the_shaders_number_points_by_the_same_constants() {
-        for source in [sources::PROJECT_ATOMICS, sources::PRIMITIVES_POINTS, sources::GATHER_FETCH]
-        {
-            let has =
-                |line: String| assert!(source.wgsl.contains(&line), "{}: {line}", source.file);
-            has(format!("const CHUNK_POINTS: u32 = {CHUNK_POINTS}u;"));
-            has(format!("const NO_PAGE: u32 = {NO_PAGE:#x}u;"));
-            has(format!("const COLOUR_RGBA: u32 = {COLOUR_RGBA}u;"));
-            has(format!("const COLOUR_F64: u32 = {}u;", scalar_kind(AttrType::F64)));
-        }
-    }
-}

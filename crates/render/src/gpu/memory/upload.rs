@@ -1,6 +1,7 @@
-//! Upload memory that loader threads write: a ring of mapped buffers (kanzok2015, section 3.2.1, item 6: the
-//! map and the unmap queue). A run is mapped while a loader holds it; the render thread alone unmaps it,
-//! copies from it, submits, and asks for its mapping again, without ever waiting for it.
+//! Upload memory that loader threads write to: a ring of mapped buffers (`kanzok2015`, section
+//! 3.2.1, item 6: the map and the unmap queue). A run is mapped while a loader holds it; only the
+//! render thread unmaps it, copies from it, submits, and requests its mapping again, without ever
+//! waiting for it.
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::{Counted, Gate, Gpu};
@@ -9,33 +10,36 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Acquire, Ordering::Release};
 use wgpu::{BufferUsages, BufferViewMut, MapMode, PollType};
 
-/// Bytes of a run: several neighbouring nodes' planes in one read.
+/// Bytes of a run: one read of the planes of several neighbouring nodes.
 pub const RUN_BYTES: usize = 1 << 20;
 
-/// States of a mapping that was asked for.
-const ASKED: u8 = 0;
+/// State of a mapping: requested.
+const REQUESTED: u8 = 0;
+/// State of a mapping: writable.
 const MAPPED: u8 = 1;
+/// State of a mapping: refused.
 const REFUSED: u8 = 2;
 
 /// A run of mapped memory.
 pub struct UploadRun {
-    /// Before the buffer, which outlives it.
+    /// Declared before the buffer, and so dropped before it.
     view: Option<BufferViewMut>,
     buffer: Counted,
     gate: Arc<Gate>,
     state: Arc<AtomicU8>,
 }
 
-/// The runs that are not lent: unmapped, waiting for the submission that reads them, or for their mapping.
+/// Runs that are not lent to loaders: they wait for the submission that reads them, or for their
+/// mapping.
 #[derive(Default)]
 pub struct UploadRing {
     unmapped: Vec<UploadRun>,
-    asked: Vec<UploadRun>,
+    mapping: Vec<UploadRun>,
 }
 
 impl UploadRun {
-    /// Lets `write` fill a range of the run, with bytes that are to be written and never read: mapped memory
-    /// is slow to read, or gives anything. `None` where the run has no such range, or the device was lost.
+    /// Lets `write` fill a range of the run. It must only write: reading mapped memory is slow and
+    /// may give any value. `None` if the run does not have the range, or the device was lost.
     pub fn fill<T>(
         &mut self,
         range: Range<usize>,
@@ -43,24 +47,26 @@ impl UploadRun {
     ) -> Option<T> {
         let bytes = range.end.checked_sub(range.start)?;
         let view = self.view.as_mut().filter(|v| range.end <= v.len())?;
-        // Held while bytes are written: a lost device takes the memory of its mapped buffers away.
+        // Held while bytes are written, because a lost device frees the memory of its mapped
+        // buffers.
         let _gate = self.gate.enter()?;
         let start = view.slice(range).as_raw_element_ptr();
-        // SAFETY: the range is within the view, whose memory wgpu has set to zeros before it was mapped first.
-        // It is exclusively borrowed with `self`, and stays mapped: only `UploadRing::unmap` unmaps it, which
-        // takes the run itself, and a lost device gives no memory back before the gate is shut, which waits
-        // for all who have entered. wgpu keeps its view write-only since such memory may be write-combining,
-        // on which atomics don't work; nothing but plain writes and the system's reads into it happen here.
+        // SAFETY: the range is within the view, whose memory wgpu zeroed before it was first
+        // mapped. It is exclusively borrowed with `self`, and stays mapped: only
+        // `UploadRing::unmap` unmaps it, which takes the run by value, and a lost device frees no
+        // memory before the gate is shut, which waits for all guards. wgpu keeps its view
+        // write-only because such memory may be write-combining, on which atomics don't work; only
+        // plain writes and reads of the system into it happen here.
         let bytes = unsafe { std::slice::from_raw_parts_mut(start.as_ptr(), bytes) };
         Some(write(bytes))
     }
 }
 
 impl UploadRing {
-    /// So many runs, mapped, to be lent.
+    /// Allocates `count` mapped runs, to be lent.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn runs(gpu: &Gpu, count: usize) -> Result<Vec<UploadRun>, GpuError> {
         let usage = BufferUsages::MAP_WRITE | BufferUsages::COPY_SRC;
         let run = |_| {
@@ -73,38 +79,38 @@ impl UploadRing {
         (0..count).map(run).collect()
     }
 
-    /// Takes a filled run back, so that it can be copied from.
+    /// Takes a filled run back and unmaps it, so that it can be copied from.
     pub fn unmap(&mut self, mut run: UploadRun) -> &wgpu::Buffer {
         run.view = None;
         run.buffer.unmap();
         self.unmapped.push(run);
-        // It was put there above.
+        // The run was pushed above.
         &self.unmapped[self.unmapped.len() - 1].buffer
     }
 
-    /// To be called after the submission that copies from what was unmapped: asks for the mappings.
+    /// To be called after the submission that copies from unmapped runs: requests their mappings.
     pub fn map(&mut self) {
         for run in self.unmapped.drain(..) {
-            run.state.store(ASKED, Release);
+            run.state.store(REQUESTED, Release);
             let state = Arc::clone(&run.state);
             run.buffer.slice(..).map_async(MapMode::Write, move |mapped| {
                 state.store(if mapped.is_ok() { MAPPED } else { REFUSED }, Release);
             });
-            self.asked.push(run);
+            self.mapping.push(run);
         }
     }
 
-    /// Hands the runs to `lend` that are mapped again. Never waits.
+    /// Passes the runs that are mapped again to `lend`. Never waits.
     ///
     /// # Errors
-    /// Where a mapping was refused.
+    /// If a mapping was refused.
     pub fn ready(&mut self, gpu: &Gpu, mut lend: impl FnMut(UploadRun)) -> Result<(), GpuError> {
-        if self.asked.is_empty() {
+        if self.mapping.is_empty() {
             return Ok(());
         }
-        // What fails here shows in the runs' states.
+        // The states of the runs report failures.
         let _ = gpu.device.poll(PollType::Poll);
-        for mut run in self.asked.extract_if(.., |r| r.state.load(Acquire) != ASKED) {
+        for mut run in self.mapping.extract_if(.., |r| r.state.load(Acquire) != REQUESTED) {
             run.view()?;
             lend(run);
         }
@@ -113,7 +119,7 @@ impl UploadRing {
 }
 
 impl UploadRun {
-    /// Looks at the mapped memory.
+    /// Gets the view of the mapped memory.
     fn view(&mut self) -> Result<(), GpuError> {
         let refused = || GpuError::Refused("upload memory was not mapped".into());
         if self.state.load(Acquire) != MAPPED {
@@ -130,7 +136,7 @@ mod tests {
     use crate::gpu::memory::pool::NodePool;
     use crate::gpu::testing::{gpus, read};
 
-    /// Polls until every run is back.
+    /// Polls until `count` runs are mapped again.
     fn all_back(gpu: &Gpu, ring: &mut UploadRing, count: usize) -> Vec<UploadRun> {
         let mut back = Vec::new();
         for _ in 0..10_000 {
@@ -145,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_go_round_through_other_threads_and_their_bytes_arrive() {
+    fn bytes_that_other_threads_write_to_runs_arrive_round_after_round() {
         for gpu in gpus() {
             let before = gpu.bytes();
             let mut pool = NodePool::with_pages(&gpu, 4 << 20, 4 << 20);
@@ -181,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ring_that_goes_while_a_loader_holds_a_run_leaves_it_usable() {
+    fn a_run_stays_usable_when_its_ring_is_dropped() {
         for gpu in gpus() {
             let before = gpu.bytes();
             let mut ring = UploadRing::default();
@@ -196,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_range_that_is_not_there_is_not_lent() {
+    fn a_range_outside_of_a_run_is_refused() {
         for gpu in gpus() {
             let mut runs = UploadRing::runs(&gpu, 1).unwrap();
             for range in [0..RUN_BYTES + 1, RUN_BYTES + 1..RUN_BYTES + 2, 1..usize::MAX] {
@@ -210,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_device_takes_the_memory_from_loaders_before_it_is_gone() {
+    fn a_lost_device_takes_memory_from_loaders_before_it_is_freed() {
         for gpu in gpus() {
             let mut runs = UploadRing::runs(&gpu, 1).unwrap();
             gpu.end("ended by a test");

@@ -1,9 +1,10 @@
-//! Average on the GPU: means of the points that share a pixel ([`crate::passes::average`] is the twin). A dispatch over the
-//! pixels before and after, between them one over the points for each combination of pages.
+//! Average on the GPU: averages the points of each pixel's front surface. A dispatch over the
+//! pixels comes before and after one over the points for each combination of pages. Paper:
+//! `schuetz2021`. Twin: [`crate::passes::average`].
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::groups_of;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources, without_twin};
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::variants::Variants;
 use crate::gpu::device::{Counted, Gpu};
@@ -11,10 +12,23 @@ use crate::gpu::memory::cut::GpuCut;
 use crate::gpu::memory::lookup::GpuLookup;
 use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::pyramid::GpuLevel;
-use crate::plan::{FramePlan, Pass};
+use crate::pass::Pass;
+use crate::plan::FramePlan;
 use wgpu::BufferUsages;
 
-/// Threads of a group.
+same_values!(common_average == crate::passes::average { STEPS, POINTS_MAX });
+same_values!(average_add == crate::passes::average { LEAST_REACH = f32::MIN_POSITIVE });
+without_twin!(common_average {
+    AT_SCALE,
+    AT_SLOPE,
+    AT_REACH,
+    AT_COUNT,
+    AT_COLOUR,
+    AT_NORMAL,
+    AT_DEPTH,
+});
+
+/// Threads of a workgroup.
 const THREADS: u64 = 256;
 
 /// The pass.
@@ -38,20 +52,20 @@ impl Default for Average {
 }
 
 impl Average {
-    /// Bytes of the sums of a picture (`shaders/common/average.wgsl`).
+    /// Bytes of the sums of a picture (`words` in `shaders/common/average.wgsl`).
     fn bytes(pixels: u64, plan: &FramePlan) -> u64 {
         pixels * if plan.carries_normals { 48 } else { 36 }
     }
 
-    /// Whether a device binds the sums of a picture of so many pixels.
+    /// Whether the device can bind the sums of a picture of `pixels` pixels.
     pub fn fits(gpu: &Gpu, pixels: u64, plan: &FramePlan) -> bool {
         Self::bytes(pixels, plan) <= gpu.tier.binding_bytes_max
     }
 
-    /// Takes the memory that a plan needs, and gives back what it does not.
+    /// Allocates the sums if `plan` needs them, else releases them.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn fit(&mut self, gpu: &Gpu, pixels: u64, plan: &FramePlan) -> Result<(), GpuError> {
         let bytes = if plan.averages() { Self::bytes(pixels, plan) } else { 0 };
         if self.sums.as_ref().map_or(0, |sums| sums.size()) != bytes.next_multiple_of(16) {
@@ -63,11 +77,11 @@ impl Average {
         Ok(())
     }
 
-    /// Replaces what the winners brought to the picture's level by means.
+    /// Encodes the replacement of the winning points' attributes in `level` by averages.
     ///
     /// # Errors
-    /// Where a shader is refused.
-    #[allow(clippy::too_many_arguments, reason = "what a pass reads is named, one by one")]
+    /// If the driver refuses a shader.
+    #[allow(clippy::too_many_arguments, reason = "each input of a pass has its own argument")]
     pub fn encode(
         &mut self,
         gpu: &Gpu,
@@ -93,7 +107,7 @@ impl Average {
             let Some(colours) = cut.colours(work, pool) else { continue };
             let more = [colours, &**sums, lookup.uniform()];
             let Some(bind) = cut.bind(gpu, &layout, uniform, work, pool, &more) else { continue };
-            // A group of threads a chunk.
+            // A workgroup a chunk.
             add.dispatch(&mut pass, &bind, groups_of(work.range.len() as u64 * THREADS));
         }
         let finish = self.finish.get(gpu, normals)?;
@@ -109,10 +123,10 @@ impl Average {
         Ok(())
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         Ok(self.begin.reload(gpu)? | self.add.reload(gpu)? | self.finish.reload(gpu)?)
     }

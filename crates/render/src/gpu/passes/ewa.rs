@@ -1,71 +1,113 @@
-//! EWA splatting on the GPU ([`crate::ewa`] is the twin): points become splats batch by batch, so that memory is bounded;
-//! each batch is sorted into tiles of 16 x 16 pixels; and a group of threads a tile goes through its splats, a thread
-//! a pixel, sums in registers.
+//! EWA splatting on the GPU: turns the points into splats batch by batch, so that memory is
+//! bounded, sorts the splats of a batch into tiles of 16 x 16 pixels, and blends them: a workgroup
+//! a tile, a thread a pixel, sums in registers. In the first sweep over the batches each pixel
+//! finds its front surface, in the second it sums attributes; a frame of one batch makes its splats
+//! once.
 //!
-//! Compute tiles, not instanced quads: blending into 32-bit targets is a feature of devices and into 16-bit ones sums
-//! overflow and lose what is small, while registers do neither; and nothing is required beyond WebGPU's defaults. In
-//! the first sweep over the batches each pixel finds its front, in the second attributes are added up; a frame of
-//! one batch makes its splats once.
+//! Tiles are used, not instanced quads, because blending into 32-bit targets is an optional feature
+//! of devices and 16-bit targets overflow. Twin: [`crate::ewa`]. Paper: `zwicker2004`, sections 4
+//! to 6.
 
 use crate::ewa::{Options, Passes};
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::{Kernel, groups_of};
 use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::sources::constants::common_splats::TILE;
+use crate::gpu::device::shader::sources::constants::ewa_blend::{ATTRIBUTES, SINGLE, VISIBILITY};
+use crate::gpu::device::shader::{same_layout, same_values, without_twin};
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::variants::Variants;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::cut::GpuCut;
 use crate::gpu::memory::frame::FrameUniform;
-use crate::gpu::memory::lookup::{GpuLookup, Won};
+use crate::gpu::memory::lookup::{GpuLookup, WinningPoints};
 use crate::gpu::memory::picture::GpuPicture;
 use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::pyramid::GpuPyramid;
 use crate::gpu::memory::table::CHUNK_POINTS;
 use crate::inputs::camera::Camera;
-use crate::plan::{FramePlan, Pass};
-use crate::same_layout;
+use crate::pass::Pass;
+use crate::plan::FramePlan;
 use bytemuck::{Pod, Zeroable};
 use esker_points::Grain;
 use wgpu::{BufferUsages, CommandEncoder, ComputePass};
 
-/// Room for a batch: what does not fit goes into further ones, and tiles do without entries where these do not fit.
+same_values!(
+    ewa_place
+        == crate::ewa::splat {
+            REACH_MAX,
+            CONDITION_MAX,
+            EXACT_REACH,
+            BACK,
+            AMPLITUDE_MIN,
+            MARGIN,
+            HALF,
+        }
+);
+same_values!(ewa_place == crate::ewa { SINE_MIN = mapping::SINE_MIN, AXIS_SINE_MIN = shape::SINE_MIN });
+same_values!(ewa_place == crate::ewa::clip {
+    CLIP_SHIFT_MAX = esker_points::clip::SHIFT_MAX,
+    CLIP_FLAT = FLAT,
+    CLIP_WIDER = WIDER,
+    CLIP_STROKE = STROKE,
+    CLIP_PAST = PAST,
+});
+same_values!(ewa_place == esker_points::tangents {
+    SHAPE_ROOM = ROOM,
+    SHAPE_LEAST = LEAST,
+    SHAPE_COARSER = COARSER,
+});
+same_values!(common_splats == crate::ewa::clip {
+    KEPT_WHOLE = WHOLE,
+    KEPT_ONE = ONE,
+    KEPT_BOTH = BOTH,
+    KEPT_EITHER = EITHER,
+});
+same_values!(common_splats == crate::ewa::splat { WIDENED });
+without_twin!(common_splats { DROPPED, NOTHING });
+without_twin!(ewa_place { NOT_DRAWN });
+without_twin!(ewa_sort { THREADS });
+without_twin!(ewa_blend { THREADS, BLOCKS, BATCH });
+
+/// Capacity of a batch. More chunks make more batches; if the entries do not fit, tiles look at all
+/// splats of the batch instead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Room {
-    /// Chunks of points.
+pub struct BatchCapacity {
+    /// Chunks of points at most.
     pub chunks: u32,
-    /// Entries of tiles: a splat has one in each tile that it touches.
+    /// Entries of tiles at most: a splat has one in each tile that it touches.
     pub entries: u32,
 }
 
-impl Default for Room {
-    /// 1,048,576 points with 16 entries each: 180 MB at most are held for their words, splats and entries.
+impl Default for BatchCapacity {
+    /// 1,048,576 points with 16 entries each: at most 180 MB for their words, splats and entries.
     fn default() -> Self {
         Self::of(256)
     }
 }
 
-impl Room {
-    /// So many chunks, with 16 entries a point.
+impl BatchCapacity {
+    /// Capacity for `chunks` chunks, with 16 entries a point.
     const fn of(chunks: u32) -> Self {
         Self { chunks, entries: chunks * CHUNK_POINTS * 16 }
     }
 
-    /// As much as fits so many bytes: at least a chunk, at most the default.
+    /// Largest capacity within `bytes` bytes: at least a chunk, at most the default.
     pub fn within(bytes: u64) -> Self {
         let chunks = (bytes / Self::of(1).bytes()) as u32;
         Self::of(chunks.clamp(1, Self::default().chunks))
     }
 
-    /// What of it a frame of so many chunks needs, in steps, so that a few more take no new memory. Few splats can be large
-    /// and have many entries.
+    /// The part that a frame of `chunks` chunks needs, rounded up to a power of two, so that a few
+    /// more chunks allocate nothing. Even few splats can be large and have many entries.
     fn needed(self, chunks: u32) -> Self {
         let chunks = chunks.clamp(1, self.chunks).next_power_of_two().min(self.chunks);
         Self { chunks, entries: self.entries.min(Self::of(chunks.max(ENTRIES_CHUNKS)).entries) }
     }
 
-    /// Bytes that a batch takes, with the lines of clipped splats.
+    /// Bytes of a batch, with the lines of clipped splats.
     pub fn bytes(self) -> u64 {
-        // Positions and colours of its points, their numbers, splats, lines and boxes.
+        // Positions, colours and numbers of the points; splats, lines and boxes.
         let point = 16 + 16 + 8 + SPLAT_BYTES + LINES_BYTES + 8;
         u64::from(self.points()) * point + u64::from(self.entries) * 4
     }
@@ -76,14 +118,12 @@ impl Room {
     }
 }
 
-/// Chunks whose entries there is room for at least.
+/// Chunks whose entries a batch has room for at least.
 const ENTRIES_CHUNKS: u32 = 32;
 /// Bytes of a splat.
 const SPLAT_BYTES: u64 = size_of::<crate::ewa::splat::Splat>() as u64;
-/// Pixels on a side of a tile.
-const TILE: u32 = 16;
 
-/// The uniform of a batch.
+/// The uniform of a batch (`shaders/common/splats.wgsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Batch {
@@ -125,16 +165,16 @@ same_layout!(Batch {
 
 /// The passes, and the memory that they keep from frame to frame.
 pub struct GpuEwa {
-    /// How splats are drawn.
+    /// Options of splatting.
     pub options: Options,
-    room: Room,
+    capacity: BatchCapacity,
     list: Kernel,
-    /// By whether there are normals, what gives points their colour, whether a filter hides some, whether splats are
-    /// clipped, and whether they have shapes.
+    /// Variants: whether there are normals, the source of colours, whether a filter hides points,
+    /// whether splats are clipped, and whether they have shapes.
     place: Variants<5>,
     begin: Kernel,
     fill: Kernel,
-    /// By pass, whether there are normals, and whether splats are clipped.
+    /// Variants: pass, whether there are normals, and whether splats are clipped.
     blend: Variants<3>,
     normalise: Variants<1>,
     memory: Option<Memory>,
@@ -142,10 +182,10 @@ pub struct GpuEwa {
 
 struct Memory {
     size: [u32; 2],
-    room: Room,
-    /// Chunks of this frame's batches.
+    capacity: BatchCapacity,
+    /// Chunks of a batch of this frame.
     chunks: u32,
-    /// The frame's, as if the picture were a row of a batch's points.
+    /// The frame's uniform as if the picture were one row, a pixel for each point of a batch.
     uniform: Counted,
     batches: Vec<Counted>,
     hits: Counted,
@@ -156,48 +196,48 @@ struct Memory {
     cursors: Counted,
     starts: Counted,
     entries: Counted,
-    /// Two rows a point where splats are clipped or have shapes, else two.
+    /// Two rows a point if splats are clipped or have shapes, else two rows in all.
     clips: Counted,
-    /// Takes counts that nobody wants.
+    /// Receives the counts of splats that were counted before.
     uncounted: Counted,
 }
 
-/// Bytes of a splat's lines.
+/// Bytes of the clip lines of a splat.
 const LINES_BYTES: u64 = size_of::<crate::ewa::clip::Lines>() as u64;
 
-/// What a frame is drawn from and to.
-pub struct Target<'a> {
+/// Inputs and outputs of the passes in a frame.
+pub struct EwaTarget<'a> {
     /// The frame's uniform.
     pub uniform: &'a wgpu::Buffer,
-    /// What it holds.
+    /// Values of the frame's uniform.
     pub frame: FrameUniform,
-    /// What takes part in the frame.
+    /// The frame's plan.
     pub plan: &'a FramePlan,
-    /// The points.
+    /// Nodes and chunks of the frame.
     pub cut: &'a GpuCut,
-    /// Their planes.
+    /// Planes of the nodes.
     pub pool: &'a NodePool,
-    /// Level 0 is filled.
+    /// The pyramid, whose level 0 is filled.
     pub pyramid: &'a GpuPyramid,
-    /// Its depth is.
+    /// The picture, whose depth is filled.
     pub picture: &'a GpuPicture,
-    /// As in [`Won`].
+    /// Counts of pixels and splats, four words.
     pub counts: &'a wgpu::Buffer,
     /// The camera.
     pub camera: &'a Camera,
-    /// The grain of clip lines.
+    /// Grain of clip lines.
     pub grain: Grain,
 }
 
 impl GpuEwa {
-    /// For a device.
+    /// Builds the kernels that all variants share.
     ///
     /// # Errors
-    /// Where the driver refuses a shader.
-    pub fn new(gpu: &Gpu, room: Room) -> Result<Self, GpuError> {
+    /// If the driver refuses a shader.
+    pub fn new(gpu: &Gpu, capacity: BatchCapacity) -> Result<Self, GpuError> {
         Ok(Self {
             options: Options::default(),
-            room,
+            capacity,
             list: Kernel::new(gpu, sources::EWA_LIST, "main", &[])?,
             place: Variants::new(
                 sources::EWA_PLACE,
@@ -211,7 +251,7 @@ impl GpuEwa {
         })
     }
 
-    /// Lets go of the memory.
+    /// Releases the memory of the last frame.
     pub fn release(&mut self) {
         self.memory = None;
     }
@@ -219,38 +259,42 @@ impl GpuEwa {
     /// Adds the passes to the commands of a frame.
     ///
     /// # Errors
-    /// Where a shader or memory is refused.
+    /// If the driver refuses a shader or memory.
     pub fn encode(
         &mut self,
         gpu: &Gpu,
         encoder: &mut CommandEncoder,
         lookup: &mut GpuLookup,
-        target: &Target<'_>,
+        target: &EwaTarget<'_>,
         timing: &mut Timing,
     ) -> Result<(), GpuError> {
         let size = [target.picture.width, target.picture.height];
         let chunks = target.cut.chunk_count();
-        let room = self.room.needed(chunks);
-        if self.memory.as_ref().is_none_or(|m| m.size != size || m.room.chunks < room.chunks) {
+        let capacity = self.capacity.needed(chunks);
+        if self
+            .memory
+            .as_ref()
+            .is_none_or(|m| m.size != size || m.capacity.chunks < capacity.chunks)
+        {
             self.memory = None;
-            self.memory = Some(Memory::new(gpu, size, room)?);
+            self.memory = Some(Memory::new(gpu, size, capacity)?);
         }
         if let Some(memory) = &mut self.memory {
-            memory.chunks = room.chunks;
+            memory.chunks = capacity.chunks;
             memory.fit_clips(gpu, target.plan.clips || target.plan.tangents)?;
         }
-        let batches = chunks.div_ceil(room.chunks).max(1);
-        self.send(gpu, target, chunks, batches)?;
+        let batches = chunks.div_ceil(capacity.chunks).max(1);
+        self.write_uniforms(gpu, target, chunks, batches)?;
         let sweeps: &[u32] = match self.options.passes {
-            Passes::Three => &[0, 1],
-            Passes::One => &[2],
+            Passes::Three => &[VISIBILITY, ATTRIBUTES],
+            Passes::One => &[SINGLE],
         };
         for &sweep in sweeps {
-            let is_placed = sweep == 1 && batches == 1;
+            let is_placed = sweep == ATTRIBUTES && batches == 1;
             for batch in 0..batches {
                 if !is_placed {
                     let mut pass = timing.compute(encoder, Pass::Place);
-                    // Splats are counted once, however often they are made.
+                    // Splats are counted in the first sweep only.
                     let counts = sweep == sweeps[0];
                     self.place(gpu, &mut pass, lookup, target, (batch, counts))?;
                 }
@@ -262,17 +306,17 @@ impl GpuEwa {
     }
 
     /// Fills the uniforms.
-    fn send(
+    fn write_uniforms(
         &mut self,
         gpu: &Gpu,
-        target: &Target<'_>,
+        target: &EwaTarget<'_>,
         chunks: u32,
         batches: u32,
     ) -> Result<(), GpuError> {
         let Some(memory) = &mut self.memory else { return Ok(()) };
         let options = self.options.within_bounds();
         let squared = options.cutoff * options.cutoff;
-        // A batch's points are fetched as if they were the pixels of a row.
+        // The points of a batch are fetched as if they were the pixels of a row.
         let row = target.frame.with_size([memory.points(), 1]);
         gpu.queue.write_buffer(&memory.uniform, 0, bytemuck::bytes_of(&row));
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
@@ -284,7 +328,7 @@ impl GpuEwa {
                 first_chunk: number * memory.chunks,
                 chunks,
                 points: memory.points(),
-                entries: memory.room.entries,
+                entries: memory.capacity.entries,
                 is_first: u32::from(number == 0),
                 tiles: tiles(memory.size),
                 eye_high: target.camera.eye_high,
@@ -303,13 +347,13 @@ impl GpuEwa {
         Ok(())
     }
 
-    /// Makes the splats of a batch and sorts them into tiles; `counts` whether they are counted.
+    /// Makes the splats of a batch and sorts them into tiles; counts them if `counts`.
     fn place(
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
         lookup: &mut GpuLookup,
-        target: &Target<'_>,
+        target: &EwaTarget<'_>,
         (batch, counts): (u32, bool),
     ) -> Result<(), GpuError> {
         let Some(m) = &self.memory else { return Ok(()) };
@@ -321,7 +365,7 @@ impl GpuEwa {
         self.list.dispatch(pass, &list, groups_of(points.max(columns * rows)));
 
         let pages = target.cut.pages(target.pool, target.plan.fetches);
-        let won = Won {
+        let won = WinningPoints {
             uniform: &m.uniform,
             size: [m.points(), 1],
             hits: &m.hits,
@@ -332,11 +376,11 @@ impl GpuEwa {
         };
         lookup.fetch(gpu, pass, &won, target.plan, [&m.geometry, &m.paint])?;
         if target.plan.clips {
-            let won = Won { pages: &target.cut.clip_pages(target.pool), ..won };
+            let won = WinningPoints { pages: &target.cut.clip_pages(target.pool), ..won };
             lookup.fetch_clips(gpu, pass, &won, [&m.geometry, &m.clips])?;
         }
         if target.plan.tangents {
-            let won = Won { pages: &target.cut.tangent_pages(target.pool), ..won };
+            let won = WinningPoints { pages: &target.cut.tangent_pages(target.pool), ..won };
             lookup.fetch_tangents(gpu, pass, &won, [&m.geometry, &m.clips])?;
         }
 
@@ -368,12 +412,12 @@ impl GpuEwa {
         Ok(())
     }
 
-    /// One pass over the splats of a batch.
+    /// Blends the splats of a batch: the pass `sweep` of `shaders/ewa/blend.wgsl`.
     fn blend(
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
-        target: &Target<'_>,
+        target: &EwaTarget<'_>,
         batch: u32,
         sweep: u32,
     ) -> Result<(), GpuError> {
@@ -404,7 +448,7 @@ impl GpuEwa {
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
-        target: &Target<'_>,
+        target: &EwaTarget<'_>,
     ) -> Result<(), GpuError> {
         let Some(base) = target.pyramid.levels.first() else { return Ok(()) };
         let kernel = self.normalise.get(gpu, [u32::from(target.plan.carries_normals)])?;
@@ -422,10 +466,10 @@ impl GpuEwa {
         Ok(())
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk. Whether any has.
+    /// Rebuilds the kernels whose shaders have changed on disk. Whether any has.
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let sort = self.list.reload(gpu)? | self.begin.reload(gpu)? | self.fill.reload(gpu)?;
         let rest = self.place.reload(gpu)? | self.blend.reload(gpu)?;
@@ -434,15 +478,15 @@ impl GpuEwa {
 }
 
 impl Memory {
-    fn new(gpu: &Gpu, size: [u32; 2], room: Room) -> Result<Self, GpuError> {
-        let points = u64::from(room.points());
+    fn new(gpu: &Gpu, size: [u32; 2], capacity: BatchCapacity) -> Result<Self, GpuError> {
+        let points = u64::from(capacity.points());
         let [columns, rows] = tiles(size).map(u64::from);
         let plane = |label, bytes| gpu.buffer(label, bytes, BufferUsages::STORAGE);
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         Ok(Self {
             size,
-            room,
-            chunks: room.chunks,
+            capacity,
+            chunks: capacity.chunks,
             uniform: gpu.buffer("frame of a batch", size_of::<FrameUniform>() as u64, usage)?,
             batches: Vec::new(),
             hits: plane("points of a batch", points * 8)?,
@@ -452,7 +496,7 @@ impl Memory {
             boxes: plane("boxes of splats", points * 8)?,
             cursors: plane("counts of tiles", columns * rows * 4)?,
             starts: plane("starts of tiles", (columns * rows + 1) * 4)?,
-            entries: plane("entries of tiles", u64::from(room.entries) * 4)?,
+            entries: plane("entries of tiles", u64::from(capacity.entries) * 4)?,
             clips: plane("no clip lines", LINES_BYTES)?,
             uncounted: plane("counts of splats made again", 16)?,
         })
@@ -463,9 +507,9 @@ impl Memory {
         self.chunks * CHUNK_POINTS
     }
 
-    /// Has room for the lines and shapes of a batch where splats have any, and none where they have not.
+    /// Allocates the lines and shapes of a batch if splats have any (`clips`), else releases them.
     fn fit_clips(&mut self, gpu: &Gpu, clips: bool) -> Result<(), GpuError> {
-        let points = if clips { u64::from(self.room.points()) } else { 1 };
+        let points = if clips { u64::from(self.capacity.points()) } else { 1 };
         if self.clips.size() != points * LINES_BYTES {
             self.clips = gpu.buffer("clip lines", points * LINES_BYTES, BufferUsages::STORAGE)?;
         }

@@ -1,18 +1,25 @@
-//! Exposure on the GPU: exposures of scans are evened out ([`crate::passes::exposure`] is the twin). The slots of scans are read while the
-//! points' own bytes are at hand, before gather turns them into colours.
+//! Exposure on the GPU: removes differences of exposure between scans. The slots of scans are read
+//! between fetch and gather, while the words of the points are available. Paper: `kanzok2015`,
+//! section 3.2.4. Twin: [`crate::passes::exposure`].
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::{Kernel, groups_of};
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::{Counted, Gpu};
-use crate::gpu::memory::lookup::Won;
+use crate::gpu::memory::lookup::WinningPoints;
 use crate::gpu::memory::pyramid::GpuLevel;
+use crate::pass::Pass;
 use crate::passes::exposure::{CELL_PX, SLICES, SLOTS};
-use crate::plan::{FramePlan, Pass};
+use crate::plan::FramePlan;
 use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass};
 
-/// The pass, made when it is first asked for.
+same_values!(
+    common_exposure == crate::passes::exposure { CELL_PX, SLICE_BITS, SLICES, SLOTS, STEPS }
+);
+same_values!(exposure_apply == crate::passes::exposure { GAIN_MAX, DARK });
+
+/// The pass, whose kernels are built when a plan first needs them.
 #[derive(Default)]
 pub struct Exposure {
     kernels: Option<Kernels>,
@@ -26,28 +33,28 @@ struct Kernels {
 }
 
 struct Memory {
-    /// The slot of each pixel's scan, a word each.
+    /// Slot of the scan of each pixel, a word a pixel.
     slots: Counted,
-    /// Sums of the cells (`shaders/common/exposure.wgsl`).
+    /// Sums of the grid's cells (`shaders/common/exposure.wgsl`).
     sums: Counted,
 }
 
 impl Exposure {
-    /// Bytes of the cells of a picture.
+    /// Bytes of the grid of a picture.
     fn bytes(size: [u32; 2]) -> u64 {
         let cells = size.map(|side| u64::from(side).div_ceil(CELL_PX as u64));
         cells[0] * cells[1] * (SLICES * SLOTS * 16) as u64
     }
 
-    /// Whether a device binds the sums of a picture.
+    /// Whether the device can bind the grid of a picture.
     pub fn fits(gpu: &Gpu, size: [u32; 2]) -> bool {
         Self::bytes(size) <= gpu.tier.binding_bytes_max
     }
 
-    /// Takes what a plan needs, and gives back what it does not.
+    /// Allocates the grid and builds the kernels if `plan` needs them, else releases them.
     ///
     /// # Errors
-    /// Where memory or a shader is refused.
+    /// If the driver refuses a shader or memory.
     pub fn fit(&mut self, gpu: &Gpu, size: [u32; 2], plan: &FramePlan) -> Result<(), GpuError> {
         if !plan.evens_exposure() {
             *self = Self::default();
@@ -74,22 +81,22 @@ impl Exposure {
         Ok(())
     }
 
-    /// Reads the slots of the scans of the points that won, whose words `paint` has.
-    pub(crate) fn take(
+    /// Reads the slots of the scans of the winning points, whose words are in `paint`.
+    pub(crate) fn encode_slots(
         &self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
-        won: &Won<'_>,
+        winners: &WinningPoints<'_>,
         paint: &Buffer,
     ) {
         let (Some(Kernels { slot, .. }), Some(memory)) = (&self.kernels, &self.memory) else {
             return;
         };
-        let buffers = [(0, won.uniform), (1, won.hits), (2, paint), (3, &*memory.slots)];
-        slot.dispatch(pass, &slot.bind(gpu, &buffers), won.groups());
+        let buffers = [(0, winners.uniform), (1, winners.hits), (2, paint), (3, &*memory.slots)];
+        slot.dispatch(pass, &slot.bind(gpu, &buffers), winners.groups());
     }
 
-    /// Evens the picture's level.
+    /// Encodes the compensation of the colours of `level`.
     pub fn encode(
         &self,
         gpu: &Gpu,
@@ -117,10 +124,10 @@ impl Exposure {
         }
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let Some(Kernels { slot, add, apply }) = &mut self.kernels else { return Ok(false) };
         Ok(slot.reload(gpu)? | add.reload(gpu)? | apply.reload(gpu)?)

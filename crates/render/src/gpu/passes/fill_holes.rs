@@ -1,30 +1,39 @@
-//! FillHoles on the GPU ([`crate::passes::fill_holes`] and [`crate::picture::edges`] are the twins): the depth image, its edges, and two rounds of
-//! finding gaps and closing them.
+//! Fill holes on the GPU: writes the depth image of level 0, finds its edges, and finds and closes
+//! gaps in two rounds. Paper: `rosenthal2008`. Twins: [`crate::passes::fill_holes`],
+//! [`crate::picture::edges`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
-use crate::gpu::device::shader::sources;
-use crate::gpu::surface::Target;
+use crate::gpu::device::shader::{same_values, sources, without_twin};
+use crate::gpu::target::SurfaceTarget;
+use crate::passes::fill_holes::ROUNDS;
 use crate::picture::pyramid::Planes;
 
-/// How often: as the twin does.
-const ROUNDS: usize = 2;
+same_values!(fill_holes_find == crate::passes::fill_holes { SURROUNDED, CORNERED, WITHIN_PX });
+same_values!(common_around == crate::passes::fill_holes {
+    BEFORE_NORMALS = BEFORE[0],
+    BEFORE_BARE = BEFORE[1],
+    BEFORE_MIN_PX,
+});
+same_values!(fill_holes_depth == crate::simd::lanes { REACH_MIN_PX });
+same_values!(common_step == crate::renderer { STEP_PX });
+without_twin!(common_marks { EDGE, GAP });
 
 /// The pass.
 pub struct FillHoles {
     depth: Kernel,
-    /// In the first round, and later.
+    /// Kernels of the first round, which also finds edges, and of later rounds.
     find: [Kernel; 2],
     fill: Kernel,
 }
 
 impl FillHoles {
-    /// For pyramids whose pixels carry these planes.
+    /// Builds the kernels for pyramids whose pixels carry `planes`.
     ///
     /// # Errors
-    /// Where a shader is refused.
+    /// If the driver refuses a shader.
     pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
         let constants = [("NORMALS", f64::from(planes == Planes::Normals))];
         let moved = [("PLANE", planes.values() as f64)];
@@ -38,10 +47,10 @@ impl FillHoles {
         })
     }
 
-    /// What fills [`Target::depth`] and the marks, and closes the gaps of level 0.
-    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+    /// Dispatches that fill [`SurfaceTarget::depth`] and the marks, and close the gaps of level 0.
+    pub fn dispatches(&self, gpu: &Gpu, target: &SurfaceTarget<'_>) -> Vec<Dispatch> {
         let base = target.base();
-        let &Target { depth, marks, .. } = target;
+        let &SurfaceTarget { depth, marks, .. } = target;
         let image = [&base.front, &base.depth, depth, &base.plane, &base.tint];
         let find = [depth, &base.tint, marks];
         let fill = [marks, depth, &base.front, &base.tint, &base.plane];

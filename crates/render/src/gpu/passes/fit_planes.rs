@@ -1,18 +1,38 @@
-//! FittedPlanes on the GPU: planes of surfaces without normals ([`crate::passes::fit_planes`] is the twin). They are told before gather, and
-//! given to the pixels after it: gather itself binds as many buffers as WebGPU's default limits allow.
+//! Fit planes on the GPU, for clouds without normals. Planes are fitted to the frame buffer before
+//! gather and assigned to the pixels after it, in a dispatch of its own: gather already binds as
+//! many buffers as WebGPU's default limits allow. Twin: [`crate::passes::fit_planes`].
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::{Kernel, groups_of};
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::pyramid::GpuLevel;
+use crate::pass::Pass;
 use crate::passes::fit_planes::SQUARE_PX;
 use crate::picture::pyramid::Planes;
-use crate::plan::{FramePlan, Pass};
+use crate::plan::FramePlan;
 use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass};
 
-/// The pass, made when it is first asked for.
+same_values!(common_squares == crate::passes::fit_planes { SQUARE_PX });
+same_values!(fit_planes_fit == crate::passes::fit_planes {
+    BARE_REACH,
+    OFF_MAX,
+    TRUST_APART[..] = [APART.reach, APART.distance[0], APART.distance[1]],
+    TRUST_CROWDED[..] = [CROWDED.reach, CROWDED.distance[0], CROWDED.distance[1]],
+    MISSING_MAX,
+    AREA_MIN,
+    BETTER,
+    NEARER_MAX,
+    LEAST_SUM = f32::MIN_POSITIVE,
+});
+same_values!(fit_planes_tilt == crate::passes::gather {
+    BARE_REACH = crate::passes::fit_planes::BARE_REACH,
+    FITTED_REACH_MAX,
+    RADIUS_MARGIN_PX = RADIUS_MARGIN_PX[1],
+});
+
+/// The pass, whose kernels are built when a plan first needs them.
 #[derive(Default)]
 pub struct FitPlanes {
     kernels: Option<Kernels>,
@@ -21,28 +41,30 @@ pub struct FitPlanes {
 
 struct Kernels {
     nearest: Kernel,
-    /// Where points are apart, and where they crowd.
-    tell: [Kernel; 2],
+    /// Kernels for views that are not crowded, and for crowded ones.
+    fit: [Kernel; 2],
     tilt: Kernel,
 }
 
 struct Memory {
     size: [u32; 2],
-    /// Nearest points and fitted of the squares (`shaders/fit_planes/fit.wgsl`).
+    /// Nearest point of each square (`shaders/fit_planes/nearest.wgsl`).
     nears: Counted,
-    fitted: Counted,
+    /// Plane of each square (`shaders/fit_planes/fit.wgsl`).
+    planes: Counted,
 }
 
-/// Squares of a picture.
+/// Number of squares of a picture.
 fn squares(size: [u32; 2]) -> u64 {
     size.into_iter().map(|side| u64::from(side).div_ceil(SQUARE_PX as u64)).product()
 }
 
 impl FitPlanes {
-    /// Takes what a plan needs, and gives back what it does not.
+    /// Allocates the planes of squares and builds the kernels if `plan` needs them, else releases
+    /// the memory.
     ///
     /// # Errors
-    /// Where memory or a shader is refused.
+    /// If the driver refuses a shader or memory.
     pub fn fit(&mut self, gpu: &Gpu, size: [u32; 2], plan: &FramePlan) -> Result<(), GpuError> {
         if plan.planes() != Planes::Fitted {
             self.memory = None;
@@ -52,24 +74,24 @@ impl FitPlanes {
             self.memory = None;
             let plane =
                 |name, bytes| gpu.buffer(name, squares(size) * bytes, BufferUsages::STORAGE);
-            let (nears, fitted) = (plane("nearest points", 8)?, plane("fitted", 16)?);
-            self.memory = Some(Memory { size, nears, fitted });
+            let (nears, planes) = (plane("nearest points", 8)?, plane("planes of squares", 16)?);
+            self.memory = Some(Memory { size, nears, planes });
         }
         if self.kernels.is_none() {
             let kernel = |source| Kernel::new(gpu, source, "main", &[]);
-            let tell = |crowded| {
+            let fit = |crowded| {
                 Kernel::new(gpu, sources::FIT_PLANES_FIT, "main", &[("CROWDED", crowded)])
             };
             self.kernels = Some(Kernels {
                 nearest: kernel(sources::FIT_PLANES_NEAREST)?,
-                tell: [tell(0.0)?, tell(1.0)?],
+                fit: [fit(0.0)?, fit(1.0)?],
                 tilt: kernel(sources::FIT_PLANES_TILT)?,
             });
         }
         Ok(())
     }
 
-    /// Tells the fitted of a frame buffer.
+    /// Encodes the fitting of planes to the frame buffer `hits`.
     pub fn encode(
         &self,
         gpu: &Gpu,
@@ -80,18 +102,18 @@ impl FitPlanes {
         timing: &mut Timing,
     ) {
         let (Some(kernels), Some(memory)) = (&self.kernels, &self.memory) else { return };
-        let Kernels { nearest, tell, .. } = kernels;
-        let tell = &tell[usize::from(plan.averages())];
-        let Memory { size, nears, fitted } = memory;
+        let Kernels { nearest, fit, .. } = kernels;
+        let fit = &fit[usize::from(plan.averages())];
+        let Memory { size, nears, planes } = memory;
         let groups = groups_of(squares(*size));
         let mut pass = timing.compute(encoder, Pass::FitPlanes);
         let bind = nearest.bind(gpu, &[(0, uniform), (1, hits), (2, nears)]);
         nearest.dispatch(&mut pass, &bind, groups);
-        let bind = tell.bind(gpu, &[(0, uniform), (1, nears), (2, fitted)]);
-        tell.dispatch(&mut pass, &bind, groups);
+        let bind = fit.bind(gpu, &[(0, uniform), (1, nears), (2, planes)]);
+        fit.dispatch(&mut pass, &bind, groups);
     }
 
-    /// Gives the pixels of a gathered level their planes.
+    /// Encodes the assignment of planes to the pixels of a gathered level.
     pub(crate) fn tilt(
         &self,
         gpu: &Gpu,
@@ -104,7 +126,7 @@ impl FitPlanes {
         };
         let buffers = [
             (0, uniform),
-            (1, &*memory.fitted),
+            (1, &*memory.planes),
             (2, &*level.front),
             (3, &*level.tint),
             (4, &*level.plane),
@@ -114,16 +136,16 @@ impl FitPlanes {
         tilt.dispatch(pass, &tilt.bind(gpu, &buffers), groups_of(pixels));
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
-        let Some(Kernels { nearest, tell, tilt }) = &mut self.kernels else {
+        let Some(Kernels { nearest, fit, tilt }) = &mut self.kernels else {
             return Ok(false);
         };
         let mut is_changed = nearest.reload(gpu)? | tilt.reload(gpu)?;
-        for kernel in tell {
+        for kernel in fit {
             is_changed |= kernel.reload(gpu)?;
         }
         Ok(is_changed)

@@ -1,7 +1,9 @@
-//! The passes on the GPU, a file a pass: pipelines, bindings and dispatches of the shaders of the same name.
+//! The passes on the GPU, a file a pass: pipelines, bindings and dispatches of the shaders of the
+//! same name.
 
 pub(crate) mod antialias;
 pub(crate) mod average;
+pub(crate) mod bounds;
 pub mod ewa;
 pub(crate) mod exposure;
 pub(crate) mod fill_holes;

@@ -1,9 +1,10 @@
-//! Project by point primitives (`shaders/primitives/`), for devices without 64-bit atomics: a draw for each
-//! combination of pages, an instance a chunk, vertices pulled from the pages; then a kernel packs what was
-//! drawn. Twin: [`crate::passes::project`].
+//! Project by point primitives (`shaders/primitives/`), for devices without 64-bit atomics: a draw
+//! for each combination of pages, with an instance a chunk and vertices that read their points from
+//! the pages; then a kernel copies the result to the frame buffer.
 //!
-//! One target of two integers and a depth buffer: all renderable wherever WebGPU or OpenGL ES 3 is. The
-//! depth test compares keys that order as linear depths do, bit for bit, so that the same point wins.
+//! The target of two integers and the depth buffer can be rendered to wherever WebGPU or OpenGL ES
+//! 3 is available. The depth test compares keys in the order of the linear depths, bit for bit, so
+//! that the same points win as by atomics. Twin: [`crate::passes::project`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::error::GpuError;
@@ -14,37 +15,38 @@ use crate::gpu::memory::cut::GpuCut;
 use crate::gpu::memory::hits::Hits;
 use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::table::CHUNK_POINTS;
-use crate::plan::{FramePlan, Pass};
+use crate::pass::Pass;
+use crate::plan::FramePlan;
 use std::time::SystemTime;
 use wgpu::{TextureFormat, TextureUsages, TextureView};
 
-/// Number of the point and bits of its depth.
+/// Format of the number of a point and the bits of its depth.
 const DRAWN: TextureFormat = TextureFormat::Rg32Uint;
-/// The key of its depth.
+/// Format of the key of the depth.
 const DEPTH: TextureFormat = TextureFormat::Depth32Float;
-/// Side of a group of the packing kernel.
+/// Side of a workgroup of the packing kernel, pixels.
 const PACK_SIDE: u32 = 16;
 
 /// The pass.
 pub struct Primitives {
-    /// By whether points are dropped by their normals, and by a filter's marks.
+    /// By whether points are culled by their normals, and by whether a filter hides points.
     pipelines: [[wgpu::RenderPipeline; 2]; 2],
     changed: Option<SystemTime>,
     pack: Kernel,
-    target: Option<Target>,
+    target: Option<Attachments>,
 }
 
-struct Target {
+struct Attachments {
     size: [u32; 2],
     drawn: TextureView,
     depth: TextureView,
 }
 
 impl Primitives {
-    /// On any device.
+    /// Builds the pipelines, on any device.
     ///
     /// # Errors
-    /// Where the driver refuses a shader.
+    /// If the driver refuses a shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let source = sources::PRIMITIVES_POINTS;
         let changed = folder().and_then(|f| source.read(&f).ok()).and_then(|(_, time)| time);
@@ -56,10 +58,10 @@ impl Primitives {
         })
     }
 
-    /// Takes the size of a picture.
+    /// Allocates the textures for a picture of `size`, if they have another size so far.
     ///
     /// # Errors
-    /// Where it is larger than the device draws.
+    /// If it is larger than a texture of the device.
     pub fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<(), GpuError> {
         if self.target.as_ref().is_some_and(|t| t.size == size) {
             return Ok(());
@@ -83,7 +85,7 @@ impl Primitives {
             texture.create_view(&Default::default())
         };
         let usage = TextureUsages::RENDER_ATTACHMENT;
-        self.target = Some(Target {
+        self.target = Some(Attachments {
             size,
             drawn: view("drawn points", DRAWN, usage | TextureUsages::TEXTURE_BINDING),
             depth: view("depth of points", DEPTH, usage),
@@ -91,8 +93,8 @@ impl Primitives {
         Ok(())
     }
 
-    /// Draws the cut into `hits`.
-    #[allow(clippy::too_many_arguments, reason = "what a pass reads is named, one by one")]
+    /// Encodes the drawing of the cut to `hits`.
+    #[allow(clippy::too_many_arguments, reason = "each input of a pass has its own argument")]
     pub fn encode(
         &self,
         gpu: &Gpu,
@@ -114,7 +116,7 @@ impl Primitives {
             let Some(bind) = cut.bind(gpu, &layout, uniform, work, pool, &[]) else { continue };
             pass.set_bind_group(0, &bind, &[]);
             pass.draw(0..CHUNK_POINTS, 0..work.range.len() as u32);
-            gpu.runs().count();
+            gpu.dispatch_count().add_one();
         }
         drop(pass);
         let bind = self.bind_pack(gpu, uniform, target, to);
@@ -127,7 +129,7 @@ impl Primitives {
         &self,
         gpu: &Gpu,
         uniform: &wgpu::Buffer,
-        target: &Target,
+        target: &Attachments,
         hits: &wgpu::Buffer,
     ) -> wgpu::BindGroup {
         let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
@@ -142,10 +144,10 @@ impl Primitives {
         })
     }
 
-    /// Makes the pipelines anew where a shader has changed on the disk (debug runs only).
+    /// Rebuilds the pipelines if a shader has changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where the changed shader does not build; the old one goes on.
+    /// If a changed shader does not build; the old pipelines stay.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let packs = self.pack.reload(gpu)?;
         let Some(folder) = folder() else { return Ok(packs) };
@@ -162,10 +164,10 @@ impl Primitives {
 
 fn begin<'e>(
     encoder: &'e mut wgpu::CommandEncoder,
-    target: &Target,
+    target: &Attachments,
     timing: &mut Timing,
 ) -> wgpu::RenderPass<'e> {
-    /// All ones, as the integers that a float clears to.
+    /// All ones, as a float that is converted to the integers of the target.
     const NONE: f64 = u32::MAX as f64;
     let none = wgpu::Color { r: NONE, g: NONE, b: NONE, a: NONE };
     encoder.begin_render_pass(&wgpu::RenderPassDescriptor {

@@ -1,24 +1,28 @@
-//! Project by compute: one 64-bit atomic minimum a point (`shaders/project/atomics.wgsl`), a dispatch for each
-//! combination of pages. Runs of points that are off the picture are not read. Twin: [`crate::passes::project`].
+//! Project by compute: one 64-bit atomic minimum a point (`shaders/project/atomics.wgsl`), a
+//! dispatch for each combination of pages. Runs of points outside the picture are not read. Paper:
+//! `schuetz2021`. Twin: [`crate::passes::project`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::groups_of;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{sources, without_twin};
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::variants::Variants;
 use crate::gpu::memory::cut::GpuCut;
 use crate::gpu::memory::hits::Hits;
 use crate::gpu::memory::pool::NodePool;
-use crate::gpu::memory::runs::Bounds;
-use crate::plan::{FramePlan, Pass};
+use crate::gpu::passes::bounds::Bounds;
+use crate::pass::Pass;
+use crate::plan::FramePlan;
 
-/// Threads of a group.
+without_twin!(project_atomics { ROUNDING });
+
+/// Threads of a workgroup.
 const THREADS: u64 = 256;
 
 /// The pass.
 pub struct Project {
-    /// By the tests that points pass, and what is measured.
+    /// Variants: the two tests of points, and the two switches below.
     kernels: Variants<4>,
     touches_pixels: bool,
     skips_runs: bool,
@@ -26,27 +30,28 @@ pub struct Project {
 }
 
 impl Project {
-    /// On a device with 64-bit atomics; `skips_runs` for all but measurements of what it saves.
+    /// Creates the pass on a device with 64-bit atomics.
     ///
     /// # Errors
-    /// Where the driver refuses the shader.
+    /// If the driver refuses the shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Self::with(gpu, true, true)
     }
 
-    /// Everything but the frame buffer, which is neither cleared nor read nor written: what the pass is
-    /// compared with when it is measured.
+    /// Creates a pass that neither clears nor reads nor writes the frame buffer, for comparison in
+    /// benchmarks.
     ///
     /// # Errors
-    /// As [`Project::new`].
+    /// If the driver refuses the shader.
     pub fn without_pixels(gpu: &Gpu) -> Result<Self, GpuError> {
         Self::with(gpu, false, true)
     }
 
-    /// The same pixels, but all points are read: what skipping runs is compared with.
+    /// Creates a pass that skips no runs and draws the same pixels, for comparison in tests and
+    /// benchmarks.
     ///
     /// # Errors
-    /// As [`Project::new`].
+    /// If the driver refuses the shader.
     pub fn without_skips(gpu: &Gpu) -> Result<Self, GpuError> {
         Self::with(gpu, true, false)
     }
@@ -55,7 +60,7 @@ impl Project {
         let constants = ["CULLS_BACK_FACES", "HIDES_POINTS", "TOUCHES_PIXELS", "SKIPS_RUNS"];
         let kernels = Variants::new(sources::PROJECT_ATOMICS, constants);
         let mut pass = Self { kernels, touches_pixels, skips_runs, bounds: Bounds::new(gpu)? };
-        // A driver that refuses the shader does so before anything is drawn.
+        // Built here so that a driver refuses the shader before anything is drawn.
         pass.kernels.get(gpu, pass.variant([0, 0]))?;
         Ok(pass)
     }
@@ -64,11 +69,11 @@ impl Project {
         [culls, hides, u32::from(self.touches_pixels), u32::from(self.skips_runs)]
     }
 
-    /// Draws the cut into `hits`, which it clears first, after the boxes of runs that were written to.
+    /// Encodes the boxes of stale runs, the clearing of `hits`, and the drawing of the cut to it.
     ///
     /// # Errors
-    /// Where memory is refused.
-    #[allow(clippy::too_many_arguments, reason = "what a pass reads is named, one by one")]
+    /// If memory is refused.
+    #[allow(clippy::too_many_arguments, reason = "each input of a pass has its own argument")]
     pub fn encode(
         &mut self,
         gpu: &Gpu,
@@ -93,21 +98,21 @@ impl Project {
             let Some(boxes) = pool.boxes(work.pages.position as usize) else { continue };
             let bound = [target, boxes];
             let Some(bind) = cut.bind(gpu, &layout, uniform, work, pool, &bound) else { continue };
-            // A group of threads a chunk.
+            // A workgroup a chunk.
             kernel.dispatch(&mut pass, &bind, groups_of(work.range.len() as u64 * THREADS));
         }
         Ok(())
     }
 
-    /// After the commands were submitted.
+    /// To be called after the submission of the commands.
     pub fn submitted(&self, pool: &NodePool) {
         self.bounds.submitted(pool);
     }
 
-    /// Makes the kernels anew where their shader has changed on the disk.
+    /// Rebuilds the kernels if their shader has changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where the changed shader does not build; the old one goes on.
+    /// If the changed shader does not build; the old one stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let bounds = self.bounds.reload(gpu)?;
         Ok(self.kernels.reload(gpu)? || bounds)

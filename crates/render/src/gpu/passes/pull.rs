@@ -1,4 +1,5 @@
-//! Pull on the GPU ([`crate::passes::pull`] is the twin): a dispatch a level, the finest first.
+//! Pull on the GPU: a dispatch a level, the finest first. Paper: `marroquim2007`, section 3.2.
+//! Twin: [`crate::passes::pull`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
@@ -15,17 +16,16 @@ pub struct Pull {
 }
 
 impl Pull {
-    /// For pyramids whose pixels carry these planes.
+    /// Builds the kernels for pyramids whose pixels carry `planes`.
     ///
     /// # Errors
-    /// Where the shader is refused.
+    /// If the driver refuses the shader.
     pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
         let constants = [("PLANE", planes.values() as f64)];
         Ok(Self { kernel: Kernel::new(gpu, sources::PULL_PULL, "main", &constants)? })
     }
 
-    /// What fills all levels of a pyramid above the first.
-    /// `uniform` is the frame's.
+    /// Dispatches that fill all levels but level 0; `uniform` is the frame's.
     pub fn dispatches(
         &self,
         gpu: &Gpu,
@@ -44,7 +44,8 @@ impl Pull {
     }
 }
 
-/// Two levels as pull and push bind them: both shapes, all planes of the finer, all of the coarser; and the frame.
+/// Bindings of two levels in pull and push: both shapes, all planes of the finer and of the coarser
+/// level, and the frame.
 pub(crate) fn level_resources<'a>(
     uniform: &'a wgpu::Buffer,
     fine: &'a GpuLevel,

@@ -1,30 +1,36 @@
-//! Push on the GPU ([`crate::passes::push`] is the twin): a dispatch a level, the coarsest first. With normals, pixels of
-//! the coarser levels that have none then inherit one, for [`crate::gpu::passes::shade`].
+//! Push on the GPU: a dispatch a level, the coarsest first. In clouds with normals, pixels of the
+//! coarser levels without a normal then inherit one from the level above, for
+//! [`crate::gpu::passes::shade`]. Paper: `marroquim2007`, section 3.3. Twin:
+//! [`crate::passes::push`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources, without_twin};
 use crate::gpu::device::variants::Variants;
 use crate::gpu::memory::pyramid::{GpuLevel, GpuPyramid};
 use crate::gpu::passes::pull::level_resources;
 use crate::picture::pyramid::Planes;
 
+same_values!(push_push == crate::passes::push { HIDING_PX, ENCLOSING, SMOOTH, NEAR, ROUNDING });
+without_twin!(common_ellipse { FACING });
+
 /// The pass.
 pub struct Push {
-    /// By the values of the planes that pixels carry, and whether those that stay are smoothed.
+    /// Variants: number of values of a pixel's plane, and whether pixels that are kept are
+    /// smoothed.
     kernels: Variants<2>,
     planes: Planes,
-    /// With normals only.
+    /// `None` without normals.
     inherit: Option<Kernel>,
 }
 
 impl Push {
-    /// For pyramids whose pixels carry these planes.
+    /// Builds the kernels for pyramids whose pixels carry `planes`.
     ///
     /// # Errors
-    /// Where a shader is refused.
+    /// If the driver refuses a shader.
     pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
         let mut kernels = Variants::new(sources::PUSH_PUSH, ["PLANE", "SMOOTHS"]);
         kernels.get(gpu, [planes.values() as u32, 0])?;
@@ -35,11 +41,11 @@ impl Push {
         Ok(Self { kernels, planes, inherit })
     }
 
-    /// What fills the levels of a pyramid that was pulled, from the second coarsest down to the picture, whose pixels that stay
-    /// are smoothed where asked. `uniform` is the frame's.
+    /// Dispatches that fill the levels of a pulled pyramid, from the second coarsest down to level
+    /// 0, whose kept pixels are smoothed if `smooths`. `uniform` is the frame's.
     ///
     /// # Errors
-    /// Where the shader is refused.
+    /// If the driver refuses the shader.
     pub fn dispatches(
         &mut self,
         gpu: &Gpu,

@@ -1,34 +1,34 @@
-//! Resolve on the GPU: the points that won straight to the picture, colours as they are ([`crate::passes::resolve`] is
-//! the twin).
+//! Resolve on the GPU: writes the colours and depths of the winning points to the picture. Twin:
+//! [`crate::passes::resolve`].
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::shader::sources;
 use crate::gpu::device::variants::Variants;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::colour::encode_table;
-use crate::gpu::memory::lookup::{GpuLookup, Won};
+use crate::gpu::memory::lookup::{GpuLookup, WinningPoints};
 use crate::gpu::memory::picture::GpuPicture;
 use crate::plan::FramePlan;
 use wgpu::{BufferUsages, ComputePass};
 
-/// Bytes of the words fetched for a pixel, a buffer.
+/// Bytes a pixel of each buffer of fetched words.
 const PIXEL_WORDS_BYTES: u64 = 16;
 
 /// The pass.
 pub struct Resolve {
     encode: Counted,
-    /// By what gives points their colour.
+    /// Variants: the source of colours.
     kernels: Variants<1>,
-    /// Words of the points that won.
+    /// Words of the winning points (`shaders/common/lookup.wgsl`).
     paint: Counted,
     geometry: Counted,
 }
 
 impl Resolve {
-    /// For a device.
+    /// Creates the tables of the pass.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self {
             encode: encode_table(gpu)?,
@@ -38,56 +38,56 @@ impl Resolve {
         })
     }
 
-    /// Fills colours and depths of a picture, which has the size of what was won, but not its texture. Adds to
-    /// both counts.
+    /// Encodes the filling of the colours and depths of a picture, which has the size of the frame
+    /// buffer, but not of its texture. Adds to both counts of pixels.
     ///
     /// # Errors
-    /// Where a shader or memory is refused.
+    /// If the driver refuses a shader or memory.
     pub fn encode(
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
         plan: &FramePlan,
         lookup: &mut GpuLookup,
-        won: &Won<'_>,
+        winners: &WinningPoints<'_>,
         picture: &GpuPicture,
     ) -> Result<(), GpuError> {
-        let pixels = u64::from(won.size[0]) * u64::from(won.size[1]);
+        let pixels = u64::from(winners.size[0]) * u64::from(winners.size[1]);
         fit(gpu, &mut self.paint, pixels)?;
-        // Where heights are not coloured one pixel stands for all, since something must be bound.
+        // If colours need no positions, a buffer of one pixel is bound in their place.
         fit(gpu, &mut self.geometry, if plan.fetches[0] { pixels } else { 1 })?;
         let [geometry, paint] = [&*self.geometry, &*self.paint];
-        lookup.fetch(gpu, pass, won, plan, [geometry, paint])?;
+        lookup.fetch(gpu, pass, winners, plan, [geometry, paint])?;
         let kernel = self.kernels.get(gpu, [plan.colour_constants()[1].1])?;
         let buffers = [
-            (0, won.uniform),
+            (0, winners.uniform),
             (1, lookup.uniform()),
             (2, &*self.encode),
-            (3, won.hits),
-            (4, won.draws),
+            (3, winners.hits),
+            (4, winners.draws),
             (5, geometry),
             (6, paint),
             (7, &*picture.rgba),
             (8, &*picture.depth),
-            (9, won.counts),
+            (9, winners.counts),
         ];
-        kernel.dispatch(pass, &kernel.bind(gpu, &buffers), won.groups());
+        kernel.dispatch(pass, &kernel.bind(gpu, &buffers), winners.groups());
         Ok(())
     }
 
-    /// Gives back the memory of the last picture.
+    /// Releases the memory of the last picture.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn release(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
         fit(gpu, &mut self.paint, 1)?;
         fit(gpu, &mut self.geometry, 1)
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         self.kernels.reload(gpu)
     }
@@ -97,7 +97,8 @@ fn words(gpu: &Gpu, pixels: u64) -> Result<Counted, GpuError> {
     gpu.buffer("words of points", pixels * PIXEL_WORDS_BYTES, BufferUsages::STORAGE)
 }
 
-/// Makes a buffer for so many pixels; the old one goes first, so that never both are there.
+/// Allocates a buffer for `pixels` pixels. The old one is released first, so that both never exist
+/// at once.
 fn fit(gpu: &Gpu, buffer: &mut Counted, pixels: u64) -> Result<(), GpuError> {
     if buffer.size() != pixels * PIXEL_WORDS_BYTES {
         *buffer = words(gpu, 1)?;

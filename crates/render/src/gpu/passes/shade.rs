@@ -1,46 +1,59 @@
-//! Shade on the GPU ([`crate::passes::shade`] is the twin).
+//! Shade on the GPU: lights level 0 with a deferred Phong model. Paper: `marroquim2007`, section
+//! 3.4. Twin: [`crate::passes::shade`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::variants::Variants;
-use crate::gpu::surface::Target;
+use crate::gpu::target::SurfaceTarget;
 
-/// Lighting.
+same_values!(shade_shade == crate::passes::shade {
+    KEY[..] = KEY.to_array(),
+    KEY_SHARE,
+    EYE_SHARE,
+    SKY_SHARE,
+    GROUND_SHARE,
+    SHINE,
+    EDGE[..] = [EDGE.0, EDGE.1],
+    DOME[..] = [DOME.0, DOME.1],
+});
+same_values!(shade_shade == crate::passes::smooth_depth { REACH, BEHIND_MAX });
+
+/// The pass.
 pub struct Shade {
-    /// By whether pixels carry normals, and whether there are highlights.
+    /// Variants: whether pixels carry normals, and whether surfaces have highlights.
     kernels: Variants<2>,
     has_normals: bool,
 }
 
 impl Shade {
-    /// For pyramids with normals or without.
+    /// Builds the kernels for pyramids with or without normals.
     ///
     /// # Errors
-    /// Where the shader is refused.
+    /// If the driver refuses the shader.
     pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
         let mut kernels = Variants::new(sources::SHADE_SHADE, ["NORMALS", "SHINES"]);
         kernels.get(gpu, [u32::from(has_normals), 1])?;
         Ok(Self { kernels, has_normals })
     }
 
-    /// What lights level 0 into [`Target::shaded`], with highlights or without.
+    /// Dispatches that light level 0 to [`SurfaceTarget::shaded`], with highlights if `shines`.
     ///
     /// # Errors
-    /// Where the shader is refused.
+    /// If the driver refuses the shader.
     pub fn dispatches(
         &mut self,
         gpu: &Gpu,
-        target: &Target<'_>,
+        target: &SurfaceTarget<'_>,
         shines: bool,
     ) -> Result<Vec<Dispatch>, GpuError> {
         let (base, levels) = (target.base(), &target.pyramid.levels);
         let coarse = levels.get(1).unwrap_or(base);
         let depth = if self.has_normals { &target.picture.depth } else { target.spare };
         let (tint, normal, coarse) = (&base.tint, &base.plane, &coarse.plane);
-        let &Target { smoothing, sources, shaded, .. } = target;
+        let &SurfaceTarget { smoothing, sources, shaded, .. } = target;
         let buffers = [smoothing, depth, tint, normal, coarse, sources, shaded];
         let kernel = self.kernels.get(gpu, [self.has_normals, shines].map(u32::from))?;
         Ok(vec![target.dispatch(gpu, kernel, &buffers)])

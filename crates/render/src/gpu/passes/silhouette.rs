@@ -1,27 +1,49 @@
-//! Silhouette on the GPU ([`crate::passes::silhouette`] is the twin): the rims, waves inwards from them in turns, pixels left alone, and the
-//! depth image that they leave. Only the tiles of the picture that waves can reach are worked on. Attributes stay where they are: a plane of sources says whose each pixel shows.
+//! Silhouette on the GPU: finds the rims of surfaces that discs drew beyond their samples, removes
+//! pixels from there inwards in waves, and writes the depth image that remains. Waves run in turns
+//! over the tiles of the picture that they can reach. Attributes stay in place: a plane of sources
+//! gives the pixel whose attributes each pixel shows. Twin: [`crate::passes::silhouette`].
 
 use crate::gpu::device::dispatch::{Dispatch, Groups, fixed_uniform};
 use crate::gpu::device::error::GpuError;
-use crate::gpu::device::kernel::{Beside, Kernel};
+use crate::gpu::device::kernel::{Compilation, Kernel};
 use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::sources::constants::common_turns::{TILE, TURNS};
+use crate::gpu::device::shader::sources::constants::silhouette_waves::HALO as HALF_WAVES;
+use crate::gpu::device::shader::{same_layout, same_values, without_twin};
 use crate::gpu::device::{Counted, Gpu};
-use crate::gpu::surface::Target;
-use crate::same_layout;
+use crate::gpu::target::{SurfaceTarget, Turns};
 use bytemuck::{Pod, Zeroable};
 use std::thread;
-use wgpu::{BindingResource, BufferBinding, BufferSize, BufferUsages};
+use wgpu::{BindingResource, BufferBinding, BufferSize};
 
-/// Turns, and waves of half a turn: all together as many as the twin's at most.
-const TURNS: u32 = 16;
-const HALF_WAVES: u32 = 8;
+same_values!(silhouette_rims == crate::passes::silhouette::rim {
+    OPEN_PX[..] = [OPEN_PX.0, OPEN_PX.1],
+    SLOPE_RADII[..],
+    STEEPER,
+    SLOPE_REACH_MIN,
+    WIDTH_RADII,
+    LINE_WIDTH[..] = [LINE_WIDTH.0, LINE_WIDTH.1],
+    LINE_SIDE,
+    LINE_RADIUS_MAX_PX,
+});
+same_values!(common_overhang == crate::passes::silhouette::rim {
+    OVERHANG[..] = [OVERHANG[1], OVERHANG[0]],
+    OVERHANG_MIN_PX[..] = [OVERHANG_MIN_PX[1], OVERHANG_MIN_PX[0]],
+    LINE_OVERHANG_PX,
+});
+same_values!(
+    silhouette_settle
+        == crate::passes::silhouette { ALONE, ALONE_RADIUS_PX, STEEPEST, MIRRORED_PX, RISE_MAX }
+);
+same_values!(common_source == crate::passes::silhouette { PIXEL_BITS, PIXEL_MASK });
+without_twin!(common_turns { ROW_TILES });
+without_twin!(silhouette_waves { SIDE, LANES });
+
 const _: () = assert!(TURNS * 2 * HALF_WAVES == crate::passes::silhouette::WAVES);
-/// Pixels on a side of a tile.
-const TILE: u32 = 16;
-/// Bytes from one uniform in a buffer to the next: what WebGPU promises.
+/// Bytes between the uniforms in a buffer: the alignment of offsets that WebGPU guarantees.
 const UNIFORM_STRIDE: usize = 256;
 
-/// Half a turn, as the shader reads it (`shaders/silhouette/waves.wgsl`).
+/// Half a turn of waves (`shaders/silhouette/waves.wgsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Half {
@@ -31,29 +53,6 @@ struct Half {
 
 same_layout!(Half { turn, waves });
 
-/// What the turns keep, as `shaders/silhouette/start.wgsl` says.
-pub struct Turns {
-    turns: Counted,
-    groups: Counted,
-    gone: Counted,
-    tiles: Counted,
-}
-
-impl Turns {
-    pub(crate) fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, GpuError> {
-        let [across, down] = size.map(|n| u64::from(n.div_ceil(TILE)));
-        let buffer = |words: u64, usage| {
-            gpu.buffer("turns of silhouette", words * 4, BufferUsages::STORAGE | usage)
-        };
-        Ok(Self {
-            turns: buffer(u64::from(TURNS) * 2, BufferUsages::empty())?,
-            groups: buffer(u64::from(TURNS) * 4, BufferUsages::INDIRECT)?,
-            gone: buffer(across * down, BufferUsages::empty())?,
-            tiles: buffer(across * down, BufferUsages::empty())?,
-        })
-    }
-}
-
 /// The pass.
 pub struct Silhouette {
     start: Kernel,
@@ -61,23 +60,23 @@ pub struct Silhouette {
     tiles: Kernel,
     waves: Kernel,
     settle: Kernel,
-    /// All halves of turns.
+    /// The structures [`Half`] of all turns.
     halves: Counted,
 }
 
 impl Silhouette {
-    /// For pyramids with normals or without.
+    /// Builds the kernels for pyramids with or without normals.
     ///
     /// # Errors
-    /// Where a shader or memory is refused.
+    /// If the driver refuses a shader or memory.
     pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
         let normals = f64::from(has_normals);
         thread::scope(|scope| {
             let [rims, waves] = [
-                Beside::begin(scope, || {
+                Compilation::start(scope, || {
                     Kernel::new(gpu, sources::SILHOUETTE_RIMS, "main", &[("NORMALS", normals)])
                 })?,
-                Beside::begin(scope, || {
+                Compilation::start(scope, || {
                     Kernel::unzeroed(
                         gpu,
                         sources::SILHOUETTE_WAVES,
@@ -90,17 +89,18 @@ impl Silhouette {
                 start: Kernel::new(gpu, sources::SILHOUETTE_START, "main", &[])?,
                 tiles: Kernel::new(gpu, sources::SILHOUETTE_TILES, "main", &[])?,
                 settle: Kernel::new(gpu, sources::SILHOUETTE_SETTLE, "main", &[])?,
-                rims: rims.get()?,
-                waves: waves.get()?,
+                rims: rims.finish()?,
+                waves: waves.finish()?,
                 halves: halves(gpu)?,
             })
         })
     }
 
-    /// What fills [`Target::sources`], and the picture's depth from [`Target::depth`].
-    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+    /// Dispatches that fill [`SurfaceTarget::sources`], and the picture's depth from
+    /// [`SurfaceTarget::depth`].
+    pub fn dispatches(&self, gpu: &Gpu, target: &SurfaceTarget<'_>) -> Vec<Dispatch> {
         let base = target.base();
-        let &Target { depth, marks, sources, spare, turns, .. } = target;
+        let &SurfaceTarget { depth, marks, sources, spare, turns, .. } = target;
         let start = [&turns.turns, &turns.groups, &turns.gone, sources];
         let rims = [marks, depth, &base.front, &base.tint, spare, &turns.gone];
         let mut all = vec![
@@ -109,7 +109,7 @@ impl Silhouette {
         ];
         for turn in 0..TURNS {
             all.push(self.tiles(gpu, target, turn));
-            // There and back, so that the sources lie in one place after any number of turns.
+            // Two halves, so that the sources are in the same buffer after any number of turns.
             all.push(self.half(gpu, target, turn * 2, [spare, sources]));
             all.push(self.half(gpu, target, turn * 2 + 1, [sources, spare]));
         }
@@ -118,7 +118,7 @@ impl Silhouette {
         all
     }
 
-    fn tiles(&self, gpu: &Gpu, target: &Target<'_>, turn: u32) -> Dispatch {
+    fn tiles(&self, gpu: &Gpu, target: &SurfaceTarget<'_>, turn: u32) -> Dispatch {
         let Turns { turns, groups, gone, tiles } = target.turns;
         let size = [target.picture.width, target.picture.height].map(|n| n.div_ceil(TILE));
         let resources = self.resources(target, turn * 2, &[turns, groups, gone, tiles]);
@@ -128,7 +128,7 @@ impl Silhouette {
     fn half(
         &self,
         gpu: &Gpu,
-        target: &Target<'_>,
+        target: &SurfaceTarget<'_>,
         half: u32,
         [before, after]: [&Counted; 2],
     ) -> Dispatch {
@@ -136,14 +136,14 @@ impl Silhouette {
         let surface = [target.depth, &base.front, &base.tint, before, after];
         let buffers = [&surface[..], &[&turns.turns, &turns.gone, &turns.tiles]].concat();
         let resources = self.resources(target, half, &buffers);
-        let groups = Groups::Told((*turns.groups).clone(), u64::from(half / 2) * 16);
+        let groups = Groups::Indirect((*turns.groups).clone(), u64::from(half / 2) * 16);
         Dispatch::new(gpu, &self.waves, groups, &resources)
     }
 
-    /// The uniform, half a turn, and these after them.
+    /// Bindings of the uniform, half a turn, and `buffers`.
     fn resources<'b>(
         &'b self,
-        target: &'b Target<'_>,
+        target: &'b SurfaceTarget<'_>,
         half: u32,
         buffers: &[&'b Counted],
     ) -> Vec<(u32, BindingResource<'b>)> {

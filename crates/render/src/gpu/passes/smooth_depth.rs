@@ -1,31 +1,35 @@
-//! Smoothing of the depth image on the GPU ([`crate::passes::smooth_depth`] is the twin), for clouds without normals. How wide it
-//! has to be is known on the GPU alone: all rounds are dispatched, and those that are not needed leave at once.
+//! Smooth depth on the GPU, for clouds without normals: smooths the depth image, from which shade
+//! computes normals. Only the GPU knows how wide it has to be: all rounds are dispatched, and those
+//! that are not needed end at once. Twin: [`crate::passes::smooth_depth`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
-use crate::gpu::device::shader::sources;
-use crate::gpu::surface::Target;
+use crate::gpu::device::shader::{same_values, sources, without_twin};
+use crate::gpu::target::SurfaceTarget;
+use crate::passes::smooth_depth::STEPS;
 
-/// Distances of the taps, pixels, a round each.
-const STEPS: [u32; 4] = [8, 4, 2, 1];
+same_values!(common_smoothing == crate::passes::smooth_depth { SLOPE_MAX });
+same_values!(smooth_depth_smooth == crate::passes::smooth_depth { TAPS[..], RADIUS_PER_STEP[..] });
+same_values!(smooth_depth_radius == crate::passes::smooth_depth { EVERY });
+without_twin!(smooth_depth_radius { LANES });
 
 /// The pass.
 pub struct SmoothDepth {
     radius: Kernel,
-    /// Along rows and columns, a round each.
+    /// Kernels along rows and along columns, for each round.
     smooth: Vec<[Kernel; 2]>,
 }
 
 impl SmoothDepth {
-    /// For a device.
+    /// Builds the kernels.
     ///
     /// # Errors
-    /// Where a shader is refused.
+    /// If the driver refuses a shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let smooth = |step: u32, down: f64| {
-            let constants = [("STEP", f64::from(step)), ("DOWN", down)];
+        let smooth = |step: usize, down: f64| {
+            let constants = [("STEP", step as f64), ("DOWN", down)];
             Kernel::new(gpu, sources::SMOOTH_DEPTH_SMOOTH, "main", &constants)
         };
         let rounds = STEPS.iter().map(|&step| Ok([smooth(step, 0.0)?, smooth(step, 1.0)?]));
@@ -35,8 +39,9 @@ impl SmoothDepth {
         })
     }
 
-    /// What finds the mean radius and smooths the picture's depth into [`Target::spare`].
-    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+    /// Dispatches that compute the mean radius and smooth the picture's depth to
+    /// [`SurfaceTarget::spare`].
+    pub fn dispatches(&self, gpu: &Gpu, target: &SurfaceTarget<'_>) -> Vec<Dispatch> {
         let depth = &target.picture.depth;
         let radius = [depth, &target.base().tint, target.sources, target.smoothing];
         let mut all = vec![target.one_group(gpu, &self.radius, &radius)];

@@ -1,4 +1,4 @@
-//! Copies the colours of a picture that a buffer holds to its texture.
+//! Copies the colours of a picture from its buffer to its texture, after resolve.
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
@@ -8,21 +8,21 @@ use crate::gpu::device::shader::sources;
 use crate::gpu::memory::picture::GpuPicture;
 use wgpu::BindingResource;
 
-/// The colours of a picture to its texture.
+/// The pass.
 pub struct Store {
     kernel: Kernel,
 }
 
 impl Store {
-    /// For a device.
+    /// Builds the kernel.
     ///
     /// # Errors
-    /// Where the shader is refused.
+    /// If the driver refuses the shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self { kernel: Kernel::new(gpu, sources::PICTURE_STORE, "main", &[])? })
     }
 
-    /// What fills the texture of a picture; `uniform` is the frame's.
+    /// Dispatch that fills the texture of a picture; `uniform` is the frame's.
     pub fn dispatch(&self, gpu: &Gpu, uniform: &wgpu::Buffer, picture: &GpuPicture) -> Dispatch {
         let view = picture.texture.create_view(&Default::default());
         let resources = [

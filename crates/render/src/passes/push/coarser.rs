@@ -2,7 +2,8 @@
 //! attributes, as registers that hold one coarser pixel for each finer one.
 
 use crate::passes::ellipse::covers_at;
-use crate::simd::lanes::{LANES, Line, NORMALS, Run, moved};
+use crate::picture::pyramid::NORMALS;
+use crate::simd::lanes::{LANES, Line, Run, moved};
 use crate::simd::values::Values;
 use fearless_simd::{Simd, SimdBase, f32x4, f32x8, mask32x8};
 

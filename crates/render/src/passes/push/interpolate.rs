@@ -2,18 +2,14 @@
 //! place of their attributes, or mixed with them.
 
 use crate::passes::push::coarser::Near;
-use crate::picture::pyramid::RowMut;
-use crate::simd::lanes::{FLAT, LANES, Line, NORMALS, Pixels, halves, turned};
-use crate::simd::values::{Values, bits, dot, join, only};
+use crate::picture::pyramid::{FLAT, NORMALS, RowMut};
+use crate::simd::lanes::{LANES, Line, Pixels, halves, turned};
+use crate::simd::values::{Values, bits, join, only};
 use fearless_simd::{ExtractToken, Simd, SimdMask, f32x8, mask32x8};
 use glam::Vec4;
 
 /// An attribute of every second pixel and of the others, component by component.
 pub(super) type Halves = [[Vec4; 2]; 4];
-
-/// Square of the cosine (15 degrees) from which two normals are near each other. A coarser pixel at
-/// the edge of a cube, with three parts of one side and one of the other, is near neither side.
-const NEAR: f32 = 0.933;
 
 /// Splits a register into the values of every second pixel and those of the others.
 #[inline(always)]
@@ -142,14 +138,6 @@ pub(super) fn smooth<const PLANE: usize>(
             }
         }
     }
-}
-
-/// Whether two normals of any length make a small angle, or one of them is zero. False where a
-/// component is NaN.
-#[inline(always)]
-pub(super) fn are_near<V: Values>(a: [V; 3], b: [V; 3]) -> V::Mask {
-    let along = dot(a, b);
-    (dot(a, a) * NEAR * dot(b, b)).cmple(along * along.max(along.like(0.0)))
 }
 
 /// Moves the first three components of `own` towards `mean` by `share`.

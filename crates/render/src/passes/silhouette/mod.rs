@@ -32,8 +32,8 @@ use rayon::prelude::*;
 
 /// Bits of a source that hold its pixel; the bits above them hold the outward direction of the line
 /// that was eroded, plus one.
-const PIXEL_BITS: u32 = 28;
-const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
+pub(crate) const PIXEL_BITS: u32 = 28;
+pub(crate) const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 /// Most waves after that of the rims. A surface takes as many as its radius has pixels, so only
 /// pictures of a few huge discs would change with more.
 pub(crate) const WAVES: u32 = 256;
@@ -45,17 +45,17 @@ const AHEAD: usize = 8;
 /// its radius is at least [`ALONE_RADIUS_PX`]. The own pixel of a sample keeps at least three
 /// neighbours, since it is eroded to more than a pixel around it. Where radii are smaller, rims
 /// need such pixels.
-const ALONE: usize = 7;
-const ALONE_RADIUS_PX: f32 = 3.0;
+pub(crate) const ALONE: usize = 7;
+pub(crate) const ALONE_RADIUS_PX: f32 = 3.0;
 
 /// The surface behind continues where pixels were eroded, as long as its depth changes by at most
 /// this many pixels' width per pixel (ground at a grazing angle), and by at most [`RISE_MAX`] of
 /// the depth.
-const STEEPEST: f32 = 4.0;
+pub(crate) const STEEPEST: f32 = 4.0;
 /// Least distance from the rim at which the mirrored pixel is shown, pixels. Nearer to it the pixel
 /// at the rim is shown: mirrored pixels flicker there, and stripes are no longer than that.
-const MIRRORED_PX: usize = 8;
-const RISE_MAX: f32 = 0.5;
+pub(crate) const MIRRORED_PX: usize = 8;
+pub(crate) const RISE_MAX: f32 = 0.5;
 
 /// Erodes the silhouettes of `base`. `depth` is its depth image (infinite where the picture is
 /// empty), and `edges` are the [`crate::picture::edges`] of that image. Returns the changed pixels

@@ -7,34 +7,34 @@ use crate::simd::values::Values;
 
 /// Greatest distance of a surface beyond its samples, over the radius, with normals and without.
 /// With normals ellipses end near silhouettes by themselves, and a smaller distance roughens them.
-const OVERHANG: [f32; 2] = [0.5, 0.35];
+pub(crate) const OVERHANG: [f32; 2] = [0.5, 0.35];
 /// Least value of that distance, pixels. With normals the positions of samples are exact; a smaller
 /// distance tears the rims of walls seen at a grazing angle. Without normals it dents the rims of
 /// dense surfaces.
-const OVERHANG_MIN_PX: [f32; 2] = [1.2, 1.5];
+pub(crate) const OVERHANG_MIN_PX: [f32; 2] = [1.2, 1.5];
 /// Least and greatest distance beyond a rim without a part of its surface, pixels; in between, it
 /// is the radius.
-const OPEN_PX: (f32, f32) = (4.0, 32.0);
+pub(crate) const OPEN_PX: (f32, f32) = (4.0, 32.0);
 /// A surface continues behind a gap up to [`STEEPER`] times as steeply as it comes to it. The slope
 /// is the steepest over these distances, in radii, since there may be gaps on this side too.
 /// Otherwise ground at a grazing angle would be another surface behind each gap between scan lines,
 /// and each gap would have a rim.
-const SLOPE_RADII: [usize; 3] = [2, 3, 4];
-const STEEPER: f32 = 1.5;
+pub(crate) const SLOPE_RADII: [usize; 3] = [2, 3, 4];
+pub(crate) const STEEPER: f32 = 1.5;
 /// Least reach, pixels, at which slopes are followed. Below it gaps are small, and parts of clutter
 /// that stick out matter more.
-const SLOPE_REACH_MIN: usize = 8;
+pub(crate) const SLOPE_REACH_MIN: usize = 8;
 /// A multiple of all of [`SLOPE_RADII`].
-const WIDTH_RADII: usize = 12;
+pub(crate) const WIDTH_RADII: usize = 12;
 /// Greatest distance of a line beyond its samples, pixels.
-const LINE_OVERHANG_PX: f32 = 0.9;
+pub(crate) const LINE_OVERHANG_PX: f32 = 0.9;
 /// Greatest width of a band that is a line, in radii, plus a number of pixels; and distance that it
 /// continues on either side, in radii: a single sample is no line, nor is a tip that stands out of
 /// a surface.
-const LINE_WIDTH: (f32, f32) = (2.0, 2.0);
-const LINE_SIDE: f32 = 2.0;
+pub(crate) const LINE_WIDTH: (f32, f32) = (2.0, 2.0);
+pub(crate) const LINE_SIDE: f32 = 2.0;
 /// Greatest radius, pixels, at which lines are detected.
-const LINE_RADIUS_MAX_PX: f32 = 32.0;
+pub(crate) const LINE_RADIUS_MAX_PX: f32 = 32.0;
 /// Directions to the eight neighbours, in a circle.
 pub(crate) const AROUND: [[isize; 2]; 8] =
     [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];

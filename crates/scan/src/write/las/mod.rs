@@ -1,14 +1,16 @@
-//! LAS and LAZ: header and VLRs, points in the order in which they come, EVLRs; bounds and counts are filled in
-//! at the end (LAS 1.4 R15, tables 3 to 5). What is decided before is in [`plan`], the records in [`records`].
+//! LAS and LAZ: header and VLRs, points in the order in which they come, EVLRs; bounds and counts
+//! are filled in at the end (LAS 1.4 R15, tables 3 to 5). What is decided before is in [`plan`],
+//! the records in [`records`].
 //!
-//! - Sources of one record keep it, and with it version, point format and extra bytes. The header is that of the
-//!   first source, in byte order of paths, and so is the global encoding, whose bit of GPS times is that of the first source
-//!   that has such; scale and offset are the lattice's.
-//! - VLRs and EVLRs are the first source's, then those of others that it lacks; of a coordinate reference system those
-//!   of one source alone. Indices into the order of points
-//!   (COPC, LAX) are left out, since the order is another; so are waveform packets, which Esker does not keep.
-//! - Other sources get the least point format with a field for every attribute; of those that are no LAS 6 to 10,
-//!   version 1.4. What has no field becomes extra bytes; colours of 8 bits are widened.
+//! - Sources of one record keep it, and with it version, point format and extra bytes. The header
+//!   is that of the first source, in byte order of paths, and so is the global encoding, whose bit
+//!   of GPS times is that of the first source that has such; scale and offset are the lattice's.
+//! - VLRs and EVLRs are the first source's, then those of others that it lacks; of a coordinate
+//!   reference system those of one source alone. Indices into the order of points (COPC, LAX) are
+//!   left out, since the order is another; so are waveform packets, which Esker does not keep.
+//! - Other sources get the least point format with a field for every attribute; of those that are
+//!   no LAS 6 to 10, version 1.4. What has no field becomes extra bytes; colours of 8 bits are
+//!   widened.
 
 mod order;
 mod plan;
@@ -16,8 +18,8 @@ mod records;
 
 use crate::error::ScanError;
 use crate::las::vlr::Vlr;
+use crate::write::encode::{Encode, Encoded, Export, Origins, Outline, Output};
 use crate::write::partial::Partial;
-use crate::write::{Encode, Encoded, Export, Origins, Outline, Output};
 use esker_points::Grid;
 use laz::{LazVlr, ParLasZipCompressor};
 use order::Ordered;

@@ -1,9 +1,10 @@
-//! The order in which LAZ takes the points of a batch. It stores differences to the point before, so that
-//! neighbours in time, or where there is no time in space, take fewer bytes than the even samples in which
-//! nodes keep their points. The order of points means nothing in Esker, and nothing in LAS.
+//! The order in which LAZ takes the points of a batch. It stores differences to the point before,
+//! so that neighbours in time, or where there is no time in space, take fewer bytes than the even
+//! samples in which nodes keep their points. The order of points means nothing in Esker, and
+//! nothing in LAS.
 
 use super::records::Records;
-use crate::write::{Encode, Encoded};
+use crate::write::encode::{Encode, Encoded};
 use esker_points::attribute::names;
 use esker_points::morton::encode3;
 use esker_points::{AttrType, Batch};

@@ -1,7 +1,7 @@
-//! What a LAS file begins and ends with, and how its records are laid out, decided from the sources before the
-//! first point. One LAS source, or several of one record: version, point format, extra bytes and all records
-//! before and behind the points are as they were. Else the least point format serves that has a field for
-//! every attribute; what has none becomes extra bytes.
+//! What a LAS file begins and ends with, and how its records are laid out, decided from the sources
+//! before the first point. One LAS source, or several of one record: version, point format, extra
+//! bytes and all records before and behind the points are as they were. Else the least point format
+//! serves that has a field for every attribute; what has none becomes extra bytes.
 
 use super::records::Records;
 use crate::error::ScanError;
@@ -10,8 +10,8 @@ use crate::las::extra_bytes;
 use crate::las::header::{ADJUSTED_BIT, GpsTimes, Header, WKT_BIT, format_bytes, has_bit, set_bit};
 use crate::las::points::Layout;
 use crate::las::vlr::{VLR_HEAD_BYTES, Vlr, of_blocks};
+use crate::write::encode::{Origin, Origins, Outline};
 use crate::write::unique::unique;
-use crate::write::{Origin, Origins, Outline};
 use esker_points::attribute::names;
 use esker_points::{AttrType, Attribute, Schema};
 use laz::{LazVlr, LazVlrBuilder};
@@ -56,14 +56,16 @@ struct Found {
     wkt: Option<String>,
     dropped: Vec<&'static str>,
     conflicts: usize,
-    /// What the GPS times of the first source that has such are counted from, and how many sources' times otherwise.
+    /// What the GPS times of the first source that has such are counted from, and how many sources'
+    /// times otherwise.
     gps_times: Option<GpsTimes>,
     other_times: usize,
     /// Whether the source whose coordinate reference system is written says that it is WKT.
     is_wkt: Option<bool>,
     /// Descriptions of extra bytes, each once.
     descriptions: Vec<Vec<u8>>,
-    /// Sources whose coordinate reference system is told otherwise than by the first that tells one.
+    /// Sources whose coordinate reference system is told otherwise than by the first that tells
+    /// one.
     other_systems: usize,
 }
 
@@ -229,7 +231,8 @@ impl Found {
         }
     }
 
-    /// Takes out what tells of a reference system where a source before has told one: a file has one system.
+    /// Takes out what tells of a reference system where a source before has told one: a file has
+    /// one system.
     fn leave_one_system(&mut self, vlrs: &mut Vec<Vlr>) {
         let told: Vec<&Vlr> =
             self.first.iter().flat_map(|(_, kept, _)| kept).filter(|v| tells_system(v)).collect();
@@ -277,7 +280,8 @@ impl Found {
     }
 }
 
-/// Whether a record is a part of what tells a file's coordinate reference system: WKT, or the keys of GeoTIFF.
+/// Whether a record is a part of what tells a file's coordinate reference system: WKT, or the keys
+/// of GeoTIFF.
 fn tells_system(vlr: &Vlr) -> bool {
     vlr.user == "LASF_Projection"
 }
@@ -330,8 +334,8 @@ fn new_head(wkt: Option<&str>) -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
     (header, vlrs, Vec::new())
 }
 
-/// The header in a version that has the point format, and at least in that which is `needed`. One that is restored stays else as
-/// it was.
+/// The header in a version that has the point format, and at least in that which is `needed`. One
+/// that is restored stays else as it was.
 fn with_version(
     mut header: Vec<u8>,
     found: &Found,
@@ -377,7 +381,8 @@ fn laszip(path: &Path, records: &Records) -> Result<LazVlr, ScanError> {
         .map_err(|e| ScanError::unsupported(path, format!("cannot be compressed: {e}")))
 }
 
-/// Puts the LASzip record where the source's was, or behind the other VLRs; takes that of the source out.
+/// Puts the LASzip record where the source's was, or behind the other VLRs; takes that of the
+/// source out.
 fn place_laszip(
     laszip: Option<&LazVlr>,
     vlrs: &mut Vec<Vlr>,

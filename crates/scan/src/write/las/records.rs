@@ -1,8 +1,8 @@
-//! Columns to point records: the way back of [`crate::las::points`]. What the record has a field for is put there,
-//! all else behind it, as extra bytes.
+//! Columns to point records: the way back of [`crate::las::points`]. What the record has a field
+//! for is put there, all else behind it, as extra bytes.
 
 use crate::las::points::{Field, Layout, Take};
-use crate::write::{Encode, Encoded};
+use crate::write::encode::{Encode, Encoded};
 use esker_points::attribute::names;
 use esker_points::lattice::ORIGIN;
 use esker_points::{AttrType, Attribute, Batch, Schema};
@@ -86,7 +86,8 @@ impl Records {
         (records, extra)
     }
 
-    /// For each column, the field that it goes to; a column that is converted goes to the field of another one.
+    /// For each column, the field that it goes to; a column that is converted goes to the field of
+    /// another one.
     pub fn fields(&self) -> Vec<usize> {
         let same = |a: &Place, b: &Place| a.offset == b.offset && a.take() == b.take();
         let first = |place: &Place| self.places.iter().position(|other| same(place, other));

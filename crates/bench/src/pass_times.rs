@@ -1,0 +1,50 @@
+//! Times of passes in reports: [`Stages`] as an object of milliseconds by the names of
+//! [`Pass::ALL`], with the time of the whole frame beside them.
+
+use esker_render::{Pass, Stages};
+use serde::de::Error;
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Deserializer, Serializer};
+use std::collections::BTreeMap;
+
+/// Applies `statistic` to the times of each pass, and to those of whole frames.
+pub(crate) fn of_frames(frames: &[Stages], statistic: impl Fn(&[f64]) -> f64) -> Stages {
+    let of = |ms: &dyn Fn(&Stages) -> f64| statistic(&frames.iter().map(ms).collect::<Vec<_>>());
+    Stages {
+        passes_ms: Pass::ALL.map(|pass| of(&|stages| stages.ms(pass))),
+        total_ms: of(&|stages| stages.total_ms),
+    }
+}
+
+/// Writes `stages` with the whole frame as `total`.
+pub(crate) fn with_total<S: Serializer>(stages: &Stages, to: S) -> Result<S::Ok, S::Error> {
+    write(stages, "total", to)
+}
+
+/// Writes `stages` with the whole frame as `all`.
+pub(crate) fn with_all<S: Serializer>(stages: &Stages, to: S) -> Result<S::Ok, S::Error> {
+    write(stages, "all", to)
+}
+
+fn write<S: Serializer>(stages: &Stages, whole_frame: &str, to: S) -> Result<S::Ok, S::Error> {
+    let mut map = to.serialize_map(Some(Pass::ALL.len() + 1))?;
+    for pass in Pass::ALL {
+        map.serialize_entry(pass.name(), &stages.ms(pass))?;
+    }
+    map.serialize_entry(whole_frame, &stages.total_ms)?;
+    map.end()
+}
+
+/// Reads what [`with_all`] writes.
+///
+/// # Errors
+/// If a pass, or the whole frame, has no time.
+pub(crate) fn from_all<'de, D: Deserializer<'de>>(from: D) -> Result<Stages, D::Error> {
+    let times = BTreeMap::<String, f64>::deserialize(from)?;
+    let ms = |name| times.get(name).copied().ok_or_else(|| D::Error::missing_field(name));
+    let mut stages = Stages { total_ms: ms("all")?, ..Stages::default() };
+    for pass in Pass::ALL {
+        stages.add(pass, ms(pass.name())?);
+    }
+    Ok(stages)
+}

@@ -1,0 +1,220 @@
+//! The report of the benchmark of streaming. A run is measured in a child process, which prints its
+//! report as JSON; the parent reads it back by the same types, so that a missing field is an error.
+
+use crate::pass_times;
+use crate::stream::request::Settings;
+use esker_render::Stages;
+use serde::{Deserialize, Deserializer, Serialize};
+
+/// Report of one run, or of several.
+#[derive(Clone, Debug, Serialize)]
+#[serde(untagged)]
+pub enum StreamReport {
+    /// The only run.
+    One(Box<StreamRun>),
+    /// All runs, in the order of the inputs.
+    Several {
+        /// A report each.
+        runs: Vec<StreamRun>,
+    },
+}
+
+impl StreamReport {
+    /// All runs.
+    pub(super) fn runs(&self) -> &[StreamRun] {
+        match self {
+            Self::One(run) => std::slice::from_ref(run),
+            Self::Several { runs } => runs,
+        }
+    }
+}
+
+/// Report of one file flown through with one set of settings. `bench/README.md` explains the
+/// fields.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct StreamRun {
+    pub file: String,
+    pub points: u64,
+    pub trees: usize,
+    pub nodes: usize,
+    pub node_capacity: u32,
+    pub structure_bytes: u64,
+    pub table_bytes_a_node: usize,
+    pub file_bytes: u64,
+    pub backend: String,
+    #[serde(deserialize_with = "present")]
+    pub adapter: Option<String>,
+    pub gpu_path: String,
+    #[serde(deserialize_with = "present")]
+    pub backend_note: Option<String>,
+    pub size: [u32; 2],
+    pub settings: Settings,
+    pub depth_test: bool,
+    pub cold: bool,
+    pub peak_rss_bytes: u64,
+    pub empty_rss_bytes: u64,
+    pub driver_rss_bytes: u64,
+    pub budget_ram_bytes: u64,
+    pub peak_gpu_bytes: u64,
+    #[serde(deserialize_with = "present")]
+    pub fixed_gpu_bytes: Option<u64>,
+    pub budget_gpu_bytes: u64,
+    pub budget_exceeded: bool,
+    pub render_stalls: u64,
+    pub frames: usize,
+    pub frame_ms_p50: f64,
+    pub frame_ms_p99: f64,
+    pub frame_ms_max: f64,
+    pub lod_ms_p50: f64,
+    pub lod_ms_p99: f64,
+    pub lod_ms_max: f64,
+    pub frames_within_100_ms: f64,
+    pub lod_within_100_ms: f64,
+    pub read_bytes: u64,
+    pub useful_bytes: u64,
+    pub reads: u64,
+    pub flight_bytes_per_s: f64,
+    pub nodes_loaded: u64,
+    pub nodes_evicted: u64,
+    pub requests_dropped: u64,
+    pub nodes_failed: u64,
+    #[serde(deserialize_with = "present")]
+    pub fault: Option<String>,
+    pub views: Vec<ViewReport>,
+    pub transitions: Vec<TransitionReport>,
+    pub sequential_bytes_per_s: f64,
+    pub read_bytes_per_s: f64,
+    pub loading: LoadingReport,
+}
+
+/// A view of the path, drawn with the depth test and without it.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct ViewReport {
+    /// Figures of the flight with the depth test.
+    #[serde(flatten)]
+    pub figures: ViewFigures,
+    /// Figures of the flight without it, if that was measured.
+    #[serde(deserialize_with = "present")]
+    pub without_depth_test: Option<ViewFigures>,
+}
+
+/// Figures of a view, as in table 3 of `kanzok2015`.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct ViewFigures {
+    /// Name of the view.
+    pub name: String,
+    /// Nodes drawn once the view was complete.
+    pub nodes: u64,
+    /// Points drawn once the view was complete.
+    pub points: u64,
+    /// Median time of the LOD thread's choices, milliseconds.
+    pub lod_ms: f64,
+    /// Median time of drawing, milliseconds.
+    pub render_ms: f64,
+    /// Median time of each pass: by the GPU's clock if a GPU draws.
+    #[serde(serialize_with = "pass_times::with_all", deserialize_with = "pass_times::from_all")]
+    pub passes_ms: Stages,
+    /// Time from the arrival at the view until everything that it needs was drawn, milliseconds.
+    pub complete_ms: f64,
+    /// Whether the view became complete.
+    #[serde(rename = "complete")]
+    pub is_complete: bool,
+    /// Median time of whole frames, milliseconds.
+    pub frame_ms: f64,
+    /// Frames a second, by the median frame.
+    pub fps: f64,
+    /// Nodes that were hidden, with their subtrees or by themselves.
+    pub nodes_occluded: u64,
+    /// Bytes of drawing memory in slots.
+    pub resident_bytes: u64,
+}
+
+/// The way to a view.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct TransitionReport {
+    /// Name of the view that it leads to.
+    pub to: String,
+    /// Number of frames.
+    pub frames: usize,
+    /// Points of a frame, on average.
+    pub points: f64,
+    /// Bytes read on the way.
+    pub read_bytes: u64,
+    /// Median time of its frames, milliseconds.
+    pub frame_ms_p50: f64,
+    /// Time that 99 % of its frames do not exceed, milliseconds.
+    pub frame_ms_p99: f64,
+    /// Time of the longest frame, milliseconds.
+    pub frame_ms_max: f64,
+}
+
+/// Loading of one view without drawing, beside plain reads of the same ranges of the file.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct LoadingReport {
+    /// Name of the view.
+    pub view: String,
+    /// Bytes of the ranges.
+    pub bytes: u64,
+    /// Loadings whose median is reported.
+    pub runs: usize,
+    /// Rate of the streamer.
+    pub streamed_bytes_per_s: f64,
+    /// Rate of plain reads.
+    pub plain_bytes_per_s: f64,
+    /// Median of streamed rate over plain rate.
+    pub ratio: f64,
+    /// Whether the file was removed from the system's cache before.
+    pub from_cold: bool,
+}
+
+/// Reads a field that may be null but not absent: serde takes an absent `Option` for `None`.
+fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<Option<T>, D::Error> {
+    Option::deserialize(from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::Value;
+
+    fn run() -> Value {
+        let view = ViewReport {
+            without_depth_test: Some(ViewFigures::default()),
+            ..ViewReport::default()
+        };
+        let transitions = vec![TransitionReport::default()];
+        let run = StreamRun { views: vec![view], transitions, ..StreamRun::default() };
+        serde_json::to_value(StreamReport::One(Box::new(run))).unwrap()
+    }
+
+    /// Asserts that no field of the object at `pointer` can be left out of a run.
+    fn refuses_missing_fields(pointer: &str) {
+        let object = run().pointer(pointer).unwrap().clone();
+        for (name, _) in object.as_object().unwrap() {
+            let mut cut = run();
+            cut.pointer_mut(pointer).unwrap().as_object_mut().unwrap().remove(name);
+            let error = serde_json::from_value::<StreamRun>(cut).unwrap_err().to_string();
+            assert!(error.contains(&format!("`{name}`")), "without {pointer} {name}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_report_with_a_missing_field_is_refused_by_name() {
+        for pointer in [
+            "",
+            "/views/0",
+            "/views/0/passes_ms",
+            "/views/0/without_depth_test",
+            "/transitions/0",
+            "/loading",
+        ] {
+            refuses_missing_fields(pointer);
+        }
+    }
+
+    #[test]
+    fn a_run_read_back_is_written_the_same() {
+        let back: StreamRun = serde_json::from_value(run()).unwrap();
+        assert_eq!(serde_json::to_value(back).unwrap(), run());
+    }
+}

@@ -1,0 +1,259 @@
+//! Filter of a forest, and values mapped to codes of one byte while they are read. Nodes are judged
+//! by the node table and the statistics alone, so that unwanted nodes are not read. Points of nodes
+//! that cross a border are tested while their positions are read; unwanted ones are marked in the
+//! byte that files leave zero.
+
+use crate::error::FormatError;
+use crate::forest::Forest;
+use crate::layout::PlaneKind;
+use crate::reader::Planes;
+use esker_points::attribute::names;
+use esker_points::filter::{LatticeFilter, Side};
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
+use esker_points::{AttrType, Codes, Node};
+
+/// Filter and mapped planes of a forest. By default everything is read as it is in the files.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ForestFilter {
+    filter: Option<NodeFilters>,
+    codes: Option<(PlaneKind, Codes)>,
+    scans: Option<(PlaneKind, Codes)>,
+}
+
+/// A filter with its result for each node.
+#[derive(Clone, Debug, PartialEq)]
+struct NodeFilters {
+    filter: LatticeFilter,
+    /// In the order of the forest's table.
+    by_node: Vec<NodeFilter>,
+}
+
+/// Result of a filter for a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct NodeFilter {
+    /// Number of its own points that are wanted at most, from the first one on.
+    points: u32,
+    /// Whether its points must be tested one by one.
+    is_partial: bool,
+    /// Whether no point of it and of its subtree is wanted.
+    rejects_subtree: bool,
+}
+
+impl ForestFilter {
+    /// A filter of a forest, and a plane mapped to codes.
+    ///
+    /// # Errors
+    /// If statistics that the filter needs cannot be read.
+    pub fn of(
+        forest: &Forest,
+        filter: Option<LatticeFilter>,
+        codes: Option<(PlaneKind, Codes)>,
+    ) -> Result<Self, FormatError> {
+        let filter = filter.map(|filter| NodeFilters::new(forest, filter)).transpose()?;
+        Ok(Self { filter, codes, scans: None })
+    }
+
+    /// Sets the plane that is mapped to codes.
+    pub fn coded(self, codes: Option<(PlaneKind, Codes)>) -> Self {
+        Self { codes, ..self }
+    }
+
+    /// Sets the plane whose codes go to the spare bytes of colours, which distinguish scans.
+    pub fn with_scans(self, scans: Option<(PlaneKind, Codes)>) -> Self {
+        Self { scans, ..self }
+    }
+
+    /// Whether there is a filter.
+    pub fn is_filtered(&self) -> bool {
+        self.filter.is_some()
+    }
+
+    /// Whether a node's points must be tested one by one.
+    pub fn hides_points(&self, node: u32) -> bool {
+        self.node_filter(node).is_some_and(|v| v.is_partial)
+    }
+
+    /// Greatest number of a node's own points that are wanted, from the first one on.
+    pub fn points_max(&self, node: u32) -> usize {
+        self.node_filter(node).map_or(usize::MAX, |v| v.points as usize)
+    }
+
+    /// Whether points of a class may be wanted.
+    pub fn wants_class(&self, class: u8) -> bool {
+        self.filter.as_ref().is_none_or(|f| f.filter.wants_class(class))
+    }
+
+    /// Whether any node's points must be tested one by one.
+    pub fn hides_any(&self) -> bool {
+        self.filter.as_ref().is_some_and(|f| f.by_node.iter().any(|v| v.is_partial))
+    }
+
+    /// Whether no point of a node and of its subtree is wanted.
+    pub fn rejects_subtree(&self, node: u32) -> bool {
+        self.node_filter(node).is_some_and(|v| v.rejects_subtree)
+    }
+
+    /// Whether a node's plane is read otherwise than it is in the file.
+    pub fn changes(&self, node: u32, kind: PlaneKind) -> bool {
+        self.codes.is_some_and(|(coded, _)| coded == kind)
+            || (kind == PlaneKind::Position && self.hides_points(node))
+            || (kind == PlaneKind::Colour && self.scans.is_some())
+    }
+
+    /// Bytes of one value of a mapped plane; `None` for planes whose values keep their size.
+    pub fn value_bytes(&self, kind: PlaneKind) -> Option<u64> {
+        self.codes.is_some_and(|(coded, _)| coded == kind).then_some(1)
+    }
+
+    /// Reads planes of a node, filtered and mapped. Planes that it does not have are left out.
+    ///
+    /// # Errors
+    /// If they cannot be read or are damaged.
+    pub fn read(
+        &self,
+        forest: &Forest,
+        node: u32,
+        kinds: &[PlaneKind],
+    ) -> Result<Planes, FormatError> {
+        let tests = self.hides_points(node) && kinds.contains(&PlaneKind::Position);
+        let test = self.filter.as_ref().filter(|_| tests);
+        let mut wanted = kinds.to_vec();
+        for kind in test.iter().flat_map(|f| f.needed(forest, node)) {
+            if !wanted.contains(&kind) {
+                wanted.push(kind);
+            }
+        }
+        let scans = self.scans.filter(|_| kinds.contains(&PlaneKind::Colour));
+        if let Some((kind, _)) = scans.filter(|(kind, _)| !wanted.contains(kind)) {
+            wanted.push(kind);
+        }
+        let mut planes = forest.read_planes(node, &wanted)?;
+        if let Some(test) = test {
+            test.hide(forest, node, &mut planes);
+        }
+        if let Some((kind, codes)) = scans {
+            let scans = codes.of(planes.get(kind).unwrap_or_default());
+            mark_scans(&mut planes, &scans);
+        }
+        if let Some((kind, codes)) = self.codes
+            && let Some(values) = planes.get_mut(kind)
+        {
+            *values = codes.of(values);
+        }
+        planes.retain(|kind| kinds.contains(&kind));
+        Ok(planes)
+    }
+
+    fn node_filter(&self, node: u32) -> Option<&NodeFilter> {
+        self.filter.as_ref()?.by_node.get(node as usize)
+    }
+}
+
+impl NodeFilters {
+    fn new(forest: &Forest, filter: LatticeFilter) -> Result<Self, FormatError> {
+        let nodes = &forest.table().nodes;
+        let mut by_node = Vec::with_capacity(nodes.len());
+        for file in forest.files() {
+            let statistics = filter.needs_classes().then(|| file.statistics()).transpose()?;
+            let all_have_one =
+                file.layout().all_have_one_of(&[(names::CLASSIFICATION, AttrType::U8)]);
+            let first = by_node.len();
+            for (index, node) in (0u32..).zip(&nodes[first..][..file.table().nodes.len()]) {
+                let classes = |of: fn(&crate::Statistics, u32) -> Option<[u64; 4]>| {
+                    let bits = statistics.as_ref().map(|s| of(s, index));
+                    bits.map_or(Side::Inside, |bits| filter.side_of_classes(bits, all_have_one))
+                };
+                let own = classes(crate::Statistics::own_classes);
+                let below = classes(crate::Statistics::subtree_classes);
+                by_node.push(node_filter(&filter, nodes, node, own, below));
+            }
+        }
+        Ok(Self { filter, by_node })
+    }
+
+    /// Planes that the test of points needs.
+    fn needed(&self, forest: &Forest, node: u32) -> Vec<PlaneKind> {
+        let mut kinds = vec![PlaneKind::Residual];
+        if self.filter.needs_classes() {
+            kinds.push(PlaneKind::Class);
+            kinds.extend(classification(forest));
+        }
+        kinds.retain(|&kind| forest.has_plane(node, kind));
+        kinds
+    }
+
+    /// Marks the unwanted points of a node.
+    fn hide(&self, forest: &Forest, node: u32, planes: &mut Planes) {
+        let record = forest.record(node);
+        let [min, max] = record.own_box();
+        let test = self.filter.in_box(min, max);
+        let copy = |kind| planes.get(kind).unwrap_or_default().to_vec();
+        let (residual, of_source) = (copy(PlaneKind::Residual), copy(PlaneKind::Class));
+        let kind = classification(forest).filter(|_| self.filter.needs_classes());
+        let classes = kind.map(copy).unwrap_or_default();
+        let file = forest.file_of(node);
+        let own = file.metadata().schema.find_typed(names::CLASSIFICATION, AttrType::U8);
+        let has_class = |point: usize| {
+            let source =
+                of_source.as_chunks::<2>().0.get(point).map_or(0, |c| u16::from_le_bytes(*c));
+            own.is_some_and(|a| file.layout().has_attribute(usize::from(source), a))
+        };
+        let Some(positions) = planes.get_mut(PlaneKind::Position) else { return };
+        let shift = record.hot_shift;
+        let points = positions.as_chunks_mut::<HOT_POSITION_BYTES>().0;
+        for (i, point) in points.iter_mut().enumerate() {
+            let low = read_residual(&residual, i, shift);
+            let p = [0, 1, 2].map(|axis| {
+                let hot = u16::from_le_bytes([point[axis * 2], point[axis * 2 + 1]]);
+                exact(hot, low[axis], min[axis], shift)
+            });
+            let class = classes.get(i).copied().filter(|_| has_class(i));
+            point[HIDDEN_AT] = u8::from(!test.keeps(p, class));
+        }
+    }
+}
+
+/// Writes codes of scans to the spare bytes of colours; zero if there are no codes.
+fn mark_scans(planes: &mut Planes, scans: &[u8]) {
+    let colours = planes.get_mut(PlaneKind::Colour).map(Vec::as_mut_slice).unwrap_or_default();
+    let scans = scans.iter().copied().chain(std::iter::repeat(0));
+    for (colour, scan) in colours.as_chunks_mut::<4>().0.iter_mut().zip(scans) {
+        colour[3] = scan;
+    }
+}
+
+/// Result of a filter for a node, given the sides of its own points' classes and of those of its
+/// subtree.
+fn node_filter(
+    filter: &LatticeFilter,
+    nodes: &[Node],
+    node: &Node,
+    own_classes: Side,
+    subtree_classes: Side,
+) -> NodeFilter {
+    let none = NodeFilter { points: 0, is_partial: false, rejects_subtree: true };
+    let prefix = filter.prefix(node, nodes.get(node.parent as usize));
+    let cell = node.cell();
+    if prefix == 0
+        || subtree_classes == Side::Outside
+        || filter.side_of_box(cell.corner, cell.last()) == Side::Outside
+    {
+        return none;
+    }
+    let [min, max] = node.own_box();
+    let by_box = filter.side_of_box(min, max);
+    if by_box == Side::Outside || own_classes == Side::Outside {
+        return NodeFilter { rejects_subtree: false, ..none };
+    }
+    NodeFilter {
+        points: u32::try_from(prefix).unwrap_or(u32::MAX),
+        is_partial: by_box == Side::Across || own_classes == Side::Across,
+        rejects_subtree: false,
+    }
+}
+
+/// The plane of the classification.
+fn classification(forest: &Forest) -> Option<PlaneKind> {
+    let index = forest.schema().find_typed(names::CLASSIFICATION, AttrType::U8)?;
+    Some(PlaneKind::Attribute(u16::try_from(index).ok()?))
+}

@@ -1,0 +1,42 @@
+//! Buffered reading of an E57 file, whose reader seeks to each page in turn.
+
+use crate::error::ScanError;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+/// Bytes read from the file at once.
+const READ_BYTES: usize = 256 << 10;
+
+/// A file whose reader seeks to each page in turn: what was read ahead is kept.
+pub(crate) struct Ahead {
+    file: BufReader<File>,
+    at: u64,
+}
+
+impl Read for Ahead {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let bytes = self.file.read(buffer)?;
+        self.at += bytes as u64;
+        Ok(bytes)
+    }
+}
+
+impl Seek for Ahead {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        match to {
+            SeekFrom::Start(to) if to <= i64::MAX as u64 => {
+                self.file.seek_relative(to as i64 - self.at as i64)?;
+                self.at = to;
+            }
+            to => self.at = self.file.seek(to)?,
+        }
+        Ok(self.at)
+    }
+}
+
+/// Opens a file for buffered reading.
+pub(crate) fn file_of(path: &Path) -> Result<Ahead, ScanError> {
+    let file = File::open(path).map_err(|e| ScanError::io(path, e))?;
+    Ok(Ahead { file: BufReader::with_capacity(READ_BYTES, file), at: 0 })
+}

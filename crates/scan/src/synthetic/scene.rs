@@ -1,0 +1,23 @@
+//! The trait of generated scenes: a world and how it is scanned.
+
+use super::point::Point;
+use crate::source::Scanner;
+use esker_points::Grid;
+use std::ops::Range;
+
+/// Points of a block, which are generated together and become a batch.
+pub(crate) const BLOCK_POINTS: u64 = 1 << 14;
+
+/// A world and how it is scanned.
+pub(crate) trait Scene: Send + Sync {
+    /// The grid of its coordinates.
+    fn grid(&self) -> Grid;
+    /// Where its points are scanned from, where they stand still for it.
+    fn scanner(&self) -> Option<Scanner> {
+        None
+    }
+    /// Corners of a box that no point is outside of, without the grid's offset.
+    fn bounds(&self) -> [[f64; 3]; 2];
+    /// Appends these points; the range begins at a multiple of [`BLOCK_POINTS`] and is not longer.
+    fn block(&self, range: Range<u64>, out: &mut Vec<Point>);
+}
