@@ -11,7 +11,7 @@ use crate::picture::pyramid::{
     FITTED, FLAT, INVALID, Level, NORMALS, Planes, RowMut, for_each_row,
 };
 use crate::simd::lanes::{LANES, Pixels, moved, only};
-use crate::simd::values::{Lane, directions};
+use crate::simd::values::{Lane, Mask, directions};
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
 use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
@@ -226,7 +226,7 @@ impl Hits {
         };
         let mut reach = radius * BARE_REACH;
         if PLANE != FLAT {
-            let [right, up, back] = camera.view_from_world;
+            let [right, up, _] = camera.view_from_world;
             let step = camera.step.to_array();
             let [x, y, z] = &self.steps;
             let from_eye = [four(x) * step[0], four(y) * step[1], four(z) * step[2]];
@@ -256,23 +256,8 @@ impl Hits {
                 out.plane = [tilt[0] * moved, tilt[1] * moved, Vec4::ZERO, Vec4::ZERO];
             }
             if PLANE == NORMALS {
-                let [a, b, c, d] = normals.map(|code| code.map(f32::from));
-                let code = |i: usize| Vec4::new(a[i], b[i], c[i], d[i]);
-                let world = directions(code(0), code(1));
-                let [x, y, z] = world;
-                let length = (x * x + y * y + z * z).sqrt();
-                let has_normal = length.cmpgt(Vec4::ZERO);
-                let unit = |c: Lane| only(has_normal, c / length);
-                let world = [unit(x), unit(y), unit(z)];
-                let normal = [dot(right, world), dot(up, world), dot(back, world)];
-                let [x, y, z] =
-                    [world[0] * from_eye[0], world[1] * from_eye[1], world[2] * from_eye[2]];
-                // Normals face the eye already where back faces are culled; elsewhere they are
-                // turned to it.
-                let is_away = (x + y + z).cmpgt(Vec4::ZERO);
-                let turns = !pass.lookup.frame.cull_back_faces;
-                let turn = |c: Lane| if turns { Vec4::select(is_away, -c, c) } else { c };
-                let turned = [turn(normal[0]), turn(normal[1]), turn(normal[2])];
+                let culls = pass.lookup.frame.cull_back_faces;
+                let (turned, has_normal) = normals_to_eye(camera, normals, from_eye, culls);
                 let plate = Lens::new(camera).thickness(turned, place);
                 let thick = radius * (THICKNESS / RADIUS_FACTOR[0]) * plate;
                 reach = Vec4::select(has_normal, thick, reach);
@@ -287,6 +272,31 @@ impl Hits {
         out.front[1] = out.depth + reach;
         out.scatter::<PLANE>(*to, row);
     }
+}
+
+/// Unit normals in view space from octahedral codes, turned to the eye, and which of them exist.
+/// Where back faces are culled (`culls`), normals face the eye already.
+#[inline(always)]
+fn normals_to_eye(
+    camera: &Camera,
+    codes: &[[i16; 2]; LANES],
+    from_eye: [Lane; 3],
+    culls: bool,
+) -> ([Lane; 3], Mask) {
+    let [right, up, back] = camera.view_from_world;
+    let [a, b, c, d] = codes.map(|code| code.map(f32::from));
+    let code = |i: usize| Vec4::new(a[i], b[i], c[i], d[i]);
+    let world = directions(code(0), code(1));
+    let [x, y, z] = world;
+    let length = (x * x + y * y + z * z).sqrt();
+    let has_normal = length.cmpgt(Vec4::ZERO);
+    let unit = |c: Lane| only(has_normal, c / length);
+    let world = [unit(x), unit(y), unit(z)];
+    let normal = [dot(right, world), dot(up, world), dot(back, world)];
+    let [x, y, z] = [world[0] * from_eye[0], world[1] * from_eye[1], world[2] * from_eye[2]];
+    let is_away = (x + y + z).cmpgt(Vec4::ZERO);
+    let turn = |c: Lane| if culls { c } else { Vec4::select(is_away, -c, c) };
+    ([turn(normal[0]), turn(normal[1]), turn(normal[2])], has_normal)
 }
 
 /// Growth of depth to the right and downwards, and reach, of the planes fitted at four pixels of

@@ -14,7 +14,7 @@ struct Exception {
     reason: &'static str,
 }
 
-const EXCEPTIONS: [Exception; 3] = [
+const EXCEPTIONS: [Exception; 2] = [
     Exception {
         file: "crates/builder/src/calls/build.rs",
         function: "build_into",
@@ -24,11 +24,6 @@ const EXCEPTIONS: [Exception; 3] = [
         file: "crates/render/examples/bench_quads.rs",
         function: "quads",
         reason: "sets up a pipeline that nothing else uses",
-    },
-    Exception {
-        file: "crates/render/src/passes/push.rs",
-        function: "fill",
-        reason: "a vector kernel; its intermediate values would be a dozen arguments",
     },
 ];
 
