@@ -85,7 +85,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
     }
     let request = PictureRequest {
         size: args.size,
-        method: args.method.into(),
+        method: args.method,
         camera,
         budget_points: args.budget_points,
         target_spacing_px: args.target_spacing,

@@ -78,7 +78,7 @@ impl App {
     /// Where the script cannot be read.
     pub fn new(args: Args, start: Instant) -> Result<Self> {
         let wanted = Settings {
-            method: args.method.into(),
+            method: args.method,
             colour_by: args.colour.clone(),
             filter: args.filter(),
             shines: !args.no_highlights,

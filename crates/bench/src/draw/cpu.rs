@@ -20,8 +20,7 @@ const COPY_PIECE: usize = 1 << 20;
 /// Copies whose median is returned.
 const COPIES: usize = 5;
 
-/// Copies a large buffer on all threads and returns the median rate: bytes a second, read and
-/// written.
+/// Copies a large buffer on all threads. Returns the median rate: bytes a second, read and written.
 pub(super) fn copy_rate() -> f64 {
     let source = vec![1u8; COPY_BYTES];
     let mut target = vec![0u8; COPY_BYTES];

@@ -96,8 +96,8 @@ impl<'a> ResidentScene<'a> {
     }
 
     /// Moves the eye towards the middle of the file until nearly all pixels are covered, and
-    /// returns whether they are; if not, the view is left as it was. Nodes and planes stay the
-    /// same.
+    /// returns whether they are; if not, the view is left as it was. Nodes and planes
+    /// stay the same.
     ///
     /// # Errors
     /// If the view makes no valid camera.

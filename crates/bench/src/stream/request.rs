@@ -1,5 +1,4 @@
-//! What the benchmark of streaming measures: files and scans, and how each of them is flown
-//! through.
+//! What the benchmark of streaming measures: files and scans, and how each is flown through.
 
 use esker_engine::draw::session::Options;
 use esker_engine::machine::backend::DrawWith;

@@ -233,8 +233,7 @@ impl Run<'_> {
         if left_gpu { &flight.drawer } else { &self.drawer }
     }
 
-    /// Whether peaks of memory exceed the budgets; those of the whole process by more than
-    /// [`MARGIN`].
+    /// Whether peaks of memory exceed the budgets; that of the process may by up to [`MARGIN`].
     fn exceeds(&self, peak_gpu_bytes: u64, peak_rss_bytes: u64) -> bool {
         let request = self.request;
         let budgets = request.budget_gpu_bytes

@@ -4,6 +4,7 @@
 pub mod budget;
 pub mod empty_picture;
 pub mod frame;
+pub mod method;
 pub mod options;
 pub mod painter;
 pub mod scene;
