@@ -1,6 +1,6 @@
 //! Attributes of single points: their numbers in a frame ([`DrawList`]), and their colours, radii,
 //! normals and marks, read from the planes of the drawn nodes. Passes look up the points that won a
-//! pixel (marroquim2007, section 3.1).
+//! pixel (`marroquim2007`, section 3.1).
 //!
 //! The drawn radius is the stored one, which is in units of the node's spacing, times the effective
 //! spacing of the finest drawn cell that holds the point (`docs/design/surfaces.md`).

@@ -1,6 +1,6 @@
 //! Average: where several points fall on a pixel, it is chance which one wins, so colours alias and
-//! flicker when the view moves (a limitation named in marroquim2007, section 5). This second pass
-//! over the points, after gather, averages all points of a pixel's front surface (schuetz2021,
+//! flicker when the view moves (a limitation named in `marroquim2007`, section 5). This second pass
+//! over the points, after gather, averages all points of a pixel's front surface (`schuetz2021`,
 //! high-quality splatting). The front surface ends with the depth interval of the winner, moved
 //! along its plane as in pull ([`crate::passes::tangent`]), instead of 1 % behind it: with normals,
 //! a wall a radius behind another does not take part.

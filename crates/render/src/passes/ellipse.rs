@@ -1,4 +1,4 @@
-//! The elliptical box filter (marroquim2007, section 3.2): the orthogonal projection of a point's
+//! The elliptical box filter (`marroquim2007`, section 3.2): the orthogonal projection of a point's
 //! disc onto the picture. Its major axis is twice the radius, across the normal's projection; its
 //! minor axis is the major one times the normal's z, or a little more ([`crate::passes::gather`]).
 

@@ -1,12 +1,12 @@
-//! Exposure: removes differences of exposure between scans of the same surface (kanzok2015, section
-//! 3.2.4). Where two scans overlap, it is chance which scan a pixel shows. Blending all splats of a
-//! surface (preiner2012) would blur texture. Here the colour of a pixel is multiplied by the mean
-//! colour of all scans around it over the mean of its own scan: scans meet in the middle, and
-//! texture stays sharp.
+//! Exposure: removes differences of exposure between scans of the same surface (`kanzok2015`,
+//! section 3.2.4). Where two scans overlap, it is chance which scan a pixel shows. Blending all
+//! splats of a surface (`preiner2012`) would blur texture. Here the colour of a pixel is multiplied
+//! by the mean colour of all scans around it over the mean of its own scan: scans meet in the
+//! middle, and texture stays sharp.
 //!
-//! Means are taken in cells of the picture and of depth, nearly cubes (a bilateral grid, chen2007),
-//! with a slot for each scan, so nothing is equalised across an edge of depth. Sums are whole
-//! numbers, so the order of adding does not matter.
+//! Means are taken in cells of the picture and of depth, nearly cubes (a bilateral grid,
+//! `chen2007`), with a slot for each scan, so nothing is equalised across an edge of depth. Sums
+//! are whole numbers, so the order of adding does not matter.
 
 use crate::frame::ColourPlane;
 use crate::inputs::lookup::Lookup;

@@ -1,4 +1,4 @@
-//! Fill holes (after the masks of rosenthal2008): a pixel that lies behind nearly all of its
+//! Fill holes (after the masks of `rosenthal2008`): a pixel that lies behind nearly all of its
 //! neighbours, or behind a surface within its radius in every direction, is a gap in the surface in
 //! front. It takes the mean of the neighbours in front. Pull-push leaves gaps where the mean of
 //! several ellipses misses a pixel that they cover, and where a depth interval has grown so long

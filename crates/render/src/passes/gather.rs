@@ -1,4 +1,4 @@
-//! Gather (marroquim2007, section 3.1): fills level 0 of the pyramid with the attributes of the
+//! Gather (`marroquim2007`, section 3.1): fills level 0 of the pyramid with the attributes of the
 //! points that won a pixel. Radius, normal and colour are looked up here
 //! ([`crate::inputs::lookup`]), once per covered pixel instead of once per point.
 

@@ -1,7 +1,7 @@
-//! Project (marroquim2007, section 3.1): projects each point to at most one pixel. A pixel of the
+//! Project (`marroquim2007`, section 3.1): projects each point to at most one pixel. A pixel of the
 //! frame buffer keeps the least value of `depth << 32 | point`: the bits of a positive `f32` are
-//! ordered like the number, so one 64-bit minimum (schuetz2021) is depth test and write. `point` is
-//! the number of the point in a [`DrawList`]. Attributes are fetched afterwards, for the points
+//! ordered like the number, so one 64-bit minimum (`schuetz2021`) is depth test and write. `point`
+//! is the number of the point in a [`DrawList`]. Attributes are fetched afterwards, for the points
 //! that won ([`crate::passes::gather`]).
 //!
 //! Threads share one frame buffer of atomics, and read a value plainly before they write it, since

@@ -1,4 +1,5 @@
-//! Pull (marroquim2007, section 3.2): averages each level of the pyramid into the next coarser one.
+//! Pull (`marroquim2007`, section 3.2): averages each level of the pyramid into the next coarser
+//! one.
 //!
 //! A coarse pixel is the mean of those of its four finer pixels that are valid and whose depth
 //! interval meets that of the frontmost (the one of least depth; of equal ones the first, row by

@@ -1,6 +1,6 @@
-//! Push (marroquim2007, section 3.3): interpolates invalid and occluded pixels of each level of the
-//! pyramid from the coarser level, which has itself been pushed already; from the second coarsest
-//! level down to the picture.
+//! Push (`marroquim2007`, section 3.3): interpolates invalid and occluded pixels of each level of
+//! the pyramid from the coarser level, which has itself been pushed already; from the second
+//! coarsest level down to the picture.
 //!
 //! A valid pixel is occluded if its least depth lies outside the depth interval of the coarser
 //! pixel above it. The four nearest coarser pixels have weights 9, 3, 3 and 1; those that are

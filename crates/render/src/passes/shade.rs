@@ -1,10 +1,10 @@
-//! Shade (marroquim2007, section 3.4): deferred Phong lighting of the filled picture, with the
+//! Shade (`marroquim2007`, section 3.4): deferred Phong lighting of the filled picture, with the
 //! interpolated normals, or with normals from the smoothed depth where the cloud has none
 //! ([`crate::passes::smooth_depth`]). In linear light; the result is encoded as sRGB.
 //!
 //! The lights move with the viewer: a key light from the upper left, a soft light from the eye, and
 //! an ambient hemisphere, brighter above. Pixels behind their surroundings are darkened, which sets
-//! surfaces off from each other (eye-dome lighting, boucheny2009).
+//! surfaces off from each other (eye-dome lighting, `boucheny2009`).
 
 use crate::frame::{Background, Picture};
 use crate::inputs::camera::Camera;

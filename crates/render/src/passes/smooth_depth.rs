@@ -1,6 +1,6 @@
 //! Smooths the depth image of clouds without normals, and derives the shape of a surface from a
 //! depth image: normals from differences of depth, and the distance of a pixel behind its
-//! surroundings, by which shading darkens it (eye-dome lighting, boucheny2009).
+//! surroundings, by which shading darkens it (eye-dome lighting, `boucheny2009`).
 //!
 //! The smoothing is a separable bilateral mean of five pixels along each axis, first as wide as the
 //! discs, then narrower and narrower: depths that differ from the middle by more than a surface can

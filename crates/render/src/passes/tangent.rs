@@ -1,4 +1,4 @@
-//! Moves depths along the plane of a disc. The published depth intervals (marroquim2007, section
+//! Moves depths along the plane of a disc. The published depth intervals (`marroquim2007`, section
 //! 3.2) compare depths of different positions as they are, so they have to be long on a slope, and
 //! grow with each level of the pyramid until they include the surface behind. Here the depth of a
 //! pixel holds at its ellipse's centre, and is moved along its plane to where it is compared,

@@ -5,7 +5,7 @@
 //!
 //! Within a surface the ellipse of a filled pixel is a mean of ellipses all around, with its centre
 //! near the pixel. At a rim they all lie on one side, and the displacement from the ellipse's
-//! centre to the pixel (marroquim2007, section 3.2) is the distance of the pixel beyond the
+//! centre to the pixel (`marroquim2007`, section 3.2) is the distance of the pixel beyond the
 //! samples. Such pixels are eroded, from the rim inwards: they take the attributes of the surface
 //! behind. Gaps smaller than a radius have no rim, so that they do not grow.
 //!

@@ -43,7 +43,7 @@ pub(crate) const AROUND: [[isize; 2]; 8] =
 #[derive(Clone, Copy)]
 pub(crate) struct Rims<'a> {
     pub base: &'a Level,
-    /// One over the focal length in pixels: GPUs round products exactly, but not quotients.
+    /// One over the focal length in pixels: GPUs round products correctly, but not quotients.
     pub per_focal: f32,
     /// Depth that each pixel shows.
     pub depth: &'a [f32],
