@@ -14,7 +14,6 @@ struct Exception {
     reason: &'static str,
 }
 
-const EXCEPTIONS: [Exception; 2] = [
 const EXCEPTIONS: [Exception; 1] = [Exception {
     file: "crates/render/examples/bench_quads.rs",
     function: "quads",
