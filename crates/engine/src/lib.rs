@@ -9,7 +9,7 @@ pub mod io;
 pub mod machine;
 
 pub use esker_builder::budget::memory;
-pub use esker_builder::{NormalsMode, Options as BuildOptions, Report as BuildReport, Resume};
+pub use esker_builder::{NormalsMode, Options as BuildOptions, Resume};
 pub use esker_format::{Codec, EskerFile, Forest};
 pub use esker_lod::View;
 pub use esker_points::filter::{Bounds, Classes, Filter, Polygon};
@@ -17,7 +17,6 @@ pub use esker_points::{Cancelled, ColourDepth, Task};
 pub use esker_render::{Method, Picture};
 pub use esker_scan::caught::hide as hide_caught_panics;
 pub use esker_stream::{Cut, Status};
-pub use serde_json::Value;
 
 /// An error and its causes as one line, whatever they wrote; a cause that its effect already quotes
 /// is not said twice.

@@ -1,9 +1,8 @@
 //! The command line of the window.
 
 use clap::{Parser, ValueEnum};
-use esker_engine::calls::export;
 use esker_engine::cameras::camera::Camera;
-use esker_engine::io::quantity;
+use esker_engine::io::{polygon, quantity};
 use esker_engine::{Bounds, Classes, Filter, Method, Polygon};
 use std::path::PathBuf;
 
@@ -149,5 +148,5 @@ impl From<MethodArg> for Method {
 }
 
 fn parse_polygon(word: &str) -> Result<Polygon, String> {
-    export::polygon(word).map_err(|e| format!("{e:#}"))
+    polygon::read(word).map_err(|e| format!("{e:#}"))
 }

@@ -5,7 +5,7 @@
 use crate::device::Device;
 use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
-use esker_engine::cameras::colour::Legend;
+use esker_engine::cameras::legend::Legend;
 use esker_engine::draw::empty_picture;
 use esker_engine::draw::options::Options;
 use esker_engine::draw::session::{Frame, GpuBytes, Session};

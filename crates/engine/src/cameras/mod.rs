@@ -2,5 +2,7 @@
 
 pub mod camera;
 pub mod colour;
+mod colour_request;
+pub mod legend;
 pub mod path;
 pub mod ranges;

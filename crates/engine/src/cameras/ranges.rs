@@ -4,9 +4,9 @@
 //! points are read: of a few nodes, and only to tell where within a bin a range ends. Where an end
 //! is a number that stands for no value, a sample of the values tells all.
 
-use crate::cameras::colour::plane_of;
 use anyhow::Result;
 use esker_format::{EskerFile, Forest, ForestFilter, PlaneKind};
+use esker_points::attribute::names;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
 use esker_points::{AttrType, Node};
 
@@ -27,6 +27,15 @@ const TALL: f64 = 2.0;
 const TALL_READ: usize = 12;
 /// So often heights are counted anew in what is left without strays.
 const ROUNDS: usize = 8;
+
+/// Plane of the attribute at `index` of a schema.
+pub(crate) fn plane_of(name: &str, ty: AttrType, index: usize) -> PlaneKind {
+    if name == names::INTENSITY && ty == AttrType::U16 {
+        PlaneKind::Intensity
+    } else {
+        PlaneKind::Attribute(index as u16)
+    }
+}
 
 /// The range of an attribute of the forest, in stored values, over all trees that have it.
 ///

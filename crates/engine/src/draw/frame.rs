@@ -2,7 +2,7 @@
 //! lie, become what is drawn. Shared by pictures read whole and by sessions that stream.
 
 use crate::calls::info;
-use crate::cameras::colour::{self, Colouring, colouring_of};
+use crate::cameras::colour::{self, Colouring, filtered_colouring};
 use crate::draw::empty_picture;
 use anyhow::Result;
 use esker_format::{Forest, ForestFilter, PlaneKind};
@@ -48,7 +48,7 @@ impl Look {
         empty_picture::check_classes(file, filter)?;
         let on_lattice = (!filter.is_all()).then(|| filter.on(file.lattice())).transpose()?;
         let shown = ForestFilter::of(file, on_lattice, None)?;
-        let colouring = colouring_of(file, colour, info::bounds(file), &shown)?;
+        let colouring = filtered_colouring(file, colour, info::bounds(file), &shown)?;
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
         Ok(Self { colouring, shown, method, shines, evens_exposure: false })

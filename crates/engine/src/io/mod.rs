@@ -4,6 +4,7 @@ pub mod file;
 pub mod inputs;
 pub mod output;
 pub mod picture;
+pub mod polygon;
 pub mod progress;
 pub mod quantity;
 pub mod stages;

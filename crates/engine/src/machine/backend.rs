@@ -4,7 +4,7 @@
 use anyhow::Result;
 use esker_render::gpu::Gpu;
 pub use esker_render::gpu::{GpuRequest, ProjectPath, wgpu};
-use serde_json::{Value, json};
+use serde::Serialize;
 
 /// What the user wants drawn with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -103,6 +103,19 @@ pub struct Drawer {
     pub note: Option<String>,
 }
 
+/// A [`Drawer`] in a report.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DrawerReport {
+    /// `gpu` or `cpu`.
+    pub backend: &'static str,
+    /// Name of the adapter with its driver and interface; none if the CPU draws.
+    pub adapter: Option<String>,
+    /// How points become pixels: the GPU's path, or `cpu`.
+    pub path: &'static str,
+    /// Why no GPU draws, if the program chose so.
+    pub note: Option<String>,
+}
+
 impl Backend {
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
@@ -158,11 +171,14 @@ impl Drawer {
         Self { note: Some(why), ..Self::default() }
     }
 
-    /// What reports say of it.
-    pub fn report(&self) -> Value {
-        json!({
-            "backend": self.backend(), "adapter": self.adapter, "path": self.path_name(), "note": self.note,
-        })
+    /// The drawer as part of a report.
+    pub fn report(&self) -> DrawerReport {
+        DrawerReport {
+            backend: self.backend(),
+            adapter: self.adapter.clone(),
+            path: self.path_name(),
+            note: self.note.clone(),
+        }
     }
 
     /// `gpu` or `cpu`.
