@@ -62,9 +62,9 @@ pub(crate) fn explain(file: &Forest, request: &PictureRequest) -> Result<Explain
     let scene = PictureScene::choose(file, request)?;
     let (plan, counters) = (&scene.plan, &scene.selection.counters);
     if counters.points == 0 {
-        empty_picture::check_wanted(file, &scene.look.shown)?;
+        empty_picture::check_wanted(file, &scene.appearance.shown)?;
     }
-    let legend = &scene.look.colouring.legend;
+    let legend = &scene.appearance.colouring.legend;
     Ok(ExplainReport {
         nodes: scene.selection.drawn.len(),
         points: counters.points,
@@ -87,9 +87,9 @@ fn plane_report(file: &Forest, scene: &PictureScene, kind: PlaneKind) -> PlaneRe
             && (kind != PlaneKind::Residual || needs_residual(file.record(*node), lattice, view))
     };
     let bytes = |node: u32| match file.plane_range(node, kind) {
-        Some(range) if !scene.look.shown.changes(node, kind) => range.end - range.start,
+        Some(range) if !scene.appearance.shown.changes(node, kind) => range.end - range.start,
         _ => {
-            let each = scene.look.shown.value_bytes(kind);
+            let each = scene.appearance.shown.value_bytes(kind);
             let each = each.unwrap_or_else(|| file.value_bytes(node, kind));
             each * file.record(node).points() as u64
         }
@@ -111,7 +111,7 @@ const ONLY_OWN_COLOURS: &str =
 
 /// Note on exposure compensation that was requested and changes nothing.
 pub(crate) fn exposure_note(file: &Forest, scene: &PictureScene) -> Result<Option<&'static str>> {
-    if !scene.look.evens_exposure {
+    if !scene.appearance.evens_exposure {
         return Ok(None);
     }
     if !scene.plan.evens_exposure() {
@@ -162,7 +162,7 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
     );
     add(is_splats && !plan.clips, "clip lines: the file has none, or no normals");
     add(is_splats && !plan.tangents, "shapes of splats: the file has none, or no normals");
-    let is_compact = scene.look.colouring.positions() == PlaneKind::Compact;
+    let is_compact = scene.appearance.colouring.positions() == PlaneKind::Compact;
     add(
         is_compact,
         "colour plane: numbers of a palette's colours come with the positions (--full: exact ones)",
@@ -170,8 +170,11 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
     add(!plan.reads_colours, "colour plane: colours come from elsewhere");
     add(!plan.hides_points, "filter's test of points: no node lies across its border");
     add(!plan.shines && has_surface, "direction to the eye: no highlights");
-    add(!plan.evens_exposure() && !scene.look.evens_exposure, "exposure compensation: not asked");
-    add(!plan.evens_exposure() && scene.look.evens_exposure, ONLY_OWN_COLOURS);
+    add(
+        !plan.evens_exposure() && !scene.appearance.evens_exposure,
+        "exposure compensation: not asked",
+    );
+    add(!plan.evens_exposure() && scene.appearance.evens_exposure, ONLY_OWN_COLOURS);
     add(is_pulled && !plan.averages(), "means of the points that share a pixel: they do not crowd");
     add(
         is_pulled && plan.has_pyramid && !plan.smooths,

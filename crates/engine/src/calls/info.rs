@@ -86,7 +86,7 @@ pub struct FileInfo {
     pub trees: Vec<TreeInfo>,
 }
 
-/// What the header of a scan says; no point is decoded.
+/// Contents of the header of a scan; no point is decoded.
 #[derive(Clone, Debug, Serialize)]
 pub struct ScanInfo {
     /// Path of the scan.
@@ -125,7 +125,7 @@ pub struct AttributeInfo {
     /// Type of a value.
     #[serde(rename = "type")]
     pub ty: &'static str,
-    /// What the source says about it.
+    /// Description in the source; empty if there is none.
     pub description: String,
 }
 
@@ -310,8 +310,8 @@ pub fn unit(forest: &Forest) -> Option<String> {
     first_crs.unit.clone().filter(|unit| unit != "degree")
 }
 
-/// Notes on the sources of a file: points that were refused, by reason, then what was odd. Each note
-/// occurs once; of many only the first ones are returned.
+/// Notes on the sources of a file: points that were refused, by reason, then what was odd. Each
+/// note occurs once; of many only the first ones are returned.
 pub fn notes(forest: &Forest) -> Vec<String> {
     let mut refused = BTreeMap::<&str, u64>::new();
     for (reason, points) in sources(forest).flat_map(|s| &s.refused) {

@@ -167,12 +167,12 @@ pub fn draw(
                 drawer = Drawer::cpu(fault.to_string());
             }
             let draws = scene.draws(file);
-            let frame = scene.look.frame(file, &scene.view, &draws, &octree);
+            let frame = scene.appearance.frame(file, &scene.view, &draws, &octree);
             Renderer::default().render(&frame)?
         }
     };
     if picture.stats.pixels_covered == 0 {
-        empty_picture::check_wanted(file, &scene.look.shown)?;
+        empty_picture::check_wanted(file, &scene.appearance.shown)?;
     }
     let notes = notes(file, request, &scene, &picture)?;
     let report = RenderReport::new(&picture, &scene, &drawer, notes, ms(start));
@@ -202,7 +202,7 @@ impl RenderReport {
         all_drawing_ms: f64,
     ) -> Self {
         let (stats, counters) = (&picture.stats, &scene.selection.counters);
-        let legend = &scene.look.colouring.legend;
+        let legend = &scene.appearance.colouring.legend;
         Self {
             picture: None,
             points_drawn: stats.points_drawn,

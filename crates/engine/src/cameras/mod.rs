@@ -1,4 +1,4 @@
-//! Views, camera paths, and what gives points their colour.
+//! Views, camera paths, sources of colours, and legends.
 
 pub mod camera;
 pub mod colour;

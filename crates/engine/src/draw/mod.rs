@@ -1,4 +1,4 @@
-//! From an opened file to pictures: sessions that stream, planes that are read whole, and the
+//! From an open file to pictures: sessions that stream, planes that are read completely, and the
 //! painters of both.
 
 pub mod budget;

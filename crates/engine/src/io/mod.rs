@@ -1,4 +1,4 @@
-//! Inputs, outputs, quantities and progress, as people write and read them.
+//! Inputs, outputs, quantities and progress.
 
 pub mod file;
 pub mod inputs;

@@ -1,5 +1,6 @@
 //! What the machine can draw with (`esker info --system`): the graphics adapters with the features
-//! that passes choose between, and which adapter is chosen and why. Works without a graphics driver.
+//! that passes choose between, and which adapter is chosen and why. Works without a graphics
+//! driver.
 
 use crate::io::quantity::readable_bytes;
 use crate::machine::backend::{Backend, DrawWith, ProjectPath, wgpu};
@@ -12,7 +13,7 @@ use wgpu::{Adapter, Backends, Features};
 pub struct SystemReport {
     /// Adapters that the drivers offer.
     pub adapters: Vec<AdapterReport>,
-    /// Backend that the user asked for.
+    /// Requested backend.
     pub asked: &'static str,
     /// What is chosen.
     pub chosen: ChoiceReport,
