@@ -104,7 +104,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
     let (inputs, output) = (&args.inputs, &args.output);
     note_built(inputs, &args.how);
     match args.out.filter(|_| !args.explain) {
-        None => output.report(stop, |p| render::explain(inputs, &request, p), explain::text),
+        None => output.report(stop, |p| explain::explain(inputs, &request, p), explain::text),
         Some(out) => {
             output.report(stop, |p| render::render(inputs, &out, &request, p), render::text)
         }

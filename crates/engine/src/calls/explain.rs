@@ -5,14 +5,17 @@ use crate::cameras::colour;
 use crate::cameras::legend::Legend;
 use crate::cameras::ranges;
 use crate::draw::empty_picture;
-use crate::draw::scene::{PictureRequest, PictureScene};
+use crate::draw::scene::{PictureRequest, PictureScene, open};
 use crate::io::quantity::{grouped, readable_bytes};
+use crate::machine::pool;
 use anyhow::Result;
 use esker_format::{Forest, PlaneKind};
 use esker_lod::needs_residual;
+use esker_points::Task;
 use esker_render::{Pass, Variant};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 /// Plan of a picture.
 #[derive(Clone, Debug, Serialize)]
@@ -57,8 +60,24 @@ pub struct VariantReport {
     pub constants: BTreeMap<&'static str, u32>,
 }
 
+/// Reports on what a picture of `inputs` would take: the plan of its frame. Reads no points, and
+/// draws nothing.
+///
+/// # Errors
+/// If an input cannot be read, or lacks what the request needs.
+pub fn explain(
+    inputs: &[PathBuf],
+    request: &PictureRequest,
+    task: &dyn Task,
+) -> Result<ExplainReport> {
+    pool::run(request.threads, || {
+        let (file, _folder) = open(inputs, request, task)?;
+        plan(&file, request)
+    })
+}
+
 /// Reports on what a picture of an open file would take.
-pub(crate) fn explain(file: &Forest, request: &PictureRequest) -> Result<ExplainReport> {
+fn plan(file: &Forest, request: &PictureRequest) -> Result<ExplainReport> {
     let scene = PictureScene::choose(file, request)?;
     let (plan, counters) = (&scene.plan, &scene.selection.counters);
     if counters.points == 0 {
@@ -107,7 +126,7 @@ impl From<Variant> for VariantReport {
 
 /// Why exposure compensation changes nothing where colours are not those of the scans.
 const ONLY_OWN_COLOURS: &str =
-    "exposure compensation: only surfaces in the scans' own colours are evened out";
+    "exposure compensation: applies only to surfaces in the scans' own colours";
 
 /// Note on exposure compensation that was requested and changes nothing.
 pub(crate) fn exposure_note(file: &Forest, scene: &PictureScene) -> Result<Option<&'static str>> {
@@ -157,7 +176,7 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
             (false, _) => "back-face test: no normals",
             (true, true) if is_splats => "back-face test: splats are drawn from both sides",
             (true, false) => "back-face test: points alone are drawn from both sides",
-            (true, true) => "back-face test: the normals do not tell front from back",
+            (true, true) => "back-face test: the normals do not distinguish front from back",
         },
     );
     add(is_splats && !plan.clips, "clip lines: the file has none, or no normals");
@@ -172,7 +191,7 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
     add(!plan.shines && has_surface, "direction to the eye: no highlights");
     add(
         !plan.evens_exposure() && !scene.appearance.evens_exposure,
-        "exposure compensation: not asked",
+        "exposure compensation: not requested",
     );
     add(!plan.evens_exposure() && scene.appearance.evens_exposure, ONLY_OWN_COLOURS);
     add(is_pulled && !plan.averages(), "means of the points that share a pixel: they do not crowd");

@@ -2,7 +2,7 @@
 //! needs, reads only the planes that the frame needs, draws, and writes a PNG. Returns a
 //! [`RenderReport`].
 
-use crate::calls::explain::{self, ExplainReport};
+use crate::calls::explain;
 use crate::cameras::legend::Legend;
 use crate::draw::empty_picture;
 use crate::draw::scene::{PictureRequest, PictureScene, ms, open};
@@ -125,22 +125,6 @@ pub fn render(
         report.stages_ms.write = Some(ms(start));
         report.picture = Some(out.display().to_string());
         Ok(report)
-    })
-}
-
-/// Reports on what a picture of `inputs` would take: the plan of its frame. Reads no points, and
-/// draws nothing.
-///
-/// # Errors
-/// If an input cannot be read, or lacks what the request needs.
-pub fn explain(
-    inputs: &[PathBuf],
-    request: &PictureRequest,
-    task: &dyn Task,
-) -> Result<ExplainReport> {
-    pool::run(request.threads, || {
-        let (file, _folder) = open(inputs, request, task)?;
-        explain::explain(&file, request)
     })
 }
 

@@ -211,7 +211,7 @@ pub fn scans(file: &Forest) -> Result<(PlaneKind, Codes)> {
     found.with_context(|| {
         let path = file.path().display();
         format!(
-            "{path}: exposures are evened out where {} tells scans apart; it has none of these",
+            "{path}: exposure compensation needs the scan of each point: {}; the file has none of these attributes",
             SCANS.join(" or ")
         )
     })

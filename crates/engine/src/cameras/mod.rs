@@ -5,4 +5,4 @@ pub mod colour;
 mod colour_request;
 pub mod legend;
 pub mod path;
-pub mod ranges;
+pub(crate) mod ranges;

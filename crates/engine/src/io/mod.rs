@@ -1,7 +1,7 @@
 //! Inputs, outputs, quantities and progress.
 
 pub mod file;
-pub mod inputs;
+pub(crate) mod inputs;
 pub mod output;
 pub mod picture;
 pub mod polygon;
