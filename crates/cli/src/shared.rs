@@ -2,10 +2,9 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, ValueEnum};
-use esker_engine::calls::export;
 use esker_engine::draw::method::{METHODS, method_of_name};
 use esker_engine::io::file::is_esker;
-use esker_engine::io::quantity;
+use esker_engine::io::{polygon, quantity};
 use esker_engine::machine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::{
     Bounds, BuildOptions, Classes, Codec, ColourDepth, Filter, Method, NormalsMode, Polygon, Resume,
@@ -205,7 +204,7 @@ impl From<FilterArgs> for Filter {
 }
 
 fn parse_polygon(word: &str) -> Result<Polygon, String> {
-    export::polygon(word).map_err(|e| format!("{e:#}"))
+    polygon::read(word).map_err(|e| format!("{e:#}"))
 }
 
 /// Choice of the CPU or of a GPU.

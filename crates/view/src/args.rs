@@ -2,10 +2,9 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, ValueEnum};
-use esker_engine::calls::export;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::method::{DEFAULT_METHOD, METHODS, method_of_name};
-use esker_engine::io::quantity;
+use esker_engine::io::{polygon, quantity};
 use esker_engine::{Bounds, Classes, Filter, Method, Polygon};
 use std::path::PathBuf;
 
@@ -136,5 +135,5 @@ fn method_parser() -> impl TypedValueParser<Value = Method> {
 }
 
 fn parse_polygon(word: &str) -> Result<Polygon, String> {
-    export::polygon(word).map_err(|e| format!("{e:#}"))
+    polygon::read(word).map_err(|e| format!("{e:#}"))
 }
