@@ -1,4 +1,4 @@
-//! Decodes a scan and prints points, seconds and Mpoints/s; for LAZ also what the `laz` crate needs
+//! Decodes a scan and prints points, seconds and Mpoints/s; for LAZ also those of the `laz` crate
 //! alone for the same file, in the same run: `decode FILE [threads]`.
 
 use esker_points::lattice::Lattice;

@@ -1,10 +1,10 @@
-//! Work that runs ahead on the cores of a pool: begun in order, taken in order, and who waits for
-//! it helps meanwhile.
+//! Tasks that run ahead on the threads of a rayon pool. They are begun in order and their results
+//! are taken in order; a thread of the pool that waits for a result runs other tasks meanwhile.
 
 use rayon::{ScopeFifo, Yield};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// What some work under way will make.
+/// Handle of a task under way, with which its result is taken.
 pub struct Ahead<T>(Arc<Shared<T>>);
 
 struct Shared<T> {
@@ -15,12 +15,12 @@ struct Shared<T> {
 enum State<T> {
     UnderWay,
     Made(T),
-    /// It has panicked.
+    /// The task has panicked.
     Lost,
 }
 
 impl<T> Ahead<T> {
-    /// Begins some work, on any thread of the pool.
+    /// Spawns `work` on the pool of `scope`, in first-in, first-out order.
     pub fn begin<'s>(scope: &ScopeFifo<'s>, work: impl FnOnce() -> T + Send + 's) -> Self
     where
         T: Send + 's,
@@ -36,7 +36,7 @@ impl<T> Ahead<T> {
         Self(shared)
     }
 
-    /// What it has made, once it has. `None` where it has panicked, which its scope will too.
+    /// Waits for the result. `None` if the task has panicked; then its scope panics, too.
     pub fn wait(self) -> Option<T> {
         loop {
             let state = std::mem::replace(&mut *self.0.lock(), State::UnderWay);
@@ -59,7 +59,7 @@ impl<T> Shared<T> {
     }
 }
 
-/// Tells who waits that the work is over, also where it panics.
+/// Notifies the waiting thread when the task ends, also when it panics.
 struct Ending<T>(Arc<Shared<T>>);
 
 impl<T> Drop for Ending<T> {

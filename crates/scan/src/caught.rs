@@ -1,5 +1,5 @@
-//! Panics of other people's decoders on damaged bytes: they become errors, and programs may keep to
-//! themselves what they say.
+//! Turns panics of third-party decoders on damaged bytes into errors. Programs may silence the
+//! messages of such panics.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
@@ -10,10 +10,10 @@ thread_local! {
     static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
 }
 
-/// What `f` returns, or with what it panicked.
+/// Returns the result of `f`, or the payload of its panic.
 ///
 /// # Errors
-/// Where it panicked.
+/// If `f` panics.
 pub fn catch<T>(f: impl FnOnce() -> T) -> Result<T> {
     let before = IS_CAUGHT.replace(true);
     let result = catch_unwind(AssertUnwindSafe(f));
@@ -21,8 +21,8 @@ pub fn catch<T>(f: impl FnOnce() -> T) -> Result<T> {
     result
 }
 
-/// From now on panics that become errors say nothing on standard error, in the whole program.
-/// Others do as before.
+/// Silences, in the whole program, the messages of panics that become errors. Other panics are
+/// still reported on standard error.
 pub fn hide() {
     let say = take_hook();
     set_hook(Box::new(move |panic| {
@@ -39,7 +39,7 @@ mod tests {
     #[test]
     fn panics_are_caught_and_what_follows_is_not() {
         assert!(catch(|| 7).is_ok_and(|seven| seven == 7) && !IS_CAUGHT.get());
-        // One within another does not end it.
+        // An inner call does not end the outer one.
         assert!(catch(|| catch(|| IS_CAUGHT.get()).is_ok() && IS_CAUGHT.get()).is_ok_and(|is| is));
         assert!(catch(|| assert!(!IS_CAUGHT.get())).is_err() && !IS_CAUGHT.get());
     }

@@ -1,9 +1,9 @@
-//! Why an input could not be read: which file, what is wrong, what to do.
+//! Why an input could not be read or an output written: which file, what is wrong, what to do.
 
 use esker_points::Cancelled;
 use std::path::{Path, PathBuf};
 
-/// An input could not be read.
+/// An input could not be read, or an output written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScanError {
@@ -12,39 +12,39 @@ pub enum ScanError {
     Io {
         /// The input.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// A file could not be written.
     #[error("{}: cannot write: {source}{}", path.display(), remedy(source))]
     Write {
-        /// The file as it was to be called.
+        /// The final path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// Its content is of no known format.
+    /// The content is of no known format.
     #[error("{}: not a scan file that Esker knows (it reads {known})", path.display())]
     UnknownFormat {
         /// The input.
         path: PathBuf,
-        /// The formats read.
+        /// Names of the formats that are read.
         known: String,
     },
-    /// The file is damaged, or lies about itself.
+    /// The file is damaged or contradicts itself.
     #[error("{}: {what}", path.display())]
     Damaged {
         /// The input.
         path: PathBuf,
-        /// What is wrong and, where something can be done, what.
+        /// What is wrong and, if something can be done, what.
         what: String,
     },
-    /// The file is sound but of a kind that is not read.
+    /// The file is sound, but of a kind that is not read.
     #[error("{}: {what}", path.display())]
     Unsupported {
         /// The input.
         path: PathBuf,
-        /// What is not read, and a way out.
+        /// What is not read, and what to do instead.
         what: String,
     },
     /// A point lies outside the lattice chosen from the headers.
@@ -52,34 +52,34 @@ pub enum ScanError {
     OffLattice {
         /// The input.
         path: PathBuf,
-        /// The point.
+        /// The point, in the file's coordinates.
         world: [f64; 3],
     },
-    /// Stopped on request.
+    /// Cancelled on request.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
-    /// The taker of the batches failed; carries its error through the reader.
+    /// The sink of the batches failed; carries its error through the reader.
     #[error(transparent)]
     Sink(Box<dyn std::error::Error + Send + Sync>),
 }
 
 impl ScanError {
-    /// A damaged file.
+    /// Makes the error of a damaged file.
     pub fn damaged(path: &Path, what: impl Into<String>) -> Self {
         Self::Damaged { path: path.to_owned(), what: what.into() }
     }
 
-    /// A sound file of a kind that is not read.
+    /// Makes the error of a sound file of a kind that is not read.
     pub fn unsupported(path: &Path, what: impl Into<String>) -> Self {
         Self::Unsupported { path: path.to_owned(), what: what.into() }
     }
 
-    /// A refused write.
+    /// Makes the error of a refused write.
     pub fn write(path: &Path, source: std::io::Error) -> Self {
         Self::Write { path: path.to_owned(), source }
     }
 
-    /// A refused read.
+    /// Makes the error of a refused read.
     pub fn io(path: &Path, source: std::io::Error) -> Self {
         Self::Io { path: path.to_owned(), source }
     }

@@ -1,15 +1,16 @@
-//! Scan formats to columnar batches on the lattice, and back ([`mod@write`]). The only crate that
-//! knows LAS, LAZ, PLY, PCD, E57, PTX and text. The format is told by content, never by the name;
-//! only generated scans ([`synthetic`]) are named.
+//! Decodes scan formats to columnar batches on the lattice, and encodes batches as scan formats
+//! ([`mod@write`]). Only this crate knows LAS, LAZ, PLY, PCD, E57, PTX and text. Formats are
+//! recognised by content, never by file name; only generated scans ([`synthetic`]) are named. The
+//! grids of the last column are described in `docs/design/scans.md`.
 //!
-//! | format | what is read | coordinates |
+//! | format | what is read | grid of coordinates |
 //! |---|---|---|
-//! | LAS, LAZ | see [`las`] | the file's integers |
-//! | PLY | ASCII, binary of both byte orders, also compressed with zstd: all scalar properties of `vertex` | binary: the grid for floats; ASCII: the digits of the text, where they fit |
-//! | PCD | see [`pcd`] | as of PLY |
-//! | E57 | see [`mod@e57`]: all scans, each in its pose | the file's integers where all scans share a grid and none is turned, else the grid for floats |
-//! | PTX | see [`ptx`]: all scans, each in its pose | the digits of the text where none is turned, else the grid for floats |
-//! | text | XYZ, TXT, CSV, PTS: lines of 3 to 1,024 numbers, with or without a line of names, or after their count | the digits of the text |
+//! | LAS, LAZ | [`las`] | integers of the file |
+//! | PLY | [`ply`]: all scalar properties of `vertex`, ASCII and binary, zstd | digits; floats |
+//! | PCD | [`pcd`] | digits; floats |
+//! | E57 | [`mod@e57`]: all scans, each in its pose | integers of the file; floats |
+//! | PTX | [`ptx`]: all scans, each in its pose | digits; floats |
+//! | text | [`text`]: XYZ, TXT, CSV, PTS, lines of 3 to 1,024 numbers | digits |
 
 pub mod ahead;
 mod bounds;

@@ -1,4 +1,4 @@
-//! The formats that are read, in the order in which they are tried.
+//! Opens inputs: the table of formats that are read, in the order in which they are tried.
 
 use crate::error::ScanError;
 use crate::source::{Format, HEAD_BYTES, OpenOptions, Source};
@@ -10,7 +10,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// All formats; text comes last, since nearly anything could be text.
+/// All formats. Text is last, because nearly any file could be text.
 pub static FORMATS: &[Format] = &[
     crate::las::FORMAT,
     crate::ply::FORMAT,
@@ -20,17 +20,17 @@ pub static FORMATS: &[Format] = &[
     crate::text::FORMAT,
 ];
 
-/// Files that are known by their first bytes and not read, with what to do.
+/// First bytes of files that are known but not read, with what to do.
 const NAMED: &[(&[u8], &str)] = &[(
     b"\x89ESKER",
     "is an .esker file already; give it to info, verify, render or build --merge",
 )];
 
-/// Opens a scan, its format told by its content; or a generated one, told by its name.
+/// Opens a scan, whose format is recognised by its content, or a generated scan, by its name.
 ///
 /// # Errors
-/// Where the file cannot be read, is of no known format, or is damaged; where no such scan is
-/// generated.
+/// If the file cannot be read, is of no known format or is damaged, or if no generated scan has
+/// this name.
 pub fn open(
     path: &Path,
     options: &OpenOptions,
@@ -61,11 +61,11 @@ pub fn open(
     }
 }
 
-/// The scans that lie directly in a folder, by their names' endings and in the order of their
-/// names; hidden files are none.
+/// Lists the scans directly in a folder, by their file name extensions and sorted by name. Hidden
+/// files are skipped.
 ///
 /// # Errors
-/// Where the folder cannot be read, or has no scan.
+/// If the folder cannot be read or has no scan.
 pub fn scans_in(folder: &Path) -> Result<Vec<PathBuf>, ScanError> {
     let io = |source| ScanError::io(folder, source);
     let mut scans = Vec::new();

@@ -1,6 +1,6 @@
-//! What a reader of a scan format gives: what it knows before decoding, and its points as batches
-//! on the lattice, in the file's order. A new format is one file with one [`Format`] and one line
-//! in [`crate::registry`].
+//! Interface of all readers: what is known of an input before its points are decoded, and its
+//! points as batches on the lattice, in the file's order. A new format is a module with one
+//! [`Format`] and a line in [`crate::registry`].
 
 use crate::error::ScanError;
 use esker_points::lattice::Placement;
@@ -9,18 +9,19 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Bytes at the beginning of a file from which its format is detected: text may begin with many
-/// comments, or with one long line of names.
+/// Bytes at the beginning of a file from which its format is recognised. Text may begin with many
+/// comments or with one long line of names.
 pub(crate) const HEAD_BYTES: u64 = 64 << 10;
 
-/// Points in a batch at most: small enough for a cache, large enough that calls cost nothing.
+/// Greatest number of points in a batch: small enough for a cache, large enough that the overhead
+/// of a batch does not matter.
 pub const BATCH_POINTS: usize = 1 << 16;
 
-/// A scan format, as the registry knows it.
+/// A scan format, an entry of the registry.
 pub struct Format {
-    /// Its name in messages: `LAS`, `PLY` ...
+    /// Name in messages: `LAS`, `PLY` ...
     pub name: &'static str,
-    /// What names of such files end in, lower-case. Only in a folder are scans told by their names.
+    /// File name extensions, lower-case, by which scans are found in a folder.
     pub endings: &'static [&'static str],
     /// Whether a file that begins with these bytes (up to 64 KiB) is of this format.
     pub recognises: fn(head: &[u8]) -> bool,
@@ -28,49 +29,50 @@ pub struct Format {
     pub open: Open,
 }
 
-/// Opens a file; may decode some of it to learn what [`SourceInfo`] tells.
+/// Opens a file; may decode a part of it to fill in [`SourceInfo`].
 pub type Open =
     fn(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError>;
 
-/// What the user may say about an input.
+/// Options of the user for an input.
 #[derive(Clone, Debug, Default)]
 pub struct OpenOptions {
-    /// Overrides what was detected of 16-bit colour fields.
+    /// Bit depth of 16-bit colour fields; overrides the detected one.
     pub colour_depth: Option<ColourDepth>,
-    /// Memory that all together may take while inputs are read, in bytes; a few dozen MiB and what
-    /// a format needs where not said.
+    /// Memory for everything while inputs are read, in bytes. If absent, a few dozen MiB and what
+    /// the format needs.
     pub memory_bytes: Option<u64>,
 }
 
-/// What all but [`Source::held_bytes`] takes while inputs are read: batches, and the least of what
-/// is made of them.
+/// Memory that everything except [`Source::held_bytes`] takes while inputs are read, in bytes:
+/// batches and the least amount of rows.
 pub const BESIDE_HELD_BYTES: u64 = 128 << 20;
 
 /// What is known of an input before its points are decoded.
 #[derive(Clone, Debug)]
 pub struct SourceInfo {
-    /// As given by the user.
+    /// Path as given by the user.
     pub path: PathBuf,
     /// Format, version and variant: `LAZ 1.4, point format 6`.
     pub format: String,
-    /// Kind, grid and bounds of its coordinates.
+    /// Kind, grid and bounds of the coordinates.
     pub grid: InputGrid,
     /// Attributes in canonical order.
     pub schema: Arc<Schema>,
-    /// Number of points that the header claims; a hint only.
+    /// Number of points that the header claims; only a hint.
     pub points_hint: u64,
-    /// Bytes of the input.
+    /// Size of the input, in bytes.
     pub bytes: u64,
-    /// What its 16-bit colour fields hold, where it has such: detected from its first points or
-    /// overridden. [`ReadReport::colour_max`] tells afterwards whether that was right.
+    /// Bit depth of the values in 16-bit colour fields, detected from the first points or
+    /// overridden; `None` without such fields. After reading, [`ReadReport::colour_max`] shows
+    /// whether it was right.
     pub colour_depth: Option<ColourDepth>,
-    /// The coordinate reference system, where the input tells it.
+    /// The coordinate reference system, if the input has one.
     pub crs: Option<Crs>,
-    /// Where its points were scanned from, where that is known.
+    /// Position of the scanner, if it is known.
     pub scanner: Option<Scanner>,
-    /// Blocks of the source kept verbatim: header, VLRs, EVLRs (name and bytes).
+    /// Blocks of the source kept verbatim: name and bytes of header, VLRs and EVLRs.
     pub verbatim: Vec<(String, Vec<u8>)>,
-    /// What is left out and why, one line each (faces ignored, waveform packets not kept ...).
+    /// What is left out and why, a line each: faces, waveform packets ...
     pub notes: Vec<String>,
 }
 
@@ -79,21 +81,21 @@ pub struct SourceInfo {
 pub struct Crs {
     /// OGC WKT, or the GeoTIFF keys in readable form (`GeoTIFF: ProjectedCSType=2154 ...`).
     pub text: String,
-    /// Unit of length where the CRS tells it: `metre`, `US survey foot`, `foot`, `degree`.
+    /// Unit of length, if the CRS names it: `metre`, `US survey foot`, `foot`, `degree`.
     pub unit: Option<String>,
 }
 
-/// Where points were scanned from, in the file's coordinates.
+/// Positions of the scanner, in the file's coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Scanner {
-    /// All from one place.
+    /// All points were scanned from one position.
     At([f64; 3]),
-    /// By the point's `point_source_id`.
+    /// Positions by the `point_source_id` of the points.
     BySource(BTreeMap<u16, [f64; 3]>),
 }
 
 impl Scanner {
-    /// The place that points of this `point_source_id` were scanned from.
+    /// Position from which points of this `point_source_id` were scanned.
     pub fn of(&self, point_source_id: Option<u16>) -> Option<[f64; 3]> {
         match self {
             Self::At(place) => Some(*place),
@@ -102,24 +104,24 @@ impl Scanner {
     }
 }
 
-/// What became of the points of an input.
+/// Outcome of reading an input.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadReport {
-    /// Points handed over.
+    /// Points passed to the sink.
     pub points: u64,
-    /// Points refused, by reason (`coordinate is not a number` ...).
+    /// Refused points, by reason (`coordinate is not a number` ...).
     pub refused: BTreeMap<String, u64>,
-    /// Greatest distance by which a coordinate was rounded, along one axis, in the file's unit.
+    /// Greatest rounding of a coordinate along one axis, in the file's unit.
     pub rounding_error_max: f64,
-    /// Greatest value in 16-bit colour fields; 0 where there are none.
+    /// Greatest value in 16-bit colour fields; 0 without such fields.
     pub colour_max: u16,
-    /// What was noticed while decoding (the true count where the header is wrong ...), a line each.
+    /// Findings while decoding, a line each: the true count if the header is wrong ...
     pub notes: Vec<String>,
 }
 
 impl ReadReport {
-    /// Counts what was read of a part of an input, and hands its points over: how many others were
-    /// refused for which reason, and the greatest rounding and 16-bit colour among them.
+    /// Passes `batch` to `sink` and adds it to the report, with the number of points that were
+    /// `refused` for each reason, the greatest rounding error and the greatest 16-bit colour.
     pub(crate) fn take(
         &mut self,
         batch: Batch,
@@ -138,23 +140,23 @@ impl ReadReport {
     }
 }
 
-/// Takes batches in the file's order. An error ends the reading and is returned by it.
+/// Consumer of batches in the file's order. An error ends the reading, which returns it.
 pub type Sink<'a> = dyn FnMut(Batch) -> Result<(), ScanError> + 'a;
 
 /// An opened input.
 pub trait Source: Send + Sync {
-    /// What is known of it.
+    /// What is known of the input.
     fn info(&self) -> &SourceInfo;
 
     /// Decodes all points once, in order, on the lattice of `placement`, into batches of at most
-    /// [`BATCH_POINTS`] points that have all attributes of the schema. Uses the cores of the
-    /// current rayon pool where the format allows; calls `sink` from this thread only. Memory stays
-    /// bounded by a few dozen MiB beside [`Source::held_bytes`] whatever the file claims.
+    /// [`BATCH_POINTS`] points that have all attributes of the schema. Uses the threads of the
+    /// current rayon pool if the format allows; calls `sink` only on the calling thread. Whatever
+    /// the file claims, memory stays bounded by a few dozen MiB plus [`Source::held_bytes`].
     ///
     /// # Errors
-    /// [`ScanError::OffLattice`] where a point does not fit the lattice (its header's bounds lied);
-    /// [`ScanError::Cancelled`]; otherwise what is wrong with the file. Points handed over before
-    /// an error are void.
+    /// [`ScanError::OffLattice`] if a point does not fit the lattice, because the bounds in the
+    /// header are wrong; [`ScanError::Cancelled`]; otherwise what is wrong with the file. After an
+    /// error, points that were passed to `sink` before are void.
     fn read(
         &self,
         placement: &Placement,
@@ -162,15 +164,15 @@ pub trait Source: Send + Sync {
         sink: &mut Sink<'_>,
     ) -> Result<ReadReport, ScanError>;
 
-    /// The true bounds of all points, by decoding the file (called only after
-    /// [`ScanError::OffLattice`]); `None` where there is no point.
+    /// Computes the true bounds of all points by decoding the file; called only after
+    /// [`ScanError::OffLattice`]. `None` if there is no point.
     ///
     /// # Errors
-    /// As [`Source::read`].
+    /// [`ScanError::Cancelled`], or what is wrong with the file.
     fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError>;
 
-    /// Bytes of memory that it holds at once at most while it is read: a large compressed chunk
-    /// whose decoder needs all of it.
+    /// Most memory that is held at once while the source is read, in bytes: a large compressed
+    /// chunk whose decoder needs all of it.
     fn held_bytes(&self) -> u64 {
         0
     }

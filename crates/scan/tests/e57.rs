@@ -1,5 +1,5 @@
-//! E57: places come in the pose of their scan, exactly where they are integers; values keep their
-//! types; damaged files end in an error.
+//! E57: points have the pose of their scan, exactly if they are integers; values keep their types;
+//! damaged files end in an error.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
@@ -57,7 +57,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A place turned by a quaternion of unit length: `v + 2 u x (u x v + w v)`.
+/// A vector rotated by a quaternion of unit length: `v + 2 u x (u x v + w v)`.
 fn turned([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     let u = [x, y, z];
     let inner = cross(u, v);
@@ -67,7 +67,7 @@ fn turned([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
 
 proptest! {
     #[test]
-    fn scans_stand_in_their_poses(scans in prop::collection::vec((prop::array::uniform4(-1.0f64..1.0), prop::array::uniform3(-1e3f64..1e3), prop::collection::vec(prop::array::uniform3(-50.0f64..50.0), 1..40)), 1..4)) {
+    fn scans_have_their_poses(scans in prop::collection::vec((prop::array::uniform4(-1.0f64..1.0), prop::array::uniform3(-1e3f64..1e3), prop::collection::vec(prop::array::uniform3(-50.0f64..50.0), 1..40)), 1..4)) {
         let (mut written, mut places, mut number, mut of) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (i, (q, at, points)) in scans.iter().enumerate() {
             let length = q.iter().map(|c| c * c).sum::<f64>().sqrt().max(1e-9);
@@ -119,15 +119,15 @@ proptest! {
         let at = at % bytes.len();
         let same = bytes[at] == byte;
         bytes[at] = byte;
-        // Every page has a checksum; the first page's head is read before it, and says where the
-        // rest is.
+        // Every page has a checksum. The head of the first page is read before it and says where
+        // the rest is.
         let is_sound = read(&bytes).is_ok();
         prop_assert!(is_sound == same || at < 48, "{at}");
     }
 }
 
 #[test]
-fn values_keep_their_types_and_states_are_heeded() {
+fn values_keep_their_types_and_invalid_points_are_refused() {
     let mut prototype = cartesian(&SINGLE);
     prototype.extend([
         record(Name::CartesianInvalidState, Kind::Integer { min: 0, max: 2 }),
@@ -166,7 +166,7 @@ fn values_keep_their_types_and_states_are_heeded() {
 }
 
 #[test]
-fn colours_that_are_shares_become_sixteen_bits() {
+fn colours_of_a_range_become_sixteen_bits() {
     let mut prototype = cartesian(&DOUBLE);
     let share = Kind::Single { min: Some(0.0), max: Some(2.0) };
     prototype.extend(
@@ -181,7 +181,7 @@ fn colours_that_are_shares_become_sixteen_bits() {
 }
 
 #[test]
-fn directions_and_ranges_become_places() {
+fn directions_and_ranges_become_positions() {
     let names = [Name::SphericalRange, Name::SphericalAzimuth, Name::SphericalElevation];
     let prototype = names.map(|n| record(n, DOUBLE)).to_vec();
     let right = std::f64::consts::FRAC_PI_2;
@@ -202,7 +202,7 @@ fn directions_and_ranges_become_places() {
 }
 
 #[test]
-fn what_a_scan_lacks_is_told() {
+fn attributes_that_a_scan_lacks_are_noted() {
     let plain = Scan {
         prototype: cartesian(&DOUBLE),
         pose: None,
@@ -236,7 +236,7 @@ fn scans_that_are_moved_by_whole_steps_share_a_grid() {
 }
 
 #[test]
-fn bounds_that_lie_are_surveyed() {
+fn wrong_bounds_are_surveyed() {
     let kind = Kind::ScaledInteger { min: -1000, max: 1000, scale: 0.5, offset: 0.0 };
     let mut bytes = Cursor::new(Vec::new());
     let mut writer = E57Writer::new(&mut bytes, "a file").unwrap();
@@ -255,7 +255,7 @@ fn bounds_that_lie_are_surveyed() {
 }
 
 #[test]
-fn values_of_unlike_scans_meet_in_types_that_hold_them() {
+fn values_of_different_scans_get_types_that_hold_them() {
     let scan = |extra: Vec<Record>, values: Vec<Value>| {
         let mut prototype = cartesian(&DOUBLE);
         prototype.extend(extra);
@@ -282,13 +282,13 @@ fn values_of_unlike_scans_meet_in_types_that_hold_them() {
         drop(writer);
         read(bytes.into_inner()).unwrap()
     };
-    // White is white, of however many bits.
+    // White is white, whatever the number of bits.
     let white = |max: i64| scan(colours(max), vec![Value::Integer(max); 3]);
     let cloud = write(&[white(255), white(1023), white(65_535)]);
     assert_eq!(cloud.column("red"), (AttrType::U16, vec![65_535.0; 3]));
     assert_eq!(cloud.info.colour_depth, Some(esker_points::ColourDepth::Sixteen));
     assert_eq!(cloud.report.colour_max, 65_535);
-    // Integers in a type that has both, and one of 64 bits to the last of them.
+    // Integers get a type that holds both, and 64-bit ones are exact to the last digit.
     let row = |min: i64, max: i64, n: i64| {
         scan(vec![integer(Name::RowIndex, min, max)], vec![Value::Integer(n)])
     };
@@ -298,7 +298,7 @@ fn values_of_unlike_scans_meet_in_types_that_hold_them() {
     let cloud = write(&[row(i64::MIN, i64::MAX, long)]);
     assert_eq!(cloud.types(), "row_index:i64");
     assert_eq!(cloud.bytes("row_index"), long.to_le_bytes());
-    // Names that meet are both kept; the scan's number has its own.
+    // Attributes of equal names are both kept; the scan's number has its own name.
     let meeting = |n: i64| {
         let fields = vec![
             integer(Name::Intensity, 0, 9),
@@ -325,7 +325,7 @@ fn values_of_unlike_scans_meet_in_types_that_hold_them() {
 }
 
 #[test]
-fn more_values_than_are_kept_are_refused() {
+fn too_many_values_are_refused() {
     let mut prototype = cartesian(&DOUBLE);
     let own = |i: usize| Name::Unknown { namespace: "e".into(), name: format!("value{i}") };
     prototype.extend((0..1024).map(|i| record(own(i), Kind::Integer { min: 0, max: 1 })));
@@ -340,7 +340,7 @@ fn more_values_than_are_kept_are_refused() {
 }
 
 #[test]
-fn files_that_are_none_are_refused() {
+fn damaged_files_and_poses_are_refused() {
     let points = vec![[1.0, 2.0, 3.0].map(Value::Double).to_vec(); 500];
     let bytes = file(&[Scan { prototype: cartesian(&DOUBLE), pose: None, points: points.clone() }]);
     for cut in [9, 40, 1000, bytes.len() - 1024] {
@@ -349,7 +349,7 @@ fn files_that_are_none_are_refused() {
     assert!(error("ASTM-E57 and nothing else").contains("cloud.las"));
     let turn = pose([0.0; 4], [0.0; 3]);
     let error = error(file(&[Scan { prototype: cartesian(&DOUBLE), pose: turn, points }]));
-    assert!(error.contains("scan 1 has a pose that is no rotation"), "{error}");
+    assert!(error.contains("scan 1 has a pose that is not a rotation"), "{error}");
     let nothing = read(file(&[])).unwrap();
     assert!(nothing.world.is_empty() && nothing.info.notes == ["has no points"]);
 }

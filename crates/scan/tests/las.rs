@@ -1,6 +1,6 @@
-//! LAS and LAZ as users meet them: files written here byte by byte, for every version and point
-//! format, come back to the bit; damaged ones end in an error. The writer below knows nothing of
-//! the reader's tables: it places every field by the specification.
+//! LAS and LAZ files, written here byte by byte for every version and point format, are read bit by
+//! bit; damaged ones end in an error. The writer of these tests does not use the reader's tables:
+//! it places every field by the specification.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -37,7 +37,7 @@ fn read(source: &dyn Source) -> Result<(Vec<Batch>, ReadReport), ScanError> {
     Ok((batches, report))
 }
 
-/// All values of an attribute as raw bytes, a point.
+/// All values of an attribute as raw bytes, one per point.
 fn column(batches: &[Batch], name: &str) -> Vec<Vec<u8>> {
     let mut values = Vec::new();
     for batch in batches {
@@ -48,7 +48,7 @@ fn column(batches: &[Batch], name: &str) -> Vec<Vec<u8>> {
     values
 }
 
-/// Holds every attribute and coordinate of what was read against what was written.
+/// Compares every attribute and coordinate of the read batches with the written points.
 fn assert_equal(batches: &[Batch], points: &[Point], variant: Variant) {
     let positions: Vec<_> = batches.iter().flat_map(|b| &b.positions).collect();
     assert_eq!(positions.len(), points.len());
@@ -96,7 +96,7 @@ fn file_of(variant: Variant, points: Vec<Point>) -> File {
 
 proptest! {
     #[test]
-    fn every_bit_of_a_las_file_comes_back((variant, points) in variants().prop_flat_map(|v| (Just(v), points(v.extra, 0..40)))) {
+    fn every_bit_of_a_las_file_is_read((variant, points) in variants().prop_flat_map(|v| (Just(v), points(v.extra, 0..40)))) {
         let disk = on_disk(&file_of(variant, points.clone()).las());
         let source = open(&disk).unwrap();
         let (batches, report) = read(source.as_ref()).unwrap();
@@ -106,7 +106,7 @@ proptest! {
     }
 
     #[test]
-    fn every_bit_of_a_laz_file_comes_back((variant, points) in variants().prop_flat_map(|v| (Just(v), points(v.extra, 0..40))), chunk in 1u32..20) {
+    fn every_bit_of_a_laz_file_is_read((variant, points) in variants().prop_flat_map(|v| (Just(v), points(v.extra, 0..40))), chunk in 1u32..20) {
         let disk = on_disk(&file_of(variant, points.clone()).laz(chunk));
         let source = open(&disk).unwrap();
         let (batches, _) = read(source.as_ref()).unwrap();
@@ -195,7 +195,7 @@ fn laz_of_varying_chunks_gives_all_points() {
 }
 
 #[test]
-fn laz_without_chunk_table_gives_all_points_and_says_so() {
+fn laz_without_chunk_table_gives_all_points_and_a_note() {
     for (format, minor) in [(3, 2), (7, 4)] {
         let variant = Variant { format, minor, extra: 3 };
         let file = file_of(variant, plain_points(1000, 3));
@@ -228,7 +228,7 @@ fn a_laszip_record_that_the_decoder_does_not_know_is_refused_by_name() {
 }
 
 #[test]
-fn chunk_tables_that_lie_are_refused_without_believing_them() {
+fn wrong_chunk_tables_are_refused_before_allocating() {
     let file = file_of(Variant { format: 6, minor: 4, extra: 0 }, plain_points(10, 0));
     let good = file.laz(5);
     let start = u32::from_le_bytes(good[96..100].try_into().unwrap()) as usize;
@@ -280,7 +280,7 @@ fn extra_bytes_get_their_names_types_and_scales() {
 }
 
 #[test]
-fn descriptions_of_more_bytes_than_there_are_fall_back_to_raw_bytes() {
+fn descriptions_of_too_many_bytes_fall_back_to_raw_bytes() {
     let mut file = file_of(Variant { format: 1, minor: 2, extra: 2 }, plain_points(5, 2));
     file.vlrs.push(las_writer::extra_bytes_vlr(&[(10, 0, "wide")]));
     let disk = on_disk(&file.las());
@@ -294,7 +294,7 @@ fn descriptions_of_more_bytes_than_there_are_fall_back_to_raw_bytes() {
 }
 
 #[test]
-fn eight_bit_colours_are_told_from_sixteen_and_can_be_overridden() {
+fn eight_bit_colours_are_detected_and_can_be_overridden() {
     let variant = Variant { format: 2, minor: 2, extra: 0 };
     let mut file = file_of(variant, plain_points(3, 0));
     for (value, depth) in
@@ -313,7 +313,7 @@ fn eight_bit_colours_are_told_from_sixteen_and_can_be_overridden() {
 }
 
 #[test]
-fn counts_that_lie_are_named_or_put_right() {
+fn wrong_counts_are_refused_or_corrected() {
     let file = file_of(Variant { format: 0, minor: 2, extra: 0 }, plain_points(10, 0));
     let with_count = |count: u32, bytes: usize| {
         let mut bytes = file.las()[..bytes].to_vec();
@@ -329,23 +329,23 @@ fn counts_that_lie_are_named_or_put_right() {
         assert_eq!(source.info().points_hint, 10);
         assert_equal(&read(source.as_ref()).unwrap().0, &file.points, file.variant);
     }
-    // Cut within a record, it is the file that is wrong.
+    // If a record is cut off, the file is truncated.
     let error = open(&with_count(11, all - 7)).err().unwrap().to_string();
     assert!(error.contains("claims 11 points") && error.contains("for 9 only"), "{error}");
     assert!(!error.contains('\n'));
-    // What is no whole number of records may be anything.
+    // A number of bytes that is not whole records may be anything.
     let disk = with_count(8, all - 7);
     let source = open(&disk).unwrap();
     assert!(source.info().notes[0].contains("33 bytes behind"), "{:?}", source.info().notes);
     assert_eq!(read(source.as_ref()).unwrap().1.points, 8);
 }
 
-/// Bytes that were never points may make whole records by chance.
+/// Bytes that were never points may be whole records by chance.
 #[test]
-fn what_lies_behind_the_points_and_far_from_their_box_is_none_of_them() {
+fn records_behind_the_points_and_far_from_their_box_are_no_points() {
     let variant = Variant { format: 0, minor: 2, extra: 0 };
     let mut points = plain_points(10, 0);
-    // With the box of the first points as the header's.
+    // With the box of the first points in the header.
     let bytes_of = |points: &[Point], claimed: usize| {
         let mut bytes = file_of(variant, points.to_vec()).las();
         bytes[107..111].copy_from_slice(&(claimed as u32).to_le_bytes());
@@ -366,7 +366,7 @@ fn what_lies_behind_the_points_and_far_from_their_box_is_none_of_them() {
         assert!(note.contains(&format!("{} bytes behind the 10 points", 20 * records)), "{note}");
         assert_equal(&read(source.as_ref()).unwrap().0, &points, variant);
     }
-    // Points that were added without the header being told lie outside of its box, and are points.
+    // Points appended without a new header lie outside of its box, and are points.
     points.iter_mut().skip(4).for_each(|p| p.position[0] += 100);
     let disk = on_disk(&bytes_of(&points, 4));
     let source = open(&disk).unwrap();
@@ -391,7 +391,7 @@ fn zeros_behind_the_points_that_the_header_claims_are_padding() {
         let (points, note) = padded(10, records, 0);
         assert_eq!(points, 10);
         assert!(note.contains(&format!("{} bytes of zeros behind the 10 points", 20 * records)));
-        // Anything else there is a point, and so is all where the header claims none.
+        // Other bytes there are a point, and so are all records if the header claims none.
         assert_eq!(padded(10, records, 1).0, 10 + records as u64);
         assert_eq!(padded(9, records, 0).0, 10 + records as u64);
         assert_eq!(padded(0, records, 0).0, 10 + records as u64);
@@ -399,7 +399,7 @@ fn zeros_behind_the_points_that_the_header_claims_are_padding() {
 }
 
 #[test]
-fn counts_that_lie_about_chunks_that_tell_their_own_are_put_right() {
+fn wrong_counts_are_corrected_from_chunks_with_counts() {
     let file = file_of(Variant { format: 7, minor: 4, extra: 3 }, plain_points(1000, 3));
     for good in [file.laz(300), file.laz_of_varying_chunks(&[400, 1, 99, 500]), file.laz(5000)] {
         for claimed in [0u64, 1, 899, 901, 999, 1001, 4999, 1 << 40, u64::MAX] {
@@ -414,7 +414,7 @@ fn counts_that_lie_about_chunks_that_tell_their_own_are_put_right() {
             assert_equal(&read(source.as_ref()).unwrap().0, &file.points, file.variant);
         }
     }
-    // Older chunks don't tell: what is left out is said, what is missing is an error.
+    // Other chunks have no count: points left out make a note, missing ones an error.
     let file = file_of(Variant { format: 3, minor: 2, extra: 0 }, plain_points(1000, 0));
     let with_count = |claimed: u32| {
         let mut bytes = file.laz(300);
@@ -429,7 +429,7 @@ fn counts_that_lie_about_chunks_that_tell_their_own_are_put_right() {
     assert!(error.contains("claims 2000 points") && error.contains("at most 1200"), "{error}");
     let disk = with_count(1100);
     assert!(read(open(&disk).unwrap().as_ref()).is_err());
-    // No points at all are none.
+    // A file without points is read as empty.
     for (format, minor) in [(3, 2), (7, 4)] {
         let empty = file_of(Variant { format, minor, extra: 0 }, Vec::new());
         let disk = on_disk(&empty.laz(300));
@@ -440,8 +440,8 @@ fn counts_that_lie_about_chunks_that_tell_their_own_are_put_right() {
 }
 
 #[test]
-fn a_chunk_larger_than_memory_is_refused_with_what_to_do() {
-    // Layered chunks are decoded whole. Larger than what is decoded side by side.
+fn a_chunk_larger_than_memory_is_refused_with_a_remedy() {
+    // Layered chunks are decoded whole; this one is larger than those decoded in parallel.
     let variant = Variant { format: 6, minor: 4, extra: 200 };
     let points: Vec<_> = (0..160_000u64)
         .map(|i| {

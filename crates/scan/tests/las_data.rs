@@ -1,5 +1,5 @@
-//! The LAS and LAZ files of the data folder, where `ESKER_DATA` names one: all good ones are read
-//! with the count of the manifest, LAS/LAZ pairs hold the same points, bad ones end as they must.
+//! The LAS and LAZ files of the data folder: all good ones are read with the count of the manifest,
+//! LAS/LAZ pairs hold the same points, bad ones end in an error or a note.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -7,15 +7,11 @@ use esker_points::hash::{MultisetHash, layout_seed};
 use esker_points::lattice::Lattice;
 use esker_points::task::Silent;
 use esker_scan::{OpenOptions, ScanError};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("ESKER_DATA").map(PathBuf::from);
-    if folder.is_none() {
-        println!("skipped: ESKER_DATA is not set");
-    }
-    folder
-}
+mod data;
+
+use data::Entry;
 
 /// Number of points, multiset hash and notes.
 fn read(path: &Path) -> Result<(u64, MultisetHash, Vec<String>), ScanError> {
@@ -41,18 +37,14 @@ const REFUSED: [&str; 2] = ["las/pdrf/10pts-pdrf9.laz", "las/pdrf/10pts-pdrf10.l
 
 #[test]
 fn good_files_have_the_manifests_count() {
-    let Some(data) = data() else { return };
-    let manifest = std::fs::read_to_string(data.join("manifest.csv")).unwrap();
+    let Some(data) = data::folder() else { return };
     let mut files = 0;
-    for line in manifest.lines().skip(1) {
-        let mut fields = line.split(',');
-        let (name, _, points) = (fields.next().unwrap(), fields.next(), fields.next().unwrap());
+    for Entry { name, points, .. } in data::manifest(&data) {
         let is_las = name.ends_with(".las") || name.ends_with(".laz");
-        if !is_las || name.starts_with("bad/") || REFUSED.contains(&name) {
+        if !is_las || name.starts_with("bad/") || REFUSED.contains(&name.as_str()) {
             continue;
         }
-        let expected: u64 = points.parse().unwrap();
-        assert_eq!(read(&data.join(name)).unwrap().0, expected, "{name}");
+        assert_eq!(Some(read(&data.join(&name)).unwrap().0), points, "{name}");
         files += 1;
     }
     assert!(files > 60, "{files}");
@@ -60,7 +52,7 @@ fn good_files_have_the_manifests_count() {
 
 #[test]
 fn files_that_lack_fields_are_refused_by_name() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::folder() else { return };
     for name in REFUSED {
         let error = read(&data.join(name)).unwrap_err().to_string();
         assert!(error.contains(name) && error.contains("fields are missing"), "{error}");
@@ -69,7 +61,7 @@ fn files_that_lack_fields_are_refused_by_name() {
 
 #[test]
 fn las_and_laz_of_the_same_scan_have_the_same_points() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::folder() else { return };
     let mut pairs = 0;
     for folder in ["laz/pairs", "las/pdrf"] {
         for entry in std::fs::read_dir(data.join(folder)).unwrap() {
@@ -95,7 +87,7 @@ fn is_refused(path: &Path) -> bool {
 
 #[test]
 fn bad_files_end_in_one_line_or_say_what_was_left_out() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::folder() else { return };
     for (name, what) in [
         ("laszip-broken-coder.laz", "LASzip coder 15"),
         ("laszip-broken-compressor.laz", "LASzip compressor 16"),

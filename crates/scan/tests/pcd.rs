@@ -1,5 +1,5 @@
-//! PCD: lines, records and compressed fields give the same points and attributes, exactly; headers
-//! that lie and bytes that are damaged end in an error.
+//! PCD: lines, records and compressed fields give the same points and attributes, exactly; wrong
+//! headers and damaged bytes end in an error.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
@@ -14,7 +14,7 @@ use proptest::prelude::*;
 
 const FIELDS: &str = "VERSION 0.7\nFIELDS x y z rgb _ label normal_x normal_y normal_z\nSIZE 4 4 4 4 1 2 4 4 4\n\
     TYPE F F F F U I F F F\nCOUNT 1 1 1 1 3 1 1 1 1\n";
-/// Bytes of each field.
+/// Size of each field, in bytes.
 const BYTES: [usize; 9] = [4, 4, 4, 4, 3, 2, 4, 4, 4];
 
 fn header(points: usize, data: &str) -> String {
@@ -48,7 +48,7 @@ impl Point {
     }
 }
 
-/// A file of these points, as lines, records, or compressed (runs of bytes alone).
+/// A file of these points as lines, as records, or compressed (literal runs only).
 fn file(points: &[Point], data: &str) -> Vec<u8> {
     let mut out = header(points.len(), data).into_bytes();
     match data {
@@ -112,7 +112,7 @@ proptest! {
 }
 
 #[test]
-fn lines_are_decimals_beyond_what_a_single_holds() {
+fn lines_are_decimals_beyond_the_digits_of_a_single() {
     let text = "VERSION 0.7\nFIELDS X Y Z rgba\nSIZE 4 4 4 4\nTYPE F F F U\nWIDTH 2\nHEIGHT 1\nDATA ascii\n\
         289814.15 4320978.61 170.76 4278190337\n289814.64 4320978.84 nan 1\n";
     let cloud = read(text).unwrap();
@@ -127,7 +127,7 @@ fn lines_are_decimals_beyond_what_a_single_holds() {
 }
 
 #[test]
-fn an_image_tells_where_its_sensor_stood() {
+fn an_image_has_the_position_of_its_sensor() {
     let place = |height: &str, viewpoint: &str| {
         let text = format!(
             "FIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nWIDTH 2\nHEIGHT {height}\n{viewpoint}DATA ascii\n"
@@ -140,7 +140,7 @@ fn an_image_tells_where_its_sensor_stood() {
 }
 
 #[test]
-fn what_is_cut_or_lies_is_refused_with_the_reason() {
+fn truncated_or_wrong_files_are_refused_with_the_reason() {
     let points = some();
     let cut = |data: &str, by: usize| {
         let bytes = file(&points, data);

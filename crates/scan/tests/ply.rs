@@ -1,16 +1,17 @@
-//! PLY: every encoding gives the same points and attributes, exactly; headers that lie and bytes
-//! that are damaged end in an error or in the points that are sound, never in a panic.
+//! PLY: every encoding gives the same points and attributes, exactly; wrong headers and damaged
+//! bytes end in an error or in the sound points, never in a panic.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
 use esker_points::lattice::{GridKind, Lattice};
 use esker_points::{AttrType, ColourDepth};
 use proptest::prelude::*;
-use std::path::PathBuf;
 
 mod cloud;
+mod data;
 
-use cloud::{error, read, read_path};
+use cloud::{error, is_error_one_line, read, read_path};
+use data::Entry;
 
 #[test]
 fn attributes_get_their_usual_names_and_keep_their_types() {
@@ -75,7 +76,7 @@ fn other_elements_and_lists_are_skipped_with_a_note() {
 }
 
 #[test]
-fn counts_that_lie_are_refused_with_both_numbers() {
+fn wrong_counts_are_refused_with_both_numbers() {
     for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
         for claimed in ["3", "4294967295", "18446744073709551615"] {
             let mut bytes = format!(
@@ -96,7 +97,7 @@ fn counts_that_lie_are_refused_with_both_numbers() {
 }
 
 #[test]
-fn what_holds_no_points_is_told_in_a_line() {
+fn files_without_points_are_refused_in_a_line() {
     let no_z = "element vertex 1\nproperty float x\nproperty float y\nproperty list uchar int z\n";
     for (body, want) in [("", "no element `vertex`"), (no_z, "lack x, y or z")] {
         let error = error(format!("ply\nformat ascii 1.0\n{body}end_header\n1 2 0\n").as_bytes());
@@ -142,7 +143,7 @@ fn lines_behind_the_last_vertex_are_noted() {
         cloud.info.notes
     };
     let point = "1 2 3\n";
-    // Of one block and of many; the last vertex may end a block.
+    // In one block and in many; the last vertex may end a block.
     for count in [1, 3, 100_000, (256 << 10) / 6] {
         let body = point.repeat(count);
         let none: Vec<String> = Vec::new();
@@ -157,7 +158,7 @@ fn lines_behind_the_last_vertex_are_noted() {
 }
 
 #[test]
-fn points_without_a_place_are_refused_and_counted() {
+fn points_without_a_finite_position_are_refused_and_counted() {
     let mut bytes = b"ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty uchar i\nend_header\n".to_vec();
     for (i, x) in [1.0, f32::NAN, f32::INFINITY, 4.0].into_iter().enumerate() {
         for c in [x, 0.0, 1e-3] {
@@ -222,7 +223,7 @@ const TYPES: [(&str, AttrType); 8] = [
     ("double", AttrType::F64),
 ];
 
-/// A value as a PLY of any encoding has it, from random bits; finite.
+/// A value as in a PLY of any encoding, from random bits; finite.
 fn value(ty: AttrType, bits: u64) -> Vec<u8> {
     let bytes = bits.to_le_bytes();
     match ty {
@@ -286,14 +287,15 @@ proptest! {
         for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
             let cloud = read(write(format, &types, &rows)).unwrap();
             prop_assert_eq!(cloud.world.len(), rows.len());
-            // What the lattice takes for noise of `f64` while placing: a millionth of a step.
+            // Tolerance of the lattice for noise of `f64` while placing points: a millionth of a
+            // step.
             let lattice = Lattice::choose(std::slice::from_ref(&cloud.info.grid)).unwrap();
             let error = cloud.report.rounding_error_max + lattice.scale[0].max(lattice.scale[1]).max(lattice.scale[2]) * 1e-6;
             for (p, row) in cloud.world.iter().zip(&rows) {
                 for i in 0..3 {
                     let want = TYPES[types[i]].1.to_f64(&row[i]);
-                    // The last term: an f32 in decimal text differs from its binary twin by its
-                    // text.
+                    // The last term: an f32 in decimal text differs from its binary twin by the
+                    // rounding of the text.
                     let text = if format == "ascii" { want.abs() * 6e-8 } else { 0.0 };
                     prop_assert!((p[i] - want).abs() <= error + want.abs() * 1e-15 + text + 1e-12, "{} {} {}", p[i], want, error);
                 }
@@ -314,34 +316,20 @@ proptest! {
             let at = at.index(bytes.len());
             bytes[at] = with;
         }
-        if let Err(e) = read(&bytes) {
-            prop_assert!(!e.to_string().contains('\n'));
-        }
+        prop_assert!(is_error_one_line(read(&bytes)));
     }
-}
-
-fn data() -> Option<PathBuf> {
-    let data = std::env::var_os("ESKER_DATA");
-    if data.is_none() {
-        println!("skipped: ESKER_DATA is not set");
-    }
-    data.map(PathBuf::from)
 }
 
 #[test]
 fn real_files_have_the_points_of_the_manifest() {
-    let Some(data) = data() else { return };
-    let manifest = std::fs::read_to_string(data.join("manifest.csv")).unwrap();
+    let Some(data) = data::folder() else { return };
     let mut files = 0;
-    for line in manifest.lines() {
-        // The second column may be quoted and hold a comma; the count is the first number after it.
-        let (name, rest) = line.split_once(',').unwrap();
+    for Entry { name, points, .. } in data::manifest(&data) {
         if !(name.starts_with("ply/") || name.starts_with("models/")) {
             continue;
         }
-        let count = rest.split(',').find_map(|f| f.parse::<u64>().ok()).unwrap();
-        let cloud = read_path(&data.join(name)).unwrap();
-        assert_eq!(cloud.report.points, count, "{name}");
+        let cloud = read_path(&data.join(&name)).unwrap();
+        assert_eq!(Some(cloud.report.points), points, "{name}");
         assert!(cloud.report.refused.is_empty(), "{name}");
         files += 1;
     }
@@ -350,11 +338,11 @@ fn real_files_have_the_points_of_the_manifest() {
 
 #[test]
 fn the_ascii_bunny_is_the_binary_bunny() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::folder() else { return };
     let ascii = read_path(&data.join("models/bunny-zipper-ascii.ply")).unwrap();
     let binary = read_path(&data.join("models/bunny-36k.ply")).unwrap();
     assert!(ascii.info.notes.contains(&"69451 faces ignored".to_owned()));
-    // Half a step of the grid of floats: 2^31 steps hold an extent of 0.156.
+    // Half a step of the grid for floats: 2^31 steps hold an extent of 0.156.
     assert!(binary.report.rounding_error_max <= 2f64.powi(-34));
     for (a, b) in ascii.world.iter().zip(&binary.world) {
         for i in 0..3 {
@@ -365,7 +353,7 @@ fn the_ascii_bunny_is_the_binary_bunny() {
 
 #[test]
 fn bad_files_are_refused_in_a_line() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::folder() else { return };
     for (name, want) in
         [("ply-no-vertex.ply", "no element `vertex`"), ("ply-no-z.ply", "lack x, y or z")]
     {

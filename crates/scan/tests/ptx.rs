@@ -1,6 +1,6 @@
-//! PTX and PTS: points come where their scan stood, with what was measured of them; directions
-//! without a return and lines of counts are no points; what is cut or damaged is refused in one
-//! line that says why.
+//! PTX and PTS: points have the pose of their scan, with their attributes; directions without a
+//! return and lines of counts are no points; truncated or damaged files are refused with a reason
+//! in one line.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
@@ -27,7 +27,7 @@ fn moved(by: [f64; 3]) -> [[f64; 3]; 4] {
 }
 
 #[test]
-fn decimals_stay_decimals_where_scans_are_moved_alone() {
+fn decimals_stay_decimals_if_scans_are_only_translated() {
     let points = "1.25 0 -3 0.5 255 0 7\n0 0 0 0.5 0 0 0\n0.5 0.125 0 0.034912 1 2 3\n";
     let cloud = read(head(3, 1, moved([100.5, 0.0, -2.0])) + points).unwrap();
     assert_eq!(cloud.world, [[101.75, 0.0, -5.0], [101.0, 0.125, -2.0]]);
@@ -42,14 +42,14 @@ fn decimals_stay_decimals_where_scans_are_moved_alone() {
 }
 
 #[test]
-fn scans_are_told_apart_and_turned() {
+fn scans_are_numbered_and_rotated() {
     // A quarter turn to the left: x becomes y, y becomes -x.
     let turned = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [10.0, 20.0, 30.0]];
     let first = head(1, 2, moved([0.0; 3])) + "1 2 3 0.1234567\n4 5 6 0\n";
     let cloud = read(first + &head(2, 1, turned) + "1 2 3 1\n0 0 0 0.5\n").unwrap();
     assert!(cloud.lies_at(&[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [8.0, 21.0, 33.0]]));
     assert_eq!(cloud.info.grid.kind, GridKind::Float);
-    // Seven digits are more than a single has.
+    // Seven digits are more than a single holds.
     assert_eq!(cloud.types(), "intensity:f64 point_source_id:u16");
     assert_eq!(cloud.column("point_source_id").1, [1.0, 1.0, 2.0]);
     let at = [(1, [0.0; 3]), (2, [10.0, 20.0, 30.0])];
@@ -58,7 +58,7 @@ fn scans_are_told_apart_and_turned() {
 }
 
 #[test]
-fn what_is_cut_or_damaged_is_refused_with_its_line() {
+fn truncated_or_damaged_files_are_refused_with_the_line() {
     let one = head(2, 1, moved([0.0; 3]));
     for (text, want) in [
         (format!("{one}1 2 3 4\n"), "scan 1 says that 2 lines follow, 1 do"),
@@ -84,7 +84,7 @@ fn a_scan_of_no_returns_is_a_cloud_of_no_points() {
 }
 
 #[test]
-fn pts_files_tell_their_counts() {
+fn wrong_counts_of_pts_files_are_noted() {
     let cloud = read("2\n1.5 2 3 -1613 52 70 64\n4 5 6 12 0 255 1\n1\n7 8 9 0 1 2 3\n").unwrap();
     assert_eq!(cloud.world, [[1.5, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]);
     assert_eq!(cloud.types(), "blue:u8 green:u8 intensity:i32 red:u8");
@@ -103,7 +103,7 @@ proptest! {
         let cut = text[..cut.min(text.len())].to_owned();
         let whole = text.match_indices("2\n2\n0 0 0").filter(|(at, _)| *at <= cut.len()).count();
         if let Ok(cloud) = read(&cut) {
-            // The last number of a cut line may lack digits.
+            // The last number of a truncated line may lack digits.
             prop_assert!(cloud.world.len() == 4 * whole || cloud.world.len() + 4 == 4 * whole, "{}", cut.len());
         }
     }

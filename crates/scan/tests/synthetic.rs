@@ -1,5 +1,4 @@
-//! Generated scans: the same points on every machine, as many as were asked for, however they are
-//! read.
+//! Generated scans: the same points on every machine, as many as requested, however they are read.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -44,8 +43,8 @@ fn pool(threads: usize) -> rayon::ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
 }
 
-/// Scenes with the hash of 100,001 points of seed 7. A new hash means that files built from a scene
-/// no longer verify against it: change it on purpose only.
+/// Scenes with the hash of 100,001 points of seed 7. With another hash, files built from a scene no
+/// longer verify against it: change it only on purpose.
 const PINNED: [(&str, &str); 3] = [
     ("bridge", "5107fe3b442c8b861598d8ae4d242bfa"),
     ("office", "a76074484c69a49cea08007462eff964"),
@@ -62,7 +61,7 @@ fn every_scene_has_the_same_points_on_every_machine() {
 }
 
 #[test]
-fn there_are_as_many_points_as_asked_for_within_the_bounds() {
+fn the_number_of_points_is_as_requested_and_all_are_within_the_bounds() {
     for (scene, _) in PINNED {
         for points in [0u64, 1, 7, 1000, 16_384, 16_385, 60_000] {
             let source = open(&format!("synthetic:{scene}:{points}"));

@@ -1,5 +1,5 @@
-//! Text: numbers come back exact at their digits, columns get the narrowest types, and what is not
-//! a table of points is refused in one line that says why.
+//! Text: numbers are exact to their digits, columns get the narrowest types, and files that are not
+//! a table of points are refused with a reason in one line.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
@@ -7,14 +7,15 @@ use esker_points::lattice::GridKind;
 use esker_points::{AttrType, ColourDepth};
 use proptest::prelude::*;
 use std::fmt::Write;
-use std::path::PathBuf;
 
 mod cloud;
+mod data;
 
-use cloud::{error, read, read_path};
+use cloud::{error, is_error_one_line, read, read_path};
+use data::Entry;
 
 #[test]
-fn whole_numbers_that_doubles_do_not_keep_are_told() {
+fn whole_numbers_that_doubles_round_are_noted() {
     let told = |value: &str| {
         let cloud = read(format!("x,y,z,id,at\n0,0,0,{value},5\n1,1,1,7,1e30\n")).unwrap();
         cloud
@@ -59,7 +60,7 @@ fn a_line_of_names_decides_the_columns() {
 }
 
 #[test]
-fn fields_of_las_are_known_however_they_are_spelled() {
+fn fields_of_las_are_recognised_in_any_spelling() {
     let text = "//X Y Z Classification GPS_Time Point_Source_ID b\n1 2 3 2 100 7 5\n";
     let want = [
         ("b", AttrType::U8),
@@ -68,7 +69,7 @@ fn fields_of_las_are_known_however_they_are_spelled() {
         ("point_source_id", AttrType::U16),
     ];
     assert_eq!(read(text).unwrap().keys(), want);
-    // What the type of LAS does not hold keeps its name.
+    // A column that does not fit the type of LAS keeps its name.
     assert_eq!(read("X,Y,Z,Classification\n1,2,3,2.5\n").unwrap().keys()[0].0, "Classification");
 }
 
@@ -148,7 +149,7 @@ fn many_bad_lines_are_an_error_that_names_the_first() {
 }
 
 #[test]
-fn what_is_not_read_is_named() {
+fn unsupported_texts_are_refused_with_the_reason() {
     for (text, want) in [
         ("1,5;2,5;3,5\n", "line 1 writes decimals with a comma"),
         ("0;0;0\n1,5;2,5;3,5\n1,5;2,5;3,5\n", "line 2 writes decimals with a comma"),
@@ -163,12 +164,12 @@ fn what_is_not_read_is_named() {
 }
 
 #[test]
-fn a_long_beginning_is_read() {
+fn a_long_beginning_without_points_is_read() {
     let names: Vec<String> = (0..1000).map(|i| format!("a_name_with_number_{i}")).collect();
     let (names, values) = (names.join(","), vec!["1"; 1000].join(","));
     let cloud = read(format!("x,y,z,{names}\n1,2,3,{values}\n")).unwrap();
     assert_eq!((cloud.report.points, cloud.keys().len()), (1, 1000));
-    // The head ends within some line, whatever their length.
+    // The first bytes end within some line, whatever the length of lines.
     for line in ["# comment", "// a comment of another length"] {
         let text = format!("{line}\n").repeat(1000) + &"1 2 3\n".repeat(20_000);
         assert_eq!(read(&text).unwrap().report.points, 20_000);
@@ -210,7 +211,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn decimals_come_back_exact(
+    fn decimals_are_exact(
         decimals in [0u32..8, 0u32..8, 0u32..8],
         base in [-1_000_000_000i64..1_000_000_000, 0..1, -5..5],
         points in prop::collection::vec(([0i64..2_000_000_000, 0..2_000_000_000, 0..2_000_000_000], 0u8..3), 1..60),
@@ -236,7 +237,7 @@ proptest! {
     }
 
     #[test]
-    fn attributes_come_back_as_the_nearest_double(values in prop::collection::vec(any::<f64>().prop_filter("finite", |v| v.is_finite()), 1..50)) {
+    fn attributes_are_the_nearest_double(values in prop::collection::vec(any::<f64>().prop_filter("finite", |v| v.is_finite()), 1..50)) {
         let mut text = "x y z value\n".to_owned();
         for v in &values {
             writeln!(text, "0 0 0 {v:e}").unwrap();
@@ -251,44 +252,34 @@ proptest! {
         let mut bytes = ["", "1 2 3\n4 5 6\n", "x y z\n", "# .PCD"][start].as_bytes().to_vec();
         bytes.extend(tail);
         std::fs::write(&path, &bytes).unwrap();
-        if let Err(e) = read_path(&path) {
-            prop_assert!(!e.to_string().contains('\n'));
-        }
+        prop_assert!(is_error_one_line(read_path(&path)));
     }
 
     #[test]
     fn random_tables_never_panic(text in "([-+0-9.eE,; \\txn]{0,12}\n){0,12}") {
-        if let Err(e) = read(format!("1 2 3\n{text}")) {
-            prop_assert!(!e.to_string().contains('\n'));
-        }
+        let text = format!("1 2 3\n{text}");
+        prop_assert!(is_error_one_line(read(text)));
     }
-}
-
-fn data() -> Option<PathBuf> {
-    let data = std::env::var_os("ESKER_DATA");
-    if data.is_none() {
-        println!("skipped: ESKER_DATA is not set");
-    }
-    data.map(PathBuf::from)
 }
 
 #[test]
 fn real_files_have_the_points_of_the_manifest() {
-    let Some(data) = data() else { return };
-    let manifest = std::fs::read_to_string(data.join("manifest.csv")).unwrap();
+    let Some(data) = data::folder() else { return };
     let mut files = 0;
-    for line in manifest.lines().filter(|l| l.starts_with("xyz/")) {
-        let fields: Vec<&str> = line.split(',').collect();
-        let cloud = read_path(&data.join(fields[0])).unwrap();
-        assert_eq!(cloud.report.points, fields[2].parse::<u64>().unwrap(), "{}", fields[0]);
-        // Written with six digits wherever the point is, two of them pass 2^32 steps of their last
-        // digit; steps coarsen by tens, so that a step is at most ten times what would fit.
+    for Entry { name, points, .. } in data::manifest(&data) {
+        if !name.starts_with("xyz/") {
+            continue;
+        }
+        let cloud = read_path(&data.join(&name)).unwrap();
+        assert_eq!(Some(cloud.report.points), points, "{name}");
+        // Two files have six digits for every magnitude and exceed 2^32 steps of their last digit.
+        // Steps coarsen by tens, so a step is at most ten times the finest that fits.
         let [lo, hi] = cloud.info.grid.bounds.unwrap();
         let extent = (0..3).map(|i| hi[i] - lo[i]).fold(0.0, f64::max);
         let allowed = extent * 10.0 / 2f64.powi(33);
-        assert!(cloud.report.rounding_error_max <= allowed, "{}", fields[0]);
-        assert_eq!(fields[0] == "xyz/tree-tls.txt", cloud.report.rounding_error_max == 0.0);
-        assert!(cloud.report.refused.is_empty(), "{}", fields[0]);
+        assert!(cloud.report.rounding_error_max <= allowed, "{name}");
+        assert_eq!(name == "xyz/tree-tls.txt", cloud.report.rounding_error_max == 0.0);
+        assert!(cloud.report.refused.is_empty(), "{name}");
         files += 1;
     }
     assert_eq!(files, 3);
@@ -296,7 +287,7 @@ fn real_files_have_the_points_of_the_manifest() {
 
 #[test]
 fn an_obj_file_is_no_scan() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::folder() else { return };
     let error = read_path(&data.join("bad/obj-no-vertex.obj")).err().unwrap().to_string();
     assert!(error.contains("obj-no-vertex.obj: not a scan file"), "{error}");
 }

@@ -1,5 +1,5 @@
-//! Scans written by Esker are what was read: LAS records to the bit, with header and VLRs as they
-//! were; what LAS has no field for as extra bytes; and blocks of a source that lie make no panic.
+//! Scans written by Esker equal what was read: LAS records bit by bit, with header and VLRs;
+//! attributes without a field in LAS as extra bytes. Damaged blocks of a source cause no panic.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
@@ -47,7 +47,7 @@ fn rows(batches: &[Batch]) -> Vec<Vec<u8>> {
     rows
 }
 
-/// Writes batches of one schema; the notes.
+/// Writes batches of one schema; returns the notes.
 fn write(
     path: &Path,
     lattice: Lattice,
@@ -116,7 +116,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
     #[test]
-    fn las_of_every_format_comes_back_to_the_bit(scan in scan()) {
+    fn las_of_every_format_is_written_bit_by_bit(scan in scan()) {
         let folder = tempfile::tempdir().unwrap();
         let las = scan.las();
         let source = open(&file(folder.path(), "in.las", &las));
@@ -129,7 +129,7 @@ proptest! {
             prop_assert!(notes.is_empty(), "{notes:?}");
             let back = std::fs::read(&out).unwrap();
             prop_assert_eq!(records(&las), records(&back));
-            // All but bounds and counts.
+            // Everything except bounds and counts.
             let vlrs = usize::from(u16::from_le_bytes([las[94], las[95]]))..las.len() - records(&las).concat().len();
             for range in [0..107, 131..179, vlrs] {
                 prop_assert_eq!(&las[range.clone()], &back[range]);
@@ -141,7 +141,7 @@ proptest! {
     }
 
     #[test]
-    fn text_is_read_again_whatever_its_columns_are_called(
+    fn text_is_read_again_whatever_the_names_of_columns(
         names in prop::collection::vec(prop_oneof!["[ \\PC]{1,12}", " {1,3}"], 1..6),
         values in prop::collection::vec(any::<u8>(), 1..20),
     ) {
@@ -161,7 +161,7 @@ proptest! {
     }
 
     #[test]
-    fn blocks_that_lie_make_a_file_or_an_error(
+    fn damaged_blocks_make_a_file_or_an_error(
         header in prop::collection::vec(any::<u8>(), 0..500),
         vlrs in prop::collection::vec(any::<u8>(), 0..300),
         evlrs in prop::collection::vec(any::<u8>(), 0..300),
@@ -190,7 +190,7 @@ proptest! {
     }
 }
 
-/// Two points with normals, colours of 8 bits and a number of their own.
+/// Two points with normals, colours of 8 bits and an attribute of their own.
 fn normals() -> Batch {
     let mut attributes = ["nx", "ny", "nz"].map(|n| Attribute::new(n, AttrType::F32)).to_vec();
     attributes.extend(["red", "green", "blue"].map(|n| Attribute::new(n, AttrType::U8)));
@@ -210,7 +210,7 @@ fn normals() -> Batch {
 }
 
 #[test]
-fn what_las_has_no_field_for_becomes_extra_bytes() {
+fn attributes_without_a_las_field_become_extra_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let batch = normals();
     let origin = Origin { kind: GridKind::Float, crs: None, verbatim: Vec::new() };
@@ -239,16 +239,16 @@ fn what_las_has_no_field_for_becomes_extra_bytes() {
             };
             assert_eq!(back[0].columns[at], want, "{}", a.name);
         }
-        // LAZ brings them into an order of its own.
+        // LAZ reorders points.
         let mut positions = back[0].positions.clone();
         positions.sort_by_key(|p| p[0] != ORIGIN as u32);
         assert_eq!(positions, batch.positions);
     }
 }
 
-/// Other programs know of no scale there: what was counted in halves is told as metres.
+/// Other programs cannot know a scale there: values counted in halves are written in metres.
 #[test]
-fn formats_without_scales_have_values_as_they_are_shown() {
+fn formats_without_scales_get_scaled_values() {
     let folder = tempfile::tempdir().unwrap();
     let mut batch = normals();
     let own = batch.schema.find("own").unwrap();
@@ -256,7 +256,7 @@ fn formats_without_scales_have_values_as_they_are_shown() {
     for ending in ["ply", "xyz", "csv"] {
         let out = folder.path().join(format!("out.{ending}"));
         let notes = write(&out, Lattice::default(), &[], std::slice::from_ref(&batch), 2);
-        assert_eq!(notes, ["by their scale, as they are shown: own"]);
+        assert_eq!(notes, ["written as scaled values: own"]);
         let back = read(open(&out).as_ref()).1.remove(0);
         let own = back.schema.find("own").unwrap();
         let ty = back.schema.attributes[own].ty;
@@ -270,7 +270,7 @@ fn formats_without_scales_have_values_as_they_are_shown() {
 }
 
 #[test]
-fn sources_of_different_formats_share_the_least_that_holds_all() {
+fn sources_of_different_formats_get_the_least_format_that_holds_all() {
     let folder = tempfile::tempdir().unwrap();
     let make = |format, minor| {
         let variant = Variant { format, minor, extra: 0 };
@@ -294,7 +294,7 @@ fn sources_of_different_formats_share_the_least_that_holds_all() {
             open(&file(folder.path(), &format!("{format}.las"), &scan.las()))
         });
         let schema = Arc::new(sources[0].info().schema.union(&sources[1].info().schema));
-        // As the points of a file of both are: zeros where a point lacks an attribute.
+        // As the points of a file that has both: zeros where a point lacks an attribute.
         let widened = sources.each_ref().map(|source| {
             let own = read(source.as_ref()).1.remove(0);
             let column = |attribute: &Attribute| {
@@ -341,7 +341,7 @@ fn sources_of_different_formats_share_the_least_that_holds_all() {
 
 /// A gap must not become a height because another source has no heights.
 #[test]
-fn the_value_that_stands_for_none_stays_known_where_another_source_lacks_the_attribute() {
+fn the_no_data_value_is_kept_if_another_source_lacks_the_attribute() {
     let folder = tempfile::tempdir().unwrap();
     let mut description = vec![0u8; 192];
     // Unsigned 16 bits; no data, scale.
@@ -370,7 +370,7 @@ fn the_value_that_stands_for_none_stays_known_where_another_source_lacks_the_att
 }
 
 #[test]
-fn a_file_tells_one_coordinate_reference_system() {
+fn a_file_has_one_coordinate_reference_system() {
     let folder = tempfile::tempdir().unwrap();
     let of = |name: &str, vlrs: Vec<(String, u16, Vec<u8>)>| {
         let variant = Variant { format: 1, minor: 2, extra: 0 };
@@ -387,8 +387,8 @@ fn a_file_tells_one_coordinate_reference_system() {
     let by_keys = of("b.las", vec![projection(34735, &keys), ("me".into(), 7, vec![7])]);
     let again = of("c.las", vec![wkt("Lambert")]);
     for (sources, kept, others) in [
-        (vec![&none, &by_wkt, &by_keys, &again], vec![2112, 7], "1 sources tell"),
-        (vec![&by_keys, &by_wkt, &again], vec![34735, 7], "2 sources tell"),
+        (vec![&none, &by_wkt, &by_keys, &again], vec![2112, 7], "1 sources have"),
+        (vec![&by_keys, &by_wkt, &again], vec![34735, 7], "2 sources have"),
         (vec![&by_wkt, &again], vec![2112], ""),
     ] {
         let (lattice, batches) = read(sources[0].as_ref());
@@ -409,7 +409,7 @@ fn a_file_tells_one_coordinate_reference_system() {
 }
 
 #[test]
-fn more_points_than_old_headers_count_make_it_a_newer_one() {
+fn too_many_points_for_old_headers_raise_the_version() {
     let folder = tempfile::tempdir().unwrap();
     let variant = Variant { format: 1, minor: 2, extra: 0 };
     let point = Point { position: [7; 3], fields: [9; 60], extra: vec![] };
@@ -424,7 +424,7 @@ fn more_points_than_old_headers_count_make_it_a_newer_one() {
 }
 
 #[test]
-fn endings_name_the_format() {
+fn extensions_select_the_format() {
     for (name, target) in [
         ("a.LAS", Target::Las),
         ("a.b.laz", Target::Laz),

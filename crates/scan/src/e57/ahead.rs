@@ -8,7 +8,7 @@ use std::path::Path;
 /// Bytes read from the file at once.
 const READ_BYTES: usize = 256 << 10;
 
-/// A file whose reader seeks to each page in turn: what was read ahead is kept.
+/// A file whose read-ahead buffer survives the reader's seeks to each page.
 pub(crate) struct Ahead {
     file: BufReader<File>,
     at: u64,

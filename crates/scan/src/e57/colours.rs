@@ -1,6 +1,7 @@
-//! Colours of an E57 file: each scan tells between which values its own lie, by limits or by types.
+//! Ranges of the colours of an E57 file. Each scan gives its own range, by limits or by value
+//! types.
 
-use super::values::{Known, real};
+use super::values::{NumberType, real};
 use e57::{PointCloud, Record, RecordDataType as Kind, RecordName as Name, RecordValue as Value};
 use esker_points::AttrType;
 
@@ -9,8 +10,8 @@ pub(crate) fn is_colour(name: &Name) -> bool {
     matches!(name, Name::ColorRed | Name::ColorGreen | Name::ColorBlue)
 }
 
-/// The values between which a colour lies: by the scan's limits, else by the value's own range;
-/// `None` where neither tells.
+/// Black and white of a colour: the scan's limits, else the value's own range; `None` if neither is
+/// given.
 pub(crate) fn colour_range(cloud: &PointCloud, record: &Record) -> Option<[f64; 2]> {
     let kind = &record.data_type;
     let limits = cloud.color_limits.as_ref().and_then(|l| {
@@ -24,26 +25,26 @@ pub(crate) fn colour_range(cloud: &PointCloud, record: &Record) -> Option<[f64; 
     let own = match *kind {
         Kind::Single { min, max } => Some([min?.into(), max?.into()]),
         Kind::Double { min, max } => Some([min?, max?]),
-        // Where nothing is said they are all that there are.
+        // Without explicit bounds, the crate `e57` gives the bounds of the integer type.
         Kind::Integer { min, max } | Kind::ScaledInteger { min, max, .. } => {
-            let is_told = max.checked_sub(min).is_some_and(|range| range <= u32::MAX.into());
+            let is_bounded = max.checked_sub(min).is_some_and(|range| range <= u32::MAX.into());
             let ends = [Value::ScaledInteger(min), Value::ScaledInteger(max)];
-            is_told.then(|| ends.map(|end| real(&end, kind)))
+            is_bounded.then(|| ends.map(|end| real(&end, kind)))
         }
     };
     let is_range = |[low, high]: &[f64; 2]| (high - low).is_finite() && low < high;
-    // Limits are often those of the colours that occur: of bytes they tell nothing.
+    // Limits are often the least and greatest colours that occur; they mean nothing for bytes.
     let own = own.filter(is_range);
-    if Known::of(kind).ty() == AttrType::U8 { own } else { limits.filter(is_range).or(own) }
+    if NumberType::of(kind).ty() == AttrType::U8 { own } else { limits.filter(is_range).or(own) }
 }
 
-/// How colours are kept.
+/// How colours are stored.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Colours {
-    /// As they are: bytes, or 16 bits from black to white in every scan.
+    /// Unchanged: bytes, or 16 bits from black to white in every scan.
     Whole(AttrType),
-    /// As 16 bits of their range.
-    Shares,
+    /// Scaled from their range to 16 bits.
+    Scaled,
 }
 
 impl Colours {
@@ -54,10 +55,11 @@ impl Colours {
                 colours.map(move |record| (cloud, record))
             })
         };
-        let is_byte =
-            |(_, record): (&PointCloud, &Record)| Known::of(&record.data_type).ty() == AttrType::U8;
+        let is_byte = |(_, record): (&PointCloud, &Record)| {
+            NumberType::of(&record.data_type).ty() == AttrType::U8
+        };
         let is_wide = |(cloud, record): (&PointCloud, &Record)| {
-            let is_whole = Known::of(&record.data_type).ty() == AttrType::U16;
+            let is_whole = NumberType::of(&record.data_type).ty() == AttrType::U16;
             is_whole && colour_range(cloud, record) == Some([0.0, f64::from(u16::MAX)])
         };
         if all().all(is_byte) {
@@ -65,7 +67,7 @@ impl Colours {
         } else if all().all(is_wide) {
             Self::Whole(AttrType::U16)
         } else {
-            Self::Shares
+            Self::Scaled
         }
     }
 }

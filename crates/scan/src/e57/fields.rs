@@ -1,11 +1,11 @@
-//! What the scans of an E57 file tell of a point, and what becomes of it: the place, where that is
-//! valid, in the file's coordinates; and attributes, one list for all scans.
+//! Maps the values of the scans of an E57 file to points: positions in the file's coordinates, if
+//! they are valid, and one list of attributes for all scans.
 
 use super::colours::{Colours, colour_range, is_colour};
 use super::grid::grid;
 use super::packets::bits;
 use super::pose::Pose;
-use super::values::{Known, is_plain, put, real};
+use super::values::{NumberType, is_plain, put, real};
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX, axis, named, schema_of, usual};
 use e57::{PointCloud, Record, RecordDataType as Kind, RecordName as Name, RecordValue as Value};
 use esker_points::attribute::names;
@@ -13,7 +13,7 @@ use esker_points::{AttrType, Cancelled, Grid, Schema, Task};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Why it is not decided.
+/// Why fields could not be mapped.
 pub(crate) enum FieldsError {
     /// What is wrong with the file.
     Damaged(String),
@@ -32,33 +32,33 @@ impl From<Cancelled> for FieldsError {
     }
 }
 
-/// What is taken of the points of one scan.
+/// Where the points of one scan come from.
 #[derive(Clone, Debug)]
-pub(crate) struct Taken {
-    pub place: Place,
-    /// Which value tells whether the place is one.
+pub(crate) struct ScanFields {
+    pub coordinates: Coordinates,
+    /// Index of the value that says whether the position is valid.
     state: Option<usize>,
     pub pose: Pose,
-    /// Steps by which its integers are moved on [`Fields::grid`].
+    /// Steps by which the scan's integers are moved on [`Fields::grid`].
     pub shift: [i64; 3],
-    /// The columns of the schema that it has, and what each is made of.
-    parts: Vec<(usize, Part)>,
+    /// Columns of the schema that the scan has, and the source of each.
+    attributes: Vec<(usize, AttributeSource)>,
 }
 
-/// What a place is made of.
+/// Indices of the values that make a position.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Place {
+pub(crate) enum Coordinates {
     Cartesian([usize; 3]),
     /// Range, azimuth, elevation.
     Spherical([usize; 3]),
 }
 
-/// What an attribute is made of.
+/// Source of an attribute.
 #[derive(Clone, Copy, Debug)]
-enum Part {
-    /// This value.
+enum AttributeSource {
+    /// The value of this index.
     Value(usize),
-    /// A colour that lies between two values.
+    /// A colour that is scaled from `range` (black, white) to 16 bits.
     Colour { value: usize, range: [f64; 2] },
     /// One of three values that are turned with the scan.
     Normal { values: [usize; 3], axis: usize },
@@ -66,68 +66,69 @@ enum Part {
     Scan,
 }
 
-/// What is taken of all scans.
+/// Where the points of all scans come from.
 #[derive(Debug)]
 pub(crate) struct Fields {
     pub schema: Arc<Schema>,
-    pub scans: Vec<Taken>,
-    /// The grid of all coordinates, where they are integers on one and no scan is turned.
+    pub scans: Vec<ScanFields>,
+    /// The grid of all coordinates, if they are integers on one grid and no scan is turned.
     pub grid: Option<Grid>,
-    /// Whether colours are shares of their range, of 16 bits.
-    pub are_shares: bool,
+    /// Whether colours are scaled from their range to 16 bits.
+    pub are_scaled: bool,
     /// What is left out or changed, a line each.
     pub notes: Vec<String>,
 }
 
-/// A value of a point as a file names it: which of those of this name.
+/// Name of a value in the file, and its index among values of that name.
 type Key = (Name, usize);
 
-/// What is known of the values of all scans under a key.
-struct Found {
+/// Summary of the values of all scans that have the same key.
+struct FieldSummary {
     key: Key,
-    kind: Known,
-    /// How many scans have it.
+    kind: NumberType,
+    /// Number of scans that have it.
     scans: usize,
 }
 
-/// What becomes of a point's place.
+/// Position of a point, or why it has none.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Placed {
+pub(crate) enum Position {
     At([f64; 3]),
-    /// Nothing came back from that direction.
+    /// The scanner got no return from this direction.
     NoReturn,
     NotFinite,
 }
 
-impl Taken {
-    /// The place of a point.
-    pub fn place(&self, cloud: &PointCloud, values: &[Value]) -> Placed {
+impl ScanFields {
+    /// Computes the position of a point from its values.
+    pub fn position(&self, cloud: &PointCloud, values: &[Value]) -> Position {
         let real = |i: usize| real(&values[i], &cloud.prototype[i].data_type);
         if !self.is_return(cloud, values) {
-            return Placed::NoReturn;
+            return Position::NoReturn;
         }
-        let own = match self.place {
-            Place::Cartesian(xyz) => xyz.map(real),
-            Place::Spherical(values) => {
+        let own = match self.coordinates {
+            Coordinates::Cartesian(xyz) => xyz.map(real),
+            Coordinates::Spherical(values) => {
                 let [range, azimuth, elevation] = values.map(real);
-                // The same on every machine, unlike the system's.
+                // The crate `libm` gives the same result on every machine, unlike the system's
+                // functions.
                 let flat = range * libm::cos(elevation);
                 [flat * libm::cos(azimuth), flat * libm::sin(azimuth), range * libm::sin(elevation)]
             }
         };
         let world = self.pose.placed(own);
-        if world.iter().all(|c| c.is_finite()) { Placed::At(world) } else { Placed::NotFinite }
+        if world.iter().all(|c| c.is_finite()) { Position::At(world) } else { Position::NotFinite }
     }
 
-    /// Whether something came back: 1 stands for a direction alone, 2 for nothing.
+    /// Whether the scanner got a return: state 1 is a direction without range, state 2 is invalid.
     pub fn is_return(&self, cloud: &PointCloud, values: &[Value]) -> bool {
         self.state.is_none_or(|i| real(&values[i], &cloud.prototype[i].data_type) == 0.0)
     }
 
-    /// The integers of a point on [`Fields::grid`], where there is one; `None` where they are
-    /// beyond what they may be.
+    /// The integers of a point on [`Fields::grid`]; `None` without such a grid or if they exceed 32
+    /// bits.
     pub fn raw(&self, values: &[Value]) -> Option<[i32; 3]> {
-        let Place::Cartesian(xyz) = self.place else { return None };
+        let Coordinates::Cartesian(xyz) = self.coordinates else { return None };
         let mut raw = [0; 3];
         for (axis, i) in xyz.into_iter().enumerate() {
             let Value::ScaledInteger(n) = values[i] else { return None };
@@ -136,7 +137,7 @@ impl Taken {
         Some(raw)
     }
 
-    /// Appends a point's attributes to their columns; those that the scan lacks are 0.
+    /// Appends a point's attributes to `columns`; attributes that the scan lacks are 0.
     pub fn put(
         &self,
         (scan, cloud): (usize, &PointCloud),
@@ -145,12 +146,12 @@ impl Taken {
         columns: &mut [Vec<u8>],
     ) {
         let real = |i: usize| real(&values[i], &cloud.prototype[i].data_type);
-        for &(column, part) in &self.parts {
+        for &(column, source) in &self.attributes {
             let (ty, column) = (schema.attributes[column].ty, &mut columns[column]);
-            match part {
-                Part::Scan => put(scan as f64 + 1.0, ty, column),
-                Part::Value(i) => match (&values[i], &cloud.prototype[i].data_type) {
-                    // 64 bits are more than a double has.
+            match source {
+                AttributeSource::Scan => put(scan as f64 + 1.0, ty, column),
+                AttributeSource::Value(i) => match (&values[i], &cloud.prototype[i].data_type) {
+                    // 64-bit integers do not fit a double.
                     (Value::Integer(n) | Value::ScaledInteger(n), kind)
                         if ty == AttrType::I64 && is_plain(kind) =>
                     {
@@ -158,16 +159,16 @@ impl Taken {
                     }
                     _ => put(real(i), ty, column),
                 },
-                Part::Colour { value, range: [low, high] } => {
-                    let share = ((real(value) - low) / (high - low)).clamp(0.0, 1.0);
-                    put((share * f64::from(u16::MAX)).round(), ty, column);
+                AttributeSource::Colour { value, range: [low, high] } => {
+                    let fraction = ((real(value) - low) / (high - low)).clamp(0.0, 1.0);
+                    put((fraction * f64::from(u16::MAX)).round(), ty, column);
                 }
-                Part::Normal { values, axis } => {
+                AttributeSource::Normal { values, axis } => {
                     put(self.pose.turned(values.map(real))[axis], ty, column);
                 }
             }
         }
-        if self.parts.len() < columns.len() {
+        if self.attributes.len() < columns.len() {
             let points = columns.iter().zip(&schema.attributes).map(|(c, a)| c.len() / a.ty.size());
             let points = points.max().unwrap_or(0);
             for (column, attribute) in columns.iter_mut().zip(&schema.attributes) {
@@ -177,7 +178,7 @@ impl Taken {
     }
 }
 
-/// What a value is called in Esker.
+/// Name of the attribute made from a value.
 fn name_of(name: &Name) -> String {
     match name {
         Name::Intensity => names::INTENSITY.into(),
@@ -201,8 +202,8 @@ fn name_of(name: &Name) -> String {
     }
 }
 
-/// Whether it is a part of the place.
-fn is_place(name: &Name) -> bool {
+/// Whether a value is a part of the position.
+fn is_of_position(name: &Name) -> bool {
     matches!(
         name,
         Name::CartesianX
@@ -225,38 +226,38 @@ fn find_all(cloud: &PointCloud, names: [Name; 3]) -> Option<[usize; 3]> {
     Some([a?, b?, c?])
 }
 
-/// The values of a scan that are no part of its place, with their keys.
+/// The values of a scan that are not part of its position, with their indices and keys.
 fn keyed(cloud: &PointCloud) -> impl Iterator<Item = (usize, Key)> {
     let mut seen = HashMap::new();
     cloud.prototype.iter().enumerate().filter_map(move |(i, record)| {
         let nth = seen.entry(record.name.clone()).and_modify(|n| *n += 1).or_insert(0);
-        (!is_place(&record.name)).then(|| (i, (record.name.clone(), *nth)))
+        (!is_of_position(&record.name)).then(|| (i, (record.name.clone(), *nth)))
     })
 }
 
 impl Fields {
-    /// Decides what is taken of these scans.
+    /// Maps the values of these scans.
     ///
     /// # Errors
-    /// Where a scan has no place, or one that is none, or there are too many values: which, and
-    /// why.
+    /// If a scan has no coordinates or an invalid pose, or if there are too many values; the error
+    /// says which and why.
     pub fn new(clouds: &[PointCloud], task: &dyn Task) -> Result<Self, FieldsError> {
         let colours = Colours::of(clouds);
-        // In the order in which they come.
-        let (mut found, mut at): (Vec<Found>, HashMap<Key, usize>) = Default::default();
+        // In the order of their first appearance.
+        let (mut found, mut at): (Vec<FieldSummary>, HashMap<Key, usize>) = Default::default();
         for cloud in clouds {
             task.check()?;
             if cloud.prototype.len() > COLUMNS_MAX {
                 return Err(format!("has more than {COLUMNS_MAX} values a point").into());
             }
             for (i, key) in keyed(cloud) {
-                let kind = Known::of(&cloud.prototype[i].data_type);
+                let kind = NumberType::of(&cloud.prototype[i].data_type);
                 let index = *at.entry(key.clone()).or_insert(found.len());
                 match found.get_mut(index) {
                     Some(known) => {
                         (known.kind, known.scans) = (known.kind.with(kind), known.scans + 1);
                     }
-                    None => found.push(Found { key, kind, scans: 1 }),
+                    None => found.push(FieldSummary { key, kind, scans: 1 }),
                 }
             }
             if found.len() > COLUMNS_MAX {
@@ -264,10 +265,10 @@ impl Fields {
             }
         }
         let mut attributes: Vec<(String, AttrType)> = Vec::with_capacity(found.len() + 1);
-        for Found { key: (name, _), kind, .. } in &found {
+        for FieldSummary { key: (name, _), kind, .. } in &found {
             let ty = match colours {
                 Colours::Whole(ty) if is_colour(name) => ty,
-                Colours::Shares if is_colour(name) => AttrType::U16,
+                Colours::Scaled if is_colour(name) => AttrType::U16,
                 _ => kind.ty(),
             };
             let name = name_of(name);
@@ -288,18 +289,20 @@ impl Fields {
         let mut scans = Vec::with_capacity(clouds.len());
         for (number, cloud) in (1..).zip(clouds) {
             task.check()?;
-            let mut parts: Vec<(usize, Part)> = first.iter().map(|&c| (c, Part::Scan)).collect();
+            let mut sources: Vec<(usize, AttributeSource)> =
+                first.iter().map(|&c| (c, AttributeSource::Scan)).collect();
             for (i, key) in keyed(cloud) {
                 if let Some(&index) = at.get(&key) {
-                    parts.push((columns[index], part(cloud, i, colours)));
+                    sources.push((columns[index], source_of(cloud, i, colours)));
                 }
             }
-            let taken = taken(cloud, parts);
-            scans.push(taken.map_err(|why| format!("scan {number} {why}"))?);
+            let fields = scan_fields(cloud, sources);
+            scans.push(fields.map_err(|why| format!("scan {number} {why}"))?);
         }
-        let are_shares = colours == Colours::Shares;
+        let are_scaled = colours == Colours::Scaled;
         let mut notes = Vec::new();
-        for (Found { scans, .. }, (name, _)) in found.iter().zip(&attributes[first.len()..]) {
+        for (FieldSummary { scans, .. }, (name, _)) in found.iter().zip(&attributes[first.len()..])
+        {
             if *scans < clouds.len() {
                 let lacking = clouds.len() - scans;
                 notes.push(format!(
@@ -311,7 +314,7 @@ impl Fields {
         if clouds.iter().any(|cloud| cloud.has_cartesian() && cloud.has_spherical()) {
             notes.push("spherical coordinates beside others are left out".into());
         }
-        if are_shares {
+        if are_scaled {
             notes.push("colours are kept in steps of 1/65,535 of their range".into());
             let lacks_range = |cloud: &PointCloud| {
                 let mut colours = cloud.prototype.iter().filter(|r| is_colour(&r.name));
@@ -319,61 +322,66 @@ impl Fields {
             };
             if clouds.iter().any(lacks_range) {
                 notes.push(
-                    "colours tell no range: 0 to 255 of integers, 0 to 1 of others is taken".into(),
+                    "colours have no range in the file: 0 to 255 is assumed for integers, 0 to 1 for others".into(),
                 );
             }
         }
-        let cartesian = |place| match place {
-            Place::Cartesian(xyz) => Some(xyz),
-            Place::Spherical(_) => None,
+        let cartesian = |coordinates| match coordinates {
+            Coordinates::Cartesian(xyz) => Some(xyz),
+            Coordinates::Spherical(_) => None,
         };
-        let places: Vec<_> = scans.iter().map(|scan| (cartesian(scan.place), scan.pose)).collect();
+        let places: Vec<_> =
+            scans.iter().map(|scan| (cartesian(scan.coordinates), scan.pose)).collect();
         let grid = grid(clouds, &places).map(|(grid, shifts)| {
             scans.iter_mut().zip(shifts).for_each(|(scan, shift)| scan.shift = shift);
             grid
         });
-        Ok(Self { schema, scans, grid, are_shares, notes })
+        Ok(Self { schema, scans, grid, are_scaled, notes })
     }
 }
 
-/// What an attribute is made of that a value of a scan becomes.
-fn part(cloud: &PointCloud, value: usize, colours: Colours) -> Part {
+/// The source of the attribute that is made from a value of a scan.
+fn source_of(cloud: &PointCloud, value: usize, colours: Colours) -> AttributeSource {
     let record = &cloud.prototype[value];
-    if is_colour(&record.name) && colours == Colours::Shares {
+    if is_colour(&record.name) && colours == Colours::Scaled {
         let range = colour_range(cloud, record).unwrap_or(match record.data_type {
             Kind::Integer { .. } | Kind::ScaledInteger { .. } => [0.0, 255.0],
             _ => [0.0, 1.0],
         });
-        return Part::Colour { value, range };
+        return AttributeSource::Colour { value, range };
     }
     let normals = [names::NX, names::NY, names::NZ];
     let at = |name: &str| cloud.prototype.iter().position(|r| name_of(&r.name) == name);
     match normals.iter().position(|n| *n == name_of(&record.name)) {
         Some(axis) => match normals.map(at) {
-            [Some(x), Some(y), Some(z)] => Part::Normal { values: [x, y, z], axis },
-            _ => Part::Value(value),
+            [Some(x), Some(y), Some(z)] => AttributeSource::Normal { values: [x, y, z], axis },
+            _ => AttributeSource::Value(value),
         },
-        None => Part::Value(value),
+        None => AttributeSource::Value(value),
     }
 }
 
-fn taken(cloud: &PointCloud, parts: Vec<(usize, Part)>) -> Result<Taken, &'static str> {
+fn scan_fields(
+    cloud: &PointCloud,
+    attributes: Vec<(usize, AttributeSource)>,
+) -> Result<ScanFields, &'static str> {
     let cartesian = [Name::CartesianX, Name::CartesianY, Name::CartesianZ];
     let spherical = [Name::SphericalRange, Name::SphericalAzimuth, Name::SphericalElevation];
-    let (place, state) = if let Some(xyz) = find_all(cloud, cartesian) {
-        (Place::Cartesian(xyz), Name::CartesianInvalidState)
+    let (coordinates, state) = if let Some(xyz) = find_all(cloud, cartesian) {
+        (Coordinates::Cartesian(xyz), Name::CartesianInvalidState)
     } else if let Some(values) = find_all(cloud, spherical) {
-        (Place::Spherical(values), Name::SphericalInvalidState)
+        (Coordinates::Spherical(values), Name::SphericalInvalidState)
     } else if cloud.records == 0 {
-        (Place::Cartesian([0; 3]), Name::CartesianInvalidState)
+        (Coordinates::Cartesian([0; 3]), Name::CartesianInvalidState)
     } else {
         return Err("has neither x, y and z nor range, azimuth and elevation: no points");
     };
-    // Where all values are constants their number is said nowhere in the data.
+    // If all values are constants, the data do not give the number of points.
     let varies = |record: &Record| bits(&record.data_type) > 0;
     if cloud.records > 0 && !cloud.prototype.iter().any(varies) {
-        return Err("has points that are all the same by its header; it is damaged");
+        return Err("has only constant values by its header; it is damaged");
     }
-    let pose = Pose::of(cloud).ok_or("has a pose that is no rotation and place; it is damaged")?;
-    Ok(Taken { place, state: find(cloud, &state), pose, shift: [0; 3], parts })
+    let pose =
+        Pose::of(cloud).ok_or("has a pose that is not a rotation and a position; it is damaged")?;
+    Ok(ScanFields { coordinates, state: find(cloud, &state), pose, shift: [0; 3], attributes })
 }

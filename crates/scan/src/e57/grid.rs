@@ -1,11 +1,11 @@
-//! The grid of scans whose coordinates are integers: one for all, where they differ by whole steps.
+//! The integer grid of scans: one for all scans, if their grids differ by whole steps.
 
 use super::pose::Pose;
 use e57::{PointCloud, RecordDataType as Kind};
 use esker_points::Grid;
 
-/// Deviations from a whole step that are noise of doubles, and the most steps that doubles tell
-/// apart.
+/// Deviation from a whole step that counts as rounding noise of doubles, and the greatest number of
+/// steps that doubles can distinguish.
 const NOISE_STEPS: f64 = 1e-6;
 const STEPS_MAX: f64 = 9.0e15;
 

@@ -1,9 +1,9 @@
-//! E57 (ASTM E2807): all scans of a file, each in its pose, with all their values; by the crate
-//! `e57`. Directions without a return are no points, and counted; images are left out. One pass at
-//! opening finds the bounds, but where coordinates are integers on one grid and the file tells
+//! Reads E57 (ASTM E2807) with the crate `e57`: all scans of a file, each in its pose, with all
+//! their values. Directions without a return are counted but are no points; images are left out. A
+//! pass at opening finds the bounds, unless coordinates are integers on one grid and the file gives
 //! their bounds.
 //!
-//! Where there are several scans, a point's `point_source_id` is that of its scan, from 1.
+//! If there are several scans, the `point_source_id` of a point is the number of its scan, from 1.
 
 mod ahead;
 mod colours;
@@ -23,11 +23,11 @@ use ahead::{Ahead, file_of};
 use e57::{E57Reader, PointCloud, PointCloudReaderRaw, RecordValue};
 use esker_points::lattice::{GridKind, OffLattice, Placement, float_grid};
 use esker_points::{Batch, Cancelled, ColourDepth, InputGrid, Task};
-use fields::{Fields, FieldsError, Placed};
+use fields::{Fields, FieldsError, Position};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// E57, as the registry knows it.
+/// E57, an entry of the registry.
 pub const FORMAT: Format = Format {
     name: "E57",
     endings: &["e57"],
@@ -35,9 +35,9 @@ pub const FORMAT: Format = Format {
     open,
 };
 
-/// Values of a block at most, unless one point has more.
+/// Greatest number of values in a block, unless one point has more.
 const BLOCK_VALUES: usize = 1 << 17;
-/// A file's XML is kept up to so many bytes.
+/// Greatest size of the file's XML that is kept, in bytes.
 const XML_BYTES_MAX: usize = 1 << 20;
 
 struct E57Source {
@@ -49,7 +49,7 @@ struct E57Source {
 type Reader = E57Reader<Ahead>;
 
 /// Values of some points of a scan, one point after another.
-struct Block {
+struct ValueBlock {
     scan: usize,
     values: Vec<RecordValue>,
 }
@@ -60,8 +60,8 @@ struct Survey {
     colour_max: u16,
 }
 
-/// The points of a block, and what became of the others.
-struct Part {
+/// The points decoded from a block, and the number of refused ones.
+struct Decoded {
     batch: Batch,
     no_return: u64,
     not_finite: u64,
@@ -73,7 +73,7 @@ fn reader_of(path: &Path) -> Result<Reader, ScanError> {
     guarded(path, "", || E57Reader::new(file))
 }
 
-/// What its reader says, as an error of this file; also where it panics.
+/// Runs a call of the crate `e57`. Its errors, and its panics, become errors of this file.
 fn guarded<T>(
     path: &Path,
     what: &str,
@@ -90,7 +90,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let reader = reader_of(path)?;
     let clouds = reader.pointclouds();
     if clouds.len() > usize::from(u16::MAX) {
-        let what = "has more than 65,535 scans, which are not told apart; part it";
+        let what = "has more than 65,535 scans, more than Esker can distinguish; split the file";
         return Err(ScanError::unsupported(path, what));
     }
     let fields = Fields::new(&clouds, task).map_err(|why| match why {
@@ -106,8 +106,8 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
             return Err(ScanError::damaged(path, what));
         }
     }
-    let told = fields.grid.and_then(|_| told_bounds(&clouds, &fields));
-    let survey = match told {
+    let claimed = fields.grid.and_then(|_| claimed_bounds(&clouds, &fields));
+    let survey = match claimed {
         Some(bounds) => Survey { bounds, ..Survey::EMPTY },
         None => survey_file(path, &clouds, &fields, task)?,
     };
@@ -118,7 +118,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     };
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     let colour_depth = wide_colours(&fields.schema).map(|_| {
-        let eight = (1..=u16::from(u8::MAX)).contains(&survey.colour_max) && !fields.are_shares;
+        let eight = (1..=u16::from(u8::MAX)).contains(&survey.colour_max) && !fields.are_scaled;
         let detected = if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
         options.colour_depth.unwrap_or(detected)
     });
@@ -154,30 +154,33 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     Ok(Box::new(E57Source { info, clouds, fields }))
 }
 
-/// Where the scans were made, as far as they tell: by a pose, or by directions.
+/// Positions of the scanner. A scan's pose counts as one if the file gives it or if points have
+/// directions.
 fn scanner(clouds: &[PointCloud], fields: &Fields) -> Option<Scanner> {
-    let is_told = |cloud: &PointCloud| {
+    let is_known = |cloud: &PointCloud| {
         cloud.transform.is_some() || cloud.has_spherical() || cloud.has_row_column()
     };
     let scans = clouds.iter().zip(&fields.scans).zip(1..);
-    let told: Vec<(u16, [f64; 3])> = scans
-        .filter(|((cloud, _), _)| is_told(cloud))
-        .map(|((_, taken), number)| (number, taken.pose.at))
+    let known: Vec<(u16, [f64; 3])> = scans
+        .filter(|((cloud, _), _)| is_known(cloud))
+        .map(|((_, scan_fields), number)| (number, scan_fields.pose.at))
         .collect();
-    match (told.as_slice(), clouds.len()) {
+    match (known.as_slice(), clouds.len()) {
         ([], _) => None,
         ([(_, at)], 1) => Some(Scanner::At(*at)),
-        _ => Some(Scanner::BySource(told.into_iter().collect())),
+        _ => Some(Scanner::BySource(known.into_iter().collect())),
     }
 }
 
-/// The bounds of all points that scans which are not turned tell, if they all do.
-fn told_bounds(clouds: &[PointCloud], fields: &Fields) -> Option<Bounds> {
+/// The bounds in the headers of scans without rotation; `None` if a scan lacks them.
+fn claimed_bounds(clouds: &[PointCloud], fields: &Fields) -> Option<Bounds> {
     let mut bounds = Bounds::EMPTY;
-    for (cloud, taken) in clouds.iter().zip(&fields.scans).filter(|(cloud, _)| cloud.records > 0) {
-        let (told, at) = (cloud.cartesian_bounds.as_ref()?, taken.pose.at);
-        let low = [told.x_min?, told.y_min?, told.z_min?];
-        let high = [told.x_max?, told.y_max?, told.z_max?];
+    for (cloud, scan_fields) in
+        clouds.iter().zip(&fields.scans).filter(|(cloud, _)| cloud.records > 0)
+    {
+        let (claimed, at) = (cloud.cartesian_bounds.as_ref()?, scan_fields.pose.at);
+        let low = [claimed.x_min?, claimed.y_min?, claimed.z_min?];
+        let high = [claimed.x_max?, claimed.y_max?, claimed.z_max?];
         let is_sound = |i: usize| low[i] <= high[i] && (high[i] - low[i] + at[i]).is_finite();
         if !(0..3).all(is_sound) {
             return None;
@@ -189,10 +192,10 @@ fn told_bounds(clouds: &[PointCloud], fields: &Fields) -> Option<Bounds> {
     Some(bounds)
 }
 
-/// The values of a scan's points, block by block.
+/// Reads the values of a scan's points, block by block.
 struct Blocks<'a> {
     path: &'a Path,
-    /// The scan's place in the file, for messages.
+    /// Number of the scan in the file, for messages.
     what: String,
     scan: usize,
     points: PointCloudReaderRaw<'a, Ahead>,
@@ -211,7 +214,7 @@ impl<'a> Blocks<'a> {
         Ok(Self { path, what, scan, points, points_max })
     }
 
-    fn next(&mut self) -> Result<Option<Block>, ScanError> {
+    fn next(&mut self) -> Result<Option<ValueBlock>, ScanError> {
         let mut values = Vec::new();
         guarded(self.path, &self.what, || {
             for point in self.points.by_ref().take(self.points_max) {
@@ -219,11 +222,11 @@ impl<'a> Blocks<'a> {
             }
             Ok(())
         })?;
-        Ok((!values.is_empty()).then_some(Block { scan: self.scan, values }))
+        Ok((!values.is_empty()).then_some(ValueBlock { scan: self.scan, values }))
     }
 }
 
-/// The scans that have points.
+/// The scans that have points, with their indices.
 fn with_points(clouds: &[PointCloud]) -> Vec<(usize, &PointCloud)> {
     clouds.iter().enumerate().filter(|(_, cloud)| cloud.records > 0).collect()
 }
@@ -234,7 +237,7 @@ fn survey_file(
     fields: &Fields,
     task: &dyn Task,
 ) -> Result<Survey, ScanError> {
-    // Scan by scan on all cores, each by itself: only so are values unpacked by more than one.
+    // Scans are surveyed in parallel; within a scan, the crate `e57` unpacks values on one core.
     let surveys = with_points(clouds).into_par_iter().map_init(
         || reader_of(path).map_err(Some),
         |reader, scan| {
@@ -260,17 +263,17 @@ fn survey_file(
 impl Survey {
     const EMPTY: Self = Self { bounds: Bounds::EMPTY, colour_max: 0 };
 
-    fn of_block(block: &Block, clouds: &[PointCloud], fields: &Fields) -> Self {
+    fn of_block(block: &ValueBlock, clouds: &[PointCloud], fields: &Fields) -> Self {
         let mut found = Self::EMPTY;
-        let (cloud, taken) = (&clouds[block.scan], &fields.scans[block.scan]);
+        let (cloud, scan_fields) = (&clouds[block.scan], &fields.scans[block.scan]);
         let colours = wide_colours(&fields.schema);
         let mut columns = vec![Vec::new(); fields.schema.attributes.len()];
         for values in block.values.chunks_exact(cloud.prototype.len()) {
-            let Placed::At(world) = taken.place(cloud, values) else { continue };
+            let Position::At(world) = scan_fields.position(cloud, values) else { continue };
             found.bounds.add(world);
             if let Some(colours) = colours {
                 columns.iter_mut().for_each(Vec::clear);
-                taken.put((block.scan, cloud), values, &fields.schema, &mut columns);
+                scan_fields.put((block.scan, cloud), values, &fields.schema, &mut columns);
                 for column in colours {
                     let value = columns[column].first_chunk().copied().unwrap_or_default();
                     found.colour_max = found.colour_max.max(u16::from_le_bytes(value));
@@ -287,33 +290,33 @@ impl Survey {
 }
 
 impl E57Source {
-    fn decode(&self, block: &Block, placement: &Placement) -> Result<Part, ScanError> {
-        let (cloud, taken) = (&self.clouds[block.scan], &self.fields.scans[block.scan]);
+    fn decode(&self, block: &ValueBlock, placement: &Placement) -> Result<Decoded, ScanError> {
+        let (cloud, scan_fields) = (&self.clouds[block.scan], &self.fields.scans[block.scan]);
         let schema = &self.info.schema;
         let points = block.values.len() / cloud.prototype.len();
         let batch = Batch::with_capacity(schema.clone(), points);
-        let mut part = Part { batch, no_return: 0, not_finite: 0, rounding_error_max: 0.0 };
+        let mut decoded = Decoded { batch, no_return: 0, not_finite: 0, rounding_error_max: 0.0 };
         for values in block.values.chunks_exact(cloud.prototype.len()) {
-            let error = &mut part.rounding_error_max;
+            let error = &mut decoded.rounding_error_max;
             let placed = if let Some(grid) = &self.fields.grid {
-                if !taken.is_return(cloud, values) {
-                    part.no_return += 1;
+                if !scan_fields.is_return(cloud, values) {
+                    decoded.no_return += 1;
                     continue;
                 }
-                let raw = taken.raw(values).ok_or_else(|| {
+                let raw = scan_fields.raw(values).ok_or_else(|| {
                     let what = "a coordinate is beyond what its header says; it is damaged";
                     ScanError::damaged(&self.info.path, format!("scan {}: {what}", block.scan + 1))
                 })?;
                 placement.integer(raw, grid, error)
             } else {
-                match taken.place(cloud, values) {
-                    Placed::At(world) => placement.real(world, error),
-                    Placed::NoReturn => {
-                        part.no_return += 1;
+                match scan_fields.position(cloud, values) {
+                    Position::At(world) => placement.real(world, error),
+                    Position::NoReturn => {
+                        decoded.no_return += 1;
                         continue;
                     }
-                    Placed::NotFinite => {
-                        part.not_finite += 1;
+                    Position::NotFinite => {
+                        decoded.not_finite += 1;
                         continue;
                     }
                 }
@@ -322,10 +325,10 @@ impl E57Source {
                 path: self.info.path.clone(),
                 world: e.world,
             };
-            part.batch.positions.push(placed.map_err(off)?);
-            taken.put((block.scan, cloud), values, schema, &mut part.batch.columns);
+            decoded.batch.positions.push(placed.map_err(off)?);
+            scan_fields.put((block.scan, cloud), values, schema, &mut decoded.batch.columns);
         }
-        Ok(part)
+        Ok(decoded)
     }
 }
 
@@ -349,12 +352,13 @@ impl Source for E57Source {
                 task,
                 || blocks.next(),
                 |block| self.decode(&block, placement),
-                |part: Part| {
-                    let refused = [(NO_RETURN, part.no_return), (NOT_FINITE, part.not_finite)];
-                    // Shares are of 16 bits, however dark they are.
-                    let are_shares = self.fields.are_shares && !part.batch.is_empty();
-                    let most = if are_shares { u16::MAX } else { colour_max(&part.batch) };
-                    report.take(part.batch, &refused, part.rounding_error_max, most, sink)
+                |decoded: Decoded| {
+                    let refused =
+                        [(NO_RETURN, decoded.no_return), (NOT_FINITE, decoded.not_finite)];
+                    // Scaled colours use all 16 bits, however dark they are.
+                    let are_scaled = self.fields.are_scaled && !decoded.batch.is_empty();
+                    let most = if are_scaled { u16::MAX } else { colour_max(&decoded.batch) };
+                    report.take(decoded.batch, &refused, decoded.rounding_error_max, most, sink)
                 },
             )?;
         }

@@ -1,20 +1,22 @@
-//! The packets of an E57 scan (ASTM E2807, 9.3): how many values each holds of each field, told by
-//! their heads. The crate that unpacks them keeps what is ahead of other fields, whatever it takes:
-//! so where one field is far ahead of another, as in no sound file, nothing is unpacked.
+//! Walks the heads of the packets of an E57 scan (ASTM E2807, 9.3) to compare how many values of
+//! each field they hold. The crate that unpacks them buffers, without limit, what one field is
+//! ahead of another. So a file in which a field is far ahead, as in no sound file, is refused
+//! before unpacking.
 
 use super::ahead::Ahead;
 use e57::{PointCloud, RecordDataType as Kind};
 use esker_points::Task;
 use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom};
 
-/// Values by which a field may be ahead of another: those of some packets of bits.
+/// Greatest number of values by which a field may be ahead of another: a few packets of 1-bit
+/// values.
 const LEAD_MAX: u64 = 1 << 21;
-/// Bytes of a page's checksum.
+/// Size of a page's checksum, in bytes.
 const CHECKSUM_BYTES: u64 = 4;
-/// Packets between two looks at the task.
+/// Packets between two checks for cancellation.
 const PACKETS_A_LOOK: u64 = 1 << 12;
 
-/// A file without the checksums of its pages.
+/// A file as a stream without the checksums of its pages.
 struct Pages {
     file: Ahead,
     page_bytes: u64,
@@ -22,7 +24,7 @@ struct Pages {
 }
 
 impl Pages {
-    /// At a place of the file that is told with checksums.
+    /// Seeks to a physical position, which counts checksums.
     fn seek(&mut self, physical: u64) {
         self.at = physical - physical / self.page_bytes * CHECKSUM_BYTES;
     }
@@ -62,11 +64,11 @@ pub(crate) fn bits(kind: &Kind) -> u64 {
     }
 }
 
-/// Whether no field of a scan is ever far ahead of another, up to its last point. A file that is
-/// cut is not at fault here: its reader tells that.
+/// Whether no field of a scan is ever far ahead of another, up to its last point. A truncated file
+/// passes here; its reader reports that.
 ///
 /// # Errors
-/// Where the file cannot be read, or on request, as [`ErrorKind::Interrupted`].
+/// If the file cannot be read; if cancelled, of kind [`ErrorKind::Interrupted`].
 pub(crate) fn are_even(
     file: Ahead,
     page_bytes: u64,
@@ -100,7 +102,7 @@ fn walk(pages: &mut Pages, cloud: &PointCloud, task: &dyn Task) -> Result<bool> 
         pages.number::<1>()?;
         let length = pages.number::<2>()? + 1;
         if kind == 1 {
-            // As many as there are fields, else its reader refuses it.
+            // A packet has one stream for each field, otherwise the reader refuses it.
             let streams = pages.number::<2>()?;
             for stream in bytes.iter_mut().take(streams as usize) {
                 *stream += pages.number::<2>()?;
@@ -117,7 +119,7 @@ fn walk(pages: &mut Pages, cloud: &PointCloud, task: &dyn Task) -> Result<bool> 
                 return Ok(true);
             }
         }
-        // Aligned, as packets are.
+        // Packets are aligned to four bytes.
         pages.at = (start + length).next_multiple_of(4);
     }
     Ok(true)
@@ -132,7 +134,7 @@ mod tests {
 
     const PAGE_BYTES: usize = 1024;
 
-    /// A section of packets, each of so many bytes of every field, in pages.
+    /// A section of packets in pages; each packet has the given number of bytes of every field.
     fn file(packets: &[[u16; 2]]) -> tempfile::NamedTempFile {
         let mut bytes = vec![0; 16];
         bytes.extend(32u64.to_le_bytes());
@@ -169,13 +171,13 @@ mod tests {
     fn what_runs_ahead_is_found_and_what_is_cut_is_not() {
         let even = vec![[48_000, 750]; 20];
         assert!(is_even(&even, 120_000));
-        assert!(is_even(&even, 1 << 40), "its reader tells that it is cut");
+        assert!(is_even(&even, 1 << 40), "its reader reports that it is truncated");
         let bits = vec![[0, 65_000]; 20];
         assert!(!is_even(&bits, 1000));
-        // What follows the last point is nobody's.
+        // Packets after the last point do not count.
         assert!(is_even(&[even.as_slice(), &bits].concat(), 120_000));
         assert!(!is_even(&[even.as_slice(), &bits].concat(), 120_001));
-        // Behind by a packet or two.
+        // One field is behind by one or two packets.
         let late: Vec<_> = (0..20).flat_map(|_| [[0, 750], [48_000, 0]]).collect();
         assert!(is_even(&late, 120_000));
     }

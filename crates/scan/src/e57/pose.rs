@@ -1,11 +1,11 @@
-//! Where a scan of an E57 file stands and how it is turned.
+//! The pose of a scan in an E57 file.
 
 use e57::PointCloud;
 
-/// Where a scan stands and how it is turned.
+/// Position and rotation of a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pose {
-    /// Columns of the rotation.
+    /// Columns of the rotation matrix.
     columns: [[f64; 3]; 3],
     pub at: [f64; 3],
     pub is_turned: bool,
@@ -18,7 +18,7 @@ impl Pose {
         is_turned: false,
     };
 
-    /// That of a scan; `None` where it is no rotation, or no place.
+    /// The pose of a scan; `None` if it is not a rotation and a finite position.
     pub fn of(cloud: &PointCloud) -> Option<Self> {
         let Some(pose) = &cloud.transform else { return Some(Self::NONE) };
         let (q, t) = (&pose.rotation, &pose.translation);
@@ -35,7 +35,7 @@ impl Pose {
         is_sound.then_some(Self { columns, at, is_turned })
     }
 
-    /// A direction in the file's coordinates.
+    /// Transforms a direction to the file's coordinates.
     pub fn turned(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let [a, b, c] = self.columns;
         if !self.is_turned {
@@ -44,7 +44,7 @@ impl Pose {
         [0, 1, 2].map(|i| x * a[i] + y * b[i] + z * c[i])
     }
 
-    /// A place in the file's coordinates.
+    /// Transforms a position to the file's coordinates.
     pub fn placed(&self, place: [f64; 3]) -> [f64; 3] {
         let turned = self.turned(place);
         [0, 1, 2].map(|i| turned[i] + self.at[i])

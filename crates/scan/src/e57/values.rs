@@ -1,11 +1,11 @@
-//! Values of an E57 file as numbers, and the types that hold all values of a field.
+//! Converts values of an E57 file to numbers, and finds types that hold all values of a field.
 
 use e57::{RecordDataType as Kind, RecordValue as Value};
 use esker_points::AttrType;
 
-/// What numbers values are.
+/// Set of numbers that the values of a field may have.
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Known {
+pub(crate) enum NumberType {
     Integers { min: i64, max: i64 },
     Single,
     Double,
@@ -48,7 +48,7 @@ pub(crate) fn is_plain(kind: &Kind) -> bool {
     }
 }
 
-impl Known {
+impl NumberType {
     pub fn of(kind: &Kind) -> Self {
         match *kind {
             Kind::Single { .. } => Self::Single,
@@ -59,7 +59,7 @@ impl Known {
         }
     }
 
-    /// What holds both.
+    /// The least set that includes both.
     pub fn with(self, other: Self) -> Self {
         match (self, other) {
             (Self::Integers { min, max }, Self::Integers { min: low, max: high }) => {
@@ -70,7 +70,7 @@ impl Known {
         }
     }
 
-    /// The narrowest type.
+    /// The narrowest type that holds all of them.
     pub fn ty(self) -> AttrType {
         let (min, max) = match self {
             Self::Single => return AttrType::F32,

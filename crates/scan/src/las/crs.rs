@@ -1,6 +1,6 @@
-//! The coordinate reference system of a LAS file: OGC WKT where a VLR has it, else the GeoTIFF keys
-//! in readable form; and its unit of length, where that is told. What is malformed makes a note,
-//! never an error: points are readable without it.
+//! Reads the coordinate reference system of a LAS file: OGC WKT if a VLR has it, otherwise the
+//! GeoTIFF keys in readable form; and its unit of length, if the system names it. Malformed records
+//! make a note, never an error: points can be read without them.
 
 use super::header::{f64_at, u16_at};
 use super::vlr::Records;
@@ -13,30 +13,29 @@ const GEO_KEYS: u16 = 34735;
 const GEO_DOUBLES: u16 = 34736;
 const GEO_TEXT: u16 = 34737;
 
-/// GeoTIFF's model type for geographic coordinates.
+/// GeoTIFF's model type of geographic coordinates.
 const GEOGRAPHIC: u16 = 2;
-/// GeoTIFF's code for what has none.
+/// GeoTIFF's code of user-defined values, which have no number.
 const USER_DEFINED: u32 = 32767;
-/// Bytes of GeoTIFF keys as text at most; those of real files take less than one thousand. Many
-/// keys may point to the same values, so that the size of the file bounds nothing.
+/// Greatest number of bytes of GeoTIFF keys as text; real files take less than one thousand. Many
+/// keys may point to the same values, so the size of the file is no bound.
 const KEYS_TEXT_BYTES_MAX: usize = 64 << 10;
-/// Bytes of a WKT in which numbers and units are looked for; those of real files have a few
-/// thousand.
+/// Bytes of a WKT that are parsed for numbers and units; real ones have a few thousand.
 const WKT_BYTES_MAX: usize = 1 << 20;
 
-/// What a CRS is by its numbers in the EPSG register, however it is written down.
+/// Numbers of a CRS in the EPSG register, which do not depend on how it is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Codes {
-    /// Of the projected or geographic system.
+    /// Number of the projected or geographic system.
     pub horizontal: u32,
-    /// Of the vertical system, where one is told.
+    /// Number of the vertical system, if there is one.
     pub vertical: Option<u32>,
-    /// Units of the horizontal coordinates and of heights, where they are told.
+    /// Units of the horizontal coordinates and of heights, if they are given.
     pub units: [Option<String>; 2],
 }
 
 impl Codes {
-    /// Whether they are of one system: what only one of them tells is no difference.
+    /// Whether both may be the same system. A value that only one of them has is no difference.
     pub fn agree(&self, other: &Self) -> bool {
         fn same<T: PartialEq>(a: Option<&T>, b: Option<&T>) -> bool {
             a.is_none() || b.is_none() || a == b
@@ -47,8 +46,8 @@ impl Codes {
     }
 }
 
-/// The numbers that the text of a CRS, as [`Crs::text`] has it, tells; `None` where it has none for
-/// the horizontal system.
+/// Parses the EPSG numbers from the text of a CRS ([`Crs::text`]); `None` if the horizontal system
+/// has no number.
 pub fn codes(text: &str) -> Option<Codes> {
     match text.strip_prefix("GeoTIFF:") {
         Some(keys) => geotiff_codes(keys),
@@ -57,7 +56,7 @@ pub fn codes(text: &str) -> Option<Codes> {
 }
 
 fn geotiff_codes(keys: &str) -> Option<Codes> {
-    // A citation may hold anything, but between quotes; its own are escaped.
+    // A citation may hold anything, but within quotes; quotes in it are escaped.
     let keys = keys.replace(r"\\", "").replace(r#"\""#, "");
     let words: Vec<&str> = keys.split('"').step_by(2).flat_map(str::split_whitespace).collect();
     let key = |name: &str| {
@@ -66,11 +65,11 @@ fn geotiff_codes(keys: &str) -> Option<Codes> {
     };
     let is_geographic = key("GTModelType") == Some(u32::from(GEOGRAPHIC));
     let name = if is_geographic { "GeographicType" } else { "ProjectedCSType" };
-    let is_told = |code: &u32| *code != 0 && *code != USER_DEFINED;
+    let is_registered = |code: &u32| *code != 0 && *code != USER_DEFINED;
     let unit = |name| key(name).and_then(unit_of_code).map(str::to_owned);
     Some(Codes {
-        horizontal: key(name).filter(is_told)?,
-        vertical: key("VerticalCSType").filter(is_told),
+        horizontal: key(name).filter(is_registered)?,
+        vertical: key("VerticalCSType").filter(is_registered),
         units: [
             if is_geographic { Some("degree".into()) } else { unit("ProjLinearUnits") },
             unit("VerticalUnits"),
@@ -115,7 +114,7 @@ fn wkt_codes(wkt: &str) -> Option<Codes> {
     })
 }
 
-/// What WKT 1 and 2 call systems that have horizontal coordinates.
+/// WKT 1 and 2 keywords of systems with horizontal coordinates.
 const HORIZONTAL: [&str; 9] = [
     "PROJCS",
     "PROJCRS",
@@ -128,7 +127,7 @@ const HORIZONTAL: [&str; 9] = [
     "GEOCCS",
 ];
 
-/// The CRS that the records tell.
+/// The CRS in the records of a file.
 pub fn of(records: &Records, notes: &mut Vec<String>) -> Option<Crs> {
     for vlr in records.all(PROJECTION, WKT) {
         match String::from_utf8_lossy(&vlr.data).trim_matches(['\0', ' ', '\r', '\n']) {
@@ -149,7 +148,7 @@ pub fn of(records: &Records, notes: &mut Vec<String>) -> Option<Crs> {
     }
 }
 
-/// The key directory: four `u16` of head, then four a key (id, place, count, value).
+/// Formats the key directory: four `u16` of head, then four per key (id, location, count, value).
 fn geotiff(keys: &[u8], records: &Records, notes: &mut Vec<String>) -> Result<Option<Crs>, String> {
     let number = usize::from(u16_at(keys, 6));
     if keys.len() < 8 + 8 * number {
@@ -215,7 +214,7 @@ fn geotiff(keys: &[u8], records: &Records, notes: &mut Vec<String>) -> Result<Op
     Ok(Some(Crs { text, unit: unit.map(str::to_owned) }))
 }
 
-/// Names of the keys that are common in LAS files, as GeoTIFF 1.1 spells them less `GeoKey`.
+/// Names of the keys that are common in LAS files, as in GeoTIFF 1.1 without `GeoKey`.
 fn key_name(id: u16) -> Option<&'static str> {
     Some(match id {
         1024 => "GTModelType",
@@ -255,10 +254,10 @@ fn wkt_unit(wkt: &str) -> Option<String> {
     child_unit(at).or_else(|| axes.find_map(child_unit)).and_then(|i| unit_name(nodes[i].rest))
 }
 
-/// What WKT 1 and 2 call units of length.
+/// WKT 1 and 2 keywords of units of length.
 const UNITS: [&str; 2] = ["UNIT", "LENGTHUNIT"];
 
-/// The name of a unit given as `"name",factor...`: by its factor where that is known, else as
+/// The name of a unit given as `"name",factor...`: by its factor if that is known, otherwise as
 /// written.
 fn unit_name(rest: &str) -> Option<String> {
     let mut parts = rest.split(['"', ',', ']', ')']).map(str::trim).filter(|p| !p.is_empty());
@@ -276,9 +275,9 @@ fn unit_name(rest: &str) -> Option<String> {
 /// One `KEYWORD[...` of a WKT.
 struct Node<'a> {
     keyword: &'a str,
-    /// What follows its bracket.
+    /// Text after the opening bracket.
     rest: &'a str,
-    /// Index behind the last node that lies in it.
+    /// Index after the last node nested in this one.
     end: usize,
 }
 
@@ -288,7 +287,8 @@ impl Node<'_> {
     }
 }
 
-/// The nodes of the first [`WKT_BYTES_MAX`] bytes; each is followed by those that lie in it.
+/// Parses the nodes in the first [`WKT_BYTES_MAX`] bytes; each is followed by the nodes nested in
+/// it.
 fn nodes(wkt: &str) -> Vec<Node<'_>> {
     let (mut nodes, mut open) = (Vec::<Node<'_>>::new(), Vec::<usize>::new());
     let (mut word_start, mut is_quoted) = (0, false);
@@ -299,7 +299,7 @@ fn nodes(wkt: &str) -> Vec<Node<'_>> {
             '[' | '(' => {
                 let (keyword, rest) = (wkt[word_start..at].trim(), &wkt[at + 1..]);
                 open.push(nodes.len());
-                // One that is never closed holds all that follows.
+                // A node that is never closed contains everything after it.
                 nodes.push(Node { keyword, rest, end: usize::MAX });
                 word_start = at + 1;
             }
@@ -316,7 +316,7 @@ fn nodes(wkt: &str) -> Vec<Node<'_>> {
     nodes
 }
 
-/// The nodes that lie in a node, but not in another in it. Takes a step for each.
+/// The direct children of a node. Takes one step for each.
 fn children<'a>(nodes: &'a [Node<'_>], parent: usize) -> impl Iterator<Item = usize> + use<'a> {
     let end = nodes[parent].end.min(nodes.len());
     let first = Some(parent + 1).filter(|&i| i < end);
@@ -335,8 +335,8 @@ mod tests {
         let wkt2 = r#"PROJCRS["RGF93 v1 / Lambert-93",BASEGEOGCRS["RGF93 v1",ID["EPSG",4171]],CS[Cartesian,2],AXIS["x",east],LENGTHUNIT["metre",1],ID["EPSG",2154]]"#;
         let keys = r#"GeoTIFF: GTModelType=1 GTCitation="\\\" ProjectedCSType=1 \\" ProjectedCSType=2154 GeographicType=4171 ProjLinearUnits=9001"#;
         assert!(of(wkt).agree(&of(wkt2)) && of(wkt2).agree(&of(keys)) && of(keys).agree(&of(wkt)));
-        // Heights of another system, or in other units, are another system; those that are not told
-        // are none.
+        // Heights in another system, or in other units, make another system; absent ones make no
+        // difference.
         let compound =
             |vertical: &str| format!(r#"COMPD_CS["both",{wkt},{vertical},AUTHORITY["EPSG","1"]]"#);
         let metres = compound(r#"VERT_CS["NGF",UNIT["metre",1],AUTHORITY["EPSG","5720"]]"#);
@@ -379,7 +379,7 @@ mod tests {
 
     #[test]
     fn many_nodes_take_a_step_each() {
-        // Taken pair by pair they would take minutes.
+        // A quadratic search would take minutes.
         let axes = "AXIS[],".repeat(140_000);
         let wkt = format!(
             r#"PROJCS["p",{axes}AXIS["z",up,UNIT["foot",0.3048]],AUTHORITY["EPSG","2154"]]"#

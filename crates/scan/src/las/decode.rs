@@ -1,7 +1,7 @@
-//! The points of a file as runs of raw records, in order: uncompressed or LASzip-compressed bytes
-//! in, whatever `convert` makes of each run out, to `sink`, on the caller's thread. Chunks are read
-//! in groups and decoded on all cores of the current pool, each by itself, while the sink takes
-//! those before. What a chunk claims is checked before the decoder allocates for it.
+//! Decodes the points of a file as runs of raw records, in order: uncompressed or LASzip-compressed
+//! bytes in, the result of `convert` for each run out, to `sink`, on the caller's thread. Chunks
+//! are read in groups; each is decoded by itself on any thread of the current pool, while the sink
+//! takes earlier ones. What a chunk claims is checked before the decoder allocates for it.
 
 use super::laszip::{Chunk, Compression, layered_chunk};
 use crate::ahead::Ahead;
@@ -19,16 +19,16 @@ use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Raw records of a run at most: bounds batches of files with very long records.
+/// Greatest number of raw bytes in a run: bounds batches of files with very long records.
 const RUN_BYTES: usize = 4 << 20;
-/// Raw records of a group; another is read when no more are under way, or too few to give each
-/// thread work.
+/// Raw bytes in a group. Another group is read when none is under way, or when the pieces under way
+/// are too few to occupy all threads.
 const GROUP_BYTES: usize = 8 << 20;
-/// Chunks of a group at most: bounds what tiny chunks cost beside their points.
+/// Greatest number of chunks in a group: bounds the overhead of tiny chunks.
 const GROUP_PIECES: usize = 512;
-/// Pieces under way, for each thread, where a group and the next are fewer.
+/// Pieces under way per thread, if one group and the next have fewer.
 const PIECES_A_THREAD: usize = 2;
-/// A chunk of more raw bytes than this is decoded in passing, on one core.
+/// A chunk of more raw bytes than this is streamed: decoded on one core while it is read.
 const CHUNK_BYTES_MAX: usize = 4 * GROUP_BYTES;
 const READ_BYTES: usize = 256 << 10;
 
@@ -37,22 +37,22 @@ const READ_BYTES: usize = 256 << 10;
 pub struct Points {
     /// The file.
     pub path: PathBuf,
-    /// First byte of points.
+    /// Offset of the first point, in bytes.
     pub start: u64,
-    /// Points to read.
+    /// Number of points to read.
     pub count: u64,
-    /// Bytes of a record.
+    /// Size of a record, in bytes.
     pub record_bytes: usize,
-    /// How they are compressed, if they are.
+    /// Compression, if the points are compressed.
     pub compression: Option<Compression>,
-    /// Bytes of raw records that are under way on all cores at most.
+    /// Greatest number of raw bytes under way on all threads.
     pub window_bytes_max: u64,
 }
 
-/// Makes something of whole records; called on any thread.
+/// Converts whole records to a result; called on any thread.
 pub type Convert<'a, T> = dyn Fn(&[u8]) -> Result<T, ScanError> + Sync + 'a;
 
-/// How far the reading is.
+/// Progress of the reading.
 struct Reader {
     file: File,
     at: u64,
@@ -77,7 +77,7 @@ impl Points {
     /// Decodes the first `points_max` points, in runs of at most [`BATCH_POINTS`].
     ///
     /// # Errors
-    /// What is wrong with the file, what `convert` or `sink` say, or [`ScanError::Cancelled`].
+    /// What is wrong with the file, an error of `convert` or `sink`, or [`ScanError::Cancelled`].
     pub fn for_each_run<T: Send>(
         &self,
         points_max: u64,
@@ -91,8 +91,8 @@ impl Points {
         if let Some(c) = self.compression.as_ref().filter(|c| c.chunks.is_none()) {
             return self.stream(&mut reader, c, c.chunk_points, end, task, convert, sink);
         }
-        // Pieces are decoded on the pool while, on this thread, the next ones are read and the sink
-        // takes what came before.
+        // Pieces are decoded on the pool while this thread reads the next ones and passes earlier
+        // ones to the sink.
         rayon::in_place_scope_fifo(|scope| {
             let mut spare = Vec::new();
             let (mut window, mut filled) = (VecDeque::new(), Ok(()));
@@ -120,11 +120,11 @@ impl Points {
                                 window.push_back((bytes, Arc::clone(&group), decoded));
                             }
                         }
-                        // What comes before it is taken first, or is at fault first.
+                        // Earlier pieces are passed on first; their errors take precedence.
                         Err(error) => filled = Err(error),
                     }
                 } else if let Some((bytes, group, decoded)) = window.pop_front() {
-                    // Where it has panicked, the scope does, too.
+                    // If the task has panicked, the scope panics, too.
                     for run in decoded
                         .wait()
                         .unwrap_or(Err(ScanError::Cancelled(esker_points::task::Cancelled)))?
@@ -189,8 +189,8 @@ impl Points {
         Ok(runs)
     }
 
-    /// Decodes on this thread, in passing, up to point `end`: one chunk, or chunks of
-    /// `chunk_points` that follow each other without a table.
+    /// Streams points up to number `end` on this thread: one chunk, or chunks of `chunk_points`
+    /// that follow each other without a table.
     #[expect(clippy::too_many_arguments, reason = "the caller's own arguments and the chunk's")]
     fn stream<T>(
         &self,
@@ -232,7 +232,7 @@ impl Points {
         Ok(())
     }
 
-    /// The chunk that comes next, where it is too large for a group.
+    /// The next chunk, if it is too large for a group.
     fn large_chunk(&self, reader: &Reader) -> Option<(&Compression, Chunk)> {
         let compression = self.compression.as_ref()?;
         let chunk = *compression.chunks.as_ref()?.get(reader.chunk)?;
@@ -244,15 +244,15 @@ impl Points {
         raw_bytes > CHUNK_BYTES_MAX || chunk.bytes as usize > CHUNK_BYTES_MAX
     }
 
-    /// Compressed bytes of the largest chunk that is decoded in passing and whose decoder needs all
-    /// of them at once.
+    /// Compressed bytes of the largest chunk that is streamed and whose decoder needs all of them
+    /// at once.
     pub fn held_bytes(&self) -> u64 {
         let layered = self.compression.iter().filter(|c| c.layers.is_some());
         let chunks = layered.filter_map(|c| c.chunks.as_ref()).flatten();
         chunks.filter(|&&c| self.is_large(c)).map(|c| c.bytes.into()).max().unwrap_or(0)
     }
 
-    /// Checks the layers of a chunk that is decoded in passing.
+    /// Checks the layers of a chunk that is streamed.
     fn check_large(
         &self,
         reader: &mut Reader,
@@ -267,7 +267,8 @@ impl Points {
         self.check_layers(&head, chunk.bytes.into(), layers, chunk.points.into())
     }
 
-    /// Whether a layered chunk has the points that it should and its layers lie inside it.
+    /// Checks that a layered chunk has the expected number of points and that its layers lie inside
+    /// it.
     fn check_layers(
         &self,
         head: &[u8],
@@ -276,24 +277,24 @@ impl Points {
         points: u64,
     ) -> Result<(), ScanError> {
         match layered_chunk(head, self.record_bytes, layers) {
-            Some(told) if u64::from(told.bytes) > bytes => Err(self.damaged(format!(
+            Some(claimed) if u64::from(claimed.bytes) > bytes => Err(self.damaged(format!(
                 "a chunk of {bytes} bytes claims layers of {}: the compressed points are damaged",
-                told.bytes
+                claimed.bytes
             ))),
-            Some(told) if u64::from(told.points) < points => Err(self.damaged(format!(
+            Some(claimed) if u64::from(claimed.points) < points => Err(self.damaged(format!(
                 "a chunk holds {} points where {points} should be: the compressed points are damaged",
-                told.points
+                claimed.points
             ))),
             Some(_) => Ok(()),
             None => Err(self.damaged("a chunk is shorter than its own head: the chunk table or the compressed points are damaged".into())),
         }
     }
 
-    /// Raw records of a group at most, but for its first.
+    /// Greatest number of raw bytes in a group; its first piece may be larger.
     fn group_bytes(&self) -> usize {
         match &self.compression {
             Some(_) => GROUP_BYTES,
-            // What is only copied is still in a cache when it is.
+            // Uncompressed records are only copied, so a group that fits a cache is best.
             None => {
                 let run = self.run_points() * self.record_bytes;
                 let room = self.window_bytes_max as usize / 2;
@@ -302,7 +303,7 @@ impl Points {
         }
     }
 
-    /// Reads the next group: at least one chunk or run, into `buffer`.
+    /// Reads the next group, at least one chunk or run, into `buffer`.
     fn fill(&self, mut buffer: Vec<u8>, reader: &mut Reader, end: u64) -> Result<Group, ScanError> {
         let mut pieces: Vec<Piece> = Vec::new();
         let (mut compressed, mut raw) = (0, 0);
@@ -313,7 +314,7 @@ impl Points {
                     let points = (end - reader.point).min(self.run_points() as u64) as usize;
                     (points, points * self.record_bytes)
                 }
-                // The chunks' counts add up to the file's (`Compression::trim`).
+                // The chunks' counts add up to the file's count (`Compression::trim`).
                 Some(chunks) => match chunks.get(reader.chunk) {
                     Some(c) => {
                         let points = u64::from(c.points).min(end - reader.point) as usize;
@@ -361,8 +362,8 @@ impl Points {
         Ok(decoder)
     }
 
-    /// Runs the decoder; its errors, and panics that damaged bytes may cause in it, become errors
-    /// that name the place.
+    /// Runs the decoder. Its errors, and panics that damaged bytes may cause in it, become errors
+    /// that name the position.
     fn guarded(
         &self,
         point: u64,

@@ -1,23 +1,23 @@
-//! Extra bytes of point records: the descriptions of the extra-bytes VLR (LAS 1.4 R15, table 24,
-//! and the arrays that R15 deprecates) become attributes; bytes that nothing describes become one
-//! `u8` attribute each, so that no byte of a record is lost.
+//! Converts between extra bytes of point records and attributes. Descriptions of the extra-bytes
+//! VLR (LAS 1.4 R15, table 24, and the arrays that R15 deprecates) become attributes; undescribed
+//! bytes become one `u8` attribute each, so that no byte of a record is lost.
 
 use super::header::f64_at;
 use super::vlr::{Records, text};
 use esker_points::{AttrType, Attribute, attribute::names};
 
-/// Bytes of a description.
+/// Size of a description, in bytes.
 pub const DESCRIPTION_BYTES: usize = 192;
-/// A value that stands for none is told.
+/// Option bit: a value that stands for "no data" is given.
 const OPTION_NO_DATA: u8 = 1;
 const NO_DATA_AT: usize = 40;
 const OPTION_SCALE: u8 = 1 << 3;
 const OPTION_OFFSET: u8 = 1 << 4;
 
-/// Bytes of a name.
+/// Size of a name, in bytes.
 pub const NAME_BYTES: usize = 32;
-/// Names that mean LAS fields (or their like) everywhere in Esker; an extra dimension of such a
-/// name gets a suffix, since it need not mean the same.
+/// Names that mean LAS fields, or similar ones, everywhere in Esker. An extra dimension with such a
+/// name gets a suffix, because its meaning may differ.
 const RESERVED: [&str; 24] = [
     names::INTENSITY,
     names::RETURNS,
@@ -45,8 +45,8 @@ const RESERVED: [&str; 24] = [
     "extra_bytes",
 ];
 
-/// The attributes of `extra` bytes after the format's own fields, in the record's order and without
-/// gaps. Malformed descriptions fall back to raw bytes with a note.
+/// The attributes of the `extra` bytes after the format's own fields, in the record's order and
+/// without gaps. Malformed descriptions fall back to raw bytes with a note.
 pub fn attributes(records: &Records, extra: usize, notes: &mut Vec<String>) -> Vec<Attribute> {
     let mut described = Vec::new();
     let mut bytes = 0;
@@ -69,7 +69,7 @@ pub fn attributes(records: &Records, extra: usize, notes: &mut Vec<String>) -> V
                     return raw(0, extra);
                 }
             }
-            // At once, so that a hostile VLR cannot describe without end.
+            // Checked for each description, so that a hostile VLR cannot describe without end.
             if bytes > extra {
                 notes.push(format!(
                     "the extra-bytes VLR describes more bytes than the {extra} that the records have: they are kept raw"
@@ -89,7 +89,7 @@ fn raw(first: usize, number: usize) -> Vec<Attribute> {
         .collect()
 }
 
-/// The attributes of one description: one for a value, several for an array, one a byte for
+/// The attributes of one description: one for a value, several for an array, one per byte for
 /// undocumented bytes.
 fn describe(description: &[u8], before: &[Attribute]) -> Result<Vec<Attribute>, String> {
     let (kind, options) = (description[2], description[3]);
@@ -136,15 +136,15 @@ pub fn descriptions(records: &Records) -> impl Iterator<Item = &[u8]> {
     records.all("LASF_Spec", 4).flat_map(|vlr| vlr.data.chunks_exact(DESCRIPTION_BYTES))
 }
 
-/// Names that an extra dimension had better not have: other programs know something else by them.
-/// Normals have another one here.
+/// Names that exported extra dimensions avoid, because other programs use them for something else.
+/// Normals are exported under other names.
 pub fn taken() -> Vec<&'static str> {
     let normals = NORMALS.map(|(_, own)| own);
     let fields = RESERVED.into_iter().filter(|name| !normals.contains(name));
     fields.chain(["x", "y", "z", "X", "Y", "Z", "return_number", "number_of_returns"]).collect()
 }
 
-/// Normals by the names that they usually have in LAS, and Esker's.
+/// Common names of normals in LAS, and the attributes of Esker.
 const NORMALS: [(&str, &str); 3] =
     [("NormalX", names::NX), ("NormalY", names::NY), ("NormalZ", names::NZ)];
 
@@ -152,9 +152,9 @@ fn normal(name: &str) -> Option<&'static str> {
     NORMALS.iter().find(|(usual, _)| *usual == name).map(|&(_, own)| own)
 }
 
-/// Descriptions of attributes, each a value of its own: the way back of [`attributes`]. Of `known`
-/// ones that say the same the value is kept that stands for none; least and greatest values are
-/// those of other points.
+/// Describes `attributes`, each a value of its own: the inverse of [`attributes`]. If one of the
+/// `known` descriptions is equal but for limits, its no-data value is kept; least and greatest
+/// values are dropped, because they belong to other points.
 pub fn describe_all(attributes: &[Attribute], known: &[Vec<u8>]) -> Vec<u8> {
     let mut out = Vec::with_capacity(attributes.len() * DESCRIPTION_BYTES);
     for a in attributes {
@@ -166,7 +166,8 @@ pub fn describe_all(attributes: &[Attribute], known: &[Vec<u8>]) -> Vec<u8> {
         let kind = TYPES.iter().position(|&ty| ty == a.ty).map_or(0, |i| i as u8 + 1);
         let scale = if a.scale == 1.0 { 0 } else { OPTION_SCALE };
         let offset = if a.offset == 0.0 { 0 } else { OPTION_OFFSET };
-        let is_same = |d: &&Vec<u8>| describe(d, &[]).is_ok_and(|told| told == [a.clone()]);
+        let is_same =
+            |d: &&Vec<u8>| describe(d, &[]).is_ok_and(|described| described == [a.clone()]);
         let has_none = known.iter().find(is_same).filter(|d| d[3] & OPTION_NO_DATA != 0);
         let none = has_none.map_or(0, |_| OPTION_NO_DATA);
         let usual = NORMALS.iter().find(|(_, own)| *own == a.name && a.ty == AttrType::F32);

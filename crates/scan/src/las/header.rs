@@ -1,19 +1,19 @@
-//! The public header of LAS 1.0 to 1.5, checked against the size of the file: bytes in, plain
-//! fields out. Offsets are those of the LAS 1.4 R15 specification, tables 3 to 5 (1.5 only appends
-//! fields). Counts and bounds are hints; what would make reading meaningless is refused here.
+//! Parses the public header of LAS 1.0 to 1.5 and checks it against the size of the file. Offsets
+//! are those of the LAS 1.4 R15 specification, tables 3 to 5 (1.5 only appends fields). Counts and
+//! bounds are hints; contradictions that make reading meaningless are refused here.
 
 use crate::error::ScanError;
 use esker_points::Grid;
 use std::path::Path;
 
-/// Bytes of the header that all versions share.
+/// Size of the header of versions 1.0 to 1.2, in bytes.
 pub const HEADER_BYTES_MIN: usize = 227;
-/// Header bytes of version 1.3, with the start of the waveform packets.
+/// Size of the header of version 1.3, with the start of the waveform packets.
 const HEADER_BYTES_1_3: usize = 235;
-/// Header bytes of version 1.4, with EVLRs and 64-bit counts.
+/// Size of the header of version 1.4, with EVLRs and 64-bit counts.
 const HEADER_BYTES_1_4: usize = 375;
 
-/// Where the global encoding stands.
+/// Offset of the global encoding.
 const ENCODING_AT: usize = 6;
 /// Bit of the global encoding: GPS times are adjusted standard ones.
 pub const ADJUSTED_BIT: u16 = 1;
@@ -25,24 +25,24 @@ pub fn has_bit(header: &[u8], bit: u16) -> bool {
     u16_at(header, ENCODING_AT) & bit > 0
 }
 
-/// Sets a bit of the global encoding of a whole header, or takes it out.
+/// Sets or clears a bit of the global encoding of a whole header.
 pub fn set_bit(header: &mut [u8], bit: u16, is_set: bool) {
     let others = u16_at(header, ENCODING_AT) & !bit;
     let encoding = others | if is_set { bit } else { 0 };
     header[ENCODING_AT..][..2].copy_from_slice(&encoding.to_le_bytes());
 }
 
-/// What the GPS times of a file are counted from.
+/// Epoch of the GPS times of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GpsTimes {
-    /// The beginning of some week.
+    /// The beginning of an unknown week.
     Week,
     /// 10^9 seconds after the beginning of 1980-01-06.
     Adjusted,
 }
 
 impl GpsTimes {
-    /// Its name in reports.
+    /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Week => "week",
@@ -51,42 +51,42 @@ impl GpsTimes {
     }
 }
 
-/// What is used of the header.
+/// The fields of the header that are used.
 #[derive(Clone, Debug)]
 pub struct Header {
-    /// Minor version: 0 to 5.
+    /// Minor version, 0 to 5.
     pub minor: u8,
-    /// Bytes of the header as it claims.
+    /// Size of the header as it claims, in bytes.
     pub header_bytes: u64,
-    /// Byte at which points begin (LAZ: at which the place of the chunk table stands).
+    /// Offset at which points begin (LAZ: at which the offset of the chunk table is).
     pub points_start: u64,
-    /// Number of VLRs claimed.
+    /// Claimed number of VLRs.
     pub vlrs: u32,
     /// Point format, 0 to 10.
     pub point_format: u8,
-    /// What GPS times are counted from, where the point format has them.
+    /// Epoch of GPS times, if the point format has them.
     pub gps_times: Option<GpsTimes>,
-    /// Whether the format's upper bits say that points are compressed.
+    /// Whether the upper bits of the point format say that points are compressed.
     pub is_compressed: bool,
-    /// Bytes of a point record, at least those of the format.
+    /// Size of a point record, in bytes; at least that of the format.
     pub record_bytes: usize,
-    /// Points claimed.
+    /// Claimed number of points.
     pub points: u64,
     /// Scale and offset.
     pub grid: Grid,
-    /// Claimed minimum and maximum.
+    /// Claimed least and greatest coordinates.
     pub bounds: [[f64; 3]; 2],
-    /// Byte at which EVLRs begin, and their number.
+    /// Offset at which EVLRs begin, and their number.
     pub evlrs: Option<(u64, u32)>,
-    /// Byte at which waveform packets inside the file begin.
+    /// Offset at which waveform packets inside the file begin.
     pub waveforms_start: Option<u64>,
 }
 
 impl Header {
-    /// Parses the beginning of a file of `file_bytes` bytes.
+    /// Parses `head`, the beginning of a file of `file_bytes` bytes.
     ///
     /// # Errors
-    /// Where the header is cut, of an unknown version or point format, or contradicts itself.
+    /// If the header is truncated, of an unknown version or point format, or contradicts itself.
     pub fn parse(head: &[u8], file_bytes: u64, path: &Path) -> Result<Self, ScanError> {
         if head.len() < HEADER_BYTES_MIN {
             let what = format!(
@@ -179,7 +179,7 @@ impl Header {
     }
 }
 
-/// The 64-bit count from version 1.4 on, where it says anything; else the legacy one.
+/// The 64-bit count from version 1.4 on, if it is set; otherwise the legacy one.
 fn point_count(known: &[u8], minor: u8) -> u64 {
     let legacy = u64::from(u32_at(known, 107));
     if minor < 4 || known.len() < HEADER_BYTES_1_4 {
@@ -191,27 +191,27 @@ fn point_count(known: &[u8], minor: u8) -> u64 {
     }
 }
 
-/// Bytes of a record of this point format, without extra bytes.
+/// Size of a record of this point format without extra bytes, in bytes.
 pub fn format_bytes(point_format: u8) -> Option<usize> {
     [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67].get(usize::from(point_format)).copied()
 }
 
-/// Little-endian values at fixed places; 0 past the end, so that no length is trusted.
+/// Little-endian `u16` at offset `at`; 0 past the end, so that no length is trusted.
 pub fn u16_at(bytes: &[u8], at: usize) -> u16 {
     u16::from_le_bytes(array_at(bytes, at))
 }
 
-/// As [`u16_at`].
+/// Little-endian `u32` at offset `at`; 0 past the end.
 pub fn u32_at(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(array_at(bytes, at))
 }
 
-/// As [`u16_at`].
+/// Little-endian `u64` at offset `at`; 0 past the end.
 pub fn u64_at(bytes: &[u8], at: usize) -> u64 {
     u64::from_le_bytes(array_at(bytes, at))
 }
 
-/// As [`u16_at`].
+/// Little-endian `f64` at offset `at`; 0 past the end.
 pub fn f64_at(bytes: &[u8], at: usize) -> f64 {
     f64::from_le_bytes(array_at(bytes, at))
 }

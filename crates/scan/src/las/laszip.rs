@@ -1,6 +1,6 @@
-//! The LASzip record and the chunk table, checked before the decoder sees them: `laz` panics or
-//! allocates what they claim on some. In: the VLR and the head and tail of the compressed points;
-//! out: the items to decode and, where the file tells, the place and count of every chunk.
+//! Checks the LASzip record and the chunk table before the decoder uses them: on some claims, `laz`
+//! panics or allocates without limit. In: the VLR and the head and tail of the compressed points;
+//! out: the items to decode and, if known, the position and count of every chunk.
 
 use super::header::{Header, format_bytes, u16_at, u32_at, u64_at};
 use super::vlr::{Records, Vlr};
@@ -14,9 +14,9 @@ use std::path::Path;
 
 const USER: &str = "laszip encoded";
 const RECORD: u16 = 22204;
-/// Bytes of the record before its items.
+/// Size of the record before its items, in bytes.
 const HEAD_BYTES: usize = 34;
-/// Chunks of one file at most: 200 thousand million points at the usual 50,000 a chunk.
+/// Greatest number of chunks in a file: 200 thousand million points at the usual 50,000 a chunk.
 const CHUNKS_MAX: u64 = 1 << 22;
 /// A chunk size of this, or 0, means chunks of varying size.
 const VARIABLE: u32 = u32::MAX;
@@ -24,41 +24,41 @@ const VARIABLE: u32 = u32::MAX;
 /// One chunk of compressed points; chunks follow each other without gaps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Chunk {
-    /// Points in it that are to be read.
+    /// Number of its points that are read.
     pub points: u32,
-    /// Its compressed bytes.
+    /// Size of its compressed bytes.
     pub bytes: u32,
 }
 
 /// How the points of a LAZ file are compressed.
 #[derive(Clone, Debug)]
 pub struct Compression {
-    /// The items of a record, as the decoder wants them.
+    /// The items of a record, in the decoder's types.
     pub items: Vec<LazItem>,
-    /// Layers of a chunk where fields are compressed apart (formats 6 to 10); else none.
+    /// Number of layers of a chunk if fields are compressed separately (formats 6 to 10).
     pub layers: Option<usize>,
-    /// Points a chunk, where all have as many; none where there is one chunk.
+    /// Points in a chunk if all have the same number; `None` if there is one chunk.
     pub chunk_points: Option<u32>,
-    /// The chunks, where the file has a chunk table or tells them otherwise.
+    /// The chunks, if the file has a chunk table or the chunks say where they end.
     pub chunks: Option<Vec<Chunk>>,
-    /// First byte of compressed points.
+    /// Offset of the first compressed point, in bytes.
     pub start: u64,
-    /// Byte after the last of them.
+    /// Offset after the last compressed point.
     pub end: u64,
 }
 
-/// The LASzip record of a file, where it has one.
+/// The LASzip record of a file, if it has one.
 pub fn record(records: &Records) -> Option<&Vlr> {
     records.find(USER, RECORD)
 }
 
 impl Compression {
-    /// Checks the record against the header and reads the chunk table. Where the chunks tell how
-    /// many points they hold and the header claims another count, that is put right.
+    /// Checks the record against the header and reads the chunk table. If the chunks say how many
+    /// points they hold and the header claims another count, the count in `header` is corrected.
     ///
     /// # Errors
-    /// Where the record is of a kind that is not read or contradicts the header, and where the
-    /// chunk table is damaged or has fewer points than the header claims.
+    /// If the record is of a kind that is not read or contradicts the header, or if the chunk table
+    /// is damaged or has fewer points than the header claims.
     pub fn read(
         vlr: &Vlr,
         header: &mut Header,
@@ -89,7 +89,7 @@ impl Compression {
         found.start = header.points_start + 8;
         let is_variable = size == VARIABLE || size == 0;
         match table_at {
-            // Nothing is claimed: only a table that makes sense tells otherwise.
+            // Without a claim, only a plausible chunk table gives the count.
             _ if header.points == 0 => {
                 found.end = table_at
                     .filter(|at| *at >= found.start && *at + 8 <= file_bytes)
@@ -135,7 +135,7 @@ impl Compression {
         Ok(found)
     }
 
-    /// Entries of the chunk table: numbers compressed as `laz` compresses integers.
+    /// Reads the entries of the chunk table: numbers compressed as `laz` compresses integers.
     fn read_table(
         &self,
         file: &mut File,
@@ -189,8 +189,9 @@ impl Compression {
         Ok(chunks)
     }
 
-    /// Takes the count of points from the chunks, where they tell: a table of varying chunks does,
-    /// and the head of a layered chunk, of which only the last one can have fewer than the rest.
+    /// Takes the count of points from the chunks if they give it: a table of varying chunks does,
+    /// and so does the head of a layered chunk, of which only the last may have fewer points than
+    /// the others.
     fn correct_count(
         &self,
         chunks: &mut Vec<Chunk>,
@@ -212,7 +213,7 @@ impl Compression {
             let head_bytes = layered_head_bytes(header.record_bytes, layers) as u64;
             file.take(head_bytes).read_to_end(&mut head)?;
             match layered_chunk(&head, header.record_bytes, layers) {
-                Some(told) if (1..=last.points).contains(&told.points) => last.points = told.points,
+                Some(head) if (1..=last.points).contains(&head.points) => last.points = head.points,
                 _ => return Ok(()),
             }
         }
@@ -227,7 +228,8 @@ impl Compression {
         Ok(())
     }
 
-    /// Finds layered chunks without a table: each tells its count and the sizes of its layers.
+    /// Finds layered chunks without a table, by the count and the sizes of layers in the head of
+    /// each.
     fn walk(&self, file: &mut File, header: &Header, path: &Path) -> Result<Vec<Chunk>, ScanError> {
         let layers = self.layers.unwrap_or(0);
         let (mut chunks, mut at, mut points) = (Vec::new(), self.start, 0);
@@ -249,7 +251,7 @@ impl Compression {
         Ok(chunks)
     }
 
-    /// Leaves the chunks that the header's count needs, the last one with what is left for it.
+    /// Keeps the chunks that the header's count needs, the last one with the remaining points.
     fn trim(
         &self,
         mut chunks: Vec<Chunk>,
@@ -286,8 +288,8 @@ impl Compression {
     }
 }
 
-/// Where the chunk table stands: the number before the points or, from writers that could not go
-/// back, the file's last eight bytes; none where neither makes sense.
+/// Offset of the chunk table: the number before the points or, from writers that could not seek
+/// back, the file's last eight bytes; `None` if neither is plausible.
 fn table_place(file: &mut File, start: u64, file_bytes: u64) -> std::io::Result<Option<u64>> {
     if file_bytes < start + 8 {
         return Ok(Some(start));
@@ -312,8 +314,8 @@ fn layered_head_bytes(record_bytes: usize, layers: usize) -> usize {
     record_bytes + 4 + 4 * layers
 }
 
-/// What a layered chunk says of itself; none where `chunk` is shorter than that, or more than 4 GiB
-/// are claimed.
+/// Points and size of a layered chunk according to its head; `None` if `chunk` is shorter than the
+/// head, or if more than 4 GiB are claimed.
 pub fn layered_chunk(chunk: &[u8], record_bytes: usize, layers: usize) -> Option<Chunk> {
     let head = chunk.get(..layered_head_bytes(record_bytes, layers))?;
     let sizes = head[record_bytes + 4..].chunks_exact(4);

@@ -1,7 +1,7 @@
 //! LAS and LAZ: versions 1.0 to 1.5, point formats 0 to 10, extra bytes, COPC (which is LAZ 1.4).
-//! The file is looked at once when opened (header, VLRs, chunk table, the first points' colours);
-//! points are decoded by [`decode`] and made columns by [`points`]. Whether they are compressed is
-//! told by the point format's upper bits and the LASzip record, never by the name.
+//! Opening reads header, VLRs, chunk table and the colours of the first points; [`decode`] decodes
+//! points and [`points`] makes columns of them. Whether points are compressed is recognised by the
+//! upper bits of the point format and the LASzip record, never by the file name.
 
 pub(crate) mod crs;
 mod decode;
@@ -38,26 +38,25 @@ pub const FORMAT: Format = Format {
 
 /// Bytes read as the header; that of 1.5 has 393.
 const HEAD_BYTES: u64 = 512;
-/// Extra bytes of a record at most: each may become an attribute of its own, and LASzip's models of
-/// each take up to 12 KiB a thread. Real files have a few dozen.
+/// Greatest number of extra bytes of a record: each may become an attribute of its own, and
+/// LASzip's models for each take up to 12 KiB a thread. Real files have a few dozen.
 pub(crate) const EXTRA_BYTES_MAX: usize = 1024;
-/// Raw records that are under way on all cores, as a part of the memory, and at most.
+/// Raw records under way on all threads: share of the memory, and upper limit.
 const WINDOW_SHARE: u64 = 16;
 const WINDOW_BYTES_MAX: u64 = 64 << 20;
-/// First points whose colours tell whether 16-bit fields hold 8-bit values.
+/// Number of first points whose colours are examined for 8-bit values in 16-bit fields.
 const COLOUR_PROBE_POINTS: u64 = 1 << 16;
-/// Bytes behind the points that are read at once.
+/// Bytes after the points that are read at once.
 const BEHIND_BLOCK_BYTES: u64 = 64 << 10;
-/// Records that tell whether what lies behind the points is any, and how many of the header's boxes
-/// away it is then.
+/// Records after the points that are examined, and how many of the header's boxes away they must
+/// lie not to be points.
 const FAR_RECORDS: usize = 1000;
 const FAR_BOXES: f64 = 100.0;
 
-/// What the GPS times of a source are counted from, by its blocks kept verbatim; none where it has
-/// no such times.
+/// Epoch of the GPS times of a source, from its blocks kept verbatim; `None` without such times.
 pub fn gps_times(verbatim: &[(String, Vec<u8>)]) -> Option<GpsTimes> {
     let (_, head) = verbatim.iter().find(|(name, _)| name == "las header")?;
-    // It was checked when it was read; here it only must not be believed.
+    // The header was checked when it was read; here its sizes are not trusted.
     Header::parse(head, u64::MAX, Path::new("")).ok()?.gps_times
 }
 
@@ -122,7 +121,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     Ok(Box::new(LasSource { info, layout, points }))
 }
 
-/// Where the points are, after the header's claims were held against the file.
+/// Locates the points after checking the header's claims against the file.
 fn points_of(
     header: &mut Header,
     records: &Records,
@@ -160,7 +159,7 @@ fn points_of(
     })
 }
 
-/// Whether memory has room for what is held of the largest chunk.
+/// Checks that the memory has room for the compressed bytes of the largest chunk.
 fn check_held(held_bytes: u64, memory_bytes: u64, path: &Path) -> Result<(), ScanError> {
     let needed_bytes = held_bytes + BESIDE_HELD_BYTES;
     if held_bytes == 0 || needed_bytes <= memory_bytes {
@@ -177,9 +176,10 @@ fn check_held(held_bytes: u64, memory_bytes: u64, path: &Path) -> Result<(), Sca
     ))
 }
 
-/// Holds the count of uncompressed points against the bytes that are there. Where these are whole
-/// records, their number is the true count, whatever the header claims, unless all that it leaves
-/// out is zero: padding. Where a record is cut and points are missing, so is the file.
+/// Checks the claimed count of uncompressed points against the bytes in the file. If the bytes are
+/// whole records, their number is the true count, whatever the header claims, unless all records
+/// that the header leaves out are zero: padding. If a record is cut off and points are missing, the
+/// file is truncated.
 fn check_count(
     header: &mut Header,
     file: &mut File,
@@ -229,10 +229,10 @@ fn check_count(
     Ok(())
 }
 
-/// Whether what lies behind the points that the header claims is nothing of the kind: its first
-/// whole records all lie many boxes away from the one that the header tells, as none of the first
-/// records of those claimed does. (Points that were added later may lie outside of an old box, but
-/// not as far as any text is.)
+/// Whether the bytes after the claimed points are not points: all of the first whole records among
+/// them lie many boxes away from the header's box, and none of the first claimed records does.
+/// (Points that were appended later may lie outside an outdated box, but not as far away as text
+/// does.)
 fn is_far(
     header: &Header,
     file: &mut File,
@@ -260,8 +260,7 @@ fn is_far(
         && others.chunks_exact(*record_bytes).all(is_far))
 }
 
-/// Whether bytes of a file are all zero; reads no further than to the block of the first that is
-/// not.
+/// Whether a range of a file is all zero; reads no further than the first block that is not.
 fn is_zero(
     file: &mut File,
     span: Range<u64>,
@@ -282,14 +281,14 @@ fn is_zero(
     Ok(true)
 }
 
-/// Whether the 16-bit colours of the first points all fit 8 bits. Damage found here is reported
-/// when the points are read.
+/// Detects whether the 16-bit colours of the first points all fit 8 bits. Damage found here is
+/// reported when the points are read.
 fn detect_depth(
     layout: &Layout,
     points: &Points,
     task: &dyn Task,
 ) -> Result<ColourDepth, ScanError> {
-    // What is large is decoded once. Where this is wrong it is put right then.
+    // Large chunks are decoded only once; a wrong depth is corrected after reading.
     if points.held_bytes() > 0 {
         return Ok(ColourDepth::Sixteen);
     }

@@ -1,6 +1,7 @@
-//! Raw point records to columns: which bytes of a record make which attribute, in one table a file,
-//! and the loops that gather them. Legacy bit fields (formats 0 to 5) are repacked in the layout of
-//! formats 6 to 10; everything else is copied to the bit (LAS 1.4 R15, tables 7 to 17).
+//! Converts raw point records to columns: a table, one per file, of the bytes of a record that make
+//! each attribute, and the loops that gather them. Legacy bit fields (formats 0 to 5) are repacked
+//! in the layout of formats 6 to 10; everything else is copied bit by bit (LAS 1.4 R15, tables 7 to
+//! 17).
 
 use super::header::format_bytes;
 use crate::error::ScanError;
@@ -10,10 +11,10 @@ use esker_points::{Batch, Column, Grid, Schema};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Records gathered before the next column's turn: they stay in the first-level cache meanwhile.
+/// Records gathered before the next column's turn: they stay in the L1 cache meanwhile.
 const BLOCK_POINTS: usize = 512;
 
-/// How the values of an attribute come out of a record.
+/// How the values of an attribute are extracted from a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Take {
     /// Copied.
@@ -26,14 +27,14 @@ pub enum Take {
     LegacyClass,
 }
 
-/// Where the value of an attribute stands in a record.
+/// Location of the value of an attribute in a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// Its first byte in a record.
+    /// Offset in the record, in bytes.
     pub offset: usize,
-    /// Its bytes.
+    /// Size, in bytes.
     pub bytes: usize,
-    /// How its value comes out of them.
+    /// How the value is extracted.
     pub take: Take,
 }
 
@@ -42,27 +43,27 @@ pub struct Field {
 pub struct Layout {
     /// Attributes in canonical order.
     pub schema: Arc<Schema>,
-    /// Bytes of a record.
+    /// Size of a record, in bytes.
     pub record_bytes: usize,
-    /// Byte of a record at which red, green and blue stand, where it has colour.
+    /// Offset of red, green and blue in a record, if it has colour.
     pub rgb_offset: Option<usize>,
     /// The field of each attribute.
     pub fields: Vec<Field>,
 }
 
-/// A batch and what was noticed while it was made.
+/// A batch and what was found while it was made.
 pub struct Converted {
     /// The points.
     pub batch: Batch,
     /// Greatest rounding of a coordinate, in the file's unit.
     pub rounding_error: f64,
-    /// Greatest of red, green and blue.
+    /// Greatest value of red, green and blue.
     pub colour_max: u16,
 }
 
 impl Layout {
-    /// The table for a point format (0 to 10) and these extra attributes, which stand behind the
-    /// format's own fields without gaps.
+    /// Makes the table of a point format (0 to 10) whose own fields are followed by the `extra`
+    /// attributes without gaps.
     pub fn new(point_format: u8, record_bytes: usize, extra: Vec<Attribute>) -> Self {
         let mut table = Table::default();
         if point_format < 6 {
@@ -99,8 +100,7 @@ impl Layout {
 
     /// Converts whole records.
     ///
-    /// # Errors
-    /// [`ScanError::OffLattice`].
+    /// [`ScanError::OffLattice`] if a point does not fit the lattice.
     pub fn convert(
         &self,
         records: &[u8],
@@ -144,7 +144,8 @@ pub fn raw_position(record: &[u8]) -> [i32; 3] {
     [0, 4, 8].map(|at| i32::from_le_bytes(array(&record[at..])))
 }
 
-/// Records are never shorter than their fields (checked in the header): this cannot panic.
+/// First `N` bytes. Cannot panic: records are never shorter than their fields (checked in the
+/// header).
 fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
     let mut out = [0; N];
     out.copy_from_slice(&bytes[..N]);
@@ -152,7 +153,7 @@ fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
 }
 
 impl Field {
-    /// Appends the values of whole records.
+    /// Appends the values of whole records to `column`.
     fn gather(self, records: &[u8], stride: usize, column: &mut Column) {
         let before = column.len();
         column.resize(before + records.len() / stride * self.bytes, 0);
@@ -190,13 +191,13 @@ fn map<'a>(
 struct Table {
     attributes: Vec<Attribute>,
     fields: Vec<Field>,
-    /// End of the last field.
+    /// Offset after the last field.
     bytes: usize,
 }
 
 impl Default for Table {
     fn default() -> Self {
-        // Coordinates stand first and are no attribute.
+        // Coordinates come first and are no attribute.
         Self { attributes: vec![], fields: vec![], bytes: 12 }
     }
 }

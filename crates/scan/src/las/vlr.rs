@@ -1,5 +1,5 @@
-//! Variable length records, before the points (VLRs) and after them (EVLRs): read within a limit,
-//! kept verbatim, and walked. Wrong counts and lengths end the walk with a note; points stay
+//! Reads variable length records, before the points (VLRs) and after them (EVLRs), within a limit
+//! and keeps them verbatim. Wrong counts and lengths end the list with a note; points stay
 //! readable.
 
 use super::header::{Header, u16_at, u64_at};
@@ -8,12 +8,12 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Header, VLRs and EVLRs together are kept up to here; real files have kilobytes.
+/// Greatest size of header, VLRs and EVLRs together that is kept; real files have kilobytes.
 pub const VERBATIM_BYTES_MAX: u64 = 64 << 20;
-/// VLRs, and EVLRs, at most; real files have a few. Empty ones take more memory than bytes in the
-/// file.
+/// Greatest number of VLRs, and of EVLRs; real files have a few. Empty records take more memory
+/// than bytes in the file.
 const RECORDS_MAX: u32 = 1 << 14;
-/// Bytes of a VLR before its payload.
+/// Size of a VLR before its payload, in bytes.
 pub const VLR_HEAD_BYTES: usize = 54;
 const EVLR_HEAD_BYTES: usize = 60;
 /// Record id of waveform packets in an EVLR of `LASF_Spec`.
@@ -22,18 +22,18 @@ const WAVEFORM_PACKETS: u16 = 65535;
 /// One record, its data as in the file.
 #[derive(Clone, Debug)]
 pub struct Vlr {
-    /// Who defined it: `LASF_Projection`, `LASF_Spec`, `laszip encoded` ...
+    /// User id: `LASF_Projection`, `LASF_Spec`, `laszip encoded` ...
     pub user: String,
-    /// Its number among that user's.
+    /// Record id, a number of that user.
     pub record: u16,
-    /// Its head as in the file: that of a VLR, or the longer one of an EVLR.
+    /// Head as in the file: that of a VLR, or the longer one of an EVLR.
     pub head: Vec<u8>,
-    /// Its payload.
+    /// Payload.
     pub data: Vec<u8>,
 }
 
 impl Vlr {
-    /// Whether it stood after the points.
+    /// Whether it is an EVLR.
     pub fn is_extended(&self) -> bool {
         self.head.len() == EVLR_HEAD_BYTES
     }
@@ -44,7 +44,7 @@ impl Vlr {
 pub struct Records {
     /// VLRs and then EVLRs, in the file's order.
     pub vlrs: Vec<Vlr>,
-    /// Name and bytes of each block kept.
+    /// Name and bytes of each block that is kept.
     pub verbatim: Vec<(String, Vec<u8>)>,
 }
 
@@ -62,7 +62,7 @@ impl Records {
     /// Reads header, VLRs and EVLRs of a file.
     ///
     /// # Errors
-    /// Where the system refuses a read, or header and VLRs are larger than the limit.
+    /// If the system refuses a read, or if header and VLRs are larger than the limit.
     pub fn read(
         file: &mut File,
         header: &Header,
@@ -151,7 +151,7 @@ impl Records {
     }
 }
 
-/// EVLRs that are larger than what may still be kept.
+/// EVLRs that are larger than the remaining budget.
 #[derive(Default)]
 struct LeftOut {
     first: Option<String>,
@@ -163,7 +163,7 @@ impl LeftOut {
     fn add(&mut self, user: &str, record: u16, bytes: u64) {
         self.first.get_or_insert_with(|| format!("{user} {record}"));
         self.number += 1;
-        // They lie one behind the other in the file, so that their bytes can be counted.
+        // They follow each other in the file, so the sum is bounded by its size.
         self.bytes += bytes;
     }
 
@@ -176,15 +176,15 @@ impl LeftOut {
     }
 }
 
-/// The note on records that are not looked at.
+/// The note on records beyond the greatest number.
 fn behind_the_last(kind: &str, number: u32) -> String {
     format!(
         "the header claims {number} {kind}; {RECORDS_MAX} are kept at most, and those behind are left out"
     )
 }
 
-/// The records of blocks kept verbatim: VLRs and then EVLRs; and the bytes behind the VLRs, which
-/// some files have before their points.
+/// Parses blocks kept verbatim: the records, VLRs and then EVLRs, and the bytes after the VLRs,
+/// which some files have before their points.
 pub fn of_blocks<'a>(header: &Header, region: &'a [u8], evlrs: &[u8]) -> (Records, &'a [u8]) {
     let (mut vlrs, tail) = walk_vlrs(region, header.vlrs, &mut Vec::new());
     let mut rest = evlrs;
@@ -198,7 +198,7 @@ pub fn of_blocks<'a>(header: &Header, region: &'a [u8], evlrs: &[u8]) -> (Record
     (Records { vlrs, verbatim: Vec::new() }, tail)
 }
 
-/// The VLRs, and what stands behind them.
+/// Parses VLRs; returns them and the bytes after them.
 fn walk_vlrs<'a>(region: &'a [u8], number: u32, notes: &mut Vec<String>) -> (Vec<Vlr>, &'a [u8]) {
     let mut vlrs = Vec::new();
     let mut rest = region;

@@ -1,16 +1,16 @@
-//! The header of a PCD file (Point Cloud Library, versions 0.5 to 0.7): fields, their sizes, types
-//! and counts, the number of points and how they are stored, line by line up to and with `DATA`.
+//! Parses the header of a PCD file (Point Cloud Library, versions 0.5 to 0.7), up to and with
+//! `DATA`: fields, their sizes, types and counts, the number of points and how they are stored.
 
 use crate::ply::header::{Element, Property, Shape};
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX};
 use esker_points::AttrType;
 use std::io::{BufRead, Read};
 
-/// Bytes of a header at most.
+/// Greatest size of a header, in bytes.
 const HEADER_BYTES_MAX: u64 = 1 << 20;
-/// A field of this name is room for nothing.
+/// Name of fields that are padding.
 const PADDING: &str = "_";
-/// Fields of four bytes that hold colours, and whether one of them is alpha.
+/// Four-byte fields that hold packed colours, and whether they include alpha.
 const PACKED: [(&str, bool); 2] = [("rgb", false), ("rgba", true)];
 
 /// How points are stored.
@@ -24,24 +24,24 @@ pub(crate) enum Data {
     Compressed,
 }
 
-/// What is stored of a point under a name: one value or several.
+/// A field of a point: one value or several.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Field {
     pub name: String,
     pub ty: AttrType,
     pub count: usize,
-    /// Its first byte in a record.
+    /// Offset in a record, in bytes.
     pub offset: usize,
 }
 
-/// A value that is taken from a point.
+/// Where a value of a point is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Taken {
-    /// The field that it lies in.
+pub(crate) struct ValueLocation {
+    /// Index of its field.
     pub field: usize,
-    /// Its first byte in the field.
+    /// Offset in the field, in bytes.
     pub at: usize,
-    /// Its bytes.
+    /// Size, in bytes.
     pub bytes: usize,
 }
 
@@ -49,41 +49,42 @@ pub(crate) struct Taken {
 pub(crate) struct Header {
     pub version: String,
     pub fields: Vec<Field>,
-    /// Bytes of a record.
+    /// Size of a record, in bytes.
     pub stride: usize,
     pub points: u64,
-    /// Rows of a depth image; 1 where points are in no order.
+    /// Rows of a depth image; 1 for unordered points.
     pub rows: u64,
-    /// Where the sensor stood.
+    /// Position of the sensor.
     pub viewpoint: [f64; 3],
     pub data: Data,
-    /// The header as it stands in the file, its last line end included.
+    /// The header as in the file, with its last line end.
     pub text: Vec<u8>,
 }
 
 impl Field {
-    /// Bytes of it in a point.
+    /// Size in a record, in bytes.
     pub fn bytes(&self) -> usize {
         self.ty.size() * self.count
     }
 
-    /// Whether it holds colours in one number, and alpha among them.
+    /// Whether it holds packed colours and, if so, whether they include alpha.
     pub fn packed(&self) -> Option<bool> {
         let is_word = self.bytes() == 4 && self.count == 1;
         PACKED.into_iter().find(|(name, _)| is_word && self.name == *name).map(|(_, alpha)| alpha)
     }
 
-    /// Whether it holds nothing.
+    /// Whether it is padding.
     pub fn is_padding(&self) -> bool {
         self.name == PADDING
     }
 }
 
 impl Header {
-    /// Reads a header and leaves the stream at the points. The error says what is wrong with it.
+    /// Reads a header and leaves the stream at the points. The inner error says what is wrong with
+    /// it.
     ///
     /// # Errors
-    /// Where the stream cannot be read, outside; where it is no sound header, inside.
+    /// The outer error if the stream cannot be read, the inner one if it has no sound header.
     pub fn read(input: &mut impl BufRead) -> std::io::Result<Result<Self, String>> {
         let mut text = Vec::new();
         loop {
@@ -182,16 +183,16 @@ impl Header {
         })
     }
 
-    /// The values that are taken of a point, as an element of scalars, and where each lies.
-    pub fn element(&self) -> (Element, Vec<Taken>) {
-        let (mut properties, mut taken) = (Vec::new(), Vec::new());
+    /// The values of a point, as an element of scalars, and the location of each.
+    pub fn element(&self) -> (Element, Vec<ValueLocation>) {
+        let (mut properties, mut locations) = (Vec::new(), Vec::new());
         let mut take = |name: String, ty: AttrType, field: usize, at: usize| {
             properties.push(Property { name, shape: Shape::Scalar(ty) });
-            taken.push(Taken { field, at, bytes: ty.size() });
+            locations.push(ValueLocation { field, at, bytes: ty.size() });
         };
         for (i, field) in self.fields.iter().enumerate().filter(|(_, f)| !f.is_padding()) {
             if let Some(has_alpha) = field.packed() {
-                // Blue comes first.
+                // Blue is the lowest byte.
                 let colours = [("red", 2), ("green", 1), ("blue", 0), ("alpha", 3)];
                 for (name, at) in &colours[..if has_alpha { 4 } else { 3 }] {
                     take((*name).into(), AttrType::U8, i, *at);
@@ -204,7 +205,7 @@ impl Header {
                 take(name, field.ty, i, k * field.ty.size());
             }
         }
-        (Element { name: "point".into(), count: self.points, properties }, taken)
+        (Element { name: "point".into(), count: self.points, properties }, locations)
     }
 }
 
@@ -240,16 +241,16 @@ mod tests {
     }
 
     #[test]
-    fn a_header_tells_fields_and_points() {
+    fn a_header_describes_fields_and_points() {
         let header = read(HEAD).unwrap();
         assert_eq!((header.stride, header.points, header.rows), (23, 10, 2));
         assert_eq!((header.viewpoint, header.data), ([1.0, 2.0, 3.0], Data::Binary));
         assert!(header.text.ends_with(b"binary\n"));
-        let (element, taken) = header.element();
+        let (element, locations) = header.element();
         let names: Vec<&str> = element.properties.iter().map(|p| p.name.as_str()).collect();
         assert_eq!(names, ["x", "y", "z", "red", "green", "blue", "id_0", "id_1"]);
-        assert_eq!(taken[3], Taken { field: 3, at: 2, bytes: 1 });
-        assert_eq!(taken[7], Taken { field: 5, at: 2, bytes: 2 });
+        assert_eq!(locations[3], ValueLocation { field: 3, at: 2, bytes: 1 });
+        assert_eq!(locations[7], ValueLocation { field: 5, at: 2, bytes: 2 });
         let older = HEAD.replace("VERSION 0.7", "VERSION .5").replace("FIELDS", "COLUMNS");
         let older = read(&older.replace("COUNT 1 1 1 1 3 2\n", "").replace("POINTS 10\n", ""));
         let older = older.unwrap();

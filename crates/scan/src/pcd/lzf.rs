@@ -1,10 +1,10 @@
-//! LZF (Marc Lehmann's), the compression of PCD: runs of bytes, and copies of what was written
-//! before.
+//! Decompresses LZF (by Marc Lehmann), the compression of PCD: runs of literal bytes, and copies of
+//! earlier output.
 
-/// What three bytes, a copy, may stand for at most: no more is believed.
+/// Greatest number of bytes that a copy, three bytes, can stand for; larger claims are refused.
 pub(crate) const BYTES_A_COPY: u64 = 264;
 
-/// Unpacks exactly so many bytes; `None` where the packed ones are damaged.
+/// Decompresses exactly `bytes` bytes; `None` if `packed` is damaged.
 pub(crate) fn unpack(packed: &[u8], bytes: usize) -> Option<Vec<u8>> {
     let mut out = Vec::with_capacity(bytes);
     let mut packed = packed;
@@ -22,7 +22,7 @@ pub(crate) fn unpack(packed: &[u8], bytes: usize) -> Option<Vec<u8>> {
             if back >= length {
                 out.extend_from_within(from..from + length);
             } else {
-                // It copies what it has just written.
+                // A copy may overlap the bytes that it has just written.
                 (from..from + length).for_each(|i| out.push(out[i]));
             }
         }
@@ -38,7 +38,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Packs with the shortest runs and the copies nearest by: all that the format has.
+    /// Compresses with the shortest runs and the nearest copies, so that all codes of the format
+    /// occur.
     pub fn pack(bytes: &[u8]) -> Vec<u8> {
         let (mut out, mut at, mut literal) = (Vec::new(), 0, Vec::new());
         let flush = |literal: &mut Vec<u8>, out: &mut Vec<u8>| {

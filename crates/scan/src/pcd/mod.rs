@@ -1,14 +1,14 @@
-//! PCD (Point Cloud Library, 0.5 to 0.7): points as lines, as records, or compressed, with all
-//! their fields; colours that are packed into a number become red, green, blue (and alpha).
-//! Compressed points are held in memory, all of them, since fields stand one behind another. One
-//! pass at opening finds the bounds.
+//! Reads PCD (Point Cloud Library, 0.5 to 0.7): points as lines, as records, or compressed, with
+//! all their fields. Colours packed into a number become red, green, blue (and alpha). Compressed
+//! points are stored field after field, so all of them are held in memory. A pass at opening finds
+//! the bounds.
 
 mod header;
 mod lzf;
 mod points;
 
 use crate::error::ScanError;
-use crate::ply::plan::{Part, Plan, Survey};
+use crate::ply::plan::{Decoded, RecordPlan, Survey};
 use crate::source::{
     BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo,
 };
@@ -23,10 +23,10 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-/// PCD, as the registry knows it.
+/// PCD, an entry of the registry.
 pub const FORMAT: Format = Format { name: "PCD", endings: &["pcd"], recognises, open };
 
-/// Held by who holds all points of a file while it is opened.
+/// Locked while all points of a file are held during opening.
 static HOLDING: Mutex<()> = Mutex::new(());
 /// Bytes read from the file at once.
 const READ_BYTES: usize = 256 << 10;
@@ -34,7 +34,7 @@ const READ_BYTES: usize = 256 << 10;
 struct PcdSource {
     info: SourceInfo,
     layout: Layout,
-    plan: Plan,
+    plan: RecordPlan,
     held_bytes: u64,
 }
 
@@ -62,7 +62,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         check_held(held_bytes, memory_bytes, path)?;
     }
     let layout = Layout::new(header);
-    let mut plan = Plan::of_element(&layout.element, layout.encoding())
+    let mut plan = RecordPlan::of_element(&layout.element, layout.encoding())
         .ok_or_else(|| ScanError::damaged(path, "its fields lack x, y or z: no points"))?;
     let survey = survey_stream(path, stream, &layout, &plan, task)?;
     let (kind, grid, bounds) = plan.choose_grid(&layout.element, &survey);
@@ -85,7 +85,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         Data::Binary => "binary",
         Data::Compressed => "compressed",
     };
-    // Where nothing is said of it, the place is the origin: it is one where points are rows of an
+    // The viewpoint is the origin by default. That is the scanner only if points are rows of an
     // image.
     let is_scanner = header.rows > 1 || header.viewpoint != [0.0; 3];
     let info = SourceInfo {
@@ -104,8 +104,8 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     Ok(Box::new(PcdSource { info, layout, plan, held_bytes }))
 }
 
-/// Refuses a count that the file has no room for. How many bytes are held at once while the points
-/// are read.
+/// Refuses a count that the file has no room for; otherwise returns the bytes that are held at once
+/// while points are read.
 fn check_room(path: &Path, header: &Header, bytes: u64) -> Result<u64, ScanError> {
     let room = bytes.saturating_sub(header.text.len() as u64);
     match header.data {
@@ -136,7 +136,7 @@ fn check_room(path: &Path, header: &Header, bytes: u64) -> Result<u64, ScanError
     }
 }
 
-/// Whether memory has room for what is held.
+/// Checks that the memory has room for the held bytes.
 fn check_held(held_bytes: u64, memory_bytes: u64, path: &Path) -> Result<(), ScanError> {
     let needed_bytes = held_bytes + BESIDE_HELD_BYTES;
     if held_bytes == 0 || needed_bytes <= memory_bytes {
@@ -155,7 +155,7 @@ fn survey_stream(
     path: &Path,
     body: Box<dyn BufRead + Send>,
     layout: &Layout,
-    plan: &Plan,
+    plan: &RecordPlan,
     task: &dyn Task,
 ) -> Result<Survey, ScanError> {
     let survey = |raw: Raw| {
@@ -166,8 +166,8 @@ fn survey_stream(
     };
     let mut found = Survey::EMPTY;
     if layout.header.data == Data::Compressed {
-        // Inputs are opened side by side, and what each holds may be all that memory has room for.
-        // No work is shared meanwhile: who waits for some might take up another input.
+        // Inputs are opened in parallel, and one alone may fill the memory. While the lock is held
+        // no task is spawned: a thread that waited for one might open another input.
         let _alone = HOLDING.lock().unwrap_or_else(PoisonError::into_inner);
         let mut points = Points::new(path, body, layout)?;
         while let Some(raw) = points.next()? {
@@ -225,9 +225,15 @@ impl Source for PcdSource {
                 let records = self.layout.records(path, &self.plan, &raw, None)?;
                 self.plan.decode_records(path, &records, placement)
             },
-            |part: Part| {
-                let refused = [(Part::REASON, part.not_finite)];
-                report.take(part.batch, &refused, part.rounding_error_max, part.colour_max, sink)
+            |decoded: Decoded| {
+                let refused = [(Decoded::REASON, decoded.not_finite)];
+                report.take(
+                    decoded.batch,
+                    &refused,
+                    decoded.rounding_error_max,
+                    decoded.colour_max,
+                    sink,
+                )
             },
         )?;
         Ok(report)

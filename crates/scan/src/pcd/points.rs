@@ -1,15 +1,14 @@
-//! The points of a PCD file as records of the values that are taken, little-endian: from lines,
-//! from records that hold more, or from fields that stand one behind another and are compressed
-//! together.
+//! Reads the points of a PCD file as little-endian records of the values that are kept: from lines,
+//! from records with padding, or from compressed points, which are stored field after field.
 
-use super::header::{Data, Field, Header, Taken};
+use super::header::{Data, Field, Header, ValueLocation};
 use super::lzf::{BYTES_A_COPY, unpack};
 use crate::error::ScanError;
 use crate::ply::ascii::put;
 use crate::ply::header::{Element, Encoding};
-use crate::ply::plan::{Plan, Survey};
+use crate::ply::plan::{RecordPlan, Survey};
 use crate::source::BATCH_POINTS;
-use crate::text::blocks::{Block, LineBlocks};
+use crate::text::blocks::{LineBlock, LineBlocks};
 use crate::text::layout::excerpt;
 use crate::text::number::{fields, number};
 use esker_points::AttrType;
@@ -18,32 +17,32 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Bytes of a block of records, unless one record is longer.
+/// Size of a block of records, in bytes, unless one record is longer.
 const BLOCK_BYTES: usize = 1 << 20;
 
-/// How the points of a file are stored, and what is taken of them.
+/// How the points of a file are stored, and which of their values are kept.
 pub(crate) struct Layout {
     pub header: Header,
-    /// The values taken, as an element of scalars.
+    /// The kept values, as an element of scalars.
     pub element: Element,
-    pub taken: Vec<Taken>,
+    pub locations: Vec<ValueLocation>,
 }
 
-/// Some points as they come from the file.
+/// Some points as read from the file.
 pub(crate) enum Raw {
     Lines {
-        block: Block,
+        block: LineBlock,
         rows: u64,
     },
     Records(Vec<u8>),
-    /// Of all points' fields these points.
+    /// The given points of the fields of all points.
     Fields {
         all: Arc<Vec<u8>>,
         points: Range<usize>,
     },
 }
 
-/// The points of a file, block by block.
+/// Reads the points of a file, block by block.
 pub(crate) struct Points<'a> {
     path: PathBuf,
     layout: &'a Layout,
@@ -58,13 +57,13 @@ enum Body {
 }
 
 impl Layout {
-    /// The layout that a header tells.
+    /// The layout that a header describes.
     pub fn new(header: Header) -> Self {
-        let (element, taken) = header.element();
-        Self { header, element, taken }
+        let (element, locations) = header.element();
+        Self { header, element, locations }
     }
 
-    /// Lines are decimals, all else is binary.
+    /// Encoding of the values: ASCII for lines, otherwise little-endian.
     pub fn encoding(&self) -> Encoding {
         match self.header.data {
             Data::Ascii => Encoding::Ascii,
@@ -72,14 +71,14 @@ impl Layout {
         }
     }
 
-    /// The records of some points; a survey is told of decimals.
+    /// The records of some points; adds the decimals of lines to `found`.
     ///
     /// # Errors
-    /// Where a line is not what the header says.
+    /// If a line is not what the header says.
     pub fn records(
         &self,
         path: &Path,
-        plan: &Plan,
+        plan: &RecordPlan,
         raw: &Raw,
         mut found: Option<&mut Survey>,
     ) -> Result<Vec<u8>, ScanError> {
@@ -100,9 +99,9 @@ impl Layout {
                 let points = records.len() / self.header.stride;
                 out.reserve(points * plan.record.stride);
                 for record in records.chunks_exact(self.header.stride) {
-                    for taken in &self.taken {
-                        let at = self.field(taken).offset + taken.at;
-                        out.extend_from_slice(&record[at..at + taken.bytes]);
+                    for location in &self.locations {
+                        let at = self.field(location).offset + location.at;
+                        out.extend_from_slice(&record[at..at + location.bytes]);
                     }
                 }
             }
@@ -110,10 +109,10 @@ impl Layout {
                 let count = all.len() / self.header.stride;
                 out.reserve(points.len() * plan.record.stride);
                 for point in points.clone() {
-                    for taken in &self.taken {
-                        let field = self.field(taken);
-                        let at = field.offset * count + field.bytes() * point + taken.at;
-                        out.extend_from_slice(&all[at..at + taken.bytes]);
+                    for location in &self.locations {
+                        let field = self.field(location);
+                        let at = field.offset * count + field.bytes() * point + location.at;
+                        out.extend_from_slice(&all[at..at + location.bytes]);
                     }
                 }
             }
@@ -121,15 +120,16 @@ impl Layout {
         Ok(out)
     }
 
-    fn field(&self, taken: &Taken) -> &Field {
-        &self.header.fields[taken.field]
+    fn field(&self, location: &ValueLocation) -> &Field {
+        &self.header.fields[location.field]
     }
 
-    /// Reads a line into a record; `on_scalar` is told the place of each value taken and its word.
+    /// Parses a line into a record; `on_scalar` is called with the index and the word of each kept
+    /// value.
     fn parse_line(
         &self,
         line: &[u8],
-        plan: &Plan,
+        plan: &RecordPlan,
         out: &mut Vec<u8>,
         mut on_scalar: impl FnMut(usize, &[u8]),
     ) -> Result<(), String> {
@@ -165,10 +165,9 @@ impl Layout {
     }
 }
 
-/// The bytes of a number that holds colours: blue, green, red, alpha.
+/// The bytes of a packed colour: blue, green, red, alpha.
 fn unpacked(word: &[u8], ty: AttrType) -> Option<[u8; 4]> {
-    // Old files write colours as the float that has their bits; others as the number that they
-    // make.
+    // Old files write the packed colour as the float with its bits, others as an integer.
     match ty {
         AttrType::F32 => {
             let value = fast_float2::parse::<f32, _>(word).ok()?;
@@ -186,7 +185,7 @@ impl<'a> Points<'a> {
     /// Begins at the points.
     ///
     /// # Errors
-    /// Where compressed points are damaged, or the file cannot be read.
+    /// If compressed points are damaged, or if the file cannot be read.
     pub fn new(
         path: &Path,
         mut input: Box<dyn BufRead + Send>,
@@ -216,7 +215,7 @@ impl<'a> Points<'a> {
     /// The next points; `None` after the last.
     ///
     /// # Errors
-    /// Where there are fewer than the header claims, or the file cannot be read.
+    /// If there are fewer than the header claims, or if the file cannot be read.
     pub fn next(&mut self) -> Result<Option<Raw>, ScanError> {
         let Header { stride, points, .. } = self.layout.header;
         if self.left == 0 {
@@ -254,8 +253,7 @@ impl<'a> Points<'a> {
         Ok(Some(raw))
     }
 
-    /// After the last point: whether lines that are not blank follow, as far as the next block
-    /// tells.
+    /// Whether lines that are not blank follow the last point; looks only as far as the next block.
     pub fn has_more_lines(&mut self) -> bool {
         match &mut self.body {
             Body::Lines { lines, has_more } => {
@@ -266,10 +264,11 @@ impl<'a> Points<'a> {
     }
 }
 
-/// Bytes of compressed points, packed and not, as their head tells and the header bears out.
+/// Sizes of compressed points, compressed and decompressed, from their head and checked against the
+/// header, in bytes.
 ///
 /// # Errors
-/// Where it does not, or the file is cut.
+/// If both differ, or if the file is truncated.
 pub(crate) fn sizes(
     path: &Path,
     input: &mut impl Read,

@@ -1,16 +1,16 @@
-//! Vertices written as decimal text, one a line, turned into the records that binary files have.
+//! Parses vertices written as decimal text, one a line, into the records that binary files have.
 
 use super::header::{Element, Shape};
 use super::records::Record;
 use crate::text::number::{fields, number};
 use esker_points::AttrType;
 
-/// Reads a line into a record of this layout (see [`super::plan::Plan`]). Values of a coordinate
-/// that its declared type cannot hold become infinite, like those of a binary file. `on_scalar` is
-/// told the place of each scalar property and its word.
+/// Parses a line into a record of this layout (see [`super::plan::RecordPlan`]). Coordinates that
+/// their declared type cannot hold become infinite, as in a binary file. `on_scalar` is called with
+/// the index and the word of each scalar property.
 ///
 /// # Errors
-/// Where the line is not what the header says: why, in words.
+/// If the line is not what the header says; the error is the reason, in words.
 pub(crate) fn parse_line(
     line: &[u8],
     element: &Element,
@@ -56,7 +56,7 @@ pub(crate) fn parse_line(
     }
 }
 
-/// Appends the value of a word; `false` where the declared type does not hold it.
+/// Appends the value of a word; `false` if the declared type does not hold it.
 pub(crate) fn put(word: &[u8], declared: AttrType, target: AttrType, out: &mut Vec<u8>) -> bool {
     macro_rules! int {
         ($t:ty) => {
@@ -101,7 +101,7 @@ fn single(word: &[u8]) -> Option<f32> {
     fast_float2::parse::<f32, _>(word).ok().or_else(|| number(word).map(|v| v as f32))
 }
 
-/// A whole number, also where it is written with a point or an exponent (`255.0`).
+/// A whole number, also if written with a point or an exponent (`255.0`).
 fn integer(word: &[u8]) -> Option<i128> {
     let whole = std::str::from_utf8(word).ok().and_then(|s| s.parse().ok());
     whole.or_else(|| number(word).filter(|v| v.fract() == 0.0 && v.abs() < 1e15).map(|v| v as i128))

@@ -1,13 +1,13 @@
-//! The header of a PLY file (Turk 1994): encoding, elements and their properties, read from a
-//! stream up to and with `end_header`. Everything it claims is limited before it is believed.
+//! Parses the header of a PLY file (Turk 1994), up to and with `end_header`: encoding, elements and
+//! their properties. Every size is checked against a limit before it is used.
 
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX};
 use esker_points::AttrType;
 use std::io::{BufRead, Read};
 
-/// Bytes of a header at most.
+/// Greatest size of a header, in bytes.
 const HEADER_BYTES_MAX: u64 = 1 << 20;
-/// Elements at most; files in the wild have two or three.
+/// Greatest number of elements; real files have two or three.
 const ELEMENTS_MAX: usize = 256;
 
 /// How the body is written.
@@ -19,7 +19,7 @@ pub(crate) enum Encoding {
 }
 
 impl Encoding {
-    /// In words.
+    /// Name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ascii => "ASCII",
@@ -29,7 +29,7 @@ impl Encoding {
     }
 }
 
-/// What a property holds.
+/// Values of a property.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shape {
     /// One value.
@@ -52,7 +52,7 @@ pub(crate) struct Element {
 }
 
 impl Element {
-    /// Bytes of one in a binary body; `None` where lists make them differ.
+    /// Size of one element in a binary body, in bytes; `None` if lists make sizes vary.
     pub fn stride(&self) -> Option<u64> {
         let sizes = self.properties.iter().map(|p| match p.shape {
             Shape::Scalar(ty) => Some(ty.size() as u64),
@@ -66,7 +66,7 @@ impl Element {
 pub(crate) struct Header {
     pub encoding: Encoding,
     pub elements: Vec<Element>,
-    /// The header as it stands in the file, its last line end included.
+    /// The header as in the file, with its last line end.
     pub text: Vec<u8>,
 }
 
@@ -74,7 +74,7 @@ pub(crate) struct Header {
 #[derive(Debug)]
 pub(crate) enum HeaderError {
     Io(std::io::Error),
-    /// What is wrong with it.
+    /// What is wrong with the header.
     Damaged(String),
 }
 
@@ -88,7 +88,7 @@ impl Header {
     /// Reads a header and leaves the stream at the body.
     ///
     /// # Errors
-    /// Where it is no sound PLY header, or too large.
+    /// If it is no sound PLY header, or too large.
     pub fn read(input: &mut impl BufRead) -> Result<Self, HeaderError> {
         let (mut text, mut encoding, mut elements) = (Vec::new(), None, Vec::new());
         for number in 1u64.. {

@@ -1,7 +1,6 @@
-//! PLY (Turk 1994), ASCII and binary of either byte order, plain or compressed with zstd: the
-//! vertices with all their scalar properties. Faces and other elements are ignored, lists left out,
-//! both with a word. One pass at opening finds the bounds; neither pass keeps more than a few
-//! blocks.
+//! Reads PLY (Turk 1994), ASCII and binary of either byte order, plain or compressed with zstd: the
+//! vertices with all their scalar properties. Faces, other elements and lists are left out, with a
+//! note. A pass at opening finds the bounds; no pass keeps more than a few blocks.
 
 pub(crate) mod ascii;
 pub(crate) mod header;
@@ -15,16 +14,16 @@ use crate::text::naming::wide_colours;
 use esker_points::lattice::Placement;
 use esker_points::{ColourDepth, InputGrid, Task};
 use header::{Encoding, Header, HeaderError, Shape};
-use plan::{Part, Plan, Survey};
+use plan::{Decoded, RecordPlan, Survey};
 use records::{Vertices, too_few};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-/// PLY, as the registry knows it.
+/// PLY, an entry of the registry.
 pub const FORMAT: Format = Format { name: "PLY", endings: &["ply"], recognises, open };
 
-/// How a zstd frame begins (RFC 8878, section 3.1.1).
+/// Magic number of a zstd frame (RFC 8878, section 3.1.1).
 const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
 /// Largest zstd window: 2^25 bytes, what level 20 needs; more would break the bound on memory.
 const ZSTD_WINDOW_LOG_MAX: u32 = 25;
@@ -34,19 +33,19 @@ const READ_BYTES: usize = 256 << 10;
 struct PlySource {
     info: SourceInfo,
     header: Header,
-    plan: Plan,
+    plan: RecordPlan,
 }
 
 fn recognises(head: &[u8]) -> bool {
     let Some(rest) = head.strip_prefix(b"ply") else {
-        // What else may be compressed is told after unpacking.
+        // Other compressed content is recognised after decompression.
         return head.starts_with(&ZSTD_MAGIC);
     };
     let end = rest.iter().find(|b| !matches!(b, b' ' | b'\t'));
     matches!(end, Some(b'\r' | b'\n'))
 }
 
-/// Opens the stream of a file's bytes, unpacked; whether it was packed.
+/// Opens the decompressed stream of a file, and returns whether it was compressed.
 fn open_stream(path: &Path) -> Result<(Box<dyn BufRead + Send>, bool), ScanError> {
     let io = |e| ScanError::io(path, e);
     let mut file = BufReader::with_capacity(READ_BYTES, File::open(path).map_err(io)?);
@@ -68,7 +67,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         ),
         HeaderError::Damaged(what) => ScanError::damaged(path, what),
     })?;
-    let mut plan = Plan::new(&header).map_err(|what| ScanError::damaged(path, what))?;
+    let mut plan = RecordPlan::new(&header).map_err(|what| ScanError::damaged(path, what))?;
     let element = &header.elements[plan.vertex];
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     if !packed {
@@ -98,8 +97,13 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     Ok(Box::new(PlySource { info, header, plan }))
 }
 
-/// Refuses a count that the file has no room for, where that can be told before reading.
-fn check_room(path: &Path, header: &Header, plan: &Plan, bytes: u64) -> Result<(), ScanError> {
+/// Refuses a count that the file has no room for, if its size alone shows that.
+fn check_room(
+    path: &Path,
+    header: &Header,
+    plan: &RecordPlan,
+    bytes: u64,
+) -> Result<(), ScanError> {
     let element = &header.elements[plan.vertex];
     let (Some(stride), true) = (element.stride(), header.encoding != Encoding::Ascii) else {
         return Ok(());
@@ -116,8 +120,8 @@ fn check_room(path: &Path, header: &Header, plan: &Plan, bytes: u64) -> Result<(
     Ok(())
 }
 
-/// What is left out.
-fn notes(header: &Header, plan: &Plan, survey: &Survey) -> Vec<String> {
+/// Notes on what is left out.
+fn notes(header: &Header, plan: &RecordPlan, survey: &Survey) -> Vec<String> {
     let mut notes = Vec::new();
     let is_last = header.elements[plan.vertex + 1..].iter().all(|e| e.count == 0);
     if is_last && survey.has_more_lines {
@@ -144,7 +148,7 @@ fn survey_stream(
     path: &Path,
     body: Box<dyn BufRead + Send>,
     header: &Header,
-    plan: &Plan,
+    plan: &RecordPlan,
     task: &dyn Task,
 ) -> Result<Survey, ScanError> {
     let element = &header.elements[plan.vertex];
@@ -195,9 +199,15 @@ impl Source for PlySource {
             task,
             || vertices.next(self.header.encoding),
             |raw| self.plan.decode(path, element, raw, placement),
-            |part: Part| {
-                let refused = [(Part::REASON, part.not_finite)];
-                report.take(part.batch, &refused, part.rounding_error_max, part.colour_max, sink)
+            |decoded: Decoded| {
+                let refused = [(Decoded::REASON, decoded.not_finite)];
+                report.take(
+                    decoded.batch,
+                    &refused,
+                    decoded.rounding_error_max,
+                    decoded.colour_max,
+                    sink,
+                )
             },
         )?;
         Ok(report)

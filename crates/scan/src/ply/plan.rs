@@ -1,5 +1,5 @@
-//! How a PLY file's vertices become points: which properties are coordinates, what the attributes
-//! are called, and, after one pass over the vertices, on which grid they lie. Serves PCD as well.
+//! How vertices become points: which properties are coordinates, the names of attributes and, after
+//! one pass over the vertices, the grid. Serves PLY and PCD.
 
 use super::ascii::parse_line;
 use super::header::{Element, Encoding, Header, Shape};
@@ -12,19 +12,19 @@ use esker_points::{AttrType, Batch, Schema};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Digits after the point up to which decimal text has a grid of its own.
+/// Greatest number of digits after the point for which decimal text gets a decimal grid.
 const DECIMALS_MAX: u32 = 15;
-/// Steps of a decimal grid up to which `f64` still tells them apart with certainty.
+/// Greatest number of steps of a decimal grid that `f64` safely distinguishes.
 const STEPS_MAX: f64 = 9.0e15;
 
 /// How the records of a file are read.
 #[derive(Clone, Debug)]
-pub(crate) struct Plan {
-    /// Which element has the vertices.
+pub(crate) struct RecordPlan {
+    /// Index of the element with the vertices.
     pub vertex: usize,
     pub encoding: Encoding,
-    /// The records that are read. Of an ASCII file the coordinates are `f64`, since they are
-    /// decimals, unless [`Plan::as_declared`] was called.
+    /// Layout of a record. Coordinates of ASCII files are `f64`, because they are decimals, unless
+    /// [`RecordPlan::as_declared`] was called.
     pub record: Record,
     /// Fields of x, y and z.
     axes: [usize; 3],
@@ -56,12 +56,12 @@ impl Survey {
         self.colour_max = self.colour_max.max(other.colour_max);
     }
 
-    /// World bounds of the points that have a place.
+    /// Bounds of the points with a finite position, in world coordinates.
     pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
         self.bounds.get()
     }
 
-    /// The decimal grid of the text, where all its digits fit a lattice.
+    /// The decimal grid of the text, if all its digits fit a lattice.
     fn decimal_grid(&self) -> Option<Grid> {
         let grid = decimal_grid(self.decimals);
         let [lo, hi] = self.bounds()?;
@@ -75,24 +75,24 @@ impl Survey {
     }
 }
 
-/// The points of a block, and what became of the others.
-pub(crate) struct Part {
+/// The points decoded from a block, and the number of refused ones.
+pub(crate) struct Decoded {
     pub batch: Batch,
     pub not_finite: u64,
     pub rounding_error_max: f64,
     pub colour_max: u16,
 }
 
-impl Part {
+impl Decoded {
     /// The reason for which points are refused.
     pub const REASON: &'static str = NOT_FINITE;
 }
 
-impl Plan {
+impl RecordPlan {
     /// Finds coordinates and attributes.
     ///
     /// # Errors
-    /// Where there is no vertex element, or it lacks a coordinate.
+    /// If there is no vertex element, or if it lacks a coordinate.
     pub fn new(header: &Header) -> Result<Self, String> {
         let is_vertex = |e: &Element| e.name.eq_ignore_ascii_case("vertex");
         let vertex = header
@@ -105,7 +105,7 @@ impl Plan {
         Ok(Self { vertex, ..plan })
     }
 
-    /// Plan of a file with a single element; `None` if the element lacks a coordinate.
+    /// RecordPlan of a file with a single element; `None` if the element lacks a coordinate.
     pub fn of_element(element: &Element, encoding: Encoding) -> Option<Self> {
         let scalars: Vec<(&str, AttrType)> = scalars(element).collect();
         let axes = axes(scalars.iter().map(|(name, _)| *name))?;
@@ -124,9 +124,9 @@ impl Plan {
         Some(Self { vertex: 0, encoding, record: Record::new(types), axes, schema, sources })
     }
 
-    /// Decides the grid after the survey. Decimal text keeps its digits where they fit a lattice of
-    /// 32 bits; else, and for binary numbers, it is the grid for floats, and the coordinates of
-    /// ASCII files are then read as the type that they are declared as.
+    /// Chooses the grid after the survey. Decimal text keeps its digits if they fit a lattice of 32
+    /// bits. Otherwise, and for binary numbers, it is the grid for floats; the coordinates of ASCII
+    /// files are then read as their declared type.
     pub fn choose_grid(
         &mut self,
         element: &Element,
@@ -143,7 +143,7 @@ impl Plan {
         (GridKind::Float, float_grid(bounds.unwrap_or([[0.0; 3]; 2])), bounds)
     }
 
-    /// From now on single-precision coordinates of an ASCII file are read as such.
+    /// Reads single-precision coordinates of an ASCII file as such from now on.
     fn as_declared(&mut self, element: &Element) {
         let types: Vec<AttrType> = scalars(element)
             .enumerate()
@@ -155,7 +155,7 @@ impl Plan {
         self.record = Record::new(types.into_iter());
     }
 
-    /// A position as the types of the coordinates hold it.
+    /// Rounds a position to the types of the coordinates.
     fn rounded(&self, corner: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|i| match self.record.fields[self.axes[i]].ty {
             AttrType::F32 => f64::from(corner[i] as f32),
@@ -163,7 +163,7 @@ impl Plan {
         })
     }
 
-    /// Records of a block, little-endian.
+    /// The records of a block, little-endian.
     fn records(
         &self,
         path: &Path,
@@ -196,7 +196,7 @@ impl Plan {
     /// Surveys a block.
     ///
     /// # Errors
-    /// Where a line of an ASCII file is not what the header says.
+    /// If a line of an ASCII file is not what the header says.
     pub fn survey(&self, path: &Path, element: &Element, raw: Raw) -> Result<Survey, ScanError> {
         let mut found = Survey::EMPTY;
         let records = self.records(path, element, raw, |field, word| {
@@ -206,14 +206,14 @@ impl Plan {
         Ok(found)
     }
 
-    /// Tells a survey of the word that stands for a field.
+    /// Adds the decimals of the word of a field to a survey.
     pub fn add_decimals(&self, field: usize, word: &[u8], found: &mut Survey) {
         if let Some(i) = self.axes.iter().position(|&a| a == field) {
             found.decimals[i] = found.decimals[i].max(crate::text::number::decimals(word));
         }
     }
 
-    /// Tells a survey of whole little-endian records.
+    /// Adds whole little-endian records to a survey.
     pub fn survey_records(&self, records: &[u8], found: &mut Survey) {
         let colours = wide_colours(&self.schema);
         let colours = colours.map(|rgb| rgb.map(|c| self.record.fields[self.sources[c]]));
@@ -229,22 +229,22 @@ impl Plan {
         }
     }
 
-    /// Places the points of a block on the lattice.
+    /// Decodes the points of a block to the lattice.
     ///
     /// # Errors
-    /// As [`Plan::survey`]; [`ScanError::OffLattice`].
+    /// If a line of an ASCII file is not what the header says; [`ScanError::OffLattice`].
     pub fn decode(
         &self,
         path: &Path,
         element: &Element,
         raw: Raw,
         placement: &Placement,
-    ) -> Result<Part, ScanError> {
+    ) -> Result<Decoded, ScanError> {
         let records = self.records(path, element, raw, |_, _| {})?;
         self.decode_records(path, &records, placement)
     }
 
-    /// Places the points of whole little-endian records.
+    /// Decodes the points of whole little-endian records to the lattice.
     ///
     /// # Errors
     /// [`ScanError::OffLattice`].
@@ -253,7 +253,7 @@ impl Plan {
         path: &Path,
         records: &[u8],
         placement: &Placement,
-    ) -> Result<Part, ScanError> {
+    ) -> Result<Decoded, ScanError> {
         let stride = self.record.stride;
         let mut batch = Batch::with_capacity(self.schema.clone(), records.len() / stride);
         let (mut not_finite, mut rounding_error_max) = (0, 0.0);
@@ -276,7 +276,7 @@ impl Plan {
             }
         }
         let colour_max = colour_max(&batch);
-        Ok(Part { batch, not_finite, rounding_error_max, colour_max })
+        Ok(Decoded { batch, not_finite, rounding_error_max, colour_max })
     }
 }
 

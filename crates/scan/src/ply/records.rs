@@ -1,16 +1,16 @@
-//! Vertices as records of fixed length: the scalar properties in the file's order, little-endian,
-//! lists left out. Binary bodies of either byte order and ASCII bodies come out alike, in blocks of
-//! bounded size; what stands before the vertices is skipped.
+//! Reads vertices as records of fixed length: the scalar properties in the file's order,
+//! little-endian, without lists. Binary bodies of either byte order and ASCII bodies give the same
+//! records, in blocks of bounded size; elements before the vertices are skipped.
 
 use super::header::{Element, Encoding, Header, Shape};
 use crate::error::ScanError;
 use crate::source::BATCH_POINTS;
-use crate::text::blocks::{Block, LineBlocks};
+use crate::text::blocks::{LineBlock, LineBlocks};
 use esker_points::{AttrType, Task};
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 
-/// Bytes of a block of binary records, unless one record is longer.
+/// Size of a block of binary records, in bytes, unless one record is longer.
 const BLOCK_BYTES: usize = 1 << 20;
 
 /// One scalar property in a record.
@@ -20,17 +20,17 @@ pub(crate) struct Field {
     pub offset: usize,
 }
 
-/// How a record is laid out.
+/// Layout of a record.
 #[derive(Clone, Debug)]
 pub(crate) struct Record {
     /// Its fields, in the file's order.
     pub fields: Vec<Field>,
-    /// Its bytes.
+    /// Its size, in bytes.
     pub stride: usize,
 }
 
 impl Record {
-    /// The record of fields of these types.
+    /// The record with fields of these types.
     pub fn new(types: impl Iterator<Item = AttrType>) -> Self {
         let mut stride = 0;
         let fields = types.map(|ty| {
@@ -41,7 +41,7 @@ impl Record {
         Self { fields: fields.collect(), stride }
     }
 
-    /// Turns big-endian records into little-endian ones.
+    /// Converts big-endian records to little-endian ones.
     pub fn swap_bytes(&self, records: &mut [u8]) {
         for record in records.chunks_exact_mut(self.stride) {
             for field in &self.fields {
@@ -51,12 +51,12 @@ impl Record {
     }
 }
 
-/// A run of vertices as it comes from the file.
+/// A run of vertices as read from the file.
 pub(crate) enum Raw {
     /// Records in the file's byte order.
     Binary(Vec<u8>),
-    /// Lines, of which some are vertices: so many rows from `skip` on.
-    Lines { block: Block, skip: u64, rows: u64 },
+    /// Lines, of which `rows` are vertices, after `skip` others.
+    Lines { block: LineBlock, skip: u64, rows: u64 },
 }
 
 impl Raw {
@@ -80,8 +80,8 @@ pub(crate) struct Vertices<'a> {
 
 enum Body {
     Binary(Box<dyn BufRead + Send>),
-    /// Lines, of which `skip` come before the vertices; `has_more` where the last block has some
-    /// behind them.
+    /// Lines, of which `skip` precede the vertices; `has_more` if the last block has lines after
+    /// them.
     Ascii {
         lines: LineBlocks<Box<dyn BufRead + Send>>,
         skip: u64,
@@ -90,10 +90,10 @@ enum Body {
 }
 
 impl<'a> Vertices<'a> {
-    /// Begins at the body (`input`), skipping the elements before number `vertex`.
+    /// Begins at the body (`input`) and skips the elements before number `vertex`.
     ///
     /// # Errors
-    /// Where those are cut off or damaged; [`ScanError::Cancelled`].
+    /// If the skipped elements are truncated or damaged; [`ScanError::Cancelled`].
     pub fn new(
         path: &Path,
         mut input: Box<dyn BufRead + Send>,
@@ -126,7 +126,7 @@ impl<'a> Vertices<'a> {
     /// The next vertices; `None` after the last.
     ///
     /// # Errors
-    /// Where there are fewer than the header claims, or the file cannot be read.
+    /// If there are fewer than the header claims, or if the file cannot be read.
     pub fn next(&mut self, encoding: Encoding) -> Result<Option<Raw>, ScanError> {
         if self.left == 0 {
             return Ok(None);
@@ -161,11 +161,11 @@ impl<'a> Vertices<'a> {
         Ok(Some(raw))
     }
 
-    /// After the last vertex: whether lines that are not blank follow, as far as the next block
-    /// tells.
+    /// Whether lines that are not blank follow the last vertex; looks only as far as the next
+    /// block.
     pub fn has_more_lines(&mut self) -> bool {
         match &mut self.body {
-            // What cannot be read as lines is something that is left out, too.
+            // Lines that cannot be read count, too: they are left out as well.
             Body::Ascii { lines, skip: 0, has_more } => {
                 *has_more || lines.next().map_or(true, |block| block.is_some_and(|b| b.rows > 0))
             }
@@ -181,7 +181,7 @@ pub(crate) fn too_few(path: &Path, claimed: u64, available: u64) -> ScanError {
     ScanError::damaged(path, what)
 }
 
-/// What goes wrong inside a body.
+/// Why a body cannot be read.
 pub(crate) enum BodyError {
     Io(std::io::Error),
     Damaged(String),
@@ -271,7 +271,7 @@ fn read_one(
                     let name = &property.name;
                     return Err(BodyError::Damaged(format!("a list `{name}` has {count} items")));
                 }
-                // Saturates: more items than a u64 counts end with the file all the same.
+                // Saturates: the file also ends before more items than a u64 can count.
                 if !skip(input, (count as u64).saturating_mul(item.size() as u64))? {
                     return Ok(false);
                 }
@@ -281,7 +281,7 @@ fn read_one(
     Ok(true)
 }
 
-/// Skips bytes; `false` where the file ends before.
+/// Skips bytes; `false` if the file ends before.
 fn skip(input: &mut impl BufRead, mut bytes: u64) -> Result<bool, BodyError> {
     while bytes > 0 {
         let here = match input.fill_buf() {

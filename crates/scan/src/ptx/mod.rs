@@ -1,9 +1,9 @@
-//! PTX (Leica Cyclone): scans as text, each with the place and the turn of its scanner. Points come
-//! in the file's coordinates. Directions without a return (`0 0 0`) are no points, and counted. A
-//! first pass finds bounds, digits and types, a second one hands the points over; neither keeps
-//! more than a few blocks.
+//! Reads PTX (Leica Cyclone): scans as text, each with the pose of its scanner. Points are returned
+//! in the file's coordinates. Directions without a return (`0 0 0`) are counted but are no points.
+//! A first pass finds bounds, digits and types, a second one decodes the points; neither keeps more
+//! than a few blocks.
 //!
-//! Where there are several scans, a point's `point_source_id` is that of its scan, from 1.
+//! If there are several scans, the `point_source_id` of a point is the number of its scan, from 1.
 
 mod scans;
 
@@ -23,20 +23,20 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// PTX, as the registry knows it.
+/// PTX, an entry of the registry.
 pub const FORMAT: Format = Format { name: "PTX", endings: &["ptx"], recognises, open };
 
-/// Digits with which an `f32` holds every decimal.
+/// Number of significant digits up to which an `f32` holds every decimal.
 const F32_DIGITS: usize = 6;
-/// Digits after the point up to which decimal text has a grid of its own.
+/// Greatest number of digits after the point for which decimal text gets a decimal grid.
 const DECIMALS_MAX: u32 = 15;
-/// Points have place and intensity; some have colours, too.
+/// Numbers in a line: position and intensity, and in some files colours.
 const COLUMNS: [usize; 2] = [4, 7];
 
 struct PtxSource {
     info: SourceInfo,
     columns: usize,
-    /// Types of intensity; and whether the scan is an attribute.
+    /// Type of the intensity.
     intensity: AttrType,
     has_scans: bool,
     /// The columns of the schema: intensity, red, green, blue, and the scan.
@@ -53,7 +53,7 @@ struct Survey {
     bounds: Bounds,
     decimals: [u32; 3],
     is_only_moved: bool,
-    /// Digits of an intensity, at most.
+    /// Greatest number of significant digits of an intensity.
     digits: usize,
 }
 
@@ -64,8 +64,8 @@ enum Line {
     NotFinite,
 }
 
-/// The points of a piece, and what became of the others.
-struct Part {
+/// The points decoded from a piece, and the number of refused ones.
+struct Decoded {
     batch: Batch,
     no_return: u64,
     not_finite: u64,
@@ -82,7 +82,7 @@ fn recognises(head: &[u8]) -> bool {
         && lines.next().is_some_and(|line| fields(line).count() == 3)
 }
 
-/// How many numbers a point's line has, by the first one; the least where there is none.
+/// Numbers in the line of a point, from the first one; the least number if there is no point.
 fn columns_of(path: &Path, task: &dyn Task) -> Result<usize, ScanError> {
     let mut scans = Scans::new(path, lines_of(path)?, task);
     let piece = scans.next()?;
@@ -162,7 +162,7 @@ fn survey_file(path: &Path, columns: usize, task: &dyn Task) -> Result<Survey, S
     Ok(found)
 }
 
-/// Reads a line of a piece.
+/// Parses a line of a piece.
 fn read_line(
     path: &Path,
     (n, line): (u64, &[u8]),
@@ -225,7 +225,8 @@ impl Survey {
             for (digits, word) in found.decimals.iter_mut().zip(&mut words) {
                 *digits = (*digits).max(decimals(word));
             }
-            // What a single does not hold at all has too many for it.
+            // A value outside the range of normal singles does not fit a single, whatever its
+            // digits.
             let is_single = rest[0] == 0.0 || (rest[0] as f32).is_normal();
             let digits = words.next().filter(|_| is_single).map_or(usize::MAX, significant);
             found.digits = found.digits.max(digits);
@@ -245,7 +246,7 @@ impl Survey {
         self.digits = self.digits.max(later.digits);
     }
 
-    /// Where scans are only moved, the decimals that are written; else the grid for floats.
+    /// The decimal grid of the text if scans are only translated; else the grid for floats.
     fn grid(&self) -> (GridKind, Grid) {
         let grid = decimal_grid(self.decimals);
         let [lo, hi] = self.bounds.get().unwrap_or_default();
@@ -268,29 +269,29 @@ fn significant(word: &[u8]) -> usize {
 }
 
 impl PtxSource {
-    fn decode(&self, piece: &Piece, placement: &Placement) -> Result<Part, ScanError> {
+    fn decode(&self, piece: &Piece, placement: &Placement) -> Result<Decoded, ScanError> {
         let path = &self.info.path;
         let schema: Arc<Schema> = self.info.schema.clone();
-        // A point takes eight bytes of text at least.
+        // A point takes at least eight bytes of text.
         let room = piece.block.rows.min(piece.block.bytes.len() as u64 / 8 + 1);
         let batch = Batch::with_capacity(schema, room as usize);
-        let mut part = Part { batch, no_return: 0, not_finite: 0, rounding_error_max: 0.0 };
+        let mut decoded = Decoded { batch, no_return: 0, not_finite: 0, rounding_error_max: 0.0 };
         for (n, line) in piece.block.lines() {
             let (world, rest) = match read_line(path, (n, line), piece, self.columns)? {
                 Line::Point { world, rest } => (world, rest),
                 Line::NoReturn => {
-                    part.no_return += 1;
+                    decoded.no_return += 1;
                     continue;
                 }
                 Line::NotFinite => {
-                    part.not_finite += 1;
+                    decoded.not_finite += 1;
                     continue;
                 }
             };
-            let placed = placement.real(world, &mut part.rounding_error_max);
+            let placed = placement.real(world, &mut decoded.rounding_error_max);
             let off = |e: OffLattice| ScanError::OffLattice { path: path.clone(), world: e.world };
-            part.batch.positions.push(placed.map_err(off)?);
-            let columns = &mut part.batch.columns;
+            decoded.batch.positions.push(placed.map_err(off)?);
+            let columns = &mut decoded.batch.columns;
             let (intensity, colours) = (rest[0], &rest[1..self.columns - 3]);
             let column = &mut columns[self.attributes[0]];
             match self.intensity {
@@ -304,7 +305,7 @@ impl PtxSource {
                 columns[column].extend((piece.scan.number as u16).to_le_bytes());
             }
         }
-        Ok(part)
+        Ok(decoded)
     }
 }
 
@@ -325,9 +326,9 @@ impl Source for PtxSource {
             task,
             || scans.next(),
             |piece| self.decode(&piece, placement),
-            |part: Part| {
-                let refused = [(NO_RETURN, part.no_return), (NOT_FINITE, part.not_finite)];
-                report.take(part.batch, &refused, part.rounding_error_max, 0, sink)
+            |decoded: Decoded| {
+                let refused = [(NO_RETURN, decoded.no_return), (NOT_FINITE, decoded.not_finite)];
+                report.take(decoded.batch, &refused, decoded.rounding_error_max, 0, sink)
             },
         )?;
         Ok(report)

@@ -1,10 +1,10 @@
-//! The scans of a PTX file: what stands before the points of each, and its points' lines in blocks.
-//! A scan begins with ten lines: columns, rows, where the scanner stood, its three axes, and four
-//! rows of a matrix that brings its points into the file's coordinates; behind them is a line for
-//! each direction that it looked in.
+//! Splits a PTX file into scans: the head of each, and the lines of its points in blocks. A head
+//! has ten lines: columns, rows, position of the scanner, its three axes, and four rows of a matrix
+//! that transforms points to the file's coordinates. A line for each direction of the scanner
+//! follows.
 
 use crate::error::ScanError;
-use crate::text::blocks::{Block, LineBlocks};
+use crate::text::blocks::{LineBlock, LineBlocks};
 use crate::text::layout::{count, excerpt};
 use crate::text::number::{decimals, fields, number};
 use esker_points::Task;
@@ -15,12 +15,12 @@ use std::sync::Arc;
 /// Lines before the points of a scan.
 const HEAD_LINES: usize = 10;
 
-/// A scan's head.
+/// Head of a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Scan {
-    /// Which it is in the file, from 1.
+    /// Number in the file, from 1.
     pub number: u64,
-    /// Lines that it says follow.
+    /// Claimed number of lines that follow.
     pub lines: u64,
     /// Rows of the matrix: a point is `x * rows[0] + y * rows[1] + z * rows[2] + rows[3]`.
     pub rows: [[f64; 3]; 4],
@@ -28,10 +28,10 @@ pub(crate) struct Scan {
     pub decimals: [u32; 3],
 }
 
-/// Lines of points that follow each other in one scan.
+/// Successive lines of points of one scan.
 pub(crate) struct Piece {
     /// The lines.
-    pub block: Block,
+    pub block: LineBlock,
     /// Their scan.
     pub scan: Arc<Scan>,
 }
@@ -40,22 +40,22 @@ pub(crate) struct Piece {
 pub(crate) struct Scans<'a> {
     path: PathBuf,
     lines: LineBlocks<Box<dyn Read>>,
-    /// What was read, and where in it the next line begins.
-    rest: Option<(Block, usize)>,
+    /// The current block, and the offset of its next line.
+    rest: Option<(LineBlock, usize)>,
     scan: Option<Arc<Scan>>,
-    /// Lines of it that are still to come.
+    /// Number of its lines that are not read yet.
     left: u64,
     task: &'a dyn Task,
 }
 
 impl Scan {
-    /// A place in the file's coordinates.
+    /// Transforms a position to the file's coordinates.
     pub fn placed(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let [a, b, c, d] = self.rows;
         [0, 1, 2].map(|i| x * a[i] + y * b[i] + z * c[i] + d[i])
     }
 
-    /// Whether its points are moved, and nothing else: decimals then stay decimals.
+    /// Whether the matrix only translates: decimals then stay decimals.
     pub fn is_only_moved(&self) -> bool {
         self.rows[..3] == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     }
@@ -63,20 +63,21 @@ impl Scan {
     fn parse(number: u64, head: &[(u64, Vec<u8>)], path: &Path) -> Result<Self, ScanError> {
         let size = |i: usize| {
             let (n, line) = &head[i];
-            count(line).ok_or_else(|| unlike(path, *n, line, "how many columns or rows a scan has"))
+            count(line)
+                .ok_or_else(|| malformed(path, *n, line, "how many columns or rows a scan has"))
         };
         let lines = size(0)?.checked_mul(size(1)?);
         let lines = lines.ok_or_else(|| {
-            unlike(path, head[1].0, &head[1].1, "a number of rows that a file has room for")
+            malformed(path, head[1].0, &head[1].1, "a number of rows that a file has room for")
         })?;
         for (n, line) in &head[2..6] {
             let numbers = numbers::<3>(line);
-            numbers.ok_or_else(|| unlike(path, *n, line, "three numbers of a scan's head"))?;
+            numbers.ok_or_else(|| malformed(path, *n, line, "three numbers of a scan's head"))?;
         }
         let mut scan = Self { number, lines, rows: [[0.0; 3]; 4], decimals: [0; 3] };
         for (row, (n, line)) in scan.rows.iter_mut().zip(&head[6..]) {
             let [x, y, z, _] = numbers::<4>(line)
-                .ok_or_else(|| unlike(path, *n, line, "four numbers of a scan's matrix"))?;
+                .ok_or_else(|| malformed(path, *n, line, "four numbers of a scan's matrix"))?;
             *row = [x, y, z];
         }
         for (digits, field) in scan.decimals.iter_mut().zip(fields(&head[HEAD_LINES - 1].1)) {
@@ -86,19 +87,19 @@ impl Scan {
     }
 }
 
-/// Exactly so many finite numbers in a line.
+/// Exactly `N` finite numbers in a line.
 fn numbers<const N: usize>(line: &[u8]) -> Option<[f64; N]> {
     let all = fields(line).map(|field| number(field).filter(|v| v.is_finite()));
     let all: Vec<f64> = all.collect::<Option<_>>()?;
     all.try_into().ok()
 }
 
-fn unlike(path: &Path, n: u64, line: &[u8], what: &str) -> ScanError {
+fn malformed(path: &Path, n: u64, line: &[u8], what: &str) -> ScanError {
     ScanError::damaged(path, format!("line {n} is not {what}: `{}`", excerpt(line)))
 }
 
 impl<'a> Scans<'a> {
-    /// Begins with the first of the lines of a file.
+    /// Begins with the first line of a file.
     pub fn new(path: &Path, lines: LineBlocks<Box<dyn Read>>, task: &'a dyn Task) -> Self {
         Self { path: path.to_owned(), lines, rest: None, scan: None, left: 0, task }
     }
@@ -106,8 +107,8 @@ impl<'a> Scans<'a> {
     /// The next lines of points; `None` at the end.
     ///
     /// # Errors
-    /// Where a head is not as it should be, a scan has fewer lines than its head says, or the file
-    /// cannot be read.
+    /// If a head is malformed, a scan has fewer lines than its head claims, or the file cannot be
+    /// read.
     pub fn next(&mut self) -> Result<Option<Piece>, ScanError> {
         loop {
             while self.left == 0 {
@@ -132,8 +133,8 @@ impl<'a> Scans<'a> {
         }
     }
 
-    /// Up to so many of the lines that follow and are not blank, of one block; `None` at the end.
-    fn take(&mut self, lines: u64) -> Result<Option<Block>, ScanError> {
+    /// Up to `lines` of the lines that follow and are not blank, from one block; `None` at the end.
+    fn take(&mut self, lines: u64) -> Result<Option<LineBlock>, ScanError> {
         let (block, at) = match self.rest.take() {
             Some(rest) => rest,
             None => match self.lines.next()? {
@@ -152,15 +153,15 @@ impl<'a> Scans<'a> {
             (end, number) = (end + length, number + 1);
         }
         let bytes = block.bytes[at..end].to_vec();
-        let taken = Block { bytes, first_line: block.first_line, rows };
+        let taken = LineBlock { bytes, first_line: block.first_line, rows };
         if end < block.bytes.len() {
-            let rest = Block { first_line: number, rows: block.rows - rows, ..block };
+            let rest = LineBlock { first_line: number, rows: block.rows - rows, ..block };
             self.rest = Some((rest, end));
         }
         Ok(Some(taken))
     }
 
-    /// The head that follows; `None` at the end.
+    /// The next head; `None` at the end.
     fn next_head(&mut self) -> Result<Option<Scan>, ScanError> {
         let mut head = Vec::with_capacity(HEAD_LINES);
         while head.len() < HEAD_LINES {
@@ -171,7 +172,8 @@ impl<'a> Scans<'a> {
         match head.len() {
             0 => Ok(None),
             _ if number > u64::from(u16::MAX) => {
-                let what = "has more than 65,535 scans, which are not told apart; part it";
+                let what =
+                    "has more than 65,535 scans, more than Esker can distinguish; split the file";
                 Err(ScanError::unsupported(&self.path, what))
             }
             HEAD_LINES => Scan::parse(number, &head, &self.path).map(Some),
@@ -244,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn cut_and_unlike_heads_tell_their_line() {
+    fn cut_and_malformed_heads_are_refused_with_the_line() {
         for (text, want) in [
             (format!("{HEAD}1 2 3 0.5\n"), "scan 1 says that 2 lines follow, 1 do"),
             (format!("{HEAD}1 2 3 4\n1 2 3 4\n2\n3\n"), "head of scan 2 has 2 lines of 10"),

@@ -1,8 +1,7 @@
-//! Airborne scanning: strips that overlap, flown to and fro, a mirror that swings across them and
-//! lingers at its ends, up to five echoes a pulse. The area grows with the points: their density is
-//! that of a survey, whatever their number. A pulse's place follows from the index of its first
-//! echo, so that a block of points can be made alone; the last pulse of a block loses the echoes
-//! that do not fit it.
+//! Airborne scanning: overlapping strips, flown to and fro, with an oscillating mirror and up to
+//! five echoes per pulse. The area grows with the number of points, so their density is that of a
+//! survey. A pulse's position follows from the index of its first echo, so any block of points can
+//! be made alone; the last pulse of a block loses the echoes that do not fit.
 
 use super::draw::{Draw, cos_sin, noise, smooth};
 use super::landscape::{Echo, HEIGHTS, Landscape};
@@ -12,27 +11,27 @@ use super::scene::{BLOCK_POINTS, Scene};
 use esker_points::Grid;
 use std::ops::Range;
 
-/// Steps of coordinates, metres.
+/// Step of coordinates, metres.
 const SCALE: f64 = 0.001;
-/// Points a square metre, and echoes a pulse, about.
+/// Approximate points per square metre, and echoes per pulse.
 const DENSITY: f64 = 12.0;
 const ECHOES: f64 = 1.35;
-/// Least edge of the area, metres: fewer points are thinner.
+/// Least edge of the area, metres: fewer points are less dense.
 const EDGE_MIN: f64 = 120.0;
-/// From one strip to the next at most, and by how much a strip is wider.
+/// Greatest distance of strips, metres, and ratio of a strip's width to that distance.
 const APART_MAX: f64 = 320.0;
 const OVERLAP: f64 = 1.35;
 /// Greatest angle of the mirror, turns, and its tangent.
 const ANGLE_MAX: f64 = 20.0 / 360.0;
 const TANGENT_MAX: f64 = 0.363_970_234_266_202_36;
-/// Of the range and across it, metres.
+/// Noise along the range and across it, metres.
 const RANGE_NOISE_M: f64 = 0.03;
 const ACROSS_NOISE_M: f64 = 0.12;
-/// Of colours of 0 to 255: those of an aerial picture, which was taken at another time.
+/// Noise of colours, 0 to 255: as of an aerial picture taken at another time.
 const COLOUR_NOISE: f64 = 11.0;
-/// Share of the intensity: speckle.
+/// Noise as a fraction of the intensity: speckle.
 const INTENSITY_NOISE: f64 = 0.18;
-/// Pulses a second; seconds between strips; GPS time of the first, as LAS counts it.
+/// Pulses per second; seconds between strips; GPS time of the first strip, as in LAS.
 const PULSES_A_S: f64 = 300_000.0;
 const TURN_S: f64 = 180.0;
 const START_S: f64 = 301_000_000.0;
@@ -44,18 +43,18 @@ struct Survey {
     seed: u64,
     edge: f64,
     strips: u64,
-    /// Width of a strip and height of the aircraft.
+    /// Width of a strip and height of the aircraft, metres.
     width: f64,
     height: f64,
-    /// Swings of the mirror a strip.
+    /// Swings of the mirror per strip.
     swings: f64,
 }
 
-/// What is the same for all echoes of a pulse.
+/// Values that all echoes of a pulse share.
 struct Pulse {
     strip: u64,
     x: f64,
-    /// Where the aircraft is across the strips.
+    /// Position of the aircraft across the strips.
     middle: f64,
     angle: f64,
     tangent: f64,
@@ -69,7 +68,7 @@ pub fn make(points: u64, seed: u64) -> Box<dyn Scene> {
     let strips = ((edge / APART_MAX) as u64 + 1).max(2);
     let width = edge / strips as f64 * OVERLAP;
     let pulses = points as f64 / strips as f64 / ECHOES;
-    // As far from line to line as from pulse to pulse.
+    // Scan lines are as far apart as pulses in a line.
     let swings = (pulses * edge / width).sqrt().max(1.0);
     let height = 0.5 * width / TANGENT_MAX;
     let country = Landscape { seed };
@@ -84,14 +83,14 @@ impl Survey {
         let swing = flown * self.swings;
         let (whole, part) = (swing as u64, swing - (swing as u64) as f64);
         let is_back = whole & 1 == 1;
-        // The mirror lingers where it turns.
+        // The mirror slows down where it turns.
         let swung = 0.65 * part + 0.35 * smooth(part);
         let swung = if is_back { 1.0 - swung } else { swung };
         let seed = self.seed ^ strip;
         let roll = 0.002 * noise(seed, flown * self.edge / 40.0, 0.5);
         let angle = ANGLE_MAX * (2.0 * swung - 1.0) + roll;
         let [c, s] = cos_sin(angle);
-        // Wind makes the aircraft slower here and faster there.
+        // Wind changes the speed of the aircraft.
         let gust = 0.03 * noise(seed, flown * 6.0, 7.5);
         let along = (flown + gust * smooth(8.0 * flown) * smooth(8.0 * (1.0 - flown))) * self.edge;
         let along = along + ACROSS_NOISE_M * draw.bell();
@@ -123,14 +122,15 @@ impl Survey {
             returns: (number | of << 4) as u8,
             flags: pulse.flags,
             classification: echo.material.class,
-            // The width of the echo, which vegetation smears.
+            // The width of the echo, which vegetation increases.
             user_data: (30.0 + 6.0 * draw.bell() + 4.0 * (of - 1) as f64) as u8,
             scan_angle: (pulse.angle * 60_000.0) as i16,
             point_source_id: pulse.strip as u16 + 1,
             gps_time: pulse.time,
             ..Point::default()
         };
-        // The energy is shared by the echoes; the aircraft's height is allowed for.
+        // Echoes share the energy of the pulse; the intensity does not depend on the aircraft's
+        // height.
         let hit = Hit { t: 0.0, incidence: 0.9, light: 1.0, material: echo.material };
         point.set_intensity(&hit, INTENSITY_NOISE, draw);
         point.intensity /= of as u16;
@@ -146,7 +146,7 @@ impl Scene for Survey {
     }
 
     fn bounds(&self) -> [Vec3; 2] {
-        // Strips reach over the edge by half their overlap, on slopes further.
+        // Strips exceed the edge by half their overlap, and by more on slopes.
         let over = 0.5 * (self.width - self.edge / self.strips as f64) + 80.0;
         [[-1.0, -over, HEIGHTS[0]], [self.edge + 1.0, self.edge + over, HEIGHTS[1]]]
     }
@@ -157,8 +157,8 @@ impl Scene for Survey {
         while index < range.end {
             let mut draw = Draw::new(self.seed, 0, index);
             let pulse = self.pulse(index, &mut draw);
-            // Hills hide nothing at these angles: where the beam meets them is told by their
-            // height.
+            // Hills hide nothing at these angles: their height alone decides where the beam meets
+            // them.
             let reach = |z: f64| pulse.middle + (self.height - z) * pulse.tangent;
             let y = reach(self.country.hills(pulse.x, reach(0.0)));
             let echoes = self.country.echoes(pulse.x, y, &mut draw);

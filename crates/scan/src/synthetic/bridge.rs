@@ -4,7 +4,7 @@
 use super::draw::{Draw, cos_sin};
 use super::ray::{Hit, Material, Ray, Texture, Vec3};
 use super::scene::Scene;
-use super::solid::{Thing, part};
+use super::solid::{Thing, cuboid};
 use super::station::{Terrestrial, World};
 use super::tree::{Sectors, Tree};
 use super::valley::{HALF, Valley};
@@ -24,9 +24,9 @@ const ON_GROUND: [[f64; 2]; 9] = [
 ];
 const ON_ROADWAY: [[f64; 2]; 3] = [[-46.0, 0.6], [2.0, -0.5], [44.0, 0.4]];
 const EYE: f64 = 1.75;
-/// How far up the mirrors swing, turns: above is little but sky.
+/// Upper end of the mirrors' fan, turns: above is little but sky.
 const FAN_TOP: f64 = 52.0 / 360.0;
-/// A ray goes no further, metres.
+/// Greatest length of a ray, metres.
 const RANGE_MAX: f64 = 160.0;
 const TREES: u64 = 110;
 
@@ -40,7 +40,7 @@ const ROOF: Material = Material::new([112, 62, 50], 0.4, 6, Texture::Slats(0.3))
 struct Bridge {
     valley: Valley,
     trees: Vec<Tree>,
-    /// Those that each station sees.
+    /// Trees that each station sees.
     sectors: Vec<Sectors>,
     things: Vec<Thing>,
 }
@@ -82,9 +82,9 @@ fn furnish(valley: &Valley, seed: u64) -> Vec<Thing> {
     let mut draw = Draw::new(seed, 3, 0);
     let mut things = Vec::new();
     let lamp = vec![
-        part([-0.07, -0.07, 0.0], [0.07, 0.07, 4.6], LAMP),
-        part([-0.05, -0.05, 4.6], [0.05, 1.2, 4.7], LAMP),
-        part([-0.12, 0.8, 4.5], [0.12, 1.3, 4.6], LAMP),
+        cuboid([-0.07, -0.07, 0.0], [0.07, 0.07, 4.6], LAMP),
+        cuboid([-0.05, -0.05, 4.6], [0.05, 1.2, 4.7], LAMP),
+        cuboid([-0.12, 0.8, 4.5], [0.12, 1.3, 4.6], LAMP),
     ];
     for i in 0..6 {
         let x = -END + (2.0 * END / 6.0) * (i as f64 + 0.5);
@@ -94,22 +94,22 @@ fn furnish(valley: &Valley, seed: u64) -> Vec<Thing> {
         let paint = [[150, 40, 36], [196, 198, 200], [40, 62, 110]];
         let paint = CAR.tinted(paint[draw.choice(3)]);
         let mut car = vec![
-            part([-2.1, -0.85, 0.3], [2.1, 0.85, 0.9], paint),
-            part([-1.2, -0.75, 0.9], [1.3, 0.75, 1.4], GLASS),
-            part([-1.1, -0.74, 1.4], [1.2, 0.74, 1.46], paint),
+            cuboid([-2.1, -0.85, 0.3], [2.1, 0.85, 0.9], paint),
+            cuboid([-1.2, -0.75, 0.9], [1.3, 0.75, 1.4], GLASS),
+            cuboid([-1.1, -0.74, 1.4], [1.2, 0.74, 1.46], paint),
         ];
         for (wx, wy) in [(-1.4, -0.86), (-1.4, 0.66), (1.3, -0.86), (1.3, 0.66)] {
-            car.push(part([wx - 0.3, wy, 0.0], [wx + 0.3, wy + 0.2, 0.6], TYRE));
+            car.push(cuboid([wx - 0.3, wy, 0.0], [wx + 0.3, wy + 0.2, 0.6], TYRE));
         }
         let at = [x + draw.between(-3.0, 3.0), -1.9, ROADWAY];
         things.push(Thing::new(at, cos_sin(draw.between(-0.01, 0.01)), car));
     }
-    // A boathouse on the bank, its roof in steps as of shingles.
+    // A boathouse on the bank; its roof has steps like shingles.
     let (x, y) = (-31.0, -42.0);
-    let mut house = vec![part([-3.0, -2.2, -2.0], [3.0, 2.2, 2.6], PLANK)];
+    let mut house = vec![cuboid([-3.0, -2.2, -2.0], [3.0, 2.2, 2.6], PLANK)];
     for i in 0..8 {
         let (half, z) = (2.6 - 0.3 * f64::from(i), 2.6 + 0.2 * f64::from(i));
-        house.push(part([-3.3, -half, z], [3.3, half, z + 0.2], ROOF));
+        house.push(cuboid([-3.3, -half, z], [3.3, half, z + 0.2], ROOF));
     }
     things.push(Thing::new([x, y, valley.height(x, y)], cos_sin(0.06), house));
     things

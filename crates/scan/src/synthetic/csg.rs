@@ -1,52 +1,51 @@
-//! Constructive solid geometry: a solid is what an expression makes of being inside some
-//! half-spaces, balls and cylinders. Its surface is sampled evenly, a splat at a time, and each
-//! splat near an edge gets the lines at which it ends (zwicker2004, section 5): exact, since the
-//! surfaces on both sides of the edge are known.
+//! Constructive solid geometry: a solid is a Boolean expression of half-spaces, balls and
+//! cylinders. Its surface is sampled evenly by splats, and each splat near an edge gets clip lines
+//! (zwicker2004, section 5): exact, since the surfaces on both sides of the edge are known.
 
 use super::draw::cos_sin;
 use super::ray::Vec3;
 
-/// Splats no farther from an edge than so many spacings have lines.
+/// Greatest distance of a splat with clip lines from the edge, in spacings.
 const REACH: f64 = 3.0;
-/// Steps of Newton's method: it doubles the digits each time.
+/// Steps of Newton's method: each doubles the digits.
 const STEPS: usize = 8;
-/// What lies no farther off a surface is on it.
+/// Greatest distance of a point that counts as on a surface.
 const ON: f64 = 1e-9;
-/// Sine of the angle between two surfaces under which they have no edge.
+/// Sine of the angle between two surfaces below which they have no edge.
 const SINE_MIN: f64 = 0.05;
 
-/// What space is cut by.
+/// A surface that bounds a solid.
 #[derive(Clone, Copy, Debug)]
 pub enum Surface {
-    /// All that is not farther along this direction (of length 1).
+    /// Plane: the inside does not reach beyond this distance along this unit vector.
     HalfSpace(Vec3, f64),
-    /// All that is not farther from a place.
+    /// Ball of a centre and a radius.
     Ball(Vec3, f64),
-    /// All that is not farther from an upright axis.
+    /// Cylinder of an upright axis and a radius.
     Cylinder([f64; 2], f64),
 }
 
-/// A solid within the cube of -1 to 1.
+/// A solid within the cube from -1 to 1.
 pub struct Solid {
     /// Its surfaces.
     pub surfaces: Vec<Surface>,
-    /// Whether a place is inside, by whether it is inside each.
+    /// Whether a point is inside, given whether it is inside each surface.
     pub is_inside: fn(&[bool]) -> bool,
 }
 
-/// Two places of a line; kept is what lies left of the way between them, seen from outside.
+/// Two points of a line; the side to the left of the way between them, seen from outside, is kept.
 pub type Line = [Vec3; 2];
 
 /// A splat.
 #[derive(Clone, Copy, Debug)]
 pub struct Splat {
-    /// Its middle.
+    /// Centre.
     pub at: Vec3,
-    /// Outwards, of length 1.
+    /// Outward unit normal.
     pub normal: Vec3,
-    /// Where it ends.
+    /// Clip lines.
     pub lines: [Option<Line>; 2],
-    /// Whether what either line keeps is kept; else what both keep.
+    /// Whether the union of what both lines keep is kept; else the intersection.
     pub either: bool,
 }
 
@@ -68,7 +67,7 @@ fn plus(a: Vec3, b: Vec3, times: f64) -> Vec3 {
 }
 
 impl Surface {
-    /// Distance of a place, negative inside; and the direction away from what is inside.
+    /// Signed distance of a point, negative inside, and the unit direction outwards.
     fn at(&self, p: Vec3) -> (f64, Vec3) {
         let from = match *self {
             Self::HalfSpace(n, offset) => return (dot(n, p) - offset, n),
@@ -81,7 +80,8 @@ impl Surface {
         (length - radius, from.map(|c| c / length))
     }
 
-    /// Gives even places of it, some of which may lie outside of the cube.
+    /// Calls `give` with evenly spread points of the surface, some of which may be outside of the
+    /// cube.
     fn for_each(&self, spacing: f64, give: &mut dyn FnMut(Vec3)) {
         let cells = |length: f64| (length / spacing + 0.5).max(1.0) as i64;
         let middle = |i: i64, n: i64| (i as f64 + 0.5) / n as f64;
@@ -126,7 +126,7 @@ impl Surface {
 }
 
 impl Solid {
-    /// Its surface as splats about so far apart, which are handed to `take` while that wants more.
+    /// Passes splats of the surface, about `spacing` apart, to `take` while that returns `true`.
     pub fn for_each(&self, spacing: f64, take: &mut dyn FnMut(Splat) -> bool) {
         let mut goes_on = true;
         for own in 0..self.surfaces.len() {
@@ -138,7 +138,7 @@ impl Solid {
         }
     }
 
-    /// The splat of a surface at one of its places; `None` where the solid does not end there.
+    /// The splat at a point of surface `own`; `None` if the solid does not end there.
     fn splat(&self, own: usize, at: Vec3, spacing: f64) -> Option<Splat> {
         let found: Vec<(f64, Vec3)> = self.surfaces.iter().map(|s| s.at(at)).collect();
         let mut inside: Vec<bool> = found.iter().map(|(distance, _)| *distance < 0.0).collect();
@@ -158,8 +158,8 @@ impl Solid {
             })
             .collect();
         near.sort_by(|&a, &b| found[a].0.abs().total_cmp(&found[b].0.abs()));
-        // Those that the surface does not end at, with all others as they are or turned, are no
-        // edges of it.
+        // A near surface is no edge if the solid's surface does not end at it, whether the other
+        // near surfaces are flipped or not.
         let mut ends_at = |turned: &[usize]| {
             turned.iter().for_each(|&j| inside[j] = !inside[j]);
             let is_end = ends(&mut inside) == Some(goes_out);
@@ -180,7 +180,7 @@ impl Solid {
             [j] => lines[0] = line(j, true),
             [j, k, ..] => match [ends_at(&[j]), ends_at(&[k]), ends_at(&[j, k])] {
                 [false, false, _] => lines = [line(j, true), line(k, true)],
-                // Three of the four parts are kept: all but one.
+                // Three of the four quadrants are kept.
                 [true, true, false] => (lines, either) = ([line(j, true), line(k, true)], true),
                 [false, true, true] => (lines, either) = ([line(j, true), line(k, false)], true),
                 [true, false, true] => (lines, either) = ([line(j, false), line(k, true)], true),
@@ -192,12 +192,12 @@ impl Solid {
         Some(Splat { at, normal, lines, either })
     }
 
-    /// The place of the edge of two surfaces that is near another one, by Newton's method.
+    /// The point near `near` on the edge of two surfaces, by Newton's method.
     fn edge(&self, own: usize, other: usize, near: Vec3) -> Option<Vec3> {
         let mut at = near;
         for _ in 0..STEPS {
             let ((f, a), (g, b)) = (self.surfaces[own].at(at), self.surfaces[other].at(at));
-            // The shortest step that both distances ask for.
+            // The shortest step that reduces both distances to zero.
             let c = dot(a, b);
             let squared = 1.0 - c * c;
             if squared < SINE_MIN * SINE_MIN {
@@ -205,13 +205,13 @@ impl Solid {
             }
             at = plus(plus(at, a, (c * g - f) / squared), b, (c * f - g) / squared);
         }
-        // Surfaces that do not meet here have none.
+        // No edge if the surfaces do not meet here.
         let is_on = |surface: usize| self.surfaces[surface].at(at).0.abs() < ON;
         (is_on(own) && is_on(other)).then_some(at)
     }
 
-    /// The line in which the tangent planes of two surfaces meet, at their edge near a place, so
-    /// that what lies inside the other one is kept, or what lies outside.
+    /// The line in which the tangent planes of two surfaces meet, at the point of their edge near
+    /// `near`. It keeps the inside of the other surface, or its outside.
     fn line(
         &self,
         own: usize,
@@ -222,7 +222,7 @@ impl Solid {
         spacing: f64,
     ) -> Option<Line> {
         let edge = self.edge(own, other, near)?;
-        // The splats on both sides of a piece of the edge share its line: it is that of a cell of
+        // Splats on both sides of a piece of the edge share its line: it belongs to a cell of
         // space.
         let cell = edge.map(|c| ((c / spacing).floor() + 0.5) * spacing);
         let (first, second) = (own.min(other), own.max(other));
@@ -231,10 +231,10 @@ impl Solid {
         let (a, b) = (self.surfaces[first].at(at).1, self.surfaces[second].at(at).1);
         let along = cross(a, b);
         let along = along.map(|c| c / dot(along, along).sqrt());
-        // Seen along the way from outside, left is across both.
+        // Left of the direction of the line, seen from outside.
         let away = self.surfaces[other].at(at).1;
         let is_left_inside = dot(cross(normal, along), away) < 0.0;
-        // As far as the splats reach whose line it is.
+        // As long as the splats that share the line.
         let ends = [-1.0, 1.0].map(|way| plus(at, along, way * spacing * REACH * 0.5));
         Some(if is_left_inside == keeps_inside { ends } else { [ends[1], ends[0]] })
     }
@@ -275,7 +275,7 @@ mod tests {
         let splats = splats(&cube, 0.05);
         assert_eq!(splats.len(), 6 * 20 * 20);
         for splat in &splats {
-            // Every place of a line is on two faces; kept is the splat's own side.
+            // Every point of a line is on two faces; the splat's own side is kept.
             for line in splat.lines.iter().flatten() {
                 for end in line {
                     let on = end.iter().filter(|c| (c.abs() - 0.5).abs() < 1e-9).count();
@@ -289,7 +289,7 @@ mod tests {
             assert_eq!(splat.lines.iter().flatten().count(), edges.min(2), "{splat:?}");
             assert!(!splat.either);
         }
-        // Some lines are shared by splats of both faces, to the bit.
+        // Some lines are shared by splats of both faces, bit by bit.
         let all: Vec<Line> = splats.iter().flat_map(|s| s.lines).flatten().collect();
         let shared = all.iter().filter(|l| all.contains(&[l[1], l[0]])).count();
         assert!(shared * 10 > all.len() * 9, "{shared} of {}", all.len());
@@ -309,8 +309,8 @@ mod tests {
         for splat in top.filter(|s| s.at[0].abs().max(s.at[1].abs()) < 0.12) {
             corners += 1;
             assert!(splat.either, "{splat:?}");
-            // A place of the quarter that is cut out is right of both lines; other places are left
-            // of one.
+            // A point of the quarter that is cut out is right of both lines; other points are left
+            // of at least one.
             for (p, is_kept) in [
                 ([0.1, 0.1], false),
                 ([0.1, -0.1], true),

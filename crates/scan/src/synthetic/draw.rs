@@ -1,24 +1,23 @@
-//! Numbers that are the same on every machine: hashing for chance, polynomials for angles, a
-//! lattice of hashes for noise. Only integer arithmetic and what IEEE 754 rounds exactly
-//! (`+ - * /`, `sqrt`, comparisons, conversions) may decide where a point lies: the standard
-//! library's `sin`, `exp` and `powf` differ between platforms, and `mul_add` where there is no such
-//! instruction is slow.
+//! Random numbers, angles and noise that are the same on every machine. Only integer arithmetic and
+//! operations that IEEE 754 rounds exactly (`+ - * /`, `sqrt`, comparisons, conversions) may decide
+//! the position of a point: the standard library's `sin`, `exp` and `powf` differ between
+//! platforms, and `mul_add` is slow without a machine instruction.
 
 use std::f64::consts::TAU;
 
-/// Mixes all bits of a number (the finaliser of SplitMix64, Steele, Lea and Flood 2014).
+/// Mixes all bits of a number: the finaliser of SplitMix64 (Steele, Lea and Flood 2014).
 pub fn mix(x: u64) -> u64 {
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     x ^ (x >> 31)
 }
 
-/// A stream of numbers by chance: SplitMix64, begun from what it is drawn for.
+/// A stream of random numbers (SplitMix64).
 #[derive(Clone, Debug)]
 pub struct Draw(u64);
 
 impl Draw {
-    /// The stream for the `index`-th thing of a kind.
+    /// The stream of the `index`-th object of a kind.
     pub fn new(seed: u64, kind: u64, index: u64) -> Self {
         let kind = mix(seed ^ kind.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         Self(mix(kind ^ index.wrapping_mul(0xd1b5_4a32_d192_ed03)))
@@ -30,17 +29,17 @@ impl Draw {
         mix(self.0)
     }
 
-    /// From 0 up to, but not, 1.
+    /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f64 {
         unit(self.bits())
     }
 
-    /// From `low` up to `high`.
+    /// Uniform in [`low`, `high`).
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// Whether something of this probability happens.
+    /// Whether an event of this probability happens.
     pub fn happens(&mut self, probability: f64) -> bool {
         self.unit() < probability
     }
@@ -58,7 +57,8 @@ impl Draw {
         (sum as f64 - 131_070.0) * (1.0 / 37_837.227)
     }
 
-    /// Three numbers of mean 0 and standard deviation 1 for the price of one: each the sum of two.
+    /// Three numbers of mean 0 and standard deviation 1 from one draw, each the sum of two uniform
+    /// numbers.
     pub fn triple(&mut self) -> [f64; 3] {
         let bits = self.bits();
         let sum = |at: u32| ((bits >> at) & 0x3ff) + ((bits >> (at + 10)) & 0x3ff);
@@ -67,7 +67,7 @@ impl Draw {
     }
 }
 
-/// The upper 53 bits as a number from 0 up to, but not, 1.
+/// The upper 53 bits as a number in [0, 1).
 pub fn unit(bits: u64) -> f64 {
     (bits >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
 }
@@ -78,12 +78,12 @@ pub fn floor(x: f64) -> i64 {
     if (whole as f64) > x { whole.saturating_sub(1) } else { whole }
 }
 
-/// What is left of `x` above the greatest multiple of `period` below it.
+/// `x` modulo `period`, not negative.
 pub fn beyond(x: f64, period: f64) -> f64 {
     x - floor(x / period) as f64 * period
 }
 
-/// Cosine and sine of an angle in turns, to 2e-10: Taylor's polynomials within an eighth of a turn.
+/// Cosine and sine of an angle in turns, to 2e-10: Taylor polynomials within an eighth of a turn.
 pub fn cos_sin(turns: f64) -> [f64; 2] {
     let quarter = floor(turns * 4.0 + 0.5);
     let x = (turns - quarter as f64 * 0.25) * TAU;
@@ -101,14 +101,15 @@ pub fn cos_sin(turns: f64) -> [f64; 2] {
     }
 }
 
-/// A hash of a place on the integer plane.
+/// A hash of a point of the integer plane.
 pub fn at(seed: u64, x: i64, y: i64) -> u64 {
     let x = (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let y = (y as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
     mix(seed ^ x ^ y.rotate_left(32))
 }
 
-/// Smooth noise of -1 to 1 over the plane, of wavelength about 2: hashes at whole places, blended.
+/// Smooth noise of -1 to 1 over the plane, of wavelength about 2: hashes at integer points,
+/// blended.
 pub fn noise(seed: u64, x: f64, y: f64) -> f64 {
     let (i, j) = (floor(x), floor(y));
     let (u, v) = (smooth(x - i as f64), smooth(y - j as f64));
@@ -118,7 +119,7 @@ pub fn noise(seed: u64, x: f64, y: f64) -> f64 {
     (low + (high - low) * v) * (2.0 / 4_294_967_295.0) - 1.0
 }
 
-/// From 0 at 0 to 1 at 1, level at both; constant outside.
+/// Rises from 0 at 0 to 1 at 1, with slope 0 at both; constant outside.
 pub fn smooth(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

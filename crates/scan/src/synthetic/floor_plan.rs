@@ -1,6 +1,5 @@
-//! The plan of the office: floors of rooms on both sides of a corridor, and a stairwell that joins
-//! the floors. Rooms are boxes; what leads out of them (doors, windows) are rectangles in their
-//! walls.
+//! The floor plan of the office: floors of rooms on both sides of a corridor, and a stairwell that
+//! joins the floors. Rooms are boxes; doors and windows are rectangles in their walls.
 
 use super::draw::Draw;
 use super::furniture;
@@ -9,30 +8,30 @@ use super::room::{Beyond, Opening, Room};
 
 /// Length of the corridors, metres.
 pub const LENGTH: f64 = 46.0;
-/// Floors, and metres from one to the next.
+/// Number of floors, and their distance, metres.
 pub const FLOORS: usize = 3;
 pub const STOREY: f64 = 3.4;
 /// Clear height of rooms and of corridors.
 const ROOM_HEIGHT: f64 = 2.95;
 const CORRIDOR_HEIGHT: f64 = 2.6;
-/// From the corridor's middle to its walls; from a room's door to its window.
+/// Distance from the corridor's middle to its walls, and from a room's door to its window.
 const CORRIDOR_HALF: f64 = 1.25;
 const ROOM_DEPTH: f64 = 5.6;
-/// From the corridors' middle to the windows.
+/// Distance from the corridors' middle to the windows.
 pub const HALF_DEPTH: f64 = CORRIDOR_HALF + WALL + ROOM_DEPTH;
 /// Thickness of inner and of outer walls.
 const WALL: f64 = 0.15;
 const OUTER_WALL: f64 = 0.35;
-/// Widths that rooms have; the last of a row takes what is left.
+/// Widths of rooms; the last of a row takes what is left.
 const ROOM_WIDTHS: [f64; 4] = [3.3, 4.4, 5.2, 7.4];
 const DOOR: [f64; 2] = [0.95, 2.1];
 /// Length of the stairwell, and half its width.
 const STAIRWELL: [f64; 2] = [5.4, 1.9];
 /// Height of a tripod's head.
 const EYE: f64 = 1.6;
-/// From one tripod in a corridor to the next.
+/// Number of tripods in a corridor.
 const CORRIDOR_STATIONS: usize = 5;
-/// How many doors are shut, and how many blinds.
+/// Fractions of doors and blinds that are shut.
 const SHUT_DOORS: f64 = 0.35;
 const SHUT_BLINDS: f64 = 0.3;
 
@@ -43,13 +42,13 @@ const CEILING: Material = Material::new([236, 236, 232], 0.85, 6, Texture::Tiles
 const DOOR_LEAF: Material = Material::new([150, 104, 62], 0.5, 66, Texture::Wood);
 const BLIND: Material = Material::new([206, 206, 200], 0.7, 66, Texture::Slats(0.05));
 
-/// Rooms, and where tripods stand: place and room.
+/// Rooms, and the tripods: position and room.
 pub struct FloorPlan {
     pub rooms: Vec<Room>,
     pub stations: Vec<(Vec3, usize)>,
 }
 
-/// Draws the plan of a seed.
+/// Makes the plan of a seed.
 pub fn draw_up(seed: u64) -> FloorPlan {
     let mut plan = FloorPlan { rooms: Vec::new(), stations: Vec::new() };
     let mut draw = Draw::new(seed, 1, 0);

@@ -1,31 +1,31 @@
-//! The terrain scene's country, without end: hills and lakes, woods, fields in parcels, roads,
-//! villages and power lines; and what a laser from above meets at a place, from the top down. All
-//! of it follows from hashes of the place, so that nothing is kept.
+//! The country of the terrain scene, without bounds: hills and lakes, woods, fields in parcels,
+//! roads, villages and power lines; and the echoes of a laser pulse from above, from the top down.
+//! Everything follows from hashes of the position, so nothing is stored.
 
 use super::draw::{Draw, at, beyond, floor, noise, smooth, unit};
 use super::ray::{Material, Texture};
 
-/// Echoes of a pulse at most.
+/// Greatest number of echoes of a pulse.
 pub const ECHOES_MAX: usize = 5;
-/// Heights that the country keeps within, metres.
+/// Least and greatest height of the country, metres.
 pub const HEIGHTS: [f64; 2] = [-60.0, 130.0];
 
-/// Metres from one road to the next, and half its width.
+/// Distance of roads, and half their width, metres.
 const ROADS: [f64; 2] = [210.0, 3.0];
-/// Surface of the lakes.
+/// Surface of the lakes, metres.
 const LAKE_Z: f64 = -21.0;
-/// Edge of the squares that each may have a house, and that each have a tree.
+/// Edge of the squares that may have a house each, and of those that have a tree each, metres.
 const PLOT: f64 = 23.0;
 const TREES: f64 = 4.6;
-/// As far as the widest crown reaches from its stem.
+/// Greatest distance that a crown reaches from its stem, metres.
 const CROWN_MAX: f64 = 3.65;
-/// Edges of a parcel of one crop.
+/// Edges of a parcel of one crop, metres.
 const PARCEL: [f64; 2] = [130.0, 70.0];
-/// From one power line to the next, and from pylon to pylon.
+/// Distance of power lines, and of the pylons in one, metres.
 const LINES: f64 = 1200.0;
 const SPAN: f64 = 160.0;
-/// Wires: metres aside and above the pylon's foot; how far they sag, and how near a pulse must
-/// pass.
+/// Wires: offset and height above the pylon's foot; their sag, and the distance within which a
+/// pulse hits one; metres.
 const WIRES: [[f64; 2]; 5] = [[-7.0, 26.0], [0.0, 26.0], [7.0, 26.0], [-4.5, 34.0], [4.5, 34.0]];
 const SAG: f64 = 7.0;
 const WIRE_REACH: f64 = 0.2;
@@ -49,9 +49,9 @@ const fn surface(rgb: [u8; 3], reflectance: f64, class: u8) -> Material {
 /// One echo of a pulse.
 #[derive(Clone, Copy, Debug)]
 pub struct Echo {
-    /// Height.
+    /// Height, metres.
     pub z: f64,
-    /// What sent it back.
+    /// Material that reflected it.
     pub material: Material,
 }
 
@@ -67,12 +67,12 @@ impl Echoes {
         Self { all: [Echo { z, material }; ECHOES_MAX], count: 1 }
     }
 
-    /// Those that there are; one at least.
+    /// The echoes, at least one.
     pub fn all(&self) -> &[Echo] {
         &self.all[..self.count]
     }
 
-    /// Adds one on top, where there is room.
+    /// Adds an echo on top, if there is room.
     fn above(mut self, z: f64, material: Material) -> Self {
         if self.count < ECHOES_MAX {
             self.all.copy_within(..self.count, 1);
@@ -85,7 +85,7 @@ impl Echoes {
 
 /// The country of a seed.
 pub struct Landscape {
-    /// What is left to chance.
+    /// Seed of the random numbers.
     pub seed: u64,
 }
 
@@ -94,20 +94,20 @@ impl Landscape {
         noise(self.seed.wrapping_add(kind), x / metres, y / metres)
     }
 
-    /// The hills alone: the ground to about a metre.
+    /// Height of the hills alone: the ground to about a metre.
     pub fn hills(&self, x: f64, y: f64) -> f64 {
         34.0 * self.noise(1, x, y, 310.0) + 8.0 * self.noise(2, x, y, 76.0)
     }
 
-    /// The ground, under water too.
+    /// Height of the ground, also under water.
     fn ground(&self, x: f64, y: f64) -> f64 {
         self.hills(x, y) + 1.1 * self.noise(3, x, y, 17.0) + 0.12 * self.noise(4, x, y, 2.3)
     }
 
-    /// What a pulse meets that comes down at a place.
+    /// The echoes of a pulse that comes down at a point.
     pub fn echoes(&self, x: f64, y: f64, draw: &mut Draw) -> Echoes {
         let ground = self.ground(x, y);
-        // Along and across the power lines, which run by 3 : 4.
+        // Along and across the power lines, whose direction is 3 : 4.
         let (along, across) = (0.8 * x + 0.6 * y, 0.8 * y - 0.6 * x);
         let across = beyond(across + 0.5 * LINES, LINES) - 0.5 * LINES;
         let below = self.below_lines(x, y, ground, across, draw);
@@ -120,7 +120,7 @@ impl Landscape {
         }
         let road = beyond(x + 18.0 * self.noise(5, 0.0, y, 60.0), ROADS[0]) - 0.5 * ROADS[0];
         if road.abs() < ROADS[1] {
-            // Crowned, and level across where the ground is not.
+            // Cambered, and level across even if the ground is not.
             return Echoes::one(ground + 0.1 - 0.01 * road * road, TARMAC);
         }
         let wood = self.noise(6, x, y, 62.0) + 0.2 * self.noise(7, x, y, 9.0);
@@ -146,7 +146,7 @@ impl Landscape {
             return Echoes::one(ground + 0.12 * (furrow - 0.4).abs(), tinted(SOIL, 0.0));
         }
         let earth = Echoes::one(ground, tinted(GRASS, 30.0 * (kind - 0.6)));
-        // Crops and tussocks, of which some let the pulse through in part.
+        // Crops and tussocks, of which some let a part of the pulse through.
         let height = (kind - 0.3) * 1.1 * (0.6 + 0.4 * draw.unit());
         match draw.unit() {
             u if u < 0.55 => earth,
@@ -155,11 +155,11 @@ impl Landscape {
         }
     }
 
-    /// Trees, one in each square, as paraboloids; a pulse loses itself in them by and by.
+    /// Trees, one in each square, as paraboloids that gradually absorb a pulse.
     fn wood(&self, x: f64, y: f64, ground: f64, edge: f64, draw: &mut Draw) -> Echoes {
         let (i, j) = (floor(x / TREES), floor(y / TREES));
         let (mut top, mut tint) = (0.0, 0.0);
-        // Neighbours whose tree could reach over; trees stand 0.2 to 0.8 into their squares.
+        // Neighbours whose tree may reach here; trees stand at 0.2 to 0.8 of their squares.
         let near = |c: f64, i: i64| {
             let into = c / TREES - i as f64;
             i64::from(into + 0.2 >= CROWN_MAX / TREES) - 1
@@ -191,7 +191,7 @@ impl Landscape {
             let class = if height > 5.0 { 5 } else { 4 };
             Material { class, ..LEAVES.tinted(rgb) }
         };
-        // Echoes from the top down, each deeper by chance; the last often from the ground.
+        // Echoes from the top down, each deeper at random; the last is often from the ground.
         let mut heights = [0.0; ECHOES_MAX];
         let (mut count, mut height) = (0, top * (1.0 - 0.25 * draw.unit() * draw.unit()));
         while count < ECHOES_MAX - 1 && height > 0.8 {
@@ -215,7 +215,7 @@ impl Landscape {
         echoes
     }
 
-    /// A house with a gable roof, where the plot has one and the place is on it.
+    /// The echoes of a house with a gable roof, if the plot has one at this point.
     fn house(&self, x: f64, y: f64, ground: f64, draw: &mut Draw) -> Option<Echoes> {
         let plot = [x / PLOT, y / PLOT].map(floor);
         let [cx, cy] = plot.map(|p| (p as f64 + 0.5) * PLOT);
@@ -236,7 +236,7 @@ impl Landscape {
         if du.min(dv) > 0.18 {
             return Some(Echoes::one(z, roof));
         }
-        // At the edge a pulse is split, or runs down the wall.
+        // At the edge, a pulse is split, or runs down the wall.
         Some(if draw.happens(0.5) {
             Echoes::one(ground, GRASS).above(z, roof)
         } else {
@@ -244,7 +244,7 @@ impl Landscape {
         })
     }
 
-    /// Pylons and wires over what is below.
+    /// Adds pylons and wires above other echoes.
     fn lines(
         &self,
         x: f64,

@@ -1,16 +1,16 @@
-//! Generated scans, taken wherever an input is: `synthetic:SCENE:POINTS:SEED`. Every point is a
+//! Generated scans, accepted wherever an input is: `synthetic:SCENE:POINTS:SEED`. Every point is a
 //! function of the scene, the number of points, the seed and its index, the same on every machine
-//! (the rule for that is in [`draw`]), so that blocks of points are made apart, on all cores, and
-//! handed over in order. They have the grid and the fields of a LAS file of point format 7.
+//! (see [`draw`]), so blocks of points are made independently, on all cores, and passed on in
+//! order. They have the grid and the fields of a LAS file of point format 7.
 //!
 //! | scene | what it is |
 //! |---|---|
-//! | `bridge` | a bridge of stone and steel over a river, scanned from tripods around, under and on it |
-//! | `office` | three floors of rooms off corridors, furnished, scanned from a tripod in every room |
+//! | `bridge` | a bridge over a river, scanned from tripods around, under and on it |
+//! | `office` | three floors of furnished rooms, scanned from a tripod in every room |
 //! | `terrain` | country with woods, fields, villages and power lines, scanned from the air |
 //!
-//! Beside them models ([`model`]), `cube` and `csg`: solids of about so many splats, with clip
-//! lines on their edges.
+//! There are also models ([`model`]), `cube` and `csg`: solids of about the given number of splats,
+//! with clip lines on their edges.
 
 mod airborne;
 mod bridge;
@@ -47,7 +47,7 @@ use std::sync::Arc;
 
 pub use spec::{POINTS_MAX, is_spec, parse_points};
 
-/// Blocks made while those before are taken: 16 MiB of batches.
+/// Blocks made while earlier ones are consumed: 16 MiB of batches.
 const GROUP_BLOCKS: u64 = 28;
 
 /// ETRS89 / UTM zone 32N, EPSG 25832.
@@ -61,7 +61,7 @@ struct Synthetic {
 /// Opens a generated scan.
 ///
 /// # Errors
-/// Where the name is none of a generated scan.
+/// If no generated scan has this name.
 pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, ScanError> {
     let spec = spec::Spec::parse(path)?;
     let Some(kind) = SCENES.get(spec.scene) else {
@@ -92,7 +92,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, ScanE
 }
 
 impl Synthetic {
-    /// Makes these blocks, in order, on all cores.
+    /// Makes the blocks of a range, in order, on all cores.
     fn group<T: Send>(
         &self,
         blocks: Range<u64>,
@@ -108,7 +108,8 @@ impl Synthetic {
         blocks.into_par_iter().map(one).collect()
     }
 
-    /// Hands what `make` makes of every block to `sink`, in order, while the next ones are made.
+    /// Passes the result of `make` for every block to `sink`, in order, while the next ones are
+    /// made.
     fn each<T: Send>(
         &self,
         task: &dyn Task,

@@ -1,5 +1,5 @@
-//! Generated models: solids whose splats have normals, colours, and clip lines on their edges. What
-//! they are of is the file's unit; seeds mean nothing to them.
+//! Generated models: solids whose splats have normals, colours, and clip lines on their edges.
+//! Lengths are in the file's unit; the seed has no effect.
 
 use super::csg::{Solid, Splat, Surface};
 use super::draw::cos_sin;
@@ -11,19 +11,19 @@ use esker_points::{AttrType, Attribute, Batch, Grid, InputGrid, Schema, Task};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Splats of a model at most.
+/// Greatest number of splats of a model.
 pub const SPLATS_MAX: u64 = 4_000_000;
-/// Distances of splats: farther apart, those of a cube's faces would stand on its edges, where none
-/// is.
+/// Least and greatest distance of splats. With a greater one, splats of a cube's faces would lie
+/// beyond its edges, where no surface is.
 const SPACINGS: [f64; 2] = [1e-4, 0.7];
-/// Length of a step: a model is two units wide.
+/// Step of coordinates: a model is two units wide.
 const STEP: f64 = 1e-6;
-/// Splats of a batch.
+/// Splats in a batch.
 const BATCH_POINTS: usize = 1 << 14;
 
 /// A kind of model.
 pub struct ModelKind {
-    /// Its name in `synthetic:NAME:...`.
+    /// Name in `synthetic:NAME:...`.
     pub name: &'static str,
     make: fn() -> Solid,
 }
@@ -32,7 +32,7 @@ pub struct ModelKind {
 pub static MODELS: &[ModelKind] =
     &[ModelKind { name: "cube", make: cube }, ModelKind { name: "csg", make: csg }];
 
-/// A cube of edge 1, turned: no edge lies along an axis.
+/// A cube of edge 1, rotated so that no edge is parallel to an axis.
 fn cube() -> Solid {
     let axes = turned();
     let wall = |k: usize| {
@@ -42,14 +42,14 @@ fn cube() -> Solid {
     Solid { surfaces: (0..6).map(wall).collect(), is_inside: |inside| inside.iter().all(|i| *i) }
 }
 
-/// Three directions across each other.
+/// Three orthogonal unit vectors.
 fn turned() -> [[f64; 3]; 3] {
     let ([a, b], [c, d]) = (cos_sin(0.07), cos_sin(0.11));
     [[a, b, 0.0], [-b * c, a * c, d], [b * d, -a * d, c]]
 }
 
 /// A block with a shaft through it, a bowl in its side, a notch in its edge and a tower on its top
-/// (as figure 8 of zwicker2004 has it: edges straight and round, corners that go out and in).
+/// (as in zwicker2004, figure 8: straight and round edges, convex and concave corners).
 fn csg() -> Solid {
     let wall = |i: usize, side: f64, offset: f64| {
         let mut n = [0.0; 3];
@@ -70,7 +70,7 @@ fn csg() -> Solid {
         wall(0, -1.0, -0.3),
         wall(1, -1.0, -0.2),
         wall(2, -1.0, 0.2),
-        // The tower, and its top.
+        // The tower and its top.
         Surface::Cylinder([0.2, 0.0], 0.25),
         wall(2, 1.0, 0.6),
     ];
@@ -85,14 +85,14 @@ fn csg() -> Solid {
 struct Model {
     info: SourceInfo,
     solid: Solid,
-    /// How far splats are apart; `None` where there is none.
+    /// Distance of splats; `None` without splats.
     spacing: Option<f64>,
 }
 
-/// Opens a model of about so many splats.
+/// Opens a model of about `points` splats.
 ///
 /// # Errors
-/// Where these are too many.
+/// If these are too many.
 pub fn open(path: &Path, kind: &ModelKind, points: u64) -> Result<Box<dyn Source>, ScanError> {
     if points > SPLATS_MAX {
         let what = format!("a generated model has at most {SPLATS_MAX} splats");
@@ -123,7 +123,7 @@ pub fn open(path: &Path, kind: &ModelKind, points: u64) -> Result<Box<dyn Source
     Ok(Box::new(Model { info, solid, spacing }))
 }
 
-/// The distance at which a solid has as near to so many splats as a few tries come.
+/// The distance with which a solid has about `points` splats, found in a few tries.
 fn spacing(solid: &Solid, points: u64) -> f64 {
     let mut spacing = (5.0 / points as f64).sqrt().min(0.5);
     let drawn = |spacing: f64| spacing.clamp(SPACINGS[0], SPACINGS[1]);
@@ -134,7 +134,7 @@ fn spacing(solid: &Solid, points: u64) -> f64 {
     drawn(spacing)
 }
 
-/// How many splats there are, and where.
+/// Number and bounds of splats.
 struct Census {
     splats: u64,
     low: [i32; 3],

@@ -1,5 +1,5 @@
-//! The office scene: rays go from room to room through what is open, and end at walls, things, shut
-//! doors or blinds; through a window they are lost.
+//! The office scene: rays go from room to room through openings, and end at walls, furniture, shut
+//! doors or blinds; rays through a window are lost.
 
 use super::draw::Draw;
 use super::floor_plan::{FLOORS, HALF_DEPTH, LENGTH, STOREY, draw_up};
@@ -8,10 +8,10 @@ use super::room::{Beyond, Opening, Room};
 use super::scene::Scene;
 use super::station::{Terrestrial, World};
 
-/// What lies beyond the rooms' ends: walls, and the stairwell at the greater x; metres.
+/// Extent beyond the rooms: walls, and the stairwell at the greater x; metres.
 const WALLS_M: f64 = 0.5;
 const STAIRWELL_M: f64 = 6.0;
-/// Rooms that a ray passes at most.
+/// Greatest number of rooms that a ray passes.
 const ROOMS_MAX: usize = 8;
 struct Office {
     rooms: Vec<Room>,

@@ -1,4 +1,4 @@
-//! A generated point with the fields of LAS point format 7, and runs of them as batches.
+//! A generated point with the fields of LAS point format 7, and runs of points as batches.
 
 use super::draw::{Draw, floor};
 use super::ray::{Hit, Vec3};
@@ -13,25 +13,25 @@ use std::sync::Arc;
 /// `esker_points::attribute`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Point {
-    /// Steps of the scene's grid.
+    /// Position in steps of the scene's grid.
     pub position: [i32; 3],
     /// Pulse return magnitude.
     pub intensity: u16,
-    /// Number of this return (bits 0-3) and of all of its pulse (4-7).
+    /// Return number (bits 0-3) and number of returns of the pulse (4-7).
     pub returns: u8,
-    /// Direction of the scan and edge of the flight line.
+    /// Scan direction and edge of flight line.
     pub flags: u8,
     /// ASPRS class.
     pub classification: u8,
-    /// The scene's own.
+    /// Meaning defined by the scene.
     pub user_data: u8,
-    /// Steps of 0.006 degrees.
+    /// Scan angle in steps of 0.006 degrees.
     pub scan_angle: i16,
-    /// Station or strip.
+    /// Number of the station or strip.
     pub point_source_id: u16,
-    /// Seconds.
+    /// GPS time, seconds.
     pub gps_time: f64,
-    /// 8 bits in the upper byte, as most exports have it.
+    /// 8 bits in the upper byte, as in most exports.
     pub rgb: [u16; 3],
 }
 
@@ -55,22 +55,22 @@ pub fn schema() -> Schema {
 }
 
 impl Point {
-    /// Steps of a place.
+    /// Rounds a position to steps.
     pub fn steps(place: Vec3, scale: f64) -> [i32; 3] {
-        // Multiplied by the whole number that the steps of a metre are.
+        // Multiplied by the steps per metre, a whole number.
         let a_metre = (1.0 / scale + 0.5) as i64 as f64;
         place.map(|c| floor(c * a_metre + 0.5).clamp(i32::MIN.into(), i32::MAX.into()) as i32)
     }
 
-    /// Colour of 0 to 1, with the noise of a camera, of 0 to 255.
+    /// Sets the colour from `colour` (0 to 1), with a camera's noise (0 to 255).
     pub fn set_colour(&mut self, colour: [f64; 3], noise: f64, draw: &mut Draw) {
         let grain = draw.triple();
         let value = |i: usize| (colour[i] * 255.0 + noise * grain[i]).clamp(0.0, 255.0);
         self.rgb = [0, 1, 2].map(|i| (value(i) as u16) << 8);
     }
 
-    /// What comes back from `hit`: weaker with distance and at grazing angles; `noise` is the share
-    /// of it that is left to chance.
+    /// Sets the intensity of `hit`: weaker with distance and at grazing angles; `noise` is the
+    /// standard deviation as a fraction.
     pub fn set_intensity(&mut self, hit: &Hit, noise: f64, draw: &mut Draw) {
         let far = 1.0 / (1.0 + hit.t * hit.t * (1.0 / 1600.0));
         let share = hit.material.reflectance * (0.3 + 0.7 * hit.incidence) * far;
@@ -79,17 +79,17 @@ impl Point {
     }
 }
 
-/// A run of points as the builder takes it.
+/// A run of points as a batch.
 pub struct Run {
     /// The points.
     pub batch: Batch,
-    /// Greatest value in its colours.
+    /// Greatest value of their colours.
     pub colour_max: u16,
-    /// Greatest rounding of a coordinate; none on the lattice of the scene's own grid.
+    /// Greatest rounding of a coordinate; 0 on the lattice of the scene's own grid.
     pub rounding_error_max: f64,
 }
 
-/// Places points and makes columns of them.
+/// Rounds points to the lattice and makes columns of them.
 pub fn run(
     points: &[Point],
     schema: &Arc<Schema>,

@@ -1,40 +1,41 @@
-//! Rays and the surfaces that they meet: what is hit where, and what it is made of. Lengths in
-//! metres, z up, relative to the scene's offset.
+//! Rays, and the materials of the surfaces that they hit. Lengths in metres, z up, relative to the
+//! scene's offset.
 
 use super::draw::{at, beyond, floor, noise, unit};
 
-/// A place, or a direction.
+/// A point or a direction.
 pub type Vec3 = [f64; 3];
 
 /// A half-line.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
-    /// Where it begins.
+    /// Origin.
     pub from: Vec3,
-    /// Where it goes; of length 1.
+    /// Unit direction.
     pub to: Vec3,
-    /// One over each component of `to`.
+    /// Reciprocal of each component of `to`.
     over: Vec3,
 }
 
 impl Ray {
-    /// A ray; no component of `to` stays so small that dividing by it would make no number.
+    /// Makes a ray. Components of `to` near zero are enlarged so that their reciprocals are finite.
     pub fn new(from: Vec3, to: Vec3) -> Self {
         let to = to.map(|c| if c.abs() < 1e-9 { 1e-9 } else { c });
         Self { from, to, over: to.map(|c| 1.0 / c) }
     }
 
-    /// The place so many metres along.
+    /// The point at distance `t`, metres.
     pub fn at(&self, t: f64) -> Vec3 {
         [0, 1, 2].map(|i| self.from[i] + self.to[i] * t)
     }
 
-    /// Metres to where one coordinate has this value; negative behind.
+    /// Distance at which a coordinate has this value; negative behind the origin.
     pub fn reach(&self, axis: usize, value: f64) -> f64 {
         (value - self.from[axis]) * self.over[axis]
     }
 
-    /// Enters and leaves a box: metres and the axis of the face, each; `None` where it passes by.
+    /// Distance and axis of the faces at which the ray enters and leaves a box; `None` if it
+    /// misses.
     pub fn through(&self, low: Vec3, high: Vec3) -> Option<[(f64, usize); 2]> {
         let (mut enter, mut leave) = ((f64::NEG_INFINITY, 0), (f64::INFINITY, 0));
         for axis in 0..3 {
@@ -50,19 +51,20 @@ impl Ray {
         (enter.0 <= leave.0 && leave.0 > 0.0).then_some([enter, leave])
     }
 
-    /// The same ray seen from `origin`, turned back about z by the angle of this cosine and sine.
+    /// The ray in coordinates with this `origin`, rotated back about z by the angle of this cosine
+    /// and sine.
     pub fn turned(&self, origin: Vec3, [c, s]: [f64; 2]) -> Self {
         let back = |v: Vec3| [v[0] * c + v[1] * s, v[1] * c - v[0] * s, v[2]];
         Self::new(back([0, 1, 2].map(|i| self.from[i] - origin[i])), back(self.to))
     }
 }
 
-/// How a surface's colour varies.
+/// Pattern of a surface's colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Texture {
-    /// Not.
+    /// No pattern.
     Plain,
-    /// Blotches, so many a metre.
+    /// Blotches; number per metre.
     Speckle(f64),
     /// Square tiles of this edge with dark joints, metres.
     Tiles(f64),
@@ -72,40 +74,40 @@ pub enum Texture {
     Books,
     /// Courses of blocks of this height with joints, metres.
     Masonry(f64),
-    /// Blades with slits between them, metres apart.
+    /// Blades with slits between them, at this distance, metres.
     Slats(f64),
 }
 
-/// What a surface is made of.
+/// Material of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Red, green, blue, 0 to 1.
     pub colour: [f32; 3],
-    /// Share of the laser's light that comes back, 0 to 1.
+    /// Fraction of the laser's light that is reflected, 0 to 1.
     pub reflectance: f64,
-    /// ASPRS class; 64 and above are the scenes' own.
+    /// ASPRS class; 64 and above are defined by the scenes.
     pub class: u8,
-    /// How the colour varies.
+    /// Pattern of the colour.
     pub texture: Texture,
 }
 
 impl Material {
-    /// Of plain colour, red, green, blue of 0 to 255.
+    /// A material whose red, green and blue are given as 0 to 255.
     pub const fn new(rgb: [u8; 3], reflectance: f64, class: u8, texture: Texture) -> Self {
         let [r, g, b] = rgb;
         let colour = [r as f32 / 255.0, g as f32 / 255.0, b as f32 / 255.0];
         Self { colour, reflectance, class, texture }
     }
 
-    /// The same in another colour.
+    /// The material in another colour.
     pub const fn tinted(self, rgb: [u8; 3]) -> Self {
         Self::new(rgb, self.reflectance, self.class, self.texture)
     }
 
-    /// Red, green, blue at a place, 0 to 1 and somewhat above.
+    /// Red, green, blue at a point, 0 to 1 or slightly more.
     pub fn colour_at(&self, seed: u64, p: Vec3) -> [f64; 3] {
-        // One mapping for floors and walls: a wall along x varies with x and z, one along y with y
-        // and z.
+        // One mapping for floors and walls: a wall along x varies with x and z, a wall along y with
+        // y and z.
         let (u, v) = (p[0] + p[1], p[1] - p[0] + 2.0 * p[2]);
         let factor = match self.texture {
             Texture::Plain => 1.0,
@@ -134,21 +136,21 @@ impl Material {
     }
 }
 
-/// Where a ray meets a surface.
+/// Hit of a ray on a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
-    /// Metres from the ray's beginning.
+    /// Distance from the ray's origin, metres.
     pub t: f64,
     /// Cosine between the ray and the surface's normal, 0 to 1.
     pub incidence: f64,
-    /// How light falls on it, 0 to 1.
+    /// Illumination, 0 to 1.
     pub light: f64,
-    /// What it is made of.
+    /// Material of the surface.
     pub material: Material,
 }
 
 impl Hit {
-    /// On a face across an axis; `is_upper` where the ray meets it from above along that axis.
+    /// A hit on a face across an axis; `is_upper` if the ray meets it from above along that axis.
     pub fn on_face(ray: &Ray, t: f64, axis: usize, is_upper: bool, material: Material) -> Self {
         let light = [[0.80, 0.88], [0.92, 0.96], [0.62, 1.0]][axis][usize::from(is_upper)];
         Self { t, incidence: ray.to[axis].abs(), light, material }

@@ -1,4 +1,4 @@
-//! Rooms of the office scene: boxes with openings in their walls, and where rays leave them.
+//! Rooms of the office scene: boxes with openings in their walls, through which rays leave.
 
 use super::ray::{Hit, Material, Ray, Texture, Vec3};
 use super::solid::Thing;
@@ -11,23 +11,23 @@ pub struct Room {
     /// Least and greatest corner, metres.
     pub low: Vec3,
     pub high: Vec3,
-    /// Through the walls at least and greatest x, at least and greatest y.
+    /// Openings in the walls at least and greatest x, least and greatest y.
     pub openings: [Vec<Opening>; 4],
-    /// What stands in it.
+    /// Furniture.
     pub things: Vec<Thing>,
-    /// Floor, walls, ceiling.
+    /// Materials of floor, walls, ceiling.
     surfaces: [Material; 3],
 }
 
 /// A rectangle in a wall.
 pub struct Opening {
-    /// From where to where along the wall, x or y.
+    /// Extent along the wall, x or y.
     pub along: [f64; 2],
-    /// From which to which height.
+    /// Extent in height.
     pub up: [f64; 2],
-    /// Thickness of the wall, to what is beyond.
+    /// Depth of the opening: thickness of the wall.
     pub depth: f64,
-    /// What is beyond.
+    /// What is behind it.
     pub beyond: Beyond,
 }
 
@@ -35,19 +35,19 @@ pub struct Opening {
 pub enum Beyond {
     /// Another room.
     Room(usize),
-    /// The open, from where nothing comes back.
+    /// Outdoors; no ray returns from there.
     Outside,
-    /// A shut door, a blind.
+    /// A shut door or a blind.
     Shut(Material),
 }
 
 impl Room {
-    /// A bare room; its surfaces are floor, walls, ceiling.
+    /// An empty room; its surfaces are floor, walls, ceiling.
     pub fn new(low: Vec3, high: Vec3, surfaces: [Material; 3]) -> Self {
         Self { low, high, openings: Default::default(), things: Vec::new(), surfaces }
     }
 
-    /// The wall, floor or ceiling that a ray ends at, which leaves through it.
+    /// The hit on the wall, floor or ceiling at which a ray leaves the room.
     pub fn surface(&self, ray: &Ray, t: f64, axis: usize) -> Hit {
         let is_low = ray.to[axis] < 0.0;
         let material = self.surfaces[match (axis, is_low) {
@@ -66,7 +66,7 @@ impl Opening {
         self.along[0] < along && along < self.along[1] && self.up[0] < p[2] && p[2] < self.up[1]
     }
 
-    /// Where the ray ends inside the wall, on the frame; `None` where it comes through to `plane`.
+    /// The hit on the frame inside the wall; `None` if the ray passes to `plane`.
     pub fn frame(&self, ray: &Ray, plane: f64, axis: usize) -> Option<Hit> {
         if self.holds(ray.at(ray.reach(axis, plane)), axis) {
             return None;

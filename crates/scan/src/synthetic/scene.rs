@@ -12,12 +12,13 @@ pub(crate) const BLOCK_POINTS: u64 = 1 << 14;
 pub(crate) trait Scene: Send + Sync {
     /// The grid of its coordinates.
     fn grid(&self) -> Grid;
-    /// Where its points are scanned from, where they stand still for it.
+    /// Positions of the scanners, if they do not move.
     fn scanner(&self) -> Option<Scanner> {
         None
     }
-    /// Corners of a box that no point is outside of, without the grid's offset.
+    /// Corners of a box around all points, without the grid's offset.
     fn bounds(&self) -> [[f64; 3]; 2];
-    /// Appends these points; the range begins at a multiple of [`BLOCK_POINTS`] and is not longer.
+    /// Appends the points of a range, which begins at a multiple of [`BLOCK_POINTS`] and is not
+    /// longer.
     fn block(&self, range: Range<u64>, out: &mut Vec<Point>);
 }

@@ -5,7 +5,7 @@ use super::{airborne, bridge, office};
 
 /// A kind of scene.
 pub struct SceneKind {
-    /// Its name in `synthetic:NAME:...`.
+    /// Name in `synthetic:NAME:...`.
     pub name: &'static str,
     /// Makes the scene.
     pub(crate) make: fn(points: u64, seed: u64) -> Box<dyn Scene>,

@@ -1,23 +1,23 @@
-//! The name of a generated scan: `synthetic:SCENE:POINTS` or `synthetic:SCENE:POINTS:SEED`.
+//! Parses the name of a generated scan: `synthetic:SCENE:POINTS` or `synthetic:SCENE:POINTS:SEED`.
 
 use super::model::MODELS;
 use super::scenes::SCENES;
 use crate::error::ScanError;
 use std::path::Path;
 
-/// What every name of a generated scan begins with. A file that is named so is `./synthetic:...`.
+/// Prefix of the name of every generated scan. A file of such a name is `./synthetic:...`.
 pub const PREFIX: &str = "synthetic:";
-/// Points of a generated scan at most.
+/// Greatest number of points of a generated scan.
 pub const POINTS_MAX: u64 = 1 << 40;
 
-/// A generated scan, as it was asked for.
+/// A generated scan according to its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Spec {
-    /// Which of [`SCENES`] and, behind them, of [`MODELS`].
+    /// Index into [`SCENES`], followed by [`MODELS`].
     pub scene: usize,
-    /// Points, [`POINTS_MAX`] at most.
+    /// Number of points, at most [`POINTS_MAX`].
     pub points: u64,
-    /// What is left to chance; 1 where not said.
+    /// Seed of the random numbers; 1 by default.
     pub seed: u64,
 }
 
@@ -27,10 +27,10 @@ pub fn is_spec(path: &Path) -> bool {
 }
 
 impl Spec {
-    /// Reads a name.
+    /// Parses a name.
     ///
     /// # Errors
-    /// Where it is no such name: what is wrong with it, and what there is.
+    /// If it is not such a name; the message says what is wrong and which scans there are.
     pub fn parse(path: &Path) -> Result<Self, ScanError> {
         let text = path.to_string_lossy();
         let rest = text.strip_prefix(PREFIX).unwrap_or(&text);
@@ -71,8 +71,7 @@ fn all() -> impl Iterator<Item = &'static str> {
     SCENES.iter().map(|s| s.name).chain(MODELS.iter().map(|m| m.name))
 }
 
-/// Reads a number of points, such as 250000, 100k, 10M or 1G; the unit's letter may be large or
-/// small.
+/// Parses a number of points, such as 250000, 100k, 10M or 1G; the unit is case-insensitive.
 ///
 /// # Errors
 /// If `text` is not a number of points, or is more than [`POINTS_MAX`].
@@ -117,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_told_with_what_there_is() {
+    fn malformed_names_are_refused_with_the_known_scenes() {
         for (text, what) in [
             ("synthetic:", "there is no scene ``"),
             ("synthetic:castle:1M", "there is no scene `castle`"),

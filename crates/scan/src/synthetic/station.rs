@@ -1,7 +1,7 @@
-//! Terrestrial scanning: tripods in a world, each turning once about z while its mirror sweeps a
-//! fan of angles, at equal steps of both. So density falls with the square of the distance and the
-//! cosine of incidence, and what is behind something is not seen. A ray that meets nothing is
-//! thrown anew somewhere in the same turn, so that there are as many points as were asked for.
+//! Terrestrial scanning: each tripod turns once about z while its mirror sweeps a fan of angles, at
+//! equal steps of both. So density falls with the square of the distance and the cosine of
+//! incidence, and hidden surfaces are not seen. A ray that hits nothing is replaced by a random one
+//! of the same turn, so that the number of points is as requested.
 
 use super::draw::{Draw, cos_sin};
 use super::point::Point;
@@ -11,51 +11,51 @@ use crate::source::Scanner;
 use esker_points::Grid;
 use std::ops::Range;
 
-/// Where the fan begins, turns: 65 degrees below the horizon, below which is the tripod's own foot.
+/// Lower end of the fan, turns: 65 degrees below the horizon; the tripod's foot is below that.
 const FAN_LOW: f64 = -65.0 / 360.0;
-/// Throws until a ray is sent straight down.
+/// Number of random rays before one is cast straight down.
 const THROWS_MAX: usize = 16;
-/// Steps of coordinates, metres.
+/// Step of coordinates, metres.
 const SCALE: f64 = 0.001;
-/// Of the range, metres: what a good scanner has on grey walls at 10 m.
+/// Noise of the range, metres: that of a good scanner on grey walls at 10 m.
 const RANGE_NOISE_M: f64 = 0.001;
-/// Of both angles, in steps: scan lines are not ruled with a ruler.
+/// Noise of both angles, in steps: real scan lines are not perfectly regular.
 const ANGLE_NOISE_STEPS: f64 = 0.15;
-/// Of colours of 0 to 255.
+/// Noise of colours, 0 to 255.
 const COLOUR_NOISE: f64 = 2.0;
-/// Share of the intensity.
+/// Noise as a fraction of the intensity.
 const INTENSITY_NOISE: f64 = 0.05;
-/// Seconds from one station's beginning to the next one's, and of one turn.
+/// Seconds from the beginning of one station to that of the next, and duration of one turn.
 const STATION_S: f64 = 600.0;
 const TURN_S: f64 = 240.0;
-/// GPS time of the first station, as LAS counts it (adjusted standard time).
+/// GPS time of the first station, as in LAS (adjusted standard time).
 const START_S: f64 = 300_000_000.0;
 
-/// What rays are thrown into.
+/// A world into which rays are cast.
 pub trait World: Send + Sync {
-    /// What a ray from a station meets first, if anything.
+    /// The first hit of a ray from a station, if any.
     fn cast(&self, station: usize, ray: &Ray, draw: &mut Draw) -> Option<Hit>;
-    /// Corners of a box that no hit is outside of.
+    /// Corners of a box around all hits.
     fn bounds(&self) -> [Vec3; 2];
 }
 
 /// A world and the tripods in it.
 pub struct Terrestrial<W> {
-    /// What is scanned.
+    /// The world that is scanned.
     pub world: W,
-    /// From where.
+    /// Positions of the tripods.
     pub stations: Vec<Vec3>,
     /// World coordinate of the origin.
     pub offset: Vec3,
-    /// Points of all stations.
+    /// Number of points of all stations.
     pub points: u64,
-    /// What is left to chance.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// Where the fan ends, turns above the horizon; 0.25 is the zenith.
+    /// Upper end of the fan, turns above the horizon; 0.25 is the zenith.
     pub fan_top: f64,
 }
 
-/// The pattern of one station: columns of rows, column by column.
+/// The scan pattern of one station, column by column.
 struct Turn {
     station: usize,
     range: Range<u64>,
@@ -129,7 +129,7 @@ impl<W: World> Scene for Terrestrial<W> {
     }
 
     fn bounds(&self) -> [Vec3; 2] {
-        // Noise of the range goes no further than a few of its deviations.
+        // Noise of the range stays within a few of its standard deviations.
         let [low, high] = self.world.bounds();
         [low.map(|c| c - 0.1), high.map(|c| c + 0.1)]
     }
@@ -139,7 +139,7 @@ impl<W: World> Scene for Terrestrial<W> {
         let n = self.stations.len() as u64;
         let mut index = range.start;
         while index < range.end {
-            // The station whose share the index falls into.
+            // The station whose range of indices contains the index.
             let station = ((index + 1) * n - 1) / self.points;
             let turn = self.turn(station as usize);
             let (mut column, mut row) = {

@@ -1,12 +1,12 @@
-//! Trees that stand in a valley: a stem, and a crown that swallows a ray by and by. Which trees a
-//! station may see in a direction is told beforehand, by sectors.
+//! Trees in a valley: a stem, and a crown that gradually absorbs a ray. The trees that a station
+//! may see in a direction are listed beforehand, by sectors.
 
 use super::draw::Draw;
 use super::ray::{Hit, Material, Ray, Texture, Vec3};
 
-/// Sectors about a station.
+/// Sectors around a station.
 const SECTORS: usize = 64;
-/// How deep rays go into a crown, about, metres.
+/// Mean depth that rays reach in a crown, metres.
 const DEPTH: f64 = 0.5;
 
 const BARK: Material = Material::new([92, 76, 60], 0.35, 5, Texture::Speckle(14.0));
@@ -16,9 +16,9 @@ const LEAVES: Material = Material::new([70, 104, 44], 0.45, 5, Texture::Speckle(
 pub struct Tree {
     /// Where its stem meets the ground.
     pub foot: Vec3,
-    /// Height of all of it.
+    /// Height of the whole tree.
     pub height: f64,
-    /// Widest radius of the crown.
+    /// Greatest radius of the crown.
     pub radius: f64,
 }
 
@@ -30,7 +30,7 @@ impl Tree {
     }
 
     fn crown(&self, ray: &Ray, t_max: f64, draw: &mut Draw) -> Option<Hit> {
-        // An ellipsoid, made a ball by its scale along z.
+        // An ellipsoid, scaled along z to a ball.
         let half = 0.4 * self.height;
         let squash = self.radius / half;
         let middle = self.foot[2] + self.height - half;
@@ -75,7 +75,7 @@ impl Tree {
 /// The trees that a station may see, by sector.
 pub struct Sectors(Vec<Vec<u32>>);
 
-/// The direction as a number of 0 to 4 that grows with the angle: what an arc tangent would tell.
+/// The direction as a number of 0 to 4 that grows with the angle, in place of an arc tangent.
 fn diamond(x: f64, y: f64) -> f64 {
     match (x >= 0.0, y >= 0.0) {
         (true, true) => y / (x + y),
@@ -96,7 +96,7 @@ impl Sectors {
         for (index, tree) in trees.iter().enumerate() {
             let (x, y) = (tree.foot[0] - station[0], tree.foot[1] - station[1]);
             let far = (x * x + y * y).sqrt();
-            // Sine and cosine of half the angle that the crown takes.
+            // Sine and cosine of half the angle that the crown covers.
             let s = (tree.radius + 0.1) / far;
             let c = (1.0 - s * s).max(0.0).sqrt();
             let (first, last) = if s < 0.9 {
@@ -112,7 +112,7 @@ impl Sectors {
         Self(sectors)
     }
 
-    /// What a ray meets of the trees before `t_max`.
+    /// The first hit of a ray on a tree before `t_max`.
     pub fn cast(&self, trees: &[Tree], ray: &Ray, t_max: f64, draw: &mut Draw) -> Option<Hit> {
         let seen = &self.0[sector(ray.to[0], ray.to[1])];
         seen.iter().fold(None, |nearest: Option<Hit>, &tree| {

@@ -1,26 +1,28 @@
-//! The valley that the bridge spans: heights on a raster, blended between its places. Rays go from
-//! block to block of the raster, past those that they fly over, and march down to the ground in the
-//! others by steps that the block's greatest slope allows.
+//! The valley under the bridge: a height map, interpolated between its samples. Rays go from tile
+//! to tile of the map, skip the tiles that they fly over, and march down to the ground in the
+//! others, by steps that the tile's greatest slope allows.
 
 use super::draw::{floor, noise, smooth};
 use super::ray::{Hit, Material, Ray, Texture};
 
-/// Half the valley's extent along x and y, and the raster's step; metres.
+/// Half the valley's extent along x and y, and the sample distance; metres.
 pub const HALF: [f64; 2] = [112.0, 84.0];
 const STEP: f64 = 0.5;
 const COLUMNS: usize = (2.0 * HALF[0] / STEP) as usize + 1;
 const ROWS: usize = (2.0 * HALF[1] / STEP) as usize + 1;
-/// Half the width of the river, whose surface is at 0, and how far up the hills go from it.
+/// Half the width of the river, whose surface is at 0, the length of the slopes, and their rise;
+/// metres.
 const RIVER: f64 = 11.0;
 const SLOPE_M: f64 = 75.0;
 const RISE: f64 = 17.0;
-/// How much of the water sends anything back.
+/// Fraction of rays on water that return.
 const GLINT: f64 = 0.2;
-/// Squares of the raster along a block's edge, and blocks along x and y.
-const BLOCK: usize = 8;
-const BLOCKS: [usize; 2] = [(COLUMNS - 1) / BLOCK, (ROWS - 1) / BLOCK];
-const BLOCK_M: f64 = BLOCK as f64 * STEP;
-/// Steps of a march in a block, and how near the ground it ends, metres.
+/// Squares of the map along a tile's edge, and tiles along x and y.
+const TILE: usize = 8;
+const TILES: [usize; 2] = [(COLUMNS - 1) / TILE, (ROWS - 1) / TILE];
+const TILE_M: f64 = TILE as f64 * STEP;
+/// Greatest number of marching steps in a tile, and the distance from the ground at which they end,
+/// metres.
 const MARCH_MAX: usize = 60;
 const NEAR: f64 = 0.02;
 
@@ -32,24 +34,24 @@ const WATER: Material = Material::new([54, 76, 80], 0.06, 9, Texture::Speckle(0.
 /// Heights of the ground.
 pub struct Valley {
     heights: Vec<f64>,
-    blocks: Vec<Block>,
-    /// The highest of all.
+    tiles: Vec<Tile>,
+    /// Greatest height of all.
     top: f64,
     seed: u64,
 }
 
-/// What is known of a block of the raster.
-struct Block {
-    /// Its highest place, or the river.
+/// Bounds of a tile of the height map.
+struct Tile {
+    /// Greatest height, at least that of the river.
     top: f64,
-    /// Its greatest slope.
+    /// Greatest slope.
     slope: f64,
 }
 
-impl Block {
+impl Tile {
     fn new(heights: &[f64], column: usize, row: usize) -> Self {
         let (mut top, mut slope) = (0.0f64, 0.0f64);
-        for (i, j) in (0..=BLOCK).flat_map(|j| (0..=BLOCK).map(move |i| (i, j))) {
+        for (i, j) in (0..=TILE).flat_map(|j| (0..=TILE).map(move |i| (i, j))) {
             let at = |i: usize, j: usize| heights[column + i + (row + j) * COLUMNS];
             let here = at(i, j);
             top = top.max(here);
@@ -57,12 +59,12 @@ impl Block {
             let dy = if j > 0 { here - at(i, j - 1) } else { 0.0 };
             slope = slope.max((dx * dx + dy * dy).sqrt() / STEP);
         }
-        // Inside a square the blend's two slopes may come from different edges.
+        // Inside a square, the two interpolated slopes may come from different edges.
         Self { top, slope: 1.42 * slope }
     }
 }
 
-/// Metres from the river's middle.
+/// Distance from the river's middle, metres.
 fn from_river(seed: u64, x: f64, y: f64) -> f64 {
     (x - 7.0 * noise(seed ^ 20, y / 45.0, 0.5)).abs()
 }
@@ -82,13 +84,13 @@ impl Valley {
         let heights: Vec<f64> = (0..COLUMNS * ROWS)
             .map(|i| height(seed, place(i)[0] - HALF[0], place(i)[1] - HALF[1]))
             .collect();
-        let block = |i: usize| Block::new(&heights, i % BLOCKS[0] * BLOCK, i / BLOCKS[0] * BLOCK);
-        let blocks: Vec<Block> = (0..BLOCKS[0] * BLOCKS[1]).map(block).collect();
-        let top = blocks.iter().fold(0.0, |top: f64, block| top.max(block.top));
-        Self { heights, blocks, top, seed }
+        let tile = |i: usize| Tile::new(&heights, i % TILES[0] * TILE, i / TILES[0] * TILE);
+        let tiles: Vec<Tile> = (0..TILES[0] * TILES[1]).map(tile).collect();
+        let top = tiles.iter().fold(0.0, |top: f64, tile| top.max(tile.top));
+        Self { heights, tiles, top, seed }
     }
 
-    /// The ground, under water too, and its slope along x and y; `None` outside.
+    /// Height of the ground, also under water, and its slope along x and y; `None` outside.
     fn ground(&self, x: f64, y: f64) -> Option<(f64, [f64; 2])> {
         let (u, v) = ((x + HALF[0]) / STEP, (y + HALF[1]) / STEP);
         let (i, j) = (floor(u), floor(v));
@@ -109,34 +111,35 @@ impl Valley {
         self.ground(x, y).map_or(0.0, |(z, _)| z)
     }
 
-    /// Whether something can stand at a place: dry and not on the bank.
+    /// Whether something can stand at a point: it is dry and not on the bank.
     pub fn is_dry(&self, x: f64, y: f64) -> bool {
         from_river(self.seed, x, y) > RIVER + 4.0
     }
 
-    /// Whether a ray ends at ground or water before `t_max`, and what comes back from there: on
-    /// water, where `glint`, from 0 to 1, decides, mostly nothing.
+    /// Casts a ray to ground or water before `t_max`: `None` if it meets neither, `Some(None)` if
+    /// nothing returns. On water, `glint`, from 0 to 1, decides whether the ray returns; mostly it
+    /// does not.
     pub fn cast(&self, ray: &Ray, t_max: f64, glint: f64) -> Option<Option<Hit>> {
         let level = (ray.to[0] * ray.to[0] + ray.to[1] * ray.to[1]).sqrt();
         let mut t = 0.0;
         while t < t_max {
-            // A hair further, so that the place is within the block that is entered.
+            // Moved slightly, so that the point is within the tile that is entered.
             let p = ray.at(t + 1e-6);
             if ray.to[2] > 0.0 && p[2] > self.top {
                 return None;
             }
-            let at = [0, 1].map(|i| floor((p[i] + HALF[i]) / BLOCK_M));
-            if (0..2).any(|i| at[i] < 0 || at[i] as usize >= BLOCKS[i]) {
+            let at = [0, 1].map(|i| floor((p[i] + HALF[i]) / TILE_M));
+            if (0..2).any(|i| at[i] < 0 || at[i] as usize >= TILES[i]) {
                 return None;
             }
             let edge = |i: usize| {
                 let next = at[i] + i64::from(ray.to[i] > 0.0);
-                ray.reach(i, next as f64 * BLOCK_M - HALF[i])
+                ray.reach(i, next as f64 * TILE_M - HALF[i])
             };
             let t_edge = edge(0).min(edge(1)).max(t + 1e-6);
-            let block = &self.blocks[at[0] as usize + at[1] as usize * BLOCKS[0]];
-            let closing = block.slope * level - ray.to[2];
-            if p[2].min(ray.at(t_edge)[2]) <= block.top && closing > 0.0 {
+            let tile = &self.tiles[at[0] as usize + at[1] as usize * TILES[0]];
+            let closing = tile.slope * level - ray.to[2];
+            if p[2].min(ray.at(t_edge)[2]) <= tile.top && closing > 0.0 {
                 let end = self.march(ray, t, t_edge.min(t_max), closing, glint);
                 if end.is_some() {
                     return end;
@@ -147,7 +150,7 @@ impl Valley {
         None
     }
 
-    /// Marches through a block; `None` where the ray leaves it again.
+    /// Marches through a tile; `None` if the ray leaves it again.
     fn march(
         &self,
         ray: &Ray,
@@ -165,7 +168,7 @@ impl Valley {
             let (z, slope) = self.ground(p[0], p[1])?;
             let gap = p[2] - z;
             if gap < NEAR {
-                // Onto the plane that the ground is here.
+                // Onto the tangent plane of the ground here.
                 let sinking = slope[0] * ray.to[0] + slope[1] * ray.to[1] - ray.to[2];
                 let t = t + if sinking > 0.05 { gap / sinking } else { 0.0 };
                 return Some(Some(self.hit(ray, t, slope, z)));

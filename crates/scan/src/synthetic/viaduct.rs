@@ -1,24 +1,24 @@
-//! The bridge: viaducts of stone whose arches are cut out of a block, and between them a span of
-//! steel, of which a ray meets girders and railings as bars in a plane.
+//! The bridge: stone viaducts with arches cut out of a block, and a steel span between them, whose
+//! girders and railings are bars in planes.
 
 use super::draw::beyond;
 use super::ray::{Hit, Material, Ray, Texture, Vec3};
 
-/// Half the length of the steel span, of the bridge, and half its width; the roadway's height;
+/// Half the length of the steel span and of the bridge, half its width; the roadway's height;
 /// metres.
 pub const SPAN: f64 = 24.0;
 pub const END: f64 = 92.0;
 pub const WIDTH: f64 = 4.5;
 pub const ROADWAY: f64 = 18.0;
-/// Middles of the arches, on both sides; their radius, and where the round begins.
+/// Middles of the arches, on both sides; their radius, and the height at which the round begins.
 const ARCHES: [f64; 4] = [33.5, 48.0, 62.5, 77.0];
 const RADIUS: f64 = 5.6;
 const SPRINGING: f64 = 10.0;
-/// Where the stone's foundations end.
+/// Height of the lower end of the stone's foundations.
 const FOOT: f64 = -5.0;
 /// Thickness of the steel span's deck.
 const DECK: f64 = 0.7;
-/// How high its girders rise, and metres from one vertical to the next.
+/// Height of its girders, and distance of their verticals, metres.
 const GIRDER: f64 = 6.5;
 const PANEL: f64 = 4.0;
 /// Planes of bars: girders have two faces.
@@ -30,7 +30,7 @@ const TARMAC: Material = Material::new([96, 96, 98], 0.2, 17, Texture::Speckle(1
 const STEEL: Material = Material::new([92, 116, 112], 0.35, 17, Texture::Speckle(4.0));
 const RAIL: Material = Material::new([70, 76, 82], 0.3, 17, Texture::Plain);
 
-/// What a ray meets of the bridge before `t_max`.
+/// The first hit of a ray on the bridge before `t_max`.
 pub fn cast(ray: &Ray, t_max: f64) -> Option<Hit> {
     let mut nearest = None;
     let mut t = t_max;
@@ -45,7 +45,7 @@ pub fn cast(ray: &Ray, t_max: f64) -> Option<Hit> {
     nearest
 }
 
-/// A block of stone between two x, less its arches.
+/// The hit on a block of stone between two x, without its arches.
 fn stone(ray: &Ray, from: f64, to: f64) -> Option<Hit> {
     let [(t, axis), _] = ray.through([from, -WIDTH, FOOT], [to, WIDTH, ROADWAY])?;
     let p = ray.at(t.max(0.0));
@@ -63,7 +63,8 @@ fn stone(ray: &Ray, from: f64, to: f64) -> Option<Hit> {
     }
 }
 
-/// From inside an arch: its side or its round, where the ray does not leave it at a face before.
+/// The hit on the side or the round of an arch, from inside, if the ray does not leave through a
+/// face.
 fn vault(ray: &Ray, middle: f64) -> Option<Hit> {
     let t_face = ray.reach(1, if ray.to[1] > 0.0 { WIDTH } else { -WIDTH });
     let t_side = ray.reach(0, middle + if ray.to[0] > 0.0 { RADIUS } else { -RADIUS });
@@ -71,7 +72,7 @@ fn vault(ray: &Ray, middle: f64) -> Option<Hit> {
         let hit = Hit::on_face(ray, t_side, 0, ray.to[0] < 0.0, STONE);
         return (t_side < t_face).then_some(hit);
     }
-    // The farther of the two places on the cylinder.
+    // The farther of the two intersections with the cylinder.
     let (x, z) = (ray.from[0] - middle, ray.from[2] - SPRINGING);
     let a = ray.to[0] * ray.to[0] + ray.to[2] * ray.to[2];
     let b = x * ray.to[0] + z * ray.to[2];
@@ -102,8 +103,8 @@ fn bars_of_railing(ray: &Ray, y: f64) -> Option<Hit> {
     bars(ray, y, is_railing, RAIL)
 }
 
-/// Whether a girder has steel at this place along the bridge and above the roadway: a bow,
-/// verticals and diagonals that change direction in the middle.
+/// Whether a girder has steel at this position along the bridge and height above the roadway: a
+/// bow, verticals and diagonals that change direction in the middle.
 fn is_girder(x: f64, up: f64) -> bool {
     let bow = GIRDER * (1.0 - (x / SPAN) * (x / SPAN));
     if x.abs() > SPAN || up < 0.0 || up > bow {

@@ -1,7 +1,6 @@
-//! Blocks of whole lines from a stream, and work on blocks by all cores with results in order. In:
-//! a byte stream; out: blocks of at most 256 KiB, so that neither long files nor long lines cost
-//! memory. Serves the text reader and the ASCII body of PLY; the ordered work serves binary PLY as
-//! well.
+//! Cuts a byte stream into blocks of whole lines, and processes blocks on all cores with results in
+//! order. Blocks have at most 256 KiB, so neither long files nor long lines cost memory. Serves the
+//! text reader and the ASCII body of PLY; the ordered processing serves binary PLY as well.
 
 use crate::ahead::Ahead;
 use crate::error::ScanError;
@@ -10,25 +9,25 @@ use std::collections::VecDeque;
 use std::io::Read;
 use std::path::PathBuf;
 
-/// Bytes of a block at most. A point takes at least 6 (`0 0 0` and the line end), so that the
+/// Greatest size of a block, in bytes. A point takes at least 6 (`0 0 0` and the line end), so the
 /// points of a block always fit a batch.
 pub(crate) const BLOCK_BYTES: usize = 256 << 10;
-/// Bytes of a line at most.
+/// Greatest size of a line, in bytes.
 pub(crate) const LINE_BYTES_MAX: usize = 64 << 10;
-/// Blocks in flight at most, whatever the number of cores: 16 cost a few MiB.
+/// Greatest number of blocks under way, whatever the number of cores: 16 cost a few MiB.
 const BLOCKS_AT_ONCE_MAX: usize = 16;
 
 /// A run of whole lines.
-pub(crate) struct Block {
-    /// The lines with their ends; only the last of a file may lack one.
+pub(crate) struct LineBlock {
+    /// The lines with their ends; only the last line of a file may lack one.
     pub bytes: Vec<u8>,
     /// Number of its first line in the file, from 1.
     pub first_line: u64,
-    /// How many of its lines are not blank.
+    /// Number of its lines that are not blank.
     pub rows: u64,
 }
 
-impl Block {
+impl LineBlock {
     /// Its lines that are not blank, without blanks at either end, and their numbers.
     pub fn lines(&self) -> impl Iterator<Item = (u64, &[u8])> {
         let numbered = (self.first_line..).zip(self.bytes.split(|&b| b == b'\n'));
@@ -54,8 +53,8 @@ impl<R: Read> LineBlocks<R> {
     /// The next block; `None` at the end.
     ///
     /// # Errors
-    /// Where the stream cannot be read or a line is longer than [`LINE_BYTES_MAX`].
-    pub fn next(&mut self) -> Result<Option<Block>, ScanError> {
+    /// If the stream cannot be read or a line is longer than [`LINE_BYTES_MAX`].
+    pub fn next(&mut self) -> Result<Option<LineBlock>, ScanError> {
         if self.ended {
             return Ok(None);
         }
@@ -68,7 +67,7 @@ impl<R: Read> LineBlocks<R> {
             let end = bytes.iter().rposition(|&b| b == b'\n').map_or(0, |i| i + 1);
             self.carry = bytes.split_off(end);
         }
-        let mut block = Block { bytes, first_line: self.next_line, rows: 0 };
+        let mut block = LineBlock { bytes, first_line: self.next_line, rows: 0 };
         let mut lines = 0;
         for line in block.bytes.split(|&b| b == b'\n') {
             if line.len() > LINE_BYTES_MAX {
@@ -77,7 +76,7 @@ impl<R: Read> LineBlocks<R> {
             lines += 1;
             block.rows += u64::from(!line.trim_ascii().is_empty());
         }
-        // What follows the last line end is the empty beginning of the next block's first line.
+        // After the last line end, the first line of the next block begins, still empty.
         self.next_line += lines - 1;
         if self.carry.len() > LINE_BYTES_MAX {
             return Err(self.line_too_long(self.next_line));
@@ -94,8 +93,8 @@ impl<R: Read> LineBlocks<R> {
     }
 }
 
-/// Takes blocks from `next`, works on some at once with the cores of the current pool, and hands
-/// the results to `each` in the order of the blocks.
+/// Takes blocks from `next`, runs `work` on several at once on the threads of the current pool, and
+/// passes the results to `each` in the order of the blocks.
 ///
 /// # Errors
 /// The first error of any of the three; [`ScanError::Cancelled`].
@@ -117,12 +116,12 @@ pub(crate) fn in_order<B: Send, T: Send>(
                         under_way.push_back(Ahead::begin(scope, move || work(block)));
                     }
                     Ok(None) => end = Some(Ok(())),
-                    // What comes before it is taken first, or is at fault first.
+                    // Earlier blocks are passed on first; their errors take precedence.
                     Err(error) => end = Some(Err(error)),
                 }
             }
             match under_way.pop_front().map(Ahead::wait) {
-                // Where it has panicked, the scope does, too.
+                // If the task has panicked, the scope panics, too.
                 Some(result) => each(
                     result.unwrap_or(Err(ScanError::Cancelled(esker_points::task::Cancelled)))?,
                 )?,
@@ -137,7 +136,7 @@ mod tests {
     use super::*;
     use esker_points::task::Silent;
 
-    fn blocks(text: &[u8]) -> Result<Vec<Block>, ScanError> {
+    fn blocks(text: &[u8]) -> Result<Vec<LineBlock>, ScanError> {
         let mut reader = LineBlocks::new(text, "f.txt".into(), 1);
         let mut all = Vec::new();
         while let Some(block) = reader.next()? {

@@ -1,36 +1,36 @@
-//! What a text file is, told by its first lines: columns of numbers with or without a line of
-//! names, or with counts of lines before them (PTS), or something else altogether.
+//! Classifies a text file by its first lines: columns of numbers, with or without a line of names,
+//! or with counts of lines before them (PTS), or something else altogether.
 
 use super::naming::{COLUMNS_MAX, NAME_BYTES_MAX, axes};
 use super::number::{fields, has_decimal_commas, number};
 use esker_points::attribute::names;
 
-/// What the first lines of a file say.
+/// Class of a text file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Kind {
     /// Columns of numbers.
     Columns(Layout),
-    /// Columns of numbers whose decimal point is a comma; the line that shows it.
+    /// Columns of numbers with a decimal comma; the number of the line that has one.
     DecimalCommas(u64),
-    /// A table that is not one of points: which line shows it, and why.
+    /// A table, but not of points; the message names the line and the reason.
     NoPoints(String),
 }
 
 /// How the lines of a file are laid out.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Layout {
-    /// Names of the columns, where a line tells them.
+    /// Names of the columns, if a line has them.
     pub names: Option<Vec<String>>,
-    /// The line that tells them, where it is not a comment; it holds no point.
+    /// Number of the line with names if it is not a comment; it holds no point.
     pub names_line: Option<u64>,
     /// Numbers in a line.
     pub columns: usize,
-    /// Whether lines of a count alone stand before the lines that they count.
+    /// Whether lines with only a count precede the lines that they count.
     pub has_counts: bool,
 }
 
 impl Layout {
-    /// Whether a line (without blanks around it), of this number, is not meant as a point.
+    /// Whether a line (without blanks around it) of this number is not meant as a point.
     pub fn is_beside(&self, number: u64, line: &[u8]) -> bool {
         is_comment(line)
             || Some(number) == self.names_line
@@ -38,7 +38,7 @@ impl Layout {
     }
 }
 
-/// What a PTS file's columns are, where there are so many; it names none.
+/// Names of the columns of a PTS file, by their number; the file does not name them.
 const PTS_COLUMNS: [&[&str]; 5] = [
     &[],
     &[names::INTENSITY],
@@ -52,8 +52,8 @@ pub(crate) fn is_comment(line: &[u8]) -> bool {
     line.starts_with(b"#") || line.starts_with(b"//") || line.starts_with(b"%")
 }
 
-/// Whether nothing but empty fields, or a comment, follows the numbers of a line: `field`, which is
-/// none, and what stands behind it.
+/// Whether only empty fields or a comment follow the numbers of a line: `field` is the first that
+/// is no number, `behind` the fields after it.
 pub(crate) fn is_end<'a>(field: &'a [u8], behind: impl Iterator<Item = &'a [u8]>) -> bool {
     std::iter::once(field).chain(behind).find(|f| !f.is_empty()).is_none_or(is_comment)
 }
@@ -63,8 +63,8 @@ pub(crate) fn excerpt(line: &[u8]) -> String {
     String::from_utf8_lossy(&line[..line.len().min(40)]).escape_debug().to_string()
 }
 
-/// Tells what a file is by its first lines; `None` where it is no text that could hold points. A
-/// file without any point is only told by its names.
+/// Classifies a file by its first lines; `None` if it is not text that could hold points. A file
+/// without any point is recognised only by its names.
 pub(crate) fn classify(head: &[u8]) -> Option<Kind> {
     // Form feeds and the end mark of DOS (0x1A) occur in real files.
     let printable = |b: &u8| *b >= 0x20 || b.is_ascii_whitespace() || *b == 0x1A;
@@ -106,7 +106,7 @@ pub(crate) fn classify(head: &[u8]) -> Option<Kind> {
     is_table.then_some(Kind::Columns(layout))
 }
 
-/// The layout of a file whose first numbers, so many, stand in line `n`.
+/// The layout of a file whose line `n` is the first with numbers.
 fn layout(
     n: u64,
     columns: usize,
@@ -126,14 +126,15 @@ fn layout(
     Kind::Columns(Layout { names, names_line, columns, has_counts: false })
 }
 
-/// The layout of a PTS file of so many columns.
+/// The layout of a PTS file with this number of columns.
 fn pts(columns: usize) -> Layout {
     let more = PTS_COLUMNS.into_iter().find(|more| more.len() + 3 == columns);
     let names = more.map(|more| ["x", "y", "z"].iter().chain(more).map(|n| (*n).into()).collect());
     Layout { names, names_line: None, columns, has_counts: true }
 }
 
-/// How many numbers a line begins with; the field behind them, where something follows that counts.
+/// Counts the numbers that a line begins with; also returns the field after them, if it is neither
+/// empty nor a comment.
 fn numbers_of(line: &[u8]) -> (usize, Option<&[u8]>) {
     let mut fields = fields(line);
     let mut numbers = 0;
@@ -146,7 +147,7 @@ fn numbers_of(line: &[u8]) -> (usize, Option<&[u8]>) {
     (numbers, None)
 }
 
-/// Why line `n`, which begins with so many numbers, is no point.
+/// Why line `n`, which begins with `numbers` numbers, is no point.
 fn why_no_point(n: u64, numbers: usize, stray: Option<&[u8]>) -> String {
     match stray {
         Some(b"") => format!("line {n} has an empty field; write a number there"),
@@ -158,9 +159,9 @@ fn why_no_point(n: u64, numbers: usize, stray: Option<&[u8]>) -> String {
     }
 }
 
-/// Names in a line: separated by commas, else semicolons, else tabs, else blanks; quotes are taken
-/// off. `None` where a field does not look like a name; beside x, y and z any word does, and one
-/// that is empty gets `column_` and its number.
+/// Names in a line, separated by commas, else semicolons, else tabs, else blanks; quotes are
+/// removed. `None` if a field does not look like a name. Beside x, y and z any word is a name, and
+/// an empty field gets `column_` and its number.
 fn names_of(line: &[u8]) -> Option<Vec<String>> {
     let line = std::str::from_utf8(line).ok()?;
     let mark = [',', ';', '\t'].into_iter().find(|&m| line.contains(m));
@@ -187,7 +188,7 @@ fn has_axes(names: &[String]) -> bool {
     axes(names.iter().map(String::as_str)).is_some()
 }
 
-/// The number in a line that has nothing but a count.
+/// The number in a line that has only a count.
 pub(crate) fn count(line: &[u8]) -> Option<u64> {
     let is_one = !line.is_empty() && line.iter().all(u8::is_ascii_digit);
     std::str::from_utf8(line).ok().filter(|_| is_one)?.parse().ok()
@@ -215,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_with_and_without_names_are_told() {
+    fn columns_with_and_without_names_are_recognised() {
         for (text, want) in [
             ("1 2 3\n4 5 6\n", (3, None)),
             ("\n# made by hand\n1.5,2,3,4\n", (4, None)),
@@ -255,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_of_something_else_tell_their_line() {
+    fn tables_without_points_are_refused_with_the_line() {
         for (text, want) in [
             ("x,y,z\n1,,3\n", "line 2 has an empty field"),
             ("1,,3\n", "line 1 has an empty field"),

@@ -1,12 +1,12 @@
-//! Points as text: XYZ, TXT, CSV, PTS. Lines of numbers separated by blanks, tabs, commas or
-//! semicolons, optionally after a line of names; `#`, `//` and `%` begin comments. PTS has lines
-//! with a count alone before the points that it counts. Lines end with LF or CR LF, or all with CR.
-//! A first pass finds bounds, digits and types ([`survey`]), a second one hands the points over;
+//! Reads points as text: XYZ, TXT, CSV, PTS. Lines have numbers separated by blanks, tabs, commas
+//! or semicolons, optionally after a line of names; `#`, `//` and `%` begin comments. PTS has lines
+//! with only a count before the points that they count. Lines end with LF or CR LF, or all with CR.
+//! A first pass finds bounds, digits and types ([`survey`]), a second one decodes the points;
 //! neither keeps more than a few blocks.
 //!
-//! Lines that are not as many numbers as the first are refused and counted while they are fewer
-//! than 1,000 and at most one in a hundred (one is always allowed: a cut last line); else the file
-//! is.
+//! Lines with another number of values than the first one are refused and counted, as long as they
+//! are fewer than 1,000 and at most one in a hundred (one is always allowed: a truncated last
+//! line). Otherwise the file is refused.
 
 pub(crate) mod blocks;
 pub(crate) mod layout;
@@ -17,7 +17,7 @@ mod survey;
 
 use crate::error::ScanError;
 use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
-use blocks::{Block, in_order};
+use blocks::{LineBlock, in_order};
 use esker_points::lattice::{GridKind, Placement, decimal_grid};
 use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Task};
 use layout::{Kind, Layout, classify};
@@ -25,9 +25,9 @@ use naming::{NOT_FINITE, colour_max, wide_colours};
 use start::{first_lines, lines_of, read_head};
 use std::fs::File;
 use std::path::Path;
-use survey::{Plan, Survey, axes_of, parse_row};
+use survey::{ColumnPlan, Survey, axes_of, parse_row};
 
-/// XYZ, TXT, CSV and PTS, as the registry knows them.
+/// XYZ, TXT, CSV and PTS, an entry of the registry.
 pub const FORMAT: Format = Format {
     name: "text (XYZ, TXT, CSV, PTS)",
     endings: &["xyz", "txt", "csv", "pts"],
@@ -35,15 +35,15 @@ pub const FORMAT: Format = Format {
     open,
 };
 
-/// Lines that are no points: fewer than this.
+/// A file with this many malformed lines is refused ...
 const MALFORMED_MAX: u64 = 1000;
-/// ... and at most one in so many.
+/// ... and so is one with more than one malformed line in this many.
 const LINES_PER_MALFORMED: u64 = 100;
 
 struct TextSource {
     info: SourceInfo,
     layout: Layout,
-    plan: Plan,
+    plan: ColumnPlan,
 }
 
 fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
@@ -51,7 +51,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     let survey = survey_file(path, &layout, task)?;
     check_malformed(path, &layout, &survey, true)?;
-    let plan = Plan::new(&layout, &survey);
+    let plan = ColumnPlan::new(&layout, &survey);
     let (name, named) = match (layout.has_counts, layout.names.is_some()) {
         (true, _) => ("PTS", ""),
         (false, true) => ("text", ", named"),
@@ -90,7 +90,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         info.verbatim.push(("text column names".into(), names.join(",").into_bytes()));
     }
     if wide_colours(&info.schema).is_some() {
-        // Colours are 16 bits wide only where a value needs more than 8.
+        // Colours are 16 bits wide only if a value needs more than 8.
         info.colour_depth = options.colour_depth.or(Some(ColourDepth::Sixteen));
     }
     Ok(Box::new(TextSource { info, layout, plan }))
@@ -118,7 +118,7 @@ fn survey_file(path: &Path, layout: &Layout, task: &dyn Task) -> Result<Survey, 
     let axes = axes_of(layout);
     let mut lines = lines_of(path)?;
     let mut found = Survey::empty(layout.columns);
-    let work = |block: Block| Ok(Survey::of_block(&block, layout, axes));
+    let work = |block: LineBlock| Ok(Survey::of_block(&block, layout, axes));
     in_order(
         task,
         || lines.next(),
@@ -131,7 +131,7 @@ fn survey_file(path: &Path, layout: &Layout, task: &dyn Task) -> Result<Survey, 
     Ok(found)
 }
 
-/// Refuses a file of too many lines that are no points (see the module's head).
+/// Refuses a file with too many malformed lines (see the module's head).
 fn check_malformed(
     path: &Path,
     layout: &Layout,
@@ -156,8 +156,8 @@ fn check_malformed(
     Err(ScanError::damaged(path, format!("line {line} is not {n} numbers (`{excerpt}`){more}")))
 }
 
-/// The points of a block, and what became of the others.
-struct Part {
+/// The points decoded from a block, and the number of refused lines.
+struct Decoded {
     batch: Batch,
     not_finite: u64,
     malformed: u64,
@@ -165,46 +165,47 @@ struct Part {
 }
 
 impl TextSource {
-    fn decode(&self, block: &Block, placement: &Placement) -> Result<Part, ScanError> {
+    fn decode(&self, block: &LineBlock, placement: &Placement) -> Result<Decoded, ScanError> {
         let path = &self.info.path;
-        // Not by its lines alone: short lines of a file of many columns are no points.
+        // The number of lines alone is no bound: short lines in a file of many columns are no
+        // points.
         let points_max = block.bytes.len() / (2 * self.layout.columns) + 1;
         let capacity = points_max.min(block.rows as usize);
         let batch = Batch::with_capacity(self.info.schema.clone(), capacity);
-        let mut part = Part { batch, not_finite: 0, malformed: 0, rounding_error_max: 0.0 };
+        let mut decoded = Decoded { batch, not_finite: 0, malformed: 0, rounding_error_max: 0.0 };
         let mut row = Vec::with_capacity(self.layout.columns);
         for (n, line) in block.lines() {
             if self.layout.is_beside(n, line) {
                 continue;
             }
             if !parse_row(line, self.layout.columns, &mut row) {
-                part.malformed += 1;
+                decoded.malformed += 1;
                 continue;
             }
             let world = self.plan.axes.map(|a| row[a]);
             if !world.iter().all(|c| c.is_finite()) {
-                part.not_finite += 1;
+                decoded.not_finite += 1;
                 continue;
             }
-            let placed = placement.real(world, &mut part.rounding_error_max);
+            let placed = placement.real(world, &mut decoded.rounding_error_max);
             let off = |e: esker_points::lattice::OffLattice| ScanError::OffLattice {
                 path: path.clone(),
                 world: e.world,
             };
-            part.batch.positions.push(placed.map_err(off)?);
+            decoded.batch.positions.push(placed.map_err(off)?);
             let attributes = self.info.schema.attributes.iter().zip(&self.plan.sources);
-            for ((attribute, &source), column) in attributes.zip(&mut part.batch.columns) {
+            for ((attribute, &source), column) in attributes.zip(&mut decoded.batch.columns) {
                 if !put(row[source], attribute.ty, column) {
                     return Err(ScanError::damaged(path, "it changed while it was read"));
                 }
             }
         }
-        Ok(part)
+        Ok(decoded)
     }
 }
 
-/// Appends a value as this type; `false` where the type does not hold it, which the survey rules
-/// out for a file that stays as it is.
+/// Appends a value as this type; `false` if the type does not hold it. The survey rules that out,
+/// unless the file changes.
 fn put(v: f64, ty: AttrType, out: &mut Vec<u8>) -> bool {
     match ty {
         AttrType::U8 => out.push(v as u8),
@@ -236,16 +237,16 @@ impl Source for TextSource {
         let mut report = ReadReport::default();
         let mut lines = lines_of(&self.info.path)?;
         let not_numbers = format!("line is not {} numbers", self.layout.columns);
-        let work = |block: Block| self.decode(&block, placement);
+        let work = |block: LineBlock| self.decode(&block, placement);
         in_order(
             task,
             || lines.next(),
             work,
-            |part: Part| {
+            |decoded: Decoded| {
                 let refused =
-                    [(NOT_FINITE, part.not_finite), (not_numbers.as_str(), part.malformed)];
-                let colour_max = colour_max(&part.batch);
-                report.take(part.batch, &refused, part.rounding_error_max, colour_max, sink)
+                    [(NOT_FINITE, decoded.not_finite), (not_numbers.as_str(), decoded.malformed)];
+                let colour_max = colour_max(&decoded.batch);
+                report.take(decoded.batch, &refused, decoded.rounding_error_max, colour_max, sink)
             },
         )?;
         Ok(report)

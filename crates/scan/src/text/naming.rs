@@ -1,17 +1,17 @@
-//! What columns of a text file and properties of a PLY vertex are called in Esker: coordinates,
-//! normals, colours and intensity by their usual names, all else by its own.
+//! Names the attributes made from columns of a text file and properties of a PLY vertex:
+//! coordinates, normals, colours and intensity get Esker's names, all others keep their own.
 
 use esker_points::attribute::names;
 use esker_points::{AttrType, Attribute, Batch, Schema};
 use std::sync::Arc;
 
-/// Bytes of a name at most.
+/// Greatest length of a name, in bytes.
 pub(crate) const NAME_BYTES_MAX: usize = 256;
-/// Columns or properties at most.
+/// Greatest number of columns or properties.
 pub(crate) const COLUMNS_MAX: usize = 1024;
-/// Why points without a place are refused.
+/// Reason for which points without a position are refused.
 pub(crate) const NOT_FINITE: &str = "coordinate is not a finite number";
-/// Why directions from which nothing came back to a scanner are none.
+/// Reason for which directions without a return are refused.
 pub(crate) const NO_RETURN: &str = "no return";
 
 /// 0, 1, 2 for x, y, z.
@@ -19,17 +19,17 @@ pub(crate) fn axis(name: &str) -> Option<usize> {
     ["x", "y", "z"].iter().position(|a| name.eq_ignore_ascii_case(a))
 }
 
-/// Where x, y and z are among these names.
+/// Indices of x, y and z among these names.
 pub(crate) fn axes<'a>(names: impl Iterator<Item = &'a str> + Clone) -> Option<[usize; 3]> {
     let at = |i| names.clone().position(|n| axis(n) == Some(i));
     Some([at(0)?, at(1)?, at(2)?])
 }
 
-/// Colour with more or less light through it; LAS has no such field.
+/// Opacity of a colour; LAS has no such field.
 const ALPHA: &str = "alpha";
 
-/// The name that an attribute of this name may get, whatever its type. Capitals, underscores and
-/// blanks make no difference; `scalar` is what CloudCompare puts before names.
+/// Esker's name of an attribute with this name, whatever its type. Case, underscores and blanks are
+/// ignored; `scalar` is what CloudCompare puts before names.
 pub(crate) fn usual(name: &str) -> Option<&'static str> {
     let letters = name.chars().filter(|c| !matches!(c, '_' | ' '));
     let plain: String = letters.flat_map(char::to_lowercase).collect();
@@ -51,7 +51,7 @@ pub(crate) fn usual(name: &str) -> Option<&'static str> {
     })
 }
 
-/// Whether a usual name may have this type.
+/// Whether an attribute of one of Esker's names may have this type.
 fn fits(usual: &str, ty: AttrType) -> bool {
     match usual {
         names::INTENSITY => true,
@@ -65,9 +65,8 @@ fn fits(usual: &str, ty: AttrType) -> bool {
     }
 }
 
-/// What the attributes of a source with these names and types are called: [`usual`] where the type
-/// is usual for it too, else their own. Red, green and blue are colours only where all three are
-/// there, alpha only beside them.
+/// Names attributes with these names and types: [`usual`] if the type is usual for that name, too,
+/// else their own. Red, green and blue are colours only if all three exist, alpha only beside them.
 pub(crate) fn named(attributes: &[(&str, AttrType)]) -> Vec<(String, AttrType)> {
     let usual: Vec<_> =
         attributes.iter().map(|&(name, ty)| usual(name).filter(|u| fits(u, ty))).collect();
@@ -81,8 +80,8 @@ pub(crate) fn named(attributes: &[(&str, AttrType)]) -> Vec<(String, AttrType)> 
     attributes.iter().zip(usual).map(name).collect()
 }
 
-/// The schema of these names and types, and which of its columns each has become. Of two attributes
-/// that are alike the later one gets a number behind its name.
+/// Makes the schema of these names and types, and returns the column of each. Of two attributes of
+/// equal name and type, the later one gets a number after its name.
 pub(crate) fn schema_of(attributes: Vec<(String, AttrType)>) -> (Arc<Schema>, Vec<usize>) {
     let mut seen = std::collections::HashSet::new();
     let unique = attributes.into_iter().map(|(base, ty)| {
@@ -99,12 +98,12 @@ pub(crate) fn schema_of(attributes: Vec<(String, AttrType)>) -> (Arc<Schema>, Ve
     (Arc::new(schema), columns)
 }
 
-/// The columns of 16-bit colours, where the schema has such.
+/// Indices of the columns of 16-bit colours, if the schema has them.
 pub(crate) fn wide_colours(schema: &Schema) -> Option<[usize; 3]> {
     schema.rgb().filter(|rgb| schema.attributes[rgb[0]].ty == AttrType::U16)
 }
 
-/// The greatest value in the 16-bit colour columns of a batch; 0 where there are none.
+/// The greatest value in the 16-bit colour columns of a batch; 0 without such columns.
 pub(crate) fn colour_max(batch: &Batch) -> u16 {
     let columns = wide_colours(&batch.schema).into_iter().flatten();
     let values = columns.flat_map(|c| batch.columns[c].chunks_exact(2));

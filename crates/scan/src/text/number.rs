@@ -1,5 +1,5 @@
-//! Numbers in text: a line's fields, a field's value, and how many digits after the point are
-//! needed to write it exactly. Parsing rounds correctly to the nearest `f64` (fast-float2).
+//! Parses numbers in text: the fields of a line, the value of a field, and the number of decimals
+//! that writes it exactly. Values are rounded correctly to the nearest `f64` (crate `fast-float2`).
 
 /// The fields of a line: separated by blanks and tabs, with at most one comma or semicolon among
 /// them. Two commas in a row enclose an empty field; one at the end of the line is ignored.
@@ -20,8 +20,8 @@ pub(crate) fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// The value of a field, with or without quotes; `None` where it is no number. The ways in which C
-/// libraries write what is not a number (`nan(ind)`, `1.#QNAN`) are read as NaN.
+/// The value of a field, with or without quotes; `None` if it is no number. The spellings of NaN by
+/// C libraries (`nan(ind)`, `1.#QNAN`) are read as NaN.
 pub(crate) fn number(field: &[u8]) -> Option<f64> {
     fast_float2::parse::<f64, _>(field).ok().or_else(|| {
         let field = unquoted(field);
@@ -42,7 +42,7 @@ fn unquoted(field: &[u8]) -> &[u8] {
 }
 
 /// Digits after the point that the number in `field` needs: `22.23550` needs 4, `1.5e-3` needs 4,
-/// `2e3` none. For a field that [`number`] reads.
+/// `2e3` needs 0. `field` is one that [`number`] reads.
 pub(crate) fn decimals(field: &[u8]) -> u32 {
     let field = unquoted(field);
     let exponent_at = field.iter().position(|b| matches!(b, b'e' | b'E')).unwrap_or(field.len());
@@ -65,9 +65,8 @@ pub(crate) fn decimals(field: &[u8]) -> u32 {
     needed.clamp(0, i64::from(u32::MAX)) as u32
 }
 
-/// Whether a line's numbers are written with a comma for a decimal point: fields between
-/// semicolons, blanks or tabs of which at least one has the form `1,5` and no other form than whole
-/// numbers occurs.
+/// Whether the numbers of a line have decimal commas: fields between semicolons, blanks or tabs, of
+/// which at least one has the form `1,5` and all others are such or whole numbers.
 pub(crate) fn has_decimal_commas(line: &[u8]) -> bool {
     let parts = line.split(|b| *b == b';' || b.is_ascii_whitespace()).filter(|p| !p.is_empty());
     let whole = |p: &[u8]| {
@@ -147,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn decimal_commas_are_told_from_separators() {
+    fn decimal_commas_differ_from_separators() {
         for line in ["1,5;2,5;3,5", "1;2,5;3", "1,5 2,5 3,5", "-1,5\t2\t3"] {
             assert!(has_decimal_commas(line.as_bytes()), "{line}");
         }

@@ -1,5 +1,5 @@
-//! How a text file begins and how its lines end: bytes in, lines that end with LF out, without the
-//! mark that UTF-8 text may begin with.
+//! Reads the beginning of a text file and unifies its lines: bytes in, lines that end with LF out,
+//! without a byte order mark.
 
 use super::blocks::LineBlocks;
 use crate::error::ScanError;
@@ -8,20 +8,20 @@ use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-/// What UTF-8 text may begin with.
+/// Byte order mark of UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
-/// The first bytes of a file, as far as its first lines are looked for.
+/// Reads the first bytes of a file, from which its format is recognised.
 ///
 /// # Errors
-/// Where the system refuses the read.
+/// If the system refuses the read.
 pub(crate) fn read_head(file: &mut File) -> std::io::Result<Vec<u8>> {
     let mut head = Vec::new();
     file.take(HEAD_BYTES).read_to_end(&mut head)?;
     Ok(head)
 }
 
-/// The lines of a file that begins so. The last one is whole, unless it is the only one.
+/// The lines in `head`, the beginning of a file. The last one is whole, unless it is the only one.
 pub(crate) fn first_lines(head: &[u8]) -> Vec<u8> {
     let mut lines = without_mark(head).to_vec();
     if ends_lines_with_cr(head) {
@@ -37,7 +37,7 @@ pub(crate) fn first_lines(head: &[u8]) -> Vec<u8> {
 /// The lines of a file in blocks, from its beginning.
 ///
 /// # Errors
-/// Where it cannot be read.
+/// If the file cannot be read.
 pub(crate) fn lines_of(path: &Path) -> Result<LineBlocks<Box<dyn Read>>, ScanError> {
     let io = |e| ScanError::io(path, e);
     let mut file = File::open(path).map_err(io)?;
@@ -52,7 +52,7 @@ fn without_mark(head: &[u8]) -> &[u8] {
     head.strip_prefix(BYTE_ORDER_MARK).unwrap_or(head)
 }
 
-/// Whether the lines of a file that begins so end with CR alone.
+/// Whether the lines of a file that begins with `head` end with CR alone.
 fn ends_lines_with_cr(head: &[u8]) -> bool {
     head.contains(&b'\r') && !head.contains(&b'\n')
 }

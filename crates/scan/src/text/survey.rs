@@ -1,8 +1,8 @@
-//! The first pass over a text file: bounds, digits after the point, which columns hold whole
-//! numbers and of what range, and how many lines are no points. Out comes the plan by which the
-//! second pass reads: attributes, their types and the grid.
+//! The first pass over a text file: bounds, digits after the point, the ranges of columns of whole
+//! numbers, and the number of malformed lines. From it follows the plan of the second pass:
+//! attributes, their types and the grid.
 
-use super::blocks::Block;
+use super::blocks::LineBlock;
 use super::layout::{Layout, count, excerpt, is_end};
 use super::naming::{axes, named, schema_of, usual};
 use super::number::{decimals, fields, number};
@@ -10,7 +10,7 @@ use esker_points::attribute::names;
 use esker_points::{AttrType, Schema};
 use std::sync::Arc;
 
-/// What is known of the values of a column.
+/// Range of the values of a column.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Range {
     min: f64,
@@ -40,13 +40,13 @@ impl Range {
         self.whole && min <= self.min && self.max <= max
     }
 
-    /// Whether values are whole numbers of which doubles do not keep all digits.
+    /// Whether values are whole numbers too large for a double to keep all digits.
     fn is_rounded(&self) -> bool {
         let greatest = self.max.max(-self.min);
         self.whole && greatest >= WHOLE_MAX && greatest <= u64::MAX as f64
     }
 
-    /// The narrowest type that holds every value as it is.
+    /// The narrowest type that holds every value exactly.
     fn narrowest(&self) -> AttrType {
         if self.is_whole_within(0.0, 255.0) {
             AttrType::U8
@@ -60,29 +60,29 @@ impl Range {
     }
 }
 
-/// Below here doubles are all whole numbers; what reads as this may have been one more.
+/// All whole numbers below this are doubles; a value that reads as this may have been one more.
 const WHOLE_MAX: f64 = (1u64 << 53) as f64;
 
 /// What a pass over some lines finds.
 #[derive(Clone, Debug)]
 pub(crate) struct Survey {
-    /// Points with a place.
+    /// Points with a finite position.
     pub points: u64,
-    /// Points without a place.
+    /// Points without a finite position.
     pub not_finite: u64,
-    /// Points that lines of counts say there are.
+    /// Number of points according to lines with counts.
     pub claimed: u64,
-    /// Lines that are no points.
+    /// Number of malformed lines.
     pub malformed: u64,
-    /// The first of them.
+    /// Number and beginning of the first malformed line.
     pub first_malformed: Option<(u64, String)>,
     /// Digits after the point that x, y and z need.
     pub decimals: [u32; 3],
     ranges: Vec<Range>,
 }
 
-/// Reads a line of exactly `columns` numbers into `row`; `false` where it is not such a line. Empty
-/// fields, or a comment, may follow.
+/// Parses a line of exactly `columns` numbers into `row`; `false` if it is no such line. Empty
+/// fields or a comment may follow.
 pub(crate) fn parse_row(line: &[u8], columns: usize, row: &mut Vec<f64>) -> bool {
     row.clear();
     let mut fields = fields(line);
@@ -97,7 +97,7 @@ pub(crate) fn parse_row(line: &[u8], columns: usize, row: &mut Vec<f64>) -> bool
 }
 
 impl Survey {
-    /// Knows of no line yet.
+    /// The survey of no lines.
     pub fn empty(columns: usize) -> Self {
         Self {
             points: 0,
@@ -111,7 +111,7 @@ impl Survey {
     }
 
     /// Surveys the lines of a block; `axes` are the columns of x, y and z.
-    pub fn of_block(block: &Block, layout: &Layout, axes: [usize; 3]) -> Self {
+    pub fn of_block(block: &LineBlock, layout: &Layout, axes: [usize; 3]) -> Self {
         let mut found = Self::empty(layout.columns);
         let mut row = Vec::with_capacity(layout.columns);
         for (n, line) in block.lines() {
@@ -145,7 +145,7 @@ impl Survey {
         }
     }
 
-    /// Adds what a later block holds.
+    /// Adds the survey of a later block.
     pub fn merge(&mut self, later: Self) {
         self.points += later.points;
         self.not_finite += later.not_finite;
@@ -160,7 +160,7 @@ impl Survey {
         }
     }
 
-    /// The bounds of all points with a place.
+    /// The bounds of all points with a finite position.
     pub fn bounds(&self, axes: [usize; 3]) -> Option<[[f64; 3]; 2]> {
         let of = |value: fn(&Range) -> f64| axes.map(|a| value(&self.ranges[a]));
         (self.points > 0).then(|| [of(|r| r.min), of(|r| r.max)])
@@ -169,14 +169,14 @@ impl Survey {
 
 /// How the columns of a file become coordinates and attributes.
 #[derive(Clone, Debug)]
-pub(crate) struct Plan {
+pub(crate) struct ColumnPlan {
     /// Columns of x, y and z.
     pub axes: [usize; 3],
     /// The attributes.
     pub schema: Arc<Schema>,
     /// The text column of each attribute of the schema.
     pub sources: Vec<usize>,
-    /// What was assumed, a line each.
+    /// Assumptions, a line each.
     pub notes: Vec<String>,
 }
 
@@ -186,8 +186,8 @@ pub(crate) fn axes_of(layout: &Layout) -> [usize; 3] {
     named.unwrap_or([0, 1, 2])
 }
 
-impl Plan {
-    /// Decides names and types after the survey.
+impl ColumnPlan {
+    /// Chooses names and types after the survey.
     pub fn new(layout: &Layout, survey: &Survey) -> Self {
         let axes = axes_of(layout);
         let mut notes = Vec::new();
@@ -220,10 +220,9 @@ impl Plan {
     }
 }
 
-/// Names of columns that the file does not name: `column_4` and so on, but intensity for the fourth
-/// of four where it is whole and of 16 bits; colours for the last three of six where they are
-/// bytes; and of seven both, in the order that the values leave as the only one (`r g b i` or
-/// `i r g b`).
+/// Names for columns that the file does not name: `column_4` and so on. But the fourth of four is
+/// the intensity if it is whole and fits 16 bits; the last three of six are colours if they are
+/// bytes; and seven have both, if the values allow only one of the orders `r g b i` and `i r g b`.
 fn guessed_names(columns: usize, ranges: &[Range], notes: &mut Vec<String>) -> Vec<String> {
     let mut names: Vec<String> = ["x", "y", "z"].map(str::to_owned).to_vec();
     names.extend((4..=columns).map(|n| format!("column_{n}")));
@@ -234,7 +233,7 @@ fn guessed_names(columns: usize, ranges: &[Range], notes: &mut Vec<String>) -> V
         7 => match (bytes(3), bytes(4)) {
             (true, false) => (Some(3), Some(6)),
             (false, true) => (Some(4), Some(3)),
-            // All four are bytes: which is the intensity cannot be told.
+            // All four are bytes, so the intensity cannot be distinguished from colours.
             _ => (None, None),
         },
         _ => (None, None),
@@ -255,8 +254,8 @@ fn guessed_names(columns: usize, ranges: &[Range], notes: &mut Vec<String>) -> V
     names
 }
 
-/// The ranges, with that of all three where columns are red, green and blue, so that they get one
-/// type.
+/// The ranges of the columns, but red, green and blue get their common range, so that they have the
+/// same type.
 fn with_equal_colours(names: &[String], ranges: &[Range]) -> Vec<Range> {
     let mut ranges = ranges.to_vec();
     let at = |colour| names.iter().position(|n| usual(n) == Some(colour));
@@ -269,8 +268,8 @@ fn with_equal_colours(names: &[String], ranges: &[Range]) -> Vec<Range> {
     ranges
 }
 
-/// The type of a column: that of LAS where it has such a field and the values fit, and `f32` for
-/// normals, as the renderer wants them; else the narrowest that holds all values.
+/// The type of a column: that of LAS if it has such a field and the values fit; `f32` for normals,
+/// as the renderer needs them; else the narrowest that holds all values.
 fn type_of(name: &str, range: &Range) -> AttrType {
     match usual(name) {
         Some(names::NX | names::NY | names::NZ) => AttrType::F32,

@@ -1,24 +1,25 @@
-//! Lattice coordinates as numbers and as text, exactly where numbers can be exact: on a decimal
-//! lattice the nearest double of the decimal number and its digits; on a lattice of binary steps
-//! the double itself.
+//! Converts lattice coordinates to numbers and text, exactly if possible: on a decimal lattice, the
+//! nearest double of the decimal number and its digits; on a lattice of binary steps, the double
+//! itself.
 
 use super::numbers::{Decimal, float};
 use esker_points::Lattice;
 use esker_points::lattice::ORIGIN;
 
-/// How lattice coordinates become numbers.
+/// Converts lattice coordinates to numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Coordinates {
     lattice: Lattice,
-    /// By lattice coordinate; what is no decimal is as [`Lattice::world_axis`] has it.
+    /// Conversion of each axis from lattice coordinates; axes that are not decimal use
+    /// [`Lattice::world_axis`].
     axes: [Option<Decimal>; 3],
-    /// Whether single-precision numbers hold them. As text they are doubles all the same: the
-    /// fewest digits of a single would lie beside it by more than a step.
+    /// Whether singles hold the coordinates exactly. Text uses doubles all the same: the fewest
+    /// digits of a single may differ from the coordinate by more than a step.
     pub single: bool,
 }
 
 impl Coordinates {
-    /// Of a lattice; `single` where all sources held singles.
+    /// Makes the conversion for a lattice; `single` if all sources held singles.
     pub fn new(lattice: &Lattice, single: bool) -> Self {
         let axes = [0, 1, 2].map(|axis| {
             let shift = i128::from(lattice.shift[axis]) - i128::from(ORIGIN);
@@ -28,8 +29,7 @@ impl Coordinates {
             let mantissa = lattice.scale[i].to_bits() & ((1 << 52) - 1);
             mantissa == 0 && lattice.offset[i] == 0.0
         });
-        // Singles on such a lattice are multiples of its step, and rounded to it they have fewer
-        // bits.
+        // Singles on such a lattice are multiples of its step; rounding to steps only removes bits.
         Self { lattice: *lattice, axes, single: single && is_binary }
     }
 
@@ -90,8 +90,8 @@ mod tests {
             let lattice = lattice(scale, at as f64, at * 1000);
             let value = Coordinates::new(&lattice, false).value(1, u);
             prop_assert_eq!(text(&lattice, u).parse::<f64>().unwrap(), value);
-            // The lattice's own is rounded twice: far from zero that is more than a part of a fine
-            // step.
+            // The lattice rounds its own value twice; far from zero the error exceeds a fraction of
+            // a fine step.
             let rounding = value.abs() * f64::EPSILON;
             prop_assert!((value - lattice.world([u; 3])[1]).abs() < scale * 1e-4 + rounding);
         }

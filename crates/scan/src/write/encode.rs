@@ -1,5 +1,5 @@
-//! What the writers of all formats share: the outline and the sources of an export, the traits of
-//! an encoder and of an output, and the encoded points between them.
+//! Interface of the writers of all formats: outline and sources of an export, the traits of an
+//! encoder and of an output, and the encoded points that pass between them.
 
 use crate::error::ScanError;
 use crate::source::{Crs, SourceInfo};
@@ -7,14 +7,14 @@ use esker_points::lattice::GridKind;
 use esker_points::{Batch, Lattice, Schema};
 use std::sync::Arc;
 
-/// What is known of a source that points come from: what of it can be restored.
+/// What an export restores of a source of its points.
 #[derive(Clone, Debug)]
 pub struct Origin {
-    /// Kind of numbers of its coordinates.
+    /// Kind of grid of its coordinates.
     pub kind: GridKind,
     /// Its coordinate reference system.
     pub crs: Option<Crs>,
-    /// Its blocks kept verbatim, as [`SourceInfo::verbatim`] has them.
+    /// Its blocks kept verbatim, as in [`SourceInfo::verbatim`].
     pub verbatim: Vec<(String, Vec<u8>)>,
 }
 
@@ -30,65 +30,66 @@ impl Origin {
     }
 }
 
-/// What is to be written, known before the first point.
+/// What is known of an export before its first point.
 #[derive(Clone, Debug)]
 pub struct Outline {
     /// The lattice of all coordinates.
     pub lattice: Lattice,
-    /// The attributes of all batches; a batch has zeros where a point lacks one.
+    /// The attributes of all batches; values are zero where a point lacks an attribute.
     pub schema: Arc<Schema>,
-    /// Points at most.
+    /// Greatest number of points.
     pub points_max: u64,
 }
 
-/// Sources one after the other: their blocks may be large, so that only one is held at a time.
+/// Sources one after the other: their blocks may be large, so only one is held at a time.
 pub type Origins<'a> = dyn Iterator<Item = Result<Origin, ScanError>> + 'a;
 
-/// The points of a batch in a file's form.
+/// The points of a batch as bytes of the file.
 #[derive(Clone, Debug, Default)]
 pub struct Encoded {
     /// Number of points.
     pub points: u64,
     /// Their bytes.
     pub bytes: Vec<u8>,
-    /// Least and greatest lattice coordinates, where the format tells them.
+    /// Least and greatest lattice coordinates, if the header of the format has them.
     pub(crate) bounds: Option<[[u32; 3]; 2]>,
-    /// Points by number of return, from the first on, where the format tells them.
+    /// Number of points by return number, from 1, if the header of the format has them.
     pub(crate) by_return: [u64; 15],
 }
 
-/// Makes bytes of batches; called on any thread.
+/// Encodes batches; called on any thread.
 pub trait Encode: Send + Sync {
-    /// The points of a batch that has the outline's attributes.
+    /// Encodes a batch that has the outline's attributes.
     fn encode(&self, batch: &Batch) -> Encoded;
 }
 
-/// Takes points in order. What is dropped before [`Output::finish`] leaves nothing behind.
+/// Writes encoded points in order. If it is dropped before [`Output::finish`], no file is left.
 pub trait Output: Send {
-    /// Appends points; compresses on the current rayon pool where the format does.
+    /// Appends points; compresses on the current rayon pool if the format does.
     ///
     /// # Errors
-    /// Where the disk is full.
+    /// If the file cannot be written.
     fn put(&mut self, points: Encoded) -> Result<(), ScanError>;
 
-    /// Writes what is left, puts it on the disk and gives the file its name; its bytes.
+    /// Writes the remaining bytes, flushes them to the disk and renames the file to its final name;
+    /// returns its size in bytes.
     ///
     /// # Errors
-    /// Where the disk is full.
+    /// If the file cannot be written.
     fn finish(self: Box<Self>) -> Result<u64, ScanError>;
 }
 
 /// A file that is being written.
 pub struct Export {
-    /// Makes bytes of batches.
+    /// Encodes its batches.
     pub encode: Arc<dyn Encode>,
-    /// Takes them.
+    /// Writes the encoded points.
     pub output: Box<dyn Output>,
     /// The format, version and variant: `LAS 1.4, point format 7`.
     pub format: String,
-    /// For each attribute, the field that it goes to; where one is converted to another, they have
-    /// the same.
+    /// For each attribute, the index of its field. If one attribute is converted to the field of
+    /// another, both have the same index.
     pub fields: Vec<usize>,
-    /// What is not as in the sources, a line each.
+    /// Differences from the sources, a line each.
     pub notes: Vec<String>,
 }

@@ -1,13 +1,13 @@
-//! Batches on the lattice to scan formats, the way back of the readers. A format is two parts:
-//! [`Encode`] makes bytes of a batch, on any thread; [`Output`] takes them in order, and writes
-//! what stands before and behind them. Nothing is kept of the points, so a file of any size takes
-//! the memory of a few batches.
+//! Writes batches on the lattice as scan formats, the inverse of the readers. A format has two
+//! parts: [`Encode`] encodes a batch, on any thread; [`Output`] writes the encoded batches in
+//! order, and what precedes and follows them. No points are kept, so a file of any size takes the
+//! memory of a few batches. LAS and LAZ are described in [`las`].
 //!
 //! | format | coordinates | attributes |
 //! |---|---|---|
-//! | LAS, LAZ | the lattice's integers; scale and offset are the lattice's | the record's fields, others as extra bytes; see [`las`] |
-//! | PLY, binary little-endian | `float` where all sources were, else `double` | properties of their name and type; with a scale or an offset `double`, as they are shown |
-//! | text (XYZ, TXT, CSV) | the lattice's decimals, all digits | columns of their name, in the fewest digits that keep the value, with a scale or an offset as they are shown |
+//! | LAS, LAZ | integers, scale and offset of the lattice | fields of the record, extra bytes |
+//! | PLY, binary | `float` if all sources had it, else `double` | properties; `double` if scaled |
+//! | text (XYZ, TXT, CSV) | all decimals of the lattice | columns, in the fewest exact digits |
 
 mod coordinates;
 mod encode;
@@ -15,7 +15,7 @@ pub mod las;
 mod numbers;
 mod partial;
 mod ply;
-mod shown;
+mod scaling;
 mod text;
 mod unique;
 
@@ -27,23 +27,23 @@ pub use encode::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
 /// A format that is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// LAS, the version and point format of the sources where they are LAS.
+    /// LAS; keeps version and point format of the sources if they are LAS.
     Las,
-    /// The same, compressed.
+    /// LAS, compressed.
     Laz,
     /// PLY.
     Ply,
-    /// Columns between blanks.
+    /// Columns separated by blanks.
     Text,
-    /// Columns between commas.
+    /// Columns separated by commas.
     Csv,
 }
 
 impl Target {
-    /// The format that a file's ending names.
+    /// The format of a file name's extension.
     ///
     /// # Errors
-    /// Where it names none that is written.
+    /// If the extension is not that of a format that is written.
     pub fn of(path: &Path) -> Result<Self, ScanError> {
         let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
         match ending.to_ascii_lowercase().as_str() {
@@ -60,10 +60,10 @@ impl Target {
     }
 }
 
-/// Begins a file that will stand at `path`.
+/// Begins the file that will be at `path`.
 ///
 /// # Errors
-/// Where the file cannot be written, or the format cannot hold the attributes.
+/// If the file cannot be written or the format cannot hold the attributes.
 pub fn create(
     path: &Path,
     target: Target,

@@ -1,16 +1,16 @@
-//! Numbers as text, and whole numbers of decimal steps as the doubles nearest to them.
+//! Formats numbers as text, and converts whole numbers of decimal steps to the nearest doubles.
 
 use std::io::Write;
 
-/// Digits after the point at most: the readers keep as many.
+/// Greatest number of digits after the point; the readers keep as many.
 const DIGITS_MAX: u32 = 15;
-/// Relative deviation of a scale from a decimal number that counts as none: a few units in the last
-/// place.
+/// Relative deviation of a scale from a decimal number that counts as rounding noise: a few units
+/// in the last place.
 const NOISE: f64 = 1e-15;
 /// Whole numbers up to here are exact in `f64`.
 const WHOLE_MAX: i128 = 1 << 53;
 
-/// What a whole number of steps is: `(n * step + base) / 10^digits`.
+/// Conversion of a whole number `n` of steps to a decimal number: `(n * step + base) / 10^digits`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decimal {
     step: i128,
@@ -19,8 +19,8 @@ pub struct Decimal {
 }
 
 impl Decimal {
-    /// Of `n * scale + offset`, with the least digits with which both are whole; `None` where none
-    /// have few enough, or the scale is not above zero.
+    /// Conversion to `n * scale + offset`, with the fewest digits that make both whole; `None` if
+    /// they need too many digits, or if the scale is not positive.
     pub fn new(scale: f64, offset: f64) -> Option<Self> {
         (0..=DIGITS_MAX).find_map(|digits| {
             let unit = 10f64.powi(digits as i32);
@@ -34,24 +34,24 @@ impl Decimal {
         })
     }
 
-    /// Formats `n + start` instead of `n`.
+    /// The conversion of `n + start` in place of `n`.
     pub fn from(self, start: i128) -> Self {
         Self { base: self.base + start * self.step, ..self }
     }
 
-    /// The nearest double, where that can be told.
+    /// The nearest double, if numerator and denominator are exact.
     pub fn value(&self, n: i128) -> Option<f64> {
         let whole = n * self.step + self.base;
-        // Both are exact, so that the quotient is rounded once.
+        // Both are exact, so the quotient is rounded once.
         (whole.abs() < WHOLE_MAX).then(|| whole as f64 / 10f64.powi(self.digits as i32))
     }
 
-    /// The nearest double, of any number.
+    /// The nearest double, for any `n`.
     pub fn nearest(&self, n: i128) -> f64 {
         self.value(n).unwrap_or_else(|| {
             let mut digits = Vec::new();
             self.text(n, &mut digits);
-            // Digits are a number.
+            // Digits always parse as a number.
             String::from_utf8_lossy(&digits).parse().unwrap_or(f64::NAN)
         })
     }
@@ -76,11 +76,11 @@ pub fn put(out: &mut Vec<u8>, text: std::fmt::Arguments<'_>) {
     let _ = out.write_fmt(text);
 }
 
-/// Appends a number in the fewest digits that give it again.
+/// Appends a number in the fewest digits that parse to the same number.
 pub fn float(value: impl std::fmt::Debug + std::fmt::Display, out: &mut Vec<u8>) {
     let start = out.len();
     put(out, format_args!("{value:?}"));
-    // A whole number is written without `.0`; -0 keeps its sign by the digit.
+    // A whole number is written without `.0`; -0 keeps its sign.
     if out[start..].ends_with(b".0") {
         out.truncate(out.len() - 2);
     }

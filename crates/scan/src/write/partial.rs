@@ -1,6 +1,6 @@
-//! A file under a temporary name beside its final one, which it gets when all of it is on the disk.
-//! Dropped before that, it leaves nothing behind; what a killed program left is the next one's to
-//! write over. It is locked until it has its name, so that no two write it.
+//! A file with a temporary name beside its final one, which it gets when all of it is on the disk.
+//! If it is dropped before that, it is removed; the next program overwrites what a killed one has
+//! left. It is locked until it has its final name, so no two programs write it.
 
 use crate::error::ScanError;
 use esker_points::place::open_alone;
@@ -9,27 +9,27 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Bytes gathered before the file is written to.
+/// Size of the write buffer, in bytes.
 const BUFFER_BYTES: usize = 1 << 20;
 
-/// The file.
+/// A file with a temporary name.
 #[derive(Debug)]
 pub struct Partial {
     path: PathBuf,
     partial: PathBuf,
-    /// `None` once it has its name.
+    /// `None` once the file has its final name.
     out: Option<BufWriter<File>>,
 }
 
 impl Partial {
-    /// Begins a file that will stand at `path`.
+    /// Begins the file that will be at `path`.
     ///
     /// # Errors
-    /// Where it cannot be made, or something that is no file has the name.
+    /// If it cannot be created, or if `path` exists and is not a file.
     pub fn create(path: &Path) -> Result<Self, ScanError> {
         let refused = |what: &str| ScanError::write(path, io::Error::other(what));
         let name = path.file_name().ok_or_else(|| refused("the path names no file"))?;
-        // The rename at the end would put a file in the place of a device or fail on a folder.
+        // The rename at the end would replace a device by a file, or fail on a folder.
         if path.metadata().is_ok_and(|m| !m.is_file()) {
             return Err(refused("something other than a file has this name"));
         }
@@ -43,15 +43,16 @@ impl Partial {
         Ok(Self { path: path.to_owned(), partial, out })
     }
 
-    /// An error of writing it.
+    /// Makes the error of a failed write.
     pub fn error(&self, source: io::Error) -> ScanError {
         ScanError::write(&self.path, source)
     }
 
-    /// Writes `head` over its beginning, gives it its name; its bytes.
+    /// Overwrites its beginning with `head` and renames it to its final name; returns its size in
+    /// bytes.
     ///
     /// # Errors
-    /// Where the disk is full.
+    /// If the file cannot be written.
     pub fn finish(mut self, head: &[u8]) -> Result<u64, ScanError> {
         let path = self.path.clone();
         self.commit(head).map_err(|e| ScanError::write(&path, e))
@@ -65,7 +66,7 @@ impl Partial {
         let file = out.get_ref();
         file.sync_all()?;
         let bytes = file.metadata()?.len();
-        // While it is locked, so that nobody else has begun to write over it.
+        // Renamed while it is locked, so that no other program has begun to overwrite it.
         fs::rename(&self.partial, &self.path)?;
         self.out = None;
         Ok(bytes)
@@ -95,8 +96,9 @@ impl Seek for Partial {
 impl Drop for Partial {
     fn drop(&mut self) {
         if let Some(out) = self.out.take() {
-            // Without flushing: what is buffered is of no use. The name goes while the file is
-            // locked; whether it does changes nothing.
+            // The buffer is not flushed, as it is of no use. The name is removed while the file is
+            // locked; an error of that is ignored, because a file that stays is overwritten by the
+            // next program.
             let (file, _) = out.into_parts();
             let _ = fs::remove_file(&self.partial);
             drop(file);
@@ -127,7 +129,7 @@ mod tests {
         assert_eq!(partial.finish(b"head").unwrap(), 8);
         assert_eq!(names(folder.path()), ["out.ply"]);
         assert_eq!(fs::read_to_string(&path).unwrap(), "headbody");
-        // What a killed program left is written over; what another one writes is not.
+        // The file of a killed program is overwritten; the file of a running one is not.
         fs::write(folder.path().join(".out.ply.partial"), "left by a killed program").unwrap();
         let mut partial = Partial::create(&path).unwrap();
         let error = Partial::create(&path).unwrap_err().to_string();

@@ -1,11 +1,11 @@
-//! PLY (Turk 1994), binary little-endian: the vertices with a property for each attribute, in the
-//! usual order; comments of the first source's header. Coordinates are singles where all sources
-//! held singles, and then exactly theirs; else doubles.
+//! Writes PLY (Turk 1994), binary little-endian: vertices with a property for each attribute, in
+//! the usual order, and the comments of the first source's header. Coordinates are singles, and
+//! then exact, if all sources held singles; else doubles.
 
 use super::coordinates::Coordinates;
 use super::encode::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
 use super::partial::Partial;
-use super::shown::{Shown, notes};
+use super::scaling::{Scaling, notes};
 use super::unique::unique;
 use crate::error::ScanError;
 use crate::text::naming::axis;
@@ -19,7 +19,7 @@ use std::sync::Arc;
 
 /// Digits of the greatest count.
 const COUNT_DIGITS: usize = 20;
-/// Attributes that stand first, in this order; others follow by name.
+/// Attributes that come first, in this order; the others follow by name.
 const FIRST: [&str; 8] = [
     names::NX,
     names::NY,
@@ -34,7 +34,7 @@ const FIRST: [&str; 8] = [
 /// Begins a file.
 ///
 /// # Errors
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn create(
     path: &Path,
     outline: &Outline,
@@ -59,7 +59,7 @@ pub fn create(
     let column = |(index, a): (usize, &Attribute)| Column {
         index,
         bytes: a.ty.size(),
-        shown: Shown::of(&outline.schema, index),
+        scaling: Scaling::of(&outline.schema, index),
     };
     let mut columns: Vec<Column> = attributes.iter().enumerate().map(column).collect();
     let rank = |c: &Column| FIRST.iter().position(|n| *n == attributes[c.index].name);
@@ -68,14 +68,14 @@ pub fn create(
     let (names, renamed) = unique(&wanted, &["x", "y", "z"], usize::MAX);
     for column in &columns {
         let name = &names[column.index];
-        let _ = writeln!(head, "property {} {name}", type_name(column.shown.ty()));
+        let _ = writeln!(head, "property {} {name}", type_name(column.scaling.ty()));
     }
     head.push_str("end_header\n");
     let mut file = Partial::create(path)?;
     let comments = comments.unwrap_or_default();
     let output = |count| header(&comments, count, &head);
     file.write_all(output(0).as_bytes()).map_err(|e| file.error(e))?;
-    let stride = 3 * place.size() + columns.iter().map(|c| c.shown.ty().size()).sum::<usize>();
+    let stride = 3 * place.size() + columns.iter().map(|c| c.scaling.ty().size()).sum::<usize>();
     let encode = Vertices { coordinates, columns, stride };
     let output = PlyOutput { file, comments, head, count: 0 };
     Ok(Export {
@@ -87,7 +87,7 @@ pub fn create(
     })
 }
 
-/// The header for a count, of one length whatever it is.
+/// The header for a count; its length does not depend on the count.
 fn header(comments: &str, count: u64, properties: &str) -> String {
     let filling = COUNT_DIGITS - count.to_string().len();
     let program = concat!("comment written by Esker ", env!("CARGO_PKG_VERSION"));
@@ -97,7 +97,7 @@ fn header(comments: &str, count: u64, properties: &str) -> String {
     )
 }
 
-/// Whether a source held its coordinates as singles, and they were read as such.
+/// Whether a source held its coordinates as singles and they were read as such.
 fn holds_singles(origin: &Origin, ply_header: Option<&str>) -> bool {
     let is_single = |text: &str| {
         let mut axes = 0;
@@ -117,7 +117,7 @@ fn holds_singles(origin: &Origin, ply_header: Option<&str>) -> bool {
     origin.kind == GridKind::Float && ply_header.is_some_and(is_single)
 }
 
-/// Comments of a PLY source; for others their CRS as one.
+/// Comments of a PLY source; for other sources, their CRS as a comment.
 fn comments_of(origin: &Origin, ply_header: Option<&str>) -> String {
     let mut out = String::new();
     let own = ["comment written by Esker"];
@@ -135,7 +135,7 @@ fn comments_of(origin: &Origin, ply_header: Option<&str>) -> String {
     out
 }
 
-/// The name of a property. PLY's names have no blanks; those of PLY sources are as they were.
+/// The name of a property. Names in PLY have no blanks; names from PLY sources are kept.
 fn property_name(attribute: &Attribute, is_ply: bool) -> String {
     let blank = |c: char| c.is_whitespace() || c.is_control();
     if is_ply { attribute.name.clone() } else { attribute.name.replace(blank, "_") }
@@ -149,7 +149,7 @@ fn type_name(ty: AttrType) -> &'static str {
         AttrType::I16 => "short",
         AttrType::U32 => "uint",
         AttrType::I32 => "int",
-        // No words of 1994: as some programs write them.
+        // 64-bit integers are no types of PLY; some programs use these names.
         AttrType::U64 => "uint64",
         AttrType::I64 => "int64",
         AttrType::F32 => "float",
@@ -164,11 +164,11 @@ struct Vertices {
     stride: usize,
 }
 
-/// An attribute: its place in a batch, the bytes that a value has there, and how it is shown.
+/// An attribute: its index in a batch, the size of a stored value in bytes, and its scaling.
 struct Column {
     index: usize,
     bytes: usize,
-    shown: Shown,
+    scaling: Scaling,
 }
 
 impl Encode for Vertices {
@@ -185,7 +185,7 @@ impl Encode for Vertices {
             }
             for column in &self.columns {
                 let stored = &batch.columns[column.index][i * column.bytes..][..column.bytes];
-                column.shown.bytes(stored, &mut bytes);
+                column.scaling.bytes(stored, &mut bytes);
             }
         }
         Encoded { points: batch.len() as u64, bytes, ..Encoded::default() }

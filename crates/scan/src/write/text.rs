@@ -1,12 +1,12 @@
-//! Text: a line of names, then a line a point, columns separated by a blank (a tab where a name has
-//! blanks) or, for CSV, a comma. Coordinates have all the digits of the lattice, other numbers the
-//! fewest that give them again, and values that are counted in steps ([`super::shown`]) all of
-//! theirs.
+//! Writes text: a line of names, then a line per point, columns separated by a blank (a tab if a
+//! name has blanks) or, for CSV, a comma. Coordinates have all digits of the lattice, values
+//! counted in steps ([`super::scaling`]) have all of theirs, other numbers the fewest digits that
+//! parse to the same number.
 
 use super::coordinates::Coordinates;
 use super::encode::{Encode, Encoded, Export, Origins, Outline, Output};
 use super::partial::Partial;
-use super::shown::{Shown, notes};
+use super::scaling::{Scaling, notes};
 use super::unique::unique;
 use crate::error::ScanError;
 use esker_points::{Attribute, Batch};
@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// Begins a file.
 ///
 /// # Errors
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn create(
     path: &Path,
     outline: &Outline,
@@ -39,8 +39,8 @@ pub fn create(
     let line = names.join(&separator) + "\n";
     let mut file = Partial::create(path)?;
     file.write_all(line.as_bytes()).map_err(|e| file.error(e))?;
-    let shown = |(i, a): (usize, &Attribute)| (Shown::of(&outline.schema, i), a.ty.size());
-    let columns = attributes.iter().enumerate().map(shown).collect();
+    let scaling = |(i, a): (usize, &Attribute)| (Scaling::of(&outline.schema, i), a.ty.size());
+    let columns = attributes.iter().enumerate().map(scaling).collect();
     let encode = Lines { coordinates: Coordinates::new(&outline.lattice, false), columns, mark };
     Ok(Export {
         encode: Arc::new(encode),
@@ -51,7 +51,7 @@ pub fn create(
     })
 }
 
-/// A name without what separates or quotes, and of something else than blanks.
+/// A name without separators and quotes, and not only of blanks.
 fn column_name(name: &str) -> String {
     match name.trim() {
         "" => "_".into(),
@@ -61,8 +61,8 @@ fn column_name(name: &str) -> String {
 
 struct Lines {
     coordinates: Coordinates,
-    /// How each attribute is shown, and its bytes.
-    columns: Vec<(Shown, usize)>,
+    /// Scaling of each attribute, and the size of its stored values in bytes.
+    columns: Vec<(Scaling, usize)>,
     mark: u8,
 }
 
@@ -76,9 +76,9 @@ impl Encode for Lines {
                 }
                 self.coordinates.text(axis, u, &mut bytes);
             }
-            for ((shown, size), column) in self.columns.iter().zip(&batch.columns) {
+            for ((scaling, size), column) in self.columns.iter().zip(&batch.columns) {
                 bytes.push(self.mark);
-                shown.text(&column[i * size..][..*size], &mut bytes);
+                scaling.text(&column[i * size..][..*size], &mut bytes);
             }
             bytes.push(b'\n');
         }

@@ -1,16 +1,17 @@
-//! Names of columns, each once: most programs refuse a file in which two are called alike.
+//! Makes names of columns unique, because most programs refuse a file with two columns of one name.
 
 use esker_points::AttrType;
 
-/// Names and types of columns as names of so many bytes at most that are neither `taken` nor
-/// another's: one that would be has its type behind it, then a number. And what to say of those.
+/// Makes names of at most `bytes_max` bytes for columns of `wanted` names and types. A name that is
+/// `taken` or equals an earlier one gets its type as a suffix, or else a number. Also returns a
+/// note on changed names, if there are any.
 pub fn unique(
     wanted: &[(String, AttrType)],
     taken: &[&str],
     bytes_max: usize,
 ) -> (Vec<String>, Vec<String>) {
     let mut names: Vec<String> = Vec::with_capacity(wanted.len());
-    let mut told = Vec::new();
+    let mut renamed = Vec::new();
     for (wanted, ty) in wanted {
         let end = |end: &str| {
             let room = bytes_max.saturating_sub(end.len());
@@ -21,12 +22,12 @@ pub fn unique(
         let is_free = |name: &String| !taken.contains(&name.as_str()) && !names.contains(name);
         let name = ends.map(|e| end(&e)).find(is_free).unwrap_or_default();
         if name != end("") {
-            told.push(format!("{wanted} ({}) as {name}", ty.name()));
+            renamed.push(format!("{wanted} ({}) as {name}", ty.name()));
         }
         names.push(name);
     }
-    let note = || format!("their names are taken: {}", told.join(", "));
-    let notes = (!told.is_empty()).then(note).into_iter().collect();
+    let note = || format!("their names are taken: {}", renamed.join(", "));
+    let notes = (!renamed.is_empty()).then(note).into_iter().collect();
     (names, notes)
 }
 
@@ -36,7 +37,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn what_is_taken_has_its_type_behind_it_then_a_number() {
+    fn taken_names_get_their_type_as_a_suffix_then_a_number() {
         let wanted =
             [("x", AttrType::F32), ("a", AttrType::U8), ("a", AttrType::U16), ("a", AttrType::U16)];
         let wanted = wanted.map(|(name, ty)| (name.to_owned(), ty));
@@ -50,7 +51,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn names_are_short_and_each_is_there_once(wanted in prop::collection::vec("[aé_2]{0,9}", 0..40), bytes_max in 6usize..12) {
+        fn names_are_short_and_unique(wanted in prop::collection::vec("[aé_2]{0,9}", 0..40), bytes_max in 6usize..12) {
             let wanted: Vec<_> = wanted.into_iter().map(|name| (name, AttrType::U8)).collect();
             let (names, _) = unique(&wanted, &["a", "é"], bytes_max);
             let mut once = names.clone();

@@ -1,4 +1,4 @@
-//! All that a file holds, as a reader gives it.
+//! Reads whole files for the tests: every point and attribute, checked against the bounds.
 
 #![allow(dead_code, reason = "each test needs other parts")]
 
@@ -27,29 +27,29 @@ impl Cloud {
         &self.columns[self.info.schema.find(name).unwrap()]
     }
 
-    /// Names and types.
+    /// Names and types of the attributes.
     pub fn keys(&self) -> Vec<(&str, AttrType)> {
         self.info.schema.attributes.iter().map(|a| a.key()).collect()
     }
 
-    /// Names.
+    /// Names of the attributes.
     pub fn names(&self) -> Vec<&str> {
         self.keys().into_iter().map(|(name, _)| name).collect()
     }
 
-    /// Names and types, in one line.
+    /// Names and types of the attributes, in one line.
     pub fn types(&self) -> String {
         let words: Vec<_> =
             self.keys().iter().map(|(name, ty)| format!("{name}:{}", ty.name())).collect();
         words.join(" ")
     }
 
-    /// How many points were refused for a reason.
+    /// Number of points refused for a reason.
     pub fn refused(&self, reason: &str) -> u64 {
         self.report.refused.get(reason).copied().unwrap_or(0)
     }
 
-    /// Whether the places are these, but for the rounding that was told.
+    /// Whether the points are at these positions, within the reported rounding.
     pub fn lies_at(&self, places: &[[f64; 3]]) -> bool {
         let slack = self.report.rounding_error_max * (1.0 + 1e-9);
         let near = |(a, b): (&[f64; 3], &[f64; 3])| {
@@ -59,7 +59,7 @@ impl Cloud {
     }
 }
 
-/// Reads a file twice: placed, and for its bounds alone.
+/// Reads a file twice: on the lattice, and for its bounds alone.
 pub fn read_path(path: &Path) -> Result<Cloud, ScanError> {
     let source = esker_scan::open(path, &OpenOptions::default(), &Silent)?;
     let info = source.info().clone();
@@ -96,7 +96,7 @@ pub fn read_path(path: &Path) -> Result<Cloud, ScanError> {
     Ok(Cloud { info, report, world, columns })
 }
 
-/// Reads bytes as a file of a name that says nothing: the content decides.
+/// Reads bytes as a file whose name does not fit: the content decides.
 pub fn read(bytes: impl AsRef<[u8]>) -> Result<Cloud, ScanError> {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("cloud.las");
@@ -104,9 +104,14 @@ pub fn read(bytes: impl AsRef<[u8]>) -> Result<Cloud, ScanError> {
     read_path(&path)
 }
 
-/// The error that reading bytes ends in, a line that names the file.
+/// The error of reading bytes, checked to be one line that names the file.
 pub fn error(bytes: impl AsRef<[u8]>) -> String {
     let error = read(bytes).err().expect("an error").to_string();
     assert!(error.contains("cloud.las: ") && !error.contains('\n'), "{error}");
     error
+}
+
+/// Whether reading succeeded or ended in an error of one line.
+pub fn is_error_one_line(read: Result<Cloud, ScanError>) -> bool {
+    read.err().is_none_or(|error| !error.to_string().contains('\n'))
 }

@@ -1,11 +1,11 @@
 //! Writes small LAS and LAZ files for the tests, every field where the LAS specification puts it,
-//! and tells the columns that a reader must give for them. Random bytes in, files and expectations
-//! out.
+//! and lists the columns that a reader must return for them. Random bytes in, files and
+//! expectations out.
 
 use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 use std::io::{Cursor, Write};
 
-/// What kind of file: point format, minor version, undescribed extra bytes a point.
+/// Kind of file: point format, minor version, undescribed extra bytes per point.
 #[derive(Clone, Copy, Debug)]
 pub struct Variant {
     pub format: u8,
@@ -145,7 +145,7 @@ impl File {
         bytes
     }
 
-    /// Compressed in chunks of so many points.
+    /// Compressed in chunks of `chunk_points` points.
     pub fn laz(&self, chunk_points: u32) -> Vec<u8> {
         let vlr = self.laszip().with_fixed_chunk_size(chunk_points).build();
         self.compressed(vlr, &[self.points.len()])
@@ -155,7 +155,7 @@ impl File {
         self.compressed(self.laszip().with_variable_chunk_size().build(), chunks)
     }
 
-    /// As a writer leaves it that could neither go back nor finish.
+    /// As left by a writer that could neither seek back nor finish.
     pub fn laz_without_chunk_table(&self, chunk_points: u32) -> Vec<u8> {
         let mut bytes = self.laz(chunk_points);
         let start = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize;

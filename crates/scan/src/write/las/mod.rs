@@ -1,16 +1,16 @@
-//! LAS and LAZ: header and VLRs, points in the order in which they come, EVLRs; bounds and counts
-//! are filled in at the end (LAS 1.4 R15, tables 3 to 5). What is decided before is in [`plan`],
-//! the records in [`records`].
+//! Writes LAS and LAZ: header and VLRs, points in the order in which they come, EVLRs; bounds and
+//! counts are filled in at the end (LAS 1.4 R15, tables 3 to 5). Decisions before the first point
+//! are made in [`plan`], records are encoded in [`records`].
 //!
-//! - Sources of one record keep it, and with it version, point format and extra bytes. The header
-//!   is that of the first source, in byte order of paths, and so is the global encoding, whose bit
-//!   of GPS times is that of the first source that has such; scale and offset are the lattice's.
-//! - VLRs and EVLRs are the first source's, then those of others that it lacks; of a coordinate
-//!   reference system those of one source alone. Indices into the order of points (COPC, LAX) are
-//!   left out, since the order is another; so are waveform packets, which Esker does not keep.
-//! - Other sources get the least point format with a field for every attribute; of those that are
-//!   no LAS 6 to 10, version 1.4. What has no field becomes extra bytes; colours of 8 bits are
-//!   widened.
+//! - Sources with the same record layout keep it, and with it version, point format and extra
+//! bytes. The header and the global encoding are those of the first source, in byte order of paths;
+//! the bit of GPS times is that of the first source with GPS times; scale and offset are the
+//! lattice's. - VLRs and EVLRs are those of the first source, then those of others that it lacks;
+//! those of a coordinate reference system are of one source only. Indices into the order of points
+//! (COPC, LAX) are left out, since the order changes; so are waveform packets, which Esker does not
+//! keep. - Other sources get the least point format with a field for every attribute, and version
+//! 1.4, unless all are LAS of formats 0 to 5. Attributes without a field become extra bytes;
+//! colours of 8 bits are widened.
 
 mod order;
 mod plan;
@@ -23,21 +23,21 @@ use crate::write::partial::Partial;
 use esker_points::Grid;
 use laz::{LazVlr, ParLasZipCompressor};
 use order::Ordered;
-use plan::{Plan, is_1_4, minor};
+use plan::{LasPlan, is_1_4, minor};
 use records::raw;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Points of a chunk of LAZ.
+/// Points in a chunk of LAZ.
 const CHUNK_POINTS: usize = 50_000;
-/// Chunks that a thread compresses in turn.
+/// Chunks that a thread compresses in one call.
 const CHUNKS_A_THREAD: usize = 2;
 
 /// Begins a file.
 ///
 /// # Errors
-/// Where it cannot be written, or LAS cannot hold the attributes.
+/// If it cannot be written or LAS cannot hold the attributes.
 pub fn create(
     path: &Path,
     outline: &Outline,
@@ -45,7 +45,7 @@ pub fn create(
     is_compressed: bool,
 ) -> Result<Export, ScanError> {
     let plan = plan::plan(path, outline, origins, is_compressed)?;
-    let Plan { header, vlrs, tail, records, laszip, notes } = plan;
+    let LasPlan { header, vlrs, tail, records, laszip, notes } = plan;
     let format = format!(
         "{} 1.{}, point format {}",
         if is_compressed { "LAZ" } else { "LAS" },
@@ -92,7 +92,7 @@ enum Points {
     Compressed(Compressor),
 }
 
-/// A file of which header and points are being written.
+/// A file whose header and points are being written.
 struct LasOutput {
     points: Points,
     is_legacy: bool,
@@ -141,10 +141,10 @@ impl Output for LasOutput {
 }
 
 impl LasOutput {
-    /// Fills in what is known when all points are written.
+    /// Fills in the header's fields that are known when all points are written.
     fn fill(&mut self) {
         let is_1_4 = is_1_4(&self.header);
-        let tells_waveforms = minor(&self.header) >= 3 && self.header.len() >= 235;
+        let has_waveforms = minor(&self.header) >= 3 && self.header.len() >= 235;
         let header = &mut self.header;
         let mut put = |at: usize, bytes: &[u8]| header[at..at + bytes.len()].copy_from_slice(bytes);
         put(96, &self.points_start.to_le_bytes());
@@ -169,7 +169,7 @@ impl LasOutput {
             put(179 + 16 * axis, &bound(1).to_le_bytes());
             put(187 + 16 * axis, &bound(0).to_le_bytes());
         }
-        if tells_waveforms {
+        if has_waveforms {
             // Waveform packets are not kept.
             put(227, &0u64.to_le_bytes());
         }
@@ -183,7 +183,7 @@ impl LasOutput {
     }
 }
 
-/// Compresses records, chunks side by side on the current rayon pool.
+/// Compresses records, several chunks in parallel on the current rayon pool.
 struct Compressor {
     inner: Box<ParLasZipCompressor<Partial>>,
     gathered: Vec<u8>,
@@ -207,7 +207,7 @@ impl Compressor {
         if self.gathered.len() < at_once {
             return Ok(());
         }
-        // Whole chunks only: the compressor would work on a rest alone, on one core.
+        // Whole chunks only: the compressor would process a remainder on one core.
         let whole = self.gathered.len() / at_once * at_once;
         let written = self.inner.compress_many(&self.gathered[..whole]);
         self.gathered.drain(..whole);

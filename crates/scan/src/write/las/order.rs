@@ -1,7 +1,6 @@
-//! The order in which LAZ takes the points of a batch. It stores differences to the point before,
-//! so that neighbours in time, or where there is no time in space, take fewer bytes than the even
-//! samples in which nodes keep their points. The order of points means nothing in Esker, and
-//! nothing in LAS.
+//! Order of the points of a batch in LAZ. LAZ stores differences to the previous point, so
+//! neighbours in time, or without times in space, take fewer bytes than the evenly spread samples
+//! in which nodes keep their points. The order of points has no meaning in Esker or LAS.
 
 use super::records::Records;
 use crate::write::encode::{Encode, Encoded};
@@ -9,7 +8,7 @@ use esker_points::attribute::names;
 use esker_points::morton::encode3;
 use esker_points::{AttrType, Batch};
 
-/// Records in an order that compresses well.
+/// Encodes records in an order that compresses well.
 pub struct Ordered(pub Records);
 
 impl Encode for Ordered {
@@ -25,12 +24,12 @@ impl Encode for Ordered {
     }
 }
 
-/// Indices of the points by time, else along a Morton curve; equal ones as they stand.
+/// Indices of the points by time, else along a Morton curve; the sort is stable.
 fn order(batch: &Batch) -> Vec<u32> {
     let time = batch.schema.find_typed(names::GPS_TIME, AttrType::F64);
     let times = time.map_or(&[][..], |a| &batch.columns[a]).chunks_exact(8);
     let bits = times.map(|t| u64::from_le_bytes(t.try_into().unwrap_or([0; 8])));
-    // Numbers that order as the times do.
+    // Integers that sort as the times do.
     let mut keys: Vec<(u128, u32)> = bits
         .zip(0..)
         .map(|(bits, i)| (if bits >> 63 == 0 { bits | 1 << 63 } else { !bits }.into(), i))

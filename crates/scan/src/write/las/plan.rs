@@ -1,7 +1,7 @@
-//! What a LAS file begins and ends with, and how its records are laid out, decided from the sources
-//! before the first point. One LAS source, or several of one record: version, point format, extra
-//! bytes and all records before and behind the points are as they were. Else the least point format
-//! serves that has a field for every attribute; what has none becomes extra bytes.
+//! Decides, from the sources and before the first point, the head and tail of a LAS file and the
+//! layout of its records. LAS sources with the same record layout keep version, point format, extra
+//! bytes and all VLRs and EVLRs. Otherwise the least point format with a field for every attribute
+//! is taken, and attributes without a field become extra bytes.
 
 use super::records::Records;
 use crate::error::ScanError;
@@ -17,69 +17,68 @@ use esker_points::{AttrType, Attribute, Schema};
 use laz::{LazVlr, LazVlrBuilder};
 use std::path::Path;
 
-/// Bytes of a header of LAS 1.0 to 1.5.
+/// Sizes of the headers of LAS 1.0 to 1.5, in bytes.
 const HEADER_BYTES: [u16; 6] = [227, 227, 227, 235, 375, 393];
 const HEADER_BYTES_1_4: u16 = HEADER_BYTES[4];
-/// Descriptions of extra bytes that fit a VLR.
+/// Greatest number of extra-bytes descriptions in a VLR.
 const DESCRIPTIONS_MAX: usize = u16::MAX as usize / extra_bytes::DESCRIPTION_BYTES;
-/// Bytes of VLRs at most: a header tells where points begin in 32 bits.
+/// Greatest size of all VLRs, in bytes: the header has 32 bits for the offset of the points.
 const VLR_BYTES_MAX: usize = 1 << 30;
 
-/// What was decided.
-pub struct Plan {
-    /// The header, but for counts, bounds and places.
+/// Head, tail and record layout of a LAS file.
+pub struct LasPlan {
+    /// The header, without counts, bounds and offsets.
     pub header: Vec<u8>,
     /// VLRs and then EVLRs.
     pub vlrs: Vec<Vlr>,
     /// Bytes between the VLRs and the points.
     pub tail: Vec<u8>,
-    /// How records are laid out.
+    /// Layout of the records.
     pub records: Records,
-    /// How they are compressed, if they are.
+    /// The LASzip record, if points are compressed.
     pub laszip: Option<LazVlr>,
-    /// What is not as in the sources, a line each.
+    /// Differences from the sources, a line each.
     pub notes: Vec<String>,
 }
 
-/// What the sources had, gathered one by one.
+/// Summary of the sources, added one by one.
 #[derive(Default)]
-struct Found {
+struct SourceSummary {
     /// Header, VLRs and tail of the first LAS source.
     first: Option<(Vec<u8>, Vec<Vlr>, Vec<u8>)>,
-    /// The record that all sources so far have.
+    /// Point format and layout of the first LAS source.
     layout: Option<(u8, Layout)>,
-    /// Whether sources differ, or one is no LAS.
+    /// Whether layouts differ, or a source is not LAS.
     differ: bool,
-    /// Whether a source is no LAS of point format 0 to 5.
+    /// Whether a source is not LAS of point format 0 to 5.
     modern: bool,
     minor: u8,
     wkt: Option<String>,
     dropped: Vec<&'static str>,
     conflicts: usize,
-    /// What the GPS times of the first source that has such are counted from, and how many sources'
-    /// times otherwise.
+    /// Epoch of the GPS times of the first source with GPS times, and number of sources with
+    /// another one.
     gps_times: Option<GpsTimes>,
     other_times: usize,
     /// Whether the source whose coordinate reference system is written says that it is WKT.
     is_wkt: Option<bool>,
     /// Descriptions of extra bytes, each once.
     descriptions: Vec<Vec<u8>>,
-    /// Sources whose coordinate reference system is told otherwise than by the first that tells
-    /// one.
+    /// Number of sources with another coordinate reference system than the first that has one.
     other_systems: usize,
 }
 
-/// Decides.
+/// Plans a LAS file for the sources `origins`.
 ///
 /// # Errors
-/// Where a source cannot be read, or LAS cannot hold the attributes.
+/// If a source cannot be read or LAS cannot hold the attributes.
 pub fn plan(
     path: &Path,
     outline: &Outline,
     origins: &mut Origins<'_>,
     is_compressed: bool,
-) -> Result<Plan, ScanError> {
-    let mut found = Found::default();
+) -> Result<LasPlan, ScanError> {
+    let mut found = SourceSummary::default();
     let mut sources = 0usize;
     for origin in origins {
         sources += 1;
@@ -140,7 +139,7 @@ pub fn plan(
         set_bit(&mut header, ADJUSTED_BIT, times == GpsTimes::Adjusted);
         if found.other_times > 0 {
             notes.push(format!(
-                "GPS times of {} sources are counted otherwise than the first's, which the global encoding tells ({}); they are as they were",
+                "GPS times of {} sources have another epoch than the first's, which the global encoding gives ({}); they are written unchanged",
                 found.other_times,
                 times.name()
             ));
@@ -149,8 +148,8 @@ pub fn plan(
     notes.extend(found.dropped.iter().map(|&what| what.to_owned()));
     if found.other_systems > 0 {
         notes.push(format!(
-            "{} sources tell their coordinate reference system otherwise than the first that tells one; only the first's is written, \
-             coordinates are as they were",
+            "{} sources have another coordinate reference system than the first that has one; only the first's is written, \
+             coordinates are unchanged",
             found.other_systems
         ));
     }
@@ -158,16 +157,16 @@ pub fn plan(
         let n = found.conflicts;
         notes.push(format!("{n} VLRs of later sources differ from the first's and are left out"));
     }
-    Ok(Plan { header, vlrs, tail, records, laszip, notes })
+    Ok(LasPlan { header, vlrs, tail, records, laszip, notes })
 }
 
-impl Found {
+impl SourceSummary {
     fn add(&mut self, origin: &Origin, is_first: bool) {
         if self.wkt.is_none() {
             self.wkt = origin.crs.as_ref().map(|c| c.text.clone()).filter(|t| t.contains('['));
         }
         let parsed = origin.block("las header").and_then(|bytes| {
-            // The blocks were checked when they were read; here they only must not be believed.
+            // The blocks were checked when they were read; here their sizes are not trusted.
             let header = Header::parse(bytes, u64::MAX, Path::new("")).ok()?;
             (header.header_bytes == bytes.len() as u64).then_some((bytes, header))
         });
@@ -206,13 +205,13 @@ impl Found {
         let mut vlrs = records.vlrs;
         vlrs.retain(|v| self.is_kept(v));
         self.leave_one_system(&mut vlrs);
-        if vlrs.iter().any(tells_system) {
+        if vlrs.iter().any(is_of_crs) {
             self.is_wkt = Some(has_bit(bytes, WKT_BIT));
         }
         match &mut self.first {
             None => self.first = Some((bytes.to_vec(), vlrs, tail.to_vec())),
             Some((_, kept, _)) => {
-                // A source may have several of one number.
+                // A source may have several records of the same number.
                 let before = kept.len();
                 for v in vlrs {
                     let alike = || {
@@ -231,26 +230,26 @@ impl Found {
         }
     }
 
-    /// Takes out what tells of a reference system where a source before has told one: a file has
-    /// one system.
+    /// Removes the records of a coordinate reference system if an earlier source has one: a file
+    /// has one system.
     fn leave_one_system(&mut self, vlrs: &mut Vec<Vlr>) {
-        let told: Vec<&Vlr> =
-            self.first.iter().flat_map(|(_, kept, _)| kept).filter(|v| tells_system(v)).collect();
-        if told.is_empty() {
+        let kept: Vec<&Vlr> =
+            self.first.iter().flat_map(|(_, kept, _)| kept).filter(|v| is_of_crs(v)).collect();
+        if kept.is_empty() {
             return;
         }
-        let is_told = |v: &Vlr| told.iter().any(|t| t.record == v.record && t.data == v.data);
-        let differs = vlrs.iter().any(|v| tells_system(v) && !is_told(v));
+        let is_equal = |v: &Vlr| kept.iter().any(|t| t.record == v.record && t.data == v.data);
+        let differs = vlrs.iter().any(|v| is_of_crs(v) && !is_equal(v));
         self.other_systems += usize::from(differs);
-        vlrs.retain(|v| !tells_system(v));
+        vlrs.retain(|v| !is_of_crs(v));
     }
 
-    /// Whether a record says something that still holds: indices into the order of points do not.
+    /// Whether a record still holds in the new file: indices into the order of points do not.
     fn is_kept(&mut self, vlr: &Vlr) -> bool {
         let what = match (vlr.user.as_str(), vlr.record) {
-            ("copc", _) => "the sources' COPC index is left out: the order of points is another",
+            ("copc", _) => "the sources' COPC index is left out: the order of points changes",
             ("LAStools", 30) => {
-                "the sources' spatial index is left out: the order of points is another"
+                "the sources' spatial index is left out: the order of points changes"
             }
             _ => return true,
         };
@@ -280,13 +279,12 @@ impl Found {
     }
 }
 
-/// Whether a record is a part of what tells a file's coordinate reference system: WKT, or the keys
-/// of GeoTIFF.
-fn tells_system(vlr: &Vlr) -> bool {
+/// Whether a record is part of a coordinate reference system: WKT or GeoTIFF keys.
+fn is_of_crs(vlr: &Vlr) -> bool {
     vlr.user == "LASF_Projection"
 }
 
-/// The least point format that has a field for every attribute that any has.
+/// The least point format that has a field for every attribute that LAS knows.
 fn least_format(schema: &Schema, modern: bool) -> u8 {
     let has = |name, ty| schema.find_typed(name, ty).is_some();
     let colour = schema.rgb().is_some();
@@ -324,7 +322,7 @@ fn new_head(wkt: Option<&str>) -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
     put(24, &[1, 4]);
     put(26, b"OTHER");
     put(58, concat!("Esker ", env!("CARGO_PKG_VERSION")).as_bytes());
-    // Day and year of creation stay zero: the same points are the same file.
+    // Day and year of creation stay zero, so that the same points give the same file.
     put(94, &HEADER_BYTES_1_4.to_le_bytes());
     let mut vlrs = Vec::new();
     if let Some(wkt) = wkt.filter(|w| w.len() < usize::from(u16::MAX)) {
@@ -334,11 +332,11 @@ fn new_head(wkt: Option<&str>) -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
     (header, vlrs, Vec::new())
 }
 
-/// The header in a version that has the point format, and at least in that which is `needed`. One
-/// that is restored stays else as it was.
+/// The header in a version that has the point format, at least version `needed`. A restored header
+/// otherwise keeps its version.
 fn with_version(
     mut header: Vec<u8>,
-    found: &Found,
+    found: &SourceSummary,
     records: &Records,
     needed: u8,
     notes: &mut Vec<String>,
@@ -367,7 +365,7 @@ fn vlr(user: &str, record: u16, description: &str, data: Vec<u8>) -> Vlr {
     let mut head = vec![0; VLR_HEAD_BYTES];
     head[2..2 + user.len()].copy_from_slice(user.as_bytes());
     head[18..20].copy_from_slice(&record.to_le_bytes());
-    // Fits: the callers' records are bounded to 16 bits of length.
+    // Fits: callers' records are bounded to 16 bits of length.
     head[20..22].copy_from_slice(&(data.len() as u16).to_le_bytes());
     head[22..22 + description.len()].copy_from_slice(description.as_bytes());
     Vlr { user: user.to_owned(), record, head, data }
@@ -381,8 +379,8 @@ fn laszip(path: &Path, records: &Records) -> Result<LazVlr, ScanError> {
         .map_err(|e| ScanError::unsupported(path, format!("cannot be compressed: {e}")))
 }
 
-/// Puts the LASzip record where the source's was, or behind the other VLRs; takes that of the
-/// source out.
+/// Replaces the LASzip record of the source, or inserts the new one after all other VLRs. Without a
+/// new one, removes that of the source.
 fn place_laszip(
     laszip: Option<&LazVlr>,
     vlrs: &mut Vec<Vlr>,
@@ -406,7 +404,7 @@ pub fn minor(header: &[u8]) -> u8 {
     header[25]
 }
 
-/// Whether a header tells counts in 64 bits and EVLRs.
+/// Whether a header has 64-bit counts and EVLRs.
 pub fn is_1_4(header: &[u8]) -> bool {
     minor(header) >= 4 && header.len() >= usize::from(HEADER_BYTES_1_4)
 }

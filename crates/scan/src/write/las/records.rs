@@ -1,5 +1,5 @@
-//! Columns to point records: the way back of [`crate::las::points`]. What the record has a field
-//! for is put there, all else behind it, as extra bytes.
+//! Encodes columns as point records, the inverse of [`crate::las::points`]. Attributes without a
+//! field in the record are appended to it as extra bytes.
 
 use crate::las::points::{Field, Layout, Take};
 use crate::write::encode::{Encode, Encoded};
@@ -7,96 +7,102 @@ use esker_points::attribute::names;
 use esker_points::lattice::ORIGIN;
 use esker_points::{AttrType, Attribute, Batch, Schema};
 
-/// Records filled before the next column's turn: they stay in the first-level cache meanwhile.
+/// Records filled before the next column's turn: they stay in the L1 cache meanwhile.
 const BLOCK_POINTS: usize = 512;
-/// Degrees of a step of the scan angle of formats 6 to 10.
+/// Step of the scan angle of formats 6 to 10, in degrees.
 const ANGLE_STEP: f64 = 0.006;
 
-/// How a value goes into a record.
+/// How a value is stored in a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Put {
-    /// As the reader takes it out.
+    /// The inverse of what the reader does.
     Back(Take),
-    /// A colour of 8 bits into a field of 16: times 256, as the specification asks.
+    /// A colour of 8 bits in a field of 16: times 256, as the specification demands.
     Widened,
-    /// Whole degrees into steps of 0.006 degrees, of points that have no other angle.
+    /// Whole degrees as steps of 0.006 degrees, for points that have no other angle.
     Degrees,
 }
 
-/// Where the values of a column go.
+/// Field that the values of a column are written to.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct Destination {
     column: usize,
     bytes: usize,
     offset: usize,
     put: Put,
 }
 
-/// The records of a file.
+/// Layout of the records of a file.
 #[derive(Clone, Debug)]
 pub struct Records {
     /// Point format, 0 to 10.
     pub point_format: u8,
-    /// Bytes of a record.
+    /// Size of a record, in bytes.
     pub record_bytes: usize,
-    places: Vec<Place>,
+    destinations: Vec<Destination>,
 }
 
 impl Records {
-    /// The records that a source had, where its attributes are exactly those of the outline.
+    /// The layout of a source, if its attributes are exactly those of the outline.
     pub fn of_source(point_format: u8, layout: &Layout, schema: &Schema) -> Option<Self> {
         let own = &layout.schema.attributes;
         if !own.iter().map(Attribute::key).eq(schema.attributes.iter().map(Attribute::key)) {
             return None;
         }
-        let places = layout.fields.iter().enumerate().map(|(column, field)| back(column, field));
-        let places = places.collect();
-        Some(Self { point_format, record_bytes: layout.record_bytes, places })
+        let destinations =
+            layout.fields.iter().enumerate().map(|(column, field)| back(column, field));
+        let destinations = destinations.collect();
+        Some(Self { point_format, record_bytes: layout.record_bytes, destinations })
     }
 
-    /// Records of a point format for any attributes; and those that become extra bytes.
+    /// The layout of a point format for any attributes; also returns those that become extra bytes.
     pub fn of_format(
         point_format: u8,
         base_bytes: usize,
         schema: &Schema,
     ) -> (Self, Vec<Attribute>) {
         let base = Layout::new(point_format, base_bytes, Vec::new());
-        let mut records = Self { point_format, record_bytes: base_bytes, places: Vec::new() };
+        let mut records = Self { point_format, record_bytes: base_bytes, destinations: Vec::new() };
         let mut extra = Vec::new();
         for (column, attribute) in schema.attributes.iter().enumerate() {
             let of = |name: &str, ty| base.schema.find_typed(name, ty).map(|i| base.fields[i]);
             let name = attribute.name.as_str();
             let colour = [names::RED, names::GREEN, names::BLUE].contains(&name);
             let bytes = attribute.ty.size();
-            let place = |field: Field, put| Place { column, bytes, offset: field.offset, put };
+            let destination =
+                |field: Field, put| Destination { column, bytes, offset: field.offset, put };
             let found = match attribute.ty {
-                AttrType::U8 if colour => of(name, AttrType::U16).map(|f| place(f, Put::Widened)),
+                AttrType::U8 if colour => {
+                    of(name, AttrType::U16).map(|f| destination(f, Put::Widened))
+                }
                 AttrType::I8 if name == names::SCAN_ANGLE_RANK && point_format >= 6 => {
-                    of(names::SCAN_ANGLE, AttrType::I16).map(|f| place(f, Put::Degrees))
+                    of(names::SCAN_ANGLE, AttrType::I16).map(|f| destination(f, Put::Degrees))
                 }
                 ty => of(name, ty).map(|field| back(column, &field)),
             };
-            records.places.push(found.unwrap_or_else(|| {
+            records.destinations.push(found.unwrap_or_else(|| {
                 extra.push(attribute.clone());
                 let offset = records.record_bytes;
                 records.record_bytes += bytes;
-                Place { column, bytes, offset, put: Put::Back(Take::Copy) }
+                Destination { column, bytes, offset, put: Put::Back(Take::Copy) }
             }));
         }
         (records, extra)
     }
 
-    /// For each column, the field that it goes to; a column that is converted goes to the field of
-    /// another one.
+    /// For each column, the index of its field. A column that is converted has the field of another
+    /// one.
     pub fn fields(&self) -> Vec<usize> {
-        let same = |a: &Place, b: &Place| a.offset == b.offset && a.take() == b.take();
-        let first = |place: &Place| self.places.iter().position(|other| same(place, other));
-        self.places.iter().filter_map(first).collect()
+        let same = |a: &Destination, b: &Destination| a.offset == b.offset && a.take() == b.take();
+        let first = |destination: &Destination| {
+            self.destinations.iter().position(|other| same(destination, other))
+        };
+        self.destinations.iter().filter_map(first).collect()
     }
 }
 
-fn back(column: usize, field: &Field) -> Place {
-    Place { column, bytes: field.bytes, offset: field.offset, put: Put::Back(field.take) }
+fn back(column: usize, field: &Field) -> Destination {
+    Destination { column, bytes: field.bytes, offset: field.offset, put: Put::Back(field.take) }
 }
 
 impl Encode for Records {
@@ -117,9 +123,13 @@ impl Encode for Records {
                 }
             }
             let first = block * BLOCK_POINTS;
-            for place in &self.places {
-                let values = &batch.columns[place.column][first * place.bytes..];
-                place.scatter(&values[..positions.len() * place.bytes], records, stride);
+            for destination in &self.destinations {
+                let values = &batch.columns[destination.column][first * destination.bytes..];
+                destination.scatter(
+                    &values[..positions.len() * destination.bytes],
+                    records,
+                    stride,
+                );
             }
             for record in records.chunks_exact(stride) {
                 let number = record[14] & if self.point_format < 6 { 7 } else { 15 };
@@ -135,12 +145,12 @@ impl Encode for Records {
 
 /// The raw coordinate of a lattice coordinate.
 pub fn raw(u: u32) -> i32 {
-    // The lattice is as wide as what a record holds.
+    // The lattice is as wide as the coordinates of a record.
     (i64::from(u) - ORIGIN) as i32
 }
 
-impl Place {
-    /// How a reader takes it out.
+impl Destination {
+    /// How a reader extracts the field.
     fn take(&self) -> Take {
         match self.put {
             Put::Back(take) => take,
@@ -148,7 +158,7 @@ impl Place {
         }
     }
 
-    /// Puts values into whole records whose bytes are zero where nothing was put yet.
+    /// Writes values into whole records, whose bytes are zero where nothing was written yet.
     fn scatter(self, values: &[u8], records: &mut [u8], stride: usize) {
         let rows = records.chunks_exact_mut(stride).map(|r| &mut r[self.offset..]);
         match (self.put, self.bytes) {
@@ -175,7 +185,8 @@ impl Place {
     }
 }
 
-/// Zeros leave what another attribute has put: a file may have a colour of 8 and one of 16 bits.
+/// Sets bits only, so that zeros keep what another attribute wrote: a file may have a colour of 8
+/// bits and one of 16.
 fn copy<'a, const N: usize>(rows: impl Iterator<Item = &'a mut [u8]>, values: &[u8]) {
     for (row, value) in rows.zip(values.chunks_exact(N)) {
         for (byte, v) in row[..N].iter_mut().zip(value) {

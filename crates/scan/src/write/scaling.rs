@@ -1,29 +1,29 @@
-//! Attribute values where a format has no place for a scale: as they are shown, which is what other
-//! programs take them for. What is counted in steps (extra bytes of LAS with a scale or an offset,
-//! scan angles) becomes a double, or a decimal with all its digits; anything else stays as it is.
+//! Scales attribute values for formats that cannot store a scale, so that other programs read the
+//! intended values. Values counted in steps (extra bytes of LAS with a scale or an offset, scan
+//! angles) become a double, or a decimal number with all its digits; others are unchanged.
 
 use super::numbers::{Decimal, float, put};
 use esker_points::{AttrType, Attribute, Schema};
 
-/// How the values of an attribute are shown.
+/// How the values of an attribute are scaled.
 #[derive(Clone, Copy, Debug)]
-pub struct Shown {
+pub struct Scaling {
     ty: AttrType,
     how: How,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum How {
-    /// As they are stored.
+    /// Not at all.
     Stored,
     /// Whole numbers of decimal steps.
     Steps(Decimal),
-    /// Times the first, plus the second.
+    /// Multiplied by the first number, then added to the second.
     Times(f64, f64),
 }
 
-impl Shown {
-    /// Of an attribute of a schema. A scale of zero, or one that is no number, says nothing.
+impl Scaling {
+    /// Scaling of an attribute of a schema. A scale that is zero or not finite is ignored.
     pub fn of(schema: &Schema, attribute: usize) -> Self {
         let Attribute { ty, offset, .. } = schema.attributes[attribute];
         let scale = schema.shown_scale(attribute);
@@ -37,17 +37,17 @@ impl Shown {
         Self { ty, how }
     }
 
-    /// Whether values are other than they are stored.
+    /// Whether written values differ from stored ones.
     pub fn is_scaled(&self) -> bool {
         !matches!(self.how, How::Stored)
     }
 
-    /// The type in which they are written as bytes.
+    /// The type of written values.
     pub fn ty(&self) -> AttrType {
         if self.is_scaled() { AttrType::F64 } else { self.ty }
     }
 
-    /// Appends the bytes of a stored value, of the type [`Shown::ty`].
+    /// Appends the bytes of a stored value after scaling, of type [`Scaling::ty`].
     pub fn bytes(&self, stored: &[u8], out: &mut Vec<u8>) {
         match self.how {
             How::Stored => out.extend_from_slice(stored),
@@ -57,7 +57,7 @@ impl Shown {
         }
     }
 
-    /// Appends a stored value as text.
+    /// Appends a stored value, after scaling, as text.
     pub fn text(&self, stored: &[u8], out: &mut Vec<u8>) {
         match self.how {
             How::Stored => number(self.ty, stored, out),
@@ -75,12 +75,12 @@ impl Shown {
     }
 }
 
-/// Says which attributes are written other than they are stored, if any are.
+/// A note that names the attributes whose written values differ from stored ones, if there are any.
 pub fn notes(schema: &Schema) -> Vec<String> {
     let all = schema.attributes.iter().enumerate();
-    let scaled = all.filter(|(index, _)| Shown::of(schema, *index).is_scaled());
+    let scaled = all.filter(|(index, _)| Scaling::of(schema, *index).is_scaled());
     let names: Vec<&str> = scaled.map(|(_, a)| a.name.as_str()).collect();
-    let note = || format!("by their scale, as they are shown: {}", names.join(", "));
+    let note = || format!("written as scaled values: {}", names.join(", "));
     (!names.is_empty()).then(note).into_iter().collect()
 }
 
@@ -88,7 +88,7 @@ fn is_whole(ty: AttrType) -> bool {
     !matches!(ty, AttrType::F32 | AttrType::F64)
 }
 
-/// A stored whole number; bits of others.
+/// A stored integer, or the bits of a float.
 fn whole(ty: AttrType, stored: &[u8]) -> i128 {
     let mut wide = [0; 8];
     wide[..stored.len()].copy_from_slice(stored);
@@ -102,7 +102,7 @@ fn whole(ty: AttrType, stored: &[u8]) -> i128 {
     }
 }
 
-/// Appends a value as it is stored.
+/// Appends a stored value as text, unscaled.
 fn number(ty: AttrType, stored: &[u8], out: &mut Vec<u8>) {
     let bits = whole(ty, stored);
     match ty {
@@ -117,42 +117,42 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn shown(ty: AttrType, scale: f64, offset: f64) -> Shown {
+    fn scaling(ty: AttrType, scale: f64, offset: f64) -> Scaling {
         let attributes = vec![Attribute { scale, offset, ..Attribute::new("own", ty) }];
-        Shown::of(&Schema { attributes }, 0)
+        Scaling::of(&Schema { attributes }, 0)
     }
 
-    fn text(shown: Shown, stored: &[u8]) -> String {
+    fn text(scaling: Scaling, stored: &[u8]) -> String {
         let mut out = Vec::new();
-        shown.text(stored, &mut out);
+        scaling.text(stored, &mut out);
         String::from_utf8(out).unwrap()
     }
 
     #[test]
-    fn steps_are_decimals_and_others_what_they_are() {
-        let reflectance = shown(AttrType::I16, 0.01, 0.0);
+    fn steps_become_decimals_and_other_values_are_unchanged() {
+        let reflectance = scaling(AttrType::I16, 0.01, 0.0);
         assert_eq!(text(reflectance, &(-1234i16).to_le_bytes()), "-12.34");
         assert_eq!(reflectance.ty(), AttrType::F64);
-        assert_eq!(text(shown(AttrType::U8, 0.5, -3.0), &[7]), "0.5");
-        assert_eq!(text(shown(AttrType::U64, 1.0, 0.5), &[255; 8]), "18446744073709551615.5");
-        assert_eq!(text(shown(AttrType::I32, -2.0, 1.0), &3i32.to_le_bytes()), "-5");
-        assert_eq!(text(shown(AttrType::F32, 0.5, 1.0), &3f32.to_le_bytes()), "2.5");
+        assert_eq!(text(scaling(AttrType::U8, 0.5, -3.0), &[7]), "0.5");
+        assert_eq!(text(scaling(AttrType::U64, 1.0, 0.5), &[255; 8]), "18446744073709551615.5");
+        assert_eq!(text(scaling(AttrType::I32, -2.0, 1.0), &3i32.to_le_bytes()), "-5");
+        assert_eq!(text(scaling(AttrType::F32, 0.5, 1.0), &3f32.to_le_bytes()), "2.5");
         for (scale, offset) in [(1.0, 0.0), (0.0, 9.0), (f64::NAN, 0.0), (0.1, f64::INFINITY)] {
-            let plain = shown(AttrType::I16, scale, offset);
+            let plain = scaling(AttrType::I16, scale, offset);
             assert_eq!((text(plain, &[3, 0]).as_str(), plain.ty()), ("3", AttrType::I16));
         }
     }
 
     proptest! {
         #[test]
-        fn bytes_are_what_the_text_says(raw: i64, digits in 0u32..9, wide: bool) {
+        fn bytes_and_text_give_the_same_value(raw: i64, digits in 0u32..9, wide: bool) {
             let scale: f64 = format!("1e-{digits}").parse().unwrap();
             let (ty, stored) = if wide { (AttrType::I64, raw.to_le_bytes().to_vec()) } else { (AttrType::I16, (raw as i16).to_le_bytes().to_vec()) };
-            let shown = shown(ty, scale, 0.25);
+            let scaling = scaling(ty, scale, 0.25);
             let mut bytes = Vec::new();
-            shown.bytes(&stored, &mut bytes);
+            scaling.bytes(&stored, &mut bytes);
             let value = f64::from_le_bytes(bytes.try_into().unwrap());
-            prop_assert_eq!(text(shown, &stored).parse::<f64>().unwrap(), value);
+            prop_assert_eq!(text(scaling, &stored).parse::<f64>().unwrap(), value);
         }
     }
 }
