@@ -1,6 +1,6 @@
-// Rows of the tables of the cut: nodes, and chunks of their points. The number of a point is `chunk
-// * CHUNK_POINTS + index in the chunk`. Host: crates/render/src/gpu/memory/table.rs, where each
-// field is described.
+// Rows of the tables of the cut: nodes, and chunks of their points. A point has the number
+// `chunk * CHUNK_POINTS + index in the chunk`. Host: crates/render/src/gpu/memory/table.rs, which
+// describes each field.
 
 const CHUNK_POINTS: u32 = 4096u;
 // Page of a plane that does not exist.

@@ -10,8 +10,8 @@
 // Boxes of the runs of the page of positions.
 @group(0) @binding(8) var<storage, read> boxes: array<vec4<u32>>;
 
-// Whether pixels are read and written. If not, all other work is done, for comparison in `esker
-// bench draw`.
+// Whether pixels are read and written. If not, all other work is done, for comparison in the
+// benchmark `draw`.
 override TOUCHES_PIXELS: bool = true;
 // Whether runs are skipped by their boxes.
 override SKIPS_RUNS: bool = true;

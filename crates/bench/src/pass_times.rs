@@ -1,9 +1,9 @@
 //! Times of passes in reports: [`Stages`] as an object of milliseconds by the names of
 //! [`Pass::ALL`], with the time of the whole frame beside them.
 
+use esker_engine::io::stages;
 use esker_render::{Pass, Stages};
 use serde::de::Error;
-use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serializer};
 use std::collections::BTreeMap;
 
@@ -18,21 +18,12 @@ pub(crate) fn of_frames(frames: &[Stages], statistic: impl Fn(&[f64]) -> f64) ->
 
 /// Writes `stages` with the whole frame as `total`.
 pub(crate) fn with_total<S: Serializer>(stages: &Stages, to: S) -> Result<S::Ok, S::Error> {
-    write(stages, "total", to)
+    stages::serialize(stages, "total", to)
 }
 
 /// Writes `stages` with the whole frame as `all`.
 pub(crate) fn with_all<S: Serializer>(stages: &Stages, to: S) -> Result<S::Ok, S::Error> {
-    write(stages, "all", to)
-}
-
-fn write<S: Serializer>(stages: &Stages, whole_frame: &str, to: S) -> Result<S::Ok, S::Error> {
-    let mut map = to.serialize_map(Some(Pass::ALL.len() + 1))?;
-    for pass in Pass::ALL {
-        map.serialize_entry(pass.name(), &stages.ms(pass))?;
-    }
-    map.serialize_entry(whole_frame, &stages.total_ms)?;
-    map.end()
+    stages::serialize(stages, "all", to)
 }
 
 /// Reads what [`with_all`] writes.

@@ -2,8 +2,7 @@
 
 use esker_render::Stages;
 
-/// Smallest of `values` that at least `share` of them, 0 to 1, do not exceed; 0 if `values` is
-/// empty.
+/// Smallest of `values` that at least `share` of them, 0 to 1, do not exceed; 0 if there is none.
 pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

@@ -28,8 +28,7 @@ const NODE_POINTS: u64 = 1 << 16;
 const SIDE: f64 = 65_536.0;
 /// Least number of frames.
 const FRAMES: usize = 3;
-/// Least time of all frames, milliseconds: the first ones are slower, for memory and processor are
-/// cold.
+/// Least time of all frames, milliseconds: memory and processor are cold in the first ones.
 const FRAMES_MS: f64 = 500.0;
 
 /// Numbers of splats, pictures and devices to measure.
@@ -95,8 +94,7 @@ struct Wall {
 }
 
 impl Wall {
-    /// Makes a wall of `splats` splats. Its nodes share one record, and each has points of all of
-    /// it.
+    /// Makes a wall of `splats` splats. Its nodes share one record, that of the whole wall.
     fn new([width, height]: [u32; 2], splats: u64, options: &Options) -> Self {
         let middle = f64::from(1u32 << 31) + SIDE / 2.0;
         let lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] };

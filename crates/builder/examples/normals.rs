@@ -1,4 +1,4 @@
-//! Estimates the normals of a scan and prints CPU time a point and, where the scan brings normals,
+//! Estimates the normals of a scan and prints the CPU time a point and, if the scan has normals,
 //! the angles between both: `normals FILE [threads] [points]`.
 
 use esker_builder::attributes::density::Density;
@@ -9,7 +9,7 @@ use esker_points::quant::oct_decode;
 use esker_points::task::Silent;
 use std::path::Path;
 
-/// CPU time of the process so far, in user space; hundredths of seconds (Linux).
+/// CPU time of the process in user space, in seconds, to a hundredth (Linux).
 fn cpu_seconds() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     stat.split(' ').nth(13).and_then(|t| t.parse().ok()).unwrap_or(0.0) / 100.0
@@ -47,7 +47,7 @@ fn run(path: &Path, points_max: usize) -> Outcome {
         }
         Ok(())
     })?;
-    // Along the curve, as a chunk's rows are.
+    // In Morton order, like the rows of a chunk.
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by_cached_key(|&i| morton::encode3(points[i]));
     let points: Vec<[u32; 3]> = order.iter().map(|&i| points[i]).collect();
@@ -80,7 +80,7 @@ fn run(path: &Path, points_max: usize) -> Outcome {
     if let Some(last) = angles.len().checked_sub(1) {
         let at = |share: f64| angles[(last as f64 * share) as usize];
         println!(
-            "against its own: median {:.2}, 90 % {:.2}, 99 % {:.2} degrees",
+            "angles to the scan's normals: median {:.2}, 90 % {:.2}, 99 % {:.2} degrees",
             at(0.5),
             at(0.9),
             at(0.99)

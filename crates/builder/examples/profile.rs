@@ -1,9 +1,8 @@
-//! Where the time of a build goes: builds a made cloud (hilly ground with walls and trees) of N
-//! points and prints seconds a phase and how full the nodes are.
+//! Profiles a build: builds a generated cloud (hilly ground with walls and trees, or another
+//! shape), and prints the seconds of each phase and the fill of the nodes.
 //!
-//! `cargo run --release -p esker-builder --example profile -- ARGUMENTS`, with the optional
-//! arguments points, shape (plane, volume, ground or stack), capacity, memory in MiB, and a file to
-//! keep, in this order.
+//! `cargo run --release -p esker-builder --example profile -- [points] [plane|volume|ground|stack]
+//! [capacity] [memory MiB] [file to keep]`
 #![allow(clippy::unwrap_used, reason = "a tool for developers")]
 
 #[path = "../tests/cloud/mod.rs"]
@@ -66,7 +65,7 @@ fn main() {
     };
     let folder = tempfile::tempdir().unwrap();
     let out = arguments.get(4).map_or_else(|| folder.path().join("out.esker"), Into::into);
-    let source = cloud("made", 0.001, n, position);
+    let source = cloud("generated", 0.001, n, position);
     let clock = Clock(Mutex::new(("before".into(), Instant::now())));
     let report = build_sources(vec![source], &out, &options, &clock).unwrap();
     clock.next("verify");

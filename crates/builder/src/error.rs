@@ -1,4 +1,4 @@
-//! Why a build failed: which file, which phase, what to do.
+//! Errors of builds, exports and verification: which file, which phase, what to do.
 
 use esker_format::FormatError;
 use esker_points::Cancelled;
@@ -6,8 +6,8 @@ use esker_points::lattice::LatticeError;
 use esker_scan::ScanError;
 use std::path::{Path, PathBuf};
 
-/// A build, or a comparison of a file with its inputs, failed. Nothing is left under the final
-/// name.
+/// Why a build, an export or a comparison of a file with its inputs failed. There is no file under
+/// the final name.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BuildError {
@@ -23,55 +23,55 @@ pub enum BuildError {
     /// Scratch space failed.
     #[error("{}: {phase}: {source}; free space there, or name another place with --scratch", path.display())]
     Scratch {
-        /// The scratch file or folder.
+        /// Scratch file or folder.
         path: PathBuf,
-        /// What was being done.
+        /// Operation that failed.
         phase: &'static str,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// A disk has too little space for what is about to be done.
+    /// A disk has less free space than the build needs.
     #[error("{}: {what} at least {} MiB, {} MiB are free: {remedy}", path.display(), needed_bytes.div_ceil(1 << 20), free_bytes >> 20)]
     Space {
         /// The folder.
         path: PathBuf,
-        /// What needs it.
+        /// Subject and verb of the message, such as "scratch files need".
         what: &'static str,
-        /// How much it needs at least.
+        /// Least bytes needed.
         needed_bytes: u64,
-        /// How much is free.
+        /// Free bytes.
         free_bytes: u64,
-        /// What to do.
+        /// Advice for the user.
         remedy: &'static str,
     },
     /// The options contradict themselves or the inputs.
     #[error("{0}")]
     Options(String),
-    /// The inputs have points, and none of them can be in a file.
+    /// The inputs have points, but all were refused.
     #[error("{inputs}: all of the {points} points were refused, so nothing was written ({why})")]
     Refused {
-        /// The inputs, as far as they are few.
+        /// Names of the inputs, or of the first ones.
         inputs: String,
-        /// How many points they have.
+        /// Number of points.
         points: u64,
         /// The reasons, and what to do.
         why: String,
     },
-    /// The points that were written are not those that were read. Never seen; a defect of Esker.
+    /// The points written are not the points read, because of a defect of Esker.
     #[error("the points written are not the points read: {0}; please report this with the input")]
     Proof(String),
     /// The file's points are not those of the inputs.
     #[error("{0}")]
     Differs(String),
-    /// An earlier build cannot be gone on with.
+    /// An earlier build cannot be resumed.
     #[error("{}: an earlier build cannot be resumed: {why}; give what it was given, or start afresh without --resume", path.display())]
     Resume {
-        /// Its journal.
+        /// Journal of the earlier build.
         path: PathBuf,
-        /// What is in the way.
+        /// The reason.
         why: String,
     },
-    /// Cut short, with what is done kept.
+    /// The build was interrupted, and its finished steps are kept.
     #[error("{0}; what is done is kept: the same command with --resume goes on from there")]
     Kept(#[source] Box<Self>),
     /// Stopped on request.
@@ -84,13 +84,13 @@ impl BuildError {
         Self::Scratch { path: path.to_owned(), phase, source }
     }
 
-    /// The system has no thread to give.
+    /// The error for a thread that the system did not start.
     pub(crate) fn no_thread(why: impl std::fmt::Display) -> Self {
         Self::Options(format!("cannot start a thread ({why}): ask for fewer"))
     }
 
-    /// Whether what is done is of use to a build that goes on, once what is in its way is gone.
-    pub(crate) fn is_passing(&self) -> bool {
+    /// Whether the build can be resumed once the cause of this error is removed.
+    pub(crate) fn is_resumable(&self) -> bool {
         match self {
             Self::Scratch { .. } | Self::Cancelled(_) | Self::Resume { .. } => true,
             Self::Format(e) => matches!(e, FormatError::Io { .. }),
@@ -99,7 +99,7 @@ impl BuildError {
         }
     }
 
-    /// Carries an error through a reader's sink.
+    /// Wraps an error to pass it through the sink of a reader.
     pub(crate) fn through_sink(self) -> ScanError {
         match self {
             Self::Scan(e) => e,
@@ -108,7 +108,7 @@ impl BuildError {
         }
     }
 
-    /// The inverse of [`BuildError::through_sink`].
+    /// Unwraps an error that [`BuildError::through_sink`] has wrapped.
     pub(crate) fn from_sink(error: ScanError) -> Self {
         match error {
             ScanError::Sink(inner) => match inner.downcast::<Self>() {

@@ -1,10 +1,10 @@
-//! Random numbers of tests: the same on every machine.
+//! Random numbers for tests (SplitMix64, `steele2014`), equal on every machine.
 
-/// A generator (splitmix64), made of its seed.
+/// A generator; the value is its seed.
 pub struct Random(pub u64);
 
 impl Random {
-    /// Any 64 bits.
+    /// 64 random bits.
     pub fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -13,12 +13,12 @@ impl Random {
         z ^ z >> 31
     }
 
-    /// From 0 to 1.
+    /// A number from 0 to 1.
     pub fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// From -1 to 1.
+    /// A number from -1 to 1.
     pub fn signed(&mut self) -> f64 {
         self.unit() * 2.0 - 1.0
     }
@@ -28,7 +28,7 @@ impl Random {
         [self.signed(), self.signed(), self.signed()]
     }
 
-    /// Bell-shaped, of deviation 1.
+    /// A number of approximately normal distribution, with standard deviation 1.
     pub fn bell(&mut self) -> f64 {
         (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
     }

@@ -6,7 +6,7 @@ mod cloud;
 mod given;
 
 use cloud::below;
-use esker_builder::calls::onto::OFF_LATTICE;
+use esker_builder::OFF_LATTICE;
 use esker_builder::{
     BuildError, NormalsMode, Options, against_sources, append_sources, build_sources, export, merge,
 };

@@ -2,9 +2,11 @@
 
 use crate::bench::Benchmark;
 use crate::output::Output;
-use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, MethodArg, Threads};
+use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, Threads, method_parser};
 use clap::{Args as ClapArgs, Parser, Subcommand};
+use esker_engine::Method;
 use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::method::DEFAULT_METHOD;
 use esker_engine::io::quantity;
 use std::path::PathBuf;
 
@@ -142,8 +144,8 @@ pub struct Render {
     #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
     /// Points alone, closed surfaces, or splats.
-    #[arg(long, value_enum, default_value_t)]
-    pub method: MethodArg,
+    #[arg(long, value_parser = method_parser(), default_value = DEFAULT_METHOD)]
+    pub method: Method,
     /// "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates; each part may be
     /// missing. Without a target the camera looks along "direction=x,y,z"; without an eye it is
     /// placed so that the whole scan is in view.

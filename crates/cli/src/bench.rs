@@ -1,7 +1,7 @@
 //! `esker bench`: the options of each benchmark, and the call of `esker_bench` that they become.
 
 use crate::output::Output;
-use crate::shared::{BuildHow, DrawWithArgs, MethodArg, Threads, note_built};
+use crate::shared::{BuildHow, DrawWithArgs, Threads, method_parser, note_built};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
 use esker_bench::build::{self, BuildBenchRequest, Rival};
@@ -11,6 +11,7 @@ use esker_bench::render::{self, RenderBenchRequest};
 use esker_bench::size::{self, SizeBenchRequest};
 use esker_bench::splats::{self, SplatsBenchRequest};
 use esker_bench::stream::{self, FlightRequest, Settings, StreamBenchRequest};
+use esker_engine::Method;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::io::progress::Progress;
 use esker_engine::io::quantity;
@@ -70,8 +71,7 @@ pub fn run(benchmark: Benchmark, stop: Arc<AtomicBool>) -> Result<()> {
 
 #[derive(ClapArgs)]
 pub struct BenchRender {
-    /// .esker files or scans; by default generated models with as many points as those of the
-    /// paper.
+    /// .esker files or scans; by default generated models as large as those of the paper.
     #[arg(value_name = "MODEL", conflicts_with = "points")]
     pub models: Vec<PathBuf>,
     /// Numbers of points of generated models, such as 25k,5M.
@@ -87,8 +87,8 @@ pub struct BenchRender {
     pub size: Vec<[u32; 2]>,
     /// Measure this method alone. ewa without a model measures splats a second, in one pass and in
     /// three (table 1 of zwicker2004).
-    #[arg(long, value_enum)]
-    pub method: Option<MethodArg>,
+    #[arg(long, value_parser = method_parser())]
+    pub method: Option<Method>,
     /// Multiply the radii of points by these factors, such as 1,2,4: the time against the radius,
     /// beside that of a full screen.
     #[arg(long, value_name = "X,X", value_delimiter = ',', value_parser = radius_factor)]
@@ -269,7 +269,7 @@ fn radius_factor(text: &str) -> Result<f32> {
 
 /// Table 1 of `marroquim2007`: times of a frame.
 fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
-    if args.models.is_empty() && args.method == Some(MethodArg::Ewa) {
+    if args.models.is_empty() && args.method == Some(Method::Ewa) {
         return run_splats(args, stop);
     }
     if args.size.is_empty() {
@@ -279,7 +279,7 @@ fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
         models: args.models,
         points: args.points,
         sizes: args.size,
-        method: args.method.map(Into::into),
+        method: args.method,
         radii: args.radii,
         with: (&args.how.with).into(),
         threads: args.how.threads.count,

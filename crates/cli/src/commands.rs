@@ -33,8 +33,8 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         Command::Render(args) => run_render(*args, stop),
         Command::View(args) => return view::run(&args),
         Command::Demo { out } => {
-            let lines = demo::demo(project(), &out, &Progress::new(Style::Bar, stop))?;
-            write(&lines.join("\n"))
+            let report = demo::demo(project(), &out, &Progress::new(Style::Bar, stop))?;
+            write(&demo::text(&report))
         }
         Command::Bench { benchmark: Some(benchmark) } => crate::bench::run(benchmark, stop),
         Command::Bench { benchmark: None } => {
@@ -49,10 +49,11 @@ fn run_build(args: Build, stop: Arc<AtomicBool>) -> Result<()> {
     let build = if args.merge { build::merge } else { build::build };
     let (how, out) = (&args.how, &args.out);
     let options = how.resumable(args.resume);
-    let (report, seconds) = args
-        .output
-        .watch(stop, |progress| build(&args.inputs, out, &options, how.threads.count, progress))?;
-    args.output.print(&build::json(&report, seconds), || build::text(&report, seconds, out))
+    args.output.report(
+        stop,
+        |progress| build(&args.inputs, out, &options, how.threads.count, progress),
+        |report| build::text(report, out),
+    )
 }
 
 fn run_append(args: Append, stop: Arc<AtomicBool>) -> Result<()> {
@@ -61,10 +62,11 @@ fn run_append(args: Append, stop: Arc<AtomicBool>) -> Result<()> {
     if how.node_capacity.is_none() {
         options.node_capacity = build::node_capacity(old)?;
     }
-    let (report, seconds) = output.watch(stop, |progress| {
-        build::append(old, inputs, out, &options, how.threads.count, progress)
-    })?;
-    output.print(&build::json(&report, seconds), || build::text(&report, seconds, out))
+    output.report(
+        stop,
+        |progress| build::append(old, inputs, out, &options, how.threads.count, progress),
+        |report| build::text(report, out),
+    )
 }
 
 fn run_verify(args: Verify, stop: Arc<AtomicBool>) -> Result<()> {
@@ -72,7 +74,7 @@ fn run_verify(args: Verify, stop: Arc<AtomicBool>) -> Result<()> {
         verify::verify(&args.file, &args.against, args.threads.count, progress)
     });
     if let (Err(error), true) = (&report, args.output.json) {
-        write(&verify::refused(&args.file, error).to_string())?;
+        print(true, &verify::fault(&args.file, error), String::new)?;
     }
     let report = report?;
     args.output.print(&report, || verify::text(&args.file, &report))
@@ -85,7 +87,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
     }
     let request = PictureRequest {
         size: args.size,
-        method: args.method.into(),
+        method: args.method,
         camera,
         budget_points: args.budget_points,
         target_spacing_px: args.target_spacing,
@@ -102,7 +104,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
     let (inputs, output) = (&args.inputs, &args.output);
     note_built(inputs, &args.how);
     match args.out.filter(|_| !args.explain) {
-        None => output.report(stop, |p| render::explain(inputs, &request, p), explain::text),
+        None => output.report(stop, |p| explain::explain(inputs, &request, p), explain::text),
         Some(out) => {
             output.report(stop, |p| render::render(inputs, &out, &request, p), render::text)
         }

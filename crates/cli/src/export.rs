@@ -27,9 +27,9 @@ pub struct Export {
 /// Writes the scan and prints the report.
 pub fn run(args: Export, stop: Arc<AtomicBool>) -> Result<()> {
     let filter = args.filter.into();
-    let (report, seconds) = args.output.watch(stop, |progress| {
-        export::export(&args.file, &args.out, &filter, args.threads.count, progress)
-    })?;
-    let json = export::json(&report, seconds);
-    args.output.print(&json, || export::text(&report, seconds, &args.out))
+    args.output.report(
+        stop,
+        |progress| export::export(&args.file, &args.out, &filter, args.threads.count, progress),
+        |report| export::text(report, &args.out),
+    )
 }

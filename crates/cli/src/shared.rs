@@ -1,9 +1,10 @@
 //! Groups of options that several commands share, and the engine's types that they become.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, ValueEnum};
-use esker_engine::calls::export;
+use esker_engine::draw::method::{METHODS, method_of_name};
 use esker_engine::io::file::is_esker;
-use esker_engine::io::quantity;
+use esker_engine::io::{polygon, quantity};
 use esker_engine::machine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::{
     Bounds, BuildOptions, Classes, Codec, ColourDepth, Filter, Method, NormalsMode, Polygon, Resume,
@@ -62,8 +63,7 @@ pub struct BuildHow {
 }
 
 impl BuildHow {
-    /// Names of the given options that change what is built, and so have no effect on an .esker
-    /// file.
+    /// Names of the given options that change what is built; they have no effect on .esker files.
     fn given(&self) -> Vec<&'static str> {
         let all = [
             (self.node_capacity.is_some(), "--node-capacity"),
@@ -204,7 +204,7 @@ impl From<FilterArgs> for Filter {
 }
 
 fn parse_polygon(word: &str) -> Result<Polygon, String> {
-    export::polygon(word).map_err(|e| format!("{e:#}"))
+    polygon::read(word).map_err(|e| format!("{e:#}"))
 }
 
 /// Choice of the CPU or of a GPU.
@@ -275,23 +275,9 @@ impl From<&DrawWithArgs> for DrawWith {
     }
 }
 
-#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub enum MethodArg {
-    /// One pixel a point.
-    Points,
-    /// Surfaces closed by pull-push interpolation.
-    #[default]
-    PullPush,
-    /// Splats of exact perspective shape, filtered and blended: slower, of the highest quality.
-    Ewa,
-}
-
-impl From<MethodArg> for Method {
-    fn from(arg: MethodArg) -> Self {
-        match arg {
-            MethodArg::Points => Self::Points,
-            MethodArg::PullPush => Self::PullPush,
-            MethodArg::Ewa => Self::Ewa,
-        }
-    }
+/// Parses the name of a drawing method.
+pub fn method_parser() -> impl TypedValueParser<Value = Method> {
+    let values = METHODS.map(|(_, name, help)| PossibleValue::new(name).help(help));
+    let parser = PossibleValuesParser::new(values);
+    parser.try_map(|name| method_of_name(&name).ok_or("no such method"))
 }

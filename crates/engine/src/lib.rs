@@ -1,6 +1,6 @@
-//! What the programs do, as calls: build, info, verify, export, render, demo, bench. Puts scan,
-//! build, format, lod, stream and render together; the programs only parse their command lines and
-//! print what comes back.
+//! What the programs do, as calls: build, info, verify, export, render and demo. Joins the crates
+//! that scan, build, store, choose, stream and draw. The programs parse their command lines, call
+//! this crate, and print the reports that it returns.
 
 pub mod calls;
 pub mod cameras;
@@ -9,7 +9,7 @@ pub mod io;
 pub mod machine;
 
 pub use esker_builder::budget::memory;
-pub use esker_builder::{NormalsMode, Options as BuildOptions, Report as BuildReport, Resume};
+pub use esker_builder::{NormalsMode, Options as BuildOptions, Resume};
 pub use esker_format::{Codec, EskerFile, Forest};
 pub use esker_lod::View;
 pub use esker_points::filter::{Bounds, Classes, Filter, Polygon};
@@ -17,10 +17,9 @@ pub use esker_points::{Cancelled, ColourDepth, Task};
 pub use esker_render::{Method, Picture};
 pub use esker_scan::caught::hide as hide_caught_panics;
 pub use esker_stream::{Cut, Status};
-pub use serde_json::Value;
 
-/// An error and its causes as one line, whatever they wrote; a cause that its effect already quotes
-/// is not said twice.
+/// Writes an error and its causes as one line. A cause that is part of the text before it is left
+/// out.
 pub fn one_line(error: &anyhow::Error) -> String {
     let mut message = String::new();
     for cause in error.chain().map(ToString::to_string) {

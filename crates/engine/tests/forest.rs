@@ -1,6 +1,6 @@
-//! A scan in two parts, built and appended, gives the picture of the scan built at once: the very
-//! points where all are drawn, and surfaces as near as those of the same scan in nodes of another
-//! size. And it streams as one cloud, within its budgets, with nothing lost to what hides it.
+//! A scan in two parts, built and appended, gives the picture of the scan built at once: the same
+//! points if all are drawn, and surfaces that differ no more than those of the scan in nodes of
+//! another size. It streams as one cloud, within its budgets, and loses nothing to the depth test.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[path = "../../render/tests/gpu/flip.rs"]
@@ -11,7 +11,7 @@ use esker_engine::calls::info;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::scene::PictureRequest;
-use esker_engine::draw::session::{Options, Session};
+use esker_engine::draw::session::{Options, Session, Settings};
 use esker_engine::machine::backend::{Backend, DrawWith};
 use esker_format::Forest;
 use esker_lod::View;
@@ -25,7 +25,7 @@ use std::time::Duration;
 
 const SIZE: [u32; 2] = [256, 192];
 const CAMERAS: [&str; 2] = ["", "direction=0.3,1,-0.5;fovy=12"];
-/// Views over which differences are summed: of one, chance decides.
+/// Views whose differences are summed: a single one depends on chance.
 const LOOKS: [&str; 3] = [CAMERAS[0], "fovy=30", CAMERAS[1]];
 
 fn picture(file: &Forest, method: Method, target_spacing_px: f64, camera: &str) -> Picture {
@@ -42,19 +42,19 @@ fn picture(file: &Forest, method: Method, target_spacing_px: f64, camera: &str) 
     draw(file, &request, &Silent).unwrap().0
 }
 
-/// How far one picture is from another; or sums of that.
+/// Difference of two pictures, or a sum of differences.
 #[derive(Clone, Copy, Debug, Default)]
-struct Apart {
+struct Difference {
     /// Mean FLIP.
     flip: f64,
-    /// Shares of the pixels that are off by more than 8 of 255, that only the first covers, that
-    /// only the second does.
+    /// Fractions of the pixels that differ by more than 8 of 255, that only the first picture
+    /// covers, and that only the second one covers.
     off: f64,
     holes: f64,
     blobs: f64,
 }
 
-impl Apart {
+impl Difference {
     fn add(&mut self, other: Self) {
         self.flip += other.flip;
         self.off += other.off;
@@ -63,12 +63,12 @@ impl Apart {
     }
 }
 
-fn apart(a: &Picture, b: &Picture) -> Apart {
+fn apart(a: &Picture, b: &Picture) -> Difference {
     let pixels = a.depth.len() as f64;
     let colours = a.rgba.as_chunks::<4>().0.iter().zip(b.rgba.as_chunks::<4>().0);
     let off = colours.filter(|(a, b)| (0..4).any(|i| a[i].abs_diff(b[i]) > 8)).count();
     let covered = || a.depth.iter().zip(&b.depth).map(|(a, b)| (a.is_finite(), b.is_finite()));
-    Apart {
+    Difference {
         flip: flip::mean_flip(&a.rgba, &b.rgba, SIZE[0] as usize),
         off: off as f64 / pixels,
         holes: covered().filter(|&(a, b)| a && !b).count() as f64 / pixels,
@@ -78,7 +78,7 @@ fn apart(a: &Picture, b: &Picture) -> Apart {
 
 /// A scan of rooms.
 const ROOMS: &str = "synthetic:office:60k:1";
-/// Thin parts before an open sky.
+/// Thin parts before the sky.
 const BRIDGE: &str = "synthetic:bridge:60k:1";
 
 #[test]
@@ -87,10 +87,10 @@ fn parts_give_the_picture_of_the_whole() {
         let other = whole(scan, 2048);
         for split in [Split::Space, Split::Shuffled, Split::Thinned] {
             let Both { at_once, forest, .. } = built(scan, split, 4096);
-            let (mut parts, mut sizes) = (Apart::default(), Apart::default());
+            let (mut parts, mut sizes) = (Difference::default(), Difference::default());
             for camera in LOOKS {
                 let of = |file, method, target| picture(file, method, target, camera);
-                // Every point by itself: the very same, but for coincident ones of other colours.
+                // All points: the same picture, except for coincident points of different colours.
                 let points = [&at_once, &forest].map(|file| of(file, Method::Points, 0.0));
                 assert_eq!(points[0].stats.points_drawn, points[1].stats.points_drawn);
                 let same = apart(&points[0], &points[1]);
@@ -99,9 +99,8 @@ fn parts_give_the_picture_of_the_whole() {
                 parts.add(apart(&whole, &of(&forest, Method::PullPush, 1.0)));
                 sizes.add(apart(&whole, &of(&other.file, Method::PullPush, 1.0)));
             }
-            // Surfaces: each choice of points is a little different, as in nodes of another size,
-            // in one picture more than in another. Two trees of one ground have wider splats each
-            // (1.3 times the FLIP at most when this was made).
+            // Surfaces: the chosen points differ a little, as in nodes of another size, and more in
+            // some pictures than in others. Two trees on the same ground have wider splats each.
             println!("{} {split:?}: {parts:?} {sizes:?}", scan.display());
             let pictures = LOOKS.len() as f64;
             assert!(parts.flip <= sizes.flip * 1.4 + 0.002 * pictures, "{parts:?} {sizes:?}");
@@ -122,10 +121,10 @@ fn a_dense_tree_opens_no_holes_in_a_sparse_one_and_is_not_covered_by_it() {
             let truth = of(&truth.file);
             let [one, two] = [&at_once, &forest].map(|file| apart(&truth, &of(file)));
             println!("{} {camera:?}: {one:?} {two:?}", scan.display());
-            // One tree draws a sparse point by the dense cell that it lies in: a hole where the
-            // forest has none.
+            // One tree draws a sparse point by the dense cell that it is in: a hole that the forest
+            // does not have.
             assert!(two.holes <= one.holes * 1.1 + 0.001, "{one:?} {two:?}");
-            let wrong = |apart: &Apart| apart.holes + apart.blobs;
+            let wrong = |apart: &Difference| apart.holes + apart.blobs;
             assert!(wrong(&two) <= wrong(&one) * 1.1 + 0.002, "{one:?} {two:?}");
             assert!(two.flip <= one.flip * 1.1 + 0.002, "{one:?} {two:?}");
         }
@@ -134,17 +133,20 @@ fn a_dense_tree_opens_no_holes_in_a_sparse_one_and_is_not_covered_by_it() {
 
 fn session(file: &Arc<Forest>, occlusion: bool, budget_gpu_bytes: u64) -> Session {
     let options = Options {
+        settings: Settings {
+            budget_gpu_bytes,
+            budget_ram_bytes: 96 << 20,
+            occlusion,
+            ..Settings::default()
+        },
         backend: Backend::Cpu,
-        budget_gpu_bytes,
-        budget_ram_bytes: 96 << 20,
         size: SIZE,
-        occlusion,
         ..Options::default()
     };
     Session::open(file.clone(), options).unwrap()
 }
 
-/// Views within the cloud and from outside.
+/// Views from inside the cloud and from outside.
 fn views(file: &Forest) -> Vec<View> {
     let [low, high] = info::bounds(file).map(DVec3::from_array);
     let at = |x: f64, y: f64, z: f64| low + (high - low) * DVec3::new(x, y, z);
@@ -156,7 +158,7 @@ fn views(file: &Forest) -> Vec<View> {
     ]
 }
 
-/// Draws until nothing more comes, with the depth of the frames hiding what it hides.
+/// Draws until the view is settled, with the depth test.
 fn drawn(session: &mut Session, view: &View) -> Picture {
     for _ in 0..200 {
         let cut = session.settle(view, Duration::from_secs(20)).unwrap();
@@ -170,7 +172,7 @@ fn drawn(session: &mut Session, view: &View) -> Picture {
 }
 
 #[test]
-fn what_hides_hides_no_tree_that_is_seen() {
+fn the_depth_test_hides_no_visible_tree() {
     for scan in [ROOMS, BRIDGE].map(Path::new) {
         let Both { forest, folder: _folder, .. } = built(scan, Split::Thinned, 2048);
         let forest = Arc::new(forest);

@@ -1,6 +1,6 @@
-//! Whole pictures of three models and three scans, drawn by each way that a GPU of this machine
-//! has, software drivers included, against the CPU's: mean FLIP at most 0.01, at most 0.1 % of the
-//! pixels off by more than 8 of 255.
+//! Whole pictures of three models and three scans, by each way in which a GPU of this machine can
+//! draw, software drivers included, are those of the CPU: mean FLIP at most 0.01, and at most 0.1 %
+//! of the pixels differ by more than 8 of 255.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[path = "../../render/tests/gpu/flip.rs"]
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 const SIZE: [u32; 2] = [256, 192];
 
-/// Models with normals and without, airborne scans, a scan of rooms.
+/// Models with and without normals, airborne scans, a scan of rooms.
 const OF_DATA: [&str; 5] = [
     "models/bunny-36k.ply",
     "models/armadillo-38k-ascii.ply",
@@ -27,7 +27,7 @@ const OF_DATA: [&str; 5] = [
     "laz/ahn3-small.laz",
 ];
 
-/// The project's own scan, and those of the data folder.
+/// The project's sample scan, and scans of the data folder.
 fn inputs() -> Vec<PathBuf> {
     let sample = std::path::absolute("../../tests/sample/creek.laz").unwrap();
     let mut inputs = vec![sample];
@@ -38,7 +38,7 @@ fn inputs() -> Vec<PathBuf> {
     inputs
 }
 
-/// Each interface with each way to draw points that it has.
+/// Each graphics interface, with each way to draw points that it has.
 fn ways() -> Vec<GpuRequest> {
     let paths = [ProjectPath::Atomics, ProjectPath::Primitives];
     let ways = all_interfaces().iter().flat_map(|&backends| {
@@ -56,7 +56,7 @@ fn ways() -> Vec<GpuRequest> {
     ways
 }
 
-/// Share of the pixels that are off by more than 8 of 255 in any channel.
+/// Fraction of the pixels that differ by more than 8 of 255 in any channel.
 fn off(a: &Picture, b: &Picture) -> f64 {
     assert_eq!([a.width, a.height], [b.width, b.height]);
     let (a, b) = (a.rgba.as_chunks::<4>().0, b.rgba.as_chunks::<4>().0);

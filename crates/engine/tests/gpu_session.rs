@@ -1,7 +1,8 @@
-//! Sessions on every GPU that the machine has, software drivers included: the CPU's picture,
-//! budgets kept on a random flight, no buffer left behind, and the CPU where the GPU fails. The
-//! flight takes some frames, and ESKER_FLIGHT_SECONDS, a device; ten minutes on each are
-//! `ESKER_FLIGHT_SECONDS=600 cargo test --release -p esker-engine --test gpu_session flight`.
+//! Sessions on every GPU of the machine, software drivers included, draw the picture of the CPU,
+//! keep their budgets on a random flight, free all buffers, and go on with the CPU if the GPU
+//! fails. The flight takes a few frames on each device, or `ESKER_FLIGHT_SECONDS`; ten minutes on
+//! each are `ESKER_FLIGHT_SECONDS=600 cargo test --release -p esker-engine --test gpu_session
+//! flight`.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod creek;
@@ -9,7 +10,7 @@ mod creek;
 mod flip;
 
 use creek::{SIZE, Wanderer, overview, sample};
-use esker_engine::draw::session::{Image, Options, Session};
+use esker_engine::draw::session::{Image, Options, Session, Settings};
 use esker_engine::machine::backend::{Backend, GpuRequest, ProjectPath};
 use esker_format::Forest;
 use esker_render::gpu::Gpu;
@@ -20,8 +21,8 @@ use std::time::{Duration, Instant};
 
 const BUDGET: u64 = 24 << 20;
 
-/// What each kind of device of this machine is asked for by: as it is, by point primitives, and
-/// with no more than WebGPU promises.
+/// Requests for each kind of device of this machine: with all it has, with point primitives, and
+/// with only what WebGPU guarantees.
 fn requests() -> Vec<GpuRequest> {
     let of = |backends| {
         let request = GpuRequest { backends, allow_software: true, ..GpuRequest::default() };
@@ -40,11 +41,18 @@ fn requests() -> Vec<GpuRequest> {
 }
 
 fn options(backend: Backend) -> Options {
-    Options { backend, budget_gpu_bytes: BUDGET, size: SIZE, ..Options::default() }
+    let settings = Settings { budget_gpu_bytes: BUDGET, ..Settings::default() };
+    Options { settings, backend, size: SIZE, ..Options::default() }
 }
 
 fn open(options: Options) -> anyhow::Result<Session> {
     Session::open(Arc::new(Forest::open(sample()).unwrap()), options)
+}
+
+/// Options for a method, without the depth test.
+fn with(method: Method, options: Options) -> Options {
+    let settings = Settings { method, occlusion: false, ..options.settings };
+    Options { settings, ..options }
 }
 
 /// A session on a device that the test keeps a handle to.
@@ -52,7 +60,7 @@ fn on(gpu: &Gpu, backend: Backend) -> Options {
     Options { device: Some(gpu.clone()), ..options(backend) }
 }
 
-/// The settled picture of the overview.
+/// Settled picture of the overview.
 fn settled(session: &mut Session) -> Picture {
     let view = overview(session);
     session.settle(&view, Duration::from_secs(60)).unwrap();
@@ -60,7 +68,7 @@ fn settled(session: &mut Session) -> Picture {
     session.picture().unwrap()
 }
 
-/// Share of the pixels that are off by more than 8 of 255 in any channel.
+/// Fraction of the pixels that differ by more than 8 of 255 in any channel.
 fn off(a: &Picture, b: &Picture) -> f64 {
     assert_eq!([a.width, a.height], [b.width, b.height]);
     let differs = |(a, b): (&[u8], &[u8])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 8);
@@ -72,7 +80,7 @@ fn off(a: &Picture, b: &Picture) -> f64 {
 #[test]
 fn a_gpu_draws_the_picture_of_the_cpu() {
     for method in [Method::Points, Method::PullPush] {
-        let with = |o: Options| Options { method, occlusion: false, ..o };
+        let with = |o| with(method, o);
         let expected = settled(&mut open(with(options(Backend::Cpu))).unwrap());
         for request in requests() {
             let gpu = Gpu::open(&request).unwrap();
@@ -99,7 +107,7 @@ fn a_gpu_draws_compact_planes_as_the_cpu_does() {
     for method in [Method::Points, Method::PullPush, Method::Ewa] {
         let open = |o: Options| {
             let file = Arc::new(Forest::open(&path).unwrap());
-            Session::open(file, Options { method, occlusion: false, ..o }).unwrap()
+            Session::open(file, with(method, o)).unwrap()
         };
         let expected = settled(&mut open(options(Backend::Cpu)));
         for request in requests().iter().filter(|r| !r.is_minimal) {
@@ -113,7 +121,7 @@ fn a_gpu_draws_compact_planes_as_the_cpu_does() {
     }
 }
 
-/// Frames of a flight at least: software drivers take their time.
+/// Fewest frames of a flight: software drivers are slow.
 const FRAMES: usize = 8;
 
 fn seconds() -> f64 {
@@ -123,7 +131,7 @@ fn seconds() -> f64 {
 
 #[test]
 fn a_random_flight_stays_within_its_budget_and_leaves_no_buffer() {
-    // Less than a device has makes no other flight.
+    // A minimal device flies the same way.
     for (seed, request) in requests().iter().filter(|r| !r.is_minimal).enumerate() {
         let gpu = Gpu::open(request).unwrap();
         let before = gpu.bytes();
@@ -152,7 +160,7 @@ fn a_random_flight_stays_within_its_budget_and_leaves_no_buffer() {
 }
 
 #[test]
-fn a_lost_gpu_is_told_and_the_cpu_goes_on() {
+fn a_lost_gpu_is_reported_and_the_cpu_goes_on() {
     for request in requests().into_iter().filter(|r| r.path.is_none() && !r.is_minimal) {
         for backend in [Backend::Auto, Backend::Gpu] {
             let gpu = Gpu::open(&request).unwrap();
@@ -186,13 +194,16 @@ fn a_lost_gpu_is_told_and_the_cpu_goes_on() {
 #[test]
 fn a_budget_that_pictures_do_not_fit_is_refused_or_left_to_the_cpu() {
     for request in requests().into_iter().take(1) {
-        let small =
-            |backend| Options { gpu: request, budget_gpu_bytes: 4 << 20, ..options(backend) };
+        let within = |backend, budget_gpu_bytes| {
+            let settings = Settings { budget_gpu_bytes, ..Settings::default() };
+            Options { settings, gpu: request, ..options(backend) }
+        };
+        let small = |backend| within(backend, 4 << 20);
         let error = open(small(Backend::Gpu)).err().unwrap().to_string();
         assert!(error.contains("--budget-gpu") && error.contains("MiB is the least"), "{error}");
         let least = error.split(" is the least").next().unwrap().rsplit(' ').nth(1).unwrap();
         let least: u64 = least.parse().unwrap();
-        let enough = Options { budget_gpu_bytes: least << 20, ..small(Backend::Gpu) };
+        let enough = within(Backend::Gpu, least << 20);
         let mut session = open(enough).unwrap();
         let view = overview(&session);
         session.frame(&view).unwrap();
@@ -212,7 +223,7 @@ fn a_software_driver_counts_as_no_gpu_unless_it_is_asked_for() {
         let session = open(auto.clone()).unwrap();
         assert_eq!(session.drawer().backend(), "cpu");
         assert!(session.drawer().note.as_ref().unwrap().contains("software"));
-        // Nor is a window's.
+        // The device of a window does not count either.
         let device = Some(Gpu::open(&request).unwrap());
         let session = open(Options { device, ..auto.clone() }).unwrap();
         assert_eq!(session.drawer().backend(), "cpu");

@@ -1,6 +1,6 @@
-//! What occlusion culling saves and what it costs, in rooms: of the nodes without a single visible
-//! point in the full-density picture most are culled, and the finished picture stays as it is.
-//! Prints the figures of each source: software depth, the last frame's depth, both.
+//! What occlusion culling saves and costs in rooms: most nodes without a visible point in the
+//! picture of full density are culled, and the finished picture does not change. Prints the figures
+//! of each source of occlusion: software depth, depth of the last frame, both.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use esker_format::{Forest, PlaneKind, Planes};
@@ -16,7 +16,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Pixels on a side of the pictures: what so few points fill.
+/// Width and height of the pictures, which so few points fill.
 const SIDE: u32 = 384;
 
 /// A built scan, with the planes of its nodes.
@@ -90,10 +90,9 @@ impl Scan {
         Renderer::default().render(&frame).unwrap()
     }
 
-    /// The nodes with a point that the full-density picture shows: the nearest of its pixel, whose
-    /// depth is then the pixel's, not the mean of several, where one point wins a pixel; and not
-    /// seen through a gap of a surface that is closed where planes are told and points averaged, as
-    /// pictures are drawn.
+    /// Nodes with a point that the picture of full density shows. Such a point is the nearest of
+    /// its pixel, in a picture whose pixels have the depth of one point and not a mean; and it is
+    /// not seen through a gap that pictures close by fitted planes and averaged points.
     fn visible(&self, view: &View) -> HashSet<u32> {
         let cut = self.cut(view, 0.0, None);
         let [picture, closed] = [false, true].map(|averages| self.drawn(view, &cut, averages));
@@ -119,14 +118,14 @@ impl Scan {
     }
 }
 
-/// Share of the pixels that differ by more than 8 of 255.
+/// Fraction of the pixels that differ by more than 8 of 255.
 fn changed(a: &Picture, b: &Picture) -> f64 {
     let (a, b) = (a.rgba.as_chunks::<4>().0, b.rgba.as_chunks::<4>().0);
     let is_off = |(a, b): &(&[u8; 4], &[u8; 4])| (0..3).any(|i| a[i].abs_diff(b[i]) > 8);
     a.iter().zip(b).filter(is_off).count() as f64 / a.len() as f64
 }
 
-/// What a source of occlusion did, over some views.
+/// Results of a source of occlusion over some views.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     hidden: usize,
@@ -135,7 +134,7 @@ struct Sums {
     lost: usize,
     nodes: [u64; 2],
     points: [u64; 2],
-    /// Shares of the pixels that change: in the worst view, and over all views.
+    /// Fractions of the pixels that change: in the worst view, and over all views.
     changed_most: f64,
     changed: f64,
 }
@@ -163,7 +162,7 @@ impl Sums {
 
 const SOURCES: [&str; 4] = ["software depth", "last frame", "both", "last frame, camera moved"];
 
-/// All sources over some views; `step` is how far the camera moves in a frame.
+/// Measures all sources over some views; `step` is the distance that the camera moves in a frame.
 fn measure(scan: &Scan, views: &[View], step: f64) -> [Sums; 4] {
     let mut sums = [Sums::default(); 4];
     let side = SIDE as usize;
@@ -213,7 +212,7 @@ fn view(eye: DVec3, target: DVec3, up: DVec3) -> View {
     view
 }
 
-/// An office and four views in it: along corridors, into rooms.
+/// An office and four views in it, along corridors and into rooms.
 fn office(seed: u32) -> (Scan, [View; 4]) {
     let scan = Scan::build(format!("synthetic:office:1500000:{seed}").into(), 1 << 11);
     let corner = DVec3::from_array(scan.file.lattice().offset);
@@ -237,11 +236,11 @@ fn in_an_office_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
     for sums in [soft, still, both] {
         assert!(sums.changed_most < 1e-3, "{sums:?}");
     }
-    // For the one frame until the next one's depth: gaps of up to a pixel may have opened.
+    // In the one frame until the next depth, gaps of up to a pixel may open.
     assert!(moved.changed < 1e-3 && moved.changed_most < 4e-3, "{moved:?}");
 }
 
-/// One office's worst view is luck as much as quality; over several the mean tells.
+/// The worst view of one office depends on chance; the mean over several does not.
 #[test]
 fn over_several_offices_pictures_stay_in_the_mean() {
     let seeds = 2..=6;
@@ -258,9 +257,9 @@ fn over_several_offices_pictures_stay_in_the_mean() {
     assert!(changed < 5e-4, "{changed}");
 }
 
-/// 800 thousand uneven points, in nodes that are small in proportion and in larger ones, of which
-/// three quarters are culled: the others' parts reach past gaps in sparse walls, or out of empty
-/// space onto the picture, where the points in them don't.
+/// 800 thousand uneven points, in nodes of small and of large capacity, of which three quarters are
+/// culled. Boxes of the others reach past gaps in sparse walls, or out of empty space into the
+/// picture, where their points do not.
 #[test]
 fn in_a_sparse_scan_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
     let Some(data) = std::env::var_os("ESKER_DATA") else {

@@ -1,7 +1,7 @@
-//! The root of a file, and prefixes of it, show a scan as truly as a Poisson-disk sample of as many
-//! points: in colour (the mean colour of the sample in coarse cells against that of all points
-//! there), and as the picture of an overview (mean FLIP against the picture of all points). Samples
-//! become files of one node each, so that nothing but the choice of points differs.
+//! The root of a file, and prefixes of it, represent a scan as well as a Poisson-disk sample of as
+//! many points: in colour (mean colours of the sample in coarse cells against those of all points),
+//! and as the picture of an overview (mean FLIP against the picture of all points). Samples become
+//! files of one node each, so that only the choice of points differs.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[path = "../../render/tests/gpu/flip.rs"]
@@ -31,26 +31,26 @@ use std::path::Path;
 
 /// Width and height of the pictures.
 const SIDE: u32 = 256;
-/// Points of the root, at most.
+/// Most points of the root.
 const CAPACITY: u32 = 8192;
-/// Points of a sample in a cell whose colours are compared, on average.
+/// Mean number of points of a sample in a cell whose colours are compared.
 const CELL_POINTS: usize = 4;
 /// Directions of view.
 const VIEWS: [[f64; 3]; 3] = [[0.0, 0.02, -1.0], [0.6, 0.5, -0.6], [-0.8, 0.3, -0.4]];
-/// How much greater our errors may be. Measured: pictures 0.99 to 1.06 times, of whole roots at
-/// most 1.01; colours 1.01 to 1.09 times.
+/// Greatest ratios of our errors to those of the samples, of pictures and of colours; measured are
+/// at most 1.06 and 1.09.
 const FLIP_RATIO_MAX: f64 = 1.1;
 const COLOUR_RATIO_MAX: f64 = 1.15;
-/// In few cells chance has a part: Poisson-disk samples of 500 points differ by up to 12 % among
-/// themselves, and ours had 0.83 to 1.24 times their error.
+/// Chance matters in few cells: Poisson-disk samples of 500 points differ by up to 12 % from each
+/// other.
 const FEW: (usize, f64) = (1000, 1.35);
-/// Poisson-disk samples that ours is compared with, each of another order of darts.
+/// Poisson-disk samples to compare with, each by another order of darts.
 const ORDERS: u64 = 3;
 
-/// A point: its place on the lattice, and its colour as drawn.
+/// A point: lattice coordinates, and the colour as drawn.
 type Point = ([u32; 3], [u8; 3]);
 
-/// All points of a file, node after node; the first of them are the root's.
+/// All points of a file, node by node, the root first.
 fn points_of(file: &Forest) -> Vec<Point> {
     let mut points = Vec::new();
     for node in 0..file.table().nodes.len() as u32 {
@@ -62,7 +62,7 @@ fn points_of(file: &Forest) -> Vec<Point> {
     points
 }
 
-/// Builds a file of one node that has these points.
+/// Builds a file of one node with these points.
 fn one_node(points: &[Point], lattice: &Lattice, folder: &Path, name: &str) -> Forest {
     assert_eq!(lattice.shift, [0; 3], "raw coordinates are the lattice's");
     let raw = |p: [u32; 3]| p.map(|c| (i64::from(c) - (1 << 31)) as i32);
@@ -81,7 +81,7 @@ fn one_node(points: &[Point], lattice: &Lattice, folder: &Path, name: &str) -> F
     file
 }
 
-/// The picture of all points of a file.
+/// Picture of all points of a file.
 fn picture(file: &Forest, view: &View) -> Picture {
     let colouring = colouring(file, None, info::bounds(file)).unwrap();
     let kinds = [PlaneKind::Position, PlaneKind::Residual, PlaneKind::Colour];
@@ -100,7 +100,7 @@ fn picture(file: &Forest, view: &View) -> Picture {
     Renderer::default().render(&frame).unwrap()
 }
 
-/// Sums of colours by cells of an edge of `2^log2` steps.
+/// Sums of colours by cells with an edge of `2^log2` steps.
 fn cells(points: &[Point], log2: u32) -> HashMap<[u32; 3], ([f64; 3], f64)> {
     let mut cells: HashMap<_, ([f64; 3], f64)> = HashMap::new();
     for (p, colour) in points {
@@ -111,8 +111,8 @@ fn cells(points: &[Point], log2: u32) -> HashMap<[u32; 3], ([f64; 3], f64)> {
     cells
 }
 
-/// Mean distance of the cells' mean colours from those of all points, where the sample has a point:
-/// 0 to 255.
+/// Mean distance of the mean colours of cells from those of all points, in cells where the sample
+/// has a point: 0 to 255.
 fn colour_error(sample: &[Point], all: &[Point], log2: u32) -> f64 {
     let (all, cells) = (cells(all, log2), cells(sample, log2));
     let distance = |(cell, (sum, n)): (&[u32; 3], &([f64; 3], f64))| {
@@ -122,13 +122,13 @@ fn colour_error(sample: &[Point], all: &[Point], log2: u32) -> f64 {
     cells.iter().map(distance).sum::<f64>() / cells.len() as f64
 }
 
-/// The log2 of the edge of cells that have some points of this sample each.
+/// Log2 of the edge of cells that contain some points of this sample each.
 fn cells_of(sample: &[Point]) -> u32 {
     let is_wide = |log2: &u32| cells(sample, *log2).len() * CELL_POINTS <= sample.len();
     (0..32).find(is_wide).unwrap_or(31)
 }
 
-/// A number by a seed (splitmix64).
+/// A number for a seed (SplitMix64).
 fn random(seed: u64) -> u64 {
     let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -136,15 +136,15 @@ fn random(seed: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Errors of a sample: in colour, of the picture.
+/// Errors of a sample: in colour, and of the picture.
 #[derive(Clone, Copy, Debug)]
 struct Errors {
     colour: f64,
     flip: f64,
 }
 
-/// Our error over the mean of others; and that in words, with how far the others are from their
-/// mean.
+/// Ratio of our error to the mean of others; and a text with it and the deviation of the others
+/// from their mean.
 fn over(ours: f64, others: Vec<f64>) -> (f64, String) {
     let mean = others.iter().sum::<f64>() / others.len() as f64;
     let off = others.iter().map(|e| (e / mean - 1.0).abs()).fold(0.0, f64::max);
@@ -152,7 +152,7 @@ fn over(ours: f64, others: Vec<f64>) -> (f64, String) {
     (ratio, format!("{ratio:.3} times Poisson's (whose differ by {off:.3})"))
 }
 
-/// A scan, built, with pictures of all of it.
+/// A built scan, with pictures of all of it.
 struct Scan {
     file: Forest,
     all: Vec<Point>,
@@ -185,8 +185,8 @@ impl Scan {
         Errors { colour: colour_error(sample, &self.all, log2), flip }
     }
 
-    /// Holds that the root and two prefixes of it are no worse than Poisson-disk samples by these
-    /// ratios.
+    /// Asserts that the root, and two prefixes of it, have errors within these ratios of
+    /// Poisson-disk samples.
     fn compare(&self, name: &str) {
         let lattice = self.file.lattice();
         let world = |p: &Point| lattice.world(p.0);
@@ -226,7 +226,7 @@ impl Scan {
         }
     }
 
-    /// The number of points of whole strata of the root that is nearest to this one.
+    /// Number of points of whole strata of the root that is nearest to `count`.
     fn prefix(&self, count: usize) -> usize {
         let strata = |n| (0..STRATA).map(move |s| stratum_len(n, s));
         let mut prefixes = vec![0];

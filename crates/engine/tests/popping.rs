@@ -1,7 +1,7 @@
-//! No popping: along a camera path, a node that arrives never moves the picture away from the one
-//! of full density, in which everything is resident and every point in view is drawn; and no part
-//! of the picture is empty where that one is not. Nodes arrive in the streamer's order, in the
-//! paper's, and in random ones: what closes a hole must not depend on what came before.
+//! No popping: along a camera path, no node that arrives moves the picture away from the picture of
+//! full density, which draws all points in view; and no part of the picture is empty that full
+//! density covers. Nodes arrive in the order of the streamer, of `kanzok2015`, and in random
+//! orders: what closes a hole must not depend on what came before.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod pumping;
@@ -35,7 +35,7 @@ impl Residency for Known {
     }
 }
 
-/// A file with all of its planes at hand.
+/// A file with all its planes in memory.
 struct Whole {
     file: Forest,
     planes: Vec<Planes>,
@@ -49,7 +49,7 @@ impl Whole {
         Self::build_as(scan, &options, folder, Method::PullPush)
     }
 
-    /// Of a scan that is built so, to be drawn by a method.
+    /// Builds a scan to be drawn by `method`.
     fn build_as(
         scan: &Path,
         options: &esker_builder::Options,
@@ -101,14 +101,14 @@ fn difference(a: &Picture, b: &Picture) -> f64 {
     sum / (255.0 * a.depth.len() as f64)
 }
 
-/// Share of the pixels that a picture covers.
+/// Fraction of the pixels that a picture covers.
 fn covered(picture: &Picture) -> f64 {
     let covered = picture.depth.iter().filter(|z| z.is_finite()).count();
     covered as f64 / picture.depth.len() as f64
 }
 
-/// Shares of the pixels that one picture covers and the other one does not: of `b` in `a`, of `a`
-/// in `b`.
+/// Fractions of the pixels that one picture covers and the other one does not: of `b` in `a`, and
+/// of `a` in `b`.
 fn uncovered(a: &Picture, b: &Picture) -> [f64; 2] {
     let pixels = a.depth.len() as f64;
     let pairs = || a.depth.iter().zip(&b.depth).map(|(a, b)| (a.is_finite(), b.is_finite()));
@@ -118,32 +118,33 @@ fn uncovered(a: &Picture, b: &Picture) -> [f64; 2] {
     ]
 }
 
-/// The worst that happened on a flight.
+/// Greatest errors of a flight.
 #[derive(Debug, Default)]
 struct Worst {
-    /// Rise of the difference through an arrival, a share of the difference before.
+    /// Rise of the difference by an arrival, as a fraction of the difference before.
     rise: f64,
-    /// What was covered at full density alone, and by the cut alone, over what full density covers.
+    /// Pixels that only full density covers, and that only the cut covers, over those that full
+    /// density covers.
     holes: f64,
     blobs: f64,
-    /// What an arrival, or several, added to the latter at a view.
+    /// What an arrival, or several, added to the second one at a view.
     blobs_added: f64,
     arrivals: usize,
 }
 
-/// Which of the missing nodes arrives first.
+/// Order in which missing nodes arrive.
 #[derive(Clone, Copy, Debug)]
 enum Order {
-    /// The streamer's: error on the picture a byte.
+    /// Order of the streamer: error in the picture a byte.
     ErrorPerByte,
-    /// The paper's (kanzok2015, section 3.2.2).
+    /// Order of `kanzok2015`, section 3.2.2.
     Nearest,
     /// By a hash of this seed and the node.
     Random(u64),
 }
 
 impl Order {
-    /// What a missing node is worth; the greatest arrives first.
+    /// Priority of a missing node; the greatest arrives first.
     fn worth(self, whole: &Whole, view: &View, missing: &Missing) -> f64 {
         match self {
             Self::ErrorPerByte => error_per_byte(whole, view, missing),
@@ -153,7 +154,7 @@ impl Order {
     }
 }
 
-/// A number from 0 to 1 by a seed (SplitMix64's finaliser).
+/// A number from 0 to 1 for a seed (finaliser of SplitMix64).
 fn random(seed: u64) -> f64 {
     let mut x = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -161,7 +162,7 @@ fn random(seed: u64) -> f64 {
     (x >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Error on the picture a byte of the node.
+/// Error in the picture a byte of the node.
 fn error_per_byte(whole: &Whole, view: &View, missing: &Missing) -> f64 {
     let node = &whole.file.table().nodes[missing.node as usize];
     let contour = OrientedBox::of_contour(node, whole.file.lattice());
@@ -172,8 +173,8 @@ fn error_per_byte(whole: &Whole, view: &View, missing: &Missing) -> f64 {
     missing.spacing_px * area_px / node.points() as f64
 }
 
-/// Flies along the path in so many steps, with so many arrivals at each, and all that are left at
-/// the last one.
+/// Flies along the path in `steps` steps, with `arrivals` arrivals at each, and all remaining ones
+/// at the last.
 fn fly(whole: &Whole, path: &Flight, steps: usize, arrivals: usize, order: Order) -> Worst {
     let mut renderer = Renderer::default();
     let nodes = &whole.file.table().nodes;
@@ -209,8 +210,8 @@ fn fly(whole: &Whole, path: &Flight, steps: usize, arrivals: usize, order: Order
     worst
 }
 
-/// Asserts that nothing pops while a scan arrives in each order, and that no more is covered in
-/// excess than a share of what full density covers.
+/// Asserts that nothing pops while a scan arrives in each order, and that the cut covers no more in
+/// excess than a fraction of what full density covers.
 fn assert_only_sharpens(scan: &Path, node_capacity: u32, blobs_max: f64) {
     let folder = tempfile::tempdir().unwrap();
     let whole = Whole::build(scan, node_capacity, folder.path());
@@ -222,8 +223,7 @@ fn assert_only_sharpens(scan: &Path, node_capacity: u32, blobs_max: f64) {
         assert!(worst.rise <= 0.02, "{order:?}: a node pops: {worst:?}");
         assert!(worst.holes <= 0.02, "{order:?}: holes: {worst:?}");
         assert!(worst.blobs_added <= 0.01, "{order:?}: blobs: {worst:?}");
-        // What a camera comes near to is drawn as coarsely as it is known: no loader leaves that to
-        // chance.
+        // A random order leaves coarse nodes near the camera longer than any loader does.
         let blobs_max = blobs_max * if matches!(order, Order::Random(_)) { 1.1 } else { 1.0 };
         assert!(worst.blobs <= blobs_max, "{order:?}: blobs: {worst:?}");
     }

@@ -1,7 +1,7 @@
-//! Close views show no specks: of a cloud a kilometre wide with millimetre steps, every point on
-//! the picture, from inner nodes too, is drawn within half a pixel of its exact coordinates, with
-//! the planes that the engine chose to read; and where hot positions are enough, the residuals are
-//! left on the disk.
+//! Close views show no specks: in a cloud a kilometre wide with millimetre steps, every point in
+//! the picture, also of inner nodes, is drawn within half a pixel of its exact coordinates, from
+//! the planes that the engine chose to read. Where hot positions are exact enough, residuals are
+//! not read.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use esker_engine::cameras::camera::Camera;
@@ -13,9 +13,9 @@ use esker_render::inputs::camera::{Camera as Projection, Positions};
 use glam::DVec3;
 use std::fmt::Write;
 
-/// Where the cloud's corner stands, metres: far from the origin.
+/// Corner of the cloud, metres: far from the origin.
 const AT: [f64; 2] = [3_000_000.0, 5_000_000.0];
-/// The middle of its dense spot, from the corner, metres.
+/// Middle of the dense spot, from the corner, metres.
 const SPOT: [f64; 2] = [612.345, 377.001];
 
 /// Points of a plane with relief, and of a dense spot of a metre in it, in millimetres from the
@@ -47,7 +47,7 @@ fn cloud() -> String {
     text
 }
 
-/// What was seen of one view.
+/// Results of a view.
 struct Seen {
     points: usize,
     worst_px: f64,
@@ -55,8 +55,8 @@ struct Seen {
     nodes_hot: usize,
 }
 
-/// Every drawn point against its exact place.
-fn look(file: &Forest, camera: &str, size: [u32; 2]) -> Seen {
+/// Compares every drawn point with its exact position.
+fn compare(file: &Forest, camera: &str, size: [u32; 2]) -> Seen {
     let request =
         PictureRequest { size, camera: Camera::parse(camera).unwrap(), ..Default::default() };
     let scene = PictureScene::read(file, &request, &Silent).unwrap();
@@ -89,7 +89,7 @@ fn look(file: &Forest, camera: &str, size: [u32; 2]) -> Seen {
     seen
 }
 
-/// The lattice coordinates of a node's points.
+/// Lattice coordinates of the points of a node.
 fn exact(file: &Forest, node: u32) -> Vec<[u32; 3]> {
     let record = &file.table().nodes[node as usize];
     let planes = file.read_planes(node, &[PlaneKind::Position, PlaneKind::Residual]).unwrap();
@@ -127,7 +127,7 @@ fn drawn_points_are_within_half_a_pixel_however_close_the_view() {
             for (size, fovy) in [([1024, 1024], 60.0), ([1920, 600], 100.0), ([300, 900], 12.0)] {
                 let eye = at(direction.map(|c: f64| c * away));
                 let camera = format!("eye={eye};target={};up=0,1,0;fovy={fovy}", at([0.0; 3]));
-                let seen = look(&file, &camera, size);
+                let seen = compare(&file, &camera, size);
                 assert!(seen.worst_px < 0.5, "{} px: {camera} {size:?}", seen.worst_px);
                 points += seen.points;
                 with_exact += seen.nodes_exact;

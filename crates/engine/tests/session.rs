@@ -1,5 +1,5 @@
-//! Sessions: pictures at once and never empty, budgets kept on a random flight, faults of the file
-//! told while the rest goes on, and an end within a second.
+//! Sessions draw a picture at once and never an empty one, keep their budgets on a random flight,
+//! report faults of the file while everything else goes on, and end within a second.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[path = "look/compact.rs"]
@@ -17,7 +17,7 @@ mod shapes;
 mod splats;
 
 use creek::{SIZE, Wanderer, overview, sample};
-use esker_engine::draw::session::{Options, Session};
+use esker_engine::draw::session::{Options, Session, Settings};
 use esker_engine::machine::backend::Backend;
 use esker_format::Forest;
 use esker_lod::View;
@@ -29,9 +29,8 @@ use std::time::{Duration, Instant};
 fn open(path: &Path, budget_gpu_bytes: u64) -> Session {
     let file = Arc::new(Forest::open(path).unwrap());
     let options = Options {
+        settings: Settings { budget_gpu_bytes, budget_ram_bytes: 64 << 20, ..Settings::default() },
         backend: Backend::Cpu,
-        budget_gpu_bytes,
-        budget_ram_bytes: 64 << 20,
         size: SIZE,
         ..Options::default()
     };
@@ -42,7 +41,8 @@ fn open(path: &Path, budget_gpu_bytes: u64) -> Session {
 fn the_first_frame_shows_the_scan_and_later_ones_all_of_it() {
     let mut session = open(sample(), 64 << 20);
     let view = overview(&session);
-    // The first frame may come before the first choice for this view; the second one's follows it.
+    // The first frame may come before the first choice for this view; the second one follows the
+    // choice.
     session.settle(&view, Duration::ZERO).unwrap();
     let deadline = Instant::now() + Duration::from_secs(60);
     let mut covered = Vec::new();
@@ -75,11 +75,11 @@ fn frames_of_a_still_view_only_come_nearer_to_the_complete_picture() {
     session.settle(&view, Duration::from_secs(60)).unwrap();
     let complete = luminance(session.frame(&view).unwrap().image.in_memory().unwrap());
     drop(session);
-    // One small hand-over at a time: few nodes arrive between two frames.
+    // A small run at a time: few nodes arrive between two frames.
     let file = Arc::new(Forest::open(sample()).unwrap());
     let slow = Options {
+        settings: Settings { budget_gpu_bytes: 64 << 20, ..Settings::default() },
         backend: Backend::Cpu,
-        budget_gpu_bytes: 64 << 20,
         size: SIZE,
         runs: Some(1),
         loaders: 1,
@@ -102,7 +102,7 @@ fn frames_of_a_still_view_only_come_nearer_to_the_complete_picture() {
         assert!(Instant::now() < deadline, "{:?}", frame.status);
     }
     assert!(errors.len() > 3 && errors[0] > 1.0, "nothing arrived: {errors:?}");
-    // Of 255 steps; below a tenth of one nothing is seen.
+    // Of 255; a difference below a tenth is invisible.
     let rises = errors.windows(2).filter(|e| e[1] > (e[0] * 1.02).max(0.1)).count();
     assert_eq!(rises, 0, "{errors:?}");
 }
@@ -113,8 +113,8 @@ fn a_random_flight_stays_within_its_budgets_and_always_has_a_cut() {
         let mut session = open(sample(), budget);
         let mut wanderer = Wanderer::new(&session, seed);
         let mut drawn = 0;
-        // The first cut is another thread's, and an empty frame takes no time. From then on there
-        // is always one.
+        // The first cut comes from another thread, and an empty frame takes no time. After the
+        // first cut there is always one.
         let deadline = Instant::now() + Duration::from_secs(60);
         let view = wanderer.next();
         while session.frame(&view).unwrap().cut.epoch == 0 {
@@ -124,7 +124,7 @@ fn a_random_flight_stays_within_its_budgets_and_always_has_a_cut() {
             let view = wanderer.next();
             let frame = session.frame(&view).unwrap();
             assert!(frame.cut.epoch > 0, "frame {i} has no cut");
-            // The root is in every view of this flight, or at least something below it.
+            // The root, or a node below it, is in every view of this flight.
             drawn += usize::from(!frame.cut.nodes.is_empty());
             let status = &frame.status;
             assert!(status.drawing_bytes_peak <= budget, "frame {i}: {status:?}");
@@ -134,7 +134,8 @@ fn a_random_flight_stays_within_its_budgets_and_always_has_a_cut() {
         let status = session.status();
         assert!(status.nodes_loaded > 20, "{status:?}");
         assert!(budget > 1 << 20 || status.nodes_evicted > 0, "the budget is tight: {status:?}");
-        // The system itself may hold a thread up now and then; the disk would on every frame.
+        // The system may suspend a thread now and then; waiting for the disk would stall every
+        // frame.
         assert!(session.stalls() < 20, "the render thread waited {} times", session.stalls());
         let start = Instant::now();
         drop(session);
@@ -143,7 +144,7 @@ fn a_random_flight_stays_within_its_budgets_and_always_has_a_cut() {
 }
 
 #[test]
-fn a_file_cut_short_in_flight_is_told_and_the_rest_goes_on() {
+fn a_file_cut_short_in_flight_is_reported_and_the_rest_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut.esker");
     std::fs::copy(sample(), &path).unwrap();
@@ -180,19 +181,21 @@ fn a_file_cut_short_in_flight_is_told_and_the_rest_goes_on() {
 #[test]
 fn too_small_budgets_are_refused_with_the_least_that_works() {
     let file = Arc::new(Forest::open(sample()).unwrap());
-    let refused = |options: Options| {
+    let within = |settings| Options { settings, size: SIZE, ..Options::default() };
+    let refused = |settings: Settings| {
+        let options = within(settings);
         let error = Session::open(file.clone(), options).err().unwrap();
         format!("{error:#}")
     };
-    let small = Options { size: SIZE, ..Options::default() };
-    let error = refused(Options { budget_ram_bytes: 1 << 20, ..small.clone() });
+    let small = Settings::default();
+    let error = refused(Settings { budget_ram_bytes: 1 << 20, ..small.clone() });
     assert!(error.contains("session-sample.esker") && error.contains("--budget-ram"), "{error}");
     let least: u64 = error.split(": ").last().unwrap().split(' ').next().unwrap().parse().unwrap();
-    let works = Options { budget_ram_bytes: least << 20, ..small.clone() };
-    drop(Session::open(file.clone(), works.clone()).unwrap());
-    let error = refused(Options { budget_ram_bytes: (least - 1) << 20, ..works });
+    let works = Settings { budget_ram_bytes: least << 20, ..small.clone() };
+    drop(Session::open(file.clone(), within(works.clone())).unwrap());
+    let error = refused(Settings { budget_ram_bytes: (least - 1) << 20, ..works });
     assert!(error.contains(&least.to_string()), "{error}");
-    let error = refused(Options { budget_gpu_bytes: 1000, ..small });
+    let error = refused(Settings { budget_gpu_bytes: 1000, ..small });
     assert!(error.contains("--budget-gpu"), "{error}");
 }
 

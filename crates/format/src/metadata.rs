@@ -154,7 +154,9 @@ impl Metadata {
             }
         }
         if self.normals == Normals::Source && self.schema.normals().is_none() {
-            return fault("normals are said to be the source's, which has none");
+            return fault(
+                "the normals are the source's according to the metadata, but it has none",
+            );
         }
         let classes_max = self.classes.len().max(1);
         if self.sources.iter().any(|s| usize::from(s.class) >= classes_max) {

@@ -124,9 +124,9 @@ fn an_unknown_encoding_is_named_when_its_plane_is_read() {
     let later = EskerFile::from_source(Path::new("b"), Box::new(bytes)).unwrap();
     let attributes = planes.iter().map(|p| p.kind).filter(|k| k.number() == 10);
     let attributes: Vec<PlaneKind> = attributes.collect();
-    let told = later.read_planes(0, &attributes[..1]).unwrap_err();
-    assert!(matches!(told, FormatError::Unsupported { .. }), "{told}");
-    assert!(told.to_string().contains("encoding 9"), "{told}");
+    let error = later.read_planes(0, &attributes[..1]).unwrap_err();
+    assert!(matches!(error, FormatError::Unsupported { .. }), "{error}");
+    assert!(error.to_string().contains("encoding 9"), "{error}");
     for kind in [PlaneKind::Position, PlaneKind::Class, attributes[1]] {
         let read =
             |file: &EskerFile| file.read_planes(0, &[kind]).unwrap().get(kind).unwrap().to_vec();

@@ -49,12 +49,13 @@ fn both_readers_read_the_same_points() {
         let output = read(&python, &path, &["--csv", csv.to_str().unwrap()]);
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         assert!(output.status.success(), "{number}: {}", String::from_utf8_lossy(&output.stderr));
-        let told: serde_json::Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+        let reported: serde_json::Value =
+            serde_json::from_str(text.lines().last().unwrap()).unwrap();
         let file = EskerFile::open(&path).unwrap();
-        assert_eq!(told["points"], count as u64);
-        assert_eq!(told["nodes"], file.footer().nodes);
-        assert_eq!(told["multiset_hash"], file.footer().hash.to_string());
-        assert_eq!(told["footer_hash"], format!("{:032x}", file.footer().name_hash()));
+        assert_eq!(reported["points"], count as u64);
+        assert_eq!(reported["nodes"], file.footer().nodes);
+        assert_eq!(reported["multiset_hash"], file.footer().hash.to_string());
+        assert_eq!(reported["footer_hash"], format!("{:032x}", file.footer().name_hash()));
         let rows = std::fs::read_to_string(&csv).unwrap();
         assert_eq!(rows.lines().skip(1).collect::<Vec<_>>().len(), count);
         compare(&file, rows.lines().skip(1));
@@ -75,8 +76,11 @@ fn compare<'a>(file: &EskerFile, mut rows: impl Iterator<Item = &'a str>) {
             for (a, attribute) in attributes.iter().enumerate() {
                 let size = attribute.ty.size();
                 let value = attribute.ty.to_f64(&points.columns[a][i * size..]);
-                let told: f64 = fields.next().unwrap().parse().unwrap();
-                assert!(told == value || told.is_nan() && value.is_nan(), "{told} {value}");
+                let reported: f64 = fields.next().unwrap().parse().unwrap();
+                assert!(
+                    reported == value || reported.is_nan() && value.is_nan(),
+                    "{reported} {value}"
+                );
             }
         }
     }
@@ -95,7 +99,7 @@ fn the_samples_are_read() {
             continue;
         }
         assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
-        let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let reported: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         for member in [
             "points",
             "multiset_hash",
@@ -105,7 +109,7 @@ fn the_samples_are_read() {
             "attributes",
             "classes",
         ] {
-            assert_eq!(told[member], expected[member], "{name}: {member}");
+            assert_eq!(reported[member], expected[member], "{name}: {member}");
         }
     }
 }
@@ -143,13 +147,13 @@ fn its_hash_is_xxh3_at_every_length() {
     let command = Command::new(python).args(["-B", "-c", code]).current_dir(folder).output();
     let output = command.unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
-    let told: Vec<&str> = text.lines().collect();
-    assert_eq!(told.len(), 1300, "{}", String::from_utf8_lossy(&output.stderr));
-    for (n, told) in (1usize..).zip(told) {
+    let reported: Vec<&str> = text.lines().collect();
+    assert_eq!(reported.len(), 1300, "{}", String::from_utf8_lossy(&output.stderr));
+    for (n, reported) in (1usize..).zip(reported) {
         let bytes: Vec<u8> = (0..3 * n).map(|i| (i * 167 % 251) as u8).collect();
         let seed = 0x9e37_79b9_7f4a_7c15u64.wrapping_mul(n as u64);
         let mut hash = esker_points::MultisetHash::default();
         bytes.chunks_exact(n).for_each(|row| hash.add(seed, row));
-        assert_eq!(told, hash.to_string(), "length {n}");
+        assert_eq!(reported, hash.to_string(), "length {n}");
     }
 }

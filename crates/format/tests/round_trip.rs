@@ -194,7 +194,7 @@ fn invalid_data_are_refused_before_a_file_exists() {
     let folder = tempfile::tempdir().unwrap();
     let error =
         |path: &std::path::Path| esker_format::FileWriter::create(path).unwrap_err().to_string();
-    assert!(error(folder.path()).contains("no file has this name"));
+    assert!(error(folder.path()).contains("other than a file has this name"));
     let missing = folder.path().join("missing/a.esker");
     assert!(error(&missing).contains("cannot write it"));
     let mut writer = esker_format::FileWriter::create(&folder.path().join("a.esker")).unwrap();

@@ -197,9 +197,9 @@ mod tests {
             let unit = f64::from(1u32 << a.unit_log2);
             let ends = [a.from.map(f64::from), [0, 1, 2].map(|i| f64::from(a.from[i]) + f64::from(a.along[i]))];
             let [low, high] = if a.keeps_right { [second, first] } else { [first, second] };
-            for (end, asked) in ends.iter().zip([low, high]) {
+            for (end, wanted) in ends.iter().zip([low, high]) {
                 for i in 0..3 {
-                    prop_assert!((end[i] - asked[i]).abs() <= unit * f64::from(1u32 << grain.0[i]) * 0.500_001);
+                    prop_assert!((end[i] - wanted[i]).abs() <= unit * f64::from(1u32 << grain.0[i]) * 0.500_001);
                 }
             }
         }

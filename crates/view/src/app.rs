@@ -10,7 +10,7 @@ use crate::panel::{self, Asked, Facts};
 use crate::pilot::Order;
 use crate::rig::Rig;
 use crate::script::Script;
-use crate::settings::Settings;
+use crate::settings::{self, Settings};
 use crate::shots::Shots;
 use crate::source::Opening;
 use crate::times::{FrameTime, Times};
@@ -78,7 +78,7 @@ impl App {
     /// Where the script cannot be read.
     pub fn new(args: Args, start: Instant) -> Result<Self> {
         let wanted = Settings {
-            method: args.method.into(),
+            method: args.method,
             colour_by: args.colour.clone(),
             filter: args.filter(),
             shines: !args.no_highlights,
@@ -285,7 +285,7 @@ impl App {
                 };
             }
             if i.key_pressed(Key::C) {
-                self.wanted.next_colour(looking.sources());
+                settings::next_colour(&mut self.wanted, looking.sources());
             }
             self.wanted.occlusion ^= i.key_pressed(Key::O);
         });

@@ -1,9 +1,10 @@
 //! The command line of the window.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, ValueEnum};
-use esker_engine::calls::export;
 use esker_engine::cameras::camera::Camera;
-use esker_engine::io::quantity;
+use esker_engine::draw::method::{DEFAULT_METHOD, METHODS, method_of_name};
+use esker_engine::io::{polygon, quantity};
 use esker_engine::{Bounds, Classes, Filter, Method, Polygon};
 use std::path::PathBuf;
 
@@ -24,8 +25,8 @@ pub struct Args {
     #[arg(long, default_value = "1280x800", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
     /// Points alone, closed surfaces, or splats.
-    #[arg(long, value_enum, default_value_t)]
-    pub method: MethodArg,
+    #[arg(long, value_parser = method_parser(), default_value = DEFAULT_METHOD)]
+    pub method: Method,
     /// Where the camera stands first: "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's
     /// coordinates.
     #[arg(long, default_value = "", hide_default_value = true)]
@@ -126,28 +127,13 @@ pub enum WindowBy {
     Cpu,
 }
 
-/// How points become a picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum MethodArg {
-    /// One pixel a point.
-    Points,
-    /// Surfaces closed by pull-push interpolation.
-    #[default]
-    PullPush,
-    /// Splats of exact perspective shape, filtered and blended: for quality.
-    Ewa,
-}
-
-impl From<MethodArg> for Method {
-    fn from(arg: MethodArg) -> Self {
-        match arg {
-            MethodArg::Points => Self::Points,
-            MethodArg::PullPush => Self::PullPush,
-            MethodArg::Ewa => Self::Ewa,
-        }
-    }
+/// Parses the name of a drawing method.
+fn method_parser() -> impl TypedValueParser<Value = Method> {
+    let values = METHODS.map(|(_, name, help)| PossibleValue::new(name).help(help));
+    let parser = PossibleValuesParser::new(values);
+    parser.try_map(|name| method_of_name(&name).ok_or("no such method"))
 }
 
 fn parse_polygon(word: &str) -> Result<Polygon, String> {
-    export::polygon(word).map_err(|e| format!("{e:#}"))
+    polygon::read(word).map_err(|e| format!("{e:#}"))
 }

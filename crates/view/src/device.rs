@@ -75,6 +75,13 @@ impl Device {
             allow_software: self.backend == backend::Backend::Gpu,
             ..GpuRequest::default()
         };
-        Options { backend: self.backend, gpu, device: self.gpu.clone(), ..settings.options(size) }
+        Options {
+            settings: settings.clone(),
+            backend: self.backend,
+            gpu,
+            device: self.gpu.clone(),
+            size,
+            ..Options::default()
+        }
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::theme;
 use eframe::egui::{Align2, Color32, FontId, Label, Mesh, Rect, RichText, Sense, Ui, pos2, vec2};
-use esker_engine::cameras::colour::Legend;
+use esker_engine::cameras::legend::{Legend, LegendEntry};
 
 /// Height of the bar, and the side of a colour, points.
 const BAR: f32 = 10.0;
@@ -25,11 +25,11 @@ pub fn show(ui: &mut Ui, legend: &Legend, unit: Option<&str>) {
         Some([low, high]) => drop(ui.label(small(&format!("{} {low} .. {high}", legend.name)))),
         None => drop(ui.label(small(&legend.name))),
     }
-    for (number, what, [r, g, b]) in &legend.entries {
+    for LegendEntry { value, name, rgb: [r, g, b] } in &legend.entries {
         ui.horizontal(|ui| {
             let (place, _) = ui.allocate_exact_size(vec2(BAR, BAR), Sense::hover());
             ui.painter().rect_filled(place, 2.0, Color32::from_rgb(*r, *g, *b));
-            ui.add(Label::new(small(&format!("{number}  {what}"))).truncate());
+            ui.add(Label::new(small(&format!("{value}  {name}"))).truncate());
         });
     }
     if let Some(note) = legend.note {

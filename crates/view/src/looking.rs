@@ -18,7 +18,7 @@ use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
 use esker_engine::calls::info;
 use esker_engine::cameras::camera::Camera as Asked;
 use esker_engine::cameras::colour;
-use esker_engine::cameras::colour::Legend;
+use esker_engine::cameras::legend::Legend;
 use esker_engine::draw::session::Image;
 use esker_engine::io::quantity::grouped;
 use esker_engine::{Forest, View};

@@ -14,7 +14,8 @@ use eframe::egui::{
     ScrollArea, Slider, SliderClamping, Ui, emath,
 };
 use esker_engine::Method;
-use esker_engine::cameras::colour::{Legend, SCANS};
+use esker_engine::cameras::colour::SCANS;
+use esker_engine::cameras::legend::Legend;
 use esker_engine::io::quantity::{grouped, readable_bytes};
 use std::ops::RangeInclusive;
 

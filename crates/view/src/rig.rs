@@ -8,10 +8,11 @@ use crate::script::{Script, Step};
 use crate::times::FrameTime;
 use anyhow::{Context, Result};
 use eframe::egui::RawInput;
+use esker_engine::Forest;
 use esker_engine::calls::info;
 use esker_engine::cameras::path::Path;
 use esker_engine::machine::system;
-use esker_engine::{Forest, Value};
+use serde_json::Value;
 use std::io::Write;
 
 /// A scripted run.

@@ -5,7 +5,7 @@
 use crate::device::Device;
 use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
-use esker_engine::cameras::colour::Legend;
+use esker_engine::cameras::legend::Legend;
 use esker_engine::draw::empty_picture;
 use esker_engine::draw::options::Options;
 use esker_engine::draw::session::{Frame, GpuBytes, Session};
@@ -88,7 +88,7 @@ impl Scene {
     /// What the colours mean; `None` where no session runs.
     pub fn legend(&self) -> Option<Legend> {
         match &self.state {
-            State::Running(session) => Some(session.look().colouring.legend.clone()),
+            State::Running(session) => Some(session.appearance().colouring.legend.clone()),
             _ => None,
         }
     }
@@ -282,7 +282,7 @@ impl Opening {
 /// Opens a session that has something to show.
 fn open(file: Arc<Forest>, options: Options) -> Result<Session> {
     let session = Session::open(file, options)?;
-    empty_picture::check_wanted(session.file(), &session.look().shown)?;
+    empty_picture::check_wanted(session.file(), &session.appearance().shown)?;
     Ok(session)
 }
 

@@ -84,8 +84,7 @@ impl Cloud<'_> {
         }
     }
 
-    /// A view with all points in the picture. A ground is seen from above, so that it fills the
-    /// picture.
+    /// A view with all points in the picture, which a ground fills: it is seen from above.
     pub fn view(&self, size: [u32; 2]) -> View {
         match self {
             Self::Ground(..) => {

@@ -7,7 +7,8 @@ use crate::quantile::quantile;
 use anyhow::Result;
 use esker_points::Node;
 use esker_render::inputs::camera::Camera;
-use esker_render::passes::project::{DrawList, EMPTY, project};
+use esker_render::inputs::lookup::DrawList;
+use esker_render::passes::project::{EMPTY, project};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Instant;
@@ -19,8 +20,7 @@ const COPY_PIECE: usize = 1 << 20;
 /// Copies whose median is returned.
 const COPIES: usize = 5;
 
-/// Copies a large buffer on all threads and returns the median rate: bytes a second, read and
-/// written.
+/// Copies a large buffer on all threads. Returns the median rate: bytes a second, read and written.
 pub(super) fn copy_rate() -> f64 {
     let source = vec![1u8; COPY_BYTES];
     let mut target = vec![0u8; COPY_BYTES];

@@ -3,7 +3,7 @@
 
 use esker_lod::View;
 use esker_points::{Lattice, Node};
-use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method};
+use esker_render::{ColourPlane, DrawNode, Frame, Method};
 
 /// Number of pixels that a frame drew points to; `None` if it has no frame buffer.
 pub(super) type Covered = Option<u64>;
@@ -38,21 +38,5 @@ pub(super) fn frame_of<'a, P>(
     lattice: &'a Lattice,
     draws: &'a [DrawNode<'a, P>],
 ) -> Frame<'a, P> {
-    Frame {
-        view,
-        lattice,
-        draws,
-        octree: None,
-        method: Method::Points,
-        colour: ColourBy::Plain,
-        cull_back_faces: false,
-        hides_points: false,
-        shines: true,
-        skips_push: true,
-        averages: true,
-        smooths: true,
-        fits_planes: true,
-        evens_exposure: false,
-        background: Background::default(),
-    }
+    Frame { method: Method::Points, ..Frame::new(view, lattice, draws) }
 }

@@ -206,8 +206,7 @@ impl Bench<'_> {
                 MeasuredPath::new(name, Some(i), device.clone(), software, *rate)
             }));
         }
-        // The first frames are slower, for memory is new; they show whether all paths draw the
-        // same.
+        // The first frames are slower (memory is new), and show whether all paths draw the same.
         for path in &mut paths {
             resident.frame(path.index)?;
             path.covered = resident.covered(path.index)?;

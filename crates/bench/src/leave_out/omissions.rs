@@ -185,8 +185,7 @@ fn largest(
     Ok(picture.clone())
 }
 
-/// A picture's camera, moved back by the diagonal of the file's bounds, so that nothing is near the
-/// eye.
+/// A picture's camera, moved back by the diagonal of the file's bounds: nothing is near the eye.
 fn farther(file: &Forest, picture: &PictureRequest) -> Camera {
     let bounds = info::bounds(file);
     let view = picture.camera.view(bounds, picture.size);

@@ -35,8 +35,7 @@ const METHODS: [(Method, &str); 3] =
 const FRAMES: [usize; 2] = [3, 15];
 /// Time after which the least number of frames is enough.
 const PATIENCE: Duration = Duration::from_secs(4);
-/// Bytes of a pixel that a frame of points writes and reads: the hit of projection, and the
-/// picture.
+/// Bytes of a pixel that a frame of points writes and reads: projection's hit, and the picture.
 const POINT_PIXEL_BYTES: u64 = 8 + 8;
 /// Bytes of a pixel that a frame of surfaces needs in addition: the planes of the pyramid with
 /// normals, and a third more for its upper levels.

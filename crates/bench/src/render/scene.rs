@@ -4,7 +4,7 @@
 use crate::draw::wait;
 use anyhow::Result;
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
-use esker_engine::draw::whole::OnGpu;
+use esker_engine::draw::whole::GpuScene;
 use esker_format::{Forest, Planes};
 use esker_lod::CompactOctree;
 use esker_points::Task;
@@ -26,7 +26,7 @@ pub struct ResidentScene<'a> {
     octree: CompactOctree,
     renderer: Renderer,
     cpu_picture: Picture,
-    gpu: Option<(Gpu, OnGpu)>,
+    gpu: Option<(Gpu, GpuScene)>,
     /// Dispatches of the newest frame on the GPU.
     gpu_dispatches: u64,
     /// Pixels that the newest frame on the GPU covered.
@@ -74,7 +74,7 @@ impl<'a> ResidentScene<'a> {
     ) -> Result<Self> {
         let picture = PictureScene::read(file, request, task)?;
         let octree = CompactOctree::new(file.table(), &picture.selection.drawn);
-        let on_gpu = |gpu: &Gpu| OnGpu::new(gpu, &picture).map(|on| (gpu.clone(), on));
+        let on_gpu = |gpu: &Gpu| GpuScene::new(gpu, &picture).map(|on| (gpu.clone(), on));
         let gpu = gpu.map(on_gpu).transpose()?;
         Ok(Self {
             file,
@@ -96,8 +96,8 @@ impl<'a> ResidentScene<'a> {
     }
 
     /// Moves the eye towards the middle of the file until nearly all pixels are covered, and
-    /// returns whether they are; if not, the view is left as it was. Nodes and planes stay the
-    /// same.
+    /// returns whether they are; if not, the view is left as it was. Nodes and planes
+    /// stay the same.
     ///
     /// # Errors
     /// If the view makes no valid camera.
@@ -148,7 +148,7 @@ impl<'a> ResidentScene<'a> {
     pub fn cost(&self, changes: Changes) -> (FramePlan, u64, [u64; 2]) {
         let draws = self.picture.draws(self.file);
         let mut frame =
-            self.picture.look.frame(self.file, &self.picture.view, &draws, &self.octree);
+            self.picture.appearance.frame(self.file, &self.picture.view, &draws, &self.octree);
         changes.apply(&mut frame);
         let bytes = [self.picture.read_bytes, self.plane_bytes()];
         (FramePlan::new(&frame), self.points(), bytes)
@@ -161,7 +161,7 @@ impl<'a> ResidentScene<'a> {
     pub fn on_cpu(&mut self, changes: Changes) -> Result<Stages> {
         let draws = self.picture.draws(self.file);
         let mut frame =
-            self.picture.look.frame(self.file, &self.picture.view, &draws, &self.octree);
+            self.picture.appearance.frame(self.file, &self.picture.view, &draws, &self.octree);
         changes.apply(&mut frame);
         self.renderer.render_into(&frame, &mut self.cpu_picture)?;
         Ok(self.cpu_picture.stats.stages)

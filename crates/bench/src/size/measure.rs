@@ -264,10 +264,16 @@ fn draw(
             let plane = |kind| {
                 packed.plane(kind).or_else(|| planes.get(kind).filter(|_| !PACKED.contains(&kind)))
             };
-            draw_node(file.record(drawn.node), entry, drawn.prefix, &scene.look.colouring, plane)
+            draw_node(
+                file.record(drawn.node),
+                entry,
+                drawn.prefix,
+                &scene.appearance.colouring,
+                plane,
+            )
         })
         .collect();
-    Ok(renderer.render(&scene.look.frame(file, &scene.view, &draws, octree))?)
+    Ok(renderer.render(&scene.appearance.frame(file, &scene.view, &draws, octree))?)
 }
 
 /// Kinds of planes that packings replace.

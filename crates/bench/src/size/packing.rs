@@ -112,8 +112,7 @@ impl Colours {
         }
     }
 
-    /// Packs a plane of RGBA and unpacks it again. Returns the sum of squared differences of
-    /// channels.
+    /// Packs a plane of RGBA and unpacks it. Returns the sum of squared differences of channels.
     pub fn round_trip(self, plane: &mut [u8], palette: Option<&Palette>) -> f64 {
         let mut squares = 0u64;
         for rgba in plane.chunks_exact_mut(4).filter(|rgba| rgba[3] != 0 && self != Self::Full) {
@@ -152,8 +151,7 @@ impl Normals {
         }
     }
 
-    /// Packs a plane and unpacks it again. Returns the sum of squared angles, radians, and their
-    /// number.
+    /// Packs a plane and unpacks it. Returns the sum of squared angles, radians, and their number.
     pub fn round_trip(self, plane: &mut [u8]) -> (f64, u64) {
         let (mut squares, mut count) = (0.0, 0);
         let codebook = if self == Self::Codebook { directions() } else { Vec::new() };
@@ -186,8 +184,8 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Directions spread evenly over the sphere by a Fibonacci lattice (`swinbank2006`), from the top
-/// down.
+/// Directions spread evenly over the sphere, from the top down: a Fibonacci lattice
+/// (`swinbank2006`).
 fn directions() -> Vec<[f32; 3]> {
     let turn = PI * (3.0 - 5f32.sqrt());
     let direction = |i: usize| {

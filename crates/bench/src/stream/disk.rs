@@ -1,6 +1,5 @@
 //! Rates of the disk without Esker, which streaming is compared with in the same run: a plain
-//! sequential read of a file, and plain reads of given ranges with as many in flight as the loaders
-//! have.
+//! sequential read of a file, and plain reads of given ranges, as many at once as loaders make.
 
 use anyhow::{Context, Result};
 use esker_format::{Forest, PlaneKind};

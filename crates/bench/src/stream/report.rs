@@ -29,61 +29,108 @@ impl StreamReport {
     }
 }
 
-/// Report of one file flown through with one set of settings. `bench/README.md` explains the
-/// fields.
+/// Report of one file flown through with one set of settings; `bench/README.md` explains it.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct StreamRun {
+    /// Name of the input.
     pub file: String,
+    /// Points of the file and of all files that it names.
     pub points: u64,
+    /// Number of these files.
     pub trees: usize,
+    /// Nodes of all trees.
     pub nodes: usize,
+    /// Greatest number of points of a node.
     pub node_capacity: u32,
+    /// Bytes of the node table in memory.
     pub structure_bytes: u64,
+    /// Bytes of the node table for each node.
     pub table_bytes_a_node: usize,
+    /// Bytes of all files.
     pub file_bytes: u64,
+    /// `gpu` or `cpu`.
     pub backend: String,
+    /// Name of the GPU, if it draws.
     #[serde(deserialize_with = "present")]
     pub adapter: Option<String>,
+    /// Path of the GPU from points to pixels; `cpu` without one.
     pub gpu_path: String,
+    /// Why the CPU draws, if that was chosen by the program.
     #[serde(deserialize_with = "present")]
     pub backend_note: Option<String>,
+    /// Width and height of the pictures, pixels.
     pub size: [u32; 2],
+    /// Settings of streaming.
     pub settings: Settings,
+    /// Whether hidden nodes were left out.
     pub depth_test: bool,
+    /// Whether the cache was emptied before each flight.
     pub cold: bool,
+    /// Greatest resident set of the process.
     pub peak_rss_bytes: u64,
+    /// Resident set before the file was opened.
     pub empty_rss_bytes: u64,
+    /// Growth of the resident set by opening the device.
     pub driver_rss_bytes: u64,
+    /// Budget of main memory.
     pub budget_ram_bytes: u64,
+    /// Greatest use of drawing memory; on a GPU of all its buffers.
     pub peak_gpu_bytes: u64,
+    /// Bytes of GPU buffers other than node planes, at the end.
     #[serde(deserialize_with = "present")]
     pub fixed_gpu_bytes: Option<u64>,
+    /// Budget of drawing memory.
     pub budget_gpu_bytes: u64,
+    /// Whether a budget was exceeded.
     pub budget_exceeded: bool,
+    /// Waits of the render thread, of both flights.
     pub render_stalls: u64,
+    /// Frames of the flight with the depth test, as all figures below.
     pub frames: usize,
+    /// Median time of frames.
     pub frame_ms_p50: f64,
+    /// Time that 99 % of frames do not exceed.
     pub frame_ms_p99: f64,
+    /// Time of the longest frame.
     pub frame_ms_max: f64,
+    /// Median time of choices.
     pub lod_ms_p50: f64,
+    /// Time that 99 % of choices do not exceed.
     pub lod_ms_p99: f64,
+    /// Time of the longest choice.
     pub lod_ms_max: f64,
+    /// Share of frames within 100 ms.
     pub frames_within_100_ms: f64,
+    /// Share of choices within 100 ms.
     pub lod_within_100_ms: f64,
+    /// Bytes read from the files.
     pub read_bytes: u64,
+    /// Bytes of these that were requested.
     pub useful_bytes: u64,
+    /// Number of reads.
     pub reads: u64,
+    /// `read_bytes` over the time in which requests were waiting or in flight.
     pub flight_bytes_per_s: f64,
+    /// Nodes that were loaded.
     pub nodes_loaded: u64,
+    /// Nodes that lost their slots to others.
     pub nodes_evicted: u64,
+    /// Requests that were out of view before they were read.
     pub requests_dropped: u64,
+    /// Nodes that could not be read.
     pub nodes_failed: u64,
+    /// The last fault of reading.
     #[serde(deserialize_with = "present")]
     pub fault: Option<String>,
+    /// Figures of each view.
     pub views: Vec<ViewReport>,
+    /// The way to each view but the first.
     pub transitions: Vec<TransitionReport>,
+    /// Rate of a plain sequential read.
     pub sequential_bytes_per_s: f64,
+    /// The loading's `streamed_bytes_per_s`.
     pub read_bytes_per_s: f64,
+    /// Loading of one view, beside plain reads.
     pub loading: LoadingReport,
 }
 

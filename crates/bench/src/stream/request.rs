@@ -1,7 +1,6 @@
-//! What the benchmark of streaming measures: files and scans, and how each of them is flown
-//! through.
+//! What the benchmark of streaming measures: files and scans, and how each is flown through.
 
-use esker_engine::draw::session::Options;
+use esker_engine::draw::session::{self, Options};
 use esker_engine::machine::backend::DrawWith;
 use esker_stream::Priority;
 use serde::{Deserialize, Serialize};
@@ -79,11 +78,14 @@ impl FlightRequest {
         let own = Options {
             backend: self.with.backend,
             gpu: self.with.gpu,
-            budget_gpu_bytes: self.budget_gpu_bytes,
-            budget_ram_bytes: self.budget_ram_bytes,
+            settings: session::Settings {
+                budget_gpu_bytes: self.budget_gpu_bytes,
+                budget_ram_bytes: self.budget_ram_bytes,
+                occlusion: self.occlusion,
+                full: self.full,
+                ..session::Settings::default()
+            },
             size: self.size,
-            occlusion: self.occlusion,
-            full: self.full,
             ..Options::default()
         };
         match self.settings {

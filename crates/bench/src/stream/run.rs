@@ -111,8 +111,9 @@ impl Run<'_> {
     /// Flies along the path, with the depth test if both the options and `depth_test` have it.
     fn flight(&self, depth_test: bool) -> Result<Flight> {
         self.empty_cache()?;
-        let occlusion = self.options.occlusion && depth_test;
-        let options = Options { occlusion, ..self.options.clone() };
+        let occlusion = self.options.settings.occlusion && depth_test;
+        let mut options = self.options.clone();
+        options.settings.occlusion = occlusion;
         let mut session = Session::open(self.file.clone(), options)?;
         let folder = self.request.pictures.as_ref().filter(|_| depth_test);
         fly(&mut session, &self.path, self.task, &mut |stop, session| match folder {
@@ -233,8 +234,7 @@ impl Run<'_> {
         if left_gpu { &flight.drawer } else { &self.drawer }
     }
 
-    /// Whether peaks of memory exceed the budgets; those of the whole process by more than
-    /// [`MARGIN`].
+    /// Whether peaks of memory exceed the budgets; that of the process may by up to [`MARGIN`].
     fn exceeds(&self, peak_gpu_bytes: u64, peak_rss_bytes: u64) -> bool {
         let request = self.request;
         let budgets = request.budget_gpu_bytes

@@ -2,10 +2,9 @@
 //! its table 2, a line for each run with and without the depth test; and below it what the paper
 //! does not report.
 
-use crate::pass_times;
 use crate::stream::report::{StreamReport, StreamRun, ViewFigures};
 use esker_engine::io::quantity::{grouped, readable_bytes};
-use esker_engine::io::stages::taken;
+use esker_engine::io::stages;
 
 /// Table of all runs, then details of each.
 pub fn text(report: &StreamReport) -> String {
@@ -167,8 +166,7 @@ fn drawn_by(run: &StreamRun) -> String {
 /// Times of the passes of the last view.
 fn passes(run: &StreamRun) -> String {
     let last = run.views.last().map(|view| view.figures.passes_ms).unwrap_or_default();
-    let times = pass_times::with_all(&last, serde_json::value::Serializer).unwrap_or_default();
-    format!("last view, ms: {}", taken(&times, &[], "all"))
+    format!("last view, ms: {}", stages::text(&[], &last, "all"))
 }
 
 #[cfg(test)]

@@ -2,9 +2,9 @@
 //! before any page is made. It is a function of the rows alone and is kept in the journal. A given
 //! palette, such as that of the file that scans are appended to, is only compared with the colours.
 
-use crate::calls::build::Options;
 use crate::error::BuildError;
-use crate::rows::journal_record::{Kind, Reading, Record};
+use crate::options::Options;
+use crate::rows::journal_record::{Kind, Record, RecordReader};
 use crate::rows::partition::Bucket;
 use crate::rows::row::RowLayout;
 use crate::rows::store::Store;
@@ -36,7 +36,7 @@ impl Store {
         if !options.compact || buckets.is_empty() {
             return Ok(None);
         }
-        let trained = self.trained(buckets, rows, pages, options.onto.palette.as_ref())?;
+        let trained = self.trained(buckets, rows, pages, options.inherited.palette.as_ref())?;
         if trained.is_none() {
             task.note("--compact has no effect: the inputs have no colours");
         }
@@ -50,7 +50,7 @@ impl Store {
         pages: &PageLayout,
         given: Option<&Palette>,
     ) -> Result<Trained, BuildError> {
-        if let Some(record) = self.journal.ask(Kind::Trained)? {
+        if let Some(record) = self.journal.next(Kind::Palette)? {
             return restored(&record).ok_or_else(|| self.journal.damaged("its palette"));
         }
         let places: Vec<ColourBytes> = (0..pages.classes().len())
@@ -69,7 +69,7 @@ impl Store {
         } else {
             None
         };
-        self.journal.tell(record(trained.as_ref()))?;
+        self.journal.append(record(trained.as_ref()))?;
         Ok(trained)
     }
 
@@ -98,7 +98,7 @@ impl Store {
 }
 
 fn record(trained: Option<&(Palette, Misfit)>) -> Record {
-    let mut record = Record::new(Kind::Trained);
+    let mut record = Record::new(Kind::Palette);
     if let Some((palette, misfit)) = trained {
         record.put_all(palette.colours());
         record.put([misfit.mean, misfit.most, misfit.worst]);
@@ -111,7 +111,7 @@ fn restored(record: &[u8]) -> Option<Trained> {
     if record.is_empty() {
         return Some(None);
     }
-    let mut from = Reading(record);
+    let mut from = RecordReader(record);
     let palette = Palette::new(from.get_all()?)?;
     let [mean, most, worst] = from.get()?;
     Some(Some((palette, Misfit { mean, most, worst })))

@@ -1,14 +1,16 @@
-//! What the machine grants and what the process uses: the one place with a branch for each system.
+//! Memory that the machine grants and that the process uses. The code that differs between
+//! operating systems is here.
 
-use crate::calls::build::MEMORY_BYTES_MIN;
+/// Least memory that a build works with, in bytes.
+pub const MEMORY_BYTES_MIN: u64 = 256 << 20;
 
-/// Bytes a build may use where the user says nothing: half of what the machine, or its control
-/// group, grants; on the smallest the least that it works with.
+/// Default memory of a build, in bytes: half of what the machine, or its control group, grants, and
+/// at least [`MEMORY_BYTES_MIN`].
 pub fn default_bytes() -> u64 {
     half_of(granted_bytes().unwrap_or(4 << 30))
 }
 
-/// Bytes that the machine, or its control group, grants; `None` where it does not tell.
+/// Bytes that the machine, or its control group, grants; `None` if that is not known.
 pub fn granted() -> Option<u64> {
     granted_bytes()
 }
@@ -22,7 +24,7 @@ fn half_of(granted_bytes: u64) -> u64 {
 pub struct Usage {
     /// Anonymous memory now.
     pub anon_bytes: u64,
-    /// Greatest resident set so far.
+    /// Largest resident set so far.
     pub rss_peak_bytes: u64,
 }
 
@@ -31,17 +33,17 @@ fn granted_bytes() -> Option<u64> {
     let total = kib_field(&std::fs::read_to_string("/proc/meminfo").ok()?, "MemTotal:")?;
     let groups = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
     let limit = |path: &std::path::PathBuf| {
-        // "max", where there is none.
+        // "max" means no limit.
         std::fs::read_to_string(path).ok()?.trim().parse::<u64>().ok()
     };
     let limits = limit_files(&groups);
     Some(limits.iter().filter_map(limit).fold(total, u64::min))
 }
 
-/// The files that may hold a limit of the control groups that `/proc/self/cgroup` names: the
-/// group's own and those above it, of version 2 (`0::/path`) and version 1 (`4:memory:/path`). In a
-/// container the path may be the host's and lead nowhere; the root that is seen is its own group
-/// then.
+/// Paths of the files that may hold a limit for the control groups that `/proc/self/cgroup` names:
+/// the group's own and those above it, of version 2 (`0::/path`) and version 1 (`4:memory:/path`).
+/// In a container the path may be that of the host and lead nowhere; the visible root is then the
+/// container's group.
 #[cfg(target_os = "linux")]
 fn limit_files(groups: &str) -> Vec<std::path::PathBuf> {
     let mut files = Vec::new();
@@ -61,7 +63,7 @@ fn limit_files(groups: &str) -> Vec<std::path::PathBuf> {
     files
 }
 
-/// Memory in use; zeros where the system does not tell.
+/// Memory in use; zeros if that is not known.
 #[cfg(target_os = "linux")]
 pub fn usage() -> Usage {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -82,23 +84,23 @@ fn granted_bytes() -> Option<u64> {
     None
 }
 
-/// Memory in use; zeros where the system does not tell.
+/// Memory in use; zeros if that is not known.
 #[cfg(not(target_os = "linux"))]
 pub fn usage() -> Usage {
     Usage::default()
 }
 
-/// Remembers the greatest anonymous memory seen.
+/// Largest sample of the anonymous memory.
 #[derive(Debug, Default)]
 pub struct Peak(std::sync::atomic::AtomicU64);
 
 impl Peak {
-    /// Looks now.
+    /// Takes a sample.
     pub fn sample(&self) {
         self.0.fetch_max(usage().anon_bytes, std::sync::atomic::Ordering::Relaxed);
     }
 
-    /// The greatest seen, in bytes.
+    /// Largest sample so far, in bytes.
     pub fn bytes(&self) -> u64 {
         self.0.load(std::sync::atomic::Ordering::Relaxed)
     }
@@ -116,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_are_looked_for_in_groups_of_both_versions_and_above_them() {
+    fn limits_are_read_for_groups_of_both_versions_and_their_parents() {
         let files = |groups| {
             let text = |p: &std::path::PathBuf| p.display().to_string();
             limit_files(groups).iter().map(text).collect::<Vec<_>>()

@@ -1,4 +1,4 @@
-//! What a build may use: memory, how it is shared out, and space on disks.
+//! Resources of a build: memory, its shares, and disk space.
 
 pub(crate) mod disk;
 pub mod memory;

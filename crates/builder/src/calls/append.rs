@@ -1,25 +1,29 @@
-//! Append: builds new scans into a file of their own, on the lattice of an older file, which it
-//! names. The older file and those that it names do not change; together they are a forest.
+//! Append: new scans become a file of their own over the lattice of an old one, and name it. The
+//! old file and the files that it names stay unchanged; all together are a forest
+//! (`docs/design/format.md`).
 
-use crate::calls::build::{Options, Report, build_sources, one_meaning};
-use crate::calls::onto::{Onto, Within};
+use crate::calls::build::{build_sources, check_not_replaced};
 use crate::error::BuildError;
-use crate::input::crs::one_system;
+use crate::input::attribute_units::check_attribute_units;
+use crate::input::crs::check_same_system;
 use crate::input::gps_times;
 use crate::input::intake::open_with;
-use esker_format::{EskerFile, Forest, TREES_MAX, TreeRef};
+use crate::input::within_lattice::WithinLattice;
+use crate::options::{Inherited, Options, Report};
+use esker_format::TREES_MAX;
+use esker_format::{Forest, TreeRef};
 use esker_points::Task;
 use esker_scan::Source;
 use esker_scan::las::gps_times;
 use std::path::{Path, PathBuf};
 
-/// Builds `out` from `inputs` onto the lattice of the file `old`, which it then names with all that
-/// `old` names; in the current rayon pool. Points off the lattice are rounded, points outside of it
-/// refused; the report counts them.
+/// Builds `out` from `inputs` over the lattice of the file `old`, and names `old` and all files
+/// that it names; in the current rayon pool. Points off the lattice are rounded, points outside of
+/// it are refused; the report counts them.
 ///
 /// # Errors
-/// As [`crate::build()`]; where `old` or what it names does not open; where they and the inputs are
-/// in different coordinate reference systems, unless the options say otherwise.
+/// If [`crate::build()`] fails; if `old` or a file that it names does not open; if they and the
+/// inputs are in different coordinate reference systems, unless the options allow it.
 pub fn append(
     old: &Path,
     inputs: &[PathBuf],
@@ -28,13 +32,13 @@ pub fn append(
     task: &dyn Task,
 ) -> Result<Report, BuildError> {
     let forest = Forest::open(old)?;
-    append_sources(&forest, open_with(inputs, &options.opening(), task)?, out, options, task)
+    append_sources(&forest, open_with(inputs, &options.open_options(), task)?, out, options, task)
 }
 
-/// As [`append`], from opened inputs, onto opened files.
+/// Builds `out` from opened inputs and opened files; otherwise like [`append`].
 ///
 /// # Errors
-/// As [`append`].
+/// If the build fails, or the old files and the inputs do not fit together (see [`append`]).
 pub fn append_sources(
     old: &Forest,
     sources: Vec<Box<dyn Source>>,
@@ -43,7 +47,7 @@ pub fn append_sources(
     task: &dyn Task,
 ) -> Result<Report, BuildError> {
     for file in old.files() {
-        not_replaced(file, out)?;
+        check_not_replaced(file.path(), out)?;
     }
     if old.files().len() >= TREES_MAX {
         let (path, trees) = (old.path().display(), old.files().len());
@@ -52,25 +56,28 @@ pub fn append_sources(
         )));
     }
     if !options.ignore_crs {
-        one_system_with(old, &sources)?;
+        check_same_system_with(old, &sources)?;
     }
     let known = old.files().map(|file| (file.path(), &file.metadata().schema));
     let new = sources.iter().map(|s| s.info()).map(|i| (i.path.as_path(), &*i.schema));
-    one_meaning(known.chain(new))?;
+    check_attribute_units(known.chain(new))?;
     let forest = old.files().map(|file| TreeRef::new(out, file)).collect::<Result<_, _>>()?;
-    // One palette for all trees: so they are drawn from their compact planes together.
+    // With one palette for all trees they are drawn together from their compact planes.
     let palette = old.palette().cloned();
-    let onto = Onto { lattice: Some(*old.lattice()), palette, forest, merged: None };
-    let options = Options { onto, ..options.clone() };
-    let times = mixed_times(old, &sources)?;
-    let mut report = build_sources(Within::all(sources), out, &options, task)?;
+    let inherited = Inherited { lattice: Some(*old.lattice()), palette, forest, merged: None };
+    let options = Options { inherited, ..options.clone() };
+    let times = note_different_times(old, &sources)?;
+    let mut report = build_sources(WithinLattice::all(sources), out, &options, task)?;
     report.notes.extend(times);
     Ok(report)
 }
 
-/// A line where GPS times of the old files and of the inputs don't compare, unless either's alone
-/// do not.
-fn mixed_times(old: &Forest, sources: &[Box<dyn Source>]) -> Result<Option<String>, BuildError> {
+/// A note if the GPS times of the old files and those of the inputs cannot be compared, unless the
+/// old files, or the inputs, already disagree among themselves.
+fn note_different_times(
+    old: &Forest,
+    sources: &[Box<dyn Source>],
+) -> Result<Option<String>, BuildError> {
     let (mut known, mut new) = (Vec::new(), Vec::new());
     for file in old.files() {
         for (i, record) in file.metadata().sources.iter().enumerate() {
@@ -80,35 +87,27 @@ fn mixed_times(old: &Forest, sources: &[Box<dyn Source>]) -> Result<Option<Strin
     for info in sources.iter().map(|source| source.info()) {
         new.push((info.path.display().to_string(), gps_times(&info.verbatim)));
     }
-    let is_told = [&known, &new].iter().any(|of| gps_times::mixed(of.iter().cloned()).is_some());
-    Ok(if is_told { None } else { gps_times::mixed(known.into_iter().chain(new)) })
-}
-
-/// A file that is read must not be written.
-pub(crate) fn not_replaced(file: &EskerFile, out: &Path) -> Result<(), BuildError> {
-    let same =
-        |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
-    if same(file.path(), out) {
-        let path = file.path().display();
-        return Err(BuildError::Options(format!(
-            "{path}: is input and output at once; choose another output"
-        )));
+    let is_noted =
+        [&known, &new].iter().any(|of| gps_times::note_different(of.iter().cloned()).is_some());
+    if is_noted {
+        return Ok(None);
     }
-    Ok(())
+    Ok(gps_times::note_different(known.into_iter().chain(new)))
 }
 
-/// The first system that the old files tell, and all of the inputs'.
-fn one_system_with(old: &Forest, sources: &[Box<dyn Source>]) -> Result<(), BuildError> {
+/// Compares the first system that the old files state with those of all inputs.
+fn check_same_system_with(old: &Forest, sources: &[Box<dyn Source>]) -> Result<(), BuildError> {
     let path = old.path().display().to_string();
     let known = systems_of(old).next();
-    let mut told: Vec<(String, &str)> = known.map(|text| (path, text)).into_iter().collect();
+    let mut systems: Vec<(String, &str)> = known.map(|text| (path, text)).into_iter().collect();
     for info in sources.iter().map(|source| source.info()) {
-        told.extend(info.crs.as_ref().map(|c| (info.path.display().to_string(), c.text.as_str())));
+        systems
+            .extend(info.crs.as_ref().map(|c| (info.path.display().to_string(), c.text.as_str())));
     }
-    one_system(told.iter().map(|(path, text)| (path.as_str(), *text)))
+    check_same_system(systems.iter().map(|(path, text)| (path.as_str(), *text)))
 }
 
-/// The coordinate reference systems that files tell.
+/// The coordinate reference systems that the files of a forest state.
 pub(crate) fn systems_of(forest: &Forest) -> impl Iterator<Item = &str> {
     let records = forest.files().flat_map(|file| &file.metadata().sources);
     records.filter_map(|record| record.crs.as_ref().map(|crs| crs.text.as_str()))

@@ -1,11 +1,12 @@
-//! From an .esker file, and those that it names, back to a scan format: tree by tree, the oldest
-//! first, the nodes that a filter wants, in the order of their pages, are read and decoded in
-//! parallel, encoded for the format, and written in order while the next ones are decoded. What the
-//! node table and the statistics show to be unwanted is not read. Without a filter, count and
-//! multiset hash of what was handed to the writer must be each footer's.
+//! From an `.esker` file, and the files that it names, back to a scan format: tree by tree, the
+//! oldest first, the nodes that pass a filter are decoded and encoded in parallel, in the order of
+//! their pages, and written while the next ones are decoded. Nodes that the node table and the
+//! statistics exclude are not read. Without a filter, count and multiset hash of the points passed
+//! to the writer must be those of each footer.
 
 use crate::error::BuildError;
-use esker_format::{EskerFile, Fault, Forest, FormatError, PagePoints, SourceRecord};
+use esker_format::Fault;
+use esker_format::{EskerFile, Forest, FormatError, PagePoints, SourceRecord};
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
 use esker_points::{AttrType, Attribute, Batch, Filter, MultisetHash, Schema, Task};
@@ -15,21 +16,22 @@ use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Bytes of pages that are decoded together, a thread; two such groups are held, in several forms.
+/// Bytes of pages that are decoded together, for each thread. Two such groups are in memory, in
+/// several forms.
 const GROUP_BYTES_A_THREAD: u64 = 2 << 20;
 
-/// What an export did.
+/// Result of an export.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exported {
     /// Points of all trees.
     pub points_in: u64,
     /// Points written.
     pub points_out: u64,
-    /// Multiset hash of the points written; the sum of the trees', where all were.
+    /// Multiset hash of the points written; if all were, the sum of the trees' hashes.
     pub hash: MultisetHash,
-    /// Whether all were asked for.
+    /// Whether the filter accepts all points.
     pub is_whole: bool,
-    /// Trees.
+    /// Number of trees.
     pub trees: u64,
     /// Nodes of all trees.
     pub nodes: u64,
@@ -39,38 +41,38 @@ pub struct Exported {
     pub bytes_read: u64,
     /// Bytes written.
     pub bytes_out: u64,
-    /// Format, version and variant of what was written.
+    /// Format, version and variant of the output.
     pub format: String,
-    /// What the user should know, a line each.
+    /// Notes for the user, a line each.
     pub notes: Vec<String>,
 }
 
-/// A node that is wanted.
+/// A node with points that may pass the filter.
 #[derive(Clone, Copy, Debug)]
-struct Take {
+struct SelectedNode {
     node: u32,
-    /// Points from the first on.
+    /// Points to decode, from the first on.
     prefix: usize,
-    /// Whether each point must be asked.
-    across: bool,
+    /// Whether the filter must test each point.
+    is_partial: bool,
     page_offset: u64,
     page_bytes: u32,
 }
 
 /// Points of a node, ready to be written.
-struct Part {
+struct EncodedNode {
     encoded: Encoded,
     hash: MultisetHash,
     read: u64,
 }
 
-/// Writes the points that `filter` wants of all trees to `out`, in the format that its ending
-/// names, in the current rayon pool. Nothing is left under the final name where it fails. A spacing
-/// is that of each tree's sample.
+/// Writes the points of all trees that pass `filter` to `out`, in the format that its extension
+/// names, in the current rayon pool. After an error there is no file under the final name. A
+/// spacing in the filter applies to each tree separately.
 ///
 /// # Errors
-/// Where a file is damaged, the format cannot hold the attributes, no point is wanted although
-/// there are some, the disk is full, or on request.
+/// If a file is damaged, the format cannot hold the attributes, no point passes the filter although
+/// there are points, the disk is full, or on request.
 pub fn export(
     forest: &Forest,
     out: &Path,
@@ -81,16 +83,16 @@ pub fn export(
     let wrong = |e: esker_points::FilterError| BuildError::Options(e.to_string());
     let on_lattice = filter.on(forest.lattice()).map_err(wrong)?;
     forest.files().try_for_each(EskerFile::check_verbatim)?;
-    // A file names those that were there before it.
-    let mut plans: Vec<(&EskerFile, Vec<Take>)> = Vec::with_capacity(forest.files().len());
+    // A file names older files, so the last one listed is the oldest.
+    let mut trees: Vec<(&EskerFile, Vec<SelectedNode>)> = Vec::with_capacity(forest.files().len());
     for file in forest.files() {
-        plans.insert(0, (file, plan(file, &on_lattice)?));
+        trees.insert(0, (file, select_nodes(file, &on_lattice)?));
     }
-    let takes = || plans.iter().flat_map(|(_, takes)| takes);
-    let points_max = takes().map(|t| t.prefix as u64).sum();
+    let selected = || trees.iter().flat_map(|(_, nodes)| nodes);
+    let points_max = selected().map(|n| n.prefix as u64).sum();
     let schema = Arc::new(forest.schema().clone());
     let outline = Outline { lattice: *forest.lattice(), schema: schema.clone(), points_max };
-    let mut origins = plans.iter().flat_map(|(file, _)| {
+    let mut origins = trees.iter().flat_map(|(file, _)| {
         let sources = file.metadata().sources.iter().enumerate();
         sources.map(move |(i, record)| origin(file, i, record))
     });
@@ -100,9 +102,9 @@ pub fn export(
     let is_whole = filter.is_all();
     let mut output = started.output;
     let (mut points_out, mut hash) = (0, MultisetHash::default());
-    for (file, takes) in &plans {
-        let reader = Reader::new(file, &on_lattice, schema.clone(), started.encode.clone());
-        let (points, own) = reader.run(takes, &mut *output, task)?;
+    for (file, nodes) in &trees {
+        let tree = TreeExport::new(file, &on_lattice, schema.clone(), started.encode.clone());
+        let (points, own) = tree.run(nodes, &mut *output, task)?;
         if is_whole {
             prove(file, points, own)?;
         }
@@ -126,17 +128,17 @@ pub fn export(
         points_out,
         hash,
         is_whole,
-        trees: plans.len() as u64,
+        trees: trees.len() as u64,
         nodes: forest.table().nodes.len() as u64,
-        nodes_read: takes().count() as u64,
-        bytes_read: takes().map(|t| u64::from(t.page_bytes)).sum(),
+        nodes_read: selected().count() as u64,
+        bytes_read: selected().map(|n| u64::from(n.page_bytes)).sum(),
         bytes_out,
         format: started.format,
         notes,
     })
 }
 
-/// Says where trees are thinned each by itself though they share a place.
+/// A note if trees are thinned separately although their boxes overlap.
 fn note_overlap(forest: &Forest, filter: &Filter) -> Option<String> {
     let boxes: Vec<_> = forest.files().filter_map(|file| file.metadata().bounds).collect();
     let meet = |[low, high]: &[[u32; 3]; 2], [l, h]: &[[u32; 3]; 2]| {
@@ -148,14 +150,14 @@ fn note_overlap(forest: &Forest, filter: &Filter) -> Option<String> {
     })
 }
 
-/// Whether these are all points of a file.
+/// Checks that `points` and `hash` are those of the footer of `file`.
 fn prove(file: &EskerFile, points: u64, hash: MultisetHash) -> Result<(), BuildError> {
     let footer = file.footer();
     if (points, hash) == (footer.points, footer.hash) {
         return Ok(());
     }
     Err(BuildError::Differs(format!(
-        "{}: its {points} points (hash {hash}) are not those that its footer tells ({}, hash {}); \
+        "{}: its {points} points (hash {hash}) are not those that its footer states ({}, hash {}); \
          nothing was written",
         file.path().display(),
         footer.points,
@@ -163,19 +165,19 @@ fn prove(file: &EskerFile, points: u64, hash: MultisetHash) -> Result<(), BuildE
     )))
 }
 
-/// What of a source can be restored.
+/// Restorable properties of a source: kind of grid, reference system, verbatim blocks.
 fn origin(file: &EskerFile, index: usize, record: &SourceRecord) -> Result<Origin, ScanError> {
     let verbatim = file.verbatim(index).map_err(|e| BuildError::from(e).through_sink())?;
     let crs = record.crs.as_ref().map(|c| Crs { text: c.text.clone(), unit: c.unit.clone() });
     Ok(Origin { kind: record.grid.kind, crs, verbatim })
 }
 
-/// The nodes of a tree that are wanted, in the order of their pages.
-fn plan(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Take>, BuildError> {
+/// The nodes of a tree with points that may pass `filter`, in the order of their pages.
+fn select_nodes(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<SelectedNode>, BuildError> {
     let nodes = &tree.table().nodes;
     let statistics = filter.needs_classes().then(|| tree.statistics()).transpose()?;
     let all_have_one = tree.layout().all_have_one_of(&[(names::CLASSIFICATION, AttrType::U8)]);
-    let mut takes = Vec::new();
+    let mut selected = Vec::new();
     for (index, node) in (0u32..).zip(nodes) {
         let prefix = filter.prefix(node, nodes.get(node.parent as usize));
         let [min, max] = node.own_box();
@@ -188,20 +190,20 @@ fn plan(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Take>, BuildErro
         if by_class == Side::Outside {
             continue;
         }
-        takes.push(Take {
+        selected.push(SelectedNode {
             node: index,
             prefix,
-            across: by_box == Side::Across || by_class == Side::Across,
+            is_partial: by_box == Side::Across || by_class == Side::Across,
             page_offset: node.page_offset,
             page_bytes: node.page_bytes,
         });
     }
-    takes.sort_by_key(|t| t.page_offset);
-    Ok(takes)
+    selected.sort_by_key(|n| n.page_offset);
+    Ok(selected)
 }
 
-/// Attributes that some points lack, and which are zero there in the export; unless the field has
-/// been made from another attribute of these points.
+/// A note on attributes that some points lack, and which are zero in the export. An attribute is
+/// not missing where its output field was made from another attribute of the points.
 fn note_absent(forest: &Forest, fields: &[usize]) -> Option<String> {
     let attributes = &forest.schema().attributes;
     let names: Vec<_> = (0..attributes.len())
@@ -210,7 +212,7 @@ fn note_absent(forest: &Forest, fields: &[usize]) -> Option<String> {
                 .filter(|&other| fields.get(other) == fields.get(at))
                 .map(|other| (attributes[other].name.as_str(), attributes[other].ty))
                 .collect();
-            // A tree without a point lacks nothing.
+            // A tree without points lacks nothing.
             forest
                 .files()
                 .any(|file| file.footer().points > 0 && !file.layout().all_have_one_of(&of_field))
@@ -221,18 +223,18 @@ fn note_absent(forest: &Forest, fields: &[usize]) -> Option<String> {
     (!names.is_empty()).then(|| format!("zero where a point's source had none: {names}"))
 }
 
-/// Reads a tree.
-struct Reader<'a> {
+/// Export of one tree.
+struct TreeExport<'a> {
     file: &'a EskerFile,
     filter: &'a LatticeFilter,
-    /// The attributes of all trees.
+    /// Attributes of all trees.
     schema: Arc<Schema>,
-    /// The tree's own for each of these.
+    /// The tree's attribute for each of these.
     own: Vec<Option<usize>>,
     encode: Arc<dyn Encode>,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> TreeExport<'a> {
     fn new(
         file: &'a EskerFile,
         filter: &'a LatticeFilter,
@@ -244,26 +246,26 @@ impl<'a> Reader<'a> {
         Self { file, filter, schema, own, encode }
     }
 
-    /// Reads and writes: number and hash of the points.
+    /// Reads and writes the nodes; returns number and hash of the points written.
     fn run(
         &self,
-        takes: &[Take],
+        nodes: &[SelectedNode],
         output: &mut dyn Output,
         task: &dyn Task,
     ) -> Result<(u64, MultisetHash), BuildError> {
         let (mut points, mut hash) = (0, MultisetHash::default());
         let mut ready = Vec::new();
-        let mut put = |parts: Vec<Part>| -> Result<(), BuildError> {
-            for part in parts {
+        let mut put = |nodes: Vec<EncodedNode>| -> Result<(), BuildError> {
+            for node in nodes {
                 task.check()?;
-                points += part.encoded.points;
-                hash += part.hash;
-                output.put(part.encoded)?;
-                task.advance(part.read);
+                points += node.encoded.points;
+                hash += node.hash;
+                output.put(node.encoded)?;
+                task.advance(node.read);
             }
             Ok(())
         };
-        for group in groups(takes) {
+        for group in groups(nodes) {
             let before = std::mem::take(&mut ready);
             let (decoded, written) = rayon::join(|| self.decode(group, task), || put(before));
             written?;
@@ -273,29 +275,38 @@ impl<'a> Reader<'a> {
         Ok((points, hash))
     }
 
-    fn decode(&self, group: &[Take], task: &dyn Task) -> Result<Vec<Part>, BuildError> {
-        // Collected before errors are looked at: the first in the file's order is reported.
-        let parts: Vec<_> = group.par_iter().map(|take| self.part(take, task)).collect();
-        parts.into_iter().collect()
+    fn decode(
+        &self,
+        group: &[SelectedNode],
+        task: &dyn Task,
+    ) -> Result<Vec<EncodedNode>, BuildError> {
+        // All results are collected first, so that the first error in file order is reported.
+        let nodes: Vec<_> = group.par_iter().map(|node| self.encode_node(node, task)).collect();
+        nodes.into_iter().collect()
     }
 
-    fn part(&self, take: &Take, task: &dyn Task) -> Result<Part, BuildError> {
+    fn encode_node(
+        &self,
+        selected: &SelectedNode,
+        task: &dyn Task,
+    ) -> Result<EncodedNode, BuildError> {
         task.check()?;
-        let page = self.file.read_page(take.node)?;
+        let page = self.file.read_page(selected.node)?;
         let damaged = |fault: Fault| FormatError::Damaged {
             path: self.file.path().to_owned(),
-            section: format!("page of node {}, {}", take.node, fault.section),
+            section: format!("page of node {}, {}", selected.node, fault.section),
             fault: fault.fault,
         };
         let mut points = page.points().map_err(damaged)?;
         drop(page);
-        self.choose(take, &mut points)?;
+        self.filter_points(selected, &mut points)?;
         let hash = points.hash(self.file.layout());
         let batch = self.batch(points);
-        Ok(Part { encoded: self.encode.encode(&batch), hash, read: take.prefix as u64 })
+        let read = selected.prefix as u64;
+        Ok(EncodedNode { encoded: self.encode.encode(&batch), hash, read })
     }
 
-    /// The points with the attributes of all trees, zeros where this one has none.
+    /// The points with the attributes of all trees; zeros for those that this tree lacks.
     fn batch(&self, mut points: PagePoints) -> Batch {
         let count = points.len();
         let column = |(own, attribute): (&Option<usize>, &Attribute)| match own {
@@ -306,16 +317,20 @@ impl<'a> Reader<'a> {
         Batch { schema: self.schema.clone(), positions: points.positions, columns }
     }
 
-    /// Leaves the points that are wanted.
-    fn choose(&self, take: &Take, points: &mut PagePoints) -> Result<(), BuildError> {
-        if take.prefix < points.len() {
-            let all = vec![true; take.prefix];
+    /// Removes the points that do not pass the filter.
+    fn filter_points(
+        &self,
+        selected: &SelectedNode,
+        points: &mut PagePoints,
+    ) -> Result<(), BuildError> {
+        if selected.prefix < points.len() {
+            let all = vec![true; selected.prefix];
             self.keep(points, &all);
         }
-        if !take.across {
+        if !selected.is_partial {
             return Ok(());
         }
-        let [min, max] = self.file.node(take.node)?.own_box();
+        let [min, max] = self.file.node(selected.node)?.own_box();
         let test = self.filter.in_box(min, max);
         let layout = self.file.layout();
         let classes = layout.schema().find_typed(names::CLASSIFICATION, AttrType::U8);
@@ -329,7 +344,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Leaves the points at which `kept` is true; those past its end go.
+    /// Removes the points at which `kept` is false, and those past its end.
     fn keep(&self, points: &mut PagePoints, kept: &[bool]) {
         let attributes = self.file.layout().schema().attributes.iter();
         for (column, size) in points.columns.iter_mut().zip(attributes.map(|a| a.ty.size())) {
@@ -341,7 +356,8 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Leaves the items, `size` values each, at which `kept` is true; where there are none, none.
+/// Removes the items of `values`, of `size` values each, at which `kept` is false, and those past
+/// its end. `values` may be empty.
 fn compact<T: Copy>(values: &mut Vec<T>, size: usize, kept: &[bool]) {
     let mut end = 0;
     if !values.is_empty() {
@@ -353,14 +369,14 @@ fn compact<T: Copy>(values: &mut Vec<T>, size: usize, kept: &[bool]) {
     values.truncate(end);
 }
 
-/// Cuts the nodes into groups of about as many bytes of pages as all threads take.
-fn groups(takes: &[Take]) -> impl Iterator<Item = &[Take]> {
+/// Splits the nodes into groups whose pages keep all threads busy.
+fn groups(nodes: &[SelectedNode]) -> impl Iterator<Item = &[SelectedNode]> {
     let room = GROUP_BYTES_A_THREAD * rayon::current_num_threads() as u64;
-    let mut rest = takes;
+    let mut rest = nodes;
     std::iter::from_fn(move || {
         let mut bytes = 0;
-        let within = |t: &&Take| {
-            bytes += u64::from(t.page_bytes);
+        let within = |node: &&SelectedNode| {
+            bytes += u64::from(node.page_bytes);
             bytes <= room
         };
         let n = rest.iter().take_while(within).count().max(1).min(rest.len());

@@ -1,14 +1,14 @@
-//! Merge: the points of all trees of a forest, or of several, become one tree again: as if it had
-//! been built from all scans at once onto the lattice that they lie on. Every point is kept
-//! exactly, and what is known of its source as well.
+//! Merge: the points of all trees of one or more forests become one tree, as if it had been built
+//! from all scans at once on their lattice. Every point is kept exactly, and so are the records of
+//! its source.
 
 use crate::attributes::normals::NormalsMode;
-use crate::calls::append::{not_replaced, systems_of};
-use crate::calls::build::{Options, Report, build_sources};
-use crate::calls::onto::{Merged, Onto};
+use crate::calls::append::systems_of;
+use crate::calls::build::{build_sources, check_not_replaced};
 use crate::error::BuildError;
-use crate::input::crs::one_system;
-use crate::input::esker_source::Stored;
+use crate::input::crs::check_same_system;
+use crate::input::esker_source::EskerSource;
+use crate::options::{Inherited, Merged, Options, Report};
 use esker_format::{EskerFile, Forest, PlaneKind, SourceRecord};
 use esker_points::{MultisetHash, Task};
 use esker_scan::Source;
@@ -16,13 +16,12 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Builds `out` from the points of these files and of all that they name, in the current rayon
-/// pool; a file that is named twice is taken once.
+/// Builds `out` from the points of `files` and of all files that they name, in the current rayon
+/// pool. The points of a file that is named twice are taken once.
 ///
 /// # Errors
-/// As [`crate::build()`]; where the files lie on different lattices, or are in different coordinate
-/// reference systems, unless the options say otherwise; where their points are not those that their
-/// footers tell.
+/// If [`crate::build()`] fails; if the files have different lattices, or, unless the options allow
+/// it, different coordinate reference systems; if their points are not those of their footers.
 pub fn merge(
     files: &[PathBuf],
     out: &Path,
@@ -43,7 +42,8 @@ pub fn merge(
     if !options.ignore_crs {
         let paths: Vec<_> = forests.iter().map(|f| f.path().display().to_string()).collect();
         let systems = forests.iter().zip(&paths);
-        one_system(systems.filter_map(|(f, path)| Some((path.as_str(), systems_of(f).next()?))))?;
+        let known = systems.filter_map(|(f, path)| Some((path.as_str(), systems_of(f).next()?)));
+        check_same_system(known)?;
     }
     let named: usize = forests.iter().map(|forest| forest.files().len()).sum();
     let mut seen = HashSet::new();
@@ -59,7 +59,7 @@ pub fn merge(
             "{more} of {named} trees are there already; their points are taken once"
         ));
     }
-    files.iter().try_for_each(|file| not_replaced(file, out))?;
+    files.iter().try_for_each(|file| check_not_replaced(file.path(), out))?;
 
     let mut merged = Merged { records: Vec::new(), points: 0, hash: MultisetHash::default() };
     let mut sources: Vec<Box<dyn Source>> = Vec::new();
@@ -67,31 +67,33 @@ pub fn merge(
         merged.points += file.footer().points;
         merged.hash += file.footer().hash;
         merged.records.extend(records(file)?);
-        sources.extend(Stored::of(file).into_iter().map(|s| Box::new(s) as Box<dyn Source>));
+        let own = EskerSource::all_of(file);
+        sources.extend(own.into_iter().map(|s| Box::new(s) as Box<dyn Source>));
     }
     let rounding_error_max =
         merged.records.iter().map(|r| r.1.rounding_error_max).fold(0.0, f64::max);
-    let onto = Onto { lattice: Some(lattice), merged: Some(merged), ..Onto::default() };
-    let options = Options { onto, ..options.clone() };
+    let inherited =
+        Inherited { lattice: Some(lattice), merged: Some(merged), ..Inherited::default() };
+    let options = Options { inherited, ..options.clone() };
     let mut report = build_sources(sources, out, &options, task)?;
-    report.notes.extend(not_taken_over(&files, &options));
+    report.notes.extend(note_dropped(&files, &options));
     Ok(Report { rounding_error_max, ..report })
 }
 
-/// What files have beside points and what is known of their sources is made anew where it is asked
-/// for, and else not: which options ask for it, if any are missing.
-fn not_taken_over(files: &[Arc<EskerFile>], options: &Options) -> Option<String> {
+/// A note that names the options to set if planes that were computed for the old files are not
+/// computed for the new one: computed planes are not merged.
+fn note_dropped(files: &[Arc<EskerFile>], options: &Options) -> Option<String> {
     let has = |kind| files.iter().any(|file| file.layout().has(kind));
     let is_estimated = files.iter().any(|file| file.metadata().normals.is_estimated());
     let mut missing = Vec::new();
     let estimates = options.normals != NormalsMode::Keep;
-    for (is_had, is_asked, option) in [
+    for (is_present, is_chosen, option) in [
         (is_estimated, estimates, "--normals estimate"),
         (has(PlaneKind::Tangents), options.tangents, "--tangents"),
         (has(PlaneKind::ClipLines), options.sharp_features, "--sharp-features"),
         (has(PlaneKind::Compact), options.compact, "--compact"),
     ] {
-        if is_had && !is_asked {
+        if is_present && !is_chosen {
             missing.push(option);
         }
     }
@@ -100,13 +102,13 @@ fn not_taken_over(files: &[Arc<EskerFile>], options: &Options) -> Option<String>
         .then(|| format!("what was made for drawing is not taken over; {options} makes it again"))
 }
 
-/// What a file knows of its sources, blocks included, each with the path of what brings its points
-/// now.
+/// The source records of a file, verbatim blocks included, each with the path of the input that now
+/// has its points.
 fn records(file: &EskerFile) -> Result<Vec<(PathBuf, SourceRecord)>, BuildError> {
     let records = file.metadata().sources.iter().enumerate();
     let record = |(i, record): (usize, &SourceRecord)| {
         let record = SourceRecord { verbatim: file.verbatim(i)?, ..record.clone() };
-        Ok((Stored::path(file, usize::from(record.class)), record))
+        Ok((EskerSource::path(file, usize::from(record.class)), record))
     };
     records.map(record).collect()
 }

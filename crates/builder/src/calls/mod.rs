@@ -4,5 +4,5 @@ pub(crate) mod append;
 pub(crate) mod build;
 pub(crate) mod export;
 pub(crate) mod merge;
-pub mod onto;
+mod metadata;
 pub(crate) mod verify;

@@ -1,49 +1,49 @@
-//! Verify against the inputs: they are decoded again by the rule that the file recorded, and must
-//! be the same multiset of points. Those of a forest are those of its last tree, or of all its
-//! trees together.
+//! Verifies a file against its inputs: they are decoded again onto the recorded lattice
+//! and must be the same multiset of points. For a forest, the inputs are those of its
+//! last tree or of all trees.
 
-use crate::calls::onto::{OFF_LATTICE, Within};
 use crate::error::BuildError;
 use crate::input::intake::{Intake, open};
+use crate::input::within_lattice::{OFF_LATTICE, WithinLattice};
 use crate::rows::row::{Incoming, RowLayout};
 use esker_format::{EskerFile, Forest, SourceRecord};
 use esker_points::{Batch, MultisetHash, Schema, Task};
 use esker_scan::{ScanError, Source};
 use std::path::{Path, PathBuf};
 
-/// What the inputs were found to hold.
+/// Points of inputs that are equal to those of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Against {
     /// Points decoded and placed.
     pub points: u64,
-    /// Their hash, equal to the file's.
+    /// Hash of the points, equal to the file's.
     pub hash: MultisetHash,
-    /// Points of the inputs that were refused when the file was built, and so aren't in it.
+    /// Points of the inputs that were refused when the file was built, and so are not in it.
     pub refused: u64,
-    /// Trees of the forest that the inputs are those of: one, the last, or all.
+    /// Number of trees that the inputs belong to: one (the last), or all.
     pub trees: usize,
 }
 
-/// Trees that inputs are compared with, as if they were one.
+/// Trees that are compared with inputs as if they were one.
 struct Trees<'a> {
-    /// The last first. Never empty.
+    /// Files, the last of the forest first. Never empty.
     files: Vec<&'a EskerFile>,
     schema: &'a Schema,
 }
 
 impl<'a> Trees<'a> {
-    /// The one tree of this file.
+    /// The tree of `file`.
     fn one(file: &'a EskerFile) -> Self {
         Self { files: vec![file], schema: &file.metadata().schema }
     }
 
-    /// Those that have so many inputs: the last tree, or all.
+    /// The last tree, or all trees, whichever was built from this number of inputs.
     fn with(forest: &'a Forest, inputs: usize) -> Result<Self, BuildError> {
         let all = Self { files: forest.files().collect(), schema: forest.schema() };
         let last = Self::one(all.files[0]);
         let (of_all, of_last) = (all.sources().count(), last.sources().count());
         match inputs {
-            // What is wrong with one tree is said when it is compared.
+            // If there is one tree, comparing it reports the difference.
             n if n == of_last || all.files.len() == 1 => Ok(last),
             n if n == of_all => Ok(all),
             n => differs(
@@ -75,12 +75,11 @@ impl<'a> Trees<'a> {
 }
 
 /// Decodes `inputs` onto the forest's lattice and compares count and multiset hash with those of
-/// its last tree, or of all its trees, by how many inputs are named. The hashes in the footers are
-/// trusted here: [`esker_format::verify()`] compares them with the points.
+/// its last tree, or of all its trees, depending on the number of inputs. The hashes in the footers
+/// are trusted here: [`esker_format::verify()`] compares them with the points.
 ///
 /// # Errors
-/// [`BuildError::Differs`] where the points are not the same; where an input cannot be read; on
-/// request.
+/// [`BuildError::Differs`] if the points are not the same; if an input cannot be read; on request.
 pub fn against_forest(
     forest: &Forest,
     inputs: &[PathBuf],
@@ -90,10 +89,10 @@ pub fn against_forest(
     compare(&trees, open(inputs, None, task)?, task)
 }
 
-/// As [`against_forest`], with the file's own tree.
+/// Compares `inputs` with the tree of `file`, but not with those that the file names.
 ///
 /// # Errors
-/// As [`against_forest`].
+/// [`BuildError::Differs`] if the points are not the same; if an input cannot be read; on request.
 pub fn against(
     file: &EskerFile,
     inputs: &[PathBuf],
@@ -102,10 +101,10 @@ pub fn against(
     against_sources(file, open(inputs, None, task)?, task)
 }
 
-/// As [`against`], with opened inputs.
+/// Compares opened inputs with the tree of `file`.
 ///
 /// # Errors
-/// As [`against_forest`].
+/// [`BuildError::Differs`] if the points are not the same; if an input cannot be read; on request.
 pub fn against_sources(
     file: &EskerFile,
     sources: Vec<Box<dyn Source>>,
@@ -119,9 +118,10 @@ fn compare(
     sources: Vec<Box<dyn Source>>,
     task: &dyn Task,
 ) -> Result<Against, BuildError> {
-    // Points outside of a lattice that was given were refused, and are so again.
+    // If points outside of the lattice were refused in the build, they are refused again.
     let refuses = trees.sources().any(|s| s.refused.contains_key(OFF_LATTICE));
-    let intake = Intake::new(if refuses { Within::all(sources) } else { sources }, false);
+    let sources = if refuses { WithinLattice::all(sources) } else { sources };
+    let intake = Intake::new(sources, false);
     let name = trees.path();
     let recorded = trees.sources().count();
     if recorded != intake.sources.len() {
@@ -165,7 +165,7 @@ fn compare(
         points += report.points;
         refused += report.refused.values().sum::<u64>();
     }
-    // The file may say anything.
+    // The counts in the file are not trusted: their sum may overflow.
     let recorded = trees.sources().flat_map(|s| s.refused.values());
     let recorded_refused = recorded.fold(0u64, |all, &n| all.saturating_add(n));
     if points != trees.points() {

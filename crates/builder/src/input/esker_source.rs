@@ -1,6 +1,5 @@
-//! The points of an `.esker` file as an input: pages are read back to batches, exactly, on the
-//! lattice on which they are. A source has one set of attributes, so each class of a file's points
-//! is one of its own.
+//! The points of an `.esker` file as an input: pages are decoded to batches, exactly, on the file's
+//! lattice. A source has one set of attributes, so each class of points is a source of its own.
 
 use crate::error::BuildError;
 use esker_format::{EskerFile, PagePoints};
@@ -12,25 +11,25 @@ use rayon::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Nodes that are read at once for each thread: enough to keep all busy, few enough for little
-/// memory.
+/// Nodes that are read together, for each thread: enough to keep all busy, few enough to need
+/// little memory.
 const NODES_A_THREAD: usize = 2;
 
 /// The points of one class of a file.
-pub struct Stored {
+pub struct EskerSource {
     file: Arc<EskerFile>,
     class: usize,
     info: SourceInfo,
 }
 
-impl Stored {
+impl EskerSource {
     /// All points of a file, a source for each class.
-    pub fn of(file: &Arc<EskerFile>) -> Vec<Self> {
+    pub fn all_of(file: &Arc<EskerFile>) -> Vec<Self> {
         let classes = file.metadata().classes.iter().enumerate();
         classes.map(|(class, of)| Self::of_class(file, class, of)).collect()
     }
 
-    /// What the source of a class of a file is called.
+    /// Name of the source of a class of a file, in place of a path.
     pub fn path(file: &EskerFile, class: usize) -> PathBuf {
         let mut name = file.path().as_os_str().to_owned();
         if class > 0 {
@@ -67,7 +66,7 @@ impl Stored {
         Self { file: file.clone(), class, info }
     }
 
-    /// The points of a node, but for those of other classes, in batches.
+    /// The points of a node that are of this class, in batches.
     fn batches(&self, points: &PagePoints) -> Vec<Batch> {
         let own: Vec<usize> =
             (0..points.len()).filter(|&i| points.class(i) == self.class).collect();
@@ -87,7 +86,7 @@ impl Stored {
     }
 }
 
-impl Source for Stored {
+impl Source for EskerSource {
     fn info(&self) -> &SourceInfo {
         &self.info
     }

@@ -1,11 +1,12 @@
-//! Taking points in: batches become rows in a partition, on all cores; and whenever memory is full,
-//! all rows go to scratch, and the journal is told how far the inputs are taken in.
+//! Takes decoded points in: batches become rows in a partition, on all cores. Whenever memory is
+//! full, all rows go to scratch, and the journal records how far the inputs have been read.
 
 use crate::error::BuildError;
-use crate::input::intake::{Intake, Plan, Taken};
+use crate::input::known::KnownInputs;
+use crate::input::plan::{DecodedInputs, Plan};
 use crate::rows::journal::Journal;
-use crate::rows::journal_record::{Kind, Reading, Record};
-use crate::rows::partition::{Block, Partition, Spilled};
+use crate::rows::journal_record::{Kind, Record, RecordReader};
+use crate::rows::partition::{Partition, RowBlock, Spilled};
 use crate::rows::row::{Incoming, RowLayout};
 use crate::rows::scratch::Scratch;
 use esker_format::Ranges;
@@ -13,67 +14,67 @@ use esker_points::attribute::names;
 use esker_points::{AttrType, Batch, Lattice, MultisetHash, quant};
 use esker_scan::ahead::Ahead;
 use esker_scan::source::BATCH_POINTS;
-use esker_scan::{ReadReport, SourceInfo};
+use esker_scan::{ReadReport, Source, SourceInfo};
 use rayon::ScopeFifo;
 use std::collections::VecDeque;
 
-/// Batches under way, for each thread.
+/// Batches in progress, for each thread.
 const BATCHES_A_THREAD: usize = 4;
-/// Rows made of batches under way, in bytes at most.
-const UNDER_WAY_BYTES: usize = 32 << 20;
+/// Most bytes of rows made of batches in progress.
+const IN_PROGRESS_BYTES: usize = 32 << 20;
 
-/// How batches become rows.
-pub struct Parting<'a> {
-    intake: &'a Intake,
-    /// What was chosen for the inputs.
-    pub plan: &'a Plan,
+/// Makes rows of batches and sorts them into cells.
+pub struct BatchPartitioner<'a> {
+    sources: &'a [Box<dyn Source>],
+    plan: &'a Plan,
     rows: RowLayout,
 }
 
-/// A batch as rows sorted into cells, and what was counted of it.
-struct Parted {
+/// A batch as rows sorted into cells, with hash and ranges of its points.
+struct PartitionedBatch {
     source: usize,
     points: u64,
-    block: Block,
+    block: RowBlock,
     hash: MultisetHash,
     ranges: Ranges,
     knows_scanner: bool,
 }
 
-/// Points on their way into a partition.
-pub struct Taking<'a> {
-    parting: &'a Parting<'a>,
+/// Collects the rows of all inputs in a partition.
+pub struct RowCollector<'a> {
+    partitioner: &'a BatchPartitioner<'a>,
+    known: &'a KnownInputs,
     partition: Partition,
     scratch: &'a mut Scratch,
     journal: &'a mut Journal,
     hash: MultisetHash,
     ranges: Ranges,
     knows_scanners: bool,
-    /// What became of the sources that were read to their end.
+    /// Reports of the sources that were read to their end.
     pub reports: Vec<ReadReport>,
-    /// The partition has all points of so many sources, and so many of the next one.
+    /// Number of sources of which the partition has all points, and its points of the next source.
     pub added: (usize, u64),
-    /// Reports that the journal has, or will have with `untold`.
-    told: usize,
-    /// What the journal is told once the rows that it speaks of are in scratch.
-    untold: Option<Record>,
-    /// Batches that become rows on all cores, in order, and how many points each has.
-    under_way: VecDeque<(usize, Ahead<Parted>)>,
-    points_under_way: usize,
+    /// Reports that the journal has, or will have with `unrecorded`.
+    recorded: usize,
+    /// Journal record of rows that are on their way to scratch, appended once they are there.
+    unrecorded: Option<Record>,
+    /// Batches that become rows on all cores, in order, and the number of points of each.
+    in_progress: VecDeque<(usize, Ahead<PartitionedBatch>)>,
+    points_in_progress: usize,
 }
 
-impl<'a> Parting<'a> {
-    /// Of inputs for which this was chosen.
-    pub fn new(intake: &'a Intake, plan: &'a Plan) -> Self {
-        Self { intake, plan, rows: plan.rows() }
+impl<'a> BatchPartitioner<'a> {
+    /// A partitioner of batches of `sources`, for which `plan` was chosen.
+    pub fn new(sources: &'a [Box<dyn Source>], plan: &'a Plan) -> Self {
+        Self { sources, plan, rows: plan.rows() }
     }
 
-    /// Makes rows of a batch and sorts them into cells.
-    fn part(&self, log2: u8, source: usize, batch: &Batch) -> Parted {
+    /// Makes rows of a batch and sorts them into cells of `2^log2` steps.
+    fn partition(&self, log2: u8, source: usize, batch: &Batch) -> PartitionedBatch {
         let plan = self.plan;
         let to_file = plan.to_file(source);
-        let towards = if plan.estimates_normals {
-            towards_scanner(batch, self.intake.sources[source].info(), &plan.lattice)
+        let towards = if plan.computed.normals {
+            towards_scanner(batch, self.sources[source].info(), &plan.lattice)
         } else {
             None
         };
@@ -82,54 +83,53 @@ impl<'a> Parting<'a> {
         let incoming = Incoming { batch, class: plan.class_of[source], to_file, towards };
         let mut hash = MultisetHash::default();
         let positions = batch.positions.iter().copied();
-        let block = Block::new(self.rows.bytes(), log2, positions, |take| {
+        let block = RowBlock::new(self.rows.bytes(), log2, positions, |take| {
             hash = self.rows.for_each_rows(&incoming, take);
         });
         let mut ranges = Ranges::new(&plan.schema);
         for (column, &attribute) in batch.columns.iter().zip(to_file) {
             ranges.add_column(attribute, plan.schema.attributes[attribute].ty, column);
         }
-        Parted { source, points: batch.len() as u64, block, hash, ranges, knows_scanner }
+        let points = batch.len() as u64;
+        PartitionedBatch { source, points, block, hash, ranges, knows_scanner }
     }
 }
 
-impl<'a> Taking<'a> {
-    /// Nothing yet.
+impl<'a> RowCollector<'a> {
+    /// Collects rows in `partition`, which is empty.
     pub fn new(
-        parting: &'a Parting<'a>,
+        partitioner: &'a BatchPartitioner<'a>,
+        known: &'a KnownInputs,
         (scratch, journal): (&'a mut Scratch, &'a mut Journal),
-        buffer_bytes_max: usize,
+        partition: Partition,
     ) -> Self {
-        let Parting { intake, plan, rows } = parting;
-        let log2 = intake.partition_log2(plan);
-        let bytes = intake.points_likely().saturating_mul(rows.bytes() as u64);
-        let is_spilling = bytes > buffer_bytes_max as u64;
         Self {
-            parting,
-            partition: Partition::new(rows.bytes(), log2, buffer_bytes_max, is_spilling),
-            ranges: Ranges::new(&plan.schema),
+            partitioner,
+            known,
+            partition,
+            ranges: Ranges::new(&partitioner.plan.schema),
             scratch,
             journal,
             hash: MultisetHash::default(),
             knows_scanners: true,
             reports: Vec::new(),
             added: (0, 0),
-            told: 0,
-            untold: None,
-            under_way: VecDeque::new(),
-            points_under_way: 0,
+            recorded: 0,
+            unrecorded: None,
+            in_progress: VecDeque::new(),
+            points_in_progress: 0,
         }
     }
 
-    /// What was chosen for the inputs.
+    /// The plan of the build.
     pub fn plan(&self) -> &'a Plan {
-        self.parting.plan
+        self.partitioner.plan
     }
 
-    /// Adds points of a source.
+    /// Adds points of `source`.
     ///
     /// # Errors
-    /// Where scratch space fails.
+    /// If scratch space fails.
     pub fn add<'s>(
         &mut self,
         source: usize,
@@ -139,26 +139,26 @@ impl<'a> Taking<'a> {
     where
         'a: 's,
     {
-        let (parting, log2) = (self.parting, self.partition.log2());
+        let (partitioner, log2) = (self.partitioner, self.partition.log2());
         let points = batch.len();
-        let part = move || parting.part(log2, source, &batch);
-        self.under_way.push_back((points, Ahead::begin(scope, part)));
-        self.points_under_way += points;
+        let partition = move || partitioner.partition(log2, source, &batch);
+        self.in_progress.push_back((points, Ahead::begin(scope, partition)));
+        self.points_in_progress += points;
         let batches_max = BATCHES_A_THREAD * rayon::current_num_threads();
-        let points_max = UNDER_WAY_BYTES / parting.rows.bytes();
-        while self.points_under_way >= points_max.min(batches_max * BATCH_POINTS) {
-            self.hold_first()?;
+        let points_max = IN_PROGRESS_BYTES / partitioner.rows.bytes();
+        while self.points_in_progress >= points_max.min(batches_max * BATCH_POINTS) {
+            self.collect_first()?;
         }
         Ok(())
     }
 
-    /// Moves what is longest under way into the partition.
-    fn hold_first(&mut self) -> Result<(), BuildError> {
-        let Some((points, parted)) = self.under_way.pop_front() else { return Ok(()) };
-        self.points_under_way -= points;
-        // Where it has panicked, the scope does, too; nothing behind it is taken in.
-        let parted = parted.wait().ok_or_else(|| BuildError::Proof("a batch was lost".into()))?;
-        let Parted { source, points, block, hash, ranges, knows_scanner } = parted;
+    /// Moves the oldest batch in progress into the partition.
+    fn collect_first(&mut self) -> Result<(), BuildError> {
+        let Some((points, batch)) = self.in_progress.pop_front() else { return Ok(()) };
+        self.points_in_progress -= points;
+        // If the task has panicked, the scope does too; no later batch is collected.
+        let batch = batch.wait().ok_or_else(|| BuildError::Proof("a batch was lost".into()))?;
+        let PartitionedBatch { source, points, block, hash, ranges, knows_scanner } = batch;
         if self.partition.is_full_for(&block) {
             self.spill()?;
         }
@@ -171,69 +171,70 @@ impl<'a> Taking<'a> {
         if self.partition.is_full() { self.spill() } else { Ok(()) }
     }
 
-    /// All that was taken in. Once anything has gone to scratch, everything does, so that memory is
-    /// free for building.
+    /// Collects the remaining batches and returns all rows. If any rows are in scratch, all go
+    /// there, so that memory is free for building.
     ///
     /// # Errors
-    /// Where scratch space fails.
-    pub fn finish(mut self) -> Result<Taken, BuildError> {
-        while !self.under_way.is_empty() {
-            self.hold_first()?;
+    /// If scratch space fails.
+    pub fn finish(mut self) -> Result<DecodedInputs, BuildError> {
+        while !self.in_progress.is_empty() {
+            self.collect_first()?;
         }
         let is_new = self.added != (self.reports.len(), 0);
         self.added = (self.reports.len(), 0);
         if !self.scratch.is_empty() && is_new {
             self.spill()?;
         }
-        self.tell()?;
-        let Taking { partition, reports, hash, ranges, knows_scanners, .. } = self;
-        Ok(Taken { partition, reports, hash, ranges, knows_scanners })
+        self.record_spilled()?;
+        let Self { partition, reports, hash, ranges, knows_scanners, .. } = self;
+        Ok(DecodedInputs { partition, reports, hash, ranges, knows_scanners })
     }
 
-    /// Tells the journal of rows that went to scratch, once they are there.
+    /// Waits until spilled rows are in scratch and records them in the journal.
     ///
     /// # Errors
-    /// Where scratch space fails.
-    pub fn tell(&mut self) -> Result<(), BuildError> {
-        let Some(record) = self.untold.take() else { return Ok(()) };
+    /// If scratch space fails.
+    pub fn record_spilled(&mut self) -> Result<(), BuildError> {
+        let Some(record) = self.unrecorded.take() else { return Ok(()) };
         self.scratch.flush()?;
-        self.journal.tell(record)
+        self.journal.append(record)
     }
 
-    /// Moves all rows to scratch, of which the journal is told, which begins with the first ones.
+    /// Moves all rows to scratch and prepares their journal record. The
+    /// first rows begin the journal.
     fn spill(&mut self) -> Result<(), BuildError> {
         if self.journal.may_begin()
             && self.scratch.is_empty()
-            && let Some(path) = self.scratch.name()?
+            && let Some(path) = self.scratch.make_named()?
         {
             self.journal.begin(Some(path))?;
-            self.journal.tell(self.parting.intake.known())?;
+            self.journal.append(self.known.record())?;
         }
-        self.tell()?;
+        self.record_spilled()?;
         let spilled = self.partition.spill(self.scratch)?;
         if !self.journal.keeps_rows() {
             return Ok(());
         }
-        let mut record = Record::new(Kind::Taken);
+        let mut record = Record::new(Kind::Rows);
         record.put([self.added.0 as u64, self.added.1]);
         record.put(self.hash.0);
         record.put(u8::from(self.knows_scanners));
         let attributes = 0..self.plan().schema.attributes.len();
         let ranges: Vec<[f64; 2]> = attributes.map(|a| self.ranges.of(a).into()).collect();
         record.put_all(&ranges);
-        let reports = &self.reports[self.told..self.added.0];
+        let reports = &self.reports[self.recorded..self.added.0];
         record.put(reports.len() as u64);
         reports.iter().for_each(|report| put_report(report, &mut record));
-        self.told = self.added.0;
+        self.recorded = self.added.0;
         spilled.put(&mut record);
-        self.untold = Some(record);
+        self.unrecorded = Some(record);
         Ok(())
     }
 
-    /// Takes over what an earlier build has taken in.
+    /// Restores the rows that an earlier build has decoded.
     ///
     /// # Errors
-    /// Where its records or its rows are damaged.
+    /// If its records or its rows are damaged.
     pub fn resume(&mut self, records: Vec<Vec<u8>>) -> Result<(), BuildError> {
         if let (Some(path), true) = (self.journal.rows(), self.journal.is_resumed()) {
             self.scratch.reopen(path).map_err(|e| {
@@ -251,7 +252,7 @@ impl<'a> Taking<'a> {
     }
 
     fn restore(&mut self, record: &[u8]) -> Option<Spilled> {
-        let mut from = Reading(record);
+        let mut from = RecordReader(record);
         let [source, points] = from.get()?;
         self.added = (usize::try_from(source).ok()?, points);
         self.hash = MultisetHash(from.get()?);
@@ -261,15 +262,15 @@ impl<'a> Taking<'a> {
         for _ in 0..from.get::<u64>()? {
             self.reports.push(report(&mut from)?);
         }
-        self.told = self.reports.len();
+        self.recorded = self.reports.len();
         let spilled = Spilled::get(&mut from)?;
         self.partition.restore(&spilled);
-        (self.told == self.added.0).then_some(spilled)
+        (self.recorded == self.added.0).then_some(spilled)
     }
 }
 
-/// Octahedral codes of the directions from points to where they were scanned from, if that is known
-/// of all.
+/// Octahedral codes of the directions from points to their scanner; `None` unless its position is
+/// known for all of them.
 fn towards_scanner(batch: &Batch, info: &SourceInfo, lattice: &Lattice) -> Option<Vec<[i16; 2]>> {
     let scanner = info.scanner.as_ref()?;
     let ids = batch.schema.find_typed(names::POINT_SOURCE_ID, AttrType::U16);
@@ -296,7 +297,7 @@ fn put_report(report: &ReadReport, record: &mut Record) {
     report.notes.iter().for_each(|note| record.put_all(note.as_bytes()));
 }
 
-fn report(from: &mut Reading<'_>) -> Option<ReadReport> {
+fn report(from: &mut RecordReader<'_>) -> Option<ReadReport> {
     let mut report = ReadReport {
         points: from.get()?,
         rounding_error_max: from.get()?,

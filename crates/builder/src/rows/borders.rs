@@ -1,6 +1,7 @@
-//! What chunks need of each other to estimate normals: the positions near the faces of each chunk's
-//! cell, put aside in scratch before the first chunk is built, since rows are given back chunk by
-//! chunk. A chunk's halo is what others have put aside within the reach of its cell.
+//! What chunks need of each other to estimate normals (`docs/design/building.md`): the positions
+//! near the faces of each chunk's cell. They are copied to scratch before the first chunk is built,
+//! since rows are freed chunk by chunk. The halo of a chunk is the copied positions of other chunks
+//! within reach of its cell.
 
 use crate::attributes::density::Density;
 use crate::attributes::normals::{Bounds, estimate, turned_to};
@@ -13,34 +14,35 @@ use crate::rows::scratch::{Extent, Map, Scratch};
 use esker_points::{Cell, Grain, quant};
 use rayon::prelude::*;
 
-/// Rows that are looked at by one task, and tasks whose positions are put aside together.
+/// Rows that one task reads, and tasks whose positions are written together.
 const TASK_ROWS: usize = 1 << 14;
 const GROUP_TASKS: usize = 64;
-/// Bytes of a position that is put aside.
+/// Bytes of a stored position.
 pub const POSITION_BYTES: usize = 12;
 
 /// The borders of all chunks.
 pub struct Borders {
     bounds: Bounds,
     rows: RowLayout,
-    /// Whether edges are looked for too.
+    /// Whether sharp edges are detected too.
     finds_edges: bool,
-    /// Whether the shapes of splats are told.
+    /// Whether the shapes of splats are estimated too.
     pub finds_shapes: bool,
-    /// Cells, and the positions near their faces.
+    /// Cells of chunks, and the places of the positions near their faces.
     cells: Vec<(Cell, Vec<Extent>)>,
 }
 
-/// The cell of buckets along the Morton curve, at least one; it holds no points of others.
+/// The smallest cell of consecutive buckets in Morton order, at least one. It holds no points of
+/// other buckets.
 pub fn cell_of(buckets: &[Bucket]) -> Cell {
     let last = &buckets[buckets.len() - 1];
     Cell::enclosing(buckets[0].cell.corner, last.cell.last())
 }
 
-/// The typical distance of points in steps.
+/// Estimates the typical distance of points, in steps.
 ///
 /// # Errors
-/// Where scratch space fails.
+/// If scratch space fails.
 pub fn spacing(
     buckets: &[Bucket],
     stride: usize,
@@ -57,25 +59,25 @@ pub fn spacing(
 }
 
 impl Borders {
-    /// Of rows that have room for normals.
+    /// No borders yet. Rows must have room for normals.
     pub fn new(bounds: Bounds, rows: RowLayout, finds_edges: bool) -> Self {
         Self { bounds, rows, finds_edges, finds_shapes: false, cells: Vec::new() }
     }
 
-    /// What was put aside, a chunk's cell each.
+    /// Cells of chunks, and the places of the positions near their faces.
     pub fn cells(&self) -> &[(Cell, Vec<Extent>)] {
         &self.cells
     }
 
-    /// Adds what an earlier build has put aside.
+    /// Adds borders that an earlier build has stored.
     pub fn restore(&mut self, cells: Vec<(Cell, Vec<Extent>)>) {
         self.cells.extend(cells);
     }
 
-    /// Puts aside what others may need of the buckets of a chunk.
+    /// Stores the positions near the faces of the cell of a chunk.
     ///
     /// # Errors
-    /// Where scratch space fails.
+    /// If scratch space fails.
     pub fn add(&mut self, buckets: &[Bucket], scratch: &mut Scratch) -> Result<(), BuildError> {
         let stride = self.rows.bytes();
         let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
@@ -107,15 +109,15 @@ impl Borders {
         Ok(())
     }
 
-    /// Forgets what this cell has put aside: where it lies. The others stay in their order, which
-    /// halos are in.
-    pub fn forget(&mut self, cell: &Cell) -> Vec<Extent> {
+    /// Removes the border of a cell and returns its place. The others keep their order, which is
+    /// that of the points of halos.
+    pub fn remove(&mut self, cell: &Cell) -> Vec<Extent> {
         let at = self.cells.iter().position(|(other, _)| other == cell);
         at.map_or_else(Vec::new, |at| self.cells.remove(at).1)
     }
 
-    /// Estimates the normals of a chunk's sorted rows, which are all of the cell's; with the
-    /// content of scratch.
+    /// Estimates normals, and clip lines and shapes if chosen, of the sorted rows of a chunk, which
+    /// are all points of `cell`.
     pub fn estimate(&self, cell: &Cell, rows: &mut [u8], scratch: &Map) {
         let stride = self.rows.bytes();
         let own: Vec<[u32; 3]> = rows.par_chunks_exact(stride).map(position).collect();
@@ -141,7 +143,7 @@ impl Borders {
         );
     }
 
-    /// Sets the normal and the lines of a row near an edge.
+    /// Sets the normal and the clip lines of a row near an edge.
     fn set_edge(&self, row: &mut [u8], edge: &Edge) {
         self.set(row, edge.normal);
         let is_turned = self.rows.normal(row) != Some(edge.normal);
@@ -149,18 +151,18 @@ impl Borders {
         self.rows.set_clip_lines(row, clip.words(position(row), Grain::new(self.bounds.scale)));
     }
 
-    /// The code of the normal of a point that is alone in its cell.
+    /// Estimates the normal of a cell of one lattice point; returns its octahedral code.
     pub fn estimate_one(&self, cell: &Cell, scratch: &Map) -> [i16; 2] {
         estimate(&[cell.corner], &self.halo(cell, scratch), &self.bounds)[0]
     }
 
-    /// Sets the normal of a row, turned to where the row says that it was scanned from.
+    /// Sets the normal of a row, flipped towards the scanner if the row has the direction to it.
     pub fn set(&self, row: &mut [u8], code: [i16; 2]) {
         let towards = self.rows.normal(row).unwrap_or_default();
         self.rows.set_normal(row, turned_to(code, quant::oct_decode(towards)));
     }
 
-    /// The positions within the reach of a cell that others have put aside; some more than once.
+    /// Stored positions of other chunks within reach of `cell`; some occur more than once.
     fn halo(&self, cell: &Cell, scratch: &Map) -> Vec<[u32; 3]> {
         let steps = self.bounds.steps();
         let low = [0, 1, 2].map(|i| cell.corner[i].saturating_sub(steps[i]));

@@ -1,5 +1,5 @@
-//! More coincident points than memory holds, in the order of their records: as many at a time as it
-//! holds, between rows that a sample tells, so that it needs passes rather than space.
+//! Sorts the rows of coincident points of which there are more than memory holds: a sample gives
+//! pivots, and each pass over all rows sorts those between two pivots. Needs no scratch space.
 
 use crate::error::BuildError;
 use esker_points::Task;
@@ -7,35 +7,35 @@ use rayon::prelude::*;
 
 /// Rows sampled for each pivot.
 const SAMPLE_ROWS: u64 = 64;
-/// Rows that a thread looks at, at least.
+/// Least number of rows that a thread reads.
 const TASK_ROWS: usize = 1 << 14;
 
 /// Rows of one lattice point.
 pub struct Coincident<'a> {
-    /// The rows, in whole runs.
+    /// The rows, as runs of whole rows.
     pub runs: Vec<&'a [u8]>,
     /// Bytes of a row.
     pub stride: usize,
-    /// Rows that may be held in memory.
+    /// Most rows in memory.
     pub rows_max: u64,
-    /// Asked whether to stop.
+    /// Says whether to stop.
     pub task: &'a dyn Task,
 }
 
-/// Takes a row.
+/// Called with each row.
 type Take<'t> = dyn FnMut(&[u8]) -> Result<(), BuildError> + 't;
 
 impl<'a> Coincident<'a> {
-    /// Hands over all rows in order.
+    /// Calls `take` with all rows in order.
     ///
     /// # Errors
-    /// Those of `take`; on request.
+    /// If `take` fails, or on request.
     pub fn in_order(&self, take: &mut Take<'_>) -> Result<(), BuildError> {
         let rows = self.runs.iter().map(|run| (run.len() / self.stride) as u64).sum();
         self.between([None; 2], rows, take)
     }
 
-    /// Hands over the rows, so many, between two bounds, both exclusive.
+    /// Calls `take` with the `count` rows between two bounds, both exclusive.
     fn between(
         &self,
         bounds: [Option<&'a [u8]>; 2],
@@ -57,7 +57,7 @@ impl<'a> Coincident<'a> {
         for (i, &count) in counts.iter().enumerate() {
             let pivot = pivots.get(i / 2).copied();
             match pivot {
-                // All of them are alike.
+                // All of these rows are equal.
                 Some(pivot) if i % 2 == 1 => {
                     self.task.check()?;
                     (0..count).try_for_each(|_| take(pivot))?;
@@ -78,8 +78,8 @@ impl<'a> Coincident<'a> {
         rows.filter(move |row| is_within(row, bounds))
     }
 
-    /// Rows between two bounds, ascending, at least one of the so many that there are: memory
-    /// mostly holds what is between neighbours.
+    /// Rows between two bounds, at least one of `count`, ascending. Mostly memory holds the rows
+    /// between two neighbouring pivots.
     fn pivots(&self, bounds: [Option<&'a [u8]>; 2], count: u64) -> Vec<&'a [u8]> {
         let parts = count.div_ceil(self.rows_max).saturating_mul(2);
         let wanted = parts.saturating_mul(SAMPLE_ROWS);
@@ -88,7 +88,7 @@ impl<'a> Coincident<'a> {
             let within = rows.filter(|row| is_within(row, bounds));
             within.take(wanted.saturating_mul(2) as usize).collect::<Vec<_>>()
         };
-        // Odd: rows often take turns, as returns of pulses do.
+        // An odd step: rows often alternate, as returns of pulses do.
         let mut rows = sample((count / wanted) as usize | 1);
         if rows.is_empty() {
             rows = sample(1);
@@ -100,13 +100,13 @@ impl<'a> Coincident<'a> {
         pivots
     }
 
-    /// How many rows there are between two bounds before the first pivot, like it, between it and
-    /// the next one, and so on.
+    /// Counts the rows between two bounds that are before the first pivot, equal to it, between it
+    /// and the next one, and so on.
     fn counts(&self, bounds: [Option<&'a [u8]>; 2], pivots: &[&[u8]]) -> Vec<u64> {
         let none = || vec![0; 2 * pivots.len() + 1];
         let count = |mut counts: Vec<u64>, row: &[u8]| {
-            let place = pivots.binary_search(&row).map_or_else(|i| 2 * i, |i| 2 * i + 1);
-            counts[place] += 1;
+            let index = pivots.binary_search(&row).map_or_else(|i| 2 * i, |i| 2 * i + 1);
+            counts[index] += 1;
             counts
         };
         let add = |mut a: Vec<u64>, b: Vec<u64>| {
@@ -129,7 +129,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn rows_come_in_order_whatever_memory_holds(rows in prop::collection::vec([0u8..4, 0u8..4], 0..300), rows_max in 1u64..50) {
+        fn rows_are_sorted_whatever_memory_holds(rows in prop::collection::vec([0u8..4, 0u8..4], 0..300), rows_max in 1u64..50) {
             let bytes: Vec<u8> = rows.iter().flatten().copied().collect();
             let runs = bytes.chunks(14).collect();
             let mut out = Vec::new();

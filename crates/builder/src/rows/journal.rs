@@ -1,56 +1,46 @@
-//! The journal of a build: what is done, record after record, so that a build that was cut short
-//! goes on where it was. It lies beside the output under a hidden name. A record is whole or counts
-//! for nothing: each has a length and a CRC-32, and what follows the last whole one is dropped.
-//! Records come in the order of the steps of a build, which does not depend on time; so a phase
-//! asks for the next record, and where there is none, does the work and tells.
+//! The journal of a build: the finished steps, record after record, from which an interrupted build
+//! is resumed. It lies beside the output under a hidden name. Each record has a length and a
+//! CRC-32; bytes after the last whole record are dropped. Records come in the order of the steps,
+//! which does not depend on time: a phase reads the next record, or does the work and appends one.
 
 use crate::error::BuildError;
 use crate::input::identity::Identity;
-use crate::rows::journal_record::{HEAD_BYTES, Kind, Reading, Record};
+use crate::options::Resume;
+use crate::rows::journal_record::{HEAD_BYTES, Kind, Record, RecordReader};
+use crate::rows::scratch;
 use esker_format::FormatError;
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
-/// What becomes of a build that is cut short.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Resume {
-    /// Nothing of it is kept.
-    #[default]
-    Never,
-    /// What is done is kept, for a build that goes on.
-    Later,
-    /// As before; and this build goes on with what an earlier one has kept, if there is such.
-    Now,
-}
-
 /// The journal of one build.
 pub struct Journal {
     path: PathBuf,
     resume: Resume,
-    /// What is built now.
+    /// Identity of this build, or of the one that it resumes.
     identity: Identity,
-    /// `None` until it has begun.
+    /// `None` until the journal begins.
     file: Option<File>,
-    /// Length of the file, as far as it is whole and was read.
+    /// Length of the whole records that were read or written.
     bytes: u64,
-    /// The next record of the earlier build.
+    /// Next record of the earlier build.
     upcoming: Option<(u8, Vec<u8>)>,
+    /// Path of the first scratch file, if its rows can be resumed from.
     rows: Option<PathBuf>,
     is_resumed: bool,
     is_kept: bool,
-    /// What is to be said of an earlier build that is given up.
-    given_up: Option<String>,
+    /// Why an earlier build was abandoned, for the user.
+    abandoned: Option<String>,
 }
 
 impl Journal {
-    /// The journal of a build of `out`: of an earlier one, where this is to go on with it and there
-    /// is one. Else what an earlier one has left is deleted. The caller must hold the output's
-    /// lock.
+    /// Opens the journal of an interrupted build of `out` if `resume` is
+    /// [`Resume::Now`] and there is one; if not, deletes what an earlier build has
+    /// left. The caller must hold the output's lock.
     ///
     /// # Errors
-    /// Where an earlier build was made of something else, or its journal is damaged.
+    /// If the earlier build had other options or inputs, or its journal is damaged.
     pub fn open(out: &Path, resume: Resume, identity: Identity) -> Result<Self, BuildError> {
         let mut name = OsString::from(".");
         name.push(out.file_name().unwrap_or_default());
@@ -66,7 +56,7 @@ impl Journal {
             rows: None,
             is_resumed: false,
             is_kept: false,
-            given_up: None,
+            abandoned: None,
         };
         let earlier = OpenOptions::new().read(true).write(true).open(&journal.path);
         journal.file = match earlier {
@@ -76,9 +66,9 @@ impl Journal {
         };
         if journal.file.is_some() {
             journal.is_kept = true;
-            let begun = journal.begun();
+            let has_start = journal.read_start();
             if resume == Resume::Now {
-                journal.is_resumed = begun?;
+                journal.is_resumed = has_start?;
             }
             if !journal.is_resumed {
                 journal.delete();
@@ -87,19 +77,19 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Reads the first record, whether there is one; takes over what it says.
-    fn begun(&mut self) -> Result<bool, BuildError> {
+    /// Reads and restores the first record; returns whether there is one.
+    fn read_start(&mut self) -> Result<bool, BuildError> {
         self.read()?;
         let Some((kind, content)) = self.upcoming.take() else { return Ok(false) };
-        let mut from = Reading(&content);
+        let mut from = RecordReader(&content);
         let mut read = || Some((from.get_text()?, Identity::get(&mut from)?));
         let (rows, earlier) = read()
-            .filter(|_| kind == Kind::Begun as u8)
+            .filter(|_| kind == Kind::Start as u8)
             .ok_or_else(|| self.damaged("its beginning"))?;
         self.rows = (!rows.is_empty()).then(|| rows.into());
         let difference = earlier.difference(&self.identity);
         if self.resume != Resume::Now {
-            self.given_up = Some(match difference {
+            self.abandoned = Some(match difference {
                 None => "--resume would have gone on with it".into(),
                 Some(difference) => format!("it was of other things: {difference}"),
             });
@@ -113,7 +103,7 @@ impl Journal {
         Ok(true)
     }
 
-    /// Reads the next record; what is not whole is cut off.
+    /// Reads the next record; bytes after the last whole record are cut off.
     fn read(&mut self) -> Result<(), BuildError> {
         let Some(file) = &mut self.file else { return Ok(()) };
         let next = next_record(file, self.bytes);
@@ -129,76 +119,78 @@ impl Journal {
         cut.map(|_| ()).map_err(|e| self.failed("write it", e))
     }
 
-    /// What this build, or the earlier one, may use for a chunk, in bytes.
+    /// Memory for chunks of this build, or of the one that it resumes, in bytes.
     pub fn chunk_bytes_max(&self) -> u64 {
         self.identity.chunk_bytes_max
     }
 
-    /// Whether this build goes on with an earlier one.
+    /// Whether this build resumes an earlier one.
     pub fn is_resumed(&self) -> bool {
         self.is_resumed
     }
 
-    /// Of an earlier build that this one does not go on with: whether it could have.
-    pub fn given_up(&self) -> Option<&str> {
-        self.given_up.as_deref()
+    /// Why an earlier build was abandoned, for the user.
+    pub fn abandoned(&self) -> Option<&str> {
+        self.abandoned.as_deref()
     }
 
-    /// Whether there is something that a later build can go on with.
+    /// Whether there is anything that a later build can resume.
     pub fn is_begun(&self) -> bool {
         self.file.is_some()
     }
 
-    /// Whether a record that is told now is kept.
-    pub fn is_live(&self) -> bool {
+    /// Whether records are appended: the journal has begun, and no record of
+    /// an earlier build is left.
+    pub fn is_recording(&self) -> bool {
         self.is_begun() && self.upcoming.is_none()
     }
 
-    /// Whether the journal records rows in scratch.
+    /// Whether records of rows in scratch are appended.
     pub fn keeps_rows(&self) -> bool {
-        self.is_live() && self.rows.is_some()
+        self.is_recording() && self.rows.is_some()
     }
 
-    /// Where rows lie, where they can be gone on with.
+    /// Path of the first scratch file, if its rows can be resumed from.
     pub fn rows(&self) -> Option<&Path> {
         self.rows.as_deref()
     }
 
-    /// Whether it may yet begin.
+    /// Whether the journal has not begun, and may.
     pub fn may_begin(&self) -> bool {
         self.resume != Resume::Never && !self.is_begun()
     }
 
-    /// Begins, with the file that rows will lie in, where they do.
+    /// Begins the journal. `rows` is the path of the first scratch file, if it has a name.
     ///
     /// # Errors
-    /// Where the disk is full.
+    /// If the disk is full.
     pub fn begin(&mut self, rows: Option<&Path>) -> Result<(), BuildError> {
         let file = File::create(&self.path).map_err(|e| self.failed("create it", e))?;
         (self.file, self.bytes, self.is_kept) = (Some(file), 0, false);
         self.rows = rows.map(Into::into);
-        let mut record = Record::new(Kind::Begun);
+        let mut record = Record::new(Kind::Start);
         record.put_all(rows.and_then(Path::to_str).unwrap_or_default().as_bytes());
         self.identity.put(&mut record);
-        self.tell(record)
+        self.append(record)
     }
 
-    /// The next record of the earlier build, where there is one. It must be of this kind.
+    /// Content of the next record of the earlier build, which must be of this kind; `None` if no
+    /// record is left.
     ///
     /// # Errors
-    /// Where it is not.
-    pub fn ask(&mut self, kind: Kind) -> Result<Option<Vec<u8>>, BuildError> {
-        match self.ask_if(kind)? {
+    /// If the next record is of another kind, or the disk fails.
+    pub fn next(&mut self, kind: Kind) -> Result<Option<Vec<u8>>, BuildError> {
+        match self.next_if(kind)? {
             None if self.upcoming.is_some() => Err(self.damaged("the order of its records")),
-            found => Ok(found),
+            content => Ok(content),
         }
     }
 
-    /// The next record of the earlier build, if it is of this kind.
+    /// Content of the next record of the earlier build, if it is of this kind.
     ///
     /// # Errors
-    /// Where the disk fails.
-    pub fn ask_if(&mut self, kind: Kind) -> Result<Option<Vec<u8>>, BuildError> {
+    /// If the disk fails.
+    pub fn next_if(&mut self, kind: Kind) -> Result<Option<Vec<u8>>, BuildError> {
         match self.upcoming.take() {
             Some((k, content)) if k == kind as u8 => {
                 self.read()?;
@@ -211,13 +203,13 @@ impl Journal {
         }
     }
 
-    /// Keeps a record, where it is live. What the record speaks of must have been handed to the
-    /// system before.
+    /// Appends a record if [`Self::is_recording`]. The rows or pages that it describes must have
+    /// been written to their file before.
     ///
     /// # Errors
-    /// Where the disk is full.
-    pub fn tell(&mut self, record: Record) -> Result<(), BuildError> {
-        if !self.is_live() {
+    /// If the disk is full.
+    pub fn append(&mut self, record: Record) -> Result<(), BuildError> {
+        if !self.is_recording() {
             return Ok(());
         }
         let bytes = record.seal();
@@ -227,26 +219,26 @@ impl Journal {
         Ok(())
     }
 
-    /// Whether it stays when it is dropped.
+    /// Sets whether the file stays when the journal is dropped.
     pub fn keep(&mut self, is_kept: bool) {
         self.is_kept = is_kept;
     }
 
-    /// Deletes what an earlier build has left.
+    /// Deletes the journal and the scratch files of an earlier build.
     fn delete(&mut self) {
-        if let Some(rows) = self.rows.take().filter(|path| crate::rows::scratch::is_ours(path)) {
-            crate::rows::scratch::remove(&rows);
+        if let Some(rows) = self.rows.take().filter(|path| scratch::has_scratch_name(path)) {
+            scratch::remove(&rows);
         }
         (self.file, self.upcoming, self.bytes) = (None, None, 0);
         let _ = fs::remove_file(&self.path);
     }
 
-    /// Why it is no use.
+    /// The error for damaged data of an earlier build.
     pub fn damaged(&self, what: &str) -> BuildError {
         self.refused(&format!("{what} is damaged"))
     }
 
-    /// Why an earlier build cannot be gone on with.
+    /// The error for an earlier build that cannot be resumed.
     pub fn refused(&self, why: &str) -> BuildError {
         BuildError::Resume { path: self.path.clone(), why: why.into() }
     }
@@ -264,7 +256,7 @@ impl Drop for Journal {
     }
 }
 
-/// Kind and content of the record at an offset, if it is whole.
+/// Kind and content of the record at `offset`, if it is whole.
 fn next_record(file: &mut File, offset: u64) -> io::Result<Option<(u8, Vec<u8>)>> {
     let left = file.metadata()?.len().saturating_sub(offset);
     if left < HEAD_BYTES as u64 {

@@ -1,61 +1,61 @@
-//! The bytes of a journal's records. Numbers are as the machine has them: only the machine that
-//! wrote a journal goes on from it.
+//! The bytes of the journal's records. Numbers are in the byte order of the machine: a build can be
+//! resumed only on the machine that wrote the journal.
 
 use bytemuck::{AnyBitPattern, NoUninit};
 
-/// What a record tells.
+/// Kinds of records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Kind {
-    /// What is built: options, inputs, where scratch lies. The first one.
-    Begun = 1,
-    /// What is known of the inputs beyond their headers; what was taken in before is void.
-    Known,
-    /// Points of the inputs have gone to scratch.
-    Taken,
-    /// The typical distance of points is known, which normals are estimated by.
-    Spaced,
-    /// The palette of compact planes is known.
-    Trained,
-    /// What chunks need of each other to estimate normals is put aside in scratch.
-    Aside,
-    /// A bucket was parted, and its parts have gone to scratch.
-    Parted,
-    /// A chunk is built, and its pages are in the file.
-    Built,
+    /// Options, inputs and the path of scratch. The first record.
+    Start = 1,
+    /// Corrected bounds and colour depths of the inputs. Makes all earlier records of rows void.
+    Inputs,
+    /// Rows of the inputs that are in scratch.
+    Rows,
+    /// The typical distance of points, which the reach of normals depends on.
+    Spacing,
+    /// The palette of compact planes.
+    Palette,
+    /// Points near the borders of chunks, stored in scratch for the estimation of normals.
+    Borders,
+    /// Rows of a bucket that were split into smaller cells and are in scratch again.
+    Split,
+    /// A chunk whose pages are in the file.
+    Chunk,
 }
 
 /// Bytes before the content: its length, its CRC-32, its kind.
 pub const HEAD_BYTES: usize = 13;
 
-/// A record being made.
+/// A record being written.
 pub struct Record(Vec<u8>);
 
 impl Record {
-    /// An empty one.
+    /// An empty record.
     pub fn new(kind: Kind) -> Self {
         let mut bytes = vec![0; HEAD_BYTES];
         bytes[HEAD_BYTES - 1] = kind as u8;
         Self(bytes)
     }
 
-    /// Adds a number, or some of fixed count.
+    /// Adds a number, or an array of numbers.
     pub fn put(&mut self, value: impl NoUninit) {
         self.0.extend_from_slice(bytemuck::bytes_of(&value));
     }
 
-    /// Adds numbers, and how many they are.
+    /// Adds the number of `values`, then the values.
     pub fn put_all(&mut self, values: &[impl NoUninit]) {
         self.put(values.len() as u64);
         self.0.extend_from_slice(bytemuck::cast_slice(values));
     }
 
-    /// Adds what another has.
+    /// Adds the content of another record.
     pub fn append(&mut self, other: &Self) {
         self.0.extend_from_slice(&other.0[HEAD_BYTES..]);
     }
 
-    /// Its bytes in the journal.
+    /// Writes length and CRC-32, and returns the bytes for the journal.
     pub fn seal(mut self) -> Vec<u8> {
         let bytes = (self.0.len() - HEAD_BYTES) as u64;
         let crc = crc32fast::hash(&self.0[HEAD_BYTES - 1..]);
@@ -65,29 +65,29 @@ impl Record {
     }
 }
 
-/// What is left to read of a record. `None` where it is shorter than what is asked for.
-pub struct Reading<'a>(pub &'a [u8]);
+/// Reads the content of a record. All methods return `None` if the rest is too short.
+pub struct RecordReader<'a>(pub &'a [u8]);
 
-impl Reading<'_> {
+impl RecordReader<'_> {
     fn take(&mut self, bytes: usize) -> Option<&[u8]> {
         let (taken, rest) = self.0.split_at_checked(bytes)?;
         self.0 = rest;
         Some(taken)
     }
 
-    /// A number, or some of fixed count.
+    /// Reads a number, or an array of numbers.
     pub fn get<T: AnyBitPattern>(&mut self) -> Option<T> {
         self.take(size_of::<T>()).map(bytemuck::pod_read_unaligned)
     }
 
-    /// Numbers, as many as the record says.
+    /// Reads values that [`Record::put_all`] added.
     pub fn get_all<T: AnyBitPattern>(&mut self) -> Option<Vec<T>> {
         let count = usize::try_from(self.get::<u64>()?).ok()?;
         let bytes = self.take(count.checked_mul(size_of::<T>())?)?;
         Some(bytes.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect())
     }
 
-    /// A text.
+    /// Reads a text.
     pub fn get_text(&mut self) -> Option<String> {
         String::from_utf8(self.get_all()?).ok()
     }

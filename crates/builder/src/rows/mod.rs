@@ -1,5 +1,4 @@
-//! Points while they are moved about: rows, partitions, sorting, scratch files, the journal of a
-//! build.
+//! Points as rows, from decoding to sampling: partition, sorting, scratch files, and the journal.
 
 pub(crate) mod borders;
 pub(crate) mod coincident;

@@ -1,55 +1,54 @@
-//! Partition: rows go to buckets by the cell they lie in, in memory while they fit, else to
-//! scratch. A block of rows is sorted into cells on any thread; buckets then take its parts as they
-//! lie. Cells are of one size that coarsens when there are too many, so no bounds need be known
-//! beforehand and lying ones do no harm.
+//! The partition: rows go to buckets by their cells, in memory while they fit, then to scratch. A
+//! block of rows is sorted into cells on any thread; buckets then refer to ranges of it. All cells
+//! have one size, which doubles when there are too many, so bounds need not be known beforehand.
 
 use crate::error::BuildError;
-use crate::rows::journal_record::{Reading, Record};
+use crate::rows::journal_record::{Record, RecordReader};
 use crate::rows::row::position;
-use crate::rows::scratch::{Extent, Map, Run, Scratch};
+use crate::rows::scratch::{BlockBytes, Extent, Map, Scratch};
 use esker_points::{Cell, morton};
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Buckets at most; beyond, their cells double.
+/// Most buckets; if there were more, the cells double.
 pub const BUCKETS_MAX: usize = 1 << 14;
 
 /// Rows sorted into cells of one size.
-pub struct Block {
+pub struct RowBlock {
     log2: u8,
     rows: Vec<u8>,
-    parts: Vec<Part>,
+    cells: Vec<CellRows>,
 }
 
 /// The corner of a cell, and its rows in a block.
-type Part = ([u32; 3], Range<u32>);
+type CellRows = ([u32; 3], Range<u32>);
 
-impl Block {
-    /// Sorts rows into cells of `2^log2` steps: `positions` is what stands in the rows that `fill`
-    /// hands over in the same order, whole ones, any number at a time. Below 2^32 rows.
+impl RowBlock {
+    /// Sorts rows into cells of `2^log2` steps. `fill` passes whole rows, any number at a time, and
+    /// `positions` are their positions in the same order. Fewer than 2^32 rows.
     pub fn new(
         stride: usize,
         log2: u8,
         positions: impl Iterator<Item = [u32; 3]>,
         fill: impl FnOnce(&mut dyn FnMut(&[u8])),
     ) -> Self {
-        let (part_of, mut parts) = parts_of(log2, positions);
+        let (cell_of, mut cells) = cells_of(log2, positions);
         let mut end = 0;
-        for (_, range) in &mut parts {
-            // The count of rows was its end.
+        for (_, range) in &mut cells {
+            // So far the end of the range is the number of rows.
             *range = end..end + range.end;
             end = range.end;
         }
-        let mut next: Vec<usize> = parts.iter().map(|p| p.1.start as usize * stride).collect();
-        let mut rows = vec![0; part_of.len() * stride];
+        let mut next: Vec<usize> = cells.iter().map(|c| c.1.start as usize * stride).collect();
+        let mut rows = vec![0; cell_of.len() * stride];
         let mut from = 0;
         fill(&mut |more| {
             let count = more.len() / stride;
             let mut start = 0;
-            // Neighbours in a file mostly share a cell.
-            for alike in part_of[from..from + count].chunk_by(|a, b| a == b) {
+            // Consecutive points of a file mostly share a cell.
+            for alike in cell_of[from..from + count].chunk_by(|a, b| a == b) {
                 let bytes = &more[start..start + alike.len() * stride];
                 let to = &mut next[alike[0] as usize];
                 rows[*to..*to + bytes.len()].copy_from_slice(bytes);
@@ -57,104 +56,104 @@ impl Block {
             }
             from += count;
         });
-        Self { log2, rows, parts }
+        Self { log2, rows, cells }
     }
 }
 
-impl Block {
-    /// Bytes of memory, also of what it takes to send its parts to scratch.
+impl RowBlock {
+    /// Bytes of memory, including those for lists of its cells while they are written to scratch.
     fn bytes(&self) -> usize {
-        self.rows.len() + self.parts.len() * (size_of::<Piece>() + size_of::<Run>())
+        self.rows.len() + self.cells.len() * (size_of::<BlockRows>() + size_of::<BlockBytes>())
     }
 }
 
-/// Which cell each position lies in, numbered as they come, and the cells with the count of their
-/// positions.
-fn parts_of(log2: u8, positions: impl Iterator<Item = [u32; 3]>) -> (Vec<u32>, Vec<Part>) {
-    let mut parts: Vec<Part> = Vec::new();
-    let mut by_corner = Cells::default();
-    let mut part_of = Vec::with_capacity(positions.size_hint().0);
+/// For each position the index of its cell, and the cells, in order of appearance, with the number
+/// of their positions as end of the range.
+fn cells_of(log2: u8, positions: impl Iterator<Item = [u32; 3]>) -> (Vec<u32>, Vec<CellRows>) {
+    let mut cells: Vec<CellRows> = Vec::new();
+    let mut by_corner = CellIndices::default();
+    let mut cell_of = Vec::with_capacity(positions.size_hint().0);
     let mut last: Option<(Cell, u32)> = None;
     for p in positions {
-        let part = match last {
-            Some((cell, part)) if cell.contains(p) => part,
+        let index = match last {
+            Some((cell, index)) if cell.contains(p) => index,
             _ => {
                 let cell = Cell::containing(p, log2);
-                let part = *by_corner.entry(key(cell.corner)).or_insert(parts.len() as u32);
-                if part as usize == parts.len() {
-                    parts.push((cell.corner, 0..0));
+                let index = *by_corner.entry(key(cell.corner)).or_insert(cells.len() as u32);
+                if index as usize == cells.len() {
+                    cells.push((cell.corner, 0..0));
                 }
-                last = Some((cell, part));
-                part
+                last = Some((cell, index));
+                index
             }
         };
-        parts[part as usize].1.end += 1;
-        part_of.push(part);
+        cells[index as usize].1.end += 1;
+        cell_of.push(index);
     }
-    (part_of, parts)
+    (cell_of, cells)
 }
 
-/// Rows of a bucket in a block that others share.
+/// Rows of a bucket in a block that it shares with others.
 #[derive(Clone, Debug)]
-struct Piece {
+struct BlockRows {
     block: Arc<Vec<u8>>,
     rows: Range<u32>,
 }
 
-impl Piece {
-    /// Its bytes, where a row has `stride`.
-    fn run(self, stride: usize) -> Run {
+impl BlockRows {
+    /// The bytes of these rows, of `stride` bytes each.
+    fn into_bytes(self, stride: usize) -> BlockBytes {
         let Range { start, end } = self.rows;
-        Run { block: self.block, bytes: start as usize * stride..end as usize * stride }
+        BlockBytes { block: self.block, bytes: start as usize * stride..end as usize * stride }
     }
 }
 
 /// Rows of a cell in scratch.
 #[derive(Clone, Copy, Debug)]
-pub struct Stored {
-    /// The cell's corner.
+pub struct SpilledCell {
+    /// Corner of the cell.
     pub corner: [u32; 3],
-    /// Where they lie.
+    /// Place of the rows.
     pub extent: Extent,
 }
 
-/// Rows that went to scratch together, a cell's behind another's.
+/// Rows that were moved to scratch together, cell by cell.
 #[derive(Debug)]
 pub struct Spilled {
     /// Log2 of the cells' edge.
     pub log2: u8,
-    /// What lies where.
-    pub parts: Vec<Stored>,
+    /// The cells.
+    pub cells: Vec<SpilledCell>,
 }
 
 impl Spilled {
-    /// Their bytes.
+    /// Bytes of all rows.
     pub fn bytes(&self) -> u64 {
-        self.parts.iter().map(|part| part.extent.bytes).sum()
+        self.cells.iter().map(|cell| cell.extent.bytes).sum()
     }
 
-    /// Where they lie.
+    /// Places of all rows.
     pub fn extents(&self) -> Vec<Extent> {
-        self.parts.iter().map(|part| part.extent).collect()
+        self.cells.iter().map(|cell| cell.extent).collect()
     }
 
-    /// Adds them to a record.
+    /// Adds cells and places to a record.
     pub fn put(&self, record: &mut Record) {
         record.put(self.log2);
-        record.put(self.parts.len() as u64);
-        for part in &self.parts {
-            record.put(part.corner);
-            part.extent.put(record);
+        record.put(self.cells.len() as u64);
+        for cell in &self.cells {
+            record.put(cell.corner);
+            cell.extent.put(record);
         }
     }
 
-    /// Reads them from a record.
-    pub fn get(from: &mut Reading<'_>) -> Option<Self> {
+    /// Reads cells and places from a record.
+    pub fn get(from: &mut RecordReader<'_>) -> Option<Self> {
         let log2 = from.get::<u8>().filter(|&log2| log2 <= 32)?;
         let count = from.get::<u64>()?;
-        let stored = |_| Some(Stored { corner: from.get()?, extent: Extent::get(from)? });
-        let parts: Option<Vec<_>> = (0..count).map(stored).collect();
-        Some(Self { log2, parts: parts? })
+        let cell = |_| Some(SpilledCell { corner: from.get()?, extent: Extent::get(from)? });
+        let cells: Option<Vec<_>> = (0..count).map(cell).collect();
+        Some(Self { log2, cells: cells? })
     }
 }
 
@@ -166,23 +165,23 @@ pub struct Bucket {
     /// Number of rows.
     pub rows: u64,
     /// Rows in memory.
-    pieces: Vec<Piece>,
+    in_memory: Vec<BlockRows>,
     /// Rows in scratch.
     pub extents: Vec<Extent>,
 }
 
 impl Bucket {
-    /// No rows of this cell.
+    /// An empty bucket.
     pub fn new(cell: Cell) -> Self {
-        Self { cell, rows: 0, pieces: Vec::new(), extents: Vec::new() }
+        Self { cell, rows: 0, in_memory: Vec::new(), extents: Vec::new() }
     }
 
-    /// Its rows, as whole runs; those in scratch by a mapping made since.
+    /// The rows, as runs of whole rows. `map` must be newer than the rows in scratch.
     pub fn runs<'a>(&'a self, map: Option<&'a Map>, stride: usize) -> Vec<&'a [u8]> {
-        let bytes = |p: &Piece| p.rows.start as usize * stride..p.rows.end as usize * stride;
-        let held = self.pieces.iter().map(|p| &p.block[bytes(p)]);
-        let stored = self.extents.iter().filter_map(|e| e.of(map?));
-        held.chain(stored).collect()
+        let bytes = |p: &BlockRows| p.rows.start as usize * stride..p.rows.end as usize * stride;
+        let in_memory = self.in_memory.iter().map(|p| &p.block[bytes(p)]);
+        let in_scratch = self.extents.iter().filter_map(|e| e.of(map?));
+        in_memory.chain(in_scratch).collect()
     }
 }
 
@@ -191,22 +190,22 @@ pub struct Partition {
     stride: usize,
     log2: u8,
     buckets: Vec<Bucket>,
-    by_corner: Cells,
+    by_corner: CellIndices,
     buffered_bytes: usize,
     buffer_bytes_max: usize,
-    /// Whether rows go to scratch: then half of the memory fills while the other is written.
+    /// Whether rows go to scratch: then half of the memory fills while the other half is written.
     is_spilling: bool,
 }
 
 impl Partition {
-    /// An empty partition into cells of `2^log2` steps; rows beyond `buffer_bytes_max` go to
-    /// scratch, which is likely to happen where it `is_spilling`.
+    /// An empty partition into cells of `2^log2` steps. Rows beyond `buffer_bytes_max` go to
+    /// scratch; `is_spilling` states that this is expected.
     pub fn new(stride: usize, log2: u8, buffer_bytes_max: usize, is_spilling: bool) -> Self {
         Self {
             stride,
             log2,
             buckets: Vec::new(),
-            by_corner: Cells::default(),
+            by_corner: CellIndices::default(),
             buffered_bytes: 0,
             buffer_bytes_max,
             is_spilling,
@@ -218,17 +217,17 @@ impl Partition {
         self.log2
     }
 
-    /// Whether memory has no room for a block beside what is in it.
-    pub fn is_full_for(&self, block: &Block) -> bool {
+    /// Whether the rows in memory must go to scratch before `block` is added.
+    pub fn is_full_for(&self, block: &RowBlock) -> bool {
         self.buffered_bytes > 0 && self.buffered_bytes + block.bytes() > self.held_bytes_max()
     }
 
-    /// Whether memory has more than it should.
+    /// Whether more rows are in memory than allowed.
     pub fn is_full(&self) -> bool {
         self.buffered_bytes > self.held_bytes_max()
     }
 
-    /// Bytes of rows beside those on their way to scratch.
+    /// Most bytes of rows in memory, without those that are being written to scratch.
     fn held_bytes_max(&self) -> usize {
         if self.is_spilling { self.buffer_bytes_max / 2 } else { self.buffer_bytes_max }
     }
@@ -238,29 +237,29 @@ impl Partition {
         self.buffered_bytes > 0
     }
 
-    /// Adds a block in memory, of cells no larger than this partition's.
-    pub fn hold(&mut self, block: Block) {
+    /// Adds a block in memory, with cells no larger than those of the partition.
+    pub fn hold(&mut self, block: RowBlock) {
         debug_assert!(block.log2 <= self.log2);
         self.buffered_bytes += block.bytes();
         let rows = Arc::new(block.rows);
-        for (corner, range) in block.parts {
+        for (corner, range) in block.cells {
             let index = self.bucket_of(corner);
             let bucket = &mut self.buckets[index];
             bucket.rows += range.len() as u64;
-            bucket.pieces.push(Piece { block: Arc::clone(&rows), rows: range });
+            bucket.in_memory.push(BlockRows { block: Arc::clone(&rows), rows: range });
         }
     }
 
-    /// Adds what an earlier build has put in scratch, out of cells of this size.
+    /// Adds rows that an earlier build has moved to scratch.
     pub fn restore(&mut self, spilled: &Spilled) {
         while self.log2 < spilled.log2 {
             self.coarsen();
         }
-        for part in &spilled.parts {
-            let index = self.bucket_of(part.corner);
+        for cell in &spilled.cells {
+            let index = self.bucket_of(cell.corner);
             let bucket = &mut self.buckets[index];
-            bucket.rows += part.extent.bytes / self.stride as u64;
-            bucket.extents.push(part.extent);
+            bucket.rows += cell.extent.bytes / self.stride as u64;
+            bucket.extents.push(cell.extent);
         }
     }
 
@@ -278,7 +277,7 @@ impl Partition {
         self.buckets.len() - 1
     }
 
-    /// Doubles the cells and joins the buckets that then are one.
+    /// Doubles the cells and joins the buckets that share a new cell.
     fn coarsen(&mut self) {
         self.log2 += 1;
         self.by_corner.clear();
@@ -291,43 +290,44 @@ impl Partition {
             }
             let into = &mut joined[index as usize];
             into.rows += bucket.rows;
-            into.pieces.append(&mut bucket.pieces);
+            into.in_memory.append(&mut bucket.in_memory);
             into.extents.append(&mut bucket.extents);
         }
         self.buckets = joined;
     }
 
-    /// Moves all rows in memory to scratch, along the Morton curve: what is built together lies
-    /// together. What goes where; it is on its way until [`Scratch::flush`].
+    /// Moves all rows in memory to scratch, in Morton order, so that rows of one chunk are near
+    /// each other. They are written in the background until [`Scratch::flush`].
     ///
     /// # Errors
-    /// Where scratch space fails, for these rows or those before.
+    /// If scratch space fails, for these rows or earlier ones.
     pub fn spill(&mut self, scratch: &mut Scratch) -> Result<Spilled, BuildError> {
         let mut along: Vec<&mut Bucket> =
-            self.buckets.iter_mut().filter(|bucket| !bucket.pieces.is_empty()).collect();
+            self.buckets.iter_mut().filter(|bucket| !bucket.in_memory.is_empty()).collect();
         along.sort_unstable_by_key(|b| morton::encode3(b.cell.corner));
+        let stride = self.stride;
         let runs = along
             .iter_mut()
-            .map(|bucket| bucket.pieces.drain(..).map(|piece| piece.run(self.stride)).collect());
-        let extents = scratch.append_meanwhile(runs.collect())?;
-        let mut parts = Vec::with_capacity(along.len());
+            .map(|bucket| bucket.in_memory.drain(..).map(|rows| rows.into_bytes(stride)).collect());
+        let extents = scratch.append_in_background(runs.collect())?;
+        let mut cells = Vec::with_capacity(along.len());
         for (bucket, extent) in along.into_iter().zip(extents) {
-            parts.push(Stored { corner: bucket.cell.corner, extent });
+            cells.push(SpilledCell { corner: bucket.cell.corner, extent });
             bucket.extents.push(extent);
         }
-        // More than half of the memory is not to be filled beside.
+        // New rows may fill half of the memory while the other half is being written.
         if self.buffered_bytes > self.buffer_bytes_max / 2 {
             scratch.flush()?;
         }
         (self.buffered_bytes, self.is_spilling) = (0, true);
-        Ok(Spilled { log2: self.log2, parts })
+        Ok(Spilled { log2: self.log2, cells })
     }
 
-    /// The buckets along the Morton curve; once anything has gone to scratch, everything does, so
-    /// that memory is free for building.
+    /// The buckets in Morton order. If any rows are in scratch, all go there, so that memory is
+    /// free for building.
     ///
     /// # Errors
-    /// Where scratch space fails.
+    /// If scratch space fails.
     pub fn finish(mut self, scratch: &mut Scratch) -> Result<Vec<Bucket>, BuildError> {
         if self.buckets.iter().any(|b| !b.extents.is_empty()) {
             self.spill(scratch)?;
@@ -337,15 +337,15 @@ impl Partition {
     }
 }
 
-/// Numbers by the corners of cells.
-type Cells = HashMap<u128, u32, BuildHasherDefault<CornerHasher>>;
+/// Indices by the corners of cells.
+type CellIndices = HashMap<u128, u32, BuildHasherDefault<CornerHasher>>;
 
 /// The corner of a cell as a number.
 fn key([x, y, z]: [u32; 3]) -> u128 {
     u128::from(x) | u128::from(y) << 32 | u128::from(z) << 64
 }
 
-/// A quick hash of a corner: asked for every point of a scan without order.
+/// A fast hash of a corner: computed for every point of an unordered scan.
 #[derive(Default)]
 struct CornerHasher(u64);
 
@@ -359,7 +359,7 @@ impl Hasher for CornerHasher {
     }
 
     fn write_u128(&mut self, corner: u128) {
-        // Odd numbers without a pattern: the fraction of the golden ratio, and FNV's prime.
+        // Odd numbers without a pattern: the fraction of the golden ratio, and the prime of FNV.
         let mixed = (self.0 ^ corner as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
             ^ ((corner >> 64) as u64).wrapping_mul(0x0100_0000_01b3);
         self.0 = (mixed ^ mixed >> 32).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(26);
@@ -367,9 +367,9 @@ impl Hasher for CornerHasher {
 }
 
 /// Sorts whole rows into cells of `2^log2` steps.
-pub fn block_of_rows(rows: &[u8], stride: usize, log2: u8) -> Block {
+pub fn block_of_rows(rows: &[u8], stride: usize, log2: u8) -> RowBlock {
     let positions = rows.chunks_exact(stride).map(position);
-    Block::new(stride, log2, positions, |take| take(rows))
+    RowBlock::new(stride, log2, positions, |take| take(rows))
 }
 
 #[cfg(test)]
@@ -378,7 +378,7 @@ mod tests {
     use crate::sample::candidates::tests::rows_of;
     use proptest::prelude::*;
 
-    fn add(partition: &mut Partition, block: Block, scratch: &mut Scratch) {
+    fn add(partition: &mut Partition, block: RowBlock, scratch: &mut Scratch) {
         if partition.is_full_for(&block) {
             partition.spill(scratch).unwrap();
         }

@@ -1,23 +1,23 @@
-//! Rows: the builder's own record of a point while it is moved about. x, y, z on the lattice, the
-//! values of all attributes of the file's schema in canonical order (absent ones zero), and the
-//! point's class where there are several; where normals are estimated, room for one. Comparing rows
-//! bytewise after the coordinates breaks ties.
+//! Rows: the builder's record of a point. x, y, z on the lattice; the values of all attributes of
+//! the file's schema in canonical order, absent ones zero; the class of the point if there are
+//! several; then room for attributes that the build computes. Ties between positions are broken by
+//! comparing the bytes of rows.
 
 use esker_points::clip::CLIP_BYTES;
 use esker_points::tangents::{Shape, axis_code, axis_of};
 use esker_points::{Batch, ClipWords, MultisetHash, PointClass, Schema};
 use std::ops::Range;
 
-/// Bytes of a row's room for a splat's shape: the code of its axis, two lengths.
+/// Bytes of the shape of a splat in a row: the code of its axis, two lengths.
 const SHAPE_BYTES: usize = 2 + 8;
 
-/// Rows made before they are used: they stay in the first-level cache meanwhile.
+/// Rows that are made at a time: few enough to stay in the first-level cache until they are copied.
 const BLOCK_ROWS: usize = 256;
 
-/// Where things stand in a row.
+/// Offsets of values in a row.
 #[derive(Clone, Debug)]
 pub struct RowLayout {
-    /// Bytes of each attribute of the file's schema, within a row.
+    /// Bytes in a row of each attribute of the file's schema.
     attributes: Vec<Range<usize>>,
     class_at: Option<usize>,
     normal_at: Option<usize>,
@@ -27,28 +27,28 @@ pub struct RowLayout {
     classes: Vec<ClassLayout>,
 }
 
-/// Points as they come from a reader.
+/// Decoded points, of which rows are made.
 #[derive(Clone, Copy, Debug)]
 pub struct Incoming<'a> {
     /// The points.
     pub batch: &'a Batch,
-    /// Their class.
+    /// Class of all points.
     pub class: u16,
-    /// For each attribute of the batch, the file's.
+    /// The file's attribute for each attribute of the batch.
     pub to_file: &'a [usize],
-    /// Octahedral codes of where each was scanned from; none where that is not known.
+    /// Octahedral codes of the directions to the scanner; empty if its position is not known.
     pub towards: &'a [[i16; 2]],
 }
 
 #[derive(Clone, Debug)]
 struct ClassLayout {
     seed: u64,
-    /// Ranges of a row that make up the hashed record; neighbours joined.
+    /// Ranges of a row that make up the hashed record; adjacent ones are joined.
     hashed: Vec<Range<usize>>,
 }
 
 impl RowLayout {
-    /// The layout for a file of this schema and these classes.
+    /// Layout for a file of this schema and these classes.
     pub fn new(schema: &Schema, classes: &[PointClass]) -> Self {
         let mut at = 12;
         let attributes: Vec<_> = schema
@@ -84,42 +84,42 @@ impl RowLayout {
         }
     }
 
-    /// The same with room for an estimated normal; until it is, for the direction to the scanner,
-    /// or up.
+    /// Adds room for an estimated normal. Until it is estimated, the room holds the direction to
+    /// the scanner, or up.
     pub fn with_normals(mut self) -> Self {
         self.normal_at = Some(self.bytes);
         self.bytes += 4;
         self
     }
 
-    /// The same with room for clip lines that are found; none until they are.
+    /// Adds room for clip lines; at first there are none.
     pub fn with_clip_lines(mut self) -> Self {
         self.clip_at = Some(self.bytes);
         self.bytes += CLIP_BYTES;
         self
     }
 
-    /// Clip lines against a row's position, where there is room for them.
+    /// Clip lines of a row, relative to its position; `None` if there is no room for them.
     pub fn clip_lines(&self, row: &[u8]) -> Option<ClipWords> {
         let bytes = row[self.clip_at?..].as_chunks::<4>().0;
         Some([0, 1, 2, 3].map(|i| u32::from_le_bytes(bytes[i])))
     }
 
-    /// Puts clip lines there.
+    /// Sets the clip lines of a row, if there is room for them.
     pub fn set_clip_lines(&self, row: &mut [u8], words: ClipWords) {
         if let Some(at) = self.clip_at {
             row[at..at + CLIP_BYTES].copy_from_slice(&words.map(u32::to_le_bytes).concat());
         }
     }
 
-    /// The same with room for a splat's shape; round until it is told.
+    /// Adds room for the shape of a splat; it is round until it is estimated.
     pub fn with_tangents(mut self) -> Self {
         self.shape_at = Some(self.bytes);
         self.bytes += SHAPE_BYTES;
         self
     }
 
-    /// A splat's shape, where there is room for it.
+    /// Shape of the splat of a row; `None` if there is no room for it.
     pub fn shape(&self, row: &[u8]) -> Option<Shape> {
         let at = self.shape_at?;
         let [x, y, rest @ ..] = row.get(at..at + SHAPE_BYTES)?.first_chunk::<SHAPE_BYTES>()?;
@@ -128,7 +128,7 @@ impl RowLayout {
         Some(Shape { along: axis_of([*x, *y].map(u8::cast_signed)), apart, aspect })
     }
 
-    /// Puts a shape there.
+    /// Sets the shape of the splat of a row, if there is room for it.
     pub fn set_shape(&self, row: &mut [u8], shape: &Shape) {
         if let Some(at) = self.shape_at {
             let axis = axis_code(shape.along).map(i8::cast_unsigned);
@@ -138,13 +138,13 @@ impl RowLayout {
         }
     }
 
-    /// The octahedral code in a row's room for a normal.
+    /// Octahedral code of the normal of a row; `None` if there is no room for it.
     pub fn normal(&self, row: &[u8]) -> Option<[i16; 2]> {
         let at = self.normal_at?;
         Some([at, at + 2].map(|at| i16::from_le_bytes([row[at], row[at + 1]])))
     }
 
-    /// Puts a code there.
+    /// Sets the octahedral code of the normal of a row, if there is room for it.
     pub fn set_normal(&self, row: &mut [u8], [x, y]: [i16; 2]) {
         if let Some(at) = self.normal_at {
             row[at..at + 2].copy_from_slice(&x.to_le_bytes());
@@ -157,17 +157,17 @@ impl RowLayout {
         self.bytes
     }
 
-    /// The class of a row.
+    /// Class of a row.
     pub fn class(&self, row: &[u8]) -> u16 {
         self.class_at.map_or(0, |at| u16::from_le_bytes([row[at], row[at + 1]]))
     }
 
-    /// Whether its class is one of those that there are.
+    /// Whether the class of a row exists: a damaged row may have any.
     pub fn is_possible(&self, row: &[u8]) -> bool {
         usize::from(self.class(row)) < self.classes.len()
     }
 
-    /// The bytes of one attribute in a row.
+    /// Bytes of an attribute in a row.
     pub fn attribute(&self, index: usize) -> Range<usize> {
         self.attributes[index].clone()
     }
@@ -193,7 +193,7 @@ impl RowLayout {
         hash.add(class.seed, scratch);
     }
 
-    /// Adds rows that follow each other.
+    /// Adds all rows to the multiset hash. `scratch` is a buffer.
     pub fn hash_all(&self, rows: &[u8], scratch: &mut Vec<u8>, hash: &mut MultisetHash) {
         let rows = rows.chunks_exact(self.bytes);
         if let [ClassLayout { seed, hashed }] = self.classes.as_slice()
@@ -204,7 +204,8 @@ impl RowLayout {
         rows.for_each(|row| self.hash(row, scratch, hash));
     }
 
-    /// Makes rows of a batch and hands them to `take` in order, a few at a time. Their hash.
+    /// Makes rows of a batch and passes them to `take` in order, a few at a
+    /// time. Returns their hash.
     pub fn for_each_rows(
         &self,
         points: &Incoming<'_>,
@@ -222,7 +223,7 @@ impl RowLayout {
         hash
     }
 
-    /// The rows of a batch from point `first` on.
+    /// Fills `rows` from the points of a batch from `first` on.
     fn fill(&self, points: &Incoming<'_>, first: usize, rows: &mut [u8]) {
         let Incoming { batch, class, to_file, towards } = points;
         for (row, [x, y, z]) in rows.chunks_exact_mut(self.bytes).zip(&batch.positions[first..]) {
@@ -250,15 +251,15 @@ impl RowLayout {
     }
 }
 
-/// Puts values of `N` bytes at `at` of each row.
+/// Copies values of `N` bytes to the offset `at` of each row.
 fn put<const N: usize>(rows: &mut [u8], stride: usize, at: usize, values: &[u8]) {
     for (row, value) in rows.chunks_exact_mut(stride).zip(values.chunks_exact(N)) {
         row[at..at + N].copy_from_slice(value);
     }
 }
 
-/// Copies a row, by words of known size, the last of which overlaps the one before where the row is
-/// no multiple of them. No loop: that would be a call for each row.
+/// Copies a row by words of 16 bytes; the last word may overlap the one before it. Written without
+/// a loop, which would be compiled to a call for each row.
 #[inline]
 pub fn copy_row(to: &mut [u8], from: &[u8]) {
     const WORD: usize = 16;
@@ -275,20 +276,20 @@ pub fn copy_row(to: &mut [u8], from: &[u8]) {
     }
 }
 
-/// The lattice position of a row.
+/// Lattice position of a row.
 #[inline]
 pub fn position(row: &[u8]) -> [u32; 3] {
-    // One check, and no closures: this is asked more often than anything else.
+    // One bounds check, and no closures: no other function is called as often.
     let words = row[..12].as_chunks::<4>().0;
     [u32::from_le_bytes(words[0]), u32::from_le_bytes(words[1]), u32::from_le_bytes(words[2])]
 }
 
-/// A run of rows.
+/// Consecutive rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Rows<'a> {
-    /// The rows, one after the other.
+    /// Bytes of all rows.
     pub bytes: &'a [u8],
-    /// Bytes of one.
+    /// Bytes of a row.
     pub stride: usize,
 }
 
@@ -298,12 +299,12 @@ impl<'a> Rows<'a> {
         self.bytes.len() / self.stride
     }
 
-    /// One row.
+    /// Bytes of a row.
     pub fn row(&self, index: u32) -> &'a [u8] {
         &self.bytes[index as usize * self.stride..][..self.stride]
     }
 
-    /// The position of one row.
+    /// Position of a row.
     #[inline]
     pub fn position(&self, index: u32) -> [u32; 3] {
         position(&self.bytes[index as usize * self.stride..][..12])

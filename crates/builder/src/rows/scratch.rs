@@ -1,10 +1,10 @@
-//! Scratch space: few files of rows, each appended to, also by a thread of its own meanwhile,
-//! mapped to read, given back piece by piece as it is consumed. They have no names, or some where a
-//! later build may go on with them. Their pages are the system's to drop: they are no anonymous
-//! memory.
+//! Scratch space: a few files of rows that are appended to, also by threads in the
+//! background, mapped to read, and freed piece by piece as rows are consumed. The files have
+//! no names, unless a later build may resume from them. Mapped pages belong to the system
+//! cache, not to anonymous memory.
 
 use crate::error::BuildError;
-use crate::rows::journal_record::{Reading, Record};
+use crate::rows::journal_record::{Record, RecordReader};
 use memmap2::Mmap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, Write};
@@ -13,42 +13,41 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 
-/// Files at most. As many as threads are written to at once, since a system lets one thread at a
-/// time write to a file.
+/// Most files. Several are written at the same time, because an operating system lets one thread at
+/// a time write to a file.
 const FILES_MAX: usize = 8;
-/// Bytes written to a file together.
+/// Bytes of a write to a file.
 const WRITE_BYTES: usize = 1 << 20;
-/// All that a thread needs that waits for the disk.
+/// Stack of a writing thread, which hardly uses any.
 const STACK_BYTES: usize = 128 << 10;
-/// How names of files of rows begin and end; those of all but the first have a number before the
-/// end.
+/// Beginning and end of the names of scratch files; all but the first have a number before the end.
 const NAME: [&str; 2] = [".esker-", ".rows"];
 
 /// A run of bytes in a scratch file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
-    /// Which file.
+    /// Index of the file.
     pub file: u32,
-    /// Where it begins.
+    /// Offset in the file.
     pub offset: u64,
-    /// How long it is.
+    /// Length.
     pub bytes: u64,
 }
 
 impl Extent {
-    /// Adds it to a record.
+    /// Adds the extent to a record.
     pub fn put(&self, record: &mut Record) {
         record.put(self.file);
         record.put([self.offset, self.bytes]);
     }
 
-    /// Reads it from a record.
-    pub fn get(from: &mut Reading<'_>) -> Option<Self> {
+    /// Reads an extent from a record.
+    pub fn get(from: &mut RecordReader<'_>) -> Option<Self> {
         let (file, [offset, bytes]) = (from.get()?, from.get()?);
         Some(Self { file, offset, bytes })
     }
 
-    /// Its bytes in a mapping made since it was appended.
+    /// The bytes of the extent; `None` if `map` is older than the extent.
     pub fn of<'a>(&self, map: &'a Map) -> Option<&'a [u8]> {
         map.0
             .get(self.file as usize)?
@@ -56,10 +55,10 @@ impl Extent {
     }
 }
 
-/// The content of all files at a moment.
+/// Mappings of all files, as long as they were when they were mapped.
 pub struct Map(Vec<Mmap>);
 
-/// Takes so many bytes from the front of extents.
+/// Removes the first `bytes` bytes from `extents` and returns their extents.
 pub fn take_first(extents: &mut Vec<Extent>, bytes: u64) -> Vec<Extent> {
     let (mut taken, mut left) = (Vec::new(), bytes);
     for extent in &mut *extents {
@@ -75,31 +74,31 @@ pub fn take_first(extents: &mut Vec<Extent>, bytes: u64) -> Vec<Extent> {
     taken
 }
 
-/// Bytes of a block that others share, on their way to scratch.
-pub struct Run {
+/// Bytes of a shared block, to be written to scratch.
+pub struct BlockBytes {
     /// The block.
     pub block: Arc<Vec<u8>>,
-    /// Which of its bytes.
+    /// Range of its bytes.
     pub bytes: Range<usize>,
 }
 
-/// Whether a file has such a name as files of rows have.
-pub fn is_ours(path: &Path) -> bool {
+/// Whether the name of a file is that of a scratch file.
+pub fn has_scratch_name(path: &Path) -> bool {
     let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
     name.starts_with(NAME[0]) && name.ends_with(NAME[1])
 }
 
-/// Deletes files of rows, by the name of the first, whichever are there.
+/// Deletes all existing scratch files of which the first has this path.
 pub fn remove(first: &Path) {
     (0..FILES_MAX).for_each(|number| drop(fs::remove_file(name_of(first, number))));
 }
 
-/// The name of one of the files of which the first has this name.
+/// Path of one of the scratch files of which the first has this path.
 fn name_of(first: &Path, number: usize) -> PathBuf {
     if number == 0 { first.into() } else { first.with_extension(format!("{number}{}", NAME[1])) }
 }
 
-/// A new file, for this user alone, in place of one that an earlier build may have left.
+/// Creates a file that only this user can open; one that an earlier build has left is replaced.
 fn create(path: &Path) -> io::Result<File> {
     let _ = fs::remove_file(path);
     let mut options = OpenOptions::new();
@@ -113,39 +112,39 @@ fn not_made(folder: &Path, e: io::Error) -> BuildError {
     BuildError::scratch(folder, "cannot make a scratch file", e)
 }
 
-/// A growing file.
-struct Growing {
+/// A scratch file that is appended to.
+struct AppendFile {
     file: BufWriter<File>,
-    /// Its length, once all is written.
+    /// Length once all appended bytes are written.
     bytes: u64,
-    /// Writes what is appended meanwhile.
+    /// Thread that writes in the background.
     writing: Option<JoinHandle<io::Result<()>>>,
 }
 
-impl Growing {
+impl AppendFile {
     fn new(file: File) -> Self {
         Self { file: BufWriter::with_capacity(WRITE_BYTES, file), bytes: 0, writing: None }
     }
 
-    /// Waits for what is written meanwhile.
-    fn settle(&mut self) -> io::Result<()> {
+    /// Waits for the thread that writes in the background.
+    fn wait(&mut self) -> io::Result<()> {
         let Some(writing) = self.writing.take() else { return Ok(()) };
         writing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 
-    /// Hands all that was appended to the system.
+    /// Writes all appended bytes to the system.
     fn flush(&mut self) -> io::Result<()> {
-        self.settle()?;
+        self.wait()?;
         self.file.flush()
     }
 
-    /// Appends runs meanwhile; where the system gives no thread, it says so.
-    fn append_meanwhile(&mut self, runs: Vec<Run>) -> io::Result<io::Result<()>> {
+    /// Appends runs in the background. The inner error says that no thread could be started.
+    fn append_in_background(&mut self, runs: Vec<BlockBytes>) -> io::Result<io::Result<()>> {
         self.flush()?;
         let file = self.file.get_ref().try_clone()?;
         let write = move || {
             let mut file = BufWriter::with_capacity(WRITE_BYTES, file);
-            // A block that is written is let go of.
+            // Each block is dropped when it is written.
             runs.into_iter().try_for_each(|run| file.write_all(&run.block[run.bytes]))?;
             file.flush()
         };
@@ -154,78 +153,78 @@ impl Growing {
     }
 }
 
-/// Growing files, gone with the process where they have no names.
+/// The scratch files of a build. Files without names vanish with the process.
 pub struct Scratch {
-    files: Vec<Growing>,
+    files: Vec<AppendFile>,
     folder: PathBuf,
-    /// Bytes ever written.
+    /// Bytes written since the beginning.
     written_bytes: u64,
     /// Bytes not yet released.
     held_bytes: u64,
     held_bytes_peak: u64,
-    /// Bytes that the file being built has.
-    beside_bytes: u64,
+    /// Bytes of the file that is being built.
+    output_bytes: u64,
     disk_bytes_peak: u64,
-    /// The name of the first.
+    /// Path of the first file, if the files have names.
     path: Option<PathBuf>,
     is_kept: bool,
 }
 
 impl Scratch {
-    /// A new scratch file in this folder; more where they are needed.
+    /// Creates a scratch file in `folder`; more are created when they are needed.
     ///
     /// # Errors
-    /// Where the folder takes no file.
+    /// If no file can be created in the folder.
     pub fn new(folder: &Path) -> Result<Self, BuildError> {
         let file = tempfile::tempfile_in(folder).map_err(|e| not_made(folder, e))?;
         Ok(Self {
-            files: vec![Growing::new(file)],
+            files: vec![AppendFile::new(file)],
             folder: folder.to_owned(),
             written_bytes: 0,
             held_bytes: 0,
             held_bytes_peak: 0,
-            beside_bytes: 0,
+            output_bytes: 0,
             disk_bytes_peak: 0,
             path: None,
             is_kept: false,
         })
     }
 
-    /// Gives the files, in which nothing is yet, names that can be kept in a journal, if their
-    /// folder's has letters. That of the first.
+    /// Replaces the files, which are empty, by files with names, for the journal. Returns the path
+    /// of the first; `None` if the folder's path is not Unicode.
     ///
     /// # Errors
-    /// Where the folder takes no file.
-    pub fn name(&mut self) -> Result<Option<&Path>, BuildError> {
+    /// If no file can be created in the folder.
+    pub fn make_named(&mut self) -> Result<Option<&Path>, BuildError> {
         debug_assert!(self.is_empty());
         if self.path.is_none() && self.folder.to_str().is_some() {
             let failed = |e| not_made(&self.folder, e);
-            // A name from the root leads to it from wherever a later build begins.
+            // An absolute path is valid from the current folder of any later build.
             let folder = self.folder.canonicalize().map_err(failed)?;
             let mut named = tempfile::Builder::new();
             let named = named.prefix(NAME[0]).suffix(NAME[1]).tempfile_in(folder);
             let (file, path) =
                 named.and_then(|n| n.keep().map_err(io::Error::from)).map_err(failed)?;
-            self.files = vec![Growing::new(file)];
+            self.files = vec![AppendFile::new(file)];
             self.path = Some(path);
         }
         Ok(self.path.as_deref())
     }
 
-    /// Takes the files of an earlier build, up to one that is not there; [`Scratch::restore`] is to
-    /// be told what is in them.
+    /// Opens the files of an earlier build, up to the first missing one. [`Scratch::restore`] then
+    /// takes the extents in them.
     ///
     /// # Errors
-    /// Where the first is not there, or one cannot be opened.
+    /// If the first file does not exist, or one cannot be opened.
     pub fn reopen(&mut self, path: &Path) -> io::Result<()> {
-        if !is_ours(path) {
+        if !has_scratch_name(path) {
             return Err(io::Error::other("it has another name than scratch files have"));
         }
         let open = |number| OpenOptions::new().read(true).write(true).open(name_of(path, number));
-        self.files = vec![Growing::new(open(0)?)];
+        self.files = vec![AppendFile::new(open(0)?)];
         for number in 1..FILES_MAX {
             match open(number) {
-                Ok(file) => self.files.push(Growing::new(file)),
+                Ok(file) => self.files.push(AppendFile::new(file)),
                 Err(e) if e.kind() == io::ErrorKind::NotFound => break,
                 Err(e) => return Err(e),
             }
@@ -234,21 +233,21 @@ impl Scratch {
         Ok(())
     }
 
-    /// One more file.
+    /// Creates one more file.
     fn add_file(&mut self) -> Result<(), BuildError> {
         let file = match &self.path {
             None => tempfile::tempfile_in(&self.folder),
             Some(first) => create(&name_of(first, self.files.len())),
         };
-        self.files.push(Growing::new(file.map_err(|e| not_made(&self.folder, e))?));
+        self.files.push(AppendFile::new(file.map_err(|e| not_made(&self.folder, e))?));
         Ok(())
     }
 
-    /// These extents are in the files that were reopened, and nothing behind them. Whether that can
-    /// be.
+    /// Sets the extents that the reopened files hold; new bytes are appended after the last one.
+    /// Returns whether the files are long enough.
     ///
     /// # Errors
-    /// Where the disk fails.
+    /// If the disk fails.
     pub fn restore(&mut self, extents: &[Extent]) -> Result<bool, BuildError> {
         for extent in extents {
             let Some(file) = self.files.get_mut(extent.file as usize) else { return Ok(false) };
@@ -258,33 +257,33 @@ impl Scratch {
             self.held_bytes += extent.bytes;
         }
         self.note_peaks();
-        let mut is_there = true;
-        for Growing { file, bytes, .. } in &mut self.files {
+        let mut is_long_enough = true;
+        for AppendFile { file, bytes, .. } in &mut self.files {
             let sought = file.seek(io::SeekFrom::Start(*bytes));
             let length = sought.and_then(|_| file.get_ref().metadata()).map(|m| m.len());
             let failed = |e| BuildError::scratch(&self.folder, "cannot read scratch data", e);
-            is_there &= length.map_err(failed)? >= *bytes;
+            is_long_enough &= length.map_err(failed)? >= *bytes;
         }
-        Ok(is_there)
+        Ok(is_long_enough)
     }
 
-    /// Whether nothing is in it.
+    /// Whether no bytes were appended.
     pub fn is_empty(&self) -> bool {
         self.files.iter().all(|file| file.bytes == 0)
     }
 
-    /// Whether it stays when it is dropped, where it has a name.
+    /// Sets whether named files stay when the scratch space is dropped.
     pub fn keep(&mut self, is_kept: bool) {
         self.is_kept = is_kept;
     }
 
-    /// Hands all that was appended to the system; the files have it then.
+    /// Writes all appended bytes to the system.
     ///
     /// # Errors
-    /// Where the disk is full.
+    /// If the disk is full.
     pub fn flush(&mut self) -> Result<(), BuildError> {
-        // Each is waited for, whatever becomes of the others.
-        let flushed: Vec<io::Result<()>> = self.files.iter_mut().map(Growing::flush).collect();
+        // All threads are waited for, also after an error.
+        let flushed: Vec<io::Result<()>> = self.files.iter_mut().map(AppendFile::flush).collect();
         flushed.into_iter().collect::<io::Result<()>>().map_err(|e| self.not_written(e))
     }
 
@@ -295,10 +294,10 @@ impl Scratch {
     /// Appends bytes.
     ///
     /// # Errors
-    /// Where the disk is full.
+    /// If the disk is full.
     pub fn append(&mut self, bytes: &[u8]) -> Result<Extent, BuildError> {
         let first = &mut self.files[0];
-        let written = first.settle().and_then(|()| first.file.write_all(bytes));
+        let written = first.wait().and_then(|()| first.file.write_all(bytes));
         let extent = Extent { file: 0, offset: first.bytes, bytes: bytes.len() as u64 };
         first.bytes += extent.bytes;
         written.map_err(|e| self.not_written(e))?;
@@ -306,22 +305,26 @@ impl Scratch {
         Ok(extent)
     }
 
-    /// Appends parts, each of which is runs that come to lie behind each other, while the caller
-    /// goes on: what it asks next of the files waits for them, and has their errors. Where each
-    /// part will be.
+    /// Appends groups of runs in the background, the runs of a group consecutively. The
+    /// next call that uses the files waits, and returns the errors of the threads. Returns
+    /// the extent of each group.
     ///
     /// # Errors
-    /// Where the disk is full, for what was appended before; where the system gives no thread.
-    pub fn append_meanwhile(&mut self, parts: Vec<Vec<Run>>) -> Result<Vec<Extent>, BuildError> {
+    /// If the disk is full for bytes appended before; if no thread can be started.
+    pub fn append_in_background(
+        &mut self,
+        groups: Vec<Vec<BlockBytes>>,
+    ) -> Result<Vec<Extent>, BuildError> {
         self.flush()?;
-        let bytes_of = |runs: &[Run]| runs.iter().map(|run| run.bytes.len() as u64).sum::<u64>();
-        let total: u64 = parts.iter().map(|runs| bytes_of(runs)).sum();
+        let bytes_of =
+            |runs: &[BlockBytes]| runs.iter().map(|run| run.bytes.len() as u64).sum::<u64>();
+        let total: u64 = groups.iter().map(|runs| bytes_of(runs)).sum();
         let files = rayon::current_num_threads().clamp(1, FILES_MAX);
         let share = total.div_ceil(files as u64).max(1);
-        let mut runs_of: Vec<Vec<Run>> = Vec::new();
-        let mut extents = Vec::with_capacity(parts.len());
+        let mut runs_of: Vec<Vec<BlockBytes>> = Vec::new();
+        let mut extents = Vec::with_capacity(groups.len());
         let mut before = 0;
-        for mut runs in parts {
+        for mut runs in groups {
             let file = ((before / share) as usize).min(files - 1);
             while runs_of.len() <= file {
                 runs_of.push(Vec::new());
@@ -337,55 +340,56 @@ impl Scratch {
             runs_of[file].append(&mut runs);
         }
         for (file, runs) in runs_of.into_iter().enumerate().filter(|(_, runs)| !runs.is_empty()) {
-            let begun = self.files[file].append_meanwhile(runs).map_err(|e| self.not_written(e))?;
-            begun.map_err(BuildError::no_thread)?;
+            let started =
+                self.files[file].append_in_background(runs).map_err(|e| self.not_written(e))?;
+            started.map_err(BuildError::no_thread)?;
         }
         self.grow(total);
         Ok(extents)
     }
 
-    /// So many bytes more are in the files, or on their way to them.
+    /// Counts bytes that were appended, written or not.
     fn grow(&mut self, bytes: u64) {
         self.written_bytes += bytes;
         self.held_bytes += bytes;
         self.note_peaks();
     }
 
-    /// Told that the file that is being built now has so many bytes.
-    pub fn set_beside(&mut self, bytes: u64) {
-        self.beside_bytes = bytes;
+    /// Sets the length of the file that is being built, for [`Self::disk_bytes_peak`].
+    pub fn set_output_bytes(&mut self, bytes: u64) {
+        self.output_bytes = bytes;
         self.note_peaks();
     }
 
     fn note_peaks(&mut self) {
         self.held_bytes_peak = self.held_bytes_peak.max(self.held_bytes);
-        self.disk_bytes_peak = self.disk_bytes_peak.max(self.held_bytes + self.beside_bytes);
+        self.disk_bytes_peak = self.disk_bytes_peak.max(self.held_bytes + self.output_bytes);
     }
 
-    /// Bytes ever written.
+    /// Bytes written since the beginning.
     pub fn bytes(&self) -> u64 {
         self.written_bytes
     }
 
-    /// The most bytes that were held at once.
+    /// Most bytes that were held at one time.
     pub fn bytes_peak(&self) -> u64 {
         self.held_bytes_peak
     }
 
-    /// The most bytes that scratch and the file being built had at once.
+    /// Most bytes that scratch and the file that is being built held together at one time.
     pub fn disk_bytes_peak(&self) -> u64 {
         self.disk_bytes_peak
     }
 
-    /// Begins anew; all extents are void.
+    /// Empties the files; all extents become invalid.
     ///
     /// # Errors
-    /// Where the system refuses.
+    /// If a file cannot be cut.
     pub fn clear(&mut self) -> Result<(), BuildError> {
         self.held_bytes = 0;
         for rows in &mut self.files {
-            // What could not be written is void too.
-            let _ = rows.settle();
+            // Bytes that could not be written are not needed any more.
+            let _ = rows.wait();
             rows.bytes = 0;
             rows.file
                 .flush()
@@ -396,26 +400,26 @@ impl Scratch {
         Ok(())
     }
 
-    /// The files' content so far.
+    /// Maps the files as they are now.
     ///
     /// # Errors
-    /// Where the disk is full, or the system refuses a mapping.
+    /// If the disk is full, or the system refuses a mapping.
     pub fn map(&mut self) -> Result<Map, BuildError> {
         self.flush()?;
-        // SAFETY: this process alone holds the files: they have no names, or random ones of this
-        // user's, which the journal of an output alone knows, and the output is locked; they are
-        // only appended to, cut only when no extent is left (`clear` takes `&mut self` where no map
-        // lives), and holes are punched only in extents that nobody reads any more (whoever parts
-        // rows may still have slices of them, but is past them), so the mapped bytes never change
-        // under a reader and a mapping never reaches past its file's end.
-        let map = |rows: &Growing| unsafe { Mmap::map(rows.file.get_ref()) };
+        // SAFETY: only this process opens the files: they have no names, or random names of this
+        // user that only the journal of an output knows, and the output is locked. They are only
+        // appended to, and cut only when no extent is left (`clear` takes `&mut self` when no map
+        // lives). Holes are punched only in extents that are not read any more (code that splits a
+        // bucket may still have slices of them, but is past them). So mapped bytes never change
+        // under a reader, and a mapping never reaches past the end of its file.
+        let map = |rows: &AppendFile| unsafe { Mmap::map(rows.file.get_ref()) };
         let maps: io::Result<Vec<Mmap>> = self.files.iter().map(map).collect();
         let failed = |e| BuildError::scratch(&self.folder, "cannot map scratch data", e);
         maps.map(Map).map_err(failed)
     }
 
-    /// Gives the space of extents back to the system, neighbours together. Best effort: what is not
-    /// given back is freed at the end.
+    /// Frees the space of extents, adjacent ones together. Space that cannot be freed now is freed
+    /// at the end.
     pub fn release(&mut self, mut extents: Vec<Extent>) {
         extents.sort_unstable_by_key(|e| (e.file, e.offset));
         for run in extents.chunk_by(|a, b| a.file == b.file && a.offset + a.bytes == b.offset) {
@@ -430,7 +434,7 @@ impl Scratch {
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        // Whoever wants to know whether all was written has asked.
+        // Errors were returned by `flush`, or nobody needs the bytes.
         self.files.iter_mut().for_each(|rows| drop(rows.writing.take().map(JoinHandle::join)));
         if let Some(path) = self.path.take().filter(|_| !self.is_kept) {
             remove(&path);
@@ -438,7 +442,7 @@ impl Drop for Scratch {
     }
 }
 
-/// Whether the system took so many bytes back: not every file system knows holes.
+/// Frees bytes of a file; returns whether that worked: not every file system supports holes.
 #[cfg(target_os = "linux")]
 fn punch(file: &File, offset: u64, bytes: u64) -> bool {
     use rustix::fs::{FallocateFlags, fallocate};
@@ -461,18 +465,18 @@ mod tests {
         let mut scratch = Scratch::new(folder.path()).unwrap();
         let a = scratch.append(&[1; 10_000]).unwrap();
         let b = scratch.append(&[2; 10_000]).unwrap();
-        scratch.set_beside(500);
+        scratch.set_output_bytes(500);
         scratch.release(vec![a]);
-        scratch.set_beside(7_000);
+        scratch.set_output_bytes(7_000);
         let map = scratch.map().unwrap();
         assert_eq!(b.of(&map), Some(&[2; 10_000][..]));
         assert_eq!(scratch.bytes(), 20_000);
         drop(map);
         scratch.clear().unwrap();
         let block = Arc::new(vec![1, 2, 3, 3, 4]);
-        let run = |bytes| Run { block: Arc::clone(&block), bytes };
-        let parts = vec![vec![run(3..5), run(0..1)], vec![], vec![run(1..3)]];
-        let extents = scratch.append_meanwhile(parts).unwrap();
+        let run = |bytes| BlockBytes { block: Arc::clone(&block), bytes };
+        let groups = vec![vec![run(3..5), run(0..1)], vec![], vec![run(1..3)]];
+        let extents = scratch.append_in_background(groups).unwrap();
         let map = scratch.map().unwrap();
         let read: Vec<_> = extents.iter().map(|extent| extent.of(&map).unwrap()).collect();
         assert_eq!(read, [&[3, 4, 1][..], &[], &[2, 3]]);
@@ -496,20 +500,20 @@ mod tests {
     }
 
     #[test]
-    fn as_many_files_as_threads_are_written_and_found_again() {
+    fn one_file_a_thread_is_written_and_reopened() {
         let folder = tempfile::tempdir().unwrap();
         let names = || fs::read_dir(folder.path()).unwrap().count();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
         let block = Arc::new((0..=255).collect::<Vec<u8>>());
-        let parts = || -> Vec<Vec<Run>> {
-            let run = |bytes| vec![Run { block: Arc::clone(&block), bytes }];
+        let groups = || -> Vec<Vec<BlockBytes>> {
+            let run = |bytes| vec![BlockBytes { block: Arc::clone(&block), bytes }];
             [0..100, 100..130, 130..131, 131..256].map(run).into()
         };
         let mut scratch = Scratch::new(folder.path()).unwrap();
-        let first = scratch.name().unwrap().unwrap().to_owned();
-        let mut extents = pool.install(|| scratch.append_meanwhile(parts())).unwrap();
+        let first = scratch.make_named().unwrap().unwrap().to_owned();
+        let mut extents = pool.install(|| scratch.append_in_background(groups())).unwrap();
         assert_eq!(extents.iter().map(|e| e.file).collect::<Vec<_>>(), [0, 1, 1, 1]);
-        extents.extend(pool.install(|| scratch.append_meanwhile(parts())).unwrap());
+        extents.extend(pool.install(|| scratch.append_in_background(groups())).unwrap());
         scratch.flush().unwrap();
         scratch.keep(true);
         drop(scratch);
@@ -521,13 +525,13 @@ mod tests {
         let map = scratch.map().unwrap();
         let read: Vec<u8> = extents.iter().flat_map(|e| e.of(&map).unwrap().to_vec()).collect();
         assert_eq!(read, [&block[..], &block[..], &[9; 50]].concat());
-        // What was never written, and a file that never was.
+        // Bytes that were never written, and a file that never existed.
         let behind = Extent { offset: 1 << 40, ..extents[0] };
         assert!(!scratch.restore(&[behind]).unwrap());
         assert!(!scratch.restore(&[Extent { file: 2, ..behind }]).unwrap());
         drop((map, scratch));
         assert_eq!(names(), 0);
-        // Whichever are left are deleted.
+        // All files that are left are deleted.
         for number in [0, 1, 3, FILES_MAX - 1] {
             fs::write(name_of(&first, number), []).unwrap();
         }

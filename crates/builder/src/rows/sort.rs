@@ -1,26 +1,25 @@
-//! Sorting: the rows of each bucket along the Morton curve, ties by the record. Buckets are cells
-//! along the curve, so one after the other they are sorted as a whole; each by itself fits a core's
-//! cache.
+//! Sorts the rows of each bucket along the Morton curve, ties by the bytes of the row. Buckets are
+//! cells in Morton order, so together they are sorted too; each fits the cache of a core.
 
 use crate::rows::row::{copy_row, position};
 use esker_points::{Cell, morton};
 use rayon::prelude::*;
 
-/// Rows of more runs than one are brought together first, where they are at most so many bytes:
-/// half of what a core's second-level cache commonly holds.
+/// Rows of several runs are copied together first if they have at most this many bytes: half of a
+/// common second-level cache.
 const STAGED_BYTES: usize = 512 << 10;
-/// Buckets of more rows are sorted by several tasks.
+/// Buckets with more rows are sorted by several tasks.
 const TASK_ROWS: usize = 1 << 16;
 
-/// What sorting a bucket needs beside its rows, kept for the next one.
+/// Buffers for sorting a bucket, reused for the next one.
 #[derive(Default)]
 struct Staging {
     rows: Vec<u8>,
     keys: Vec<u64>,
 }
 
-/// Sorts the rows of buckets that follow each other along the curve; of each bucket its runs, below
-/// 2^32 rows in all. `out` is overwritten and has only the sorted rows.
+/// Sorts the rows of buckets in Morton order into `out`, which is overwritten. Each bucket is given
+/// as its runs; fewer than 2^32 rows in all.
 pub fn sort(buckets: &[Vec<&[u8]>], stride: usize, out: &mut Vec<u8>) {
     let bytes = |runs: &Vec<&[u8]>| runs.iter().map(|r| r.len()).sum::<usize>();
     out.resize(buckets.iter().map(bytes).sum(), 0);
@@ -43,7 +42,7 @@ pub fn sort(buckets: &[Vec<&[u8]>], stride: usize, out: &mut Vec<u8>) {
     });
 }
 
-/// The rows of a bucket, wherever they lie, as whole runs.
+/// The rows of a bucket, as runs of whole rows.
 struct Runs<'a> {
     runs: &'a [&'a [u8]],
     /// Rows before each run.
@@ -80,9 +79,9 @@ impl<'a> Runs<'a> {
         Cell::enclosing(min, max)
     }
 
-    /// Sorts the rows into `out`, which they fill. A key is the upper bits of the code within the
-    /// rows' own cell, as many as 64 bits leave beside the row's number; what is alike there is
-    /// compared.
+    /// Sorts the rows into `out`, which they fill. A key has the upper bits of the code within the
+    /// rows' own cell, as many as 64 bits leave beside the index of the row; rows with equal bits
+    /// are compared.
     fn sort(&self, keys: &mut Vec<u64>, out: &mut [u8]) {
         if self.rows == 0 {
             return;
@@ -118,10 +117,10 @@ impl<'a> Runs<'a> {
             .for_each(|(slot, key)| copy_row(slot, self.row((*key & mask) as u32)));
     }
 
-    /// Puts keys that differ in their index alone into the order of their rows; each row is looked
-    /// up once, not for each comparison. `is_part` where keys have a part of the code only; else
-    /// what is alike coincides.
-    fn sort_ties(&self, keys: &mut [u64], index_bits: u32, is_part: bool) {
+    /// Sorts keys that differ only in their index by their rows; each row is looked up once, not
+    /// for each comparison. `is_truncated` states that keys have only part of the code; if they
+    /// have all of it, rows with equal keys coincide.
+    fn sort_ties(&self, keys: &mut [u64], index_bits: u32, is_truncated: bool) {
         let mask = (1u64 << index_bits) - 1;
         let mut rows: Vec<(u128, &[u8], u64)> = Vec::new();
         for tied in keys.chunk_by_mut(|a, b| (a ^ b) <= mask) {
@@ -131,7 +130,7 @@ impl<'a> Runs<'a> {
             rows.clear();
             rows.extend(tied.iter().map(|&key| {
                 let row = self.row((key & mask) as u32);
-                let code = if is_part { morton::encode3(position(row)) } else { 0 };
+                let code = if is_truncated { morton::encode3(position(row)) } else { 0 };
                 (code, row, key)
             }));
             if rows.len() > TASK_ROWS {
@@ -186,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_too_large_to_be_brought_together_are_sorted_alike() {
+    fn runs_too_large_to_be_staged_are_sorted_equally() {
         let points: Vec<_> =
             (0..200_000u32).map(|i| [i.wrapping_mul(2_654_435_761), i % 3, 7]).collect();
         let bytes = rows_of(&points);

@@ -1,11 +1,10 @@
-//! The files that a tree is built between: scratch, where rows come from; the file, where pages go;
-//! and the journal, which is told of pages when they are written, and of rows before they are given
-//! back.
+//! The files of a build: scratch, from which rows are read; the output, to which pages are written;
+//! and the journal, which records pages when they are written, and rows before they are freed.
 
 use crate::error::BuildError;
 use crate::rows::borders::{self, Borders, cell_of};
 use crate::rows::journal::Journal;
-use crate::rows::journal_record::{Kind, Reading, Record};
+use crate::rows::journal_record::{Kind, Record, RecordReader};
 use crate::rows::partition::{Bucket, Spilled};
 use crate::rows::row::{RowLayout, position};
 use crate::rows::scratch::{Extent, Map, Scratch, take_first};
@@ -14,68 +13,68 @@ use esker_format::FileWriter;
 use esker_points::Cell;
 use rayon::prelude::*;
 
-/// The files.
+/// The files of a build.
 pub struct Store {
-    /// The file.
+    /// The output.
     pub writer: FileWriter,
-    /// Where rows lie that do not fit memory.
+    /// Rows that do not fit memory.
     pub scratch: Scratch,
-    /// What is done.
+    /// The finished steps.
     pub journal: Journal,
-    /// What chunks know of each other, where normals are estimated.
+    /// Positions near the borders of chunks, if normals are estimated.
     pub borders: Option<Borders>,
 }
 
-/// What waits to be written.
+/// Pages and a journal record that wait to be written.
 #[derive(Default)]
 pub struct Outgoing {
-    /// Pages that have their places.
+    /// Pages, in the order of the file.
     pub pages: Vec<Vec<u8>>,
-    /// That a part is built, whose pages are among these.
+    /// Record of a chunk, the last of whose pages is among these.
     pub record: Option<Record>,
-    /// Its rows, which then are of no more use.
+    /// Rows of the chunk, which are freed after the record is written.
     pub extents: Vec<Extent>,
 }
 
 impl Store {
-    /// Whether all stays as it is when it is dropped before the build's end.
+    /// Sets whether the unfinished files stay when the store is dropped.
     pub fn keep(&mut self, is_kept: bool) {
         self.writer.keep(is_kept);
         self.scratch.keep(is_kept);
         self.journal.keep(is_kept);
     }
 
-    /// Writes what waits.
+    /// Writes pages and record, then frees rows.
     ///
     /// # Errors
-    /// Where the disk is full.
+    /// If the disk is full.
     pub fn write(&mut self, outgoing: Outgoing) -> Result<(), BuildError> {
         for page in outgoing.pages {
             self.writer.write_page(&page)?;
         }
-        self.scratch.set_beside(self.writer.offset());
+        self.scratch.set_output_bytes(self.writer.offset());
         if let Some(record) = outgoing.record {
             self.writer.flush()?;
-            self.journal.tell(record)?;
+            self.journal.append(record)?;
         }
         self.scratch.release(outgoing.extents);
         Ok(())
     }
 
-    /// The content of scratch, where a bucket has rows in it.
+    /// Maps scratch if `bucket` has rows in it.
     ///
     /// # Errors
-    /// Where scratch fails.
+    /// If scratch space fails.
     pub fn map(&mut self, bucket: &Bucket) -> Result<Option<Map>, BuildError> {
         if bucket.extents.is_empty() { Ok(None) } else { self.scratch.map().map(Some) }
     }
 
-    /// Holds that rows in scratch which an earlier build may have put there are those of a bucket:
-    /// a system that went down may have lost them.
+    /// In a resumed build, checks that the rows of a bucket in scratch are within its cell: a power
+    /// loss may have destroyed them.
     ///
     /// # Errors
-    /// Where they are not.
-    pub fn check(
+    /// If they are not.
+    pub fn check_rows(
         &self,
         bucket: &Bucket,
         runs: &[&[u8]],
@@ -93,58 +92,59 @@ impl Store {
         Err(self.journal.damaged("its scratch file"))
     }
 
-    /// The rows of a chunk, wherever they lie; and what others have put aside for it, where any
-    /// has.
+    /// Opens the rows of a chunk for loading; with `has_borders`, scratch is
+    /// mapped also for its halo.
     ///
     /// # Errors
-    /// Where scratch fails, or rows of an earlier build are damaged.
-    pub fn stored(
+    /// If scratch space fails, or rows of an earlier build are damaged.
+    pub fn chunk_rows(
         &mut self,
         buckets: Vec<Bucket>,
         layout: &RowLayout,
         has_borders: bool,
-    ) -> Result<Stored, BuildError> {
+    ) -> Result<ChunkRows, BuildError> {
         let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
         let is_needed = is_stored || has_borders;
         let map = if is_needed { Some(self.scratch.map()?) } else { None };
         if self.journal.is_resumed() {
             buckets.par_iter().try_for_each(|bucket| {
-                self.check(bucket, &bucket.runs(map.as_ref(), layout.bytes()), layout)
+                self.check_rows(bucket, &bucket.runs(map.as_ref(), layout.bytes()), layout)
             })?;
         }
-        Ok(Stored { buckets, map })
+        Ok(ChunkRows { buckets, map })
     }
 
-    /// The typical distance of points in steps.
+    /// The typical distance of points, in steps; estimated, or read from the journal.
     ///
     /// # Errors
-    /// Where scratch fails.
+    /// If scratch space fails, or the journal is damaged.
     pub fn spacing(&mut self, buckets: &[Bucket], stride: usize) -> Result<f64, BuildError> {
-        if let Some(record) = self.journal.ask(Kind::Spaced)? {
-            let spacing = Reading(&record).get();
+        if let Some(record) = self.journal.next(Kind::Spacing)? {
+            let spacing = RecordReader(&record).get();
             return spacing.ok_or_else(|| self.journal.damaged("the distance of its points"));
         }
         let spacing = borders::spacing(buckets, stride, &mut self.scratch)?;
-        let mut record = Record::new(Kind::Spaced);
+        let mut record = Record::new(Kind::Spacing);
         record.put(spacing);
-        self.journal.tell(record)?;
+        self.journal.append(record)?;
         Ok(spacing)
     }
 
-    /// What chunks have put aside for each other.
-    pub fn aside(&self) -> &[(Cell, Vec<Extent>)] {
+    /// Cells of chunks, and the places of the positions near their faces.
+    pub fn border_cells(&self) -> &[(Cell, Vec<Extent>)] {
         self.borders.as_ref().map_or(&[], Borders::cells)
     }
 
-    /// Puts aside what other chunks may need of this one's buckets.
+    /// Stores the positions near the faces of the cell of a chunk.
     ///
     /// # Errors
-    /// Where scratch fails, or rows of an earlier build are damaged.
-    pub fn put_aside(&mut self, buckets: &[Bucket], layout: &RowLayout) -> Result<(), BuildError> {
+    /// If scratch space fails, or rows of an earlier build are damaged.
+    pub fn add_border(&mut self, buckets: &[Bucket], layout: &RowLayout) -> Result<(), BuildError> {
         if self.journal.is_resumed() && buckets.iter().any(|b| !b.extents.is_empty()) {
             let map = self.scratch.map()?;
-            let whole = |b: &Bucket| self.check(b, &b.runs(Some(&map), layout.bytes()), layout);
-            buckets.par_iter().try_for_each(whole)?;
+            let check =
+                |b: &Bucket| self.check_rows(b, &b.runs(Some(&map), layout.bytes()), layout);
+            buckets.par_iter().try_for_each(check)?;
         }
         match &mut self.borders {
             Some(borders) => borders.add(buckets, &mut self.scratch),
@@ -152,40 +152,39 @@ impl Store {
         }
     }
 
-    /// Gives back what a cell has put aside whose parts are to: that is all of it that others may
-    /// need, and more.
-    pub fn forget_aside(&mut self, cell: &Cell) {
-        let extents = self.borders.as_mut().map(|borders| borders.forget(cell));
+    /// Frees the border of a cell that was split: the borders of its parts include it.
+    pub fn release_border(&mut self, cell: &Cell) {
+        let extents = self.borders.as_mut().map(|borders| borders.remove(cell));
         self.scratch.release(extents.unwrap_or_default());
     }
 
-    /// Tells of what was put aside after the first `known` cells.
+    /// Records the borders after the first `known` cells.
     ///
     /// # Errors
-    /// Where the disk is full.
-    pub fn tell_aside(&mut self, known: usize) -> Result<(), BuildError> {
+    /// If the disk is full.
+    pub fn record_borders(&mut self, known: usize) -> Result<(), BuildError> {
         if !self.journal.keeps_rows() {
             return Ok(());
         }
         self.scratch.flush()?;
-        let mut record = Record::new(Kind::Aside);
-        let cells = &self.aside()[known..];
+        let mut record = Record::new(Kind::Borders);
+        let cells = &self.border_cells()[known..];
         record.put(cells.len() as u64);
         for (cell, extents) in cells {
             record.put(cell.corner);
             record.put(cell.log2);
             put_extents(extents, &mut record);
         }
-        self.journal.tell(record)
+        self.journal.append(record)
     }
 
-    /// Takes what is put aside next from the journal, where it has it.
+    /// Restores the next borders from the journal; returns whether it has them.
     ///
     /// # Errors
-    /// Where it is damaged.
-    pub fn resume_aside(&mut self) -> Result<bool, BuildError> {
-        let Some(record) = self.ask_of_rows(Kind::Aside)? else { return Ok(false) };
-        let mut from = Reading(&record);
+    /// If the record or scratch is damaged.
+    pub fn resume_borders(&mut self) -> Result<bool, BuildError> {
+        let Some(record) = self.next_of_rows(Kind::Borders)? else { return Ok(false) };
+        let mut from = RecordReader(&record);
         let count = from.get::<u64>();
         let cell = |_| {
             let cell = Cell { corner: from.get()?, log2: from.get()? };
@@ -203,17 +202,17 @@ impl Store {
         Ok(true)
     }
 
-    /// The next record, where rows in scratch are kept.
-    fn ask_of_rows(&mut self, kind: Kind) -> Result<Option<Vec<u8>>, BuildError> {
-        if self.journal.rows().is_some() { self.journal.ask(kind) } else { Ok(None) }
+    /// The next record of the earlier build, if it kept rows in scratch.
+    fn next_of_rows(&mut self, kind: Kind) -> Result<Option<Vec<u8>>, BuildError> {
+        if self.journal.rows().is_some() { self.journal.next(kind) } else { Ok(None) }
     }
 
-    /// What the journal has next of the parts of a bucket of rows of `stride` bytes; they then are
-    /// the bucket's no more.
+    /// Rows of `bucket`, of `stride` bytes, that an earlier build has split, by the next record of
+    /// the journal. They are removed from the bucket.
     ///
     /// # Errors
-    /// Where it is damaged.
-    pub fn parted(
+    /// If the record or scratch is damaged.
+    pub fn resume_split(
         &mut self,
         bucket: &mut Bucket,
         stride: usize,
@@ -221,14 +220,14 @@ impl Store {
         if bucket.extents.is_empty() {
             return Ok(None);
         }
-        let Some(record) = self.ask_of_rows(Kind::Parted)? else { return Ok(None) };
+        let Some(record) = self.next_of_rows(Kind::Split)? else { return Ok(None) };
         let stride_bytes = stride as u64;
         let is_own = |spilled: &Spilled| {
             let bytes = spilled.bytes();
             bytes.is_multiple_of(stride_bytes)
                 && (1..=bucket.rows).contains(&(bytes / stride_bytes))
         };
-        let spilled = Spilled::get(&mut Reading(&record)).filter(is_own);
+        let spilled = Spilled::get(&mut RecordReader(&record)).filter(is_own);
         let spilled = spilled.ok_or_else(|| self.journal.damaged("a part of its rows"))?;
         if !self.scratch.restore(&spilled.extents())? {
             return Err(self.journal.damaged("its scratch file"));
@@ -240,15 +239,15 @@ impl Store {
 }
 
 /// The rows of a chunk, in memory and in scratch.
-pub struct Stored {
+pub struct ChunkRows {
     buckets: Vec<Bucket>,
-    /// The content of scratch, where any need it.
+    /// Mapping of scratch, if rows or the halo need it.
     map: Option<Map>,
 }
 
-impl Stored {
-    /// Sorts them into `rows`, with their normals where borders are known, and lets go of them;
-    /// where in scratch they lie.
+impl ChunkRows {
+    /// Sorts the rows into `rows`, and estimates their normals if there are borders. Returns the
+    /// places of the rows in scratch.
     pub fn load(
         self,
         layout: &RowLayout,
@@ -271,6 +270,6 @@ fn put_extents(extents: &[Extent], record: &mut Record) {
     extents.iter().for_each(|extent| extent.put(record));
 }
 
-fn extents(from: &mut Reading<'_>) -> Option<Vec<Extent>> {
+fn extents(from: &mut RecordReader<'_>) -> Option<Vec<Extent>> {
     (0..from.get::<u64>()?).map(|_| Extent::get(from)).collect()
 }

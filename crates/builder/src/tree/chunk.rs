@@ -1,5 +1,5 @@
-//! A chunk: the points of one cell, few enough for memory, sorted along the Morton curve. Its part
-//! of the tree is built in parallel over contiguous ranges.
+//! Samples the cells of a chunk: the points of one cell, few enough for memory, sorted along the
+//! Morton curve. Its cells are contiguous ranges of rows, and are sampled in parallel.
 
 use crate::rows::row::Rows;
 use crate::sample::cell::Context;
@@ -8,17 +8,17 @@ use esker_points::{Cell, Task};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Below so many points a cell is built by one task.
+/// Cells with at most this many points are built by one task.
 const TASK_POINTS: usize = 1 << 14;
 
 impl Context {
-    /// Chooses what each cell over a range of sorted rows (at least one) offers, down to single
-    /// lattice points. Nodes are yet to be finished. Void where the task was cancelled.
+    /// Samples all cells over a range of sorted rows, at least one, down to single lattice points.
+    /// Nodes are finished later. After a cancellation the result is meaningless.
     pub fn build(&self, rows: &Rows<'_>, range: Range<u32>, task: &dyn Task) -> PendingCell {
         let cell = Cell::enclosing(rows.position(range.start), rows.position(range.end - 1));
         let n = range.len();
         if task.is_cancelled() {
-            // Nothing is offered: what is above has nothing to do, and the caller asks again.
+            // Without points, the cells above have nothing to do; the caller checks the task again.
             return self.leaf(rows, range.start..range.start, cell);
         }
         if n <= self.leaf_points_max() {
@@ -27,19 +27,19 @@ impl Context {
         if cell.log2 == 0 {
             return self.coincident(rows, range, cell);
         }
-        let parts = octants(rows, range, &cell);
+        let octants = octants(rows, range, &cell);
         let children = if n > TASK_POINTS {
-            parts.into_par_iter().map(|part| self.build(rows, part, task)).collect()
+            octants.into_par_iter().map(|own| self.build(rows, own, task)).collect()
         } else {
-            parts.into_iter().map(|part| self.build(rows, part, task)).collect()
+            octants.into_iter().map(|own| self.build(rows, own, task)).collect()
         };
         self.combine(rows, cell, children)
     }
 }
 
-/// The occupied octants of a cell as ranges of its sorted rows.
+/// The occupied octants of a cell, as ranges of its sorted rows.
 fn octants(rows: &Rows<'_>, range: Range<u32>, cell: &Cell) -> Vec<Range<u32>> {
-    let mut parts = Vec::with_capacity(8);
+    let mut octants = Vec::with_capacity(8);
     let mut start = range.start;
     for octant in 0..8 {
         let (mut low, mut high) = (start, range.end);
@@ -52,9 +52,9 @@ fn octants(rows: &Rows<'_>, range: Range<u32>, cell: &Cell) -> Vec<Range<u32>> {
             }
         }
         if low > start {
-            parts.push(start..low);
+            octants.push(start..low);
         }
         start = low;
     }
-    parts
+    octants
 }

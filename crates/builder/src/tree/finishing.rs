@@ -1,5 +1,5 @@
-//! The nodes below a cell: each is finished by itself, in any order and on any thread, then they
-//! are put together.
+//! Finishes the nodes below a cell: each separately, in any order and on any thread; then they are
+//! joined to subtrees.
 
 use crate::page::histograms::Counts;
 use crate::rows::row::Rows;
@@ -9,21 +9,21 @@ use crate::tree::subtree::{Children, Subtree};
 use esker_points::Task;
 use std::sync::{Mutex, PoisonError};
 
-/// What is below a cell and not finished: cells before those in them, and those of one cell in
-/// Morton order.
+/// Unfinished cells below a cell: parents before children, and the children
+/// of a cell in Morton order.
 pub struct Unfinished {
-    cells: Vec<Unit>,
-    /// Points that are in none of them.
-    others: u64,
+    cells: Vec<UnfinishedCell>,
+    /// Points that are in none of the cells.
+    other_points: u64,
 }
 
-/// A cell, then its node.
-struct Unit {
-    /// The one that it is a child of; none where that is the cell above all.
+/// An unfinished cell, which becomes a node.
+struct UnfinishedCell {
+    /// Index of the parent; `None` right below the cell above all.
     parent: Option<usize>,
-    /// Points that are in none of those below.
+    /// Points that are in no cell below.
     points: u64,
-    /// Of nodes that are finished elsewhere, where those below it are.
+    /// Index of the sampled cell whose result has the nodes below, if they are finished elsewhere.
     elsewhere: Option<usize>,
     state: Mutex<State>,
 }
@@ -34,10 +34,10 @@ enum State {
 }
 
 impl Unfinished {
-    /// What is below a cell.
+    /// Takes the unfinished cells below a cell.
     pub fn below(pending: &mut PendingCell) -> Self {
-        let mut cells: Vec<Unit> = Vec::new();
-        let mut others = pending.moments.count;
+        let mut cells: Vec<UnfinishedCell> = Vec::new();
+        let mut other_points = pending.moments.count;
         let mut open: Vec<(Option<usize>, Vec<ReadyCell>)> =
             vec![(None, pending.below.take_ready())];
         while let Some((parent, cuts)) = open.pop() {
@@ -45,7 +45,7 @@ impl Unfinished {
                 let points = cut.pending.moments.count;
                 match parent {
                     Some(parent) => cells[parent].points -= points,
-                    None => others -= points,
+                    None => other_points -= points,
                 }
                 let elsewhere = match cut.pending.below {
                     Below::Elsewhere { of, .. } => Some(of),
@@ -53,23 +53,23 @@ impl Unfinished {
                 };
                 open.push((Some(cells.len()), cut.pending.below.take_ready()));
                 let state = Mutex::new(State::Ready(Box::new(cut)));
-                cells.push(Unit { parent, points, elsewhere, state });
+                cells.push(UnfinishedCell { parent, points, elsewhere, state });
             }
         }
-        Self { cells, others }
+        Self { cells, other_points }
     }
 
-    /// How many cells.
+    /// Number of cells.
     pub fn len(&self) -> usize {
         self.cells.len()
     }
 
-    /// Points that are in none of them.
-    pub fn others(&self) -> u64 {
-        self.others
+    /// Points that are in none of the cells.
+    pub fn other_points(&self) -> u64 {
+        self.other_points
     }
 
-    /// Finishes a cell's own node. Void where the task was cancelled.
+    /// Finishes the node of cell `index`. Does nothing after a cancellation.
     pub fn finish(
         &self,
         index: usize,
@@ -81,7 +81,7 @@ impl Unfinished {
         if task.is_cancelled() {
             return;
         }
-        let Unit { points, state, .. } = &self.cells[index];
+        let UnfinishedCell { points, state, .. } = &self.cells[index];
         let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
         if let State::Ready(cut) = std::mem::replace(&mut *state, State::Finished(None)) {
             let ReadyCell { pending, taken, above } = *cut;
@@ -91,12 +91,14 @@ impl Unfinished {
         task.advance(*points);
     }
 
-    /// The nodes right below the cell, with those below them, where all are finished, and of each
-    /// where the nodes below it are that are finished elsewhere; `None` where one has panicked.
+    /// The finished nodes right below the cell, with all below them; and for each the index of the
+    /// sampled cell whose result has the nodes below it, if they are finished elsewhere. `None` if
+    /// finishing a node has panicked.
     pub fn into_children(self) -> Option<(Children, Vec<Option<usize>>)> {
         let mut below: Vec<Vec<Subtree>> = self.cells.iter().map(|_| Vec::new()).collect();
         let (mut top, mut top_elsewhere) = (Vec::new(), Vec::new());
-        for (i, Unit { parent, elsewhere, state, .. }) in self.cells.into_iter().enumerate().rev() {
+        for (i, cell) in self.cells.into_iter().enumerate().rev() {
+            let UnfinishedCell { parent, elsewhere, state, .. } = cell;
             let mut children = std::mem::take(&mut below[i]);
             children.reverse();
             let state = state.into_inner().ok()?;

@@ -1,5 +1,5 @@
-//! The levels above the chunks. Buckets are joined to chunks or parted until each fits memory: a
-//! list of steps that does not depend on time.
+//! Builds the tree from buckets. They are joined to chunks, or split, until each fits memory; cells
+//! above are combined from their children. The list of steps does not depend on time or threads.
 
 use crate::attributes::normals::UNKNOWN;
 use crate::budget::memory::Peak;
@@ -14,112 +14,117 @@ use crate::sample::cell::Context;
 use crate::sample::pending::Below;
 use crate::sample::shape::Moments;
 use crate::tree::subtree::Subtree;
-use crate::tree::waiting::{Built, Held, PartRead};
+use crate::tree::waiting::{PartialTree, RecordedChunk, SampledCell};
 use esker_points::{Cell, Task};
 
-/// Builds a tree out of buckets.
-pub struct Raiser<'a> {
-    /// What every step knows.
+/// Builds a tree from buckets.
+pub struct TreeBuilder<'a> {
+    /// Sampling and finishing of cells.
     pub context: &'a Context,
-    /// Where rows lie and pages go.
+    /// Files of the build.
     pub store: &'a mut Store,
-    /// Rows that a chunk of several buckets may have, and one of a single bucket.
+    /// Most rows of a chunk of several buckets, and of a chunk of one bucket.
     pub chunk_rows_max: (u64, u64),
-    /// Bytes of rows that parting a bucket may keep in memory.
+    /// Most bytes of rows that splitting a bucket keeps in memory.
     pub buffer_bytes_max: usize,
-    /// Told how far it is.
+    /// Receives the progress, and says whether to stop.
     pub task: &'a dyn Task,
-    /// Watches memory.
+    /// Samples the memory in use.
     pub peak: &'a Peak,
 }
 
-/// What is done next. Each leaves one cell behind that is built but for its root.
+/// A step of the build. Each adds one cell to [`PartialTree::cells`],
+/// except that a split adds steps.
 pub enum Step {
     /// Builds the points of these buckets, which fit memory.
     Chunk(Vec<Bucket>),
-    /// Parts a bucket that does not fit memory.
-    Part(Bucket),
-    /// Builds a lattice point that does not fit memory.
+    /// Splits a bucket that does not fit memory.
+    Split(Bucket),
+    /// Builds a lattice point with more coincident points than fit memory.
     Coincident(Bucket),
-    /// Takes the last so many cells for the children of this one.
+    /// Samples this cell from its children, which are the last cells; their number.
     Combine(Cell, usize),
 }
 
-impl Raiser<'_> {
-    /// The finished tree over buckets along the Morton curve; `None` where there is no row.
+impl TreeBuilder<'_> {
+    /// Builds the tree of buckets in Morton order; `None` if there are no rows.
     ///
     /// # Errors
-    /// Where scratch or the file fail, or on request.
-    pub fn tree(&mut self, buckets: Vec<Bucket>) -> Result<Option<Subtree>, BuildError> {
-        let mut built = Built::default();
-        built.page_offset = self.store.writer.offset();
+    /// If scratch or the file fail, or on request.
+    pub fn build(&mut self, buckets: Vec<Bucket>) -> Result<Option<Subtree>, BuildError> {
+        let mut tree = PartialTree::default();
+        tree.page_offset = self.store.writer.offset();
         let mut steps = Vec::new();
         if !buckets.is_empty() {
-            self.plan(buckets, &mut steps);
-            self.put_aside(&steps)?;
+            self.plan_steps(buckets, &mut steps);
+            self.store_borders(&steps)?;
         }
         while let Some(step) = steps.pop() {
             self.task.check()?;
             match step {
                 Step::Chunk(buckets) => {
-                    if !self.resume(&buckets, &mut built)? {
+                    if !self.resume_chunk(&buckets, &mut tree)? {
                         steps.push(Step::Chunk(buckets));
-                        self.chunks(&mut steps, &mut built)?;
+                        self.build_chunks(&mut steps, &mut tree)?;
                     }
                 }
-                Step::Part(bucket) => {
-                    self.store.write(std::mem::take(&mut built.outgoing))?;
+                Step::Split(bucket) => {
+                    self.store.write(std::mem::take(&mut tree.outgoing))?;
                     let cell = bucket.cell;
-                    let parts = self.part(bucket)?;
+                    let buckets = self.split(bucket)?;
                     let before = steps.len();
-                    self.plan(parts, &mut steps);
+                    self.plan_steps(buckets, &mut steps);
                     if steps.len() - before > 1 {
-                        self.store.forget_aside(&cell);
+                        self.store.release_border(&cell);
                     }
-                    self.put_aside(&steps[before..])?;
+                    self.store_borders(&steps[before..])?;
                 }
                 Step::Coincident(bucket) => {
-                    if !self.resume(std::slice::from_ref(&bucket), &mut built)? {
-                        self.coincident(bucket, &mut built)?;
+                    if !self.resume_chunk(std::slice::from_ref(&bucket), &mut tree)? {
+                        self.build_coincident(bucket, &mut tree)?;
                     }
                 }
-                Step::Combine(cell, children) => built.combine(self.context, cell, children),
+                Step::Combine(cell, child_count) => tree.combine(self.context, cell, child_count),
             }
         }
-        let Some(held) = built.held.pop() else { return Ok(None) };
-        let rows = Rows { bytes: &held.rows, stride: self.context.rows.bytes() };
-        let mut root = self.context.finish(&rows, held.pending, &[], None, &self.context.counts);
-        built.place(root.as_mut_slice());
-        self.store.write(built.outgoing)?;
+        let Some(cell) = tree.cells.pop() else { return Ok(None) };
+        let rows = Rows { bytes: &cell.rows, stride: self.context.rows.bytes() };
+        let mut root = self.context.finish(&rows, cell.pending, &[], None, &self.context.counts);
+        tree.place(root.as_mut_slice());
+        self.store.write(tree.outgoing)?;
         Ok(root)
     }
 
-    /// Takes a part from the journal, where it has it.
-    fn resume(&mut self, buckets: &[Bucket], built: &mut Built) -> Result<bool, BuildError> {
-        let Some(record) = self.store.journal.ask(Kind::Built)? else { return Ok(false) };
+    /// Restores a chunk from the journal; returns whether the journal has it.
+    fn resume_chunk(
+        &mut self,
+        buckets: &[Bucket],
+        tree: &mut PartialTree,
+    ) -> Result<bool, BuildError> {
+        let Some(record) = self.store.journal.next(Kind::Chunk)? else { return Ok(false) };
         let rows: u64 = buckets.iter().map(|b| b.rows).sum();
-        // What cells above have made of the parts before stands before its pages.
-        self.store.write(std::mem::take(&mut built.outgoing))?;
-        let part = PartRead::get(&record, &self.context.rows)
-            .filter(|part| part.rows == rows && part.pages.start == built.page_offset);
+        // Pages of cells above earlier chunks come before those of this one.
+        self.store.write(std::mem::take(&mut tree.outgoing))?;
+        let chunk = RecordedChunk::get(&record, &self.context.rows)
+            .filter(|chunk| chunk.rows == rows && chunk.pages.start == tree.page_offset);
         let damaged = |store: &Store| store.journal.damaged("a part of what it has built");
-        let part = part.ok_or_else(|| damaged(self.store))?;
-        let page_bytes = part.pages.end - part.pages.start;
-        if !self.context.counts.add_all(&part.counts)
-            || !self.store.writer.skip(page_bytes, part.crc)?
+        let chunk = chunk.ok_or_else(|| damaged(self.store))?;
+        let page_bytes = chunk.pages.end - chunk.pages.start;
+        if !self.context.counts.add_all(&chunk.counts)
+            || !self.store.writer.skip(page_bytes, chunk.crc)?
         {
             return Err(damaged(self.store));
         }
-        built.page_offset = part.pages.end;
-        built.held.push(part.held);
+        tree.page_offset = chunk.pages.end;
+        tree.cells.push(chunk.cell);
         let extents = buckets.iter().flat_map(|b| b.extents.iter().copied());
         self.store.scratch.release(extents.collect());
         self.task.advance(rows);
         Ok(true)
     }
 
-    /// Puts the steps that build these buckets on the stack; the first one comes to lie on top.
-    fn plan(&self, mut buckets: Vec<Bucket>, steps: &mut Vec<Step>) {
+    /// Pushes the steps that build `buckets` on the stack, the first step last.
+    fn plan_steps(&self, mut buckets: Vec<Bucket>, steps: &mut Vec<Step>) {
         let rows: u64 = buckets.iter().map(|b| b.rows).sum();
         let (joined_max, single_max) = self.chunk_rows_max;
         if rows <= joined_max {
@@ -132,59 +137,63 @@ impl Raiser<'_> {
                 } else if bucket.cell.log2 == 0 {
                     Step::Coincident(bucket)
                 } else {
-                    Step::Part(bucket)
+                    Step::Split(bucket)
                 }
             }));
         }
         let first = buckets[0].cell.corner;
         let last = buckets[buckets.len() - 1].cell.last();
         let cell = Cell::enclosing(first, last);
-        let mut parts = Vec::new();
+        let mut octants = Vec::new();
         for octant in (0..8).rev() {
             let start = buckets.partition_point(|b| cell.octant(b.cell.corner) < octant);
-            let part = buckets.split_off(start);
-            if !part.is_empty() {
-                parts.push(part);
+            let own = buckets.split_off(start);
+            if !own.is_empty() {
+                octants.push(own);
             }
         }
-        steps.push(Step::Combine(cell, parts.len()));
-        parts.into_iter().for_each(|part| self.plan(part, steps));
+        steps.push(Step::Combine(cell, octants.len()));
+        octants.into_iter().for_each(|own| self.plan_steps(own, steps));
     }
 
-    /// Puts aside what the chunks of these steps need of each other.
-    fn put_aside(&mut self, steps: &[Step]) -> Result<(), BuildError> {
-        if self.store.borders.is_none() || steps.len() < 2 || self.store.resume_aside()? {
+    /// Stores what the chunks of these steps need of each other to estimate normals.
+    fn store_borders(&mut self, steps: &[Step]) -> Result<(), BuildError> {
+        if self.store.borders.is_none() || steps.len() < 2 || self.store.resume_borders()? {
             return Ok(());
         }
-        let known = self.store.aside().len();
+        let known = self.store.border_cells().len();
         for step in steps {
             self.task.check()?;
             let buckets = match step {
                 Step::Chunk(buckets) => buckets,
-                Step::Part(bucket) | Step::Coincident(bucket) => std::slice::from_ref(bucket),
+                Step::Split(bucket) | Step::Coincident(bucket) => std::slice::from_ref(bucket),
                 Step::Combine(..) => continue,
             };
-            self.store.put_aside(buckets, &self.context.rows)?;
+            self.store.add_border(buckets, &self.context.rows)?;
         }
-        self.store.tell_aside(known)
+        self.store.record_borders(known)
     }
 
-    /// More coincident points than memory holds: a node's worth at a time, in the order of their
-    /// records.
-    fn coincident(&mut self, bucket: Bucket, built: &mut Built) -> Result<(), BuildError> {
+    /// Builds a lattice point with more coincident points than memory holds: a chain of nodes,
+    /// filled one after the other in the order of rows.
+    fn build_coincident(
+        &mut self,
+        bucket: Bucket,
+        tree: &mut PartialTree,
+    ) -> Result<(), BuildError> {
         let stride = self.context.rows.bytes();
         let borders = self.store.borders.take();
         let normal = match &borders {
             Some(borders) => borders.estimate_one(&bucket.cell, &self.store.scratch.map()?),
             None => UNKNOWN,
         };
-        self.store.write(std::mem::take(&mut built.outgoing))?;
-        let is_told = self.store.journal.is_live();
-        built.begin(is_told);
+        self.store.write(std::mem::take(&mut tree.outgoing))?;
+        let is_recorded = self.store.journal.is_recording();
+        tree.begin_chunk(is_recorded);
         let counts = self.context.counts.beside();
         let map = self.store.map(&bucket)?;
         let runs = bucket.runs(map.as_ref(), stride);
-        self.store.check(&bucket, &runs, &self.context.rows)?;
+        self.store.check_rows(&bucket, &runs, &self.context.rows)?;
         let rows = Coincident { runs, stride, rows_max: self.chunk_rows_max.1, task: self.task };
         let (mut head, mut chain, mut carry) = (None, Vec::new(), Vec::new());
         rows.in_order(&mut |row| {
@@ -195,14 +204,14 @@ impl Raiser<'_> {
             }
             if carry.len() == self.context.capacity * stride {
                 let rows = Rows { bytes: &carry, stride };
-                self.link(&rows, bucket.cell, &counts, built, &mut head, &mut chain)?;
+                self.link(&rows, bucket.cell, &counts, tree, &mut head, &mut chain)?;
                 carry.clear();
             }
             Ok(())
         })?;
         if !carry.is_empty() {
             let rows = Rows { bytes: &carry, stride };
-            self.link(&rows, bucket.cell, &counts, built, &mut head, &mut chain)?;
+            self.link(&rows, bucket.cell, &counts, tree, &mut head, &mut chain)?;
         }
         drop(rows);
         drop(map);
@@ -213,34 +222,34 @@ impl Raiser<'_> {
             node.children = head.pending.below.take();
             head.pending.below = Below::Finished(vec![node].into());
         }
-        let offer = is_told.then(|| head.offer());
+        let offer = is_recorded.then(|| head.record());
         let below = match &head.pending.below {
             Below::Finished(nodes) => nodes.as_slice(),
             _ => &[],
         };
-        built.end(self.context, (counts, bucket.rows), offer.as_ref(), below);
-        built.held.push(head);
-        built.outgoing.extents = bucket.extents;
+        tree.end_chunk(self.context, (counts, bucket.rows), offer.as_ref(), below);
+        tree.cells.push(head);
+        tree.outgoing.extents = bucket.extents;
         Ok(())
     }
 
-    /// The next node of a chain of coincident points: its head, or one that continues it.
+    /// Adds the next node to a chain of coincident points: the head, or a node that continues it.
     fn link(
         &mut self,
         rows: &Rows<'_>,
         cell: Cell,
         counts: &Counts,
-        built: &mut Built,
-        head: &mut Option<Held>,
+        tree: &mut PartialTree,
+        head: &mut Option<SampledCell>,
         chain: &mut Vec<(Moments, Subtree)>,
     ) -> Result<(), BuildError> {
         let pending = self.context.leaf(rows, 0..rows.len() as u32, cell);
         self.task.advance(rows.len() as u64);
         if head.is_none() {
-            *head = Some(Held { pending, rows: rows.bytes.to_vec() });
+            *head = Some(SampledCell { pending, rows: rows.bytes.to_vec() });
         } else if let Some((moments, mut node)) = self.context.continuation(rows, pending, counts) {
-            built.place(std::slice::from_mut(&mut node));
-            self.store.write(std::mem::take(&mut built.outgoing))?;
+            tree.place(std::slice::from_mut(&mut node));
+            self.store.write(std::mem::take(&mut tree.outgoing))?;
             chain.push((moments, node));
         }
         Ok(())

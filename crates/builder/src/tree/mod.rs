@@ -1,4 +1,4 @@
-//! The octree, bottom-up: chunks, the cells above them, finished nodes, the proof.
+//! The octree, built bottom-up: chunks, the cells above them, finished nodes, and the proof.
 
 pub(crate) mod chunk;
 pub(crate) mod finishing;

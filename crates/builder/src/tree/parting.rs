@@ -1,81 +1,82 @@
-//! Parting a bucket that does not fit memory into smaller cells. Rows that went to scratch for the
-//! second time are told to the journal and given back where they lay, run by run: what scratch has
-//! at once grows by one run.
+//! Splits a bucket that does not fit memory into smaller cells. Rows that go to scratch a second
+//! time are recorded in the journal and freed at their old place run by run, so that at most one
+//! run of rows is in scratch twice.
 
 use crate::budget::shares::SPILLED_BYTES_MAX;
 use crate::error::BuildError;
 use crate::rows::journal_record::{Kind, Record};
-use crate::rows::partition::{Block, Bucket, Partition, block_of_rows};
+use crate::rows::partition::{Bucket, Partition, RowBlock, block_of_rows};
 use crate::rows::row::position;
 use crate::rows::scratch::{Extent, take_first};
 use crate::rows::store::Store;
-use crate::tree::levels::Raiser;
+use crate::tree::levels::TreeBuilder;
 use esker_points::Cell;
 use rayon::prelude::*;
 
-/// Octree levels by which a bucket is parted at a time.
-const PART_LEVELS: u8 = 3;
+/// Octree levels by which a bucket is split at a time.
+const SPLIT_LEVELS: u8 = 3;
 /// Rows that are sorted into cells together.
 const BLOCK_ROWS: usize = 1 << 16;
 
-/// Bytes of rows that scratch has twice at most while a bucket is parted, where so many may be kept
-/// in memory.
-pub fn twice_bytes_max(buffer_bytes_max: u64, row_bytes: usize) -> u64 {
+/// Most bytes of rows that are in scratch twice while a bucket is split with this many bytes of
+/// rows in memory.
+pub fn duplicate_bytes_max(buffer_bytes_max: u64, row_bytes: usize) -> u64 {
     let block_bytes = (BLOCK_ROWS * row_bytes) as u64;
     (buffer_bytes_max.min(SPILLED_BYTES_MAX) / 2).max(block_bytes)
 }
 
-/// A bucket on its way into smaller cells.
-struct Parting<'a> {
+/// A bucket that is being split into smaller cells.
+struct BucketSplitter<'a> {
     store: &'a mut Store,
     partition: Partition,
-    /// Where rows lie in scratch that are not parted yet.
+    /// Places of rows in scratch that are not split yet.
     left: Vec<Extent>,
-    /// The record of rows that are on their way to scratch, and where they come from.
-    leaving: (Option<Record>, Vec<Extent>),
+    /// Record of rows that are being written to scratch, and their old places.
+    moving: (Option<Record>, Vec<Extent>),
 }
 
-impl Raiser<'_> {
-    /// Parts a bucket that is too large: some levels below the smallest cell that holds its rows,
-    /// so that a far outlier or a stack of points costs one pass, not one for each level.
-    pub(crate) fn part(&mut self, mut bucket: Bucket) -> Result<Vec<Bucket>, BuildError> {
+impl TreeBuilder<'_> {
+    /// Splits a bucket some levels below the smallest cell that holds its rows, so that a far
+    /// outlier, or many coincident points, cost one pass and not one for each level.
+    pub(crate) fn split(&mut self, mut bucket: Bucket) -> Result<Vec<Bucket>, BuildError> {
         let (stride, store) = (self.context.rows.bytes(), &mut *self.store);
         let is_stored = !bucket.extents.is_empty();
-        // A build that goes on finds parts where it finds the bucket.
-        let mut parted = Vec::new();
-        while let Some(spilled) = store.parted(&mut bucket, stride)? {
-            parted.push(spilled);
+        // Rows that an earlier build has split are restored from the journal.
+        let mut restored = Vec::new();
+        while let Some(spilled) = store.resume_split(&mut bucket, stride)? {
+            restored.push(spilled);
         }
         let map = store.map(&bucket)?;
         let runs = bucket.runs(map.as_ref(), stride);
-        store.check(&bucket, &runs, &self.context.rows)?;
+        store.check_rows(&bucket, &runs, &self.context.rows)?;
         let blocks: Vec<&[u8]> = runs.iter().flat_map(|r| r.chunks(BLOCK_ROWS * stride)).collect();
-        let log2 = parted.first().map_or_else(|| log2_of(&blocks, stride), |first| first.log2);
-        // Rows in memory lie in blocks that others share, so they are not freed as they are parted.
+        let log2 = restored.first().map_or_else(|| log2_of(&blocks, stride), |first| first.log2);
+        // Rows in memory are in blocks shared with other buckets, so they
+        // cannot be freed meanwhile.
         let buffer_bytes_max = if is_stored {
             self.buffer_bytes_max.min(SPILLED_BYTES_MAX as usize)
         } else {
             self.buffer_bytes_max / 8
         };
         let mut partition = Partition::new(stride, log2, buffer_bytes_max, is_stored);
-        parted.iter().for_each(|spilled| partition.restore(spilled));
+        restored.iter().for_each(|spilled| partition.restore(spilled));
         let left = bucket.extents.clone();
-        let mut parting = Parting { store, partition, left, leaving: Default::default() };
+        let mut splitter = BucketSplitter { store, partition, left, moving: Default::default() };
         for group in blocks.chunks(rayon::current_num_threads().max(1)) {
             self.task.check()?;
-            let log2 = parting.partition.log2();
-            let parted: Vec<_> =
+            let log2 = splitter.partition.log2();
+            let sorted: Vec<_> =
                 group.par_iter().map(|rows| block_of_rows(rows, stride, log2)).collect();
-            parted.into_iter().try_for_each(|block| parting.add(block))?;
+            sorted.into_iter().try_for_each(|block| splitter.add(block))?;
         }
         drop((blocks, runs));
         drop(bucket);
-        parting.finish(is_stored)
+        splitter.finish(is_stored)
     }
 }
 
-impl Parting<'_> {
-    fn add(&mut self, block: Block) -> Result<(), BuildError> {
+impl BucketSplitter<'_> {
+    fn add(&mut self, block: RowBlock) -> Result<(), BuildError> {
         if self.partition.is_full_for(&block) {
             self.spill()?;
         }
@@ -85,43 +86,43 @@ impl Parting<'_> {
 
     /// Moves all rows in memory to scratch.
     fn spill(&mut self) -> Result<(), BuildError> {
-        self.settle()?;
+        self.complete_move()?;
         let spilled = self.partition.spill(&mut self.store.scratch)?;
         if self.left.is_empty() {
             return Ok(());
         }
         if self.store.journal.keeps_rows() {
-            let mut record = Record::new(Kind::Parted);
+            let mut record = Record::new(Kind::Split);
             spilled.put(&mut record);
-            self.leaving.0 = Some(record);
+            self.moving.0 = Some(record);
         }
-        self.leaving.1 = take_first(&mut self.left, spilled.bytes());
+        self.moving.1 = take_first(&mut self.left, spilled.bytes());
         Ok(())
     }
 
-    /// Once rows are in scratch, tells of them and gives back where they were.
-    fn settle(&mut self) -> Result<(), BuildError> {
-        let (record, extents) = std::mem::take(&mut self.leaving);
+    /// Waits until moved rows are in scratch, records them, and frees their old places.
+    fn complete_move(&mut self) -> Result<(), BuildError> {
+        let (record, extents) = std::mem::take(&mut self.moving);
         if extents.is_empty() {
             return Ok(());
         }
         self.store.scratch.flush()?;
-        record.map_or(Ok(()), |record| self.store.journal.tell(record))?;
+        record.map_or(Ok(()), |record| self.store.journal.append(record))?;
         self.store.scratch.release(extents);
         Ok(())
     }
 
-    /// The parts; what `was_stored` is again.
+    /// Returns the smaller buckets, in scratch if the bucket `was_stored` there.
     fn finish(mut self, was_stored: bool) -> Result<Vec<Bucket>, BuildError> {
         if was_stored && self.partition.holds_rows() {
             self.spill()?;
         }
-        self.settle()?;
+        self.complete_move()?;
         self.partition.finish(&mut self.store.scratch)
     }
 }
 
-/// Log2 of the edge of the cells that rows, in whole blocks, are parted into.
+/// Log2 of the edge of the cells into which rows, given as whole blocks, are split.
 fn log2_of(blocks: &[&[u8]], stride: usize) -> u8 {
     let empty = || ([u32::MAX; 3], [0; 3]);
     let join = |a: ([u32; 3], [u32; 3]), b: ([u32; 3], [u32; 3])| {
@@ -132,5 +133,5 @@ fn log2_of(blocks: &[&[u8]], stride: usize) -> u8 {
         positions.fold(empty(), |bounds, p| join(bounds, (p, p)))
     };
     let (min, max) = blocks.par_iter().map(bounds_of).reduce(empty, join);
-    Cell::enclosing(min, max).log2.saturating_sub(PART_LEVELS)
+    Cell::enclosing(min, max).log2.saturating_sub(SPLIT_LEVELS)
 }

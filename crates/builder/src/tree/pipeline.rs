@@ -1,8 +1,8 @@
-//! Chunks that follow each other, and the cells above them. A chunk is loaded, sorted and chosen
-//! from; a cell above is chosen from as soon as those that it is made of have been. Then the nodes
-//! below each are finished, which any thread can do in any order. Only at last what is built of
-//! each is put in its place, in the order of steps, and written. No step waits for another: whoever
-//! has done one spawns what follows from it.
+//! Builds consecutive chunks and the cells above them in parallel. A chunk is loaded, sorted and
+//! sampled; a cell above is sampled as soon as its children are. Then the nodes below each are
+//! finished, by any thread in any order. Only placing and writing the results follows the order of
+//! steps. No step waits for another: the thread that completes a step spawns the one that follows
+//! (`docs/design/building.md`).
 
 use crate::budget::memory::Peak;
 use crate::error::BuildError;
@@ -12,13 +12,13 @@ use crate::rows::journal_record::Record;
 use crate::rows::partition::Bucket;
 use crate::rows::row::Rows;
 use crate::rows::scratch::Extent;
-use crate::rows::store::{Store, Stored};
+use crate::rows::store::{ChunkRows, Store};
 use crate::sample::cell::Context;
 use crate::sample::pending::{Below, PendingCell};
 use crate::tree::finishing::Unfinished;
-use crate::tree::levels::{Raiser, Step};
+use crate::tree::levels::{Step, TreeBuilder};
 use crate::tree::subtree::Children;
-use crate::tree::waiting::{Built, Held, Pages, join};
+use crate::tree::waiting::{Pages, PartialTree, SampledCell, join};
 use esker_points::task::Silent;
 use esker_points::{Cell, Task};
 use rayon::Scope;
@@ -27,141 +27,143 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Chunks under way, for each thread: one whose nodes are finished while one is chosen from, and
-/// one that waits for those before it.
+/// Chunks in progress, for each thread: one that is being sampled, one whose nodes are being
+/// finished, and one that waits for earlier ones.
 const CHUNKS_A_THREAD: usize = 3;
 
-/// Where a chunk or a cell above is put once its nodes are finished.
-type Slot = Arc<Mutex<Option<Finished>>>;
+/// The result of a step, `None` until its nodes are finished.
+type SharedResult = Arc<Mutex<Option<FinishedStep>>>;
 
-/// What a cell offers, on its way to the one above.
+/// State of what a cell offers to the cell above.
 #[derive(Default)]
 enum Offer {
-    /// It has not chosen yet, nor does any wait for it; or it has been handed over.
+    /// The cell is not sampled yet, and no cell above waits for it; or its offer was passed on.
     #[default]
     Open,
-    /// It has chosen, and none waits for it yet.
-    Made(Box<Held>),
-    /// The cell above waits for it, of which it is the first, second or so.
-    Wanted(Arc<Above>, usize),
+    /// The cell is sampled, and no cell above waits for it yet.
+    Ready(Box<SampledCell>),
+    /// The cell above waits for it, as its child of this index.
+    Awaited(Arc<ParentCell>, usize),
 }
 
-/// Where a cell's offer is left, or who waits for it told.
-type Desk = Arc<Mutex<Offer>>;
+/// The offer of a cell, shared with the thread that samples the cell above.
+type SharedOffer = Arc<Mutex<Offer>>;
 
-/// A cell above, which waits for offers.
-struct Above {
+/// A cell above chunks, which waits for the offers of its children.
+struct ParentCell {
     cell: Cell,
-    offers: Mutex<Vec<Option<Held>>>,
-    desk: Desk,
-    slot: Slot,
+    offers: Mutex<Vec<Option<SampledCell>>>,
+    /// Its own offer, once it is sampled.
+    offer: SharedOffer,
+    result: SharedResult,
 }
 
-/// A chunk or a cell above that has chosen; so have all cells below it.
-struct Chosen {
+/// A sampled chunk or cell above chunks while the nodes below it are finished.
+struct FinishJob {
     rows: Vec<u8>,
     unfinished: Unfinished,
-    /// What coincides with what it offers.
+    /// Rows that coincide with those that the cell offers.
     coincident: Option<(Cell, Range<u32>)>,
-    /// Of a chunk.
+    /// `None` for a cell above chunks.
     chunk: Option<Chunk>,
-    slot: Slot,
+    result: SharedResult,
 }
 
-/// What only chunks have.
+/// Data that chunks have and cells above them do not.
 struct Chunk {
     counts: Counts,
     extents: Vec<Extent>,
-    /// What it offers, where the journal wants to know.
+    /// Journal record of what the chunk offers, if chunks are recorded.
     offer: Option<Record>,
 }
 
-/// A chunk or a cell above all of whose nodes but the root are finished.
-struct Finished {
+/// A chunk or cell above chunks all of whose nodes but the root are finished.
+struct FinishedStep {
     children: Children,
-    /// Of each child, where what is below it was finished by itself: of which cell.
+    /// For each child, the index of the cell whose result has the nodes below
+    /// it, if they are not here.
     elsewhere: Vec<Option<usize>>,
     pages: Pages,
     chunk: Option<Chunk>,
 }
 
-/// A chunk or a cell above under way.
-struct UnderWay {
-    /// Of a chunk.
+/// A chunk or cell above chunks in progress.
+struct StepInProgress {
+    /// Rows of a chunk; 0 for a cell above chunks.
     rows: u64,
-    /// How many of those before it a cell above is made of.
-    made_of: usize,
-    slot: Slot,
+    /// Number of children of a cell above chunks.
+    child_count: usize,
+    result: SharedResult,
 }
 
-/// What is done in the order of steps.
-struct Front<'a> {
+/// State that changes in the order of steps; one thread at a time has it.
+struct Sequencer<'a> {
     steps: &'a mut Vec<Step>,
     store: &'a mut Store,
-    built: &'a mut Built,
-    /// What is under way, in order.
-    under_way: VecDeque<UnderWay>,
-    /// How many chunks that are, and their rows.
+    tree: &'a mut PartialTree,
+    /// Steps in progress, in order.
+    in_progress: VecDeque<StepInProgress>,
+    /// Number of chunks in progress, and their rows.
     chunks: usize,
     rows: u64,
-    /// Where the offers are of cells that are under way, or built, and that no cell above is made
-    /// of yet.
-    open: Vec<Desk>,
-    /// The nodes below each cell that is built and that none above is made of yet.
+    /// Offers of the cells, in progress or built, that have no cell above yet.
+    offers: Vec<SharedOffer>,
+    /// Nodes below each built cell that has no cell above yet.
     below: Vec<Children>,
-    /// What went wrong first; nothing is begun after it.
+    /// The first error; no step is started after it.
     fault: Option<BuildError>,
 }
 
-/// What all threads share.
+/// State that all threads share.
 struct Pipeline<'a> {
     context: &'a Context,
     task: &'a dyn Task,
     peak: &'a Peak,
     borders: Option<&'a Borders>,
     threads: usize,
-    /// Rows at most of several chunks under way.
+    /// Most rows of several chunks in progress.
     rows_max: u64,
-    /// Whether the journal wants to know of chunks.
-    is_told: bool,
-    front: Mutex<Front<'a>>,
-    /// Whether something went wrong.
+    /// Whether the journal records chunks.
+    is_recorded: bool,
+    sequencer: Mutex<Sequencer<'a>>,
+    /// Whether there was an error.
     is_faulty: AtomicBool,
-    /// How often the front was asked to go on.
-    asked: AtomicUsize,
-    /// Chunks that are loaded or chosen from.
-    choosing: AtomicUsize,
-    /// Chunks that are not begun.
+    /// Number of calls of [`Pipeline::drive`].
+    requests: AtomicUsize,
+    /// Chunks that are being loaded or sampled.
+    sampling: AtomicUsize,
+    /// Chunks that are not started.
     left: AtomicUsize,
-    /// Memory for rows that is in no use, while chunks are left.
+    /// Unused buffers of rows, while chunks are left.
     spare: Mutex<Vec<Vec<u8>>>,
 }
 
-impl Raiser<'_> {
-    /// Builds chunks, and the cells above that wait for them, until another step is on top.
+impl TreeBuilder<'_> {
+    /// Builds the chunks on top of the stack, and the cells above that wait for them, until another
+    /// kind of step is on top.
     ///
     /// # Errors
-    /// Where scratch or the file fail, or on request.
-    pub(crate) fn chunks(
+    /// If scratch or the file fail, or on request.
+    pub(crate) fn build_chunks(
         &mut self,
         steps: &mut Vec<Step>,
-        built: &mut Built,
+        tree: &mut PartialTree,
     ) -> Result<(), BuildError> {
-        self.store.write(std::mem::take(&mut built.outgoing))?;
+        self.store.write(std::mem::take(&mut tree.outgoing))?;
         let threads = rayon::current_num_threads();
-        // Each thread has a node or a sample in hand, which takes about as much as the rows of a
-        // node in a chunk.
-        let in_hand = (threads * self.context.capacity) as u64;
+        // Each thread has a node or a sample in progress, of about as many
+        // bytes as the rows of a node.
+        let thread_rows = (threads * self.context.capacity) as u64;
         let (joined_max, single_max) = self.chunk_rows_max;
-        let rows_max = single_max.saturating_sub(in_hand);
+        let rows_max = single_max.saturating_sub(thread_rows);
         let borders = self.store.borders.take();
         let top = steps.iter().rev();
         let top = top.take_while(|step| matches!(step, Step::Chunk(_) | Step::Combine(..)));
         let left = top.filter(|step| matches!(step, Step::Chunk(_))).count();
-        let (mut open, mut below) = (Vec::new(), Vec::new());
-        for mut held in built.held.drain(..) {
-            below.push(held.pending.below.put_elsewhere());
-            open.push(Arc::new(Mutex::new(Offer::Made(Box::new(held)))));
+        let (mut offers, mut below) = (Vec::new(), Vec::new());
+        for mut cell in tree.cells.drain(..) {
+            below.push(cell.pending.below.put_elsewhere());
+            offers.push(Arc::new(Mutex::new(Offer::Ready(Box::new(cell)))));
         }
         let pipeline = Pipeline {
             context: self.context,
@@ -169,39 +171,39 @@ impl Raiser<'_> {
             peak: self.peak,
             borders: borders.as_ref(),
             threads,
-            // One at a time where memory has not even room for another.
+            // One chunk at a time if memory has no room for a second.
             rows_max: if rows_max < joined_max { 0 } else { 2 * rows_max },
-            is_told: self.store.journal.is_live(),
-            front: Mutex::new(Front {
+            is_recorded: self.store.journal.is_recording(),
+            sequencer: Mutex::new(Sequencer {
                 steps,
                 store: &mut *self.store,
-                built: &mut *built,
-                under_way: VecDeque::new(),
+                tree: &mut *tree,
+                in_progress: VecDeque::new(),
                 chunks: 0,
                 rows: 0,
-                open,
+                offers,
                 below,
                 fault: None,
             }),
             is_faulty: AtomicBool::new(false),
-            asked: AtomicUsize::new(0),
-            choosing: AtomicUsize::new(0),
+            requests: AtomicUsize::new(0),
+            sampling: AtomicUsize::new(0),
             left: AtomicUsize::new(left),
             spare: Mutex::default(),
         };
-        rayon::scope(|scope| pipeline.go_on(scope));
-        let front = pipeline.front.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let Front { under_way, open, below, fault, .. } = front;
+        rayon::scope(|scope| pipeline.drive(scope));
+        let sequencer = pipeline.sequencer.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let Sequencer { in_progress, offers, below, fault, .. } = sequencer;
         self.store.borders = borders;
         if let Some(fault) = fault {
             return Err(fault);
         }
-        for (desk, children) in open.iter().zip(below) {
-            let Offer::Made(mut held) = std::mem::take(&mut *lock(desk)) else { break };
-            held.pending.below = Below::Finished(children);
-            built.held.push(*held);
+        for (offer, children) in offers.iter().zip(below) {
+            let Offer::Ready(mut cell) = std::mem::take(&mut *lock(offer)) else { break };
+            cell.pending.below = Below::Finished(children);
+            tree.cells.push(*cell);
         }
-        if !under_way.is_empty() || built.held.len() < open.len() {
+        if !in_progress.is_empty() || tree.cells.len() < offers.len() {
             self.task.check()?;
             return Err(BuildError::Proof("a chunk was not built".into()));
         }
@@ -210,156 +212,185 @@ impl Raiser<'_> {
 }
 
 impl<'a> Pipeline<'a> {
-    /// Puts the chunks that are finished among what is built, and begins those for which there is
-    /// room; or has it done by the thread that is at it.
-    fn go_on<'s>(&'s self, scope: &Scope<'s>) {
-        self.asked.fetch_add(1, Ordering::SeqCst);
+    /// Places and writes finished steps, and starts chunks for which there is room. If another
+    /// thread is doing so, that thread does it again.
+    fn drive<'s>(&'s self, scope: &Scope<'s>) {
+        self.requests.fetch_add(1, Ordering::SeqCst);
         loop {
-            let Ok(mut front) = self.front.try_lock() else { return };
-            let asked = self.asked.load(Ordering::SeqCst);
-            if front.fault.is_none() {
-                front.fault = self.advance(&mut front, scope).err();
-                self.is_faulty.fetch_or(front.fault.is_some(), Ordering::Relaxed);
+            let Ok(mut sequencer) = self.sequencer.try_lock() else { return };
+            let requests = self.requests.load(Ordering::SeqCst);
+            if sequencer.fault.is_none() {
+                sequencer.fault = self.advance(&mut sequencer, scope).err();
+                self.is_faulty.fetch_or(sequencer.fault.is_some(), Ordering::Relaxed);
             }
-            drop(front);
-            // Who asked meanwhile has found it locked; by a write, which what was asked before
-            // comes before.
-            if self.asked.fetch_add(0, Ordering::SeqCst) == asked {
+            drop(sequencer);
+            // A thread that called meanwhile has found the lock taken. A read that writes makes
+            // what that thread did before its call visible here.
+            if self.requests.fetch_add(0, Ordering::SeqCst) == requests {
                 return;
             }
         }
     }
 
-    fn advance<'s>(&'s self, front: &mut Front<'a>, scope: &Scope<'s>) -> Result<(), BuildError> {
+    fn advance<'s>(
+        &'s self,
+        sequencer: &mut Sequencer<'a>,
+        scope: &Scope<'s>,
+    ) -> Result<(), BuildError> {
         loop {
-            self.begin(front, scope)?;
-            let finished = front.under_way.front().and_then(|first| lock(&first.slot).take());
+            self.start_chunks(sequencer, scope)?;
+            let first = sequencer.in_progress.front();
+            let finished = first.and_then(|first| lock(&first.result).take());
             let Some(finished) = finished else { return Ok(()) };
-            let Some(UnderWay { rows, made_of, .. }) = front.under_way.pop_front() else {
-                return Ok(());
-            };
-            // On request its nodes were not finished.
+            let Some(step) = sequencer.in_progress.pop_front() else { return Ok(()) };
+            // After a cancellation its nodes are not finished.
             self.task.check()?;
-            front.chunks -= usize::from(finished.chunk.is_some());
-            front.put(finished, (rows, made_of), self);
-            front.store.write(std::mem::take(&mut front.built.outgoing))?;
-            front.rows -= rows;
+            sequencer.chunks -= usize::from(finished.chunk.is_some());
+            sequencer.place(finished, &step, self);
+            sequencer.store.write(std::mem::take(&mut sequencer.tree.outgoing))?;
+            sequencer.rows -= step.rows;
             self.peak.sample();
         }
     }
 
-    /// Begins chunks on top, while there is room for them, and has the cells above them wait.
-    fn begin<'s>(&'s self, front: &mut Front<'a>, scope: &Scope<'s>) -> Result<(), BuildError> {
+    /// Starts chunks on top of the stack while there is room for them, and lets the cells above
+    /// wait for them.
+    fn start_chunks<'s>(
+        &'s self,
+        sequencer: &mut Sequencer<'a>,
+        scope: &Scope<'s>,
+    ) -> Result<(), BuildError> {
         let chunks_max = CHUNKS_A_THREAD * self.threads;
-        while self.choosing.load(Ordering::SeqCst) < self.threads && front.chunks < chunks_max {
-            let before = front.rows;
+        while self.sampling.load(Ordering::SeqCst) < self.threads && sequencer.chunks < chunks_max {
+            let before = sequencer.rows;
             let has_room = |step: &mut Step| match step {
                 Step::Chunk(buckets) => before == 0 || before + rows_of(buckets) <= self.rows_max,
                 _ => false,
             };
-            let Some(Step::Chunk(buckets)) = front.steps.pop_if(has_room) else { break };
-            let (rows, slot, desk) = (rows_of(&buckets), Slot::default(), Desk::default());
-            let stored = front.store.stored(buckets, &self.context.rows, self.borders.is_some())?;
-            front.chunks += 1;
-            front.rows += rows;
-            front.under_way.push_back(UnderWay { rows, made_of: 0, slot: slot.clone() });
-            front.open.push(desk.clone());
-            while let Some(&Step::Combine(cell, made_of)) = front.steps.last() {
-                front.steps.pop();
-                self.wait_above(front, (cell, made_of), scope);
+            let Some(Step::Chunk(buckets)) = sequencer.steps.pop_if(has_room) else { break };
+            let (rows, result) = (rows_of(&buckets), SharedResult::default());
+            let offer = SharedOffer::default();
+            let has_borders = self.borders.is_some();
+            let chunk = sequencer.store.chunk_rows(buckets, &self.context.rows, has_borders)?;
+            sequencer.chunks += 1;
+            sequencer.rows += rows;
+            let step = StepInProgress { rows, child_count: 0, result: result.clone() };
+            sequencer.in_progress.push_back(step);
+            sequencer.offers.push(offer.clone());
+            while let Some(&Step::Combine(cell, child_count)) = sequencer.steps.last() {
+                sequencer.steps.pop();
+                self.await_offers(sequencer, (cell, child_count), scope);
             }
             self.left.fetch_sub(1, Ordering::SeqCst);
-            self.choosing.fetch_add(1, Ordering::SeqCst);
-            scope.spawn(move |scope| self.choose(stored, (slot, desk), scope));
+            self.sampling.fetch_add(1, Ordering::SeqCst);
+            scope.spawn(move |scope| self.build_chunk(chunk, (result, offer), scope));
         }
         Ok(())
     }
 
-    /// Has a cell wait for the offers of the last so many cells.
-    fn wait_above<'s>(
+    /// Lets a cell wait for the offers of the last `child_count` cells.
+    fn await_offers<'s>(
         &'s self,
-        front: &mut Front<'a>,
-        (cell, made_of): (Cell, usize),
+        sequencer: &mut Sequencer<'a>,
+        (cell, child_count): (Cell, usize),
         scope: &Scope<'s>,
     ) {
-        let (slot, desk) = (Slot::default(), Desk::default());
-        front.under_way.push_back(UnderWay { rows: 0, made_of, slot: slot.clone() });
-        let offers = Mutex::new((0..made_of).map(|_| None).collect());
-        let above = Arc::new(Above { cell, offers, desk: desk.clone(), slot });
-        for (i, below) in front.open.split_off(front.open.len() - made_of).into_iter().enumerate() {
-            let wanted = Offer::Wanted(Arc::clone(&above), i);
-            if let Offer::Made(held) = std::mem::replace(&mut *lock(&below), wanted) {
-                self.bring(&above, i, *held, scope);
+        let (result, offer) = (SharedResult::default(), SharedOffer::default());
+        let step = StepInProgress { rows: 0, child_count, result: result.clone() };
+        sequencer.in_progress.push_back(step);
+        let offers = Mutex::new((0..child_count).map(|_| None).collect());
+        let parent = Arc::new(ParentCell { cell, offers, offer: offer.clone(), result });
+        let children = sequencer.offers.split_off(sequencer.offers.len() - child_count);
+        for (i, child) in children.into_iter().enumerate() {
+            let awaited = Offer::Awaited(Arc::clone(&parent), i);
+            if let Offer::Ready(sampled) = std::mem::replace(&mut *lock(&child), awaited) {
+                self.deliver(&parent, i, *sampled, scope);
             }
         }
-        front.open.push(desk);
+        sequencer.offers.push(offer);
     }
 
-    /// A cell has chosen what it offers.
-    fn offer<'s>(&'s self, desk: &Desk, held: Held, scope: &Scope<'s>) {
-        let mut offer = lock(desk);
+    /// Passes a sampled cell to the cell above, or leaves it until one waits for it.
+    fn publish<'s>(&'s self, offer: &SharedOffer, sampled: SampledCell, scope: &Scope<'s>) {
+        let mut offer = lock(offer);
         match std::mem::take(&mut *offer) {
-            Offer::Wanted(above, i) => self.bring(&above, i, held, scope),
-            _ => *offer = Offer::Made(Box::new(held)),
+            Offer::Awaited(parent, i) => self.deliver(&parent, i, sampled, scope),
+            _ => *offer = Offer::Ready(Box::new(sampled)),
         }
     }
 
-    /// Brings an offer to a cell above; the last one has it chosen from.
-    fn bring<'s>(&'s self, above: &Arc<Above>, i: usize, held: Held, scope: &Scope<'s>) {
-        let mut offers = lock(&above.offers);
-        offers[i] = Some(held);
+    /// Delivers child `i` to a cell above; with the last child, the cell is sampled.
+    fn deliver<'s>(
+        &'s self,
+        parent: &Arc<ParentCell>,
+        i: usize,
+        sampled: SampledCell,
+        scope: &Scope<'s>,
+    ) {
+        let mut offers = lock(&parent.offers);
+        offers[i] = Some(sampled);
         if offers.iter().all(Option::is_some) {
-            let cells = std::mem::take(&mut *offers).into_iter().flatten().collect();
-            let above = Arc::clone(above);
-            scope.spawn(move |scope| self.combine(&above, cells, scope));
+            let children = std::mem::take(&mut *offers).into_iter().flatten().collect();
+            let parent = Arc::clone(parent);
+            scope.spawn(move |scope| self.build_parent(&parent, children, scope));
         }
     }
 
-    /// Whether nothing more is to be begun.
-    fn is_ended(&self) -> bool {
+    /// Whether the build was cancelled or has failed; then nothing more is started.
+    fn is_stopped(&self) -> bool {
         self.is_faulty.load(Ordering::Relaxed) || self.task.is_cancelled()
     }
 
-    /// Loads and sorts a chunk, and chooses what each of its cells offers. On request, or after a
-    /// fault, it is left as it is.
-    fn choose<'s>(&'s self, stored: Stored, (slot, desk): (Slot, Desk), scope: &Scope<'s>) {
-        if self.is_ended() {
+    /// Loads and sorts a chunk, and samples its cells. Does nothing if the build is stopped.
+    fn build_chunk<'s>(
+        &'s self,
+        chunk: ChunkRows,
+        (result, offer): (SharedResult, SharedOffer),
+        scope: &Scope<'s>,
+    ) {
+        if self.is_stopped() {
             return;
         }
         let mut rows = lock(&self.spare).pop().unwrap_or_default();
-        let extents = stored.load(&self.context.rows, self.borders, &mut rows);
+        let extents = chunk.load(&self.context.rows, self.borders, &mut rows);
         let sorted = self.rows(&rows);
         let pending = self.context.build(&sorted, 0..sorted.len() as u32, self.task);
         let chunk = Chunk { counts: self.context.counts.beside(), extents, offer: None };
-        self.finish(rows, pending, Some(chunk), (slot, &desk), scope);
-        // Spawned last, what this begins is taken up first: nodes are finished where nothing waits
-        // to be chosen from.
-        self.choosing.fetch_sub(1, Ordering::SeqCst);
-        self.go_on(scope);
+        self.spawn_finishing(rows, pending, Some(chunk), (result, &offer), scope);
+        // Chunks that this starts are spawned last and thus taken first: nodes are finished by
+        // threads that find no chunk to sample.
+        self.sampling.fetch_sub(1, Ordering::SeqCst);
+        self.drive(scope);
     }
 
-    /// Chooses what a cell above offers. On request, or after a fault, it is left as it is.
-    fn combine<'s>(&'s self, above: &Above, mut cells: Vec<Held>, scope: &Scope<'s>) {
-        if self.is_ended() {
+    /// Samples a cell above chunks. Does nothing if the build is stopped.
+    fn build_parent<'s>(
+        &'s self,
+        parent: &ParentCell,
+        mut children: Vec<SampledCell>,
+        scope: &Scope<'s>,
+    ) {
+        if self.is_stopped() {
             return;
         }
-        for (i, held) in cells.iter_mut().enumerate() {
-            if let Below::Elsewhere { of, .. } = &mut held.pending.below {
+        for (i, child) in children.iter_mut().enumerate() {
+            if let Below::Elsewhere { of, .. } = &mut child.pending.below {
                 *of = i;
             }
         }
-        let (rows, pending) = join(cells, self.context.rows.bytes());
-        let pending = self.context.combine(&self.rows(&rows), above.cell, pending);
-        self.finish(rows, pending, None, (above.slot.clone(), &above.desk), scope);
+        let (rows, pending) = join(children, self.context.rows.bytes());
+        let pending = self.context.combine(&self.rows(&rows), parent.cell, pending);
+        let shared = (parent.result.clone(), &parent.offer);
+        self.spawn_finishing(rows, pending, None, shared, scope);
     }
 
-    /// Has the nodes below a cell that has chosen finished, and leaves what it offers.
-    fn finish<'s>(
+    /// Spawns a task for each node below a sampled cell, and publishes what the cell offers.
+    fn spawn_finishing<'s>(
         &'s self,
         rows: Vec<u8>,
         mut pending: PendingCell,
         mut chunk: Option<Chunk>,
-        (slot, desk): (Slot, &Desk),
+        (result, offer): (SharedResult, &SharedOffer),
         scope: &Scope<'s>,
     ) {
         let is_any = pending.has_below();
@@ -369,40 +400,41 @@ impl<'a> Pipeline<'a> {
                 Below::Coincident(rest) => Some((pending.cell, rest)),
                 _ => None,
             };
-        let held = Held::new(pending, &self.rows(&rows));
-        if let Some(chunk) = chunk.as_mut().filter(|_| self.is_told) {
-            chunk.offer = Some(held.offer());
+        let sampled = SampledCell::new(pending, &self.rows(&rows));
+        if let Some(chunk) = chunk.as_mut().filter(|_| self.is_recorded) {
+            chunk.offer = Some(sampled.record());
         }
-        let chosen = Arc::new(Chosen { rows, unfinished, coincident, chunk, slot });
-        for i in 0..chosen.unfinished.len() {
-            let chosen = Arc::clone(&chosen);
+        let job = Arc::new(FinishJob { rows, unfinished, coincident, chunk, result });
+        for i in 0..job.unfinished.len() {
+            let job = Arc::clone(&job);
             scope.spawn(move |scope| {
-                let rows = self.rows(&chosen.rows);
-                // The points of cells above have been told of.
-                let (counts, task): (_, &dyn Task) = match &chosen.chunk {
+                let rows = self.rows(&job.rows);
+                // The points of a cell above were reported with those of its chunks.
+                let (counts, task): (_, &dyn Task) = match &job.chunk {
                     Some(chunk) => (&chunk.counts, self.task),
                     None => (&self.context.counts, &Silent),
                 };
-                chosen.unfinished.finish(i, self.context, &rows, counts, task);
-                self.let_go(chosen, scope);
+                job.unfinished.finish(i, self.context, &rows, counts, task);
+                self.complete(job, scope);
             });
         }
-        self.offer(desk, held, scope);
-        self.let_go(chosen, scope);
+        self.publish(offer, sampled, scope);
+        self.complete(job, scope);
     }
 
-    /// Lets go of a cell; whoever is the last to do so has finished all below it.
-    fn let_go<'s>(&'s self, chosen: Arc<Chosen>, scope: &Scope<'s>) {
-        let Some(chosen) = Arc::into_inner(chosen) else { return };
-        let Chosen { rows, unfinished, coincident, chunk, slot } = chosen;
+    /// Drops a reference to a job. With the last one, all nodes are finished, and the result is
+    /// left for the sequencer.
+    fn complete<'s>(&'s self, job: Arc<FinishJob>, scope: &Scope<'s>) {
+        let Some(job) = Arc::into_inner(job) else { return };
+        let FinishJob { rows, unfinished, coincident, chunk, result } = job;
         let mut below = Children::default();
         if let Some(Chunk { counts, .. }) = &chunk {
-            self.task.advance(unfinished.others());
+            self.task.advance(unfinished.other_points());
             if let Some((cell, rest)) = coincident {
                 below = self.context.coincident_below(&self.rows(&rows), rest, cell, counts);
             }
         }
-        // Where one has panicked, the scope does, too.
+        // If a task has panicked, the scope does too.
         let Some((mut children, elsewhere)) = unfinished.into_children() else { return };
         children.extend(below.take());
         if chunk.is_some() && self.left.load(Ordering::SeqCst) > 0 {
@@ -410,9 +442,9 @@ impl<'a> Pipeline<'a> {
         } else {
             drop(rows);
         }
-        let pages = Pages::take(&mut children, 0, chunk.is_some() && self.is_told);
-        *lock(&slot) = Some(Finished { children, elsewhere, pages, chunk });
-        self.go_on(scope);
+        let pages = Pages::take(&mut children, 0, chunk.is_some() && self.is_recorded);
+        *lock(&result) = Some(FinishedStep { children, elsewhere, pages, chunk });
+        self.drive(scope);
     }
 
     fn rows<'r>(&self, bytes: &'r [u8]) -> Rows<'r> {
@@ -420,20 +452,19 @@ impl<'a> Pipeline<'a> {
     }
 }
 
-impl Front<'_> {
-    /// Puts what is finished in its place: a chunk of so many rows, or a cell made of so many
-    /// before it.
-    fn put(&mut self, finished: Finished, (rows, made_of): (u64, usize), pipeline: &Pipeline<'_>) {
-        let Finished { mut children, elsewhere, pages, chunk } = finished;
-        let built = &mut *self.built;
+impl Sequencer<'_> {
+    /// Adds a finished step to the tree and gives its pages their places.
+    fn place(&mut self, finished: FinishedStep, step: &StepInProgress, pipeline: &Pipeline<'_>) {
+        let FinishedStep { mut children, elsewhere, pages, chunk } = finished;
+        let tree = &mut *self.tree;
         if let Some(Chunk { counts, extents, offer }) = chunk {
-            built.begin(pipeline.is_told);
-            built.place_taken(&mut children, pages);
-            built.end(pipeline.context, (counts, rows), offer.as_ref(), &children);
-            built.outgoing.extents = extents;
+            tree.begin_chunk(pipeline.is_recorded);
+            tree.place_taken(&mut children, pages);
+            tree.end_chunk(pipeline.context, (counts, step.rows), offer.as_ref(), &children);
+            tree.outgoing.extents = extents;
         } else {
-            built.place_taken(&mut children, pages);
-            let mut below = self.below.split_off(self.below.len() - made_of);
+            tree.place_taken(&mut children, pages);
+            let mut below = self.below.split_off(self.below.len() - step.child_count);
             for (child, of) in children.iter_mut().zip(elsewhere) {
                 if let Some(below) = of.and_then(|of| below.get_mut(of)) {
                     child.last_mut().children.extend(below.take());

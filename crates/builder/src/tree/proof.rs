@@ -1,11 +1,12 @@
-//! The proof that no point was lost: what the tree holds is what was read.
+//! The proof that no point was lost: number and multiset hash of the points in the tree are those
+//! of the points that were read.
 
-use crate::calls::onto::Merged;
 use crate::error::BuildError;
+use crate::options::Merged;
 use crate::tree::subtree::Subtree;
 use esker_points::{MultisetHash, NodeTable};
 
-/// The hash of all points of a tree.
+/// Hash of all points of a tree.
 pub fn hash_of(root: &Subtree) -> MultisetHash {
     let mut sum = MultisetHash::default();
     let mut open = vec![root];
@@ -16,7 +17,7 @@ pub fn hash_of(root: &Subtree) -> MultisetHash {
     sum
 }
 
-/// Least and greatest coordinates of all points.
+/// Smallest and largest lattice coordinates of all points.
 pub fn bounds_of(root: &Subtree) -> Option<[[u32; 3]; 2]> {
     let mut bounds: Option<[[u32; 3]; 2]> = None;
     let mut open = vec![root];
@@ -32,10 +33,10 @@ pub fn bounds_of(root: &Subtree) -> Option<[[u32; 3]; 2]> {
     bounds
 }
 
-/// Points in and out, and their hashes, must be the same.
+/// Compares number and hash of the points written with those of the points read.
 ///
 /// # Errors
-/// [`BuildError::Proof`] where they are not.
+/// [`BuildError::Proof`] if they differ.
 pub fn prove(
     table: &NodeTable,
     points: u64,
@@ -52,16 +53,16 @@ pub fn prove(
     Ok(())
 }
 
-/// The points that were merged must be those that their files' footers tell.
+/// Compares number and hash of merged points with those in the footers of their files.
 ///
 /// # Errors
-/// [`BuildError::Differs`] where they are not.
+/// [`BuildError::Differs`] if they differ.
 pub fn prove_merged(merged: &Merged, points: u64, hash: MultisetHash) -> Result<(), BuildError> {
     if (merged.points, merged.hash) == (points, hash) {
         return Ok(());
     }
     Err(BuildError::Differs(format!(
-        "the files hold {points} points of hash {hash}, their footers tell of {} of hash {}: esker verify says which file is damaged",
+        "the files hold {points} points of hash {hash}, their footers state {} of hash {}: esker verify says which file is damaged",
         merged.points, merged.hash
     )))
 }

@@ -1,26 +1,26 @@
-//! Finished nodes: a node and all below it, and the node table and statistics that they make.
+//! Finished nodes with all nodes below them, and the assembly of the node table and statistics.
 
 use esker_format::NodeStatistics;
 use esker_points::{MultisetHash, Node, NodeTable};
 
-/// A finished node and all below it.
+/// A finished node and all nodes below it.
 pub struct Subtree {
-    /// Its record; links and the page's place are set when the table is assembled.
+    /// Entry of the node table; its links are set when the table is assembled.
     pub node: Node,
-    /// Its page, until it is written.
+    /// Page of the node, until it is written.
     pub page: Vec<u8>,
-    /// Of its own points.
+    /// Statistics of the node's own points.
     pub statistics: NodeStatistics,
-    /// Hash of its own points.
+    /// Hash of the node's own points.
     pub hash: MultisetHash,
-    /// Least and greatest lattice coordinates of its own points.
+    /// Smallest and largest lattice coordinates of the node's own points.
     pub bounds: [[u32; 3]; 2],
-    /// Its children, in Morton order.
+    /// Children, in Morton order.
     pub children: Children,
 }
 
 impl Subtree {
-    /// The node that continues it last; its own, where none does.
+    /// The last node of the chain of continuations of this node; the node itself if there are none.
     pub fn last_mut(&mut self) -> &mut Self {
         let mut last = self;
         while last.children.first().is_some_and(|child| child.node.is_continuation()) {
@@ -30,13 +30,13 @@ impl Subtree {
     }
 }
 
-/// Children, which are dropped one after the other: a chain of continuations is longer than a
-/// stack.
+/// Children of a node. They are dropped without recursion: a chain of continuations can be too long
+/// for the stack.
 #[derive(Default)]
 pub struct Children(Vec<Subtree>);
 
 impl Children {
-    /// The children themselves.
+    /// Takes the children out.
     pub fn take(&mut self) -> Vec<Subtree> {
         std::mem::take(&mut self.0)
     }
@@ -76,8 +76,8 @@ impl Drop for Children {
     }
 }
 
-/// The node table of a tree, and the statistics of its nodes in the table's order: siblings
-/// together, parents before children.
+/// Assembles the node table of a tree, and the statistics of its nodes in the order of the table:
+/// siblings together, parents before children.
 pub fn assemble(root: Option<Subtree>) -> (NodeTable, Vec<NodeStatistics>) {
     let (mut table, mut statistics) = (NodeTable::default(), Vec::new());
     let mut open = Vec::new();

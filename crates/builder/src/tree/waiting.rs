@@ -1,8 +1,8 @@
-//! What is built: cells that wait for the one above, and what waits to be written; and how the
-//! journal keeps it.
+//! The tree while it is built: cells that wait for the cell above, pages that wait to be written,
+//! and the journal's records of chunks.
 
 use crate::page::histograms::Counts;
-use crate::rows::journal_record::{Kind, Reading, Record};
+use crate::rows::journal_record::{Kind, Record, RecordReader};
 use crate::rows::row::{RowLayout, Rows};
 use crate::rows::store::Outgoing;
 use crate::sample::cell::Context;
@@ -16,41 +16,41 @@ use esker_points::{Cell, MultisetHash, Node};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// What is built: cells that wait for the one above, and what waits to be written.
+/// The tree while it is built.
 #[derive(Default)]
-pub struct Built {
-    /// Cells, whose children are joined from the last ones.
-    pub held: Vec<Held>,
-    /// What waits to be written.
+pub struct PartialTree {
+    /// Cells that wait for the cell above, whose children are the last ones.
+    pub cells: Vec<SampledCell>,
+    /// Pages and a journal record that wait to be written.
     pub outgoing: Outgoing,
-    /// Where the next page will stand.
+    /// Offset of the next page in the file.
     pub page_offset: u64,
-    /// The part that is being built.
-    part: Part,
+    /// The chunk in progress.
+    chunk: ChunkPages,
 }
 
-/// A part of a build that the journal knows when it is done.
+/// Pages of a chunk in progress, for its journal record.
 #[derive(Default)]
-struct Part {
-    /// Where its first page stands.
+struct ChunkPages {
+    /// Offset of the first page.
     page_offset: u64,
-    pages: crc32fast::Hasher,
-    /// Whether the journal wants to know of it.
-    is_told: bool,
+    crc: crc32fast::Hasher,
+    /// Whether the journal records the chunk.
+    is_recorded: bool,
 }
 
-/// Pages of nodes, in the order in which they are to stand.
+/// Pages of nodes, in the order of the file.
 #[derive(Default)]
 pub struct Pages {
     pages: Vec<Vec<u8>>,
     bytes: u64,
-    /// Of all of them, where that is wanted.
+    /// CRC-32 of all pages, if chunks are recorded.
     crc: crc32fast::Hasher,
 }
 
 impl Pages {
-    /// Takes those of siblings, then of what lies below each, where they have not been taken: the
-    /// nodes are told their places from this offset on.
+    /// Takes the pages of siblings, then of the nodes below each, unless they have been taken. The
+    /// nodes get their places from `offset` on.
     pub fn take(siblings: &mut [Subtree], offset: u64, with_crc: bool) -> Self {
         let mut taken = Self::default();
         let mut open = vec![siblings];
@@ -72,16 +72,15 @@ impl Pages {
     }
 }
 
-impl Built {
-    /// Gives the pages of siblings, then of what lies below each, their places, where they have
-    /// none.
+impl PartialTree {
+    /// Takes the pages of siblings, then of the nodes below each, unless they have been taken, and
+    /// gives them their places.
     pub fn place(&mut self, siblings: &mut [Subtree]) {
-        let pages = Pages::take(siblings, self.page_offset, self.part.is_told);
+        let pages = Pages::take(siblings, self.page_offset, self.chunk.is_recorded);
         self.add(pages);
     }
 
-    /// The same with pages that were taken from all nodes of these trees, as if they stood at the
-    /// beginning.
+    /// Gives pages their places that were taken from all nodes of `trees` with offsets from 0 on.
     pub fn place_taken(&mut self, trees: &mut [Subtree], pages: Pages) {
         let mut open: Vec<&mut Subtree> = trees.iter_mut().collect();
         while let Some(tree) = open.pop() {
@@ -93,29 +92,30 @@ impl Built {
 
     fn add(&mut self, pages: Pages) {
         self.page_offset += pages.bytes;
-        self.part.pages.combine(&pages.crc);
+        self.chunk.crc.combine(&pages.crc);
         self.outgoing.pages.extend(pages.pages);
     }
 
-    /// A part begins.
-    pub fn begin(&mut self, is_told: bool) {
-        self.part = Part { page_offset: self.page_offset, is_told, ..Part::default() };
+    /// Begins a chunk.
+    pub fn begin_chunk(&mut self, is_recorded: bool) {
+        let page_offset = self.page_offset;
+        self.chunk = ChunkPages { page_offset, is_recorded, ..ChunkPages::default() };
     }
 
-    /// The part, of so many rows, has ended. The journal wants to know what its cell offers, as
-    /// [`Held::offer`] has it, and what nodes are below.
-    pub fn end(
+    /// Ends a chunk of `rows` rows and makes its journal record, if chunks are recorded: with
+    /// `offer`, made by [`SampledCell::record`], and the nodes `below`.
+    pub fn end_chunk(
         &mut self,
         context: &Context,
         (counts, rows): (Counts, u64),
         offer: Option<&Record>,
         below: &[Subtree],
     ) {
-        let Part { page_offset, pages, is_told } = std::mem::take(&mut self.part);
-        if let Some(offer) = offer.filter(|_| is_told) {
-            let mut record = Record::new(Kind::Built);
+        let ChunkPages { page_offset, crc, is_recorded } = std::mem::take(&mut self.chunk);
+        if let Some(offer) = offer.filter(|_| is_recorded) {
+            let mut record = Record::new(Kind::Chunk);
             record.put([rows, page_offset, self.page_offset]);
-            record.put(pages.finalize());
+            record.put(crc.finalize());
             counts.put(context.rows.attribute_count(), &mut record);
             record.append(offer);
             put_nodes(below, &mut record);
@@ -124,26 +124,26 @@ impl Built {
         context.counts.merge(&counts);
     }
 
-    /// Chooses a cell's points from what its children offer.
-    pub fn combine(&mut self, context: &Context, cell: Cell, children: usize) {
+    /// Samples a cell from what its children offer, which are the last `child_count` cells.
+    pub fn combine(&mut self, context: &Context, cell: Cell, child_count: usize) {
         let stride = context.rows.bytes();
-        let children = self.held.split_off(self.held.len() - children);
+        let children = self.cells.split_off(self.cells.len() - child_count);
         let (bytes, pending) = join(children, stride);
         let rows = Rows { bytes: &bytes, stride };
         let mut pending = context.combine(&rows, cell, pending);
         let unfinished = Unfinished::below(&mut pending);
-        // The points have been told of.
+        // The points were reported with those of the chunks.
         let finish = |i| unfinished.finish(i, context, &rows, &context.counts, &Silent);
         (0..unfinished.len()).into_par_iter().for_each(finish);
         let (mut children, _) = unfinished.into_children().unwrap_or_default();
         self.place(&mut children);
         pending.below = Below::Finished(children);
-        self.held.push(Held::new(pending, &rows));
+        self.cells.push(SampledCell::new(pending, &rows));
     }
 }
 
-/// Cells that one above is made of, with all their rows.
-pub fn join(cells: Vec<Held>, stride: usize) -> (Vec<u8>, Vec<PendingCell>) {
+/// Joins the rows of the children of a cell.
+pub fn join(cells: Vec<SampledCell>, stride: usize) -> (Vec<u8>, Vec<PendingCell>) {
     let mut bytes = Vec::with_capacity(cells.iter().map(|c| c.rows.len()).sum());
     let mut pending = Vec::with_capacity(cells.len());
     for mut cell in cells {
@@ -155,44 +155,44 @@ pub fn join(cells: Vec<Held>, stride: usize) -> (Vec<u8>, Vec<PendingCell>) {
     (bytes, pending)
 }
 
-/// A part as the journal has it.
-pub struct PartRead {
-    /// Points that it was built from.
+/// A chunk as the journal recorded it.
+pub struct RecordedChunk {
+    /// Number of its rows.
     pub rows: u64,
-    /// Where its pages stand.
+    /// Place of its pages in the file.
     pub pages: Range<u64>,
-    /// Their CRC-32.
+    /// CRC-32 of its pages.
     pub crc: u32,
-    /// What its nodes have counted, an attribute each.
+    /// Histogram of each attribute.
     pub counts: Vec<Vec<u64>>,
     /// Its cell.
-    pub held: Held,
+    pub cell: SampledCell,
 }
 
-impl PartRead {
-    /// From a record; `None` where that is damaged.
+impl RecordedChunk {
+    /// Reads a chunk from a record; `None` if the record is damaged.
     pub fn get(record: &[u8], layout: &RowLayout) -> Option<Self> {
-        let mut from = Reading(record);
+        let mut from = RecordReader(record);
         let [rows, start, end] = from.get()?;
         let crc = from.get()?;
         let attributes = layout.attribute_count();
         let counts: Option<_> = (0..attributes).map(|_| from.get_all()).collect();
         let (counts, pages) = (counts?, start..end);
-        let held = Held::get(&mut from, layout.bytes(), attributes)?;
-        (start <= end).then_some(Self { rows, pages, crc, counts, held })
+        let cell = SampledCell::get(&mut from, layout.bytes(), attributes)?;
+        (start <= end).then_some(Self { rows, pages, crc, counts, cell })
     }
 }
 
-/// A cell that is built but for its root, with the rows that the root has.
-pub struct Held {
-    /// The cell; what it has is all of the rows.
+/// A cell all of whose nodes but the root are sampled, with the rows of the root.
+pub struct SampledCell {
+    /// The cell, whose points are all of `rows`.
     pub pending: PendingCell,
-    /// The rows.
+    /// Rows of the root.
     pub rows: Vec<u8>,
 }
 
-impl Held {
-    /// A cell, all below which is finished, with only the rows of its root.
+impl SampledCell {
+    /// Copies the rows of the root out of `rows`, those of the whole cell.
     pub fn new(mut pending: PendingCell, rows: &Rows<'_>) -> Self {
         let mut bytes = Vec::with_capacity(pending.offered.len() * rows.stride);
         pending.offered.iter().for_each(|&i| bytes.extend_from_slice(rows.row(i)));
@@ -200,9 +200,9 @@ impl Held {
         Self { pending, rows: bytes }
     }
 
-    /// What it offers, for the journal; the nodes below follow.
-    pub fn offer(&self) -> Record {
-        let mut record = Record::new(Kind::Built);
+    /// Record of what the cell offers; in the journal the nodes below follow.
+    pub fn record(&self) -> Record {
+        let mut record = Record::new(Kind::Chunk);
         let PendingCell { cell, moments, sampled, turns, radii, shares, .. } = &self.pending;
         record.put(cell.corner);
         record.put(cell.log2);
@@ -215,8 +215,9 @@ impl Held {
         record
     }
 
-    /// What was written down, of rows of `stride` bytes with so many attributes.
-    pub fn get(from: &mut Reading<'_>, stride: usize, attributes: usize) -> Option<Self> {
+    /// Reads a cell and the nodes below it, with rows of `stride` bytes and
+    /// this number of attributes.
+    pub fn get(from: &mut RecordReader<'_>, stride: usize, attributes: usize) -> Option<Self> {
         let cell = Cell { corner: from.get()?, log2: from.get()? };
         let moments = Moments::from_numbers(from.get()?);
         let sampled = usize::try_from(from.get::<u64>()?).ok()?;
@@ -246,9 +247,9 @@ impl Held {
     }
 }
 
-/// Writes down nodes whose pages have their places, and all below them.
+/// Adds nodes whose pages have their places, and all nodes below them, to a record.
 fn put_nodes(nodes: &[Subtree], record: &mut Record) {
-    // Children before parents, in their order; without recursion, since chains are long.
+    // Children before parents, in their order. Without recursion, since chains can be long.
     let (mut open, mut all): (Vec<&Subtree>, Vec<_>) = (nodes.iter().collect(), vec![]);
     while let Some(tree) = open.pop() {
         open.extend(tree.children.iter());

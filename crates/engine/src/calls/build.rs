@@ -1,4 +1,6 @@
-//! Building, appending and merging as calls, and their report as JSON and as text.
+//! Building, appending and merging as calls: from scans, or `.esker` files, to an `.esker` file.
+//! Inputs and output are checked before any work. Returns a [`BuildReport`], which is printed as
+//! JSON or as text.
 
 use crate::io::inputs;
 use crate::io::output;
@@ -11,50 +13,133 @@ use esker_format::{EskerFile, Normals};
 use esker_points::Task;
 use esker_points::palette::Misfit;
 use esker_points::{quant, tangents};
-use serde_json::{Value, json};
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Builds `out` from scans, or from those in folders, on so many threads (0: one a core); the
-/// report and the seconds it took.
+/// What a build did.
+#[derive(Clone, Debug, Serialize)]
+pub struct BuildReport {
+    /// Points decoded, refused ones included.
+    pub points_in: u64,
+    /// Points in the file.
+    pub points_out: u64,
+    /// Points that were refused.
+    pub points_refused: u64,
+    /// Points that were refused, by reason.
+    pub refused_reasons: BTreeMap<String, u64>,
+    /// Multiset hash of all points, hexadecimal.
+    pub multiset_hash: String,
+    /// Duration of the build, seconds.
+    pub seconds: f64,
+    /// Points decoded a second.
+    pub points_per_second: f64,
+    /// Greatest anonymous memory above that at the start, bytes.
+    pub peak_anon_bytes: u64,
+    /// Greatest resident set, bytes.
+    pub peak_rss_bytes: u64,
+    /// Estimate of the most bytes that scratch holds at once; none if a build was resumed.
+    pub scratch_bytes_estimated: Option<u64>,
+    /// Bytes written to scratch.
+    pub scratch_bytes: u64,
+    /// The most bytes that scratch held at once.
+    pub scratch_bytes_peak: u64,
+    /// The most bytes that scratch and the file held at once.
+    pub disk_bytes_peak: u64,
+    /// Bytes of the file.
+    pub bytes_out: u64,
+    /// Nodes of the file.
+    pub nodes: u64,
+    /// Greatest depth of a node; 0 for the root.
+    pub depth: u32,
+    /// Greatest distance by which a coordinate was rounded, in the file's unit.
+    pub rounding_error_max: f64,
+    /// Errors of the palette's colours; none without a compact plane.
+    pub palette_misfit: Option<MisfitReport>,
+    /// Greatest errors of the codes that pictures are drawn from.
+    pub code_error_bounds: CodeErrorBounds,
+    /// What the user should know, a line each.
+    pub notes: Vec<String>,
+}
+
+/// Errors of the palette's colours, of 255.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct MisfitReport {
+    /// Mean over all points.
+    pub mean: f64,
+    /// Greatest error of 99 % of the points.
+    pub most: f64,
+    /// Greatest error of all points.
+    pub worst: f64,
+}
+
+/// Greatest errors of the codes that pictures are drawn from; they follow from the encoding, not
+/// from the points.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct CodeErrorBounds {
+    /// Share by which radii are too wide.
+    pub radius: f64,
+    /// Angle of normals, degrees; none in a file without normals.
+    pub normal_degrees: Option<f64>,
+    /// Shapes of splats; none in a file without them.
+    pub shape: Option<ShapeErrorBounds>,
+}
+
+/// Greatest errors of the codes of splats' shapes.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct ShapeErrorBounds {
+    /// Angle of the axes, degrees.
+    pub axis_degrees: f64,
+    /// Share of the distance between points.
+    pub apart: f64,
+    /// Share of the aspect.
+    pub aspect: f64,
+}
+
+/// Builds `out` from scans, and from the scans in folders, on `threads` threads (0: one a core).
 ///
 /// # Errors
-/// Where an input is damaged, space runs out, or on request; nothing is left under the final name.
+/// If an input is damaged, space runs out, or `task` is cancelled; no file has the final name then.
 pub fn build(
     inputs: &[PathBuf],
     out: &Path,
     options: &Options,
     threads: usize,
     task: &dyn Task,
-) -> Result<(Report, f64)> {
+) -> Result<BuildReport> {
     let start = Instant::now();
     let inputs = &inputs::scans(inputs)?;
     output::may_build(out, inputs)?;
     inputs::note_repeated(inputs, task);
-    let report = within_memory(threads, || Ok(esker_builder::build(inputs, out, options, task)?))?;
-    Ok((report, start.elapsed().as_secs_f64()))
+    within_memory(threads, start, || Ok(esker_builder::build(inputs, out, options, task)?))
 }
 
-/// Runs what is to keep to `--memory` on so many threads: what is freed must not stay with the
-/// process.
-fn within_memory<R: Send>(threads: usize, work: impl FnOnce() -> Result<R> + Send) -> Result<R> {
+/// Runs a build, which keeps to `--memory`, on `threads` threads: freed memory must not stay with
+/// the process.
+fn within_memory(
+    threads: usize,
+    start: Instant,
+    work: impl FnOnce() -> Result<Report> + Send,
+) -> Result<BuildReport> {
     system::give_back_freed_memory();
-    pool::run(threads, work)
+    let report = pool::run(threads, work)?;
+    Ok(BuildReport::new(report, start.elapsed().as_secs_f64()))
 }
 
-/// Points that a node of a built file holds.
+/// Most points of a node of a built file.
 ///
 /// # Errors
-/// Where the file does not open.
+/// If the file cannot be opened.
 pub fn node_capacity(file: &Path) -> Result<u32> {
     Ok(EskerFile::open(file)?.metadata().node_capacity)
 }
 
-/// Builds `out` from scans onto the lattice of `old`, which it names; nothing of that is written
-/// again.
+/// Builds `out` from scans onto the lattice of `old`. The new file names `old`, whose points are
+/// not written again.
 ///
 /// # Errors
-/// As [`build`]; where `old` does not open, or is in another coordinate reference system.
+/// As for [`build`]; also if `old` cannot be opened, or has another coordinate reference system.
 pub fn append(
     old: &Path,
     inputs: &[PathBuf],
@@ -62,116 +147,126 @@ pub fn append(
     options: &Options,
     threads: usize,
     task: &dyn Task,
-) -> Result<(Report, f64)> {
+) -> Result<BuildReport> {
     let start = Instant::now();
     let inputs = &inputs::scans(inputs)?;
     output::may_build(out, inputs)?;
     inputs::note_repeated(inputs, task);
-    let report =
-        within_memory(threads, || Ok(esker_builder::append(old, inputs, out, options, task)?))?;
-    Ok((report, start.elapsed().as_secs_f64()))
+    within_memory(threads, start, || Ok(esker_builder::append(old, inputs, out, options, task)?))
 }
 
-/// Builds `out`, one tree, from all points of `.esker` files and of those that they name.
+/// Builds `out`, a single tree, from all points of `.esker` files and of the files that they name.
 ///
 /// # Errors
-/// As [`build`]; where the files do not open, or do not lie on one lattice.
+/// As for [`build`]; also if the files cannot be opened, or have different lattices.
 pub fn merge(
     files: &[PathBuf],
     out: &Path,
     options: &Options,
     threads: usize,
     task: &dyn Task,
-) -> Result<(Report, f64)> {
+) -> Result<BuildReport> {
     let start = Instant::now();
     output::may_build(out, files)?;
-    let report = within_memory(threads, || Ok(esker_builder::merge(files, out, options, task)?))?;
-    Ok((report, start.elapsed().as_secs_f64()))
+    within_memory(threads, start, || Ok(esker_builder::merge(files, out, options, task)?))
 }
 
-/// The report for machines.
-pub fn json(report: &Report, seconds: f64) -> Value {
-    json!({
-        "points_in": report.points_in,
-        "points_out": report.points_out,
-        "points_refused": report.points_refused.values().sum::<u64>(),
-        "refused_reasons": report.points_refused,
-        "multiset_hash": report.hash.to_string(),
-        "seconds": seconds,
-        "points_per_second": report.points_in as f64 / seconds.max(1e-9),
-        "peak_anon_bytes": report.peak_anon_bytes,
-        "peak_rss_bytes": report.peak_rss_bytes,
-        "scratch_bytes_estimated": report.scratch_bytes_estimated,
-        "scratch_bytes": report.scratch_bytes,
-        "scratch_bytes_peak": report.scratch_bytes_peak,
-        "disk_bytes_peak": report.disk_bytes_peak,
-        "bytes_out": report.bytes_out,
-        "nodes": report.nodes,
-        "depth": report.depth,
-        "rounding_error_max": report.rounding_error_max,
-        "palette_misfit": report.palette_misfit.map(|m| {
-            json!({ "mean": m.mean, "most": m.most, "worst": m.worst })
-        }),
-        "code_error_bounds": {
-            "radius": quant::RADIUS_ERROR,
-            "normal_degrees": (report.normals != Normals::None).then_some(quant::NORMAL_ERROR_DEGREES),
-            "shape": report.has_tangents.then(|| {
-                json!({
-                    "axis_degrees": tangents::AXIS_ERROR_DEGREES,
-                    "apart": tangents::APART_ERROR,
-                    "aspect": tangents::ASPECT_ERROR,
-                })
-            }),
-        },
-        "notes": report.notes,
-    })
+impl BuildReport {
+    fn new(report: Report, seconds: f64) -> Self {
+        let has_normals = report.normals != Normals::None;
+        Self {
+            points_in: report.points_in,
+            points_out: report.points_out,
+            points_refused: report.points_refused.values().sum(),
+            refused_reasons: report.points_refused,
+            multiset_hash: report.hash.to_string(),
+            seconds,
+            points_per_second: report.points_in as f64 / seconds.max(1e-9),
+            peak_anon_bytes: report.peak_anon_bytes,
+            peak_rss_bytes: report.peak_rss_bytes,
+            scratch_bytes_estimated: report.scratch_bytes_estimated,
+            scratch_bytes: report.scratch_bytes,
+            scratch_bytes_peak: report.scratch_bytes_peak,
+            disk_bytes_peak: report.disk_bytes_peak,
+            bytes_out: report.bytes_out,
+            nodes: report.nodes,
+            depth: report.depth,
+            rounding_error_max: report.rounding_error_max,
+            palette_misfit: report.palette_misfit.map(MisfitReport::from),
+            code_error_bounds: CodeErrorBounds::of(has_normals, report.has_tangents),
+            notes: report.notes,
+        }
+    }
 }
 
-/// The report for people.
-pub fn text(report: &Report, seconds: f64, out: &Path) -> String {
+impl From<Misfit> for MisfitReport {
+    fn from(misfit: Misfit) -> Self {
+        let Misfit { mean, most, worst } = misfit;
+        Self { mean, most, worst }
+    }
+}
+
+impl CodeErrorBounds {
+    fn of(has_normals: bool, has_tangents: bool) -> Self {
+        let shape = ShapeErrorBounds {
+            axis_degrees: tangents::AXIS_ERROR_DEGREES,
+            apart: tangents::APART_ERROR,
+            aspect: tangents::ASPECT_ERROR,
+        };
+        Self {
+            radius: quant::RADIUS_ERROR,
+            normal_degrees: has_normals.then_some(quant::NORMAL_ERROR_DEGREES),
+            shape: has_tangents.then_some(shape),
+        }
+    }
+}
+
+/// Text of a report on the build of `out`.
+pub fn text(report: &BuildReport, out: &Path) -> String {
     let mut lines = vec![format!(
-        "{}: {} points in {} nodes, {} levels deep, {} ({:.1} bytes a point), in {seconds:.1} s",
+        "{}: {} points in {} nodes, {} levels deep, {} ({:.1} bytes a point), in {:.1} s",
         out.display(),
         grouped(report.points_out),
         grouped(report.nodes),
         report.depth + u32::from(report.nodes > 0),
         readable_bytes(report.bytes_out),
         report.bytes_out as f64 / report.points_out.max(1) as f64,
+        report.seconds,
     )];
     lines.push(format!(
         "proof: {} points in, {} out, multiset hash {}",
         grouped(report.points_in),
         grouped(report.points_out),
-        report.hash
+        report.multiset_hash
     ));
-    for (reason, n) in &report.points_refused {
+    for (reason, n) in &report.refused_reasons {
         lines.push(format!("refused: {} points: {reason}", grouped(*n)));
     }
     lines.push(match report.rounding_error_max {
         0.0 => "coordinates: exact".into(),
         error => format!("coordinates: rounded by at most {error:.3e}"),
     });
-    if let Some(Misfit { mean, most, worst }) = report.palette_misfit {
+    if let Some(MisfitReport { mean, most, worst }) = report.palette_misfit {
         lines.push(format!(
             "compact: colours of a palette, off by {mean:.1} of 255 in the mean, {most:.1} at most for 99 % of the points, {worst:.1} for any; \
              the exact ones are kept beside it"
         ));
     }
-    lines.push(codes(report));
+    lines.push(report.code_error_bounds.text());
     lines.push(format!(
         "memory: {} at most, {} resident; disk: {} through scratch{}, {} at most with the file",
         readable_bytes(report.peak_anon_bytes),
         readable_bytes(report.peak_rss_bytes),
         readable_bytes(report.scratch_bytes),
-        scratch_at_once(report),
+        scratch_peak(report),
         readable_bytes(report.disk_bytes_peak)
     ));
     lines.extend(report.notes.iter().map(|n| format!("note: {n}")));
     lines.join("\n")
 }
 
-/// What scratch held at once, beside what was estimated.
-fn scratch_at_once(report: &Report) -> String {
+/// The most bytes that scratch held at once, and their estimate; empty if scratch was not used.
+fn scratch_peak(report: &BuildReport) -> String {
     if report.scratch_bytes == 0 {
         return String::new();
     }
@@ -180,22 +275,23 @@ fn scratch_at_once(report: &Report) -> String {
     format!(" ({} at once{estimated})", readable_bytes(report.scratch_bytes_peak))
 }
 
-/// What codes that pictures are drawn from can be off by: this follows from their form, not from
-/// the points.
-fn codes(report: &Report) -> String {
-    let per_cent = |share: f64| format!("{:.1} %", share * 100.0);
-    let mut line = "codes: their form lets ".to_owned();
-    line += &format!("radii be too wide by {} at most", per_cent(quant::RADIUS_ERROR));
-    if report.normals != Normals::None {
-        line += &format!(", normals turned by {} degrees", quant::NORMAL_ERROR_DEGREES);
+impl CodeErrorBounds {
+    /// The bounds as a line.
+    fn text(&self) -> String {
+        let per_cent = |share: f64| format!("{:.1} %", share * 100.0);
+        let mut line = "codes: their form lets ".to_owned();
+        line += &format!("radii be too wide by {} at most", per_cent(self.radius));
+        if let Some(degrees) = self.normal_degrees {
+            line += &format!(", normals turned by {degrees} degrees");
+        }
+        if let Some(shape) = self.shape {
+            line += &format!(
+                "; shapes: axes turned by {} degrees, distances off by {}, aspects by {}",
+                shape.axis_degrees,
+                per_cent(shape.apart),
+                per_cent(shape.aspect)
+            );
+        }
+        line
     }
-    if report.has_tangents {
-        line += &format!(
-            "; shapes: axes turned by {} degrees, distances off by {}, aspects by {}",
-            tangents::AXIS_ERROR_DEGREES,
-            per_cent(tangents::APART_ERROR),
-            per_cent(tangents::ASPECT_ERROR)
-        );
-    }
-    line
 }

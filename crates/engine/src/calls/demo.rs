@@ -1,7 +1,7 @@
-//! The demonstration: the sample scan of the project, from the scan file to the picture.
+//! The demonstration as a call: builds, verifies and draws the sample scan of the project.
 
 use crate::calls::build;
-use crate::calls::render::{render, text as render_text};
+use crate::calls::render;
 use crate::calls::verify;
 use crate::cameras::camera::Camera;
 use crate::draw::scene::PictureRequest;
@@ -10,17 +10,28 @@ use esker_builder::Options;
 use esker_points::Task;
 use std::path::{Path, PathBuf};
 
-/// The sample scan, from the project's folder.
+/// The sample scan, relative to the project's folder.
 const SAMPLE: &str = "tests/sample/creek.laz";
 /// A view up the valley of the sample scan.
 const CAMERA: &str = "eye=5679750,3769950,1480;target=5679080,3770560,955;fovy=48";
 
-/// Builds the sample scan, verifies the file against it, and draws it into the folder `out`; the
-/// lines to show. `project` is where the project's sources lie.
+/// What the demonstration did.
+#[derive(Clone, Debug)]
+pub struct DemoReport {
+    /// What was built.
+    pub build: build::BuildReport,
+    /// What was drawn.
+    pub render: render::RenderReport,
+    file: PathBuf,
+    picture: PathBuf,
+}
+
+/// Builds the sample scan, verifies the file against it, and draws it, all into the folder `out`.
+/// `project` is the folder of the project's sources.
 ///
 /// # Errors
-/// Where a step fails.
-pub fn demo(project: &Path, out: &Path, task: &dyn Task) -> Result<Vec<String>> {
+/// If the sample scan is missing, or a step fails.
+pub fn demo(project: &Path, out: &Path, task: &dyn Task) -> Result<DemoReport> {
     let sample = project.join(SAMPLE);
     ensure!(
         sample.is_file(),
@@ -30,17 +41,23 @@ pub fn demo(project: &Path, out: &Path, task: &dyn Task) -> Result<Vec<String>> 
     std::fs::create_dir_all(out)
         .with_context(|| format!("{}: cannot make the folder", out.display()))?;
     let file = out.join("sample.esker");
-    let (report, seconds) =
-        build::build(std::slice::from_ref(&sample), &file, &Options::default(), 0, task)?;
-    let mut lines = vec![build::text(&report, seconds, &file)];
+    let options = Options::default();
+    let build = build::build(std::slice::from_ref(&sample), &file, &options, 0, task)?;
     verify::verify(&file, &[sample], 0, task)?;
-    lines.push(
-        "verified: every byte, and against the scan every point with all its attributes".into(),
-    );
-    let picture: PathBuf = out.join("sample.png");
+    let picture = out.join("sample.png");
     let camera = Camera::parse(CAMERA)?;
     let request = PictureRequest { size: [1280, 720], camera, ..PictureRequest::default() };
-    lines.push(render_text(&render(&[file], &picture, &request, task)?));
-    lines.push(format!("look at {}", picture.display()));
-    Ok(lines)
+    let render = render::render(std::slice::from_ref(&file), &picture, &request, task)?;
+    Ok(DemoReport { build, render, file, picture })
+}
+
+/// Text of a report.
+pub fn text(report: &DemoReport) -> String {
+    let lines = [
+        build::text(&report.build, &report.file),
+        "verified: every byte, and against the scan every point with all its attributes".into(),
+        render::text(&report.render),
+        format!("look at {}", report.picture.display()),
+    ];
+    lines.join("\n")
 }

@@ -1,99 +1,327 @@
-//! What a file says of itself: counts, bounds, attributes, sources, and how its points lie in the
-//! tree.
+//! Information as a call: counts, bounds, attributes and sources of an `.esker` file, and the shape
+//! of its tree; or the header of a scan that is not built yet. Returns an [`InfoReport`].
 
+use crate::io::file::is_esker;
 use crate::io::quantity::{grouped, readable_bytes};
 use anyhow::Result;
-use esker_format::{Forest, PlaneKind, SourceRecord};
-use esker_points::{MultisetHash, Node, NodeTable, Task};
+use esker_format::{EskerFile, Forest, PlaneKind, SourceRecord};
+use esker_points::{Attribute, ColourDepth, MultisetHash, Node, NodeTable, Task};
 use esker_scan::las::{GpsTimes, gps_times};
 use esker_scan::{OpenOptions, SourceInfo};
-use serde_json::{Value, json};
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Notes that are told in a few lines.
+/// Most notes that [`notes`] returns; a last line counts the others.
 const NOTES_MAX: usize = 6;
-
-/// A node with less than this share of the capacity is a small one.
+/// A node with less than this share of the capacity counts as small.
 const SMALL_SHARE: f64 = 1.0 / 16.0;
+/// Most characters of a coordinate reference system in a text.
+const CRS_CHARS_MAX: usize = 200;
 
-/// World bounds of all points; zeros where there is no point.
+/// What is known about an `.esker` file or a scan.
+#[derive(Clone, Debug, Serialize)]
+#[serde(untagged)]
+pub enum InfoReport {
+    /// An `.esker` file, with the files that it names.
+    File(Box<FileInfo>),
+    /// A scan.
+    Scan(Box<ScanInfo>),
+}
+
+/// What is known about an `.esker` file and the files that it names.
+#[derive(Clone, Debug, Serialize)]
+pub struct FileInfo {
+    /// Points of all trees.
+    pub points: u64,
+    /// World bounds of all points; none without points.
+    pub bounds: Option<[[f64; 3]; 2]>,
+    /// Step of the lattice, an axis.
+    pub scale: [f64; 3],
+    /// World coordinates of the lattice's origin.
+    pub offset: [f64; 3],
+    /// Steps that are added to stored coordinates.
+    pub shift: [i64; 3],
+    /// Greatest distance by which a coordinate was rounded, in the file's unit.
+    pub rounding_error_max: f64,
+    /// Attributes of the points.
+    pub attributes: Vec<FileAttribute>,
+    /// Sets of attributes that the points of a source have.
+    pub classes: usize,
+    /// Coordinate reference system of the first source that has one.
+    pub crs: Option<String>,
+    /// Unit of that system.
+    pub unit: Option<String>,
+    /// Nodes of all trees.
+    pub nodes: usize,
+    /// Most points of a node.
+    pub node_capacity: u32,
+    /// Mean share of the capacity that nodes fill.
+    pub node_fill_mean: f64,
+    /// Share of nodes that fill less than a sixteenth.
+    pub small_nodes_share: f64,
+    /// Nodes and points by depth.
+    pub depths: Vec<DepthInfo>,
+    /// Bytes of all files.
+    pub bytes: u64,
+    /// Bytes a point, by kind of plane.
+    pub bytes_a_point: BytesAPoint,
+    /// Codecs of the trees, separated by commas.
+    pub compress: String,
+    /// Sources of the trees' normals, separated by commas.
+    pub normals: String,
+    /// Bytes of a node in memory.
+    pub table_bytes_a_node: usize,
+    /// Bytes of the node tables in the files.
+    pub table_bytes: u64,
+    /// Bytes of the joint node table in memory.
+    pub structure_bytes: usize,
+    /// Multiset hash of all points, hexadecimal.
+    pub multiset_hash: String,
+    /// Program that wrote the first file.
+    pub generator: Option<String>,
+    /// Scans that the trees were built from.
+    pub sources: Vec<SourceReport>,
+    /// Trees, the file's own first.
+    pub trees: Vec<TreeInfo>,
+}
+
+/// Contents of the header of a scan; no point is decoded.
+#[derive(Clone, Debug, Serialize)]
+pub struct ScanInfo {
+    /// Path of the scan.
+    pub scan: String,
+    /// Format of the scan.
+    pub format: String,
+    /// Points that the header announces.
+    pub points: u64,
+    /// Bounds that the header announces.
+    pub bounds: Option<[[f64; 3]; 2]>,
+    /// Step of stored coordinates, an axis.
+    pub scale: [f64; 3],
+    /// Offset of stored coordinates.
+    pub offset: [f64; 3],
+    /// Attributes of the points.
+    pub attributes: Vec<AttributeInfo>,
+    /// Bits of a colour channel; none without colours.
+    pub colour_bits: Option<u32>,
+    /// Coordinate reference system.
+    pub crs: Option<String>,
+    /// Unit of that system.
+    pub unit: Option<String>,
+    /// Kind of the GPS times.
+    pub gps_times: Option<&'static str>,
+    /// Bytes of the scan.
+    pub bytes: u64,
+    /// What is odd about the scan, a line each.
+    pub notes: Vec<String>,
+}
+
+/// An attribute.
+#[derive(Clone, Debug, Serialize)]
+pub struct AttributeInfo {
+    /// Name of the attribute.
+    pub name: String,
+    /// Type of a value.
+    #[serde(rename = "type")]
+    pub ty: &'static str,
+    /// Description in the source; empty if there is none.
+    pub description: String,
+}
+
+/// An attribute of a file.
+#[derive(Clone, Debug, Serialize)]
+pub struct FileAttribute {
+    /// Name, type and description.
+    #[serde(flatten)]
+    pub attribute: AttributeInfo,
+    /// Factor from stored to displayed values.
+    pub scale: f64,
+    /// Offset from scaled to displayed values.
+    pub offset: f64,
+}
+
+/// Nodes of a depth.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct DepthInfo {
+    /// The depth; 0 for the roots.
+    pub depth: usize,
+    /// Nodes there.
+    pub nodes: u64,
+    /// Points of these nodes.
+    pub points: u64,
+}
+
+/// Bytes a point.
+#[derive(Clone, Debug, Serialize)]
+pub struct BytesAPoint {
+    /// Hot planes.
+    pub hot: f64,
+    /// Residual planes.
+    pub residual: f64,
+    /// All other planes.
+    pub cold: f64,
+    /// Directories of the pages.
+    pub directories: f64,
+    /// Whole files.
+    pub all: f64,
+    /// Each plane.
+    pub planes: Vec<PlaneBytes>,
+}
+
+/// Bytes a point of a plane.
+#[derive(Clone, Debug, Serialize)]
+pub struct PlaneBytes {
+    /// Name of the plane, or of its attribute.
+    pub plane: String,
+    /// Whether pictures are drawn from it as it is stored.
+    pub hot: bool,
+    /// Bytes a point.
+    pub bytes: f64,
+}
+
+/// A scan that a tree was built from.
+#[derive(Clone, Debug, Serialize)]
+pub struct SourceReport {
+    /// Path of the scan, as given to the build.
+    pub path: String,
+    /// Format of the scan.
+    pub format: String,
+    /// Points in the file.
+    pub points: u64,
+    /// Points that were refused, by reason.
+    pub refused: BTreeMap<String, u64>,
+    /// Greatest distance by which a coordinate was rounded, in the file's unit.
+    pub rounding_error_max: f64,
+    /// Bits of a colour channel; none without colours.
+    pub colour_bits: Option<u32>,
+    /// Whether the user set them.
+    pub colour_bits_forced: bool,
+    /// Coordinate reference system.
+    pub crs: Option<String>,
+    /// Unit of that system.
+    pub unit: Option<String>,
+    /// Kind of the GPS times.
+    pub gps_times: Option<&'static str>,
+    /// What was odd about the scan, a line each.
+    pub notes: Vec<String>,
+}
+
+/// A tree of a forest.
+#[derive(Clone, Debug, Serialize)]
+pub struct TreeInfo {
+    /// Path of its file.
+    pub path: String,
+    /// Points of the tree.
+    pub points: u64,
+    /// Nodes of the tree.
+    pub nodes: u64,
+    /// Bytes of its file.
+    pub bytes: u64,
+    /// Multiset hash of its points, hexadecimal.
+    pub multiset_hash: String,
+    /// Hash of the footer by which other files name it, hexadecimal.
+    pub footer_hash: String,
+}
+
+/// World bounds of all points; zeros if there are none.
 pub fn bounds(forest: &Forest) -> [[f64; 3]; 2] {
     forest.bounds().map_or([[0.0; 3]; 2], |b| b.map(|corner| forest.lattice().world(corner)))
 }
 
-/// What there is to know of an `.esker` file, or, before building, of a scan.
+/// Reports on an `.esker` file, or on a scan that is not built yet.
 ///
 /// # Errors
-/// Where it cannot be read.
-pub fn info(path: &Path, task: &dyn Task) -> Result<Value> {
-    if !crate::io::file::is_esker(path)? {
-        let source = esker_scan::open(path, &OpenOptions::default(), task)?;
-        return Ok(scan(source.info()));
+/// If the file cannot be read.
+pub fn info(path: &Path, task: &dyn Task) -> Result<InfoReport> {
+    if is_esker(path)? {
+        return Ok(InfoReport::File(Box::new(file_info(&Forest::open(path)?)?)));
     }
-    let forest = Forest::open(path)?;
+    let source = esker_scan::open(path, &OpenOptions::default(), task)?;
+    Ok(InfoReport::Scan(Box::new(scan_info(source.info()))))
+}
+
+fn file_info(forest: &Forest) -> Result<FileInfo> {
     let (table, lattice) = (forest.table(), forest.lattice());
-    let records = || forest.files().flat_map(|file| &file.metadata().sources);
     let footers = || forest.files().map(|file| file.footer());
     let capacity = footers().map(|footer| footer.node_capacity).max().unwrap_or(0);
-    let first_crs = records().find_map(|s| s.crs.as_ref());
+    let first_crs = sources(forest).find_map(|s| s.crs.as_ref());
     let mut hash = MultisetHash::default();
     footers().for_each(|footer| hash += footer.hash);
-    let attributes: Vec<Value> = forest
-        .schema()
-        .attributes
-        .iter()
-        .map(|a| json!({"name": a.name, "type": a.ty.name(), "description": a.description, "scale": a.scale, "offset": a.offset}))
-        .collect();
-    Ok(json!({
-        "points": forest.points(),
-        "bounds": forest.bounds().map(|_| bounds(&forest)),
-        "scale": lattice.scale,
-        "offset": lattice.offset,
-        "shift": lattice.shift,
-        "rounding_error_max": footers().map(|f| f.rounding_error_max).fold(0.0, f64::max),
-        "attributes": attributes,
-        "classes": forest.files().map(|file| file.metadata().classes.len()).sum::<usize>(),
-        "crs": first_crs.map(|c| &c.text),
-        "unit": first_crs.and_then(|c| c.unit.as_ref()),
-        "nodes": table.nodes.len(),
-        "node_capacity": capacity,
-        "node_fill_mean": fill(table, capacity),
-        "small_nodes_share": small_share(table, capacity),
-        "depths": depths(table),
-        "bytes": forest.file_bytes(),
-        "bytes_a_point": bytes_a_point(&forest)?,
-        "compress": each_once(&forest, |file| file.metadata().codec.name()),
-        "normals": each_once(&forest, |file| file.metadata().normals.name()),
-        "table_bytes_a_node": table.bytes_a_node(),
-        "table_bytes": footers().map(|footer| footer.table.bytes).sum::<u64>(),
-        "structure_bytes": table.bytes(),
-        "multiset_hash": hash.to_string(),
-        "generator": forest.files().next().map(|file| &file.metadata().generator),
-        "sources": sources(&forest)?,
-        "trees": trees(&forest),
-    }))
+    let attribute =
+        |a: &Attribute| FileAttribute { attribute: a.into(), scale: a.scale, offset: a.offset };
+    Ok(FileInfo {
+        points: forest.points(),
+        bounds: forest.bounds().map(|_| bounds(forest)),
+        scale: lattice.scale,
+        offset: lattice.offset,
+        shift: lattice.shift,
+        rounding_error_max: footers().map(|f| f.rounding_error_max).fold(0.0, f64::max),
+        attributes: forest.schema().attributes.iter().map(attribute).collect(),
+        classes: forest.files().map(|file| file.metadata().classes.len()).sum(),
+        crs: first_crs.map(|c| c.text.clone()),
+        unit: first_crs.and_then(|c| c.unit.clone()),
+        nodes: table.nodes.len(),
+        node_capacity: capacity,
+        node_fill_mean: fill(table, capacity),
+        small_nodes_share: small_share(table, capacity),
+        depths: depths(table),
+        bytes: forest.file_bytes(),
+        bytes_a_point: bytes_a_point(forest)?,
+        compress: distinct(forest, |file| file.metadata().codec.name()),
+        normals: distinct(forest, |file| file.metadata().normals.name()),
+        table_bytes_a_node: table.bytes_a_node(),
+        table_bytes: footers().map(|footer| footer.table.bytes).sum(),
+        structure_bytes: table.bytes(),
+        multiset_hash: hash.to_string(),
+        generator: forest.files().next().map(|file| file.metadata().generator.clone()),
+        sources: source_reports(forest)?,
+        trees: forest.files().map(tree_info).collect(),
+    })
 }
 
-/// The unit of a file's lengths, where one of its sources tells one; none where coordinates are
-/// degrees.
+fn scan_info(info: &SourceInfo) -> ScanInfo {
+    ScanInfo {
+        scan: info.path.display().to_string(),
+        format: info.format.clone(),
+        points: info.points_hint,
+        bounds: info.grid.bounds,
+        scale: info.grid.grid.scale,
+        offset: info.grid.grid.offset,
+        attributes: info.schema.attributes.iter().map(AttributeInfo::from).collect(),
+        colour_bits: info.colour_depth.map(bits),
+        crs: info.crs.as_ref().map(|c| c.text.clone()),
+        unit: info.crs.as_ref().and_then(|c| c.unit.clone()),
+        gps_times: gps_times(&info.verbatim).map(GpsTimes::name),
+        bytes: info.bytes,
+        notes: info.notes.clone(),
+    }
+}
+
+impl From<&Attribute> for AttributeInfo {
+    fn from(a: &Attribute) -> Self {
+        Self { name: a.name.clone(), ty: a.ty.name(), description: a.description.clone() }
+    }
+}
+
+/// Unit of lengths in a file; none if no source names one, or coordinates are degrees.
 pub fn unit(forest: &Forest) -> Option<String> {
-    let mut records = forest.files().flat_map(|file| &file.metadata().sources);
-    records.find_map(|s| s.crs.as_ref())?.unit.clone().filter(|unit| unit != "degree")
+    let first_crs = sources(forest).find_map(|s| s.crs.as_ref())?;
+    first_crs.unit.clone().filter(|unit| unit != "degree")
 }
 
-/// What reading the sources of a file has left out or found odd: points that were refused, by
-/// reason, and the notes, each once and the first of many.
+/// Notes on the sources of a file: points that were refused, by reason, then what was odd. Each
+/// note occurs once; of many only the first ones are returned.
 pub fn notes(forest: &Forest) -> Vec<String> {
-    let records = || forest.files().flat_map(|file| &file.metadata().sources);
-    let mut refused = std::collections::BTreeMap::<&str, u64>::new();
-    for (reason, points) in records().flat_map(|s| &s.refused) {
+    let mut refused = BTreeMap::<&str, u64>::new();
+    for (reason, points) in sources(forest).flat_map(|s| &s.refused) {
         *refused.entry(reason).or_default() += points;
     }
     let refused = refused
         .into_iter()
         .map(|(reason, points)| format!("left out: {} points: {reason}", grouped(points)));
     let mut all: Vec<String> = refused.collect();
-    for note in records().flat_map(|s| &s.notes) {
+    for note in sources(forest).flat_map(|s| &s.notes) {
         if !all.contains(note) {
             all.push(note.clone());
         }
@@ -106,111 +334,93 @@ pub fn notes(forest: &Forest) -> Vec<String> {
     all
 }
 
-/// The sources of all trees.
-fn sources(forest: &Forest) -> Result<Vec<Value>> {
+/// Sources of all trees.
+fn sources(forest: &Forest) -> impl Iterator<Item = &SourceRecord> {
+    forest.files().flat_map(|file| &file.metadata().sources)
+}
+
+fn source_reports(forest: &Forest) -> Result<Vec<SourceReport>> {
     let mut all = Vec::new();
     for file in forest.files() {
         for (i, record) in file.metadata().sources.iter().enumerate() {
-            all.push(source(record, gps_times(&file.verbatim(i)?)));
+            all.push(source_report(record, gps_times(&file.verbatim(i)?)));
         }
     }
     Ok(all)
 }
 
-fn source(s: &SourceRecord, gps_times: Option<GpsTimes>) -> Value {
-    json!({
-        "path": s.path, "format": s.format, "points": s.points, "refused": s.refused,
-        "rounding_error_max": s.rounding_error_max,
-        "colour_bits": s.colour_depth.map(bits), "colour_bits_forced": s.colour_depth_forced,
-        "crs": s.crs.as_ref().map(|c| &c.text), "unit": s.crs.as_ref().and_then(|c| c.unit.as_ref()),
-        "gps_times": gps_times.map(GpsTimes::name),
-        "notes": s.notes,
-    })
-}
-
-/// The trees of a forest, one a file: the file itself first.
-fn trees(forest: &Forest) -> Vec<Value> {
-    let tree = |file: &esker_format::EskerFile| {
-        let footer = file.footer();
-        json!({
-            "path": file.path().display().to_string(), "points": footer.points, "nodes": footer.nodes,
-            "bytes": footer.file_bytes, "multiset_hash": footer.hash.to_string(),
-            "footer_hash": format!("{:032x}", footer.name_hash()),
-        })
-    };
-    forest.files().map(tree).collect()
-}
-
-fn bits(depth: esker_points::ColourDepth) -> u32 {
-    match depth {
-        esker_points::ColourDepth::Eight => 8,
-        esker_points::ColourDepth::Sixteen => 16,
+fn source_report(s: &SourceRecord, gps_times: Option<GpsTimes>) -> SourceReport {
+    SourceReport {
+        path: s.path.clone(),
+        format: s.format.clone(),
+        points: s.points,
+        refused: s.refused.clone(),
+        rounding_error_max: s.rounding_error_max,
+        colour_bits: s.colour_depth.map(bits),
+        colour_bits_forced: s.colour_depth_forced,
+        crs: s.crs.as_ref().map(|c| c.text.clone()),
+        unit: s.crs.as_ref().and_then(|c| c.unit.clone()),
+        gps_times: gps_times.map(GpsTimes::name),
+        notes: s.notes.clone(),
     }
 }
 
-/// A scan that is not yet built: what its header says, nothing decoded.
-fn scan(info: &SourceInfo) -> Value {
-    let attributes: Vec<Value> = info
-        .schema
-        .attributes
-        .iter()
-        .map(|a| json!({"name": a.name, "type": a.ty.name(), "description": a.description}))
-        .collect();
-    json!({
-        "scan": info.path.display().to_string(),
-        "format": info.format,
-        "points": info.points_hint,
-        "bounds": info.grid.bounds,
-        "scale": info.grid.grid.scale,
-        "offset": info.grid.grid.offset,
-        "attributes": attributes,
-        "colour_bits": info.colour_depth.map(bits),
-        "crs": info.crs.as_ref().map(|c| &c.text),
-        "unit": info.crs.as_ref().and_then(|c| c.unit.as_ref()),
-        "gps_times": gps_times(&info.verbatim).map(GpsTimes::name),
-        "bytes": info.bytes,
-        "notes": info.notes,
-    })
+fn tree_info(file: &EskerFile) -> TreeInfo {
+    let footer = file.footer();
+    TreeInfo {
+        path: file.path().display().to_string(),
+        points: footer.points,
+        nodes: footer.nodes,
+        bytes: footer.file_bytes,
+        multiset_hash: footer.hash.to_string(),
+        footer_hash: format!("{:032x}", footer.name_hash()),
+    }
 }
 
+fn bits(depth: ColourDepth) -> u32 {
+    match depth {
+        ColourDepth::Eight => 8,
+        ColourDepth::Sixteen => 16,
+    }
+}
+
+/// Mean share of the capacity that nodes fill.
 fn fill(table: &NodeTable, capacity: u32) -> f64 {
     let points: usize = table.nodes.iter().map(Node::points).sum();
     points as f64 / (table.nodes.len().max(1) as f64 * f64::from(capacity.max(1)))
 }
 
+/// Share of nodes that are small.
 fn small_share(table: &NodeTable, capacity: u32) -> f64 {
     let small =
         table.nodes.iter().filter(|n| (n.points() as f64) < f64::from(capacity) * SMALL_SHARE);
     small.count() as f64 / table.nodes.len().max(1) as f64
 }
 
-/// Nodes and points at each depth.
-fn depths(table: &NodeTable) -> Vec<Value> {
-    let mut out: Vec<(u64, u64)> = Vec::new();
+/// Nodes and points by depth.
+fn depths(table: &NodeTable) -> Vec<DepthInfo> {
+    let mut all: Vec<DepthInfo> = Vec::new();
     for (node, depth) in table.nodes.iter().zip(table.depths()) {
         let depth = depth as usize;
-        if out.len() <= depth {
-            out.resize(depth + 1, (0, 0));
+        while all.len() <= depth {
+            all.push(DepthInfo { depth: all.len(), nodes: 0, points: 0 });
         }
-        out[depth].0 += 1;
-        out[depth].1 += node.points() as u64;
+        all[depth].nodes += 1;
+        all[depth].points += node.points() as u64;
     }
-    out.into_iter()
-        .enumerate()
-        .map(|(depth, (nodes, points))| json!({"depth": depth, "nodes": nodes, "points": points}))
-        .collect()
+    all
 }
 
-/// What the trees of a forest say, each answer once.
-fn each_once(forest: &Forest, of: impl Fn(&esker_format::EskerFile) -> &'static str) -> String {
-    let mut said: Vec<_> = forest.files().map(of).collect();
-    said.sort_unstable();
-    said.dedup();
-    said.join(", ")
+/// Values of the files of a forest, sorted, each once, separated by commas.
+fn distinct(forest: &Forest, of: impl Fn(&EskerFile) -> &'static str) -> String {
+    let mut values: Vec<_> = forest.files().map(of).collect();
+    values.sort_unstable();
+    values.dedup();
+    values.join(", ")
 }
 
-/// Bytes a point of hot planes, residuals, and everything else in the pages; and of each plane.
-fn bytes_a_point(forest: &Forest) -> Result<Value> {
+/// Bytes a point of hot planes, residuals and everything else in the pages; and of each plane.
+fn bytes_a_point(forest: &Forest) -> Result<BytesAPoint> {
     let (mut hot, mut residual, mut cold, mut directories) = (0u64, 0u64, 0u64, 0u64);
     let mut planes: Vec<((String, bool, bool), u64)> = Vec::new();
     for file in forest.files() {
@@ -226,7 +436,7 @@ fn bytes_a_point(forest: &Forest) -> Result<Value> {
                 PlaneKind::Attribute(a) => layout.schema().attributes[usize::from(a)].name.clone(),
                 kind => kind.name(),
             };
-            // An attribute may be called as a plane is.
+            // An attribute can have the name of a plane.
             let is_attribute = matches!(plane.kind, PlaneKind::Attribute(_));
             let key = (name, plane.hot, is_attribute);
             match planes.iter_mut().find(|p| p.0 == key) {
@@ -236,126 +446,144 @@ fn bytes_a_point(forest: &Forest) -> Result<Value> {
         }
     }
     let points = forest.points().max(1) as f64;
-    let planes: Vec<_> = planes
-        .iter()
-        .map(|((name, hot, _), bytes)| json!({"plane": name, "hot": hot, "bytes": *bytes as f64 / points}))
-        .collect();
-    Ok(json!({
-        "hot": hot as f64 / points,
-        "residual": residual as f64 / points,
-        "cold": cold as f64 / points,
-        "directories": directories as f64 / points,
-        "all": forest.file_bytes() as f64 / points,
-        "planes": planes,
-    }))
+    let planes = planes.into_iter();
+    let planes = planes.map(|((plane, hot, _), bytes)| {
+        let bytes = bytes as f64 / points;
+        PlaneBytes { plane, hot, bytes }
+    });
+    Ok(BytesAPoint {
+        hot: hot as f64 / points,
+        residual: residual as f64 / points,
+        cold: cold as f64 / points,
+        directories: directories as f64 / points,
+        all: forest.file_bytes() as f64 / points,
+        planes: planes.collect(),
+    })
 }
 
-/// [`info`] for people.
-pub fn text(info: &Value) -> String {
-    let mut lines = Vec::new();
-    let count = |name: &str| grouped(info[name].as_u64().unwrap_or(0));
-    if let Some(scan) = info["scan"].as_str() {
-        lines.push(format!(
-            "{scan}: a scan ({}), not yet built",
-            info["format"].as_str().unwrap_or("?")
-        ));
+/// Text of a report.
+pub fn text(report: &InfoReport) -> String {
+    match report {
+        InfoReport::File(file) => file.lines().join("\n"),
+        InfoReport::Scan(scan) => scan.lines().join("\n"),
     }
-    lines.push(format!("points       {}", count("points")));
-    if let Some([low, high]) = info["bounds"].as_array().map(Vec::as_slice) {
-        lines.push(format!("bounds       {low} to {high}"));
-    }
-    lines.push(format!("step         {}  offset {}", info["scale"], info["offset"]));
-    if let Some(unit) = info["unit"].as_str() {
-        lines.push(format!("unit         {unit}"));
-    }
-    if let Some(crs) = info["crs"].as_str() {
-        lines.push(format!(
-            "crs          {}",
-            crs.split_whitespace()
-                .collect::<Vec<_>>()
-                .join(" ")
-                .chars()
-                .take(200)
-                .collect::<String>()
-        ));
-    }
-    let attributes = info["attributes"].as_array().into_iter().flatten();
-    let names: Vec<_> = attributes
-        .filter_map(|a| Some(format!("{}:{}", a["name"].as_str()?, a["type"].as_str()?)))
-        .collect();
-    lines.push(format!("attributes   {}", names.join(" ")));
-    if info["scan"].is_null() {
-        tree_lines(info, &mut lines);
-    } else if let Some(bits) = info["colour_bits"].as_u64() {
-        lines.push(format!("colours      {bits} bits"));
-    }
-    for note in info["notes"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-        lines.push(format!("note         {note}"));
-    }
-    lines.join("\n")
 }
 
-fn tree_lines(info: &Value, lines: &mut Vec<String>) {
-    let percent = |name: &str| info[name].as_f64().unwrap_or(0.0) * 100.0;
-    lines.push(format!(
-        "nodes        {} of at most {} points; {:.0} % full on average, {:.0} % under a sixteenth",
-        grouped(info["nodes"].as_u64().unwrap_or(0)),
-        info["node_capacity"],
-        percent("node_fill_mean"),
-        percent("small_nodes_share")
-    ));
-    for depth in info["depths"].as_array().into_iter().flatten() {
-        let n = |name: &str| grouped(depth[name].as_u64().unwrap_or(0));
-        lines.push(format!(
-            "  depth {:<4} {:>9} nodes {:>15} points",
-            depth["depth"],
-            n("nodes"),
-            n("points")
-        ));
+impl ScanInfo {
+    fn lines(&self) -> Vec<String> {
+        let mut lines = vec![format!("{}: a scan ({}), not yet built", self.scan, self.format)];
+        lines.extend(place_lines(self.points, self.bounds, self.scale, self.offset));
+        lines.extend(crs_lines(self.unit.as_deref(), self.crs.as_deref()));
+        lines.push(attributes_line(self.attributes.iter()));
+        lines.extend(self.colour_bits.map(|bits| format!("colours      {bits} bits")));
+        lines.extend(self.notes.iter().map(|note| format!("note         {note}")));
+        lines
     }
-    let each = &info["bytes_a_point"];
-    let bytes = |name: &str| each[name].as_f64().unwrap_or(0.0);
-    lines.push(format!(
-        "bytes        {}; a point {:.1} hot, {:.1} residual, {:.1} cold",
-        readable_bytes(info["bytes"].as_u64().unwrap_or(0)),
-        bytes("hot"),
-        bytes("residual"),
-        bytes("cold"),
-    ));
-    lines.push(format!(
-        "structure    {} in memory, {} a node; {} in the file",
-        readable_bytes(info["structure_bytes"].as_u64().unwrap_or(0)),
-        info["table_bytes_a_node"],
-        readable_bytes(info["table_bytes"].as_u64().unwrap_or(0))
-    ));
-    let planes = each["planes"].as_array().into_iter().flatten();
-    let planes: Vec<_> = planes
-        .filter_map(|p| Some(format!("{} {:.2}", p["plane"].as_str()?, p["bytes"].as_f64()?)))
-        .collect();
-    let codec = info["compress"].as_str().unwrap_or("?");
-    lines.push(format!("planes       {} (bytes a point; {codec})", planes.join(", ")));
-    let trees = info["trees"].as_array().map_or(&[][..], Vec::as_slice);
-    for tree in trees.iter().filter(|_| trees.len() > 1) {
-        lines.push(format!(
-            "tree         {}, {} points in {} nodes",
-            tree["path"].as_str().unwrap_or("?"),
-            grouped(tree["points"].as_u64().unwrap_or(0)),
-            grouped(tree["nodes"].as_u64().unwrap_or(0))
-        ));
-    }
-    for source in info["sources"].as_array().into_iter().flatten() {
-        let colours =
-            source["colour_bits"].as_u64().map_or(String::new(), |b| format!(", {b}-bit colours"));
-        let times = source["gps_times"].as_str();
-        let times = times.map_or(String::new(), |times| format!(", GPS times: {times}"));
-        lines.push(format!(
-            "source       {} ({}), {} points{colours}{times}",
-            source["path"].as_str().unwrap_or("?"),
-            source["format"].as_str().unwrap_or("?"),
-            grouped(source["points"].as_u64().unwrap_or(0))
-        ));
-        for note in source["notes"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-            lines.push(format!("  note       {note}"));
+}
+
+impl FileInfo {
+    fn lines(&self) -> Vec<String> {
+        let mut lines = place_lines(self.points, self.bounds, self.scale, self.offset);
+        lines.extend(crs_lines(self.unit.as_deref(), self.crs.as_deref()));
+        lines.push(attributes_line(self.attributes.iter().map(|a| &a.attribute)));
+        lines.extend(self.node_lines());
+        lines.extend(self.byte_lines());
+        for tree in self.trees.iter().filter(|_| self.trees.len() > 1) {
+            let (points, nodes) = (grouped(tree.points), grouped(tree.nodes));
+            lines.push(format!("tree         {}, {points} points in {nodes} nodes", tree.path));
         }
+        lines.extend(self.sources.iter().flat_map(SourceReport::lines));
+        lines
     }
+
+    fn node_lines(&self) -> Vec<String> {
+        let mut lines = vec![format!(
+            "nodes        {} of at most {} points; {:.0} % full on average, {:.0} % under a sixteenth",
+            grouped(self.nodes as u64),
+            self.node_capacity,
+            self.node_fill_mean * 100.0,
+            self.small_nodes_share * 100.0
+        )];
+        for depth in &self.depths {
+            lines.push(format!(
+                "  depth {} {:>9} nodes {:>15} points",
+                depth.depth,
+                grouped(depth.nodes),
+                grouped(depth.points)
+            ));
+        }
+        lines
+    }
+
+    fn byte_lines(&self) -> [String; 3] {
+        let each = &self.bytes_a_point;
+        let planes = each.planes.iter();
+        let planes: Vec<_> = planes.map(|p| format!("{} {:.2}", p.plane, p.bytes)).collect();
+        [
+            format!(
+                "bytes        {}; a point {:.1} hot, {:.1} residual, {:.1} cold",
+                readable_bytes(self.bytes),
+                each.hot,
+                each.residual,
+                each.cold,
+            ),
+            format!(
+                "structure    {} in memory, {} a node; {} in the file",
+                readable_bytes(self.structure_bytes as u64),
+                self.table_bytes_a_node,
+                readable_bytes(self.table_bytes)
+            ),
+            format!("planes       {} (bytes a point; {})", planes.join(", "), self.compress),
+        ]
+    }
+}
+
+impl SourceReport {
+    fn lines(&self) -> Vec<String> {
+        let colours = self.colour_bits.map_or(String::new(), |b| format!(", {b}-bit colours"));
+        let times = self.gps_times.map_or(String::new(), |times| format!(", GPS times: {times}"));
+        let points = grouped(self.points);
+        let mut lines = vec![format!(
+            "source       {} ({}), {points} points{colours}{times}",
+            self.path, self.format
+        )];
+        lines.extend(self.notes.iter().map(|note| format!("  note       {note}")));
+        lines
+    }
+}
+
+/// Lines on the number and the coordinates of points.
+fn place_lines(
+    points: u64,
+    bounds: Option<[[f64; 3]; 2]>,
+    scale: [f64; 3],
+    offset: [f64; 3],
+) -> Vec<String> {
+    let mut lines = vec![format!("points       {}", grouped(points))];
+    lines.extend(
+        bounds.map(|[low, high]| format!("bounds       {} to {}", vector(low), vector(high))),
+    );
+    lines.push(format!("step         {}  offset {}", vector(scale), vector(offset)));
+    lines
+}
+
+/// Lines on the coordinate reference system.
+fn crs_lines(unit: Option<&str>, crs: Option<&str>) -> Vec<String> {
+    let one_line = |crs: &str| {
+        let words: Vec<_> = crs.split_whitespace().collect();
+        words.join(" ").chars().take(CRS_CHARS_MAX).collect::<String>()
+    };
+    let unit = unit.map(|unit| format!("unit         {unit}"));
+    let crs = crs.map(|crs| format!("crs          {}", one_line(crs)));
+    unit.into_iter().chain(crs).collect()
+}
+
+fn attributes_line<'a>(attributes: impl Iterator<Item = &'a AttributeInfo>) -> String {
+    let names: Vec<_> = attributes.map(|a| format!("{}:{}", a.name, a.ty)).collect();
+    format!("attributes   {}", names.join(" "))
+}
+
+/// Numbers as in JSON: the shortest digits that give the same value.
+fn vector(numbers: [f64; 3]) -> String {
+    serde_json::json!(numbers).to_string()
 }

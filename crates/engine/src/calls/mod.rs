@@ -1,4 +1,5 @@
-//! What the programs do, a module a call.
+//! The calls, a module each. A call returns a report, a struct that serialises to the JSON of the
+//! programs; the function `text` beside it writes the report for people.
 
 pub mod build;
 pub mod demo;

@@ -1,36 +1,116 @@
-//! Drawing as a call: opens a file (or builds one from scans first), chooses what the view needs,
-//! reads just the planes that the frame asks for, draws, and writes the picture.
+//! Drawing a still picture as a call: opens a file, or builds scans into one; chooses what the view
+//! needs, reads only the planes that the frame needs, draws, and writes a PNG. Returns a
+//! [`RenderReport`].
 
 use crate::calls::explain;
+use crate::cameras::legend::Legend;
 use crate::draw::empty_picture;
 use crate::draw::scene::{PictureRequest, PictureScene, ms, open};
 use crate::draw::whole;
 use crate::io::output;
 use crate::io::picture;
-use crate::io::stages::taken;
-use crate::machine::backend::{Backend, Drawer};
+use crate::io::quantity::grouped;
+use crate::io::stages;
+use crate::machine::backend::{Backend, Drawer, DrawerReport};
 use crate::machine::pool;
 use anyhow::Result;
 use esker_format::{Forest, Planes};
-use esker_lod::CompactOctree;
+use esker_lod::{CompactOctree, View};
 use esker_points::Task;
-use esker_render::{Pass, Picture, Renderer};
-use serde_json::{Value, json};
+use esker_render::{Picture, Renderer, Stages};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Draws `inputs` (one `.esker` file with those that it names, or scans) to the PNG file `out`;
-/// what it did, for machines.
+/// What drawing a picture did.
+#[derive(Clone, Debug, Serialize)]
+pub struct RenderReport {
+    /// Path of the picture; none if it was not written.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub picture: Option<String>,
+    /// Points that were projected.
+    pub points_drawn: u64,
+    /// Nodes with such a point.
+    pub nodes_drawn: u32,
+    /// Pixels that show a surface.
+    pub pixels_covered: u64,
+    /// Pixels that a point was projected to.
+    pub pixels_projected: u64,
+    /// Splats in the picture.
+    pub splats_drawn: u64,
+    /// Splats that the eye is in the plane of.
+    pub splats_dropped: u64,
+    /// Width of the picture, pixels.
+    pub width: u32,
+    /// Height of the picture, pixels.
+    pub height: u32,
+    /// Camera of the picture.
+    pub camera: CameraReport,
+    /// Meaning of the colours.
+    pub colour: Legend,
+    /// Meaning of the colours as text.
+    pub legend: String,
+    /// Bytes that were read.
+    pub bytes_read: u64,
+    /// Bytes of the planes that the picture was drawn from.
+    pub bytes_resident: u64,
+    /// Nodes that the choice visited.
+    pub nodes_visited: u64,
+    /// Nodes that the filter rejected.
+    pub nodes_filtered: u64,
+    /// Nodes outside the view.
+    pub nodes_culled: u64,
+    /// Times of all stages.
+    pub stages_ms: RenderTimes,
+    /// What drew the picture.
+    pub drawn_by: DrawerReport,
+    /// What the user should know, a line each.
+    pub notes: Vec<&'static str>,
+}
+
+/// Camera of a picture.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct CameraReport {
+    /// Position, the file's unit.
+    pub eye: [f64; 3],
+    /// Direction of view.
+    pub forward: [f64; 3],
+    /// Direction of the picture's upper side.
+    pub up: [f64; 3],
+    /// Vertical field of view, degrees.
+    pub fovy: f64,
+}
+
+/// Times of the stages of a picture, milliseconds.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct RenderTimes {
+    /// Opening the file, or building it; none if it was open.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub open: Option<f64>,
+    /// Choosing nodes.
+    pub select: f64,
+    /// Reading their planes.
+    pub read: f64,
+    /// The passes of the frame, and the whole frame as `draw`.
+    #[serde(flatten, serialize_with = "stages::serialize_draw")]
+    pub frame: Stages,
+    /// The frame, and on a GPU the copy of the planes to it and of the picture from it.
+    pub all_drawing: f64,
+    /// Writing the picture; none if it was not written.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub write: Option<f64>,
+}
+
+/// Draws `inputs`, an `.esker` file with the files that it names, or scans, to the PNG file `out`.
 ///
 /// # Errors
-/// Where the input cannot be read, a filter leaves no point of it, or the picture cannot be
-/// written.
+/// If an input cannot be read, the filter leaves no point, or the picture cannot be written.
 pub fn render(
     inputs: &[PathBuf],
     out: &Path,
     request: &PictureRequest,
     task: &dyn Task,
-) -> Result<Value> {
+) -> Result<RenderReport> {
     pool::run(request.threads, || {
         let start = Instant::now();
         output::may_write(out, inputs)?;
@@ -41,31 +121,23 @@ pub fn render(
         let (picture, mut report) = draw(&file, request, task)?;
         let start = Instant::now();
         picture::write_png(&picture, out)?;
-        report["stages_ms"]["open"] = json!(open_ms);
-        report["stages_ms"]["write"] = json!(ms(start));
-        report["picture"] = json!(out.display().to_string());
+        report.stages_ms.open = Some(open_ms);
+        report.stages_ms.write = Some(ms(start));
+        report.picture = Some(out.display().to_string());
         Ok(report)
     })
 }
 
-/// What a picture of `inputs` would take, without reading or drawing any of it: the plan of its
-/// frame.
+/// Draws a picture of an open file.
 ///
 /// # Errors
-/// Where the input cannot be read, or has not what is asked for.
-pub fn explain(inputs: &[PathBuf], request: &PictureRequest, task: &dyn Task) -> Result<Value> {
-    pool::run(request.threads, || {
-        let (file, _folder) = open(inputs, request, task)?;
-        explain::explain(&file, request)
-    })
-}
-
-/// Draws an opened file; the picture and what it took.
-///
-/// # Errors
-/// Where planes cannot be read, the filter leaves no point, or a GPU is asked for and there is
+/// If planes cannot be read, the filter leaves no point, or the user insists on a GPU and there is
 /// none, or it fails.
-pub fn draw(file: &Forest, request: &PictureRequest, task: &dyn Task) -> Result<(Picture, Value)> {
+pub fn draw(
+    file: &Forest,
+    request: &PictureRequest,
+    task: &dyn Task,
+) -> Result<(Picture, RenderReport)> {
     let scene = PictureScene::read(file, request, task)?;
     let (gpu, mut drawer) = request.with.choose(None)?;
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
@@ -79,21 +151,19 @@ pub fn draw(file: &Forest, request: &PictureRequest, task: &dyn Task) -> Result<
                 drawer = Drawer::cpu(fault.to_string());
             }
             let draws = scene.draws(file);
-            let frame = scene.look.frame(file, &scene.view, &draws, &octree);
+            let frame = scene.appearance.frame(file, &scene.view, &draws, &octree);
             Renderer::default().render(&frame)?
         }
     };
     if picture.stats.pixels_covered == 0 {
-        empty_picture::check_wanted(file, &scene.look.shown)?;
+        empty_picture::check_wanted(file, &scene.appearance.shown)?;
     }
-    let mut report = report(&picture, &scene);
-    report["notes"] = json!(notes(file, request, &scene, &picture)?);
-    report["drawn_by"] = drawer.report();
-    report["stages_ms"]["all_drawing"] = json!(ms(start));
+    let notes = notes(file, request, &scene, &picture)?;
+    let report = RenderReport::new(&picture, &scene, &drawer, notes, ms(start));
     Ok((picture, report))
 }
 
-/// What the user should know of a picture that may not be what was meant, a line each.
+/// Reasons why a picture may not be what the user meant, a line each.
 fn notes(
     file: &Forest,
     request: &PictureRequest,
@@ -107,67 +177,79 @@ fn notes(
     Ok(nothing.into_iter().chain(explain::exposure_note(file, scene)?).collect())
 }
 
-fn report(picture: &Picture, scene: &PictureScene) -> Value {
-    let stats = &picture.stats;
-    let (view, counters) = (scene.view.with_margin(0), &scene.selection.counters);
-    json!({
-        "points_drawn": stats.points_drawn,
-        "nodes_drawn": stats.nodes_drawn,
-        "pixels_covered": stats.pixels_covered,
-        "pixels_projected": stats.pixels_projected,
-        "splats_drawn": stats.splats_drawn,
-        "splats_dropped": stats.splats_dropped,
-        "width": picture.width,
-        "height": picture.height,
-        "camera": {
-            "eye": view.eye.to_array(), "forward": view.forward().to_array(),
-            "up": view.world_from_view.y_axis.to_array(), "fovy": view.fovy_rad.to_degrees(),
-        },
-        "colour": scene.look.colouring.legend.json(),
-        "legend": scene.look.colouring.legend.text(),
-        "bytes_read": scene.read_bytes,
-        "bytes_resident": scene.planes.iter().map(Planes::bytes).sum::<u64>(),
-        "nodes_visited": counters.visited,
-        "nodes_filtered": counters.filtered,
-        "nodes_culled": counters.culled + counters.contour_culled,
-        "stages_ms": stages_ms(scene, picture),
-    })
-}
-
-/// What each stage of a picture took, by its name.
-fn stages_ms(scene: &PictureScene, picture: &Picture) -> Value {
-    let stages = &picture.stats.stages;
-    let mut all =
-        json!({ "select": scene.select_ms, "read": scene.read_ms, "draw": stages.total_ms });
-    for pass in Pass::ALL {
-        all[pass.name()] = json!(stages.ms(pass));
+impl RenderReport {
+    fn new(
+        picture: &Picture,
+        scene: &PictureScene,
+        drawer: &Drawer,
+        notes: Vec<&'static str>,
+        all_drawing_ms: f64,
+    ) -> Self {
+        let (stats, counters) = (&picture.stats, &scene.selection.counters);
+        let legend = &scene.appearance.colouring.legend;
+        Self {
+            picture: None,
+            points_drawn: stats.points_drawn,
+            nodes_drawn: stats.nodes_drawn,
+            pixels_covered: stats.pixels_covered,
+            pixels_projected: stats.pixels_projected,
+            splats_drawn: stats.splats_drawn,
+            splats_dropped: stats.splats_dropped,
+            width: picture.width,
+            height: picture.height,
+            camera: CameraReport::from(&scene.view.with_margin(0)),
+            colour: legend.clone(),
+            legend: legend.text(),
+            bytes_read: scene.read_bytes,
+            bytes_resident: scene.planes.iter().map(Planes::bytes).sum(),
+            nodes_visited: counters.visited,
+            nodes_filtered: counters.filtered,
+            nodes_culled: counters.culled + counters.contour_culled,
+            stages_ms: RenderTimes {
+                open: None,
+                select: scene.select_ms,
+                read: scene.read_ms,
+                frame: stats.stages,
+                all_drawing: all_drawing_ms,
+                write: None,
+            },
+            drawn_by: drawer.report(),
+            notes,
+        }
     }
-    all
 }
 
-/// [`render`]'s report for people.
-pub fn text(report: &Value) -> String {
-    let n = |name: &str| crate::io::quantity::grouped(report[name].as_u64().unwrap_or(0));
-    let mut lines = vec![format!(
-        "{}: {} points of {} nodes, {} of {} pixels covered{}\n{}\
-         ms: {}",
-        report["picture"].as_str().unwrap_or("?"),
-        n("points_drawn"),
-        n("nodes_drawn"),
-        n("pixels_covered"),
-        crate::io::quantity::grouped(
-            report["width"].as_u64().unwrap_or(0) * report["height"].as_u64().unwrap_or(0)
+impl From<&View> for CameraReport {
+    fn from(view: &View) -> Self {
+        Self {
+            eye: view.eye.to_array(),
+            forward: view.forward().to_array(),
+            up: view.world_from_view.y_axis.to_array(),
+            fovy: view.fovy_rad.to_degrees(),
+        }
+    }
+}
+
+/// Text of a report.
+pub fn text(report: &RenderReport) -> String {
+    let times = &report.stages_ms;
+    let by = report.drawn_by.adapter.as_ref();
+    let mut lines = vec![
+        format!(
+            "{}: {} points of {} nodes, {} of {} pixels covered{}",
+            report.picture.as_deref().unwrap_or("?"),
+            grouped(report.points_drawn),
+            grouped(report.nodes_drawn.into()),
+            grouped(report.pixels_covered),
+            grouped(u64::from(report.width) * u64::from(report.height)),
+            by.map_or(String::new(), |adapter| format!(", by {adapter}")),
         ),
-        report["drawn_by"]["adapter"].as_str().map_or(String::new(), |name| format!(", by {name}")),
-        legend_line(report),
-        taken(&report["stages_ms"], &["select", "read"], "draw"),
-    )];
-    let notes = report["notes"].as_array().into_iter().flatten();
-    lines.extend(notes.filter_map(Value::as_str).map(|note| format!("note: {note}")));
+        format!("colour: {}", report.legend),
+        format!(
+            "ms: {}",
+            stages::text(&[("select", times.select), ("read", times.read)], &times.frame, "draw")
+        ),
+    ];
+    lines.extend(report.notes.iter().map(|note| format!("note: {note}")));
     lines.join("\n")
-}
-
-/// What the colours mean, a line.
-fn legend_line(report: &Value) -> String {
-    report["legend"].as_str().map_or(String::new(), |text| format!("colour: {text}\n"))
 }

@@ -1,5 +1,5 @@
-//! Verifying as a call: a file and those that it names against themselves, and against the scans
-//! they were built from; and the report as text.
+//! Verifying as a call: checks a file, and the files that it names, against their own rules, and
+//! against the scans that they were built from. Returns a [`VerifyReport`], or the first fault.
 
 use crate::io::inputs;
 use crate::io::quantity::grouped;
@@ -7,16 +7,60 @@ use crate::machine::pool;
 use anyhow::Result;
 use esker_format::{EskerFile, Forest};
 use esker_points::{MultisetHash, Task};
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Checks every byte and every rule of a file and of all files that it names; with `against`, also
-/// that the points of all trees, or of its own alone, are those of the scans.
+/// What was verified.
+#[derive(Clone, Debug, Serialize)]
+pub struct VerifyReport {
+    /// Always true: a fault is an error.
+    pub ok: bool,
+    /// Points of all trees.
+    pub points: u64,
+    /// Nodes of all trees.
+    pub nodes: usize,
+    /// Bytes of all files.
+    pub bytes: u64,
+    /// Trees, one a file.
+    pub trees: usize,
+    /// Multiset hash of all points, hexadecimal.
+    pub multiset_hash: String,
+    /// Scans that the points were compared with.
+    pub against: Vec<String>,
+    /// Points of the scans; none if there are no scans, as for the fields below.
+    pub against_points: Option<u64>,
+    /// Points of the scans that were refused.
+    pub against_refused: Option<u64>,
+    /// Trees, the last ones of the forest, that have the points of the scans.
+    pub against_trees: Option<usize>,
+    /// Duration, seconds.
+    pub seconds: f64,
+}
+
+/// Report on a file with a fault.
+#[derive(Clone, Debug, Serialize)]
+pub struct FaultReport {
+    /// Always false.
+    pub ok: bool,
+    /// Points of the file, if its footer can be read.
+    pub points: Option<u64>,
+    /// The fault.
+    pub error: String,
+}
+
+/// Checks every byte and every rule of the file at `path` and of all files that it names. With
+/// `against`, also checks that the points of all trees, or of the last one alone, are those of the
+/// scans.
 ///
 /// # Errors
-/// The first fault found.
-pub fn verify(path: &Path, against: &[PathBuf], threads: usize, task: &dyn Task) -> Result<Value> {
+/// If there is a fault: the first one.
+pub fn verify(
+    path: &Path,
+    against: &[PathBuf],
+    threads: usize,
+    task: &dyn Task,
+) -> Result<VerifyReport> {
     let start = Instant::now();
     let against = &inputs::scans(against)?[..];
     pool::run(threads, || {
@@ -29,53 +73,45 @@ pub fn verify(path: &Path, against: &[PathBuf], threads: usize, task: &dyn Task)
             [] => None,
             inputs => Some(esker_builder::against_forest(&forest, inputs, task)?),
         };
-        Ok(json!({
-            "ok": true,
-            "points": forest.points(),
-            "nodes": forest.table().nodes.len(),
-            "bytes": forest.file_bytes(),
-            "trees": forest.files().len(),
-            "multiset_hash": hash.to_string(),
-            "against": against.iter().map(|p| p.display().to_string()).collect::<Vec<_>>(),
-            "against_points": scans.map(|s| s.points),
-            "against_refused": scans.map(|s| s.refused),
-            "against_trees": scans.map(|s| s.trees),
-            "seconds": start.elapsed().as_secs_f64(),
-        }))
+        Ok(VerifyReport {
+            ok: true,
+            points: forest.points(),
+            nodes: forest.table().nodes.len(),
+            bytes: forest.file_bytes(),
+            trees: forest.files().len(),
+            multiset_hash: hash.to_string(),
+            against: against.iter().map(|p| p.display().to_string()).collect(),
+            against_points: scans.map(|s| s.points),
+            against_refused: scans.map(|s| s.refused),
+            against_trees: scans.map(|s| s.trees),
+            seconds: start.elapsed().as_secs_f64(),
+        })
     })
 }
 
-/// The report for people.
-pub fn text(path: &Path, report: &Value) -> String {
-    let number = |name: &str| report[name].as_u64().unwrap_or(0);
-    let trees = number("trees");
-    let mut line = format!("{}: ok, {} points", path.display(), grouped(number("points")));
-    if trees > 1 {
-        line += &format!(" in {trees} trees");
+/// Text of a report on the file at `path`.
+pub fn text(path: &Path, report: &VerifyReport) -> String {
+    let mut line = format!("{}: ok, {} points", path.display(), grouped(report.points));
+    if report.trees > 1 {
+        line += &format!(" in {} trees", report.trees);
     }
-    if report["against_trees"].is_null() {
-        return line;
-    }
-    line += if number("against_trees") < trees {
+    let Some(trees) = report.against_trees else { return line };
+    line += if trees < report.trees {
         ", those of the last tree the points of the scans"
     } else {
         ", the points of the scans"
     };
-    match number("against_refused") {
-        0 => {}
-        refused => {
-            line += &format!(
-                "; {} points of the scans were refused when it was built, and are not in it",
-                grouped(refused)
-            );
-        }
+    if let Some(refused) = report.against_refused.filter(|&refused| refused > 0) {
+        line += &format!(
+            "; {} points of the scans were refused when it was built, and are not in it",
+            grouped(refused)
+        );
     }
     line
 }
 
-/// What machines are told of a file that did not hold: `ok` is false; its points, where it says
-/// them.
-pub fn refused(path: &Path, error: &anyhow::Error) -> Value {
+/// Report on the fault `error` of the file at `path`.
+pub fn fault(path: &Path, error: &anyhow::Error) -> FaultReport {
     let points = EskerFile::open(path).ok().map(|file| file.footer().points);
-    json!({ "ok": false, "points": points, "error": crate::one_line(error) })
+    FaultReport { ok: false, points, error: crate::one_line(error) }
 }

@@ -1,22 +1,22 @@
-//! The camera of a picture: as told on the command line, or fitted to the scan.
+//! The camera of a picture: from the command line, or fitted to the scan.
 
 use anyhow::{Context, Result, bail, ensure};
 use esker_lod::View;
 use glam::DVec3;
 use std::str::FromStr;
 
-/// What the user said of the camera; what is not said is fitted.
+/// A camera from the command line; parts that are missing are fitted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Camera {
-    /// Where it stands.
+    /// Position.
     pub eye: Option<DVec3>,
-    /// What it looks at; the middle of the scan where not said.
+    /// Point that it looks at; without one, the middle of the scan.
     pub target: Option<DVec3>,
-    /// Upwards; z where not said.
+    /// Up direction; z without one.
     pub up: Option<DVec3>,
-    /// Direction it looks along, where no target is said.
+    /// Direction of view, if there is no target.
     pub direction: Option<DVec3>,
-    /// Vertical field of view, degrees; 60 where not said.
+    /// Vertical field of view, degrees; 60 without one.
     pub fovy_deg: Option<f64>,
 }
 
@@ -29,23 +29,23 @@ impl FromStr for Camera {
     }
 }
 
-/// Degrees of the vertical field of view where the user says nothing.
+/// Default of the vertical field of view, degrees.
 const FOVY_DEG: f64 = 60.0;
 
 impl Camera {
     /// Parses `eye=x,y,z;target=x,y,z;up=x,y,z;direction=x,y,z;fovy=60`; every part may be missing.
     ///
     /// # Errors
-    /// Where a part is unknown, no numbers or said twice, or parts contradict each other.
+    /// If a part is unknown, has invalid numbers, occurs twice, or contradicts another one.
     pub fn parse(text: &str) -> Result<Self> {
-        let (mut camera, mut said) = (Self::default(), Vec::new());
+        let (mut camera, mut given) = (Self::default(), Vec::new());
         for part in text.split(';').map(str::trim).filter(|p| !p.is_empty()) {
             let (name, value) = part
                 .split_once('=')
                 .with_context(|| format!("`{part}` in the camera is not name=value"))?;
             let name = name.trim();
-            ensure!(!said.contains(&name), "the camera's {name} is said twice");
-            said.push(name);
+            ensure!(!given.contains(&name), "the camera's {name} is given twice");
+            given.push(name);
             match name {
                 "eye" => camera.eye = Some(vector(value)?),
                 "target" => camera.target = Some(vector(value)?),
@@ -70,13 +70,13 @@ impl Camera {
             camera.eye.is_none() || camera.eye != camera.target,
             "the camera's eye and target are the same point"
         );
-        let is_said = [camera.eye, camera.target, camera.direction].map(|part| part.is_some());
-        ensure!(is_said != [true; 3], "of the camera's eye, target and direction two are enough");
+        let given = [camera.eye, camera.target, camera.direction].map(|part| part.is_some());
+        ensure!(given != [true; 3], "of the camera's eye, target and direction two are enough");
         Ok(camera)
     }
 
-    /// The view of a whole scan that benchmarks begin with: as near as shows all of it, and so not
-    /// in the middle on both axes. It stays as it is, so that figures of different versions
+    /// View of a whole scan with which benchmarks begin: the nearest one that shows all of it,
+    /// which need not be centred. It does not change, so that results of different versions
     /// compare.
     pub fn of_benchmarks(bounds: [[f64; 3]; 2], size: [u32; 2]) -> View {
         Self::overview(bounds, oblique(DVec3::Z), FOVY_DEG.to_radians(), size)
@@ -87,21 +87,22 @@ impl Camera {
         View::fit(low, high, direction, fovy, size[0], size[1])
     }
 
-    /// The view on a scan within these bounds, fitted where the user said no eye.
+    /// View of a scan within `bounds`; fitted if the camera has no eye.
     pub fn view(&self, bounds: [[f64; 3]; 2], size: [u32; 2]) -> View {
         let fovy = self.fovy_deg.unwrap_or(FOVY_DEG).to_radians();
         let [low, high] = bounds.map(DVec3::from_array);
         let up = self.up.unwrap_or(DVec3::Z);
         let target = self.target.unwrap_or(low.midpoint(high));
         if let Some(eye) = self.eye {
-            let target = self.direction.map_or(target, |way| eye + way.normalize_or(way));
+            let target =
+                self.direction.map_or(target, |direction| eye + direction.normalize_or(direction));
             return View::look_at(eye, target, up, fovy, size[0], size[1]);
         }
         let direction = self.direction.unwrap_or_else(|| oblique(up));
         if self.up.is_none() && self.target.is_none() {
             return Self::overview(bounds, direction, fovy, size).centred(low, high);
         }
-        // Another up or target: far enough for the sphere around the scan.
+        // With another up direction or target: far enough for the sphere around the scan.
         let radius = (high - low).length() * 0.5 + target.distance(low.midpoint(high));
         let narrow = (fovy * 0.5).tan() * f64::from(size[0].min(size[1])) / f64::from(size[1]);
         let distance = if radius > 0.0 { radius / narrow.atan().sin() } else { 1.0 };
@@ -110,7 +111,7 @@ impl Camera {
     }
 }
 
-/// A direction that looks down at about 35 degrees, a quarter turned from the axes.
+/// A direction that looks down at about 35 degrees, a quarter turn from the axes.
 fn oblique(up: DVec3) -> DVec3 {
     let up = up.normalize_or(DVec3::Z);
     let side = if up.x.abs() < 0.9 { DVec3::X } else { DVec3::Y };
@@ -136,7 +137,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_whole_camera_is_taken_as_told() {
+    fn a_complete_camera_is_not_fitted() {
         let camera = Camera::parse("eye=1,2,3; target=4,5,6;up=0,1,0;fovy=40").unwrap();
         let view = camera.view([[0.0; 3], [9.0; 3]], [640, 480]);
         assert_eq!(view.eye, DVec3::new(1.0, 2.0, 3.0));
@@ -170,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused_in_words() {
+    fn invalid_cameras_are_refused() {
         for text in [
             "eye=1,2",
             "look=1,2,3",

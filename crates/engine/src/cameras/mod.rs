@@ -1,6 +1,8 @@
-//! Views, camera paths, and what gives points their colour.
+//! Views, camera paths, sources of colours, and legends.
 
 pub mod camera;
 pub mod colour;
+mod colour_request;
+pub mod legend;
 pub mod path;
-pub mod ranges;
+pub(crate) mod ranges;

@@ -1,6 +1,6 @@
-//! The camera's way of a benchmark: named views, and how long it takes from each to the next
-//! (kanzok2015, figure 4: overview, close view, detail). From a JSON file, or derived from the
-//! scan's bounds and density. `bench/README.md` says what the JSON means.
+//! The camera path of a benchmark: named views, and the time from each to the next (`kanzok2015`,
+//! figure 4: overview, close view, detail). Read from a JSON file, which `bench/README.md`
+//! explains, or derived from the bounds and density of the scan.
 
 use crate::calls::info;
 use crate::cameras::camera::Camera;
@@ -11,36 +11,37 @@ use glam::DVec3;
 use serde::Deserialize;
 use std::collections::HashSet;
 
-/// Bytes of a path's file at most.
+/// Most bytes of a file.
 const FILE_BYTES_MAX: u64 = 1 << 20;
-/// Views of a path at most.
+/// Most views of a path.
 const VIEWS_MAX: usize = 64;
-/// Seconds that a path may stay or travel at most.
+/// Longest time at a view or between two views, seconds.
 const SECONDS_MAX: f64 = 3600.0;
 
-/// A path as told.
+/// A path in a file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Told {
+struct PathRecord {
     #[serde(default)]
     coordinates: Coordinates,
-    views: Vec<ToldView>,
+    views: Vec<ViewRecord>,
 }
 
-/// What the numbers of a path mean.
+/// Coordinates of a path.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Coordinates {
-    /// The file's own.
+    /// Coordinates of the scan.
     #[default]
     World,
-    /// Shares of the scan's bounding box: 0 its lowest corner, 1 its highest.
+    /// Fractions of the scan's bounding box: 0 is its lowest corner, 1 its highest.
     Bounds,
 }
 
+/// A view in a file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct ToldView {
+struct ViewRecord {
     name: String,
     eye: [f64; 3],
     target: [f64; 3],
@@ -70,33 +71,33 @@ fn stay_s() -> f64 {
     2.0
 }
 
-/// A path.
+/// A camera path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
-    /// Its views, at least one, in the order in which they are visited.
+    /// Views, at least one, in the order in which they are visited.
     pub views: Vec<Stop>,
 }
 
-/// A view that the camera stops at.
+/// A view at which the camera stops.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stop {
-    /// Its name.
+    /// Name of the view.
     pub name: String,
-    /// The camera.
+    /// Camera of the view.
     pub view: View,
-    /// What it looks at, the file's unit.
+    /// Point that it looks at, the file's unit.
     pub target: DVec3,
-    /// Seconds from the view before to this one.
+    /// Seconds from the previous view to this one.
     pub travel_s: f64,
-    /// Seconds that frames are timed for, once the view is complete.
+    /// Seconds for which frames are timed once the view is complete.
     pub stay_s: f64,
 }
 
 impl Path {
-    /// Reads a path for a scan within these bounds and pictures of this size.
+    /// Reads a path for a scan within `bounds` and pictures of `size` pixels.
     ///
     /// # Errors
-    /// Where the file cannot be read, is no such JSON, or has numbers that are no camera's.
+    /// If the file cannot be read, is not JSON of a path, or has an invalid camera.
     pub fn read(path: &std::path::Path, bounds: [[f64; 3]; 2], size: [u32; 2]) -> Result<Self> {
         use std::io::Read;
         let shown = path.display();
@@ -107,35 +108,35 @@ impl Path {
         Self::parse(&text, bounds, size).with_context(|| format!("{shown}: no camera path"))
     }
 
-    /// As [`Path::read`], from text.
+    /// Parses a path for a scan within `bounds` and pictures of `size` pixels.
     ///
     /// # Errors
-    /// As [`Path::read`].
+    /// If `text` is not JSON of a path, or has an invalid camera.
     pub fn parse(text: &str, bounds: [[f64; 3]; 2], size: [u32; 2]) -> Result<Self> {
-        let told: Told = serde_json::from_str(text).context("see bench/README.md")?;
-        let count = told.views.len();
+        let record: PathRecord = serde_json::from_str(text).context("see bench/README.md")?;
+        let count = record.views.len();
         ensure!((1..=VIEWS_MAX).contains(&count), "{count} views; name 1 to {VIEWS_MAX}");
         let mut names = HashSet::new();
-        let stop = |v: ToldView| {
+        let stop = |v: ViewRecord| {
             v.check()?;
             ensure!(names.insert(v.name.clone()), "two views are named `{}`", v.name);
-            let [eye, target] = [v.eye, v.target].map(|p| told.coordinates.world(p, bounds));
+            let [eye, target] = [v.eye, v.target].map(|p| record.coordinates.world(p, bounds));
             ensure!(eye != target, "view `{}` looks at where it stands", v.name);
             let up = DVec3::from_array(v.up);
             let view = View::look_at(eye, target, up, v.fovy.to_radians(), size[0], size[1]);
             Ok(Stop { name: v.name, view, target, travel_s: v.travel_s, stay_s: v.stay_s })
         };
-        Ok(Self { views: told.views.into_iter().map(stop).collect::<Result<_>>()? })
+        Ok(Self { views: record.views.into_iter().map(stop).collect::<Result<_>>()? })
     }
 
-    /// The path of a scan that nobody wrote one for: all of it, then nearer, then so near to a
-    /// dense place that its points lie a pixel apart.
+    /// Derives the path of a scan: all of it, then nearer, then so near to a dense place that its
+    /// points are a pixel apart.
     pub fn of(file: &Forest, size: [u32; 2]) -> Self {
         let overview = Camera::of_benchmarks(info::bounds(file), size);
         let [low, high] = info::bounds(file).map(DVec3::from_array);
         let middle = low.midpoint(high);
         let (dense, spacing) = dense_place(file).unwrap_or((middle, 0.0));
-        // In the overview's middle, where the scan's is not.
+        // In the middle of the overview, which need not be the scan's.
         let far = overview.depth(middle);
         let ahead = overview.eye + overview.forward() * far;
         let near = (overview.focal_px() * spacing).clamp(far * 1e-4, far * 0.25);
@@ -153,8 +154,8 @@ impl Path {
         }
     }
 
-    /// The view on the way to stop `to`, with `share` of the way behind it: starting and ending
-    /// gently, with equal ratios of distance to what is looked at in equal times.
+    /// View on the way to stop `to`, after `share` of the time: starts and ends gently, and changes
+    /// the distance from the target by equal ratios in equal times.
     pub fn between(&self, to: usize, share: f64) -> View {
         let (a, b) = (&self.views[to.saturating_sub(1)], &self.views[to]);
         let t = share.clamp(0.0, 1.0);
@@ -181,7 +182,7 @@ impl Coordinates {
     }
 }
 
-impl ToldView {
+impl ViewRecord {
     fn check(&self) -> Result<()> {
         let name = &self.name;
         ensure!(!name.is_empty() && name.len() < 100, "a view's name is empty or very long");
@@ -196,8 +197,8 @@ impl ToldView {
     }
 }
 
-/// A place that is scanned densely, and the spacing there: the node below which a tenth of all
-/// points have finer spacings.
+/// Place that is scanned densely, and the spacing there: the first node, by spacing, that completes
+/// a tenth of all points.
 fn dense_place(file: &Forest) -> Option<(DVec3, f64)> {
     let mut nodes: Vec<_> = file.table().nodes.iter().filter(|n| n.spacing > 0.0).collect();
     nodes.sort_by(|a, b| a.spacing.total_cmp(&b.spacing));
@@ -223,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_of_the_bounds_become_places_in_the_scan() {
+    fn fractions_of_the_bounds_become_positions_in_the_scan() {
         let path = parse(
             r#"{"coordinates": "bounds", "views": [
                 {"name": "far", "eye": [0.5, -1, 2], "target": [0.5, 0.5, 0]},
@@ -245,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused() {
+    fn invalid_paths_are_refused() {
         for text in [
             "",
             "[]",

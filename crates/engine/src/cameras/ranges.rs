@@ -1,37 +1,46 @@
-//! Ranges of values for colour maps: from the files' histograms and the nodes' least and greatest
-//! values, so that neither a few strays take all colours nor what a filter leaves out takes any.
-//! Where strays are so far away that bins, or the boxes of nodes, hide what the others differ by,
-//! points are read: of a few nodes, and only to tell where within a bin a range ends. Where an end
-//! is a number that stands for no value, a sample of the values tells all.
+//! Ranges of values for colour maps, from the histograms of the files and the least and greatest
+//! values of nodes: without strays (the outermost values) and without what a filter rejects. Strays
+//! can be so far away that bins, or the boxes of nodes, are coarser than the differences of all
+//! other values; then points of a few nodes are read. If an end is a number that means "no value",
+//! the range is that of a sample.
 
-use crate::cameras::colour::plane_of;
 use anyhow::Result;
 use esker_format::{EskerFile, Forest, ForestFilter, PlaneKind};
+use esker_points::attribute::names;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
 use esker_points::{AttrType, Node};
 
-/// Share of the values that may lie outside a range on either side.
+/// Fraction of the values that may be outside a range at either end.
 const STRAYS: f64 = 0.01;
 /// Bins of heights.
 const BINS: usize = 1024;
-/// Numbers from here on stand for no value: scans write the greatest of their type where they have
-/// none.
+/// Numbers from here on mean "no value": scans write the greatest number of their type.
 const NO_VALUE: f64 = f32::MAX as f64;
-/// Values that a sample has at least, where there are so many.
+/// Least number of values of a sample, if there are so many.
 const SAMPLE: usize = 1 << 17;
-/// Less than this share of a whole range, strays and all, is told too coarsely by its bins.
+/// A range that is a smaller fraction of the whole one, strays included, is too coarse in bins.
 const COARSE: f64 = 1.0 / 16.0;
-/// A node is tall that is so many times as high as the middle one.
+/// A node is tall from this multiple of the median height.
 const TALL: f64 = 2.0;
-/// So many tall nodes are read: a stray makes its own and those above it so.
+/// Most tall nodes that are read: a stray makes its own node tall, and those above it.
 const TALL_READ: usize = 12;
-/// So often heights are counted anew in what is left without strays.
+/// Most rounds in which heights are counted again without strays.
 const ROUNDS: usize = 8;
 
-/// The range of an attribute of the forest, in stored values, over all trees that have it.
+/// Plane of the attribute at `index` of a schema.
+pub(crate) fn plane_of(name: &str, ty: AttrType, index: usize) -> PlaneKind {
+    if name == names::INTENSITY && ty == AttrType::U16 {
+        PlaneKind::Intensity
+    } else {
+        PlaneKind::Attribute(index as u16)
+    }
+}
+
+/// Range of an attribute, in stored values, over all trees that have it; `number` is its index in
+/// the schema of the forest.
 ///
 /// # Errors
-/// Where statistics cannot be read.
+/// If statistics cannot be read.
 pub fn of_attribute(forest: &Forest, number: usize, shown: &ForestFilter) -> Result<(f64, f64)> {
     let attribute = &forest.schema().attributes[number];
     let (mut range, mut first) = (None, 0);
@@ -50,11 +59,11 @@ pub fn of_attribute(forest: &Forest, number: usize, shown: &ForestFilter) -> Res
     of_sample(forest, number, attribute.ty, shown)
 }
 
-/// Least and greatest value of an attribute of the forest over all trees, strays and all; `None`
-/// where nothing is a number.
+/// Least and greatest value of an attribute over all trees, strays included; `None` if no value is
+/// a number.
 ///
 /// # Errors
-/// Where statistics cannot be read.
+/// If statistics cannot be read.
 pub fn whole(forest: &Forest, attribute: usize) -> Result<Option<(f64, f64)>> {
     let attribute = &forest.schema().attributes[attribute];
     let mut range = None;
@@ -68,10 +77,10 @@ pub fn whole(forest: &Forest, attribute: usize) -> Result<Option<(f64, f64)>> {
     Ok(range)
 }
 
-/// Which values of an attribute of bytes occur in the forest.
+/// Values of an attribute of bytes that occur, ascending.
 ///
 /// # Errors
-/// Where statistics cannot be read.
+/// If statistics cannot be read.
 pub fn bytes_of(forest: &Forest, attribute: usize) -> Result<Vec<u8>> {
     let attribute = &forest.schema().attributes[attribute];
     let mut occurs = [false; 1 << u8::BITS];
@@ -82,7 +91,7 @@ pub fn bytes_of(forest: &Forest, attribute: usize) -> Result<Vec<u8>> {
         let histograms = statistics.histograms();
         let counts = histograms.counts(index);
         for (value, occurs) in (0u8..).zip(&mut occurs) {
-            // No bin has two of them.
+            // Bytes have a bin each.
             let bin = histograms.bin_of(index, value.into());
             *occurs |= bin.is_some_and(|bin| counts[bin] > 0);
         }
@@ -90,13 +99,12 @@ pub fn bytes_of(forest: &Forest, attribute: usize) -> Result<Vec<u8>> {
     Ok((0..).zip(occurs).filter(|(_, occurs)| *occurs).map(|(value, _)| value).collect())
 }
 
-/// Whether a number is a value, and does not stand for none.
+/// Whether a number is a value, and does not mean "no value".
 fn is_value(number: f64) -> bool {
     number.abs() < NO_VALUE
 }
 
-/// The range of a sample, without what stands for no value: of the first nodes, whose points are
-/// spread evenly.
+/// Range of a sample: the values of the first nodes, whose points are evenly spread.
 fn of_sample(
     forest: &Forest,
     attribute: usize,
@@ -127,7 +135,7 @@ fn joined(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {
     }
 }
 
-/// The range in one file, whose nodes begin at `first` in the forest's table.
+/// Range in one file; `first` is the index of its first node in the table of the forest.
 fn within(
     file: &EskerFile,
     attribute: usize,
@@ -154,13 +162,13 @@ fn within(
     let wanted = nodes.filter(|&node| shown.points_max(first + node) > 0);
     let kept = wanted.filter_map(|node| statistics.own(node, attribute));
     let kept = kept.fold(None, |all, of| joined(all, Some(of)));
-    // What is kept may all be strays of the whole.
+    // All accepted values may be strays of the file.
     let clamped = kept.map(|(a, b)| (a.max(low), b.min(high)));
     Ok(clamped.filter(|(a, b)| a <= b).or(kept))
 }
 
-/// A range whose ends are those of bins, ended at the outermost values in these bins instead, as
-/// far as the first nodes have any.
+/// Moves the ends of a range, which are those of bins, to the outermost values in these bins, if
+/// the first nodes have any.
 fn within_bins(
     file: &EskerFile,
     attribute: usize,
@@ -188,7 +196,7 @@ fn within_bins(
     Ok((least, greatest))
 }
 
-/// The part of a range without its strays; `counts` are of bins of equal width.
+/// Range without its strays; `counts` are those of bins of equal width.
 fn central((low, high): (f64, f64), counts: &[u64]) -> (f64, f64) {
     let total: u64 = counts.iter().sum();
     if total == 0 || low >= high {
@@ -200,7 +208,7 @@ fn central((low, high): (f64, f64), counts: &[u64]) -> (f64, f64) {
     (low + bin * outer(counts(), strays) as f64, high - bin * outer(counts().rev(), strays) as f64)
 }
 
-/// How many bins, from the outermost on, have no more than the strays.
+/// Number of outermost bins that have no more points than the strays.
 fn outer(counts: impl Iterator<Item = f64>, strays: f64) -> usize {
     let mut sum = 0.0;
     let is_stray = |n: &f64| {
@@ -210,12 +218,12 @@ fn outer(counts: impl Iterator<Item = f64>, strays: f64) -> usize {
     counts.take_while(is_stray).count()
 }
 
-/// The range of heights. Points are taken to be spread evenly over the heights of their node's
-/// contour; those of a few tall nodes, which a stray may have stretched, are read. `bounds` are of
-/// all points.
+/// Range of heights. Points are assumed to be evenly spread over the heights of their node's
+/// contour; those of a few tall nodes, which a stray may have stretched, are read. `bounds` are
+/// those of all points.
 ///
 /// # Errors
-/// Where a node cannot be read.
+/// If a node cannot be read.
 pub fn of_heights(
     forest: &Forest,
     bounds: [[f64; 3]; 2],
@@ -237,14 +245,14 @@ pub fn of_heights(
 /// Heights of points.
 #[derive(Default)]
 struct Heights {
-    /// How many are spread evenly between two heights.
+    /// Ranges of heights, and how many points are evenly spread over each.
     spread: Vec<([f64; 2], f64)>,
-    /// Those that were read.
+    /// Heights that were read.
     exact: Vec<f64>,
 }
 
 impl Heights {
-    /// Of what is shown.
+    /// Heights of the points that `shown` accepts.
     fn of(forest: &Forest, shown: &ForestFilter) -> Result<Self> {
         let nodes = (0u32..).zip(&forest.table().nodes);
         let mut nodes: Vec<_> = nodes
@@ -258,11 +266,11 @@ impl Heights {
         let mut all: Vec<f64> = nodes.iter().map(|(_, of, _)| height(*of)).collect();
         let middle = all.len() / 2;
         let usual = match all.len() {
-            // Nothing tells what is usual.
+            // Too few nodes have no usual height.
             0..=3 => 0.0,
             _ => *all.select_nth_unstable_by(middle, f64::total_cmp).1,
         };
-        // Those first that most of the range hangs on.
+        // Nodes that the range depends on most come first.
         let weight = |of: [f64; 2], points: usize| height(of) * points as f64;
         nodes.sort_by(|a, b| weight(b.1, b.2).total_cmp(&weight(a.1, a.2)));
         let mut known = Self::default();
@@ -278,7 +286,7 @@ impl Heights {
         Ok(known)
     }
 
-    /// Reads the heights of so many points of a node, but for those that a filter hides.
+    /// Reads the heights of the first `points` points of a node that the filter does not hide.
     fn read(
         &mut self,
         forest: &Forest,
@@ -287,7 +295,7 @@ impl Heights {
         points: usize,
     ) -> Result<()> {
         let node = forest.record(index);
-        // Where a stray has stretched its box, hot positions alone are coarse.
+        // In a box that a stray has stretched, hot positions alone are coarse.
         let planes = shown.read(forest, index, &[PlaneKind::Position, PlaneKind::Residual])?;
         let plane = planes.get(PlaneKind::Position).unwrap_or_default();
         let residual = planes.get(PlaneKind::Residual).unwrap_or_default();
@@ -303,14 +311,14 @@ impl Heights {
         Ok(())
     }
 
-    /// The part of a range without strays, which may lie outside of it too.
+    /// Range without strays; the heights may be outside `low` to `high`.
     fn central(&self, (low, high): (f64, f64)) -> (f64, f64) {
-        // One bin more on either side, for what lies beyond.
+        // One bin more at either end, for heights outside the range.
         let mut counts = [0.0; BINS + 2];
         let place = |z: f64| (z - low) / (high - low) * BINS as f64 + 1.0;
         let bin = |place: f64| (place.max(0.0) as usize).min(BINS + 1);
         for &z in &self.exact {
-            // The greatest is in the last bin.
+            // The greatest height belongs to the last bin.
             counts[if z == high { BINS } else { bin(place(z)) }] += 1.0;
         }
         for &([from, to], points) in &self.spread {
@@ -328,7 +336,7 @@ impl Heights {
         if low >= high || strays == 0.0 {
             return (low, high);
         }
-        // What lies beyond is none of the range's bins.
+        // Bins outside the range do not count.
         let within = |bins: usize| bins.saturating_sub(1) as f64;
         let below = within(outer(counts.into_iter(), strays));
         let above = within(outer(counts.into_iter().rev(), strays));
@@ -337,7 +345,7 @@ impl Heights {
     }
 }
 
-/// Least and greatest height of a node's contour.
+/// Least and greatest height of the contour of a node.
 fn heights(forest: &Forest, node: &Node) -> [f64; 2] {
     let contour = node.contour();
     let reach = (0..3).map(|i| contour.half[i] * contour.axes[i][2].abs()).sum::<f64>();

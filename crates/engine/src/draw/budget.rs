@@ -1,8 +1,8 @@
-//! Where a session's memory goes, before any of it is taken: what cannot be less, and how much of
-//! the rest is lent to the loaders. `--budget-ram` bounds main memory; `--budget-gpu` the drawing
-//! slots where these lie in main memory, and on a GPU all of its buffers.
+//! Shares of a session's memory budgets, computed before any memory is taken: what the session
+//! needs at least, and how much of the rest is lent to loaders. `--budget-ram` limits main memory.
+//! `--budget-gpu` limits all buffers of a GPU, or, on the CPU, drawing memory.
 
-use crate::draw::options::Options;
+use crate::draw::options::{Options, Settings};
 use crate::draw::staging::RUN_BYTES;
 use crate::io::quantity::readable_bytes;
 use anyhow::{Result, ensure};
@@ -12,26 +12,24 @@ use esker_render::gpu::NodePool;
 use esker_render::gpu::passes::ewa::BatchCapacity;
 use esker_render::picture::margin::MARGIN_PX;
 
-/// Bytes a pixel that the renderer holds: frame buffer, pyramid with normals, picture, smoothed
-/// depth.
+/// Bytes a pixel of the CPU renderer: frame buffer, pyramid with normals, picture, smoothed depth.
 const PIXEL_BYTES: u64 = 90;
-/// And of either renderer where exposures are evened out: slots of scans 4 at most, sums of cells
-/// 8.
+/// Bytes a pixel of exposure compensation in either renderer: at most 4 for slots of scans, 8 for
+/// sums of cells.
 const EXPOSURE_PIXEL_BYTES: u64 = 12;
-/// Bytes a node beside its record: the cache's entry, and what a choice that visits it keeps of it.
+/// Bytes a node beside its record: the cache entry, and what the choice keeps of visited nodes.
 const NODE_BYTES: u64 = 512;
-/// Threads' stacks, channels, allocators' slack.
+/// Stacks of threads, channels, the allocator's overhead.
 const FIXED_BYTES: u64 = 12 << 20;
-/// Runs of staging at least: one that is read into while another one is uploaded, and room for
-/// chance.
+/// Fewest runs of staging: one is filled while another one is uploaded, and two are spare.
 const RUNS_MIN: u64 = 4;
-/// Runs of staging at most: what a gigabyte a second brings during a frame of a twentieth of one.
+/// Most runs of staging: what one gigabyte a second brings in 50 ms.
 const RUNS_MAX: u64 = 48;
 
-/// The shares of main memory, in bytes.
+/// Shares of main memory, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shares {
-    /// Node table, metadata, statistics, what the choice and the cache keep a node.
+    /// Node table, metadata, statistics, and what choice and cache keep of nodes.
     pub tree_bytes: u64,
     /// The renderer's buffers for the largest picture.
     pub picture_bytes: u64,
@@ -40,13 +38,14 @@ pub struct Shares {
 }
 
 impl Shares {
-    /// Of a session's budget for this file.
+    /// Shares of the budget of a session on `file`.
     ///
     /// # Errors
-    /// Where the budget is too small; the least that works is in the message.
+    /// If the budget is too small; the message has the smallest possible one.
     pub fn of(file: &Forest, options: &Options) -> Result<Self> {
-        let Options { budget_ram_bytes: budget_bytes, size, runs, evens_exposure, .. } = *options;
-        // Where there are several trees, their records are joined in one more table.
+        let Options { size, runs, .. } = *options;
+        let Settings { budget_ram_bytes: budget_bytes, evens_exposure, .. } = options.settings;
+        // Records of several trees are joined in one more table.
         let tables = 1 + u64::from(file.files().len() > 1);
         let of = |footer: &Footer| {
             footer.nodes * (size_of::<Node>() as u64 * tables + NODE_BYTES)
@@ -82,51 +81,51 @@ impl Shares {
     }
 }
 
-/// Bytes a pixel of the GPU renderer's buffers and textures: frame buffer 8, pyramid with normals
-/// 70, picture with depth 12, targets of point primitives 12, edges and relief 20, averages 48.
+/// Bytes a pixel of the buffers and textures of the GPU renderer: frame buffer 8, pyramid with
+/// normals 70, picture with depth 12, targets of point primitives 12, edges and smoothed depth 20,
+/// averages 48.
 const GPU_PIXEL_BYTES: u64 = 176;
-/// Bytes a drawn node: its rows in the tables of draws, of chunks and of the octree, which grow by
-/// doubling.
+/// Bytes a drawn node: rows in the tables of draws, chunks and the octree, which grow by doubling.
 const GPU_NODE_BYTES: u64 = 512;
-/// Uniforms, colour maps, timestamps, depth tiles on their way back.
+/// Uniforms, colour maps, timestamps, depth tiles that are read back.
 const GPU_FIXED_BYTES: u64 = 1 << 20;
-/// Node planes at least: the root and what makes it finer.
+/// Least memory for planes of nodes: the root and some nodes below it.
 const POOL_BYTES_MIN: u64 = 1 << 20;
-/// What of the budget a batch of splats may take, as one part of so many.
-const ROOM_SHARE: u64 = 32;
-/// Runs of upload memory at most: two for each of eight loaders.
+/// A batch of splats takes at most this fraction of the budget: one in 32.
+const BATCH_SHARE: u64 = 32;
+/// Most runs of upload memory: two for each of eight loaders.
 const GPU_RUNS_MAX: u64 = 16;
 
-/// The shares of GPU memory, in bytes.
+/// Shares of GPU memory, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpuShares {
     /// The renderer's buffers for the largest picture and cut.
     pub picture_bytes: u64,
-    /// Mapped upload runs that are lent to loaders.
+    /// Mapped runs that are lent to loaders.
     pub runs: usize,
-    /// Room for a batch of splats.
-    pub room: BatchCapacity,
-    /// What is left for node planes.
+    /// Capacity of a batch of splats.
+    pub batch: BatchCapacity,
+    /// What is left for planes of nodes.
     pub pool_bytes: u64,
 }
 
 impl GpuShares {
-    /// Of a session's budget for this file.
+    /// Shares of the budget of a session on `file`.
     ///
     /// # Errors
-    /// Where the budget is too small; the least that works is in the message.
+    /// If the budget is too small; the message has the smallest possible one.
     pub fn of(file: &Forest, options: &Options) -> Result<Self> {
         let [width, height] = options.size.map(u64::from);
         let nodes = (file.table().nodes.len()).min(options.nodes_max) as u64;
-        let pixel_bytes =
-            GPU_PIXEL_BYTES + if options.evens_exposure { EXPOSURE_PIXEL_BYTES } else { 0 };
+        let pixel_bytes = GPU_PIXEL_BYTES
+            + if options.settings.evens_exposure { EXPOSURE_PIXEL_BYTES } else { 0 };
         let picture_bytes = pixels_with_margin(options.size) * pixel_bytes
             + nodes * GPU_NODE_BYTES
             + GPU_FIXED_BYTES;
-        let budget_bytes = options.budget_gpu_bytes;
-        // Whatever is drawn first: sessions change their method while they run.
-        let room = BatchCapacity::within(budget_bytes / ROOM_SHARE);
-        let picture_bytes = picture_bytes + room.bytes();
+        let budget_bytes = options.settings.budget_gpu_bytes;
+        // Reserved for every method: sessions change their method while they run.
+        let batch = BatchCapacity::within(budget_bytes / BATCH_SHARE);
+        let picture_bytes = picture_bytes + batch.bytes();
         let run_bytes = RUN_BYTES as u64;
         let runs_min = options.runs.map_or(RUNS_MIN, |r| r as u64);
         let least = picture_bytes + runs_min * run_bytes + POOL_BYTES_MIN;
@@ -139,13 +138,13 @@ impl GpuShares {
             at_least(least),
             readable_bytes(picture_bytes),
         );
-        // A sixteenth of what is left goes to the runs.
+        // A sixteenth of the rest goes to the runs.
         let free = budget_bytes - picture_bytes;
         let runs = options
             .runs
             .map_or((free / 16 / run_bytes).clamp(RUNS_MIN, GPU_RUNS_MAX), |r| r as u64);
         let pool_bytes = NodePool::bytes_within(free - runs * run_bytes);
-        Ok(Self { picture_bytes, runs: runs as usize, room, pool_bytes })
+        Ok(Self { picture_bytes, runs: runs as usize, batch, pool_bytes })
     }
 }
 
@@ -154,7 +153,7 @@ fn pixels_with_margin(size: [u32; 2]) -> u64 {
     size.map(|side| u64::from(side) + u64::from(2 * MARGIN_PX)).iter().product()
 }
 
-/// Whole mebibytes, rounded up: what the user can type.
+/// Whole mebibytes, rounded up, as the user can type them.
 fn at_least(bytes: u64) -> String {
     format!("{} MiB", bytes.div_ceil(1 << 20))
 }

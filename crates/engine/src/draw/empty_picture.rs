@@ -1,5 +1,5 @@
-//! Pictures that show nothing say so. A filter that leaves no point is an error, as it is when
-//! exporting; where a view alone shows nothing, the reason is told beside the picture.
+//! Errors and notes on pictures that show nothing: a filter without points is an error, as for an
+//! export; a view without points is a note.
 
 use crate::io::quantity::grouped;
 use anyhow::{Result, ensure};
@@ -9,10 +9,10 @@ use esker_points::attribute::names;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
 use esker_points::{AttrType, Filter};
 
-/// Checks that the points have classes if the filter selects some.
+/// Refuses a filter by class of a file without classes.
 ///
 /// # Errors
-/// If the filter selects classes and no point has one.
+/// If `filter` has classes and no point has one.
 pub fn check_classes(file: &Forest, filter: &Filter) -> Result<()> {
     let has = file.schema().find_typed(names::CLASSIFICATION, AttrType::U8).is_some();
     ensure!(
@@ -23,11 +23,11 @@ pub fn check_classes(file: &Forest, filter: &Filter) -> Result<()> {
     Ok(())
 }
 
-/// Checks that a filter leaves a point. Reads positions until one is found that passes, so it is to
-/// be called only after a picture was empty.
+/// Refuses a filter that rejects all points of a file. Reads positions until an accepted point is
+/// found, so it is called only if nothing was drawn.
 ///
 /// # Errors
-/// If the file has points and the filter leaves none, or positions cannot be read.
+/// If no point is accepted, or positions cannot be read.
 pub fn check_wanted(file: &Forest, shown: &ForestFilter) -> Result<()> {
     let points = file.points();
     if points == 0 || !shown.is_filtered() {
@@ -45,7 +45,7 @@ pub fn check_wanted(file: &Forest, shown: &ForestFilter) -> Result<()> {
     )
 }
 
-/// Whether any of a node's own points is wanted.
+/// Whether the filter accepts any point of a node, not counting its subtree.
 fn has_wanted(file: &Forest, shown: &ForestFilter, node: u32) -> Result<bool> {
     let prefix = shown.points_max(node).min(file.record(node).points());
     if prefix == 0 || !shown.hides_points(node) {
@@ -57,7 +57,7 @@ fn has_wanted(file: &Forest, shown: &ForestFilter, node: u32) -> Result<bool> {
     Ok(points.any(|point| point[HIDDEN_AT] == 0))
 }
 
-/// Why a picture shows nothing that so many points were chosen for.
+/// Why a picture shows nothing; `counters` are those of its choice.
 pub fn why_nothing(file: &Forest, budget_points: u64, counters: &Counters) -> &'static str {
     match (file.points(), budget_points, counters.points) {
         (0, ..) => "nothing is seen: there are no points",

@@ -1,8 +1,8 @@
-//! From planes to the renderer's frame: the one place where nodes of a cut, wherever their planes
-//! lie, become what is drawn. Shared by pictures read whole and by sessions that stream.
+//! The renderer's frame: gathers the nodes of a cut with their planes, wherever these are, and the
+//! settings of a picture. Pictures of files that are read whole and sessions that stream share it.
 
 use crate::calls::info;
-use crate::cameras::colour::{self, Colouring, colouring_of};
+use crate::cameras::colour::{self, Colouring, filtered_colouring};
 use crate::draw::empty_picture;
 use anyhow::Result;
 use esker_format::{Forest, ForestFilter, PlaneKind};
@@ -17,27 +17,28 @@ use esker_render::{
 use esker_stream::Needs;
 use std::sync::Arc;
 
-/// What of a file is shown, and how: all that the plan of its frames depends on but the view.
+/// What is shown of a file, and how: everything that the plan of a frame depends on, except the
+/// view.
 #[derive(Clone, Debug)]
-pub struct Look {
-    /// Where colours come from.
+pub struct Appearance {
+    /// Source of the colours.
     pub colouring: Colouring,
-    /// Which points, and what of them.
+    /// Which points are shown, and how their planes change when they are loaded.
     pub shown: Arc<ForestFilter>,
-    /// How points become a picture.
+    /// Points only, or surfaces.
     pub method: Method,
     /// Whether surfaces have highlights.
     pub shines: bool,
-    /// Whether differences of exposure between scans are evened out.
+    /// Whether differences of exposure between scans are removed.
     pub evens_exposure: bool,
 }
 
-impl Look {
-    /// Of a file: what `filter` wants, coloured by `colour`
+impl Appearance {
+    /// Appearance of the points that `filter` accepts, coloured by `colour`
     /// ([`crate::cameras::colour::colouring`]).
     ///
     /// # Errors
-    /// Where the file has not what colours shall come from, or the filter makes no sense.
+    /// If the file lacks the source of colours, or the filter is invalid.
     pub fn new(
         file: &Forest,
         colour: Option<&str>,
@@ -48,16 +49,16 @@ impl Look {
         empty_picture::check_classes(file, filter)?;
         let on_lattice = (!filter.is_all()).then(|| filter.on(file.lattice())).transpose()?;
         let shown = ForestFilter::of(file, on_lattice, None)?;
-        let colouring = colouring_of(file, colour, info::bounds(file), &shown)?;
+        let colouring = filtered_colouring(file, colour, info::bounds(file), &shown)?;
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
         Ok(Self { colouring, shown, method, shines, evens_exposure: false })
     }
 
-    /// The same with exposures evened out, where that is asked.
+    /// Adds exposure compensation, if `evens_exposure`.
     ///
     /// # Errors
-    /// Where no attribute of the file tells scans apart.
+    /// If no attribute of the file differs between scans.
     pub fn evened(mut self, file: &Forest, evens_exposure: bool) -> Result<Self> {
         if evens_exposure {
             let scans = colour::scans(file)?;
@@ -66,19 +67,20 @@ impl Look {
         Ok(Self { evens_exposure, ..self })
     }
 
-    /// The same from compact planes, where all trees have them and nothing else is asked of the
-    /// bytes that they save.
+    /// Draws from compact planes, if all trees have them and the picture needs nothing that they
+    /// lack.
     pub fn compacted(mut self, file: &Forest) -> Self {
-        let asks =
+        let needs_full =
             self.evens_exposure || self.shown.hides_any() || self.colouring.by != ColourBy::Rgb;
-        if let Some(palette) = file.palette().filter(|_| !asks) {
+        if let Some(palette) = file.palette().filter(|_| !needs_full) {
             self.colouring.by = ColourBy::Codes(Codebook::Own(palette.table()));
             self.colouring.plane = Some((PlaneKind::Compact, None));
         }
         self
     }
 
-    /// The same with values as they lie in the file where they are mapped along a range.
+    /// Draws from values as they are stored, instead of codes of a byte, where they are mapped
+    /// along a range.
     pub fn with_values(mut self) -> Self {
         let Colouring { by, plane, codes, .. } = &mut self.colouring;
         if let (ColourBy::Codes(Codebook::Along(palette)), Some(Codes { ty, coding })) =
@@ -92,8 +94,8 @@ impl Look {
         self
     }
 
-    /// The plan of its frames; `is_dense` where points are dense in the whole view, `is_crowded`
-    /// where they crowd.
+    /// Plan of the frames. `is_dense`: points are dense in the whole view; `is_crowded`: points
+    /// share pixels.
     pub fn plan(&self, file: &Forest, is_dense: bool, is_crowded: bool) -> FramePlan {
         let normals = file.has(PlaneKind::Normal);
         let has = SceneHas {
@@ -120,8 +122,7 @@ impl Look {
         FramePlan::of(&has, &options)
     }
 
-    /// The planes that its frames need of each node, the residual aside, which views ask for node
-    /// by node.
+    /// Planes of each node that frames need, except residuals, which views request node by node.
     pub fn needs(&self, file: &Forest) -> Needs {
         let plan = self.plan(file, false, false);
         let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
@@ -129,8 +130,8 @@ impl Look {
         Needs { colour, normals, clip_lines, tangents }
     }
 
-    /// A view with the margin that its pictures of a file take ([`esker_render::picture::margin`]):
-    /// none where all of the file lies in the picture, or one so large cannot be drawn.
+    /// Adds the margin of pictures ([`esker_render::picture::margin`]) to a view. There is none if
+    /// the whole file is in the picture, or the picture would be too large.
     pub fn with_margin(&self, file: &Forest, view: &View) -> View {
         let shown = view.with_margin(0);
         let wide = view.with_margin(MARGIN_PX);
@@ -140,7 +141,7 @@ impl Look {
         if takes { wide } else { shown }
     }
 
-    /// The frame of these nodes. Views have their margin.
+    /// Frame of nodes that are already collected. `view` includes its margin.
     pub fn frame<'a, P>(
         &self,
         file: &'a Forest,
@@ -155,7 +156,7 @@ impl Look {
     }
 }
 
-/// A node of the cut, whose `entry` is its place in it, with the planes that `plane` gives.
+/// A node of a cut; `entry` is its index in the cut, `plane` returns its planes.
 pub fn draw_node<'a, P: Default>(
     node: &'a Node,
     entry: usize,
@@ -183,8 +184,8 @@ pub fn draw_node<'a, P: Default>(
     }
 }
 
-/// The frame of these nodes, with the habits of all of Esker's pictures: points that look away are
-/// dropped from surfaces of clouds whose normals tell front from back.
+/// Frame of nodes with the defaults of all pictures: surfaces leave out points that face away, if
+/// the normals of the file distinguish front from back.
 pub fn frame<'a, P>(
     file: &'a Forest,
     view: &'a View,

@@ -1,13 +1,14 @@
-//! From an opened file to pictures: sessions that stream, planes that are read whole, and the
+//! From an open file to pictures: sessions that stream, planes that are read completely, and the
 //! painters of both.
 
 pub mod budget;
 pub mod empty_picture;
 pub mod frame;
+pub mod method;
 pub mod options;
-pub mod painter;
+mod painter;
 pub mod scene;
 pub mod session;
-pub mod slots;
-pub mod staging;
+mod slots;
+mod staging;
 pub mod whole;

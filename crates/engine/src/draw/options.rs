@@ -1,4 +1,5 @@
-//! What a session may cost, in which order it reads, and with what and how it draws.
+//! Options of a session: its memory, the order in which it reads, and what it draws with; and the
+//! settings that the user changes while a session runs.
 
 use crate::machine::backend::{Backend, GpuRequest};
 use esker_points::Filter;
@@ -7,62 +8,62 @@ pub use esker_render::gpu::Gpu;
 pub use esker_render::gpu::device::{descriptor, is_software};
 use esker_stream::Priority;
 
-/// What a session may cost and how it draws.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// What draws.
-    pub backend: Backend,
-    /// Which GPU, and how it draws points.
-    pub gpu: GpuRequest,
-    /// The device to draw on, where a window has one. The session is used by the thread that
-    /// submits to it.
-    pub device: Option<Gpu>,
-    /// Bytes of drawing memory: on a GPU of all its buffers, with those that pictures need.
-    pub budget_gpu_bytes: u64,
-    /// Bytes of main memory: table, statistics, staging, the renderer's buffers.
-    pub budget_ram_bytes: u64,
-    /// Width and height of the largest picture, pixels.
-    pub size: [u32; 2],
-    /// Points alone, or surfaces.
+/// What a user changes while looking at a file: budgets, detail, method, colours, filter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Points only, or surfaces.
     pub method: Method,
-    /// Where colours come from; the best there is where not said.
+    /// Source of colours; none for the best that the file has.
     pub colour_by: Option<String>,
     /// Which points are shown.
     pub filter: Filter,
     /// Whether surfaces have highlights.
     pub shines: bool,
-    /// Whether differences of exposure between scans are evened out.
+    /// Whether differences of exposure between scans are removed.
     pub evens_exposure: bool,
-    /// Whether full planes are read where there are compact ones, too.
+    /// Whether full planes are read although there are compact ones.
     pub full: bool,
-    /// Points drawn at most.
+    /// Most points of a picture.
     pub points_budget: u64,
-    /// Distance of neighbouring points on the picture that is fine enough, pixels.
+    /// Distance of adjacent points in the picture that is fine enough, pixels.
     pub target_spacing_px: f64,
-    /// Whether what is hidden is left out.
+    /// Bytes of drawing memory; on a GPU, of all buffers, those of pictures included.
+    pub budget_gpu_bytes: u64,
+    /// Bytes of main memory: table, statistics, staging, the renderer's buffers.
+    pub budget_ram_bytes: u64,
+    /// Whether hidden nodes are left out.
     pub occlusion: bool,
-    /// Which missing node is read first.
+}
+
+/// Options of a session.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// What the user can change.
+    pub settings: Settings,
+    /// CPU or GPU.
+    pub backend: Backend,
+    /// Which GPU, and how it draws points.
+    pub gpu: GpuRequest,
+    /// Device of a window to draw on. The session belongs to the thread that submits to it.
+    pub device: Option<Gpu>,
+    /// Width and height of the largest picture, pixels.
+    pub size: [u32; 2],
+    /// Order in which missing nodes are read.
     pub priority: Priority,
-    /// Reads in flight.
+    /// Concurrent reads.
     pub loaders: usize,
-    /// Nodes resident at most.
+    /// Most nodes in memory.
     pub nodes_max: usize,
-    /// Runs of staging; what the budget allows where not said.
+    /// Runs of staging; none for what the budget allows.
     pub runs: Option<usize>,
     /// Bytes copied to drawing memory in a frame, beyond the first run.
     pub upload_bytes_a_frame: usize,
 }
 
-impl Default for Options {
+impl Default for Settings {
     fn default() -> Self {
         let stream = esker_stream::Options::default();
         Self {
-            backend: Backend::default(),
-            gpu: GpuRequest::default(),
-            device: None,
-            budget_gpu_bytes: 512 << 20,
-            budget_ram_bytes: 1 << 30,
-            size: [1024, 1024],
             method: Method::PullPush,
             colour_by: None,
             filter: Filter::default(),
@@ -71,7 +72,22 @@ impl Default for Options {
             full: false,
             points_budget: stream.points_budget,
             target_spacing_px: stream.target_spacing_px,
+            budget_gpu_bytes: 512 << 20,
+            budget_ram_bytes: 1 << 30,
             occlusion: stream.occlusion,
+        }
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        let stream = esker_stream::Options::default();
+        Self {
+            settings: Settings::default(),
+            backend: Backend::default(),
+            gpu: GpuRequest::default(),
+            device: None,
+            size: [1024, 1024],
             priority: stream.priority,
             loaders: stream.loaders,
             nodes_max: stream.nodes_max,
@@ -83,14 +99,14 @@ impl Default for Options {
 }
 
 impl Options {
-    /// What of it concerns streaming; how much memory there is, the painter says.
+    /// Options of the streamer; the painter adds how much memory there is.
     pub(crate) fn stream(&self) -> esker_stream::Options {
         esker_stream::Options {
             nodes_max: self.nodes_max,
-            points_budget: self.points_budget,
-            target_spacing_px: self.target_spacing_px,
+            points_budget: self.settings.points_budget,
+            target_spacing_px: self.settings.target_spacing_px,
             priority: self.priority,
-            occlusion: self.occlusion,
+            occlusion: self.settings.occlusion,
             loaders: self.loaders,
             ..esker_stream::Options::default()
         }

@@ -1,9 +1,9 @@
-//! What a still picture is drawn from: the request, the file (opened, or built from scans first),
-//! and the nodes, prefixes and planes that the view needs, read whole.
+//! What a still picture is drawn from: the request, the file (opened, or built from scans), and the
+//! nodes, prefixes and planes that the view needs, which are read completely.
 
 use crate::calls::info;
 use crate::cameras::camera::Camera;
-use crate::draw::frame::{Look, draw_node};
+use crate::draw::frame::{Appearance, draw_node};
 use crate::io::file::is_esker;
 use crate::io::output;
 use crate::machine::backend::DrawWith;
@@ -17,37 +17,37 @@ use rayon::prelude::*;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// What the user asks of a picture.
+/// Request for a still picture.
 #[derive(Clone, Debug)]
 pub struct PictureRequest {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Points alone, or surfaces.
+    /// Points only, or surfaces.
     pub method: Method,
-    /// The camera; fitted where it names no eye.
+    /// Camera; fitted to the file if it has no eye.
     pub camera: Camera,
-    /// Points drawn at most.
+    /// Most points that are drawn.
     pub budget_points: u64,
-    /// Distance of neighbouring points on the picture that is fine enough, pixels.
+    /// Distance of adjacent points in the picture that is fine enough, pixels.
     pub target_spacing_px: f64,
-    /// Where colours come from; the best there is where not said.
+    /// Source of colours; none for the best that the file has.
     pub colour_by: Option<String>,
     /// Which points are drawn.
     pub filter: Filter,
     /// Whether surfaces have highlights.
     pub shines: bool,
-    /// Whether differences of exposure between scans are evened out.
+    /// Whether differences of exposure between scans are removed.
     pub evens_exposure: bool,
-    /// Whether values that are mapped are kept as they are, and not as codes of a byte: to compare
-    /// with.
+    /// Whether mapped values are drawn from as they are stored, instead of codes of a byte: for
+    /// comparisons.
     pub keeps_values: bool,
-    /// Whether full planes are drawn where there are compact ones, too.
+    /// Whether full planes are drawn although there are compact ones.
     pub full: bool,
-    /// What draws.
+    /// CPU or GPU.
     pub with: DrawWith,
-    /// Threads; 0 is one a core.
+    /// Threads; 0 for one a core.
     pub threads: usize,
-    /// How scans are built that are given in place of a file.
+    /// Options of the build, if the inputs are scans.
     pub build: esker_builder::Options,
 }
 
@@ -73,8 +73,11 @@ impl Default for PictureRequest {
     }
 }
 
-/// Opens the file, or builds scans into one in a temporary folder, which goes with the second
-/// value.
+/// Opens an `.esker` file, or builds scans into one in a temporary folder, which is removed when
+/// the second value is dropped.
+///
+/// # Errors
+/// If an input cannot be read, or `.esker` files are several or mixed with scans.
 pub fn open(
     inputs: &[PathBuf],
     request: &PictureRequest,
@@ -99,7 +102,7 @@ pub fn open(
     Ok((Forest::open(&built)?.called(name_of(inputs)), Some(folder)))
 }
 
-/// What a file is called that was built from these.
+/// Name of the file that is built from `inputs`, for messages.
 fn name_of(inputs: &[PathBuf]) -> PathBuf {
     match inputs {
         [first, _, ..] => format!("{} and {} more", first.display(), inputs.len() - 1).into(),
@@ -108,63 +111,64 @@ fn name_of(inputs: &[PathBuf]) -> PathBuf {
     }
 }
 
-/// What the view needs of a file: nodes, prefixes, and just the planes that the frame asks for.
+/// What the view needs of a file: nodes, prefixes, and the planes of the frame.
 pub struct PictureScene {
     /// The camera.
     pub view: View,
-    /// What is drawn.
+    /// Nodes to draw, and their prefixes.
     pub selection: Selection,
-    /// The planes of each drawn node, in the selection's order.
+    /// Planes of each node, in the order of the selection.
     pub planes: Vec<Planes>,
     /// What is shown, and how.
-    pub look: Look,
-    /// The plan of its frame.
+    pub appearance: Appearance,
+    /// Plan of the frame.
     pub plan: FramePlan,
-    /// The kinds of planes that any node has been read for.
+    /// Kinds of planes that are read for any node.
     pub(crate) kinds: Vec<PlaneKind>,
-    /// Bytes that were read for it.
+    /// Bytes that were read.
     pub read_bytes: u64,
-    /// Milliseconds of the choice.
+    /// Duration of the choice, milliseconds.
     pub(crate) select_ms: f64,
-    /// Milliseconds of reading.
+    /// Duration of reading, milliseconds.
     pub(crate) read_ms: f64,
 }
 
 impl PictureScene {
-    /// Chooses and reads.
+    /// Chooses nodes and reads their planes.
     ///
     /// # Errors
-    /// Where planes cannot be read.
+    /// If planes cannot be read, or as for [`PictureScene::choose`].
     pub fn read(file: &Forest, request: &PictureRequest, task: &dyn Task) -> Result<Self> {
         let mut scene = Self::choose(file, request)?;
         let start = Instant::now();
         let before = file.read_bytes();
-        scene.planes = read(file, &scene.view, &scene.selection, &scene.look, &scene.kinds, task)?;
+        scene.planes =
+            read(file, &scene.view, &scene.selection, &scene.appearance, &scene.kinds, task)?;
         scene.read_bytes += file.read_bytes() - before;
         scene.read_ms = ms(start);
         Ok(scene)
     }
 
-    /// Chooses, and reads no more than statistics.
+    /// Chooses nodes; reads only statistics.
     ///
     /// # Errors
-    /// Where these cannot be read, or the file has not what is asked for.
+    /// If statistics cannot be read, or the file lacks what the request needs.
     pub fn choose(file: &Forest, request: &PictureRequest) -> Result<Self> {
         let start = Instant::now();
         let shown = request.camera.view(bounds_of(file, &request.filter), request.size);
         let PictureRequest { colour_by, filter, method, shines, evens_exposure, .. } = request;
         let before = file.read_bytes();
-        let look = Look::new(file, colour_by.as_deref(), filter, *method, *shines)?;
-        let look = look.evened(file, *evens_exposure)?;
-        let look = if request.full { look } else { look.compacted(file) };
-        let look = if request.keeps_values { look.with_values() } else { look };
-        let view = look.with_margin(file, &shown);
+        let appearance = Appearance::new(file, colour_by.as_deref(), filter, *method, *shines)?;
+        let appearance = appearance.evened(file, *evens_exposure)?;
+        let appearance = if request.full { appearance } else { appearance.compacted(file) };
+        let appearance = if request.keeps_values { appearance.with_values() } else { appearance };
+        let view = appearance.with_margin(file, &shown);
         let options = Options {
             points_budget: request.budget_points,
             target_spacing_px: request.target_spacing_px,
             ..Options::default()
         };
-        let known = AtHand(&look.shown);
+        let known = FilteredResidency(&appearance.shown);
         let selection = select(file.table(), file.lattice(), &view, &options, &known, None);
         let octree = CompactOctree::new(file.table(), &selection.drawn);
         let drawn = || selection.drawn.iter().map(|d| (file.record(d.node), d.prefix)).enumerate();
@@ -172,13 +176,13 @@ impl PictureScene {
         let is_dense = is_dense(&view, file.lattice(), &octree, nodes);
         let nodes = drawn().map(|(entry, (node, prefix))| (entry, node, prefix));
         let is_crowded = is_crowded(&view, file.lattice(), Some(&octree), nodes);
-        let plan = look.plan(file, is_dense, is_crowded);
-        let kinds = planes_of(&plan, &look);
+        let plan = appearance.plan(file, is_dense, is_crowded);
+        let kinds = planes_of(&plan, &appearance);
         Ok(Self {
             view,
             selection,
             planes: Vec::new(),
-            look,
+            appearance,
             plan,
             kinds,
             read_bytes: file.read_bytes() - before,
@@ -187,19 +191,21 @@ impl PictureScene {
         })
     }
 
-    /// What the renderer is given.
+    /// Nodes with their planes, for a frame.
     pub fn draws<'a>(&'a self, file: &'a Forest) -> Vec<DrawNode<'a>> {
         let nodes = self.selection.drawn.iter().zip(&self.planes).enumerate();
         nodes
             .map(|(entry, (drawn, planes))| {
                 let node = file.record(drawn.node);
-                draw_node(node, entry, drawn.prefix, &self.look.colouring, |kind| planes.get(kind))
+                draw_node(node, entry, drawn.prefix, &self.appearance.colouring, |kind| {
+                    planes.get(kind)
+                })
             })
             .collect()
     }
 }
 
-/// The bounds of what is fitted: of the points, within the box that is asked for.
+/// Bounds that a camera is fitted to: of the points, within the box of the filter.
 fn bounds_of(file: &Forest, filter: &Filter) -> [[f64; 3]; 2] {
     let [low, high] = info::bounds(file);
     let Some(wanted) = filter.bounds else { return [low, high] };
@@ -208,10 +214,11 @@ fn bounds_of(file: &Forest, filter: &Filter) -> [[f64; 3]; 2] {
     if (0..3).all(|i| least[i] <= greatest[i]) { [least, greatest] } else { [low, high] }
 }
 
-/// Everything is at hand; a filter says what may be shown.
-struct AtHand<'a>(&'a ForestFilter);
+/// Residency of a file that is read on demand: every node is there, as far as the filter accepts
+/// its points.
+struct FilteredResidency<'a>(&'a ForestFilter);
 
-impl Residency for AtHand<'_> {
+impl Residency for FilteredResidency<'_> {
     fn is_resident(&self, _: u32) -> bool {
         true
     }
@@ -226,23 +233,24 @@ impl Residency for AtHand<'_> {
     }
 }
 
-/// The planes that a plan needs; the residual of those nodes whose dropped bits show.
-fn planes_of(plan: &FramePlan, look: &Look) -> Vec<PlaneKind> {
-    let mut kinds = vec![look.colouring.positions(), PlaneKind::Residual];
+/// Kinds of planes that a plan needs. Residuals are read only for nodes in which the dropped bits
+/// are visible.
+fn planes_of(plan: &FramePlan, appearance: &Appearance) -> Vec<PlaneKind> {
+    let mut kinds = vec![appearance.colouring.positions(), PlaneKind::Residual];
     kinds.extend(plan.reads_normals.then_some(PlaneKind::Normal));
     kinds.extend(plan.clips.then_some(PlaneKind::ClipLines));
     kinds.extend(plan.tangents.then_some(PlaneKind::Tangents));
-    let colour = look.colouring.plane.filter(|_| plan.reads_colours);
+    let colour = appearance.colouring.plane.filter(|_| plan.reads_colours);
     kinds.extend(colour.map(|(kind, _)| kind).filter(|kind| !kind.has_positions()));
     kinds
 }
 
-/// Reads the planes that the frame needs, several nodes at a time.
+/// Reads planes of several nodes at a time.
 fn read(
     file: &Forest,
     view: &View,
     selection: &Selection,
-    look: &Look,
+    appearance: &Appearance,
     kinds: &[PlaneKind],
     task: &dyn Task,
 ) -> Result<Vec<Planes>> {
@@ -258,7 +266,7 @@ fn read(
             if !needs_residual(&file.table().nodes[drawn.node as usize], lattice, view) {
                 kinds.retain(|&kind| kind != PlaneKind::Residual);
             }
-            let planes = look.shown.read(file, drawn.node, &kinds)?;
+            let planes = appearance.shown.read(file, drawn.node, &kinds)?;
             task.advance(drawn.prefix as u64);
             Ok(planes)
         })

@@ -1,19 +1,19 @@
-//! A session: an opened file, with those that it names, that is looked at, frame by frame. It
-//! starts the threads that choose and read (kanzok2015, section 3.2), is their render thread, and
-//! never waits for the disk. Views go in, pictures come out; a window is not needed.
+//! A session: draws an open file, with the files that it names, frame by frame. It starts the
+//! threads that choose and read (`kanzok2015`, section 3.2), is used by the render thread, and
+//! never waits for the disk. It takes views and returns pictures, and needs no window.
 //!
-//! **The order of a frame is what lets slots be reused**: landed runs are taken *first*, then the
-//! newest cut, then the runs are copied into their slots, then the cut is drawn. A slot changes
-//! hands only after a cut without its former owner was published, and what lands in it was asked
-//! for after that: so the cut taken after the run cannot draw the former owner from bytes of the
-//! new one. And the new owner is in no cut before the streamer was told that its last byte is in
-//! place. On a GPU copies and passes run in the order in which they were submitted, so the same
-//! holds there, whatever is still in flight.
+//! **The order of a frame allows slots to be reused**: landed runs are taken *first*, then the
+//! newest cut; then the runs are copied into their slots, and the cut is drawn. A slot gets a new
+//! owner only after a cut without the old one was published, and the bytes that land in it were
+//! requested after that. So a cut that is taken after the run cannot draw the old owner from bytes
+//! of the new one. And the new owner is in no cut before the streamer knows that its last byte is
+//! in place. A GPU runs copies and passes in the order in which they are submitted, so the same
+//! holds there for frames in flight.
 
 use crate::draw::budget::Shares;
-use crate::draw::frame::Look;
-pub use crate::draw::options::Options;
-use crate::draw::painter::{CpuPainter, GpuPainter, Painter, Scene};
+use crate::draw::frame::Appearance;
+pub use crate::draw::options::{Options, Settings};
+use crate::draw::painter::{CpuPainter, FrameInput, GpuPainter, Painter};
 pub use crate::draw::painter::{GpuBytes, Image};
 use crate::machine::backend::{Backend, Drawer};
 use crate::machine::system;
@@ -27,11 +27,11 @@ use glam::DVec2;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Waits of the render thread that count as stalls are longer than this, milliseconds.
+/// A wait of the render thread that is longer counts as a stall, milliseconds.
 const STALL_MS: f64 = 1.0;
-/// How long the roots may take to be read.
+/// Longest time to read the roots.
 const ROOTS_PATIENCE: Duration = Duration::from_secs(60);
-/// Between two looks for landed runs where nothing is drawn meanwhile.
+/// Interval of checks for landed runs while nothing is drawn.
 const NAP: Duration = Duration::from_micros(200);
 
 /// A drawn frame.
@@ -39,49 +39,49 @@ const NAP: Duration = Duration::from_micros(200);
 pub struct Frame<'a> {
     /// The picture.
     pub image: Image<'a>,
-    /// What is in it, and how it was chosen.
+    /// Nodes in the picture, and how they were chosen.
     pub cut: Arc<Cut>,
-    /// Whether that is the one of the view that was asked for.
+    /// Whether the cut was chosen for the requested view.
     pub is_of_view: bool,
-    /// Whether the next frame of the same view would be the same: nothing more comes, and what this
-    /// view hides is known.
+    /// Whether the next frame of this view would be the same: nothing more is loaded, and the nodes
+    /// that are hidden are known.
     pub is_final: bool,
-    /// What the renderer did: for this frame on the CPU, for the newest finished one on a GPU.
+    /// Statistics of the renderer: of this frame on the CPU, of the last finished one on a GPU.
     pub stats: Stats,
-    /// What streaming is at.
+    /// State of streaming.
     pub status: Status,
-    /// How long it took.
+    /// Durations.
     pub times: Times,
     /// Bytes copied to drawing memory.
     pub uploaded_bytes: u64,
 }
 
-/// Milliseconds of a frame.
+/// Durations of the steps of a frame, milliseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Times {
-    /// Talking to the other threads: no part of it should be waiting.
-    pub talk_ms: f64,
-    /// Copying what landed; on a GPU, writing the commands that do.
+    /// Exchange with the other threads, which should not wait.
+    pub exchange_ms: f64,
+    /// Copying landed runs; on a GPU, writing the commands for it.
     pub upload_ms: f64,
-    /// Drawing, and taking the depth that hides things from the next choice; on a GPU, writing the
-    /// commands and waiting where two frames are in flight.
+    /// Drawing, and taking the depth; on a GPU, writing the commands, and waiting if two frames are
+    /// in flight.
     pub draw_ms: f64,
-    /// All of it.
+    /// The whole frame.
     pub total_ms: f64,
 }
 
-/// An opened file and the threads that stream it.
+/// An open file and the threads that stream it.
 pub struct Session {
     file: Arc<Forest>,
     options: Options,
-    look: Look,
+    appearance: Appearance,
     shares: Shares,
     drawer: Drawer,
-    /// `None` only while it is dropped or changes its backend.
+    /// `None` only while the session is dropped or changes its backend.
     running: Option<Running>,
-    /// Of the newest finished frame.
+    /// Depth of the last finished frame.
     depth: Option<DepthFeedback>,
-    /// Frames in a row for whose view nothing more came.
+    /// Consecutive frames of a settled view.
     still: u32,
     stalls: u64,
 }
@@ -90,20 +90,21 @@ impl Session {
     /// Opens a session on a file and waits until its roots can be drawn, so that no frame is empty.
     ///
     /// # Errors
-    /// Where a budget is too small (the least is told), the file has not what colours shall come
-    /// from, a thread cannot be started, a root cannot be read, or a GPU is asked for and cannot be
-    /// had.
+    /// If a budget is too small (the message has the smallest possible one), the file lacks the
+    /// source of colours, a thread cannot be started, a root cannot be read, or the user insists on
+    /// a GPU and there is none.
     pub fn open(file: Arc<Forest>, options: Options) -> Result<Self> {
         let shares = Shares::of(&file, &options)?;
-        let Options { colour_by, filter, method, shines, evens_exposure, full, .. } = &options;
-        let look = Look::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
-        let look = look.evened(&file, *evens_exposure)?;
-        let look = if *full { look } else { look.compacted(&file) };
+        let Settings { colour_by, filter, method, shines, evens_exposure, full, .. } =
+            &options.settings;
+        let appearance = Appearance::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
+        let appearance = appearance.evened(&file, *evens_exposure)?;
+        let appearance = if *full { appearance } else { appearance.compacted(&file) };
         let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
         let mut session = Self {
             file,
             options,
-            look,
+            appearance,
             shares,
             drawer,
             running: None,
@@ -121,25 +122,25 @@ impl Session {
     }
 
     fn start_on_cpu(&mut self) -> Result<()> {
-        let painter = CpuPainter::new(self.options.budget_gpu_bytes, self.shares.runs());
+        let painter = CpuPainter::new(self.options.settings.budget_gpu_bytes, self.shares.runs());
         self.start(Box::new(painter))
     }
 
     fn start(&mut self, painter: Box<dyn Painter>) -> Result<()> {
-        let shown = Arc::clone(&self.look.shown);
+        let shown = Arc::clone(&self.appearance.shown);
         let options = esker_stream::Options { filter: shown, ..self.options.stream() };
-        let needs = self.look.needs(&self.file);
+        let needs = self.appearance.needs(&self.file);
         let streamer = painter.start(self.file.clone(), options, needs)?;
         self.running = Some(Running { streamer: Some(streamer), painter });
         self.wait_for_roots()
     }
 
-    /// Where a GPU has failed that the user did not insist on: goes on with the CPU.
+    /// Goes on with the CPU if a GPU has failed that the user did not insist on.
     fn fall_back(&mut self, fault: Error) -> Result<()> {
         if self.drawer.adapter.is_none() || self.options.backend != Backend::Auto {
             return Err(fault);
         }
-        // The GPU's memory goes before the CPU's comes.
+        // The memory of the GPU is freed before that of the CPU is taken.
         self.running = None;
         self.drawer = Drawer::cpu(format!("{fault:#}"));
         self.start_on_cpu()
@@ -171,18 +172,17 @@ impl Session {
         }
     }
 
-    /// The file that is looked at, with those that it names.
+    /// The file, with the files that it names.
     pub fn file(&self) -> &Arc<Forest> {
         &self.file
     }
 
-    /// What draws, and why it is not a GPU where it is none. It changes where a GPU fails that the
-    /// user did not insist on.
+    /// What draws, and why no GPU does. Changes if a GPU fails that the user did not insist on.
     pub fn drawer(&self) -> &Drawer {
         &self.drawer
     }
 
-    /// What streaming is at.
+    /// State of streaming.
     pub fn status(&self) -> Status {
         let Some(running) = &self.running else { return Status::default() };
         let mut status = running.streamer.as_ref().map(Streamer::status).unwrap_or_default();
@@ -192,37 +192,38 @@ impl Session {
         status
     }
 
-    /// Bytes of GPU buffers; `None` where the CPU draws.
+    /// Bytes of GPU buffers; `None` if the CPU draws.
     pub fn gpu_bytes(&self) -> Option<GpuBytes> {
         self.running.as_ref().and_then(|r| r.painter.gpu_bytes())
     }
 
-    /// How often the render thread waited for another thread, or the disk, for more than a
-    /// millisecond.
+    /// Number of times that the render thread waited for another thread, or the disk, for more than
+    /// a millisecond.
     pub fn stalls(&self) -> u64 {
         self.stalls
     }
 
-    /// Draws a frame of what is there at once, and tells the other threads what is looked at, so
-    /// that later frames are finer. The CPU renderer works in the current rayon pool; on a GPU the
+    /// Draws a frame of what is in memory, and publishes the view to the other threads, so that
+    /// later frames are finer. The CPU renderer works in the current rayon pool. On a GPU the
     /// commands are submitted, and at most two frames are in flight.
     ///
     /// # Errors
-    /// Where the view is no usable camera, or a larger picture than the budget was made for; where
-    /// a GPU fails that the user insists on.
+    /// If the view is an invalid camera, or larger than the session was opened for; if a GPU fails
+    /// that the user insists on.
     pub fn frame(&mut self, view: &View) -> Result<Frame<'_>> {
         self.frame_from(view, view)
     }
 
-    /// As [`Session::frame`], but seen from elsewhere than it was chosen for: a cut looked at from
-    /// outside.
+    /// Draws a frame like [`Session::frame`], of nodes that are chosen for the view `chosen`, seen
+    /// from the view `seen`: shows a cut from outside.
     ///
     /// # Errors
-    /// As [`Session::frame`].
+    /// As for [`Session::frame`].
     pub fn frame_from(&mut self, chosen: &View, seen: &View) -> Result<Frame<'_>> {
         self.check(chosen)?;
         self.check(seen)?;
-        let [chosen, seen] = &[chosen, seen].map(|view| self.look.with_margin(&self.file, view));
+        let [chosen, seen] =
+            &[chosen, seen].map(|view| self.appearance.with_margin(&self.file, view));
         let start = Instant::now();
         let drawn = match self.draw(chosen, seen) {
             Ok(drawn) => drawn,
@@ -238,60 +239,61 @@ impl Session {
         let image = painter.image().context("nothing was drawn")?;
         let is_of_view = cut.view == *chosen;
         self.still = if is_settled && is_of_view { self.still.saturating_add(1) } else { 0 };
-        // The first such frame tells what it hides, and the next one has that taken in.
-        let is_final = self.still > painter.feedback_frames() + u32::from(self.options.occlusion);
+        // The first settled frame returns the depth that hides nodes, and the next one is drawn
+        // without them.
+        let is_final =
+            self.still > painter.feedback_frames() + u32::from(self.options.settings.occlusion);
         let stats = painter.stats();
         Ok(Frame { image, cut, is_of_view, is_final, stats, status, times, uploaded_bytes })
     }
 
-    /// Draws points alone, or surfaces, from the next frame on.
+    /// Draws by `method` from the next frame on.
     pub fn set_method(&mut self, method: Method) {
-        self.look.method = method;
-        self.look_anew();
+        self.appearance.method = method;
+        self.update_needs();
     }
 
-    /// Draws surfaces with highlights or without, from the next frame on.
+    /// Draws surfaces with or without highlights from the next frame on.
     pub fn set_shine(&mut self, shines: bool) {
-        self.look.shines = shines;
+        self.appearance.shines = shines;
     }
 
     /// What is shown, and how.
-    pub fn look(&self) -> &Look {
-        &self.look
+    pub fn appearance(&self) -> &Appearance {
+        &self.appearance
     }
 
-    /// Asks for the planes that the look now needs; what it needs no more leaves.
-    fn look_anew(&self) {
+    /// Requests the planes that frames need now; others are evicted.
+    fn update_needs(&self) {
         let streamer = self.running.as_ref().and_then(|r| r.streamer.as_ref());
         if let Some(streamer) = streamer {
-            streamer.need(self.look.needs(&self.file));
+            streamer.need(self.appearance.needs(&self.file));
         }
     }
 
-    /// Eye depth of the nearest thing about a place of the picture (0 to 1 from its top left
-    /// corner), from the depth of the newest finished frame, coarsely; never waits. `None` where
-    /// nothing is, and on the CPU where nothing that is hidden is left out: its pictures have their
-    /// depth.
+    /// Coarse eye depth of the nearest surface at `place` of the picture (0 to 1 from its top left
+    /// corner), from the last finished frame; never waits. `None` if there is no surface, and on
+    /// the CPU without the depth test: its pictures have their depth.
     pub fn depth_at(&self, place: DVec2) -> Option<f64> {
         self.depth.as_ref()?.nearest_at(place)
     }
 
-    /// The picture of the last frame, in main memory; waits until it is finished. For screenshots.
+    /// Picture of the last frame in main memory, for screenshots; waits until it is finished.
     ///
     /// # Errors
-    /// Where no frame was drawn, or the GPU has failed.
+    /// If no frame was drawn, or the GPU has failed.
     pub fn picture(&mut self) -> Result<Picture> {
         self.running()?.painter.picture()
     }
 
-    /// Takes what lands for `view`, without drawing, until nothing more comes or `patience` is
-    /// over. The newest cut.
+    /// Takes what lands for `view`, without drawing, until the view is settled or `patience` is
+    /// over. Returns the newest cut.
     ///
     /// # Errors
-    /// As [`Session::frame`].
+    /// As for [`Session::frame`].
     pub fn settle(&mut self, view: &View, patience: Duration) -> Result<Arc<Cut>> {
         self.check(view)?;
-        let view = &self.look.with_margin(&self.file, view);
+        let view = &self.appearance.with_margin(&self.file, view);
         let start = Instant::now();
         loop {
             let taken = self.exchange(Some(view)).and_then(|exchange| {
@@ -314,7 +316,7 @@ impl Session {
         }
     }
 
-    /// Refuses what cannot be drawn, so that whatever else fails is a fault of the backend.
+    /// Refuses a view that cannot be drawn, so that any later fault is one of the backend.
     fn check(&self, view: &View) -> Result<()> {
         let shown = view.with_margin(0);
         let [width, height] = self.options.size.map(u64::from);
@@ -332,64 +334,65 @@ impl Session {
         self.running.as_mut().context(ENDED)
     }
 
-    /// Drain, cut, upload: the order of the module's head. First the others are told of the view,
-    /// where there is one.
+    /// Drains, takes the cut and uploads, in the order that the head of this file explains.
+    /// Publishes `view` first, if there is one.
     fn exchange(&mut self, view: Option<&View>) -> Result<Exchange> {
         let bytes_max = self.options.upload_bytes_a_frame;
         let Running { streamer, painter } = self.running.as_mut().context(ENDED)?;
         let streamer = streamer.as_ref().context(ENDED)?;
-        let mut talk = Talk::default();
-        let (is_settled, cut) = talk.time(|| {
+        let mut timer = ExchangeTimer::default();
+        let (is_settled, cut) = timer.time(|| {
             view.iter().for_each(|view| streamer.look(**view));
             painter.drain(bytes_max);
             let knows_all = streamer.has_taken_in();
             let cut = streamer.cut();
             (knows_all && cut.settled, cut)
         });
-        let copying = Instant::now();
+        let start = Instant::now();
         let uploaded_bytes = painter.upload()?;
-        let upload_ms = ms(copying);
-        talk.time(|| painter.tell(&mut |request| streamer.uploaded(request)));
-        self.stalls += talk.stalls;
-        let times = Times { talk_ms: talk.ms, upload_ms, ..Times::default() };
+        let upload_ms = ms(start);
+        timer.time(|| painter.report_uploaded(&mut |request| streamer.uploaded(request)));
+        self.stalls += timer.stalls;
+        let times = Times { exchange_ms: timer.ms, upload_ms, ..Times::default() };
         Ok(Exchange { cut, is_settled, uploaded_bytes, times })
     }
 
-    /// A whole frame.
+    /// Draws a whole frame.
     fn draw(&mut self, chosen: &View, seen: &View) -> Result<Exchange> {
         let mut exchange = self.exchange(Some(chosen))?;
-        let drawing = Instant::now();
+        let start = Instant::now();
         let Running { streamer, painter } = self.running.as_mut().context(ENDED)?;
-        painter.draw(&Scene {
+        painter.draw(&FrameInput {
             file: &self.file,
             view: seen,
             cut: &exchange.cut,
-            look: &self.look,
+            appearance: &self.appearance,
         })?;
-        let is_asked = self.options.occlusion || self.drawer.adapter.is_some();
-        let depth = is_asked.then(|| painter.feedback()).flatten();
+        let occlusion = self.options.settings.occlusion;
+        let needs_depth = occlusion || self.drawer.adapter.is_some();
+        let depth = needs_depth.then(|| painter.feedback()).flatten();
         self.depth = depth.clone().or(self.depth.take());
-        // What is seen from elsewhere hides nothing from the eye of the choice.
-        let depth = depth.filter(|_| self.options.occlusion && chosen == seen);
-        exchange.times.draw_ms = ms(drawing);
-        let mut talk = Talk::default();
-        talk.time(|| {
+        // The depth seen from elsewhere hides nothing from the eye of the choice.
+        let depth = depth.filter(|_| occlusion && chosen == seen);
+        exchange.times.draw_ms = ms(start);
+        let mut timer = ExchangeTimer::default();
+        timer.time(|| {
             if let (Some(streamer), Some(depth)) = (&streamer, depth) {
                 streamer.feedback(depth);
             }
         });
-        self.stalls += talk.stalls;
-        exchange.times.talk_ms += talk.ms;
+        self.stalls += timer.stalls;
+        exchange.times.exchange_ms += timer.ms;
         Ok(exchange)
     }
 }
 
-/// Why there is nothing to talk to.
+/// Error of a session without threads.
 const ENDED: &str = "the session has ended";
 
-/// The threads and the memory that they fill.
+/// The threads, and the memory that they fill.
 struct Running {
-    /// `None` only while it is dropped.
+    /// `None` only while the session is dropped.
     streamer: Option<Streamer>,
     painter: Box<dyn Painter>,
 }
@@ -397,40 +400,40 @@ struct Running {
 impl Drop for Running {
     fn drop(&mut self) {
         self.painter.close();
-        // Its threads give their runs back before the memory goes.
+        // The threads return their runs before the memory is freed.
         if let Some(streamer) = self.streamer.take() {
             streamer.stop();
         }
     }
 }
 
-/// What came of taking what landed.
+/// Result of an exchange with the other threads.
 struct Exchange {
     cut: Arc<Cut>,
-    /// Whether nothing more comes for its view.
+    /// Whether the view is settled.
     is_settled: bool,
     uploaded_bytes: u64,
     times: Times,
 }
 
-/// Times what the render thread says to the others, and notes where it waited.
+/// Durations of the exchanges of the render thread with other threads, and how often it waited.
 #[derive(Default)]
-struct Talk {
+struct ExchangeTimer {
     ms: f64,
     stalls: u64,
 }
 
-impl Talk {
-    fn time<T>(&mut self, talk: impl FnOnce() -> T) -> T {
+impl ExchangeTimer {
+    fn time<T>(&mut self, exchange: impl FnOnce() -> T) -> T {
         let waits = system::waits_of_this_thread();
         let start = Instant::now();
-        let said = talk();
+        let result = exchange();
         let took = ms(start);
         self.ms += took;
-        // A thread that was only put aside for others has not waited of its own accord.
+        // A thread that was preempted has not waited.
         let waited = waits.is_none() || system::waits_of_this_thread() != waits;
         self.stalls += u64::from(took > STALL_MS && waited);
-        said
+        result
     }
 }
 

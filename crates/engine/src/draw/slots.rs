@@ -1,16 +1,15 @@
-//! Drawing memory of the CPU renderer: one range of addresses from 0 to the budget in pages that
-//! come into being when they are first written, so that the resident set grows with use. The
-//! streamer gives out its slots; only the render thread writes and reads.
+//! Drawing memory of the CPU renderer: a range of addresses from 0 to the budget, in pages that are
+//! allocated when they are first written to, so that resident memory grows with use. The streamer
+//! assigns slots; only the render thread writes and reads.
 //!
-//! Pages are asked of the system in huge parts, where it has them: of each part that is written
-//! first the render thread waits for zeros, and 512 small parts make it wait several times as long
-//! as one huge one.
+//! The system is asked for huge pages, if it has them: a page is filled with zeros at its first
+//! use, which takes one huge page a fraction of the time of 512 small ones.
 
 use anyhow::{Context, Result};
 use esker_stream::Slot;
 use memmap2::MmapMut;
 
-/// Bytes of a page at most: what every GPU binds at once.
+/// Most bytes of a page: what every GPU can bind at once.
 pub const PAGE_BYTES_MAX: u64 = 128 << 20;
 
 /// Memory for slots.
@@ -18,23 +17,23 @@ pub const PAGE_BYTES_MAX: u64 = 128 << 20;
 pub struct DrawingMemory {
     bytes: u64,
     page_bytes: u64,
-    /// As far as they were written to; `None` for one that nothing was written to.
+    /// Pages up to the last that was written to; `None` for unused ones.
     pages: Vec<Option<MmapMut>>,
 }
 
 impl DrawingMemory {
-    /// Room for so many bytes, none of them taken yet.
+    /// Memory of `bytes` bytes, none of which are allocated yet.
     pub fn new(bytes: u64) -> Self {
         let page_bytes = bytes.clamp(Slot::ALIGNMENT, PAGE_BYTES_MAX);
         Self { bytes, page_bytes, pages: Vec::new() }
     }
 
-    /// Bytes of a page, which no slot straddles.
+    /// Bytes of a page; no slot crosses the border of a page.
     pub fn page_bytes(&self) -> u64 {
         self.page_bytes
     }
 
-    /// Page of a slot and its place there; `None` for a slot that is not within one page.
+    /// Page of a slot, and its offset there; `None` if the slot is not within one page.
     fn place(&self, slot: Slot) -> Option<(usize, usize)> {
         let (page, start) = (slot.offset / self.page_bytes, slot.offset % self.page_bytes);
         let fits = start.checked_add(slot.bytes)? <= self.page_bytes
@@ -42,10 +41,10 @@ impl DrawingMemory {
         fits.then_some((page as usize, start as usize))
     }
 
-    /// Copies bytes to `offset` in a slot. What does not fit the slot is not written.
+    /// Copies `bytes` to `offset` in a slot; writes nothing if they do not fit.
     ///
     /// # Errors
-    /// Where the system has no memory for the page.
+    /// If the system has no memory for the page.
     pub fn write(&mut self, slot: Slot, offset: u64, bytes: &[u8]) -> Result<()> {
         let within = offset.checked_add(bytes.len() as u64).is_some_and(|end| end <= slot.bytes);
         debug_assert!(within, "{} bytes at {offset} of {slot:?}", bytes.len());
@@ -62,7 +61,7 @@ impl DrawingMemory {
         Ok(())
     }
 
-    /// The bytes of a slot; none where nothing near it was written.
+    /// Bytes of a slot; empty if its page was never written to.
     pub fn read(&self, slot: Slot) -> &[u8] {
         let Some((page, start)) = self.place(slot) else { return &[] };
         let page = self.pages.get(page).and_then(Option::as_ref);
@@ -70,12 +69,12 @@ impl DrawingMemory {
     }
 }
 
-/// So many zeros, which take room when they are written to.
+/// `bytes` zeros, which take memory when they are written to.
 fn zeros(bytes: u64) -> Result<MmapMut> {
     let page = MmapMut::map_anon(bytes as usize).with_context(|| {
         format!("the system has no {bytes} bytes for points to be drawn; lower --budget-gpu")
     })?;
-    // A hint: where the system has no huge pages, it is slower.
+    // Only a hint: without huge pages, writing is slower.
     #[cfg(target_os = "linux")]
     let _ = page.advise(memmap2::Advice::HugePage);
     Ok(page)

@@ -1,7 +1,7 @@
-//! The landing of both renderers: a ring of runs that goes from the render thread to the loaders,
-//! filled back, and round again (kanzok2015, section 3.2.1, item 6: the map and the unmap queue).
-//! Runs are plain memory for the CPU, mapped upload memory for a GPU. Both queues hold as many runs
-//! as there are, so that giving back never waits.
+//! The landing of both renderers: a ring of runs that go from the render thread to the loaders,
+//! come back filled, and go round again (`kanzok2015`, section 3.2.1, item 6: the map and the unmap
+//! queue). Runs are plain memory for the CPU, mapped upload memory for a GPU. Both queues have room
+//! for all runs, so that returning a run never waits.
 
 use crossbeam_channel::{Receiver, Sender, bounded};
 use esker_render::gpu::UploadRun;
@@ -11,14 +11,14 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
-/// A run that came back, and what of it goes where, in the order in which it is to be copied.
+/// A run that came back, with the transfers to copy from it, in their order.
 pub type Landed<R> = (R, Vec<Transfer>);
 
-/// The ring.
+/// The ring of runs.
 pub struct Staging<R> {
-    /// With what was last copied from each. The list is dropped by the loader that gets the run
-    /// next: to free what another thread has allocated can mean waiting for that thread, which the
-    /// render thread must not.
+    /// Free runs, each with the transfers that were last copied from it. The loader that gets the
+    /// run next drops the list: freeing memory that another thread has allocated can wait for that
+    /// thread, and the render thread must not wait.
     free: (Sender<Landed<R>>, Receiver<Landed<R>>),
     landed: (Sender<Landed<R>>, Receiver<Landed<R>>),
     is_closed: AtomicBool,
@@ -43,12 +43,12 @@ impl Run for GpuRun {
 }
 
 impl PlainRun {
-    /// So many runs.
+    /// `count` runs.
     pub fn runs(count: usize) -> Vec<Self> {
         (0..count).map(|_| Self(vec![0; RUN_BYTES].into())).collect()
     }
 
-    /// The bytes of a transfer; none where it does not lie in the run.
+    /// Bytes of a transfer; empty if it is not within the run.
     pub fn bytes(&self, transfer: &Transfer) -> &[u8] {
         let end = transfer.run_offset.checked_add(transfer.bytes);
         end.and_then(|end| self.0.get(transfer.run_offset..end)).unwrap_or_default()
@@ -56,7 +56,7 @@ impl PlainRun {
 }
 
 impl<R> Staging<R> {
-    /// A ring of these runs.
+    /// A ring of `runs`.
     pub fn new(runs: Vec<R>) -> Self {
         let count = runs.len().max(1);
         let ring = Self {
@@ -68,18 +68,25 @@ impl<R> Staging<R> {
         ring
     }
 
-    /// The run that came back first. Never waits.
+    /// Takes the run that came back first. Never waits.
     pub fn take(&self) -> Option<Landed<R>> {
         self.landed.1.try_recv().ok()
     }
 
-    /// Makes a run free for loaders; `spent` is what was copied from it.
+    /// The runs that came back first, of at most `bytes_max` bytes, but one if there is any. Never
+    /// waits.
+    pub fn take_up_to(&self, bytes_max: usize) -> impl Iterator<Item = Landed<R>> {
+        let runs = (bytes_max / RUN_BYTES).max(1);
+        std::iter::from_fn(|| self.take()).take(runs)
+    }
+
+    /// Makes a run free for loaders; `spent` are the transfers that were copied from it.
     pub fn free(&self, run: R, spent: Vec<Transfer>) {
-        // There is room for all of them.
+        // The queue has room for all runs.
         let _ = self.free.0.try_send((run, spent));
     }
 
-    /// Lends nothing any more.
+    /// Stops lending runs.
     pub fn close(&self) {
         self.is_closed.store(true, Relaxed);
     }

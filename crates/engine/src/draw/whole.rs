@@ -1,5 +1,5 @@
-//! Pictures of planes that were read whole, on a GPU: they are placed one after another, sent
-//! through its queue, drawn once and read back.
+//! Still pictures on a GPU: uploads planes that were read completely one after another, draws them,
+//! and reads the picture back.
 
 use crate::draw::frame::draw_node;
 use crate::draw::scene::PictureScene;
@@ -9,31 +9,31 @@ use esker_render::gpu::{Gpu, GpuError, GpuRenderer, NodePool, PlaneAt};
 use esker_render::{Frame, Picture, Stats};
 use std::collections::HashMap;
 
-/// What places are multiples of: what GPUs ask of bound ranges.
+/// Alignment of planes: what GPUs require of ranges that are bound.
 const ALIGNMENT: u64 = 256;
-/// Bytes that are sent before the queue is told to take them: it keeps a copy until then.
+/// Bytes that are uploaded before they are submitted: the queue keeps a copy of them until then.
 const SENT_MAX: u64 = 64 << 20;
 
 /// Places of planes in drawing memory.
 #[derive(Default)]
 struct Places {
-    /// By node of the selection and kind.
+    /// Place of a plane by index in the selection and kind.
     at: HashMap<(usize, PlaneKind), PlaneAt>,
     end: u64,
 }
 
 /// A scene in the memory of a GPU.
-pub struct OnGpu {
+pub struct GpuScene {
     renderer: GpuRenderer,
     pool: NodePool,
     places: Places,
 }
 
-impl OnGpu {
-    /// Sends the planes of a scene.
+impl GpuScene {
+    /// Uploads the planes of a scene.
     ///
     /// # Errors
-    /// Where the GPU refuses memory or a shader, or fails.
+    /// If the GPU has too little memory, refuses a shader, or fails.
     pub fn new(gpu: &Gpu, scene: &PictureScene) -> Result<Self, GpuError> {
         let renderer = GpuRenderer::new(gpu)?;
         let places = Places::of(scene, gpu.tier.page_bytes_max)?;
@@ -51,10 +51,10 @@ impl OnGpu {
         Ok(Self { renderer, pool, places })
     }
 
-    /// Submits a frame; `change` has the last word on it.
+    /// Submits a frame, after `change` has modified it.
     ///
     /// # Errors
-    /// Where the GPU refuses memory, or fails.
+    /// If the GPU has too little memory, or fails.
     pub fn draw(
         &mut self,
         file: &Forest,
@@ -67,23 +67,23 @@ impl OnGpu {
             .map(|(entry, drawn)| {
                 let node = &file.table().nodes[drawn.node as usize];
                 let at = |kind| self.places.at.get(&(entry, kind)).copied();
-                draw_node(node, entry, drawn.prefix, &scene.look.colouring, at)
+                draw_node(node, entry, drawn.prefix, &scene.appearance.colouring, at)
             })
             .collect();
-        let mut frame = scene.look.frame(file, &scene.view, &draws, octree);
+        let mut frame = scene.appearance.frame(file, &scene.view, &draws, octree);
         change(&mut frame);
         self.renderer.render(&frame, &self.pool)
     }
 
-    /// The picture of the last frame; waits for it.
+    /// Picture of the last frame; waits for it.
     ///
     /// # Errors
-    /// Where the GPU fails.
+    /// If the GPU fails.
     pub fn picture(&mut self) -> Result<Picture, GpuError> {
         self.renderer.read()
     }
 
-    /// What the newest finished frame did.
+    /// Statistics of the last finished frame.
     pub fn stats(&mut self) -> Option<Stats> {
         self.renderer.stats()
     }
@@ -92,16 +92,16 @@ impl OnGpu {
 /// Draws a scene.
 ///
 /// # Errors
-/// Where the GPU refuses memory, or fails.
+/// If the GPU has too little memory, or fails.
 pub fn draw(
     gpu: &Gpu,
     file: &Forest,
     scene: &PictureScene,
     octree: &CompactOctree,
 ) -> Result<Picture, GpuError> {
-    let mut on_gpu = OnGpu::new(gpu, scene)?;
-    on_gpu.draw(file, scene, octree, |_| ())?;
-    on_gpu.picture()
+    let mut gpu_scene = GpuScene::new(gpu, scene)?;
+    gpu_scene.draw(file, scene, octree, |_| ())?;
+    gpu_scene.picture()
 }
 
 fn bytes_of(planes: &Planes, kind: PlaneKind) -> &[u8] {
@@ -109,7 +109,7 @@ fn bytes_of(planes: &Planes, kind: PlaneKind) -> &[u8] {
 }
 
 impl Places {
-    /// One after another; none straddles a page.
+    /// Places planes one after another; none crosses the border of a page.
     fn of(scene: &PictureScene, page_bytes: u64) -> Result<Self, GpuError> {
         let mut places = Self::default();
         for (index, planes) in scene.planes.iter().enumerate() {
@@ -118,8 +118,8 @@ impl Places {
                 if bytes > page_bytes {
                     return Err(GpuError::Memory { what: "a plane of a node".into(), bytes });
                 }
-                let left = page_bytes - places.end % page_bytes;
-                let offset = if bytes > left { places.end + left } else { places.end };
+                let rest = page_bytes - places.end % page_bytes;
+                let offset = if bytes > rest { places.end + rest } else { places.end };
                 places.at.insert((index, kind), PlaneAt { offset, bytes });
                 places.end = (offset + bytes).next_multiple_of(ALIGNMENT);
             }

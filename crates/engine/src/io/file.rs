@@ -1,14 +1,14 @@
-//! What kind of file an input is, by its first bytes.
+//! The kind of an input, from its first bytes.
 
 use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
 use esker_points::place::no_file_at;
 use std::path::Path;
 
-/// Whether a file is an `.esker` file, by its first bytes; a generated scan is none.
+/// Whether a file is an `.esker` file; false for generated scans.
 ///
 /// # Errors
-/// Where it cannot be read.
+/// If the file cannot be read.
 pub fn is_esker(path: &Path) -> Result<bool> {
     use std::io::Read;
     if esker_scan::synthetic::is_spec(path) {

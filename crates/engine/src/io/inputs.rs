@@ -1,5 +1,4 @@
-//! The inputs that were named: a folder stands for the scans in it, and what is named twice is
-//! told.
+//! Inputs of a build: replaces folders by the scans in them, and notes inputs that are named twice.
 
 use anyhow::Result;
 use esker_points::Task;
@@ -7,10 +6,10 @@ use esker_scan::synthetic::is_spec;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// The scans that are meant: in place of a folder those directly in it, by name.
+/// Scans that `named` stands for: those directly in a folder, by name, in place of the folder.
 ///
 /// # Errors
-/// Where a folder cannot be read, or has no scan.
+/// If a folder cannot be read, or has no scan.
 pub fn scans(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut scans = Vec::with_capacity(named.len());
     for path in named {
@@ -23,12 +22,11 @@ pub fn scans(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(scans)
 }
 
-/// Tells of scans that are named more than once. That may be meant: their points are taken as
-/// often.
+/// Notes scans that are named more than once. This is allowed: their points are read as often.
 pub fn note_repeated(scans: &[PathBuf], task: &dyn Task) {
     let mut times = BTreeMap::new();
     for path in scans {
-        // What is generated lies nowhere.
+        // A generated scan has no path.
         let place = path.canonicalize().unwrap_or_else(|_| path.clone());
         times.entry(place).or_insert((path, 0u32)).1 += 1;
     }

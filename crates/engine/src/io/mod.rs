@@ -1,9 +1,10 @@
-//! Inputs, outputs, quantities and progress, as people write and read them.
+//! Inputs, outputs, quantities and progress.
 
 pub mod file;
-pub mod inputs;
+pub(crate) mod inputs;
 pub mod output;
 pub mod picture;
+pub mod polygon;
 pub mod progress;
 pub mod quantity;
 pub mod stages;

@@ -1,21 +1,21 @@
-//! What is to be written is looked at before the work, not after it: a missing folder, a folder in
-//! place of a file, an input that would be replaced, a file of another kind that would be.
+//! Checks of outputs before any work: a missing folder, a folder in place of a file, an input or a
+//! file of another kind that would be replaced.
 
 use crate::io::file::is_esker;
 use anyhow::{Context, Result, ensure};
 use std::path::{Path, PathBuf};
 
-/// Checks that an output can be written.
+/// Refuses an output that would replace one of `inputs`, or cannot be written.
 ///
 /// # Errors
-/// If `path` is a folder, is one of `inputs`, or is in no folder.
+/// If `path` is a folder, not a regular file, one of `inputs`, or in a folder that does not exist.
 pub fn may_write(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     let shown = path.display();
     if let Ok(place) = path.canonicalize() {
         ensure!(!place.is_dir(), "{shown}: is a folder; name a file in it");
         ensure!(
             place.is_file(),
-            "{shown}: something that is no file has this name; choose another"
+            "{shown}: something other than a file has this name; choose another"
         );
         let same = inputs.iter().any(|i| i.canonicalize().is_ok_and(|i| i == place));
         ensure!(!same, "{shown}: is input and output at once; choose another output");
@@ -29,11 +29,11 @@ pub fn may_write(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// Checks that an `.esker` file can be written to `path`: it may replace another one, or an empty
-/// file, so that a mistyped name does not cost a scan.
+/// Refuses an output as [`may_write`] does, and a file that is neither empty nor an `.esker` file:
+/// a mistyped name, or one that a shell has completed, must not cost a scan.
 ///
 /// # Errors
-/// If [`may_write`] fails, or `path` is a file of another kind.
+/// If `path` is such an output.
 pub fn may_build(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     may_write(path, inputs)?;
     let holds_something = path.metadata().is_ok_and(|m| m.is_file() && m.len() > 0);
@@ -45,11 +45,11 @@ pub fn may_build(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// Checks that an output is none of the scans that an `.esker` file in a folder was built from, by
-/// the paths that were given then.
+/// Refuses an output that would replace a scan which an `.esker` file in `folder` was built from;
+/// `scans` are the paths as they were given to the build.
 ///
 /// # Errors
-/// If the output is one of these scans.
+/// If `path` is one of `scans`.
 pub fn may_replace<'a>(
     path: &Path,
     folder: &Path,
@@ -66,11 +66,11 @@ pub fn may_replace<'a>(
     Ok(())
 }
 
-/// A folder for what is built to be drawn or measured alone, which goes with it: in the one that
-/// the user has named for such, else in the system's.
+/// A temporary folder for files that are built to be drawn or measured once: in `scratch`, or in
+/// the folder of the system. Dropping it removes it.
 ///
 /// # Errors
-/// Where none can be made.
+/// If the folder cannot be made.
 pub fn temporary(scratch: Option<&Path>) -> Result<tempfile::TempDir> {
     let folder = scratch.map_or_else(std::env::temp_dir, Path::to_owned);
     tempfile::tempdir_in(&folder).with_context(|| {
@@ -79,7 +79,7 @@ pub fn temporary(scratch: Option<&Path>) -> Result<tempfile::TempDir> {
     })
 }
 
-/// The folder that a file lies in.
+/// Folder of a file.
 pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

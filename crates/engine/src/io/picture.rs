@@ -1,4 +1,4 @@
-//! Pictures to PNG files, whole or not at all.
+//! Pictures to PNG files, complete or not at all.
 
 use crate::io::output;
 use crate::io::quantity::readable_bytes;
@@ -8,10 +8,10 @@ use esker_render::{Method, Picture};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-/// Checks the extension of a picture.
+/// Refuses a name with the extension of another format.
 ///
 /// # Errors
-/// If it names a format other than PNG.
+/// If `path` has an extension that is not `png`.
 pub fn check_name(path: &Path) -> Result<()> {
     let ending = path.extension();
     ensure!(
@@ -23,15 +23,15 @@ pub fn check_name(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Checks that the machine has the memory for a picture, before any work.
+/// Refuses a picture that the machine has too little memory for, before any work.
 ///
 /// # Errors
-/// If it has not.
+/// If the CPU renderer needs more memory than the machine grants.
 pub fn check_size([width, height]: [u32; 2], method: Method) -> Result<()> {
     check_bytes([width, height], method, memory::granted().unwrap_or(u64::MAX))
 }
 
-/// Bytes a pixel that the CPU renderer holds, measured at 36 million pixels, and the method's name.
+/// Bytes a pixel of the CPU renderer, measured at 36 million pixels, and the name of the method.
 fn pixel_bytes(method: Method) -> (u64, &'static str) {
     match method {
         Method::Points => (15, "points"),
@@ -53,10 +53,10 @@ fn check_bytes([width, height]: [u32; 2], method: Method, granted: u64) -> Resul
     Ok(())
 }
 
-/// Writes a picture under a temporary name beside `path`, then gives it its name.
+/// Writes a picture under a temporary name beside `path`, then renames it.
 ///
 /// # Errors
-/// Where the file cannot be written.
+/// If the file cannot be written.
 pub fn write_png(picture: &Picture, path: &Path) -> Result<()> {
     let context = || format!("{}: cannot write the picture", path.display());
     let mut file =
@@ -77,7 +77,7 @@ pub fn write_png(picture: &Picture, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Temporary files are private; a picture has the rights of any new file.
+/// Gives a picture the permissions of a new file: temporary files are private.
 #[cfg(unix)]
 fn readable_by_all(file: &std::fs::File) -> std::io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_larger_than_memory_is_refused_by_its_bytes() {
+    fn a_picture_that_needs_too_much_memory_is_refused() {
         let refused = |size, method| check_bytes(size, method, 1 << 30).map_err(|e| e.to_string());
         assert!(refused([3000, 3000], Method::PullPush).is_ok());
         let error = refused([4000, 4000], Method::PullPush).unwrap_err();

@@ -1,5 +1,5 @@
-//! Progress on standard error: a bar with rate and time left, lines of JSON for machines, or
-//! nothing; and the flag that Ctrl-C sets.
+//! Progress on standard error: a bar with rate and remaining time, lines of JSON, or nothing; and
+//! the flag that Ctrl-C sets.
 
 use esker_points::Task;
 use indicatif::{HumanCount, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -11,21 +11,21 @@ use std::time::{Duration, Instant};
 /// How progress is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Style {
-    /// A bar, where standard error is a terminal.
+    /// A bar, if standard error is a terminal.
     #[default]
     Bar,
     /// A line of JSON twice a second.
     Json,
-    /// Nothing but notes.
+    /// Only notes.
     None,
-    /// Nothing at all.
+    /// Nothing.
     Silent,
 }
 
-/// Between two lines of JSON.
+/// Interval of lines of JSON.
 const LINE_EVERY: Duration = Duration::from_millis(500);
 
-/// Shows progress and knows whether the user wants to stop.
+/// Shows progress; knows whether the user has cancelled the work.
 pub struct Progress {
     style: Style,
     stop: Arc<AtomicBool>,
@@ -43,7 +43,7 @@ struct Phase {
 }
 
 impl Progress {
-    /// Shows progress in this style; stops when `stop` is set.
+    /// Shows progress in `style`; cancelled when `stop` is set.
     pub fn new(style: Style, stop: Arc<AtomicBool>) -> Self {
         let now = Instant::now();
         let phase = Phase {
@@ -61,7 +61,7 @@ impl Progress {
         f(&mut self.phase.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
     }
 
-    /// Shows how far a phase came.
+    /// Shows the end of a phase.
     fn end(&self, phase: &mut Phase) {
         phase.bar.finish_and_clear();
         if self.style == Style::Json && !phase.name.is_empty() {
@@ -132,8 +132,8 @@ impl Drop for Progress {
     }
 }
 
-/// So many a second, whole.
+/// Units a second, without decimals.
 fn rate(state: &ProgressState, out: &mut dyn Write) {
-    // A bar that cannot be written has no one to tell.
+    // A bar that cannot be written cannot report it either.
     let _ = write!(out, "{}/s", HumanCount(state.per_sec() as u64));
 }

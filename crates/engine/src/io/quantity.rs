@@ -1,5 +1,5 @@
-//! Quantities as people write them: bytes with units, sizes of pictures; and numbers as people read
-//! them.
+//! Quantities on the command line and in texts: bytes with units, numbers of points, sizes of
+//! pictures, lengths.
 
 use anyhow::{Context, Result, bail, ensure};
 use esker_scan::synthetic::parse_points;
@@ -11,7 +11,7 @@ pub const POINTS_MAX: u64 = 4_000_000_000;
 /// decimal ones (KB) of 1000.
 ///
 /// # Errors
-/// Where it is neither.
+/// If `text` is neither.
 pub fn bytes(text: &str) -> Result<u64> {
     let text = text.trim();
     let digits = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
@@ -33,7 +33,7 @@ pub fn bytes(text: &str) -> Result<u64> {
     Ok((number * factor as f64) as u64)
 }
 
-/// Parses a number of points, `250000`, `25k` or `20M`, of a generated model.
+/// Parses the number of points of a generated model: `250000`, `25k` or `20M`.
 ///
 /// # Errors
 /// If `text` is not a number from 1 to [`POINTS_MAX`].
@@ -46,13 +46,13 @@ pub fn points(text: &str) -> Result<u64> {
     Ok(points)
 }
 
-/// Pixels that a picture has at most: passes number them, also those of its margins, by 28 bits.
+/// Most pixels of a picture: passes number them, margins included, by 28 bits.
 const PIXELS_MAX: u64 = 250_000_000;
 
-/// Parses the greatest number of points to draw, such as `500000` or `20M`; 0 draws none.
+/// Parses the most points of a picture, such as `500000` or `20M`; 0 draws none.
 ///
 /// # Errors
-/// If `text` is not a number of points.
+/// If `text` is not a number.
 pub fn points_budget(text: &str) -> Result<u64> {
     text.parse().or_else(|_| parse_points(text)).map_err(anyhow::Error::msg)
 }
@@ -60,7 +60,8 @@ pub fn points_budget(text: &str) -> Result<u64> {
 /// Parses `1920x1080`.
 ///
 /// # Errors
-/// Where it is no size, a side is 0 or over 16,384, or there are more than 250 million pixels.
+/// If `text` is not a size, a side is 0 or over 16,384 pixels, or there are more than 250 million
+/// pixels.
 pub fn picture_size(text: &str) -> Result<[u32; 2]> {
     let parse = |side: &str| side.trim().parse::<u32>().ok();
     let (width, height) = text
@@ -78,13 +79,13 @@ pub fn picture_size(text: &str) -> Result<[u32; 2]> {
     Ok([width, height])
 }
 
-/// Pixels between points at most.
+/// Greatest distance of points in a picture, pixels.
 const SPACING_PX_MAX: f64 = 1e6;
 
-/// Parses a distance of points in the picture, pixels.
+/// Parses a distance of points in a picture, pixels.
 ///
 /// # Errors
-/// If `text` is not a distance within the limits.
+/// If `text` is not a number in the range.
 pub fn spacing_px(text: &str) -> Result<f64> {
     let pixels: f64 = text.trim().parse().with_context(|| format!("`{text}` is no number"))?;
     ensure!(
@@ -94,13 +95,13 @@ pub fn spacing_px(text: &str) -> Result<f64> {
     Ok(pixels)
 }
 
-/// Threads at most: far above what pays, far below what exhausts a machine.
+/// Most threads: far more than are useful, far fewer than would exhaust a machine.
 const THREADS_MAX: usize = 1024;
 
 /// Parses a number of threads; 0 is one a core.
 ///
 /// # Errors
-/// If `text` is not a number, or exceeds [`THREADS_MAX`].
+/// If `text` is not a number, or too great.
 pub fn threads(text: &str) -> Result<usize> {
     let threads: usize = text.trim().parse().with_context(|| format!("`{text}` is no number"))?;
     ensure!(threads <= THREADS_MAX, "{threads} threads are more than {THREADS_MAX}");
@@ -110,7 +111,7 @@ pub fn threads(text: &str) -> Result<usize> {
 /// Parses a length in the scan's unit.
 ///
 /// # Errors
-/// Where it is no number, or not above 0.
+/// If `text` is not a number above 0.
 pub fn length(text: &str) -> Result<f64> {
     let length = text.trim().parse().ok().filter(|l: &f64| l.is_finite() && *l > 0.0);
     length.with_context(|| {
@@ -118,7 +119,7 @@ pub fn length(text: &str) -> Result<f64> {
     })
 }
 
-/// 1234567 as `1,234,567`.
+/// Writes 1234567 as `1,234,567`.
 pub fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();
@@ -131,7 +132,7 @@ pub fn grouped(n: u64) -> String {
     out
 }
 
-/// Bytes as `1.5 GiB`.
+/// Writes bytes as `1.5 GiB`.
 pub fn readable_bytes(n: u64) -> String {
     let units = ["B", "KiB", "MiB", "GiB", "TiB"];
     let mut value = n as f64;

@@ -1,29 +1,59 @@
-//! What the stages of a frame took, told to people.
+//! Times of a frame's passes for reports: as entries of a JSON object, and as text.
 
-use esker_render::Pass;
-use serde_json::Value;
+use esker_render::{Pass, Stages};
+use serde::Serializer;
+use serde::ser::SerializeMap;
 
-/// Names and times of those stages that took a twentieth of a millisecond; others are most often
-/// left out. `times` are milliseconds by name; `before` what ran before the first stage, `all` what
-/// all of them are called together.
-pub fn taken(times: &Value, before: &[&str], all: &str) -> String {
-    let stages = Pass::ALL.map(Pass::name);
-    let names = before.iter().copied().chain(stages).chain([all]);
-    let times = names.map(|name| (name, times[name].as_f64().unwrap_or(0.0)));
-    let taken = times.filter(|(_, ms)| *ms >= 0.05).map(|(name, ms)| format!("{name} {ms:.1}"));
-    taken.collect::<Vec<_>>().join(", ")
+/// A text leaves out passes that took less time, milliseconds: most of them did not run.
+const SHOWN_MS: f64 = 0.05;
+
+/// Serialises `stages` as an object of milliseconds by the names of [`Pass::ALL`], with the time of
+/// the whole frame as `whole_frame`.
+///
+/// # Errors
+/// If the serialiser fails.
+pub fn serialize<S: Serializer>(
+    stages: &Stages,
+    whole_frame: &str,
+    to: S,
+) -> Result<S::Ok, S::Error> {
+    let mut map = to.serialize_map(Some(Pass::ALL.len() + 1))?;
+    for pass in Pass::ALL {
+        map.serialize_entry(pass.name(), &stages.ms(pass))?;
+    }
+    map.serialize_entry(whole_frame, &stages.total_ms)?;
+    map.end()
+}
+
+/// Serialises `stages` with the time of the whole frame as `draw`.
+///
+/// # Errors
+/// If the serialiser fails.
+pub(crate) fn serialize_draw<S: Serializer>(stages: &Stages, to: S) -> Result<S::Ok, S::Error> {
+    serialize(stages, "draw", to)
+}
+
+/// Names and times, milliseconds, of the steps `before` the frame, of its passes, and of the whole
+/// frame, called `whole_frame`.
+pub fn text(before: &[(&str, f64)], stages: &Stages, whole_frame: &str) -> String {
+    let passes = Pass::ALL.map(|pass| (pass.name(), stages.ms(pass)));
+    let times = before.iter().copied().chain(passes).chain([(whole_frame, stages.total_ms)]);
+    let shown = times.filter(|(_, ms)| *ms >= SHOWN_MS);
+    shown.map(|(name, ms)| format!("{name} {ms:.1}")).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
 
     #[test]
-    fn people_are_told_the_stages_that_took_time_in_their_order() {
-        let times = json!({ "antialias": 0.1, "fit_planes": 1.26, "blend": 0.0, "select": 0.2, "draw": 3.0 });
+    fn a_text_has_the_stages_that_took_time_in_their_order() {
+        let mut stages = Stages { total_ms: 3.0, ..Stages::default() };
+        stages.add(Pass::Antialias, 0.1);
+        stages.add(Pass::FitPlanes, 1.26);
+        stages.add(Pass::Blend, 0.0);
         assert_eq!(
-            taken(&times, &["select"], "draw"),
+            text(&[("select", 0.2)], &stages, "draw"),
             "select 0.2, fit_planes 1.3, antialias 0.1, draw 3.0"
         );
     }

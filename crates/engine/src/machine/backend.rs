@@ -1,15 +1,15 @@
-//! What draws: a GPU where there is a real one, else the CPU; or what the user says. A software
-//! driver counts as no GPU: the CPU renderer is many times faster than it.
+//! Choice of what draws: a GPU if there is a real one, else the CPU, unless the user decides. A
+//! software driver does not count as a GPU: the CPU renderer is many times faster.
 
 use anyhow::Result;
 use esker_render::gpu::Gpu;
 pub use esker_render::gpu::{GpuRequest, ProjectPath, wgpu};
-use serde_json::{Value, json};
+use serde::Serialize;
 
-/// What the user wants drawn with.
+/// Requested backend.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
-    /// A GPU that is one, else the CPU; and the CPU from when a GPU fails.
+    /// A real GPU, else the CPU; and the CPU from the moment a GPU fails.
     #[default]
     Auto,
     /// A GPU or an error.
@@ -18,7 +18,7 @@ pub enum Backend {
     Cpu,
 }
 
-/// What the user wants drawn with, and on which GPU.
+/// Requested backend, and kind of GPU.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DrawWith {
     /// CPU or GPU.
@@ -28,15 +28,15 @@ pub struct DrawWith {
 }
 
 impl DrawWith {
-    /// As [`Backend::choose`].
+    /// Chooses the device to draw on ([`Backend::choose`]).
     ///
     /// # Errors
-    /// As [`Backend::choose`].
+    /// If the user insists on a GPU and there is none.
     pub fn choose(&self, device: Option<&Gpu>) -> Result<(Option<Gpu>, Drawer)> {
         self.backend.choose(&self.gpu, device)
     }
 
-    /// The command line that gives it.
+    /// Options of the command line that give this choice.
     pub fn arguments(&self) -> Vec<String> {
         let mut arguments = vec![format!("--backend={}", self.backend.name())];
         arguments.extend(self.gpu.path.map(|path| format!("--gpu-path={}", name_of(path))));
@@ -47,7 +47,7 @@ impl DrawWith {
     }
 }
 
-/// The interface that a GPU is driven by, where it is not for the program to choose.
+/// Graphics interface that drives a GPU, if the user chooses it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Api {
     /// Vulkan.
@@ -61,10 +61,10 @@ pub enum Api {
 }
 
 impl Api {
-    /// All of them.
+    /// All interfaces.
     pub const ALL: [Self; 4] = [Self::Vulkan, Self::Gl, Self::Metal, Self::Dx12];
 
-    /// Its name on the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Vulkan => "vulkan",
@@ -74,7 +74,7 @@ impl Api {
         }
     }
 
-    /// As the device library calls it.
+    /// Name in wgpu.
     pub fn backends(self) -> wgpu::Backends {
         match self {
             Self::Vulkan => wgpu::Backends::VULKAN,
@@ -95,16 +95,29 @@ fn name_of(path: ProjectPath) -> &'static str {
 /// What draws.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Drawer {
-    /// The adapter with its driver and interface; `None` where the CPU draws.
+    /// Adapter with its driver and interface; `None` if the CPU draws.
     pub adapter: Option<String>,
-    /// How the GPU makes pixels of points.
+    /// How the GPU draws points.
     pub path: Option<ProjectPath>,
-    /// Why it is not a GPU that draws, where that was for the program to choose.
+    /// Why no GPU draws, if the program chose so.
+    pub note: Option<String>,
+}
+
+/// A [`Drawer`] in a report.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DrawerReport {
+    /// `gpu` or `cpu`.
+    pub backend: &'static str,
+    /// Name of the adapter with its driver and interface; none if the CPU draws.
+    pub adapter: Option<String>,
+    /// How points become pixels: the GPU's path, or `cpu`.
+    pub path: &'static str,
+    /// Why no GPU draws, if the program chose so.
     pub note: Option<String>,
 }
 
 impl Backend {
-    /// Its name on the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
@@ -113,11 +126,11 @@ impl Backend {
         }
     }
 
-    /// The device to draw on, `None` for the CPU; and what is to be said of it. A device that is
-    /// given (a window's) is taken as the only one there is.
+    /// Chooses the device to draw on, `None` for the CPU, and describes it. With `device`, that of
+    /// a window, no other one is considered.
     ///
     /// # Errors
-    /// Where a GPU is asked for and there is none.
+    /// If the user insists on a GPU and there is none.
     pub fn choose(
         self,
         request: &GpuRequest,
@@ -148,21 +161,24 @@ impl Backend {
 }
 
 impl Drawer {
-    /// Of a device.
+    /// A GPU.
     pub fn gpu(gpu: &Gpu) -> Self {
         Self { adapter: Some(gpu.name.clone()), path: Some(gpu.tier.path), note: None }
     }
 
-    /// The CPU, and why.
+    /// The CPU, with the reason.
     pub fn cpu(why: String) -> Self {
         Self { note: Some(why), ..Self::default() }
     }
 
-    /// What reports say of it.
-    pub fn report(&self) -> Value {
-        json!({
-            "backend": self.backend(), "adapter": self.adapter, "path": self.path_name(), "note": self.note,
-        })
+    /// The drawer as part of a report.
+    pub fn report(&self) -> DrawerReport {
+        DrawerReport {
+            backend: self.backend(),
+            adapter: self.adapter.clone(),
+            path: self.path_name(),
+            note: self.note.clone(),
+        }
     }
 
     /// `gpu` or `cpu`.
@@ -170,7 +186,7 @@ impl Drawer {
         if self.adapter.is_some() { "gpu" } else { "cpu" }
     }
 
-    /// The path's name on the command line; `cpu` where the CPU draws.
+    /// Name of the path on the command line; `cpu` if the CPU draws.
     pub fn path_name(&self) -> &'static str {
         self.path.map_or("cpu", name_of)
     }

@@ -1,4 +1,4 @@
-//! What the machine has: devices, backends, threads, caches.
+//! The machine: graphics devices, backends, threads, caches, processes.
 
 pub mod backend;
 pub mod devices;

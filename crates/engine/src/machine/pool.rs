@@ -1,16 +1,16 @@
-//! The rayon pool that all parallel work runs in.
+//! The rayon pool of all parallel work.
 
 use anyhow::{Context, Result, ensure};
 use std::sync::Mutex;
 use std::thread;
 
-/// Threads at most: more than any machine has cores for, fewer than would bring one down.
+/// Most threads: more than any machine has cores, fewer than would exhaust one.
 const THREADS_MAX: usize = 1024;
 
-/// Runs `work` in a pool of so many threads, which have ended when this returns; 0 is one a core.
+/// Runs `work` in a pool of `threads` threads (0: one a core), which have ended when this returns.
 ///
 /// # Errors
-/// Where the threads cannot be started, and those of `work`.
+/// If the threads cannot be started, or `work` fails.
 pub fn run<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     ensure!(threads <= THREADS_MAX, "{threads} threads are too many: {THREADS_MAX} at most");
     let handles = Mutex::new(Vec::new());
@@ -27,11 +27,11 @@ pub fn run<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> 
         .context("cannot start the worker threads")?;
     let result = pool.install(work);
     drop(pool);
-    // A pool does not wait for its threads. A program that ends meanwhile unloads libraries,
-    // graphics drivers among them, under threads that still clear away what these have left with
-    // them: one in a hundred crashed.
+    // A pool does not wait for its threads. If the program ends meanwhile, libraries such as
+    // graphics drivers are unloaded while the threads still run their thread-local destructors, and
+    // the program can crash.
     for handle in handles.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
-        // What panics in a pool's thread is told where its work is waited for.
+        // A panic in a thread of the pool was reported where its work was waited for.
         let _ = handle.join();
     }
     result
@@ -45,22 +45,22 @@ mod tests {
 
     static CLEARED: AtomicUsize = AtomicUsize::new(0);
 
-    /// What a library leaves with a thread.
-    struct Left;
+    /// A thread-local value of a library with a slow destructor.
+    struct SlowToDrop;
 
-    impl Drop for Left {
+    impl Drop for SlowToDrop {
         fn drop(&mut self) {
             thread::sleep(Duration::from_millis(50));
             CLEARED.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    thread_local!(static LEFT: Left = const { Left });
+    thread_local!(static SLOW: SlowToDrop = const { SlowToDrop });
 
     #[test]
-    fn threads_have_ended_when_their_work_is_given_back() {
+    fn threads_have_ended_when_a_pool_returns() {
         let work = || {
-            rayon::broadcast(|_| LEFT.with(|_| ()));
+            rayon::broadcast(|_| SLOW.with(|_| ()));
             Ok(rayon::current_num_threads())
         };
         assert_eq!(run(3, work).unwrap(), 3);
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fails_is_told_and_what_is_too_much_refused() {
+    fn errors_are_returned_and_too_many_threads_refused() {
         assert!(run::<()>(1, || anyhow::bail!("no")).is_err());
         assert!(run(THREADS_MAX + 1, || Ok(())).is_err());
     }

@@ -1,18 +1,18 @@
-//! What differs between systems: dropping a file from the system's cache, giving memory back, how
-//! often a thread gave up the processor, and what a process used.
+//! Calls that differ between systems: dropping a file from the page cache, returning freed memory,
+//! counting the waits of a thread, and measuring a process.
 
 use std::fs::File;
 use std::io;
 use std::process::{Child, ExitStatus};
 
-/// Whether [`forget`] does anything here.
+/// Whether [`forget`] has an effect on this system.
 pub const CAN_FORGET: bool = cfg!(target_os = "linux");
 
-/// Drops a file's pages from the system's cache, so that the next reads are from cold. Written
-/// pages stay until they are on the disk, so the file is synced first.
+/// Drops the pages of a file from the page cache, so that the next reads come from the disk. The
+/// file is synced first: pages that are not on the disk yet stay in the cache.
 ///
 /// # Errors
-/// Where the system refuses.
+/// If the system refuses.
 #[cfg(target_os = "linux")]
 pub fn forget(file: &File) -> io::Result<()> {
     file.sync_all()?;
@@ -21,30 +21,31 @@ pub fn forget(file: &File) -> io::Result<()> {
 }
 
 /// Does nothing: this system has no such call.
+///
+/// # Errors
+/// Never.
 #[cfg(not(target_os = "linux"))]
 pub fn forget(_file: &File) -> io::Result<()> {
     Ok(())
 }
 
-/// Has this process give back from now on, as it is freed, what is allocated in runs of 4 MiB and
-/// more, and what is free at a heap's end beyond 8 MiB. Left to itself the allocator raises both
-/// marks with what is freed, to 32 and 64 MiB a heap, and what a process holds depends on how its
-/// threads took turns.
+/// Makes the allocator return freed allocations of 4 MiB and more, and free memory at the end of a
+/// heap beyond 8 MiB, from now on. By default glibc raises both thresholds to 32 and 64 MiB a heap
+/// as memory is freed, and what a process holds depends on how its threads were scheduled.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub fn give_back_freed_memory() {
     for (mark, bytes) in [(libc::M_MMAP_THRESHOLD, 4 << 20), (libc::M_TRIM_THRESHOLD, 8 << 20)] {
-        // SAFETY: takes numbers only, and glibc's own lock around what it changes. Where it refuses
-        // all is as it was.
+        // SAFETY: takes numbers only, and locks what it changes. If it refuses, nothing changes.
         unsafe { libc::mallopt(mark, bytes) };
     }
 }
 
-/// Does nothing: other systems' allocators have no such marks.
+/// Does nothing: other allocators have no such thresholds.
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 pub fn give_back_freed_memory() {}
 
-/// How often this thread has waited of its own accord (for a lock, a channel, the disk); `None`
-/// where the system does not tell.
+/// Number of voluntary waits of this thread, for a lock, a channel or the disk; `None` if the
+/// system does not count them.
 #[cfg(target_os = "linux")]
 pub fn waits_of_this_thread() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/thread-self/status").ok()?;
@@ -52,29 +53,28 @@ pub fn waits_of_this_thread() -> Option<u64> {
     line.trim().parse().ok()
 }
 
-/// `None`: this system does not tell.
+/// `None`: this system does not count them.
 #[cfg(not(target_os = "linux"))]
 pub fn waits_of_this_thread() -> Option<u64> {
     None
 }
 
-/// What a process used in all.
+/// Resources that a process used.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Used {
-    /// Of all its threads, user and system, seconds.
+pub struct ProcessUsage {
+    /// User and system time of all threads, seconds.
     pub cpu_seconds: f64,
-    /// Greatest resident set, in bytes: that of this process when it started the other one, at
-    /// least.
+    /// Greatest resident set, bytes; at least that of this process when it started the other one.
     pub peak_rss_bytes: u64,
 }
 
-/// How a process ended and what it used, with what its own processes used; nothing while it runs.
-/// Once it has ended the child must not be waited for again.
+/// How a child ended, and what it used with its own children; `None` while it runs. A child that
+/// has ended must not be waited for again.
 ///
 /// # Errors
-/// Where the system refuses.
+/// If the system refuses.
 #[cfg(unix)]
-pub fn try_wait(child: &mut Child) -> io::Result<Option<(ExitStatus, Option<Used>)>> {
+pub fn try_wait(child: &mut Child) -> io::Result<Option<(ExitStatus, Option<ProcessUsage>)>> {
     use std::os::unix::process::ExitStatusExt;
     let id = libc::pid_t::try_from(child.id()).map_err(io::Error::other)?;
     let mut status = 0;
@@ -89,7 +89,7 @@ pub fn try_wait(child: &mut Child) -> io::Result<Option<(ExitStatus, Option<Used
             let seconds = |t: libc::timeval| t.tv_sec as f64 + t.tv_usec as f64 * 1e-6;
             // Linux counts kibibytes, macOS bytes.
             let unit = if cfg!(target_vendor = "apple") { 1 } else { 1024 };
-            let used = Used {
+            let used = ProcessUsage {
                 cpu_seconds: seconds(usage.ru_utime) + seconds(usage.ru_stime),
                 peak_rss_bytes: usage.ru_maxrss.unsigned_abs() as u64 * unit,
             };
@@ -98,12 +98,12 @@ pub fn try_wait(child: &mut Child) -> io::Result<Option<(ExitStatus, Option<Used
     }
 }
 
-/// How a process ended; nothing while it runs. What it used, this system does not tell.
+/// How a child ended; `None` while it runs. This system does not report what it used.
 ///
 /// # Errors
-/// Where the system refuses.
+/// If the system refuses.
 #[cfg(not(unix))]
-pub fn try_wait(child: &mut Child) -> io::Result<Option<(ExitStatus, Option<Used>)>> {
+pub fn try_wait(child: &mut Child) -> io::Result<Option<(ExitStatus, Option<ProcessUsage>)>> {
     Ok(child.try_wait()?.map(|status| (status, None)))
 }
 
@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_process_tells_how_it_ended_and_what_it_used() {
+    fn the_end_and_the_usage_of_a_process_are_reported() {
         let count = "i=0; while [ $i -lt 100000 ]; do i=$((i+1)); done; exit 3";
         let mut child = std::process::Command::new("sh").args(["-c", count]).spawn().unwrap();
         let (status, used) = loop {

@@ -1,4 +1,4 @@
-//! The project's sample scan in small nodes, and a camera that wanders over it.
+//! The project's sample scan in small nodes, and a camera that moves over it.
 
 use esker_engine::calls::info;
 use esker_engine::draw::session::Session;
@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 
 pub const SIZE: [u32; 2] = [160, 120];
 
-/// The project's sample scan in small nodes, so that there are many; built once for all tests.
+/// The project's sample scan in many small nodes; built once for all tests.
 pub fn sample() -> &'static Path {
     static SAMPLE: OnceLock<PathBuf> = OnceLock::new();
     SAMPLE.get_or_init(|| {
@@ -23,13 +23,13 @@ pub fn sample() -> &'static Path {
     })
 }
 
-/// The whole scan, obliquely.
+/// View of the whole scan, obliquely.
 pub fn overview(session: &Session) -> View {
     let [low, high] = info::bounds(session.file()).map(DVec3::from_array);
     View::fit(low, high, DVec3::new(0.6, 0.5, -0.6), 1.0, SIZE[0], SIZE[1])
 }
 
-/// Views of a camera that moves at random, by a generator of the test's own.
+/// Views of a camera that moves at random, by a generator of its own.
 pub struct Wanderer {
     state: u64,
     view: View,
@@ -52,7 +52,7 @@ impl Wanderer {
         (self.state >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Mostly a little on; now and then somewhere else altogether.
+    /// Mostly a small step; sometimes a jump.
     pub fn next(&mut self) -> View {
         let mut place = [0.0; 6];
         place.iter_mut().for_each(|p| *p = self.dice());

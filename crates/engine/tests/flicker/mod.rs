@@ -1,5 +1,5 @@
-//! Flicker of a real scan: how much more its picture changes from frame to frame of a slow camera
-//! than a picture of four times the pixels a side does, averaged.
+//! Flicker of a scan: how much more its picture changes from frame to frame of a slow camera than
+//! an averaged picture of four times the width and height.
 
 use super::creek::sample;
 use esker_engine::cameras::camera::Camera;
@@ -11,19 +11,19 @@ use esker_render::inputs::colour::linear;
 use esker_render::{Frame, Renderer};
 use glam::{DMat3, DVec3, Vec3};
 
-/// Width and height of the pictures; the references are so many times as wide.
+/// Width and height of the pictures; below, the ratio of the references to them.
 const SIZE: [u32; 2] = [128, 96];
 const FINER: u32 = 4;
 const FRAMES: usize = 4;
-/// What the middle of the picture moves by from frame to frame, pixels.
+/// Motion of the middle of the picture from frame to frame, pixels.
 const STEP_PX: f64 = 0.3;
 
-/// The scan seen obliquely from above, a little farther around in each frame.
+/// Camera that sees the scan obliquely from above, and moves a little around it in each frame.
 fn camera(file: &Forest, frame: usize) -> Camera {
     let [low, high] = esker_engine::calls::info::bounds(file).map(DVec3::from_array);
     let (middle, half) = (low.midpoint(high), (high - low) / 2.0);
     let away = DVec3::new(-0.5, -0.9, 0.8) * half.truncate().length();
-    // A pixel is about so wide, seen from there.
+    // About the width of a pixel from there.
     let angle = STEP_PX / f64::from(SIZE[1]) * frame as f64;
     let eye = middle + DMat3::from_rotation_z(angle) * away;
     Camera { eye: Some(eye), target: Some(middle), ..Camera::default() }
@@ -40,13 +40,13 @@ fn draw(file: &Forest, frame: usize, size: [u32; 2], spacing_px: f64, averages: 
     let scene = PictureScene::read(file, &asked, &Silent).unwrap();
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let draws = scene.draws(file);
-    let drawn = scene.look.frame(file, &scene.view, &draws, &octree);
+    let drawn = scene.appearance.frame(file, &scene.view, &draws, &octree);
     let picture =
         Renderer::default().render(&Frame { averages, smooths: averages, ..drawn }).unwrap();
     picture.rgba.as_chunks::<4>().0.iter().map(|&[r, g, b, _]| linear([r, g, b])).collect()
 }
 
-/// The mean of each block of pixels.
+/// Means of blocks of pixels.
 fn shrunk(fine: &[Vec3]) -> Vec<Vec3> {
     let width = (SIZE[0] * FINER) as usize;
     let block = |pixel: u32| {
@@ -63,7 +63,7 @@ fn srgb(c: Vec3) -> Vec3 {
     Vec3::new(one(c.x), one(c.y), one(c.z)) * 255.0
 }
 
-/// Root mean square of what the change of a pixel differs by from the reference's, of 255.
+/// Root mean square difference of the changes of pixels from those of the reference, of 255.
 fn flicker(frames: &[Vec<Vec3>], references: &[Vec<Vec3>]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for (now, wanted) in frames.windows(2).zip(references.windows(2)) {
@@ -82,7 +82,8 @@ fn a_slow_camera_does_not_make_a_scan_flicker() {
     let fine = SIZE.map(|side| side * FINER);
     let frames = || 0..FRAMES;
     let references: Vec<_> = frames().map(|f| shrunk(&draw(&file, f, fine, 1.0, true))).collect();
-    // Points apart, and what is left of the flicker of one point a pixel where they crowd.
+    // Points that are apart; and points that share pixels, as a fraction of the flicker with one
+    // point a pixel.
     for (spacing_px, bound, share) in [(1.0, 10.0, 1.0), (0.5, 8.5, 0.9)] {
         let [mean, one] = [true, false].map(|averages| {
             let drawn: Vec<_> =

@@ -1,11 +1,12 @@
-//! Compact planes from a build to a picture: two thirds of the bytes, nearly the same picture, by
-//! files, sessions and forests; and the full planes where something else is asked of them.
+//! Compact planes from a build to a picture: two thirds of the bytes, nearly the same picture, from
+//! files, sessions and forests; and full planes where a picture needs more than the compact ones
+//! have.
 
 use super::flip::mean_flip;
 use super::look::{off, request, session};
 use esker_engine::calls::render::draw;
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
-use esker_engine::draw::session::Options;
+use esker_engine::draw::session::Settings;
 use esker_engine::{Filter, Method};
 use esker_format::{Forest, PlaneKind};
 use esker_points::task::Silent;
@@ -26,7 +27,7 @@ fn creek() -> &'static Path {
     })
 }
 
-/// Bytes of planes that are no residuals.
+/// Bytes of planes, without residuals.
 fn bytes_of(scene: &PictureScene) -> usize {
     let kinds = scene.planes.iter().flat_map(|planes| {
         [PlaneKind::Position, PlaneKind::Colour, PlaneKind::Compact].map(|kind| planes.get(kind))
@@ -49,7 +50,7 @@ fn a_compact_picture_is_near_the_full_one_and_takes_two_thirds_of_the_bytes() {
         assert_ne!(full.rgba, compact.rgba, "colours do not");
         let off = off(&full, &compact);
         let flip = mean_flip(&full.rgba, &compact.rgba, full.width as usize);
-        // Where something is seen: how much that is has nothing to do with codes.
+        // Over covered pixels: how many there are does not depend on codes.
         let covered = full.depth.iter().filter(|d| d.is_finite()).count() as f64;
         let flip = flip * full.depth.len() as f64 / covered;
         println!("{method:?}: {off} of the pixels off, FLIP {flip}");
@@ -63,7 +64,7 @@ fn a_session_streams_two_thirds_and_draws_what_a_picture_shows() {
     let view = PictureScene::choose(&file, &request()).unwrap().view;
     let bytes = [true, false].map(|full| {
         let (expected, _) = draw(&file, &PictureRequest { full, ..request() }, &Silent).unwrap();
-        let mut session = session(&file, Options { full, ..Options::default() });
+        let mut session = session(&file, Settings { full, ..Settings::default() });
         let cut = session.settle(&view, Duration::from_secs(60)).unwrap();
         assert!(session.frame(&view).unwrap().cut.complete);
         assert!(off(&session.picture().unwrap(), &expected) <= 0.001);
@@ -79,7 +80,7 @@ fn a_session_streams_two_thirds_and_draws_what_a_picture_shows() {
 }
 
 #[test]
-fn other_colours_filters_and_evening_have_the_full_planes() {
+fn other_colours_filters_and_exposure_compensation_use_full_planes() {
     let file = Forest::open(creek()).unwrap();
     let kinds = |asked: PictureRequest| {
         let scene = PictureScene::read(&file, &asked, &Silent).unwrap();
@@ -92,7 +93,7 @@ fn other_colours_filters_and_evening_have_the_full_planes() {
     assert_eq!(kinds(by("intensity")), [true, false, false]);
     assert_eq!(kinds(by("elevation")), [true, false, false]);
     assert_eq!(kinds(PictureRequest { evens_exposure: true, ..request() }), [true, true, false]);
-    // A filter marks points in the byte that numbers take.
+    // A filter marks points in the byte that palette indices take.
     let [low, high] = esker_engine::calls::info::bounds(&file);
     let middle = |axis: usize| (low[axis] + high[axis]) / 2.0;
     let bounds = format!("{},{},{},{}", low[0], low[1], middle(0), middle(1));

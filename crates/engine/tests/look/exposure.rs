@@ -1,10 +1,9 @@
-//! ExposureGrid of exposures: what it takes beside colours is read where it is asked, and nowhere
-//! else.
+//! Exposure compensation: the plane that it needs beside colours is read only if it is requested.
 
 use super::look::{camera_of, off, request, session, terrain};
 use esker_engine::calls::render::draw;
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
-use esker_engine::draw::session::Options;
+use esker_engine::draw::session::Settings;
 use esker_format::{Forest, PlaneKind};
 use esker_points::task::Silent;
 use std::sync::Arc;
@@ -15,7 +14,7 @@ fn asked(evens_exposure: bool) -> PictureRequest {
 }
 
 #[test]
-fn colours_bring_their_points_scan_where_exposures_are_evened_out() {
+fn exposure_compensation_reads_the_scan_numbers_of_points() {
     let file = Forest::open(terrain()).unwrap();
     let [plain, evened] = [false, true]
         .map(|evens_exposure| PictureScene::read(&file, &asked(evens_exposure), &Silent));
@@ -38,14 +37,14 @@ fn colours_bring_their_points_scan_where_exposures_are_evened_out() {
         }
     }
     assert!(scans.into_iter().filter(|&points| points > 100).count() > 1, "{scans:?}");
-    // Neither points alone nor other colours are evened out.
+    // Exposures are removed neither from points nor from other colours.
     let elevation = PictureRequest { colour_by: Some("elevation".into()), ..asked(true) };
     let scene = PictureScene::choose(&file, &elevation).unwrap();
-    assert!(!scene.plan.evens_exposure() && scene.look.evens_exposure);
+    assert!(!scene.plan.evens_exposure() && scene.appearance.evens_exposure);
 }
 
 #[test]
-fn a_session_evens_out_what_a_picture_does() {
+fn a_session_removes_differences_of_exposure_like_a_picture() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
     let scene = PictureScene::choose(&file, &asked(true)).unwrap();
     let camera = camera_of(&scene);
@@ -53,9 +52,9 @@ fn a_session_evens_out_what_a_picture_does() {
         draw(&file, &PictureRequest { camera, ..asked(evens_exposure) }, &Silent).unwrap().0
     });
     assert!(plain.rgba != expected.rgba);
-    let options =
-        Options { colour_by: Some("rgb".into()), evens_exposure: true, ..Options::default() };
-    let mut session = session(&file, options);
+    let settings =
+        Settings { colour_by: Some("rgb".into()), evens_exposure: true, ..Settings::default() };
+    let mut session = session(&file, settings);
     session.settle(&scene.view, Duration::from_secs(60)).unwrap();
     assert!(session.frame(&scene.view).unwrap().cut.complete);
     let off = off(&session.picture().unwrap(), &expected);
@@ -63,7 +62,7 @@ fn a_session_evens_out_what_a_picture_does() {
 }
 
 #[test]
-fn where_nothing_tells_scans_apart_exposures_are_not_evened_out() {
+fn exposure_compensation_of_a_file_without_scan_numbers_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (scan, out) = (folder.path().join("a.ply"), folder.path().join("a.esker"));
     let head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n";

@@ -1,12 +1,12 @@
-//! What is shown, and how: filters show what export writes and read nothing else, attributes that
-//! are not shown are neither read nor resident, sessions draw what pictures show, and each map and
-//! method has its golden picture.
+//! What pictures show: filters show what an export writes, and nothing else is read; attributes
+//! that are not shown are neither read nor resident; sessions draw what pictures show; and each
+//! colour map and method has its golden picture.
 
 use super::flip::mean_flip;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::colour::choices;
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
-use esker_engine::draw::session::{Options, Session};
+use esker_engine::draw::session::{Options, Session, Settings};
 use esker_engine::io::picture;
 use esker_engine::machine::backend::{Backend, DrawWith};
 use esker_engine::{Filter, Method, NormalsMode, Picture};
@@ -41,7 +41,7 @@ fn build(scan: &Path, out: &Path, normals: NormalsMode) {
     esker_builder::build(&[scan.to_owned()], out, &options, &Silent).unwrap();
 }
 
-/// Two scans of one hill, each of two thirds of it, the second twice as bright.
+/// Two scans of a hill, each of two thirds of it, the second twice as bright.
 fn two_exposures(folder: &Path) -> Forest {
     let mut rows = "x,y,z,point_source_id,red,green,blue\n".to_owned();
     for i in 0..20_000u32 {
@@ -81,7 +81,7 @@ fn filters(file: &Forest) -> Vec<Filter> {
     ]
 }
 
-/// Points that are shown: those of each node's prefix that are not marked.
+/// Number of shown points: those of the prefixes that are not marked.
 fn shown_points(file: &Forest, filter: &Filter) -> u64 {
     let shown = ForestFilter::of(file, Some(filter.on(file.lattice()).unwrap()), None).unwrap();
     let nodes = 0..file.table().nodes.len() as u32;
@@ -115,7 +115,7 @@ fn what_is_filtered_away_is_neither_read_nor_resident() {
     for filter in filters(&file) {
         let mut asked = PictureRequest { filter: filter.clone(), camera, ..all.clone() };
         let scene = PictureScene::read(&file, &asked, &Silent).unwrap();
-        let shown = &scene.look.shown;
+        let shown = &scene.appearance.shown;
         let drawn = |node| scene.selection.drawn.iter().any(|d| d.node == node);
         assert!(scene.selection.counters.filtered > 0 || filter.max_spacing.is_some());
         assert!((0..file.table().nodes.len() as u32).all(|n| shown.points_max(n) > 0 || !drawn(n)));
@@ -123,7 +123,7 @@ fn what_is_filtered_away_is_neither_read_nor_resident() {
             let (few, many) = (scene.read_bytes, whole.read_bytes);
             assert!(few < many * 3 / 4, "{few} of {many} bytes are read of a quarter");
             let mut bytes = [filter.clone(), Filter::default()].map(|filter| {
-                let mut session = session(&file, Options { filter, ..Options::default() });
+                let mut session = session(&file, Settings { filter, ..Settings::default() });
                 session.settle(&scene.view, Duration::from_secs(60)).unwrap();
                 let status = session.status();
                 (status.drawing_bytes, status.read_bytes)
@@ -134,13 +134,13 @@ fn what_is_filtered_away_is_neither_read_nor_resident() {
                 "{bytes:?}"
             );
         }
-        // No point has this class: of the pages nothing is read.
+        // No point has this class: no page is read.
         asked.filter.classes = Some("250".parse().unwrap());
         assert!(PictureScene::read(&file, &asked, &Silent).unwrap().planes.is_empty());
     }
 }
 
-/// The camera of a scene, to be kept whatever a filter leaves.
+/// Camera of a scene, which stays the same whatever a filter accepts.
 pub fn camera_of(scene: &PictureScene) -> esker_engine::cameras::camera::Camera {
     let (eye, forward) = (scene.view.eye, scene.view.forward());
     let mut camera = esker_engine::cameras::camera::Camera::default();
@@ -148,12 +148,13 @@ pub fn camera_of(scene: &PictureScene) -> esker_engine::cameras::camera::Camera 
     camera
 }
 
-pub fn session(file: &Arc<Forest>, options: Options) -> Session {
-    let options = Options { backend: Backend::Cpu, occlusion: false, size: SIZE, ..options };
+pub fn session(file: &Arc<Forest>, settings: Settings) -> Session {
+    let settings = Settings { occlusion: false, ..settings };
+    let options = Options { settings, backend: Backend::Cpu, size: SIZE, ..Options::default() };
     Session::open(file.clone(), options).unwrap()
 }
 
-/// Share of the pixels that are off by more than 8 of 255 in any channel.
+/// Fraction of the pixels that differ by more than 8 of 255 in any channel.
 pub fn off(a: &Picture, b: &Picture) -> f64 {
     let differs = |(a, b): (&[u8], &[u8])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 8);
     let pairs = a.rgba.chunks_exact(4).zip(b.rgba.chunks_exact(4));
@@ -164,15 +165,15 @@ pub fn off(a: &Picture, b: &Picture) -> f64 {
 fn a_session_draws_what_a_picture_shows() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
     let none = Filter::default();
-    let mut looks = vec![("gps_time", none.clone()), ("return_number", none)];
-    looks.extend(filters(&file).into_iter().map(|filter| ("classification", filter)));
-    for (colour, filter) in looks {
+    let mut cases = vec![("gps_time", none.clone()), ("return_number", none)];
+    cases.extend(filters(&file).into_iter().map(|filter| ("classification", filter)));
+    for (colour, filter) in cases {
         let colour_by = Some(colour.to_owned());
         let asked =
             PictureRequest { colour_by: colour_by.clone(), filter: filter.clone(), ..request() };
         let view = PictureScene::choose(&file, &asked).unwrap().view;
         let (expected, _) = draw(&file, &asked, &Silent).unwrap();
-        let mut session = session(&file, Options { colour_by, filter, ..Options::default() });
+        let mut session = session(&file, Settings { colour_by, filter, ..Settings::default() });
         session.settle(&view, Duration::from_secs(60)).unwrap();
         assert!(session.frame(&view).unwrap().cut.complete);
         let off = off(&session.picture().unwrap(), &expected);
@@ -186,7 +187,7 @@ fn only_what_is_shown_is_resident() {
     let view = PictureScene::choose(&file, &request()).unwrap().view;
     let bytes = |colour: &str, method| {
         let colour_by = Some(colour.to_owned());
-        let mut session = session(&file, Options { colour_by, method, ..Options::default() });
+        let mut session = session(&file, Settings { colour_by, method, ..Settings::default() });
         let cut = session.settle(&view, Duration::from_secs(60)).unwrap();
         let of = |kind| {
             let slots = cut.nodes.iter().filter_map(|n| n.slot(kind));
@@ -206,12 +207,12 @@ fn only_what_is_shown_is_resident() {
 fn normals_come_when_a_session_begins_to_draw_surfaces() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
     let view = PictureScene::choose(&file, &request()).unwrap().view;
-    let options = || Options { colour_by: Some("plain".into()), ..Options::default() };
-    let mut fresh = session(&file, options());
+    let settings = || Settings { colour_by: Some("plain".into()), ..Settings::default() };
+    let mut fresh = session(&file, settings());
     fresh.settle(&view, Duration::from_secs(60)).unwrap();
     fresh.frame(&view).unwrap();
     let expected = fresh.picture().unwrap();
-    let mut session = session(&file, Options { method: Method::Points, ..options() });
+    let mut session = session(&file, Settings { method: Method::Points, ..settings() });
     session.settle(&view, Duration::from_secs(60)).unwrap();
     session.frame(&view).unwrap();
     session.set_method(Method::PullPush);
@@ -230,7 +231,7 @@ fn a_dense_view_needs_no_push() {
     assert!(!scene.plan.passes.contains(&Pass::Push), "{:?}", scene.plan);
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let draws = scene.draws(&file);
-    let frame = scene.look.frame(&file, &scene.view, &draws, &octree);
+    let frame = scene.appearance.frame(&file, &scene.view, &draws, &octree);
     let without = Renderer::default().render(&frame).unwrap();
     let with = Renderer::default().render(&Frame { skips_push: false, ..frame }).unwrap();
     assert_eq!(
@@ -243,16 +244,16 @@ fn a_dense_view_needs_no_push() {
     assert!(near.plan.passes.contains(&Pass::Push));
 }
 
-/// Pictures that are kept in `tests/golden`: every map as points, and every method. `ESKER_BLESS=1`
-/// writes them.
+/// Compares with pictures in `tests/golden`: every colour map as points, and every method.
+/// `ESKER_BLESS=1` writes them.
 #[test]
 fn every_map_and_method_has_its_golden_picture() {
     let file = Forest::open(terrain()).unwrap();
-    let mut looks: Vec<_> = choices(&file).into_iter().map(|c| (Method::Points, c)).collect();
-    looks.push((Method::Points, "elevation:530..540".into()));
-    looks.extend(["rgb", "plain", "classification"].map(|c| (Method::PullPush, c.to_owned())));
-    looks.push((Method::Ewa, "rgb".into()));
-    for (method, colour) in looks {
+    let mut cases: Vec<_> = choices(&file).into_iter().map(|c| (Method::Points, c)).collect();
+    cases.push((Method::Points, "elevation:530..540".into()));
+    cases.extend(["rgb", "plain", "classification"].map(|c| (Method::PullPush, c.to_owned())));
+    cases.push((Method::Ewa, "rgb".into()));
+    for (method, colour) in cases {
         let name = match method {
             Method::Points => format!("points-{}.png", colour.replace([':', '.'], "-")),
             Method::PullPush => format!("surface-{colour}.png"),
@@ -263,8 +264,8 @@ fn every_map_and_method_has_its_golden_picture() {
     }
 }
 
-/// What changes surfaces beside their colours: no normals (these then come from depth, and clefts
-/// are darkened), evened exposures, no highlights, and a box, to which the view is fitted.
+/// Options of surfaces beside colours: no normals (they then come from depth, and clefts are
+/// darkened), exposure compensation, no highlights, and a box, to which the view is fitted.
 #[test]
 fn every_option_of_surfaces_has_its_golden_picture() {
     let file = Forest::open(terrain()).unwrap();
@@ -298,8 +299,7 @@ fn every_option_of_surfaces_has_its_golden_picture() {
     is_golden(&bare, &plain, "surface-plain-bare.png");
 }
 
-/// A sheet of 10 by 10 m, its points about 0.2 m apart, with the texture coordinates s and t that
-/// cross it.
+/// A sheet of 10 m x 10 m with points about 0.2 m apart, and texture coordinates s and t across it.
 fn textured_sheet(folder: &Path) -> Forest {
     const SIDE: u32 = 50;
     let names = ["x", "y", "z", "nx", "ny", "nz", "s", "t"];
@@ -308,7 +308,7 @@ fn textured_sheet(folder: &Path) -> Forest {
     let mut rows =
         format!("ply\nformat ascii 1.0\nelement vertex {count}\n{properties}end_header\n");
     for i in 0..count {
-        // Within its cell, anywhere.
+        // Anywhere in its cell.
         let within = |step: f64| 0.1 + 0.8 * (f64::from(i) * step % 1.0);
         let s = (f64::from(i % SIDE) + within(0.754_877_67)) / f64::from(SIDE);
         let t = (f64::from(i / SIDE) + within(0.569_840_29)) / f64::from(SIDE);
@@ -324,11 +324,11 @@ fn textured_sheet(folder: &Path) -> Forest {
 fn texture_coordinates_of_a_file_cross_the_surface_between_its_points() {
     let folder = tempfile::tempdir().unwrap();
     let file = textured_sheet(folder.path());
-    // Straight down on the middle 8 m: a pixel is 0.1 m, and half a point's spacing.
+    // Straight down on the middle 8 m: a pixel is 0.1 m, half the spacing of the points.
     const PIXELS: usize = 80;
     let camera = "eye=5,5,100;target=5,5,0;up=0,1,0;fovy=4.580";
     let camera = esker_engine::cameras::camera::Camera::parse(camera).unwrap();
-    // How light the maps are at each pixel: they get lighter with their values.
+    // Lightness of the colour maps at each pixel: it rises with the values.
     let lightness = |colour: &str| {
         let colour_by = Some(colour.to_owned());
         let size = [PIXELS as u32; 2];
@@ -344,7 +344,7 @@ fn texture_coordinates_of_a_file_cross_the_surface_between_its_points() {
     let columns: Vec<f64> = (0..PIXELS).map(column).collect();
     assert!(columns[PIXELS - 1] > columns[0] + 150.0, "{columns:?}");
     for k in 0..PIXELS {
-        // The picture's rows run down, t runs up; both cross the sheet alike.
+        // The rows of the picture run down, t runs up; both cross the sheet in the same way.
         let (along_s, along_t) = (columns[k], row(PIXELS - 1 - k));
         assert!((along_s - along_t).abs() < 1.0, "{k}: {along_s} {along_t}");
         assert!(k == 0 || columns[k] > columns[k - 1] - 0.5, "{k}: {columns:?}");
@@ -354,7 +354,7 @@ fn texture_coordinates_of_a_file_cross_the_surface_between_its_points() {
     }
 }
 
-/// Holds that a picture is the one that is kept.
+/// Asserts that a picture is like the golden one.
 fn is_golden(file: &Forest, asked: &PictureRequest, name: &str) {
     let (drawn, _) = draw(file, asked, &Silent).unwrap();
     let path = std::path::absolute("tests/golden").unwrap().join(name);
@@ -365,7 +365,7 @@ fn is_golden(file: &Forest, asked: &PictureRequest, name: &str) {
     assert!(flip <= 0.01, "{name}: FLIP {flip}; if it is meant, run with ESKER_BLESS=1 and look");
 }
 
-/// Four bytes a pixel.
+/// Pixels of a PNG, four bytes each.
 pub fn read_png(path: &Path) -> Vec<u8> {
     let file = std::fs::File::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().unwrap();

@@ -1,11 +1,11 @@
-//! The shapes of splats from a build to a picture: a scan in lines, built with them and without,
-//! drawn whole and by a session.
+//! Shapes of splats from a build to a picture: a scan in lines, built with and without shapes,
+//! drawn from a file and by a session.
 
 use super::flip::mean_flip;
 use super::splats::request;
 use esker_engine::calls::render::draw;
 use esker_engine::draw::scene::PictureScene;
-use esker_engine::draw::session::{Options, Session};
+use esker_engine::draw::session::{Options, Session, Settings};
 use esker_engine::machine::backend::Backend;
 use esker_engine::{Method, NormalsMode, Picture};
 use esker_format::{EskerFile, Forest, PlaneKind, verify};
@@ -19,18 +19,18 @@ use std::sync::Arc;
 use std::time::Duration;
 
 const SIZE: [u32; 2] = [240, 180];
-/// Distance of lines, of points along them over that.
+/// Distance of lines, metres; below, its ratio to the distance of points along them.
 const APART_M: f64 = 0.1;
 const ALONG: f64 = 0.25;
 /// Distance of stripes across the lines, metres.
 const STRIPES_M: f64 = 0.2;
 
-/// Whether the ground is red at a place.
+/// Whether the ground at a position is red.
 fn is_red(at: DVec2) -> bool {
     (at.y / STRIPES_M).rem_euclid(1.0) < 0.5
 }
 
-/// Level ground of 6 m x 6 m, scanned in lines along y, whose points are off their places a little.
+/// Level ground of 6 m x 6 m, scanned in lines along y, with a little noise.
 fn scan(folder: &Path) -> PathBuf {
     let mut state = 7u64;
     let mut dice = || {
@@ -70,7 +70,7 @@ fn built(scan: &Path, tangents: bool) -> Forest {
     Forest::open(&out).unwrap()
 }
 
-/// Root mean square of the share of red that is off the ground's, averaged over a pixel.
+/// Root mean square error of the share of red in a pixel.
 fn error(picture: &Picture, view: &View) -> f64 {
     let to_world = view.view_from_world().transpose();
     let ground = |x: f64, y: f64| {
@@ -111,14 +111,17 @@ fn a_scan_in_lines_is_sharper_with_the_shapes_of_its_splats_and_as_closed() {
         let view = PictureScene::choose(&file, &asked).unwrap().view;
         let (picture, _) = draw(&file, &asked, &Silent).unwrap();
         let open = picture.depth.iter().filter(|d| !d.is_finite()).count();
-        // The same by a session, which streams the plane.
+        // The same from a session, which streams the plane.
         let file = Arc::new(file);
         let options = Options {
+            settings: Settings {
+                method: Method::Ewa,
+                target_spacing_px: 0.0,
+                occlusion: false,
+                ..Settings::default()
+            },
             backend: Backend::Cpu,
-            method: Method::Ewa,
             size: SIZE,
-            target_spacing_px: 0.0,
-            occlusion: false,
             ..Options::default()
         };
         let mut session = Session::open(file, options).unwrap();

@@ -1,12 +1,12 @@
-//! Splats from a build to a picture: generated models whose clip lines come with them, and the same
-//! solids with lines that are found; golden pictures of both.
+//! Splats from a build to a picture: generated models with given clip lines, and the same solids
+//! with lines that the build finds; golden pictures of both.
 
 use super::flip::mean_flip;
 use super::look::read_png;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
-use esker_engine::draw::session::{Options, Session};
+use esker_engine::draw::session::{Options, Session, Settings};
 use esker_engine::io::picture;
 use esker_engine::machine::backend::{Backend, DrawWith};
 use esker_engine::{Method, NormalsMode, Picture};
@@ -17,7 +17,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Builds a model; `found` where its lines are to be found from its positions alone.
+/// Builds a model; with `found`, clip lines are found from positions only.
 fn built(model: &str, found: bool, test: impl FnOnce(&Forest)) {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("model.esker");
@@ -41,7 +41,7 @@ pub fn request(camera: &str, size: [u32; 2]) -> PictureRequest {
     }
 }
 
-/// The corners of the cube that is generated.
+/// Corners of the generated cube.
 fn corners() -> [DVec3; 8] {
     let turn = |turns: f64| (turns * std::f64::consts::TAU).sin_cos();
     let ((b, a), (d, c)) = (turn(0.07), turn(0.11));
@@ -52,7 +52,7 @@ fn corners() -> [DVec3; 8] {
     })
 }
 
-/// Distance of a place to the outline of the convex hull of others, negative inside.
+/// Distance of a point of the picture from the outline of a convex hull, negative inside.
 fn outside(place: DVec2, hull_of: &[DVec2]) -> f64 {
     let mut farthest = f64::NEG_INFINITY;
     for (i, &a) in hull_of.iter().enumerate() {
@@ -72,8 +72,8 @@ fn outside(place: DVec2, hull_of: &[DVec2]) -> f64 {
     farthest
 }
 
-/// Pixels that show something farther out of the cube than this, and that show nothing farther
-/// inside, as the picture's share.
+/// Fraction of the pixels that show something more than `pixels` outside the cube, or nothing more
+/// than `pixels` inside.
 fn wrong(file: &Forest, camera: &str, pixels: f64) -> f64 {
     let asked = request(camera, [320, 240]);
     let view = PictureScene::choose(file, &asked).unwrap().view;
@@ -92,8 +92,8 @@ fn wrong(file: &Forest, camera: &str, pixels: f64) -> f64 {
     wrong as f64 / drawn.depth.len() as f64
 }
 
-/// Views in which no face is seen flat; and some in which one is, where the low-pass reaches the
-/// edge from beyond the splats that have lines.
+/// Views in which no face is seen edge-on; and some in which one is, where the low-pass filter
+/// reaches the edge from splats without lines.
 const CAMERAS: [&str; 3] = [
     "direction=0.6,0.3,1;fovy=25",
     "direction=1,0.3,0.9;fovy=30",
@@ -106,7 +106,7 @@ const FLAT: [&str; 3] = [
 ];
 
 #[test]
-fn a_cube_that_brings_its_lines_has_its_outline_to_half_a_pixel() {
+fn a_cube_with_given_lines_has_its_outline_to_half_a_pixel() {
     built("synthetic:cube:3500", false, |file| {
         assert!(file.has(PlaneKind::ClipLines));
         for camera in CAMERAS {
@@ -139,15 +139,13 @@ fn a_session_draws_clip_lines_as_a_picture_does() {
             let file = Arc::new(Forest::open(file.path()).unwrap());
             let backend = Backend::Cpu;
             let size = [160, 120];
-            let target_spacing_px = 0.0;
-            let options = Options {
-                backend,
+            let settings = Settings {
                 method,
-                size,
-                target_spacing_px,
+                target_spacing_px: 0.0,
                 occlusion: false,
-                ..Options::default()
+                ..Settings::default()
             };
+            let options = Options { settings, backend, size, ..Options::default() };
             let mut session = Session::open(file, options).unwrap();
             let cut = session.settle(&view, Duration::from_secs(60)).unwrap();
             let slots = cut.nodes.iter().filter_map(|n| n.slot(PlaneKind::ClipLines)).count();

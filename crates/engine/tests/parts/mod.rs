@@ -1,5 +1,5 @@
-//! Scans in two parts: each built as a tree of its own, one appended to the other, beside all of it
-//! at once.
+//! Scans in two parts, each built as a tree of its own, one appended to the other; and the whole
+//! scan built at once.
 
 use esker_builder::{Options, append_sources, build_sources};
 use esker_format::Forest;
@@ -10,22 +10,21 @@ use esker_scan::source::Sink;
 use esker_scan::{OpenOptions, ReadReport, ScanError, Source, SourceInfo};
 use std::path::Path;
 
-/// Which points make the first part, and which the second.
+/// How points are divided into two parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Split {
     /// West and east.
     Space,
-    /// Each point by a throw of dice.
+    /// Each point at random.
     Shuffled,
     /// One of fifty everywhere, and the rest.
     Thinned,
-    /// One of thirty everywhere, and all of the others in the middle ninth; the rest is left out.
+    /// One of thirty everywhere, and all others in the middle ninth; the rest is left out.
     Patch,
 }
 
 impl Split {
-    /// The part of a point, the number of which is `i` and which lies at these shares of the
-    /// bounds.
+    /// Part of the point number `i` at the fraction `share` of the bounds.
     fn part(self, i: u64, share: [f64; 2]) -> Option<usize> {
         let dice = i.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
         match self {
@@ -38,7 +37,7 @@ impl Split {
     }
 }
 
-/// Those points of a scan that belong to one of these parts.
+/// The points of a scan that belong to a part.
 struct Part {
     scan: Box<dyn Source>,
     split: Option<Split>,
@@ -93,13 +92,13 @@ fn part(scan: &Path, split: Option<Split>, parts: &[usize]) -> Vec<Box<dyn Sourc
     vec![Box::new(Part { scan, split, parts: parts.to_vec() })]
 }
 
-/// An opened file and the folder that it lies in.
+/// An open file and its folder.
 pub struct Whole {
     pub file: Forest,
     _folder: tempfile::TempDir,
 }
 
-/// A scan built at once.
+/// Builds a scan at once.
 pub fn whole(scan: &Path, node_capacity: u32) -> Whole {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("whole.esker");

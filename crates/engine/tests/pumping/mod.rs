@@ -1,7 +1,6 @@
-//! No pumping of splats (issue of EWA splatting): on a slow way towards a scan prefixes and nodes
-//! change from frame to frame, and with them the radii that splats are drawn with. What that
-//! changes in a picture beyond what changes where every point is drawn, is small, and no frame
-//! stands out.
+//! No pumping of splats: on a slow approach to a scan, prefixes and nodes change from frame to
+//! frame, and with them the radii of splats. The change of a picture beyond that of a picture of
+//! all points is small, and no frame has a much greater one.
 
 use super::{Whole, uncovered};
 use esker_engine::calls::info;
@@ -13,28 +12,28 @@ use std::path::Path;
 
 /// Width and height of the pictures.
 const SIZE: [u32; 2] = [192, 144];
-/// Frames, and what is left of the distance from each to the next.
+/// Frames; below, the ratio of the distances of consecutive ones.
 const FRAMES: usize = 30;
 const NEARER: f64 = 0.985;
-/// Pixels on a side of the blocks whose mean colours are compared: what pumps is wider than a
-/// pixel.
+/// Width and height of the blocks of pixels whose mean colours are compared: what pumps is wider
+/// than a pixel.
 const BLOCK: usize = 8;
 
-/// What happens from frame to frame, over all frames.
+/// Changes from frame to frame, over all frames.
 #[derive(Debug, Default)]
 struct Pumping {
-    /// Root mean square of what blocks change by beyond the reference's, of 255: of the median
-    /// frame, and of the worst.
+    /// Root mean square of the changes of blocks beyond those of the reference, of 255: of the
+    /// median frame, and of the worst.
     median: f64,
     worst: f64,
-    /// Share of the picture by which what is covered grows or shrinks beyond the reference's, at
-    /// most.
+    /// Greatest fraction of the picture by which the covered part grows or shrinks beyond the
+    /// reference.
     swelling: f64,
     /// Frames in which another number of points is chosen.
     changes: usize,
 }
 
-/// The camera's way: a slow approach, obliquely from above.
+/// Path of the camera: a slow approach, obliquely from above.
 fn view(whole: &Whole, frame: usize) -> View {
     let [low, high] = info::bounds(&whole.file).map(DVec3::from_array);
     let (middle, half) = (low.midpoint(high), (high - low) / 2.0);
@@ -55,7 +54,7 @@ fn blocks(picture: &Picture) -> Vec<[f64; 3]> {
     sums
 }
 
-/// Root mean square of how differently two pairs of pictures change.
+/// Root mean square difference of the changes of two pairs of pictures.
 fn beyond(own: [&[[f64; 3]]; 2], wanted: [&[[f64; 3]]; 2]) -> f64 {
     let change = |[from, to]: [&[[f64; 3]]; 2], b: usize, k: usize| to[b][k] - from[b][k];
     let blocks = own[0].len();
@@ -63,12 +62,12 @@ fn beyond(own: [&[[f64; 3]]; 2], wanted: [&[[f64; 3]]; 2]) -> f64 {
     ((0..blocks).flat_map(square).sum::<f64>() / (3 * blocks) as f64).sqrt()
 }
 
-/// What is known of a frame.
+/// Results of a frame.
 struct Frame {
     points: usize,
     own: Vec<[f64; 3]>,
     wanted: Vec<[f64; 3]>,
-    /// Share of the picture that is covered more than the reference covers.
+    /// Fraction of the picture that is covered beyond the reference.
     swollen: f64,
 }
 
@@ -101,7 +100,7 @@ fn measure(whole: &Whole, target_px: f64) -> Pumping {
     found
 }
 
-/// Asserts that splats pump no more than surfaces closed by pull-push do, and by how much.
+/// Asserts that splats pump no more than surfaces by pull-push.
 fn assert_does_not_pump(scan: &Path, target_px: f64) {
     let folder = tempfile::tempdir().unwrap();
     let normals = NormalsMode::Estimate;

@@ -1,6 +1,6 @@
 //! Set of wanted ASPRS classes: parsed from numbers, ranges and names, stored as one bit each.
 
-use super::{FilterError, Side};
+use super::condition::{FilterError, Side};
 use std::str::FromStr;
 
 /// Names of the classes of LAS 1.4 R15, table 17, from class 0 on.

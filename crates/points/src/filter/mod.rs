@@ -4,19 +4,18 @@
 //! that unwanted nodes are not read, and for single points only in nodes that cross a border.
 
 mod classes;
+mod condition;
 mod polygon;
 
 pub use classes::Classes;
+pub use condition::{FilterError, Side};
 pub use polygon::{LatticePolygon, Polygon, Ring};
 
 use crate::lattice::Lattice;
 use crate::node::Node;
 use crate::strata::prefix_at_least;
+use condition::{PARTS, in_parts};
 use std::str::FromStr;
-
-/// Fractions of a step to which faces and corners are rounded once; all later tests are on
-/// integers.
-const PARTS: i64 = 256;
 
 /// Wanted points, in world units. Absent conditions accept all points.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -30,11 +29,6 @@ pub struct Filter {
     /// An even sample whose points are at most about this far apart, the file's unit.
     pub max_spacing: Option<f64>,
 }
-
-/// Message about an invalid filter.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct FilterError(pub String);
 
 /// A box in world units; without a third axis it is unbounded upwards and downwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,28 +60,6 @@ impl FromStr for Bounds {
             return Err(wrong("the least corner comes first"));
         }
         Ok(Self { min, max })
-    }
-}
-
-/// Position of a node's points relative to a filter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// No point is wanted.
-    Outside,
-    /// All points are wanted.
-    Inside,
-    /// Each point must be tested.
-    Across,
-}
-
-impl Side {
-    /// Side for two conditions that both must hold.
-    fn and(self, other: Self) -> Self {
-        match (self, other) {
-            (Self::Outside, _) | (_, Self::Outside) => Self::Outside,
-            (Self::Inside, Self::Inside) => Self::Inside,
-            _ => Self::Across,
-        }
     }
 }
 
@@ -219,12 +191,6 @@ impl PointTest {
 fn spacing(node: &Node) -> f64 {
     let spacing = f64::from(node.spacing);
     if spacing.is_finite() { spacing.max(0.0) } else { 0.0 }
-}
-
-/// Position of a world coordinate along an axis of the lattice, in parts of a step. Rounding makes
-/// a coordinate as people write it the step that it names, despite the error of `f64`. Saturates.
-fn in_parts(lattice: &Lattice, axis: usize, world: f64) -> i64 {
-    (lattice.steps_axis(axis, world) * PARTS as f64).round() as i64
 }
 
 /// The lattice points in the box.

@@ -4,7 +4,7 @@
 //! is inside any of them. Corners are rounded to 1/256 of a step once; all tests are on integers,
 //! so that no point is lost or doubled by rounding.
 
-use super::{FilterError, PARTS, Side, in_parts};
+use super::condition::{FilterError, PARTS, Side, in_parts};
 use crate::lattice::Lattice;
 use std::str::FromStr;
 

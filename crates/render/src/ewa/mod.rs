@@ -26,8 +26,7 @@ pub use blend::Passes;
 
 use crate::frame::Frame;
 use crate::inputs::camera::Camera;
-use crate::passes::gather::Lookup;
-use crate::passes::project::DrawList;
+use crate::inputs::lookup::{DrawList, Lookup};
 use crate::plan::FramePlan;
 use blend::Blend;
 use clip::Clipping;

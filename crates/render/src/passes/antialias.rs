@@ -1,13 +1,11 @@
-//! Soften: antialiasing where a surface ends before another or before the background, and at
-//! creases; elsewhere nothing changes. What is seen around such a pixel falls into two, before and
-//! behind the step. A weighted count of both is the pixel's coverage, which smooths the outline and
-//! gives it its share of a pixel; the two are mixed by it. In linear light, colours weighted by
-//! their alpha.
+//! Antialias: smooths outlines, where a surface ends in front of another or of the background, and
+//! creases; all other pixels stay. The surroundings of such a pixel are split at the step of depth
+//! into those in front and those behind. A weighted count of the pixels in front is its coverage,
+//! by which the mean colours of both are mixed, in linear light and weighted by alpha.
 //!
-//! A pixel shows a surface wherever a point or an ellipse touches it, so that outlines lie about
-//! half a pixel too far out. They are taken back by the slope of the count, which is how much of it
-//! a pixel's step makes; but not those of lines two pixels wide or less, of which too little would
-//! be left.
+//! A pixel shows a surface wherever a point or an ellipse touches it, so outlines lie about half a
+//! pixel too far out. They are taken back by the slope of the coverage, which is its change per
+//! pixel. Lines two pixels wide or less are not, since too little of them would be left.
 
 use crate::inputs::colour::{linear, words};
 use crate::picture::marks::{Marks, bits};
@@ -18,41 +16,39 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Weights of coverage an axis (binomial).
+/// Weights of coverage along an axis (binomial).
 pub(crate) const COVERAGE: [f32; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
 pub(crate) const COVERAGE_SUM: f32 = 256.0;
-/// Places of the weights, pixels from the middle.
+/// Positions of the weights, pixels from the middle.
 const PLACES: [f32; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
-/// Weights of colours an axis.
+/// Weights of colours along an axis.
 pub(crate) const COLOUR: [f32; 3] = [1.0, 2.0, 1.0];
 pub(crate) const COLOUR_SUM: f32 = 16.0;
-/// How much steeper the outline is than its weighted count. Steeper ones show steps again.
+/// Steepness of the outline over that of the weighted count. Steeper outlines show steps again.
 pub(crate) const STEEP: f32 = 1.5;
-/// How far outlines are taken back, pixels: of a sphere and a cube with normals, samples a pixel
-/// apart, alpha is off by 0.21 (root of the mean square where the true outline crosses a pixel),
-/// without by 0.35. More dents outlines of sparse samples.
+/// Distance by which outlines are taken back, pixels. More dents outlines of sparse samples.
 pub(crate) const INSET_PX: f32 = 0.4;
 /// Depth over width beyond which neighbouring pixels show two surfaces.
 pub(crate) const STEP_PX: f32 = 6.0;
-/// Square of the cosine below which neighbouring normals make a crease (30 degrees).
+/// Square of the cosine (30 degrees) below which neighbouring normals make a crease.
 pub(crate) const CREASE: f32 = 0.75;
 
-/// Whether two normals make a crease. Their lengths do not matter.
+/// Whether two normals of any length make a crease.
 #[inline]
 pub fn is_crease(a: Vec3, b: Vec3) -> bool {
     let dot = a.dot(b);
     dot * dot.max(0.0) < CREASE * a.length_squared() * b.length_squared()
 }
 
-/// [`is_crease`] for several pairs of normals.
+/// [`is_crease`] for registers of normals.
 #[inline(always)]
 pub fn are_creases<V: Values>(a: [V; 3], b: [V; 3]) -> V::Mask {
     let along = dot(a, b);
     (along * along.max(along.like(0.0))).cmplt(dot(a, a) * CREASE * dot(b, b))
 }
 
-/// Softens a picture of `width` pixels a row (sRGB, straight alpha): the pixels of `edges` that lie
-/// at a step of `depth` (infinite where there is nothing), and those of `creases`.
+/// Antialiases a picture of `width` pixels per row (sRGB, straight alpha): those pixels of `edges`
+/// that lie at a step of `depth` (infinite where the picture is empty), and those of `creases`.
 pub fn antialias(
     depth: &[f32],
     width: usize,
@@ -71,18 +67,18 @@ pub fn antialias(
     }
 }
 
-/// Where a picture is antialiased.
+/// Pixels of a picture to be antialiased.
 struct Outlines<'a> {
     depth: &'a [f32],
     width: usize,
-    /// The share of its depth beyond which there is a step.
+    /// Difference of neighbouring depths, over the depth, beyond which there is a step.
     near: f32,
     edges: &'a Marks,
     creases: &'a Marks,
 }
 
 impl Outlines<'_> {
-    /// The pixels of a run of rows that change, with their new colours.
+    /// Changed pixels in a run of whole rows, with their new colours.
     fn antialiased(&self, shown: &[[u8; 4]], pixels: Range<usize>) -> Vec<(u32, [u8; 4])> {
         let mut antialiased = Vec::new();
         for y in pixels.start / self.width..pixels.end / self.width {
@@ -91,7 +87,7 @@ impl Outlines<'_> {
         antialiased
     }
 
-    /// Adds those of a row.
+    /// Appends the changed pixels of row `y`.
     #[inline(always)]
     fn antialias_row<S: Simd>(
         &self,
@@ -121,19 +117,19 @@ impl Outlines<'_> {
     }
 }
 
-/// Rows of depths around eight pixels, two to each side.
+/// Five rows of depths around eight pixels, with two pixels on either side.
 type Depths<'a> = [&'a [f32; EIGHT + 4]; 5];
 
-/// The depths between the two sides of the greatest steps from eight pixels to a neighbour, where
-/// these are more than the share `near` of the depth; else infinity.
+/// Depth halfway across the greatest step from each of eight pixels to a neighbour, if that is more
+/// than the share `near` of the depth; else infinity.
 #[inline(always)]
 fn split<S: Simd>(simd: S, depths: Depths<'_>, near: f32) -> f32x8<S> {
     let here = eight(simd, depths[2], 2);
     let (mut most, mut split) = (here.like(0.0), here.like(f32::INFINITY));
     for (row, from) in [(2, 1), (2, 3), (1, 2), (3, 2)] {
         let beside = eight(simd, depths[row], from);
-        // Infinity less infinity is no number, which is no step; nor is there one to what lies
-        // beyond the picture.
+        // Infinity minus infinity is NaN, which is no step, as there is none to a pixel outside the
+        // picture.
         let (step, nearer) = ((beside - here).abs(), beside.min(here));
         let is_most = (nearer * near).cmplt(step) & most.cmplt(step);
         let between = (nearer + step * 0.5).min(step.like(f32::MAX));
@@ -143,7 +139,7 @@ fn split<S: Simd>(simd: S, depths: Depths<'_>, near: f32) -> f32x8<S> {
     split
 }
 
-/// Eight pixels' surroundings before `split` and behind it, mixed.
+/// Mixes the surroundings of eight pixels in front of `split` and behind it.
 #[inline(always)]
 fn mixed<S: Simd>(
     simd: S,
@@ -153,9 +149,9 @@ fn mixed<S: Simd>(
 ) -> [[u8; 4]; EIGHT] {
     let (zero, one) = (split.like(0.0), split.like(1.0));
     let is_before = |row: usize, from: usize| eight(simd, depths[row], from).cmple(split);
-    // What the count changes by, towards what is before, is its sum of places.
+    // The slope of the coverage, towards the front, is the weighted sum of positions.
     let (mut coverage, mut slope) = (zero, [zero; 2]);
-    // Which of the surroundings are before, a bit each.
+    // Surroundings that are in front, a bit each.
     let mut places = simd.splat_u32x8(0);
     for (row, (down, y)) in COVERAGE.into_iter().zip(PLACES).enumerate() {
         let (mut count, mut across) = (zero, zero);
@@ -173,7 +169,7 @@ fn mixed<S: Simd>(
     let is_inside = is_inside(slope, places);
     let length = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
     coverage -= only(is_inside, length * INSET_PX);
-    // Colours times alpha, alpha, and their weights.
+    // Colours times alpha, alpha, and the sum of weights.
     let (mut before, mut all, mut weight) = ([zero; 4], [zero; 4], zero);
     for (row, down) in COLOUR.into_iter().enumerate() {
         let light = lit(shown[row]);
@@ -205,7 +201,7 @@ fn mixed<S: Simd>(
     })
 }
 
-/// Colours of a row in linear light times alpha, and alpha: plane after plane.
+/// Colours of a row in linear light times alpha, and alpha, component by component.
 #[inline(always)]
 fn lit<const N: usize>(shown: &[[u8; 4]; N]) -> [[f32; N]; 4] {
     let mut planes = [[0.0; N]; 4];
@@ -216,12 +212,12 @@ fn lit<const N: usize>(shown: &[[u8; 4]; N]) -> [[f32; N]; 4] {
     planes
 }
 
-/// Whether of the surroundings of eight pixels that lies before which lies two pixels from the
-/// middle in a direction. Whole numbers and no root, so that processors and GPUs choose the same.
+/// Whether the pixel two pixels from the middle, in a direction towards the front, is in front too,
+/// for eight pixels. Whole numbers and no root, so that processors and GPUs decide alike.
 #[inline(always)]
 fn is_inside<S: Simd>([x, y]: [f32x8<S>; 2], places: u32x8<S>) -> mask32x8<S> {
     let square = x * x + y * y;
-    // Rounded: beyond three quarters of the way two, beyond a quarter one.
+    // Rounded: two pixels beyond three quarters of the way, one beyond a quarter.
     let steps = |along: f32x8<S>| {
         let part = along * along * 16.0;
         let one = along.like(1.0);
@@ -258,14 +254,13 @@ mod tests {
 
     #[test]
     fn an_outline_is_taken_back_by_less_than_half_a_pixel_and_colours_do_not_darken() {
-        // Red from column 6 on, nothing to the left.
+        // Red from column 6 on, empty to the left.
         let pixel = |i: usize| if i % SIDE < 6 { [0; 4] } else { [200, 0, 0, 255] };
         let mut rgba: Vec<u8> = (0..SIDE * SIDE).flat_map(pixel).collect();
         antialiased(|i| if i % SIDE < 6 { f32::INFINITY } else { 1.0 }, &mut rgba);
         let row = &rgba.as_chunks::<4>().0[5 * SIDE..6 * SIDE];
         assert_eq!([row[4], row[7]], [[0; 4], [200, 0, 0, 255]]);
-        // Of the pixel that the outline was beside, 0.44 are taken, and nothing is left of the one
-        // beyond.
+        // Coverage 0.56 is left of the pixel at the outline, and nothing of the pixel beyond.
         assert!(row[5][3] <= 2 && (140..=144).contains(&row[6][3]), "{row:?}");
         assert!(row[6][0].abs_diff(200) <= 1);
     }
@@ -280,8 +275,8 @@ mod tests {
             antialiased(|i| if is_line(i) { 1.0 } else { f32::INFINITY }, &mut rgba);
             let row = &rgba.as_chunks::<4>().0[5 * SIDE..6 * SIDE];
             let alphas = row.iter().map(|p| f32::from(p[3]) / 255.0).sum::<f32>();
-            // As much as there was without taking anything back: 0.56 and 1.81; of two pixels, what
-            // lies beyond them goes.
+            // Coverage of an outline that is not taken back; of two pixels, the part beyond them
+            // goes.
             let expected = [0.5625, 1.375, 2.1125][width - 1];
             assert!((alphas - expected).abs() < 0.02, "{alphas} of {width}");
         }

@@ -1,17 +1,16 @@
-//! Average: where several points fall on a pixel, the winner is chance, so that colours alias and
-//! flicker when the view moves (a limitation that marroquim2007 names in section 5). A second pass
-//! over the points, after gather, averages all points of a pixel's front surface, as the
-//! high-quality splatting of schuetz2021 does. That takes points within 1 % of the front depth;
-//! this pass takes points in front of the end of the winner's depth interval, moved along its plane
-//! as pull does ([`crate::passes::tangent`]): with normals, a wall a radius behind another has no
-//! part in it.
+//! Average: where several points fall on a pixel, it is chance which one wins, so colours alias and
+//! flicker when the view moves (a limitation named in `marroquim2007`, section 5). This second pass
+//! over the points, after gather, averages all points of a pixel's front surface (`schuetz2021`,
+//! high-quality splatting). The front surface ends with the depth interval of the winner, moved
+//! along its plane as in pull ([`crate::passes::tangent`]), instead of 1 % behind it: with normals,
+//! a wall a radius behind another does not take part.
 //!
-//! Sums are of integers, so that the order of addition does not matter. Depths are compared as
-//! `focal_px / depth`, which is linear in the picture along a plane.
+//! Sums are integers, so the order of adding does not matter. Depths are compared by the pixels
+//! that a unit of length takes there, `focal_px / depth`, which is linear in the picture along a
+//! plane.
 
 use crate::inputs::camera::{Camera, NodePlace};
-use crate::passes::gather::Lookup;
-use crate::passes::project::{is_hidden, normal_at};
+use crate::inputs::lookup::{Lookup, is_hidden, normal_at};
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{Level, Planes, for_each_row};
 use crate::simd::values::Lane;
@@ -20,33 +19,33 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Steps of a summand from 0 to 1.
+/// Steps that values from 0 to 1 are quantised to before they are summed.
 pub(crate) const STEPS: f32 = 16_383.0;
-/// Greatest component of a mean normal that counts as none.
+/// Greatest component of a mean of normals that counts as no normal.
 const NO_NORMAL: f32 = 2.0 / STEPS;
-/// Most points of a pixel whose sums fit into 32 bits; with more points the winner stays.
+/// Most points of a pixel whose sums fit into 32 bits; with more, the winner stays.
 pub(crate) const POINTS_MAX: f32 = 262_144.0;
-/// Points of a job.
+/// Points per job.
 const JOB_POINTS: usize = 1 << 14;
-/// Points of a block, which are projected before any is added, so that the arithmetic has no
-/// branches.
+/// Points that are projected together, before any is added, by arithmetic without branches.
 const BLOCK: usize = 64;
 
-/// Sums of the pixels of a picture. Memory is kept from frame to frame.
+/// Sums for the pixels of a picture. Memory is kept from frame to frame.
 #[derive(Debug, Default)]
 pub struct Averages {
-    /// Plane of the winner: its scale (`focal_px / depth`) at the centre of the pixel, the change
-    /// of the scale a pixel to the right and down, and the decrease of the scale to the end of the
-    /// depth interval. The scale is infinite without a winner.
+    /// Plane of each pixel's winner: its scale (`focal_px / depth`) at the pixel's centre, the
+    /// change of the scale per pixel to the right and downwards, and the difference to the scale
+    /// where the depth interval ends. The scale is infinite if there is no winner.
     planes: Vec<Vec4>,
     /// Red and green, blue and the number of points, normal x and y, normal z and depth: two sums
-    /// of 32 bits in each word. Depth is summed only without normals: with normals the winner's
-    /// depth is exact on its plane.
+    /// of 32 bits each. With normals depths are not summed: the winner's is exact on its plane, and
+    /// a mean is no better.
     sums: Vec<[AtomicU64; 4]>,
 }
 
 impl Averages {
-    /// Replaces the winners' attributes in `base` by means over their pixels' front surfaces.
+    /// Replaces the attributes of the winners in `base` by the means of their pixels' front
+    /// surfaces.
     pub fn run(&mut self, lookup: &Lookup<'_>, lens: &Lens, base: &mut Level) {
         self.begin(lens, base);
         match base.planes() {
@@ -56,7 +55,7 @@ impl Averages {
         self.finish(lens, base);
     }
 
-    /// Stores the winners' planes and clears the sums.
+    /// Stores the planes of the winners and clears the sums.
     fn begin(&mut self, lens: &Lens, base: &Level) {
         self.planes.resize(base.front.len(), Vec4::ZERO);
         self.sums.resize_with(base.front.len(), Default::default);
@@ -86,19 +85,18 @@ impl Averages {
         let mut offsets = [[0; BLOCK]; 3];
         for start in run.clone().step_by(BLOCK) {
             let count = positions.offsets(start, &mut offsets).min(run.end - start);
-            let block = PointBlock::new(camera, place, &offsets);
+            let at = PixelPositions::new(camera, place, &offsets);
             for k in 0..count {
-                let pixel = block.pixels[k] as usize;
+                let pixel = at.pixels[k] as usize;
                 let Some(plane) = self.planes.get(pixel) else { continue };
-                let behind =
-                    plane.x + plane.y * block.dx[k] + plane.z * block.dy[k] - block.scale[k];
-                // The scale is infinite without a winner.
+                let behind = plane.x + plane.y * at.dx[k] + plane.z * at.dy[k] - at.scale[k];
+                // Infinite if there is no winner.
                 if behind > plane.w {
                     continue;
                 }
                 let (i, offset) = (start + k, offsets.map(|axis| axis[k]));
                 let from_eye = place.steps_from_eye(offset) * camera.step;
-                // Zero for a point without a normal.
+                // Zero if the point has no normal.
                 let mut normal = planes.normal.map_or(Vec3::ZERO, |plane| normal_at(plane, i));
                 let looks_away = normal.dot(from_eye) > 0.0;
                 let is_hidden = frame.hides_points && is_hidden(planes.position, i);
@@ -109,7 +107,7 @@ impl Averages {
                     normal = -normal;
                 }
                 let sums = &self.sums[pixel];
-                let colour = lookup.colour(draw, i, offset, camera.focal_px / block.scale[k]);
+                let colour = lookup.colour(draw, i, offset, camera.focal_px / at.scale[k]);
                 sums[0].fetch_add(pair(colour.x, colour.y), Relaxed);
                 sums[1].fetch_add(steps(colour.z) | 1 << 32, Relaxed);
                 if NORMALS {
@@ -124,9 +122,9 @@ impl Averages {
         }
     }
 
-    /// Writes the means of pixels with more than one point; a single point is already there,
-    /// exactly. A sum that overflows spills into the next one, so that the number of points is
-    /// never too small.
+    /// Writes the means of pixels with more than one point; a single point is there already,
+    /// exactly. Sums that overflow run into the next one, so the number of points is never too
+    /// small.
     fn finish(&self, lens: &Lens, base: &mut Level) {
         let width = base.width;
         for_each_row(base, |row| {
@@ -147,7 +145,7 @@ impl Averages {
                 if let Some(normal) = row.normal.get_mut(x) {
                     let mean = Vec3::new(low(sums[2]), high(sums[2]), low(sums[3]));
                     let mean = mean * 2.0 - Vec3::ONE;
-                    // For points without normals the mean is zero apart from the rounding to steps.
+                    // Without normals the mean differs from zero by the rounding to steps.
                     let is_none = mean.abs().max_element() <= NO_NORMAL;
                     *normal = if is_none { Vec3::ZERO } else { mean }.extend(normal.w);
                     continue;
@@ -162,7 +160,7 @@ impl Averages {
     }
 }
 
-/// Plane of the winner of a pixel, in the form of [`Averages`].
+/// Plane of the winner of a pixel, in the form of [`Averages::planes`].
 fn plane_of(lens: &Lens, base: &Level, x: usize, y: usize) -> Vec4 {
     let pixel = y * base.width + x;
     let front = base.front[pixel];
@@ -175,7 +173,7 @@ fn plane_of(lens: &Lens, base: &Level, x: usize, y: usize) -> Vec4 {
         (Some(normal), _) => {
             let own = [normal.x, normal.y, normal.z].map(Lane::splat);
             let facing = lens.facing(own, (centre - displaced).to_array().map(Lane::splat));
-            // Divided first: the scale over the zero of a missing normal is infinite.
+            // Divided first: with a zero normal, the scale over it would be infinite.
             Vec2::new(normal.x, -normal.y) / facing.x * scale
         }
         (None, Some(tilt)) => Vec2::new(-tilt.x, tilt.y) * scale,
@@ -185,7 +183,7 @@ fn plane_of(lens: &Lens, base: &Level, x: usize, y: usize) -> Vec4 {
     Vec4::new(scale + slope.dot(displaced), slope.x, slope.y, scale - ends)
 }
 
-/// Converts a number from 0 to 1 to steps; NaN is 0.
+/// Quantises a number from 0 to 1; NaN becomes 0.
 #[inline(always)]
 fn steps(value: f32) -> u64 {
     (value.clamp(0.0, 1.0) * STEPS + 0.5) as u64
@@ -196,20 +194,20 @@ fn pair(low: f32, high: f32) -> u64 {
     steps(low) | steps(high) << 32
 }
 
-/// A block of projected points.
-struct PointBlock {
-    /// Pixel of each point, row by row; beyond all pixels for points outside the picture.
+/// Positions of a block of points on the picture.
+struct PixelPositions {
+    /// Pixels, row by row; all bits are set for points outside the picture.
     pixels: [u32; BLOCK],
-    /// Offset from the centre of the pixel, pixels.
+    /// From the pixel's centre, pixels.
     dx: [f32; BLOCK],
     dy: [f32; BLOCK],
     /// `focal_px / depth`.
     scale: [f32; BLOCK],
 }
 
-impl PointBlock {
-    /// Projects points with the same operations as [`crate::passes::project`], so that each is at
-    /// the same pixel.
+impl PixelPositions {
+    /// Projects points by the operations of [`crate::passes::project`], so that each falls on the
+    /// same pixel.
     #[inline(always)]
     fn new(camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) -> Self {
         let [right, up, back] = camera.view_from_world;
@@ -218,8 +216,8 @@ impl PointBlock {
         let [width, height] = camera.size.map(|s| s as f32);
         let row = camera.size[0];
         let zero = [0.0; BLOCK];
-        let mut block = Self { pixels: [0; BLOCK], dx: zero, dy: zero, scale: zero };
-        let Self { pixels, dx, dy, scale: scales } = &mut block;
+        let mut at = Self { pixels: [0; BLOCK], dx: zero, dy: zero, scale: zero };
+        let Self { pixels, dx, dy, scale: scales } = &mut at;
         let places = pixels.iter_mut().zip(dx).zip(dy.iter_mut().zip(scales));
         for (k, ((pixel, dx), (dy, scale_there))) in places.enumerate() {
             let x = place.axis_steps(0, offsets[0][k]) * step.x;
@@ -238,6 +236,6 @@ impl PointBlock {
             *dy = at_y - line as f32 - 0.5;
             *scale_there = scale;
         }
-        block
+        at
     }
 }

@@ -1,18 +1,18 @@
-//! The elliptical box filter (marroquim2007 section 3.2): the orthogonal projection of a point's
+//! The elliptical box filter (`marroquim2007`, section 3.2): the orthogonal projection of a point's
 //! disc onto the picture. Its major axis is twice the radius, across the normal's projection; its
 //! minor axis is the major one times the normal's z, or a little more ([`crate::passes::gather`]).
 
 use crate::simd::values::Values;
 
-/// Whether places lie in the ellipse: offsets from its centre and `radius` in pixels (y down); of
-/// the normal in view space (y up), x and y, of any length, and the minor axis over the major one,
-/// at most 1.
+/// Whether positions lie in an ellipse. Given are their offsets from its centre and its `radius`
+/// (pixels, y down); x and y of the disc's normal in view space (y up), of any length; and the
+/// minor axis over the major one, at most 1.
 ///
-/// With offset v, share w of the minor axis and m the normal's projection, the ellipse is
-/// `(v.m/|m|)^2 / (r w)^2 + (v x m/|m|)^2 / r^2 <= 1`. Multiplied out that is
-/// `(v.m)^2 (1 - w^2) <= (r^2 - |v|^2) w^2 |m|^2`: there is no division, and as m is squared
-/// everywhere, its length cancels. Edge on (w = 0) the inequality holds along a whole line, hence
-/// the circle as well; without a direction (m = 0) the circle alone is left.
+/// With offset v, minor over major axis w and projection m of the normal, the ellipse is
+/// `(v.m/|m|)^2 / (r w)^2 + (v x m/|m|)^2 / r^2 <= 1`. Multiplied out that is `(v.m)^2 (1 - w^2) <=
+/// (r^2 - |v|^2) w^2 |m|^2`: there is no division, and as m is squared everywhere, its length
+/// cancels. For a disc seen edge-on (w = 0) the inequality holds along a whole line, hence the test
+/// of the circle; without a direction (m = 0) only the circle is tested.
 #[inline(always)]
 pub(crate) fn covers_at<V: Values>([x, y]: [V; 2], radius: V, [nx, ny, share]: [V; 3]) -> V::Mask {
     let beyond = x * x + y * y - radius * radius;
@@ -28,7 +28,7 @@ mod tests {
     use super::*;
     use glam::{Vec2, Vec4};
 
-    /// A disc that faces the viewer: x, y and share of the minor axis.
+    /// A disc that faces the viewer: normal's x and y, unused, and minor over major axis.
     const FACING: Vec4 = Vec4::new(0.0, 0.0, 1.0, 1.0);
     /// A point without a normal.
     const UNKNOWN: Vec4 = Vec4::new(0.0, 0.0, 0.0, 1.0);
@@ -49,7 +49,7 @@ mod tests {
 
     #[test]
     fn the_minor_axis_lies_along_the_normal_and_is_shortened_by_its_z() {
-        // Tilted by 60 degrees towards the upper right: nz = 1/2. Length does not matter.
+        // Tilted by 60 degrees towards the upper right, so nz = 1/2. Length does not matter.
         let n = Vec4::new(0.6 * 7.0, 0.8 * 7.0, 0.0, 0.5);
         let (along, across) = (Vec2::new(0.6, -0.8), Vec2::new(0.8, 0.6));
         assert!(covers(along * 1.99, 4.0, n) && !covers(along * 2.01, 4.0, n));

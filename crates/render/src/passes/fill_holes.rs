@@ -1,11 +1,10 @@
-//! Fill holes: closes gaps of the front surface through which a farther surface or the background
-//! shows. A gap is a pixel behind nearly all of its neighbours, or with something in front of it
-//! within its radius in every direction (after the masks of rosenthal2008). It takes the mean of
-//! the surrounding pixels. Pull-push leaves such gaps where a mean ellipse does not cover a pixel
-//! that its parts cover, and where a depth interval has grown so long that it includes the surface
-//! behind.
+//! Fill holes (after the masks of `rosenthal2008`): a pixel that lies behind nearly all of its
+//! neighbours, or behind a surface within its radius in every direction, is a gap in the surface in
+//! front. It takes the mean of the neighbours in front. Pull-push leaves gaps where the mean of
+//! several ellipses misses a pixel that they cover, and where a depth interval has grown so long
+//! that it includes the surface behind.
 //!
-//! A gap takes nothing from other gaps: no pixel is both read and written in a round, so that a GPU
+//! A gap takes nothing from other gaps: pixels that a round reads are not written in it, so a GPU
 //! may close all gaps at once, in place.
 
 use crate::passes::silhouette::rim::{AROUND, Grid};
@@ -17,19 +16,19 @@ use fearless_simd::{Level as Width, Simd, dispatch};
 use glam::Vec4;
 use rayon::prelude::*;
 
-/// Least number of the eight neighbours in front of a gap. A gap one pixel wide has six.
+/// Least number of the eight neighbours that are in front. A gap one pixel wide has six.
 pub(crate) const SURROUNDED: usize = 6;
-/// Least number of neighbours in front of a corner, as the four pixels of a gap of two by two are.
-/// It is a gap if in all eight directions something in front begins within its own radius and
-/// within `WITHIN_PX` pixels: discs of sparser samples would not close it either. (With three
-/// pixels hidden nodes change pictures of offices.)
+/// Least number of neighbours in front of a pixel that is enclosed: the pixels of a gap two by two
+/// pixels wide have five. A pixel is enclosed if in all eight directions a surface in front begins
+/// within its own radius, and within [`WITHIN_PX`]: discs of samples farther apart would not close
+/// the gap either. Three pixels would exceed the bound of `crates/engine/tests/occlusion.rs`.
 pub(crate) const CORNERED: usize = 5;
 pub(crate) const WITHIN_PX: usize = 2;
-/// Least distance in front, over the radius, with normals and without: surfaces with normals are
-/// thinner, and gaps show nearer ones. And the least distance in pixels.
+/// Least distance of the neighbours in front, over their radius, with normals and without:
+/// intervals are shorter with normals, so gaps show nearer surfaces. And their least value, pixels.
 pub(crate) const BEFORE: [f32; 2] = [0.5, 1.0];
 pub(crate) const BEFORE_MIN_PX: f32 = 1.0;
-/// Number of rounds: the second one closes gaps that the first has left one pixel wide.
+/// Number of rounds: the second closes the pixels that the first left of wider gaps.
 pub(crate) const ROUNDS: usize = 2;
 
 /// New attributes of a pixel.
@@ -41,19 +40,19 @@ struct Patch {
     normal: Vec4,
 }
 
-/// Closes gaps of `base`, whose depth image is `depth` (infinite without a surface).
+/// Closes gaps of `base`; `depth` is its depth image, infinite where the picture is empty.
 pub fn fill_holes(base: &mut Level, depth: &mut [f32], focal_px: f32) {
     let mut patched = close(base, depth, None, focal_px);
     for _ in 1..ROUNDS {
-        // Only closed gaps and pixels near them can still be gaps.
+        // Only gaps that were closed, and pixels near enough to see one, may have changed.
         let near = (0..WITHIN_PX).fold(patched, |near, _| near.grown(true));
         patched = close(base, depth, Some(&near), focal_px);
     }
 }
 
-/// Closes all gaps, or those among some pixels, and returns them.
-fn close(base: &mut Level, depth: &mut [f32], among: Option<&Marks>, focal_px: f32) -> Marks {
-    let gaps = gaps(base, depth, among, focal_px);
+/// Runs one round, among the pixels of `within` if given. Returns the pixels that were closed.
+fn close(base: &mut Level, depth: &mut [f32], within: Option<&Marks>, focal_px: f32) -> Marks {
+    let gaps = gaps(base, depth, within, focal_px);
     let patches = gaps.pixels().filter_map(|p| patch(base, depth, focal_px, &gaps, p));
     let patches: Vec<Patch> = patches.collect();
     let mut patched = Marks::new(base.width, base.height);
@@ -76,8 +75,8 @@ fn close(base: &mut Level, depth: &mut [f32], among: Option<&Marks>, focal_px: f
     patched
 }
 
-/// Gaps among some pixels, or all of them.
-fn gaps(base: &Level, depth: &[f32], among: Option<&Marks>, focal_px: f32) -> Marks {
+/// Gaps among the pixels of `within`, or of the whole picture.
+fn gaps(base: &Level, depth: &[f32], within: Option<&Marks>, focal_px: f32) -> Marks {
     let Level { width, height, .. } = *base;
     let least = 1.0 + BEFORE_MIN_PX / focal_px;
     Marks::of_rows(width, height, |y, band| {
@@ -85,8 +84,8 @@ fn gaps(base: &Level, depth: &[f32], among: Option<&Marks>, focal_px: f32) -> Ma
         dispatch!(Width::new(), simd => {
             for x in (0..width).step_by(EIGHT) {
                 let (pixel, count) = (y * width + x, EIGHT.min(width - x));
-                let wanted = among.map_or((1 << count) - 1, |among| among.run(pixel, count));
-                // Most pixels are none, which needs no radii to find out.
+                let wanted = within.map_or((1 << count) - 1, |within| within.run(pixel, count));
+                // Most pixels are not gaps, which is decided without their radii.
                 if wanted != 0 {
                     let gaps = bits(wanted & surrounded(simd, rows, x, least)).map(|k| pixel + k);
                     gaps.filter(|&p| is_gap(base, depth, focal_px, p)).for_each(|p| band.set(p));
@@ -96,8 +95,8 @@ fn gaps(base: &Level, depth: &[f32], among: Option<&Marks>, focal_px: f32) -> Ma
     })
 }
 
-/// Marks those of eight pixels, a bit each, with enough neighbours whose depth times `times` is
-/// less than theirs.
+/// Pixels among eight (a bit each) with at least [`CORNERED`] neighbours whose depth times `times`
+/// is less than their own.
 #[inline(always)]
 fn surrounded<S: Simd>(simd: S, rows: [&[f32]; 3], x: usize, times: f32) -> u64 {
     let mut space = [[0.0; _]; 3];
@@ -118,14 +117,15 @@ fn around(base: &Level, pixel: usize) -> Option<[usize; 8]> {
     grid.around(grid.place(pixel))
 }
 
-/// Whether a pixel is a gap.
+/// Whether a pixel is a gap: enough neighbours are in front of it by more than a share of their
+/// radius.
 fn is_gap(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> bool {
     let Some(around) = around(base, pixel) else { return false };
     let count = around.into_iter().filter(|&n| is_before(base, depth, focal_px, n, pixel)).count();
     count >= SURROUNDED || count >= CORNERED && is_enclosed(base, depth, focal_px, pixel)
 }
 
-/// Whether in every direction something in front of a pixel begins within its own radius.
+/// Whether in every direction a surface in front of a pixel begins within its own radius.
 fn is_enclosed(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> bool {
     let grid = Grid { width: base.width, height: base.height };
     let place = grid.place(pixel);
@@ -144,7 +144,8 @@ fn is_before(base: &Level, depth: &[f32], focal_px: f32, pixel: usize, behind: u
     depth[pixel] * (1.0 + reach / focal_px) < depth[behind]
 }
 
-/// Mean of the neighbours in front that are no gaps, if there are any.
+/// New attributes of a gap: the mean of the neighbours in front that are not gaps, if there are
+/// any.
 fn patch(base: &Level, depth: &[f32], focal_px: f32, gaps: &Marks, pixel: usize) -> Option<Patch> {
     let mut count = 0;
     let mut patch =
@@ -173,7 +174,8 @@ mod tests {
 
     const SIDE: usize = 24;
 
-    /// A near surface of red points, with the depths of `depth`.
+    /// Fills the holes of a near surface of red points, which has other depths where `depth` gives
+    /// them.
     fn filled(depth: impl Fn(usize, usize) -> f32) -> Vec<f32> {
         let mut pyramid = Pyramid::default();
         pyramid.fit(SIDE, SIDE, Planes::None);
@@ -207,7 +209,7 @@ mod tests {
         let scene = |x, y| match (x, y) {
             (0..3, _) => f32::INFINITY,
             (8..12, 8..12) => 5.0,
-            // Longer than the radius of discs.
+            // Longer than the radius of the discs.
             (14..16, 17..20) => 5.0,
             _ => 1.0,
         };

@@ -1,16 +1,17 @@
-//! Fit planes: estimates planes of surfaces without normals from the depths around them, so that
-//! depths can be moved along planes ([`crate::passes::tangent`]) as with normals. Otherwise the
-//! depth intervals of neighbouring places must be long to meet on a slope, and surfaces up to twice
-//! a radius behind show through.
+//! Fits planes to surfaces without normals, from a frame buffer of depths, so that depths can be
+//! moved along them ([`crate::passes::tangent`]) as along those of normals. Without planes, depth
+//! intervals have to be long to meet on a slope, and a surface up to two radii behind another shows
+//! through (`docs/design/surfaces.md`).
 //!
-//! Squares of four pixels keep their nearest point, with its exact position. Of the planes through
-//! that point and two of its neighbours, and the flat plane, the one is taken that the eight
-//! neighbouring points are nearest to. Their mean distance is the trust in the plane: the less it
-//! is trusted, the less it tilts and the longer the depth intervals are, up to those without a
-//! plane.
+//! Each square of 4 x 4 pixels keeps its nearest point, which is in the front surface. Of the
+//! planes through that point and two of its neighbours, and the plane that faces the viewer, the
+//! one with the least sum of distances to the eight neighbours is taken. The mean distance says how
+//! far the plane is to be trusted: neighbours on a wall lie on its plane, those at an edge or in
+//! leaves do not. The less a plane is trusted, the less it tilts and the longer the depth interval
+//! is.
 //!
-//! No plane is fitted where discs are wider than a square: planes of so few points would change
-//! with a single hidden point, or with a node that arrives.
+//! No plane is fitted for discs wider than a square: where points are that few, planes would change
+//! with a single point of a hidden surface, or of a node that arrives.
 
 use crate::passes::project::{EMPTY, unpack};
 use crate::simd::values::{EIGHT, Values, load, only};
@@ -18,74 +19,79 @@ use fearless_simd::{Level as Simd, Simd as Token, dispatch};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Side of a square, pixels, and the greatest radius of discs that get a plane.
+/// Side of a square, pixels, and greatest radius of the discs that planes are fitted for.
 pub const SQUARE_PX: usize = 4;
 /// Length of the depth interval over the drawn radius where no plane is fitted: a disc of unknown
-/// tilt reaches far back. With one, floors seen at a slant break into steps.
+/// tilt reaches far back. With one, floors seen at a grazing angle break into steps.
 pub const BARE_REACH: f32 = 2.0;
-/// Greatest distance of a neighbour from a plane that counts: the change of depth of a slope this
-/// steep over the side of a square.
+/// Greatest distance of a neighbour from a plane that counts, as a slope across the width of a
+/// square.
 pub(crate) const OFF_MAX: f32 = 1.0;
-/// Greatest number of neighbouring squares without a point: thin surfaces and borders get no plane.
+/// Most neighbours within the picture without a point: no plane is fitted to thin or ending
+/// surfaces.
 pub(crate) const MISSING_MAX: f32 = 1.0;
-/// Least area between two neighbours over that of a square: points on a line define no plane.
+/// Least area between two neighbours, over that of a square: no plane is fitted to points on a
+/// line.
 pub(crate) const AREA_MIN: f32 = 0.2;
-/// Least improvement of a plane's sum of distances, over the greatest distance that counts; smaller
-/// ones are rounding.
+/// Least improvement of the sum of distances by another plane, over the greatest distance that
+/// counts: less is rounding.
 pub(crate) const BETTER: f32 = 1e-3;
-/// Marks squares outside the picture in `near`, which else holds 1 / depth.
+/// Marks squares outside the picture in `near`, which otherwise holds 1 / depth.
 const OUTSIDE: f32 = -1.0;
-/// Greatest relative difference of 1 / depth to a neighbour, so that all values stay finite.
+/// Greatest relative difference of a neighbour's 1 / depth, so that all values stay finite.
 pub(crate) const NEARER_MAX: f32 = 1e6;
-/// Neighbours of a square: those beside it in a circle, then those at its corners.
+/// Neighbours of a square: those at its sides, in a circle, then those at its corners.
 const AROUND: [[isize; 2]; 8] =
     [[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]];
 
 /// How far planes are trusted.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Trust {
-    /// Length of the depth interval across a fully trusted plane, over the drawn radius.
+    /// Length of the depth interval across a plane on which all neighbours lie, over the drawn
+    /// radius.
     pub(crate) reach: f32,
-    /// Mean distances from a plane, over the greatest that counts, between which the trust falls
-    /// from full to none.
-    pub(crate) off: [f32; 2],
+    /// Mean distances from a plane, over the greatest that counts, up to which it is trusted fully,
+    /// and from which it is not trusted.
+    pub(crate) distance: [f32; 2],
 }
 
-/// Trust where points do not crowd. Intervals are shorter than the stored radius, since planes are
-/// estimates.
-pub(crate) const APART: Trust = Trust { reach: 0.8, off: [0.2, 0.4] };
-/// Trust where points crowd: averages over all points in the interval suppress flicker, which short
-/// intervals would bring back. More trust changes pictures with hidden nodes.
-pub(crate) const CROWDED: Trust = Trust { reach: BARE_REACH, off: [0.18, 0.35] };
+/// Trust where points lie apart. Intervals are shorter than a stored radius, since fitted planes
+/// are rough.
+pub(crate) const APART: Trust = Trust { reach: 0.8, distance: [0.2, 0.4] };
+/// Trust where points crowd. Colours are averages of all points in the interval there: short
+/// intervals make scans flicker. Planes are trusted less than where points lie apart, or more
+/// pixels depend on hidden nodes (`crates/engine/tests/occlusion.rs`).
+pub(crate) const CROWDED: Trust = Trust { reach: BARE_REACH, distance: [0.18, 0.35] };
 
-/// Plane fitted to a surface.
+/// A plane fitted to a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FittedPlane {
-    /// Relative growth of depth a pixel to the right and down.
+    /// Relative growth of depth per pixel to the right and downwards.
     pub growth: [f32; 2],
     /// Length of the depth interval across the plane, over the drawn radius.
     pub reach: f32,
 }
 
 impl FittedPlane {
-    /// No plane.
+    /// Stands for a surface that no plane was fitted to.
     pub const NONE: Self = Self { growth: [0.0; 2], reach: BARE_REACH };
 }
 
-/// Planes fitted to the squares of a picture. Memory is kept from frame to frame. The arrays have a
-/// border of one square.
+/// Planes fitted to a picture. Memory is kept from frame to frame. The arrays of squares have a
+/// border of one square that lies outside the picture.
 #[derive(Clone, Debug, Default)]
 pub struct FittedPlanes {
     width: usize,
     height: usize,
-    /// Squares from one row of the arrays to the next.
+    /// Squares per row of the arrays.
     stride: usize,
-    /// 1 / depth of the nearest point; zero without a point, [`OUTSIDE`] outside the picture.
+    /// 1 / depth of the nearest point; zero if the square has none, [`OUTSIDE`] outside the
+    /// picture.
     near: Vec<f32>,
     /// Pixel of the nearest point.
     x: Vec<f32>,
     y: Vec<f32>,
-    /// Planes row by row, without the border.
+    /// Fitted planes row by row, without the border.
     fitted: Vec<FittedPlane>,
 }
 
@@ -102,11 +108,11 @@ impl FittedPlanes {
         self.x.resize(squares, 0.0);
         self.y.resize(squares, 0.0);
         self.fitted.resize(self.width * self.height, FittedPlane::NONE);
-        self.find_nearest(target, width, height);
-        self.fit_all(focal_px, if is_crowded { CROWDED } else { APART });
+        self.collect_nearest(target, width, height);
+        self.fit(focal_px, if is_crowded { CROWDED } else { APART });
     }
 
-    /// Plane of the surface at a pixel that shows a disc of radius `radius_px`.
+    /// The plane fitted around a pixel that shows a disc of radius `radius_px`.
     #[inline(always)]
     pub fn at(&self, x: usize, y: usize, radius_px: f32) -> FittedPlane {
         let is_fitted = radius_px <= SQUARE_PX as f32;
@@ -114,7 +120,7 @@ impl FittedPlanes {
         if is_fitted { self.fitted[square] } else { FittedPlane::NONE }
     }
 
-    /// Rows of the arrays without the border.
+    /// Rows of the arrays that hold squares of the picture.
     fn rows(&mut self) -> impl IndexedParallelIterator<Item = [&mut [f32]; 3]> {
         let Self { stride, height, near, x, y, .. } = self;
         let rows = |plane| <[f32]>::par_chunks_mut(plane, *stride).skip(1).take(*height);
@@ -122,8 +128,8 @@ impl FittedPlanes {
         planes.map(|((near, x), y)| [near, x, y]).with_min_len(4)
     }
 
-    /// Finds the nearest point of each square.
-    fn find_nearest(&mut self, target: &[AtomicU64], width: usize, height: usize) {
+    /// Stores the nearest point of each square of a frame buffer.
+    fn collect_nearest(&mut self, target: &[AtomicU64], width: usize, height: usize) {
         let (side, squares) = (SQUARE_PX, self.width);
         self.rows().enumerate().for_each(|(row, [nears, xs, ys])| {
             nears[1..=squares].fill(0.0);
@@ -144,8 +150,8 @@ impl FittedPlanes {
         });
     }
 
-    /// Fits the planes of all squares.
-    fn fit_all(&mut self, focal_px: f32, trust: Trust) {
+    /// Fits the planes, in parallel by rows.
+    fn fit(&mut self, focal_px: f32, trust: Trust) {
         let mut fitted = std::mem::take(&mut self.fitted);
         let rows = fitted.par_chunks_mut(self.width).enumerate().with_min_len(4);
         rows.for_each(|(row, fitted)| {
@@ -193,7 +199,7 @@ impl FittedPlanes {
                     is_missing: beside.cmpeq(zero),
                 };
             }
-            let (growth, reach) = fit(&around, focal_px, trust);
+            let (growth, reach) = fit_plane(&around, focal_px, trust);
             let [right, down] = growth.map(<[f32; EIGHT]>::from);
             let reach = <[f32; EIGHT]>::from(reach);
             for (k, plane) in fitted.iter_mut().enumerate() {
@@ -206,52 +212,52 @@ impl FittedPlanes {
 /// The nearest point of a neighbouring square.
 #[derive(Clone, Copy)]
 struct Neighbour<V: Values> {
-    /// Offset of the point, pixels.
+    /// Vector to it from the square's own point, pixels.
     x: V,
     y: V,
-    /// Difference of 1 / depth over that of the own point; linear on a plane.
+    /// 1 / depth there over that here, minus one: linear on a plane.
     nearer: V,
-    /// Whether the square has a point, and whether it is in the picture without one.
+    /// Whether the neighbour has a point, and whether it is in the picture but has none.
     is_there: V::Mask,
     is_missing: V::Mask,
 }
 
-/// Fits a plane to a point's neighbours: growth of depth and reach.
+/// Relative growth of depth and reach of the plane that fits the neighbours of a point best.
 #[inline(always)]
-fn fit<V: Values>(around: &[Neighbour<V>; 8], focal_px: f32, trust: Trust) -> ([V; 2], V) {
+fn fit_plane<V: Values>(around: &[Neighbour<V>; 8], focal_px: f32, trust: Trust) -> ([V; 2], V) {
     let side_px = SQUARE_PX as f32;
     let zero = around[0].x.like(0.0);
     let most = zero.like(OFF_MAX * side_px / focal_px);
-    let off_of = |right: V, down: V| {
+    let distance_sum = |right: V, down: V| {
         let mut sum = zero;
         for n in around {
-            let off = (right * n.x + down * n.y - n.nearer).abs().min(most);
-            sum = sum + only(n.is_there, off);
+            let distance = (right * n.x + down * n.y - n.nearer).abs().min(most);
+            sum = sum + only(n.is_there, distance);
         }
         sum
     };
     let (mut right, mut down) = (zero, zero);
-    let mut off = off_of(zero, zero);
+    let mut distance = distance_sum(zero, zero);
     for k in 0..4 {
         let (a, b) = (&around[k], &around[(k + 1) % 4]);
         let area = a.x * b.y - a.y * b.x;
         let over = zero.like(1.0) / area;
         let steeper =
             [(a.nearer * b.y - b.nearer * a.y) * over, (a.x * b.nearer - b.x * a.nearer) * over];
-        let own = off_of(steeper[0], steeper[1]);
+        let own = distance_sum(steeper[0], steeper[1]);
         let is_wide = zero.like(AREA_MIN * side_px * side_px).cmple(area.abs());
-        let is_better = a.is_there & b.is_there & is_wide & (own + most * BETTER).cmplt(off);
+        let is_better = a.is_there & b.is_there & is_wide & (own + most * BETTER).cmplt(distance);
         right = V::select(is_better, steeper[0], right);
         down = V::select(is_better, steeper[1], down);
-        off = V::select(is_better, own, off);
+        distance = V::select(is_better, own, distance);
     }
     let (mut count, mut missing) = (zero, zero);
     for neighbour in around {
         count = count + only(neighbour.is_there, zero.like(1.0));
         missing = missing + only(neighbour.is_missing, zero.like(1.0));
     }
-    let mean = off / (count * most).max(zero.like(f32::MIN_POSITIVE));
-    let [wholly, none] = trust.off;
+    let mean = distance / (count * most).max(zero.like(f32::MIN_POSITIVE));
+    let [wholly, none] = trust.distance;
     let mistrust = ((mean - wholly) * (1.0 / (none - wholly))).max(zero).min(zero.like(1.0));
     let reach = mistrust * (BARE_REACH - trust.reach) + trust.reach;
     let is_fitted = missing.cmple(zero.like(MISSING_MAX));
@@ -268,7 +274,7 @@ mod tests {
     const HEIGHT: usize = 117;
     const FOCAL_PX: f32 = 150.0;
 
-    /// Makes a frame buffer with `depth` at `share` percent of its pixels.
+    /// A frame buffer in which `share` percent of the pixels have the depth that `depth` gives.
     fn target(share: u64, depth: impl Fn(usize, usize) -> f32) -> Vec<AtomicU64> {
         let mut state = 7u64;
         let all = (0..WIDTH * HEIGHT).map(|i| {
@@ -281,15 +287,15 @@ mod tests {
         all.collect()
     }
 
-    fn fitted_to(target: &[AtomicU64]) -> FittedPlanes {
+    fn fit(target: &[AtomicU64]) -> FittedPlanes {
         let mut fitted = FittedPlanes::default();
-        // An earlier frame must not matter.
+        // Fits another picture first: its planes must not remain.
         fitted.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, true);
         fitted.fill(target, WIDTH, FOCAL_PX, false);
         fitted
     }
 
-    /// Pixels that points won, at least `margin` from the border.
+    /// Pixels that points won, at least `margin` from the border, with their depths.
     fn won(target: &[AtomicU64], margin: usize) -> impl Iterator<Item = (usize, usize, f32)> {
         let is_inside = move |x: usize, y: usize| {
             (margin..WIDTH - margin).contains(&x) && (margin..HEIGHT - margin).contains(&y)
@@ -308,7 +314,7 @@ mod tests {
             let near =
                 |x: usize, y: usize| 0.8 + right * (x as f64 - 100.0) + down * (y as f64 - 50.0);
             let target = target(40, |x, y| (1.0 / near(x, y)) as f32);
-            let fitted = fitted_to(&target);
+            let fitted = fit(&target);
             for radius_px in [1.0, 4.0] {
                 let mut count = 0;
                 for (x, y, _) in won(&target, 32) {
@@ -332,9 +338,9 @@ mod tests {
 
     #[test]
     fn unrelated_depths_keep_long_intervals() {
-        // Leaves have unrelated depths.
+        // Leaves: depths unrelated to each other.
         let leaves = target(60, |x, y| 1.0 + ((x * 7919 + y * 104_729) % 101) as f32 * 0.05);
-        let fitted = fitted_to(&leaves);
+        let fitted = fit(&leaves);
         let reaches: Vec<_> = won(&leaves, 8).map(|(x, y, _)| fitted.at(x, y, 2.0).reach).collect();
         let long = reaches.iter().filter(|reach| **reach > 1.6).count();
         assert!(long * 10 > reaches.len() * 9, "{long} of {}", reaches.len());
@@ -345,15 +351,15 @@ mod tests {
                 value.store(EMPTY, Relaxed);
             }
         });
-        assert_eq!(fitted_to(&alone).at(9, 5, 2.0), FittedPlane::NONE);
-        assert_eq!(fitted_to(&leaves).at(9, 5, 4.1), FittedPlane::NONE);
-        assert_eq!(fitted_to(&leaves).at(9, 5, f32::NAN), FittedPlane::NONE);
+        assert_eq!(fit(&alone).at(9, 5, 2.0), FittedPlane::NONE);
+        assert_eq!(fit(&leaves).at(9, 5, 4.1), FittedPlane::NONE);
+        assert_eq!(fit(&leaves).at(9, 5, f32::NAN), FittedPlane::NONE);
     }
 
     #[test]
-    fn a_wall_beside_another_is_told_by_its_own_points() {
+    fn the_plane_of_a_wall_beside_another_is_fitted_to_its_own_points() {
         let target = target(50, |x, _| if x < 100 { 1.0 } else { 1.4 });
-        let fitted = fitted_to(&target);
+        let fitted = fit(&target);
         for (x, y, _) in won(&target, 8) {
             let plane = fitted.at(x, y, 3.0);
             assert!(plane.growth.iter().all(|g| g.abs() < 1e-6), "{x}, {y}: {plane:?}");
@@ -361,10 +367,10 @@ mod tests {
     }
 
     #[test]
-    fn any_depths_tell_finite_slants() {
+    fn planes_are_finite_for_any_depths() {
         const DEPTHS: [f32; 6] = [1e-30, 1e30, 1.0, 1.0, 3e38, 1e-38];
         let target = target(70, |x, y| DEPTHS[(x * 31 + y * 17 + x * y) % 6]);
-        let fitted = fitted_to(&target);
+        let fitted = fit(&target);
         for (x, y, _) in won(&target, 0) {
             for radius_px in [0.0, 4.0, 20.0, 128.0, 1e30] {
                 let FittedPlane { growth, reach } = fitted.at(x, y, radius_px);

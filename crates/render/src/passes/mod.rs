@@ -1,5 +1,5 @@
-//! The passes on the CPU, a file a pass; each has a twin of the same name in `gpu/passes` and a
-//! folder in `shaders`.
+//! The passes on the CPU, one file a pass. Each has a twin of the same name in `gpu/passes`, and a
+//! folder of the same name in `shaders`.
 
 pub mod antialias;
 pub(crate) mod average;

@@ -1,14 +1,15 @@
-//! Pull (marroquim2007 section 3.2): averages each level of the pyramid into the next coarser one.
+//! Pull (`marroquim2007`, section 3.2): averages each level of the pyramid into the next coarser
+//! one.
 //!
-//! A coarse pixel takes those of its four finer pixels that are valid and whose depth interval
-//! meets that of the frontmost (the least minimum; the first, row by row, of equal ones). Their
-//! attributes are averaged; its own interval extends from the least minimum to the greatest maximum
-//! of the pixels taken. To each displacement the vector from the centre of the finer pixel to that
-//! of the coarser one is added first, so that it still points from the centre of the ellipse to
-//! that of the pixel.
+//! A coarse pixel is the mean of those of its four finer pixels that are valid and whose depth
+//! interval meets that of the frontmost (the one of least depth; of equal ones the first, row by
+//! row). Its own interval is the union of theirs. The vector from the finer pixel's centre to the
+//! coarser one's is added to each displacement, so that it still points from the ellipse's exact
+//! centre to the pixel's.
 //!
-//! If pixels have planes, depths are moved along them ([`crate::passes::tangent`]): they are
-//! compared at the middle of the valid pixels, and averaged at the middle of those taken.
+//! Where pixels have planes, depths are moved along them ([`crate::passes::tangent`]): to the mean
+//! centre of the valid pixels to be compared, and to the mean centre of those that take part to be
+//! averaged.
 
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{
@@ -23,7 +24,7 @@ use fearless_simd::{Level as Simd, dispatch};
 use glam::Vec4;
 use std::ops::Range;
 
-/// Fills all levels above the first.
+/// Fills all levels above the finest.
 pub fn pull(pyramid: &mut Pyramid) {
     let (planes, lens) = (pyramid.planes(), pyramid.lens);
     for i in 1..pyramid.levels.len() {
@@ -44,7 +45,7 @@ fn pull_level<const PLANE: usize>(lens: &Lens, finer: &Level, coarser: &mut Leve
     });
 }
 
-/// Averages two rows of `finer`, into four coarser pixels at a time.
+/// Averages two rows of `finer` into a row, four coarser pixels at a time.
 #[inline(always)]
 fn pull_row<const PLANE: usize>(lens: &Lens, finer: &Level, edge_px: f32, mut row: RowMut<'_>) {
     let quarter = finer.edge_px * 0.5;
@@ -67,7 +68,7 @@ fn pull_row<const PLANE: usize>(lens: &Lens, finer: &Level, edge_px: f32, mut ro
     }
 }
 
-/// Indices of the pixels of row `y` below the four coarser ones from `first` on.
+/// Range of the finer pixels in row `y` below four coarser ones from `first` on.
 #[inline(always)]
 fn run(finer: &Level, first: usize, y: usize) -> Range<usize> {
     let start = y * finer.width;
@@ -75,7 +76,7 @@ fn run(finer: &Level, first: usize, y: usize) -> Range<usize> {
     if y < finer.height { run } else { 0..0 }
 }
 
-/// Pixels of a run: the left one of each pair, then the right one.
+/// Pixels of a run: the left one of each pair, and the right one.
 #[inline(always)]
 fn pixels<const PLANE: usize>(finer: &Level, run: Range<usize>) -> [Pixels; 2] {
     let front = halves(&finer.front[run.clone()], INVALID);
@@ -91,20 +92,20 @@ fn pixels<const PLANE: usize>(finer: &Level, run: Range<usize>) -> [Pixels; 2] {
     ]
 }
 
-/// Finer pixels of four coarser ones, four for each: left and right, above and below.
+/// Finer pixels of four coarser ones, four of each: left and right, above and below.
 struct Four {
     pixels: [Pixels; 4],
-    /// Pixels that take part.
+    /// Which pixels take part.
     kept: [Mask; 4],
-    /// Displacements to the centres of the coarser pixels.
+    /// Displacements from the ellipses' centres to the coarser pixels' centres.
     displaced: [[Lane; 2]; 4],
 }
 
 impl Four {
     #[inline(always)]
     fn new(pixels: [Pixels; 4], quarter: f32) -> Self {
-        // From the centre of the finer pixel to that of the coarser: half a finer pixel right and
-        // down, or back.
+        // From the finer centre to the coarser one: half a finer pixel to the right or left, and
+        // down or up.
         let mut displaced = [[Vec4::ZERO; 2]; 4];
         for (i, (displaced, pixels)) in displaced.iter_mut().zip(&pixels).enumerate() {
             let right = if i & 1 == 0 { quarter } else { -quarter };
@@ -116,11 +117,11 @@ impl Four {
         Self { pixels, kept, displaced }
     }
 
-    /// Means of the pixels taken, for coarser pixels with these centres; the least depth is
-    /// infinite without any.
+    /// Computes the coarser pixels, whose centres are `centre`. Their least depth is infinite if
+    /// they are invalid.
     #[inline(always)]
     fn mean<const PLANE: usize>(mut self, lens: &Lens, centre: [Lane; 2]) -> Pixels {
-        // q of the normals' planes at the centres of the ellipses ([`crate::passes::tangent`]).
+        // q at the ellipses' centres ([`crate::passes::tangent`]).
         let mut facing = [Vec4::ZERO; 4];
         if PLANE == NORMALS {
             for (i, [x, y]) in self.displaced.into_iter().enumerate() {
@@ -163,7 +164,7 @@ impl Four {
         out
     }
 
-    /// One over the number of pixels that take part; one if there is none.
+    /// One over the number of pixels that take part; one if there are none.
     #[inline(always)]
     fn share(&self) -> Lane {
         let count = self.kept.iter().fold(Vec4::ZERO, |sum, &kept| sum + only(kept, Vec4::ONE));
@@ -182,8 +183,8 @@ impl Four {
         [sum[0] * share, sum[1] * share]
     }
 
-    /// Factors of the depths of each pixel, from the centre of its ellipse to the place with the
-    /// displacement `middle`.
+    /// Factors by which depths change from the ellipses' centres to the position whose displacement
+    /// is `middle`.
     #[inline(always)]
     fn factors<const PLANE: usize>(&self, facing: &[Lane; 4], middle: [Lane; 2]) -> [Lane; 4] {
         let mut factors = [Vec4::ONE; 4];

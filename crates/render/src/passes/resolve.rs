@@ -1,14 +1,14 @@
-//! Resolve: the frame buffer of single pixels straight to the picture, colours as they are; and the
-//! backdrop of all methods.
+//! Resolve: writes the colours of the points that won a pixel to the picture, unlit (method
+//! *points*); and the background of all methods.
 
 use crate::frame::{Background, Picture};
 use crate::inputs::colour::Encoder;
-use crate::passes::gather::Lookup;
+use crate::inputs::lookup::Lookup;
 use crate::passes::project::{EMPTY, unpack};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Writes colours and depths of the picture. Returns the number of pixels covered.
+/// Writes colours and depths of the picture. Returns the number of covered pixels.
 pub fn resolve(
     lookup: &Lookup<'_>,
     target: &[AtomicU64],
@@ -38,7 +38,7 @@ pub fn resolve(
     covered.into_inner()
 }
 
-/// The background's colour in a row.
+/// Colour of the background in row `y` of `height`.
 pub fn backdrop(background: Background, y: usize, height: usize) -> [u8; 4] {
     match background {
         Background::Plain(c) => c,

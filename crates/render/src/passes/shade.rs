@@ -1,10 +1,10 @@
-//! Shade (marroquim2007 section 3.4): deferred Phong lighting of the filled picture, with the
-//! interpolated normals; where the cloud has none, with normals from the reconstructed depth
+//! Shade (`marroquim2007`, section 3.4): deferred Phong lighting of the filled picture, with the
+//! interpolated normals, or with normals from the smoothed depth where the cloud has none
 //! ([`crate::passes::smooth_depth`]). In linear light; the result is encoded as sRGB.
 //!
-//! The light stands with the viewer: a key light from the upper left, a soft one from the eye, and
-//! an ambient half-sphere, brighter above. Pixels behind their surroundings are darkened, which
-//! sets surfaces off against each other.
+//! The lights move with the viewer: a key light from the upper left, a soft light from the eye, and
+//! an ambient hemisphere, brighter above. Pixels behind their surroundings are darkened, which sets
+//! surfaces off from each other (eye-dome lighting, `boucheny2009`).
 
 use crate::frame::{Background, Picture};
 use crate::inputs::camera::Camera;
@@ -26,15 +26,16 @@ pub(crate) const KEY_SHARE: f32 = 0.62;
 pub(crate) const EYE_SHARE: f32 = 0.16;
 pub(crate) const SKY_SHARE: f32 = 0.30;
 pub(crate) const GROUND_SHARE: f32 = 0.12;
-/// The strength of the highlight; Phong's exponent is 24.
+/// Strength of the highlight; its Phong exponent is 24.
 pub(crate) const SHINE: f32 = 0.10;
-/// How dark the farthest behind is (as an exponent), and up to which slope nothing darkens. With
-/// normals only what lies behind an edge is set off, whatever its slope; without them the depth
-/// alone has to tell the shape.
+/// Greatest darkness of a pixel behind its surroundings (as an exponent), and slope up to which
+/// nothing darkens. With normals only surfaces behind an edge are darkened, whatever their slope
+/// ([`Surroundings::sunken`]); without normals depth alone shows the shape
+/// ([`Surroundings::behind`]).
 pub(crate) const EDGE: (f32, f32) = (1.0, 4.0);
 pub(crate) const DOME: (f32, f32) = (2.0, 0.5);
 
-/// What shading found.
+/// What [`shade`] returns.
 pub struct Shaded {
     /// Pixels that show a surface.
     pub covered: u64,
@@ -42,9 +43,9 @@ pub struct Shaded {
     pub creases: Marks,
 }
 
-/// Lights a surface, whose depth image the picture has already, and writes its colours. Normals of
-/// a surface that has none come from `smooth`, which [`crate::passes::smooth_depth::smooth_depth`]
-/// filled.
+/// Lights a surface, whose depth image `picture` has already, and writes its colours, with
+/// highlights if it `shines`. A surface without normals takes those of `smooth`, which
+/// [`crate::passes::smooth_depth::smooth_depth`] filled.
 pub fn shade(
     camera: &Camera,
     surface: &impl Surface,
@@ -60,7 +61,7 @@ pub fn shade(
     }
 }
 
-/// As [`shade`], with highlights or without.
+/// [`shade`] compiled with highlights or without.
 fn shade_as<const SHINES: bool, S: Surface>(
     camera: &Camera,
     surface: &S,
@@ -98,11 +99,11 @@ fn shade_as<const SHINES: bool, S: Surface>(
     Shaded { covered, creases }
 }
 
-/// A row of the picture that is shaded.
+/// A row of the picture that is being shaded.
 struct Row<'a, S> {
     camera: &'a Camera,
     surface: &'a S,
-    /// Of the whole picture; infinite where it shows nothing.
+    /// Depth of the whole picture; infinite where it is empty.
     depth: &'a [f32],
     backdrop: [u8; 4],
     y: usize,
@@ -111,11 +112,11 @@ struct Row<'a, S> {
     out: &'a mut [[u8; 4]],
 }
 
-/// How eight pixels are lit.
+/// Light on eight pixels.
 struct Light<S: Simd> {
-    /// What a colour is multiplied by.
+    /// Factor of the colours.
     factor: f32x8<S>,
-    /// What is added to it.
+    /// Highlight, which is added to the colours.
     shine: f32x8<S>,
 }
 
@@ -152,8 +153,8 @@ impl<T: Surface> Row<'_, T> {
         }
     }
 
-    /// Directions from the surface to the eye at eight pixels; without highlights along the axis,
-    /// whence the eye's soft light then comes.
+    /// Directions from the surface to the eye at eight pixels. Without highlights this is the view
+    /// axis, along which the soft light from the eye then falls.
     #[inline(always)]
     fn to_eye<S: Simd, const SHINES: bool>(&self, simd: S, x: usize) -> [f32x8<S>; 3] {
         if SHINES {
@@ -163,8 +164,8 @@ impl<T: Surface> Row<'_, T> {
         [zero, zero, one]
     }
 
-    /// The interpolated normals of eight pixels, of unit length; notes creases beside them. Given
-    /// are these as they are, and those to the right and below.
+    /// Unit normals of eight pixels. Given are the interpolated normals of these pixels, and of
+    /// those to the right and below. Appends the creases beside them to `creases`.
     #[inline(always)]
     fn normals<S: Simd>(
         &mut self,
@@ -184,7 +185,7 @@ impl<T: Surface> Row<'_, T> {
         }
         let per_length = 1.0 / dot(here, here).sqrt();
         let normal = [here[0] * per_length, here[1] * per_length, here[2] * per_length];
-        // As `Vec3::try_normalize` has it; points without a normal are few.
+        // Equal to `Vec3::try_normalize`; points without a normal are few.
         let has_length = per_length.cmplt(per_length.like(f32::INFINITY))
             & per_length.like(0.0).cmplt(per_length);
         let is_lacking = is_valid & !has_length;
@@ -194,7 +195,8 @@ impl<T: Surface> Row<'_, T> {
         normal
     }
 
-    /// Normals, those that are lacking from around; what has none there either faces the eye.
+    /// Replaces lacking normals by those of pixels around, or by the direction to the eye if there
+    /// are none.
     #[inline(always)]
     fn with_normals_around<S: Simd>(
         &self,
@@ -213,7 +215,7 @@ impl<T: Surface> Row<'_, T> {
         normal.map(|part| load(simd, &part))
     }
 
-    /// Writes eight pixels; the backdrop where there is no surface.
+    /// Writes eight pixels, with the background where there is no surface.
     #[inline(always)]
     fn paint<S: Simd>(
         &mut self,
@@ -272,7 +274,7 @@ fn light<S: Simd, const SHINES: bool>(
     let bright = darken(dark);
     let mut shine = zero;
     if SHINES {
-        // The key light's mirror image, seen from the eye.
+        // The mirror direction of the key light, seen from the eye.
         let s1 = (facing * 2.0).mul_add(towards, -dot(KEY.to_array().map(like), to_eye)).max(zero);
         // To the power of 24.
         let s2 = s1 * s1;
@@ -283,13 +285,14 @@ fn light<S: Simd, const SHINES: bool>(
     Light { factor: lit * bright, shine }
 }
 
-/// Writes fewer than eight pixels. Apart, or both ways would be one of any length.
+/// Writes fewer than eight pixels. A function of its own, or both copies would have a variable
+/// length.
 #[inline(never)]
 fn write_last(shown: [[u8; 4]; EIGHT], room: &mut [[u8; 4]]) {
     room.copy_from_slice(&shown[..room.len()]);
 }
 
-/// Depths of fewer than eight pixels; infinite where there is none.
+/// Depths of fewer than eight pixels, filled up with infinity.
 #[inline(never)]
 fn filled(depth: &[f32]) -> [f32; EIGHT] {
     let mut eight = [f32::INFINITY; EIGHT];
@@ -297,13 +300,13 @@ fn filled(depth: &[f32]) -> [f32; EIGHT] {
     eight
 }
 
-/// The pixels that a mask names.
+/// Indices of the lanes in which a mask is set.
 #[inline(always)]
 fn lanes_of<S: Simd>(mask: mask32x8<S>) -> impl Iterator<Item = usize> {
     (0..EIGHT).filter(move |&k| mask.test(k))
 }
 
-/// About `exp(-x)` for x from 0; several times as fast.
+/// Approximates `exp(-x)` for x from 0, several times as fast.
 #[inline(always)]
 fn darken<S: Simd>(x: f32x8<S>) -> f32x8<S> {
     1.0 / (x * (x * 0.5 + 1.0) + 1.0)

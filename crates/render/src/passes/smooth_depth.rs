@@ -1,12 +1,12 @@
-//! Relief: the shape that a depth image alone tells, for clouds without normals and for edges.
-//! Normals from differences of smoothed depth; and how much a pixel lies behind its surroundings,
-//! which darkens it (eye-dome lighting, after Boucheny 2009).
+//! Smooths the depth image of clouds without normals, and derives the shape of a surface from a
+//! depth image: normals from differences of depth, and the distance of a pixel behind its
+//! surroundings, by which shading darkens it (eye-dome lighting, `boucheny2009`).
 //!
-//! Smoothing is a separable bilateral mean of five pixels an axis, as wide as the discs first and
-//! then narrower and narrower: what differs from the middle by more than a surface can is another
-//! surface, and takes no part. So narrow means go over the patterns that wide ones leave where
-//! their taps are now on the surface and now on another. Loops over rows are free of branches;
-//! infinite depth (nothing there) drops out of every comparison by itself.
+//! The smoothing is a separable bilateral mean of five pixels along each axis, first as wide as the
+//! discs, then narrower and narrower: depths that differ from the middle by more than a surface can
+//! take no part. Narrow means remove the patterns that wide ones leave where their taps alternate
+//! between surfaces. Loops over rows are free of branches; infinite depth (an empty pixel) fails
+//! every comparison by itself.
 
 use crate::inputs::camera::Camera;
 use crate::picture::surface::Surface;
@@ -18,24 +18,24 @@ use rayon::prelude::*;
 pub(crate) const SLOPE_MAX: f32 = 6.0;
 /// Weights of the smoothing, from the middle outwards (binomial).
 pub(crate) const TAPS: [f32; 3] = [6.0, 4.0, 1.0];
-/// Distances of taps, pixels; the last two are always used.
+/// Distances of taps, pixels. The rounds of the last two always run.
 pub(crate) const STEPS: [usize; 4] = [8, 4, 2, 1];
-/// Radius of discs over the distance of taps from which on a round counts, and from which on it
-/// counts in full. In between its weight grows with the radius, so that pictures do not jump when
+/// Radius of discs over the distance of taps from which a round takes part, and from which it has
+/// its full weight. In between its weight grows with the radius, so that pictures do not jump when
 /// the view changes a little.
 pub(crate) const RADIUS_PER_STEP: [f32; 2] = [1.7, 2.5];
-/// Distance of the surroundings that darken, pixels.
+/// Distance of the surroundings that a pixel is compared with, pixels.
 pub(crate) const REACH: usize = 2;
-/// Step of the sample of pixels, whose mean radius is taken: a prime, so that it runs across
+/// Stride of the pixels whose mean radius is taken: a prime, so that the sample runs across
 /// columns.
 pub(crate) const EVERY: usize = 61;
-/// Beyond this slope more depth darkens no more.
+/// Slope beyond which greater differences of depth darken no more.
 pub(crate) const BEHIND_MAX: f32 = 4.0;
 
-/// A depth image: infinite where there is nothing.
+/// A depth image; infinite where it is empty.
 #[derive(Clone, Copy)]
 pub struct DepthImage<'a> {
-    /// Pixels in a row.
+    /// Pixels per row.
     pub width: usize,
     /// Linear eye depth, row by row.
     pub depth: &'a [f32],
@@ -43,7 +43,7 @@ pub struct DepthImage<'a> {
     pub focal_px: f32,
     /// The picture's middle, pixels.
     pub centre_px: [f32; 2],
-    /// Typical radius of the discs that the surface was filled from, pixels: depth comes in steps
+    /// Typical radius of the discs that the surface was filled from, pixels: steps of depth are
     /// this far apart.
     pub radius_px: f32,
 }
@@ -76,7 +76,7 @@ pub fn smooth_depth(
     DepthImage::new(camera, depth, scratch.radius_px).smoothed(scratch);
 }
 
-/// Mean radius over a sample of the pixels covered.
+/// Mean radius over a sample of the covered pixels.
 fn mean_radius_px(surface: &impl Surface, depth: &[f32]) -> f32 {
     let [width, _] = surface.size();
     let covered = (0..depth.len()).step_by(EVERY).filter(|&i| depth[i] < f32::INFINITY);
@@ -98,7 +98,7 @@ impl<'a> DepthImage<'a> {
         &self.depth[y * self.width..][..self.width]
     }
 
-    /// The image smoothed along both axes.
+    /// Smooths the image along both axes into `scratch`.
     pub fn smoothed<'b>(self, scratch: &'b mut SmoothDepthScratch) -> DepthImage<'b>
     where
         'a: 'b,
@@ -123,7 +123,7 @@ impl<'a> DepthImage<'a> {
         DepthImage { depth: smooth, ..self }
     }
 
-    /// How much of its weight a round has whose taps are `step` pixels apart; 0 where it is left
+    /// Share of its weights that a round has whose taps are `step` pixels apart; 0 if it is left
     /// out.
     fn share(&self, step: usize) -> f32 {
         let [from, full] = RADIUS_PER_STEP;
@@ -133,13 +133,13 @@ impl<'a> DepthImage<'a> {
         ((self.radius_px / step as f32 - from) / (full - from)).clamp(0.0, 1.0)
     }
 
-    /// The greatest relative change of depth over so many pixels within a surface. Between
-    /// neighbouring discs depth changes at once by what their distance makes.
+    /// Greatest relative change of depth over `pixels` within a surface. Between neighbouring discs
+    /// depth changes at once by the change over their distance.
     fn near(&self, pixels: usize) -> f32 {
         SLOPE_MAX * (pixels as f32).max(self.radius_px * 0.5) / self.focal_px
     }
 
-    /// The mean along rows, taps `step` pixels apart; `weights` are theirs.
+    /// Writes the mean along rows to `out`, from taps `step` pixels apart with `weights`.
     fn smooth_rows(&self, step: usize, weights: [f32; 3], out: &mut [f32]) {
         let reach = 2 * step;
         out.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
@@ -154,7 +154,7 @@ impl<'a> DepthImage<'a> {
         });
     }
 
-    /// The same along columns.
+    /// Writes the mean along columns to `out`; `nothing` replaces rows outside the image.
     fn smooth_columns(&self, step: usize, weights: [f32; 3], nothing: &[f32], out: &mut [f32]) {
         let height = self.depth.len() / self.width;
         out.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
@@ -166,7 +166,8 @@ impl<'a> DepthImage<'a> {
         });
     }
 
-    /// The rows that the shape at row `y` is told from; `nothing` stands for those outside.
+    /// Rows around row `y`, from which the shape there is derived; `nothing` replaces rows outside
+    /// the image.
     pub fn surroundings<'s>(&self, y: usize, nothing: &'s [f32]) -> Surroundings<'s>
     where
         'a: 's,
@@ -187,8 +188,8 @@ impl<'a> DepthImage<'a> {
     }
 }
 
-/// The bilateral mean of five rows into `out`; `near` is the greatest relative difference to the
-/// middle.
+/// Writes the bilateral mean of five rows to `out`; `near` is the greatest relative difference to
+/// the middle.
 #[inline(always)]
 fn mean(taps: [&[f32]; 5], weights: [f32; 3], near: f32, out: &mut [f32]) {
     let n = out.len();
@@ -196,7 +197,7 @@ fn mean(taps: [&[f32]; 5], weights: [f32; 3], near: f32, out: &mut [f32]) {
     for x in 0..n {
         let m = middle[x];
         let pair = |a: f32, b: f32| (a - m).abs() < near * m && (b - m).abs() < near * m;
-        // In pairs, so that a slope's edge does not bend towards its inside.
+        // In pairs, or the edge of a slope would bend towards its inside.
         let w1 = if pair(a1[x], b1[x]) { weights[1] } else { 0.0 };
         let w2 = if pair(a2[x], b2[x]) { weights[2] } else { 0.0 };
         let s1 = if w1 > 0.0 { a1[x] + b1[x] } else { 0.0 };
@@ -205,7 +206,7 @@ fn mean(taps: [&[f32]; 5], weights: [f32; 3], near: f32, out: &mut [f32]) {
     }
 }
 
-/// What the shape at a row is told from.
+/// Depths around a row of pixels, from which the shape of the surface is derived.
 pub struct Surroundings<'a> {
     above: &'a [f32],
     here: &'a [f32],
@@ -218,12 +219,12 @@ pub struct Surroundings<'a> {
 }
 
 impl Surroundings<'_> {
-    /// The normals in view space at eight pixels: towards the eye, unit length. What is told of
-    /// pixels without depth means nothing.
+    /// Normals of eight pixels in view space: towards the eye, of unit length. They are meaningless
+    /// at empty pixels.
     ///
-    /// A pixel at (u, v) from the middle, v upwards, is the point (u, v, -f) d / f. With the slopes
-    /// of depth an axis, the cross product of the two tangents is (du, dv, (d + u du + v dv) / f) d
-    /// / f.
+    /// A pixel at (u, v) from the middle, v upwards, is the point (u, v, -f) d / f. With du and dv,
+    /// the slopes of depth along the axes, the cross product of the two tangents is (du, dv, (d + u
+    /// du + v dv) / f) d / f.
     #[inline(always)]
     pub fn normals<S: Simd>(&self, simd: S, first: usize) -> [f32x8<S>; 3] {
         let mut room = None;
@@ -250,8 +251,8 @@ impl Surroundings<'_> {
         ]
     }
 
-    /// How far each of eight pixels lies behind its surroundings, 0 to 1; slopes up to `flat` do
-    /// not count. What is told of pixels without depth means nothing.
+    /// Distance of eight pixels behind their surroundings, 0 to 1; slopes up to `flat` do not
+    /// count. It is meaningless at empty pixels.
     #[inline(always)]
     pub fn behind<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
         const RIGHT: usize = 2 * REACH;
@@ -277,9 +278,9 @@ impl Surroundings<'_> {
         sum * (1.0 / (8.0 * BEHIND_MAX))
     }
 
-    /// How far each of eight pixels lies behind the middle of what is on both sides of it, 0 to 1;
-    /// bends up to `flat` do not count. Slopes are no bends, so nothing darkens towards a
-    /// silhouette. What is told of pixels without depth means nothing.
+    /// Distance of eight pixels behind the middle of the pixels on opposite sides, 0 to 1; bends up
+    /// to `flat` do not count. A slope is no bend, so nothing darkens towards a silhouette. It is
+    /// meaningless at empty pixels.
     #[inline(always)]
     pub fn sunken<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
         const RIGHT: usize = 2 * REACH;
@@ -302,25 +303,25 @@ impl Surroundings<'_> {
     }
 }
 
-/// Eight depths of a row and [`REACH`] on both sides of them.
+/// Eight depths of a row, and [`REACH`] depths on both sides of them.
 type Run = [f32; EIGHT + 2 * REACH];
 
-/// Those of three rows around the pixels from `first` on; infinite beyond the picture, which takes
-/// some room.
+/// Runs of three rows around the pixels from `first` on. Runs that leave the picture are copied to
+/// `room`, with infinity outside.
 #[inline(always)]
 fn runs<'a>(rows: [&'a [f32]; 3], first: usize, room: &'a mut Option<[Run; 3]>) -> [&'a Run; 3] {
-    // Beyond all rows where there are no columns before.
+    // Wraps to an index beyond all rows if there are no columns before.
     let from = first.wrapping_sub(REACH);
     let run = |row: &'a [f32]| row.get(from..)?.first_chunk();
     if let (Some(a), Some(b), Some(c)) = (run(rows[0]), run(rows[1]), run(rows[2])) {
         return [a, b, c];
     }
-    room.insert(at_ends(rows, first)).each_ref()
+    room.insert(copied_runs(rows, first)).each_ref()
 }
 
-/// The same where not all of them are in the picture.
+/// Version of [`runs`] that copies, for runs that leave the picture.
 #[inline(never)]
-fn at_ends(rows: [&[f32]; 3], first: usize) -> [Run; 3] {
+fn copied_runs(rows: [&[f32]; 3], first: usize) -> [Run; 3] {
     rows.map(|row| {
         std::array::from_fn(|k| {
             let x = (first + k).checked_sub(REACH);
@@ -329,19 +330,19 @@ fn at_ends(rows: [&[f32]; 3], first: usize) -> [Run; 3] {
     })
 }
 
-/// Eight of a run, from one on.
+/// Eight depths of a run, from index `AT` on.
 #[inline(always)]
 fn eight<S: Simd, const AT: usize>(simd: S, run: &Run) -> f32x8<S> {
     load(simd, run[AT..].first_chunk().unwrap_or(&[0.0; EIGHT]))
 }
 
-/// Changes of depth a pixel, from the changes on both sides: their mean, or the only one that stays
-/// on the surface.
+/// Slopes of depth per pixel from the differences on both sides: their mean, or the only one that
+/// stays on the surface.
 #[inline(always)]
 fn slopes<S: Simd>(before: f32x8<S>, after: f32x8<S>, limit: f32x8<S>) -> f32x8<S> {
     let (before_size, after_size) = (Values::abs(before), Values::abs(after));
     let stays = [before_size.cmplt(limit), after_size.cmplt(limit)];
-    // Alone between two steps, as at a silhouette: as steep as can be, towards the nearer one.
+    // Between two steps, as at a silhouette: the difference to the nearer side, at most the limit.
     let nearer = f32x8::select(before_size.cmplt(after_size), before, after);
     let is_finite = Values::abs(nearer).cmplt(limit.like(f32::INFINITY));
     let alone = only(is_finite, nearer.max(-limit).min(limit));
@@ -354,7 +355,7 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    /// The normal at a pixel, and how far it lies behind its surroundings.
+    /// Normal of a pixel, and its distance behind its surroundings.
     fn shape(row: &Surroundings<'_>, x: usize) -> (Vec3, f32) {
         let (first, lane) = (x / EIGHT * EIGHT, x % EIGHT);
         dispatch!(Level::new(), simd => {
@@ -399,8 +400,8 @@ mod tests {
         }
     }
 
-    /// What sparse samples in several depths leave: plateaus as wide as discs, whose steps are now
-    /// more and now less than those of one surface.
+    /// Sparse samples at several depths leave plateaus as wide as discs, with steps between them
+    /// that are sometimes smaller and sometimes greater than those within one surface.
     #[test]
     fn surfaces_that_come_and_go_leave_no_pattern_of_dots() {
         const SIDE: usize = 96;
@@ -415,8 +416,8 @@ mod tests {
         };
         let mut scratch = SmoothDepthScratch::default();
         let smooth = image.smoothed(&mut scratch).depth;
-        // A dot is nearer, or farther, than all four pixels beside it by what turns its normal by
-        // some 20 degrees.
+        // A dot is nearer, or farther, than all four pixels beside it by a slope of some 20
+        // degrees.
         let limit = 0.3 * 5.0 / image.focal_px;
         let is_dot = |i: &usize| {
             let beyond = [i - 1, i + 1, i - SIDE, i + SIDE].map(|other| smooth[*i] - smooth[other]);
@@ -427,8 +428,8 @@ mod tests {
         assert_eq!(inner.filter(is_dot).count(), 0);
     }
 
-    /// Radii change with every step of a walk: the smoothing that they ask for must not come and go
-    /// at once.
+    /// Radii change with every step of a walk, so the smoothing that depends on them must not set
+    /// in at once.
     #[test]
     fn a_little_wider_discs_change_smooth_depth_a_little() {
         const SIDE: usize = 96;

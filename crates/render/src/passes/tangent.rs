@@ -1,53 +1,55 @@
-//! Depth along a disc's plane. The published depth intervals (marroquim2007 section 3.2) compare
-//! depths of different places directly, so that on a slope they must be long, and grow with each
-//! level of the pyramid until they include surfaces behind. Here the depths of a pixel hold at the
-//! centre of its ellipse and are moved along its plane to the place where they are compared,
-//! averaged or shown: on a plane no interval grows, at any slope.
+//! Moves depths along the plane of a disc. The published depth intervals (`marroquim2007`, section
+//! 3.2) compare depths of different positions as they are, so they have to be long on a slope, and
+//! grow with each level of the pyramid until they include the surface behind. Here the depth of a
+//! pixel holds at its ellipse's centre, and is moved along its plane to where it is compared,
+//! averaged or shown: on a plane intervals do not grow, at any slope.
 //!
-//! The point at (x, y) from the middle of the picture (y down) with depth d is (x, -y, -f) d / f.
-//! Its dot product with the normal n of a plane is constant, so that d is proportional to the
-//! inverse of `q = n.x x - n.y y - n.z f`, which is linear in the picture. The normal of a fitted
-//! plane is scaled so that q is -1; then only n.x and n.y are needed.
+//! The point at (x, y) from the picture's middle (y down) with depth d is (x, -y, -f) d / f. On a
+//! plane with normal n its dot product with n is constant, so d is proportional to 1 / q with `q =
+//! n.x x - n.y y - n.z f`, which is linear in the picture. The normal of a plane fitted to depths
+//! is scaled so that q is -1: then n.x and n.y suffice.
 
 use crate::inputs::camera::Camera;
 use crate::simd::values::{Lane, Values};
 use glam::Vec2;
 
-/// Steepest slope (depth over width) of planes: a nearly edge-on plane says little of its slope.
+/// Steepest slope (depth over width) along which depths are moved: of discs nearly edge-on the
+/// slope is unreliable.
 pub(crate) const SLOPE_MAX: f32 = 32.0;
-/// Greatest factor by which one move changes a depth.
+/// Greatest factor by which a move changes a depth.
 pub(crate) const FACTOR_MAX: f32 = 2.0;
 
-/// Parameters of the camera that planes need.
+/// Projection of a picture: the part of the camera that planes need.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lens {
     /// Pixels that a unit of length takes at unit depth.
     pub focal_px: f32,
-    /// Middle of the picture, pixels.
+    /// The picture's middle, pixels.
     pub centre_px: Vec2,
 }
 
 impl Lens {
-    /// Takes the parameters from a camera.
+    /// Lens of `camera`.
     pub fn new(camera: &Camera) -> Self {
         Self { focal_px: camera.focal_px, centre_px: Vec2::from_array(camera.centre_px) }
     }
 
-    /// Depth on planes with these normals (view space, any length) at `from + by` (pixels), over
-    /// that at `from`. One for a zero normal.
+    /// Depth at `from + by` (pixels) over that at `from`, on planes with these normals (view space,
+    /// any length). One if the normal is zero.
     #[cfg(test)]
     fn along<V: Values>(&self, normal: [V; 3], from: [V; 2], by: [V; 2]) -> V {
         factor(self.facing(normal, from), turn([normal[0], normal[1]], by))
     }
 
-    /// Depth of plates of unit thickness along the rays at `at`; normals have unit length.
+    /// Extent in depth of plates of unit thickness along the rays at positions `at` (pixels);
+    /// normals have unit length.
     #[inline(always)]
     pub fn thickness(&self, normal: [Lane; 3], at: [Lane; 2]) -> Lane {
         -self.focal_px / self.facing(normal, at)
     }
 
-    /// q (see the head of this file) at places (pixels), of planes turned to the eye and limited to
-    /// the steepest slope. Below zero.
+    /// q (see the head of this file) at positions in pixels, on planes that face the eye, with
+    /// slopes limited to [`SLOPE_MAX`]. Always negative.
     #[inline(always)]
     pub(crate) fn facing<V: Values>(&self, [nx, ny, nz]: [V; 3], [x, y]: [V; 2]) -> V {
         let q = nx * (x - self.centre_px.x) - ny * (y - self.centre_px.y) - nz * self.focal_px;
@@ -56,13 +58,14 @@ impl Lens {
     }
 }
 
-/// Change of q over an offset in pixels, for the parts of normals to the right and up.
+/// Change of q (see the head of this file) over a distance in pixels; `nx` and `ny` are the
+/// normal's parts to the right and upwards.
 #[inline(always)]
 pub(crate) fn turn<V: Values>([nx, ny]: [V; 2], [x, y]: [V; 2]) -> V {
     nx * x - ny * y
 }
 
-/// Depth after a move over that before it, from q before the move and its change.
+/// Depth after a move over the depth before it, from q before the move and its change by the move.
 #[inline(always)]
 pub(crate) fn factor<V: Values>(q: V, turn: V) -> V {
     q / (q + turn).max(q * FACTOR_MAX).min(q * (1.0 / FACTOR_MAX))
@@ -75,7 +78,7 @@ mod tests {
 
     const LENS: Lens = Lens { focal_px: 100.0, centre_px: Vec2::new(40.0, 30.0) };
 
-    /// Depth of the plane through (0, 0, -5) at `place`.
+    /// Depth of the plane through (0, 0, -5) at a position.
     fn depth(normal: Vec3, place: Vec2) -> f32 {
         let at = place - LENS.centre_px;
         let ray = Vec3::new(at.x / LENS.focal_px, -at.y / LENS.focal_px, -1.0);
@@ -110,7 +113,7 @@ mod tests {
         let slanting = Vec3::new(0.8, 0.0, 0.6);
         assert!((thickness(slanting, middle) - 1.0 / 0.6).abs() < 1e-6);
         assert_eq!(along(Vec3::ZERO, middle, Vec2::splat(30.0)), 1.0);
-        // Planes seen edge on or turned away give finite values, limited by the steepest slope.
+        // Edge-on and turned away: finite, and no longer than at the steepest slope.
         for edge_on in [Vec3::X, Vec3::new(0.8, 0.0, -0.6)] {
             assert!((1.0..=SLOPE_MAX * 1.01).contains(&(thickness(edge_on, middle) * 0.8)));
             assert!((0.5..=2.0).contains(&along(edge_on, middle, Vec2::X * 50.0)));

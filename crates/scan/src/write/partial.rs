@@ -31,7 +31,7 @@ impl Partial {
         let name = path.file_name().ok_or_else(|| refused("the path names no file"))?;
         // The rename at the end would replace a device by a file, or fail on a folder.
         if path.metadata().is_ok_and(|m| !m.is_file()) {
-            return Err(refused("something that is no file has this name"));
+            return Err(refused("something other than a file has this name"));
         }
         let mut hidden = OsString::from(".");
         hidden.push(name);
@@ -139,6 +139,6 @@ mod tests {
         assert_eq!(names(folder.path()), ["out.ply"]);
         assert_eq!(fs::read_to_string(&path).unwrap(), "headtail");
         let error = Partial::create(folder.path()).unwrap_err().to_string();
-        assert!(error.contains("no file has this name"), "{error}");
+        assert!(error.contains("other than a file has this name"), "{error}");
     }
 }

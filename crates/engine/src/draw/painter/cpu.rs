@@ -1,10 +1,9 @@
-//! Drawing on the CPU: runs of plain memory, drawing memory of plain pages, and the renderer in the
+//! Drawing on the CPU: runs and drawing memory are plain memory, and the renderer works in the
 //! current rayon pool.
 
-use super::{GpuBytes, Image, Painter, Scene};
-use crate::draw::frame::draw_node;
+use super::{FrameInput, GpuBytes, Image, Painter, report_complete};
 use crate::draw::slots::DrawingMemory;
-use crate::draw::staging::{Landed, PlainRun, RUN_BYTES, Staging};
+use crate::draw::staging::{Landed, PlainRun, Staging};
 use anyhow::{Context, Result};
 use esker_format::Forest;
 use esker_lod::{DepthFeedback, View, tiles_of};
@@ -20,12 +19,12 @@ pub(crate) struct CpuPainter {
     drawing_bytes: u64,
     renderer: Renderer,
     picture: Picture,
-    /// Of the picture, until its depth was asked for.
+    /// View of the picture, until its depth is taken.
     drawn: Option<View>,
 }
 
 impl CpuPainter {
-    /// With so many bytes of drawing memory and runs of staging.
+    /// A painter with `drawing_bytes` of drawing memory and `runs` runs of staging.
     pub(crate) fn new(drawing_bytes: u64, runs: usize) -> Self {
         Self {
             landing: Arc::new(Staging::new(PlainRun::runs(runs.max(1)))),
@@ -52,8 +51,7 @@ impl Painter for CpuPainter {
     }
 
     fn drain(&mut self, bytes_max: usize) {
-        let runs = (bytes_max / RUN_BYTES).max(1);
-        self.landed.extend(std::iter::from_fn(|| self.landing.take()).take(runs));
+        self.landed.extend(self.landing.take_up_to(bytes_max));
     }
 
     fn upload(&mut self) -> Result<u64> {
@@ -68,9 +66,9 @@ impl Painter for CpuPainter {
         Ok(uploaded_bytes)
     }
 
-    fn tell(&mut self, uploaded: &mut dyn FnMut(u64)) {
+    fn report_uploaded(&mut self, uploaded: &mut dyn FnMut(u64)) {
         for (run, transfers) in self.landed.drain(..) {
-            transfers.iter().filter_map(|t| t.request).for_each(&mut *uploaded);
+            report_complete(&transfers, uploaded);
             self.landing.free(run, transfers);
         }
     }
@@ -79,20 +77,11 @@ impl Painter for CpuPainter {
         Ok(())
     }
 
-    fn draw(&mut self, scene: &Scene<'_>) -> Result<()> {
-        let Scene { file, view, cut, look } = *scene;
+    fn draw(&mut self, input: &FrameInput<'_>) -> Result<()> {
+        let FrameInput { file, view, cut, appearance } = *input;
         let memory = &self.memory;
-        let draws: Vec<_> = cut
-            .nodes
-            .iter()
-            .enumerate()
-            .map(|(entry, n)| {
-                let node = &file.table().nodes[n.node as usize];
-                let plane = |kind| n.slot(kind).map(|slot| memory.read(slot));
-                draw_node(node, entry, n.prefix, &look.colouring, plane)
-            })
-            .collect();
-        let frame = look.frame(file, view, &draws, &cut.octree);
+        let draws = input.draws(|slot| memory.read(slot));
+        let frame = appearance.frame(file, view, &draws, &cut.octree);
         self.renderer.render_into(&frame, &mut self.picture)?;
         self.drawn = Some(*view);
         Ok(())

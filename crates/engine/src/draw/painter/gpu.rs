@@ -1,12 +1,11 @@
-//! Drawing on a GPU: loaders fill mapped upload runs, the render thread writes one list of commands
-//! a frame that copies them into the pool of node planes and draws the cut, and submits it once. It
-//! waits for the GPU only where two frames are in flight already.
+//! Drawing on a GPU: loaders fill mapped upload runs. For each frame the render thread writes one
+//! list of commands, which copies the runs into the pool of node planes and draws the cut, and
+//! submits it once. It waits for the GPU only if two frames are in flight.
 
-use super::{GpuBytes, Image, Painter, Scene};
+use super::{FrameInput, GpuBytes, Image, Painter, report_complete};
 use crate::draw::budget::GpuShares;
-use crate::draw::frame::draw_node;
 use crate::draw::options::Options;
-use crate::draw::staging::{GpuRun, Landed, RUN_BYTES, Staging};
+use crate::draw::staging::{GpuRun, Landed, Staging};
 use anyhow::{Context, Result};
 use esker_format::Forest;
 use esker_lod::DepthFeedback;
@@ -19,13 +18,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::AcqRel, Ordering::Acquire};
 use std::time::{Duration, Instant};
 
-/// Frames that may be in flight when the next one is begun.
+/// Most frames in flight when the next one begins.
 const FLYING_MAX: usize = 2;
-/// How long a frame may take until the GPU counts as lost.
+/// A frame that takes longer means that the GPU is lost.
 const FRAME_PATIENCE: Duration = Duration::from_secs(20);
-/// Between two looks whether a shader has changed on the disk.
-const SHADER_LOOK: Duration = Duration::from_secs(1);
-/// Between two looks whether a frame has finished.
+/// Interval of checks for shaders that have changed on the disk.
+const SHADER_INTERVAL: Duration = Duration::from_secs(1);
+/// Interval of checks for finished frames.
 const NAP: Duration = Duration::from_micros(200);
 
 /// The GPU renderer and its memory.
@@ -34,9 +33,9 @@ pub(crate) struct GpuPainter {
     landing: Arc<Staging<GpuRun>>,
     ring: UploadRing,
     landed: Vec<Landed<GpuRun>>,
-    /// What was copied; to be told of.
+    /// Transfers that were copied and not reported yet.
     copied: Vec<Vec<Transfer>>,
-    /// The lists of the runs that are mapped again go back with them.
+    /// Transfers that go back with the runs that are mapped next.
     spent: Vec<Vec<Transfer>>,
     pool: NodePool,
     renderer: GpuRenderer,
@@ -44,21 +43,22 @@ pub(crate) struct GpuPainter {
     commands: Option<CommandEncoder>,
     flying: Arc<AtomicUsize>,
     stats: Stats,
-    looked_at_shaders: Instant,
+    shaders_checked: Instant,
     shader_fault: Option<String>,
 }
 
 impl GpuPainter {
-    /// On this device, with what the options allow.
+    /// A painter on `gpu`, within the budget of `options`.
     ///
     /// # Errors
-    /// Where the budget is too small (the least is told), or the GPU refuses memory or a shader.
+    /// If the budget is too small (the message has the smallest possible one), or the GPU refuses
+    /// memory or a shader.
     pub(crate) fn new(gpu: Gpu, file: &Forest, options: &Options) -> Result<Self> {
         let shares = GpuShares::of(file, options)?;
         let mut renderer = GpuRenderer::new(&gpu)?;
-        renderer.set_batch_capacity(shares.room);
+        renderer.set_batch_capacity(shares.batch);
         let runs = UploadRing::runs(&gpu, shares.runs)?.into_iter().map(GpuRun).collect();
-        // A small file shall not take a large page.
+        // A small file needs no large page.
         let page_bytes = file.file_bytes().next_power_of_two();
         Ok(Self {
             landing: Arc::new(Staging::new(runs)),
@@ -71,7 +71,7 @@ impl GpuPainter {
             commands: None,
             flying: Arc::default(),
             stats: Stats::default(),
-            looked_at_shaders: Instant::now(),
+            shaders_checked: Instant::now(),
             shader_fault: None,
             gpu,
         })
@@ -83,8 +83,8 @@ impl GpuPainter {
         ring.ready(gpu, |run| landing.free(GpuRun(run), spent.pop().unwrap_or_default()))
     }
 
-    /// After a submission: asks for what it read to be mapped again, and counts it until it is
-    /// done.
+    /// Requests, after a submission, that its runs are mapped again, and counts the frame until it
+    /// is finished.
     fn submitted(&mut self) -> Result<(), GpuError> {
         self.ring.map();
         self.flying.fetch_add(1, AcqRel);
@@ -95,12 +95,12 @@ impl GpuPainter {
         self.gpu.fault().map_or(Ok(()), Err)
     }
 
-    /// Takes shaders that have changed on the disk, where developers have them reloaded.
-    fn look_at_shaders(&mut self) {
-        if folder().is_none() || self.looked_at_shaders.elapsed() < SHADER_LOOK {
+    /// Reloads shaders that have changed on the disk, if reloading is on.
+    fn reload_shaders(&mut self) {
+        if folder().is_none() || self.shaders_checked.elapsed() < SHADER_INTERVAL {
             return;
         }
-        self.looked_at_shaders = Instant::now();
+        self.shaders_checked = Instant::now();
         match self.renderer.reload() {
             Ok(false) => {}
             Ok(true) => self.shader_fault = None,
@@ -109,10 +109,10 @@ impl GpuPainter {
     }
 
     /// Waits until few enough frames are in flight.
-    fn make_room(&self) -> Result<(), GpuError> {
+    fn wait_for_frames(&self) -> Result<(), GpuError> {
         let start = Instant::now();
         while self.flying.load(Acquire) >= FLYING_MAX {
-            // What fails here shows in the fault.
+            // An error here is recorded as the fault of the GPU.
             let _ = self.gpu.device.poll(PollType::Poll);
             if self.flying.load(Acquire) < FLYING_MAX {
                 break;
@@ -141,8 +141,7 @@ impl Painter for GpuPainter {
     }
 
     fn drain(&mut self, bytes_max: usize) {
-        let runs = (bytes_max / RUN_BYTES).max(1);
-        self.landed.extend(std::iter::from_fn(|| self.landing.take()).take(runs));
+        self.landed.extend(self.landing.take_up_to(bytes_max));
     }
 
     fn upload(&mut self) -> Result<u64> {
@@ -164,9 +163,9 @@ impl Painter for GpuPainter {
         Ok(uploaded_bytes)
     }
 
-    fn tell(&mut self, uploaded: &mut dyn FnMut(u64)) {
+    fn report_uploaded(&mut self, uploaded: &mut dyn FnMut(u64)) {
         for transfers in self.copied.drain(..) {
-            transfers.iter().filter_map(|t| t.request).for_each(&mut *uploaded);
+            report_complete(&transfers, uploaded);
             self.spent.push(transfers);
         }
     }
@@ -179,23 +178,12 @@ impl Painter for GpuPainter {
         Ok(())
     }
 
-    fn draw(&mut self, scene: &Scene<'_>) -> Result<()> {
-        self.make_room()?;
-        self.look_at_shaders();
-        let Scene { file, view, cut, look } = *scene;
-        let draws: Vec<_> = cut
-            .nodes
-            .iter()
-            .enumerate()
-            .map(|(entry, n)| {
-                let node = &file.table().nodes[n.node as usize];
-                let at = |kind| {
-                    n.slot(kind).map(|slot| PlaneAt { offset: slot.offset, bytes: slot.bytes })
-                };
-                draw_node(node, entry, n.prefix, &look.colouring, at)
-            })
-            .collect();
-        let frame = look.frame(file, view, &draws, &cut.octree);
+    fn draw(&mut self, input: &FrameInput<'_>) -> Result<()> {
+        self.wait_for_frames()?;
+        self.reload_shaders();
+        let FrameInput { file, view, cut, appearance } = *input;
+        let draws = input.draws(|slot| PlaneAt { offset: slot.offset, bytes: slot.bytes });
+        let frame = appearance.frame(file, view, &draws, &cut.octree);
         let commands = self.commands.take();
         let commands =
             commands.unwrap_or_else(|| self.gpu.device.create_command_encoder(&Default::default()));

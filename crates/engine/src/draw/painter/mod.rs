@@ -1,5 +1,5 @@
-//! What a session draws with: memory that planes land in, and the renderer that draws them. One on
-//! the CPU and one on a GPU; the session keeps the order of a frame (drain, cut, upload, draw), a
+//! What a session draws with: memory for planes, and the renderer that draws from it, one on the
+//! CPU and one on a GPU. The session keeps the order of a frame (drain, cut, upload, draw); a
 //! painter does each step.
 
 mod cpu;
@@ -8,26 +8,27 @@ mod gpu;
 pub(crate) use cpu::CpuPainter;
 pub(crate) use gpu::GpuPainter;
 
-use crate::draw::frame::Look;
+use crate::draw::frame::{Appearance, draw_node};
 use anyhow::Result;
 use esker_format::Forest;
 use esker_lod::{DepthFeedback, View};
 use esker_render::gpu::wgpu;
-use esker_render::{Picture, Stats};
-use esker_stream::{Cut, Needs, StreamError, Streamer};
+use esker_render::{DrawNode, Picture, Stats};
+use esker_stream::{Cut, Needs, Slot, StreamError, Streamer, Transfer};
 use std::sync::Arc;
 
-/// A drawn picture, where it lies.
+/// A drawn picture.
 #[derive(Clone, Copy, Debug)]
 pub enum Image<'a> {
-    /// In main memory.
+    /// A picture in main memory.
     Memory(&'a Picture),
-    /// On the GPU: rgba8unorm, sRGB bytes, straight alpha. The commands that draw it are submitted.
+    /// A texture on the GPU: rgba8unorm, sRGB bytes, straight alpha. The commands that draw it are
+    /// submitted.
     Texture(&'a wgpu::TextureView),
 }
 
 impl<'a> Image<'a> {
-    /// The picture, where it lies in main memory.
+    /// The picture, if it is in main memory.
     pub fn in_memory(self) -> Option<&'a Picture> {
         match self {
             Self::Memory(picture) => Some(picture),
@@ -36,31 +37,56 @@ impl<'a> Image<'a> {
     }
 }
 
-/// Bytes of GPU buffers, as counted at the allocator.
+/// Bytes of GPU buffers, counted by the allocator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GpuBytes {
-    /// Of all that live.
+    /// All buffers.
     pub bytes: u64,
-    /// The most that lived at once.
+    /// The most bytes at once.
     pub peak_bytes: u64,
-    /// Those that are no node planes: upload runs, frame buffer, pyramid, picture, tables.
+    /// Buffers without node planes: upload runs, frame buffer, pyramid, picture, tables.
     pub fixed_bytes: u64,
 }
 
 /// What is drawn, and how.
 #[derive(Clone, Copy)]
-pub(crate) struct Scene<'a> {
+pub(crate) struct FrameInput<'a> {
     pub(crate) file: &'a Forest,
     pub(crate) view: &'a View,
     pub(crate) cut: &'a Cut,
-    pub(crate) look: &'a Look,
+    pub(crate) appearance: &'a Appearance,
 }
 
-/// Memory for planes and a renderer. All but what loaders do in the landing is done by the render
-/// thread.
+impl<'a> FrameInput<'a> {
+    /// Nodes of the cut with their planes; `plane` finds a plane by its slot.
+    fn draws<P: Default>(&self, plane: impl Fn(Slot) -> P) -> Vec<DrawNode<'a, P>> {
+        let nodes = &self.file.table().nodes;
+        let drawn = self.cut.nodes.iter().enumerate();
+        drawn
+            .map(|(entry, n)| {
+                let plane = |kind| n.slot(kind).map(&plane);
+                draw_node(
+                    &nodes[n.node as usize],
+                    entry,
+                    n.prefix,
+                    &self.appearance.colouring,
+                    plane,
+                )
+            })
+            .collect()
+    }
+}
+
+/// Calls `uploaded` with each request that is complete with these transfers.
+fn report_complete(transfers: &[Transfer], uploaded: &mut dyn FnMut(u64)) {
+    transfers.iter().filter_map(|t| t.request).for_each(uploaded);
+}
+
+/// Memory for planes, and a renderer. Loaders use the landing; only the render thread calls the
+/// rest.
 pub(crate) trait Painter: Send {
-    /// Starts streaming into its memory. `options` say neither how much there is of it nor in what
-    /// pages.
+    /// Starts streaming into the memory of the painter, which sets the bytes and pages of
+    /// `options`.
     fn start(
         &self,
         file: Arc<Forest>,
@@ -68,44 +94,44 @@ pub(crate) trait Painter: Send {
         needs: Needs,
     ) -> Result<Streamer, StreamError>;
 
-    /// Takes landed runs of at most so many bytes, and one where there is any. Never waits.
+    /// Takes landed runs of at most `bytes_max` bytes, but one if there is any. Never waits.
     fn drain(&mut self, bytes_max: usize);
 
-    /// Copies what was drained to its slots; the bytes.
+    /// Copies drained runs to their slots. Returns the bytes.
     fn upload(&mut self) -> Result<u64>;
 
-    /// Tells of the requests that were uploaded, and frees their runs. Never waits.
-    fn tell(&mut self, uploaded: &mut dyn FnMut(u64));
+    /// Calls `uploaded` with the requests that were uploaded, and frees their runs. Never waits.
+    fn report_uploaded(&mut self, uploaded: &mut dyn FnMut(u64));
 
     /// Ends a frame in which nothing is drawn.
     fn flush(&mut self) -> Result<()>;
 
-    /// Draws.
-    fn draw(&mut self, scene: &Scene<'_>) -> Result<()>;
+    /// Draws a frame.
+    fn draw(&mut self, input: &FrameInput<'_>) -> Result<()>;
 
-    /// The picture of the last frame; `None` before there is one.
+    /// Picture of the last frame; `None` before the first one.
     fn image(&self) -> Option<Image<'_>>;
 
-    /// What the newest finished frame did.
+    /// Statistics of the last finished frame.
     fn stats(&self) -> Stats;
 
-    /// The depth of the newest finished frame, if it has not been asked for before.
+    /// Depth of the last finished frame, once.
     fn feedback(&mut self) -> Option<DepthFeedback>;
 
-    /// In how many frames the depth of one comes back, at most: 0 where at once.
+    /// Most frames until the depth of a frame comes back; 0 for at once.
     fn feedback_frames(&self) -> u32;
 
-    /// The picture of the last frame in main memory; waits for it.
+    /// Picture of the last frame in main memory; waits for it.
     fn picture(&mut self) -> Result<Picture>;
 
-    /// Bytes of GPU buffers; `None` where there are none.
+    /// Bytes of GPU buffers; `None` on the CPU.
     fn gpu_bytes(&self) -> Option<GpuBytes>;
 
-    /// What is wrong with a shader that has changed on the disk; the one before goes on.
+    /// Fault of a shader that has changed on the disk; the old one stays in use.
     fn shader_fault(&self) -> Option<&str> {
         None
     }
 
-    /// Lends no memory any more.
+    /// Stops lending memory.
     fn close(&self);
 }

@@ -35,10 +35,11 @@ macro_rules! same_layout {
     };
 }
 
-/// Fails the build if constants of a shader differ from those of a Rust module, which are visible
-/// by their names: `same_values!(push_push == crate::passes::push { NEAR, WEIGHTS[..], ONE =
-/// EIGHT[0] });` `[..]` is for vectors and arrays; without an expression the constant in Rust has
-/// the same name.
+/// Fails the build if a constant of a shader differs from one of a Rust module:
+/// `same_values!(fit_planes_fit == crate::passes::fit_planes { AREA_MIN, TRUST[..] = [A, B] });`
+///
+/// Vectors and arrays have `[..]`. Expressions may use the constants of the module by their names;
+/// without an expression, the constant in Rust has the name of that in the shader.
 macro_rules! same_values {
     ($shader:ident == $($twin:ident)::+ {
         $($name:ident $([$($all:tt)+])? $(= $value:expr)?),* $(,)?

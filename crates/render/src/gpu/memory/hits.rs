@@ -1,6 +1,6 @@
-//! The frame buffer: for each pixel the number of its winning point (`chunk * CHUNK_POINTS + index
-//! in the chunk`) and the bits of its depth, or all ones without a point. Twin: the target of
-//! [`crate::passes::project`].
+//! The frame buffer: for each pixel the number of its winning point (that of its chunk times
+//! `CHUNK_POINTS`, plus its index there) and the bits of its depth, or all ones without a point.
+//! Twin: the target of [`crate::passes::project`].
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::{Kernel, groups_of};

@@ -1,6 +1,6 @@
 //! Tables of a frame by which points are looked up on the GPU (the octree of the cut, colours,
 //! radii), and the pass that fetches the words of the winning points (`shaders/gather/fetch.wgsl`)
-//! for gather, resolve and EWA splatting. Twin: [`crate::passes::gather::Lookup`].
+//! for gather, resolve and EWA splatting. Twin: [`crate::inputs::lookup::Lookup`].
 
 use crate::frame::Frame;
 use crate::gpu::device::error::GpuError;

@@ -18,8 +18,8 @@ same_values!(common_squares == crate::passes::fit_planes { SQUARE_PX });
 same_values!(fit_planes_fit == crate::passes::fit_planes {
     BARE_REACH,
     OFF_MAX,
-    TRUST_APART[..] = [APART.reach, APART.off[0], APART.off[1]],
-    TRUST_CROWDED[..] = [CROWDED.reach, CROWDED.off[0], CROWDED.off[1]],
+    TRUST_APART[..] = [APART.reach, APART.distance[0], APART.distance[1]],
+    TRUST_CROWDED[..] = [CROWDED.reach, CROWDED.distance[0], CROWDED.distance[1]],
     MISSING_MAX,
     AREA_MIN,
     BETTER,

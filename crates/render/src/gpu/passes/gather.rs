@@ -24,7 +24,7 @@ same_values!(gather_gather == crate::passes::gather {
     BARE_REACH = crate::passes::fit_planes::BARE_REACH,
     THICKNESS,
 });
-same_values!(common_radius == crate::passes::gather { RADIUS_MAX });
+same_values!(common_radius == crate::inputs::lookup { RADIUS_MAX });
 same_values!(common_seen == crate::passes::gather { STRETCHED });
 
 /// The pass.

@@ -1,69 +1,70 @@
-//! Trim: takes back what sticks out. Discs close a surface because they are wider than the samples
-//! lie apart, so at its rim they stick out by up to a radius, each by another length. Discs are a
-//! dilation of the samples; this is the erosion that makes a closing of it.
+//! Silhouette: takes back the parts of discs that stick out beyond the samples. Discs close a
+//! surface because they are wider than its samples are apart, so at a rim they stick out by up to a
+//! radius, each by another length. Discs are a dilation of the samples; this erosion makes a
+//! closing of it (`docs/design/surfaces.md`).
 //!
-//! Within a surface the ellipse of a filled pixel is the mean of those around, centred near the
-//! pixel. At a rim they all lie on one side, and the displacement from the ellipse's centre to the
-//! pixel (marroquim2007 section 3.2) tells how far beyond the samples the pixel lies. Such pixels
-//! are given to what is behind, from the rim inwards. Gaps smaller than a radius have no rim: they
-//! are not to grow.
+//! Within a surface the ellipse of a filled pixel is a mean of ellipses all around, with its centre
+//! near the pixel. At a rim they all lie on one side, and the displacement from the ellipse's
+//! centre to the pixel (`marroquim2007`, section 3.2) is the distance of the pixel beyond the
+//! samples. Such pixels are eroded, from the rim inwards: they take the attributes of the surface
+//! behind. Gaps smaller than a radius have no rim, so that they do not grow.
 //!
-//! Where samples lie on a line (a wire, a railing), discs make a band of it as wide as they are,
-//! and both of its rims are beyond the samples. What sticks out of a line is cut to its samples, by
-//! the displacement across it alone: along it a pixel may lie far from them.
+//! - Samples on a line (a wire, a railing) make a band of discs, both of whose rims lie beyond the
+//!   samples. Pixels of a line are eroded by their displacement across it alone, since along it a
+//!   pixel may be far from its samples.
+//! - Halfway between two samples far apart the displacement is zero, so single pixels of discs that
+//!   span a gap would stay. A pixel that is isolated is eroded too.
+//! - The surface behind continues where pixels were eroded: they show the pixel as far beyond the
+//!   rim, mirrored.
 //!
-//! Where two samples lie far apart, the pixels halfway between them have their mean in the middle:
-//! of what spans such a gap a pixel here and there would stay, and float in front of what is
-//! behind. So a pixel that is left alone goes too.
-//!
-//! What is behind goes on where a pixel went: it shows what lies as far beyond the rim, mirrored.
-//!
-//! It goes inwards in waves, which only note for each pixel whose attributes it shows. As on a
-//! chessboard a wave is for the pixels of one colour, which look at those of the other: each
-//! decides by itself, whatever the order, so that any number of threads, and a GPU's pass for each
-//! wave, come to the same.
+//! Erosion runs in waves, which only record for each pixel the one whose attributes it shows. As on
+//! a chessboard, a wave decides on pixels of one colour from those of the other, so the result does
+//! not depend on the order, the number of threads, or the machine: a GPU runs a pass per wave.
 
 pub(crate) mod rim;
 pub(crate) mod rows;
 
-use crate::passes::silhouette::rim::{Grid, Place, Rims, Shown};
+use crate::passes::silhouette::rim::{Grid, PixelAt, PixelEllipse, Rims};
 use crate::picture::marks::Marks;
 use crate::picture::pyramid::Level;
 use esker_points::fetch::fetch;
 use rayon::prelude::*;
 
-/// Bits of a source that name its pixel; above them is the outward direction of the line that it
-/// went from, plus one.
+/// Bits of a source that hold its pixel; the bits above them hold the outward direction of the line
+/// that was eroded, plus one.
 pub(crate) const PIXEL_BITS: u32 = 28;
 pub(crate) const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
-/// Waves after that of the rims, at most. A surface has as many as its radius has pixels; beyond
-/// this many only pictures of a few huge discs would change.
+/// Most waves after that of the rims. A surface takes as many as its radius has pixels, so only
+/// pictures of a few huge discs would change with more.
 pub(crate) const WAVES: u32 = 256;
-/// Pixels of a wave that a job takes: fewer take less time than waking another thread.
+/// Pixels of a wave per job: fewer take less time than waking another thread.
 const JOB: usize = 256;
-/// So many pixels before it is looked at, what lies around a pixel is asked for.
+/// Distance of the prefetch, pixels of a wave.
 const AHEAD: usize = 8;
-/// A pixel is left alone where so many of its eight neighbours show what lies behind it, and its
-/// radius has so many pixels: a sample's own pixel keeps three of them at least, since it is
-/// trimmed to more than a pixel around it. Where radii are smaller, rims need theirs.
+/// A pixel is isolated if at least [`ALONE`] of its eight neighbours show a surface behind it, and
+/// its radius is at least [`ALONE_RADIUS_PX`]. The own pixel of a sample keeps at least three
+/// neighbours, since it is eroded to more than a pixel around it. Where radii are smaller, rims
+/// need such pixels.
 pub(crate) const ALONE: usize = 7;
 pub(crate) const ALONE_RADIUS_PX: f32 = 3.0;
 
-/// What lies behind goes on where a pixel has gone, as far as its depth changes by so many pixels'
-/// worth a pixel (ground seen aslant), and by so much of it at most.
+/// The surface behind continues where pixels were eroded, as long as its depth changes by at most
+/// this many pixels' width per pixel (ground at a grazing angle), and by at most [`RISE_MAX`] of
+/// the depth.
 pub(crate) const STEEPEST: f32 = 4.0;
-/// Nearer to the rim, pixels, it is shown as it is there: what is mirrored flickers, and stripes
-/// are no longer than that.
+/// Least distance from the rim at which the mirrored pixel is shown, pixels. Nearer to it the pixel
+/// at the rim is shown: mirrored pixels flicker there, and stripes are no longer than that.
 pub(crate) const MIRRORED_PX: usize = 8;
 pub(crate) const RISE_MAX: f32 = 0.5;
 
-/// Trims `base`, whose depth image is `depth` (infinite where there is nothing) with its
-/// [`crate::picture::edges`]. Returns the pixels that changed and those beside them.
+/// Erodes the silhouettes of `base`. `depth` is its depth image (infinite where the picture is
+/// empty), and `edges` are the [`crate::picture::edges`] of that image. Returns the changed pixels
+/// and those beside them.
 pub fn trim(base: &mut Level, depth: &mut [f32], edges: &Marks, focal_px: f32) -> Marks {
     trim_with(&mut Vec::new(), base, depth, edges, focal_px)
 }
 
-/// The same; `scratch` is kept from frame to frame, all zeros in between.
+/// Version of [`trim`] that keeps `scratch` from frame to frame; it is all zeros in between.
 pub(crate) fn trim_with(
     scratch: &mut Vec<u32>,
     base: &mut Level,
@@ -72,107 +73,108 @@ pub(crate) fn trim_with(
     focal_px: f32,
 ) -> Marks {
     scratch.resize(depth.len(), 0);
-    let (source, gone) = (std::mem::take(scratch), Marks::new(base.width, base.height));
-    let mut waves = Waves { base, per_focal: 1.0 / focal_px, depth, source, gone };
+    let (source, eroded) = (std::mem::take(scratch), Marks::new(base.width, base.height));
+    let mut waves = Waves { base, per_focal: 1.0 / focal_px, depth, source, eroded };
     let rims = waves.write(waves.rims(edges));
     let (mut last, mut waiting): (Vec<_>, Vec<_>) = rims.into_iter().partition(|p| !p.is_due(1));
     for wave in 1..=WAVES {
         last = waves.write(waves.inwards(wave, &last));
-        // The rims that were due in the first wave themselves.
+        // Rims that are due in the first wave follow in the second, with those of this wave.
         last.append(&mut waiting);
         if last.is_empty() {
             break;
         }
     }
-    let went: Vec<_> = waves.gone.pixels().collect();
-    let alone = waves.left_alone();
-    let of_went = went.par_iter().map(|&p| (p, waves.source_of(p), waves.depth[p]));
-    let of_alone = alone.par_iter().map(|step| (step.place.index, step.shown(), step.depth));
-    let carried = of_went.chain(of_alone).map(|(pixel, source, depth)| {
-        (pixel, waves.carried_on(waves.grid().place(pixel), source, depth))
+    let eroded_pixels: Vec<_> = waves.eroded.pixels().collect();
+    let isolated = waves.isolated();
+    let of_eroded = eroded_pixels.par_iter().map(|&p| (p, waves.source_of(p), waves.depth[p]));
+    let of_isolated =
+        isolated.par_iter().map(|pixel| (pixel.place.index, pixel.shown_pixel(), pixel.depth));
+    let continued = of_eroded.chain(of_isolated).map(|(pixel, source, depth)| {
+        (pixel, waves.continued(waves.grid().place(pixel), source, depth))
     });
-    let carried: Vec<_> = carried.collect();
-    alone.iter().for_each(|step| waves.gone.set(step.place.index));
-    let touched = waves.gone.grown(false);
-    went.iter().for_each(|&pixel| waves.source[pixel] = 0);
-    carried.iter().for_each(|&(pixel, (_, depth))| waves.depth[pixel] = depth);
+    let continued: Vec<_> = continued.collect();
+    isolated.iter().for_each(|pixel| waves.eroded.set(pixel.place.index));
+    let touched = waves.eroded.grown(false);
+    eroded_pixels.iter().for_each(|&pixel| waves.source[pixel] = 0);
+    continued.iter().for_each(|&(pixel, (_, depth))| waves.depth[pixel] = depth);
     *scratch = waves.source;
     let (gone, sources): (Vec<_>, Vec<_>) =
-        carried.into_iter().map(|(pixel, (source, _))| (pixel, source)).unzip();
+        continued.into_iter().map(|(pixel, (source, _))| (pixel, source)).unzip();
     replace(base, &gone, &sources);
     touched
 }
 
-/// What the waves up to one have decided.
+/// State of the erosion between two waves.
 struct Waves<'a> {
     base: &'a Level,
-    /// As in [`Rims`].
+    /// One over the focal length, as in [`Rims`].
     per_focal: f32,
-    /// Depth of what each pixel shows.
+    /// Depth that each pixel shows.
     depth: &'a mut [f32],
-    /// For each pixel the one whose attributes it shows, plus one, and above [`PIXEL_BITS`] the
-    /// line's direction; 0 where it shows its own.
+    /// Pixel whose attributes a pixel shows, plus one, with the direction of the line above
+    /// [`PIXEL_BITS`]; 0 if it shows its own.
     source: Vec<u32>,
-    /// Those that show others'.
-    gone: Marks,
+    /// Pixels that were eroded.
+    eroded: Marks,
 }
 
-/// A pixel that goes, and the one whose attributes it is to show.
-struct Step {
-    place: Place,
+/// A pixel that is eroded, and its source.
+struct Eroded {
+    place: PixelAt,
     source: u32,
     depth: f32,
 }
 
-impl Step {
-    /// The pixel whose attributes it is to show.
-    fn shown(&self) -> usize {
+impl Eroded {
+    /// Pixel whose attributes it shows.
+    fn shown_pixel(&self) -> usize {
         (self.source & PIXEL_MASK) as usize - 1
     }
 }
 
-impl Place {
-    /// Whether a wave is for a pixel. Beside it are those of the waves before and after.
+impl PixelAt {
+    /// Whether a wave decides on the pixel. The pixels beside it belong to the waves before and
+    /// after.
     fn is_due(self, wave: u32) -> bool {
         (self.x + self.y + wave as usize).is_multiple_of(2)
     }
 }
 
 impl Waves<'_> {
-    /// The pixel whose attributes a pixel shows.
+    /// Pixel whose attributes a pixel shows.
     #[inline(always)]
     fn source_of(&self, pixel: usize) -> usize {
         ((self.source[pixel] & PIXEL_MASK) as usize).checked_sub(1).unwrap_or(pixel)
     }
 
-    /// The pixels of `edges` at a rim, each with what lies beyond it.
-    fn rims(&self, edges: &Marks) -> Vec<Step> {
+    /// Pixels of `edges` that lie at a rim, each with the pixel beyond it as its source.
+    fn rims(&self, edges: &Marks) -> Vec<Eroded> {
         let (picture, width) = (self.picture(), self.base.width);
         let rims = edges.bands().flat_map_iter(|pixels| {
-            let mut steps = Vec::new();
+            let mut eroded = Vec::new();
             for y in pixels.start / width..pixels.end / width {
-                picture.of_row(edges, y, |place, (after, line)| {
-                    steps.push(self.step(place, after, line));
+                picture.rims_of_row(edges, y, |place, (after, line)| {
+                    eroded.push(self.erode(place, after, line));
                 });
             }
-            steps
+            eroded
         });
         rims.collect()
     }
 
-    /// The pixels that go in a wave, each with its source; beside them are `last`, which went
-    /// before.
-    fn inwards(&self, wave: u32, last: &[Place]) -> Vec<Step> {
+    /// Pixels eroded in a wave, beside the pixels of the `last` one.
+    fn inwards(&self, wave: u32, last: &[PixelAt]) -> Vec<Eroded> {
         last.par_chunks(JOB).flat_map_iter(|last| self.followers(wave, last)).collect()
     }
 
-    /// Those beside these.
-    fn followers(&self, wave: u32, last: &[Place]) -> Vec<Step> {
-        let mut asked = Vec::with_capacity(2 * last.len());
+    /// Version of [`Waves::inwards`] for one job.
+    fn followers(&self, wave: u32, last: &[PixelAt]) -> Vec<Eroded> {
+        let mut candidates = Vec::with_capacity(2 * last.len());
         let width = self.base.width;
         for (i, &gone) in last.iter().enumerate() {
             if let Some(ahead) = last.get(i + AHEAD) {
-                // The rows that its neighbours and theirs lie in.
+                // The rows of its neighbours and of theirs.
                 for row in 0..5 {
                     let pixel = (ahead.index + row * width).wrapping_sub(2 * width);
                     fetch(self.depth, pixel);
@@ -180,41 +182,42 @@ impl Waves<'_> {
                 }
             }
             for place in self.grid().beside(gone) {
-                // A pixel beside several goes with the one that it has chosen.
+                // A pixel beside several eroded ones follows the farthest.
                 let is_behind = self.depth[gone.index] > self.depth[place.index];
                 if is_behind && self.farthest(place) == Some(gone.index) {
                     let shown = self.source_of(place.index);
                     fetch(&self.base.tint, shown);
                     fetch(&self.base.front, shown);
-                    asked.push((place, gone.index, shown));
+                    candidates.push((place, gone.index, shown));
                 }
             }
         }
-        // Read before any is judged, so that reads do not wait for each other.
-        let shown: Vec<_> = asked.iter().map(|&(.., by)| Shown::by(self.base, by)).collect();
-        let mut steps = Vec::with_capacity(asked.len());
-        for (&(place, gone, _), shown) in asked.iter().zip(&shown) {
+        // All are read before any is decided, so that reads overlap.
+        let shown: Vec<_> =
+            candidates.iter().map(|&(.., by)| PixelEllipse::at(self.base, by)).collect();
+        let mut eroded = Vec::with_capacity(candidates.len());
+        for (&(place, gone, _), shown) in candidates.iter().zip(&shown) {
             let line = self.source[gone] >> PIXEL_BITS;
             let limit = self.picture().limit(place.index, shown.radius);
             if self.depth[gone] > limit && wave <= shown.radius as u32 && shown.sticks_out(line) {
-                steps.push(self.step(place, gone, line));
+                eroded.push(self.erode(place, gone, line));
             }
         }
-        steps
+        eroded
     }
 
-    fn step(&self, place: Place, after: usize, line: u32) -> Step {
+    fn erode(&self, place: PixelAt, after: usize, line: u32) -> Eroded {
         let source = (self.source_of(after) as u32 + 1) | line << PIXEL_BITS;
-        Step { place, source, depth: self.depth[after] }
+        Eroded { place, source, depth: self.depth[after] }
     }
 
-    /// Notes what a wave has decided: all of it, once all is decided. Returns its pixels.
-    fn write(&mut self, steps: Vec<Step>) -> Vec<Place> {
-        let written = steps.into_iter().filter_map(|Step { place, source, depth }| {
+    /// Records the decisions of a wave, once all are made. Returns its pixels.
+    fn write(&mut self, eroded: Vec<Eroded>) -> Vec<PixelAt> {
+        let written = eroded.into_iter().filter_map(|Eroded { place, source, depth }| {
             let pixel = place.index;
             match self.source[pixel] {
-                0 => self.gone.set(pixel),
-                // Twice among the steps, after a neighbour that was twice among the last.
+                0 => self.eroded.set(pixel),
+                // Decided twice, beside a pixel that was twice in the last wave.
                 before if before == source => return None,
                 _ => {}
             }
@@ -224,10 +227,10 @@ impl Waves<'_> {
         written.collect()
     }
 
-    /// Of a pixel's neighbours that went the one that shows what is farthest, of equals the first
-    /// in the order left, right, above, below.
+    /// The eroded neighbour of a pixel that shows the greatest depth; of equal ones the first in
+    /// the order left, right, above, below.
     #[inline(always)]
-    fn farthest(&self, place: Place) -> Option<usize> {
+    fn farthest(&self, place: PixelAt) -> Option<usize> {
         let mut farthest = None;
         for beside in self.grid().beside(place).map(|beside| beside.index) {
             let is_farther = farthest.is_none_or(|f: usize| self.depth[beside] > self.depth[f]);
@@ -238,33 +241,32 @@ impl Waves<'_> {
         farthest
     }
 
-    /// The pixels that are left alone beside those that went; none beside what went from a line.
-    fn left_alone(&self) -> Vec<Step> {
-        let beside = self.gone.grown(false).without(&self.gone);
-        let alone = beside.pixels().filter_map(|pixel| {
+    /// Isolated pixels beside eroded ones, except where a line was eroded.
+    fn isolated(&self) -> Vec<Eroded> {
+        let beside = self.eroded.grown(false).without(&self.eroded);
+        let isolated = beside.pixels().filter_map(|pixel| {
             let place = self.grid().place(pixel);
             let (picture, around) = (self.picture(), self.grid().around(place)?);
             let behind = |limit: f32| around.iter().filter(|p| self.depth[**p] > limit).count();
-            // Most are not, which is seen without their radii.
+            // Most pixels are not isolated, which is decided without their radii.
             if behind(self.depth[pixel]) < ALONE {
                 return None;
             }
             let radius = self.base.tint[pixel].w;
             let limit = picture.limit(pixel, radius);
-            let is_alone = radius >= ALONE_RADIUS_PX
+            let is_isolated = radius >= ALONE_RADIUS_PX
                 && behind(limit) >= ALONE
                 && around.into_iter().all(|p| self.source[p] <= PIXEL_MASK);
-            let after = self.farthest(place).filter(|_| is_alone)?;
-            (self.depth[after] > limit).then(|| self.step(place, after, 0))
+            let after = self.farthest(place).filter(|_| is_isolated)?;
+            (self.depth[after] > limit).then(|| self.erode(place, after, 0))
         });
-        alone.collect()
+        isolated.collect()
     }
 
-    /// What a pixel shows in the end, and its depth, that has gone and shows `source`, which lies
-    /// at `depth`, beyond the rim: what lies behind goes on as it came there, mirrored, where that
-    /// is the same surface and has not gone itself. (Shown as it is at the rim, it would make
-    /// stripes.)
-    fn carried_on(&self, place: Place, source: usize, depth: f32) -> (usize, f32) {
+    /// Source and depth that an eroded pixel shows in the end, given its `source` at the rim, which
+    /// lies at `depth`. That is the pixel as far beyond the rim, mirrored, if it belongs to the
+    /// same surface and was not eroded itself. Showing the pixel at the rim would make stripes.
+    fn continued(&self, place: PixelAt, source: usize, depth: f32) -> (usize, f32) {
         let rim = self.grid().place(source);
         let Some(mirrored) = self.grid().mirrored(place, rim) else { return (source, depth) };
         let away = rim.x.abs_diff(place.x).max(rim.y.abs_diff(place.y));
@@ -290,7 +292,7 @@ impl Waves<'_> {
     }
 }
 
-/// Gives pixels the attributes of their sources.
+/// Copies the attributes of `sources` to `pixels`.
 fn replace(base: &mut Level, pixels: &[usize], sources: &[usize]) {
     let Level { front, tint, depth, normal, .. } = base;
     rayon::join(
@@ -305,7 +307,7 @@ fn replace(base: &mut Level, pixels: &[usize], sources: &[usize]) {
 }
 
 fn copy<T: Copy>(plane: &mut [T], pixels: &[usize], sources: &[usize]) {
-    // A source may be among the pixels.
+    // All are read first, since a source may be among the pixels.
     let taken: Vec<T> = sources.iter().map(|&p| plane[p]).collect();
     for (&pixel, taken) in pixels.iter().zip(taken) {
         plane[pixel] = taken;
@@ -323,7 +325,7 @@ mod tests {
     const HEIGHT: usize = 61;
     const FOCAL_PX: f32 = 100.0;
 
-    /// Rectangles before each other, of pixels displaced at random, more towards their borders.
+    /// Rectangles in front of each other, of pixels displaced at random.
     fn layers(seed: u64, has_normals: bool) -> (Pyramid, Vec<f32>) {
         let mut bits = seed;
         let mut dice = |n: usize| {
@@ -358,8 +360,8 @@ mod tests {
         (pyramid, depth)
     }
 
-    /// The rule, pixel by pixel: what each that went shows, and its depth; and how many were left
-    /// alone, showed one that went itself, and show what is mirrored.
+    /// Erosion pixel by pixel in the given order: the source of each pixel, and how many pixels
+    /// were isolated, had an eroded source, and show a mirrored pixel.
     fn reference(
         base: &Level,
         depth: &mut [f32],
@@ -398,37 +400,37 @@ mod tests {
                         (beyond, chosen) = (depth[next], Some(next));
                     }
                 }
-                let shown = Shown::by(base, shown);
+                let shown = PixelEllipse::at(base, shown);
                 if let Some(next) = chosen.filter(|&next| shown.sticks_out(lines[next])) {
                     (source[pixel], lines[pixel]) = (source[next], lines[next]);
                 }
                 depth[pixel] = source[pixel].map_or(depth[pixel], |s| rim.depth[s]);
             }
         }
-        let (went, shown, mut left) = (source.clone(), depth.to_vec(), 0);
+        let (eroded_pixels, shown, mut isolated) = (source.clone(), depth.to_vec(), 0);
         for (x, y) in (1..HEIGHT - 1).flat_map(|y| (1..WIDTH - 1).map(move |x| (x, y))) {
             let pixel = y * WIDTH + x;
             let limit = depth[pixel] * (1.0 + base.tint[pixel].w * (1.0 / FOCAL_PX));
             let at = |dx: isize, dy: isize| pixel.wrapping_add_signed(dx + dy * WIDTH as isize);
             let around = || (0..9).filter(|&i| i != 4).map(|i| at(i % 3 - 1, i / 3 - 1));
-            let is_alone = around().filter(|&p| shown[p] > limit).count() >= 7
+            let is_isolated = around().filter(|&p| shown[p] > limit).count() >= 7
                 && around().all(|p| lines[p] == 0)
                 && base.tint[pixel].w >= 3.0;
             let mut after: Option<usize> = None;
             for next in [at(-1, 0), at(1, 0), at(0, -1), at(0, 1)] {
-                if went[next].is_some() && after.is_none_or(|a| shown[next] > shown[a]) {
+                if eroded_pixels[next].is_some() && after.is_none_or(|a| shown[next] > shown[a]) {
                     after = Some(next);
                 }
             }
-            let Some(after) =
-                after.filter(|&a| went[pixel].is_none() && is_alone && shown[a] > limit)
+            let Some(after) = after
+                .filter(|&a| eroded_pixels[pixel].is_none() && is_isolated && shown[a] > limit)
             else {
                 continue;
             };
-            (source[pixel], depth[pixel]) = (went[after], shown[after]);
-            left += 1;
+            (source[pixel], depth[pixel]) = (eroded_pixels[after], shown[after]);
+            isolated += 1;
         }
-        let (mut twice, mut carried) = (0, 0);
+        let (mut twice, mut continued) = (0, 0);
         for pixel in 0..depth.len() {
             let Some(rim) = source[pixel] else { continue };
             twice += usize::from(source[rim].is_some());
@@ -444,19 +446,20 @@ mod tests {
             let slack = (base.tint[rim].w + away * 4.0) * (1.0 / FOCAL_PX);
             let (here, beyond) = (before[rim], before[there]);
             let is_same = (beyond - here).abs() <= here * slack.min(0.5);
-            if away >= 8.0 && went[there].is_none() && here.is_finite() && is_same {
+            if away >= 8.0 && eroded_pixels[there].is_none() && here.is_finite() && is_same {
                 (source[pixel], depth[pixel]) = (Some(there), here - (beyond - here));
-                carried += 1;
+                continued += 1;
             }
         }
-        (source, [left, twice, carried])
+        (source, [isolated, twice, continued])
     }
 
     #[test]
-    fn what_goes_is_what_the_rule_says_of_each_pixel_in_whatever_order_they_are_asked() {
+    fn each_pixel_is_eroded_by_the_rule_in_whatever_order_pixels_are_visited() {
         let mut counts = [0; 3];
-        for (seed, has_normals) in (1..40).flat_map(|seed| [(seed, false), (seed, true)]) {
-            let (mut pyramid, mut depth) = layers(seed * 0x9E37_79B9_7F4A_7C15, has_normals);
+        for (seed, has_normals) in (1u64..40).flat_map(|seed| [(seed, false), (seed, true)]) {
+            let (mut pyramid, mut depth) =
+                layers(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15), has_normals);
             let (base, untouched) = (&mut pyramid.levels[0], depth.clone());
             let edges = edges(&depth, WIDTH, 2.0 / FOCAL_PX);
             let forwards: Vec<usize> = (0..depth.len()).collect();
@@ -478,14 +481,14 @@ mod tests {
                 assert_eq!(base.depth[pixel], before.depth[from]);
                 assert_eq!(base.normal.get(pixel), before.normal.get(from));
             }
-            let went = |p: usize| expected[p].is_some();
+            let is_eroded = |p: usize| expected[p].is_some();
             let grid = Grid { width: WIDTH, height: HEIGHT };
             let beside = |p: usize| grid.beside(grid.place(p)).into_iter();
-            let changed =
-                (0..depth.len()).filter(|&p| went(p) || beside(p).any(|place| went(place.index)));
+            let changed = (0..depth.len())
+                .filter(|&p| is_eroded(p) || beside(p).any(|place| is_eroded(place.index)));
             assert_eq!(touched.pixels().collect::<Vec<_>>(), changed.collect::<Vec<_>>());
             assert!(expected.iter().flatten().count() > 300, "seed {seed}");
         }
-        assert!(counts.iter().all(|n| *n > 100), "left alone, went twice, mirrored: {counts:?}");
+        assert!(counts.iter().all(|n| *n > 100), "isolated, eroded twice, mirrored: {counts:?}");
     }
 }

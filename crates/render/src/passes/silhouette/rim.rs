@@ -1,52 +1,51 @@
-//! Rims: where a surface ends on the picture, and whether a pixel there lies beyond the surface's
-//! samples; what [`crate::passes::silhouette`] takes back. At a rim nothing lies as near as the
-//! surface, outwards in three neighbouring directions.
+//! Rims, where a surface ends in the picture, and whether a pixel at a rim lies beyond the samples
+//! of its surface; for [`crate::passes::silhouette`]. At a rim nothing lies as near as the surface,
+//! outwards in three neighbouring directions.
 
 use crate::picture::pyramid::Level;
 use crate::simd::values::Values;
 
-/// How far a surface may reach beyond its samples, over the radius, with normals and without. With
-/// them ellipses end near silhouettes by themselves, and less only roughens them: a sphere's
-/// outline, spacing 8 pixels, deviates by 0.4 pixels (root mean square) with a half, by 0.8 with
-/// 0.3. Without them a third leaves 0.3 spacings of the 1.1 that discs stick out.
+/// Greatest distance of a surface beyond its samples, over the radius, with normals and without.
+/// With normals ellipses end near silhouettes by themselves, and a smaller distance roughens them.
 pub(crate) const OVERHANG: [f32; 2] = [0.5, 0.35];
-/// And in pixels, at least. With normals places are exact: with 0.9 a cube's outlines at one point
-/// a pixel are off by 0.27 of alpha (root mean square), with 1.5 by 0.42; but 0.9 tears the rims of
-/// walls seen at 80 degrees. Without normals less than 1.5 dents the rims of dense surfaces.
+/// Least value of that distance, pixels. With normals the positions of samples are exact; a smaller
+/// distance tears the rims of walls seen at a grazing angle. Without normals it dents the rims of
+/// dense surfaces.
 pub(crate) const OVERHANG_MIN_PX: [f32; 2] = [1.2, 1.5];
-/// Beyond a rim nothing of the surface lies for a radius, and for so many pixels at least and at
-/// most.
+/// Least and greatest distance beyond a rim without a part of its surface, pixels; in between, it
+/// is the radius.
 pub(crate) const OPEN_PX: (f32, f32) = (4.0, 32.0);
-/// A surface goes on behind a gap as steeply as it comes to it, and half as much again, told over
-/// so many radii (the steepest, since there may be a gap): else ground behind the gaps between scan
-/// lines, seen aslant, would lie too far off to be the same, and each gap would have a rim.
+/// A surface continues behind a gap up to [`STEEPER`] times as steeply as it comes to it. The slope
+/// is the steepest over these distances, in radii, since there may be gaps on this side too.
+/// Otherwise ground at a grazing angle would be another surface behind each gap between scan lines,
+/// and each gap would have a rim.
 pub(crate) const SLOPE_RADII: [usize; 3] = [2, 3, 4];
 pub(crate) const STEEPER: f32 = 1.5;
-/// Where it reaches less far, gaps are small, and what sticks out of clutter counts for more (0.2 %
-/// of an indoor scan's picture).
+/// Least reach, pixels, at which slopes are followed. Below it gaps are small, and parts of clutter
+/// that stick out matter more.
 pub(crate) const SLOPE_REACH_MIN: usize = 8;
-/// All radii above divide it.
+/// A multiple of all of [`SLOPE_RADII`].
 pub(crate) const WIDTH_RADII: usize = 12;
-/// How far a line may reach beyond its samples, pixels.
+/// Greatest distance of a line beyond its samples, pixels.
 pub(crate) const LINE_OVERHANG_PX: f32 = 0.9;
-/// A band is a line up to so many radii and pixels of width, where it goes on for so many radii on
-/// either side: one sample alone is none, nor is one that stands out of a surface.
+/// Greatest width of a band that is a line, in radii, plus a number of pixels; and distance that it
+/// continues on either side, in radii: a single sample is no line, nor is a tip that stands out of
+/// a surface.
 pub(crate) const LINE_WIDTH: (f32, f32) = (2.0, 2.0);
 pub(crate) const LINE_SIDE: f32 = 2.0;
-/// Radii beyond this, pixels, are not looked at for lines.
+/// Greatest radius, pixels, at which lines are detected.
 pub(crate) const LINE_RADIUS_MAX_PX: f32 = 32.0;
-/// Directions to the neighbours, around.
+/// Directions to the eight neighbours, in a circle.
 pub(crate) const AROUND: [[isize; 2]; 8] =
     [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
 
-/// A picture whose rims are looked for.
+/// A picture in which rims are detected.
 #[derive(Clone, Copy)]
 pub(crate) struct Rims<'a> {
     pub base: &'a Level,
-    /// One over the focal length in pixels: GPUs round products as everyone does, but not
-    /// quotients.
+    /// One over the focal length in pixels: GPUs round products correctly, but not quotients.
     pub per_focal: f32,
-    /// Depth of what each pixel shows.
+    /// Depth that each pixel shows.
     pub depth: &'a [f32],
 }
 
@@ -55,24 +54,24 @@ impl Rims<'_> {
         Grid { width: self.base.width, height: self.base.height }
     }
 
-    /// Depth beyond which there is another surface than that of a pixel which shows a disc of a
-    /// radius.
+    /// Depth beyond which there is another surface than that of `pixel`, which shows a disc of
+    /// `radius`.
     #[inline(always)]
     pub fn limit(&self, pixel: usize, radius: f32) -> f32 {
         self.depth[pixel] * (1.0 + radius * self.per_focal)
     }
 
-    /// The pixel beyond the rim, where the pixel is at one: outwards in three neighbouring
-    /// directions nothing lies as near as the surface. And where the rim is a line's, its direction
-    /// outwards plus one, else 0.
-    pub fn beyond(&self, place: Place) -> Option<(usize, u32)> {
+    /// The pixel beyond the rim if `place` lies at one: outwards in three neighbouring directions
+    /// nothing lies as near as the surface. With it the outward direction plus one if the rim
+    /// belongs to a line, else 0.
+    pub fn beyond(&self, place: PixelAt) -> Option<(usize, u32)> {
         let pixel = place.index;
-        let shown = Shown::by(self.base, pixel);
-        if self.depth[pixel] == f32::INFINITY || !shown.may_stick_out() {
+        let ellipse = PixelEllipse::at(self.base, pixel);
+        if self.depth[pixel] == f32::INFINITY || !ellipse.may_stick_out() {
             return None;
         }
-        let limit = self.limit(pixel, shown.radius);
-        let is_open = |way| self.is_open(place, way, shown.radius, limit);
+        let limit = self.limit(pixel, ellipse.radius);
+        let is_open = |way| self.is_open(place, way, ellipse.radius, limit);
         let mut open = [false; 8];
         for i in [0, 2, 4, 6] {
             open[i] = is_open(AROUND[i]);
@@ -81,18 +80,18 @@ impl Rims<'_> {
             open[i] = (open[i - 1] || open[(i + 1) % 8]) && is_open(AROUND[i]);
         }
         let middle = (0..8).find(|&i| open[(i + 7) % 8] && open[i] && open[(i + 1) % 8])?;
-        let line = self.line(place, &shown, open, limit);
+        let line = self.line(place, &ellipse, open, limit);
         let beyond = self.grid().away(place, AROUND[middle], 1).index;
-        (line > 0 || shown.sticks_out(0)).then_some((beyond, line))
+        (line > 0 || ellipse.sticks_out(0)).then_some((beyond, line))
     }
 
-    /// Whether nothing lies as near as `limit` from a pixel in a direction, nor as near as its own
-    /// slope goes on, for a radius.
-    fn is_open(&self, pixel: Place, [dx, dy]: [isize; 2], radius: f32, limit: f32) -> bool {
+    /// Whether for a radius from a pixel in a direction nothing lies as near as `limit`, nor as
+    /// near as the surface would if it continued.
+    fn is_open(&self, pixel: PixelAt, [dx, dy]: [isize; 2], radius: f32, limit: f32) -> bool {
         let grid = self.grid();
         let reach = (radius + 1.0).clamp(OPEN_PX.0, OPEN_PX.1) as usize;
         let (steps, stride) = (reach.min(grid.room(pixel, [dx, dy])), grid.stride([dx, dy]));
-        // Mostly the next pixel is as near, which is seen without a slope.
+        // Mostly the next pixel is as near, which is decided without a slope.
         if steps > 0 && self.depth[pixel.index.wrapping_add_signed(stride)] <= limit {
             return false;
         }
@@ -104,13 +103,14 @@ impl Rims<'_> {
                 return false;
             }
         }
-        // Else the next step leaves the picture.
+        // Otherwise the next step leaves the picture.
         steps == reach || (steps + 1) as f32 > OPEN_PX.0
     }
 
-    /// By how much depth may grow over [`WIDTH_RADII`] of reach beyond a pixel in a direction for
-    /// the surface to go on: by widths that divide it, since GPUs round quotients as they like.
-    fn rise(&self, pixel: Place, [dx, dy]: [isize; 2], reach: usize) -> f32 {
+    /// Greatest growth of depth over [`WIDTH_RADII`] times `reach` beyond a pixel in a direction
+    /// with which the surface continues. Distances divide that length, since GPUs do not round
+    /// quotients exactly.
+    fn rise(&self, pixel: PixelAt, [dx, dy]: [isize; 2], reach: usize) -> f32 {
         if reach < SLOPE_REACH_MIN {
             return 0.0;
         }
@@ -126,9 +126,15 @@ impl Rims<'_> {
         risen.into_iter().fold(0.0, f32::max)
     }
 
-    /// The direction outwards plus one of the line that a rim belongs to, where it does; else 0. At
-    /// a tip there is none.
-    fn line(&self, pixel: Place, shown: &Shown<f32>, open: [bool; 8], limit: f32) -> u32 {
+    /// Outward direction plus one of the line that a rim belongs to; 0 if there is none, or at the
+    /// tip of a line.
+    fn line(
+        &self,
+        pixel: PixelAt,
+        ellipse: &PixelEllipse<f32>,
+        open: [bool; 8],
+        limit: f32,
+    ) -> u32 {
         let count = open.into_iter().filter(|&o| o).count();
         let is_middle = |i: usize| {
             let at = |turn: usize| open[(i + turn) % 8];
@@ -136,14 +142,14 @@ impl Rims<'_> {
         };
         let outwards = if count > 5 { None } else { (0..8).find(|&i| is_middle(i)) };
         let is_line = |&way: &usize| {
-            shown.sticks_out(way as u32 + 1) && self.is_line(pixel, shown.radius, way, limit)
+            ellipse.sticks_out(way as u32 + 1) && self.is_line(pixel, ellipse.radius, way, limit)
         };
         outwards.filter(is_line).map_or(0, |way| way as u32 + 1)
     }
 
-    /// Whether the band inwards of a rim that is open in a direction is a line: no wider than a
-    /// disc, as open beyond, and long.
-    fn is_line(&self, rim: Place, radius: f32, outwards: usize, limit: f32) -> bool {
+    /// Whether the band inwards of a rim, which is open in direction `outwards`, is a line: no
+    /// wider than a disc, open on its other side too, and long.
+    fn is_line(&self, rim: PixelAt, radius: f32, outwards: usize, limit: f32) -> bool {
         if radius > LINE_RADIUS_MAX_PX {
             return false;
         }
@@ -160,7 +166,7 @@ impl Rims<'_> {
         if band > wide || !self.is_open(grid.away(rim, inwards, band), inwards, radius, limit) {
             return false;
         }
-        // From the far rim back to the middle.
+        // Back from the far rim to the middle of the band.
         let middle = grid.away(rim, inwards, band - band / 2);
         let wanted = (radius * LINE_SIDE / stride(along)) as usize;
         let goes_on = |way: [isize; 2]| {
@@ -176,15 +182,15 @@ impl Rims<'_> {
     }
 }
 
-/// A pixel, its column and its row.
+/// A pixel: its index, column and row.
 #[derive(Clone, Copy)]
-pub(crate) struct Place {
+pub(crate) struct PixelAt {
     pub index: usize,
     pub x: usize,
     pub y: usize,
 }
 
-/// The pixels' places.
+/// Size of a picture, which relates pixels to their neighbours.
 #[derive(Clone, Copy)]
 pub(crate) struct Grid {
     pub width: usize,
@@ -192,47 +198,48 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// The pixels left, right, above and below; itself in place of those beyond the border.
+    /// Pixels to the left, right, above and below; the pixel itself in place of those outside the
+    /// picture.
     #[inline(always)]
-    pub fn beside(self, place: Place) -> [Place; 4] {
-        let Place { index, x, y } = place;
-        let at = |is_there: bool, other: Place| if is_there { other } else { place };
+    pub fn beside(self, place: PixelAt) -> [PixelAt; 4] {
+        let PixelAt { index, x, y } = place;
+        let at = |is_there: bool, other: PixelAt| if is_there { other } else { place };
         [
-            at(x > 0, Place { index: index.wrapping_sub(1), x: x.wrapping_sub(1), y }),
-            at(x + 1 < self.width, Place { index: index + 1, x: x + 1, y }),
-            at(y > 0, Place { index: index.wrapping_sub(self.width), x, y: y.wrapping_sub(1) }),
-            at(y + 1 < self.height, Place { index: index + self.width, x, y: y + 1 }),
+            at(x > 0, PixelAt { index: index.wrapping_sub(1), x: x.wrapping_sub(1), y }),
+            at(x + 1 < self.width, PixelAt { index: index + 1, x: x + 1, y }),
+            at(y > 0, PixelAt { index: index.wrapping_sub(self.width), x, y: y.wrapping_sub(1) }),
+            at(y + 1 < self.height, PixelAt { index: index + self.width, x, y: y + 1 }),
         ]
     }
 
     /// The eight pixels around one that is not at the border.
-    pub fn around(self, place: Place) -> Option<[usize; 8]> {
-        let Place { index, x, y } = place;
+    pub fn around(self, place: PixelAt) -> Option<[usize; 8]> {
+        let PixelAt { index, x, y } = place;
         let is_inside = x > 0 && y > 0 && x + 1 < self.width && y + 1 < self.height;
         let (up, down) = (index.wrapping_sub(self.width), index + self.width);
         is_inside.then(|| [up - 1, up, up + 1, index - 1, index + 1, down - 1, down, down + 1])
     }
 
-    pub fn place(self, index: usize) -> Place {
-        Place { index, x: index % self.width, y: index / self.width }
+    pub fn place(self, index: usize) -> PixelAt {
+        PixelAt { index, x: index % self.width, y: index / self.width }
     }
 
-    /// The pixel as far beyond another as a pixel is before it, where there is one.
-    pub fn mirrored(self, place: Place, at: Place) -> Option<usize> {
+    /// The mirror image of `place` at `at`, if it is in the picture.
+    pub fn mirrored(self, place: PixelAt, at: PixelAt) -> Option<usize> {
         let x = (2 * at.x).checked_sub(place.x).filter(|&x| x < self.width)?;
         let y = (2 * at.y).checked_sub(place.y).filter(|&y| y < self.height)?;
         Some(y * self.width + x)
     }
 
-    /// By how much a pixel's index grows with a step in a direction.
+    /// Change of a pixel's index with a step in a direction.
     #[inline(always)]
     fn stride(self, [dx, dy]: [isize; 2]) -> isize {
         dx + dy * self.width as isize
     }
 
-    /// How many steps in a direction there are from a pixel to the border.
+    /// Steps from a pixel to the border in a direction.
     #[inline(always)]
-    pub fn room(self, Place { x, y, .. }: Place, [dx, dy]: [isize; 2]) -> usize {
+    pub fn room(self, PixelAt { x, y, .. }: PixelAt, [dx, dy]: [isize; 2]) -> usize {
         let room = |at: usize, size: usize, d: isize| match d {
             0 => usize::MAX,
             1.. => size - 1 - at,
@@ -241,10 +248,15 @@ impl Grid {
         room(x, self.width, dx).min(room(y, self.height, dy))
     }
 
-    /// The pixel so many steps away in a direction, no more than there is room for.
-    pub fn away(self, Place { index, x, y }: Place, [dx, dy]: [isize; 2], steps: usize) -> Place {
+    /// Pixel a number of steps away in a direction; the steps must not leave the picture.
+    pub fn away(
+        self,
+        PixelAt { index, x, y }: PixelAt,
+        [dx, dy]: [isize; 2],
+        steps: usize,
+    ) -> PixelAt {
         let steps = steps as isize;
-        Place {
+        PixelAt {
             index: index.wrapping_add_signed(self.stride([dx, dy]) * steps),
             x: x.wrapping_add_signed(dx * steps),
             y: y.wrapping_add_signed(dy * steps),
@@ -257,34 +269,34 @@ fn stride([dx, dy]: [isize; 2]) -> f32 {
     if dx != 0 && dy != 0 { std::f32::consts::SQRT_2 } else { 1.0 }
 }
 
-/// What pixels show: the ellipses that they were interpolated from.
+/// The ellipses that pixels were interpolated from.
 #[derive(Clone, Copy)]
-pub(crate) struct Shown<V> {
-    /// Pixels.
+pub(crate) struct PixelEllipse<V> {
+    /// Radius, pixels.
     pub radius: V,
-    /// From the ellipse's centre to the pixel.
+    /// Displacement from the ellipse's centre to the pixel.
     pub away: [V; 2],
     pub has_normal: bool,
 }
 
-impl Shown<f32> {
+impl PixelEllipse<f32> {
     #[inline(always)]
-    pub fn by(base: &Level, pixel: usize) -> Self {
+    pub fn at(base: &Level, pixel: usize) -> Self {
         let (front, has_normal) = (base.front[pixel], !base.normal.is_empty());
         Self { radius: base.tint[pixel].w, away: [front.z, front.w], has_normal }
     }
 }
 
-impl<V: Values> Shown<V> {
-    /// Whether the pixel may stick out, of whatever it is a part.
+impl<V: Values> PixelEllipse<V> {
+    /// Whether the pixel may lie beyond the samples, of a line or of a surface.
     #[inline(always)]
     pub fn may_stick_out(&self) -> V::Mask {
         let [x, y] = self.away;
         x.like(LINE_OVERHANG_PX * LINE_OVERHANG_PX).cmplt(x * x + y * y)
     }
 
-    /// Whether the pixel lies too far from the samples: at a line with this direction outwards
-    /// (plus one), or where it is 0 at any surface.
+    /// Whether the pixel lies too far beyond the samples: of the line with outward direction `line`
+    /// minus one, or of a surface if `line` is 0.
     #[inline(always)]
     pub fn sticks_out(&self, line: u32) -> V::Mask {
         let [x, y] = self.away;

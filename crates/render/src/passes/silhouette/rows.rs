@@ -1,8 +1,8 @@
-//! Rims of a row. Most edges are no rims, which their next pixels, radii and displacements tell of
-//! eight at a time; what is left, [`crate::passes::silhouette::rim`] looks at one by one. (Eight
-//! pixels that walk outwards together gain nothing: mostly one or two are left.)
+//! Finds the rims in a row of pixels. Most edges are no rims, which is decided for eight pixels at
+//! a time from their neighbours, radii and displacements; [`crate::passes::silhouette::rim`]
+//! decides on the others one by one.
 
-use crate::passes::silhouette::rim::{AROUND, Place, Rims, Shown};
+use crate::passes::silhouette::rim::{AROUND, PixelAt, PixelEllipse, Rims};
 use crate::picture::marks::{Marks, bits};
 use crate::picture::windows::{eight, rows_around, windows};
 use crate::simd::values::{EIGHT, Values, bits as bits_of, load};
@@ -10,73 +10,79 @@ use fearless_simd::{Level as Width, Simd, dispatch, f32x8, mask32x8};
 use glam::Vec4;
 
 impl Rims<'_> {
-    /// Tells of the pixels of `edges` in a row that are at a rim, with what [`Rims::beyond`] tells
-    /// of them.
-    pub fn of_row(&self, edges: &Marks, y: usize, mut tell: impl FnMut(Place, (usize, u32))) {
+    /// Reports the pixels of `edges` in row `y` that are at a rim, with the result of
+    /// [`Rims::beyond`].
+    pub fn rims_of_row(
+        &self,
+        edges: &Marks,
+        y: usize,
+        mut report: impl FnMut(PixelAt, (usize, u32)),
+    ) {
         let width = self.base.width;
         let rows = rows_around(self.depth, width, y);
         dispatch!(Width::new(), simd => {
             for x in (0..width).step_by(EIGHT) {
-                let first = Place { index: y * width + x, x, y };
+                let first = PixelAt { index: y * width + x, x, y };
                 let edges = edges.run(first.index, EIGHT.min(width - x));
                 if edges != 0 {
-                    self.of_eight(simd, rows, first, edges, &mut tell);
+                    self.rims_of_eight(simd, rows, first, edges, &mut report);
                 }
             }
         });
     }
 
-    /// Tells of those of `edges` among eight pixels.
+    /// Reports the pixels of `edges` among eight that are at a rim.
     #[inline(always)]
-    fn of_eight<S: Simd>(
+    fn rims_of_eight<S: Simd>(
         &self,
         simd: S,
         rows: [&[f32]; 3],
-        first: Place,
+        first: PixelAt,
         edges: u64,
-        tell: &mut impl FnMut(Place, (usize, u32)),
+        report: &mut impl FnMut(PixelAt, (usize, u32)),
     ) {
         let mut space = [[0.0; _]; 3];
         let rows = windows::<_, 3, { EIGHT + 2 }>(rows, first.x, &mut space);
-        // Most have no rim, which is seen without their radii and displacements.
+        // Most have no rim, which is decided without their radii and displacements.
         let here = eight(simd, rows[1], 1);
         let (_, end) = ends(simd, rows, here);
         if edges & u64::from(bits_of(end)) == 0 {
             return;
         }
-        let radius = load(simd, &some(&self.base.tint, first.index).map(|tint| tint.w));
+        let radius = load(simd, &eight_of(&self.base.tint, first.index).map(|tint| tint.w));
         let (ways, end) = ends(simd, rows, here * (radius * self.per_focal + 1.0));
         let mut among = edges & u64::from(bits_of(end));
         if among == 0 {
             return;
         }
-        let fronts = some(&self.base.front, first.index);
+        let fronts = eight_of(&self.base.front, first.index);
         let x = load(simd, &fronts.map(|front| front.z));
         let y = load(simd, &fronts.map(|front| front.w));
-        let shown = Shown { radius, away: [x, y], has_normal: !self.base.normal.is_empty() };
-        let mut sticks_out = shown.sticks_out(0);
+        let ellipse =
+            PixelEllipse { radius, away: [x, y], has_normal: !self.base.normal.is_empty() };
+        let mut sticks_out = ellipse.sticks_out(0);
         for (is_end, line) in ways.into_iter().zip(1..) {
-            sticks_out |= is_end & shown.sticks_out(line);
+            sticks_out |= is_end & ellipse.sticks_out(line);
         }
-        among &= u64::from(bits_of(sticks_out & shown.may_stick_out()));
+        among &= u64::from(bits_of(sticks_out & ellipse.may_stick_out()));
         for k in bits(among) {
-            let place = Place { index: first.index + k, x: first.x + k, y: first.y };
+            let place = PixelAt { index: first.index + k, x: first.x + k, y: first.y };
             if let Some(rim) = self.beyond(place) {
-                tell(place, rim);
+                report(place, rim);
             }
         }
     }
 }
 
-/// In which directions, and whether in any, a pixel's neighbour and those beside it lie behind a
-/// depth, of eight pixels.
+/// For each direction and for any, whether the neighbours of eight pixels in it and in both
+/// directions beside it lie behind `depth`.
 #[inline(always)]
 fn ends<S: Simd>(
     simd: S,
     rows: [&[f32; EIGHT + 2]; 3],
     depth: f32x8<S>,
 ) -> ([mask32x8<S>; 8], mask32x8<S>) {
-    // Loops: closures would not be compiled for the processor.
+    // Loops, since closures would not be compiled for the processor.
     let mut is_behind = [depth.cmplt(depth); 8];
     for (is_behind, [dx, dy]) in is_behind.iter_mut().zip(AROUND) {
         *is_behind = depth.cmplt(eight(simd, rows[(dy + 1) as usize], (dx + 1) as usize));
@@ -89,9 +95,9 @@ fn ends<S: Simd>(
     (ways, any)
 }
 
-/// Eight pixels of a plane from one on; zeros behind its end.
+/// Eight pixels of a plane from `first` on; zeros behind its end.
 #[inline(always)]
-fn some(plane: &[Vec4], first: usize) -> [Vec4; EIGHT] {
+fn eight_of(plane: &[Vec4], first: usize) -> [Vec4; EIGHT] {
     let plane = &plane[first..];
     let copied = || std::array::from_fn(|k| plane.get(k).copied().unwrap_or_default());
     plane.first_chunk().copied().unwrap_or_else(copied)

@@ -3,14 +3,16 @@
 //! are made in [`plan`], records are encoded in [`records`].
 //!
 //! - Sources with the same record layout keep it, and with it version, point format and extra
-//! bytes. The header and the global encoding are those of the first source, in byte order of paths;
-//! the bit of GPS times is that of the first source with GPS times; scale and offset are the
-//! lattice's. - VLRs and EVLRs are those of the first source, then those of others that it lacks;
-//! those of a coordinate reference system are of one source only. Indices into the order of points
-//! (COPC, LAX) are left out, since the order changes; so are waveform packets, which Esker does not
-//! keep. - Other sources get the least point format with a field for every attribute, and version
-//! 1.4, unless all are LAS of formats 0 to 5. Attributes without a field become extra bytes;
-//! colours of 8 bits are widened.
+//!   bytes. The header and the global encoding are those of the first source, in byte order of
+//!   paths; the bit of GPS times is that of the first source with GPS times; scale and offset are
+//!   the lattice's.
+//! - VLRs and EVLRs are those of the first source, then those of others that it lacks; those of a
+//!   coordinate reference system are of one source only. Indices into the order of points (COPC,
+//!   LAX) are left out, since the order changes; so are waveform packets, which Esker does not
+//!   keep.
+//! - Other sources get the least point format with a field for every attribute, and version 1.4,
+//!   unless all are LAS of formats 0 to 5. Attributes without a field become extra bytes; colours
+//!   of 8 bits are widened.
 
 mod order;
 mod plan;

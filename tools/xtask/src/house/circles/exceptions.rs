@@ -10,27 +10,4 @@ pub struct Exception {
 }
 
 /// Circles that are not cut yet.
-pub const EXCEPTIONS: [Exception; 3] = [
-    Exception {
-        folder: "crates/builder",
-        files: &[
-            "budget/disk.rs",
-            "budget/memory.rs",
-            "budget/shares.rs",
-            "calls/build.rs",
-            "input/identity.rs",
-            "input/intake.rs",
-            "input/taking.rs",
-            "rows/journal.rs",
-            "rows/store.rs",
-            "tree/levels.rs",
-            "tree/parting.rs",
-            "tree/waiting.rs",
-        ],
-    },
-    Exception { folder: "crates/engine", files: &["cameras/colour.rs", "cameras/ranges.rs"] },
-    Exception {
-        folder: "crates/points",
-        files: &["filter/classes.rs", "filter/mod.rs", "filter/polygon.rs"],
-    },
-];
+pub const EXCEPTIONS: [Exception; 0] = [];

@@ -1,53 +1,25 @@
-//! Building onto what there is: points are placed on a lattice that was chosen before. What lies
-//! between its steps is rounded, as everywhere; what lies outside of it is refused, and counted
-//! with the reason.
+//! Sources for a lattice that was chosen before: points between its steps are rounded, as in every
+//! build; points outside of it are refused, and counted with the reason.
 
-use esker_format::{SourceRecord, TreeRef};
 use esker_points::lattice::{Placement, REFUSED};
-use esker_points::palette::Palette;
-use esker_points::{Batch, Lattice, MultisetHash, Task};
+use esker_points::{Batch, Task};
 use esker_scan::source::Sink;
 use esker_scan::{ReadReport, ScanError, Source, SourceInfo};
-use std::path::PathBuf;
 
-/// Why points are refused that lie outside of a given lattice.
+/// Reason with which points outside of a given lattice are refused.
 pub const OFF_LATTICE: &str = "coordinate is outside of the lattice of the file appended to";
 
-/// What a build takes from files that are there already; nothing, for most builds.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Onto {
-    /// The lattice, in place of one chosen for the inputs.
-    pub lattice: Option<Lattice>,
-    /// The palette of a compact plane, in place of one trained on the inputs.
-    pub palette: Option<Palette>,
-    /// The files that the new one names.
-    pub forest: Vec<TreeRef>,
-    /// What is known of points that are merged out of files.
-    pub merged: Option<Merged>,
-}
+/// A source whose points outside of the lattice are refused.
+pub struct WithinLattice(pub Box<dyn Source>);
 
-/// What files say of the points that are merged out of them.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Merged {
-    /// Where they came from, each with the path of the input that brings them now.
-    pub records: Vec<(PathBuf, SourceRecord)>,
-    /// How many they are.
-    pub points: u64,
-    /// The sum of the files' hashes.
-    pub hash: MultisetHash,
-}
-
-/// An input whose points outside of the lattice are refused.
-pub struct Within(pub Box<dyn Source>);
-
-impl Within {
-    /// The same for all inputs.
+impl WithinLattice {
+    /// Wraps all sources.
     pub fn all(sources: Vec<Box<dyn Source>>) -> Vec<Box<dyn Source>> {
         sources.into_iter().map(|source| Box::new(Self(source)) as Box<dyn Source>).collect()
     }
 }
 
-impl Source for Within {
+impl Source for WithinLattice {
     fn info(&self) -> &SourceInfo {
         self.0.info()
     }
@@ -80,7 +52,7 @@ impl Source for Within {
     }
 }
 
-/// A batch without the points that were refused, and how many those were.
+/// Removes refused points from a batch and counts them.
 fn kept(batch: Batch) -> (Batch, u64) {
     let own: Vec<usize> = (0..batch.len()).filter(|&i| batch.positions[i] != REFUSED).collect();
     let gone = (batch.len() - own.len()) as u64;

@@ -1,0 +1,88 @@
+//! What a new file records of its inputs, and the notes on them for the user.
+
+use crate::input::crs::are_same;
+use crate::input::gps_times;
+use crate::input::intake::Intake;
+use crate::input::plan::Plan;
+use crate::options::Options;
+use esker_format::{CrsRecord, Metadata, Normals, SourceRecord};
+use esker_scan::ReadReport;
+use esker_scan::las::gps_times;
+use std::path::PathBuf;
+
+/// Metadata of a file of these inputs; bounds and computed planes are added when the tree is built.
+pub fn metadata(
+    intake: &Intake,
+    plan: &Plan,
+    reports: &[ReadReport],
+    options: &Options,
+) -> Metadata {
+    let record = |(i, report): (usize, &ReadReport)| {
+        let info = intake.sources[i].info();
+        SourceRecord {
+            path: info.path.display().to_string(),
+            format: info.format.clone(),
+            grid: intake.grid(i).clone(),
+            points: report.points,
+            refused: report.refused.clone(),
+            rounding_error_max: report.rounding_error_max,
+            colour_depth: intake.colour_depth(i),
+            colour_depth_forced: options.colour_depth.is_some() && info.colour_depth.is_some(),
+            class: plan.class_of[i],
+            crs: info
+                .crs
+                .as_ref()
+                .map(|c| CrsRecord { text: c.text.clone(), unit: c.unit.clone() }),
+            notes: info.notes.iter().chain(&report.notes).cloned().collect(),
+            verbatim: info.verbatim.clone(),
+        }
+    };
+    Metadata {
+        lattice: plan.lattice,
+        bounds: None,
+        schema: plan.schema.clone(),
+        classes: plan.classes.clone(),
+        node_capacity: options.node_capacity,
+        normals: Normals::None,
+        has_clip_lines: false,
+        has_tangents: false,
+        palette: None,
+        codec: options.compress,
+        sources: match &options.inherited.merged {
+            None => reports.iter().enumerate().map(record).collect(),
+            Some(merged) => merged.records.iter().map(|r| merged_record(intake, plan, r)).collect(),
+        },
+        forest: options.inherited.forest.clone(),
+        generator: concat!("esker ", env!("CARGO_PKG_VERSION")).into(),
+    }
+}
+
+/// Record of a source whose points were merged, with their class in the new file.
+fn merged_record(
+    intake: &Intake,
+    plan: &Plan,
+    (path, record): &(PathBuf, SourceRecord),
+) -> SourceRecord {
+    let at = intake.sources.iter().position(|source| source.info().path == *path);
+    SourceRecord { class: at.map_or(0, |i| plan.class_of[i]), ..record.clone() }
+}
+
+/// The notes on all sources, and notes if their reference systems differ or their
+/// GPS times do not compare.
+pub fn notes(metadata: &Metadata) -> Vec<String> {
+    let mut out: Vec<String> = metadata
+        .sources
+        .iter()
+        .flat_map(|s| s.notes.iter().map(move |n| format!("{}: {n}", s.path)))
+        .collect();
+    let mut systems = metadata.sources.iter().filter_map(|s| Some((s, s.crs.as_ref()?)));
+    if let Some((first, crs)) = systems.next()
+        && let Some((other, _)) = systems.find(|(_, c)| !are_same(&c.text, &crs.text))
+    {
+        out.push(format!("{} and {} name different coordinate reference systems; coordinates are taken as they are", first.path, other.path));
+    }
+    out.extend(gps_times::note_different(
+        metadata.sources.iter().map(|s| (s.path.clone(), gps_times(&s.verbatim))),
+    ));
+    out
+}
