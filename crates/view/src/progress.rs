@@ -1,5 +1,5 @@
-//! What is shown in place of the picture while there is none: how far opening and building are, or
-//! what went wrong.
+//! What the window shows while there is no picture: the progress of opening and building, or an
+//! error.
 
 use crate::source::Opening;
 use crate::theme;
@@ -10,14 +10,14 @@ use esker_engine::io::quantity::grouped;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Between two looks at the builder's progress.
+/// Time between two updates of the progress.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// Seconds after which opening a file is worth a word.
+/// Seconds after which the opening of a file is reported.
 const PATIENCE_S: f64 = 0.4;
 /// Width of the box, points.
 const WIDTH: f32 = 420.0;
 
-/// Shows how far opening and building are.
+/// Shows the progress of opening and building.
 pub fn show(ui: &mut Ui, opening: &Opening, inputs: &[PathBuf]) {
     let progress = opening.progress();
     ui.ctx().request_repaint_after(LOOK_EVERY);
@@ -56,7 +56,7 @@ pub fn show(ui: &mut Ui, opening: &Opening, inputs: &[PathBuf]) {
     });
 }
 
-/// Shows why there is nothing to see.
+/// Shows why there is no scene.
 pub fn failed(ui: &mut Ui, fault: &str) {
     boxed(ui, |ui| {
         ui.label(RichText::new("Nothing to see").heading().color(theme::FAULT));
