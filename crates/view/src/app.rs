@@ -140,14 +140,14 @@ impl App {
             // There is no scene to fly through.
             _ => return ctx.send_viewport_cmd(ViewportCommand::Close),
         };
-        let Some(place) = viewer.picture_rect() else { return };
-        if let Err(error) = run.prepare(viewer.file(), pixels(place, 1.0, 1.0)) {
+        let Some(picture_rect) = viewer.picture_rect() else { return };
+        if let Err(error) = run.prepare(viewer.file(), pixels(picture_rect, 1.0, 1.0)) {
             self.stage = Stage::Failed(format!("{error:#}"));
             return;
         }
         let window = WindowState {
             now_s,
-            picture_rect: place,
+            picture_rect,
             camera: viewer.camera(),
             settled: self.counters.settled && !viewer.needs_redraw(now_s),
             is_busy: self.shots.is_busy(),
@@ -214,7 +214,7 @@ impl App {
         fault.iter().for_each(|fault| run.record.fault(fault));
         self.shots.failures().iter().for_each(|fault| run.record.fault(fault));
         run.record.stalls = stalls;
-        let with = json!({
+        let extra = json!({
             "file": self.args.inputs.first().map(|p| p.display().to_string()),
             "drawn_by": drawn_by,
             "window_ms": self.milestones.window_ms,
@@ -225,7 +225,7 @@ impl App {
             "measured": measured,
             "pictures_failed": failed,
         });
-        run.report(with)?;
+        run.report(extra)?;
         anyhow::ensure!(
             failed == 0,
             "{}",
@@ -327,18 +327,18 @@ impl App {
     }
 
     fn centre(&mut self, ui: &mut Ui, now_s: f64) {
-        let place = ui.available_rect_before_wrap();
-        ui.painter().rect_filled(place, 0.0, theme::GROUND);
+        let rect = ui.available_rect_before_wrap();
+        ui.painter().rect_filled(rect, 0.0, theme::GROUND);
         match &mut self.stage {
             Stage::Opening(opening) => progress::show(ui, opening, &self.args.inputs),
             Stage::Failed(fault) => progress::failed(ui, fault),
-            Stage::Viewing(_) => self.show_scene(ui, place, now_s),
+            Stage::Viewing(_) => self.show_scene(ui, rect, now_s),
         }
     }
 
-    fn show_scene(&mut self, ui: &mut Ui, place: Rect, now_s: f64) {
+    fn show_scene(&mut self, ui: &mut Ui, rect: Rect, now_s: f64) {
         let Stage::Viewing(viewer) = &mut self.stage else { return };
-        let response = ui.allocate_rect(place, Sense::click_and_drag());
+        let response = ui.allocate_rect(rect, Sense::click_and_drag());
         if viewer.handle_input(ui, &response, now_s) {
             ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
         }

@@ -236,7 +236,7 @@ impl Camera {
         self.speed = (self.speed * factor).clamp(SPEED[0], SPEED[1]);
     }
 
-    /// Turns the camera in place, radians to the left and upwards.
+    /// Turns the camera in point, radians to the left and upwards.
     pub fn look(&mut self, left: f64, up: f64) {
         self.stop_animation();
         self.turn(left, up);
@@ -263,22 +263,22 @@ impl Camera {
     /// Zooms towards a point, which stays at its pixel, by a ratio of distances: below 1 towards
     /// it, above 1 away from it. The zoom is eased over the next steps and ends at the limits of
     /// the movement.
-    pub fn zoom(&mut self, place: DVec3, ratio: f64) {
+    pub fn zoom(&mut self, point: DVec3, ratio: f64) {
         let Some(ratio) = positive(ratio) else { return };
         self.glide = None;
         let left = self.zoom.map_or(0.0, |(left, _)| left);
         // At most from one end of the range of distances to the other.
         let most = (DISTANCE[1] / DISTANCE[0]).ln();
-        self.zoom = Some(((left + ratio.ln()).clamp(-most, most), place));
+        self.zoom = Some(((left + ratio.ln()).clamp(-most, most), point));
     }
 
     /// Glides towards a point until the share [`NEARER`] of the distance is left, and turns to it.
-    pub fn fly_to(&mut self, place: DVec3) {
-        let arm = self.pose.eye - place;
+    pub fn fly_to(&mut self, point: DVec3) {
+        let arm = self.pose.eye - point;
         let distance = self.limits.clamp_distance(arm.length() * NEARER);
-        let eye = self.limits.clamp_eye(place + arm.normalize_or_zero() * distance);
+        let eye = self.limits.clamp_eye(point + arm.normalize_or_zero() * distance);
         let (yaw, pitch) = self.frame.angles(-arm, self.pose.yaw);
-        self.glide_to(Pose { eye, yaw, pitch }, place, distance);
+        self.glide_to(Pose { eye, yaw, pitch }, point, distance);
     }
 
     /// Glides back to the first view.
@@ -324,13 +324,13 @@ impl Camera {
     }
 
     fn ease_zoom(&mut self, decayed: f64) {
-        let Some((left, place)) = self.zoom else { return };
+        let Some((left, point)) = self.zoom else { return };
         let now = left * (1.0 - decayed);
-        let arm = self.pose.eye - place;
+        let arm = self.pose.eye - point;
         let least = arm.length().min(self.limits.size * DISTANCE[0]);
-        self.move_to(place + arm.normalize_or_zero() * (arm.length() * now.exp()).max(least));
+        self.move_to(point + arm.normalize_or_zero() * (arm.length() * now.exp()).max(least));
         self.distance = self.limits.clamp_distance(self.distance * now.exp());
-        self.zoom = (left - now).abs().gt(&1e-4).then_some((left - now, place));
+        self.zoom = (left - now).abs().gt(&1e-4).then_some((left - now, point));
     }
 
     /// The velocity approaches that of the keys exponentially; the distance covered is its

@@ -33,9 +33,9 @@ impl Depths<'_> {
 
     /// Depth at a position of the picture (0 to 1 from its top left corner); in an empty pixel the
     /// least depth in the smallest square around it that has any.
-    pub fn near(&self, place: DVec2) -> Option<f64> {
-        let x = (place.x * self.width as f64) as i64;
-        let y = (place.y * self.height() as f64) as i64;
+    pub fn near(&self, at: DVec2) -> Option<f64> {
+        let x = (at.x * self.width as f64) as i64;
+        let y = (at.y * self.height() as f64) as i64;
         (0..=REACH_PX).find_map(|r| {
             let ring = (-r..=r).flat_map(|i| [(i, -r), (i, r), (-r, i), (r, i)]);
             ring.filter_map(|(dx, dy)| self.at(x + dx, y + dy)).reduce(f64::min)
@@ -43,8 +43,8 @@ impl Depths<'_> {
     }
 
     /// Depth of the pixel at a position of the picture.
-    pub fn exactly(&self, place: DVec2) -> Option<f64> {
-        self.at((place.x * self.width as f64) as i64, (place.y * self.height() as f64) as i64)
+    pub fn exactly(&self, at: DVec2) -> Option<f64> {
+        self.at((at.x * self.width as f64) as i64, (at.y * self.height() as f64) as i64)
     }
 }
 

@@ -59,7 +59,7 @@ impl Fields {
         }
         let spacing = |word: &str| {
             let value = word.parse().ok().filter(|s: &f64| s.is_finite() && *s > 0.0);
-            value.ok_or_else(|| format!("`{word}` is no distance"))
+            value.ok_or_else(|| format!("`{word}` is not a length above 0"))
         };
         Ok(Filter {
             classes: read(&self.classes, |w| w.parse::<Classes>().map_err(|e| e.to_string()))?,

@@ -45,13 +45,13 @@ pub fn project(seen: &View, line: [DVec3; 2]) -> Option<[[f64; 2]; 2]> {
 }
 
 /// Paints the frustum of `frozen` down to `depth` over a picture of the view `seen` that fills
-/// `place`.
-pub fn paint(painter: &Painter, place: Rect, frozen: &View, seen: &View, depth: f64, ink: Color32) {
+/// `rect`.
+pub fn paint(painter: &Painter, rect: Rect, frozen: &View, seen: &View, depth: f64, ink: Color32) {
     let size = [f64::from(seen.width), f64::from(seen.height)];
     let at = |p: [f64; 2]| -> Pos2 {
         let x = (p[0] / size[0]).clamp(-100.0, 100.0) as f32;
         let y = (p[1] / size[1]).clamp(-100.0, 100.0) as f32;
-        pos2(place.left() + x * place.width(), place.top() + y * place.height())
+        pos2(rect.left() + x * rect.width(), rect.top() + y * rect.height())
     };
     for line in edges(frozen, depth) {
         if let Some([a, b]) = project(seen, line) {

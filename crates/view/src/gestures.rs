@@ -72,17 +72,17 @@ impl Gestures {
     /// Moves the camera by the input of this frame; the rectangle of `response` is that of the
     /// picture.
     pub fn update(&mut self, ui: &Ui, response: &Response, camera: &mut Camera) {
-        let place = response.rect;
-        self.start(ui, response, place);
+        let rect = response.rect;
+        self.start(ui, response, rect);
         let moved = response.drag_delta();
         let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y));
         if moved != DVec2::ZERO {
-            self.drag(camera, moved, f64::from(place.height().max(1.0)));
+            self.drag(camera, moved, f64::from(rect.height().max(1.0)));
         }
         if !response.is_pointer_button_down_on() {
             self.drag = None;
         }
-        self.wheel(ui, response, camera, place);
+        self.wheel(ui, response, camera, rect);
         camera.step(keys_held(ui), f64::from(ui.input(|i| i.stable_dt)));
         let keys_free = !ui.ctx().text_edit_focused();
         if keys_free && ui.input(|i| i.key_pressed(Key::F) || i.key_pressed(Key::Home)) {
@@ -90,8 +90,8 @@ impl Gestures {
         }
     }
 
-    fn start(&mut self, ui: &Ui, response: &Response, place: Rect) {
-        let Some(at) = response.interact_pointer_pos().map(|p| share_of(place, p)) else { return };
+    fn start(&mut self, ui: &Ui, response: &Response, rect: Rect) {
+        let Some(at) = response.interact_pointer_pos().map(|p| share_of(rect, p)) else { return };
         if response.double_clicked() {
             // The first click of a double click is no measurement.
             self.measure.pop();
@@ -129,7 +129,7 @@ impl Gestures {
         }
     }
 
-    fn wheel(&mut self, ui: &Ui, response: &Response, camera: &mut Camera, place: Rect) {
+    fn wheel(&mut self, ui: &Ui, response: &Response, camera: &mut Camera, rect: Rect) {
         let Some(pointer) = response.hover_pos() else { return };
         let (scrolled, pinched) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
         let scrolled = f64::from(scrolled);
@@ -140,8 +140,7 @@ impl Gestures {
         }
         let ratio = (-scrolled * ZOOM_A_POINT).exp() / f64::from(pinched.max(1e-3));
         if ratio != 1.0 {
-            self.picks
-                .push(Pick { at: share_of(place, pointer), purpose: Purpose::Zoom { ratio } });
+            self.picks.push(Pick { at: share_of(rect, pointer), purpose: Purpose::Zoom { ratio } });
         }
     }
 
@@ -227,8 +226,8 @@ fn keys_held(ui: &Ui) -> DVec3 {
     })
 }
 
-fn share_of(place: Rect, pointer: Pos2) -> DVec2 {
-    let at = pointer - place.min;
+fn share_of(rect: Rect, pointer: Pos2) -> DVec2 {
+    let at = pointer - rect.min;
     let share = |v: f32, side: f32| f64::from(v / side.max(1.0)).clamp(0.0, 1.0);
-    DVec2::new(share(at.x, place.width()), share(at.y, place.height()))
+    DVec2::new(share(at.x, rect.width()), share(at.y, rect.height()))
 }

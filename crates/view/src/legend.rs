@@ -27,8 +27,8 @@ pub fn show(ui: &mut Ui, legend: &Legend, unit: Option<&str>) {
     }
     for LegendEntry { value, name, rgb: [r, g, b] } in &legend.entries {
         ui.horizontal(|ui| {
-            let (place, _) = ui.allocate_exact_size(vec2(BAR, BAR), Sense::hover());
-            ui.painter().rect_filled(place, 2.0, Color32::from_rgb(*r, *g, *b));
+            let (rect, _) = ui.allocate_exact_size(vec2(BAR, BAR), Sense::hover());
+            ui.painter().rect_filled(rect, 2.0, Color32::from_rgb(*r, *g, *b));
             ui.add(Label::new(small(&format!("{value}  {name}"))).truncate());
         });
     }
@@ -40,8 +40,8 @@ pub fn show(ui: &mut Ui, legend: &Legend, unit: Option<&str>) {
 /// Paints colours from left to right, with the values of the first and the last.
 fn bar(ui: &mut Ui, colours: &[[u8; 3]], [low, high]: [&str; 2]) {
     let size = vec2(ui.available_width(), BAR + SMALL + 4.0);
-    let (place, _) = ui.allocate_exact_size(size, Sense::hover());
-    let bar = Rect::from_min_size(place.min, vec2(place.width(), BAR));
+    let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
+    let bar = Rect::from_min_size(rect.min, vec2(rect.width(), BAR));
     let mut mesh = Mesh::default();
     for (i, &[r, g, b]) in (0u32..).zip(colours) {
         let x = bar.left() + bar.width() * i as f32 / (colours.len() - 1).max(1) as f32;
@@ -57,6 +57,6 @@ fn bar(ui: &mut Ui, colours: &[[u8; 3]], [low, high]: [&str; 2]) {
     let font = FontId::proportional(SMALL);
     let text =
         |at, align, text: &str| ui.painter().text(at, align, text, font.clone(), theme::FAINT);
-    text(place.left_bottom(), Align2::LEFT_BOTTOM, low);
-    text(place.right_bottom(), Align2::RIGHT_BOTTOM, high);
+    text(rect.left_bottom(), Align2::LEFT_BOTTOM, low);
+    text(rect.right_bottom(), Align2::RIGHT_BOTTOM, high);
 }

@@ -3,7 +3,7 @@
 
 use clap::Parser;
 use esker_view::args::Args;
-use esker_view::source::sweep;
+use esker_view::source::remove_temporary_files;
 use esker_view::window;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -17,7 +17,7 @@ fn main() -> ExitCode {
     // The file that was built for this window is removed with it, also on Ctrl-C. It stays if the
     // handler cannot be installed.
     let _ = ctrlc::set_handler(|| {
-        sweep();
+        remove_temporary_files();
         std::process::exit(INTERRUPTED);
     });
     match window::run(Args::parse(), start) {

@@ -28,11 +28,11 @@ pub struct Measure {
 
 impl Measure {
     /// Adds a point; a third one replaces both.
-    pub fn push(&mut self, place: MeasuredPoint) {
+    pub fn push(&mut self, point: MeasuredPoint) {
         if self.points.len() == 2 {
             self.points.clear();
         }
-        self.points.push(place);
+        self.points.push(point);
     }
 
     /// Removes the last point.
@@ -48,11 +48,11 @@ impl Measure {
     /// Coordinates of the points, and the distance between them, as lines of text.
     pub fn lines(&self, unit: Option<&str>) -> Vec<String> {
         let unit = unit.map_or(String::new(), |unit| format!(" {unit}"));
-        let place = |p: &MeasuredPoint| {
+        let coordinates = |p: &MeasuredPoint| {
             let [x, y, z] = p.at.to_array().map(|v| format!("{v:.*}", digits(p.pixel)));
             format!("{x}  {y}  {z}")
         };
-        let mut lines: Vec<String> = self.points.iter().map(place).collect();
+        let mut lines: Vec<String> = self.points.iter().map(coordinates).collect();
         if let [a, b] = self.points[..] {
             let (between, digits) = (b.at - a.at, digits(a.pixel.max(b.pixel)));
             let [all, across, up] = [between.length(), between.truncate().length(), between.z]
@@ -63,12 +63,12 @@ impl Measure {
     }
 
     /// Paints the points and the line between them over a picture of the view `seen` that fills
-    /// `place`.
-    pub fn paint(&self, painter: &Painter, place: Rect, seen: &View) {
+    /// `rect`.
+    pub fn paint(&self, painter: &Painter, rect: Rect, seen: &View) {
         let size = [seen.width, seen.height].map(f64::from);
         let on = |p: [f64; 2]| -> Pos2 {
             let [x, y] = [0, 1].map(|i| (p[i] / size[i]).clamp(-100.0, 100.0) as f32);
-            pos2(place.left() + x * place.width(), place.top() + y * place.height())
+            pos2(rect.left() + x * rect.width(), rect.top() + y * rect.height())
         };
         let dark = Color32::from_black_alpha(150);
         if let [a, b] = self.points[..]
@@ -106,16 +106,16 @@ mod tests {
 
     #[test]
     fn two_points_have_a_distance_and_a_third_point_replaces_them() {
-        let place = |x: f64, y: f64, z: f64| MeasuredPoint { at: DVec3::new(x, y, z), pixel: 0.04 };
+        let point = |x: f64, y: f64, z: f64| MeasuredPoint { at: DVec3::new(x, y, z), pixel: 0.04 };
         let mut measure = Measure::default();
-        measure.push(place(600_000.125, 10.0, -2.0));
+        measure.push(point(600_000.125, 10.0, -2.0));
         assert_eq!(measure.lines(Some("metre")), ["600000.125  10.000  -2.000"]);
-        measure.push(place(600_003.125, 14.0, 10.0));
+        measure.push(point(600_003.125, 14.0, 10.0));
         assert_eq!(
             measure.lines(Some("metre"))[2],
             "distance 13.000 metre, across 5.000, up 12.000"
         );
-        measure.push(place(1.0, 2.0, 3.0));
+        measure.push(point(1.0, 2.0, 3.0));
         assert_eq!(measure.lines(None), ["1.000  2.000  3.000"]);
         measure.pop();
         assert!(measure.lines(None).is_empty());

@@ -209,10 +209,10 @@ fn drawing(ui: &mut Ui, data: &PanelData<'_>, wanted: &mut Settings, is_coarser_
         }
     });
     ui.horizontal(|ui| {
-        let shown = wanted.colour_by.as_deref().unwrap_or("best there is").to_owned();
+        let shown = wanted.colour_by.as_deref().unwrap_or("automatic").to_owned();
         ui.label(RichText::new("colours").color(theme::FAINT));
         ComboBox::from_id_salt("colours").selected_text(shown).width(150.0).show_ui(ui, |ui| {
-            ui.selectable_value(&mut wanted.colour_by, None, "best there is");
+            ui.selectable_value(&mut wanted.colour_by, None, "automatic");
             for source in data.sources {
                 let value = Some(source.clone());
                 ui.selectable_value(&mut wanted.colour_by, value, source);
@@ -227,7 +227,7 @@ fn drawing(ui: &mut Ui, data: &PanelData<'_>, wanted: &mut Settings, is_coarser_
     if wanted.evens_exposure || data.sources.iter().any(|s| SCANS.contains(&s.as_str())) {
         ui.checkbox(&mut wanted.evens_exposure, "even out exposures");
     }
-    ui.checkbox(&mut wanted.occlusion, "leave out what is hidden");
+    ui.checkbox(&mut wanted.occlusion, "skip hidden points");
     ui.checkbox(is_coarser_moving, "coarser while moving");
 }
 
@@ -263,7 +263,7 @@ fn action_buttons(ui: &mut Ui, data: &PanelData<'_>, actions: &mut Actions) {
         let freeze = Button::selectable(data.is_frozen, "Freeze");
         actions.freeze = ui
             .add(freeze)
-            .on_hover_text("Space: keep the cut, and look at it from outside")
+            .on_hover_text("Space: keep the chosen points, to look at them from outside")
             .clicked();
         actions.screenshot = ui.button("Screenshot").on_hover_text("P").clicked();
         actions.home = ui.button("Home").on_hover_text("F").clicked();
@@ -295,10 +295,10 @@ pub const HELP: [(&str, &str); 13] = [
     ("middle, Shift+left", "move sideways"),
     ("wheel", "zoom to the pointer"),
     ("wheel while flying", "change the speed"),
-    ("click, twice  Esc", "coordinates, distance, none"),
+    ("click  Esc", "measure, clear"),
     ("double click", "fly there"),
     ("F  Home", "back to the start"),
-    ("M  C  O", "method, colours, hiding"),
+    ("M  C  O", "method, colours, occlusion"),
     ("Space  P  Tab", "freeze, picture, panel"),
 ];
 

@@ -201,25 +201,25 @@ impl Pilot {
                 }
                 t >= 1.0
             }
-            Step::Wheel { at: place, points, seconds: length } => {
+            Step::Wheel { at: position, points, seconds: length } => {
                 let t = share(*length);
-                events.push(Event::PointerMoved(at(*place)));
+                events.push(Event::PointerMoved(at(*position)));
                 events.push(wheel_event((t - self.share) * points));
                 self.share = t;
                 t >= 1.0
             }
-            Step::Click { at: place } => {
-                let place = at(*place);
-                events.push(Event::PointerMoved(place));
-                events.push(button_event(place, PointerButton::Primary, true));
-                events.push(button_event(place, PointerButton::Primary, false));
+            Step::Click { at: position } => {
+                let position = at(*position);
+                events.push(Event::PointerMoved(position));
+                events.push(button_event(position, PointerButton::Primary, true));
+                events.push(button_event(position, PointerButton::Primary, false));
                 true
             }
-            Step::DoubleClick { at: place } => {
-                let place = at(*place);
-                events.push(Event::PointerMoved(place));
-                events.push(button_event(place, PointerButton::Primary, true));
-                events.push(button_event(place, PointerButton::Primary, false));
+            Step::DoubleClick { at: position } => {
+                let position = at(*position);
+                events.push(Event::PointerMoved(position));
+                events.push(button_event(position, PointerButton::Primary, true));
+                events.push(button_event(position, PointerButton::Primary, false));
                 !begins
             }
             Step::Path { file, faster } => {

@@ -59,18 +59,18 @@ pub fn show(ui: &mut Ui, opening: &Opening, inputs: &[PathBuf]) {
 /// Shows why there is no scene.
 pub fn failed(ui: &mut Ui, fault: &str) {
     boxed(ui, |ui| {
-        ui.label(RichText::new("Nothing to see").heading().color(theme::FAULT));
+        ui.label(RichText::new("Nothing to show").heading().color(theme::FAULT));
         ui.add(Label::new(fault).wrap().selectable(true));
     });
 }
 
 /// Shows a fault over the picture.
-pub fn fault_over(ui: &Ui, place: Rect, fault: &str) {
+pub fn fault_over(ui: &Ui, rect: Rect, fault: &str) {
     let area = Area::new(Id::unique("fault")).order(Order::Foreground).interactable(false);
-    let pivot = place.center_bottom() - vec2(0.0, 16.0);
+    let pivot = rect.center_bottom() - vec2(0.0, 16.0);
     area.fixed_pos(pivot).pivot(Align2::CENTER_BOTTOM).show(ui.ctx(), |ui| {
         framed().show(ui, |ui| {
-            ui.set_max_width(place.width() * 0.8);
+            ui.set_max_width(rect.width() * 0.8);
             ui.label(RichText::new(fault).color(theme::FAULT));
         });
     });
@@ -81,9 +81,9 @@ fn framed() -> Frame {
 }
 
 fn boxed(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
-    let place = ui.max_rect();
+    let rect = ui.max_rect();
     let area = Area::new(Id::unique("progress")).order(Order::Middle);
-    area.fixed_pos(place.center()).pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
+    area.fixed_pos(rect.center()).pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
         Frame::NONE.fill(theme::PANEL).inner_margin(Margin::same(20)).corner_radius(8).show(
             ui,
             |ui| {

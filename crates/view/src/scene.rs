@@ -273,9 +273,9 @@ impl Opening {
         match self.session.try_recv() {
             Ok(session) => Some(session),
             Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => {
-                Some(Err(anyhow::anyhow!("the thread that opens the session has ended early")))
-            }
+            Err(TryRecvError::Disconnected) => Some(Err(anyhow::anyhow!(
+                "the thread that opens the session has ended unexpectedly"
+            ))),
         }
     }
 }

@@ -168,7 +168,7 @@ impl Script {
         std::fs::File::open(path)
             .and_then(|f| f.take(FILE_BYTES_MAX).read_to_string(&mut text))
             .with_context(|| format!("{shown}: cannot read the script"))?;
-        Self::parse(&text).with_context(|| format!("{shown}: no script"))
+        Self::parse(&text).with_context(|| format!("{shown}: not a valid script"))
     }
 
     /// Parses the text of a script.
@@ -177,9 +177,12 @@ impl Script {
     /// If the text is no valid script.
     pub fn parse(text: &str) -> Result<Self> {
         let script: Self = serde_json::from_str(text).context("see crates/view/README.md")?;
-        ensure!((1..=FLIGHTS_MAX).contains(&script.flights_max), "1 to {FLIGHTS_MAX} flights");
+        ensure!(
+            (1..=FLIGHTS_MAX).contains(&script.flights_max),
+            "`flights_max` must be 1 to {FLIGHTS_MAX}"
+        );
         for steps in [&script.before, &script.flight, &script.after] {
-            ensure!(steps.len() <= STEPS_MAX, "{STEPS_MAX} steps at most");
+            ensure!(steps.len() <= STEPS_MAX, "a list has {STEPS_MAX} steps at most");
             steps.iter().try_for_each(Step::check)?;
         }
         Ok(script)
@@ -188,7 +191,7 @@ impl Script {
 
 impl Step {
     fn check(&self) -> Result<()> {
-        let (seconds, places): (f64, &[[f64; 2]]) = match self {
+        let (seconds, positions): (f64, &[[f64; 2]]) = match self {
             Self::Hold { keys, seconds } => {
                 keys.iter().try_for_each(|name| key(name).map(drop))?;
                 (*seconds, &[])
@@ -196,23 +199,23 @@ impl Step {
             Self::Press { key: name } => (key(name).map(|_| 0.0)?, &[]),
             Self::Drag { from, to, seconds, .. } => (*seconds, &[*from, *to]),
             Self::Wheel { at, points, seconds } => {
-                ensure!(points.is_finite(), "the wheel turns by no number");
+                ensure!(points.is_finite(), "the `points` of a wheel must be a finite number");
                 (*seconds, &[*at])
             }
             Self::Click { at } | Self::DoubleClick { at } => (0.0, &[*at]),
             Self::Wait { seconds } | Self::Settle { seconds } => (*seconds, &[]),
             Self::Path { faster, .. } => {
-                ensure!(
-                    (0.01..=100.0).contains(faster),
-                    "a path is flown 0.01 to 100 times as fast"
-                );
+                ensure!((0.01..=100.0).contains(faster), "`faster` must be 0.01 to 100");
                 (0.0, &[])
             }
             Self::Picture { .. } | Self::Window { .. } | Self::Close => (0.0, &[]),
         };
-        ensure!((0.0..=SECONDS_MAX).contains(&seconds), "{seconds} s are out of range");
+        ensure!(
+            (0.0..=SECONDS_MAX).contains(&seconds),
+            "`seconds` must be 0 to {SECONDS_MAX}, not {seconds}"
+        );
         let within = |p: &[f64; 2]| p.iter().all(|v| (0.0..=1.0).contains(v));
-        ensure!(places.iter().all(within), "places are shares of the picture, 0 to 1");
+        ensure!(positions.iter().all(within), "positions must be fractions of the picture, 0 to 1");
         Ok(())
     }
 }

@@ -54,9 +54,9 @@ impl ScriptedRun {
         if self.script.cold {
             let path = file.path();
             let opened = std::fs::File::open(path);
-            opened
-                .and_then(|f| system::forget(&f))
-                .with_context(|| format!("{}: cannot be forgotten", path.display()))?;
+            opened.and_then(|f| system::forget(&f)).with_context(|| {
+                format!("{}: cannot be removed from the system's cache", path.display())
+            })?;
         }
         let bounds = info::bounds(file);
         let mut paths = Vec::new();
@@ -123,7 +123,8 @@ impl ScriptedRun {
         match &self.script.report {
             Some(path) => std::fs::write(path, format!("{report}\n"))
                 .with_context(|| format!("{}: cannot write the report", path.display())),
-            None => writeln!(std::io::stdout().lock(), "{report}").context("no standard output"),
+            None => writeln!(std::io::stdout().lock(), "{report}")
+                .context("cannot write the report to standard output"),
         }
     }
 }

@@ -14,7 +14,7 @@ const WRITING_MAX: usize = 4;
 /// Failures that are kept at most.
 const FAILURES_MAX: usize = 16;
 /// Largest number in the name of a picture.
-const NUMBERS: u32 = 9999;
+const NUMBER_MAX: u32 = 9999;
 
 /// Outcome of the last picture, in words.
 pub type Message = Result<String, String>;
@@ -40,19 +40,21 @@ impl Shots {
     pub fn request(&mut self, path: Option<&Path>, name: &str) {
         self.requested = path.map(Path::to_owned).or_else(|| free_name(name));
         if self.requested.is_none() {
-            self.add_failure(format!("{name}-*.png: {NUMBERS} pictures are there; remove some"));
+            self.add_failure(format!(
+                "{name}-*.png: {NUMBER_MAX} pictures exist already; remove some"
+            ));
         }
     }
 
     /// Requests a picture of the whole window.
     pub fn request_window(&mut self, ctx: &Context, path: PathBuf) {
-        let place = Arc::new(Mutex::new(None));
-        let take = Arc::clone(&place);
-        let callback = ScreenshotCallback::new(move |image| {
-            *take.lock().unwrap_or_else(PoisonError::into_inner) = Some(image);
+        let image = Arc::new(Mutex::new(None));
+        let shared = Arc::clone(&image);
+        let callback = ScreenshotCallback::new(move |taken| {
+            *shared.lock().unwrap_or_else(PoisonError::into_inner) = Some(taken);
         });
         ctx.send_viewport_cmd(ViewportCommand::Screenshot(callback));
-        self.window = Some((path, place));
+        self.window = Some((path, image));
     }
 
     /// Whether a picture is requested or being written.
@@ -72,7 +74,7 @@ impl Shots {
             (Some(path), Ok(picture)) => self.write(picture, path),
             (Some(path), Err(error)) => {
                 self.failed += 1;
-                self.add_failure(format!("{}: no picture: {error:#}", path.display()));
+                self.add_failure(format!("{}: cannot draw the picture: {error:#}", path.display()));
             }
             (None, _) => {}
         }
@@ -81,7 +83,9 @@ impl Shots {
     fn write(&mut self, picture: Picture, path: PathBuf) {
         self.writing.retain(|thread| !thread.is_finished());
         if self.writing.len() >= WRITING_MAX {
-            self.message = Some(Err("the last pictures are still being written".into()));
+            self.message = Some(Err(
+                "not written, because earlier pictures are still being written; try again".into(),
+            ));
             return;
         }
         let outcomes = Arc::clone(&self.outcomes);
@@ -89,7 +93,7 @@ impl Shots {
         let write = move || {
             let line = match picture::write_png(&picture, &path) {
                 Ok(()) => Ok(format!("picture: {}", full(&path).display())),
-                Err(error) => Err(format!("no picture: {error:#}")),
+                Err(error) => Err(format!("{error:#}")),
             };
             outcomes.lock().unwrap_or_else(PoisonError::into_inner).push(line);
         };
@@ -97,7 +101,9 @@ impl Shots {
             Ok(thread) => self.writing.push(thread),
             Err(error) => {
                 self.failed += 1;
-                self.add_failure(format!("{name}: no thread to write it: {error}"));
+                self.add_failure(format!(
+                    "{name}: cannot start a thread to write the picture: {error}"
+                ));
             }
         }
     }
@@ -123,7 +129,7 @@ impl Shots {
     /// threads.
     pub fn poll(&mut self) {
         let take =
-            |place: &Mutex<Option<_>>| place.lock().unwrap_or_else(PoisonError::into_inner).take();
+            |image: &Mutex<Option<_>>| image.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some((path, image)) = self.window.take() {
             match take(&image) {
                 Some(image) => self.write(picture_of(&image), path),
@@ -173,5 +179,5 @@ fn full(path: &Path) -> PathBuf {
 /// First name that is free in the current folder.
 fn free_name(name: &str) -> Option<PathBuf> {
     let stem = Path::new(name).file_stem().map_or("scan".into(), |s| s.to_string_lossy());
-    (1..=NUMBERS).map(|i| PathBuf::from(format!("{stem}-{i:04}.png"))).find(|p| !p.exists())
+    (1..=NUMBER_MAX).map(|i| PathBuf::from(format!("{stem}-{i:04}.png"))).find(|p| !p.exists())
 }

@@ -16,13 +16,13 @@ use std::time::Instant;
 /// Folders that are removed when the window ends, also by a signal.
 static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 /// Attempts to remove a folder to which a thread may still add files.
-const SWEEPS: usize = 5;
+const REMOVE_ATTEMPTS: usize = 5;
 
 /// Removes the folders of built files, when a signal ends the window.
-pub fn sweep() {
+pub fn remove_temporary_files() {
     let mut folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
     for folder in folders.drain(..) {
-        (0..SWEEPS).find(|_| {
+        (0..REMOVE_ATTEMPTS).find(|_| {
             let removed = std::fs::remove_dir_all(&folder);
             removed.is_ok() || !folder.exists()
         });
@@ -134,7 +134,7 @@ impl Opening {
             Ok(opened) => Some(opened),
             Err(TryRecvError::Empty) => None,
             Err(TryRecvError::Disconnected) => {
-                Some(Err(anyhow::anyhow!("the thread that opens the file has ended early")))
+                Some(Err(anyhow::anyhow!("the thread that opens the file has ended unexpectedly")))
             }
         }
     }
@@ -204,7 +204,7 @@ fn open(inputs: &[PathBuf], options: &BuildOptions, task: &dyn Task) -> Result<O
     for input in inputs {
         if esker_engine::io::file::is_esker(input)? {
             bail!(
-                "{}: several inputs are shown together only where all are scans",
+                "{}: several inputs can be shown together only if all are scans",
                 input.display()
             );
         }

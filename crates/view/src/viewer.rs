@@ -86,7 +86,7 @@ impl Viewer {
             1 => name,
             n => format!("{name} and {} more", n - 1),
         });
-        let built = if opened.is_temporary() { "; built for this window alone" } else { "" };
+        let built = if opened.is_temporary() { ", in a temporary file" } else { "" };
         let [points, nodes] = [file.points(), file.table().nodes.len() as u64].map(grouped);
         Self {
             scene: None,
@@ -361,7 +361,8 @@ impl Viewer {
         if let Some((frozen, depth)) = &self.frozen {
             frustum::paint(&painter, rect, frozen, &self.view(), *depth, theme::ACCENT);
             let corner = rect.left_top() + vec2(14.0, 12.0);
-            let text = "frozen: drawn as chosen for the eye of these lines; Space lets it go";
+            let text =
+                "frozen: the nodes are those for the view of these lines; Space releases them";
             let font = FontId::proportional(13.0);
             let text = painter.layout_no_wrap(text.into(), font, theme::ACCENT);
             let behind = Rect::from_min_size(corner, text.size()).expand(6.0);

@@ -163,7 +163,7 @@ fn choose(
         (kind, info.backend == wgpu::Backend::Gl)
     };
     let best = adapters.iter().filter(fits).min_by_key(rank);
-    let best = best.ok_or("none can show a window")?;
+    let best = best.ok_or("no adapter can show a window")?;
     let info = best.get_info();
     if must_be_real && is_software(&info) {
         return Err(format!("there is only {}, a software driver", info.name));

@@ -14,8 +14,8 @@ fn camera() -> Camera {
 }
 
 /// Pixel that a point is projected to.
-fn pixel(camera: &Camera, place: DVec3) -> DVec2 {
-    let v = camera.axes().transpose() * (place - camera.eye());
+fn pixel(camera: &Camera, point: DVec3) -> DVec2 {
+    let v = camera.axes().transpose() * (point - camera.eye());
     let focal = SIZE.y * 0.5 / (camera.fovy_rad() * 0.5).tan();
     DVec2::new(SIZE.x * 0.5 + v.x * focal / -v.z, SIZE.y * 0.5 - v.y * focal / -v.z)
 }
@@ -30,9 +30,9 @@ fn run(camera: &mut Camera, keys: DVec3, seconds: f64, frames: u32) {
 fn a_point_projects_to_the_pixel_that_it_was_picked_at() {
     let camera = camera();
     for at in [DVec2::new(640.0, 400.0), DVec2::new(3.0, 790.0), DVec2::new(1200.0, 10.0)] {
-        let place = camera.point_at(at, SIZE, 57.0);
-        assert!(pixel(&camera, place).distance(at) < 1e-4);
-        let depth = (place - camera.eye()).dot(camera.forward());
+        let point = camera.point_at(at, SIZE, 57.0);
+        assert!(pixel(&camera, point).distance(at) < 1e-4);
+        let depth = (point - camera.eye()).dot(camera.forward());
         assert!((depth - 57.0).abs() < 1e-6);
     }
 }
@@ -54,14 +54,14 @@ fn the_pivot_of_an_orbit_stays_at_its_pixel() {
 fn the_target_of_a_zoom_stays_at_its_pixel_and_comes_nearer_by_the_ratio() {
     let mut camera = camera();
     let at = DVec2::new(1000.0, 150.0);
-    let place = camera.point_at(at, SIZE, 40.0);
-    let before = camera.eye().distance(place);
-    camera.zoom(place, 0.5);
+    let point = camera.point_at(at, SIZE, 40.0);
+    let before = camera.eye().distance(point);
+    camera.zoom(point, 0.5);
     for _ in 0..100 {
         camera.step(DVec3::ZERO, 0.02);
-        assert!(pixel(&camera, place).distance(at) < 1e-3);
+        assert!(pixel(&camera, point).distance(at) < 1e-3);
     }
-    assert!((camera.eye().distance(place) / before - 0.5).abs() < 1e-3);
+    assert!((camera.eye().distance(point) / before - 0.5).abs() < 1e-3);
     assert!(!camera.is_moving());
 }
 
@@ -69,9 +69,9 @@ fn the_target_of_a_zoom_stays_at_its_pixel_and_comes_nearer_by_the_ratio() {
 fn a_panned_point_follows_the_pointer() {
     let mut camera = camera();
     let at = DVec2::new(500.0, 300.0);
-    let place = camera.point_at(at, SIZE, 33.0);
+    let point = camera.point_at(at, SIZE, 33.0);
     camera.pan(120.0, -45.0, 33.0, SIZE.y);
-    assert!(pixel(&camera, place).distance(at + DVec2::new(120.0, -45.0)) < 1e-3);
+    assert!(pixel(&camera, point).distance(at + DVec2::new(120.0, -45.0)) < 1e-3);
 }
 
 #[test]
@@ -122,12 +122,12 @@ fn the_camera_comes_to_rest() {
 #[test]
 fn flying_to_a_point_brings_it_to_the_middle_and_nearer() {
     let mut camera = camera();
-    let place = camera.point_at(DVec2::new(200.0, 700.0), SIZE, 60.0);
-    let before = camera.eye().distance(place);
-    camera.fly_to(place);
+    let point = camera.point_at(DVec2::new(200.0, 700.0), SIZE, 60.0);
+    let before = camera.eye().distance(point);
+    camera.fly_to(point);
     run(&mut camera, DVec3::ZERO, 1.0, 20);
-    assert!(pixel(&camera, place).distance(SIZE * 0.5) < 1.0);
-    assert!(camera.eye().distance(place) < before * 0.31);
+    assert!(pixel(&camera, point).distance(SIZE * 0.5) < 1.0);
+    assert!(camera.eye().distance(point) < before * 0.31);
     camera.go_home();
     run(&mut camera, DVec3::ZERO, 1.0, 20);
     assert_eq!(camera.eye(), FAR_OUT);
@@ -152,15 +152,15 @@ impl Move {
     /// Applies the input, and lets the camera move for a while.
     fn make(&self, camera: &mut Camera) {
         let depth = |depth: Option<f64>| depth.unwrap_or(camera.distance());
-        let place = |at: DVec2, d: Option<f64>| camera.point_at(at * SIZE, SIZE, depth(d));
+        let point = |at: DVec2, d: Option<f64>| camera.point_at(at * SIZE, SIZE, depth(d));
         let mut keys = DVec3::ZERO;
         let mut seconds = 0.3;
         match *self {
-            Self::Wheel { at, depth, ratio } => camera.zoom(place(at, depth), ratio),
+            Self::Wheel { at, depth, ratio } => camera.zoom(point(at, depth), ratio),
             Self::Pan(by, d) => camera.pan(by.x, by.y, depth(d), SIZE.y),
-            Self::Orbit { at, depth, turn } => camera.orbit(place(at, depth), turn.x, turn.y),
+            Self::Orbit { at, depth, turn } => camera.orbit(point(at, depth), turn.x, turn.y),
             Self::Look(turn) => camera.look(turn.x, turn.y),
-            Self::FlyTo(at, depth) => camera.fly_to(place(at, depth)),
+            Self::FlyTo(at, depth) => camera.fly_to(point(at, depth)),
             Self::Depth(depth) => camera.follow_depth(depth, 1.0),
             Self::Speed(factor) => camera.change_speed(factor),
             Self::Home => camera.go_home(),
@@ -215,11 +215,11 @@ proptest! {
 #[test]
 fn keys_end_a_glide() {
     let mut camera = camera();
-    let place = camera.point_at(SIZE * 0.5, SIZE, 60.0);
-    camera.fly_to(place);
+    let point = camera.point_at(SIZE * 0.5, SIZE, 60.0);
+    camera.fly_to(point);
     run(&mut camera, DVec3::X, 0.1, 5);
     run(&mut camera, DVec3::ZERO, 3.0, 60);
-    assert!(camera.eye().distance(place) > 50.0, "the glide has ended");
+    assert!(camera.eye().distance(point) > 50.0, "the glide has ended");
 }
 
 #[test]

@@ -221,7 +221,7 @@ fn the_window_closes_cleanly_while_it_loads() {
     let Some(fixture) = fixture() else { return };
     let script = r#"{"cold": true, "flight": [{"do": "hold", "keys": ["W"], "seconds": 0.05}, {"do": "close"}]}"#;
     fixture.fly(sample(), script, &["--backend", "cpu"]);
-    // The same while scans are being built.
+    // Also while scans are being built.
     let script = r#"{"before": [{"do": "close"}]}"#;
     fixture.fly(&scan(), script, &["--backend", "cpu"]);
 }

@@ -32,11 +32,11 @@ pub(crate) const NO_DISPLAY: &str = "cannot open a window: it needs a display (D
 /// If there is no display, or if the application fails.
 pub fn run(app: App, viewport: ViewportBuilder) -> Result<()> {
     let event_loop = EventLoop::new().context(NO_DISPLAY)?;
-    let mut shell = Shell { app, viewport, ctx: Context::default(), window: None, outcome: Ok(()) };
+    let mut shell = Shell { app, viewport, ctx: Context::default(), open: None, outcome: Ok(()) };
     event_loop.run_app(&mut shell).context("the window's events ended")?;
-    let Shell { mut app, window, outcome, .. } = shell;
+    let Shell { mut app, open, outcome, .. } = shell;
     let ended = app.end();
-    drop(window);
+    drop(open);
     outcome.and(ended)
 }
 
@@ -45,7 +45,7 @@ struct Shell {
     app: App,
     viewport: ViewportBuilder,
     ctx: Context,
-    window: Option<OpenWindow>,
+    open: Option<OpenWindow>,
     outcome: Result<()>,
 }
 
@@ -61,30 +61,30 @@ struct OpenWindow {
 
 impl ApplicationHandler for Shell {
     fn resumed(&mut self, event_loop: &ActiveEventLoop) {
-        if self.window.is_some() {
+        if self.open.is_some() {
             return;
         }
         match OpenWindow::open(&self.ctx, event_loop, &self.viewport).context(NO_DISPLAY) {
-            Ok(window) => {
+            Ok(open) => {
                 let window_painter = WindowPainter { name: "CPU".into(), driver: None };
                 self.app.set_window_painter(&self.ctx, window_painter);
-                window.window.request_redraw();
-                self.window = Some(window);
+                open.window.request_redraw();
+                self.open = Some(open);
             }
             Err(error) => self.stop(event_loop, error),
         }
     }
 
     fn new_events(&mut self, _event_loop: &ActiveEventLoop, _cause: StartCause) {
-        let Some(window) = &mut self.window else { return };
-        if window.due.is_some_and(|due| due <= Instant::now()) {
-            window.due = None;
-            window.window.request_redraw();
+        let Some(open) = &mut self.open else { return };
+        if open.due.is_some_and(|due| due <= Instant::now()) {
+            open.due = None;
+            open.window.request_redraw();
         }
     }
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _id: WindowId, event: WindowEvent) {
-        let Some(window) = &mut self.window else { return };
+        let Some(open) = &mut self.open else { return };
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
             WindowEvent::RedrawRequested => {
@@ -93,8 +93,8 @@ impl ApplicationHandler for Shell {
                 }
             }
             event => {
-                if window.state.on_window_event(&window.window, &event).repaint {
-                    window.window.request_redraw();
+                if open.state.on_window_event(&open.window, &event).repaint {
+                    open.window.request_redraw();
                 }
             }
         }
@@ -108,8 +108,8 @@ impl Shell {
     }
 
     fn pass(&mut self, event_loop: &ActiveEventLoop) -> Result<()> {
-        let Some(window) = &mut self.window else { return Ok(()) };
-        let mut input = window.state.take_egui_input(&window.window);
+        let Some(open) = &mut self.open else { return Ok(()) };
+        let mut input = open.state.take_egui_input(&open.window);
         self.app.input(&self.ctx, &mut input);
         let app = &mut self.app;
         let output = self.ctx.run_ui(input, |ui| app.pass(ui));
@@ -124,8 +124,8 @@ impl Shell {
             }
         }
         let delay = output.viewport_output.get(&ViewportId::ROOT).map(|v| v.repaint_delay);
-        window.paint(&self.ctx, output, shots)?;
-        window.repaint_after(event_loop, delay.unwrap_or(Duration::MAX));
+        open.paint(&self.ctx, output, shots)?;
+        open.repaint_after(event_loop, delay.unwrap_or(Duration::MAX));
         Ok(())
     }
 }
