@@ -1,19 +1,20 @@
-//! The window's state and what happens in a pass of it: input moves the camera, the scene is drawn
-//! for it, the picture is shown, the panel beside it. Knows egui, but not who shows the window.
+//! The state of the window, and what a pass of egui does: input moves the camera, the session draws
+//! the scene, the picture is shown with the panel beside it. Depends on egui, but not on what
+//! paints the window.
 
 use crate::args::Args;
 use crate::counters::Counters;
-use crate::device::ShownBy;
-use crate::input_events::Sight;
-use crate::looking::{Looking, pixels};
-use crate::panel::{self, Asked, Facts};
+use crate::device::WindowPainter;
+use crate::input_events::WindowState;
+use crate::panel::{self, Actions, PanelData};
 use crate::pilot::Order;
-use crate::rig::Rig;
 use crate::script::Script;
+use crate::scripted_run::ScriptedRun;
 use crate::settings::{self, Settings};
 use crate::shots::Shots;
 use crate::source::Opening;
 use crate::times::{FrameTime, Times};
+use crate::viewer::{Viewer, pixels};
 use crate::{keys, progress, theme};
 use anyhow::Result;
 use eframe::egui::{
@@ -24,58 +25,60 @@ use esker_engine::{BuildOptions, Method, memory};
 use serde_json::json;
 use std::time::{Duration, Instant};
 
-/// Seconds of the plot.
+/// Seconds that the plot of frame times covers.
 const PLOT_S: f64 = 5.0;
-/// Between two looks at what is opened.
-const LOOK_EVERY: Duration = Duration::from_millis(10);
-/// Between two looks at the process's memory, seconds.
-const MEMORY_EVERY_S: f64 = 0.5;
+/// Time between two polls of the thread that opens the file.
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
+/// Time between two readings of the process's memory, seconds.
+const MEMORY_INTERVAL_S: f64 = 0.5;
 /// Width of the panel, points.
 const PANEL_WIDTH: f32 = 280.0;
 
-/// The window.
+/// The application that runs in the window.
 pub struct App {
     args: Args,
     start: Instant,
     stage: Stage,
     wanted: Settings,
     has_panel: bool,
-    shown_by: ShownBy,
+    window_painter: WindowPainter,
     times: Times,
     counters: Counters,
     shots: Shots,
-    /// When the process's memory was looked at, and how much of it is its own.
+    /// Time of the last reading of the process's memory, seconds, and the anonymous bytes that it
+    /// found.
     anon_bytes: (f64, u64),
-    /// When the last frame was shown, if another one was to follow at once.
+    /// Time of the last frame, seconds, if another one follows it without a pause.
     last_s: Option<f64>,
-    marks: Marks,
-    /// What is done in place of a hand.
-    rig: Option<Rig>,
+    milestones: Milestones,
+    /// The run that a script controls, if there is one.
+    run: Option<ScriptedRun>,
 }
 
-/// What the window is at.
+/// What the window shows.
 enum Stage {
     Opening(Opening),
-    Looking(Box<Looking>),
+    Viewing(Box<Viewer>),
     Failed(String),
 }
 
-/// When things happened first, milliseconds since the program started.
+/// Times of the first events, milliseconds since the program started.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Marks {
-    /// The first pass of the window.
+struct Milestones {
+    /// First pass of the window.
     window_ms: Option<f64>,
-    /// The first picture with points was handed over.
+    /// First picture with points, as it is handed to egui.
     picture_ms: Option<f64>,
-    /// The pass after that: the picture is on the screen.
+    /// The pass that follows it: the picture is then on the screen.
     first_frame_ms: Option<f64>,
 }
 
 impl App {
-    /// A window for these arguments; the file is opened while the window comes up.
+    /// Makes the application and starts the thread that opens the file, so that it is opened while
+    /// the window appears.
     ///
     /// # Errors
-    /// Where the script cannot be read.
+    /// If the script cannot be read, or the thread cannot be started.
     pub fn new(args: Args, start: Instant) -> Result<Self> {
         let wanted = Settings {
             method: args.method,
@@ -104,24 +107,25 @@ impl App {
             start,
             stage,
             wanted,
-            shown_by: ShownBy::default(),
+            window_painter: WindowPainter::default(),
             times: Times::new(PLOT_S),
             counters: Counters::default(),
             shots: Shots::default(),
             anon_bytes: (f64::NEG_INFINITY, 0),
             last_s: None,
-            marks: Marks::default(),
-            rig: script.map(Rig::new),
+            milestones: Milestones::default(),
+            run: script.map(ScriptedRun::new),
         })
     }
 
-    /// Told who shows the window.
-    pub fn show_by(&mut self, ctx: &Context, shown_by: ShownBy) {
+    /// Sets what paints the window; called once, when the window is open.
+    pub fn set_window_painter(&mut self, ctx: &Context, window_painter: WindowPainter) {
         theme::apply(ctx);
-        self.shown_by = shown_by;
+        self.window_painter = window_painter;
     }
 
-    /// Changes the input of the next pass: a script flies, and the panel's key is no other's.
+    /// Changes the input of the next pass: a script replaces it, and the key of the panel is
+    /// removed.
     pub fn input(&mut self, ctx: &Context, raw: &mut RawInput) {
         self.fly(ctx, raw);
         self.has_panel ^= keys::take(ctx, raw);
@@ -129,99 +133,99 @@ impl App {
 
     fn fly(&mut self, ctx: &Context, raw: &mut RawInput) {
         let now_s = self.now_s();
-        let Some(rig) = &mut self.rig else { return };
-        let looking = match &mut self.stage {
-            Stage::Looking(looking) if looking.fault().is_none() => looking,
-            Stage::Opening(_) if !rig.closes_at_once() => return,
-            // There is nothing to fly through.
+        let Some(run) = &mut self.run else { return };
+        let viewer = match &mut self.stage {
+            Stage::Viewing(viewer) if viewer.fault().is_none() => viewer,
+            Stage::Opening(_) if !run.closes_at_once() => return,
+            // There is no scene to fly through.
             _ => return ctx.send_viewport_cmd(ViewportCommand::Close),
         };
-        let Some(place) = looking.place() else { return };
-        if let Err(error) = rig.board(looking.file(), pixels(place, 1.0, 1.0)) {
+        let Some(picture_rect) = viewer.picture_rect() else { return };
+        if let Err(error) = run.prepare(viewer.file(), pixels(picture_rect, 1.0, 1.0)) {
             self.stage = Stage::Failed(format!("{error:#}"));
             return;
         }
-        let sight = Sight {
+        let window = WindowState {
             now_s,
-            place,
-            camera: looking.camera(),
-            settled: self.counters.settled && !looking.goes_on(now_s),
+            picture_rect,
+            camera: viewer.camera(),
+            settled: self.counters.settled && !viewer.needs_redraw(now_s),
             is_busy: self.shots.is_busy(),
             read_bytes: self.counters.status.read_bytes,
         };
-        let orders = rig.fly(raw, &sight);
+        let orders = run.fly(raw, &window);
         for order in orders {
             match order {
-                Order::Picture(path) => self.shots.ask(Some(&path), ""),
-                Order::Window(path) => self.shots.ask_window(ctx, path),
-                Order::Stand(pose) => looking.stand(pose),
+                Order::Picture(path) => self.shots.request(Some(&path), ""),
+                Order::Window(path) => self.shots.request_window(ctx, path),
+                Order::SetPose(pose) => viewer.set_pose(pose),
                 Order::Close => ctx.send_viewport_cmd(ViewportCommand::Close),
                 Order::Begin | Order::End => {}
             }
         }
     }
 
-    /// One pass.
+    /// Runs one pass of egui: handles input, draws the scene, shows it with the panel.
     pub fn pass(&mut self, ui: &mut Ui) {
         let ctx = ui.ctx().clone();
         let now_s = self.now_s();
-        self.mark(now_s);
+        self.record_milestones(now_s);
         self.poll(&ctx);
-        let mut asked = self.shortcuts(&ctx);
-        if self.has_panel && matches!(self.stage, Stage::Looking(_)) {
+        let mut actions = self.shortcuts(&ctx);
+        if self.has_panel && matches!(self.stage, Stage::Viewing(_)) {
             let frame = Frame::NONE.fill(theme::PANEL).inner_margin(Margin::symmetric(12, 10));
             let side = Panel::right("panel").frame(frame).resizable(false).exact_size(PANEL_WIDTH);
-            side.show(ui, |ui| self.panel(ui, &mut asked));
+            side.show(ui, |ui| self.panel(ui, &mut actions));
         }
         CentralPanel::no_frame().show(ui, |ui| self.centre(ui, now_s));
-        self.act(&ctx, asked);
-        if self.rig.is_some() {
+        self.perform(&ctx, actions);
+        if self.run.is_some() {
             ctx.request_repaint();
         }
     }
 
-    /// Ends what is still done, and writes the report of a script.
+    /// Waits for pictures that are being written, and writes the report of a script.
     ///
     /// # Errors
-    /// Where a picture or the report cannot be written, or there was nothing to see.
+    /// If a picture or the report cannot be written, or if the scene could not be shown.
     pub fn end(&mut self) -> Result<()> {
         let failed = self.shots.finish();
         let (reopened, stalls) = match &self.stage {
-            Stage::Looking(looking) => looking.reopened_and_stalls(),
+            Stage::Viewing(viewer) => viewer.reopened_and_stalls(),
             _ => (0, 0),
         };
         let drawn_by = match &self.stage {
-            Stage::Looking(looking) => looking.drawn_by(&self.shown_by),
+            Stage::Viewing(viewer) => viewer.drawn_by(&self.window_painter),
             _ => String::new(),
         };
         let measured = match &self.stage {
-            Stage::Looking(looking) => looking.measured(),
+            Stage::Viewing(viewer) => viewer.measured(),
             _ => Vec::new(),
         };
         let (was_failed, fault) =
             match std::mem::replace(&mut self.stage, Stage::Failed(String::new())) {
                 Stage::Failed(fault) => (Some(fault.clone()), Some(fault)),
-                Stage::Looking(looking) => (None, looking.fault().map(str::to_owned)),
+                Stage::Viewing(viewer) => (None, viewer.fault().map(str::to_owned)),
                 Stage::Opening(_) => (None, None),
             };
-        let Some(rig) = &mut self.rig else {
+        let Some(run) = &mut self.run else {
             return was_failed.map_or(Ok(()), |fault| Err(anyhow::anyhow!(fault)));
         };
-        fault.iter().for_each(|fault| rig.record.fault(fault));
-        self.shots.failures().iter().for_each(|fault| rig.record.fault(fault));
-        rig.record.stalls = stalls;
-        let with = json!({
+        fault.iter().for_each(|fault| run.record.fault(fault));
+        self.shots.failures().iter().for_each(|fault| run.record.fault(fault));
+        run.record.stalls = stalls;
+        let extra = json!({
             "file": self.args.inputs.first().map(|p| p.display().to_string()),
             "drawn_by": drawn_by,
-            "window_ms": self.marks.window_ms,
-            "first_frame_ms": self.marks.first_frame_ms,
+            "window_ms": self.milestones.window_ms,
+            "first_frame_ms": self.milestones.first_frame_ms,
             "budget_gpu_bytes": self.wanted.budget_gpu_bytes,
             "budget_ram_bytes": self.wanted.budget_ram_bytes,
             "reopened": reopened,
             "measured": measured,
             "pictures_failed": failed,
         });
-        rig.report(with)?;
+        run.report(extra)?;
         anyhow::ensure!(
             failed == 0,
             "{}",
@@ -234,18 +238,18 @@ impl App {
         self.start.elapsed().as_secs_f64()
     }
 
-    fn mark(&mut self, now_s: f64) {
+    fn record_milestones(&mut self, now_s: f64) {
         let now_ms = now_s * 1e3;
-        self.marks.window_ms.get_or_insert(now_ms);
-        if self.marks.picture_ms.is_some() {
-            self.marks.first_frame_ms.get_or_insert(now_ms);
+        self.milestones.window_ms.get_or_insert(now_ms);
+        if self.milestones.picture_ms.is_some() {
+            self.milestones.first_frame_ms.get_or_insert(now_ms);
         }
-        if now_s - self.anon_bytes.0 > MEMORY_EVERY_S {
+        if now_s - self.anon_bytes.0 > MEMORY_INTERVAL_S {
             self.anon_bytes = (now_s, memory::usage().anon_bytes);
         }
         self.shots.poll();
-        if let Some(rig) = &mut self.rig {
-            let record = &mut rig.record;
+        if let Some(run) = &mut self.run {
+            let record = &mut run.record;
             record.anon_bytes_peak = record.anon_bytes_peak.max(self.anon_bytes.1);
             let status = &self.counters.status;
             record.drawing_bytes_peak = record.drawing_bytes_peak.max(status.drawing_bytes_peak);
@@ -257,26 +261,26 @@ impl App {
     fn poll(&mut self, ctx: &Context) {
         let Stage::Opening(opening) = &mut self.stage else { return };
         match opening.poll() {
-            None => ctx.request_repaint_after(LOOK_EVERY),
+            None => ctx.request_repaint_after(POLL_INTERVAL),
             Some(Err(error)) => self.stage = Stage::Failed(format!("{error:#}")),
             Some(Ok(opened)) => {
-                let is_coarser = self.rig.as_ref().is_none_or(Rig::is_coarser_moving);
-                let looking = Looking::new(opened, &self.args, &self.shown_by, is_coarser);
-                self.stage = Stage::Looking(Box::new(looking));
+                let is_coarser = self.run.as_ref().is_none_or(ScriptedRun::is_coarser_moving);
+                let viewer = Viewer::new(opened, &self.args, &self.window_painter, is_coarser);
+                self.stage = Stage::Viewing(Box::new(viewer));
             }
         }
     }
 
-    fn shortcuts(&mut self, ctx: &Context) -> Asked {
-        let mut asked = Asked::default();
+    fn shortcuts(&mut self, ctx: &Context) -> Actions {
+        let mut actions = Actions::default();
         if ctx.text_edit_focused() {
-            return asked;
+            return actions;
         }
-        let Stage::Looking(looking) = &self.stage else { return asked };
+        let Stage::Viewing(viewer) = &self.stage else { return actions };
         ctx.input_mut(|i| {
-            asked.freeze = i.key_pressed(Key::Space);
-            asked.forget = i.key_pressed(Key::Escape);
-            asked.screenshot = i.key_pressed(Key::P);
+            actions.freeze = i.key_pressed(Key::Space);
+            actions.clear_measurements = i.key_pressed(Key::Escape);
+            actions.screenshot = i.key_pressed(Key::P);
             if i.key_pressed(Key::M) {
                 self.wanted.method = match self.wanted.method {
                     Method::Points => Method::PullPush,
@@ -285,99 +289,99 @@ impl App {
                 };
             }
             if i.key_pressed(Key::C) {
-                settings::next_colour(&mut self.wanted, looking.sources());
+                settings::next_colour(&mut self.wanted, viewer.sources());
             }
             self.wanted.occlusion ^= i.key_pressed(Key::O);
         });
-        asked
+        actions
     }
 
-    fn panel(&mut self, ui: &mut Ui, asked: &mut Asked) {
-        let Stage::Looking(looking) = &mut self.stage else { return };
-        // What is wrong with the picture stands over it.
+    fn panel(&mut self, ui: &mut Ui, actions: &mut Actions) {
+        let Stage::Viewing(viewer) = &mut self.stage else { return };
+        // A fault of the picture is painted over it.
         let faults: Vec<String> = self.counters.status.fault.clone().into_iter().collect();
-        let mut is_coarser = looking.is_coarser_moving();
-        let legend = looking.legend();
-        let facts = Facts {
-            name: looking.name(),
-            about: looking.about(),
-            notes: looking.notes(),
-            unit: looking.unit(),
-            is_failed: looking.fault().is_some(),
+        let mut is_coarser = viewer.is_coarser_moving();
+        let legend = viewer.legend();
+        let data = PanelData {
+            name: viewer.name(),
+            about: viewer.about(),
+            notes: viewer.notes(),
+            unit: viewer.unit(),
+            is_failed: viewer.fault().is_some(),
             times: &self.times,
             counters: &self.counters,
             anon_bytes: self.anon_bytes.1,
-            backend: &looking.drawn_by(&self.shown_by),
-            sources: looking.sources(),
+            backend: &viewer.drawn_by(&self.window_painter),
+            sources: viewer.sources(),
             legend: legend.as_ref(),
-            measured: &looking.measured(),
-            picture: looking.picture_size(),
-            speed: looking.camera().speed() * looking.camera().distance(),
-            is_frozen: looking.is_frozen(),
+            measured: &viewer.measured(),
+            picture: viewer.picture_size(),
+            speed: viewer.camera().speed() * viewer.camera().distance(),
+            is_frozen: viewer.is_frozen(),
             faults: &faults,
-            said: self.shots.said(),
+            message: self.shots.message(),
         };
-        let clicked = panel::show(ui, &facts, &mut self.wanted, &mut is_coarser);
-        looking.set_coarser_moving(is_coarser);
-        asked.add(clicked);
+        let clicked = panel::show(ui, &data, &mut self.wanted, &mut is_coarser);
+        viewer.set_coarser_moving(is_coarser);
+        actions.add(clicked);
     }
 
     fn centre(&mut self, ui: &mut Ui, now_s: f64) {
-        let place = ui.available_rect_before_wrap();
-        ui.painter().rect_filled(place, 0.0, theme::GROUND);
+        let rect = ui.available_rect_before_wrap();
+        ui.painter().rect_filled(rect, 0.0, theme::GROUND);
         match &mut self.stage {
             Stage::Opening(opening) => progress::show(ui, opening, &self.args.inputs),
             Stage::Failed(fault) => progress::failed(ui, fault),
-            Stage::Looking(_) => self.look(ui, place, now_s),
+            Stage::Viewing(_) => self.show_scene(ui, rect, now_s),
         }
     }
 
-    fn look(&mut self, ui: &mut Ui, place: Rect, now_s: f64) {
-        let Stage::Looking(looking) = &mut self.stage else { return };
-        let response = ui.allocate_rect(place, Sense::click_and_drag());
-        if looking.follow(ui, &response, now_s) {
+    fn show_scene(&mut self, ui: &mut Ui, rect: Rect, now_s: f64) {
+        let Stage::Viewing(viewer) = &mut self.stage else { return };
+        let response = ui.allocate_rect(rect, Sense::click_and_drag());
+        if viewer.handle_input(ui, &response, now_s) {
             ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
         }
-        looking.fit(ui.ctx(), &self.wanted, now_s);
-        let work = looking.draw(ui, now_s, &mut self.counters, &mut self.shots);
-        looking.paint(ui);
+        viewer.update_session(ui.ctx(), &self.wanted, now_s);
+        let work = viewer.draw(ui, now_s, &mut self.counters, &mut self.shots);
+        viewer.paint(ui);
         if self.counters.points > 0 {
-            self.marks.picture_ms.get_or_insert(now_s * 1e3);
+            self.milestones.picture_ms.get_or_insert(now_s * 1e3);
         }
-        // What stood still in between was no frame.
+        // A pause between two pictures is not the time of a frame.
         if let (Some(work_ms), Some(last_s)) = (work, self.last_s) {
             let frame = FrameTime { at_s: now_s, interval_ms: (now_s - last_s) * 1e3, work_ms };
             self.times.push(frame);
-            if let Some(rig) = &mut self.rig {
-                rig.frame(frame, self.counters.points);
+            if let Some(run) = &mut self.run {
+                run.frame(frame, self.counters.points);
             }
         }
-        let goes_on = looking.goes_on(now_s) || self.shots.wants();
-        self.last_s = goes_on.then_some(now_s);
-        // The panel is a pass behind the picture.
-        if goes_on || work.is_some() {
+        let needs_redraw = viewer.needs_redraw(now_s) || self.shots.is_requested();
+        self.last_s = needs_redraw.then_some(now_s);
+        // The panel was laid out before this picture was drawn, so it needs another pass.
+        if needs_redraw || work.is_some() {
             ui.ctx().request_repaint();
         } else if self.shots.is_busy() {
-            ui.ctx().request_repaint_after(LOOK_EVERY);
+            ui.ctx().request_repaint_after(POLL_INTERVAL);
         }
     }
 
-    fn act(&mut self, ctx: &Context, asked: Asked) {
-        self.has_panel &= !asked.hide;
-        let Stage::Looking(looking) = &mut self.stage else { return };
-        if asked.home {
-            looking.go_home();
+    fn perform(&mut self, ctx: &Context, actions: Actions) {
+        self.has_panel &= !actions.hide;
+        let Stage::Viewing(viewer) = &mut self.stage else { return };
+        if actions.home {
+            viewer.go_home();
         }
-        if asked.freeze {
-            looking.toggle_frozen();
+        if actions.freeze {
+            viewer.toggle_frozen();
         }
-        if asked.forget {
-            looking.forget();
+        if actions.clear_measurements {
+            viewer.clear_measurements();
         }
-        if asked.screenshot {
-            self.shots.ask(None, looking.name());
+        if actions.screenshot {
+            self.shots.request(None, viewer.name());
         }
-        if asked != Asked::default() {
+        if actions != Actions::default() {
             ctx.request_repaint();
         }
     }

@@ -1,4 +1,4 @@
-//! The command line of the window.
+//! The command line of `esker-view`.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, ValueEnum};
@@ -8,80 +8,85 @@ use esker_engine::io::{polygon, quantity};
 use esker_engine::{Bounds, Classes, Filter, Method, Polygon};
 use std::path::PathBuf;
 
-/// Flies through an .esker file, or a scan, in a window.
+/// Flies through an .esker file, or scans, in a window.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "esker-view", version, about)]
 pub struct Args {
-    /// An .esker file; or scans, which are built first, into a temporary file.
+    /// An .esker file; or scans, which are first built into a temporary file.
     #[arg(required = true, value_name = "FILE")]
     pub inputs: Vec<PathBuf>,
-    /// What draws the scene: a GPU where there is one that is no software driver, else the CPU.
+    /// What draws the scene: a real GPU if there is one, else the CPU (auto); a GPU, software
+    /// drivers included; the CPU.
     #[arg(long, value_enum, default_value_t)]
     pub backend: Backend,
-    /// What paints the window itself: a real GPU where there is one, else the CPU.
+    /// What paints the window itself: a real GPU if there is one, else the CPU (auto); a graphics
+    /// driver; OpenGL; the CPU.
     #[arg(long, value_enum, default_value_t)]
-    pub window: WindowBy,
+    pub window: WindowBackend,
     /// Width and height of the window, in points.
     #[arg(long, default_value = "1280x800", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
-    /// Points alone, closed surfaces, or splats.
+    /// Single points, closed surfaces, or splats.
     #[arg(long, value_parser = method_parser(), default_value = DEFAULT_METHOD)]
     pub method: Method,
-    /// Where the camera stands first: "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's
-    /// coordinates.
+    /// Where the camera is at the start, such as "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the
+    /// scan's coordinates. Each part may be missing.
     #[arg(long, default_value = "", hide_default_value = true)]
     pub camera: Camera,
-    /// rgb, intensity, elevation, classification, return_number, number_of_returns, source_id,
-    /// time, normal, level, depth, plain, or any attribute's name; where it has a range of values,
-    /// that may follow, with either end open.
+    /// What gives points their colour: rgb, intensity, elevation, classification, return_number,
+    /// number_of_returns, source_id, time, normal, level, depth, plain, or the name of any
+    /// attribute. A range of values may follow, such as elevation:100..250 or intensity:..4000.
     #[arg(long, value_name = "NAME[:MIN..MAX]", aliases = ["colour-by", "color"])]
     pub colour: Option<String>,
     /// Points in this box, its faces included, in the scan's coordinates; with four numbers, seen
     /// from above.
     #[arg(long = "box", value_name = "x0,y0,z0,x1,y1,z1", allow_hyphen_values = true)]
     pub bounds: Option<Bounds>,
-    /// Points over this polygon, its edges included: corners as "x,y x,y x,y", or a file of such
-    /// lines or of GeoJSON.
+    /// Points above or below this polygon, its edges included, in the scan's coordinates: corners
+    /// as "x,y x,y x,y", or a file of lines of x and y, in which an empty line begins another ring,
+    /// or of GeoJSON.
     #[arg(long, value_name = "POLYGON", allow_hyphen_values = true, value_parser = parse_polygon)]
     pub polygon: Option<Polygon>,
-    /// Points of these classes: numbers, ranges, names; such as 2,6 or ground,3-5.
+    /// Points of these classes: numbers, ranges and names, such as 2,6 or ground,3-5.
     #[arg(long, value_name = "CLASSES")]
     pub classes: Option<Classes>,
-    /// An even sample whose points are about this far apart: a length above 0, in the scan's unit.
+    /// An even sample whose points are about this length apart, above 0, in the scan's unit.
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = quantity::length)]
     pub max_spacing: Option<f64>,
     /// Light surfaces without highlights.
     #[arg(long)]
     pub no_highlights: bool,
-    /// Even out differences of exposure where scans cover the same surface; point_source_id, scan
-    /// or scan_id tells them apart.
+    /// Even out differences of exposure where scans cover the same surface; the attribute
+    /// point_source_id, scan or scan_id distinguishes the scans.
     #[arg(long)]
     pub even_exposure: bool,
-    /// Draw exact colours where the file has compact planes, too (see esker build --compact).
+    /// Draw exact colours, also from a file that esker build --compact has made.
     #[arg(long)]
     pub full: bool,
-    /// Drawing memory.
+    /// Drawing memory: the points to draw and, on a GPU, all of its buffers.
     #[arg(long, value_name = "BYTES", default_value = "512MiB", value_parser = quantity::bytes)]
     pub budget_gpu: u64,
-    /// Main memory beside that: table, statistics, staging, the renderer's buffers.
+    /// Main memory beside it: the table of nodes, statistics, points that are being read, the
+    /// renderer's buffers.
     #[arg(long, value_name = "BYTES", default_value = "1GiB", value_parser = quantity::bytes)]
     pub budget_ram: u64,
-    /// Points drawn at most; what the backend draws fluently where not said.
+    /// Points drawn at most; by default as many as the backend draws fluently.
     #[arg(long, value_name = "N", value_parser = quantity::points_budget)]
     pub budget_points: Option<u64>,
-    /// Distance of neighbouring points on the picture that is fine enough, in pixels.
+    /// Distance of neighbouring points in the picture that is fine enough, in pixels.
     #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]
     pub target_spacing: f64,
-    /// Draw what is hidden, too.
+    /// Draw hidden nodes too.
     #[arg(long)]
     pub no_occlusion: bool,
-    /// Memory that building from scans may use, such as 4GiB.
+    /// Memory that building from scans may use, such as 4GiB; half of the machine's memory by
+    /// default.
     #[arg(long, value_name = "BYTES", value_parser = quantity::bytes)]
     pub memory: Option<u64>,
-    /// Folder for what is built from scans; the system's temporary one where not said.
+    /// Folder for the file that is built from scans; the system's temporary folder by default.
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
-    /// Do what this file says in place of a hand, write what came of it, and close.
+    /// Follow this script instead of a user's input, write a report, and close.
     #[arg(long, value_name = "SCRIPT.json")]
     pub script: Option<PathBuf>,
     /// Start without the panel.
@@ -90,7 +95,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// Which points are wanted.
+    /// Choice of the points that are shown.
     pub fn filter(&self) -> Filter {
         Filter {
             bounds: self.bounds,
@@ -104,7 +109,7 @@ impl Args {
 /// What draws the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Backend {
-    /// A GPU that is no software driver, else the CPU.
+    /// A real GPU if there is one, else the CPU.
     #[default]
     Auto,
     /// A GPU, software drivers included.
@@ -113,15 +118,15 @@ pub enum Backend {
     Cpu,
 }
 
-/// What draws the window.
+/// What paints the window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum WindowBy {
-    /// A graphics driver of a real GPU, else the CPU.
+pub enum WindowBackend {
+    /// The driver of a real GPU if there is one, else the CPU.
     #[default]
     Auto,
     /// A graphics driver: Vulkan, Metal, Direct3D or OpenGL.
     Driver,
-    /// A graphics driver: OpenGL.
+    /// The OpenGL driver.
     Gl,
     /// The CPU.
     Cpu,

@@ -1,39 +1,41 @@
-//! How the camera moves: flying, looking around, orbiting, zooming, panning, and gliding to a
-//! place. Pure: seconds and pixels go in, a pose comes out; no window, no clock. All of it is in
-//! `f64` and relative to the eye, so that nothing shakes at coordinates of 10^7; what decays does
-//! so exponentially in time, so that the way does not depend on the frame rate.
+//! Motion of the camera: flying, looking around, orbiting, zooming, panning, and gliding to a
+//! point. Seconds and pixels go in, a pose comes out; nothing depends on a window or a clock.
+//! Arithmetic is `f64` relative to the eye, so that the picture does not shake at coordinates of
+//! 10^7. Velocities and zooms decay exponentially in time, so that the path does not depend on the
+//! frame rate.
 
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
 
-/// Seconds in which a velocity or a zoom covers most (1 - 1/e) of what is left of it.
+/// Time constant of velocities and zooms, seconds: all but 1/e of the rest is covered in it.
 const EASE_S: f64 = 0.09;
-/// Seconds of a glide.
+/// Duration of a glide, seconds.
 const GLIDE_S: f64 = 0.7;
-/// Steepest pitch, radians: straight up or down leaves no heading.
+/// Steepest pitch, radians; a camera that looks straight up or down has no heading.
 const PITCH_MAX_RAD: f64 = FRAC_PI_2 - 1e-3;
-/// Share of the distance to a place that is left after flying to it.
+/// Share of the distance to a point that is left after flying to it.
 const NEARER: f64 = 0.3;
-/// Longest step, seconds: a frame that took longer does not throw the camera away.
+/// Longest time step, seconds, so that a slow frame does not move the camera far away.
 const STEP_MAX_S: f64 = 0.25;
-/// Range of the speed, in distances to what is seen a second.
+/// Range of the speed, in viewing distances a second.
 const SPEED: [f64; 2] = [0.01, 100.0];
-/// Range of the distance to what is seen, in sizes of the scene; no eye is farther from its middle
-/// either, from where it still covers some pixels.
+/// Range of the viewing distance, in sizes of the scene. The eye is never farther from the middle
+/// of the scene than the upper end, from where the scene still covers some pixels.
 const DISTANCE: [f64; 2] = [1e-8, 30.0];
 
-/// Where the camera stands and how it is turned.
+/// Position and orientation of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// The eye, world, the file's unit.
+    /// Position of the eye in world coordinates, the file's unit.
     pub eye: DVec3,
-    /// Heading around the upward axis, radians, from the [`Frame`]'s ahead to its left.
+    /// Heading around the up axis, radians, counted from the `ahead` axis of the [`Frame`] to the
+    /// left.
     pub yaw: f64,
-    /// Radians above the horizon.
+    /// Angle above the horizon, radians.
     pub pitch: f64,
 }
 
-/// Which way is up, and the heading that yaw counts from.
+/// Axes that yaw and pitch refer to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     ahead: DVec3,
@@ -42,7 +44,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// With this axis upwards; z where it is no direction.
+    /// Makes a frame with this up axis; z if `up` has no direction.
     pub fn new(up: DVec3) -> Self {
         let up = up.try_normalize().unwrap_or(DVec3::Z);
         let side = if up.y.abs() < 0.9 { DVec3::Y } else { DVec3::X };
@@ -50,12 +52,12 @@ impl Frame {
         Self { ahead, left: up.cross(ahead), up }
     }
 
-    /// The upward axis.
+    /// Up axis.
     pub fn up(&self) -> DVec3 {
         self.up
     }
 
-    /// Right, up and back of a pose, world.
+    /// Right, up and back axes of a pose, world.
     fn axes(&self, yaw: f64, pitch: f64) -> DMat3 {
         let level = self.ahead * yaw.cos() + self.left * yaw.sin();
         let forward = level * pitch.cos() + self.up * pitch.sin();
@@ -63,7 +65,7 @@ impl Frame {
         DMat3::from_cols(right, right.cross(forward), -forward)
     }
 
-    /// Yaw and pitch of a direction; the heading stays where it points straight up or down.
+    /// Yaw and pitch of a direction; `yaw` is kept if the direction is vertical.
     fn angles(&self, direction: DVec3, yaw: f64) -> (f64, f64) {
         let local =
             DVec3::new(direction.dot(self.ahead), direction.dot(self.left), direction.dot(self.up));
@@ -73,72 +75,72 @@ impl Frame {
     }
 }
 
-/// Where a camera may go: about a scene, so that it always finds back and its numbers stay exact.
+/// Region in which a camera may move around a scene, so that it finds back and its coordinates stay
+/// exact.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Room {
-    /// The middle of the scene.
+struct MoveLimits {
+    /// Middle of the scene.
     middle: DVec3,
-    /// How large it is, the file's unit.
+    /// Size of the scene, the file's unit.
     size: f64,
 }
 
-impl Room {
-    /// The distance within its range that is nearest to this one.
-    fn distance(&self, distance: f64) -> f64 {
+impl MoveLimits {
+    /// Clamps a viewing distance to its range.
+    fn clamp_distance(&self, distance: f64) -> f64 {
         distance.clamp(self.size * DISTANCE[0], self.size * DISTANCE[1])
     }
 
-    /// The place within it that is nearest to this one.
-    fn place(&self, place: DVec3) -> DVec3 {
+    /// Returns the position of the region that is nearest to `eye`.
+    fn clamp_eye(&self, eye: DVec3) -> DVec3 {
         let reach = self.size * DISTANCE[1];
-        let arm = place - self.middle;
-        if arm.length() <= reach { place } else { self.middle + arm.normalize_or_zero() * reach }
+        let arm = eye - self.middle;
+        if arm.length() <= reach { eye } else { self.middle + arm.normalize_or_zero() * reach }
     }
 }
 
-/// A camera that is moved.
+/// A camera that moves by itself and by the user's input.
 #[derive(Clone, Debug)]
 pub struct Camera {
     frame: Frame,
-    room: Room,
+    limits: MoveLimits,
     pose: Pose,
     home: Pose,
-    /// Distance to what is seen at home.
+    /// Viewing distance of the first view.
     home_distance: f64,
     fovy_rad: f64,
-    /// Distance to what is seen: what a speed of 1 covers in a second, and where panning holds the
-    /// scene.
+    /// Viewing distance: distance to the scene, which a speed of 1 covers in a second.
     distance: f64,
     speed: f64,
     velocity: DVec3,
-    /// Zoom that is left: the logarithm of a distance's ratio, and what is zoomed to.
+    /// Rest of a zoom: logarithm of the ratio of distances, and the point that it approaches.
     zoom: Option<(f64, DVec3)>,
     glide: Option<Glide>,
 }
 
-/// A way from pose to pose.
+/// An animated movement between two poses.
 #[derive(Clone, Copy, Debug)]
 struct Glide {
     from: Pose,
     to: Pose,
-    /// What the way goes towards: its distance shrinks by equal ratios in equal times.
+    /// Point that the movement approaches; its distance shrinks by equal ratios in equal times.
     centre: DVec3,
-    /// Distance to what is seen at the end.
+    /// Viewing distance at the end.
     distance: f64,
     seconds: f64,
 }
 
 impl Camera {
-    /// Standing at `eye` and looking at `target`, which is also what [`Camera::go_home`] returns
-    /// to. The scene is as large as they are apart, unless [`Camera::around`] tells.
+    /// Makes a camera at `eye` that looks at `target`; [`Camera::go_home`] returns to this view.
+    /// The size of the scene is their distance, unless [`Camera::with_scene`] sets it.
     pub fn new(eye: DVec3, target: DVec3, up: DVec3, fovy_rad: f64) -> Self {
         let frame = Frame::new(up);
         let (yaw, pitch) = frame.angles(target - eye, 0.0);
         let pose = Pose { eye, yaw, pitch };
-        let distance = usable(eye.distance(target)).unwrap_or(1.0);
+        let distance = positive(eye.distance(target)).unwrap_or(1.0);
         Self {
             frame,
-            room: Room { middle: target, size: distance },
+            limits: MoveLimits { middle: target, size: distance },
             pose,
             home: pose,
             home_distance: distance,
@@ -151,37 +153,37 @@ impl Camera {
         }
     }
 
-    /// In a scene within these bounds.
-    pub fn around(self, [low, high]: [DVec3; 2]) -> Self {
+    /// Sets the bounds of the scene.
+    pub fn with_scene(self, [low, high]: [DVec3; 2]) -> Self {
         let middle = low.midpoint(high);
         let size = high.distance(low) + self.home.eye.distance(middle);
-        let Some(size) = usable(size) else { return self };
-        let room = Room { middle, size };
-        let distance = room.distance(self.home_distance);
-        Self { room, home_distance: distance, distance, ..self }
+        let Some(size) = positive(size) else { return self };
+        let limits = MoveLimits { middle, size };
+        let distance = limits.clamp_distance(self.home_distance);
+        Self { limits, home_distance: distance, distance, ..self }
     }
 
-    /// Where it stands.
+    /// Present pose.
     pub fn pose(&self) -> Pose {
         self.pose
     }
 
-    /// The eye, world.
+    /// Position of the eye, world.
     pub fn eye(&self) -> DVec3 {
         self.pose.eye
     }
 
-    /// The upward axis of the world.
+    /// Up axis of the world.
     pub fn up(&self) -> DVec3 {
         self.frame.up
     }
 
-    /// Right, up and back, world.
+    /// Right, up and back axes, world.
     pub fn axes(&self) -> DMat3 {
         self.frame.axes(self.pose.yaw, self.pose.pitch)
     }
 
-    /// The direction it looks along.
+    /// Viewing direction.
     pub fn forward(&self) -> DVec3 {
         -self.axes().z_axis
     }
@@ -191,118 +193,120 @@ impl Camera {
         self.fovy_rad
     }
 
-    /// Distance to what is seen, the file's unit.
+    /// Viewing distance, the file's unit.
     pub fn distance(&self) -> f64 {
         self.distance
     }
 
-    /// Speed, in distances to what is seen a second.
+    /// Speed, in viewing distances a second.
     pub fn speed(&self) -> f64 {
         self.speed
     }
 
-    /// Whether it moves by itself: still gliding, zooming or slowing down.
+    /// Whether the camera moves without input: it is gliding, zooming or slowing down.
     pub fn is_moving(&self) -> bool {
         let still = self.distance * 1e-4;
         self.glide.is_some() || self.zoom.is_some() || self.velocity.length() > still
     }
 
-    /// The direction, unit length, through a pixel of a picture of this size.
+    /// Direction through a pixel of a picture of this size, of unit length.
     pub fn ray(&self, pixel: DVec2, size: DVec2) -> DVec3 {
         let focal = self.focal_px(size.y);
         let v = DVec3::new(pixel.x - size.x * 0.5, size.y * 0.5 - pixel.y, -focal);
         (self.axes() * v).normalize_or(self.forward())
     }
 
-    /// The place at this eye depth behind a pixel.
-    pub fn place(&self, pixel: DVec2, size: DVec2, depth: f64) -> DVec3 {
+    /// Point behind a pixel at this eye depth, world.
+    pub fn point_at(&self, pixel: DVec2, size: DVec2, depth: f64) -> DVec3 {
         let ray = self.ray(pixel, size);
         self.pose.eye + ray * (depth / ray.dot(self.forward()).max(1e-9))
     }
 
-    /// Told how far away the scene is, eye depth; follows slowly, so that the speed does not jump
-    /// where a near thing passes by.
-    pub fn sees(&mut self, depth: f64, seconds: f64) {
-        let Some(depth) = usable(depth) else { return };
-        let share = 1.0 - (-step(seconds) / (4.0 * EASE_S)).exp();
-        self.distance = self.room.distance(self.distance * (depth / self.distance).powf(share));
+    /// Makes the viewing distance approach `depth`, the eye depth of the scene, slowly, so that the
+    /// speed does not jump when a near object passes by.
+    pub fn follow_depth(&mut self, depth: f64, seconds: f64) {
+        let Some(depth) = positive(depth) else { return };
+        let share = 1.0 - (-clamp_step(seconds) / (4.0 * EASE_S)).exp();
+        self.distance =
+            self.limits.clamp_distance(self.distance * (depth / self.distance).powf(share));
     }
 
-    /// Faster or slower, by a factor.
+    /// Multiplies the speed by `factor`.
     pub fn change_speed(&mut self, factor: f64) {
         self.speed = (self.speed * factor).clamp(SPEED[0], SPEED[1]);
     }
 
-    /// Turns in place, radians to the left and upwards.
+    /// Turns the camera in point, radians to the left and upwards.
     pub fn look(&mut self, left: f64, up: f64) {
-        self.hold();
+        self.stop_animation();
         self.turn(left, up);
     }
 
-    /// Turns around a place, which stays where it is on the picture.
+    /// Turns the camera around `pivot`, which stays at its pixel.
     pub fn orbit(&mut self, pivot: DVec3, left: f64, up: f64) {
-        self.hold();
+        self.stop_animation();
         let before = self.axes();
         let arm = self.pose.eye - pivot;
         self.turn(left, up);
-        self.go(pivot + self.axes() * (before.transpose() * arm));
+        self.move_to(pivot + self.axes() * (before.transpose() * arm));
     }
 
-    /// Moves sideways, so that what lies at this depth follows the pointer; pixels to the right and
-    /// down.
+    /// Moves sideways, so that a point at this eye depth follows the pointer; pixels to the right
+    /// and down.
     pub fn pan(&mut self, right_px: f64, down_px: f64, depth: f64, height_px: f64) {
-        self.hold();
+        self.stop_animation();
         let axes = self.axes();
         let scale = depth / self.focal_px(height_px);
-        self.go(self.pose.eye + (axes.y_axis * down_px - axes.x_axis * right_px) * scale);
+        self.move_to(self.pose.eye + (axes.y_axis * down_px - axes.x_axis * right_px) * scale);
     }
 
-    /// Zooms towards a place, which stays where it is on the picture, by a ratio of distances below
-    /// 1 (or away from it, above 1); eased over the next steps, as far as there is room.
-    pub fn zoom(&mut self, place: DVec3, ratio: f64) {
-        let Some(ratio) = usable(ratio) else { return };
+    /// Zooms towards a point, which stays at its pixel, by a ratio of distances: below 1 towards
+    /// it, above 1 away from it. The zoom is eased over the next steps and ends at the limits of
+    /// the movement.
+    pub fn zoom(&mut self, point: DVec3, ratio: f64) {
+        let Some(ratio) = positive(ratio) else { return };
         self.glide = None;
         let left = self.zoom.map_or(0.0, |(left, _)| left);
-        // No more than leads from one end of the room to the other.
+        // At most from one end of the range of distances to the other.
         let most = (DISTANCE[1] / DISTANCE[0]).ln();
-        self.zoom = Some(((left + ratio.ln()).clamp(-most, most), place));
+        self.zoom = Some(((left + ratio.ln()).clamp(-most, most), point));
     }
 
-    /// Glides towards a place until a share of the distance is left, and turns to it.
-    pub fn fly_to(&mut self, place: DVec3) {
-        let arm = self.pose.eye - place;
-        let distance = self.room.distance(arm.length() * NEARER);
-        let eye = self.room.place(place + arm.normalize_or_zero() * distance);
+    /// Glides towards a point until the share [`NEARER`] of the distance is left, and turns to it.
+    pub fn fly_to(&mut self, point: DVec3) {
+        let arm = self.pose.eye - point;
+        let distance = self.limits.clamp_distance(arm.length() * NEARER);
+        let eye = self.limits.clamp_eye(point + arm.normalize_or_zero() * distance);
         let (yaw, pitch) = self.frame.angles(-arm, self.pose.yaw);
-        self.glide_to(Pose { eye, yaw, pitch }, place, distance);
+        self.glide_to(Pose { eye, yaw, pitch }, point, distance);
     }
 
-    /// Glides back to where it stood first, and to what was seen from there.
+    /// Glides back to the first view.
     pub fn go_home(&mut self) {
         let ahead = -self.frame.axes(self.home.yaw, self.home.pitch).z_axis;
         let centre = self.home.eye + ahead * self.home_distance;
         self.glide_to(self.home, centre, self.home_distance);
     }
 
-    /// The pose at this eye, looking along this direction.
+    /// Pose of a camera at `eye` that looks along `direction`.
     pub fn pose_along(&self, eye: DVec3, direction: DVec3) -> Pose {
         let (yaw, pitch) = self.frame.angles(direction, self.pose.yaw);
         Pose { eye, yaw, pitch }
     }
 
-    /// Stands at a pose at once.
-    pub fn stand(&mut self, pose: Pose) {
-        self.hold();
+    /// Moves to a pose at once.
+    pub fn set_pose(&mut self, pose: Pose) {
+        self.stop_animation();
         self.velocity = DVec3::ZERO;
-        self.pose = Pose { eye: self.room.place(pose.eye), ..pose };
+        self.pose = Pose { eye: self.limits.clamp_eye(pose.eye), ..pose };
     }
 
-    /// Goes on by so many seconds; `keys` are the directions held, to the right, upwards and ahead,
-    /// each -1 to 1.
+    /// Advances by a time step. `keys` are the directions of the held keys: right, up and ahead,
+    /// each -1 to 1 times a factor of the speed.
     pub fn step(&mut self, keys: DVec3, seconds: f64) {
-        let seconds = step(seconds);
+        let seconds = clamp_step(seconds);
         if keys != DVec3::ZERO {
-            self.hold();
+            self.stop_animation();
         }
         if let Some(glide) = &mut self.glide {
             glide.seconds += seconds;
@@ -320,32 +324,33 @@ impl Camera {
     }
 
     fn ease_zoom(&mut self, decayed: f64) {
-        let Some((left, place)) = self.zoom else { return };
+        let Some((left, point)) = self.zoom else { return };
         let now = left * (1.0 - decayed);
-        let arm = self.pose.eye - place;
-        let least = arm.length().min(self.room.size * DISTANCE[0]);
-        self.go(place + arm.normalize_or_zero() * (arm.length() * now.exp()).max(least));
-        self.distance = self.room.distance(self.distance * now.exp());
-        self.zoom = (left - now).abs().gt(&1e-4).then_some((left - now, place));
+        let arm = self.pose.eye - point;
+        let least = arm.length().min(self.limits.size * DISTANCE[0]);
+        self.move_to(point + arm.normalize_or_zero() * (arm.length() * now.exp()).max(least));
+        self.distance = self.limits.clamp_distance(self.distance * now.exp());
+        self.zoom = (left - now).abs().gt(&1e-4).then_some((left - now, point));
     }
 
-    /// The velocity approaches what the keys ask for exponentially; the way is its integral.
+    /// The velocity approaches that of the keys exponentially; the distance covered is its
+    /// integral.
     fn ease_flight(&mut self, keys: DVec3, seconds: f64, decayed: f64) {
         let axes = self.axes();
-        let asked = axes.x_axis * keys.x + self.frame.up * keys.y - axes.z_axis * keys.z;
-        let asked = asked * (self.speed * self.distance);
-        let lag = (self.velocity - asked) * (1.0 - decayed) * EASE_S;
-        self.go(self.pose.eye + asked * seconds + lag);
-        self.velocity = asked + (self.velocity - asked) * decayed;
+        let target = axes.x_axis * keys.x + self.frame.up * keys.y - axes.z_axis * keys.z;
+        let target = target * (self.speed * self.distance);
+        let lag = (self.velocity - target) * (1.0 - decayed) * EASE_S;
+        self.move_to(self.pose.eye + target * seconds + lag);
+        self.velocity = target + (self.velocity - target) * decayed;
         if keys == DVec3::ZERO && self.velocity.length() < self.distance * 1e-4 {
             self.velocity = DVec3::ZERO;
         }
     }
 
-    /// Stands at a place, as far as there is room.
-    fn go(&mut self, eye: DVec3) {
+    /// Moves the eye, within the limits.
+    fn move_to(&mut self, eye: DVec3) {
         if eye.is_finite() {
-            self.pose.eye = self.room.place(eye);
+            self.pose.eye = self.limits.clamp_eye(eye);
         }
     }
 
@@ -354,14 +359,14 @@ impl Camera {
         self.pose.pitch = (self.pose.pitch + up).clamp(-PITCH_MAX_RAD, PITCH_MAX_RAD);
     }
 
-    /// The hand takes over from what moves by itself.
-    fn hold(&mut self) {
+    /// Ends glides and zooms, because the user moves the camera.
+    fn stop_animation(&mut self) {
         self.glide = None;
         self.zoom = None;
     }
 
     fn glide_to(&mut self, to: Pose, centre: DVec3, distance: f64) {
-        self.hold();
+        self.stop_animation();
         self.glide = Some(Glide { from: self.pose, to, centre, distance, seconds: 0.0 });
     }
 
@@ -396,10 +401,10 @@ impl Glide {
     }
 }
 
-fn usable(distance: f64) -> Option<f64> {
+fn positive(distance: f64) -> Option<f64> {
     (distance.is_finite() && distance > 0.0).then_some(distance)
 }
 
-fn step(seconds: f64) -> f64 {
+fn clamp_step(seconds: f64) -> f64 {
     if seconds.is_finite() { seconds.clamp(0.0, STEP_MAX_S) } else { 0.0 }
 }

@@ -1,5 +1,5 @@
-//! The picture as a texture of the window: the GPU renderer's own, which needs no copy through main
-//! memory; or uploaded from the CPU renderer.
+//! The picture as a texture of egui: the texture of the GPU renderer itself, which is not copied
+//! through main memory, or one that is uploaded from the CPU renderer.
 
 use eframe::egui::{
     Color32, ColorImage, Context, Rect, TextureHandle, TextureId, TextureOptions, Ui, pos2,
@@ -11,8 +11,8 @@ use esker_engine::Picture;
 /// The texture that shows the newest picture.
 #[derive(Default)]
 pub struct Canvas {
-    /// What paints the window, where that is a graphics driver.
-    painter: Option<RenderState>,
+    /// Device and renderer of egui, if a graphics driver paints the window.
+    driver: Option<RenderState>,
     uploaded: Option<TextureHandle>,
     native: Option<(wgpu::TextureView, TextureId)>,
     shown: Option<TextureId>,
@@ -20,15 +20,15 @@ pub struct Canvas {
 }
 
 impl Canvas {
-    /// In a window that this paints; `None` where it is no graphics driver.
-    pub fn new(painter: Option<RenderState>) -> Self {
-        Self { painter, ..Self::default() }
+    /// Makes a canvas; `driver` is `None` if the CPU paints the window.
+    pub fn new(driver: Option<RenderState>) -> Self {
+        Self { driver, ..Self::default() }
     }
 
-    /// Takes a picture from main memory.
+    /// Uploads a picture from main memory.
     pub fn upload(&mut self, ctx: &Context, picture: &Picture) {
         let size = [picture.width as usize, picture.height as usize];
-        // Alpha is whole everywhere, so that premultiplied is the same.
+        // Alpha is 255 everywhere, so that premultiplied colours are the same.
         let image = ColorImage::from_rgba_premultiplied(size, &picture.rgba);
         let texture = match &mut self.uploaded {
             Some(texture) => {
@@ -43,21 +43,21 @@ impl Canvas {
         self.size = [picture.width, picture.height];
     }
 
-    /// Takes the renderer's own texture, of this size; false where the window is not painted by a
-    /// graphics driver.
+    /// Shows the renderer's own texture, of `size` pixels. Returns false if no graphics driver
+    /// paints the window.
     pub fn show(&mut self, view: &wgpu::TextureView, size: [u32; 2]) -> bool {
-        let Some(painter) = &self.painter else { return false };
+        let Some(driver) = &self.driver else { return false };
         let filter = wgpu::FilterMode::Linear;
         let id = match &self.native {
             Some((last, id)) if last == view => *id,
             Some((_, id)) => {
-                let mut renderer = painter.renderer.write();
-                renderer.update_egui_texture_from_wgpu_texture(&painter.device, view, filter, *id);
+                let mut renderer = driver.renderer.write();
+                renderer.update_egui_texture_from_wgpu_texture(&driver.device, view, filter, *id);
                 *id
             }
             None => {
-                let mut renderer = painter.renderer.write();
-                renderer.register_native_texture(&painter.device, view, filter)
+                let mut renderer = driver.renderer.write();
+                renderer.register_native_texture(&driver.device, view, filter)
             }
         };
         self.native = Some((view.clone(), id));
@@ -66,15 +66,15 @@ impl Canvas {
         true
     }
 
-    /// Size of the picture, pixels; zeros where there is none yet.
+    /// Size of the picture, pixels; zeros before the first picture.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
 
-    /// Paints it over this place, where there is any.
-    pub fn paint(&self, ui: &Ui, place: Rect) {
+    /// Paints the picture over `rect`, if there is one.
+    pub fn paint(&self, ui: &Ui, rect: Rect) {
         let Some(texture) = self.shown else { return };
         let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-        ui.painter().image(texture, place, whole, Color32::WHITE);
+        ui.painter().image(texture, rect, whole, Color32::WHITE);
     }
 }

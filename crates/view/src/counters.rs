@@ -1,4 +1,4 @@
-//! What the panel counts: taken from each frame and from the session's status, plain numbers.
+//! Counts that the panel shows, taken from each frame and from the session's status.
 
 use esker_engine::draw::session::GpuBytes;
 use esker_engine::{Cut, Status};
@@ -10,27 +10,27 @@ pub struct Counters {
     pub nodes: u64,
     /// Points drawn.
     pub points: u64,
-    /// Nodes that something hides.
+    /// Nodes left out because they are hidden.
     pub occluded: u64,
-    /// Whether nothing more comes for this view.
+    /// Whether the view is settled: nothing more is loaded for it.
     pub settled: bool,
-    /// Milliseconds of the choice that was drawn.
+    /// Time to choose the cut that was drawn, milliseconds.
     pub lod_ms: f64,
-    /// Milliseconds of drawing.
+    /// Time to draw, milliseconds.
     pub draw_ms: f64,
-    /// What streaming is at.
+    /// Status of streaming.
     pub status: Status,
-    /// Bytes of GPU buffers, where a GPU draws.
+    /// Bytes of GPU buffers, if a GPU draws.
     pub gpu_bytes: Option<GpuBytes>,
-    /// Bytes read a second, over the last second.
+    /// Bytes read a second, measured over at least half a second.
     pub read_rate: f64,
-    /// Calls that read a second, over the last second.
+    /// Reads a second, measured over at least half a second.
     pub reads_rate: f64,
     sample: Option<(f64, u64, u64)>,
 }
 
 impl Counters {
-    /// Takes a drawn frame.
+    /// Takes the counts of a drawn frame.
     pub fn take_frame(&mut self, cut: &Cut, points: u64, draw_ms: f64) {
         self.nodes = cut.nodes.len() as u64;
         self.points = points;
@@ -40,7 +40,7 @@ impl Counters {
         self.draw_ms = draw_ms;
     }
 
-    /// Takes the status at this time, seconds.
+    /// Takes the status at the time `now_s`, seconds.
     pub fn take_status(&mut self, status: Status, now_s: f64) {
         let (then_s, bytes, reads) =
             self.sample.unwrap_or((now_s, status.read_bytes, status.reads));
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rates_are_of_the_last_half_second_and_survive_a_reopened_session() {
+    fn rates_cover_the_last_half_second_and_survive_a_reopened_session() {
         let mut counters = Counters::default();
         let status = |read_bytes, reads| Status { read_bytes, reads, ..Status::default() };
         counters.take_status(status(1000, 1), 10.0);

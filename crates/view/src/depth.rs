@@ -1,20 +1,20 @@
-//! What a picture's depth tells the camera: how far away the thing under the pointer is, and the
-//! scene.
+//! What the camera needs from the depths of a picture: the depth under the pointer, and the
+//! distance of the scene.
 
 use glam::DVec2;
 
-/// Depths of a picture, row by row; infinite where nothing is.
+/// Depths of a picture, row by row; infinite in empty pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Depths<'a> {
-    /// Pixels in a row.
+    /// Width of the picture, pixels.
     pub width: usize,
     /// Eye depths, the file's unit.
     pub depth: &'a [f32],
 }
 
-/// How far from the pointer something may be that is meant by it, pixels.
+/// Greatest distance of the pointer from a point that it picks, pixels.
 const REACH_PX: i64 = 12;
-/// Samples on a side of the picture that tell how far away the scene is.
+/// Samples on each side of the picture from which the distance of the scene is estimated.
 const SAMPLES: usize = 24;
 
 impl Depths<'_> {
@@ -31,25 +31,25 @@ impl Depths<'_> {
         (depth > 0.0 && depth.is_finite()).then_some(depth)
     }
 
-    /// The depth at a place of the picture (0 to 1 from its top left corner), or of the nearest
-    /// thing in the smallest square around it that has any.
-    pub fn near(&self, place: DVec2) -> Option<f64> {
-        let x = (place.x * self.width as f64) as i64;
-        let y = (place.y * self.height() as f64) as i64;
+    /// Depth at a position of the picture (0 to 1 from its top left corner); in an empty pixel the
+    /// least depth in the smallest square around it that has any.
+    pub fn near(&self, at: DVec2) -> Option<f64> {
+        let x = (at.x * self.width as f64) as i64;
+        let y = (at.y * self.height() as f64) as i64;
         (0..=REACH_PX).find_map(|r| {
             let ring = (-r..=r).flat_map(|i| [(i, -r), (i, r), (-r, i), (r, i)]);
             ring.filter_map(|(dx, dy)| self.at(x + dx, y + dy)).reduce(f64::min)
         })
     }
 
-    /// The depth at a place of the picture, and no other.
-    pub fn exactly(&self, place: DVec2) -> Option<f64> {
-        self.at((place.x * self.width as f64) as i64, (place.y * self.height() as f64) as i64)
+    /// Depth of the pixel at a position of the picture.
+    pub fn exactly(&self, at: DVec2) -> Option<f64> {
+        self.at((at.x * self.width as f64) as i64, (at.y * self.height() as f64) as i64)
     }
 }
 
-/// How far away a scene is whose picture has these depths: their lower quartile, so that what is
-/// near counts more than the horizon. `None` where nothing is seen.
+/// Estimates the distance of the scene from depths of its picture: their lower quartile, so that
+/// near objects count more than the horizon. `None` if all samples are empty.
 pub fn typical(at: impl Fn(DVec2) -> Option<f64>) -> Option<f64> {
     let middle = |cell: usize| (cell as f64 + 0.5) / SAMPLES as f64;
     let cells =
@@ -64,21 +64,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_pointer_means_the_nearest_thing_close_to_it() {
+    fn the_pointer_picks_the_nearest_depth_close_to_it() {
         let mut depth = vec![f32::INFINITY; 100 * 50];
         depth[20 * 100 + 30] = 7.0;
         depth[20 * 100 + 32] = 5.0;
         let depths = Depths { width: 100, depth: &depth };
         let at = |x: f64, y: f64| depths.near(DVec2::new((x + 0.5) / 100.0, (y + 0.5) / 50.0));
-        assert_eq!(at(30.0, 20.0), Some(7.0), "what is hit counts");
-        assert_eq!(at(31.0, 20.0), Some(5.0), "of two as close, the nearer one");
-        assert_eq!(at(30.0, 26.0), Some(5.0), "the squares are of one size");
+        assert_eq!(at(30.0, 20.0), Some(7.0), "the pixel itself has a depth");
+        assert_eq!(at(31.0, 20.0), Some(5.0), "of two equally close, the one of least depth");
+        assert_eq!(at(30.0, 26.0), Some(5.0), "both lie in the same square");
         assert_eq!(at(90.0, 40.0), None);
         assert_eq!(Depths { width: 0, depth: &[] }.near(DVec2::ONE), None);
     }
 
     #[test]
-    fn the_scene_is_as_far_as_its_near_quarter() {
+    fn the_distance_of_the_scene_is_the_lower_quartile_of_depths() {
         let depth: Vec<f32> =
             (0..100 * 100).map(|i| if i < 5000 { 1000.0 } else { 10.0 }).collect();
         let depths = Depths { width: 100, depth: &depth };

@@ -1,5 +1,5 @@
-//! What the scene is drawn on: the window's own graphics device, so that the picture needs no copy,
-//! or the CPU.
+//! What the scene is drawn on: the window's graphics device, so that the picture is not copied, or
+//! the CPU.
 
 use crate::args::Backend;
 use crate::settings::Settings;
@@ -8,13 +8,13 @@ use eframe::wgpu;
 use esker_engine::draw::options::{Gpu, Options, descriptor};
 use esker_engine::machine::backend::{self, GpuRequest};
 
-/// Who shows the window.
+/// What paints the window.
 #[derive(Clone, Default)]
-pub struct ShownBy {
-    /// Its name.
+pub struct WindowPainter {
+    /// Name of the adapter, or `CPU`.
     pub name: String,
-    /// Its device, where it is a graphics driver.
-    pub painter: Option<RenderState>,
+    /// Device and queue of egui, if a graphics driver paints.
+    pub driver: Option<RenderState>,
 }
 
 /// What the scene is drawn on.
@@ -24,8 +24,8 @@ pub struct Device {
     gpu: Option<Gpu>,
 }
 
-/// The device to ask an adapter for: one that the engine can draw on, too, where the adapter has
-/// what that takes.
+/// Describes the device to request from an adapter: one that the engine can draw on if the adapter
+/// has the limits for that, else one that suffices for egui.
 pub fn device_of(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
     let has = adapter.limits();
     if wgpu::Limits::default().check_limits(&has) {
@@ -38,38 +38,38 @@ pub fn device_of(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
     }
 }
 
-impl ShownBy {
-    /// A graphics driver.
+impl WindowPainter {
+    /// A window that a graphics driver paints.
     pub fn driver(state: &RenderState) -> Self {
         let info = state.adapter.get_info();
         let name = format!("{} ({:?})", info.name, info.backend);
-        Self { name, painter: Some(state.clone()) }
+        Self { name, driver: Some(state.clone()) }
     }
 
-    /// What the scene is drawn on in this window, where the user wants this.
+    /// Chooses what the scene is drawn on in this window, as the user requests it.
     pub fn device(&self, wanted: Backend) -> Device {
         let backend = match wanted {
             Backend::Auto => backend::Backend::Auto,
             Backend::Gpu => backend::Backend::Gpu,
             Backend::Cpu => backend::Backend::Cpu,
         };
-        let gpu = self.painter.as_ref().filter(|_| wanted != Backend::Cpu).and_then(gpu);
-        // Without the window's device a GPU's picture would go through main memory every frame:
-        // only on demand.
+        let gpu = self.driver.as_ref().filter(|_| wanted != Backend::Cpu).and_then(gpu);
+        // On another device than the window's, each picture of a GPU is copied through main memory,
+        // so that is done only on request.
         let backend =
             if gpu.is_none() && wanted == Backend::Auto { backend::Backend::Cpu } else { backend };
         Device { backend, gpu }
     }
 }
 
-/// The window's device as the engine's; `None` where the engine cannot draw on it.
+/// Wraps the window's device for the engine; `None` if the engine cannot draw on it.
 fn gpu(state: &RenderState) -> Option<Gpu> {
     let is_able = wgpu::Limits::default().check_limits(&state.device.limits());
     is_able.then(|| Gpu::new(state.device.clone(), state.queue.clone(), None).ok())?
 }
 
 impl Device {
-    /// Of a session with these settings.
+    /// Options of a session with these settings, for pictures of at most `size` pixels.
     pub fn options(&self, settings: &Settings, size: [u32; 2]) -> Options {
         let gpu = GpuRequest {
             allow_software: self.backend == backend::Backend::Gpu,

@@ -1,24 +1,24 @@
-//! The fields of the panel that say which points are shown: classes, a box, a spacing. A field is
-//! taken when it is left, where it makes sense; else it says what is wrong.
+//! The fields of the panel that choose the points to show: classes, a box, a spacing. A field takes
+//! effect when it loses the focus; if its text is invalid, an error is shown.
 
 use crate::settings::Settings;
 use crate::theme;
 use eframe::egui::{Id, Label, RichText, TextEdit, Ui};
 use esker_engine::{Bounds, Classes, Filter};
 
-/// Width of a field.
+/// Width of a field, points.
 const WIDTH: f32 = 150.0;
 
-/// What stands in the fields.
+/// Texts of the fields, and the error of the last one.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Words {
+struct Fields {
     classes: String,
     bounds: String,
     spacing: String,
     fault: Option<String>,
 }
 
-impl Words {
+impl Fields {
     fn of(filter: &Filter) -> Self {
         let classes = filter.classes.map(|wanted| {
             let mut runs: Vec<[u8; 2]> = Vec::new();
@@ -48,7 +48,7 @@ impl Words {
         }
     }
 
-    /// The filter that they ask for; a polygon stays as it is.
+    /// Parses the fields; the polygon of `before` is kept.
     fn filter(&self, before: &Filter) -> Result<Filter, String> {
         fn read<T>(
             word: &str,
@@ -59,7 +59,7 @@ impl Words {
         }
         let spacing = |word: &str| {
             let value = word.parse().ok().filter(|s: &f64| s.is_finite() && *s > 0.0);
-            value.ok_or_else(|| format!("`{word}` is no distance"))
+            value.ok_or_else(|| format!("`{word}` is not a length above 0"))
         };
         Ok(Filter {
             classes: read(&self.classes, |w| w.parse::<Classes>().map_err(|e| e.to_string()))?,
@@ -70,13 +70,13 @@ impl Words {
     }
 }
 
-/// Shows the fields; changes what is wanted when one is left.
+/// Shows the fields; changes the filter of `wanted` when a field loses the focus.
 pub fn show(ui: &mut Ui, wanted: &mut Settings) {
     let id = Id::unique("filter words");
-    let known = ui.data_mut(|data| data.get_temp::<Words>(id));
-    let mut words = known.unwrap_or_else(|| Words::of(&wanted.filter));
+    let known = ui.data_mut(|data| data.get_temp::<Fields>(id));
+    let mut fields = known.unwrap_or_else(|| Fields::of(&wanted.filter));
     let mut is_left = false;
-    let Words { classes, bounds, spacing, fault } = &mut words;
+    let Fields { classes, bounds, spacing, fault } = &mut fields;
     for (name, word, hint) in [
         ("classes", classes, "2,6 or ground"),
         ("box", bounds, "x0,y0,x1,y1"),
@@ -100,12 +100,12 @@ pub fn show(ui: &mut Ui, wanted: &mut Settings) {
         ui.add(Label::new(RichText::new(fault.as_str()).small().color(theme::FAULT)).wrap());
     }
     if is_left {
-        match words.filter(&wanted.filter) {
-            Ok(filter) => (wanted.filter, words.fault) = (filter, None),
-            Err(fault) => words.fault = Some(fault),
+        match fields.filter(&wanted.filter) {
+            Ok(filter) => (wanted.filter, fields.fault) = (filter, None),
+            Err(fault) => fields.fault = Some(fault),
         }
     }
-    ui.data_mut(|data| data.insert_temp(id, words));
+    ui.data_mut(|data| data.insert_temp(id, fields));
 }
 
 #[cfg(test)]
@@ -114,23 +114,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_become_a_filter_and_a_filter_words() {
-        let words = Words {
+    fn fields_are_parsed_to_a_filter_and_a_filter_is_formatted_to_fields() {
+        let fields = Fields {
             classes: "2,6".into(),
             bounds: "1,2,3,4".into(),
             spacing: "0.5".into(),
             fault: None,
         };
-        let filter = words.filter(&Filter::default()).unwrap();
+        let filter = fields.filter(&Filter::default()).unwrap();
         assert!(filter.classes.unwrap().has(6) && filter.max_spacing == Some(0.5));
-        assert_eq!(Words::of(&filter), words);
-        assert_eq!(Words::default().filter(&filter).unwrap(), Filter::default());
-        let many = Words { classes: "0,2-4,6,7,9-255".into(), ..words.clone() };
-        assert_eq!(Words::of(&many.filter(&filter).unwrap()), many);
+        assert_eq!(Fields::of(&filter), fields);
+        assert_eq!(Fields::default().filter(&filter).unwrap(), Filter::default());
+        let many = Fields { classes: "0,2-4,6,7,9-255".into(), ..fields.clone() };
+        assert_eq!(Fields::of(&many.filter(&filter).unwrap()), many);
         for wrong in [
-            Words { classes: "trees".into(), ..words.clone() },
-            Words { bounds: "1,2".into(), ..words.clone() },
-            Words { spacing: "-1".into(), ..words.clone() },
+            Fields { classes: "trees".into(), ..fields.clone() },
+            Fields { bounds: "1,2".into(), ..fields.clone() },
+            Fields { spacing: "-1".into(), ..fields.clone() },
         ] {
             assert!(wrong.filter(&filter).is_err(), "{wrong:?}");
         }

@@ -1,14 +1,14 @@
-//! The frustum of a frozen cut as lines, seen from outside: from its eye to the corners of a
-//! rectangle before it.
+//! The frustum of a frozen cut, painted as lines when it is seen from outside: from its eye to the
+//! corners of a rectangle in front of it.
 
 use eframe::egui::{Color32, Painter, Pos2, Rect, Stroke, pos2};
 use esker_engine::View;
 use glam::DVec3;
 
-/// Share of the near plane's distance that lines are cut off beyond it.
+/// Lines are clipped at this multiple of the near plane's distance.
 const NEARLY: f64 = 1.001;
 
-/// The corners of the view's picture at this eye depth, world, around it in order.
+/// Corners of the view's picture at this eye depth, world, in their order around it.
 pub fn corners(view: &View, depth: f64) -> [DVec3; 4] {
     let tan = view.tan_half();
     [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
@@ -16,14 +16,14 @@ pub fn corners(view: &View, depth: f64) -> [DVec3; 4] {
     })
 }
 
-/// The edges of the frustum down to this depth, as lines between world points.
+/// Edges of the frustum down to this depth, as lines between world points.
 pub fn edges(view: &View, depth: f64) -> Vec<[DVec3; 2]> {
     let far = corners(view, depth);
     (0..4).flat_map(|i| [[view.eye, far[i]], [far[i], far[(i + 1) % 4]]]).collect()
 }
 
-/// A line between world points on another view's picture, pixels: the part of it that lies before
-/// that eye.
+/// Projects a line between world points to the picture of the view `seen`, pixels. The line is
+/// clipped at the near plane; `None` if all of it is behind it.
 pub fn project(seen: &View, line: [DVec3; 2]) -> Option<[[f64; 2]; 2]> {
     let [a, b] = line.map(|p| seen.to_view(p));
     let near = seen.near * NEARLY;
@@ -44,13 +44,14 @@ pub fn project(seen: &View, line: [DVec3; 2]) -> Option<[[f64; 2]; 2]> {
     on.iter().flatten().all(|v| v.is_finite()).then_some(on)
 }
 
-/// Paints the frustum of `frozen` over a picture of `seen` shown at this place.
-pub fn paint(painter: &Painter, place: Rect, frozen: &View, seen: &View, depth: f64, ink: Color32) {
+/// Paints the frustum of `frozen` down to `depth` over a picture of the view `seen` that fills
+/// `rect`.
+pub fn paint(painter: &Painter, rect: Rect, frozen: &View, seen: &View, depth: f64, ink: Color32) {
     let size = [f64::from(seen.width), f64::from(seen.height)];
     let at = |p: [f64; 2]| -> Pos2 {
         let x = (p[0] / size[0]).clamp(-100.0, 100.0) as f32;
         let y = (p[1] / size[1]).clamp(-100.0, 100.0) as f32;
-        pos2(place.left() + x * place.width(), place.top() + y * place.height())
+        pos2(rect.left() + x * rect.width(), rect.top() + y * rect.height())
     };
     for line in edges(frozen, depth) {
         if let Some([a, b]) = project(seen, line) {
@@ -85,12 +86,12 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_cut_at_the_eye_and_left_out_behind_it() {
+    fn lines_are_clipped_at_the_near_plane_and_left_out_behind_it() {
         let seen = view(DVec3::ZERO, DVec3::Y);
         assert_eq!(project(&seen, [-DVec3::Y, -DVec3::Y * 2.0]), None);
         let [a, b] =
             project(&seen, [DVec3::new(0.0, 5.0, 0.0), DVec3::new(0.1, -5.0, 0.0)]).unwrap();
         assert_eq!(a, [100.0, 50.0]);
-        assert!(b[0] > 200.0, "it leaves the picture to the right");
+        assert!(b[0] > 200.0, "the line leaves the picture to the right");
     }
 }

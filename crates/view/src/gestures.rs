@@ -1,25 +1,25 @@
-//! From the window's input to the camera: keys fly, the left button orbits around what is under the
-//! pointer, the right one looks around, the middle one pans, the wheel zooms to the pointer (or
-//! changes the speed, while flying), a click tells the coordinates there, a double click flies
-//! there. What needs the place under the pointer is kept until a picture of this frame's view has
-//! told its depth, so that nothing ever waits for a reading.
+//! Turns input into movements of the camera: keys fly, the left button orbits around the point
+//! under the pointer, the right one looks around, the middle one pans, the wheel zooms to the
+//! pointer (or changes the speed while flying), a click measures coordinates, a double click flies
+//! to the point. Gestures that need the point under the pointer wait for the picture of this frame,
+//! which has its depth, so that nothing blocks on reading a depth.
 
 use crate::camera::Camera;
-use crate::measure::{Measure, Place};
+use crate::measure::{Measure, MeasuredPoint};
 use eframe::egui::{Key, PointerButton, Pos2, Rect, Response, Ui};
 use glam::{DVec2, DVec3};
 
-/// Radians that the whole height of the picture turns the camera by.
+/// Turn of the camera for a drag over the whole height of the picture, radians.
 pub const TURN_RAD: f64 = 2.6;
-/// Ratio of distances of one point of wheel scrolling.
+/// Logarithm of the ratio of distances for one point of scrolling.
 const ZOOM_A_POINT: f64 = 1.0 / 360.0;
-/// Change of the speed of one point of wheel scrolling, as an exponent.
+/// Logarithm of the change of speed for one point of scrolling.
 pub const SPEED_A_POINT: f64 = 1.0 / 250.0;
-/// How much faster and slower the keys fly with Shift and with Alt.
+/// Factors of the speed of flying with Shift and with Alt.
 const FASTER: f64 = 4.0;
 const SLOWER: f64 = 0.25;
 
-/// Keys that fly, and where to: right, up, ahead.
+/// Keys that fly, and their directions: right, up, ahead.
 const FLY: [(Key, DVec3); 10] = [
     (Key::W, DVec3::Z),
     (Key::S, DVec3::NEG_Z),
@@ -33,7 +33,7 @@ const FLY: [(Key, DVec3); 10] = [
     (Key::ArrowLeft, DVec3::NEG_X),
 ];
 
-/// What the hand is doing, and which places it waits to be told.
+/// The gesture that is being made, and the picks that wait for a depth.
 #[derive(Debug, Default)]
 pub struct Gestures {
     drag: Option<Drag>,
@@ -43,45 +43,46 @@ pub struct Gestures {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Drag {
-    /// Around a place, once it is known.
+    /// Around a point, once it is known.
     Orbit(Option<DVec3>),
     Look,
-    /// At a depth, once it is known.
+    /// At an eye depth, once it is known.
     Pan(Option<f64>),
 }
 
-/// A pixel whose depth is asked for.
+/// A pixel whose depth is needed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pick {
-    /// Place on the picture, 0 to 1 from its top left corner.
+    /// Position in the picture, 0 to 1 from its top left corner.
     pub at: DVec2,
-    /// What for.
-    wanted: Wanted,
+    /// What the point behind the pixel is used for.
+    purpose: Purpose,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Wanted {
+enum Purpose {
     Orbit,
     Pan,
     Zoom { ratio: f64 },
     FlyTo,
-    Tell,
+    Measure,
 }
 
 impl Gestures {
-    /// Moves the camera by the input of this frame, on a picture shown at the response's place.
+    /// Moves the camera by the input of this frame; the rectangle of `response` is that of the
+    /// picture.
     pub fn update(&mut self, ui: &Ui, response: &Response, camera: &mut Camera) {
-        let place = response.rect;
-        self.start(ui, response, place);
+        let rect = response.rect;
+        self.start(ui, response, rect);
         let moved = response.drag_delta();
         let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y));
         if moved != DVec2::ZERO {
-            self.drag(camera, moved, f64::from(place.height().max(1.0)));
+            self.drag(camera, moved, f64::from(rect.height().max(1.0)));
         }
         if !response.is_pointer_button_down_on() {
             self.drag = None;
         }
-        self.wheel(ui, response, camera, place);
+        self.wheel(ui, response, camera, rect);
         camera.step(keys_held(ui), f64::from(ui.input(|i| i.stable_dt)));
         let keys_free = !ui.ctx().text_edit_focused();
         if keys_free && ui.input(|i| i.key_pressed(Key::F) || i.key_pressed(Key::Home)) {
@@ -89,14 +90,14 @@ impl Gestures {
         }
     }
 
-    fn start(&mut self, ui: &Ui, response: &Response, place: Rect) {
-        let Some(at) = response.interact_pointer_pos().map(|p| share_of(place, p)) else { return };
+    fn start(&mut self, ui: &Ui, response: &Response, rect: Rect) {
+        let Some(at) = response.interact_pointer_pos().map(|p| share_of(rect, p)) else { return };
         if response.double_clicked() {
-            // The first of both clicks meant no place of its own.
-            self.measure.take_back();
-            self.picks.push(Pick { at, wanted: Wanted::FlyTo });
+            // The first click of a double click is no measurement.
+            self.measure.pop();
+            self.picks.push(Pick { at, purpose: Purpose::FlyTo });
         } else if response.clicked() && ui.input(|i| i.modifiers.is_none()) {
-            self.picks.push(Pick { at, wanted: Wanted::Tell });
+            self.picks.push(Pick { at, purpose: Purpose::Measure });
         }
         let pressed = |button| ui.input(|i| i.pointer.button_pressed(button));
         if !response.is_pointer_button_down_on() {
@@ -105,10 +106,10 @@ impl Gestures {
         let shift = ui.input(|i| i.modifiers.shift);
         if pressed(PointerButton::Middle) || (pressed(PointerButton::Primary) && shift) {
             self.drag = Some(Drag::Pan(None));
-            self.picks.push(Pick { at, wanted: Wanted::Pan });
+            self.picks.push(Pick { at, purpose: Purpose::Pan });
         } else if pressed(PointerButton::Primary) {
             self.drag = Some(Drag::Orbit(None));
-            self.picks.push(Pick { at, wanted: Wanted::Orbit });
+            self.picks.push(Pick { at, purpose: Purpose::Orbit });
         } else if pressed(PointerButton::Secondary) {
             self.drag = Some(Drag::Look);
         }
@@ -117,18 +118,18 @@ impl Gestures {
     fn drag(&self, camera: &mut Camera, moved: DVec2, height: f64) {
         let turn = moved * (TURN_RAD / height);
         match self.drag {
-            // The scene follows the hand: to the right is a turn to the left of the camera around
-            // it.
+            // The scene follows the pointer: when it moves to the right, the camera turns to the
+            // left around the pivot.
             Some(Drag::Orbit(Some(pivot))) => camera.orbit(pivot, -turn.x, -turn.y),
-            // The view follows the hand.
+            // The view follows the pointer.
             Some(Drag::Look) => camera.look(-turn.x, -turn.y),
             Some(Drag::Pan(Some(depth))) => camera.pan(moved.x, moved.y, depth, height),
-            // The place is not known yet: this frame's picture tells it.
+            // The point is not known before this frame is drawn.
             Some(Drag::Orbit(None) | Drag::Pan(None)) | None => {}
         }
     }
 
-    fn wheel(&mut self, ui: &Ui, response: &Response, camera: &mut Camera, place: Rect) {
+    fn wheel(&mut self, ui: &Ui, response: &Response, camera: &mut Camera, rect: Rect) {
         let Some(pointer) = response.hover_pos() else { return };
         let (scrolled, pinched) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
         let scrolled = f64::from(scrolled);
@@ -139,33 +140,33 @@ impl Gestures {
         }
         let ratio = (-scrolled * ZOOM_A_POINT).exp() / f64::from(pinched.max(1e-3));
         if ratio != 1.0 {
-            self.picks.push(Pick { at: share_of(place, pointer), wanted: Wanted::Zoom { ratio } });
+            self.picks.push(Pick { at: share_of(rect, pointer), purpose: Purpose::Zoom { ratio } });
         }
     }
 
-    /// Whether a place is to be told as exactly as the picture knows it.
-    pub fn is_telling(&self) -> bool {
-        self.picks.iter().any(|pick| pick.wanted == Wanted::Tell)
+    /// Whether a pick needs the exact depth of the picture.
+    pub fn needs_exact_depth(&self) -> bool {
+        self.picks.iter().any(|pick| pick.purpose == Purpose::Measure)
     }
 
-    /// The places that were clicked.
+    /// The measured points.
     pub fn measure(&self) -> &Measure {
         &self.measure
     }
 
-    /// Forgets them.
-    pub fn forget(&mut self) {
+    /// Removes the measured points.
+    pub fn clear_measurements(&mut self) {
         self.measure.clear();
     }
 
-    /// Pixels whose depth is wanted of the next picture.
+    /// Pixels whose depth is needed from the next picture.
     pub fn picks(&self) -> &[Pick] {
         &self.picks
     }
 
-    /// Tells what lies under the pixels asked for: `depth` gives the eye depth at a place of the
-    /// picture of this size; the camera stands where that picture was seen from.
-    pub fn told(
+    /// Finishes the gestures that wait for a depth. `depth` gives the eye depth at a position of
+    /// the picture, which has `size` pixels and was drawn for the present pose of `camera`.
+    pub fn resolve_picks(
         &mut self,
         camera: &mut Camera,
         size: DVec2,
@@ -173,23 +174,23 @@ impl Gestures {
     ) {
         for pick in self.picks.drain(..) {
             let known = depth(pick.at);
-            // Where nothing is: as far away as what is seen.
+            // Where the picture is empty, the viewing distance is used.
             let depth = known.unwrap_or(camera.distance());
-            let place = camera.place(pick.at * size, size, depth);
-            match pick.wanted {
-                Wanted::Zoom { ratio } => camera.zoom(place, ratio),
-                Wanted::FlyTo => camera.fly_to(place),
-                Wanted::Tell if known.is_some() => {
+            let point = camera.point_at(pick.at * size, size, depth);
+            match pick.purpose {
+                Purpose::Zoom { ratio } => camera.zoom(point, ratio),
+                Purpose::FlyTo => camera.fly_to(point),
+                Purpose::Measure if known.is_some() => {
                     let pixel = depth * (camera.fovy_rad() * 0.5).tan() * 2.0 / size.y;
-                    self.measure.take(Place { at: place, pixel });
+                    self.measure.push(MeasuredPoint { at: point, pixel });
                 }
-                Wanted::Tell => self.measure.clear(),
-                Wanted::Orbit => {
+                Purpose::Measure => self.measure.clear(),
+                Purpose::Orbit => {
                     if self.drag == Some(Drag::Orbit(None)) {
-                        self.drag = Some(Drag::Orbit(Some(place)));
+                        self.drag = Some(Drag::Orbit(Some(point)));
                     }
                 }
-                Wanted::Pan => {
+                Purpose::Pan => {
                     if self.drag == Some(Drag::Pan(None)) {
                         self.drag = Some(Drag::Pan(Some(depth)));
                     }
@@ -198,21 +199,13 @@ impl Gestures {
         }
     }
 
-    /// Whether the hand holds the scene.
+    /// Whether the user is dragging the scene.
     pub fn is_dragging(&self) -> bool {
         self.drag.is_some()
     }
-
-    /// The place that the hand turns around.
-    pub fn pivot(&self) -> Option<DVec3> {
-        match self.drag {
-            Some(Drag::Orbit(pivot)) => pivot,
-            _ => None,
-        }
-    }
 }
 
-/// Where the keys fly to: right, up, ahead; zero while something is typed.
+/// Direction of the held keys: right, up, ahead; zero while text is edited.
 fn keys_held(ui: &Ui) -> DVec3 {
     if ui.ctx().text_edit_focused() {
         return DVec3::ZERO;
@@ -233,8 +226,8 @@ fn keys_held(ui: &Ui) -> DVec3 {
     })
 }
 
-fn share_of(place: Rect, pointer: Pos2) -> DVec2 {
-    let at = pointer - place.min;
+fn share_of(rect: Rect, pointer: Pos2) -> DVec2 {
+    let at = pointer - rect.min;
     let share = |v: f32, side: f32| f64::from(v / side.max(1.0)).clamp(0.0, 1.0);
-    DVec2::new(share(at.x, place.width()), share(at.y, place.height()))
+    DVec2::new(share(at.x, rect.width()), share(at.y, rect.height()))
 }

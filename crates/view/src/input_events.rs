@@ -1,5 +1,5 @@
-//! The input events that a hand would make, for scripts and the autopilot: keys, clicks, the wheel;
-//! and what a script sees of the window in each frame.
+//! Input events as a user causes them, for scripts and the autopilot: keys, clicks, the wheel; and
+//! the state of the window that a script reads in each frame.
 
 use crate::camera::Camera;
 use eframe::egui::{
@@ -7,32 +7,32 @@ use eframe::egui::{
     pos2, vec2,
 };
 
-/// What the pilot sees of the window.
-pub struct Sight<'a> {
-    /// Seconds since the start.
+/// State of the window in a frame.
+pub struct WindowState<'a> {
+    /// Time since the start, seconds.
     pub now_s: f64,
-    /// Where the picture is shown, points.
-    pub place: Rect,
-    /// The camera.
+    /// Rectangle of the picture in the window, points.
+    pub picture_rect: Rect,
+    /// Camera of the scene.
     pub camera: &'a Camera,
-    /// Whether nothing more comes for the view.
+    /// Whether the view is complete.
     pub settled: bool,
-    /// Whether a picture that was ordered is still to come.
+    /// Whether a requested picture is not written yet.
     pub is_busy: bool,
     /// Bytes read so far.
     pub read_bytes: u64,
 }
 
-/// A place of the picture in the window.
-pub fn place_at(place: Rect, share: [f64; 2]) -> Pos2 {
+/// Position in the window of a position in the picture, which is given as fractions of its sides.
+pub fn position_at(picture_rect: Rect, share: [f64; 2]) -> Pos2 {
     let [x, y] = share.map(|s| s as f32);
-    // Just inside, so that what is at its edge is still the picture.
-    let inside = place.shrink(1.0);
+    // One point inside, so that positions at the edge are still in the picture.
+    let inside = picture_rect.shrink(1.0);
     pos2(inside.left() + x * inside.width(), inside.top() + y * inside.height())
 }
 
-/// A key goes down or up.
-pub fn pressed(key: Key, pressed: bool) -> Event {
+/// Event of a key that is pressed or released.
+pub fn key_event(key: Key, pressed: bool) -> Event {
     Event::Key {
         key,
         physical_key: Some(key),
@@ -42,13 +42,13 @@ pub fn pressed(key: Key, pressed: bool) -> Event {
     }
 }
 
-/// A button goes down or up.
-pub fn clicked(pos: Pos2, button: PointerButton, pressed: bool) -> Event {
+/// Event of a mouse button that is pressed or released.
+pub fn button_event(pos: Pos2, button: PointerButton, pressed: bool) -> Event {
     Event::PointerButton { pos, button, pressed, modifiers: Modifiers::default() }
 }
 
-/// The wheel turns.
-pub fn scrolled(points: f64) -> Event {
+/// Event of the wheel.
+pub fn wheel_event(points: f64) -> Event {
     Event::MouseWheel {
         unit: MouseWheelUnit::Point,
         delta: vec2(0.0, points as f32),

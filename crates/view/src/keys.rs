@@ -1,10 +1,10 @@
-//! Whose the keys are: those of whoever is typing, else the window's. egui goes from one widget to
-//! the next by Tab, and leaves the keys to what was clicked last.
+//! Decides who gets the keys: a text field that is being edited, else the window. By itself, egui
+//! moves the focus between widgets by Tab, and sends keys to the widget that was clicked last.
 
 use eframe::egui::{Context, Event, Key, RawInput};
 
-/// Before a pass: takes the focus from what is not typed in. Whether the panel's key was pressed,
-/// which nobody else gets.
+/// Takes the focus from widgets that edit no text, and removes the Tab key, which shows or hides
+/// the panel, from the input. Called before each pass; returns whether Tab was pressed.
 pub fn take(ctx: &Context, raw: &mut RawInput) -> bool {
     if ctx.text_edit_focused() {
         return false;
@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn tab_is_the_panels_and_what_was_clicked_keeps_no_key_but_a_number_is_typed_in() {
+    fn tab_belongs_to_the_panel_unless_a_number_is_edited_and_clicked_widgets_keep_no_focus() {
         let ctx = Context::default();
         let mut value = 7.0;
         let mut pass = |events: Vec<Event>| {
@@ -69,13 +69,13 @@ mod tests {
         let (_, button, number) = pass(Vec::new());
         assert!(pass(vec![tab()]).0);
         assert!(!pass(Vec::new()).0);
-        assert_eq!(ctx.memory(|m| m.focused()), None, "Tab has gone nowhere");
+        assert_eq!(ctx.memory(|m| m.focused()), None, "Tab moves no focus");
         ctx.memory_mut(|m| m.request_focus(button.id));
         (0..4).for_each(|_| drop(pass(Vec::new())));
         assert_eq!(ctx.memory(|m| m.focused()), None);
         pass(click(number.rect.center()));
         (0..6).for_each(|_| drop(pass(Vec::new())));
-        assert!(ctx.text_edit_focused(), "a number is typed in once it was clicked");
-        assert!(!pass(vec![tab()]).0, "and then Tab is its own");
+        assert!(ctx.text_edit_focused(), "a number that was clicked is edited");
+        assert!(!pass(vec![tab()]).0, "Tab then belongs to the number");
     }
 }

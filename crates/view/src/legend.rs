@@ -1,17 +1,17 @@
-//! What the colours of the picture mean: a bar of a range's colours with its ends, or a line a
-//! value with its colour.
+//! The legend of the colours: a bar with the ends of a range of values, or a line with a colour for
+//! each value.
 
 use crate::theme;
 use eframe::egui::{Align2, Color32, FontId, Label, Mesh, Rect, RichText, Sense, Ui, pos2, vec2};
 use esker_engine::cameras::legend::{Legend, LegendEntry};
 
-/// Height of the bar, and the side of a colour, points.
+/// Height of the bar, and side of the square of a colour, points.
 const BAR: f32 = 10.0;
-/// Colours that the bar has; between them it goes on evenly.
+/// Colours of the bar; those between are interpolated.
 const COLOURS: usize = 24;
 const SMALL: f32 = 10.5;
 
-/// Shows a legend, lengths with their unit.
+/// Shows a legend; `unit` is that of lengths.
 pub fn show(ui: &mut Ui, legend: &Legend, unit: Option<&str>) {
     let small = |text: &str| RichText::new(text).size(SMALL).color(theme::FAINT);
     let unit = unit.filter(|_| legend.is_length).map_or(String::new(), |unit| format!(", {unit}"));
@@ -27,8 +27,8 @@ pub fn show(ui: &mut Ui, legend: &Legend, unit: Option<&str>) {
     }
     for LegendEntry { value, name, rgb: [r, g, b] } in &legend.entries {
         ui.horizontal(|ui| {
-            let (place, _) = ui.allocate_exact_size(vec2(BAR, BAR), Sense::hover());
-            ui.painter().rect_filled(place, 2.0, Color32::from_rgb(*r, *g, *b));
+            let (rect, _) = ui.allocate_exact_size(vec2(BAR, BAR), Sense::hover());
+            ui.painter().rect_filled(rect, 2.0, Color32::from_rgb(*r, *g, *b));
             ui.add(Label::new(small(&format!("{value}  {name}"))).truncate());
         });
     }
@@ -37,11 +37,11 @@ pub fn show(ui: &mut Ui, legend: &Legend, unit: Option<&str>) {
     }
 }
 
-/// Colours from left to right, with the values of the first and the last.
+/// Paints colours from left to right, with the values of the first and the last.
 fn bar(ui: &mut Ui, colours: &[[u8; 3]], [low, high]: [&str; 2]) {
     let size = vec2(ui.available_width(), BAR + SMALL + 4.0);
-    let (place, _) = ui.allocate_exact_size(size, Sense::hover());
-    let bar = Rect::from_min_size(place.min, vec2(place.width(), BAR));
+    let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
+    let bar = Rect::from_min_size(rect.min, vec2(rect.width(), BAR));
     let mut mesh = Mesh::default();
     for (i, &[r, g, b]) in (0u32..).zip(colours) {
         let x = bar.left() + bar.width() * i as f32 / (colours.len() - 1).max(1) as f32;
@@ -57,6 +57,6 @@ fn bar(ui: &mut Ui, colours: &[[u8; 3]], [low, high]: [&str; 2]) {
     let font = FontId::proportional(SMALL);
     let text =
         |at, align, text: &str| ui.painter().text(at, align, text, font.clone(), theme::FAINT);
-    text(place.left_bottom(), Align2::LEFT_BOTTOM, low);
-    text(place.right_bottom(), Align2::RIGHT_BOTTOM, high);
+    text(rect.left_bottom(), Align2::LEFT_BOTTOM, low);
+    text(rect.right_bottom(), Align2::RIGHT_BOTTOM, high);
 }

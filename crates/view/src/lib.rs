@@ -1,36 +1,36 @@
-//! The window: flies through an `.esker` file, or a scan, while it streams. Input moves a camera,
-//! the engine's session draws for it, the picture becomes a texture. The only crate that knows
-//! egui.
+//! The window: flies through an `.esker` file, or scans, while the points stream in. Input moves a
+//! camera, a session of the engine draws what the camera sees, and the picture is shown as a
+//! texture. This is the only crate that depends on egui.
 
-pub mod app;
+mod app;
 pub mod args;
-pub mod autopilot;
+mod autopilot;
 pub mod camera;
-pub mod canvas;
-pub mod counters;
-pub mod depth;
+mod canvas;
+mod counters;
+mod depth;
 pub mod device;
-pub mod filters;
+mod filters;
 mod frustum;
-pub mod gestures;
-pub mod input_events;
-pub mod keys;
-pub mod legend;
-pub mod looking;
-pub mod measure;
-pub mod panel;
-pub mod pilot;
-pub mod plot;
-pub mod progress;
-pub mod report;
-pub mod rig;
+mod gestures;
+mod input_events;
+mod keys;
+mod legend;
+mod measure;
+mod panel;
+mod pilot;
+mod plot;
+mod progress;
+mod report;
 pub mod scene;
-pub mod script;
+mod script;
+mod scripted_run;
 pub mod settings;
-pub mod sharpness;
-pub mod shots;
-pub mod soft;
+mod sharpness;
+mod shots;
+mod soft;
 pub mod source;
-pub mod theme;
-pub mod times;
+mod theme;
+mod times;
+mod viewer;
 pub mod window;

@@ -1,23 +1,23 @@
-//! The `esker-view` binary: parses its command line and shows the window. Exit code 0 means that
-//! all of it worked.
+//! The `esker-view` binary: parses its command line and shows the window. The exit code is 0 only
+//! if all of the work succeeded.
 
 use clap::Parser;
 use esker_view::args::Args;
-use esker_view::source::sweep;
+use esker_view::source::remove_temporary_files;
 use esker_view::window;
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Exit code after Ctrl-C, as shells have it.
+/// Exit code after Ctrl-C, which is the one that shells report.
 const INTERRUPTED: i32 = 130;
 
 fn main() -> ExitCode {
     let start = Instant::now();
     esker_engine::hide_caught_panics();
-    // What was built for this window goes with it, also by Ctrl-C. Where nobody can be told, it
-    // stays.
+    // The file that was built for this window is removed with it, also on Ctrl-C. It stays if the
+    // handler cannot be installed.
     let _ = ctrlc::set_handler(|| {
-        sweep();
+        remove_temporary_files();
         std::process::exit(INTERRUPTED);
     });
     match window::run(Args::parse(), start) {

@@ -1,59 +1,59 @@
-//! What a click tells: the coordinates of the place under the pointer, and of two places how far
-//! they are apart.
+//! Measurements by clicks: the coordinates of the point under the pointer, and the distance between
+//! two points.
 
 use crate::{frustum, theme};
 use eframe::egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
 use esker_engine::View;
 use glam::DVec3;
 
-/// Radius of a place's mark, points.
+/// Radius of the mark of a point, in points of the screen.
 const MARK: f32 = 4.0;
-/// Digits after the point at most.
+/// Most digits after the decimal point.
 const DIGITS_MAX: usize = 4;
 
-/// A place that was clicked.
+/// A point that was clicked.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
-    /// World.
+pub struct MeasuredPoint {
+    /// Position, world.
     pub at: DVec3,
-    /// Width of a pixel there, the file's unit: it is known no better.
+    /// Width of a pixel at its depth, the file's unit: the precision of the position.
     pub pixel: f64,
 }
 
-/// The places clicked last: two at most.
+/// The points clicked last, two at most.
 #[derive(Clone, Debug, Default)]
 pub struct Measure {
-    places: Vec<Place>,
+    points: Vec<MeasuredPoint>,
 }
 
 impl Measure {
-    /// Takes a place; a third one begins anew.
-    pub fn take(&mut self, place: Place) {
-        if self.places.len() == 2 {
-            self.places.clear();
+    /// Adds a point; a third one replaces both.
+    pub fn push(&mut self, point: MeasuredPoint) {
+        if self.points.len() == 2 {
+            self.points.clear();
         }
-        self.places.push(place);
+        self.points.push(point);
     }
 
-    /// Takes the last place back: what was meant was something else.
-    pub fn take_back(&mut self) {
-        self.places.pop();
+    /// Removes the last point.
+    pub fn pop(&mut self) {
+        self.points.pop();
     }
 
-    /// Forgets all.
+    /// Removes all points.
     pub fn clear(&mut self) {
-        self.places.clear();
+        self.points.clear();
     }
 
-    /// What there is to say: the places, then how far apart they are.
+    /// Coordinates of the points, and the distance between them, as lines of text.
     pub fn lines(&self, unit: Option<&str>) -> Vec<String> {
         let unit = unit.map_or(String::new(), |unit| format!(" {unit}"));
-        let place = |p: &Place| {
+        let coordinates = |p: &MeasuredPoint| {
             let [x, y, z] = p.at.to_array().map(|v| format!("{v:.*}", digits(p.pixel)));
             format!("{x}  {y}  {z}")
         };
-        let mut lines: Vec<String> = self.places.iter().map(place).collect();
-        if let [a, b] = self.places[..] {
+        let mut lines: Vec<String> = self.points.iter().map(coordinates).collect();
+        if let [a, b] = self.points[..] {
             let (between, digits) = (b.at - a.at, digits(a.pixel.max(b.pixel)));
             let [all, across, up] = [between.length(), between.truncate().length(), between.z]
                 .map(|v| format!("{v:.digits$}"));
@@ -62,15 +62,16 @@ impl Measure {
         lines
     }
 
-    /// Paints marks over a picture of `seen` that is shown at this place.
-    pub fn paint(&self, painter: &Painter, place: Rect, seen: &View) {
+    /// Paints the points and the line between them over a picture of the view `seen` that fills
+    /// `rect`.
+    pub fn paint(&self, painter: &Painter, rect: Rect, seen: &View) {
         let size = [seen.width, seen.height].map(f64::from);
         let on = |p: [f64; 2]| -> Pos2 {
             let [x, y] = [0, 1].map(|i| (p[i] / size[i]).clamp(-100.0, 100.0) as f32);
-            pos2(place.left() + x * place.width(), place.top() + y * place.height())
+            pos2(rect.left() + x * rect.width(), rect.top() + y * rect.height())
         };
         let dark = Color32::from_black_alpha(150);
-        if let [a, b] = self.places[..]
+        if let [a, b] = self.points[..]
             && let Some([from, to]) = frustum::project(seen, [a.at, b.at])
         {
             let line = [on(from), on(to)];
@@ -85,7 +86,7 @@ impl Measure {
             painter.rect_filled(behind.expand(4.0), 4.0, dark);
             painter.galley(behind.min, text, theme::ACCENT);
         }
-        for p in &self.places {
+        for p in &self.points {
             if let Some([at, _]) = frustum::project(seen, [p.at, p.at]) {
                 painter.circle(on(at), MARK, dark, Stroke::new(1.5, theme::ACCENT));
             }
@@ -93,7 +94,7 @@ impl Measure {
     }
 }
 
-/// Digits that tell a tenth of so much.
+/// Digits after the decimal point that resolve a tenth of a pixel of this width.
 fn digits(pixel: f64) -> usize {
     let digits = (1.0 - pixel.max(1e-9).log10()).ceil();
     (digits.max(0.0) as usize).min(DIGITS_MAX)
@@ -104,19 +105,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_places_are_so_far_apart_and_a_third_begins_anew() {
-        let place = |x: f64, y: f64, z: f64| Place { at: DVec3::new(x, y, z), pixel: 0.04 };
+    fn two_points_have_a_distance_and_a_third_point_replaces_them() {
+        let point = |x: f64, y: f64, z: f64| MeasuredPoint { at: DVec3::new(x, y, z), pixel: 0.04 };
         let mut measure = Measure::default();
-        measure.take(place(600_000.125, 10.0, -2.0));
+        measure.push(point(600_000.125, 10.0, -2.0));
         assert_eq!(measure.lines(Some("metre")), ["600000.125  10.000  -2.000"]);
-        measure.take(place(600_003.125, 14.0, 10.0));
+        measure.push(point(600_003.125, 14.0, 10.0));
         assert_eq!(
             measure.lines(Some("metre"))[2],
             "distance 13.000 metre, across 5.000, up 12.000"
         );
-        measure.take(place(1.0, 2.0, 3.0));
+        measure.push(point(1.0, 2.0, 3.0));
         assert_eq!(measure.lines(None), ["1.000  2.000  3.000"]);
-        measure.take_back();
+        measure.pop();
         assert!(measure.lines(None).is_empty());
         assert_eq!([5e3, 10.0, 0.9, 1e-12].map(digits), [0, 0, 2, DIGITS_MAX]);
     }

@@ -1,12 +1,13 @@
-//! The panel beside the picture: how long frames take, what is drawn and loaded, what it may cost,
-//! how it is drawn. Shows what it is given and says what the user asks for; does nothing itself.
+//! The panel beside the picture: frame times, counts of what is drawn and loaded, memory, and the
+//! settings of drawing. It shows the data that it gets and returns the user's actions, but performs
+//! none itself.
 
 use crate::counters::Counters;
 use crate::filters;
 use crate::legend;
 use crate::plot;
 use crate::settings::Settings;
-use crate::shots::Said;
+use crate::shots::Message;
 use crate::theme;
 use crate::times::Times;
 use eframe::egui::{
@@ -19,112 +20,113 @@ use esker_engine::cameras::legend::Legend;
 use esker_engine::io::quantity::{grouped, readable_bytes};
 use std::ops::RangeInclusive;
 
-/// Points budgets that the slider offers.
+/// Range of the slider of the points budget.
 const POINTS: RangeInclusive<u64> = 100_000..=200_000_000;
-/// Target spacings, pixels.
+/// Range of the slider of the target spacing, pixels.
 const SPACING: RangeInclusive<f64> = 0.5..=8.0;
-/// Drawing memory, MiB.
+/// Range of the slider of drawing memory, MiB.
 const MEMORY_MIB: RangeInclusive<u64> = 32..=32_768;
 
-/// What the panel shows.
-pub struct Facts<'a> {
-    /// The file's name.
+/// Data that the panel shows.
+pub struct PanelData<'a> {
+    /// Name of the file.
     pub name: &'a str,
-    /// What else there is to say of it.
+    /// Numbers of points and nodes, in words.
     pub about: &'a str,
-    /// What reading it has left out or found odd.
+    /// Notes on what was left out of the file or is unusual in it.
     pub notes: &'a [String],
-    /// The unit of its lengths, where it tells one.
+    /// Unit of the file's lengths, if the file names one.
     pub unit: Option<&'a str>,
-    /// Whether there is no new picture, for a reason that stands over it.
+    /// Whether a fault, painted over the picture, prevents new pictures.
     pub is_failed: bool,
-    /// The frames of the last seconds.
+    /// Frame times of the last seconds.
     pub times: &'a Times,
-    /// Counts.
+    /// Counts of the newest frame.
     pub counters: &'a Counters,
-    /// Bytes of main memory that are this process's own; 0 where the system does not tell.
+    /// Anonymous memory of this process, bytes; 0 if the system does not report it.
     pub anon_bytes: u64,
-    /// What draws, and on which adapter.
+    /// Names of what draws the scene and what paints the window.
     pub backend: &'a str,
-    /// Where colours can come from.
+    /// Names of the colour sources that the file offers.
     pub sources: &'a [String],
-    /// What the colours mean.
+    /// Legend of the colours.
     pub legend: Option<&'a Legend>,
-    /// What was measured by clicks.
+    /// Measurements by clicks.
     pub measured: &'a [String],
     /// Size of the picture, pixels.
     pub picture: [u32; 2],
-    /// Speed of the camera in the file's unit a second.
+    /// Speed of the camera, the file's unit a second.
     pub speed: f64,
     /// Whether the cut is frozen.
     pub is_frozen: bool,
-    /// What went wrong, newest last.
+    /// Faults, the newest last.
     pub faults: &'a [String],
-    /// What was done, such as where a screenshot lies, or could not be.
-    pub said: Option<&'a Said>,
+    /// Outcome of the last picture: where it was written, or why not.
+    pub message: Option<&'a Message>,
 }
 
-/// What the user asks for.
+/// Actions that the user has chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Asked {
-    /// To freeze the cut, or to let it go.
+pub struct Actions {
+    /// Freeze the cut, or release it.
     pub freeze: bool,
-    /// To write a picture.
+    /// Write a picture.
     pub screenshot: bool,
-    /// To go where the camera stood first.
+    /// Return to the first view.
     pub home: bool,
-    /// To hide the panel.
+    /// Hide the panel.
     pub hide: bool,
-    /// To forget what was measured.
-    pub forget: bool,
+    /// Remove the measurements.
+    pub clear_measurements: bool,
 }
 
-impl Asked {
-    /// What is asked for by either.
+impl Actions {
+    /// Adds the actions of `other`.
     pub fn add(&mut self, other: Self) {
         self.freeze |= other.freeze;
         self.screenshot |= other.screenshot;
         self.home |= other.home;
         self.hide |= other.hide;
-        self.forget |= other.forget;
+        self.clear_measurements |= other.clear_measurements;
     }
 }
 
-/// Shows the panel, as wide as there is room, whatever stands in it; changes `wanted` and
-/// `is_coarser_moving` as the user does.
+/// Shows the panel, as wide as the available space whatever its content. Changes `wanted` and
+/// `is_coarser_moving` as the user does, and returns the actions.
 pub fn show(
     ui: &mut Ui,
-    facts: &Facts<'_>,
+    data: &PanelData<'_>,
     wanted: &mut Settings,
     is_coarser_moving: &mut bool,
-) -> Asked {
-    let mut asked = Asked::default();
+) -> Actions {
+    let mut actions = Actions::default();
     ui.set_width(ui.available_width());
     ui.horizontal(|ui| {
-        ui.add(Label::new(RichText::new(facts.name).heading().strong()).truncate());
+        ui.add(Label::new(RichText::new(data.name).heading().strong()).truncate());
     });
-    ui.add(Label::new(RichText::new(facts.about).color(theme::FAINT)).wrap());
-    for note in facts.notes {
+    ui.add(Label::new(RichText::new(data.about).color(theme::FAINT)).wrap());
+    for note in data.notes {
         ui.add(Label::new(RichText::new(note).small().color(theme::ACCENT)).wrap());
     }
     ui.add_space(4.0);
-    // What is asked for and what goes wrong are seen in windows of any height.
-    actions(ui, facts, &mut asked);
-    messages(ui, facts);
-    for line in facts.measured {
+    // Buttons and faults are above the part that scrolls, so that they are visible in windows of
+    // any height.
+    action_buttons(ui, data, &mut actions);
+    messages(ui, data);
+    for line in data.measured {
         ui.add(Label::new(RichText::new(line).monospace().size(11.0).color(theme::ACCENT)).wrap());
     }
     ui.add_space(4.0);
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
-        plot::show(ui, facts.times);
-        counters(ui, facts, wanted);
+        plot::show(ui, data.times);
+        counters(ui, data, wanted);
         section(ui, "Drawing");
-        drawing(ui, facts, wanted, is_coarser_moving);
+        drawing(ui, data, wanted, is_coarser_moving);
         section(ui, "Budgets");
         budgets(ui, wanted);
         help(ui);
     });
-    asked
+    actions
 }
 
 fn section(ui: &mut Ui, name: &str) {
@@ -132,12 +134,12 @@ fn section(ui: &mut Ui, name: &str) {
     ui.label(RichText::new(name).strong().color(theme::ACCENT));
 }
 
-fn counters(ui: &mut Ui, facts: &Facts<'_>, settings: &Settings) {
-    let (counters, status) = (facts.counters, &facts.counters.status);
+fn counters(ui: &mut Ui, data: &PanelData<'_>, settings: &Settings) {
+    let (counters, status) = (data.counters, &data.counters.status);
     ui.add_space(4.0);
-    let [width, height] = facts.picture;
+    let [width, height] = data.picture;
     let loading = status.requests_waiting + status.requests_in_flight;
-    let state = match (facts.is_failed, counters.settled, loading) {
+    let state = match (data.is_failed, counters.settled, loading) {
         (true, ..) => "stopped".to_owned(),
         (_, true, _) => "complete".to_owned(),
         (_, _, 0) => "choosing".to_owned(),
@@ -157,8 +159,8 @@ fn counters(ui: &mut Ui, facts: &Facts<'_>, settings: &Settings) {
         row(ui, "read", &rate);
         row(ui, "choose, draw", &format!("{:.1}, {:.1} ms", counters.lod_ms, counters.draw_ms));
         row(ui, "picture", &format!("{width} x {height}"));
-        let unit = facts.unit.map_or(String::new(), |unit| format!(" {unit}"));
-        row(ui, "speed", &format!("{}{unit} a second", length(facts.speed)));
+        let unit = data.unit.map_or(String::new(), |unit| format!(" {unit}"));
+        row(ui, "speed", &format!("{}{unit} a second", length(data.speed)));
     });
     ui.add_space(4.0);
     match counters.gpu_bytes {
@@ -167,13 +169,13 @@ fn counters(ui: &mut Ui, facts: &Facts<'_>, settings: &Settings) {
             budget_bar(ui, "drawing memory", status.drawing_bytes, settings.budget_gpu_bytes);
         }
     }
-    if facts.anon_bytes > 0 {
+    if data.anon_bytes > 0 {
         let budget = settings.budget_ram_bytes + settings.budget_gpu_bytes;
-        budget_bar(ui, "main memory", facts.anon_bytes, budget);
+        budget_bar(ui, "main memory", data.anon_bytes, budget);
     }
 }
 
-/// A length in the file's unit, short.
+/// Formats a length in the file's unit, with few digits.
 fn length(value: f64) -> String {
     match value.abs() {
         v if v >= 100.0 => format!("{value:.0}"),
@@ -198,7 +200,7 @@ fn budget_bar(ui: &mut Ui, name: &str, bytes: u64, budget: u64) {
     ui.add(bar.text(RichText::new(text).size(11.0)));
 }
 
-fn drawing(ui: &mut Ui, facts: &Facts<'_>, wanted: &mut Settings, is_coarser_moving: &mut bool) {
+fn drawing(ui: &mut Ui, data: &PanelData<'_>, wanted: &mut Settings, is_coarser_moving: &mut bool) {
     ui.horizontal(|ui| {
         let methods =
             [(Method::PullPush, "Surfaces"), (Method::Ewa, "Splats"), (Method::Points, "Points")];
@@ -207,25 +209,25 @@ fn drawing(ui: &mut Ui, facts: &Facts<'_>, wanted: &mut Settings, is_coarser_mov
         }
     });
     ui.horizontal(|ui| {
-        let shown = wanted.colour_by.as_deref().unwrap_or("best there is").to_owned();
+        let shown = wanted.colour_by.as_deref().unwrap_or("automatic").to_owned();
         ui.label(RichText::new("colours").color(theme::FAINT));
         ComboBox::from_id_salt("colours").selected_text(shown).width(150.0).show_ui(ui, |ui| {
-            ui.selectable_value(&mut wanted.colour_by, None, "best there is");
-            for source in facts.sources {
+            ui.selectable_value(&mut wanted.colour_by, None, "automatic");
+            for source in data.sources {
                 let value = Some(source.clone());
                 ui.selectable_value(&mut wanted.colour_by, value, source);
             }
         });
     });
-    if let Some(legend) = facts.legend {
-        legend::show(ui, legend, facts.unit);
+    if let Some(legend) = data.legend {
+        legend::show(ui, legend, data.unit);
     }
     filters::show(ui, wanted);
     ui.checkbox(&mut wanted.shines, "highlights");
-    if wanted.evens_exposure || facts.sources.iter().any(|s| SCANS.contains(&s.as_str())) {
+    if wanted.evens_exposure || data.sources.iter().any(|s| SCANS.contains(&s.as_str())) {
         ui.checkbox(&mut wanted.evens_exposure, "even out exposures");
     }
-    ui.checkbox(&mut wanted.occlusion, "leave out what is hidden");
+    ui.checkbox(&mut wanted.occlusion, "skip hidden points");
     ui.checkbox(is_coarser_moving, "coarser while moving");
 }
 
@@ -246,44 +248,44 @@ fn budgets(ui: &mut Ui, wanted: &mut Settings) {
     }
 }
 
-/// A slider. A value beyond its ends, from the command line, stays until the user changes it.
+/// Makes a slider. A value beyond its ends, from the command line, stays until the user changes it.
 fn slider<N: emath::Numeric>(value: &mut N, range: RangeInclusive<N>) -> Slider<'_> {
     Slider::new(value, range).logarithmic(true).clamping(SliderClamping::Edits)
 }
 
-/// Millions, exactly where they are less than the slider offers.
+/// Formats a number of points in millions; exactly if it is below the range of the slider.
 fn millions(n: f64) -> String {
     if n < *POINTS.start() as f64 { format!("{} M", n / 1e6) } else { format!("{:.1} M", n / 1e6) }
 }
 
-fn actions(ui: &mut Ui, facts: &Facts<'_>, asked: &mut Asked) {
+fn action_buttons(ui: &mut Ui, data: &PanelData<'_>, actions: &mut Actions) {
     ui.horizontal_wrapped(|ui| {
-        let freeze = Button::selectable(facts.is_frozen, "Freeze");
-        asked.freeze = ui
+        let freeze = Button::selectable(data.is_frozen, "Freeze");
+        actions.freeze = ui
             .add(freeze)
-            .on_hover_text("Space: keep the cut, and look at it from outside")
+            .on_hover_text("Space: keep the chosen points, to look at them from outside")
             .clicked();
-        asked.screenshot = ui.button("Screenshot").on_hover_text("P").clicked();
-        asked.home = ui.button("Home").on_hover_text("F").clicked();
-        asked.hide = ui.button("Hide").on_hover_text("Tab").clicked();
+        actions.screenshot = ui.button("Screenshot").on_hover_text("P").clicked();
+        actions.home = ui.button("Home").on_hover_text("F").clicked();
+        actions.hide = ui.button("Hide").on_hover_text("Tab").clicked();
     });
 }
 
-fn messages(ui: &mut Ui, facts: &Facts<'_>) {
-    ui.add(Label::new(RichText::new(facts.backend).small().color(theme::FAINT)).wrap());
-    if let Some(said) = facts.said {
-        let (text, ink) = match said {
+fn messages(ui: &mut Ui, data: &PanelData<'_>) {
+    ui.add(Label::new(RichText::new(data.backend).small().color(theme::FAINT)).wrap());
+    if let Some(message) = data.message {
+        let (text, ink) = match message {
             Ok(text) => (text, theme::COOL),
             Err(text) => (text, theme::FAULT),
         };
         ui.add(Label::new(RichText::new(text).small().color(ink)).wrap());
     }
-    for fault in facts.faults {
+    for fault in data.faults {
         ui.add(Label::new(RichText::new(fault).color(theme::FAULT)).wrap());
     }
 }
 
-/// Keys and buttons, and what they do.
+/// Keys and mouse buttons, and what they do.
 pub const HELP: [(&str, &str); 13] = [
     ("W A S D", "fly"),
     ("E  Q", "up, down"),
@@ -293,10 +295,10 @@ pub const HELP: [(&str, &str); 13] = [
     ("middle, Shift+left", "move sideways"),
     ("wheel", "zoom to the pointer"),
     ("wheel while flying", "change the speed"),
-    ("click, twice  Esc", "coordinates, distance, none"),
+    ("click  Esc", "measure, clear"),
     ("double click", "fly there"),
     ("F  Home", "back to the start"),
-    ("M  C  O", "method, colours, hiding"),
+    ("M  C  O", "method, colours, occlusion"),
     ("Space  P  Tab", "freeze, picture, panel"),
 ];
 
@@ -319,7 +321,7 @@ mod tests {
     use eframe::egui::{Context, RawInput};
 
     #[test]
-    fn what_the_command_line_says_stays_as_it_is() {
+    fn values_of_the_command_line_stay_as_they_are() {
         for (points_budget, target_spacing_px, budget_gpu_bytes) in
             [(1, 0.0, 1), (99_429, 0.123_456, 33_554_433), (u64::MAX, 1e9, u64::MAX)]
         {
@@ -339,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn budgets_of_few_points_are_told_in_full() {
+    fn budgets_of_few_points_are_shown_exactly() {
         assert_eq!(millions(20_000_000.0), "20.0 M");
         assert_eq!(millions(99_429.0), "0.099429 M");
         assert_eq!(millions(1.0), "0.000001 M");

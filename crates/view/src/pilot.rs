@@ -1,54 +1,54 @@
-//! Flies by a script: turns its steps into the input that egui would get from a hand, frame by
-//! frame, and says what else is to be done. The flight is repeated from the same pose until a
-//! repetition reads nothing from the disk, so that loading and fully resident are compared on the
-//! same path in the same run.
+//! Plays a script: turns its steps, frame by frame, into the input events that a user would cause,
+//! and into orders to the window. The flight is repeated from the same pose until a repetition
+//! reads nothing from the disk, so that frame times while loading and with the scene resident are
+//! compared on the same path in the same run.
 
 use crate::autopilot::Autopilot;
 use crate::camera::{Camera, Pose};
-use crate::input_events::{Sight, clicked, place_at, pressed, scrolled};
+use crate::input_events::{WindowState, button_event, key_event, position_at, wheel_event};
 use crate::script::{Script, Step, key};
 use eframe::egui::{Event, PointerButton, RawInput};
 use std::path::PathBuf;
 
-/// Share of a drag, or of a turn of the wheel, in a frame at most.
+/// Greatest share of a drag or of a turn of the wheel that is made in one frame.
 const STRIDE: f64 = 0.1;
 
-/// What is to be done beside the input.
+/// What the window does beside handling the input.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Order {
-    /// Write the picture.
+    /// Write the picture of the scene.
     Picture(PathBuf),
-    /// Write the whole window.
+    /// Write a picture of the whole window.
     Window(PathBuf),
-    /// Stand here.
-    Stand(Pose),
-    /// A flight begins: its frames are timed.
+    /// Move the camera to this pose.
+    SetPose(Pose),
+    /// Begin a flight, whose frames are timed.
     Begin,
-    /// It has ended.
+    /// End the flight.
     End,
-    /// Write the report and close the window.
+    /// Close the window, which writes the report.
     Close,
 }
 
-/// Which list of steps.
+/// The list of steps that is played; a flight has its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Part {
+enum StepList {
     Before,
     Flight(u32),
     After,
 }
 
-/// The camera paths of a script, by the names that its steps give.
+/// The camera paths of a script, with the names that its steps use.
 pub type Paths = Vec<(Option<PathBuf>, esker_engine::cameras::path::Path)>;
 
-/// A script on its way.
+/// A script that is being played.
 pub struct Pilot {
     script: Script,
-    part: Part,
+    list: StepList,
     step: usize,
-    /// When the step began, seconds; `None` before it has.
+    /// When the step began, seconds; `None` before its first frame.
     began: Option<f64>,
-    /// How much of the step is done, 0 to 1.
+    /// Share of the step that is done, 0 to 1.
     share: f64,
     start: Option<(Pose, u64)>,
     autopilot: Option<Autopilot>,
@@ -57,11 +57,11 @@ pub struct Pilot {
 }
 
 impl Pilot {
-    /// For a script; `paths` are the camera paths that its steps name.
+    /// Makes a pilot of `script`; `paths` are the camera paths that its steps name.
     pub fn new(script: Script, paths: Paths) -> Self {
         Self {
             script,
-            part: Part::Before,
+            list: StepList::Before,
             step: 0,
             began: None,
             share: 0.0,
@@ -72,28 +72,29 @@ impl Pilot {
         }
     }
 
-    /// The input of the next frame, in place of the hand's, and what else is to be done.
-    pub fn fly(&mut self, raw: &mut RawInput, sight: &Sight<'_>) -> Vec<Order> {
+    /// Replaces the user's input of the next frame in `raw`. Returns what else is to be done.
+    pub fn fly(&mut self, raw: &mut RawInput, window: &WindowState<'_>) -> Vec<Order> {
         raw.events.retain(|event| matches!(event, Event::WindowFocused(_)));
         raw.focused = true;
         let mut orders = Vec::new();
         if self.ended {
             return orders;
         }
-        // Steps that take no time may follow one another within a frame, but not for ever.
+        // Steps without duration may follow one another within a frame, but their number is
+        // bounded.
         for _ in 0..8 {
             let Some(step) = self.steps().get(self.step).cloned() else {
-                if self.next_part(sight, &mut orders) {
+                if self.next_list(window, &mut orders) {
                     return orders;
                 }
                 continue;
             };
             let begins = self.began.is_none();
             if begins && self.step == 0 {
-                self.begin_part(sight, &mut orders);
+                self.begin_list(window, &mut orders);
             }
-            let began = *self.began.get_or_insert(sight.now_s);
-            if !self.go_on(&step, sight, sight.now_s - began, begins, raw, &mut orders) {
+            let began = *self.began.get_or_insert(window.now_s);
+            if !self.go_on(&step, window, window.now_s - began, begins, raw, &mut orders) {
                 return orders;
             }
             (self.step, self.began, self.share) = (self.step + 1, None, 0.0);
@@ -102,25 +103,25 @@ impl Pilot {
     }
 
     fn steps(&self) -> &[Step] {
-        match self.part {
-            Part::Before => &self.script.before,
-            Part::Flight(_) => &self.script.flight,
-            Part::After => &self.script.after,
+        match self.list {
+            StepList::Before => &self.script.before,
+            StepList::Flight(_) => &self.script.flight,
+            StepList::After => &self.script.after,
         }
     }
 
-    fn begin_part(&mut self, sight: &Sight<'_>, orders: &mut Vec<Order>) {
-        let Part::Flight(_) = self.part else { return };
+    fn begin_list(&mut self, window: &WindowState<'_>, orders: &mut Vec<Order>) {
+        let StepList::Flight(_) = self.list else { return };
         let pose = match (self.start, self.script.flight.first()) {
             (Some((pose, _)), _) => pose,
-            (None, Some(Step::Path { file, .. })) => self.first_pose(file.as_ref(), sight.camera),
-            (None, _) => sight.camera.pose(),
+            (None, Some(Step::Path { file, .. })) => self.first_pose(file.as_ref(), window.camera),
+            (None, _) => window.camera.pose(),
         };
-        self.start = Some((pose, sight.read_bytes));
-        orders.extend([Order::Stand(pose), Order::Begin]);
+        self.start = Some((pose, window.read_bytes));
+        orders.extend([Order::SetPose(pose), Order::Begin]);
     }
 
-    /// Where a path begins.
+    /// Pose at the start of a path.
     fn first_pose(&self, file: Option<&PathBuf>, camera: &Camera) -> Pose {
         let path = self.paths.iter().find(|(name, _)| name.as_ref() == file);
         path.map_or(camera.pose(), |(_, path)| {
@@ -129,41 +130,43 @@ impl Pilot {
         })
     }
 
-    /// Goes on to the next list of steps; true where a frame is to be drawn first.
-    fn next_part(&mut self, sight: &Sight<'_>, orders: &mut Vec<Order>) -> bool {
-        let has_flown = matches!(self.part, Part::Flight(_)) && !self.script.flight.is_empty();
+    /// Begins the next list of steps. Returns whether a frame is to be drawn before it.
+    fn next_list(&mut self, window: &WindowState<'_>, orders: &mut Vec<Order>) -> bool {
+        let has_flown = matches!(self.list, StepList::Flight(_)) && !self.script.flight.is_empty();
         if has_flown {
             orders.push(Order::End);
         }
-        let read = self.start.is_some_and(|(_, before)| sight.read_bytes > before);
-        self.part = match self.part {
-            Part::Before => Part::Flight(0),
-            Part::Flight(n) if has_flown && (read || n == 0) && n + 1 < self.script.flights_max => {
-                Part::Flight(n + 1)
+        let read = self.start.is_some_and(|(_, before)| window.read_bytes > before);
+        self.list = match self.list {
+            StepList::Before => StepList::Flight(0),
+            StepList::Flight(n)
+                if has_flown && (read || n == 0) && n + 1 < self.script.flights_max =>
+            {
+                StepList::Flight(n + 1)
             }
-            Part::Flight(_) => Part::After,
-            Part::After => {
+            StepList::Flight(_) => StepList::After,
+            StepList::After => {
                 self.ended = true;
                 orders.push(Order::Close);
-                Part::After
+                StepList::After
             }
         };
         (self.step, self.began, self.share) = (0, None, 0.0);
         self.ended || has_flown
     }
 
-    /// Does a frame's worth of a step; true where it is done.
+    /// Plays one frame of a step. Returns whether the step is done.
     fn go_on(
         &mut self,
         step: &Step,
-        sight: &Sight<'_>,
+        window: &WindowState<'_>,
         seconds: f64,
         begins: bool,
         raw: &mut RawInput,
         orders: &mut Vec<Order>,
     ) -> bool {
-        let at = |p: [f64; 2]| place_at(sight.place, p);
-        // In several frames even where those are slow: a hand's way has more than two ends.
+        let at = |p: [f64; 2]| position_at(window.picture_rect, p);
+        // Bounded, so that a movement takes several frames even if they are slow, as a user's does.
         let most = self.share + STRIDE;
         let share =
             |length: f64| (if length > 0.0 { seconds / length } else { 1.0 }).min(most).min(1.0);
@@ -173,20 +176,20 @@ impl Pilot {
                 let is_done = seconds >= *length;
                 if begins || is_done {
                     let keys = keys.iter().filter_map(|name| key(name).ok());
-                    events.extend(keys.map(|key| pressed(key, !is_done)));
+                    events.extend(keys.map(|key| key_event(key, !is_done)));
                 }
                 is_done
             }
             Step::Press { key: name } => {
                 let is_done = !begins;
-                events.extend(key(name).ok().map(|key| pressed(key, begins)));
+                events.extend(key(name).ok().map(|key| key_event(key, begins)));
                 is_done
             }
             Step::Drag { button, from, to, seconds: length } => {
                 let button = PointerButton::from(*button);
                 if begins {
                     events.push(Event::PointerMoved(at(*from)));
-                    events.push(clicked(at(*from), button, true));
+                    events.push(button_event(at(*from), button, true));
                     return false;
                 }
                 let t = share(*length);
@@ -194,48 +197,48 @@ impl Pilot {
                 let now = [0, 1].map(|i| from[i] + (to[i] - from[i]) * t);
                 events.push(Event::PointerMoved(at(now)));
                 if t >= 1.0 {
-                    events.push(clicked(at(now), button, false));
+                    events.push(button_event(at(now), button, false));
                 }
                 t >= 1.0
             }
-            Step::Wheel { at: place, points, seconds: length } => {
+            Step::Wheel { at: position, points, seconds: length } => {
                 let t = share(*length);
-                events.push(Event::PointerMoved(at(*place)));
-                events.push(scrolled((t - self.share) * points));
+                events.push(Event::PointerMoved(at(*position)));
+                events.push(wheel_event((t - self.share) * points));
                 self.share = t;
                 t >= 1.0
             }
-            Step::Click { at: place } => {
-                let place = at(*place);
-                events.push(Event::PointerMoved(place));
-                events.push(clicked(place, PointerButton::Primary, true));
-                events.push(clicked(place, PointerButton::Primary, false));
+            Step::Click { at: position } => {
+                let position = at(*position);
+                events.push(Event::PointerMoved(position));
+                events.push(button_event(position, PointerButton::Primary, true));
+                events.push(button_event(position, PointerButton::Primary, false));
                 true
             }
-            Step::DoubleClick { at: place } => {
-                let place = at(*place);
-                events.push(Event::PointerMoved(place));
-                events.push(clicked(place, PointerButton::Primary, true));
-                events.push(clicked(place, PointerButton::Primary, false));
+            Step::DoubleClick { at: position } => {
+                let position = at(*position);
+                events.push(Event::PointerMoved(position));
+                events.push(button_event(position, PointerButton::Primary, true));
+                events.push(button_event(position, PointerButton::Primary, false));
                 !begins
             }
             Step::Path { file, faster } => {
-                self.follow(file.as_ref(), *faster, sight, begins, events)
+                self.follow(file.as_ref(), *faster, window, begins, events)
             }
             Step::Wait { seconds: length } => seconds >= *length,
-            // The first frame of a step still tells of the view before it.
-            Step::Settle { seconds: length } => (sight.settled && !begins) || seconds >= *length,
+            // In the first frame of a step, `settled` is still that of the previous view.
+            Step::Settle { seconds: length } => (window.settled && !begins) || seconds >= *length,
             Step::Picture { path } => {
                 if begins {
                     orders.push(Order::Picture(path.clone()));
                 }
-                !begins && !sight.is_busy
+                !begins && !window.is_busy
             }
             Step::Window { path } => {
                 if begins {
                     orders.push(Order::Window(path.clone()));
                 }
-                !begins && !sight.is_busy
+                !begins && !window.is_busy
             }
             Step::Close => {
                 self.ended = true;
@@ -249,17 +252,17 @@ impl Pilot {
         &mut self,
         file: Option<&PathBuf>,
         faster: f64,
-        sight: &Sight<'_>,
+        window: &WindowState<'_>,
         begins: bool,
         events: &mut Vec<Event>,
     ) -> bool {
         if begins {
             let path = self.paths.iter().find(|(name, _)| name.as_ref() == file);
             self.autopilot =
-                path.map(|(_, path)| Autopilot::new(path.clone(), sight.now_s, faster));
+                path.map(|(_, path)| Autopilot::new(path.clone(), window.now_s, faster));
         }
         let Some(autopilot) = &mut self.autopilot else { return true };
-        let is_done = autopilot.steer(sight, events);
+        let is_done = autopilot.steer(window, events);
         if is_done {
             self.autopilot = None;
         }

@@ -1,14 +1,14 @@
-//! The plot of frame times: the last seconds, the middle frame and the 99th of a hundred.
+//! The plot of frame times of the last seconds, with their median and 99th percentile.
 
 use crate::theme;
 use crate::times::Times;
 use eframe::egui::{Rangef, RichText, Ui};
 use egui_plot::{HLine, Line, Plot, PlotPoints};
 
-/// Milliseconds that the plot shows at least.
+/// Upper end of the plot at least, milliseconds.
 const MS_MIN: f64 = 20.0;
 
-/// Shows the frames.
+/// Shows the frame times.
 pub fn show(ui: &mut Ui, times: &Times) {
     let [median, late] = [0.5, 0.99].map(|share| times.quantile_ms(share));
     ui.horizontal(|ui| {

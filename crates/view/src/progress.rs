@@ -1,5 +1,5 @@
-//! What is shown in place of the picture while there is none: how far opening and building are, or
-//! what went wrong.
+//! What the window shows while there is no picture: the progress of opening and building, or an
+//! error.
 
 use crate::source::Opening;
 use crate::theme;
@@ -10,14 +10,14 @@ use esker_engine::io::quantity::grouped;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Between two looks at the builder's progress.
+/// Time between two updates of the progress.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// Seconds after which opening a file is worth a word.
+/// Seconds after which the opening of a file is reported.
 const PATIENCE_S: f64 = 0.4;
 /// Width of the box, points.
 const WIDTH: f32 = 420.0;
 
-/// Shows how far opening and building are.
+/// Shows the progress of opening and building.
 pub fn show(ui: &mut Ui, opening: &Opening, inputs: &[PathBuf]) {
     let progress = opening.progress();
     ui.ctx().request_repaint_after(LOOK_EVERY);
@@ -56,21 +56,21 @@ pub fn show(ui: &mut Ui, opening: &Opening, inputs: &[PathBuf]) {
     });
 }
 
-/// Shows why there is nothing to see.
+/// Shows why there is no scene.
 pub fn failed(ui: &mut Ui, fault: &str) {
     boxed(ui, |ui| {
-        ui.label(RichText::new("Nothing to see").heading().color(theme::FAULT));
+        ui.label(RichText::new("Nothing to show").heading().color(theme::FAULT));
         ui.add(Label::new(fault).wrap().selectable(true));
     });
 }
 
 /// Shows a fault over the picture.
-pub fn fault_over(ui: &Ui, place: Rect, fault: &str) {
+pub fn fault_over(ui: &Ui, rect: Rect, fault: &str) {
     let area = Area::new(Id::unique("fault")).order(Order::Foreground).interactable(false);
-    let pivot = place.center_bottom() - vec2(0.0, 16.0);
+    let pivot = rect.center_bottom() - vec2(0.0, 16.0);
     area.fixed_pos(pivot).pivot(Align2::CENTER_BOTTOM).show(ui.ctx(), |ui| {
         framed().show(ui, |ui| {
-            ui.set_max_width(place.width() * 0.8);
+            ui.set_max_width(rect.width() * 0.8);
             ui.label(RichText::new(fault).color(theme::FAULT));
         });
     });
@@ -81,9 +81,9 @@ fn framed() -> Frame {
 }
 
 fn boxed(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
-    let place = ui.max_rect();
+    let rect = ui.max_rect();
     let area = Area::new(Id::unique("progress")).order(Order::Middle);
-    area.fixed_pos(place.center()).pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
+    area.fixed_pos(rect.center()).pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
         Frame::NONE.fill(theme::PANEL).inner_margin(Margin::same(20)).corner_radius(8).show(
             ui,
             |ui| {

@@ -1,5 +1,5 @@
-//! What a scripted run was like, for machines: frame times of each flight, the first frame, peaks
-//! against budgets, stalls, faults.
+//! The report of a scripted run as JSON: frame times of each flight, peaks of memory, stalls,
+//! faults.
 
 use crate::times::{FrameTime, quantile};
 use serde_json::{Value, json};
@@ -7,20 +7,20 @@ use serde_json::{Value, json};
 /// One flight of a script.
 #[derive(Clone, Debug, Default)]
 pub struct Flight {
-    /// Its frames.
+    /// Times of its frames.
     pub frames: Vec<FrameTime>,
-    /// When it began and ended, seconds since the start.
+    /// Begin and end, seconds since the start.
     pub span_s: [f64; 2],
-    /// Bytes read when it began and ended.
+    /// Bytes read before its begin and before its end.
     pub read_bytes: [u64; 2],
-    /// Points drawn, over all frames.
+    /// Sum of the points drawn in all frames.
     pub points: u64,
-    /// Frames without a point.
+    /// Number of frames without points.
     pub empty: u64,
 }
 
 impl Flight {
-    /// For machines.
+    /// Converts to JSON.
     pub fn json(&self) -> Value {
         let frames = self.frames.len().max(1) as f64;
         let figures = |of: fn(&FrameTime) -> f64| {
@@ -38,46 +38,46 @@ impl Flight {
         })
     }
 
-    /// The interval that 99 of 100 frames did not pass, milliseconds.
+    /// 99th percentile of the intervals, milliseconds.
     pub fn p99_ms(&self) -> f64 {
         quantile(self.frames.iter().map(|f| f.interval_ms), 0.99)
     }
 }
 
-/// What is collected over the whole run.
+/// Measurements of the whole run.
 #[derive(Clone, Debug, Default)]
 pub struct Record {
-    /// The flights, the first while loading, the last with everything resident (if it read
+    /// The flights: the first while the scene loads, the last with the scene resident (if it read
     /// nothing).
     pub flights: Vec<Flight>,
-    /// Whether a flight is being flown.
+    /// Whether a flight is in progress.
     pub is_flying: bool,
-    /// The most bytes of drawing memory in slots.
+    /// Peak of the drawing memory in slots, bytes.
     pub drawing_bytes_peak: u64,
-    /// The most bytes of GPU buffers, where a GPU drew.
+    /// Peak of GPU buffers, bytes, if a GPU drew.
     pub gpu_bytes_peak: Option<u64>,
-    /// The most anonymous memory of the process, bytes.
+    /// Peak of the anonymous memory of the process, bytes.
     pub anon_bytes_peak: u64,
-    /// Waits of the render thread.
+    /// Number of times that the render thread waited for another thread.
     pub stalls: u64,
-    /// What went wrong.
+    /// Faults, each once.
     pub faults: Vec<String>,
 }
 
 impl Record {
-    /// The flight that is being flown.
+    /// The flight in progress.
     pub fn flight(&mut self) -> Option<&mut Flight> {
         if self.is_flying { self.flights.last_mut() } else { None }
     }
 
-    /// Notes a fault, once.
+    /// Adds a fault, unless it is known.
     pub fn fault(&mut self, fault: &str) {
         if !self.faults.iter().any(|f| f == fault) && self.faults.len() < 100 {
             self.faults.push(fault.to_owned());
         }
     }
 
-    /// For machines.
+    /// Converts to JSON.
     pub fn json(&self) -> Value {
         let [first, last] = [self.flights.first(), self.flights.last()];
         let ratio = match (first, last) {
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn loading_is_compared_with_the_last_flight() {
+    fn the_first_flight_is_compared_with_the_last() {
         let flight = |ms: f64, read: u64| Flight {
             frames: vec![FrameTime { at_s: 0.0, interval_ms: ms, work_ms: ms }; 10],
             read_bytes: [5, 5 + read],

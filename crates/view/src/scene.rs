@@ -1,6 +1,6 @@
-//! The session behind the picture, kept alive through changes: what it can change while it runs is
-//! changed, for the rest it is closed and opened again on a thread of its own, while the last
-//! picture stays. Never two sessions at once, so that budgets hold.
+//! Keeps the session behind the picture through changes of settings. A running session takes some
+//! of them; for the others it is closed and opened again on a thread, while the last picture stays.
+//! There are never two sessions at once, so that memory budgets hold.
 
 use crate::device::Device;
 use crate::settings::Settings;
@@ -17,20 +17,20 @@ use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How long nothing, or the last picture, may be shown while a new session loads what is looked at.
-const HOLD: Duration = Duration::from_millis(1500);
+/// Longest time that the window stays empty, or keeps the last picture, while a new session loads.
+const HOLD_MAX: Duration = Duration::from_millis(1500);
 
-/// A file that is looked at.
+/// An open file with the session that draws it.
 pub struct Scene {
     file: Arc<Forest>,
     settings: Settings,
     device: Device,
-    /// The largest picture that the session may draw, pixels.
+    /// Size of the largest picture that the session may draw, pixels.
     size: [u32; 2],
     state: State,
-    /// Until when a new session may load behind what is shown.
-    hold: Option<Instant>,
-    /// The view that was drawn last, once nothing more comes for it.
+    /// Until when a new session may load before its pictures are shown.
+    hold_until: Option<Instant>,
+    /// The views of the last picture, if that picture is final.
     at_rest: Option<(View, View)>,
     reopened: u64,
 }
@@ -41,51 +41,51 @@ enum State {
     Failed(String),
 }
 
-/// A session that another thread opens.
+/// A session that is being opened on another thread.
 struct Opening {
     session: Receiver<Result<Session>>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// What a frame is to show.
+/// The views of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
-    /// What the cut is chosen for.
+pub struct FrameViews {
+    /// View that the cut is chosen for.
     pub chosen: View,
-    /// Where it is seen from: the same, unless the cut is frozen.
+    /// View that the cut is seen from; the same unless the cut is frozen.
     pub seen: View,
 }
 
-/// What came of a frame.
-pub enum Shown<'a> {
+/// Outcome of a frame.
+pub enum FrameOutcome<'a> {
     /// A new picture.
     New(Box<Frame<'a>>),
-    /// The last one still holds.
-    Same,
-    /// There is none yet, or the last one stays while a session is opened.
+    /// The last picture is still valid.
+    Unchanged,
+    /// There is no picture yet, or the last one stays while a session is opened.
     Waiting,
-    /// The session cannot be opened, or not be drawn.
+    /// The session cannot be opened, or cannot draw.
     Failed(String),
 }
 
 impl Scene {
-    /// Opens a session; pictures of at most this size.
+    /// Starts to open a session, for pictures of at most `size` pixels.
     pub fn new(file: Arc<Forest>, settings: Settings, device: Device, size: [u32; 2]) -> Self {
         let state = State::open(&file, &settings, &device, size);
-        Self { file, settings, device, size, state, hold: None, at_rest: None, reopened: 0 }
+        Self { file, settings, device, size, state, hold_until: None, at_rest: None, reopened: 0 }
     }
 
-    /// The file.
+    /// The open file.
     pub fn file(&self) -> &Arc<Forest> {
         &self.file
     }
 
-    /// What it draws by.
+    /// Present settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// What the colours mean; `None` where no session runs.
+    /// Legend of the colours; `None` if no session runs.
     pub fn legend(&self) -> Option<Legend> {
         match &self.state {
             State::Running(session) => Some(session.appearance().colouring.legend.clone()),
@@ -93,7 +93,7 @@ impl Scene {
         }
     }
 
-    /// What streaming is at.
+    /// Status of streaming.
     pub fn status(&self) -> Status {
         match &self.state {
             State::Running(session) => session.status(),
@@ -101,7 +101,7 @@ impl Scene {
         }
     }
 
-    /// Waits of the render thread for others.
+    /// Number of times that the render thread waited for another thread.
     pub fn stalls(&self) -> u64 {
         match &self.state {
             State::Running(session) => session.stalls(),
@@ -114,12 +114,12 @@ impl Scene {
         self.reopened
     }
 
-    /// Whether the next frame would show something new.
-    pub fn is_at_rest(&self, look: &Look) -> bool {
-        self.at_rest == Some((look.chosen, look.seen)) && matches!(self.state, State::Running(_))
+    /// Whether the picture of these views is final, so that the next frame would be the same.
+    pub fn is_at_rest(&self, views: &FrameViews) -> bool {
+        self.at_rest == Some((views.chosen, views.seen)) && matches!(self.state, State::Running(_))
     }
 
-    /// What draws, and why it is not a GPU where it is none; `None` where no session runs.
+    /// What draws, with the reason if it is not a GPU; `None` if no session runs.
     pub fn drawer(&self) -> Option<&Drawer> {
         match &self.state {
             State::Running(session) => Some(session.drawer()),
@@ -127,7 +127,7 @@ impl Scene {
         }
     }
 
-    /// Bytes of GPU buffers, where a GPU draws.
+    /// Bytes of GPU buffers, if a GPU draws.
     pub fn gpu_bytes(&self) -> Option<GpuBytes> {
         match &self.state {
             State::Running(session) => session.gpu_bytes(),
@@ -135,7 +135,8 @@ impl Scene {
         }
     }
 
-    /// Eye depth at a place of the newest finished frame's picture, coarsely; never waits.
+    /// Eye depth at a position in the newest finished picture, at the resolution of depth tiles;
+    /// never waits.
     pub fn depth_at(&self, place: DVec2) -> Option<f64> {
         match &self.state {
             State::Running(session) => session.depth_at(place),
@@ -143,10 +144,10 @@ impl Scene {
         }
     }
 
-    /// The last picture, in main memory; waits until it is finished.
+    /// Copies the last picture to main memory; waits until it is finished.
     ///
     /// # Errors
-    /// Where there is none.
+    /// If no session runs, or the picture cannot be read.
     pub fn picture(&mut self) -> Result<Picture> {
         match &mut self.state {
             State::Running(session) => session.picture(),
@@ -156,15 +157,15 @@ impl Scene {
 
     /// Whether a session is being opened, or loads behind the last picture.
     pub fn is_waiting(&self) -> bool {
-        matches!(self.state, State::Opening(_)) || self.hold.is_some()
+        matches!(self.state, State::Opening(_)) || self.hold_until.is_some()
     }
 
-    /// Has the next frame drawn, even where nothing changed.
-    pub fn disturb(&mut self) {
+    /// Makes the next frame be drawn even if nothing has changed.
+    pub fn invalidate(&mut self) {
         self.at_rest = None;
     }
 
-    /// Draws by other settings from here on.
+    /// Changes the settings.
     pub fn set(&mut self, settings: Settings) {
         if settings == self.settings {
             return;
@@ -182,7 +183,7 @@ impl Scene {
         }
     }
 
-    /// The largest picture is of this size from here on.
+    /// Changes the size of the largest picture, pixels.
     pub fn resize(&mut self, size: [u32; 2]) {
         if size != self.size {
             self.size = size;
@@ -190,7 +191,7 @@ impl Scene {
         }
     }
 
-    /// The largest picture that can be drawn.
+    /// Size of the largest picture that can be drawn, pixels.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
@@ -199,48 +200,48 @@ impl Scene {
         // The old session ends before the new one takes its memory.
         self.state = State::Failed(String::new());
         self.state = State::open(&self.file, &self.settings, &self.device, self.size);
-        self.hold = None;
+        self.hold_until = None;
         self.at_rest = None;
         self.reopened += 1;
     }
 
-    /// Draws what is there, at once.
-    pub fn frame(&mut self, look: &Look) -> Shown<'_> {
+    /// Draws a frame of the points that are resident.
+    pub fn frame(&mut self, views: &FrameViews) -> FrameOutcome<'_> {
         if let State::Opening(opening) = &mut self.state {
             match opening.poll() {
-                None => return Shown::Waiting,
+                None => return FrameOutcome::Waiting,
                 Some(Ok(session)) => {
                     self.state = State::Running(Box::new(session));
-                    self.hold = Some(Instant::now() + HOLD);
+                    self.hold_until = Some(Instant::now() + HOLD_MAX);
                 }
                 Some(Err(error)) => self.state = State::Failed(format!("{error:#}")),
             }
         }
         let session = match &mut self.state {
             State::Running(session) => session,
-            State::Failed(fault) => return Shown::Failed(fault.clone()),
-            State::Opening(_) => return Shown::Waiting,
+            State::Failed(fault) => return FrameOutcome::Failed(fault.clone()),
+            State::Opening(_) => return FrameOutcome::Waiting,
         };
-        if let Some(until) = self.hold {
-            let cut = session.settle(&look.chosen, Duration::ZERO);
-            // The first picture shows whatever there is, later ones replace a whole one.
+        if let Some(until) = self.hold_until {
+            let cut = session.settle(&views.chosen, Duration::ZERO);
+            // The first picture may be incomplete; later ones replace a complete picture.
             let is_loading =
                 |cut: &Cut| cut.nodes.is_empty() || (self.reopened > 0 && !cut.settled);
             let has_nodes = !self.file.table().nodes.is_empty();
             if has_nodes && cut.is_ok_and(|cut| is_loading(&cut)) && Instant::now() < until {
-                return Shown::Waiting;
+                return FrameOutcome::Waiting;
             }
-            self.hold = None;
+            self.hold_until = None;
         }
-        if self.at_rest == Some((look.chosen, look.seen)) {
-            return Shown::Same;
+        if self.at_rest == Some((views.chosen, views.seen)) {
+            return FrameOutcome::Unchanged;
         }
-        match session.frame_from(&look.chosen, &look.seen) {
+        match session.frame_from(&views.chosen, &views.seen) {
             Ok(frame) => {
-                self.at_rest = frame.is_final.then_some((look.chosen, look.seen));
-                Shown::New(Box::new(frame))
+                self.at_rest = frame.is_final.then_some((views.chosen, views.seen));
+                FrameOutcome::New(Box::new(frame))
             }
-            Err(error) => Shown::Failed(format!("{error:#}")),
+            Err(error) => FrameOutcome::Failed(format!("{error:#}")),
         }
     }
 }
@@ -258,7 +259,7 @@ impl Opening {
     fn start(file: Arc<Forest>, options: Options) -> Result<Self> {
         let (sender, session) = sync_channel(1);
         let work = move || {
-            // Nobody listens once the window has closed; the session then ends here.
+            // The receiver is gone if the window has closed; the session then ends here.
             let _ = sender.send(open(file, options));
         };
         let thread = std::thread::Builder::new()
@@ -272,14 +273,14 @@ impl Opening {
         match self.session.try_recv() {
             Ok(session) => Some(session),
             Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => {
-                Some(Err(anyhow::anyhow!("the thread that opens the session has ended early")))
-            }
+            Err(TryRecvError::Disconnected) => Some(Err(anyhow::anyhow!(
+                "the thread that opens the session has ended unexpectedly"
+            ))),
         }
     }
 }
 
-/// Opens a session that has something to show.
+/// Opens a session, and checks that its filter leaves points to show.
 fn open(file: Arc<Forest>, options: Options) -> Result<Session> {
     let session = Session::open(file, options)?;
     empty_picture::check_wanted(session.file(), &session.appearance().shown)?;
@@ -289,7 +290,7 @@ fn open(file: Arc<Forest>, options: Options) -> Result<Session> {
 impl Drop for Opening {
     fn drop(&mut self) {
         if let Some(thread) = self.thread.take() {
-            // A thread that panicked has said so itself.
+            // A panic was already reported by the thread.
             let _ = thread.join();
         }
     }

@@ -1,6 +1,6 @@
-//! What is done in place of a hand, as a JSON file says: steps of keys, drags, wheel and clicks,
-//! pictures at given places, a flight that is repeated until all of it is resident. `README.md`
-//! beside this crate has the format for people.
+//! Scripts that control the window, read from JSON: steps of keys, drags, wheel and clicks,
+//! pictures to write, and a flight that is repeated until the scene is resident. `README.md` of
+//! this crate describes the format for users.
 
 use anyhow::{Context, Result, ensure};
 use eframe::egui::{Key, PointerButton};
@@ -14,30 +14,30 @@ const FILE_BYTES_MAX: u64 = 1 << 20;
 const STEPS_MAX: usize = 1000;
 /// Seconds of a step at most.
 const SECONDS_MAX: f64 = 3600.0;
-/// Flights at most.
+/// Largest `flights_max` of a script.
 pub const FLIGHTS_MAX: u32 = 20;
 
 /// A script.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Script {
-    /// Done first, once.
+    /// Steps that are played first, once.
     #[serde(default)]
     pub before: Vec<Step>,
-    /// Done at least once and then, from the same pose, until a flight reads nothing: its frames
+    /// Steps that are repeated from the same pose until a repetition reads nothing; their frames
     /// are timed.
     #[serde(default)]
     pub flight: Vec<Step>,
-    /// Flights at most.
+    /// Repetitions of the flight at most.
     #[serde(default = "flights_max")]
     pub flights_max: u32,
-    /// Done last, once.
+    /// Steps that are played last, once.
     #[serde(default)]
     pub after: Vec<Step>,
-    /// Where the report goes; standard output where not said.
+    /// File of the report; standard output by default.
     #[serde(default)]
     pub report: Option<PathBuf>,
-    /// Whether the system forgets the file first, so that it is read from the disk.
+    /// Whether the file is first removed from the system's cache, so that it is read from the disk.
     #[serde(default)]
     pub cold: bool,
     /// Whether pictures are coarser while the camera moves.
@@ -45,88 +45,88 @@ pub struct Script {
     pub coarser_moving: bool,
 }
 
-/// Something that a hand does, or that is looked at. Places are shares of the picture from its top
-/// left corner.
+/// A step of a script. Positions are fractions of the picture's width and height, from its top left
+/// corner.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Step {
-    /// Holds keys down.
+    /// Holds keys.
     Hold {
-        /// Their names, such as `W`, `ArrowUp`.
+        /// Names of the keys, such as `W` or `ArrowUp`.
         keys: Vec<String>,
-        /// How long.
+        /// Duration.
         seconds: f64,
     },
     /// Presses a key once.
     Press {
-        /// Its name.
+        /// Name of the key.
         key: String,
     },
-    /// Drags with a button.
+    /// Drags with a mouse button.
     Drag {
         /// The button.
         #[serde(default)]
         button: Button,
-        /// From here.
+        /// Position at which the button is pressed.
         from: [f64; 2],
-        /// To here.
+        /// Position at which the button is released.
         to: [f64; 2],
-        /// In so much time.
+        /// Duration.
         seconds: f64,
     },
     /// Turns the wheel.
     Wheel {
-        /// The pointer.
+        /// Position of the pointer.
         at: [f64; 2],
-        /// Points of scrolling; above zero towards what is seen.
+        /// Points to scroll by; positive zooms in.
         points: f64,
-        /// In so much time.
+        /// Duration.
         seconds: f64,
     },
     /// Clicks once.
     Click {
-        /// The pointer.
+        /// Position of the pointer.
         at: [f64; 2],
     },
     /// Clicks twice.
     DoubleClick {
-        /// The pointer.
+        /// Position of the pointer.
         at: [f64; 2],
     },
     /// Follows a camera path (`bench/README.md`) by keys, mouse and wheel.
     Path {
-        /// The path's file; where not said, one is made from the scan.
+        /// File of the path; by default one is derived from the scan.
         #[serde(default)]
         file: Option<PathBuf>,
-        /// How much faster than the path says.
+        /// Factor of the path's own speed.
         #[serde(default = "one")]
         faster: f64,
     },
     /// Does nothing.
     Wait {
-        /// So long.
+        /// Duration.
         seconds: f64,
     },
-    /// Does nothing until nothing more comes for the view.
+    /// Waits until the view is complete.
     Settle {
-        /// At most so long.
+        /// Longest wait.
         seconds: f64,
     },
-    /// Writes the picture.
+    /// Writes the picture of the scene.
     Picture {
-        /// Where.
+        /// PNG file to write.
         path: PathBuf,
     },
     /// Writes the whole window.
     Window {
-        /// Where.
+        /// PNG file to write.
         path: PathBuf,
     },
-    /// Closes the window, whatever it is doing.
+    /// Closes the window at once.
     Close,
 }
 
-/// A button of the mouse.
+/// A mouse button.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum Button {
@@ -161,25 +161,28 @@ impl Script {
     /// Reads a script.
     ///
     /// # Errors
-    /// Where the file cannot be read or is no script.
+    /// If the file cannot be read or is no valid script.
     pub fn read(path: &Path) -> Result<Self> {
         let shown = path.display();
         let mut text = String::new();
         std::fs::File::open(path)
             .and_then(|f| f.take(FILE_BYTES_MAX).read_to_string(&mut text))
             .with_context(|| format!("{shown}: cannot read the script"))?;
-        Self::parse(&text).with_context(|| format!("{shown}: no script"))
+        Self::parse(&text).with_context(|| format!("{shown}: not a valid script"))
     }
 
-    /// As [`Script::read`], from text.
+    /// Parses the text of a script.
     ///
     /// # Errors
-    /// As [`Script::read`].
+    /// If the text is no valid script.
     pub fn parse(text: &str) -> Result<Self> {
         let script: Self = serde_json::from_str(text).context("see crates/view/README.md")?;
-        ensure!((1..=FLIGHTS_MAX).contains(&script.flights_max), "1 to {FLIGHTS_MAX} flights");
+        ensure!(
+            (1..=FLIGHTS_MAX).contains(&script.flights_max),
+            "`flights_max` must be 1 to {FLIGHTS_MAX}"
+        );
         for steps in [&script.before, &script.flight, &script.after] {
-            ensure!(steps.len() <= STEPS_MAX, "{STEPS_MAX} steps at most");
+            ensure!(steps.len() <= STEPS_MAX, "a list has {STEPS_MAX} steps at most");
             steps.iter().try_for_each(Step::check)?;
         }
         Ok(script)
@@ -188,7 +191,7 @@ impl Script {
 
 impl Step {
     fn check(&self) -> Result<()> {
-        let (seconds, places): (f64, &[[f64; 2]]) = match self {
+        let (seconds, positions): (f64, &[[f64; 2]]) = match self {
             Self::Hold { keys, seconds } => {
                 keys.iter().try_for_each(|name| key(name).map(drop))?;
                 (*seconds, &[])
@@ -196,31 +199,31 @@ impl Step {
             Self::Press { key: name } => (key(name).map(|_| 0.0)?, &[]),
             Self::Drag { from, to, seconds, .. } => (*seconds, &[*from, *to]),
             Self::Wheel { at, points, seconds } => {
-                ensure!(points.is_finite(), "the wheel turns by no number");
+                ensure!(points.is_finite(), "the `points` of a wheel must be a finite number");
                 (*seconds, &[*at])
             }
             Self::Click { at } | Self::DoubleClick { at } => (0.0, &[*at]),
             Self::Wait { seconds } | Self::Settle { seconds } => (*seconds, &[]),
             Self::Path { faster, .. } => {
-                ensure!(
-                    (0.01..=100.0).contains(faster),
-                    "a path is flown 0.01 to 100 times as fast"
-                );
+                ensure!((0.01..=100.0).contains(faster), "`faster` must be 0.01 to 100");
                 (0.0, &[])
             }
             Self::Picture { .. } | Self::Window { .. } | Self::Close => (0.0, &[]),
         };
-        ensure!((0.0..=SECONDS_MAX).contains(&seconds), "{seconds} s are out of range");
+        ensure!(
+            (0.0..=SECONDS_MAX).contains(&seconds),
+            "`seconds` must be 0 to {SECONDS_MAX}, not {seconds}"
+        );
         let within = |p: &[f64; 2]| p.iter().all(|v| (0.0..=1.0).contains(v));
-        ensure!(places.iter().all(within), "places are shares of the picture, 0 to 1");
+        ensure!(positions.iter().all(within), "positions must be fractions of the picture, 0 to 1");
         Ok(())
     }
 }
 
-/// A key by its name.
+/// Finds a key by its name.
 ///
 /// # Errors
-/// Where there is none of that name.
+/// If there is no key of that name.
 pub fn key(name: &str) -> Result<Key> {
     Key::from_name(name).with_context(|| format!("there is no key `{name}`"))
 }
@@ -230,7 +233,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_script_is_read_and_nonsense_is_refused() {
+    fn a_valid_script_is_parsed_and_others_are_refused() {
         let script = Script::parse(
             r#"{"before": [{"do": "settle", "seconds": 5}],
                 "flight": [{"do": "hold", "keys": ["W", "D"], "seconds": 1},

@@ -1,9 +1,11 @@
-//! What the user can change while looking: budgets, detail, method, colours, filter. Settings are
-//! compared as a whole: the session is opened again for those that it cannot change while it runs.
+//! The settings that the user can change in the window: budgets, detail, method, colours, filter.
+//! The scene compares them as a whole, and opens its session again for changes that a running
+//! session cannot take.
 
 pub use esker_engine::draw::options::Settings;
 
-/// Changes the source of colours to the next one of `sources`.
+/// Selects the colour source that follows the present one in `sources`; the first one follows the
+/// last.
 pub fn next_colour(settings: &mut Settings, sources: &[String]) {
     let at = |name: &String| sources.iter().position(|s| s == name);
     let next = settings.colour_by.as_ref().and_then(at).map_or(0, |i| i + 1);

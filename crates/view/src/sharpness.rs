@@ -1,21 +1,21 @@
-//! How many pixels a picture has while the camera moves: so few that it follows the hand, where the
-//! renderer is slow. At rest the picture is always whole.
+//! Adapts the size of the picture while the camera moves, so that a slow renderer follows the
+//! input. At rest the picture has all pixels.
 
-/// Shares of the window's pixels on a side.
+/// Scales of the picture's sides.
 const SCALES: [f64; 5] = [1.0, 0.8, 0.6, 0.45, 0.33];
-/// Frames that take longer are drawn coarser, those that take less than the other are drawn finer;
+/// Frames slower than the first are drawn coarser, frames faster than the second finer;
 /// milliseconds.
 const SLOW_MS: f64 = 40.0;
 const FAST_MS: f64 = 14.0;
 /// Weight of the newest frame in the mean.
 const NEWEST: f64 = 0.3;
-/// Seconds after the last movement until the picture is whole again.
+/// Seconds after the last movement until the picture has all pixels again.
 const REST_S: f64 = 0.2;
 
-/// The share of pixels drawn.
+/// Scale of the picture, from the times of frames.
 #[derive(Clone, Debug)]
 pub struct Sharpness {
-    /// Whether moving pictures may be coarser.
+    /// Whether pictures may be coarser while the camera moves.
     pub is_on: bool,
     step: usize,
     mean_ms: f64,
@@ -23,17 +23,17 @@ pub struct Sharpness {
 }
 
 impl Sharpness {
-    /// Whole pictures always, unless `is_on`.
+    /// Makes a scale that is always 1 unless `is_on`.
     pub fn new(is_on: bool) -> Self {
         Self { is_on, step: 0, mean_ms: 0.0, moved_s: f64::NEG_INFINITY }
     }
 
-    /// The share of pixels on a side, at this time.
+    /// Scale of the picture's sides at this time.
     pub fn scale(&self, now_s: f64) -> f64 {
         if self.is_on && self.is_moving(now_s) { SCALES[self.step] } else { 1.0 }
     }
 
-    /// The camera has moved.
+    /// Records that the camera has moved.
     pub fn moved(&mut self, now_s: f64) {
         self.moved_s = now_s;
     }
@@ -43,7 +43,7 @@ impl Sharpness {
         now_s - self.moved_s < REST_S
     }
 
-    /// A frame took so long to draw.
+    /// Records the time that a frame took to draw, and adapts the scale.
     pub fn drew(&mut self, ms: f64, now_s: f64) {
         if !self.is_moving(now_s) {
             return;
@@ -55,7 +55,7 @@ impl Sharpness {
             _ => self.step,
         };
         if step != self.step {
-            // What is expected of the new step, so that it is judged by its own frames.
+            // Expected mean at the new scale, so that the scale is judged by its own frames.
             self.mean_ms *= (SCALES[step] / SCALES[self.step]).powi(2);
             self.step = step;
         }
@@ -67,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slow_frames_become_coarser_while_moving_and_whole_at_rest() {
+    fn slow_frames_become_coarser_while_moving_but_not_at_rest() {
         let mut sharpness = Sharpness::new(true);
         for i in 0..60 {
             let now = f64::from(i) * 0.05;
@@ -77,7 +77,7 @@ mod tests {
         }
         let scale = sharpness.scale(3.0);
         assert!(scale < 0.7, "{scale}");
-        assert!((FAST_MS..=SLOW_MS).contains(&(120.0 * scale.powi(2))), "it has settled");
+        assert!((FAST_MS..=SLOW_MS).contains(&(120.0 * scale.powi(2))), "the scale has settled");
         assert_eq!(sharpness.scale(60.0), 1.0);
         sharpness.is_on = false;
         assert_eq!(sharpness.scale(3.0), 1.0);

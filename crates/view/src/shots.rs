@@ -1,5 +1,5 @@
-//! Pictures of what is seen, as PNG files: asked for, taken from the next whole picture, written by
-//! a thread of their own. The whole window can be had, too.
+//! Pictures of the scene or of the whole window as PNG files: they are requested, taken from the
+//! next complete picture, and written by threads.
 
 use anyhow::Result;
 use eframe::egui::{Color32, ColorImage, Context, ScreenshotCallback, ViewportCommand};
@@ -9,70 +9,72 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-/// Pictures that are written at once at most.
+/// Pictures that are written at the same time at most.
 const WRITING_MAX: usize = 4;
-/// Failures that are kept.
+/// Failures that are kept at most.
 const FAILURES_MAX: usize = 16;
-/// Numbers of pictures beside one another at most.
-const NUMBERS: u32 = 9999;
+/// Largest number in the name of a picture.
+const NUMBER_MAX: u32 = 9999;
 
-/// What was done last, or could not be.
-pub type Said = Result<String, String>;
+/// Outcome of the last picture, in words.
+pub type Message = Result<String, String>;
 
-/// Where a picture of the window is left once it was taken.
-type Taken = Arc<Mutex<Option<Arc<ColorImage>>>>;
+/// Where egui leaves the picture of the window.
+type SharedScreenshot = Arc<Mutex<Option<Arc<ColorImage>>>>;
 
-/// Pictures asked for and being written. Dropping it waits until they are written.
+/// Pictures that are requested or being written. Dropping it waits until they are written.
 #[derive(Default)]
 pub struct Shots {
-    asked: Option<PathBuf>,
-    /// Where the window goes, and the picture of it once there is one.
-    window: Option<(PathBuf, Taken)>,
+    requested: Option<PathBuf>,
+    /// File for a picture of the window, and the picture once there is one.
+    window: Option<(PathBuf, SharedScreenshot)>,
     writing: Vec<JoinHandle<()>>,
-    told: Arc<Mutex<Vec<Result<String, String>>>>,
-    said: Option<Said>,
+    outcomes: Arc<Mutex<Vec<Result<String, String>>>>,
+    message: Option<Message>,
     failures: Vec<String>,
     failed: u64,
 }
 
 impl Shots {
-    /// Asks for a picture at this path, or under a free name made from that of the file.
-    pub fn ask(&mut self, path: Option<&Path>, name: &str) {
-        self.asked = path.map(Path::to_owned).or_else(|| free_name(name));
-        if self.asked.is_none() {
-            self.fails(format!("{name}-*.png: {NUMBERS} pictures are there; remove some"));
+    /// Requests a picture at `path`, or under a free name made from `name`, that of the scan.
+    pub fn request(&mut self, path: Option<&Path>, name: &str) {
+        self.requested = path.map(Path::to_owned).or_else(|| free_name(name));
+        if self.requested.is_none() {
+            self.add_failure(format!(
+                "{name}-*.png: {NUMBER_MAX} pictures exist already; remove some"
+            ));
         }
     }
 
-    /// Asks for a picture of the whole window.
-    pub fn ask_window(&mut self, ctx: &Context, path: PathBuf) {
-        let place = Arc::new(Mutex::new(None));
-        let taken = Arc::clone(&place);
-        let callback = ScreenshotCallback::new(move |image| {
-            *taken.lock().unwrap_or_else(PoisonError::into_inner) = Some(image);
+    /// Requests a picture of the whole window.
+    pub fn request_window(&mut self, ctx: &Context, path: PathBuf) {
+        let image = Arc::new(Mutex::new(None));
+        let shared = Arc::clone(&image);
+        let callback = ScreenshotCallback::new(move |taken| {
+            *shared.lock().unwrap_or_else(PoisonError::into_inner) = Some(taken);
         });
         ctx.send_viewport_cmd(ViewportCommand::Screenshot(callback));
-        self.window = Some((path, place));
+        self.window = Some((path, image));
     }
 
-    /// Whether a picture is asked for or being written.
+    /// Whether a picture is requested or being written.
     pub fn is_busy(&self) -> bool {
         let is_writing = self.writing.iter().any(|thread| !thread.is_finished());
-        self.asked.is_some() || self.window.is_some() || is_writing
+        self.requested.is_some() || self.window.is_some() || is_writing
     }
 
-    /// Whether a picture is asked for.
-    pub fn wants(&self) -> bool {
-        self.asked.is_some()
+    /// Whether a picture of the scene is requested.
+    pub fn is_requested(&self) -> bool {
+        self.requested.is_some()
     }
 
-    /// Takes a picture, where one is asked for.
+    /// Takes the picture that was requested, if there was a request.
     pub fn take(&mut self, picture: Result<Picture>) {
-        match (self.asked.take(), picture) {
+        match (self.requested.take(), picture) {
             (Some(path), Ok(picture)) => self.write(picture, path),
             (Some(path), Err(error)) => {
                 self.failed += 1;
-                self.fails(format!("{}: no picture: {error:#}", path.display()));
+                self.add_failure(format!("{}: cannot draw the picture: {error:#}", path.display()));
             }
             (None, _) => {}
         }
@@ -81,70 +83,76 @@ impl Shots {
     fn write(&mut self, picture: Picture, path: PathBuf) {
         self.writing.retain(|thread| !thread.is_finished());
         if self.writing.len() >= WRITING_MAX {
-            self.said = Some(Err("the last pictures are still being written".into()));
+            self.message = Some(Err(
+                "not written, because earlier pictures are still being written; try again".into(),
+            ));
             return;
         }
-        let told = Arc::clone(&self.told);
-        let shown = path.display().to_string();
+        let outcomes = Arc::clone(&self.outcomes);
+        let name = path.display().to_string();
         let write = move || {
             let line = match picture::write_png(&picture, &path) {
                 Ok(()) => Ok(format!("picture: {}", full(&path).display())),
-                Err(error) => Err(format!("no picture: {error:#}")),
+                Err(error) => Err(format!("{error:#}")),
             };
-            told.lock().unwrap_or_else(PoisonError::into_inner).push(line);
+            outcomes.lock().unwrap_or_else(PoisonError::into_inner).push(line);
         };
         match std::thread::Builder::new().name("esker-picture".into()).spawn(write) {
             Ok(thread) => self.writing.push(thread),
             Err(error) => {
                 self.failed += 1;
-                self.fails(format!("{shown}: no thread to write it: {error}"));
+                self.add_failure(format!(
+                    "{name}: cannot start a thread to write the picture: {error}"
+                ));
             }
         }
     }
 
-    /// What was done last, or could not be.
-    pub fn said(&self) -> Option<&Said> {
-        self.said.as_ref()
+    /// Outcome of the last picture, in words.
+    pub fn message(&self) -> Option<&Message> {
+        self.message.as_ref()
     }
 
-    /// What could not be done, the first ones.
+    /// The first failures.
     pub fn failures(&self) -> &[String] {
         &self.failures
     }
 
-    fn fails(&mut self, line: String) {
+    fn add_failure(&mut self, line: String) {
         if self.failures.len() < FAILURES_MAX {
             self.failures.push(line.clone());
         }
-        self.said = Some(Err(line));
+        self.message = Some(Err(line));
     }
 
-    /// Looks whether the window was taken, and what the writers tell.
+    /// Checks whether the picture of the window has arrived, and collects the outcomes of the
+    /// threads.
     pub fn poll(&mut self) {
-        let taken =
-            |place: &Mutex<Option<_>>| place.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let take =
+            |image: &Mutex<Option<_>>| image.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some((path, image)) = self.window.take() {
-            match taken(&image) {
+            match take(&image) {
                 Some(image) => self.write(picture_of(&image), path),
                 None => self.window = Some((path, image)),
             }
         }
-        let told = std::mem::take(&mut *self.told.lock().unwrap_or_else(PoisonError::into_inner));
-        for line in told {
+        let outcomes =
+            std::mem::take(&mut *self.outcomes.lock().unwrap_or_else(PoisonError::into_inner));
+        for line in outcomes {
             match line {
-                Ok(line) => self.said = Some(Ok(line)),
+                Ok(line) => self.message = Some(Ok(line)),
                 Err(line) => {
                     self.failed += 1;
-                    self.fails(line);
+                    self.add_failure(line);
                 }
             }
         }
     }
 
-    /// Waits until all are written; how many could not be.
+    /// Waits until all pictures are written. Returns the number of failures.
     pub fn finish(&mut self) -> u64 {
         for thread in self.writing.drain(..) {
-            // A thread that panicked has said so itself.
+            // A panic was already reported by the thread.
             self.failed += u64::from(thread.join().is_err());
         }
         self.poll();
@@ -168,8 +176,8 @@ fn full(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_owned())
 }
 
-/// The first name beside the current folder's pictures that is free.
+/// First name that is free in the current folder.
 fn free_name(name: &str) -> Option<PathBuf> {
     let stem = Path::new(name).file_stem().map_or("scan".into(), |s| s.to_string_lossy());
-    (1..=NUMBERS).map(|i| PathBuf::from(format!("{stem}-{i:04}.png"))).find(|p| !p.exists())
+    (1..=NUMBER_MAX).map(|i| PathBuf::from(format!("{stem}-{i:04}.png"))).find(|p| !p.exists())
 }

@@ -1,6 +1,6 @@
-//! Where the scene comes from: an `.esker` file is opened, scans are first built into one, in a
-//! temporary folder that goes with it. Done by a thread of its own, which tells how far it is and
-//! can be stopped.
+//! Opens the input of the window: an `.esker` file directly; scans are first built into one, in a
+//! temporary folder that is removed with the window. A thread does this, reports progress and can
+//! be stopped.
 
 use anyhow::{Context, Result, bail};
 use esker_engine::calls::build;
@@ -13,82 +13,82 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-/// Folders that are to go with the window, however it ends.
+/// Folders that are removed when the window ends, also by a signal.
 static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
-/// How often a folder is removed in which something still grows.
-const SWEEPS: usize = 5;
+/// Attempts to remove a folder to which a thread may still add files.
+const REMOVE_ATTEMPTS: usize = 5;
 
-/// Removes what was built for the window, where it ends by a signal.
-pub fn sweep() {
+/// Removes the folders of built files, when a signal ends the window.
+pub fn remove_temporary_files() {
     let mut folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
     for folder in folders.drain(..) {
-        (0..SWEEPS).find(|_| {
+        (0..REMOVE_ATTEMPTS).find(|_| {
             let removed = std::fs::remove_dir_all(&folder);
             removed.is_ok() || !folder.exists()
         });
     }
 }
 
-/// What is looked at.
+/// An opened input.
 pub struct Opened {
-    /// The file.
+    /// The `.esker` file.
     pub file: Arc<Forest>,
-    /// Where it lies, if it was built for this window alone; removed after the file is closed.
+    /// Folder of a file that was built for this window; removed after the file is closed.
     folder: Option<tempfile::TempDir>,
 }
 
 impl Opened {
-    /// Whether it goes when the window closes.
+    /// Whether the file is removed when the window closes.
     pub fn is_temporary(&self) -> bool {
         self.folder.is_some()
     }
 }
 
-/// A file or scans on their way. Dropping it stops the work and waits for its thread.
+/// An input that is being opened or built. Dropping it stops the work and waits for its thread.
 pub struct Opening {
-    told: Arc<Told>,
+    task: Arc<OpenTask>,
     opened: Receiver<Result<Opened>>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// How far it is.
+/// Progress of opening or building.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Progress {
-    /// What is being done; empty where only a file is opened.
+    /// Name of the phase; empty while a file is opened.
     pub phase: String,
-    /// How much of it is done.
+    /// Work that is done.
     pub done: u64,
-    /// How much there is to do, where known.
+    /// Work in total, if it is known.
     pub total: Option<u64>,
-    /// What is counted.
+    /// Unit of the work.
     pub unit: &'static str,
     /// Seconds since the phase began.
     pub seconds: f64,
-    /// What the builder found worth saying last.
+    /// Last note of the builder.
     pub note: Option<String>,
 }
 
 impl Progress {
-    /// Done a second.
+    /// Work a second.
     pub fn rate(&self) -> f64 {
         if self.seconds > 0.0 { self.done as f64 / self.seconds } else { 0.0 }
     }
 
-    /// Share that is done, 0 to 1.
+    /// Share of the work that is done, 0 to 1.
     pub fn share(&self) -> Option<f32> {
         let total = self.total.filter(|&t| t > 0)?;
         Some((self.done as f64 / total as f64).min(1.0) as f32)
     }
 
-    /// Seconds left of this phase, at the rate so far.
+    /// Seconds until the phase ends, at the rate so far.
     pub fn left_s(&self) -> Option<f64> {
         let left = self.total?.saturating_sub(self.done) as f64;
         (self.done > 0 && self.seconds > 0.5).then(|| left / self.rate())
     }
 }
 
-/// What the working thread tells, and is told.
-struct Told {
+/// State that the window and the thread that opens the input share.
+struct OpenTask {
     stop: AtomicBool,
     done: AtomicU64,
     phase: Mutex<Phase>,
@@ -103,48 +103,48 @@ struct Phase {
 }
 
 impl Opening {
-    /// Begins.
+    /// Starts the thread.
     ///
     /// # Errors
-    /// Where the thread cannot be started.
+    /// If the thread cannot be started.
     pub fn start(inputs: Vec<PathBuf>, options: BuildOptions) -> Result<Self> {
         let phase =
             Phase { name: String::new(), total: None, unit: "", start: Instant::now(), note: None };
-        let told = Arc::new(Told {
+        let task = Arc::new(OpenTask {
             stop: AtomicBool::new(false),
             done: AtomicU64::new(0),
             phase: Mutex::new(phase),
         });
         let (sender, opened) = sync_channel(1);
-        let task = Arc::clone(&told);
+        let shared = Arc::clone(&task);
         let work = move || {
-            // Nobody listens once the window has closed.
-            let _ = sender.send(open(&inputs, &options, &*task));
+            // The receiver is gone if the window has closed.
+            let _ = sender.send(open(&inputs, &options, &*shared));
         };
         let thread = std::thread::Builder::new()
             .name("esker-open".into())
             .spawn(work)
             .context("cannot start a thread to open the file")?;
-        Ok(Self { told, opened, thread: Some(thread) })
+        Ok(Self { task, opened, thread: Some(thread) })
     }
 
-    /// What came of it, once.
+    /// Returns the result when there is one, once.
     pub fn poll(&mut self) -> Option<Result<Opened>> {
         match self.opened.try_recv() {
             Ok(opened) => Some(opened),
             Err(TryRecvError::Empty) => None,
             Err(TryRecvError::Disconnected) => {
-                Some(Err(anyhow::anyhow!("the thread that opens the file has ended early")))
+                Some(Err(anyhow::anyhow!("the thread that opens the file has ended unexpectedly")))
             }
         }
     }
 
-    /// How far it is.
+    /// Present progress.
     pub fn progress(&self) -> Progress {
-        let phase = self.told.phase();
+        let phase = self.task.phase();
         Progress {
             phase: phase.name.clone(),
-            done: self.told.done.load(Relaxed),
+            done: self.task.done.load(Relaxed),
             total: phase.total,
             unit: phase.unit,
             seconds: phase.start.elapsed().as_secs_f64(),
@@ -152,9 +152,9 @@ impl Opening {
         }
     }
 
-    /// Asks it to stop; it ends with an error soon after.
+    /// Requests the thread to stop; it ends with an error soon after.
     pub fn cancel(&self) {
-        self.told.stop.store(true, Relaxed);
+        self.task.stop.store(true, Relaxed);
     }
 }
 
@@ -162,22 +162,22 @@ impl Drop for Opening {
     fn drop(&mut self) {
         self.cancel();
         if let Some(thread) = self.thread.take() {
-            // A thread that panicked has said so itself.
+            // A panic was already reported by the thread.
             let _ = thread.join();
         }
     }
 }
 
-impl Told {
+impl OpenTask {
     fn phase(&self) -> std::sync::MutexGuard<'_, Phase> {
         self.phase.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Task for Told {
+impl Task for OpenTask {
     fn phase(&self, name: &str, total: Option<u64>, unit: &'static str) {
         self.done.store(0, Relaxed);
-        let mut phase = Told::phase(self);
+        let mut phase = OpenTask::phase(self);
         (phase.name, phase.total, phase.unit) = (name.to_owned(), total, unit);
         phase.start = Instant::now();
     }
@@ -187,7 +187,7 @@ impl Task for Told {
     }
 
     fn note(&self, line: &str) {
-        Told::phase(self).note = Some(line.to_owned());
+        OpenTask::phase(self).note = Some(line.to_owned());
     }
 
     fn is_cancelled(&self) -> bool {
@@ -204,7 +204,7 @@ fn open(inputs: &[PathBuf], options: &BuildOptions, task: &dyn Task) -> Result<O
     for input in inputs {
         if esker_engine::io::file::is_esker(input)? {
             bail!(
-                "{}: several inputs are shown together only where all are scans",
+                "{}: several inputs can be shown together only if all are scans",
                 input.display()
             );
         }
@@ -223,7 +223,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn progress_tells_rate_and_time_left() {
+    fn progress_has_a_rate_and_the_time_left() {
         let mut progress = Progress {
             phase: "sampling".into(),
             done: 25,

@@ -1,25 +1,26 @@
-//! How the window looks: a calm dark theme, so that the picture is the brightest thing in it.
+//! Colours and styles of the window: a dark theme, so that the picture is the brightest thing in
+//! it.
 
 use eframe::egui::{
     Color32, Context, CornerRadius, FontFamily, FontId, Stroke, TextStyle, Theme, Visuals, vec2,
 };
 
-/// Behind everything.
+/// Background.
 pub const GROUND: Color32 = Color32::from_rgb(19, 21, 25);
-/// The panel.
+/// Background of the panel.
 pub const PANEL: Color32 = Color32::from_rgb(27, 30, 35);
-/// What wants to be seen: curves, values that are set, progress.
+/// Emphasis: curves, selected values, progress.
 pub const ACCENT: Color32 = Color32::from_rgb(222, 165, 87);
-/// A second curve.
+/// Second curve.
 pub const COOL: Color32 = Color32::from_rgb(104, 162, 196);
 /// Text.
 pub const TEXT: Color32 = Color32::from_rgb(212, 214, 217);
-/// Text that explains.
+/// Labels and explanations.
 pub const FAINT: Color32 = Color32::from_rgb(138, 143, 151);
-/// What went wrong.
+/// Faults.
 pub const FAULT: Color32 = Color32::from_rgb(226, 118, 100);
 
-/// Gives a window this look.
+/// Applies the theme to a window.
 pub fn apply(ctx: &Context) {
     ctx.set_theme(Theme::Dark);
     let mut visuals = Visuals::dark();
@@ -51,7 +52,7 @@ pub fn apply(ctx: &Context) {
         style.spacing.item_spacing = vec2(8.0, 4.0);
         style.spacing.slider_width = 150.0;
         style.spacing.interact_size.y = 18.0;
-        // What is scrolled ends beside the bar, not under it.
+        // Content that scrolls ends beside the scroll bar, not under it.
         style.spacing.scroll.floating_allocated_width = style.spacing.scroll.bar_width;
         let sizes = [
             (TextStyle::Small, 10.5),

@@ -1,22 +1,22 @@
-//! How long frames took: the last few seconds for the plot, and quantiles of any run of them.
+//! Frame times: those of the last seconds for the plot, and quantiles of any sequence of them.
 
 use std::collections::VecDeque;
 
-/// Frames kept at most: at a thousand a second, the seconds of the plot.
+/// Frames that are kept at most: at a thousand a second, all that the plot shows.
 const FRAMES_MAX: usize = 8192;
 
-/// A frame.
+/// Time of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameTime {
-    /// When it was shown, seconds since the start.
+    /// When the frame was shown, seconds since the start.
     pub at_s: f64,
-    /// From the frame before to it, milliseconds.
+    /// Time since the previous frame, milliseconds.
     pub interval_ms: f64,
-    /// Of that, what talking, copying and drawing took.
+    /// Time that input, uploads and drawing took, milliseconds.
     pub work_ms: f64,
 }
 
-/// The frames of the last seconds.
+/// Times of the frames of the last seconds.
 #[derive(Clone, Debug)]
 pub struct Times {
     frames: VecDeque<FrameTime>,
@@ -24,7 +24,7 @@ pub struct Times {
 }
 
 impl Times {
-    /// Of so many seconds.
+    /// Keeps the frames of the last `window_s` seconds.
     pub fn new(window_s: f64) -> Self {
         Self { frames: VecDeque::new(), window_s }
     }
@@ -34,7 +34,7 @@ impl Times {
         self.window_s
     }
 
-    /// Adds a frame; forgets those that are too old.
+    /// Adds a frame, and removes those that are too old.
     pub fn push(&mut self, frame: FrameTime) {
         self.frames.push_back(frame);
         let oldest = frame.at_s - self.window_s;
@@ -44,18 +44,18 @@ impl Times {
         }
     }
 
-    /// The frames, the oldest first.
+    /// The frames, oldest first.
     pub fn frames(&self) -> impl ExactSizeIterator<Item = &FrameTime> {
         self.frames.iter()
     }
 
-    /// The interval that a share, 0 to 1, of the frames did not pass, milliseconds; 0 of none.
+    /// Quantile of the intervals at `share`, 0 to 1, milliseconds; 0 without frames.
     pub fn quantile_ms(&self, share: f64) -> f64 {
         quantile(self.frames.iter().map(|f| f.interval_ms), share)
     }
 }
 
-/// The value that a share, 0 to 1, of the values does not pass; 0 of none.
+/// Quantile of the values at `share`, 0 to 1; 0 without values.
 pub fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);

@@ -1,10 +1,10 @@
-//! Who shows the window: eframe on a real GPU, by Vulkan (or Metal, Direct3D) before OpenGL; where
-//! there is none, the CPU, which is several times faster than a software driver. A machine without
-//! a display gets a message that says what to do.
+//! Opens the window: eframe on a real GPU, with Vulkan (or Metal, Direct3D) preferred to OpenGL;
+//! without a real GPU the CPU paints it, which is several times faster than a software driver. On a
+//! machine without a display the error says what to do.
 
 use crate::app::App;
-use crate::args::{Args, Backend, WindowBy};
-use crate::device::{ShownBy, device_of};
+use crate::args::{Args, Backend, WindowBackend};
+use crate::device::{WindowPainter, device_of};
 use crate::soft;
 use crate::soft::NO_DISPLAY;
 use anyhow::{Context, Result, anyhow};
@@ -24,47 +24,47 @@ pub const TITLE: &str = "Esker";
 /// Shows the window until it is closed.
 ///
 /// # Errors
-/// Where there is no display, or no driver and one was asked for; and those of the app.
+/// If there is no display, or no driver although one was requested; or if the application fails.
 pub fn run(args: Args, start: Instant) -> Result<ExitCode> {
     let wanted = args.window;
-    if wanted == WindowBy::Cpu {
+    if wanted == WindowBackend::Cpu {
         let viewport = viewport(&args);
         soft::run(App::new(args, start)?, viewport)?;
         return Ok(ExitCode::SUCCESS);
     }
-    match by_driver(args, start) {
-        Err(Fault::Driver(fault)) if wanted == WindowBy::Auto => {
+    match run_on_driver(args, start) {
+        Err(Fault::Driver(fault)) if wanted == WindowBackend::Auto => {
             eprintln!("note: {fault}; the window is painted by the CPU");
-            again_by_cpu()
+            restart_on_cpu()
         }
         Err(fault) => Err(fault.into()),
         Ok(()) => Ok(ExitCode::SUCCESS),
     }
 }
 
-/// The same command with a window that needs no driver, in a process of its own: a process has its
-/// connection to the display once.
-fn again_by_cpu() -> Result<ExitCode> {
+/// Runs the same command in a new process with a window that needs no driver, because a process can
+/// connect to the display only once.
+fn restart_on_cpu() -> Result<ExitCode> {
     let program = std::env::current_exe().context("cannot find the program itself")?;
     let mut command = Command::new(program);
-    command.args(["--window", "cpu"]).args(rest());
-    run_instead(command).context("cannot start the program again")
+    command.args(["--window", "cpu"]).args(arguments_without_window());
+    replace_process(command).context("cannot start the program again")
 }
 
-/// In this process's place, so that whoever stops it stops the window.
+/// Replaces this process, so that a signal to it reaches the window.
 #[cfg(unix)]
-fn run_instead(mut command: Command) -> std::io::Result<ExitCode> {
+fn replace_process(mut command: Command) -> std::io::Result<ExitCode> {
     Err(std::os::unix::process::CommandExt::exec(&mut command))
 }
 
 #[cfg(not(unix))]
-fn run_instead(mut command: Command) -> std::io::Result<ExitCode> {
+fn replace_process(mut command: Command) -> std::io::Result<ExitCode> {
     let status = command.status()?;
     Ok(ExitCode::from(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)))
 }
 
-/// The arguments but for `--window`, which is told once.
-fn rest() -> Vec<OsString> {
+/// The arguments of this process without `--window`, which may be given only once.
+fn arguments_without_window() -> Vec<OsString> {
     let mut arguments: Vec<_> = std::env::args_os().skip(1).collect();
     if let Some(at) = arguments.iter().position(|argument| argument == "--window") {
         arguments.drain(at..(at + 2).min(arguments.len()));
@@ -73,27 +73,27 @@ fn rest() -> Vec<OsString> {
     arguments
 }
 
-/// Why there was no window, or what came of it.
+/// Why the window failed.
 enum Fault {
-    /// No graphics driver can show it.
+    /// No graphics driver can show the window.
     Driver(String),
-    /// Anything else.
+    /// Any other error.
     Other(anyhow::Error),
 }
 
-/// Through eframe, on a driver.
-fn by_driver(args: Args, start: Instant) -> Result<(), Fault> {
+/// Runs the application in eframe, on a graphics driver.
+fn run_on_driver(args: Args, start: Instant) -> Result<(), Fault> {
     let options = options(&args);
     let app = App::new(args, start).map_err(Fault::Other)?;
-    // The window takes the app; what came of it is left here.
-    let verdict = Arc::new(Mutex::new(Ok(())));
-    let left = Arc::clone(&verdict);
+    // eframe owns the application; its result is left here.
+    let result = Arc::new(Mutex::new(Ok(())));
+    let left = Arc::clone(&result);
     let shell = |cc: &CreationContext<'_>| -> Result<Box<dyn eframe::App>, _> {
         Ok(Box::new(Shell::new(app, left, cc)) as Box<dyn eframe::App>)
     };
     eframe::run_native(TITLE, options, Box::new(shell))?;
-    let mut verdict = verdict.lock().unwrap_or_else(PoisonError::into_inner);
-    std::mem::replace(&mut *verdict, Ok(())).map_err(Fault::Other)
+    let mut result = result.lock().unwrap_or_else(PoisonError::into_inner);
+    std::mem::replace(&mut *result, Ok(())).map_err(Fault::Other)
 }
 
 impl From<eframe::Error> for Fault {
@@ -127,14 +127,14 @@ fn viewport(args: &Args) -> ViewportBuilder {
 
 fn options(args: &Args) -> NativeOptions {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
-    if args.window == WindowBy::Gl {
+    if args.window == WindowBackend::Gl {
         setup.instance_descriptor.backends = wgpu::Backends::GL;
     }
     setup.device_descriptor = Arc::new(device_of);
-    // A software driver paints a window several times slower than the CPU alone does.
-    let is_real = args.window == WindowBy::Auto && args.backend != Backend::Gpu;
+    // Painting with a software driver is several times slower than painting with the CPU.
+    let must_be_real = args.window == WindowBackend::Auto && args.backend != Backend::Gpu;
     setup.native_adapter_selector =
-        Some(Arc::new(move |adapters, surface| choose(adapters, surface, is_real)));
+        Some(Arc::new(move |adapters, surface| choose(adapters, surface, must_be_real)));
     let wgpu_options = WgpuConfiguration {
         surface: SurfaceConfig::LOW_LATENCY,
         wgpu_setup: WgpuSetup::CreateNew(setup),
@@ -143,12 +143,12 @@ fn options(args: &Args) -> NativeOptions {
     NativeOptions { viewport: viewport(args), wgpu_options, ..NativeOptions::default() }
 }
 
-/// The adapter to show the window by: one that can show it, real GPUs first, OpenGL last; no
-/// software driver where `is_real`.
+/// Chooses the adapter that paints the window: one that can show it, real GPUs first, OpenGL last.
+/// If `must_be_real`, a software driver is an error.
 fn choose(
     adapters: &[wgpu::Adapter],
     surface: Option<&wgpu::Surface<'_>>,
-    is_real: bool,
+    must_be_real: bool,
 ) -> Result<wgpu::Adapter, String> {
     let fits = |a: &&wgpu::Adapter| surface.is_none_or(|s| a.is_surface_supported(s));
     let rank = |a: &&wgpu::Adapter| {
@@ -163,28 +163,29 @@ fn choose(
         (kind, info.backend == wgpu::Backend::Gl)
     };
     let best = adapters.iter().filter(fits).min_by_key(rank);
-    let best = best.ok_or("none can show a window")?;
+    let best = best.ok_or("no adapter can show a window")?;
     let info = best.get_info();
-    if is_real && is_software(&info) {
+    if must_be_real && is_software(&info) {
         return Err(format!("there is only {}, a software driver", info.name));
     }
     Ok(best.clone())
 }
 
-/// What came of the app.
-type Verdict = Arc<Mutex<Result<()>>>;
+/// Result of the application.
+type AppResult = Arc<Mutex<Result<()>>>;
 
-/// The app as eframe runs it.
+/// The application as eframe runs it.
 struct Shell {
     app: App,
-    verdict: Verdict,
+    result: AppResult,
 }
 
 impl Shell {
-    fn new(mut app: App, verdict: Verdict, cc: &CreationContext<'_>) -> Self {
-        let shown_by = cc.wgpu_render_state.as_ref().map(ShownBy::driver).unwrap_or_default();
-        app.show_by(&cc.egui_ctx, shown_by);
-        Self { app, verdict }
+    fn new(mut app: App, result: AppResult, cc: &CreationContext<'_>) -> Self {
+        let window_painter =
+            cc.wgpu_render_state.as_ref().map(WindowPainter::driver).unwrap_or_default();
+        app.set_window_painter(&cc.egui_ctx, window_painter);
+        Self { app, result }
     }
 }
 
@@ -198,8 +199,8 @@ impl eframe::App for Shell {
     }
 
     fn on_exit(&mut self) {
-        let verdict = self.app.end();
-        *self.verdict.lock().unwrap_or_else(PoisonError::into_inner) = verdict;
+        let result = self.app.end();
+        *self.result.lock().unwrap_or_else(PoisonError::into_inner) = result;
     }
 
     fn clear_color(&self, _visuals: &egui::Visuals) -> [f32; 4] {

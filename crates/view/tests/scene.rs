@@ -1,5 +1,5 @@
-//! The session behind the picture: what it says where there is nothing to show, and that it goes on
-//! from there.
+//! Tests of the scene: a filter that leaves no points is an error, and another filter shows points
+//! again.
 
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
@@ -9,8 +9,8 @@ use esker_engine::cameras::camera::Camera;
 use esker_engine::io::progress::{Progress, Style};
 use esker_engine::{BuildOptions, Filter, Forest, View};
 use esker_view::args::Backend;
-use esker_view::device::ShownBy;
-use esker_view::scene::{Look, Scene, Shown};
+use esker_view::device::WindowPainter;
+use esker_view::scene::{FrameOutcome, FrameViews, Scene};
 use esker_view::settings::Settings;
 use std::path::Path;
 use std::sync::Arc;
@@ -18,22 +18,22 @@ use std::time::Duration;
 
 const SIZE: [u32; 2] = [160, 100];
 
-/// Points drawn of this view, or why there are none.
+/// Number of points drawn for this view, or the fault.
 fn drawn(scene: &mut Scene, view: View) -> Result<u64, String> {
-    let look = Look { chosen: view, seen: view };
+    let views = FrameViews { chosen: view, seen: view };
     loop {
-        match scene.frame(&look) {
-            Shown::New(frame) if frame.cut.settled && frame.is_of_view => {
+        match scene.frame(&views) {
+            FrameOutcome::New(frame) if frame.cut.settled && frame.is_of_view => {
                 return Ok(frame.stats.points_drawn);
             }
-            Shown::Failed(fault) => return Err(fault),
+            FrameOutcome::Failed(fault) => return Err(fault),
             _ => std::thread::sleep(Duration::from_millis(1)),
         }
     }
 }
 
 #[test]
-fn a_filter_that_leaves_no_point_is_said_until_another_one_leaves_some() {
+fn a_filter_that_leaves_no_points_is_an_error_until_another_filter_leaves_some() {
     let folder = tempfile::tempdir().unwrap();
     let built = folder.path().join("creek.esker");
     let scan = Path::new("../../tests/sample/creek.laz").to_owned();
@@ -43,7 +43,7 @@ fn a_filter_that_leaves_no_point_is_said_until_another_one_leaves_some() {
     let bounds = info::bounds(&file);
     let view = Camera::default().view(bounds, SIZE);
     let by = |filter: Filter| Settings { filter, ..Settings::default() };
-    let device = ShownBy::default().device(Backend::Cpu);
+    let device = WindowPainter::default().device(Backend::Cpu);
     let mut scene = Scene::new(file, Settings::default(), device, SIZE);
     let all = drawn(&mut scene, view).unwrap();
     for filter in [

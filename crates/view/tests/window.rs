@@ -1,5 +1,5 @@
-//! Opens real windows and flies through them by scripts. Where there is no display the tests say so
-//! and pass: `cargo xtask view` runs them on a display in memory.
+//! Opens real windows and controls them by scripts. Without a display the tests skip themselves,
+//! which they print; `cargo xtask view` runs them on a display in memory.
 
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
@@ -16,16 +16,16 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 const SIZE: [u32; 2] = [640, 400];
 
-/// One window at a time: they share the processor with what draws them.
+/// One window at a time, because they share the processor with what draws them.
 static ONE: Mutex<()> = Mutex::new(());
 
-/// A folder of a test, with what it needs to open windows.
-struct Stand {
+/// A folder for the files of a test, and the right to open windows.
+struct Fixture {
     folder: tempfile::TempDir,
     _one: MutexGuard<'static, ()>,
 }
 
-fn stand() -> Option<Stand> {
+fn fixture() -> Option<Fixture> {
     let has_display = cfg!(not(target_os = "linux"))
         || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
     if !has_display {
@@ -33,15 +33,15 @@ fn stand() -> Option<Stand> {
         return None;
     }
     let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
-    Some(Stand { folder: tempfile::tempdir().unwrap(), _one: one })
+    Some(Fixture { folder: tempfile::tempdir().unwrap(), _one: one })
 }
 
-impl Stand {
+impl Fixture {
     fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    /// Runs the window on a file by a script in this folder; what it reports.
+    /// Runs the window with a script on a file. Returns its report.
     fn fly(&self, file: &Path, script: &str, options: &[&str]) -> Value {
         report_of(&self.run(file, script, options))
     }
@@ -61,18 +61,18 @@ impl Stand {
     }
 }
 
-/// What a run that worked reports.
+/// Checks that the run succeeded. Returns its report.
 fn report_of(output: &Output) -> Value {
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{}: {said}", output.status);
-    assert!(!said.contains("panicked"), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{}: {stderr}", output.status);
+    assert!(!stderr.contains("panicked"), "{stderr}");
     let report = String::from_utf8_lossy(&output.stdout).into_owned();
     let report: Value = serde_json::from_str(report.lines().last().unwrap()).unwrap();
     assert_eq!(report["faults"].as_array().map(Vec::len), Some(0), "{report}");
     report
 }
 
-/// The sample scan, built once.
+/// The sample scan as an `.esker` file, built once.
 fn sample() -> &'static Path {
     static BUILT: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     let (_, built) = BUILT.get_or_init(|| {
@@ -102,7 +102,7 @@ fn read_png(path: &Path) -> Picture {
     Picture { width: info.width, height: info.height, rgba, ..Picture::default() }
 }
 
-/// Share of the pixels of two pictures of one size that differ by more than this in any channel.
+/// Share of the pixels of two pictures of the same size that differ by more than `by` in a channel.
 fn share_off(a: &Picture, b: &Picture, by: u8) -> f64 {
     assert_eq!([a.width, a.height], [b.width, b.height]);
     let pairs = a.rgba.chunks_exact(4).zip(b.rgba.chunks_exact(4));
@@ -110,7 +110,7 @@ fn share_off(a: &Picture, b: &Picture, by: u8) -> f64 {
     off as f64 / (a.rgba.len() / 4) as f64
 }
 
-/// What the engine itself draws from where the window starts, in this size.
+/// Picture that the engine draws for the window's first view, of `size` pixels.
 fn drawn_by_the_engine(size: [u32; 2]) -> Picture {
     let file = Forest::open(sample()).unwrap();
     let view = Camera::default().view(info::bounds(&file), SIZE);
@@ -129,15 +129,16 @@ fn drawn_by_the_engine(size: [u32; 2]) -> Picture {
 
 #[test]
 fn the_window_shows_what_the_engine_draws() {
-    let Some(stand) = stand() else { return };
+    let Some(fixture) = fixture() else { return };
     let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "picture", "path": "scene.png"},
                                {"do": "window", "path": "window.png"}]}"#;
-    let report = stand.fly(sample(), script, &["--no-occlusion", "--no-panel", "--backend", "cpu"]);
-    let scene = read_png(&stand.path("scene.png"));
+    let report =
+        fixture.fly(sample(), script, &["--no-occlusion", "--no-panel", "--backend", "cpu"]);
+    let scene = read_png(&fixture.path("scene.png"));
     let engine = drawn_by_the_engine([scene.width, scene.height]);
     let off = share_off(&scene, &engine, 8);
     assert!(off <= 0.001, "{off} of the pixels are not what the engine draws");
-    let window = read_png(&stand.path("window.png"));
+    let window = read_png(&fixture.path("window.png"));
     let off = share_off(&scene, &window, 12);
     assert!(off <= 0.02, "{off} of the window's pixels are not the picture");
     println!(
@@ -147,8 +148,8 @@ fn the_window_shows_what_the_engine_draws() {
 }
 
 #[test]
-fn a_hand_flies_and_loading_is_compared_with_all_resident_in_the_same_run() {
-    let Some(stand) = stand() else { return };
+fn a_script_flies_and_loading_is_compared_with_a_resident_scene_in_the_same_run() {
+    let Some(fixture) = fixture() else { return };
     let script = r#"{"cold": true,
         "flight": [{"do": "hold", "keys": ["W"], "seconds": 0.4},
                    {"do": "drag", "from": [0.4, 0.5], "to": [0.6, 0.45], "seconds": 0.4},
@@ -158,14 +159,15 @@ fn a_hand_flies_and_loading_is_compared_with_all_resident_in_the_same_run() {
                   {"do": "wait", "seconds": 1.0}, {"do": "picture", "path": "nearer.png"},
                   {"do": "press", "key": "F"}, {"do": "wait", "seconds": 1.0},
                   {"do": "settle", "seconds": 10}, {"do": "picture", "path": "home.png"}]}"#;
-    let report = stand.fly(sample(), script, &["--no-panel", "--backend", "cpu", "--no-occlusion"]);
+    let report =
+        fixture.fly(sample(), script, &["--no-panel", "--backend", "cpu", "--no-occlusion"]);
     let [there, nearer, home] =
-        ["there.png", "nearer.png", "home.png"].map(|name| read_png(&stand.path(name)));
-    // More than half of both pictures is sky, which is the same in all.
-    assert!(share_off(&there, &nearer, 8) > 0.2, "a double click has brought it nearer");
-    assert!(share_off(&there, &home, 8) > 0.2, "the flight went somewhere");
+        ["there.png", "nearer.png", "home.png"].map(|name| read_png(&fixture.path(name)));
+    // More than half of each picture is sky, which is the same in all.
+    assert!(share_off(&there, &nearer, 8) > 0.2, "a double click moves the camera nearer");
+    assert!(share_off(&there, &home, 8) > 0.2, "the flight moves the camera");
     let engine = drawn_by_the_engine([home.width, home.height]);
-    assert!(share_off(&home, &engine, 8) <= 0.001, "and F leads back to where it started");
+    assert!(share_off(&home, &engine, 8) <= 0.001, "F returns to the first view");
     let flights = report["flights"].as_array().unwrap();
     assert!(flights.len() >= 2 && report["last_is_resident"] == true, "{report}");
     assert!(
@@ -184,17 +186,17 @@ fn a_hand_flies_and_loading_is_compared_with_all_resident_in_the_same_run() {
 }
 
 #[test]
-fn a_camera_path_is_followed_by_keys_and_mouse() {
-    let Some(stand) = stand() else { return };
+fn a_camera_path_is_followed_with_keys_and_mouse() {
+    let Some(fixture) = fixture() else { return };
     let path = r#"{"coordinates": "bounds", "views": [
         {"name": "far", "eye": [0.5, -1.5, 3], "target": [0.5, 0.5, 0.5], "stay_s": 0.5},
         {"name": "near", "eye": [0.4, 0.0, 1.5], "target": [0.5, 0.5, 0.5], "travel_s": 1.5, "stay_s": 0.5}]}"#;
-    std::fs::write(stand.path("path.json"), path).unwrap();
+    std::fs::write(fixture.path("path.json"), path).unwrap();
     let script = r#"{"flights_max": 1, "flight": [{"do": "path", "file": "path.json"}],
                      "after": [{"do": "settle", "seconds": 10}, {"do": "picture", "path": "near.png"}]}"#;
-    stand.fly(sample(), script, &["--no-panel", "--backend", "cpu"]);
-    let seen = read_png(&stand.path("near.png"));
-    // It ends near the path's end: what fills the picture there fills it here.
+    fixture.fly(sample(), script, &["--no-panel", "--backend", "cpu"]);
+    let seen = read_png(&fixture.path("near.png"));
+    // The flight ends near the path's last view, whose picture has about the same brightness.
     let file = Forest::open(sample()).unwrap();
     let size = [seen.width, seen.height];
     let stops = path::Path::parse(path, info::bounds(&file), size).unwrap().views;
@@ -215,41 +217,41 @@ fn a_camera_path_is_followed_by_keys_and_mouse() {
 }
 
 #[test]
-fn it_closes_cleanly_while_it_loads() {
-    let Some(stand) = stand() else { return };
+fn the_window_closes_cleanly_while_it_loads() {
+    let Some(fixture) = fixture() else { return };
     let script = r#"{"cold": true, "flight": [{"do": "hold", "keys": ["W"], "seconds": 0.05}, {"do": "close"}]}"#;
-    stand.fly(sample(), script, &["--backend", "cpu"]);
-    // While scans are still being built, too.
+    fixture.fly(sample(), script, &["--backend", "cpu"]);
+    // Also while scans are being built.
     let script = r#"{"before": [{"do": "close"}]}"#;
-    stand.fly(&scan(), script, &["--backend", "cpu"]);
+    fixture.fly(&scan(), script, &["--backend", "cpu"]);
 }
 
 #[test]
 fn a_scan_is_built_and_shown() {
-    let Some(stand) = stand() else { return };
+    let Some(fixture) = fixture() else { return };
     let script =
         r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "picture", "path": "scene.png"}]}"#;
-    stand.fly(&scan(), script, &["--no-occlusion", "--no-panel", "--backend", "cpu"]);
-    let scene = read_png(&stand.path("scene.png"));
+    fixture.fly(&scan(), script, &["--no-occlusion", "--no-panel", "--backend", "cpu"]);
+    let scene = read_png(&fixture.path("scene.png"));
     let engine = drawn_by_the_engine([scene.width, scene.height]);
     assert!(share_off(&scene, &engine, 8) <= 0.001);
 }
 
 #[test]
-fn every_way_to_show_a_window_shows_the_picture() {
-    let Some(stand) = stand() else { return };
+fn every_backend_of_the_window_shows_the_picture() {
+    let Some(fixture) = fixture() else { return };
     let script =
         r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "window", "path": "window.png"}]}"#;
     for window in ["auto", "driver", "gl", "cpu"] {
         let options = ["--window", window, "--no-occlusion", "--no-panel", "--backend", "cpu"];
-        let output = stand.run(sample(), script, &options);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        if ["driver", "gl"].contains(&window) && said.contains("no graphics driver") {
+        let output = fixture.run(sample(), script, &options);
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        if ["driver", "gl"].contains(&window) && stderr.contains("no graphics driver") {
             eprintln!("skipped: no driver shows a window by `{window}`");
             continue;
         }
         let report = report_of(&output);
-        let shown = read_png(&stand.path("window.png"));
+        let shown = read_png(&fixture.path("window.png"));
         let engine = drawn_by_the_engine([shown.width, shown.height]);
         let off = share_off(&shown, &engine, 12);
         assert!(off <= 0.02, "{window}: {off} of the window's pixels are not the picture");
@@ -258,8 +260,8 @@ fn every_way_to_show_a_window_shows_the_picture() {
 }
 
 #[test]
-fn settings_change_while_it_runs_and_the_view_stays() {
-    let Some(stand) = stand() else { return };
+fn settings_change_while_the_window_runs_and_the_view_stays() {
+    let Some(fixture) = fixture() else { return };
     let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "press", "key": "M"},
         {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "press", "key": "M"},
         {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "points.png"},
@@ -267,38 +269,38 @@ fn settings_change_while_it_runs_and_the_view_stays() {
         {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "surface.png"},
         {"do": "press", "key": "Space"}, {"do": "hold", "keys": ["S"], "seconds": 0.5},
         {"do": "settle", "seconds": 5}, {"do": "picture", "path": "frozen.png"}]}"#;
-    stand.fly(sample(), script, &["--no-panel", "--backend", "cpu"]);
+    fixture.fly(sample(), script, &["--no-panel", "--backend", "cpu"]);
     let [points, surface, frozen] =
-        ["points.png", "surface.png", "frozen.png"].map(|name| read_png(&stand.path(name)));
-    assert!(share_off(&points, &surface, 8) > 0.05, "points are not surfaces");
+        ["points.png", "surface.png", "frozen.png"].map(|name| read_png(&fixture.path(name)));
+    assert!(share_off(&points, &surface, 8) > 0.05, "points differ from surfaces");
     let engine = drawn_by_the_engine([surface.width, surface.height]);
-    assert!(share_off(&surface, &engine, 8) <= 0.001, "the view is the one before the changes");
-    assert!(share_off(&frozen, &surface, 8) > 0.05, "a frozen cut is seen from elsewhere");
+    assert!(share_off(&surface, &engine, 8) <= 0.001, "the view is that of before the changes");
+    assert!(share_off(&frozen, &surface, 8) > 0.05, "a frozen cut is seen from another pose");
 }
 
 #[test]
-fn what_cannot_be_shown_is_said_in_one_line_and_by_the_exit_code() {
-    let Some(stand) = stand() else { return };
-    let nothing = stand.path("nothing.esker");
-    let output = stand.run(&nothing, r#"{"after": []}"#, &[]);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(!output.status.success() && said.contains("nothing.esker"), "{said}");
-    let output = stand.run(
+fn errors_are_printed_in_one_line_and_set_the_exit_code() {
+    let Some(fixture) = fixture() else { return };
+    let nothing = fixture.path("nothing.esker");
+    let output = fixture.run(&nothing, r#"{"after": []}"#, &[]);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && stderr.contains("nothing.esker"), "{stderr}");
+    let output = fixture.run(
         sample(),
         r#"{"after": [{"do": "settle", "seconds": 9}]}"#,
         &["--budget-ram", "1MiB"],
     );
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(!output.status.success() && said.contains("--budget-ram"), "{said}");
-    assert!(!said.contains("panicked"), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && stderr.contains("--budget-ram"), "{stderr}");
+    assert!(!stderr.contains("panicked"), "{stderr}");
 }
 
 #[test]
-fn what_is_wrong_beside_the_window_is_not_blamed_on_it() {
-    let Some(stand) = stand() else { return };
+fn errors_other_than_a_missing_display_do_not_mention_the_display() {
+    let Some(fixture) = fixture() else { return };
     let script = r#"{"after": [{"do": "settle", "seconds": 20}]}"#;
     let unwritable = r#"{"after": [{"do": "picture", "path": "no/such/folder/scene.png"}]}"#;
-    let nothing = stand.path("nothing.esker");
+    let nothing = fixture.path("nothing.esker");
     for (file, script, option, word) in [
         (nothing.as_path(), script, "--no-panel", "nothing.esker"),
         (sample(), script, "--colour=mood", "mood"),
@@ -307,24 +309,24 @@ fn what_is_wrong_beside_the_window_is_not_blamed_on_it() {
         (sample(), script, "--box=0,0,1,1", "none of its"),
         (sample(), unwritable, "--no-panel", "scene.png"),
     ] {
-        let output = stand.run(file, script, &["--window", "cpu", "--backend", "cpu", option]);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(!output.status.success() && said.contains(word), "{option}: {said}");
-        assert!(!said.contains("needs a display"), "{option}: {said}");
+        let output = fixture.run(file, script, &["--window", "cpu", "--backend", "cpu", option]);
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && stderr.contains(word), "{option}: {stderr}");
+        assert!(!stderr.contains("needs a display"), "{option}: {stderr}");
     }
 }
 
 #[test]
-fn home_shows_the_scan_again_from_however_far_away() {
-    let Some(stand) = stand() else { return };
+fn home_returns_to_the_first_view_from_any_distance() {
+    let Some(fixture) = fixture() else { return };
     let script = r#"{"after": [{"do": "settle", "seconds": 20},
         {"do": "wheel", "at": [0.4, 0.35], "points": -20000, "seconds": 0.2}, {"do": "settle", "seconds": 9},
         {"do": "press", "key": "Home"}, {"do": "settle", "seconds": 9}, {"do": "picture", "path": "back.png"},
         {"do": "wheel", "at": [0.4, 0.35], "points": 100000, "seconds": 0.2}, {"do": "settle", "seconds": 9},
         {"do": "press", "key": "Home"}, {"do": "settle", "seconds": 9}, {"do": "picture", "path": "again.png"}]}"#;
-    stand.fly(sample(), script, &["--no-panel", "--backend", "cpu", "--no-occlusion"]);
+    fixture.fly(sample(), script, &["--no-panel", "--backend", "cpu", "--no-occlusion"]);
     for name in ["back.png", "again.png"] {
-        let home = read_png(&stand.path(name));
+        let home = read_png(&fixture.path(name));
         let engine = drawn_by_the_engine([home.width, home.height]);
         let off = share_off(&home, &engine, 8);
         assert!(off <= 0.001, "{name}: {off} of the pixels are not those of the first view");
@@ -333,7 +335,7 @@ fn home_shows_the_scan_again_from_however_far_away() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn without_a_display_it_says_what_to_do() {
+fn without_a_display_the_error_says_what_to_do() {
     let output = Command::new(env!("CARGO_BIN_EXE_esker-view"))
         .env_remove("DISPLAY")
         .env_remove("WAYLAND_DISPLAY")
@@ -341,34 +343,34 @@ fn without_a_display_it_says_what_to_do() {
         .arg(sample())
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(!output.status.success() && said.contains("esker render"), "{said}");
-    assert!(!said.contains("panicked"), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && stderr.contains("esker render"), "{stderr}");
+    assert!(!stderr.contains("panicked"), "{stderr}");
 }
 
 #[test]
-fn keys_go_on_whether_the_panel_is_shown_or_not() {
-    let Some(stand) = stand() else { return };
+fn keys_work_whether_the_panel_is_shown_or_not() {
+    let Some(fixture) = fixture() else { return };
     let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "picture", "path": "a.png"},
         {"do": "press", "key": "Tab"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "b.png"},
         {"do": "press", "key": "M"}, {"do": "settle", "seconds": 20},
         {"do": "press", "key": "Tab"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "c.png"},
         {"do": "press", "key": "Tab"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "d.png"}]}"#;
-    stand.fly(sample(), script, &["--backend", "cpu"]);
-    let [a, b, c, d] = ["a.png", "b.png", "c.png", "d.png"].map(|p| read_png(&stand.path(p)));
-    assert!(a.width < b.width, "the panel has gone");
-    assert_eq!((c.width, d.width), (a.width, b.width), "and comes and goes again");
-    assert!(share_off(&a, &c, 8) > 0.01, "M was heard meanwhile");
+    fixture.fly(sample(), script, &["--backend", "cpu"]);
+    let [a, b, c, d] = ["a.png", "b.png", "c.png", "d.png"].map(|p| read_png(&fixture.path(p)));
+    assert!(a.width < b.width, "the panel is hidden");
+    assert_eq!((c.width, d.width), (a.width, b.width), "the panel is shown and hidden again");
+    assert!(share_off(&a, &c, 8) > 0.01, "the key M works while the panel is hidden");
 }
 
 #[test]
-fn clicks_tell_places_and_how_far_they_are_apart() {
-    let Some(stand) = stand() else { return };
+fn clicks_measure_coordinates_and_distances() {
+    let Some(fixture) = fixture() else { return };
     let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "click", "at": [0.45, 0.5]},
         {"do": "settle", "seconds": 20}, {"do": "wait", "seconds": 0.7}, {"do": "click", "at": [0.55, 0.52]},
         {"do": "settle", "seconds": 20}, {"do": "wait", "seconds": 0.3}]}"#;
     for options in [&["--backend", "cpu"][..], &["--backend", "auto", "--no-panel"]] {
-        let report = stand.fly(sample(), script, options);
+        let report = fixture.fly(sample(), script, options);
         let lines: Vec<&str> =
             report["measured"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
         let [a, b, between] = lines[..] else { panic!("{report}") };
@@ -383,29 +385,29 @@ fn clicks_tell_places_and_how_far_they_are_apart() {
             assert!((low[axis] - slack..=high[axis] + slack).contains(&at), "{at}");
         }
         let distance = (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
-        let told = between.split_whitespace().nth(1).unwrap().trim_end_matches(',');
-        let told: f64 = told.parse().unwrap();
-        assert!(distance > 1.0 && (told - distance).abs() < distance * 0.01, "{between}");
+        let reported = between.split_whitespace().nth(1).unwrap().trim_end_matches(',');
+        let reported: f64 = reported.parse().unwrap();
+        assert!(distance > 1.0 && (reported - distance).abs() < distance * 0.01, "{between}");
     }
 }
 
 #[test]
-fn the_first_picture_that_cannot_be_written_is_told() {
-    let Some(stand) = stand() else { return };
+fn the_first_picture_that_cannot_be_written_is_reported() {
+    let Some(fixture) = fixture() else { return };
     let script = r#"{"after": [{"do": "picture", "path": "none/a.png"}, {"do": "picture", "path": "b.png"}]}"#;
-    let output = stand.run(sample(), script, &["--backend", "cpu"]);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let output = fixture.run(sample(), script, &["--backend", "cpu"]);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1));
-    assert!(said.contains("none/a.png") && !said.contains("b.png"), "{said}");
-    assert!(stand.path("b.png").exists());
+    assert!(stderr.contains("none/a.png") && !stderr.contains("b.png"), "{stderr}");
+    assert!(fixture.path("b.png").exists());
 }
 
-/// However it ends, nothing stays of what was built for it.
+/// The folder of the built file is removed, also when a signal ends the window.
 #[cfg(unix)]
 #[test]
-fn a_window_that_is_stopped_leaves_no_copy_behind() {
-    let Some(stand) = stand() else { return };
-    let scratch = stand.path("scratch");
+fn a_window_that_a_signal_ends_removes_its_temporary_file() {
+    let Some(fixture) = fixture() else { return };
+    let scratch = fixture.path("scratch");
     std::fs::create_dir(&scratch).unwrap();
     let is_empty = || std::fs::read_dir(&scratch).unwrap().next().is_none();
     let mut window = Command::new(env!("CARGO_BIN_EXE_esker-view"))

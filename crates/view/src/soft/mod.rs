@@ -1,10 +1,10 @@
-//! A window without any graphics driver: winit opens it, egui's meshes are painted by the CPU,
-//! softbuffer shows them.
+//! A window without a graphics driver: winit opens it, the CPU paints egui's meshes, softbuffer
+//! shows the pixels.
 
 mod painter;
 
 use crate::app::App;
-use crate::device::ShownBy;
+use crate::device::WindowPainter;
 use crate::theme;
 use anyhow::{Context as _, Result, anyhow};
 use eframe::egui::{
@@ -22,69 +22,69 @@ use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, OwnedDisplayHandle};
 use winit::window::{Window, WindowId};
 
-/// Error where no window can be opened, with what to do.
+/// Error if no window can be opened, with what to do.
 pub(crate) const NO_DISPLAY: &str = "cannot open a window: it needs a display (DISPLAY or WAYLAND_DISPLAY), and on X11 the packages \
     libxkbcommon-x11-0, libxcursor1 and libxi6; without one: esker render FILE -o picture.png";
 
-/// Shows the window until it is closed; what came of the app.
+/// Shows the window until it is closed. Returns the result of the application.
 ///
 /// # Errors
-/// Where there is no display, and those of the app.
+/// If there is no display, or if the application fails.
 pub fn run(app: App, viewport: ViewportBuilder) -> Result<()> {
     let event_loop = EventLoop::new().context(NO_DISPLAY)?;
-    let mut shell = Shell { app, viewport, ctx: Context::default(), shown: None, outcome: Ok(()) };
+    let mut shell = Shell { app, viewport, ctx: Context::default(), open: None, outcome: Ok(()) };
     event_loop.run_app(&mut shell).context("the window's events ended")?;
-    let Shell { mut app, shown, outcome, .. } = shell;
+    let Shell { mut app, open, outcome, .. } = shell;
     let ended = app.end();
-    drop(shown);
+    drop(open);
     outcome.and(ended)
 }
 
-/// The app and its window.
+/// The application and its window.
 struct Shell {
     app: App,
     viewport: ViewportBuilder,
     ctx: Context,
-    shown: Option<Shown>,
+    open: Option<OpenWindow>,
     outcome: Result<()>,
 }
 
 /// A window that is open.
-struct Shown {
+struct OpenWindow {
     window: Rc<Window>,
     surface: Surface<OwnedDisplayHandle, Rc<Window>>,
     state: egui_winit::State,
     painter: Painter,
-    /// When the next pass is due.
+    /// When the next pass of egui is due.
     due: Option<Instant>,
 }
 
 impl ApplicationHandler for Shell {
     fn resumed(&mut self, event_loop: &ActiveEventLoop) {
-        if self.shown.is_some() {
+        if self.open.is_some() {
             return;
         }
-        match Shown::open(&self.ctx, event_loop, &self.viewport).context(NO_DISPLAY) {
-            Ok(shown) => {
-                let shown_by = ShownBy { name: "CPU".into(), painter: None };
-                self.app.show_by(&self.ctx, shown_by);
-                shown.window.request_redraw();
-                self.shown = Some(shown);
+        match OpenWindow::open(&self.ctx, event_loop, &self.viewport).context(NO_DISPLAY) {
+            Ok(open) => {
+                let window_painter = WindowPainter { name: "CPU".into(), driver: None };
+                self.app.set_window_painter(&self.ctx, window_painter);
+                open.window.request_redraw();
+                self.open = Some(open);
             }
             Err(error) => self.stop(event_loop, error),
         }
     }
 
     fn new_events(&mut self, _event_loop: &ActiveEventLoop, _cause: StartCause) {
-        let Some(shown) = &mut self.shown else { return };
-        if shown.due.is_some_and(|due| due <= Instant::now()) {
-            shown.due = None;
-            shown.window.request_redraw();
+        let Some(open) = &mut self.open else { return };
+        if open.due.is_some_and(|due| due <= Instant::now()) {
+            open.due = None;
+            open.window.request_redraw();
         }
     }
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _id: WindowId, event: WindowEvent) {
-        let Some(shown) = &mut self.shown else { return };
+        let Some(open) = &mut self.open else { return };
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
             WindowEvent::RedrawRequested => {
@@ -93,8 +93,8 @@ impl ApplicationHandler for Shell {
                 }
             }
             event => {
-                if shown.state.on_window_event(&shown.window, &event).repaint {
-                    shown.window.request_redraw();
+                if open.state.on_window_event(&open.window, &event).repaint {
+                    open.window.request_redraw();
                 }
             }
         }
@@ -108,8 +108,8 @@ impl Shell {
     }
 
     fn pass(&mut self, event_loop: &ActiveEventLoop) -> Result<()> {
-        let Some(shown) = &mut self.shown else { return Ok(()) };
-        let mut input = shown.state.take_egui_input(&shown.window);
+        let Some(open) = &mut self.open else { return Ok(()) };
+        let mut input = open.state.take_egui_input(&open.window);
         self.app.input(&self.ctx, &mut input);
         let app = &mut self.app;
         let output = self.ctx.run_ui(input, |ui| app.pass(ui));
@@ -124,13 +124,13 @@ impl Shell {
             }
         }
         let delay = output.viewport_output.get(&ViewportId::ROOT).map(|v| v.repaint_delay);
-        shown.paint(&self.ctx, output, shots)?;
-        shown.repaint_after(event_loop, delay.unwrap_or(Duration::MAX));
+        open.paint(&self.ctx, output, shots)?;
+        open.repaint_after(event_loop, delay.unwrap_or(Duration::MAX));
         Ok(())
     }
 }
 
-impl Shown {
+impl OpenWindow {
     fn open(
         ctx: &Context,
         event_loop: &ActiveEventLoop,
@@ -189,7 +189,7 @@ impl Shown {
         Ok(())
     }
 
-    /// Has the next pass made after a while.
+    /// Schedules the next pass after `delay`.
     fn repaint_after(&mut self, event_loop: &ActiveEventLoop, delay: Duration) {
         if delay.is_zero() {
             self.window.request_redraw();

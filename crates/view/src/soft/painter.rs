@@ -1,47 +1,48 @@
-//! Paints egui's meshes on the CPU: triangles row by row, a texture times the vertices' colour,
-//! blended premultiplied in gamma space, as egui means them. For machines without any graphics
+//! Paints egui's meshes on the CPU: triangles row by row, texture times vertex colour, blended as
+//! premultiplied colours in gamma space, as egui defines them. Used on machines without a graphics
 //! driver.
 
 use eframe::egui::epaint::{ClippedPrimitive, ImageDelta, Mesh, Primitive, Vertex};
 use eframe::egui::{Color32, ImageData, Rect, TextureId, TexturesDelta};
 use std::collections::HashMap;
 
-/// A picture of 0RGB pixels, row by row.
+/// A picture of 0RGB pixels, in rows.
 pub struct Target<'a> {
-    /// Pixels in a row.
+    /// Width, pixels.
     pub width: usize,
-    /// Rows.
+    /// Height, pixels.
     pub height: usize,
-    /// The pixels.
+    /// Pixels, row by row.
     pub pixels: &'a mut [u32],
 }
 
-/// Textures, and what paints with them.
+/// Paints meshes with the textures that egui has sent.
 #[derive(Default)]
 pub struct Painter {
     textures: HashMap<TextureId, Texture>,
 }
 
-/// Colours, premultiplied, row by row.
+/// Premultiplied colours, row by row.
 #[derive(Default)]
 struct Texture {
     size: [usize; 2],
     pixels: Vec<Color32>,
 }
 
-/// The part of the picture that may be painted, pixels.
+/// Rectangle of the picture that may be painted, pixels.
 #[derive(Clone, Copy)]
 struct Clip {
     x: [i64; 2],
     y: [i64; 2],
 }
 
-/// What varies over a triangle: texture coordinates in texels, and colour, 0 to 255.
+/// Values that are interpolated over a triangle: texture coordinates in texels, and colour, 0 to
+/// 255.
 #[derive(Clone, Copy, Default)]
 struct Varying([f32; 6]);
 
 impl Painter {
-    /// Takes new and changed textures.
+    /// Applies new and changed textures.
     pub fn take(&mut self, delta: &mut TexturesDelta) {
         for (id, deltas) in delta.set.drain() {
             let texture = self.textures.entry(id).or_default();
@@ -49,14 +50,14 @@ impl Painter {
         }
     }
 
-    /// Forgets textures that are shown no more.
+    /// Removes textures that are no longer used.
     pub fn free(&mut self, delta: &mut TexturesDelta) {
         for id in delta.free.drain() {
             self.textures.remove(&id);
         }
     }
 
-    /// Paints over the picture.
+    /// Paints meshes over the picture; `scale` is pixels per point.
     pub fn paint(&self, primitives: &[ClippedPrimitive], scale: f32, target: &mut Target<'_>) {
         for ClippedPrimitive { clip_rect, primitive } in primitives {
             let Primitive::Mesh(mesh) = primitive else { continue };
@@ -87,7 +88,7 @@ impl Texture {
         }
     }
 
-    /// The nearest texel.
+    /// Nearest texel.
     fn at(&self, u: f32, v: f32) -> Color32 {
         let texel = |t: f32, side: usize| (t.max(0.0) as usize).min(side.saturating_sub(1));
         let at = texel(v, self.size[1]) * self.size[0] + texel(u, self.size[0]);
@@ -129,8 +130,8 @@ fn paint_mesh(mesh: &Mesh, texture: &Texture, scale: f32, clip: Clip, target: &m
     }
 }
 
-/// Where an edge crosses a row. Taken from its upper end, whichever way it runs: triangles that
-/// share it agree on every pixel.
+/// X at which an edge crosses a row. It is computed from the upper end of the edge in either
+/// direction, so that triangles that share the edge agree on every pixel.
 fn crossing(a: [f32; 2], b: [f32; 2], y: f32) -> Option<f32> {
     let (a, b) = if a[1] <= b[1] { (a, b) } else { (b, a) };
     (a[1] <= y && y < b[1]).then(|| a[0] + (y - a[1]) * (b[0] - a[0]) / (b[1] - a[1]))
@@ -186,7 +187,7 @@ fn paint_triangle(
     }
 }
 
-/// The first pixel whose middle is not left of this.
+/// First pixel whose centre is not left of `v`.
 fn pixel(v: f32) -> i64 {
     (v - 0.5).ceil() as i64
 }
@@ -194,7 +195,7 @@ fn pixel(v: f32) -> i64 {
 fn colour(varying: Varying, texture: &Texture) -> [u32; 4] {
     let [u, v, rest @ ..] = varying.0;
     let texel = texture.at(u, v).to_array();
-    // Rounded up by half: a whole product of whole factors stays whole.
+    // Rounded before the product, so that 255 times 255 stays 255.
     std::array::from_fn(|i| (rest[i].clamp(0.0, 255.0) + 0.5) as u32 * u32::from(texel[i]) / 255)
 }
 

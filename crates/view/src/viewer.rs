@@ -1,14 +1,14 @@
-//! A scene that is looked at: its camera, the session behind it, the picture as a texture, the
-//! frozen cut.
+//! The view of an open file: its camera, the session that draws it, the picture as a texture, and
+//! the frozen cut.
 
 use crate::args::Args;
 use crate::camera::{Camera, Pose};
 use crate::canvas::Canvas;
 use crate::counters::Counters;
 use crate::depth::{Depths, typical};
-use crate::device::{Device, ShownBy};
+use crate::device::{Device, WindowPainter};
 use crate::gestures::Gestures;
-use crate::scene::{Look, Scene, Shown};
+use crate::scene::{FrameOutcome, FrameViews, Scene};
 use crate::settings::Settings;
 use crate::sharpness::Sharpness;
 use crate::shots::Shots;
@@ -16,7 +16,7 @@ use crate::source::Opened;
 use crate::{frustum, progress, theme};
 use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
 use esker_engine::calls::info;
-use esker_engine::cameras::camera::Camera as Asked;
+use esker_engine::cameras::camera::Camera as CameraRequest;
 use esker_engine::cameras::colour;
 use esker_engine::cameras::legend::Legend;
 use esker_engine::draw::session::Image;
@@ -26,52 +26,59 @@ use glam::{DVec2, DVec3};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Seconds that a window of another size must stay before a session is opened for it.
+/// Seconds that a new size of the window must last before a session is opened for it.
 const RESIZE_S: f64 = 0.4;
 
-/// A scene that is looked at. The session is dropped before the file that it reads.
-pub struct Looking {
+/// The view of an open file. Fields are dropped in their order: the session before the file that it
+/// reads.
+pub struct Viewer {
     scene: Option<Scene>,
     camera: Camera,
-    /// What the arguments say of the first view.
-    asked: Asked,
+    /// The first view, as the command line requests it.
+    request: CameraRequest,
     gestures: Gestures,
     canvas: Canvas,
     sharpness: Sharpness,
-    /// The view that the cut stays chosen for, and how far it saw.
+    /// The view that the frozen cut is chosen for, and the distance to which its frustum is
+    /// painted.
     frozen: Option<(View, f64)>,
     sources: Vec<String>,
     name: String,
     about: String,
     notes: Vec<String>,
     unit: Option<String>,
-    /// What draws.
+    /// What the scene is drawn on.
     device: Device,
-    /// Where the picture is shown, points, and its size, pixels.
-    place: Option<Rect>,
+    /// Rectangle of the picture in the window, points; the size of the picture is in pixels.
+    picture_rect: Option<Rect>,
     size: [u32; 2],
-    /// Since when the window has another size, seconds, and which.
+    /// When the window got another size, seconds, and that size, pixels.
     resized: Option<(f64, [u32; 2])>,
     fault: Option<String>,
     opened: Opened,
 }
 
-/// A camera as it is asked for, in a picture of so many pixels.
-fn camera_at(file: &Forest, asked: &Asked, size: [u32; 2]) -> Camera {
+/// Makes the camera that is requested for a picture of `size` pixels.
+fn camera_at(file: &Forest, request: &CameraRequest, size: [u32; 2]) -> Camera {
     let bounds = info::bounds(file);
-    let view = asked.view(bounds, size);
+    let view = request.view(bounds, size);
     let [low, high] = bounds.map(DVec3::from_array);
-    let target = match (asked.eye, asked.target) {
+    let target = match (request.eye, request.target) {
         (Some(_), Some(target)) => target,
         _ => view.eye + view.forward() * view.eye.distance(low.midpoint(high)).max(1e-6),
     };
-    let up = asked.up.unwrap_or(DVec3::Z);
-    Camera::new(view.eye, target, up, view.fovy_rad).around([low, high])
+    let up = request.up.unwrap_or(DVec3::Z);
+    Camera::new(view.eye, target, up, view.fovy_rad).with_scene([low, high])
 }
 
-impl Looking {
-    /// At what was opened, from where the arguments say.
-    pub fn new(opened: Opened, args: &Args, shown: &ShownBy, is_coarser_moving: bool) -> Self {
+impl Viewer {
+    /// Makes a viewer of an opened file, with the first view that the command line requests.
+    pub fn new(
+        opened: Opened,
+        args: &Args,
+        window_painter: &WindowPainter,
+        is_coarser_moving: bool,
+    ) -> Self {
         let file = &opened.file;
         let first = args.inputs.first();
         let name = first.and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
@@ -79,15 +86,15 @@ impl Looking {
             1 => name,
             n => format!("{name} and {} more", n - 1),
         });
-        let built = if opened.is_temporary() { "; built for this window alone" } else { "" };
+        let built = if opened.is_temporary() { ", in a temporary file" } else { "" };
         let [points, nodes] = [file.points(), file.table().nodes.len() as u64].map(grouped);
         Self {
             scene: None,
             camera: camera_at(file, &args.camera, args.size),
-            asked: args.camera,
+            request: args.camera,
             gestures: Gestures::default(),
-            canvas: Canvas::new(shown.painter.clone()),
-            device: shown.device(args.backend),
+            canvas: Canvas::new(window_painter.driver.clone()),
+            device: window_painter.device(args.backend),
             sharpness: Sharpness::new(is_coarser_moving),
             frozen: None,
             sources: colour::choices(file),
@@ -100,7 +107,7 @@ impl Looking {
             },
             notes: info::notes(file),
             unit: info::unit(file),
-            place: None,
+            picture_rect: None,
             size: [1, 1],
             resized: None,
             fault: None,
@@ -108,7 +115,7 @@ impl Looking {
         }
     }
 
-    /// The file.
+    /// The open file.
     pub fn file(&self) -> &Arc<Forest> {
         &self.opened.file
     }
@@ -118,37 +125,37 @@ impl Looking {
         &self.camera
     }
 
-    /// Where the picture is shown, points; `None` before the first pass.
-    pub fn place(&self) -> Option<Rect> {
-        self.place
+    /// Rectangle of the picture in the window, points; `None` before the first pass.
+    pub fn picture_rect(&self) -> Option<Rect> {
+        self.picture_rect
     }
 
-    /// The file's name.
+    /// Name of the file; for several scans also their number.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// What else there is to say of the file.
+    /// Numbers of points and nodes, in words.
     pub fn about(&self) -> &str {
         &self.about
     }
 
-    /// What reading the file has left out or found odd.
+    /// Notes on what was left out of the file or is unusual in it.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// The unit of the file's lengths, where it tells one.
+    /// Unit of the file's lengths, if the file names one.
     pub fn unit(&self) -> Option<&str> {
         self.unit.as_deref()
     }
 
-    /// Where colours can come from.
+    /// Names of the colour sources that the file offers.
     pub fn sources(&self) -> &[String] {
         &self.sources
     }
 
-    /// What the colours mean, once a session draws.
+    /// Legend of the colours, while a session runs.
     pub fn legend(&self) -> Option<Legend> {
         self.scene.as_ref()?.legend()
     }
@@ -158,8 +165,8 @@ impl Looking {
         self.canvas.size()
     }
 
-    /// What draws the scene and the window, in words.
-    pub fn drawn_by(&self, shown: &ShownBy) -> String {
+    /// Names what draws the scene and what paints the window.
+    pub fn drawn_by(&self, window_painter: &WindowPainter) -> String {
         let drawer = self.scene.as_ref().and_then(Scene::drawer);
         let scene = match drawer {
             None => "none yet".to_owned(),
@@ -169,10 +176,10 @@ impl Looking {
                 (None, None) => "CPU renderer".to_owned(),
             },
         };
-        format!("scene: {scene}; window: {}", shown.name)
+        format!("scene: {scene}; window: {}", window_painter.name)
     }
 
-    /// Why there is no new picture.
+    /// Fault that prevents new pictures.
     pub fn fault(&self) -> Option<&str> {
         self.fault.as_deref()
     }
@@ -192,24 +199,24 @@ impl Looking {
         self.scene.as_ref().map_or((0, 0), |scene| (scene.reopened(), scene.stalls()))
     }
 
-    /// Stands at a pose at once.
-    pub fn stand(&mut self, pose: Pose) {
-        self.camera.stand(pose);
+    /// Moves the camera to `pose` at once.
+    pub fn set_pose(&mut self, pose: Pose) {
+        self.camera.set_pose(pose);
     }
 
-    /// Goes back to where the camera stood first.
+    /// Starts the flight back to the first view.
     pub fn go_home(&mut self) {
         self.camera.go_home();
     }
 
-    /// What was measured, in words.
+    /// Measurements by clicks, in words.
     pub fn measured(&self) -> Vec<String> {
         self.gestures.measure().lines(self.unit())
     }
 
-    /// Forgets what was measured.
-    pub fn forget(&mut self) {
-        self.gestures.forget();
+    /// Removes the measurements.
+    pub fn clear_measurements(&mut self) {
+        self.gestures.clear_measurements();
     }
 
     /// Whether the cut is frozen.
@@ -217,7 +224,7 @@ impl Looking {
         self.frozen.is_some()
     }
 
-    /// Freezes the cut, or lets it go.
+    /// Freezes the cut, or releases it.
     pub fn toggle_frozen(&mut self) {
         self.frozen = match self.frozen {
             Some(_) => None,
@@ -225,31 +232,31 @@ impl Looking {
         };
     }
 
-    /// Lets the input of this pass move the camera; whether the hand holds the scene.
-    pub fn follow(&mut self, ui: &Ui, response: &Response, now_s: f64) -> bool {
-        if self.place.is_none() {
-            // Only now is it known how wide the picture is.
+    /// Moves the camera by the input of this pass. Returns whether the user is dragging the scene.
+    pub fn handle_input(&mut self, ui: &Ui, response: &Response, now_s: f64) -> bool {
+        if self.picture_rect.is_none() {
+            // The aspect ratio of the picture is known only now.
             let size = pixels(response.rect, ui.ctx().pixels_per_point(), 1.0);
-            self.camera = camera_at(self.file(), &self.asked, size);
+            self.camera = camera_at(self.file(), &self.request, size);
         }
         let before = self.camera.pose();
         self.gestures.update(ui, response, &mut self.camera);
         if self.camera.pose() != before {
             self.sharpness.moved(now_s);
         }
-        self.place = Some(response.rect);
+        self.picture_rect = Some(response.rect);
         self.gestures.is_dragging()
     }
 
-    /// Has a session of these settings, for pictures up to the size of the window.
-    pub fn fit(&mut self, ctx: &Context, wanted: &Settings, now_s: f64) {
+    /// Keeps a session with the settings `wanted`, for pictures up to the size of the window.
+    pub fn update_session(&mut self, ctx: &Context, wanted: &Settings, now_s: f64) {
         let window = pixels(ctx.content_rect(), ctx.pixels_per_point(), 1.0);
         let Some(scene) = &mut self.scene else {
             let file = self.opened.file.clone();
             self.scene = Some(Scene::new(file, wanted.clone(), self.device.clone(), window));
             return;
         };
-        // A slider that is held changes all the time.
+        // The value of a slider changes in each pass while it is dragged.
         if !ctx.egui_is_using_pointer() || self.gestures.is_dragging() {
             scene.set(wanted.clone());
         }
@@ -269,7 +276,7 @@ impl Looking {
         }
     }
 
-    /// Draws, where there is anything new; milliseconds of it.
+    /// Draws a frame if it would show something new. Returns the milliseconds that this took.
     pub fn draw(
         &mut self,
         ui: &Ui,
@@ -277,64 +284,64 @@ impl Looking {
         counters: &mut Counters,
         shots: &mut Shots,
     ) -> Option<f64> {
-        let (ctx, place) = (ui.ctx(), self.place?);
-        let scale = if shots.wants() { 1.0 } else { self.sharpness.scale(now_s) };
+        let (ctx, rect) = (ui.ctx(), self.picture_rect?);
+        let scale = if shots.is_requested() { 1.0 } else { self.sharpness.scale(now_s) };
         let has = self.scene.as_ref()?.size();
-        self.size = within(pixels(place, ctx.pixels_per_point(), scale), has);
-        let look = self.look();
+        self.size = within(pixels(rect, ctx.pixels_per_point(), scale), has);
+        let views = self.views();
         let scene = self.scene.as_mut()?;
-        if !self.gestures.picks().is_empty() || shots.wants() {
-            scene.disturb();
+        if !self.gestures.picks().is_empty() || shots.is_requested() {
+            scene.invalidate();
         }
-        let drawn = match scene.frame(&look) {
-            Shown::New(frame) => {
+        let drawn = match scene.frame(&views) {
+            FrameOutcome::New(frame) => {
                 counters.take_frame(&frame.cut, frame.stats.points_drawn, frame.times.draw_ms);
                 let (start, drawn_ms) = (Instant::now(), frame.times.total_ms);
-                // What the newest finished frame took of the GPU, where it is one that draws.
+                // GPU time of the newest finished frame, if a GPU draws.
                 let rendered_ms = frame.stats.stages.total_ms;
-                let (hand, camera) = (&mut self.gestures, &mut self.camera);
+                let (gestures, camera) = (&mut self.gestures, &mut self.camera);
                 let size = DVec2::new(f64::from(self.size[0]), f64::from(self.size[1]));
                 match frame.image {
                     Image::Memory(picture) => {
                         self.canvas.upload(ctx, picture);
                         let depths =
                             Depths { width: picture.width as usize, depth: &picture.depth };
-                        hand.told(camera, size, |at| depths.near(at));
+                        gestures.resolve_picks(camera, size, |at| depths.near(at));
                         let far = typical(|at| depths.exactly(at));
-                        far.iter().for_each(|&far| camera.sees(far, drawn_ms / 1e3));
+                        far.iter().for_each(|&far| camera.follow_depth(far, drawn_ms / 1e3));
                     }
                     Image::Texture(view) => {
                         if !self.canvas.show(view, self.size) {
                             self.canvas.upload(ctx, &scene.picture().ok()?);
                         }
-                        if hand.is_telling() {
+                        if gestures.needs_exact_depth() {
                             let picture = scene.picture().ok()?;
                             let depths =
                                 Depths { width: picture.width as usize, depth: &picture.depth };
-                            hand.told(camera, size, |at| depths.near(at));
+                            gestures.resolve_picks(camera, size, |at| depths.near(at));
                         } else {
-                            hand.told(camera, size, |at| scene.depth_at(at));
+                            gestures.resolve_picks(camera, size, |at| scene.depth_at(at));
                         }
                         let far = typical(|at| scene.depth_at(at));
-                        far.iter().for_each(|&far| camera.sees(far, rendered_ms / 1e3));
+                        far.iter().for_each(|&far| camera.follow_depth(far, rendered_ms / 1e3));
                     }
                 }
                 let work_ms = drawn_ms + start.elapsed().as_secs_f64() * 1e3;
                 self.sharpness.drew(work_ms.max(rendered_ms), now_s);
                 self.fault = None;
-                if shots.wants() {
+                if shots.is_requested() {
                     shots.take(scene.picture());
                 }
                 Some(work_ms)
             }
-            Shown::Same => None,
-            Shown::Waiting => {
-                // What was wrong is tried again, by other settings.
+            FrameOutcome::Unchanged => None,
+            FrameOutcome::Waiting => {
+                // New settings were tried, which may have removed the fault.
                 self.fault = None;
                 None
             }
-            Shown::Failed(fault) => {
-                // A built file's name says nothing to who opened a scan.
+            FrameOutcome::Failed(fault) => {
+                // The name of the temporary file means nothing to a user who opened a scan.
                 let built = self.opened.file.path().display().to_string();
                 let is_built = self.opened.is_temporary();
                 self.fault = Some(if is_built { fault.replace(&built, &self.name) } else { fault });
@@ -346,64 +353,65 @@ impl Looking {
         drawn
     }
 
-    /// Paints the picture and what lies over it.
+    /// Paints the picture, and over it the frozen frustum, measurements and faults.
     pub fn paint(&self, ui: &Ui) {
-        let Some(place) = self.place else { return };
-        self.canvas.paint(ui, place);
-        let painter = ui.painter_at(place);
+        let Some(rect) = self.picture_rect else { return };
+        self.canvas.paint(ui, rect);
+        let painter = ui.painter_at(rect);
         if let Some((frozen, depth)) = &self.frozen {
-            frustum::paint(&painter, place, frozen, &self.view(), *depth, theme::ACCENT);
-            let corner = place.left_top() + vec2(14.0, 12.0);
-            let text = "frozen: drawn as chosen for the eye of these lines; Space lets it go";
+            frustum::paint(&painter, rect, frozen, &self.view(), *depth, theme::ACCENT);
+            let corner = rect.left_top() + vec2(14.0, 12.0);
+            let text =
+                "frozen: the nodes are those for the view of these lines; Space releases them";
             let font = FontId::proportional(13.0);
             let text = painter.layout_no_wrap(text.into(), font, theme::ACCENT);
             let behind = Rect::from_min_size(corner, text.size()).expand(6.0);
             painter.rect_filled(behind, 4.0, Color32::from_black_alpha(170));
             painter.galley(corner, text, theme::ACCENT);
         }
-        self.gestures.measure().paint(&painter, place, &self.view());
+        self.gestures.measure().paint(&painter, rect, &self.view());
         if let Some(fault) = &self.fault {
-            progress::fault_over(ui, place, fault);
+            progress::fault_over(ui, rect, fault);
         }
     }
 
-    /// Whether nothing more comes for the view.
+    /// Whether the picture is final: nothing more is loaded for the view.
     fn is_at_rest(&self) -> bool {
-        self.scene.as_ref().is_some_and(|scene| scene.is_at_rest(&self.look()))
+        self.scene.as_ref().is_some_and(|scene| scene.is_at_rest(&self.views()))
     }
 
-    /// Whether there is more to draw without any input.
-    pub fn goes_on(&self, now_s: f64) -> bool {
+    /// Whether the next frame may differ although there is no input.
+    pub fn needs_redraw(&self, now_s: f64) -> bool {
         let is_done = self.is_at_rest() || self.fault.is_some();
         let is_moving = self.camera.is_moving() || self.sharpness.is_moving(now_s);
         !is_done || is_moving || self.resized.is_some()
     }
 
-    /// The camera's view, for the picture.
+    /// View of the camera for a picture of the present size.
     fn view(&self) -> View {
         let camera = &self.camera;
-        // Only the near plane depends on how far the target is: by powers of two, so that a still
-        // camera has one view.
+        // Only the near plane depends on the distance of the target. It is rounded to a power of
+        // two, so that the view is constant while the camera rests.
         let far = camera.distance().log2().floor().exp2();
         let target = camera.eye() + camera.forward() * far;
         let [width, height] = self.size;
         View::look_at(camera.eye(), target, camera.up(), camera.fovy_rad(), width, height)
     }
 
-    fn look(&self) -> Look {
+    fn views(&self) -> FrameViews {
         let seen = self.view();
-        Look { chosen: self.frozen.map_or(seen, |(view, _)| view), seen }
+        FrameViews { chosen: self.frozen.map_or(seen, |(view, _)| view), seen }
     }
 }
 
-/// Pixels of a place of the window, at this share on a side; at least one.
-pub fn pixels(place: Rect, pixels_per_point: f32, scale: f64) -> [u32; 2] {
+/// Size in pixels of a rectangle of the window, scaled by `scale` on each side; at least one pixel.
+pub fn pixels(rect: Rect, pixels_per_point: f32, scale: f64) -> [u32; 2] {
     let side = |points: f32| ((f64::from(points * pixels_per_point) * scale).round() as u32).max(1);
-    [side(place.width()), side(place.height())]
+    [side(rect.width()), side(rect.height())]
 }
 
-/// A size of the same shape within another one: what a window that has grown shows until its
-/// session has.
+/// Scales `size` down to fit within `most`, with the same aspect ratio: size of the pictures of a
+/// window that has grown, until a session of that size is open.
 fn within(size: [u32; 2], most: [u32; 2]) -> [u32; 2] {
     let share = |i: usize| f64::from(most[i]) / f64::from(size[i]);
     let share = share(0).min(share(1)).min(1.0);
@@ -415,7 +423,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_grown_window_shows_a_picture_of_its_shape_that_the_session_can_draw() {
+    fn a_larger_window_shows_a_picture_of_its_aspect_ratio_that_the_session_can_draw() {
         assert_eq!(within([640, 400], [1280, 800]), [640, 400]);
         assert_eq!(within([2560, 1600], [1280, 900]), [1280, 800]);
         assert_eq!(within([10_000, 1], [100, 100]), [100, 1]);

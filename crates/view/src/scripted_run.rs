@@ -1,7 +1,7 @@
-//! A scripted run: the script, who flies by it, and what is recorded. The report is written when
-//! the window closes.
+//! A scripted run: the script, the pilot that plays it, and the record of its frames. The report is
+//! written when the window closes.
 
-use crate::input_events::Sight;
+use crate::input_events::WindowState;
 use crate::pilot::{Order, Pilot};
 use crate::report::{Flight, Record};
 use crate::script::{Script, Step};
@@ -15,17 +15,17 @@ use esker_engine::machine::system;
 use serde_json::Value;
 use std::io::Write;
 
-/// A scripted run.
-pub struct Rig {
+/// A window that a script controls.
+pub struct ScriptedRun {
     script: Script,
     pilot: Option<Pilot>,
-    /// What is recorded.
+    /// Measurements of the run.
     pub record: Record,
     is_over: bool,
 }
 
-impl Rig {
-    /// For a script.
+impl ScriptedRun {
+    /// Makes a run of `script`.
     pub fn new(script: Script) -> Self {
         Self { script, pilot: None, record: Record::default(), is_over: false }
     }
@@ -35,27 +35,28 @@ impl Rig {
         self.script.coarser_moving
     }
 
-    /// Whether closing the window is all that is to be done.
+    /// Whether the script begins with closing the window.
     pub fn closes_at_once(&self) -> bool {
         let script = &self.script;
         let mut steps = script.before.iter().chain(&script.flight).chain(&script.after);
         steps.next() == Some(&Step::Close)
     }
 
-    /// Gets ready to fly through a file.
+    /// Prepares the flight through a file, once: reads the camera paths of the script for pictures
+    /// of `size` pixels, and for a cold run removes the file from the system's cache.
     ///
     /// # Errors
-    /// Where a camera path cannot be read, or the system does not forget the file.
-    pub fn board(&mut self, file: &Forest, size: [u32; 2]) -> Result<()> {
+    /// If a camera path cannot be read, or the file cannot be removed from the cache.
+    pub fn prepare(&mut self, file: &Forest, size: [u32; 2]) -> Result<()> {
         if self.pilot.is_some() {
             return Ok(());
         }
         if self.script.cold {
             let path = file.path();
             let opened = std::fs::File::open(path);
-            opened
-                .and_then(|f| system::forget(&f))
-                .with_context(|| format!("{}: cannot be forgotten", path.display()))?;
+            opened.and_then(|f| system::forget(&f)).with_context(|| {
+                format!("{}: cannot be removed from the system's cache", path.display())
+            })?;
         }
         let bounds = info::bounds(file);
         let mut paths = Vec::new();
@@ -73,12 +74,12 @@ impl Rig {
         Ok(())
     }
 
-    /// The input of the next frame, and what else is to be done.
-    pub fn fly(&mut self, raw: &mut RawInput, sight: &Sight<'_>) -> Vec<Order> {
+    /// Replaces the input of the next frame. Returns what else is to be done.
+    pub fn fly(&mut self, raw: &mut RawInput, window: &WindowState<'_>) -> Vec<Order> {
         let Some(pilot) = &mut self.pilot else { return Vec::new() };
-        let orders = pilot.fly(raw, sight);
+        let orders = pilot.fly(raw, window);
         for order in &orders {
-            let (now, read) = (sight.now_s, sight.read_bytes);
+            let (now, read) = (window.now_s, window.read_bytes);
             match order {
                 Order::Begin => {
                     let flight =
@@ -98,7 +99,7 @@ impl Rig {
         orders
     }
 
-    /// Records a frame with so many points.
+    /// Records a frame in which `points` were drawn.
     pub fn frame(&mut self, frame: FrameTime, points: u64) {
         if let Some(flight) = self.record.flight() {
             flight.frames.push(frame);
@@ -107,22 +108,23 @@ impl Rig {
         }
     }
 
-    /// Writes the report with what else there is to say; once.
+    /// Writes the report, extended by the entries of `extra`; does nothing when called again.
     ///
     /// # Errors
-    /// Where it cannot be written.
-    pub fn report(&mut self, with: Value) -> Result<()> {
+    /// If the report cannot be written.
+    pub fn report(&mut self, extra: Value) -> Result<()> {
         if std::mem::replace(&mut self.is_over, true) {
             return Ok(());
         }
         let mut report = self.record.json();
-        if let (Some(report), Value::Object(with)) = (report.as_object_mut(), with) {
-            report.extend(with);
+        if let (Some(report), Value::Object(extra)) = (report.as_object_mut(), extra) {
+            report.extend(extra);
         }
         match &self.script.report {
             Some(path) => std::fs::write(path, format!("{report}\n"))
                 .with_context(|| format!("{}: cannot write the report", path.display())),
-            None => writeln!(std::io::stdout().lock(), "{report}").context("no standard output"),
+            None => writeln!(std::io::stdout().lock(), "{report}")
+                .context("cannot write the report to standard output"),
         }
     }
 }
