@@ -3,9 +3,9 @@
 
     python3 reader.py FILE [--json] [--quiet] [--points OUT.npy] [--csv OUT.csv]
 
-Prints what is in the file and checks everything that the specification says of it. The exit code is 0 only
-where all of it holds, and 2 where a plane cannot be decoded without a library (see codec.py). Of a forest it
-reads the file's own tree. Section numbers in comments are those of SPEC.md.
+Prints the contents of the file and checks every rule of the specification. The exit code is 0 only
+if all rules hold, and 2 if a plane cannot be decoded without a library (see codec.py). Of a forest
+it reads the tree of the file itself. Section numbers in comments are those of SPEC.md.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 // Colours of points. Mapped quantities (values of any type, classes, elevations, depths, sizes of
 // cells) become the bits of a double, and the host prepares runs of doubles of one colour: the
 // colour is the same as on the CPU, bit by bit. Needs common/draws.wgsl, common/lookup.wgsl, and
-// variables `lookup` and `draws`. Twin: crates/render/src/passes/gather.rs.
+// variables `lookup` and `draws`. Twin: `Lookup::colour` in crates/render/src/inputs/lookup.rs.
 
 // include common/double.wgsl
 // include common/normal.wgsl

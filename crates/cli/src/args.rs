@@ -172,7 +172,7 @@ pub struct Render {
     #[arg(long)]
     pub no_highlights: bool,
     /// Even out differences of exposure where scans cover the same surface; point_source_id, scan
-    /// or scan_id tells scans apart.
+    /// or scan_id distinguishes scans.
     #[arg(long)]
     pub even_exposure: bool,
     /// Draw exact colours although the file has compact ones (see build --compact).

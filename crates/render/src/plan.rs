@@ -17,8 +17,8 @@ pub struct PassList {
     count: usize,
 }
 
-/// Length of the longest list.
-const PASSES_MAX: usize = 12;
+/// Greatest length of a list.
+const PASSES_MAX: usize = Pass::ALL.len();
 
 impl PassList {
     /// The passes that are marked `true`.
@@ -373,7 +373,7 @@ impl FramePlan {
             Pass::SmoothDepth => {
                 vec![variant("smooth_depth/radius", &[]), variant("smooth_depth/smooth", &[])]
             }
-            other => vec![variant(other.name(), &[normals])],
+            Pass::Antialias => vec![variant("antialias", &[normals])],
         };
         self.passes.iter().flat_map(of).collect()
     }
