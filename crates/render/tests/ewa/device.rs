@@ -3,7 +3,7 @@
 //! splats or almost none on a pixel, extreme views.
 
 use crate::gpu::flip::mean_flip;
-use crate::gpu::{few_gpus, laid_frame, lay, name};
+use crate::gpu::{few_gpus, name, upload, uploaded_frame};
 use crate::scene::{Dice, Scene, ScenePoint, sheet, sphere};
 use esker_lod::View;
 use esker_render::gpu::GpuRenderer;
@@ -93,8 +93,8 @@ fn every_capacity_and_view_gives_the_picture_of_the_cpu() {
             if i == 0 || frames[i - 1].1 != *capacity {
                 renderer.set_ewa(GpuEwa::new(&gpu, *capacity).unwrap());
             }
-            let laid = lay(&gpu, frame.draws, 64 << 10);
-            renderer.render(&laid_frame(frame, &laid.draws), &laid.pool).unwrap();
+            let uploaded = upload(&gpu, frame.draws, 64 << 10);
+            renderer.render(&uploaded_frame(frame, &uploaded.draws), &uploaded.pool).unwrap();
             let other = renderer.read().unwrap();
             let (own, theirs) = (cpu.stats, renderer.stats().unwrap());
             let differ = own.splats_drawn.abs_diff(theirs.splats_drawn);

@@ -22,8 +22,8 @@ fn distance(shape: &Shape, place: Vec2) -> f64 {
     (u * u + v * v - 1.0) / slope.length()
 }
 
-/// The affine approximation of earlier EWA splatting, which is exact at the centre only (see
-/// zwicker2004, figure 2); its error is the reference.
+/// The affine approximation of earlier EWA splatting, which is exact at the centre only; for
+/// comparison.
 fn centre_exact(disc: &Disc, lens: &Lens) -> (Vec2, Shape) {
     let m = disc.mapping(lens.focal_px);
     let (a, b) = (m.a, m.b);
