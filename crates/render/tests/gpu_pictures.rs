@@ -274,7 +274,7 @@ fn counts_times_and_depths_arrive_without_waiting() {
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         let mut frames = 0;
         let (stats, depth) = loop {
-            assert!(frames < FRAMES_MAX, "nothing came back on {on}");
+            assert!(frames < FRAMES_MAX, "no statistics or depth arrived on {on}");
             renderer.render(&frame, &uploaded.pool).unwrap();
             frames += 1;
             if let (Some(stats), Some(depth)) = (renderer.stats(), renderer.feedback()) {

@@ -24,7 +24,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 /// A pixel of a perfect picture.
 #[derive(Clone, Copy, Debug)]
-pub struct Seen {
+pub struct TruePixel {
     /// Linear eye depth.
     pub depth: f64,
     /// Depth of the next surface on the same ray, infinite if there is none.
