@@ -153,7 +153,7 @@ fn a_sphere_with_normals_ends_at_its_silhouette() {
 }
 
 #[test]
-fn points_have_exactly_their_colours() {
+fn points_keep_their_colours() {
     let view = narrow_view();
     let points = wall(&mut Dice(14), DVec3::ZERO, 0.4, 0.0, 0.01, [201, 13, 77]);
     let scene = Scene::new(&points, 1e-6, 0.01, 0.02, 1000);
