@@ -243,7 +243,8 @@ fn differing(a: &Level, b: &Level, bare: bool) -> Vec<bool> {
 /// Counts the pixels of pushed levels that differ. With `rounds`, pixels below a differing coarser
 /// pixel are left out: a near-tie is counted where it is decided, not at all pixels below.
 fn differing_pushed(a: &[Level], b: &[Level], rounds: bool) -> usize {
-    // After push, normals of the coarser levels are those of their own coarser levels.
+    // Normals of coarser levels are ignored: on the GPU, push lets pixels without a normal inherit
+    // one from the next coarser level.
     let pairs = a.iter().zip(b).enumerate();
     let differ: Vec<_> = pairs.map(|(i, (a, b))| differing(a, b, i > 0)).collect();
     let is_inherited = |i: usize, pixel: usize| {
