@@ -90,11 +90,11 @@ fn gpu_equals_cpu(method: Method) {
 }
 
 #[test]
-fn points_of_models_and_scans_are_the_cpus() {
+fn points_of_models_and_scans_equal_the_cpu() {
     gpu_equals_cpu(Method::Points);
 }
 
 #[test]
-fn surfaces_of_models_and_scans_are_the_cpus() {
+fn surfaces_of_models_and_scans_equal_the_cpu() {
     gpu_equals_cpu(Method::PullPush);
 }

@@ -192,7 +192,7 @@ fn a_lost_gpu_is_reported_and_the_cpu_goes_on() {
 }
 
 #[test]
-fn a_budget_that_pictures_do_not_fit_is_refused_or_left_to_the_cpu() {
+fn a_budget_too_small_for_pictures_is_refused_or_the_cpu_draws() {
     for request in requests().into_iter().take(1) {
         let within = |backend, budget_gpu_bytes| {
             let settings = Settings { budget_gpu_bytes, ..Settings::default() };
@@ -215,7 +215,7 @@ fn a_budget_that_pictures_do_not_fit_is_refused_or_left_to_the_cpu() {
 }
 
 #[test]
-fn a_software_driver_counts_as_no_gpu_unless_it_is_asked_for() {
+fn a_software_driver_counts_as_no_gpu_unless_it_is_requested() {
     let software = requests().into_iter().filter(|r| Gpu::open(r).unwrap().tier.is_software);
     for request in software {
         let refused = GpuRequest { allow_software: false, ..request };

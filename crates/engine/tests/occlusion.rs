@@ -228,7 +228,7 @@ fn office(seed: u32) -> (Scan, [View; 4]) {
 }
 
 #[test]
-fn in_an_office_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
+fn in_an_office_most_hidden_nodes_are_culled_and_the_picture_stays() {
     let (scan, views) = office(1);
     let [soft, still, both, moved] = measure(&scan, &views, 0.01);
     assert!(still.culled_share() >= 0.8, "{still:?}");
@@ -242,7 +242,7 @@ fn in_an_office_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
 
 /// The worst view of one office depends on chance; the mean over several does not.
 #[test]
-fn over_several_offices_pictures_stay_in_the_mean() {
+fn over_several_offices_pictures_change_little_on_average() {
     let seeds = 2..=6;
     let offices = seeds.clone().map(|seed| {
         let (scan, views) = office(seed);
@@ -261,7 +261,7 @@ fn over_several_offices_pictures_stay_in_the_mean() {
 /// culled. Boxes of the others reach past gaps in sparse walls, or out of empty space into the
 /// picture, where their points do not.
 #[test]
-fn in_a_sparse_scan_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
+fn in_a_sparse_scan_most_hidden_nodes_are_culled_and_the_picture_stays() {
     let Some(data) = std::env::var_os("ESKER_DATA") else {
         println!("skipped: ESKER_DATA is not set");
         return;

@@ -64,7 +64,7 @@ fn points_of(file: &Forest) -> Vec<Point> {
 
 /// Builds a file of one node with these points.
 fn one_node(points: &[Point], lattice: &Lattice, folder: &Path, name: &str) -> Forest {
-    assert_eq!(lattice.shift, [0; 3], "raw coordinates are the lattice's");
+    assert_eq!(lattice.shift, [0; 3], "raw coordinates are those of the lattice");
     let raw = |p: [u32; 3]| p.map(|c| (i64::from(c) - (1 << 31)) as i32);
     let positions = points.iter().map(|(p, _)| raw(*p)).collect();
     let mut source = given(name, lattice.scale, positions).at(lattice.offset);
@@ -238,18 +238,18 @@ impl Scan {
 }
 
 #[test]
-fn the_root_of_an_airborne_scan_is_as_true_as_a_poisson_disk_sample() {
+fn the_root_of_an_airborne_scan_is_as_accurate_as_a_poisson_disk_sample() {
     let scan = std::path::absolute("../../tests/sample/creek.laz").unwrap();
     Scan::build(&scan).compare("creek");
 }
 
 #[test]
-fn the_root_of_an_office_is_as_true_as_a_poisson_disk_sample() {
+fn the_root_of_an_office_is_as_accurate_as_a_poisson_disk_sample() {
     Scan::build("synthetic:office:300k:1".as_ref()).compare("office");
 }
 
 #[test]
-fn the_root_of_an_outcrop_is_as_true_as_a_poisson_disk_sample() {
+fn the_root_of_an_outcrop_is_as_accurate_as_a_poisson_disk_sample() {
     let Some(data) = std::env::var_os("ESKER_DATA") else {
         println!("skipped: ESKER_DATA is not set");
         return;

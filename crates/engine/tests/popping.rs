@@ -230,13 +230,13 @@ fn assert_only_sharpens(scan: &Path, node_capacity: u32, blobs_max: f64) {
 }
 
 #[test]
-fn no_arriving_node_takes_the_picture_away_from_full_density() {
+fn no_arriving_node_moves_the_picture_away_from_full_density() {
     let scan = std::path::absolute("../../tests/sample/creek.laz").unwrap();
     assert_only_sharpens(&scan, 8192, 0.045);
 }
 
 #[test]
-fn no_arriving_node_takes_the_picture_of_rooms_around_the_origin_away_from_full_density() {
+fn no_arriving_node_moves_the_picture_of_rooms_away_from_full_density() {
     let Some(data) = std::env::var_os("ESKER_DATA") else {
         println!("skipped: ESKER_DATA is not set");
         return;

@@ -48,7 +48,7 @@ fn cloud() -> String {
 }
 
 /// Results of a view.
-struct Seen {
+struct Accuracy {
     points: usize,
     worst_px: f64,
     nodes_exact: usize,
@@ -56,20 +56,20 @@ struct Seen {
 }
 
 /// Compares every drawn point with its exact position.
-fn compare(file: &Forest, camera: &str, size: [u32; 2]) -> Seen {
+fn compare(file: &Forest, camera: &str, size: [u32; 2]) -> Accuracy {
     let request =
         PictureRequest { size, camera: Camera::parse(camera).unwrap(), ..Default::default() };
     let scene = PictureScene::read(file, &request, &Silent).unwrap();
     let lattice = file.lattice();
     let projection = Projection::new(&scene.view, lattice).unwrap();
-    let mut seen = Seen { points: 0, worst_px: 0.0, nodes_exact: 0, nodes_hot: 0 };
+    let mut accuracy = Accuracy { points: 0, worst_px: 0.0, nodes_exact: 0, nodes_hot: 0 };
     for (draw, drawn) in scene.draws(file).iter().zip(&scene.selection.drawn) {
         let exact = exact(file, drawn.node);
         let positions = Positions::of(draw);
         let place = projection.place(draw.node, positions.is_exact());
         let inexact = draw.node.hot_shift > 0;
-        seen.nodes_exact += usize::from(inexact && draw.residual.is_some());
-        seen.nodes_hot += usize::from(inexact && draw.residual.is_none());
+        accuracy.nodes_exact += usize::from(inexact && draw.residual.is_some());
+        accuracy.nodes_hot += usize::from(inexact && draw.residual.is_none());
         for (i, p) in exact.iter().enumerate().take(draw.prefix) {
             let world = DVec3::from_array(lattice.world(*p));
             let Some(there) = scene.view.project(world) else { continue };
@@ -82,11 +82,11 @@ fn compare(file: &Forest, camera: &str, size: [u32; 2]) -> Seen {
             let [cx, cy] = projection.centre_px;
             let off = (f64::from(cx + v.x * scale) - there.x)
                 .hypot(f64::from(cy - v.y * scale) - there.y);
-            seen.worst_px = seen.worst_px.max(off);
-            seen.points += 1;
+            accuracy.worst_px = accuracy.worst_px.max(off);
+            accuracy.points += 1;
         }
     }
-    seen
+    accuracy
 }
 
 /// Lattice coordinates of the points of a node.
@@ -127,14 +127,14 @@ fn drawn_points_are_within_half_a_pixel_however_close_the_view() {
             for (size, fovy) in [([1024, 1024], 60.0), ([1920, 600], 100.0), ([300, 900], 12.0)] {
                 let eye = at(direction.map(|c: f64| c * away));
                 let camera = format!("eye={eye};target={};up=0,1,0;fovy={fovy}", at([0.0; 3]));
-                let seen = compare(&file, &camera, size);
-                assert!(seen.worst_px < 0.5, "{} px: {camera} {size:?}", seen.worst_px);
-                points += seen.points;
-                with_exact += seen.nodes_exact;
-                with_hot += seen.nodes_hot;
+                let accuracy = compare(&file, &camera, size);
+                assert!(accuracy.worst_px < 0.5, "{} px: {camera} {size:?}", accuracy.worst_px);
+                points += accuracy.points;
+                with_exact += accuracy.nodes_exact;
+                with_hot += accuracy.nodes_hot;
             }
         }
     }
-    assert!(points > 1_000_000, "only {points} points were on a picture");
+    assert!(points > 1_000_000, "only {points} points are in a picture");
     assert!(with_exact > 0 && with_hot > 0, "{with_exact} nodes exact, {with_hot} hot alone");
 }

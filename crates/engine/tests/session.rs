@@ -38,7 +38,7 @@ fn open(path: &Path, budget_gpu_bytes: u64) -> Session {
 }
 
 #[test]
-fn the_first_frame_shows_the_scan_and_later_ones_all_of_it() {
+fn the_first_frame_shows_the_scan_and_later_frames_show_all_of_it() {
     let mut session = open(sample(), 64 << 20);
     let view = overview(&session);
     // The first frame may come before the first choice for this view; the second one follows the
@@ -63,7 +63,7 @@ fn the_first_frame_shows_the_scan_and_later_ones_all_of_it() {
 }
 
 #[test]
-fn frames_of_a_still_view_only_come_nearer_to_the_complete_picture() {
+fn frames_of_a_still_view_converge_to_the_complete_picture() {
     let luminance = |picture: &Picture| -> Vec<f64> {
         let weigh = |p: &[u8]| {
             0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2])
@@ -118,7 +118,7 @@ fn a_random_flight_stays_within_its_budgets_and_always_has_a_cut() {
         let deadline = Instant::now() + Duration::from_secs(60);
         let view = wanderer.next();
         while session.frame(&view).unwrap().cut.epoch == 0 {
-            assert!(Instant::now() < deadline, "no cut comes");
+            assert!(Instant::now() < deadline, "no cut arrived");
         }
         for i in 0..200 {
             let view = wanderer.next();
@@ -130,7 +130,7 @@ fn a_random_flight_stays_within_its_budgets_and_always_has_a_cut() {
             assert!(status.drawing_bytes_peak <= budget, "frame {i}: {status:?}");
             assert_eq!(status.fault, None);
         }
-        assert!(drawn >= 190, "{drawn} of 200 frames had something to draw");
+        assert!(drawn >= 190, "only {drawn} of 200 frames drew nodes");
         let status = session.status();
         assert!(status.nodes_loaded > 20, "{status:?}");
         assert!(budget > 1 << 20 || status.nodes_evicted > 0, "the budget is tight: {status:?}");
@@ -144,7 +144,7 @@ fn a_random_flight_stays_within_its_budgets_and_always_has_a_cut() {
 }
 
 #[test]
-fn a_file_cut_short_in_flight_is_reported_and_the_rest_goes_on() {
+fn a_file_truncated_in_flight_is_reported_and_the_session_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut.esker");
     std::fs::copy(sample(), &path).unwrap();
@@ -161,7 +161,7 @@ fn a_file_cut_short_in_flight_is_reported_and_the_rest_goes_on() {
         let view = wanderer.next();
         let frame = session.frame(&view).unwrap();
         assert!(frame.cut.epoch > 0);
-        assert!(Instant::now() < deadline, "nothing was told: {:?}", session.status());
+        assert!(Instant::now() < deadline, "no fault was reported: {:?}", session.status());
     }
     let fault = session.status().fault.unwrap();
     assert!(fault.contains("cut.esker"), "{fault}");
@@ -172,14 +172,14 @@ fn a_file_cut_short_in_flight_is_reported_and_the_rest_goes_on() {
     let view = overview(&session);
     session.settle(&view, Duration::from_secs(1)).unwrap();
     let frame = session.frame(&view).unwrap();
-    assert!(frame.stats.pixels_covered > 1000, "what is resident is drawn");
+    assert!(frame.stats.pixels_covered > 1000, "resident nodes are drawn");
     let start = Instant::now();
     drop(session);
     assert!(start.elapsed() < Duration::from_secs(1), "ended after {:?}", start.elapsed());
 }
 
 #[test]
-fn too_small_budgets_are_refused_with_the_least_that_works() {
+fn too_small_budgets_are_refused_and_the_error_has_the_least_valid_one() {
     let file = Arc::new(Forest::open(sample()).unwrap());
     let within = |settings| Options { settings, size: SIZE, ..Options::default() };
     let refused = |settings: Settings| {

@@ -75,11 +75,11 @@ fn main() {
         let frame = Frame { method: Method::Ewa, ..scene.frame(&view, &draws) };
 
         let gpu = esker_render::gpu::Gpu::open(&request).unwrap();
-        let laid = gpu::lay(&gpu, &draws, gpu.tier.page_bytes_max);
+        let uploaded = gpu::upload(&gpu, &draws, gpu.tier.page_bytes_max);
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         let mut best = [f64::INFINITY; 2];
         for _ in 0..FRAMES {
-            renderer.render(&gpu::laid_frame(&frame, &laid.draws), &laid.pool).unwrap();
+            renderer.render(&gpu::uploaded_frame(&frame, &uploaded.draws), &uploaded.pool).unwrap();
             renderer.read().unwrap();
             let stages = renderer.stats().unwrap().stages;
             best = [best[0].min(stages.ms(Pass::Place)), best[1].min(stages.ms(Pass::Blend))];

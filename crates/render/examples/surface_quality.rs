@@ -152,7 +152,7 @@ fn bleeding(out: &std::path::Path) -> Result<(), Box<dyn std::error::Error>> {
                 let points = sample(&truth, spacing, Kind::Poisson, &mut Dice(5)).points;
                 let cloud = Cloud::new(&points, spacing, radius);
                 let inside =
-                    (0..image.seen.len()).filter(|&p| image.is_inside(p, 2)).count() as f64;
+                    (0..image.pixels.len()).filter(|&p| image.is_inside(p, 2)).count() as f64;
                 let share = |d: &truth::measure::Drawn| 100.0 * d.bleeding(&image) as f64 / inside;
                 let shares = WAYS.map(|(_, normals, published)| match published {
                     true => share(&cloud.draw_published(&view, normals)),

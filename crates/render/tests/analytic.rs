@@ -1,4 +1,5 @@
-//! Claims about what surfaces hide and close, against analytic scenes.
+//! Pictures of analytic scenes against their ground truth: occlusion, holes, shading, and errors of
+//! colours, depths and normals.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -16,10 +17,11 @@ use truth::{Paint, Truth, scenes, walls, walls_view};
 
 const SIDE: u32 = 80;
 
-/// A centimetre.
+/// Distance of the two walls, metres.
 const GAP: f64 = 0.01;
 
-/// Both walls a gap apart, the gap so many of the radii that cover them; and the points' spacing.
+/// Samples two walls [`GAP`] apart, which is `ratio` times the radius that covers them. Returns the
+/// walls, the cloud and its spacing.
 fn covered_walls(ratio: f64, kind: Kind) -> (Truth, Cloud, f64) {
     let truth = walls(GAP, if ratio < 2.0 { 0.7 } else { 0.35 });
     let factor = if kind == Kind::Regular { 0.729 } else { 0.9 };
@@ -32,14 +34,14 @@ fn covered_walls(ratio: f64, kind: Kind) -> (Truth, Cloud, f64) {
     (truth, Cloud::new(&cloud.points, spacing, cloud.radius), spacing)
 }
 
-/// Pixels of the near wall.
+/// Pixels that truly show the near wall.
 fn near_wall(image: &Image) -> Vec<usize> {
-    let is_near = |p: &usize| image.seen[*p].is_some_and(|seen| seen.part == 0);
-    (0..image.seen.len()).filter(is_near).collect()
+    let is_near = |p: &usize| image.pixels[*p].is_some_and(|seen| seen.part == 0);
+    (0..image.pixels.len()).filter(is_near).collect()
 }
 
 #[test]
-fn nothing_of_a_wall_shows_through_a_parallel_one_before_it_where_the_gap_exceeds_the_radius() {
+fn a_wall_hides_a_parallel_wall_behind_it_if_the_gap_exceeds_the_radius() {
     for (ratio, kind) in [(1.15, Kind::Poisson), (1.15, Kind::Regular), (3.0, Kind::Poisson)] {
         let (truth, cloud, spacing) = covered_walls(ratio, kind);
         for spacing_px in [1.0, 4.0] {
@@ -50,12 +52,12 @@ fn nothing_of_a_wall_shows_through_a_parallel_one_before_it_where_the_gap_exceed
                 let what = format!("ratio {ratio}, {kind:?}, {spacing_px} px, {degrees} degrees");
                 let near = near_wall(&image);
                 let bleeding = near.iter().filter(|&&p| drawn.bleeds(&image, p)).count();
-                // Of a grid seen edge on, means of discs fall short here and there of what these
-                // cover.
+                // On a grid seen edge on, the mean of several discs may cover less than the discs
+                // do.
                 let is_edge_on = kind == Kind::Regular && spacing_px > 1.0 && degrees > 75.0;
                 assert!(bleeding <= if is_edge_on { 2 } else { 0 }, "{bleeding}: {what}");
                 let blue = |p: usize| drawn.picture.rgba[p * 4 + 2] > drawn.picture.rgba[p * 4];
-                // Trimmed outlines may lie a few pixels inside.
+                // Trimmed outlines may lie a few pixels inside the true ones.
                 let blue = near.iter().filter(|&&p| image.is_inside(p, 6) && blue(p)).count();
                 assert_eq!(blue, 0, "blue: {what}");
             }
@@ -63,10 +65,10 @@ fn nothing_of_a_wall_shows_through_a_parallel_one_before_it_where_the_gap_exceed
     }
 }
 
-/// The far wall is as much as a gap of the near one may be behind it: hardly more than half of the
-/// drawn radius, and less than what counts as an edge.
+/// Here the step to the far wall is hardly more than half of the drawn radius, and smaller than an
+/// edge of depth.
 #[test]
-fn a_wall_seen_from_the_front_is_closed_before_one_a_radius_behind_it() {
+fn a_wall_seen_from_the_front_hides_a_wall_one_radius_behind_it() {
     let spacing = GAP / 1.05 / 0.9;
     for seed in 5..9 {
         let truth = walls(GAP, f64::from(SIDE) * spacing * 2.0);
@@ -77,30 +79,31 @@ fn a_wall_seen_from_the_front_is_closed_before_one_a_radius_behind_it() {
     }
 }
 
-/// Planes are told of discs up to 4 pixels wide: of walls about a pixel and a half apart, seen from
-/// anywhere but nearly edge on.
+/// Planes are fitted where discs are at most 4 pixels wide, so samples are 1.5 pixels apart and no
+/// view is nearly edge on.
 #[test]
-fn next_to_nothing_of_a_wall_shows_through_one_before_it_without_normals() {
+fn without_normals_a_wall_hides_nearly_all_of_a_wall_behind_it() {
     for (ratio, most) in [(1.15, 0.02), (1.5, 0.004)] {
         let (truth, cloud, spacing) = covered_walls(ratio, Kind::Poisson);
         for degrees in [0.0, 45.0, 70.0, 80.0] {
             let view = walls_view(SIDE, degrees, f64::from(SIDE) * spacing / 1.5);
             let image = Image::new(&truth, &view);
             let near = near_wall(&image);
-            let [told, published] = [cloud.draw(&view, false), cloud.draw_published(&view, false)]
-                .map(|drawn| near.iter().filter(|&&p| drawn.bleeds(&image, p)).count());
+            let [fitted, published] =
+                [cloud.draw(&view, false), cloud.draw_published(&view, false)]
+                    .map(|drawn| near.iter().filter(|&&p| drawn.bleeds(&image, p)).count());
             let what =
-                format!("{told}, published {published} of {}: {ratio}, {degrees}", near.len());
-            assert!(told as f64 <= most * near.len() as f64 && told <= published, "{what}");
+                format!("{fitted}, published {published} of {}: {ratio}, {degrees}", near.len());
+            assert!(fitted as f64 <= most * near.len() as f64 && fitted <= published, "{what}");
         }
     }
 }
 
-/// Only where samples lie about a pixel apart: farther apart it is more, 36 beside 6 % of the
-/// pixels 5 px apart at half a radius and 80 degrees. Intervals shortened there tore the edges of
-/// sparse solids (ARCHITECTURE.md, "Depths along planes").
+/// This holds for samples about a pixel apart. At larger distances more shows through than with the
+/// published intervals, because shorter intervals would tear the edges of sparse solids
+/// (docs/design/surfaces.md).
 #[test]
-fn dense_walls_closer_than_a_radius_seen_nearly_edge_on_show_through_less_than_as_published() {
+fn dense_walls_closer_than_a_radius_bleed_less_than_published_at_grazing_angles() {
     for ratio in [0.5, 0.75] {
         let (truth, cloud, spacing) = covered_walls(ratio, Kind::Poisson);
         for degrees in [80.0, 85.0] {
@@ -115,8 +118,8 @@ fn dense_walls_closer_than_a_radius_seen_nearly_edge_on_show_through_less_than_a
     }
 }
 
-/// Light on a surface (marroquim2007 section 3.4), as [`esker_render::passes::shade`] has it: what
-/// a colour is multiplied by, and what is added.
+/// Lighting of [`esker_render::passes::shade`] (marroquim2007, section 3.4): the factor of the
+/// colour, and the highlight that is added.
 fn phong(normal: DVec3, to_eye: DVec3) -> (f64, f64) {
     let key = DVec3::new(-0.42, 0.60, 0.6808);
     let facing = normal.dot(key);
@@ -141,7 +144,7 @@ fn figure_7_deferred_shading_has_sharper_highlights_than_shading_each_splat() {
         let spacing = spacing_px * view.eye.length() / view.focal_px();
         let s = sample(&truth, spacing, Kind::Poisson, &mut Dice(21));
         let deferred = Cloud::new(&s.points, spacing, s.radius).draw(&view, true);
-        // The paper's figure 7a: splats are lit, and colours interpolated.
+        // Figure 7a of marroquim2007: splats are lit, then their colours are interpolated.
         let mut points = s.points.clone();
         for p in &mut points {
             let colour = lit(to_view * p.normal, to_view * (p.at - view.eye));
@@ -149,10 +152,10 @@ fn figure_7_deferred_shading_has_sharper_highlights_than_shading_each_splat() {
         }
         let splats = Cloud::new(&points, spacing, s.radius).draw(&view, true);
         let (mut off, mut peaks, mut count) = ([0.0; 2], [0f64; 3], 0.0);
-        for (pixel, seen) in image.seen.iter().enumerate() {
+        for (pixel, seen) in image.pixels.iter().enumerate() {
             let Some(seen) = seen.filter(|_| image.is_inside(pixel, 4)) else { continue };
             let place = DVec2::new((pixel % SIDE as usize) as f64, (pixel / SIDE as usize) as f64);
-            let at = to_view * Truth::way(&view, place + 0.5) * seen.depth;
+            let at = to_view * Truth::ray(&view, place + 0.5) * seen.depth;
             let wanted = srgb(lit(seen.normal, at));
             let [r, g, b] = [0, 1, 2].map(|k| f32::from(deferred.picture.rgba[pixel * 4 + k]));
             let got = [Vec3::new(r, g, b), srgb(splats.level.tint[pixel].truncate())];
@@ -172,12 +175,12 @@ fn figure_7_deferred_shading_has_sharper_highlights_than_shading_each_splat() {
 }
 
 #[test]
-fn where_points_crowd_their_means_are_nearer_to_the_truth_and_flicker_less() {
+fn means_of_crowded_points_are_nearer_to_the_truth_and_flicker_less() {
     let (_, truth, view) = scenes(SIDE).remove(0);
     let pixel = view.eye.length() / view.focal_px();
     let fine = Paint::Checks(2.3 * pixel, [230, 220, 210], [40, 60, 80]);
     let fine = Truth { parts: truth.parts.iter().map(|(shape, _)| (*shape, fine)).collect() };
-    // What is left of the error, and of the flicker, of one point a pixel: at most.
+    // Greatest error and flicker of means, as shares of those with the nearest point of each pixel.
     for (truth, density, error, flickers) in [
         (&truth, 2.0, 0.7, 0.9),
         (&truth, 4.0, 0.65, 0.8),
@@ -187,14 +190,14 @@ fn where_points_crowd_their_means_are_nearer_to_the_truth_and_flicker_less() {
         let image = Image::new(truth, &view);
         let spacing = pixel / f64::sqrt(density);
         let s = sample(truth, spacing, Kind::Poisson, &mut Dice(17));
-        let way = orbit(&view, 3, 0.25);
+        let path = orbit(&view, 3, 0.25);
         for normals in [true, false] {
             let [mean, one] = [true, false].map(|averages| {
                 let mut cloud = Cloud::new(&s.points, spacing, s.radius);
                 cloud.averages = averages;
                 let drawn = cloud.draw(&view, normals);
                 assert_eq!(drawn.picture.stats.stages.ms(Pass::Average) > 0.0, averages);
-                (drawn.errors(&image), flicker(&cloud, truth, &way, normals))
+                (drawn.errors(&image), flicker(&cloud, truth, &path, normals))
             });
             let what = format!("{density} points a pixel, {normals}: {mean:?}, one wins: {one:?}");
             assert!(mean.0.colour <= error * one.0.colour, "{what}");
@@ -204,10 +207,10 @@ fn where_points_crowd_their_means_are_nearer_to_the_truth_and_flicker_less() {
     }
 }
 
-/// Scans with normals and scans without may be drawn together, and not every normal can be
+/// Scans with normals and scans without may be drawn together, and some normals cannot be
 /// estimated.
 #[test]
-fn points_without_normals_hide_what_is_behind_them_where_points_crowd() {
+fn crowded_points_without_normals_hide_surfaces_behind_them() {
     let view = walls_view(SIDE, 0.0, 1.0);
     let truth = walls(0.5, 2.0);
     let spacing = 1.0 / f64::from(SIDE) / 1.6;
@@ -226,7 +229,7 @@ fn points_without_normals_hide_what_is_behind_them_where_points_crowd() {
         let middle = ((SIDE / 2 * SIDE + SIDE / 2) * 4) as usize;
         [picture.rgba[middle], picture.rgba[middle + 1], picture.rgba[middle + 2]]
     });
-    // Lit as from the eye where a direction is not known.
+    // Surfaces of unknown direction are lit as if they faced the eye.
     assert!(tints[1][0].abs_diff(tints[0][0]) <= 8 && tints[1][2] < 40, "{tints:?}");
 }
 
@@ -238,17 +241,17 @@ fn smoothed_pixels_are_nearer_to_the_truth_and_flicker_less_and_edges_stay() {
         }
         let image = Image::new(&truth, &view);
         let pixel = view.eye.length() / view.focal_px();
-        // What is left of the error, and of the flicker, of pixels that stay as they are: at most.
+        // Greatest error and flicker, as shares of those of pixels that are not smoothed.
         for (density, error, flickers) in [(1.0, 0.93, 0.75), (0.5, 0.98, 0.88), (0.1, 1.01, 0.97)]
         {
             let spacing = pixel / f64::sqrt(density);
             let s = sample(&truth, spacing, Kind::Poisson, &mut Dice(17));
-            let way = orbit(&view, 3, 0.25);
+            let path = orbit(&view, 3, 0.25);
             let [smooth, plain] = [true, false].map(|averages| {
                 let mut cloud = Cloud::new(&s.points, spacing, s.radius);
                 cloud.averages = averages;
                 let drawn = cloud.draw(&view, true);
-                (drawn.errors(&image), flicker(&cloud, &truth, &way, true))
+                (drawn.errors(&image), flicker(&cloud, &truth, &path, true))
             });
             let what = format!("{name}, {density} points a pixel: {smooth:?}, plain: {plain:?}");
             assert!(smooth.0.colour <= error * plain.0.colour, "{what}");
@@ -272,7 +275,7 @@ fn closed_surfaces_whose_radii_cover_them_have_no_holes() {
                     let drawn = cloud.draw(&view, normals);
                     let what = format!("{name}, {density} points a pixel, {kind:?}, {normals}");
                     assert_eq!(drawn.holes(&image), 0, "{what}");
-                    // Sparse and without normals, sides show through the edges before them.
+                    // If points are sparse and have no normals, sides show through edges in front.
                     let most = if normals || density > 0.5 { 0 } else { 75 };
                     let bleeding = drawn.bleeding(&image);
                     assert!(bleeding <= most, "bleeding {bleeding}: {what}");
@@ -282,8 +285,8 @@ fn closed_surfaces_whose_radii_cover_them_have_no_holes() {
     }
 }
 
-/// By scene and points a pixel, with normals and without: colour off by so much of 255 at most,
-/// depth by so many pixels' widths, normals by so many degrees.
+/// Bounds by scene and points a pixel, with normals and without: errors of colour (of 255), depth
+/// (widths of a pixel) and normals (degrees).
 type Bounds = (&'static str, [(f64, [[f64; 3]; 2]); 4]);
 #[rustfmt::skip]
 const BOUNDS: [Bounds; 4] = [
@@ -321,11 +324,11 @@ fn colours_depths_and_normals_are_near_the_truth_from_0_05_to_4_points_a_pixel()
         for (density, bounds) in bounds {
             let cloud = Cloud::of(&truth, &view, density, Kind::Poisson, &mut Dice(17));
             for (normals, [colour, depth, normal]) in [true, false].into_iter().zip(bounds) {
-                let off = cloud.draw(&view, normals).errors(&image);
+                let errors = cloud.draw(&view, normals).errors(&image);
                 let what =
-                    format!("{name}, {density} points a pixel, normals {normals}: {off:.2?}");
-                let is_near = off.depth_px < depth && off.normal_deg < normal;
-                assert!(is_near && off.colour < colour, "{what}");
+                    format!("{name}, {density} points a pixel, normals {normals}: {errors:.2?}");
+                let is_near = errors.depth_px < depth && errors.normal_deg < normal;
+                assert!(is_near && errors.colour < colour, "{what}");
             }
         }
     }

@@ -1,5 +1,5 @@
-//! EWA splatting (zwicker2004) against plain `f64` references, and what it promises a viewer: exact
-//! shapes, no holes, no moire, no harm from extreme splats.
+//! EWA splatting (zwicker2004) against plain `f64` references: exact shapes, no holes, no moiré,
+//! and valid pictures of extreme splats.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[path = "ewa/clip.rs"]

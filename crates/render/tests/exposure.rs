@@ -1,6 +1,5 @@
-//! ExposureGrid of exposures: two scans of one wall, one darker and one brighter, meet without a
-//! seam or speckles, the wall's texture is as it was, and across an edge of depth nothing is
-//! evened.
+//! Exposure compensation: a darker and a brighter scan of one wall are drawn without a seam or
+//! speckles, the texture of the wall is kept, and nothing changes across an edge of depth.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -13,28 +12,29 @@ use glam::{DVec3, Vec4};
 use scene::{Dice, Scene, ScenePoint};
 
 const SIDE: u32 = 256;
-/// Pixels that the wall is wide.
+/// Width of the wall, pixels.
 const WALL_PX: f64 = 200.0;
-/// How bright the scans are.
+/// Exposures of the two scans.
 const GAINS: [f64; 2] = [0.7, 1.3];
 
 fn view() -> View {
     View::look_at(DVec3::NEG_Y * 20.0, DVec3::ZERO, DVec3::Z, 0.11, SIDE, SIDE)
 }
 
-/// Width of a pixel at the wall.
+/// Width of a pixel at the wall, metres.
 fn pixel() -> f64 {
     20.0 / view().focal_px()
 }
 
-/// Light of the wall, of mean 0.3: stripes six pixels wide, and a slow change across.
+/// Linear light of the wall, of mean 0.3: stripes six pixels wide, and slow vertical waves.
 fn texture(x: f64, z: f64) -> f64 {
     let stripes = (x / (6.0 * pixel()) * std::f64::consts::PI).sin();
     0.3 + 0.1 * stripes + 0.05 * (z / (60.0 * pixel())).cos()
 }
 
-/// A wall in this depth, of so many points a pixel, as `scan` and `light` say of its places (in
-/// pixels). The scan is the last bit of blue.
+/// A wall at depth `depth` with `density` points a pixel. `scan` chooses the scan of a point from
+/// its place (pixels), `light` gives its linear light from scan and place (metres). The lowest bit
+/// of blue holds the scan.
 fn wall(
     dice: &mut Dice,
     depth: f64,
@@ -61,7 +61,7 @@ fn srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Their nodes, whose spare bytes of colours tell the scan.
+/// A scene of `points`; the fourth byte of a colour holds the number of its scan.
 fn scene(points: &[ScenePoint], density: f64) -> Scene {
     let spacing = pixel() / density.sqrt();
     let mut scene = Scene::new(points, 1e-5, spacing, spacing, 5000);
@@ -71,8 +71,8 @@ fn scene(points: &[ScenePoint], density: f64) -> Scene {
     scene
 }
 
-/// Red of the pixels that points won, evened or not, with the scan of each; what has none is left
-/// out.
+/// Red (linear light) and scan of each pixel that a point won, with or without exposure
+/// compensation.
 fn lights(scene: &Scene, evens_exposure: bool, normals: bool) -> Vec<Option<(f64, usize)>> {
     let view = view();
     let draws = scene.draws(true, true, normals);
@@ -93,8 +93,8 @@ fn lights(scene: &Scene, evens_exposure: bool, normals: bool) -> Vec<Option<(f64
     all.map(|(i, (tint, own))| base.is_valid(i).then(|| (f64::from(tint.x), scan(*own)))).collect()
 }
 
-/// Over pixels beside each other: the mean square of their difference over that of their sum, of
-/// those of one scan, and of those of two.
+/// Mean square difference of vertically adjacent pixels over the square of the mean light: of pairs
+/// of one scan, and of pairs of two scans.
 fn roughness(lights: &[Option<(f64, usize)>]) -> [f64; 2] {
     let (mut sums, mut counts, mut all) = ([0.0; 2], [0.0; 2], (0.0, 0.0));
     let pairs = lights.iter().zip(&lights[SIDE as usize..]);
@@ -108,7 +108,7 @@ fn roughness(lights: &[Option<(f64, usize)>]) -> [f64; 2] {
     [0, 1].map(|kind| sums[kind] / counts[kind] / (all.0 / all.1).powi(2))
 }
 
-/// What a picture has of the wall's stripes: their part in its light, over that of the wall.
+/// Contrast of the stripes in the picture, relative to their contrast on the wall.
 fn contrast(lights: &[Option<(f64, usize)>], columns: std::ops::Range<usize>) -> f64 {
     let (mut along, mut mean, mut count, mut squares) = (0.0, 0.0, 0.0, 0.0);
     for (i, (light, _)) in lights.iter().enumerate().filter_map(|(i, l)| Some((i, (*l)?))) {
@@ -123,7 +123,7 @@ fn contrast(lights: &[Option<(f64, usize)>], columns: std::ops::Range<usize>) ->
         mean += light;
         count += 1.0;
     }
-    // Of stripes of 0.1 on light of 0.3.
+    // The stripes of the wall have an amplitude of 0.1 at a mean of 0.3.
     (along / squares) / (mean / count) * 3.0
 }
 
@@ -132,7 +132,7 @@ fn mixed(dice: &mut Dice, _: f64) -> usize {
 }
 
 #[test]
-fn speckles_of_two_scans_go_and_the_texture_stays() {
+fn speckles_of_two_mixed_scans_vanish_and_the_texture_stays() {
     for (density, normals) in [(2.0, true), (2.0, false), (0.5, true), (0.25, false)] {
         let points = wall(&mut Dice(5), 0.0, density, mixed, |s, x, z| GAINS[s] * texture(x, z));
         let scene = scene(&points, density);
@@ -145,7 +145,7 @@ fn speckles_of_two_scans_go_and_the_texture_stays() {
              contrast {contrasts:.3?}"
         );
         eprintln!("{what}");
-        // What is left is the texture's own.
+        // The remaining differences are those of the texture.
         assert!(
             two > two_after * 100.0 && two_after < one * 1.5 && one_after < one * 1.1,
             "{what}"
@@ -164,7 +164,7 @@ fn a_border_between_two_scans_becomes_a_slope() {
         |s, x, z| GAINS[s] * texture(x, z),
     );
     let scene = scene(&points, 2.0);
-    // Mean light of two stripes, 12 pixels, at a distance from the border.
+    // Mean light of two stripes (12 pixels) that start `from` pixels right of the border.
     let mean = |lights: &[Option<(f64, usize)>], from: i32| {
         let first = (SIDE as i32 / 2 + from) as usize;
         let columns = first..first + 12;
@@ -176,7 +176,7 @@ fn a_border_between_two_scans_becomes_a_slope() {
     let step = |lights: &[Option<(f64, usize)>]| mean(lights, 0) / mean(lights, -12);
     let (old, new) = (step(&before), step(&after));
     assert!(old > 1.8 && new < 1.25, "across the border {old:.2}, then {new:.2}");
-    // Far from it all is as it was, and on the way the texture stays.
+    // Light far from the border is unchanged, and the texture on the slope is kept.
     for from in [-90, 78] {
         let (old, new) = (mean(&before, from), mean(&after, from));
         assert!((new / old - 1.0).abs() < 0.01, "{old} and {new} at {from}");
@@ -190,8 +190,8 @@ fn a_border_between_two_scans_becomes_a_slope() {
 }
 
 #[test]
-fn nothing_is_evened_across_an_edge_of_depth_nor_within_a_scan() {
-    // A dark wall of one scan before a bright one of the other, which it covers to the left.
+fn exposure_does_not_change_across_an_edge_of_depth_or_within_a_scan() {
+    // A dark wall of one scan in front of the left half of a bright wall of the other.
     let mut dice = Dice(7);
     let left = |_: &mut Dice, _: f64| 0;
     let mut points = wall(&mut dice, -8.0, 2.0, left, |_, x, z| 0.5 * texture(x, z));

@@ -6,7 +6,7 @@ use esker_render::passes::push;
 use esker_render::picture::pyramid::{INVALID, Planes, Pyramid};
 use glam::{Vec2, Vec4};
 
-/// Only the two coarsest levels of a 4 x 4 picture, all pixels invalid.
+/// The two finest levels of a pyramid over 4 x 4 pixels, all of them invalid.
 fn two_levels() -> Pyramid {
     let mut pyramid = Pyramid::default();
     pyramid.fit(4, 4, Planes::None);
@@ -17,13 +17,13 @@ fn two_levels() -> Pyramid {
 
 #[test]
 fn figure_5_three_of_four_pixels_weigh_one_three_and_nine_thirteenths() {
-    // Pixel (1, 1) lies under the coarser (0, 0); its neighbours are (1, 0), (0, 1) and (1, 1).
+    // Pixel (1, 1) lies below coarser pixel (0, 0), whose neighbours are (1, 0), (0, 1) and (1, 1).
     let mut pyramid = two_levels();
     let coarser = &mut pyramid.levels[1];
     let colours = [Vec4::X, Vec4::Y, Vec4::splat(9.0), Vec4::Z];
     for (i, colour) in colours.into_iter().enumerate() {
         coarser.front[i] = Vec4::new(1.0, 2.0, 0.0, 0.0);
-        // Three ellipses include the pixel's centre, that of the pixel below does not.
+        // Three ellipses include the centre of the pixel; the ellipse of (0, 1) does not.
         let radius = if i == 2 { 1.0 } else { 10.0 };
         coarser.tint[i] = colour.truncate().extend(radius);
     }
@@ -33,7 +33,7 @@ fn figure_5_three_of_four_pixels_weigh_one_three_and_nine_thirteenths() {
 }
 
 #[test]
-fn all_four_pixels_weigh_as_the_subdivision_of_figure_4() {
+fn four_pixels_have_the_weights_of_the_subdivision_in_figure_4() {
     let mut pyramid = two_levels();
     let coarser = &mut pyramid.levels[1];
     for i in 0..4 {
@@ -46,7 +46,7 @@ fn all_four_pixels_weigh_as_the_subdivision_of_figure_4() {
     assert_eq!(weights(4 + 1), [9.0, 3.0, 3.0]);
     assert_eq!(weights(4 + 2), [3.0, 9.0, 1.0]);
     assert_eq!(weights(8 + 1), [3.0, 1.0, 9.0]);
-    // In the corner three of the four do not exist.
+    // At the corner only one of the four coarser pixels exists.
     assert_eq!(weights(0), [16.0, 0.0, 0.0]);
 }
 
@@ -63,10 +63,10 @@ fn figure_3_the_displacement_points_from_the_sample_to_the_pixel_after_three_pul
         for (i, level) in pyramid.levels.iter().enumerate() {
             let (x, y) = (sample.0 >> i, sample.1 >> i);
             let front = level.front[y * level.width + x];
-            // The exact sum of the difference vectors: the ellipse's centre is still the sample.
+            // The difference vectors add up exactly: the centre of the ellipse is still the sample.
             assert_eq!(Vec2::new(front.z, front.w), level.centre(x, y) - p0, "level {i}");
         }
-        // p3 is the whole picture's centre.
+        // p3 is the centre of the picture.
         let p3 = pyramid.levels[3].front[0];
         assert_eq!(Vec2::new(p3.z, p3.w), Vec2::splat(4.0) - p0);
     }
@@ -84,8 +84,8 @@ fn figure_3b_two_samples_give_an_ellipse_between_them() {
     }
     pull::pull(&mut pyramid);
     let top = &pyramid.levels[1];
-    // Centre (1, 0.5), half a pixel above the coarse pixel's; interval from least to greatest
-    // depth.
+    // The centre is (1, 0.5), half a pixel above that of the coarse pixel; the interval spans both
+    // depths.
     assert_eq!(top.front[0], Vec4::new(1.0, 2.5, 0.0, 0.5));
     assert_eq!(top.tint[0].w, 3.0);
 }
@@ -102,7 +102,7 @@ fn an_occluded_pixel_takes_the_front_surface_only_where_an_ellipse_covers_it() {
         base.tint[0] = Vec4::new(1.0, 1.0, 1.0, radius);
         base.tint[3] = Vec4::new(0.0, 0.0, 0.0, radius);
         pull::pull(&mut pyramid);
-        assert_eq!(pyramid.levels[1].front[0].y, 1.5, "the occluded pixel has no part in the mean");
+        assert_eq!(pyramid.levels[1].front[0].y, 1.5, "the occluded pixel does not enter the mean");
         push::push(&mut pyramid);
         assert_eq!(pyramid.levels[0].front[3].x, expected, "radius {radius}");
     }

@@ -1,13 +1,13 @@
-//! Gather, resolve and tiles on the GPU give what their twins give, on every adapter of this
-//! machine, as it is and with the least that WebGPU promises. The twins' own hits go in, so that
-//! only these passes are told apart.
+//! Gather, resolve and tiles on the GPU give the results of their CPU twins on every adapter of the
+//! machine, with all its features and with the minimum that WebGPU guarantees. The hits come from
+//! the CPU, so that only these passes can differ.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
 mod scene;
 
-#[path = "gpu_gather/rig.rs"]
-mod rig;
+#[path = "gpu_gather/gpu_passes.rs"]
+mod gpu_passes;
 
 use esker_lod::{CompactOctree, Drawn, View, tiles_of};
 use esker_points::quant::INDEX_AT;
@@ -19,13 +19,13 @@ use esker_render::{
 };
 use glam::Vec4Swizzles;
 use glam::{DVec3, Vec4};
-use rig::{Rig, gpus};
+use gpu_passes::{GpuPasses, gpus, project_on_cpu};
 use scene::{Dice, Scene, SceneNode, sheet, sphere};
 
-/// Steps of lattices on which nodes drop no bits, up to ten, and more.
+/// Steps of lattices on which hot positions drop no bits, at most ten, and more than ten.
 const STEPS: [f64; 3] = [1e-4, 3e-6, 2e-9];
 
-/// A ball before a wall, in nodes of at most 700 points.
+/// A ball in front of a wall, in nodes of at most 700 points.
 fn ball_and_wall(step: f64) -> Scene {
     let mut dice = Dice(7);
     let mut points = sphere(&mut dice, DVec3::ZERO, 1.0, 4000, [200, 40, 90]);
@@ -33,7 +33,7 @@ fn ball_and_wall(step: f64) -> Scene {
     points.extend(sheet(&mut dice, corner, DVec3::X * 3.0, DVec3::Z * 3.0, 60, [20, 130, 220]));
     for p in &mut points {
         p.colour = p.colour.map(|c| c.wrapping_add(dice.bits() as u8 % 50));
-        // A third of them look away.
+        // A third of the normals are reversed.
         p.normal *= if dice.bits().is_multiple_of(3) { -1.0 } else { 1.0 };
     }
     Scene::new(&points, step, 0.05, 0.04, 700)
@@ -43,7 +43,7 @@ fn view(width: u32, height: u32) -> View {
     View::look_at(DVec3::new(1.0, -3.0, 0.8), DVec3::ZERO, DVec3::Z, 0.9, width, height)
 }
 
-/// The cells of the nodes, and some below them that are drawn finer.
+/// An octree with the cells of the nodes and some smaller cells below them that are drawn, too.
 fn octree(scene: &Scene) -> CompactOctree {
     let mut dice = Dice(11);
     let whole = scene.nodes.iter().map(|n| n.node);
@@ -71,7 +71,7 @@ fn map(low: f64, high: f64) -> ColourMap {
     ColourMap { low, high, palette: Palette::Viridis }
 }
 
-/// Whether two numbers are the same but for rounding.
+/// Whether two numbers are equal up to rounding.
 fn near(a: f32, b: f32) -> bool {
     a == b || (a - b).abs() <= 1e-4 * a.abs().max(b.abs()).max(1e-3)
 }
@@ -80,14 +80,14 @@ fn near_all(a: Vec4, b: Vec4) -> bool {
     a.to_array().iter().zip(b.to_array()).all(|(&a, b)| near(a, b))
 }
 
-/// Level 0 as the twin fills it; at most a thousandth of the pixels may stand on a decision's other
-/// side.
-fn assert_gathers(rig: &mut Rig, frame: &Frame<'_>, what: &str) {
-    let cpu = rig::cpu(frame);
+/// Compares level 0 with that of the CPU twin. At most 0.1 % of the pixels may differ, where
+/// rounding changes a decision.
+fn assert_gathers(passes: &mut GpuPasses, frame: &Frame<'_>, what: &str) {
+    let cpu = project_on_cpu(frame);
     let mut pyramid = GpuPyramid::default();
     let [width, height] = [frame.view.width, frame.view.height];
-    pyramid.fit(&rig.gpu, width, height, FramePlan::new(frame).planes()).unwrap();
-    let (gpu, count) = rig.gather(frame, &cpu.hits, &pyramid);
+    pyramid.fit(&passes.gpu, width, height, FramePlan::new(frame).planes()).unwrap();
+    let (gpu, count) = passes.gather(frame, &cpu.hits, &pyramid);
     let (valid, twin) = cpu.gather();
     assert_eq!((u64::from(count), valid > 100), (valid, true), "{what}: pixels won");
     let mut off = 0;
@@ -102,12 +102,14 @@ fn assert_gathers(rig: &mut Rig, frame: &Frame<'_>, what: &str) {
         };
         let tilt =
             |l: &esker_render::picture::pyramid::Level| l.tilt.get(i).copied().unwrap_or_default();
-        // Displacements are what is left of places of hundreds of pixels: within a thousandth of
-        // one.
+        // Displacements are differences of coordinates of hundreds of pixels: 0.001 pixels is their
+        // precision.
         let [front, twins] = [gpu.front[i], twin.front[i]];
-        // Depths of told planes are moved along them, others are the points' own.
-        let is_told = frame.draws.iter().all(|d| d.normal.is_none());
-        let same = (gpu.depth[i] == twin.depth[i] || is_told && near(gpu.depth[i], twin.depth[i]))
+        // With fitted planes depths are moved along the planes, otherwise they are those of the
+        // points.
+        let is_fitted = frame.draws.iter().all(|d| d.normal.is_none());
+        let same = (gpu.depth[i] == twin.depth[i]
+            || is_fitted && near(gpu.depth[i], twin.depth[i]))
             && near(front.x, twins.x)
             && near(front.y, twins.y)
             && (front - twins).zw().abs().max_element() <= 1e-3
@@ -117,30 +119,30 @@ fn assert_gathers(rig: &mut Rig, frame: &Frame<'_>, what: &str) {
         off += u64::from(!same);
     }
     assert!(off * 1000 <= valid, "{what}: {off} of {valid} pixels are off");
-    assert_eq!(rig.gpu.fault(), None, "{what}");
+    assert_eq!(passes.gpu.fault(), None, "{what}");
 }
 
-/// The picture without surfaces as the twin draws it, within a byte.
-fn assert_resolves(rig: &mut Rig, frame: &Frame<'_>, what: &str) {
-    let cpu = rig::cpu(frame);
-    let (rgba, depth, [won, shown]) = rig.resolve(frame, &cpu.hits);
+/// Compares the picture of points with that of the CPU twin; bytes may differ by one.
+fn assert_resolves(passes: &mut GpuPasses, frame: &Frame<'_>, what: &str) {
+    let cpu = project_on_cpu(frame);
+    let (rgba, depth, [won, shown]) = passes.resolve(frame, &cpu.hits);
     let (covered, picture) = cpu.resolve();
     assert_eq!([u64::from(won), u64::from(shown)], [covered; 2], "{what}: pixels covered");
     assert_eq!(depth, picture.depth, "{what}: depths");
     let far = rgba.iter().zip(&picture.rgba).filter(|(a, b)| a.abs_diff(**b) > 1).count();
     assert_eq!(far, 0, "{what}: bytes off by more than one");
-    assert_eq!(rig.gpu.fault(), None, "{what}");
+    assert_eq!(passes.gpu.fault(), None, "{what}");
 }
 
 #[test]
-fn level_0_is_the_twins_with_and_without_normals_octree_and_dropped_bits() {
+fn level_0_equals_the_cpu_with_and_without_normals_octree_and_dropped_bits() {
     for gpu in gpus() {
-        let mut rig = Rig::new(gpu);
+        let mut passes = GpuPasses::new(gpu);
         let view = view(150, 110);
         for step in STEPS {
             let scene = ball_and_wall(step);
             let octree = octree(&scene);
-            // All of them where positions have dropped bits of one word, a few elsewhere.
+            // All 16 cases if the dropped bits of a position fit in one word, else a few.
             for case in (0..16).filter(|c| step == STEPS[1] || c % 5 == 0) {
                 let has = |bit: u32| case >> bit & 1 == 1;
                 let mut draws = scene.draws(has(0), true, has(1));
@@ -153,16 +155,15 @@ fn level_0_is_the_twins_with_and_without_normals_octree_and_dropped_bits() {
                 let mut frame = scene.frame(&view, &draws);
                 frame.octree = has(2).then_some(&octree);
                 frame.cull_back_faces = has(3);
-                assert_gathers(&mut rig, &frame, &format!("step {step}, case {case:04b}"));
+                assert_gathers(&mut passes, &frame, &format!("step {step}, case {case:04b}"));
             }
         }
     }
 }
 
 #[test]
-fn heights_have_their_dropped_bits() {
-    // A floor that rises by three steps of the hot positions, seen from above, in colours of its
-    // height.
+fn heights_include_the_dropped_bits() {
+    // A floor that rises by three steps of the hot positions, seen from above, coloured by height.
     let floor = |step: f64, rise: f64| {
         let (u, v) = (DVec3::new(3.0, 0.0, rise * 0.5), DVec3::new(0.0, 3.0, rise * 0.5));
         let points = sheet(&mut Dice(2), DVec3::ZERO, u, v, 80, [9, 99, 199]);
@@ -171,7 +172,7 @@ fn heights_have_their_dropped_bits() {
     let (eye, middle) = (DVec3::new(1.5, 1.4, 3.0), DVec3::new(1.5, 1.5, 0.0));
     let view = View::look_at(eye, middle, DVec3::Y, 1.0, 100, 100);
     for gpu in gpus() {
-        let mut rig = Rig::new(gpu);
+        let mut passes = GpuPasses::new(gpu);
         for step in &STEPS[1..] {
             let shift = floor(*step, 0.0).nodes[0].node.hot_shift;
             assert!(shift > 0);
@@ -182,19 +183,19 @@ fn heights_have_their_dropped_bits() {
                 let mut frame = scene.frame(&view, &draws);
                 frame.colour = ColourBy::Elevation(map(0.0, rise));
                 let what = format!("shift {shift}, residual {residual}");
-                assert_gathers(&mut rig, &frame, &what);
+                assert_gathers(&mut passes, &frame, &what);
                 frame.method = Method::Points;
-                assert_resolves(&mut rig, &frame, &what);
+                assert_resolves(&mut passes, &frame, &what);
             }
         }
     }
 }
 
 #[test]
-fn points_have_the_twins_colours_whatever_gives_them() {
+fn colours_of_points_equal_the_cpu_for_every_source_of_colour() {
     let scene = ball_and_wall(STEPS[1]);
     let view = view(120, 90);
-    let ways = [
+    let colours = [
         ColourBy::Plain,
         ColourBy::Rgb,
         ColourBy::Scalar(map(0.0, 255.0)),
@@ -207,47 +208,47 @@ fn points_have_the_twins_colours_whatever_gives_them() {
         ColourBy::Cell,
         ColourBy::Normal,
     ];
-    // Positions with numbers of colours.
-    let numbered = |node: &SceneNode| {
+    // Hot positions with indices of colours in a palette.
+    let indexed_positions = |node: &SceneNode| {
         let mut plane = node.position.clone();
         for (i, point) in plane.as_chunks_mut::<8>().0.iter_mut().enumerate() {
             point[INDEX_AT] = (i * 37) as u8;
         }
         plane
     };
-    let numbered: Vec<_> = scene.nodes.iter().map(numbered).collect();
+    let indexed: Vec<_> = scene.nodes.iter().map(indexed_positions).collect();
     for gpu in gpus() {
-        let mut rig = Rig::new(gpu);
-        for colour in ways {
+        let mut passes = GpuPasses::new(gpu);
+        for colour in colours {
             for plane in 0..4 {
                 let mut draws = scene.draws(true, plane > 0, true);
                 for (draw, node) in draws.iter_mut().zip(&scene.nodes).filter(|_| plane == 2) {
                     draw.colour = Scene::scalar(node, AttrType::U8);
                 }
-                for (draw, plane) in draws.iter_mut().zip(&numbered).filter(|_| plane == 3) {
+                for (draw, plane) in draws.iter_mut().zip(&indexed).filter(|_| plane == 3) {
                     (draw.position, draw.colour) = (plane, ColourPlane::Indexed);
                 }
                 draws[0].normal = None;
                 let what = format!("{colour:?}, plane {plane}");
                 let mut frame = scene.frame(&view, &draws);
                 frame.colour = colour;
-                assert_gathers(&mut rig, &frame, &what);
+                assert_gathers(&mut passes, &frame, &what);
                 frame.method = Method::Points;
                 frame.background = match plane {
                     0 => Background::Plain([1, 2, 3, 0]),
                     _ => Background::Gradient([10, 200, 30], [250, 20, 90]),
                 };
-                assert_resolves(&mut rig, &frame, &what);
+                assert_resolves(&mut passes, &frame, &what);
             }
         }
     }
 }
 
-/// Values of a type that are hard to map, in planes for all points.
+/// Values of type `ty` that are hard to map to colours, and the range of most of them.
 fn values(ty: AttrType, points: usize) -> (Vec<u8>, ColourMap) {
     let mut dice = Dice(5);
     let mut bytes = Vec::new();
-    // A range of which `f32` could tell no value apart from the next.
+    // Ranges in which neighbouring values are often equal as `f32`.
     let (low, span) = match ty {
         AttrType::U8 => (3.0, 200.0),
         AttrType::I8 => (-100.0, 180.0),
@@ -264,7 +265,7 @@ fn values(ty: AttrType, points: usize) -> (Vec<u8>, ColourMap) {
         let at = low + span * (dice.unit() * 1.2 - 0.1);
         let bits = dice.bits();
         match (ty, i % 16) {
-            // Any bits, those of no number among them.
+            // Random bits, which may be no number.
             (_, 0) => bytes.extend(&bits.to_le_bytes()[..ty.size()]),
             (AttrType::F32, 1) => bytes.extend(f32::NAN.to_le_bytes()),
             (AttrType::F64, 1) => bytes.extend(f64::NEG_INFINITY.to_le_bytes()),
@@ -275,7 +276,7 @@ fn values(ty: AttrType, points: usize) -> (Vec<u8>, ColourMap) {
             (AttrType::I16, _) => bytes.extend((at as i16).to_le_bytes()),
             (AttrType::U32, _) => bytes.extend((at as u32).to_le_bytes()),
             (AttrType::I32, _) => bytes.extend((at as i32).to_le_bytes()),
-            // Below the steps of `f64`, where it rounds.
+            // Low bits beyond the precision of `f64`, which rounds them.
             (AttrType::U64, _) => bytes.extend((at as u64).wrapping_add(bits % 4096).to_le_bytes()),
             (AttrType::I64, _) => bytes.extend((at as i64 + (bits % 4096) as i64).to_le_bytes()),
             (AttrType::F32, _) => bytes.extend((at as f32).to_le_bytes()),
@@ -299,11 +300,11 @@ const TYPES: [AttrType; 10] = [
 ];
 
 #[test]
-fn values_of_every_type_have_the_twins_colour_bit_by_bit() {
+fn colours_of_scalars_of_every_type_equal_the_cpu_bit_by_bit() {
     let scene = ball_and_wall(STEPS[0]);
     let view = view(120, 90);
     for gpu in gpus() {
-        let mut rig = Rig::new(gpu);
+        let mut passes = GpuPasses::new(gpu);
         for ty in TYPES {
             let (bytes, wide) = values(ty, 700);
             let mut draws = scene.draws(true, false, false);
@@ -311,29 +312,29 @@ fn values_of_every_type_have_the_twins_colour_bit_by_bit() {
             let narrow = map(wide.low, wide.low + (wide.high - wide.low) * 1e-3);
             let denormal = map(-1e-38, 1e-38);
             let maps = [wide, narrow, map(wide.high, wide.low), map(0.0, 0.0), denormal];
-            let ways =
+            let colours =
                 maps.map(ColourBy::Scalar).into_iter().chain([ColourBy::Codes(Codebook::Classes)]);
-            for colour in ways {
+            for colour in colours {
                 let mut frame = scene.frame(&view, &draws);
                 frame.colour = colour;
-                let cpu = rig::cpu(&frame);
+                let cpu = project_on_cpu(&frame);
                 let mut pyramid = GpuPyramid::default();
                 pyramid
-                    .fit(&rig.gpu, view.width, view.height, FramePlan::new(&frame).planes())
+                    .fit(&passes.gpu, view.width, view.height, FramePlan::new(&frame).planes())
                     .unwrap();
-                let (level, _) = rig.gather(&frame, &cpu.hits, &pyramid);
+                let (level, _) = passes.gather(&frame, &cpu.hits, &pyramid);
                 let (_, twin) = cpu.gather();
                 for i in (0..twin.front.len()).filter(|&i| twin.is_valid(i)) {
                     let colours = [&level, &twin].map(|l| l.tint[i].truncate());
                     assert_eq!(colours[0], colours[1], "{ty:?} by {colour:?}, pixel {i}");
                 }
-                assert_eq!(rig.gpu.fault(), None);
+                assert_eq!(passes.gpu.fault(), None);
             }
         }
     }
 }
 
-/// A node whose planes end too early, each node's in another way.
+/// A node whose planes are too short, with lengths that depend on `i`.
 fn cut(i: usize, node: &SceneNode) -> DrawNode<'_> {
     let part = |plane: &'_ [u8], share: usize| plane.len() * share / 4 + 3 * (share % 2);
     let within = |plane: &'_ [u8], share: usize| part(plane, share).min(plane.len());
@@ -351,48 +352,48 @@ fn cut(i: usize, node: &SceneNode) -> DrawNode<'_> {
 }
 
 #[test]
-fn planes_that_are_too_short_serve_as_far_as_they_go() {
+fn planes_that_are_too_short_are_used_up_to_their_end() {
     let view = view(120, 90);
     for gpu in gpus() {
-        let mut rig = Rig::new(gpu);
+        let mut passes = GpuPasses::new(gpu);
         for step in STEPS {
             let scene = ball_and_wall(step);
             let draws: Vec<_> = scene.nodes.iter().enumerate().map(|(i, n)| cut(i, n)).collect();
-            let ways = [ColourBy::Rgb, ColourBy::Scalar(map(0.0, 65535.0)), ColourBy::Normal];
-            for colour in ways {
+            let colours = [ColourBy::Rgb, ColourBy::Scalar(map(0.0, 65535.0)), ColourBy::Normal];
+            for colour in colours {
                 let mut frame = scene.frame(&view, &draws);
                 (frame.colour, frame.cull_back_faces) = (colour, false);
                 let what = format!("short planes, step {step}, {colour:?}");
-                assert_gathers(&mut rig, &frame, &what);
+                assert_gathers(&mut passes, &frame, &what);
                 frame.method = Method::Points;
-                assert_resolves(&mut rig, &frame, &what);
+                assert_resolves(&mut passes, &frame, &what);
             }
         }
     }
 }
 
 #[test]
-fn a_frame_of_nothing_is_invalid_and_background() {
+fn an_empty_frame_has_no_valid_pixel_and_shows_the_background() {
     let view = view(64, 48);
     let scene = ball_and_wall(STEPS[0]);
     for gpu in gpus() {
-        let mut rig = Rig::new(gpu);
+        let mut passes = GpuPasses::new(gpu);
         let mut frame = scene.frame(&view, &[]);
-        let cpu = rig::cpu(&frame);
+        let cpu = project_on_cpu(&frame);
         let mut pyramid = GpuPyramid::default();
-        pyramid.fit(&rig.gpu, view.width, view.height, FramePlan::new(&frame).planes()).unwrap();
-        let (level, count) = rig.gather(&frame, &cpu.hits, &pyramid);
+        pyramid.fit(&passes.gpu, view.width, view.height, FramePlan::new(&frame).planes()).unwrap();
+        let (level, count) = passes.gather(&frame, &cpu.hits, &pyramid);
         assert!(count == 0 && (0..level.front.len()).all(|i| !level.is_valid(i)));
         frame.method = Method::Points;
-        assert_resolves(&mut rig, &frame, "nothing");
+        assert_resolves(&mut passes, &frame, "nothing");
     }
 }
 
 #[test]
-fn tiles_are_the_twins_for_pictures_of_any_size() {
+fn depth_tiles_equal_the_cpu_for_pictures_of_any_size() {
     let mut dice = Dice(3);
     for gpu in gpus() {
-        let mut rig = Rig::new(gpu);
+        let mut passes = GpuPasses::new(gpu);
         for (width, height) in [(1, 1), (17, 301), (128, 128), (333, 129), (640, 360)] {
             let depth: Vec<f32> = (0..width * height)
                 .map(|_| match dice.bits() % 64 {
@@ -405,8 +406,8 @@ fn tiles_are_the_twins_for_pictures_of_any_size() {
                 })
                 .collect();
             let twin = tiles_of(&depth, width as usize, height as usize);
-            assert!(rig.tiles(&depth, width, height) == twin, "{width} x {height}");
-            assert_eq!(rig.gpu.fault(), None);
+            assert!(passes.tiles(&depth, width, height) == twin, "{width} x {height}");
+            assert_eq!(passes.gpu.fault(), None);
         }
     }
 }

@@ -1,6 +1,6 @@
-//! Whole pictures: on every adapter and by either path the GPU draws the picture of the CPU (mean
+//! Whole pictures: on every adapter and by either path, the GPU draws the picture of the CPU (mean
 //! FLIP at most 0.01, at most 0.1 % of the pixels off by more than 8 of 255), frees its memory, and
-//! reports on its frames without waiting.
+//! reports counts, times and depths of its frames without waiting.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod gpu;
@@ -15,15 +15,15 @@ use esker_render::{
 };
 use glam::{DMat3, DVec3};
 use gpu::flip::mean_flip;
-use gpu::{few_gpus, gpus, laid_frame, lay, name};
+use gpu::{few_gpus, gpus, name, upload, uploaded_frame};
 use scene::{Dice, Scene, ScenePoint, bunny, sheet, sphere};
 
-/// Bytes of a page: nodes have their planes in several.
+/// Bytes of a page, so few that the planes of a node lie in several.
 const PAGE_BYTES: u64 = 64 << 10;
-/// Frames until what is polled for must have come.
+/// Frames after which readbacks must have arrived.
 const FRAMES_MAX: usize = 200;
 
-/// Pixels that differ by more than 8 of 255 in any channel.
+/// Counts the pixels that differ by more than 8 of 255 in any channel.
 fn pixels_off(a: &[u8], b: &[u8]) -> usize {
     let differs = |(a, b): (&[u8; 4], &[u8; 4])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 8);
     a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0).filter(|p| differs(*p)).count()
@@ -48,15 +48,15 @@ fn is_the_picture(what: &str, gpu: &Gpu, cpu: &Picture, other: &Picture) {
     assert!(near(ours.pixels_covered, theirs.pixels_covered), "{what} on {on}: {theirs:?}");
 }
 
-/// Draws frames on the CPU and on each device, one renderer for all of them.
+/// Draws all frames on the CPU and, with one renderer a device, on each device.
 fn pictures_are_the_same(frames: &[(&str, Frame<'_>)]) {
     let cpu: Vec<_> = frames.iter().map(|(_, f)| render(f).unwrap()).collect();
     for gpu in few_gpus() {
         let before = gpu.bytes();
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         for ((what, frame), cpu) in frames.iter().zip(&cpu) {
-            let laid = lay(&gpu, frame.draws, PAGE_BYTES);
-            renderer.render(&laid_frame(frame, &laid.draws), &laid.pool).unwrap();
+            let uploaded = upload(&gpu, frame.draws, PAGE_BYTES);
+            renderer.render(&uploaded_frame(frame, &uploaded.draws), &uploaded.pool).unwrap();
             is_the_picture(what, &gpu, cpu, &renderer.read().unwrap());
         }
         drop(renderer);
@@ -73,7 +73,7 @@ fn ball_and_floor() -> Scene {
     Scene::new(&points, 1e-5, 0.045, 0.045, 3000)
 }
 
-/// The scene with four times as many points, each of another colour.
+/// The scene of [`ball_and_floor`] with four times as many points, in random colours.
 fn speckled() -> Scene {
     let mut dice = Dice(12);
     let mut points = sphere(&mut dice, DVec3::Z, 1.0, 36_000, [0; 3]);
@@ -85,10 +85,11 @@ fn speckled() -> Scene {
     Scene::new(&points, 1e-5, 0.0225, 0.0225, 3000)
 }
 
-/// More points in one place than the sums of a pixel hold, and one of another colour before them.
+/// More points in one place than the sums of a pixel can hold, and one point of another colour in
+/// front of them.
 fn heap() -> Scene {
     let point = |nearer: f64, colour| ScenePoint {
-        // Beside the picture's middle, where four pixels meet.
+        // Not in the middle of the picture, where four pixels meet.
         at: DVec3::new(0.08, 0.06, 0.6) + DVec3::new(2.6, -3.1, 1.9) * nearer,
         normal: DVec3::NEG_Y,
         colour,
@@ -104,7 +105,7 @@ fn view(width: u32, height: u32) -> View {
 }
 
 #[test]
-fn pictures_are_those_of_the_cpu_by_every_path() {
+fn pictures_equal_those_of_the_cpu_by_every_path() {
     let scene = ball_and_floor();
     let (small, wide) = (view(160, 128), view(173, 97));
     let [with, without] = [true, false].map(|normals| scene.draws(true, true, normals));
@@ -126,9 +127,9 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
     let mut crowd_mixed = crowd_with.clone();
     crowd_mixed.iter_mut().step_by(2).for_each(|draw| draw.normal = None);
     assert!(FramePlan::new(&crowded).averages() && !FramePlan::new(&surface).averages());
-    // The floor goes on beyond the picture.
+    // The floor continues beyond the picture.
     assert!(FramePlan::new(&surface).margin_px > 0);
-    // So small that no pixel may be off.
+    // So small that the bound of 0.1 % allows no pixel to differ.
     let (heap, tiny) = (heap(), view(16, 12));
     let heap_draws = heap.draws(true, true, true);
     let heaped = heap.frame(&tiny, &heap_draws);
@@ -136,7 +137,7 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
     let mut scans = speckled();
     let mut dice = Dice(13);
     for colour in scans.nodes.iter_mut().flat_map(|n| n.colour.as_chunks_mut::<4>().0) {
-        // A third of them are half as bright.
+        // Scans 21 and 22 are twice as bright as scan 20.
         colour[3] = 20 + (dice.bits() % 3) as u8;
         let share = 2 - u8::from(colour[3] == 20);
         (0..3).for_each(|i| colour[i] = (colour[i] / 4 + 150) / 2 * share);
@@ -155,15 +156,15 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
         ("crowded, half without normals", crowd.frame(&small, &crowd_mixed)),
         ("crowded by heights", Frame { colour: ColourBy::Elevation(heights), ..crowded }),
         ("more points than sums hold", heaped),
-        ("exposures evened out", evened),
-        ("exposures of averages evened out", Frame { averages: true, ..evened }),
+        ("exposure compensated", evened),
+        ("exposure of averages compensated", Frame { averages: true, ..evened }),
         (
-            "exposures evened out without normals, another size",
+            "exposure compensated without normals, another size",
             Frame { evens_exposure: true, ..scans.frame(&wide, &scans_without) },
         ),
         ("surface without highlights", Frame { shines: false, ..surface }),
-        ("surface of a part of the points", filtered),
-        ("a part of the points", Frame { method: Method::Points, ..filtered }),
+        ("surface of a filtered cloud", filtered),
+        ("points of a filtered cloud", Frame { method: Method::Points, ..filtered }),
         ("surface of another size", scene.frame(&wide, &with)),
         ("surface without normals", scene.frame(&small, &without)),
         ("splats", Frame { method: Method::Ewa, ..surface }),
@@ -184,7 +185,7 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
     pictures_are_the_same(&frames);
 }
 
-/// The bunny of the data folder, where there is one.
+/// The bunny of the data folder and a view of it.
 struct Bunny {
     scene: Scene,
     view: View,
@@ -200,7 +201,7 @@ impl Bunny {
 }
 
 #[test]
-fn the_metric_tells_pictures_apart() {
+fn the_flip_metric_distinguishes_pictures() {
     let plain = |c: [u8; 4]| c.repeat(32 * 32);
     let flip = |a: [u8; 4], b: [u8; 4]| mean_flip(&plain(a), &plain(b), 32);
     let [black, white] = [[0, 0, 0, 255], [255; 4]];
@@ -209,13 +210,13 @@ fn the_metric_tells_pictures_apart() {
     assert!(flip([0, 255, 0, 255], [0, 0, 255, 255]) > 0.9);
     let near = flip([120, 120, 120, 255], [122, 120, 120, 255]);
     assert!(near > 0.001 && near < 0.1, "{near}");
-    // A line that is missing counts more than its share of the pixels.
+    // A missing line counts more than its share of the pixels.
     let mut line = plain(white);
     line.chunks_exact_mut(32 * 4).for_each(|row| row[16 * 4..17 * 4].copy_from_slice(&black));
     assert!(mean_flip(&plain(white), &line, 32) > 1.0 / 32.0);
 }
 
-/// Bytes of a texture whose rows are whole multiples of 256 bytes, as copies ask.
+/// Reads a texture whose rows are multiples of 256 bytes, as copies require.
 fn texture_bytes(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
     let bytes = u64::from(texture.width()) * u64::from(texture.height()) * 4;
     let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
@@ -236,30 +237,30 @@ fn texture_bytes(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
 }
 
 #[test]
-fn a_window_is_shown_what_is_read_and_points_keep_no_memory_of_surfaces() {
+fn a_window_shows_the_picture_that_is_read_and_points_free_the_memory_of_surfaces() {
     let (scene, view) = (ball_and_floor(), view(64, 48));
     let draws = scene.draws(false, true, true);
     let frame = scene.frame(&view, &draws);
     for gpu in few_gpus() {
-        let laid = lay(&gpu, &draws, PAGE_BYTES);
+        let uploaded = upload(&gpu, &draws, PAGE_BYTES);
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         assert!(renderer.texture().is_none());
         let mut bytes = Vec::new();
         for method in [Method::Points, Method::PullPush, Method::Points] {
-            let frame = Frame { method, ..laid_frame(&frame, &laid.draws) };
-            renderer.render(&frame, &laid.pool).unwrap();
+            let frame = Frame { method, ..uploaded_frame(&frame, &uploaded.draws) };
+            renderer.render(&frame, &uploaded.pool).unwrap();
             let shown = texture_bytes(&gpu, renderer.texture().unwrap().texture());
             assert_eq!(shown, renderer.read().unwrap().rgba, "{method:?} on {}", name(&gpu));
             bytes.push(gpu.bytes());
         }
         assert!(bytes[1] > bytes[0] + 100_000, "surfaces take memory: {bytes:?}");
-        // Tables of the kernels stay.
-        assert!(bytes[2] < bytes[0] + 20_000, "points keep none of it: {bytes:?}");
+        // Tables of the kernels are kept.
+        assert!(bytes[2] < bytes[0] + 20_000, "points free it: {bytes:?}");
     }
 }
 
 #[test]
-fn counts_times_and_depths_come_back_without_being_waited_for() {
+fn counts_times_and_depths_arrive_without_waiting() {
     let (scene, view) = (ball_and_floor(), view(128, 96));
     let draws = scene.draws(false, true, true);
     let frame = scene.frame(&view, &draws);
@@ -268,13 +269,13 @@ fn counts_times_and_depths_come_back_without_being_waited_for() {
     let [inside, before] = [DVec3::Z, DVec3::new(1.3, -1.5, 1.9)].map(block);
     for gpu in gpus() {
         let on = name(&gpu);
-        let laid = lay(&gpu, &draws, PAGE_BYTES);
-        let frame = laid_frame(&frame, &laid.draws);
+        let uploaded = upload(&gpu, &draws, PAGE_BYTES);
+        let frame = uploaded_frame(&frame, &uploaded.draws);
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         let mut frames = 0;
         let (stats, depth) = loop {
-            assert!(frames < FRAMES_MAX, "nothing came back on {on}");
-            renderer.render(&frame, &laid.pool).unwrap();
+            assert!(frames < FRAMES_MAX, "no statistics or depth arrived on {on}");
+            renderer.render(&frame, &uploaded.pool).unwrap();
             frames += 1;
             if let (Some(stats), Some(depth)) = (renderer.stats(), renderer.feedback()) {
                 break (stats, depth);
@@ -282,8 +283,8 @@ fn counts_times_and_depths_come_back_without_being_waited_for() {
         };
         assert_eq!(stats.points_drawn, cpu.stats.points_drawn, "{on}");
         assert!(stats.pixels_covered > 1000, "{on}: {stats:?}");
-        assert!(depth.hides(&inside), "what is in the ball shows on {on}");
-        assert!(!depth.hides(&before), "what is before the ball is hidden on {on}");
+        assert!(depth.hides(&inside), "a box in the ball is not hidden on {on}");
+        assert!(!depth.hides(&before), "a box in front of the ball is hidden on {on}");
         renderer.read().unwrap();
         let stats = renderer.stats().unwrap();
         assert_eq!(stats.stages.total_ms > 0.0, gpu.tier.has_timestamps, "{on}: {stats:?}");

@@ -1,5 +1,5 @@
-//! Claims about the project pass on a GPU: by either path, on every adapter there is, the same
-//! points win the same pixels as on the CPU.
+//! The project pass on the GPU: by either path and on every adapter, the same points win the same
+//! pixels as on the CPU.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod gpu;
@@ -14,14 +14,14 @@ use esker_render::inputs::lookup::DrawList;
 use esker_render::passes::project::{EMPTY, project, unpack};
 use esker_render::{ColourBy, ColourPlane, DrawNode, Frame, Method};
 use glam::DVec3;
-use gpu::{gpus, laid_frame, lay, name};
+use gpu::{gpus, name, upload, uploaded_frame};
 use scene::{Dice, Scene, sheet, sphere};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Bytes of a page: a node of 3,000 points has its planes in several.
+/// Bytes of a page, so few that the planes of a node of 3,000 points lie in several.
 const PAGE_BYTES: u64 = 64 << 10;
 
-/// A picture's points: depth and number of the point in each pixel.
+/// Depth and number of the point that won each pixel.
 type Winners = Vec<Option<(f32, u32)>>;
 
 fn on_cpu(frame: &Frame<'_>) -> Winners {
@@ -51,27 +51,28 @@ fn winners(gpu: &Gpu, frame: &Frame<'_>, renderer: &GpuRenderer) -> Winners {
         .collect()
 }
 
-/// The frame with its planes in drawing memory; points alone, without the passes of surfaces.
-fn points_of<'a>(frame: &Frame<'a>, draws: &'a [DrawNode<'a, PlaneAt>]) -> Frame<'a, PlaneAt> {
-    Frame { method: Method::Points, ..laid_frame(frame, draws) }
+/// The frame with planes in drawing memory, drawn as points without the passes of surfaces.
+fn points_frame<'a>(frame: &Frame<'a>, draws: &'a [DrawNode<'a, PlaneAt>]) -> Frame<'a, PlaneAt> {
+    Frame { method: Method::Points, ..uploaded_frame(frame, draws) }
 }
 
-/// How many pixels differ.
+/// Counts the pixels that different points won.
 fn differing(a: &Winners, b: &Winners) -> usize {
     a.iter().zip(b).filter(|(a, b)| a.map(|a| a.1) != b.map(|b| b.1)).count()
 }
 
-/// Draws frames on the CPU and on each device, by one renderer; all must show something.
-fn same_points_win(frames: &[(&str, Frame<'_>)]) {
+/// Draws all frames on the CPU and, with one renderer a device, on each device. Every frame must
+/// show points.
+fn assert_same_points_win(frames: &[(&str, Frame<'_>)]) {
     let cpu: Vec<_> = frames.iter().map(|(_, frame)| on_cpu(frame)).collect();
     for gpu in gpus() {
         let (before, on) = (gpu.bytes(), name(&gpu));
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         for ((what, frame), cpu) in frames.iter().zip(&cpu) {
-            let laid = lay(&gpu, frame.draws, PAGE_BYTES);
-            renderer.render(&points_of(frame, &laid.draws), &laid.pool).unwrap();
-            assert!(renderer.hits().1.work.len() > 1, "{what}: all planes lie in one page");
-            are_the_same(&format!("{what}, {on}"), cpu, &winners(&gpu, frame, &renderer));
+            let uploaded = upload(&gpu, frame.draws, PAGE_BYTES);
+            renderer.render(&points_frame(frame, &uploaded.draws), &uploaded.pool).unwrap();
+            assert!(renderer.hits().1.work.len() > 1, "{what}: all planes are in one page");
+            assert_same_winners(&format!("{what}, {on}"), cpu, &winners(&gpu, frame, &renderer));
         }
         drop(renderer);
         assert_eq!(gpu.fault(), None, "{on}");
@@ -79,9 +80,9 @@ fn same_points_win(frames: &[(&str, Frame<'_>)]) {
     }
 }
 
-fn are_the_same(what: &str, cpu: &Winners, gpu: &Winners) {
+fn assert_same_winners(what: &str, cpu: &Winners, gpu: &Winners) {
     let covered = cpu.iter().flatten().count();
-    assert!(covered * 50 > cpu.len(), "{what}: {covered} pixels are no picture");
+    assert!(covered * 50 > cpu.len(), "{what}: only {covered} pixels are covered");
     assert_eq!(cpu.len(), gpu.len());
     for (&a, &b) in cpu.iter().zip(gpu) {
         if let (Some((depth, a)), Some((other, b))) = (a, b)
@@ -92,7 +93,7 @@ fn are_the_same(what: &str, cpu: &Winners, gpu: &Winners) {
     }
     let differing = differing(cpu, gpu);
     eprintln!("{what}: {differing} of {} pixels", cpu.len());
-    assert!(differing * 1000 <= cpu.len(), "{what}: {differing} pixels have other points");
+    assert!(differing * 1000 <= cpu.len(), "{what}: {differing} pixels have different points");
 }
 
 /// A ball above a floor of several nodes.
@@ -110,16 +111,16 @@ fn view(extent: f64, width: u32, height: u32) -> View {
 }
 
 #[test]
-fn the_same_points_win_with_and_without_the_test_of_normals() {
+fn the_same_points_win_with_and_without_back_face_culling() {
     let scene = ball_and_floor(1e-3, 1.0, 3000);
     let (view, draws) = (view(1.0, 203, 151), scene.draws(true, true, true));
     let with = Frame { cull_back_faces: true, ..scene.frame(&view, &draws) };
     let without = Frame { cull_back_faces: false, ..with };
-    same_points_win(&[("culling", with), ("not culling", without)]);
+    assert_same_points_win(&[("culling", with), ("not culling", without)]);
 }
 
 #[test]
-fn residuals_of_no_four_and_six_bytes_are_read_alike() {
+fn the_same_points_win_with_residuals_of_zero_four_and_six_bytes() {
     let scenes = [(1e-3, 0..=0), (1e-6, 1..=10), (1e-9, 11..=16)].map(|(step, shifts)| {
         let scene = ball_and_floor(step, 1.0, 5001);
         assert!(scene.nodes.iter().any(|n| shifts.contains(&n.node.hot_shift)), "{step}");
@@ -128,7 +129,7 @@ fn residuals_of_no_four_and_six_bytes_are_read_alike() {
     let view = view(1.0, 200, 150);
     let draws = scenes.each_ref().map(|s| [true, false].map(|r| s.draws(r, false, false)));
     let frame = |scene: usize, bare: usize| scenes[scene].frame(&view, &draws[scene][bare]);
-    same_points_win(&[
+    assert_same_points_win(&[
         ("none", frame(0, 0)),
         ("none, no plane", frame(0, 1)),
         ("four bytes", frame(1, 0)),
@@ -139,7 +140,7 @@ fn residuals_of_no_four_and_six_bytes_are_read_alike() {
 }
 
 #[test]
-fn far_coordinates_and_points_behind_the_near_plane_are_no_other() {
+fn the_same_points_win_far_from_the_origin_and_around_the_eye() {
     let mut scene = ball_and_floor(1e-3, 1.0, 3000);
     let far = DVec3::new(1e7, -2e7, 3e6);
     scene.lattice.offset = far.to_array();
@@ -149,11 +150,11 @@ fn far_coordinates_and_points_behind_the_near_plane_are_no_other() {
     let inside = look(DVec3::new(0.2, 0.1, 0.4), DVec3::new(1.0, 0.3, 0.1));
     let moved = View { eye: outside.eye + far, ..outside };
     let inside = Frame { cull_back_faces: false, ..scene.frame(&inside, &draws) };
-    same_points_win(&[("far", scene.frame(&moved, &draws)), ("inside", inside)]);
+    assert_same_points_win(&[("far", scene.frame(&moved, &draws)), ("inside", inside)]);
 }
 
 #[test]
-fn planes_shorter_than_the_prefix_end_it() {
+fn planes_shorter_than_the_prefix_are_drawn_up_to_their_end() {
     let scene = ball_and_floor(1e-6, 1.0, 3000);
     let view = view(1.0, 200, 150);
     let draws: Vec<_> = scene
@@ -168,7 +169,7 @@ fn planes_shorter_than_the_prefix_end_it() {
             _ => DrawNode { prefix: 1777, ..d },
         })
         .collect();
-    same_points_win(&[("short planes", scene.frame(&view, &draws))]);
+    assert_same_points_win(&[("short planes", scene.frame(&view, &draws))]);
 }
 
 #[test]
@@ -181,41 +182,41 @@ fn many_nodes_of_few_points_are_drawn_by_a_renderer_that_drew_few() {
     let many = scene.frame(&large, &draws);
     let cpu = [few, many, few].map(|f| on_cpu(&f));
     for gpu in gpus() {
-        let laid = lay(&gpu, &draws, PAGE_BYTES);
+        let uploaded = upload(&gpu, &draws, PAGE_BYTES);
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         for (frame, cpu) in [few, many, few].iter().zip(&cpu) {
-            let draws = &laid.draws[..frame.draws.len()];
-            renderer.render(&points_of(frame, draws), &laid.pool).unwrap();
-            are_the_same(&name(&gpu), cpu, &winners(&gpu, frame, &renderer));
+            let draws = &uploaded.draws[..frame.draws.len()];
+            renderer.render(&points_frame(frame, draws), &uploaded.pool).unwrap();
+            assert_same_winners(&name(&gpu), cpu, &winners(&gpu, frame, &renderer));
         }
     }
 }
 
 #[test]
-fn what_cannot_be_drawn_is_refused_and_the_next_frame_is_drawn() {
+fn invalid_views_are_refused_and_the_next_frame_is_drawn() {
     let scene = ball_and_floor(1e-3, 1.0, 3000);
     let draws = scene.draws(false, false, false);
     let good = view(1.0, 40, 30);
     let cpu = on_cpu(&scene.frame(&good, &draws));
     for gpu in gpus() {
-        let laid = lay(&gpu, &draws, PAGE_BYTES);
+        let uploaded = upload(&gpu, &draws, PAGE_BYTES);
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         let side_max = gpu.device.limits().max_texture_dimension_2d;
         let bad = [View { eye: DVec3::NAN, ..good }, View { width: side_max + 1, ..good }];
         for bad in &bad {
             let frame = scene.frame(bad, &draws);
-            let refused = renderer.render(&points_of(&frame, &laid.draws), &laid.pool);
+            let refused = renderer.render(&points_frame(&frame, &uploaded.draws), &uploaded.pool);
             assert!(matches!(refused, Err(GpuError::View(_) | GpuError::Size { .. })));
             let frame = scene.frame(&good, &draws);
-            renderer.render(&points_of(&frame, &laid.draws), &laid.pool).unwrap();
-            are_the_same(&name(&gpu), &cpu, &winners(&gpu, &frame, &renderer));
+            renderer.render(&points_frame(&frame, &uploaded.draws), &uploaded.pool).unwrap();
+            assert_same_winners(&name(&gpu), &cpu, &winners(&gpu, &frame, &renderer));
         }
         assert_eq!(gpu.fault(), None, "{}", name(&gpu));
     }
 }
 
 #[test]
-fn any_bits_are_a_harmless_picture() {
+fn random_bits_give_a_valid_picture() {
     let mut dice = Dice(99);
     let mut bytes = |count: usize| (0..count).map(|_| dice.bits() as u8).collect::<Vec<u8>>();
     let gpus = gpus();
@@ -224,7 +225,7 @@ fn any_bits_are_a_harmless_picture() {
         let planes: Vec<_> = [800, 600, 400, 300].map(&mut bytes).to_vec();
         let mut nodes: Vec<Node> =
             (0..5).map(|_| bytemuck::pod_read_unaligned(&bytes(size_of::<Node>()))).collect();
-        // Where the camera looks, so that points do reach the picture.
+        // At the target of the camera, so that points reach the picture.
         (nodes[0].box_min, nodes[0].hot_shift) = ([1 << 31; 3], 0);
         let draws: Vec<_> = nodes
             .iter()
@@ -250,8 +251,8 @@ fn any_bits_are_a_harmless_picture() {
             ..Frame::new(&view, &lattice, &draws)
         };
         for (gpu, renderer) in gpus.iter().zip(&mut renderers) {
-            let laid = lay(gpu, &draws, PAGE_BYTES);
-            renderer.render(&points_of(&frame, &laid.draws), &laid.pool).unwrap();
+            let uploaded = upload(gpu, &draws, PAGE_BYTES);
+            renderer.render(&points_frame(&frame, &uploaded.draws), &uploaded.pool).unwrap();
             for (depth, _) in winners(gpu, &frame, renderer).into_iter().flatten() {
                 assert!(depth > 0.0 && depth < f32::INFINITY, "{depth} on {}", name(gpu));
             }

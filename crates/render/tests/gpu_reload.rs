@@ -1,6 +1,6 @@
-//! A shader that changes on the disk is taken while it runs; a broken one leaves the last good one
-//! running and is told. The folder of shaders is the environment's to name, so the test runs itself
-//! again with one.
+//! A changed shader file is reloaded while the renderer runs; a broken one is reported, and the
+//! last valid shader stays in use. An environment variable names the folder of shaders, so the test
+//! runs itself again with the variable set.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod gpu;
@@ -10,12 +10,12 @@ use esker_lod::View;
 use esker_render::gpu::device::shader::FOLDER;
 use esker_render::gpu::{GpuError, GpuRenderer};
 use glam::DVec3;
-use gpu::{few_gpus, laid_frame, lay};
+use gpu::{few_gpus, upload, uploaded_frame};
 use scene::{Dice, Scene, sheet, sphere};
 use std::path::Path;
 use std::process::Command;
 
-const TEST: &str = "changed_shaders_are_taken_and_broken_ones_are_told_and_left";
+const TEST: &str = "changed_shaders_are_reloaded_and_broken_ones_are_reported";
 
 fn copy(from: &Path, to: &Path) {
     std::fs::create_dir_all(to).unwrap();
@@ -31,7 +31,7 @@ fn copy(from: &Path, to: &Path) {
 }
 
 #[test]
-fn changed_shaders_are_taken_and_broken_ones_are_told_and_left() {
+fn changed_shaders_are_reloaded_and_broken_ones_are_reported() {
     if let Some(folder) = std::env::var_os(FOLDER) {
         return reload_from(Path::new(&folder));
     }
@@ -52,10 +52,10 @@ fn reload_from(folder: &Path) {
     let draws = scene.draws(true, true, true);
     let frame = scene.frame(&view, &draws);
     for gpu in few_gpus() {
-        let laid = lay(&gpu, frame.draws, 64 << 10);
+        let uploaded = upload(&gpu, frame.draws, 64 << 10);
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         let draw = |renderer: &mut GpuRenderer| {
-            renderer.render(&laid_frame(&frame, &laid.draws), &laid.pool).unwrap();
+            renderer.render(&uploaded_frame(&frame, &uploaded.draws), &uploaded.pool).unwrap();
             renderer.read().unwrap().rgba
         };
         let first = draw(&mut renderer);
@@ -64,18 +64,18 @@ fn reload_from(folder: &Path) {
         let shade = folder.join("shade/shade.wgsl");
         let good = std::fs::read_to_string(&shade).unwrap();
         std::fs::write(&shade, format!("{good}\nfn broken( {{")).unwrap();
-        let told = renderer.reload().unwrap_err();
-        assert!(matches!(&told, GpuError::Shader(s) if s.contains("shade/shade.wgsl")), "{told}");
-        assert!(draw(&mut renderer) == first, "the last good one goes on");
-        assert_eq!(renderer.reload(), Ok(false), "it is told once");
+        let error = renderer.reload().unwrap_err();
+        assert!(matches!(&error, GpuError::Shader(s) if s.contains("shade/shade.wgsl")), "{error}");
+        assert!(draw(&mut renderer) == first, "the last valid shader stays in use");
+        assert_eq!(renderer.reload(), Ok(false), "an error is reported once");
 
         std::fs::write(&shade, &good).unwrap();
         assert_eq!(renderer.reload(), Ok(true));
         assert!(draw(&mut renderer) == first);
         let frame_file = folder.join("common/frame.wgsl");
         let common = std::fs::read_to_string(&frame_file).unwrap();
-        std::fs::write(&frame_file, format!("{common}// The same.\n")).unwrap();
-        assert_eq!(renderer.reload(), Ok(true), "what is included counts");
+        std::fs::write(&frame_file, format!("{common}// Unchanged code.\n")).unwrap();
+        assert_eq!(renderer.reload(), Ok(true), "a changed include is noticed");
         assert!(draw(&mut renderer) == first);
         assert_eq!(gpu.fault(), None);
     }

@@ -1,5 +1,5 @@
-//! Claims about runs of points that are skipped by their boxes: no pixel changes, no box outlives
-//! the bytes that it was made of, and what a box rules out is not drawn.
+//! Runs of points are skipped by their boxes: no pixel changes, boxes are updated whenever bytes
+//! are written, and a run whose box is not visible is not drawn.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod gpu;
@@ -13,10 +13,10 @@ use esker_render::gpu::wgpu::{Buffer, BufferUsages};
 use esker_render::gpu::{Gpu, GpuRenderer, NodePool, ProjectPath};
 use esker_render::{DrawNode, Frame, Method};
 use glam::DVec3;
-use gpu::{gpus, laid_frame, lay, name};
+use gpu::{gpus, name, upload, uploaded_frame};
 use scene::{Dice, Scene, sheet, sphere};
 
-/// Bytes of a page: no whole number of runs.
+/// Bytes of a page, not a multiple of the bytes of a run.
 const PAGE_BYTES: u64 = (64 << 10) + 256;
 
 /// The devices that skip runs.
@@ -49,8 +49,8 @@ fn frame<'a>(scene: &'a Scene, view: &'a View, draws: &'a [DrawNode<'a>]) -> Fra
     Frame { method: Method::Points, cull_back_faces: false, ..scene.frame(view, draws) }
 }
 
-/// From outside, close to a surface, inside of the ball, along an axis with a narrow field, wide,
-/// and away.
+/// Views from outside, close to a surface, inside the ball, along an axis with a narrow field of
+/// view, with a wide one, along the floor, and away from the scene.
 fn views(far: DVec3) -> Vec<View> {
     let look = |eye: [f64; 3], target: [f64; 3], fov, width, height| {
         let (eye, target) = (DVec3::from_array(eye) + far, DVec3::from_array(target) + far);
@@ -75,23 +75,24 @@ fn skipped_runs_change_no_bit_of_the_frame_buffer() {
             renderer.skip_runs(skips).unwrap();
             renderer
         });
-        // No dropped bits, up to ten, and more.
+        // Hot positions drop no bits, up to ten, and more.
         for (step, far) in [(1e-3, 0.0), (1e-3, 1e7), (1e-6, 0.0), (1e-9, 0.0)] {
             let mut scene = ball_and_floor(step);
             let far = DVec3::new(1.0, -2.0, 0.3) * far;
             scene.lattice.offset = far.to_array();
             for has_residuals in [true, false] {
                 let draws = scene.draws(has_residuals, false, true);
-                let laid = lay(&gpu, &draws, PAGE_BYTES);
+                let uploaded = upload(&gpu, &draws, PAGE_BYTES);
                 for (i, view) in views(far).iter().enumerate() {
                     for cull_back_faces in [true, false] {
                         let frame = Frame { cull_back_faces, ..frame(&scene, view, &draws) };
                         let [with, without] = renderers.each_mut().map(|renderer| {
-                            renderer.render(&laid_frame(&frame, &laid.draws), &laid.pool).unwrap();
+                            renderer
+                                .render(&uploaded_frame(&frame, &uploaded.draws), &uploaded.pool)
+                                .unwrap();
                             hits_of(&gpu, renderer)
                         });
-                        // Nothing is where one looks away, nor where all that is seen is seen from
-                        // behind.
+                        // The last view looks away, and culling may remove all points of a view.
                         let shows = i != 6 && !cull_back_faces;
                         let won = points_won(&without);
                         assert!(!shows || won > 20, "view {i} shows {won} points");
@@ -108,7 +109,7 @@ fn skipped_runs_change_no_bit_of_the_frame_buffer() {
     }
 }
 
-/// The boxes that the bytes of a page have.
+/// Computes the boxes of the runs in a page.
 fn boxes_of(page: &[u8]) -> Vec<[u16; 8]> {
     page.chunks(RUN_BYTES as usize)
         .map(|run| {
@@ -123,12 +124,12 @@ fn boxes_of(page: &[u8]) -> Vec<[u16; 8]> {
 }
 
 #[test]
-fn boxes_are_those_of_the_bytes_however_often_these_are_written() {
+fn boxes_match_the_bytes_after_any_number_of_writes() {
     let scene = ball_and_floor(1e-3);
     let view = &views(DVec3::ZERO)[0];
     let draws = scene.draws(true, true, true);
     for gpu in skipping() {
-        let mut laid = lay(&gpu, &draws, PAGE_BYTES);
+        let mut uploaded = upload(&gpu, &draws, PAGE_BYTES);
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         let frame = frame(&scene, view, &draws);
         let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
@@ -142,20 +143,20 @@ fn boxes_are_those_of_the_bytes_however_often_these_are_written() {
                 let (page, size) = (dice.bits() % 3, dice.bits() % (16 << 10));
                 let start = (dice.bits() % (PAGE_BYTES - size - 4)) & !3;
                 let to = page * PAGE_BYTES + start;
-                let pool = &mut laid.pool;
+                let pool = &mut uploaded.pool;
                 if dice.bits().is_multiple_of(2) {
                     pool.copy_from(&gpu, &mut encoder, &source, 0, to, size).unwrap();
                 } else {
                     pool.write(&gpu, to, &bytes[..size as usize]).unwrap();
                 }
             }
-            let laid_frame = laid_frame(&frame, &laid.draws);
-            renderer.render_after(encoder, &laid_frame, &laid.pool).unwrap();
-            for page in 0..laid.pool.pages() {
-                let held = bytes_of(&gpu, laid.pool.page(page).unwrap());
-                let boxes = bytes_of(&gpu, laid.pool.boxes(page).unwrap());
+            let frame = uploaded_frame(&frame, &uploaded.draws);
+            renderer.render_after(encoder, &frame, &uploaded.pool).unwrap();
+            for page in 0..uploaded.pool.pages() {
+                let bytes = bytes_of(&gpu, uploaded.pool.page(page).unwrap());
+                let boxes = bytes_of(&gpu, uploaded.pool.boxes(page).unwrap());
                 let boxes: Vec<[u16; 8]> = bytemuck::pod_collect_to_vec(&boxes);
-                assert!(boxes == boxes_of(&held), "page {page}, round {round}, {}", name(&gpu));
+                assert!(boxes == boxes_of(&bytes), "page {page}, round {round}, {}", name(&gpu));
             }
         }
         assert_eq!(gpu.fault(), None, "{}", name(&gpu));
@@ -168,34 +169,34 @@ fn a_run_is_skipped_by_its_box_until_another_node_takes_its_place() {
     let view = &views(DVec3::ZERO)[1];
     let draws = scene.draws(true, false, false);
     for gpu in skipping() {
-        let mut laid = lay(&gpu, &draws, PAGE_BYTES);
+        let mut uploaded = upload(&gpu, &draws, PAGE_BYTES);
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         let frame = frame(&scene, view, &draws);
         let mut draw = |pool: &NodePool| {
-            renderer.render(&laid_frame(&frame, &laid.draws), pool).unwrap();
+            renderer.render(&uploaded_frame(&frame, &uploaded.draws), pool).unwrap();
             hits_of(&gpu, &renderer)
         };
-        let whole = draw(&laid.pool);
+        let whole = draw(&uploaded.pool);
         assert!(points_won(&whole) > 1000);
-        // The farthest corner that a node can reach, which is behind the eye.
-        for page in 0..laid.pool.pages() {
-            let boxes = laid.pool.boxes(page).unwrap();
+        // A box at the farthest corner that a node can reach, which is behind the eye.
+        for page in 0..uploaded.pool.pages() {
+            let boxes = uploaded.pool.boxes(page).unwrap();
             for run in 0..boxes.size() / BOX_BYTES {
                 let corner = [u32::MAX, u32::MAX, u32::MAX, 0];
                 gpu.queue.write_buffer(boxes, run * BOX_BYTES, bytemuck::cast_slice(&corner));
             }
         }
-        assert_eq!(points_won(&draw(&laid.pool)), 0, "{}", name(&gpu));
+        assert_eq!(points_won(&draw(&uploaded.pool)), 0, "{}", name(&gpu));
         let nodes = draws.len() - 1;
         for (shift, is_own) in [(1, false), (0, true), (nodes / 2, false), (0, true)] {
-            for (i, at) in laid.draws.iter().take(nodes).enumerate() {
+            for (i, at) in uploaded.draws.iter().take(nodes).enumerate() {
                 let bytes = draws[(i + shift) % nodes].position;
-                laid.pool.write(&gpu, at.position.offset, bytes).unwrap();
+                uploaded.pool.write(&gpu, at.position.offset, bytes).unwrap();
             }
             // The last node is shorter than the others.
-            let last = &laid.draws[nodes];
-            laid.pool.write(&gpu, last.position.offset, draws[nodes].position).unwrap();
-            assert_eq!(draw(&laid.pool) == whole, is_own, "{}", name(&gpu));
+            let last = &uploaded.draws[nodes];
+            uploaded.pool.write(&gpu, last.position.offset, draws[nodes].position).unwrap();
+            assert_eq!(draw(&uploaded.pool) == whole, is_own, "{}", name(&gpu));
         }
     }
 }

@@ -1,6 +1,5 @@
-//! Claims about the passes from the pyramid's level 0 to the picture on a GPU: each comes to the
-//! same as its twin on the CPU, on every adapter there is, within 1e-4 but for near-ties, which are
-//! at most 0.1 % of the pixels.
+//! The passes from level 0 of the pyramid to the picture on a GPU: on every adapter each gives the
+//! result of its CPU twin, within 1e-4, except near-ties at no more than 0.1 % of the pixels.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod scene;
@@ -30,10 +29,11 @@ use esker_render::{Background, Frame, FramePlan, Picture, Renderer};
 use glam::{DVec3, Vec2, Vec4};
 use scene::{Dice, Scene, sheet, sphere};
 
-/// Slope from which `edges` is asked for edges, as the renderer does.
+/// Slope from which a step in depth is an edge, as in the renderer.
 const STEP_PX: f32 = 2.0;
 
-/// Each adapter, as it is and with the least that WebGPU promises.
+/// Opens two devices for each adapter, one with all its features and one with the minimum that
+/// WebGPU guarantees. Prints a note if there is no adapter.
 fn gpus() -> Vec<Gpu> {
     let requests = all_interfaces().iter().flat_map(|&backends| {
         [false, true].map(|is_minimal| GpuRequest {
@@ -50,19 +50,19 @@ fn gpus() -> Vec<Gpu> {
     gpus
 }
 
-/// A level 0 and the frame it is of.
-struct Input<'a> {
+/// BaseImage of the passes: level 0 and the frame that it belongs to.
+struct BaseImage<'a> {
     name: String,
     frame: Frame<'a>,
-    /// Those that its pixels carry.
+    /// Planes that the pixels carry.
     planes: Planes,
     base: Level,
-    /// Whether it has ties that a rounding decides: software drivers round as the CPU does, GPUs do
+    /// Whether there are ties that rounding decides. Software drivers round like the CPU, GPUs do
     /// not.
     has_ties: bool,
 }
 
-impl<'a> Input<'a> {
+impl<'a> BaseImage<'a> {
     fn of(name: &str, frame: Frame<'a>) -> Self {
         let mut pyramid = Pyramid::default();
         Renderer::default().base_level(&frame, &mut pyramid).unwrap();
@@ -76,15 +76,15 @@ impl<'a> Input<'a> {
     }
 }
 
-/// What the twins make of a level 0, pass by pass.
-struct Twins {
+/// Results of the CPU twins, pass by pass.
+struct TwinResults {
     pulled: Pyramid,
     pushed: Pyramid,
     filled: Vec<f32>,
     picture: Picture,
 }
 
-fn twins(input: &Input<'_>, smooths: bool) -> Twins {
+fn run_twins(input: &BaseImage<'_>, smooths: bool) -> TwinResults {
     let (camera, base) = (input.camera(), &input.base);
     let mut pulled = Pyramid::default();
     pulled.fit(base.width, base.height, input.planes);
@@ -118,11 +118,11 @@ fn twins(input: &Input<'_>, smooths: bool) -> Twins {
     let shaded = shade::shade(&camera, &last, background, true, &scratch, &mut picture);
     let (depth, rgba) = (&picture.depth, &mut picture.rgba);
     antialias::antialias(depth, base.width, camera.focal_px, &found, &shaded.creases, rgba);
-    Twins { pulled, pushed, filled, picture }
+    TwinResults { pulled, pushed, filled, picture }
 }
 
-/// The passes on one device, over one level 0.
-struct Rig<'a> {
+/// Passes on one device and the buffers of one image.
+struct SurfacePasses<'a> {
     gpu: &'a Gpu,
     uniform: Counted,
     pyramid: GpuPyramid,
@@ -130,8 +130,8 @@ struct Rig<'a> {
     choices: Choices,
 }
 
-impl<'a> Rig<'a> {
-    fn new(gpu: &'a Gpu, input: &Input<'_>, smooths: bool) -> Self {
+impl<'a> SurfacePasses<'a> {
+    fn new(gpu: &'a Gpu, input: &BaseImage<'_>, smooths: bool) -> Self {
         let base = &input.base;
         let bytes = [FrameUniform::new(&input.frame, &input.camera())];
         let bytes: &[u8] = bytemuck::cast_slice(&bytes);
@@ -143,13 +143,13 @@ impl<'a> Rig<'a> {
         pyramid.fit(gpu, width, height, input.planes).unwrap();
         let picture = GpuPicture::new(gpu, [width, height], 0).unwrap();
         let choices = Choices { planes: input.planes, shines: true, smooths };
-        let rig = Self { gpu, uniform, pyramid, picture, choices };
-        rig.give(std::slice::from_ref(base));
-        rig
+        let passes = Self { gpu, uniform, pyramid, picture, choices };
+        passes.write_levels(std::slice::from_ref(base));
+        passes
     }
 
-    /// Gives the finest levels these values.
-    fn give(&self, levels: &[Level]) {
+    /// Writes `levels` to the finest levels of the pyramid.
+    fn write_levels(&self, levels: &[Level]) {
         let queue = &self.gpu.queue;
         for (to, level) in self.pyramid.levels.iter().zip(levels) {
             queue.write_buffer(&to.front, 0, bytemuck::cast_slice(&floats(&level.front)));
@@ -161,7 +161,7 @@ impl<'a> Rig<'a> {
         }
     }
 
-    /// Runs one of the passes; `None` where there are no more.
+    /// Runs the pass with index `stage` and returns its name, `None` after the last pass.
     fn run(&self, surface: &mut Surface, stage: usize) -> Option<&'static str> {
         let Self { gpu, uniform, pyramid, picture, choices } = self;
         let stages = surface.stages(gpu, uniform, pyramid, picture, *choices).unwrap();
@@ -187,7 +187,7 @@ impl<'a> Rig<'a> {
         floats.as_chunks().0.iter().map(|&v| Vec2::from_array(v)).collect()
     }
 
-    /// All levels as they are.
+    /// Reads all levels.
     fn levels(&self) -> Vec<Level> {
         let planes = self.pyramid.planes;
         let level = |l: &esker_render::gpu::memory::pyramid::GpuLevel| {
@@ -211,13 +211,13 @@ fn floats(vectors: &[Vec4]) -> Vec<[f32; 4]> {
     vectors.iter().map(|v| v.to_array()).collect()
 }
 
-/// Whether two values are the same but for rounding, where values are about this large.
+/// Whether two values are equal up to rounding, for values of about `size`.
 fn close(a: f32, b: f32, size: f32) -> bool {
     a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan() || (a - b).abs() <= 1e-4 * size
 }
 
-/// Which pixels of two levels differ by more than rounding. Where `bare`, normals are not looked
-/// at.
+/// Whether each pixel of two levels differs by more than rounding. With `bare`, normals and slopes
+/// are ignored.
 fn differing(a: &Level, b: &Level, bare: bool) -> Vec<bool> {
     let close4 = |a: Vec4, b: Vec4, size: f32| (0..4).all(|i| close(a[i], b[i], size));
     let same = |i: usize| {
@@ -226,7 +226,7 @@ fn differing(a: &Level, b: &Level, bare: bool) -> Vec<bool> {
         }
         let (f, g, radius) = (a.front[i], b.front[i], a.tint[i].w.max(a.edge_px));
         let displaced = Vec2::new(f.z, f.w).distance(Vec2::new(g.z, g.w));
-        // Of colours, as far as they are numbers.
+        // Scale of the colours; `f32::max` ignores components that are not numbers.
         let light = a.tint[i].to_array()[..3].iter().fold(0.01f32, |most, c| most.max(c.abs()));
         close(f.x, g.x, f.x)
             && close(f.y, g.y, f.y)
@@ -240,10 +240,11 @@ fn differing(a: &Level, b: &Level, bare: bool) -> Vec<bool> {
     (0..a.front.len()).map(|i| !same(i)).collect()
 }
 
-/// Pixels of pushed levels that differ; where `rounds`, but for those whose coarser pixels do: what
-/// a near-tie decides reaches down to all pixels below, and is counted where it was decided.
-fn decided(a: &[Level], b: &[Level], rounds: bool) -> usize {
-    // Above the picture normals are inherited after push.
+/// Counts the pixels of pushed levels that differ. With `rounds`, pixels below a differing coarser
+/// pixel are left out: a near-tie is counted where it is decided, not at all pixels below.
+fn differing_pushed(a: &[Level], b: &[Level], rounds: bool) -> usize {
+    // Normals of coarser levels are ignored: on the GPU, push lets pixels without a normal inherit
+    // one from the next coarser level.
     let pairs = a.iter().zip(b).enumerate();
     let differ: Vec<_> = pairs.map(|(i, (a, b))| differing(a, b, i > 0)).collect();
     let is_inherited = |i: usize, pixel: usize| {
@@ -259,14 +260,15 @@ fn decided(a: &[Level], b: &[Level], rounds: bool) -> usize {
 }
 
 fn differing_depths(a: &[f32], b: &[f32]) -> usize {
-    assert!(b.iter().all(|d| *d > 0.0), "a depth is no number");
+    assert!(b.iter().all(|d| *d > 0.0), "a depth is not a number");
     a.iter().zip(b).filter(|&(&a, &b)| !close(a, b, a)).count()
 }
 
-/// Pixels of which a colour or the alpha is off by more than 8; where `rounds`, but for those that
-/// a pixel reaches whose depth differs: it is counted where it was trimmed.
-fn off(twins: &Twins, rgba: &[u8], depth: &[f32], rounds: bool) -> usize {
-    /// How far softening looks, pixels.
+/// Counts the pixels whose colour or alpha differs by more than 8 of 255. With `rounds`, pixels
+/// close to one whose depth differs are left out: such a difference is counted in the silhouette
+/// pass.
+fn pixels_off(twins: &TwinResults, rgba: &[u8], depth: &[f32], rounds: bool) -> usize {
+    /// Reach of the antialias pass, pixels.
     const REACH: usize = 2;
     let Picture { width, depth: expected, rgba: colours, .. } = &twins.picture;
     let width = *width as usize;
@@ -285,14 +287,14 @@ fn off(twins: &Twins, rgba: &[u8], depth: &[f32], rounds: bool) -> usize {
     pixels.filter(is_off).count()
 }
 
-/// Runs the passes on every adapter and compares each with its twin, also where pixels that stay
-/// are smoothed.
-fn same_as_twins(inputs: &[Input<'_>]) {
-    [false, true].into_iter().for_each(|smooths| same_as_twins_with(inputs, smooths));
+/// Runs the passes on every adapter and compares each with its CPU twin, with and without smoothing
+/// of pixels that stay.
+fn assert_same_as_twins(inputs: &[BaseImage<'_>]) {
+    [false, true].into_iter().for_each(|smooths| assert_same_as_twins_with(inputs, smooths));
 }
 
-fn same_as_twins_with(inputs: &[Input<'_>], smooths: bool) {
-    let expected: Vec<_> = inputs.iter().map(|input| twins(input, smooths)).collect();
+fn assert_same_as_twins_with(inputs: &[BaseImage<'_>], smooths: bool) {
+    let expected: Vec<_> = inputs.iter().map(|input| run_twins(input, smooths)).collect();
     for gpu in gpus() {
         let mut surface = Surface::default();
         for (input, twins) in inputs.iter().zip(&expected) {
@@ -302,40 +304,46 @@ fn same_as_twins_with(inputs: &[Input<'_>], smooths: bool) {
     }
 }
 
-fn compare(gpu: &Gpu, surface: &mut Surface, input: &Input<'_>, twins: &Twins, smooths: bool) {
-    let rig = Rig::new(gpu, input, smooths);
+fn compare(
+    gpu: &Gpu,
+    surface: &mut Surface,
+    input: &BaseImage<'_>,
+    twins: &TwinResults,
+    smooths: bool,
+) {
+    let passes = SurfacePasses::new(gpu, input, smooths);
     let pixels = input.base.front.len();
     let rounds = !gpu.tier.is_software;
     for stage in 0.. {
-        let Some(name) = rig.run(surface, stage) else { break };
+        let Some(name) = passes.run(surface, stage) else { break };
         let (count, of) = match name {
             "pull" | "push" => {
-                let levels = rig.levels();
+                let levels = passes.levels();
                 let (cpu, count) = if name == "pull" {
                     let pairs = twins.pulled.levels.iter().zip(&levels);
                     let differ = pairs.flat_map(|(a, b)| differing(a, b, false));
                     (&twins.pulled, differ.filter(|&d| d).count())
                 } else {
-                    (&twins.pushed, decided(&twins.pushed.levels, &levels, rounds))
+                    (&twins.pushed, differing_pushed(&twins.pushed.levels, &levels, rounds))
                 };
-                // What follows is compared from the same values on.
-                rig.give(if name == "pull" { &cpu.levels } else { &cpu.levels[..1] });
+                // The next pass starts from the same values as its twin.
+                passes.write_levels(if name == "pull" { &cpu.levels } else { &cpu.levels[..1] });
                 (count, levels.iter().map(|l| l.front.len()).sum())
             }
             "fill_holes" => {
-                let depth = rig.floats(surface.filled().unwrap(), pixels);
+                let depth = passes.floats(surface.filled().unwrap(), pixels);
                 (differing_depths(&twins.filled, &depth), pixels)
             }
             "silhouette" => {
-                let depth = rig.floats(&rig.picture.depth, pixels);
+                let depth = passes.floats(&passes.picture.depth, pixels);
                 (differing_depths(&twins.picture.depth, &depth), pixels)
             }
             "antialias" => {
                 let bytes = pixels as u64 * 4;
-                let rgba = read(gpu, &[(&rig.picture.rgba, bytes)]).unwrap().remove(0);
-                assert_eq!(texture(&rig), rgba);
-                let depth = rig.floats(&rig.picture.depth, pixels);
-                (off(twins, &rgba, &depth, rounds), pixels)
+                let rgba = read(gpu, &[(&passes.picture.rgba, bytes)]).unwrap().remove(0);
+                assert_eq!(texture(&passes), rgba);
+                let depth = passes.floats(&passes.picture.depth, pixels);
+                (pixels_off(twins, &rgba, &depth, rounds), pixels)
             }
             _ => (0, pixels),
         };
@@ -345,9 +353,9 @@ fn compare(gpu: &Gpu, surface: &mut Surface, input: &Input<'_>, twins: &Twins, s
     assert_eq!(gpu.fault(), None, "{}: {}", gpu.name, input.name);
 }
 
-/// Bytes of the texture of a picture.
-fn texture(rig: &Rig<'_>) -> Vec<u8> {
-    let (gpu, picture) = (rig.gpu, &rig.picture);
+/// Reads the texture of the picture.
+fn texture(passes: &SurfacePasses<'_>) -> Vec<u8> {
+    let (gpu, picture) = (passes.gpu, &passes.picture);
     let row = (picture.width * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let usage = BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
     let buffer = gpu.buffer("texture", u64::from(row * picture.height), usage).unwrap();
@@ -370,7 +378,8 @@ fn texture(rig: &Rig<'_>) -> Vec<u8> {
     rows.flat_map(|r| r[..picture.width as usize * 4].to_vec()).collect()
 }
 
-/// Two spheres before a wall that sticks out on one side, sparse enough for outlines to be trimmed.
+/// Two spheres in front of a wall that sticks out on one side. With few points, outlines are
+/// trimmed.
 fn spheres(points: usize) -> Scene {
     let dice = &mut Dice(7);
     let mut all = sphere(dice, DVec3::new(-0.6, 0.0, 0.0), 1.0, points, [220, 120, 60]);
@@ -387,56 +396,57 @@ fn view(width: u32, height: u32) -> View {
 }
 
 #[test]
-fn each_pass_comes_to_the_same_as_its_twin() {
-    // Dense, and with discs of so many pixels that smoothing takes all its rounds.
+fn each_pass_gives_the_result_of_its_cpu_twin() {
+    // Dense points, and discs so wide that smoothing runs all its rounds.
     for points in [30_000, 600] {
         let (scene, view) = (spheres(points), view(203, 117));
         for has_normals in [false, true] {
             let draws = scene.draws(true, true, has_normals);
-            let input = Input::of(&format!("{points} points"), scene.frame(&view, &draws));
+            let input = BaseImage::of(&format!("{points} points"), scene.frame(&view, &draws));
             assert_eq!(input.planes, if has_normals { Planes::Normals } else { Planes::Fitted });
-            let twins = twins(&input, false);
+            let twins = run_twins(&input, false);
             let differ = |a: &[f32], b: &[f32]| a.iter().zip(b).filter(|(a, b)| a != b).count();
             let mut pushed = twins.filled.clone();
             twins.pushed.levels[0].depth_image(&twins.pushed.lens, &mut pushed);
             let (closed, gone) =
                 (differ(&pushed, &twins.filled), differ(&twins.filled, &twins.picture.depth));
             assert!(points > 1000 || (closed > 0 && gone > 100), "{closed} closed, {gone} gone");
-            same_as_twins(&[input]);
+            assert_same_as_twins(&[input]);
         }
     }
 }
 
 #[test]
-fn nodes_without_normals_among_others_are_lit_by_their_surroundings() {
+fn nodes_with_and_without_normals_are_drawn_together() {
     let (scene, view) = (spheres(4_000), view(160, 131));
     let mut draws = scene.draws(true, true, true);
     draws.iter_mut().step_by(2).for_each(|d| d.normal = None);
     let mut frame = scene.frame(&view, &draws);
     frame.background = Background::Plain([0; 4]);
-    same_as_twins(&[Input::of("mixed", frame)]);
+    assert_same_as_twins(&[BaseImage::of("mixed", frame)]);
 }
 
 #[test]
-fn pictures_of_any_size_are_drawn_also_of_nothing() {
+fn pictures_of_any_size_and_empty_ones_are_drawn() {
     let scene = spheres(2_000);
     let views =
         [(1, 1), (1, 9), (64, 1), (2, 2), (37, 3), (8, 8), (130, 66)].map(|(w, h)| view(w, h));
     let [with, without] = [true, false].map(|n| scene.draws(true, true, n));
     let mut inputs = Vec::new();
     for view in &views {
-        inputs.push(Input::of("normals", scene.frame(view, &with)));
-        inputs.push(Input::of("bare", scene.frame(view, &without)));
-        inputs.push(Input::of("empty", scene.frame(view, &[])));
+        inputs.push(BaseImage::of("normals", scene.frame(view, &with)));
+        inputs.push(BaseImage::of("bare", scene.frame(view, &without)));
+        inputs.push(BaseImage::of("empty", scene.frame(view, &[])));
     }
-    same_as_twins(&inputs);
+    assert_same_as_twins(&inputs);
 }
 
-/// Radii that reach from one pixel's centre to another's, and such that do not.
+/// Radii that reach exactly from the centre of one pixel to that of another.
 const TIES: [f32; 6] = [0.5, 0.5, 2.0, 9.0, 60.0, 1e30];
+/// Radii that do not.
 const NO_TIES: [f32; 6] = [0.53, 0.53, 2.1, 9.3, 61.7, 1e30];
 
-/// Level 0 of random pixels: few depths, many of them equal, radii up to as large as they come.
+/// Fills level 0 with random pixels: few different depths, and radii up to 1e30.
 fn extreme(base: &mut Level, seed: u64, radii: [f32; 6]) {
     let dice = &mut Dice(seed);
     let weird = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -4.0, 0.0];
@@ -461,23 +471,23 @@ fn extreme(base: &mut Level, seed: u64, radii: [f32; 6]) {
 }
 
 #[test]
-fn extreme_values_are_a_harmless_picture_and_the_same() {
+fn extreme_values_give_a_valid_picture_equal_to_the_cpu() {
     let (scene, view) = (spheres(100), view(97, 75));
     let mut inputs = Vec::new();
     let [with, without] = [true, false].map(|n| scene.draws(true, true, n));
     for (seed, draws) in [(1, &with), (2, &without), (3, &with), (4, &without)] {
         for radii in [TIES, NO_TIES] {
-            let mut input = Input::of(&format!("extreme {seed}"), scene.frame(&view, draws));
+            let mut input = BaseImage::of(&format!("extreme {seed}"), scene.frame(&view, draws));
             input.has_ties = radii == TIES;
             extreme(&mut input.base, seed, radii);
             inputs.push(input);
         }
     }
-    same_as_twins(&inputs);
+    assert_same_as_twins(&inputs);
 }
 
 #[test]
-fn another_picture_takes_the_memory_of_the_last() {
+fn the_next_picture_reuses_the_memory_of_the_last() {
     let scene = spheres(500);
     let draws = scene.draws(true, true, true);
     for gpu in gpus() {
@@ -485,22 +495,25 @@ fn another_picture_takes_the_memory_of_the_last() {
         let mut bytes = Vec::new();
         for size in [64, 32, 64] {
             let view = view(size, size);
-            let rig = Rig::new(&gpu, &Input::of("memory", scene.frame(&view, &draws)), false);
+            let passes = SurfacePasses::new(
+                &gpu,
+                &BaseImage::of("memory", scene.frame(&view, &draws)),
+                false,
+            );
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            let Rig { uniform, pyramid, picture, .. } = &rig;
+            let SurfacePasses { uniform, pyramid, picture, .. } = &passes;
             let timing = &mut Timing::default();
-            // Choices that change and change back take no more, and leave what there is where it
-            // is.
-            let mut held = Vec::new();
+            // Switching smoothing off and on again allocates no more memory and moves no buffer.
+            let mut allocated = Vec::new();
             for smooths in [true, false, true] {
                 let plan = FramePlan::new(&Frame { smooths, ..scene.frame(&view, &draws) });
                 assert_eq!(plan.smooths, smooths);
                 surface
                     .encode(&gpu, &mut encoder, &plan, uniform, pyramid, picture, timing)
                     .unwrap();
-                held.push((gpu.bytes(), surface.sources().cloned()));
+                allocated.push((gpu.bytes(), surface.sources().cloned()));
             }
-            assert!(held.iter().all(|other| *other == held[0]));
+            assert!(allocated.iter().all(|other| *other == allocated[0]));
             gpu.queue.submit([encoder.finish()]);
             bytes.push(gpu.bytes());
         }

@@ -1,5 +1,5 @@
-//! Whatever the planes and records hold, the picture is a harmless one: its size, no depth that is
-//! not a number, no panic.
+//! Any bytes in planes and node records give a valid picture: the right size, no depth that is not
+//! a number, no panic.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -44,7 +44,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
-    fn any_bits_are_a_harmless_picture(
+    fn random_bits_give_a_valid_picture(
         record: [[u8; 16]; 9],
         position in plane(4000),
         residual in prop::option::of(plane(3000)),
@@ -62,7 +62,7 @@ proptest! {
     ) {
         let mut node: Node = bytemuck::pod_read_unaligned(&record.concat());
         if plain_place {
-            // Where the camera looks, so that points do reach the picture.
+            // At the target of the camera, so that points reach the picture.
             (node.box_min, node.hot_shift) = ([2_147_483_648; 3], 0);
         }
         let types = [AttrType::U8, AttrType::I8, AttrType::U16, AttrType::I16, AttrType::U32,
@@ -91,7 +91,7 @@ proptest! {
         let mut renderer = Renderer::default();
         let picture = match renderer.render(&frame) {
             Ok(picture) => picture,
-            // Coordinates of 10^300 have no camera.
+            // Coordinates of 10^300 are refused.
             Err(e) => { { let camera = matches!(e, RenderError::Camera { .. }); prop_assert!(camera, "{}", e) }; return Ok(()) }
         };
         prop_assert_eq!(picture.rgba.len(), (width * height * 4) as usize);
@@ -113,7 +113,7 @@ proptest! {
 }
 
 #[test]
-fn a_camera_that_is_none_and_a_picture_too_large_are_refused() {
+fn invalid_cameras_and_pictures_too_large_are_refused() {
     let scene =
         Scene::new(&sphere(&mut Dice(1), DVec3::ZERO, 1.0, 10, [0; 3]), 1e-3, 0.1, 0.1, 100);
     let good = View::look_at(DVec3::X * 3.0, DVec3::ZERO, DVec3::Z, 1.0, 8, 8);

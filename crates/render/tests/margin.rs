@@ -1,5 +1,5 @@
-//! The margin around pictures: what a picture shows at its border is what a larger one shows there,
-//! and a scene that lies in the picture is drawn without.
+//! The margin around pictures: at its border a picture equals a larger picture of the same scene,
+//! and scenes that lie within the picture are drawn without a margin.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -12,18 +12,18 @@ use glam::{DVec2, DVec3};
 use scene::{Dice, Scene, ScenePoint};
 
 const SIZE: [u32; 2] = [150, 110];
-/// How far the floor goes on beyond the picture that is compared with, pixels, at least.
+/// Width by which the larger picture exceeds the other on each side, pixels.
 const BEYOND: u32 = 96;
 
-/// The view from above on a floor, whose picture is so many pixels larger on each side.
+/// View of the floor from above, with a picture that is `more` pixels larger on each side.
 fn view(more: u32) -> View {
     let [width, height] = SIZE.map(|side| side + 2 * more);
-    // A pixel at unit distance is a hundredth.
+    // A pixel at unit distance is 0.01 wide.
     let fovy = (f64::from(height) / 200.0).atan() * 2.0;
     View::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, fovy, width, height)
 }
 
-/// A checked floor of points some pixels apart, with hollows.
+/// A checkered floor with hollows, points `apart_px` pixels apart.
 fn floor(apart_px: f64, half: DVec2) -> Scene {
     let mut dice = Dice(5);
     let spacing = apart_px / 100.0;
@@ -43,9 +43,8 @@ fn floor(apart_px: f64, half: DVec2) -> Scene {
     Scene::new(&points, 1e-5, spacing, spacing * 1.5, 3000)
 }
 
-/// The share of the pixels up to `deep` from the border that are off from those of the larger
-/// picture.
-fn off(picture: &Picture, larger: &Picture, deep: u32) -> f64 {
+/// Share of the pixels within `deep` pixels of the border that differ from the larger picture.
+fn share_off(picture: &Picture, larger: &Picture, deep: u32) -> f64 {
     let ([width, height], more) = (SIZE, (larger.width - SIZE[0]) / 2);
     let (mut off, mut all) = (0, 0);
     for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
@@ -62,7 +61,7 @@ fn off(picture: &Picture, larger: &Picture, deep: u32) -> f64 {
 }
 
 #[test]
-fn borders_show_what_a_larger_picture_shows_there() {
+fn the_border_of_a_picture_equals_that_place_in_a_larger_picture() {
     for (apart_px, normals) in [(1.5, true), (1.5, false), (6.0, true), (6.0, false)] {
         let half = (DVec2::new(f64::from(SIZE[0]), f64::from(SIZE[1])) / 2.0
             + 2.0 * f64::from(BEYOND))
@@ -74,20 +73,20 @@ fn borders_show_what_a_larger_picture_shows_there() {
         let [with, without] = [MARGIN_PX, 0].map(|margin| draw(view(0).with_margin(margin)));
         assert_eq!([with.width, with.height], SIZE);
         assert_eq!(with.stats.pixels_covered, u64::from(SIZE[0] * SIZE[1]));
-        let [with, without] = [with, without].map(|picture| off(&picture, &larger, 2));
+        let [with, without] = [with, without].map(|picture| share_off(&picture, &larger, 2));
         println!("{apart_px} px, {normals}: {with:.4}, without {without:.4}");
         assert!(with < 0.01 && without > 5.0 * with, "{apart_px} px: {with}, without {without}");
     }
 }
 
 #[test]
-fn only_filled_surfaces_that_go_on_beyond_the_picture_have_a_margin() {
+fn only_pull_push_of_scenes_beyond_the_picture_has_a_margin() {
     let view = view(0);
     let bounds = |half: [f64; 3]| [half.map(|h| -h), half];
     assert!(!goes_beyond(&view, bounds([0.7, 0.5, 0.01])));
     assert!(goes_beyond(&view, bounds([0.8, 0.5, 0.01])));
     assert!(goes_beyond(&view, bounds([0.7, 0.56, 0.01])));
-    assert!(goes_beyond(&view, bounds([0.1, 0.1, 1.5])), "a part is behind the eye");
+    assert!(goes_beyond(&view, bounds([0.1, 0.1, 1.5])), "a part of the box is behind the eye");
     let scene = floor(2.0, DVec2::new(0.5, 0.4));
     let draws = scene.draws(true, true, true);
     let wide = view.with_margin(MARGIN_PX);
@@ -103,7 +102,7 @@ fn only_filled_surfaces_that_go_on_beyond_the_picture_have_a_margin() {
 }
 
 #[test]
-fn the_background_is_the_same_beside_a_margin() {
+fn a_margin_does_not_change_the_background() {
     let scene = floor(2.0, DVec2::new(0.9, 0.2));
     let draws = scene.draws(true, true, true);
     let view = view(0);
@@ -114,7 +113,7 @@ fn the_background_is_the_same_beside_a_margin() {
     });
     let behind = |p: &Picture| -> Vec<[u8; 4]> {
         let rows = p.rgba.as_chunks::<4>().0.chunks(SIZE[0] as usize);
-        // The floor crosses the middle.
+        // The floor crosses the rows in the middle.
         rows.map(|row| row[0])
             .enumerate()
             .filter(|(y, _)| !(25..85).contains(y))

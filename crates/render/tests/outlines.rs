@@ -1,4 +1,5 @@
-//! Outlines: where a surface ends on the picture, against where it ends in truth.
+//! Outlines of drawn surfaces against their true outlines, and their effect on light: no bright
+//! rims, no dark dots, no growing gaps.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -24,8 +25,8 @@ fn view() -> View {
     View::look_at(DVec3::NEG_Y * 20.0, DVec3::ZERO, DVec3::Z, 0.11, SIDE, SIDE)
 }
 
-/// Where the picture's alpha falls to one half along rays from its middle: distance in pixels for
-/// each of `n` directions, from outside inwards.
+/// Distance from the centre of the picture at which alpha reaches one half, pixels, for `n`
+/// directions, searched from outside inwards.
 fn outline(picture: &Picture, n: usize) -> Vec<f64> {
     let alpha = |at: DVec2| {
         let (x, y) = (at.x - 0.5, at.y - 0.5);
@@ -53,7 +54,7 @@ fn outline(picture: &Picture, n: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Pixels a unit takes at the origin.
+/// Pixels a unit of length at the origin.
 fn pixels_per_unit() -> f64 {
     view().focal_px() / 20.0
 }
@@ -64,8 +65,8 @@ fn light(picture: &Picture, x: usize, y: usize) -> f64 {
     pixel.iter().map(|&c| f64::from(c)).sum::<f64>() / 3.0
 }
 
-/// An even wall facing the viewer at this depth behind the origin, its sides (in pixels from the
-/// middle) from `low` to `high`.
+/// A wall that faces the viewer, `behind` the origin, with one random point in each cell of a grid.
+/// Its corners `low` and `high` are in pixels from the centre of the picture.
 fn wall(dice: &mut Dice, behind: f64, low: DVec2, high: DVec2, spacing_px: f64) -> Vec<ScenePoint> {
     let pixel = (20.0 + behind) / view().focal_px();
     let [columns, rows] = ((high - low) / spacing_px).to_array().map(|n| n as usize);
@@ -89,7 +90,7 @@ fn the_outline_of_a_sphere_is_about_a_pixel_from_the_true_circle() {
             let off: Vec<f64> = outline(&picture, 720).iter().map(|r| r - radius_px).collect();
             let mean = off.iter().sum::<f64>() / 720.0;
             let rough = (off.iter().map(|o| (o - mean).powi(2)).sum::<f64>() / 720.0).sqrt();
-            // Without normals a surface ends a third of a radius beyond its samples.
+            // Without normals a surface extends a third of a radius beyond its samples.
             let beyond = if normals { 1.5 } else { 1.2f64.max(0.3 * spacing_px) };
             let what =
                 format!("{mean:.2} px, rough {rough:.2} px: spacing {spacing_px} px, {normals}");
@@ -99,7 +100,7 @@ fn the_outline_of_a_sphere_is_about_a_pixel_from_the_true_circle() {
 }
 
 #[test]
-fn a_rim_is_no_brighter_than_what_is_inside_of_it() {
+fn a_rim_is_no_brighter_than_the_surface_inside_it() {
     for spacing_px in [1.5, 3.0, 6.0] {
         let spacing = spacing_px / pixels_per_unit();
         let picture = draw(&even_sphere(&mut Dice(4), spacing), spacing, false);
@@ -129,14 +130,14 @@ fn a_rim_is_no_brighter_than_what_is_inside_of_it() {
 }
 
 #[test]
-fn no_dark_dots_where_a_near_surface_ends_before_a_far_one() {
+fn the_edge_of_a_near_surface_in_front_of_a_far_one_has_no_dark_dots() {
     let far = DVec2::splat(f64::from(SIDE) * 0.6);
     for normals in [true, false] {
         for spacing_px in [0.8, 1.5, 3.0] {
             let dice = &mut Dice(5);
             let mut points = wall(dice, 0.5, -far, far, spacing_px);
             let near = DVec2::new(90.0, 70.0);
-            // Two layers, as overlapping scans have them.
+            // Two layers, as in overlapping scans.
             points.extend(wall(dice, 0.0, -near, near, spacing_px));
             points.extend(wall(dice, 0.004, -near, near, spacing_px));
             let picture = draw(&points, spacing_px / pixels_per_unit(), normals);
@@ -157,7 +158,7 @@ fn no_dark_dots_where_a_near_surface_ends_before_a_far_one() {
 }
 
 #[test]
-fn a_point_alone_is_drawn_smaller_than_the_disc_that_closes_surfaces() {
+fn an_isolated_point_is_drawn_smaller_than_the_disc_that_closes_surfaces() {
     let at = DVec3::ZERO;
     let point = ScenePoint { at, normal: DVec3::NEG_Y, colour: [200; 3] };
     for (normals, share) in [(true, 0.6), (false, 0.45)] {
@@ -189,7 +190,7 @@ fn a_slanted_edge_covers_its_share_of_pixels_and_thin_lines_stay() {
         steps(60.0, 0.5).flat_map(|a| steps(60.0, 0.5).map(move |b| line(a, b))).collect();
     let alpha = alphas(&draw(&square, spacing, true));
     let area: f64 = alpha.iter().sum();
-    // Discs reach beyond their samples by up to a pixel and a half.
+    // Discs extend beyond their samples by up to 1.5 pixels.
     assert!(area > 120.0f64.powi(2) && area < 123.0f64.powi(2), "{area}");
     assert!(alpha.iter().filter(|a| (0.1..0.9).contains(*a)).count() > 300);
     let wire: Vec<_> = steps(100.0, 0.5).map(|along| line(0.0, along)).collect();
@@ -200,8 +201,8 @@ fn a_slanted_edge_covers_its_share_of_pixels_and_thin_lines_stay() {
     }
 }
 
-/// Discs of scan lines on ground that is seen aslant leave narrow gaps, as wide as they are apart:
-/// what lies behind a gap is the same ground, and none of it is a rim.
+/// Discs of scan lines on slanted ground leave narrow gaps. Behind a gap lies the same ground, so
+/// its edges are no silhouettes and must not be eroded.
 #[test]
 fn gaps_between_scan_lines_on_slopes_do_not_grow() {
     let (radius_px, apart_px, pixel) = (10.0, 22.5, 1.0 / pixels_per_unit());
@@ -218,36 +219,36 @@ fn gaps_between_scan_lines_on_slopes_do_not_grow() {
         let alpha = |x: usize, y: usize| picture.rgba[(y * SIDE as usize + x) * 4 + 3];
         let middle = (60..260).flat_map(|y| (60..260).map(move |x| alpha(x, y)));
         let open = middle.map(|a| 1.0 - f64::from(a) / 255.0).sum::<f64>() / 200.0f64.powi(2);
-        // Between straight edges it would be a ninth; smoothed discs close most of that.
+        // Gaps between straight edges would leave a ninth open; smoothed discs close most of it.
         assert!(open < 0.03, "{open} at {degrees} degrees");
     }
 }
 
-/// Where points are far apart, whole pixels of coarse levels hold but points of what lies behind.
-/// The discs beside them hide these.
+/// Where points are far apart, pixels of coarse levels may hold only points of the surface behind.
+/// Discs beside these pixels hide them.
 #[test]
-fn a_wall_hides_what_lies_behind_it_however_far_apart_its_points_are() {
+fn a_wall_hides_a_wall_behind_it_however_far_apart_its_points_are() {
     for spacing_px in [24.0, 32.0, 48.0] {
         let corner = DVec2::splat(170.0);
-        let mut shown = 0;
+        let mut shows_through = 0;
         for seed in 1..6 {
             let mut dice = Dice(seed);
             let mut points = wall(&mut dice, 0.0, -corner, corner, spacing_px);
-            // As dense, and farther.
+            // A wall of the same density in the picture, farther away.
             points.extend(wall(&mut dice, 6.0, -corner * 1.3, corner * 1.3, spacing_px / 1.3));
             let picture = draw(&points, 0.9 * spacing_px / pixels_per_unit(), false);
             let is_behind = |x: usize, y: usize| picture.depth[y * SIDE as usize + x] > 23.0;
             let middle = (60..260).flat_map(|y| (60..260).map(move |x| (x, y)));
-            shown += middle.filter(|&(x, y)| is_behind(x, y)).count();
+            shows_through += middle.filter(|&(x, y)| is_behind(x, y)).count();
         }
-        let share = shown as f64 / (5.0 * 200.0f64.powi(2));
-        // Of 48 px, 0.0035 where pixels are compared with those above them alone.
+        let share = shows_through as f64 / (5.0 * 200.0f64.powi(2));
+        // Comparing pixels only with the coarser pixel above gives 0.0035 at 48 px.
         assert!(share < 0.001, "{share} at {spacing_px} px");
     }
 }
 
 #[test]
-fn any_number_of_threads_draws_the_same_picture() {
+fn the_number_of_threads_does_not_change_the_picture() {
     let spacing = 5.0 / pixels_per_unit();
     let dice = &mut Dice(6);
     let far = DVec2::splat(f64::from(SIDE) * 0.6);

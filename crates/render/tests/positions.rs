@@ -1,4 +1,4 @@
-//! Drawn points are where they are: the worst displacement on the picture against exact `f64`
+//! Accuracy of drawn positions: greatest displacement in the picture against exact `f64`
 //! coordinates, in views from within large clouds far from the origin.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
@@ -12,7 +12,8 @@ use esker_render::{ColourPlane, DrawNode};
 use glam::DVec3;
 use scene::Dice;
 
-/// A node of random points of the lattice within `extent` steps, and its planes.
+/// A node of random points within `extent` steps from `min`, many of them close to `near`. Returns
+/// the node, its points, hot positions and residuals.
 fn node(
     dice: &mut Dice,
     min: [u32; 3],
@@ -21,7 +22,7 @@ fn node(
 ) -> (Node, Vec<[u32; 3]>, Vec<u8>, Vec<u8>) {
     let mut points: Vec<[u32; 3]> = (0..4000)
         .map(|i| {
-            // Half of them close to the eye, closer and closer.
+            // Half of the points get closer and closer to the eye.
             let span = if i % 2 == 0 { extent } else { extent >> (i % 30) };
             [0, 1, 2].map(|a| {
                 let at = f64::from(near[a]) + (dice.unit() - 0.5) * f64::from(span);
@@ -47,8 +48,8 @@ fn node(
     (node, points, hot, residual)
 }
 
-/// The greatest distance on the picture between where points are drawn and where they are, pixels;
-/// of those on the picture. `bound_px` gives what is allowed at an exact depth.
+/// Checks the distance, in pixels, between drawn and exact positions of the points in the picture
+/// against `bound_px` of their exact depth. Returns the number of these points.
 fn check(
     lattice: &Lattice,
     view: &View,
@@ -78,9 +79,9 @@ fn check(
 }
 
 #[test]
-fn exact_points_fall_within_a_hundredth_of_a_pixel_however_close_the_view() {
+fn exact_points_are_drawn_within_a_hundredth_of_a_pixel_however_close_the_view() {
     let mut dice = Dice(4);
-    // Millimetres at 10^7 m; hundredths of a foot; a fine float lattice that fills all 32 bits.
+    // Millimetres at 10^7 m; hundredths of a foot; a fine lattice that fills all 32 bits.
     let lattices = [
         Lattice { scale: [1e-3; 3], offset: [1e7, -1.2e7, 400.0], shift: [3, 0, -7] },
         Lattice { scale: [0.01; 3], offset: [0.0; 3], shift: [500_000_000, 360_000_000, 0] },
@@ -95,7 +96,7 @@ fn exact_points_fall_within_a_hundredth_of_a_pixel_however_close_the_view() {
                 let (node, points, hot, residual) = node(&mut dice, min, extent, near);
                 let eye = DVec3::from_array(lattice.world(near)) + lattice.scale[0] * 0.37;
                 let towards = DVec3::new(dice.unit() - 0.5, dice.unit() - 0.5, dice.unit() - 0.5);
-                // From within, and from outside of the lattice.
+                // From within and from outside the lattice.
                 for back in [0.0, 5.0 * f64::from(extent) * lattice.scale[0]] {
                     let eye = eye - towards.normalize_or_zero() * back;
                     let mut view = View::look_at(eye, eye + towards, DVec3::Z, 1.0, 1920, 1080);
@@ -121,7 +122,7 @@ fn exact_points_fall_within_a_hundredth_of_a_pixel_however_close_the_view() {
             }
         }
     }
-    assert!(seen > 50_000, "only {seen} points were on a picture");
+    assert!(seen > 50_000, "only {seen} points are in a picture");
 }
 
 #[test]
@@ -146,7 +147,7 @@ fn hot_points_alone_are_off_by_at_most_half_a_hot_step() {
             clip: None,
             tangents: None,
         };
-        // Half a step an axis, seen at most along its diagonal and at the picture's corner.
+        // Half a step an axis, at worst along the diagonal and at the corner of the picture.
         let half = f64::from((1u32 << node.hot_shift) - 1) * 0.5e-3 * 3f64.sqrt();
         let focal = view.focal_px();
         seen += check(&lattice, &view, &draw, &points, |depth| {

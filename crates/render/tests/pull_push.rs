@@ -1,5 +1,5 @@
-//! Pull and push do what the published algorithm does, with normals along the discs' planes:
-//! against the `f64` reference, on random pixels of many sizes and on views of models.
+//! Pull and push against the `f64` reference of the published algorithm (with normals, depths move
+//! along the discs' planes): random pixels of many sizes, and views of models.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod reference;
@@ -16,10 +16,10 @@ use glam::{DVec3, Vec2, Vec4};
 use reference::{Image, Pixel, pull_push};
 use scene::{Dice, Scene, sheet, sphere};
 
-/// Relative to the picture's own scale of each value.
+/// Greatest relative error, or absolute error of values below one.
 const TOLERANCE: f64 = 1e-4;
 
-/// What many comparisons added up to.
+/// Counts of pixels compared, and of those that differ.
 #[derive(Default)]
 struct Tally {
     pixels: usize,
@@ -27,14 +27,14 @@ struct Tally {
 }
 
 impl Tally {
-    /// Runs both on a base level, as published and with pixels smoothed.
+    /// Compares with the reference on a base level, with and without smoothing of pixels.
     fn compare(&mut self, name: &str, pyramid: &mut Pyramid) {
         let mut other = pyramid.clone();
         self.compare_with(name, pyramid, false);
         self.compare_with(&format!("{name}, smoothed"), &mut other, true);
     }
 
-    /// Where no decision was near a tie, all pixels must agree.
+    /// Compares with the reference. If no decision is close to a tie, all pixels must agree.
     fn compare_with(&mut self, name: &str, pyramid: &mut Pyramid, smooths: bool) {
         let base = &pyramid.levels[0];
         let lens = (pyramid.planes() == Planes::Normals).then_some(pyramid.lens);
@@ -70,11 +70,11 @@ fn alike(a: Option<&Pixel>, b: Option<&Pixel>) -> bool {
         all.extend(p.tilt.iter().flatten());
         all
     };
-    // Colours, normals and displacements may be sums near zero of values about one.
+    // Colours, normals and displacements may be sums near zero of values of about one.
     flat(a).iter().zip(flat(b)).all(|(&a, b)| close(a, b, 1.0))
 }
 
-/// A level as the reference sees it.
+/// Converts a level to an image of the reference.
 fn read(level: &Level) -> Image {
     let pixel = |i: usize| {
         let [front, tint] = [level.front[i], level.tint[i]].map(|v| v.to_array().map(f64::from));
@@ -95,7 +95,7 @@ fn read(level: &Level) -> Image {
     Image { width, height, edge: 1.0, pixels, near_ties: 0, lens: None }
 }
 
-/// Random pixels: some share of them valid, on a few surfaces or anywhere in depth.
+/// Random pixels, some of them valid, on a few surfaces or at any depth.
 fn random(dice: &mut Dice, width: usize, height: usize, planes: Planes) -> Pyramid {
     let mut pyramid = Pyramid::default();
     pyramid.fit(width, height, planes);
@@ -154,7 +154,7 @@ fn random_pixels_agree_with_the_reference() {
     tally.finish();
 }
 
-/// The base level of a view, made by the passes before pull.
+/// The base level of a view, drawn by the passes before pull.
 fn base_of(scene: &Scene, view: &View, normals: bool) -> Pyramid {
     let draws = scene.draws(true, true, normals);
     let frame = scene.frame(view, &draws);

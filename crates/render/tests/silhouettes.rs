@@ -1,7 +1,7 @@
-//! Alpha at silhouettes against the share of each pixel that a sphere and a cube cover in truth (64
-//! samples a pixel), and the width of wires against their own; over densities, with normals and
-//! without. What is too much is told apart from what is too little: discs stick out of a surface,
-//! and where samples are sparse its outline has dents.
+//! Alpha at silhouettes against the true coverage of each pixel by a sphere and a cube, and drawn
+//! widths of wires against true ones, over densities, with normals and without. Excess and lack of
+//! coverage have separate bounds: discs stick out of a surface, and sparse samples dent its
+//! outline.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -13,25 +13,25 @@ use glam::{DMat3, DVec2, DVec3};
 use scene::{Dice, Scene, ScenePoint, even_sphere};
 
 const SIDE: usize = 320;
-/// Samples of a pixel's truth, along a side.
+/// Samples of the true coverage along the side of a pixel.
 const SAMPLES: usize = 8;
 
 fn view() -> View {
     View::look_at(DVec3::NEG_Y * 20.0, DVec3::ZERO, DVec3::Z, 0.11, SIDE as u32, SIDE as u32)
 }
 
-/// Pixels a unit takes at the origin.
+/// Pixels a unit of length at the origin.
 fn pixels_per_unit() -> f64 {
     view().focal_px() / 20.0
 }
 
-/// Where a place is on the picture, pixels from its middle, y down.
+/// Projection of `at`, pixels from the centre of the picture, y down.
 fn place(at: DVec3) -> DVec2 {
     let scale = view().focal_px() / (at.y + 20.0);
     DVec2::new(at.x, -at.z) * scale
 }
 
-/// The alpha of a picture of points.
+/// Draws points and returns the alpha of each pixel.
 fn alpha(points: &[ScenePoint], spacing: f64, normals: bool) -> Vec<f64> {
     let scene = Scene::new(points, 1e-6, spacing, spacing, 10_000);
     let view = view();
@@ -42,7 +42,7 @@ fn alpha(points: &[ScenePoint], spacing: f64, normals: bool) -> Vec<f64> {
     picture.rgba.as_chunks::<4>().0.iter().map(|p| f64::from(p[3]) / 255.0).collect()
 }
 
-/// The share of each pixel that lies inside, by samples.
+/// Share of each pixel that lies inside, from samples.
 fn truth(inside: impl Fn(DVec2) -> bool) -> Vec<f64> {
     let share = |i: usize| {
         let corner = DVec2::new((i % SIDE) as f64, (i / SIDE) as f64) - SIDE as f64 / 2.0;
@@ -53,22 +53,23 @@ fn truth(inside: impl Fn(DVec2) -> bool) -> Vec<f64> {
     (0..SIDE * SIDE).map(|i| share(i) / (SAMPLES * SAMPLES) as f64).collect()
 }
 
-/// How far alpha is off, by the length of the outline.
+/// Errors of alpha.
 #[derive(Debug)]
-struct Off {
-    /// Too much and too little, pixels.
+struct AlphaErrors {
+    /// Excess coverage over the length of the outline, pixels.
     over: f64,
+    /// Missing coverage over the length of the outline, pixels.
     under: f64,
-    /// Root of the mean square over the pixels that the true outline crosses.
+    /// Root mean square over the pixels that the true outline crosses.
     rms: f64,
 }
 
-fn off(alpha: &[f64], truth: &[f64], length_px: f64) -> Off {
+fn alpha_errors(alpha: &[f64], truth: &[f64], length_px: f64) -> AlphaErrors {
     let errors = || alpha.iter().zip(truth).map(|(a, t)| a - t);
     let crossed = |t: &&f64| **t > 0.0 && **t < 1.0;
     let pixels = truth.iter().filter(crossed).count() as f64;
     let squares = alpha.iter().zip(truth).filter(|(_, t)| crossed(t)).map(|(a, t)| (a - t).powi(2));
-    Off {
+    AlphaErrors {
         over: errors().map(|e| e.max(0.0)).sum::<f64>() / length_px,
         under: errors().map(|e| (-e).max(0.0)).sum::<f64>() / length_px,
         rms: (squares.sum::<f64>() / pixels).sqrt(),
@@ -107,7 +108,7 @@ fn cube(dice: &mut Dice, spacing: f64) -> Vec<ScenePoint> {
     points
 }
 
-/// The outline of the cube: its corners on the picture, around.
+/// Outline of the cube in the picture: its corners in order.
 fn cube_outline() -> Vec<DVec2> {
     let sign = |bits: usize, axis: usize| if bits >> axis & 1 == 1 { HALF } else { -HALF };
     let corners = (0..8).map(|b| place(turned() * DVec3::new(sign(b, 0), sign(b, 1), sign(b, 2))));
@@ -126,8 +127,8 @@ fn cube_outline() -> Vec<DVec2> {
     }
 }
 
-/// Off by so much at most: too much and too little, pixels; and the root of the mean square. By
-/// spacing, with normals and without: those of the sphere, those of the cube.
+/// Bounds of `over`, `under` and `rms` of [`AlphaErrors`], by spacing (pixels): of the sphere and
+/// of the cube with normals, then of both without.
 type Bounds = (f64, [[[f64; 3]; 2]; 2]);
 const BOUNDS: [Bounds; 5] = [
     (0.5, [[[0.28, 0.06, 0.24], [0.18, 0.10, 0.22]], [[0.55, 0.04, 0.38], [0.36, 0.07, 0.36]]]),
@@ -138,7 +139,7 @@ const BOUNDS: [Bounds; 5] = [
 ];
 
 #[test]
-fn alpha_is_about_the_share_of_a_pixel_that_is_covered() {
+fn alpha_is_close_to_the_coverage_of_the_pixel() {
     let radius = view().focal_px() / (20f64.powi(2) - 1.0).sqrt();
     let circle = truth(|at| at.length() <= radius);
     let hull = cube_outline();
@@ -149,20 +150,21 @@ fn alpha_is_about_the_share_of_a_pixel_that_is_covered() {
         let spacing = spacing_px / pixels_per_unit();
         for (normals, [of_sphere, of_cube]) in [true, false].into_iter().zip(bounds) {
             let round = alpha(&even_sphere(&mut Dice(3), spacing), spacing, normals);
-            let round = off(&round, &circle, radius * std::f64::consts::TAU);
+            let round = alpha_errors(&round, &circle, radius * std::f64::consts::TAU);
             let flat = alpha(&cube(&mut Dice(4), spacing), spacing, normals);
-            let flat = off(&flat, &polygon, polygon_px);
-            for (what, off, bound) in [("sphere", round, of_sphere), ("cube", flat, of_cube)] {
-                let what = format!("{what}, spacing {spacing_px} px, normals {normals}: {off:.2?}");
+            let flat = alpha_errors(&flat, &polygon, polygon_px);
+            for (what, errors, bound) in [("sphere", round, of_sphere), ("cube", flat, of_cube)] {
+                let what =
+                    format!("{what}, spacing {spacing_px} px, normals {normals}: {errors:.2?}");
                 eprintln!("{what}");
-                let Off { over, under, rms } = off;
+                let AlphaErrors { over, under, rms } = errors;
                 assert!(over < bound[0] && under < bound[1] && rms < bound[2], "{what}");
             }
         }
     }
 }
 
-/// A wire of this width, upright but for a slope, seen from the front: points all over its surface.
+/// Points on the whole surface of a slanted wire, seen from the front.
 fn wire(dice: &mut Dice, width_px: f64, spacing_px: f64) -> Vec<ScenePoint> {
     let per_px = 1.0 / pixels_per_unit();
     let radius = width_px / 2.0 * per_px;
@@ -180,9 +182,10 @@ fn wire(dice: &mut Dice, width_px: f64, spacing_px: f64) -> Vec<ScenePoint> {
         .collect()
 }
 
-/// Spacings of wires' samples, pixels.
+/// Spacings of the samples of wires, pixels.
 const SPACINGS_PX: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
-/// Widths of wires; by spacing, how wide they are drawn at most on average, and at least anywhere.
+/// True width of a wire; then, by spacing, the greatest mean width and the least width anywhere, as
+/// drawn. All in pixels.
 type Wires = [(f64, [f64; 4], [f64; 4]); 5];
 const WIRES: Wires = [
     (0.5, [1.15, 1.25, 1.30, 1.30], [0.5; 4]),
@@ -191,8 +194,8 @@ const WIRES: Wires = [
     (4.0, [4.20, 4.30, 4.60, 4.75], [3.2; 4]),
     (8.0, [8.10, 8.15, 9.40, 9.30], [6.9; 4]),
 ];
-/// With normals, rows of a wire thinner than a pixel may be empty where its samples are farther
-/// apart than it is wide.
+/// Bounds with normals. Rows of a wire may be empty if it is narrower than the spacing of its
+/// samples.
 const WIRES_WITH_NORMALS: Wires = [
     (0.5, [1.05, 1.25, 1.20, 1.20], [0.50, 0.75, 0.0, 0.0]),
     (1.0, [1.65, 1.50, 1.55, 1.45], [1.00, 0.60, 0.60, 0.0]),
@@ -201,11 +204,11 @@ const WIRES_WITH_NORMALS: Wires = [
     (8.0, [8.35, 8.35, 8.45, 8.60], [7.30, 7.20, 6.45, 5.35]),
 ];
 
-/// How wide a wire is drawn on average, and where it is narrowest, pixels.
+/// Mean and least width of a drawn wire, pixels.
 fn widths(width_px: f64, spacing_px: f64, normals: bool) -> (f64, f64) {
     let points = wire(&mut Dice(9), width_px, spacing_px);
     let alpha = alpha(&points, spacing_px / pixels_per_unit(), normals);
-    // Widths along rows, of which the wire's slope takes a little.
+    // Widths across the wire are smaller than along rows, because the wire is slanted.
     let width = |y: usize| alpha[y * SIDE..][..SIDE].iter().sum::<f64>() / 1.04f64.sqrt();
     let widths: Vec<f64> = (60..260).map(width).collect();
     let mean = widths.iter().sum::<f64>() / widths.len() as f64;

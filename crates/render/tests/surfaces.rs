@@ -1,5 +1,5 @@
-//! What a user sees: surfaces are closed, nothing behind shows through, silhouettes are where they
-//! are, points keep their colours.
+//! Drawn surfaces as a user sees them: they are closed and hide surfaces behind them, silhouettes
+//! are in the right place, points have their colours.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -21,7 +21,7 @@ use scene::{Dice, Scene, ScenePoint, sphere};
 const RED: [u8; 3] = [220, 30, 30];
 const BLUE: [u8; 3] = [30, 30, 220];
 
-/// Points of a wall through `centre`, one in each cell of a grid, tilted about x.
+/// Points of a wall through `centre`, tilted about x by `tilt` degrees, one in each cell of a grid.
 fn wall(
     dice: &mut Dice,
     centre: DVec3,
@@ -43,7 +43,7 @@ fn wall(
     points
 }
 
-/// From 10 units in front of the origin; a pixel is about `10 * 2 tan(0.05) / 256` there.
+/// View from 10 units in front of the origin, where a pixel is about `10 * 2 tan(0.05) / 256` wide.
 fn narrow_view() -> View {
     View::look_at(DVec3::NEG_Y * 10.0, DVec3::ZERO, DVec3::Z, 0.1, 256, 256)
 }
@@ -67,7 +67,7 @@ fn walls_are_closed_at_any_distance_and_tilt() {
                 let points = wall(&mut dice, DVec3::ZERO, 0.7, tilt, spacing, RED);
                 let scene = Scene::new(&points, 1e-6, spacing, spacing * 2f64.sqrt(), 10_000);
                 let holes = 256 * 256 - draw(&scene, &view, normals).stats.pixels_covered;
-                // 0.012 %: the mean of ellipses covers a little less than they do.
+                // 0.012 % of the pixels: the mean of ellipses covers slightly less than they do.
                 let allowed = 8;
                 assert!(
                     holes <= allowed,
@@ -98,10 +98,10 @@ fn nothing_shows_through_a_sparse_wall() {
     }
 }
 
-/// From within a sphere each of its places is seen face on, and stretched the more the farther it
-/// is from the middle.
+/// From the centre of a sphere, each of its places faces the eye, and perspective stretches it the
+/// more the farther it is from the centre of the picture.
 #[test]
-fn what_surrounds_the_eye_is_closed_at_wide_angles() {
+fn surfaces_around_the_eye_are_closed_at_wide_angles() {
     let mut dice = Dice(31);
     for (fovy, most) in [(1.0, 20), (1.6, 4), (2.1, 4)] {
         let view = View::look_at(DVec3::ZERO, DVec3::Y, DVec3::Z, fovy, 240, 180);
@@ -131,7 +131,7 @@ fn a_sphere_with_normals_ends_at_its_silhouette() {
         let picture = draw(&scene, &view, true);
         let spacing_px = spacing * view.focal_px() / 20.0;
         let (mut missing, mut beyond) = (0, 0.0f64);
-        // The greatest depth of the near side, and what the plane of a disc there may go on by
+        // Greatest depth of the near side, and the depth by which the plane of a disc may extend
         // beyond it.
         let (limb, pixel) = (20.0 - 1.0 / 20.0, 20.0 / view.focal_px());
         let disc = 1.4 * 2.0 * spacing + 2.0 * pixel;
@@ -153,7 +153,7 @@ fn a_sphere_with_normals_ends_at_its_silhouette() {
 }
 
 #[test]
-fn colours_of_points_are_shown_as_they_are() {
+fn points_keep_their_colours() {
     let view = narrow_view();
     let points = wall(&mut Dice(14), DVec3::ZERO, 0.4, 0.0, 0.01, [201, 13, 77]);
     let scene = Scene::new(&points, 1e-6, 0.01, 0.02, 1000);
@@ -162,15 +162,15 @@ fn colours_of_points_are_shown_as_they_are() {
     (frame.method, frame.background) = (Method::Points, Background::Plain([1, 2, 3, 4]));
     let picture = Renderer::default().render(&frame).unwrap();
     let (pixels, _) = picture.rgba.as_chunks::<4>();
-    let shown = pixels.iter().filter(|p| **p != [1, 2, 3, 4]).count();
-    assert!(shown > 1000 && shown as u64 == picture.stats.pixels_covered);
+    let covered = pixels.iter().filter(|p| **p != [1, 2, 3, 4]).count();
+    assert!(covered > 1000 && covered as u64 == picture.stats.pixels_covered);
     for p in pixels.iter().filter(|p| **p != [1, 2, 3, 4]) {
         assert!(p.iter().zip([201u8, 13, 77, 255]).all(|(a, b)| a.abs_diff(b) <= 1), "{p:?}");
     }
 }
 
 #[test]
-fn back_faces_go_when_asked_and_are_turned_to_the_viewer_else() {
+fn back_faces_are_culled_on_request_and_turned_to_the_viewer_otherwise() {
     let view = narrow_view();
     let mut points = wall(&mut Dice(15), DVec3::ZERO, 2.0, 0.0, 0.01, RED);
     let facing = Scene::new(&points, 1e-6, 0.01, 0.015, 1000);
@@ -182,14 +182,14 @@ fn back_faces_go_when_asked_and_are_turned_to_the_viewer_else() {
         frame.cull_back_faces = cull;
         Renderer::default().render(&frame).unwrap()
     };
-    // Sheet normals here look along u x v; one of the two scenes faces the camera.
+    // Normals are along u x v; one of the two scenes faces the camera.
     let covered = [&facing, &turned].map(|s| picture(s, true).stats.pixels_covered);
     assert!(covered.contains(&0) && covered.iter().any(|&c| c > 65_000), "{covered:?}");
     assert_eq!(picture(&facing, false).rgba, picture(&turned, false).rgba);
 }
 
 #[test]
-fn threads_do_not_change_the_picture() {
+fn the_number_of_threads_does_not_change_the_picture() {
     let scene =
         Scene::new(&sphere(&mut Dice(16), DVec3::ZERO, 0.4, 40_000, BLUE), 1e-6, 0.01, 0.02, 700);
     let view = narrow_view();
@@ -202,7 +202,7 @@ fn threads_do_not_change_the_picture() {
 }
 
 #[test]
-fn a_prefix_draws_the_first_points_and_ends_with_the_planes() {
+fn a_prefix_draws_the_first_points_up_to_the_end_of_the_planes() {
     let points = wall(&mut Dice(17), DVec3::ZERO, 0.4, 0.0, 0.02, RED);
     let scene = Scene::new(&points, 1e-6, 0.02, 0.03, 200);
     let view = narrow_view();
@@ -219,11 +219,11 @@ fn a_prefix_draws_the_first_points_and_ends_with_the_planes() {
 }
 
 #[test]
-fn a_pixel_that_more_points_share_than_sums_hold_shows_the_one_that_wins_it() {
+fn a_pixel_with_more_points_than_sums_hold_shows_the_nearest_one() {
     const MOST: usize = 1 << 18;
     let view = narrow_view();
     let pixel = 10.0 / view.focal_px();
-    // The middle of a pixel beside the picture's.
+    // The centre of a pixel next to the centre of the picture.
     let at = |nearer: f64| DVec3::new(0.5 * pixel, -nearer, 0.5 * pixel);
     for normals in [true, false] {
         let tint = |count: usize| {
@@ -250,13 +250,13 @@ fn a_pixel_that_more_points_share_than_sums_hold_shows_the_one_that_wins_it() {
     }
 }
 
-/// A texture coordinate is an attribute like any other: mapped to grey, it is interpolated with the
+/// A texture coordinate is an attribute like any other: mapped to grey, it is interpolated over the
 /// surface.
 #[test]
 fn a_coordinate_across_a_wall_is_interpolated_between_its_points() {
     let view = narrow_view();
     let pixel = 10.0 / view.focal_px();
-    // From 0 to 1 across the picture, in the three bytes of a colour; the fourth is 255.
+    // A value from 0 to 1 across the picture, in three bytes of a colour; the fourth byte is 255.
     let most = f64::from((1 << 24) - 1);
     let low = f64::from(u32::MAX) - most;
     let across = ColourMap { low, high: low + most, palette: Palette::Grey };
@@ -281,7 +281,7 @@ fn a_coordinate_across_a_wall_is_interpolated_between_its_points() {
             pull(&mut pyramid);
             push(&mut pyramid);
             let base = &pyramid.levels[0];
-            // The map's first colour is not quite black.
+            // The first colour of the map is not quite black.
             let [black, white] = [16, 255].map(|c| linear([c; 3]).x);
             let off = (0..256 * 256).map(|p| {
                 let u = (base.tint[p].x - black) / (white - black);
@@ -312,7 +312,8 @@ fn radii_follow_the_finest_drawn_cell() {
         Drawn { node: 1, prefix: 1, effective_spacing: 2.0 },
     ];
     let octree = CompactOctree::new(&table, &drawn);
-    // Two points of the root as far from the eye: left, and right, where the child is drawn.
+    // Two points of the root at the same distance from the eye; the child is drawn over the right
+    // one.
     let hot: Vec<u8> = [[16_000u16, 9, 9, 128], [48_000, 9, 9, 128]]
         .iter()
         .flat_map(|p| p.iter().flat_map(|c| c.to_le_bytes()).collect::<Vec<_>>())

@@ -121,7 +121,7 @@ impl Path {
             v.check()?;
             ensure!(names.insert(v.name.clone()), "two views are named `{}`", v.name);
             let [eye, target] = [v.eye, v.target].map(|p| record.coordinates.world(p, bounds));
-            ensure!(eye != target, "view `{}` looks at where it stands", v.name);
+            ensure!(eye != target, "in view `{}`, the target is the eye itself", v.name);
             let up = DVec3::from_array(v.up);
             let view = View::look_at(eye, target, up, v.fovy.to_radians(), size[0], size[1]);
             Ok(Stop { name: v.name, view, target, travel_s: v.travel_s, stay_s: v.stay_s })

@@ -2,8 +2,8 @@
 //! allocated when they are first written to, so that resident memory grows with use. The streamer
 //! assigns slots; only the render thread writes and reads.
 //!
-//! The system is asked for huge pages, if it has them: a page is filled with zeros at its first
-//! use, which takes one huge page a fraction of the time of 512 small ones.
+//! Huge pages are requested from the system, if it has them: a page is filled with zeros at its
+//! first use, which takes one huge page a fraction of the time of 512 small ones.
 
 use anyhow::{Context, Result};
 use esker_stream::Slot;
@@ -97,7 +97,7 @@ mod tests {
         memory.write(last, 3, b"def").unwrap();
         memory.write(last, 0, b"abc").unwrap();
         assert_eq!(memory.read(last), b"abcdef");
-        assert!(memory.pages[..2].iter().all(Option::is_none), "only what is used");
+        assert!(memory.pages[..2].iter().all(Option::is_none), "unused pages are not allocated");
         assert_eq!(memory.pages[2].as_ref().unwrap().len(), 512, "never more than the budget");
     }
 

@@ -14,7 +14,7 @@ pub struct SystemReport {
     /// Adapters that the drivers offer.
     pub adapters: Vec<AdapterReport>,
     /// Requested backend.
-    pub asked: &'static str,
+    pub requested: &'static str,
     /// What is chosen.
     pub chosen: ChoiceReport,
     /// Threads of the processor.
@@ -84,7 +84,7 @@ pub struct GpuReport {
 pub fn system(with: &DrawWith) -> SystemReport {
     SystemReport {
         adapters: device::adapters(Backends::all()).iter().map(AdapterReport::from).collect(),
-        asked: with.backend.name(),
+        requested: with.backend.name(),
         chosen: ChoiceReport::of(with),
         threads: std::thread::available_parallelism().map_or(1, usize::from),
     }
@@ -102,7 +102,7 @@ impl ChoiceReport {
             Ok((None, drawer)) => Self {
                 backend: Some("cpu"),
                 path: Some("cpu"),
-                why: drawer.note.unwrap_or_else(|| "it was asked for".into()),
+                why: drawer.note.unwrap_or_else(|| "the CPU was requested".into()),
                 gpu: None,
             },
             // Only if the user insists on a GPU.
@@ -146,12 +146,12 @@ impl From<&Adapter> for AdapterReport {
 
 fn why(tier: &Tier, with: &DrawWith) -> String {
     let adapter = match (with.backend, tier.is_software) {
-        (_, true) => "a software driver was asked for",
-        (Backend::Gpu, false) => "a GPU was asked for, and this is the best one",
-        _ => "it is the best GPU that there is",
+        (_, true) => "a software driver was requested",
+        (Backend::Gpu, false) => "a GPU was requested, and this is the best one",
+        _ => "it is the best GPU of this machine",
     };
     let path = match (with.gpu.path, tier.path) {
-        (Some(_), _) => "its path was asked for",
+        (Some(_), _) => "its path was requested",
         (None, ProjectPath::Atomics) => "it has 64-bit atomics",
         (None, ProjectPath::Primitives) => "it has no 64-bit atomics, so points are primitives",
     };

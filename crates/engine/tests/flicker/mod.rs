@@ -31,13 +31,13 @@ fn camera(file: &Forest, frame: usize) -> Camera {
 
 /// A picture in linear light, pixel by pixel.
 fn draw(file: &Forest, frame: usize, size: [u32; 2], spacing_px: f64, averages: bool) -> Vec<Vec3> {
-    let asked = PictureRequest {
+    let picture_request = PictureRequest {
         size,
         camera: camera(file, frame),
         target_spacing_px: spacing_px,
         ..PictureRequest::default()
     };
-    let scene = PictureScene::read(file, &asked, &Silent).unwrap();
+    let scene = PictureScene::read(file, &picture_request, &Silent).unwrap();
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let draws = scene.draws(file);
     let drawn = scene.appearance.frame(file, &scene.view, &draws, &octree);

@@ -41,11 +41,12 @@ fn a_compact_picture_is_near_the_full_one_and_takes_two_thirds_of_the_bytes() {
     for method in [Method::Points, Method::PullPush, Method::Ewa] {
         let [full, compact] =
             [true, false].map(|full| PictureRequest { method, full, ..request() });
-        let scenes =
-            [&full, &compact].map(|asked| PictureScene::read(&file, asked, &Silent).unwrap());
+        let scenes = [&full, &compact]
+            .map(|picture_request| PictureScene::read(&file, picture_request, &Silent).unwrap());
         let [all, some] = [&scenes[0], &scenes[1]].map(bytes_of);
         assert_eq!(all * 2, some * 3);
-        let [full, compact] = [full, compact].map(|asked| draw(&file, &asked, &Silent).unwrap().0);
+        let [full, compact] = [full, compact]
+            .map(|picture_request| draw(&file, &picture_request, &Silent).unwrap().0);
         assert_eq!(full.depth, compact.depth, "points stay where they are");
         assert_ne!(full.rgba, compact.rgba, "colours do not");
         let off = off(&full, &compact);
@@ -59,7 +60,7 @@ fn a_compact_picture_is_near_the_full_one_and_takes_two_thirds_of_the_bytes() {
 }
 
 #[test]
-fn a_session_streams_two_thirds_and_draws_what_a_picture_shows() {
+fn a_session_streams_two_thirds_of_the_bytes_and_draws_the_same_picture() {
     let file = Arc::new(Forest::open(creek()).unwrap());
     let view = PictureScene::choose(&file, &request()).unwrap().view;
     let bytes = [true, false].map(|full| {
@@ -82,8 +83,8 @@ fn a_session_streams_two_thirds_and_draws_what_a_picture_shows() {
 #[test]
 fn other_colours_filters_and_exposure_compensation_use_full_planes() {
     let file = Forest::open(creek()).unwrap();
-    let kinds = |asked: PictureRequest| {
-        let scene = PictureScene::read(&file, &asked, &Silent).unwrap();
+    let kinds = |picture_request: PictureRequest| {
+        let scene = PictureScene::read(&file, &picture_request, &Silent).unwrap();
         let has = |kind| scene.planes.iter().any(|planes| planes.get(kind).is_some());
         [PlaneKind::Position, PlaneKind::Colour, PlaneKind::Compact].map(has)
     };
@@ -111,12 +112,13 @@ fn a_forest_of_one_palette_is_drawn_from_compact_planes() {
     esker_builder::build(&scans[..1], &a, &options, &Silent).unwrap();
     esker_builder::append(&a, &scans[1..], &b, &options, &Silent).unwrap();
     let file = Forest::open(&b).unwrap();
-    let asked = PictureRequest { target_spacing_px: 0.0, ..request() };
-    let scene = PictureScene::read(&file, &asked, &Silent).unwrap();
+    let picture_request = PictureRequest { target_spacing_px: 0.0, ..request() };
+    let scene = PictureScene::read(&file, &picture_request, &Silent).unwrap();
     assert!(scene.planes.len() > 1);
     assert!(scene.planes.iter().all(|planes| planes.get(PlaneKind::Compact).is_some()));
-    let [full, compact] = [true, false]
-        .map(|full| draw(&file, &PictureRequest { full, ..asked.clone() }, &Silent).unwrap().0);
+    let [full, compact] = [true, false].map(|full| {
+        draw(&file, &PictureRequest { full, ..picture_request.clone() }, &Silent).unwrap().0
+    });
     assert_eq!(full.depth, compact.depth);
     let off = off(&full, &compact);
     assert!(off <= 0.01, "{off} of the pixels are off");

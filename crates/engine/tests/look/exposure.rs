@@ -9,7 +9,7 @@ use esker_points::task::Silent;
 use std::sync::Arc;
 use std::time::Duration;
 
-fn asked(evens_exposure: bool) -> PictureRequest {
+fn rgb_request(evens_exposure: bool) -> PictureRequest {
     PictureRequest { colour_by: Some("rgb".into()), evens_exposure, ..request() }
 }
 
@@ -17,12 +17,12 @@ fn asked(evens_exposure: bool) -> PictureRequest {
 fn exposure_compensation_reads_the_scan_numbers_of_points() {
     let file = Forest::open(terrain()).unwrap();
     let [plain, evened] = [false, true]
-        .map(|evens_exposure| PictureScene::read(&file, &asked(evens_exposure), &Silent));
+        .map(|evens_exposure| PictureScene::read(&file, &rgb_request(evens_exposure), &Silent));
     let (plain, evened) = (plain.unwrap(), evened.unwrap());
     assert!(evened.plan.evens_exposure() && !plain.plan.evens_exposure());
     assert!(evened.read_bytes > plain.read_bytes);
     let bytes = |scene: &PictureScene| scene.planes.iter().map(|p| p.bytes()).sum::<u64>();
-    assert_eq!(bytes(&evened), bytes(&plain), "no byte more is kept");
+    assert_eq!(bytes(&evened), bytes(&plain), "resident planes have the same size");
     let kind = PlaneKind::Attribute(file.schema().find("point_source_id").unwrap() as u16);
     let mut scans = [0; 256];
     for (i, drawn) in evened.selection.drawn.iter().enumerate() {
@@ -38,7 +38,7 @@ fn exposure_compensation_reads_the_scan_numbers_of_points() {
     }
     assert!(scans.into_iter().filter(|&points| points > 100).count() > 1, "{scans:?}");
     // Exposures are removed neither from points nor from other colours.
-    let elevation = PictureRequest { colour_by: Some("elevation".into()), ..asked(true) };
+    let elevation = PictureRequest { colour_by: Some("elevation".into()), ..rgb_request(true) };
     let scene = PictureScene::choose(&file, &elevation).unwrap();
     assert!(!scene.plan.evens_exposure() && scene.appearance.evens_exposure);
 }
@@ -46,10 +46,10 @@ fn exposure_compensation_reads_the_scan_numbers_of_points() {
 #[test]
 fn a_session_removes_differences_of_exposure_like_a_picture() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
-    let scene = PictureScene::choose(&file, &asked(true)).unwrap();
+    let scene = PictureScene::choose(&file, &rgb_request(true)).unwrap();
     let camera = camera_of(&scene);
     let [plain, expected] = [false, true].map(|evens_exposure| {
-        draw(&file, &PictureRequest { camera, ..asked(evens_exposure) }, &Silent).unwrap().0
+        draw(&file, &PictureRequest { camera, ..rgb_request(evens_exposure) }, &Silent).unwrap().0
     });
     assert!(plain.rgba != expected.rgba);
     let settings =
@@ -70,7 +70,7 @@ fn exposure_compensation_of_a_file_without_scan_numbers_is_refused() {
     std::fs::write(&scan, format!("{head}{colours}0 0 0 9 9 9\n1 1 1 9 9 9\n")).unwrap();
     esker_builder::build(&[scan], &out, &esker_builder::Options::default(), &Silent).unwrap();
     let file = Forest::open(&out).unwrap();
-    let error = PictureScene::choose(&file, &asked(true)).err().unwrap().to_string();
+    let error = PictureScene::choose(&file, &rgb_request(true)).err().unwrap().to_string();
     assert!(error.contains("point_source_id or scan or scan_id"), "{error}");
-    assert!(PictureScene::choose(&file, &asked(false)).is_ok());
+    assert!(PictureScene::choose(&file, &rgb_request(false)).is_ok());
 }

@@ -107,14 +107,14 @@ fn a_filter_shows_what_export_writes() {
 }
 
 #[test]
-fn what_is_filtered_away_is_neither_read_nor_resident() {
+fn filtered_points_are_neither_read_nor_resident() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
     let all = PictureRequest { target_spacing_px: 0.0, ..request() };
     let whole = PictureScene::read(&file, &all, &Silent).unwrap();
     let camera = camera_of(&whole);
     for filter in filters(&file) {
-        let mut asked = PictureRequest { filter: filter.clone(), camera, ..all.clone() };
-        let scene = PictureScene::read(&file, &asked, &Silent).unwrap();
+        let mut picture_request = PictureRequest { filter: filter.clone(), camera, ..all.clone() };
+        let scene = PictureScene::read(&file, &picture_request, &Silent).unwrap();
         let shown = &scene.appearance.shown;
         let drawn = |node| scene.selection.drawn.iter().any(|d| d.node == node);
         assert!(scene.selection.counters.filtered > 0 || filter.max_spacing.is_some());
@@ -135,8 +135,8 @@ fn what_is_filtered_away_is_neither_read_nor_resident() {
             );
         }
         // No point has this class: no page is read.
-        asked.filter.classes = Some("250".parse().unwrap());
-        assert!(PictureScene::read(&file, &asked, &Silent).unwrap().planes.is_empty());
+        picture_request.filter.classes = Some("250".parse().unwrap());
+        assert!(PictureScene::read(&file, &picture_request, &Silent).unwrap().planes.is_empty());
     }
 }
 
@@ -162,27 +162,27 @@ pub fn off(a: &Picture, b: &Picture) -> f64 {
 }
 
 #[test]
-fn a_session_draws_what_a_picture_shows() {
+fn a_session_draws_the_picture_of_the_render_call() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
     let none = Filter::default();
     let mut cases = vec![("gps_time", none.clone()), ("return_number", none)];
     cases.extend(filters(&file).into_iter().map(|filter| ("classification", filter)));
     for (colour, filter) in cases {
         let colour_by = Some(colour.to_owned());
-        let asked =
+        let picture_request =
             PictureRequest { colour_by: colour_by.clone(), filter: filter.clone(), ..request() };
-        let view = PictureScene::choose(&file, &asked).unwrap().view;
-        let (expected, _) = draw(&file, &asked, &Silent).unwrap();
+        let view = PictureScene::choose(&file, &picture_request).unwrap().view;
+        let (expected, _) = draw(&file, &picture_request, &Silent).unwrap();
         let mut session = session(&file, Settings { colour_by, filter, ..Settings::default() });
         session.settle(&view, Duration::from_secs(60)).unwrap();
         assert!(session.frame(&view).unwrap().cut.complete);
         let off = off(&session.picture().unwrap(), &expected);
-        assert!(off <= 0.001, "{colour} {:?}: {off} of the pixels differ", asked.filter);
+        assert!(off <= 0.001, "{colour} {:?}: {off} of the pixels differ", picture_request.filter);
     }
 }
 
 #[test]
-fn only_what_is_shown_is_resident() {
+fn only_shown_attributes_are_resident() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
     let view = PictureScene::choose(&file, &request()).unwrap().view;
     let bytes = |colour: &str, method| {
@@ -204,7 +204,7 @@ fn only_what_is_shown_is_resident() {
 }
 
 #[test]
-fn normals_come_when_a_session_begins_to_draw_surfaces() {
+fn normals_are_streamed_when_a_session_begins_to_draw_surfaces() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
     let view = PictureScene::choose(&file, &request()).unwrap().view;
     let settings = || Settings { colour_by: Some("plain".into()), ..Settings::default() };
@@ -226,8 +226,8 @@ fn normals_come_when_a_session_begins_to_draw_surfaces() {
 #[test]
 fn a_dense_view_needs_no_push() {
     let file = Forest::open(terrain()).unwrap();
-    let asked = PictureRequest { target_spacing_px: 0.0, size: [40, 30], ..request() };
-    let scene = PictureScene::read(&file, &asked, &Silent).unwrap();
+    let picture_request = PictureRequest { target_spacing_px: 0.0, size: [40, 30], ..request() };
+    let scene = PictureScene::read(&file, &picture_request, &Silent).unwrap();
     assert!(!scene.plan.passes.contains(&Pass::Push), "{:?}", scene.plan);
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let draws = scene.draws(&file);
@@ -278,7 +278,7 @@ fn every_option_of_surfaces_has_its_golden_picture() {
     let csg = folder.path().join("csg.esker");
     build(Path::new("synthetic:csg:20000"), &csg, NormalsMode::Estimate);
     let csg = Forest::open(&csg).unwrap();
-    for (file, asked, other, name) in [
+    for (file, picture_request, other, name) in [
         (
             &hill,
             PictureRequest { evens_exposure: true, ..rgb.clone() },
@@ -287,10 +287,11 @@ fn every_option_of_surfaces_has_its_golden_picture() {
         ),
         (&csg, PictureRequest { shines: false, ..plain.clone() }, &plain, "surface-plain-matt.png"),
     ] {
-        is_golden(file, &asked, name);
-        let [with, without] = [&asked, other].map(|asked| draw(file, asked, &Silent).unwrap().0);
+        is_golden(file, &picture_request, name);
+        let [with, without] = [&picture_request, other]
+            .map(|picture_request| draw(file, picture_request, &Silent).unwrap().0);
         let flip = mean_flip(&with.rgba, &without.rgba, SIZE[0] as usize);
-        assert!(flip > 0.02, "{name}: FLIP {flip} beside the same without the option");
+        assert!(flip > 0.02, "{name}: FLIP {flip} without the option");
     }
     let bare = build_terrain("bare", NormalsMode::None);
     let bare = Forest::open(&bare).unwrap();
@@ -321,7 +322,7 @@ fn textured_sheet(folder: &Path) -> Forest {
 }
 
 #[test]
-fn texture_coordinates_of_a_file_cross_the_surface_between_its_points() {
+fn texture_coordinates_are_interpolated_between_points() {
     let folder = tempfile::tempdir().unwrap();
     let file = textured_sheet(folder.path());
     // Straight down on the middle 8 m: a pixel is 0.1 m, half the spacing of the points.
@@ -332,8 +333,9 @@ fn texture_coordinates_of_a_file_cross_the_surface_between_its_points() {
     let lightness = |colour: &str| {
         let colour_by = Some(colour.to_owned());
         let size = [PIXELS as u32; 2];
-        let asked = PictureRequest { size, camera, colour_by, shines: false, ..request() };
-        let (drawn, _) = draw(&file, &asked, &Silent).unwrap();
+        let picture_request =
+            PictureRequest { size, camera, colour_by, shines: false, ..request() };
+        let (drawn, _) = draw(&file, &picture_request, &Silent).unwrap();
         let pixels = drawn.rgba.chunks_exact(4);
         pixels.map(|p| p[..3].iter().map(|c| f64::from(*c)).sum()).collect::<Vec<f64>>()
     };
@@ -355,14 +357,17 @@ fn texture_coordinates_of_a_file_cross_the_surface_between_its_points() {
 }
 
 /// Asserts that a picture is like the golden one.
-fn is_golden(file: &Forest, asked: &PictureRequest, name: &str) {
-    let (drawn, _) = draw(file, asked, &Silent).unwrap();
+fn is_golden(file: &Forest, picture_request: &PictureRequest, name: &str) {
+    let (drawn, _) = draw(file, picture_request, &Silent).unwrap();
     let path = std::path::absolute("tests/golden").unwrap().join(name);
     if std::env::var_os("ESKER_BLESS").is_some() {
         picture::write_png(&drawn, &path).unwrap();
     }
     let flip = mean_flip(&drawn.rgba, &read_png(&path), SIZE[0] as usize);
-    assert!(flip <= 0.01, "{name}: FLIP {flip}; if it is meant, run with ESKER_BLESS=1 and look");
+    assert!(
+        flip <= 0.01,
+        "{name}: FLIP {flip}; if this is intended, run with ESKER_BLESS=1 and look at the picture"
+    );
 }
 
 /// Pixels of a PNG, four bytes each.

@@ -99,17 +99,17 @@ fn error(picture: &Picture, view: &View) -> f64 {
 }
 
 #[test]
-fn a_scan_in_lines_is_sharper_with_the_shapes_of_its_splats_and_as_closed() {
+fn shapes_of_splats_make_a_scan_in_lines_sharper_and_open_no_holes() {
     let folder = tempfile::tempdir().unwrap();
     let scan = scan(folder.path());
     let [discs, shapes] = [false, true].map(|tangents| {
         let file = built(&scan, tangents);
         assert_eq!(file.has(PlaneKind::Tangents), tangents);
-        let mut asked = request("direction=0,1,-1.2;fovy=40", SIZE);
-        (asked.camera.eye, asked.camera.target) =
+        let mut picture_request = request("direction=0,1,-1.2;fovy=40", SIZE);
+        (picture_request.camera.eye, picture_request.camera.target) =
             (Some(DVec3::new(0.3, -1.6, 1.8)), Some(DVec3::ZERO));
-        let view = PictureScene::choose(&file, &asked).unwrap().view;
-        let (picture, _) = draw(&file, &asked, &Silent).unwrap();
+        let view = PictureScene::choose(&file, &picture_request).unwrap().view;
+        let (picture, _) = draw(&file, &picture_request, &Silent).unwrap();
         let open = picture.depth.iter().filter(|d| !d.is_finite()).count();
         // The same from a session, which streams the plane.
         let file = Arc::new(file);

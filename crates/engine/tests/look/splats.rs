@@ -75,14 +75,14 @@ fn outside(place: DVec2, hull_of: &[DVec2]) -> f64 {
 /// Fraction of the pixels that show something more than `pixels` outside the cube, or nothing more
 /// than `pixels` inside.
 fn wrong(file: &Forest, camera: &str, pixels: f64) -> f64 {
-    let asked = request(camera, [320, 240]);
-    let view = PictureScene::choose(file, &asked).unwrap().view;
+    let picture_request = request(camera, [320, 240]);
+    let view = PictureScene::choose(file, &picture_request).unwrap().view;
     let hull = corners().map(|corner| {
         let p = view.view_from_world() * (corner - view.eye);
         let scale = view.focal_px() / -p.z;
         DVec2::new(160.0 + p.x * scale, 120.0 - p.y * scale)
     });
-    let (drawn, _) = draw(file, &asked, &Silent).unwrap();
+    let (drawn, _) = draw(file, &picture_request, &Silent).unwrap();
     let is_wrong = |(i, depth): (usize, &f32)| {
         let place = DVec2::new((i % 320) as f64 + 0.5, (i / 320) as f64 + 0.5);
         let out = outside(place, &hull);
@@ -132,9 +132,9 @@ fn edges_are_found_from_positions_alone() {
 #[test]
 fn a_session_draws_clip_lines_as_a_picture_does() {
     built("synthetic:csg:6400", false, |file| {
-        let asked = request("direction=-0.8,1.3,-0.9;fovy=30", [160, 120]);
-        let view = PictureScene::choose(file, &asked).unwrap().view;
-        let (expected, _) = draw(file, &asked, &Silent).unwrap();
+        let picture_request = request("direction=-0.8,1.3,-0.9;fovy=30", [160, 120]);
+        let view = PictureScene::choose(file, &picture_request).unwrap().view;
+        let (expected, _) = draw(file, &picture_request, &Silent).unwrap();
         let clipped = |method| {
             let file = Arc::new(Forest::open(file.path()).unwrap());
             let backend = Backend::Cpu;
@@ -154,7 +154,7 @@ fn a_session_draws_clip_lines_as_a_picture_does() {
         };
         let (slots, streamed) = clipped(Method::Ewa);
         assert!(slots > 0, "the plane is streamed");
-        assert_eq!(clipped(Method::PullPush).0, 0, "and not where nothing is clipped");
+        assert_eq!(clipped(Method::PullPush).0, 0, "pull-push does not stream the plane");
         let flip = mean_flip(&streamed.rgba, &expected.rgba, 160);
         assert!(flip < 0.002, "{flip}");
     });
@@ -175,7 +175,7 @@ fn splats_have_their_golden_pictures() {
             let flip = mean_flip(&drawn.rgba, &read_png(&path), 160);
             assert!(
                 flip <= 0.01,
-                "{name}: FLIP {flip}; if it is meant, run with ESKER_BLESS=1 and look"
+                "{name}: FLIP {flip}; if this is intended, run with ESKER_BLESS=1 and look at the picture"
             );
         });
     }

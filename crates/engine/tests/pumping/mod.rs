@@ -116,7 +116,7 @@ fn assert_does_not_pump(scan: &Path, target_px: f64) {
         splats.median <= closed.median && splats.worst <= closed.worst,
         "{splats:?}, {closed:?}"
     );
-    assert!(splats.worst <= 2.0 * splats.median, "a frame stands out: {splats:?}");
+    assert!(splats.worst <= 2.0 * splats.median, "one frame changes much more: {splats:?}");
     assert!(splats.swelling <= 0.01, "{splats:?}");
 }
 

@@ -1,6 +1,6 @@
-//! Clip lines (section 5, figures 4, 5 and 8 of zwicker2004): both splats of a pair share their
-//! line to the pixel, corners that go out and that go in, and a cube whose outline and edges are
-//! those of the analytic one.
+//! Clip lines (zwicker2004, section 5, figures 4, 5 and 8): the two splats of a pair meet at their
+//! line without a gap or an overlap, convex and concave corners, and a cube with the outline and
+//! edges of the analytic one.
 
 use crate::passes::draw;
 use crate::scene::{Dice, Scene, ScenePoint};
@@ -12,7 +12,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3, Vec3Swizzles};
 use std::f64::consts::TAU;
 
 const STEP: f64 = 1e-5;
-/// Stored radii of single splats.
+/// Stored radius of single splats.
 const RADIUS: f64 = 0.06;
 
 fn direction(dice: &mut Dice) -> DVec3 {
@@ -28,13 +28,14 @@ fn rotation(dice: &mut Dice) -> DMat3 {
     DMat3::from_quat(DQuat::from_axis_angle(direction(dice), dice.unit() * 6.2))
 }
 
-/// The line through two places of the world; kept is what lies left of the way between them.
+/// Clip line from `from` to `to` in world space; the splat is kept to the left of it.
 fn line(lattice: &Lattice, from: DVec3, to: DVec3) -> Option<ClipLine> {
     let steps = |p: DVec3| [0, 1, 2].map(|i| lattice.steps_axis(i, p[i]));
     ClipLine::through(steps(from), steps(to), Grain::new(lattice.scale))
 }
 
-/// Which pixels show something: of splats with their lines, or of those as wide without lines.
+/// Whether each pixel is covered, by splats with their clip lines or (without `clips`) by unclipped
+/// splats of the same width.
 fn covered(scene: &Scene, view: &View, clips: bool) -> Vec<bool> {
     let (mut draws, mut options) = (scene.draws(true, true, true), Options::default());
     if !clips {
@@ -47,11 +48,11 @@ fn covered(scene: &Scene, view: &View, clips: bool) -> Vec<bool> {
 }
 
 #[test]
-fn what_one_splat_of_a_pair_leaves_the_other_takes() {
+fn two_splats_of_a_pair_share_their_line_without_gap_or_overlap() {
     let mut dice = Dice(31);
     let (mut pixels, mut cut, mut twice) = (0, 0, 0);
     for _ in 0..400 {
-        // An edge, and two faces on it at 20 to 340 degrees.
+        // An edge with two faces at an angle of 20 to 340 degrees.
         let axes = rotation(&mut dice);
         let (along, up) = (axes.x_axis, axes.y_axis);
         let turn = 0.35 + dice.unit() * 5.6;
@@ -68,7 +69,7 @@ fn what_one_splat_of_a_pair_leaves_the_other_takes() {
             let [from, to] = if i == 0 { [ends[1], ends[0]] } else { ends };
             Clip { lines: [line(lattice, from, to), None], either: false }
         };
-        // From where both faces look at the eye; close by, the line reaches behind it.
+        // Both faces are turned to the eye; close to the edge, the line reaches behind the eye.
         let eye = edge + direction(&mut dice) * (0.02 + 0.5 * dice.unit() * dice.unit());
         if normals.iter().any(|n| n.dot(eye - edge) < 0.003) {
             continue;
@@ -76,7 +77,8 @@ fn what_one_splat_of_a_pair_leaves_the_other_takes() {
         let target = edge + direction(&mut dice) * 0.01;
         let mut view = View::look_at(eye, target, DVec3::Z, 1.2, 160, 120);
         view.near = 1e-4;
-        // A node each, so that the pair's numbers come from different places.
+        // Each splat is in a node of its own, so that the two lines are decoded from different
+        // values.
         let seen = |points: &[ScenePoint], first: usize, clips: bool| {
             let clip = |lattice: &Lattice, i: usize| both(lattice, first + i);
             covered(&Scene::clipped(points, clip, STEP, RADIUS, RADIUS, 1), &view, clips)
@@ -86,17 +88,18 @@ fn what_one_splat_of_a_pair_leaves_the_other_takes() {
         let pair = seen(&points, 0, true);
         let kept = [0, 1].map(|i| {
             let reach = faces[i].dot(points[i].at - edge);
-            Kept::new(&view, points[i].at, [-faces[i], along], reach)
+            KeptOutline::new(&view, points[i].at, [-faces[i], along], reach)
         });
-        // A splat seen flat leaves the low-pass beyond its end.
+        // At grazing angles, the low-pass filter widens a splat beyond its line.
         let sine = |i: usize| normals[i].dot((eye - points[i].at).normalize_or_zero());
         let is_flat = (0..2).any(|i| sine(i) < 0.5);
         for i in 0..pair.len() {
             let at = DVec2::new((i % 160) as f64, (i / 160) as f64) + 0.5;
-            let is_on = |kept: &Option<Kept>| kept.as_ref().is_none_or(|k| k.distance(at) < 0.0);
+            let is_on =
+                |kept: &Option<KeptOutline>| kept.as_ref().is_none_or(|k| k.distance(at) < 0.0);
             if whole[0][i] && whole[1][i] && (!is_flat || kept.iter().any(is_on)) {
                 pixels += 1;
-                assert!(parts[0][i] || parts[1][i], "pixel {i}: the line is nobody's");
+                assert!(parts[0][i] || parts[1][i], "pixel {i}: covered by neither splat");
                 assert!(pair[i], "pixel {i}");
                 twice += usize::from(parts[0][i] && parts[1][i]);
             }
@@ -108,15 +111,15 @@ fn what_one_splat_of_a_pair_leaves_the_other_takes() {
     assert!(twice < 20, "{twice}");
 }
 
-/// What a line keeps of a disc, in the picture.
-struct Kept {
-    /// Around it; an outline without an area is a stroke.
+/// Outline in the picture of the part of a disc that a line keeps.
+struct KeptOutline {
+    /// Corners in order; seen edge on, the outline has no area.
     outline: Vec<DVec2>,
 }
 
-impl Kept {
-    /// Of a splat as wide as drawn, of which what is nearer than `reach` along `out` is kept;
-    /// `None` where some of it is behind the eye.
+impl KeptOutline {
+    /// Outline of a splat at `at` with the drawn width, kept up to `reach` along `out`; `None` if
+    /// part of it is behind the eye.
     fn new(view: &View, at: DVec3, [out, along]: [DVec3; 2], reach: f64) -> Option<Self> {
         let factor = quant::radius_factor(quant::radius_code(RADIUS, RADIUS));
         let radius = RADIUS * f64::from(factor * Options::default().radius_factor * WIDER);
@@ -125,7 +128,7 @@ impl Kept {
             let middle = DVec2::new(f64::from(view.width), f64::from(view.height)) * 0.5;
             (v.z < -view.near).then(|| middle + DVec2::new(v.x, -v.y) * view.focal_px() / -v.z)
         };
-        // The rim, from the line to the line.
+        // The arc from one end of the line to the other.
         let first = (reach / radius).clamp(-1.0, 1.0).acos();
         let rim = (0..=48).map(|i| first + f64::from(i) / 48.0 * (TAU - 2.0 * first));
         let outline = rim.map(|turn| seen(at + (out * turn.cos() + along * turn.sin()) * radius));
@@ -137,7 +140,7 @@ impl Kept {
         self.outline.iter().zip(next).map(|(a, b)| [*a, *b])
     }
 
-    /// How far a place is from the outline, pixels; negative inside.
+    /// Distance of a place from the outline, pixels; negative inside.
     fn distance(&self, at: DVec2) -> f64 {
         let apart = self.sides().map(|[a, b]| {
             let way = b - a;
@@ -151,13 +154,13 @@ impl Kept {
 }
 
 #[test]
-fn splats_end_where_their_line_crosses_them_also_seen_flat() {
+fn splats_end_at_their_line_also_at_grazing_angles() {
     let mut dice = Dice(8);
     let (mut pixels, mut inside) = (0, 0);
     for round in 0..600 {
         let axes = rotation(&mut dice);
         let (out, along, normal) = (axes.x_axis, axes.y_axis, axes.z_axis);
-        // Down to a sine of a hundredth, from where the splat is 15 to 80 pixels wide.
+        // Sines of the viewing angle down to 0.01; the splat is 15 to 80 pixels wide.
         let sine = 0.01 * 60f64.powf(dice.unit());
         let (s, c) = (dice.unit() * TAU).sin_cos();
         let way = (out * c + along * s) * (1.0 - sine * sine).sqrt() + normal * sine;
@@ -173,11 +176,11 @@ fn splats_end_where_their_line_crosses_them_also_seen_flat() {
         };
         let scene = Scene::clipped(&[point], clip, STEP, RADIUS, RADIUS, 1);
         let seen = covered(&scene, &view, true);
-        let kept = Kept::new(&view, DVec3::ZERO, [out, along], reach).unwrap();
+        let kept = KeptOutline::new(&view, DVec3::ZERO, [out, along], reach).unwrap();
         for (i, is_seen) in seen.into_iter().enumerate() {
             let distance = kept.distance(DVec2::new((i % 160) as f64, (i / 160) as f64) + 0.5);
             let case = || format!("round {round}, sine {sine}: {distance} px, pixel {i}");
-            // The low-pass is 1.5 pixels wide.
+            // The low-pass filter has a radius of 1.5 pixels.
             assert!(!is_seen || distance < 2.5, "{}", case());
             assert!(is_seen || distance > -0.5, "{}", case());
             pixels += usize::from(is_seen);
@@ -187,13 +190,14 @@ fn splats_end_where_their_line_crosses_them_also_seen_flat() {
     assert!(pixels > 50_000 && inside > 30_000, "{pixels} {inside}");
 }
 
-/// A splat of which all but the lower left quarter is kept.
+/// A splat clipped to all but its lower left quarter.
 pub fn l_shaped() -> Scene {
     let point = ScenePoint { at: DVec3::ZERO, normal: DVec3::NEG_Y, colour: [200, 120, 60] };
     Scene::clipped(&[point], |lattice, _| corner(lattice, true), STEP, 0.5, 0.5, 16)
 }
 
-/// Right of x = 0 and above z = 0, seen from where the normal points: x to the right, z up.
+/// Corner that keeps x > 0 and z > 0, or with `either` one of them, seen from the side of the
+/// normal with x to the right and z up.
 fn corner(lattice: &Lattice, either: bool) -> Clip {
     let upright = line(lattice, DVec3::Z * 0.3, DVec3::Z * -0.3);
     let level = line(lattice, DVec3::X * -0.3, DVec3::X * 0.3);
@@ -201,7 +205,7 @@ fn corner(lattice: &Lattice, either: bool) -> Clip {
 }
 
 #[test]
-fn corners_go_out_and_in() {
+fn convex_and_concave_corners_keep_their_quarters() {
     let view = {
         let mut view =
             View::look_at(DVec3::new(0.0, -4.0, 0.0), DVec3::ZERO, DVec3::Z, 0.6, 100, 100);
@@ -226,7 +230,7 @@ fn corners_go_out_and_in() {
     assert!((share(true) - 0.75).abs() < 0.01);
 }
 
-/// A cube's faces as `side` x `side` splats with a smooth texture, with clip lines.
+/// A cube with `side` x `side` splats a face, a smooth texture and clip lines.
 struct Cube {
     axes: DMat3,
     side: usize,
@@ -241,7 +245,7 @@ pub fn cube(side: usize) -> Scene {
 const HALF: f64 = 0.5;
 
 impl Cube {
-    /// Place in the cube's own frame, and normal, of a splat.
+    /// Place and normal of splat `i` in the frame of the cube.
     fn splat(&self, i: usize) -> (DVec3, DVec3) {
         let (face, cell) = (i / (self.side * self.side), i % (self.side * self.side));
         let at = |c: usize| (c as f64 + 0.5) / self.side as f64 - 0.5;
@@ -254,7 +258,7 @@ impl Cube {
         [normal.yzx().abs(), normal.zxy().abs()]
     }
 
-    /// Smooth, in 0 to 1.
+    /// Smooth texture, 0 to 1.
     fn texture(at: DVec3) -> DVec3 {
         (at * 3.0 + DVec3::new(0.0, 1.0, 2.0)).to_array().map(|c| 0.5 + 0.4 * c.sin()).into()
     }
@@ -273,12 +277,12 @@ impl Cube {
         let spacing = 1.0 / self.side as f64;
         let clip = |lattice: &Lattice, i: usize| {
             let (at, normal) = splats[i];
-            // The nearer edge on each way across, however far: seen flat, the low-pass reaches it
-            // from anywhere.
+            // The nearer edge along each axis, however far: at grazing angles the low-pass filter
+            // reaches it from anywhere on the face.
             let lines = Self::across(normal).map(|across| {
                 let (along, out) = (normal.cross(across), across * at.dot(across).signum());
-                // Where the plane through the splat cuts the edge, and as far along it as the splat
-                // is away: the same for the splats of both faces there. What is inside lies to the
+                // The line is centred where the splat's row meets the edge, and as long as the
+                // splat is far: the splats of both faces get the same line. The face lies to its
                 // left.
                 let edge = (normal + out) * HALF + along * at.dot(along);
                 let way = out.cross(normal) * -(HALF - at.dot(out)).max(spacing);
@@ -289,7 +293,8 @@ impl Cube {
         Scene::clipped(&points, clip, STEP, spacing, spacing, 1000)
     }
 
-    /// Where a ray first meets the cube, in its own frame: the place and the face's normal.
+    /// First intersection of a ray with the cube, in the frame of the cube: place and normal of the
+    /// face.
     fn meets(&self, eye: DVec3, ray: DVec3) -> Option<(DVec3, DVec3)> {
         let own = self.axes.transpose();
         let (eye, ray) = (own * eye, own * ray);
@@ -308,7 +313,7 @@ fn figure_5_a_cube_has_the_analytic_outline_and_edges_and_smooth_faces() {
     let cube = Cube { axes: rotation(&mut dice), side: 24 };
     let scene = cube.scene();
     for round in 0..12 {
-        // From afar, and from where splats are forty pixels wide.
+        // From far away to so close that splats are forty pixels wide.
         let away = [3.0, 1.6, 1.02][round % 3];
         let eye = direction(&mut dice) * away;
         let target = if round % 3 == 2 { direction(&mut dice) * 0.8 } else { DVec3::ZERO };
@@ -324,8 +329,8 @@ fn figure_5_a_cube_has_the_analytic_outline_and_edges_and_smooth_faces() {
         let (mut seen, mut worst, mut turned) = (0, 0f64, 1f64);
         for i in 0..level.tint.len() {
             let (x, y) = ((i % 240) as f64 + 0.5, (i / 240) as f64 + 0.5);
-            // What is seen half a pixel around: where that is one face, or nothing, the picture
-            // must say so.
+            // Where all rays within half a pixel meet the same face, or none, the picture must
+            // agree.
             let around = (0..16).map(|k| {
                 let (s, c) = (f64::from(k) * TAU / 16.0).sin_cos();
                 cube.meets(eye, ray(x + 0.5 * c, y + 0.5 * s)).map(|(_, face)| face)

@@ -1,26 +1,26 @@
-//! The reference: zwicker2004's formulas as they are printed (with R' = Q'''^-1), in `f64`, without
-//! any care for rounding; and the exact projection of a disc, by intersecting rays.
+//! The reference: the formulas of zwicker2004 as printed (with R' = Q'''^-1), in `f64` and without
+//! care for rounding; and the exact projection of a disc, by intersecting rays.
 
 use crate::scene::Dice;
 use esker_render::ewa::splat::{Disc, Lens};
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 
-/// A disc in `f64`: exactly that of the `f32` numbers.
+/// A disc in `f64` with exactly the values of the `f32` disc.
 #[derive(Clone, Copy)]
 pub struct Exact {
     pub p: DVec3,
     pub a: DVec3,
     pub b: DVec3,
     pub focal: f64,
-    /// The picture's middle.
+    /// Centre of the picture, pixels.
     pub centre: DVec2,
 }
 
-/// A central conic with its middle in the picture: `(x - middle) q (x - middle) <= 1`.
+/// An ellipse in the picture: `(x - middle) q (x - middle) <= 1`.
 #[derive(Clone, Copy)]
 pub struct Ellipse {
     pub middle: DVec2,
-    /// A, B, C.
+    /// Coefficients A, B and C.
     pub q: [f64; 3],
 }
 
@@ -31,21 +31,21 @@ impl Exact {
         Self { p: disc.centre.as_dvec3(), a, b, focal: f64::from(lens.focal_px), centre }
     }
 
-    /// Where the centre is projected to, from the picture's middle.
+    /// Projection of the centre, relative to the centre of the picture.
     fn projected(&self) -> DVec2 {
         self.p.truncate() * (self.focal / self.p.z)
     }
 
-    /// Equation 4, transposed (columns are rows there), the image plane at the focal length. The
-    /// picture is moved to the projected centre: unmoved, the printed formulas cancel all digits of
-    /// `f64` as well.
+    /// Mapping of equation 4, transposed (the paper writes columns as rows), with the image plane
+    /// at the focal length. The origin is the projected centre, because otherwise the printed
+    /// formulas lose all digits to cancellation, even in `f64`.
     fn mapping(&self) -> DMat3 {
         let at = self.projected();
         let row = |v: DVec3| (v.truncate() * self.focal - at * v.z).extend(v.z);
         DMat3::from_cols(row(self.a), row(self.b), DVec3::Z * self.p.z)
     }
 
-    /// Equations 6 to 11: the projected isocontour, where it is an ellipse.
+    /// Projected isocontour (equations 6 to 11), `None` if it is not an ellipse.
     pub fn isocontour(&self) -> Option<Ellipse> {
         let inverse = self.mapping().inverse();
         let q_h = DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
@@ -62,8 +62,8 @@ impl Exact {
         Some(Ellipse { middle: at + self.projected() + self.centre, q })
     }
 
-    /// Middle of the projected isocontour, and squares of half its width and height, by the lines
-    /// that touch it: of thin ones the conic's inverse cancels in `f64` too.
+    /// Middle of the projected isocontour, and squares of half its width and height, from its
+    /// tangent lines: the inverse conic of a thin ellipse cancels, even in `f64`.
     pub fn extents(&self) -> (DVec2, DVec2) {
         let m = self.mapping();
         let dual = |i: usize, j: usize| {
@@ -74,8 +74,8 @@ impl Exact {
         (middle + self.projected() + self.centre, squares)
     }
 
-    /// Where the ray of a place in the picture meets the plane: its coordinates in tangents, and
-    /// its depth.
+    /// Intersection of the ray through a place of the picture with the plane: coordinates in
+    /// tangents, and depth.
     pub fn meets(&self, at: DVec2) -> (DVec2, f64) {
         let ray = ((at - self.centre) / self.focal).extend(1.0);
         let normal = self.a.cross(self.b);
@@ -87,7 +87,7 @@ impl Exact {
         (DVec2::new(oa * bb - ob * ab, ob * aa - oa * ab) / d, depth)
     }
 
-    /// Whether the ray meets the disc behind the near plane.
+    /// Whether the ray meets the disc beyond the near plane.
     pub fn is_seen(&self, at: DVec2, near: f64) -> bool {
         let (u, depth) = self.meets(at);
         depth >= near && u.length_squared() <= 1.0
@@ -95,14 +95,14 @@ impl Exact {
 }
 
 impl Ellipse {
-    /// Its shape R' (times the square of the cutoff).
+    /// Shape R', times the square of the cutoff.
     pub fn shape(&self) -> [f64; 3] {
         let [a, b, c] = self.q;
         let d = a * c - b * b;
         [c / d, -b / d, a / d]
     }
 
-    /// With the low-pass added.
+    /// The ellipse with a low-pass filter of variance `h` added.
     pub fn filtered(&self, h: f64) -> Self {
         let [xx, xy, yy] = self.shape();
         let (xx, yy) = (xx + h, yy + h);
@@ -124,10 +124,10 @@ impl Ellipse {
         (self.at(place) - 1.0) / slope.length().max(1e-300)
     }
 
-    /// A place on it.
+    /// A place on the ellipse.
     pub fn place(&self, angle: f64) -> DVec2 {
         let [xx, xy, yy] = self.shape();
-        // A root of the shape: x = L (cos, sin).
+        // A square root L of the shape: x = L (cos, sin).
         let l = xx.sqrt();
         let low = DVec2::new(l, xy / l);
         let rest = (yy - low.y * low.y).max(0.0).sqrt();
@@ -135,13 +135,14 @@ impl Ellipse {
     }
 }
 
-/// A lens of a picture.
+/// Lens of a picture of `width` x `height` pixels.
 pub fn lens(width: u32, height: u32, focal_px: f32, near: f32, lowpass: f32) -> Lens {
     let size = Vec2::new(width as f32, height as f32);
     Lens { focal_px, centre_px: size * 0.5, size, near, lowpass }
 }
 
-/// Worst relative error of the conic's coefficients in `f32`; `None` where it is no ellipse.
+/// Greatest relative error of the coefficients of the conic in `f32`; `None` if it is not an
+/// ellipse.
 pub fn coefficient_error(disc: &Disc, lens: &Lens) -> Option<f64> {
     let exact = Exact::new(disc, lens).isocontour()?;
     let conic = disc.mapping(lens.focal_px).isocontour().conic();
@@ -152,7 +153,7 @@ pub fn coefficient_error(disc: &Disc, lens: &Lens) -> Option<f64> {
     Some(errors.into_iter().fold(0.0, f64::max))
 }
 
-/// A number whose logarithm is even.
+/// Random number whose logarithm is uniformly distributed.
 pub fn log_even(dice: &mut Dice, low: f64, high: f64) -> f64 {
     (low.ln() + (high.ln() - low.ln()) * dice.unit()).exp()
 }
@@ -166,9 +167,9 @@ pub fn direction(dice: &mut Dice) -> Vec3 {
     }
 }
 
-/// A splat and a camera: depths over six decades, up to 80 degrees off the axis, from far under a
-/// pixel to wider than the picture, a third edge-on, half elliptical, some around the eye and
-/// behind it.
+/// Random splat and camera: depths over six decades, up to 80 degrees off the axis, from far
+/// smaller than a pixel to wider than the picture, a third edge on, half of them elliptical, some
+/// around or behind the eye.
 pub fn case(dice: &mut Dice) -> (Disc, Lens) {
     let lowpass = [0.0, 0.25, 2.25, 4.0][(dice.bits() % 4) as usize];
     let focal = log_even(dice, 40.0, 5000.0) as f32;
@@ -188,7 +189,7 @@ pub fn case(dice: &mut Dice) -> (Disc, Lens) {
             normal = (edge.normalize_or(Vec3::X) + centre.normalize_or_zero() * tilt)
                 .normalize_or_zero();
         }
-        // Around the camera's plane, and behind it.
+        // Around the plane of the camera, or behind it.
         2 if dice.bits().is_multiple_of(8) => {
             centre.z = (dice.unit() * 2.0 - 1.0) as f32 * radius * 2.0
         }

@@ -1,5 +1,5 @@
-//! Figures 2, 3 and 7 of zwicker2004: what touches in space touches in the picture, what covers
-//! leaves no hole.
+//! Figures 2, 3 and 7 of zwicker2004: splats that touch in space touch in the picture, and splats
+//! that cover a surface leave no hole.
 
 use crate::exact::{Exact, lens};
 use crate::passes::draw;
@@ -22,8 +22,8 @@ fn distance(shape: &Shape, place: Vec2) -> f64 {
     (u * u + v * v - 1.0) / slope.length()
 }
 
-/// The classical approximation, exact at the centre (Heckbert), as a reference for what is wrong
-/// with it.
+/// The affine approximation of earlier EWA splatting, which is exact at the centre only; for
+/// comparison.
 fn centre_exact(disc: &Disc, lens: &Lens) -> (Vec2, Shape) {
     let m = disc.mapping(lens.focal_px);
     let (a, b) = (m.a, m.b);
@@ -47,7 +47,7 @@ fn splats_that_touch_in_the_plane_touch_in_the_picture() {
     let mut dice = Dice(5);
     let (mut worst, mut classical, mut count) = (0f64, 0f64, 0);
     while count < 20_000 {
-        // Flat angles, and up to 75 degrees off the axis.
+        // Grazing angles, and up to 75 degrees off the axis.
         let slope = Vec2::new(dice.unit() as f32 - 0.5, dice.unit() as f32 - 0.5) * 6.0;
         let depth = 1.0 + 9.0 * dice.unit() as f32;
         let contact = Vec3::new(slope.x, slope.y, 1.0) * depth;
@@ -75,7 +75,8 @@ fn splats_that_touch_in_the_plane_touch_in_the_picture() {
     assert!(classical > 5.0);
 }
 
-/// The discs of a scene as they are drawn, right, down and depth from the eye.
+/// The discs of a scene as they are drawn, in view space (x right, y down, z depth), without those
+/// that face away.
 fn discs(points: &[ScenePoint], view: &View, radius: f64) -> Vec<Exact> {
     let to_view = view.view_from_world();
     let flip = |v: DVec3| DVec3::new(v.x, -v.y, -v.z);
@@ -93,7 +94,7 @@ fn discs(points: &[ScenePoint], view: &View, radius: f64) -> Vec<Exact> {
         .collect()
 }
 
-/// Pixels without a surface whose ray meets a disc, a thousandth of its radius within.
+/// Counts empty pixels whose ray meets a disc more than 0.1 % of its radius inside.
 fn holes(discs: &[Exact], view: &View, depth: &[f32]) -> usize {
     let width = view.width as usize;
     let empty = (0..depth.len()).filter(|&i| depth[i] == f32::INFINITY);
@@ -103,7 +104,7 @@ fn holes(discs: &[Exact], view: &View, depth: &[f32]) -> usize {
             discs.iter().any(|d| {
                 let ray = ((at - d.centre) / d.focal).extend(1.0);
                 let normal = d.a.cross(d.b);
-                // Edge-on within what `f32` can tell, nothing is promised.
+                // Discs that are edge on within the precision of `f32` may be missing.
                 let sine = normal.dot(d.p).abs() / (normal.length() * d.p.length());
                 let depth = normal.dot(d.p) / normal.dot(ray);
                 let squared = (ray * depth - d.p).length_squared() / d.a.length_squared();
@@ -113,7 +114,7 @@ fn holes(discs: &[Exact], view: &View, depth: &[f32]) -> usize {
         .count()
 }
 
-/// A torus with a thin waist, points evenly over its parameters.
+/// Points of a torus, evenly spread over its parameters.
 fn torus(count: usize) -> Vec<ScenePoint> {
     let golden = 0.618_033_988_75;
     (0..count)
@@ -130,7 +131,7 @@ fn torus(count: usize) -> Vec<ScenePoint> {
 #[test]
 fn no_extreme_view_of_a_closed_model_has_a_hole() {
     let points = torus(700);
-    // Nodes' spacing and radius are one, so that the drawn radius is the option's factor.
+    // Spacing and radius are equal, so the drawn radius is the radius times the option's factor.
     let step = 1.0 / f64::from(1u32 << 24);
     let scene = Scene::new(&points, step, 0.2, 0.2, 1 << 16);
     let radius = 0.2 * f64::from(Options::default().radius_factor);
@@ -140,7 +141,7 @@ fn no_extreme_view_of_a_closed_model_has_a_hole() {
             let mut dice = Dice(seed * 7919 + 1);
             let mut unit = || dice.unit();
             let near_point = points[(unit() * 699.0) as usize];
-            // From almost touching the surface, inside and out, to far away; looking anywhere.
+            // From almost touching the surface, on either side, to far away; in any direction.
             let height = (0.002f64.ln() + 10f64.ln() * 3.5 * unit()).exp();
             let side = if unit() < 0.2 { -0.3 } else { 1.0 };
             let aside = DVec3::new(unit() - 0.5, unit() - 0.5, unit() - 0.5) * 0.3;
@@ -169,8 +170,9 @@ fn no_extreme_view_of_a_closed_model_has_a_hole() {
 }
 
 #[test]
-fn splats_that_cover_the_plane_leave_no_hole_from_flat_and_far_off_axis() {
-    // A square grid with radius spacing / sqrt 2, and a thousandth for the code's rounding.
+fn splats_that_cover_a_plane_leave_no_hole_at_grazing_angles_and_far_off_axis() {
+    // A square grid with radius spacing / sqrt(2), plus a margin for the rounding of the radius
+    // code.
     const SIDE: i32 = 24;
     let points: Vec<ScenePoint> = (0..SIDE * SIDE)
         .map(|i| {
@@ -190,7 +192,7 @@ fn splats_that_cover_the_plane_leave_no_hole_from_flat_and_far_off_axis() {
         view.near = 1e-3;
         let draws = scene.draws(true, true, true);
         let (_, depth, _) = draw(&scene.frame(&view, &draws), options);
-        // All rays that meet the grid's square are covered, whichever disc covers them.
+        // All rays that meet the square of the grid hit some disc.
         let to_world: DMat3 = view.world_from_view;
         for (i, depth) in depth.iter().enumerate() {
             let (x, y) = ((i % 160) as f64 + 0.5 - 80.0, 60.0 - (i / 160) as f64 - 0.5);

@@ -1,4 +1,4 @@
-//! Figure 6 of zwicker2004: a checkerboard to the horizon.
+//! Figure 6 of zwicker2004: without moiré, a checkerboard up to the horizon.
 
 use crate::passes::draw;
 use crate::scene::{Scene, ScenePoint};
@@ -10,10 +10,10 @@ const SPACING: f64 = 0.05;
 const HEIGHT: f64 = 4.0;
 const WIDTH: u32 = 128;
 const ROWS: u32 = 176;
-/// Pixels of the reference on a side of a pixel: 64 in all.
+/// Samples of the reference along the side of a pixel.
 const FINE: u32 = 8;
 
-/// A plane of points whose colours change every other point.
+/// A plane of points whose colour changes after every second point.
 fn checkerboard() -> Scene {
     let mut points = Vec::new();
     let near = 4.0;
@@ -31,7 +31,7 @@ fn checkerboard() -> Scene {
     Scene::new(&points, 1.0 / 4096.0, SPACING, SPACING, 1 << 16)
 }
 
-/// The red of each pixel, linear light.
+/// Red of each pixel, linear light; the picture has `fine` pixels along the side of a pixel.
 fn picture(scene: &Scene, fine: u32, options: Options) -> Vec<f32> {
     let eye = DVec3::new(0.013, 0.0, HEIGHT);
     // A focal length of 100 pixels.
@@ -43,13 +43,13 @@ fn picture(scene: &Scene, fine: u32, options: Options) -> Vec<f32> {
 }
 
 #[test]
-fn the_lowpass_takes_moire_away() {
+fn the_lowpass_filter_removes_moire() {
     let scene = checkerboard();
     let options = Options::default();
     let bare = Options { lowpass: false, ..options };
     let fine = picture(&scene, FINE, bare);
-    // The reference's samples under the same Gaussian of a pixel's variance, cut off as the filter
-    // is.
+    // Samples of the reference are weighted by the same Gaussian, of a variance of one pixel, with
+    // the filter's cutoff.
     let reference = |x: u32, y: u32| {
         let reach = (options.cutoff * FINE as f32) as i32;
         let (mut sum, mut weights) = (0.0, 0.0);
@@ -70,8 +70,8 @@ fn the_lowpass_takes_moire_away() {
         }
         sum / weights
     };
-    // Where the spacing along the view is under a pixel, and still over a pixel of the reference:
-    // distances of 5 to 10, at which it is 0.8 to 0.2 pixels.
+    // Rows where the spacing along the view is smaller than a pixel but larger than a sample of the
+    // reference: distances of 5 to 10, at which it is 0.8 to 0.2 pixels.
     let band = |y: u32| (40..80).contains(&(y - ROWS / 2));
     let [with, without] = [options, bare].map(|options| {
         let drawn = picture(&scene, 1, options);

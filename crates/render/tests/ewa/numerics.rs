@@ -1,5 +1,5 @@
-//! The equations in `f32` against the plain `f64` reference, over a million splats and views,
-//! extreme ones included; and what R' and the amplitude are, by numerical convolution.
+//! The equations of zwicker2004 in `f32` against the plain `f64` reference, over a million splats
+//! and views, some of them extreme; and R' and the amplitude against a numerical convolution.
 
 use crate::exact::{Exact, case, coefficient_error, direction, lens, log_even};
 use crate::scene::Dice;
@@ -11,7 +11,7 @@ use std::fmt::Write;
 
 const CASES: u64 = 1_000_000;
 
-/// Worst errors by the decade of the condition number.
+/// Greatest errors by the decade of the condition number, and counts of cases.
 #[derive(Clone, Default)]
 struct Worst {
     cases: [u64; 8],
@@ -64,7 +64,7 @@ impl Worst {
         let [left, right, top, bottom] = bounds.map(f64::from);
         if splat.is_by_rays() {
             self.by_rays += 1;
-            // Places of the disc itself, and just beside it.
+            // Places on the edge of the disc and close to it.
             for _ in 0..8 {
                 let angle = dice.unit() * 6.3;
                 let on = exact.p + exact.a * angle.cos() + exact.b * angle.sin();
@@ -111,8 +111,8 @@ impl Worst {
         }
     }
 
-    /// Compares at the pixel's centre next to a place; pixels have centres, so tests look at these
-    /// alone.
+    /// Compares the splat with `exact` at the centre of the pixel that holds `place`, since splats
+    /// are only evaluated at centres of pixels.
     fn compare(
         &mut self,
         splat: &esker_render::ewa::splat::Splat,
@@ -163,15 +163,14 @@ fn a_million_splats_agree_with_the_formulas_in_double_precision() {
     assert_eq!(worst.outside_box, 0, "boxes that do not contain their ellipse");
     assert_eq!(worst.disagreeing, 0, "pixels beyond 0.01 px that disagree");
     for (decade, error) in worst.coefficients.into_iter().enumerate() {
-        // Rounding, times the greatest condition number of the decade.
+        // Rounding error times the greatest condition number of the decade.
         assert!(error < 8e-7 * 10f64.powi(decade as i32 + 1), "condition 1e{decade}: {error}");
     }
 }
 
 #[test]
-fn convolution_decides_what_the_filter_is() {
-    // An affine map from the plane: every kernel is the same, so the integral is that of the
-    // paper's equation 2.
+fn the_filter_is_the_convolution_of_kernel_and_lowpass() {
+    // Under an affine mapping all kernels are the same, so the integral is that of equation 2.
     for (a, b) in [([3.0, 0.4], [-0.3, 1.1]), ([0.5, 0.1], [0.2, 0.4]), ([6.0, 2.0], [0.01, 0.02])]
     {
         let cutoff = 1.5f64;
@@ -206,10 +205,10 @@ fn convolution_decides_what_the_filter_is() {
 
 #[test]
 fn weights_follow_the_exact_projected_gaussian() {
-    // Without mending a centre is off by the reach; with it every weight is that of the place on
-    // the plane.
+    // With the correction of the centre, every weight is that of the place on the plane; without
+    // it, the weights are far off.
     let mut dice = Dice(77);
-    let (mut worst, mut unmended) = (0f64, 0f64);
+    let (mut worst, mut uncorrected) = (0f64, 0f64);
     let mut seen = 0;
     while seen < 2000 {
         let lens = lens(1024, 768, 600.0, 1e-3, 0.0);
@@ -232,9 +231,9 @@ fn weights_follow_the_exact_projected_gaussian() {
             let weight = |q: f64| (-1.125 * q).exp();
             let truth = weight(exact.meets(place).0.length_squared());
             worst = worst.max((weight(f64::from(squared)) - truth).abs());
-            unmended = unmended.max((weight(contour.at(place)) - truth).abs());
+            uncorrected = uncorrected.max((weight(contour.at(place)) - truth).abs());
         }
     }
-    eprintln!("weights: at most {worst:.4} off, without mending {unmended:.3}");
-    assert!(worst < 0.03 && unmended > 0.3);
+    eprintln!("weights: at most {worst:.4} off, without the correction {uncorrected:.3}");
+    assert!(worst < 0.03 && uncorrected > 0.3);
 }

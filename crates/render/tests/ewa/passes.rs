@@ -1,5 +1,5 @@
-//! Visibility, attributes, normalisation: what is blended and what is not, sums of thousands, and
-//! of almost nothing.
+//! Visibility, attributes and normalisation: which splats are blended, and sums of thousands of
+//! splats and of almost none.
 
 use crate::scene::{Dice, Scene, ScenePoint, sheet, sphere};
 use esker_lod::View;
@@ -13,7 +13,7 @@ use esker_render::picture::surface::Surface;
 use esker_render::{Frame, FramePlan, Method, Renderer};
 use glam::{DVec3, Vec3, Vec4};
 
-/// Level 0 as the passes leave it, its depths (infinite where nothing is), and counts.
+/// Draws level 0; also returns its depths (infinite where there is no splat) and counts.
 pub fn draw(frame: &Frame<'_>, options: Options) -> (Level, Vec<f32>, Counts) {
     let frame = Frame { method: Method::Ewa, ..*frame };
     let camera = Camera::new(frame.view, frame.lattice).unwrap();
@@ -54,7 +54,7 @@ fn wall(dice: &mut Dice, y: f64, side: usize, colour: [u8; 3]) -> Vec<ScenePoint
 }
 
 #[test]
-fn what_is_near_behind_the_front_is_blended_and_what_is_far_is_not() {
+fn splats_close_behind_the_front_are_blended_and_those_far_behind_are_not() {
     let view = front(64);
     let mut dice = Dice(3);
     let red = |behind: f64| {
@@ -73,12 +73,12 @@ fn what_is_near_behind_the_front_is_blended_and_what_is_far_is_not() {
 
 #[test]
 fn thousands_of_splats_on_a_pixel_neither_overflow_nor_get_lost() {
-    // Above 2,048 a sum of half floats no longer grows by one, above 65,504 there is none.
+    // Sums of half floats stop growing by one at 2,048, and overflow above 65,504.
     let view = front(16);
     let count = 70_000;
     let points: Vec<_> = (0..count)
         .map(|i| {
-            // The second half must count as much as the first.
+            // The second half of the splats must count as much as the first.
             let colour = if i < count / 2 { [255, 0, 0] } else { [0, 0, 255] };
             ScenePoint { at: DVec3::ZERO, normal: DVec3::NEG_Y, colour }
         })
@@ -91,7 +91,7 @@ fn thousands_of_splats_on_a_pixel_neither_overflow_nor_get_lost() {
 }
 
 #[test]
-fn one_splat_far_from_its_centre_and_almost_edge_on_has_its_own_colour() {
+fn a_single_splat_has_its_own_colour_up_to_its_edge_and_almost_edge_on() {
     let view = front(64);
     for tilt in [1.0, 1e-2, 1e-4] {
         let normal = DVec3::new(1.0, -tilt, 0.0).normalize_or_zero();
@@ -112,7 +112,7 @@ fn one_splat_far_from_its_centre_and_almost_edge_on_has_its_own_colour() {
 }
 
 #[test]
-fn any_number_of_threads_draws_the_same_picture() {
+fn the_number_of_threads_does_not_change_the_picture() {
     let mut dice = Dice(9);
     let points = sphere(&mut dice, DVec3::ZERO, 1.0, 40_000, [90, 120, 200]);
     let scene = Scene::new(&points, 1e-5, 0.02, 0.02, 5000);
@@ -129,17 +129,17 @@ fn any_number_of_threads_draws_the_same_picture() {
 }
 
 #[test]
-fn clouds_without_normals_close_and_are_lit_by_their_depth() {
+fn clouds_without_normals_have_no_holes_and_are_lit_by_their_depth() {
     let mut dice = Dice(4);
     let points = sphere(&mut dice, DVec3::ZERO, 1.0, 8000, [90, 120, 200]);
-    // Evenly random points leave wider gaps than a file's samples.
+    // Uniformly random points leave wider gaps than the samples in a file.
     let spacing = 1.6 * (4.0 * std::f64::consts::PI / 8000.0f64).sqrt();
     let scene = Scene::new(&points, 1e-5, spacing, spacing, 1 << 16);
     let view = front(128);
     let draws = scene.draws(true, true, false);
     let frame = Frame { method: Method::Ewa, ..scene.frame(&view, &draws) };
     let picture = Renderer::default().render(&frame).unwrap();
-    // The sphere's circle, 4 units away, without its rim.
+    // Radius of the sphere in the picture, 4 units away, less 3 % for its rim.
     let radius = view.focal_px() / 15f64.sqrt() * 0.97;
     for (i, depth) in picture.depth.iter().enumerate() {
         let (x, y) = ((i % 128) as f64 - 63.5, (i / 128) as f64 - 63.5);
@@ -165,7 +165,7 @@ fn the_single_pass_shows_the_nearest_splat() {
 }
 
 #[test]
-fn points_that_a_filter_hides_are_no_splats() {
+fn points_that_a_filter_hides_are_not_drawn_as_splats() {
     let view = front(32);
     let mut dice = Dice(6);
     let mut points = wall(&mut dice, 0.0, 40, [255, 0, 0]);

@@ -1,6 +1,5 @@
-//! Splats with shapes of their own: on a surface scanned in lines they blur less along the lines
-//! than discs do, which have to reach from line to line, and leave no hole; coarser samples are
-//! drawn with discs.
+//! Elliptical splats: on a surface scanned in lines they blur less along the lines than discs,
+//! which have to reach from line to line, and leave no hole. Coarser samples are drawn with discs.
 
 use crate::passes::draw;
 use crate::scene::{Dice, Scene, ScenePoint};
@@ -11,19 +10,20 @@ use esker_render::inputs::colour;
 use glam::DVec3;
 
 const SIZE: u32 = 200;
-/// Distance of points along a line, and of lines over that.
+/// Distance of points along a line.
 const ALONG: f64 = 0.02;
+/// Distance of lines, in distances of points.
 const APART: f64 = 4.0;
-/// Points of a period of the texture along the lines.
+/// Period of the texture along the lines, in points.
 const PERIOD: f64 = 8.0;
 
-/// The texture at a place along the lines.
+/// Texture at height `z` along the lines.
 fn is_red(z: f64) -> bool {
     (z / (ALONG * PERIOD)).rem_euclid(1.0) < 0.5
 }
 
-/// A wall scanned in upright lines, each moved along itself by chance. `shaped` whether its splats
-/// have shapes.
+/// A wall scanned in vertical lines, each with a random offset along itself. With `shaped`, its
+/// splats are ellipses.
 pub fn lines(shaped: bool) -> Scene {
     let mut dice = Dice(5);
     let mut points = Vec::new();
@@ -51,7 +51,7 @@ pub fn lines(shaped: bool) -> Scene {
     scene
 }
 
-/// From the front, so far away that a line is so many pixels from the next.
+/// View from the front at a distance at which lines are `line_px` pixels apart.
 pub fn front(line_px: f64) -> View {
     let distance = f64::from(SIZE) / (2.0 * 0.3f64.tan()) * ALONG * APART / line_px;
     let mut view = View::look_at(DVec3::NEG_Y * distance, DVec3::ZERO, DVec3::Z, 0.6, SIZE, SIZE);
@@ -59,11 +59,11 @@ pub fn front(line_px: f64) -> View {
     view
 }
 
-/// Root mean square of the red that is off the texture's, averaged over each pixel; and pixels
-/// without any splat.
+/// Root mean square error of red against the texture averaged over each pixel, and the number of
+/// pixels without a splat. `factor` multiplies all radii.
 fn error(shaped: bool, line_px: f64, factor: f64) -> (f64, usize) {
     let (mut scene, view) = (lines(shaped), front(line_px));
-    // As a coarser sample is drawn: every so many spacings a point.
+    // A coarser sample is drawn with radii that are larger by `factor`.
     scene.nodes.iter_mut().for_each(|n| {
         n.position.chunks_mut(8).for_each(|p| {
             p[6] = (f64::from(p[6]) + 16.0 * factor.log2()).round() as u8;
@@ -92,7 +92,7 @@ fn error(shaped: bool, line_px: f64, factor: f64) -> (f64, usize) {
 }
 
 #[test]
-fn shapes_keep_what_scan_lines_resolve_and_close_the_gaps_between_them() {
+fn ellipses_keep_the_detail_of_scan_lines_and_close_the_gaps_between_them() {
     for line_px in [6.0, 10.0, 16.0] {
         let ((discs, _), (shapes, holes)) = (error(false, line_px, 1.0), error(true, line_px, 1.0));
         println!(
@@ -105,7 +105,7 @@ fn shapes_keep_what_scan_lines_resolve_and_close_the_gaps_between_them() {
 
 #[test]
 fn coarser_samples_are_drawn_with_discs_whatever_their_shapes() {
-    // Where points are as far apart as lines are and more, all are alike.
+    // The points of the sample are at least as far apart as the lines.
     let ((discs, _), (shapes, _)) = (error(false, 8.0, 4.0), error(true, 8.0, 4.0));
     assert!((discs - shapes).abs() < 1e-3, "{discs} {shapes}");
 }

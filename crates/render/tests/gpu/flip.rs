@@ -1,19 +1,18 @@
-//! How different two pictures look, by the published metric FLIP (Andersson et al. 2020, "FLIP: A
-//! Difference Evaluator for Alternating Images"), written from the paper: the crate that wraps its
-//! authors' code wants a C++ compiler, which nothing else here does. Pictures of 8-bit sRGB, four
-//! bytes a pixel.
+//! Perceived difference of two pictures by the metric FLIP (`andersson2020`), written from the
+//! paper: the crate that wraps the authors' code needs a C++ compiler, which nothing else here
+//! needs. Pictures are 8-bit sRGB, four bytes a pixel.
 
 use glam::{Mat3, Vec3};
 use std::f32::consts::PI;
 
-/// Pixels a degree of the viewer's sight: 3840 of them on 0.7 m, seen from 0.7 m.
+/// Pixels a degree of the visual angle: a display 3840 pixels and 0.7 m wide, seen from 0.7 m.
 const PIXELS_A_DEGREE: f32 = 67.020_64;
-/// White (D65).
+/// Reference white (D65), XYZ.
 const WHITE: Vec3 = Vec3::new(0.950_428_55, 1.0, 1.088_900_4);
-/// Width of the features that the eye finds, degrees (section 4.2).
+/// Width of detected features, degrees (section 4.2).
 const FEATURE_DEGREES: f32 = 0.082;
 
-/// Mean of the metric over the picture, 0 (the same) to 1; alpha is not looked at.
+/// Mean of the metric over the picture, from 0 (equal) to 1. Alpha is ignored.
 pub fn mean_flip(a: &[u8], b: &[u8], width: usize) -> f64 {
     let [a, b] = [a, b].map(opponent);
     let colours = colour_differences(&filtered(&a, width), &filtered(&b, width));
@@ -34,7 +33,7 @@ fn xyz_from_rgb() -> Mat3 {
     )
 }
 
-/// The opponent colours of a picture: luminance, red to green, blue to yellow (section 4.1).
+/// Converts a picture to opponent colours: luminance, red to green, blue to yellow (section 4.1).
 fn opponent(rgba: &[u8]) -> Vec<Vec3> {
     let linear = |c: u8| {
         let c = f32::from(c) / 255.0;
@@ -54,8 +53,8 @@ fn rgb_from_opponent(c: Vec3) -> Vec3 {
     xyz_from_rgb().inverse() * xyz
 }
 
-/// Convolution along rows with `along`, along columns with `across`; the picture goes on at its
-/// edges.
+/// Convolves the rows with `along` and the columns with `across`. Pixels of the border are repeated
+/// beyond it.
 fn convolve(image: &[Vec3], width: usize, along: &[f32], across: &[f32]) -> Vec<Vec3> {
     let height = image.len() / width;
     let pass = |image: &[Vec3], kernel: &[f32], is_row: bool| -> Vec<Vec3> {
@@ -81,16 +80,16 @@ fn gaussian(radius: i32, at: impl Fn(f32) -> f32) -> Vec<f32> {
     weights.into_iter().map(|w| w / sum).collect()
 }
 
-/// What the eye sees of the opponent colours: each channel blurred as its contrast sensitivity says
-/// (table 1), as linear RGB within its range.
+/// Blurs each opponent channel by the contrast sensitivity of the eye (table 1) and converts the
+/// result to linear RGB, clamped to 0..1.
 fn filtered(image: &[Vec3], width: usize) -> Vec<Vec3> {
     let blurred = |b: f32| {
-        // The widest filter's three sigmas, for all channels.
+        // Three sigmas of the widest filter, for all channels.
         let radius = (3.0 * (0.04 / (2.0 * PI * PI)).sqrt() * PIXELS_A_DEGREE).ceil() as i32;
         let kernel = gaussian(radius, |x| (-(PI * x / PIXELS_A_DEGREE).powi(2) / b).exp());
         convolve(image, width, &kernel, &kernel)
     };
-    // A filter's sum over the plane is its factor times sqrt(b).
+    // Weight of a filter: its factor times sqrt(b).
     let [broad, narrow] = [34.1 * 0.04f32.sqrt(), 13.5 * 0.025f32.sqrt()];
     let share = broad / (broad + narrow);
     let [y, x, z, w] = [0.0047, 0.0053, 0.04, 0.025].map(blurred);
@@ -98,7 +97,7 @@ fn filtered(image: &[Vec3], width: usize) -> Vec<Vec3> {
     (0..image.len()).map(|i| rgb_from_opponent(pixel(i)).clamp(Vec3::ZERO, Vec3::ONE)).collect()
 }
 
-/// CIELAB with the Hunt effect: colours of dark pixels count less.
+/// Converts to CIELAB with the Hunt effect: chroma counts less in dark pixels.
 fn hunt_lab(rgb: Vec3) -> Vec3 {
     let f = |t: f32| {
         let d: f32 = 6.0 / 29.0;
@@ -110,7 +109,7 @@ fn hunt_lab(rgb: Vec3) -> Vec3 {
     Vec3::new(lightness, 5.0 * (x - y) * lightness, 2.0 * (y - z) * lightness)
 }
 
-/// Differences of colours, 0 to 1 (section 4.1).
+/// Computes differences of colours, 0 to 1 (section 4.1).
 fn colour_differences(a: &[Vec3], b: &[Vec3]) -> Vec<f32> {
     let distance = |a: Vec3, b: Vec3| {
         let d = (hunt_lab(a) - hunt_lab(b)).abs();
@@ -126,7 +125,7 @@ fn colour_differences(a: &[Vec3], b: &[Vec3]) -> Vec<f32> {
     a.iter().zip(b).map(share).collect()
 }
 
-/// Edges and points in the luminance (section 4.2).
+/// Detects edges and points in the luminance (section 4.2).
 fn features(image: &[Vec3], width: usize) -> Vec<[f32; 2]> {
     let luminance: Vec<Vec3> = image.iter().map(|c| Vec3::splat((c.x + 16.0) / 116.0)).collect();
     let sigma = 0.5 * FEATURE_DEGREES * PIXELS_A_DEGREE;

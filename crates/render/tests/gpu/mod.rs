@@ -1,5 +1,5 @@
-//! Every adapter of the machine, each path on it; and scenes laid into drawing memory, in pages so
-//! small that the planes of a node lie in several.
+//! Devices for all adapters of the machine and all paths of the project pass; and uploads of scenes
+//! to drawing memory, in pages so small that the planes of a node lie in several.
 #![allow(dead_code, reason = "not every test uses all of it")]
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
@@ -9,19 +9,19 @@ use esker_render::gpu::device::all_interfaces;
 use esker_render::gpu::{Gpu, GpuRequest, NodePool, PlaneAt, ProjectPath};
 use esker_render::{ColourPlane, DrawNode, Frame};
 
-/// A device for each adapter and path, also with the least that WebGPU promises; says so where
-/// there is none.
+/// Opens a device for each adapter and path, and one with the minimum that WebGPU guarantees.
+/// Prints a note if there is no adapter.
 pub fn gpus() -> Vec<Gpu> {
     open(&[Some(ProjectPath::Atomics), Some(ProjectPath::Primitives), None])
 }
 
-/// One device for each path of an adapter, the one of point primitives with the least that WebGPU
-/// promises: for tests whose many kernels take software drivers seconds to compile.
+/// Opens one device for each path of an adapter; the one of point primitives has the minimum that
+/// WebGPU guarantees. For tests with many kernels, which software drivers take seconds to compile.
 pub fn few_gpus() -> Vec<Gpu> {
     open(&[Some(ProjectPath::Atomics), None])
 }
 
-/// Devices by these paths; the least that there is where none is named.
+/// Opens a device for each adapter and path; `None` asks for the minimum that WebGPU guarantees.
 fn open(paths: &[Option<ProjectPath>]) -> Vec<Gpu> {
     let requests = all_interfaces().iter().flat_map(|&backends| {
         paths.iter().map(move |&path| GpuRequest {
@@ -43,15 +43,15 @@ pub fn name(gpu: &Gpu) -> String {
     format!("{}, {:?}", gpu.name, gpu.tier.path)
 }
 
-/// Nodes whose planes lie in drawing memory.
-pub struct Laid<'a> {
+/// Drawing memory and the nodes whose planes are in it.
+pub struct Uploaded<'a> {
     pub pool: NodePool,
     pub draws: Vec<DrawNode<'a, PlaneAt>>,
 }
 
-/// Lays the planes of nodes into pages of at most so many bytes: all positions, then all residuals
+/// Uploads the planes of nodes to pages of at most `page_bytes`: all positions, then all residuals
 /// and so on.
-pub fn lay<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Laid<'a> {
+pub fn upload<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Uploaded<'a> {
     let mut pool = NodePool::with_pages(gpu, 1 << 30, page_bytes);
     let mut next = 0;
     let mut put = |bytes: &[u8]| {
@@ -93,10 +93,13 @@ pub fn lay<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Laid<'a> {
             tangents: tangents[i],
         })
         .collect();
-    Laid { pool, draws }
+    Uploaded { pool, draws }
 }
 
-/// The frame with its planes in drawing memory.
-pub fn laid_frame<'a>(frame: &Frame<'a>, draws: &'a [DrawNode<'a, PlaneAt>]) -> Frame<'a, PlaneAt> {
+/// The frame with planes in drawing memory instead of slices.
+pub fn uploaded_frame<'a>(
+    frame: &Frame<'a>,
+    draws: &'a [DrawNode<'a, PlaneAt>],
+) -> Frame<'a, PlaneAt> {
     frame.with_draws(draws)
 }

@@ -1,24 +1,24 @@
-//! Pull-push as published (marroquim2007 sections 3.2 and 3.3), and with depths moved along the
-//! discs' planes, plain and slow in `f64`: the reference that the passes are held against. Written
-//! from the paper; shares no code with the crate. Where the paper is silent it follows the rules
-//! written in the heads of `pull`, `push` and `tangent`.
+//! Reference for pull and push: pull-push as published (marroquim2007, sections 3.2 and 3.3), and
+//! with depths moved along the discs' planes, in slow and plain `f64` code. It is written from the
+//! paper and shares no code with the crate. Where the paper leaves a choice, it follows the heads
+//! of `pull`, `push` and `tangent`.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-/// A pixel of any level.
+/// A pixel of a level of the pyramid.
 #[derive(Clone, Copy, Debug)]
 pub struct Pixel {
     /// Depth interval.
     pub depth: [f64; 2],
-    /// Attributes that are only averaged: mean depth, red, green, blue, normal z.
+    /// Attributes that are averaged and nothing else: mean depth, red, green, blue, normal z.
     pub carried: [f64; 5],
-    /// Normal x, y (view space), and its ellipse's minor axis over the major one.
+    /// Normal x and y (view space), and the ratio of the ellipse's minor axis to its major axis.
     pub disc: [f64; 3],
-    /// What depth grows by a pixel right, and up with the sign turned, over itself; where that is
-    /// told in a normal's place.
+    /// Relative change of depth by one pixel to the right, and minus that by one pixel up. Planes
+    /// fitted to depths have it in the place of a normal.
     pub tilt: Option<[f64; 2]>,
     /// Radius, pixels of the picture.
     pub radius: f64,
-    /// From the ellipse's centre to the pixel's, pixels of the picture.
+    /// Vector from the ellipse's centre to the pixel's centre, pixels of the picture.
     pub displacement: [f64; 2],
 }
 
@@ -27,13 +27,13 @@ pub struct Pixel {
 pub struct Image {
     pub width: usize,
     pub height: usize,
-    /// Edge of a pixel in pixels of the picture.
+    /// Edge of a pixel of this level, pixels of the picture.
     pub edge: f64,
     pub pixels: Vec<Option<Pixel>>,
-    /// Focal length and the picture's middle, pixels, where depths are moved along planes; else
-    /// they are as published.
+    /// Focal length and centre of the picture, pixels, if depths are moved along planes; `None` if
+    /// they are used as published.
     pub lens: Option<[f64; 3]>,
-    /// Decisions (comparisons of computed values) that a rounding to `f32` might turn.
+    /// Number of comparisons whose result rounding to `f32` might change.
     pub near_ties: usize,
 }
 
@@ -49,8 +49,8 @@ impl Image {
 }
 
 impl Pixel {
-    /// What its depths change by from its ellipse's centre (it is itself centred at `centre`) to
-    /// `place`.
+    /// Factor by which depths of this pixel (centred at `centre`) change from its ellipse's centre
+    /// to `place`.
     fn factor(&self, lens: Option<[f64; 3]>, centre: [f64; 2], place: [f64; 2]) -> f64 {
         let from = [0, 1].map(|i| centre[i] - self.displacement[i]);
         let to_place = [place[0] - from[0], place[1] - from[1]];
@@ -65,24 +65,24 @@ impl Pixel {
         if change == 0.0 { 1.0 } else { 1.0 / (1.0 + change / q).clamp(0.5, 2.0) }
     }
 
-    /// Its ellipse's centre.
+    /// Centre of the ellipse of this pixel, which is centred at `centre`.
     fn ellipse(&self, centre: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|i| centre[i] - self.displacement[i])
     }
 
-    /// With its depth interval where they are compared.
+    /// This pixel with its depth interval multiplied by `factor`.
     fn moved(&self, factor: f64) -> Pixel {
         Pixel { depth: self.depth.map(|d| d * factor), ..*self }
     }
 }
 
-/// Whether two values are so near that rounding may order them either way. Equal ones are copies of
-/// the same input and compare alike everywhere.
+/// Whether two values are so close that rounding may order them either way. Equal values are copies
+/// of the same input and compare alike in any arithmetic.
 fn near(a: f64, b: f64) -> bool {
     a != b && (a - b).abs() <= 1e-5 * (a.abs() + b.abs())
 }
 
-/// The picture with all gaps filled, and pixels that stay smoothed where asked (not published).
+/// Fills all gaps of `picture`. With `smooths`, also smooths the pixels that stay (not published).
 pub fn pull_push(picture: Image, smooths: bool) -> Image {
     let mut levels = vec![picture];
     loop {
@@ -103,7 +103,7 @@ pub fn pull_push(picture: Image, smooths: bool) -> Image {
     coarser
 }
 
-/// Section 3.2: the next coarser level.
+/// Computes the next coarser level (section 3.2).
 fn pull(finer: &Image) -> Image {
     let (width, height) = (finer.width.div_ceil(2), finer.height.div_ceil(2));
     let mut coarser = Image {
@@ -148,7 +148,7 @@ fn pull(finer: &Image) -> Image {
     coarser
 }
 
-/// Those whose depth interval meets the frontmost one's.
+/// The pixels whose depth interval overlaps that of the frontmost pixel.
 fn frontmost<T: Copy>(pixels: &[(Pixel, T)], near_ties: &mut usize) -> Vec<(Pixel, T)> {
     let mut first: Option<Pixel> = None;
     for (p, _) in pixels {
@@ -164,7 +164,7 @@ fn frontmost<T: Copy>(pixels: &[(Pixel, T)], near_ties: &mut usize) -> Vec<(Pixe
     pixels.iter().copied().filter(|(p, _)| p.depth[0] <= first.depth[1]).collect()
 }
 
-/// The weighted mean of pixels with their centres, for a pixel centred at `centre`.
+/// Weighted mean of `pixels` (pixel, centre, weight), for a pixel centred at `centre`.
 fn mean(
     pixels: &[(Pixel, [f64; 2], f64)],
     centre: [f64; 2],
@@ -198,9 +198,9 @@ fn mean(
     Some(out)
 }
 
-/// Whether the ellipse of a pixel centred at `centre` covers `place`: in the frame of its axes.
+/// Whether the ellipse of a pixel centred at `centre` covers `place`, computed along its axes.
 fn covers(p: &Pixel, centre: [f64; 2], place: [f64; 2], near_ties: &mut usize) -> bool {
-    // From the ellipse's centre; y turned upwards, as the normal has it.
+    // Vector from the ellipse's centre, with y up as in the normal.
     let v =
         [place[0] - (centre[0] - p.displacement[0]), -(place[1] - (centre[1] - p.displacement[1]))];
     let distance = v[0].hypot(v[1]);
@@ -221,8 +221,8 @@ fn covers(p: &Pixel, centre: [f64; 2], place: [f64; 2], near_ties: &mut usize) -
     form <= 1.0
 }
 
-/// A pixel that stays, with its part of those that cover it, in the depths that they have where
-/// they are compared.
+/// Blends a pixel that stays with the coarser pixels that cover it. Their depths are those at the
+/// place of comparison.
 fn smooth(own: &Pixel, covering: &[(Pixel, Weighted)], near_ties: &mut usize) -> Pixel {
     let (mut out, mut sum) = (*own, 0.0);
     let mut means = [0.0; 6];
@@ -233,7 +233,7 @@ fn smooth(own: &Pixel, covering: &[(Pixel, Weighted)], near_ties: &mut usize) ->
         *near_ties += usize::from(near(a, d) || near(c, b));
         let [n, m] = [own, p].map(|p| [p.disc[0], p.disc[1], p.carried[4]]);
         let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| a[i] * b[i]).sum::<f64>();
-        // 15 degrees.
+        // Squared cosine of 15 degrees.
         let [cosine, crease] = [dot(n, m) * dot(n, m).max(0.0), 0.933 * dot(n, n) * dot(m, m)];
         *near_ties += usize::from((cosine - crease).abs() < 1e-4 * crease);
         if c <= b && a <= d && cosine >= crease {
@@ -242,7 +242,7 @@ fn smooth(own: &Pixel, covering: &[(Pixel, Weighted)], near_ties: &mut usize) ->
         }
     }
     if sum > 0.0 {
-        // Half of it where all have a part in it: their weights add up to one.
+        // One half if all four coarser pixels contribute, since their weights add up to one.
         let share = 0.5 * sum;
         let old = values(own);
         let new: [f64; 6] = std::array::from_fn(|i| old[i] + (means[i] / sum - old[i]) * share);
@@ -255,15 +255,15 @@ fn smooth(own: &Pixel, covering: &[(Pixel, Weighted)], near_ties: &mut usize) ->
 /// A coarser pixel, its centre and its weight.
 type Weighted = (Pixel, [f64; 2], f64);
 
-/// As in the pass.
+/// Radius from which ellipses hide pixels beside them, as in `push`.
 const HIDING_PX: f64 = 24.0;
 
-/// A coarser pixel moved to where depths are compared; itself, its centre and its weight.
-type Beside = (Pixel, (Pixel, [f64; 2], f64));
+/// A coarser pixel moved to the place of comparison; the unmoved pixel, its centre and its weight.
+type MovedPixel = (Pixel, (Pixel, [f64; 2], f64));
 
-/// Not published: whether a pixel with a normal lies behind all four coarser ones, and between the
-/// centres of their ellipses.
-fn is_enclosed(own: &Pixel, place: [f64; 2], beside: &[Beside], near_ties: &mut usize) -> bool {
+/// Whether a pixel with a normal lies behind all four coarser pixels and between the centres of
+/// their ellipses (not published).
+fn is_enclosed(own: &Pixel, place: [f64; 2], beside: &[MovedPixel], near_ties: &mut usize) -> bool {
     let mut is_enclosed = beside.len() == 4;
     let mut along: [Vec<f64>; 4] = Default::default();
     for (moved, (p, centre, _)) in beside {
@@ -280,7 +280,7 @@ fn is_enclosed(own: &Pixel, place: [f64; 2], beside: &[Beside], near_ties: &mut 
     is_enclosed
 }
 
-/// Section 3.3: the finer level with its invalid and occluded pixels interpolated.
+/// Interpolates the invalid and occluded pixels of the finer level (section 3.3).
 fn push(coarser: &Image, finer: &Image, smooths: bool) -> Image {
     let mut out = Image { near_ties: 0, ..finer.clone() };
     for y in 0..finer.height as i64 {
@@ -294,12 +294,12 @@ fn push(coarser: &Image, finer: &Image, smooths: bool) -> Image {
             if let (Some(own), Some(above)) = (own, above) {
                 let factor = above.factor(finer.lens, coarser.centre(x / 2, y / 2), compare_at);
                 let [min, max] = above.moved(factor).depth;
-                // Whether it is a little in front of the interval that it has itself given does not
-                // matter.
+                // With a lens, a pixel slightly in front of the interval that it produced stays
+                // either way.
                 let before = near(own.depth[0], min) && finer.lens.is_none();
                 out.near_ties += usize::from(before || near(own.depth[0], max));
                 let mut is_hidden = own.depth[0] < min || own.depth[0] > max;
-                // Not published: also by wide ellipses beside the one above.
+                // Not published: wide ellipses beside the coarser pixel hide it, too.
                 for (dx, dy) in [(side[0], 0), (0, side[1]), (side[0], side[1])] {
                     let at = (x / 2 + dx, y / 2 + dy);
                     let Some(beside) = coarser.get(at.0, at.1) else { continue };

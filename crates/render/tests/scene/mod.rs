@@ -12,35 +12,35 @@ use glam::DVec3;
 #[derive(Clone, Copy, Debug)]
 pub struct ScenePoint {
     pub at: DVec3,
-    /// Unit length.
+    /// Unit normal.
     pub normal: DVec3,
     pub colour: [u8; 3],
 }
 
-/// A node with planes of its own.
+/// A node and its planes.
 pub struct SceneNode {
     pub node: Node,
     pub position: Vec<u8>,
     pub residual: Vec<u8>,
     pub colour: Vec<u8>,
     pub normal: Vec<u8>,
-    /// Empty where no point is clipped.
+    /// Empty if no point is clipped.
     pub clip: Vec<u8>,
-    /// Empty where splats are discs.
+    /// Empty if all splats are discs.
     pub tangents: Vec<u8>,
 }
 
-/// Nodes on a lattice.
+/// A lattice and the nodes on it.
 pub struct Scene {
     pub lattice: Lattice,
     pub nodes: Vec<SceneNode>,
 }
 
-/// A small generator of numbers (xorshift64*), the same everywhere.
+/// Random number generator (xorshift64*) with the same sequence on every machine.
 pub struct Dice(pub u64);
 
 impl Dice {
-    /// Evenly in 0..1.
+    /// Uniform random number in 0..1.
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
@@ -55,8 +55,8 @@ impl Dice {
 }
 
 impl Scene {
-    /// Lays out points on a lattice of this step (the world's zero in its middle), in nodes of at
-    /// most `capacity` points, all with this spacing and radius.
+    /// Puts `points` on a lattice of step `step` with the origin of the world in its middle, in
+    /// nodes of at most `capacity` points. All nodes have the same spacing and radius.
     pub fn new(
         points: &[ScenePoint],
         step: f64,
@@ -67,8 +67,8 @@ impl Scene {
         Self::clipped(points, |_, _| Clip::default(), step, spacing, radius, capacity)
     }
 
-    /// The same with the clip lines that `clip` gives of the lattice and a point's place in
-    /// `points`.
+    /// Version of [`Scene::new`] with clip lines: `clip` maps the lattice and an index of `points`
+    /// to the lines of that point.
     pub fn clipped(
         points: &[ScenePoint],
         clip: impl Fn(&Lattice, usize) -> Clip,
@@ -90,12 +90,12 @@ impl Scene {
         Self { lattice, nodes: nodes.collect() }
     }
 
-    /// All nodes whole, with what planes are wanted.
+    /// All nodes with all their points, and with the planes that the arguments select.
     pub fn draws(&self, residual: bool, colour: bool, normal: bool) -> Vec<DrawNode<'_>> {
         self.nodes.iter().map(|n| n.draw(residual, colour, normal)).collect()
     }
 
-    /// A frame with the usual settings.
+    /// A frame in RGB with back-face culling.
     pub fn frame<'a>(&'a self, view: &'a View, draws: &'a [DrawNode<'a>]) -> Frame<'a> {
         Frame {
             colour: ColourBy::Rgb,
@@ -104,7 +104,7 @@ impl Scene {
         }
     }
 
-    /// Scalar planes are tested with the colour plane's bytes.
+    /// The bytes of the colour plane, read as scalars of type `ty`.
     #[allow(dead_code, reason = "not every user of this module tests scalars")]
     pub fn scalar(node: &SceneNode, ty: AttrType) -> ColourPlane<&[u8]> {
         ColourPlane::Scalar { bytes: &node.colour, ty }
@@ -112,7 +112,7 @@ impl Scene {
 }
 
 impl SceneNode {
-    /// The node whole.
+    /// The node with all its points.
     pub fn draw(&self, residual: bool, colour: bool, normal: bool) -> DrawNode<'_> {
         DrawNode {
             node: &self.node,
@@ -168,9 +168,9 @@ impl SceneNode {
     }
 }
 
-/// Points on a sphere as even as the builder's: of a spiral, each moved at random by up to half a
-/// spacing.
-#[allow(dead_code, reason = "not every user of this module asks where a sphere ends")]
+/// Points on the unit sphere, as even as the builder's samples: points of a spiral, each moved at
+/// random by up to half a spacing an axis.
+#[allow(dead_code, reason = "not every user of this module tests outlines")]
 pub fn even_sphere(dice: &mut Dice, spacing: f64) -> Vec<ScenePoint> {
     let count = (4.0 * std::f64::consts::PI / spacing.powi(2)) as usize;
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
@@ -187,7 +187,7 @@ pub fn even_sphere(dice: &mut Dice, spacing: f64) -> Vec<ScenePoint> {
         .collect()
 }
 
-/// A sphere, evenly random.
+/// Points on a sphere, uniformly random.
 pub fn sphere(
     dice: &mut Dice,
     centre: DVec3,
@@ -205,7 +205,8 @@ pub fn sphere(
         .collect()
 }
 
-/// A parallelogram, random but even: one point in each cell of a grid.
+/// Points on a parallelogram, stratified: one random point in each cell of a grid of `side` x
+/// `side`.
 pub fn sheet(
     dice: &mut Dice,
     corner: DVec3,
@@ -224,8 +225,8 @@ pub fn sheet(
         .collect()
 }
 
-/// The Stanford bunny of the data folder, where `ESKER_DATA` names one: the vertices of a binary
-/// little-endian PLY of six floats, position and normal.
+/// The Stanford bunny in the folder that `ESKER_DATA` names, `None` if that is not set: the
+/// vertices of a binary little-endian PLY file, six floats each (position and normal).
 #[allow(dead_code, reason = "not every user of this module reads files")]
 pub fn bunny() -> Option<Vec<ScenePoint>> {
     let path = std::path::Path::new(&std::env::var_os("ESKER_DATA")?).join("models/bunny-36k.ply");

@@ -1,5 +1,5 @@
-//! What a picture has of the truth: errors of colour, depth and normals, holes, what shows through,
-//! outlines.
+//! Errors of a drawn picture against the perfect picture of an analytic scene: colour, depth,
+//! normals, holes, hidden surfaces that show through, outlines.
 
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
@@ -22,38 +22,40 @@ use esker_render::{Background, Frame, FramePlan, Picture, Renderer};
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{DVec2, DVec3, Vec3};
 
-/// What a pixel of a perfect picture shows.
+/// A pixel of a perfect picture.
 #[derive(Clone, Copy, Debug)]
-pub struct Seen {
-    /// Linear eye depth, and that of what lies behind on the same ray.
+pub struct TruePixel {
+    /// Linear eye depth.
     pub depth: f64,
+    /// Depth of the next surface on the same ray, infinite if there is none.
     pub behind: f64,
-    /// In view space.
+    /// Normal in view space.
     pub normal: DVec3,
-    /// Linear light, mean over the pixel.
+    /// Mean over the pixel, linear light.
     pub colour: Vec3,
+    /// Index of the surface in [`Truth::parts`].
     pub part: usize,
 }
 
 /// A perfect picture.
 pub struct Image {
     pub width: usize,
-    /// At the pixels' middles.
-    pub seen: Vec<Option<Seen>>,
-    /// The surfaces' share of each pixel.
+    /// Surfaces at the centres of the pixels.
+    pub pixels: Vec<Option<TruePixel>>,
+    /// Share of each pixel that surfaces cover.
     pub coverage: Vec<f64>,
 }
 
-/// Rays a pixel's side, for means.
+/// Rays along the side of a pixel, for means over the pixel.
 const RAYS: usize = 3;
 
 impl Image {
     pub fn new(truth: &Truth, view: &View) -> Self {
         let [width, height] = [view.width, view.height].map(|s| s as usize);
-        let (mut seen, mut coverage) = (Vec::new(), Vec::new());
+        let (mut pixels, mut coverage) = (Vec::new(), Vec::new());
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
             let corner = DVec2::new(x as f64, y as f64);
-            let hits = |place: DVec2| truth.hits(view.eye, Truth::way(view, place));
+            let hits = |place: DVec2| truth.hits(view.eye, Truth::ray(view, place));
             let (mut colour, mut count) = (Vec3::ZERO, 0);
             for i in 0..RAYS * RAYS {
                 let part = DVec2::new((i % RAYS) as f64 + 0.5, (i / RAYS) as f64 + 0.5);
@@ -64,7 +66,7 @@ impl Image {
             }
             let all = hits(corner + 0.5);
             let depth = |t: f64| t;
-            seen.push(all.first().map(|first| Seen {
+            pixels.push(all.first().map(|first| TruePixel {
                 depth: depth(first.t),
                 behind: all.get(1).map_or(f64::INFINITY, |h| depth(h.t)),
                 normal: view.view_from_world() * first.normal,
@@ -73,14 +75,15 @@ impl Image {
             }));
             coverage.push(f64::from(count) / (RAYS * RAYS) as f64);
         }
-        Self { width, seen, coverage }
+        Self { width, pixels, coverage }
     }
 
-    /// Whether a pixel and all within `reach` of it are wholly covered, without a step of depth
+    /// Whether all pixels within `reach` of `pixel` are fully covered, with no step in depth
     /// between them.
     pub fn is_inside(&self, pixel: usize, reach: usize) -> bool {
-        let (x, y, height) = (pixel % self.width, pixel / self.width, self.seen.len() / self.width);
-        let Some(here) = self.seen[pixel] else { return false };
+        let (x, y, height) =
+            (pixel % self.width, pixel / self.width, self.pixels.len() / self.width);
+        let Some(here) = self.pixels[pixel] else { return false };
         let rows = y.saturating_sub(reach)..(y + reach + 1).min(height);
         rows.flat_map(|v| {
             (x.saturating_sub(reach)..(x + reach + 1).min(self.width))
@@ -88,18 +91,18 @@ impl Image {
         })
         .all(|p| {
             self.coverage[p] == 1.0
-                && self.seen[p].is_some_and(|s| {
+                && self.pixels[p].is_some_and(|s| {
                     s.part == here.part && (s.depth / here.depth - 1.0).abs() < 0.3
                 })
         })
     }
 }
 
-/// Nodes of one spacing and radius, with the frame that draws them all.
+/// Sampled points as scenes that are drawn in one frame.
 pub struct Cloud {
     pub scenes: Vec<Scene>,
-    /// Whether points that share a pixel are averaged, pixels that show one smoothed, and planes
-    /// told without normals.
+    /// Whether points that share a pixel are averaged, other pixels are smoothed, and planes are
+    /// fitted if there are no normals.
     pub averages: bool,
 }
 
@@ -109,7 +112,7 @@ impl Cloud {
         Self { scenes, averages: true }
     }
 
-    /// A scene sampled so that a pixel at its middle has so many points; floors in bands of
+    /// Samples a scene with `density` points a pixel at its middle. Floors are sampled in bands of
     /// distance.
     pub fn of(truth: &Truth, view: &View, density: f64, kind: Kind, dice: &mut Dice) -> Self {
         if let [(Shape::Floor { z }, paint)] = truth.parts[..] {
@@ -124,13 +127,14 @@ impl Cloud {
         Self::new(&s.points, spacing, s.radius)
     }
 
-    /// Draws it with a margin, and what the passes before shading leave of the picture.
+    /// Draws the cloud with a margin, and keeps the level and depths before shading.
     pub fn draw(&self, view: &View, has_normals: bool) -> Drawn {
         self.draw_with(view, has_normals, self.averages, pull_push)
     }
 
-    /// As [`Cloud::draw`], with the published passes: a depth interval as long as the drawn radius
-    /// (twice as long without normals), compared as it is. Its picture is that of [`Cloud::draw`].
+    /// Draws the level and depths with the published passes, whose depth intervals are as long as
+    /// the drawn radius (twice as long without normals) and are not moved along planes. The picture
+    /// is that of [`Cloud::draw`].
     pub fn draw_published(&self, view: &View, has_normals: bool) -> Drawn {
         self.draw_with(view, has_normals, false, |pyramid, _| {
             let base = &mut pyramid.levels[0];
@@ -139,7 +143,7 @@ impl Cloud {
                 let reach = if has_normals { 1.0 } else { 2.0 };
                 base.front[i].y = front.x * (1.0 + reach * radius_px / pyramid.lens.focal_px);
             }
-            // Without a lens nothing is moved.
+            // At an infinite focal length, moving along planes leaves depths unchanged.
             let lens = std::mem::replace(
                 &mut pyramid.lens,
                 Lens { focal_px: f32::MAX, ..Lens::default() },
@@ -149,8 +153,8 @@ impl Cloud {
         })
     }
 
-    /// As [`Cloud::draw`], with planes told from depths where that is asked, the pyramid filled by
-    /// `fill`, which is told whether pixels are smoothed.
+    /// Version of [`Cloud::draw`] that fits planes to depths if `fits_planes` is true and fills the
+    /// pyramid by `fill`, whose second argument says whether pixels are smoothed.
     pub fn draw_with(
         &self,
         view: &View,
@@ -173,13 +177,13 @@ impl Cloud {
     }
 }
 
-/// Pull and push; pixels that stay are smoothed where asked.
+/// Runs pull and push. With `smooths`, push smooths the pixels that stay.
 pub fn pull_push(pyramid: &mut Pyramid, smooths: bool) {
     pull::pull(pyramid);
     push::push_with(pyramid, smooths, &mut []);
 }
 
-/// What a plane has within the margin.
+/// The values of `plane` inside the margin; its rows are `wide_width` long.
 fn inner<T: Copy>(plane: &[T], wide_width: usize) -> Vec<T> {
     const MARGIN: usize = MARGIN_PX as usize;
     let rows = plane.len() / wide_width;
@@ -195,7 +199,7 @@ fn inner_level(level: Level) -> Level {
     Level { width, height, edge_px, front, tint, depth, normal, tilt }
 }
 
-/// Level 0 and the depth image before shading.
+/// Draws level 0 and the depth image, up to the pass before shading.
 pub fn last_level(frame: &Frame<'_>, fill: impl Fn(&mut Pyramid)) -> (Level, Vec<f32>) {
     let camera = Camera::new(frame.view, frame.lattice).unwrap();
     let mut pyramid = Pyramid::default();
@@ -210,7 +214,7 @@ pub fn last_level(frame: &Frame<'_>, fill: impl Fn(&mut Pyramid)) -> (Level, Vec
     (base, depth)
 }
 
-/// A picture and what it was made of.
+/// A picture, and the level and depths that it was shaded from.
 pub struct Drawn {
     pub view: View,
     pub picture: Picture,
@@ -218,30 +222,29 @@ pub struct Drawn {
     pub depth: Vec<f32>,
 }
 
-/// How far a picture is from the truth.
+/// Errors of a picture against the perfect one.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Errors {
-    /// Root mean square, of 255 (sRGB).
+    /// Root mean square, sRGB, 0 to 255.
     pub colour: f64,
-    /// Mean, in widths of a pixel there.
+    /// Mean, in widths of a pixel at that depth.
     pub depth_px: f64,
     /// Mean, degrees.
     pub normal_deg: f64,
-    /// Pixels inside of surfaces that show nothing, or the background through them.
+    /// Number of empty pixels in the interior of surfaces.
     pub holes: usize,
-    /// Pixels that show what lies behind the surface.
+    /// Number of pixels that show a hidden surface.
     pub bleeding: usize,
-    /// Mean displacement of outlines outwards, pixels; and root mean square error of alpha beside
-    /// outlines.
+    /// Mean displacement of outlines outwards, pixels.
     pub swell_px: f64,
+    /// Root mean square error of alpha at outlines.
     pub alpha: f64,
-    /// Pixels that show a surface in truth.
+    /// Number of pixels that show a surface in both pictures.
     pub pixels: usize,
 }
 
 impl Drawn {
-    /// Normals in view space at a pixel that shows a surface: those carried, else those told from
-    /// depth.
+    /// Normals in view space: those of the points, else those estimated from smoothed depths.
     pub fn normals(&self) -> Vec<DVec3> {
         let (width, count) = (self.level.width, self.depth.len());
         if !self.level.normal.is_empty() {
@@ -272,7 +275,8 @@ impl Drawn {
         normals
     }
 
-    /// Pixels of a hole: without a surface, in a run that touches nothing that is empty in truth.
+    /// Counts empty pixels that are not connected, through empty pixels, to a pixel that the
+    /// surfaces do not fully cover.
     pub fn holes(&self, truth: &Image) -> usize {
         let width = self.level.width;
         let height = self.depth.len() / width;
@@ -299,14 +303,14 @@ impl Drawn {
         (0..open.len()).filter(|&i| empty(i) && !open[i]).count()
     }
 
-    /// Pixels inside that show what is behind rather than the surface.
+    /// Counts interior pixels that show the surface behind the true one.
     pub fn bleeding(&self, truth: &Image) -> usize {
         (0..self.depth.len()).filter(|&i| self.bleeds(truth, i)).count()
     }
 
-    /// Whether a pixel is one of those.
+    /// Whether pixel `i` is in the interior of a surface and shows one behind it.
     pub fn bleeds(&self, truth: &Image, i: usize) -> bool {
-        let Some(seen) = truth.seen[i].filter(|_| truth.is_inside(i, 2)) else { return false };
+        let Some(seen) = truth.pixels[i].filter(|_| truth.is_inside(i, 2)) else { return false };
         let depth = f64::from(self.depth[i]);
         depth.is_finite() && depth > (seen.depth + seen.behind.min(seen.depth * 2.0)) * 0.5
     }
@@ -332,7 +336,7 @@ impl Drawn {
                     rim += 1.0;
                 }
             }
-            let (Some(seen), true) = (truth.seen[i], self.depth[i].is_finite()) else { continue };
+            let (Some(seen), true) = (truth.pixels[i], self.depth[i].is_finite()) else { continue };
             out.pixels += 1;
             if !inside {
                 continue;
@@ -354,7 +358,7 @@ impl Drawn {
     }
 }
 
-/// sRGB of linear light, of 255.
+/// Converts linear light to sRGB, 0 to 255.
 pub fn srgb(c: Vec3) -> Vec3 {
     let one = |v: f32| {
         let v = v.clamp(0.0, 1.0);

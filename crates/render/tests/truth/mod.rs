@@ -1,6 +1,6 @@
-//! Analytic scenes with exact ground truth, in `f64`: what a ray sees (depth, normal, colour, what
-//! lies behind), and points sampled from their surfaces. Tests and the example `surface_quality`
-//! measure pictures against them.
+//! Analytic scenes with exact ground truth, in `f64`: the surfaces on a ray (depth, normal,
+//! colour), and points sampled from the surfaces. Tests and the example `surface_quality` measure
+//! pictures against them.
 #![allow(dead_code, reason = "not every user needs all of it")]
 
 pub mod flicker;
@@ -17,24 +17,24 @@ pub enum Shape {
         centre: DVec3,
         radius: f64,
     },
-    /// From a corner along two edges at right angles.
+    /// Rectangle with a corner and its two edges.
     Rect {
         corner: DVec3,
         u: DVec3,
         v: DVec3,
     },
-    /// About the z axis through the origin.
+    /// Torus around the z axis, centred at the origin.
     Torus {
         major: f64,
         minor: f64,
     },
-    /// A cylinder without ends.
+    /// Cylinder without end caps.
     Wire {
         from: DVec3,
         to: DVec3,
         radius: f64,
     },
-    /// All of a plane of constant z.
+    /// Infinite plane of constant z.
     Floor {
         z: f64,
     },
@@ -44,9 +44,9 @@ pub enum Shape {
 #[derive(Clone, Copy, Debug)]
 pub enum Paint {
     Plain([u8; 3]),
-    /// Cubes of this edge in two colours.
+    /// Checkerboard of cubes: edge and two colours.
     Checks(f64, [u8; 3], [u8; 3]),
-    /// Smooth waves of this length.
+    /// Smooth waves, by wavelength.
     Waves(f64),
 }
 
@@ -55,14 +55,15 @@ pub struct Truth {
     pub parts: Vec<(Shape, Paint)>,
 }
 
-/// What a ray meets.
+/// An intersection of a ray and a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
-    /// Along the ray, in its direction's lengths.
+    /// Parameter along the ray, in lengths of its direction vector.
     pub t: f64,
-    /// World, unit length, towards where the ray comes from.
+    /// Unit normal in world space, towards the origin of the ray.
     pub normal: DVec3,
     pub colour: [u8; 3],
+    /// Index of the surface in [`Truth::parts`].
     pub part: usize,
 }
 
@@ -83,28 +84,32 @@ impl Paint {
 }
 
 impl Shape {
-    /// Where a ray meets it, nearest first: distances and outward normals.
-    pub fn hits(&self, from: DVec3, way: DVec3) -> Vec<(f64, DVec3)> {
-        let at = |t: f64| from + way * t;
+    /// Intersections with a ray: parameters, smallest first, and outward normals.
+    pub fn hits(&self, from: DVec3, direction: DVec3) -> Vec<(f64, DVec3)> {
+        let at = |t: f64| from + direction * t;
         match *self {
             Shape::Sphere { centre, radius } => {
                 let o = from - centre;
-                let roots = quadratic(way.dot(way), 2.0 * o.dot(way), o.dot(o) - radius * radius);
+                let roots = quadratic(
+                    direction.dot(direction),
+                    2.0 * o.dot(direction),
+                    o.dot(o) - radius * radius,
+                );
                 roots.into_iter().map(|t| (t, (at(t) - centre) / radius)).collect()
             }
             Shape::Rect { corner, u, v } => {
                 let normal = u.cross(v).normalize_or_zero();
-                let t = normal.dot(corner - from) / normal.dot(way);
+                let t = normal.dot(corner - from) / normal.dot(direction);
                 let p = at(t) - corner;
                 let [a, b] = [u, v].map(|e| p.dot(e) / e.length_squared());
                 let inside = (0.0..=1.0).contains(&a) && (0.0..=1.0).contains(&b);
                 if inside { vec![(t, normal)] } else { Vec::new() }
             }
-            Shape::Floor { z } => vec![((z - from.z) / way.z, DVec3::Z)],
+            Shape::Floor { z } => vec![((z - from.z) / direction.z, DVec3::Z)],
             Shape::Wire { from: a, to: b, radius } => {
                 let axis = (b - a).normalize_or_zero();
                 let across = |v: DVec3| v - axis * v.dot(axis);
-                let (o, d) = (across(from - a), across(way));
+                let (o, d) = (across(from - a), across(direction));
                 let roots = quadratic(d.dot(d), 2.0 * o.dot(d), o.dot(o) - radius * radius);
                 let on = |t: &f64| (0.0..=(b - a).length()).contains(&(at(*t) - a).dot(axis));
                 let roots = roots.into_iter().filter(on);
@@ -114,7 +119,7 @@ impl Shape {
                 let ring = |p: DVec3| p.truncate().length() - major;
                 let far = |p: DVec3| ring(p).hypot(p.z) - minor;
                 let (mut t, mut found) = (0.0, Vec::new());
-                let length = way.length();
+                let length = direction.length();
                 let end = (from.length() + 2.0 * (major + minor)) / length;
                 while t < end && found.len() < 4 {
                     let step = far(at(t)).abs();
@@ -143,14 +148,14 @@ fn quadratic(a: f64, b: f64, c: f64) -> Vec<f64> {
 }
 
 impl Truth {
-    /// Everything that a ray meets before it, nearest first.
-    pub fn hits(&self, from: DVec3, way: DVec3) -> Vec<Hit> {
+    /// Intersections of a ray with all surfaces, nearest first.
+    pub fn hits(&self, from: DVec3, direction: DVec3) -> Vec<Hit> {
         let mut all: Vec<Hit> = Vec::new();
         for (part, (shape, paint)) in self.parts.iter().enumerate() {
-            for (t, normal) in shape.hits(from, way) {
+            for (t, normal) in shape.hits(from, direction) {
                 if t > 1e-9 && t.is_finite() {
-                    let normal = if normal.dot(way) > 0.0 { -normal } else { normal };
-                    all.push(Hit { t, normal, colour: paint.at(from + way * t), part });
+                    let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+                    all.push(Hit { t, normal, colour: paint.at(from + direction * t), part });
                 }
             }
         }
@@ -158,15 +163,15 @@ impl Truth {
         all
     }
 
-    /// The direction through a place of the picture (pixels), of unit depth.
-    pub fn way(view: &View, place: DVec2) -> DVec3 {
+    /// Direction of the ray through a place of the picture (pixels); its depth is 1.
+    pub fn ray(view: &View, place: DVec2) -> DVec3 {
         let middle = DVec2::new(f64::from(view.width), f64::from(view.height)) * 0.5;
         let flat = (place - middle) / view.focal_px();
         view.world_from_view * DVec3::new(flat.x, -flat.y, -1.0)
     }
 }
 
-/// The scenes, each with a view of it.
+/// The scenes: name, surfaces and view. Pictures have `side` x `side` pixels.
 pub fn scenes(side: u32) -> Vec<(&'static str, Truth, View)> {
     let look = |eye: [f64; 3], fov: f64| {
         View::look_at(DVec3::from_array(eye), DVec3::ZERO, DVec3::Z, fov, side, side)
@@ -206,7 +211,7 @@ pub fn scenes(side: u32) -> Vec<(&'static str, Truth, View)> {
     ]
 }
 
-/// Two parallel walls `gap` apart and of this width, the near one red and the far one blue.
+/// Two parallel walls of width `width`, `gap` apart, the near one red and the far one blue.
 pub fn walls(gap: f64, width: f64) -> Truth {
     let wall = |y: f64, c: [u8; 3], half: f64| {
         let corner = DVec3::new(-half, y, -half);
@@ -217,7 +222,8 @@ pub fn walls(gap: f64, width: f64) -> Truth {
     Truth { parts }
 }
 
-/// A view of the near wall's middle, turned by an angle, where a picture is `across` wide there.
+/// View of the centre of the near wall, turned by `degrees`. The picture is `across` wide at the
+/// wall.
 pub fn walls_view(side: u32, degrees: f64, across: f64) -> View {
     let (s, c) = degrees.to_radians().sin_cos();
     let distance = 4.0 * across.max(0.25);
@@ -225,7 +231,7 @@ pub fn walls_view(side: u32, degrees: f64, across: f64) -> View {
     View::look_at(DVec3::new(s, -c, 0.0) * distance, DVec3::ZERO, DVec3::Z, fov, side, side)
 }
 
-/// Wires of 0.5 to 4 pixels' width, at fits_planes.
+/// Slanted wires, 0.5 to 4 pixels wide.
 fn wires(side: u32) -> Truth {
     let pixel = 2.0 * 10.0 * 0.1f64.tan() / f64::from(side);
     let wire = |i: u32| {

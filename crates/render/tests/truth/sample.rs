@@ -1,5 +1,5 @@
-//! Points sampled from analytic surfaces, regular or as a Poisson-disk sample has them, and the
-//! radius that covers.
+//! Points sampled from analytic surfaces, on a regular pattern or as a Poisson-disk sample, and the
+//! radius at which they cover the surface.
 
 use super::{Paint, Shape, Truth};
 use crate::scene::{Dice, ScenePoint};
@@ -8,17 +8,17 @@ use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 
-/// How points lie.
+/// Pattern of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     Regular,
     Poisson,
 }
 
-/// Points with the radius that each is to have.
+/// Points and their radius.
 pub struct Sample {
     pub points: Vec<ScenePoint>,
-    /// Distance from any point of the surface to the nearest sample, at most.
+    /// Greatest distance from a place on the surface to the nearest sample.
     pub radius: f64,
 }
 
@@ -33,7 +33,8 @@ impl Shape {
         }
     }
 
-    /// A place on it, evenly random for a and b evenly in 0 ... 1, and its normal.
+    /// Place on the surface, and its normal. Places are uniformly distributed if `a` and `b` are
+    /// uniform in 0..1.
     fn place(&self, a: f64, b: f64) -> (DVec3, DVec3) {
         match *self {
             Shape::Sphere { centre, radius } => {
@@ -45,7 +46,8 @@ impl Shape {
                 (corner + u * a + v * b, u.cross(v).normalize_or_zero())
             }
             Shape::Torus { major, minor } => {
-                // The angle about the tube whose share of the area is `a`, by Newton's method.
+                // Angle around the tube up to which the share of the area is `a`, by Newton's
+                // method.
                 let (k, mut angle) = (minor / major, a * TAU);
                 for _ in 0..20 {
                     let f = angle + k * angle.sin() - a * TAU;
@@ -65,7 +67,7 @@ impl Shape {
         }
     }
 
-    /// About `count` places that lie regularly.
+    /// Parameters of about `count` places on a regular pattern.
     fn regular(&self, count: f64) -> Vec<(f64, f64)> {
         let grid = |n: f64, m: f64| {
             let (n, m) = (n.round().max(1.0) as u32, m.round().max(1.0) as u32);
@@ -104,7 +106,7 @@ fn point(shape: &Shape, paint: &Paint, (a, b): (f64, f64)) -> ScenePoint {
     ScenePoint { at, normal, colour: paint.at(at) }
 }
 
-/// Points as far apart as `spacing`, on each of the surfaces; floors have none ([`floor`]).
+/// Samples all surfaces with spacing `spacing`, except floors, which [`floor`] samples.
 pub fn sample(truth: &Truth, spacing: f64, kind: Kind, dice: &mut Dice) -> Sample {
     let (mut points, mut radius) = (Vec::new(), 0.0f64);
     for (shape, paint) in &truth.parts {
@@ -121,7 +123,7 @@ pub fn sample(truth: &Truth, spacing: f64, kind: Kind, dice: &mut Dice) -> Sampl
     Sample { points, radius }
 }
 
-/// Keys of a grid of cubes.
+/// Key of the grid cell that holds `p`; cells are cubes of edge `edge`.
 fn cell(p: DVec3, edge: f64) -> [i32; 3] {
     (p / edge).floor().to_array().map(|c| c as i32)
 }
@@ -135,7 +137,7 @@ fn beside(key: [i32; 3], reach: i32) -> impl Iterator<Item = [i32; 3]> {
     })
 }
 
-/// Darts that stay 0.8 spacings apart.
+/// Dart throwing with a minimum distance of 0.8 spacings.
 fn poisson(
     shape: &Shape,
     paint: &Paint,
@@ -158,8 +160,8 @@ fn poisson(
     points
 }
 
-/// The greatest distance from a place of the surface to its nearest point, of many places; and some
-/// more, since the worst place is seldom among them.
+/// Greatest distance from random places on the surface to the nearest point, plus 3 % because the
+/// worst place is seldom among them.
 fn covering(shape: &Shape, points: &[ScenePoint], spacing: f64, dice: &mut Dice) -> f64 {
     let mut grid: HashMap<[i32; 3], Vec<DVec3>> = HashMap::new();
     points.iter().for_each(|p| grid.entry(cell(p.at, spacing)).or_default().push(p.at));
@@ -172,8 +174,8 @@ fn covering(shape: &Shape, points: &[ScenePoint], spacing: f64, dice: &mut Dice)
     worst.fold(0.0, f64::max) * 1.03
 }
 
-/// Points of a floor seen by a view, in bands of distance whose spacing is so many pixels, as a
-/// level of detail has them: each band's points with their spacing.
+/// Samples a floor in bands of distance with a spacing of `spacing_px` pixels at their near edge,
+/// like levels of detail. Returns the spacing and the points of each band.
 pub fn floor(
     view: &View,
     paint: &Paint,
@@ -183,8 +185,8 @@ pub fn floor(
     dice: &mut Dice,
 ) -> Vec<(f64, Sample)> {
     let mut bands = Vec::new();
-    // What is looked at from above lies farther off than it lies ahead; and the margin is seen,
-    // too.
+    // The view looks down, so the distance is greater than the distance ahead; and the margin is
+    // drawn, too.
     let (half, above) = (view.tan_half().x * 1.4, view.eye.z - z);
     let mut near = 0.3;
     while near < 1500.0 {

@@ -1,5 +1,6 @@
-//! What the tests of gather, resolve and tiles share: the twin's frame up to its hits, and the same
-//! hits and planes on a GPU, with the planes of a node spread over small pages.
+//! Shared by the tests of gather, resolve and tiles: projects a frame on the CPU, and runs the
+//! passes on a GPU from the same hits and planes, with the planes of a node spread over small
+//! pages.
 
 use crate::scene::Dice;
 use esker_lod::{DepthTile, View};
@@ -33,7 +34,8 @@ const PAGE_BYTES: u64 = 32 << 10;
 /// Pages that planes are spread over.
 const PAGES: u64 = 10;
 
-/// A device of each kind that the machine has; says so where it has none.
+/// Opens two devices for each adapter, one with all its features and one with the minimum that
+/// WebGPU guarantees. Prints a note if there is no adapter.
 pub fn gpus() -> Vec<Gpu> {
     let request = |backends, is_minimal| GpuRequest {
         backends,
@@ -49,17 +51,17 @@ pub fn gpus() -> Vec<Gpu> {
     gpus
 }
 
-/// A frame of the twin's, projected.
-pub struct Cpu<'a> {
+/// A frame after the project pass on the CPU.
+pub struct CpuFrame<'a> {
     frame: &'a Frame<'a>,
     camera: Camera,
     list: DrawList,
     target: Vec<AtomicU64>,
-    /// The hits in chunks' numbers.
+    /// Hits (point and bits of depth) with points numbered by chunks, as on the GPU.
     pub hits: Vec<[u32; 2]>,
 }
 
-/// First chunks of the draws.
+/// Index of the first chunk of each draw.
 fn chunks_of(list: &DrawList, draws: usize) -> Vec<u32> {
     let counts = (0..draws).map(|d| (list.len(d) as u32).div_ceil(CHUNK_POINTS));
     let first = counts.scan(0, |next, count| {
@@ -69,8 +71,8 @@ fn chunks_of(list: &DrawList, draws: usize) -> Vec<u32> {
     first.collect()
 }
 
-/// Projects a frame.
-pub fn cpu<'a>(frame: &'a Frame<'a>) -> Cpu<'a> {
+/// Projects a frame on the CPU.
+pub fn project_on_cpu<'a>(frame: &'a Frame<'a>) -> CpuFrame<'a> {
     let camera = Camera::new(frame.view, frame.lattice).unwrap();
     let pixels = (frame.view.width * frame.view.height) as usize;
     let target: Vec<_> = (0..pixels).map(|_| AtomicU64::new(EMPTY)).collect();
@@ -88,11 +90,11 @@ pub fn cpu<'a>(frame: &'a Frame<'a>) -> Cpu<'a> {
             }
         })
         .collect();
-    Cpu { frame, camera, list, target, hits }
+    CpuFrame { frame, camera, list, target, hits }
 }
 
-impl Cpu<'_> {
-    /// Valid pixels and level 0.
+impl CpuFrame<'_> {
+    /// Gathers on the CPU; returns the number of valid pixels and level 0.
     pub fn gather(&self) -> (u64, Level) {
         let lookup = Lookup::new(self.frame, &self.camera, &self.list);
         let [width, height] = self.camera.size.map(|s| s as usize);
@@ -107,7 +109,7 @@ impl Cpu<'_> {
         (gather(&lookup, &self.target, fitted, &mut base), base)
     }
 
-    /// Covered pixels and the picture without surfaces.
+    /// Resolves on the CPU; returns the number of covered pixels and the picture of points.
     pub fn resolve(&self) -> (u64, Picture) {
         let lookup = Lookup::new(self.frame, &self.camera, &self.list);
         let [width, height] = self.camera.size;
@@ -119,8 +121,8 @@ impl Cpu<'_> {
     }
 }
 
-/// The passes on one device.
-pub struct Rig {
+/// Passes on one device.
+pub struct GpuPasses {
     pub gpu: Gpu,
     lookup: GpuLookup,
     gather: Gather,
@@ -128,13 +130,13 @@ pub struct Rig {
     tiles: Tiles,
 }
 
-/// A frame's buffers.
+/// Planes and buffers of a frame.
 struct Buffers {
     pool: NodePool,
     buffers: [esker_render::gpu::device::Counted; 5],
 }
 
-impl Rig {
+impl GpuPasses {
     pub fn new(gpu: Gpu) -> Self {
         Self {
             lookup: GpuLookup::new(&gpu).unwrap(),
@@ -145,7 +147,8 @@ impl Rig {
         }
     }
 
-    /// At least a row of a table, which is what can be bound.
+    /// Makes a buffer with these bytes, at least as large as a row of a table, so that it can be
+    /// bound.
     fn buffer(&self, bytes: &[u8], usage: BufferUsages) -> esker_render::gpu::device::Counted {
         let usage = usage | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         let buffer =
@@ -154,7 +157,7 @@ impl Rig {
         buffer
     }
 
-    /// Planes and tables of a frame, and the lookup made for it.
+    /// Uploads the planes and tables of a frame, and prepares the lookup.
     fn upload(&mut self, frame: &Frame<'_>, hits: &[[u32; 2]]) -> Buffers {
         let camera = Camera::new(frame.view, frame.lattice).unwrap();
         let mut pool = NodePool::with_pages(&self.gpu, PAGES * PAGE_BYTES, PAGE_BYTES);
@@ -218,7 +221,7 @@ impl Rig {
         Buffers { pool, buffers }
     }
 
-    /// Level 0 from these hits, and the pixels that a point won.
+    /// Gathers from `hits`; returns level 0 and the number of pixels that a point won.
     pub fn gather(
         &mut self,
         frame: &Frame<'_>,
@@ -271,7 +274,8 @@ impl Rig {
         (level, u32::from_le_bytes([0, 1, 2, 3].map(|i| counts[i])))
     }
 
-    /// The picture without surfaces from these hits, and its counts.
+    /// Resolves `hits`; returns colours and depths of the picture of points, and the numbers of
+    /// pixels won and covered.
     pub fn resolve(
         &mut self,
         frame: &Frame<'_>,
@@ -292,7 +296,7 @@ impl Rig {
         (rgba, bytemuck::pod_collect_to_vec(&depth), [counts[0], counts[1]])
     }
 
-    /// The tiles of a depth picture.
+    /// Computes the tiles of a depth image.
     pub fn tiles(&mut self, depth: &[f32], width: u32, height: u32) -> Vec<DepthTile> {
         let view = View::look_at(DVec3::ZERO, DVec3::X, DVec3::Z, 1.0, width, height);
         let lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] };
