@@ -78,19 +78,22 @@ fn gps_times() {
     });
     las::count_from_week(&week);
     let (both, out) = (folder.file("both.esker"), folder.file("out.las"));
-    let tells = |report: &Value, words: &[&str]| {
+    let has_note = |report: &Value, words: &[&str]| {
         let notes = report["notes"].to_string();
         assert!(words.iter().all(|word| notes.contains(word)), "{notes}");
     };
     let report = build(&[&week, &adjusted], &both, &[]);
-    tells(&report, &["a-week.las and", "b-adjusted.las count GPS times from different beginnings"]);
+    has_note(
+        &report,
+        &["a-week.las and", "b-adjusted.las count GPS times from different beginnings"],
+    );
     let info = esker(["info".as_ref(), both.as_os_str(), "--json".as_ref()]).json();
     let times = [0, 1].map(|i| info["sources"][i]["gps_times"].as_str().unwrap());
     assert_eq!(times, ["week", "adjusted standard"]);
     // Global encodings: WKT; the second scan also has adjusted times.
     let encoding = |path: &Path| std::fs::read(path).unwrap()[6..8].to_vec();
     let report = export(&both, &out, &[]).json();
-    tells(&report, &["GPS times of 1 sources", "which the global encoding tells (week)"]);
+    has_note(&report, &["GPS times of 1 sources", "which the global encoding gives (week)"]);
     assert_eq!(encoding(&out), [16, 0]);
     // Each scan alone is exported with its own encoding.
     for (scan, bits) in [(&week, 16), (&adjusted, 17)] {
@@ -104,7 +107,7 @@ fn gps_times() {
         let words = appended.into_iter().chain([more, file, adjusted.clone()]);
         let report = esker(words).json();
         match bits {
-            16 => tells(&report, &["a-week.las and", "b-adjusted.las count GPS times"]),
+            16 => has_note(&report, &["a-week.las and", "b-adjusted.las count GPS times"]),
             _ => assert_eq!(report["notes"], json!([])),
         }
     }
