@@ -1,7 +1,7 @@
-//! From scans to an `.esker` file under a memory bound: decoding, partition, chunks bottom-up, the
-//! levels above, the file, and the proof that no point was lost; and from the file back to a scan.
-//! Meets the crates that draw only in the file. The steps are described in
-//! `docs/design/building.md`.
+//! Builds an `.esker` file from scans within a memory bound: decodes, partitions, builds chunks and
+//! the cells above them bottom-up, writes the file and proves that no point was lost. Also appends,
+//! merges, exports and verifies. Meets the crates that draw only in the file. The phases are
+//! described in `docs/design/building.md`.
 
 pub mod attributes;
 pub mod budget;

@@ -15,16 +15,16 @@
 pub mod ahead;
 mod bounds;
 pub mod caught;
-pub mod e57;
-pub mod error;
+mod e57;
+mod error;
 pub mod las;
-pub mod pcd;
-pub mod ply;
-pub mod ptx;
-pub mod registry;
+mod pcd;
+mod ply;
+mod ptx;
+mod registry;
 pub mod source;
 pub mod synthetic;
-pub mod text;
+mod text;
 pub mod write;
 
 pub use error::ScanError;

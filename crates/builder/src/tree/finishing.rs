@@ -19,7 +19,7 @@ pub struct Unfinished {
 
 /// An unfinished cell, which becomes a node.
 struct UnfinishedCell {
-    /// Index of the parent; `None` right below the cell above all.
+    /// Index of the parent; `None` for children of the cell itself.
     parent: Option<usize>,
     /// Points that are in no cell below.
     points: u64,

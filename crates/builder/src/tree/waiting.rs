@@ -183,16 +183,16 @@ impl RecordedChunk {
     }
 }
 
-/// A cell all of whose nodes but the root are sampled, with the rows of the root.
+/// A sampled cell, with copies of the rows that it offers.
 pub struct SampledCell {
     /// The cell, whose points are all of `rows`.
     pub pending: PendingCell,
-    /// Rows of the root.
+    /// Rows that the cell offers.
     pub rows: Vec<u8>,
 }
 
 impl SampledCell {
-    /// Copies the rows of the root out of `rows`, those of the whole cell.
+    /// Copies the offered rows out of `rows`, those of the whole cell.
     pub fn new(mut pending: PendingCell, rows: &Rows<'_>) -> Self {
         let mut bytes = Vec::with_capacity(pending.offered.len() * rows.stride);
         pending.offered.iter().for_each(|&i| bytes.extend_from_slice(rows.row(i)));
