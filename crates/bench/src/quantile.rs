@@ -1,6 +1,6 @@
 //! Quantiles of measured values: what reports give in place of single times.
 
-use esker_render::Stages;
+use esker_render::PassTimes;
 
 /// Smallest of `values` that at least `share` of them, 0 to 1, do not exceed; 0 if there is none.
 pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
@@ -11,7 +11,7 @@ pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
 }
 
 /// Median time of whole frames, milliseconds; `None` if there is no frame.
-pub(crate) fn median_ms(frames: &[Stages]) -> Option<f64> {
+pub(crate) fn median_ms(frames: &[PassTimes]) -> Option<f64> {
     let all: Vec<f64> = frames.iter().map(|s| s.total_ms).collect();
     (!all.is_empty()).then(|| quantile(&all, 0.5))
 }

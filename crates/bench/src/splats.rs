@@ -11,7 +11,7 @@ use esker_points::{Lattice, Node, Task};
 use esker_render::ewa::{Options, Passes};
 use esker_render::gpu::passes::ewa::{BatchCapacity, GpuEwa};
 use esker_render::gpu::{Gpu, GpuRenderer, NodePool, PlaneAt};
-use esker_render::{ColourPlane, DrawNode, Frame, Method, Pass, Picture, Renderer, Stages};
+use esker_render::{ColourPlane, DrawNode, Frame, Method, Pass, PassTimes, Picture, Renderer};
 use glam::DVec3;
 use serde::Serialize;
 use std::time::Instant;
@@ -210,7 +210,7 @@ impl Wall {
             renderer.render(&frame, &pool)?;
             renderer.read()?;
             let total_ms = start.elapsed().as_secs_f64() * 1e3;
-            Ok(Stages { total_ms, ..Stages::default() })
+            Ok(PassTimes { total_ms, ..PassTimes::default() })
         })
     }
 }
@@ -220,12 +220,12 @@ struct Times {
     /// Time of the fastest frame, milliseconds.
     least_ms: f64,
     /// Times of the median frame.
-    median: Stages,
+    median: PassTimes,
 }
 
 impl Times {
     /// Draws frames until there are enough of them; `frame` returns its times.
-    fn of(mut frame: impl FnMut() -> Result<Stages>) -> Result<Self> {
+    fn of(mut frame: impl FnMut() -> Result<PassTimes>) -> Result<Self> {
         let start = Instant::now();
         let mut all = Vec::new();
         while all.len() < FRAMES || start.elapsed().as_secs_f64() * 1e3 < FRAMES_MS {

@@ -8,7 +8,7 @@
 mod scene;
 
 use esker_lod::View;
-use esker_render::{Method, Pass, Picture, Renderer, Stages};
+use esker_render::{Method, Pass, PassTimes, Picture, Renderer};
 use glam::DVec3;
 use scene::{Dice, Scene, ScenePoint};
 
@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             // The first frame allocates memory.
             let stages = &stages[1..];
             // The median; the least time on a machine with other load.
-            let pick = |of: fn(&Stages) -> f64| {
+            let pick = |of: fn(&PassTimes) -> f64| {
                 let mut all: Vec<f64> = stages.iter().map(of).collect();
                 all.sort_by(f64::total_cmp);
                 if least { all[0] } else { all[all.len() / 2] }

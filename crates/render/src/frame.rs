@@ -209,19 +209,19 @@ pub struct Stats {
     /// Pixels of the finished picture that show a surface.
     pub pixels_covered: u64,
     /// Times of the passes.
-    pub stages: Stages,
+    pub stages: PassTimes,
 }
 
 /// Times of a frame: one a pass, in the order of [`Pass::ALL`], and the total.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stages {
+pub struct PassTimes {
     /// Time of each pass, milliseconds.
     pub passes_ms: [f64; Pass::ALL.len()],
     /// Time of the whole frame, milliseconds.
     pub total_ms: f64,
 }
 
-impl Stages {
+impl PassTimes {
     /// Time of a pass, milliseconds.
     pub fn ms(&self, pass: Pass) -> f64 {
         self.passes_ms[pass as usize]
@@ -249,7 +249,7 @@ mod tests {
 
     #[test]
     fn each_pass_has_one_name_and_one_time() {
-        let mut stages = Stages::default();
+        let mut stages = PassTimes::default();
         for (index, &pass) in Pass::ALL.iter().enumerate() {
             assert_eq!(pass as usize, index);
             stages.add(pass, f64::from(1u32 << index));

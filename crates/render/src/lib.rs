@@ -44,8 +44,8 @@ pub(crate) mod renderer;
 pub(crate) mod simd;
 
 pub use error::RenderError;
-pub use frame::{Background, ColourPlane, DrawNode, Frame, Method, Picture, Stages, Stats};
-pub use inputs::colour::{Codebook, ColourBy, ColourMap, Palette};
+pub use frame::{Background, ColourPlane, DrawNode, Frame, Method, PassTimes, Picture, Stats};
+pub use inputs::colour::{Codebook, ColourBy, ColourMap, Gradient};
 pub use pass::Pass;
 pub use plan::{FrameOptions, FramePlan, SceneHas, Variant};
 pub use renderer::{Renderer, render};

@@ -14,8 +14,8 @@ use esker_points::quant::INDEX_AT;
 use esker_points::{AttrType, Cell, Node, NodeTable};
 use esker_render::gpu::memory::pyramid::GpuPyramid;
 use esker_render::{
-    Background, Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FramePlan, Method,
-    Palette,
+    Background, Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FramePlan, Gradient,
+    Method,
 };
 use glam::Vec4Swizzles;
 use glam::{DVec3, Vec4};
@@ -68,7 +68,7 @@ fn octree(scene: &Scene) -> CompactOctree {
 }
 
 fn map(low: f64, high: f64) -> ColourMap {
-    ColourMap { low, high, palette: Palette::Viridis }
+    ColourMap { low, high, gradient: Gradient::Viridis }
 }
 
 /// Whether two numbers are equal up to rounding.
@@ -208,7 +208,7 @@ fn colours_of_points_equal_the_cpu_for_every_source_of_colour() {
         ColourBy::Cell,
         ColourBy::Normal,
     ];
-    // Hot positions with indices of colours in a palette.
+    // Hot positions with indices of colours in a gradient.
     let indexed_positions = |node: &SceneNode| {
         let mut plane = node.position.clone();
         for (i, point) in plane.as_chunks_mut::<8>().0.iter_mut().enumerate() {

@@ -11,7 +11,7 @@ use esker_points::quant::HIDDEN_AT;
 use esker_render::gpu::device::readback::read;
 use esker_render::gpu::{Gpu, GpuRenderer, wgpu};
 use esker_render::{
-    Background, ColourBy, ColourMap, Frame, FramePlan, Method, Palette, Picture, render,
+    Background, ColourBy, ColourMap, Frame, FramePlan, Gradient, Method, Picture, render,
 };
 use glam::{DMat3, DVec3};
 use gpu::flip::mean_flip;
@@ -146,7 +146,7 @@ fn pictures_equal_those_of_the_cpu_by_every_path() {
     let evened =
         Frame { evens_exposure: true, averages: false, ..scans.frame(&small, &scans_with) };
     assert!(FramePlan::new(&evened).evens_exposure() && !FramePlan::new(&surface).evens_exposure());
-    let heights = ColourMap { low: 0.0, high: 2.0, palette: Palette::Viridis };
+    let heights = ColourMap { low: 0.0, high: 2.0, gradient: Gradient::Viridis };
     let mut frames = vec![
         ("surface", surface),
         ("crowded", crowded),

@@ -11,7 +11,7 @@ use esker_render::passes::pull;
 use esker_render::passes::push;
 use esker_render::picture::pyramid::Pyramid;
 use esker_render::{
-    Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette, RenderError,
+    Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Gradient, Method, RenderError,
     Renderer,
 };
 use glam::{DMat3, DVec3};
@@ -21,7 +21,7 @@ use scene::{Dice, Scene, sphere};
 fn colour_by() -> impl Strategy<Value = ColourBy> {
     let number = prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(0.0), -1e9f64..1e9];
     (0..9, number.clone(), number).prop_map(|(kind, low, high)| {
-        let map = ColourMap { low, high, palette: Palette::Terrain };
+        let map = ColourMap { low, high, gradient: Gradient::Terrain };
         match kind {
             0 => ColourBy::Plain,
             1 => ColourBy::Rgb,

@@ -12,7 +12,7 @@ use esker_render::passes::pull::pull;
 use esker_render::passes::push::push;
 use esker_render::picture::pyramid::Pyramid;
 use esker_render::{
-    Background, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette, Picture,
+    Background, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Gradient, Method, Picture,
     Renderer,
 };
 use glam::{DVec3, Vec3};
@@ -259,7 +259,7 @@ fn a_coordinate_across_a_wall_is_interpolated_between_its_points() {
     // A value from 0 to 1 across the picture, in three bytes of a colour; the fourth byte is 255.
     let most = f64::from((1 << 24) - 1);
     let low = f64::from(u32::MAX) - most;
-    let across = ColourMap { low, high: low + most, palette: Palette::Grey };
+    let across = ColourMap { low, high: low + most, gradient: Gradient::Grey };
     for spacing_px in [2.0, 5.0] {
         let mut points = wall(&mut Dice(19), DVec3::ZERO, 0.6, 30.0, spacing_px * pixel, RED);
         for p in &mut points {

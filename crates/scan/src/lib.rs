@@ -28,7 +28,7 @@ mod text;
 pub mod write;
 
 pub use error::ScanError;
-pub use las::crs::{Codes, codes};
+pub use las::crs::{EpsgCodes, epsg_codes};
 pub use registry::{open, scans_in};
 pub use source::SourceInfo;
 pub use source::{BESIDE_HELD_BYTES, Crs, Format, OpenOptions, ReadReport, Scanner, Source};

@@ -10,7 +10,7 @@ mod ring;
 
 use esker_format::{Forest, PlaneKind};
 use esker_lod::View;
-use esker_stream::{Needs, Options, PassTimes, Streamer};
+use esker_stream::{LodPassTimes, Needs, Options, Streamer};
 use glam::DVec3;
 use ring::{RUN_BYTES, Ring};
 use std::ops::Range;
@@ -30,7 +30,7 @@ struct Loaded {
     reads: u64,
     ranges: Vec<Range<u64>>,
     nodes: usize,
-    lod_ms: PassTimes,
+    lod_ms: LodPassTimes,
 }
 
 fn load(file: &Arc<Forest>, view: View, needs: Needs) -> Loaded {

@@ -54,5 +54,5 @@ pub use cut::{Cut, CutNode};
 pub use error::StreamError;
 pub use landing::{Landing, RUN_BYTES_MIN, Run, Slot, Transfer};
 pub use options::{Needs, Options, Priority};
-pub use status::{PassTimes, Status};
+pub use status::{LodPassTimes, Status};
 pub use streamer::Streamer;

@@ -29,7 +29,7 @@ pub struct Status {
     /// Passes of the LOD thread.
     pub passes: u64,
     /// Times of these passes, milliseconds.
-    pub lod_ms: PassTimes,
+    pub lod_ms: LodPassTimes,
     /// Requests that could not be read; they are made again, after pauses that double.
     pub reads_failed: u64,
     /// Nodes that failed so often that views no longer wait for them.
@@ -40,16 +40,16 @@ pub struct Status {
 
 /// Times of passes, as a histogram of fixed size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PassTimes {
+pub struct LodPassTimes {
     /// Time of the last pass, milliseconds.
     pub last_ms: f64,
     /// Longest time, milliseconds.
     pub max_ms: f64,
-    /// Passes by time: bin `i` ends at [`PassTimes::FIRST_MS`] * 2^(i/4).
+    /// Passes by time: bin `i` ends at [`LodPassTimes::FIRST_MS`] * 2^(i/4).
     counts: [u64; Self::BINS],
 }
 
-impl PassTimes {
+impl LodPassTimes {
     /// End of the first bin, milliseconds.
     const FIRST_MS: f64 = 0.01;
     /// Number of bins; the last one ends at ten minutes.
@@ -79,7 +79,7 @@ impl PassTimes {
     }
 }
 
-impl Default for PassTimes {
+impl Default for LodPassTimes {
     fn default() -> Self {
         Self { last_ms: 0.0, max_ms: 0.0, counts: [0; Self::BINS] }
     }
@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn quantiles_are_exact_to_a_fifth() {
-        let mut times = PassTimes::default();
+        let mut times = LodPassTimes::default();
         assert_eq!(times.quantile_ms(0.5), 0.0);
         (1..=100).for_each(|ms| times.add(f64::from(ms)));
         for share in [0.01, 0.5, 0.99, 1.0] {

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail};
 use esker_engine::cameras::legend::Legend;
 use esker_engine::draw::empty_picture;
 use esker_engine::draw::options::Options;
-use esker_engine::draw::session::{Frame, GpuBytes, Session};
+use esker_engine::draw::session::{DrawnFrame, GpuBytes, Session};
 use esker_engine::machine::backend::Drawer;
 use esker_engine::{Cut, Forest, Picture, Status, View};
 use glam::DVec2;
@@ -59,7 +59,7 @@ pub struct FrameViews {
 /// Outcome of a frame.
 pub enum FrameOutcome<'a> {
     /// A new picture.
-    New(Box<Frame<'a>>),
+    New(Box<DrawnFrame<'a>>),
     /// The last picture is still valid.
     Unchanged,
     /// There is no picture yet, or the last one stays while a session is opened.

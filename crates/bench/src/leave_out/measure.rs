@@ -11,7 +11,7 @@ use esker_engine::machine::backend::DrawWith;
 use esker_engine::machine::pool;
 use esker_format::Forest;
 use esker_points::Task;
-use esker_render::Stages;
+use esker_render::PassTimes;
 use esker_render::gpu::Gpu;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -66,8 +66,8 @@ pub fn measure(request: &LeaveOutRequest, task: &dyn Task) -> Result<LeaveOutRep
 /// Times of frames of one picture.
 #[derive(Default)]
 struct FrameTimes {
-    cpu: Vec<Stages>,
-    gpu: Vec<Stages>,
+    cpu: Vec<PassTimes>,
+    gpu: Vec<PassTimes>,
 }
 
 /// Draws both pictures of an omission in turns.

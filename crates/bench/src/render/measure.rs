@@ -14,7 +14,7 @@ use esker_engine::machine::pool;
 use esker_format::Forest;
 use esker_points::Task;
 use esker_render::gpu::Gpu;
-use esker_render::{Method, Pass, Stages};
+use esker_render::{Method, Pass, PassTimes};
 use rayon::prelude::*;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -207,8 +207,9 @@ impl Setting<'_> {
                 continue;
             };
             let gpu_floor_ms = gpu_floor_ms.filter(|_| backend == "gpu");
-            let median =
-                |of: fn(&Stages) -> f64| quantile(&frames.iter().map(of).collect::<Vec<_>>(), 0.5);
+            let median = |of: fn(&PassTimes) -> f64| {
+                quantile(&frames.iter().map(of).collect::<Vec<_>>(), 0.5)
+            };
             let total_ms = median(|s| s.total_ms);
             rows.push(RenderRow {
                 model: model.name.clone(),
@@ -254,7 +255,7 @@ fn least(ms: &[f64]) -> f64 {
 }
 
 /// Draws frames on the CPU, and on the GPU if there is one, in turns.
-fn frames_of(scene: &mut ResidentScene<'_>, task: &dyn Task) -> Result<[Vec<Stages>; 2]> {
+fn frames_of(scene: &mut ResidentScene<'_>, task: &dyn Task) -> Result<[Vec<PassTimes>; 2]> {
     let mut frames = [Vec::new(), Vec::new()];
     // The first frames are slower: memory is new, and pipelines are made.
     scene.on_cpu(PUBLISHED)?;

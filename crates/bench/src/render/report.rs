@@ -2,7 +2,7 @@
 
 use crate::pass_times;
 use esker_engine::io::quantity::grouped;
-use esker_render::Stages;
+use esker_render::PassTimes;
 use serde::Serialize;
 
 /// Rows of all models, sizes, methods, radii and backends.
@@ -52,7 +52,7 @@ pub(super) struct RenderRow {
     pub frames: usize,
     /// Least time of each pass: its time if nothing else is running.
     #[serde(serialize_with = "pass_times::with_total")]
-    pub least_ms: Stages,
+    pub least_ms: PassTimes,
     /// Time in the paper.
     pub paper_total_ms: Option<f64>,
     /// Factor of the radii.

@@ -9,7 +9,7 @@ use esker_format::{Forest, Planes};
 use esker_lod::CompactOctree;
 use esker_points::Task;
 use esker_render::gpu::{Gpu, PlaneAt};
-use esker_render::{Frame, FramePlan, Picture, Renderer, Stages, Stats};
+use esker_render::{Frame, FramePlan, PassTimes, Picture, Renderer, Stats};
 use glam::DVec3;
 use std::time::Instant;
 
@@ -158,7 +158,7 @@ impl<'a> ResidentScene<'a> {
     ///
     /// # Errors
     /// If the view makes no valid camera.
-    pub fn on_cpu(&mut self, changes: Changes) -> Result<Stages> {
+    pub fn on_cpu(&mut self, changes: Changes) -> Result<PassTimes> {
         let draws = self.picture.draws(self.file);
         let mut frame =
             self.picture.appearance.frame(self.file, &self.picture.view, &draws, &self.octree);
@@ -172,8 +172,8 @@ impl<'a> ResidentScene<'a> {
     ///
     /// # Errors
     /// If the GPU fails.
-    pub fn on_gpu(&mut self, changes: Changes) -> Result<Stages> {
-        let Some((gpu, on_gpu)) = &mut self.gpu else { return Ok(Stages::default()) };
+    pub fn on_gpu(&mut self, changes: Changes) -> Result<PassTimes> {
+        let Some((gpu, on_gpu)) = &mut self.gpu else { return Ok(PassTimes::default()) };
         let (start, before) = (Instant::now(), gpu.dispatches());
         let change = |frame: &mut Frame<'_, PlaneAt>| changes.apply(frame);
         on_gpu.draw(self.file, &self.picture, &self.octree, change)?;
@@ -183,6 +183,6 @@ impl<'a> ResidentScene<'a> {
         self.gpu_dispatches = gpu.dispatches() - before;
         self.gpu_pixels_covered = pixels_covered;
         let total_ms = if gpu.tier.is_software { wall_ms } else { stages.total_ms.max(1e-6) };
-        Ok(Stages { total_ms, ..stages })
+        Ok(PassTimes { total_ms, ..stages })
     }
 }

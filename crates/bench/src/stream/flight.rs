@@ -6,7 +6,7 @@ use crate::quantile::quantile;
 use crate::stream::report::ViewFigures;
 use anyhow::Result;
 use esker_engine::cameras::path::{Path, Stop};
-use esker_engine::draw::session::{Frame, GpuBytes, Session};
+use esker_engine::draw::session::{DrawnFrame, GpuBytes, Session};
 use esker_engine::machine::backend::Drawer;
 use esker_points::Task;
 use esker_stream::Status;
@@ -116,7 +116,7 @@ impl Flight {
         let mut figures = ViewFigures { name: stop.name.clone(), ..Default::default() };
         let mut lod_ms = Vec::new();
         let mut epoch = 0;
-        let mut record_choice = |frame: &Frame<'_>| {
+        let mut record_choice = |frame: &DrawnFrame<'_>| {
             if frame.cut.epoch != epoch && frame.is_of_view {
                 epoch = frame.cut.epoch;
                 lod_ms.push(frame.cut.lod_ms);
@@ -155,7 +155,7 @@ impl Flight {
     }
 
     /// Adds a frame's times to the flight's.
-    fn record(&mut self, frame: &Frame<'_>) {
+    fn record(&mut self, frame: &DrawnFrame<'_>) {
         let ms = frame.times.total_ms;
         self.frame_ms.push(ms);
         self.lod_ms.push(frame.cut.lod_ms);

@@ -3,7 +3,7 @@
 
 use crate::pass_times;
 use crate::stream::request::Settings;
-use esker_render::Stages;
+use esker_render::PassTimes;
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// Report of one run, or of several.
@@ -160,7 +160,7 @@ pub struct ViewFigures {
     pub render_ms: f64,
     /// Median time of each pass: by the GPU's clock if a GPU draws.
     #[serde(serialize_with = "pass_times::with_all", deserialize_with = "pass_times::from_all")]
-    pub passes_ms: Stages,
+    pub passes_ms: PassTimes,
     /// Time from the arrival at the view until everything that it needs was drawn, milliseconds.
     pub complete_ms: f64,
     /// Whether the view became complete.

@@ -4,7 +4,7 @@
 //! codes in different notations.
 
 use crate::error::BuildError;
-use esker_scan::{Codes, codes};
+use esker_scan::{EpsgCodes, epsg_codes};
 use std::collections::HashSet;
 
 /// Most characters of a system's name in messages.
@@ -15,16 +15,16 @@ struct System<'a> {
     input: &'a str,
     text: &'a str,
     normalized: String,
-    codes: Option<Codes>,
+    codes: Option<EpsgCodes>,
 }
 
 impl<'a> System<'a> {
     fn new(input: &'a str, text: &'a str) -> Self {
-        Self { input, text, normalized: normalized(text), codes: codes(text) }
+        Self { input, text, normalized: normalized(text), codes: epsg_codes(text) }
     }
 
     fn is_same(&self, other: &Self) -> bool {
-        let agree = |codes: (&Codes, &Codes)| codes.0.agree(codes.1);
+        let agree = |codes: (&EpsgCodes, &EpsgCodes)| codes.0.agree(codes.1);
         self.normalized == other.normalized
             || self.codes.as_ref().zip(other.codes.as_ref()).is_some_and(agree)
     }

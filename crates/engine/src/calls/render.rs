@@ -17,7 +17,7 @@ use anyhow::Result;
 use esker_format::{Forest, Planes};
 use esker_lod::{CompactOctree, View};
 use esker_points::Task;
-use esker_render::{Picture, Renderer, Stages};
+use esker_render::{PassTimes, Picture, Renderer};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -93,7 +93,7 @@ pub struct RenderTimes {
     pub read: f64,
     /// The passes of the frame, and the whole frame as `draw`.
     #[serde(flatten, serialize_with = "stages::serialize_draw")]
-    pub frame: Stages,
+    pub frame: PassTimes,
     /// The frame, and on a GPU the copy of the planes to it and of the picture from it.
     pub all_drawing: f64,
     /// Writing the picture; none if it was not written.

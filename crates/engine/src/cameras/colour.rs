@@ -11,7 +11,7 @@ use esker_points::attribute::names;
 use esker_points::filter::Classes;
 use esker_points::{AttrType, Attribute, Codes, Coding, Schema};
 use esker_render::inputs::colour::{class_colour, hue};
-use esker_render::{Codebook, ColourBy, ColourMap, Palette};
+use esker_render::{Codebook, ColourBy, ColourMap, Gradient};
 use std::collections::BTreeSet;
 
 /// Attributes whose values differ between scans; the first one that a file has is used.
@@ -61,11 +61,11 @@ impl Colouring {
         by: fn(ColourMap) -> ColourBy,
         name: &str,
         [low, high]: [f64; 2],
-        palette: Palette,
+        gradient: Gradient,
     ) -> Self {
         let legend =
-            Legend { range: Some([low, high]), palette: Some(palette), ..Legend::named(name) };
-        Self { legend, ..Self::plain(by(ColourMap { low, high, palette }), name) }
+            Legend { range: Some([low, high]), gradient: Some(gradient), ..Legend::named(name) };
+        Self { legend, ..Self::plain(by(ColourMap { low, high, gradient }), name) }
     }
 }
 
@@ -119,7 +119,7 @@ pub(crate) fn filtered_colouring(
         "plain" | "none" => without_range(Colouring::plain(ColourBy::Plain, "plain")),
         "elevation" | "z" | "height" => {
             let range = request.range(|| ranges::of_heights(file, bounds, shown))?;
-            Ok(Colouring::mapped(ColourBy::Elevation, "elevation", range, Palette::Terrain))
+            Ok(Colouring::mapped(ColourBy::Elevation, "elevation", range, Gradient::Terrain))
         }
         "level" | "cell" | "node" => without_range(Colouring {
             legend: Legend { entries: cell_entries(file, shown), ..Legend::named("level") },
@@ -136,7 +136,7 @@ pub(crate) fn filtered_colouring(
             let extent = (0..3).map(|i| (bounds[1][i] - bounds[0][i]).powi(2)).sum::<f64>();
             let range = request.range(|| Ok((0.0, extent.sqrt())))?;
             let mut colouring =
-                Colouring::mapped(ColourBy::EyeDepth, "depth", range, Palette::Viridis);
+                Colouring::mapped(ColourBy::EyeDepth, "depth", range, Gradient::Viridis);
             colouring.legend.is_length = true;
             Ok(colouring)
         }
@@ -335,15 +335,15 @@ impl<'a> AttributeColours<'a> {
     /// Numbers of returns along a range.
     fn mapped_return_numbers(&self) -> Result<Colouring> {
         let [low, high] = self.request.range(|| Ok(RETURN_NUMBERS))?;
-        let palette = Palette::Viridis;
+        let gradient = Gradient::Viridis;
         let coding = Coding::BitsAlong { mask: RETURN_NUMBER_MASK, low, high };
         let legend = Legend {
             range: Some([low, high]),
-            palette: Some(palette),
+            gradient: Some(gradient),
             note: self.note,
             ..Legend::named(RETURN_NUMBER)
         };
-        Ok(Colouring { legend, ..self.coded(Codebook::Along(palette), coding, Vec::new()) })
+        Ok(Colouring { legend, ..self.coded(Codebook::Along(gradient), coding, Vec::new()) })
     }
 
     /// Values along a range.
@@ -361,21 +361,21 @@ impl<'a> AttributeColours<'a> {
         })?;
         let [low, high] = range.map(|value| (value - offset) / scale);
         let is_intensity = self.kind == PlaneKind::Intensity;
-        let palette = if is_intensity { Palette::Grey } else { Palette::Viridis };
+        let gradient = if is_intensity { Gradient::Grey } else { Gradient::Viridis };
         let legend = Legend {
             range: Some(range),
-            palette: Some(palette),
+            gradient: Some(gradient),
             note: self.note,
             ..Legend::named(&self.attribute.name)
         };
         if is_intensity {
             // A hot plane is drawn from as it is stored.
-            let by = ColourBy::Scalar(ColourMap { low, high, palette });
+            let by = ColourBy::Scalar(ColourMap { low, high, gradient });
             let plane = Some((self.kind, Some(self.attribute.ty)));
             return Ok(Colouring { by, plane, codes: None, legend });
         }
         let coding = Coding::Along { low, high };
-        Ok(Colouring { legend, ..self.coded(Codebook::Along(palette), coding, Vec::new()) })
+        Ok(Colouring { legend, ..self.coded(Codebook::Along(gradient), coding, Vec::new()) })
     }
 }
 

@@ -1,7 +1,7 @@
 //! The legend of a picture: what its colours mean, as text and for reports and windows.
 
 use esker_render::inputs::colour::{Encoder, MapTable};
-use esker_render::{ColourMap, Palette};
+use esker_render::{ColourMap, Gradient};
 use serde::{Serialize, Serializer};
 
 /// Share of a range's extent by which the extent of its printed ends may differ.
@@ -15,8 +15,8 @@ pub struct Legend {
     /// Values of the first and the last colour; none if colours are not a range.
     pub range: Option<[f64; 2]>,
     /// Colours of the range.
-    #[serde(serialize_with = "serialize_name")]
-    pub palette: Option<Palette>,
+    #[serde(rename = "palette", serialize_with = "serialize_name")]
+    pub gradient: Option<Gradient>,
     /// Values with colours of their own.
     pub entries: Vec<LegendEntry>,
     /// Whether values are lengths in the unit of the file's horizontal coordinates; heights may
@@ -48,11 +48,11 @@ impl Legend {
         self.range.map(ends)
     }
 
-    /// `count` colours from the first value to the last, sRGB; empty without a palette.
+    /// `count` colours from the first value to the last, sRGB; empty without a gradient.
     pub fn bar(&self, count: usize) -> Vec<[u8; 3]> {
-        let Some(palette) = self.palette else { return Vec::new() };
+        let Some(gradient) = self.gradient else { return Vec::new() };
         let last = count.saturating_sub(1).max(1) as f64;
-        let table = MapTable::new(&ColourMap { low: 0.0, high: last, palette });
+        let table = MapTable::new(&ColourMap { low: 0.0, high: last, gradient });
         (0..count).map(|i| srgb(table.at(i as f64))).collect()
     }
 
@@ -62,8 +62,8 @@ impl Legend {
         if let Some([low, high]) = self.range_text() {
             text += &format!(" {low} .. {high}");
         }
-        if let Some(palette) = self.palette {
-            text += &format!(" ({})", palette.name());
+        if let Some(gradient) = self.gradient {
+            text += &format!(" ({})", gradient.name());
         }
         let entries: Vec<_> = self.entries.iter().map(LegendEntry::text).collect();
         if !entries.is_empty() {
@@ -85,8 +85,8 @@ impl LegendEntry {
 
 // Takes a reference to the field, as serde requires.
 #[allow(clippy::ref_option, reason = "the signature is serde's")]
-fn serialize_name<S: Serializer>(palette: &Option<Palette>, to: S) -> Result<S::Ok, S::Error> {
-    palette.map(Palette::name).serialize(to)
+fn serialize_name<S: Serializer>(gradient: &Option<Gradient>, to: S) -> Result<S::Ok, S::Error> {
+    gradient.map(Gradient::name).serialize(to)
 }
 
 /// Bytes of a linear colour in sRGB.
@@ -124,7 +124,7 @@ mod tests {
     fn a_legend_is_a_line_of_text() {
         let range = Legend {
             range: Some([1.5, 250.0]),
-            palette: Some(Palette::Viridis),
+            gradient: Some(Gradient::Viridis),
             ..Legend::named("gps_time")
         };
         assert_eq!(range.text(), "gps_time 1.5 .. 250 (viridis)");

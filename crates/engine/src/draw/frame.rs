@@ -83,11 +83,11 @@ impl Appearance {
     /// along a range.
     pub fn with_values(mut self) -> Self {
         let Colouring { by, plane, codes, .. } = &mut self.colouring;
-        if let (ColourBy::Codes(Codebook::Along(palette)), Some(Codes { ty, coding })) =
+        if let (ColourBy::Codes(Codebook::Along(gradient)), Some(Codes { ty, coding })) =
             (*by, *codes)
             && let (Coding::Along { low, high }, Some((_, stored))) = (coding, plane)
         {
-            *by = ColourBy::Scalar(ColourMap { low, high, palette });
+            *by = ColourBy::Scalar(ColourMap { low, high, gradient });
             (*stored, *codes) = (Some(ty), None);
             self.shown = Arc::new(ForestFilter::clone(&self.shown).coded(None));
         }

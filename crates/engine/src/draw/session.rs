@@ -36,7 +36,7 @@ const NAP: Duration = Duration::from_micros(200);
 
 /// A drawn frame.
 #[derive(Debug)]
-pub struct Frame<'a> {
+pub struct DrawnFrame<'a> {
     /// The picture.
     pub image: Image<'a>,
     /// Nodes in the picture, and how they were chosen.
@@ -210,7 +210,7 @@ impl Session {
     /// # Errors
     /// If the view is an invalid camera, or larger than the session was opened for; if a GPU fails
     /// that the user insists on.
-    pub fn frame(&mut self, view: &View) -> Result<Frame<'_>> {
+    pub fn frame(&mut self, view: &View) -> Result<DrawnFrame<'_>> {
         self.frame_from(view, view)
     }
 
@@ -219,7 +219,7 @@ impl Session {
     ///
     /// # Errors
     /// As for [`Session::frame`].
-    pub fn frame_from(&mut self, chosen: &View, seen: &View) -> Result<Frame<'_>> {
+    pub fn frame_from(&mut self, chosen: &View, seen: &View) -> Result<DrawnFrame<'_>> {
         self.check(chosen)?;
         self.check(seen)?;
         let [chosen, seen] =
@@ -244,7 +244,7 @@ impl Session {
         let is_final =
             self.still > painter.feedback_frames() + u32::from(self.options.settings.occlusion);
         let stats = painter.stats();
-        Ok(Frame { image, cut, is_of_view, is_final, stats, status, times, uploaded_bytes })
+        Ok(DrawnFrame { image, cut, is_of_view, is_final, stats, status, times, uploaded_bytes })
     }
 
     /// Draws by `method` from the next frame on.

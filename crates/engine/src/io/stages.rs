@@ -1,6 +1,6 @@
 //! Times of a frame's passes for reports: as entries of a JSON object, and as text.
 
-use esker_render::{Pass, Stages};
+use esker_render::{Pass, PassTimes};
 use serde::Serializer;
 use serde::ser::SerializeMap;
 
@@ -13,7 +13,7 @@ const SHOWN_MS: f64 = 0.05;
 /// # Errors
 /// If the serialiser fails.
 pub fn serialize<S: Serializer>(
-    stages: &Stages,
+    stages: &PassTimes,
     whole_frame: &str,
     to: S,
 ) -> Result<S::Ok, S::Error> {
@@ -29,13 +29,13 @@ pub fn serialize<S: Serializer>(
 ///
 /// # Errors
 /// If the serialiser fails.
-pub(crate) fn serialize_draw<S: Serializer>(stages: &Stages, to: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn serialize_draw<S: Serializer>(stages: &PassTimes, to: S) -> Result<S::Ok, S::Error> {
     serialize(stages, "draw", to)
 }
 
 /// Names and times, milliseconds, of the steps `before` the frame, of its passes, and of the whole
 /// frame, called `whole_frame`.
-pub fn text(before: &[(&str, f64)], stages: &Stages, whole_frame: &str) -> String {
+pub fn text(before: &[(&str, f64)], stages: &PassTimes, whole_frame: &str) -> String {
     let passes = Pass::ALL.map(|pass| (pass.name(), stages.ms(pass)));
     let times = before.iter().copied().chain(passes).chain([(whole_frame, stages.total_ms)]);
     let shown = times.filter(|(_, ms)| *ms >= SHOWN_MS);
@@ -48,7 +48,7 @@ mod tests {
 
     #[test]
     fn a_text_has_the_stages_that_took_time_in_their_order() {
-        let mut stages = Stages { total_ms: 3.0, ..Stages::default() };
+        let mut stages = PassTimes { total_ms: 3.0, ..PassTimes::default() };
         stages.add(Pass::Antialias, 0.1);
         stages.add(Pass::FitPlanes, 1.26);
         stages.add(Pass::Blend, 0.0);

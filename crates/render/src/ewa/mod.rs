@@ -64,7 +64,7 @@ impl Default for Options {
 pub struct Ewa {
     /// How splats are drawn.
     pub options: Options,
-    shapes: shape::Codes,
+    shapes: shape::ShapeTable,
     /// Colours and normals of the last picture, to be shaded.
     pub planes: Planes,
     runs: Vec<SplatRun>,

@@ -6,7 +6,7 @@
 
 use crate::ewa::clip::{Clipping, Lines, WIDER};
 use crate::ewa::ellipses::Ellipses;
-use crate::ewa::shape::{Codes, Shapes, WIDEST, shape_code};
+use crate::ewa::shape::{ShapeTable, Shapes, WIDEST, shape_code};
 use crate::ewa::splat::{Box4, Disc, Lens, Placement, SplatAttributes, across};
 use crate::ewa::tiles::{RUN_POINTS, SplatRun, Tiles};
 use crate::frame::{ColourPlane, DrawNode, Frame};
@@ -44,7 +44,7 @@ pub struct Placer<'a> {
     /// Whether the cloud has normals.
     pub has_normals: bool,
     /// Values of the codes of shapes.
-    pub shapes: &'a Codes,
+    pub shapes: &'a ShapeTable,
     /// Computes clip lines, if splats are clipped.
     pub clipping: Option<Clipping<'a>>,
 }

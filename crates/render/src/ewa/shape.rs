@@ -14,14 +14,14 @@ pub(crate) const SINE_MIN: f32 = 1e-4;
 
 /// Values of the codes of shapes.
 #[derive(Clone, Debug)]
-pub struct Codes {
+pub struct ShapeTable {
     /// Distance of points along the long axis, over the spacing of the node.
     apart: [f32; 256],
     /// Ratio of that distance to the one across.
     aspect: [f32; 256],
 }
 
-impl Default for Codes {
+impl Default for ShapeTable {
     fn default() -> Self {
         Self {
             apart: std::array::from_fn(|code| radius_factor(code as u8)),
@@ -51,7 +51,12 @@ pub fn shape_code(plane: &[u8], index: usize) -> [u8; TANGENT_BYTES] {
 impl<S: Simd> Shapes<f32x8<S>> {
     /// Decodes the shapes of eight points of a node with this spacing.
     #[inline(always)]
-    pub fn of(simd: S, codes: &[[u8; TANGENT_BYTES]; EIGHT], spacing: f32, table: &Codes) -> Self {
+    pub fn of(
+        simd: S,
+        codes: &[[u8; TANGENT_BYTES]; EIGHT],
+        spacing: f32,
+        table: &ShapeTable,
+    ) -> Self {
         let mut along = [[0.0; EIGHT]; 3];
         let (mut apart, mut aspect) = ([0.0; EIGHT], [0.0; EIGHT]);
         for (k, &[x, y, a, b]) in codes.iter().enumerate() {

@@ -62,9 +62,9 @@ struct Bound {
     /// Buffers that identify what is bound: the uniform, a plane of the pyramid, one of the
     /// picture.
     to: [wgpu::Buffer; 3],
-    /// Stages of each choice so far: when a moving camera alternates between two choices, neither
-    /// is bound again.
-    stages: Vec<(Choices, Vec<Stage>)>,
+    /// PassTimes of each choice so far: when a moving camera alternates between two choices,
+    /// neither is bound again.
+    stages: Vec<(Choices, Vec<PassDispatches>)>,
     /// Held here so that its bytes are counted, and for tests; bind groups alone would keep it
     /// alive.
     scratch: Scratch,
@@ -72,7 +72,7 @@ struct Bound {
 
 /// Dispatches that are timed and tested together.
 #[derive(Debug)]
-pub struct Stage {
+pub struct PassDispatches {
     /// Name of the CPU pass that it is compared with.
     pub name: &'static str,
     /// Pass that its time is added to.
@@ -80,7 +80,7 @@ pub struct Stage {
     dispatches: Vec<Dispatch>,
 }
 
-impl Stage {
+impl PassDispatches {
     /// Adds it to the commands of a frame.
     pub fn encode(&self, encoder: &mut CommandEncoder, timing: &mut Timing) {
         let mut pass = timing.compute(encoder, self.pass);
@@ -175,8 +175,8 @@ impl Kernels {
         gpu: &Gpu,
         target: &SurfaceTarget<'_>,
         Choices { shines, smooths, .. }: Choices,
-    ) -> Result<Vec<Stage>, GpuError> {
-        let stage = |name, pass, dispatches| Stage { name, pass, dispatches };
+    ) -> Result<Vec<PassDispatches>, GpuError> {
+        let stage = |name, pass, dispatches| PassDispatches { name, pass, dispatches };
         let uniform = target.uniform;
         let marks = [&target.picture.depth, target.marks, target.sources];
         let push = self.push.dispatches(gpu, uniform, target.pyramid, smooths)?;
@@ -249,7 +249,7 @@ impl Surface {
         pyramid: &GpuPyramid,
         picture: &GpuPicture,
         choices: Choices,
-    ) -> Result<&[Stage], GpuError> {
+    ) -> Result<&[PassDispatches], GpuError> {
         let to = [uniform, &pyramid.levels[0].front, &*picture.rgba].map(Clone::clone);
         if self.bound.as_ref().is_none_or(|bound| bound.to != to) {
             // The old memory is released first, so that both never exist at once.

@@ -64,7 +64,7 @@ pub enum Codebook {
     /// Labels, one hue each.
     Labels,
     /// A palette from 0 to 254 ([`esker_points::codes`]); 255 stands for NaN.
-    Along(Palette),
+    Along(Gradient),
     /// These colours (sRGB), for files that number the colours of their points.
     Own([[u8; 3]; 256]),
 }
@@ -76,9 +76,9 @@ impl Codebook {
             Self::Classes => std::array::from_fn(|class| class_colour(class as u8)),
             Self::Own(colours) => colours.map(linear),
             Self::Labels => std::array::from_fn(|label| hue(label as u32)),
-            Self::Along(palette) => {
+            Self::Along(gradient) => {
                 let high = f64::from(esker_points::codes::LAST);
-                let table = MapTable::new(&ColourMap { low: 0.0, high, palette });
+                let table = MapTable::new(&ColourMap { low: 0.0, high, gradient });
                 std::array::from_fn(|code| match code as u8 {
                     esker_points::codes::NO_NUMBER => table.colours[MapTable::NO_NUMBER],
                     code => table.at(f64::from(code)),
@@ -98,12 +98,12 @@ pub struct ColourMap {
     /// Value of the last colour.
     pub high: f64,
     /// The colours.
-    pub palette: Palette,
+    pub gradient: Gradient,
 }
 
 /// A sequence of colours to map values to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Palette {
+pub enum Gradient {
     /// Perceptually uniform, from dark blue over green to yellow; suitable for colour-blind viewers
     /// (`smith2015`).
     #[default]
@@ -114,8 +114,8 @@ pub enum Palette {
     Terrain,
 }
 
-impl Palette {
-    /// Name of the palette.
+impl Gradient {
+    /// Name of the gradient.
     pub fn name(self) -> &'static str {
         match self {
             Self::Viridis => "viridis",
@@ -279,18 +279,18 @@ impl MapTable {
 
     /// Computes the table of a map.
     pub fn new(map: &ColourMap) -> Self {
-        let stops: &[[u8; 3]] = match map.palette {
-            Palette::Viridis => &VIRIDIS,
-            Palette::Grey => &GREY,
-            Palette::Terrain => &TERRAIN,
+        let stops: &[[u8; 3]] = match map.gradient {
+            Gradient::Viridis => &VIRIDIS,
+            Gradient::Grey => &GREY,
+            Gradient::Terrain => &TERRAIN,
         };
         let last = Self::ENTRIES - 1;
-        let palette = (0..=last).map(|i| {
+        let gradient = (0..=last).map(|i| {
             let at = i as f32 / last as f32 * (stops.len() - 1) as f32;
             let k = (at as usize).min(stops.len() - 2);
             linear(stops[k]).lerp(linear(stops[k + 1]), at - k as f32)
         });
-        let colours = palette.chain([linear(NO_NUMBER)]).collect();
+        let colours = gradient.chain([linear(NO_NUMBER)]).collect();
         // An empty range maps to its first colour.
         let per_unit = last as f64 / (map.high - map.low);
         let per_unit = if per_unit.is_finite() { per_unit } else { 0.0 };
@@ -382,7 +382,7 @@ mod tests {
         let values = [0.0, -1e300, 1e300, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 0.5];
         for low in values {
             for high in values {
-                let table = MapTable::new(&ColourMap { low, high, palette: Palette::Viridis });
+                let table = MapTable::new(&ColourMap { low, high, gradient: Gradient::Viridis });
                 for v in values {
                     assert!(table.at(v).is_finite());
                 }
@@ -392,7 +392,7 @@ mod tests {
 
     #[test]
     fn the_ends_of_a_map_are_the_ends_of_its_palette() {
-        let map = ColourMap { low: 10.0, high: 20.0, palette: Palette::Viridis };
+        let map = ColourMap { low: 10.0, high: 20.0, gradient: Gradient::Viridis };
         let table = MapTable::new(&map);
         assert_eq!(Encoder::get().bytes(table.at(10.0)), VIRIDIS[0]);
         assert_eq!(Encoder::get().bytes(table.at(25.0)), VIRIDIS[10]);

@@ -2,7 +2,7 @@
 //! variants.
 
 use super::*;
-use crate::inputs::colour::{Codebook, Palette};
+use crate::inputs::colour::{Codebook, Gradient};
 
 const ALL: SceneHas = SceneHas {
     normals: true,
@@ -44,7 +44,7 @@ fn points_read_the_plane_of_their_colours_and_nothing_else() {
     assert_eq!(reads(ColourBy::Rgb), (true, false, [false, true, false]));
     assert_eq!(reads(ColourBy::Plain), (false, false, [false; 3]));
     assert_eq!(reads(ColourBy::Normal), (false, true, [false, false, true]));
-    let codes = ColourBy::Codes(Codebook::Along(Palette::Viridis));
+    let codes = ColourBy::Codes(Codebook::Along(Gradient::Viridis));
     assert_eq!(reads(codes), (true, false, [false, true, false]));
     assert_eq!(*FramePlan::of(&has, &points).passes, [Pass::Project, Pass::Resolve]);
 }

@@ -25,7 +25,7 @@ const WKT_BYTES_MAX: usize = 1 << 20;
 
 /// Numbers of a CRS in the EPSG register, which do not depend on how it is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Codes {
+pub struct EpsgCodes {
     /// Number of the projected or geographic system.
     pub horizontal: u32,
     /// Number of the vertical system, if there is one.
@@ -34,7 +34,7 @@ pub struct Codes {
     pub units: [Option<String>; 2],
 }
 
-impl Codes {
+impl EpsgCodes {
     /// Whether both may be the same system. A value that only one of them has is no difference.
     pub fn agree(&self, other: &Self) -> bool {
         fn same<T: PartialEq>(a: Option<&T>, b: Option<&T>) -> bool {
@@ -48,14 +48,14 @@ impl Codes {
 
 /// Parses the EPSG numbers from the text of a CRS ([`Crs::text`]); `None` if the horizontal system
 /// has no number.
-pub fn codes(text: &str) -> Option<Codes> {
+pub fn epsg_codes(text: &str) -> Option<EpsgCodes> {
     match text.strip_prefix("GeoTIFF:") {
-        Some(keys) => geotiff_codes(keys),
+        Some(keys) => geotiff_epsg_codes(keys),
         None => wkt_codes(text),
     }
 }
 
-fn geotiff_codes(keys: &str) -> Option<Codes> {
+fn geotiff_epsg_codes(keys: &str) -> Option<EpsgCodes> {
     // A citation may hold anything, but within quotes; quotes in it are escaped.
     let keys = keys.replace(r"\\", "").replace(r#"\""#, "");
     let words: Vec<&str> = keys.split('"').step_by(2).flat_map(str::split_whitespace).collect();
@@ -67,7 +67,7 @@ fn geotiff_codes(keys: &str) -> Option<Codes> {
     let name = if is_geographic { "GeographicType" } else { "ProjectedCSType" };
     let is_registered = |code: &u32| *code != 0 && *code != USER_DEFINED;
     let unit = |name| key(name).and_then(unit_of_code).map(str::to_owned);
-    Some(Codes {
+    Some(EpsgCodes {
         horizontal: key(name).filter(is_registered)?,
         vertical: key("VerticalCSType").filter(is_registered),
         units: [
@@ -86,7 +86,7 @@ fn unit_of_code(code: u32) -> Option<&'static str> {
     }
 }
 
-fn wkt_codes(wkt: &str) -> Option<Codes> {
+fn wkt_codes(wkt: &str) -> Option<EpsgCodes> {
     let nodes = &nodes(wkt)[..];
     let is = |at: usize, names: &[&str]| nodes[at].is(names);
     let children = |parent| children(nodes, parent);
@@ -107,7 +107,7 @@ fn wkt_codes(wkt: &str) -> Option<Codes> {
         let units = std::iter::once(at).chain(axes).flat_map(children);
         units.filter(|&i| is(i, &UNITS)).find_map(|i| unit_name(nodes[i].rest))
     };
-    Some(Codes {
+    Some(EpsgCodes {
         horizontal: code(horizontal)?,
         vertical: vertical.and_then(code),
         units: [wkt_unit(wkt), vertical.and_then(unit_of_heights)],
@@ -330,7 +330,7 @@ mod tests {
     #[test]
     fn a_system_is_known_by_its_numbers_however_it_is_written() {
         let wkt = r#"PROJCS["RGF93 / Lambert-93",GEOGCS["RGF93",AUTHORITY["EPSG","4171"]],UNIT["metre",1,AUTHORITY["EPSG","9001"]],AUTHORITY["EPSG","2154"]]"#;
-        let of = |text: &str| codes(text).unwrap();
+        let of = |text: &str| epsg_codes(text).unwrap();
         assert_eq!((of(wkt).horizontal, of(wkt).vertical), (2154, None));
         let wkt2 = r#"PROJCRS["RGF93 v1 / Lambert-93",BASEGEOGCRS["RGF93 v1",ID["EPSG",4171]],CS[Cartesian,2],AXIS["x",east],LENGTHUNIT["metre",1],ID["EPSG",2154]]"#;
         let keys = r#"GeoTIFF: GTModelType=1 GTCitation="\\\" ProjectedCSType=1 \\" ProjectedCSType=2154 GeographicType=4171 ProjLinearUnits=9001"#;
@@ -361,7 +361,7 @@ mod tests {
             r#"PROJCS["x",AUTHORITY["ESRI","102110"]]"#,
             "GeoTIFF: ProjectedCSType=32767 GeographicType=4171",
         ] {
-            assert_eq!(codes(none), None, "{none}");
+            assert_eq!(epsg_codes(none), None, "{none}");
         }
     }
 
@@ -384,7 +384,7 @@ mod tests {
         let wkt = format!(
             r#"PROJCS["p",{axes}AXIS["z",up,UNIT["foot",0.3048]],AUTHORITY["EPSG","2154"]]"#
         );
-        let codes = codes(&wkt).unwrap();
+        let codes = epsg_codes(&wkt).unwrap();
         assert_eq!((codes.horizontal, codes.units[0].as_deref()), (2154, Some("foot")));
         assert_eq!(wkt_unit(&"PROJCS[AXIS[".repeat(1 << 20)), None);
     }

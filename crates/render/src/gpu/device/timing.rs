@@ -2,7 +2,7 @@
 //! later. A device without timestamps gives no times, and a frame without a free buffer is not
 //! timed.
 
-use crate::frame::Stages;
+use crate::frame::PassTimes;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::readback::ReadbackRing;
 use crate::gpu::device::{Counted, Gpu};
@@ -21,7 +21,7 @@ pub struct Timing {
     /// Pass of each span of this frame.
     spans: Vec<Pass>,
     is_open: bool,
-    newest: Option<Stages>,
+    newest: Option<PassTimes>,
 }
 
 #[derive(Debug)]
@@ -112,7 +112,7 @@ impl Timing {
     }
 
     /// Times of the newest frame whose timestamps have arrived. The caller has polled the device.
-    pub fn newest(&mut self) -> Option<Stages> {
+    pub fn newest(&mut self) -> Option<PassTimes> {
         if let Some(queries) = &mut self.queries
             && let Some((spans, bytes)) = queries.ring.newest()
         {
@@ -122,8 +122,8 @@ impl Timing {
     }
 }
 
-fn stages(spans: &[Pass], bytes: &[u8], ms_a_tick: f64) -> Stages {
-    let mut stages = Stages::default();
+fn stages(spans: &[Pass], bytes: &[u8], ms_a_tick: f64) -> PassTimes {
+    let mut stages = PassTimes::default();
     let (mut first, mut last) = (u64::MAX, 0);
     for (&pass, stamps) in spans.iter().zip(bytes.as_chunks::<16>().0) {
         let [begin, end] = bytemuck::cast::<[u8; 16], [u64; 2]>(*stamps);

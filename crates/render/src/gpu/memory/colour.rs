@@ -6,12 +6,14 @@
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::shader::same_values;
 use crate::gpu::device::{Counted, Gpu};
-use crate::inputs::colour::{ColourBy, ColourMap, ENCODE_ENTRIES, Encoder, MapTable, Palette, hue};
+use crate::inputs::colour::{
+    ColourBy, ColourMap, ENCODE_ENTRIES, Encoder, Gradient, MapTable, hue,
+};
 use esker_points::Lattice;
 use glam::Vec3;
 
 /// Any colour map; the number of a [`ColourBy`] does not depend on it.
-const MAP: ColourMap = ColourMap { low: 0.0, high: 1.0, palette: Palette::Grey };
+const MAP: ColourMap = ColourMap { low: 0.0, high: 1.0, gradient: Gradient::Grey };
 
 same_values!(common_encode == crate::inputs::colour { ENCODE_STEPS = ENCODE_ENTRIES });
 same_values!(common_colour == crate::inputs::colour {
@@ -135,7 +137,7 @@ mod tests {
         let lattice = Lattice { scale: [1e-3; 3], offset: [10.0; 3], shift: [5; 3] };
         for &low in &values {
             for &high in &values {
-                let map = ColourMap { low, high, palette: Palette::Viridis };
+                let map = ColourMap { low, high, gradient: Gradient::Viridis };
                 let table = MapTable::new(&map);
                 let runs = ColourRuns::of(&ColourBy::Scalar(map), &lattice).unwrap();
                 let heights = ColourRuns::of(&ColourBy::Elevation(map), &lattice).unwrap();
@@ -155,7 +157,7 @@ mod tests {
     fn runs_colour_every_code() {
         let lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] };
         let own = Codebook::Own(std::array::from_fn(|i| [i as u8, (i * 7) as u8, 0]));
-        let along = Codebook::Along(Palette::Viridis);
+        let along = Codebook::Along(Gradient::Viridis);
         for book in [Codebook::Classes, Codebook::Labels, along, own] {
             let (runs, colours) =
                 (ColourRuns::of(&ColourBy::Codes(book), &lattice).unwrap(), book.colours());
