@@ -8,7 +8,7 @@ use serde_json::Value;
 
 /// Crates of the project that each crate may depend on, its tests included. A crate missing from
 /// this table fails the check.
-const ALLOWED: [(&str, &[&str]); 13] = [
+const ALLOWED: [(&str, &[&str]); 14] = [
     ("esker-points", &[]),
     ("esker-scan", &["points"]),
     ("esker-format", &["points"]),
@@ -16,8 +16,9 @@ const ALLOWED: [(&str, &[&str]); 13] = [
     ("esker-lod", &["points"]),
     ("esker-stream", &["points", "format", "lod"]),
     ("esker-render", &["points", "lod"]),
-    ("esker-engine", &["points", "scan", "format", "builder", "lod", "stream", "render"]),
-    ("esker-bench", &["points", "scan", "format", "builder", "lod", "stream", "render", "engine"]),
+    ("esker-trace", &["points", "lod", "render"]),
+    ("esker-engine", &["points", "scan", "format", "builder", "lod", "stream", "render", "trace"]),
+    ("esker-bench", &["points", "scan", "format", "builder", "lod", "stream", "render", "trace", "engine"]),
     ("esker-view", &["engine"]),
     ("esker", &["engine", "bench"]),
     // Tools may use any library.

@@ -4,3 +4,4 @@ pub mod camera;
 pub mod colour;
 pub mod density;
 pub mod lookup;
+pub mod splats;

@@ -1,0 +1,1 @@
+//! Trees over discs and triangles, and their traversal.

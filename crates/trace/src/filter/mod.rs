@@ -1,0 +1,1 @@
+//! Filters of indirect light, guided by normals and depth.

@@ -1,0 +1,1 @@
+//! Lights: what the user states, and how they are sampled.

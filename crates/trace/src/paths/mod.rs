@@ -1,0 +1,1 @@
+//! Paths: guide rays, indirect and direct light, lookup, accumulation.
