@@ -285,7 +285,8 @@ impl App {
                 self.wanted.method = match self.wanted.method {
                     Method::Points => Method::PullPush,
                     Method::PullPush => Method::Ewa,
-                    Method::Ewa => Method::Points,
+                    Method::Ewa => Method::Lit,
+                    Method::Lit => Method::Points,
                 };
             }
             if i.key_pressed(Key::C) {

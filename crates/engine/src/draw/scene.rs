@@ -4,15 +4,17 @@
 use crate::calls::info;
 use crate::cameras::camera::Camera;
 use crate::draw::frame::{Appearance, draw_node};
+use crate::draw::method::Method;
 use crate::io::file::is_esker;
 use crate::io::output;
+use crate::light::settings::LightSettings;
 use crate::machine::backend::DrawWith;
 use anyhow::Result;
 use esker_format::{Forest, ForestFilter, PlaneKind, Planes};
 use esker_lod::{CompactOctree, Options, Residency, Selection, View, needs_residual, select};
 use esker_points::{Filter, Task};
 use esker_render::inputs::density::{is_crowded, is_dense};
-use esker_render::{DrawNode, FramePlan, Method};
+use esker_render::{DrawNode, FramePlan};
 use rayon::prelude::*;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -43,6 +45,8 @@ pub struct PictureRequest {
     pub keeps_values: bool,
     /// Whether full planes are drawn although there are compact ones.
     pub full: bool,
+    /// How a lit picture is lit.
+    pub light: LightSettings,
     /// CPU or GPU.
     pub with: DrawWith,
     /// Threads; 0 for one a core.
@@ -66,6 +70,7 @@ impl Default for PictureRequest {
             evens_exposure: false,
             keeps_values: false,
             full: false,
+            light: LightSettings::default(),
             with: DrawWith::default(),
             threads: 0,
             build: esker_builder::Options::default(),

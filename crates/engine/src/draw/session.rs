@@ -12,6 +12,7 @@
 
 use crate::draw::budget::Shares;
 use crate::draw::frame::Appearance;
+use crate::draw::method::Method;
 pub use crate::draw::options::{Options, Settings};
 use crate::draw::painter::{CpuPainter, FrameInput, GpuPainter, Painter};
 pub use crate::draw::painter::{GpuBytes, Image};
@@ -21,7 +22,7 @@ use anyhow::{Context, Error, Result, bail, ensure};
 use esker_format::Forest;
 use esker_lod::{DepthFeedback, View};
 use esker_render::inputs::camera::Camera;
-use esker_render::{Method, Picture, Stats};
+use esker_render::{Picture, Stats};
 use esker_stream::{Cut, Status, Streamer};
 use glam::DVec2;
 use std::sync::Arc;
