@@ -100,7 +100,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         light: args.light.into(),
         with: (&args.with).into(),
         threads: args.how.threads.count,
-        build: args.how.options(),
+        build: args.how.options_for(args.method),
         ..PictureRequest::default()
     };
     let (inputs, output) = (&args.inputs, &args.output);

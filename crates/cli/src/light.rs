@@ -6,7 +6,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use esker_engine::Method;
 use esker_engine::light::check_built;
 use esker_engine::light::settings::{FILTERS, FilterName, LightSettings, filter_of_name};
-use esker_engine::light::spec::LightSpec;
+use esker_engine::light::spec::{LightSpec, joined};
 use std::path::PathBuf;
 
 /// Options of `--method lit`; none of them changes other pictures.
@@ -14,7 +14,7 @@ use std::path::PathBuf;
 #[command(next_help_heading = "Options of --method lit")]
 pub struct LightArgs {
     /// Lights: sun:AZIMUTH,ELEVATION[,STRENGTH[,DIAMETER]] (degrees, from north over east, above
-    /// the horizon), sky[:STRENGTH], sky:PICTURE.png[,STRENGTH], lamp:X,Y,Z[,POWER], or files of
+    /// the horizon), sky[:STRENGTH], sky:PICTURE.png[,STRENGTH], lamp:X,Y,Z[,STRENGTH], or files of
     /// lights (docs/commands.md); sun:225,40 and sky by default.
     #[arg(long, num_args = 1.., value_name = "LIGHT", allow_hyphen_values = true)]
     pub lights: Vec<LightSpec>,
@@ -100,7 +100,7 @@ impl From<LightArgs> for LightSettings {
     fn from(args: LightArgs) -> Self {
         let default = Self::default();
         Self {
-            lights: args.lights.into_iter().flat_map(|spec| spec.0).collect(),
+            lights: joined(args.lights),
             samples: args.samples.unwrap_or(default.samples),
             bounces: args.bounces.unwrap_or(default.bounces),
             shadow_samples: args.shadow_samples.unwrap_or(default.shadow_samples),

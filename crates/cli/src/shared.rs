@@ -83,6 +83,17 @@ impl BuildHow {
         BuildOptions { resume, ..self.options() }
     }
 
+    /// Options of a build that is drawn by `method`: light needs normals.
+    pub fn options_for(&self, method: Method) -> BuildOptions {
+        let options = self.options();
+        match (self.normals, method) {
+            (NormalsArg::Keep, Method::Lit) => {
+                BuildOptions { normals: NormalsMode::Estimate, ..options }
+            }
+            _ => options,
+        }
+    }
+
     /// Options of a build.
     pub fn options(&self) -> BuildOptions {
         let default = BuildOptions::default();

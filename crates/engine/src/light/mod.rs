@@ -2,11 +2,25 @@
 //! the command line or a document, builds the scene of a cut, and draws still pictures and the
 //! frames of sessions. Without the feature `light` only the settings remain, which are refused.
 
-pub mod document;
+#[cfg(feature = "light")]
+pub mod lights;
+#[cfg(feature = "light")]
+pub(crate) mod scene;
 pub mod settings;
 pub mod spec;
+#[cfg(feature = "light")]
+pub mod still;
+#[cfg(feature = "light")]
+pub(crate) mod tone;
 
 use anyhow::{Result, ensure};
+use settings::{FilterName, LightSettings};
+
+/// Most bytes a splat while a scene is built: the splat itself (48), its disc with albedo and
+/// normal, and its share of the tree.
+const SPLAT_BYTES: u64 = 128;
+/// Why a GPU does not draw.
+pub(crate) const LIT_BY_CPU: &str = "lit pictures are drawn by the CPU";
 
 /// Whether this program can light.
 pub const IS_BUILT: bool = cfg!(feature = "light");
@@ -22,6 +36,37 @@ pub fn check_built() -> Result<()> {
          cargo build --release -p esker -p esker-view --features light"
     );
     Ok(())
+}
+
+/// Names of the passes of a lit picture, in their order (`bauszat2011`, figure 1).
+pub(crate) fn passes(settings: &LightSettings) -> Vec<&'static str> {
+    let has_indirect = settings.bounces > 0;
+    let passes = [
+        ("splats", true),
+        ("tree", true),
+        ("guide", true),
+        ("indirect", has_indirect),
+        ("filter", has_indirect && settings.filter != FilterName::None),
+        ("direct", true),
+        ("tone", true),
+    ];
+    passes.into_iter().filter(|(_, runs)| *runs).map(|(name, _)| name).collect()
+}
+
+/// Most splats of a lit scene within some bytes of memory.
+pub(crate) fn splats_max(bytes: u64) -> u64 {
+    bytes / SPLAT_BYTES
+}
+
+/// Whether lights choose points by their classes.
+pub(crate) fn needs_classes(settings: &LightSettings) -> bool {
+    #[cfg(feature = "light")]
+    return settings.lights.as_ref().is_some_and(lights::name_classes);
+    #[cfg(not(feature = "light"))]
+    {
+        let _ = settings;
+        false
+    }
 }
 
 #[cfg(test)]

@@ -1,14 +1,21 @@
 //! Settings of lit pictures: lights, numbers of rays, filter and exposure. Plain data that command
 //! lines and the window change, and sessions compare. Albedo is the colours of the picture.
 
-use crate::light::document::Light;
+#[cfg(feature = "light")]
+pub use esker_trace::Lights;
 use std::path::PathBuf;
+
+/// Lights of a program that was built without them.
+#[cfg(not(feature = "light"))]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lights;
+
 
 /// How a picture is lit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightSettings {
-    /// The lights; without one, [`Light::defaults`].
-    pub lights: Vec<Light>,
+    /// The lights; none for the sun in the south-west and a clear sky.
+    pub lights: Option<Lights>,
     /// Rays through a pixel, at least 1.
     pub samples: u32,
     /// Times that light is reflected between surfaces before it reaches the seen one; 0 for direct
@@ -29,7 +36,7 @@ pub struct LightSettings {
 impl Default for LightSettings {
     fn default() -> Self {
         Self {
-            lights: Vec::new(),
+            lights: None,
             samples: 4,
             bounces: 1,
             shadow_samples: 4,
@@ -38,13 +45,6 @@ impl Default for LightSettings {
             exposure: None,
             meshes: Vec::new(),
         }
-    }
-}
-
-impl LightSettings {
-    /// The lights, or those of pictures that name none.
-    pub fn lights_or_default(&self) -> Vec<Light> {
-        if self.lights.is_empty() { Light::defaults() } else { self.lights.clone() }
     }
 }
 
