@@ -18,6 +18,7 @@ pub mod caught;
 mod e57;
 mod error;
 pub mod las;
+pub mod mesh;
 mod pcd;
 mod ply;
 mod ptx;
