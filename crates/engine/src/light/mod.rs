@@ -5,13 +5,19 @@
 #[cfg(feature = "light")]
 pub mod lights;
 #[cfg(feature = "light")]
+pub(crate) mod progressive;
+#[cfg(feature = "light")]
 pub(crate) mod scene;
 pub mod settings;
 pub mod spec;
+pub mod status;
 #[cfg(feature = "light")]
 pub mod still;
 #[cfg(feature = "light")]
 pub(crate) mod tone;
+#[cfg(not(feature = "light"))]
+#[path = "unlit.rs"]
+pub(crate) mod progressive;
 
 use anyhow::{Result, ensure};
 use settings::{FilterName, LightSettings};

@@ -5,11 +5,12 @@
 
 use crate::light::scene::{LitScene, Meshes};
 use crate::light::settings::LightSettings;
+use crate::light::status::LitStatus;
 use crate::light::still::{lights_of, options, shows_sky};
 use crate::light::tone::Tones;
 use anyhow::Result;
 use esker_lod::View;
-use esker_points::NoTask;
+use esker_points::Silent;
 use esker_render::{Frame, PassTimes, Picture, Stats};
 use esker_trace::{Camera, LitImage, PreparedLights, Tracer};
 use std::time::{Duration, Instant};
@@ -26,23 +27,6 @@ const COARSER: [u32; 4] = [1, 2, 3, 4];
 const BUILD_SHARE: u32 = 3;
 /// Share of the way to the exposure of the new view that a frame of a moving view takes.
 const EXPOSURE_STEP: f64 = 0.2;
-
-/// State of a lit picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LitStatus {
-    /// Samples a pixel that the picture has; 0 for a coarse one.
-    pub samples: u32,
-    /// Samples a pixel of a finished picture.
-    pub samples_final: u32,
-    /// Splats of the scene.
-    pub splats: usize,
-    /// Most splats within the budget of main memory.
-    pub splats_max: u64,
-    /// Bytes of the scene and of the samples.
-    pub bytes: usize,
-    /// Factor from light to the picture.
-    pub exposure: f64,
-}
 
 /// What a lit picture depends on beside its scene.
 #[derive(Clone, PartialEq)]
@@ -86,7 +70,7 @@ impl Progressive {
     pub(crate) fn new(settings: &LightSettings, splats_max: u64) -> Result<Self> {
         let options = options(settings, &lights_of(settings));
         Ok(Self {
-            meshes: Meshes::read(settings, &NoTask)?,
+            meshes: Meshes::read(settings, &Silent)?,
             scene: None,
             scenes: 0,
             lights: None,
