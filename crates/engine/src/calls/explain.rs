@@ -227,7 +227,10 @@ fn left_out_of_light(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
     let has = |kind| file.has(kind);
     let plan = &scene.plan;
     let all = [
-        (!has(PlaneKind::Normal), "normal plane: the file has none; build it with --normals estimate"),
+        (
+            !has(PlaneKind::Normal),
+            "normal plane: the file has none; build it with --normals estimate",
+        ),
         (has(PlaneKind::ClipLines), "clip lines: light is traced on whole discs"),
         (has(PlaneKind::Tangents), "shapes of splats: light is traced on discs"),
         (!plan.reads_colours, "colour plane: colours come from elsewhere"),

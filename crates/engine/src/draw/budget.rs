@@ -87,7 +87,8 @@ impl Shares {
         let free = (budget_bytes - fixed) / run_bytes;
         let runs = runs.map_or(free.clamp(RUNS_MIN, RUNS_MAX), |r| r as u64);
         let staging_bytes = runs * run_bytes;
-        let scene_bytes = is_lit.then(|| budget_bytes.saturating_sub(fixed + staging_bytes) + lit_least);
+        let scene_bytes =
+            is_lit.then(|| budget_bytes.saturating_sub(fixed + staging_bytes) + lit_least);
         Ok(Self { tree_bytes, picture_bytes, staging_bytes, scene_bytes })
     }
 

@@ -6,6 +6,9 @@
 pub mod lights;
 #[cfg(feature = "light")]
 pub(crate) mod progressive;
+#[cfg(not(feature = "light"))]
+#[path = "unlit.rs"]
+pub(crate) mod progressive;
 #[cfg(feature = "light")]
 pub(crate) mod scene;
 pub mod settings;
@@ -15,9 +18,6 @@ pub mod status;
 pub mod still;
 #[cfg(feature = "light")]
 pub(crate) mod tone;
-#[cfg(not(feature = "light"))]
-#[path = "unlit.rs"]
-pub(crate) mod progressive;
 
 use anyhow::{Result, ensure};
 use settings::{FilterName, LightSettings};

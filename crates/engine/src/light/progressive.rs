@@ -10,7 +10,7 @@ use crate::light::still::{lights_of, options, shows_sky};
 use crate::light::tone::Tones;
 use anyhow::Result;
 use esker_lod::View;
-use esker_points::Silent;
+use esker_points::task::Silent;
 use esker_render::{Frame, PassTimes, Picture, Stats};
 use esker_trace::{Camera, LitImage, PreparedLights, Tracer};
 use std::time::{Duration, Instant};
@@ -104,8 +104,7 @@ impl Progressive {
     ) {
         let start = Instant::now();
         self.build(frame, epoch, settings);
-        let seen =
-            Seen { view: *frame.view, scene: self.scenes, settings: settings.clone() };
+        let seen = Seen { view: *frame.view, scene: self.scenes, settings: settings.clone() };
         let is_same = self.seen.as_ref() == Some(&seen);
         let is_newest = self.scene.as_ref().is_some_and(|scene| scene.epoch == epoch);
         if is_same && is_newest {
@@ -114,10 +113,8 @@ impl Progressive {
             self.glance(frame, settings, picture);
         }
         self.seen = Some(seen);
-        picture.stats.stages = PassTimes {
-            total_ms: start.elapsed().as_secs_f64() * 1e3,
-            ..PassTimes::default()
-        };
+        picture.stats.stages =
+            PassTimes { total_ms: start.elapsed().as_secs_f64() * 1e3, ..PassTimes::default() };
     }
 
     /// Builds the scene of a cut, unless the last scene is too new to be replaced already.
@@ -157,7 +154,8 @@ impl Progressive {
         // Nothing is known of the first picture.
         let by = if self.cost_ms > 0.0 { by } else { COARSER[COARSER.len() - 1] };
         let side = |length: u32| length.div_ceil(by);
-        let view = View { width: side(frame.view.width), height: side(frame.view.height), ..*frame.view };
+        let view =
+            View { width: side(frame.view.width), height: side(frame.view.height), ..*frame.view };
         let camera = Camera::new(&view, scene.lit.origin);
         let start = Instant::now();
         self.coarse.trace(&scene.lit.scene, self.scenes, lights, &camera, 1, &|| false);
@@ -232,8 +230,7 @@ impl Progressive {
         };
         self.status.splats = scene.lit.splats;
         self.status.exposure = exposure;
-        self.status.bytes =
-            scene.lit.scene.bytes() + self.fine.bytes() + self.coarse.bytes();
+        self.status.bytes = scene.lit.scene.bytes() + self.fine.bytes() + self.coarse.bytes();
     }
 }
 
@@ -262,6 +259,9 @@ mod tests {
         let mut picture = Picture { width: 3, height: 3, ..Picture::default() };
         enlarge(&rgba, &[0.0, 1.0, 2.0, 3.0], 2, 2, &mut picture);
         assert_eq!(picture.depth, [0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 2.0, 2.0, 3.0]);
-        assert_eq!(picture.rgba.iter().step_by(4).copied().collect::<Vec<_>>(), [0, 0, 1, 0, 0, 1, 2, 2, 3]);
+        assert_eq!(
+            picture.rgba.iter().step_by(4).copied().collect::<Vec<_>>(),
+            [0, 0, 1, 0, 0, 1, 2, 2, 3]
+        );
     }
 }

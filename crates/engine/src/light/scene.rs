@@ -3,7 +3,7 @@
 
 use crate::light::settings::LightSettings;
 use crate::light::tone::srgb_to_linear;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use esker_points::Task;
 use esker_render::{Codebook, ColourBy, Frame, Splat, splats};
 use esker_trace::light::Light;
@@ -106,12 +106,7 @@ fn emitter((index, light): (usize, &&Light)) -> Option<Emitter> {
 }
 
 /// Number of the first light by which a splat shines; 0 without one.
-fn number_of(
-    shining: &[&Light],
-    splat: &Splat,
-    classes: &[Option<&[u8]>],
-    origin: DVec3,
-) -> u8 {
+fn number_of(shining: &[&Light], splat: &Splat, classes: &[Option<&[u8]>], origin: DVec3) -> u8 {
     let place = Vec3::from_array(splat.centre).as_dvec3() + origin;
     let plane = classes.get(splat.draw as usize).copied().flatten();
     let class = plane.and_then(|plane| plane.get(splat.index as usize));

@@ -10,7 +10,6 @@ use std::path::PathBuf;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lights;
 
-
 /// How a picture is lit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightSettings {

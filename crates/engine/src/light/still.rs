@@ -1,15 +1,15 @@
 //! Still lit pictures: traces the splats of a frame sample by sample, filters, and encodes the
 //! picture. Reports what was traced, and what a user should know of it.
 
+use crate::draw::scene::PictureScene;
+use crate::io::quantity::grouped;
 use crate::light::lights;
 use crate::light::scene::{LitScene, Meshes, holds_light};
 use crate::light::settings::{FilterName, LightSettings};
 use crate::light::tone::Tones;
-use crate::draw::scene::PictureScene;
 use anyhow::Result;
 use esker_format::Forest;
 use esker_lod::CompactOctree;
-use crate::io::quantity::grouped;
 use esker_points::Task;
 use esker_render::{Frame, PassTimes, Picture, Stats};
 use esker_trace::filter::{FilterKind, Settings as FilterSettings};
@@ -75,7 +75,7 @@ pub(crate) fn options(settings: &LightSettings, lights: &Lights) -> Options {
         bounces: settings.bounces,
         shadow_samples: settings.shadow_samples,
         seed: settings.seed,
-        filter: FilterSettings { kind, ..FilterSettings::default() },
+        filter: FilterSettings::of(kind),
         shows_sky: shows_sky(lights),
         ..Options::default()
     }
@@ -118,8 +118,7 @@ pub fn draw(
     task.phase("tracing", Some(pixels * u64::from(settings.samples)), "rays");
     let start = Instant::now();
     for _ in 0..settings.samples {
-        let is_whole =
-            tracer.trace(&lit.scene, 1, &prepared, &camera, 1, &|| task.is_cancelled());
+        let is_whole = tracer.trace(&lit.scene, 1, &prepared, &camera, 1, &|| task.is_cancelled());
         task.check()?;
         debug_assert!(is_whole, "only cancelling stops a trace");
         task.advance(pixels);
@@ -187,11 +186,7 @@ fn picture(
         height: image.radiance.height as u32,
         rgba,
         depth: image.depth.clone(),
-        stats: Stats {
-            pixels_projected: covered,
-            pixels_covered: covered,
-            ..Stats::default()
-        },
+        stats: Stats { pixels_projected: covered, pixels_covered: covered, ..Stats::default() },
     };
     (picture, exposure)
 }
@@ -202,10 +197,16 @@ pub(crate) fn notes(scene: &PictureScene, report: &LightReport) -> Vec<&'static 
     let counters = &scene.selection.counters;
     let is_bounded = counters.withheld + counters.shortened > 0;
     let notes = [
-        (holds_light(by), "albedo: the colours of the scan hold the light of its day, which is \
-                           counted twice (--albedo intensity or plain: without it)"),
-        (is_bounded, "splats: their bound is reached, farther ones are coarser \
-                      (--budget-points, or more memory)"),
+        (
+            holds_light(by),
+            "albedo: the colours of the scan hold the light of its day, which is \
+                           counted twice (--albedo intensity or plain: without it)",
+        ),
+        (
+            is_bounded,
+            "splats: their bound is reached, farther ones are coarser \
+                      (--budget-points, or more memory)",
+        ),
         (report.splats_dropped > 0, "splats: some have no extent, and are not lit"),
     ];
     notes.into_iter().filter(|(holds, _)| *holds).map(|(_, note)| note).collect()
