@@ -10,7 +10,7 @@ use glam::Vec3;
 
 /// A disc; without a normal it faces each ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Disc {
+pub struct Disc {
     pub(crate) centre: Vec3,
     /// Unit length, or zero.
     pub(crate) normal: Vec3,

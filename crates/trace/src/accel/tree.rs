@@ -25,7 +25,7 @@ pub enum Kind {
 }
 
 /// A shape that rays meet.
-pub(crate) trait Primitive: Copy + Send + Sync {
+pub trait Primitive: Copy + Send + Sync {
     /// Eight of them.
     type Leaf: Leaf<Primitive = Self>;
 
@@ -34,7 +34,7 @@ pub(crate) trait Primitive: Copy + Send + Sync {
 }
 
 /// Eight primitives; all zero, it is unused.
-pub(crate) trait Leaf: Pod + Send + Sync {
+pub trait Leaf: Pod + Send + Sync {
     /// One of them.
     type Primitive: Primitive<Leaf = Self>;
 

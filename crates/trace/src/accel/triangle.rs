@@ -10,7 +10,7 @@ use glam::Vec3;
 
 /// A triangle: a corner and the two edges from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Triangle {
+pub struct Triangle {
     corner: Vec3,
     edges: [Vec3; 2],
 }

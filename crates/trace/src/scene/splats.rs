@@ -94,8 +94,9 @@ impl SplatInput<'_> {
     pub(crate) fn albedo_rule(&self) -> (f32, [f32; 2]) {
         match self.albedo {
             Albedo::Rgb => {
-                let mut bright: Vec<f32> =
-                    self.splats.iter().map(|s| luminance(s.colour)).collect();
+                let step = self.splats.len() / SAMPLES + 1;
+                let sampled = self.splats.iter().step_by(step).map(|s| luminance(s.colour));
+                let mut bright: Vec<f32> = sampled.filter(|l| !l.is_nan()).collect();
                 if bright.is_empty() {
                     return (1.0, ALBEDO_RANGE);
                 }
