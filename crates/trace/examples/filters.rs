@@ -11,7 +11,7 @@ fn main() {
     let mut noisy = Image::<3>::new(w, h);
     let mut s = 1u32;
     for p in &mut noisy.planes { for v in p { s = s.wrapping_mul(1664525).wrapping_add(1013904223); *v = (s >> 8) as f32 / 16777216.0; } }
-    for n in [1, 3, 4, 5] {
+    for n in std::env::args().skip(1).map(|a| a.parse::<usize>().unwrap()) {
         let g = Guides { planes: guides.planes[..n].to_vec(), kinds: guides.kinds[..n].to_vec(), ..guides.clone() };
         for r in [8, 32] {
             let mut best = f64::MAX;
