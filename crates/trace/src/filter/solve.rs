@@ -42,8 +42,7 @@ pub(crate) fn solve<S: Simd, const K: usize, const N: usize, const M: usize, con
     for n in 0..N {
         values[n] = sum(signal(K) + n) * share;
     }
-    let luminance =
-        values[0] * LUMINANCE[0] + values[1] * LUMINANCE[1] + values[2] * LUMINANCE[2];
+    let luminance = values[0] * LUMINANCE[0] + values[1] * LUMINANCE[1] + values[2] * LUMINANCE[2];
     let noise = noise(zero, luminance, sum(square(K, N)) * share, share);
     let mut epsilon = [zero; K];
     for k in 0..K {

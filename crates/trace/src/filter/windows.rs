@@ -71,7 +71,14 @@ impl<const L: usize> Sliding<L> {
     /// Moves the sums from the window before that of pixel `x` to that window, given how many
     /// values are summed. Returns how many are summed then.
     #[inline(always)]
-    fn advance<S: Simd>(&mut self, simd: S, x: usize, radius: usize, width: usize, summed: usize) -> usize {
+    fn advance<S: Simd>(
+        &mut self,
+        simd: S,
+        x: usize,
+        radius: usize,
+        width: usize,
+        summed: usize,
+    ) -> usize {
         let end = (x + radius + 1).min(width);
         if summed + 1 == end && x > radius {
             self.slide(simd, summed, x - radius - 1);
