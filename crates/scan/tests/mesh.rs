@@ -120,7 +120,7 @@ fn unsound_ply_meshes_are_refused_with_the_reason() {
         (file("0", "1", "3 0 1 2\n"), "faces but no vertices"),
         (file("3", "1", &format!("{corners}3 0 0 1\n")), "none of its 1 triangles has an area"),
         (file("3", "1", "0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n"), "has an area"),
-        (file("3", "1", "0 0 0\n1 x 0\n0 1 0\n3 0 1 2\n"), "line 10 has `x`"),
+        (file("3", "1", "0 0 0\n1 x 0\n0 1 0\n3 0 1 2\n"), "line 11 has `x`"),
         ("ply\nformat ascii 1.0\n".to_owned(), "no `end_header`"),
     ] {
         let error = error(text.as_bytes());
