@@ -21,6 +21,7 @@ use eframe::egui::{
     CentralPanel, Context, CursorIcon, Frame, Key, Margin, Panel, RawInput, Rect, Sense, Ui,
     ViewportCommand,
 };
+use esker_engine::light::IS_BUILT;
 use esker_engine::{BuildOptions, Method, memory};
 use serde_json::json;
 use std::time::{Duration, Instant};
@@ -85,6 +86,7 @@ impl App {
             colour_by: args.colour.clone(),
             filter: args.filter(),
             shines: !args.no_highlights,
+            light: args.light(),
             evens_exposure: args.even_exposure,
             full: args.full,
             points_budget: args.budget_points.unwrap_or(Settings::default().points_budget),
@@ -285,7 +287,8 @@ impl App {
                 self.wanted.method = match self.wanted.method {
                     Method::Points => Method::PullPush,
                     Method::PullPush => Method::Ewa,
-                    Method::Ewa => Method::Points,
+                    Method::Ewa if IS_BUILT => Method::Lit,
+                    Method::Ewa | Method::Lit => Method::Points,
                 };
             }
             if i.key_pressed(Key::C) {

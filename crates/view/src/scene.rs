@@ -171,13 +171,17 @@ impl Scene {
             return;
         }
         let Settings { method, shines, .. } = settings;
-        let is_method_alone = Settings { method, shines, ..self.settings.clone() } == settings;
+        let light = settings.light.clone();
+        // Files of meshes are read when a session is opened.
+        let same_meshes = light.meshes == self.settings.light.meshes;
+        let known = Settings { method, shines, light: light.clone(), ..self.settings.clone() };
+        let is_taken = known == settings && same_meshes;
         self.settings = settings;
         self.at_rest = None;
         match &mut self.state {
-            State::Running(session) if is_method_alone => {
-                session.set_method(method);
+            State::Running(session) if is_taken && session.set_method(method) => {
                 session.set_shine(shines);
+                session.set_light(light);
             }
             _ => self.reopen(),
         }

@@ -9,6 +9,8 @@ pub(crate) use cpu::CpuPainter;
 pub(crate) use gpu::GpuPainter;
 
 use crate::draw::frame::{Appearance, draw_node};
+use crate::light::settings::LightSettings;
+use crate::light::status::LitStatus;
 use anyhow::Result;
 use esker_format::Forest;
 use esker_lod::{DepthFeedback, View};
@@ -55,6 +57,10 @@ pub(crate) struct FrameInput<'a> {
     pub(crate) view: &'a View,
     pub(crate) cut: &'a Cut,
     pub(crate) appearance: &'a Appearance,
+    /// How lit pictures are lit.
+    pub(crate) light: &'a LightSettings,
+    /// Most splats of a lit scene.
+    pub(crate) splats_max: u64,
 }
 
 impl<'a> FrameInput<'a> {
@@ -123,6 +129,16 @@ pub(crate) trait Painter: Send {
 
     /// Picture of the last frame in main memory; waits for it.
     fn picture(&mut self) -> Result<Picture>;
+
+    /// State of the lit picture; `None` if the last one is not lit.
+    fn light(&self) -> Option<LitStatus> {
+        None
+    }
+
+    /// Whether the next picture of what the last one shows would be the same.
+    fn is_converged(&self) -> bool {
+        true
+    }
 
     /// Bytes of GPU buffers; `None` on the CPU.
     fn gpu_bytes(&self) -> Option<GpuBytes>;
