@@ -6,6 +6,8 @@ use crate::args::Args;
 use crate::counters::Counters;
 use crate::device::WindowPainter;
 use crate::input_events::WindowState;
+#[cfg(feature = "light")]
+use crate::light;
 use crate::panel::{self, Actions, PanelData};
 use crate::pilot::Order;
 use crate::script::Script;
@@ -344,6 +346,10 @@ impl App {
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         if viewer.handle_input(ui, &response, now_s) {
             ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
+        }
+        #[cfg(feature = "light")]
+        if let Some(moved) = viewer.take_sun_drag() {
+            light::drag_sun(&mut self.wanted, moved);
         }
         viewer.update_session(ui.ctx(), &self.wanted, now_s);
         let work = viewer.draw(ui, now_s, &mut self.counters, &mut self.shots);

@@ -17,6 +17,8 @@ pub mod status;
 #[cfg(feature = "light")]
 pub mod still;
 #[cfg(feature = "light")]
+pub mod sun;
+#[cfg(feature = "light")]
 pub(crate) mod tone;
 
 use anyhow::{Result, ensure};
