@@ -7,7 +7,7 @@ use super::view::{Lamp, Viewpoint};
 use crate::mesh::triangles::{TriangleMesh, dot, sub};
 
 pub const VIEW: Viewpoint =
-    Viewpoint { eye: [0.62, -1.55, 0.92], target: [0.0, 0.03, 0.56], fov_deg: 38.0 };
+    Viewpoint { eye: [0.5, -1.3, 1.0], target: [0.0, 0.03, 0.6], fov_deg: 38.0 };
 
 pub const LAMPS: [Lamp; 2] = [
     Lamp::Sun {
@@ -47,20 +47,30 @@ fn distance(p: [f64; 3]) -> f64 {
     let q = [p[0], p[1], p[2] - PLINTH_M];
     // The face is symmetric.
     let m = [q[0].abs(), q[1], q[2]];
-    blend(plinth, blend(torso(m), head(m), 0.03), 0.008)
+    // A part that is farther away than the width of the blend does not change the surface.
+    if q[2] < -0.08 {
+        plinth
+    } else if q[2] < 0.33 {
+        blend(plinth, torso(m), 0.008)
+    } else if q[2] < 0.52 {
+        blend(torso(m), head(m), 0.03)
+    } else {
+        head(m)
+    }
 }
 
 fn torso(m: [f64; 3]) -> f64 {
-    let socle = capsule(m, [0.0, 0.01, 0.0], [0.0, 0.01, 0.06], 0.065);
-    let chest = ellipsoid(m, [0.0, 0.015, 0.2], [0.16, 0.095, 0.13]);
-    let shoulder = ellipsoid(m, [0.13, 0.02, 0.205], [0.085, 0.075, 0.075]);
-    let body = blend(chest, shoulder, 0.05);
-    // Cut below by a sphere, as busts are.
-    let cut = 0.24 - length(sub(m, [0.0, 0.02, -0.155]));
-    let body = -blend(-body, -cut, 0.02);
-    let neck = capsule(m, [0.0, 0.02, 0.27], [0.0, 0.008, 0.42], 0.056);
-    let fold = capsule(m, [0.02, -0.055, 0.31], [0.15, -0.06, 0.23], 0.018);
-    blend(blend(blend(body, neck, 0.06), fold, 0.02), socle, 0.05)
+    let socle = capsule(m, [0.0, 0.01, 0.0], [0.0, 0.01, 0.09], 0.055);
+    let chest = ellipsoid(m, [0.0, 0.015, 0.19], [0.155, 0.092, 0.13]);
+    let shoulder = ellipsoid(m, [0.15, 0.025, 0.2], [0.07, 0.068, 0.062]);
+    let breast = ellipsoid(m, [0.065, -0.055, 0.165], [0.07, 0.035, 0.05]);
+    let body = blend(blend(chest, shoulder, 0.06), breast, 0.03);
+    // Cut below by a large sphere, as busts are.
+    let cut = 0.5 - length(sub(m, [0.0, 0.02, -0.4]));
+    let body = -blend(-body, -cut, 0.01);
+    let neck = capsule(m, [0.0, 0.02, 0.27], [0.0, 0.008, 0.42], 0.054);
+    let collar = capsule(m, [0.012, -0.05, 0.293], [0.12, -0.012, 0.258], 0.008);
+    blend(blend(blend(body, neck, 0.06), collar, 0.02), socle, 0.02)
 }
 
 fn head(m: [f64; 3]) -> f64 {
@@ -85,10 +95,13 @@ fn head(m: [f64; 3]) -> f64 {
 
 /// A cap of wavy hair with a knot behind.
 fn hair(m: [f64; 3]) -> f64 {
-    let cap = ellipsoid(m, [0.0, 0.034, 0.545], [0.087, 0.1, 0.099]);
+    let cap = ellipsoid(m, [0.0, 0.034, 0.545], [0.09, 0.105, 0.106]);
+    if cap > 0.03 {
+        return cap;
+    }
     let wave = libm::sin(m[0] * 130.0 + 3.0 * libm::sin(m[2] * 40.0)) * libm::sin(m[1] * 55.0);
-    let front = m[1] + 0.055 + 0.35 * (0.56 - m[2]).max(0.0);
-    let cap = -blend(-(cap - 0.0022 * wave), front, 0.012);
+    let front = m[1] + 0.06 - 0.6 * (0.575 - m[2]).max(0.0);
+    let cap = -blend(-(cap - 0.0035 * wave), front, 0.012);
     let knot = ellipsoid(m, [0.0, 0.135, 0.53], [0.035, 0.034, 0.033]);
     blend(cap, knot, 0.012)
 }

@@ -131,7 +131,7 @@ fn aisle_wall(hall: &mut Solids, side: f64, parts: f64) {
     let heights = [0.0, 1.6, 4.0, ARCADE_M];
     windows(hall, side * AISLE_M, 0.6, heights, even(parts * 0.5, 6));
     // A flat roof with beams from the wall to the columns.
-    let [a, b] = [side * (NAVE_M - WALL_M), side * (AISLE_M + WALL_M)];
+    let [a, b] = [side * NAVE_M, side * AISLE_M];
     let (x0, x1) = (a.min(b), a.max(b));
     hall.block([x0, 0.0, ARCADE_M], [x1, LENGTH_M, ARCADE_M + 0.3], PALE);
     for i in 1..BAYS * 2 {

@@ -39,22 +39,66 @@ pub fn mesh_of(
     value: impl Fn([f64; 3]) -> f64 + Sync,
 ) -> TriangleMesh {
     let longest = (0..3).fold(0.0f64, |m, a| m.max(high[a] - low[a]));
-    let mut side = longest / 64.0;
-    // The number goes with the inverse square of the side, less exactly for coarse cells.
-    for _ in 0..2 {
-        let coarse = mesh(Cells::covering(low, high, side), &value).triangles.len();
-        side *= (coarse as f64 / triangles as f64).sqrt().max(0.25);
-    }
+    // The number goes with the inverse square of the side, once cells resolve the shape.
+    let coarse = longest / 120.0;
+    let count = mesh(Cells::covering(low, high, coarse), &value).triangles.len();
+    let side = coarse * (count as f64 / triangles as f64).sqrt();
     mesh(Cells::covering(low, high, side), &value)
+}
+
+/// Cells of a coarse block, along each axis.
+const BLOCK: usize = 4;
+/// Distance from the surface up to which a block is evaluated in full, in its diagonals: one would
+/// do for exact distances, and the function need only be near them.
+const NEAR: f64 = 1.25;
+
+/// Coarse blocks of a grid: where the surface may pass, and the sign of the others.
+struct Blocks {
+    count: [usize; 3],
+    /// Value at the middle of each block.
+    values: Vec<f64>,
+    is_near: Vec<bool>,
+}
+
+impl Blocks {
+    fn new(cells: &Cells, value: &(impl Fn([f64; 3]) -> f64 + Sync)) -> Self {
+        let count = cells.count.map(|n| n / BLOCK + 1);
+        let [nx, ny, nz] = count;
+        let middle = |b: usize| {
+            let at = [b % nx, b / nx % ny, b / (nx * ny)];
+            value(cells.place(at.map(|c| (c * BLOCK) as f64 + 0.5 * BLOCK as f64)))
+        };
+        let values: Vec<f64> = (0..nx * ny * nz).into_par_iter().map(middle).collect();
+        let near = NEAR * 0.5 * 3f64.sqrt() * BLOCK as f64 * cells.side;
+        let mut is_near = vec![false; values.len()];
+        for (b, _) in values.iter().enumerate().filter(|(_, v)| v.abs() < near) {
+            // Neighbours as well: a corner on the border of a block belongs to all around it.
+            let span = |c: usize, n: usize| c.saturating_sub(1)..(c + 2).min(n);
+            for k in span(b / (nx * ny), nz) {
+                for j in span(b / nx % ny, ny) {
+                    is_near[(k * ny + j) * nx..][span(b % nx, nx)].fill(true);
+                }
+            }
+        }
+        Self { count, values, is_near }
+    }
+
+    /// Value at the middle of the block of a corner; `None` if the surface may pass there.
+    fn far(&self, at: [usize; 3]) -> Option<f64> {
+        let [i, j, k] = at.map(|c| c / BLOCK);
+        let block = (k * self.count[1] + j) * self.count[0] + i;
+        (!self.is_near[block]).then(|| self.values[block])
+    }
 }
 
 /// Meshes the surface where `value` is zero.
 pub fn mesh(cells: Cells, value: &(impl Fn([f64; 3]) -> f64 + Sync)) -> TriangleMesh {
     let [nx, ny, nz] = cells.count;
+    let blocks = &Blocks::new(&cells, value);
     let layer = |k: usize| -> Vec<f64> {
         let row = |j: usize| {
-            let at = move |i: usize| value(cells.place([i as f64, j as f64, k as f64]));
-            (0..=nx).map(at)
+            let place = move |i: usize| cells.place([i as f64, j as f64, k as f64]);
+            (0..=nx).map(move |i| blocks.far([i, j, k]).unwrap_or_else(|| value(place(i))))
         };
         (0..=ny).into_par_iter().flat_map_iter(row).collect()
     };
