@@ -22,6 +22,7 @@ pub mod sun;
 pub(crate) mod tone;
 
 use anyhow::{Result, ensure};
+use esker_lod::Surroundings;
 use settings::{FilterName, LightSettings};
 
 /// Most bytes a splat while a scene is built: the splat itself (48), its disc with albedo and
@@ -64,6 +65,15 @@ pub(crate) fn passes(settings: &LightSettings) -> Vec<&'static str> {
 /// Most splats of a lit scene within some bytes of memory.
 pub(crate) fn splats_max(bytes: u64) -> u64 {
     bytes / SPLAT_BYTES
+}
+
+/// How many splats are of the picture, and how many of what lies around it: a quarter of the most,
+/// within the default of [`Surroundings`], as pictures are a sixteenth of all directions and their
+/// surroundings an eighth as fine.
+pub(crate) fn shares(splats_max: u64) -> (u64, Surroundings) {
+    let default = Surroundings::default();
+    let points_budget = default.points_budget.min(splats_max / 4);
+    (splats_max - points_budget, Surroundings { points_budget, ..default })
 }
 
 /// Whether lights choose points by their classes.

@@ -9,7 +9,7 @@ use crate::light::settings::{FilterName, LightSettings};
 use crate::light::tone::Tones;
 use anyhow::Result;
 use esker_format::Forest;
-use esker_lod::CompactOctree;
+use esker_lod::{Counters, light_octree};
 use esker_points::Task;
 use esker_render::{Frame, PassTimes, Picture, Stats};
 use esker_trace::filter::{FilterKind, Settings as FilterSettings};
@@ -36,8 +36,12 @@ pub struct LightReport {
     pub exposure: f64,
     /// Splats that were traced.
     pub splats: usize,
-    /// Most splats within the budgets.
+    /// Splats around the picture, among them.
+    pub splats_around: u64,
+    /// Most splats in the picture within the budgets.
     pub splats_max: u64,
+    /// Whether that bound, or the one of what is around the picture, leaves splats out.
+    pub is_bounded: bool,
     /// Splats that no ray can meet: without extent, or with invalid values.
     pub splats_dropped: usize,
     /// Triangles of meshes.
@@ -98,12 +102,11 @@ pub(crate) fn lights_of(settings: &LightSettings) -> Lights {
 pub fn draw(
     file: &Forest,
     scene: &PictureScene,
-    octree: &CompactOctree,
     settings: &LightSettings,
     task: &dyn Task,
 ) -> Result<(Picture, LightReport)> {
-    let draws = scene.draws(file);
-    let frame = &scene.appearance.frame(file, &scene.view, &draws, octree);
+    let (draws, octree) = (scene.lit_draws(file), light_octree(file.table(), &scene.selection));
+    let frame = &scene.appearance.frame(file, &scene.view, &draws, &octree);
     let classes = scene.classes();
     let lights = lights_of(settings);
     let meshes = Meshes::read(settings, task)?;
@@ -139,7 +142,9 @@ pub fn draw(
         seed: settings.seed,
         exposure,
         splats: lit.splats,
+        splats_around: scene.selection.counters.surroundings_points,
         splats_max: scene.points_max,
+        is_bounded: is_bounded(&scene.selection.counters),
         splats_dropped: lit.scene.dropped(),
         triangles: meshes.triangles(),
         scene_bytes: lit.scene.bytes(),
@@ -191,11 +196,14 @@ fn picture(
     (picture, exposure)
 }
 
+/// Whether budgets leave points out of the picture or of what lies around it.
+pub(crate) fn is_bounded(counters: &Counters) -> bool {
+    counters.withheld + counters.shortened + counters.surroundings_withheld > 0
+}
+
 /// What a user should know of a lit picture, a line each.
 pub(crate) fn notes(scene: &PictureScene, report: &LightReport) -> Vec<&'static str> {
     let by = scene.appearance.colouring.by;
-    let counters = &scene.selection.counters;
-    let is_bounded = counters.withheld + counters.shortened > 0;
     let notes = [
         (
             holds_light(by),
