@@ -109,7 +109,8 @@ fn every_filter_and_light() {
     let document = serde_json::json!({"version": 1, "lights": [
         {"kind": "spot", "position": [at(0, 0.5), at(1, 0.5), at(2, 3.0)], "direction": [0, 0, -1],
          "intensity": [1e6, 1e6, 1e6], "inner_angle_deg": 20, "outer_angle_deg": 60},
-        {"kind": "emissive", "radiance": [1, 0.5, 0.2], "bounds":
+    ], "emissive": [
+        {"radiance": [1, 0.5, 0.2], "bounds":
             [[at(0, 0.0), at(1, 0.0), at(2, 0.0)], [at(0, 0.5), at(1, 1.0), at(2, 1.0)]]},
     ]});
     let document = folder.write("lights.json", &document.to_string());

@@ -3,6 +3,8 @@
 //! frames of sessions. Without the feature `light` only the settings remain, which are refused.
 
 #[cfg(feature = "light")]
+pub mod document;
+#[cfg(feature = "light")]
 pub mod lights;
 #[cfg(feature = "light")]
 pub(crate) mod progressive;
@@ -79,7 +81,7 @@ pub(crate) fn shares(splats_max: u64) -> (u64, Surroundings) {
 /// Whether lights choose points by their classes.
 pub(crate) fn needs_classes(settings: &LightSettings) -> bool {
     #[cfg(feature = "light")]
-    return settings.lights.as_ref().is_some_and(lights::name_classes);
+    return settings.lights.as_ref().is_some_and(settings::Lights::name_classes);
     #[cfg(not(feature = "light"))]
     {
         let _ = settings;

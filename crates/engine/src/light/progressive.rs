@@ -6,7 +6,7 @@
 use crate::light::scene::{LitScene, Meshes};
 use crate::light::settings::LightSettings;
 use crate::light::status::LitStatus;
-use crate::light::still::{lights_of, options, shows_sky};
+use crate::light::still::{lights_of, options};
 use crate::light::tone::Tones;
 use anyhow::Result;
 use esker_lod::View;
@@ -224,7 +224,7 @@ impl Progressive {
             radiance: &image.radiance.planes,
             coverage: &image.coverage,
             exposure: 1.0,
-            background: (!shows_sky(&lights_of(settings))).then_some(frame.background),
+            background: (!lights_of(settings).have_sky()).then_some(frame.background),
         };
         let exposure = settings.exposure.unwrap_or_else(|| match self.exposure {
             Some(last) if self.status.samples > 0 => last,

@@ -3,6 +3,7 @@
 
 use crate::draw::scene::PictureScene;
 use crate::io::quantity::grouped;
+use crate::light::document::Lights;
 use crate::light::lights;
 use crate::light::scene::{LitScene, Meshes, holds_light};
 use crate::light::settings::{FilterName, LightSettings};
@@ -13,7 +14,7 @@ use esker_lod::{Counters, light_octree};
 use esker_points::Task;
 use esker_render::{Frame, PassTimes, Picture, Stats};
 use esker_trace::filter::{FilterKind, Settings as FilterSettings};
-use esker_trace::{Camera, Light, Lights, LitImage, Options, Tracer};
+use esker_trace::{Camera, LitImage, Options, Tracer};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -80,14 +81,9 @@ pub(crate) fn options(settings: &LightSettings, lights: &Lights) -> Options {
         shadow_samples: settings.shadow_samples,
         seed: settings.seed,
         filter: FilterSettings::of(kind),
-        shows_sky: shows_sky(lights),
+        shows_sky: lights.have_sky(),
         ..Options::default()
     }
-}
-
-/// Whether the sky is in the picture, so that there is no other background.
-pub(crate) fn shows_sky(lights: &Lights) -> bool {
-    lights.lights.iter().any(|light| matches!(light, Light::Sky { .. }))
 }
 
 /// The lights of settings.
@@ -130,11 +126,11 @@ pub fn draw(
     let start = Instant::now();
     let image = tracer.resolve();
     let filter_ms = ms(start);
-    let (picture, exposure) = picture(&image, frame, settings, shows_sky(&lights));
+    let (picture, exposure) = picture(&image, frame, settings, lights.have_sky());
     let counts = tracer.stats();
     let share = |of: u64, all: u64| if all > 0 { of as f64 / all as f64 } else { 0.0 };
     let report = LightReport {
-        lights: lights.lights.iter().map(kind).collect(),
+        lights: lights.kinds(),
         samples: settings.samples,
         bounces: settings.bounces,
         shadow_samples: settings.shadow_samples,
@@ -211,7 +207,7 @@ pub(crate) fn notes(scene: &PictureScene, report: &LightReport) -> Vec<&'static 
                            counted twice (--albedo intensity or plain: without it)",
         ),
         (
-            is_bounded,
+            report.is_bounded,
             "splats: their bound is reached, farther ones are coarser \
                       (--budget-points, or more memory)",
         ),
@@ -237,18 +233,6 @@ pub(crate) fn text(report: &LightReport) -> String {
         report.trace_ms,
         report.filter_ms,
     )
-}
-
-/// Name of the kind of a light.
-fn kind(light: &Light) -> &'static str {
-    match light {
-        Light::Sun { .. } => "sun",
-        Light::Sky { .. } => "sky",
-        Light::Point { .. } => "lamp",
-        Light::Spot { .. } => "spot",
-        Light::Area { .. } => "area",
-        Light::Emissive { .. } => "emissive",
-    }
 }
 
 fn ms(start: Instant) -> f64 {
