@@ -1,7 +1,7 @@
 //! `esker bench`: the options of each benchmark, and the call of `esker_bench` that they become.
 
 use crate::output::Output;
-use crate::shared::{BuildHow, DrawWithArgs, Threads, method_parser, note_built};
+use crate::shared::{BuildHow, DrawWithArgs, Threads, note_built, passes_parser};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
 use esker_bench::build::{self, BuildBenchRequest, Rival};
@@ -87,7 +87,7 @@ pub struct BenchRender {
     pub size: Vec<[u32; 2]>,
     /// Measure this method alone. ewa without a model measures splats a second, in one pass and in
     /// three (table 1 of zwicker2004).
-    #[arg(long, value_parser = method_parser())]
+    #[arg(long, value_parser = passes_parser())]
     pub method: Option<Method>,
     /// Multiply the radii of points by these factors, such as 1,2,4: the time against the radius,
     /// beside that of a full screen.

@@ -47,10 +47,11 @@ mod retries;
 mod shared;
 mod status;
 mod streamer;
+mod surroundings;
 #[cfg(test)]
 mod testing;
 
-pub use cut::{Cut, CutNode};
+pub use cut::{Cut, CutNode, CutSurroundings};
 pub use error::StreamError;
 pub use landing::{Landing, RUN_BYTES_MIN, Run, Slot, Transfer};
 pub use options::{Needs, Options, Priority};

@@ -6,13 +6,19 @@
 //! hit, filtered, and looked up by the other rays of the pixel, which add direct light.
 
 pub mod accel;
+pub mod camera;
 pub mod filter;
 pub mod image;
 pub mod light;
 pub mod paths;
 pub mod ray;
 pub mod scene;
+pub mod tracer;
 
+pub use camera::Camera;
 pub use image::Image;
+pub use light::{Light, Lights, PreparedLights, Sky};
+pub use paths::{Gloss, LitImage, Options, Sequence, Stats, Surfaces};
 pub use ray::{Hit, Ray};
 pub use scene::Scene;
+pub use tracer::Tracer;

@@ -258,6 +258,7 @@ fn every_map_and_method_has_its_golden_picture() {
             Method::Points => format!("points-{}.png", colour.replace([':', '.'], "-")),
             Method::PullPush => format!("surface-{colour}.png"),
             Method::Ewa => format!("splats-{colour}.png"),
+            Method::Lit => format!("lit-{colour}.png"),
         };
         let colour_by = Some(colour);
         is_golden(&file, &PictureRequest { method, colour_by, ..request() }, &name);
