@@ -32,9 +32,11 @@ pub fn order(count: usize, bounds: &Bounds, centre: impl Fn(usize) -> Vec3 + Syn
             for (i, keys) in keys.chunks_mut(LANES).enumerate() {
                 let first = task * TASK + i * LANES;
                 let mut places = [[0.0f32; LANES]; 3];
-                for k in 0..keys.len() {
+                let [x, y, z] = &mut places;
+                let lanes = x.iter_mut().zip(y).zip(z).take(keys.len());
+                for (k, ((x, y), z)) in lanes.enumerate() {
                     let at = centre(first + k);
-                    (places[0][k], places[1][k], places[2][k]) = (at.x, at.y, at.z);
+                    (*x, *y, *z) = (at.x, at.y, at.z);
                 }
                 let mut cells = cells(&places, bounds.min, scale);
                 transpose(&mut cells);
