@@ -16,7 +16,7 @@ pub struct LightArgs {
     /// Lights: sun:AZIMUTH,ELEVATION[,STRENGTH[,DIAMETER]] (degrees, from north over east, above
     /// the horizon), sky[:STRENGTH], sky:PICTURE.png[,STRENGTH], lamp:X,Y,Z[,STRENGTH], or files of
     /// lights (docs/commands.md); sun:225,40 and sky by default.
-    #[arg(long, num_args = 1.., value_name = "LIGHT", allow_hyphen_values = true)]
+    #[arg(long, num_args = 1.., value_name = "LIGHT")]
     pub lights: Vec<LightSpec>,
     /// Rays through a pixel.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]

@@ -33,7 +33,7 @@ pub struct Args {
     pub method: Method,
     /// Lights of --method lit, as of esker render: sun:AZIMUTH,ELEVATION[,STRENGTH[,DIAMETER]],
     /// sky[:STRENGTH], sky:PICTURE.png[,STRENGTH], lamp:X,Y,Z[,STRENGTH], or files of lights.
-    #[arg(long, num_args = 1.., value_name = "LIGHT", allow_hyphen_values = true)]
+    #[arg(long, num_args = 1.., value_name = "LIGHT")]
     pub lights: Vec<LightSpec>,
     /// Where the camera is at the start, such as "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the
     /// scan's coordinates. Each part may be missing.

@@ -20,6 +20,8 @@ use std::time::{Duration, Instant};
 pub const SAMPLES_FINAL: u32 = 64;
 /// Time of a frame that refines a picture: the window answers ten times a second.
 const FRAME_BUDGET: Duration = Duration::from_millis(90);
+/// Time between two pictures that are shown while one is refined.
+const SHOW_INTERVAL: Duration = Duration::from_millis(250);
 /// Time of a coarse frame, milliseconds, from which its size follows.
 const COARSE_MS: f64 = 70.0;
 /// Factors by which the sides of coarse pictures are smaller.
@@ -51,6 +53,8 @@ pub(crate) struct Progressive {
     /// What the samples of `fine` are of.
     seen: Option<Seen>,
     exposure: Option<f64>,
+    /// When the refined picture was shown last.
+    shown: Option<Instant>,
     /// Milliseconds of a sample of a million pixels; 0 before the first one.
     cost_ms: f64,
     status: LitStatus,
@@ -81,6 +85,7 @@ impl Progressive {
             coarse: Tracer::new(options),
             seen: None,
             exposure: None,
+            shown: None,
             cost_ms: 0.0,
             status: LitStatus { splats_max, samples_final: SAMPLES_FINAL, ..LitStatus::default() },
         })
@@ -189,7 +194,6 @@ impl Progressive {
     fn refine(&mut self, frame: &Frame<'_>, settings: &LightSettings, picture: &mut Picture) {
         let (Some(scene), Some((_, lights))) = (&self.scene, &self.lights) else { return };
         let camera = Camera::new(frame.view, scene.lit.origin);
-        let before = self.fine.samples();
         if self.status.samples >= SAMPLES_FINAL {
             return;
         }
@@ -199,12 +203,17 @@ impl Progressive {
             self.fine.trace(&scene.lit.scene, self.scenes, lights, &camera, 1, &is_over);
         }
         let samples = self.fine.samples();
-        if samples != before || self.status.samples != samples {
+        // Filtering takes as long as a sample, so that not every sample is shown.
+        let is_due = samples == SAMPLES_FINAL
+            || self.status.samples == 0
+            || self.shown.is_none_or(|shown| shown.elapsed() > SHOW_INTERVAL);
+        if samples > 0 && samples != self.status.samples && is_due {
             let image = self.fine.resolve();
             if image.coverage.is_empty() {
                 return;
             }
             self.status.samples = samples;
+            self.shown = Some(Instant::now());
             self.show(&image, 1, frame, settings, picture);
         }
     }

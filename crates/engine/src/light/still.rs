@@ -202,6 +202,11 @@ pub(crate) fn notes(scene: &PictureScene, report: &LightReport) -> Vec<&'static 
     let by = scene.appearance.colouring.by;
     let notes = [
         (
+            !scene.plan.reads_normals,
+            "normals: the points have none, and their surfaces are lit roughly (build with \
+             --normals estimate)",
+        ),
+        (
             holds_light(by),
             "albedo: the colours of the scan hold the light of its day, which is \
                            counted twice (--albedo intensity or plain: without it)",

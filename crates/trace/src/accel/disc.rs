@@ -15,7 +15,11 @@ pub struct Disc {
     /// Unit length, or zero.
     pub(crate) normal: Vec3,
     pub(crate) radius: f32,
+    pub(crate) tint: Tint,
 }
+
+/// Albedo of a disc in 1 / 65535, and the number of its emitter plus one, zero for none.
+pub type Tint = [u16; 4];
 
 /// Eight discs, axis by axis.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -27,6 +31,8 @@ pub struct DiscLeaf {
     pub normal: [[f32; WIDTH]; 3],
     /// Radii; negative for a disc without a normal, zero for an unused place.
     pub radius: [f32; WIDTH],
+    /// Albedo and emitters.
+    pub tint: [Tint; WIDTH],
 }
 
 /// Where a ray meets eight discs.
@@ -48,6 +54,11 @@ impl Primitive for Disc {
         let half = (Vec3::ONE - n * n).max(Vec3::ZERO).map(f32::sqrt) * self.radius;
         Bounds { min: self.centre - half, max: self.centre + half }
     }
+
+    #[inline(always)]
+    fn centre(&self) -> Vec3 {
+        self.centre
+    }
 }
 
 impl Leaf for DiscLeaf {
@@ -60,12 +71,32 @@ impl Leaf for DiscLeaf {
             self.normal[axis][k] = disc.normal[axis];
         }
         self.radius[k] = if disc.normal == Vec3::ZERO { -disc.radius } else { disc.radius };
+        self.tint[k] = disc.tint;
+    }
+
+    #[inline(always)]
+    fn bounds(&self, count: usize) -> Bounds {
+        let mut all = Bounds::EMPTY;
+        for axis in 0..3 {
+            let (mut least, mut greatest) = ([0.0; WIDTH], [0.0; WIDTH]);
+            for k in 0..WIDTH {
+                let n = self.normal[axis][k];
+                let half = (1.0 - n * n).max(0.0).sqrt() * self.radius[k].abs();
+                least[k] = self.centre[axis][k] - half;
+                greatest[k] = self.centre[axis][k] + half;
+            }
+            for k in 0..count.min(WIDTH) {
+                all.min[axis] = all.min[axis].min(least[k]);
+                all.max[axis] = all.max[axis].max(greatest[k]);
+            }
+        }
+        all
     }
 
     #[inline(always)]
     fn get(&self, k: usize) -> Disc {
         let centre = Vec3::new(self.centre[0][k], self.centre[1][k], self.centre[2][k]);
-        Disc { centre, normal: self.normal_of(k), radius: self.radius[k].abs() }
+        Disc { centre, normal: self.normal_of(k), radius: self.radius[k].abs(), tint: self.tint[k] }
     }
 }
 

@@ -17,8 +17,8 @@ use glam::Vec3;
 /// Depth of a surface in radii. Discs of scans lie up to a radius off, tilted by up to 20 degrees:
 /// over half of it normals are off by 1.6 times as much.
 pub(crate) const DEPTH: f32 = 2.0;
-/// Most discs of a surface that are blended; some five scans of the same wall.
-const MOST: usize = 64;
+/// Most discs of a surface that are blended, the nearest ones: some five scans of the same wall.
+const MOST: usize = 32;
 
 /// A disc that a ray meets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,7 +40,9 @@ pub(crate) struct Surface {
 }
 
 impl Surface {
-    fn new(reach: f32) -> Self {
+    /// No disc yet; the ray ends at `reach`.
+    #[inline(always)]
+    pub(crate) fn new(reach: f32) -> Self {
         Self { met: [Met::default(); MOST], count: 0, end: reach }
     }
 
@@ -101,15 +103,15 @@ impl Surface {
     }
 }
 
-/// All discs of the surface that `ray` meets first.
+/// Adds all discs of the surface that `ray` meets first to `surface`.
 #[inline(always)]
 pub(crate) fn surface<S: Simd, const FACING: bool>(
     simd: S,
     tree: &Tree<DiscLeaf>,
     ray: &Ray,
-) -> Surface {
+    surface: &mut Surface,
+) {
     let lanes = Lanes::new(simd, ray);
-    let mut surface = Surface::new(ray.reach);
     walk(simd, &tree.nodes, ray, |at, limit| {
         let leaf = &tree.leaves[at];
         let met = leaf.meet::<S, FACING>(simd, &lanes, limit);
@@ -124,7 +126,6 @@ pub(crate) fn surface<S: Simd, const FACING: bool>(
         }
         surface.end
     });
-    surface
 }
 
 /// The disc that `ray` meets first; of several the one in the first slot.

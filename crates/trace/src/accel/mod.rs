@@ -14,7 +14,7 @@ pub(crate) mod triangle;
 pub(crate) mod walk;
 
 pub use bounds::Bounds;
-pub use disc::DiscLeaf;
+pub use disc::{DiscLeaf, Tint};
 pub use node::{EMPTY, LEAF, Node};
 pub use tree::{Kind, Tree};
 pub use triangle::TriangleLeaf;

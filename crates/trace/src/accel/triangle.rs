@@ -68,6 +68,11 @@ impl Primitive for Triangle {
         let [a, b, c] = self.corners();
         Bounds { min: a.min(b).min(c), max: a.max(b).max(c) }
     }
+
+    #[inline(always)]
+    fn centre(&self) -> Vec3 {
+        self.bounds().centre()
+    }
 }
 
 impl Leaf for TriangleLeaf {
@@ -81,6 +86,11 @@ impl Leaf for TriangleLeaf {
                 self.edges[edge][axis][k] = triangle.edges[edge][axis];
             }
         }
+    }
+
+    #[inline(always)]
+    fn bounds(&self, count: usize) -> Bounds {
+        (0..count).fold(Bounds::EMPTY, |all, k| all.union(&self.get(k).bounds()))
     }
 
     #[inline(always)]

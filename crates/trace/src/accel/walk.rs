@@ -108,7 +108,8 @@ pub(crate) fn walk<S: Simd>(
     ray: &Ray,
     mut visit: impl FnMut(usize, f32) -> f32,
 ) {
-    if nodes.is_empty() {
+    // Boxes of unused places are met by infinite directions.
+    if nodes.is_empty() || !(ray.origin + ray.direction).is_finite() {
         return;
     }
     let d = ray.direction;

@@ -11,8 +11,12 @@ use rayon::prelude::*;
 
 /// Radii of the windows, pixels. Three and more radii from 3 pixels on have larger errors.
 const RADII: [usize; 2] = [8, 24];
-/// Radius of the windows in which the energy of the difference is measured, pixels.
-const ENERGY_RADIUS: usize = 8;
+/// Radius of the windows in which the energy of the difference is measured, pixels. Smaller windows
+/// hold too few independent values of the filtered noise to tell light from it.
+const ENERGY_RADIUS: usize = 16;
+/// Times that the expected energy of the noise is subtracted, since its energy in a window is known
+/// to a fifth or so.
+const CAUTION: f64 = 1.2;
 
 /// Filters a picture of three signals.
 pub(crate) fn nested(input: &Input<'_>, ridges: &Ridges) -> Vec<Vec<f32>> {
@@ -20,27 +24,24 @@ pub(crate) fn nested(input: &Input<'_>, ridges: &Ridges) -> Vec<Vec<f32>> {
     let input = input.with_signal(&white);
     let [small, mut large] = RADII.map(|radius| regress(&input, radius, ridges));
     let boxes = |radius: usize| Boxes { width: input.width, mask: &input.mask, radius };
-    let [_, far] = RADII;
-    let noise = boxes(far).means(|i| {
+    let noise = boxes(RADII[1]).means(|i| {
         let value = f64::from(luminance(&input.signals, i));
-        [value, value * value]
+        let white = f64::from(small[3][i] - large[3][i]);
+        [value, value * value, white * white]
     });
     let energy = boxes(ENERGY_RADIUS).means(|i| {
         let light = f64::from(luminance(&small, i) - luminance(&large, i));
-        let white = f64::from(small[3][i] - large[3][i]);
-        [light * light, white * white]
+        [light * light]
     });
-    let weights: Vec<f32> = noise
-        .par_iter()
-        .zip(&energy)
-        .map(|(&([mean, square], _), &([light, white], _))| {
-            let noise = (square - mean * mean).max(0.0) * white;
-            if light > noise { (1.0 - noise / light) as f32 } else { 0.0 }
-        })
-        .collect();
+    let share = |([mean, square, white], _): ([f64; 3], f64), ([energy], _): ([f64; 1], f64)| {
+        let noise = CAUTION * (square - mean * mean).max(0.0) * white;
+        if energy > noise { (1.0 - noise / energy) as f32 } else { 0.0 }
+    };
+    let shares: Vec<f32> =
+        noise.par_iter().zip(&energy).map(|(&noise, &energy)| share(noise, energy)).collect();
     for (large, small) in large.iter_mut().zip(&small) {
-        large.par_iter_mut().zip(small).zip(&weights).for_each(|((large, small), weight)| {
-            *large += weight * (small - *large);
+        large.par_iter_mut().zip(small).zip(&shares).for_each(|((large, small), share)| {
+            *large += share * (small - *large);
         });
     }
     large

@@ -2,7 +2,7 @@
 //! the triangles anew.
 
 use crate::accel::refine::refined;
-use crate::accel::tree::{Leaf, NONE};
+use crate::accel::tree::{Leaf, NONE, Primitive};
 use crate::accel::triangle::Triangle;
 use crate::accel::walk::{Bits, Lanes, bits, walk};
 use crate::accel::{Bounds, Tree, TriangleLeaf, WIDTH};
@@ -66,8 +66,9 @@ impl MeshTree {
         mesh.colours = of_vertices(mesh.colours, count);
         let triangles: Vec<Triangle> =
             mesh.triangles.par_iter().map(|t| triangle(&mesh.positions, t)).collect();
-        let (tree, slots) = refined(&triangles)
-            .unwrap_or_else(|| Tree::implicit(triangles.len(), |i| triangles[i]));
+        let (tree, slots) = refined(&triangles).unwrap_or_else(|| {
+            Tree::implicit(triangles.len(), |i| triangles[i].centre(), |i| triangles[i])
+        });
         Self { mesh, tree, slots }
     }
 

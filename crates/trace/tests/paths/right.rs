@@ -300,7 +300,7 @@ fn lamps_light_by_the_inverse_square_and_the_cosine() {
     near(light(sun(77.0, 30.0)), 0.5);
     near(light(sun(77.0, -1.0)), 0.0);
     // A wall to the east of the point hides a sun in the east, not one in the north.
-    let mut objects: Vec<_> = scene.objects().cloned().collect();
+    let mut objects: Vec<_> = scene.objects().to_vec();
     objects.push(quad(Vec3::new(3.5, -5.0, 0.0), Vec3::Y * 10.0, Vec3::Z * 9.0, Vec3::ONE, 0.0));
     let walled = Scene::default().with_objects(objects);
     let lit = |light| {
