@@ -1,6 +1,6 @@
 //! Surroundings of the picture, for light: they are what the pure choice takes, come after the
-//! picture, keep to their share of memory, and leave the picture as it is while they are switched on
-//! and off. The stand-in for a GPU checks their slots in each frame.
+//! picture, keep to their share of memory, and leave the picture as it is while they are switched
+//! on and off. The stand-in for a GPU checks their slots in each frame.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
