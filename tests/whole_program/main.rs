@@ -23,6 +23,7 @@ mod hostile;
 mod inputs;
 mod interrupt;
 mod las;
+mod light;
 mod pictures;
 mod program;
 mod proof;
@@ -53,6 +54,7 @@ fn main() {
     inputs::trials(&mut trials);
     proof::trials(&mut trials);
     pictures::trials(&mut trials);
+    light::trials(&mut trials);
     devices::trials(&mut trials);
     interrupt::trials(&mut trials);
     python::trials(&mut trials);

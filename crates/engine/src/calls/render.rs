@@ -150,12 +150,12 @@ pub fn draw(
     task: &dyn Task,
 ) -> Result<(Picture, RenderReport)> {
     let scene = PictureScene::read(file, request, task)?;
-    let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     if request.method == Method::Lit {
         ensure!(request.with.backend != Backend::Gpu, LIT_BY_CPU);
         let drawer = Drawer::cpu(LIT_BY_CPU.into());
-        return draw_lit(file, &scene, &octree, &drawer, request, task);
+        return draw_lit(file, &scene, &drawer, request, task);
     }
+    let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let (gpu, mut drawer) = request.with.choose(None)?;
     let start = Instant::now();
     let drawn = gpu.map(|gpu| whole::draw(&gpu, file, &scene, &octree));
@@ -184,13 +184,12 @@ pub fn draw(
 fn draw_lit(
     file: &Forest,
     scene: &PictureScene,
-    octree: &CompactOctree,
     drawer: &Drawer,
     request: &PictureRequest,
     task: &dyn Task,
 ) -> Result<(Picture, RenderReport)> {
     let start = Instant::now();
-    let (picture, light) = still::draw(file, scene, octree, &request.light, task)?;
+    let (picture, light) = still::draw(file, scene, &request.light, task)?;
     let mut notes = notes(file, request, scene, &picture)?;
     notes.extend(still::notes(scene, &light));
     let report = RenderReport::new(&picture, scene, drawer, notes, ms(start));
@@ -201,7 +200,6 @@ fn draw_lit(
 fn draw_lit(
     _: &Forest,
     _: &PictureScene,
-    _: &CompactOctree,
     _: &Drawer,
     _: &PictureRequest,
     _: &dyn Task,

@@ -9,6 +9,7 @@ use crate::io::quantity::readable_bytes;
 use crate::light;
 use anyhow::{Result, ensure};
 use esker_format::{Footer, Forest};
+use esker_lod::Surroundings;
 use esker_points::Node;
 use esker_render::gpu::NodePool;
 use esker_render::gpu::passes::ewa::BatchCapacity;
@@ -33,7 +34,7 @@ const RUNS_MIN: u64 = 4;
 const RUNS_MAX: u64 = 48;
 
 /// Shares of main memory, bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shares {
     /// Node table, metadata, statistics, and what choice and cache keep of nodes.
     pub tree_bytes: u64,
@@ -41,8 +42,9 @@ pub struct Shares {
     pub picture_bytes: u64,
     /// Runs that are lent to loaders.
     pub staging_bytes: u64,
-    /// The scene of lit pictures; `None` if pictures are not lit.
-    pub scene_bytes: Option<u64>,
+    /// Most points of lit pictures, and what is loaded around them, within the memory of their
+    /// scene; `None` if pictures are not lit.
+    pub lit: Option<(u64, Surroundings)>,
 }
 
 impl Shares {
@@ -87,14 +89,14 @@ impl Shares {
         let free = (budget_bytes - fixed) / run_bytes;
         let runs = runs.map_or(free.clamp(RUNS_MIN, RUNS_MAX), |r| r as u64);
         let staging_bytes = runs * run_bytes;
-        let scene_bytes =
-            is_lit.then(|| budget_bytes.saturating_sub(fixed + staging_bytes) + lit_least);
-        Ok(Self { tree_bytes, picture_bytes, staging_bytes, scene_bytes })
+        let scene_bytes = budget_bytes.saturating_sub(fixed + staging_bytes) + lit_least;
+        let lit = is_lit.then(|| light::shares(light::splats_max(scene_bytes)));
+        Ok(Self { tree_bytes, picture_bytes, staging_bytes, lit })
     }
 
-    /// Most splats of a lit scene, so that it is within its share; no bound without one.
+    /// Most splats of a lit scene; no bound without light.
     pub(crate) fn splats_max(&self) -> u64 {
-        self.scene_bytes.map_or(u64::MAX, light::splats_max)
+        self.lit.map_or(u64::MAX, |(points_max, around)| points_max + around.points_budget)
     }
 
     /// Runs of staging.

@@ -13,7 +13,10 @@ use crate::machine::backend::DrawWith;
 use anyhow::Result;
 use esker_builder::budget::memory;
 use esker_format::{Forest, ForestFilter, PlaneKind, Planes};
-use esker_lod::{CompactOctree, Options, Residency, Selection, View, needs_residual, select};
+use esker_lod::{
+    CompactOctree, Drawn, Options, Residency, Selection, Surroundings, View, needs_residual,
+    select, surround,
+};
 use esker_points::attribute::names;
 use esker_points::{AttrType, Filter, Task};
 use esker_render::inputs::density::{is_crowded, is_dense};
@@ -82,13 +85,15 @@ impl Default for PictureRequest {
 }
 
 impl PictureRequest {
-    /// Most points that are drawn: lit ones have to fit in memory with their tree.
-    fn points_max(&self) -> u64 {
+    /// Most points that are drawn, and what is read around them: lit ones have to fit in memory
+    /// with their tree.
+    fn points_max(&self) -> (u64, Option<Surroundings>) {
         if self.method != Method::Lit {
-            return self.budget_points;
+            return (self.budget_points, None);
         }
         let granted_bytes = memory::granted().unwrap_or(u64::MAX);
-        self.budget_points.min(light::splats_max(granted_bytes / 2))
+        let (points_max, around) = light::shares(light::splats_max(granted_bytes / 2));
+        (points_max.min(self.budget_points), Some(around))
     }
 
     /// Plane of the classes of points, if lights of the picture choose points by them.
@@ -143,7 +148,8 @@ pub struct PictureScene {
     pub view: View,
     /// Nodes to draw, and their prefixes.
     pub selection: Selection,
-    /// Planes of each node, in the order of the selection.
+    /// Planes of each node, in the order of the selection, and behind them those of the nodes in
+    /// its surroundings.
     pub planes: Vec<Planes>,
     /// What is shown, and how.
     pub appearance: Appearance,
@@ -193,15 +199,19 @@ impl PictureScene {
         let appearance = if request.full { appearance } else { appearance.compacted(file) };
         let appearance = if request.keeps_values { appearance.with_values() } else { appearance };
         let view = appearance.with_margin(file, &shown);
-        let points_max = request.points_max();
+        let (points_max, surroundings) = request.points_max();
         let options = Options {
             points_budget: points_max,
             target_spacing_px: request.target_spacing_px,
             ..Options::default()
         };
         let known = FilteredResidency(&appearance.shown);
-        let selection = select(file.table(), file.lattice(), &view, &options, &known, None);
-        let octree = CompactOctree::new(file.table(), &selection.drawn);
+        let (table, lattice) = (file.table(), file.lattice());
+        let mut selection = select(table, lattice, &view, &options, &known, None);
+        let octree = CompactOctree::new(table, &selection.drawn);
+        if let Some(around) = surroundings {
+            surround(table, lattice, &view, &options, &around, &known, &mut selection);
+        }
         let drawn = || selection.drawn.iter().map(|d| (file.record(d.node), d.prefix)).enumerate();
         let nodes = drawn().map(|(entry, (node, _))| (entry, node));
         let is_dense = is_dense(&view, file.lattice(), &octree, nodes);
@@ -226,6 +236,13 @@ impl PictureScene {
         })
     }
 
+    /// Nodes of the picture and of its surroundings with their planes, for light; the octree for
+    /// them is [`esker_lod::light_octree`].
+    pub fn lit_draws<'a>(&'a self, file: &'a Forest) -> Vec<DrawNode<'a>> {
+        let nodes = self.selection.drawn.iter().chain(&self.selection.surroundings);
+        self.nodes(file, nodes)
+    }
+
     /// Classes of the points of each node, where lights choose points by them.
     pub fn classes(&self) -> Vec<Option<&[u8]>> {
         self.planes.iter().map(|planes| planes.get(self.class_plane?)).collect()
@@ -233,7 +250,15 @@ impl PictureScene {
 
     /// Nodes with their planes, for a frame.
     pub fn draws<'a>(&'a self, file: &'a Forest) -> Vec<DrawNode<'a>> {
-        let nodes = self.selection.drawn.iter().zip(&self.planes).enumerate();
+        self.nodes(file, self.selection.drawn.iter())
+    }
+
+    fn nodes<'a>(
+        &'a self,
+        file: &'a Forest,
+        nodes: impl Iterator<Item = &'a Drawn>,
+    ) -> Vec<DrawNode<'a>> {
+        let nodes = nodes.zip(&self.planes).enumerate();
         nodes
             .map(|(entry, (drawn, planes))| {
                 let node = file.record(drawn.node);
@@ -294,11 +319,11 @@ fn read(
     kinds: &[PlaneKind],
     task: &dyn Task,
 ) -> Result<Vec<Planes>> {
-    let points = selection.drawn.iter().map(|d| d.prefix as u64).sum();
+    let nodes: Vec<&Drawn> = selection.drawn.iter().chain(&selection.surroundings).collect();
+    let points = nodes.iter().map(|d| d.prefix as u64).sum();
     task.phase("reading", Some(points), "points");
     let lattice = file.lattice();
-    selection
-        .drawn
+    nodes
         .par_iter()
         .map(|drawn| {
             task.check()?;

@@ -140,8 +140,10 @@ impl Session {
     fn start(&mut self, painter: Box<dyn Painter>) -> Result<()> {
         let shown = Arc::clone(&self.appearance.shown);
         let options = esker_stream::Options { filter: shown, ..self.options.stream() };
-        let points_budget = options.points_budget.min(self.shares.splats_max());
-        let options = esker_stream::Options { points_budget, ..options };
+        let around = self.shares.lit.map(|(points_max, around)| (points_max, Some(around)));
+        let (points_max, surroundings) = around.unwrap_or((u64::MAX, None));
+        let points_budget = options.points_budget.min(points_max);
+        let options = esker_stream::Options { points_budget, surroundings, ..options };
         let needs = self.appearance.needs(&self.file);
         let streamer = painter.start(self.file.clone(), options, needs)?;
         self.running = Some(Running { streamer: Some(streamer), painter });
@@ -259,9 +261,8 @@ impl Session {
         let is_final = is_final && painter.is_converged();
         let (stats, light) = (painter.stats(), painter.light());
         let counters = &cut.counters;
-        let is_bounded = counters.withheld + counters.shortened > 0
-            && self.shares.splats_max() < self.options.settings.points_budget;
-        let light = light.map(|light| LitStatus { is_bounded, ..light });
+        let withheld = counters.withheld + counters.shortened + counters.surroundings_withheld;
+        let light = light.map(|light| LitStatus { is_bounded: withheld > 0, ..light });
         Ok(DrawnFrame {
             image,
             cut,

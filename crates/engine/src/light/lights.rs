@@ -1,11 +1,12 @@
-//! Makes the lights of `esker_trace` out of words and documents. Numbers are checked here, so that
-//! what is traced has a meaning; pictures of the sky become linear light.
+//! Makes lights out of words of the command line, and of pictures of the sky, which become linear
+//! light. Gives the lights of pictures that name none.
 
+use crate::light::document::{Lights, VALUE_MAX, check, within};
 use crate::light::tone::srgb_to_linear;
 use anyhow::{Context, Result, bail, ensure};
-use esker_trace::light::{LIGHTS_VERSION, Light, Lights, Panorama, SUN_DIAMETER_DEG, Sky};
+use esker_trace::light::{Light, Panorama, SUN_DIAMETER_DEG, Sky};
 use std::f32::consts::PI;
-use std::io::{BufReader, Read};
+use std::io::BufReader;
 use std::path::Path;
 
 /// Forms of lights, for errors.
@@ -15,15 +16,8 @@ const SUN: &str = "sun:AZIMUTH,ELEVATION[,STRENGTH[,DIAMETER]], such as sun:225,
 const SKY: &str = "sky[:STRENGTH] or sky:PICTURE.png[,STRENGTH], such as sky:0.5";
 const LAMP: &str = "lamp:X,Y,Z[,STRENGTH], such as lamp:10.5,3,2.2";
 
-/// Bytes of a document at most. A sky as numbers takes some 20 bytes a pixel.
-const FILE_BYTES_MAX: u64 = 64 << 20;
 /// Pixels of a picture of the sky at most: 16384 x 8192.
 const SKY_PIXELS_MAX: u64 = 1 << 27;
-/// Most lights of a picture: each ray through a pixel sends rays to all of them.
-const LIGHTS_MAX: usize = 256;
-/// Greatest strength or component of a colour: far above any use, and finite when squared.
-const VALUE_MAX: f64 = 1e12;
-
 /// Irradiance of a surface that faces the sun of strength 1: a white one then has a radiance of 1.
 const SUN_IRRADIANCE: f32 = PI;
 /// Radiance of the sky of strength 1, straight above: a clear sky gives about a fifth of the light
@@ -55,13 +49,6 @@ pub fn clear_sky(strength: f64) -> Light {
     Light::Sky { sky: Sky::Gradient { zenith, horizon, ground } }
 }
 
-/// Whether lights choose points by their classes.
-pub(crate) fn name_classes(lights: &Lights) -> bool {
-    let names =
-        |light: &Light| matches!(light, Light::Emissive { classes, .. } if !classes.is_empty());
-    lights.lights.iter().any(names)
-}
-
 /// Parses lights, and reads the documents and pictures that are named.
 ///
 /// # Errors
@@ -69,42 +56,17 @@ pub(crate) fn name_classes(lights: &Lights) -> bool {
 pub fn parse(text: &str) -> Result<Lights> {
     let is_file = |text: &str| Path::new(text).extension().is_some_and(|e| e == "json");
     if is_file(text) {
-        return read(Path::new(text));
+        return Lights::read(Path::new(text));
     }
-    let mut lights = Vec::new();
+    let mut lights = Lights::from(Vec::new());
     for word in text.split(['|', ' ']).filter(|word| !word.is_empty()) {
         match is_file(word) {
-            true => lights.extend(read(Path::new(word))?.lights),
-            false => lights.push(light(word).with_context(|| format!("light `{word}`"))?),
+            true => lights = lights.with(Lights::read(Path::new(word))?),
+            false => lights.lights.push(light(word).with_context(|| format!("light `{word}`"))?),
         }
     }
-    ensure!(!lights.is_empty(), "no light is named: {FORMS}");
-    Ok(lights.into())
-}
-
-/// Reads a document.
-fn read(path: &Path) -> Result<Lights> {
-    let shown = path.display();
-    let mut text = String::new();
-    std::fs::File::open(path)
-        .and_then(|file| file.take(FILE_BYTES_MAX).read_to_string(&mut text))
-        .with_context(|| format!("{shown}: cannot read the lights"))?;
-    document(&text).with_context(|| format!("{shown}: not a valid list of lights"))
-}
-
-/// Parses and checks the text of a document.
-fn document(text: &str) -> Result<Lights> {
-    let lights: Lights = serde_json::from_str(text).context("see docs/commands.md")?;
-    ensure!(
-        (1..=LIGHTS_VERSION).contains(&lights.version),
-        "its version is {}, and this program reads version {LIGHTS_VERSION}",
-        lights.version
-    );
-    let count = lights.lights.len();
-    ensure!(count <= LIGHTS_MAX, "it has {count} lights, at most {LIGHTS_MAX} are drawn");
-    for (index, light) in lights.lights.iter().enumerate() {
-        check(light).with_context(|| format!("light {}", index + 1))?;
-    }
+    let count = lights.lights.len() + lights.emissive.len();
+    ensure!(count > 0, "no light is named: {FORMS}");
     Ok(lights)
 }
 
@@ -161,73 +123,6 @@ fn numbers(text: &str) -> Result<Vec<f64>> {
         value.with_context(|| format!("`{word}` is no number"))
     };
     text.split(',').map(number).collect()
-}
-
-fn within(name: &str, value: f64, least: f64, greatest: f64) -> Result<f64> {
-    ensure!(
-        (least..=greatest).contains(&value),
-        "{name} is {value}, it must be within {least} and {greatest}"
-    );
-    Ok(value)
-}
-
-/// Refuses numbers without a meaning.
-fn check(light: &Light) -> Result<()> {
-    let colour = |name: &str, colour: &[f32; 3]| {
-        colour.iter().try_for_each(|&c| within(name, f64::from(c), 0.0, VALUE_MAX).map(drop))
-    };
-    let place = |name: &str, place: &[f64; 3]| {
-        place.iter().try_for_each(|&c| within(name, c, -VALUE_MAX, VALUE_MAX).map(drop))
-    };
-    match light {
-        Light::Sun { azimuth_deg, elevation_deg, irradiance, angular_diameter_deg } => {
-            within("the azimuth", *azimuth_deg, -360.0, 360.0)?;
-            within("the elevation", *elevation_deg, -90.0, 90.0)?;
-            within("the diameter", *angular_diameter_deg, 0.0, 90.0)?;
-            colour("the irradiance", irradiance)
-        }
-        Light::Sky { sky: Sky::Constant(radiance) } => colour("the radiance", radiance),
-        Light::Sky { sky: Sky::Gradient { zenith, horizon, ground } } => {
-            [zenith, horizon, ground].into_iter().try_for_each(|c| colour("the radiance", c))
-        }
-        Light::Sky { sky: Sky::Image(image) } => {
-            let pixels = image.width.checked_mul(image.height);
-            ensure!(
-                pixels == Some(image.pixels.len()) && !image.pixels.is_empty(),
-                "the picture of the sky has {} pixels, not {} x {}",
-                image.pixels.len(),
-                image.width,
-                image.height
-            );
-            image.pixels.iter().try_for_each(|pixel| colour("a pixel", pixel))
-        }
-        Light::Point { position, intensity } => {
-            place("the position", position)?;
-            colour("the intensity", intensity)
-        }
-        Light::Spot { position, direction, intensity, inner_angle_deg, outer_angle_deg } => {
-            place("the position", position)?;
-            place("the direction", direction)?;
-            ensure!(direction.iter().any(|&c| c != 0.0), "the direction is 0,0,0: none");
-            within("the outer angle", *outer_angle_deg, 0.0, 180.0)?;
-            within("the inner angle", *inner_angle_deg, 0.0, *outer_angle_deg)?;
-            colour("the intensity", intensity)
-        }
-        Light::Area { corner, edges: [a, b], radiance, .. } => {
-            [corner, a, b].into_iter().try_for_each(|p| place("a corner or edge", p))?;
-            let area = glam::DVec3::from_array(*a).cross((*b).into()).length();
-            ensure!(area > 0.0, "the two edges are parallel, so that there is no area");
-            colour("the radiance", radiance)
-        }
-        Light::Emissive { bounds, radiance, .. } => {
-            if let Some([low, high]) = bounds {
-                place("the box", low)?;
-                place("the box", high)?;
-                ensure!((0..3).all(|i| low[i] <= high[i]), "the box has no inside");
-            }
-            colour("the radiance", radiance)
-        }
-    }
 }
 
 /// Reads a picture of all directions (equirectangular PNG) as linear light.
@@ -290,31 +185,6 @@ mod tests {
             let fault = format!("{:#}", parse(text).unwrap_err());
             assert!(fault.contains(says), "{text}: {fault}");
         }
-    }
-
-    #[test]
-    fn a_document_is_read_back_and_faults_name_the_light() {
-        let lights = parse("sun:225,40|sky|lamp:1,2,3").unwrap();
-        assert_eq!(document(&serde_json::to_string(&lights).unwrap()).unwrap(), lights);
-        for (lights, says) in [
-            (r#"{"kind": "moon"}"#, "unknown variant `moon`"),
-            (r#"{"kind": "point", "position": [0, 0, 0]}"#, "missing field `intensity`"),
-            (
-                r#"{"kind": "point", "position": [0, 0, 1e30], "intensity": [1, 1, 1]}"#,
-                "light 1: the position is 1e30",
-            ),
-            (
-                r#"{"kind": "area", "corner": [0,0,0], "edges": [[1,0,0],[2,0,0]], "radiance": [1,1,1]}"#,
-                "parallel",
-            ),
-            (r#"{"kind": "emissive", "radiance": [1, 1, -1]}"#, "the radiance is -1"),
-        ] {
-            let text = format!(r#"{{"version": 1, "lights": [{lights}]}}"#);
-            let fault = format!("{:#}", document(&text).unwrap_err());
-            assert!(fault.contains(says), "{text}: {fault}");
-        }
-        let new = document(r#"{"version": 99, "lights": []}"#).unwrap_err();
-        assert!(new.to_string().contains("version is 99"), "{new}");
     }
 
     #[test]

@@ -3,6 +3,8 @@
 //! frames of sessions. Without the feature `light` only the settings remain, which are refused.
 
 #[cfg(feature = "light")]
+pub mod document;
+#[cfg(feature = "light")]
 pub mod lights;
 #[cfg(feature = "light")]
 pub(crate) mod progressive;
@@ -22,6 +24,7 @@ pub mod sun;
 pub(crate) mod tone;
 
 use anyhow::{Result, ensure};
+use esker_lod::Surroundings;
 use settings::{FilterName, LightSettings};
 
 /// Most bytes a splat while a scene is built: the splat itself (48), its disc with albedo and
@@ -66,10 +69,19 @@ pub(crate) fn splats_max(bytes: u64) -> u64 {
     bytes / SPLAT_BYTES
 }
 
+/// How many splats are of the picture, and how many of what lies around it: a quarter of the most,
+/// within the default of [`Surroundings`], as pictures are a sixteenth of all directions and their
+/// surroundings an eighth as fine.
+pub(crate) fn shares(splats_max: u64) -> (u64, Surroundings) {
+    let default = Surroundings::default();
+    let points_budget = default.points_budget.min(splats_max / 4);
+    (splats_max - points_budget, Surroundings { points_budget, ..default })
+}
+
 /// Whether lights choose points by their classes.
 pub(crate) fn needs_classes(settings: &LightSettings) -> bool {
     #[cfg(feature = "light")]
-    return settings.lights.as_ref().is_some_and(lights::name_classes);
+    return settings.lights.as_ref().is_some_and(settings::Lights::name_classes);
     #[cfg(not(feature = "light"))]
     {
         let _ = settings;

@@ -6,13 +6,14 @@
 use crate::light::scene::{LitScene, Meshes};
 use crate::light::settings::LightSettings;
 use crate::light::status::LitStatus;
-use crate::light::still::{lights_of, options, shows_sky};
+use crate::light::still::{lights_of, options};
 use crate::light::tone::Tones;
 use anyhow::Result;
 use esker_lod::View;
 use esker_points::task::Silent;
 use esker_render::{Frame, PassTimes, Picture, Stats};
 use esker_trace::{Camera, LitImage, PreparedLights, Tracer};
+use glam::DVec3;
 use std::time::{Duration, Instant};
 
 /// Samples a pixel of a finished picture. The error of filtered light hardly falls beyond.
@@ -25,6 +26,8 @@ const COARSE_MS: f64 = 70.0;
 const COARSER: [u32; 4] = [1, 2, 3, 4];
 /// While points arrive, building scenes takes at most one part in this many of the time.
 const BUILD_SHARE: u32 = 3;
+/// Steps of the lattice from the origin of a scene at which `f32` still has an eighth of a step.
+const NEAR_STEPS: f64 = (1 << 20) as f64;
 /// Share of the way to the exposure of the new view that a frame of a moving view takes.
 const EXPOSURE_STEP: f64 = 0.2;
 
@@ -127,7 +130,8 @@ impl Progressive {
         let lights = lights_of(settings);
         if !keeps {
             let start = Instant::now();
-            let lit = LitScene::new(frame, &self.meshes, &lights, &[], frame.view.eye);
+            let origin = self.origin(frame);
+            let lit = LitScene::new(frame, &self.meshes, &lights, &[], origin);
             let took = start.elapsed();
             self.scene = Some(Scene { lit, epoch, built: Instant::now(), took });
             self.scenes += 1;
@@ -143,6 +147,21 @@ impl Progressive {
             self.coarse.set_options(options);
             self.lights = Some((settings.clone(), scene.lit.prepared(&lights)));
         }
+    }
+
+    /// Origin of the next scene: that of the last one while the eye stays near it, so that its light
+    /// can be used again.
+    fn origin(&mut self, frame: &Frame<'_>) -> DVec3 {
+        let eye = frame.view.eye;
+        let step = frame.lattice.scale.iter().copied().fold(0.0, f64::max);
+        let extent = step * NEAR_STEPS;
+        let kept = self.scene.as_ref().map(|scene| scene.lit.origin);
+        if let Some(origin) = kept.filter(|origin| origin.distance(eye) <= extent) {
+            return origin;
+        }
+        self.fine.clear();
+        self.coarse.clear();
+        eye
     }
 
     /// Draws a coarse picture of one sample.
@@ -205,7 +224,7 @@ impl Progressive {
             radiance: &image.radiance.planes,
             coverage: &image.coverage,
             exposure: 1.0,
-            background: (!shows_sky(&lights_of(settings))).then_some(frame.background),
+            background: (!lights_of(settings).have_sky()).then_some(frame.background),
         };
         let exposure = settings.exposure.unwrap_or_else(|| match self.exposure {
             Some(last) if self.status.samples > 0 => last,

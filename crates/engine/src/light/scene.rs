@@ -1,14 +1,14 @@
 //! The scene that is lit: the splats of a frame, relative to an origin near the eye, with the
 //! meshes of the user and what shines of both. Bounds the number of splats.
 
+use crate::light::document::{Emissive, Lights};
 use crate::light::settings::LightSettings;
 use crate::light::tone::srgb_to_linear;
 use anyhow::Result;
 use esker_points::Task;
 use esker_render::{Codebook, ColourBy, Frame, Splat, splats};
-use esker_trace::light::Light;
 use esker_trace::scene::{Albedo, Emitter, Members, Mesh, MeshTree, Object, SplatInput};
-use esker_trace::{Lights, PreparedLights, Scene};
+use esker_trace::{PreparedLights, Scene};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -59,10 +59,9 @@ impl LitScene {
         origin: DVec3,
     ) -> Self {
         let splats = splats(frame, origin);
-        let shining: Vec<&Light> =
-            lights.lights.iter().filter(|l| matches!(l, Light::Emissive { .. })).collect();
+        let shining = &lights.emissive;
         let classes: Option<Vec<u8>> = (!shining.is_empty()).then(|| {
-            let number = |splat: &Splat| number_of(&shining, splat, classes, origin);
+            let number = |splat: &Splat| number_of(shining, splat, classes, origin);
             splats.par_iter().map(number).collect()
         });
         let emitters: Vec<Emitter> = shining.iter().enumerate().filter_map(emitter).collect();
@@ -79,7 +78,7 @@ impl LitScene {
 
     /// Lights relative to the origin of the scene.
     pub fn prepared(&self, lights: &Lights) -> PreparedLights {
-        lights.prepare(self.origin)
+        esker_trace::Lights::from(lights.lights.clone()).prepare(self.origin)
     }
 }
 
@@ -97,21 +96,19 @@ pub(crate) fn holds_light(colour: ColourBy) -> bool {
 /// Albedo of scans in one colour: that of concrete.
 const PLAIN: [f32; 3] = [0.55; 3];
 
-/// What shines by light number `index` of those that make points shine: points are numbered by
-/// the light, from 1, since a light may choose them by class and by box at once.
-fn emitter((index, light): (usize, &&Light)) -> Option<Emitter> {
-    let Light::Emissive { radiance, .. } = light else { return None };
+/// What shines as entry `index` of the points that shine: points are numbered by it, from 1, since
+/// an entry may choose them by class and by box at once.
+fn emitter((index, emissive): (usize, &Emissive)) -> Option<Emitter> {
     let number = u8::try_from(index + 1).ok()?;
-    Some(Emitter { members: Members::Classes(vec![number]), radiance: *radiance })
+    Some(Emitter { members: Members::Classes(vec![number]), radiance: emissive.radiance })
 }
 
-/// Number of the first light by which a splat shines; 0 without one.
-fn number_of(shining: &[&Light], splat: &Splat, classes: &[Option<&[u8]>], origin: DVec3) -> u8 {
+/// Number of the first entry by which a splat shines; 0 without one.
+fn number_of(shining: &[Emissive], splat: &Splat, classes: &[Option<&[u8]>], origin: DVec3) -> u8 {
     let place = Vec3::from_array(splat.centre).as_dvec3() + origin;
     let plane = classes.get(splat.draw as usize).copied().flatten();
     let class = plane.and_then(|plane| plane.get(splat.index as usize));
-    let shines = |light: &&Light| {
-        let Light::Emissive { classes, bounds, .. } = light else { return false };
+    let shines = |Emissive { classes, bounds, .. }: &Emissive| {
         let of_class = classes.is_empty() || class.is_some_and(|class| classes.contains(class));
         let inside = bounds.is_none_or(|[low, high]| {
             place.cmpge(low.into()).all() && place.cmple(high.into()).all()

@@ -2,7 +2,7 @@
 //! lines and the window change, and sessions compare. Albedo is the colours of the picture.
 
 #[cfg(feature = "light")]
-pub use esker_trace::Lights;
+pub use crate::light::document::Lights;
 use std::path::PathBuf;
 
 /// Lights of a program that was built without them.

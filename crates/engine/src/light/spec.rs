@@ -41,9 +41,8 @@ pub fn joined(specs: Vec<LightSpec>) -> Option<Lights> {
 }
 
 #[cfg(feature = "light")]
-fn together(mut lights: Lights, more: Lights) -> Lights {
-    lights.lights.extend(more.lights);
-    lights
+fn together(lights: Lights, more: Lights) -> Lights {
+    lights.with(more)
 }
 
 #[cfg(not(feature = "light"))]

@@ -3,17 +3,18 @@
 
 use crate::draw::scene::PictureScene;
 use crate::io::quantity::grouped;
+use crate::light::document::Lights;
 use crate::light::lights;
 use crate::light::scene::{LitScene, Meshes, holds_light};
 use crate::light::settings::{FilterName, LightSettings};
 use crate::light::tone::Tones;
 use anyhow::Result;
 use esker_format::Forest;
-use esker_lod::CompactOctree;
+use esker_lod::{Counters, light_octree};
 use esker_points::Task;
 use esker_render::{Frame, PassTimes, Picture, Stats};
 use esker_trace::filter::{FilterKind, Settings as FilterSettings};
-use esker_trace::{Camera, Light, Lights, LitImage, Options, Tracer};
+use esker_trace::{Camera, LitImage, Options, Tracer};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -36,8 +37,12 @@ pub struct LightReport {
     pub exposure: f64,
     /// Splats that were traced.
     pub splats: usize,
-    /// Most splats within the budgets.
+    /// Splats around the picture, among them.
+    pub splats_around: u64,
+    /// Most splats in the picture within the budgets.
     pub splats_max: u64,
+    /// Whether that bound, or the one of what is around the picture, leaves splats out.
+    pub is_bounded: bool,
     /// Splats that no ray can meet: without extent, or with invalid values.
     pub splats_dropped: usize,
     /// Triangles of meshes.
@@ -76,14 +81,9 @@ pub(crate) fn options(settings: &LightSettings, lights: &Lights) -> Options {
         shadow_samples: settings.shadow_samples,
         seed: settings.seed,
         filter: FilterSettings::of(kind),
-        shows_sky: shows_sky(lights),
+        shows_sky: lights.have_sky(),
         ..Options::default()
     }
-}
-
-/// Whether the sky is in the picture, so that there is no other background.
-pub(crate) fn shows_sky(lights: &Lights) -> bool {
-    lights.lights.iter().any(|light| matches!(light, Light::Sky { .. }))
 }
 
 /// The lights of settings.
@@ -98,12 +98,11 @@ pub(crate) fn lights_of(settings: &LightSettings) -> Lights {
 pub fn draw(
     file: &Forest,
     scene: &PictureScene,
-    octree: &CompactOctree,
     settings: &LightSettings,
     task: &dyn Task,
 ) -> Result<(Picture, LightReport)> {
-    let draws = scene.draws(file);
-    let frame = &scene.appearance.frame(file, &scene.view, &draws, octree);
+    let (draws, octree) = (scene.lit_draws(file), light_octree(file.table(), &scene.selection));
+    let frame = &scene.appearance.frame(file, &scene.view, &draws, &octree);
     let classes = scene.classes();
     let lights = lights_of(settings);
     let meshes = Meshes::read(settings, task)?;
@@ -127,11 +126,11 @@ pub fn draw(
     let start = Instant::now();
     let image = tracer.resolve();
     let filter_ms = ms(start);
-    let (picture, exposure) = picture(&image, frame, settings, shows_sky(&lights));
+    let (picture, exposure) = picture(&image, frame, settings, lights.have_sky());
     let counts = tracer.stats();
     let share = |of: u64, all: u64| if all > 0 { of as f64 / all as f64 } else { 0.0 };
     let report = LightReport {
-        lights: lights.lights.iter().map(kind).collect(),
+        lights: lights.kinds(),
         samples: settings.samples,
         bounces: settings.bounces,
         shadow_samples: settings.shadow_samples,
@@ -139,7 +138,9 @@ pub fn draw(
         seed: settings.seed,
         exposure,
         splats: lit.splats,
+        splats_around: scene.selection.counters.surroundings_points,
         splats_max: scene.points_max,
+        is_bounded: is_bounded(&scene.selection.counters),
         splats_dropped: lit.scene.dropped(),
         triangles: meshes.triangles(),
         scene_bytes: lit.scene.bytes(),
@@ -191,11 +192,14 @@ fn picture(
     (picture, exposure)
 }
 
+/// Whether budgets leave points out of the picture or of what lies around it.
+pub(crate) fn is_bounded(counters: &Counters) -> bool {
+    counters.withheld + counters.shortened + counters.surroundings_withheld > 0
+}
+
 /// What a user should know of a lit picture, a line each.
 pub(crate) fn notes(scene: &PictureScene, report: &LightReport) -> Vec<&'static str> {
     let by = scene.appearance.colouring.by;
-    let counters = &scene.selection.counters;
-    let is_bounded = counters.withheld + counters.shortened > 0;
     let notes = [
         (
             holds_light(by),
@@ -203,7 +207,7 @@ pub(crate) fn notes(scene: &PictureScene, report: &LightReport) -> Vec<&'static 
                            counted twice (--albedo intensity or plain: without it)",
         ),
         (
-            is_bounded,
+            report.is_bounded,
             "splats: their bound is reached, farther ones are coarser \
                       (--budget-points, or more memory)",
         ),
@@ -229,18 +233,6 @@ pub(crate) fn text(report: &LightReport) -> String {
         report.trace_ms,
         report.filter_ms,
     )
-}
-
-/// Name of the kind of a light.
-fn kind(light: &Light) -> &'static str {
-    match light {
-        Light::Sun { .. } => "sun",
-        Light::Sky { .. } => "sky",
-        Light::Point { .. } => "lamp",
-        Light::Spot { .. } => "spot",
-        Light::Area { .. } => "area",
-        Light::Emissive { .. } => "emissive",
-    }
 }
 
 fn ms(start: Instant) -> f64 {

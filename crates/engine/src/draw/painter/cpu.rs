@@ -86,8 +86,11 @@ impl Painter for CpuPainter {
     fn draw(&mut self, input: &FrameInput<'_>) -> Result<()> {
         let FrameInput { file, view, cut, appearance, light, splats_max } = *input;
         let memory = &self.memory;
-        let draws = input.draws(|slot| memory.read(slot));
-        let frame = appearance.frame(file, view, &draws, &cut.octree);
+        let around = cut.surroundings.as_ref();
+        let mut draws = input.draws(|slot| memory.read(slot));
+        draws.extend(input.draws_around(|slot| memory.read(slot)));
+        let octree = around.map_or(&cut.octree, |around| &around.octree);
+        let frame = appearance.frame(file, view, &draws, octree);
         if appearance.method == Method::Lit {
             let lit = match &mut self.lit {
                 Some(lit) => lit,
