@@ -3,7 +3,7 @@
 //! and shadow rays, blended and first hits, for the implicit tree, the refined one, and `obvhs`'
 //! own binary tree over the same discs; times of building; bytes a splat.
 //!
-//! `cargo run --release -p esker-trace --example rays [SPLATS]`
+//! `cargo run --release -p esker-trace --example rays [SPLATS [SCENE]]`
 
 use esker_render::Splat;
 use esker_trace::scene::{Albedo, RADIUS_FACTOR, SplatInput};
@@ -51,10 +51,12 @@ struct Rays {
 
 fn main() {
     let count = std::env::args().nth(1).and_then(|a| a.parse().ok()).unwrap_or(1_000_000);
+    let only = std::env::args().nth(2);
     let mut rows = Vec::new();
     let clouds: [(&str, fn(&mut Random, usize) -> Cloud); 3] =
         [("office", office), ("terrain", terrain), ("spheres", spheres)];
-    for (name, make) in clouds {
+    let is_wanted = |name: &str| only.as_ref().is_none_or(|only| only == name);
+    for (name, make) in clouds.into_iter().filter(|c| is_wanted(c.0)) {
         let cloud = make(&mut Random(1), count);
         rows.extend(measure(name, &cloud));
     }

@@ -3,7 +3,7 @@
 use crate::accel::WIDTH;
 use crate::accel::bounds::Bounds;
 use crate::accel::tree::{Leaf, Primitive};
-use crate::accel::walk::{Lanes, dot, load};
+use crate::accel::walk::{Lanes, dot, load, load3, sub};
 use bytemuck::{Pod, Zeroable};
 use fearless_simd::{Select, Simd, SimdFloat, f32x8, mask32x8};
 use glam::Vec3;
@@ -64,7 +64,7 @@ impl Leaf for DiscLeaf {
 
     #[inline(always)]
     fn get(&self, k: usize) -> Disc {
-        let centre = Vec3::from_array([0, 1, 2].map(|axis| self.centre[axis][k]));
+        let centre = Vec3::new(self.centre[0][k], self.centre[1][k], self.centre[2][k]);
         Disc { centre, normal: self.normal_of(k), radius: self.radius[k].abs() }
     }
 }
@@ -73,7 +73,7 @@ impl DiscLeaf {
     /// Normal of disc `k`.
     #[inline(always)]
     pub(crate) fn normal_of(&self, k: usize) -> Vec3 {
-        Vec3::from_array([0, 1, 2].map(|axis| self.normal[axis][k]))
+        Vec3::new(self.normal[0][k], self.normal[1][k], self.normal[2][k])
     }
 
     /// Meets all discs with a ray. `FACING`: whether some discs have no normal.
@@ -84,10 +84,10 @@ impl DiscLeaf {
         ray: &Lanes<S>,
         limit: f32,
     ) -> DiscsMet<S> {
-        let centre = [0, 1, 2].map(|a| load(simd, &self.centre[a]));
-        let normal = [0, 1, 2].map(|a| load(simd, &self.normal[a]));
+        let centre = load3(simd, &self.centre);
+        let normal = load3(simd, &self.normal);
         let radius = load(simd, &self.radius);
-        let to = [0, 1, 2].map(|a| centre[a] - ray.origin[a]);
+        let to = sub(centre, ray.origin);
         let (mut along, mut speed) = (dot(normal, to), dot(normal, ray.direction));
         if FACING {
             // The plane faces the ray.
@@ -96,7 +96,12 @@ impl DiscLeaf {
             speed = is_facing.select(ray.squared_speed, speed);
         }
         let distance = along / speed;
-        let across = [0, 1, 2].map(|a| ray.direction[a].mul_sub(distance, to[a]));
+        let d = ray.direction;
+        let across = [
+            d[0].mul_sub(distance, to[0]),
+            d[1].mul_sub(distance, to[1]),
+            d[2].mul_sub(distance, to[2]),
+        ];
         let (off, square) = (dot(across, across), radius * radius);
         let is_met = simd.simd_lt_f32x8(off, square)
             & simd.simd_lt_f32x8(simd.splat_f32x8(0.0), distance)

@@ -4,7 +4,7 @@
 use crate::accel::refine::refined;
 use crate::accel::tree::{Leaf, NONE};
 use crate::accel::triangle::Triangle;
-use crate::accel::walk::{Lanes, bits, each_bit, walk};
+use crate::accel::walk::{Bits, Lanes, bits, walk};
 use crate::accel::{Bounds, Tree, TriangleLeaf, WIDTH};
 use crate::ray::Ray;
 use crate::scene::splats::COORDINATE_MAX;
@@ -121,10 +121,10 @@ impl MeshTree {
             let which = bits(is_met);
             if which != 0 {
                 let distance = distance.to_array();
-                each_bit(which, |k| {
+                for k in Bits(which) {
                     let met = (distance[k], (at * WIDTH + k) as u32);
                     best = if met < best { met } else { best };
-                });
+                }
             }
             best.0
         });
