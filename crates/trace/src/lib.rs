@@ -7,6 +7,7 @@
 
 pub mod accel;
 pub mod filter;
+pub mod gpu;
 pub mod image;
 pub mod light;
 pub mod paths;
