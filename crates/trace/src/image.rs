@@ -33,3 +33,9 @@ impl<const C: usize> Image<C> {
         self.len() == 0
     }
 }
+
+impl<const C: usize> Default for Image<C> {
+    fn default() -> Self {
+        Self::new(0, 0)
+    }
+}

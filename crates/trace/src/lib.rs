@@ -6,6 +6,7 @@
 //! hit, filtered, and looked up by the other rays of the pixel, which add direct light.
 
 pub mod accel;
+pub mod camera;
 pub mod filter;
 pub mod gpu;
 pub mod image;
@@ -13,7 +14,12 @@ pub mod light;
 pub mod paths;
 pub mod ray;
 pub mod scene;
+pub mod tracer;
 
+pub use camera::Camera;
 pub use image::Image;
+pub use light::{Light, Lights, PreparedLights, Sky};
+pub use paths::{Gloss, Options, Sequence, Stats, Surfaces};
 pub use ray::{Hit, Ray};
 pub use scene::Scene;
+pub use tracer::{LitImage, Tracer};

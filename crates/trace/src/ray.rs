@@ -36,9 +36,25 @@ pub struct Hit {
     pub normal: Vec3,
     /// Diffuse albedo, linear light, 0 to 1 in each channel.
     pub albedo: Vec3,
-    /// Emitted radiance, linear light.
+    /// Emitted radiance, linear light; surfaces emit to both sides.
     pub emission: Vec3,
     /// Distance along the normal at which rays that leave the surface start: two radii for splats,
     /// less where a facing surface is nearer.
     pub lift: f32,
+    /// Radius of the frontmost splat; zero for a triangle.
+    pub radius: f32,
+    /// Whether the stored normal of the frontmost primitive points away from the ray's origin.
+    pub is_back: bool,
+}
+
+impl Hit {
+    /// Whether a splat was hit, not a triangle.
+    pub fn is_splat(&self) -> bool {
+        self.radius > 0.0
+    }
+
+    /// Start of rays that leave the surface, which `ray` has met.
+    pub fn start(&self, ray: &Ray) -> Vec3 {
+        ray.at(self.distance) + self.normal * self.lift
+    }
 }

@@ -18,7 +18,10 @@ const ALLOWED: [(&str, &[&str]); 14] = [
     ("esker-render", &["points", "lod"]),
     ("esker-trace", &["points", "lod", "render"]),
     ("esker-engine", &["points", "scan", "format", "builder", "lod", "stream", "render", "trace"]),
-    ("esker-bench", &["points", "scan", "format", "builder", "lod", "stream", "render", "trace", "engine"]),
+    (
+        "esker-bench",
+        &["points", "scan", "format", "builder", "lod", "stream", "render", "trace", "engine"],
+    ),
     ("esker-view", &["engine"]),
     ("esker", &["engine", "bench"]),
     // Tools may use any library.

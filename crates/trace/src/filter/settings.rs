@@ -1,0 +1,74 @@
+//! Settings of the filters. The defaults are the same for all scenes.
+
+/// Filter of indirect light, with the names of `--filter`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum FilterKind {
+    /// No filter.
+    None,
+    /// Guided image filter (`bauszat2011` 3.3).
+    Guided,
+    /// Guided image filter with noise-scaled epsilon at two radii, mixed by their agreement.
+    #[default]
+    Nested,
+    /// Cross-bilateral filter.
+    Bilateral,
+    /// A-trous wavelets (`dammertz2010`).
+    Atrous,
+}
+
+/// How to filter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The filter.
+    pub kind: FilterKind,
+    /// Radius of windows, pixels. `None` takes it from the number of samples, 32 for one and 24
+    /// for 16 and more. The nested filter has its own radii.
+    pub radius: Option<usize>,
+    /// Epsilon of normals that are scaled to [0, 1] (`bauszat2011` 3.3, equation 7).
+    pub epsilon_normal: f32,
+    /// Epsilon of depth and of the other guides.
+    pub epsilon_depth: f32,
+    /// Whether epsilon is replaced by the share of noise in the mean of each window. The nested
+    /// filter always does this.
+    pub is_noise_scaled: bool,
+    /// Standard deviation of normals below which cross-bilateral weights and those of a-trous are
+    /// high. In the unit of the guides, which is half the unit of normals.
+    pub sigma_normal: f32,
+    /// The same for depth and occlusion.
+    pub sigma_depth: f32,
+    /// Standard deviation of colour over the mean of the picture for the weights of a-trous;
+    /// infinite for none.
+    pub sigma_colour: f32,
+    /// Passes of a-trous.
+    pub iterations: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            kind: FilterKind::Nested,
+            radius: None,
+            epsilon_normal: 0.01,
+            epsilon_depth: 0.02,
+            is_noise_scaled: false,
+            sigma_normal: 0.1,
+            sigma_depth: 0.02,
+            sigma_colour: f32::INFINITY,
+            iterations: 5,
+        }
+    }
+}
+
+impl Settings {
+    /// Default settings of a filter.
+    pub fn of(kind: FilterKind) -> Self {
+        Self { kind, ..Self::default() }
+    }
+
+    /// Radius of windows for a number of samples a pixel: noise falls with samples, so that smaller
+    /// windows suffice. `bauszat2011` takes 24 to 32 pixels.
+    pub fn radius(&self, samples: u32) -> usize {
+        let shrunk = 32.0 * f64::from(samples.max(1)).powf(-0.1);
+        self.radius.unwrap_or(shrunk.round().clamp(24.0, 32.0) as usize)
+    }
+}

@@ -1,0 +1,38 @@
+//! What the tracer asks of a scene. Tests trace exact spheres and planes through the same trait, so
+//! that an error of the paths is told from one of the splats.
+
+use crate::light::Emitter;
+use crate::ray::{Hit, Ray};
+use crate::scene::Scene;
+
+/// Surfaces that rays meet.
+pub trait Surfaces: Sync {
+    /// The surface that a ray meets first.
+    fn hit(&self, ray: &Ray) -> Option<Hit>;
+
+    /// Whether anything lies on the ray before its reach.
+    fn is_blocked(&self, ray: &Ray) -> bool;
+
+    /// Length of the diagonal of the box around the surfaces: depth as a guide is divided by it.
+    fn diagonal(&self) -> f32;
+
+    /// Surfaces that are sampled as lights. If there are none, the emission that [`Surfaces::hit`]
+    /// reports is found by bounces and filtered with indirect light.
+    fn emitters(&self) -> &[Emitter] {
+        &[]
+    }
+}
+
+impl Surfaces for Scene {
+    fn hit(&self, ray: &Ray) -> Option<Hit> {
+        Scene::hit(self, ray)
+    }
+
+    fn is_blocked(&self, ray: &Ray) -> bool {
+        Scene::is_blocked(self, ray)
+    }
+
+    fn diagonal(&self) -> f32 {
+        1.0
+    }
+}
