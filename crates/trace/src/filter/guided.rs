@@ -1,0 +1,211 @@
+//! Guided image filter (`bauszat2011` 3.3; `he2010`): in each window the picture is fitted to the
+//! guides by linear regression, and a pixel takes the mean of the fits of all windows that cover
+//! it. The cost does not depend on the radius. The first pass sums along rows and solves the
+//! windows; the second pass sums their coefficients along columns. Bands of rows run in parallel;
+//! where they begin depends on the picture and the radius alone, hence the result does not depend
+//! on the number of threads.
+
+use super::input::Input;
+use super::moments::{Columns, EIGHT, ROWS, eight, moment_count};
+use super::solve::Ridge;
+use super::windows::Windows;
+use fearless_simd::{Level, Simd, SimdBase, dispatch, f32x8, f64x4};
+use rayon::prelude::*;
+
+/// Ridge of each guide, of any number.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Ridges {
+    /// Epsilon of each guide.
+    pub epsilon: Vec<f64>,
+    /// Epsilon of each guide for a window whose mean has a variance of its own square.
+    pub noise: Vec<f64>,
+}
+
+/// Filters the signals of the input, the first three of which are colour. Pixels that are left out
+/// get any value.
+pub(crate) fn regress(input: &Input<'_>, radius: usize, ridges: &Ridges) -> Vec<Vec<f32>> {
+    match (input.guides.len(), input.signals.len()) {
+        (1, 3) => run::<1, 3, { moment_count(1, 3) }, 6>(input, radius, ridges),
+        (3, 3) => run::<3, 3, { moment_count(3, 3) }, 12>(input, radius, ridges),
+        (4, 3) => run::<4, 3, { moment_count(4, 3) }, 15>(input, radius, ridges),
+        (5, 3) => run::<5, 3, { moment_count(5, 3) }, 18>(input, radius, ridges),
+        (1, 4) => run::<1, 4, { moment_count(1, 4) }, 8>(input, radius, ridges),
+        (3, 4) => run::<3, 4, { moment_count(3, 4) }, 16>(input, radius, ridges),
+        (4, 4) => run::<4, 4, { moment_count(4, 4) }, 20>(input, radius, ridges),
+        (5, 4) => run::<5, 4, { moment_count(5, 4) }, 24>(input, radius, ridges),
+        (guides, signals) => panic!("{guides} guides and {signals} signals have no filter"),
+    }
+}
+
+/// The sums of coefficients of eight pixels of a row.
+type Chunk<const C: usize> = [[f32; EIGHT]; C];
+
+/// Rows of a band. A band begins with sums over a window, which must be cheap beside its own rows.
+fn band_rows(radius: usize) -> usize {
+    (6 * radius).clamp(64, 1024).next_multiple_of(ROWS)
+}
+
+fn run<const K: usize, const N: usize, const M: usize, const C: usize>(
+    input: &Input<'_>,
+    radius: usize,
+    ridges: &Ridges,
+) -> Vec<Vec<f32>> {
+    // A radius beyond the picture is as good as one of its size.
+    let radius = radius.min(input.width.max(input.height));
+    let mut out: Vec<Vec<f32>> = (0..N).map(|_| vec![0.0; input.len()]).collect();
+    if input.len() == 0 {
+        return out;
+    }
+    let value = |values: &[f64], k: usize| values.get(k).copied().unwrap_or(0.0);
+    let ridge = Ridge {
+        epsilon: std::array::from_fn(|k| value(&ridges.epsilon, k)),
+        noise: std::array::from_fn(|k| value(&ridges.noise, k)),
+    };
+    let (chunks, band) = (input.width.div_ceil(EIGHT), band_rows(radius));
+    let mut sums = vec![[[0.0; EIGHT]; C]; chunks * input.height];
+    sums.par_chunks_mut(chunks * band).enumerate().for_each(|(b, sums)| {
+        dispatch!(Level::new(), simd => {
+            solve_band::<_, K, N, M, C>(simd, input, radius, ridge, b * band, sums);
+        });
+    });
+    let mut rows: Vec<_> = out.iter_mut().map(|out| out.chunks_mut(input.width * band)).collect();
+    let bands: Vec<Vec<&mut [f32]>> = (0..input.height.div_ceil(band))
+        .map(|_| rows.iter_mut().filter_map(Iterator::next).collect())
+        .collect();
+    bands.into_par_iter().enumerate().for_each(|(b, mut out)| {
+        dispatch!(Level::new(), simd => {
+            mean_band::<_, K, N, C>(simd, input, radius, &sums, b * band, &mut out);
+        });
+    });
+    out
+}
+
+/// Solves the windows of a band of rows from `top` on, and sums their coefficients along rows.
+#[inline(always)]
+fn solve_band<S: Simd, const K: usize, const N: usize, const M: usize, const C: usize>(
+    simd: S,
+    input: &Input<'_>,
+    radius: usize,
+    ridge: Ridge<K>,
+    top: usize,
+    sums: &mut [Chunk<C>],
+) {
+    let mut columns = Columns::<K, N, M>::new(input, radius);
+    columns.start(simd, top);
+    let mut windows = Windows::<K, M, C>::new(input.width, radius, ridge);
+    let chunks = input.width.div_ceil(EIGHT);
+    for (i, sums) in sums.chunks_mut(chunks * ROWS).enumerate() {
+        windows.rows::<S, N>(simd, top + i * ROWS, &mut columns, |chunk, rows| {
+            for (to, from) in sums[chunk..].iter_mut().step_by(chunks).zip(rows) {
+                *to = *from;
+            }
+        });
+    }
+}
+
+/// Sums coefficients along columns for a band of rows from `top` on, and applies them.
+#[inline(always)]
+fn mean_band<S: Simd, const K: usize, const N: usize, const C: usize>(
+    simd: S,
+    input: &Input<'_>,
+    radius: usize,
+    sums: &[Chunk<C>],
+    top: usize,
+    out: &mut [&mut [f32]],
+) {
+    let (width, height) = (input.width, input.height);
+    let chunks = width.div_ceil(EIGHT);
+    let row = |y: usize| &sums[y * chunks..(y + 1) * chunks];
+    let shares: Vec<[f32; EIGHT]> = (0..chunks)
+        .map(|chunk| {
+            std::array::from_fn(|i| 1.0 / covering(chunk * EIGHT + i, radius, width) as f32)
+        })
+        .collect();
+    let mut columns = vec![[[0.0; EIGHT]; C]; chunks];
+    for y in top.saturating_sub(radius)..(top + radius).min(height) {
+        for (column, enter) in columns.iter_mut().zip(row(y)) {
+            move_down(simd, column, Some(enter), None);
+        }
+    }
+    let rows = out.first().map_or(0, |plane| plane.len() / width);
+    for y in top..top + rows {
+        let enter = Some(y + radius).filter(|&y| y < height).map(row);
+        let leave = y.checked_sub(radius + 1).map(row);
+        let share = 1.0 / covering(y, radius, height) as f32;
+        for (chunk, column) in columns.iter_mut().enumerate() {
+            let enter = enter.map(|row| &row[chunk]);
+            let leave = leave.map(|row| &row[chunk]);
+            let means = move_down(simd, column, enter, leave);
+            let share = f32x8::load_array_ref(simd, &shares[chunk]) * share;
+            let fits = fits::<S, K, N, C>(simd, input, y, chunk, &means);
+            for (out, fit) in out.iter_mut().zip(fits) {
+                let row = &mut out[(y - top) * width..(y - top + 1) * width];
+                let to = &mut row[chunk * EIGHT..width.min((chunk + 1) * EIGHT)];
+                let fit: [f32; EIGHT] = *(fit * share);
+                to.copy_from_slice(&fit[..to.len()]);
+            }
+        }
+    }
+}
+
+/// Number of windows of a row of `length` pixels that cover pixel `x`.
+fn covering(x: usize, radius: usize, length: usize) -> usize {
+    (x + radius + 1).min(length).saturating_sub(x.saturating_sub(radius)).max(1)
+}
+
+/// Sums of coefficients over columns after a row entered and another left.
+#[inline(always)]
+fn move_down<S: Simd, const C: usize>(
+    simd: S,
+    sums: &mut [[f64; EIGHT]; C],
+    enter: Option<&Chunk<C>>,
+    leave: Option<&Chunk<C>>,
+) -> [[f64x4<S>; 2]; C] {
+    let zero = simd.splat_f64x4(0.0);
+    let mut out = [[zero; 2]; C];
+    let none = [[0.0; EIGHT]; C];
+    let (enter, leave) = (enter.unwrap_or(&none), leave.unwrap_or(&none));
+    for c in 0..C {
+        let enter = simd.widen_f32x8(f32x8::load_array_ref(simd, &enter[c]));
+        let leave = simd.widen_f32x8(f32x8::load_array_ref(simd, &leave[c]));
+        let (first, second) = sums[c].split_at_mut(ROWS);
+        let first: &mut [f64; ROWS] = first.try_into().expect("half of eight");
+        let second: &mut [f64; ROWS] = second.try_into().expect("half of eight");
+        out[c] = [
+            f64x4::load_array_ref(simd, first) + (enter.0 - leave.0),
+            f64x4::load_array_ref(simd, second) + (enter.1 - leave.1),
+        ];
+        (*first, *second) = (*out[c][0], *out[c][1]);
+    }
+    out
+}
+
+/// Sums of the fits of all windows that cover eight pixels of row `y`.
+#[inline(always)]
+fn fits<S: Simd, const K: usize, const N: usize, const C: usize>(
+    simd: S,
+    input: &Input<'_>,
+    y: usize,
+    chunk: usize,
+    sums: &[[f64x4<S>; 2]; C],
+) -> [f32x8<S>; N] {
+    let zero = simd.splat_f64x4(0.0);
+    let mut guides = [[zero; 2]; K];
+    for (guide, plane) in guides.iter_mut().zip(&input.guides) {
+        let row = &plane[y * input.width..(y + 1) * input.width];
+        let (first, second) = simd.widen_f32x8(eight(simd, row, chunk * EIGHT));
+        *guide = [first, second];
+    }
+    let mut out = [simd.splat_f32x8(0.0); N];
+    for (n, out) in out.iter_mut().enumerate() {
+        let own = n * (K + 1);
+        let mut fit = sums[own + K];
+        for (half, fit) in fit.iter_mut().enumerate() {
+            for k in 0..K {
+                *fit = *fit + sums[own + k][half] * guides[k][half];
+            }
+        }
+        *out = simd.narrow_f64x4(fit[0], fit[1]);
+    }
+    out
+}
