@@ -13,7 +13,7 @@ fn main(
     if at >= arrayLength(&ordered) / 2u {
         return;
     }
-    let from = pairs[at].y;
-    ordered[2u * at] = discs[2u * from];
-    ordered[2u * at + 1u] = discs[2u * from + 1u];
+    let source = pairs[at].y;
+    ordered[2u * at] = discs[2u * source];
+    ordered[2u * at + 1u] = discs[2u * source + 1u];
 }

@@ -6,8 +6,11 @@ pub mod filter;
 mod pixels;
 #[path = "../../../render/src/gpu/device/same.rs"]
 mod same;
+mod scene;
+mod tree;
 
 pub use pixels::Pixels;
+pub use scene::{GpuHit, GpuScene, SPLATS_MAX, SceneKernels};
 pub(crate) use same::{same_layout, same_values, without_twin};
 
 /// The shaders of light, the layouts of their structures and the values of their constants;
