@@ -12,11 +12,16 @@ struct Ray {
     direction: vec3<f32>,
 }
 
+// Normal of a disc; zero if it has none.
+fn stored_normal(disc: u32) -> vec3<f32> {
+    return normal_of(bitcast<u32>(discs[2u * disc + 1u].x));
+}
+
 // Distance at which a ray meets a disc, and the weight of the disc there, from 1 at its centre to 0
 // at its rim; 0 if the ray misses it. A disc without a normal faces the ray.
 fn meet(disc: u32, ray: Ray) -> vec2<f32> {
     let place = discs[2u * disc];
-    let own = normal_of(bitcast<u32>(discs[2u * disc + 1u].x));
+    let own = stored_normal(disc);
     let normal = select(own, ray.direction, all(own == vec3<f32>(0.0)));
     let towards = place.xyz - ray.origin;
     let distance = dot(normal, towards) / dot(normal, ray.direction);

@@ -28,10 +28,23 @@ const WIDENED: f32 = 1e-5;
 // Least size of a component of the direction, so that its reciprocal is finite.
 const DIRECTION_MIN: f32 = 1e-20;
 
-// What a traversal looks for: the frontmost disc and the end of its blend, the blend, or anything.
+// What a traversal looks for: the frontmost disc and the end of its blend, the blend, anything, or
+// the nearest disc that faces a surface.
 const FRONT: u32 = 0u;
 const BLEND: u32 = 1u;
 const ANY: u32 = 2u;
+const FACING: u32 = 3u;
+
+// Depth of a blend, and distance at which rays leave the surface, in radii.
+const DEPTH: f32 = 2.0;
+// Least weight of a disc: at the very rim it can round to zero.
+const WEIGHT_MIN: f32 = 1.1920929e-7;
+// Cosine between normals below which two surfaces face each other.
+const FACING_COSINE: f32 = -0.3;
+// Distance in radii from which on a facing surface counts, and share of the distance to it at which
+// rays start.
+const FACING_FROM: f32 = 0.5;
+const FACING_SHARE: f32 = 0.5;
 
 // A surface that a ray meets.
 struct Surface {
@@ -39,6 +52,8 @@ struct Surface {
     distance: f32,
     // Radius of the frontmost disc.
     radius: f32,
+    // Distance along the normal at which rays that leave the surface start.
+    lift: f32,
     // Unit normal against the ray.
     normal: vec3<f32>,
     albedo: vec3<f32>,
@@ -53,23 +68,32 @@ var<private> front_at: f32;
 var<private> normals: vec3<f32>;
 var<private> albedos: vec3<f32>;
 var<private> weights: f32;
+// Normal, as it is stored, of the surface that discs face.
+var<private> faced: vec3<f32>;
 
 fn visit(disc: u32, ray: Ray) {
     let met = meet(disc, ray);
     if met.y <= 0.0 {
         return;
     }
+    let own = stored_normal(disc);
     if aim == BLEND {
         // The frontmost disc counts even if its blend ends with it.
         if met.x <= limit || disc == front {
-            let own = normal_of(bitcast<u32>(discs[2u * disc + 1u].x));
-            normals += select(own, -own, dot(own, ray.direction) > 0.0) * met.y;
-            albedos += albedo_of(disc) * met.y;
-            weights += met.y;
+            let weight = max(met.y, WEIGHT_MIN);
+            normals += select(own, -own, dot(own, ray.direction) > 0.0) * weight;
+            albedos += albedo_of(disc) * weight;
+            weights += weight;
         }
         return;
     }
     if met.x >= limit {
+        return;
+    }
+    if aim == FACING {
+        if dot(own, faced) < FACING_COSINE {
+            limit = met.x;
+        }
         return;
     }
     if aim == ANY {
@@ -82,7 +106,7 @@ fn visit(disc: u32, ray: Ray) {
         front_at = met.x;
     }
     // Discs within two radii behind one of the blend belong to it.
-    limit = min(limit, met.x + 2.0 * discs[2u * disc].w);
+    limit = min(limit, met.x + DEPTH * discs[2u * disc].w);
 }
 
 var<private> stack: array<vec2<u32>, 64>;
@@ -176,7 +200,25 @@ fn blended(ray: Ray) -> Surface {
     let size = dot(normals, normals);
     surface.normal = select(-ray.direction, normals * inverseSqrt(size), size > 0.0);
     surface.albedo = albedos / weights;
+    surface.lift = lift_of(ray, surface);
     return surface;
+}
+
+// Distance at which rays leave a surface: at most half the way to one that faces it, so that they
+// do not start beyond a thin wall.
+fn lift_of(ray: Ray, surface: Surface) -> f32 {
+    let lift = DEPTH * surface.radius;
+    let least = FACING_FROM * surface.radius;
+    let is_back = dot(stored_normal(front), ray.direction) > 0.0;
+    let start = ray.origin + ray.direction * surface.distance + surface.normal * least;
+    faced = select(surface.normal, -surface.normal, is_back);
+    aim = FACING;
+    limit = lift - least;
+    walk(Ray(start, limit, surface.normal));
+    if limit < lift - least {
+        return FACING_SHARE * (least + limit);
+    }
+    return lift;
 }
 
 // Whether anything lies on the ray before its reach.

@@ -42,7 +42,7 @@ fn main(
         if level.has_leaves == 1u {
             for (var i = child * 8u; i < min(child * 8u + 8u, level.discs); i++) {
                 let disc = discs[2u * i];
-                let normal = normal_of(bitcast<u32>(discs[2u * i + 1u].x));
+                let normal = stored_normal(i);
                 let half = sqrt(max(vec3<f32>(1.0) - normal * normal, vec3<f32>(0.0))) * disc.w;
                 low = min(low, disc.xyz - half);
                 high = max(high, disc.xyz + half);

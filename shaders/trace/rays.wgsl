@@ -11,7 +11,7 @@ override SHADOW: bool;
 @group(0) @binding(2) var<storage, read> discs: array<vec4<f32>>;
 // Origin and reach, direction and nothing.
 @group(0) @binding(3) var<storage, read> rays: array<vec4<f32>>;
-// Distance and normal, albedo and radius of the frontmost disc. A ray that meets nothing has an
+// Distance and normal, albedo and lift. A ray that meets nothing has an
 // infinite distance; one that is blocked a distance of zero.
 @group(0) @binding(4) var<storage, read_write> hits: array<vec4<f32>>;
 
@@ -31,5 +31,5 @@ fn main(
     }
     let surface = blended(ray);
     hits[2u * at] = vec4<f32>(surface.distance, surface.normal);
-    hits[2u * at + 1u] = vec4<f32>(surface.albedo, surface.radius);
+    hits[2u * at + 1u] = vec4<f32>(surface.albedo, surface.lift);
 }

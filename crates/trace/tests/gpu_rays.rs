@@ -107,6 +107,7 @@ fn rays_meet_the_same_blended_surfaces_as_on_the_cpu() {
                     (Some(got), Some(want)) => {
                         (got.distance - want.distance).abs() < 2e-4 * want.distance.max(0.1)
                             && (got.normal - want.normal).length() < 5e-3
+                            && (got.lift - want.lift).abs() < 2e-3 * want.lift
                             && (got.albedo - want.albedo).length() < 5e-3
                     }
                     (None, None) => true,

@@ -40,8 +40,8 @@ pub struct GpuHit {
     pub normal: Vec3,
     /// Blended albedo.
     pub albedo: Vec3,
-    /// Radius of the frontmost disc.
-    pub radius: f32,
+    /// Distance along the normal at which rays that leave the surface start.
+    pub lift: f32,
 }
 
 /// Kernels that build scenes and trace lists of rays.
@@ -116,7 +116,7 @@ impl SceneKernels {
                 distance: v[0],
                 normal: Vec3::new(v[1], v[2], v[3]),
                 albedo: Vec3::new(v[4], v[5], v[6]),
-                radius: v[7],
+                lift: v[7],
             })
         };
         Ok(met.iter().map(hit).collect())

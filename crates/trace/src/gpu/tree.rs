@@ -23,7 +23,8 @@ const LEVELS_MAX: u32 = 9;
 const NODE_BYTES: u64 = 192;
 
 same_values!(common_tree == crate::gpu::tree { WIDTH, STACK = WIDTH * 8 });
-without_twin!(common_tree { LEVEL_SHIFT, WIDENED, DIRECTION_MIN, FRONT, BLEND, ANY });
+without_twin!(common_tree { LEVEL_SHIFT, WIDENED, DIRECTION_MIN, FRONT, BLEND, ANY, FACING });
+without_twin!(common_tree { DEPTH, WEIGHT_MIN, FACING_COSINE, FACING_FROM, FACING_SHARE });
 without_twin!(common_normal { NO_NORMAL });
 without_twin!(trace_sort_scan { LANES });
 without_twin!(trace_boxes { BEYOND });
