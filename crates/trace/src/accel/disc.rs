@@ -1,7 +1,11 @@
-//! Discs, the shape of splats.
+//! Discs, the shape of splats, and leaves of eight.
 
+use crate::accel::WIDTH;
 use crate::accel::bounds::Bounds;
-use crate::ray::Ray;
+use crate::accel::tree::{Leaf, Primitive};
+use crate::accel::walk::{Lanes, dot, load};
+use bytemuck::{Pod, Zeroable};
+use fearless_simd::{Select, Simd, SimdFloat, f32x8, mask32x8};
 use glam::Vec3;
 
 /// A disc; without a normal it faces each ray.
@@ -13,22 +17,90 @@ pub(crate) struct Disc {
     pub(crate) radius: f32,
 }
 
-impl Disc {
-    /// Box of the disc.
+/// Eight discs, axis by axis.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C, align(32))]
+pub struct DiscLeaf {
+    /// Centres.
+    pub centre: [[f32; WIDTH]; 3],
+    /// Unit normals; zero for discs without one.
+    pub normal: [[f32; WIDTH]; 3],
+    /// Radii; negative for a disc without a normal, zero for an unused place.
+    pub radius: [f32; WIDTH],
+}
+
+/// Where a ray meets eight discs.
+pub(crate) struct DiscsMet<S: Simd> {
+    /// Distances.
+    pub(crate) distance: f32x8<S>,
+    /// Squared distance from the centre over the squared radius.
+    pub(crate) off: f32x8<S>,
+    /// Discs that are met before the limit.
+    pub(crate) is_met: mask32x8<S>,
+}
+
+impl Primitive for Disc {
+    type Leaf = DiscLeaf;
+
     #[inline(always)]
-    pub(crate) fn bounds(&self) -> Bounds {
+    fn bounds(&self) -> Bounds {
         let n = self.normal;
         let half = (Vec3::ONE - n * n).max(Vec3::ZERO).map(f32::sqrt) * self.radius;
         Bounds { min: self.centre - half, max: self.centre + half }
     }
+}
 
-    /// Distance at which a ray meets the disc, and the weight of the disc there: 1 at its centre, 0
-    /// at its rim.
-    pub(crate) fn meet(&self, ray: &Ray) -> Option<(f32, f32)> {
-        let to = self.centre - ray.origin;
-        let n = if self.normal == Vec3::ZERO { ray.direction } else { self.normal };
-        let t = n.dot(to) / n.dot(ray.direction);
-        let off = (ray.direction * t - to).length_squared() / (self.radius * self.radius);
-        (t > 0.0 && off < 1.0).then_some((t, 1.0 - off))
+impl Leaf for DiscLeaf {
+    type Primitive = Disc;
+
+    #[inline(always)]
+    fn set(&mut self, k: usize, disc: &Disc) {
+        for axis in 0..3 {
+            self.centre[axis][k] = disc.centre[axis];
+            self.normal[axis][k] = disc.normal[axis];
+        }
+        self.radius[k] = if disc.normal == Vec3::ZERO { -disc.radius } else { disc.radius };
+    }
+
+    #[inline(always)]
+    fn get(&self, k: usize) -> Disc {
+        let centre = Vec3::from_array([0, 1, 2].map(|axis| self.centre[axis][k]));
+        Disc { centre, normal: self.normal_of(k), radius: self.radius[k].abs() }
+    }
+}
+
+impl DiscLeaf {
+    /// Normal of disc `k`.
+    #[inline(always)]
+    pub(crate) fn normal_of(&self, k: usize) -> Vec3 {
+        Vec3::from_array([0, 1, 2].map(|axis| self.normal[axis][k]))
+    }
+
+    /// Meets all discs with a ray. `FACING`: whether some discs have no normal.
+    #[inline(always)]
+    pub(crate) fn meet<S: Simd, const FACING: bool>(
+        &self,
+        simd: S,
+        ray: &Lanes<S>,
+        limit: f32,
+    ) -> DiscsMet<S> {
+        let centre = [0, 1, 2].map(|a| load(simd, &self.centre[a]));
+        let normal = [0, 1, 2].map(|a| load(simd, &self.normal[a]));
+        let radius = load(simd, &self.radius);
+        let to = [0, 1, 2].map(|a| centre[a] - ray.origin[a]);
+        let (mut along, mut speed) = (dot(normal, to), dot(normal, ray.direction));
+        if FACING {
+            // The plane faces the ray.
+            let is_facing = simd.simd_lt_f32x8(radius, simd.splat_f32x8(0.0));
+            along = is_facing.select(dot(ray.direction, to), along);
+            speed = is_facing.select(ray.squared_speed, speed);
+        }
+        let distance = along / speed;
+        let across = [0, 1, 2].map(|a| ray.direction[a].mul_sub(distance, to[a]));
+        let (off, square) = (dot(across, across), radius * radius);
+        let is_met = simd.simd_lt_f32x8(off, square)
+            & simd.simd_lt_f32x8(simd.splat_f32x8(0.0), distance)
+            & simd.simd_lt_f32x8(distance, simd.splat_f32x8(limit));
+        DiscsMet { distance, off: off / square, is_met }
     }
 }

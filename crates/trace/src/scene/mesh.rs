@@ -1,13 +1,16 @@
-//! Triangle meshes with their trees, and objects: meshes at places of their own. A mesh that
-//! deforms keeps its tree, whose boxes are fitted anew.
+//! Triangle meshes with their trees. A mesh that deforms keeps its tree, whose boxes are fitted to
+//! the triangles anew.
 
-use crate::accel::bounds::Bounds;
-use crate::accel::simple::Tree;
+use crate::accel::refine::refined;
+use crate::accel::tree::{Leaf, NONE};
 use crate::accel::triangle::Triangle;
-use crate::ray::{Hit, Ray};
-use crate::scene::emitters::{AreaLight, Shape};
-use glam::{Affine3A, Vec3};
-use std::sync::Arc;
+use crate::accel::walk::{Lanes, bits, each_bit, walk};
+use crate::accel::{Bounds, Tree, TriangleLeaf, WIDTH};
+use crate::ray::Ray;
+use crate::scene::splats::COORDINATE_MAX;
+use fearless_simd::{Simd, SimdBase};
+use glam::Vec3;
+use rayon::prelude::*;
 
 /// A triangle mesh.
 #[derive(Clone, Debug, Default)]
@@ -43,42 +46,29 @@ impl Default for Material {
 #[derive(Clone, Debug)]
 pub struct MeshTree {
     mesh: Mesh,
-    triangles: Vec<Triangle>,
-    tree: Tree,
-}
-
-/// A mesh at a place of its own.
-#[derive(Clone, Debug)]
-pub struct Object {
-    /// The mesh, which objects can share.
-    pub mesh: Arc<MeshTree>,
-    /// Scene from mesh. Must be invertible.
-    pub place: Affine3A,
+    tree: Tree<TriangleLeaf>,
+    /// Triangle of each slot of the tree.
+    slots: Vec<u32>,
 }
 
 impl MeshTree {
     /// Builds the tree of a mesh. Triangles are left out that name vertices which do not exist,
-    /// have no extent, or have coordinates that are not finite.
+    /// have no area, or have coordinates that are not finite.
     pub fn new(mut mesh: Mesh) -> Self {
+        let count = mesh.positions.len();
         let positions = std::mem::take(&mut mesh.positions);
-        let corners = |t: &[u32; 3]| {
-            let p = t.map(|i| positions.get(i as usize).copied());
-            Some([p[0]?, p[1]?, p[2]?])
-        };
-        mesh.triangles.retain(|t| {
-            corners(t).is_some_and(|[a, b, c]| (b - a).cross(c - a).try_normalize().is_some())
+        mesh.triangles.retain(|corners| {
+            let is_known = corners.iter().all(|&c| (c as usize) < count);
+            is_known && triangle(&positions, corners).is_fine(COORDINATE_MAX)
         });
-        if mesh.normals.len() != positions.len() {
-            mesh.normals.clear();
-        }
-        if mesh.colours.len() != positions.len() {
-            mesh.colours.clear();
-        }
-        let triangles: Vec<Triangle> =
-            mesh.triangles.iter().filter_map(corners).map(Triangle::new).collect();
         mesh.positions = positions;
-        let boxes: Vec<Bounds> = triangles.iter().map(Triangle::bounds).collect();
-        Self { mesh, triangles, tree: Tree::new(boxes) }
+        mesh.normals = of_vertices(mesh.normals, count);
+        mesh.colours = of_vertices(mesh.colours, count);
+        let triangles: Vec<Triangle> =
+            mesh.triangles.par_iter().map(|t| triangle(&mesh.positions, t)).collect();
+        let (tree, slots) = refined(&triangles)
+            .unwrap_or_else(|| Tree::implicit(triangles.len(), |i| triangles[i]));
+        Self { mesh, tree, slots }
     }
 
     /// The mesh.
@@ -88,119 +78,84 @@ impl MeshTree {
 
     /// Box of all triangles, empty if there are none.
     pub fn bounds(&self) -> Bounds {
-        self.tree.bounds()
+        self.tree.bounds
     }
 
     /// Bytes of the mesh and its tree.
     pub fn bytes(&self) -> usize {
         let m = &self.mesh;
         let vectors = m.positions.len() + m.normals.len() + m.colours.len() + m.triangles.len();
-        vectors * 12 + size_of_val(&*self.triangles) + self.tree.bytes()
+        vectors * 12 + size_of_val(&*self.slots) + self.tree.bytes()
     }
 
-    /// Moves the vertices and fits the boxes of the tree anew; which triangles lie together stays.
+    /// The tree of the triangles.
+    pub fn tree(&self) -> &Tree<TriangleLeaf> {
+        &self.tree
+    }
+
+    /// Triangle of the mesh in each slot of the tree, `u32::MAX` in unused ones.
+    pub fn slots(&self) -> &[u32] {
+        &self.slots
+    }
+
+    /// Moves the vertices and fits the boxes of the tree to them; which triangles lie together
+    /// stays, so rays get slower the more the mesh deforms. `normals` is empty for flat triangles.
     ///
     /// # Panics
     /// If the number of positions differs from that of the mesh.
     pub fn refit(&mut self, positions: Vec<Vec3>, normals: Vec<Vec3>) {
-        assert_eq!(positions.len(), self.mesh.positions.len());
+        assert_eq!(positions.len(), self.mesh.positions.len(), "a mesh keeps its vertices");
+        self.mesh.normals = of_vertices(normals, positions.len());
         self.mesh.positions = positions;
-        self.mesh.normals =
-            if normals.len() == self.mesh.positions.len() { normals } else { Vec::new() };
-        *self = Self::new(std::mem::take(&mut self.mesh));
+        let Self { mesh, tree, slots } = self;
+        tree.refit(slots, |i| triangle(&mesh.positions, &mesh.triangles[i]));
     }
 
-    /// Distance and triangle that `ray` meets first.
-    pub(crate) fn nearest(&self, ray: &Ray) -> Option<(f32, u32)> {
-        let mut best = (ray.reach, u32::MAX);
-        self.tree.walk(ray, |index| {
-            if let Some(t) = self.triangles[index as usize].meet(ray).filter(|&t| t < best.0) {
-                best = (t, index);
+    /// Distance and slot of the triangle that `ray` meets first.
+    #[inline(always)]
+    pub(crate) fn nearest<S: Simd>(&self, simd: S, ray: &Ray) -> Option<(f32, u32)> {
+        let lanes = Lanes::new(simd, ray);
+        let mut best = (ray.reach, NONE);
+        walk(simd, &self.tree.nodes, ray, |at, limit| {
+            let (distance, is_met) = self.tree.leaves[at].meet(simd, &lanes, limit);
+            let which = bits(is_met);
+            if which != 0 {
+                let distance = distance.to_array();
+                each_bit(which, |k| {
+                    let met = (distance[k], (at * WIDTH + k) as u32);
+                    best = if met < best { met } else { best };
+                });
             }
             best.0
         });
-        (best.1 != u32::MAX).then_some(best)
+        (best.1 != NONE).then_some(best)
     }
 
     /// Whether any triangle lies on the ray before its reach.
-    pub(crate) fn is_blocked(&self, ray: &Ray) -> bool {
-        let mut found = false;
-        self.tree.walk(ray, |index| {
-            found |= self.triangles[index as usize].meet(ray).is_some_and(|t| t < ray.reach);
-            if found { -1.0 } else { ray.reach }
+    #[inline(always)]
+    pub(crate) fn is_blocked<S: Simd>(&self, simd: S, ray: &Ray) -> bool {
+        let lanes = Lanes::new(simd, ray);
+        let mut is_met = false;
+        walk(simd, &self.tree.nodes, ray, |at, limit| {
+            is_met = bits(self.tree.leaves[at].meet(simd, &lanes, limit).1) != 0;
+            if is_met { -1.0 } else { limit }
         });
-        found
+        is_met
+    }
+
+    /// The triangle in a slot of the tree: its shape and the numbers of its vertices.
+    pub(crate) fn triangle(&self, slot: u32) -> (Triangle, [u32; 3]) {
+        let (leaf, k) = (slot as usize / WIDTH, slot as usize % WIDTH);
+        (self.tree.leaves[leaf].get(k), self.mesh.triangles[self.slots[slot as usize] as usize])
     }
 }
 
-impl Object {
-    /// Box of the object in the scene.
-    pub(crate) fn bounds(&self) -> Bounds {
-        self.mesh.bounds().placed(&self.place)
-    }
-
-    /// A ray of the scene relative to the mesh; distances stay the same, so its direction has no
-    /// unit length.
-    pub(crate) fn inward(mesh_from_scene: &Affine3A, ray: &Ray) -> Ray {
-        Ray {
-            origin: mesh_from_scene.transform_point3(ray.origin),
-            direction: mesh_from_scene.transform_vector3(ray.direction),
-            reach: ray.reach,
-        }
-    }
-
-    /// The surface that `ray` of the scene meets at triangle `index`.
-    pub(crate) fn surface(
-        &self,
-        mesh_from_scene: &Affine3A,
-        ray: &Ray,
-        distance: f32,
-        index: u32,
-    ) -> Hit {
-        let mesh = &self.mesh.mesh;
-        let corners = mesh.triangles[index as usize].map(|i| i as usize);
-        let triangle = &self.mesh.triangles[index as usize];
-        let weights = triangle.weights(Self::inward(mesh_from_scene, ray).at(distance));
-        let blend = |v: &[Vec3]| (0..3).map(|k| v[corners[k]] * weights[k]).sum::<Vec3>();
-        // Normals turn with the inverse transpose of the place.
-        let turn = |n: Vec3| {
-            let m = mesh_from_scene.matrix3.transpose();
-            Vec3::from(m * glam::Vec3A::from(n)).normalize_or_zero()
-        };
-        let flat = turn(triangle.normal());
-        let mirror = self.place.matrix3.determinant() < 0.0;
-        let flat = if mirror { -flat } else { flat };
-        let is_back = flat.dot(ray.direction) > 0.0;
-        let face = if is_back { -flat } else { flat };
-        let mut normal = face;
-        if !mesh.normals.is_empty() {
-            let smooth = turn(blend(&mesh.normals));
-            let smooth = if smooth.dot(face) < 0.0 { -smooth } else { smooth };
-            // At silhouettes an interpolated normal can point away from the ray.
-            if smooth.dot(ray.direction) < 0.0 {
-                normal = smooth;
-            }
-        }
-        let albedo =
-            if mesh.colours.is_empty() { mesh.material.albedo } else { blend(&mesh.colours) };
-        let place = ray.at(distance);
-        let lift = LIFT * place.abs().max_element().max(distance);
-        let emission = mesh.material.emission;
-        Hit { distance, normal, albedo, emission, lift, radius: 0.0, is_back }
-    }
-
-    /// Appends the emitting triangles.
-    pub(crate) fn push_lights(&self, into: &mut Vec<AreaLight>) {
-        let radiance = self.mesh.mesh.material.emission;
-        if radiance.max_element() > 0.0 {
-            into.extend(self.mesh.triangles.iter().map(|t| {
-                let corners = t.corners().map(|p| self.place.transform_point3(p));
-                AreaLight::new(Shape::Triangle(corners), radiance)
-            }));
-        }
-    }
+/// A triangle by the numbers of its vertices.
+fn triangle(positions: &[Vec3], corners: &[u32; 3]) -> Triangle {
+    Triangle::new(corners.map(|c| positions[c as usize]))
 }
 
-/// Distance at which rays leave triangles, over the greatest coordinate of the hit: some hundred
-/// roundings of `f32`, so that they do not meet the triangle again.
-const LIFT: f32 = 1e-5;
+/// `values`, if there is one for each of `count` vertices.
+fn of_vertices(values: Vec<Vec3>, count: usize) -> Vec<Vec3> {
+    if values.len() == count { values } else { Vec::new() }
+}

@@ -4,47 +4,40 @@
 
 pub mod emitters;
 pub mod mesh;
+pub mod objects;
 pub mod splats;
+pub(crate) mod surface;
 
 pub use emitters::{AreaLight, Shape};
-pub use mesh::{Material, Mesh, MeshTree, Object};
-pub use splats::{Albedo, COORDINATE_MAX, Emitter, Members, RADIUS_FACTOR, SplatInput};
+pub use mesh::{Material, Mesh, MeshTree};
+pub use objects::Object;
+pub use splats::{Albedo, Emitter, Members, RADIUS_FACTOR, SplatInput};
 
-use crate::accel::bounds::Bounds;
-use crate::accel::disc::Disc;
-use crate::accel::simple::Tree;
+use crate::accel::{Bounds, DiscLeaf, Kind, Tree};
 use crate::ray::{Hit, Ray};
-use glam::{Affine3A, Vec3};
-use splats::{Tint, albedo_of, disc_of};
+use fearless_simd::{Level, dispatch};
+use glam::Vec3;
+use objects::Objects;
 use std::sync::Arc;
+use surface::Splats;
 
 /// What rays meet.
 #[derive(Debug, Default)]
 pub struct Scene {
-    discs: Vec<Disc>,
-    tints: Vec<Tint>,
-    tree: Tree,
-    radiances: Vec<Vec3>,
+    splats: Splats,
     dropped: usize,
-    objects: Vec<(Object, Affine3A)>,
+    objects: Objects,
+    bounds: Bounds,
     lights: Vec<AreaLight>,
 }
 
 impl Scene {
-    /// A scene of splats, relative to the origin that they were made for.
+    /// A scene of splats, relative to the origin that they were made for, with the implicit tree.
     pub fn new(input: SplatInput<'_>) -> Self {
-        let rule = input.albedo_rule();
-        let mut scene = Self::default();
-        for (index, splat) in input.splats.iter().enumerate() {
-            if let Some(disc) = disc_of(splat) {
-                scene.discs.push(disc);
-                scene.tints.push(input.tint(index, rule));
-            }
-        }
-        scene.dropped = input.splats.len() - scene.discs.len();
-        scene.radiances = input.emitters.iter().map(|e| Vec3::from_array(e.radiance)).collect();
-        scene.tree = Tree::new(scene.discs.iter().map(Disc::bounds).collect());
-        scene.list_lights();
+        let splats = Splats::new(&input);
+        let mut scene =
+            Self { dropped: input.splats.len() - splats.count, splats, ..Default::default() };
+        scene.update();
         scene
     }
 
@@ -56,14 +49,8 @@ impl Scene {
 
     /// Replaces the objects. The tree of splats stays.
     pub fn set_objects(&mut self, objects: Vec<Object>) {
-        self.objects = objects
-            .into_iter()
-            .map(|o| {
-                let i = o.place.inverse();
-                (o, i)
-            })
-            .collect();
-        self.list_lights();
+        self.objects = Objects::new(objects);
+        self.update();
     }
 
     /// Moves the vertices of the mesh of an object; see [`MeshTree::refit`]. A mesh that is shared
@@ -72,46 +59,60 @@ impl Scene {
     /// # Panics
     /// If there is no such object, or the number of positions differs from that of its mesh.
     pub fn refit(&mut self, object: usize, positions: Vec<Vec3>, normals: Vec<Vec3>) {
-        Arc::make_mut(&mut self.objects[object].0.mesh).refit(positions, normals);
-        self.list_lights();
+        let mut objects = std::mem::take(&mut self.objects).into_vec();
+        Arc::make_mut(&mut objects[object].mesh).refit(positions, normals);
+        self.set_objects(objects);
+    }
+
+    /// Replaces the tree of splats by one that takes longer to build and makes rays faster. Returns
+    /// false if it stays, since splats coincide in numbers.
+    pub fn refine(&mut self) -> bool {
+        self.splats.refine()
+    }
+
+    /// How the tree of splats was built.
+    pub fn kind(&self) -> Kind {
+        self.splats.tree.kind
     }
 
     /// The surface that a ray meets first.
     pub fn hit(&self, ray: &Ray) -> Option<Hit> {
-        let mesh = self.object_hit(ray);
-        let reach = mesh.map_or(ray.reach, |h| h.distance);
-        self.splat_hit(&Ray { reach, ..*ray }, true).or(mesh)
+        self.with_approach(ray, |ray| {
+            dispatch!(Level::new(), simd => {
+                let object = self.objects.hit(simd, ray);
+                let ray = Ray { reach: object.map_or(ray.reach, |h| h.distance), ..*ray };
+                self.splats.hit(simd, &ray).or(object)
+            })
+        })
     }
 
     /// The surface of the frontmost primitive alone, not blended with those behind it.
     pub fn first(&self, ray: &Ray) -> Option<Hit> {
-        let mesh = self.object_hit(ray);
-        let reach = mesh.map_or(ray.reach, |h| h.distance);
-        self.splat_hit(&Ray { reach, ..*ray }, false).or(mesh)
+        self.with_approach(ray, |ray| {
+            dispatch!(Level::new(), simd => {
+                let object = self.objects.hit(simd, ray);
+                let ray = Ray { reach: object.map_or(ray.reach, |h| h.distance), ..*ray };
+                self.splats.first(simd, &ray).or(object)
+            })
+        })
     }
 
     /// Whether anything lies on the ray before its reach.
     pub fn is_blocked(&self, ray: &Ray) -> bool {
-        let mut found = false;
-        self.tree.walk(ray, |index| {
-            found |= self.discs[index as usize].meet(ray).is_some_and(|(t, _)| t < ray.reach);
-            if found { -1.0 } else { ray.reach }
-        });
-        found
-            || self
-                .objects
-                .iter()
-                .any(|(o, inverse)| o.mesh.is_blocked(&Object::inward(inverse, ray)))
+        let (ray, _) = approach(&self.bounds, ray);
+        dispatch!(Level::new(), simd => {
+            self.splats.is_blocked(simd, &ray) || self.objects.is_blocked(simd, &ray)
+        })
     }
 
     /// Box of everything in the scene; empty (least above greatest) if nothing is.
     pub fn bounds(&self) -> Bounds {
-        self.objects.iter().fold(self.tree.bounds(), |all, (o, _)| all.union(&o.bounds()))
+        self.bounds
     }
 
     /// Number of splats in the scene.
     pub fn splats(&self) -> usize {
-        self.discs.len()
+        self.splats.count
     }
 
     /// Number of splats that were left out, since no ray can meet them: without extent or with
@@ -120,9 +121,25 @@ impl Scene {
         self.dropped
     }
 
+    /// Tree of the splats. Slots of unused places have a radius of zero.
+    pub fn tree(&self) -> &Tree<DiscLeaf> {
+        &self.splats.tree
+    }
+
+    /// Albedo of each slot of the tree in 1 / 65535, and the number of its emitter in
+    /// [`Self::radiances`] plus one, zero for none.
+    pub fn tints(&self) -> &[[u16; 4]] {
+        &self.splats.tints
+    }
+
+    /// Radiance of each emitter of splats.
+    pub fn radiances(&self) -> &[Vec3] {
+        &self.splats.radiances
+    }
+
     /// Objects of the scene.
-    pub fn objects(&self) -> impl ExactSizeIterator<Item = &Object> {
-        self.objects.iter().map(|(object, _)| object)
+    pub fn objects(&self) -> &[Object] {
+        self.objects.list()
     }
 
     /// Splats and triangles that emit light.
@@ -132,76 +149,53 @@ impl Scene {
 
     /// Bytes of the scene. Meshes that objects share are counted once an object.
     pub fn bytes(&self) -> usize {
-        let meshes: usize = self.objects.iter().map(|(o, _)| o.mesh.bytes()).sum();
-        meshes + size_of_val(&*self.discs) + size_of_val(&*self.tints) + self.tree.bytes()
+        self.splats.bytes() + self.objects.bytes() + size_of_val(&*self.lights)
     }
 
-    fn object_hit(&self, ray: &Ray) -> Option<Hit> {
-        let mut best = None;
-        let mut reach = ray.reach;
-        for (object, inverse) in &self.objects {
-            let inward = Object::inward(inverse, &Ray { reach, ..*ray });
-            if let Some((t, index)) = object.mesh.nearest(&inward) {
-                reach = t;
-                best = Some((object, inverse, index));
-            }
-        }
-        best.map(|(object, inverse, index)| object.surface(inverse, ray, reach, index))
+    fn with_approach(&self, ray: &Ray, hit: impl Fn(&Ray) -> Option<Hit>) -> Option<Hit> {
+        let (ray, ahead) = approach(&self.bounds, ray);
+        let mut hit = hit(&ray)?;
+        hit.distance += ahead;
+        Some(hit)
     }
 
-    fn splat_hit(&self, ray: &Ray, blends: bool) -> Option<Hit> {
-        let mut met: Vec<(f32, f32, u32)> = Vec::new();
-        let mut limit = ray.reach;
-        self.tree.walk(ray, |index| {
-            let disc = &self.discs[index as usize];
-            if let Some((t, weight)) = disc.meet(ray).filter(|m| m.0 < limit) {
-                met.push((t, weight, index));
-                limit = limit.min(if blends { t + 2.0 * disc.radius } else { t });
-            }
-            limit
-        });
-        let &(distance, _, front) = met.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-        met.retain(|m| m.2 == front || blends && m.0 <= limit);
-        let (mut normal, mut albedo, mut emission, mut sum) =
-            (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, 0.0);
-        for (_, weight, index) in met {
-            let (n, tint) = (self.discs[index as usize].normal, self.tints[index as usize]);
-            normal += if n.dot(ray.direction) > 0.0 { -n } else { n } * weight;
-            albedo += albedo_of(tint) * weight;
-            if tint[3] > 0 {
-                emission += self.radiances[usize::from(tint[3]) - 1] * weight;
-            }
-            sum += weight;
-        }
-        let disc = &self.discs[front as usize];
-        Some(Hit {
-            distance,
-            normal: normal.normalize_or(-ray.direction),
-            albedo: albedo / sum,
-            emission: emission / sum,
-            lift: 2.0 * disc.radius,
-            radius: disc.radius,
-            is_back: disc.normal.dot(ray.direction) > 0.0,
-        })
-    }
-
-    fn list_lights(&mut self) {
+    /// Computes what depends on splats and objects.
+    fn update(&mut self) {
+        self.bounds = self.splats.tree.bounds.union(&self.objects.bounds());
         self.lights.clear();
-        for (disc, tint) in self.discs.iter().zip(&self.tints).filter(|(_, t)| t[3] > 0) {
-            let &Disc { centre, normal, radius } = disc;
-            let radiance = self.radiances[usize::from(tint[3]) - 1];
-            self.lights.push(AreaLight::new(Shape::Disc { centre, normal, radius }, radiance));
-        }
-        for (object, _) in &self.objects {
+        self.splats.push_lights(&mut self.lights);
+        for object in self.objects.list() {
             object.push_lights(&mut self.lights);
         }
     }
 }
 
+/// Moves the origin of a ray from far outside `bounds` to their neighbourhood, where `f32` is as
+/// fine as the scene. Returns the distance moved.
+fn approach(bounds: &Bounds, ray: &Ray) -> (Ray, f32) {
+    let extent = bounds.min.abs().max(bounds.max.abs()).max_element();
+    if ray.origin.abs().max_element() <= FAR * extent || bounds.is_empty() {
+        return (*ray, 0.0);
+    }
+    let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let half = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length() * 0.5;
+    let ahead = (bounds.centre().as_dvec3() - origin).dot(direction) - 1.1 * half;
+    if ahead.is_nan() || ahead <= 0.0 {
+        return (*ray, 0.0);
+    }
+    let start = origin + direction * ahead;
+    let ray = Ray { origin: start.as_vec3(), reach: ray.reach - ahead as f32, ..*ray };
+    (ray, ahead as f32)
+}
+
+/// Distance of a ray's origin, in extents of the scene, beyond which it is moved.
+const FAR: f32 = 4.0;
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use esker_render::Splat;
+    use glam::Affine3A;
 
     fn floor() -> Vec<Splat> {
         let at = |i: u32| [(i % 10) as f32, (i / 10) as f32, 0.0];

@@ -1,0 +1,120 @@
+//! Builds a better tree than the implicit one from the same primitives: clustering of neighbours
+//! (PLOC, `meister2018`) by the crate `obvhs`, whose binary tree is collapsed to nodes of eight.
+
+use crate::accel::WIDTH;
+use crate::accel::bounds::Bounds;
+use crate::accel::node::{LEAF, Node, fit, slack};
+use crate::accel::tree::{Kind, Leaf, NONE, Primitive, Tree, leaves};
+use crate::accel::walk::DEPTH_MAX;
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::leaf_collapser::collapse;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::bvh2::{Bvh2, node::Bvh2Node};
+use obvhs::ploc::PlocBuilder;
+use rayon::prelude::*;
+
+/// Primitives with the same box as one of the last few before them, at most one in so many: where
+/// all boxes coincide, clusters do not grow and building would not end in useful time.
+const COINCIDENT_SHARE: usize = 4;
+
+/// Builds the tree of `primitives` by clustering, and returns the primitive of each slot. `None`
+/// where clusters would not help: primitives that coincide in numbers, or a tree too deep for the
+/// traversal.
+pub(crate) fn refined<L: Leaf>(primitives: &[L::Primitive]) -> Option<(Tree<L>, Vec<u32>)> {
+    let boxes: Vec<Aabb> = primitives
+        .par_iter()
+        .map(|p| p.bounds())
+        .map(|b| Aabb::new(b.min.into(), b.max.into()))
+        .collect();
+    let coincident = boxes.windows(2).filter(|w| w[0] == w[1]).count();
+    if boxes.len() <= WIDTH || coincident * COINCIDENT_SHARE > boxes.len() {
+        return None;
+    }
+    let binary = cluster(&boxes);
+    let mut shape = Shape { binary: &binary, nodes: Vec::new(), slots: Vec::new() };
+    shape.collapse()?;
+    let Shape { mut nodes, slots, .. } = shape;
+    let (leaves, boxes) = leaves(&slots, |i| primitives[i]);
+    let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
+    fit(&mut nodes, &boxes, slack(&bounds));
+    Some((Tree { nodes, leaves, bounds, kind: Kind::Refined }, slots))
+}
+
+/// The binary tree of clusters, with up to eight primitives a leaf.
+pub(crate) fn cluster(boxes: &[Aabb]) -> Bvh2 {
+    let how = BvhBuildParams::fast_build();
+    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
+        how.ploc_search_distance,
+        boxes,
+        (0..boxes.len() as u32).collect(),
+        how.sort_precision,
+        how.search_depth_threshold,
+    );
+    ReinsertionOptimizer::default().run(&mut tree, how.reinsertion_batch_ratio, None);
+    collapse(&mut tree, WIDTH as u32, how.collapse_traversal_cost);
+    tree
+}
+
+/// Nodes of eight, made from a binary tree.
+struct Shape<'a> {
+    binary: &'a Bvh2,
+    nodes: Vec<Node>,
+    slots: Vec<u32>,
+}
+
+impl Shape<'_> {
+    /// Makes a node of each binary node that is left when the largest children are replaced by
+    /// their own, up to eight.
+    fn collapse(&mut self) -> Option<()> {
+        self.nodes.push(Node::default());
+        let mut stack = vec![(0, 0, 1)];
+        while let Some((at, from, depth)) = stack.pop() {
+            if depth > DEPTH_MAX {
+                return None;
+            }
+            let (children, count) = self.children(from);
+            for (k, &child) in children[..count].iter().enumerate() {
+                let binary = &self.binary.nodes[child];
+                self.nodes[at].child[k] = if binary.is_leaf() {
+                    LEAF | self.leaf(binary)?
+                } else {
+                    let node = self.nodes.len();
+                    self.nodes.push(Node::default());
+                    stack.push((node, child, depth + 1));
+                    node as u32
+                };
+            }
+        }
+        Some(())
+    }
+
+    /// Up to eight binary nodes below one.
+    fn children(&self, from: usize) -> ([usize; WIDTH], usize) {
+        let nodes = &self.binary.nodes;
+        let mut children = [from; WIDTH];
+        let mut count = 1;
+        while count < WIDTH {
+            let inner = (0..count).filter(|&k| !nodes[children[k]].is_leaf());
+            let area = |k: &usize| nodes[children[*k]].aabb().half_area();
+            let Some(k) = inner.max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
+            let first = nodes[children[k]].first_index as usize;
+            children[k] = first;
+            children[count] = first + 1;
+            count += 1;
+        }
+        (children, count)
+    }
+
+    /// Appends a leaf and returns its number; `None` if the primitives are too many for one.
+    fn leaf(&mut self, node: &Bvh2Node) -> Option<u32> {
+        let number = self.slots.len() / WIDTH;
+        let (first, count) = (node.first_index as usize, node.prim_count as usize);
+        if count > WIDTH {
+            return None;
+        }
+        self.slots.extend_from_slice(&self.binary.primitive_indices[first..first + count]);
+        self.slots.resize((number + 1) * WIDTH, NONE);
+        Some(number as u32)
+    }
+}

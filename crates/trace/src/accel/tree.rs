@@ -1,0 +1,127 @@
+//! Trees: nodes over leaves of eight primitives. The implicit tree takes runs of eight along the
+//! Hilbert curve as leaves, runs of eight leaves as nodes, and so on; it is made within
+//! milliseconds, whenever the cut changes. The places of primitives in the leaves are its slots.
+
+use crate::accel::WIDTH;
+use crate::accel::bounds::Bounds;
+use crate::accel::hilbert;
+use crate::accel::node::{Node, fit, levels, slack};
+use bytemuck::Pod;
+use rayon::prelude::*;
+
+/// Number of an unused slot.
+pub(crate) const NONE: u32 = u32::MAX;
+/// Leaves of a task.
+const TASK: usize = 1 << 9;
+
+/// How a tree was built.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// Along the Hilbert curve.
+    #[default]
+    Implicit,
+    /// By clustering, which takes longer and makes rays faster.
+    Refined,
+}
+
+/// A shape that rays meet.
+pub(crate) trait Primitive: Copy + Send + Sync {
+    /// Eight of them.
+    type Leaf: Leaf<Primitive = Self>;
+
+    /// Box of the shape.
+    fn bounds(&self) -> Bounds;
+}
+
+/// Eight primitives; all zero, it is unused.
+pub(crate) trait Leaf: Pod + Send + Sync {
+    /// One of them.
+    type Primitive: Primitive<Leaf = Self>;
+
+    /// Sets primitive `k`.
+    fn set(&mut self, k: usize, primitive: &Self::Primitive);
+    /// Primitive `k`.
+    fn get(&self, k: usize) -> Self::Primitive;
+}
+
+/// A tree with leaves of one kind.
+#[derive(Clone, Debug)]
+pub struct Tree<L> {
+    /// Nodes, the root first, each one after its parent.
+    pub nodes: Vec<Node>,
+    /// Leaves.
+    pub leaves: Vec<L>,
+    /// Box of all primitives.
+    pub bounds: Bounds,
+    /// How it was built.
+    pub kind: Kind,
+}
+
+impl<L> Default for Tree<L> {
+    fn default() -> Self {
+        let (bounds, kind) = (Bounds::EMPTY, Kind::Implicit);
+        Self { nodes: Vec::new(), leaves: Vec::new(), bounds, kind }
+    }
+}
+
+impl<L> Tree<L> {
+    /// Bytes of nodes and leaves.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.nodes) + size_of_val(&*self.leaves)
+    }
+}
+
+impl<L: Leaf> Tree<L> {
+    /// Builds the implicit tree of `count` primitives, and returns the primitive of each slot.
+    pub(crate) fn implicit(
+        count: usize,
+        primitive: impl Fn(usize) -> L::Primitive + Sync,
+    ) -> (Self, Vec<u32>) {
+        let centres = (0..count).into_par_iter().with_min_len(TASK * WIDTH).fold(
+            || Bounds::EMPTY,
+            |all, i| {
+                let centre = primitive(i).bounds().centre();
+                all.union(&Bounds { min: centre, max: centre })
+            },
+        );
+        let centres = centres.reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
+        let mut slots = hilbert::order(count, &centres, |i| primitive(i).bounds().centre());
+        slots.resize(count.next_multiple_of(WIDTH), NONE);
+        let (leaves, boxes) = leaves(&slots, primitive);
+        let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
+        let nodes = levels(&boxes, slack(&bounds));
+        (Self { nodes, leaves, bounds, kind: Kind::Implicit }, slots)
+    }
+
+    /// Places primitives that have moved, and fits the boxes to them. Which primitives lie together
+    /// stays.
+    pub(crate) fn refit(
+        &mut self,
+        slots: &[u32],
+        primitive: impl Fn(usize) -> L::Primitive + Sync,
+    ) {
+        let (leaves, boxes) = leaves(slots, primitive);
+        self.leaves = leaves;
+        self.bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
+        fit(&mut self.nodes, &boxes, slack(&self.bounds));
+    }
+}
+
+/// Leaves with the primitives of `slots`, and their boxes.
+pub(crate) fn leaves<L: Leaf>(
+    slots: &[u32],
+    primitive: impl Fn(usize) -> L::Primitive + Sync,
+) -> (Vec<L>, Vec<Bounds>) {
+    let (mut leaves, mut boxes) = (Vec::new(), Vec::new());
+    let fill = |slots: &[u32]| {
+        let (mut leaf, mut bounds) = (L::zeroed(), Bounds::EMPTY);
+        for (k, &index) in slots.iter().enumerate().filter(|s| *s.1 != NONE) {
+            let primitive = primitive(index as usize);
+            bounds = bounds.union(&primitive.bounds());
+            leaf.set(k, &primitive);
+        }
+        (leaf, bounds)
+    };
+    slots.par_chunks(WIDTH).with_min_len(TASK).map(fill).unzip_into_vecs(&mut leaves, &mut boxes);
+    (leaves, boxes)
+}

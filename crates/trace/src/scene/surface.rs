@@ -1,0 +1,197 @@
+//! The surface of a scan where a ray meets it: the place of the frontmost disc, normal and albedo
+//! blended over all discs of the surface, and how far rays that leave it start.
+
+use crate::accel::disc::Disc;
+use crate::accel::discs::{self, DEPTH, Met};
+use crate::accel::refine::refined;
+use crate::accel::tree::{Leaf, NONE};
+use crate::accel::{DiscLeaf, Tree, WIDTH};
+use crate::ray::{Hit, Ray};
+use crate::scene::emitters::{AreaLight, Shape};
+use crate::scene::splats::{SplatInput, Tint, albedo_of, disc_of};
+use fearless_simd::Simd;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Splats of a task.
+const TASK: usize = 1 << 13;
+/// Stands for a splat that was left out.
+const NO_DISC: Disc = Disc { centre: Vec3::ZERO, normal: Vec3::ZERO, radius: 0.0 };
+
+/// Distance in radii from which on a facing surface counts: nearer ones are discs of the same
+/// surface whose normals are turned the wrong way.
+const FACING_FROM: f32 = 0.5;
+/// Share of the distance to a facing surface at which rays start.
+const FACING_SHARE: f32 = 0.5;
+
+/// The splats of a scene.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Splats {
+    pub(crate) tree: Tree<DiscLeaf>,
+    /// Tint of each slot.
+    pub(crate) tints: Vec<Tint>,
+    /// Radiance of the emitters.
+    pub(crate) radiances: Vec<Vec3>,
+    /// Number of splats.
+    pub(crate) count: usize,
+    /// Whether some splats have no normal.
+    pub(crate) has_facing: bool,
+}
+
+impl Splats {
+    /// Builds the implicit tree of the splats that rays can meet.
+    pub(crate) fn new(input: &SplatInput<'_>) -> Self {
+        let all = input.splats;
+        let (dropped, facing) = all
+            .par_iter()
+            .with_min_len(TASK)
+            .map(|s| disc_of(s).map_or((1, 0), |d| (0, usize::from(d.normal == Vec3::ZERO))))
+            .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let disc = |index: usize| disc_of(&all[index]).unwrap_or(NO_DISC);
+        let (tree, slots) = if dropped == 0 {
+            Tree::implicit(all.len(), disc)
+        } else {
+            let kept: Vec<usize> = (0..all.len()).filter(|&i| disc_of(&all[i]).is_some()).collect();
+            let (tree, mut slots) = Tree::implicit(kept.len(), |i| disc(kept[i]));
+            slots.iter_mut().filter(|s| **s != NONE).for_each(|s| *s = kept[*s as usize] as u32);
+            (tree, slots)
+        };
+        let rule = input.albedo_rule();
+        let tint = |&index: &u32| {
+            if index == NONE { Tint::default() } else { input.tint(index as usize, rule) }
+        };
+        Self {
+            tree,
+            tints: slots.par_iter().with_min_len(TASK).map(tint).collect(),
+            radiances: input.emitters.iter().map(|e| Vec3::from_array(e.radiance)).collect(),
+            count: all.len() - dropped,
+            has_facing: facing > 0,
+        }
+    }
+
+    /// Replaces the tree by a refined one. Returns false if there is none.
+    pub(crate) fn refine(&mut self) -> bool {
+        let used: Vec<u32> = self.used().collect();
+        let discs: Vec<Disc> = used.iter().map(|&slot| self.disc(slot)).collect();
+        let Some((tree, slots)) = refined(&discs) else { return false };
+        let tint = |&index: &u32| {
+            if index == NONE { Tint::default() } else { self.tints[used[index as usize] as usize] }
+        };
+        self.tints = slots.iter().map(tint).collect();
+        self.tree = tree;
+        true
+    }
+
+    /// Appends the splats that emit light.
+    pub(crate) fn push_lights(&self, into: &mut Vec<AreaLight>) {
+        if self.radiances.is_empty() {
+            return;
+        }
+        into.extend(self.used().filter(|&slot| self.tints[slot as usize][3] > 0).map(|slot| {
+            let Disc { centre, normal, radius } = self.disc(slot);
+            let radiance = self.emission(self.tints[slot as usize]);
+            AreaLight::new(Shape::Disc { centre, normal, radius }, radiance)
+        }));
+    }
+
+    /// Bytes of the tree and the tints.
+    pub(crate) fn bytes(&self) -> usize {
+        self.tree.bytes() + size_of_val(&*self.tints)
+    }
+
+    /// Slots that hold a disc.
+    fn used(&self) -> impl Iterator<Item = u32> {
+        (0..self.tints.len() as u32).filter(|&slot| self.disc(slot).radius > 0.0)
+    }
+
+    /// The disc in a slot.
+    #[inline(always)]
+    fn disc(&self, slot: u32) -> Disc {
+        self.tree.leaves[slot as usize / WIDTH].get(slot as usize % WIDTH)
+    }
+
+    /// The surface that `ray` meets.
+    #[inline(always)]
+    pub(crate) fn hit<S: Simd>(&self, simd: S, ray: &Ray) -> Option<Hit> {
+        let surface = if self.has_facing {
+            discs::surface::<S, true>(simd, &self.tree, ray)
+        } else {
+            discs::surface::<S, false>(simd, &self.tree, ray)
+        };
+        let front = surface.front()?;
+        let mut hit = self.blend(ray, front, surface.discs());
+        hit.lift = self.lift(simd, ray, &hit);
+        Some(hit)
+    }
+
+    /// The frontmost disc that `ray` meets.
+    #[inline(always)]
+    pub(crate) fn first<S: Simd>(&self, simd: S, ray: &Ray) -> Option<Hit> {
+        let front = if self.has_facing {
+            discs::nearest::<S, true>(simd, &self.tree, ray)
+        } else {
+            discs::nearest::<S, false>(simd, &self.tree, ray)
+        };
+        front.map(|front| self.blend(ray, front, std::iter::once(&front)))
+    }
+
+    /// Whether `ray` meets any disc.
+    #[inline(always)]
+    pub(crate) fn is_blocked<S: Simd>(&self, simd: S, ray: &Ray) -> bool {
+        if self.has_facing {
+            discs::any::<S, true>(simd, &self.tree, ray)
+        } else {
+            discs::any::<S, false>(simd, &self.tree, ray)
+        }
+    }
+
+    /// Emitted radiance of a tint.
+    #[inline(always)]
+    pub(crate) fn emission(&self, tint: Tint) -> Vec3 {
+        if tint[3] == 0 { Vec3::ZERO } else { self.radiances[usize::from(tint[3]) - 1] }
+    }
+
+    /// Blends discs by their weights. Discs without a normal get that of the others.
+    #[inline(always)]
+    fn blend<'a>(&self, ray: &Ray, front: Met, all: impl Iterator<Item = &'a Met>) -> Hit {
+        let (mut normal, mut albedo, mut emission) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
+        let mut sum = 0.0;
+        for met in all {
+            let slot = met.slot as usize;
+            // At the very rim the weight can round to zero.
+            let weight = met.weight.max(f32::EPSILON);
+            let n = self.tree.leaves[slot / WIDTH].normal_of(slot % WIDTH);
+            let tint = self.tints[slot];
+            normal += n * weight.copysign(-n.dot(ray.direction));
+            albedo += albedo_of(tint) * weight;
+            if tint[3] > 0 {
+                emission += self.emission(tint) * weight;
+            }
+            sum += weight;
+        }
+        let disc = self.disc(front.slot);
+        Hit {
+            distance: front.distance,
+            normal: normal.normalize_or(-ray.direction),
+            albedo: albedo / sum,
+            emission: emission / sum,
+            lift: DEPTH * disc.radius,
+            radius: disc.radius,
+            is_back: disc.normal.dot(ray.direction) > 0.0,
+        }
+    }
+
+    /// Bounds the lift of `hit` at half the way to a surface that faces it.
+    #[inline(always)]
+    fn lift<S: Simd>(&self, simd: S, ray: &Ray, hit: &Hit) -> f32 {
+        let least = FACING_FROM * hit.radius;
+        let origin = ray.at(hit.distance) + hit.normal * least;
+        let out = Ray { origin, direction: hit.normal, reach: hit.lift - least };
+        let stored = if hit.is_back { -hit.normal } else { hit.normal };
+        let (nodes, leaves) = (&self.tree.nodes, &self.tree.leaves);
+        match discs::facing(simd, nodes, leaves, &out, stored) {
+            Some(distance) => FACING_SHARE * (least + distance),
+            None => hit.lift,
+        }
+    }
+}
