@@ -5,34 +5,19 @@ use crate::camera::Camera;
 use crate::filter::Guides;
 use crate::image::Image;
 use crate::light::PreparedLights;
-use crate::paths::{Options, Stats, Surfaces};
-
-/// A lit picture: linear light, row by row, the top row first.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct LitImage {
-    /// Radiance: the sum of direct and indirect light.
-    pub radiance: Image<3>,
-    /// The part by light that arrives from lights at the visible surface, and emission (figure 2a).
-    pub direct: Image<3>,
-    /// The part by light from the sky and from other surfaces (figure 2b).
-    pub indirect: Image<3>,
-    /// Eye depth at pixel centres, the file's unit; infinite where nothing is hit.
-    pub depth: Vec<f32>,
-    /// Share of the samples of each pixel that hit a surface.
-    pub coverage: Vec<f32>,
-}
+use crate::paths::{Frame, LitImage, Options, Stats, Surfaces};
 
 /// A progressive path tracer of one picture.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Tracer {
     options: Options,
-    stats: Stats,
+    frame: Option<Frame>,
 }
 
 impl Tracer {
     /// A tracer without samples.
     pub fn new(options: Options) -> Self {
-        Self { options, stats: Stats::default() }
+        Self { options, frame: None }
     }
 
     /// Its options.
@@ -40,61 +25,88 @@ impl Tracer {
         &self.options
     }
 
-    /// Changes the options. Samples are kept if only the filter or convergence changes.
+    /// Changes the options. Samples are kept if only the filter, convergence or reprojection
+    /// changes.
     pub fn set_options(&mut self, options: Options) {
+        if !options.keeps_samples_of(&self.options) {
+            self.frame = None;
+        }
         self.options = options;
     }
 
     /// Adds `samples` samples to each pixel. If the scene (by its epoch), the lights or the camera
-    /// differ from those of the last call, the picture begins afresh; after a move of the camera,
+    /// differ from those of the last call, the picture begins afresh. If the lights are the same,
     /// indirect light of the last picture is used again where it fits, until there are enough new
     /// samples. `should_stop` is asked often: if it returns true, the call returns false soon, and
     /// the next call goes on where this one stopped.
     ///
-    /// `lights` and `camera` must be relative to the origin of the scene.
+    /// `lights` and `camera` must be relative to the origin of the scene. If that changes, call
+    /// [`Tracer::clear`] first.
     pub fn trace(
         &mut self,
-        _scene: &impl Surfaces,
-        _scene_epoch: u64,
-        _lights: &PreparedLights,
-        _camera: &Camera,
-        _samples: u32,
-        _should_stop: &(dyn Fn() -> bool + Sync),
+        scene: &impl Surfaces,
+        scene_epoch: u64,
+        lights: &PreparedLights,
+        camera: &Camera,
+        samples: u32,
+        should_stop: &(dyn Fn() -> bool + Sync),
     ) -> bool {
-        true
+        if camera.pixels() == 0 {
+            self.frame = None;
+            return true;
+        }
+        let is_same = self.frame.as_ref().is_some_and(|frame| {
+            frame.scene_epoch == scene_epoch && frame.camera == *camera && frame.lights == *lights
+        });
+        if !is_same {
+            let options = &self.options;
+            let begun =
+                Frame::begin(scene, scene_epoch, lights, camera, options, samples, should_stop);
+            let Some(mut frame) = begun else { return false };
+            let last =
+                self.frame.take().filter(|last| options.reprojects && last.lights == *lights);
+            if let Some(last) = last {
+                frame.reuse(&last);
+            }
+            self.frame = Some(frame);
+        }
+        let Some(frame) = &mut self.frame else { return false };
+        (0..samples).all(|_| frame.add_sample(scene, &self.options, should_stop))
     }
 
-    /// Samples of each pixel that the picture has.
+    /// Samples that each pixel has.
     pub fn samples(&self) -> u32 {
-        0
+        self.frame.as_ref().map_or(0, Frame::samples)
     }
 
     /// Forgets all samples.
-    pub fn clear(&mut self) {}
+    pub fn clear(&mut self) {
+        self.frame = None;
+    }
 
     /// Counts and times since the picture was begun.
     pub fn stats(&self) -> Stats {
-        self.stats
+        self.frame.as_ref().map(Frame::stats).unwrap_or_default()
     }
 
     /// Bytes that the samples take.
     pub fn bytes(&self) -> usize {
-        0
+        self.frame.as_ref().map_or(0, Frame::bytes)
     }
 
     /// The picture of the samples so far. Empty before the first call of [`Tracer::trace`].
     pub fn resolve(&mut self) -> LitImage {
-        LitImage::default()
+        self.frame.as_mut().map(|frame| frame.resolve(&self.options)).unwrap_or_default()
     }
 
-    /// Unfiltered incident indirect light: mean radiance over directions weighted by their cosine.
-    /// What the filter gets.
+    /// Unfiltered incident indirect light, which the filter gets: mean radiance over directions
+    /// weighted by their cosine.
     pub fn incident(&self) -> Image<3> {
-        Image::new(0, 0)
+        self.frame.as_ref().map(Frame::noisy).unwrap_or_default()
     }
 
     /// Guides of the filter.
     pub fn guides(&self) -> Guides {
-        Guides::default()
+        self.frame.as_ref().map(Frame::filter_guides).unwrap_or_default()
     }
 }

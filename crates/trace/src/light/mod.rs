@@ -8,7 +8,7 @@ mod lamp;
 mod prepared;
 mod sky;
 
-pub use emitter::Emitter;
+pub(crate) use emitter::Emitters;
 pub(crate) use lamp::{Arrival, Lamp};
 pub use prepared::PreparedLights;
 pub use sky::{Panorama, Sky};
@@ -108,45 +108,9 @@ pub enum Light {
         #[serde(default)]
         two_sided: bool,
     },
-    /// Points of the scan that shine: those that meet all the conditions stated.
-    Emissive {
-        /// Classes of the points; none for any class.
-        #[serde(default)]
-        classes: Vec<u8>,
-        /// Least and greatest corner of a box that holds the points; none for anywhere.
-        #[serde(default)]
-        bounds: Option<[[f64; 3]; 2]>,
-        /// Radiance of their surface.
-        radiance: [f32; 3],
-    },
 }
 
 impl Lights {
-    /// Radiance that a point of the scan emits by the lights of kind [`Light::Emissive`]: the sum
-    /// of all that it meets. `class` is `None` for a scan without classes.
-    pub fn emission(&self, position: DVec3, class: Option<u8>) -> [f32; 3] {
-        let mut sum = [0.0; 3];
-        for light in &self.lights {
-            let Light::Emissive { classes, bounds, radiance } = light else { continue };
-            let of_class =
-                classes.is_empty() || class.is_some_and(|class| classes.contains(&class));
-            let inside = bounds.is_none_or(|[low, high]| {
-                position.cmpge(DVec3::from(low)).all() && position.cmple(DVec3::from(high)).all()
-            });
-            if of_class && inside {
-                for (sum, value) in sum.iter_mut().zip(radiance) {
-                    *sum += value.max(0.0);
-                }
-            }
-        }
-        sum
-    }
-
-    /// Whether any light is of kind [`Light::Emissive`].
-    pub fn has_emissive(&self) -> bool {
-        self.lights.iter().any(|light| matches!(light, Light::Emissive { .. }))
-    }
-
     /// The lights relative to `origin`, world coordinates. Lights with values that are not finite
     /// are left out, negative colours count as zero.
     pub fn prepare(&self, origin: DVec3) -> PreparedLights {

@@ -109,6 +109,6 @@ fn lamp(light: &Light, origin: DVec3) -> Option<Lamp> {
                 two_sided: *two_sided,
             })
         }
-        Light::Sky { .. } | Light::Emissive { .. } => None,
+        Light::Sky { .. } => None,
     }
 }

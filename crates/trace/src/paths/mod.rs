@@ -1,14 +1,26 @@
 //! Paths: guide rays, indirect and direct light, lookup, accumulation (`bauszat2011`, 3.1 and 3.2).
 
-pub(crate) mod directions;
+mod band;
+mod batches;
+mod direct;
+mod directions;
+mod frame;
 mod gloss;
+mod guide;
+mod history;
+mod indirect;
+mod lookup;
 mod options;
+mod resolve;
 mod sequence;
 mod stats;
+mod surface;
 mod surfaces;
 
+pub(crate) use frame::Frame;
 pub use gloss::Gloss;
 pub use options::Options;
+pub use resolve::LitImage;
 pub use sequence::Sequence;
 pub use stats::Stats;
 pub use surfaces::Surfaces;

@@ -1,9 +1,8 @@
 //! What the tracer asks of a scene. Tests trace exact spheres and planes through the same trait, so
 //! that an error of the paths is told from one of the splats.
 
-use crate::light::Emitter;
 use crate::ray::{Hit, Ray};
-use crate::scene::Scene;
+use crate::scene::{AreaLight, Scene};
 
 /// Surfaces that rays meet.
 pub trait Surfaces: Sync {
@@ -18,7 +17,7 @@ pub trait Surfaces: Sync {
 
     /// Surfaces that are sampled as lights. If there are none, the emission that [`Surfaces::hit`]
     /// reports is found by bounces and filtered with indirect light.
-    fn emitters(&self) -> &[Emitter] {
+    fn emitters(&self) -> &[AreaLight] {
         &[]
     }
 }
@@ -33,6 +32,12 @@ impl Surfaces for Scene {
     }
 
     fn diagonal(&self) -> f32 {
-        1.0
+        let bounds = self.bounds();
+        let diagonal = (bounds.max - bounds.min).length();
+        if !bounds.is_empty() && diagonal.is_finite() { diagonal } else { 0.0 }
+    }
+
+    fn emitters(&self) -> &[AreaLight] {
+        self.area_lights()
     }
 }
