@@ -84,3 +84,14 @@ fn constant_guides_give_the_mean_of_means() {
     let noisy = noisy_of(33, 21, 1.0, &mut random);
     assert!(error(&noisy, &guides, &guided(5, 1e-8)) < 1e-6);
 }
+#[test]
+fn zz_print() {
+    for (f, e) in [(1e6, 1e-4), (1.0, 1e-4), (1e6, 1e-2), (1.0, 1e-8), (1e6, 1e-8)] {
+        for h in [60, 333] {
+            let mut random = Lcg(7);
+            let guides = guides_of(61, h, 4, &mut random);
+            let noisy = noisy_of(61, h, f, &mut random);
+            println!("{f} {e} {h} {}", error(&noisy, &guides, &guided(8, e)));
+        }
+    }
+}

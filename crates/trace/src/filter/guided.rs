@@ -8,8 +8,8 @@
 use super::input::Input;
 use super::moments::{Columns, EIGHT, ROWS, eight, moment_count};
 use super::solve::Ridge;
-use super::windows::Windows;
-use fearless_simd::{Level, Simd, SimdBase, dispatch, f32x8, f64x4};
+use super::windows::{Chunk, Windows};
+use fearless_simd::{Level, Simd, SimdBase, dispatch, f32x8, f64x8};
 use rayon::prelude::*;
 
 /// Ridge of each guide, of any number.
@@ -36,9 +36,6 @@ pub(crate) fn regress(input: &Input<'_>, radius: usize, ridges: &Ridges) -> Vec<
         (guides, signals) => panic!("{guides} guides and {signals} signals have no filter"),
     }
 }
-
-/// The sums of coefficients of eight pixels of a row.
-type Chunk<const C: usize> = [[f32; EIGHT]; C];
 
 /// Rows of a band. A band begins with sums over a window, which must be cheap beside its own rows.
 fn band_rows(radius: usize) -> usize {
@@ -95,11 +92,7 @@ fn solve_band<S: Simd, const K: usize, const N: usize, const M: usize, const C: 
     let mut windows = Windows::<K, M, C>::new(input.width, radius, ridge);
     let chunks = input.width.div_ceil(EIGHT);
     for (i, sums) in sums.chunks_mut(chunks * ROWS).enumerate() {
-        windows.rows::<S, N>(simd, top + i * ROWS, &mut columns, |chunk, rows| {
-            for (to, from) in sums[chunk..].iter_mut().step_by(chunks).zip(rows) {
-                *to = *from;
-            }
-        });
+        windows.rows::<S, N>(simd, top + i * ROWS, &mut columns, sums);
     }
 }
 
@@ -122,27 +115,37 @@ fn mean_band<S: Simd, const K: usize, const N: usize, const C: usize>(
         })
         .collect();
     let mut columns = vec![[[0.0; EIGHT]; C]; chunks];
-    for y in top.saturating_sub(radius)..(top + radius).min(height) {
+    let none = [[0.0; EIGHT]; C];
+    for y in top.saturating_sub(radius + 1)..(top + radius).min(height) {
         for (column, enter) in columns.iter_mut().zip(row(y)) {
-            move_down(simd, column, Some(enter), None);
+            move_down(simd, column, enter, &none);
         }
     }
     let rows = out.first().map_or(0, |plane| plane.len() / width);
     for y in top..top + rows {
-        let enter = Some(y + radius).filter(|&y| y < height).map(row);
-        let leave = y.checked_sub(radius + 1).map(row);
+        let enters = Some(y + radius).filter(|&y| y < height).map(row);
+        let leaves = y.checked_sub(radius + 1).map(row);
         let share = 1.0 / covering(y, radius, height) as f32;
-        for (chunk, column) in columns.iter_mut().enumerate() {
-            let enter = enter.map(|row| &row[chunk]);
-            let leave = leave.map(|row| &row[chunk]);
-            let means = move_down(simd, column, enter, leave);
+        for chunk in 0..chunks {
+            let (mut enter, mut leave) = (&none, &none);
+            if let Some(row) = enters {
+                enter = &row[chunk];
+            }
+            if let Some(row) = leaves {
+                leave = &row[chunk];
+            }
+            move_down(simd, &mut columns[chunk], enter, leave);
             let share = f32x8::load_array_ref(simd, &shares[chunk]) * share;
-            let fits = fits::<S, K, N, C>(simd, input, y, chunk, &means);
-            for (out, fit) in out.iter_mut().zip(fits) {
-                let row = &mut out[(y - top) * width..(y - top + 1) * width];
-                let to = &mut row[chunk * EIGHT..width.min((chunk + 1) * EIGHT)];
-                let fit: [f32; EIGHT] = *(fit * share);
-                to.copy_from_slice(&fit[..to.len()]);
+            let fits = fits::<S, K, N, C>(simd, input, y, chunk, &columns[chunk]);
+            let from = (y - top) * width + chunk * EIGHT;
+            let length = EIGHT.min(width - chunk * EIGHT);
+            for n in 0..N {
+                let fit: [f32; EIGHT] = *(fits[n] * share);
+                let to = &mut out[n][from..from + length];
+                match to.first_chunk_mut::<EIGHT>() {
+                    Some(to) => *to = fit,
+                    None => to.copy_from_slice(&fit[..length]),
+                }
             }
         }
     }
@@ -153,31 +156,21 @@ fn covering(x: usize, radius: usize, length: usize) -> usize {
     (x + radius + 1).min(length).saturating_sub(x.saturating_sub(radius)).max(1)
 }
 
-/// Sums of coefficients over columns after a row entered and another left.
+/// Adds the row that enters to sums over columns, and subtracts the one that leaves.
 #[inline(always)]
 fn move_down<S: Simd, const C: usize>(
     simd: S,
     sums: &mut [[f64; EIGHT]; C],
-    enter: Option<&Chunk<C>>,
-    leave: Option<&Chunk<C>>,
-) -> [[f64x4<S>; 2]; C] {
-    let zero = simd.splat_f64x4(0.0);
-    let mut out = [[zero; 2]; C];
-    let none = [[0.0; EIGHT]; C];
-    let (enter, leave) = (enter.unwrap_or(&none), leave.unwrap_or(&none));
+    enter: &Chunk<C>,
+    leave: &Chunk<C>,
+) {
     for c in 0..C {
         let enter = simd.widen_f32x8(f32x8::load_array_ref(simd, &enter[c]));
         let leave = simd.widen_f32x8(f32x8::load_array_ref(simd, &leave[c]));
-        let (first, second) = sums[c].split_at_mut(ROWS);
-        let first: &mut [f64; ROWS] = first.try_into().expect("half of eight");
-        let second: &mut [f64; ROWS] = second.try_into().expect("half of eight");
-        out[c] = [
-            f64x4::load_array_ref(simd, first) + (enter.0 - leave.0),
-            f64x4::load_array_ref(simd, second) + (enter.1 - leave.1),
-        ];
-        (*first, *second) = (*out[c][0], *out[c][1]);
+        let sum = f64x8::load_array_ref(simd, &sums[c]);
+        let change = simd.combine_f64x4(enter.0 - leave.0, enter.1 - leave.1);
+        sums[c] = *(sum + change);
     }
-    out
 }
 
 /// Sums of the fits of all windows that cover eight pixels of row `y`.
@@ -187,25 +180,23 @@ fn fits<S: Simd, const K: usize, const N: usize, const C: usize>(
     input: &Input<'_>,
     y: usize,
     chunk: usize,
-    sums: &[[f64x4<S>; 2]; C],
+    sums: &[[f64; EIGHT]; C],
 ) -> [f32x8<S>; N] {
-    let zero = simd.splat_f64x4(0.0);
-    let mut guides = [[zero; 2]; K];
-    for (guide, plane) in guides.iter_mut().zip(&input.guides) {
-        let row = &plane[y * input.width..(y + 1) * input.width];
+    let mut guides = [simd.splat_f64x8(0.0); K];
+    for k in 0..K {
+        let row = &input.guides[k][y * input.width..(y + 1) * input.width];
         let (first, second) = simd.widen_f32x8(eight(simd, row, chunk * EIGHT));
-        *guide = [first, second];
+        guides[k] = simd.combine_f64x4(first, second);
     }
     let mut out = [simd.splat_f32x8(0.0); N];
-    for (n, out) in out.iter_mut().enumerate() {
+    for n in 0..N {
         let own = n * (K + 1);
-        let mut fit = sums[own + K];
-        for (half, fit) in fit.iter_mut().enumerate() {
-            for k in 0..K {
-                *fit = *fit + sums[own + k][half] * guides[k][half];
-            }
+        let mut fit = f64x8::load_array_ref(simd, &sums[own + K]);
+        for k in 0..K {
+            fit = fit + f64x8::load_array_ref(simd, &sums[own + k]) * guides[k];
         }
-        *out = simd.narrow_f64x4(fit[0], fit[1]);
+        let (first, second) = simd.split_f64x8(fit);
+        out[n] = simd.narrow_f64x4(first, second);
     }
     out
 }

@@ -8,7 +8,7 @@ use std::borrow::Cow;
 
 /// Greatest radiance that counts: above any light, and low enough that no sum or coefficient
 /// overflows 32-bit floats. Also refuses NaN.
-const VALUE_MAX: f32 = 1e18;
+pub(crate) const VALUE_MAX: f32 = 1e18;
 /// Greatest guide that counts. Guides are of the order of one.
 const GUIDE_MAX: f32 = 1e4;
 
@@ -23,7 +23,7 @@ pub(crate) struct Input<'a> {
     /// Picture, zero where a pixel is left out.
     pub signals: Vec<Cow<'a, [f32]>>,
     /// One where a pixel counts, else zero.
-    pub mask: Vec<f32>,
+    pub mask: Cow<'a, [f32]>,
     /// Number of pixels with a hit but with values that are not finite or beyond any light.
     pub invalid: usize,
 }
@@ -51,7 +51,24 @@ impl<'a> Input<'a> {
         };
         let signals = noisy.planes.iter().map(masked).collect();
         let guides = guides.planes.iter().map(masked).collect();
-        Self { width, height, guides, signals, mask, invalid }
+        Self { width, height, guides, signals, mask: Cow::Owned(mask), invalid }
+    }
+
+    /// The same input with one more signal.
+    pub fn with_signal<'b>(&'b self, signal: &'b [f32]) -> Input<'b> {
+        self.with_signals(self.signals.iter().map(AsRef::as_ref).chain([signal]))
+    }
+
+    /// The same guides with other signals, which are zero where a pixel is left out.
+    pub fn with_signals<'b>(&'b self, signals: impl IntoIterator<Item = &'b [f32]>) -> Input<'b> {
+        Input {
+            width: self.width,
+            height: self.height,
+            guides: self.guides.iter().map(|plane| Cow::Borrowed(plane.as_ref())).collect(),
+            signals: signals.into_iter().map(Cow::Borrowed).collect(),
+            mask: Cow::Borrowed(self.mask.as_ref()),
+            invalid: self.invalid,
+        }
     }
 
     /// Number of pixels.
@@ -63,7 +80,7 @@ impl<'a> Input<'a> {
     pub fn pass_misses(&self, noisy: &Image<3>, filtered: &mut Image<3>) {
         for (from, to) in noisy.planes.iter().zip(&mut filtered.planes) {
             for ((to, &from), _) in
-                to.iter_mut().zip(from).zip(&self.mask).filter(|&(_, &mask)| mask == 0.0)
+                to.iter_mut().zip(from).zip(&*self.mask).filter(|&(_, &mask)| mask == 0.0)
             {
                 *to = if from.is_finite() { from } else { 0.0 };
             }

@@ -2,14 +2,22 @@
 //! `bauszat2011` 3.3, its extensions, and the filters that it is compared with. In: a noisy image
 //! and the guides of its pixels. Out: the filtered image, of the same mean.
 
+mod atrous;
+mod bilateral;
+mod boxes;
+mod clean;
+mod converge;
 mod guided;
 mod guides;
 mod input;
 mod moments;
+mod nested;
 mod settings;
 mod solve;
+mod taps;
 mod windows;
 
+pub use converge::Halves;
 pub use guides::{GuideKind, Guides};
 pub use settings::{FilterKind, Settings};
 
@@ -21,12 +29,25 @@ use input::Input;
 /// that hit nothing or hold values that are not finite are left out of all windows and keep their
 /// value, or become zero where it is not finite.
 pub fn filter(noisy: &Image<3>, guides: &Guides, samples: u32, settings: &Settings) -> Image<3> {
+    if settings.kind == FilterKind::None {
+        return noisy.clone();
+    }
+    let cleaned = if settings.cleans_guides { clean::cleaned(guides) } else { None };
+    let guides = cleaned.as_ref().unwrap_or(guides);
     let input = Input::new(noisy, guides);
     let radius = settings.radius(samples);
-    let mut filtered = match settings.kind {
-        FilterKind::None => noisy.clone(),
-        _ => image(&input, regress(&input, radius, &ridges(guides, settings))),
+    let planes = match settings.kind {
+        FilterKind::Nested => nested::nested(&input, &noise_scaled(guides, settings)),
+        FilterKind::Bilateral => bilateral::bilateral(&input, &guides.kinds, radius, settings),
+        FilterKind::Atrous => atrous::atrous(&input, &guides.kinds, settings),
+        FilterKind::Guided if settings.is_noise_scaled => {
+            regress(&input, radius, &noise_scaled(guides, settings))
+        }
+        FilterKind::Guided | FilterKind::None => {
+            regress(&input, radius, &constant(guides, settings))
+        }
     };
+    let mut filtered = image(&input, planes);
     input.pass_misses(noisy, &mut filtered);
     filtered
 }
@@ -36,14 +57,28 @@ pub fn invalid_pixels(noisy: &Image<3>, guides: &Guides) -> usize {
     Input::new(noisy, guides).invalid
 }
 
-/// Epsilon of each guide.
-fn ridges(guides: &Guides, settings: &Settings) -> Ridges {
-    let epsilon = |kind: &GuideKind| match kind {
+/// Constant epsilon of each guide.
+fn constant(guides: &Guides, settings: &Settings) -> Ridges {
+    let epsilon = guides.kinds.iter().map(|kind| match kind {
         GuideKind::Normal => f64::from(settings.epsilon_normal),
         GuideKind::Depth | GuideKind::Occlusion => f64::from(settings.epsilon_depth),
-    };
-    let epsilon: Vec<f64> = guides.kinds.iter().map(epsilon).collect();
-    Ridges { noise: vec![0.0; epsilon.len()], epsilon }
+    });
+    Ridges { epsilon: epsilon.collect(), noise: vec![0.0; guides.kinds.len()] }
+}
+
+/// Epsilon by the noise of each window, and by the noise of normals.
+fn noise_scaled(guides: &Guides, settings: &Settings) -> Ridges {
+    let noise = guides.kinds.iter().map(|kind| match kind {
+        GuideKind::Normal => f64::from(settings.noise_normal),
+        GuideKind::Depth => f64::from(settings.noise_depth),
+        GuideKind::Occlusion => f64::from(settings.noise_occlusion),
+    });
+    let variance = clean::normal_noise(guides).powi(2) * clean::COMPONENT_SHARE;
+    let epsilon = guides.kinds.iter().map(|kind| match kind {
+        GuideKind::Normal => variance,
+        GuideKind::Depth | GuideKind::Occlusion => 0.0,
+    });
+    Ridges { epsilon: epsilon.collect(), noise: noise.collect() }
 }
 
 /// The first three planes as an image.

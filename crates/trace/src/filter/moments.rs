@@ -4,7 +4,7 @@
 //! and a firefly leaves nothing behind when its row leaves.
 
 use super::input::Input;
-use fearless_simd::{Simd, SimdBase, f32x8, f64x4};
+use fearless_simd::{Simd, SimdBase, f32x4, f32x8, f64x4};
 
 /// Pixels of a row that are summed together.
 pub(crate) const EIGHT: usize = 8;
@@ -38,14 +38,24 @@ pub(crate) const fn cross(k: usize, n: usize) -> usize {
     pair(k, n) + k * (k + 1) / 2
 }
 
-/// Moments of four columns, or of four rows.
-pub(crate) type Moments<S, const M: usize> = [f64x4<S>; M];
+/// Sums of the moments of four columns or four rows, in memory: too many for registers.
+pub(crate) type Sums<const M: usize> = [[f64; ROWS]; M];
 
-/// Sums over columns, eight columns a chunk.
+/// Sums over columns, half a chunk (four columns) at a time.
 pub(crate) struct Columns<'a, const K: usize, const N: usize, const M: usize> {
     input: &'a Input<'a>,
     radius: usize,
-    sums: Vec<[[f64; EIGHT]; M]>,
+    sums: Vec<Sums<M>>,
+    /// Sums of half a chunk, row by row.
+    rows: [Sums<M>; ROWS],
+}
+
+/// Half a chunk of the guides and the picture in a row.
+#[derive(Clone, Copy)]
+struct Pixels<S: Simd, const K: usize, const N: usize> {
+    mask: f64x4<S>,
+    guides: [f64x4<S>; K],
+    signals: [f64x4<S>; N],
 }
 
 impl<'a, const K: usize, const N: usize, const M: usize> Columns<'a, K, N, M> {
@@ -54,135 +64,141 @@ impl<'a, const K: usize, const N: usize, const M: usize> Columns<'a, K, N, M> {
     /// Sums of no row. `radius` is that of windows.
     pub fn new(input: &'a Input<'a>, radius: usize) -> Self {
         let () = Self::FITS;
-        Self { input, radius, sums: vec![[[0.0; EIGHT]; M]; input.width.div_ceil(EIGHT)] }
+        let none = [[0.0; ROWS]; M];
+        let sums = vec![none; input.width.div_ceil(ROWS)];
+        Self { input, radius, sums, rows: [none; ROWS] }
     }
 
-    /// Adds the rows of the window around row `y` but its last one, so that [`Self::rows`] can go
-    /// on from `y`.
+    /// Adds the rows of the window around the row above `y`, so that [`Self::rows`] can go on from
+    /// `y`.
     #[inline(always)]
     pub fn start<S: Simd>(&mut self, simd: S, y: usize) {
-        let rows = y.saturating_sub(self.radius)..(y + self.radius).min(self.input.height);
-        for chunk in 0..self.sums.len() {
-            for row in rows.clone() {
-                for half in 0..2 {
-                    let enter = self.products(simd, chunk, Some(row), half);
-                    for (sum, enter) in self.sums[chunk].iter_mut().zip(enter) {
-                        add(simd, half_of(sum, half), enter);
-                    }
-                }
+        let none = Pixels::<S, K, N>::none(simd);
+        for half in 0..self.sums.len() {
+            for row in y.saturating_sub(self.radius + 1)..(y + self.radius).min(self.input.height) {
+                let enter = Pixels::new(simd, self.input, row, half);
+                advance(simd, &mut self.sums[half], &mut self.rows[0], &enter, &none);
             }
         }
     }
 
-    /// Moves a chunk down over rows `y` to `y + 4`, and writes the sums of its columns with rows as
-    /// lanes. Columns beyond the picture are zero.
+    /// Moves four columns from `half * 4` on down over rows `y` to `y + 4`, and writes their sums to
+    /// `columns` with rows as lanes. Columns beyond the picture are zero.
     #[inline(always)]
-    pub fn rows<S: Simd>(
-        &mut self,
-        simd: S,
-        y: usize,
-        chunk: usize,
-        mut write: impl FnMut(usize, &Moments<S, M>),
-    ) {
-        for half in 0..2 {
-            let zero = simd.splat_f64x4(0.0);
-            let mut rows = [[zero; M]; ROWS];
-            for (j, out) in rows.iter_mut().enumerate() {
-                let row = y + j;
-                let enters = Some(row + self.radius).filter(|&row| row < self.input.height);
-                let enter = self.products(simd, chunk, enters, half);
-                let leave = self.products(simd, chunk, row.checked_sub(self.radius + 1), half);
-                for (m, sum) in self.sums[chunk].iter_mut().enumerate() {
-                    out[m] = add(simd, half_of(sum, half), enter[m] - leave[m]);
-                }
+    pub fn rows<S: Simd>(&mut self, simd: S, y: usize, half: usize, columns: &mut [Sums<M>; ROWS]) {
+        let none = Pixels::<S, K, N>::none(simd);
+        for row in 0..ROWS {
+            let (mut enter, mut leave) = (none, none);
+            if y + row + self.radius < self.input.height {
+                enter = Pixels::new(simd, self.input, y + row + self.radius, half);
             }
-            let mut columns = [[zero; M]; ROWS];
-            for m in 0..M {
-                let turned = transpose(rows.map(|row| row[m]));
-                for (column, turned) in columns.iter_mut().zip(turned) {
-                    column[m] = turned;
-                }
+            if y + row > self.radius && y + row - self.radius <= self.input.height {
+                leave = Pixels::new(simd, self.input, y + row - self.radius - 1, half);
             }
-            for (i, column) in columns.iter().enumerate() {
-                write(chunk * EIGHT + half * ROWS + i, column);
-            }
+            advance(simd, &mut self.sums[half], &mut self.rows[row], &enter, &leave);
+        }
+        for m in 0..M {
+            let [a, b, c, d] = &self.rows;
+            let [a, b, c, d] = transpose(simd, [&a[m], &b[m], &c[m], &d[m]]);
+            columns[0][m] = *a;
+            columns[1][m] = *b;
+            columns[2][m] = *c;
+            columns[3][m] = *d;
         }
     }
+}
 
-    /// Products of half a chunk in a row; zeros for no row.
+impl<S: Simd, const K: usize, const N: usize> Pixels<S, K, N> {
+    /// No pixel.
     #[inline(always)]
-    fn products<S: Simd>(
-        &self,
-        simd: S,
-        chunk: usize,
-        row: Option<usize>,
-        half: usize,
-    ) -> Moments<S, M> {
+    fn none(simd: S) -> Self {
         let zero = simd.splat_f64x4(0.0);
-        let mut out = [zero; M];
-        let Some(row) = row.filter(|&row| row < self.input.height) else { return out };
-        let value = |plane: &[f32]| four(simd, plane, self.input.width, row, chunk, half);
-        let mut guides = [zero; K];
-        for (guide, plane) in guides.iter_mut().zip(&self.input.guides) {
-            *guide = value(plane);
-        }
-        let mut signals = [zero; N];
-        for (signal, plane) in signals.iter_mut().zip(&self.input.signals) {
-            *signal = value(plane);
-        }
-        out[0] = value(&self.input.mask);
-        let mut luminance = zero;
-        for (signal, weight) in signals.iter().zip(LUMINANCE) {
-            luminance = luminance + *signal * weight;
-        }
-        out[square(K, N)] = luminance * luminance;
-        let mut pairs = pair(K, N);
-        for i in 0..K {
-            out[GUIDE + i] = guides[i];
-            for j in 0..=i {
-                out[pairs] = guides[i] * guides[j];
-                pairs += 1;
-            }
+        Self { mask: zero, guides: [zero; K], signals: [zero; N] }
+    }
+
+    /// Half a chunk of a row.
+    #[inline(always)]
+    fn new(simd: S, input: &Input<'_>, row: usize, half: usize) -> Self {
+        let mut out = Self::none(simd);
+        let row = row * input.width..(row + 1) * input.width;
+        out.mask = four(simd, &input.mask[row.clone()], half);
+        for k in 0..K {
+            out.guides[k] = four(simd, &input.guides[k][row.clone()], half);
         }
         for n in 0..N {
-            out[signal(K) + n] = signals[n];
-            for k in 0..K {
-                out[cross(K, N) + n * K + k] = guides[k] * signals[n];
-            }
+            out.signals[n] = four(simd, &input.signals[n][row.clone()], half);
         }
         out
     }
+
+    /// Luminance of linear light.
+    #[inline(always)]
+    fn luminance(&self) -> f64x4<S> {
+        self.signals[0] * LUMINANCE[0]
+            + self.signals[1] * LUMINANCE[1]
+            + self.signals[2] * LUMINANCE[2]
+    }
 }
 
-/// Adds to a sum, and returns it.
+/// Adds the moments of the pixels that enter to sums, subtracts those of the pixels that leave, and
+/// copies the sums to `copy`.
 #[inline(always)]
-fn add<S: Simd>(simd: S, sum: &mut [f64; ROWS], value: f64x4<S>) -> f64x4<S> {
-    let total = f64x4::load_array_ref(simd, sum) + value;
-    *sum = *total;
-    total
-}
-
-/// First or second half of a chunk.
-#[inline(always)]
-fn half_of(sum: &mut [f64; EIGHT], half: usize) -> &mut [f64; ROWS] {
-    let (first, second) = sum.split_at_mut(ROWS);
-    let half = if half == 0 { first } else { second };
-    half.first_chunk_mut().expect("a chunk has two halves of four")
-}
-
-/// Half a chunk of a row of a plane; zeros beyond its end.
-#[inline(always)]
-fn four<S: Simd>(
+fn advance<S: Simd, const K: usize, const N: usize, const M: usize>(
     simd: S,
-    plane: &[f32],
-    width: usize,
-    row: usize,
-    chunk: usize,
-    half: usize,
-) -> f64x4<S> {
-    let eight = eight(simd, &plane[row * width..(row + 1) * width], chunk * EIGHT);
-    let (first, second) = simd.widen_f32x8(eight);
-    if half == 0 { first } else { second }
+    sums: &mut Sums<M>,
+    copy: &mut Sums<M>,
+    enter: &Pixels<S, K, N>,
+    leave: &Pixels<S, K, N>,
+) {
+    add(simd, sums, copy, 0, enter.mask - leave.mask);
+    let (entering, leaving) = (enter.luminance(), leave.luminance());
+    add(simd, sums, copy, square(K, N), entering * entering - leaving * leaving);
+    let mut pairs = pair(K, N);
+    for i in 0..K {
+        add(simd, sums, copy, GUIDE + i, enter.guides[i] - leave.guides[i]);
+        for j in 0..=i {
+            let entering = enter.guides[i] * enter.guides[j];
+            add(simd, sums, copy, pairs, entering - leave.guides[i] * leave.guides[j]);
+            pairs += 1;
+        }
+    }
+    for n in 0..N {
+        add(simd, sums, copy, signal(K) + n, enter.signals[n] - leave.signals[n]);
+        for k in 0..K {
+            let entering = enter.guides[k] * enter.signals[n];
+            let change = entering - leave.guides[k] * leave.signals[n];
+            add(simd, sums, copy, cross(K, N) + n * K + k, change);
+        }
+    }
+}
+
+/// Adds to moment `m`, and copies it.
+#[inline(always)]
+fn add<S: Simd, const M: usize>(
+    simd: S,
+    sums: &mut Sums<M>,
+    copy: &mut Sums<M>,
+    m: usize,
+    change: f64x4<S>,
+) {
+    let sum = f64x4::load_array_ref(simd, &sums[m]) + change;
+    sums[m] = *sum;
+    copy[m] = *sum;
+}
+
+/// Four values of a row from `half * 4` on; zeros beyond its end.
+#[inline(always)]
+fn four<S: Simd>(simd: S, row: &[f32], half: usize) -> f64x4<S> {
+    let four = match row.get(half * ROWS..).and_then(|rest| rest.first_chunk::<ROWS>()) {
+        Some(four) => *four,
+        None => {
+            let rest = row.get(half * ROWS..).unwrap_or(&[]);
+            let at = |i: usize| rest.get(i).copied().unwrap_or(0.0);
+            [at(0), at(1), at(2), at(3)]
+        }
+    };
+    let (low, high) = simd.widen_f32x4(f32x4::load_array(simd, four));
+    simd.combine_f64x2(low, high)
 }
 
 /// Eight values of a row from `x` on; zeros beyond its end.
@@ -201,10 +217,13 @@ pub(crate) fn eight<S: Simd>(simd: S, row: &[f32], x: usize) -> f32x8<S> {
 
 /// Transposes four rows of four.
 #[inline(always)]
-pub(crate) fn transpose<S: Simd>([a, b, c, d]: [f64x4<S>; ROWS]) -> [f64x4<S>; ROWS] {
-    let (ac_low, ac_high) = a.interleave(c);
-    let (bd_low, bd_high) = b.interleave(d);
-    let (first, second) = ac_low.interleave(bd_low);
-    let (third, fourth) = ac_high.interleave(bd_high);
+pub(crate) fn transpose<S: Simd>(simd: S, rows: [&[f64; ROWS]; ROWS]) -> [f64x4<S>; ROWS] {
+    let [a, b, c, d] = rows;
+    let (a, b) = (f64x4::load_array_ref(simd, a), f64x4::load_array_ref(simd, b));
+    let (c, d) = (f64x4::load_array_ref(simd, c), f64x4::load_array_ref(simd, d));
+    let (ac_low, ac_high) = simd.interleave_f64x4(a, c);
+    let (bd_low, bd_high) = simd.interleave_f64x4(b, d);
+    let (first, second) = simd.interleave_f64x4(ac_low, bd_low);
+    let (third, fourth) = simd.interleave_f64x4(ac_high, bd_high);
     [first, second, third, fourth]
 }

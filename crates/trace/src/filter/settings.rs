@@ -31,6 +31,17 @@ pub struct Settings {
     /// Whether epsilon is replaced by the share of noise in the mean of each window. The nested
     /// filter always does this.
     pub is_noise_scaled: bool,
+    /// Epsilon of normals of a window whose mean has a variance of its own square, where epsilon is
+    /// scaled by noise: the ridge of a regression is the variance of the noise over that of the
+    /// slopes. A quarter stands for slopes of twice the mean light over the range of normals.
+    pub noise_normal: f32,
+    /// The same for depth, whose range in a window is a small part of the range of the scene.
+    pub noise_depth: f32,
+    /// The same for occlusion.
+    pub noise_occlusion: f32,
+    /// Whether normals are filtered first where they are off by 5 degrees and more, as those of raw
+    /// scans are.
+    pub cleans_guides: bool,
     /// Standard deviation of normals below which cross-bilateral weights and those of a-trous are
     /// high. In the unit of the guides, which is half the unit of normals.
     pub sigma_normal: f32,
@@ -51,6 +62,10 @@ impl Default for Settings {
             epsilon_normal: 0.01,
             epsilon_depth: 0.02,
             is_noise_scaled: false,
+            noise_normal: 0.25,
+            noise_depth: 0.0025,
+            noise_occlusion: 0.25,
+            cleans_guides: true,
             sigma_normal: 0.1,
             sigma_depth: 0.02,
             sigma_colour: f32::INFINITY,
@@ -60,9 +75,10 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Default settings of a filter.
+    /// Default settings of a filter. The guided filter is that of `bauszat2011`, which has no
+    /// extension.
     pub fn of(kind: FilterKind) -> Self {
-        Self { kind, ..Self::default() }
+        Self { kind, cleans_guides: kind != FilterKind::Guided, ..Self::default() }
     }
 
     /// Radius of windows for a number of samples a pixel: noise falls with samples, so that smaller

@@ -2,14 +2,17 @@
 //! of the coefficients of the windows that cover a pixel. Four rows go together as lanes, so that
 //! a sum that moves by a pixel takes one addition and one subtraction for four rows.
 
-use super::moments::{Columns, EIGHT, Moments, ROWS, transpose};
+use super::moments::{Columns, EIGHT, ROWS, Sums, transpose};
 use super::solve::{Ridge, solve};
 use fearless_simd::{Simd, SimdBase, f64x4};
 
+/// The sums of coefficients of eight pixels of a row.
+pub(crate) type Chunk<const C: usize> = [[f32; EIGHT]; C];
+
 /// Sums over the last values of a row, kept in a ring.
 struct Sliding<const L: usize> {
-    ring: Vec<[[f64; ROWS]; L]>,
-    sums: [[f64; ROWS]; L],
+    ring: Vec<Sums<L>>,
+    sums: Sums<L>,
 }
 
 impl<const L: usize> Sliding<L> {
@@ -19,48 +22,75 @@ impl<const L: usize> Sliding<L> {
         Self { ring: vec![zero; length.next_power_of_two()], sums: zero }
     }
 
-    /// Value of pixel `x`, which must be one of the last.
+    /// Place of the value of pixel `x`.
     #[inline(always)]
-    fn value(&self, x: usize) -> &[[f64; ROWS]; L] {
-        &self.ring[x & (self.ring.len() - 1)]
+    fn place(&mut self, x: usize) -> &mut Sums<L> {
+        let last = self.ring.len() - 1;
+        &mut self.ring[x & last]
     }
 
-    /// Stores a value. It is not summed yet.
+    /// Places of four values from pixel `x` on, which is a multiple of four.
     #[inline(always)]
-    fn store<S: Simd>(&mut self, x: usize, value: &[f64x4<S>; L]) {
+    fn places(&mut self, x: usize) -> Option<&mut [Sums<L>; ROWS]> {
         let last = self.ring.len() - 1;
-        for (to, from) in self.ring[x & last].iter_mut().zip(value) {
-            *to = **from;
+        self.ring.get_mut(x & last..).and_then(|rest| rest.first_chunk_mut())
+    }
+
+    /// Adds the value of pixel `enter`.
+    #[inline(always)]
+    fn enter<S: Simd>(&mut self, simd: S, enter: usize) {
+        let enter = &self.ring[enter & (self.ring.len() - 1)];
+        for l in 0..L {
+            let sum = f64x4::load_array_ref(simd, &self.sums[l]);
+            self.sums[l] = *(sum + f64x4::load_array_ref(simd, &enter[l]));
         }
     }
 
-    /// Adds the value of pixel `enter` and subtracts that of `leave`; returns the sums.
+    /// Subtracts the value of pixel `leave`.
     #[inline(always)]
-    fn slide<S: Simd>(
+    fn leave<S: Simd>(&mut self, simd: S, leave: usize) {
+        let leave = &self.ring[leave & (self.ring.len() - 1)];
+        for l in 0..L {
+            let sum = f64x4::load_array_ref(simd, &self.sums[l]);
+            self.sums[l] = *(sum - f64x4::load_array_ref(simd, &leave[l]));
+        }
+    }
+
+    /// Adds the value of pixel `enter` and subtracts that of `leave`.
+    #[inline(always)]
+    fn slide<S: Simd>(&mut self, simd: S, enter: usize, leave: usize) {
+        let last = self.ring.len() - 1;
+        let (enter, leave) = (&self.ring[enter & last], &self.ring[leave & last]);
+        for l in 0..L {
+            let sum = f64x4::load_array_ref(simd, &self.sums[l]);
+            let enter = f64x4::load_array_ref(simd, &enter[l]);
+            self.sums[l] = *(sum + (enter - f64x4::load_array_ref(simd, &leave[l])));
+        }
+    }
+
+    /// Moves the sums from the window before that of pixel `x` to that window, given how many
+    /// values are summed. Returns how many are summed then.
+    #[inline(always)]
+    fn advance<S: Simd>(
         &mut self,
         simd: S,
-        enter: Option<usize>,
-        leave: Option<usize>,
-    ) -> [f64x4<S>; L] {
-        let last = self.ring.len() - 1;
-        let mut out = [simd.splat_f64x4(0.0); L];
-        for (sum, out) in self.sums.iter().zip(&mut out) {
-            *out = f64x4::load_array_ref(simd, sum);
+        x: usize,
+        radius: usize,
+        width: usize,
+        summed: usize,
+    ) -> usize {
+        let end = (x + radius + 1).min(width);
+        if summed + 1 == end && x > radius {
+            self.slide(simd, summed, x - radius - 1);
+            return end;
         }
-        if let Some(x) = enter {
-            for (out, value) in out.iter_mut().zip(&self.ring[x & last]) {
-                *out = *out + f64x4::load_array_ref(simd, value);
-            }
+        for x in summed..end {
+            self.enter(simd, x);
         }
-        if let Some(x) = leave {
-            for (out, value) in out.iter_mut().zip(&self.ring[x & last]) {
-                *out = *out - f64x4::load_array_ref(simd, value);
-            }
+        if x > radius {
+            self.leave(simd, x - radius - 1);
         }
-        for (sum, out) in self.sums.iter_mut().zip(&out) {
-            *sum = **out;
-        }
-        out
+        end
     }
 }
 
@@ -71,13 +101,8 @@ pub(crate) struct Windows<const K: usize, const M: usize, const C: usize> {
     ridge: Ridge<K>,
     moments: Sliding<M>,
     coefficients: Sliding<C>,
-    /// Columns that are stored, columns that are summed, windows that are solved, pixels written.
-    stored: usize,
-    summed: usize,
-    solved: usize,
-    written: usize,
     /// The last pixels of [`EIGHT`].
-    last: [[[f64; ROWS]; C]; EIGHT],
+    last: [Sums<C>; EIGHT],
 }
 
 impl<const K: usize, const M: usize, const C: usize> Windows<K, M, C> {
@@ -90,106 +115,61 @@ impl<const K: usize, const M: usize, const C: usize> Windows<K, M, C> {
             ridge,
             moments: Sliding::new(reach),
             coefficients: Sliding::new(reach),
-            stored: 0,
-            summed: 0,
-            solved: 0,
-            written: 0,
             last: [[[0.0; ROWS]; C]; EIGHT],
         }
     }
 
-    /// Sums the coefficients along four rows from `y` on. `write` takes the number of the chunk, and
-    /// the sums of eight pixels for each row.
+    /// Sums the coefficients along four rows from `y` on, and writes them to `out`, the chunks of at
+    /// most four rows.
     #[inline(always)]
     pub fn rows<S: Simd, const N: usize>(
         &mut self,
         simd: S,
         y: usize,
         columns: &mut Columns<'_, K, N, M>,
-        mut write: impl FnMut(usize, &[[[f32; EIGHT]; C]; ROWS]),
+        out: &mut [Chunk<C>],
     ) {
         self.moments.sums = [[0.0; ROWS]; M];
         self.coefficients.sums = [[0.0; ROWS]; C];
-        (self.stored, self.summed, self.solved, self.written) = (0, 0, 0, 0);
-        for chunk in 0..self.width.div_ceil(EIGHT) {
-            columns.rows(simd, y, chunk, |x, column| self.moments.store(x, column));
-            self.stored = self.width.min((chunk + 1) * EIGHT);
-            while self.solved < self.width && self.end(self.solved) <= self.stored {
-                let sums = self.next_window(simd);
-                self.solve_next::<S, N>(simd, &sums);
-                while self.written < self.width && self.end(self.written) <= self.solved {
-                    self.write_next(simd, &mut write);
+        let (width, radius) = (self.width, self.radius);
+        let (mut moments, mut coefficients) = (0, 0);
+        let (mut solved, mut written) = (0, 0);
+        for half in 0..width.div_ceil(ROWS) {
+            if let Some(places) = self.moments.places(half * ROWS) {
+                columns.rows(simd, y, half, places);
+            }
+            let stored = width.min((half + 1) * ROWS);
+            while solved < width && (solved + radius + 1).min(width) <= stored {
+                moments = self.moments.advance(simd, solved, radius, width, moments);
+                let place = self.coefficients.place(solved);
+                solve::<S, K, N, M, C>(simd, &self.moments.sums, &self.ridge, place);
+                solved += 1;
+                while written < width && (written + radius + 1).min(width) <= solved {
+                    coefficients =
+                        self.coefficients.advance(simd, written, radius, width, coefficients);
+                    self.last[written % EIGHT] = self.coefficients.sums;
+                    written += 1;
+                    if written % EIGHT == 0 || written == width {
+                        self.write(simd, written.div_ceil(EIGHT) - 1, out);
+                    }
                 }
             }
         }
     }
 
-    /// End of the window around pixel `x`.
+    /// Writes the last eight pixels to a chunk of each row.
     #[inline(always)]
-    fn end(&self, x: usize) -> usize {
-        (x + self.radius + 1).min(self.width)
-    }
-
-    /// Moments of the next window.
-    #[inline(always)]
-    fn next_window<S: Simd>(&mut self, simd: S) -> Moments<S, M> {
-        let end = self.end(self.solved);
-        while self.summed + 1 < end {
-            self.moments.slide(simd, Some(self.summed), None);
-            self.summed += 1;
-        }
-        let enter = (self.summed < end).then_some(self.summed);
-        self.summed = end;
-        self.moments.slide(simd, enter, self.solved.checked_sub(self.radius + 1))
-    }
-
-    /// Solves the next window.
-    #[inline(always)]
-    fn solve_next<S: Simd, const N: usize>(&mut self, simd: S, sums: &Moments<S, M>) {
-        let coefficients = solve::<S, K, N, M, C>(simd, sums, &self.ridge);
-        self.coefficients.store(self.solved, &coefficients);
-        self.solved += 1;
-        // The sums of a pixel need all windows up to its end.
-        if self.solved < self.end(self.written) {
-            self.coefficients.slide(simd, Some(self.solved - 1), None);
-        }
-    }
-
-    /// Sums the coefficients of the windows that cover the next pixel.
-    #[inline(always)]
-    fn write_next<S: Simd>(
-        &mut self,
-        simd: S,
-        write: &mut impl FnMut(usize, &[[[f32; EIGHT]; C]; ROWS]),
-    ) {
-        let x = self.written;
-        // At the end of the row windows only leave.
-        let is_new = x == 0 || self.end(x) > self.end(x - 1);
-        let enter = is_new.then(|| self.end(x) - 1);
-        let sums = self.coefficients.slide(simd, enter, x.checked_sub(self.radius + 1));
-        for (to, from) in self.last[x % EIGHT].iter_mut().zip(&sums) {
-            *to = **from;
-        }
-        self.written += 1;
-        if self.written % EIGHT == 0 || self.written == self.width {
-            write(x / EIGHT, &self.turned(simd));
-        }
-    }
-
-    /// The last eight pixels, row by row.
-    #[inline(always)]
-    fn turned<S: Simd>(&self, simd: S) -> [[[f32; EIGHT]; C]; ROWS] {
-        let mut out = [[[0.0; EIGHT]; C]; ROWS];
+    fn write<S: Simd>(&self, simd: S, chunk: usize, out: &mut [Chunk<C>]) {
+        let chunks = self.width.div_ceil(EIGHT);
+        let [p0, p1, p2, p3, p4, p5, p6, p7] = &self.last;
         for c in 0..C {
-            let four = |from: usize| {
-                let at = |i: usize| f64x4::load_array_ref(simd, &self.last[from + i][c]);
-                transpose([at(0), at(1), at(2), at(3)])
-            };
-            let (first, second) = (four(0), four(ROWS));
-            for ((row, first), second) in out.iter_mut().zip(first).zip(second) {
-                row[c] = *simd.narrow_f64x4(first, second);
+            let first = transpose(simd, [&p0[c], &p1[c], &p2[c], &p3[c]]);
+            let second = transpose(simd, [&p4[c], &p5[c], &p6[c], &p7[c]]);
+            for row in 0..ROWS {
+                if let Some(out) = out.get_mut(row * chunks + chunk) {
+                    out[c] = *simd.narrow_f64x4(first[row], second[row]);
+                }
             }
         }
-        out
     }
 }

@@ -10,7 +10,8 @@ pub struct Lcg(pub u64);
 impl Lcg {
     /// A number in [0, 1).
     pub fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
@@ -110,9 +111,8 @@ pub fn reference(
         }
         for (plane, sums) in noisy.planes.iter().zip(&mut sums) {
             let value = mean(&|i| f64::from(plane[i]));
-            let right = |k: usize| {
-                mean(&|i| (guide(k, i) - centres[k]) * (f64::from(plane[i]) - value))
-            };
+            let right =
+                |k: usize| mean(&|i| (guide(k, i) - centres[k]) * (f64::from(plane[i]) - value));
             let slopes = solve(matrix.clone(), (0..planes).map(right).collect());
             for &i in &pixels {
                 let fit = |k: usize| slopes[k] * (guide(k, i) - centres[k]);
