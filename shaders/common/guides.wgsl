@@ -3,19 +3,27 @@
 // Number of guides: the depth (1), the normal (3), or both (4).
 override GUIDES: u32;
 
+// Number of signals: the channels of light (3), and white noise (4).
+override SIGNALS: u32;
+
 // Middle of the range of a guide. Guides are shifted by it, so that squares of their means cancel
 // less of the sums' precision.
 const MIDDLE: f32 = 0.5;
 
-// Number of moments: of nothing, each guide, each pair of guides, light, light by guide, and the
-// square of luminance.
-fn moments() -> u32 {
-    return 1u + GUIDES + GUIDES * (GUIDES + 1u) / 2u + 3u + 3u * GUIDES + 1u;
+// First moment of the signals: after those of nothing, each guide and each pair of guides. Those of
+// the signals by each guide follow, and the square of luminance.
+fn signals() -> u32 {
+    return 1u + GUIDES + GUIDES * (GUIDES + 1u) / 2u;
 }
 
-// Number of coefficients of a window: those of each guide and the constant, for each channel.
+// Number of moments.
+fn moments() -> u32 {
+    return signals() + SIGNALS * (GUIDES + 1u) + 1u;
+}
+
+// Number of coefficients of a window: those of each guide and the constant, for each signal.
 fn coefficients() -> u32 {
-    return 3u * GUIDES + 3u;
+    return SIGNALS * (GUIDES + 1u);
 }
 
 // The guides that are used, from normal (0 to 1) and depth.

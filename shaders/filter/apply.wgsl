@@ -11,6 +11,7 @@
 @group(0) @binding(2) var<storage, read> light: array<vec4<f32>>;
 // Planes of coefficients, summed over windows.
 @group(0) @binding(3) var<storage, read> sums: array<f32>;
+// With white noise its result is the fourth value.
 @group(0) @binding(4) var<storage, read_write> filtered: array<vec4<f32>>;
 
 // Number of windows of a line of pixels that cover one of them.
@@ -32,14 +33,18 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let guide = used(guides[pixel]);
     let stride = band.rows * band.width;
     var at = id.y * band.width + id.x;
-    var sum = vec3<f32>(0.0);
+    var sum = vec4<f32>(0.0);
     for (var i = 0u; i <= GUIDES; i++) {
-        let coefficient = vec3<f32>(sums[at], sums[at + stride], sums[at + 2u * stride]);
+        var coefficient = vec4<f32>(sums[at], sums[at + stride], sums[at + 2u * stride], 0.0);
+        if SIGNALS == 4u {
+            coefficient.w = sums[at + 3u * stride];
+        }
         // The constant comes last.
         sum += coefficient * select(1.0, guide[min(i, 3u)], i < GUIDES);
-        at += 3u * stride;
+        at += SIGNALS * stride;
     }
     // Every window that covers a usable pixel has that pixel.
     let windows = covering(id.x, band.width) * covering(band.first + id.y, band.height);
-    filtered[pixel] = vec4<f32>(sum / f32(windows), here.w);
+    let mean = sum / f32(windows);
+    filtered[pixel] = select(vec4<f32>(mean.xyz, here.w), mean, SIGNALS == 4u);
 }

@@ -17,9 +17,17 @@
 var<private> row: u32;
 var<private> plane: u32;
 
-// Product of two of: 1, the guides (1 to 4), the channels of light (5 to 7), luminance (8).
-fn factor(which: u32, guide: vec4<f32>, colour: vec3<f32>) -> f32 {
-    var all = array<f32, 9>(
+// White noise of variance one: a random sign, by the hash `lowbias32` (Wellons) of the pixel.
+fn white(pixel: u32) -> f32 {
+    var hash = pixel;
+    hash = (hash ^ hash >> 16u) * 0x7feb352du;
+    hash = (hash ^ hash >> 15u) * 0x846ca68bu;
+    return select(-1.0, 1.0, ((hash ^ hash >> 16u) & 1u) == 0u);
+}
+
+// One of: 1, the guides (1 to 4), the channels of light (5 to 7), white noise (8), luminance (9).
+fn factor(which: u32, guide: vec4<f32>, colour: vec3<f32>, noise: f32) -> f32 {
+    var all = array<f32, 10>(
         1.0,
         guide.x,
         guide.y,
@@ -28,6 +36,7 @@ fn factor(which: u32, guide: vec4<f32>, colour: vec3<f32>) -> f32 {
         colour.x,
         colour.y,
         colour.z,
+        noise,
         luminance(colour),
     );
     return all[which];
@@ -47,10 +56,10 @@ fn factors(moment: u32) -> vec2<u32> {
         }
         at -= pairs;
     }
-    if at < 3u * (GUIDES + 1u) {
-        return vec2<u32>(at / 3u, 5u + at % 3u);
+    if at < SIGNALS * (GUIDES + 1u) {
+        return vec2<u32>(at / SIGNALS, 5u + at % SIGNALS);
     }
-    return vec2<u32>(8u, 8u);
+    return vec2<u32>(9u, 9u);
 }
 
 var<private> pair: vec2<u32>;
@@ -66,7 +75,8 @@ fn item(x: i32) -> f32 {
         return 0.0;
     }
     let used = used(guide);
-    return factor(pair.x, used, here.xyz) * factor(pair.y, used, here.xyz);
+    let noise = white(pixel);
+    return factor(pair.x, used, here.xyz, noise) * factor(pair.y, used, here.xyz, noise);
 }
 
 fn put(x: i32, sum: f32) {

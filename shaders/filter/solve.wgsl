@@ -8,7 +8,7 @@
 @group(0) @binding(0) var<uniform> band: Band;
 // Planes of moments, summed over windows.
 @group(0) @binding(1) var<storage, read> sums: array<f32>;
-// Planes of coefficients: the channels of those of each guide, then of the constant. All are zero
+// Planes of coefficients: the signals of those of each guide, then of the constant. All are zero
 // for a window without pixels that count.
 @group(0) @binding(2) var<storage, read_write> solved: array<f32>;
 
@@ -31,10 +31,14 @@ fn sum(moment: u32) -> f32 {
     return sums[moment * stride + pixel];
 }
 
-// Means of light by `1` or a guide.
-fn light(factor: u32) -> vec3<f32> {
-    let first = 1u + GUIDES + GUIDES * (GUIDES + 1u) / 2u + factor * 3u;
-    return vec3<f32>(sum(first), sum(first + 1u), sum(first + 2u));
+// Sums of the signals by `1` or a guide.
+fn light(factor: u32) -> vec4<f32> {
+    let first = signals() + factor * SIGNALS;
+    var all = vec4<f32>(sum(first), sum(first + 1u), sum(first + 2u), 0.0);
+    if SIGNALS == 4u {
+        all.w = sum(first + 3u);
+    }
+    return all;
 }
 
 fn put(coefficient: u32, value: f32) {
@@ -61,12 +65,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var i = 0u; i < GUIDES; i++) {
         guide[i] = sum(1u + i) * share;
     }
-    let luminance_mean = luminance(mean);
+    let luminance_mean = luminance(mean.xyz);
     let variance = max(sum(moments() - 1u) * share - luminance_mean * luminance_mean, 0.0);
     let noise = min(variance * share / max(luminance_mean * luminance_mean, LEAST), NOISE_MAX);
     // The normal equations, row by row: covariance of a guide with the others, and with light.
     var covariance: array<array<f32, 4>, 4>;
-    var slope: array<vec3<f32>, 4>;
+    var slope: array<vec4<f32>, 4>;
     for (var i = 0u; i < GUIDES; i++) {
         for (var j = i; j < GUIDES; j++) {
             let both = sum(pairs_of(i) + j - i) * share - guide[i] * guide[j];
@@ -95,11 +99,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         slope[i] /= max(covariance[i][i], EPSILON_MIN);
         constant -= slope[i] * guide[i];
-        for (var c = 0u; c < 3u; c++) {
-            put(3u * i + c, slope[i][c]);
+        for (var c = 0u; c < SIGNALS; c++) {
+            put(SIGNALS * i + c, slope[i][c]);
         }
     }
-    for (var c = 0u; c < 3u; c++) {
-        put(3u * GUIDES + c, constant[c]);
+    for (var c = 0u; c < SIGNALS; c++) {
+        put(SIGNALS * GUIDES + c, constant[c]);
     }
 }

@@ -5,8 +5,10 @@
 use esker_render::gpu::device::all_interfaces;
 use esker_render::gpu::wgpu::ComputePass;
 use esker_render::gpu::{Gpu, GpuRequest};
+use esker_trace::Image;
 use esker_trace::gpu::Pixels;
-use esker_trace::gpu::filter::{FilterPictures, Guided, GuidedSettings};
+use esker_trace::filter::{FilterKind, GuideKind, Guides, Settings, filter};
+use esker_trace::gpu::filter::{FilterPictures, Guided, GuidedSettings, LightFilter};
 
 /// Devices on all adapters with the limits that WebGPU guarantees; prints a note if there is none.
 fn gpus() -> Vec<Gpu> {
@@ -291,6 +293,58 @@ fn guided_filter_takes_pictures_of_any_shape() {
         for gpu in gpus() {
             let error = error(&run_guided(&gpu, &scene, 4, settings), &reference);
             assert!(error < 1e-5, "{}: {width} x {height}: {error:.1e}", gpu.name);
+        }
+    }
+}
+
+/// The filter of the CPU.
+fn on_cpu(scene: &Scene, samples: u32, settings: &Settings) -> Vec<[f64; 3]> {
+    let (width, height) = (scene.width, scene.height);
+    let plane = |values: &[[f32; 4]], c: usize| values.iter().map(|v| v[c]).collect::<Vec<f32>>();
+    let light = std::array::from_fn(|c| plane(&scene.light, c));
+    let guides = Guides {
+        width,
+        height,
+        planes: (0..4).map(|c| plane(&scene.guides, c)).collect(),
+        kinds: [GuideKind::Normal; 3].into_iter().chain([GuideKind::Depth]).collect(),
+        is_hit: scene.light.iter().map(|v| v[3] > 0.0).collect(),
+    };
+    let out = filter(&Image { width, height, planes: light }, &guides, samples, settings);
+    (0..width * height).map(|i| out.at(i % width, i / width).map(f64::from)).collect()
+}
+
+#[test]
+fn every_filter_equals_its_twin_on_the_cpu() {
+    let mut scene = Scene::new(80, 60);
+    scene.light[700][1] = f32::NAN;
+    scene.light[1201][0] = f32::INFINITY;
+    let mut noisy = Scene::new(80, 60);
+    for (i, guide) in noisy.guides.iter_mut().enumerate() {
+        (0..3).for_each(|c| guide[c] += 0.1 * (noise((9 * i + c) as u32) - 0.5));
+    }
+    let of = |kind, radius| Settings { radius: Some(radius), ..Settings::of(kind) };
+    let scaled = Settings { is_noise_scaled: true, ..of(FilterKind::Guided, 10) };
+    let all = [
+        (of(FilterKind::Guided, 8), 1e-5),
+        (scaled, 1e-5),
+        (of(FilterKind::Nested, 0), 1e-4),
+        (of(FilterKind::Bilateral, 5), 1e-5),
+        (Settings { iterations: 4, ..of(FilterKind::Atrous, 0) }, 1e-5),
+    ];
+    for (scene, what) in [(&scene, "clean"), (&noisy, "noisy normals")] {
+        let want: Vec<_> = all.iter().map(|(settings, _)| on_cpu(scene, 1, settings)).collect();
+        for gpu in gpus() {
+            let mut kernels = LightFilter::default();
+            for ((settings, limit), want) in all.iter().zip(&want) {
+                let got = scene.on(&gpu, |pictures| {
+                    let prepared = kernels.prepare(&gpu, pictures, settings).unwrap();
+                    let plan = kernels.plan(&gpu, pictures, &prepared, 1, settings).unwrap();
+                    submit(&gpu, |pass| plan.run(pass));
+                });
+                let error = error(&got, want);
+                println!("{}: {what}, {:?}: {error:.1e}", gpu.name, settings.kind);
+                assert!(error < *limit, "{}: {:?}: {error:.1e}", gpu.name, settings.kind);
+            }
         }
     }
 }

@@ -10,9 +10,9 @@ use super::moments::LUMINANCE;
 use rayon::prelude::*;
 
 /// Radii of the windows, pixels. Three and more radii from 3 pixels on have larger errors.
-const RADII: [usize; 2] = [8, 24];
+pub(crate) const RADII: [usize; 2] = [8, 24];
 /// Radius of the windows in which the energy of the difference is measured, pixels.
-const ENERGY_RADIUS: usize = 8;
+pub(crate) const ENERGY_RADIUS: usize = 8;
 
 /// Filters a picture of three signals.
 pub(crate) fn nested(input: &Input<'_>, ridges: &Ridges) -> Vec<Vec<f32>> {

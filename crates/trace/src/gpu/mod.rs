@@ -3,14 +3,19 @@
 //! crate links.
 
 pub mod filter;
+mod frame;
 mod pixels;
 #[path = "../../../render/src/gpu/device/same.rs"]
 mod same;
 mod scene;
+mod tracer;
 mod tree;
+mod world;
 
 pub use pixels::Pixels;
 pub use scene::{GpuHit, GpuScene, SPLATS_MAX, SceneKernels};
+pub use tracer::{GpuLightError, GpuTracer};
+pub use world::Unsupported;
 pub(crate) use same::{same_layout, same_values, without_twin};
 
 /// The shaders of light, the layouts of their structures and the values of their constants;

@@ -1,6 +1,8 @@
 //! Splats of a scene in GPU memory, as discs of an implicit tree, and rays traced against them. In:
 //! the splats that the CPU's scene takes. Out: buffers for the kernels, or hits of a list of rays.
 
+use crate::accel::Bounds;
+use crate::accel::tree::Primitive;
 use crate::gpu::sources;
 use crate::gpu::tree::{DISC_BYTES, GpuTree, TreeBuilder};
 use crate::ray::Ray;
@@ -57,6 +59,8 @@ pub struct GpuScene {
     pub(crate) tree: GpuTree,
     splats: usize,
     left_out: usize,
+    /// Diagonal of the box of all discs.
+    diagonal: f32,
 }
 
 impl SceneKernels {
@@ -77,6 +81,7 @@ impl SceneKernels {
         let rule = input.albedo_rule();
         let mut discs = Vec::with_capacity(input.splats.len().min(SPLATS_MAX));
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let mut bounds = Bounds::EMPTY;
         let mut left_out = 0;
         for (index, splat) in input.splats.iter().enumerate() {
             let Some(disc) = disc_of(splat) else { continue };
@@ -85,6 +90,7 @@ impl SceneKernels {
                 continue;
             }
             (low, high) = (low.min(disc.centre), high.max(disc.centre));
+            bounds = bounds.union(&disc.bounds());
             discs.push(GpuDisc {
                 centre: disc.centre.to_array(),
                 radius: disc.radius,
@@ -97,7 +103,9 @@ impl SceneKernels {
         let unordered = gpu.buffer("unordered discs", discs.len() as u64 * DISC_BYTES, usage)?;
         gpu.queue.write_buffer(&unordered, 0, cast_slice(&discs));
         let tree = self.builder.build(gpu, &unordered, discs.len() as u32, [low, high])?;
-        Ok(GpuScene { tree, splats: discs.len(), left_out })
+        let diagonal = (bounds.max - bounds.min).length();
+        let diagonal = if diagonal.is_finite() { diagonal } else { 0.0 };
+        Ok(GpuScene { tree, splats: discs.len(), left_out, diagonal })
     }
 
     /// The surface that each ray meets first, and waits for them.
@@ -151,6 +159,11 @@ impl GpuScene {
     /// Bytes of the scene in GPU memory.
     pub fn bytes(&self) -> u64 {
         self.tree.boxes.size() + self.tree.discs.size() + self.tree.uniform.size()
+    }
+
+    /// Length of the diagonal of the box around the splats.
+    pub(crate) fn diagonal(&self) -> f32 {
+        self.diagonal
     }
 
     /// The bindings of the tree, from 0 on.

@@ -2,6 +2,26 @@
 //! light. Twins: the files of `src/filter` of the same names.
 
 mod bands;
+mod boxes;
+mod choice;
 mod guided;
+mod nested;
+mod plan;
+mod taps;
 
-pub use guided::{FilterPictures, Guided, GuidedPlan, GuidedSettings};
+pub use choice::{LightFilter, PreparedGuides};
+pub use guided::{Guided, GuidedSettings};
+pub use plan::FilterPlan;
+
+use crate::gpu::Pixels;
+
+/// What a filter reads and writes: pictures of one size.
+#[derive(Clone, Copy, Debug)]
+pub struct FilterPictures<'a> {
+    /// Normal (0 to 1) and depth over a constant of the scene.
+    pub guides: &'a Pixels,
+    /// Light, and 1 where there is a surface, else 0.
+    pub light: &'a Pixels,
+    /// Filtered light.
+    pub out: &'a Pixels,
+}
