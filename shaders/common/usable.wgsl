@@ -21,8 +21,8 @@ fn is_usable(light: vec4<f32>, guides: vec4<f32>) -> bool {
     return light.w > 0.0 && all_within(light, VALUE_MAX) && all_within(guides, GUIDE_MAX);
 }
 
-// Result for a pixel that no filter changes.
+// Result for a pixel that no filter changes: zero in channels that are not finite.
 fn unfiltered(light: vec4<f32>) -> vec4<f32> {
-    let is_lost = is_infinite(light.x) || is_infinite(light.y) || is_infinite(light.z);
-    return select(light, vec4<f32>(0.0, 0.0, 0.0, light.w), is_lost);
+    let lost = vec3<bool>(is_infinite(light.x), is_infinite(light.y), is_infinite(light.z));
+    return vec4<f32>(select(light.xyz, vec3<f32>(0.0), lost), light.w);
 }

@@ -12,8 +12,8 @@
 // for a window without pixels that count.
 @group(0) @binding(2) var<storage, read_write> solved: array<f32>;
 
-// Least epsilon: below it, the rounding of sums in 32 bits shows.
-const EPSILON_MIN: f32 = 1e-4;
+// Least ridge of a guide: above what the rounding of sums in 32 bits makes of its variance.
+const RIDGE_MIN: f32 = 1e-6;
 // Least squared mean of luminance, against a division by zero where it is dark.
 const LEAST: f32 = 1e-30;
 // Greatest share of noise in the mean of a window: the guides then count for nothing.
@@ -78,7 +78,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             covariance[j][i] = both;
         }
         let own = max(covariance[i][i], 0.0);
-        covariance[i][i] = own + max(band.epsilon[i] + band.noise[i] * noise, EPSILON_MIN);
+        covariance[i][i] = own + max(band.epsilon[i] + band.noise[i] * noise, RIDGE_MIN);
         slope[i] = light(1u + i) * share - guide[i] * mean;
     }
     // Elimination needs no pivot: the matrix is symmetric and positive definite.
@@ -97,7 +97,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         for (var k = i + 1u; k < GUIDES; k++) {
             slope[i] -= covariance[i][k] * slope[k];
         }
-        slope[i] /= max(covariance[i][i], EPSILON_MIN);
+        slope[i] /= max(covariance[i][i], RIDGE_MIN);
         constant -= slope[i] * guide[i];
         for (var c = 0u; c < SIGNALS; c++) {
             put(SIGNALS * i + c, slope[i][c]);

@@ -190,8 +190,7 @@ impl BruteForce<'_> {
         let fits: Vec<_> = (0..self.scene.light.len()).map(|i| self.fit(i)).collect();
         let value = |i: usize| {
             if !self.scene.is_usable(i) {
-                let light = self.light(i);
-                return if light.iter().all(|v| v.is_finite()) { light } else { [0.0; 3] };
+                return self.light(i).map(|v| if v.is_finite() { v } else { 0.0 });
             }
             let window = self.scene.window(i, self.radius());
             let windows: Vec<_> = window.filter_map(|j| fits[j].as_ref()).collect();

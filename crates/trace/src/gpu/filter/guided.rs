@@ -13,20 +13,23 @@ use esker_render::gpu::device::Counted;
 use esker_render::gpu::device::dispatch::fixed_uniform;
 use esker_render::gpu::wgpu::{Buffer, BufferUsages};
 use esker_render::gpu::{Gpu, GpuError, Kernel};
-use sources::constants::filter_solve::EPSILON_MIN;
 
 without_twin!(common_guides { MIDDLE });
 without_twin!(common_usable { VALUE_MAX, GUIDE_MAX });
-without_twin!(filter_solve { LEAST, NOISE_MAX });
+without_twin!(filter_solve { LEAST, NOISE_MAX, RIDGE_MIN });
 without_twin!(common_infinite { INFINITE_BITS });
+
+/// Least constant epsilon: below it, the rounding of sums in 32 bits shows. Windows with noise have
+/// smaller ones, down to 1e-6.
+const EPSILON_MIN: f32 = 1e-4;
 
 /// Settings of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GuidedSettings {
     /// Radius of windows, pixels.
     pub radius: u32,
-    /// Epsilon of the three normals and of depth, or of depth alone with one guide. At least 1e-4
-    /// is used: below that the rounding of 32-bit sums shows.
+    /// Epsilon of the three normals and of depth, or of depth alone with one guide. Where nothing
+    /// is added for noise, at least 1e-4 is used: below that the rounding of 32-bit sums shows.
     pub epsilon: [f32; 4],
     /// What is added to epsilon for noise: this times the variance of luminance in the window over
     /// the square of its mean and the number of pixels. Zeros for none.
@@ -34,11 +37,12 @@ pub struct GuidedSettings {
 }
 
 impl GuidedSettings {
-    /// The settings as they are used: epsilons below the least that sums in 32 bits allow, and
-    /// those that are not numbers, are raised to it.
+    /// The settings as they are used: constant epsilons below the least that sums in 32 bits allow,
+    /// and those that are not numbers, are raised to it.
     pub fn clamped(self) -> Self {
-        let epsilon = self.epsilon.map(|e| e.max(EPSILON_MIN));
         let noise = self.noise.map(|n| n.max(0.0));
+        let least = |k: usize| if noise[k] > 0.0 { 0.0 } else { EPSILON_MIN };
+        let epsilon = std::array::from_fn(|k| self.epsilon[k].max(least(k)));
         Self { epsilon, noise, ..self }
     }
 }
