@@ -198,7 +198,7 @@ fn blended(ray: Ray) -> Surface {
     walk(ray);
     surface.radius = discs[2u * front].w;
     let size = dot(normals, normals);
-    surface.normal = select(-ray.direction, normals * inverseSqrt(size), size > 0.0);
+    surface.normal = select(-ray.direction, normals / sqrt(size), size > 0.0);
     surface.albedo = albedos / weights;
     surface.lift = lift_of(ray, surface);
     return surface;

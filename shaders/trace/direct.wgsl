@@ -24,6 +24,9 @@ const PIXEL_DIMENSION: u32 = 0u;
 const FIT_COS: f32 = 0.5;
 // Distance of a sample from the plane of its guide, half widths of a pixel, above which it does not.
 const FIT_PIXELS: f32 = 8.0;
+// Squared difference of normals, and share of the depth, up to which they are equal.
+const NORMAL_ROUNDING: f32 = 1e-6;
+const DEPTH_ROUNDING: f32 = 1e-5;
 // The pixel itself among the nine around it.
 const MIDDLE_SLOT: u32 = 4u;
 
@@ -67,9 +70,10 @@ fn most_similar(pixel: vec2<u32>, at: vec2<f32>, seen: Place) -> u32 {
     var best = 9u;
     var similarity = -1.0;
     for (var i = 0u; i < 4u; i++) {
-        // If all differences are zero, all are similar.
-        let normal = select(1.0, 1.0 - normals[i] / most.x, most.x > 0.0);
-        let depth = select(1.0, 1.0 - depths[i] / most.y, most.y > 0.0);
+        // If all differences are rounding, all are similar.
+        let normal = select(1.0, 1.0 - normals[i] / most.x, most.x > NORMAL_ROUNDING);
+        let depth_rounding = DEPTH_ROUNDING * seen.depth;
+        let depth = select(1.0, 1.0 - depths[i] / most.y, most.y > depth_rounding);
         if is_valid[i] && normal * depth > similarity {
             similarity = normal * depth;
             best = slots[i];

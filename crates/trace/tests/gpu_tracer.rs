@@ -120,7 +120,7 @@ fn differing(a: &Image<3>, b: &Image<3>, share: f32) -> usize {
 
 #[test]
 fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
-    let (splats, camera, lights) = (splats(), camera(64, 48), prepared(lights()));
+    let (splats, camera, lights) = (splats(), camera(48, 36), prepared(lights()));
     let scene = Scene::new(input(&splats));
     for (sequence, kind) in
         [(Sequence::ZOrder, FilterKind::Nested), (Sequence::Independent, FilterKind::None)]
@@ -130,7 +130,6 @@ fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
             sequence,
             seed: 7,
             filter: Settings::of(kind),
-            converges: false,
             ..Options::default()
         };
         let mut tracer = Tracer::new(options.clone());

@@ -6,7 +6,7 @@ mod atrous;
 mod bilateral;
 mod boxes;
 pub(crate) mod clean;
-mod converge;
+pub(crate) mod converge;
 mod guided;
 mod guides;
 mod input;

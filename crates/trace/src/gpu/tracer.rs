@@ -367,17 +367,20 @@ impl Frame {
         filter: &mut LightFilter,
         options: &Options,
     ) -> Result<(), GpuError> {
-        let Buffers { places, sums, light, guides, filtered, picture, .. } = &self.buffers;
+        let Buffers { places, halves, sums, light, guides, filtered, picture, .. } = &self.buffers;
         let pictures = FilterPictures { guides, light, out: filtered };
         let none = PreparedGuides::default();
         let prepared = self.prepared.as_ref().map_or(&none, |prepared| &prepared.1);
         let samples = self.samples.max(1);
-        let plan = filter.plan(gpu, &pictures, prepared, samples, &options.filter)?;
+        let is_filtered = options.filter.kind != FilterKind::None;
+        let mut plan = filter.plan(gpu, &pictures, prepared, samples, &options.filter)?;
+        if is_filtered && options.converges && samples > 1 {
+            filter.add_converging(gpu, &mut plan, &pictures, halves, samples)?;
+        }
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());
         self.accumulate(gpu, kernels, &mut pass)?;
         plan.run(&mut pass);
-        let is_filtered = options.filter.kind != FilterKind::None;
         let looked_up = if is_filtered { filtered } else { light };
         let [width, height] = [self.camera.width, self.camera.height].map(|side| side as u32);
         let size = Size { width, height, samples: self.samples, unused: 0 };

@@ -5,10 +5,12 @@ use crate::filter::clean::{COMPONENT_SHARE, NOISE_MIN, RADIUS, normal_noise};
 use crate::filter::{FilterKind, GuideKind, Guides, Settings};
 use crate::gpu::Pixels;
 use crate::gpu::filter::FilterPictures;
+use crate::gpu::filter::converge::Converge;
 use crate::gpu::filter::guided::{Guided, GuidedSettings};
 use crate::gpu::filter::nested::Nested;
 use crate::gpu::filter::plan::FilterPlan;
 use crate::gpu::filter::taps::TapFilters;
+use esker_render::gpu::wgpu::Buffer;
 use esker_render::gpu::{Gpu, GpuError};
 
 /// Kernels of the filters.
@@ -17,6 +19,7 @@ pub struct LightFilter {
     guided: Option<Guided>,
     nested: Option<Nested>,
     taps: Option<TapFilters>,
+    converge: Option<Converge>,
 }
 
 /// What a filter knows of guides beforehand: the noise of their normals, and guides with filtered
@@ -111,6 +114,25 @@ impl LightFilter {
             }
         }
         Ok(plan)
+    }
+}
+
+impl LightFilter {
+    /// Appends to the plan of a filter the mix of its result with the unfiltered mean: `halves` are
+    /// the sums of even samples, then those of odd ones, `vec4<f32>` a pixel.
+    ///
+    /// # Errors
+    /// If memory is refused or the driver refuses a shader.
+    pub fn add_converging(
+        &mut self,
+        gpu: &Gpu,
+        plan: &mut FilterPlan,
+        pictures: &FilterPictures<'_>,
+        halves: &Buffer,
+        samples: u32,
+    ) -> Result<(), GpuError> {
+        let converge = built(&mut self.converge, || Converge::new(gpu))?;
+        converge.add(gpu, plan, pictures, halves, samples)
     }
 }
 

@@ -4,6 +4,7 @@
 mod bands;
 mod boxes;
 mod choice;
+mod converge;
 mod guided;
 mod nested;
 mod plan;
