@@ -3,19 +3,23 @@
 use crate::accel::WIDTH;
 use crate::accel::bounds::Bounds;
 use crate::accel::tree::{Leaf, Primitive};
-use crate::accel::walk::{Lanes, dot, load};
+use crate::accel::walk::{Lanes, dot, load, load3, sub};
 use bytemuck::{Pod, Zeroable};
 use fearless_simd::{Select, Simd, SimdFloat, f32x8, mask32x8};
 use glam::Vec3;
 
 /// A disc; without a normal it faces each ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Disc {
+pub struct Disc {
     pub(crate) centre: Vec3,
     /// Unit length, or zero.
     pub(crate) normal: Vec3,
     pub(crate) radius: f32,
+    pub(crate) tint: Tint,
 }
+
+/// Albedo of a disc in 1 / 65535, and the number of its emitter plus one, zero for none.
+pub type Tint = [u16; 4];
 
 /// Eight discs, axis by axis.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -27,6 +31,8 @@ pub struct DiscLeaf {
     pub normal: [[f32; WIDTH]; 3],
     /// Radii; negative for a disc without a normal, zero for an unused place.
     pub radius: [f32; WIDTH],
+    /// Albedo and emitters.
+    pub tint: [Tint; WIDTH],
 }
 
 /// Where a ray meets eight discs.
@@ -48,6 +54,11 @@ impl Primitive for Disc {
         let half = (Vec3::ONE - n * n).max(Vec3::ZERO).map(f32::sqrt) * self.radius;
         Bounds { min: self.centre - half, max: self.centre + half }
     }
+
+    #[inline(always)]
+    fn centre(&self) -> Vec3 {
+        self.centre
+    }
 }
 
 impl Leaf for DiscLeaf {
@@ -60,12 +71,32 @@ impl Leaf for DiscLeaf {
             self.normal[axis][k] = disc.normal[axis];
         }
         self.radius[k] = if disc.normal == Vec3::ZERO { -disc.radius } else { disc.radius };
+        self.tint[k] = disc.tint;
+    }
+
+    #[inline(always)]
+    fn bounds(&self, count: usize) -> Bounds {
+        let mut all = Bounds::EMPTY;
+        for axis in 0..3 {
+            let (mut least, mut greatest) = ([0.0; WIDTH], [0.0; WIDTH]);
+            for k in 0..WIDTH {
+                let n = self.normal[axis][k];
+                let half = (1.0 - n * n).max(0.0).sqrt() * self.radius[k].abs();
+                least[k] = self.centre[axis][k] - half;
+                greatest[k] = self.centre[axis][k] + half;
+            }
+            for k in 0..count.min(WIDTH) {
+                all.min[axis] = all.min[axis].min(least[k]);
+                all.max[axis] = all.max[axis].max(greatest[k]);
+            }
+        }
+        all
     }
 
     #[inline(always)]
     fn get(&self, k: usize) -> Disc {
-        let centre = Vec3::from_array([0, 1, 2].map(|axis| self.centre[axis][k]));
-        Disc { centre, normal: self.normal_of(k), radius: self.radius[k].abs() }
+        let centre = Vec3::new(self.centre[0][k], self.centre[1][k], self.centre[2][k]);
+        Disc { centre, normal: self.normal_of(k), radius: self.radius[k].abs(), tint: self.tint[k] }
     }
 }
 
@@ -73,7 +104,7 @@ impl DiscLeaf {
     /// Normal of disc `k`.
     #[inline(always)]
     pub(crate) fn normal_of(&self, k: usize) -> Vec3 {
-        Vec3::from_array([0, 1, 2].map(|axis| self.normal[axis][k]))
+        Vec3::new(self.normal[0][k], self.normal[1][k], self.normal[2][k])
     }
 
     /// Meets all discs with a ray. `FACING`: whether some discs have no normal.
@@ -84,10 +115,10 @@ impl DiscLeaf {
         ray: &Lanes<S>,
         limit: f32,
     ) -> DiscsMet<S> {
-        let centre = [0, 1, 2].map(|a| load(simd, &self.centre[a]));
-        let normal = [0, 1, 2].map(|a| load(simd, &self.normal[a]));
+        let centre = load3(simd, &self.centre);
+        let normal = load3(simd, &self.normal);
         let radius = load(simd, &self.radius);
-        let to = [0, 1, 2].map(|a| centre[a] - ray.origin[a]);
+        let to = sub(centre, ray.origin);
         let (mut along, mut speed) = (dot(normal, to), dot(normal, ray.direction));
         if FACING {
             // The plane faces the ray.
@@ -96,7 +127,12 @@ impl DiscLeaf {
             speed = is_facing.select(ray.squared_speed, speed);
         }
         let distance = along / speed;
-        let across = [0, 1, 2].map(|a| ray.direction[a].mul_sub(distance, to[a]));
+        let d = ray.direction;
+        let across = [
+            d[0].mul_sub(distance, to[0]),
+            d[1].mul_sub(distance, to[1]),
+            d[2].mul_sub(distance, to[2]),
+        ];
         let (off, square) = (dot(across, across), radius * radius);
         let is_met = simd.simd_lt_f32x8(off, square)
             & simd.simd_lt_f32x8(simd.splat_f32x8(0.0), distance)

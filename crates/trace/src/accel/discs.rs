@@ -8,7 +8,7 @@
 
 use crate::accel::disc::DiscLeaf;
 use crate::accel::node::Node;
-use crate::accel::walk::{Lanes, bits, dot, each_bit, load, walk};
+use crate::accel::walk::{Bits, Lanes, bits, dot, load3, splat3, walk};
 use crate::accel::{WIDTH, tree::Tree};
 use crate::ray::Ray;
 use fearless_simd::{Simd, SimdBase};
@@ -17,8 +17,8 @@ use glam::Vec3;
 /// Depth of a surface in radii. Discs of scans lie up to a radius off, tilted by up to 20 degrees:
 /// over half of it normals are off by 1.6 times as much.
 pub(crate) const DEPTH: f32 = 2.0;
-/// Most discs of a surface that are blended; some five scans of the same wall.
-const MOST: usize = 64;
+/// Most discs of a surface that are blended, the nearest ones: some five scans of the same wall.
+const MOST: usize = 32;
 
 /// A disc that a ray meets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,7 +40,9 @@ pub(crate) struct Surface {
 }
 
 impl Surface {
-    fn new(reach: f32) -> Self {
+    /// No disc yet; the ray ends at `reach`.
+    #[inline(always)]
+    pub(crate) fn new(reach: f32) -> Self {
         Self { met: [Met::default(); MOST], count: 0, end: reach }
     }
 
@@ -101,30 +103,29 @@ impl Surface {
     }
 }
 
-/// All discs of the surface that `ray` meets first.
+/// Adds all discs of the surface that `ray` meets first to `surface`.
 #[inline(always)]
 pub(crate) fn surface<S: Simd, const FACING: bool>(
     simd: S,
     tree: &Tree<DiscLeaf>,
     ray: &Ray,
-) -> Surface {
+    surface: &mut Surface,
+) {
     let lanes = Lanes::new(simd, ray);
-    let mut surface = Surface::new(ray.reach);
     walk(simd, &tree.nodes, ray, |at, limit| {
         let leaf = &tree.leaves[at];
         let met = leaf.meet::<S, FACING>(simd, &lanes, limit);
         let which = bits(met.is_met);
         if which != 0 {
             let (distance, off) = (met.distance.to_array(), met.off.to_array());
-            each_bit(which, |k| {
+            for k in Bits(which) {
                 let slot = (at * WIDTH + k) as u32;
                 let met = Met { distance: distance[k], weight: 1.0 - off[k], slot };
                 surface.push(met, leaf.radius[k].abs());
-            });
+            }
         }
         surface.end
     });
-    surface
 }
 
 /// The disc that `ray` meets first; of several the one in the first slot.
@@ -141,12 +142,12 @@ pub(crate) fn nearest<S: Simd, const FACING: bool>(
         let which = bits(met.is_met);
         if which != 0 {
             let (distance, off) = (met.distance.to_array(), met.off.to_array());
-            each_bit(which, |k| {
+            for k in Bits(which) {
                 let slot = (at * WIDTH + k) as u32;
                 if (distance[k], slot) < (best.distance, best.slot) {
                     best = Met { distance: distance[k], weight: 1.0 - off[k], slot };
                 }
-            });
+            }
         }
         best.distance
     });
@@ -176,15 +177,17 @@ pub(crate) fn facing<S: Simd>(
     normal: Vec3,
 ) -> Option<f32> {
     let lanes = Lanes::new(simd, ray);
-    let normal = normal.to_array().map(|c| simd.splat_f32x8(c));
+    let normal = splat3(simd, normal);
     let mut best = ray.reach;
     walk(simd, nodes, ray, |at, limit| {
         let leaf = &leaves[at];
         let met = leaf.meet::<S, false>(simd, &lanes, limit);
-        let cosine = dot(normal, [0, 1, 2].map(|a| load(simd, &leaf.normal[a])));
+        let cosine = dot(normal, load3(simd, &leaf.normal));
         let which = bits(met.is_met & simd.simd_lt_f32x8(cosine, simd.splat_f32x8(FACING_COSINE)));
         let distance = met.distance.to_array();
-        each_bit(which, |k| best = best.min(distance[k]));
+        for k in Bits(which) {
+            best = best.min(distance[k]);
+        }
         best
     });
     (best < ray.reach).then_some(best)

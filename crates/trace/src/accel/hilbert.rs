@@ -25,23 +25,25 @@ pub fn order(count: usize, bounds: &Bounds, centre: impl Fn(usize) -> Vec3 + Syn
     let mut keys = vec![0u64; count];
     // One scale for all axes: cells are cubes.
     let size = (bounds.max - bounds.min).max_element();
-    let cells = (1u32 << AXIS_BITS) as f32;
-    let scale = if size > 0.0 { cells / size } else { 0.0 };
+    let side = (1u32 << AXIS_BITS) as f32;
+    let scale = if size > 0.0 { side / size } else { 0.0 };
     keys.par_chunks_mut(TASK).enumerate().for_each(|(task, keys)| {
         dispatch!(Level::new(), _ => {
             for (i, keys) in keys.chunks_mut(LANES).enumerate() {
                 let first = task * TASK + i * LANES;
-                let mut cells = [[0u32; LANES]; 3];
-                for k in 0..keys.len() {
-                    let at = (centre(first + k) - bounds.min) * scale;
-                    for axis in 0..3 {
-                        cells[axis][k] = (at[axis] as u32).min((1 << AXIS_BITS) - 1);
-                    }
+                let mut places = [[0.0f32; LANES]; 3];
+                let [x, y, z] = &mut places;
+                let lanes = x.iter_mut().zip(y).zip(z).take(keys.len());
+                for (k, ((x, y), z)) in lanes.enumerate() {
+                    let at = centre(first + k);
+                    (*x, *y, *z) = (at.x, at.y, at.z);
                 }
+                let mut cells = cells(&places, bounds.min, scale);
                 transpose(&mut cells);
+                let [x, y, z] = &cells;
                 for (k, key) in keys.iter_mut().enumerate() {
-                    let [x, y, z] = [0, 1, 2].map(|axis| spread(cells[axis][k]));
-                    *key = (x << 2 | y << 1 | z) << INDEX_BITS | (first + k) as u64;
+                    let curve = spread(x[k]) << 2 | spread(y[k]) << 1 | spread(z[k]);
+                    *key = curve << INDEX_BITS | (first + k) as u64;
                 }
             }
         });
@@ -50,31 +52,51 @@ pub fn order(count: usize, bounds: &Bounds, centre: impl Fn(usize) -> Vec3 + Syn
     keys.into_par_iter().map(|key| (key & ((1 << INDEX_BITS) - 1)) as u32).collect()
 }
 
+/// Cells that places lie in.
+#[inline(always)]
+fn cells(places: &[[f32; LANES]; 3], min: Vec3, scale: f32) -> [[u32; LANES]; 3] {
+    let greatest = ((1 << AXIS_BITS) - 1) as f32;
+    let mut cells = [[0; LANES]; 3];
+    for axis in 0..3 {
+        for k in 0..LANES {
+            let at = (places[axis][k] - min[axis]) * scale;
+            cells[axis][k] = at.max(0.0).min(greatest) as i32 as u32;
+        }
+    }
+    cells
+}
+
 /// Turns cells into the transposed index of the curve: bit `b` of the three values are three
-/// successive bits of the index.
+/// successive bits of the index. Loops run over lanes innermost, so that they become wide.
 #[inline(always)]
 fn transpose(cells: &mut [[u32; LANES]; 3]) {
     let [x, y, z] = cells;
-    for k in 0..LANES {
-        let mut v = [x[k], y[k], z[k]];
-        for b in (1..AXIS_BITS).rev() {
+    for b in (1..AXIS_BITS).rev() {
+        for k in 0..LANES {
             let low = (1 << b) - 1;
-            for i in 0..3 {
-                let is_set = 0u32.wrapping_sub(v[i] >> b & 1);
-                let swap = (v[0] ^ v[i]) & low & !is_set;
-                v[0] ^= low & is_set;
-                v[0] ^= swap;
-                // For the first axis nothing is swapped.
-                v[i] ^= swap;
-            }
+            let is_set = |v: u32| 0u32.wrapping_sub(v >> b & 1);
+            let mut v = x[k];
+            v ^= low & is_set(v);
+            let (invert, swap) = (low & is_set(y[k]), (v ^ y[k]) & low & !is_set(y[k]));
+            (v, y[k]) = (v ^ invert ^ swap, y[k] ^ swap);
+            let (invert, swap) = (low & is_set(z[k]), (v ^ z[k]) & low & !is_set(z[k]));
+            (x[k], z[k]) = (v ^ invert ^ swap, z[k] ^ swap);
         }
-        v[1] ^= v[0];
-        v[2] ^= v[1];
-        let mut flip = 0;
-        for b in (1..AXIS_BITS).rev() {
-            flip ^= ((1 << b) - 1) & 0u32.wrapping_sub(v[2] >> b & 1);
+    }
+    let mut flip = [0; LANES];
+    for k in 0..LANES {
+        y[k] ^= x[k];
+        z[k] ^= y[k];
+    }
+    for b in (1..AXIS_BITS).rev() {
+        for k in 0..LANES {
+            flip[k] ^= ((1 << b) - 1) & 0u32.wrapping_sub(z[k] >> b & 1);
         }
-        [x[k], y[k], z[k]] = v.map(|v| v ^ flip);
+    }
+    for k in 0..LANES {
+        x[k] ^= flip[k];
+        y[k] ^= flip[k];
+        z[k] ^= flip[k];
     }
 }
 

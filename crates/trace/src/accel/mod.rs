@@ -3,18 +3,18 @@
 //! builds a better one in more time, `walk.rs` follows a ray through either, and `discs.rs` has the
 //! queries on scans. `disc.rs` and `triangle.rs` are the leaves.
 
-pub mod bounds;
-pub mod disc;
+pub(crate) mod bounds;
+pub(crate) mod disc;
 pub(crate) mod discs;
-pub mod hilbert;
-pub mod node;
+pub(crate) mod hilbert;
+pub(crate) mod node;
 pub(crate) mod refine;
-pub mod tree;
-pub mod triangle;
+pub(crate) mod tree;
+pub(crate) mod triangle;
 pub(crate) mod walk;
 
 pub use bounds::Bounds;
-pub use disc::DiscLeaf;
+pub use disc::{DiscLeaf, Tint};
 pub use node::{EMPTY, LEAF, Node};
 pub use tree::{Kind, Tree};
 pub use triangle::TriangleLeaf;

@@ -7,12 +7,13 @@ use crate::accel::bounds::Bounds;
 use crate::accel::hilbert;
 use crate::accel::node::{Node, fit, levels, slack};
 use bytemuck::Pod;
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Number of an unused slot.
 pub(crate) const NONE: u32 = u32::MAX;
-/// Leaves of a task.
-const TASK: usize = 1 << 9;
+/// Primitives of a task.
+const TASK: usize = 1 << 12;
 
 /// How a tree was built.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,21 +26,25 @@ pub enum Kind {
 }
 
 /// A shape that rays meet.
-pub(crate) trait Primitive: Copy + Send + Sync {
+pub trait Primitive: Copy + Send + Sync {
     /// Eight of them.
     type Leaf: Leaf<Primitive = Self>;
 
     /// Box of the shape.
     fn bounds(&self) -> Bounds;
+    /// Place of the shape on the curve.
+    fn centre(&self) -> Vec3;
 }
 
 /// Eight primitives; all zero, it is unused.
-pub(crate) trait Leaf: Pod + Send + Sync {
+pub trait Leaf: Pod + Send + Sync {
     /// One of them.
     type Primitive: Primitive<Leaf = Self>;
 
     /// Sets primitive `k`.
     fn set(&mut self, k: usize, primitive: &Self::Primitive);
+    /// Box of the first `count` primitives.
+    fn bounds(&self, count: usize) -> Bounds;
     /// Primitive `k`.
     fn get(&self, k: usize) -> Self::Primitive;
 }
@@ -72,20 +77,25 @@ impl<L> Tree<L> {
 }
 
 impl<L: Leaf> Tree<L> {
-    /// Builds the implicit tree of `count` primitives, and returns the primitive of each slot.
+    /// Builds the implicit tree of `count` primitives, given their centres, and returns the
+    /// primitive of each slot.
     pub(crate) fn implicit(
         count: usize,
+        centre: impl Fn(usize) -> Vec3 + Sync,
         primitive: impl Fn(usize) -> L::Primitive + Sync,
     ) -> (Self, Vec<u32>) {
-        let centres = (0..count).into_par_iter().with_min_len(TASK * WIDTH).fold(
-            || Bounds::EMPTY,
-            |all, i| {
-                let centre = primitive(i).bounds().centre();
-                all.union(&Bounds { min: centre, max: centre })
-            },
-        );
-        let centres = centres.reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
-        let mut slots = hilbert::order(count, &centres, |i| primitive(i).bounds().centre());
+        let tasks = count.div_ceil(TASK);
+        let centres = |task: usize| {
+            let mut all = Bounds::EMPTY;
+            for i in task * TASK..count.min((task + 1) * TASK) {
+                let at = centre(i);
+                all = all.union(&Bounds { min: at, max: at });
+            }
+            all
+        };
+        let centres =
+            (0..tasks).into_par_iter().map(centres).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
+        let mut slots = hilbert::order(count, &centres, centre);
         slots.resize(count.next_multiple_of(WIDTH), NONE);
         let (leaves, boxes) = leaves(&slots, primitive);
         let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
@@ -114,14 +124,18 @@ pub(crate) fn leaves<L: Leaf>(
 ) -> (Vec<L>, Vec<Bounds>) {
     let (mut leaves, mut boxes) = (Vec::new(), Vec::new());
     let fill = |slots: &[u32]| {
-        let (mut leaf, mut bounds) = (L::zeroed(), Bounds::EMPTY);
-        for (k, &index) in slots.iter().enumerate().filter(|s| *s.1 != NONE) {
-            let primitive = primitive(index as usize);
-            bounds = bounds.union(&primitive.bounds());
-            leaf.set(k, &primitive);
+        let mut leaf = L::zeroed();
+        let mut count = 0;
+        for &index in slots.iter().filter(|&&s| s != NONE) {
+            leaf.set(count, &primitive(index as usize));
+            count += 1;
         }
-        (leaf, bounds)
+        (leaf, leaf.bounds(count))
     };
-    slots.par_chunks(WIDTH).with_min_len(TASK).map(fill).unzip_into_vecs(&mut leaves, &mut boxes);
+    slots
+        .par_chunks(WIDTH)
+        .with_min_len(TASK / WIDTH)
+        .map(fill)
+        .unzip_into_vecs(&mut leaves, &mut boxes);
     (leaves, boxes)
 }

@@ -3,14 +3,14 @@
 use crate::accel::WIDTH;
 use crate::accel::bounds::Bounds;
 use crate::accel::tree::{Leaf, Primitive};
-use crate::accel::walk::{Lanes, cross, dot, load};
+use crate::accel::walk::{Lanes, cross, dot, load3, sub};
 use bytemuck::{Pod, Zeroable};
 use fearless_simd::{Simd, f32x8, mask32x8};
 use glam::Vec3;
 
 /// A triangle: a corner and the two edges from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Triangle {
+pub struct Triangle {
     corner: Vec3,
     edges: [Vec3; 2],
 }
@@ -68,6 +68,11 @@ impl Primitive for Triangle {
         let [a, b, c] = self.corners();
         Bounds { min: a.min(b).min(c), max: a.max(b).max(c) }
     }
+
+    #[inline(always)]
+    fn centre(&self) -> Vec3 {
+        self.bounds().centre()
+    }
 }
 
 impl Leaf for TriangleLeaf {
@@ -84,8 +89,13 @@ impl Leaf for TriangleLeaf {
     }
 
     #[inline(always)]
+    fn bounds(&self, count: usize) -> Bounds {
+        (0..count).fold(Bounds::EMPTY, |all, k| all.union(&self.get(k).bounds()))
+    }
+
+    #[inline(always)]
     fn get(&self, k: usize) -> Triangle {
-        let of = |rows: &[[f32; WIDTH]; 3]| Vec3::from_array([0, 1, 2].map(|axis| rows[axis][k]));
+        let of = |rows: &[[f32; WIDTH]; 3]| Vec3::new(rows[0][k], rows[1][k], rows[2][k]);
         Triangle { corner: of(&self.corner), edges: [of(&self.edges[0]), of(&self.edges[1])] }
     }
 }
@@ -99,11 +109,11 @@ impl TriangleLeaf {
         ray: &Lanes<S>,
         limit: f32,
     ) -> (f32x8<S>, mask32x8<S>) {
-        let of = |rows: &[[f32; WIDTH]; 3]| [0, 1, 2].map(|axis| load(simd, &rows[axis]));
-        let (corner, first, second) = (of(&self.corner), of(&self.edges[0]), of(&self.edges[1]));
+        let corner = load3(simd, &self.corner);
+        let (first, second) = (load3(simd, &self.edges[0]), load3(simd, &self.edges[1]));
         let p = cross(ray.direction, second);
         let inverse = simd.splat_f32x8(1.0) / dot(first, p);
-        let to = [0, 1, 2].map(|a| ray.origin[a] - corner[a]);
+        let to = sub(ray.origin, corner);
         let q = cross(to, first);
         let v = dot(to, p) * inverse;
         let w = dot(ray.direction, q) * inverse;

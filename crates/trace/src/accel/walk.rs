@@ -5,6 +5,7 @@ use crate::accel::WIDTH;
 use crate::accel::node::{LEAF, Node};
 use crate::ray::Ray;
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8, mask32x8};
+use glam::Vec3;
 
 /// Entries of the stack for `DEPTH_MAX` levels: at each all children but one wait.
 const STACK: usize = DEPTH_MAX * (WIDTH - 1) + 1;
@@ -26,8 +27,8 @@ impl<S: Simd> Lanes<S> {
     #[inline(always)]
     pub(crate) fn new(simd: S, ray: &Ray) -> Self {
         Self {
-            origin: ray.origin.to_array().map(|c| simd.splat_f32x8(c)),
-            direction: ray.direction.to_array().map(|c| simd.splat_f32x8(c)),
+            origin: splat3(simd, ray.origin),
+            direction: splat3(simd, ray.direction),
             squared_speed: simd.splat_f32x8(ray.direction.length_squared()),
         }
     }
@@ -37,6 +38,25 @@ impl<S: Simd> Lanes<S> {
 #[inline(always)]
 pub(crate) fn load<S: Simd>(simd: S, values: &[f32; WIDTH]) -> f32x8<S> {
     f32x8::load_array_ref(simd, values)
+}
+
+/// Loads eight vectors. Arrays are written out here, not mapped: a closure that the compiler leaves
+/// as a call would not be compiled for the wide registers.
+#[inline(always)]
+pub(crate) fn load3<S: Simd>(simd: S, values: &[[f32; WIDTH]; 3]) -> [f32x8<S>; 3] {
+    [load(simd, &values[0]), load(simd, &values[1]), load(simd, &values[2])]
+}
+
+/// A vector in all lanes.
+#[inline(always)]
+pub(crate) fn splat3<S: Simd>(simd: S, v: Vec3) -> [f32x8<S>; 3] {
+    [simd.splat_f32x8(v.x), simd.splat_f32x8(v.y), simd.splat_f32x8(v.z)]
+}
+
+/// Difference of vectors.
+#[inline(always)]
+pub(crate) fn sub<S: Simd>(a: [f32x8<S>; 3], b: [f32x8<S>; 3]) -> [f32x8<S>; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// Dot product.
@@ -61,12 +81,20 @@ pub(crate) fn bits<S: Simd>(mask: mask32x8<S>) -> u32 {
     mask.to_bitmask() as u32
 }
 
-/// Calls `f` with the number of each bit that is set.
-#[inline(always)]
-pub(crate) fn each_bit(mut bits: u32, mut f: impl FnMut(usize)) {
-    while bits != 0 {
-        f(bits.trailing_zeros() as usize % WIDTH);
-        bits &= bits - 1;
+/// Numbers of the bits that are set.
+pub(crate) struct Bits(pub(crate) u32);
+
+impl Iterator for Bits {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        if self.0 == 0 {
+            return None;
+        }
+        let bit = self.0.trailing_zeros() as usize % WIDTH;
+        self.0 &= self.0 - 1;
+        Some(bit)
     }
 }
 
@@ -80,17 +108,15 @@ pub(crate) fn walk<S: Simd>(
     ray: &Ray,
     mut visit: impl FnMut(usize, f32) -> f32,
 ) {
-    if nodes.is_empty() {
+    // Boxes of unused places are met by infinite directions.
+    if nodes.is_empty() || !(ray.origin + ray.direction).is_finite() {
         return;
     }
-    let inverse = ray
-        .direction
-        .to_array()
-        .map(|d| 1.0 / if d.abs() < DIRECTION_MIN { DIRECTION_MIN.copysign(d) } else { d });
-    let origin = ray.origin.to_array();
-    let sides = inverse.map(|i| usize::from(i < 0.0));
-    let starts = [0, 1, 2].map(|a| simd.splat_f32x8(origin[a] * inverse[a]));
-    let inverses = inverse.map(|i| simd.splat_f32x8(i));
+    let d = ray.direction;
+    let inverse = Vec3::new(inverse(d.x), inverse(d.y), inverse(d.z));
+    let [x, y, z] = [inverse.x < 0.0, inverse.y < 0.0, inverse.z < 0.0];
+    let (x, y, z) = (usize::from(x), usize::from(y), usize::from(z));
+    let (starts, inverses) = (splat3(simd, ray.origin * inverse), splat3(simd, inverse));
     let mut limit = ray.reach;
     // An entry is a distance above a child: both are compared at once.
     let mut stack = [0u64; STACK];
@@ -103,12 +129,14 @@ pub(crate) fn walk<S: Simd>(
             }
         } else {
             let node = &nodes[at as usize];
-            let edge = |side: usize, a: usize| {
-                load(simd, &node.edges[side][a]).mul_sub(inverses[a], starts[a])
-            };
-            let near = max3(simd, [0, 1, 2].map(|a| edge(sides[a], a)));
+            let edges = &node.edges;
+            let near = [&edges[x][0], &edges[y][1], &edges[z][2]];
+            let far = [&edges[1 - x][0], &edges[1 - y][1], &edges[1 - z][2]];
+            let [a, b, c] = distances(simd, near, inverses, starts);
+            let near = simd.max_f32x8(simd.max_f32x8(a, b), c);
             let near = simd.max_f32x8(near, simd.splat_f32x8(0.0));
-            let far = min3(simd, [0, 1, 2].map(|a| edge(1 - sides[a], a)));
+            let [a, b, c] = distances(simd, far, inverses, starts);
+            let far = simd.min_f32x8(simd.min_f32x8(a, b), c);
             let far = simd.min_f32x8(far, simd.splat_f32x8(limit));
             let met = bits(simd.simd_le_f32x8(near, far));
             if met != 0 {
@@ -122,19 +150,19 @@ pub(crate) fn walk<S: Simd>(
                     continue;
                 }
                 let (bottom, mut nearest) = (top, entry(first));
-                each_bit(others, |k| {
+                for k in Bits(others) {
                     let (a, b) = (nearest, entry(k));
                     nearest = a.min(b);
-                    let mut far = a.max(b);
+                    let far = a.max(b);
                     // Insertion into the entries of this node, the nearest on top.
                     let mut i = top;
                     while i > bottom && stack[i - 1] < far {
                         stack[i] = stack[i - 1];
                         i -= 1;
                     }
-                    std::mem::swap(&mut stack[i], &mut far);
+                    stack[i] = far;
                     top += 1;
-                });
+                }
                 at = nearest as u32;
                 continue;
             }
@@ -152,12 +180,24 @@ pub(crate) fn walk<S: Simd>(
     }
 }
 
+/// Distances at which a ray meets planes across the axes.
 #[inline(always)]
-fn max3<S: Simd>(simd: S, [a, b, c]: [f32x8<S>; 3]) -> f32x8<S> {
-    simd.max_f32x8(simd.max_f32x8(a, b), c)
+fn distances<S: Simd>(
+    simd: S,
+    edges: [&[f32; WIDTH]; 3],
+    inverses: [f32x8<S>; 3],
+    starts: [f32x8<S>; 3],
+) -> [f32x8<S>; 3] {
+    [
+        load(simd, edges[0]).mul_sub(inverses[0], starts[0]),
+        load(simd, edges[1]).mul_sub(inverses[1], starts[1]),
+        load(simd, edges[2]).mul_sub(inverses[2], starts[2]),
+    ]
 }
 
+/// Inverse of a component of a direction.
 #[inline(always)]
-fn min3<S: Simd>(simd: S, [a, b, c]: [f32x8<S>; 3]) -> f32x8<S> {
-    simd.min_f32x8(simd.min_f32x8(a, b), c)
+fn inverse(component: f32) -> f32 {
+    let least = DIRECTION_MIN.copysign(component);
+    1.0 / if component.abs() < DIRECTION_MIN { least } else { component }
 }

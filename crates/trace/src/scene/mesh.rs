@@ -2,9 +2,9 @@
 //! the triangles anew.
 
 use crate::accel::refine::refined;
-use crate::accel::tree::{Leaf, NONE};
+use crate::accel::tree::{Leaf, NONE, Primitive};
 use crate::accel::triangle::Triangle;
-use crate::accel::walk::{Lanes, bits, each_bit, walk};
+use crate::accel::walk::{Bits, Lanes, bits, walk};
 use crate::accel::{Bounds, Tree, TriangleLeaf, WIDTH};
 use crate::ray::Ray;
 use crate::scene::splats::COORDINATE_MAX;
@@ -66,8 +66,9 @@ impl MeshTree {
         mesh.colours = of_vertices(mesh.colours, count);
         let triangles: Vec<Triangle> =
             mesh.triangles.par_iter().map(|t| triangle(&mesh.positions, t)).collect();
-        let (tree, slots) = refined(&triangles)
-            .unwrap_or_else(|| Tree::implicit(triangles.len(), |i| triangles[i]));
+        let (tree, slots) = refined(&triangles).unwrap_or_else(|| {
+            Tree::implicit(triangles.len(), |i| triangles[i].centre(), |i| triangles[i])
+        });
         Self { mesh, tree, slots }
     }
 
@@ -121,10 +122,10 @@ impl MeshTree {
             let which = bits(is_met);
             if which != 0 {
                 let distance = distance.to_array();
-                each_bit(which, |k| {
+                for k in Bits(which) {
                     let met = (distance[k], (at * WIDTH + k) as u32);
                     best = if met < best { met } else { best };
-                });
+                }
             }
             best.0
         });

@@ -126,12 +126,6 @@ impl Scene {
         &self.splats.tree
     }
 
-    /// Albedo of each slot of the tree in 1 / 65535, and the number of its emitter in
-    /// [`Self::radiances`] plus one, zero for none.
-    pub fn tints(&self) -> &[[u16; 4]] {
-        &self.splats.tints
-    }
-
     /// Radiance of each emitter of splats.
     pub fn radiances(&self) -> &[Vec3] {
         &self.splats.radiances
@@ -149,7 +143,7 @@ impl Scene {
 
     /// Bytes of the scene. Meshes that objects share are counted once an object.
     pub fn bytes(&self) -> usize {
-        self.splats.bytes() + self.objects.bytes() + size_of_val(&*self.lights)
+        self.splats.tree.bytes() + self.objects.bytes() + size_of_val(&*self.lights)
     }
 
     fn with_approach(&self, ray: &Ray, hit: impl Fn(&Ray) -> Option<Hit>) -> Option<Hit> {

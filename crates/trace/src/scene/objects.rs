@@ -117,8 +117,6 @@ impl Object {
             Vec3::from(m * Vec3A::from(n)).normalize_or_zero()
         };
         let flat = turn(triangle.normal());
-        let mirror = self.place.matrix3.determinant() < 0.0;
-        let flat = if mirror { -flat } else { flat };
         let is_back = flat.dot(ray.direction) > 0.0;
         let face = if is_back { -flat } else { flat };
         let mut normal = face;

@@ -2,7 +2,7 @@
 //! Albedo from colours follows one rule for the whole scene, since colours of scans hold the light
 //! of the day of the scan.
 
-use crate::accel::disc::Disc;
+use crate::accel::disc::{Disc, Tint};
 use esker_render::Splat;
 use glam::Vec3;
 
@@ -68,25 +68,33 @@ pub struct SplatInput<'a> {
     pub emitters: &'a [Emitter],
 }
 
-/// Albedo of a splat in 1 / 65535, and the number of its emitter plus one.
-pub(crate) type Tint = [u16; 4];
-
 /// Albedo of a tint.
 #[inline(always)]
 pub(crate) fn albedo_of(tint: Tint) -> Vec3 {
     Vec3::new(f32::from(tint[0]), f32::from(tint[1]), f32::from(tint[2])) / 65535.0
 }
 
-/// The disc of a splat; `None` for splats that no ray can meet: without extent, with values that
-/// are not finite, or beyond `COORDINATE_MAX`.
-pub(crate) fn disc_of(splat: &Splat) -> Option<Disc> {
+/// Whether a ray can meet a splat: it has an extent, and values that are finite and not beyond
+/// `COORDINATE_MAX`.
+#[inline(always)]
+pub(crate) fn is_fine(splat: &Splat) -> bool {
+    let [c, n] = [splat.centre, splat.normal].map(Vec3::from_array);
     let radius = splat.radius * RADIUS_FACTOR;
-    let is_near = splat.centre.iter().all(|c| c.abs() <= COORDINATE_MAX);
-    let is_fine = is_near && radius > 0.0 && radius <= COORDINATE_MAX;
+    let is_near = c.abs().cmple(Vec3::splat(COORDINATE_MAX)).all();
+    // A sum with a NaN is NaN.
+    let [r, g, b] = splat.colour;
+    let is_number = n.length_squared().is_finite() && !(r + g + b).is_nan();
+    is_near && radius > 0.0 && radius <= COORDINATE_MAX && is_number
+}
+
+/// The disc of a splat that [`is_fine`].
+#[inline(always)]
+pub(crate) fn disc_of(splat: &Splat, tint: Tint) -> Disc {
     let normal = Vec3::from_array(splat.normal);
-    let normal = if normal == Vec3::ZERO { Some(normal) } else { normal.try_normalize() };
-    let normal = normal.filter(|_| is_fine && splat.colour.iter().all(|c| !c.is_nan()))?;
-    Some(Disc { centre: Vec3::from_array(splat.centre), normal, radius })
+    let square = normal.length_squared();
+    let normal = if square > 0.0 { normal / square.sqrt() } else { Vec3::ZERO };
+    let radius = splat.radius * RADIUS_FACTOR;
+    Disc { centre: Vec3::from_array(splat.centre), normal, radius, tint }
 }
 
 impl SplatInput<'_> {
@@ -94,8 +102,9 @@ impl SplatInput<'_> {
     pub(crate) fn albedo_rule(&self) -> (f32, [f32; 2]) {
         match self.albedo {
             Albedo::Rgb => {
-                let mut bright: Vec<f32> =
-                    self.splats.iter().map(|s| luminance(s.colour)).collect();
+                let step = self.splats.len() / SAMPLES + 1;
+                let sampled = self.splats.iter().step_by(step).map(|s| luminance(s.colour));
+                let mut bright: Vec<f32> = sampled.filter(|l| !l.is_nan()).collect();
                 if bright.is_empty() {
                     return (1.0, ALBEDO_RANGE);
                 }
@@ -112,8 +121,11 @@ impl SplatInput<'_> {
     pub(crate) fn tint(&self, index: usize, (factor, [least, most]): (f32, [f32; 2])) -> Tint {
         let splat = &self.splats[index];
         let colour = if let Albedo::Plain(plain) = self.albedo { plain } else { splat.colour };
-        let [r, g, b] =
-            colour.map(|c| ((c * factor).clamp(least, most) * 65535.0).round_ties_even() as u16);
+        let unit = |c: f32| ((c * factor).max(least).min(most) * 65535.0 + 0.5) as i32 as u16;
+        let [r, g, b] = [unit(colour[0]), unit(colour[1]), unit(colour[2])];
+        if self.emitters.is_empty() {
+            return [r, g, b, 0];
+        }
         let class = self.classes.and_then(|c| c.get(index)).copied();
         let emitter = self.emitters.iter().position(|e| e.members.have(splat, class));
         [r, g, b, emitter.map_or(0, |e| (e + 1).min(usize::from(u16::MAX)) as u16)]

@@ -1,23 +1,21 @@
 //! The surface of a scan where a ray meets it: the place of the frontmost disc, normal and albedo
 //! blended over all discs of the surface, and how far rays that leave it start.
 
-use crate::accel::disc::Disc;
-use crate::accel::discs::{self, DEPTH, Met};
+use crate::accel::disc::{Disc, Tint};
+use crate::accel::discs::{self, DEPTH, Met, Surface};
 use crate::accel::refine::refined;
-use crate::accel::tree::{Leaf, NONE};
+use crate::accel::tree::Leaf;
 use crate::accel::{DiscLeaf, Tree, WIDTH};
 use crate::ray::{Hit, Ray};
 use crate::scene::emitters::{AreaLight, Shape};
-use crate::scene::splats::{SplatInput, Tint, albedo_of, disc_of};
+use crate::scene::splats::{SplatInput, albedo_of, disc_of, is_fine};
+use esker_render::Splat;
 use fearless_simd::Simd;
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Splats of a task.
 const TASK: usize = 1 << 13;
-/// Stands for a splat that was left out.
-const NO_DISC: Disc = Disc { centre: Vec3::ZERO, normal: Vec3::ZERO, radius: 0.0 };
-
 /// Distance in radii from which on a facing surface counts: nearer ones are discs of the same
 /// surface whose normals are turned the wrong way.
 const FACING_FROM: f32 = 0.5;
@@ -28,8 +26,6 @@ const FACING_SHARE: f32 = 0.5;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Splats {
     pub(crate) tree: Tree<DiscLeaf>,
-    /// Tint of each slot.
-    pub(crate) tints: Vec<Tint>,
     /// Radiance of the emitters.
     pub(crate) radiances: Vec<Vec3>,
     /// Number of splats.
@@ -42,27 +38,27 @@ impl Splats {
     /// Builds the implicit tree of the splats that rays can meet.
     pub(crate) fn new(input: &SplatInput<'_>) -> Self {
         let all = input.splats;
-        let (dropped, facing) = all
-            .par_iter()
-            .with_min_len(TASK)
-            .map(|s| disc_of(s).map_or((1, 0), |d| (0, usize::from(d.normal == Vec3::ZERO))))
-            .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        let disc = |index: usize| disc_of(&all[index]).unwrap_or(NO_DISC);
-        let (tree, slots) = if dropped == 0 {
-            Tree::implicit(all.len(), disc)
-        } else {
-            let kept: Vec<usize> = (0..all.len()).filter(|&i| disc_of(&all[i]).is_some()).collect();
-            let (tree, mut slots) = Tree::implicit(kept.len(), |i| disc(kept[i]));
-            slots.iter_mut().filter(|s| **s != NONE).for_each(|s| *s = kept[*s as usize] as u32);
-            (tree, slots)
+        let tally = |splats: &[Splat]| {
+            let (mut dropped, mut facing) = (0, 0);
+            for splat in splats {
+                dropped += usize::from(!is_fine(splat));
+                facing += usize::from(Vec3::from_array(splat.normal).length_squared() == 0.0);
+            }
+            (dropped, facing)
         };
+        let (dropped, facing) =
+            all.par_chunks(TASK).map(tally).reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         let rule = input.albedo_rule();
-        let tint = |&index: &u32| {
-            if index == NONE { Tint::default() } else { input.tint(index as usize, rule) }
+        let centre = |index: usize| Vec3::from_array(all[index].centre);
+        let disc = |index: usize| disc_of(&all[index], input.tint(index, rule));
+        let (tree, _) = if dropped == 0 {
+            Tree::implicit(all.len(), centre, disc)
+        } else {
+            let kept: Vec<usize> = (0..all.len()).filter(|&i| is_fine(&all[i])).collect();
+            Tree::implicit(kept.len(), |i| centre(kept[i]), |i| disc(kept[i]))
         };
         Self {
             tree,
-            tints: slots.par_iter().with_min_len(TASK).map(tint).collect(),
             radiances: input.emitters.iter().map(|e| Vec3::from_array(e.radiance)).collect(),
             count: all.len() - dropped,
             has_facing: facing > 0,
@@ -71,13 +67,8 @@ impl Splats {
 
     /// Replaces the tree by a refined one. Returns false if there is none.
     pub(crate) fn refine(&mut self) -> bool {
-        let used: Vec<u32> = self.used().collect();
-        let discs: Vec<Disc> = used.iter().map(|&slot| self.disc(slot)).collect();
-        let Some((tree, slots)) = refined(&discs) else { return false };
-        let tint = |&index: &u32| {
-            if index == NONE { Tint::default() } else { self.tints[used[index as usize] as usize] }
-        };
-        self.tints = slots.iter().map(tint).collect();
+        let discs: Vec<Disc> = self.discs().collect();
+        let Some((tree, _)) = refined(&discs) else { return false };
         self.tree = tree;
         true
     }
@@ -87,21 +78,16 @@ impl Splats {
         if self.radiances.is_empty() {
             return;
         }
-        into.extend(self.used().filter(|&slot| self.tints[slot as usize][3] > 0).map(|slot| {
-            let Disc { centre, normal, radius } = self.disc(slot);
-            let radiance = self.emission(self.tints[slot as usize]);
-            AreaLight::new(Shape::Disc { centre, normal, radius }, radiance)
+        into.extend(self.discs().filter(|disc| disc.tint[3] > 0).map(|disc| {
+            let Disc { centre, normal, radius, tint } = disc;
+            AreaLight::new(Shape::Disc { centre, normal, radius }, self.emission(tint))
         }));
     }
 
-    /// Bytes of the tree and the tints.
-    pub(crate) fn bytes(&self) -> usize {
-        self.tree.bytes() + size_of_val(&*self.tints)
-    }
-
-    /// Slots that hold a disc.
-    fn used(&self) -> impl Iterator<Item = u32> {
-        (0..self.tints.len() as u32).filter(|&slot| self.disc(slot).radius > 0.0)
+    /// All discs.
+    fn discs(&self) -> impl Iterator<Item = Disc> {
+        let slots = 0..(self.tree.leaves.len() * WIDTH) as u32;
+        slots.map(|slot| self.disc(slot)).filter(|disc| disc.radius > 0.0)
     }
 
     /// The disc in a slot.
@@ -113,11 +99,12 @@ impl Splats {
     /// The surface that `ray` meets.
     #[inline(always)]
     pub(crate) fn hit<S: Simd>(&self, simd: S, ray: &Ray) -> Option<Hit> {
-        let surface = if self.has_facing {
-            discs::surface::<S, true>(simd, &self.tree, ray)
+        let mut surface = Surface::new(ray.reach);
+        if self.has_facing {
+            discs::surface::<S, true>(simd, &self.tree, ray, &mut surface);
         } else {
-            discs::surface::<S, false>(simd, &self.tree, ray)
-        };
+            discs::surface::<S, false>(simd, &self.tree, ray, &mut surface);
+        }
         let front = surface.front()?;
         let mut hit = self.blend(ray, front, surface.discs());
         hit.lift = self.lift(simd, ray, &hit);
@@ -160,8 +147,9 @@ impl Splats {
             let slot = met.slot as usize;
             // At the very rim the weight can round to zero.
             let weight = met.weight.max(f32::EPSILON);
-            let n = self.tree.leaves[slot / WIDTH].normal_of(slot % WIDTH);
-            let tint = self.tints[slot];
+            let leaf = &self.tree.leaves[slot / WIDTH];
+            let n = leaf.normal_of(slot % WIDTH);
+            let tint = leaf.tint[slot % WIDTH];
             normal += n * weight.copysign(-n.dot(ray.direction));
             albedo += albedo_of(tint) * weight;
             if tint[3] > 0 {
