@@ -60,11 +60,10 @@ impl Emitters {
             Shape::Triangle(_) => 0.0,
         };
         let side = if towards.dot(normal) > 0.0 { -normal } else { normal };
-        let end = towards + side * lift;
         let area = light.area * (total / power) as f32;
         Some(Arrival {
-            direction: end.try_normalize()?,
-            distance: end.length(),
+            direction: towards.try_normalize()?,
+            target: Some(point + side * lift),
             normal_irradiance: light.radiance * (area * cos / squared),
         })
     }

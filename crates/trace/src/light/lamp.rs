@@ -10,8 +10,8 @@ use std::f32::consts::PI;
 pub(crate) struct Arrival {
     /// Direction to the light, unit length.
     pub direction: Vec3,
-    /// Distance to the light; infinite for the sun.
-    pub distance: f32,
+    /// Where shadow rays to the light end; `None` for the sun.
+    pub target: Option<Vec3>,
     /// Irradiance of a surface that faces the light.
     pub normal_irradiance: Vec3,
 }
@@ -69,11 +69,11 @@ impl Lamp {
                 } else {
                     direction
                 };
-                Some(Arrival { direction, distance: f32::INFINITY, normal_irradiance: irradiance })
+                Some(Arrival { direction, target: None, normal_irradiance: irradiance })
             }
-            Self::Point { position, intensity } => from_point(position - from, intensity, least),
+            Self::Point { position, intensity } => from_point(position, from, intensity, least),
             Self::Spot { position, axis, intensity, cos_inner, cos_outer } => {
-                let arrival = from_point(position - from, intensity, least)?;
+                let arrival = from_point(position, from, intensity, least)?;
                 let cos = -arrival.direction.dot(axis);
                 let share = smooth_step(cos_outer, cos_inner, cos);
                 (share > 0.0).then(|| Arrival {
@@ -82,15 +82,15 @@ impl Lamp {
                 })
             }
             Self::Area { corner, edges, normal, area, radiance, two_sided } => {
-                let towards = corner + edges[0] * u[0] + edges[1] * u[1] - from;
-                let distance = towards.length();
+                let point = corner + edges[0] * u[0] + edges[1] * u[1];
+                let towards = point - from;
                 let direction = towards.try_normalize()?;
                 let cos = -direction.dot(normal);
                 let cos = if two_sided { cos.abs() } else { cos };
-                let squared = (distance * distance).max(least * least);
+                let squared = towards.length_squared().max(least * least);
                 (cos > 0.0).then(|| Arrival {
                     direction,
-                    distance,
+                    target: Some(point),
                     normal_irradiance: radiance * (area * cos / squared),
                 })
             }
@@ -120,11 +120,14 @@ impl Lamp {
     }
 }
 
-fn from_point(towards: Vec3, intensity: Vec3, least: f32) -> Option<Arrival> {
-    let distance = towards.length();
-    let direction = towards.try_normalize()?;
-    let squared = (distance * distance).max(least * least);
-    Some(Arrival { direction, distance, normal_irradiance: intensity / squared })
+fn from_point(position: Vec3, from: Vec3, intensity: Vec3, least: f32) -> Option<Arrival> {
+    let towards = position - from;
+    let squared = towards.length_squared().max(least * least);
+    Some(Arrival {
+        direction: towards.try_normalize()?,
+        target: Some(position),
+        normal_irradiance: intensity / squared,
+    })
 }
 
 /// Smooth step from 0 at `low` to 1 at `high`; a step where both are equal.

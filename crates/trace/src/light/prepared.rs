@@ -89,10 +89,10 @@ fn lamp(light: &Light, origin: DVec3) -> Option<Lamp> {
             Some(Lamp::Point { position: place(position)?, intensity: colour(*intensity)? })
         }
         Light::Spot { position, direction, intensity, inner_angle_deg, outer_angle_deg } => {
+            (outer_angle_deg.is_finite() && inner_angle_deg.is_finite()).then_some(())?;
             let outer = outer_angle_deg.clamp(0.0, 180.0);
             let inner = inner_angle_deg.clamp(0.0, outer);
             let cos = |angle: f64| angle.to_radians().cos() as f32;
-            (outer.is_finite() && inner.is_finite()).then_some(())?;
             Some(Lamp::Spot {
                 position: place(position)?,
                 axis: DVec3::from(*direction).try_normalize()?.as_vec3(),

@@ -86,12 +86,12 @@ impl<S: Surfaces> World<'_, S> {
     fn is_visible(&self, surface: &Surface, arrival: &Arrival, stats: &mut Stats) -> bool {
         stats.shadow_rays += 1;
         let start = surface.start();
-        let ray = if arrival.distance.is_finite() {
-            let towards = surface.point + arrival.direction * arrival.distance - start;
-            let reach = towards.length() * SHADOW_REACH;
-            Ray { origin: start, direction: towards.normalize_or(arrival.direction), reach }
-        } else {
-            Ray::new(start, arrival.direction)
+        let ray = match arrival.target.map(|target| target - start) {
+            Some(towards) => {
+                let reach = towards.length() * SHADOW_REACH;
+                Ray { origin: start, direction: towards.normalize_or(arrival.direction), reach }
+            }
+            None => Ray::new(start, arrival.direction),
         };
         !self.scene.is_blocked(&ray)
     }

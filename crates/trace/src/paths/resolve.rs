@@ -5,7 +5,7 @@
 use super::band::Band;
 use super::frame::{Frame, milliseconds};
 use super::options::Options;
-use crate::filter::{FilterKind, Settings, filter};
+use crate::filter::{FilterKind, Halves, Settings, filter};
 use crate::image::Image;
 use glam::Vec3;
 use std::time::Instant;
@@ -68,7 +68,18 @@ impl Frame {
         if options.filter.kind == FilterKind::None {
             return noisy;
         }
-        filter(&noisy, &self.filter_guides(), self.samples().max(1), &options.filter)
+        let guides = self.filter_guides();
+        let filtered = filter(&noisy, &guides, self.samples().max(1), &options.filter);
+        if !options.converges || self.samples() < 2 {
+            return filtered;
+        }
+        let half = |k: usize| {
+            self.image(|band, i| {
+                let samples = (band.paths + 1 - k as u32) / 2;
+                band.halves[k][i] / samples.max(1) as f32
+            })
+        };
+        Halves { a: half(0), b: half(1) }.mix(&filtered, &guides.is_hit)
     }
 
     /// Direct light of lights of some extent: without shadows, times the filtered share of it that
