@@ -27,6 +27,8 @@ const FIT_PIXELS: f32 = 8.0;
 // Squared difference of normals, and share of the depth, up to which they are equal.
 const NORMAL_ROUNDING: f32 = 1e-6;
 const DEPTH_ROUNDING: f32 = 1e-5;
+// Difference of similarities up to which guides are equally similar, and the first is taken.
+const NEAR_TIE: f32 = 1e-4;
 // The pixel itself among the nine around it.
 const MIDDLE_SLOT: u32 = 4u;
 
@@ -74,7 +76,7 @@ fn most_similar(pixel: vec2<u32>, at: vec2<f32>, seen: Place) -> u32 {
         let normal = select(1.0, 1.0 - normals[i] / most.x, most.x > NORMAL_ROUNDING);
         let depth_rounding = DEPTH_ROUNDING * seen.depth;
         let depth = select(1.0, 1.0 - depths[i] / most.y, most.y > depth_rounding);
-        if is_valid[i] && normal * depth > similarity {
+        if is_valid[i] && normal * depth > similarity + NEAR_TIE {
             similarity = normal * depth;
             best = slots[i];
         }

@@ -128,10 +128,7 @@ fn write_constants(constants: &Constants, generated: &mut String) -> Result<(), 
 }
 
 /// Files of the shaders to link, relative to `root`, sorted.
-fn shaders(
-    root: &Path,
-    is_linked: impl Fn(&str) -> bool,
-) -> Result<Vec<String>, Box<dyn Error>> {
+fn shaders(root: &Path, is_linked: impl Fn(&str) -> bool) -> Result<Vec<String>, Box<dyn Error>> {
     let mut found = Vec::new();
     for folder in std::fs::read_dir(root)? {
         let folder = folder?;

@@ -6,8 +6,8 @@ use esker_render::gpu::device::all_interfaces;
 use esker_render::gpu::wgpu::ComputePass;
 use esker_render::gpu::{Gpu, GpuRequest};
 use esker_trace::Image;
-use esker_trace::gpu::Pixels;
 use esker_trace::filter::{FilterKind, GuideKind, Guides, Settings, filter};
+use esker_trace::gpu::Pixels;
 use esker_trace::gpu::filter::{FilterPictures, Guided, GuidedSettings, LightFilter};
 
 /// Devices on all adapters with the limits that WebGPU guarantees; prints a note if there is none.
@@ -216,8 +216,12 @@ fn error(result: &[[f32; 4]], reference: &[[f64; 3]]) -> f64 {
     each.map(|e| if e.is_nan() { f64::INFINITY } else { e }).fold(0.0, f64::max) / scale
 }
 
-fn run_guided(gpu: &Gpu, scene: &Scene, guides: u32, settings: GuidedSettings) -> Vec<[f32; 4]> {
-    let kernels = Guided::new(gpu, guides).unwrap();
+fn run_guided(
+    gpu: &Gpu,
+    kernels: &Guided,
+    scene: &Scene,
+    settings: GuidedSettings,
+) -> Vec<[f32; 4]> {
     scene.on(gpu, |pictures| {
         let plan = kernels.plan(gpu, pictures, settings).unwrap();
         submit(gpu, |pass| plan.run(pass));
@@ -249,7 +253,8 @@ fn guided_filter_equals_a_brute_force_regression_for_one_three_and_four_guides()
         let settings = settings(guides, radius, 0.01, 0.02, noise);
         let reference = BruteForce { scene: &scene, used: used(guides), settings }.run();
         for gpu in gpus() {
-            let error = error(&run_guided(&gpu, &scene, guides, settings), &reference);
+            let kernels = Guided::new(&gpu, guides).unwrap();
+            let error = error(&run_guided(&gpu, &kernels, &scene, settings), &reference);
             println!("{}: {guides} guides, radius {radius}: {error:.1e}", gpu.name);
             assert!(error < 1e-5, "{}: {guides} guides, radius {radius}: {error:.1e}", gpu.name);
         }
@@ -263,8 +268,9 @@ fn guided_filter_holds_at_its_least_epsilon_and_clamps_smaller_ones() {
     assert_eq!(settings(4, 6, 1e-8, f32::NAN, 0.0).clamped(), least);
     let reference = BruteForce { scene: &scene, used: used(4), settings: least }.run();
     for gpu in gpus() {
+        let kernels = Guided::new(&gpu, 4).unwrap();
         let smaller = settings(4, 6, 1e-8, 0.0, 0.0);
-        let error = error(&run_guided(&gpu, &scene, 4, smaller), &reference);
+        let error = error(&run_guided(&gpu, &kernels, &scene, smaller), &reference);
         println!("{}: {error:.1e}", gpu.name);
         assert!(error < 1e-4, "{}: {error:.1e}", gpu.name);
     }
@@ -276,7 +282,8 @@ fn a_firefly_leaves_no_error_in_windows_that_it_is_not_in() {
     scene.light.fill([1.0; 4]);
     scene.light[5 * 160 + 80] = [1e6, 1e6, 1e6, 1.0];
     for gpu in gpus() {
-        let result = run_guided(&gpu, &scene, 4, settings(4, 9, 0.01, 0.02, 0.0));
+        let kernels = Guided::new(&gpu, 4).unwrap();
+        let result = run_guided(&gpu, &kernels, &scene, settings(4, 9, 0.01, 0.02, 0.0));
         for (i, value) in result.iter().enumerate().filter(|(i, _)| (i % 160).abs_diff(80) > 18) {
             assert!((value[1] - 1.0).abs() < 1e-5, "{}: pixel {i} is {value:?}", gpu.name);
         }
@@ -285,12 +292,15 @@ fn a_firefly_leaves_no_error_in_windows_that_it_is_not_in() {
 
 #[test]
 fn guided_filter_takes_pictures_of_any_shape() {
-    for (width, height) in [(1, 1), (1, 9), (19, 1), (5, 4), (33, 17)] {
-        let scene = Scene::new(width, height);
-        let settings = settings(4, 12, 0.01, 0.02, 0.0);
-        let reference = BruteForce { scene: &scene, used: used(4), settings }.run();
-        for gpu in gpus() {
-            let error = error(&run_guided(&gpu, &scene, 4, settings), &reference);
+    let settings = settings(4, 12, 0.01, 0.02, 0.0);
+    let scenes = [(1, 1), (1, 9), (19, 1), (5, 4), (33, 17)].map(|(w, h)| Scene::new(w, h));
+    let reference = |scene| BruteForce { scene, used: used(4), settings }.run();
+    let references = scenes.each_ref().map(reference);
+    for gpu in gpus() {
+        let kernels = Guided::new(&gpu, 4).unwrap();
+        for (scene, reference) in scenes.iter().zip(&references) {
+            let error = error(&run_guided(&gpu, &kernels, scene, settings), reference);
+            let (width, height) = (scene.width, scene.height);
             assert!(error < 1e-5, "{}: {width} x {height}: {error:.1e}", gpu.name);
         }
     }

@@ -111,9 +111,8 @@ fn input(splats: &[Splat]) -> SplatInput<'_> {
 /// Number of pixels of two images that differ by more than a share of the mean.
 fn differing(a: &Image<3>, b: &Image<3>, share: f32) -> usize {
     let mean = b.planes.iter().flatten().sum::<f32>() / (3 * b.len()) as f32;
-    let differs = |i: usize| {
-        (0..3).any(|c| !((a.planes[c][i] - b.planes[c][i]).abs() <= share * mean))
-    };
+    let differs =
+        |i: usize| (0..3).any(|c| !((a.planes[c][i] - b.planes[c][i]).abs() <= share * mean));
     assert_eq!(a.len(), b.len());
     (0..a.len()).filter(|&i| differs(i)).count()
 }
@@ -122,22 +121,28 @@ fn differing(a: &Image<3>, b: &Image<3>, share: f32) -> usize {
 fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
     let (splats, camera, lights) = (splats(), camera(48, 36), prepared(lights()));
     let scene = Scene::new(input(&splats));
-    for (sequence, kind) in
-        [(Sequence::ZOrder, FilterKind::Nested), (Sequence::Independent, FilterKind::None)]
-    {
-        let options = Options {
-            bounces: 2,
-            sequence,
-            seed: 7,
-            filter: Settings::of(kind),
-            ..Options::default()
-        };
+    let options = |sequence, kind| Options {
+        bounces: 2,
+        sequence,
+        seed: 7,
+        filter: Settings::of(kind),
+        ..Options::default()
+    };
+    let all = [
+        options(Sequence::ZOrder, FilterKind::Nested),
+        options(Sequence::Independent, FilterKind::None),
+    ];
+    let on_cpu = |options: &Options| {
         let mut tracer = Tracer::new(options.clone());
         assert!(tracer.trace(&scene, 1, &lights, &camera, 3, &|| false));
-        let (want, incident) = (tracer.resolve(), tracer.incident());
-        for gpu in gpus() {
-            let on_gpu = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
-            let mut tracer = GpuTracer::new(&gpu, options.clone()).unwrap();
+        (tracer.resolve(), tracer.incident())
+    };
+    let wanted: Vec<_> = all.iter().map(on_cpu).collect();
+    for gpu in gpus() {
+        let on_gpu = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
+        let mut tracer = GpuTracer::new(&gpu, Options::default()).unwrap();
+        for (options, (want, incident)) in all.iter().zip(&wanted) {
+            tracer.set_options(options.clone());
             assert!(tracer.trace(&gpu, &on_gpu, 1, &lights, &camera, 3, &|| false).unwrap());
             let got = tracer.resolve(&gpu).unwrap();
             let [r, g, b, _] = tracer.incident(&gpu).unwrap().planes;
@@ -147,12 +152,12 @@ fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
             let depth = depths.filter(|(a, b)| (deep(a) - deep(b)).abs() > 1e-3 * deep(b)).count();
             let counts = [
                 depth,
-                differing(&traced, &incident, 0.01),
+                differing(&traced, incident, 0.01),
                 differing(&got.direct, &want.direct, 0.01),
                 differing(&got.indirect, &want.indirect, 0.01),
                 differing(&got.radiance, &want.radiance, 0.01),
             ];
-            println!("{}: {sequence:?}, {kind:?}: {counts:?} of {}", gpu.name, traced.len());
+            println!("{}: {:?}: {counts:?} of {}", gpu.name, options.sequence, traced.len());
             assert!(counts.iter().all(|&n| n <= 3), "{}: {counts:?}", gpu.name);
         }
     }

@@ -2,18 +2,20 @@
 //! the splats that the CPU's scene takes. Out: buffers for the kernels, or hits of a list of rays.
 
 use crate::accel::Bounds;
+use crate::accel::disc::Disc;
 use crate::accel::tree::Primitive;
 use crate::gpu::sources;
 use crate::gpu::tree::{DISC_BYTES, GpuTree, TreeBuilder};
 use crate::ray::Ray;
 use crate::scene::SplatInput;
-use crate::scene::splats::disc_of;
+use crate::scene::splats::{disc_of, is_fine};
 use bytemuck::{Pod, Zeroable, cast_slice};
 use esker_points::quant::oct_encode;
 use esker_render::gpu::device::{BINDING_BYTES_MAX, readback};
 use esker_render::gpu::wgpu::{Buffer, BufferUsages};
 use esker_render::gpu::{Gpu, GpuError, Kernel};
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Most splats of a lit scene on a GPU: those whose discs fit in a storage binding.
 pub const SPLATS_MAX: usize = (BINDING_BYTES_MAX / DISC_BYTES) as usize;
@@ -32,6 +34,21 @@ struct GpuDisc {
 }
 
 const _: () = assert!(size_of::<GpuDisc>() as u64 == DISC_BYTES);
+
+/// Splats of a task that makes discs.
+const TASK: usize = 1 << 13;
+
+impl GpuDisc {
+    fn new(disc: &Disc) -> Self {
+        Self {
+            centre: disc.centre.to_array(),
+            radius: disc.radius,
+            normal: oct_encode(disc.normal.to_array()),
+            tint: disc.tint,
+            unused: 0,
+        }
+    }
+}
 
 /// Where a ray meets a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,6 +78,8 @@ pub struct GpuScene {
     left_out: usize,
     /// Diagonal of the box of all discs.
     diagonal: f32,
+    /// Whether some splats emit light.
+    emits: bool,
 }
 
 impl SceneKernels {
@@ -79,33 +98,27 @@ impl SceneKernels {
     /// If memory is refused.
     pub fn scene(&self, gpu: &Gpu, input: &SplatInput<'_>) -> Result<GpuScene, GpuError> {
         let rule = input.albedo_rule();
-        let mut discs = Vec::with_capacity(input.splats.len().min(SPLATS_MAX));
-        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let mut bounds = Bounds::EMPTY;
-        let mut left_out = 0;
-        for (index, splat) in input.splats.iter().enumerate() {
-            let Some(disc) = disc_of(splat) else { continue };
-            if discs.len() == SPLATS_MAX {
-                left_out += 1;
-                continue;
-            }
-            (low, high) = (low.min(disc.centre), high.max(disc.centre));
+        let made = input.splats.par_iter().with_min_len(TASK).enumerate();
+        let made = made.filter(|(_, splat)| is_fine(splat));
+        let made = made.map(|(index, splat)| disc_of(splat, input.tint(index, rule)));
+        let mut discs: Vec<Disc> = made.collect();
+        let left_out = discs.len().saturating_sub(SPLATS_MAX);
+        discs.truncate(SPLATS_MAX);
+        let (mut bounds, mut centres) = (Bounds::EMPTY, Bounds::EMPTY);
+        for disc in &discs {
             bounds = bounds.union(&disc.bounds());
-            discs.push(GpuDisc {
-                centre: disc.centre.to_array(),
-                radius: disc.radius,
-                normal: oct_encode(disc.normal.to_array()),
-                tint: input.tint(index, rule),
-                unused: 0,
-            });
+            centres = centres.union(&Bounds { min: disc.centre, max: disc.centre });
         }
+        let emits = discs.iter().any(|disc| disc.tint[3] > 0);
+        let packed: Vec<GpuDisc> = discs.par_iter().with_min_len(TASK).map(GpuDisc::new).collect();
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-        let unordered = gpu.buffer("unordered discs", discs.len() as u64 * DISC_BYTES, usage)?;
-        gpu.queue.write_buffer(&unordered, 0, cast_slice(&discs));
-        let tree = self.builder.build(gpu, &unordered, discs.len() as u32, [low, high])?;
+        let unordered = gpu.buffer("unordered discs", packed.len() as u64 * DISC_BYTES, usage)?;
+        gpu.queue.write_buffer(&unordered, 0, cast_slice(&packed));
+        let corners = [centres.min, centres.max];
+        let tree = self.builder.build(gpu, &unordered, packed.len() as u32, corners)?;
         let diagonal = (bounds.max - bounds.min).length();
         let diagonal = if diagonal.is_finite() { diagonal } else { 0.0 };
-        Ok(GpuScene { tree, splats: discs.len(), left_out, diagonal })
+        Ok(GpuScene { tree, splats: packed.len(), left_out, diagonal, emits })
     }
 
     /// The surface that each ray meets first, and waits for them.
@@ -166,6 +179,11 @@ impl GpuScene {
         self.diagonal
     }
 
+    /// Whether some splats emit light, which the kernels do not draw.
+    pub(crate) fn emits(&self) -> bool {
+        self.emits
+    }
+
     /// The bindings of the tree, from 0 on.
     pub(crate) fn bindings(&self) -> [(u32, &Buffer); 3] {
         [(0, &self.tree.uniform), (1, &self.tree.boxes), (2, &self.tree.discs)]
@@ -190,8 +208,7 @@ fn trace(
     let list = gpu.buffer("rays", bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
     let hits = gpu.buffer("hits", bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
     gpu.queue.write_buffer(&list, 0, cast_slice(&packed));
-    let bound: Vec<_> =
-        scene.bindings().into_iter().chain([(3, &*list), (4, &*hits)]).collect();
+    let bound: Vec<_> = scene.bindings().into_iter().chain([(3, &*list), (4, &*hits)]).collect();
     let bind = kernel.bind(gpu, &bound);
     let groups = (rays.len() as u64).div_ceil(GROUP);
     let rows = groups.div_ceil(ROW_MAX);

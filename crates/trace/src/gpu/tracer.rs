@@ -149,6 +149,9 @@ impl GpuTracer {
         });
         let had = self.frame.as_ref().filter(|_| is_same).map_or(0, |frame| frame.samples);
         Buffers::check(gpu, camera.pixels(), had.saturating_add(samples))?;
+        if scene.emits() {
+            return Err(Unsupported::Emitters.into());
+        }
         if !is_same {
             self.frame = None;
             let world = World::new(camera, lights, &self.options)?;

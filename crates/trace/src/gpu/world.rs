@@ -23,7 +23,14 @@ without_twin!(common_directions { QUARTER_PI });
 without_twin!(common_place_seen { NOTHING, REFLECTS, EMITS });
 without_twin!(common_direct { LIGHT_DIMENSION, SHADOW_REACH, PI_SHARE, BOUNCE_DIMENSION });
 without_twin!(common_direct { ROULETTE_BOUNCE, BELOW_ONE });
-without_twin!(trace_direct { PIXEL_DIMENSION, FIT_COS, FIT_PIXELS, MIDDLE_SLOT, NORMAL_ROUNDING, DEPTH_ROUNDING });
+without_twin!(trace_direct {
+    PIXEL_DIMENSION,
+    FIT_COS,
+    FIT_PIXELS,
+    MIDDLE_SLOT,
+    NORMAL_ROUNDING,
+    DEPTH_ROUNDING
+});
 
 /// Why a picture cannot be lit on a GPU; the CPU draws it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -37,6 +44,9 @@ pub enum Unsupported {
     /// Glossy surfaces.
     #[error("surfaces are glossy")]
     Gloss,
+    /// Splats that emit light.
+    #[error("splats emit light")]
+    Emitters,
     /// Filtered visibility.
     #[error("visibility is filtered")]
     Visibility,

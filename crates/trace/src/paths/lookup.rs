@@ -19,6 +19,10 @@ const NORMAL_ROUNDING: f32 = 1e-6;
 /// Difference of depths up to which they are equal, as a share of the depth.
 const DEPTH_ROUNDING: f32 = 1e-5;
 
+/// Difference of similarities up to which guides are equally similar, and the first is taken: those
+/// of a row on a floor differ by rounding.
+const NEAR_TIE: f32 = 1e-4;
+
 /// The guide of a neighbouring pixel: its index, and its place among the 3 x 3 around the pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Neighbour {
@@ -63,7 +67,7 @@ pub(crate) fn most_similar(
     let mut most = f32::NEG_INFINITY;
     for i in 0..4 {
         let similarity = normals[i] * depths[i];
-        if valid[i] && similarity > most {
+        if valid[i] && similarity > most + NEAR_TIE {
             (best, most) = (Some(i), similarity);
         }
     }

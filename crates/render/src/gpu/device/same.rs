@@ -58,4 +58,3 @@ macro_rules! without_twin {
 }
 
 pub(crate) use {same_layout, same_values, without_twin};
-

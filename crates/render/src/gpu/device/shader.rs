@@ -49,3 +49,15 @@ impl Source {
         Ok((text, changed))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn shaders_of_light_are_not_in_this_crate() {
+        let generated = include_str!(concat!(env!("OUT_DIR"), "/shaders.rs"));
+        assert!(generated.contains("`shaders/shade/shade.wgsl`"));
+        for folder in ["trace", "filter"] {
+            assert!(!generated.contains(&format!("shaders/{folder}/")), "{folder}");
+        }
+    }
+}

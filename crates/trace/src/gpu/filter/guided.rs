@@ -172,11 +172,7 @@ struct Scratch {
 }
 
 impl Scratch {
-    fn new(
-        gpu: &Gpu,
-        [moments, coefficients]: [u32; 2],
-        bands: &[Band],
-    ) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, [moments, coefficients]: [u32; 2], bands: &[Band]) -> Result<Self, GpuError> {
         let planes = |label, planes: u32, rows: fn(&Band) -> u32| {
             let pixels = bands.iter().map(|b| u64::from(b.width) * u64::from(rows(b))).max();
             gpu.buffer(label, pixels.unwrap_or(0) * u64::from(planes) * 4, BufferUsages::STORAGE)

@@ -23,7 +23,13 @@ struct Step {
 
 impl FilterPlan {
     /// Appends a dispatch; `buffers` are its bindings from 0 on.
-    pub(crate) fn add(&mut self, gpu: &Gpu, kernel: &Kernel, buffers: &[&Buffer], groups: [u32; 3]) {
+    pub(crate) fn add(
+        &mut self,
+        gpu: &Gpu,
+        kernel: &Kernel,
+        buffers: &[&Buffer],
+        groups: [u32; 3],
+    ) {
         let bound: Vec<_> = (0..).zip(buffers.iter().copied()).collect();
         let (pipeline, bind) = (kernel.pipeline().clone(), kernel.bind(gpu, &bound));
         self.steps.push(Step { pipeline, bind, groups, count: kernel.dispatch_count().clone() });

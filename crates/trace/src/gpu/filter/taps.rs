@@ -103,8 +103,7 @@ impl TapFilters {
         settings: &Settings,
     ) -> Result<(), GpuError> {
         let passes = settings.iterations.clamp(1, ITERATIONS_MAX);
-        let other =
-            Pixels::new(gpu, "a-trous", pictures.light.width, pictures.light.height)?;
+        let other = Pixels::new(gpu, "a-trous", pictures.light.width, pictures.light.height)?;
         // The last pass writes the result.
         let target = |pass: usize| if (passes - pass) % 2 == 1 { pictures.out } else { &other };
         for pass in 0..passes {
