@@ -1,6 +1,6 @@
-// Nested windows, first step: planes whose means decide the mix. Of the light as it came: luminance,
-// its square, and 1 where the pixel counts; of the difference of both filtered pictures: its squared
-// luminance, its squared white noise, and the same 1. Twin: crates/trace/src/filter/nested.rs.
+// Nested windows, first step: planes whose means decide the mix. For the noise: luminance of the light
+// as it came, its square, squared white noise in the difference of both filtered pictures, and 1
+// where the pixel counts. For the energy: squared luminance of that difference, and the same 1. Twin: crates/trace/src/filter/nested.rs.
 
 // include common/usable.wgsl
 
@@ -38,8 +38,8 @@ fn main(
     }
     noises[pixel] = value;
     noises[pixels + pixel] = value * value;
-    noises[2u * pixels + pixel] = share;
+    noises[2u * pixels + pixel] = difference.y * difference.y;
+    noises[3u * pixels + pixel] = share;
     energies[pixel] = difference.x * difference.x;
-    energies[pixels + pixel] = difference.y * difference.y;
-    energies[2u * pixels + pixel] = share;
+    energies[pixels + pixel] = share;
 }

@@ -1,4 +1,4 @@
-// Nested windows, last step: the difference of both filtered pictures counts by the share of light
+// Nested windows, second step: the difference of both filtered pictures counts by the share of light
 // in its energy (James and Stein's estimator). Twin: crates/trace/src/filter/nested.rs.
 
 // include common/usable.wgsl
@@ -12,6 +12,9 @@
 @group(0) @binding(4) var<storage, read> noises: array<f32>;
 @group(0) @binding(5) var<storage, read> energies: array<f32>;
 @group(0) @binding(6) var<storage, read_write> filtered: array<vec4<f32>>;
+
+// Times that the expected energy of the noise is subtracted.
+const CAUTION: f32 = 1.2;
 
 @compute @workgroup_size(256)
 fn main(
@@ -28,12 +31,12 @@ fn main(
         filtered[pixel] = unfiltered(here);
         return;
     }
-    let of_noise = 1.0 / max(noises[2u * pixels + pixel], 1.0);
-    let of_energy = 1.0 / max(energies[2u * pixels + pixel], 1.0);
+    let of_noise = 1.0 / max(noises[3u * pixels + pixel], 1.0);
+    let of_energy = 1.0 / max(energies[pixels + pixel], 1.0);
     let mean = noises[pixel] * of_noise;
     let variance = max(noises[pixels + pixel] * of_noise - mean * mean, 0.0);
     let energy = energies[pixel] * of_energy;
-    let noise = variance * energies[pixels + pixel] * of_energy;
+    let noise = CAUTION * variance * noises[2u * pixels + pixel] * of_noise;
     var weight = 0.0;
     if energy > noise {
         weight = 1.0 - noise / energy;

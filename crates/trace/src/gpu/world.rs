@@ -29,7 +29,8 @@ without_twin!(trace_direct {
     FIT_PIXELS,
     MIDDLE_SLOT,
     NORMAL_ROUNDING,
-    DEPTH_ROUNDING
+    DEPTH_ROUNDING,
+    NEAR_TIE,
 });
 
 /// Why a picture cannot be lit on a GPU; the CPU draws it.

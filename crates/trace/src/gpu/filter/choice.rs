@@ -1,8 +1,8 @@
 //! The filter that settings name, with kernels that are built when they are first used. In: settings
 //! of the CPU's filters. Out: a plan of dispatches.
 
-use crate::filter::clean::{COMPONENT_SHARE, NOISE_MIN, RADIUS, normal_noise};
-use crate::filter::{FilterKind, GuideKind, Guides, Settings};
+use crate::filter::clean::{COMPONENT_SHARE, NOISE_MIN, RADIUS};
+use crate::filter::{FilterKind, GuideKind, Guides, Settings, normal_noise_degrees};
 use crate::gpu::Pixels;
 use crate::gpu::filter::FilterPictures;
 use crate::gpu::filter::converge::Converge;
@@ -52,10 +52,15 @@ impl LightFilter {
         let noise = |guides: &Pixels| -> Result<f64, GpuError> {
             let guides = guides.read(gpu)?;
             let kinds = [GuideKind::Normal; 3].into_iter().chain([GuideKind::Depth]).collect();
-            let is_hit = light.planes[3].iter().map(|&w| w > 0.0).collect();
+            let counts = |i: usize| {
+                light.planes[3][i] > 0.0 && light.planes.iter().all(|plane| plane[i].is_finite())
+            };
+            let is_hit = (0..light.len()).map(counts).collect();
             let (width, height) = (guides.width, guides.height);
             let planes = guides.planes.into();
-            Ok(normal_noise(&Guides { width, height, planes, kinds, is_hit }))
+            let guides = Guides { width, height, planes, kinds, is_hit };
+            // Guides have half the unit of normals.
+            Ok(0.5 * normal_noise_degrees(&guides).to_radians())
         };
         let own = noise(pictures.guides)?;
         if !settings.cleans_guides || own < NOISE_MIN {
