@@ -5,7 +5,8 @@ mod filter_support;
 
 use esker_trace::Image;
 use esker_trace::filter::{
-    FilterKind, Guides, Settings, filter, invalid_pixels, normal_noise_degrees,
+    FilterKind, Guides, Settings, Workspace, filter, filter_in, invalid_pixels,
+    normal_noise_degrees,
 };
 use filter_support::{Lcg, ball, guides_of, mean_square, noisy_of, traced};
 use glam::Vec3;
@@ -68,16 +69,16 @@ fn pixels_that_are_not_finite_count_as_misses() {
 
 #[test]
 fn nothing_passes_an_edge_of_the_guides() {
-    let surfaces: Vec<_> = (0..64 * 48)
-        .map(|i| Some((if i % 64 < 32 { Vec3::X } else { Vec3::Z }, 1.0)))
-        .collect();
+    let surfaces: Vec<_> =
+        (0..64 * 48).map(|i| Some((if i % 64 < 32 { Vec3::X } else { Vec3::Z }, 1.0))).collect();
     let guides = Guides::of_surfaces(64, 48, &surfaces, 4.0);
     let mut noisy = Image::<3>::new(64, 48);
     for plane in &mut noisy.planes {
         plane.iter_mut().enumerate().for_each(|(i, v)| *v = if i % 64 < 32 { 1.0 } else { 0.0 });
     }
     for kind in KINDS {
-        let filtered = filter(&noisy, &guides, 1, &Settings { radius: Some(8), ..Settings::of(kind) });
+        let filtered =
+            filter(&noisy, &guides, 1, &Settings { radius: Some(8), ..Settings::of(kind) });
         for (value, expected) in filtered.planes[0].iter().zip(&noisy.planes[0]) {
             assert!((value - expected).abs() < 0.07, "{kind:?} {value} {expected}");
         }
@@ -97,7 +98,50 @@ fn every_filter_removes_most_noise_and_keeps_the_mean() {
             let ratio = mean(&filtered, &guides) / mean(&noisy, &guides);
             println!("{kind:?} {is_spread} {before:.3} {after:.5} {ratio:.5}");
             assert!(after < before / 50.0, "{kind:?} {before} {after}");
+            assert!((ratio - 1.0).abs() < 0.003, "{kind:?} {ratio}");
         }
+    }
+}
+
+#[test]
+fn guided_filters_keep_the_mean_within_a_thousandth() {
+    let (guides, light) = ball(512, 384);
+    let noisy = traced(&light, 4, true, &mut Lcg(9));
+    for kind in [FilterKind::Guided, FilterKind::Nested] {
+        let filtered = filter(&noisy, &guides, 4, &Settings::of(kind));
+        let ratio = mean(&filtered, &guides) / mean(&noisy, &guides);
+        assert!((ratio - 1.0).abs() < 1e-3, "{kind:?} {ratio}");
+    }
+}
+
+#[test]
+fn noise_scaled_epsilon_leaves_light_without_noise_as_it_is() {
+    let (guides, _) = ball(96, 72);
+    let mut light = Image::<3>::new(96, 72);
+    for (c, plane) in light.planes.iter_mut().enumerate() {
+        plane.iter_mut().enumerate().for_each(|(i, v)| *v = 1.0 + guides.planes[c][i]);
+    }
+    let settings = |is_noise_scaled| Settings {
+        radius: Some(8),
+        is_noise_scaled,
+        ..Settings::of(FilterKind::Guided)
+    };
+    let error = |settings: &Settings| {
+        mean_square(&filter(&light, &guides, 1, settings), &light, &guides).sqrt()
+    };
+    assert!(error(&settings(true)) < 0.2 * error(&settings(false)));
+}
+
+#[test]
+fn a_workspace_changes_nothing() {
+    let (guides, light) = ball(90, 70);
+    let noisy = traced(&light, 1, true, &mut Lcg(12));
+    let mut workspace = Workspace::default();
+    for kind in [FilterKind::Nested, FilterKind::Guided] {
+        let settings = Settings::of(kind);
+        let fresh = filter(&noisy, &guides, 1, &settings);
+        assert!(filter_in(&mut workspace, &noisy, &guides, 1, &settings) == fresh);
+        assert!(workspace.bytes() > 0);
     }
 }
 

@@ -21,6 +21,12 @@ impl Bounds {
     /// The box of nothing.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
+    /// The box of one point.
+    #[inline(always)]
+    pub(crate) fn of_point(at: Vec3) -> Self {
+        Self { min: at, max: at }
+    }
+
     /// Whether the box holds no point.
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
@@ -47,7 +53,7 @@ impl Bounds {
             let (min, max) = (self.min, self.max);
             let p = Vec3::new(pick(0, min.x, max.x), pick(1, min.y, max.y), pick(2, min.z, max.z));
             let p = place.transform_point3(p);
-            Self { min: p, max: p }
+            Self::of_point(p)
         };
         (0..8).fold(Self::EMPTY, |all, k| all.union(&corner(k)))
     }

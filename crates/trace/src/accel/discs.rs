@@ -8,7 +8,7 @@
 
 use crate::accel::disc::DiscLeaf;
 use crate::accel::node::Node;
-use crate::accel::walk::{Bits, Lanes, bits, dot, load3, splat3, walk};
+use crate::accel::walk::{Bits, Lanes, Walk, bits, dot, load3, splat3};
 use crate::accel::{WIDTH, tree::Tree};
 use crate::ray::Ray;
 use fearless_simd::{Simd, SimdBase};
@@ -112,9 +112,10 @@ pub(crate) fn surface<S: Simd, const FACING: bool>(
     surface: &mut Surface,
 ) {
     let lanes = Lanes::new(simd, ray);
-    walk(simd, &tree.nodes, ray, |at, limit| {
+    let mut walk = Walk::new(simd, &tree.nodes, ray);
+    while let Some(at) = walk.next(surface.end) {
         let leaf = &tree.leaves[at];
-        let met = leaf.meet::<S, FACING>(simd, &lanes, limit);
+        let met = leaf.meet::<S, FACING>(simd, &lanes, surface.end);
         let which = bits(met.is_met);
         if which != 0 {
             let (distance, off) = (met.distance.to_array(), met.off.to_array());
@@ -124,8 +125,7 @@ pub(crate) fn surface<S: Simd, const FACING: bool>(
                 surface.push(met, leaf.radius[k].abs());
             }
         }
-        surface.end
-    });
+    }
 }
 
 /// The disc that `ray` meets first; of several the one in the first slot.
@@ -137,8 +137,9 @@ pub(crate) fn nearest<S: Simd, const FACING: bool>(
 ) -> Option<Met> {
     let lanes = Lanes::new(simd, ray);
     let mut best = Met { distance: ray.reach, weight: 0.0, slot: u32::MAX };
-    walk(simd, &tree.nodes, ray, |at, limit| {
-        let met = tree.leaves[at].meet::<S, FACING>(simd, &lanes, limit);
+    let mut walk = Walk::new(simd, &tree.nodes, ray);
+    while let Some(at) = walk.next(best.distance) {
+        let met = tree.leaves[at].meet::<S, FACING>(simd, &lanes, best.distance);
         let which = bits(met.is_met);
         if which != 0 {
             let (distance, off) = (met.distance.to_array(), met.off.to_array());
@@ -149,8 +150,7 @@ pub(crate) fn nearest<S: Simd, const FACING: bool>(
                 }
             }
         }
-        best.distance
-    });
+    }
     (best.slot != u32::MAX).then_some(best)
 }
 
@@ -158,12 +158,13 @@ pub(crate) fn nearest<S: Simd, const FACING: bool>(
 #[inline(always)]
 pub(crate) fn any<S: Simd, const FACING: bool>(simd: S, tree: &Tree<DiscLeaf>, ray: &Ray) -> bool {
     let lanes = Lanes::new(simd, ray);
-    let mut is_met = false;
-    walk(simd, &tree.nodes, ray, |at, limit| {
-        is_met = bits(tree.leaves[at].meet::<S, FACING>(simd, &lanes, limit).is_met) != 0;
-        if is_met { -1.0 } else { limit }
-    });
-    is_met
+    let mut walk = Walk::new(simd, &tree.nodes, ray);
+    while let Some(at) = walk.next(ray.reach) {
+        if bits(tree.leaves[at].meet::<S, FACING>(simd, &lanes, ray.reach).is_met) != 0 {
+            return true;
+        }
+    }
+    false
 }
 
 /// Distance along `ray` at which it meets a disc that faces its origin, as their normals are
@@ -179,17 +180,17 @@ pub(crate) fn facing<S: Simd>(
     let lanes = Lanes::new(simd, ray);
     let normal = splat3(simd, normal);
     let mut best = ray.reach;
-    walk(simd, nodes, ray, |at, limit| {
+    let mut walk = Walk::new(simd, nodes, ray);
+    while let Some(at) = walk.next(best) {
         let leaf = &leaves[at];
-        let met = leaf.meet::<S, false>(simd, &lanes, limit);
+        let met = leaf.meet::<S, false>(simd, &lanes, best);
         let cosine = dot(normal, load3(simd, &leaf.normal));
         let which = bits(met.is_met & simd.simd_lt_f32x8(cosine, simd.splat_f32x8(FACING_COSINE)));
         let distance = met.distance.to_array();
         for k in Bits(which) {
             best = best.min(distance[k]);
         }
-        best
-    });
+    }
     (best < ray.reach).then_some(best)
 }
 

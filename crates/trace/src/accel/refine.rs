@@ -5,7 +5,7 @@ use crate::accel::WIDTH;
 use crate::accel::bounds::Bounds;
 use crate::accel::node::{LEAF, Node, fit, slack};
 use crate::accel::tree::{Kind, Leaf, NONE, Primitive, Tree, leaves};
-use crate::accel::walk::DEPTH_MAX;
+use crate::accel::walk::STACK;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::leaf_collapser::collapse;
@@ -69,11 +69,13 @@ impl Shape<'_> {
     fn collapse(&mut self) -> Option<()> {
         self.nodes.push(Node::default());
         let mut stack = vec![(0, 0, 1)];
-        while let Some((at, from, depth)) = stack.pop() {
-            if depth > DEPTH_MAX {
+        while let Some((at, from, waiting)) = stack.pop() {
+            let (children, count) = self.children(from);
+            // Entries that wait on the stack of a traversal below this node.
+            let waiting = waiting + count - 1;
+            if waiting > STACK {
                 return None;
             }
-            let (children, count) = self.children(from);
             for (k, &child) in children[..count].iter().enumerate() {
                 let binary = &self.binary.nodes[child];
                 self.nodes[at].child[k] = if binary.is_leaf() {
@@ -81,7 +83,7 @@ impl Shape<'_> {
                 } else {
                     let node = self.nodes.len();
                     self.nodes.push(Node::default());
-                    stack.push((node, child, depth + 1));
+                    stack.push((node, child, waiting));
                     node as u32
                 };
             }

@@ -77,25 +77,15 @@ impl<L> Tree<L> {
 }
 
 impl<L: Leaf> Tree<L> {
-    /// Builds the implicit tree of `count` primitives, given their centres, and returns the
-    /// primitive of each slot.
+    /// Builds the implicit tree of `count` primitives, given their centres and the box of these, and
+    /// returns the primitive of each slot.
     pub(crate) fn implicit(
         count: usize,
+        centres: &Bounds,
         centre: impl Fn(usize) -> Vec3 + Sync,
         primitive: impl Fn(usize) -> L::Primitive + Sync,
     ) -> (Self, Vec<u32>) {
-        let tasks = count.div_ceil(TASK);
-        let centres = |task: usize| {
-            let mut all = Bounds::EMPTY;
-            for i in task * TASK..count.min((task + 1) * TASK) {
-                let at = centre(i);
-                all = all.union(&Bounds { min: at, max: at });
-            }
-            all
-        };
-        let centres =
-            (0..tasks).into_par_iter().map(centres).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
-        let mut slots = hilbert::order(count, &centres, centre);
+        let mut slots = hilbert::order(count, centres, centre);
         slots.resize(count.next_multiple_of(WIDTH), NONE);
         let (leaves, boxes) = leaves(&slots, primitive);
         let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));

@@ -1,17 +1,15 @@
 //! Follows a ray through the nodes of a tree, the nearest child first. What a leaf does with the
-//! ray is up to the caller, who returns how far the ray still has to be followed.
+//! ray is up to the caller, who states how far the ray still has to be followed.
 
 use crate::accel::WIDTH;
-use crate::accel::node::{LEAF, Node};
+use crate::accel::node::{EMPTY, LEAF, Node};
 use crate::ray::Ray;
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8, mask32x8};
 use glam::Vec3;
 
-/// Entries of the stack for `DEPTH_MAX` levels: at each all children but one wait.
-const STACK: usize = DEPTH_MAX * (WIDTH - 1) + 1;
-/// Greatest number of levels of a tree: an implicit tree of 2^31 primitives has 11, trees that are
-/// less balanced are not used.
-pub(crate) const DEPTH_MAX: usize = 18;
+/// Entries of the stack: at each level of a tree all children but one wait. Implicit trees of up to
+/// 2^31 primitives need 71; trees that need more are not used.
+pub(crate) const STACK: usize = 80;
 /// Least component of a direction, so that its inverse times a coordinate is finite.
 const DIRECTION_MIN: f32 = 1e-20;
 
@@ -98,85 +96,109 @@ impl Iterator for Bits {
     }
 }
 
-/// Calls `visit` with the number of each leaf whose box `ray` meets before the limit, roughly from
-/// near to far. `visit` gets the limit, and returns it or a lesser one; a negative one ends the
-/// walk.
-#[inline(always)]
-pub(crate) fn walk<S: Simd>(
+/// A ray on its way through the nodes of a tree. It is asked for one leaf after another and takes no
+/// closure, since one that the compiler leaves as a call would not be compiled for the wide
+/// registers.
+pub(crate) struct Walk<'a, S: Simd> {
     simd: S,
-    nodes: &[Node],
-    ray: &Ray,
-    mut visit: impl FnMut(usize, f32) -> f32,
-) {
-    // Boxes of unused places are met by infinite directions.
-    if nodes.is_empty() || !(ray.origin + ray.direction).is_finite() {
-        return;
+    nodes: &'a [Node],
+    /// Inverse direction, and the origin times it.
+    inverses: [f32x8<S>; 3],
+    starts: [f32x8<S>; 3],
+    /// Which edges of a box the ray meets first.
+    sides: [usize; 3],
+    /// Children that wait, the nearest on top. An entry is a distance above the number of a child:
+    /// both are compared at once.
+    stack: [u64; STACK],
+    top: usize,
+}
+
+impl<'a, S: Simd> Walk<'a, S> {
+    /// A ray at the root of a tree.
+    #[inline(always)]
+    pub(crate) fn new(simd: S, nodes: &'a [Node], ray: &Ray) -> Self {
+        let d = ray.direction;
+        let inverse = Vec3::new(inverse(d.x), inverse(d.y), inverse(d.z));
+        let side = |i: f32| usize::from(i < 0.0);
+        // Boxes of unused places are met by infinite directions.
+        let is_fine = !nodes.is_empty() && (ray.origin + ray.direction).is_finite();
+        Self {
+            simd,
+            nodes,
+            inverses: splat3(simd, inverse),
+            starts: splat3(simd, ray.origin * inverse),
+            sides: [side(inverse.x), side(inverse.y), side(inverse.z)],
+            stack: [0; STACK],
+            top: usize::from(is_fine),
+        }
     }
-    let d = ray.direction;
-    let inverse = Vec3::new(inverse(d.x), inverse(d.y), inverse(d.z));
-    let [x, y, z] = [inverse.x < 0.0, inverse.y < 0.0, inverse.z < 0.0];
-    let (x, y, z) = (usize::from(x), usize::from(y), usize::from(z));
-    let (starts, inverses) = (splat3(simd, ray.origin * inverse), splat3(simd, inverse));
-    let mut limit = ray.reach;
-    // An entry is a distance above a child: both are compared at once.
-    let mut stack = [0u64; STACK];
-    let (mut top, mut at) = (0, 0u32);
-    loop {
-        if at & LEAF != 0 {
-            limit = visit((at & !LEAF) as usize, limit);
-            if limit < 0.0 {
-                return;
+
+    /// Number of the next leaf whose box the ray meets before `limit`, which must not grow from call
+    /// to call. Leaves come roughly from near to far.
+    #[inline(always)]
+    pub(crate) fn next(&mut self, limit: f32) -> Option<usize> {
+        loop {
+            let mut at = self.pop(limit)?;
+            while at != EMPTY {
+                if at & LEAF != 0 {
+                    return Some((at & !LEAF) as usize);
+                }
+                at = self.descend(at, limit);
             }
-        } else {
-            let node = &nodes[at as usize];
-            let edges = &node.edges;
-            let near = [&edges[x][0], &edges[y][1], &edges[z][2]];
-            let far = [&edges[1 - x][0], &edges[1 - y][1], &edges[1 - z][2]];
-            let [a, b, c] = distances(simd, near, inverses, starts);
-            let near = simd.max_f32x8(simd.max_f32x8(a, b), c);
-            let near = simd.max_f32x8(near, simd.splat_f32x8(0.0));
-            let [a, b, c] = distances(simd, far, inverses, starts);
-            let far = simd.min_f32x8(simd.min_f32x8(a, b), c);
-            let far = simd.min_f32x8(far, simd.splat_f32x8(limit));
-            let met = bits(simd.simd_le_f32x8(near, far));
-            if met != 0 {
-                let near = near.to_array();
-                let entry =
-                    |k: usize| u64::from(near[k].to_bits()) << 32 | u64::from(node.child[k]);
-                let first = met.trailing_zeros() as usize % WIDTH;
-                let others = met & (met - 1);
-                if others == 0 {
-                    at = node.child[first];
-                    continue;
-                }
-                let (bottom, mut nearest) = (top, entry(first));
-                for k in Bits(others) {
-                    let (a, b) = (nearest, entry(k));
-                    nearest = a.min(b);
-                    let far = a.max(b);
-                    // Insertion into the entries of this node, the nearest on top.
-                    let mut i = top;
-                    while i > bottom && stack[i - 1] < far {
-                        stack[i] = stack[i - 1];
-                        i -= 1;
-                    }
-                    stack[i] = far;
-                    top += 1;
-                }
-                at = nearest as u32;
+        }
+    }
+
+    /// The nearest child that waits before `limit`.
+    #[inline(always)]
+    fn pop(&mut self, limit: f32) -> Option<u32> {
+        while self.top > 0 {
+            self.top -= 1;
+            let entry = self.stack[self.top];
+            if f32::from_bits((entry >> 32) as u32) <= limit {
+                return Some(entry as u32);
+            }
+        }
+        None
+    }
+
+    /// The nearest child of a node that the ray meets before `limit`, or [`EMPTY`]; the others wait.
+    #[inline(always)]
+    fn descend(&mut self, at: u32, limit: f32) -> u32 {
+        let (simd, node) = (self.simd, &self.nodes[at as usize]);
+        let (edges, [x, y, z]) = (&node.edges, self.sides);
+        let near = [&edges[x][0], &edges[y][1], &edges[z][2]];
+        let far = [&edges[1 - x][0], &edges[1 - y][1], &edges[1 - z][2]];
+        let [a, b, c] = distances(simd, near, self.inverses, self.starts);
+        let near = simd.max_f32x8(simd.max_f32x8(a, b), c);
+        let near = simd.max_f32x8(near, simd.splat_f32x8(0.0));
+        let [a, b, c] = distances(simd, far, self.inverses, self.starts);
+        let far = simd.min_f32x8(simd.min_f32x8(a, b), c);
+        let far = simd.min_f32x8(far, simd.splat_f32x8(limit));
+        let met = bits(simd.simd_le_f32x8(near, far));
+        if met & met.wrapping_sub(1) == 0 {
+            // At most one child.
+            let only = node.child[met.trailing_zeros() as usize % WIDTH];
+            return if met == 0 { EMPTY } else { only };
+        }
+        let near = near.to_array();
+        let bottom = self.top;
+        let mut nearest = u64::MAX;
+        for k in Bits(met) {
+            let entry = u64::from(near[k].to_bits()) << 32 | u64::from(node.child[k]);
+            let farther = nearest.max(entry);
+            nearest = nearest.min(entry);
+            if farther == u64::MAX {
                 continue;
             }
-        }
-        loop {
-            if top == 0 {
-                return;
+            let mut i = self.top;
+            while i > bottom && self.stack[i - 1] < farther {
+                self.stack[i] = self.stack[i - 1];
+                i -= 1;
             }
-            top -= 1;
-            if f32::from_bits((stack[top] >> 32) as u32) <= limit {
-                at = stack[top] as u32;
-                break;
-            }
+            self.stack[i] = farther;
+            self.top += 1;
         }
+        nearest as u32
     }
 }
 

@@ -5,13 +5,13 @@
 mod atrous;
 mod bilateral;
 mod boxes;
-mod clean;
-mod converge;
+pub(crate) mod clean;
+pub(crate) mod converge;
 mod guided;
 mod guides;
 mod input;
 mod moments;
-mod nested;
+pub(crate) mod nested;
 mod settings;
 mod solve;
 mod taps;
@@ -22,6 +22,7 @@ pub use guides::{GuideKind, Guides};
 pub use settings::{FilterKind, Settings};
 
 use crate::Image;
+pub use guided::Workspace;
 use guided::{Ridges, regress};
 use input::Input;
 
@@ -29,6 +30,17 @@ use input::Input;
 /// that hit nothing or hold values that are not finite are left out of all windows and keep their
 /// value, or become zero where it is not finite.
 pub fn filter(noisy: &Image<3>, guides: &Guides, samples: u32, settings: &Settings) -> Image<3> {
+    filter_in(&mut Workspace::default(), noisy, guides, samples, settings)
+}
+
+/// [`filter`] in memory of an earlier picture.
+pub fn filter_in(
+    workspace: &mut Workspace,
+    noisy: &Image<3>,
+    guides: &Guides,
+    samples: u32,
+    settings: &Settings,
+) -> Image<3> {
     if settings.kind == FilterKind::None || noisy.is_empty() {
         return noisy.clone();
     }
@@ -39,13 +51,17 @@ pub fn filter(noisy: &Image<3>, guides: &Guides, samples: u32, settings: &Settin
     }
     let radius = settings.radius(samples);
     let planes = match settings.kind {
-        FilterKind::Nested => nested::nested(&input, &noise_scaled(&input, kinds, settings)),
+        FilterKind::Nested => {
+            nested::nested(&input, &noise_scaled(&input, kinds, settings), workspace)
+        }
         FilterKind::Bilateral => bilateral::bilateral(&input, kinds, radius, settings),
         FilterKind::Atrous => atrous::atrous(&input, kinds, settings),
         FilterKind::Guided | FilterKind::None if settings.is_noise_scaled => {
-            regress(&input, radius, &noise_scaled(&input, kinds, settings))
+            regress(&input, radius, &noise_scaled(&input, kinds, settings), workspace)
         }
-        FilterKind::Guided | FilterKind::None => regress(&input, radius, &constant(kinds, settings)),
+        FilterKind::Guided | FilterKind::None => {
+            regress(&input, radius, &constant(kinds, settings), workspace)
+        }
     };
     let mut filtered = image(&input, planes);
     input.pass_misses(noisy, &mut filtered);

@@ -93,7 +93,11 @@ impl Frame {
             Vec3::splat(if full > 0.0 { shadowed / full } else { 1.0 })
         });
         let radius = options.filter.radius.map_or(VISIBILITY_RADIUS, |r| r.min(VISIBILITY_RADIUS));
-        let settings = Settings { radius: Some(radius), ..options.filter.clone() };
+        let mut settings = Settings { radius: Some(radius), ..options.filter.clone() };
+        if settings.kind == FilterKind::Nested {
+            // Its radii are fixed, and the greater one is too wide for shadows.
+            settings = Settings { kind: FilterKind::Guided, is_noise_scaled: true, ..settings };
+        }
         let visibility = match settings.kind {
             FilterKind::None => visibility,
             _ => filter(&visibility, &self.filter_guides(), self.samples().max(1), &settings),

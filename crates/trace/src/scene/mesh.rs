@@ -4,7 +4,7 @@
 use crate::accel::refine::refined;
 use crate::accel::tree::{Leaf, NONE, Primitive};
 use crate::accel::triangle::Triangle;
-use crate::accel::walk::{Bits, Lanes, bits, walk};
+use crate::accel::walk::{Bits, Lanes, Walk, bits};
 use crate::accel::{Bounds, Tree, TriangleLeaf, WIDTH};
 use crate::ray::Ray;
 use crate::scene::splats::COORDINATE_MAX;
@@ -67,7 +67,10 @@ impl MeshTree {
         let triangles: Vec<Triangle> =
             mesh.triangles.par_iter().map(|t| triangle(&mesh.positions, t)).collect();
         let (tree, slots) = refined(&triangles).unwrap_or_else(|| {
-            Tree::implicit(triangles.len(), |i| triangles[i].centre(), |i| triangles[i])
+            let centre = |i: usize| triangles[i].centre();
+            let centres = (0..triangles.len())
+                .fold(Bounds::EMPTY, |all, i| all.union(&Bounds::of_point(centre(i))));
+            Tree::implicit(triangles.len(), &centres, centre, |i| triangles[i])
         });
         Self { mesh, tree, slots }
     }
@@ -117,8 +120,9 @@ impl MeshTree {
     pub(crate) fn nearest<S: Simd>(&self, simd: S, ray: &Ray) -> Option<(f32, u32)> {
         let lanes = Lanes::new(simd, ray);
         let mut best = (ray.reach, NONE);
-        walk(simd, &self.tree.nodes, ray, |at, limit| {
-            let (distance, is_met) = self.tree.leaves[at].meet(simd, &lanes, limit);
+        let mut walk = Walk::new(simd, &self.tree.nodes, ray);
+        while let Some(at) = walk.next(best.0) {
+            let (distance, is_met) = self.tree.leaves[at].meet(simd, &lanes, best.0);
             let which = bits(is_met);
             if which != 0 {
                 let distance = distance.to_array();
@@ -127,8 +131,7 @@ impl MeshTree {
                     best = if met < best { met } else { best };
                 }
             }
-            best.0
-        });
+        }
         (best.1 != NONE).then_some(best)
     }
 
@@ -136,12 +139,13 @@ impl MeshTree {
     #[inline(always)]
     pub(crate) fn is_blocked<S: Simd>(&self, simd: S, ray: &Ray) -> bool {
         let lanes = Lanes::new(simd, ray);
-        let mut is_met = false;
-        walk(simd, &self.tree.nodes, ray, |at, limit| {
-            is_met = bits(self.tree.leaves[at].meet(simd, &lanes, limit).1) != 0;
-            if is_met { -1.0 } else { limit }
-        });
-        is_met
+        let mut walk = Walk::new(simd, &self.tree.nodes, ray);
+        while let Some(at) = walk.next(ray.reach) {
+            if bits(self.tree.leaves[at].meet(simd, &lanes, ray.reach).1) != 0 {
+                return true;
+            }
+        }
+        false
     }
 
     /// The triangle in a slot of the tree: its shape and the numbers of its vertices.

@@ -86,6 +86,17 @@ impl Scene {
         })
     }
 
+    /// [`Self::hit`] with a lift of two radii, whatever faces the surface; to compare their speeds.
+    pub fn blended(&self, ray: &Ray) -> Option<Hit> {
+        self.with_approach(ray, |ray| {
+            dispatch!(Level::new(), simd => {
+                let object = self.objects.hit(simd, ray);
+                let ray = Ray { reach: object.map_or(ray.reach, |h| h.distance), ..*ray };
+                self.splats.blended(simd, &ray).or(object)
+            })
+        })
+    }
+
     /// The surface of the frontmost primitive alone, not blended with those behind it.
     pub fn first(&self, ray: &Ray) -> Option<Hit> {
         self.with_approach(ray, |ray| {

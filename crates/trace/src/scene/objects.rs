@@ -2,7 +2,7 @@
 //! without a tree of triangles being built.
 
 use crate::accel::node::{Node, levels, slack};
-use crate::accel::{Bounds, walk::walk};
+use crate::accel::{Bounds, walk::Walk};
 use crate::ray::{Hit, Ray};
 use crate::scene::emitters::{AreaLight, Shape};
 use crate::scene::mesh::MeshTree;
@@ -58,17 +58,15 @@ impl Objects {
     /// The surface that `ray` meets first.
     #[inline(always)]
     pub(crate) fn hit<S: Simd>(&self, simd: S, ray: &Ray) -> Option<Hit> {
-        let mut best = None;
-        walk(simd, &self.nodes, ray, |at, limit| {
-            let inward = inward(&self.inverses[at], &Ray { reach: limit, ..*ray });
-            match self.objects[at].mesh.nearest(simd, &inward) {
-                Some((distance, slot)) => {
-                    best = Some((at, distance, slot));
-                    distance
-                }
-                None => limit,
+        let (mut best, mut reach) = (None, ray.reach);
+        let mut walk = Walk::new(simd, &self.nodes, ray);
+        while let Some(at) = walk.next(reach) {
+            let inward = inward(&self.inverses[at], &Ray { reach, ..*ray });
+            if let Some((distance, slot)) = self.objects[at].mesh.nearest(simd, &inward) {
+                best = Some((at, distance, slot));
+                reach = distance;
             }
-        });
+        }
         let (at, distance, slot) = best?;
         Some(self.objects[at].surface(&self.inverses[at], ray, distance, slot))
     }
@@ -76,12 +74,13 @@ impl Objects {
     /// Whether `ray` meets any object.
     #[inline(always)]
     pub(crate) fn is_blocked<S: Simd>(&self, simd: S, ray: &Ray) -> bool {
-        let mut is_met = false;
-        walk(simd, &self.nodes, ray, |at, limit| {
-            is_met = self.objects[at].mesh.is_blocked(simd, &inward(&self.inverses[at], ray));
-            if is_met { -1.0 } else { limit }
-        });
-        is_met
+        let mut walk = Walk::new(simd, &self.nodes, ray);
+        while let Some(at) = walk.next(ray.reach) {
+            if self.objects[at].mesh.is_blocked(simd, &inward(&self.inverses[at], ray)) {
+                return true;
+            }
+        }
+        false
     }
 }
 

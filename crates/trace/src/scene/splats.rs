@@ -83,7 +83,9 @@ pub(crate) fn is_fine(splat: &Splat) -> bool {
     let is_near = c.abs().cmple(Vec3::splat(COORDINATE_MAX)).all();
     // A sum with a NaN is NaN.
     let [r, g, b] = splat.colour;
-    let is_number = n.length_squared().is_finite() && !(r + g + b).is_nan();
+    let square = n.length_squared();
+    let has_length = square.is_finite() && square >= f32::MIN_POSITIVE || n == Vec3::ZERO;
+    let is_number = has_length && !(r + g + b).is_nan();
     is_near && radius > 0.0 && radius <= COORDINATE_MAX && is_number
 }
 
@@ -92,7 +94,7 @@ pub(crate) fn is_fine(splat: &Splat) -> bool {
 pub(crate) fn disc_of(splat: &Splat, tint: Tint) -> Disc {
     let normal = Vec3::from_array(splat.normal);
     let square = normal.length_squared();
-    let normal = if square > 0.0 { normal / square.sqrt() } else { Vec3::ZERO };
+    let normal = if normal == Vec3::ZERO { normal } else { normal / square.sqrt() };
     let radius = splat.radius * RADIUS_FACTOR;
     Disc { centre: Vec3::from_array(splat.centre), normal, radius, tint }
 }

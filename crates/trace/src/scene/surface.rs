@@ -5,7 +5,7 @@ use crate::accel::disc::{Disc, Tint};
 use crate::accel::discs::{self, DEPTH, Met, Surface};
 use crate::accel::refine::refined;
 use crate::accel::tree::Leaf;
-use crate::accel::{DiscLeaf, Tree, WIDTH};
+use crate::accel::{Bounds, DiscLeaf, Tree, WIDTH};
 use crate::ray::{Hit, Ray};
 use crate::scene::emitters::{AreaLight, Shape};
 use crate::scene::splats::{SplatInput, albedo_of, disc_of, is_fine};
@@ -34,33 +34,60 @@ pub(crate) struct Splats {
     pub(crate) has_facing: bool,
 }
 
+/// What is counted of splats before their tree is built.
+#[derive(Default)]
+struct Tally {
+    /// Splats that rays can meet.
+    fine: usize,
+    /// Those of them without a normal.
+    facing: usize,
+    /// Box of their centres.
+    centres: Bounds,
+}
+
+impl Tally {
+    #[inline(always)]
+    fn add(&mut self, splat: &Splat) {
+        if is_fine(splat) {
+            self.fine += 1;
+            self.facing += usize::from(splat.normal == [0.0; 3]);
+            self.centres = self.centres.union(&Bounds::of_point(Vec3::from_array(splat.centre)));
+        }
+    }
+
+    fn join(self, other: Self) -> Self {
+        Self {
+            fine: self.fine + other.fine,
+            facing: self.facing + other.facing,
+            centres: self.centres.union(&other.centres),
+        }
+    }
+}
+
 impl Splats {
     /// Builds the implicit tree of the splats that rays can meet.
     pub(crate) fn new(input: &SplatInput<'_>) -> Self {
         let all = input.splats;
         let tally = |splats: &[Splat]| {
-            let (mut dropped, mut facing) = (0, 0);
-            for splat in splats {
-                dropped += usize::from(!is_fine(splat));
-                facing += usize::from(Vec3::from_array(splat.normal).length_squared() == 0.0);
-            }
-            (dropped, facing)
+            let mut tally = Tally::default();
+            splats.iter().for_each(|splat| tally.add(splat));
+            tally
         };
-        let (dropped, facing) =
-            all.par_chunks(TASK).map(tally).reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let Tally { fine, facing, centres } =
+            all.par_chunks(TASK).map(tally).reduce(Tally::default, Tally::join);
         let rule = input.albedo_rule();
         let centre = |index: usize| Vec3::from_array(all[index].centre);
         let disc = |index: usize| disc_of(&all[index], input.tint(index, rule));
-        let (tree, _) = if dropped == 0 {
-            Tree::implicit(all.len(), centre, disc)
+        let (tree, _) = if fine == all.len() {
+            Tree::implicit(fine, &centres, centre, disc)
         } else {
             let kept: Vec<usize> = (0..all.len()).filter(|&i| is_fine(&all[i])).collect();
-            Tree::implicit(kept.len(), |i| centre(kept[i]), |i| disc(kept[i]))
+            Tree::implicit(fine, &centres, |i| centre(kept[i]), |i| disc(kept[i]))
         };
         Self {
             tree,
             radiances: input.emitters.iter().map(|e| Vec3::from_array(e.radiance)).collect(),
-            count: all.len() - dropped,
+            count: fine,
             has_facing: facing > 0,
         }
     }
@@ -99,6 +126,14 @@ impl Splats {
     /// The surface that `ray` meets.
     #[inline(always)]
     pub(crate) fn hit<S: Simd>(&self, simd: S, ray: &Ray) -> Option<Hit> {
+        let mut hit = self.blended(simd, ray)?;
+        hit.lift = self.lift(simd, ray, &hit);
+        Some(hit)
+    }
+
+    /// The surface that `ray` meets; its lift is not bounded.
+    #[inline(always)]
+    pub(crate) fn blended<S: Simd>(&self, simd: S, ray: &Ray) -> Option<Hit> {
         let mut surface = Surface::new(ray.reach);
         if self.has_facing {
             discs::surface::<S, true>(simd, &self.tree, ray, &mut surface);
@@ -106,9 +141,7 @@ impl Splats {
             discs::surface::<S, false>(simd, &self.tree, ray, &mut surface);
         }
         let front = surface.front()?;
-        let mut hit = self.blend(ray, front, surface.discs());
-        hit.lift = self.lift(simd, ray, &hit);
-        Some(hit)
+        Some(self.blend(ray, front, surface.discs()))
     }
 
     /// The frontmost disc that `ray` meets.

@@ -25,7 +25,7 @@ pub fn sphere(count: usize, noise: [f32; 2], seed: u64) -> Vec<Splat> {
     (0..count)
         .map(|i| {
             let at = random.unit();
-            let normal = (at + random.unit() * noise[0]).normalize();
+            let normal = (at + random.unit() * noise[0]).normalize_or_zero();
             splat(at + at * (random.next() - 0.5) * noise[1] * spacing, normal, spacing, i)
         })
         .collect()

@@ -27,7 +27,7 @@ impl Random {
         loop {
             let v = self.vector();
             if v.length_squared() > 1e-3 && v.length_squared() <= 1.0 {
-                return v.normalize();
+                return v.normalize_or_zero();
             }
         }
     }

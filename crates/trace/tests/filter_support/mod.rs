@@ -130,14 +130,13 @@ pub fn mean_square(image: &Image<3>, light: &Image<3>, guides: &Guides) -> f64 {
 fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
     let n = b.len();
     for i in 0..n {
-        let pivot = (i..n).max_by(|&p, &q| a[p][i].abs().total_cmp(&a[q][i].abs())).unwrap();
+        let pivot = (i..n).max_by(|&p, &q| a[p][i].abs().total_cmp(&a[q][i].abs())).unwrap_or(i);
         a.swap(i, pivot);
         b.swap(i, pivot);
         for j in i + 1..n {
             let factor = a[j][i] / a[i][i];
-            for k in i..n {
-                a[j][k] -= factor * a[i][k];
-            }
+            let row = a[i].clone();
+            a[j].iter_mut().zip(&row).skip(i).for_each(|(to, from)| *to -= factor * from);
             b[j] -= factor * b[i];
         }
     }

@@ -99,11 +99,11 @@ fn filtered_visibility_has_less_noise_and_the_same_mean() {
     let middle = quad(Vec3::new(0.4, 0.4, 0.3), Vec3::X * 0.3, Vec3::Y * 0.3, Vec3::ONE, 0.0);
     let floor = quad(Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE, 0.0);
     let scene = Scene::default().with_objects(vec![middle, floor]);
-    let view = cornell_camera(64);
+    let view = cornell_camera(96);
     let area = Light::Area {
-        corner: [0.3, 0.3, 2.0],
-        edges: [[0.0, 0.4, 0.0], [0.4, 0.0, 0.0]],
-        radiance: [20.0; 3],
+        corner: [0.0, 0.0, 1.5],
+        edges: [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]],
+        radiance: [4.0; 3],
         two_sided: true,
     };
     let lights = Lights::from(vec![area]);
