@@ -8,16 +8,17 @@ use esker_trace::filter::{FilterKind, Guides, Settings, filter};
 use filter_support::{Lcg, guides_of, noisy_of, reference};
 use proptest::prelude::*;
 
-/// Greatest error of a filtered image over the greatest value of its window-wise scale.
+/// Greatest error of a filtered image, relative to the mean magnitude around.
 fn error(noisy: &Image<3>, guides: &Guides, settings: &Settings) -> f64 {
     let filtered = filter(noisy, guides, 1, settings);
     let expected = reference(noisy, guides, settings.radius(1), settings);
+    let [.., magnitude] = &expected;
     let mut worst = 0.0_f64;
     for (plane, expected) in filtered.planes.iter().zip(&expected) {
-        let scale = expected.iter().fold(0.0, |a: f64, b| a.max(b.abs())).max(1e-30);
-        for (&value, &expected) in plane.iter().zip(expected) {
-            assert!(value.is_finite());
-            worst = worst.max((f64::from(value) - expected).abs() / scale);
+        for i in 0..plane.len() {
+            let difference = (f64::from(plane[i]) - expected[i]).abs();
+            worst = worst.max(difference / magnitude[i].max(1e-3));
+            assert!(worst.is_finite());
         }
     }
     worst
@@ -71,7 +72,11 @@ fn sums_over_many_bands_equal_brute_force() {
     let mut random = Lcg(7);
     let guides = guides_of(61, 333, 4, &mut random);
     let noisy = noisy_of(61, 333, 1e6, &mut random);
-    assert!(error(&noisy, &guides, &guided(8, 1e-4)) < 1e-5);
+    for epsilon in [1e-2, 1e-4] {
+        let error = error(&noisy, &guides, &guided(8, epsilon));
+        println!("epsilon {epsilon}: {error:.2e}");
+        assert!(error < 1e-5);
+    }
 }
 
 #[test]
@@ -83,15 +88,4 @@ fn constant_guides_give_the_mean_of_means() {
     }
     let noisy = noisy_of(33, 21, 1.0, &mut random);
     assert!(error(&noisy, &guides, &guided(5, 1e-8)) < 1e-6);
-}
-#[test]
-fn zz_print() {
-    for (f, e) in [(1e6, 1e-4), (1.0, 1e-4), (1e6, 1e-2), (1.0, 1e-8), (1e6, 1e-8)] {
-        for h in [60, 333] {
-            let mut random = Lcg(7);
-            let guides = guides_of(61, h, 4, &mut random);
-            let noisy = noisy_of(61, h, f, &mut random);
-            println!("{f} {e} {h} {}", error(&noisy, &guides, &guided(8, e)));
-        }
-    }
 }

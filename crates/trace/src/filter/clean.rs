@@ -3,17 +3,17 @@
 
 use super::bilateral::bilateral;
 use super::input::Input;
-use super::{GuideKind, Guides, Settings};
-use crate::Image;
+use super::{GuideKind, Settings};
+use std::borrow::Cow;
 
 /// Noise from which normals are filtered: 5 degrees, in the unit of the guides, which is half that
 /// of normals.
 const NOISE_MIN: f64 = 0.5 * 5.0 * std::f64::consts::PI / 180.0;
 /// Radius of the filter of normals, pixels.
 const RADIUS: usize = 6;
-/// Distance of the pixels whose normals are compared: noise of scans is equal within a splat of a
-/// few pixels.
-const LAG: usize = 6;
+/// Distance of the pixels whose normals are compared. Noise of scans is nearly equal within a splat
+/// of some pixels; relief is smooth over as many.
+const LAG: usize = 3;
 /// Pixels from one sample of the noise to the next, on both axes. Some ten thousand are enough for
 /// a median.
 const STRIDE: usize = 5;
@@ -21,50 +21,38 @@ const STRIDE: usize = 5;
 /// directions.
 pub(crate) const COMPONENT_SHARE: f64 = 0.5;
 
-/// Guides with filtered normals, if they are noisy.
-pub(crate) fn cleaned(guides: &Guides) -> Option<Guides> {
-    let noise = normal_noise(guides);
-    if noise < NOISE_MIN {
-        return None;
-    }
-    let own: Vec<usize> = normals(guides)?.into();
-    let picture = Image::<3> {
-        width: guides.width,
-        height: guides.height,
-        planes: [own[0], own[1], own[2]].map(|k| guides.planes[k].clone()),
-    };
+/// Filters the normals of an input if they are noisy.
+pub(crate) fn clean(input: &mut Input<'_>, kinds: &[GuideKind]) {
+    let noise = normal_noise(input, kinds);
+    let Some(own) = normals(kinds).filter(|_| noise >= NOISE_MIN) else { return };
     // Two normals of one surface differ by the noise times the root of two.
     let settings = Settings { sigma_normal: 2.0 * noise as f32, ..Settings::default() };
-    let input = Input::new(&picture, guides);
-    let means = bilateral(&input, &guides.kinds, RADIUS, &settings);
-    let mut cleaned = guides.clone();
+    let signals = own.map(|k| &*input.guides[k]);
+    let means = bilateral(&input.with_signals(signals), kinds, RADIUS, &settings);
     for (k, mean) in own.into_iter().zip(means) {
-        cleaned.planes[k] = mean;
+        input.guides[k] = Cow::Owned(mean);
     }
-    Some(cleaned)
 }
 
 /// The three planes of normals.
-fn normals(guides: &Guides) -> Option<[usize; 3]> {
-    let is_normal = |k: &usize| guides.kinds.get(*k) == Some(&GuideKind::Normal);
-    let own: Vec<usize> = (0..guides.planes.len()).filter(is_normal).collect();
-    own.try_into().ok()
+fn normals(kinds: &[GuideKind]) -> Option<[usize; 3]> {
+    let is_normal = |k: &usize| kinds[*k] == GuideKind::Normal;
+    (0..kinds.len()).filter(is_normal).collect::<Vec<_>>().try_into().ok()
 }
 
 /// Standard deviation of normals from those of a smooth surface, in the unit of the guides: from
 /// the median of second differences, which neither edges nor curvature reach (Immerkaer 1996).
-pub(crate) fn normal_noise(guides: &Guides) -> f64 {
-    let Some(own) = normals(guides) else { return 0.0 };
-    let (width, height) = (guides.width, guides.height);
+pub(crate) fn normal_noise(input: &Input<'_>, kinds: &[GuideKind]) -> f64 {
+    let Some(own) = normals(kinds) else { return 0.0 };
+    let (width, height) = (input.width, input.height);
     let mut squares = Vec::new();
     let second = |i: usize, step: usize| -> Option<f64> {
         let pixels = [i - step, i, i + step];
-        if !pixels.iter().all(|&i| guides.is_hit[i]) {
+        if pixels.iter().any(|&i| input.mask[i] == 0.0) {
             return None;
         }
-        let at = |k: usize, j: usize| f64::from(guides.planes[own[k]][pixels[j]]);
-        let square = (0..3).map(|k| (at(k, 0) - 2.0 * at(k, 1) + at(k, 2)).powi(2)).sum::<f64>();
-        square.is_finite().then_some(square)
+        let at = |k: usize, j: usize| f64::from(input.guides[own[k]][pixels[j]]);
+        Some((0..3).map(|k| (at(k, 0) - 2.0 * at(k, 1) + at(k, 2)).powi(2)).sum())
     };
     for y in (0..height).step_by(STRIDE) {
         for x in (0..width).step_by(STRIDE) {

@@ -22,6 +22,7 @@ pub use guides::{GuideKind, Guides};
 pub use settings::{FilterKind, Settings};
 
 use crate::Image;
+pub use guided::Workspace;
 use guided::{Ridges, regress};
 use input::Input;
 
@@ -29,22 +30,37 @@ use input::Input;
 /// that hit nothing or hold values that are not finite are left out of all windows and keep their
 /// value, or become zero where it is not finite.
 pub fn filter(noisy: &Image<3>, guides: &Guides, samples: u32, settings: &Settings) -> Image<3> {
-    if settings.kind == FilterKind::None {
+    filter_in(&mut Workspace::default(), noisy, guides, samples, settings)
+}
+
+/// [`filter`] in memory of an earlier picture.
+pub fn filter_in(
+    workspace: &mut Workspace,
+    noisy: &Image<3>,
+    guides: &Guides,
+    samples: u32,
+    settings: &Settings,
+) -> Image<3> {
+    if settings.kind == FilterKind::None || noisy.is_empty() {
         return noisy.clone();
     }
-    let cleaned = if settings.cleans_guides { clean::cleaned(guides) } else { None };
-    let guides = cleaned.as_ref().unwrap_or(guides);
-    let input = Input::new(noisy, guides);
+    let kinds = &guides.kinds[..];
+    let mut input = Input::new(noisy, guides);
+    if settings.cleans_guides {
+        clean::clean(&mut input, kinds);
+    }
     let radius = settings.radius(samples);
     let planes = match settings.kind {
-        FilterKind::Nested => nested::nested(&input, &noise_scaled(guides, settings)),
-        FilterKind::Bilateral => bilateral::bilateral(&input, &guides.kinds, radius, settings),
-        FilterKind::Atrous => atrous::atrous(&input, &guides.kinds, settings),
-        FilterKind::Guided if settings.is_noise_scaled => {
-            regress(&input, radius, &noise_scaled(guides, settings))
+        FilterKind::Nested => {
+            nested::nested(&input, &noise_scaled(&input, kinds, settings), workspace)
+        }
+        FilterKind::Bilateral => bilateral::bilateral(&input, kinds, radius, settings),
+        FilterKind::Atrous => atrous::atrous(&input, kinds, settings),
+        FilterKind::Guided | FilterKind::None if settings.is_noise_scaled => {
+            regress(&input, radius, &noise_scaled(&input, kinds, settings), workspace)
         }
         FilterKind::Guided | FilterKind::None => {
-            regress(&input, radius, &constant(guides, settings))
+            regress(&input, radius, &constant(kinds, settings), workspace)
         }
     };
     let mut filtered = image(&input, planes);
@@ -57,24 +73,33 @@ pub fn invalid_pixels(noisy: &Image<3>, guides: &Guides) -> usize {
     Input::new(noisy, guides).invalid
 }
 
+/// How far normals are off those of a smooth surface, degrees: an estimate that edges and curvature
+/// hardly change. From 5 degrees on, normals are filtered before they guide.
+pub fn normal_noise_degrees(guides: &Guides) -> f64 {
+    // Guides have half the unit of normals.
+    let empty = Image::new(guides.width, guides.height);
+    let input = Input::new(&empty, guides);
+    (2.0 * clean::normal_noise(&input, &guides.kinds)).to_degrees()
+}
+
 /// Constant epsilon of each guide.
-fn constant(guides: &Guides, settings: &Settings) -> Ridges {
-    let epsilon = guides.kinds.iter().map(|kind| match kind {
+fn constant(kinds: &[GuideKind], settings: &Settings) -> Ridges {
+    let epsilon = kinds.iter().map(|kind| match kind {
         GuideKind::Normal => f64::from(settings.epsilon_normal),
         GuideKind::Depth | GuideKind::Occlusion => f64::from(settings.epsilon_depth),
     });
-    Ridges { epsilon: epsilon.collect(), noise: vec![0.0; guides.kinds.len()] }
+    Ridges { epsilon: epsilon.collect(), noise: vec![0.0; kinds.len()] }
 }
 
 /// Epsilon by the noise of each window, and by the noise of normals.
-fn noise_scaled(guides: &Guides, settings: &Settings) -> Ridges {
-    let noise = guides.kinds.iter().map(|kind| match kind {
+fn noise_scaled(input: &Input<'_>, kinds: &[GuideKind], settings: &Settings) -> Ridges {
+    let noise = kinds.iter().map(|kind| match kind {
         GuideKind::Normal => f64::from(settings.noise_normal),
         GuideKind::Depth => f64::from(settings.noise_depth),
         GuideKind::Occlusion => f64::from(settings.noise_occlusion),
     });
-    let variance = clean::normal_noise(guides).powi(2) * clean::COMPONENT_SHARE;
-    let epsilon = guides.kinds.iter().map(|kind| match kind {
+    let variance = clean::normal_noise(input, kinds).powi(2) * clean::COMPONENT_SHARE;
+    let epsilon = kinds.iter().map(|kind| match kind {
         GuideKind::Normal => variance,
         GuideKind::Depth | GuideKind::Occlusion => 0.0,
     });

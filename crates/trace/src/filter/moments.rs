@@ -3,6 +3,8 @@
 //! and leave the window. They are kept in 64 bits: products of two 32-bit floats are then exact,
 //! and a firefly leaves nothing behind when its row leaves.
 
+#![allow(clippy::needless_range_loop, reason = "indices go over several arrays of constant length")]
+
 use super::input::Input;
 use fearless_simd::{Simd, SimdBase, f32x4, f32x8, f64x4};
 

@@ -22,7 +22,7 @@ pub struct Settings {
     /// The filter.
     pub kind: FilterKind,
     /// Radius of windows, pixels. `None` takes it from the number of samples, 32 for one and 24
-    /// for 16 and more. The nested filter has its own radii.
+    /// for 16 and more. The nested filter and a-trous have their own.
     pub radius: Option<usize>,
     /// Epsilon of normals that are scaled to [0, 1] (`bauszat2011` 3.3, equation 7).
     pub epsilon_normal: f32,
@@ -45,7 +45,7 @@ pub struct Settings {
     /// Standard deviation of normals below which cross-bilateral weights and those of a-trous are
     /// high. In the unit of the guides, which is half the unit of normals.
     pub sigma_normal: f32,
-    /// The same for depth and occlusion.
+    /// The same for the distance in depth from the plane through the pixel, and for occlusion.
     pub sigma_depth: f32,
     /// Standard deviation of colour over the mean of the picture for the weights of a-trous;
     /// infinite for none.
@@ -67,9 +67,9 @@ impl Default for Settings {
             noise_occlusion: 0.25,
             cleans_guides: true,
             sigma_normal: 0.1,
-            sigma_depth: 0.02,
+            sigma_depth: 0.003,
             sigma_colour: f32::INFINITY,
-            iterations: 5,
+            iterations: 4,
         }
     }
 }
@@ -78,7 +78,8 @@ impl Settings {
     /// Default settings of a filter. The guided filter is that of `bauszat2011`, which has no
     /// extension.
     pub fn of(kind: FilterKind) -> Self {
-        Self { kind, cleans_guides: kind != FilterKind::Guided, ..Self::default() }
+        let radius = (kind == FilterKind::Bilateral).then_some(24);
+        Self { kind, radius, cleans_guides: kind != FilterKind::Guided, ..Self::default() }
     }
 
     /// Radius of windows for a number of samples a pixel: noise falls with samples, so that smaller

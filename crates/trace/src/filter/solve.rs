@@ -2,6 +2,8 @@
 //! `he2010`), for the windows of four rows at once: a ridge is added to the covariance of the
 //! guides, which is factored as L D L^T.
 
+#![allow(clippy::needless_range_loop, reason = "indices go over several arrays of constant length")]
+
 use super::moments::{GUIDE, LUMINANCE, Sums, cross, pair, signal, square};
 use fearless_simd::{Select, Simd, SimdBase, f64x4};
 
@@ -10,6 +12,10 @@ use fearless_simd::{Select, Simd, SimdBase, f64x4};
 const EPSILON_MIN: f64 = 1e-10;
 /// Greatest share of noise in the mean of a window: the guides then count for nothing.
 const NOISE_MAX: f64 = 1e6;
+
+/// Guides are counted from here: in the middle of their range, the fits of a pixel cancel least when
+/// they are summed in 32 bits.
+pub(crate) const CENTRE: f64 = 0.5;
 
 /// What is added to the variance of the guides.
 #[derive(Clone, Copy, Debug)]
@@ -64,7 +70,7 @@ pub(crate) fn solve<S: Simd, const K: usize, const N: usize, const M: usize, con
         factors.solve(&mut slopes);
         let mut constant = values[n];
         for k in 0..K {
-            constant = constant - slopes[k] * guides[k];
+            constant -= slopes[k] * (guides[k] - CENTRE);
             out[n * (K + 1) + k] = *slopes[k];
         }
         out[n * (K + 1) + K] = *constant;
@@ -105,14 +111,14 @@ impl<S: Simd, const K: usize> Factors<S, K> {
             for j in 0..i {
                 let mut value = covariance[i][j];
                 for p in 0..j {
-                    value = value - scaled[p] * lower[j][p];
+                    value -= scaled[p] * lower[j][p];
                 }
                 scaled[j] = value;
                 lower[i][j] = value * inverse[j];
             }
             let mut pivot = covariance[i][i].max(zero) + epsilon[i];
             for p in 0..i {
-                pivot = pivot - scaled[p] * lower[i][p];
+                pivot -= scaled[p] * lower[i][p];
             }
             // Rounding must not make a pivot less than its ridge.
             inverse[i] = 1.0 / pivot.max(epsilon[i]);
@@ -125,15 +131,15 @@ impl<S: Simd, const K: usize> Factors<S, K> {
     fn solve(&self, x: &mut [f64x4<S>; K]) {
         for i in 0..K {
             for j in 0..i {
-                x[i] = x[i] - self.lower[i][j] * x[j];
+                x[i] -= self.lower[i][j] * x[j];
             }
         }
         for i in 0..K {
             // From the last one up; `rev` is not always unrolled.
             let i = K - 1 - i;
-            x[i] = x[i] * self.inverse[i];
+            x[i] *= self.inverse[i];
             for j in i + 1..K {
-                x[i] = x[i] - self.lower[j][i] * x[j];
+                x[i] -= self.lower[j][i] * x[j];
             }
         }
     }

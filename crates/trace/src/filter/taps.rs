@@ -3,6 +3,8 @@
 //! go together. Depth is compared with the plane through the pixel, so that slanted surfaces are
 //! smoothed like others.
 
+#![allow(clippy::needless_range_loop, reason = "indices go over several arrays of constant length")]
+
 use super::input::Input;
 use fearless_simd::{Level, Simd, SimdBase, dispatch, f32x8};
 use rayon::prelude::*;
@@ -115,7 +117,7 @@ impl Neighbours<'_> {
                 for k in 0..K {
                     let mut change = load(simd, self.guides[k], there) - centre[k];
                     if k == K - 1 {
-                        change = change - slopes[0] * tap.x as f32 - slopes[1] * tap.y as f32;
+                        change -= slopes[0] * tap.x as f32 - slopes[1] * tap.y as f32;
                     }
                     distance = simd.mul_add_f32x8(change, change, distance);
                 }
@@ -176,7 +178,7 @@ pub(crate) fn slopes(input: &Input<'_>, plane: &[f32]) -> [Vec<f32>; 2] {
             (a, b) => a.or(b).unwrap_or(0.0),
         }
     };
-    let x = |i: usize| change(i, 1, i % width == 0, i % width + 1 == width);
+    let x = |i: usize| change(i, 1, i.is_multiple_of(width), i % width + 1 == width);
     let y = |i: usize| change(i, width, i < width, i / width + 1 == height);
     let len = plane.len();
     [(0..len).into_par_iter().map(x).collect(), (0..len).into_par_iter().map(y).collect()]

@@ -2,6 +2,8 @@
 //! of the coefficients of the windows that cover a pixel. Four rows go together as lanes, so that
 //! a sum that moves by a pixel takes one addition and one subtraction for four rows.
 
+#![allow(clippy::needless_range_loop, reason = "indices go over several arrays of constant length")]
+
 use super::moments::{Columns, EIGHT, ROWS, Sums, transpose};
 use super::solve::{Ridge, solve};
 use fearless_simd::{Simd, SimdBase, f64x4};

@@ -1,8 +1,11 @@
 //! Pictures and guides for the tests of filters, and the regression by brute force that they are
 //! compared with.
 
+#![allow(dead_code, reason = "each test file uses some of them")]
+
 use esker_trace::Image;
 use esker_trace::filter::{GuideKind, Guides, Settings};
+use glam::Vec3;
 
 /// A linear congruential generator (Knuth, MMIX).
 pub struct Lcg(pub u64);
@@ -52,18 +55,88 @@ pub fn noisy_of(width: usize, height: usize, firefly: f32, random: &mut Lcg) -> 
     image
 }
 
+/// A ball on a floor before a wall, seen along a slanted direction: guides, and the smooth light
+/// that falls on them.
+pub fn ball(width: usize, height: usize) -> (Guides, Image<3>) {
+    let mut surfaces = Vec::new();
+    let mut light = Image::new(width, height);
+    for i in 0..width * height {
+        let x = ((i % width) as f32 + 0.5) / width as f32 * 2.0 - 1.0;
+        let y = ((i / width) as f32 + 0.5) / height as f32 * 2.0 - 1.0;
+        let radius = (x * x + y * y).sqrt() / 0.5;
+        let (normal, depth) = if radius < 1.0 {
+            let z = (1.0 - radius * radius).sqrt();
+            (Vec3::new(x / 0.5, -y / 0.5, z), 2.0 - 0.5 * z)
+        } else if y > 0.3 {
+            (Vec3::new(0.0, 0.9, 0.435_89), 2.6 - y)
+        } else {
+            (Vec3::Z, 2.3)
+        };
+        surfaces.push((y > -0.95).then_some((normal, depth)));
+        let fade = 1.0 - 0.3 * (-(radius - 1.0).max(0.0) * 4.0).exp();
+        let colour = [0.6 + 0.3 * normal.y, 0.5 + 0.2 * normal.x, 0.4 + 0.1 * normal.z];
+        for (plane, colour) in light.planes.iter_mut().zip(colour) {
+            plane[i] = if y > -0.95 { colour * fade * (1.0 + 0.2 * x) } else { 0.1 };
+        }
+    }
+    (Guides::of_surfaces(width, height, &surfaces, 4.0), light)
+}
+
+/// One in so many samples is bright.
+const RARE: f64 = 20.0;
+
+/// Noise of path tracing with `samples` a pixel: most samples are black, few are bright, and the
+/// mean is `light`. If `is_spread`, bright samples are spread evenly over squares of four pixels, so
+/// that the errors of neighbours cancel.
+pub fn traced(light: &Image<3>, samples: u32, is_spread: bool, random: &mut Lcg) -> Image<3> {
+    let mut out = Image::new(light.width, light.height);
+    let squares = (light.width.div_ceil(4) * light.height.div_ceil(4)).max(1);
+    for _ in 0..samples {
+        let starts: Vec<f64> = (0..squares).map(|_| random.next()).collect();
+        for i in 0..light.len() {
+            let (x, y) = (i % light.width, i / light.width);
+            let order = (x % 4 * 7 + y % 4 * 3) % 16;
+            let square = y / 4 * light.width.div_ceil(4) + x / 4;
+            let number = if is_spread {
+                (starts[square] + (order as f64 + random.next()) / 16.0).fract()
+            } else {
+                random.next()
+            };
+            if number < 1.0 / RARE {
+                // Exponentially distributed, of mean one.
+                let bright = -(1.0 - random.next()).ln() * RARE / f64::from(samples);
+                for (out, light) in out.planes.iter_mut().zip(&light.planes) {
+                    out[i] += light[i] * bright as f32;
+                }
+            }
+        }
+    }
+    out
+}
+
+/// Mean square of the difference over pixels with a hit.
+pub fn mean_square(image: &Image<3>, light: &Image<3>, guides: &Guides) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (plane, light) in image.planes.iter().zip(&light.planes) {
+        for i in (0..plane.len()).filter(|&i| guides.is_hit[i]) {
+            sum += f64::from(plane[i] - light[i]).powi(2);
+            count += 1.0;
+        }
+    }
+    sum / f64::max(count, 1.0)
+}
+
 /// Solves a small system by elimination with pivots.
 fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
     let n = b.len();
     for i in 0..n {
-        let pivot = (i..n).max_by(|&p, &q| a[p][i].abs().total_cmp(&a[q][i].abs())).unwrap();
+        let pivot = (i..n).max_by(|&p, &q| a[p][i].abs().total_cmp(&a[q][i].abs())).unwrap_or(i);
         a.swap(i, pivot);
         b.swap(i, pivot);
         for j in i + 1..n {
             let factor = a[j][i] / a[i][i];
-            for k in i..n {
-                a[j][k] -= factor * a[i][k];
-            }
+            let row = a[i].clone();
+            a[j].iter_mut().zip(&row).skip(i).for_each(|(to, from)| *to -= factor * from);
             b[j] -= factor * b[i];
         }
     }
@@ -76,16 +149,17 @@ fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
     b
 }
 
-/// The guided filter by brute force: covariances about the mean, window by window.
+/// The guided filter by brute force: covariances about the mean, window by window. A fourth plane
+/// holds the mean magnitude in the windows that cover a pixel, which errors are relative to.
 pub fn reference(
     noisy: &Image<3>,
     guides: &Guides,
     radius: usize,
     settings: &Settings,
-) -> [Vec<f64>; 3] {
+) -> [Vec<f64>; 4] {
     let (w, h, planes) = (noisy.width, noisy.height, guides.planes.len());
     let window = |c: usize, length: usize| c.saturating_sub(radius)..(c + radius + 1).min(length);
-    let mut sums = [(); 3].map(|()| vec![0.0; w * h]);
+    let mut sums = [(); 4].map(|()| vec![0.0; w * h]);
     let mut counts = vec![0.0; w * h];
     for centre in 0..w * h {
         let pixels: Vec<usize> = window(centre / w, h)
@@ -119,11 +193,13 @@ pub fn reference(
                 sums[i] += value + (0..planes).map(fit).sum::<f64>();
             }
         }
+        let magnitude = mean(&|i| f64::from(noisy.planes.iter().map(|p| p[i].abs()).sum::<f32>()));
         for &i in &pixels {
+            sums[3][i] += magnitude / 3.0;
             counts[i] += 1.0;
         }
     }
-    for (sums, plane) in sums.iter_mut().zip(&noisy.planes) {
+    for (sums, plane) in sums.iter_mut().zip(noisy.planes.iter().chain([&noisy.planes[0]])) {
         for i in 0..w * h {
             sums[i] = if guides.is_hit[i] { sums[i] / counts[i] } else { f64::from(plane[i]) };
         }
