@@ -92,12 +92,11 @@ impl Splats {
         }
     }
 
-    /// Replaces the tree by a refined one. Returns false if there is none.
-    pub(crate) fn refine(&mut self) -> bool {
+    /// The same splats with a refined tree, if there is one.
+    pub(crate) fn refined(&self) -> Option<Self> {
         let discs: Vec<Disc> = self.discs().collect();
-        let Some((tree, _)) = refined(&discs) else { return false };
-        self.tree = tree;
-        true
+        let (tree, _) = refined(&discs)?;
+        Some(Self { tree, radiances: self.radiances.clone(), ..*self })
     }
 
     /// Appends the splats that emit light.
