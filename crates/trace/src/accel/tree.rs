@@ -77,8 +77,8 @@ impl<L> Tree<L> {
 }
 
 impl<L: Leaf> Tree<L> {
-    /// Builds the implicit tree of `count` primitives, given their centres and the box of these, and
-    /// returns the primitive of each slot.
+    /// Builds the implicit tree of `count` primitives from their centres and the box of these.
+    /// Returns the primitive of each slot, too.
     pub(crate) fn implicit(
         count: usize,
         centres: &Bounds,

@@ -96,8 +96,8 @@ impl Iterator for Bits {
     }
 }
 
-/// A ray on its way through the nodes of a tree. It is asked for one leaf after another and takes no
-/// closure, since one that the compiler leaves as a call would not be compiled for the wide
+/// A ray on its way through the nodes of a tree. It is asked for one leaf after another. It takes
+/// no closure, since one that the compiler leaves as a call would not be compiled for the wide
 /// registers.
 pub(crate) struct Walk<'a, S: Simd> {
     simd: S,
@@ -133,8 +133,8 @@ impl<'a, S: Simd> Walk<'a, S> {
         }
     }
 
-    /// Number of the next leaf whose box the ray meets before `limit`, which must not grow from call
-    /// to call. Leaves come roughly from near to far.
+    /// Number of the next leaf whose box the ray meets before `limit`, which must not grow from
+    /// call to call. Leaves come roughly from near to far.
     #[inline(always)]
     pub(crate) fn next(&mut self, limit: f32) -> Option<usize> {
         loop {
@@ -161,7 +161,8 @@ impl<'a, S: Simd> Walk<'a, S> {
         None
     }
 
-    /// The nearest child of a node that the ray meets before `limit`, or [`EMPTY`]; the others wait.
+    /// The nearest child of a node that the ray meets before `limit`, or [`EMPTY`]. The others
+    /// wait.
     #[inline(always)]
     fn descend(&mut self, at: u32, limit: f32) -> u32 {
         let (simd, node) = (self.simd, &self.nodes[at as usize]);

@@ -1,5 +1,5 @@
-//! Objects: meshes at places of their own, under a small tree over their boxes, so that objects move
-//! without a tree of triangles being built.
+//! Objects: meshes at places of their own, under a small tree over their boxes. When they move, no
+//! tree of triangles is built.
 
 use crate::accel::node::{Node, levels, slack};
 use crate::accel::{Bounds, walk::Walk};
