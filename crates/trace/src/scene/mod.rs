@@ -175,8 +175,7 @@ impl Scene {
     /// Computes what depends on splats and objects.
     fn update(&mut self) {
         self.bounds = self.splats.tree.bounds.union(&self.objects.bounds());
-        self.lights.clear();
-        self.splats.push_lights(&mut self.lights);
+        self.lights.clone_from(&self.splats.lights);
         for object in self.objects.list() {
             object.push_lights(&mut self.lights);
         }
