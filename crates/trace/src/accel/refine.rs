@@ -6,6 +6,7 @@ use crate::accel::bounds::Bounds;
 use crate::accel::node::{LEAF, Node, fit, slack};
 use crate::accel::tree::{Kind, Leaf, NONE, Primitive, Tree, leaves};
 use crate::accel::walk::STACK;
+use esker_points::fetch::fetch;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::leaf_collapser::collapse;
@@ -29,7 +30,7 @@ pub(crate) fn refined<L: Leaf>(primitives: &[L::Primitive]) -> Option<(Tree<L>, 
     let mut shape = Shape { binary: &binary, nodes: Vec::new(), slots: Vec::new() };
     shape.collapse()?;
     let Shape { mut nodes, slots, .. } = shape;
-    let (leaves, boxes) = leaves(&slots, |i| primitives[i]);
+    let (leaves, boxes) = leaves(&slots, |i| primitives[i], |i| fetch(primitives, i));
     let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
     fit(&mut nodes, &boxes, slack(&bounds));
     Some((Tree { nodes, leaves, bounds, kind: Kind::Refined }, slots))

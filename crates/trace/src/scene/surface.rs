@@ -9,6 +9,7 @@ use crate::accel::{Bounds, DiscLeaf, Tree, WIDTH};
 use crate::ray::{Hit, Ray};
 use crate::scene::emitters::{AreaLight, Shape};
 use crate::scene::splats::{SplatInput, albedo_of, disc_of, is_fine};
+use esker_points::fetch::fetch;
 use esker_render::Splat;
 use fearless_simd::Simd;
 use glam::Vec3;
@@ -81,10 +82,10 @@ impl Splats {
         let centre = |index: usize| Vec3::from_array(all[index].centre);
         let disc = |index: usize| disc_of(&all[index], input.tint(index, rule));
         let (tree, _) = if fine == all.len() {
-            Tree::implicit(fine, &centres, centre, disc)
+            Tree::implicit(fine, &centres, centre, disc, |i| fetch(all, i))
         } else {
             let kept: Vec<usize> = (0..all.len()).filter(|&i| is_fine(&all[i])).collect();
-            Tree::implicit(fine, &centres, |i| centre(kept[i]), |i| disc(kept[i]))
+            Tree::implicit(fine, &centres, |i| centre(kept[i]), |i| disc(kept[i]), |_| ())
         };
         let radiances = input.emitters.iter().map(|e| Vec3::from_array(e.radiance)).collect();
         let (count, has_facing) = (fine, facing > 0);
