@@ -182,15 +182,19 @@ impl<'a, S: Simd> Walk<'a, S> {
             return if met == 0 { EMPTY } else { only };
         }
         let near = near.to_array();
+        let entry = |k: usize| u64::from(near[k].to_bits()) << 32 | u64::from(node.child[k]);
+        let first = met.trailing_zeros() as usize % WIDTH;
+        let others = met & (met - 1);
+        let second = others.trailing_zeros() as usize % WIDTH;
+        let (a, b) = (entry(first), entry(second));
+        let mut nearest = a.min(b);
         let bottom = self.top;
-        let mut nearest = u64::MAX;
-        for k in Bits(met) {
-            let entry = u64::from(near[k].to_bits()) << 32 | u64::from(node.child[k]);
+        self.stack[self.top] = a.max(b);
+        self.top += 1;
+        for k in Bits(others & (others - 1)) {
+            let entry = entry(k);
             let farther = nearest.max(entry);
             nearest = nearest.min(entry);
-            if farther == u64::MAX {
-                continue;
-            }
             let mut i = self.top;
             while i > bottom && self.stack[i - 1] < farther {
                 self.stack[i] = self.stack[i - 1];
