@@ -34,8 +34,9 @@ pub struct Surroundings {
 
 impl Default for Surroundings {
     /// A usual picture is a sixteenth of all directions, so that surroundings of an eighth of its
-    /// detail have a quarter of its points. A million points are what a tree for rays is built of
-    /// in less than a tenth of a second.
+    /// detail have a quarter of its points, and two to four times as many as whole nodes. A million
+    /// points bound the time in which a tree for rays is built; where they do not suffice, the
+    /// nodes whose parents are fine enough most nearly are left out.
     fn default() -> Self {
         Self { coarseness: 8.0, points_budget: 1 << 20, bytes_budget: u64::MAX }
     }

@@ -37,7 +37,7 @@ fn lone_points(eye: DVec3) -> Vec<ScenePoint> {
         .map(|(i, [x, z])| {
             let at = DVec3::new(x * 0.4, 0.1 * x * z, z * 0.3);
             let colour = [10 * i as u8, 255 - 10 * i as u8, 128];
-            ScenePoint { at, normal: (eye - at).normalize(), colour }
+            ScenePoint { at, normal: (eye - at).normalize_or_zero(), colour }
         })
         .collect()
 }

@@ -69,6 +69,12 @@ impl CutNode {
 }
 
 impl Cut {
+    /// Nodes whose points light meets: those of the picture, then those of the surroundings. This
+    /// is the order of the entries of [`CutSurroundings::octree`].
+    pub fn lit_nodes(&self) -> impl Iterator<Item = &CutNode> {
+        self.nodes.iter().chain(self.surroundings.iter().flat_map(|around| &around.nodes))
+    }
+
     /// The empty cut before the first choice.
     pub(crate) fn empty(needs: Needs) -> Self {
         Self {

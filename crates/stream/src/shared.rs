@@ -36,7 +36,8 @@ pub(crate) struct Shared {
     pub(crate) feedback: Mailbox<DepthFeedback>,
     /// Newest choice of surroundings.
     pub(crate) surroundings: Mailbox<Option<Surroundings>>,
-    /// Number of needs, surroundings and feedbacks that the render thread has put into the mailboxes.
+    /// Number of needs, surroundings and feedbacks that the render thread has put into the
+    /// mailboxes.
     pub(crate) inputs: AtomicU64,
     /// Number of these inputs that the LOD thread has used, in a pass if they required one.
     pub(crate) inputs_used: AtomicU64,

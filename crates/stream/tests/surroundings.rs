@@ -1,6 +1,6 @@
 //! Surroundings of the picture, for light: they are what the pure choice takes, come after the
-//! picture, keep to their share of memory, and leave the picture as it is while they are switched on
-//! and off. The stand-in for a GPU checks their slots in each frame.
+//! picture, keep to their share of memory, and leave the picture as it is while they are switched
+//! on and off. The stand-in for a GPU checks their slots in each frame.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -10,7 +10,6 @@ use esker_format::PlaneKind;
 use esker_lod::{AllResident, Selection, Surroundings, View, select, surround};
 use esker_points::node::NONE;
 use esker_stream::{Cut, CutNode, Needs, Options};
-use harness::gpu::nodes_of;
 use harness::{GpuOptions, Harness, Random, view};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -88,7 +87,7 @@ fn they_converge_to_the_pure_choice_around_an_unchanged_picture() {
         let should: Vec<_> = chosen.surroundings.iter().map(|d| (d.node, d.prefix)).collect();
         assert_eq!(is, should);
         let light = &cut.surroundings.as_ref().unwrap().octree;
-        assert!(light.len() >= nodes_of(&cut).count());
+        assert!(light.len() >= cut.lit_nodes().count());
         for node in of_surroundings(&cut) {
             assert_eq!(node.prefix, lit.forest.record(node.node).points());
             assert!(
@@ -196,7 +195,7 @@ fn no_more_points_and_nodes_than_allowed() {
         let view = harness.view(x, y, height);
         let cut = settle(&mut harness, view);
         let points: usize = of_surroundings(&cut).iter().map(|n| n.prefix).sum();
-        assert!(points as u64 <= budget && nodes_of(&cut).count() <= 20);
+        assert!(points as u64 <= budget && cut.lit_nodes().count() <= 20);
         assert!(harness.streamer.status().nodes_resident <= 20);
     }
 }
@@ -207,7 +206,7 @@ fn the_same_view_has_the_same_surroundings_whatever_was_seen_before() {
     settle(&mut other, one.view(0.8, 0.1, 0.1));
     settle(&mut other, one.view(0.1, 0.6, 0.4));
     let view = one.view(0.5, 0.3, 0.2);
-    let nodes = |cut: Arc<Cut>| nodes_of(&cut).map(|n| (n.node, n.prefix)).collect::<Vec<_>>();
+    let nodes = |cut: Arc<Cut>| cut.lit_nodes().map(|n| (n.node, n.prefix)).collect::<Vec<_>>();
     assert_eq!(nodes(settle(&mut one, view)), nodes(settle(&mut other, view)));
 }
 
