@@ -1,5 +1,5 @@
 //! A vaulted hall with aisles, columns, arches, windows and a rose window, of closed solids: light
-//! falls in from outside only, so most of what is seen is lit indirectly.
+//! of lamps and from outside, but most of what is seen is lit indirectly.
 
 use super::solids::{Flat, Solids};
 use super::view::{Lamp, Viewpoint};
