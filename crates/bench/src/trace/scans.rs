@@ -42,8 +42,8 @@ impl Scan {
             "office" => Self {
                 path: generated("office", office),
                 eye: [0.19, 0.63, 0.19],
-                target: [0.24, 0.95, 0.1],
-                fovy_deg: 70.0,
+                target: [0.24, 0.95, 0.16],
+                fovy_deg: 60.0,
                 albedo: Albedo::Rgb,
                 lights: rooms,
             },
