@@ -2,7 +2,7 @@
 //! needs.
 
 use super::content::Content;
-use super::scenes::{Parts, TraceScene, data};
+use super::scene::{Parts, TraceScene, data};
 use anyhow::Result;
 use esker_engine::Method;
 use esker_engine::calls::info;
