@@ -26,7 +26,7 @@ pub const LAMPS: [Lamp; 7] = [
 ];
 
 const fn lamp(y: f64) -> Lamp {
-    Lamp::Point { place: [0.0, y, 4.4], intensity: [6.0, 4.8, 3.4] }
+    Lamp::Point { place: [0.0, y, 4.4], intensity: [24.0, 19.0, 13.5] }
 }
 
 /// Bays along the hall, and the length of each.
