@@ -10,6 +10,7 @@
 mod arguments;
 mod bad;
 mod bench_build;
+mod bench_trace;
 mod commands;
 mod contract;
 mod data;
@@ -48,6 +49,7 @@ fn main() {
     synthetic::trials(&mut trials);
     bad::trials(&mut trials);
     bench_build::trials(&mut trials);
+    bench_trace::trials(&mut trials);
     contract::trials(&mut trials);
     arguments::trials(&mut trials);
     commands::trials(&mut trials);

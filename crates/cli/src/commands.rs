@@ -38,8 +38,8 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         }
         Command::Bench { benchmark: Some(benchmark) } => crate::bench::run(benchmark, stop),
         Command::Bench { benchmark: None } => {
-            let line = |(name, what)| format!("esker bench {name:<9} {what}");
-            write(&esker_bench::BENCHMARKS.map(line).join("\n"))
+            let line = |(name, what): &(_, _)| format!("esker bench {name:<9} {what}");
+            write(&esker_bench::BENCHMARKS.iter().map(line).collect::<Vec<_>>().join("\n"))
         }
     };
     done.map(|()| ExitCode::SUCCESS)

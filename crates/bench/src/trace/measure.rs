@@ -7,13 +7,14 @@ use super::figures::Figures;
 use super::filters::{compared, of_channels, timed};
 use super::references::Store;
 use super::report::{Part, SceneRow, TraceBenchReport, TraceRow};
-use super::scenes::{TraceScene, defaults};
+use super::scene::TraceScene;
+use super::scenes::{defaults, make};
 use crate::quantile::quantile;
 use anyhow::Result;
 use esker_engine::machine::pool;
 use esker_points::Task;
-use esker_trace::filter::{FilterKind, Settings, filter};
-use esker_trace::{Sequence, Stats};
+use esker_trace::filter::{FilterKind, Halves, Settings, filter};
+use esker_trace::{Image, Sequence, Stats};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -79,7 +80,7 @@ pub fn measure(request: &TraceBenchRequest, task: &dyn Task) -> Result<TraceBenc
             figures: request.out.as_deref().map(Figures::new).transpose()?,
         };
         for (i, name) in names.iter().enumerate() {
-            let scene = TraceScene::new(name, request.size, request.is_quick, task)?;
+            let scene = make(name, request.size, request.is_quick, task)?;
             run.scene(&scene, i == 0)?;
         }
         run.report.figures = run.figures.map(|figures| figures.written).unwrap_or_default();
@@ -190,17 +191,38 @@ impl Run<'_> {
                 self.phase(scene, "convergence");
                 let effort = Effort { bounces: BOUNCES, samples, sequence, seed: SEED + 1 };
                 let estimate = Estimate::new(scene, effort, self.task)?;
+                let mut push = |image: &Image<3>, settings: &Settings, name| {
+                    let row = row(Part::Convergence, scene, effort, settings, name);
+                    let row = row.with_times(&estimate).with_error(reference.error(image));
+                    self.report.rows.push(row);
+                };
                 for (kind, name) in [(FilterKind::None, "none"), (FilterKind::Nested, "nested")] {
                     let settings = Settings::of(kind);
                     let image = filter(&estimate.incident, &estimate.guides, samples, &settings);
-                    let row = row(Part::Convergence, scene, effort, &settings, name);
-                    let row = row.with_times(&estimate).with_error(reference.error(&image));
-                    self.report.rows.push(row);
+                    push(&image, &settings, name);
+                }
+                if samples > 1 && sequence == Sequence::ZOrder {
+                    let image = mixed(scene, effort, self.task)?;
+                    push(&image, &Settings::of(FilterKind::Nested), "nested-mixed");
                 }
             }
         }
         Ok(())
     }
+}
+
+/// The filtered picture mixed with the mean of its samples by the agreement of two halves, so that
+/// it converges to the mean. Each half has its own seed.
+fn mixed(scene: &TraceScene, effort: Effort, task: &dyn Task) -> Result<Image<3>> {
+    let half = |seed: u64| {
+        let effort = Effort { samples: effort.samples / 2, seed, ..effort };
+        Estimate::new(scene, effort, task)
+    };
+    let (a, b) = (half(SEED + 2)?, half(SEED + 3)?);
+    let halves = Halves { a: a.incident, b: b.incident };
+    let settings = Settings::of(FilterKind::Nested);
+    let filtered = filter(&halves.mean(), &a.guides, effort.samples, &settings);
+    Ok(halves.mix(&filtered, &a.guides.is_hit))
 }
 
 fn scene_row(scene: &TraceScene, stats: &Stats) -> SceneRow {
@@ -253,5 +275,48 @@ impl TraceRow {
         self.total_ms = estimate.trace_ms + self.filter_ms;
         self.mrays_per_s = estimate.stats.rays() as f64 / estimate.trace_ms.max(1e-9) * 1e-3;
         self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::report::text;
+    use esker_points::task::Silent;
+    use std::path::Path;
+
+    fn run(folder: &Path) -> TraceBenchReport {
+        let request = TraceBenchRequest {
+            scenes: vec!["hall".into()],
+            size: [40, 30],
+            is_quick: true,
+            out: Some(folder.join("figures")),
+            references: folder.join("references"),
+            reference_samples: 4,
+            rebuilds: false,
+            threads: 0,
+        };
+        measure(&request, &Silent).unwrap()
+    }
+
+    #[test]
+    fn a_second_run_reads_the_references_and_gives_the_same_errors() {
+        let folder = tempfile::tempdir().unwrap();
+        let (first, second) = (run(folder.path()), run(folder.path()));
+        let files = std::fs::read_dir(folder.path().join("references")).unwrap().count();
+        assert_eq!(files, 3);
+        let errors = |report: &TraceBenchReport| -> Vec<Option<f64>> {
+            report.rows.iter().flat_map(|row| [row.mse, row.worst]).collect()
+        };
+        assert_eq!(errors(&first), errors(&second));
+        assert_eq!(first.figures.len(), 5);
+        assert!(first.figures.iter().all(|path| path.is_file()));
+        let of = |part| first.rows.iter().filter(move |row| row.part == part);
+        assert_eq!(of(Part::Frames).count(), TABLE_1.len());
+        assert_eq!(of(Part::Filters).count(), timed().len());
+        assert_eq!(of(Part::Errors).count(), compared().len() * 4);
+        assert!(of(Part::Errors).all(|row| row.mse.is_some_and(f64::is_finite)));
+        assert!(first.rows.iter().all(|row| row.trace_ms > 0.0 && row.mrays_per_s > 0.0));
+        assert!(text(&first).contains("figure 8") && text(&first).contains("guided r24"));
     }
 }
