@@ -214,7 +214,6 @@ fn errors_show_forms() {
         (vec!["--exposure", "0"], "--exposure"),
         (vec!["--filter", "median"], "guided"),
         (vec!["--albedo", "plain", "--colour", "rgb"], "--albedo"),
-        (vec!["--backend", "gpu"], "by the CPU"),
     ] {
         let fault = lit(&file, &picture, &more);
         fault.error();

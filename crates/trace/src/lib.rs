@@ -8,6 +8,7 @@
 pub mod accel;
 pub mod camera;
 pub mod filter;
+pub mod gpu;
 pub mod image;
 pub mod light;
 pub mod paths;

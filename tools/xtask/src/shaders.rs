@@ -1,5 +1,5 @@
-//! Checks that no shader escapes validation. The build script of `esker-render`
-//! (`crates/render/build.rs`) links all shaders and validates them with naga.
+//! Checks that no shader escapes validation. The build scripts of `esker-render` and `esker-trace`
+//! link all shaders and validate them with naga (`crates/render/build/shaders.rs`).
 
 use anyhow::{Result, ensure};
 use std::collections::BTreeSet;
@@ -26,7 +26,10 @@ pub fn check() -> Result<()> {
             path.display()
         );
     }
-    println!("shaders: {} files; linked and validated where esker-render is built", all.len());
+    println!(
+        "shaders: {} files; linked and validated where esker-render and esker-trace are built",
+        all.len()
+    );
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! Traces a scene and keeps what is measured: unfiltered incident indirect light, guides, the lit
 //! picture, rays and times.
 
-use super::scenes::TraceScene;
+use super::scene::TraceScene;
 use anyhow::{Result, ensure};
 use esker_points::Task;
 use esker_trace::filter::{FilterKind, Guides, Settings};

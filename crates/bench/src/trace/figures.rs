@@ -5,7 +5,7 @@ use super::error::Reference;
 use super::estimate::Estimate;
 use super::filters::{of_channels, shown};
 use super::picture::{Tile, worst_area};
-use super::scenes::TraceScene;
+use super::scene::TraceScene;
 use anyhow::{Context, Result};
 use esker_trace::Image;
 use esker_trace::filter::{FilterKind, Settings, filter};

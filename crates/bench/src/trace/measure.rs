@@ -7,7 +7,8 @@ use super::figures::Figures;
 use super::filters::{compared, of_channels, timed};
 use super::references::Store;
 use super::report::{Part, SceneRow, TraceBenchReport, TraceRow};
-use super::scenes::{TraceScene, defaults};
+use super::scene::TraceScene;
+use super::scenes::{defaults, make};
 use crate::quantile::quantile;
 use anyhow::Result;
 use esker_engine::machine::pool;
@@ -79,7 +80,7 @@ pub fn measure(request: &TraceBenchRequest, task: &dyn Task) -> Result<TraceBenc
             figures: request.out.as_deref().map(Figures::new).transpose()?,
         };
         for (i, name) in names.iter().enumerate() {
-            let scene = TraceScene::new(name, request.size, request.is_quick, task)?;
+            let scene = make(name, request.size, request.is_quick, task)?;
             run.scene(&scene, i == 0)?;
         }
         run.report.figures = run.figures.map(|figures| figures.written).unwrap_or_default();

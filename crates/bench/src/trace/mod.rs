@@ -8,10 +8,12 @@ mod estimate;
 mod figures;
 mod filters;
 mod measure;
+mod meshes;
 mod picture;
 mod references;
 mod report;
 mod scans;
+mod scene;
 mod scenes;
 
 pub use measure::{TraceBenchRequest, measure};

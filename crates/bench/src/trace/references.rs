@@ -3,7 +3,7 @@
 
 use super::error::Reference;
 use super::estimate::{Effort, Estimate};
-use super::scenes::TraceScene;
+use super::scene::TraceScene;
 use anyhow::{Context, Result, ensure};
 use esker_points::Task;
 use esker_trace::filter::{FilterKind, Settings};

@@ -124,7 +124,7 @@ pub fn text(report: &TraceBenchReport) -> String {
     ));
     for row in &report.scenes {
         lines.push(format!(
-            "{:<10} {:>11} {:>10.0} {:>8.2} % {:>8.2} %",
+            "{:<10} {:>11} {:>10.0} {:>8.3} % {:>8.3} %",
             row.scene,
             grouped(row.surfaces as u64),
             row.build_ms,

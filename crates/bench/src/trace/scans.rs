@@ -2,7 +2,7 @@
 //! needs.
 
 use super::content::Content;
-use super::scenes::{Parts, TraceScene, data};
+use super::scene::{Parts, TraceScene, data};
 use anyhow::Result;
 use esker_engine::Method;
 use esker_engine::calls::info;
@@ -17,9 +17,10 @@ use glam::DVec3;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Points of a generated scan, and of one in a quick run.
-const POINTS: &str = "4M";
-const QUICK_POINTS: &str = "300k";
+/// Points of generated scans, and of those in a quick run. The terrain grows with its points; the
+/// office gets denser.
+const POINTS: [&str; 2] = ["6M", "1M"];
+const QUICK_POINTS: [&str; 2] = ["1M", "300k"];
 /// Most points of a lit scene: about those that 1024 x 768 pixels need.
 const SPLATS_MAX: u64 = 1_200_000;
 
@@ -35,22 +36,22 @@ struct Scan {
 
 impl Scan {
     fn of(name: &str, is_quick: bool) -> Result<Self> {
-        let points = if is_quick { QUICK_POINTS } else { POINTS };
-        let generated = |scene: &str| PathBuf::from(format!("synthetic:{scene}:{points}:1"));
+        let [office, terrain] = if is_quick { QUICK_POINTS } else { POINTS };
+        let generated = |scene: &str, points: &str| format!("synthetic:{scene}:{points}:1").into();
         Ok(match name {
             "office" => Self {
-                path: generated("office"),
-                eye: [0.86, 0.5, 0.165],
-                target: [0.1, 0.5, 0.13],
+                path: generated("office", office),
+                eye: [0.19, 0.63, 0.19],
+                target: [0.24, 0.95, 0.16],
                 fovy_deg: 60.0,
                 albedo: Albedo::Rgb,
                 lights: rooms,
             },
             "terrain" => Self {
-                path: generated("terrain"),
-                eye: [0.42, 0.1, 1.4],
-                target: [0.5, 0.45, 0.1],
-                fovy_deg: 50.0,
+                path: generated("terrain", terrain),
+                eye: [0.5, -0.12, 1.9],
+                target: [0.5, 0.45, 0.2],
+                fovy_deg: 40.0,
                 albedo: Albedo::Rgb,
                 lights: open_air,
             },
@@ -67,14 +68,15 @@ impl Scan {
     }
 }
 
-/// Lamps along the middle of the box, and a sky that windows let in.
+/// Lamps in the room that is seen and along the corridor, and a sky that windows let in.
 fn rooms([low, high]: [DVec3; 2]) -> Vec<Light> {
-    let lamps = (0..4).map(|i| {
-        let share = DVec3::new(0.2 + 0.2 * f64::from(i), 0.5, 0.2);
+    let corridor = (0..4).map(|i| DVec3::new(0.2 + 0.2 * f64::from(i), 0.5, 0.24));
+    let places = corridor.chain([DVec3::new(0.215, 0.75, 0.25)]);
+    let lamps = places.map(|share| {
         let position = (low + (high - low) * share).to_array();
-        Light::Point { position, intensity: [6.0, 5.4, 4.6] }
+        Light::Point { position, intensity: [3.0, 2.7, 2.3] }
     });
-    let sky = Light::Sky { sky: Sky::Constant([2.0, 2.3, 2.6]) };
+    let sky = Light::Sky { sky: Sky::Constant([1.0, 1.15, 1.3]) };
     lamps.chain([sky]).collect()
 }
 

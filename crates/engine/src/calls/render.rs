@@ -14,13 +14,16 @@ use crate::io::quantity::grouped;
 use crate::io::stages;
 #[cfg(feature = "light")]
 use crate::light::still;
-use crate::light::{LIT_BY_CPU, check_built};
+use crate::light::check_built;
 use crate::machine::backend::{Backend, Drawer, DrawerReport};
 use crate::machine::pool;
-use anyhow::{Result, ensure};
+use anyhow::Result;
+#[cfg(feature = "light")]
+use anyhow::ensure;
 use esker_format::{Forest, Planes};
 use esker_lod::{CompactOctree, View};
 use esker_points::Task;
+use esker_render::gpu::Gpu;
 use esker_render::{PassTimes, Picture, Renderer};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -151,9 +154,8 @@ pub fn draw(
 ) -> Result<(Picture, RenderReport)> {
     let scene = PictureScene::read(file, request, task)?;
     if request.method == Method::Lit {
-        ensure!(request.with.backend != Backend::Gpu, LIT_BY_CPU);
-        let drawer = Drawer::cpu(LIT_BY_CPU.into());
-        return draw_lit(file, &scene, &drawer, request, task);
+        let (gpu, drawer) = request.with.choose(None)?;
+        return draw_lit(file, &scene, gpu.as_ref(), drawer, request, task);
     }
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let (gpu, mut drawer) = request.with.choose(None)?;
@@ -179,20 +181,25 @@ pub fn draw(
     Ok((picture, report))
 }
 
-/// Draws a lit picture, which the CPU does whatever draws other ones.
+/// Draws a lit picture.
 #[cfg(feature = "light")]
 fn draw_lit(
     file: &Forest,
     scene: &PictureScene,
-    drawer: &Drawer,
+    gpu: Option<&Gpu>,
+    mut drawer: Drawer,
     request: &PictureRequest,
     task: &dyn Task,
 ) -> Result<(Picture, RenderReport)> {
     let start = Instant::now();
-    let (picture, light) = still::draw(file, scene, &request.light, task)?;
+    let (picture, light, refusal) = still::draw(file, scene, &request.light, gpu, task)?;
+    if let Some(why) = refusal {
+        ensure!(request.with.backend != Backend::Gpu, "{why}; draw it with --backend cpu");
+        drawer = Drawer::cpu(why);
+    }
     let mut notes = notes(file, request, scene, &picture)?;
     notes.extend(still::notes(scene, &light));
-    let report = RenderReport::new(&picture, scene, drawer, notes, ms(start));
+    let report = RenderReport::new(&picture, scene, &drawer, notes, ms(start));
     Ok((picture, RenderReport { light: Some(light), ..report }))
 }
 
@@ -200,7 +207,8 @@ fn draw_lit(
 fn draw_lit(
     _: &Forest,
     _: &PictureScene,
-    _: &Drawer,
+    _: Option<&Gpu>,
+    _: Drawer,
     _: &PictureRequest,
     _: &dyn Task,
 ) -> Result<(Picture, RenderReport)> {

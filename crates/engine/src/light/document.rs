@@ -206,7 +206,7 @@ mod tests {
             (
                 r#"{"kind": "point", "position": [0, 0, 1e30], "intensity": [1, 1, 1]}"#,
                 "",
-                "light 1: the position is 1e30",
+                "light 1: the position is 1000000",
             ),
             (
                 r#"{"kind": "area", "corner": [0,0,0], "edges": [[1,0,0],[2,0,0]], "radiance": [1,1,1]}"#,

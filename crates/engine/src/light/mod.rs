@@ -8,6 +8,8 @@ pub mod document;
 pub mod lights;
 #[cfg(feature = "light")]
 pub(crate) mod progressive;
+#[cfg(feature = "light")]
+pub(crate) mod tracing;
 #[cfg(not(feature = "light"))]
 #[path = "unlit.rs"]
 pub(crate) mod progressive;

@@ -53,6 +53,8 @@ pub(crate) struct Progressive {
     /// What the samples of `fine` are of.
     seen: Option<Seen>,
     exposure: Option<f64>,
+    /// Whether the samples of `fine` are of what is seen.
+    is_begun: bool,
     /// When the refined picture was shown last.
     shown: Option<Instant>,
     /// Milliseconds of a sample of a million pixels; 0 before the first one.
@@ -85,6 +87,7 @@ impl Progressive {
             coarse: Tracer::new(options),
             seen: None,
             exposure: None,
+            is_begun: false,
             shown: None,
             cost_ms: 0.0,
             status: LitStatus { splats_max, samples_final: SAMPLES_FINAL, ..LitStatus::default() },
@@ -136,7 +139,7 @@ impl Progressive {
         if !keeps {
             let start = Instant::now();
             let origin = self.origin(frame);
-            let lit = LitScene::new(frame, &self.meshes, &lights, &[], origin);
+            let lit = LitScene::new(frame, &self.meshes, &lights, origin);
             let took = start.elapsed();
             self.scene = Some(Scene { lit, epoch, built: Instant::now(), took });
             self.scenes += 1;
@@ -186,7 +189,7 @@ impl Progressive {
         let image = self.coarse.resolve();
         let ms = start.elapsed().as_secs_f64() * 1e3;
         self.cost_ms = ms / (camera.pixels() as f64 * 1e-6);
-        self.status.samples = 0;
+        (self.status.samples, self.is_begun) = (0, false);
         self.show(&image, by, frame, settings, picture);
     }
 
@@ -198,7 +201,11 @@ impl Progressive {
             return;
         }
         let start = Instant::now();
-        while start.elapsed() < FRAME_BUDGET && self.fine.samples() < SAMPLES_FINAL {
+        // Until it is called, the tracer has the samples of another picture.
+        while start.elapsed() < FRAME_BUDGET
+            && (!self.is_begun || self.fine.samples() < SAMPLES_FINAL)
+        {
+            self.is_begun = true;
             let is_over = || start.elapsed() >= FRAME_BUDGET;
             self.fine.trace(&scene.lit.scene, self.scenes, lights, &camera, 1, &is_over);
         }

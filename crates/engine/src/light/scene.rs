@@ -23,6 +23,17 @@ pub struct LitScene {
     pub splats: usize,
 }
 
+/// Splats with what a scene is to know of them.
+pub(crate) struct GatheredSplats {
+    pub(crate) splats: Vec<Splat>,
+    /// Number of the entry by which each shines, where there is one.
+    classes: Option<Vec<u8>>,
+    emitters: Vec<Emitter>,
+    albedo: Albedo,
+    /// Place in the world that positions are relative to.
+    pub(crate) origin: DVec3,
+}
+
 /// Triangle meshes that stand in the scan, in world coordinates.
 #[derive(Default)]
 pub struct Meshes(Vec<esker_scan::mesh::TriangleMesh>);
@@ -42,18 +53,22 @@ impl Meshes {
         self.0.iter().flat_map(|mesh| mesh.notes.iter().map(String::as_str))
     }
 
+    /// The meshes relative to an origin.
+    pub(crate) fn objects(&self, origin: DVec3) -> Vec<Object> {
+        self.0.iter().map(|mesh| object(mesh, origin)).collect()
+    }
+
     /// Number of triangles.
     pub fn triangles(&self) -> usize {
         self.0.iter().map(|mesh| mesh.triangles.len()).sum()
     }
 }
 
-impl LitScene {
-    /// The scene of a frame. `classes` are the classes of the points of each draw, where lights
-    /// choose points by them.
-    pub fn new(
+impl GatheredSplats {
+    /// The splats of a frame, relative to `origin`. `classes` are the classes of the points of each
+    /// draw, where lights choose points by them.
+    pub(crate) fn of(
         frame: &Frame<'_>,
-        meshes: &Meshes,
         lights: &Lights,
         classes: &[Option<&[u8]>],
         origin: DVec3,
@@ -64,16 +79,27 @@ impl LitScene {
             let number = |splat: &Splat| number_of(shining, splat, classes, origin);
             splats.par_iter().map(number).collect()
         });
-        let emitters: Vec<Emitter> = shining.iter().enumerate().filter_map(emitter).collect();
-        let input = SplatInput {
-            splats: &splats,
-            classes: classes.as_deref(),
-            albedo: albedo(frame.colour),
-            emitters: &emitters,
-        };
-        let objects = meshes.0.iter().map(|mesh| object(mesh, origin)).collect();
-        let scene = Scene::new(input).with_objects(objects);
-        Self { scene, origin, splats: splats.len() }
+        let emitters = shining.iter().enumerate().filter_map(emitter).collect();
+        Self { splats, classes, emitters, albedo: albedo(frame.colour), origin }
+    }
+
+    /// The splats as a scene takes them.
+    pub(crate) fn input(&self) -> SplatInput<'_> {
+        SplatInput {
+            splats: &self.splats,
+            classes: self.classes.as_deref(),
+            albedo: self.albedo,
+            emitters: &self.emitters,
+        }
+    }
+}
+
+impl LitScene {
+    /// The scene of a frame, on the CPU.
+    pub fn new(frame: &Frame<'_>, meshes: &Meshes, lights: &Lights, origin: DVec3) -> Self {
+        let splats = GatheredSplats::of(frame, lights, &[], origin);
+        let scene = Scene::new(splats.input()).with_objects(meshes.objects(origin));
+        Self { scene, origin, splats: splats.splats.len() }
     }
 
     /// Lights relative to the origin of the scene.

@@ -5,16 +5,18 @@ use crate::draw::scene::PictureScene;
 use crate::io::quantity::grouped;
 use crate::light::document::Lights;
 use crate::light::lights;
-use crate::light::scene::{LitScene, Meshes, holds_light};
+use crate::light::scene::{GatheredSplats, Meshes, holds_light};
 use crate::light::settings::{FilterName, LightSettings};
 use crate::light::tone::Tones;
+use crate::light::tracing::{GpuRefusal, Job, Traced, ms};
 use anyhow::Result;
 use esker_format::Forest;
 use esker_lod::{Counters, light_octree};
 use esker_points::Task;
+use esker_render::gpu::Gpu;
 use esker_render::{Frame, PassTimes, Picture, Stats};
 use esker_trace::filter::{FilterKind, Settings as FilterSettings};
-use esker_trace::{Camera, LitImage, Options, Tracer};
+use esker_trace::{Camera, LitImage, Options};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -48,17 +50,21 @@ pub struct LightReport {
     /// Triangles of meshes.
     pub triangles: usize,
     /// Bytes of the scene: surfaces and their tree.
-    pub scene_bytes: usize,
-    /// All rays.
-    pub rays: u64,
+    pub scene_bytes: u64,
+    /// All rays; a GPU counts neither these nor what follows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rays: Option<u64>,
     /// Share of the rays that bounce which hit the surface that they left.
-    pub self_hits: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub self_hits: Option<f64>,
     /// Share of the rays that bounce which hit nothing: they saw the sky, or leaked between the
     /// points of a closed scene.
-    pub escaped: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub escaped: Option<f64>,
     /// Share of the rays through pixels that fitted no guide and were traced afresh (`bauszat2011`,
     /// figure 3b).
-    pub without_guide: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub without_guide: Option<f64>,
     /// Making splats and their tree, milliseconds.
     pub build_ms: f64,
     /// Tracing, milliseconds.
@@ -91,7 +97,8 @@ pub(crate) fn lights_of(settings: &LightSettings) -> Lights {
     settings.lights.clone().unwrap_or_else(lights::defaults)
 }
 
-/// Draws a scene lit.
+/// Draws a scene lit, on `gpu` if its kernels draw such pictures. Returns also why they do not,
+/// where the CPU has drawn although there is a GPU.
 ///
 /// # Errors
 /// If a mesh cannot be read, or `task` is cancelled.
@@ -99,68 +106,82 @@ pub fn draw(
     file: &Forest,
     scene: &PictureScene,
     settings: &LightSettings,
+    gpu: Option<&Gpu>,
     task: &dyn Task,
-) -> Result<(Picture, LightReport)> {
+) -> Result<(Picture, LightReport, Option<String>)> {
     let (draws, octree) = (scene.lit_draws(file), light_octree(file.table(), &scene.selection));
     let frame = &scene.appearance.frame(file, &scene.view, &draws, &octree);
-    let classes = scene.classes();
     let lights = lights_of(settings);
     let meshes = Meshes::read(settings, task)?;
     meshes.notes().for_each(|note| task.note(note));
     let start = Instant::now();
-    let lit = LitScene::new(frame, &meshes, &lights, &classes, frame.view.eye);
-    let build_ms = ms(start);
-    let (prepared, camera) = (lit.prepared(&lights), Camera::new(frame.view, lit.origin));
-    let options = options(settings, &lights);
-    let mut tracer = Tracer::new(options);
-    let pixels = camera.pixels() as u64;
-    task.phase("tracing", Some(pixels * u64::from(settings.samples)), "rays");
-    let start = Instant::now();
-    for _ in 0..settings.samples {
-        let is_whole = tracer.trace(&lit.scene, 1, &prepared, &camera, 1, &|| task.is_cancelled());
-        task.check()?;
-        debug_assert!(is_whole, "only cancelling stops a trace");
-        task.advance(pixels);
-    }
-    let trace_ms = ms(start);
-    let start = Instant::now();
-    let image = tracer.resolve();
-    let filter_ms = ms(start);
-    let (picture, exposure) = picture(&image, frame, settings, lights.have_sky());
-    let counts = tracer.stats();
-    let share = |of: u64, all: u64| if all > 0 { of as f64 / all as f64 } else { 0.0 };
-    let report = LightReport {
-        lights: lights.kinds(),
+    let splats = GatheredSplats::of(frame, &lights, &scene.classes(), frame.view.eye);
+    let gather_ms = ms(start);
+    let camera = Camera::new(frame.view, splats.origin);
+    let job = Job {
+        splats: &splats,
+        meshes: &meshes,
+        lights: &lights,
+        camera,
+        options: options(settings, &lights),
         samples: settings.samples,
-        bounces: settings.bounces,
-        shadow_samples: settings.shadow_samples,
-        filter: settings.filter.name(),
-        seed: settings.seed,
-        exposure,
-        splats: lit.splats,
-        splats_around: scene.selection.counters.surroundings_points,
-        splats_max: scene.points_max,
-        is_bounded: is_bounded(&scene.selection.counters),
-        splats_dropped: lit.scene.dropped(),
-        triangles: meshes.triangles(),
-        scene_bytes: lit.scene.bytes(),
-        rays: counts.rays(),
-        self_hits: share(counts.self_hits, counts.bounce_rays),
-        escaped: share(counts.escaped, counts.bounce_rays),
-        without_guide: share(counts.without_guide, counts.eye_rays),
-        build_ms,
-        trace_ms,
-        filter_ms,
     };
+    let (traced, refusal) = match gpu.map(|gpu| job.on_gpu(gpu, task)) {
+        Some(Ok(traced)) => (traced, None),
+        Some(Err(GpuRefusal::Cancelled(stopped))) => return Err(stopped.into()),
+        Some(Err(GpuRefusal::Because(why))) => (job.on_cpu(task)?, Some(why)),
+        None => (job.on_cpu(task)?, None),
+    };
+    let (picture, exposure) = picture(&traced.image, frame, settings, lights.have_sky());
+    let total_ms = gather_ms + traced.times_ms.iter().sum::<f64>();
     let stats = Stats {
-        points_drawn: lit.splats as u64,
+        points_drawn: splats.splats.len() as u64,
         nodes_drawn: frame.draws.iter().filter(|draw| draw.prefix > 0).count() as u32,
-        splats_drawn: lit.scene.splats() as u64,
-        splats_dropped: lit.scene.dropped() as u64,
-        stages: PassTimes { total_ms: build_ms + trace_ms + filter_ms, ..PassTimes::default() },
+        splats_drawn: (splats.splats.len() - traced.dropped) as u64,
+        splats_dropped: traced.dropped as u64,
+        stages: PassTimes { total_ms, ..PassTimes::default() },
         ..picture.stats
     };
-    Ok((Picture { stats, ..picture }, report))
+    let report = LightReport::new(&job, scene, settings, &traced, exposure, gather_ms);
+    Ok((Picture { stats, ..picture }, report, refusal))
+}
+
+impl LightReport {
+    fn new(
+        job: &Job<'_>,
+        scene: &PictureScene,
+        settings: &LightSettings,
+        traced: &Traced,
+        exposure: f64,
+        gather_ms: f64,
+    ) -> Self {
+        let share = |of: u64, all: u64| if all > 0 { of as f64 / all as f64 } else { 0.0 };
+        let counts = traced.counts;
+        let [build_ms, trace_ms, filter_ms] = traced.times_ms;
+        Self {
+            lights: job.lights.kinds(),
+            samples: settings.samples,
+            bounces: settings.bounces,
+            shadow_samples: settings.shadow_samples,
+            filter: settings.filter.name(),
+            seed: settings.seed,
+            exposure,
+            splats: job.splats.splats.len(),
+            splats_around: scene.selection.counters.surroundings_points,
+            splats_max: scene.points_max,
+            is_bounded: is_bounded(&scene.selection.counters),
+            splats_dropped: traced.dropped,
+            triangles: job.meshes.triangles(),
+            scene_bytes: traced.scene_bytes,
+            rays: counts.map(|c| c.rays()),
+            self_hits: counts.map(|c| share(c.self_hits, c.bounce_rays)),
+            escaped: counts.map(|c| share(c.escaped, c.bounce_rays)),
+            without_guide: counts.map(|c| share(c.without_guide, c.eye_rays)),
+            build_ms: gather_ms + build_ms,
+            trace_ms,
+            filter_ms,
+        }
+    }
 }
 
 /// The picture of lit pixels, and its exposure.
@@ -223,23 +244,24 @@ pub(crate) fn notes(scene: &PictureScene, report: &LightReport) -> Vec<&'static 
 
 /// Text of a report.
 pub(crate) fn text(report: &LightReport) -> String {
+    let counts = report.rays.map_or(String::new(), |rays| {
+        let percent = |share: Option<f64>| share.unwrap_or_default() * 100.0;
+        format!(
+            "{} rays, {:.1} % self-hits, {:.1} % escaped, {:.1} % without guide, ",
+            grouped(rays),
+            percent(report.self_hits),
+            percent(report.escaped),
+            percent(report.without_guide),
+        )
+    });
     format!(
-        "light: {} ({}), {} splats, {} rays, {:.1} % self-hits, {:.1} % escaped, {:.1} % without \
-         guide, exposure {:.3}; ms: build {:.0}, trace {:.0}, filter {:.0}",
+        "light: {} ({}), {} splats, {counts}exposure {:.3}; ms: build {:.0}, trace {:.0}, filter {:.0}",
         report.lights.join(", "),
         report.filter,
         grouped(report.splats as u64),
-        grouped(report.rays),
-        report.self_hits * 100.0,
-        report.escaped * 100.0,
-        report.without_guide * 100.0,
         report.exposure,
         report.build_ms,
         report.trace_ms,
         report.filter_ms,
     )
-}
-
-fn ms(start: Instant) -> f64 {
-    start.elapsed().as_secs_f64() * 1e3
 }

@@ -101,7 +101,9 @@ fn mean(picture: &Picture) -> f64 {
 fn lit_pictures_have_their_golden_pictures() {
     let file = creek();
     is_golden(&file, &lit("sun:225,40|sky"), "lit-creek-day.png");
-    let low = PictureRequest { colour_by: Some("plain".into()), ..lit("sun:300,8|sky:0.3") };
+    let dim = LightSettings { exposure: Some(4.0), ..light("sun:300,8|sky:0.3") };
+    let colour_by = Some("plain".into());
+    let low = PictureRequest { colour_by, light: dim, ..lit("sky") };
     is_golden(&file, &low, "lit-creek-evening.png");
 }
 

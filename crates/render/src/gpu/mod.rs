@@ -13,6 +13,8 @@ mod testing;
 
 pub use device::error::GpuError;
 pub use device::kernel::Kernel;
+pub(crate) use device::same::same_values;
+pub(crate) use device::shader::sources;
 pub use device::{Gpu, GpuRequest, ProjectPath, Tier};
 pub use memory::pool::NodePool;
 pub use memory::table::PlaneAt;

@@ -8,9 +8,9 @@ use std::borrow::Cow;
 
 /// Noise from which normals are filtered: 5 degrees, in the unit of the guides, which is half that
 /// of normals.
-const NOISE_MIN: f64 = 0.5 * 5.0 * std::f64::consts::PI / 180.0;
+pub(crate) const NOISE_MIN: f64 = 0.5 * 5.0 * std::f64::consts::PI / 180.0;
 /// Radius of the filter of normals, pixels.
-const RADIUS: usize = 6;
+pub(crate) const RADIUS: usize = 6;
 /// Distance of the pixels whose normals are compared. Noise of scans is nearly equal within a splat
 /// of some pixels; relief is smooth over as many.
 const LAG: usize = 3;

@@ -10,10 +10,10 @@ use crate::Image;
 use rayon::prelude::*;
 
 /// Radius of the windows in which bias and noise are measured, pixels.
-const RADIUS: usize = 8;
+pub(crate) const RADIUS: usize = 8;
 /// Standard errors that are subtracted from the square of the bias: noise of a few bright samples
 /// must not be taken for bias, since the unfiltered mean can have a thousand times the error.
-const STANDARD_ERRORS: f64 = 3.0;
+pub(crate) const STANDARD_ERRORS: f64 = 3.0;
 
 /// Means of the two halves of the samples of a picture.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,13 +5,13 @@
 mod atrous;
 mod bilateral;
 mod boxes;
-mod clean;
-mod converge;
+pub(crate) mod clean;
+pub(crate) mod converge;
 mod guided;
 mod guides;
 mod input;
 mod moments;
-mod nested;
+pub(crate) mod nested;
 mod settings;
 mod solve;
 mod taps;

@@ -10,17 +10,17 @@ use super::moments::LUMINANCE;
 use rayon::prelude::*;
 
 /// Radii of the windows, pixels. Three and more radii from 3 pixels on have larger errors.
-const RADII: [usize; 2] = [8, 24];
+pub(crate) const RADII: [usize; 2] = [8, 24];
 /// Radius of the windows in which the energy of the difference is measured, pixels. Smaller windows
 /// hold too few independent values of the filtered noise to tell light from it.
-const ENERGY_RADIUS: usize = 16;
+pub(crate) const ENERGY_RADIUS: usize = 16;
 /// Times that the expected energy of the noise is subtracted, since its energy in a window is known
 /// to a fifth or so.
-const CAUTION: f64 = 1.2;
+pub(crate) const CAUTION: f64 = 1.2;
 
 /// Greatest change of the mean that is taken back. More is no bias of the shares: a picture of almost
 /// no light, or of one firefly.
-const MEAN_CHANGE_MAX: f64 = 0.02;
+pub(crate) const MEAN_CHANGE_MAX: f64 = 0.02;
 
 /// Filters a picture of three signals.
 pub(crate) fn nested(

@@ -117,7 +117,7 @@ impl Neighbours<'_> {
                 for k in 0..K {
                     let mut change = load(simd, self.guides[k], there) - centre[k];
                     if k == K - 1 {
-                        change -= slopes[0] * tap.x as f32 - slopes[1] * tap.y as f32;
+                        change -= slopes[0] * tap.x as f32 + slopes[1] * tap.y as f32;
                     }
                     distance = simd.mul_add_f32x8(change, change, distance);
                 }

@@ -34,6 +34,10 @@ impl PreparedLights {
         !self.skies.is_empty()
     }
 
+    pub(crate) fn skies(&self) -> &[Sky] {
+        &self.skies
+    }
+
     pub(crate) fn lamps(&self) -> &[Lamp] {
         &self.lamps
     }

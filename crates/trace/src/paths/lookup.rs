@@ -13,6 +13,16 @@ const FIT_COS: f32 = 0.5;
 /// farther from what is behind them.
 const FIT_PIXELS: f32 = 8.0;
 
+/// Squared difference of normals up to which they are equal: the rounding of blends on a plane,
+/// which must not choose the guide.
+const NORMAL_ROUNDING: f32 = 1e-6;
+/// Difference of depths up to which they are equal, as a share of the depth.
+const DEPTH_ROUNDING: f32 = 1e-5;
+
+/// Difference of similarities up to which guides are equally similar, and the first is taken: those
+/// of a row on a floor differ by rounding.
+const NEAR_TIE: f32 = 1e-4;
+
 /// The guide of a neighbouring pixel: its index, and its place among the 3 x 3 around the pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Neighbour {
@@ -21,10 +31,10 @@ pub(crate) struct Neighbour {
 }
 
 /// Squared differences over the greatest of them, subtracted from 1 (equations 4 and 5). If all
-/// are zero, all are similar.
-fn similarities(differences: [f32; 4], valid: [bool; 4]) -> [f32; 4] {
+/// are at most `rounding`, all are similar.
+fn similarities(differences: [f32; 4], valid: [bool; 4], rounding: f32) -> [f32; 4] {
     let most = (0..4).filter(|&i| valid[i]).map(|i| differences[i]).fold(0.0, f32::max);
-    differences.map(|difference| if most > 0.0 { 1.0 - difference / most } else { 1.0 })
+    differences.map(|difference| if most > rounding { 1.0 - difference / most } else { 1.0 })
 }
 
 /// The guide of the four pixel centres around (`x_px`, `y_px`), a position within pixel `x`, `y`,
@@ -49,13 +59,15 @@ pub(crate) fn most_similar(
     let normals = similarities(
         index.map(|i| guides[i].surface.normal.distance_squared(seen.surface.normal)),
         valid,
+        NORMAL_ROUNDING,
     );
-    let depths = similarities(index.map(|i| (guides[i].depth - seen.depth).abs()), valid);
+    let differences = index.map(|i| (guides[i].depth - seen.depth).abs());
+    let depths = similarities(differences, valid, DEPTH_ROUNDING * seen.depth);
     let mut best = None;
     let mut most = f32::NEG_INFINITY;
     for i in 0..4 {
         let similarity = normals[i] * depths[i];
-        if valid[i] && similarity > most {
+        if valid[i] && similarity > most + NEAR_TIE {
             (best, most) = (Some(i), similarity);
         }
     }
@@ -127,7 +139,9 @@ mod tests {
 
     #[test]
     fn differences_over_zero_count_as_similar() {
-        assert_eq!(similarities([0.0; 4], [true; 4]), [1.0; 4]);
-        assert_eq!(similarities([1.0, 2.0, 8.0, 4.0], [true, true, false, true])[..2], [0.75, 0.5]);
+        assert_eq!(similarities([0.0; 4], [true; 4], 0.0), [1.0; 4]);
+        let valid = [true, true, false, true];
+        assert_eq!(similarities([1.0, 2.0, 8.0, 4.0], valid, 0.5)[..2], [0.75, 0.5]);
+        assert_eq!(similarities([1.0, 2.0, 8.0, 4.0], valid, 4.0), [1.0; 4]);
     }
 }

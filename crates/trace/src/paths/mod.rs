@@ -17,10 +17,13 @@ mod stats;
 mod surface;
 mod surfaces;
 
+pub(crate) use band::sampler_of;
+pub(crate) use batches::Batches;
 pub(crate) use frame::Frame;
 pub use gloss::Gloss;
 pub use options::Options;
 pub use resolve::LitImage;
+pub(crate) use sequence::Sampler;
 pub use sequence::Sequence;
 pub use stats::Stats;
 pub use surfaces::Surfaces;

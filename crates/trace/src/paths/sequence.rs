@@ -58,6 +58,13 @@ impl Sampler {
         }
     }
 
+    /// Seed, binary logarithm of the samples of a pixel, bits of the Z-order, and whether samples
+    /// are independent.
+    pub(crate) fn parts(&self) -> [u32; 4] {
+        let is_independent = u32::from(self.sequence == Sequence::Independent);
+        [self.seed, self.log2_samples, self.pixel_bits, is_independent]
+    }
+
     /// Most samples a pixel of a batch, as a binary logarithm: what fits into 32 bits with the
     /// pixels and with `2^parts_log2` parts of each sample.
     pub(crate) fn log2_samples_max(size: [usize; 2], parts_log2: u32) -> u32 {

@@ -78,7 +78,7 @@ impl Dispatch {
 ///
 /// # Errors
 /// If memory is refused.
-pub(crate) fn fixed_uniform(gpu: &Gpu, label: &str, bytes: &[u8]) -> Result<Counted, GpuError> {
+pub fn fixed_uniform(gpu: &Gpu, label: &str, bytes: &[u8]) -> Result<Counted, GpuError> {
     let buffer = gpu.buffer_mapped(label, bytes.len() as u64, BufferUsages::UNIFORM, true)?;
     if let Ok(mut mapped) = buffer.get_mapped_range_mut(..bytes.len() as u64) {
         mapped.copy_from_slice(bytes);

@@ -1,12 +1,13 @@
 //! The device and its tier: chooses an adapter, and records the features and limits that the passes
 //! choose their variants by. WebGPU's default limits and no feature suffice (`docs/design/gpu.md`).
 
-pub(crate) mod dispatch;
+pub mod dispatch;
 pub mod error;
 pub mod kernel;
 pub(crate) mod link;
 pub(crate) mod quiet;
 pub mod readback;
+pub(crate) mod same;
 pub mod shader;
 pub mod timing;
 pub(crate) mod variants;

@@ -1,11 +1,12 @@
-//! The shaders, as they were linked and validated when the crate was built, and checks at compile
-//! time: that a structure has the same layout in Rust and WGSL, and that a constant has the same
-//! value in both. In debug runs shaders are read from the source tree instead.
+//! The shaders, as they were linked and validated when the crate was built. In debug runs shaders
+//! are read from the source tree instead.
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::link::link;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
+
+pub(crate) use crate::gpu::device::same::{same_layout, same_values, without_twin};
 
 /// A linked shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,63 +23,6 @@ pub mod sources {
     use super::Source;
     include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 }
-
-/// Fails the build if a `repr(C)` structure has another layout than the shaders' structure of the
-/// same name: `same_layout!(Draw { base, shift });`
-macro_rules! same_layout {
-    ($name:ident { $($member:ident),* $(,)? }) => {
-        const _: () = {
-            use $crate::gpu::device::shader::sources::layout::$name as shader;
-            assert!(size_of::<$name>() == shader::SIZE, "size");
-            $(assert!(std::mem::offset_of!($name, $member) == shader::$member, stringify!($member));)*
-        };
-    };
-}
-
-/// Fails the build if a constant of a shader differs from one of a Rust module:
-/// `same_values!(fit_planes_fit == crate::passes::fit_planes { AREA_MIN, TRUST[..] = [A, B] });`
-///
-/// Vectors and arrays have `[..]`. Expressions may use the constants of the module by their names;
-/// without an expression, the constant in Rust has the name of that in the shader.
-macro_rules! same_values {
-    ($shader:ident == $($twin:ident)::+ {
-        $($name:ident $([$($all:tt)+])? $(= $value:expr)?),* $(,)?
-    }) => {
-        const _: () = {
-            #[allow(unused_imports, reason = "expressions may name other modules")]
-            use $($twin)::+::*;
-            $($crate::gpu::device::shader::same_values!(@pair $shader $name [$($($all)+)?] $name $(= $value)?);)*
-        };
-    };
-    (@pair $shader:ident $name:ident [$($all:tt)*] $twin:ident) => {
-        $crate::gpu::device::shader::same_values!(@pair $shader $name [$($all)*] $twin = $twin);
-    };
-    (@pair $shader:ident $name:ident [] $twin:ident = $value:expr) => {
-        let shader = $crate::gpu::device::shader::sources::constants::$shader::$name;
-        assert!(shader as f64 == $value as f64, stringify!($name));
-    };
-    (@pair $shader:ident $name:ident [..] $twin:ident = $value:expr) => {
-        let shader = $crate::gpu::device::shader::sources::constants::$shader::$name;
-        let twin = $value;
-        assert!(shader.len() == twin.len(), stringify!($name));
-        let mut i = 0;
-        while i < twin.len() {
-            assert!(shader[i] as f64 == twin[i] as f64, stringify!($name));
-            i += 1;
-        }
-    };
-}
-
-/// Names constants of a shader that no Rust code has: `without_twin!(ewa_blend { BLOCKS });`
-macro_rules! without_twin {
-    ($shader:ident { $($name:ident),* $(,)? }) => {
-        $(const _: () = {
-            let _ = $crate::gpu::device::shader::sources::constants::$shader::$name;
-        };)*
-    };
-}
-
-pub(crate) use {same_layout, same_values, without_twin};
 
 /// Environment variable that names a folder of shaders, which are reloaded when they change, in
 /// release runs too.
@@ -103,5 +47,17 @@ impl Source {
         let (text, files) = link(folder, self.file).map_err(GpuError::Shader)?;
         let changed = files.iter().filter_map(|f| f.metadata().ok()?.modified().ok()).max();
         Ok((text, changed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn shaders_of_light_are_not_in_this_crate() {
+        let generated = include_str!(concat!(env!("OUT_DIR"), "/shaders.rs"));
+        assert!(generated.contains("`shaders/shade/shade.wgsl`"));
+        for folder in ["trace", "filter"] {
+            assert!(!generated.contains(&format!("shaders/{folder}/")), "{folder}");
+        }
     }
 }

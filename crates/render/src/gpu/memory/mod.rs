@@ -3,6 +3,7 @@
 
 pub(crate) mod colour;
 pub mod cut;
+pub mod fetch;
 pub mod frame;
 pub mod hits;
 pub mod lookup;

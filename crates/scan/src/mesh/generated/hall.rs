@@ -1,5 +1,5 @@
 //! A vaulted hall with aisles, columns, arches, windows and a rose window, of closed solids: light
-//! falls in from outside only, so most of what is seen is lit indirectly.
+//! of lamps and from outside, but most of what is seen is lit indirectly.
 
 use super::solids::{Flat, Solids};
 use super::view::{Lamp, Viewpoint};
@@ -9,17 +9,25 @@ use std::f64::consts::{PI, TAU};
 pub const VIEW: Viewpoint =
     Viewpoint { eye: [1.4, 1.6, 2.3], target: [-0.6, 16.0, 4.6], fov_deg: 62.0 };
 
-pub const LAMPS: [Lamp; 4] = [
+/// Lamps in the nave light walls directly, so that reveals of windows do not outshine everything.
+pub const LAMPS: [Lamp; 7] = [
     Lamp::Sun {
         azimuth_deg: 118.0,
         elevation_deg: 40.0,
         diameter_deg: 1.0,
-        irradiance: [24.0, 21.0, 17.0],
+        irradiance: [3.0, 2.7, 2.2],
     },
-    Lamp::Sky { zenith: [2.4, 3.4, 5.0], horizon: [3.4, 3.8, 4.2] },
-    Lamp::Point { place: [0.0, 10.0, 4.2], intensity: [5.0, 3.8, 2.4] },
-    Lamp::Point { place: [0.0, 20.0, 4.2], intensity: [5.0, 3.8, 2.4] },
+    Lamp::Sky { zenith: [0.3, 0.42, 0.6], horizon: [0.42, 0.47, 0.52] },
+    lamp(4.0),
+    lamp(8.0),
+    lamp(12.0),
+    lamp(16.0),
+    lamp(20.0),
 ];
+
+const fn lamp(y: f64) -> Lamp {
+    Lamp::Point { place: [0.0, y, 4.4], intensity: [24.0, 19.0, 13.5] }
+}
 
 /// Bays along the hall, and the length of each.
 const BAYS: usize = 6;

@@ -1,0 +1,418 @@
+//! Accumulates samples of a picture on a GPU and combines them (`bauszat2011`, figure 1). In: a
+//! scene in GPU memory, lights, a camera. Out: linear radiance, filtered. Twin:
+//! [`crate::Tracer`], with the same numbers for all samples.
+
+use crate::camera::Camera;
+use crate::filter::{FilterKind, Settings};
+use crate::gpu::filter::{FilterPictures, LightFilter, PreparedGuides};
+use crate::gpu::frame::Buffers;
+use crate::gpu::scene::GpuScene;
+use crate::gpu::world::{Unsupported, World};
+use crate::gpu::{Pixels, same_layout, sources};
+use crate::image::Image;
+use crate::light::PreparedLights;
+use crate::paths::{Batches, LitImage, Options, Sampler, Sequence, sampler_of};
+use bytemuck::{Pod, Zeroable, bytes_of, pod_collect_to_vec};
+use esker_render::gpu::device::dispatch::fixed_uniform;
+use esker_render::gpu::device::kernel::groups_of;
+use esker_render::gpu::device::readback;
+use esker_render::gpu::wgpu::{Buffer, ComputePass};
+use esker_render::gpu::{Gpu, GpuError, Kernel};
+
+/// Pixels on a side of a workgroup.
+const GROUP_SIDE: u32 = 8;
+
+/// Why a picture was not lit.
+#[derive(Debug, thiserror::Error)]
+pub enum GpuLightError {
+    /// The kernels do not draw it; the CPU does.
+    #[error(transparent)]
+    Unsupported(#[from] Unsupported),
+    /// The device failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+}
+
+/// The uniform of the means (`shaders/trace/accumulate.wgsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Means {
+    pixels: u32,
+    samples: u32,
+    diagonal: f32,
+    unused: u32,
+}
+
+same_layout!(Means { pixels, samples, diagonal });
+
+/// The uniform of the combination (`shaders/trace/resolve.wgsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Size {
+    width: u32,
+    height: u32,
+    samples: u32,
+    unused: u32,
+}
+
+same_layout!(Size { width, height, samples });
+
+/// A progressive path tracer of one picture.
+pub struct GpuTracer {
+    options: Options,
+    kernels: Kernels,
+    filter: LightFilter,
+    frame: Option<Frame>,
+}
+
+struct Kernels {
+    guide: Kernel,
+    indirect: Kernel,
+    first: Kernel,
+    direct: Kernel,
+    accumulate: Kernel,
+    resolve: Kernel,
+}
+
+/// A picture in progress.
+struct Frame {
+    camera: Camera,
+    scene_epoch: u64,
+    lights: PreparedLights,
+    world: World,
+    diagonal: f32,
+    batches: Batches,
+    samples: u32,
+    buffers: Buffers,
+    /// Guides as the filter of these settings takes them.
+    prepared: Option<(Settings, PreparedGuides)>,
+}
+
+impl GpuTracer {
+    /// A tracer without samples.
+    ///
+    /// # Errors
+    /// If the driver refuses a shader.
+    pub fn new(gpu: &Gpu, options: Options) -> Result<Self, GpuError> {
+        let kernel = |source| Kernel::new(gpu, source, "main", &[]);
+        let direct = |first| Kernel::new(gpu, sources::TRACE_DIRECT, "main", &[("FIRST", first)]);
+        let kernels = Kernels {
+            guide: kernel(sources::TRACE_GUIDE)?,
+            indirect: kernel(sources::TRACE_INDIRECT)?,
+            first: direct(1.0)?,
+            direct: direct(0.0)?,
+            accumulate: kernel(sources::TRACE_ACCUMULATE)?,
+            resolve: kernel(sources::TRACE_RESOLVE)?,
+        };
+        Ok(Self { options, kernels, filter: LightFilter::default(), frame: None })
+    }
+
+    /// Its options.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// Changes the options. Samples are kept if only the filter changes.
+    pub fn set_options(&mut self, options: Options) {
+        if !options.keeps_samples_of(&self.options) {
+            self.frame = None;
+        }
+        self.options = options;
+    }
+
+    /// Adds `samples` samples to each pixel. If the scene (by its epoch), the lights or the camera
+    /// differ from those of the last call, the picture begins afresh. `should_stop` is asked before
+    /// each sample: if it returns true, the call returns false, and the next call goes on where
+    /// this one stopped.
+    ///
+    /// `lights` and `camera` must be relative to the origin of the scene.
+    ///
+    /// # Errors
+    /// If the kernels do not draw these lights, options or sizes, or memory is refused.
+    #[allow(clippy::too_many_arguments, reason = "those of the CPU's tracer, and the device")]
+    pub fn trace(
+        &mut self,
+        gpu: &Gpu,
+        scene: &GpuScene,
+        scene_epoch: u64,
+        lights: &PreparedLights,
+        camera: &Camera,
+        samples: u32,
+        should_stop: &dyn Fn() -> bool,
+    ) -> Result<bool, GpuLightError> {
+        if camera.pixels() == 0 {
+            self.frame = None;
+            return Ok(true);
+        }
+        let is_same = self.frame.as_ref().is_some_and(|frame| {
+            frame.scene_epoch == scene_epoch && frame.camera == *camera && frame.lights == *lights
+        });
+        let had = self.frame.as_ref().filter(|_| is_same).map_or(0, |frame| frame.samples);
+        Buffers::check(gpu, camera.pixels(), had.saturating_add(samples))?;
+        if scene.emits() {
+            return Err(Unsupported::Emitters.into());
+        }
+        if !is_same {
+            self.frame = None;
+            let world = World::new(camera, lights, &self.options)?;
+            let batches = batches(&self.options, camera, samples);
+            let buffers = Buffers::new(gpu, camera.width as u32, camera.height as u32)?;
+            let (camera, lights) = (*camera, lights.clone());
+            let diagonal = scene.diagonal();
+            let frame = Frame {
+                camera,
+                scene_epoch,
+                lights,
+                world,
+                diagonal,
+                batches,
+                samples: 0,
+                buffers,
+                prepared: None,
+            };
+            frame.guide(gpu, &self.kernels, scene)?;
+            self.frame = Some(frame);
+        }
+        let Some(frame) = &mut self.frame else { return Ok(true) };
+        for _ in 0..samples {
+            if should_stop() {
+                return Ok(false);
+            }
+            frame.add_sample(gpu, &self.kernels, scene, &self.options)?;
+        }
+        Ok(true)
+    }
+
+    /// Samples of each pixel.
+    pub fn samples(&self) -> u32 {
+        self.frame.as_ref().map_or(0, |frame| frame.samples)
+    }
+
+    /// Forgets all samples.
+    pub fn clear(&mut self) {
+        self.frame = None;
+    }
+
+    /// Bytes of GPU memory that the samples take.
+    pub fn bytes(&self) -> u64 {
+        self.frame.as_ref().map_or(0, |frame| frame.buffers.bytes())
+    }
+
+    /// The picture of the samples so far, read from the GPU. Empty before the first call of
+    /// [`GpuTracer::trace`].
+    ///
+    /// # Errors
+    /// If memory is refused or the device is lost.
+    pub fn resolve(&mut self, gpu: &Gpu) -> Result<LitImage, GpuError> {
+        let Some(frame) = &mut self.frame else { return Ok(LitImage::default()) };
+        frame.prepare(gpu, &self.kernels, &mut self.filter, &self.options.filter)?;
+        frame.combine(gpu, &self.kernels, &mut self.filter, &self.options)?;
+        frame.read(gpu)
+    }
+
+    /// Unfiltered incident indirect light, and 1 where the filter takes it.
+    ///
+    /// # Errors
+    /// If memory is refused or the device is lost.
+    pub fn incident(&self, gpu: &Gpu) -> Result<Image<4>, GpuError> {
+        self.image(gpu, |frame| &frame.buffers.light)
+    }
+
+    /// Guides of the filter: normals scaled to [0, 1], and depth over the diagonal of the scene.
+    ///
+    /// # Errors
+    /// If memory is refused or the device is lost.
+    pub fn guides(&self, gpu: &Gpu) -> Result<Image<4>, GpuError> {
+        self.image(gpu, |frame| &frame.buffers.guides)
+    }
+
+    /// Reads what the filter takes.
+    fn image(&self, gpu: &Gpu, of: impl Fn(&Frame) -> &Pixels) -> Result<Image<4>, GpuError> {
+        let Some(frame) = &self.frame else { return Ok(Image::default()) };
+        frame.submit_means(gpu, &self.kernels)?;
+        of(frame).read(gpu)
+    }
+}
+
+/// Batches of samples, as the CPU's tracer makes them.
+fn batches(options: &Options, camera: &Camera, samples: u32) -> Batches {
+    let size = [camera.width, camera.height];
+    let most = match options.sequence {
+        Sequence::ZOrder => Sampler::log2_samples_max(size, options.shadow_log2()),
+        Sequence::Independent => 16,
+    };
+    Batches::new(samples, most)
+}
+
+impl Frame {
+    fn pixels(&self) -> u64 {
+        self.camera.pixels() as u64
+    }
+
+    /// Workgroups over the picture.
+    fn groups(&self) -> [u32; 3] {
+        let [width, height] = [self.camera.width, self.camera.height];
+        [(width as u32).div_ceil(GROUP_SIDE), (height as u32).div_ceil(GROUP_SIDE), 1]
+    }
+
+    /// Runs a kernel of rays over the picture; `buffers` are its bindings from 4 on.
+    fn rays(
+        &self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        kernel: &Kernel,
+        scene: &GpuScene,
+        world: &Buffer,
+        buffers: &[&Buffer],
+    ) {
+        let others = [world].into_iter().chain(buffers.iter().copied());
+        let bound: Vec<_> = scene.bindings().into_iter().chain((3..).zip(others)).collect();
+        kernel.dispatch(pass, &kernel.bind(gpu, &bound), self.groups());
+    }
+
+    /// Traces the guides.
+    fn guide(&self, gpu: &Gpu, kernels: &Kernels, scene: &GpuScene) -> Result<(), GpuError> {
+        let world = fixed_uniform(gpu, "world", bytes_of(&self.world))?;
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        self.rays(gpu, &mut pass, &kernels.guide, scene, &world, &[&self.buffers.places]);
+        drop(pass);
+        gpu.queue.submit([encoder.finish()]);
+        Ok(())
+    }
+
+    /// Adds a sample to all pixels.
+    fn add_sample(
+        &mut self,
+        gpu: &Gpu,
+        kernels: &Kernels,
+        scene: &GpuScene,
+        options: &Options,
+    ) -> Result<(), GpuError> {
+        let index = self.samples;
+        let size = [self.camera.width, self.camera.height];
+        let (sampler, number) = sampler_of(&self.batches, index, |batch, log2| {
+            Sampler::new(options.sequence, options.seed, batch, log2, size)
+        });
+        // Independent numbers are hashed by the sample's own number.
+        let number = if options.sequence == Sequence::Independent { index } else { number };
+        if index > 0 {
+            self.buffers.add_links(gpu)?;
+        }
+        let world = self.world.at_sample(&sampler, number, index);
+        let world = fixed_uniform(gpu, "world", bytes_of(&world))?;
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        let Buffers { places, halves, sums, .. } = &self.buffers;
+        self.rays(gpu, &mut pass, &kernels.indirect, scene, &world, &[places, halves]);
+        let direct = if index == 0 { &kernels.first } else { &kernels.direct };
+        self.rays(gpu, &mut pass, direct, scene, &world, &[places, sums]);
+        drop(pass);
+        gpu.queue.submit([encoder.finish()]);
+        self.samples += 1;
+        Ok(())
+    }
+
+    /// Prepares the guides for the filter, once for these settings.
+    fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        kernels: &Kernels,
+        filter: &mut LightFilter,
+        settings: &Settings,
+    ) -> Result<(), GpuError> {
+        if self.prepared.as_ref().is_some_and(|(known, _)| known == settings) {
+            return Ok(());
+        }
+        self.submit_means(gpu, kernels)?;
+        let Buffers { light, guides, filtered, .. } = &self.buffers;
+        let pictures = FilterPictures { guides, light, out: filtered };
+        let prepared = filter.prepare(gpu, &pictures, settings)?;
+        self.prepared = Some((settings.clone(), prepared));
+        Ok(())
+    }
+
+    /// Makes the means that the filter takes.
+    fn submit_means(&self, gpu: &Gpu, kernels: &Kernels) -> Result<(), GpuError> {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        self.accumulate(gpu, kernels, &mut encoder.begin_compute_pass(&Default::default()))?;
+        gpu.queue.submit([encoder.finish()]);
+        Ok(())
+    }
+
+    /// Encodes the means that the filter takes.
+    fn accumulate(
+        &self,
+        gpu: &Gpu,
+        kernels: &Kernels,
+        pass: &mut ComputePass<'_>,
+    ) -> Result<(), GpuError> {
+        let means = Means {
+            pixels: self.pixels() as u32,
+            samples: self.samples,
+            diagonal: self.diagonal.max(f32::MIN_POSITIVE),
+            unused: 0,
+        };
+        let uniform = fixed_uniform(gpu, "means", bytes_of(&means))?;
+        let Buffers { places, halves, light, guides, .. } = &self.buffers;
+        let bound: [(u32, &Buffer); 5] =
+            [(0, &uniform), (1, places), (2, halves), (3, &light.buffer), (4, &guides.buffer)];
+        let bind = kernels.accumulate.bind(gpu, &bound);
+        kernels.accumulate.dispatch(pass, &bind, groups_of(self.pixels()));
+        Ok(())
+    }
+
+    /// Filters indirect light and combines the picture.
+    fn combine(
+        &self,
+        gpu: &Gpu,
+        kernels: &Kernels,
+        filter: &mut LightFilter,
+        options: &Options,
+    ) -> Result<(), GpuError> {
+        let Buffers { places, halves, sums, light, guides, filtered, picture, .. } = &self.buffers;
+        let pictures = FilterPictures { guides, light, out: filtered };
+        let none = PreparedGuides::default();
+        let prepared = self.prepared.as_ref().map_or(&none, |prepared| &prepared.1);
+        let samples = self.samples.max(1);
+        let is_filtered = options.filter.kind != FilterKind::None;
+        let mut plan = filter.plan(gpu, &pictures, prepared, samples, &options.filter)?;
+        if is_filtered && options.converges && samples > 1 {
+            filter.add_converging(gpu, &mut plan, &pictures, halves, samples)?;
+        }
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        self.accumulate(gpu, kernels, &mut pass)?;
+        plan.run(&mut pass);
+        let looked_up = if is_filtered { filtered } else { light };
+        let [width, height] = [self.camera.width, self.camera.height].map(|side| side as u32);
+        let size = Size { width, height, samples: self.samples, unused: 0 };
+        let uniform = fixed_uniform(gpu, "size", bytes_of(&size))?;
+        let bound: [(u32, &Buffer); 5] =
+            [(0, &uniform), (1, places), (2, sums), (3, &looked_up.buffer), (4, picture)];
+        let bind = kernels.resolve.bind(gpu, &bound);
+        kernels.resolve.dispatch(&mut pass, &bind, self.groups());
+        drop(pass);
+        gpu.queue.submit([encoder.finish()]);
+        Ok(())
+    }
+
+    /// Reads the picture.
+    fn read(&self, gpu: &Gpu) -> Result<LitImage, GpuError> {
+        let read = readback::read(gpu, &[(&self.buffers.picture, self.pixels() * 32)])?;
+        let values: Vec<[f32; 4]> = read.first().map_or(Vec::new(), |b| pod_collect_to_vec(b));
+        let (direct, indirect) = values.split_at(values.len() / 2);
+        let [width, height] = [self.camera.width, self.camera.height];
+        let image = |of: &dyn Fn(usize, usize) -> f32| {
+            let planes = std::array::from_fn(|c| (0..direct.len()).map(|i| of(i, c)).collect());
+            Image { width, height, planes }
+        };
+        Ok(LitImage {
+            radiance: image(&|i, c| direct[i][c] + indirect[i][c]),
+            direct: image(&|i, c| direct[i][c]),
+            indirect: image(&|i, c| indirect[i][c]),
+            depth: indirect.iter().map(|v| v[3]).collect(),
+            coverage: direct.iter().map(|v| v[3]).collect(),
+        })
+    }
+}

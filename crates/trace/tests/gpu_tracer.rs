@@ -1,0 +1,208 @@
+//! Pictures traced on every adapter of the machine, with WebGPU's default limits, against the CPU's
+//! tracer: both take the same numbers for all samples, so that pixels are compared one by one.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+use esker_lod::View;
+use esker_render::Splat;
+use esker_render::gpu::device::all_interfaces;
+use esker_render::gpu::{Gpu, GpuRequest};
+use esker_trace::filter::{FilterKind, Settings};
+use esker_trace::gpu::{GpuLightError, GpuTracer, SceneKernels, Unsupported};
+use esker_trace::scene::{Albedo, SplatInput};
+use esker_trace::{
+    Camera, Gloss, Image, Light, Lights, Options, PreparedLights, Scene, Sequence, Sky, Tracer,
+};
+use glam::{DVec3, Vec3};
+
+/// Devices on all adapters with the limits that WebGPU guarantees; prints a note if there is none.
+fn gpus() -> Vec<Gpu> {
+    let request = |backends| GpuRequest {
+        backends,
+        allow_software: true,
+        is_minimal: true,
+        ..GpuRequest::default()
+    };
+    let gpus: Vec<Gpu> =
+        all_interfaces().iter().filter_map(|&b| Gpu::open(&request(b)).ok()).collect();
+    if gpus.is_empty() {
+        eprintln!("no adapter");
+    }
+    gpus
+}
+
+/// A ball on a floor with a wall behind it.
+fn splats() -> Vec<Splat> {
+    let mut splats = Vec::new();
+    let mut add = |centre: Vec3, normal: Vec3, radius: f32| {
+        let index = splats.len() as u32;
+        let tint = 0.3 + 0.5 * ((index * 7 % 11) as f32 / 10.0);
+        splats.push(Splat {
+            centre: centre.to_array(),
+            radius,
+            normal: normal.to_array(),
+            colour: [tint, 0.5, 0.8 - 0.5 * tint],
+            draw: 0,
+            index,
+        });
+    };
+    for i in 0..40 {
+        for j in 0..40 {
+            let (x, y) = (i as f32 * 0.1 - 2.0, j as f32 * 0.1 - 2.0);
+            add(Vec3::new(x, y, 0.0), Vec3::Z, 0.1);
+            if j < 20 {
+                add(Vec3::new(x, 2.0, y + 2.0), Vec3::NEG_Y, 0.1);
+            }
+        }
+    }
+    for i in 0..1500 {
+        let z = 1.0 - 2.0 * (i as f32 + 0.5) / 1500.0;
+        let angle = i as f32 * 2.399_963;
+        let flat = (1.0 - z * z).sqrt();
+        let normal = Vec3::new(flat * angle.cos(), flat * angle.sin(), z);
+        add(normal * 0.6 + Vec3::new(0.1, 0.2, 0.6), normal, 0.035);
+    }
+    splats
+}
+
+fn camera(width: u32, height: u32) -> Camera {
+    let eye = DVec3::new(0.7, -3.0, 1.6);
+    let view = View::look_at(eye, DVec3::new(0.0, 0.3, 0.6), DVec3::Z, 1.0, width, height);
+    Camera::new(&view, DVec3::ZERO)
+}
+
+/// One light of each kind that the kernels draw.
+fn lights() -> Vec<Light> {
+    vec![
+        Light::Sun {
+            azimuth_deg: 210.0,
+            elevation_deg: 40.0,
+            irradiance: [2.0, 1.8, 1.5],
+            angular_diameter_deg: 5.0,
+        },
+        Light::Sky { sky: Sky::Constant([0.1, 0.15, 0.2]) },
+        Light::Sky {
+            sky: Sky::Gradient { zenith: [0.2, 0.3, 0.6], horizon: [0.5; 3], ground: [0.1; 3] },
+        },
+        Light::Point { position: [-1.0, -1.0, 1.5], intensity: [1.0, 0.6, 0.3] },
+        Light::Spot {
+            position: [1.5, -1.0, 2.5],
+            direction: [-0.5, 0.4, -1.0],
+            intensity: [3.0; 3],
+            inner_angle_deg: 10.0,
+            outer_angle_deg: 30.0,
+        },
+        Light::Area {
+            corner: [-1.0, 1.5, 1.9],
+            edges: [[0.0, 0.3, 0.0], [0.6, 0.0, 0.0]],
+            radiance: [4.0, 4.0, 3.0],
+            two_sided: false,
+        },
+    ]
+}
+
+fn prepared(lights: Vec<Light>) -> PreparedLights {
+    Lights::from(lights).prepare(DVec3::ZERO)
+}
+
+fn input(splats: &[Splat]) -> SplatInput<'_> {
+    SplatInput { splats, albedo: Albedo::AsIs, ..SplatInput::default() }
+}
+
+/// Number of pixels of two images that differ by more than a share of the mean.
+fn differing(a: &Image<3>, b: &Image<3>, share: f32) -> usize {
+    let mean = b.planes.iter().flatten().sum::<f32>() / (3 * b.len()) as f32;
+    let differs =
+        |i: usize| (0..3).any(|c| !((a.planes[c][i] - b.planes[c][i]).abs() <= share * mean));
+    assert_eq!(a.len(), b.len());
+    (0..a.len()).filter(|&i| differs(i)).count()
+}
+
+#[test]
+fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
+    let (splats, camera, lights) = (splats(), camera(48, 36), prepared(lights()));
+    let scene = Scene::new(input(&splats));
+    let options = |sequence, kind| Options {
+        bounces: 2,
+        sequence,
+        seed: 7,
+        filter: Settings::of(kind),
+        ..Options::default()
+    };
+    let all = [
+        options(Sequence::ZOrder, FilterKind::Nested),
+        options(Sequence::Independent, FilterKind::None),
+    ];
+    let on_cpu = |options: &Options| {
+        let mut tracer = Tracer::new(options.clone());
+        assert!(tracer.trace(&scene, 1, &lights, &camera, 3, &|| false));
+        (tracer.resolve(), tracer.incident())
+    };
+    let wanted: Vec<_> = all.iter().map(on_cpu).collect();
+    for gpu in gpus() {
+        let on_gpu = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
+        let mut tracer = GpuTracer::new(&gpu, Options::default()).unwrap();
+        for (options, (want, incident)) in all.iter().zip(&wanted) {
+            tracer.set_options(options.clone());
+            assert!(tracer.trace(&gpu, &on_gpu, 1, &lights, &camera, 3, &|| false).unwrap());
+            let got = tracer.resolve(&gpu).unwrap();
+            let [r, g, b, _] = tracer.incident(&gpu).unwrap().planes;
+            let traced = Image { width: camera.width, height: camera.height, planes: [r, g, b] };
+            let deep = |d: &f32| if d.is_finite() { *d } else { 1e6 };
+            let depths = got.depth.iter().zip(&want.depth);
+            let depth = depths.filter(|(a, b)| (deep(a) - deep(b)).abs() > 1e-3 * deep(b)).count();
+            let counts = [
+                depth,
+                differing(&traced, incident, 0.01),
+                differing(&got.direct, &want.direct, 0.01),
+                differing(&got.indirect, &want.indirect, 0.01),
+                differing(&got.radiance, &want.radiance, 0.01),
+            ];
+            println!("{}: {:?}: {counts:?} of {}", gpu.name, options.sequence, traced.len());
+            assert!(counts.iter().all(|&n| n <= 3), "{}: {counts:?}", gpu.name);
+        }
+    }
+}
+
+#[test]
+fn a_picture_goes_on_where_it_stopped_and_begins_afresh_for_another_scene() {
+    let (splats, camera, lights) = (splats(), camera(16, 12), prepared(lights()));
+    let options = Options { filter: Settings::of(FilterKind::None), ..Options::default() };
+    for gpu in gpus() {
+        let scene = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
+        let mut tracer = GpuTracer::new(&gpu, options.clone()).unwrap();
+        let trace = |tracer: &mut GpuTracer, epoch, samples, stop: bool| {
+            tracer.trace(&gpu, &scene, epoch, &lights, &camera, samples, &|| stop).unwrap()
+        };
+        assert!(trace(&mut tracer, 1, 4, false));
+        let at_once = tracer.resolve(&gpu).unwrap();
+        tracer.clear();
+        assert!(!trace(&mut tracer, 1, 4, true));
+        assert_eq!(tracer.samples(), 0);
+        assert!(trace(&mut tracer, 1, 1, false) && trace(&mut tracer, 1, 3, false));
+        assert_eq!(tracer.samples(), 4);
+        assert_eq!(tracer.resolve(&gpu).unwrap(), at_once, "{}", gpu.name);
+        assert!(trace(&mut tracer, 2, 1, false));
+        assert_eq!(tracer.samples(), 1);
+        assert!(tracer.bytes() > 0);
+    }
+}
+
+#[test]
+fn what_the_kernels_do_not_draw_is_refused() {
+    let (splats, camera) = (splats(), camera(8, 8));
+    for gpu in gpus() {
+        let scene = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
+        let refusal = |options: Options, lights: Vec<Light>| {
+            let mut tracer = GpuTracer::new(&gpu, options).unwrap();
+            match tracer.trace(&gpu, &scene, 1, &prepared(lights), &camera, 1, &|| false) {
+                Err(GpuLightError::Unsupported(why)) => Some(why),
+                other => panic!("{other:?}"),
+            }
+        };
+        let gloss = Some(Gloss { reflectance: 0.04, roughness: 0.5 });
+        let glossy = Options { gloss, ..Options::default() };
+        assert_eq!(refusal(glossy, Vec::new()), Some(Unsupported::Gloss));
+        let lamp = Light::Point { position: [0.0; 3], intensity: [1.0; 3] };
+        assert_eq!(refusal(Options::default(), vec![lamp; 17]), Some(Unsupported::Lamps));
+    }
+}

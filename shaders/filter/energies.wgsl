@@ -1,0 +1,45 @@
+// Nested windows, first step: planes whose means decide the mix. For the noise: luminance of the light
+// as it came, its square, squared white noise in the difference of both filtered pictures, and 1
+// where the pixel counts. For the energy: squared luminance of that difference, and the same 1. Twin: crates/trace/src/filter/nested.rs.
+
+// include common/usable.wgsl
+
+@group(0) @binding(0) var<storage, read> guides: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> light: array<vec4<f32>>;
+// Light and white noise filtered by small and by large windows.
+@group(0) @binding(2) var<storage, read> small: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> large: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> noises: array<f32>;
+@group(0) @binding(5) var<storage, read_write> energies: array<f32>;
+
+fn luminance(light: vec3<f32>) -> f32 {
+    return dot(light, vec3<f32>(0.2126, 0.7152, 0.0722));
+}
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let pixel = id.x + id.y * groups.x * 256u;
+    let pixels = arrayLength(&light);
+    if pixel >= pixels {
+        return;
+    }
+    let here = light[pixel];
+    var value = 0.0;
+    var difference = vec2<f32>(0.0);
+    var share = 0.0;
+    if is_usable(here, guides[pixel]) {
+        let off = small[pixel] - large[pixel];
+        value = luminance(here.xyz);
+        difference = vec2<f32>(luminance(off.xyz), off.w);
+        share = 1.0;
+    }
+    noises[pixel] = value;
+    noises[pixels + pixel] = value * value;
+    noises[2u * pixels + pixel] = difference.y * difference.y;
+    noises[3u * pixels + pixel] = share;
+    energies[pixel] = difference.x * difference.x;
+    energies[pixels + pixel] = share;
+}

@@ -1,0 +1,39 @@
+// What the filter takes: the mean of the samples of incident indirect light, and the guides of each
+// pixel. Twin: crates/trace/src/paths/frame.rs.
+
+// include common/places.wgsl
+
+struct Means {
+    pixels: u32,
+    // Samples of each pixel.
+    samples: u32,
+    // Constant of the scene that depth is divided by.
+    diagonal: f32,
+    unused: u32,
+}
+
+@group(0) @binding(0) var<uniform> means: Means;
+@group(0) @binding(1) var<storage, read> places: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> halves: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> light: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> guides: array<vec4<f32>>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let pixel = id.x + id.y * groups.x * 256u;
+    if pixel >= means.pixels {
+        return;
+    }
+    let place = place_of(pixel);
+    if !receives(place) {
+        light[pixel] = vec4<f32>(0.0);
+        guides[pixel] = vec4<f32>(0.0);
+        return;
+    }
+    let sum = halves[pixel].xyz + halves[means.pixels + pixel].xyz;
+    light[pixel] = vec4<f32>(sum / f32(max(means.samples, 1u)), 1.0);
+    guides[pixel] = vec4<f32>(place.normal * 0.5 + 0.5, place.depth / means.diagonal);
+}

@@ -1,0 +1,23 @@
+// Guide rays: what the ray through the centre of each pixel sees (`bauszat2011` 3.2). Twin:
+// crates/trace/src/paths/guide.rs.
+
+// include common/world.wgsl
+
+@group(0) @binding(0) var<uniform> tree: Tree;
+@group(0) @binding(1) var<storage, read> boxes: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> discs: array<vec4<f32>>;
+@group(0) @binding(3) var<uniform> world: World;
+// Three `vec4<f32>` a pixel.
+@group(0) @binding(4) var<storage, read_write> places: array<vec4<f32>>;
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= world.width || id.y >= world.height {
+        return;
+    }
+    let place = see(eye_ray(vec2<f32>(id.xy) + 0.5));
+    let at = 3u * (id.y * world.width + id.x);
+    places[at] = vec4<f32>(place.point, place.lift);
+    places[at + 1u] = vec4<f32>(place.normal, place.depth);
+    places[at + 2u] = vec4<f32>(place.colour, place.kind);
+}

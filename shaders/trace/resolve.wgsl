@@ -1,0 +1,45 @@
+// Combines a picture: filtered indirect light, looked up by all samples and multiplied by their
+// albedo, and direct light (`bauszat2011`, figure 1). Twin: crates/trace/src/paths/resolve.rs.
+
+struct Size {
+    width: u32,
+    height: u32,
+    // Samples of each pixel.
+    samples: u32,
+    unused: u32,
+}
+
+@group(0) @binding(0) var<uniform> size: Size;
+@group(0) @binding(1) var<storage, read> places: array<vec4<f32>>;
+// As in direct.wgsl.
+@group(0) @binding(2) var<storage, read> sums: array<vec4<f32>>;
+// Filtered incident indirect light.
+@group(0) @binding(3) var<storage, read> light: array<vec4<f32>>;
+// For all pixels direct light and the share of samples that hit a surface, then indirect light and
+// depth.
+@group(0) @binding(4) var<storage, read_write> picture: array<vec4<f32>>;
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= size.width || id.y >= size.height {
+        return;
+    }
+    let pixel = id.y * size.width + id.x;
+    let pixels = size.width * size.height;
+    let share = 1.0 / f32(max(size.samples, 1u));
+    var indirect = sums[pixels + pixel].xyz;
+    if size.samples > 1u {
+        for (var slot = 0u; slot < 9u; slot++) {
+            let albedo = sums[2u * pixels + 9u * pixel + slot].xyz;
+            if any(albedo != vec3<f32>(0.0)) {
+                let other = pixel + slot % 3u + slot / 3u * size.width - size.width - 1u;
+                indirect += albedo * light[other].xyz;
+            }
+        }
+    } else if places[3u * pixel + 2u].w == 1.0 {
+        indirect += places[3u * pixel + 2u].xyz * light[pixel].xyz;
+    }
+    let depth = places[3u * pixel + 1u].w;
+    picture[pixel] = sums[pixel] * share;
+    picture[pixels + pixel] = vec4<f32>(indirect * share, depth);
+}
