@@ -12,9 +12,9 @@ use crate::io::output;
 use crate::io::picture;
 use crate::io::quantity::grouped;
 use crate::io::stages;
+use crate::light::check_built;
 #[cfg(feature = "light")]
 use crate::light::still;
-use crate::light::check_built;
 use crate::machine::backend::{Backend, Drawer, DrawerReport};
 use crate::machine::pool;
 use anyhow::Result;

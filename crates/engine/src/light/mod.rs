@@ -8,8 +8,6 @@ pub mod document;
 pub mod lights;
 #[cfg(feature = "light")]
 pub(crate) mod progressive;
-#[cfg(feature = "light")]
-pub(crate) mod tracing;
 #[cfg(not(feature = "light"))]
 #[path = "unlit.rs"]
 pub(crate) mod progressive;
@@ -24,6 +22,8 @@ pub mod still;
 pub mod sun;
 #[cfg(feature = "light")]
 pub(crate) mod tone;
+#[cfg(feature = "light")]
+pub(crate) mod tracing;
 
 use anyhow::{Result, ensure};
 use esker_lod::Surroundings;
