@@ -14,6 +14,7 @@ use esker_points::task::Silent;
 use esker_render::{Frame, PassTimes, Picture, Stats};
 use esker_trace::{Camera, LitImage, PreparedLights, Tracer};
 use glam::DVec3;
+use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
 /// Samples a pixel of a finished picture. The error of filtered light hardly falls beyond.
@@ -269,19 +270,34 @@ impl Progressive {
     }
 }
 
-/// Enlarges a picture of `small_width` pixels a row to the size of `picture`, each pixel to a
-/// square of `by` pixels.
+/// Enlarges a picture of `small_width` pixels a row to the size of `picture`, by a factor: colours
+/// are interpolated, depths are those of the pixels.
 fn enlarge(rgba: &[u8], depth: &[f32], small_width: usize, by: usize, picture: &mut Picture) {
     let [width, height] = [picture.width as usize, picture.height as usize];
-    picture.rgba.clear();
-    picture.depth.clear();
-    for y in 0..height {
-        for x in 0..width {
-            let i = y / by * small_width + x / by;
-            picture.rgba.extend_from_slice(&rgba[i * 4..i * 4 + 4]);
-            picture.depth.push(depth[i]);
-        }
-    }
+    let small_height = depth.len() / small_width.max(1);
+    picture.rgba.resize(width * height * 4, 0);
+    picture.depth.resize(width * height, 0.0);
+    // The two pixels beside a place along an axis, and the share of the second one.
+    let beside = |at: usize, side: usize| {
+        let place = ((at as f32 + 0.5) / by as f32 - 0.5).max(0.0);
+        let first = (place as usize).min(side - 1);
+        (first, (first + 1).min(side - 1), place - first as f32)
+    };
+    let rows = picture.rgba.par_chunks_exact_mut(width * 4);
+    rows.zip(picture.depth.par_chunks_exact_mut(width)).enumerate().for_each(
+        |(y, (row, depths))| {
+            let (top, bottom, down) = beside(y, small_height);
+            for x in 0..width {
+                depths[x] = depth[y / by * small_width + x / by];
+                let (left, right, across) = beside(x, small_width);
+                for c in 0..4 {
+                    let at = |x: usize, y: usize| f32::from(rgba[(y * small_width + x) * 4 + c]);
+                    let mix = |y| at(left, y) + (at(right, y) - at(left, y)) * across;
+                    row[x * 4 + c] = (mix(top) + (mix(bottom) - mix(top)) * down).round() as u8;
+                }
+            }
+        },
+    );
 }
 
 #[cfg(test)]
@@ -289,14 +305,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pixels_become_squares_and_the_last_ones_are_cut_off() {
-        let rgba: Vec<u8> = (0..4).flat_map(|i| [i, 0, 0, 255]).collect();
-        let mut picture = Picture { width: 3, height: 3, ..Picture::default() };
-        enlarge(&rgba, &[0.0, 1.0, 2.0, 3.0], 2, 2, &mut picture);
-        assert_eq!(picture.depth, [0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 2.0, 2.0, 3.0]);
-        assert_eq!(
-            picture.rgba.iter().step_by(4).copied().collect::<Vec<_>>(),
-            [0, 0, 1, 0, 0, 1, 2, 2, 3]
-        );
+    fn enlarged_pixels_are_interpolated_and_a_factor_of_one_changes_nothing() {
+        let rgba: Vec<u8> = (0..4).flat_map(|i| [i * 80, 0, 0, 255]).collect();
+        let enlarged = |by: u32, side: u32| {
+            let mut picture = Picture { width: side, height: side, ..Picture::default() };
+            enlarge(&rgba, &[0.0, 1.0, 2.0, 3.0], 2, by as usize, &mut picture);
+            assert!(picture.rgba.iter().skip(3).step_by(4).all(|&alpha| alpha == 255));
+            (picture.rgba.iter().step_by(4).copied().collect::<Vec<_>>(), picture.depth)
+        };
+        assert_eq!(enlarged(1, 2), (vec![0, 80, 160, 240], vec![0.0, 1.0, 2.0, 3.0]));
+        // The last row and column of squares are cut off.
+        let (reds, depths) = enlarged(2, 3);
+        assert_eq!(depths, [0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 2.0, 2.0, 3.0]);
+        assert_eq!(reds, [0, 20, 60, 40, 60, 100, 120, 140, 180]);
     }
 }
