@@ -10,9 +10,10 @@ use esker_lod::View;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-/// Points that a task makes splats of: enough to outweigh the cost of a task, and few enough that
-/// the nodes of a small cut keep all threads busy.
+/// Least points that a task makes splats of: enough to outweigh the cost of a task, and few enough
+/// that a small cut keeps all threads busy.
 const TASK_POINTS: usize = 1 << 12;
 
 /// A point as a disc.
@@ -46,21 +47,57 @@ pub fn splats(frame: &Frame<'_>, origin: DVec3) -> Vec<Splat> {
     let Ok(camera) = Camera::new(&view, frame.lattice) else { return Vec::new() };
     let list = DrawList::new(frame.draws);
     let lookup = Lookup::new(frame, &camera, &list);
-    let maker = SplatMaker {
-        lookup: &lookup,
-        eye: (frame.view.eye - origin).as_vec3(),
-        forward: frame.view.forward().as_vec3(),
+    let eye = (frame.view.eye - origin).as_vec3();
+    let maker = SplatMaker { lookup: &lookup, eye, forward: frame.view.forward().as_vec3() };
+    let mut points = 0;
+    let of_draw = |draw| {
+        let first = points;
+        points += list.len(draw);
+        let (radii, colour) = (lookup.radii(draw), lookup.only_colour(draw));
+        SplatDraw { draw, points: first..points, radii, colour }
     };
-    let tasks: Vec<(usize, Range<usize>)> = (0..frame.draws.len())
-        .flat_map(|draw| {
-            let points = list.len(draw);
-            let starts = (0..points).step_by(TASK_POINTS);
-            starts.map(move |first| (draw, first..(first + TASK_POINTS).min(points)))
+    let draws: Vec<_> = (0..frame.draws.len()).map(of_draw).collect();
+    let leaves_out = AtomicBool::new(false);
+    // The draw of the last point is that of most next ones.
+    let splat = |draw: &mut usize, point: usize| {
+        if !draws[*draw].points.contains(&point) {
+            *draw = draws.partition_point(|d| d.points.end <= point);
+        }
+        let own = &draws[*draw];
+        maker.splat(own, point - own.points.start).unwrap_or_else(|| {
+            leaves_out.store(true, Relaxed);
+            LEFT_OUT
         })
-        .collect();
-    let parts: Vec<Vec<Splat>> =
-        tasks.into_par_iter().map(|(draw, points)| maker.splats_of(draw, points)).collect();
-    parts.concat()
+    };
+    // Written in place: copies of so many splats would take longer than making them.
+    let all = (0..points).into_par_iter().with_min_len(TASK_POINTS).map_init(|| 0, splat);
+    let mut splats: Vec<Splat> = all.collect();
+    if leaves_out.into_inner() {
+        splats.retain(|splat| !splat.radius.is_nan());
+    }
+    splats
+}
+
+/// Stands for a point without a splat until all are made. No splat has such a radius.
+const LEFT_OUT: Splat = Splat {
+    centre: [0.0; 3],
+    radius: f32::NAN,
+    normal: [0.0; 3],
+    colour: [0.0; 3],
+    draw: 0,
+    index: 0,
+};
+
+/// A draw and what its splats share.
+struct SplatDraw {
+    /// Index in the frame.
+    draw: usize,
+    /// Its points, by their numbers in the frame.
+    points: Range<usize>,
+    /// Radii of all codes, if they are the same for all points.
+    radii: Option<[f32; 256]>,
+    /// Colour of all points, if they have the same.
+    colour: Option<Vec3>,
 }
 
 /// Makes splats of points.
@@ -73,41 +110,36 @@ struct SplatMaker<'a> {
 }
 
 impl SplatMaker<'_> {
-    /// Splats of some points of a draw.
-    fn splats_of(&self, draw: usize, points: Range<usize>) -> Vec<Splat> {
+    /// Splat of a point of a draw; `None` if it is hidden or not finite.
+    #[inline]
+    fn splat(&self, own: &SplatDraw, index: usize) -> Option<Splat> {
         let Lookup { frame, camera, .. } = self.lookup;
-        let node = &frame.draws[draw];
-        let (positions, place) = self.lookup.places(draw);
-        let radii = self.lookup.radii(draw);
-        let only_colour = self.lookup.only_colour(draw);
-        let mut splats = Vec::with_capacity(points.len());
-        for index in points {
-            if frame.hides_points && is_hidden(node.position, index) {
-                continue;
-            }
-            let (offset, code) = positions.offset(index);
-            let centre = place.steps_from_eye(offset) * camera.step;
-            if !centre.is_finite() {
-                continue;
-            }
-            let colour = only_colour.unwrap_or_else(|| {
-                let depth = (centre - self.eye).dot(self.forward);
-                self.lookup.colour(draw, index, offset, depth)
-            });
-            let normal = node.normal.map_or(Vec3::ZERO, |plane| normal_at(plane, index));
-            let radius = match &radii {
-                Some(radii) => radii[usize::from(code)],
-                None => self.lookup.radius(draw, offset, code),
-            };
-            splats.push(Splat {
-                centre: centre.to_array(),
-                radius,
-                normal: normal.to_array(),
-                colour: colour.to_array(),
-                draw: draw as u32,
-                index: index as u32,
-            });
+        let (draw, node) = (own.draw, &frame.draws[own.draw]);
+        if frame.hides_points && is_hidden(node.position, index) {
+            return None;
         }
-        splats
+        let (positions, place) = self.lookup.places(draw);
+        let (offset, code) = positions.offset(index);
+        let centre = place.steps_from_eye(offset) * camera.step;
+        if !centre.is_finite() {
+            return None;
+        }
+        let colour = own.colour.unwrap_or_else(|| {
+            let depth = (centre - self.eye).dot(self.forward);
+            self.lookup.colour(draw, index, offset, depth)
+        });
+        let normal = node.normal.map_or(Vec3::ZERO, |plane| normal_at(plane, index));
+        let radius = match &own.radii {
+            Some(radii) => radii[usize::from(code)],
+            None => self.lookup.radius(draw, offset, code),
+        };
+        Some(Splat {
+            centre: centre.to_array(),
+            radius,
+            normal: normal.to_array(),
+            colour: colour.to_array(),
+            draw: draw as u32,
+            index: index as u32,
+        })
     }
 }
