@@ -17,6 +17,7 @@ const ALWAYS: &str = "shade";
 const LINE_MIN: usize = 24;
 
 /// Checks trees of dependencies, the build without light, and its bytes.
+#[allow(clippy::disallowed_methods, reason = "the program was built a moment ago")]
 pub fn check() -> Result<()> {
     for program in PROGRAMS {
         let tree = ["tree", "-p", program, "--no-default-features", "-e", "normal,build"];

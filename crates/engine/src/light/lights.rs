@@ -158,7 +158,7 @@ mod tests {
     fn lights_are_parsed() {
         let of = |text: &str| parse(text).unwrap().lights;
         let [sun, sky] = [sun_at(225.0, 40.0, 1.0, SUN_DIAMETER_DEG), clear_sky(1.0)];
-        assert_eq!(of("sun:225,40"), [sun.clone()]);
+        assert_eq!(of("sun:225,40")[0], sun);
         assert_eq!(of("sun:225,40|sky"), [sun.clone(), sky.clone()]);
         assert_eq!(of("sky sun:225,40"), [sky, sun]);
         assert_eq!(of("sky:0.5"), [clear_sky(0.5)]);
