@@ -1,8 +1,9 @@
 //! Turns input into movements of the camera: keys fly, the left button orbits around the point
 //! under the pointer, the right one looks around, the middle one pans, the wheel zooms to the
 //! pointer (or changes the speed while flying), a click measures coordinates, a double click flies
-//! to the point. In lit pictures the left button with Ctrl (Command on a Mac) moves the sun. Gestures that need the point under the pointer wait for the picture of this frame,
-//! which has its depth, so that nothing blocks on reading a depth.
+//! to the point. In lit pictures the left button with Ctrl (Command on a Mac) moves the sun.
+//! Gestures that need the point under the pointer wait for the picture of this frame, which has its
+//! depth, so that nothing blocks on reading a depth.
 
 use crate::camera::Camera;
 use crate::measure::{Measure, MeasuredPoint};
