@@ -158,8 +158,8 @@ impl Progressive {
         }
     }
 
-    /// Origin of the next scene: that of the last one while the eye stays near it, so that its light
-    /// can be used again.
+    /// Origin of the next scene: that of the last one while the eye stays near it, so that its
+    /// light can be used again.
     fn origin(&mut self, frame: &Frame<'_>) -> DVec3 {
         let eye = frame.view.eye;
         let step = frame.lattice.scale.iter().copied().fold(0.0, f64::max);
