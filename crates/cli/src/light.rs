@@ -16,6 +16,7 @@ pub struct LightArgs {
     /// Lights: sun:AZIMUTH,ELEVATION[,STRENGTH[,DIAMETER]] (degrees, from north over east, above
     /// the horizon), sky[:STRENGTH], sky:PICTURE.png[,STRENGTH], lamp:X,Y,Z[,STRENGTH], or files of
     /// lights (docs/commands.md); sun:225,40 and sky by default.
+    #[allow(rustdoc::broken_intra_doc_links, reason = "brackets stand for optional parts")]
     #[arg(long, num_args = 1.., value_name = "LIGHT")]
     pub lights: Vec<LightSpec>,
     /// Rays through a pixel.
