@@ -12,8 +12,8 @@ use esker_render::gpu::device::kernel::groups_of;
 use esker_render::gpu::wgpu::BufferUsages;
 use esker_render::gpu::{Gpu, GpuError, Kernel};
 
-same_values!(filter_mix == crate::filter::nested { CAUTION });
-same_values!(filter_keep_mean == crate::filter::nested { MEAN_CHANGE_MAX });
+same_values!(filter_mix == crate::filter::nested { CAUTION = CAUTION as f32 });
+same_values!(filter_keep_mean == crate::filter::nested { MEAN_CHANGE_MAX = MEAN_CHANGE_MAX as f32 });
 without_twin!(filter_totals { LANES });
 
 /// Planes of the noise, and of the energy (`shaders/filter/energies.wgsl`).
