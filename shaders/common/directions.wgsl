@@ -2,8 +2,8 @@
 
 const QUARTER_PI: f32 = 0.7853982;
 
-// Sine and cosine for angles within a quarter of pi, by Taylor polynomials, so that all drivers give
-// the same values.
+// Sine and cosine for angles within a quarter of pi, by Taylor polynomials, so that all drivers
+// give the same values.
 fn sine_cosine(x: f32) -> vec2<f32> {
     let s = x * x;
     let sine = x

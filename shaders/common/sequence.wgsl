@@ -1,6 +1,6 @@
-// Numbers for samples: pairs in [0, 1) by pixel, sample, dimension and seed, independent or along the
-// picture's Z-order (`ahmed2020`). Twin, which explains it: crates/trace/src/paths/sequence.rs. The
-// results are the same bits.
+// Numbers for samples: pairs in [0, 1) by pixel, sample, dimension and seed, independent or along
+// the picture's Z-order (`ahmed2020`). Twin, which explains it: crates/trace/src/paths/sequence.rs.
+// The results are the same bits.
 
 struct Sequence {
     seed: u32,

@@ -1,5 +1,5 @@
-// Shape of the radix sort: a thread takes a few neighbouring pairs, so that their order is kept, and
-// a digit has 4 bits, so that the counts of all threads of a group fit in its memory.
+// Shape of the radix sort: a thread takes a few neighbouring pairs, so that their order is kept,
+// and a digit has 4 bits, so that the counts of all threads of a group fit in its memory.
 
 // Threads of a group.
 const THREADS: u32 = 64u;

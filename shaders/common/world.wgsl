@@ -1,6 +1,6 @@
-// The view, the lights, and how paths are followed; and places on surfaces. The shader that includes
-// this declares `world`, `tree`, `boxes` and `discs`. Twins: crates/trace/src/camera.rs and
-// crates/trace/src/paths/surface.rs.
+// The view, the lights, and how paths are followed; and places on surfaces. The shader that
+// includes this declares `world`, `tree`, `boxes` and `discs`. Twins: crates/trace/src/camera.rs
+// and crates/trace/src/paths/surface.rs.
 
 // include common/tree.wgsl
 // include common/unit.wgsl

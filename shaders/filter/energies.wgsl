@@ -1,6 +1,7 @@
-// Nested windows, first step: planes whose means decide the mix. For the noise: luminance of the light
-// as it came, its square, squared white noise in the difference of both filtered pictures, and 1
-// where the pixel counts. For the energy: squared luminance of that difference, and the same 1. Twin: crates/trace/src/filter/nested.rs.
+// Nested windows, first step: planes whose means decide the mix. For the noise: luminance of the
+// light as it came, its square, squared white noise in the difference of both filtered pictures,
+// and 1 where the pixel counts. For the energy: squared luminance of that difference, and the same
+// 1. Twin: crates/trace/src/filter/nested.rs.
 
 // include common/usable.wgsl
 

@@ -1,5 +1,5 @@
-// Nested windows, second step: the difference of both filtered pictures counts by the share of light
-// in its energy (James and Stein's estimator). Twin: crates/trace/src/filter/nested.rs.
+// Nested windows, second step: the difference of both filtered pictures counts by the share of
+// light in its energy (James and Stein's estimator). Twin: crates/trace/src/filter/nested.rs.
 
 // include common/usable.wgsl
 

@@ -1,6 +1,6 @@
-// Weighted means over the neighbours of a pixel, with weights that fall with the difference of their
-// guides: the cross-bilateral filter, and a pass of a-trous wavelets. Depth is compared with the
-// plane through the pixel. Twins: crates/trace/src/filter/taps.rs, bilateral.rs and atrous.rs.
+// Weighted means over the neighbours of a pixel, with weights that fall with the difference of
+// their guides: the cross-bilateral filter, and a pass of a-trous wavelets. Depth is compared with
+// the plane through the pixel. Twins: crates/trace/src/filter/taps.rs, bilateral.rs and atrous.rs.
 
 // include common/usable.wgsl
 

@@ -13,16 +13,17 @@ override FIRST: bool;
 @group(0) @binding(2) var<storage, read> discs: array<vec4<f32>>;
 @group(0) @binding(3) var<uniform> world: World;
 @group(0) @binding(4) var<storage, read> places: array<vec4<f32>>;
-// For all pixels direct light and the number of samples that hit a surface; then indirect light that
-// is not looked up and the number of its samples; then, nine a pixel, the albedo of the samples that
-// look up each of the pixels around it.
+// For all pixels direct light and the number of samples that hit a surface; then indirect light
+// that is not looked up and the number of its samples; then, nine a pixel, the albedo of the
+// samples that look up each of the pixels around it.
 @group(0) @binding(5) var<storage, read_write> sums: array<vec4<f32>>;
 
 // Dimension of the numbers for places within a pixel.
 const PIXEL_DIMENSION: u32 = 0u;
 // Cosine between the normals of a sample and of a guide, below which the guide does not fit.
 const FIT_COS: f32 = 0.5;
-// Distance of a sample from the plane of its guide, half widths of a pixel, above which it does not.
+// Distance of a sample from the plane of its guide, half widths of a pixel, above which it does
+// not.
 const FIT_PIXELS: f32 = 8.0;
 // Squared difference of normals, and share of the depth, up to which they are equal.
 const NORMAL_ROUNDING: f32 = 1e-6;

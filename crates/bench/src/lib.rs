@@ -11,9 +11,11 @@ pub mod render;
 pub mod size;
 pub mod splats;
 pub mod stream;
+#[cfg(feature = "light")]
+pub mod trace;
 
 /// Name of each benchmark, and what it does.
-pub const BENCHMARKS: [(&str, &str); 7] = [
+pub const BENCHMARKS: &[(&str, &str)] = &[
     (
         "build",
         "builds scans, beside a rival program: seconds, CPU time, memory, scratch space, bytes written",
@@ -38,5 +40,10 @@ pub const BENCHMARKS: [(&str, &str); 7] = [
     (
         "size",
         "draws a scene from smaller planes: error of picture, positions, colours and normals, against bytes",
+    ),
+    #[cfg(feature = "light")]
+    (
+        "trace",
+        "traces light in meshes and scans: tables 1 and 2 and figures of bauszat2011, errors of filters",
     ),
 ];

@@ -1,6 +1,7 @@
 //! The command line: commands and their options, and the calls of `commands` that they become.
 
 use crate::bench::Benchmark;
+use crate::light::LightArgs;
 use crate::output::Output;
 use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, Threads, method_parser};
 use clap::{Args as ClapArgs, Parser, Subcommand};
@@ -143,7 +144,7 @@ pub struct Render {
     /// Width and height in pixels.
     #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
-    /// Points alone, closed surfaces, or splats.
+    /// Points alone, closed surfaces, splats, or splats that are lit.
     #[arg(long, value_parser = method_parser(), default_value = DEFAULT_METHOD)]
     pub method: Method,
     /// "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates; each part may be
@@ -178,6 +179,8 @@ pub struct Render {
     /// Draw exact colours although the file has compact ones (see build --compact).
     #[arg(long)]
     pub full: bool,
+    #[command(flatten)]
+    pub light: LightArgs,
     #[command(flatten)]
     pub with: DrawWithArgs,
     #[command(flatten)]

@@ -1,7 +1,7 @@
 //! `esker bench`: the options of each benchmark, and the call of `esker_bench` that they become.
 
 use crate::output::Output;
-use crate::shared::{BuildHow, DrawWithArgs, Threads, method_parser, note_built};
+use crate::shared::{BuildHow, DrawWithArgs, Threads, note_built, passes_parser};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
 use esker_bench::build::{self, BuildBenchRequest, Rival};
@@ -11,6 +11,8 @@ use esker_bench::render::{self, RenderBenchRequest};
 use esker_bench::size::{self, SizeBenchRequest};
 use esker_bench::splats::{self, SplatsBenchRequest};
 use esker_bench::stream::{self, FlightRequest, Settings, StreamBenchRequest};
+#[cfg(feature = "light")]
+use esker_bench::trace::{self, TraceBenchRequest};
 use esker_engine::Method;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::io::progress::Progress;
@@ -43,6 +45,10 @@ pub enum Benchmark {
     Build(BenchBuild),
     /// Read scans and discard their points: the least time that building can take.
     Decode(Decode),
+    /// Trace light in generated meshes and scans: times by bounces, samples and filters, and errors
+    /// against references, as tables 1 and 2 and figures 2 and 5 to 8 of bauszat2011.
+    #[cfg(feature = "light")]
+    Trace(BenchTrace),
 }
 
 /// Options of benchmarks that draw on the CPU and on a GPU.
@@ -66,6 +72,8 @@ pub fn run(benchmark: Benchmark, stop: Arc<AtomicBool>) -> Result<()> {
         Benchmark::Size(args) => run_size(args, stop),
         Benchmark::Build(args) => run_build(args, stop),
         Benchmark::Decode(args) => run_decode(args, stop),
+        #[cfg(feature = "light")]
+        Benchmark::Trace(args) => run_trace(args, stop),
     }
 }
 
@@ -87,7 +95,7 @@ pub struct BenchRender {
     pub size: Vec<[u32; 2]>,
     /// Measure this method alone. ewa without a model measures splats a second, in one pass and in
     /// three (table 1 of zwicker2004).
-    #[arg(long, value_parser = method_parser())]
+    #[arg(long, value_parser = passes_parser())]
     pub method: Option<Method>,
     /// Multiply the radii of points by these factors, such as 1,2,4: the time against the radius,
     /// beside that of a full screen.
@@ -138,6 +146,37 @@ pub struct BenchBuild {
     /// Further options of `esker build`.
     #[arg(last = true, value_name = "OPTIONS")]
     pub options: Vec<OsString>,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+#[cfg(feature = "light")]
+#[derive(ClapArgs)]
+pub struct BenchTrace {
+    /// These scenes alone, such as bust,office; by default bust, knot, hall, office and terrain,
+    /// and bunny and indoor where ESKER_DATA is set.
+    #[arg(long, value_name = "NAME,NAME", value_delimiter = ',')]
+    pub scenes: Vec<String>,
+    /// Width and height in pixels; 1024x768 by default, as in the paper, or 256x192 with --quick.
+    #[arg(long, value_name = "WxH", value_parser = quantity::picture_size)]
+    pub size: Option<[u32; 2]>,
+    /// Take smaller pictures, scenes of fewer surfaces and references of fewer samples.
+    #[arg(long)]
+    pub quick: bool,
+    /// Write the figures to this folder.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Keep references in this folder; by default in the system's folder of temporary files.
+    #[arg(long, value_name = "DIR")]
+    pub references: Option<PathBuf>,
+    /// Samples of each of the two references; 64 by default, or 16 with --quick.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub reference_samples: Option<u32>,
+    /// Make references again that are in the folder.
+    #[arg(long)]
+    pub rebuild: bool,
+    #[command(flatten)]
+    pub threads: Threads,
     #[command(flatten)]
     pub output: Output,
 }
@@ -378,6 +417,25 @@ fn run_decode(args: Decode, stop: Arc<AtomicBool>) -> Result<()> {
     let (inputs, threads) = (&args.inputs, args.threads.count);
     let decode = |progress: &Progress| build::decode(inputs, threads, progress);
     args.output.report(stop, decode, build::decode_text)
+}
+
+/// Tables and figures of `bauszat2011`.
+#[cfg(feature = "light")]
+fn run_trace(args: BenchTrace, stop: Arc<AtomicBool>) -> Result<()> {
+    let (size, samples) = if args.quick { ([256, 192], 16) } else { ([1024, 768], 64) };
+    let request = TraceBenchRequest {
+        scenes: args.scenes,
+        size: args.size.unwrap_or(size),
+        is_quick: args.quick,
+        out: args.out,
+        references: args
+            .references
+            .unwrap_or_else(|| std::env::temp_dir().join("esker-references")),
+        reference_samples: args.reference_samples.unwrap_or(samples),
+        rebuilds: args.rebuild,
+        threads: args.threads.count,
+    };
+    args.output.report(stop, |progress| trace::measure(&request, progress), trace::text)
 }
 
 fn parse_rival(text: &str) -> Result<Rival, String> {

@@ -38,8 +38,8 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         }
         Command::Bench { benchmark: Some(benchmark) } => crate::bench::run(benchmark, stop),
         Command::Bench { benchmark: None } => {
-            let line = |(name, what)| format!("esker bench {name:<9} {what}");
-            write(&esker_bench::BENCHMARKS.map(line).join("\n"))
+            let line = |(name, what): &(_, _)| format!("esker bench {name:<9} {what}");
+            write(&esker_bench::BENCHMARKS.iter().map(line).collect::<Vec<_>>().join("\n"))
         }
     };
     done.map(|()| ExitCode::SUCCESS)
@@ -85,20 +85,22 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
     if args.fit {
         (camera.eye, camera.target) = (None, None);
     }
+    args.light.check(args.method)?;
     let request = PictureRequest {
         size: args.size,
         method: args.method,
         camera,
         budget_points: args.budget_points,
         target_spacing_px: args.target_spacing,
-        colour_by: args.colour,
+        colour_by: args.light.colour_by(args.colour),
         filter: args.filter.into(),
         shines: !args.no_highlights,
         evens_exposure: args.even_exposure,
         full: args.full,
+        light: args.light.into(),
         with: (&args.with).into(),
         threads: args.how.threads.count,
-        build: args.how.options(),
+        build: args.how.options_for(args.method),
         ..PictureRequest::default()
     };
     let (inputs, output) = (&args.inputs, &args.output);

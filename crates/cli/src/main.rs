@@ -6,6 +6,7 @@ mod args;
 mod bench;
 mod commands;
 mod export;
+mod light;
 mod output;
 mod shared;
 mod view;

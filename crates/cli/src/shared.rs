@@ -83,6 +83,17 @@ impl BuildHow {
         BuildOptions { resume, ..self.options() }
     }
 
+    /// Options of a build that is drawn by `method`: light needs normals.
+    pub fn options_for(&self, method: Method) -> BuildOptions {
+        let options = self.options();
+        match (self.normals, method) {
+            (NormalsArg::Keep, Method::Lit) => {
+                BuildOptions { normals: NormalsMode::Estimate, ..options }
+            }
+            _ => options,
+        }
+    }
+
     /// Options of a build.
     pub fn options(&self) -> BuildOptions {
         let default = BuildOptions::default();
@@ -277,7 +288,17 @@ impl From<&DrawWithArgs> for DrawWith {
 
 /// Parses the name of a drawing method.
 pub fn method_parser() -> impl TypedValueParser<Value = Method> {
-    let values = METHODS.map(|(_, name, help)| PossibleValue::new(name).help(help));
+    method_parser_of(|_| true)
+}
+
+/// Parses the name of a drawing method that the passes of a renderer draw.
+pub fn passes_parser() -> impl TypedValueParser<Value = Method> {
+    method_parser_of(|method| method != Method::Lit)
+}
+
+fn method_parser_of(is_offered: fn(Method) -> bool) -> impl TypedValueParser<Value = Method> {
+    let offered = METHODS.into_iter().filter(|&(method, ..)| is_offered(method));
+    let values = offered.map(|(_, name, help)| PossibleValue::new(name).help(help));
     let parser = PossibleValuesParser::new(values);
     parser.try_map(|name| method_of_name(&name).ok_or("no such method"))
 }

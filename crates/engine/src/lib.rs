@@ -6,15 +6,18 @@ pub mod calls;
 pub mod cameras;
 pub mod draw;
 pub mod io;
+pub mod light;
 pub mod machine;
 
+pub use draw::method::Method;
 pub use esker_builder::budget::memory;
 pub use esker_builder::{NormalsMode, Options as BuildOptions, Resume};
 pub use esker_format::{Codec, EskerFile, Forest};
 pub use esker_lod::View;
 pub use esker_points::filter::{Bounds, Classes, Filter, Polygon};
 pub use esker_points::{Cancelled, ColourDepth, Task};
-pub use esker_render::{Method, Picture};
+
+pub use esker_render::Picture;
 pub use esker_scan::caught::hide as hide_caught_panics;
 pub use esker_stream::{Cut, Status};
 

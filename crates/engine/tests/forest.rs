@@ -7,6 +7,7 @@
 mod flip;
 mod parts;
 
+use esker_engine::Method;
 use esker_engine::calls::info;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
@@ -16,7 +17,7 @@ use esker_engine::machine::backend::{Backend, DrawWith};
 use esker_format::Forest;
 use esker_lod::View;
 use esker_points::task::Silent;
-use esker_render::{Method, Picture};
+use esker_render::Picture;
 use glam::DVec3;
 use parts::{Both, Split, built, whole};
 use std::path::Path;

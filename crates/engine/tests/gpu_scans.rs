@@ -6,14 +6,15 @@
 #[path = "../../render/tests/gpu/flip.rs"]
 mod flip;
 
+use esker_engine::Method;
 use esker_engine::calls::render::draw;
 use esker_engine::draw::scene::PictureRequest;
 use esker_engine::machine::backend::{Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_format::Forest;
 use esker_points::task::Silent;
+use esker_render::Picture;
 use esker_render::gpu::Gpu;
 use esker_render::gpu::device::all_interfaces;
-use esker_render::{Method, Picture};
 use std::path::{Path, PathBuf};
 
 const SIZE: [u32; 2] = [256, 192];

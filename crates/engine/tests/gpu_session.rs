@@ -10,12 +10,13 @@ mod creek;
 mod flip;
 
 use creek::{SIZE, Wanderer, overview, sample};
+use esker_engine::Method;
 use esker_engine::draw::session::{Image, Options, Session, Settings};
 use esker_engine::machine::backend::{Backend, GpuRequest, ProjectPath};
 use esker_format::Forest;
+use esker_render::Picture;
 use esker_render::gpu::Gpu;
 use esker_render::gpu::device::all_interfaces;
-use esker_render::{Method, Picture};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 

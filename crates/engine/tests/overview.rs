@@ -13,6 +13,7 @@ mod given;
 #[allow(dead_code, reason = "other tests use the rest of it")]
 mod poisson;
 
+use esker_engine::Method;
 use esker_engine::calls::info;
 use esker_engine::cameras::colour::colouring;
 use esker_engine::draw::frame::{draw_node, frame};
@@ -21,7 +22,7 @@ use esker_lod::{AllResident, CompactOctree, Drawn, Options, View, select};
 use esker_points::strata::{STRATA, stratum_len};
 use esker_points::task::Silent;
 use esker_points::{AttrType, ColourDepth, Lattice};
-use esker_render::{Method, Picture, Renderer};
+use esker_render::{Picture, Renderer};
 use given::given;
 use glam::DVec3;
 use poisson::{P, Poisson, throw_indices};

@@ -6,6 +6,7 @@
 
 mod pumping;
 
+use esker_engine::Method;
 use esker_engine::calls::info;
 use esker_engine::cameras::colour::{Colouring, colouring};
 use esker_engine::cameras::path::Path as Flight;
@@ -16,7 +17,7 @@ use esker_lod::{
     View, select,
 };
 use esker_points::task::Silent;
-use esker_render::{Method, Picture, Renderer};
+use esker_render::{Picture, Renderer};
 use glam::DVec2;
 use std::path::Path;
 

@@ -10,6 +10,9 @@ mod exposure;
 mod flicker;
 #[path = "../../render/tests/gpu/flip.rs"]
 mod flip;
+#[cfg(feature = "light")]
+#[path = "look/lit.rs"]
+mod lit;
 mod look;
 #[path = "look/shapes.rs"]
 mod shapes;

@@ -1,8 +1,8 @@
 //! Chooses what to draw for a view: frustum and occlusion culling, prefixes, budgets. Pure
 //! functions without threads, files or GPU. [`View`] and a node table go in, a [`Selection`]
-//! (nodes, prefixes, counters) comes out; the [`CompactOctree`] of a selection gives the renderer
-//! the spacing of the drawn points at each place. Reasons are in
-//! `docs/design/choosing-and-streaming.md`.
+//! (nodes, prefixes, counters) comes out, to which [`surround`] adds what light needs; the
+//! [`CompactOctree`] of a selection gives the renderer the spacing of the drawn points at each
+//! place. Reasons are in `docs/design/choosing-and-streaming.md`.
 
 mod closed;
 mod depth;
@@ -21,6 +21,7 @@ mod raster;
 mod residual;
 mod select;
 mod selection;
+mod surroundings;
 mod view;
 
 pub use depth::SoftwareDepth;
@@ -34,4 +35,5 @@ pub use project::{Projection, Silhouette};
 pub use residual::needs_residual;
 pub use select::select;
 pub use selection::{Counters, Drawn, Missing, Selection};
+pub use surroundings::{Surroundings, light_octree, surround};
 pub use view::View;

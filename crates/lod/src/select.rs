@@ -52,6 +52,14 @@ pub fn select(
     walk.selection
 }
 
+/// Children of a node, without links that do not go down the tree.
+pub(crate) fn children_below(table: &NodeTable, node: u32) -> impl Iterator<Item = u32> + '_ {
+    let below = move |&child: &u32| {
+        child > node && table.nodes.get(child as usize).is_some_and(|c| c.parent == node)
+    };
+    table.nodes[node as usize].children().filter(below)
+}
+
 /// A node in view whose parent is wanted whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Candidate {
@@ -358,6 +366,7 @@ impl<R: Residency> Walk<'_, R> {
         while let Some((place, prefix)) = chain.pop() {
             self.want_one(place, prefix);
         }
+        self.selection.wanted_in_picture = self.selection.wanted.len();
     }
 
     fn want_one(&mut self, place: usize, prefix: usize) {
@@ -367,6 +376,7 @@ impl<R: Residency> Walk<'_, R> {
         let wanted = &mut self.selection.counters.bytes_wanted;
         *wanted = wanted.saturating_add(bytes);
         self.selection.wanted.push(node);
+        self.selection.prefixes.push(prefix);
         if !self.residency.is_resident(node) {
             let record = &self.table.nodes[node as usize];
             let contour = OrientedBox::of_contour(record, self.lattice);
@@ -386,13 +396,8 @@ impl<R: Residency> Walk<'_, R> {
         if target_px > 0.0 && self.spacing_px(spacing, candidate.distance) <= target_px {
             return;
         }
-        let table = self.table;
-        for child in table.nodes[candidate.node as usize].children() {
-            let goes_down = child > candidate.node
-                && table.nodes.get(child as usize).is_some_and(|c| c.parent == candidate.node);
-            if goes_down {
-                self.open(child, spacing, place);
-            }
+        for child in children_below(self.table, candidate.node) {
+            self.open(child, spacing, place);
         }
     }
 

@@ -31,7 +31,8 @@ pub struct Missing {
     pub bytes: u64,
 }
 
-/// Numbers of nodes in a selection; `visited` is the sum of `culled`, `occluded`, `contour_culled`,
+/// Numbers of nodes in a selection. They are those of the picture, except for `bytes_wanted` and
+/// those of the surroundings; `visited` is the sum of `culled`, `occluded`, `contour_culled`,
 /// `contour_occluded`, `filtered`, `continuations`, `withheld`, `missing` and `drawn`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
@@ -65,6 +66,12 @@ pub struct Counters {
     pub points_wanted: u64,
     /// Bytes of the slots of all wanted nodes.
     pub bytes_wanted: u64,
+    /// Nodes drawn in the surroundings of the picture.
+    pub surroundings: u64,
+    /// Sum of their points.
+    pub surroundings_points: u64,
+    /// Nodes left out of the surroundings because they did not fit their budgets.
+    pub surroundings_withheld: u64,
 }
 
 /// The cut of a view.
@@ -76,10 +83,18 @@ pub struct Selection {
     /// the spacings that their cells would have, and prefixes of 0. [`crate::CompactOctree`] needs
     /// them, or splats drawn in their cells would grow.
     pub hidden: Vec<Drawn>,
+    /// Nodes around the picture, for light ([`crate::surround`]); parents come before their
+    /// children, and none is in `drawn`. Empty without surroundings.
+    pub surroundings: Vec<Drawn>,
     /// Nodes that should be resident: all that would be drawn if everything were resident, and
     /// their ancestors, parents first. The roots come first, in view or not, if they fit the
-    /// budget.
+    /// budget. Nodes that only the surroundings want come last.
     pub wanted: Vec<u32>,
+    /// Numbers of points of the wanted nodes, in the same order; 0 for nodes that are wanted for
+    /// their children.
+    pub prefixes: Vec<usize>,
+    /// Number of wanted nodes, from the first one, that the picture wants.
+    pub wanted_in_picture: usize,
     /// Those of the wanted nodes that are not resident, in the same order.
     pub missing: Vec<Missing>,
     /// Counters.

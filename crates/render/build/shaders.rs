@@ -60,8 +60,8 @@ pub fn generate(is_linked: impl Fn(&str) -> bool) -> Result<(), Box<dyn Error>> 
     Ok(())
 }
 
-/// Has the build script run again when one of `files` changes, or when a file is added to the folder
-/// of the first. Other folders hold the shaders of other crates.
+/// Has the build script run again when one of `files` changes, or when a file is added to the
+/// folder of the first. Other folders hold the shaders of other crates.
 fn watch(root: &Path, files: &[PathBuf]) -> Result<(), Box<dyn Error>> {
     let folder = files.first().and_then(|f| f.parent());
     for path in files.iter().map(PathBuf::as_path).chain(folder) {
@@ -114,7 +114,7 @@ fn write_constants(constants: &Constants, generated: &mut String) -> Result<(), 
     let reason = "a constant of a shader is compared by same_values!, or named in without_twin!";
     writeln!(
         generated,
-        "/// Constants of the shaders, by the files that declare them.\n#[deny(dead_code, reason = {reason:?})]\npub(crate) mod constants {{"
+        "/// Constants of the shaders, by the files that declare them.\n#[deny(dead_code, reason = {reason:?})]\n#[allow(clippy::approx_constant, reason = \"WGSL has no named constants\")]\npub(crate) mod constants {{"
     )?;
     for (file, values) in constants {
         let module = file.trim_end_matches(".wgsl").replace(['/', '-'], "_");

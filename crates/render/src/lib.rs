@@ -46,7 +46,7 @@ pub(crate) mod simd;
 pub use error::RenderError;
 pub use frame::{Background, ColourPlane, DrawNode, Frame, Method, PassTimes, Picture, Stats};
 pub use inputs::colour::{Codebook, ColourBy, ColourMap, Gradient};
-pub use inputs::splats::Splat;
+pub use inputs::splats::{Splat, splats};
 pub use pass::Pass;
 pub use plan::{FrameOptions, FramePlan, SceneHas, Variant};
 pub use renderer::{Renderer, render};

@@ -1,7 +1,8 @@
-//! Decodes scan formats to columnar batches on the lattice, and encodes batches as scan formats
-//! ([`mod@write`]). Only this crate knows LAS, LAZ, PLY, PCD, E57, PTX and text. Formats are
-//! recognised by content, never by file name; only generated scans ([`synthetic`]) are named. The
-//! grids of the last column are described in `docs/design/scans.md`.
+//! Decodes scan formats to columnar batches on the lattice, encodes batches as scan formats
+//! ([`mod@write`]), and reads triangle meshes ([`mesh`]). Only this crate knows LAS, LAZ, PLY, PCD,
+//! E57, PTX, OBJ and text. Formats are recognised by content, never by file name; only generated
+//! scans ([`synthetic`]) and meshes are named. The grids of the last column are described in
+//! `docs/design/scans.md`.
 //!
 //! | format | what is read | grid of coordinates |
 //! |---|---|---|
@@ -18,6 +19,7 @@ pub mod caught;
 mod e57;
 mod error;
 pub mod las;
+pub mod mesh;
 mod pcd;
 mod ply;
 mod ptx;

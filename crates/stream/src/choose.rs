@@ -14,7 +14,7 @@ use crate::shared::Shared;
 use esker_format::PlaneKind;
 use esker_lod::{
     CompactOctree, DepthFeedback, Drawn, Frustum, Occlusion, OrientedBox, Residency, Selection,
-    SoftwareDepth, View, needs_residual, select,
+    SoftwareDepth, Surroundings, View, needs_residual, select,
 };
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -49,6 +49,10 @@ pub(crate) struct Chooser {
     pub(crate) has_more: bool,
     /// Bytes left out of the budget because holes between slots take them.
     pub(crate) spare_bytes: u64,
+    /// Detail and budgets of the surroundings; `None` if they are switched off.
+    pub(crate) surroundings: Option<Surroundings>,
+    /// Bytes left out of the share of the surroundings for the same reason.
+    pub(crate) spare_around_bytes: u64,
 }
 
 /// Result of the choice of a pass.
@@ -63,10 +67,10 @@ pub(crate) struct Choice {
 }
 
 /// The cache as [`select`] sees it. Roots cost nothing, since their slots are reserved.
-struct CacheResidency<'a> {
-    chooser: &'a Chooser,
-    base: &'a [PlaneKind],
-    view: &'a View,
+pub(crate) struct CacheResidency<'a> {
+    pub(crate) chooser: &'a Chooser,
+    pub(crate) base: &'a [PlaneKind],
+    pub(crate) view: &'a View,
 }
 
 impl Residency for CacheResidency<'_> {
@@ -109,11 +113,11 @@ impl Chooser {
         self.shared.front.store(Arc::clone(&front));
         self.touch(&choice);
         let all_placed = self.request_missing(&choice);
-        let drawn = choice.selection.drawn;
+        let Selection { drawn, wanted, wanted_in_picture, .. } = choice.selection;
         let same = self.drawn.iter().map(|d| d.node).eq(drawn.iter().map(|d| d.node));
         self.drawn = drawn;
         let follows = may_follow && self.options.occlusion && !same;
-        let follows = follows || (!all_placed && self.spare_more());
+        let follows = follows || (!all_placed && self.spare_more(&wanted[wanted_in_picture..]));
         let waits = !is_complete && self.retries.is_waiting(began);
         if self.requests.is_empty() && !self.has_more && !waits && !follows {
             self.epoch += 1;
@@ -163,13 +167,17 @@ impl Chooser {
         self.view = Some(view);
         let least = self.options.drawing_bytes / SPARE;
         self.spare_bytes = (self.spare_bytes - self.spare_bytes / 16).max(least);
+        self.spare_around_bytes -= self.spare_around_bytes.div_ceil(16);
     }
 
     /// Reserves more spare bytes if holes prevent a request from getting slots, although no unused
     /// plane is left to evict and no request is in progress: then the least wanted planes are
-    /// evicted. Returns whether that may help.
-    fn spare_more(&mut self) -> bool {
+    /// evicted, those of `surroundings` before any of the picture. Returns whether that may help.
+    fn spare_more(&mut self, surroundings: &[u32]) -> bool {
         let step = self.options.drawing_bytes / (4 * SPARE);
+        if self.spare_around(surroundings, step) {
+            return true;
+        }
         let may_help =
             self.requests.is_empty() && self.spare_bytes < self.options.drawing_bytes / 2;
         self.spare_bytes += if may_help { step } else { 0 };
@@ -217,6 +225,7 @@ impl Chooser {
         let coming = selection.missing.iter().filter(|m| m.prefix > 0).map(|m| m.node);
         let residuals =
             drawn.chain(coming).filter(|&node| self.needs_residual(node, &view)).collect();
+        self.surround(&view, &base, &mut selection);
         Choice { view, base, selection, residuals }
     }
 
@@ -253,11 +262,7 @@ impl Chooser {
         base: &[PlaneKind],
         occlusion: Option<&dyn Occlusion>,
     ) -> Selection {
-        let options = esker_lod::Options {
-            points_budget: self.options.points_budget,
-            bytes_budget: self.bytes_budget(base, view),
-            target_spacing_px: self.options.target_spacing_px,
-        };
+        let options = self.lod_options(base, view);
         let (table, lattice) = (self.planes.forest.table(), self.planes.lattice());
         select(
             table,
@@ -269,18 +274,33 @@ impl Chooser {
         )
     }
 
+    /// Budgets of this moment.
+    pub(crate) fn lod_options(&self, base: &[PlaneKind], view: &View) -> esker_lod::Options {
+        esker_lod::Options {
+            points_budget: self.options.points_budget,
+            bytes_budget: self.bytes_budget(base, view),
+            target_spacing_px: self.options.target_spacing_px,
+        }
+    }
+
     /// Removes nodes beyond the greatest number of nodes. A prefix of the wanted list is closed
     /// under parent.
-    fn keep_to_nodes_max(&self, selection: &mut Selection) {
+    pub(crate) fn keep_to_nodes_max(&self, selection: &mut Selection) {
         if selection.wanted.len() > self.options.nodes_max {
             let nodes_max = self.options.nodes_max.max(self.planes.roots().count());
             selection.wanted.truncate(nodes_max);
+            selection.prefixes.truncate(nodes_max);
+            selection.wanted_in_picture = selection.wanted_in_picture.min(nodes_max);
             let wanted: HashSet<u32> = selection.wanted.iter().copied().collect();
             selection.drawn.retain(|d| wanted.contains(&d.node));
+            selection.surroundings.retain(|d| wanted.contains(&d.node));
             selection.missing.retain(|m| wanted.contains(&m.node));
             let counters = &mut selection.counters;
             counters.drawn = selection.drawn.len() as u64;
             counters.points = selection.drawn.iter().map(|d| d.prefix as u64).sum();
+            counters.surroundings = selection.surroundings.len() as u64;
+            counters.surroundings_points =
+                selection.surroundings.iter().map(|d| d.prefix as u64).sum();
         }
     }
 
@@ -303,6 +323,7 @@ impl Chooser {
             }
         });
         let nodes = nodes.collect();
+        let surroundings = self.cut_surroundings(choice);
         self.epoch += 1;
         Cut {
             epoch: self.epoch,
@@ -314,6 +335,7 @@ impl Chooser {
                 &selection.drawn,
                 &selection.hidden,
             ),
+            surroundings,
             counters: selection.counters,
             complete: selection.missing.is_empty()
                 && !misses_residual

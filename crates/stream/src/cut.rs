@@ -6,6 +6,7 @@ use crate::options::Needs;
 use esker_format::PlaneKind;
 use esker_lod::{CompactOctree, Counters, View};
 use glam::DVec3;
+use std::sync::Arc;
 
 /// The nodes to draw for a view.
 #[derive(Clone, Debug)]
@@ -21,9 +22,12 @@ pub struct Cut {
     pub nodes: Vec<CutNode>,
     /// Drawn cells with their effective spacings.
     pub octree: CompactOctree,
+    /// What lies around the picture, for light; `None` if that is switched off
+    /// ([`crate::Streamer::surround`]).
+    pub surroundings: Option<Arc<CutSurroundings>>,
     /// Counters of the choice.
     pub counters: Counters,
-    /// Whether the cut has everything that the view wants within the budgets.
+    /// Whether the cut has everything that the view and its surroundings want within the budgets.
     pub complete: bool,
     /// Whether no newer cut comes until the view, the needs, what is hidden or the state of the
     /// file changes: the cut is `complete`, or its missing planes cannot be read or find no slot.
@@ -31,6 +35,17 @@ pub struct Cut {
     pub settled: bool,
     /// Time of the choice, milliseconds.
     pub lod_ms: f64,
+}
+
+/// Nodes around the picture of a cut: beside, behind and hidden from the eye. None of them is in
+/// the picture. Their slots may be read as long as those of the cut's nodes.
+#[derive(Clone, Debug, Default)]
+pub struct CutSurroundings {
+    /// Nodes, parents before their children, with all of their points that the filter leaves.
+    pub nodes: Vec<CutNode>,
+    /// Effective spacings for light: the entries of the nodes of the picture, then those of the
+    /// surroundings ([`esker_lod::light_octree`]).
+    pub octree: CompactOctree,
 }
 
 /// One node of a cut.
@@ -54,6 +69,12 @@ impl CutNode {
 }
 
 impl Cut {
+    /// Nodes whose points light meets: those of the picture, then those of the surroundings. This
+    /// is the order of the entries of [`CutSurroundings::octree`].
+    pub fn lit_nodes(&self) -> impl Iterator<Item = &CutNode> {
+        self.nodes.iter().chain(self.surroundings.iter().flat_map(|around| &around.nodes))
+    }
+
     /// The empty cut before the first choice.
     pub(crate) fn empty(needs: Needs) -> Self {
         Self {
@@ -62,6 +83,7 @@ impl Cut {
             needs,
             nodes: Vec::new(),
             octree: CompactOctree::default(),
+            surroundings: None,
             counters: Counters::default(),
             complete: false,
             settled: false,

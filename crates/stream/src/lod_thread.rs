@@ -45,7 +45,7 @@ enum Cause {
     Loading,
     /// All requests have arrived: waiting brings no more.
     Loaded,
-    /// The view or the needs changed.
+    /// The view, the needs or the surroundings changed.
     NewView,
 }
 
@@ -156,6 +156,10 @@ impl LodThread {
                 }
                 Err(error) => self.status.fault = Some(error.to_string()),
             }
+        }
+        if let Some(around) = shared.surroundings.take().filter(|a| **a != chooser.surroundings) {
+            chooser.surroundings = *around;
+            cause = Cause::NewView;
         }
         if let Some(view) = shared.view.take().filter(|v| chooser.view != Some(**v)) {
             chooser.look(*view);

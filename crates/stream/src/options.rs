@@ -1,6 +1,7 @@
 //! Options of a streamer: budgets, the order of loading, and the planes that frames need.
 
 use esker_format::{ForestFilter, PlaneKind};
+use esker_lod::Surroundings;
 use std::sync::Arc;
 
 /// Budgets and settings of a `Streamer`.
@@ -20,6 +21,10 @@ pub struct Options {
     pub priority: Priority,
     /// Whether hidden nodes are culled.
     pub occlusion: bool,
+    /// Detail and budgets of what is loaded around the picture for light, from the start;
+    /// `Streamer::surround` changes it. They take at most a quarter of drawing memory, and no more
+    /// than the picture leaves.
+    pub surroundings: Option<Surroundings>,
     /// Number of loader threads, which is the number of reads in progress.
     pub loaders: usize,
     /// Filter of points, and values mapped while reading.
@@ -36,6 +41,7 @@ impl Default for Options {
             target_spacing_px: 1.0,
             priority: Priority::default(),
             occlusion: true,
+            surroundings: None,
             // Disks reach their best rate at about eight requests in progress.
             loaders: 8,
             filter: Arc::default(),

@@ -116,7 +116,7 @@ pub(crate) struct LoadRequest {
 /// Part of a node that must be in view for the node to be loaded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum VisibilityTest {
-    /// None: roots are always wanted.
+    /// None: roots are always wanted, and surroundings out of view too.
     Always,
     /// The node's own points.
     Contour,

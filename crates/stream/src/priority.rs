@@ -6,7 +6,7 @@ use crate::choose::Choice;
 use crate::options::Priority;
 use crate::planes::Planes;
 use esker_format::PlaneKind;
-use esker_lod::{OrientedBox, Projection, View};
+use esker_lod::{Missing, OrientedBox, Projection, View};
 use glam::DVec2;
 
 /// Missing planes of a node.
@@ -16,6 +16,8 @@ pub(crate) struct LoadCandidate {
     pub(crate) kinds: Vec<PlaneKind>,
     /// Whether the node's own points are wanted; otherwise the node is wanted for its children.
     pub(crate) is_seen: bool,
+    /// Whether only the surroundings of the picture want the node.
+    pub(crate) is_around: bool,
     /// Higher is loaded first.
     score: f64,
 }
@@ -52,6 +54,17 @@ impl<'a> Scorer<'a> {
         }
     }
 
+    /// Score of planes of the surroundings, regardless of what is seen of them.
+    fn score_around(&self, kinds: &[PlaneKind], miss: &Missing) -> f64 {
+        match self.priority {
+            Priority::Distance => -miss.distance,
+            Priority::ErrorPerByte => {
+                let bytes: u64 = kinds.iter().map(|&k| self.planes.bytes(miss.node, k)).sum();
+                miss.spacing_px / bytes.max(1) as f64
+            }
+        }
+    }
+
     /// Error of points while a node's residual is missing, pixels.
     fn hot_error_px(&self, node: u32) -> f64 {
         let (record, lattice) = (self.planes.node(node), self.planes.lattice());
@@ -62,36 +75,44 @@ impl<'a> Scorer<'a> {
     }
 }
 
-/// Missing planes of a choice, best first: base planes of missing nodes, and residuals where hot
-/// positions are not exact enough. `missing_of` selects those of some planes of a node that have
+/// Missing planes of a choice, best first, those of the picture before those of its surroundings:
+/// base planes of missing nodes, and residuals where hot positions are not exact enough.
+/// `missing_of` selects those of some planes of a node that have
 /// not been requested yet.
 pub(crate) fn load_candidates(
     choice: &Choice,
     scorer: &Scorer<'_>,
     missing_of: impl Fn(u32, &[PlaneKind]) -> Vec<PlaneKind>,
 ) -> Vec<LoadCandidate> {
-    let mut candidates: Vec<LoadCandidate> = Vec::new();
+    let (mut candidates, mut around) = (Vec::new(), Vec::new());
     let selection = &choice.selection;
     let mut missing = selection.missing.iter().peekable();
-    for &node in &selection.wanted {
+    for (i, &node) in selection.wanted.iter().enumerate() {
         let miss = missing.next_if(|m| m.node == node);
         let is_seen = miss.is_none_or(|m| m.prefix > 0);
         if let Some(miss) = miss {
             let kinds = missing_of(node, &choice.base);
-            if !kinds.is_empty() {
+            let is_around = i >= selection.wanted_in_picture;
+            if !kinds.is_empty() && is_around {
+                let score = scorer.score_around(&kinds, miss);
+                around.push(LoadCandidate { node, kinds, is_seen, is_around, score });
+            } else if !kinds.is_empty() {
                 let score = scorer.score(node, &kinds, miss.spacing_px);
-                candidates.push(LoadCandidate { node, kinds, is_seen, score });
+                candidates.push(LoadCandidate { node, kinds, is_seen, is_around, score });
             }
         }
         if is_seen && choice.residuals.contains(&node) {
             let kinds = missing_of(node, &[PlaneKind::Residual]);
             if !kinds.is_empty() {
                 let score = scorer.score(node, &kinds, scorer.hot_error_px(node));
-                candidates.push(LoadCandidate { node, kinds, is_seen, score });
+                let is_around = false;
+                candidates.push(LoadCandidate { node, kinds, is_seen, is_around, score });
             }
         }
     }
-    in_order(candidates, scorer.planes)
+    let mut candidates = in_order(candidates, scorer.planes);
+    candidates.extend(in_order(around, scorer.planes));
+    candidates
 }
 
 /// Sorts by score. An entry's ancestors get at least its score and come before it.

@@ -15,7 +15,7 @@ use std::time::Instant;
 const UNPLACED_MAX: usize = 16;
 
 impl Chooser {
-    /// Replaces the load queue. Returns false if some planes found no slot.
+    /// Replaces the load queue. Returns false if some planes of the picture found no slot.
     pub(crate) fn request_missing(&mut self, choice: &Choice) -> bool {
         self.take_back();
         if self.drawn_needs != self.needs {
@@ -34,8 +34,13 @@ impl Chooser {
         });
         let bytes_max = queue_bytes_max(self.options.drawing_bytes);
         let (mut bytes, mut unplaced, mut requests) = (0, 0, Vec::new());
+        let (mut unplaced_around, mut around) = (0, Vec::new());
         self.has_more = false;
         for candidate in candidates {
+            // The picture needs the holes that its surroundings would take.
+            if candidate.is_around && (unplaced > 0 || unplaced_around >= UNPLACED_MAX) {
+                break;
+            }
             if bytes >= bytes_max || self.requests.len() >= REQUESTS_MAX || unplaced >= UNPLACED_MAX
             {
                 self.has_more = unplaced < UNPLACED_MAX;
@@ -47,18 +52,19 @@ impl Chooser {
             }
             let Some(slots) = self.cache.reserve(candidate.node, &candidate.kinds, &choice.base)
             else {
-                unplaced += 1;
+                *(if candidate.is_around { &mut unplaced_around } else { &mut unplaced }) += 1;
                 continue;
             };
             bytes += slots.iter().map(|(_, slot)| slot.bytes).sum::<u64>();
             let test = match candidate.is_seen {
-                _ if is_root => VisibilityTest::Always,
+                _ if is_root || candidate.is_around => VisibilityTest::Always,
                 true => VisibilityTest::Contour,
                 false => VisibilityTest::Cell,
             };
-            requests.push(self.request(candidate.node, slots, test));
+            let request = self.request(candidate.node, slots, test);
+            if candidate.is_around { around.push(request) } else { requests.push(request) }
         }
-        self.send(requests);
+        self.send(requests, around);
         unplaced == 0
     }
 
@@ -83,7 +89,7 @@ impl Chooser {
             }
         }
         if !requests.is_empty() {
-            self.send(requests);
+            self.send(requests, Vec::new());
         }
     }
 
@@ -101,10 +107,13 @@ impl Chooser {
         request
     }
 
-    /// Puts requests into the queue, as batches.
-    fn send(&mut self, requests: Vec<LoadRequest>) {
-        self.shared.counts.waiting.fetch_add(requests.len(), Relaxed);
-        self.queue.fill(batches(requests, &self.planes, self.run_bytes));
+    /// Puts requests into the queue, as batches; those for the surroundings behind all others, and
+    /// in batches of their own, so that none makes a read for the picture longer.
+    fn send(&mut self, requests: Vec<LoadRequest>, around: Vec<LoadRequest>) {
+        self.shared.counts.waiting.fetch_add(requests.len() + around.len(), Relaxed);
+        let mut all = batches(requests, &self.planes, self.run_bytes);
+        all.extend(batches(around, &self.planes, self.run_bytes));
+        self.queue.fill(all);
     }
 
     /// Withdraws the requests that no loader has taken; their slots were never written.

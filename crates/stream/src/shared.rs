@@ -20,7 +20,7 @@ use crate::mailbox::Mailbox;
 use crate::options::Needs;
 use crate::status::Status;
 use arc_swap::{ArcSwap, ArcSwapOption};
-use esker_lod::{DepthFeedback, View, Visible};
+use esker_lod::{DepthFeedback, Surroundings, View, Visible};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 
 /// State shared by all threads of one streamer.
@@ -34,7 +34,10 @@ pub(crate) struct Shared {
     pub(crate) needs: Mailbox<Needs>,
     /// Depth of the last finished frame.
     pub(crate) feedback: Mailbox<DepthFeedback>,
-    /// Number of needs and feedbacks that the render thread has put into the mailboxes.
+    /// Newest choice of surroundings.
+    pub(crate) surroundings: Mailbox<Option<Surroundings>>,
+    /// Number of needs, surroundings and feedbacks that the render thread has put into the
+    /// mailboxes.
     pub(crate) inputs: AtomicU64,
     /// Number of these inputs that the LOD thread has used, in a pass if they required one.
     pub(crate) inputs_used: AtomicU64,
@@ -65,6 +68,7 @@ impl Shared {
             view: Mailbox::default(),
             needs: Mailbox::default(),
             feedback: Mailbox::default(),
+            surroundings: Mailbox::default(),
             inputs: AtomicU64::new(0),
             inputs_used: AtomicU64::new(0),
             visible: ArcSwapOption::empty(),

@@ -19,7 +19,7 @@ use crate::shared::Shared;
 use crate::status::Status;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use esker_format::{Forest, TREES_MAX};
-use esker_lod::{DepthFeedback, View, Visible};
+use esker_lod::{DepthFeedback, Surroundings, View, Visible};
 use std::collections::HashMap;
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -153,6 +153,14 @@ impl Streamer {
         self.count_input();
     }
 
+    /// Changes what is loaded around the picture for light ([`Cut::surroundings`]); `None` switches
+    /// it off, which frees its memory. The picture stays the same, and its nodes are read first.
+    /// Never waits.
+    pub fn surround(&self, surroundings: Option<Surroundings>) {
+        self.shared.surroundings.put(surroundings);
+        self.count_input();
+    }
+
     /// Passes on the depth of a finished frame. Later choices cull what it hides, if
     /// `Options::occlusion` is set. Never waits.
     pub fn feedback(&self, feedback: DepthFeedback) {
@@ -166,9 +174,9 @@ impl Streamer {
         self.shared.front.load_full()
     }
 
-    /// Whether the current cut was chosen with everything passed to [`Streamer::need`] and
-    /// [`Streamer::feedback`]. Otherwise a cut may be marked as settled although it is about to
-    /// change. Never waits.
+    /// Whether the current cut was chosen with everything passed to [`Streamer::need`],
+    /// [`Streamer::surround`] and [`Streamer::feedback`]. Otherwise a cut may be marked as settled
+    /// although it is about to change. Never waits.
     pub fn has_taken_in(&self) -> bool {
         self.shared.inputs_used.load(SeqCst) == self.shared.inputs.load(SeqCst)
     }
@@ -224,6 +232,8 @@ fn chooser(
     Chooser {
         cache: Cache::new(planes.clone(), pool, options.nodes_max),
         spare_bytes: 0,
+        surroundings: options.surroundings,
+        spare_around_bytes: 0,
         options,
         planes: planes.clone(),
         shared: Arc::clone(shared),

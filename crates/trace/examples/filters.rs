@@ -1,5 +1,5 @@
-//! Times of the filters at 1024 x 768 as JSON, table 2 of `bauszat2011`: each filter and setting, as
-//! wall time (best of the runs) and as CPU time of all threads (mean of the runs), milliseconds.
+//! Times of the filters at 1024 x 768 as JSON, table 2 of `bauszat2011`: each filter and setting,
+//! as wall time (best of the runs) and as CPU time of all threads (mean of the runs), milliseconds.
 //!
 //! `cargo run --release -p esker-trace --example filters -- [RUNS] [NAME]`
 

@@ -1,7 +1,8 @@
-//! Draws a box with two blocks and a ball, lit by a lamp, a window of sky or both, as PNG: a picture
-//! to look at while working on the tracer.
+//! Draws a box with two blocks and a ball, lit by a lamp, a window of sky or both, as PNG: a
+//! picture to look at while working on the tracer.
 //!
-//! `cargo run --release -p esker-trace --example lit -- OUT.png [SAMPLES] [BOUNCES] [FILTER] [PART]`
+//! `cargo run --release -p esker-trace --example lit -- OUT.png [SAMPLES] [BOUNCES] [FILTER]
+//! [PART]`
 //! FILTER: none, guided, nested, bilateral, atrous. PART: radiance, direct, indirect.
 
 use esker_lod::View;

@@ -1,7 +1,8 @@
-//! Rates of rays on generated clouds of discs: an office, a terrain and a cluster of spheres. Prints
-//! JSON, one row a scene and tree: millions of rays a CPU second on one thread for primary, bounce
-//! and shadow rays, for first hits, blended ones, and blended ones with bounded lift; for the implicit tree, the refined one, and `obvhs`'
-//! own binary tree over the same discs; times of building; bytes a splat.
+//! Rates of rays on generated clouds of discs: an office, a terrain and a cluster of spheres.
+//! Prints JSON, one row a scene and tree: millions of rays a CPU second on one thread for primary,
+//! bounce and shadow rays, as first hits, blended, and blended with a bounded lift; for the
+//! implicit tree, the refined one, and the binary tree of `obvhs` over the same discs; times of
+//! building; bytes a splat.
 //!
 //! `cargo run --release -p esker-trace --example rays [SPLATS [SCENE]]`
 

@@ -5,7 +5,7 @@ mod filter_support;
 
 use esker_trace::Image;
 use esker_trace::filter::{
-    FilterKind, Guides, Settings, Workspace, filter, filter_in, invalid_pixels,
+    FilterKind, GuideKind, Guides, Settings, Workspace, filter, filter_in, invalid_pixels,
     normal_noise_degrees,
 };
 use filter_support::{Lcg, ball, guides_of, mean_square, noisy_of, traced};
@@ -82,6 +82,50 @@ fn nothing_passes_an_edge_of_the_guides() {
         for (value, expected) in filtered.planes[0].iter().zip(&noisy.planes[0]) {
             assert!((value - expected).abs() < 0.07, "{kind:?} {value} {expected}");
         }
+    }
+}
+
+#[test]
+fn slanted_planes_are_smoothed_like_facing_ones() {
+    let guides = |right: f32, down: f32| {
+        let depth = |i: usize| 1.0 + right * (i % 70) as f32 + down * (i / 70) as f32;
+        let surfaces: Vec<_> = (0..70 * 60).map(|i| Some((Vec3::Z, depth(i)))).collect();
+        Guides::of_surfaces(70, 60, &surfaces, 4.0)
+    };
+    let noisy = noisy_of(70, 60, 1.0, &mut Lcg(4));
+    for kind in [FilterKind::Bilateral, FilterKind::Atrous] {
+        let settings = Settings { radius: Some(9), ..Settings::of(kind) };
+        let facing = filter(&noisy, &guides(0.0, 0.0), 1, &settings);
+        let slanted = filter(&noisy, &guides(0.03, -0.05), 1, &settings);
+        for (a, b) in facing.planes.iter().flatten().zip(slanted.planes.iter().flatten()) {
+            assert!((a - b).abs() < 1e-3, "{kind:?} {a} {b}");
+        }
+    }
+}
+
+#[test]
+fn cross_bilateral_filter_equals_weights_by_exponentials() {
+    let (guides, light) = ball(48, 40);
+    let mut guides = guides.only(&[GuideKind::Normal]);
+    guides.is_hit.fill(true);
+    let noisy = traced(&light, 16, true, &mut Lcg(14));
+    let settings = Settings { radius: Some(6), ..Settings::of(FilterKind::Bilateral) };
+    let filtered = filter(&noisy, &guides, 16, &settings);
+    for i in 0..guides.len() {
+        let (mut sum, mut total) = (0.0, 0.0);
+        for j in 0..guides.len() {
+            let [x, y] = [i % 48, i / 48].map(|c| c as f32);
+            let [dx, dy] = [(j % 48) as f32 - x, (j / 48) as f32 - y];
+            if dx.abs() <= 6.0 && dy.abs() <= 6.0 {
+                let change = |plane: &Vec<f32>| ((plane[i] - plane[j]) / 0.1).powi(2);
+                let change: f32 = guides.planes.iter().map(change).sum();
+                let weight = (-0.5 * (change + (dx * dx + dy * dy) / 9.0)).exp();
+                sum += weight * noisy.planes[0][j];
+                total += weight;
+            }
+        }
+        let (value, expected) = (filtered.planes[0][i], sum / total);
+        assert!((value - expected).abs() < 0.03 * expected.max(0.1), "{value} {expected}");
     }
 }
 

@@ -103,6 +103,7 @@ fn submit(gpu: &Gpu, encode: impl FnOnce(&mut ComputePass<'_>)) {
 }
 
 /// Solves `a x = b` by elimination; `a` is positive definite.
+#[allow(clippy::needless_range_loop, reason = "two rows of the same matrix")]
 fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
     let n = b.len();
     for j in 0..n {

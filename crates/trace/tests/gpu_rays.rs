@@ -60,7 +60,7 @@ fn splats(count: u32) -> Vec<Splat> {
             let (centre, normal) = if on_floor {
                 (Vec3::new(offset.x * 150.0, offset.y * 150.0, offset.z - 0.8), Vec3::Z)
             } else {
-                (normal * 0.7 + offset, (normal + offset * 5.0).normalize())
+                (normal * 0.7 + offset, (normal + offset * 5.0).normalize_or(normal))
             };
             let normal = if index % 50 == 1 { Vec3::ZERO } else { normal };
             let colour = [random.next(), random.next(), random.next()];
@@ -163,7 +163,7 @@ fn degenerate_scenes_have_trees_that_end() {
         index: 0,
     };
     let coincident = vec![one([1.0, 2.0, 0.0], 0.5); 3000];
-    let unusable = vec![one([f32::NAN, 0.0, 0.0], 1.0), one([0.0; 3], 0.0)];
+    let unusable = [one([f32::NAN, 0.0, 0.0], 1.0), one([0.0; 3], 0.0)];
     let rays = [Ray::new(Vec3::new(1.0, 2.0, 4.0), Vec3::NEG_Z), Ray::new(Vec3::ZERO, Vec3::X)];
     for gpu in gpus() {
         let kernels = SceneKernels::new(&gpu).unwrap();

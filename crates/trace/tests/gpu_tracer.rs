@@ -111,8 +111,9 @@ fn input(splats: &[Splat]) -> SplatInput<'_> {
 /// Number of pixels of two images that differ by more than a share of the mean.
 fn differing(a: &Image<3>, b: &Image<3>, share: f32) -> usize {
     let mean = b.planes.iter().flatten().sum::<f32>() / (3 * b.len()) as f32;
-    let differs =
-        |i: usize| (0..3).any(|c| !((a.planes[c][i] - b.planes[c][i]).abs() <= share * mean));
+    let off = |c: usize, i: usize| (a.planes[c][i] - b.planes[c][i]).abs();
+    // A NaN differs.
+    let differs = |i: usize| (0..3).any(|c| off(c, i) > share * mean || off(c, i).is_nan());
     assert_eq!(a.len(), b.len());
     (0..a.len()).filter(|&i| differs(i)).count()
 }

@@ -6,6 +6,8 @@ use crate::args::Args;
 use crate::counters::Counters;
 use crate::device::WindowPainter;
 use crate::input_events::WindowState;
+#[cfg(feature = "light")]
+use crate::light;
 use crate::panel::{self, Actions, PanelData};
 use crate::pilot::Order;
 use crate::script::Script;
@@ -21,6 +23,7 @@ use eframe::egui::{
     CentralPanel, Context, CursorIcon, Frame, Key, Margin, Panel, RawInput, Rect, Sense, Ui,
     ViewportCommand,
 };
+use esker_engine::light::IS_BUILT;
 use esker_engine::{BuildOptions, Method, memory};
 use serde_json::json;
 use std::time::{Duration, Instant};
@@ -85,6 +88,7 @@ impl App {
             colour_by: args.colour.clone(),
             filter: args.filter(),
             shines: !args.no_highlights,
+            light: args.light(),
             evens_exposure: args.even_exposure,
             full: args.full,
             points_budget: args.budget_points.unwrap_or(Settings::default().points_budget),
@@ -285,7 +289,8 @@ impl App {
                 self.wanted.method = match self.wanted.method {
                     Method::Points => Method::PullPush,
                     Method::PullPush => Method::Ewa,
-                    Method::Ewa => Method::Points,
+                    Method::Ewa if IS_BUILT => Method::Lit,
+                    Method::Ewa | Method::Lit => Method::Points,
                 };
             }
             if i.key_pressed(Key::C) {
@@ -341,6 +346,10 @@ impl App {
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         if viewer.handle_input(ui, &response, now_s) {
             ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
+        }
+        #[cfg(feature = "light")]
+        if let Some(moved) = viewer.take_sun_drag() {
+            light::drag_sun(&mut self.wanted, moved);
         }
         viewer.update_session(ui.ctx(), &self.wanted, now_s);
         let work = viewer.draw(ui, now_s, &mut self.counters, &mut self.shots);

@@ -5,6 +5,8 @@ use clap::{Parser, ValueEnum};
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::method::{DEFAULT_METHOD, METHODS, method_of_name};
 use esker_engine::io::{polygon, quantity};
+use esker_engine::light::settings::LightSettings;
+use esker_engine::light::spec::{LightSpec, joined};
 use esker_engine::{Bounds, Classes, Filter, Method, Polygon};
 use std::path::PathBuf;
 
@@ -29,6 +31,10 @@ pub struct Args {
     /// Single points, closed surfaces, or splats.
     #[arg(long, value_parser = method_parser(), default_value = DEFAULT_METHOD)]
     pub method: Method,
+    /// Lights of --method lit, as of esker render: sun:AZIMUTH,ELEVATION[,STRENGTH[,DIAMETER]],
+    /// sky[:STRENGTH], sky:PICTURE.png[,STRENGTH], lamp:X,Y,Z[,STRENGTH], or files of lights.
+    #[arg(long, num_args = 1.., value_name = "LIGHT")]
+    pub lights: Vec<LightSpec>,
     /// Where the camera is at the start, such as "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the
     /// scan's coordinates. Each part may be missing.
     #[arg(long, default_value = "", hide_default_value = true)]
@@ -95,6 +101,11 @@ pub struct Args {
 }
 
 impl Args {
+    /// How lit pictures are lit.
+    pub fn light(&self) -> LightSettings {
+        LightSettings { lights: joined(self.lights.clone()), ..LightSettings::default() }
+    }
+
     /// Choice of the points that are shown.
     pub fn filter(&self) -> Filter {
         Filter {

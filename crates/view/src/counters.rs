@@ -1,6 +1,7 @@
 //! Counts that the panel shows, taken from each frame and from the session's status.
 
 use esker_engine::draw::session::GpuBytes;
+use esker_engine::light::status::LitStatus;
 use esker_engine::{Cut, Status};
 
 /// Counts of the newest frame.
@@ -26,6 +27,8 @@ pub struct Counters {
     pub read_rate: f64,
     /// Reads a second, measured over at least half a second.
     pub reads_rate: f64,
+    /// State of the picture if it is lit.
+    pub lit: Option<LitStatus>,
     sample: Option<(f64, u64, u64)>,
 }
 

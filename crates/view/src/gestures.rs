@@ -1,8 +1,9 @@
 //! Turns input into movements of the camera: keys fly, the left button orbits around the point
 //! under the pointer, the right one looks around, the middle one pans, the wheel zooms to the
 //! pointer (or changes the speed while flying), a click measures coordinates, a double click flies
-//! to the point. Gestures that need the point under the pointer wait for the picture of this frame,
-//! which has its depth, so that nothing blocks on reading a depth.
+//! to the point. In lit pictures the left button with Ctrl (Command on a Mac) moves the sun.
+//! Gestures that need the point under the pointer wait for the picture of this frame, which has its
+//! depth, so that nothing blocks on reading a depth.
 
 use crate::camera::Camera;
 use crate::measure::{Measure, MeasuredPoint};
@@ -39,10 +40,16 @@ pub struct Gestures {
     drag: Option<Drag>,
     picks: Vec<Pick>,
     measure: Measure,
+    /// Whether there is a sun to drag.
+    pub has_sun: bool,
+    /// Movement of the sun that was not taken yet, in shares of the height of the picture.
+    sun: DVec2,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Drag {
+    /// The sun.
+    Sun,
     /// Around a point, once it is known.
     Orbit(Option<DVec3>),
     Look,
@@ -103,10 +110,12 @@ impl Gestures {
         if !response.is_pointer_button_down_on() {
             return;
         }
-        let shift = ui.input(|i| i.modifiers.shift);
+        let [shift, command] = ui.input(|i| [i.modifiers.shift, i.modifiers.command]);
         if pressed(PointerButton::Middle) || (pressed(PointerButton::Primary) && shift) {
             self.drag = Some(Drag::Pan(None));
             self.picks.push(Pick { at, purpose: Purpose::Pan });
+        } else if pressed(PointerButton::Primary) && command && self.has_sun {
+            self.drag = Some(Drag::Sun);
         } else if pressed(PointerButton::Primary) {
             self.drag = Some(Drag::Orbit(None));
             self.picks.push(Pick { at, purpose: Purpose::Orbit });
@@ -115,12 +124,13 @@ impl Gestures {
         }
     }
 
-    fn drag(&self, camera: &mut Camera, moved: DVec2, height: f64) {
+    fn drag(&mut self, camera: &mut Camera, moved: DVec2, height: f64) {
         let turn = moved * (TURN_RAD / height);
         match self.drag {
             // The scene follows the pointer: when it moves to the right, the camera turns to the
             // left around the pivot.
             Some(Drag::Orbit(Some(pivot))) => camera.orbit(pivot, -turn.x, -turn.y),
+            Some(Drag::Sun) => self.sun += moved / height,
             // The view follows the pointer.
             Some(Drag::Look) => camera.look(-turn.x, -turn.y),
             Some(Drag::Pan(Some(depth))) => camera.pan(moved.x, moved.y, depth, height),
@@ -147,6 +157,13 @@ impl Gestures {
     /// Whether a pick needs the exact depth of the picture.
     pub fn needs_exact_depth(&self) -> bool {
         self.picks.iter().any(|pick| pick.purpose == Purpose::Measure)
+    }
+
+    /// Movement of the sun since the last call, in shares of the height of the picture.
+    #[cfg(feature = "light")]
+    pub fn take_sun_drag(&mut self) -> Option<[f64; 2]> {
+        let moved = std::mem::take(&mut self.sun);
+        (moved != DVec2::ZERO).then_some(moved.to_array())
     }
 
     /// The measured points.

@@ -16,6 +16,8 @@ mod gestures;
 mod input_events;
 mod keys;
 mod legend;
+#[cfg(feature = "light")]
+mod light;
 mod measure;
 mod panel;
 mod pilot;

@@ -5,6 +5,8 @@
 use crate::counters::Counters;
 use crate::filters;
 use crate::legend;
+#[cfg(feature = "light")]
+use crate::light;
 use crate::plot;
 use crate::settings::Settings;
 use crate::shots::Message;
@@ -18,6 +20,7 @@ use esker_engine::Method;
 use esker_engine::cameras::colour::SCANS;
 use esker_engine::cameras::legend::Legend;
 use esker_engine::io::quantity::{grouped, readable_bytes};
+use esker_engine::light::IS_BUILT;
 use std::ops::RangeInclusive;
 
 /// Range of the slider of the points budget.
@@ -122,6 +125,11 @@ pub fn show(
         counters(ui, data, wanted);
         section(ui, "Drawing");
         drawing(ui, data, wanted, is_coarser_moving);
+        #[cfg(feature = "light")]
+        if wanted.method == Method::Lit {
+            section(ui, "Light");
+            light::show(ui, wanted, data.counters.lit.as_ref());
+        }
         section(ui, "Budgets");
         budgets(ui, wanted);
         help(ui);
@@ -202,9 +210,13 @@ fn budget_bar(ui: &mut Ui, name: &str, bytes: u64, budget: u64) {
 
 fn drawing(ui: &mut Ui, data: &PanelData<'_>, wanted: &mut Settings, is_coarser_moving: &mut bool) {
     ui.horizontal(|ui| {
-        let methods =
-            [(Method::PullPush, "Surfaces"), (Method::Ewa, "Splats"), (Method::Points, "Points")];
-        for (method, name) in methods {
+        let methods = [
+            (Method::PullPush, "Surfaces"),
+            (Method::Ewa, "Splats"),
+            (Method::Points, "Points"),
+            (Method::Lit, "Lit"),
+        ];
+        for (method, name) in methods.into_iter().filter(|m| IS_BUILT || m.0 != Method::Lit) {
             ui.selectable_value(&mut wanted.method, method, name);
         }
     });
@@ -286,13 +298,14 @@ fn messages(ui: &mut Ui, data: &PanelData<'_>) {
 }
 
 /// Keys and mouse buttons, and what they do.
-pub const HELP: [(&str, &str); 13] = [
+pub const HELP: [(&str, &str); 14] = [
     ("W A S D", "fly"),
     ("E  Q", "up, down"),
     ("Shift  Alt", "faster, slower"),
     ("left button", "orbit around the point"),
     ("right button", "look around"),
     ("middle, Shift+left", "move sideways"),
+    ("Ctrl+left", "move the sun (Lit)"),
     ("wheel", "zoom to the pointer"),
     ("wheel while flying", "change the speed"),
     ("click  Esc", "measure, clear"),

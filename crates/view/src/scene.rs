@@ -10,7 +10,7 @@ use esker_engine::draw::empty_picture;
 use esker_engine::draw::options::Options;
 use esker_engine::draw::session::{DrawnFrame, GpuBytes, Session};
 use esker_engine::machine::backend::Drawer;
-use esker_engine::{Cut, Forest, Picture, Status, View};
+use esker_engine::{Cut, Forest, Method, Picture, Status, View};
 use glam::DVec2;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
@@ -83,6 +83,11 @@ impl Scene {
     /// Present settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// Whether pictures are lit.
+    pub fn is_lit(&self) -> bool {
+        self.settings.method == Method::Lit
     }
 
     /// Legend of the colours; `None` if no session runs.
@@ -171,15 +176,21 @@ impl Scene {
             return;
         }
         let Settings { method, shines, .. } = settings;
-        let is_method_alone = Settings { method, shines, ..self.settings.clone() } == settings;
+        let light = settings.light.clone();
+        // Files of meshes are read when a session is opened.
+        let same_meshes = light.meshes == self.settings.light.meshes;
+        let known = Settings { method, shines, light: light.clone(), ..self.settings.clone() };
+        let is_taken = known == settings && same_meshes;
         self.settings = settings;
         self.at_rest = None;
-        match &mut self.state {
-            State::Running(session) if is_method_alone => {
-                session.set_method(method);
-                session.set_shine(shines);
-            }
-            _ => self.reopen(),
+        if let State::Running(session) = &mut self.state
+            && is_taken
+            && session.set_method(method)
+        {
+            session.set_shine(shines);
+            session.set_light(light);
+        } else {
+            self.reopen();
         }
     }
 

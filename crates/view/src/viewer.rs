@@ -214,6 +214,12 @@ impl Viewer {
         self.gestures.measure().lines(self.unit())
     }
 
+    /// Movement of the sun since the last call, in shares of the height of the picture.
+    #[cfg(feature = "light")]
+    pub fn take_sun_drag(&mut self) -> Option<[f64; 2]> {
+        self.gestures.take_sun_drag()
+    }
+
     /// Removes the measurements.
     pub fn clear_measurements(&mut self) {
         self.gestures.clear_measurements();
@@ -240,6 +246,7 @@ impl Viewer {
             self.camera = camera_at(self.file(), &self.request, size);
         }
         let before = self.camera.pose();
+        self.gestures.has_sun = self.scene.as_ref().is_some_and(Scene::is_lit);
         self.gestures.update(ui, response, &mut self.camera);
         if self.camera.pose() != before {
             self.sharpness.moved(now_s);
@@ -256,8 +263,10 @@ impl Viewer {
             self.scene = Some(Scene::new(file, wanted.clone(), self.device.clone(), window));
             return;
         };
-        // The value of a slider changes in each pass while it is dragged.
-        if !ctx.egui_is_using_pointer() || self.gestures.is_dragging() {
+        // The value of a slider changes in each pass while it is dragged. Light follows it.
+        let light = wanted.light.clone();
+        let is_light_alone = Settings { light, ..scene.settings().clone() } == *wanted;
+        if !ctx.egui_is_using_pointer() || self.gestures.is_dragging() || is_light_alone {
             scene.set(wanted.clone());
         }
         let has = scene.size();
@@ -295,6 +304,7 @@ impl Viewer {
         }
         let drawn = match scene.frame(&views) {
             FrameOutcome::New(frame) => {
+                counters.lit = frame.light;
                 counters.take_frame(&frame.cut, frame.stats.points_drawn, frame.times.draw_ms);
                 let (start, drawn_ms) = (Instant::now(), frame.times.total_ms);
                 // GPU time of the newest finished frame, if a GPU draws.

@@ -7,7 +7,7 @@ use esker_engine::calls::build;
 use esker_engine::calls::info;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::io::progress::{Progress, Style};
-use esker_engine::{BuildOptions, Filter, Forest, View};
+use esker_engine::{BuildOptions, Filter, Forest, NormalsMode, View};
 use esker_view::args::Backend;
 use esker_view::device::WindowPainter;
 use esker_view::scene::{FrameOutcome, FrameViews, Scene};
@@ -32,14 +32,21 @@ fn drawn(scene: &mut Scene, view: View) -> Result<u64, String> {
     }
 }
 
+/// The sample scan.
+fn creek(folder: &Path) -> Arc<Forest> {
+    let built = folder.join("creek.esker");
+    let scan = Path::new("../../tests/sample/creek.laz").to_owned();
+    let silent = Progress::new(Style::Silent, Default::default());
+    let normals = NormalsMode::Estimate;
+    let options = BuildOptions { normals, ..BuildOptions::default() };
+    build::build(&[scan], &built, &options, 0, &silent).unwrap();
+    Arc::new(Forest::open(&built).unwrap())
+}
+
 #[test]
 fn a_filter_that_leaves_no_points_is_an_error_until_another_filter_leaves_some() {
     let folder = tempfile::tempdir().unwrap();
-    let built = folder.path().join("creek.esker");
-    let scan = Path::new("../../tests/sample/creek.laz").to_owned();
-    let silent = Progress::new(Style::Silent, Default::default());
-    build::build(&[scan], &built, &BuildOptions::default(), 0, &silent).unwrap();
-    let file = Arc::new(Forest::open(&built).unwrap());
+    let file = creek(folder.path());
     let bounds = info::bounds(&file);
     let view = Camera::default().view(bounds, SIZE);
     let by = |filter: Filter| Settings { filter, ..Settings::default() };
@@ -59,4 +66,48 @@ fn a_filter_that_leaves_no_points_is_an_error_until_another_filter_leaves_some()
     scene.set(by(Filter { bounds: Some(half.parse().unwrap()), ..Filter::default() }));
     let some = drawn(&mut scene, view).unwrap();
     assert!(0 < some && some < all, "{some} of {all}");
+}
+
+/// Draws until the picture is at rest. Returns the number of pictures.
+#[cfg(feature = "light")]
+fn rest(scene: &mut Scene, view: View) -> u32 {
+    let views = FrameViews { chosen: view, seen: view };
+    let mut pictures = 0;
+    while !scene.is_at_rest(&views) {
+        match scene.frame(&views) {
+            FrameOutcome::New(frame) => {
+                assert_eq!(frame.light.is_some(), frame.stats.splats_drawn > 0);
+                pictures += 1;
+            }
+            FrameOutcome::Failed(fault) => panic!("{fault}"),
+            _ => std::thread::sleep(Duration::from_millis(1)),
+        }
+    }
+    pictures
+}
+
+#[cfg(feature = "light")]
+#[test]
+fn lit_pictures_are_refined_to_rest_and_only_the_method_opens_a_session() {
+    use esker_engine::Method;
+    use esker_engine::light::sun;
+    let folder = tempfile::tempdir().unwrap();
+    let file = creek(folder.path());
+    let size = [80, 50];
+    let view = Camera::default().view(info::bounds(&file), size);
+    let device = WindowPainter::default().device(Backend::Cpu);
+    let mut scene = Scene::new(file, Settings::default(), device, size);
+    rest(&mut scene, view);
+    let mut lit = Settings { method: Method::Lit, ..Settings::default() };
+    scene.set(lit.clone());
+    assert!(scene.is_lit());
+    assert!(rest(&mut scene, view) > 1, "a coarse picture comes first");
+    assert_eq!(scene.reopened(), 1);
+    sun::set_place(&mut lit.light, [90.0, 20.0]);
+    scene.set(lit);
+    assert!(rest(&mut scene, view) > 1, "the sun was moved");
+    assert_eq!(scene.reopened(), 1);
+    scene.set(Settings::default());
+    rest(&mut scene, view);
+    assert_eq!(scene.reopened(), 2);
 }

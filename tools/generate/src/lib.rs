@@ -1,11 +1,12 @@
 //! Writes a generated scan as LAS or LAZ, for programs that read only these and for measuring how
-//! fast LAZ is decoded. Without a file the points are generated and dropped, to measure the
-//! generator.
+//! fast LAZ is decoded, or a generated mesh as PLY. Without a file the points are generated and
+//! dropped, to measure the generator.
 
 mod las;
 
 use anyhow::{Result, bail};
 use esker_points::{Batch, Lattice, Task};
+use esker_scan::mesh::{self, TriangleMesh, generated};
 use esker_scan::write::{self, Outline, Target};
 use esker_scan::{OpenOptions, Source};
 use std::path::Path;
@@ -17,11 +18,34 @@ use std::path::Path;
 pub fn open(spec: &Path, task: &dyn Task) -> Result<Box<dyn Source>> {
     if !esker_scan::synthetic::is_spec(spec) {
         bail!(
-            "{}: is no generated scan; name one as synthetic:SCENE:POINTS[:SEED]",
+            "{}: is no generated scan; name one as synthetic:SCENE:POINTS[:SEED], or a mesh as mesh:NAME[:TRIANGLES]",
             spec.display()
         );
     }
     Ok(esker_scan::open(spec, &OpenOptions::default(), task)?)
+}
+
+/// Makes a generated mesh; `None` if the name is not that of one.
+///
+/// # Errors
+/// If there is no such mesh.
+pub fn mesh(spec: &Path) -> Result<Option<TriangleMesh>> {
+    if !generated::is_spec(spec) {
+        return Ok(None);
+    }
+    let (model, triangles) = generated::parse(spec)?;
+    Ok(Some(model.make(triangles)))
+}
+
+/// Writes a mesh to `out`, which appears once it is complete. Returns the bytes of the file.
+///
+/// # Errors
+/// If its extension is not `.ply`, or the file cannot be written.
+pub fn write_mesh(mesh: &TriangleMesh, out: &Path) -> Result<u64> {
+    if !matches!(Target::of(out), Ok(Target::Ply)) {
+        bail!("{}: name the file .ply", out.display());
+    }
+    Ok(mesh::write(mesh, out)?)
 }
 
 /// Generates all points, drops them and returns their number.

@@ -1,4 +1,5 @@
-//! The command line: `esker-generate synthetic:terrain:1M:1 -o out.laz`.
+//! The command line: `esker-generate synthetic:terrain:1M:1 -o out.laz`, or
+//! `esker-generate mesh:bust:545k -o out.ply`.
 
 use anyhow::Result;
 use clap::Parser;
@@ -6,18 +7,28 @@ use esker_points::task::Silent;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Writes a generated scan as LAS 1.4 or LAZ, point format 7.
+/// Writes a generated scan as LAS 1.4 or LAZ, point format 7, or a generated mesh as PLY.
 #[derive(Parser)]
 struct Args {
-    /// synthetic:SCENE:POINTS[:SEED]
+    /// synthetic:SCENE:POINTS[:SEED], or mesh:NAME[:TRIANGLES]
     scan: PathBuf,
-    /// The file, .las or .laz; without it points are generated and dropped.
+    /// The file, .las, .laz, or .ply of a mesh; without it points are generated and dropped.
     #[arg(short, long)]
     out: Option<PathBuf>,
 }
 
 fn main() -> Result<()> {
     let args = Args::parse();
+    let start = Instant::now();
+    if let Some(mesh) = esker_generate::mesh(&args.scan)? {
+        let (triangles, seconds) = (mesh.triangles.len(), start.elapsed().as_secs_f64());
+        println!("{}: {triangles} triangles in {seconds:.2} s", args.scan.display());
+        if let Some(out) = &args.out {
+            let bytes = esker_generate::write_mesh(&mesh, out)?;
+            println!("{}: {bytes} bytes", out.display());
+        }
+        return Ok(());
+    }
     let source = esker_generate::open(&args.scan, &Silent)?;
     let points = source.info().points_hint;
     let start = Instant::now();

@@ -71,6 +71,20 @@ fn the_terrain_takes_ten_to_eleven_bytes_a_point_as_laz() {
 }
 
 #[test]
+fn a_mesh_is_written_as_ply_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = esker_generate::mesh(Path::new("mesh:hall:20k")).unwrap().unwrap();
+    let out = folder.path().join("hall.ply");
+    let bytes = esker_generate::write_mesh(&mesh, &out).unwrap();
+    assert_eq!(bytes, out.metadata().unwrap().len());
+    let back = esker_scan::mesh::read(&out, &Silent).unwrap();
+    assert_eq!(back.triangles, mesh.triangles);
+    let error = esker_generate::write_mesh(&mesh, Path::new("hall.laz")).unwrap_err();
+    assert!(error.to_string().contains("name the file .ply"), "{error}");
+    assert!(esker_generate::mesh(Path::new("synthetic:office:10")).unwrap().is_none());
+}
+
+#[test]
 fn what_is_no_generated_scan_or_no_file_name_is_refused() {
     let error = esker_generate::open(Path::new("scan.laz"), &Silent).err().unwrap().to_string();
     assert!(error.starts_with("scan.laz: is no generated scan"), "{error}");

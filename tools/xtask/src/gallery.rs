@@ -44,8 +44,9 @@ pub fn draw() -> Result<()> {
 
 /// Builds `scans` into one file.
 fn build(program: &Path, data: &OsStr, scans: &[&str], normals: &str, file: &Path) -> Result<()> {
-    let is_generated = |scan: &str| scan.starts_with("synthetic:");
-    let path = |scan: &&str| match is_generated(scan) {
+    // Generated scans, and those of the project.
+    let is_here = |scan: &str| scan.starts_with("synthetic:") || scan.starts_with("tests/");
+    let path = |scan: &&str| match is_here(scan) {
         true => PathBuf::from(scan),
         false => Path::new(data).join(scan),
     };
@@ -73,9 +74,16 @@ fn draw_one(program: &Path, file: &Path, picture: &Value) -> Result<()> {
         if let Some(colour) = picture["colour"].as_str() {
             words.extend(["--colour", colour].map(OsStr::new));
         }
+        let options = words_of_options(picture)?;
+        words.extend(options.into_iter().map(OsStr::new));
         esker(program, &words)?;
     }
     Ok(())
+}
+
+/// More options of `esker render` for a picture.
+fn words_of_options(picture: &Value) -> Result<Vec<&str>> {
+    if picture["options"].is_null() { Ok(Vec::new()) } else { words(picture, "options") }
 }
 
 /// The list of strings `key` of a picture.

@@ -7,6 +7,7 @@ mod fmt;
 mod gallery;
 mod house;
 mod large;
+mod light;
 mod lint;
 mod readme;
 mod shaders;
@@ -25,7 +26,7 @@ struct Step {
     run: fn(&mut Tally) -> anyhow::Result<()>,
 }
 
-const STEPS: [Step; 8] = [
+const STEPS: [Step; 9] = [
     Step { name: "fmt", about: "formatting", run: |_| fmt::check() },
     Step {
         name: "lint",
@@ -35,6 +36,11 @@ const STEPS: [Step; 8] = [
     Step { name: "deps", about: "directions of dependencies", run: |_| deps::check() },
     Step { name: "shaders", about: "validation of shaders", run: |_| shaders::check() },
     Step { name: "house", about: "house rules of files", run: |_| house::check() },
+    Step {
+        name: "light",
+        about: "programs without light have none of it",
+        run: |_| light::check(),
+    },
     Step { name: "test", about: "the README's test command", run: readme::test },
     Step { name: "view", about: "the viewer's tests, on a display or under Xvfb", run: view::test },
     Step { name: "demo", about: "the README's run command", run: |_| readme::demo() },

@@ -4,6 +4,7 @@
 
 use crate::render::scene::Changes;
 use anyhow::Result;
+use esker_engine::Method;
 use esker_engine::calls::info;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::cameras::colour;
@@ -12,7 +13,7 @@ use esker_format::{Forest, PlaneKind};
 use esker_points::Filter;
 use esker_points::attribute::names;
 use esker_points::filter::Bounds;
-use esker_render::{FramePlan, Method, Pass};
+use esker_render::{FramePlan, Pass};
 
 /// Target spacing at which views are dense, pixels.
 const DENSE_PX: f64 = 0.3;

@@ -5,8 +5,10 @@ use crate::cameras::colour;
 use crate::cameras::legend::Legend;
 use crate::cameras::ranges;
 use crate::draw::empty_picture;
+use crate::draw::method::Method;
 use crate::draw::scene::{PictureRequest, PictureScene, open};
 use crate::io::quantity::{grouped, readable_bytes};
+use crate::light::{self, check_built};
 use crate::machine::pool;
 use anyhow::Result;
 use esker_format::{Forest, PlaneKind};
@@ -70,6 +72,9 @@ pub fn explain(
     request: &PictureRequest,
     task: &dyn Task,
 ) -> Result<ExplainReport> {
+    if request.method == Method::Lit {
+        check_built()?;
+    }
     pool::run(request.threads, || {
         let (file, _folder) = open(inputs, request, task)?;
         plan(&file, request)
@@ -79,6 +84,7 @@ pub fn explain(
 /// Reports on what a picture of an open file would take.
 fn plan(file: &Forest, request: &PictureRequest) -> Result<ExplainReport> {
     let scene = PictureScene::choose(file, request)?;
+    let is_lit = request.method == Method::Lit;
     let (plan, counters) = (&scene.plan, &scene.selection.counters);
     if counters.points == 0 {
         empty_picture::check_wanted(file, &scene.appearance.shown)?;
@@ -88,9 +94,17 @@ fn plan(file: &Forest, request: &PictureRequest) -> Result<ExplainReport> {
         nodes: scene.selection.drawn.len(),
         points: counters.points,
         nodes_filtered: counters.filtered,
-        passes: plan.passes.iter().map(|p| p.name()).collect(),
+        passes: if is_lit {
+            light::passes(&request.light)
+        } else {
+            plan.passes.iter().map(|p| p.name()).collect()
+        },
         planes: scene.kinds.iter().map(|&kind| plane_report(file, &scene, kind)).collect(),
-        variants: plan.variants().into_iter().map(VariantReport::from).collect(),
+        variants: if is_lit {
+            Vec::new()
+        } else {
+            plan.variants().into_iter().map(VariantReport::from).collect()
+        },
         left_out: left_out(file, &scene),
         colour: legend.clone(),
         legend: legend.text(),
@@ -154,6 +168,9 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
     let plan = &scene.plan;
     let is_splats = plan.passes.contains(&Pass::Place);
     let has_surface = !plan.passes.contains(&Pass::Resolve);
+    if scene.appearance.method == Method::Lit {
+        return left_out_of_light(file, scene);
+    }
     let is_pulled = has_surface && !is_splats;
     let mut out = Vec::new();
     let mut add = |is_left_out: bool, what: &'static str| {
@@ -203,6 +220,25 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
     add(is_splats, "pyramid: splats cover their pixels themselves");
     add(is_pulled && !plan.has_pyramid, "pull, push, levels above the picture: a dense view");
     out
+}
+
+/// What a lit picture leaves out, and why.
+fn left_out_of_light(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
+    let has = |kind| file.has(kind);
+    let plan = &scene.plan;
+    let all = [
+        (
+            !has(PlaneKind::Normal),
+            "normal plane: the file has none; build it with --normals estimate",
+        ),
+        (has(PlaneKind::ClipLines), "clip lines: light is traced on whole discs"),
+        (has(PlaneKind::Tangents), "shapes of splats: light is traced on discs"),
+        (!plan.reads_colours, "colour plane: colours come from elsewhere"),
+        (!plan.hides_points, "filter's test of points: no node lies across its border"),
+        (true, "highlights: surfaces are matte"),
+        (true, "pyramid, smoothing of depths, antialiasing: rays meet surfaces themselves"),
+    ];
+    all.into_iter().filter(|(is_left_out, _)| *is_left_out).map(|(_, what)| what).collect()
 }
 
 /// Text of a report.

@@ -5,18 +5,25 @@
 use crate::calls::explain;
 use crate::cameras::legend::Legend;
 use crate::draw::empty_picture;
+use crate::draw::method::Method;
 use crate::draw::scene::{PictureRequest, PictureScene, ms, open};
 use crate::draw::whole;
 use crate::io::output;
 use crate::io::picture;
 use crate::io::quantity::grouped;
 use crate::io::stages;
+use crate::light::check_built;
+#[cfg(feature = "light")]
+use crate::light::still;
 use crate::machine::backend::{Backend, Drawer, DrawerReport};
 use crate::machine::pool;
 use anyhow::Result;
+#[cfg(feature = "light")]
+use anyhow::ensure;
 use esker_format::{Forest, Planes};
 use esker_lod::{CompactOctree, View};
 use esker_points::Task;
+use esker_render::gpu::Gpu;
 use esker_render::{PassTimes, Picture, Renderer};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -64,6 +71,10 @@ pub struct RenderReport {
     pub stages_ms: RenderTimes,
     /// What drew the picture.
     pub drawn_by: DrawerReport,
+    /// What lit the picture; none if nothing did.
+    #[cfg(feature = "light")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub light: Option<still::LightReport>,
     /// What the user should know, a line each.
     pub notes: Vec<&'static str>,
 }
@@ -116,6 +127,9 @@ pub fn render(
         output::may_write(out, inputs)?;
         picture::check_name(out)?;
         picture::check_size(request.size, request.method)?;
+        if request.method == Method::Lit {
+            check_built()?;
+        }
         let (file, _folder) = open(inputs, request, task)?;
         let open_ms = ms(start);
         let (picture, mut report) = draw(&file, request, task)?;
@@ -139,8 +153,12 @@ pub fn draw(
     task: &dyn Task,
 ) -> Result<(Picture, RenderReport)> {
     let scene = PictureScene::read(file, request, task)?;
-    let (gpu, mut drawer) = request.with.choose(None)?;
+    if request.method == Method::Lit {
+        let (gpu, drawer) = request.with.choose(None)?;
+        return draw_lit(file, &scene, gpu.as_ref(), drawer, request, task);
+    }
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
+    let (gpu, mut drawer) = request.with.choose(None)?;
     let start = Instant::now();
     let drawn = gpu.map(|gpu| whole::draw(&gpu, file, &scene, &octree));
     let picture = match drawn {
@@ -161,6 +179,40 @@ pub fn draw(
     let notes = notes(file, request, &scene, &picture)?;
     let report = RenderReport::new(&picture, &scene, &drawer, notes, ms(start));
     Ok((picture, report))
+}
+
+/// Draws a lit picture.
+#[cfg(feature = "light")]
+fn draw_lit(
+    file: &Forest,
+    scene: &PictureScene,
+    gpu: Option<&Gpu>,
+    mut drawer: Drawer,
+    request: &PictureRequest,
+    task: &dyn Task,
+) -> Result<(Picture, RenderReport)> {
+    let start = Instant::now();
+    let (picture, light, refusal) = still::draw(file, scene, &request.light, gpu, task)?;
+    if let Some(why) = refusal {
+        ensure!(request.with.backend != Backend::Gpu, "{why}; draw it with --backend cpu");
+        drawer = Drawer::cpu(why);
+    }
+    let mut notes = notes(file, request, scene, &picture)?;
+    notes.extend(still::notes(scene, &light));
+    let report = RenderReport::new(&picture, scene, &drawer, notes, ms(start));
+    Ok((picture, RenderReport { light: Some(light), ..report }))
+}
+
+#[cfg(not(feature = "light"))]
+fn draw_lit(
+    _: &Forest,
+    _: &PictureScene,
+    _: Option<&Gpu>,
+    _: Drawer,
+    _: &PictureRequest,
+    _: &dyn Task,
+) -> Result<(Picture, RenderReport)> {
+    check_built().and(Err(anyhow::anyhow!("this program does not light")))
 }
 
 /// Reasons why a picture may not be what the user meant, a line each.
@@ -214,6 +266,8 @@ impl RenderReport {
                 write: None,
             },
             drawn_by: drawer.report(),
+            #[cfg(feature = "light")]
+            light: None,
             notes,
         }
     }
@@ -250,6 +304,8 @@ pub fn text(report: &RenderReport) -> String {
             stages::text(&[("select", times.select), ("read", times.read)], &times.frame, "draw")
         ),
     ];
+    #[cfg(feature = "light")]
+    lines.extend(report.light.iter().map(still::text));
     lines.extend(report.notes.iter().map(|note| format!("note: {note}")));
     lines.join("\n")
 }

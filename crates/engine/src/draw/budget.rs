@@ -2,11 +2,14 @@
 //! needs at least, and how much of the rest is lent to loaders. `--budget-ram` limits main memory.
 //! `--budget-gpu` limits all buffers of a GPU, or, on the CPU, drawing memory.
 
+use crate::draw::method::Method;
 use crate::draw::options::{Options, Settings};
 use crate::draw::staging::RUN_BYTES;
 use crate::io::quantity::readable_bytes;
+use crate::light;
 use anyhow::{Result, ensure};
 use esker_format::{Footer, Forest};
+use esker_lod::Surroundings;
 use esker_points::Node;
 use esker_render::gpu::NodePool;
 use esker_render::gpu::passes::ewa::BatchCapacity;
@@ -17,6 +20,10 @@ const PIXEL_BYTES: u64 = 90;
 /// Bytes a pixel of exposure compensation in either renderer: at most 4 for slots of scans, 8 for
 /// sums of cells.
 const EXPOSURE_PIXEL_BYTES: u64 = 12;
+/// Bytes a pixel of lit pictures beyond those of other ones: samples, guides, the filter's sums.
+const LIT_PIXEL_BYTES: u64 = 400;
+/// Least memory for the scene of lit pictures: some hundred thousand splats.
+const SCENE_BYTES_MIN: u64 = 32 << 20;
 /// Bytes a node beside its record: the cache entry, and what the choice keeps of visited nodes.
 const NODE_BYTES: u64 = 512;
 /// Stacks of threads, channels, the allocator's overhead.
@@ -27,7 +34,7 @@ const RUNS_MIN: u64 = 4;
 const RUNS_MAX: u64 = 48;
 
 /// Shares of main memory, bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shares {
     /// Node table, metadata, statistics, and what choice and cache keep of nodes.
     pub tree_bytes: u64,
@@ -35,6 +42,9 @@ pub struct Shares {
     pub picture_bytes: u64,
     /// Runs that are lent to loaders.
     pub staging_bytes: u64,
+    /// Most points of lit pictures, and what is loaded around them, within the memory of their
+    /// scene; `None` if pictures are not lit.
+    pub lit: Option<(u64, Surroundings)>,
 }
 
 impl Shares {
@@ -53,10 +63,16 @@ impl Shares {
                 + footer.statistics.bytes * 2
         };
         let tree_bytes = file.files().map(|file| of(file.footer())).sum::<u64>();
-        let pixel_bytes = PIXEL_BYTES + if evens_exposure { EXPOSURE_PIXEL_BYTES } else { 0 };
+        let is_lit = options.settings.method == Method::Lit;
+        let pixel_bytes = match (is_lit, evens_exposure) {
+            (true, _) => PIXEL_BYTES + LIT_PIXEL_BYTES,
+            (false, true) => PIXEL_BYTES + EXPOSURE_PIXEL_BYTES,
+            (false, false) => PIXEL_BYTES,
+        };
         let picture_bytes = pixels_with_margin(size) * pixel_bytes;
         let run_bytes = RUN_BYTES as u64;
-        let fixed = tree_bytes + picture_bytes + FIXED_BYTES;
+        let lit_least = if is_lit { SCENE_BYTES_MIN } else { 0 };
+        let fixed = tree_bytes + picture_bytes + FIXED_BYTES + lit_least;
         let least = fixed + runs.map_or(RUNS_MIN, |r| r as u64) * run_bytes;
         ensure!(
             budget_bytes >= least,
@@ -72,7 +88,15 @@ impl Shares {
         );
         let free = (budget_bytes - fixed) / run_bytes;
         let runs = runs.map_or(free.clamp(RUNS_MIN, RUNS_MAX), |r| r as u64);
-        Ok(Self { tree_bytes, picture_bytes, staging_bytes: runs * run_bytes })
+        let staging_bytes = runs * run_bytes;
+        let scene_bytes = budget_bytes.saturating_sub(fixed + staging_bytes) + lit_least;
+        let lit = is_lit.then(|| light::shares(light::splats_max(scene_bytes)));
+        Ok(Self { tree_bytes, picture_bytes, staging_bytes, lit })
+    }
+
+    /// Most splats of a lit scene; no bound without light.
+    pub(crate) fn splats_max(&self) -> u64 {
+        self.lit.map_or(u64::MAX, |(points_max, around)| points_max + around.points_budget)
     }
 
     /// Runs of staging.

@@ -4,6 +4,7 @@
 use crate::calls::info;
 use crate::cameras::colour::{self, Colouring, filtered_colouring};
 use crate::draw::empty_picture;
+use crate::draw::method::Method;
 use anyhow::Result;
 use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_lod::{CompactOctree, View};
@@ -11,8 +12,7 @@ use esker_points::{Codes, Coding, Filter, Node};
 use esker_render::inputs::camera::is_drawable;
 use esker_render::picture::margin::{MARGIN_PX, goes_beyond};
 use esker_render::{
-    Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FrameOptions, FramePlan, Method,
-    SceneHas,
+    Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FrameOptions, FramePlan, SceneHas,
 };
 use esker_stream::Needs;
 use std::sync::Arc;
@@ -103,10 +103,11 @@ impl Appearance {
             oriented_normals: file.has_oriented_normals() && self.method == Method::PullPush,
             colour_plane: self.colouring.plane.is_some_and(|(kind, _)| file.has(kind)),
             hidden_points: self.shown.hides_any(),
-            clip_lines: file.has(PlaneKind::ClipLines),
-            tangents: file.has(PlaneKind::Tangents),
+            // Light is traced on discs.
+            clip_lines: file.has(PlaneKind::ClipLines) && self.method != Method::Lit,
+            tangents: file.has(PlaneKind::Tangents) && self.method != Method::Lit,
         };
-        let (method, colour) = (self.method, self.colouring.by);
+        let (method, colour) = (self.method.passes(), self.colouring.by);
         let Self { shines, evens_exposure, .. } = *self;
         let (smooths, fits_planes) = (true, true);
         let options = FrameOptions {
@@ -196,9 +197,10 @@ pub fn frame<'a, P>(
 ) -> Frame<'a, P> {
     Frame {
         octree: Some(octree),
-        method,
+        method: method.passes(),
         colour: colouring.by,
-        cull_back_faces: file.has_oriented_normals() && method != Method::Points,
+        cull_back_faces: file.has_oriented_normals()
+            && !matches!(method, Method::Points | Method::Lit),
         ..Frame::new(view, file.lattice(), draws)
     }
 }

@@ -1,9 +1,10 @@
 //! Options of a session: its memory, the order in which it reads, and what it draws with; and the
 //! settings that the user changes while a session runs.
 
+use crate::draw::method::Method;
+use crate::light::settings::LightSettings;
 use crate::machine::backend::{Backend, GpuRequest};
 use esker_points::Filter;
-use esker_render::Method;
 pub use esker_render::gpu::Gpu;
 pub use esker_render::gpu::device::{descriptor, is_software};
 use esker_stream::Priority;
@@ -19,6 +20,8 @@ pub struct Settings {
     pub filter: Filter,
     /// Whether surfaces have highlights.
     pub shines: bool,
+    /// How lit pictures are lit.
+    pub light: LightSettings,
     /// Whether differences of exposure between scans are removed.
     pub evens_exposure: bool,
     /// Whether full planes are read although there are compact ones.
@@ -68,6 +71,7 @@ impl Default for Settings {
             colour_by: None,
             filter: Filter::default(),
             shines: true,
+            light: LightSettings::default(),
             evens_exposure: false,
             full: false,
             points_budget: stream.points_budget,

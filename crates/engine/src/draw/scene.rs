@@ -4,15 +4,23 @@
 use crate::calls::info;
 use crate::cameras::camera::Camera;
 use crate::draw::frame::{Appearance, draw_node};
+use crate::draw::method::Method;
 use crate::io::file::is_esker;
 use crate::io::output;
+use crate::light;
+use crate::light::settings::LightSettings;
 use crate::machine::backend::DrawWith;
 use anyhow::Result;
+use esker_builder::budget::memory;
 use esker_format::{Forest, ForestFilter, PlaneKind, Planes};
-use esker_lod::{CompactOctree, Options, Residency, Selection, View, needs_residual, select};
-use esker_points::{Filter, Task};
+use esker_lod::{
+    CompactOctree, Drawn, Options, Residency, Selection, Surroundings, View, needs_residual,
+    select, surround,
+};
+use esker_points::attribute::names;
+use esker_points::{AttrType, Filter, Task};
 use esker_render::inputs::density::{is_crowded, is_dense};
-use esker_render::{DrawNode, FramePlan, Method};
+use esker_render::{DrawNode, FramePlan};
 use rayon::prelude::*;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -43,6 +51,8 @@ pub struct PictureRequest {
     pub keeps_values: bool,
     /// Whether full planes are drawn although there are compact ones.
     pub full: bool,
+    /// How a lit picture is lit.
+    pub light: LightSettings,
     /// CPU or GPU.
     pub with: DrawWith,
     /// Threads; 0 for one a core.
@@ -66,10 +76,31 @@ impl Default for PictureRequest {
             evens_exposure: false,
             keeps_values: false,
             full: false,
+            light: LightSettings::default(),
             with: DrawWith::default(),
             threads: 0,
             build: esker_builder::Options::default(),
         }
+    }
+}
+
+impl PictureRequest {
+    /// Most points that are drawn, and what is read around them: lit ones have to fit in memory
+    /// with their tree.
+    fn points_max(&self) -> (u64, Option<Surroundings>) {
+        if self.method != Method::Lit {
+            return (self.budget_points, None);
+        }
+        let granted_bytes = memory::granted().unwrap_or(u64::MAX);
+        let (points_max, around) = light::shares(light::splats_max(granted_bytes / 2));
+        (points_max.min(self.budget_points), Some(around))
+    }
+
+    /// Plane of the classes of points, if lights of the picture choose points by them.
+    fn class_plane(&self, file: &Forest) -> Option<PlaneKind> {
+        let is_needed = self.method == Method::Lit && light::needs_classes(&self.light);
+        let index = file.schema().find_typed(names::CLASSIFICATION, AttrType::U8);
+        index.filter(|_| is_needed).map(|index| PlaneKind::Attribute(index as u16))
     }
 }
 
@@ -117,12 +148,17 @@ pub struct PictureScene {
     pub view: View,
     /// Nodes to draw, and their prefixes.
     pub selection: Selection,
-    /// Planes of each node, in the order of the selection.
+    /// Planes of each node, in the order of the selection, and behind them those of the nodes in
+    /// its surroundings.
     pub planes: Vec<Planes>,
     /// What is shown, and how.
     pub appearance: Appearance,
     /// Plan of the frame.
     pub plan: FramePlan,
+    /// Most points that are drawn.
+    pub points_max: u64,
+    /// Plane of the classes of points, if lights choose points by them.
+    class_plane: Option<PlaneKind>,
     /// Kinds of planes that are read for any node.
     pub(crate) kinds: Vec<PlaneKind>,
     /// Bytes that were read.
@@ -163,27 +199,36 @@ impl PictureScene {
         let appearance = if request.full { appearance } else { appearance.compacted(file) };
         let appearance = if request.keeps_values { appearance.with_values() } else { appearance };
         let view = appearance.with_margin(file, &shown);
+        let (points_max, surroundings) = request.points_max();
         let options = Options {
-            points_budget: request.budget_points,
+            points_budget: points_max,
             target_spacing_px: request.target_spacing_px,
             ..Options::default()
         };
         let known = FilteredResidency(&appearance.shown);
-        let selection = select(file.table(), file.lattice(), &view, &options, &known, None);
-        let octree = CompactOctree::new(file.table(), &selection.drawn);
+        let (table, lattice) = (file.table(), file.lattice());
+        let mut selection = select(table, lattice, &view, &options, &known, None);
+        let octree = CompactOctree::new(table, &selection.drawn);
+        if let Some(around) = surroundings {
+            surround(table, lattice, &view, &options, &around, &known, &mut selection);
+        }
         let drawn = || selection.drawn.iter().map(|d| (file.record(d.node), d.prefix)).enumerate();
         let nodes = drawn().map(|(entry, (node, _))| (entry, node));
         let is_dense = is_dense(&view, file.lattice(), &octree, nodes);
         let nodes = drawn().map(|(entry, (node, prefix))| (entry, node, prefix));
         let is_crowded = is_crowded(&view, file.lattice(), Some(&octree), nodes);
         let plan = appearance.plan(file, is_dense, is_crowded);
-        let kinds = planes_of(&plan, &appearance);
+        let mut kinds = planes_of(&plan, &appearance);
+        let class_plane = request.class_plane(file);
+        kinds.extend(class_plane.filter(|plane| !kinds.contains(plane)));
         Ok(Self {
             view,
             selection,
             planes: Vec::new(),
             appearance,
             plan,
+            points_max,
+            class_plane,
             kinds,
             read_bytes: file.read_bytes() - before,
             select_ms: ms(start),
@@ -191,9 +236,29 @@ impl PictureScene {
         })
     }
 
+    /// Nodes of the picture and of its surroundings with their planes, for light; the octree for
+    /// them is [`esker_lod::light_octree`].
+    pub fn lit_draws<'a>(&'a self, file: &'a Forest) -> Vec<DrawNode<'a>> {
+        let nodes = self.selection.drawn.iter().chain(&self.selection.surroundings);
+        self.nodes(file, nodes)
+    }
+
+    /// Classes of the points of each node, where lights choose points by them.
+    pub fn classes(&self) -> Vec<Option<&[u8]>> {
+        self.planes.iter().map(|planes| planes.get(self.class_plane?)).collect()
+    }
+
     /// Nodes with their planes, for a frame.
     pub fn draws<'a>(&'a self, file: &'a Forest) -> Vec<DrawNode<'a>> {
-        let nodes = self.selection.drawn.iter().zip(&self.planes).enumerate();
+        self.nodes(file, self.selection.drawn.iter())
+    }
+
+    fn nodes<'a>(
+        &'a self,
+        file: &'a Forest,
+        nodes: impl Iterator<Item = &'a Drawn>,
+    ) -> Vec<DrawNode<'a>> {
+        let nodes = nodes.zip(&self.planes).enumerate();
         nodes
             .map(|(entry, (drawn, planes))| {
                 let node = file.record(drawn.node);
@@ -254,11 +319,11 @@ fn read(
     kinds: &[PlaneKind],
     task: &dyn Task,
 ) -> Result<Vec<Planes>> {
-    let points = selection.drawn.iter().map(|d| d.prefix as u64).sum();
+    let nodes: Vec<&Drawn> = selection.drawn.iter().chain(&selection.surroundings).collect();
+    let points = nodes.iter().map(|d| d.prefix as u64).sum();
     task.phase("reading", Some(points), "points");
     let lattice = file.lattice();
-    selection
-        .drawn
+    nodes
         .par_iter()
         .map(|drawn| {
             task.check()?;

@@ -12,16 +12,20 @@
 
 use crate::draw::budget::Shares;
 use crate::draw::frame::Appearance;
+use crate::draw::method::Method;
 pub use crate::draw::options::{Options, Settings};
 use crate::draw::painter::{CpuPainter, FrameInput, GpuPainter, Painter};
 pub use crate::draw::painter::{GpuBytes, Image};
+use crate::light::settings::LightSettings;
+use crate::light::status::LitStatus;
+use crate::light::{LIT_BY_CPU, check_built};
 use crate::machine::backend::{Backend, Drawer};
 use crate::machine::system;
 use anyhow::{Context, Error, Result, bail, ensure};
 use esker_format::Forest;
 use esker_lod::{DepthFeedback, View};
 use esker_render::inputs::camera::Camera;
-use esker_render::{Method, Picture, Stats};
+use esker_render::{Picture, Stats};
 use esker_stream::{Cut, Status, Streamer};
 use glam::DVec2;
 use std::sync::Arc;
@@ -46,6 +50,8 @@ pub struct DrawnFrame<'a> {
     /// Whether the next frame of this view would be the same: nothing more is loaded, and the nodes
     /// that are hidden are known.
     pub is_final: bool,
+    /// State of the picture if it is lit.
+    pub light: Option<LitStatus>,
     /// Statistics of the renderer: of this frame on the CPU, of the last finished one on a GPU.
     pub stats: Stats,
     /// State of streaming.
@@ -100,7 +106,12 @@ impl Session {
         let appearance = Appearance::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
         let appearance = appearance.evened(&file, *evens_exposure)?;
         let appearance = if *full { appearance } else { appearance.compacted(&file) };
-        let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
+        let (gpu, drawer) = if *method == Method::Lit {
+            check_built()?;
+            (None, Drawer::cpu(LIT_BY_CPU.into()))
+        } else {
+            options.backend.choose(&options.gpu, options.device.as_ref())?
+        };
         let mut session = Self {
             file,
             options,
@@ -129,6 +140,10 @@ impl Session {
     fn start(&mut self, painter: Box<dyn Painter>) -> Result<()> {
         let shown = Arc::clone(&self.appearance.shown);
         let options = esker_stream::Options { filter: shown, ..self.options.stream() };
+        let around = self.shares.lit.map(|(points_max, around)| (points_max, Some(around)));
+        let (points_max, surroundings) = around.unwrap_or((u64::MAX, None));
+        let points_budget = options.points_budget.min(points_max);
+        let options = esker_stream::Options { points_budget, surroundings, ..options };
         let needs = self.appearance.needs(&self.file);
         let streamer = painter.start(self.file.clone(), options, needs)?;
         self.running = Some(Running { streamer: Some(streamer), painter });
@@ -243,14 +258,40 @@ impl Session {
         // without them.
         let is_final =
             self.still > painter.feedback_frames() + u32::from(self.options.settings.occlusion);
-        let stats = painter.stats();
-        Ok(DrawnFrame { image, cut, is_of_view, is_final, stats, status, times, uploaded_bytes })
+        let is_final = is_final && painter.is_converged();
+        let (stats, light) = (painter.stats(), painter.light());
+        let counters = &cut.counters;
+        let withheld = counters.withheld + counters.shortened + counters.surroundings_withheld;
+        let light = light.map(|light| LitStatus { is_bounded: withheld > 0, ..light });
+        Ok(DrawnFrame {
+            image,
+            cut,
+            is_of_view,
+            is_final,
+            stats,
+            light,
+            status,
+            times,
+            uploaded_bytes,
+        })
     }
 
-    /// Draws by `method` from the next frame on.
-    pub fn set_method(&mut self, method: Method) {
+    /// Draws by `method` from the next frame on. Returns false, and changes nothing, if that takes
+    /// another session: those that light read the surroundings of the view too, and the CPU draws
+    /// them.
+    pub fn set_method(&mut self, method: Method) -> bool {
+        let is_lit = |method| method == Method::Lit;
+        if is_lit(method) != is_lit(self.appearance.method) {
+            return false;
+        }
         self.appearance.method = method;
         self.update_needs();
+        true
+    }
+
+    /// Lights lit pictures by `light` from the next frame on. Its meshes are those of the session.
+    pub fn set_light(&mut self, light: LightSettings) {
+        self.options.settings.light = light;
     }
 
     /// Draws surfaces with or without highlights from the next frame on.
@@ -367,6 +408,8 @@ impl Session {
             view: seen,
             cut: &exchange.cut,
             appearance: &self.appearance,
+            light: &self.options.settings.light,
+            splats_max: self.shares.splats_max(),
         })?;
         let occlusion = self.options.settings.occlusion;
         let needs_depth = occlusion || self.drawer.adapter.is_some();

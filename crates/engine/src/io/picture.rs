@@ -1,10 +1,11 @@
 //! Pictures to PNG files, complete or not at all.
 
+use crate::draw::method::Method;
 use crate::io::output;
 use crate::io::quantity::readable_bytes;
 use anyhow::{Context, Result, ensure};
 use esker_builder::budget::memory;
-use esker_render::{Method, Picture};
+use esker_render::Picture;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
@@ -31,12 +32,16 @@ pub fn check_size([width, height]: [u32; 2], method: Method) -> Result<()> {
     check_bytes([width, height], method, memory::granted().unwrap_or(u64::MAX))
 }
 
+/// Bytes a pixel of lit pictures: guides, light and albedo of the pixel's rays, the filter's sums.
+const LIT_PIXEL_BYTES: u64 = 400;
+
 /// Bytes a pixel of the CPU renderer, measured at 36 million pixels, and the name of the method.
 fn pixel_bytes(method: Method) -> (u64, &'static str) {
     match method {
         Method::Points => (15, "points"),
         Method::PullPush => (85, "pull-push"),
         Method::Ewa => (31, "ewa"),
+        Method::Lit => (LIT_PIXEL_BYTES, "lit"),
     }
 }
 

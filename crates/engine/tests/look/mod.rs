@@ -258,6 +258,7 @@ fn every_map_and_method_has_its_golden_picture() {
             Method::Points => format!("points-{}.png", colour.replace([':', '.'], "-")),
             Method::PullPush => format!("surface-{colour}.png"),
             Method::Ewa => format!("splats-{colour}.png"),
+            Method::Lit => format!("lit-{colour}.png"),
         };
         let colour_by = Some(colour);
         is_golden(&file, &PictureRequest { method, colour_by, ..request() }, &name);
@@ -357,7 +358,7 @@ fn texture_coordinates_are_interpolated_between_points() {
 }
 
 /// Asserts that a picture is like the golden one.
-fn is_golden(file: &Forest, picture_request: &PictureRequest, name: &str) {
+pub fn is_golden(file: &Forest, picture_request: &PictureRequest, name: &str) {
     let (drawn, _) = draw(file, picture_request, &Silent).unwrap();
     let path = std::path::absolute("tests/golden").unwrap().join(name);
     if std::env::var_os("ESKER_BLESS").is_some() {

@@ -28,7 +28,7 @@ const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
 /// Largest zstd window: 2^25 bytes, what level 20 needs; more would break the bound on memory.
 const ZSTD_WINDOW_LOG_MAX: u32 = 25;
 /// Bytes read from the file at once.
-const READ_BYTES: usize = 256 << 10;
+pub(crate) const READ_BYTES: usize = 256 << 10;
 
 struct PlySource {
     info: SourceInfo,
@@ -46,7 +46,7 @@ fn recognises(head: &[u8]) -> bool {
 }
 
 /// Opens the decompressed stream of a file, and returns whether it was compressed.
-fn open_stream(path: &Path) -> Result<(Box<dyn BufRead + Send>, bool), ScanError> {
+pub(crate) fn open_stream(path: &Path) -> Result<(Box<dyn BufRead + Send>, bool), ScanError> {
     let io = |e| ScanError::io(path, e);
     let mut file = BufReader::with_capacity(READ_BYTES, File::open(path).map_err(io)?);
     if !file.fill_buf().map_err(io)?.starts_with(&ZSTD_MAGIC) {

@@ -13,7 +13,7 @@ mod coordinates;
 mod encode;
 pub mod las;
 mod numbers;
-mod partial;
+pub(crate) mod partial;
 mod ply;
 mod scaling;
 mod text;

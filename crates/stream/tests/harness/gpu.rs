@@ -143,7 +143,7 @@ impl Gpu {
 
     fn upload(&mut self, streamer: &Streamer, cut: &Cut) {
         let drawn: Vec<Slot> =
-            cut.nodes.iter().flat_map(|n| n.planes.iter().map(|&(_, slot)| slot)).collect();
+            cut.lit_nodes().flat_map(|n| n.planes.iter().map(|&(_, slot)| slot)).collect();
         let mut left = self.gpu_options.upload_bytes;
         while let Some((run, transfers)) = self.waiting.front_mut() {
             let Some(&transfer) = transfers.front() else {
@@ -233,7 +233,7 @@ impl Gpu {
 
     fn draw(&mut self, cut: &Cut) {
         let table = self.forest.table();
-        for node in &cut.nodes {
+        for node in cut.lit_nodes() {
             for &(kind, slot) in &node.planes {
                 let is = self.memory.get(&slot.offset).copied();
                 let should = Owned { slot, node: node.node, plane: kind, written: slot.bytes };
@@ -242,7 +242,7 @@ impl Gpu {
         }
         let positions = self.memory.values().filter(|o| o.plane == PlaneKind::Position);
         let resident: HashSet<u32> = positions.map(|o| o.node).collect();
-        for node in &cut.nodes {
+        for node in cut.lit_nodes() {
             let parent = table.nodes[node.node as usize].parent;
             assert!(parent == NONE || resident.contains(&parent), "closed under parent");
         }

@@ -6,6 +6,7 @@ use crate::accel::bounds::Bounds;
 use crate::accel::node::{LEAF, Node, fit, slack};
 use crate::accel::tree::{Kind, Leaf, NONE, Primitive, Tree, leaves};
 use crate::accel::walk::STACK;
+use esker_points::fetch::fetch;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::leaf_collapser::collapse;
@@ -14,31 +15,43 @@ use obvhs::bvh2::{Bvh2, node::Bvh2Node};
 use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
 
-/// Primitives with the same box as one of the last few before them, at most one in so many: where
-/// all boxes coincide, clusters do not grow and building would not end in useful time.
-const COINCIDENT_SHARE: usize = 4;
+/// Share of its size by which a box is moved at random before clustering. Where many pairs cost the
+/// same (points on a grid, or at one place), each round would join one pair only.
+const JITTER: f32 = 0.05;
 
 /// Builds the tree of `primitives` by clustering, and returns the primitive of each slot. `None`
-/// where clusters would not help: primitives that coincide in numbers, or a tree too deep for the
-/// traversal.
+/// where clusters would not help: few primitives, or a tree too deep for the traversal.
 pub(crate) fn refined<L: Leaf>(primitives: &[L::Primitive]) -> Option<(Tree<L>, Vec<u32>)> {
-    let boxes: Vec<Aabb> = primitives
-        .par_iter()
-        .map(|p| p.bounds())
-        .map(|b| Aabb::new(b.min.into(), b.max.into()))
-        .collect();
-    let coincident = boxes.windows(2).filter(|w| w[0] == w[1]).count();
-    if boxes.len() <= WIDTH || coincident * COINCIDENT_SHARE > boxes.len() {
+    if primitives.len() <= WIDTH {
         return None;
     }
+    let boxes = jittered(primitives);
     let binary = cluster(&boxes);
     let mut shape = Shape { binary: &binary, nodes: Vec::new(), slots: Vec::new() };
     shape.collapse()?;
     let Shape { mut nodes, slots, .. } = shape;
-    let (leaves, boxes) = leaves(&slots, |i| primitives[i]);
+    let (leaves, boxes) = leaves(&slots, |i| primitives[i], |i| fetch(primitives, i));
     let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
     fit(&mut nodes, &boxes, slack(&bounds));
     Some((Tree { nodes, leaves, bounds, kind: Kind::Refined }, slots))
+}
+
+/// Boxes of primitives, grown at random but the same in each run.
+fn jittered<P: Primitive>(primitives: &[P]) -> Vec<Aabb> {
+    let all = primitives.iter().fold(Bounds::EMPTY, |all, p| all.union(&p.bounds()));
+    // The least distance of points on a line; those on a surface are farther apart.
+    let apart = (all.max - all.min) / primitives.len() as f32;
+    let grow = |(i, primitive): (usize, &P)| {
+        let Bounds { min, max } = primitive.bounds();
+        let most = (max - min + apart) * JITTER;
+        let share = |salt: u32| {
+            let h = (i as u32 ^ salt).wrapping_mul(0x9e37_79b1);
+            let h = (h ^ h >> 15).wrapping_mul(0x85eb_ca6b);
+            (h >> 8) as f32 / (1 << 24) as f32
+        };
+        Aabb::new((min - most * share(0)).into(), (max + most * share(1 << 31)).into())
+    };
+    primitives.par_iter().enumerate().map(grow).collect()
 }
 
 /// The binary tree of clusters, with up to eight primitives a leaf.

@@ -12,6 +12,8 @@ use rayon::prelude::*;
 
 /// Number of an unused slot.
 pub(crate) const NONE: u32 = u32::MAX;
+/// Leaves between the one that is filled and the one whose primitives are prefetched.
+const AHEAD: usize = 2;
 /// Primitives of a task.
 const TASK: usize = 1 << 12;
 
@@ -77,17 +79,18 @@ impl<L> Tree<L> {
 }
 
 impl<L: Leaf> Tree<L> {
-    /// Builds the implicit tree of `count` primitives, given their centres and the box of these, and
-    /// returns the primitive of each slot.
+    /// Builds the implicit tree of `count` primitives from their centres and the box of these.
+    /// Returns the primitive of each slot, too. `fetch` prefetches a primitive, if that pays.
     pub(crate) fn implicit(
         count: usize,
         centres: &Bounds,
         centre: impl Fn(usize) -> Vec3 + Sync,
         primitive: impl Fn(usize) -> L::Primitive + Sync,
+        fetch: impl Fn(usize) + Sync,
     ) -> (Self, Vec<u32>) {
         let mut slots = hilbert::order(count, centres, centre);
         slots.resize(count.next_multiple_of(WIDTH), NONE);
-        let (leaves, boxes) = leaves(&slots, primitive);
+        let (leaves, boxes) = leaves(&slots, primitive, fetch);
         let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
         let nodes = levels(&boxes, slack(&bounds));
         (Self { nodes, leaves, bounds, kind: Kind::Implicit }, slots)
@@ -100,17 +103,18 @@ impl<L: Leaf> Tree<L> {
         slots: &[u32],
         primitive: impl Fn(usize) -> L::Primitive + Sync,
     ) {
-        let (leaves, boxes) = leaves(slots, primitive);
+        let (leaves, boxes) = leaves(slots, primitive, |_| ());
         self.leaves = leaves;
         self.bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
         fit(&mut self.nodes, &boxes, slack(&self.bounds));
     }
 }
 
-/// Leaves with the primitives of `slots`, and their boxes.
+/// Leaves with the primitives of `slots`, and their boxes. `fetch` prefetches a primitive.
 pub(crate) fn leaves<L: Leaf>(
     slots: &[u32],
     primitive: impl Fn(usize) -> L::Primitive + Sync,
+    fetch: impl Fn(usize) + Sync,
 ) -> (Vec<L>, Vec<Bounds>) {
     let (mut leaves, mut boxes) = (Vec::new(), Vec::new());
     let fill = |slots: &[u32]| {
@@ -122,10 +126,17 @@ pub(crate) fn leaves<L: Leaf>(
         }
         (leaf, leaf.bounds(count))
     };
-    slots
-        .par_chunks(WIDTH)
+    let fill_ahead = |first: usize| {
+        let ahead = first + AHEAD * WIDTH;
+        for &index in slots.get(ahead..ahead + WIDTH).unwrap_or_default() {
+            fetch(index as usize);
+        }
+        fill(&slots[first..(first + WIDTH).min(slots.len())])
+    };
+    (0..slots.len().div_ceil(WIDTH))
+        .into_par_iter()
         .with_min_len(TASK / WIDTH)
-        .map(fill)
+        .map(|leaf| fill_ahead(leaf * WIDTH))
         .unzip_into_vecs(&mut leaves, &mut boxes);
     (leaves, boxes)
 }

@@ -96,8 +96,8 @@ impl Iterator for Bits {
     }
 }
 
-/// A ray on its way through the nodes of a tree. It is asked for one leaf after another and takes no
-/// closure, since one that the compiler leaves as a call would not be compiled for the wide
+/// A ray on its way through the nodes of a tree. It is asked for one leaf after another. It takes
+/// no closure, since one that the compiler leaves as a call would not be compiled for the wide
 /// registers.
 pub(crate) struct Walk<'a, S: Simd> {
     simd: S,
@@ -133,8 +133,8 @@ impl<'a, S: Simd> Walk<'a, S> {
         }
     }
 
-    /// Number of the next leaf whose box the ray meets before `limit`, which must not grow from call
-    /// to call. Leaves come roughly from near to far.
+    /// Number of the next leaf whose box the ray meets before `limit`, which must not grow from
+    /// call to call. Leaves come roughly from near to far.
     #[inline(always)]
     pub(crate) fn next(&mut self, limit: f32) -> Option<usize> {
         loop {
@@ -161,7 +161,8 @@ impl<'a, S: Simd> Walk<'a, S> {
         None
     }
 
-    /// The nearest child of a node that the ray meets before `limit`, or [`EMPTY`]; the others wait.
+    /// The nearest child of a node that the ray meets before `limit`, or [`EMPTY`]. The others
+    /// wait.
     #[inline(always)]
     fn descend(&mut self, at: u32, limit: f32) -> u32 {
         let (simd, node) = (self.simd, &self.nodes[at as usize]);
@@ -181,15 +182,19 @@ impl<'a, S: Simd> Walk<'a, S> {
             return if met == 0 { EMPTY } else { only };
         }
         let near = near.to_array();
+        let entry = |k: usize| u64::from(near[k].to_bits()) << 32 | u64::from(node.child[k]);
+        let first = met.trailing_zeros() as usize % WIDTH;
+        let others = met & (met - 1);
+        let second = others.trailing_zeros() as usize % WIDTH;
+        let (a, b) = (entry(first), entry(second));
+        let mut nearest = a.min(b);
         let bottom = self.top;
-        let mut nearest = u64::MAX;
-        for k in Bits(met) {
-            let entry = u64::from(near[k].to_bits()) << 32 | u64::from(node.child[k]);
+        self.stack[self.top] = a.max(b);
+        self.top += 1;
+        for k in Bits(others & (others - 1)) {
+            let entry = entry(k);
             let farther = nearest.max(entry);
             nearest = nearest.min(entry);
-            if farther == u64::MAX {
-                continue;
-            }
             let mut i = self.top;
             while i > bottom && self.stack[i - 1] < farther {
                 self.stack[i] = self.stack[i - 1];

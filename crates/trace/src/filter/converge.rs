@@ -35,8 +35,8 @@ impl Halves {
     }
 
     /// Mixes the filtered picture with the mean of the samples: `filtered + w (mean - filtered)`
-    /// with `w = bias^2 / (bias^2 + noise)`. `is_hit` are the pixels that were filtered; the others,
-    /// and pixels that are not finite, are taken from `filtered`.
+    /// with `w = bias^2 / (bias^2 + noise)`. `is_hit` are the pixels that were filtered; the
+    /// others, and pixels that are not finite, are taken from `filtered`.
     pub fn mix(&self, filtered: &Image<3>, is_hit: &[bool]) -> Image<3> {
         let mut mixed = filtered.clone();
         let is_valid = |i: usize| {

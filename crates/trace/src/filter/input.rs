@@ -3,6 +3,7 @@
 
 use super::Guides;
 use crate::Image;
+use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -36,22 +37,21 @@ impl<'a> Input<'a> {
         let len = width * height;
         let mut mask = vec![0.0; len];
         let row = width.max(1);
-        let invalid = mask
+        let rows = mask
             .par_chunks_mut(row)
             .enumerate()
-            .map(|(y, mask)| mark_row(noisy, guides, y * row, mask))
-            .sum();
-        let all = mask.par_iter().all(|&m| m != 0.0);
+            .map(|(y, mask)| dispatch!(Level::new(), _ => mark_row(noisy, guides, y * row, mask)));
+        let [hits, valid] = rows.reduce(|| [0; 2], |[a, b], [c, d]| [a + c, b + d]);
         let masked = |plane: &'a Vec<f32>| -> Cow<'a, [f32]> {
-            if all && plane.len() >= len {
+            if valid == len && plane.len() >= len {
                 return Cow::Borrowed(&plane[..len]);
             }
-            let values = plane.iter().zip(&mask);
+            let values = plane.par_iter().zip(&mask);
             Cow::Owned(values.map(|(&v, &m)| if m != 0.0 { v } else { 0.0 }).collect())
         };
         let signals = noisy.planes.iter().map(masked).collect();
         let guides = guides.planes.iter().map(masked).collect();
-        Self { width, height, guides, signals, mask: Cow::Owned(mask), invalid }
+        Self { width, height, guides, signals, mask: Cow::Owned(mask), invalid: hits - valid }
     }
 
     /// The same input with one more signal.
@@ -88,8 +88,9 @@ impl<'a> Input<'a> {
     }
 }
 
-/// Marks the pixels of a row that count, and returns how many hits do not.
-fn mark_row(noisy: &Image<3>, guides: &Guides, start: usize, mask: &mut [f32]) -> usize {
+/// Marks the pixels of a row that count. Returns the number of hits, and of those that count.
+#[inline(always)]
+fn mark_row(noisy: &Image<3>, guides: &Guides, start: usize, mask: &mut [f32]) -> [usize; 2] {
     let end = start + mask.len();
     let hits = guides.is_hit.get(start..end).unwrap_or(&[]);
     for (mask, &is_hit) in mask.iter_mut().zip(hits) {
@@ -108,5 +109,6 @@ fn mark_row(noisy: &Image<3>, guides: &Guides, start: usize, mask: &mut [f32]) -
             }
         }
     }
-    (hits - mask.iter().sum::<f32>()) as usize
+    // Exact: a row has fewer pixels than floats have whole numbers.
+    [hits as usize, mask.iter().sum::<f32>() as usize]
 }

@@ -84,8 +84,8 @@ impl<'a, const K: usize, const N: usize, const M: usize> Columns<'a, K, N, M> {
         }
     }
 
-    /// Moves four columns from `half * 4` on down over rows `y` to `y + 4`, and writes their sums to
-    /// `columns` with rows as lanes. Columns beyond the picture are zero.
+    /// Moves four columns from `half * 4` on down over rows `y` to `y + 4`, and writes their sums
+    /// to `columns` with rows as lanes. Columns beyond the picture are zero.
     #[inline(always)]
     pub fn rows<S: Simd>(&mut self, simd: S, y: usize, half: usize, columns: &mut [Sums<M>; ROWS]) {
         let none = Pixels::<S, K, N>::none(simd);

@@ -18,8 +18,8 @@ pub(crate) const ENERGY_RADIUS: usize = 16;
 /// to a fifth or so.
 pub(crate) const CAUTION: f64 = 1.2;
 
-/// Greatest change of the mean that is taken back. More is no bias of the shares: a picture of almost
-/// no light, or of one firefly.
+/// Greatest change of the mean that is taken back. More is no bias of the shares: a picture of
+/// almost no light, or of one firefly.
 pub(crate) const MEAN_CHANGE_MAX: f64 = 0.02;
 
 /// Filters a picture of three signals.

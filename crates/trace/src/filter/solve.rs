@@ -13,8 +13,8 @@ const EPSILON_MIN: f64 = 1e-10;
 /// Greatest share of noise in the mean of a window: the guides then count for nothing.
 const NOISE_MAX: f64 = 1e6;
 
-/// Guides are counted from here: in the middle of their range, the fits of a pixel cancel least when
-/// they are summed in 32 bits.
+/// Guides are counted from here: in the middle of their range, the fits of a pixel cancel least
+/// when they are summed in 32 bits.
 pub(crate) const CENTRE: f64 = 0.5;
 
 /// What is added to the variance of the guides.

@@ -121,8 +121,8 @@ impl<const K: usize, const M: usize, const C: usize> Windows<K, M, C> {
         }
     }
 
-    /// Sums the coefficients along four rows from `y` on, and writes them to `out`, the chunks of at
-    /// most four rows.
+    /// Sums the coefficients along four rows from `y` on, and writes them to `out`, the chunks of
+    /// at most four rows.
     #[inline(always)]
     pub fn rows<S: Simd, const N: usize>(
         &mut self,

@@ -9,8 +9,8 @@ use esker_render::gpu::{Gpu, GpuError};
 
 /// Bytes of a `vec4<f32>`.
 const FOUR: u64 = 16;
-/// `vec4<f32>` of the sums of a pixel: direct light, indirect light that is not looked up, and, from
-/// the second sample on, the albedo that looks up each of the nine pixels around.
+/// `vec4<f32>` of the sums of a pixel: direct light, indirect light that is not looked up, and,
+/// from the second sample on, the albedo that looks up each of the nine pixels around.
 const SUMS: u64 = 2;
 const LINKS: u64 = 9;
 

@@ -1,7 +1,9 @@
 //! Lights relative to the origin of a scene. In: [`Lights`] in world coordinates. Out: the sky, and
 //! the lamps that are sampled.
 
-use super::{Lamp, Light, Lights, Sky};
+use super::kinds::{Light, Lights};
+use super::lamp::Lamp;
+use super::sky::Sky;
 use glam::{DVec3, Vec3};
 
 /// Lights relative to the origin of a scene, ready to be sampled.
@@ -11,8 +13,16 @@ pub struct PreparedLights {
     lamps: Vec<Lamp>,
 }
 
+impl Lights {
+    /// The lights relative to `origin`, world coordinates. Lights with values that are not finite
+    /// are left out, negative colours count as zero.
+    pub fn prepare(&self, origin: DVec3) -> PreparedLights {
+        PreparedLights::of(self, origin)
+    }
+}
+
 impl PreparedLights {
-    pub(super) fn of(lights: &Lights, origin: DVec3) -> Self {
+    fn of(lights: &Lights, origin: DVec3) -> Self {
         let mut prepared = Self::default();
         for light in &lights.lights {
             if let Light::Sky { sky } = light {

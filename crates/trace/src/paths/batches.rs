@@ -1,5 +1,5 @@
-//! Order of the samples of a picture. Samples along the Z-order are stratified within a batch, whose
-//! size is a power of two. The first batch is as large as the first call asks; each later one
+//! Order of the samples of a picture. Samples along the Z-order are stratified within a batch,
+//! whose size is a power of two. The first batch is as large as the first call asks; each later one
 //! doubles the number of samples.
 
 /// Sizes of the batches of a picture.

@@ -1,5 +1,6 @@
-//! Guide rays: the first ray of each pixel goes through its centre (`bauszat2011`, section 3.2). In:
-//! a camera. Out: what each sees, which guides the filter and is where indirect light is estimated.
+//! Guide rays: the first ray of each pixel goes through its centre (`bauszat2011`, section 3.2).
+//! In: a camera. Out: what each sees, which guides the filter and is where indirect light is
+//! estimated.
 
 use super::direct::World;
 use super::stats::Stats;

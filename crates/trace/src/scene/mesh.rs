@@ -70,7 +70,7 @@ impl MeshTree {
             let centre = |i: usize| triangles[i].centre();
             let centres = (0..triangles.len())
                 .fold(Bounds::EMPTY, |all, i| all.union(&Bounds::of_point(centre(i))));
-            Tree::implicit(triangles.len(), &centres, centre, |i| triangles[i])
+            Tree::implicit(triangles.len(), &centres, centre, |i| triangles[i], |_| ())
         });
         Self { mesh, tree, slots }
     }

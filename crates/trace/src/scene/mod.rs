@@ -21,10 +21,10 @@ use objects::Objects;
 use std::sync::Arc;
 use surface::Splats;
 
-/// What rays meet.
-#[derive(Debug, Default)]
+/// What rays meet. Clones share the splats and meshes.
+#[derive(Clone, Debug, Default)]
 pub struct Scene {
-    splats: Splats,
+    splats: Arc<Splats>,
     dropped: usize,
     objects: Objects,
     bounds: Bounds,
@@ -35,8 +35,11 @@ impl Scene {
     /// A scene of splats, relative to the origin that they were made for, with the implicit tree.
     pub fn new(input: SplatInput<'_>) -> Self {
         let splats = Splats::new(&input);
-        let mut scene =
-            Self { dropped: input.splats.len() - splats.count, splats, ..Default::default() };
+        let mut scene = Self {
+            dropped: input.splats.len() - splats.count,
+            splats: splats.into(),
+            ..Default::default()
+        };
         scene.update();
         scene
     }
@@ -65,9 +68,14 @@ impl Scene {
     }
 
     /// Replaces the tree of splats by one that takes longer to build and makes rays faster. Returns
-    /// false if it stays, since splats coincide in numbers.
+    /// false if it stays, since no better one was found.
     pub fn refine(&mut self) -> bool {
-        self.splats.refine()
+        let refined = self.splats.refined();
+        let is_refined = refined.is_some();
+        if let Some(splats) = refined {
+            self.splats = splats.into();
+        }
+        is_refined
     }
 
     /// How the tree of splats was built.
@@ -167,8 +175,7 @@ impl Scene {
     /// Computes what depends on splats and objects.
     fn update(&mut self) {
         self.bounds = self.splats.tree.bounds.union(&self.objects.bounds());
-        self.lights.clear();
-        self.splats.push_lights(&mut self.lights);
+        self.lights.clone_from(&self.splats.lights);
         for object in self.objects.list() {
             object.push_lights(&mut self.lights);
         }
@@ -200,6 +207,7 @@ const FAR: f32 = 4.0;
 mod tests {
     use super::*;
     use esker_render::Splat;
+    use fearless_simd::Simd;
     use glam::Affine3A;
 
     fn floor() -> Vec<Splat> {
@@ -227,6 +235,27 @@ mod tests {
             assert!((hit.albedo - 0.5).abs().max_element() < 1e-4);
             assert_eq!(hit.is_back, side < 0.0);
             assert!(scene.is_blocked(&ray) && !scene.is_blocked(&Ray { reach: 2.9, ..ray }));
+        }
+    }
+
+    #[test]
+    fn all_instruction_sets_meet_the_same_surfaces() {
+        let splats = floor();
+        let scene = Scene::new(SplatInput { splats: &splats, ..Default::default() });
+        fn hit<S: Simd>(simd: S, scene: &Scene, ray: &Ray) -> Option<Hit> {
+            scene.splats.hit(simd, ray)
+        }
+        for i in 0..300 {
+            let from = Vec3::new((i % 17) as f32 * 0.7 - 1.0, (i % 23) as f32 * 0.5 - 1.0, 2.0);
+            let toward = Vec3::new((i % 7) as f32 * 0.1, (i % 5) as f32 * -0.1, -1.0);
+            let ray = Ray::new(from, toward.normalize_or_zero());
+            let wide = dispatch!(Level::new(), simd => hit(simd, &scene, &ray));
+            let plain = dispatch!(Level::baseline(), simd => hit(simd, &scene, &ray));
+            assert_eq!(wide.is_some(), plain.is_some());
+            if let Some((a, b)) = wide.zip(plain) {
+                assert!((a.distance - b.distance).abs() < 1e-5 && a.radius == b.radius);
+                assert!((a.normal - b.normal).length() < 1e-3);
+            }
         }
     }
 

@@ -1,5 +1,5 @@
-//! Objects: meshes at places of their own, under a small tree over their boxes, so that objects move
-//! without a tree of triangles being built.
+//! Objects: meshes at places of their own, under a small tree over their boxes. When they move, no
+//! tree of triangles is built.
 
 use crate::accel::node::{Node, levels, slack};
 use crate::accel::{Bounds, walk::Walk};
@@ -58,6 +58,9 @@ impl Objects {
     /// The surface that `ray` meets first.
     #[inline(always)]
     pub(crate) fn hit<S: Simd>(&self, simd: S, ray: &Ray) -> Option<Hit> {
+        if self.nodes.is_empty() {
+            return None;
+        }
         let (mut best, mut reach) = (None, ray.reach);
         let mut walk = Walk::new(simd, &self.nodes, ray);
         while let Some(at) = walk.next(reach) {
@@ -74,6 +77,9 @@ impl Objects {
     /// Whether `ray` meets any object.
     #[inline(always)]
     pub(crate) fn is_blocked<S: Simd>(&self, simd: S, ray: &Ray) -> bool {
+        if self.nodes.is_empty() {
+            return false;
+        }
         let mut walk = Walk::new(simd, &self.nodes, ray);
         while let Some(at) = walk.next(ray.reach) {
             if self.objects[at].mesh.is_blocked(simd, &inward(&self.inverses[at], ray)) {

@@ -6,8 +6,8 @@ use crate::accel::disc::{Disc, Tint};
 use esker_render::Splat;
 use glam::Vec3;
 
-/// Radius of a disc over the drawn radius of its splat, which is the spacing of the points. A closed
-/// sphere sampled at random leaks 0.2 % of its rays at this factor, 1 % at 1.2.
+/// Radius of a disc over the drawn radius of its splat, which is the spacing of the points. A
+/// closed sphere sampled at random leaks 0.2 % of its rays at this factor, 1 % at 1.2.
 pub const RADIUS_FACTOR: f32 = 1.4;
 /// Greatest coordinate and radius that are kept: their squares stay finite in `f32`.
 pub(crate) const COORDINATE_MAX: f32 = 1e15;

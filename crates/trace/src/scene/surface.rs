@@ -9,6 +9,7 @@ use crate::accel::{Bounds, DiscLeaf, Tree, WIDTH};
 use crate::ray::{Hit, Ray};
 use crate::scene::emitters::{AreaLight, Shape};
 use crate::scene::splats::{SplatInput, albedo_of, disc_of, is_fine};
+use esker_points::fetch::fetch;
 use esker_render::Splat;
 use fearless_simd::Simd;
 use glam::Vec3;
@@ -28,6 +29,8 @@ pub(crate) struct Splats {
     pub(crate) tree: Tree<DiscLeaf>,
     /// Radiance of the emitters.
     pub(crate) radiances: Vec<Vec3>,
+    /// Splats that emit light.
+    pub(crate) lights: Vec<AreaLight>,
     /// Number of splats.
     pub(crate) count: usize,
     /// Whether some splats have no normal.
@@ -79,36 +82,37 @@ impl Splats {
         let centre = |index: usize| Vec3::from_array(all[index].centre);
         let disc = |index: usize| disc_of(&all[index], input.tint(index, rule));
         let (tree, _) = if fine == all.len() {
-            Tree::implicit(fine, &centres, centre, disc)
+            Tree::implicit(fine, &centres, centre, disc, |i| fetch(all, i))
         } else {
             let kept: Vec<usize> = (0..all.len()).filter(|&i| is_fine(&all[i])).collect();
-            Tree::implicit(fine, &centres, |i| centre(kept[i]), |i| disc(kept[i]))
+            Tree::implicit(fine, &centres, |i| centre(kept[i]), |i| disc(kept[i]), |_| ())
         };
-        Self {
-            tree,
-            radiances: input.emitters.iter().map(|e| Vec3::from_array(e.radiance)).collect(),
-            count: fine,
-            has_facing: facing > 0,
-        }
+        let radiances = input.emitters.iter().map(|e| Vec3::from_array(e.radiance)).collect();
+        let (count, has_facing) = (fine, facing > 0);
+        let mut splats = Self { tree, radiances, lights: Vec::new(), count, has_facing };
+        splats.lights = splats.emitting();
+        splats
     }
 
-    /// Replaces the tree by a refined one. Returns false if there is none.
-    pub(crate) fn refine(&mut self) -> bool {
+    /// The same splats with a refined tree, if there is one.
+    pub(crate) fn refined(&self) -> Option<Self> {
         let discs: Vec<Disc> = self.discs().collect();
-        let Some((tree, _)) = refined(&discs) else { return false };
-        self.tree = tree;
-        true
+        let (tree, _) = refined(&discs)?;
+        let (radiances, lights) = (self.radiances.clone(), self.lights.clone());
+        Some(Self { tree, radiances, lights, ..*self })
     }
 
-    /// Appends the splats that emit light.
-    pub(crate) fn push_lights(&self, into: &mut Vec<AreaLight>) {
+    /// Splats that emit light.
+    fn emitting(&self) -> Vec<AreaLight> {
         if self.radiances.is_empty() {
-            return;
+            return Vec::new();
         }
-        into.extend(self.discs().filter(|disc| disc.tint[3] > 0).map(|disc| {
-            let Disc { centre, normal, radius, tint } = disc;
-            AreaLight::new(Shape::Disc { centre, normal, radius }, self.emission(tint))
-        }));
+        let emitting = self.discs().filter(|disc| disc.tint[3] > 0);
+        emitting
+            .map(|Disc { centre, normal, radius, tint }| {
+                AreaLight::new(Shape::Disc { centre, normal, radius }, self.emission(tint))
+            })
+            .collect()
     }
 
     /// All discs.

@@ -86,8 +86,8 @@ pub fn ball(width: usize, height: usize) -> (Guides, Image<3>) {
 const RARE: f64 = 20.0;
 
 /// Noise of path tracing with `samples` a pixel: most samples are black, few are bright, and the
-/// mean is `light`. If `is_spread`, bright samples are spread evenly over squares of four pixels, so
-/// that the errors of neighbours cancel.
+/// mean is `light`. If `is_spread`, bright samples are spread evenly over squares of four pixels,
+/// so that the errors of neighbours cancel.
 pub fn traced(light: &Image<3>, samples: u32, is_spread: bool, random: &mut Lcg) -> Image<3> {
     let mut out = Image::new(light.width, light.height);
     let squares = (light.width.div_ceil(4) * light.height.div_ceil(4)).max(1);

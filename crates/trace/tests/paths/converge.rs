@@ -1,7 +1,7 @@
 //! How error falls with samples, and what the filter and its mix do to it.
 
 use crate::scenes::{cornell, cornell_camera, mean, picture, quad, square_error, unfiltered};
-use esker_trace::filter::Settings;
+use esker_trace::filter::{FilterKind, Settings};
 use esker_trace::{Image, Light, Lights, Options, Scene, Sequence, Tracer};
 use glam::{DVec3, Vec3};
 
@@ -92,6 +92,23 @@ fn the_filter_keeps_the_mean_and_lowers_the_error() {
     for (raw, filtered) in mean(&raw.indirect).into_iter().zip(mean(&filtered.indirect)) {
         assert!((filtered / raw - 1.0).abs() < 0.05, "{filtered} {raw}");
     }
+}
+
+#[test]
+fn mixed_pictures_converge_to_the_light_and_filtered_ones_stop_at_their_bias() {
+    let (scene, view, lights) = (cornell(), cornell_camera(64), Lights::default());
+    let truth = picture(&scene, &lights, &view, 512, Options { seed: 99, ..unfiltered(1) });
+    let error = |samples, converges, kind| {
+        let options = Options { converges, filter: Settings::of(kind), ..unfiltered(1) };
+        let lit = picture(&scene, &lights, &view, samples, options);
+        square_error(&lit.indirect, &truth.indirect)
+    };
+    let [few, many] = [2, 128].map(|n| error(n, true, FilterKind::Guided));
+    let stuck = error(128, false, FilterKind::Guided);
+    let raw = error(128, true, FilterKind::None);
+    assert!(many < 0.1 * few && many < 0.3 * stuck && many < 3.0 * raw, "{many} {stuck} {raw}");
+    let unmixed = error(2, false, FilterKind::Guided);
+    assert!(few < 1.1 * unmixed, "{few} {unmixed}");
 }
 
 #[test]

@@ -263,8 +263,8 @@ fn indirect_light_of_a_box_converges_to_an_independent_estimate() {
     let estimates: Vec<_> = estimates.collect();
     let count = ESTIMATES as f64;
     let mean_of = |part: usize| estimates.iter().map(|e| e[part]).sum::<DVec3>() / count;
-    for part in 0..4 {
-        let error = (got[part] / mean_of(part) - 1.0).abs();
+    for (part, got) in got.iter().enumerate() {
+        let error = (*got / mean_of(part) - 1.0).abs();
         assert!(error.max_element() < 0.003, "{part}: {error}");
     }
     let want = (0..4).map(mean_of).sum::<DVec3>();

@@ -2,8 +2,11 @@
 //! current rayon pool.
 
 use super::{FrameInput, GpuBytes, Image, Painter, report_complete};
+use crate::draw::method::Method;
 use crate::draw::slots::DrawingMemory;
 use crate::draw::staging::{Landed, PlainRun, Staging};
+use crate::light::progressive::Progressive;
+use crate::light::status::LitStatus;
 use anyhow::{Context, Result};
 use esker_format::Forest;
 use esker_lod::{DepthFeedback, View, tiles_of};
@@ -21,6 +24,8 @@ pub(crate) struct CpuPainter {
     picture: Picture,
     /// View of the picture, until its depth is taken.
     drawn: Option<View>,
+    /// Drawer of lit frames, once there is one.
+    lit: Option<Progressive>,
 }
 
 impl CpuPainter {
@@ -34,6 +39,7 @@ impl CpuPainter {
             renderer: Renderer::default(),
             picture: Picture::default(),
             drawn: None,
+            lit: None,
         }
     }
 }
@@ -78,10 +84,24 @@ impl Painter for CpuPainter {
     }
 
     fn draw(&mut self, input: &FrameInput<'_>) -> Result<()> {
-        let FrameInput { file, view, cut, appearance } = *input;
+        let FrameInput { file, view, cut, appearance, light, splats_max } = *input;
         let memory = &self.memory;
-        let draws = input.draws(|slot| memory.read(slot));
-        let frame = appearance.frame(file, view, &draws, &cut.octree);
+        let around = cut.surroundings.as_ref();
+        let mut draws = input.draws(|slot| memory.read(slot));
+        draws.extend(input.draws_around(|slot| memory.read(slot)));
+        let octree = around.map_or(&cut.octree, |around| &around.octree);
+        let frame = appearance.frame(file, view, &draws, octree);
+        if appearance.method == Method::Lit {
+            let lit = match &mut self.lit {
+                Some(lit) => lit,
+                empty => empty.insert(Progressive::new(light, splats_max)?),
+            };
+            lit.draw(&frame, cut.epoch, light, &mut self.picture);
+            // Nodes that are hidden still cast light and shadows.
+            self.drawn = None;
+            return Ok(());
+        }
+        self.lit = None;
         self.renderer.render_into(&frame, &mut self.picture)?;
         self.drawn = Some(*view);
         Ok(())
@@ -112,6 +132,14 @@ impl Painter for CpuPainter {
     fn picture(&mut self) -> Result<Picture> {
         let picture = self.image().and_then(Image::in_memory).cloned();
         picture.context("no frame has been drawn")
+    }
+
+    fn light(&self) -> Option<LitStatus> {
+        self.lit.as_ref().map(Progressive::status)
+    }
+
+    fn is_converged(&self) -> bool {
+        self.lit.as_ref().is_none_or(Progressive::is_converged)
     }
 
     fn gpu_bytes(&self) -> Option<GpuBytes> {

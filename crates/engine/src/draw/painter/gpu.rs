@@ -181,7 +181,7 @@ impl Painter for GpuPainter {
     fn draw(&mut self, input: &FrameInput<'_>) -> Result<()> {
         self.wait_for_frames()?;
         self.reload_shaders();
-        let FrameInput { file, view, cut, appearance } = *input;
+        let FrameInput { file, view, cut, appearance, .. } = *input;
         let draws = input.draws(|slot| PlaneAt { offset: slot.offset, bytes: slot.bytes });
         let frame = appearance.frame(file, view, &draws, &cut.octree);
         let commands = self.commands.take();

@@ -9,12 +9,14 @@ pub(crate) use cpu::CpuPainter;
 pub(crate) use gpu::GpuPainter;
 
 use crate::draw::frame::{Appearance, draw_node};
+use crate::light::settings::LightSettings;
+use crate::light::status::LitStatus;
 use anyhow::Result;
 use esker_format::Forest;
 use esker_lod::{DepthFeedback, View};
 use esker_render::gpu::wgpu;
 use esker_render::{DrawNode, Picture, Stats};
-use esker_stream::{Cut, Needs, Slot, StreamError, Streamer, Transfer};
+use esker_stream::{Cut, CutNode, Needs, Slot, StreamError, Streamer, Transfer};
 use std::sync::Arc;
 
 /// A drawn picture.
@@ -55,23 +57,39 @@ pub(crate) struct FrameInput<'a> {
     pub(crate) view: &'a View,
     pub(crate) cut: &'a Cut,
     pub(crate) appearance: &'a Appearance,
+    /// How lit pictures are lit.
+    pub(crate) light: &'a LightSettings,
+    /// Most splats of a lit scene.
+    pub(crate) splats_max: u64,
 }
 
 impl<'a> FrameInput<'a> {
     /// Nodes of the cut with their planes; `plane` finds a plane by its slot.
     fn draws<P: Default>(&self, plane: impl Fn(Slot) -> P) -> Vec<DrawNode<'a, P>> {
+        self.draw_nodes(&self.cut.nodes, 0, plane)
+    }
+
+    /// Nodes around the picture with their planes, for light: none unless the session lights. Their
+    /// entries follow those of the picture.
+    fn draws_around<P: Default>(&self, plane: impl Fn(Slot) -> P) -> Vec<DrawNode<'a, P>> {
+        let around = self.cut.surroundings.as_ref().map_or(&[][..], |around| &around.nodes);
+        self.draw_nodes(around, self.cut.nodes.len(), plane)
+    }
+
+    fn draw_nodes<P: Default>(
+        &self,
+        drawn: &[CutNode],
+        first_entry: usize,
+        plane: impl Fn(Slot) -> P,
+    ) -> Vec<DrawNode<'a, P>> {
         let nodes = &self.file.table().nodes;
-        let drawn = self.cut.nodes.iter().enumerate();
+        let colouring = &self.appearance.colouring;
+        let drawn = drawn.iter().enumerate();
         drawn
-            .map(|(entry, n)| {
+            .map(|(index, n)| {
                 let plane = |kind| n.slot(kind).map(&plane);
-                draw_node(
-                    &nodes[n.node as usize],
-                    entry,
-                    n.prefix,
-                    &self.appearance.colouring,
-                    plane,
-                )
+                let node = &nodes[n.node as usize];
+                draw_node(node, first_entry + index, n.prefix, colouring, plane)
             })
             .collect()
     }
@@ -123,6 +141,16 @@ pub(crate) trait Painter: Send {
 
     /// Picture of the last frame in main memory; waits for it.
     fn picture(&mut self) -> Result<Picture>;
+
+    /// State of the lit picture; `None` if the last one is not lit.
+    fn light(&self) -> Option<LitStatus> {
+        None
+    }
+
+    /// Whether the next picture of what the last one shows would be the same.
+    fn is_converged(&self) -> bool {
+        true
+    }
 
     /// Bytes of GPU buffers; `None` on the CPU.
     fn gpu_bytes(&self) -> Option<GpuBytes>;

@@ -1,6 +1,6 @@
-//! Checks at compile time that a structure has the same layout in Rust and WGSL, and that a constant
-//! has the same value in both. Part of every crate that has shaders: `gpu::sources` of the crate
-//! is what its build script generated.
+//! Checks at compile time that a structure has the same layout in Rust and WGSL, and that a
+//! constant has the same value in both. Part of every crate that has shaders: `gpu::sources` of the
+//! crate is what its build script generated.
 
 /// Fails the build if a `repr(C)` structure has another layout than the shaders' structure of the
 /// same name: `same_layout!(Draw { base, shift });`

@@ -1,5 +1,5 @@
-//! The filter that settings name, with kernels that are built when they are first used. In: settings
-//! of the CPU's filters. Out: a plan of dispatches.
+//! The filter that settings name, with kernels that are built when they are first used. In:
+//! settings of the CPU's filters. Out: a plan of dispatches.
 
 use crate::filter::clean::{COMPONENT_SHARE, NOISE_MIN, RADIUS};
 use crate::filter::{FilterKind, GuideKind, Guides, Settings, normal_noise_degrees};

@@ -1,5 +1,5 @@
-//! Mix of the filtered picture with the unfiltered mean of its samples on the GPU, so that the error
-//! falls with the samples. Twin: `src/filter/converge.rs`.
+//! Mix of the filtered picture with the unfiltered mean of its samples on the GPU, so that the
+//! error falls with the samples. Twin: `src/filter/converge.rs`.
 
 use crate::filter::converge::{RADIUS, STANDARD_ERRORS};
 use crate::gpu::filter::FilterPictures;

@@ -1,5 +1,5 @@
-//! Cross-bilateral filter and a-trous wavelets on the GPU, which are weighted means over neighbours.
-//! Twins: `src/filter/bilateral.rs` and `src/filter/atrous.rs`.
+//! Cross-bilateral filter and a-trous wavelets on the GPU, which are weighted means over
+//! neighbours. Twins: `src/filter/bilateral.rs` and `src/filter/atrous.rs`.
 
 use crate::filter::Settings;
 use crate::gpu::filter::FilterPictures;

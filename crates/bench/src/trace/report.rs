@@ -1,0 +1,190 @@
+//! The report of the benchmark of light, and its tables for people.
+
+use super::error::Error;
+use esker_engine::io::quantity::grouped;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// What was measured.
+#[derive(Clone, Debug, Serialize)]
+pub struct TraceBenchReport {
+    /// Threads of the tracer.
+    pub(super) threads: usize,
+    /// Width and height of the pictures, pixels.
+    pub(super) size: [u32; 2],
+    /// Samples of each of the two references.
+    pub(super) reference_samples: u32,
+    /// Bounces of the pictures whose error is measured.
+    pub(super) reference_bounces: u32,
+    /// The scenes.
+    pub(super) scenes: Vec<SceneRow>,
+    /// A row for each picture.
+    pub(super) rows: Vec<TraceRow>,
+    /// Figures that were written.
+    pub(super) figures: Vec<PathBuf>,
+}
+
+/// A scene.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct SceneRow {
+    pub scene: String,
+    pub is_scan: bool,
+    /// Triangles or splats.
+    pub surfaces: usize,
+    /// Building of the tree, milliseconds.
+    pub build_ms: f64,
+    /// Share of the bounce rays that hit the surface that they left, at the references' bounces.
+    pub self_hits: f64,
+    /// Share of the bounce rays that hit nothing: the sky, or a leak of a closed scene.
+    pub escaped: f64,
+}
+
+/// What a row is part of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Part {
+    /// Whole frames by bounces and samples (table 1 of `bauszat2011`).
+    Frames,
+    /// Times of filters (table 2).
+    Filters,
+    /// Errors of filters (figure 8).
+    Errors,
+    /// Errors against the number of samples.
+    Convergence,
+}
+
+/// One picture.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct TraceRow {
+    pub part: Part,
+    pub scene: String,
+    /// `cpu` or `gpu`.
+    pub backend: &'static str,
+    pub bounces: u32,
+    pub samples: u32,
+    /// `z-order` or `independent`.
+    pub sequence: &'static str,
+    pub filter: &'static str,
+    /// Radius of the windows, pixels; none for filters that have their own.
+    pub radius: Option<usize>,
+    /// Passes of a-trous, if they are not the usual five.
+    pub iterations: Option<usize>,
+    /// Planes of the guides.
+    pub channels: usize,
+    /// Mean square error on a scale of 255 where light has a mean of 0.3; none without a reference.
+    pub mse: Option<f64>,
+    /// Error that 99.9 % of the pixels do not exceed.
+    pub p999: Option<f64>,
+    /// Error of the worst pixel.
+    pub worst: Option<f64>,
+    /// Mean of the picture over that of the reference.
+    pub mean_ratio: Option<f64>,
+    pub trace_ms: f64,
+    pub filter_ms: f64,
+    pub total_ms: f64,
+    /// Rays of all kinds over the time of tracing.
+    pub mrays_per_s: f64,
+}
+
+impl TraceRow {
+    /// The same row with an error.
+    pub fn with_error(mut self, error: Error) -> Self {
+        self.mse = Some(error.mse);
+        self.p999 = Some(error.p999);
+        self.worst = Some(error.worst);
+        self.mean_ratio = Some(error.mean_ratio);
+        self
+    }
+
+    /// The filter with its radius, passes and guides.
+    fn setting(&self) -> String {
+        let mut name = self.filter.to_owned();
+        name.extend(self.radius.map(|radius| format!(" r{radius}")));
+        name.extend(self.iterations.map(|passes| format!(" x{passes}")));
+        if self.channels != 4 {
+            name += &format!(", {} channel", self.channels);
+        }
+        name
+    }
+}
+
+/// Writes the report for people: scenes, frames, filters, errors.
+pub fn text(report: &TraceBenchReport) -> String {
+    let mut lines = vec![format!(
+        "{}x{} pixels, {} threads; errors at {} bounces against two references of {} samples",
+        report.size[0],
+        report.size[1],
+        report.threads,
+        report.reference_bounces,
+        report.reference_samples,
+    )];
+    lines.push(format!(
+        "\n{:<10} {:>11} {:>10} {:>10} {:>10}",
+        "scene", "surfaces", "build ms", "self-hits", "escaped"
+    ));
+    for row in &report.scenes {
+        lines.push(format!(
+            "{:<10} {:>11} {:>10.0} {:>8.3} % {:>8.3} %",
+            row.scene,
+            grouped(row.surfaces as u64),
+            row.build_ms,
+            row.self_hits * 100.0,
+            row.escaped * 100.0,
+        ));
+    }
+    for (part, title) in [
+        (Part::Frames, "whole frames (table 1 of bauszat2011)"),
+        (Part::Filters, "times of filters (table 2)"),
+        (Part::Errors, "errors of filters (figure 8)"),
+        (Part::Convergence, "errors against samples"),
+    ] {
+        let rows: Vec<_> = report.rows.iter().filter(|row| row.part == part).collect();
+        if !rows.is_empty() {
+            lines.push(format!("\n{title}\n{}", head()));
+            lines.extend(rows.into_iter().map(line));
+        }
+    }
+    lines.extend(report.figures.iter().map(|path| format!("wrote {}", path.display())));
+    lines.join("\n")
+}
+
+fn head() -> String {
+    format!(
+        "{:<10} {:>7} {:>7} {:<11} {:<22} {:>10} {:>8} {:>8} {:>7} {:>9} {:>9} {:>9} {:>8}",
+        "scene",
+        "bounces",
+        "samples",
+        "sequence",
+        "filter",
+        "mse",
+        "99.9 %",
+        "worst",
+        "mean",
+        "trace ms",
+        "filter ms",
+        "total ms",
+        "Mrays/s"
+    )
+}
+
+fn line(row: &TraceRow) -> String {
+    let number = |value: Option<f64>, digits: usize| {
+        value.map_or("-".to_owned(), |value| format!("{value:.digits$}"))
+    };
+    format!(
+        "{:<10} {:>7} {:>7} {:<11} {:<22} {:>10} {:>8} {:>8} {:>7} {:>9.1} {:>9.1} {:>9.1} {:>8.2}",
+        row.scene,
+        row.bounces,
+        row.samples,
+        row.sequence,
+        row.setting(),
+        number(row.mse, 2),
+        number(row.p999, 1),
+        number(row.worst, 1),
+        number(row.mean_ratio, 4),
+        row.trace_ms,
+        row.filter_ms,
+        row.total_ms,
+        row.mrays_per_s,
+    )
+}

@@ -1,0 +1,141 @@
+//! Scenes that are scans: built like any input, and lit as the splats of the nodes that a camera
+//! needs.
+
+use super::content::Content;
+use super::scene::{Parts, TraceScene, data};
+use anyhow::Result;
+use esker_engine::Method;
+use esker_engine::calls::info;
+use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::scene::{PictureRequest, PictureScene, open};
+use esker_lod::light_octree;
+use esker_points::Task;
+use esker_render::splats;
+use esker_trace::scene::{Albedo, SplatInput};
+use esker_trace::{Light, Lights, Scene, Sky};
+use glam::DVec3;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Points of generated scans, and of those in a quick run. The terrain grows with its points; the
+/// office gets denser.
+const POINTS: [&str; 2] = ["6M", "1M"];
+const QUICK_POINTS: [&str; 2] = ["1M", "300k"];
+/// Most points of a lit scene: about those that 1024 x 768 pixels need.
+const SPLATS_MAX: u64 = 1_200_000;
+
+/// A scan, its camera as shares of its box, and its lights.
+struct Scan {
+    path: PathBuf,
+    eye: [f64; 3],
+    target: [f64; 3],
+    fovy_deg: f64,
+    albedo: Albedo,
+    lights: fn([DVec3; 2]) -> Vec<Light>,
+}
+
+impl Scan {
+    fn of(name: &str, is_quick: bool) -> Result<Self> {
+        let [office, terrain] = if is_quick { QUICK_POINTS } else { POINTS };
+        let generated = |scene: &str, points: &str| format!("synthetic:{scene}:{points}:1").into();
+        Ok(match name {
+            "office" => Self {
+                path: generated("office", office),
+                eye: [0.19, 0.63, 0.19],
+                target: [0.24, 0.95, 0.16],
+                fovy_deg: 60.0,
+                albedo: Albedo::Rgb,
+                lights: rooms,
+            },
+            "terrain" => Self {
+                path: generated("terrain", terrain),
+                eye: [0.5, -0.12, 1.9],
+                target: [0.5, 0.45, 0.2],
+                fovy_deg: 40.0,
+                albedo: Albedo::Rgb,
+                lights: open_air,
+            },
+            _ => Self {
+                path: data()?.join("laz/indoor.laz"),
+                eye: [0.5, 0.15, 0.6],
+                target: [0.5, 0.8, 0.4],
+                fovy_deg: 65.0,
+                // Its fields of colour are empty.
+                albedo: Albedo::Plain([0.6; 3]),
+                lights: rooms,
+            },
+        })
+    }
+}
+
+/// Lamps in the room that is seen and along the corridor, and a sky that windows let in.
+fn rooms([low, high]: [DVec3; 2]) -> Vec<Light> {
+    let corridor = (0..4).map(|i| DVec3::new(0.2 + 0.2 * f64::from(i), 0.5, 0.24));
+    let places = corridor.chain([DVec3::new(0.215, 0.75, 0.25)]);
+    let lamps = places.map(|share| {
+        let position = (low + (high - low) * share).to_array();
+        Light::Point { position, intensity: [3.0, 2.7, 2.3] }
+    });
+    let sky = Light::Sky { sky: Sky::Constant([1.0, 1.15, 1.3]) };
+    lamps.chain([sky]).collect()
+}
+
+fn open_air(_: [DVec3; 2]) -> Vec<Light> {
+    vec![
+        Light::Sun {
+            azimuth_deg: 235.0,
+            elevation_deg: 28.0,
+            irradiance: [3.0, 2.7, 2.2],
+            angular_diameter_deg: 0.533,
+        },
+        Light::Sky {
+            sky: Sky::Gradient {
+                zenith: [0.25, 0.4, 0.7],
+                horizon: [0.6, 0.65, 0.7],
+                ground: [0.2, 0.2, 0.2],
+            },
+        },
+    ]
+}
+
+/// The scene of a scan.
+///
+/// # Errors
+/// If the scan cannot be read or built, or `task` is cancelled.
+pub(super) fn scene(
+    name: &str,
+    size: [u32; 2],
+    is_quick: bool,
+    task: &dyn Task,
+) -> Result<TraceScene> {
+    let scan = Scan::of(name, is_quick)?;
+    let request = PictureRequest { size, method: Method::Lit, ..PictureRequest::default() };
+    let (file, _folder) = open(std::slice::from_ref(&scan.path), &request, task)?;
+    let [low, high] = info::bounds(&file).map(DVec3::from_array);
+    let at = |share: [f64; 3]| low + (high - low) * DVec3::from_array(share);
+    let camera = Camera {
+        eye: Some(at(scan.eye)),
+        target: Some(at(scan.target)),
+        fovy_deg: Some(scan.fovy_deg),
+        ..Camera::default()
+    };
+    let request = PictureRequest { camera, budget_points: SPLATS_MAX, ..request };
+    let picture = PictureScene::read(&file, &request, task)?;
+    let octree = light_octree(file.table(), &picture.selection);
+    let draws = picture.lit_draws(&file);
+    let frame = picture.appearance.frame(&file, &picture.view, &draws, &octree);
+    let origin = frame.view.eye;
+    let splats = splats(&frame, origin);
+    let lights = (scan.lights)([low, high]);
+    let parts = Parts {
+        view: frame.view.with_margin(0),
+        lights: Lights { lights, ..Lights::default() },
+        origin,
+        content: Content::default().add_splats(&splats).add(&scan.albedo),
+    };
+    let start = Instant::now();
+    let scene =
+        Scene::new(SplatInput { splats: &splats, albedo: scan.albedo, ..Default::default() });
+    let build_ms = start.elapsed().as_secs_f64() * 1e3;
+    Ok(parts.scene(name, scene, splats.len(), build_ms))
+}

@@ -1,0 +1,104 @@
+//! Light: pictures lit by path tracing (`bauszat2011`), as users ask for them. Takes lights from
+//! the command line or a document, builds the scene of a cut, and draws still pictures and the
+//! frames of sessions. Without the feature `light` only the settings remain, which are refused.
+
+#[cfg(feature = "light")]
+pub mod document;
+#[cfg(feature = "light")]
+pub mod lights;
+#[cfg(feature = "light")]
+pub(crate) mod progressive;
+#[cfg(not(feature = "light"))]
+#[path = "unlit.rs"]
+pub(crate) mod progressive;
+#[cfg(feature = "light")]
+pub(crate) mod scene;
+pub mod settings;
+pub mod spec;
+pub mod status;
+#[cfg(feature = "light")]
+pub mod still;
+#[cfg(feature = "light")]
+pub mod sun;
+#[cfg(feature = "light")]
+pub(crate) mod tone;
+#[cfg(feature = "light")]
+pub(crate) mod tracing;
+
+use anyhow::{Result, ensure};
+use esker_lod::Surroundings;
+use settings::{FilterName, LightSettings};
+
+/// Most bytes a splat while a scene is built: the splat itself (48), its disc with albedo and
+/// normal, and its share of the tree.
+const SPLAT_BYTES: u64 = 128;
+/// Why a GPU does not draw.
+pub(crate) const LIT_BY_CPU: &str = "lit pictures are drawn by the CPU";
+
+/// Whether this program can light.
+pub const IS_BUILT: bool = cfg!(feature = "light");
+
+/// Refuses to light in a program that was built without it.
+///
+/// # Errors
+/// If the feature `light` is off; the message has the command that builds with it.
+pub fn check_built() -> Result<()> {
+    ensure!(
+        IS_BUILT,
+        "this program was built without light, so that it has no --method lit; build it with: \
+         cargo build --release -p esker -p esker-view --features light"
+    );
+    Ok(())
+}
+
+/// Names of the passes of a lit picture, in their order (`bauszat2011`, figure 1).
+pub(crate) fn passes(settings: &LightSettings) -> Vec<&'static str> {
+    let has_indirect = settings.bounces > 0;
+    let passes = [
+        ("splats", true),
+        ("tree", true),
+        ("guide", true),
+        ("indirect", has_indirect),
+        ("filter", has_indirect && settings.filter != FilterName::None),
+        ("direct", true),
+        ("tone", true),
+    ];
+    passes.into_iter().filter(|(_, runs)| *runs).map(|(name, _)| name).collect()
+}
+
+/// Most splats of a lit scene within some bytes of memory.
+pub(crate) fn splats_max(bytes: u64) -> u64 {
+    bytes / SPLAT_BYTES
+}
+
+/// How many splats are of the picture, and how many of what lies around it: a quarter of the most,
+/// within the default of [`Surroundings`], as pictures are a sixteenth of all directions and their
+/// surroundings an eighth as fine.
+pub(crate) fn shares(splats_max: u64) -> (u64, Surroundings) {
+    let default = Surroundings::default();
+    let points_budget = default.points_budget.min(splats_max / 4);
+    (splats_max - points_budget, Surroundings { points_budget, ..default })
+}
+
+/// Whether lights choose points by their classes.
+pub(crate) fn needs_classes(settings: &LightSettings) -> bool {
+    #[cfg(feature = "light")]
+    return settings.lights.as_ref().is_some_and(settings::Lights::name_classes);
+    #[cfg(not(feature = "light"))]
+    {
+        let _ = settings;
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn light_is_refused_exactly_where_it_is_not_built() {
+        let refused = check_built().map_err(|e| e.to_string());
+        assert_eq!(refused.is_ok(), IS_BUILT);
+        assert!(refused.err().is_none_or(|fault| fault.contains("--features light")));
+    }
+}

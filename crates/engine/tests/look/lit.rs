@@ -1,0 +1,184 @@
+//! Lit pictures of the sample scan: golden ones, sessions that refine theirs until they are final,
+//! what is read around the view, and the share of main memory.
+
+use super::flip::mean_flip;
+use super::look::{is_golden, request};
+use esker_engine::calls::info;
+use esker_engine::calls::render::draw;
+use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::budget::Shares;
+use esker_engine::draw::scene::{PictureRequest, PictureScene};
+use esker_engine::draw::session::{Options, Session, Settings};
+use esker_engine::light::settings::LightSettings;
+use esker_engine::light::spec::parse;
+use esker_engine::light::status::LitStatus;
+use esker_engine::machine::backend::Backend;
+use esker_engine::{Method, NormalsMode, Picture};
+use esker_format::Forest;
+use esker_lod::View;
+use esker_points::task::Silent;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+const SIZE: [u32; 2] = [128, 96];
+/// A view up the valley.
+const CAMERA: &str = "eye=5679750,3769950,1480;target=5679080,3770560,955;fovy=48";
+
+/// The project's sample scan with normals; built once for all tests.
+fn creek() -> Forest {
+    static CREEK: OnceLock<PathBuf> = OnceLock::new();
+    let path = CREEK.get_or_init(|| {
+        let scan = std::path::absolute("../../tests/sample/creek.laz").unwrap();
+        let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("creek-normals.esker");
+        let normals = NormalsMode::Estimate;
+        let options = esker_builder::Options { node_capacity: 2048, normals, ..Default::default() };
+        esker_builder::build(&[scan], &out, &options, &Silent).unwrap();
+        out
+    });
+    Forest::open(path).unwrap()
+}
+
+fn lit(lights: &str) -> PictureRequest {
+    PictureRequest {
+        size: SIZE,
+        method: Method::Lit,
+        camera: Camera::parse(CAMERA).unwrap(),
+        light: light(lights),
+        ..request()
+    }
+}
+
+fn light(lights: &str) -> LightSettings {
+    let lights = Some(parse(lights).unwrap());
+    LightSettings { lights, exposure: Some(1.0), ..LightSettings::default() }
+}
+
+fn settings(lights: &str) -> Settings {
+    Settings {
+        method: Method::Lit,
+        light: light(lights),
+        budget_gpu_bytes: 64 << 20,
+        budget_ram_bytes: 128 << 20,
+        ..Settings::default()
+    }
+}
+
+fn session(settings: Settings) -> Session {
+    let backend = Backend::Cpu;
+    let options = Options { settings, backend, size: SIZE, ..Options::default() };
+    Session::open(Arc::new(creek()), options).unwrap()
+}
+
+fn view(file: &Forest) -> View {
+    Camera::parse(CAMERA).unwrap().view(info::bounds(file), SIZE)
+}
+
+/// Draws frames until one is final. Returns its picture and state, and the number of frames.
+fn settle(session: &mut Session, view: &View) -> (Picture, LitStatus, u32) {
+    let deadline = Instant::now() + Duration::from_secs(240);
+    for frames in 1.. {
+        let frame = session.frame(view).unwrap();
+        let light = frame.light.unwrap();
+        let picture = frame.image.in_memory().unwrap();
+        assert_eq!([picture.width, picture.height], SIZE);
+        if frame.is_final {
+            assert!(frame.cut.settled && frame.is_of_view);
+            return (picture.clone(), light, frames);
+        }
+        assert!(Instant::now() < deadline, "{light:?}");
+    }
+    unreachable!()
+}
+
+/// Mean of all colours, 0 to 255.
+fn mean(picture: &Picture) -> f64 {
+    let colours = picture.rgba.chunks_exact(4).flat_map(|pixel| &pixel[..3]);
+    colours.map(|&c| f64::from(c)).sum::<f64>() / (picture.rgba.len() / 4 * 3) as f64
+}
+
+#[test]
+fn lit_pictures_have_their_golden_pictures() {
+    let file = creek();
+    is_golden(&file, &lit("sun:225,40|sky"), "lit-creek-day.png");
+    let dim = LightSettings { exposure: Some(4.0), ..light("sun:300,8|sky:0.3") };
+    let colour_by = Some("plain".into());
+    let low = PictureRequest { colour_by, light: dim, ..lit("sky") };
+    is_golden(&file, &low, "lit-creek-evening.png");
+}
+
+#[test]
+fn a_session_refines_its_picture_to_the_one_of_a_still() {
+    let mut session = session(settings("sun:225,40|sky"));
+    let view = view(session.file());
+    let (picture, light, frames) = settle(&mut session, &view);
+    assert_eq!(light.samples, light.samples_final);
+    assert!(frames > 2, "a final picture takes a coarse one and a fine one");
+    assert!(light.splats > 1000 && !light.is_bounded, "{light:?}");
+    let (still, report) = draw(session.file(), &lit("sun:225,40|sky"), &Silent).unwrap();
+    assert_eq!(report.light.unwrap().splats, light.splats);
+    let flip = mean_flip(&picture.rgba, &still.rgba, SIZE[0] as usize);
+    assert!(flip < 0.1, "FLIP {flip} between a session and a still");
+    // The same view again is the same picture, at once.
+    let frame = session.frame(&view).unwrap();
+    assert!(frame.is_final);
+    assert!(frame.image.in_memory().unwrap().rgba == picture.rgba);
+}
+
+#[test]
+fn moving_the_sun_begins_a_picture_without_opening_a_session() {
+    let mut session = session(settings("sun:225,40"));
+    let view = view(session.file());
+    let (day, ..) = settle(&mut session, &view);
+    session.set_light(light("sun:225,2"));
+    let frame = session.frame(&view).unwrap();
+    assert!(!frame.is_final);
+    assert_eq!(frame.light.unwrap().samples, 0, "the first picture is a coarse one");
+    let (evening, ..) = settle(&mut session, &view);
+    assert!(mean(&evening) < mean(&day) - 5.0, "{} after {}", mean(&evening), mean(&day));
+    assert!(!session.set_method(Method::Ewa), "a session of light draws nothing else");
+}
+
+#[test]
+fn only_lit_sessions_and_pictures_read_what_lies_around_the_view() {
+    let file = creek();
+    let near = "eye=5679750,3769950,1480;target=5679080,3770560,955;fovy=4";
+    let camera = Camera::parse(near).unwrap();
+    let around = |method| {
+        let request = PictureRequest { camera, method, ..lit("sky") };
+        let scene = PictureScene::read(&file, &request, &Silent).unwrap();
+        (scene.selection.surroundings.len(), scene.planes.len() - scene.selection.drawn.len())
+    };
+    let (chosen, read) = around(Method::Lit);
+    assert!(chosen > 0 && chosen == read, "{chosen} nodes around the view, {read} read");
+    assert_eq!(around(Method::Ewa), (0, 0));
+    let view = camera.view(info::bounds(&file), SIZE);
+    let mut has = [Method::Ewa, Method::Lit].map(|method| {
+        let mut session = session(Settings { method, ..settings("sky") });
+        let cut = session.settle(&view, Duration::from_secs(60)).unwrap();
+        cut.surroundings.as_ref().map(|around| around.nodes.len())
+    });
+    assert!(has[0].take().is_none() && has[1] > Some(0), "{has:?}");
+}
+
+#[test]
+fn the_scene_of_a_session_is_within_its_share_of_main_memory() {
+    let file = creek();
+    let of = |budget_ram_bytes: u64| {
+        let settings = Settings { budget_ram_bytes, ..settings("sky") };
+        Shares::of(&file, &Options { settings, size: SIZE, ..Options::default() })
+    };
+    let splats = |bytes: u64| of(bytes).unwrap().lit.unwrap().0;
+    assert!(splats(1 << 30) > 4 * splats(128 << 20), "more memory takes more splats");
+    assert!(splats(1 << 30) * 128 < 1 << 30);
+    let fault = of(16 << 20).unwrap_err().to_string();
+    assert!(fault.contains("is too small") && fault.contains("--budget-ram"), "{fault}");
+    let unlit = Settings { method: Method::Ewa, ..settings("sky") };
+    let options = Options { settings: unlit, size: SIZE, ..Options::default() };
+    assert_eq!(Shares::of(&file, &options).unwrap().lit, None);
+    // Fewer points than the view wants are drawn, and that is reported.
+    let mut session = session(Settings { points_budget: 3000, ..settings("sky") });
+    let view = view(session.file());
+    session.settle(&view, Duration::from_secs(60)).unwrap();
+    assert!(session.frame(&view).unwrap().light.unwrap().is_bounded);
+}

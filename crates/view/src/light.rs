@@ -1,0 +1,93 @@
+//! The section of the panel for lit pictures: the place of the sun, the rays, and how far the
+//! picture is refined.
+
+use crate::settings::Settings;
+use crate::theme;
+use eframe::egui::{ProgressBar, RichText, Slider, SliderClamping, Ui, emath};
+use esker_engine::io::quantity::grouped;
+use esker_engine::light::settings::FILTERS;
+use esker_engine::light::status::LitStatus;
+use esker_engine::light::sun;
+use std::ops::RangeInclusive;
+
+/// Range of the slider of bounces.
+const BOUNCES: RangeInclusive<u32> = 0..=4;
+/// Degrees that a drag over the whole height of the picture moves the sun by: azimuth, elevation.
+const DRAG_DEG: [f64; 2] = [180.0, 90.0];
+
+/// Shows the section, and changes `wanted` as the user does.
+pub fn show(ui: &mut Ui, wanted: &mut Settings, status: Option<&LitStatus>) {
+    if let Some(mut place) = sun::place(&wanted.light) {
+        let before = place;
+        let [low, high] = sun::ELEVATIONS_DEG;
+        ui.label(RichText::new("sun: direction and height, degrees").color(theme::FAINT));
+        ui.add(slider(&mut place[0], 0.0..=360.0).fixed_decimals(0));
+        ui.add(slider(&mut place[1], low..=high).fixed_decimals(0));
+        if place != before {
+            sun::set_place(&mut wanted.light, place);
+        }
+    }
+    ui.label(RichText::new("reflections of light").color(theme::FAINT));
+    ui.add(slider(&mut wanted.light.bounces, BOUNCES));
+    ui.horizontal_wrapped(|ui| {
+        for (filter, name, about) in FILTERS {
+            ui.selectable_value(&mut wanted.light.filter, filter, name).on_hover_text(about);
+        }
+    });
+    let Some(status) = status else { return };
+    let share = status.samples as f32 / status.samples_final.max(1) as f32;
+    let text = format!("{} of {} rays a pixel", status.samples, status.samples_final);
+    let bar = ProgressBar::new(share).corner_radius(3.0).desired_height(17.0);
+    ui.add(bar.fill(theme::COOL.gamma_multiply(0.55)).text(RichText::new(text).size(11.0)));
+    let bound = if status.is_bounded { ": the bound of main memory is reached" } else { "" };
+    let splats = format!("{} lit points{bound}", grouped(status.splats as u64));
+    ui.label(RichText::new(splats).color(theme::FAINT));
+}
+
+/// Makes a slider. A value beyond its ends, from the command line, stays until the user changes it.
+fn slider<N: emath::Numeric>(value: &mut N, range: RangeInclusive<N>) -> Slider<'_> {
+    Slider::new(value, range).clamping(SliderClamping::Edits)
+}
+
+/// Moves the sun by a drag, in shares of the height of the picture.
+pub fn drag_sun(wanted: &mut Settings, [x, y]: [f64; 2]) {
+    if let Some([azimuth, elevation]) = sun::place(&wanted.light) {
+        let place = [azimuth + x * DRAG_DEG[0], elevation - y * DRAG_DEG[1]];
+        sun::set_place(&mut wanted.light, place);
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may panic")]
+mod tests {
+    use super::*;
+    use eframe::egui::{Context, RawInput};
+    use esker_engine::light::spec::parse;
+
+    #[test]
+    fn showing_the_section_changes_nothing() {
+        let mut wanted = Settings::default();
+        wanted.light.lights = Some(parse("sun:12.5,-33|lamp:1,2,3").unwrap());
+        wanted.light.bounces = 9;
+        let given = wanted.clone();
+        let status = LitStatus { samples: 3, samples_final: 8, ..LitStatus::default() };
+        let ctx = Context::default();
+        for status in [None, Some(&status)] {
+            let _ = ctx.run_ui(RawInput::default(), |ui| show(ui, &mut wanted, status));
+            assert_eq!(wanted, given);
+        }
+    }
+
+    #[test]
+    fn a_drag_to_the_right_and_up_turns_and_lifts_the_sun() {
+        let mut wanted = Settings::default();
+        wanted.light.lights = Some(parse("sun:350,10").unwrap());
+        drag_sun(&mut wanted, [0.1, -0.2]);
+        let [azimuth, elevation] = sun::place(&wanted.light).unwrap();
+        assert!((azimuth - 8.0).abs() < 1e-9 && (elevation - 28.0).abs() < 1e-9);
+        wanted.light.lights = Some(parse("sky").unwrap());
+        let before = wanted.clone();
+        drag_sun(&mut wanted, [0.1, 0.1]);
+        assert_eq!(wanted, before, "there is no sun to move");
+    }
+}
