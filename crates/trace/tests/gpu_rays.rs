@@ -54,7 +54,7 @@ fn splats(count: u32) -> Vec<Splat> {
             let on_floor = index % 4 == 0;
             let offset = random.vector() * 0.01;
             let (centre, normal) = if on_floor {
-                (Vec3::new(offset.x * 150.0, offset.y * 150.0, -0.8), Vec3::Z)
+                (Vec3::new(offset.x * 150.0, offset.y * 150.0, offset.z - 0.8), Vec3::Z)
             } else {
                 (normal * 0.7 + offset, (normal + offset * 5.0).normalize_or(normal))
             };

@@ -120,7 +120,7 @@ fn differing(a: &Image<3>, b: &Image<3>, share: f32) -> usize {
 
 #[test]
 fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
-    let (splats, camera, lights) = (splats(), camera(48, 36), prepared(lights()));
+    let (splats, camera, lights) = (splats(), camera(40, 30), prepared(lights()));
     let scene = Scene::new(input(&splats));
     let options = |sequence, kind| Options {
         bounces: 2,
