@@ -262,8 +262,10 @@ fn every_backend_of_the_window_shows_the_picture() {
 #[test]
 fn settings_change_while_the_window_runs_and_the_view_stays() {
     let Some(fixture) = fixture() else { return };
+    // Surfaces, splats, lit splats, points.
     let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "press", "key": "M"},
         {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "press", "key": "M"},
+        {"do": "wait", "seconds": 0.5}, {"do": "press", "key": "M"},
         {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "points.png"},
         {"do": "press", "key": "M"}, {"do": "press", "key": "O"},
         {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "surface.png"},
