@@ -62,8 +62,26 @@ proptest! {
     ) {
         let mut random = Lcg(seed);
         let guides = guides_of(width, height, planes, &mut random);
-        let noisy = noisy_of(width, height, 1.0, &mut random);
+        let noisy = noisy_of(width, height, 1e6, &mut random);
         prop_assert!(error(&noisy, &guides, &guided(radius, epsilon)) < 1e-4);
+    }
+}
+
+#[test]
+fn guides_that_depend_on_each_other_equal_brute_force() {
+    let mut random = Lcg(11);
+    let mut guides = guides_of(64, 48, 4, &mut random);
+    let first = guides.planes[0].clone();
+    for (plane, scale) in guides.planes.iter_mut().skip(1).zip([0.5, -0.3, 0.9]) {
+        plane.iter_mut().zip(&first).for_each(|(to, from)| *to = scale * from);
+    }
+    let noisy = noisy_of(64, 48, 1e6, &mut random);
+    for (epsilon, limit) in [(1e-2, 1e-5), (1e-4, 1e-5), (1e-6, 1e-4), (1e-8, 1e-4)] {
+        for radius in [3, 12] {
+            let error = error(&noisy, &guides, &guided(radius, epsilon));
+            println!("epsilon {epsilon}, radius {radius}: {error:.2e}");
+            assert!(error < limit, "epsilon {epsilon}, radius {radius}: {error:.2e}");
+        }
     }
 }
 
