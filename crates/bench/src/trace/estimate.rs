@@ -5,7 +5,7 @@ use super::scene::TraceScene;
 use anyhow::{Result, ensure};
 use esker_points::Task;
 use esker_trace::filter::{FilterKind, Guides, Settings};
-use esker_trace::{Image, LitImage, Options, Sequence, Stats, Tracer};
+use esker_trace::{Gloss, Image, LitImage, Options, Sequence, Stats, Tracer};
 use std::time::Instant;
 
 /// What to trace.
@@ -15,6 +15,7 @@ pub(super) struct Effort {
     pub samples: u32,
     pub sequence: Sequence,
     pub seed: u64,
+    pub gloss: Option<Gloss>,
 }
 
 impl Effort {
@@ -25,6 +26,7 @@ impl Effort {
             bounces: self.bounces,
             sequence: self.sequence,
             seed: self.seed,
+            gloss: self.gloss,
             filter: Settings::of(FilterKind::None),
             converges: false,
             reprojects: false,

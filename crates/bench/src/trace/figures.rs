@@ -1,10 +1,13 @@
 //! Writes the figures of `bauszat2011` for one scene: separation of light (2), guides of 1, 3 and 4
-//! planes (5), close-ups of outliers (6), difference maps (7), and the filters side by side (8).
+//! planes (5), close-ups of outliers (6), difference maps (7), and the filters side by side (8);
+//! beyond the paper, error against samples, and what the filter blurs.
 
 use super::error::Reference;
 use super::estimate::Estimate;
 use super::filters::{of_channels, shown};
 use super::picture::{Tile, worst_area};
+use super::plot;
+use super::report::TraceRow;
 use super::scene::TraceScene;
 use anyhow::{Context, Result};
 use esker_trace::Image;
@@ -38,8 +41,44 @@ impl Figures {
     }
 
     fn write(&mut self, figure: &str, scene: &TraceScene, tile: &Tile) -> Result<()> {
-        let path = self.folder.join(format!("{figure}-{}.png", scene.name));
+        self.write_named(&format!("{figure}-{}", scene.name), tile)
+    }
+
+    /// Writes a figure of this name.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write_named(&mut self, name: &str, tile: &Tile) -> Result<()> {
+        let path = self.folder.join(format!("{name}.png"));
         tile.write(&path)?;
+        self.written.push(path);
+        Ok(())
+    }
+
+    /// Incident light of the scene of limits, and the reference.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn limits(
+        &mut self,
+        scene: &TraceScene,
+        images: &[Image<3>],
+        reference: &Reference,
+    ) -> Result<()> {
+        let (scale, truth) = (reference.scale(), reference.image());
+        let all = images.iter().chain([&truth]);
+        let tiles: Vec<Tile> = all.map(|image| Tile::of_light(image, scale)).collect();
+        self.write_named(&scene.name, &Tile::beside(&tiles))
+    }
+
+    /// Plots error against samples.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn convergence(&mut self, scene: &TraceScene, rows: &[TraceRow]) -> Result<()> {
+        let path = self.folder.join(format!("convergence-{}.svg", scene.name));
+        std::fs::write(&path, plot::convergence(rows))
+            .with_context(|| format!("{}: cannot write the figure", path.display()))?;
         self.written.push(path);
         Ok(())
     }

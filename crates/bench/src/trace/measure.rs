@@ -4,11 +4,12 @@
 use super::error::Reference;
 use super::estimate::{Effort, Estimate};
 use super::figures::Figures;
-use super::filters::{compared, of_channels, timed};
+use super::filters::{Filter, compared, of_channels, swept, timed};
 use super::references::Store;
-use super::report::{Part, SceneRow, TraceBenchReport, TraceRow};
+use super::report::{Part, SceneRow, TraceBenchReport, TraceRow, Weights};
 use super::scene::TraceScene;
 use super::scenes::{defaults, make};
+use super::{limits, moving, scans};
 use crate::quantile::quantile;
 use anyhow::Result;
 use esker_engine::machine::pool;
@@ -30,8 +31,10 @@ const SEQUENCES: [(Sequence, &str); 2] =
 /// Seed of the pictures that are judged.
 const SEED: u64 = 1;
 /// Greatest number of samples of the plot of convergence, and of a quick one.
-const CONVERGENCE_MAX: u32 = 32;
+const CONVERGENCE_MAX: u32 = 64;
 const QUICK_CONVERGENCE_MAX: u32 = 8;
+/// Samples of the scene of limits: what the filter blurs comes back with samples.
+const LIMITS_SAMPLES: [u32; 2] = [1, 64];
 /// Times that a filter of table 2 runs; the median is reported.
 const RUNS: usize = 3;
 
@@ -75,6 +78,7 @@ pub fn measure(request: &TraceBenchRequest, task: &dyn Task) -> Result<TraceBenc
                 reference_bounces: BOUNCES,
                 scenes: Vec::new(),
                 rows: Vec::new(),
+                moving: Vec::new(),
                 figures: Vec::new(),
             },
             figures: request.out.as_deref().map(Figures::new).transpose()?,
@@ -82,6 +86,10 @@ pub fn measure(request: &TraceBenchRequest, task: &dyn Task) -> Result<TraceBenc
         for (i, name) in names.iter().enumerate() {
             let scene = make(name, request.size, request.is_quick, task)?;
             run.scene(&scene, i == 0)?;
+        }
+        if request.scenes.is_empty() || request.is_quick {
+            run.limits()?;
+            run.moving()?;
         }
         run.report.figures = run.figures.map(|figures| figures.written).unwrap_or_default();
         Ok(run.report)
@@ -98,18 +106,21 @@ struct Run<'a> {
 impl Run<'_> {
     /// Measures a scene; times of filters and convergence on the first one alone.
     fn scene(&mut self, scene: &TraceScene, is_first: bool) -> Result<()> {
-        let store = Store {
-            folder: self.request.references.clone(),
-            samples: self.request.reference_samples,
-            rebuilds: self.request.rebuilds,
-        };
-        let reference = store.reference(scene, BOUNCES, self.task)?;
+        let reference = self.store().reference(scene, BOUNCES, None, self.task)?;
         self.frames(scene)?;
         self.errors(scene, &reference, is_first)?;
         if is_first {
             self.convergence(scene, &reference)?;
         }
         Ok(())
+    }
+
+    fn store(&self) -> Store {
+        Store {
+            folder: self.request.references.clone(),
+            samples: self.request.reference_samples,
+            rebuilds: self.request.rebuilds,
+        }
     }
 
     fn phase(&self, scene: &TraceScene, part: &str) {
@@ -120,7 +131,8 @@ impl Run<'_> {
     fn frames(&mut self, scene: &TraceScene) -> Result<()> {
         self.phase(scene, "frames");
         for [bounces, samples] in TABLE_1 {
-            let effort = Effort { bounces, samples, sequence: Sequence::ZOrder, seed: SEED };
+            let effort =
+                Effort { bounces, samples, sequence: Sequence::ZOrder, seed: SEED, gloss: None };
             let mut estimate = Estimate::new(scene, effort, self.task)?;
             let (_, filter_ms) = estimate.lit(Settings::default());
             let row = row(Part::Frames, scene, effort, &Settings::default(), "nested");
@@ -135,19 +147,25 @@ impl Run<'_> {
         for (sequence, _) in SEQUENCES {
             for samples in SAMPLES {
                 self.phase(scene, "errors");
-                let effort = Effort { bounces: BOUNCES, samples, sequence, seed: SEED };
+                let effort =
+                    Effort { bounces: BOUNCES, samples, sequence, seed: SEED, gloss: None };
                 let mut estimate = Estimate::new(scene, effort, self.task)?;
                 for f in compared() {
-                    self.task.check()?;
-                    let start = Instant::now();
-                    let image = filter(&estimate.incident, &estimate.guides, samples, &f.settings);
-                    let filter_ms = start.elapsed().as_secs_f64() * 1e3;
-                    let row = row(Part::Errors, scene, effort, &f.settings, f.name);
-                    let row = TraceRow { filter_ms, ..row }.with_times(&estimate);
-                    self.report.rows.push(row.with_error(reference.error(&image)));
+                    self.error(Part::Errors, scene, effort, &estimate, &f, reference)?;
+                }
+                if sequence == Sequence::ZOrder && !self.request.is_quick {
+                    for f in swept() {
+                        self.error(Part::Sweep, scene, effort, &estimate, &f, reference)?;
+                    }
                 }
                 if (sequence, samples) == (Sequence::ZOrder, 1) {
-                    self.report.scenes.push(scene_row(scene, &estimate.stats));
+                    let mut of_scene = scene_row(scene, &estimate.stats);
+                    if scene.is_scan {
+                        self.phase(scene, "surroundings");
+                        of_scene.surroundings =
+                            scans::surroundings(scene, self.request.is_quick, self.task)?;
+                    }
+                    self.report.scenes.push(of_scene);
                     if let Some(figures) = &mut self.figures {
                         figures.of_scene(scene, &mut estimate, reference)?;
                     }
@@ -158,6 +176,68 @@ impl Run<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Adds the error of one filter, and returns its picture.
+    fn error(
+        &mut self,
+        part: Part,
+        scene: &TraceScene,
+        effort: Effort,
+        estimate: &Estimate,
+        f: &Filter,
+        reference: &Reference,
+    ) -> Result<Image<3>> {
+        self.task.check()?;
+        let start = Instant::now();
+        let image = filter(&estimate.incident, &estimate.guides, effort.samples, &f.settings);
+        let filter_ms = start.elapsed().as_secs_f64() * 1e3;
+        let row = row(part, scene, effort, &f.settings, f.name);
+        let row = TraceRow { filter_ms, ..row }.with_times(estimate);
+        self.report.rows.push(row.with_error(reference.error(&image)));
+        Ok(image)
+    }
+
+    /// What the filter blurs, with few samples and with more.
+    fn limits(&mut self) -> Result<()> {
+        let scene = &limits::scene(self.request.size);
+        let gloss = Some(limits::GLOSS);
+        let reference = self.store().reference(scene, BOUNCES, gloss, self.task)?;
+        let mut images = Vec::new();
+        for samples in LIMITS_SAMPLES {
+            self.phase(scene, "limits");
+            let sequence = Sequence::ZOrder;
+            let effort = Effort { bounces: BOUNCES, samples, sequence, seed: SEED, gloss };
+            let estimate = Estimate::new(scene, effort, self.task)?;
+            for (kind, name) in [(FilterKind::None, "none"), (FilterKind::Nested, "nested")] {
+                let f = Filter { name, settings: Settings::of(kind) };
+                let image = self.error(Part::Limits, scene, effort, &estimate, &f, &reference)?;
+                images.extend((samples == 1).then_some(image));
+            }
+            if samples > 1 {
+                let image = mixed(scene, effort, self.task)?;
+                let settings = Settings::of(FilterKind::Nested);
+                let row = row(Part::Limits, scene, effort, &settings, "nested-mixed");
+                let row = row.with_times(&estimate).with_error(reference.error(&image));
+                self.report.rows.push(row);
+                images.push(image);
+            }
+        }
+        match &mut self.figures {
+            Some(figures) => figures.limits(scene, &images, &reference),
+            None => Ok(()),
+        }
+    }
+
+    /// A lamp, an object and a mesh that move.
+    fn moving(&mut self) -> Result<()> {
+        let size = self.request.size.map(|side| side.div_ceil(2));
+        let (rows, tile) = moving::measure(size, self.task)?;
+        self.report.moving = rows;
+        match &mut self.figures {
+            Some(figures) => figures.write_named("moving", &tile),
+            None => Ok(()),
+        }
     }
 
     /// Table 2: median times of filters.
@@ -173,7 +253,7 @@ impl Run<'_> {
             }
             let row = row(Part::Filters, scene, effort, &t.filter.settings, t.filter.name);
             let (filter_ms, channels) = (quantile(&times, 0.5), t.channels);
-            let row = TraceRow { filter_ms, channels, iterations: t.iterations, ..row };
+            let row = TraceRow { filter_ms, channels, ..row };
             self.report.rows.push(row.with_times(estimate));
         }
         Ok(())
@@ -189,7 +269,8 @@ impl Run<'_> {
         for samples in counts {
             for (sequence, _) in SEQUENCES {
                 self.phase(scene, "convergence");
-                let effort = Effort { bounces: BOUNCES, samples, sequence, seed: SEED + 1 };
+                let seed = SEED + 1;
+                let effort = Effort { bounces: BOUNCES, samples, sequence, seed, gloss: None };
                 let estimate = Estimate::new(scene, effort, self.task)?;
                 let mut push = |image: &Image<3>, settings: &Settings, name| {
                     let row = row(Part::Convergence, scene, effort, settings, name);
@@ -207,7 +288,10 @@ impl Run<'_> {
                 }
             }
         }
-        Ok(())
+        match &mut self.figures {
+            Some(figures) => figures.convergence(scene, &self.report.rows),
+            None => Ok(()),
+        }
     }
 }
 
@@ -234,6 +318,7 @@ fn scene_row(scene: &TraceScene, stats: &Stats) -> SceneRow {
         build_ms: scene.build_ms,
         self_hits: share(stats.self_hits),
         escaped: share(stats.escaped),
+        surroundings: None,
     }
 }
 
@@ -255,7 +340,12 @@ fn row(
         sequence: sequence.map_or("", |(_, name)| name),
         filter,
         radius: settings.radius,
-        iterations: None,
+        iterations: (settings.kind == FilterKind::Atrous).then_some(settings.iterations),
+        weights: (part == Part::Sweep).then(|| Weights {
+            normal: settings.sigma_normal,
+            depth: settings.sigma_depth,
+            colour: Some(settings.sigma_colour).filter(|colour| colour.is_finite()),
+        }),
         channels: 4,
         mse: None,
         p999: None,
@@ -304,17 +394,20 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (first, second) = (run(folder.path()), run(folder.path()));
         let files = std::fs::read_dir(folder.path().join("references")).unwrap().count();
-        assert_eq!(files, 3);
+        // Of the hall, and of the scene of limits.
+        assert_eq!(files, 6);
         let errors = |report: &TraceBenchReport| -> Vec<Option<f64>> {
             report.rows.iter().flat_map(|row| [row.mse, row.worst]).collect()
         };
         assert_eq!(errors(&first), errors(&second));
-        assert_eq!(first.figures.len(), 5);
+        assert_eq!(first.figures.len(), 8);
         assert!(first.figures.iter().all(|path| path.is_file()));
         let of = |part| first.rows.iter().filter(move |row| row.part == part);
         assert_eq!(of(Part::Frames).count(), TABLE_1.len());
         assert_eq!(of(Part::Filters).count(), timed().len());
         assert_eq!(of(Part::Errors).count(), compared().len() * 4);
+        assert_eq!(of(Part::Limits).count(), 5);
+        assert_eq!(first.moving.len(), 4);
         assert!(of(Part::Errors).all(|row| row.mse.is_some_and(f64::is_finite)));
         assert!(first.rows.iter().all(|row| row.trace_ms > 0.0 && row.mrays_per_s > 0.0));
         assert!(text(&first).contains("figure 8") && text(&first).contains("guided r24"));

@@ -1,6 +1,7 @@
 //! Scenes that are triangle meshes: those that are generated, and the Stanford bunny.
 
 use super::content::Content;
+use super::quads::add_quad;
 use super::scene::{Parts, TraceScene, data};
 use anyhow::{Context, Result};
 use esker_lod::View;
@@ -67,7 +68,7 @@ fn light(lamp: &Lamp) -> Light {
 }
 
 /// A mesh as an object of a scene whose origin is that of the mesh.
-fn object(mesh: &TriangleMesh) -> Object {
+pub(super) fn object(mesh: &TriangleMesh) -> Object {
     let narrow = |p: &[f64; 3]| DVec3::from_array(*p).as_vec3();
     let mesh = Mesh {
         positions: mesh.positions.iter().map(narrow).collect(),
@@ -111,17 +112,8 @@ pub(super) fn bunny(size: [u32; 2], task: &dyn Task) -> Result<TraceScene> {
 /// Adds a floor and a red wall behind.
 fn add_floor(mesh: &mut TriangleMesh) {
     let far = 3.0;
-    let quads = [
-        ([[-far, -far], [far, -far], [far, 1.0], [-far, 1.0]], [200, 196, 188], true),
-        ([[-far, 0.0], [far, 0.0], [far, far], [-far, far]], [176, 62, 48], false),
-    ];
-    for (corners, colour, is_floor) in quads {
-        let first = mesh.positions.len() as u32;
-        for [a, b] in corners {
-            mesh.positions.push(if is_floor { [a, b, 0.0] } else { [a, 1.0, b] });
-            mesh.normals.push(if is_floor { [0.0, 0.0, 1.0] } else { [0.0, -1.0, 0.0] });
-            mesh.colours.push(colour);
-        }
-        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
-    }
+    let floor = [[-far, -far, 0.0], [far, -far, 0.0], [far, 1.0, 0.0], [-far, 1.0, 0.0]];
+    let wall = [[-far, 1.0, 0.0], [far, 1.0, 0.0], [far, 1.0, far], [-far, 1.0, far]];
+    add_quad(mesh, floor, [200, 196, 188]);
+    add_quad(mesh, wall, [176, 62, 48]);
 }

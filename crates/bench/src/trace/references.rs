@@ -7,13 +7,13 @@ use super::scene::TraceScene;
 use anyhow::{Context, Result, ensure};
 use esker_points::Task;
 use esker_trace::filter::{FilterKind, Settings};
-use esker_trace::{Image, Sequence};
+use esker_trace::{Gloss, Image, Sequence};
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Raised when the tracer's mean changes, so that older files are not used.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Seeds of both halves; pictures that are judged have others.
 const SEEDS: [u64; 2] = [0x5eed_000a, 0x5eed_000b];
 /// Names of the files of a reference.
@@ -31,7 +31,7 @@ pub(super) struct Store {
 }
 
 impl Store {
-    /// The reference of a scene at a number of bounces: read, or made and written.
+    /// The reference of a scene at a number of bounces, matte or glossy: read, or made and written.
     ///
     /// # Errors
     /// If files cannot be read or written, are damaged, or `task` is cancelled.
@@ -39,6 +39,7 @@ impl Store {
         &self,
         scene: &TraceScene,
         bounces: u32,
+        gloss: Option<Gloss>,
         task: &dyn Task,
     ) -> Result<Reference> {
         let efforts = SEEDS.map(|seed| Effort {
@@ -46,6 +47,7 @@ impl Store {
             samples: self.samples,
             sequence: Sequence::ZOrder,
             seed,
+            gloss,
         });
         let content = scene.content.add(&efforts).add(&VERSION).name();
         let paths =

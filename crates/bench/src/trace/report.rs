@@ -20,6 +20,9 @@ pub struct TraceBenchReport {
     pub(super) scenes: Vec<SceneRow>,
     /// A row for each picture.
     pub(super) rows: Vec<TraceRow>,
+    /// Pictures of a moving lamp, a moving object and a mesh that deforms.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) moving: Vec<MovingRow>,
     /// Figures that were written.
     pub(super) figures: Vec<PathBuf>,
 }
@@ -37,6 +40,48 @@ pub(super) struct SceneRow {
     pub self_hits: f64,
     /// Share of the bounce rays that hit nothing: the sky, or a leak of a closed scene.
     pub escaped: f64,
+    /// What the surroundings of the picture add, of scans.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surroundings: Option<Surroundings>,
+}
+
+/// Indirect light with a part of a scan, over that with all of its points.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Surroundings {
+    /// Points in the picture, with those around it, and of the whole scan.
+    pub points: [usize; 3],
+    /// Mean indirect light with the points in the picture alone.
+    pub alone: f64,
+    /// With those around it too.
+    pub around: f64,
+}
+
+/// A picture of the moving scene.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct MovingRow {
+    /// Moving an object of its own tree, milliseconds.
+    pub move_ms: f64,
+    /// Fitting the tree of the mesh that deforms, milliseconds.
+    pub refit_ms: f64,
+    /// Building the tree of that mesh anew, milliseconds.
+    pub rebuild_ms: f64,
+    /// Tracing, milliseconds.
+    pub trace_ms: f64,
+    /// Tracing with the tree built anew, milliseconds.
+    pub rebuilt_trace_ms: f64,
+    /// Share of the pixels that are the same as with the tree built anew.
+    pub equal: f64,
+}
+
+/// Weights of a baseline: standard deviations.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Weights {
+    /// Of normals, in half their unit.
+    pub normal: f32,
+    /// Of depth, in diagonals of the scene.
+    pub depth: f32,
+    /// Of colours, in means of the picture; none without weights by colour.
+    pub colour: Option<f32>,
 }
 
 /// What a row is part of.
@@ -49,8 +94,12 @@ pub(super) enum Part {
     Filters,
     /// Errors of filters (figure 8).
     Errors,
+    /// Errors of the baselines with other weights than their own.
+    Sweep,
     /// Errors against the number of samples.
     Convergence,
+    /// A scene that shows what the filter blurs.
+    Limits,
 }
 
 /// One picture.
@@ -67,8 +116,11 @@ pub(super) struct TraceRow {
     pub filter: &'static str,
     /// Radius of the windows, pixels; none for filters that have their own.
     pub radius: Option<usize>,
-    /// Passes of a-trous, if they are not the usual five.
+    /// Passes of a-trous.
     pub iterations: Option<usize>,
+    /// Weights of swept baselines.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weights: Option<Weights>,
     /// Planes of the guides.
     pub channels: usize,
     /// Mean square error on a scale of 255 where light has a mean of 0.3; none without a reference.
@@ -101,6 +153,10 @@ impl TraceRow {
         let mut name = self.filter.to_owned();
         name.extend(self.radius.map(|radius| format!(" r{radius}")));
         name.extend(self.iterations.map(|passes| format!(" x{passes}")));
+        if let Some(Weights { normal, depth, colour }) = self.weights {
+            name += &format!(" n{normal} d{depth}");
+            name.extend(colour.map(|colour| format!(" c{colour}")));
+        }
         if self.channels != 4 {
             name += &format!(", {} channel", self.channels);
         }
@@ -132,25 +188,81 @@ pub fn text(report: &TraceBenchReport) -> String {
             row.escaped * 100.0,
         ));
     }
+    for SceneRow { scene, surroundings, .. } in &report.scenes {
+        lines.extend(surroundings.map(|s| {
+            format!(
+                "{scene}: with {} points in the picture {:.2} % of the indirect light with all {}, \
+                 with {} in it and around it {:.2} %",
+                grouped(s.points[0] as u64),
+                s.alone * 100.0,
+                grouped(s.points[2] as u64),
+                grouped(s.points[1] as u64),
+                s.around * 100.0,
+            )
+        }));
+    }
     for (part, title) in [
         (Part::Frames, "whole frames (table 1 of bauszat2011)"),
         (Part::Filters, "times of filters (table 2)"),
         (Part::Errors, "errors of filters (figure 8)"),
+        (Part::Sweep, "baselines with the best of other weights"),
         (Part::Convergence, "errors against samples"),
+        (Part::Limits, "light that the filter blurs"),
     ] {
-        let rows: Vec<_> = report.rows.iter().filter(|row| row.part == part).collect();
+        let mut rows: Vec<_> = report.rows.iter().filter(|row| row.part == part).collect();
+        if part == Part::Sweep {
+            rows = best(&rows);
+        }
         if !rows.is_empty() {
             lines.push(format!("\n{title}\n{}", head()));
             lines.extend(rows.into_iter().map(line));
         }
     }
+    lines.extend(moving(&report.moving));
     lines.extend(report.figures.iter().map(|path| format!("wrote {}", path.display())));
     lines.join("\n")
 }
 
+/// Of each scene, number of samples and kind of baseline the row with the least error.
+fn best<'a>(rows: &[&'a TraceRow]) -> Vec<&'a TraceRow> {
+    let kind = |row: &TraceRow| (row.scene.clone(), row.samples, row.filter == "bilateral");
+    let mut best: Vec<&TraceRow> = Vec::new();
+    for &row in rows {
+        match best.iter_mut().find(|other| kind(other) == kind(row)) {
+            Some(other) if row.mse < other.mse => *other = row,
+            Some(_) => {}
+            None => best.push(row),
+        }
+    }
+    best
+}
+
+/// Lines of the moving scene.
+fn moving(rows: &[MovingRow]) -> Vec<String> {
+    let mut lines = Vec::new();
+    if !rows.is_empty() {
+        lines.push(format!(
+            "\na moving scene\n{:>8} {:>9} {:>10} {:>9} {:>17} {:>8}",
+            "move ms", "refit ms", "rebuild ms", "trace ms", "trace rebuilt ms", "equal"
+        ));
+    }
+    lines.extend(rows.iter().map(|row| {
+        format!(
+            "{:>8.3} {:>9.1} {:>10.1} {:>9.1} {:>17.1} {:>6.2} %",
+            row.move_ms,
+            row.refit_ms,
+            row.rebuild_ms,
+            row.trace_ms,
+            row.rebuilt_trace_ms,
+            row.equal * 100.0
+        )
+    }));
+    lines
+}
+
 fn head() -> String {
     format!(
-        "{:<10} {:>7} {:>7} {:<11} {:<22} {:>10} {:>8} {:>8} {:>7} {:>9} {:>9} {:>9} {:>8}",
+        "{:<10} {:>7} {:>7} {:<11} {:<32} {:>10} {:>8} {:>8} {:>7} {:>9} {:>9} {:>9} {:>8}",
         "scene",
         "bounces",
         "samples",
@@ -172,7 +284,7 @@ fn line(row: &TraceRow) -> String {
         value.map_or("-".to_owned(), |value| format!("{value:.digits$}"))
     };
     format!(
-        "{:<10} {:>7} {:>7} {:<11} {:<22} {:>10} {:>8} {:>8} {:>7} {:>9.1} {:>9.1} {:>9.1} {:>8.2}",
+        "{:<10} {:>7} {:>7} {:<11} {:<32} {:>10} {:>8} {:>8} {:>7} {:>9.1} {:>9.1} {:>9.1} {:>8.2}",
         row.scene,
         row.bounces,
         row.samples,

@@ -2,17 +2,20 @@
 //! needs.
 
 use super::content::Content;
+use super::estimate::{Effort, Estimate};
+use super::report::Surroundings;
 use super::scene::{Parts, TraceScene, data};
 use anyhow::Result;
 use esker_engine::Method;
 use esker_engine::calls::info;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::scene::{PictureRequest, PictureScene, open};
-use esker_lod::light_octree;
+use esker_format::Forest;
+use esker_lod::{CompactOctree, light_octree};
 use esker_points::Task;
-use esker_render::splats;
+use esker_render::{Splat, splats};
 use esker_trace::scene::{Albedo, SplatInput};
-use esker_trace::{Light, Lights, Scene, Sky};
+use esker_trace::{Light, Lights, Scene, Sequence, Sky};
 use glam::DVec3;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -23,6 +26,9 @@ const POINTS: [&str; 2] = ["6M", "1M"];
 const QUICK_POINTS: [&str; 2] = ["1M", "300k"];
 /// Most points of a lit scene: about those that 1024 x 768 pixels need.
 const SPLATS_MAX: u64 = 1_200_000;
+/// Bounces and samples with which the light of surroundings is compared.
+const SURROUNDINGS_BOUNCES: u32 = 2;
+const SURROUNDINGS_SAMPLES: u32 = 2;
 
 /// A scan, its camera as shares of its box, and its lights.
 struct Scan {
@@ -66,6 +72,27 @@ impl Scan {
             },
         })
     }
+
+    /// The scan as a file, which lies in the folder if it was built; how to draw it, and its box.
+    #[allow(clippy::type_complexity, reason = "a file with its folder, a request and a box")]
+    fn open(
+        &self,
+        size: [u32; 2],
+        task: &dyn Task,
+    ) -> Result<(Forest, Option<tempfile::TempDir>, PictureRequest, [DVec3; 2])> {
+        let request = PictureRequest { size, method: Method::Lit, ..PictureRequest::default() };
+        let (file, folder) = open(std::slice::from_ref(&self.path), &request, task)?;
+        let [low, high] = info::bounds(&file).map(DVec3::from_array);
+        let at = |share: [f64; 3]| low + (high - low) * DVec3::from_array(share);
+        let camera = Camera {
+            eye: Some(at(self.eye)),
+            target: Some(at(self.target)),
+            fovy_deg: Some(self.fovy_deg),
+            ..Camera::default()
+        };
+        let request = PictureRequest { camera, budget_points: SPLATS_MAX, ..request };
+        Ok((file, folder, request, [low, high]))
+    }
 }
 
 /// Lamps in the room that is seen and along the corridor, and a sky that windows let in.
@@ -98,6 +125,61 @@ fn open_air(_: [DVec3; 2]) -> Vec<Light> {
     ]
 }
 
+/// Indirect light with the points in the picture alone, and with those around it, over that with
+/// all points of the scan; none if a part has no light.
+///
+/// # Errors
+/// If the scan cannot be read or built, or `task` is cancelled.
+pub(super) fn surroundings(
+    scene: &TraceScene,
+    is_quick: bool,
+    task: &dyn Task,
+) -> Result<Option<Surroundings>> {
+    let scan = Scan::of(&scene.name, is_quick)?;
+    let size = [scene.camera.width as u32, scene.camera.height as u32];
+    let (file, _folder, request, _) = scan.open(size, task)?;
+    let picture = PictureScene::read(&file, &request, task)?;
+    let whole = PictureRequest {
+        method: Method::PullPush,
+        target_spacing_px: 0.0,
+        budget_points: u64::MAX,
+        ..PictureRequest::default()
+    };
+    let whole = PictureScene::read(&file, &whole, task)?;
+    let light = |splats: &[Splat]| -> Result<f64> {
+        let input = SplatInput { splats, albedo: scan.albedo, ..Default::default() };
+        let part = TraceScene { scene: Scene::new(input), ..scene.clone() };
+        let effort = Effort {
+            bounces: SURROUNDINGS_BOUNCES,
+            samples: SURROUNDINGS_SAMPLES,
+            sequence: Sequence::ZOrder,
+            seed: 0,
+            gloss: None,
+        };
+        let estimate = Estimate::new(&part, effort, task)?;
+        let hits = estimate.guides.is_hit.iter().filter(|is_hit| **is_hit).count();
+        let lit = |plane: &Vec<f32>| -> f64 {
+            let lit = plane.iter().zip(&estimate.guides.is_hit).filter(|(_, is_hit)| **is_hit);
+            lit.map(|(value, _)| f64::from(*value)).sum()
+        };
+        Ok(estimate.incident.planes.iter().map(lit).sum::<f64>() / hits.max(1) as f64)
+    };
+    let origin = picture.view.eye;
+    let of = |picture: &PictureScene, draws: &[_], octree: &_| {
+        splats(&picture.appearance.frame(&file, &picture.view, draws, octree), origin)
+    };
+    let octree =
+        |picture: &PictureScene| CompactOctree::new(file.table(), &picture.selection.drawn);
+    let alone = of(&picture, &picture.draws(&file), &octree(&picture));
+    let octree_of_both = light_octree(file.table(), &picture.selection);
+    let around = of(&picture, &picture.lit_draws(&file), &octree_of_both);
+    let all = of(&whole, &whole.draws(&file), &octree(&whole));
+    let points = [alone.len(), around.len(), all.len()];
+    let total = light(&all)?;
+    let (alone, around) = (light(&alone)? / total, light(&around)? / total);
+    Ok((total > 0.0).then_some(Surroundings { points, alone, around }))
+}
+
 /// The scene of a scan.
 ///
 /// # Errors
@@ -109,17 +191,7 @@ pub(super) fn scene(
     task: &dyn Task,
 ) -> Result<TraceScene> {
     let scan = Scan::of(name, is_quick)?;
-    let request = PictureRequest { size, method: Method::Lit, ..PictureRequest::default() };
-    let (file, _folder) = open(std::slice::from_ref(&scan.path), &request, task)?;
-    let [low, high] = info::bounds(&file).map(DVec3::from_array);
-    let at = |share: [f64; 3]| low + (high - low) * DVec3::from_array(share);
-    let camera = Camera {
-        eye: Some(at(scan.eye)),
-        target: Some(at(scan.target)),
-        fovy_deg: Some(scan.fovy_deg),
-        ..Camera::default()
-    };
-    let request = PictureRequest { camera, budget_points: SPLATS_MAX, ..request };
+    let (file, _folder, request, [low, high]) = scan.open(size, task)?;
     let picture = PictureScene::read(&file, &request, task)?;
     let octree = light_octree(file.table(), &picture.selection);
     let draws = picture.lit_draws(&file);

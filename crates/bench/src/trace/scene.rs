@@ -9,6 +9,7 @@ use glam::DVec3;
 use std::path::PathBuf;
 
 /// A scene ready to be traced.
+#[derive(Clone)]
 pub(super) struct TraceScene {
     pub name: String,
     /// Whether it is a scan, of splats.
