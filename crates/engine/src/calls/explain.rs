@@ -163,6 +163,9 @@ fn plane_name(file: &Forest, kind: PlaneKind) -> String {
     file.schema().attributes.get(index).map_or_else(|| kind.name(), |a| a.name.clone())
 }
 
+/// Why no back faces are left out where the file has normals.
+const NO_FRONT: &str = "back-face test: the normals do not distinguish front from back";
+
 /// What the frame leaves out, and why.
 fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
     let plan = &scene.plan;
@@ -191,9 +194,8 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
         !plan.culls_back_faces,
         match (has_normals, has_surface) {
             (false, _) => "back-face test: no normals",
-            (true, true) if is_splats => "back-face test: splats are drawn from both sides",
             (true, false) => "back-face test: points alone are drawn from both sides",
-            (true, true) => "back-face test: the normals do not distinguish front from back",
+            (true, true) => NO_FRONT,
         },
     );
     add(is_splats && !plan.clips, "clip lines: the file has none, or no normals");
@@ -231,6 +233,7 @@ fn left_out_of_light(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
             !has(PlaneKind::Normal),
             "normal plane: the file has none; build it with --normals estimate",
         ),
+        (has(PlaneKind::Normal) && !plan.culls_back_faces, NO_FRONT),
         (has(PlaneKind::ClipLines), "clip lines: light is traced on whole discs"),
         (has(PlaneKind::Tangents), "shapes of splats: light is traced on discs"),
         (!plan.reads_colours, "colour plane: colours come from elsewhere"),
