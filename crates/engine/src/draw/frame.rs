@@ -123,12 +123,13 @@ impl Appearance {
         FramePlan::of(&has, &options)
     }
 
-    /// Planes of each node that frames need, except residuals, which views request node by node.
+    /// Planes of each node that frames need, except residuals, which views request node by node, and
+    /// classes ([`crate::light::class_plane`]).
     pub fn needs(&self, file: &Forest) -> Needs {
         let plan = self.plan(file, false, false);
         let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
         let (normals, clip_lines, tangents) = (plan.reads_normals, plan.clips, plan.tangents);
-        Needs { colour, normals, clip_lines, tangents }
+        Needs { colour, normals, clip_lines, tangents, classes: None }
     }
 
     /// Adds the margin of pictures ([`esker_render::picture::margin`]) to a view. There is none if

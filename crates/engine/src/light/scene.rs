@@ -101,9 +101,16 @@ impl GatheredSplats {
 }
 
 impl LitScene {
-    /// The scene of a frame, on the CPU.
-    pub fn new(frame: &Frame<'_>, meshes: &Meshes, lights: &Lights, origin: DVec3) -> Self {
-        let splats = GatheredSplats::of(frame, lights, &[], origin);
+    /// The scene of a frame, on the CPU. `classes` are those of the points of each draw, where lights
+    /// choose points by them.
+    pub fn new(
+        frame: &Frame<'_>,
+        classes: &[Option<&[u8]>],
+        meshes: &Meshes,
+        lights: &Lights,
+        origin: DVec3,
+    ) -> Self {
+        let splats = GatheredSplats::of(frame, lights, classes, origin);
         let scene = Scene::new(splats.input()).with_objects(meshes.objects(origin));
         Self { scene, origin, splats: splats.splats.len() }
     }
