@@ -123,8 +123,8 @@ impl Appearance {
         FramePlan::of(&has, &options)
     }
 
-    /// Planes of each node that frames need, except residuals, which views request node by node, and
-    /// classes ([`crate::light::class_plane`]).
+    /// Planes of each node that frames need, except residuals, which views request node by node,
+    /// and classes ([`crate::light::class_plane`]).
     pub fn needs(&self, file: &Forest) -> Needs {
         let plan = self.plan(file, false, false);
         let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);

@@ -101,8 +101,8 @@ impl GatheredSplats {
 }
 
 impl LitScene {
-    /// The scene of a frame, on the CPU. `classes` are those of the points of each draw, where lights
-    /// choose points by them.
+    /// The scene of a frame, on the CPU. `classes` are those of the points of each draw, where
+    /// lights choose points by them.
     pub fn new(
         frame: &Frame<'_>,
         classes: &[Option<&[u8]>],

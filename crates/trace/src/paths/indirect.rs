@@ -22,8 +22,8 @@ const OWN_LIFTS: f32 = 4.0;
 /// Cosine between stored normals above which such a hit is on the same surface.
 const OWN_COS: f32 = 0.5;
 
-/// Whether a ray from a surface has hit that surface. Most such hits are from behind, on a layer that
-/// lies above the start, so that normals are compared as they are stored, not as they are turned.
+/// Whether a ray from a surface has hit that surface. Most such hits are from behind, on a layer
+/// that lies above the start, so that normals are compared as they are stored, not as turned.
 fn is_own(from: &Surface, hit: &Hit) -> bool {
     let cos = hit.normal.dot(from.normal);
     let stored_cos = if hit.is_back == from.is_back { cos } else { -cos };

@@ -18,8 +18,8 @@ fn random(seed: u64) -> impl FnMut() -> f32 {
     }
 }
 
-/// A square floor about the origin with splats anywhere on it, one a unit of area. Places are off by
-/// up to `off` units upwards or downwards, normals by about `tilt` radians.
+/// A square floor about the origin with splats anywhere on it, one a unit of area. Places are off
+/// by up to `off` units upwards or downwards, normals by about `tilt` radians.
 fn floor(off: f32, tilt: f32) -> Vec<Splat> {
     let (mut random, half) = (random(5), 100.0);
     let splat = |index: u32| {
