@@ -11,8 +11,9 @@ struct Tree {
     discs: u32,
     // Levels of nodes; the last has one node, the first holds leaves. 0 without discs.
     levels: u32,
+    // 1 if rays from the eye pass through discs whose normal points away from it.
+    culls: u32,
     unused: u32,
-    unused_2: u32,
     // First node of each level.
     first: array<vec4<u32>, 3>,
 }
@@ -60,6 +61,8 @@ struct Surface {
 }
 
 var<private> aim: u32;
+// Whether discs whose normal points away from the origin of the ray are not met.
+var<private> skips_backs: bool;
 // Discs from here on are not met.
 var<private> limit: f32;
 var<private> front: u32;
@@ -77,6 +80,9 @@ fn visit(disc: u32, ray: Ray) {
         return;
     }
     let own = stored_normal(disc);
+    if skips_backs && dot(own, ray.direction) > 0.0 {
+        return;
+    }
     if aim == BLEND {
         // The frontmost disc counts even if its blend ends with it.
         if met.x <= limit || disc == front {
@@ -200,7 +206,16 @@ fn blended(ray: Ray) -> Surface {
     let size = dot(normals, normals);
     surface.normal = select(-ray.direction, normals / sqrt(size), size > 0.0);
     surface.albedo = albedos / weights;
+    skips_backs = false;
     surface.lift = lift_of(ray, surface);
+    return surface;
+}
+
+// The surface that a ray from the eye meets first.
+fn blended_from_eye(ray: Ray) -> Surface {
+    skips_backs = tree.culls == 1u;
+    let surface = blended(ray);
+    skips_backs = false;
     return surface;
 }
 

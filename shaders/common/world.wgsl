@@ -53,7 +53,7 @@ fn eye_ray(at: vec2<f32>) -> Ray {
 fn see(ray: Ray) -> Place {
     var place: Place;
     place.depth = infinity();
-    let surface = blended(ray);
+    let surface = blended_from_eye(ray);
     var nearest = surface.distance;
     if !is_infinite(nearest) {
         place.point = ray.origin + ray.direction * nearest;

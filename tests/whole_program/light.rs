@@ -13,6 +13,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("light: a lit picture reports its fields", reports));
     trials.push(trial("light: pictures are the same for any number of threads", same_for_threads));
     trials.push(trial("light: every filter and kind of light draws", every_filter_and_light));
+    trials.push(trial("light: gloss and the filter of shadows change pictures", switches));
     trials.push(trial("light: a mesh stands in the scan", mesh_stands));
     trials.push(trial("light: the plan lists its passes and reads no more", plan_lists_passes));
     trials.push(trial("light: errors show what to write", errors_show_forms));
@@ -145,6 +146,23 @@ fn every_filter_and_light() {
     }
 }
 
+fn switches() {
+    let folder = Folder::new();
+    let file = built(&folder);
+    let lights = ["--lights", "sun:225,30,1,20", "--exposure", "1", "--samples", "1"];
+    let of = |more: &[&str]| picture(&folder, &file, &[&lights[..], more].concat());
+    let (plain, report) = of(&[]);
+    assert_eq!(report["light"]["filters_shadows"], false);
+    assert!(report["light"].get("gloss").is_none(), "{report}");
+    let (glossy, report) = of(&["--gloss", "0.5,0.2"]);
+    assert_eq!(report["light"]["gloss"], serde_json::json!([0.5, 0.2f32]));
+    assert!(mean(&glossy) != mean(&plain), "gloss changes nothing");
+    let (soft, report) = of(&["--filter-shadows"]);
+    assert_eq!(report["light"]["filters_shadows"], true);
+    // Filtered light is the same on the whole.
+    assert!(soft != plain && (mean(&soft) - mean(&plain)).abs() < 3.0, "{}", mean(&soft));
+}
+
 fn mesh_stands() {
     let folder = Folder::new();
     let scan = folder.write("plane.csv", &plane());
@@ -214,6 +232,8 @@ fn errors_show_forms() {
         (vec!["--exposure", "0"], "--exposure"),
         (vec!["--filter", "median"], "guided"),
         (vec!["--albedo", "plain", "--colour", "rgb"], "--albedo"),
+        (vec!["--gloss", "2"], "REFLECTANCE[,ROUGHNESS]"),
+        (vec!["--gloss", "0.1", "--filter-shadows"], "cannot be used with"),
     ] {
         let fault = lit(&file, &picture, &more);
         fault.error();

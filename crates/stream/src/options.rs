@@ -71,4 +71,6 @@ pub struct Needs {
     pub clip_lines: bool,
     /// Whether splats have shapes of their own.
     pub tangents: bool,
+    /// Plane of the classes of points, where lights choose points by them.
+    pub classes: Option<PlaneKind>,
 }

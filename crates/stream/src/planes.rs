@@ -33,7 +33,8 @@ impl Planes {
         let normals = needs.normals.then_some(PlaneKind::Normal);
         let clip_lines = needs.clip_lines.then_some(PlaneKind::ClipLines);
         let tangents = needs.tangents.then_some(PlaneKind::Tangents);
-        let kinds = needs.colour.into_iter().chain(normals).chain(clip_lines).chain(tangents);
+        let shapes = clip_lines.into_iter().chain(tangents);
+        let kinds = needs.colour.into_iter().chain(normals).chain(shapes).chain(needs.classes);
         for kind in kinds {
             // The residual is requested for single nodes.
             let counts = kind.is_written() && kind != PlaneKind::Residual;

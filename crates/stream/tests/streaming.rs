@@ -267,6 +267,13 @@ fn needs_change_without_an_empty_picture() {
         Needs { colour: Some(PlaneKind::Intensity), normals: false, ..Needs::default() },
         Needs { colour: Some(PlaneKind::Attribute(time)), normals: true, ..Needs::default() },
         Needs { colour: None, normals: false, ..Needs::default() },
+        // Of a plane that is needed twice there is one.
+        Needs {
+            colour: Some(PlaneKind::Intensity),
+            classes: Some(PlaneKind::Intensity),
+            ..Needs::default()
+        },
+        Needs { classes: Some(PlaneKind::Attribute(time)), ..Needs::default() },
         // A plane that the file lacks is left out.
         Needs { colour: Some(PlaneKind::Class), normals: true, ..Needs::default() },
         needs(),
@@ -280,6 +287,7 @@ fn needs_change_without_an_empty_picture() {
         for node in &cut.nodes {
             let colour = needs.colour.filter(|&c| c != PlaneKind::Class);
             assert!(colour.is_none_or(|c| node.slot(c).is_some()));
+            assert!(needs.classes.is_none_or(|c| node.slot(c).is_some()));
             assert_eq!(node.slot(PlaneKind::Normal).is_some(), needs.normals);
         }
     }

@@ -58,20 +58,16 @@ impl Tracer {
         let is_same = self.frame.as_ref().is_some_and(|frame| {
             frame.scene_epoch == scene_epoch && frame.camera == *camera && frame.lights == *lights
         });
+        let options = &self.options;
         if !is_same {
-            let options = &self.options;
-            let begun =
-                Frame::begin(scene, scene_epoch, lights, camera, options, samples, should_stop);
-            let Some(mut frame) = begun else { return false };
-            let last =
-                self.frame.take().filter(|last| options.reprojects && last.lights == *lights);
-            if let Some(last) = last {
-                frame.reuse(&last);
-            }
+            let last = self.frame.take().and_then(Frame::into_last);
+            let last = last.filter(|last| options.reprojects && last.lights == *lights);
+            let frame = Frame::new(scene, scene_epoch, lights, camera, options, samples, last);
             self.frame = Some(frame);
         }
         let Some(frame) = &mut self.frame else { return false };
-        (0..samples).all(|_| frame.add_sample(scene, &self.options, should_stop))
+        frame.add_guides(scene, options, should_stop)
+            && (0..samples).all(|_| frame.add_sample(scene, options, should_stop))
     }
 
     /// Samples that each pixel has.

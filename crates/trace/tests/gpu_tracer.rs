@@ -165,6 +165,29 @@ fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
 }
 
 #[test]
+fn the_eye_looks_through_the_backs_that_it_looks_through_on_the_cpu() {
+    let (mut splats, camera, lights) = (splats(), camera(40, 30), prepared(lights()));
+    // The wall shows its back.
+    splats.iter_mut().for_each(|s| s.normal[1] = s.normal[1].abs());
+    let culled = SplatInput { cull_back_faces: true, ..input(&splats) };
+    let options = Options { filter: Settings::of(FilterKind::None), ..Options::default() };
+    let on_cpu = |input: SplatInput<'_>| {
+        let mut tracer = Tracer::new(options.clone());
+        assert!(tracer.trace(&Scene::new(input), 1, &lights, &camera, 2, &|| false));
+        tracer.resolve().radiance
+    };
+    let [open, want] = [input(&splats), culled].map(on_cpu);
+    assert!(differing(&open, &want, 0.1) > open.len() / 10);
+    for gpu in gpus() {
+        let scene = SceneKernels::new(&gpu).unwrap().scene(&gpu, &culled).unwrap();
+        let mut tracer = GpuTracer::new(&gpu, options.clone()).unwrap();
+        assert!(tracer.trace(&gpu, &scene, 1, &lights, &camera, 2, &|| false).unwrap());
+        let off = differing(&tracer.resolve(&gpu).unwrap().radiance, &want, 0.01);
+        assert!(off <= 3, "{}: {off}", gpu.name);
+    }
+}
+
+#[test]
 fn a_picture_goes_on_where_it_stopped_and_begins_afresh_for_another_scene() {
     let (splats, camera, lights) = (splats(), camera(16, 12), prepared(lights()));
     let options = Options { filter: Settings::of(FilterKind::None), ..Options::default() };

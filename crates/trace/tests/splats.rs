@@ -9,7 +9,9 @@ use cloud::{Random, splat};
 use discs::{all_met, soup, sphere};
 use esker_render::Splat;
 use esker_trace::accel::Kind;
-use esker_trace::scene::{Albedo, Emitter, Members, RADIUS_FACTOR, Shape, SplatInput};
+use esker_trace::scene::{
+    Albedo, Emitter, Members, RADIUS_FACTOR, Shape, SplatInput, adopt_normals,
+};
 use esker_trace::{Ray, Scene};
 use glam::{DVec3, Vec3};
 
@@ -81,6 +83,67 @@ fn discs_without_normals_face_the_ray() {
     let ray = Ray::new(Vec3::new(0.1, 0.2, 4.0), Vec3::new(0.05, 0.0, -1.0).normalize_or_zero());
     let hit = scene(&alone).hit(&ray).unwrap();
     assert_eq!(hit.normal, -ray.direction);
+}
+
+#[test]
+fn rays_from_the_eye_pass_through_backs_if_these_are_culled() {
+    let mut splats = soup(600, 0.25, 6);
+    splats.iter_mut().step_by(5).for_each(|s| s.normal = [0.0; 3]);
+    let open = scene(&splats);
+    let input = SplatInput { splats: &splats, cull_back_faces: true, ..Default::default() };
+    let mut culled = Scene::new(input);
+    for _ in ["implicit", "refined"] {
+        let (mut random, mut through) = (Random(7), 0);
+        for _ in 0..600 {
+            let ray = random.ray();
+            let Some(mut met) = all_met(&splats, &ray) else { continue };
+            let [all, seen] = [culled.hit(&ray), culled.seen(&ray)].map(|h| h.map(|h| h.distance));
+            let near = |a: Option<f32>, b: Option<f64>| match (a, b) {
+                (Some(a), Some(b)) => (f64::from(a) - b).abs() < 1e-4,
+                (a, b) => a.is_none() && b.is_none(),
+            };
+            assert!(near(all, met.first().map(|m| m.distance)));
+            assert_eq!(open.seen(&ray).map(|h| h.distance), all);
+            let count = met.len();
+            met.retain(|m| Vec3::from_array(splats[m.index].normal).dot(ray.direction) <= 0.0);
+            assert!(near(seen, met.first().map(|m| m.distance)), "{ray:?}");
+            assert!(culled.seen(&ray).is_none_or(|h| !h.is_back && h.normal.is_normalized()));
+            assert_eq!(culled.is_blocked(&ray), count > 0);
+            through += u32::from(seen != all);
+        }
+        assert!(through > 30, "{through}");
+        assert!(culled.refine());
+    }
+}
+
+#[test]
+fn splats_without_a_normal_take_that_of_the_nearest_one_within_two_radii() {
+    let whole = sphere(5_000, [0.1, 0.0], 12);
+    let mut some = whole.clone();
+    some.iter_mut().step_by(40).for_each(|s| s.normal = [0.0; 3]);
+    // Nothing is near this one.
+    some.push(splat(Vec3::splat(3.0), Vec3::ZERO, 0.1, 0));
+    let given = some.clone();
+    adopt_normals(&mut some);
+    for (i, splat) in some.iter().enumerate() {
+        if given[i].normal != [0.0; 3] {
+            assert_eq!(*splat, given[i]);
+            continue;
+        }
+        let at = Vec3::from_array(splat.centre);
+        let apart = |s: &Splat| at.distance(s.centre.into());
+        let others = given.iter().filter(|s| s.normal != [0.0; 3]);
+        let nearest = others.min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap();
+        let is_near = apart(nearest) < 2.0 * splat.radius;
+        assert_eq!(splat.normal, if is_near { nearest.normal } else { [0.0; 3] });
+    }
+    assert_eq!(some.iter().filter(|s| s.normal == [0.0; 3]).count(), 1);
+    // Where half have none, that is how they are meant.
+    let mut half = whole;
+    half.iter_mut().step_by(2).for_each(|s| s.normal = [0.0; 3]);
+    let given = half.clone();
+    adopt_normals(&mut half);
+    assert_eq!(half, given);
 }
 
 #[test]
@@ -265,6 +328,7 @@ fn emitters_by_box_and_class_are_listed_and_met() {
         classes: Some(&classes),
         albedo: Albedo::Plain([0.25; 3]),
         emitters: &emitters,
+        ..Default::default()
     });
     assert_eq!(scene.area_lights().len(), 15);
     for light in scene.area_lights() {

@@ -5,7 +5,7 @@ use clap::{Parser, ValueEnum};
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::method::{DEFAULT_METHOD, METHODS, method_of_name};
 use esker_engine::io::{polygon, quantity};
-use esker_engine::light::settings::LightSettings;
+use esker_engine::light::settings::{Gloss, LightSettings};
 use esker_engine::light::spec::{LightSpec, joined};
 use esker_engine::{Bounds, Classes, Filter, Method, Polygon};
 use std::path::PathBuf;
@@ -35,6 +35,13 @@ pub struct Args {
     /// sky[:STRENGTH], sky:PICTURE.png[,STRENGTH], lamp:X,Y,Z[,STRENGTH], or files of lights.
     #[arg(long, num_args = 1.., value_name = "LIGHT")]
     pub lights: Vec<LightSpec>,
+    /// Filter the soft shadows of --method lit, as esker render does.
+    #[arg(long, conflicts_with = "gloss")]
+    pub filter_shadows: bool,
+    /// Gloss of surfaces of --method lit, as of esker render.
+    #[allow(rustdoc::broken_intra_doc_links, reason = "brackets stand for optional parts")]
+    #[arg(long, value_name = "REFLECTANCE[,ROUGHNESS]")]
+    pub gloss: Option<Gloss>,
     /// Where the camera is at the start, such as "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the
     /// scan's coordinates. Each part may be missing.
     #[arg(long, default_value = "", hide_default_value = true)]
@@ -103,7 +110,12 @@ pub struct Args {
 impl Args {
     /// How lit pictures are lit.
     pub fn light(&self) -> LightSettings {
-        LightSettings { lights: joined(self.lights.clone()), ..LightSettings::default() }
+        LightSettings {
+            lights: joined(self.lights.clone()),
+            filters_shadows: self.filter_shadows,
+            gloss: self.gloss,
+            ..LightSettings::default()
+        }
     }
 
     /// Choice of the points that are shown.

@@ -3,9 +3,9 @@
 
 use crate::settings::Settings;
 use crate::theme;
-use eframe::egui::{ProgressBar, RichText, Slider, SliderClamping, Ui, emath};
+use eframe::egui::{Checkbox, ProgressBar, RichText, Slider, SliderClamping, Ui, emath};
 use esker_engine::io::quantity::grouped;
-use esker_engine::light::settings::FILTERS;
+use esker_engine::light::settings::{FILTERS, Gloss, ROUGHNESS_MIN};
 use esker_engine::light::status::LitStatus;
 use esker_engine::light::sun;
 use std::ops::RangeInclusive;
@@ -34,6 +34,10 @@ pub fn show(ui: &mut Ui, wanted: &mut Settings, status: Option<&LitStatus>) {
             ui.selectable_value(&mut wanted.light.filter, filter, name).on_hover_text(about);
         }
     });
+    let is_glossy = wanted.light.gloss.is_some();
+    let shadows = Checkbox::new(&mut wanted.light.filters_shadows, "filter soft shadows");
+    ui.add_enabled(!is_glossy, shadows);
+    show_gloss(ui, &mut wanted.light.gloss);
     let Some(status) = status else { return };
     let share = status.samples as f32 / status.samples_final.max(1) as f32;
     let text = format!("{} of {} rays a pixel", status.samples, status.samples_final);
@@ -42,6 +46,19 @@ pub fn show(ui: &mut Ui, wanted: &mut Settings, status: Option<&LitStatus>) {
     let bound = if status.is_bounded { ": the bound of main memory is reached" } else { "" };
     let splats = format!("{} lit points{bound}", grouped(status.splats as u64));
     ui.label(RichText::new(splats).color(theme::FAINT));
+}
+
+/// Shows whether surfaces are glossy, and how much.
+fn show_gloss(ui: &mut Ui, gloss: &mut Option<Gloss>) {
+    let mut is_glossy = gloss.is_some();
+    if ui.checkbox(&mut is_glossy, "glossy surfaces").changed() {
+        *gloss = is_glossy.then(Gloss::default);
+    }
+    if let Some(gloss) = gloss {
+        ui.label(RichText::new("mirrored share and roughness").color(theme::FAINT));
+        ui.add(slider(&mut gloss.reflectance, 0.0..=1.0).logarithmic(true));
+        ui.add(slider(&mut gloss.roughness, ROUGHNESS_MIN..=1.0));
+    }
 }
 
 /// Makes a slider. A value beyond its ends, from the command line, stays until the user changes it.
@@ -69,6 +86,7 @@ mod tests {
         let mut wanted = Settings::default();
         wanted.light.lights = Some(parse("sun:12.5,-33|lamp:1,2,3").unwrap());
         wanted.light.bounces = 9;
+        wanted.light.gloss = Some(Gloss { reflectance: 0.123, roughness: 0.456 });
         let given = wanted.clone();
         let status = LitStatus { samples: 3, samples_final: 8, ..LitStatus::default() };
         let ctx = Context::default();

@@ -7,7 +7,7 @@ use crate::autopilot::Autopilot;
 use crate::camera::{Camera, Pose};
 use crate::input_events::{WindowState, button_event, key_event, position_at, wheel_event};
 use crate::script::{Script, Step, key};
-use eframe::egui::{Event, PointerButton, RawInput};
+use eframe::egui::{Event, Modifiers, PointerButton, RawInput};
 use std::path::PathBuf;
 
 /// Greatest share of a drag or of a turn of the wheel that is made in one frame.
@@ -185,9 +185,13 @@ impl Pilot {
                 events.extend(key(name).ok().map(|key| key_event(key, begins)));
                 is_done
             }
-            Step::Drag { button, from, to, seconds: length } => {
+            Step::Drag { button, from, to, command, seconds: length } => {
                 let button = PointerButton::from(*button);
                 if begins {
+                    if *command {
+                        let held = Modifiers { ctrl: true, ..Modifiers::COMMAND };
+                        events.push(Event::ModifiersChanged(held));
+                    }
                     events.push(Event::PointerMoved(at(*from)));
                     events.push(button_event(at(*from), button, true));
                     return false;
@@ -198,6 +202,7 @@ impl Pilot {
                 events.push(Event::PointerMoved(at(now)));
                 if t >= 1.0 {
                     events.push(button_event(at(now), button, false));
+                    events.push(Event::ModifiersChanged(Modifiers::default()));
                 }
                 t >= 1.0
             }

@@ -71,6 +71,9 @@ pub enum Step {
         from: [f64; 2],
         /// Position at which the button is released.
         to: [f64; 2],
+        /// Whether Ctrl (Command on a Mac) is held.
+        #[serde(default)]
+        command: bool,
         /// Duration.
         seconds: f64,
     },

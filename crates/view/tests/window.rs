@@ -47,9 +47,13 @@ impl Fixture {
     }
 
     fn run(&self, file: &Path, script: &str, options: &[&str]) -> Output {
+        self.run_at(SIZE, file, script, options)
+    }
+
+    fn run_at(&self, size: [u32; 2], file: &Path, script: &str, options: &[&str]) -> Output {
         let path = self.path("script.json");
         std::fs::write(&path, script).unwrap();
-        let size = format!("{}x{}", SIZE[0], SIZE[1]);
+        let size = format!("{}x{}", size[0], size[1]);
         Command::new(env!("CARGO_BIN_EXE_esker-view"))
             .current_dir(self.folder.path())
             .args(["--size", &size, "--script"])
@@ -278,6 +282,63 @@ fn settings_change_while_the_window_runs_and_the_view_stays() {
     let engine = drawn_by_the_engine([surface.width, surface.height]);
     assert!(share_off(&surface, &engine, 8) <= 0.001, "the view is that of before the changes");
     assert!(share_off(&frozen, &surface, 8) > 0.05, "a frozen cut is seen from another pose");
+}
+
+/// The sample scan with normals, built once.
+#[cfg(feature = "light")]
+fn sample_with_normals() -> &'static Path {
+    static BUILT: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    let (_, built) = BUILT.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let built = folder.path().join("creek.esker");
+        let normals = esker_engine::NormalsMode::Estimate;
+        let options = esker_engine::BuildOptions { normals, ..Default::default() };
+        esker_engine::calls::build::build(&[scan()], &built, &options, 0, &silent()).unwrap();
+        (folder, built)
+    });
+    built
+}
+
+#[cfg(feature = "light")]
+#[test]
+fn the_window_lights_the_scan_follows_a_drag_of_the_sun_and_goes_back_to_points() {
+    use esker_engine::draw::scene::PictureRequest;
+    use esker_engine::light::settings::LightSettings;
+    let Some(fixture) = fixture() else { return };
+    let (file, size) = (sample_with_normals(), [240, 160]);
+    // Splats, lit splats, points. The window itself is shown too, with the panel.
+    let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "picture", "path": "splats.png"},
+        {"do": "press", "key": "M"}, {"do": "wait", "seconds": 1}, {"do": "settle", "seconds": 120},
+        {"do": "picture", "path": "day.png"},
+        {"do": "drag", "command": true, "from": [0.5, 0.4], "to": [0.9, 0.7], "seconds": 0.5},
+        {"do": "wait", "seconds": 0.3}, {"do": "settle", "seconds": 120},
+        {"do": "picture", "path": "evening.png"},
+        {"do": "press", "key": "M"}, {"do": "wait", "seconds": 1}, {"do": "settle", "seconds": 20},
+        {"do": "picture", "path": "points.png"}]}"#;
+    let options = ["--no-panel", "--no-occlusion", "--backend", "cpu", "--method", "ewa"];
+    report_of(&fixture.run_at(size, file, script, &options));
+    let [splats, day, evening, points] = ["splats", "day", "evening", "points"]
+        .map(|name| read_png(&fixture.path(&format!("{name}.png"))));
+    let forest = Forest::open(file).unwrap();
+    let view = Camera::default().view(info::bounds(&forest), size);
+    let camera = Camera {
+        eye: Some(view.eye),
+        target: Some(view.eye + view.forward() * 1000.0),
+        ..Camera::default()
+    };
+    let drawn = |method| {
+        let light = LightSettings { samples: 64, ..LightSettings::default() };
+        let size = [day.width, day.height];
+        let request = PictureRequest { size, camera, method, light, ..Default::default() };
+        render::draw(&forest, &request, &silent()).unwrap().0
+    };
+    let still = drawn(esker_engine::Method::Lit);
+    let off = share_off(&day, &still, 24);
+    assert!(off < 0.05, "{off} of the pixels are not those of a lit still");
+    assert!(share_off(&day, &splats, 24) > 0.3, "lit splats look like unlit ones");
+    assert!(share_off(&day, &evening, 24) > 0.2, "the sun has not moved, or the camera has");
+    let off = share_off(&points, &drawn(esker_engine::Method::Points), 8);
+    assert!(off <= 0.001, "{off} of the pixels are not points of the first view");
 }
 
 #[test]

@@ -8,6 +8,7 @@ use crate::draw::empty_picture;
 use crate::draw::method::Method;
 use crate::draw::scene::{PictureRequest, PictureScene, open};
 use crate::io::quantity::{grouped, readable_bytes};
+use crate::light::settings::LightSettings;
 use crate::light::{self, check_built};
 use crate::machine::pool;
 use anyhow::Result;
@@ -105,7 +106,11 @@ fn plan(file: &Forest, request: &PictureRequest) -> Result<ExplainReport> {
         } else {
             plan.variants().into_iter().map(VariantReport::from).collect()
         },
-        left_out: left_out(file, &scene),
+        left_out: if is_lit {
+            left_out_of_light(file, &scene, &request.light)
+        } else {
+            left_out(file, &scene)
+        },
         colour: legend.clone(),
         legend: legend.text(),
     })
@@ -163,14 +168,14 @@ fn plane_name(file: &Forest, kind: PlaneKind) -> String {
     file.schema().attributes.get(index).map_or_else(|| kind.name(), |a| a.name.clone())
 }
 
+/// Why no back faces are left out where the file has normals.
+const NO_FRONT: &str = "back-face test: the normals do not distinguish front from back";
+
 /// What the frame leaves out, and why.
 fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
     let plan = &scene.plan;
     let is_splats = plan.passes.contains(&Pass::Place);
     let has_surface = !plan.passes.contains(&Pass::Resolve);
-    if scene.appearance.method == Method::Lit {
-        return left_out_of_light(file, scene);
-    }
     let is_pulled = has_surface && !is_splats;
     let mut out = Vec::new();
     let mut add = |is_left_out: bool, what: &'static str| {
@@ -191,9 +196,8 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
         !plan.culls_back_faces,
         match (has_normals, has_surface) {
             (false, _) => "back-face test: no normals",
-            (true, true) if is_splats => "back-face test: splats are drawn from both sides",
             (true, false) => "back-face test: points alone are drawn from both sides",
-            (true, true) => "back-face test: the normals do not distinguish front from back",
+            (true, true) => NO_FRONT,
         },
     );
     add(is_splats && !plan.clips, "clip lines: the file has none, or no normals");
@@ -223,7 +227,11 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
 }
 
 /// What a lit picture leaves out, and why.
-fn left_out_of_light(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
+fn left_out_of_light(
+    file: &Forest,
+    scene: &PictureScene,
+    light: &LightSettings,
+) -> Vec<&'static str> {
     let has = |kind| file.has(kind);
     let plan = &scene.plan;
     let all = [
@@ -231,11 +239,16 @@ fn left_out_of_light(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
             !has(PlaneKind::Normal),
             "normal plane: the file has none; build it with --normals estimate",
         ),
+        (has(PlaneKind::Normal) && !plan.culls_back_faces, NO_FRONT),
         (has(PlaneKind::ClipLines), "clip lines: light is traced on whole discs"),
         (has(PlaneKind::Tangents), "shapes of splats: light is traced on discs"),
         (!plan.reads_colours, "colour plane: colours come from elsewhere"),
         (!plan.hides_points, "filter's test of points: no node lies across its border"),
-        (true, "highlights: surfaces are matte"),
+        (light.gloss.is_none(), "highlights: surfaces are matte (--gloss: glossy ones)"),
+        (
+            !light.filters_shadows || light.gloss.is_some(),
+            "filter of shadows: not requested, or surfaces are glossy",
+        ),
         (true, "pyramid, smoothing of depths, antialiasing: rays meet surfaces themselves"),
     ];
     all.into_iter().filter(|(is_left_out, _)| *is_left_out).map(|(_, what)| what).collect()

@@ -100,7 +100,7 @@ impl Appearance {
         let normals = file.has(PlaneKind::Normal);
         let has = SceneHas {
             normals,
-            oriented_normals: file.has_oriented_normals() && self.method == Method::PullPush,
+            oriented_normals: culls_back_faces(file, self.method),
             colour_plane: self.colouring.plane.is_some_and(|(kind, _)| file.has(kind)),
             hidden_points: self.shown.hides_any(),
             // Light is traced on discs.
@@ -123,12 +123,13 @@ impl Appearance {
         FramePlan::of(&has, &options)
     }
 
-    /// Planes of each node that frames need, except residuals, which views request node by node.
+    /// Planes of each node that frames need, except residuals, which views request node by node,
+    /// and classes ([`crate::light::class_plane`]).
     pub fn needs(&self, file: &Forest) -> Needs {
         let plan = self.plan(file, false, false);
         let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
         let (normals, clip_lines, tangents) = (plan.reads_normals, plan.clips, plan.tangents);
-        Needs { colour, normals, clip_lines, tangents }
+        Needs { colour, normals, clip_lines, tangents, classes: None }
     }
 
     /// Adds the margin of pictures ([`esker_render::picture::margin`]) to a view. There is none if
@@ -199,8 +200,12 @@ pub fn frame<'a, P>(
         octree: Some(octree),
         method: method.passes(),
         colour: colouring.by,
-        cull_back_faces: file.has_oriented_normals()
-            && !matches!(method, Method::Points | Method::Lit),
+        cull_back_faces: culls_back_faces(file, method),
         ..Frame::new(view, file.lattice(), draws)
     }
+}
+
+/// Whether points are left out whose normal looks away from the eye.
+fn culls_back_faces(file: &Forest, method: Method) -> bool {
+    file.has_oriented_normals() && method != Method::Points
 }

@@ -17,8 +17,7 @@ use esker_lod::{
     CompactOctree, Drawn, Options, Residency, Selection, Surroundings, View, needs_residual,
     select, surround,
 };
-use esker_points::attribute::names;
-use esker_points::{AttrType, Filter, Task};
+use esker_points::{Filter, Task};
 use esker_render::inputs::density::{is_crowded, is_dense};
 use esker_render::{DrawNode, FramePlan};
 use rayon::prelude::*;
@@ -94,13 +93,6 @@ impl PictureRequest {
         let granted_bytes = memory::granted().unwrap_or(u64::MAX);
         let (points_max, around) = light::shares(light::splats_max(granted_bytes / 2));
         (points_max.min(self.budget_points), Some(around))
-    }
-
-    /// Plane of the classes of points, if lights of the picture choose points by them.
-    fn class_plane(&self, file: &Forest) -> Option<PlaneKind> {
-        let is_needed = self.method == Method::Lit && light::needs_classes(&self.light);
-        let index = file.schema().find_typed(names::CLASSIFICATION, AttrType::U8);
-        index.filter(|_| is_needed).map(|index| PlaneKind::Attribute(index as u16))
     }
 }
 
@@ -197,7 +189,10 @@ impl PictureScene {
         let appearance = Appearance::new(file, colour_by.as_deref(), filter, *method, *shines)?;
         let appearance = appearance.evened(file, *evens_exposure)?;
         let appearance = if request.full { appearance } else { appearance.compacted(file) };
-        let appearance = if request.keeps_values { appearance.with_values() } else { appearance };
+        let class_plane = light::class_plane(file, *method, &request.light);
+        // Classes are read as they are stored, also where colours are made of them.
+        let keeps_values = request.keeps_values || class_plane.is_some();
+        let appearance = if keeps_values { appearance.with_values() } else { appearance };
         let view = appearance.with_margin(file, &shown);
         let (points_max, surroundings) = request.points_max();
         let options = Options {
@@ -219,7 +214,6 @@ impl PictureScene {
         let is_crowded = is_crowded(&view, file.lattice(), Some(&octree), nodes);
         let plan = appearance.plan(file, is_dense, is_crowded);
         let mut kinds = planes_of(&plan, &appearance);
-        let class_plane = request.class_plane(file);
         kinds.extend(class_plane.filter(|plane| !kinds.contains(plane)));
         Ok(Self {
             view,

@@ -18,7 +18,7 @@ use crate::draw::painter::{CpuPainter, FrameInput, GpuPainter, Painter};
 pub use crate::draw::painter::{GpuBytes, Image};
 use crate::light::settings::LightSettings;
 use crate::light::status::LitStatus;
-use crate::light::{LIT_BY_CPU, check_built};
+use crate::light::{LIT_BY_CPU, check_built, class_plane};
 use crate::machine::backend::{Backend, Drawer};
 use crate::machine::system;
 use anyhow::{Context, Error, Result, bail, ensure};
@@ -26,7 +26,7 @@ use esker_format::Forest;
 use esker_lod::{DepthFeedback, View};
 use esker_render::inputs::camera::Camera;
 use esker_render::{Picture, Stats};
-use esker_stream::{Cut, Status, Streamer};
+use esker_stream::{Cut, Needs, Status, Streamer};
 use glam::DVec2;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -106,6 +106,9 @@ impl Session {
         let appearance = Appearance::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
         let appearance = appearance.evened(&file, *evens_exposure)?;
         let appearance = if *full { appearance } else { appearance.compacted(&file) };
+        // Classes are read as they are stored, also where colours are made of them.
+        let has_classes = class_plane(&file, *method, &options.settings.light).is_some();
+        let appearance = if has_classes { appearance.with_values() } else { appearance };
         let (gpu, drawer) = if *method == Method::Lit {
             check_built()?;
             (None, Drawer::cpu(LIT_BY_CPU.into()))
@@ -144,7 +147,7 @@ impl Session {
         let (points_max, surroundings) = around.unwrap_or((u64::MAX, None));
         let points_budget = options.points_budget.min(points_max);
         let options = esker_stream::Options { points_budget, surroundings, ..options };
-        let needs = self.appearance.needs(&self.file);
+        let needs = self.needs();
         let streamer = painter.start(self.file.clone(), options, needs)?;
         self.running = Some(Running { streamer: Some(streamer), painter });
         self.wait_for_roots()
@@ -291,7 +294,11 @@ impl Session {
 
     /// Lights lit pictures by `light` from the next frame on. Its meshes are those of the session.
     pub fn set_light(&mut self, light: LightSettings) {
+        let before = self.needs();
         self.options.settings.light = light;
+        if self.needs() != before {
+            self.update_needs();
+        }
     }
 
     /// Draws surfaces with or without highlights from the next frame on.
@@ -308,8 +315,15 @@ impl Session {
     fn update_needs(&self) {
         let streamer = self.running.as_ref().and_then(|r| r.streamer.as_ref());
         if let Some(streamer) = streamer {
-            streamer.need(self.appearance.needs(&self.file));
+            streamer.need(self.needs());
         }
+    }
+
+    /// Planes that frames need.
+    fn needs(&self) -> Needs {
+        let (method, light) = (self.appearance.method, &self.options.settings.light);
+        let classes = class_plane(&self.file, method, light);
+        Needs { classes, ..self.appearance.needs(&self.file) }
     }
 
     /// Coarse eye depth of the nearest surface at `place` of the picture (0 to 1 from its top left

@@ -12,6 +12,8 @@ pub(crate) mod progressive;
 #[path = "unlit.rs"]
 pub(crate) mod progressive;
 #[cfg(feature = "light")]
+mod refining;
+#[cfg(feature = "light")]
 pub(crate) mod scene;
 pub mod settings;
 pub mod spec;
@@ -25,8 +27,12 @@ pub(crate) mod tone;
 #[cfg(feature = "light")]
 pub(crate) mod tracing;
 
+use crate::draw::method::Method;
 use anyhow::{Result, ensure};
+use esker_format::{Forest, PlaneKind};
 use esker_lod::Surroundings;
+use esker_points::AttrType;
+use esker_points::attribute::names;
 use settings::{FilterName, LightSettings};
 
 /// Most bytes a splat while a scene is built: the splat itself (48), its disc with albedo and
@@ -80,8 +86,19 @@ pub(crate) fn shares(splats_max: u64) -> (u64, Surroundings) {
     (splats_max - points_budget, Surroundings { points_budget, ..default })
 }
 
+/// Plane of the classes of points, if lights of a picture choose points by them.
+pub(crate) fn class_plane(
+    file: &Forest,
+    method: Method,
+    settings: &LightSettings,
+) -> Option<PlaneKind> {
+    let index = file.schema().find_typed(names::CLASSIFICATION, AttrType::U8);
+    let is_needed = method == Method::Lit && needs_classes(settings);
+    index.filter(|_| is_needed).map(|index| PlaneKind::Attribute(index as u16))
+}
+
 /// Whether lights choose points by their classes.
-pub(crate) fn needs_classes(settings: &LightSettings) -> bool {
+fn needs_classes(settings: &LightSettings) -> bool {
     #[cfg(feature = "light")]
     return settings.lights.as_ref().is_some_and(settings::Lights::name_classes);
     #[cfg(not(feature = "light"))]

@@ -3,6 +3,8 @@
 //! sample a frame, until it has [`SAMPLES_FINAL`] samples a pixel. The scene is a copy of the
 //! points, built anew when another cut arrives, so that no slot is read later.
 
+use crate::light::document::Emissive;
+use crate::light::refining::Refining;
 use crate::light::scene::{LitScene, Meshes};
 use crate::light::settings::LightSettings;
 use crate::light::status::LitStatus;
@@ -23,6 +25,8 @@ pub const SAMPLES_FINAL: u32 = 64;
 const FRAME_BUDGET: Duration = Duration::from_millis(90);
 /// Time between two pictures that are shown while one is refined.
 const SHOW_INTERVAL: Duration = Duration::from_millis(250);
+/// Samples from which on a tree is refined: views that rest for a moment are not worth it.
+const REFINED_FROM: u32 = 2;
 /// Time of a coarse frame, milliseconds, from which its size follows.
 const COARSE_MS: f64 = 70.0;
 /// Factors by which the sides of coarse pictures are smaller.
@@ -46,6 +50,7 @@ struct Seen {
 pub(crate) struct Progressive {
     meshes: Meshes,
     scene: Option<Scene>,
+    refining: Refining,
     /// Number of the newest scene; tracers begin afresh with another one.
     scenes: u64,
     lights: Option<(LightSettings, PreparedLights)>,
@@ -66,6 +71,8 @@ pub(crate) struct Progressive {
 /// A scene, and what it was built of.
 struct Scene {
     lit: LitScene,
+    /// Points that shine in it.
+    shining: Vec<Emissive>,
     /// Epoch of the cut, and whether the cut was settled.
     epoch: u64,
     built: Instant,
@@ -82,6 +89,7 @@ impl Progressive {
         Ok(Self {
             meshes: Meshes::read(settings, &Silent)?,
             scene: None,
+            refining: Refining::default(),
             scenes: 0,
             lights: None,
             fine: Tracer::new(options.clone()),
@@ -106,19 +114,30 @@ impl Progressive {
         self.status.samples >= SAMPLES_FINAL
     }
 
-    /// Draws a frame of a cut, by its epoch.
+    /// Draws a frame of a cut, by its epoch. `classes` are those of the points of each draw, where
+    /// lights choose points by them.
     pub(crate) fn draw(
         &mut self,
         frame: &Frame<'_>,
+        classes: &[Option<&[u8]>],
         epoch: u64,
         settings: &LightSettings,
         picture: &mut Picture,
     ) {
         let start = Instant::now();
-        self.build(frame, epoch, settings);
+        self.build(frame, classes, epoch, settings);
         let seen = Seen { view: *frame.view, scene: self.scenes, settings: settings.clone() };
         let is_same = self.seen.as_ref() == Some(&seen);
         let is_newest = self.scene.as_ref().is_some_and(|scene| scene.epoch == epoch);
+        if let Some(scene) = &mut self.scene {
+            let is_at_rest = is_same && is_newest && self.status.samples >= REFINED_FROM;
+            let splats_max = self.status.splats_max;
+            let traced = &scene.lit.scene;
+            if let Some(refined) = self.refining.poll(traced, self.scenes, splats_max, is_at_rest) {
+                // The same surfaces, so that samples stay.
+                scene.lit.scene = refined;
+            }
+        }
         if is_same && is_newest {
             self.refine(frame, settings, picture);
         } else {
@@ -130,19 +149,27 @@ impl Progressive {
     }
 
     /// Builds the scene of a cut, unless the last scene is too new to be replaced already.
-    fn build(&mut self, frame: &Frame<'_>, epoch: u64, settings: &LightSettings) {
+    fn build(
+        &mut self,
+        frame: &Frame<'_>,
+        classes: &[Option<&[u8]>],
+        epoch: u64,
+        settings: &LightSettings,
+    ) {
         let is_moving = self.seen.as_ref().is_none_or(|seen| seen.view != *frame.view);
+        let lights = lights_of(settings);
+        let shines_same = self.scene.as_ref().is_some_and(|scene| scene.shining == lights.emissive);
         let keeps = self.scene.as_ref().is_some_and(|scene| {
             let is_new = scene.built.elapsed() < scene.took * BUILD_SHARE;
-            scene.epoch == epoch || (is_moving && is_new)
+            shines_same && (scene.epoch == epoch || (is_moving && is_new))
         });
-        let lights = lights_of(settings);
         if !keeps {
             let start = Instant::now();
             let origin = self.origin(frame);
-            let lit = LitScene::new(frame, &self.meshes, &lights, origin);
+            let lit = LitScene::new(frame, classes, &self.meshes, &lights, origin);
             let took = start.elapsed();
-            self.scene = Some(Scene { lit, epoch, built: Instant::now(), took });
+            let shining = lights.emissive.clone();
+            self.scene = Some(Scene { lit, shining, epoch, built: Instant::now(), took });
             self.scenes += 1;
             self.lights = None;
         }

@@ -7,7 +7,9 @@ use crate::light::tone::srgb_to_linear;
 use anyhow::Result;
 use esker_points::Task;
 use esker_render::{Codebook, ColourBy, Frame, Splat, splats};
-use esker_trace::scene::{Albedo, Emitter, Members, Mesh, MeshTree, Object, SplatInput};
+use esker_trace::scene::{
+    Albedo, Emitter, Members, Mesh, MeshTree, Object, SplatInput, adopt_normals,
+};
 use esker_trace::{PreparedLights, Scene};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -30,6 +32,7 @@ pub(crate) struct GatheredSplats {
     classes: Option<Vec<u8>>,
     emitters: Vec<Emitter>,
     albedo: Albedo,
+    cull_back_faces: bool,
     /// Place in the world that positions are relative to.
     pub(crate) origin: DVec3,
 }
@@ -73,14 +76,16 @@ impl GatheredSplats {
         classes: &[Option<&[u8]>],
         origin: DVec3,
     ) -> Self {
-        let splats = splats(frame, origin);
+        let mut splats = splats(frame, origin);
+        adopt_normals(&mut splats);
         let shining = &lights.emissive;
         let classes: Option<Vec<u8>> = (!shining.is_empty()).then(|| {
             let number = |splat: &Splat| number_of(shining, splat, classes, origin);
             splats.par_iter().map(number).collect()
         });
         let emitters = shining.iter().enumerate().filter_map(emitter).collect();
-        Self { splats, classes, emitters, albedo: albedo(frame.colour), origin }
+        let (albedo, cull_back_faces) = (albedo(frame.colour), frame.cull_back_faces);
+        Self { splats, classes, emitters, albedo, cull_back_faces, origin }
     }
 
     /// The splats as a scene takes them.
@@ -90,14 +95,22 @@ impl GatheredSplats {
             classes: self.classes.as_deref(),
             albedo: self.albedo,
             emitters: &self.emitters,
+            cull_back_faces: self.cull_back_faces,
         }
     }
 }
 
 impl LitScene {
-    /// The scene of a frame, on the CPU.
-    pub fn new(frame: &Frame<'_>, meshes: &Meshes, lights: &Lights, origin: DVec3) -> Self {
-        let splats = GatheredSplats::of(frame, lights, &[], origin);
+    /// The scene of a frame, on the CPU. `classes` are those of the points of each draw, where
+    /// lights choose points by them.
+    pub fn new(
+        frame: &Frame<'_>,
+        classes: &[Option<&[u8]>],
+        meshes: &Meshes,
+        lights: &Lights,
+        origin: DVec3,
+    ) -> Self {
+        let splats = GatheredSplats::of(frame, lights, classes, origin);
         let scene = Scene::new(splats.input()).with_objects(meshes.objects(origin));
         Self { scene, origin, splats: splats.splats.len() }
     }

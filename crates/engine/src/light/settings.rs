@@ -4,6 +4,7 @@
 #[cfg(feature = "light")]
 pub use crate::light::document::Lights;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 /// Lights of a program that was built without them.
 #[cfg(not(feature = "light"))]
@@ -24,6 +25,11 @@ pub struct LightSettings {
     pub shadow_samples: u32,
     /// Filter of indirect light.
     pub filter: FilterName,
+    /// Whether the shadows of lights of finite size are filtered too; those of glossy surfaces are
+    /// not.
+    pub filters_shadows: bool,
+    /// Gloss of all surfaces; none for matte ones.
+    pub gloss: Option<Gloss>,
     /// Seed of the random numbers.
     pub seed: u64,
     /// Factor from light to the picture, where 1 is white; chosen by the picture if there is none.
@@ -40,12 +46,53 @@ impl Default for LightSettings {
             bounces: 1,
             shadow_samples: 4,
             filter: FilterName::Nested,
+            filters_shadows: false,
+            gloss: None,
             seed: 0,
             exposure: None,
             meshes: Vec::new(),
         }
     }
 }
+
+/// Gloss of surfaces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gloss {
+    /// Share of light that surfaces mirror at right angles, 0 to 1.
+    pub reflectance: f32,
+    /// Roughness, 0.05 (polished) to 1.
+    pub roughness: f32,
+}
+
+impl Default for Gloss {
+    /// Varnish that is a little worn.
+    fn default() -> Self {
+        Self { reflectance: 0.04, roughness: 0.3 }
+    }
+}
+
+impl FromStr for Gloss {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let values: Option<Vec<f32>> =
+            text.split(',').map(|word| word.trim().parse().ok()).collect();
+        let default = Self::default();
+        let gloss = match values.as_deref() {
+            Some(&[reflectance]) => Self { reflectance, ..default },
+            Some(&[reflectance, roughness]) => Self { reflectance, roughness },
+            _ => return Err(format!("`{text}` is not {GLOSS_FORM}")),
+        };
+        let is_within = (0.0..=1.0).contains(&gloss.reflectance)
+            && (ROUGHNESS_MIN..=1.0).contains(&gloss.roughness);
+        if is_within { Ok(gloss) } else { Err(format!("`{text}` is not {GLOSS_FORM}")) }
+    }
+}
+
+/// Least roughness.
+pub const ROUGHNESS_MIN: f32 = 0.05;
+const GLOSS_FORM: &str =
+    "REFLECTANCE[,ROUGHNESS], 0 to 1 and 0.05 to 1, such as 0.04,0.3 for worn varnish";
 
 /// Filter of indirect light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,5 +127,20 @@ impl FilterName {
     /// Name of the filter.
     pub fn name(self) -> &'static str {
         FILTERS.iter().find(|(own, ..)| *own == self).map_or("none", |(_, name, _)| name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gloss_is_parsed_and_an_error_shows_its_form() {
+        assert_eq!("0.04".parse(), Ok(Gloss::default()));
+        assert_eq!("0.5, 0.05".parse(), Ok(Gloss { reflectance: 0.5, roughness: 0.05 }));
+        for text in ["", "shiny", "2", "-0.1", "nan", "0.5,0.01", "0.5,nan", "0.1,0.2,0.3"] {
+            let fault = text.parse::<Gloss>().unwrap_err();
+            assert!(fault.contains("REFLECTANCE[,ROUGHNESS]"), "{text}: {fault}");
+        }
     }
 }

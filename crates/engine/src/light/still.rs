@@ -6,7 +6,7 @@ use crate::io::quantity::grouped;
 use crate::light::document::Lights;
 use crate::light::lights;
 use crate::light::scene::{GatheredSplats, Meshes, holds_light};
-use crate::light::settings::{FilterName, LightSettings};
+use crate::light::settings::{FilterName, Gloss, LightSettings};
 use crate::light::tone::Tones;
 use crate::light::tracing::{GpuRefusal, Job, Traced, ms};
 use anyhow::Result;
@@ -16,7 +16,7 @@ use esker_points::Task;
 use esker_render::gpu::Gpu;
 use esker_render::{Frame, PassTimes, Picture, Stats};
 use esker_trace::filter::{FilterKind, Settings as FilterSettings};
-use esker_trace::{Camera, LitImage, Options};
+use esker_trace::{Camera, Gloss as Lobe, LitImage, Options};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -33,6 +33,11 @@ pub struct LightReport {
     pub shadow_samples: u32,
     /// Filter of indirect light.
     pub filter: &'static str,
+    /// Whether soft shadows are filtered.
+    pub filters_shadows: bool,
+    /// Reflectance and roughness of glossy surfaces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gloss: Option<[f32; 2]>,
     /// Seed of the random numbers.
     pub seed: u64,
     /// Factor from light to the picture.
@@ -87,6 +92,10 @@ pub(crate) fn options(settings: &LightSettings, lights: &Lights) -> Options {
         shadow_samples: settings.shadow_samples,
         seed: settings.seed,
         filter: FilterSettings::of(kind),
+        filters_visibility: settings.filters_shadows,
+        gloss: settings
+            .gloss
+            .map(|Gloss { reflectance, roughness }| Lobe { reflectance, roughness }),
         shows_sky: lights.have_sky(),
         ..Options::default()
     }
@@ -164,6 +173,8 @@ impl LightReport {
             bounces: settings.bounces,
             shadow_samples: settings.shadow_samples,
             filter: settings.filter.name(),
+            filters_shadows: settings.filters_shadows && settings.gloss.is_none(),
+            gloss: settings.gloss.map(|gloss| [gloss.reflectance, gloss.roughness]),
             seed: settings.seed,
             exposure,
             splats: job.splats.splats.len(),

@@ -27,7 +27,14 @@ impl Progressive {
         match *self {}
     }
 
-    pub(crate) fn draw(&mut self, _: &Frame<'_>, _: u64, _: &LightSettings, _: &mut Picture) {
+    pub(crate) fn draw(
+        &mut self,
+        _: &Frame<'_>,
+        _: &[Option<&[u8]>],
+        _: u64,
+        _: &LightSettings,
+        _: &mut Picture,
+    ) {
         match *self {}
     }
 }

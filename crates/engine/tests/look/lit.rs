@@ -9,6 +9,7 @@ use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::budget::Shares;
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
 use esker_engine::draw::session::{Options, Session, Settings};
+use esker_engine::light::document::{Emissive, Lights};
 use esker_engine::light::settings::LightSettings;
 use esker_engine::light::spec::parse;
 use esker_engine::light::status::LitStatus;
@@ -22,6 +23,8 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 const SIZE: [u32; 2] = [128, 96];
+/// Class of all points of the sample.
+const CLASS: u8 = 0;
 /// A view up the valley.
 const CAMERA: &str = "eye=5679750,3769950,1480;target=5679080,3770560,955;fovy=48";
 
@@ -137,6 +140,28 @@ fn moving_the_sun_begins_a_picture_without_opening_a_session() {
     let (evening, ..) = settle(&mut session, &view);
     assert!(mean(&evening) < mean(&day) - 5.0, "{} after {}", mean(&evening), mean(&day));
     assert!(!session.set_method(Method::Ewa), "a session of light draws nothing else");
+}
+
+#[test]
+fn points_shine_by_their_classes_in_sessions_as_in_stills() {
+    let shining = Emissive { classes: vec![CLASS], bounds: None, radiance: [0.5, 0.4, 0.2] };
+    let lights = Lights { emissive: vec![shining], ..Lights::from(Vec::new()) };
+    let light = LightSettings { lights: Some(lights), ..light("sky") };
+    let settings = Settings { light: light.clone(), ..settings("sky") };
+    // Colours are made of classes along a range, so that their plane is read in another way.
+    for colour_by in [None, Some("classification:-8..8".to_owned())] {
+        let mut session = session(Settings { colour_by: colour_by.clone(), ..settings.clone() });
+        let view = view(session.file());
+        let (picture, ..) = settle(&mut session, &view);
+        let light = LightSettings { samples: 64, ..light.clone() };
+        let request = PictureRequest { light, colour_by, ..lit("sky") };
+        let (still, _) = draw(session.file(), &request, &Silent).unwrap();
+        let flip = mean_flip(&picture.rgba, &still.rgba, SIZE[0] as usize);
+        assert!(flip < 0.1, "FLIP {flip} between a session and a still");
+        let dark = PictureRequest { light: self::light("sun:0,-45"), ..request };
+        let (dark, _) = draw(session.file(), &dark, &Silent).unwrap();
+        assert!(mean(&picture) > mean(&dark) + 20.0, "{} {}", mean(&picture), mean(&dark));
+    }
 }
 
 #[test]

@@ -11,7 +11,9 @@ use esker_engine::io::picture;
 use esker_engine::machine::backend::{Backend, DrawWith};
 use esker_engine::{Method, NormalsMode, Picture};
 use esker_format::{EskerFile, Forest, PlaneKind, verify};
+use esker_lod::CompactOctree;
 use esker_points::task::Silent;
+use esker_render::FramePlan;
 use glam::{DVec2, DVec3};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -38,6 +40,29 @@ pub fn request(camera: &str, size: [u32; 2]) -> PictureRequest {
         method,
         target_spacing_px: 0.0,
         ..PictureRequest::default()
+    }
+}
+
+#[test]
+fn the_plan_leaves_out_the_back_faces_that_the_frame_leaves_out() {
+    // The normals of a model are oriented if they are given, and not if they are estimated.
+    for (found, is_oriented) in [(false, true), (true, false)] {
+        built("synthetic:csg:20k:1", found, |file| {
+            for method in [Method::Points, Method::PullPush, Method::Ewa, Method::Lit] {
+                let request =
+                    PictureRequest { method, ..request("eye=4,3,2;target=0,0,0", [64, 48]) };
+                let scene = PictureScene::read(file, &request, &Silent).unwrap();
+                let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
+                let draws = scene.draws(file);
+                let frame = scene.appearance.frame(file, &scene.view, &draws, &octree);
+                let culls = is_oriented && method != Method::Points;
+                assert_eq!(frame.cull_back_faces, culls, "{method:?}");
+                assert_eq!(scene.plan.culls_back_faces, culls, "{method:?}");
+                if method != Method::Points {
+                    assert_eq!(FramePlan::new(&frame).culls_back_faces, culls, "{method:?}");
+                }
+            }
+        });
     }
 }
 

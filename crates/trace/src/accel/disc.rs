@@ -43,6 +43,8 @@ pub(crate) struct DiscsMet<S: Simd> {
     pub(crate) off: f32x8<S>,
     /// Discs that are met before the limit.
     pub(crate) is_met: mask32x8<S>,
+    /// Discs whose normal does not point away from the origin of the ray, or that have none.
+    pub(crate) is_front: mask32x8<S>,
 }
 
 impl Primitive for Disc {
@@ -120,6 +122,8 @@ impl DiscLeaf {
         let radius = load(simd, &self.radius);
         let to = sub(centre, ray.origin);
         let (mut along, mut speed) = (dot(normal, to), dot(normal, ray.direction));
+        // A disc without a normal has a speed of zero here.
+        let is_front = simd.simd_le_f32x8(speed, simd.splat_f32x8(0.0));
         if FACING {
             // The plane faces the ray.
             let is_facing = simd.simd_lt_f32x8(radius, simd.splat_f32x8(0.0));
@@ -137,6 +141,6 @@ impl DiscLeaf {
         let is_met = simd.simd_lt_f32x8(off, square)
             & simd.simd_lt_f32x8(simd.splat_f32x8(0.0), distance)
             & simd.simd_lt_f32x8(distance, simd.splat_f32x8(limit));
-        DiscsMet { distance, off: off / square, is_met }
+        DiscsMet { distance, off: off / square, is_met, is_front }
     }
 }

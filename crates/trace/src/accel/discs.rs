@@ -103,9 +103,10 @@ impl Surface {
     }
 }
 
-/// Adds all discs of the surface that `ray` meets first to `surface`.
+/// Adds all discs of the surface that `ray` meets first to `surface`. `CULLS`: whether discs whose
+/// normal points away from the origin of the ray are not met.
 #[inline(always)]
-pub(crate) fn surface<S: Simd, const FACING: bool>(
+pub(crate) fn surface<S: Simd, const FACING: bool, const CULLS: bool>(
     simd: S,
     tree: &Tree<DiscLeaf>,
     ray: &Ray,
@@ -116,7 +117,7 @@ pub(crate) fn surface<S: Simd, const FACING: bool>(
     while let Some(at) = walk.next(surface.end) {
         let leaf = &tree.leaves[at];
         let met = leaf.meet::<S, FACING>(simd, &lanes, surface.end);
-        let which = bits(met.is_met);
+        let which = bits(if CULLS { met.is_met & met.is_front } else { met.is_met });
         if which != 0 {
             let (distance, off) = (met.distance.to_array(), met.off.to_array());
             for k in Bits(which) {

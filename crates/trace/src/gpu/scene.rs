@@ -115,7 +115,8 @@ impl SceneKernels {
         let unordered = gpu.buffer("unordered discs", packed.len() as u64 * DISC_BYTES, usage)?;
         gpu.queue.write_buffer(&unordered, 0, cast_slice(&packed));
         let corners = [centres.min, centres.max];
-        let tree = self.builder.build(gpu, &unordered, packed.len() as u32, corners)?;
+        let (count, culls) = (packed.len() as u32, input.cull_back_faces);
+        let tree = self.builder.build(gpu, &unordered, count, corners, culls)?;
         let diagonal = (bounds.max - bounds.min).length();
         let diagonal = if diagonal.is_finite() { diagonal } else { 0.0 };
         Ok(GpuScene { tree, splats: packed.len(), left_out, diagonal, emits })

@@ -36,12 +36,12 @@ const _: () = assert!(1 << DIGIT_BITS == DIGITS && LEVELS_MAX * (WIDTH - 1) < WI
 pub(crate) struct Tree {
     discs: u32,
     levels: u32,
+    culls: u32,
     unused: u32,
-    unused_2: u32,
     first: [[u32; 4]; 3],
 }
 
-same_layout!(Tree { discs, levels, first });
+same_layout!(Tree { discs, levels, culls, first });
 
 /// The uniform of the keys.
 #[repr(C)]
@@ -137,7 +137,7 @@ impl TreeBuilder {
     }
 
     /// Builds the tree of `count` discs in a buffer; `bounds` are the least and the greatest corner
-    /// of their centres.
+    /// of their centres. `culls`: whether rays from the eye pass through the backs of discs.
     ///
     /// # Errors
     /// If memory is refused.
@@ -147,8 +147,10 @@ impl TreeBuilder {
         discs: &Buffer,
         count: u32,
         bounds: [Vec3; 2],
+        culls: bool,
     ) -> Result<GpuTree, GpuError> {
         let (tree, levels) = Tree::new(count);
+        let tree = Tree { culls: culls.into(), ..tree };
         let nodes = levels.last().map_or(0, |level| u64::from(level.first + level.nodes));
         let made = GpuTree {
             uniform: fixed_uniform(gpu, "tree", bytes_of(&tree))?,

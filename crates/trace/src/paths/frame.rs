@@ -29,6 +29,10 @@ pub(crate) struct Frame {
     pub lights: PreparedLights,
     pub emitters: Emitters,
     pub guides: Vec<Seen>,
+    /// Columns of each band that have guides.
+    guided: Vec<usize>,
+    /// Picture whose light is used again once there are guides.
+    last: Option<Box<Self>>,
     /// Depth that guides are divided by.
     pub diagonal: f32,
     pub bands: Vec<Band>,
@@ -40,70 +44,97 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
-    /// Traces the guides of a picture. `None` if it was stopped.
-    pub(crate) fn begin<S: Surfaces>(
+    /// A picture without guides and samples. `last` is a picture whose light is used again.
+    pub(crate) fn new<S: Surfaces>(
         scene: &S,
         scene_epoch: u64,
         lights: &PreparedLights,
         camera: &Camera,
         options: &Options,
         samples: u32,
-        should_stop: ShouldStop<'_>,
-    ) -> Option<Self> {
-        let began = Instant::now();
-        let emitters = Emitters::new(scene.emitters());
-        let world = world(scene, lights, &emitters, options);
+        last: Option<Self>,
+    ) -> Self {
         let (width, height) = (camera.width, camera.height);
-        let mut guides = vec![Seen::NOTHING; width * height];
-        let tiles: Vec<Option<Stats>> = guides
-            .par_chunks_mut((BAND_ROWS * width).max(1))
-            .enumerate()
-            .map(|(band, seen)| {
-                let mut stats = Stats::default();
-                for left in (0..width).step_by(BAND_ROWS) {
-                    if should_stop() {
-                        return None;
-                    }
-                    for row in 0..seen.len() / width {
-                        for x in left..(left + BAND_ROWS).min(width) {
-                            let y = band * BAND_ROWS + row;
-                            let ray = camera.ray(x as f32 + 0.5, y as f32 + 0.5);
-                            seen[row * width + x] = world.see(camera, &ray, &mut stats);
-                        }
-                    }
-                }
-                Some(stats)
-            })
-            .collect();
-        let mut stats = Stats::default();
-        for tile in tiles {
-            stats += tile?;
-        }
-        stats.guide_ms = milliseconds(began);
         let bands = (0..height).step_by(BAND_ROWS).map(|top| {
             let rows = BAND_ROWS.min(height - top);
             Band::new(top, rows, width, options.filters_visibility)
         });
+        let bands: Vec<Band> = bands.collect();
         let most = match options.sequence {
             Sequence::ZOrder => Sampler::log2_samples_max([width, height], options.shadow_log2()),
             Sequence::Independent => 16,
         };
-        Some(Self {
+        Self {
             camera: *camera,
             scene_epoch,
             lights: lights.clone(),
+            emitters: Emitters::new(scene.emitters()),
+            guides: vec![Seen::NOTHING; width * height],
+            guided: vec![0; bands.len()],
+            last: last.map(Box::new),
             diagonal: scene.diagonal(),
-            bands: bands.collect(),
+            bands,
             past: Vec::new(),
             batches: Batches::new(samples, most),
-            emitters,
-            guides,
-            stats,
-        })
+            stats: Stats::default(),
+        }
+    }
+
+    /// Traces the guides that are missing. False if it was stopped; the next call goes on.
+    pub(crate) fn add_guides<S: Surfaces>(
+        &mut self,
+        scene: &S,
+        options: &Options,
+        should_stop: ShouldStop<'_>,
+    ) -> bool {
+        if self.has_guides() {
+            return true;
+        }
+        let began = Instant::now();
+        let Self { lights, emitters, camera, guides, guided, .. } = self;
+        let world = world(scene, lights, emitters, options);
+        let width = camera.width;
+        let bands = guides.par_chunks_mut((BAND_ROWS * width).max(1)).zip(guided).enumerate();
+        let counts = bands.map(|(band, (seen, columns))| {
+            let mut stats = Stats::default();
+            while *columns < width && !should_stop() {
+                let left = *columns;
+                *columns = (left + BAND_ROWS).min(width);
+                for row in 0..seen.len() / width {
+                    for x in left..*columns {
+                        let y = band * BAND_ROWS + row;
+                        let ray = camera.ray(x as f32 + 0.5, y as f32 + 0.5);
+                        seen[row * width + x] = world.see(camera, &ray, &mut stats);
+                    }
+                }
+            }
+            stats
+        });
+        for stats in counts.collect::<Vec<Stats>>() {
+            self.stats += stats;
+        }
+        self.stats.guide_ms += milliseconds(began);
+        if !self.has_guides() {
+            return false;
+        }
+        if let Some(last) = self.last.take() {
+            self.reuse(&last);
+        }
+        true
+    }
+
+    fn has_guides(&self) -> bool {
+        self.guided.iter().all(|&columns| columns == self.camera.width)
+    }
+
+    /// The picture whose light can be used again: this one, or the last one if this one has no
+    /// guides yet.
+    pub(crate) fn into_last(self) -> Option<Self> {
+        if self.has_guides() { Some(self) } else { self.last.map(|last| *last) }
     }
 
     /// Uses light of `last` again.
-    pub(crate) fn reuse(&mut self, last: &Self) {
+    fn reuse(&mut self, last: &Self) {
         let light = last.incident();
         let last = Last { camera: &last.camera, guides: &last.guides, light: &light };
         self.past = reproject(&last, &self.camera, &self.guides);
@@ -212,6 +243,7 @@ impl Frame {
             + size_of_val(&*self.guides)
             + size_of_val(&*self.past)
             + self.emitters.bytes()
+            + self.last.as_ref().map_or(0, |last| last.bytes())
     }
 }
 

@@ -26,6 +26,7 @@ impl Seen {
             albedo: Vec3::ZERO,
             emission: Vec3::ZERO,
             lift: 0.0,
+            is_back: false,
         },
         depth: f32::INFINITY,
     };
@@ -45,7 +46,7 @@ impl<S: Surfaces> World<'_, S> {
     /// What a ray from the eye sees: a surface, an area light, or nothing.
     pub(crate) fn see(&self, camera: &Camera, ray: &Ray, stats: &mut Stats) -> Seen {
         stats.eye_rays += 1;
-        let hit = self.scene.hit(ray);
+        let hit = self.scene.seen(ray);
         let distance = hit.map_or(f32::INFINITY, |hit| hit.distance);
         let light = self.lights.meet(ray.origin, ray.direction);
         let surface = match (light, hit) {

@@ -9,15 +9,26 @@ use super::sequence::Sample;
 use super::stats::Stats;
 use super::surface::Surface;
 use super::surfaces::Surfaces;
-use crate::ray::Ray;
+use crate::ray::{Hit, Ray};
 use glam::Vec3;
 
 /// First dimension of the numbers of bounces, and dimensions of each: lights have one each.
 const BOUNCE_DIMENSION: u32 = 1024;
 /// Bounces from which on paths end at random: enough that few paths of usual scenes get there.
 const ROULETTE_BOUNCE: u32 = 8;
-/// Cosine above which a hit near the start of a ray is on the same surface.
-const SAME_SURFACE_COS: f32 = 0.5;
+/// Distance in lifts within which a ray may hit the surface that it left: layers of several scans
+/// lie two lifts above each other at most, and a concave surface is met beyond.
+const OWN_LIFTS: f32 = 4.0;
+/// Cosine between stored normals above which such a hit is on the same surface.
+const OWN_COS: f32 = 0.5;
+
+/// Whether a ray from a surface has hit that surface. Most such hits are from behind, on a layer
+/// that lies above the start, so that normals are compared as they are stored, not as turned.
+fn is_own(from: &Surface, hit: &Hit) -> bool {
+    let cos = hit.normal.dot(from.normal);
+    let stored_cos = if hit.is_back == from.is_back { cos } else { -cos };
+    hit.distance < from.lift * OWN_LIFTS && stored_cos > OWN_COS
+}
 
 impl<S: Surfaces> World<'_, S> {
     /// Incident indirect light at a surface by one path.
@@ -59,8 +70,7 @@ impl<S: Surfaces> World<'_, S> {
                 sum += throughput * self.lights.sky(ray.direction);
                 break;
             };
-            let near = hit.distance < from.lift * 2.0;
-            stats.self_hits += u64::from(near && hit.normal.dot(from.normal) > SAME_SURFACE_COS);
+            stats.self_hits += u64::from(is_own(&from, &hit));
             let surface = Surface::of(&ray, &hit, self.matte());
             if self.emitters.is_empty() {
                 sum += throughput * surface.emission;

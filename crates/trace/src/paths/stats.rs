@@ -12,8 +12,9 @@ pub struct Stats {
     pub bounce_rays: u64,
     /// Rays from surfaces to lights.
     pub shadow_rays: u64,
-    /// Bounce rays that hit the surface that they left: a hit within two lifts of their start
-    /// ([`crate::Hit::lift`]) whose normal is within 60 degrees of that of the start.
+    /// Bounce rays that hit the surface that they left: a hit within four lifts of their start
+    /// ([`crate::Hit::lift`]) whose normal, as it is stored, is within 60 degrees of that of the
+    /// start. Splats without a normal are not counted.
     pub self_hits: u64,
     /// Bounce rays that hit nothing. In a closed scene these leaked through its surface.
     pub escaped: u64,

@@ -14,6 +14,8 @@ pub(crate) struct Surface {
     pub emission: Vec3,
     /// Distance along the normal at which rays that leave the surface start.
     pub lift: f32,
+    /// Whether the stored normal points the other way: its back was seen.
+    pub is_back: bool,
 }
 
 impl Surface {
@@ -27,6 +29,7 @@ impl Surface {
             albedo: clean(hit.albedo).min(Vec3::ONE) * matte,
             emission: clean(hit.emission),
             lift: hit.lift,
+            is_back: hit.is_back,
         }
     }
 

@@ -9,6 +9,11 @@ pub trait Surfaces: Sync {
     /// The surface that a ray meets first.
     fn hit(&self, ray: &Ray) -> Option<Hit>;
 
+    /// The surface that a ray from the eye meets first: it may pass through the backs of surfaces.
+    fn seen(&self, ray: &Ray) -> Option<Hit> {
+        self.hit(ray)
+    }
+
     /// Whether anything lies on the ray before its reach.
     fn is_blocked(&self, ray: &Ray) -> bool;
 
@@ -25,6 +30,10 @@ pub trait Surfaces: Sync {
 impl Surfaces for Scene {
     fn hit(&self, ray: &Ray) -> Option<Hit> {
         Scene::hit(self, ray)
+    }
+
+    fn seen(&self, ray: &Ray) -> Option<Hit> {
+        Scene::seen(self, ray)
     }
 
     fn is_blocked(&self, ray: &Ray) -> bool {

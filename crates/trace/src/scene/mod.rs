@@ -4,12 +4,14 @@
 
 pub mod emitters;
 pub mod mesh;
+mod normals;
 pub mod objects;
 pub mod splats;
 pub(crate) mod surface;
 
 pub use emitters::{AreaLight, Shape};
 pub use mesh::{Material, Mesh, MeshTree};
+pub use normals::adopt_normals;
 pub use objects::Object;
 pub use splats::{Albedo, Emitter, Members, RADIUS_FACTOR, SplatInput};
 
@@ -90,6 +92,18 @@ impl Scene {
                 let object = self.objects.hit(simd, ray);
                 let ray = Ray { reach: object.map_or(ray.reach, |h| h.distance), ..*ray };
                 self.splats.hit(simd, &ray).or(object)
+            })
+        })
+    }
+
+    /// The surface that a ray from the eye meets first: as [`Self::hit`], but through the backs of
+    /// splats if the scene culls them ([`SplatInput::cull_back_faces`]).
+    pub fn seen(&self, ray: &Ray) -> Option<Hit> {
+        self.with_approach(ray, |ray| {
+            dispatch!(Level::new(), simd => {
+                let object = self.objects.hit(simd, ray);
+                let ray = Ray { reach: object.map_or(ray.reach, |h| h.distance), ..*ray };
+                self.splats.seen(simd, &ray).or(object)
             })
         })
     }

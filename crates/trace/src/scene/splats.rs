@@ -66,6 +66,9 @@ pub struct SplatInput<'a> {
     pub albedo: Albedo,
     /// Splats that emit; the first one that a splat belongs to counts.
     pub emitters: &'a [Emitter],
+    /// Whether rays from the eye pass through splats whose normal points away from it. It has to be
+    /// off for normals that do not distinguish front from back.
+    pub cull_back_faces: bool,
 }
 
 /// Albedo of a tint.

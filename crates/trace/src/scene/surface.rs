@@ -35,6 +35,8 @@ pub(crate) struct Splats {
     pub(crate) count: usize,
     /// Whether some splats have no normal.
     pub(crate) has_facing: bool,
+    /// Whether rays from the eye pass through the backs of splats.
+    pub(crate) culls: bool,
 }
 
 /// What is counted of splats before their tree is built.
@@ -88,8 +90,8 @@ impl Splats {
             Tree::implicit(fine, &centres, |i| centre(kept[i]), |i| disc(kept[i]), |_| ())
         };
         let radiances = input.emitters.iter().map(|e| Vec3::from_array(e.radiance)).collect();
-        let (count, has_facing) = (fine, facing > 0);
-        let mut splats = Self { tree, radiances, lights: Vec::new(), count, has_facing };
+        let (count, has_facing, culls) = (fine, facing > 0, input.cull_back_faces);
+        let mut splats = Self { tree, radiances, lights: Vec::new(), count, has_facing, culls };
         splats.lights = splats.emitting();
         splats
     }
@@ -135,14 +137,31 @@ impl Splats {
         Some(hit)
     }
 
+    /// The surface that `ray` from the eye meets.
+    #[inline(always)]
+    pub(crate) fn seen<S: Simd>(&self, simd: S, ray: &Ray) -> Option<Hit> {
+        if !self.culls {
+            return self.hit(simd, ray);
+        }
+        let mut hit = self.met::<S, true>(simd, ray)?;
+        hit.lift = self.lift(simd, ray, &hit);
+        Some(hit)
+    }
+
     /// The surface that `ray` meets; its lift is not bounded.
     #[inline(always)]
     pub(crate) fn blended<S: Simd>(&self, simd: S, ray: &Ray) -> Option<Hit> {
+        self.met::<S, false>(simd, ray)
+    }
+
+    /// [`Self::blended`] without discs that face away from the origin of the ray, if `CULLS`.
+    #[inline(always)]
+    fn met<S: Simd, const CULLS: bool>(&self, simd: S, ray: &Ray) -> Option<Hit> {
         let mut surface = Surface::new(ray.reach);
         if self.has_facing {
-            discs::surface::<S, true>(simd, &self.tree, ray, &mut surface);
+            discs::surface::<S, true, CULLS>(simd, &self.tree, ray, &mut surface);
         } else {
-            discs::surface::<S, false>(simd, &self.tree, ray, &mut surface);
+            discs::surface::<S, false, CULLS>(simd, &self.tree, ray, &mut surface);
         }
         let front = surface.front()?;
         Some(self.blend(ray, front, surface.discs()))

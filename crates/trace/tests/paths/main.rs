@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod converge;
+mod counters;
 mod hostile;
 mod progress;
 mod right;

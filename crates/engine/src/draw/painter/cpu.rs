@@ -96,7 +96,8 @@ impl Painter for CpuPainter {
                 Some(lit) => lit,
                 empty => empty.insert(Progressive::new(light, splats_max)?),
             };
-            lit.draw(&frame, cut.epoch, light, &mut self.picture);
+            let classes = input.classes(|slot| memory.read(slot));
+            lit.draw(&frame, &classes, cut.epoch, light, &mut self.picture);
             // Nodes that are hidden still cast light and shadows.
             self.drawn = None;
             return Ok(());

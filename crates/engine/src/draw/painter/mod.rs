@@ -76,6 +76,13 @@ impl<'a> FrameInput<'a> {
         self.draw_nodes(around, self.cut.nodes.len(), plane)
     }
 
+    /// Classes of the points of all nodes, those around the picture last, where lights choose
+    /// points by them.
+    fn classes<P>(&self, plane: impl Fn(Slot) -> P) -> Vec<Option<P>> {
+        let Some(kind) = self.cut.needs.classes else { return Vec::new() };
+        self.cut.lit_nodes().map(|node| node.slot(kind).map(&plane)).collect()
+    }
+
     fn draw_nodes<P: Default>(
         &self,
         drawn: &[CutNode],
