@@ -33,7 +33,21 @@ struct World {
     number: u32,
     index: u32,
     sequence: Sequence,
+    part: Part,
     lamp: array<Lamp, 16>,
+}
+
+// Rows of the picture that a dispatch goes over, and those whose places are in memory.
+struct Part {
+    first: u32,
+    rows: u32,
+    first_place: u32,
+    place_rows: u32,
+}
+
+// Index in `places` of a pixel, by its column and row.
+fn place_at(x: u32, y: u32) -> u32 {
+    return (y - world.part.first_place) * world.width + x;
 }
 
 fn start_of(place: Place) -> vec3<f32> {

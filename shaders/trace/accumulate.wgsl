@@ -4,12 +4,18 @@
 // include common/places.wgsl
 
 struct Means {
+    // Pixels of the picture.
     pixels: u32,
     // Samples of each pixel.
     samples: u32,
     // Constant of the scene that depth is divided by.
     diagonal: f32,
+    // Pixels of the part, the first of them, and the first whose place is in memory.
+    part_pixels: u32,
+    first: u32,
+    first_place: u32,
     unused: u32,
+    unused_2: u32,
 }
 
 @group(0) @binding(0) var<uniform> means: Means;
@@ -23,11 +29,12 @@ fn main(
     @builtin(global_invocation_id) id: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    let pixel = id.x + id.y * groups.x * 256u;
-    if pixel >= means.pixels {
+    let at = id.x + id.y * groups.x * 256u;
+    if at >= means.part_pixels {
         return;
     }
-    let place = place_of(pixel);
+    let pixel = at + means.first;
+    let place = place_of(pixel - means.first_place);
     if !receives(place) {
         light[pixel] = vec4<f32>(0.0);
         guides[pixel] = vec4<f32>(0.0);

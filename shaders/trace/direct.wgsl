@@ -13,9 +13,9 @@ override FIRST: bool;
 @group(0) @binding(2) var<storage, read> discs: array<vec4<f32>>;
 @group(0) @binding(3) var<uniform> world: World;
 @group(0) @binding(4) var<storage, read> places: array<vec4<f32>>;
-// For all pixels direct light and the number of samples that hit a surface; then indirect light
-// that is not looked up and the number of its samples; then, nine a pixel, the albedo of the
-// samples that look up each of the pixels around it.
+// For all pixels of the part direct light and the number of samples that hit a surface; then
+// indirect light that is not looked up and the number of its samples; then, nine a pixel, the
+// albedo of the samples that look up each of the pixels around it.
 @group(0) @binding(5) var<storage, read_write> sums: array<vec4<f32>>;
 
 // Dimension of the numbers for places within a pixel.
@@ -58,7 +58,7 @@ fn most_similar(pixel: vec2<u32>, at: vec2<f32>, seen: Place) -> u32 {
         if any(other < vec2<i32>(0)) || any(other >= size) {
             continue;
         }
-        let guide = place_of(u32(other.y) * world.width + u32(other.x));
+        let guide = place_of(place_at(u32(other.x), u32(other.y)));
         if !receives(guide) {
             continue;
         }
@@ -86,28 +86,29 @@ fn most_similar(pixel: vec2<u32>, at: vec2<f32>, seen: Place) -> u32 {
         return best;
     }
     let other = vec2<i32>(pixel) + vec2<i32>(vec2<u32>(best % 3u, best / 3u)) - 1;
-    let guide = place_of(u32(other.y) * world.width + u32(other.x));
+    let guide = place_of(place_at(u32(other.x), u32(other.y)));
     return select(9u, best, fits(guide, seen));
 }
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= world.width || id.y >= world.height {
+    if id.x >= world.width || id.y >= world.part.rows {
         return;
     }
+    let own = vec2<u32>(id.x, id.y + world.part.first);
     let pixel = id.y * world.width + id.x;
-    let pixels = world.width * world.height;
-    let sample = sample_of(world.sequence, id.x, id.y, world.number);
-    var at = vec2<f32>(id.xy) + 0.5;
-    var place = place_of(pixel);
+    let pixels = world.width * world.part.rows;
+    let sample = sample_of(world.sequence, own.x, own.y, world.number);
+    var at = vec2<f32>(own) + 0.5;
+    var place = place_of(place_at(own.x, own.y));
     if !FIRST {
-        at = vec2<f32>(id.xy) + pair(sample, PIXEL_DIMENSION);
+        at = vec2<f32>(own) + pair(sample, PIXEL_DIMENSION);
     }
     let ray = eye_ray(at);
     if !FIRST {
         if world.index == 1u {
-            let own = select(vec3<f32>(0.0), place.colour, place.kind == REFLECTS);
-            sums[2u * pixels + 9u * pixel + MIDDLE_SLOT] += vec4<f32>(own, 0.0);
+            let albedo = select(vec3<f32>(0.0), place.colour, place.kind == REFLECTS);
+            sums[2u * pixels + 9u * pixel + MIDDLE_SLOT] += vec4<f32>(albedo, 0.0);
         }
         place = see(ray);
     }
@@ -129,7 +130,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if FIRST || !receives(place) {
         return;
     }
-    let slot = most_similar(id.xy, at, place);
+    let slot = most_similar(own, at, place);
     if slot < 9u {
         sums[2u * pixels + 9u * pixel + slot] += vec4<f32>(place.colour, 0.0);
     } else if world.bounces > 0u {

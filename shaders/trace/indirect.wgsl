@@ -14,15 +14,15 @@
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= world.width || id.y >= world.height || world.bounces == 0u {
+    if id.x >= world.width || id.y >= world.part.rows || world.bounces == 0u {
         return;
     }
-    let pixel = id.y * world.width + id.x;
-    let place = place_of(pixel);
+    let row = id.y + world.part.first;
+    let place = place_of(place_at(id.x, row));
     if !receives(place) {
         return;
     }
-    let light = incident(place, sample_of(world.sequence, id.x, id.y, world.number));
+    let light = incident(place, sample_of(world.sequence, id.x, row, world.number));
     let half = (world.index & 1u) * world.width * world.height;
-    halves[half + pixel] += vec4<f32>(light, 1.0);
+    halves[half + row * world.width + id.x] += vec4<f32>(light, 1.0);
 }

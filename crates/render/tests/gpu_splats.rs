@@ -2,7 +2,6 @@
 //! every adapter of the machine, with all its features and with the minimum that WebGPU guarantees.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-#[allow(dead_code, reason = "shared with other tests, which use more of it")]
 mod gpu;
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
 mod scene;

@@ -189,6 +189,29 @@ fn a_picture_goes_on_where_it_stopped_and_begins_afresh_for_another_scene() {
 }
 
 #[test]
+fn a_picture_in_parts_is_the_same() {
+    let (splats, camera, lights) = (splats(), camera(20, 27), prepared(lights()));
+    let options = Options { bounces: 1, ..Options::default() };
+    for gpu in gpus() {
+        let scene = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
+        let picture = |part_bytes: Option<u64>| {
+            let mut tracer = GpuTracer::new(&gpu, options.clone()).unwrap();
+            part_bytes.into_iter().for_each(|bytes| tracer.set_part_bytes(bytes));
+            // The second call goes on with the same buffers, the third begins in them afresh.
+            for (epoch, samples) in [(1, 1), (1, 2), (2, 3)] {
+                tracer.trace(&gpu, &scene, epoch, &lights, &camera, samples, &|| false).unwrap();
+            }
+            tracer.resolve(&gpu).unwrap()
+        };
+        let at_once = picture(None);
+        assert!(at_once.coverage.iter().any(|&covered| covered > 0.0));
+        for part_bytes in [1, 16 * 20 * 176] {
+            assert_eq!(picture(Some(part_bytes)), at_once, "{}: {part_bytes}", gpu.name);
+        }
+    }
+}
+
+#[test]
 fn what_the_kernels_do_not_draw_is_refused() {
     let (splats, camera) = (splats(), camera(8, 8));
     for gpu in gpus() {

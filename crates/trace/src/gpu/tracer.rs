@@ -5,9 +5,9 @@
 use crate::camera::Camera;
 use crate::filter::{FilterKind, Settings};
 use crate::gpu::filter::{FilterPictures, LightFilter, PreparedGuides};
-use crate::gpu::frame::Buffers;
+use crate::gpu::frame::{Buffers, PART_BYTES, PartBuffers};
 use crate::gpu::scene::GpuScene;
-use crate::gpu::world::{Unsupported, World};
+use crate::gpu::world::{Part, Unsupported, World};
 use crate::gpu::{Pixels, same_layout, sources};
 use crate::image::Image;
 use crate::light::PreparedLights;
@@ -16,7 +16,7 @@ use bytemuck::{Pod, Zeroable, bytes_of, pod_collect_to_vec};
 use esker_render::gpu::device::dispatch::fixed_uniform;
 use esker_render::gpu::device::kernel::groups_of;
 use esker_render::gpu::device::readback;
-use esker_render::gpu::wgpu::{Buffer, ComputePass};
+use esker_render::gpu::wgpu::{Buffer, ComputePass, PollType};
 use esker_render::gpu::{Gpu, GpuError, Kernel};
 
 /// Pixels on a side of a workgroup.
@@ -40,10 +40,13 @@ struct Means {
     pixels: u32,
     samples: u32,
     diagonal: f32,
-    unused: u32,
+    part_pixels: u32,
+    first: u32,
+    first_place: u32,
+    unused: [u32; 2],
 }
 
-same_layout!(Means { pixels, samples, diagonal });
+same_layout!(Means { pixels, samples, diagonal, part_pixels, first, first_place });
 
 /// The uniform of the combination (`shaders/trace/resolve.wgsl`).
 #[repr(C)]
@@ -52,10 +55,13 @@ struct Size {
     width: u32,
     height: u32,
     samples: u32,
-    unused: u32,
+    first: u32,
+    rows: u32,
+    first_place: u32,
+    unused: [u32; 2],
 }
 
-same_layout!(Size { width, height, samples });
+same_layout!(Size { width, height, samples, first, rows, first_place });
 
 /// A progressive path tracer of one picture.
 pub struct GpuTracer {
@@ -63,6 +69,8 @@ pub struct GpuTracer {
     kernels: Kernels,
     filter: LightFilter,
     frame: Option<Frame>,
+    /// Bytes of the sums of a part of a picture at most.
+    part_bytes: u64,
 }
 
 struct Kernels {
@@ -104,7 +112,14 @@ impl GpuTracer {
             accumulate: kernel(sources::TRACE_ACCUMULATE)?,
             resolve: kernel(sources::TRACE_RESOLVE)?,
         };
-        Ok(Self { options, kernels, filter: LightFilter::default(), frame: None })
+        let (filter, part_bytes) = (LightFilter::default(), PART_BYTES);
+        Ok(Self { options, kernels, filter, frame: None, part_bytes })
+    }
+
+    /// Traces pictures in parts whose sums take at most `part_bytes` bytes, for tests. The picture
+    /// is the same.
+    pub fn set_part_bytes(&mut self, part_bytes: u64) {
+        (self.part_bytes, self.frame) = (part_bytes, None);
     }
 
     /// Its options.
@@ -147,16 +162,16 @@ impl GpuTracer {
         let is_same = self.frame.as_ref().is_some_and(|frame| {
             frame.scene_epoch == scene_epoch && frame.camera == *camera && frame.lights == *lights
         });
-        let had = self.frame.as_ref().filter(|_| is_same).map_or(0, |frame| frame.samples);
-        Buffers::check(gpu, camera.pixels(), had.saturating_add(samples))?;
+        Buffers::check(gpu, camera.pixels())?;
         if scene.emits() {
             return Err(Unsupported::Emitters.into());
         }
         if !is_same {
-            self.frame = None;
+            let old = self.frame.take().map(|frame| frame.buffers);
             let world = World::new(camera, lights, &self.options)?;
             let batches = batches(&self.options, camera, samples);
-            let buffers = Buffers::new(gpu, camera.width as u32, camera.height as u32)?;
+            let size = [camera.width, camera.height].map(|side| side as u32);
+            let buffers = Buffers::fit(gpu, size, self.part_bytes, old)?;
             let (camera, lights) = (*camera, lights.clone());
             let diagonal = scene.diagonal();
             let frame = Frame {
@@ -181,6 +196,16 @@ impl GpuTracer {
             frame.add_sample(gpu, &self.kernels, scene, &self.options)?;
         }
         Ok(true)
+    }
+
+    /// Waits until all samples are traced.
+    ///
+    /// # Errors
+    /// If the device is lost.
+    pub fn wait(&self, gpu: &Gpu) -> Result<(), GpuError> {
+        let waited = gpu.device.poll(PollType::wait_indefinitely());
+        waited.map_err(|fault| gpu.fault().unwrap_or(GpuError::Lost(fault.to_string())))?;
+        gpu.fault().map_or(Ok(()), Err)
     }
 
     /// Samples of each pixel.
@@ -249,35 +274,36 @@ impl Frame {
         self.camera.pixels() as u64
     }
 
-    /// Workgroups over the picture.
-    fn groups(&self) -> [u32; 3] {
-        let [width, height] = [self.camera.width, self.camera.height];
-        [(width as u32).div_ceil(GROUP_SIDE), (height as u32).div_ceil(GROUP_SIDE), 1]
+    /// Workgroups over some rows.
+    fn groups(&self, rows: u32) -> [u32; 3] {
+        [(self.camera.width as u32).div_ceil(GROUP_SIDE), rows.div_ceil(GROUP_SIDE), 1]
     }
 
-    /// Runs a kernel of rays over the picture; `buffers` are its bindings from 4 on.
+    /// Runs a kernel of rays over some rows; `buffers` are its bindings from 3 on.
     fn rays(
         &self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
         kernel: &Kernel,
         scene: &GpuScene,
-        world: &Buffer,
-        buffers: &[&Buffer],
+        (rows, buffers): (u32, &[&Buffer]),
     ) {
-        let others = [world].into_iter().chain(buffers.iter().copied());
-        let bound: Vec<_> = scene.bindings().into_iter().chain((3..).zip(others)).collect();
-        kernel.dispatch(pass, &kernel.bind(gpu, &bound), self.groups());
+        let bound = scene.bindings().into_iter().chain((3..).zip(buffers.iter().copied()));
+        let bound: Vec<_> = bound.collect();
+        kernel.dispatch(pass, &kernel.bind(gpu, &bound), self.groups(rows));
     }
 
     /// Traces the guides.
     fn guide(&self, gpu: &Gpu, kernels: &Kernels, scene: &GpuScene) -> Result<(), GpuError> {
-        let world = fixed_uniform(gpu, "world", bytes_of(&self.world))?;
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        self.rays(gpu, &mut pass, &kernels.guide, scene, &world, &[&self.buffers.places]);
-        drop(pass);
-        gpu.queue.submit([encoder.finish()]);
+        for PartBuffers { part, places, .. } in &self.buffers.parts {
+            let world = fixed_uniform(gpu, "world", bytes_of(&self.world.in_part(*part)))?;
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            let over = (part.place_rows, &[&*world, &**places][..]);
+            self.rays(gpu, &mut pass, &kernels.guide, scene, over);
+            drop(pass);
+            gpu.queue.submit([encoder.finish()]);
+        }
         Ok(())
     }
 
@@ -300,15 +326,19 @@ impl Frame {
             self.buffers.add_links(gpu)?;
         }
         let world = self.world.at_sample(&sampler, number, index);
-        let world = fixed_uniform(gpu, "world", bytes_of(&world))?;
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        let Buffers { places, halves, sums, .. } = &self.buffers;
-        self.rays(gpu, &mut pass, &kernels.indirect, scene, &world, &[places, halves]);
-        let direct = if index == 0 { &kernels.first } else { &kernels.direct };
-        self.rays(gpu, &mut pass, direct, scene, &world, &[places, sums]);
-        drop(pass);
-        gpu.queue.submit([encoder.finish()]);
+        let Buffers { parts, halves, .. } = &self.buffers;
+        for PartBuffers { part, places, sums } in parts {
+            let world = fixed_uniform(gpu, "world", bytes_of(&world.in_part(*part)))?;
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            let over = (part.rows, &[&*world, &**places, &**halves][..]);
+            self.rays(gpu, &mut pass, &kernels.indirect, scene, over);
+            let direct = if index == 0 { &kernels.first } else { &kernels.direct };
+            let over = (part.rows, &[&*world, &**places, &**sums][..]);
+            self.rays(gpu, &mut pass, direct, scene, over);
+            drop(pass);
+            gpu.queue.submit([encoder.finish()]);
+        }
         self.samples += 1;
         Ok(())
     }
@@ -347,18 +377,24 @@ impl Frame {
         kernels: &Kernels,
         pass: &mut ComputePass<'_>,
     ) -> Result<(), GpuError> {
-        let means = Means {
-            pixels: self.pixels() as u32,
-            samples: self.samples,
-            diagonal: self.diagonal.max(f32::MIN_POSITIVE),
-            unused: 0,
-        };
-        let uniform = fixed_uniform(gpu, "means", bytes_of(&means))?;
-        let Buffers { places, halves, light, guides, .. } = &self.buffers;
-        let bound: [(u32, &Buffer); 5] =
-            [(0, &uniform), (1, places), (2, halves), (3, &light.buffer), (4, &guides.buffer)];
-        let bind = kernels.accumulate.bind(gpu, &bound);
-        kernels.accumulate.dispatch(pass, &bind, groups_of(self.pixels()));
+        let Buffers { parts, halves, light, guides, .. } = &self.buffers;
+        let width = self.camera.width as u32;
+        for PartBuffers { part, places, .. } in parts {
+            let means = Means {
+                pixels: self.pixels() as u32,
+                samples: self.samples,
+                diagonal: self.diagonal.max(f32::MIN_POSITIVE),
+                part_pixels: part.rows * width,
+                first: part.first * width,
+                first_place: part.first_place * width,
+                unused: [0; 2],
+            };
+            let uniform = fixed_uniform(gpu, "means", bytes_of(&means))?;
+            let bound: [(u32, &Buffer); 5] =
+                [(0, &uniform), (1, places), (2, halves), (3, &light.buffer), (4, &guides.buffer)];
+            let bind = kernels.accumulate.bind(gpu, &bound);
+            kernels.accumulate.dispatch(pass, &bind, groups_of(means.part_pixels.into()));
+        }
         Ok(())
     }
 
@@ -370,7 +406,7 @@ impl Frame {
         filter: &mut LightFilter,
         options: &Options,
     ) -> Result<(), GpuError> {
-        let Buffers { places, halves, sums, light, guides, filtered, picture, .. } = &self.buffers;
+        let Buffers { parts, halves, light, guides, filtered, picture, .. } = &self.buffers;
         let pictures = FilterPictures { guides, light, out: filtered };
         let none = PreparedGuides::default();
         let prepared = self.prepared.as_ref().map_or(&none, |prepared| &prepared.1);
@@ -386,12 +422,16 @@ impl Frame {
         plan.run(&mut pass);
         let looked_up = if is_filtered { filtered } else { light };
         let [width, height] = [self.camera.width, self.camera.height].map(|side| side as u32);
-        let size = Size { width, height, samples: self.samples, unused: 0 };
-        let uniform = fixed_uniform(gpu, "size", bytes_of(&size))?;
-        let bound: [(u32, &Buffer); 5] =
-            [(0, &uniform), (1, places), (2, sums), (3, &looked_up.buffer), (4, picture)];
-        let bind = kernels.resolve.bind(gpu, &bound);
-        kernels.resolve.dispatch(&mut pass, &bind, self.groups());
+        for PartBuffers { part, places, sums } in parts {
+            let Part { first, rows, first_place, .. } = *part;
+            let samples = self.samples;
+            let size = Size { width, height, samples, first, rows, first_place, unused: [0; 2] };
+            let uniform = fixed_uniform(gpu, "size", bytes_of(&size))?;
+            let bound: [(u32, &Buffer); 5] =
+                [(0, &uniform), (1, places), (2, sums), (3, &looked_up.buffer), (4, picture)];
+            let bind = kernels.resolve.bind(gpu, &bound);
+            kernels.resolve.dispatch(&mut pass, &bind, self.groups(rows));
+        }
         drop(pass);
         gpu.queue.submit([encoder.finish()]);
         Ok(())

@@ -87,9 +87,22 @@ pub(crate) struct World {
     number: u32,
     index: u32,
     sequence: [u32; 4],
+    part: Part,
     lamp: [GpuLamp; LAMPS_MAX],
 }
 
+/// Rows of the picture that a dispatch goes over, and those whose places are in memory
+/// (`shaders/common/world.wgsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub(crate) struct Part {
+    pub(crate) first: u32,
+    pub(crate) rows: u32,
+    pub(crate) first_place: u32,
+    pub(crate) place_rows: u32,
+}
+
+same_layout!(Part { first, rows, first_place, place_rows });
 same_layout!(World {
     eye,
     right,
@@ -107,8 +120,29 @@ same_layout!(World {
     number,
     index,
     sequence,
+    part,
     lamp,
 });
+
+/// Refuses lights and options that the kernels do not draw.
+///
+/// # Errors
+/// With the first reason.
+pub fn check(lights: &PreparedLights, options: &Options) -> Result<(), Unsupported> {
+    if lights.lamps().len() > LAMPS_MAX {
+        return Err(Unsupported::Lamps);
+    }
+    if options.gloss.is_some() {
+        return Err(Unsupported::Gloss);
+    }
+    if options.filters_visibility {
+        return Err(Unsupported::Visibility);
+    }
+    if lights.skies().iter().any(|sky| matches!(sky, Sky::Image(_))) {
+        return Err(Unsupported::Panorama);
+    }
+    Ok(())
+}
 
 impl World {
     /// The world of a picture, without a sample.
@@ -120,15 +154,7 @@ impl World {
         lights: &PreparedLights,
         options: &Options,
     ) -> Result<Self, Unsupported> {
-        if lights.lamps().len() > LAMPS_MAX {
-            return Err(Unsupported::Lamps);
-        }
-        if options.gloss.is_some() {
-            return Err(Unsupported::Gloss);
-        }
-        if options.filters_visibility {
-            return Err(Unsupported::Visibility);
-        }
+        check(lights, options)?;
         let mut world = Self {
             eye: camera.eye.extend(camera.focal_px).to_array(),
             right: camera.right.extend(camera.near).to_array(),
@@ -163,6 +189,11 @@ impl World {
             sum.iter_mut().zip(colour).for_each(|(sum, value)| *sum += value);
         }
         Ok(())
+    }
+
+    /// The world for the pixels of a part.
+    pub(crate) fn in_part(&self, part: Part) -> Self {
+        Self { part, ..*self }
     }
 
     /// The world for sample `index` of all pixels, number `number` of its batch.
