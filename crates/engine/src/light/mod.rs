@@ -13,6 +13,8 @@ pub(crate) mod progressive;
 pub(crate) mod progressive;
 #[cfg(feature = "light")]
 pub(crate) mod scene;
+#[cfg(feature = "light")]
+pub(crate) mod scene_tracer;
 pub mod settings;
 pub mod spec;
 pub mod status;
@@ -32,9 +34,6 @@ use settings::{FilterName, LightSettings};
 /// Most bytes a splat while a scene is built: the splat itself (48), its disc with albedo and
 /// normal, and its share of the tree.
 const SPLAT_BYTES: u64 = 128;
-/// Why a GPU does not draw.
-pub(crate) const LIT_BY_CPU: &str = "lit pictures are drawn by the CPU";
-
 /// Whether this program can light.
 pub const IS_BUILT: bool = cfg!(feature = "light");
 
@@ -49,6 +48,18 @@ pub fn check_built() -> Result<()> {
          cargo build --release -p esker -p esker-view --features light"
     );
     Ok(())
+}
+
+/// Why a GPU does not draw the lit frames of a session; none if it does. What depends on the size of
+/// the picture is found when it is drawn.
+pub(crate) fn gpu_refusal(settings: &LightSettings) -> Option<String> {
+    #[cfg(feature = "light")]
+    return still::gpu_refusal(settings);
+    #[cfg(not(feature = "light"))]
+    {
+        let _ = settings;
+        None
+    }
 }
 
 /// Names of the passes of a lit picture, in their order (`bauszat2011`, figure 1).

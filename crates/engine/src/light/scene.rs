@@ -7,8 +7,8 @@ use crate::light::tone::srgb_to_linear;
 use anyhow::Result;
 use esker_points::Task;
 use esker_render::{Codebook, ColourBy, Frame, Splat, splats};
+use esker_trace::Scene;
 use esker_trace::scene::{Albedo, Emitter, Members, Mesh, MeshTree, Object, SplatInput};
-use esker_trace::{PreparedLights, Scene};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -17,8 +17,6 @@ use std::sync::Arc;
 pub struct LitScene {
     /// What rays meet.
     pub scene: Scene,
-    /// Place in the world that positions are relative to.
-    pub origin: DVec3,
     /// Splats of the frame, those that no ray can meet among them.
     pub splats: usize,
 }
@@ -99,18 +97,13 @@ impl LitScene {
     pub fn new(frame: &Frame<'_>, meshes: &Meshes, lights: &Lights, origin: DVec3) -> Self {
         let splats = GatheredSplats::of(frame, lights, &[], origin);
         let scene = Scene::new(splats.input()).with_objects(meshes.objects(origin));
-        Self { scene, origin, splats: splats.splats.len() }
-    }
-
-    /// Lights relative to the origin of the scene.
-    pub fn prepared(&self, lights: &Lights) -> PreparedLights {
-        esker_trace::Lights::from(lights.lights.clone()).prepare(self.origin)
+        Self { scene, splats: splats.splats.len() }
     }
 }
 
 /// Albedo for a source of colours. Colours of a scan are scaled, since they hold the light of the
 /// day of the scan.
-fn albedo(colour: ColourBy) -> Albedo {
+pub(crate) fn albedo(colour: ColourBy) -> Albedo {
     if colour == ColourBy::Plain { Albedo::Plain(PLAIN) } else { Albedo::Rgb }
 }
 

@@ -8,7 +8,7 @@ use crate::light::lights;
 use crate::light::scene::{GatheredSplats, Meshes, holds_light};
 use crate::light::settings::{FilterName, LightSettings};
 use crate::light::tone::Tones;
-use crate::light::tracing::{GpuRefusal, Job, Traced, ms};
+use crate::light::tracing::{GpuRefusal, Job, MESHES_REFUSED, Traced, ms};
 use anyhow::Result;
 use esker_format::Forest;
 use esker_lod::{Counters, light_octree};
@@ -16,7 +16,9 @@ use esker_points::Task;
 use esker_render::gpu::Gpu;
 use esker_render::{Frame, PassTimes, Picture, Stats};
 use esker_trace::filter::{FilterKind, Settings as FilterSettings};
+use esker_trace::gpu::Unsupported;
 use esker_trace::{Camera, LitImage, Options};
+use glam::DVec3;
 use serde::Serialize;
 use std::time::Instant;
 
@@ -95,6 +97,20 @@ pub(crate) fn options(settings: &LightSettings, lights: &Lights) -> Options {
 /// The lights of settings.
 pub(crate) fn lights_of(settings: &LightSettings) -> Lights {
     settings.lights.clone().unwrap_or_else(lights::defaults)
+}
+
+/// Why a GPU does not draw the lit frames of a session; none if it does.
+pub(crate) fn gpu_refusal(settings: &LightSettings) -> Option<String> {
+    let lights = lights_of(settings);
+    if !settings.meshes.is_empty() {
+        return Some(MESHES_REFUSED.into());
+    }
+    if !lights.emissive.is_empty() {
+        return Some(Unsupported::Emitters.to_string());
+    }
+    let prepared = esker_trace::Lights::from(lights.lights.clone()).prepare(DVec3::ZERO);
+    let refusal = esker_trace::gpu::check(&prepared, &options(settings, &lights)).err();
+    refusal.map(|why| why.to_string())
 }
 
 /// Draws a scene lit, on `gpu` if its kernels draw such pictures. Returns also why they do not,

@@ -32,6 +32,9 @@ pub(crate) struct Job<'a> {
     pub(crate) samples: u32,
 }
 
+/// Why a GPU does not trace triangles.
+pub(crate) const MESHES_REFUSED: &str = "pictures with meshes are lit by the CPU";
+
 /// Why a GPU has not traced a picture.
 pub(crate) enum GpuRefusal {
     /// The user wants to stop.
@@ -89,7 +92,7 @@ impl Job<'_> {
     /// If the GPU does not draw such pictures, fails, or `task` is cancelled.
     pub(crate) fn on_gpu(&self, gpu: &Gpu, task: &dyn Task) -> Result<Traced, GpuRefusal> {
         if self.meshes.triangles() > 0 {
-            return Err(GpuRefusal::Because("pictures with meshes are lit by the CPU".into()));
+            return Err(GpuRefusal::Because(MESHES_REFUSED.into()));
         }
         let start = Instant::now();
         let scene = SceneKernels::new(gpu)?.scene(gpu, &self.splats.input())?;
