@@ -100,7 +100,6 @@ impl Session {
     /// source of colours, a thread cannot be started, a root cannot be read, or the user insists on
     /// a GPU and there is none.
     pub fn open(file: Arc<Forest>, options: Options) -> Result<Self> {
-        let shares = Shares::of(&file, &options)?;
         let Settings { colour_by, filter, method, shines, light, evens_exposure, full, .. } =
             &options.settings;
         let appearance = Appearance::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
@@ -115,6 +114,16 @@ impl Session {
             Some(why) if options.backend == Backend::Gpu => bail!("{why}; {USE_CPU}"),
             Some(why) => (None, Drawer::cpu(why)),
             None => (gpu, drawer),
+        };
+        let shares = match &gpu {
+            Some(_) => Shares::beside_gpu(&file, &options),
+            None => Shares::of(&file, &options),
+        };
+        let (gpu, drawer, shares) = match shares {
+            Err(fault) if gpu.is_some() && options.backend == Backend::Auto => {
+                (None, Drawer::cpu(format!("{fault:#}")), Shares::of(&file, &options)?)
+            }
+            shares => (gpu, drawer, shares?),
         };
         let mut session = Self {
             file,
@@ -162,6 +171,7 @@ impl Session {
         // The memory of the GPU is freed before that of the CPU is taken.
         self.running = None;
         self.drawer = Drawer::cpu(format!("{fault:#}"));
+        self.shares = Shares::of(&self.file, &self.options)?;
         self.start_on_cpu()
     }
 

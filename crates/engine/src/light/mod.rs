@@ -7,6 +7,8 @@ pub mod document;
 #[cfg(feature = "light")]
 pub mod lights;
 #[cfg(feature = "light")]
+pub(crate) mod options;
+#[cfg(feature = "light")]
 pub(crate) mod progressive;
 #[cfg(not(feature = "light"))]
 #[path = "unlit.rs"]
@@ -50,11 +52,11 @@ pub fn check_built() -> Result<()> {
     Ok(())
 }
 
-/// Why a GPU does not draw the lit frames of a session; none if it does. What depends on the size of
-/// the picture is found when it is drawn.
+/// Why a GPU does not draw the lit frames of a session; none if it does. What depends on the size
+/// of the picture is found when it is drawn.
 pub(crate) fn gpu_refusal(settings: &LightSettings) -> Option<String> {
     #[cfg(feature = "light")]
-    return still::gpu_refusal(settings);
+    return options::gpu_refusal(settings);
     #[cfg(not(feature = "light"))]
     {
         let _ = settings;

@@ -4,11 +4,11 @@
 //! points, built anew when another cut arrives, so that no slot is read later. The CPU or a GPU
 //! traces ([`crate::light::scene_tracer`]).
 
+use crate::light::options::{lights_of, options};
 use crate::light::scene::Meshes;
 use crate::light::scene_tracer::{OnCpu, OnGpu, Quality, SceneTracer};
 use crate::light::settings::LightSettings;
 use crate::light::status::LitStatus;
-use crate::light::still::{lights_of, options};
 use crate::light::tone::Tones;
 use anyhow::Result;
 use esker_lod::View;

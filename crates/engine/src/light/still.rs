@@ -3,22 +3,18 @@
 
 use crate::draw::scene::PictureScene;
 use crate::io::quantity::grouped;
-use crate::light::document::Lights;
-use crate::light::lights;
+use crate::light::options::{lights_of, options};
 use crate::light::scene::{GatheredSplats, Meshes, holds_light};
-use crate::light::settings::{FilterName, LightSettings};
+use crate::light::settings::LightSettings;
 use crate::light::tone::Tones;
-use crate::light::tracing::{GpuRefusal, Job, MESHES_REFUSED, Traced, ms};
+use crate::light::tracing::{GpuRefusal, Job, Traced, ms};
 use anyhow::Result;
 use esker_format::Forest;
 use esker_lod::{Counters, light_octree};
 use esker_points::Task;
 use esker_render::gpu::Gpu;
 use esker_render::{Frame, PassTimes, Picture, Stats};
-use esker_trace::filter::{FilterKind, Settings as FilterSettings};
-use esker_trace::gpu::Unsupported;
-use esker_trace::{Camera, LitImage, Options};
-use glam::DVec3;
+use esker_trace::{Camera, LitImage};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -73,44 +69,6 @@ pub struct LightReport {
     pub trace_ms: f64,
     /// Filtering, milliseconds.
     pub filter_ms: f64,
-}
-
-/// Options of the tracer for settings.
-pub(crate) fn options(settings: &LightSettings, lights: &Lights) -> Options {
-    let kind = match settings.filter {
-        FilterName::Guided => FilterKind::Guided,
-        FilterName::Nested => FilterKind::Nested,
-        FilterName::Bilateral => FilterKind::Bilateral,
-        FilterName::Atrous => FilterKind::Atrous,
-        FilterName::None => FilterKind::None,
-    };
-    Options {
-        bounces: settings.bounces,
-        shadow_samples: settings.shadow_samples,
-        seed: settings.seed,
-        filter: FilterSettings::of(kind),
-        shows_sky: lights.have_sky(),
-        ..Options::default()
-    }
-}
-
-/// The lights of settings.
-pub(crate) fn lights_of(settings: &LightSettings) -> Lights {
-    settings.lights.clone().unwrap_or_else(lights::defaults)
-}
-
-/// Why a GPU does not draw the lit frames of a session; none if it does.
-pub(crate) fn gpu_refusal(settings: &LightSettings) -> Option<String> {
-    let lights = lights_of(settings);
-    if !settings.meshes.is_empty() {
-        return Some(MESHES_REFUSED.into());
-    }
-    if !lights.emissive.is_empty() {
-        return Some(Unsupported::Emitters.to_string());
-    }
-    let prepared = esker_trace::Lights::from(lights.lights.clone()).prepare(DVec3::ZERO);
-    let refusal = esker_trace::gpu::check(&prepared, &options(settings, &lights)).err();
-    refusal.map(|why| why.to_string())
 }
 
 /// Draws a scene lit, on `gpu` if its kernels draw such pictures. Returns also why they do not,

@@ -2,6 +2,7 @@
 //! counts and times comes out. A GPU draws what its kernels can; the CPU draws the rest.
 
 use crate::light::document::Lights;
+use crate::light::options::MESHES_REFUSED;
 use crate::light::scene::{GatheredSplats, Meshes};
 use anyhow::Result;
 use esker_points::{Cancelled, Task};
@@ -31,9 +32,6 @@ pub(crate) struct Job<'a> {
     pub(crate) options: Options,
     pub(crate) samples: u32,
 }
-
-/// Why a GPU does not trace triangles.
-pub(crate) const MESHES_REFUSED: &str = "pictures with meshes are lit by the CPU";
 
 /// Why a GPU has not traced a picture.
 pub(crate) enum GpuRefusal {

@@ -207,7 +207,7 @@ fn small(settings: Settings, backend: Backend, gpu: GpuRequest) -> anyhow::Resul
     Session::open(Arc::new(creek()), options)
 }
 
-const SMALL: [u32; 2] = [48, 36];
+const SMALL: [u32; 2] = [32, 24];
 
 /// The final picture of a session and its state.
 fn final_picture(session: &mut Session, view: &View) -> (Picture, LitStatus) {
@@ -268,5 +268,35 @@ fn what_a_gpu_does_not_light_is_lit_by_the_cpu_with_a_reason_or_refused() {
         session.set_light(light(&lamps));
         session.frame(&view).unwrap();
         assert_eq!(session.drawer().backend(), "cpu");
+    }
+}
+
+#[test]
+fn scene_and_pictures_that_a_gpu_lights_are_within_its_budget() {
+    let size = [160, 120];
+    let view = Camera::parse(CAMERA).unwrap().view(info::bounds(&creek()), size);
+    for request in minimal_gpus().into_iter().take(1) {
+        let open = |budget_gpu_bytes| {
+            let settings = Settings { budget_gpu_bytes, ..settings("sun:225,40|sky") };
+            let backend = Backend::Gpu;
+            let options = Options { settings, backend, gpu: request, size, ..Options::default() };
+            Session::open(Arc::new(creek()), options)
+        };
+        let fault = open(16 << 20).err().unwrap().to_string();
+        assert!(fault.contains("--budget-gpu") && fault.contains("MiB is the least"), "{fault}");
+        let least = fault.split(" MiB is the least").next().unwrap().rsplit(' ').next().unwrap();
+        let least = least.parse::<u64>().unwrap() << 20;
+        let mut session = open(least).unwrap();
+        session.settle(&view, Duration::from_secs(60)).unwrap();
+        // The second sample takes the most memory, and filters a picture of two halves.
+        while session.frame(&view).unwrap().light.unwrap().samples < 2 {}
+        let bytes = session.gpu_bytes().unwrap();
+        assert!(bytes.peak_bytes <= least, "{bytes:?} of {least}");
+        let light = session.frame(&view).unwrap().light.unwrap();
+        assert!(light.splats > 1000 && light.splats as u64 <= light.splats_max, "{light:?}");
+        drop(session);
+        let splats_max =
+            |budget| open(budget).unwrap().frame(&view).unwrap().light.unwrap().splats_max;
+        assert!(splats_max(4 * least) > 2 * splats_max(least), "more memory takes more splats");
     }
 }

@@ -1,5 +1,5 @@
-//! The scene of a frame whose points lie in GPU memory: splats are made there, measured, turned into
-//! discs in place and put into a tree, so that no point passes through main memory. Only their
+//! The scene of a frame whose points lie in GPU memory: splats are made there, measured, turned
+//! into discs in place and put into a tree, so that no point passes through main memory. Only their
 //! number, their bounds and the luminances that albedo follows from are read back. Twins:
 //! [`crate::scene::splats`] and [`crate::gpu::SceneKernels::scene`].
 
