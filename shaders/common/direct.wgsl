@@ -3,6 +3,7 @@
 
 // include common/world.wgsl
 // include common/directions.wgsl
+// include common/sky.wgsl
 
 // Dimensions of the numbers for lights: one a light.
 const LIGHT_DIMENSION: u32 = 16u;
@@ -18,7 +19,7 @@ const BELOW_ONE: f32 = 0.99999988;
 
 // Light of a lamp at a place; none from behind it.
 fn arrival_at(source: u32, place: Place, u: vec2<f32>) -> Arrival {
-    let arrival = arrival_of(world.lamp[source], place.point, u, place.lift);
+    let arrival = arrival_of(lamps[source], place.point, u, place.lift);
     if dot(arrival.direction, place.normal) > 0.0 {
         return arrival;
     }
@@ -44,7 +45,7 @@ fn is_visible(place: Place, arrival: Arrival) -> bool {
 fn direct(place: Place, sample: Sample) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     for (var source = 0u; source < world.lamps; source++) {
-        let soft = is_soft(world.lamp[source]);
+        let soft = is_soft(lamps[source]);
         let log2 = select(0u, world.shadow_log2, soft);
         for (var i = 0u; i < (1u << log2); i++) {
             var u = vec2<f32>(0.5);
@@ -73,7 +74,7 @@ fn reflected_of_one(place: Place, sample: Sample, dimension: u32) -> vec3<f32> {
     var radiance = vec3<f32>(0.0);
     for (var source = 0u; source < world.lamps; source++) {
         var u = vec2<f32>(0.5);
-        if is_soft(world.lamp[source]) {
+        if is_soft(lamps[source]) {
             u = pair(sample, dimension + 1u + source);
         }
         let arrival = arrival_at(source, place, u);

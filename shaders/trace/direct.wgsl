@@ -13,10 +13,12 @@ override FIRST: bool;
 @group(0) @binding(2) var<storage, read> discs: array<vec4<f32>>;
 @group(0) @binding(3) var<uniform> world: World;
 @group(0) @binding(4) var<storage, read> places: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> lamps: array<Lamp>;
+@group(0) @binding(6) var<storage, read> sky_pixels: array<vec4<f32>>;
 // For all pixels of the part direct light and the number of samples that hit a surface; then
 // indirect light that is not looked up and the number of its samples; then, nine a pixel, the
 // albedo of the samples that look up each of the pixels around it.
-@group(0) @binding(5) var<storage, read_write> sums: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> sums: array<vec4<f32>>;
 
 // Dimension of the numbers for places within a pixel.
 const PIXEL_DIMENSION: u32 = 0u;

@@ -9,6 +9,7 @@
 @group(0) @binding(3) var<uniform> world: World;
 // Three `vec4<f32>` a pixel.
 @group(0) @binding(4) var<storage, read_write> places: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> lamps: array<Lamp>;
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {

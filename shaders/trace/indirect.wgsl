@@ -9,8 +9,10 @@
 @group(0) @binding(2) var<storage, read> discs: array<vec4<f32>>;
 @group(0) @binding(3) var<uniform> world: World;
 @group(0) @binding(4) var<storage, read> places: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> lamps: array<Lamp>;
+@group(0) @binding(6) var<storage, read> sky_pixels: array<vec4<f32>>;
 // Sums of even samples, then those of odd ones.
-@group(0) @binding(5) var<storage, read_write> halves: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> halves: array<vec4<f32>>;
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {

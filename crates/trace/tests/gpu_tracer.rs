@@ -8,6 +8,7 @@ use esker_render::gpu::device::all_interfaces;
 use esker_render::gpu::{Gpu, GpuRequest};
 use esker_trace::filter::{FilterKind, Settings};
 use esker_trace::gpu::{GpuLightError, GpuTracer, SceneKernels, Unsupported};
+use esker_trace::light::Panorama;
 use esker_trace::scene::{Albedo, SplatInput};
 use esker_trace::{
     Camera, Gloss, Image, Light, Lights, Options, PreparedLights, Scene, Sequence, Sky, Tracer,
@@ -68,6 +69,17 @@ fn camera(width: u32, height: u32) -> Camera {
     let eye = DVec3::new(0.7, -3.0, 1.6);
     let view = View::look_at(eye, DVec3::new(0.0, 0.3, 0.6), DVec3::Z, 1.0, width, height);
     Camera::new(&view, DVec3::ZERO)
+}
+
+/// An image of the sky with a bright spot, and values that have no meaning.
+fn panorama() -> Panorama {
+    let pixel = |i: usize| match i {
+        3 => [f32::NAN, 1.0, 1.0],
+        9 => [-1.0, 0.5, 0.0],
+        20 => [6.0, 5.0, 4.0],
+        _ => [0.1 * (i % 5) as f32, 0.2, 0.3],
+    };
+    Panorama { width: 8, height: 5, pixels: (0..38).map(pixel).collect() }
 }
 
 /// One light of each kind that the kernels draw.
@@ -189,6 +201,40 @@ fn a_picture_goes_on_where_it_stopped_and_begins_afresh_for_another_scene() {
 }
 
 #[test]
+fn an_image_of_the_sky_and_many_lamps_light_as_on_the_cpu() {
+    let (splats, camera) = (splats(), camera(40, 30));
+    let scene = Scene::new(input(&splats));
+    let lamp = |i: u32| {
+        let angle = i as f64 * 0.3;
+        let position = [1.5 * angle.cos(), 1.5 * angle.sin() - 0.5, 1.2];
+        Light::Point { position, intensity: [0.1, 0.05 + 0.002 * i as f32, 0.1] }
+    };
+    let mut all: Vec<Light> = (0..40).map(lamp).collect();
+    all.push(Light::Sky { sky: Sky::Image(panorama()) });
+    all.push(Light::Sky { sky: Sky::Constant([0.05; 3]) });
+    let lights = prepared(all);
+    // The number that chooses a lamp is scaled up for each that was not chosen, so that rounding
+    // decides in one path of some hundred. A filter would spread these.
+    let filter = Settings::of(FilterKind::None);
+    let options = Options { shows_sky: true, seed: 3, filter, ..Options::default() };
+    let mut tracer = Tracer::new(options.clone());
+    assert!(tracer.trace(&scene, 1, &lights, &camera, 2, &|| false));
+    let want = tracer.resolve();
+    for gpu in gpus() {
+        let on_gpu = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
+        let mut tracer = GpuTracer::new(&gpu, options.clone()).unwrap();
+        assert!(tracer.trace(&gpu, &on_gpu, 1, &lights, &camera, 2, &|| false).unwrap());
+        let got = tracer.resolve(&gpu).unwrap();
+        let counts = [
+            differing(&got.direct, &want.direct, 0.01),
+            differing(&got.radiance, &want.radiance, 0.01),
+        ];
+        println!("{}: {counts:?} of {}", gpu.name, got.radiance.len());
+        assert!(counts[0] <= 2 && counts[1] <= 12, "{}: {counts:?}", gpu.name);
+    }
+}
+
+#[test]
 fn a_picture_in_parts_is_the_same() {
     let (splats, camera, lights) = (splats(), camera(20, 27), prepared(lights()));
     let options = Options { bounces: 1, ..Options::default() };
@@ -226,7 +272,8 @@ fn what_the_kernels_do_not_draw_is_refused() {
         let gloss = Some(Gloss { reflectance: 0.04, roughness: 0.5 });
         let glossy = Options { gloss, ..Options::default() };
         assert_eq!(refusal(glossy, Vec::new()), Some(Unsupported::Gloss));
-        let lamp = Light::Point { position: [0.0; 3], intensity: [1.0; 3] };
-        assert_eq!(refusal(Options::default(), vec![lamp; 17]), Some(Unsupported::Lamps));
+        let image = || Light::Sky { sky: Sky::Image(panorama()) };
+        let two = vec![image(), image()];
+        assert_eq!(refusal(Options::default(), two), Some(Unsupported::Panorama));
     }
 }

@@ -192,7 +192,7 @@ impl GpuShares {
             + if options.settings.evens_exposure { EXPOSURE_PIXEL_BYTES } else { 0 };
         let pixels_bytes = if is_lit {
             let band = width * height.min(GPU_BAND_ROWS) * GPU_BAND_PIXEL_BYTES;
-            width * height * GPU_LIT_PIXEL_BYTES + band
+            width * height * GPU_LIT_PIXEL_BYTES + band + light::gpu_bytes(&options.settings.light)
         } else {
             pixels_with_margin(options.size) * pixel_bytes
         };

@@ -64,6 +64,17 @@ pub(crate) fn gpu_refusal(settings: &LightSettings) -> Option<String> {
     }
 }
 
+/// Bytes of lights in the memory of a GPU: an image of the sky may be large.
+pub(crate) fn gpu_bytes(settings: &LightSettings) -> u64 {
+    #[cfg(feature = "light")]
+    return options::gpu_bytes(settings);
+    #[cfg(not(feature = "light"))]
+    {
+        let _ = settings;
+        0
+    }
+}
+
 /// Names of the passes of a lit picture, in their order (`bauszat2011`, figure 1).
 pub(crate) fn passes(settings: &LightSettings) -> Vec<&'static str> {
     let has_indirect = settings.bounces > 0;

@@ -7,6 +7,7 @@ use crate::light::settings::{FilterName, LightSettings};
 use esker_trace::Options;
 use esker_trace::filter::{FilterKind, Settings as FilterSettings};
 use esker_trace::gpu::Unsupported;
+use esker_trace::light::{Light, Sky};
 use glam::DVec3;
 
 /// Why a GPU does not trace triangles.
@@ -49,4 +50,14 @@ pub(crate) fn gpu_refusal(settings: &LightSettings) -> Option<String> {
     let prepared = esker_trace::Lights::from(lights.lights.clone()).prepare(DVec3::ZERO);
     let refusal = esker_trace::gpu::check(&prepared, &options(settings, &lights)).err();
     refusal.map(|why| why.to_string())
+}
+
+/// Bytes of images of the sky in the memory of a GPU, four floats a pixel.
+pub(crate) fn gpu_bytes(settings: &LightSettings) -> u64 {
+    let lights = settings.lights.iter().flat_map(|lights| &lights.lights);
+    let pixels = lights.map(|light| match light {
+        Light::Sky { sky: Sky::Image(image) } => image.pixels.len() as u64,
+        _ => 0,
+    });
+    pixels.sum::<u64>() * 16
 }

@@ -184,7 +184,7 @@ impl<T: SceneTracer> Progressive<T> {
             if self.lights.as_ref().is_some_and(|(of, _)| of.lights != settings.lights) {
                 self.exposure = None;
             }
-            self.tracer.set_options(&options(settings, &lights));
+            self.tracer.set_options(&options(settings, &lights), &lights)?;
             let prepared = esker_trace::Lights::from(lights.lights).prepare(scene.origin);
             self.lights = Some((settings.clone(), prepared));
         }

@@ -7,7 +7,7 @@ use crate::light::scene::{LitScene, Meshes, albedo};
 use anyhow::Result;
 use esker_render::Frame;
 use esker_render::gpu::{Gpu, NodePool, PlaneAt};
-use esker_trace::gpu::{GpuScene, GpuTracer, SceneCollector};
+use esker_trace::gpu::{GpuScene, GpuTracer, SceneCollector, Unsupported};
 use esker_trace::{Camera, LitImage, Options, PreparedLights, Tracer};
 use glam::DVec3;
 
@@ -37,8 +37,11 @@ pub(crate) trait SceneTracer {
     /// Where the planes of frames lie.
     type Memory;
 
-    /// Changes the options of the pictures.
-    fn set_options(&mut self, options: &Options);
+    /// Changes the options of the pictures and the lights.
+    ///
+    /// # Errors
+    /// If a GPU does not draw such lights.
+    fn set_options(&mut self, options: &Options, lights: &Lights) -> Result<()>;
 
     /// Forgets all samples.
     fn clear(&mut self);
@@ -102,9 +105,10 @@ impl SceneTracer for OnCpu {
     type Plane<'a> = &'a [u8];
     type Memory = ();
 
-    fn set_options(&mut self, options: &Options) {
+    fn set_options(&mut self, options: &Options, _: &Lights) -> Result<()> {
         self.fine.set_options(options.clone());
         self.coarse.set_options(options.clone());
+        Ok(())
     }
 
     fn clear(&mut self) {
@@ -183,8 +187,12 @@ impl SceneTracer for OnGpu {
     type Plane<'a> = PlaneAt;
     type Memory = NodePool;
 
-    fn set_options(&mut self, options: &Options) {
+    fn set_options(&mut self, options: &Options, lights: &Lights) -> Result<()> {
+        if !lights.emissive.is_empty() {
+            return Err(Unsupported::Emitters.into());
+        }
         self.tracer.set_options(options.clone());
+        Ok(())
     }
 
     fn clear(&mut self) {

@@ -9,6 +9,7 @@ use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::budget::Shares;
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
 use esker_engine::draw::session::{Options, Session, Settings};
+use esker_engine::light::document::Emissive;
 use esker_engine::light::settings::LightSettings;
 use esker_engine::light::spec::parse;
 use esker_engine::light::status::LitStatus;
@@ -251,21 +252,25 @@ fn a_gpu_lights_the_frames_of_a_session_as_the_cpu_does() {
 
 #[test]
 fn what_a_gpu_does_not_light_is_lit_by_the_cpu_with_a_reason_or_refused() {
-    let lamps = ["lamp:5679080,3770560,1200"; 17].join("|");
+    let shining = Emissive { classes: Vec::new(), bounds: None, radiance: [1.0; 3] };
+    let mut shines = light("sky");
+    shines.lights.as_mut().unwrap().emissive.push(shining);
     for request in minimal_gpus().into_iter().take(1) {
-        let session = small(settings(&lamps), Backend::Auto, request).unwrap();
+        let settings = |light: LightSettings| Settings { light, ..settings("sky") };
+        let session = small(settings(shines.clone()), Backend::Auto, request).unwrap();
         let note = session.drawer().note.clone().unwrap();
         assert_eq!(session.drawer().backend(), "cpu");
-        assert!(note.contains("more than 16 lamps"), "{note}");
-        let fault = small(settings(&lamps), Backend::Gpu, request).err().unwrap().to_string();
-        assert!(fault.contains("more than 16 lamps") && fault.contains("--backend cpu"), "{fault}");
+        assert!(note.contains("emit"), "{note}");
+        let fault = small(settings(shines.clone()), Backend::Gpu, request).err().unwrap();
+        let fault = fault.to_string();
+        assert!(fault.contains("emit") && fault.contains("--backend cpu"), "{fault}");
         // Lights that come later go to the CPU too.
         let view = Camera::parse(CAMERA).unwrap().view(info::bounds(&creek()), SMALL);
-        let settings = Settings { budget_gpu_bytes: 256 << 20, ..settings("sky") };
+        let settings = Settings { budget_gpu_bytes: 256 << 20, ..settings(light("sky")) };
         let mut session = small(settings, Backend::Auto, request).unwrap();
         session.frame(&view).unwrap();
         assert_eq!(session.drawer().backend(), "gpu");
-        session.set_light(light(&lamps));
+        session.set_light(shines.clone());
         session.frame(&view).unwrap();
         assert_eq!(session.drawer().backend(), "cpu");
     }
@@ -273,7 +278,7 @@ fn what_a_gpu_does_not_light_is_lit_by_the_cpu_with_a_reason_or_refused() {
 
 #[test]
 fn scene_and_pictures_that_a_gpu_lights_are_within_its_budget() {
-    let size = [160, 120];
+    let size = [96, 72];
     let view = Camera::parse(CAMERA).unwrap().view(info::bounds(&creek()), size);
     for request in minimal_gpus().into_iter().take(1) {
         let open = |budget_gpu_bytes| {

@@ -4,23 +4,28 @@
 
 use crate::camera::Camera;
 use crate::filter::{FilterKind, Settings};
-use crate::gpu::filter::{FilterPictures, LightFilter, PreparedGuides};
+use crate::gpu::filter::{FilterPictures, GuideNoise, LightFilter, PreparedGuides};
 use crate::gpu::frame::{Buffers, PART_BYTES, PartBuffers};
 use crate::gpu::scene::GpuScene;
-use crate::gpu::world::{Part, Unsupported, World};
+use crate::gpu::world::{LightBuffers, Part, Unsupported, World};
 use crate::gpu::{Pixels, same_layout, sources};
 use crate::image::Image;
 use crate::light::PreparedLights;
 use crate::paths::{Batches, LitImage, Options, Sampler, Sequence, sampler_of};
-use bytemuck::{Pod, Zeroable, bytes_of, pod_collect_to_vec};
+use bytemuck::{Pod, Zeroable, bytes_of};
 use esker_render::gpu::device::dispatch::fixed_uniform;
 use esker_render::gpu::device::kernel::groups_of;
 use esker_render::gpu::device::readback;
 use esker_render::gpu::wgpu::{Buffer, ComputePass, PollType};
 use esker_render::gpu::{Gpu, GpuError, Kernel};
+use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Pixels on a side of a workgroup.
 const GROUP_SIDE: u32 = 8;
+
+/// Pixels of a task that makes planes.
+const TASK: usize = 1 << 14;
 
 /// Why a picture was not lit.
 #[derive(Debug, thiserror::Error)]
@@ -69,6 +74,10 @@ pub struct GpuTracer {
     kernels: Kernels,
     filter: LightFilter,
     frame: Option<Frame>,
+    /// The newest lights in GPU memory.
+    lights: Option<(PreparedLights, Arc<LightBuffers>)>,
+    /// Noise of the guides of the last picture, for the filter of these settings.
+    noise: Option<(Settings, GuideNoise)>,
     /// Bytes of the sums of a part of a picture at most.
     part_bytes: u64,
 }
@@ -87,13 +96,15 @@ struct Frame {
     camera: Camera,
     scene_epoch: u64,
     lights: PreparedLights,
+    light_buffers: Arc<LightBuffers>,
     world: World,
     diagonal: f32,
     batches: Batches,
     samples: u32,
     buffers: Buffers,
-    /// Guides as the filter of these settings takes them.
-    prepared: Option<(Settings, PreparedGuides)>,
+    /// Guides as the filter of these settings takes them, and whether their noise was estimated
+    /// from them.
+    prepared: Option<(Settings, PreparedGuides, bool)>,
 }
 
 impl GpuTracer {
@@ -113,7 +124,8 @@ impl GpuTracer {
             resolve: kernel(sources::TRACE_RESOLVE)?,
         };
         let (filter, part_bytes) = (LightFilter::default(), PART_BYTES);
-        Ok(Self { options, kernels, filter, frame: None, part_bytes })
+        let (frame, lights, noise) = (None, None, None);
+        Ok(Self { options, kernels, filter, frame, lights, noise, part_bytes })
     }
 
     /// Traces pictures in parts whose sums take at most `part_bytes` bytes, for tests. The picture
@@ -172,12 +184,14 @@ impl GpuTracer {
             let batches = batches(&self.options, camera, samples);
             let size = [camera.width, camera.height].map(|side| side as u32);
             let buffers = Buffers::fit(gpu, size, self.part_bytes, old)?;
+            let light_buffers = self.upload(gpu, lights)?;
             let (camera, lights) = (*camera, lights.clone());
             let diagonal = scene.diagonal();
             let frame = Frame {
                 camera,
                 scene_epoch,
                 lights,
+                light_buffers,
                 world,
                 diagonal,
                 batches,
@@ -196,6 +210,21 @@ impl GpuTracer {
             frame.add_sample(gpu, &self.kernels, scene, &self.options)?;
         }
         Ok(true)
+    }
+
+    /// The lights in GPU memory, uploaded if they have changed.
+    fn upload(
+        &mut self,
+        gpu: &Gpu,
+        lights: &PreparedLights,
+    ) -> Result<Arc<LightBuffers>, GpuError> {
+        if let Some((_, buffers)) = self.lights.as_ref().filter(|(known, _)| known == lights) {
+            return Ok(Arc::clone(buffers));
+        }
+        self.lights = None;
+        let buffers = Arc::new(LightBuffers::new(gpu, lights)?);
+        self.lights = Some((lights.clone(), Arc::clone(&buffers)));
+        Ok(buffers)
     }
 
     /// Waits until all samples are traced.
@@ -220,7 +249,8 @@ impl GpuTracer {
 
     /// Bytes of GPU memory that the samples take.
     pub fn bytes(&self) -> u64 {
-        self.frame.as_ref().map_or(0, |frame| frame.buffers.bytes())
+        let lights = self.lights.as_ref().map_or(0, |(_, buffers)| buffers.bytes());
+        lights + self.frame.as_ref().map_or(0, |frame| frame.buffers.bytes())
     }
 
     /// The picture of the samples so far, read from the GPU. Empty before the first call of
@@ -230,7 +260,13 @@ impl GpuTracer {
     /// If memory is refused or the device is lost.
     pub fn resolve(&mut self, gpu: &Gpu) -> Result<LitImage, GpuError> {
         let Some(frame) = &mut self.frame else { return Ok(LitImage::default()) };
-        frame.prepare(gpu, &self.kernels, &mut self.filter, &self.options.filter)?;
+        let settings = &self.options.filter;
+        // Pictures of one sample are those of a view that moves: what is known of the last one
+        // saves reading guides back.
+        let known = self.noise.as_ref().filter(|(of, _)| of == settings && frame.samples == 1);
+        let known = known.map(|(_, noise)| *noise);
+        let noise = frame.prepare(gpu, &self.kernels, &mut self.filter, settings, known)?;
+        self.noise = Some((settings.clone(), noise));
         frame.combine(gpu, &self.kernels, &mut self.filter, &self.options)?;
         frame.read(gpu)
     }
@@ -279,16 +315,16 @@ impl Frame {
         [(self.camera.width as u32).div_ceil(GROUP_SIDE), rows.div_ceil(GROUP_SIDE), 1]
     }
 
-    /// Runs a kernel of rays over some rows; `buffers` are its bindings from 3 on.
+    /// Runs a kernel of rays over some rows; `buffers` are its bindings beside the scene.
     fn rays(
         &self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
         kernel: &Kernel,
         scene: &GpuScene,
-        (rows, buffers): (u32, &[&Buffer]),
+        (rows, buffers): (u32, &[(u32, &Buffer)]),
     ) {
-        let bound = scene.bindings().into_iter().chain((3..).zip(buffers.iter().copied()));
+        let bound = scene.bindings().into_iter().chain(buffers.iter().copied());
         let bound: Vec<_> = bound.collect();
         kernel.dispatch(pass, &kernel.bind(gpu, &bound), self.groups(rows));
     }
@@ -299,8 +335,9 @@ impl Frame {
             let world = fixed_uniform(gpu, "world", bytes_of(&self.world.in_part(*part)))?;
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             let mut pass = encoder.begin_compute_pass(&Default::default());
-            let over = (part.place_rows, &[&*world, &**places][..]);
-            self.rays(gpu, &mut pass, &kernels.guide, scene, over);
+            let bound: [(u32, &Buffer); 3] =
+                [(3, &world), (4, places), (5, &self.light_buffers.lamps)];
+            self.rays(gpu, &mut pass, &kernels.guide, scene, (part.place_rows, &bound));
             drop(pass);
             gpu.queue.submit([encoder.finish()]);
         }
@@ -331,11 +368,13 @@ impl Frame {
             let world = fixed_uniform(gpu, "world", bytes_of(&world.in_part(*part)))?;
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             let mut pass = encoder.begin_compute_pass(&Default::default());
-            let over = (part.rows, &[&*world, &**places, &**halves][..]);
-            self.rays(gpu, &mut pass, &kernels.indirect, scene, over);
+            let LightBuffers { lamps, sky } = &*self.light_buffers;
+            let bound = |sums| -> [(u32, &Buffer); 5] {
+                [(3, &world), (4, places), (5, lamps), (6, sky), (7, sums)]
+            };
+            self.rays(gpu, &mut pass, &kernels.indirect, scene, (part.rows, &bound(halves)));
             let direct = if index == 0 { &kernels.first } else { &kernels.direct };
-            let over = (part.rows, &[&*world, &**places, &**sums][..]);
-            self.rays(gpu, &mut pass, direct, scene, over);
+            self.rays(gpu, &mut pass, direct, scene, (part.rows, &bound(sums)));
             drop(pass);
             gpu.queue.submit([encoder.finish()]);
         }
@@ -343,23 +382,31 @@ impl Frame {
         Ok(())
     }
 
-    /// Prepares the guides for the filter, once for these settings.
+    /// Prepares the guides for the filter, and estimates their noise unless it is known; once for
+    /// these settings, but again where it was taken as known. Returns the noise.
     fn prepare(
         &mut self,
         gpu: &Gpu,
         kernels: &Kernels,
         filter: &mut LightFilter,
         settings: &Settings,
-    ) -> Result<(), GpuError> {
-        if self.prepared.as_ref().is_some_and(|(known, _)| known == settings) {
-            return Ok(());
+        known: Option<GuideNoise>,
+    ) -> Result<GuideNoise, GpuError> {
+        let prepared = self.prepared.as_ref().filter(|prepared| prepared.0 == *settings);
+        let prepared = prepared.filter(|(_, _, is_own)| *is_own || known.is_some());
+        if let Some((_, guides, _)) = prepared {
+            return Ok(guides.noise());
         }
         self.submit_means(gpu, kernels)?;
         let Buffers { light, guides, filtered, .. } = &self.buffers;
         let pictures = FilterPictures { guides, light, out: filtered };
-        let prepared = filter.prepare(gpu, &pictures, settings)?;
-        self.prepared = Some((settings.clone(), prepared));
-        Ok(())
+        let prepared = match known {
+            Some(noise) => filter.prepare_known(gpu, &pictures, settings, noise)?,
+            None => filter.prepare(gpu, &pictures, settings)?,
+        };
+        let noise = prepared.noise();
+        self.prepared = Some((settings.clone(), prepared, known.is_none()));
+        Ok(noise)
     }
 
     /// Makes the means that the filter takes.
@@ -440,19 +487,26 @@ impl Frame {
     /// Reads the picture.
     fn read(&self, gpu: &Gpu) -> Result<LitImage, GpuError> {
         let read = readback::read(gpu, &[(&self.buffers.picture, self.pixels() * 32)])?;
-        let values: Vec<[f32; 4]> = read.first().map_or(Vec::new(), |b| pod_collect_to_vec(b));
-        let (direct, indirect) = values.split_at(values.len() / 2);
+        let bytes = read.first().map_or(&[][..], Vec::as_slice).as_chunks::<16>().0;
+        let (direct, indirect) = bytes.split_at(bytes.len() / 2);
         let [width, height] = [self.camera.width, self.camera.height];
-        let image = |of: &dyn Fn(usize, usize) -> f32| {
-            let planes = std::array::from_fn(|c| (0..direct.len()).map(|i| of(i, c)).collect());
+        let value = |pixel: &[u8; 16], c: usize| {
+            f32::from_le_bytes(std::array::from_fn(|b| pixel[4 * c + b]))
+        };
+        // Planes of large pictures are made by all threads: some hundred megabytes a picture.
+        let plane = |of: &(dyn Fn(usize) -> f32 + Sync)| -> Vec<f32> {
+            (0..direct.len()).into_par_iter().with_min_len(TASK).map(of).collect()
+        };
+        let image = |of: &(dyn Fn(usize, usize) -> f32 + Sync)| {
+            let planes = std::array::from_fn(|c| plane(&|i| of(i, c)));
             Image { width, height, planes }
         };
         Ok(LitImage {
-            radiance: image(&|i, c| direct[i][c] + indirect[i][c]),
-            direct: image(&|i, c| direct[i][c]),
-            indirect: image(&|i, c| indirect[i][c]),
-            depth: indirect.iter().map(|v| v[3]).collect(),
-            coverage: direct.iter().map(|v| v[3]).collect(),
+            radiance: image(&|i, c| value(&direct[i], c) + value(&indirect[i], c)),
+            direct: image(&|i, c| value(&direct[i], c)),
+            indirect: image(&|i, c| value(&indirect[i], c)),
+            depth: plane(&|i| value(&indirect[i], 3)),
+            coverage: plane(&|i| value(&direct[i], 3)),
         })
     }
 }
