@@ -4,6 +4,7 @@
 
 // include common/direct.wgsl
 // include common/places.wgsl
+// include common/fits.wgsl
 
 // Whether this is the first sample, which is that of the guide.
 override FIRST: bool;
@@ -22,11 +23,6 @@ override FIRST: bool;
 
 // Dimension of the numbers for places within a pixel.
 const PIXEL_DIMENSION: u32 = 0u;
-// Cosine between the normals of a sample and of a guide, below which the guide does not fit.
-const FIT_COS: f32 = 0.5;
-// Distance of a sample from the plane of its guide, half widths of a pixel, above which it does
-// not.
-const FIT_PIXELS: f32 = 8.0;
 // Squared difference of normals, and share of the depth, up to which they are equal.
 const NORMAL_ROUNDING: f32 = 1e-6;
 const DEPTH_ROUNDING: f32 = 1e-5;
@@ -34,15 +30,6 @@ const DEPTH_ROUNDING: f32 = 1e-5;
 const NEAR_TIE: f32 = 1e-4;
 // The pixel itself among the nine around it.
 const MIDDLE_SLOT: u32 = 4u;
-
-// Whether the light at a guide can stand for that at a place: both lie on one surface.
-fn fits(guide: Place, seen: Place) -> bool {
-    let off = guide.point - seen.point;
-    let distance = min(abs(dot(guide.normal, off)), abs(dot(seen.normal, off)));
-    let half_width = 0.5 * seen.depth / world.eye.w;
-    let limit = FIT_PIXELS * half_width + max(guide.lift, seen.lift);
-    return dot(guide.normal, seen.normal) >= FIT_COS && distance <= limit;
-}
 
 // Slot of the most similar guide among the four pixel centres around a position; 9 if none fits.
 fn most_similar(pixel: vec2<u32>, at: vec2<f32>, seen: Place) -> u32 {
@@ -89,7 +76,7 @@ fn most_similar(pixel: vec2<u32>, at: vec2<f32>, seen: Place) -> u32 {
     }
     let other = vec2<i32>(pixel) + vec2<i32>(vec2<u32>(best % 3u, best / 3u)) - 1;
     let guide = place_of(place_at(u32(other.x), u32(other.y)));
-    return select(9u, best, fits(guide, seen));
+    return select(9u, best, fits(guide, seen, world.eye.w));
 }
 
 @compute @workgroup_size(8, 8)

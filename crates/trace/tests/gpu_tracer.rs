@@ -235,6 +235,44 @@ fn an_image_of_the_sky_and_many_lamps_light_as_on_the_cpu() {
 }
 
 #[test]
+fn light_of_the_last_picture_is_used_again_as_on_the_cpu() {
+    let (splats, lights) = (splats(), prepared(lights()));
+    let scene = Scene::new(input(&splats));
+    let at = |x: f64| {
+        let eye = DVec3::new(x, -3.0, 1.6);
+        let view = View::look_at(eye, DVec3::new(0.0, 0.3, 0.6), DVec3::Z, 1.0, 40, 30);
+        Camera::new(&view, DVec3::ZERO)
+    };
+    let options = Options { filter: Settings::of(FilterKind::None), ..Options::default() };
+    // Two samples, moved a little, and moved again so that the past has a past.
+    let steps = [(at(0.7), 2), (at(0.75), 1), (at(0.6), 1)];
+    let mut tracer = Tracer::new(options.clone());
+    let on_cpu = steps.map(|(camera, samples)| {
+        assert!(tracer.trace(&scene, 1, &lights, &camera, samples, &|| false));
+        tracer.incident()
+    });
+    let mut afresh = Tracer::new(Options { reprojects: false, ..options.clone() });
+    assert!(afresh.trace(&scene, 1, &lights, &steps[2].0, 1, &|| false));
+    let noisy = differing(&afresh.incident(), &on_cpu[2], 0.01);
+    assert!(noisy > 400, "light is used again at many pixels, not {noisy}");
+    for gpu in gpus() {
+        let on_gpu = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
+        let mut tracer = GpuTracer::new(&gpu, options.clone()).unwrap();
+        for part_bytes in [u64::MAX, 8 * 40 * 176] {
+            tracer.set_part_bytes(part_bytes);
+            for ((camera, samples), want) in steps.iter().zip(&on_cpu) {
+                tracer.trace(&gpu, &on_gpu, 1, &lights, camera, *samples, &|| false).unwrap();
+                let [r, g, b, _] = tracer.incident(&gpu).unwrap().planes;
+                let got = Image { width: 40, height: 30, planes: [r, g, b] };
+                let count = differing(&got, want, 0.01);
+                println!("{}: {part_bytes}: {count} of {}", gpu.name, got.len());
+                assert!(count <= 3, "{}: {count}", gpu.name);
+            }
+        }
+    }
+}
+
+#[test]
 fn a_picture_in_parts_is_the_same() {
     let (splats, camera, lights) = (splats(), camera(20, 27), prepared(lights()));
     let options = Options { bounces: 1, ..Options::default() };

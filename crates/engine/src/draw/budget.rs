@@ -137,8 +137,8 @@ impl Shares {
 const GPU_PIXEL_BYTES: u64 = 176;
 /// Bytes a pixel of pictures that a GPU lights: places 48, sums 176, halves 32, guides and light
 /// 48, the picture 32 and again when it is read back, nested windows with their energies 90,
-/// agreement of halves 32.
-const GPU_LIT_PIXEL_BYTES: u64 = 500;
+/// agreement of halves 32, places and light of the last picture 80.
+const GPU_LIT_PIXEL_BYTES: u64 = 580;
 /// Bytes a pixel of a band of the guided filter, and rows of a band with those around it: moments
 /// along rows and of windows, and coefficients.
 const GPU_BAND_PIXEL_BYTES: u64 = 328;

@@ -5,7 +5,7 @@
 use crate::gpu::Pixels;
 use crate::gpu::world::{Part, Unsupported};
 use esker_render::gpu::device::{BINDING_BYTES_MAX, Counted};
-use esker_render::gpu::wgpu::BufferUsages;
+use esker_render::gpu::wgpu::{Buffer, BufferUsages};
 use esker_render::gpu::{Gpu, GpuError};
 
 /// Bytes of a `vec4<f32>`.
@@ -38,6 +38,27 @@ pub(crate) struct Buffers {
     pub(crate) filtered: Pixels,
     /// Direct and indirect light (`shaders/trace/resolve.wgsl`).
     pub(crate) picture: Counted,
+    /// Light of the last picture, and the number of samples that it stands for; none if no picture
+    /// of this size came before.
+    pub(crate) past: Option<Counted>,
+    /// Memory of places and light for the next picture.
+    spare: Option<Spare>,
+}
+
+/// What a new picture takes of the last one.
+pub(crate) struct Last {
+    /// Parts with their places.
+    pub(crate) parts: Vec<(Part, Counted)>,
+    /// Mean incident light.
+    pub(crate) light: Buffer,
+    /// What it used of the picture before it.
+    pub(crate) past: Option<Counted>,
+}
+
+#[derive(Debug)]
+struct Spare {
+    places: Vec<Counted>,
+    past: Option<Counted>,
 }
 
 /// Buffers of a part.
@@ -65,13 +86,54 @@ impl Buffers {
     ) -> Result<Self, GpuError> {
         let same = old.filter(|old| [old.light.width, old.light.height] == [width, height]);
         let Some(old) = same else { return Self::new(gpu, width, height, part_bytes) };
+        old.clear(gpu);
+        Ok(Self { past: None, ..old })
+    }
+
+    /// The same for a picture that uses light of the old one again: gives its places and light,
+    /// which [`Buffers::keep`] takes back.
+    ///
+    /// # Errors
+    /// If memory is refused.
+    pub(crate) fn after(gpu: &Gpu, mut old: Self) -> Result<(Self, Last), GpuError> {
+        let Spare { places, past } = match old.spare.take() {
+            Some(spare) => spare,
+            None => {
+                let place = |part: &PartBuffers| gpu.buffer("places", part.places.size(), USAGE);
+                let places = old.parts.iter().map(place).collect::<Result<_, GpuError>>()?;
+                Spare { places, past: None }
+            }
+        };
+        let past = match past {
+            Some(past) => past,
+            None => gpu.buffer("past light", old.light.buffer.size(), USAGE)?,
+        };
+        let mut last = Last {
+            parts: Vec::new(),
+            light: Buffer::clone(&old.light.buffer),
+            past: old.past.replace(past),
+        };
+        for (part, places) in old.parts.iter_mut().zip(places) {
+            last.parts.push((part.part, std::mem::replace(&mut part.places, places)));
+        }
+        old.clear(gpu);
+        Ok((old, last))
+    }
+
+    /// Keeps the memory of the last picture for the next one.
+    pub(crate) fn keep(&mut self, last: Last) {
+        let places = last.parts.into_iter().map(|(_, places)| places).collect();
+        self.spare = Some(Spare { places, past: last.past });
+    }
+
+    /// Clears what samples are added to.
+    fn clear(&self, gpu: &Gpu) {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        encoder.clear_buffer(&old.halves, 0, None);
-        for part in &old.parts {
-            encoder.clear_buffer(&part.sums, 0, None);
+        let sums = self.parts.iter().map(|part| &part.sums);
+        for buffer in sums.chain([&self.halves]).chain(&self.past) {
+            encoder.clear_buffer(buffer, 0, None);
         }
         gpu.queue.submit([encoder.finish()]);
-        Ok(old)
     }
 
     fn new(gpu: &Gpu, width: u32, height: u32, part_bytes: u64) -> Result<Self, GpuError> {
@@ -94,6 +156,8 @@ impl Buffers {
             guides: image("guides")?,
             filtered: image("filtered light")?,
             picture: whole("lit picture")?,
+            past: None,
+            spare: None,
         })
     }
 
@@ -128,7 +192,9 @@ impl Buffers {
     pub(crate) fn bytes(&self) -> u64 {
         let images = [&self.light, &self.guides, &self.filtered].map(|image| image.buffer.size());
         let parts = self.parts.iter().flat_map(|part| [part.places.size(), part.sums.size()]);
-        images.into_iter().chain(parts).sum::<u64>() + self.halves.size() + self.picture.size()
+        let spare = self.spare.iter().flat_map(|spare| spare.places.iter().chain(&spare.past));
+        let kept = spare.chain(&self.past).chain([&self.halves, &self.picture]);
+        images.into_iter().chain(parts).chain(kept.map(|buffer| buffer.size())).sum()
     }
 }
 

@@ -5,6 +5,7 @@
 mod collect;
 pub mod filter;
 mod frame;
+mod history;
 mod pixels;
 #[path = "../../../render/src/gpu/device/same.rs"]
 mod same;

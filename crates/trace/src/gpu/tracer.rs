@@ -6,6 +6,7 @@ use crate::camera::Camera;
 use crate::filter::{FilterKind, Settings};
 use crate::gpu::filter::{FilterPictures, GuideNoise, LightFilter, PreparedGuides};
 use crate::gpu::frame::{Buffers, PART_BYTES, PartBuffers};
+use crate::gpu::history::reuse;
 use crate::gpu::scene::GpuScene;
 use crate::gpu::world::{LightBuffers, Part, Unsupported, World};
 use crate::gpu::{Pixels, same_layout, sources};
@@ -48,10 +49,11 @@ struct Means {
     part_pixels: u32,
     first: u32,
     first_place: u32,
-    unused: [u32; 2],
+    has_past: u32,
+    unused: u32,
 }
 
-same_layout!(Means { pixels, samples, diagonal, part_pixels, first, first_place });
+same_layout!(Means { pixels, samples, diagonal, part_pixels, first, first_place, has_past });
 
 /// The uniform of the combination (`shaders/trace/resolve.wgsl`).
 #[repr(C)]
@@ -89,6 +91,7 @@ struct Kernels {
     direct: Kernel,
     accumulate: Kernel,
     resolve: Kernel,
+    reuse: Kernel,
 }
 
 /// A picture in progress.
@@ -122,6 +125,7 @@ impl GpuTracer {
             direct: direct(0.0)?,
             accumulate: kernel(sources::TRACE_ACCUMULATE)?,
             resolve: kernel(sources::TRACE_RESOLVE)?,
+            reuse: kernel(sources::TRACE_REUSE)?,
         };
         let (filter, part_bytes) = (LightFilter::default(), PART_BYTES);
         let (frame, lights, noise) = (None, None, None);
@@ -148,9 +152,9 @@ impl GpuTracer {
     }
 
     /// Adds `samples` samples to each pixel. If the scene (by its epoch), the lights or the camera
-    /// differ from those of the last call, the picture begins afresh. `should_stop` is asked before
-    /// each sample: if it returns true, the call returns false, and the next call goes on where
-    /// this one stopped.
+    /// differ from those of the last call, the picture begins afresh; indirect light of the last
+    /// picture is used again as by the CPU's tracer. `should_stop` is asked before each sample: if
+    /// it returns true, the call returns false, and the next call goes on where this one stopped.
     ///
     /// `lights` and `camera` must be relative to the origin of the scene.
     ///
@@ -179,28 +183,7 @@ impl GpuTracer {
             return Err(Unsupported::Emitters.into());
         }
         if !is_same {
-            let old = self.frame.take().map(|frame| frame.buffers);
-            let world = World::new(camera, lights, &self.options)?;
-            let batches = batches(&self.options, camera, samples);
-            let size = [camera.width, camera.height].map(|side| side as u32);
-            let buffers = Buffers::fit(gpu, size, self.part_bytes, old)?;
-            let light_buffers = self.upload(gpu, lights)?;
-            let (camera, lights) = (*camera, lights.clone());
-            let diagonal = scene.diagonal();
-            let frame = Frame {
-                camera,
-                scene_epoch,
-                lights,
-                light_buffers,
-                world,
-                diagonal,
-                batches,
-                samples: 0,
-                buffers,
-                prepared: None,
-            };
-            frame.guide(gpu, &self.kernels, scene)?;
-            self.frame = Some(frame);
+            self.begin(gpu, scene, scene_epoch, lights, camera, samples)?;
         }
         let Some(frame) = &mut self.frame else { return Ok(true) };
         for _ in 0..samples {
@@ -210,6 +193,62 @@ impl GpuTracer {
             frame.add_sample(gpu, &self.kernels, scene, &self.options)?;
         }
         Ok(true)
+    }
+
+    /// Begins a picture. If the lights are the same, incident light of a last picture of the same
+    /// size is used again where it fits, until there are enough new samples.
+    fn begin(
+        &mut self,
+        gpu: &Gpu,
+        scene: &GpuScene,
+        scene_epoch: u64,
+        lights: &PreparedLights,
+        camera: &Camera,
+        samples: u32,
+    ) -> Result<(), GpuLightError> {
+        let old = self.frame.take();
+        let world = World::new(camera, lights, &self.options)?;
+        let batches = batches(&self.options, camera, samples);
+        let size = |camera: &Camera| [camera.width, camera.height].map(|side| side as u32);
+        let is_used = |old: &Frame| {
+            let has_same = old.lights == *lights && size(&old.camera) == size(camera);
+            self.options.reprojects && old.samples > 0 && has_same
+        };
+        let (buffers, last) = match old {
+            Some(old) if is_used(&old) => {
+                // The mean of its samples, of which only the sums are up to date.
+                old.submit_means(gpu, &self.kernels)?;
+                let (buffers, last) = Buffers::after(gpu, old.buffers)?;
+                (buffers, Some((last, old.camera, old.samples)))
+            }
+            old => {
+                let old = old.map(|old| old.buffers);
+                (Buffers::fit(gpu, size(camera), self.part_bytes, old)?, None)
+            }
+        };
+        let light_buffers = self.upload(gpu, lights)?;
+        let (camera, lights) = (*camera, lights.clone());
+        let diagonal = scene.diagonal();
+        let mut frame = Frame {
+            camera,
+            scene_epoch,
+            lights,
+            light_buffers,
+            world,
+            diagonal,
+            batches,
+            samples: 0,
+            buffers,
+            prepared: None,
+        };
+        frame.guide(gpu, &self.kernels, scene)?;
+        if let Some((last, before, samples)) = last {
+            let cameras = [&before, &frame.camera];
+            reuse(gpu, &self.kernels.reuse, &last, cameras, samples, &frame.buffers)?;
+            frame.buffers.keep(last);
+        }
+        self.frame = Some(frame);
+        Ok(())
     }
 
     /// The lights in GPU memory, uploaded if they have changed.
@@ -424,7 +463,7 @@ impl Frame {
         kernels: &Kernels,
         pass: &mut ComputePass<'_>,
     ) -> Result<(), GpuError> {
-        let Buffers { parts, halves, light, guides, .. } = &self.buffers;
+        let Buffers { parts, halves, light, guides, past, .. } = &self.buffers;
         let width = self.camera.width as u32;
         for PartBuffers { part, places, .. } in parts {
             let means = Means {
@@ -434,11 +473,19 @@ impl Frame {
                 part_pixels: part.rows * width,
                 first: part.first * width,
                 first_place: part.first_place * width,
-                unused: [0; 2],
+                has_past: u32::from(past.is_some()),
+                unused: 0,
             };
             let uniform = fixed_uniform(gpu, "means", bytes_of(&means))?;
-            let bound: [(u32, &Buffer); 5] =
-                [(0, &uniform), (1, places), (2, halves), (3, &light.buffer), (4, &guides.buffer)];
+            let bound: [(u32, &Buffer); 6] = [
+                (0, &uniform),
+                (1, places),
+                (2, halves),
+                (3, &light.buffer),
+                (4, &guides.buffer),
+                // Any buffer, where there is no past.
+                (5, past.as_ref().unwrap_or(halves)),
+            ];
             let bind = kernels.accumulate.bind(gpu, &bound);
             kernels.accumulate.dispatch(pass, &bind, groups_of(means.part_pixels.into()));
         }

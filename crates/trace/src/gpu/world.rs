@@ -18,6 +18,7 @@ const POINT: f32 = 1.0;
 const SPOT: f32 = 2.0;
 const AREA: f32 = 3.0;
 
+without_twin!(common_fits { FIT_COS, FIT_PIXELS });
 without_twin!(common_sky { FULL_TURN, HALF_TURN });
 same_values!(common_lamps == crate::gpu::world { SUN, POINT, SPOT, AREA });
 without_twin!(common_lamps { TURN });
@@ -28,8 +29,6 @@ without_twin!(common_direct { LIGHT_DIMENSION, SHADOW_REACH, PI_SHARE, BOUNCE_DI
 without_twin!(common_direct { ROULETTE_BOUNCE, BELOW_ONE });
 without_twin!(trace_direct {
     PIXEL_DIMENSION,
-    FIT_COS,
-    FIT_PIXELS,
     MIDDLE_SLOT,
     NORMAL_ROUNDING,
     DEPTH_ROUNDING,
