@@ -4,6 +4,7 @@
 // include common/world.wgsl
 // include common/directions.wgsl
 // include common/sky.wgsl
+// include common/tally.wgsl
 
 // Dimensions of the numbers for lights: one a light.
 const LIGHT_DIMENSION: u32 = 16u;
@@ -14,6 +15,8 @@ const PI_SHARE: f32 = 0.31830987;
 const BOUNCE_DIMENSION: u32 = 1024u;
 // Bounces from which on paths end at random.
 const ROULETTE_BOUNCE: u32 = 8u;
+// Cosine above which a hit near the start of a ray is on the same surface.
+const SAME_SURFACE_COS: f32 = 0.5;
 // The greatest number below 1.
 const BELOW_ONE: f32 = 0.99999988;
 
@@ -32,6 +35,7 @@ fn unshadowed(place: Place, arrival: Arrival) -> vec3<f32> {
 }
 
 fn is_visible(place: Place, arrival: Arrival) -> bool {
+    tally[SHADOW_RAYS]++;
     let start = start_of(place);
     if is_infinite(arrival.distance) {
         return !is_blocked(Ray(start, infinity(), arrival.direction));
@@ -109,10 +113,16 @@ fn incident(start: Place, sample: Sample) -> vec3<f32> {
     for (var bounce = 1u; bounce <= world.bounces; bounce++) {
         let dimension = BOUNCE_DIMENSION * (bounce + 1u);
         let ray = Ray(start_of(place), infinity(), direction);
+        tally[BOUNCE_RAYS]++;
         let surface = blended(ray);
         if is_infinite(surface.distance) {
+            tally[ESCAPED]++;
             sum += throughput * sky(direction);
             break;
+        }
+        let is_near = surface.distance < place.lift * 2.0;
+        if is_near && dot(surface.normal, place.normal) > SAME_SURFACE_COS {
+            tally[SELF_HITS]++;
         }
         place.point = ray.origin + direction * surface.distance;
         place.lift = surface.lift;

@@ -20,6 +20,8 @@ override FIRST: bool;
 // indirect light that is not looked up and the number of its samples; then, nine a pixel, the
 // albedo of the samples that look up each of the pixels around it.
 @group(0) @binding(7) var<storage, read_write> sums: array<vec4<f32>>;
+// Low and high words of counts.
+@group(0) @binding(8) var<storage, read_write> counts: array<atomic<u32>, 10>;
 
 // Dimension of the numbers for places within a pixel.
 const PIXEL_DIMENSION: u32 = 0u;
@@ -79,8 +81,8 @@ fn most_similar(pixel: vec2<u32>, at: vec2<f32>, seen: Place) -> u32 {
     return select(9u, best, fits(guide, seen, world.eye.w));
 }
 
-@compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+// Adds the sample of a pixel.
+fn add_sample(id: vec3<u32>) {
     if id.x >= world.width || id.y >= world.part.rows {
         return;
     }
@@ -122,7 +124,19 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = most_similar(own, at, place);
     if slot < 9u {
         sums[2u * pixels + 9u * pixel + slot] += vec4<f32>(place.colour, 0.0);
-    } else if world.bounces > 0u {
+        return;
+    }
+    tally[WITHOUT_GUIDE]++;
+    if world.bounces > 0u {
         sums[pixels + pixel] += vec4<f32>(place.colour * incident(place, sample), 1.0);
     }
+}
+
+@compute @workgroup_size(8, 8)
+fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    add_sample(id);
+    add_tally(lane);
 }

@@ -14,8 +14,11 @@
 // Sums of even samples, then those of odd ones.
 @group(0) @binding(7) var<storage, read_write> halves: array<vec4<f32>>;
 
-@compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+// Low and high words of counts.
+@group(0) @binding(8) var<storage, read_write> counts: array<atomic<u32>, 10>;
+
+// Adds the path of a pixel.
+fn add_path(id: vec3<u32>) {
     if id.x >= world.width || id.y >= world.part.rows || world.bounces == 0u {
         return;
     }
@@ -27,4 +30,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let light = incident(place, sample_of(world.sequence, id.x, row, world.number));
     let half = (world.index & 1u) * world.width * world.height;
     halves[half + row * world.width + id.x] += vec4<f32>(light, 1.0);
+}
+
+@compute @workgroup_size(8, 8)
+fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    add_path(id);
+    add_tally(lane);
 }

@@ -11,7 +11,8 @@ use esker_trace::gpu::{GpuLightError, GpuTracer, SceneKernels, Unsupported};
 use esker_trace::light::Panorama;
 use esker_trace::scene::{Albedo, SplatInput};
 use esker_trace::{
-    Camera, Gloss, Image, Light, Lights, Options, PreparedLights, Scene, Sequence, Sky, Tracer,
+    Camera, Gloss, Image, Light, Lights, Options, PreparedLights, Scene, Sequence, Sky, Stats,
+    Tracer,
 };
 use glam::{DVec3, Vec3};
 
@@ -148,13 +149,13 @@ fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
     let on_cpu = |options: &Options| {
         let mut tracer = Tracer::new(options.clone());
         assert!(tracer.trace(&scene, 1, &lights, &camera, 3, &|| false));
-        (tracer.resolve(), tracer.incident())
+        (tracer.resolve(), tracer.incident(), tracer.stats())
     };
     let wanted: Vec<_> = all.iter().map(on_cpu).collect();
     for gpu in gpus() {
         let on_gpu = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
         let mut tracer = GpuTracer::new(&gpu, Options::default()).unwrap();
-        for (options, (want, incident)) in all.iter().zip(&wanted) {
+        for (options, (want, incident, counted)) in all.iter().zip(&wanted) {
             tracer.set_options(options.clone());
             assert!(tracer.trace(&gpu, &on_gpu, 1, &lights, &camera, 3, &|| false).unwrap());
             let got = tracer.resolve(&gpu).unwrap();
@@ -172,6 +173,15 @@ fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
             ];
             println!("{}: {:?}: {counts:?} of {}", gpu.name, options.sequence, traced.len());
             assert!(counts.iter().all(|&n| n <= 3), "{}: {counts:?}", gpu.name);
+            let stats = tracer.stats(&gpu).unwrap();
+            assert_eq!(stats.eye_rays, counted.eye_rays);
+            let parts =
+                |s: &Stats| [s.bounce_rays, s.shadow_rays, s.self_hits, s.escaped, s.without_guide];
+            for (got, want) in parts(&stats).into_iter().zip(parts(counted)) {
+                // A path that meets a rim within rounding goes another way.
+                let is_near = got.abs_diff(want) <= 4 + want / 200;
+                assert!(is_near, "{}: {stats:?}, {counted:?}", gpu.name);
+            }
         }
     }
 }

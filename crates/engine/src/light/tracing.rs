@@ -14,8 +14,7 @@ use std::time::Instant;
 /// Linear light of a picture, and what tracing it took.
 pub(crate) struct Traced {
     pub(crate) image: LitImage,
-    /// Counts; none from a GPU.
-    pub(crate) counts: Option<Stats>,
+    pub(crate) counts: Stats,
     /// Splats that no ray can meet, or that a GPU has no room for.
     pub(crate) dropped: usize,
     pub(crate) scene_bytes: u64,
@@ -77,7 +76,7 @@ impl Job<'_> {
         let image = tracer.resolve();
         Ok(Traced {
             image,
-            counts: Some(tracer.stats()),
+            counts: tracer.stats(),
             dropped: scene.dropped(),
             scene_bytes: scene.bytes() as u64,
             times_ms: [build_ms, trace_ms, ms(start)],
@@ -110,7 +109,7 @@ impl Job<'_> {
         let image = tracer.resolve(gpu)?;
         Ok(Traced {
             image,
-            counts: None,
+            counts: tracer.stats(gpu)?,
             dropped: self.splats.splats.len() - scene.splats(),
             scene_bytes: scene.bytes(),
             times_ms: [build_ms, trace_ms, ms(start)],

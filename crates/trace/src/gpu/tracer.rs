@@ -12,19 +12,24 @@ use crate::gpu::world::{LightBuffers, Part, Unsupported, World};
 use crate::gpu::{Pixels, same_layout, sources};
 use crate::image::Image;
 use crate::light::PreparedLights;
-use crate::paths::{Batches, LitImage, Options, Sampler, Sequence, sampler_of};
+use crate::paths::{Batches, LitImage, Options, Sampler, Sequence, Stats, sampler_of};
 use bytemuck::{Pod, Zeroable, bytes_of};
 use esker_render::gpu::device::dispatch::fixed_uniform;
 use esker_render::gpu::device::kernel::groups_of;
-use esker_render::gpu::device::readback;
-use esker_render::gpu::wgpu::{Buffer, ComputePass, PollType};
+use esker_render::gpu::device::{Counted, readback};
+use esker_render::gpu::wgpu::{Buffer, BufferUsages, ComputePass, PollType};
 use esker_render::gpu::{Gpu, GpuError, Kernel};
 use rayon::prelude::*;
+use sources::constants::common_tally::{BOUNCE_RAYS, COUNTS, ESCAPED, SELF_HITS};
+use sources::constants::common_tally::{SHADOW_RAYS, WITHOUT_GUIDE};
 use std::sync::Arc;
 
 /// Pixels on a side of a workgroup.
 const GROUP_SIDE: u32 = 8;
 
+/// Bytes of the counts of rays.
+const COUNT_BYTES: u64 = COUNTS as u64 * 8;
+const COUNTED: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC);
 /// Pixels of a task that makes planes.
 const TASK: usize = 1 << 14;
 
@@ -105,6 +110,8 @@ struct Frame {
     batches: Batches,
     samples: u32,
     buffers: Buffers,
+    /// Counts of rays (`shaders/common/tally.wgsl`).
+    counts: Counted,
     /// Guides as the filter of these settings takes them, and whether their noise was estimated
     /// from them.
     prepared: Option<(Settings, PreparedGuides, bool)>,
@@ -239,6 +246,7 @@ impl GpuTracer {
             batches,
             samples: 0,
             buffers,
+            counts: gpu.buffer("counts of rays", COUNT_BYTES, COUNTED)?,
             prepared: None,
         };
         frame.guide(gpu, &self.kernels, scene)?;
@@ -279,6 +287,27 @@ impl GpuTracer {
     /// Samples of each pixel.
     pub fn samples(&self) -> u32 {
         self.frame.as_ref().map_or(0, |frame| frame.samples)
+    }
+
+    /// Counts since the picture was begun, read from the GPU; times are zero.
+    ///
+    /// # Errors
+    /// If memory is refused or the device is lost.
+    pub fn stats(&self, gpu: &Gpu) -> Result<Stats, GpuError> {
+        let Some(frame) = &self.frame else { return Ok(Stats::default()) };
+        let read = readback::read(gpu, &[(&frame.counts, COUNT_BYTES)])?;
+        let bytes = read.first().map_or(&[][..], Vec::as_slice).as_chunks::<8>().0;
+        let count = |i: u32| bytes.get(i as usize).map_or(0, |&bytes| u64::from_le_bytes(bytes));
+        Ok(Stats {
+            // The first sample of a pixel is that of its guide.
+            eye_rays: frame.pixels() * u64::from(frame.samples.max(1)),
+            bounce_rays: count(BOUNCE_RAYS),
+            shadow_rays: count(SHADOW_RAYS),
+            self_hits: count(SELF_HITS),
+            escaped: count(ESCAPED),
+            without_guide: count(WITHOUT_GUIDE),
+            ..Stats::default()
+        })
     }
 
     /// Forgets all samples.
@@ -408,8 +437,9 @@ impl Frame {
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             let mut pass = encoder.begin_compute_pass(&Default::default());
             let LightBuffers { lamps, sky } = &*self.light_buffers;
-            let bound = |sums| -> [(u32, &Buffer); 5] {
-                [(3, &world), (4, places), (5, lamps), (6, sky), (7, sums)]
+            let bound = |sums| -> [(u32, &Buffer); 6] {
+                let counts = (8, &*self.counts);
+                [(3, &world), (4, places), (5, lamps), (6, sky), (7, sums), counts]
             };
             self.rays(gpu, &mut pass, &kernels.indirect, scene, (part.rows, &bound(halves)));
             let direct = if index == 0 { &kernels.first } else { &kernels.direct };
