@@ -1,13 +1,14 @@
 //! Traces a lit still, on the CPU or on a GPU: the splats of the picture go in, linear light with
 //! counts and times comes out. A GPU draws what its kernels can; the CPU draws the rest.
 
+use crate::io::quantity::grouped;
 use crate::light::document::Lights;
 use crate::light::options::MESHES_REFUSED;
 use crate::light::scene::{GatheredSplats, Meshes};
 use anyhow::Result;
 use esker_points::{Cancelled, Task};
 use esker_render::gpu::{Gpu, GpuError};
-use esker_trace::gpu::{GpuLightError, GpuTracer, SceneKernels};
+use esker_trace::gpu::{GpuLightError, GpuTracer, SPLATS_MAX, SceneKernels};
 use esker_trace::{Camera, LitImage, Options, PreparedLights, Scene, Stats, Tracer};
 use std::time::Instant;
 
@@ -15,7 +16,7 @@ use std::time::Instant;
 pub(crate) struct Traced {
     pub(crate) image: LitImage,
     pub(crate) counts: Stats,
-    /// Splats that no ray can meet, or that a GPU has no room for.
+    /// Splats that no ray can meet.
     pub(crate) dropped: usize,
     pub(crate) scene_bytes: u64,
     /// Building the tree, tracing, filtering; milliseconds.
@@ -93,6 +94,10 @@ impl Job<'_> {
         }
         let start = Instant::now();
         let scene = SceneKernels::new(gpu)?.scene(gpu, &self.splats.input())?;
+        if scene.left_out() > 0 {
+            let most = grouped(SPLATS_MAX as u64);
+            return Err(GpuRefusal::Because(format!("a GPU lights at most {most} splats")));
+        }
         let build_ms = ms(start);
         let (lights, pixels) = (self.prepared(), self.camera.pixels() as u64);
         let mut tracer = GpuTracer::new(gpu, self.options.clone())?;
