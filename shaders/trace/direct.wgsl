@@ -5,6 +5,7 @@
 // include common/direct.wgsl
 // include common/places.wgsl
 // include common/fits.wgsl
+// include common/links.wgsl
 
 // Whether this is the first sample, which is that of the guide.
 override FIRST: bool;
@@ -17,9 +18,10 @@ override FIRST: bool;
 @group(0) @binding(5) var<storage, read> lamps: array<Lamp>;
 @group(0) @binding(6) var<storage, read> sky_pixels: array<vec4<f32>>;
 // For all pixels of the part direct light and the number of samples that hit a surface; then
-// indirect light that is not looked up and the number of its samples; then, nine a pixel, the
-// albedo of the samples that look up each of the pixels around it.
-@group(0) @binding(7) var<storage, read_write> sums: array<vec4<f32>>;
+// indirect light that is not looked up and the number of its samples, as the bits of floats; then
+// the albedo of the samples that look up each of the nine pixels around a pixel, two words each
+// (common/links.wgsl), ten a pixel.
+@group(0) @binding(7) var<storage, read_write> sums: array<vec4<u32>>;
 // Low and high words of counts.
 @group(0) @binding(8) var<storage, read_write> counts: array<atomic<u32>, 10>;
 
@@ -81,6 +83,21 @@ fn most_similar(pixel: vec2<u32>, at: vec2<f32>, seen: Place) -> u32 {
     return select(9u, best, fits(guide, seen, world.eye.w));
 }
 
+fn add_light(at: u32, light: vec4<f32>) {
+    sums[at] = bitcast<vec4<u32>>(bitcast<vec4<f32>>(sums[at]) + light);
+}
+
+// Adds the albedo of a sample that looks up a pixel beside `pixel`.
+fn add_link(pixel: u32, slot: u32, albedo: vec3<f32>) {
+    let at = 2u * world.width * world.part.rows + 5u * pixel + slot / 2u;
+    let pair = sums[at];
+    if (slot & 1u) == 0u {
+        sums[at] = vec4<u32>(with_albedo(pair.xy, albedo), pair.zw);
+    } else {
+        sums[at] = vec4<u32>(pair.xy, with_albedo(pair.zw, albedo));
+    }
+}
+
 // Adds the sample of a pixel.
 fn add_sample(id: vec3<u32>) {
     if id.x >= world.width || id.y >= world.part.rows {
@@ -99,36 +116,36 @@ fn add_sample(id: vec3<u32>) {
     if !FIRST {
         if world.index == 1u {
             let albedo = select(vec3<f32>(0.0), place.colour, place.kind == REFLECTS);
-            sums[2u * pixels + 9u * pixel + MIDDLE_SLOT] += vec4<f32>(albedo, 0.0);
+            add_link(pixel, MIDDLE_SLOT, albedo);
         }
         place = see(ray);
     }
     if place.kind == NOTHING {
         if world.shows_sky == 1u {
-            sums[pixel] += vec4<f32>(finite(sky(ray.direction)), 0.0);
+            add_light(pixel, vec4<f32>(finite(sky(ray.direction)), 0.0));
         }
         return;
     }
     if place.kind == EMITS {
-        sums[pixel] += vec4<f32>(place.colour, 1.0);
+        add_light(pixel, vec4<f32>(place.colour, 1.0));
         return;
     }
     var light = vec3<f32>(0.0);
     if receives(place) {
         light = finite(place.colour * direct(place, sample));
     }
-    sums[pixel] += vec4<f32>(light, 1.0);
+    add_light(pixel, vec4<f32>(light, 1.0));
     if FIRST || !receives(place) {
         return;
     }
     let slot = most_similar(own, at, place);
     if slot < 9u {
-        sums[2u * pixels + 9u * pixel + slot] += vec4<f32>(place.colour, 0.0);
+        add_link(pixel, slot, place.colour);
         return;
     }
     tally[WITHOUT_GUIDE]++;
     if world.bounces > 0u {
-        sums[pixels + pixel] += vec4<f32>(place.colour * incident(place, sample), 1.0);
+        add_light(pixels + pixel, vec4<f32>(place.colour * incident(place, sample), 1.0));
     }
 }
 

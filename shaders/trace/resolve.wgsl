@@ -1,6 +1,8 @@
 // Combines a picture: filtered indirect light, looked up by all samples and multiplied by their
 // albedo, and direct light (`bauszat2011`, figure 1). Twin: crates/trace/src/paths/resolve.rs.
 
+// include common/links.wgsl
+
 struct Size {
     width: u32,
     height: u32,
@@ -17,7 +19,7 @@ struct Size {
 @group(0) @binding(0) var<uniform> size: Size;
 @group(0) @binding(1) var<storage, read> places: array<vec4<f32>>;
 // As in direct.wgsl.
-@group(0) @binding(2) var<storage, read> sums: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> sums: array<vec4<u32>>;
 // Filtered incident indirect light.
 @group(0) @binding(3) var<storage, read> light: array<vec4<f32>>;
 // For all pixels direct light and the share of samples that hit a surface, then indirect light and
@@ -36,10 +38,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let own = id.y * size.width + id.x;
     let part = size.width * size.rows;
     let share = 1.0 / f32(max(size.samples, 1u));
-    var indirect = sums[part + own].xyz;
+    var indirect = bitcast<vec4<f32>>(sums[part + own]).xyz;
     if size.samples > 1u {
         for (var slot = 0u; slot < 9u; slot++) {
-            let albedo = sums[2u * part + 9u * own + slot].xyz;
+            let pair = sums[2u * part + 5u * own + slot / 2u];
+            let albedo = albedo_sum(select(pair.xy, pair.zw, (slot & 1u) == 1u));
             if any(albedo != vec3<f32>(0.0)) {
                 let other = pixel + slot % 3u + slot / 3u * size.width - size.width - 1u;
                 indirect += albedo * light[other].xyz;
@@ -49,6 +52,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         indirect += places[3u * place + 2u].xyz * light[pixel].xyz;
     }
     let depth = places[3u * place + 1u].w;
-    picture[pixel] = sums[own] * share;
+    picture[pixel] = bitcast<vec4<f32>>(sums[own]) * share;
     picture[pixels + pixel] = vec4<f32>(indirect * share, depth);
 }

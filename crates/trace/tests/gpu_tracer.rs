@@ -268,7 +268,7 @@ fn light_of_the_last_picture_is_used_again_as_on_the_cpu() {
     for gpu in gpus() {
         let on_gpu = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
         let mut tracer = GpuTracer::new(&gpu, options.clone()).unwrap();
-        for part_bytes in [u64::MAX, 8 * 40 * 176] {
+        for part_bytes in [u64::MAX, 8 * 40 * 112] {
             tracer.set_part_bytes(part_bytes);
             for ((camera, samples), want) in steps.iter().zip(&on_cpu) {
                 tracer.trace(&gpu, &on_gpu, 1, &lights, camera, *samples, &|| false).unwrap();
@@ -299,7 +299,7 @@ fn a_picture_in_parts_is_the_same() {
         };
         let at_once = picture(None);
         assert!(at_once.coverage.iter().any(|&covered| covered > 0.0));
-        for part_bytes in [1, 16 * 20 * 176] {
+        for part_bytes in [1, 16 * 20 * 112] {
             assert_eq!(picture(Some(part_bytes)), at_once, "{}: {part_bytes}", gpu.name);
         }
     }
@@ -320,6 +320,12 @@ fn what_the_kernels_do_not_draw_is_refused() {
         let gloss = Some(Gloss { reflectance: 0.04, roughness: 0.5 });
         let glossy = Options { gloss, ..Options::default() };
         assert_eq!(refusal(glossy, Vec::new()), Some(Unsupported::Gloss));
+        let many = {
+            let mut tracer = GpuTracer::new(&gpu, Options::default()).unwrap();
+            let lights = prepared(Vec::new());
+            tracer.trace(&gpu, &scene, 1, &lights, &camera, 1025, &|| true)
+        };
+        assert!(matches!(many, Err(GpuLightError::Unsupported(Unsupported::Samples))));
         let image = || Light::Sky { sky: Sky::Image(panorama()) };
         let two = vec![image(), image()];
         assert_eq!(refusal(Options::default(), two), Some(Unsupported::Panorama));

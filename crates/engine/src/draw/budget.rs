@@ -135,14 +135,14 @@ impl Shares {
 /// normals 70, picture with depth 12, targets of point primitives 12, edges and smoothed depth 20,
 /// averages 48.
 const GPU_PIXEL_BYTES: u64 = 176;
-/// Bytes a pixel of pictures that a GPU lights: places 48, sums 176, halves 32, guides and light
-/// 48, the picture 32 and again when it is read back, nested windows with their energies 90,
-/// agreement of halves 32, places and light of the last picture 80.
-const GPU_LIT_PIXEL_BYTES: u64 = 580;
+/// Bytes a pixel of pictures that a GPU lights: places 48, sums 112, halves 32, guides and light
+/// 48, the picture 32, light of the last picture 16; and while it is filtered, nested windows with
+/// their energies 72, cleaned guides 16 and agreement of halves 32.
+const GPU_LIT_PIXEL_BYTES: u64 = 420;
 /// Bytes a pixel of a band of the guided filter, and rows of a band with those around it: moments
 /// along rows and of windows, and coefficients.
 const GPU_BAND_PIXEL_BYTES: u64 = 328;
-const GPU_BAND_ROWS: u64 = 224;
+const GPU_BAND_ROWS: u64 = 160;
 /// Bytes a splat of a lit scene while it is built: the splat 32, its disc 32, keys 16, its share of
 /// the tree.
 const GPU_SPLAT_BYTES: u64 = 88;

@@ -12,10 +12,11 @@ use esker_render::gpu::{Gpu, GpuError};
 const FOUR: u64 = 16;
 /// `vec4<f32>` of the place of a pixel.
 const PLACE: u64 = 3;
-/// `vec4<f32>` of the sums of a pixel: direct light, indirect light that is not looked up, and,
-/// from the second sample on, the albedo that looks up each of the nine pixels around.
+/// Four words of the sums of a pixel: direct light, indirect light that is not looked up, and, from
+/// the second sample on, the albedo that looks up each of the nine pixels around, two words each
+/// (`shaders/common/links.wgsl`).
 const SUMS: u64 = 2;
-const LINKS: u64 = 9;
+const LINKS: u64 = 5;
 /// `vec4<f32>` a pixel of the buffers that hold whole pictures: two halves, two kinds of light.
 const WHOLE: u64 = 2;
 /// Bytes of the sums of a part at most.
@@ -41,8 +42,6 @@ pub(crate) struct Buffers {
     /// Light of the last picture, and the number of samples that it stands for; none if no picture
     /// of this size came before.
     pub(crate) past: Option<Counted>,
-    /// Memory of places and light for the next picture.
-    spare: Option<Spare>,
 }
 
 /// What a new picture takes of the last one.
@@ -53,12 +52,6 @@ pub(crate) struct Last {
     pub(crate) light: Buffer,
     /// What it used of the picture before it.
     pub(crate) past: Option<Counted>,
-}
-
-#[derive(Debug)]
-struct Spare {
-    places: Vec<Counted>,
-    past: Option<Counted>,
 }
 
 /// Buffers of a part.
@@ -90,40 +83,23 @@ impl Buffers {
         Ok(Self { past: None, ..old })
     }
 
-    /// The same for a picture that uses light of the old one again: gives its places and light,
-    /// which [`Buffers::keep`] takes back.
+    /// The same for a picture that uses light of the old one again: gives its places and light.
     ///
     /// # Errors
     /// If memory is refused.
     pub(crate) fn after(gpu: &Gpu, mut old: Self) -> Result<(Self, Last), GpuError> {
-        let Spare { places, past } = match old.spare.take() {
-            Some(spare) => spare,
-            None => {
-                let place = |part: &PartBuffers| gpu.buffer("places", part.places.size(), USAGE);
-                let places = old.parts.iter().map(place).collect::<Result<_, GpuError>>()?;
-                Spare { places, past: None }
-            }
-        };
-        let past = match past {
-            Some(past) => past,
-            None => gpu.buffer("past light", old.light.buffer.size(), USAGE)?,
-        };
+        let past = gpu.buffer("past light", old.light.buffer.size(), USAGE)?;
         let mut last = Last {
             parts: Vec::new(),
             light: Buffer::clone(&old.light.buffer),
             past: old.past.replace(past),
         };
-        for (part, places) in old.parts.iter_mut().zip(places) {
+        for part in &mut old.parts {
+            let places = gpu.buffer("places", part.places.size(), USAGE)?;
             last.parts.push((part.part, std::mem::replace(&mut part.places, places)));
         }
         old.clear(gpu);
         Ok((old, last))
-    }
-
-    /// Keeps the memory of the last picture for the next one.
-    pub(crate) fn keep(&mut self, last: Last) {
-        let places = last.parts.into_iter().map(|(_, places)| places).collect();
-        self.spare = Some(Spare { places, past: last.past });
     }
 
     /// Clears what samples are added to.
@@ -157,7 +133,6 @@ impl Buffers {
             filtered: image("filtered light")?,
             picture: whole("lit picture")?,
             past: None,
-            spare: None,
         })
     }
 
@@ -192,8 +167,7 @@ impl Buffers {
     pub(crate) fn bytes(&self) -> u64 {
         let images = [&self.light, &self.guides, &self.filtered].map(|image| image.buffer.size());
         let parts = self.parts.iter().flat_map(|part| [part.places.size(), part.sums.size()]);
-        let spare = self.spare.iter().flat_map(|spare| spare.places.iter().chain(&spare.past));
-        let kept = spare.chain(&self.past).chain([&self.halves, &self.picture]);
+        let kept = self.past.iter().chain([&self.halves, &self.picture]);
         images.into_iter().chain(parts).chain(kept.map(|buffer| buffer.size())).sum()
     }
 }
@@ -232,7 +206,7 @@ mod tests {
                 next += part.rows;
                 assert_eq!(part.first_place, part.first.saturating_sub(1));
                 assert_eq!(part.first_place + part.place_rows, (next + 1).min(height));
-                let sums = u64::from(part.rows) * u64::from(width) * 176;
+                let sums = u64::from(part.rows) * u64::from(width) * 112;
                 assert!(sums <= bytes || part.rows <= ROWS_STEP);
             }
             assert!(next == height && all.len() > 1);

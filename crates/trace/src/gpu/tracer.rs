@@ -9,7 +9,7 @@ use crate::gpu::frame::{Buffers, PART_BYTES, PartBuffers};
 use crate::gpu::history::reuse;
 use crate::gpu::scene::GpuScene;
 use crate::gpu::world::{LightBuffers, Part, Unsupported, World};
-use crate::gpu::{Pixels, same_layout, sources};
+use crate::gpu::{Pixels, same_layout, same_values, sources, without_twin};
 use crate::image::Image;
 use crate::light::PreparedLights;
 use crate::paths::{Batches, LitImage, Options, Sampler, Sequence, Stats, sampler_of};
@@ -20,12 +20,20 @@ use esker_render::gpu::device::{Counted, readback};
 use esker_render::gpu::wgpu::{Buffer, BufferUsages, ComputePass, PollType};
 use esker_render::gpu::{Gpu, GpuError, Kernel};
 use rayon::prelude::*;
+use sources::constants::common_links::{ALBEDO_STEPS, RED_BITS};
 use sources::constants::common_tally::{BOUNCE_RAYS, COUNTS, ESCAPED, SELF_HITS};
 use sources::constants::common_tally::{SHADOW_RAYS, WITHOUT_GUIDE};
 use std::sync::Arc;
 
 /// Pixels on a side of a workgroup.
 const GROUP_SIDE: u32 = 8;
+
+/// Most samples of a pixel (`shaders/common/links.wgsl`).
+const SAMPLES_MAX: u32 = 1024;
+
+same_values!(common_links == crate::gpu::tracer { SAMPLES_MAX });
+without_twin!(common_links { ALBEDO_STEPS, RED_BITS, GREEN_LOW_BITS });
+const _: () = assert!(ALBEDO_STEPS as u32 * SAMPLES_MAX < 1 << RED_BITS);
 
 /// Bytes of the counts of rays.
 const COUNT_BYTES: u64 = COUNTS as u64 * 8;
@@ -186,6 +194,10 @@ impl GpuTracer {
             frame.scene_epoch == scene_epoch && frame.camera == *camera && frame.lights == *lights
         });
         Buffers::check(gpu, camera.pixels())?;
+        let had = self.frame.as_ref().filter(|_| is_same).map_or(0, |frame| frame.samples);
+        if had.saturating_add(samples) > SAMPLES_MAX {
+            return Err(Unsupported::Samples.into());
+        }
         if scene.emits() {
             return Err(Unsupported::Emitters.into());
         }
@@ -236,7 +248,7 @@ impl GpuTracer {
         let light_buffers = self.upload(gpu, lights)?;
         let (camera, lights) = (*camera, lights.clone());
         let diagonal = scene.diagonal();
-        let mut frame = Frame {
+        let frame = Frame {
             camera,
             scene_epoch,
             lights,
@@ -253,7 +265,6 @@ impl GpuTracer {
         if let Some((last, before, samples)) = last {
             let cameras = [&before, &frame.camera];
             reuse(gpu, &self.kernels.reuse, &last, cameras, samples, &frame.buffers)?;
-            frame.buffers.keep(last);
         }
         self.frame = Some(frame);
         Ok(())

@@ -50,6 +50,9 @@ pub enum Unsupported {
     /// Filtered visibility.
     #[error("visibility is filtered")]
     Visibility,
+    /// More samples than sums of albedo have bits for.
+    #[error("there are more than 1,024 samples a pixel")]
+    Samples,
     /// A picture whose sums exceed a storage binding.
     #[error("the picture has too many pixels for this GPU")]
     Size,
