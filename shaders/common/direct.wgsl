@@ -3,6 +3,8 @@
 
 // include common/world.wgsl
 // include common/directions.wgsl
+// include common/sky.wgsl
+// include common/tally.wgsl
 
 // Dimensions of the numbers for lights: one a light.
 const LIGHT_DIMENSION: u32 = 16u;
@@ -13,12 +15,14 @@ const PI_SHARE: f32 = 0.31830987;
 const BOUNCE_DIMENSION: u32 = 1024u;
 // Bounces from which on paths end at random.
 const ROULETTE_BOUNCE: u32 = 8u;
+// Cosine above which a hit near the start of a ray is on the same surface.
+const SAME_SURFACE_COS: f32 = 0.5;
 // The greatest number below 1.
 const BELOW_ONE: f32 = 0.99999988;
 
 // Light of a lamp at a place; none from behind it.
 fn arrival_at(source: u32, place: Place, u: vec2<f32>) -> Arrival {
-    let arrival = arrival_of(world.lamp[source], place.point, u, place.lift);
+    let arrival = arrival_of(lamps[source], place.point, u, place.lift);
     if dot(arrival.direction, place.normal) > 0.0 {
         return arrival;
     }
@@ -31,6 +35,7 @@ fn unshadowed(place: Place, arrival: Arrival) -> vec3<f32> {
 }
 
 fn is_visible(place: Place, arrival: Arrival) -> bool {
+    tally[SHADOW_RAYS]++;
     let start = start_of(place);
     if is_infinite(arrival.distance) {
         return !is_blocked(Ray(start, infinity(), arrival.direction));
@@ -44,7 +49,7 @@ fn is_visible(place: Place, arrival: Arrival) -> bool {
 fn direct(place: Place, sample: Sample) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     for (var source = 0u; source < world.lamps; source++) {
-        let soft = is_soft(world.lamp[source]);
+        let soft = is_soft(lamps[source]);
         let log2 = select(0u, world.shadow_log2, soft);
         for (var i = 0u; i < (1u << log2); i++) {
             var u = vec2<f32>(0.5);
@@ -73,7 +78,7 @@ fn reflected_of_one(place: Place, sample: Sample, dimension: u32) -> vec3<f32> {
     var radiance = vec3<f32>(0.0);
     for (var source = 0u; source < world.lamps; source++) {
         var u = vec2<f32>(0.5);
-        if is_soft(world.lamp[source]) {
+        if is_soft(lamps[source]) {
             u = pair(sample, dimension + 1u + source);
         }
         let arrival = arrival_at(source, place, u);
@@ -108,10 +113,16 @@ fn incident(start: Place, sample: Sample) -> vec3<f32> {
     for (var bounce = 1u; bounce <= world.bounces; bounce++) {
         let dimension = BOUNCE_DIMENSION * (bounce + 1u);
         let ray = Ray(start_of(place), infinity(), direction);
+        tally[BOUNCE_RAYS]++;
         let surface = blended(ray);
         if is_infinite(surface.distance) {
+            tally[ESCAPED]++;
             sum += throughput * sky(direction);
             break;
+        }
+        let is_near = surface.distance < place.lift * 2.0;
+        if is_near && dot(surface.normal, place.normal) > SAME_SURFACE_COS {
+            tally[SELF_HITS]++;
         }
         place.point = ray.origin + direction * surface.distance;
         place.lift = surface.lift;

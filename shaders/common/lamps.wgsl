@@ -1,5 +1,4 @@
-// Lights that are sampled, and the sky. Twin: crates/trace/src/light/lamp.rs. The shader that
-// includes this declares `world`.
+// Lights that are sampled. Twin: crates/trace/src/light/lamp.rs.
 
 struct Lamp {
     // Position, or corner; and the kind.
@@ -102,10 +101,4 @@ fn meet_lamp(lamp: Lamp, origin: vec3<f32>, direction: vec3<f32>) -> f32 {
     let uv = vec2<f32>(pa * bb - pb * ab, pb * aa - pa * ab) / (aa * bb - ab * ab);
     let is_inside = all(uv >= vec2<f32>(0.0)) && all(uv <= vec2<f32>(1.0));
     return select(infinity(), distance, distance > 0.0 && is_inside);
-}
-
-// Radiance of the sky in a direction of unit length.
-fn sky(direction: vec3<f32>) -> vec3<f32> {
-    let end = select(world.ground.xyz, world.zenith.xyz, direction.z >= 0.0);
-    return mix(world.horizon.xyz, end, min(abs(direction.z), 1.0));
 }

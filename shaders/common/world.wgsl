@@ -1,15 +1,12 @@
 // The view, the lights, and how paths are followed; and places on surfaces. The shader that
-// includes this declares `world`, `tree`, `boxes` and `discs`. Twins: crates/trace/src/camera.rs
-// and crates/trace/src/paths/surface.rs.
+// includes this declares `world`, `tree`, `boxes`, `discs` and `lamps`. Twins:
+// crates/trace/src/camera.rs and crates/trace/src/paths/surface.rs.
 
 // include common/tree.wgsl
 // include common/unit.wgsl
 // include common/lamps.wgsl
 // include common/sequence.wgsl
 // include common/place_seen.wgsl
-
-// Most lamps.
-const LAMPS_MAX: u32 = 16u;
 
 struct World {
     // Eye, and pixels of a unit of length at unit eye depth.
@@ -33,7 +30,25 @@ struct World {
     number: u32,
     index: u32,
     sequence: Sequence,
-    lamp: array<Lamp, 16>,
+    part: Part,
+    // Width and height of the image of the sky, pixels; zeros without one.
+    sky_width: u32,
+    sky_height: u32,
+    unused: u32,
+    unused_2: u32,
+}
+
+// Rows of the picture that a dispatch goes over, and those whose places are in memory.
+struct Part {
+    first: u32,
+    rows: u32,
+    first_place: u32,
+    place_rows: u32,
+}
+
+// Index in `places` of a pixel, by its column and row.
+fn place_at(x: u32, y: u32) -> u32 {
+    return (y - world.part.first_place) * world.width + x;
 }
 
 fn start_of(place: Place) -> vec3<f32> {
@@ -63,13 +78,13 @@ fn see(ray: Ray) -> Place {
         place.kind = REFLECTS;
     }
     for (var i = 0u; i < world.lamps; i++) {
-        let at = meet_lamp(world.lamp[i], ray.origin, ray.direction);
+        let at = meet_lamp(lamps[i], ray.origin, ray.direction);
         if at < nearest {
             nearest = at;
             place.point = ray.origin + ray.direction * at;
             place.lift = 0.0;
             place.normal = -ray.direction;
-            place.colour = world.lamp[i].colour.xyz;
+            place.colour = lamps[i].colour.xyz;
             place.kind = EMITS;
         }
     }

@@ -42,6 +42,10 @@ fn main(
         if level.has_leaves == 1u {
             for (var i = child * 8u; i < min(child * 8u + 8u, level.discs); i++) {
                 let disc = discs[2u * i];
+                // No ray meets a disc without extent.
+                if !(disc.w > 0.0) {
+                    continue;
+                }
                 let normal = stored_normal(i);
                 let half = sqrt(max(vec3<f32>(1.0) - normal * normal, vec3<f32>(0.0))) * disc.w;
                 low = min(low, disc.xyz - half);

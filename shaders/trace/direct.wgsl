@@ -4,6 +4,8 @@
 
 // include common/direct.wgsl
 // include common/places.wgsl
+// include common/fits.wgsl
+// include common/links.wgsl
 
 // Whether this is the first sample, which is that of the guide.
 override FIRST: bool;
@@ -13,18 +15,18 @@ override FIRST: bool;
 @group(0) @binding(2) var<storage, read> discs: array<vec4<f32>>;
 @group(0) @binding(3) var<uniform> world: World;
 @group(0) @binding(4) var<storage, read> places: array<vec4<f32>>;
-// For all pixels direct light and the number of samples that hit a surface; then indirect light
-// that is not looked up and the number of its samples; then, nine a pixel, the albedo of the
-// samples that look up each of the pixels around it.
-@group(0) @binding(5) var<storage, read_write> sums: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> lamps: array<Lamp>;
+@group(0) @binding(6) var<storage, read> sky_pixels: array<vec4<f32>>;
+// For all pixels of the part direct light and the number of samples that hit a surface; then
+// indirect light that is not looked up and the number of its samples, as the bits of floats; then
+// the albedo of the samples that look up each of the nine pixels around a pixel, two words each
+// (common/links.wgsl), ten a pixel.
+@group(0) @binding(7) var<storage, read_write> sums: array<vec4<u32>>;
+// Low and high words of counts.
+@group(0) @binding(8) var<storage, read_write> counts: array<atomic<u32>, 10>;
 
 // Dimension of the numbers for places within a pixel.
 const PIXEL_DIMENSION: u32 = 0u;
-// Cosine between the normals of a sample and of a guide, below which the guide does not fit.
-const FIT_COS: f32 = 0.5;
-// Distance of a sample from the plane of its guide, half widths of a pixel, above which it does
-// not.
-const FIT_PIXELS: f32 = 8.0;
 // Squared difference of normals, and share of the depth, up to which they are equal.
 const NORMAL_ROUNDING: f32 = 1e-6;
 const DEPTH_ROUNDING: f32 = 1e-5;
@@ -32,15 +34,6 @@ const DEPTH_ROUNDING: f32 = 1e-5;
 const NEAR_TIE: f32 = 1e-4;
 // The pixel itself among the nine around it.
 const MIDDLE_SLOT: u32 = 4u;
-
-// Whether the light at a guide can stand for that at a place: both lie on one surface.
-fn fits(guide: Place, seen: Place) -> bool {
-    let off = guide.point - seen.point;
-    let distance = min(abs(dot(guide.normal, off)), abs(dot(seen.normal, off)));
-    let half_width = 0.5 * seen.depth / world.eye.w;
-    let limit = FIT_PIXELS * half_width + max(guide.lift, seen.lift);
-    return dot(guide.normal, seen.normal) >= FIT_COS && distance <= limit;
-}
 
 // Slot of the most similar guide among the four pixel centres around a position; 9 if none fits.
 fn most_similar(pixel: vec2<u32>, at: vec2<f32>, seen: Place) -> u32 {
@@ -58,7 +51,7 @@ fn most_similar(pixel: vec2<u32>, at: vec2<f32>, seen: Place) -> u32 {
         if any(other < vec2<i32>(0)) || any(other >= size) {
             continue;
         }
-        let guide = place_of(u32(other.y) * world.width + u32(other.x));
+        let guide = place_of(place_at(u32(other.x), u32(other.y)));
         if !receives(guide) {
             continue;
         }
@@ -86,53 +79,81 @@ fn most_similar(pixel: vec2<u32>, at: vec2<f32>, seen: Place) -> u32 {
         return best;
     }
     let other = vec2<i32>(pixel) + vec2<i32>(vec2<u32>(best % 3u, best / 3u)) - 1;
-    let guide = place_of(u32(other.y) * world.width + u32(other.x));
-    return select(9u, best, fits(guide, seen));
+    let guide = place_of(place_at(u32(other.x), u32(other.y)));
+    return select(9u, best, fits(guide, seen, world.eye.w));
 }
 
-@compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= world.width || id.y >= world.height {
+fn add_light(at: u32, light: vec4<f32>) {
+    sums[at] = bitcast<vec4<u32>>(bitcast<vec4<f32>>(sums[at]) + light);
+}
+
+// Adds the albedo of a sample that looks up a pixel beside `pixel`.
+fn add_link(pixel: u32, slot: u32, albedo: vec3<f32>) {
+    let at = 2u * world.width * world.part.rows + 5u * pixel + slot / 2u;
+    let pair = sums[at];
+    if (slot & 1u) == 0u {
+        sums[at] = vec4<u32>(with_albedo(pair.xy, albedo), pair.zw);
+    } else {
+        sums[at] = vec4<u32>(pair.xy, with_albedo(pair.zw, albedo));
+    }
+}
+
+// Adds the sample of a pixel.
+fn add_sample(id: vec3<u32>) {
+    if id.x >= world.width || id.y >= world.part.rows {
         return;
     }
+    let own = vec2<u32>(id.x, id.y + world.part.first);
     let pixel = id.y * world.width + id.x;
-    let pixels = world.width * world.height;
-    let sample = sample_of(world.sequence, id.x, id.y, world.number);
-    var at = vec2<f32>(id.xy) + 0.5;
-    var place = place_of(pixel);
+    let pixels = world.width * world.part.rows;
+    let sample = sample_of(world.sequence, own.x, own.y, world.number);
+    var at = vec2<f32>(own) + 0.5;
+    var place = place_of(place_at(own.x, own.y));
     if !FIRST {
-        at = vec2<f32>(id.xy) + pair(sample, PIXEL_DIMENSION);
+        at = vec2<f32>(own) + pair(sample, PIXEL_DIMENSION);
     }
     let ray = eye_ray(at);
     if !FIRST {
         if world.index == 1u {
-            let own = select(vec3<f32>(0.0), place.colour, place.kind == REFLECTS);
-            sums[2u * pixels + 9u * pixel + MIDDLE_SLOT] += vec4<f32>(own, 0.0);
+            let albedo = select(vec3<f32>(0.0), place.colour, place.kind == REFLECTS);
+            add_link(pixel, MIDDLE_SLOT, albedo);
         }
         place = see(ray);
     }
     if place.kind == NOTHING {
         if world.shows_sky == 1u {
-            sums[pixel] += vec4<f32>(finite(sky(ray.direction)), 0.0);
+            add_light(pixel, vec4<f32>(finite(sky(ray.direction)), 0.0));
         }
         return;
     }
     if place.kind == EMITS {
-        sums[pixel] += vec4<f32>(place.colour, 1.0);
+        add_light(pixel, vec4<f32>(place.colour, 1.0));
         return;
     }
     var light = vec3<f32>(0.0);
     if receives(place) {
         light = finite(place.colour * direct(place, sample));
     }
-    sums[pixel] += vec4<f32>(light, 1.0);
+    add_light(pixel, vec4<f32>(light, 1.0));
     if FIRST || !receives(place) {
         return;
     }
-    let slot = most_similar(id.xy, at, place);
+    let slot = most_similar(own, at, place);
     if slot < 9u {
-        sums[2u * pixels + 9u * pixel + slot] += vec4<f32>(place.colour, 0.0);
-    } else if world.bounces > 0u {
-        sums[pixels + pixel] += vec4<f32>(place.colour * incident(place, sample), 1.0);
+        add_link(pixel, slot, place.colour);
+        return;
     }
+    tally[WITHOUT_GUIDE]++;
+    if world.bounces > 0u {
+        add_light(pixels + pixel, vec4<f32>(place.colour * incident(place, sample), 1.0));
+    }
+}
+
+@compute @workgroup_size(8, 8)
+fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    add_sample(id);
+    add_tally(lane);
 }

@@ -8,9 +8,11 @@ use esker_render::gpu::device::all_interfaces;
 use esker_render::gpu::{Gpu, GpuRequest};
 use esker_trace::filter::{FilterKind, Settings};
 use esker_trace::gpu::{GpuLightError, GpuTracer, SceneKernels, Unsupported};
+use esker_trace::light::Panorama;
 use esker_trace::scene::{Albedo, SplatInput};
 use esker_trace::{
-    Camera, Gloss, Image, Light, Lights, Options, PreparedLights, Scene, Sequence, Sky, Tracer,
+    Camera, Gloss, Image, Light, Lights, Options, PreparedLights, Scene, Sequence, Sky, Stats,
+    Tracer,
 };
 use glam::{DVec3, Vec3};
 
@@ -68,6 +70,17 @@ fn camera(width: u32, height: u32) -> Camera {
     let eye = DVec3::new(0.7, -3.0, 1.6);
     let view = View::look_at(eye, DVec3::new(0.0, 0.3, 0.6), DVec3::Z, 1.0, width, height);
     Camera::new(&view, DVec3::ZERO)
+}
+
+/// An image of the sky with a bright spot, and values that have no meaning.
+fn panorama() -> Panorama {
+    let pixel = |i: usize| match i {
+        3 => [f32::NAN, 1.0, 1.0],
+        9 => [-1.0, 0.5, 0.0],
+        20 => [6.0, 5.0, 4.0],
+        _ => [0.1 * (i % 5) as f32, 0.2, 0.3],
+    };
+    Panorama { width: 8, height: 5, pixels: (0..38).map(pixel).collect() }
 }
 
 /// One light of each kind that the kernels draw.
@@ -136,13 +149,13 @@ fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
     let on_cpu = |options: &Options| {
         let mut tracer = Tracer::new(options.clone());
         assert!(tracer.trace(&scene, 1, &lights, &camera, 3, &|| false));
-        (tracer.resolve(), tracer.incident())
+        (tracer.resolve(), tracer.incident(), tracer.stats())
     };
     let wanted: Vec<_> = all.iter().map(on_cpu).collect();
     for gpu in gpus() {
         let on_gpu = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
         let mut tracer = GpuTracer::new(&gpu, Options::default()).unwrap();
-        for (options, (want, incident)) in all.iter().zip(&wanted) {
+        for (options, (want, incident, counted)) in all.iter().zip(&wanted) {
             tracer.set_options(options.clone());
             assert!(tracer.trace(&gpu, &on_gpu, 1, &lights, &camera, 3, &|| false).unwrap());
             let got = tracer.resolve(&gpu).unwrap();
@@ -160,6 +173,15 @@ fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
             ];
             println!("{}: {:?}: {counts:?} of {}", gpu.name, options.sequence, traced.len());
             assert!(counts.iter().all(|&n| n <= 3), "{}: {counts:?}", gpu.name);
+            let stats = tracer.stats(&gpu).unwrap();
+            assert_eq!(stats.eye_rays, counted.eye_rays);
+            let parts =
+                |s: &Stats| [s.bounce_rays, s.shadow_rays, s.self_hits, s.escaped, s.without_guide];
+            for (got, want) in parts(&stats).into_iter().zip(parts(counted)) {
+                // A path that meets a rim within rounding goes another way.
+                let is_near = got.abs_diff(want) <= 4 + want / 200;
+                assert!(is_near, "{}: {stats:?}, {counted:?}", gpu.name);
+            }
         }
     }
 }
@@ -212,6 +234,101 @@ fn a_picture_goes_on_where_it_stopped_and_begins_afresh_for_another_scene() {
 }
 
 #[test]
+fn an_image_of_the_sky_and_many_lamps_light_as_on_the_cpu() {
+    let (splats, camera) = (splats(), camera(40, 30));
+    let scene = Scene::new(input(&splats));
+    let lamp = |i: u32| {
+        let angle = i as f64 * 0.3;
+        let position = [1.5 * angle.cos(), 1.5 * angle.sin() - 0.5, 1.2];
+        Light::Point { position, intensity: [0.1, 0.05 + 0.002 * i as f32, 0.1] }
+    };
+    let mut all: Vec<Light> = (0..40).map(lamp).collect();
+    all.push(Light::Sky { sky: Sky::Image(panorama()) });
+    all.push(Light::Sky { sky: Sky::Constant([0.05; 3]) });
+    let lights = prepared(all);
+    // The number that chooses a lamp is scaled up for each that was not chosen, so that rounding
+    // decides in one path of some hundred. A filter would spread these.
+    let filter = Settings::of(FilterKind::None);
+    let options = Options { shows_sky: true, seed: 3, filter, ..Options::default() };
+    let mut tracer = Tracer::new(options.clone());
+    assert!(tracer.trace(&scene, 1, &lights, &camera, 2, &|| false));
+    let want = tracer.resolve();
+    for gpu in gpus() {
+        let on_gpu = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
+        let mut tracer = GpuTracer::new(&gpu, options.clone()).unwrap();
+        assert!(tracer.trace(&gpu, &on_gpu, 1, &lights, &camera, 2, &|| false).unwrap());
+        let got = tracer.resolve(&gpu).unwrap();
+        let counts = [
+            differing(&got.direct, &want.direct, 0.01),
+            differing(&got.radiance, &want.radiance, 0.01),
+        ];
+        println!("{}: {counts:?} of {}", gpu.name, got.radiance.len());
+        assert!(counts[0] <= 2 && counts[1] <= 12, "{}: {counts:?}", gpu.name);
+    }
+}
+
+#[test]
+fn light_of_the_last_picture_is_used_again_as_on_the_cpu() {
+    let (splats, lights) = (splats(), prepared(lights()));
+    let scene = Scene::new(input(&splats));
+    let at = |x: f64| {
+        let eye = DVec3::new(x, -3.0, 1.6);
+        let view = View::look_at(eye, DVec3::new(0.0, 0.3, 0.6), DVec3::Z, 1.0, 40, 30);
+        Camera::new(&view, DVec3::ZERO)
+    };
+    let options = Options { filter: Settings::of(FilterKind::None), ..Options::default() };
+    // Two samples, moved a little, and moved again so that the past has a past.
+    let steps = [(at(0.7), 2), (at(0.75), 1), (at(0.6), 1)];
+    let mut tracer = Tracer::new(options.clone());
+    let on_cpu = steps.map(|(camera, samples)| {
+        assert!(tracer.trace(&scene, 1, &lights, &camera, samples, &|| false));
+        tracer.incident()
+    });
+    let mut afresh = Tracer::new(Options { reprojects: false, ..options.clone() });
+    assert!(afresh.trace(&scene, 1, &lights, &steps[2].0, 1, &|| false));
+    let noisy = differing(&afresh.incident(), &on_cpu[2], 0.01);
+    assert!(noisy > 400, "light is used again at many pixels, not {noisy}");
+    for gpu in gpus() {
+        let on_gpu = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
+        let mut tracer = GpuTracer::new(&gpu, options.clone()).unwrap();
+        for part_bytes in [u64::MAX, 8 * 40 * 112] {
+            tracer.set_part_bytes(part_bytes);
+            for ((camera, samples), want) in steps.iter().zip(&on_cpu) {
+                tracer.trace(&gpu, &on_gpu, 1, &lights, camera, *samples, &|| false).unwrap();
+                let [r, g, b, _] = tracer.incident(&gpu).unwrap().planes;
+                let got = Image { width: 40, height: 30, planes: [r, g, b] };
+                let count = differing(&got, want, 0.01);
+                println!("{}: {part_bytes}: {count} of {}", gpu.name, got.len());
+                assert!(count <= 3, "{}: {count}", gpu.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_picture_in_parts_is_the_same() {
+    let (splats, camera, lights) = (splats(), camera(20, 27), prepared(lights()));
+    let options = Options { bounces: 1, ..Options::default() };
+    for gpu in gpus() {
+        let scene = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
+        let picture = |part_bytes: Option<u64>| {
+            let mut tracer = GpuTracer::new(&gpu, options.clone()).unwrap();
+            part_bytes.into_iter().for_each(|bytes| tracer.set_part_bytes(bytes));
+            // The second call goes on with the same buffers, the third begins in them afresh.
+            for (epoch, samples) in [(1, 1), (1, 2), (2, 3)] {
+                tracer.trace(&gpu, &scene, epoch, &lights, &camera, samples, &|| false).unwrap();
+            }
+            tracer.resolve(&gpu).unwrap()
+        };
+        let at_once = picture(None);
+        assert!(at_once.coverage.iter().any(|&covered| covered > 0.0));
+        for part_bytes in [1, 16 * 20 * 112] {
+            assert_eq!(picture(Some(part_bytes)), at_once, "{}: {part_bytes}", gpu.name);
+        }
+    }
+}
+
+#[test]
 fn what_the_kernels_do_not_draw_is_refused() {
     let (splats, camera) = (splats(), camera(8, 8));
     for gpu in gpus() {
@@ -226,7 +343,14 @@ fn what_the_kernels_do_not_draw_is_refused() {
         let gloss = Some(Gloss { reflectance: 0.04, roughness: 0.5 });
         let glossy = Options { gloss, ..Options::default() };
         assert_eq!(refusal(glossy, Vec::new()), Some(Unsupported::Gloss));
-        let lamp = Light::Point { position: [0.0; 3], intensity: [1.0; 3] };
-        assert_eq!(refusal(Options::default(), vec![lamp; 17]), Some(Unsupported::Lamps));
+        let many = {
+            let mut tracer = GpuTracer::new(&gpu, Options::default()).unwrap();
+            let lights = prepared(Vec::new());
+            tracer.trace(&gpu, &scene, 1, &lights, &camera, 1025, &|| true)
+        };
+        assert!(matches!(many, Err(GpuLightError::Unsupported(Unsupported::Samples))));
+        let image = || Light::Sky { sky: Sky::Image(panorama()) };
+        let two = vec![image(), image()];
+        assert_eq!(refusal(Options::default(), two), Some(Unsupported::Panorama));
     }
 }

@@ -13,6 +13,7 @@ use esker_lod::Surroundings;
 use esker_points::Node;
 use esker_render::gpu::NodePool;
 use esker_render::gpu::passes::ewa::BatchCapacity;
+use esker_render::gpu::splats::SPLATS_MAX;
 use esker_render::picture::margin::MARGIN_PX;
 
 /// Bytes a pixel of the CPU renderer: frame buffer, pyramid with normals, picture, smoothed depth.
@@ -22,6 +23,9 @@ const PIXEL_BYTES: u64 = 90;
 const EXPOSURE_PIXEL_BYTES: u64 = 12;
 /// Bytes a pixel of lit pictures beyond those of other ones: samples, guides, the filter's sums.
 const LIT_PIXEL_BYTES: u64 = 400;
+/// Bytes a pixel in main memory of pictures that a GPU lights: what is read back, as bytes, as
+/// planes, and as a picture.
+const LIT_HOST_PIXEL_BYTES: u64 = 180;
 /// Least memory for the scene of lit pictures: some hundred thousand splats.
 const SCENE_BYTES_MIN: u64 = 32 << 20;
 /// Bytes a node beside its record: the cache entry, and what the choice keeps of visited nodes.
@@ -53,6 +57,33 @@ impl Shares {
     /// # Errors
     /// If the budget is too small; the message has the smallest possible one.
     pub fn of(file: &Forest, options: &Options) -> Result<Self> {
+        let is_lit = options.settings.method == Method::Lit;
+        let lit_pixel_bytes = is_lit.then_some(PIXEL_BYTES + LIT_PIXEL_BYTES);
+        Self::with(file, options, lit_pixel_bytes, if is_lit { SCENE_BYTES_MIN } else { 0 })
+    }
+
+    /// Shares of the budget of a session on `file` that a GPU draws: scenes of lit pictures lie in
+    /// the memory of the GPU.
+    ///
+    /// # Errors
+    /// As for [`Shares::of`].
+    pub fn beside_gpu(file: &Forest, options: &Options) -> Result<Self> {
+        if options.settings.method != Method::Lit {
+            return Self::of(file, options);
+        }
+        let shares = Self::with(file, options, Some(LIT_HOST_PIXEL_BYTES), 0)?;
+        let splats_max = GpuShares::of(file, options)?.splats_max;
+        Ok(Self { lit: Some(light::shares(splats_max)), ..shares })
+    }
+
+    /// Shares with pictures of `lit_pixel_bytes` a pixel if they are lit, and at least
+    /// `lit_least` bytes of their scene.
+    fn with(
+        file: &Forest,
+        options: &Options,
+        lit_pixel_bytes: Option<u64>,
+        lit_least: u64,
+    ) -> Result<Self> {
         let Options { size, runs, .. } = *options;
         let Settings { budget_ram_bytes: budget_bytes, evens_exposure, .. } = options.settings;
         // Records of several trees are joined in one more table.
@@ -63,15 +94,10 @@ impl Shares {
                 + footer.statistics.bytes * 2
         };
         let tree_bytes = file.files().map(|file| of(file.footer())).sum::<u64>();
-        let is_lit = options.settings.method == Method::Lit;
-        let pixel_bytes = match (is_lit, evens_exposure) {
-            (true, _) => PIXEL_BYTES + LIT_PIXEL_BYTES,
-            (false, true) => PIXEL_BYTES + EXPOSURE_PIXEL_BYTES,
-            (false, false) => PIXEL_BYTES,
-        };
+        let unlit = PIXEL_BYTES + if evens_exposure { EXPOSURE_PIXEL_BYTES } else { 0 };
+        let pixel_bytes = lit_pixel_bytes.unwrap_or(unlit);
         let picture_bytes = pixels_with_margin(size) * pixel_bytes;
         let run_bytes = RUN_BYTES as u64;
-        let lit_least = if is_lit { SCENE_BYTES_MIN } else { 0 };
         let fixed = tree_bytes + picture_bytes + FIXED_BYTES + lit_least;
         let least = fixed + runs.map_or(RUNS_MIN, |r| r as u64) * run_bytes;
         ensure!(
@@ -90,7 +116,7 @@ impl Shares {
         let runs = runs.map_or(free.clamp(RUNS_MIN, RUNS_MAX), |r| r as u64);
         let staging_bytes = runs * run_bytes;
         let scene_bytes = budget_bytes.saturating_sub(fixed + staging_bytes) + lit_least;
-        let lit = is_lit.then(|| light::shares(light::splats_max(scene_bytes)));
+        let lit = lit_pixel_bytes.map(|_| light::shares(light::splats_max(scene_bytes)));
         Ok(Self { tree_bytes, picture_bytes, staging_bytes, lit })
     }
 
@@ -109,6 +135,24 @@ impl Shares {
 /// normals 70, picture with depth 12, targets of point primitives 12, edges and smoothed depth 20,
 /// averages 48.
 const GPU_PIXEL_BYTES: u64 = 176;
+/// Bytes a pixel of pictures that a GPU lights: places 48, sums 112, halves 32, guides and light
+/// 48, the picture 32, light of the last picture 16; and while it is filtered, nested windows with
+/// their energies 72, cleaned guides 16 and agreement of halves 32.
+const GPU_LIT_PIXEL_BYTES: u64 = 420;
+/// Bytes a pixel of a band of the guided filter, and rows of a band with those around it: moments
+/// along rows and of windows, and coefficients.
+const GPU_BAND_PIXEL_BYTES: u64 = 328;
+const GPU_BAND_ROWS: u64 = 160;
+/// Bytes a splat of a lit scene while it is built: the splat 32, its disc 32, keys 16, its share of
+/// the tree.
+const GPU_SPLAT_BYTES: u64 = 88;
+/// Words of a batch of points that are made to splats.
+const GPU_SPLATS_BATCH_BYTES: u64 = 11 << 20;
+/// Part of the memory left by pictures and runs that scenes of lit pictures take; the rest holds
+/// the planes of nodes, with some 24 bytes a point.
+const GPU_SCENE_SHARE: f64 = 0.75;
+/// Least memory for the scene of lit pictures on a GPU.
+const GPU_SCENE_BYTES_MIN: u64 = 8 << 20;
 /// Bytes a drawn node: rows in the tables of draws, chunks and the octree, which grow by doubling.
 const GPU_NODE_BYTES: u64 = 512;
 /// Uniforms, colour maps, timestamps, depth tiles that are read back.
@@ -129,6 +173,8 @@ pub struct GpuShares {
     pub runs: usize,
     /// Capacity of a batch of splats.
     pub batch: BatchCapacity,
+    /// Most splats of a lit scene; 0 without light.
+    pub splats_max: u64,
     /// What is left for planes of nodes.
     pub pool_bytes: u64,
 }
@@ -140,19 +186,28 @@ impl GpuShares {
     /// If the budget is too small; the message has the smallest possible one.
     pub fn of(file: &Forest, options: &Options) -> Result<Self> {
         let [width, height] = options.size.map(u64::from);
+        let is_lit = options.settings.method == Method::Lit;
         let nodes = (file.table().nodes.len()).min(options.nodes_max) as u64;
         let pixel_bytes = GPU_PIXEL_BYTES
             + if options.settings.evens_exposure { EXPOSURE_PIXEL_BYTES } else { 0 };
-        let picture_bytes = pixels_with_margin(options.size) * pixel_bytes
-            + nodes * GPU_NODE_BYTES
-            + GPU_FIXED_BYTES;
+        let pixels_bytes = if is_lit {
+            let band = width * height.min(GPU_BAND_ROWS) * GPU_BAND_PIXEL_BYTES;
+            width * height * GPU_LIT_PIXEL_BYTES + band + light::gpu_bytes(&options.settings.light)
+        } else {
+            pixels_with_margin(options.size) * pixel_bytes
+        };
+        let picture_bytes = pixels_bytes + nodes * GPU_NODE_BYTES + GPU_FIXED_BYTES;
         let budget_bytes = options.settings.budget_gpu_bytes;
-        // Reserved for every method: sessions change their method while they run.
+        // Reserved for every method but light: sessions change their method while they run.
         let batch = BatchCapacity::within(budget_bytes / BATCH_SHARE);
-        let picture_bytes = picture_bytes + batch.bytes();
+        let (batch_bytes, scene_least) = match is_lit {
+            true => (GPU_SPLATS_BATCH_BYTES, GPU_SCENE_BYTES_MIN),
+            false => (batch.bytes(), 0),
+        };
+        let picture_bytes = picture_bytes + batch_bytes;
         let run_bytes = RUN_BYTES as u64;
         let runs_min = options.runs.map_or(RUNS_MIN, |r| r as u64);
-        let least = picture_bytes + runs_min * run_bytes + POOL_BYTES_MIN;
+        let least = picture_bytes + runs_min * run_bytes + POOL_BYTES_MIN + scene_least;
         ensure!(
             budget_bytes >= least,
             "{}: a budget of GPU memory of {} is too small: {} is the least (pictures of {width}x{height} {}); \
@@ -167,8 +222,12 @@ impl GpuShares {
         let runs = options
             .runs
             .map_or((free / 16 / run_bytes).clamp(RUNS_MIN, GPU_RUNS_MAX), |r| r as u64);
-        let pool_bytes = NodePool::bytes_within(free - runs * run_bytes);
-        Ok(Self { picture_bytes, runs: runs as usize, batch, pool_bytes })
+        let rest = free - runs * run_bytes;
+        let scene_bytes = if is_lit { (rest as f64 * GPU_SCENE_SHARE) as u64 } else { 0 };
+        let splats_max = (scene_bytes / GPU_SPLAT_BYTES).min(SPLATS_MAX);
+        // What no scene can take goes to the planes.
+        let pool_bytes = NodePool::bytes_within(rest - splats_max * GPU_SPLAT_BYTES);
+        Ok(Self { picture_bytes, runs: runs as usize, batch, splats_max, pool_bytes })
     }
 }
 

@@ -18,7 +18,7 @@ use crate::draw::painter::{CpuPainter, FrameInput, GpuPainter, Painter};
 pub use crate::draw::painter::{GpuBytes, Image};
 use crate::light::settings::LightSettings;
 use crate::light::status::LitStatus;
-use crate::light::{LIT_BY_CPU, check_built, class_plane};
+use crate::light::{check_built, class_plane, gpu_refusal};
 use crate::machine::backend::{Backend, Drawer};
 use crate::machine::system;
 use anyhow::{Context, Error, Result, bail, ensure};
@@ -100,20 +100,33 @@ impl Session {
     /// source of colours, a thread cannot be started, a root cannot be read, or the user insists on
     /// a GPU and there is none.
     pub fn open(file: Arc<Forest>, options: Options) -> Result<Self> {
-        let shares = Shares::of(&file, &options)?;
-        let Settings { colour_by, filter, method, shines, evens_exposure, full, .. } =
+        let Settings { colour_by, filter, method, shines, light, evens_exposure, full, .. } =
             &options.settings;
         let appearance = Appearance::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
         let appearance = appearance.evened(&file, *evens_exposure)?;
         let appearance = if *full { appearance } else { appearance.compacted(&file) };
         // Classes are read as they are stored, also where colours are made of them.
-        let has_classes = class_plane(&file, *method, &options.settings.light).is_some();
+        let has_classes = class_plane(&file, *method, light).is_some();
         let appearance = if has_classes { appearance.with_values() } else { appearance };
-        let (gpu, drawer) = if *method == Method::Lit {
+        if *method == Method::Lit {
             check_built()?;
-            (None, Drawer::cpu(LIT_BY_CPU.into()))
-        } else {
-            options.backend.choose(&options.gpu, options.device.as_ref())?
+        }
+        let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
+        let refusal = if *method == Method::Lit { gpu_refusal(light) } else { None };
+        let (gpu, drawer) = match refusal.filter(|_| gpu.is_some()) {
+            Some(why) if options.backend == Backend::Gpu => bail!("{why}; {USE_CPU}"),
+            Some(why) => (None, Drawer::cpu(why)),
+            None => (gpu, drawer),
+        };
+        let shares = match &gpu {
+            Some(_) => Shares::beside_gpu(&file, &options),
+            None => Shares::of(&file, &options),
+        };
+        let (gpu, drawer, shares) = match shares {
+            Err(fault) if gpu.is_some() && options.backend == Backend::Auto => {
+                (None, Drawer::cpu(format!("{fault:#}")), Shares::of(&file, &options)?)
+            }
+            shares => (gpu, drawer, shares?),
         };
         let mut session = Self {
             file,
@@ -161,6 +174,7 @@ impl Session {
         // The memory of the GPU is freed before that of the CPU is taken.
         self.running = None;
         self.drawer = Drawer::cpu(format!("{fault:#}"));
+        self.shares = Shares::of(&self.file, &self.options)?;
         self.start_on_cpu()
     }
 
@@ -280,8 +294,7 @@ impl Session {
     }
 
     /// Draws by `method` from the next frame on. Returns false, and changes nothing, if that takes
-    /// another session: those that light read the surroundings of the view too, and the CPU draws
-    /// them.
+    /// another session: those that light read the surroundings of the view too.
     pub fn set_method(&mut self, method: Method) -> bool {
         let is_lit = |method| method == Method::Lit;
         if is_lit(method) != is_lit(self.appearance.method) {
@@ -444,6 +457,8 @@ impl Session {
     }
 }
 
+/// What to do where a GPU does not draw.
+const USE_CPU: &str = "draw it with --backend cpu";
 /// Error of a session without threads.
 const ENDED: &str = "the session has ended";
 

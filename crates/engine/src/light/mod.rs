@@ -7,6 +7,8 @@ pub mod document;
 #[cfg(feature = "light")]
 pub mod lights;
 #[cfg(feature = "light")]
+pub(crate) mod options;
+#[cfg(feature = "light")]
 pub(crate) mod progressive;
 #[cfg(not(feature = "light"))]
 #[path = "unlit.rs"]
@@ -15,6 +17,8 @@ pub(crate) mod progressive;
 mod refining;
 #[cfg(feature = "light")]
 pub(crate) mod scene;
+#[cfg(feature = "light")]
+pub(crate) mod scene_tracer;
 pub mod settings;
 pub mod spec;
 pub mod status;
@@ -38,9 +42,6 @@ use settings::{FilterName, LightSettings};
 /// Most bytes a splat while a scene is built: the splat itself (48), its disc with albedo and
 /// normal, and its share of the tree.
 const SPLAT_BYTES: u64 = 128;
-/// Why a GPU does not draw.
-pub(crate) const LIT_BY_CPU: &str = "lit pictures are drawn by the CPU";
-
 /// Whether this program can light.
 pub const IS_BUILT: bool = cfg!(feature = "light");
 
@@ -55,6 +56,29 @@ pub fn check_built() -> Result<()> {
          cargo build --release -p esker -p esker-view --features light"
     );
     Ok(())
+}
+
+/// Why a GPU does not draw the lit frames of a session; none if it does. What depends on the size
+/// of the picture is found when it is drawn.
+pub(crate) fn gpu_refusal(settings: &LightSettings) -> Option<String> {
+    #[cfg(feature = "light")]
+    return options::gpu_refusal(settings);
+    #[cfg(not(feature = "light"))]
+    {
+        let _ = settings;
+        None
+    }
+}
+
+/// Bytes of lights in the memory of a GPU: an image of the sky may be large.
+pub(crate) fn gpu_bytes(settings: &LightSettings) -> u64 {
+    #[cfg(feature = "light")]
+    return options::gpu_bytes(settings);
+    #[cfg(not(feature = "light"))]
+    {
+        let _ = settings;
+        0
+    }
 }
 
 /// Names of the passes of a lit picture, in their order (`bauszat2011`, figure 1).

@@ -1,20 +1,22 @@
 //! Lit frames of a session. While the view, the lights or the points change, each frame is a coarse
 //! picture of one sample, so that the window follows; at rest the picture is refined, a part of a
 //! sample a frame, until it has [`SAMPLES_FINAL`] samples a pixel. The scene is a copy of the
-//! points, built anew when another cut arrives, so that no slot is read later.
+//! points, built anew when another cut arrives, so that no slot is read later. The CPU or a GPU
+//! traces ([`crate::light::scene_tracer`]).
 
 use crate::light::document::Emissive;
-use crate::light::refining::Refining;
-use crate::light::scene::{LitScene, Meshes};
+use crate::light::options::{lights_of, options};
+use crate::light::scene::Meshes;
+use crate::light::scene_tracer::{OnCpu, OnGpu, Quality, SceneTracer};
 use crate::light::settings::LightSettings;
 use crate::light::status::LitStatus;
-use crate::light::still::{lights_of, options};
 use crate::light::tone::Tones;
 use anyhow::Result;
 use esker_lod::View;
 use esker_points::task::Silent;
+use esker_render::gpu::Gpu;
 use esker_render::{Frame, PassTimes, Picture, Stats};
-use esker_trace::{Camera, LitImage, PreparedLights, Tracer};
+use esker_trace::{Camera, LitImage, PreparedLights};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
@@ -47,19 +49,16 @@ struct Seen {
 }
 
 /// Draws lit frames, and keeps scene and samples between them.
-pub(crate) struct Progressive {
-    meshes: Meshes,
+pub(crate) struct Progressive<T> {
+    tracer: T,
     scene: Option<Scene>,
-    refining: Refining,
-    /// Number of the newest scene; tracers begin afresh with another one.
+    /// Number of the newest scene; pictures begin afresh with another one.
     scenes: u64,
     lights: Option<(LightSettings, PreparedLights)>,
-    fine: Tracer,
-    coarse: Tracer,
-    /// What the samples of `fine` are of.
+    /// What the samples of the fine picture are of.
     seen: Option<Seen>,
     exposure: Option<f64>,
-    /// Whether the samples of `fine` are of what is seen.
+    /// Whether these samples are of what is seen.
     is_begun: bool,
     /// When the refined picture was shown last.
     shown: Option<Instant>,
@@ -68,39 +67,59 @@ pub(crate) struct Progressive {
     status: LitStatus,
 }
 
-/// A scene, and what it was built of.
+/// Draws lit frames on the CPU.
+pub(crate) type CpuProgressive = Progressive<OnCpu>;
+/// Draws lit frames on a GPU.
+pub(crate) type GpuProgressive = Progressive<OnGpu>;
+
+/// What the newest scene was built of.
 struct Scene {
-    lit: LitScene,
+    /// Place in the world that it is relative to.
+    origin: DVec3,
     /// Points that shine in it.
     shining: Vec<Emissive>,
-    /// Epoch of the cut, and whether the cut was settled.
+    /// Epoch of the cut.
     epoch: u64,
     built: Instant,
     took: Duration,
 }
 
-impl Progressive {
+impl CpuProgressive {
     /// A drawer of lit frames with at most `splats_max` splats.
     ///
     /// # Errors
     /// If a mesh cannot be read.
-    pub(crate) fn new(settings: &LightSettings, splats_max: u64) -> Result<Self> {
+    pub(crate) fn on_cpu(settings: &LightSettings, splats_max: u64) -> Result<Self> {
         let options = options(settings, &lights_of(settings));
-        Ok(Self {
-            meshes: Meshes::read(settings, &Silent)?,
+        Ok(Self::new(OnCpu::new(Meshes::read(settings, &Silent)?, &options), splats_max))
+    }
+}
+
+impl GpuProgressive {
+    /// A drawer of lit frames with at most `splats_max` splats.
+    ///
+    /// # Errors
+    /// If the driver refuses a shader.
+    pub(crate) fn on_gpu(gpu: &Gpu, settings: &LightSettings, splats_max: u64) -> Result<Self> {
+        let options = options(settings, &lights_of(settings));
+        Ok(Self::new(OnGpu::new(gpu, &options)?, splats_max))
+    }
+}
+
+impl<T: SceneTracer> Progressive<T> {
+    fn new(tracer: T, splats_max: u64) -> Self {
+        Self {
+            tracer,
             scene: None,
-            refining: Refining::default(),
             scenes: 0,
             lights: None,
-            fine: Tracer::new(options.clone()),
-            coarse: Tracer::new(options),
             seen: None,
             exposure: None,
             is_begun: false,
             shown: None,
             cost_ms: 0.0,
             status: LitStatus { splats_max, samples_final: SAMPLES_FINAL, ..LitStatus::default() },
-        })
+        }
     }
 
     /// State of the last picture.
@@ -114,48 +133,44 @@ impl Progressive {
         self.status.samples >= SAMPLES_FINAL
     }
 
-    /// Draws a frame of a cut, by its epoch. `classes` are those of the points of each draw, where
-    /// lights choose points by them.
+    /// Draws a frame of a cut, by its epoch, whose planes are in `memory`.
+    ///
+    /// # Errors
+    /// If a GPU fails, or does not draw such pictures.
     pub(crate) fn draw(
         &mut self,
-        frame: &Frame<'_>,
-        classes: &[Option<&[u8]>],
+        frame: &Frame<'_, T::Plane<'_>>,
+        memory: &T::Memory<'_>,
         epoch: u64,
         settings: &LightSettings,
         picture: &mut Picture,
-    ) {
+    ) -> Result<()> {
         let start = Instant::now();
-        self.build(frame, classes, epoch, settings);
+        self.build(frame, memory, epoch, settings)?;
         let seen = Seen { view: *frame.view, scene: self.scenes, settings: settings.clone() };
         let is_same = self.seen.as_ref() == Some(&seen);
         let is_newest = self.scene.as_ref().is_some_and(|scene| scene.epoch == epoch);
-        if let Some(scene) = &mut self.scene {
-            let is_at_rest = is_same && is_newest && self.status.samples >= REFINED_FROM;
-            let splats_max = self.status.splats_max;
-            let traced = &scene.lit.scene;
-            if let Some(refined) = self.refining.poll(traced, self.scenes, splats_max, is_at_rest) {
-                // The same surfaces, so that samples stay.
-                scene.lit.scene = refined;
-            }
-        }
+        let is_at_rest = is_same && is_newest && self.status.samples >= REFINED_FROM;
+        self.tracer.poll_refined(self.scenes, self.status.splats_max, is_at_rest);
         if is_same && is_newest {
-            self.refine(frame, settings, picture);
+            self.refine(frame, settings, picture)?;
         } else {
-            self.glance(frame, settings, picture);
+            self.glance(frame, settings, picture)?;
         }
         self.seen = Some(seen);
         picture.stats.stages =
             PassTimes { total_ms: start.elapsed().as_secs_f64() * 1e3, ..PassTimes::default() };
+        Ok(())
     }
 
     /// Builds the scene of a cut, unless the last scene is too new to be replaced already.
     fn build(
         &mut self,
-        frame: &Frame<'_>,
-        classes: &[Option<&[u8]>],
+        frame: &Frame<'_, T::Plane<'_>>,
+        memory: &T::Memory<'_>,
         epoch: u64,
         settings: &LightSettings,
-    ) {
+    ) -> Result<()> {
         let is_moving = self.seen.as_ref().is_none_or(|seen| seen.view != *frame.view);
         let lights = lights_of(settings);
         let shines_same = self.scene.as_ref().is_some_and(|scene| scene.shining == lights.emissive);
@@ -166,10 +181,10 @@ impl Progressive {
         if !keeps {
             let start = Instant::now();
             let origin = self.origin(frame);
-            let lit = LitScene::new(frame, classes, &self.meshes, &lights, origin);
+            self.tracer.build(frame, memory, &lights, origin)?;
             let took = start.elapsed();
             let shining = lights.emissive.clone();
-            self.scene = Some(Scene { lit, shining, epoch, built: Instant::now(), took });
+            self.scene = Some(Scene { origin, shining, epoch, built: Instant::now(), took });
             self.scenes += 1;
             self.lights = None;
         }
@@ -178,31 +193,35 @@ impl Progressive {
             if self.lights.as_ref().is_some_and(|(of, _)| of.lights != settings.lights) {
                 self.exposure = None;
             }
-            let options = options(settings, &lights);
-            self.fine.set_options(options.clone());
-            self.coarse.set_options(options);
-            self.lights = Some((settings.clone(), scene.lit.prepared(&lights)));
+            self.tracer.set_options(&options(settings, &lights), &lights)?;
+            let prepared = esker_trace::Lights::from(lights.lights).prepare(scene.origin);
+            self.lights = Some((settings.clone(), prepared));
         }
+        Ok(())
     }
 
     /// Origin of the next scene: that of the last one while the eye stays near it, so that its
     /// light can be used again.
-    fn origin(&mut self, frame: &Frame<'_>) -> DVec3 {
+    fn origin<P>(&mut self, frame: &Frame<'_, P>) -> DVec3 {
         let eye = frame.view.eye;
         let step = frame.lattice.scale.iter().copied().fold(0.0, f64::max);
         let extent = step * NEAR_STEPS;
-        let kept = self.scene.as_ref().map(|scene| scene.lit.origin);
+        let kept = self.scene.as_ref().map(|scene| scene.origin);
         if let Some(origin) = kept.filter(|origin| origin.distance(eye) <= extent) {
             return origin;
         }
-        self.fine.clear();
-        self.coarse.clear();
+        self.tracer.clear();
         eye
     }
 
     /// Draws a coarse picture of one sample.
-    fn glance(&mut self, frame: &Frame<'_>, settings: &LightSettings, picture: &mut Picture) {
-        let (Some(scene), Some((_, lights))) = (&self.scene, &self.lights) else { return };
+    fn glance<P>(
+        &mut self,
+        frame: &Frame<'_, P>,
+        settings: &LightSettings,
+        picture: &mut Picture,
+    ) -> Result<()> {
+        let (Some(scene), Some((_, lights))) = (&self.scene, &self.lights) else { return Ok(()) };
         let pixels = f64::from(frame.view.width) * f64::from(frame.view.height);
         let fits = |by: &u32| self.cost_ms * pixels * 1e-6 <= COARSE_MS * f64::from(by * by);
         let by = COARSER.into_iter().find(fits).unwrap_or(COARSER[COARSER.len() - 1]);
@@ -211,54 +230,61 @@ impl Progressive {
         let side = |length: u32| length.div_ceil(by);
         let view =
             View { width: side(frame.view.width), height: side(frame.view.height), ..*frame.view };
-        let camera = Camera::new(&view, scene.lit.origin);
+        let camera = Camera::new(&view, scene.origin);
         let start = Instant::now();
-        self.coarse.trace(&scene.lit.scene, self.scenes, lights, &camera, 1, &|| false);
-        let image = self.coarse.resolve();
+        self.tracer.trace(Quality::Coarse, self.scenes, lights, &camera, &|| false)?;
+        let image = self.tracer.resolve(Quality::Coarse)?;
         let ms = start.elapsed().as_secs_f64() * 1e3;
         self.cost_ms = ms / (camera.pixels() as f64 * 1e-6);
         (self.status.samples, self.is_begun) = (0, false);
         self.show(&image, by, frame, settings, picture);
+        Ok(())
     }
 
     /// Refines the picture.
-    fn refine(&mut self, frame: &Frame<'_>, settings: &LightSettings, picture: &mut Picture) {
-        let (Some(scene), Some((_, lights))) = (&self.scene, &self.lights) else { return };
-        let camera = Camera::new(frame.view, scene.lit.origin);
+    fn refine<P>(
+        &mut self,
+        frame: &Frame<'_, P>,
+        settings: &LightSettings,
+        picture: &mut Picture,
+    ) -> Result<()> {
+        let (Some(scene), Some((_, lights))) = (&self.scene, &self.lights) else { return Ok(()) };
+        let camera = Camera::new(frame.view, scene.origin);
         if self.status.samples >= SAMPLES_FINAL {
-            return;
+            return Ok(());
         }
         let start = Instant::now();
         // Until it is called, the tracer has the samples of another picture.
         while start.elapsed() < FRAME_BUDGET
-            && (!self.is_begun || self.fine.samples() < SAMPLES_FINAL)
+            && (!self.is_begun || self.tracer.samples() < SAMPLES_FINAL)
         {
             self.is_begun = true;
             let is_over = || start.elapsed() >= FRAME_BUDGET;
-            self.fine.trace(&scene.lit.scene, self.scenes, lights, &camera, 1, &is_over);
+            self.tracer.trace(Quality::Fine, self.scenes, lights, &camera, &is_over)?;
         }
-        let samples = self.fine.samples();
+        let samples = self.tracer.samples();
         // Filtering takes as long as a sample, so that not every sample is shown.
         let is_due = samples == SAMPLES_FINAL
             || self.status.samples == 0
             || self.shown.is_none_or(|shown| shown.elapsed() > SHOW_INTERVAL);
         if samples > 0 && samples != self.status.samples && is_due {
-            let image = self.fine.resolve();
+            let image = self.tracer.resolve(Quality::Fine)?;
             if image.coverage.is_empty() {
-                return;
+                return Ok(());
             }
             self.status.samples = samples;
             self.shown = Some(Instant::now());
             self.show(&image, 1, frame, settings, picture);
         }
+        Ok(())
     }
 
     /// Shows light whose sides are smaller by a factor.
-    fn show(
+    fn show<P>(
         &mut self,
         image: &LitImage,
         by: u32,
-        frame: &Frame<'_>,
+        frame: &Frame<'_, P>,
         settings: &LightSettings,
         picture: &mut Picture,
     ) {
@@ -281,19 +307,19 @@ impl Progressive {
         let covered = image.coverage.iter().filter(|&&covered| covered > 0.0).count();
         [picture.width, picture.height] = [width, height];
         enlarge(&rgba, &image.depth, image.radiance.width, by as usize, picture);
-        let Some(scene) = &self.scene else { return };
+        let held = self.tracer.held();
         picture.stats = Stats {
-            points_drawn: scene.lit.splats as u64,
+            points_drawn: held.splats as u64,
             nodes_drawn: frame.draws.iter().filter(|draw| draw.prefix > 0).count() as u32,
-            splats_drawn: scene.lit.scene.splats() as u64,
-            splats_dropped: scene.lit.scene.dropped() as u64,
+            splats_drawn: (held.splats - held.dropped) as u64,
+            splats_dropped: held.dropped as u64,
             pixels_projected: covered as u64 * u64::from(by * by),
             pixels_covered: covered as u64 * u64::from(by * by),
             stages: PassTimes::default(),
         };
-        self.status.splats = scene.lit.splats;
+        self.status.splats = held.splats;
         self.status.exposure = exposure;
-        self.status.bytes = scene.lit.scene.bytes() + self.fine.bytes() + self.coarse.bytes();
+        self.status.bytes = held.bytes;
     }
 }
 

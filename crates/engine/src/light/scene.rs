@@ -7,10 +7,10 @@ use crate::light::tone::srgb_to_linear;
 use anyhow::Result;
 use esker_points::Task;
 use esker_render::{Codebook, ColourBy, Frame, Splat, splats};
+use esker_trace::Scene;
 use esker_trace::scene::{
     Albedo, Emitter, Members, Mesh, MeshTree, Object, SplatInput, adopt_normals,
 };
-use esker_trace::{PreparedLights, Scene};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -19,8 +19,6 @@ use std::sync::Arc;
 pub struct LitScene {
     /// What rays meet.
     pub scene: Scene,
-    /// Place in the world that positions are relative to.
-    pub origin: DVec3,
     /// Splats of the frame, those that no ray can meet among them.
     pub splats: usize,
 }
@@ -112,18 +110,13 @@ impl LitScene {
     ) -> Self {
         let splats = GatheredSplats::of(frame, lights, classes, origin);
         let scene = Scene::new(splats.input()).with_objects(meshes.objects(origin));
-        Self { scene, origin, splats: splats.splats.len() }
-    }
-
-    /// Lights relative to the origin of the scene.
-    pub fn prepared(&self, lights: &Lights) -> PreparedLights {
-        esker_trace::Lights::from(lights.lights.clone()).prepare(self.origin)
+        Self { scene, splats: splats.splats.len() }
     }
 }
 
 /// Albedo for a source of colours. Colours of a scan are scaled, since they hold the light of the
 /// day of the scan.
-fn albedo(colour: ColourBy) -> Albedo {
+pub(crate) fn albedo(colour: ColourBy) -> Albedo {
     if colour == ColourBy::Plain { Albedo::Plain(PLAIN) } else { Albedo::Rgb }
 }
 

@@ -3,10 +3,9 @@
 
 use crate::draw::scene::PictureScene;
 use crate::io::quantity::grouped;
-use crate::light::document::Lights;
-use crate::light::lights;
+use crate::light::options::{lights_of, options};
 use crate::light::scene::{GatheredSplats, Meshes, holds_light};
-use crate::light::settings::{FilterName, Gloss, LightSettings};
+use crate::light::settings::LightSettings;
 use crate::light::tone::Tones;
 use crate::light::tracing::{GpuRefusal, Job, Traced, ms};
 use anyhow::Result;
@@ -15,8 +14,7 @@ use esker_lod::{Counters, light_octree};
 use esker_points::Task;
 use esker_render::gpu::Gpu;
 use esker_render::{Frame, PassTimes, Picture, Stats};
-use esker_trace::filter::{FilterKind, Settings as FilterSettings};
-use esker_trace::{Camera, Gloss as Lobe, LitImage, Options};
+use esker_trace::{Camera, LitImage};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -56,54 +54,22 @@ pub struct LightReport {
     pub triangles: usize,
     /// Bytes of the scene: surfaces and their tree.
     pub scene_bytes: u64,
-    /// All rays; a GPU counts neither these nor what follows.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rays: Option<u64>,
+    /// All rays.
+    pub rays: u64,
     /// Share of the rays that bounce which hit the surface that they left.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub self_hits: Option<f64>,
+    pub self_hits: f64,
     /// Share of the rays that bounce which hit nothing: they saw the sky, or leaked between the
     /// points of a closed scene.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub escaped: Option<f64>,
+    pub escaped: f64,
     /// Share of the rays through pixels that fitted no guide and were traced afresh (`bauszat2011`,
     /// figure 3b).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub without_guide: Option<f64>,
+    pub without_guide: f64,
     /// Making splats and their tree, milliseconds.
     pub build_ms: f64,
     /// Tracing, milliseconds.
     pub trace_ms: f64,
     /// Filtering, milliseconds.
     pub filter_ms: f64,
-}
-
-/// Options of the tracer for settings.
-pub(crate) fn options(settings: &LightSettings, lights: &Lights) -> Options {
-    let kind = match settings.filter {
-        FilterName::Guided => FilterKind::Guided,
-        FilterName::Nested => FilterKind::Nested,
-        FilterName::Bilateral => FilterKind::Bilateral,
-        FilterName::Atrous => FilterKind::Atrous,
-        FilterName::None => FilterKind::None,
-    };
-    Options {
-        bounces: settings.bounces,
-        shadow_samples: settings.shadow_samples,
-        seed: settings.seed,
-        filter: FilterSettings::of(kind),
-        filters_visibility: settings.filters_shadows,
-        gloss: settings
-            .gloss
-            .map(|Gloss { reflectance, roughness }| Lobe { reflectance, roughness }),
-        shows_sky: lights.have_sky(),
-        ..Options::default()
-    }
-}
-
-/// The lights of settings.
-pub(crate) fn lights_of(settings: &LightSettings) -> Lights {
-    settings.lights.clone().unwrap_or_else(lights::defaults)
 }
 
 /// Draws a scene lit, on `gpu` if its kernels draw such pictures. Returns also why they do not,
@@ -184,10 +150,10 @@ impl LightReport {
             splats_dropped: traced.dropped,
             triangles: job.meshes.triangles(),
             scene_bytes: traced.scene_bytes,
-            rays: counts.map(|c| c.rays()),
-            self_hits: counts.map(|c| share(c.self_hits, c.bounce_rays)),
-            escaped: counts.map(|c| share(c.escaped, c.bounce_rays)),
-            without_guide: counts.map(|c| share(c.without_guide, c.eye_rays)),
+            rays: counts.rays(),
+            self_hits: share(counts.self_hits, counts.bounce_rays),
+            escaped: share(counts.escaped, counts.bounce_rays),
+            without_guide: share(counts.without_guide, counts.eye_rays),
             build_ms: gather_ms + build_ms,
             trace_ms,
             filter_ms,
@@ -255,21 +221,16 @@ pub(crate) fn notes(scene: &PictureScene, report: &LightReport) -> Vec<&'static 
 
 /// Text of a report.
 pub(crate) fn text(report: &LightReport) -> String {
-    let counts = report.rays.map_or(String::new(), |rays| {
-        let percent = |share: Option<f64>| share.unwrap_or_default() * 100.0;
-        format!(
-            "{} rays, {:.1} % self-hits, {:.1} % escaped, {:.1} % without guide, ",
-            grouped(rays),
-            percent(report.self_hits),
-            percent(report.escaped),
-            percent(report.without_guide),
-        )
-    });
     format!(
-        "light: {} ({}), {} splats, {counts}exposure {:.3}; ms: build {:.0}, trace {:.0}, filter {:.0}",
+        "light: {} ({}), {} splats, {} rays, {:.1} % self-hits, {:.1} % escaped, \
+         {:.1} % without guide, exposure {:.3}; ms: build {:.0}, trace {:.0}, filter {:.0}",
         report.lights.join(", "),
         report.filter,
         grouped(report.splats as u64),
+        grouped(report.rays),
+        report.self_hits * 100.0,
+        report.escaped * 100.0,
+        report.without_guide * 100.0,
         report.exposure,
         report.build_ms,
         report.trace_ms,

@@ -1,21 +1,22 @@
 //! Traces a lit still, on the CPU or on a GPU: the splats of the picture go in, linear light with
 //! counts and times comes out. A GPU draws what its kernels can; the CPU draws the rest.
 
+use crate::io::quantity::grouped;
 use crate::light::document::Lights;
+use crate::light::options::MESHES_REFUSED;
 use crate::light::scene::{GatheredSplats, Meshes};
 use anyhow::Result;
 use esker_points::{Cancelled, Task};
 use esker_render::gpu::{Gpu, GpuError};
-use esker_trace::gpu::{GpuLightError, GpuTracer, SceneKernels};
+use esker_trace::gpu::{GpuLightError, GpuTracer, SPLATS_MAX, SceneKernels};
 use esker_trace::{Camera, LitImage, Options, PreparedLights, Scene, Stats, Tracer};
 use std::time::Instant;
 
 /// Linear light of a picture, and what tracing it took.
 pub(crate) struct Traced {
     pub(crate) image: LitImage,
-    /// Counts; none from a GPU.
-    pub(crate) counts: Option<Stats>,
-    /// Splats that no ray can meet, or that a GPU has no room for.
+    pub(crate) counts: Stats,
+    /// Splats that no ray can meet.
     pub(crate) dropped: usize,
     pub(crate) scene_bytes: u64,
     /// Building the tree, tracing, filtering; milliseconds.
@@ -76,7 +77,7 @@ impl Job<'_> {
         let image = tracer.resolve();
         Ok(Traced {
             image,
-            counts: Some(tracer.stats()),
+            counts: tracer.stats(),
             dropped: scene.dropped(),
             scene_bytes: scene.bytes() as u64,
             times_ms: [build_ms, trace_ms, ms(start)],
@@ -89,10 +90,14 @@ impl Job<'_> {
     /// If the GPU does not draw such pictures, fails, or `task` is cancelled.
     pub(crate) fn on_gpu(&self, gpu: &Gpu, task: &dyn Task) -> Result<Traced, GpuRefusal> {
         if self.meshes.triangles() > 0 {
-            return Err(GpuRefusal::Because("pictures with meshes are lit by the CPU".into()));
+            return Err(GpuRefusal::Because(MESHES_REFUSED.into()));
         }
         let start = Instant::now();
         let scene = SceneKernels::new(gpu)?.scene(gpu, &self.splats.input())?;
+        if scene.left_out() > 0 {
+            let most = grouped(SPLATS_MAX as u64);
+            return Err(GpuRefusal::Because(format!("a GPU lights at most {most} splats")));
+        }
         let build_ms = ms(start);
         let (lights, pixels) = (self.prepared(), self.camera.pixels() as u64);
         let mut tracer = GpuTracer::new(gpu, self.options.clone())?;
@@ -109,7 +114,7 @@ impl Job<'_> {
         let image = tracer.resolve(gpu)?;
         Ok(Traced {
             image,
-            counts: None,
+            counts: tracer.stats(gpu)?,
             dropped: self.splats.splats.len() - scene.splats(),
             scene_bytes: scene.bytes(),
             times_ms: [build_ms, trace_ms, ms(start)],

@@ -13,11 +13,13 @@ use esker_engine::light::document::{Emissive, Lights};
 use esker_engine::light::settings::LightSettings;
 use esker_engine::light::spec::parse;
 use esker_engine::light::status::LitStatus;
-use esker_engine::machine::backend::Backend;
+use esker_engine::machine::backend::{Backend, GpuRequest};
 use esker_engine::{Method, NormalsMode, Picture};
 use esker_format::Forest;
 use esker_lod::View;
 use esker_points::task::Silent;
+use esker_render::gpu::Gpu;
+use esker_render::gpu::device::all_interfaces;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -206,4 +208,124 @@ fn the_scene_of_a_session_is_within_its_share_of_main_memory() {
     let view = view(session.file());
     session.settle(&view, Duration::from_secs(60)).unwrap();
     assert!(session.frame(&view).unwrap().light.unwrap().is_bounded);
+}
+
+/// Requests for each software or real GPU of this machine, with only what WebGPU guarantees.
+fn minimal_gpus() -> Vec<GpuRequest> {
+    let request = |&backends| GpuRequest {
+        backends,
+        allow_software: true,
+        is_minimal: true,
+        ..GpuRequest::default()
+    };
+    let all: Vec<_> = all_interfaces().iter().map(request).collect();
+    let all: Vec<_> = all.into_iter().filter(|request| Gpu::open(request).is_ok()).collect();
+    if all.is_empty() {
+        eprintln!("no adapter");
+    }
+    all
+}
+
+/// A lit session of small pictures: software drivers trace slowly.
+fn small(settings: Settings, backend: Backend, gpu: GpuRequest) -> anyhow::Result<Session> {
+    let options = Options { settings, backend, gpu, size: SMALL, ..Options::default() };
+    Session::open(Arc::new(creek()), options)
+}
+
+const SMALL: [u32; 2] = [32, 24];
+
+/// The final picture of a session and its state.
+fn final_picture(session: &mut Session, view: &View) -> (Picture, LitStatus) {
+    let deadline = Instant::now() + Duration::from_secs(240);
+    loop {
+        let frame = session.frame(view).unwrap();
+        let (light, is_final) = (frame.light.unwrap(), frame.is_final);
+        if is_final {
+            return (session.picture().unwrap(), light);
+        }
+        assert!(Instant::now() < deadline, "{light:?}");
+    }
+}
+
+#[test]
+fn a_gpu_lights_the_frames_of_a_session_as_the_cpu_does() {
+    let view = Camera::parse(CAMERA).unwrap().view(info::bounds(&creek()), SMALL);
+    let settings = || Settings { budget_gpu_bytes: 256 << 20, ..settings("sun:225,40|sky") };
+    let mut on_cpu = small(settings(), Backend::Cpu, GpuRequest::default()).unwrap();
+    let (want, of_cpu) = final_picture(&mut on_cpu, &view);
+    for request in minimal_gpus() {
+        let mut session = small(settings(), Backend::Gpu, request).unwrap();
+        let first = session.frame(&view).unwrap();
+        assert!(!first.is_final && first.light.unwrap().samples == 0, "a coarse picture is first");
+        let (picture, state) = final_picture(&mut session, &view);
+        assert_eq!(session.drawer().backend(), "gpu");
+        assert_eq!((state.samples, state.splats), (of_cpu.samples, of_cpu.splats));
+        assert!(state.bytes > 0 && !state.is_bounded, "{state:?}");
+        let flip = mean_flip(&picture.rgba, &want.rgba, SMALL[0] as usize);
+        assert!(flip <= 0.01, "FLIP {flip} between the GPU and the CPU");
+        let deep = |d: f32| if d.is_finite() { d } else { 1e9 };
+        let differs = |(a, b): &(&f32, &f32)| (deep(**a) / deep(**b) - 1.0).abs() > 1e-3;
+        let other_depths = picture.depth.iter().zip(&want.depth).filter(differs).count();
+        assert!(other_depths <= 8, "{other_depths} depths differ");
+        // Another sun begins a new picture.
+        session.set_light(light("sun:225,2"));
+        assert_eq!(session.frame(&view).unwrap().light.unwrap().samples, 0);
+        assert!(session.gpu_bytes().unwrap().peak_bytes <= 256 << 20);
+    }
+}
+
+#[test]
+fn what_a_gpu_does_not_light_is_lit_by_the_cpu_with_a_reason_or_refused() {
+    let shining = Emissive { classes: Vec::new(), bounds: None, radiance: [1.0; 3] };
+    let mut shines = light("sky");
+    shines.lights.as_mut().unwrap().emissive.push(shining);
+    for request in minimal_gpus().into_iter().take(1) {
+        let settings = |light: LightSettings| Settings { light, ..settings("sky") };
+        let session = small(settings(shines.clone()), Backend::Auto, request).unwrap();
+        let note = session.drawer().note.clone().unwrap();
+        assert_eq!(session.drawer().backend(), "cpu");
+        assert!(note.contains("emit"), "{note}");
+        let fault = small(settings(shines.clone()), Backend::Gpu, request).err().unwrap();
+        let fault = fault.to_string();
+        assert!(fault.contains("emit") && fault.contains("--backend cpu"), "{fault}");
+        // Lights that come later go to the CPU too.
+        let view = Camera::parse(CAMERA).unwrap().view(info::bounds(&creek()), SMALL);
+        let settings = Settings { budget_gpu_bytes: 256 << 20, ..settings(light("sky")) };
+        let mut session = small(settings, Backend::Auto, request).unwrap();
+        session.frame(&view).unwrap();
+        assert_eq!(session.drawer().backend(), "gpu");
+        session.set_light(shines.clone());
+        session.frame(&view).unwrap();
+        assert_eq!(session.drawer().backend(), "cpu");
+    }
+}
+
+#[test]
+fn scene_and_pictures_that_a_gpu_lights_are_within_its_budget() {
+    let size = [96, 72];
+    let view = Camera::parse(CAMERA).unwrap().view(info::bounds(&creek()), size);
+    for request in minimal_gpus().into_iter().take(1) {
+        let open = |budget_gpu_bytes| {
+            let settings = Settings { budget_gpu_bytes, ..settings("sun:225,40|sky") };
+            let backend = Backend::Gpu;
+            let options = Options { settings, backend, gpu: request, size, ..Options::default() };
+            Session::open(Arc::new(creek()), options)
+        };
+        let fault = open(16 << 20).err().unwrap().to_string();
+        assert!(fault.contains("--budget-gpu") && fault.contains("MiB is the least"), "{fault}");
+        let least = fault.split(" MiB is the least").next().unwrap().rsplit(' ').next().unwrap();
+        let least = least.parse::<u64>().unwrap() << 20;
+        let mut session = open(least).unwrap();
+        session.settle(&view, Duration::from_secs(60)).unwrap();
+        // The second sample takes the most memory, and filters a picture of two halves.
+        while session.frame(&view).unwrap().light.unwrap().samples < 2 {}
+        let bytes = session.gpu_bytes().unwrap();
+        assert!(bytes.peak_bytes <= least, "{bytes:?} of {least}");
+        let light = session.frame(&view).unwrap().light.unwrap();
+        assert!(light.splats > 1000 && light.splats as u64 <= light.splats_max, "{light:?}");
+        drop(session);
+        let splats_max =
+            |budget| open(budget).unwrap().frame(&view).unwrap().light.unwrap().splats_max;
+        assert!(splats_max(4 * least) > 2 * splats_max(least), "more memory takes more splats");
+    }
 }

@@ -6,6 +6,7 @@ pub mod feedback;
 pub mod memory;
 pub mod passes;
 pub mod renderer;
+pub mod splats;
 pub mod surface;
 pub(crate) mod target;
 #[cfg(test)]
@@ -20,5 +21,6 @@ pub use memory::pool::NodePool;
 pub use memory::table::PlaneAt;
 pub use memory::upload::{UploadRing, UploadRun};
 pub use renderer::GpuRenderer;
+pub use splats::{GpuSplats, SplatBuffer};
 /// The device library, for callers that create the device themselves.
 pub use wgpu;

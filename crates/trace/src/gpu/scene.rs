@@ -23,13 +23,13 @@ pub const SPLATS_MAX: usize = (BINDING_BYTES_MAX / DISC_BYTES) as usize;
 /// A disc (`shaders/common/discs.wgsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct GpuDisc {
-    centre: [f32; 3],
-    radius: f32,
+pub(crate) struct GpuDisc {
+    pub(crate) centre: [f32; 3],
+    pub(crate) radius: f32,
     /// Octahedral code.
-    normal: [i16; 2],
+    pub(crate) normal: [i16; 2],
     /// Albedo and emitter.
-    tint: [u16; 4],
+    pub(crate) tint: [u16; 4],
     unused: u32,
 }
 
@@ -39,7 +39,7 @@ const _: () = assert!(size_of::<GpuDisc>() as u64 == DISC_BYTES);
 const TASK: usize = 1 << 13;
 
 impl GpuDisc {
-    fn new(disc: &Disc) -> Self {
+    pub(crate) fn new(disc: &Disc) -> Self {
         Self {
             centre: disc.centre.to_array(),
             radius: disc.radius,
@@ -74,12 +74,14 @@ pub struct SceneKernels {
 #[derive(Debug)]
 pub struct GpuScene {
     pub(crate) tree: GpuTree,
-    splats: usize,
-    left_out: usize,
+    /// Splats that it was made of.
+    pub(crate) given: usize,
+    pub(crate) splats: usize,
+    pub(crate) left_out: usize,
     /// Diagonal of the box of all discs.
-    diagonal: f32,
+    pub(crate) diagonal: f32,
     /// Whether some splats emit light.
-    emits: bool,
+    pub(crate) emits: bool,
 }
 
 impl SceneKernels {
@@ -117,9 +119,8 @@ impl SceneKernels {
         let corners = [centres.min, centres.max];
         let (count, culls) = (packed.len() as u32, input.cull_back_faces);
         let tree = self.builder.build(gpu, &unordered, count, corners, culls)?;
-        let diagonal = (bounds.max - bounds.min).length();
-        let diagonal = if diagonal.is_finite() { diagonal } else { 0.0 };
-        Ok(GpuScene { tree, splats: packed.len(), left_out, diagonal, emits })
+        let (given, splats) = (input.splats.len(), packed.len());
+        Ok(GpuScene { tree, given, splats, left_out, diagonal: diagonal_of(&bounds), emits })
     }
 
     /// The surface that each ray meets first, and waits for them.
@@ -165,6 +166,12 @@ impl GpuScene {
         self.splats
     }
 
+    /// Number of splats that it was made of and that no ray can meet: without extent, with values
+    /// that are not finite, or beyond [`SPLATS_MAX`].
+    pub fn dropped(&self) -> usize {
+        self.given - self.splats
+    }
+
     /// Number of splats beyond [`SPLATS_MAX`].
     pub fn left_out(&self) -> usize {
         self.left_out
@@ -189,6 +196,12 @@ impl GpuScene {
     pub(crate) fn bindings(&self) -> [(u32, &Buffer); 3] {
         [(0, &self.tree.uniform), (1, &self.tree.boxes), (2, &self.tree.discs)]
     }
+}
+
+/// Diagonal of a box; 0 for an empty one.
+pub(crate) fn diagonal_of(bounds: &Bounds) -> f32 {
+    let diagonal = (bounds.max - bounds.min).length();
+    if diagonal.is_finite() { diagonal } else { 0.0 }
 }
 
 /// Traces rays by a kernel of `shaders/trace/rays.wgsl`; eight numbers a ray.

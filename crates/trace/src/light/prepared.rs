@@ -5,12 +5,21 @@ use super::kinds::{Light, Lights};
 use super::lamp::Lamp;
 use super::sky::Sky;
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// Lights relative to the origin of a scene, ready to be sampled.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct PreparedLights {
-    skies: Vec<Sky>,
+    /// Shared by clones: an image of the sky may have a hundred megabytes.
+    skies: Arc<Vec<Sky>>,
     lamps: Vec<Lamp>,
+}
+
+impl PartialEq for PreparedLights {
+    fn eq(&self, other: &Self) -> bool {
+        let has_same_skies = Arc::ptr_eq(&self.skies, &other.skies) || self.skies == other.skies;
+        has_same_skies && self.lamps == other.lamps
+    }
 }
 
 impl Lights {
@@ -23,15 +32,15 @@ impl Lights {
 
 impl PreparedLights {
     fn of(lights: &Lights, origin: DVec3) -> Self {
-        let mut prepared = Self::default();
+        let (mut skies, mut lamps) = (Vec::new(), Vec::new());
         for light in &lights.lights {
             if let Light::Sky { sky } = light {
-                prepared.skies.push(clean(sky));
+                skies.push(clean(sky));
             } else if let Some(lamp) = lamp(light, origin) {
-                prepared.lamps.push(lamp);
+                lamps.push(lamp);
             }
         }
-        prepared
+        Self { skies: skies.into(), lamps }
     }
 
     /// Radiance of the sky in a direction of unit length.

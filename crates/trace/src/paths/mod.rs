@@ -7,7 +7,7 @@ mod directions;
 mod frame;
 mod gloss;
 mod guide;
-mod history;
+pub(crate) mod history;
 mod indirect;
 mod lookup;
 mod options;

@@ -17,7 +17,9 @@ const ALBEDO_BRIGHT: f32 = 0.8;
 const ALBEDO_RANGE: [f32; 2] = [0.02, 0.9];
 
 /// Splats that the percentile of luminance is taken of: it is within 0.2 % then.
-const SAMPLES: usize = 1 << 16;
+pub(crate) const SAMPLES: usize = 1 << 16;
+/// Shares of red, green and blue in the luminance of linear light.
+pub(crate) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Splats that emit light.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,24 +104,28 @@ pub(crate) fn disc_of(splat: &Splat, tint: Tint) -> Disc {
     Disc { centre: Vec3::from_array(splat.centre), normal, radius, tint }
 }
 
+impl Albedo {
+    /// Factor and range that colours are made to albedo with, from the luminances of some splats.
+    pub(crate) fn rule(self, luminances: impl Iterator<Item = f32>) -> (f32, [f32; 2]) {
+        if self != Self::Rgb {
+            return (1.0, [0.0, 1.0]);
+        }
+        let mut bright: Vec<f32> = luminances.filter(|l| !l.is_nan()).collect();
+        if bright.is_empty() {
+            return (1.0, ALBEDO_RANGE);
+        }
+        let at = (bright.len() - 1) * 95 / 100;
+        let percentile = *bright.select_nth_unstable_by(at, f32::total_cmp).1;
+        let is_fine = percentile > 0.0 && percentile.is_finite();
+        (if is_fine { ALBEDO_BRIGHT / percentile } else { 1.0 }, ALBEDO_RANGE)
+    }
+}
+
 impl SplatInput<'_> {
     /// Factor and range that colours are made to albedo with.
     pub(crate) fn albedo_rule(&self) -> (f32, [f32; 2]) {
-        match self.albedo {
-            Albedo::Rgb => {
-                let step = self.splats.len() / SAMPLES + 1;
-                let sampled = self.splats.iter().step_by(step).map(|s| luminance(s.colour));
-                let mut bright: Vec<f32> = sampled.filter(|l| !l.is_nan()).collect();
-                if bright.is_empty() {
-                    return (1.0, ALBEDO_RANGE);
-                }
-                let at = (bright.len() - 1) * 95 / 100;
-                let percentile = *bright.select_nth_unstable_by(at, f32::total_cmp).1;
-                let is_fine = percentile > 0.0 && percentile.is_finite();
-                (if is_fine { ALBEDO_BRIGHT / percentile } else { 1.0 }, ALBEDO_RANGE)
-            }
-            Albedo::Plain(_) | Albedo::AsIs => (1.0, [0.0, 1.0]),
-        }
+        let step = self.splats.len() / SAMPLES + 1;
+        self.albedo.rule(self.splats.iter().step_by(step).map(|s| luminance(s.colour)))
     }
 
     /// Tint of splat `index`, by the rule of the scene.
@@ -149,5 +155,5 @@ impl Members {
 
 /// Luminance of a colour of linear light.
 fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
+    LUMINANCE[0] * r + LUMINANCE[1] * g + LUMINANCE[2] * b
 }

@@ -5,7 +5,7 @@ use super::{FrameInput, GpuBytes, Image, Painter, report_complete};
 use crate::draw::method::Method;
 use crate::draw::slots::DrawingMemory;
 use crate::draw::staging::{Landed, PlainRun, Staging};
-use crate::light::progressive::Progressive;
+use crate::light::progressive::CpuProgressive;
 use crate::light::status::LitStatus;
 use anyhow::{Context, Result};
 use esker_format::Forest;
@@ -25,7 +25,7 @@ pub(crate) struct CpuPainter {
     /// View of the picture, until its depth is taken.
     drawn: Option<View>,
     /// Drawer of lit frames, once there is one.
-    lit: Option<Progressive>,
+    lit: Option<CpuProgressive>,
 }
 
 impl CpuPainter {
@@ -94,10 +94,10 @@ impl Painter for CpuPainter {
         if appearance.method == Method::Lit {
             let lit = match &mut self.lit {
                 Some(lit) => lit,
-                empty => empty.insert(Progressive::new(light, splats_max)?),
+                empty => empty.insert(CpuProgressive::on_cpu(light, splats_max)?),
             };
             let classes = input.classes(|slot| memory.read(slot));
-            lit.draw(&frame, &classes, cut.epoch, light, &mut self.picture);
+            lit.draw(&frame, &classes[..], cut.epoch, light, &mut self.picture)?;
             // Nodes that are hidden still cast light and shadows.
             self.drawn = None;
             return Ok(());
@@ -136,11 +136,11 @@ impl Painter for CpuPainter {
     }
 
     fn light(&self) -> Option<LitStatus> {
-        self.lit.as_ref().map(Progressive::status)
+        self.lit.as_ref().map(CpuProgressive::status)
     }
 
     fn is_converged(&self) -> bool {
-        self.lit.as_ref().is_none_or(Progressive::is_converged)
+        self.lit.as_ref().is_none_or(CpuProgressive::is_converged)
     }
 
     fn gpu_bytes(&self) -> Option<GpuBytes> {

@@ -4,8 +4,11 @@
 
 use super::{FrameInput, GpuBytes, Image, Painter, report_complete};
 use crate::draw::budget::GpuShares;
+use crate::draw::method::Method;
 use crate::draw::options::Options;
 use crate::draw::staging::{GpuRun, Landed, Staging};
+use crate::light::progressive::GpuProgressive;
+use crate::light::status::LitStatus;
 use anyhow::{Context, Result};
 use esker_format::Forest;
 use esker_lod::DepthFeedback;
@@ -13,7 +16,7 @@ use esker_render::gpu::device::shader::folder;
 use esker_render::gpu::wgpu::{CommandEncoder, PollType};
 use esker_render::gpu::{Gpu, GpuError, GpuRenderer, NodePool, PlaneAt, UploadRing};
 use esker_render::{Picture, Stats};
-use esker_stream::{Needs, StreamError, Streamer, Transfer};
+use esker_stream::{Needs, Slot, StreamError, Streamer, Transfer};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::AcqRel, Ordering::Acquire};
 use std::time::{Duration, Instant};
@@ -43,6 +46,8 @@ pub(crate) struct GpuPainter {
     commands: Option<CommandEncoder>,
     flying: Arc<AtomicUsize>,
     stats: Stats,
+    /// Drawer of lit frames, once there is one, and its last picture.
+    lit: Option<(GpuProgressive, Picture)>,
     shaders_checked: Instant,
     shader_fault: Option<String>,
 }
@@ -71,6 +76,7 @@ impl GpuPainter {
             commands: None,
             flying: Arc::default(),
             stats: Stats::default(),
+            lit: None,
             shaders_checked: Instant::now(),
             shader_fault: None,
             gpu,
@@ -128,6 +134,29 @@ impl GpuPainter {
     }
 }
 
+impl GpuPainter {
+    /// Draws a lit frame, and waits for it: its scene is a copy of the points of the pool.
+    fn draw_lit(&mut self, input: &FrameInput<'_>) -> Result<()> {
+        self.flush()?;
+        let FrameInput { file, view, cut, appearance, light, splats_max } = *input;
+        let plane = |slot: Slot| PlaneAt { offset: slot.offset, bytes: slot.bytes };
+        let mut draws = input.draws(plane);
+        draws.extend(input.draws_around(plane));
+        let octree = cut.surroundings.as_ref().map_or(&cut.octree, |around| &around.octree);
+        let frame = appearance.frame(file, view, &draws, octree);
+        let (lit, picture) = match &mut self.lit {
+            Some(lit) => lit,
+            empty => {
+                let lit = GpuProgressive::on_gpu(&self.gpu, light, splats_max)?;
+                empty.insert((lit, Picture::default()))
+            }
+        };
+        lit.draw(&frame, &self.pool, cut.epoch, light, picture)?;
+        self.stats = picture.stats;
+        self.gpu.fault().map_or(Ok(()), |fault| Err(fault.into()))
+    }
+}
+
 impl Painter for GpuPainter {
     fn start(
         &self,
@@ -181,6 +210,9 @@ impl Painter for GpuPainter {
     fn draw(&mut self, input: &FrameInput<'_>) -> Result<()> {
         self.wait_for_frames()?;
         self.reload_shaders();
+        if input.appearance.method == Method::Lit {
+            return self.draw_lit(input);
+        }
         let FrameInput { file, view, cut, appearance, .. } = *input;
         let draws = input.draws(|slot| PlaneAt { offset: slot.offset, bytes: slot.bytes });
         let frame = appearance.frame(file, view, &draws, &cut.octree);
@@ -194,7 +226,10 @@ impl Painter for GpuPainter {
     }
 
     fn image(&self) -> Option<Image<'_>> {
-        self.renderer.texture().map(Image::Texture)
+        match &self.lit {
+            Some((_, picture)) => (!picture.rgba.is_empty()).then_some(Image::Memory(picture)),
+            None => self.renderer.texture().map(Image::Texture),
+        }
     }
 
     fn stats(&self) -> Stats {
@@ -202,14 +237,26 @@ impl Painter for GpuPainter {
     }
 
     fn feedback(&mut self) -> Option<DepthFeedback> {
-        self.renderer.feedback()
+        // Nodes that are hidden still cast light and shadows.
+        if self.lit.is_some() { None } else { self.renderer.feedback() }
     }
 
     fn feedback_frames(&self) -> u32 {
-        FLYING_MAX as u32 + 1
+        if self.lit.is_some() { 0 } else { FLYING_MAX as u32 + 1 }
+    }
+
+    fn light(&self) -> Option<LitStatus> {
+        self.lit.as_ref().map(|(lit, _)| lit.status())
+    }
+
+    fn is_converged(&self) -> bool {
+        self.lit.as_ref().is_none_or(|(lit, _)| lit.is_converged())
     }
 
     fn picture(&mut self) -> Result<Picture> {
+        if let Some((_, picture)) = &self.lit {
+            return Ok(picture.clone());
+        }
         self.renderer.texture().context("no frame has been drawn")?;
         Ok(self.renderer.read()?)
     }

@@ -126,7 +126,7 @@ const SPLAT_BYTES: u64 = size_of::<crate::ewa::splat::Splat>() as u64;
 /// The uniform of a batch (`shaders/common/splats.wgsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Batch {
+pub(crate) struct Batch {
     lowpass: f32,
     half_cutoff: f32,
     radius_factor: f32,
@@ -162,6 +162,15 @@ same_layout!(Batch {
     eye_rest,
     grain
 });
+
+impl Batch {
+    /// A batch of a frame of `chunks` chunks that has room for `points` points, of which only the
+    /// words are fetched.
+    pub(crate) fn of_points(first_chunk: u32, chunks: u32, points: u32) -> Self {
+        let is_first = u32::from(first_chunk == 0);
+        Self { first_chunk, chunks, points, is_first, ..Self::zeroed() }
+    }
+}
 
 /// The passes, and the memory that they keep from frame to frame.
 pub struct GpuEwa {

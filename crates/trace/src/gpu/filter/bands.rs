@@ -8,7 +8,7 @@ use std::ops::Range;
 
 /// Output rows of a band, if their moments fit. More rows take more memory, fewer rows compute
 /// more windows twice.
-const BAND_ROWS: u32 = 256;
+const BAND_ROWS: u32 = 64;
 
 /// The uniform of a band (`shaders/common/band.wgsl`).
 #[repr(C)]

@@ -26,9 +26,25 @@ pub struct LightFilter {
 /// normals where there is much of it. It holds as long as the guides do.
 #[derive(Debug, Default)]
 pub struct PreparedGuides {
-    /// Standard deviation of normals, in the unit of the guides.
-    noise: f64,
+    noise: GuideNoise,
     cleaned: Option<Pixels>,
+}
+
+/// Standard deviations of the normals of guides, in the unit of the guides. It hardly differs
+/// between the pictures of a scene.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct GuideNoise {
+    /// As they are seen.
+    own: f64,
+    /// Once they are filtered; none if they are not.
+    cleaned: Option<f64>,
+}
+
+impl PreparedGuides {
+    /// The noise of the guides.
+    pub(crate) fn noise(&self) -> GuideNoise {
+        self.noise
+    }
 }
 
 impl LightFilter {
@@ -43,9 +59,7 @@ impl LightFilter {
         pictures: &FilterPictures<'_>,
         settings: &Settings,
     ) -> Result<PreparedGuides, GpuError> {
-        let scales = settings.kind == FilterKind::Nested
-            || settings.kind == FilterKind::Guided && settings.is_noise_scaled;
-        if settings.kind == FilterKind::None || !(scales || settings.cleans_guides) {
+        if !needs_noise(settings) {
             return Ok(PreparedGuides::default());
         }
         let light = pictures.light.read(gpu)?;
@@ -63,8 +77,39 @@ impl LightFilter {
             Ok(0.5 * normal_noise_degrees(&guides).to_radians())
         };
         let own = noise(pictures.guides)?;
+        let cleaned = self.clean(gpu, pictures, settings, own)?;
+        let left = cleaned.as_ref().map(noise).transpose()?;
+        Ok(PreparedGuides { noise: GuideNoise { own, cleaned: left }, cleaned })
+    }
+
+    /// Prepares guides whose noise is known from another picture of the scene; reads nothing.
+    ///
+    /// # Errors
+    /// If memory is refused or the driver refuses a shader.
+    pub(crate) fn prepare_known(
+        &mut self,
+        gpu: &Gpu,
+        pictures: &FilterPictures<'_>,
+        settings: &Settings,
+        noise: GuideNoise,
+    ) -> Result<PreparedGuides, GpuError> {
+        if !needs_noise(settings) {
+            return Ok(PreparedGuides::default());
+        }
+        let cleaned = self.clean(gpu, pictures, settings, noise.own)?;
+        Ok(PreparedGuides { noise, cleaned })
+    }
+
+    /// Guides with filtered normals, if the settings demand it for this noise.
+    fn clean(
+        &mut self,
+        gpu: &Gpu,
+        pictures: &FilterPictures<'_>,
+        settings: &Settings,
+        own: f64,
+    ) -> Result<Option<Pixels>, GpuError> {
         if !settings.cleans_guides || own < NOISE_MIN {
-            return Ok(PreparedGuides { noise: own, cleaned: None });
+            return Ok(None);
         }
         let (width, height) = (pictures.light.width, pictures.light.height);
         let out = Pixels::new(gpu, "cleaned guides", width, height)?;
@@ -77,7 +122,7 @@ impl LightFilter {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         plan.run(&mut encoder.begin_compute_pass(&Default::default()));
         gpu.queue.submit([encoder.finish()]);
-        Ok(PreparedGuides { noise: noise(&out)?, cleaned: Some(out) })
+        Ok(Some(out))
     }
 
     /// Prepares the filter for pictures of one size. `samples` is the number of samples a pixel of
@@ -98,7 +143,8 @@ impl LightFilter {
         let radius = settings.radius(samples);
         let mut plan = FilterPlan::default();
         let is_scaled = settings.kind == FilterKind::Nested || settings.is_noise_scaled;
-        let ridges = ridges(settings, prepared.noise, is_scaled, radius);
+        let noise = prepared.noise.cleaned.unwrap_or(prepared.noise.own);
+        let ridges = ridges(settings, noise, is_scaled, radius);
         match settings.kind {
             FilterKind::None => {}
             FilterKind::Guided => {
@@ -139,6 +185,13 @@ impl LightFilter {
         let converge = built(&mut self.converge, || Converge::new(gpu))?;
         converge.add(gpu, plan, pictures, halves, samples)
     }
+}
+
+/// Whether the filter of these settings depends on the noise of guides.
+fn needs_noise(settings: &Settings) -> bool {
+    let scales = settings.kind == FilterKind::Nested
+        || settings.kind == FilterKind::Guided && settings.is_noise_scaled;
+    settings.kind != FilterKind::None && (scales || settings.cleans_guides)
 }
 
 /// Epsilons of normals and depth: constant, or by the noise of each window and of normals.

@@ -105,17 +105,44 @@ impl Guided {
         pictures: &FilterPictures<'_>,
         settings: GuidedSettings,
     ) -> Result<(), GpuError> {
-        let settings = settings.clamped();
-        let (width, height) = (pictures.light.width, pictures.light.height);
-        let radius = settings.radius.min(width.max(height));
-        let all = bands(width, height, radius, self.moments());
-        let scratch = Scratch::new(gpu, [self.moments(), self.coefficients()], &all)?;
-        for mut band in all {
-            (band.epsilon, band.noise) = (settings.epsilon, settings.noise);
-            self.add_band(gpu, plan, &band, pictures, &scratch)?;
-        }
-        plan.keep([scratch.along, scratch.sums, scratch.solved]);
+        let scratch = self.scratch(gpu, pictures, &[settings.radius])?;
+        self.add_in(gpu, plan, pictures, settings, &scratch)?;
+        plan.keep(scratch.into_buffers());
         Ok(())
+    }
+
+    /// Memory for filters of these radii that run one after the other.
+    pub(crate) fn scratch(
+        &self,
+        gpu: &Gpu,
+        pictures: &FilterPictures<'_>,
+        radii: &[u32],
+    ) -> Result<Scratch, GpuError> {
+        let all: Vec<_> = radii.iter().flat_map(|&radius| self.bands(pictures, radius)).collect();
+        Scratch::new(gpu, [self.moments(), self.coefficients()], &all)
+    }
+
+    /// Appends the filter to a plan, in memory that the caller keeps.
+    pub(crate) fn add_in(
+        &self,
+        gpu: &Gpu,
+        plan: &mut FilterPlan,
+        pictures: &FilterPictures<'_>,
+        settings: GuidedSettings,
+        scratch: &Scratch,
+    ) -> Result<(), GpuError> {
+        let settings = settings.clamped();
+        for mut band in self.bands(pictures, settings.radius) {
+            (band.epsilon, band.noise) = (settings.epsilon, settings.noise);
+            self.add_band(gpu, plan, &band, pictures, scratch)?;
+        }
+        Ok(())
+    }
+
+    /// Bands of the pictures.
+    fn bands(&self, pictures: &FilterPictures<'_>, radius: u32) -> Vec<Band> {
+        let (width, height) = (pictures.light.width, pictures.light.height);
+        bands(width, height, radius.min(width.max(height)), self.moments())
     }
 
     /// Appends the steps of a band.
@@ -162,7 +189,7 @@ impl Guided {
 
 /// Buffers that the bands use one after the other. A window has fewer coefficients than moments,
 /// so that their sums use the buffers of the moments again.
-struct Scratch {
+pub(crate) struct Scratch {
     /// Sums along rows.
     along: Counted,
     /// Sums along both axes.
@@ -172,6 +199,11 @@ struct Scratch {
 }
 
 impl Scratch {
+    /// All buffers.
+    pub(crate) fn into_buffers(self) -> [Counted; 3] {
+        [self.along, self.sums, self.solved]
+    }
+
     fn new(gpu: &Gpu, [moments, coefficients]: [u32; 2], bands: &[Band]) -> Result<Self, GpuError> {
         let planes = |label, planes: u32, rows: fn(&Band) -> u32| {
             let pixels = bands.iter().map(|b| u64::from(b.width) * u64::from(rows(b))).max();

@@ -10,6 +10,7 @@ mod nested;
 mod plan;
 mod taps;
 
+pub(crate) use choice::GuideNoise;
 pub use choice::{LightFilter, PreparedGuides};
 pub use guided::{Guided, GuidedSettings};
 pub use plan::FilterPlan;

@@ -63,12 +63,15 @@ impl Nested {
         let (width, height) = (pictures.light.width, pictures.light.height);
         let pixels = u64::from(width) * u64::from(height);
         let mut filtered = Vec::new();
+        let scratch = self.guided.scratch(gpu, pictures, &RADII.map(|radius| radius as u32))?;
         for radius in RADII {
             let out = Pixels::new(gpu, "nested windows", width, height)?;
             let settings = GuidedSettings { radius: radius as u32, ..settings };
-            self.guided.add(gpu, plan, &FilterPictures { out: &out, ..*pictures }, settings)?;
+            let pictures = &FilterPictures { out: &out, ..*pictures };
+            self.guided.add_in(gpu, plan, pictures, settings, &scratch)?;
             filtered.push(out.buffer);
         }
+        plan.keep(scratch.into_buffers());
         let planes = |planes: u32| {
             gpu.buffer("energies", pixels * u64::from(planes) * 4, BufferUsages::STORAGE)
         };
