@@ -6,7 +6,7 @@ use super::look::{is_golden, request};
 use esker_engine::calls::info;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
-use esker_engine::draw::budget::Shares;
+use esker_engine::draw::budget::{GpuShares, Shares};
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
 use esker_engine::draw::session::{Options, Session, Settings};
 use esker_engine::light::document::{Emissive, Lights};
@@ -328,4 +328,17 @@ fn scene_and_pictures_that_a_gpu_lights_are_within_its_budget() {
             |budget| open(budget).unwrap().frame(&view).unwrap().light.unwrap().splats_max;
         assert!(splats_max(4 * least) > 2 * splats_max(least), "more memory takes more splats");
     }
+}
+
+#[test]
+fn the_default_budget_of_a_gpu_lights_the_default_window() {
+    // The picture of a window of 1280 x 800 beside its panel.
+    let options = |size| {
+        let settings = Settings { method: Method::Lit, ..Settings::default() };
+        Options { settings, size, ..Options::default() }
+    };
+    let shares = GpuShares::of(&creek(), &options([1000, 800])).unwrap();
+    assert!(shares.splats_max > 500_000, "{shares:?}");
+    let larger = GpuShares::of(&creek(), &options([1100, 800])).unwrap();
+    assert!(larger.splats_max < shares.splats_max, "pictures take memory of scenes");
 }
