@@ -10,7 +10,7 @@ mod link;
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Expression, Handle, Literal, Module};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -60,11 +60,11 @@ pub fn generate(is_linked: impl Fn(&str) -> bool) -> Result<(), Box<dyn Error>> 
     Ok(())
 }
 
-/// Has the build script run again when one of `files` changes, or when a file is added to the
-/// folder of the first. Other folders hold the shaders of other crates.
+/// Has the build script run again when one of `files` changes, or when a file is added to one of
+/// their folders. Other folders hold the shaders of other crates.
 fn watch(root: &Path, files: &[PathBuf]) -> Result<(), Box<dyn Error>> {
-    let folder = files.first().and_then(|f| f.parent());
-    for path in files.iter().map(PathBuf::as_path).chain(folder) {
+    let folders: BTreeSet<&Path> = files.iter().filter_map(|file| file.parent()).collect();
+    for path in files.iter().map(PathBuf::as_path).chain(folders) {
         // Named from here, so that a kept target folder notices another clone's shaders.
         println!("cargo::rerun-if-changed=../../shaders/{}", path.strip_prefix(root)?.display());
     }
