@@ -154,9 +154,7 @@ impl Run<'_> {
                     self.error(Part::Errors, scene, effort, &estimate, &f, reference)?;
                 }
                 if sequence == Sequence::ZOrder && !self.request.is_quick {
-                    for f in swept() {
-                        self.error(Part::Sweep, scene, effort, &estimate, &f, reference)?;
-                    }
+                    self.sweep(scene, effort, &estimate, reference)?;
                 }
                 if (sequence, samples) == (Sequence::ZOrder, 1) {
                     let mut of_scene = scene_row(scene, &estimate.stats);
@@ -175,6 +173,28 @@ impl Run<'_> {
                 }
             }
         }
+        Ok(())
+    }
+
+    /// Least error of each baseline over other weights than its own.
+    fn sweep(
+        &mut self,
+        scene: &TraceScene,
+        effort: Effort,
+        estimate: &Estimate,
+        reference: &Reference,
+    ) -> Result<()> {
+        let first = self.report.rows.len();
+        for f in swept() {
+            self.error(Part::Sweep, scene, effort, estimate, &f, reference)?;
+        }
+        let mut all = self.report.rows.split_off(first);
+        let error = |row: &TraceRow| row.mse.unwrap_or(f64::INFINITY);
+        all.sort_by(|a, b| error(a).total_cmp(&error(b)));
+        let least = |is_bilateral: bool| {
+            all.iter().find(|row| (row.filter == "bilateral") == is_bilateral).cloned()
+        };
+        self.report.rows.extend([least(true), least(false)].into_iter().flatten());
         Ok(())
     }
 

@@ -94,7 +94,7 @@ pub(super) enum Part {
     Filters,
     /// Errors of filters (figure 8).
     Errors,
-    /// Errors of the baselines with other weights than their own.
+    /// Least errors of the baselines with other weights than their own.
     Sweep,
     /// Errors against the number of samples.
     Convergence,
@@ -209,10 +209,7 @@ pub fn text(report: &TraceBenchReport) -> String {
         (Part::Convergence, "errors against samples"),
         (Part::Limits, "light that the filter blurs"),
     ] {
-        let mut rows: Vec<_> = report.rows.iter().filter(|row| row.part == part).collect();
-        if part == Part::Sweep {
-            rows = best(&rows);
-        }
+        let rows: Vec<_> = report.rows.iter().filter(|row| row.part == part).collect();
         if !rows.is_empty() {
             lines.push(format!("\n{title}\n{}", head()));
             lines.extend(rows.into_iter().map(line));
@@ -221,20 +218,6 @@ pub fn text(report: &TraceBenchReport) -> String {
     lines.extend(moving(&report.moving));
     lines.extend(report.figures.iter().map(|path| format!("wrote {}", path.display())));
     lines.join("\n")
-}
-
-/// Of each scene, number of samples and kind of baseline the row with the least error.
-fn best<'a>(rows: &[&'a TraceRow]) -> Vec<&'a TraceRow> {
-    let kind = |row: &TraceRow| (row.scene.clone(), row.samples, row.filter == "bilateral");
-    let mut best: Vec<&TraceRow> = Vec::new();
-    for &row in rows {
-        match best.iter_mut().find(|other| kind(other) == kind(row)) {
-            Some(other) if row.mse < other.mse => *other = row,
-            Some(_) => {}
-            None => best.push(row),
-        }
-    }
-    best
 }
 
 /// Lines of the moving scene.

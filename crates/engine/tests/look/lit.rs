@@ -3,6 +3,7 @@
 
 use super::flip::mean_flip;
 use super::look::{is_golden, request};
+use esker_engine::calls::explain::explain;
 use esker_engine::calls::info;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
@@ -163,6 +164,23 @@ fn points_shine_by_their_classes_in_sessions_as_in_stills() {
         let dark = PictureRequest { light: self::light("sun:0,-45"), ..request };
         let (dark, _) = draw(session.file(), &dark, &Silent).unwrap();
         assert!(mean(&picture) > mean(&dark) + 20.0, "{} {}", mean(&picture), mean(&dark));
+    }
+}
+
+#[test]
+fn pictures_that_are_not_lit_have_no_pipeline_and_no_memory_of_light() {
+    let file = creek();
+    for method in [Method::Points, Method::PullPush, Method::Ewa] {
+        let request = PictureRequest { method, ..lit("sky") };
+        let plan = explain(&[file.path().into()], &request, &Silent).unwrap();
+        let shaders: Vec<&str> = plan.variants.iter().map(|variant| variant.shader).collect();
+        let of_light = |shader: &&str| {
+            ["trace", "filter", "splats"].iter().any(|folder| shader.starts_with(folder))
+        };
+        assert!(!shaders.is_empty() && !shaders.iter().any(of_light), "{shaders:?}");
+        let mut session = session(Settings { method, ..settings("sky") });
+        let view = view(session.file());
+        assert!(session.frame(&view).unwrap().light.is_none(), "{method:?}");
     }
 }
 
