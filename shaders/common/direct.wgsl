@@ -15,8 +15,10 @@ const PI_SHARE: f32 = 0.31830987;
 const BOUNCE_DIMENSION: u32 = 1024u;
 // Bounces from which on paths end at random.
 const ROULETTE_BOUNCE: u32 = 8u;
-// Cosine above which a hit near the start of a ray is on the same surface.
-const SAME_SURFACE_COS: f32 = 0.5;
+// Distance in lifts within which a ray may hit the surface that it left, and the cosine between
+// stored normals above which it did.
+const OWN_LIFTS: f32 = 4.0;
+const OWN_COS: f32 = 0.5;
 // The greatest number below 1.
 const BELOW_ONE: f32 = 0.99999988;
 
@@ -109,6 +111,7 @@ fn incident(start: Place, sample: Sample) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     var throughput = vec3<f32>(1.0);
     var place = start;
+    var stored = select(start.normal, -start.normal, start.kind == REFLECTS_BACK);
     var direction = cosine_direction(place.normal, pair(sample, BOUNCE_DIMENSION));
     for (var bounce = 1u; bounce <= world.bounces; bounce++) {
         let dimension = BOUNCE_DIMENSION * (bounce + 1u);
@@ -120,10 +123,11 @@ fn incident(start: Place, sample: Sample) -> vec3<f32> {
             sum += throughput * sky(direction);
             break;
         }
-        let is_near = surface.distance < place.lift * 2.0;
-        if is_near && dot(surface.normal, place.normal) > SAME_SURFACE_COS {
+        let is_near = surface.distance < place.lift * OWN_LIFTS;
+        if is_near && dot(faced, stored) > OWN_COS {
             tally[SELF_HITS]++;
         }
+        stored = faced;
         place.point = ray.origin + direction * surface.distance;
         place.lift = surface.lift;
         place.normal = surface.normal;

@@ -71,7 +71,7 @@ var<private> front_at: f32;
 var<private> normals: vec3<f32>;
 var<private> albedos: vec3<f32>;
 var<private> weights: f32;
-// Normal, as it is stored, of the surface that discs face.
+// Normal of the last surface, to the side to which its frontmost disc stores it: discs face it.
 var<private> faced: vec3<f32>;
 
 fn visit(disc: u32, ray: Ray) {

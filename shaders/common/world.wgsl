@@ -75,7 +75,8 @@ fn see(ray: Ray) -> Place {
         place.lift = surface.lift;
         place.normal = surface.normal;
         place.colour = surface.albedo;
-        place.kind = REFLECTS;
+        let is_back = dot(faced, surface.normal) < 0.0;
+        place.kind = select(REFLECTS, REFLECTS_BACK, is_back);
     }
     for (var i = 0u; i < world.lamps; i++) {
         let at = meet_lamp(lamps[i], ray.origin, ray.direction);

@@ -115,7 +115,7 @@ fn add_sample(id: vec3<u32>) {
     let ray = eye_ray(at);
     if !FIRST {
         if world.index == 1u {
-            let albedo = select(vec3<f32>(0.0), place.colour, place.kind == REFLECTS);
+            let albedo = select(vec3<f32>(0.0), place.colour, reflects(place));
             add_link(pixel, MIDDLE_SLOT, albedo);
         }
         place = see(ray);

@@ -2,6 +2,7 @@
 // albedo, and direct light (`bauszat2011`, figure 1). Twin: crates/trace/src/paths/resolve.rs.
 
 // include common/links.wgsl
+// include common/places.wgsl
 
 struct Size {
     width: u32,
@@ -33,7 +34,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let pixel = (id.y + size.first) * size.width + id.x;
     let pixels = size.width * size.height;
-    let place = pixel - size.first_place * size.width;
+    let seen = place_of(pixel - size.first_place * size.width);
     // Index of the pixel, and number of pixels, of the part.
     let own = id.y * size.width + id.x;
     let part = size.width * size.rows;
@@ -48,10 +49,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 indirect += albedo * light[other].xyz;
             }
         }
-    } else if places[3u * place + 2u].w == 1.0 {
-        indirect += places[3u * place + 2u].xyz * light[pixel].xyz;
+    } else if reflects(seen) {
+        indirect += seen.colour * light[pixel].xyz;
     }
-    let depth = places[3u * place + 1u].w;
     picture[pixel] = bitcast<vec4<f32>>(sums[own]) * share;
-    picture[pixels + pixel] = vec4<f32>(indirect * share, depth);
+    picture[pixels + pixel] = vec4<f32>(indirect * share, seen.depth);
 }

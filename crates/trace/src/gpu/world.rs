@@ -24,9 +24,9 @@ same_values!(common_lamps == crate::gpu::world { SUN, POINT, SPOT, AREA });
 without_twin!(common_lamps { TURN });
 without_twin!(common_sequence { PIXEL_BITS });
 without_twin!(common_directions { QUARTER_PI });
-without_twin!(common_place_seen { NOTHING, REFLECTS, EMITS });
+without_twin!(common_place_seen { NOTHING, REFLECTS, EMITS, REFLECTS_BACK });
 without_twin!(common_direct { LIGHT_DIMENSION, SHADOW_REACH, PI_SHARE, BOUNCE_DIMENSION });
-without_twin!(common_direct { ROULETTE_BOUNCE, SAME_SURFACE_COS, BELOW_ONE });
+without_twin!(common_direct { ROULETTE_BOUNCE, OWN_LIFTS, OWN_COS, BELOW_ONE });
 without_twin!(trace_direct {
     PIXEL_DIMENSION,
     MIDDLE_SLOT,
