@@ -71,7 +71,8 @@ var<private> front_at: f32;
 var<private> normals: vec3<f32>;
 var<private> albedos: vec3<f32>;
 var<private> weights: f32;
-// Normal of the last surface, to the side to which its frontmost disc stores it: discs face it.
+// Normal of the last surface, on the side to which the stored normal of its frontmost disc points.
+// Discs that face it bound the lift.
 var<private> faced: vec3<f32>;
 
 fn visit(disc: u32, ray: Ray) {

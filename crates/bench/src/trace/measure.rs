@@ -7,6 +7,7 @@ use super::figures::Figures;
 use super::filters::{Filter, compared, of_channels, swept, timed};
 use super::references::Store;
 use super::report::{Part, SceneRow, TraceBenchReport, TraceRow, Weights};
+use super::scans::OpenScan;
 use super::scene::TraceScene;
 use super::scenes::{defaults, make};
 use super::{limits, moving, scans};
@@ -84,8 +85,9 @@ pub fn measure(request: &TraceBenchRequest, task: &dyn Task) -> Result<TraceBenc
             figures: request.out.as_deref().map(Figures::new).transpose()?,
         };
         for (i, name) in names.iter().enumerate() {
-            let scene = make(name, request.size, request.is_quick, task)?;
+            let (scene, scan) = make(name, request.size, request.is_quick, task)?;
             run.scene(&scene, i == 0)?;
+            run.surroundings(&scene, scan.as_ref())?;
         }
         if request.scenes.is_empty() || request.is_quick {
             run.limits()?;
@@ -123,6 +125,17 @@ impl Run<'_> {
         }
     }
 
+    /// What the surroundings of a picture of a scan add to its light.
+    fn surroundings(&mut self, scene: &TraceScene, scan: Option<&OpenScan>) -> Result<()> {
+        let Some(scan) = scan else { return Ok(()) };
+        self.phase(scene, "surroundings");
+        let added = scans::surroundings(scene, scan, self.task)?;
+        self.report.scenes.iter_mut().filter(|row| row.scene == scene.name).for_each(|row| {
+            row.surroundings = added;
+        });
+        Ok(())
+    }
+
     fn phase(&self, scene: &TraceScene, part: &str) {
         self.task.phase(&format!("{part} of {}", scene.name), None, "pictures");
     }
@@ -157,13 +170,7 @@ impl Run<'_> {
                     self.sweep(scene, effort, &estimate, reference)?;
                 }
                 if (sequence, samples) == (Sequence::ZOrder, 1) {
-                    let mut of_scene = scene_row(scene, &estimate.stats);
-                    if scene.is_scan {
-                        self.phase(scene, "surroundings");
-                        of_scene.surroundings =
-                            scans::surroundings(scene, self.request.is_quick, self.task)?;
-                    }
-                    self.report.scenes.push(of_scene);
+                    self.report.scenes.push(scene_row(scene, &estimate.stats));
                     if let Some(figures) = &mut self.figures {
                         figures.of_scene(scene, &mut estimate, reference)?;
                     }

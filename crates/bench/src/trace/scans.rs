@@ -6,10 +6,10 @@ use super::estimate::{Effort, Estimate};
 use super::report::Surroundings;
 use super::scene::{Parts, TraceScene, data};
 use anyhow::Result;
-use esker_engine::Method;
 use esker_engine::calls::info;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::scene::{PictureRequest, PictureScene, open};
+use esker_engine::{BuildOptions, Method, NormalsMode};
 use esker_format::Forest;
 use esker_lod::{CompactOctree, light_octree};
 use esker_points::Task;
@@ -73,14 +73,12 @@ impl Scan {
         })
     }
 
-    /// The scan as a file, which lies in the folder if it was built; how to draw it, and its box.
-    #[allow(clippy::type_complexity, reason = "a file with its folder, a request and a box")]
-    fn open(
-        &self,
-        size: [u32; 2],
-        task: &dyn Task,
-    ) -> Result<(Forest, Option<tempfile::TempDir>, PictureRequest, [DVec3; 2])> {
-        let request = PictureRequest { size, method: Method::Lit, ..PictureRequest::default() };
+    /// Opens the scan, after building it, and reads what a picture needs.
+    fn open(self, size: [u32; 2], task: &dyn Task) -> Result<OpenScan> {
+        // As `esker render --method lit` builds scans.
+        let build = BuildOptions { normals: NormalsMode::Estimate, ..BuildOptions::default() };
+        let method = Method::Lit;
+        let request = PictureRequest { size, method, build, ..PictureRequest::default() };
         let (file, folder) = open(std::slice::from_ref(&self.path), &request, task)?;
         let [low, high] = info::bounds(&file).map(DVec3::from_array);
         let at = |share: [f64; 3]| low + (high - low) * DVec3::from_array(share);
@@ -91,8 +89,19 @@ impl Scan {
             ..Camera::default()
         };
         let request = PictureRequest { camera, budget_points: SPLATS_MAX, ..request };
-        Ok((file, folder, request, [low, high]))
+        let picture = PictureScene::read(&file, &request, task)?;
+        Ok(OpenScan { scan: self, bounds: [low, high], picture, file, _folder: folder })
     }
+}
+
+/// A scan with the points of its picture and those around it.
+pub(super) struct OpenScan {
+    scan: Scan,
+    bounds: [DVec3; 2],
+    picture: PictureScene,
+    file: Forest,
+    /// Where the file lies if it was built.
+    _folder: Option<tempfile::TempDir>,
 }
 
 /// Lamps in the room that is seen and along the corridor, and a sky that windows let in.
@@ -129,23 +138,19 @@ fn open_air(_: [DVec3; 2]) -> Vec<Light> {
 /// all points of the scan; none if a part has no light.
 ///
 /// # Errors
-/// If the scan cannot be read or built, or `task` is cancelled.
+/// If the scan cannot be read, or `task` is cancelled.
 pub(super) fn surroundings(
     scene: &TraceScene,
-    is_quick: bool,
+    OpenScan { scan, picture, file, .. }: &OpenScan,
     task: &dyn Task,
 ) -> Result<Option<Surroundings>> {
-    let scan = Scan::of(&scene.name, is_quick)?;
-    let size = [scene.camera.width as u32, scene.camera.height as u32];
-    let (file, _folder, request, _) = scan.open(size, task)?;
-    let picture = PictureScene::read(&file, &request, task)?;
     let whole = PictureRequest {
         method: Method::PullPush,
         target_spacing_px: 0.0,
         budget_points: u64::MAX,
         ..PictureRequest::default()
     };
-    let whole = PictureScene::read(&file, &whole, task)?;
+    let whole = PictureScene::read(file, &whole, task)?;
     let light = |splats: &[Splat]| -> Result<f64> {
         let input = SplatInput { splats, albedo: scan.albedo, ..Default::default() };
         let part = TraceScene { scene: Scene::new(input), ..scene.clone() };
@@ -166,21 +171,21 @@ pub(super) fn surroundings(
     };
     let origin = picture.view.eye;
     let of = |picture: &PictureScene, draws: &[_], octree: &_| {
-        splats(&picture.appearance.frame(&file, &picture.view, draws, octree), origin)
+        splats(&picture.appearance.frame(file, &picture.view, draws, octree), origin)
     };
     let octree =
         |picture: &PictureScene| CompactOctree::new(file.table(), &picture.selection.drawn);
-    let alone = of(&picture, &picture.draws(&file), &octree(&picture));
+    let alone = of(picture, &picture.draws(file), &octree(picture));
     let octree_of_both = light_octree(file.table(), &picture.selection);
-    let around = of(&picture, &picture.lit_draws(&file), &octree_of_both);
-    let all = of(&whole, &whole.draws(&file), &octree(&whole));
+    let around = of(picture, &picture.lit_draws(file), &octree_of_both);
+    let all = of(&whole, &whole.draws(file), &octree(&whole));
     let points = [alone.len(), around.len(), all.len()];
     let total = light(&all)?;
     let (alone, around) = (light(&alone)? / total, light(&around)? / total);
     Ok((total > 0.0).then_some(Surroundings { points, alone, around }))
 }
 
-/// The scene of a scan.
+/// The scene of a scan, and the scan.
 ///
 /// # Errors
 /// If the scan cannot be read or built, or `task` is cancelled.
@@ -189,25 +194,23 @@ pub(super) fn scene(
     size: [u32; 2],
     is_quick: bool,
     task: &dyn Task,
-) -> Result<TraceScene> {
-    let scan = Scan::of(name, is_quick)?;
-    let (file, _folder, request, [low, high]) = scan.open(size, task)?;
-    let picture = PictureScene::read(&file, &request, task)?;
+) -> Result<(TraceScene, OpenScan)> {
+    let open = Scan::of(name, is_quick)?.open(size, task)?;
+    let OpenScan { scan, bounds, picture, file, .. } = &open;
     let octree = light_octree(file.table(), &picture.selection);
-    let draws = picture.lit_draws(&file);
-    let frame = picture.appearance.frame(&file, &picture.view, &draws, &octree);
+    let draws = picture.lit_draws(file);
+    let frame = picture.appearance.frame(file, &picture.view, &draws, &octree);
     let origin = frame.view.eye;
-    let splats = splats(&frame, origin);
-    let lights = (scan.lights)([low, high]);
+    let (splats, albedo) = (splats(&frame, origin), scan.albedo);
     let parts = Parts {
         view: frame.view.with_margin(0),
-        lights: Lights { lights, ..Lights::default() },
+        lights: Lights { lights: (scan.lights)(*bounds), ..Lights::default() },
         origin,
-        content: Content::default().add_splats(&splats).add(&scan.albedo),
+        content: Content::default().add_splats(&splats).add(&albedo),
     };
     let start = Instant::now();
-    let scene =
-        Scene::new(SplatInput { splats: &splats, albedo: scan.albedo, ..Default::default() });
+    let scene = Scene::new(SplatInput { splats: &splats, albedo, ..Default::default() });
     let build_ms = start.elapsed().as_secs_f64() * 1e3;
-    Ok(parts.scene(name, scene, splats.len(), build_ms))
+    let scene = parts.scene(name, scene, splats.len(), build_ms);
+    Ok((scene, open))
 }

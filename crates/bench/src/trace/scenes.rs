@@ -1,6 +1,7 @@
 //! The scenes of the benchmark: generated meshes in place of those of `bauszat2011`, and scans;
 //! more where `ESKER_DATA` names a folder of real scans. Each has a camera and lights of its own.
 
+use super::scans::OpenScan;
 use super::scene::TraceScene;
 use super::{meshes, scans};
 use anyhow::{Result, bail};
@@ -18,7 +19,8 @@ pub(super) fn defaults() -> Vec<String> {
     SCENES.iter().chain(more).map(|&name| name.to_owned()).collect()
 }
 
-/// Makes the scene of this name for pictures of this size. A quick one has fewer surfaces.
+/// Makes the scene of this name for pictures of this size, and the scan that it is of, if it is of
+/// one. A quick one has fewer surfaces.
 ///
 /// # Errors
 /// If there is no such scene, or its files cannot be read.
@@ -27,14 +29,17 @@ pub(super) fn make(
     size: [u32; 2],
     is_quick: bool,
     task: &dyn Task,
-) -> Result<TraceScene> {
+) -> Result<(TraceScene, Option<OpenScan>)> {
     task.phase(&format!("making {name}"), None, "surfaces");
     if let Some(model) = MODELS.iter().find(|model| model.name == name) {
-        return Ok(meshes::generated(model, size, is_quick));
+        return Ok((meshes::generated(model, size, is_quick), None));
     }
     match name {
-        "office" | "terrain" | "indoor" => scans::scene(name, size, is_quick, task),
-        "bunny" => meshes::bunny(size, task),
+        "office" | "terrain" | "indoor" => {
+            let (scene, scan) = scans::scene(name, size, is_quick, task)?;
+            Ok((scene, Some(scan)))
+        }
+        "bunny" => Ok((meshes::bunny(size, task)?, None)),
         _ => {
             let known: Vec<_> = SCENES.iter().chain(&SCENES_OF_DATA).copied().collect();
             bail!("there is no scene `{name}`; scenes are {}", known.join(", "))
@@ -56,7 +61,7 @@ mod tests {
     #[test]
     fn cameras_of_generated_meshes_see_surfaces_in_most_pixels() {
         for model in &MODELS {
-            let scene = make(model.name, [24, 18], true, &Silent).unwrap();
+            let (scene, _) = make(model.name, [24, 18], true, &Silent).unwrap();
             let camera = &scene.camera;
             let sees = |i: usize| {
                 let (x, y) = ((i % camera.width) as f32, (i / camera.width) as f32);
@@ -69,7 +74,7 @@ mod tests {
 
     #[test]
     fn the_same_scene_has_the_same_content_and_another_size_another() {
-        let content = |size| make("hall", size, true, &Silent).unwrap().content;
+        let content = |size| make("hall", size, true, &Silent).unwrap().0.content;
         assert_eq!(content([24, 18]), content([24, 18]));
         assert_ne!(content([24, 18]), content([18, 24]));
     }

@@ -18,22 +18,21 @@ const POINT: f32 = 1.0;
 const SPOT: f32 = 2.0;
 const AREA: f32 = 3.0;
 
-without_twin!(common_fits { FIT_COS, FIT_PIXELS });
+same_values!(common_fits == crate::paths::lookup { FIT_COS, FIT_PIXELS });
 without_twin!(common_sky { FULL_TURN, HALF_TURN });
 same_values!(common_lamps == crate::gpu::world { SUN, POINT, SPOT, AREA });
 without_twin!(common_lamps { TURN });
 without_twin!(common_sequence { PIXEL_BITS });
 without_twin!(common_directions { QUARTER_PI });
 without_twin!(common_place_seen { NOTHING, REFLECTS, EMITS, REFLECTS_BACK });
-without_twin!(common_direct { LIGHT_DIMENSION, SHADOW_REACH, PI_SHARE, BOUNCE_DIMENSION });
-without_twin!(common_direct { ROULETTE_BOUNCE, OWN_LIFTS, OWN_COS, BELOW_ONE });
-without_twin!(trace_direct {
-    PIXEL_DIMENSION,
-    MIDDLE_SLOT,
-    NORMAL_ROUNDING,
-    DEPTH_ROUNDING,
-    NEAR_TIE,
-});
+same_values!(common_direct == crate::paths::direct { LIGHT_DIMENSION, SHADOW_REACH });
+same_values!(
+    common_direct
+        == crate::paths::indirect { BOUNCE_DIMENSION, ROULETTE_BOUNCE, OWN_LIFTS, OWN_COS }
+);
+without_twin!(common_direct { PI_SHARE, BELOW_ONE });
+same_values!(trace_direct == crate::paths::band { PIXEL_DIMENSION });
+without_twin!(trace_direct { MIDDLE_SLOT, NORMAL_ROUNDING, DEPTH_ROUNDING, NEAR_TIE });
 
 /// Why a picture cannot be lit on a GPU; the CPU draws it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -16,7 +16,7 @@ use glam::Vec3;
 pub(crate) const BAND_ROWS: usize = 16;
 
 /// Dimension of the numbers for places within a pixel.
-const PIXEL_DIMENSION: u32 = 0;
+pub(crate) const PIXEL_DIMENSION: u32 = 0;
 
 /// Neighbouring guides that a pixel's samples looked up: the sum of the samples' albedos for each
 /// of the 3 x 3 pixels around it. With the sums, the filter can change without a new trace.

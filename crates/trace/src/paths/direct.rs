@@ -12,10 +12,10 @@ use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
 /// Dimensions of the numbers for lights: one a light.
-const LIGHT_DIMENSION: u32 = 16;
+pub(crate) const LIGHT_DIMENSION: u32 = 16;
 /// Share of the distance to a light at which shadow rays end, so that surfaces at the light do not
 /// block it: above the rounding of `f32`.
-const SHADOW_REACH: f32 = 1.0 - 1e-4;
+pub(crate) const SHADOW_REACH: f32 = 1.0 - 1e-4;
 
 /// All that rays meet, and how they are followed.
 #[derive(Clone, Copy)]

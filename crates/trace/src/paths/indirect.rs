@@ -13,14 +13,14 @@ use crate::ray::{Hit, Ray};
 use glam::Vec3;
 
 /// First dimension of the numbers of bounces, and dimensions of each: lights have one each.
-const BOUNCE_DIMENSION: u32 = 1024;
+pub(crate) const BOUNCE_DIMENSION: u32 = 1024;
 /// Bounces from which on paths end at random: enough that few paths of usual scenes get there.
-const ROULETTE_BOUNCE: u32 = 8;
+pub(crate) const ROULETTE_BOUNCE: u32 = 8;
 /// Distance in lifts within which a ray may hit the surface that it left: layers of several scans
 /// lie two lifts above each other at most, and a concave surface is met beyond.
-const OWN_LIFTS: f32 = 4.0;
+pub(crate) const OWN_LIFTS: f32 = 4.0;
 /// Cosine between stored normals above which such a hit is on the same surface.
-const OWN_COS: f32 = 0.5;
+pub(crate) const OWN_COS: f32 = 0.5;
 
 /// Whether a ray from a surface has hit that surface. Most such hits are from behind, on a layer
 /// that lies above the start, so that normals are compared as they are stored, not as turned.

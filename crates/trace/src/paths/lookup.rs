@@ -7,11 +7,11 @@ use crate::camera::Camera;
 use glam::Vec3;
 
 /// Cosine between the normals of a sample and of a guide, below which the guide does not fit.
-const FIT_COS: f32 = 0.5;
+pub(crate) const FIT_COS: f32 = 0.5;
 /// Distance of a sample from the plane of its guide, in half widths of a pixel, above which the
 /// guide does not fit: surfaces curve and waver by a few pixels, primitives under a pixel are
 /// farther from what is behind them.
-const FIT_PIXELS: f32 = 8.0;
+pub(crate) const FIT_PIXELS: f32 = 8.0;
 
 /// Squared difference of normals up to which they are equal: the rounding of blends on a plane,
 /// which must not choose the guide.

@@ -1,15 +1,15 @@
 //! Paths: guide rays, indirect and direct light, lookup, accumulation (`bauszat2011`, 3.1 and 3.2).
 
-mod band;
+pub(crate) mod band;
 mod batches;
-mod direct;
+pub(crate) mod direct;
 mod directions;
 mod frame;
 mod gloss;
 mod guide;
 pub(crate) mod history;
-mod indirect;
-mod lookup;
+pub(crate) mod indirect;
+pub(crate) mod lookup;
 mod options;
 mod resolve;
 mod sequence;
