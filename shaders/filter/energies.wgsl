@@ -1,15 +1,15 @@
-// Nested windows, first step: planes whose means decide the mix. For the noise: luminance of the
-// light as it came, its square, squared white noise in the difference of both filtered pictures,
-// and 1 where the pixel counts. For the energy: squared luminance of that difference, and the same
-// 1. Twin: crates/trace/src/filter/nested.rs.
+// Nested windows: planes whose means decide which share of an addition is light. For the noise:
+// luminance of what the addition was filtered from, its square, squared filtered white noise, and 1
+// where the pixel counts. For the energy: squared luminance of the addition, and the same 1. Twin:
+// crates/trace/src/filter/nested.rs.
 
 // include common/usable.wgsl
 
 @group(0) @binding(0) var<storage, read> guides: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> light: array<vec4<f32>>;
-// Light and white noise filtered by small and by large windows.
-@group(0) @binding(2) var<storage, read> small: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> large: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> noisy: array<vec4<f32>>;
+// Light, and white noise that went through the same filter.
+@group(0) @binding(3) var<storage, read> addition: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> noises: array<f32>;
 @group(0) @binding(5) var<storage, read_write> energies: array<f32>;
 
@@ -27,20 +27,18 @@ fn main(
     if pixel >= pixels {
         return;
     }
-    let here = light[pixel];
     var value = 0.0;
-    var difference = vec2<f32>(0.0);
+    var added = vec2<f32>(0.0);
     var share = 0.0;
-    if is_usable(here, guides[pixel]) {
-        let off = small[pixel] - large[pixel];
-        value = luminance(here.xyz);
-        difference = vec2<f32>(luminance(off.xyz), off.w);
+    if is_usable(light[pixel], guides[pixel]) {
+        value = luminance(noisy[pixel].xyz);
+        added = vec2<f32>(luminance(addition[pixel].xyz), addition[pixel].w);
         share = 1.0;
     }
     noises[pixel] = value;
     noises[pixels + pixel] = value * value;
-    noises[2u * pixels + pixel] = difference.y * difference.y;
+    noises[2u * pixels + pixel] = added.y * added.y;
     noises[3u * pixels + pixel] = share;
-    energies[pixel] = difference.x * difference.x;
+    energies[pixel] = added.x * added.x;
     energies[pixels + pixel] = share;
 }

@@ -1,5 +1,5 @@
-// Nested windows, last step: scales each channel to its mean before the filter, from which the mix
-// takes it by some thousandths. Twin: crates/trace/src/filter/nested.rs.
+// Nested windows, last step: scales each channel to its mean before the filter, from which the
+// additions take it by some thousandths. Twin: crates/trace/src/filter/nested.rs.
 
 // include common/usable.wgsl
 

@@ -24,12 +24,14 @@ struct Taps {
 override SPLINE: bool;
 // Whether normals are filtered, so that pixels that are not usable keep what they have.
 override ON_GUIDES: bool;
+// Whether the fourth value is averaged like the others.
+override AVERAGES_ALL: bool;
 
 @group(0) @binding(0) var<uniform> shape: Taps;
 @group(0) @binding(1) var<storage, read> guides: array<vec4<f32>>;
 // Which pixels count.
 @group(0) @binding(2) var<storage, read> light: array<vec4<f32>>;
-// What is averaged; its fourth value is kept.
+// What is averaged.
 @group(0) @binding(3) var<storage, read> source: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> filtered: array<vec4<f32>>;
 
@@ -97,7 +99,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let right = slope(pixel, 1u, id.x == 0u, id.x + 1u == shape.width);
     let down = slope(pixel, shape.width, id.y == 0u, id.y + 1u == shape.height);
     var total = 0.0;
-    var sum = vec3<f32>(0.0);
+    var sum = vec4<f32>(0.0);
     for (var j = -shape.reach; j <= shape.reach; j++) {
         let y = i32(id.y) + j * shape.step;
         if y < 0 || y >= i32(shape.height) {
@@ -117,8 +119,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             change *= shape.scale;
             let weight = falling(dot(change, change)) * tap_weight(i) * tap_weight(j);
             total += weight;
-            sum += source[other].xyz * weight;
+            sum += source[other] * weight;
         }
     }
-    filtered[pixel] = vec4<f32>(sum / max(total, LEAST), source[pixel].w);
+    let mean = sum / max(total, LEAST);
+    filtered[pixel] = vec4<f32>(mean.xyz, select(source[pixel].w, mean.w, AVERAGES_ALL));
 }

@@ -1,4 +1,4 @@
-// Nested windows, third step: sums of the light of all pixels that count before and after the
+// Nested windows: sums of the light of all pixels that count before and after the
 // filter, by as many groups as there are parts of the sum. Twin: crates/trace/src/filter/nested.rs.
 
 // include common/usable.wgsl

@@ -99,7 +99,7 @@ const GLOSS_FORM: &str =
 pub enum FilterName {
     /// The guided image filter of the paper (`bauszat2011`, 3.3).
     Guided,
-    /// Guided filters of two radii, mixed by their agreement.
+    /// Guided filters of two radii and a finer cross-bilateral one, each by the light that it adds.
     Nested,
     /// Cross-bilateral filter.
     Bilateral,
@@ -112,7 +112,11 @@ pub enum FilterName {
 /// Each filter with its name and a description, in the order of help texts.
 pub const FILTERS: [(FilterName, &str, &str); 5] = [
     (FilterName::Guided, "guided", "Guided image filter by normals and depth"),
-    (FilterName::Nested, "nested", "Guided filters of two radii, mixed where they agree"),
+    (
+        FilterName::Nested,
+        "nested",
+        "Guided filters of two radii, and a finer one where light exceeds noise",
+    ),
     (FilterName::Bilateral, "bilateral", "Cross-bilateral filter, for comparison"),
     (FilterName::Atrous, "atrous", "A-trous wavelet filter, for comparison"),
     (FilterName::None, "none", "No filter: unbiased, and noisy"),

@@ -6,13 +6,15 @@ use super::input::Input;
 use super::taps::{Neighbours, Padded, Tap, slopes};
 use super::{GuideKind, Settings};
 
-/// Filters a picture. `kinds` are those of the guides, of which depth is the last normal-free one.
-pub(crate) fn bilateral(
+/// Filters signals, which are zero where a pixel is left out. `kinds` are those of the guides, of
+/// which depth is the last normal-free one.
+pub(crate) fn bilateral<const N: usize>(
     input: &Input<'_>,
+    signals: [&[f32]; N],
     kinds: &[GuideKind],
     radius: usize,
     settings: &Settings,
-) -> Vec<Vec<f32>> {
+) -> [Vec<f32>; N] {
     // Half the radius: the border of the window has a weight of 0.14.
     let sigma = (radius as f32 * 0.5).max(0.5);
     let reach = radius as isize;
@@ -21,10 +23,9 @@ pub(crate) fn bilateral(
     let taps: Vec<Tap> =
         (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| tap(y, x))).collect();
     let guides = Scaled::new(input, kinds, radius, settings);
-    let signals: Vec<Vec<f32>> =
-        input.signals.iter().take(3).map(|plane| guides.padded.plane(plane, 1.0)).collect();
-    let means = guides.neighbours([&signals[0], &signals[1], &signals[2]], &[]).means(&taps);
-    means.iter().map(|plane| guides.padded.inner(plane)).collect()
+    let signals = signals.map(|plane| guides.padded.plane(plane, 1.0));
+    let means = guides.neighbours(signals.each_ref().map(Vec::as_slice), &[]).means(&taps);
+    means.map(|plane| guides.padded.inner(&plane))
 }
 
 /// Guides over their standard deviations, depth last.
@@ -61,11 +62,11 @@ impl Scaled {
     }
 
     /// Neighbours by these guides and `more`, which come first.
-    pub fn neighbours<'a>(
+    pub fn neighbours<'a, const N: usize>(
         &'a self,
-        signals: [&'a [f32]; 3],
+        signals: [&'a [f32]; N],
         more: &'a [Vec<f32>],
-    ) -> Neighbours<'a> {
+    ) -> Neighbours<'a, N> {
         let guides = more.iter().chain(&self.planes).map(Vec::as_slice).collect();
         let slopes = self.slopes.as_ref().map(|[right, down]| [&right[..], &down[..]]);
         Neighbours { padded: &self.padded, guides, slopes, mask: &self.mask, signals }

@@ -54,21 +54,22 @@ impl<'a> Input<'a> {
         Self { width, height, guides, signals, mask: Cow::Owned(mask), invalid: hits - valid }
     }
 
-    /// The same input with one more signal.
+    /// The same input with one more signal, which is zero where a pixel is left out.
     pub fn with_signal<'b>(&'b self, signal: &'b [f32]) -> Input<'b> {
-        self.with_signals(self.signals.iter().map(AsRef::as_ref).chain([signal]))
-    }
-
-    /// The same guides with other signals, which are zero where a pixel is left out.
-    pub fn with_signals<'b>(&'b self, signals: impl IntoIterator<Item = &'b [f32]>) -> Input<'b> {
+        let signals = self.signals.iter().map(AsRef::as_ref).chain([signal]);
         Input {
             width: self.width,
             height: self.height,
             guides: self.guides.iter().map(|plane| Cow::Borrowed(plane.as_ref())).collect(),
-            signals: signals.into_iter().map(Cow::Borrowed).collect(),
+            signals: signals.map(Cow::Borrowed).collect(),
             mask: Cow::Borrowed(self.mask.as_ref()),
             invalid: self.invalid,
         }
+    }
+
+    /// The first three signals.
+    pub fn colours(&self) -> [&[f32]; 3] {
+        [0, 1, 2].map(|c| &*self.signals[c])
     }
 
     /// Number of pixels.

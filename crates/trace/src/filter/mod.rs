@@ -52,9 +52,12 @@ pub fn filter_in(
     let radius = settings.radius(samples);
     let planes = match settings.kind {
         FilterKind::Nested => {
-            nested::nested(&input, &noise_scaled(&input, kinds, settings), workspace)
+            let ridges = noise_scaled(&input, kinds, settings);
+            nested::nested(&input, kinds, &ridges, settings, workspace)
         }
-        FilterKind::Bilateral => bilateral::bilateral(&input, kinds, radius, settings),
+        FilterKind::Bilateral => {
+            bilateral::bilateral(&input, input.colours(), kinds, radius, settings).into()
+        }
         FilterKind::Atrous => atrous::atrous(&input, kinds, settings),
         FilterKind::Guided | FilterKind::None if settings.is_noise_scaled => {
             regress(&input, radius, &noise_scaled(&input, kinds, settings), workspace)

@@ -1,22 +1,25 @@
-//! Nested windows: the guided filter with noise-scaled epsilon at two radii. The small windows
-//! follow the light more closely, the large ones have less noise. The difference of the two results
-//! is light and noise; it counts by the share of light in its energy (James and Stein's estimator).
-//! The share of noise is known from an image of white noise that goes through the same filters.
+//! Nested windows: the guided filter with noise-scaled epsilon at two radii, then a cross-bilateral
+//! filter of what they leave. Smaller windows follow the light more closely, larger ones have less
+//! noise. What a smaller window adds is light and noise; it counts by the share of light in its
+//! energy (James and Stein's estimator). The share of noise is known from an image of white noise
+//! that goes through the same filters.
 
+use super::bilateral::bilateral;
 use super::boxes::Boxes;
 use super::guided::{Ridges, Workspace, regress};
 use super::input::Input;
 use super::moments::LUMINANCE;
+use super::{GuideKind, Settings};
 use rayon::prelude::*;
 
-/// Radii of the windows, pixels. Three and more radii from 3 pixels on have larger errors.
+/// Radii of the windows of regressions, pixels. Smaller ones hold too few pixels for five
+/// coefficients.
 pub(crate) const RADII: [usize; 2] = [8, 24];
-/// Radius of the windows in which the energy of the difference is measured, pixels. Smaller windows
+/// Radius of the cross-bilateral filter, pixels.
+pub(crate) const FINE_RADIUS: usize = 4;
+/// Radius of the windows in which the energy of an addition is measured, pixels. Smaller windows
 /// hold too few independent values of the filtered noise to tell light from it.
 pub(crate) const ENERGY_RADIUS: usize = 16;
-/// Times that the expected energy of the noise is subtracted, since its energy in a window is known
-/// to a fifth or so.
-pub(crate) const CAUTION: f64 = 1.2;
 
 /// Greatest change of the mean that is taken back. More is no bias of the shares: a picture of
 /// almost no light, or of one firefly.
@@ -25,37 +28,64 @@ pub(crate) const MEAN_CHANGE_MAX: f64 = 0.02;
 /// Filters a picture of three signals.
 pub(crate) fn nested(
     input: &Input<'_>,
+    kinds: &[GuideKind],
     ridges: &Ridges,
+    settings: &Settings,
     workspace: &mut Workspace,
 ) -> Vec<Vec<f32>> {
     let white: Vec<f32> = input.mask.iter().enumerate().map(|(i, &mask)| mask * sign(i)).collect();
-    let input = input.with_signal(&white);
-    let [small, mut large] = RADII.map(|radius| regress(&input, radius, ridges, workspace));
+    let with_white = input.with_signal(&white);
+    let [mut addition, mut filtered] =
+        RADII.map(|radius| regress(&with_white, radius, ridges, workspace));
+    for (addition, filtered) in addition.iter_mut().zip(&filtered) {
+        addition.par_iter_mut().zip(filtered).for_each(|(small, large)| *small -= large);
+    }
+    add_light(input, &mut filtered, input.colours(), &addition);
+    drop(addition);
+
+    let residual: [Vec<f32>; 3] = std::array::from_fn(|c| {
+        let values = input.signals[c].par_iter().zip(&filtered[c]).zip(&*input.mask);
+        let off = |((noisy, filtered), &mask)| if mask != 0.0 { noisy - filtered } else { 0.0 };
+        values.map(off).collect()
+    });
+    let [red, green, blue] = residual.each_ref().map(Vec::as_slice);
+    let addition = bilateral(input, [red, green, blue, &white], kinds, FINE_RADIUS, settings);
+    add_light(input, &mut filtered, [red, green, blue], &addition);
+
+    for (filtered, noisy) in filtered.iter_mut().zip(&input.signals).take(3) {
+        keep_mean(input, noisy, filtered);
+    }
+    filtered
+}
+
+/// Adds the share of an addition that is light and not noise. The addition was filtered from
+/// `noisy`; its fourth plane was filtered from white noise.
+fn add_light(
+    input: &Input<'_>,
+    filtered: &mut [Vec<f32>],
+    noisy: [&[f32]; 3],
+    addition: &[Vec<f32>],
+) {
     let boxes = |radius: usize| Boxes { width: input.width, mask: &input.mask, radius };
     let noise = boxes(RADII[1]).means(|i| {
-        let value = f64::from(luminance(&input.signals, i));
-        let white = f64::from(small[3][i] - large[3][i]);
+        let value = f64::from(luminance(&noisy, i));
+        let white = f64::from(addition[3][i]);
         [value, value * value, white * white]
     });
     let energy = boxes(ENERGY_RADIUS).means(|i| {
-        let light = f64::from(luminance(&small, i) - luminance(&large, i));
+        let light = f64::from(luminance(addition, i));
         [light * light]
     });
     let share = |([mean, square, white], _): ([f64; 3], f64), ([energy], _): ([f64; 1], f64)| {
-        let noise = CAUTION * (square - mean * mean).max(0.0) * white;
+        let noise = (square - mean * mean).max(0.0) * white;
         if energy > noise { (1.0 - noise / energy) as f32 } else { 0.0 }
     };
     let shares: Vec<f32> =
         noise.par_iter().zip(&energy).map(|(&noise, &energy)| share(noise, energy)).collect();
-    for (large, small) in large.iter_mut().zip(&small) {
-        large.par_iter_mut().zip(small).zip(&shares).for_each(|((large, small), share)| {
-            *large += share * (small - *large);
-        });
+    for (filtered, addition) in filtered.iter_mut().zip(addition).take(3) {
+        let values = filtered.par_iter_mut().zip(addition).zip(&shares);
+        values.for_each(|((filtered, addition), share)| *filtered += share * addition);
     }
-    for (filtered, noisy) in large.iter_mut().zip(&input.signals).take(3) {
-        keep_mean(&input, noisy, filtered);
-    }
-    large
 }
 
 /// Scales a filtered plane to the mean of the unfiltered one: the shares depend on the light, which

@@ -7,7 +7,7 @@ pub enum FilterKind {
     None,
     /// Guided image filter (`bauszat2011` 3.3).
     Guided,
-    /// Guided image filter with noise-scaled epsilon at two radii, mixed by their agreement.
+    /// Guided image filter with noise-scaled epsilon at two radii, and a finer cross-bilateral one.
     #[default]
     Nested,
     /// Cross-bilateral filter.

@@ -52,7 +52,7 @@ impl Padded {
 
 /// Planes that neighbours are compared by, scaled so that a difference of one lowers the weight by
 /// a factor e, and what is averaged.
-pub(crate) struct Neighbours<'a> {
+pub(crate) struct Neighbours<'a, const N: usize> {
     pub padded: &'a Padded,
     /// Guides; the last is depth if it has slopes.
     pub guides: Vec<&'a [f32]>,
@@ -61,17 +61,20 @@ pub(crate) struct Neighbours<'a> {
     /// One where a pixel counts.
     pub mask: &'a [f32],
     /// Values, zero where a pixel does not count.
-    pub signals: [&'a [f32]; 3],
+    pub signals: [&'a [f32]; N],
 }
 
-impl Neighbours<'_> {
+impl<const N: usize> Neighbours<'_, N> {
     /// Means over the taps, with margins. Pixels that do not count get zero.
-    pub fn means(&self, taps: &[Tap]) -> [Vec<f32>; 3] {
+    pub fn means(&self, taps: &[Tap]) -> [Vec<f32>; N] {
         let stride = self.padded.stride;
-        let [mut red, mut green, mut blue] = [(); 3].map(|()| vec![0.0; self.mask.len()]);
-        let rows = red.par_chunks_mut(stride).zip(green.par_chunks_mut(stride));
-        rows.zip(blue.par_chunks_mut(stride)).enumerate().for_each(|(y, ((red, green), blue))| {
-            let out = [red, green, blue];
+        let mut means = [(); N].map(|()| vec![0.0; self.mask.len()]);
+        let mut planes = means.each_mut().map(|plane| plane.chunks_mut(stride));
+        let rows = self.mask.len() / stride;
+        let rows: Vec<[&mut [f32]; N]> = (0..rows)
+            .map(|_| planes.each_mut().map(|rows| rows.next().unwrap_or_default()))
+            .collect();
+        rows.into_par_iter().enumerate().for_each(|(y, out)| {
             dispatch!(Level::new(), simd => match self.guides.len() {
                 1 => self.row::<_, 1>(simd, y, taps, out),
                 3 => self.row::<_, 3>(simd, y, taps, out),
@@ -83,7 +86,7 @@ impl Neighbours<'_> {
                 _ => self.row::<_, 0>(simd, y, taps, out),
             });
         });
-        [red, green, blue]
+        means
     }
 
     #[inline(always)]
@@ -92,7 +95,7 @@ impl Neighbours<'_> {
         simd: S,
         y: usize,
         taps: &[Tap],
-        [red, green, blue]: [&mut [f32]; 3],
+        mut out: [&mut [f32]; N],
     ) {
         let (stride, margin) = (self.padded.stride, self.padded.margin);
         let height = self.mask.len() / stride;
@@ -107,7 +110,7 @@ impl Neighbours<'_> {
                 Some([right, down]) => [load(simd, right, here), load(simd, down, here)],
                 None => [zero; 2],
             };
-            let (mut total, mut sums) = (zero, [zero; 3]);
+            let (mut total, mut sums) = (zero, [zero; N]);
             for tap in taps {
                 let Some(row) = y.checked_add_signed(tap.y).filter(|&row| row < height) else {
                     continue;
@@ -123,13 +126,13 @@ impl Neighbours<'_> {
                 }
                 let weight = falling(zero, distance) * tap.weight;
                 total = simd.mul_add_f32x8(weight, load(simd, self.mask, there), total);
-                for n in 0..3 {
+                for n in 0..N {
                     let value = load(simd, self.signals[n], there);
                     sums[n] = simd.mul_add_f32x8(weight, value, sums[n]);
                 }
             }
             let share = load(simd, self.mask, here) / total.max(zero + f32::MIN_POSITIVE);
-            for (out, sum) in [&mut *red, &mut *green, &mut *blue].into_iter().zip(sums) {
+            for (out, sum) in out.iter_mut().zip(sums) {
                 if let Some(out) = out.get_mut(x..).and_then(|out| out.first_chunk_mut::<EIGHT>()) {
                     *out = *(sum * share);
                 }

@@ -153,7 +153,7 @@ impl LightFilter {
             }
             FilterKind::Nested => {
                 let nested = built(&mut self.nested, || Nested::new(gpu))?;
-                nested.add(gpu, &mut plan, pictures, ridges)?;
+                nested.add(gpu, &mut plan, pictures, ridges, settings)?;
             }
             FilterKind::Bilateral => {
                 let taps = built(&mut self.taps, || TapFilters::new(gpu))?;

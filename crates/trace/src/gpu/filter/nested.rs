@@ -1,18 +1,19 @@
-//! Nested windows on the GPU: the guided filter with noise-scaled epsilon at two radii, mixed by
-//! their agreement. Twin: `src/filter/nested.rs`.
+//! Nested windows on the GPU: the guided filter with noise-scaled epsilon at two radii, and the
+//! cross-bilateral filter of what they leave. Twin: `src/filter/nested.rs`.
 
-use crate::filter::nested::{ENERGY_RADIUS, RADII};
+use crate::filter::Settings;
+use crate::filter::nested::{ENERGY_RADIUS, FINE_RADIUS, RADII};
 use crate::gpu::filter::FilterPictures;
 use crate::gpu::filter::boxes::{Boxes, Rows};
 use crate::gpu::filter::guided::{Guided, GuidedSettings};
 use crate::gpu::filter::plan::FilterPlan;
+use crate::gpu::filter::taps::TapFilters;
 use crate::gpu::{Pixels, same_values, sources, without_twin};
 use esker_render::gpu::device::Counted;
 use esker_render::gpu::device::kernel::groups_of;
 use esker_render::gpu::wgpu::BufferUsages;
 use esker_render::gpu::{Gpu, GpuError, Kernel};
 
-same_values!(filter_mix == crate::filter::nested { CAUTION = CAUTION as f32 });
 same_values!(filter_keep_mean == crate::filter::nested { MEAN_CHANGE_MAX = MEAN_CHANGE_MAX as f32 });
 without_twin!(filter_totals { LANES });
 
@@ -25,11 +26,22 @@ const TOTALS: u32 = 64;
 /// The kernels.
 pub(crate) struct Nested {
     guided: Guided,
+    /// What small windows add to large ones, and the light that both leave.
+    added: Kernel,
+    left: Kernel,
+    taps: TapFilters,
     energies: Kernel,
     boxes: Boxes,
-    mix: Kernel,
+    add_light: Kernel,
     totals: Kernel,
     keep_mean: Kernel,
+}
+
+/// Planes of noise and energy, and room for sums along rows.
+struct Planes {
+    noises: Counted,
+    energies: Counted,
+    along: Counted,
 }
 
 impl Nested {
@@ -39,17 +51,23 @@ impl Nested {
     /// If the driver refuses a shader.
     pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let kernel = |source| Kernel::new(gpu, source, "main", &[]);
+        let difference = |of_light| {
+            Kernel::new(gpu, sources::FILTER_DIFFERENCE, "main", &[("OF_LIGHT", of_light)])
+        };
         Ok(Self {
             guided: Guided::with_signals(gpu, 4, 4)?,
+            added: difference(0.0)?,
+            left: difference(1.0)?,
+            taps: TapFilters::new(gpu)?,
             energies: kernel(sources::FILTER_ENERGIES)?,
             boxes: Boxes::new(gpu)?,
-            mix: kernel(sources::FILTER_MIX)?,
+            add_light: kernel(sources::FILTER_ADD_LIGHT)?,
             totals: kernel(sources::FILTER_TOTALS)?,
             keep_mean: kernel(sources::FILTER_KEEP_MEAN)?,
         })
     }
 
-    /// Appends the filter to a plan. The radius of `settings` is not used.
+    /// Appends the filter to a plan. The radius of `ridges` is not used.
     ///
     /// # Errors
     /// If memory is refused.
@@ -58,43 +76,69 @@ impl Nested {
         gpu: &Gpu,
         plan: &mut FilterPlan,
         pictures: &FilterPictures<'_>,
-        settings: GuidedSettings,
+        ridges: GuidedSettings,
+        settings: &Settings,
     ) -> Result<(), GpuError> {
-        let (width, height) = (pictures.light.width, pictures.light.height);
+        let &FilterPictures { guides, light, out } = pictures;
+        let (width, height) = (light.width, light.height);
         let pixels = u64::from(width) * u64::from(height);
-        let mut filtered = Vec::new();
+        let groups = groups_of(pixels);
+        // What is filtered from, and what is added.
+        let first = Pixels::new(gpu, "windows", width, height)?;
+        let second = Pixels::new(gpu, "windows", width, height)?;
         let scratch = self.guided.scratch(gpu, pictures, &RADII.map(|radius| radius as u32))?;
-        for radius in RADII {
-            let out = Pixels::new(gpu, "nested windows", width, height)?;
-            let settings = GuidedSettings { radius: radius as u32, ..settings };
-            let pictures = &FilterPictures { out: &out, ..*pictures };
-            self.guided.add_in(gpu, plan, pictures, settings, &scratch)?;
-            filtered.push(out.buffer);
+        for (radius, out) in RADII.into_iter().zip([&first, out]) {
+            let ridges = GuidedSettings { radius: radius as u32, ..ridges };
+            let pictures = &FilterPictures { out, ..*pictures };
+            self.guided.add_in(gpu, plan, pictures, ridges, &scratch)?;
         }
         plan.keep(scratch.into_buffers());
         let planes = |planes: u32| {
             gpu.buffer("energies", pixels * u64::from(planes) * 4, BufferUsages::STORAGE)
         };
-        let (noises, energies) = (planes(NOISE_PLANES)?, planes(ENERGY_PLANES)?);
-        let along = planes(NOISE_PLANES)?;
+        let planes = Planes {
+            noises: planes(NOISE_PLANES)?,
+            energies: planes(ENERGY_PLANES)?,
+            along: planes(NOISE_PLANES)?,
+        };
+        let bound = [guides, light, out, &first].map(|pixels| &*pixels.buffer);
+        plan.add(gpu, &self.added, &bound, groups);
+        self.add_light(gpu, plan, pictures, [light, &first], &planes)?;
+        plan.add(gpu, &self.left, &bound, groups);
+        let fine = &FilterPictures { out: &second, ..*pictures };
+        self.taps.add_bilateral_of(gpu, plan, fine, &first, FINE_RADIUS, settings)?;
+        self.add_light(gpu, plan, pictures, [&first, &second], &planes)?;
+
         let totals = gpu.buffer("totals", u64::from(TOTALS) * 32, BufferUsages::STORAGE)?;
-        let [guides, light, out] =
-            [pictures.guides, pictures.light, pictures.out].map(|pixels| &*pixels.buffer);
-        let [small, large] = [&*filtered[0], &*filtered[1]];
-        let groups = groups_of(pixels);
-        let bound = [guides, light, small, large, &noises, &energies];
-        plan.add(gpu, &self.energies, &bound, groups);
-        let [_, far] = RADII;
-        let windows = [(NOISE_PLANES, far, &noises), (ENERGY_PLANES, ENERGY_RADIUS, &energies)];
-        for (planes, radius, sums) in windows {
-            self.add_sums(gpu, plan, (width, height, radius), planes, [sums, &along])?;
-        }
-        let bound = [guides, light, small, large, &noises, &energies, out];
-        plan.add(gpu, &self.mix, &bound, groups);
+        let [guides, light, out] = [guides, light, out].map(|pixels| &*pixels.buffer);
         plan.add(gpu, &self.totals, &[guides, light, out, &totals], [TOTALS, 1, 1]);
         plan.add(gpu, &self.keep_mean, &[guides, light, &totals, out], groups);
-        plan.keep(filtered);
-        plan.keep([noises, energies, along, totals]);
+        plan.keep([first.buffer, second.buffer, totals]);
+        plan.keep([planes.noises, planes.energies, planes.along]);
+        Ok(())
+    }
+
+    /// Adds the share of an addition that is light. It was filtered from `noisy`.
+    fn add_light(
+        &self,
+        gpu: &Gpu,
+        plan: &mut FilterPlan,
+        &FilterPictures { guides, light, out }: &FilterPictures<'_>,
+        [noisy, addition]: [&Pixels; 2],
+        Planes { noises, energies, along }: &Planes,
+    ) -> Result<(), GpuError> {
+        let (width, height) = (light.width, light.height);
+        let groups = groups_of(u64::from(width) * u64::from(height));
+        let [guides, light, noisy, addition, out] =
+            [guides, light, noisy, addition, out].map(|pixels| &*pixels.buffer);
+        let bound = [guides, light, noisy, addition, noises, energies];
+        plan.add(gpu, &self.energies, &bound, groups);
+        let windows = [(NOISE_PLANES, RADII[1], noises), (ENERGY_PLANES, ENERGY_RADIUS, energies)];
+        for (planes, radius, sums) in windows {
+            self.add_sums(gpu, plan, (width, height, radius), planes, [sums, along])?;
+        }
+        let bound = [guides, light, addition, noises, energies, out];
+        plan.add(gpu, &self.add_light, &bound, groups);
         Ok(())
     }
 

@@ -39,6 +39,7 @@ pub(crate) struct TapFilters {
     gaussian: Kernel,
     spline: Kernel,
     on_guides: Kernel,
+    all: Kernel,
 }
 
 impl TapFilters {
@@ -47,14 +48,16 @@ impl TapFilters {
     /// # Errors
     /// If the driver refuses a shader.
     pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let kernel = |spline, guides| {
-            let constants = [("SPLINE", spline), ("ON_GUIDES", guides)];
+        let kernel = |on: &str| {
+            let all = ["SPLINE", "ON_GUIDES", "AVERAGES_ALL"];
+            let constants = all.map(|name| (name, f64::from(u8::from(name == on))));
             Kernel::new(gpu, sources::FILTER_TAPS, "main", &constants)
         };
         Ok(Self {
-            gaussian: kernel(0.0, 0.0)?,
-            spline: kernel(1.0, 0.0)?,
-            on_guides: kernel(0.0, 1.0)?,
+            gaussian: kernel("")?,
+            spline: kernel("SPLINE")?,
+            on_guides: kernel("ON_GUIDES")?,
+            all: kernel("AVERAGES_ALL")?,
         })
     }
 
@@ -89,6 +92,23 @@ impl TapFilters {
     ) -> Result<(), GpuError> {
         let taps = Taps::new(pictures, radius, 1, settings);
         add(gpu, plan, &self.on_guides, &taps, pictures, [pictures.guides, pictures.out])
+    }
+
+    /// Appends the same filter of the four values of `source` to a plan.
+    ///
+    /// # Errors
+    /// If memory is refused.
+    pub(crate) fn add_bilateral_of(
+        &self,
+        gpu: &Gpu,
+        plan: &mut FilterPlan,
+        pictures: &FilterPictures<'_>,
+        source: &Pixels,
+        radius: usize,
+        settings: &Settings,
+    ) -> Result<(), GpuError> {
+        let taps = Taps::new(pictures, radius, 1, settings);
+        add(gpu, plan, &self.all, &taps, pictures, [source, pictures.out])
     }
 
     /// Appends a-trous wavelets without weights of colour to a plan.

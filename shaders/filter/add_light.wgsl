@@ -1,20 +1,15 @@
-// Nested windows, second step: the difference of both filtered pictures counts by the share of
-// light in its energy (James and Stein's estimator). Twin: crates/trace/src/filter/nested.rs.
+// Nested windows: adds the share of an addition that is light and not noise (James and Stein's
+// estimator). Twin: crates/trace/src/filter/nested.rs.
 
 // include common/usable.wgsl
 
 @group(0) @binding(0) var<storage, read> guides: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> light: array<vec4<f32>>;
-// Light filtered by small and by large windows.
-@group(0) @binding(2) var<storage, read> small: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> large: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> addition: array<vec4<f32>>;
 // Planes of energies.wgsl, summed over windows.
-@group(0) @binding(4) var<storage, read> noises: array<f32>;
-@group(0) @binding(5) var<storage, read> energies: array<f32>;
-@group(0) @binding(6) var<storage, read_write> filtered: array<vec4<f32>>;
-
-// Times that the expected energy of the noise is subtracted.
-const CAUTION: f32 = 1.2;
+@group(0) @binding(3) var<storage, read> noises: array<f32>;
+@group(0) @binding(4) var<storage, read> energies: array<f32>;
+@group(0) @binding(5) var<storage, read_write> filtered: array<vec4<f32>>;
 
 @compute @workgroup_size(256)
 fn main(
@@ -36,10 +31,10 @@ fn main(
     let mean = noises[pixel] * of_noise;
     let variance = max(noises[pixels + pixel] * of_noise - mean * mean, 0.0);
     let energy = energies[pixel] * of_energy;
-    let noise = CAUTION * variance * noises[2u * pixels + pixel] * of_noise;
-    var weight = 0.0;
+    let noise = variance * noises[2u * pixels + pixel] * of_noise;
+    var share = 0.0;
     if energy > noise {
-        weight = 1.0 - noise / energy;
+        share = 1.0 - noise / energy;
     }
-    filtered[pixel] = vec4<f32>(mix(large[pixel].xyz, small[pixel].xyz, weight), here.w);
+    filtered[pixel] = vec4<f32>(filtered[pixel].xyz + share * addition[pixel].xyz, here.w);
 }
