@@ -35,6 +35,7 @@ struct Scan {
     path: PathBuf,
     eye: [f64; 3],
     target: [f64; 3],
+    up: DVec3,
     fovy_deg: f64,
     albedo: Albedo,
     lights: fn([DVec3; 2]) -> Vec<Light>,
@@ -49,6 +50,7 @@ impl Scan {
                 path: generated("office", office),
                 eye: [0.19, 0.63, 0.19],
                 target: [0.24, 0.95, 0.16],
+                up: DVec3::Z,
                 fovy_deg: 60.0,
                 albedo: Albedo::Rgb,
                 lights: rooms,
@@ -57,18 +59,21 @@ impl Scan {
                 path: generated("terrain", terrain),
                 eye: [0.5, -0.12, 1.9],
                 target: [0.5, 0.45, 0.2],
+                up: DVec3::Z,
                 fovy_deg: 40.0,
                 albedo: Albedo::Rgb,
                 lights: open_air,
             },
             _ => Self {
                 path: data()?.join("laz/indoor.laz"),
-                eye: [0.5, 0.15, 0.6],
-                target: [0.5, 0.8, 0.4],
-                fovy_deg: 65.0,
+                // Along a corridor with stairs; the second axis points up.
+                eye: [0.7, 0.31, 0.54],
+                target: [0.28, 0.31, 0.39],
+                up: DVec3::Y,
+                fovy_deg: 70.0,
                 // Its fields of colour are empty.
                 albedo: Albedo::Plain([0.6; 3]),
-                lights: rooms,
+                lights: corridor,
             },
         })
     }
@@ -85,6 +90,7 @@ impl Scan {
         let camera = Camera {
             eye: Some(at(self.eye)),
             target: Some(at(self.target)),
+            up: Some(self.up),
             fovy_deg: Some(self.fovy_deg),
             ..Camera::default()
         };
@@ -105,10 +111,19 @@ pub(super) struct OpenScan {
 }
 
 /// Lamps in the room that is seen and along the corridor, and a sky that windows let in.
-fn rooms([low, high]: [DVec3; 2]) -> Vec<Light> {
+fn rooms(bounds: [DVec3; 2]) -> Vec<Light> {
     let corridor = (0..4).map(|i| DVec3::new(0.2 + 0.2 * f64::from(i), 0.5, 0.24));
-    let places = corridor.chain([DVec3::new(0.215, 0.75, 0.25)]);
-    let lamps = places.map(|share| {
+    lamps(bounds, corridor.chain([DVec3::new(0.215, 0.75, 0.25)]))
+}
+
+/// Lamps along the corridor of the real scan.
+fn corridor(bounds: [DVec3; 2]) -> Vec<Light> {
+    lamps(bounds, [0.65, 0.5, 0.35].map(|x| DVec3::new(x, 0.45, 0.44)).into_iter())
+}
+
+/// Lamps at shares of a box, and a sky.
+fn lamps([low, high]: [DVec3; 2], shares: impl Iterator<Item = DVec3>) -> Vec<Light> {
+    let lamps = shares.map(|share| {
         let position = (low + (high - low) * share).to_array();
         Light::Point { position, intensity: [3.0, 2.7, 2.3] }
     });
