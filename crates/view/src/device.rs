@@ -81,6 +81,7 @@ impl Device {
             gpu,
             device: self.gpu.clone(),
             size,
+            shrinks_lit: true,
             ..Options::default()
         }
     }

@@ -43,9 +43,16 @@ pub fn show(ui: &mut Ui, wanted: &mut Settings, status: Option<&LitStatus>) {
     let text = format!("{} of {} rays a pixel", status.samples, status.samples_final);
     let bar = ProgressBar::new(share).corner_radius(3.0).desired_height(17.0);
     ui.add(bar.fill(theme::COOL.gamma_multiply(0.55)).text(RichText::new(text).size(11.0)));
-    let bound = if status.is_bounded { ": the bound of main memory is reached" } else { "" };
-    let splats = format!("{} lit points{bound}", grouped(status.splats as u64));
+    let splats = format!("{} lit points", grouped(status.splats as u64));
     ui.label(RichText::new(splats).color(theme::FAINT));
+    let bounds = [
+        (status.is_bounded, "fewer points than the view needs"),
+        (status.is_smaller, "a coarser picture than the window"),
+    ];
+    for (_, what) in bounds.iter().filter(|(is_so, _)| *is_so) {
+        let hint = format!("{what}: raise --budget-ram or, on a GPU, drawing memory");
+        ui.label(RichText::new(hint).color(theme::FAINT));
+    }
 }
 
 /// Shows whether surfaces are glossy, and how much.

@@ -25,7 +25,7 @@ pub struct Scene {
     file: Arc<Forest>,
     settings: Settings,
     device: Device,
-    /// Size of the largest picture that the session may draw, pixels.
+    /// Size of the largest picture that is wanted, pixels.
     size: [u32; 2],
     state: State,
     /// Until when a new session may load before its pictures are shown.
@@ -202,9 +202,17 @@ impl Scene {
         }
     }
 
-    /// Size of the largest picture that can be drawn, pixels.
+    /// Size of the largest picture that is wanted, pixels.
     pub fn size(&self) -> [u32; 2] {
         self.size
+    }
+
+    /// Size of the largest picture that the session draws, pixels: lit ones may be smaller.
+    pub fn drawn_size(&self) -> [u32; 2] {
+        match &self.state {
+            State::Running(session) => session.size(),
+            _ => self.size,
+        }
     }
 
     fn reopen(&mut self) {
@@ -222,8 +230,13 @@ impl Scene {
             match opening.poll() {
                 None => return FrameOutcome::Waiting,
                 Some(Ok(session)) => {
+                    let is_smaller = session.size() != self.size;
                     self.state = State::Running(Box::new(session));
                     self.hold_until = Some(Instant::now() + HOLD_MAX);
+                    if is_smaller {
+                        // The views are of pictures that it does not draw.
+                        return FrameOutcome::Waiting;
+                    }
                 }
                 Some(Err(error)) => self.state = State::Failed(format!("{error:#}")),
             }

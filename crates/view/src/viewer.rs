@@ -295,7 +295,7 @@ impl Viewer {
     ) -> Option<f64> {
         let (ctx, rect) = (ui.ctx(), self.picture_rect?);
         let scale = if shots.is_requested() { 1.0 } else { self.sharpness.scale(now_s) };
-        let has = self.scene.as_ref()?.size();
+        let has = self.scene.as_ref()?.drawn_size();
         self.size = within(pixels(rect, ctx.pixels_per_point(), scale), has);
         let views = self.views();
         let scene = self.scene.as_mut()?;

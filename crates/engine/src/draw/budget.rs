@@ -28,6 +28,14 @@ const LIT_PIXEL_BYTES: u64 = 400;
 const LIT_HOST_PIXEL_BYTES: u64 = 180;
 /// Least memory for the scene of lit pictures: some hundred thousand splats.
 const SCENE_BYTES_MIN: u64 = 32 << 20;
+/// Splats that a lit scene should have room for before pictures get all of their pixels, and, for
+/// small budgets, bytes of the budget for each.
+const LIT_SPLATS_WANTED: u64 = 500_000;
+const LIT_SPLAT_BYTES: u64 = 800;
+/// Scales of the sides of lit pictures that are tried: each is this part of the one before.
+const SCALE_STEP: f64 = 0.96;
+/// Least side of a lit picture that is tried, pixels.
+const LIT_SIDE_MIN: u32 = 16;
 /// Bytes a node beside its record: the cache entry, and what the choice keeps of visited nodes.
 const NODE_BYTES: u64 = 512;
 /// Stacks of threads, channels, the allocator's overhead.
@@ -229,6 +237,27 @@ impl GpuShares {
         let pool_bytes = NodePool::bytes_within(rest - splats_max * GPU_SPLAT_BYTES);
         Ok(Self { picture_bytes, runs: runs as usize, batch, splats_max, pool_bytes })
     }
+}
+
+/// Size of the largest lit picture, pixels: that of `options`, or less with the same aspect ratio
+/// where the budgets do not hold it beside the splats that are wanted. If no size helps, that of
+/// `options`.
+pub(crate) fn lit_size(file: &Forest, options: &Options, is_on_gpu: bool) -> [u32; 2] {
+    let Settings { budget_gpu_bytes, budget_ram_bytes, .. } = options.settings;
+    let budget_bytes = if is_on_gpu { budget_gpu_bytes } else { budget_ram_bytes };
+    let wanted = LIT_SPLATS_WANTED.min(file.points()).min(budget_bytes / LIT_SPLAT_BYTES);
+    let fits = |&size: &[u32; 2]| {
+        let options = Options { size, ..options.clone() };
+        let shares = match is_on_gpu {
+            true => Shares::beside_gpu(file, &options),
+            false => Shares::of(file, &options),
+        };
+        shares.is_ok_and(|shares| shares.splats_max() >= wanted)
+    };
+    let scaled = |scale| options.size.map(|side| (f64::from(side) * scale) as u32);
+    let sizes = (0..).map(|i| scaled(SCALE_STEP.powi(i)));
+    let mut sizes = sizes.take_while(|size| size.iter().all(|&side| side >= LIT_SIDE_MIN));
+    sizes.find(fits).unwrap_or(options.size)
 }
 
 /// Pixels of a picture with its margin.

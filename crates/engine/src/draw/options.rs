@@ -51,6 +51,9 @@ pub struct Options {
     pub device: Option<Gpu>,
     /// Width and height of the largest picture, pixels.
     pub size: [u32; 2],
+    /// Whether the largest lit picture may be smaller than `size` where the budgets do not hold it
+    /// beside a useful scene. [`Session::size`](crate::draw::session::Session::size) has its size.
+    pub shrinks_lit: bool,
     /// Order in which missing nodes are read.
     pub priority: Priority,
     /// Concurrent reads.
@@ -92,6 +95,7 @@ impl Default for Options {
             gpu: GpuRequest::default(),
             device: None,
             size: [1024, 1024],
+            shrinks_lit: false,
             priority: stream.priority,
             loaders: stream.loaders,
             nodes_max: stream.nodes_max,

@@ -10,7 +10,7 @@
 //! in place. A GPU runs copies and passes in the order in which they are submitted, so the same
 //! holds there for frames in flight.
 
-use crate::draw::budget::Shares;
+use crate::draw::budget::{Shares, lit_size};
 use crate::draw::frame::Appearance;
 use crate::draw::method::Method;
 pub use crate::draw::options::{Options, Settings};
@@ -83,6 +83,8 @@ pub struct Session {
     appearance: Appearance,
     shares: Shares,
     drawer: Drawer,
+    /// Whether the largest picture is smaller than the requested one.
+    is_smaller: bool,
     /// `None` only while the session is dropped or changes its backend.
     running: Option<Running>,
     /// Depth of the last finished frame.
@@ -99,7 +101,7 @@ impl Session {
     /// If a budget is too small (the message has the smallest possible one), the file lacks the
     /// source of colours, a thread cannot be started, a root cannot be read, or the user insists on
     /// a GPU and there is none.
-    pub fn open(file: Arc<Forest>, options: Options) -> Result<Self> {
+    pub fn open(file: Arc<Forest>, mut options: Options) -> Result<Self> {
         let Settings { colour_by, filter, method, shines, light, evens_exposure, full, .. } =
             &options.settings;
         let appearance = Appearance::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
@@ -118,6 +120,11 @@ impl Session {
             Some(why) => (None, Drawer::cpu(why)),
             None => (gpu, drawer),
         };
+        let wanted_size = options.size;
+        if options.shrinks_lit && *method == Method::Lit {
+            options.size = lit_size(&file, &options, gpu.is_some());
+        }
+        let is_smaller = options.size != wanted_size;
         let shares = match &gpu {
             Some(_) => Shares::beside_gpu(&file, &options),
             None => Shares::of(&file, &options),
@@ -134,6 +141,7 @@ impl Session {
             appearance,
             shares,
             drawer,
+            is_smaller,
             running: None,
             depth: None,
             still: 0,
@@ -209,6 +217,11 @@ impl Session {
         &self.file
     }
 
+    /// Size of the largest picture, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.options.size
+    }
+
     /// What draws, and why no GPU does. Changes if a GPU fails that the user did not insist on.
     pub fn drawer(&self) -> &Drawer {
         &self.drawer
@@ -279,7 +292,11 @@ impl Session {
         let (stats, light) = (painter.stats(), painter.light());
         let counters = &cut.counters;
         let withheld = counters.withheld + counters.shortened + counters.surroundings_withheld;
-        let light = light.map(|light| LitStatus { is_bounded: withheld > 0, ..light });
+        let light = light.map(|light| LitStatus {
+            is_bounded: withheld > 0,
+            is_smaller: self.is_smaller,
+            ..light
+        });
         Ok(DrawnFrame {
             image,
             cut,

@@ -9,10 +9,12 @@ pub struct LitStatus {
     pub samples_final: u32,
     /// Splats of the scene.
     pub splats: usize,
-    /// Most splats within the budget of main memory.
+    /// Most splats within the memory budget.
     pub splats_max: u64,
     /// Whether that bound keeps points out of the scene.
     pub is_bounded: bool,
+    /// Whether the memory budget holds no pictures of the requested size.
+    pub is_smaller: bool,
     /// Bytes of the scene and of the samples.
     pub bytes: usize,
     /// Factor from light to the picture.

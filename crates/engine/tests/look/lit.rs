@@ -360,3 +360,31 @@ fn the_default_budget_of_a_gpu_lights_the_default_window() {
     let larger = GpuShares::of(&creek(), &options([1100, 800])).unwrap();
     assert!(larger.splats_max < shares.splats_max, "pictures take memory of scenes");
 }
+
+#[test]
+fn lit_pictures_that_the_budgets_do_not_hold_are_smaller_on_request() {
+    let view = |size| Camera::parse(CAMERA).unwrap().view(info::bounds(&creek()), size);
+    let on = |backend, gpu, method, size: [u32; 2], shrinks_lit| {
+        let settings = Settings { method, budget_gpu_bytes: 256 << 20, ..settings("sky") };
+        let options = Options { settings, backend, gpu, size, shrinks_lit, ..Options::default() };
+        Session::open(Arc::new(creek()), options)
+    };
+    let of_cpu = [(Backend::Cpu, GpuRequest::default())];
+    let of_gpu = minimal_gpus().into_iter().take(1).map(|request| (Backend::Gpu, request));
+    for (backend, gpu) in of_cpu.into_iter().chain(of_gpu) {
+        let lit = |size, shrinks| on(backend, gpu, Method::Lit, size, shrinks);
+        let size = [3840, 2160];
+        let fault = lit(size, false).err().unwrap().to_string();
+        assert!(fault.contains("is too small"), "{fault}");
+        let mut session = lit(size, true).unwrap();
+        let [width, height] = session.size().map(f64::from);
+        assert!(width > 400.0 && width < 3000.0, "{width}");
+        assert!((width / height * 9.0 / 16.0 - 1.0).abs() < 0.01, "{width} x {height}");
+        let status = session.frame(&view(SMALL)).unwrap().light.unwrap();
+        assert!(status.is_smaller && status.splats_max >= status.splats as u64, "{status:?}");
+        // Pictures that fit, and those of other methods, keep their size.
+        assert_eq!(lit([320, 240], true).unwrap().size(), [320, 240]);
+    }
+    let points = on(Backend::Cpu, GpuRequest::default(), Method::PullPush, [1000, 800], true);
+    assert_eq!(points.unwrap().size(), [1000, 800]);
+}
