@@ -45,13 +45,20 @@ pub fn show(ui: &mut Ui, wanted: &mut Settings, status: Option<&LitStatus>) {
     ui.add(bar.fill(theme::COOL.gamma_multiply(0.55)).text(RichText::new(text).size(11.0)));
     let splats = format!("{} lit points", grouped(status.splats as u64));
     ui.label(RichText::new(splats).color(theme::FAINT));
-    let bounds = [
-        (status.is_bounded, "fewer points than the view needs"),
-        (status.is_smaller, "a coarser picture than the window"),
+    let hints = [
+        (
+            status.lacks_normals,
+            "points without normals are lit roughly: build with --normals estimate",
+        ),
+        (status.is_bounded, "the memory budget holds no more points"),
+        (status.is_smaller, "the memory budget holds no larger picture"),
+        (
+            status.is_bounded || status.is_smaller,
+            "to raise it: --budget-ram, or drawing memory on a GPU",
+        ),
     ];
-    for (_, what) in bounds.iter().filter(|(is_so, _)| *is_so) {
-        let hint = format!("{what}: raise --budget-ram or, on a GPU, drawing memory");
-        ui.label(RichText::new(hint).color(theme::FAINT));
+    for (_, hint) in hints.iter().filter(|(is_so, _)| *is_so) {
+        ui.label(RichText::new(*hint).color(theme::FAINT));
     }
 }
 

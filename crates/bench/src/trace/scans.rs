@@ -13,8 +13,8 @@ use esker_engine::{BuildOptions, Method, NormalsMode};
 use esker_format::Forest;
 use esker_lod::{CompactOctree, light_octree};
 use esker_points::Task;
-use esker_render::{Splat, splats};
-use esker_trace::scene::{Albedo, SplatInput};
+use esker_render::{Frame, Splat, splats};
+use esker_trace::scene::{Albedo, SplatInput, adopt_normals};
 use esker_trace::{Light, Lights, Scene, Sequence, Sky};
 use glam::DVec3;
 use std::path::PathBuf;
@@ -166,8 +166,10 @@ pub(super) fn surroundings(
         ..PictureRequest::default()
     };
     let whole = PictureScene::read(file, &whole, task)?;
+    let cull_back_faces = picture.plan.culls_back_faces;
     let light = |splats: &[Splat]| -> Result<f64> {
-        let input = SplatInput { splats, albedo: scan.albedo, ..Default::default() };
+        let input =
+            SplatInput { splats, albedo: scan.albedo, cull_back_faces, ..Default::default() };
         let part = TraceScene { scene: Scene::new(input), ..scene.clone() };
         let effort = Effort {
             bounces: SURROUNDINGS_BOUNCES,
@@ -186,7 +188,7 @@ pub(super) fn surroundings(
     };
     let origin = picture.view.eye;
     let of = |picture: &PictureScene, draws: &[_], octree: &_| {
-        splats(&picture.appearance.frame(file, &picture.view, draws, octree), origin)
+        lit_splats(&picture.appearance.frame(file, &picture.view, draws, octree), origin)
     };
     let octree =
         |picture: &PictureScene| CompactOctree::new(file.table(), &picture.selection.drawn);
@@ -198,6 +200,13 @@ pub(super) fn surroundings(
     let total = light(&all)?;
     let (alone, around) = (light(&alone)? / total, light(&around)? / total);
     Ok((total > 0.0).then_some(Surroundings { points, alone, around }))
+}
+
+/// The splats of a frame as lit pictures take them.
+fn lit_splats(frame: &Frame<'_>, origin: DVec3) -> Vec<Splat> {
+    let mut splats = splats(frame, origin);
+    adopt_normals(&mut splats);
+    splats
 }
 
 /// The scene of a scan, and the scan.
@@ -216,15 +225,17 @@ pub(super) fn scene(
     let draws = picture.lit_draws(file);
     let frame = picture.appearance.frame(file, &picture.view, &draws, &octree);
     let origin = frame.view.eye;
-    let (splats, albedo) = (splats(&frame, origin), scan.albedo);
+    let (splats, albedo) = (lit_splats(&frame, origin), scan.albedo);
+    let cull_back_faces = frame.cull_back_faces;
     let parts = Parts {
         view: frame.view.with_margin(0),
         lights: Lights { lights: (scan.lights)(*bounds), ..Lights::default() },
         origin,
-        content: Content::default().add_splats(&splats).add(&albedo),
+        content: Content::default().add_splats(&splats).add(&albedo).add(&cull_back_faces),
     };
     let start = Instant::now();
-    let scene = Scene::new(SplatInput { splats: &splats, albedo, ..Default::default() });
+    let scene =
+        Scene::new(SplatInput { splats: &splats, albedo, cull_back_faces, ..Default::default() });
     let build_ms = start.elapsed().as_secs_f64() * 1e3;
     let scene = parts.scene(name, scene, splats.len(), build_ms);
     Ok((scene, open))

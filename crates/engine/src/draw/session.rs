@@ -22,7 +22,7 @@ use crate::light::{check_built, class_plane, gpu_refusal};
 use crate::machine::backend::{Backend, Drawer};
 use crate::machine::system;
 use anyhow::{Context, Error, Result, bail, ensure};
-use esker_format::Forest;
+use esker_format::{Forest, PlaneKind};
 use esker_lod::{DepthFeedback, View};
 use esker_render::inputs::camera::Camera;
 use esker_render::{Picture, Stats};
@@ -295,6 +295,7 @@ impl Session {
         let light = light.map(|light| LitStatus {
             is_bounded: withheld > 0,
             is_smaller: self.is_smaller,
+            lacks_normals: !self.file.has(PlaneKind::Normal),
             ..light
         });
         Ok(DrawnFrame {

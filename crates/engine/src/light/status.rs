@@ -15,6 +15,8 @@ pub struct LitStatus {
     pub is_bounded: bool,
     /// Whether the memory budget holds no pictures of the requested size.
     pub is_smaller: bool,
+    /// Whether the points have no normals, so that each is lit as if it faced the ray.
+    pub lacks_normals: bool,
     /// Bytes of the scene and of the samples.
     pub bytes: usize,
     /// Factor from light to the picture.
