@@ -2,29 +2,15 @@
 //! `f64`: brute-force regressions of each window, and direct sums of weights.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-use esker_render::gpu::device::all_interfaces;
+mod gpus;
+
+use esker_render::gpu::Gpu;
 use esker_render::gpu::wgpu::ComputePass;
-use esker_render::gpu::{Gpu, GpuRequest};
 use esker_trace::Image;
 use esker_trace::filter::{FilterKind, GuideKind, Guides, Settings, filter};
 use esker_trace::gpu::Pixels;
 use esker_trace::gpu::filter::{FilterPictures, Guided, GuidedSettings, LightFilter};
-
-/// Devices on all adapters with the limits that WebGPU guarantees; prints a note if there is none.
-fn gpus() -> Vec<Gpu> {
-    let request = |backends| GpuRequest {
-        backends,
-        allow_software: true,
-        is_minimal: true,
-        ..GpuRequest::default()
-    };
-    let gpus: Vec<Gpu> =
-        all_interfaces().iter().filter_map(|&b| Gpu::open(&request(b)).ok()).collect();
-    if gpus.is_empty() {
-        eprintln!("no adapter");
-    }
-    gpus
-}
+use gpus::gpus;
 
 /// A picture for the filters: guides (normal from 0 to 1, and depth), and light with 1 where there
 /// is a surface.

@@ -2,32 +2,17 @@
 //! tree that the GPU builds is not the CPU's, so that both also check each other.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+mod gpus;
+
 use esker_render::Splat;
-use esker_render::gpu::device::all_interfaces;
-use esker_render::gpu::{Gpu, GpuRequest};
 use esker_trace::gpu::{GpuHit, SceneKernels};
 use esker_trace::scene::{Albedo, SplatInput};
 use esker_trace::{Hit, Ray, Scene};
 use glam::Vec3;
+use gpus::gpus;
 
 /// Share of rays that may differ: those that pass a rim or the end of a blend within rounding.
 const NEAR_TIES: f64 = 1e-3;
-
-/// Devices on all adapters with the limits that WebGPU guarantees; prints a note if there is none.
-fn gpus() -> Vec<Gpu> {
-    let request = |backends| GpuRequest {
-        backends,
-        allow_software: true,
-        is_minimal: true,
-        ..GpuRequest::default()
-    };
-    let gpus: Vec<Gpu> =
-        all_interfaces().iter().filter_map(|&b| Gpu::open(&request(b)).ok()).collect();
-    if gpus.is_empty() {
-        eprintln!("no adapter");
-    }
-    gpus
-}
 
 /// Numbers from 0 to 1, the same in every run.
 struct Random(u32);

@@ -2,10 +2,10 @@
 //! tracer: both take the same numbers for all samples, so that pixels are compared one by one.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+mod gpus;
+
 use esker_lod::View;
 use esker_render::Splat;
-use esker_render::gpu::device::all_interfaces;
-use esker_render::gpu::{Gpu, GpuRequest};
 use esker_trace::filter::{FilterKind, Settings};
 use esker_trace::gpu::{GpuLightError, GpuTracer, SceneKernels, Unsupported};
 use esker_trace::light::Panorama;
@@ -15,22 +15,7 @@ use esker_trace::{
     Tracer,
 };
 use glam::{DVec3, Vec3};
-
-/// Devices on all adapters with the limits that WebGPU guarantees; prints a note if there is none.
-fn gpus() -> Vec<Gpu> {
-    let request = |backends| GpuRequest {
-        backends,
-        allow_software: true,
-        is_minimal: true,
-        ..GpuRequest::default()
-    };
-    let gpus: Vec<Gpu> =
-        all_interfaces().iter().filter_map(|&b| Gpu::open(&request(b)).ok()).collect();
-    if gpus.is_empty() {
-        eprintln!("no adapter");
-    }
-    gpus
-}
+use gpus::gpus;
 
 /// A ball on a floor with a wall behind it.
 fn splats() -> Vec<Splat> {

@@ -9,11 +9,12 @@ use crate::scene::SplatInput;
 use crate::scene::splats::{disc_of, is_fine};
 use esker_lod::View;
 use esker_points::AttrType;
-use esker_render::gpu::GpuRequest;
-use esker_render::gpu::device::all_interfaces;
 use esker_render::{Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Gradient, splats};
+use gpus::gpus;
 use scene::{Dice, Scene, sphere};
 
+#[path = "../../../tests/gpus/mod.rs"]
+mod gpus;
 #[path = "../../../../render/tests/scene/mod.rs"]
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
 mod scene;
@@ -22,21 +23,6 @@ mod scene;
 const PAGE_BYTES: u64 = 64 << 10;
 /// Places differ by the rounding of a sum and of a product, which a compiler may join.
 const ROUNDING: f32 = 2.0 * f32::EPSILON;
-
-fn gpus() -> Vec<Gpu> {
-    let request = |backends| GpuRequest {
-        backends,
-        allow_software: true,
-        is_minimal: true,
-        ..GpuRequest::default()
-    };
-    let gpus: Vec<_> =
-        all_interfaces().iter().filter_map(|&b| Gpu::open(&request(b)).ok()).collect();
-    if gpus.is_empty() {
-        eprintln!("no adapter");
-    }
-    gpus
-}
 
 /// A ball whose points have different colours, in nodes of 2,500 points; those of one node have no
 /// extent.
