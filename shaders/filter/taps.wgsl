@@ -20,7 +20,7 @@ struct Taps {
     unused_3: u32,
 }
 
-// Whether taps are those of a cubic B-spline, else a Gaussian.
+// Whether taps are those of a cubic B-spline over a square, else of a Gaussian over a disc.
 override SPLINE: bool;
 // Whether normals are filtered, so that pixels that are not usable keep what they have.
 override ON_GUIDES: bool;
@@ -107,7 +107,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         for (var i = -shape.reach; i <= shape.reach; i++) {
             let x = i32(id.x) + i * shape.step;
-            if x < 0 || x >= i32(shape.width) {
+            let is_beyond = !SPLINE && i * i + j * j > shape.reach * shape.reach;
+            if is_beyond || x < 0 || x >= i32(shape.width) {
                 continue;
             }
             let other = u32(y) * shape.width + u32(x);

@@ -104,7 +104,7 @@ fn slanted_planes_are_smoothed_like_facing_ones() {
 }
 
 #[test]
-fn cross_bilateral_filter_equals_a_sum_over_the_window() {
+fn cross_bilateral_filter_equals_a_sum_over_the_disc() {
     let (guides, light) = ball(48, 40);
     let mut guides = guides.only(&[GuideKind::Normal]);
     guides.is_hit.fill(true);
@@ -116,7 +116,7 @@ fn cross_bilateral_filter_equals_a_sum_over_the_window() {
         for j in 0..guides.len() {
             let [x, y] = [i % 48, i / 48].map(|c| c as f32);
             let [dx, dy] = [(j % 48) as f32 - x, (j / 48) as f32 - y];
-            if dx.abs() <= 6.0 && dy.abs() <= 6.0 {
+            if dx * dx + dy * dy <= 36.0 {
                 let change = |plane: &Vec<f32>| f64::from((plane[i] - plane[j]) / 0.1).powi(2);
                 let change: f64 = guides.planes.iter().map(change).sum();
                 // The filter takes this power for exp(-change / 2).

@@ -1,4 +1,4 @@
-//! Cross-bilateral filter (`petschnigg2004`, `eisemann2004`): the mean over a window, with weights
+//! Cross-bilateral filter (`petschnigg2004`, `eisemann2004`): the mean over a disc, with weights
 //! that fall with the distance of pixels and the difference of their guides. The cost grows with
 //! the square of the radius.
 
@@ -15,13 +15,14 @@ pub(crate) fn bilateral<const N: usize>(
     radius: usize,
     settings: &Settings,
 ) -> [Vec<f32>; N] {
-    // Half the radius: the border of the window has a weight of 0.14.
+    // Half the radius: the border of the disc has a weight of 0.14.
     let sigma = (radius as f32 * 0.5).max(0.5);
     let reach = radius as isize;
     let fall = |d: isize| (-0.5 * (d as f32 / sigma).powi(2)).exp();
     let tap = |y: isize, x: isize| Tap { x, y, weight: fall(x) * fall(y) };
+    let square = (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| tap(y, x)));
     let taps: Vec<Tap> =
-        (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| tap(y, x))).collect();
+        square.filter(|&Tap { x, y, .. }| x * x + y * y <= reach * reach).collect();
     let guides = Scaled::new(input, kinds, radius, settings);
     let signals = signals.map(|plane| guides.padded.plane(plane, 1.0));
     let means = guides.neighbours(signals.each_ref().map(Vec::as_slice), &[]).means(&taps);

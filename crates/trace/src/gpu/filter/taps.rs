@@ -146,7 +146,7 @@ impl Taps {
             reach: reach as i32,
             step,
             scale: [normal, normal, normal, scale(settings.sigma_depth)],
-            // Half the radius: the border of the window has a weight of 0.14.
+            // Half the radius: the border of the disc has a weight of 0.14.
             sigma: (reach as f32 * 0.5).max(0.5),
             ..Self::zeroed()
         }
