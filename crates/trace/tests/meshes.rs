@@ -208,6 +208,54 @@ fn splats_and_meshes_hide_each_other() {
     }
 }
 
+/// A square of this half width in the plane through `at` along `u` and `v`.
+fn square(at: Vec3, u: Vec3, v: Vec3) -> Mesh {
+    let positions = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let positions = positions.map(|[a, b]| at + u * a + v * b).into();
+    Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], ..Default::default() }
+}
+
+#[test]
+fn rays_start_on_their_side_of_a_body_that_touches_the_surface() {
+    // A board that leans over the floor from its edge at x = 5 on, seen just above that edge.
+    let at = Vec3::new(5.0, 3.0, 0.0);
+    let floor = square(at, Vec3::X * 9.0, Vec3::Y * 9.0);
+    let board = square(at + Vec3::new(1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, 1.0), Vec3::Y * 2.0);
+    let scene = scene(vec![object(floor, Affine3A::IDENTITY), object(board, Affine3A::IDENTITY)]);
+    let mut bounded = 0;
+    for i in 1..200 {
+        let height = 1e-6 * 1.07_f32.powi(i % 80) * (1.0 + i as f32 * 1e-3);
+        let ray = Ray::new(Vec3::new(9.0, 3.1, height), Vec3::NEG_X);
+        let hit = scene.hit(&ray).unwrap();
+        let start = ray.at(hit.distance) + hit.normal * hit.lift;
+        assert!(hit.normal.z < -0.7 && hit.lift > 0.0);
+        // Within the roundings of the place the side is not known.
+        if height > 1e-5 {
+            assert!(start.z > 0.0, "{height}: {start}, {hit:?}");
+        }
+        bounded += usize::from(hit.lift < 4e-5);
+    }
+    assert!(bounded > 100, "{bounded} lifts are bounded");
+    // Far from the edge the lift is the one of a lone surface.
+    let ray = Ray::new(Vec3::new(9.0, 3.1, 1.0), Vec3::NEG_X);
+    assert!((scene.hit(&ray).unwrap().lift - 6e-5).abs() < 1e-6);
+}
+
+#[test]
+fn rays_from_splats_start_before_a_mesh_that_stands_on_them() {
+    let mut splats = Vec::new();
+    for i in 0..400 {
+        let at = Vec3::new((i % 20) as f32 * 0.1, (i / 20) as f32 * 0.1, 0.0);
+        splats.push(splat(at, Vec3::Z, 0.1, i));
+    }
+    let lid = square(Vec3::new(1.0, 1.0, 0.05), Vec3::X, Vec3::Y);
+    let input = SplatInput { splats: &splats, albedo: Albedo::AsIs, ..Default::default() };
+    let scene = Scene::new(input).with_objects(vec![object(lid, Affine3A::IDENTITY)]);
+    let ray = Ray::new(Vec3::new(1.02, 1.01, 0.02), Vec3::NEG_Z);
+    let hit = scene.hit(&ray).unwrap();
+    assert!(hit.is_splat() && hit.lift > 0.0 && hit.lift < 0.05, "{hit:?}");
+}
+
 #[test]
 fn emitting_triangles_are_listed_at_their_places() {
     let mesh =

@@ -58,6 +58,13 @@ impl Objects {
     /// The surface that `ray` meets first.
     #[inline(always)]
     pub(crate) fn hit<S: Simd>(&self, simd: S, ray: &Ray) -> Option<Hit> {
+        let (at, distance, slot) = self.nearest(simd, ray)?;
+        Some(self.objects[at].surface(&self.inverses[at], ray, distance, slot))
+    }
+
+    /// The object that `ray` meets first, the distance, and the slot of its triangle.
+    #[inline(always)]
+    fn nearest<S: Simd>(&self, simd: S, ray: &Ray) -> Option<(usize, f32, u32)> {
         if self.nodes.is_empty() {
             return None;
         }
@@ -70,8 +77,24 @@ impl Objects {
                 reach = distance;
             }
         }
-        let (at, distance, slot) = best?;
-        Some(self.objects[at].surface(&self.inverses[at], ray, distance, slot))
+        best
+    }
+
+    /// The lift of a hit of `ray`, bounded at half the way to a triangle before its end: where
+    /// bodies touch, rays would start beyond the other one.
+    #[inline(always)]
+    pub(crate) fn lift<S: Simd>(&self, simd: S, ray: &Ray, hit: &Hit) -> f32 {
+        if self.nodes.is_empty() {
+            return hit.lift;
+        }
+        let place = ray.at(hit.distance);
+        let least = hit.lift.min(LIFT_MIN * place.abs().max_element().max(hit.distance));
+        let origin = place + hit.normal * least;
+        let out = Ray { origin, direction: hit.normal, reach: hit.lift - least };
+        match self.nearest(simd, &out) {
+            Some((_, distance, _)) => least + 0.5 * distance,
+            None => hit.lift,
+        }
     }
 
     /// Whether `ray` meets any object.
@@ -157,3 +180,5 @@ impl Object {
 /// Distance at which rays leave triangles, over the greatest coordinate of the hit: some hundred
 /// roundings of `f32`, so that they do not meet the triangle again.
 const LIFT: f32 = 1e-5;
+/// The same beside another surface: some roundings.
+const LIFT_MIN: f32 = 5e-7;
