@@ -12,7 +12,7 @@ use esker_bench::size::{self, SizeBenchRequest};
 use esker_bench::splats::{self, SplatsBenchRequest};
 use esker_bench::stream::{self, FlightRequest, Settings, StreamBenchRequest};
 #[cfg(feature = "light")]
-use esker_bench::trace::{self, TraceBenchRequest};
+use esker_bench::trace::{self, Part, TraceBenchRequest};
 use esker_engine::Method;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::io::progress::Progress;
@@ -157,6 +157,9 @@ pub struct BenchTrace {
     /// and bunny and indoor where ESKER_DATA is set.
     #[arg(long, value_name = "NAME,NAME", value_delimiter = ',')]
     pub scenes: Vec<String>,
+    /// These parts alone: frames, filters, errors, sweep, convergence, limits or moving.
+    #[arg(long, value_name = "NAME,NAME", value_delimiter = ',', value_parser = Part::parse)]
+    pub parts: Vec<Part>,
     /// Width and height in pixels; 1024x768 by default, as in the paper, or 256x192 with --quick.
     #[arg(long, value_name = "WxH", value_parser = quantity::picture_size)]
     pub size: Option<[u32; 2]>,
@@ -425,6 +428,7 @@ fn run_trace(args: BenchTrace, stop: Arc<AtomicBool>) -> Result<()> {
     let (size, samples) = if args.quick { ([256, 192], 16) } else { ([1024, 768], 64) };
     let request = TraceBenchRequest {
         scenes: args.scenes,
+        parts: args.parts,
         size: args.size.unwrap_or(size),
         is_quick: args.quick,
         out: args.out,

@@ -44,6 +44,8 @@ const RUNS: usize = 3;
 pub struct TraceBenchRequest {
     /// Names of scenes; all by default.
     pub scenes: Vec<String>,
+    /// What is measured; all if it is empty.
+    pub parts: Vec<Part>,
     /// Width and height of pictures, pixels.
     pub size: [u32; 2],
     /// Whether scenes have fewer surfaces, and fewer samples are taken, so that a run takes
@@ -90,8 +92,12 @@ pub fn measure(request: &TraceBenchRequest, task: &dyn Task) -> Result<TraceBenc
             run.surroundings(&scene, scan.as_ref())?;
         }
         if request.scenes.is_empty() || request.is_quick {
-            run.limits()?;
-            run.moving()?;
+            if run.has(Part::Limits) {
+                run.limits()?;
+            }
+            if run.has(Part::Moving) {
+                run.moving()?;
+            }
         }
         run.report.figures = run.figures.map(|figures| figures.written).unwrap_or_default();
         Ok(run.report)
@@ -109,12 +115,19 @@ impl Run<'_> {
     /// Measures a scene; times of filters and convergence on the first one alone.
     fn scene(&mut self, scene: &TraceScene, is_first: bool) -> Result<()> {
         let reference = self.store().reference(scene, BOUNCES, None, self.task)?;
-        self.frames(scene)?;
+        if self.has(Part::Frames) {
+            self.frames(scene)?;
+        }
         self.errors(scene, &reference, is_first)?;
-        if is_first {
+        if is_first && self.has(Part::Convergence) {
             self.convergence(scene, &reference)?;
         }
         Ok(())
+    }
+
+    /// Whether a part is measured.
+    fn has(&self, part: Part) -> bool {
+        self.request.parts.is_empty() || self.request.parts.contains(&part)
     }
 
     fn store(&self) -> Store {
@@ -163,10 +176,13 @@ impl Run<'_> {
                 let effort =
                     Effort { bounces: BOUNCES, samples, sequence, seed: SEED, gloss: None };
                 let mut estimate = Estimate::new(scene, effort, self.task)?;
-                for f in compared() {
-                    self.error(Part::Errors, scene, effort, &estimate, &f, reference)?;
+                if self.has(Part::Errors) {
+                    for f in compared() {
+                        self.error(Part::Errors, scene, effort, &estimate, &f, reference)?;
+                    }
                 }
-                if sequence == Sequence::ZOrder && !self.request.is_quick {
+                let is_swept = self.has(Part::Sweep) && !self.request.is_quick;
+                if sequence == Sequence::ZOrder && is_swept {
                     self.sweep(scene, effort, &estimate, reference)?;
                 }
                 if (sequence, samples) == (Sequence::ZOrder, 1) {
@@ -174,7 +190,7 @@ impl Run<'_> {
                     if let Some(figures) = &mut self.figures {
                         figures.of_scene(scene, &mut estimate, reference)?;
                     }
-                    if is_first {
+                    if is_first && self.has(Part::Filters) {
                         self.times(scene, effort, &estimate)?;
                     }
                 }
@@ -405,6 +421,7 @@ mod tests {
     fn run(folder: &Path) -> TraceBenchReport {
         let request = TraceBenchRequest {
             scenes: vec!["hall".into()],
+            parts: Vec::new(),
             size: [40, 30],
             is_quick: true,
             out: Some(folder.join("figures")),

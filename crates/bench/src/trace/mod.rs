@@ -21,5 +21,5 @@ mod scene;
 mod scenes;
 
 pub use measure::{TraceBenchRequest, measure};
-pub use report::{TraceBenchReport, text};
+pub use report::{Part, TraceBenchReport, text};
 pub use scenes::SCENES;

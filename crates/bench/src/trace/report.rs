@@ -87,7 +87,7 @@ pub(super) struct Weights {
 /// What a row is part of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Part {
+pub enum Part {
     /// Whole frames by bounces and samples (table 1 of `bauszat2011`).
     Frames,
     /// Times of filters (table 2).
@@ -100,6 +100,31 @@ pub(super) enum Part {
     Convergence,
     /// A scene that shows what the filter blurs.
     Limits,
+    /// A lamp, an object and a mesh that move.
+    Moving,
+}
+
+impl Part {
+    /// All parts, with the names of `--parts`.
+    const NAMES: [(Self, &str); 7] = [
+        (Self::Frames, "frames"),
+        (Self::Filters, "filters"),
+        (Self::Errors, "errors"),
+        (Self::Sweep, "sweep"),
+        (Self::Convergence, "convergence"),
+        (Self::Limits, "limits"),
+        (Self::Moving, "moving"),
+    ];
+
+    /// The part of this name.
+    ///
+    /// # Errors
+    /// If there is none; the message has the names.
+    pub fn parse(name: &str) -> Result<Self, String> {
+        let found = Self::NAMES.iter().find(|(_, known)| *known == name);
+        let names = Self::NAMES.map(|(_, known)| known).join(", ");
+        found.map(|(part, _)| *part).ok_or_else(|| format!("parts are {names}"))
+    }
 }
 
 /// One picture.
