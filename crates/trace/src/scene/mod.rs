@@ -17,7 +17,7 @@ pub use splats::{Albedo, Emitter, Members, RADIUS_FACTOR, SplatInput};
 
 use crate::accel::{Bounds, DiscLeaf, Kind, Tree};
 use crate::ray::{Hit, Ray};
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::{Level, dispatch};
 use glam::Vec3;
 use objects::Objects;
 use std::sync::Arc;
@@ -91,7 +91,8 @@ impl Scene {
             dispatch!(Level::new(), simd => {
                 let object = self.objects.hit(simd, ray);
                 let ray = Ray { reach: object.map_or(ray.reach, |h| h.distance), ..*ray };
-                self.bounded(simd, &ray, self.splats.hit(simd, &ray).or(object))
+                let hit = self.splats.hit(simd, &ray).or(object)?;
+                Some(self.objects.bounded(simd, &ray, hit))
             })
         })
     }
@@ -103,7 +104,8 @@ impl Scene {
             dispatch!(Level::new(), simd => {
                 let object = self.objects.hit(simd, ray);
                 let ray = Ray { reach: object.map_or(ray.reach, |h| h.distance), ..*ray };
-                self.bounded(simd, &ray, self.splats.seen(simd, &ray).or(object))
+                let hit = self.splats.seen(simd, &ray).or(object)?;
+                Some(self.objects.bounded(simd, &ray, hit))
             })
         })
     }
@@ -179,13 +181,6 @@ impl Scene {
         self.splats.tree.bytes() + self.objects.bytes() + size_of_val(&*self.lights)
     }
 
-    /// The hit with its lift bounded by the objects around it.
-    #[inline(always)]
-    fn bounded<S: Simd>(&self, simd: S, ray: &Ray, hit: Option<Hit>) -> Option<Hit> {
-        let hit = hit?;
-        Some(Hit { lift: self.objects.lift(simd, ray, &hit), ..hit })
-    }
-
     fn with_approach(&self, ray: &Ray, hit: impl Fn(&Ray) -> Option<Hit>) -> Option<Hit> {
         let (ray, ahead) = approach(&self.bounds, ray);
         let mut hit = hit(&ray)?;
@@ -228,6 +223,7 @@ const FAR: f32 = 4.0;
 mod tests {
     use super::*;
     use esker_render::Splat;
+    use fearless_simd::Simd;
     use glam::Affine3A;
 
     fn floor() -> Vec<Splat> {

@@ -80,20 +80,25 @@ impl Objects {
         best
     }
 
-    /// The lift of a hit of `ray`, bounded at half the way to a triangle before its end: where
-    /// bodies touch, rays would start beyond the other one.
+    /// A hit of `ray` whose lift ends half way to a triangle that is before its end: where bodies
+    /// touch, rays would start beyond the other one. The place is then moved back along the ray by
+    /// some roundings, since it can lie beyond the other one itself.
     #[inline(always)]
-    pub(crate) fn lift<S: Simd>(&self, simd: S, ray: &Ray, hit: &Hit) -> f32 {
+    pub(crate) fn bounded<S: Simd>(&self, simd: S, ray: &Ray, hit: Hit) -> Hit {
         if self.nodes.is_empty() {
-            return hit.lift;
+            return hit;
         }
-        let place = ray.at(hit.distance);
-        let least = hit.lift.min(LIFT_MIN * place.abs().max_element().max(hit.distance));
-        let origin = place + hit.normal * least;
-        let out = Ray { origin, direction: hit.normal, reach: hit.lift - least };
+        let extent = ray.at(hit.distance).abs().max_element().max(hit.distance);
+        let (back, least) = (BACK * extent, hit.lift.min(LIFT_MIN * extent));
+        let distance = hit.distance - back;
+        let out = Ray {
+            origin: ray.at(distance) + hit.normal * least,
+            direction: hit.normal,
+            reach: hit.lift - least + back,
+        };
         match self.nearest(simd, &out) {
-            Some((_, distance, _)) => least + 0.5 * distance,
-            None => hit.lift,
+            Some((_, free, _)) => Hit { distance, lift: least + 0.5 * free, ..hit },
+            None => hit,
         }
     }
 
@@ -182,3 +187,5 @@ impl Object {
 const LIFT: f32 = 1e-5;
 /// The same beside another surface: some roundings.
 const LIFT_MIN: f32 = 5e-7;
+/// How far the place is then moved back along the ray.
+const BACK: f32 = 4e-6;
