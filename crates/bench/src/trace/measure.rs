@@ -44,7 +44,8 @@ const RUNS: usize = 3;
 pub struct TraceBenchRequest {
     /// Names of scenes; all by default.
     pub scenes: Vec<String>,
-    /// What is measured; all if it is empty.
+    /// What is measured, whatever else is requested. If it is empty, all is, but sweeps only if the
+    /// run is not quick, and scenes of their own only if all scenes are measured or it is quick.
     pub parts: Vec<Part>,
     /// Width and height of pictures, pixels.
     pub size: [u32; 2],
@@ -86,18 +87,19 @@ pub fn measure(request: &TraceBenchRequest, task: &dyn Task) -> Result<TraceBenc
             },
             figures: request.out.as_deref().map(Figures::new).transpose()?,
         };
-        for (i, name) in names.iter().enumerate() {
+        let is_of_scenes = |part: &Part| ![Part::Limits, Part::Moving].contains(part);
+        let has_scenes = request.parts.is_empty() || request.parts.iter().any(is_of_scenes);
+        for (i, name) in names.iter().enumerate().filter(|_| has_scenes) {
             let (scene, scan) = make(name, request.size, request.is_quick, task)?;
             run.scene(&scene, i == 0)?;
             run.surroundings(&scene, scan.as_ref())?;
         }
-        if request.scenes.is_empty() || request.is_quick {
-            if run.has(Part::Limits) {
-                run.limits()?;
-            }
-            if run.has(Part::Moving) {
-                run.moving()?;
-            }
+        let is_whole = request.scenes.is_empty() || request.is_quick;
+        if run.has(Part::Limits, is_whole) {
+            run.limits()?;
+        }
+        if run.has(Part::Moving, is_whole) {
+            run.moving()?;
         }
         run.report.figures = run.figures.map(|figures| figures.written).unwrap_or_default();
         Ok(run.report)
@@ -115,19 +117,20 @@ impl Run<'_> {
     /// Measures a scene; times of filters and convergence on the first one alone.
     fn scene(&mut self, scene: &TraceScene, is_first: bool) -> Result<()> {
         let reference = self.store().reference(scene, BOUNCES, None, self.task)?;
-        if self.has(Part::Frames) {
+        if self.has(Part::Frames, true) {
             self.frames(scene)?;
         }
         self.errors(scene, &reference, is_first)?;
-        if is_first && self.has(Part::Convergence) {
+        if is_first && self.has(Part::Convergence, true) {
             self.convergence(scene, &reference)?;
         }
         Ok(())
     }
 
-    /// Whether a part is measured.
-    fn has(&self, part: Part) -> bool {
-        self.request.parts.is_empty() || self.request.parts.contains(&part)
+    /// Whether a part is measured: `by_default` if none is named.
+    fn has(&self, part: Part, by_default: bool) -> bool {
+        let parts = &self.request.parts;
+        if parts.is_empty() { by_default } else { parts.contains(&part) }
     }
 
     fn store(&self) -> Store {
@@ -176,12 +179,12 @@ impl Run<'_> {
                 let effort =
                     Effort { bounces: BOUNCES, samples, sequence, seed: SEED, gloss: None };
                 let mut estimate = Estimate::new(scene, effort, self.task)?;
-                if self.has(Part::Errors) {
+                if self.has(Part::Errors, true) {
                     for f in compared() {
                         self.error(Part::Errors, scene, effort, &estimate, &f, reference)?;
                     }
                 }
-                let is_swept = self.has(Part::Sweep) && !self.request.is_quick;
+                let is_swept = self.has(Part::Sweep, !self.request.is_quick);
                 if sequence == Sequence::ZOrder && is_swept {
                     self.sweep(scene, effort, &estimate, reference)?;
                 }
@@ -190,7 +193,7 @@ impl Run<'_> {
                     if let Some(figures) = &mut self.figures {
                         figures.of_scene(scene, &mut estimate, reference)?;
                     }
-                    if is_first && self.has(Part::Filters) {
+                    if is_first && self.has(Part::Filters, true) {
                         self.times(scene, effort, &estimate)?;
                     }
                 }
@@ -419,9 +422,13 @@ mod tests {
     use std::path::Path;
 
     fn run(folder: &Path) -> TraceBenchReport {
+        run_parts(folder, Vec::new())
+    }
+
+    fn run_parts(folder: &Path, parts: Vec<Part>) -> TraceBenchReport {
         let request = TraceBenchRequest {
             scenes: vec!["hall".into()],
-            parts: Vec::new(),
+            parts,
             size: [40, 30],
             is_quick: true,
             out: Some(folder.join("figures")),
@@ -431,6 +438,19 @@ mod tests {
             threads: 0,
         };
         measure(&request, &Silent).unwrap()
+    }
+
+    #[test]
+    fn named_parts_alone_are_measured() {
+        let folder = tempfile::tempdir().unwrap();
+        let parts = |names: &[&str]| names.iter().map(|name| Part::parse(name).unwrap()).collect();
+        let report = run_parts(folder.path(), parts(&["moving"]));
+        assert!(report.rows.is_empty() && report.scenes.is_empty() && report.moving.len() == 4);
+        let report = run_parts(folder.path(), parts(&["frames", "sweep"]));
+        let of = |part| report.rows.iter().filter(move |row| row.part == part).count();
+        assert_eq!((of(Part::Frames), of(Part::Sweep)), (TABLE_1.len(), 4));
+        assert_eq!((report.rows.len(), report.moving.len()), (TABLE_1.len() + 4, 0));
+        assert!(Part::parse("error").unwrap_err().contains("errors, sweep"));
     }
 
     #[test]
