@@ -7,9 +7,11 @@
 @group(0) @binding(1) var<storage, read> light: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> addition: array<vec4<f32>>;
 // Planes of energies.wgsl, summed over windows.
-@group(0) @binding(3) var<storage, read> noises: array<f32>;
-@group(0) @binding(4) var<storage, read> energies: array<f32>;
-@group(0) @binding(5) var<storage, read_write> filtered: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> energies: array<f32>;
+@group(0) @binding(4) var<storage, read_write> filtered: array<vec4<f32>>;
+
+// Times that the expected energy of the noise is subtracted.
+const CAUTION: f32 = 1.1;
 
 @compute @workgroup_size(256)
 fn main(
@@ -26,12 +28,11 @@ fn main(
         filtered[pixel] = unfiltered(here);
         return;
     }
-    let of_noise = 1.0 / max(noises[3u * pixels + pixel], 1.0);
-    let of_energy = 1.0 / max(energies[pixels + pixel], 1.0);
-    let mean = noises[pixel] * of_noise;
-    let variance = max(noises[pixels + pixel] * of_noise - mean * mean, 0.0);
-    let energy = energies[pixel] * of_energy;
-    let noise = variance * noises[2u * pixels + pixel] * of_noise;
+    let part = 1.0 / max(energies[4u * pixels + pixel], 1.0);
+    let mean = energies[pixel] * part;
+    let variance = max(energies[pixels + pixel] * part - mean * mean, 0.0);
+    let noise = CAUTION * variance * energies[2u * pixels + pixel] * part;
+    let energy = energies[3u * pixels + pixel] * part;
     var share = 0.0;
     if energy > noise {
         share = 1.0 - noise / energy;

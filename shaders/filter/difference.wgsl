@@ -1,9 +1,7 @@
-// Nested windows: what smaller windows add to the filtered picture, once filtered, or what is still
-// to be filtered: the light that the filtered picture leaves, beside white noise. Twin:
-// crates/trace/src/filter/nested.rs.
+// Nested windows: what smaller windows add to the filtered picture, or the light that the filtered
+// picture leaves. Twin: crates/trace/src/filter/nested.rs.
 
 // include common/usable.wgsl
-// include common/white.wgsl
 
 // Whether of the light, else of the picture that is in `difference`.
 override OF_LIGHT: bool;
@@ -26,7 +24,7 @@ fn main(
     if !is_usable(here, guides[pixel]) {
         difference[pixel] = vec4<f32>(0.0);
     } else if OF_LIGHT {
-        difference[pixel] = vec4<f32>(here.xyz - filtered[pixel].xyz, white(pixel));
+        difference[pixel] = vec4<f32>(here.xyz - filtered[pixel].xyz, 0.0);
     } else {
         difference[pixel] -= filtered[pixel];
     }

@@ -1,6 +1,6 @@
-// Nested windows: planes whose means decide which share of an addition is light. For the noise:
-// luminance of what the addition was filtered from, its square, squared filtered white noise, and 1
-// where the pixel counts. For the energy: squared luminance of the addition, and the same 1. Twin:
+// Nested windows: planes whose means decide which share of an addition is light: luminance of what
+// the addition was filtered from, its square, the square of filtered white noise or of the gain,
+// squared luminance of the addition, and 1 where the pixel counts. Twin:
 // crates/trace/src/filter/nested.rs.
 
 // include common/usable.wgsl
@@ -8,10 +8,9 @@
 @group(0) @binding(0) var<storage, read> guides: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> light: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> noisy: array<vec4<f32>>;
-// Light, and white noise that went through the same filter.
+// Light, and white noise that went through the same filter, or the gain.
 @group(0) @binding(3) var<storage, read> addition: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read_write> noises: array<f32>;
-@group(0) @binding(5) var<storage, read_write> energies: array<f32>;
+@group(0) @binding(4) var<storage, read_write> energies: array<f32>;
 
 fn luminance(light: vec3<f32>) -> f32 {
     return dot(light, vec3<f32>(0.2126, 0.7152, 0.0722));
@@ -35,10 +34,9 @@ fn main(
         added = vec2<f32>(luminance(addition[pixel].xyz), addition[pixel].w);
         share = 1.0;
     }
-    noises[pixel] = value;
-    noises[pixels + pixel] = value * value;
-    noises[2u * pixels + pixel] = added.y * added.y;
-    noises[3u * pixels + pixel] = share;
-    energies[pixel] = added.x * added.x;
-    energies[pixels + pixel] = share;
+    energies[pixel] = value;
+    energies[pixels + pixel] = value * value;
+    energies[2u * pixels + pixel] = added.y * added.y;
+    energies[3u * pixels + pixel] = added.x * added.x;
+    energies[4u * pixels + pixel] = share;
 }

@@ -5,7 +5,6 @@
 // include common/guides.wgsl
 // include common/box_sum.wgsl
 // include common/usable.wgsl
-// include common/white.wgsl
 
 @group(0) @binding(0) var<uniform> band: Band;
 // Normal (0 to 1) and depth.
@@ -17,6 +16,14 @@
 
 var<private> row: u32;
 var<private> plane: u32;
+
+// White noise of variance one: a random sign, by the hash `lowbias32` (Wellons) of the pixel.
+fn white(pixel: u32) -> f32 {
+    var hash = pixel;
+    hash = (hash ^ hash >> 16u) * 0x7feb352du;
+    hash = (hash ^ hash >> 15u) * 0x846ca68bu;
+    return select(-1.0, 1.0, ((hash ^ hash >> 16u) & 1u) == 0u);
+}
 
 // One of: 1, the guides (1 to 4), the channels of light (5 to 7), white noise (8), luminance (9).
 fn factor(which: u32, guide: vec4<f32>, colour: vec3<f32>, noise: f32) -> f32 {

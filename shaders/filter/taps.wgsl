@@ -24,8 +24,9 @@ struct Taps {
 override SPLINE: bool;
 // Whether normals are filtered, so that pixels that are not usable keep what they have.
 override ON_GUIDES: bool;
-// Whether the fourth value is averaged like the others.
-override AVERAGES_ALL: bool;
+// Whether the fourth value becomes the factor by which the mean lowers the standard deviation of
+// white noise, else it is kept.
+override HAS_GAIN: bool;
 
 @group(0) @binding(0) var<uniform> shape: Taps;
 @group(0) @binding(1) var<storage, read> guides: array<vec4<f32>>;
@@ -99,7 +100,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let right = slope(pixel, 1u, id.x == 0u, id.x + 1u == shape.width);
     let down = slope(pixel, shape.width, id.y == 0u, id.y + 1u == shape.height);
     var total = 0.0;
-    var sum = vec4<f32>(0.0);
+    var sum = vec3<f32>(0.0);
+    var squares = 0.0;
     for (var j = -shape.reach; j <= shape.reach; j++) {
         let y = i32(id.y) + j * shape.step;
         if y < 0 || y >= i32(shape.height) {
@@ -120,9 +122,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             change *= shape.scale;
             let weight = falling(dot(change, change)) * tap_weight(i) * tap_weight(j);
             total += weight;
-            sum += source[other] * weight;
+            squares += weight * weight;
+            sum += source[other].xyz * weight;
         }
     }
-    let mean = sum / max(total, LEAST);
-    filtered[pixel] = vec4<f32>(mean.xyz, select(source[pixel].w, mean.w, AVERAGES_ALL));
+    total = max(total, LEAST);
+    let gain = sqrt(squares) / total;
+    filtered[pixel] = vec4<f32>(sum / total, select(source[pixel].w, gain, HAS_GAIN));
 }

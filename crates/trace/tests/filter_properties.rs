@@ -160,6 +160,33 @@ fn light_that_no_guide_shows_is_kept_where_it_exceeds_the_noise() {
 }
 
 #[test]
+fn fine_windows_let_no_firefly_through() {
+    let (width, height) = (240, 200);
+    let guides =
+        Guides::of_surfaces(width, height, &vec![Some((Vec3::Z, 1.0)); width * height], 4.0);
+    let mut noisy = Image::<3>::new(width, height);
+    let mut random = Lcg(22);
+    for plane in &mut noisy.planes {
+        plane.fill(0.5);
+    }
+    // One somewhere in each square of 40 pixels, apart from the next.
+    for square in 0..30 {
+        let at = [square % 6, square / 6].map(|s| s * 40 + 8 + (random.next() * 24.0) as usize);
+        noisy.planes.iter_mut().for_each(|plane| plane[at[1] * width + at[0]] = 1e4);
+    }
+    let worst = |settings: &Settings| {
+        let filtered = filter(&noisy, &guides, 1, settings);
+        filtered.planes[0].iter().fold(0.0_f32, |worst, v| worst.max(*v))
+    };
+    // The windows of radius 8 alone spread each over 289 pixels.
+    let of = Settings::of(FilterKind::Guided);
+    let alone = worst(&Settings { radius: Some(8), is_noise_scaled: true, ..of });
+    let nested = worst(&Settings::of(FilterKind::Nested));
+    println!("{nested} {alone}");
+    assert!(nested < alone, "{nested}, windows of radius 8 alone {alone}");
+}
+
+#[test]
 fn every_filter_removes_most_noise_and_keeps_the_mean() {
     let (guides, light) = ball(320, 240);
     for is_spread in [false, true] {

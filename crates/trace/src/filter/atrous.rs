@@ -38,7 +38,7 @@ pub(crate) fn atrous(input: &Input<'_>, kinds: &[GuideKind], settings: &Settings
             colours.extend(planes.iter().map(scaled));
         }
         let signals = [&planes[0][..], &planes[1], &planes[2]];
-        planes = guides.neighbours(signals, &colours).means(&taps).into();
+        planes = guides.neighbours::<3, false>(signals, &colours).means(&taps).into();
     }
     planes.iter().map(|plane| guides.padded.inner(plane)).collect()
 }

@@ -6,9 +6,9 @@ use super::input::Input;
 use super::taps::{Neighbours, Padded, Tap, slopes};
 use super::{GuideKind, Settings};
 
-/// Filters signals, which are zero where a pixel is left out. `kinds` are those of the guides, of
-/// which depth is the last normal-free one.
-pub(crate) fn bilateral<const N: usize>(
+/// Filters signals, which are zero where a pixel is left out; the last one may ask for the gain
+/// ([`Neighbours`]). `kinds` are those of the guides, of which depth is the last normal-free one.
+pub(crate) fn bilateral<const N: usize, const GAIN: bool>(
     input: &Input<'_>,
     signals: [&[f32]; N],
     kinds: &[GuideKind],
@@ -25,7 +25,8 @@ pub(crate) fn bilateral<const N: usize>(
         square.filter(|&Tap { x, y, .. }| x * x + y * y <= reach * reach).collect();
     let guides = Scaled::new(input, kinds, radius, settings);
     let signals = signals.map(|plane| guides.padded.plane(plane, 1.0));
-    let means = guides.neighbours(signals.each_ref().map(Vec::as_slice), &[]).means(&taps);
+    let signals = signals.each_ref().map(Vec::as_slice);
+    let means = guides.neighbours::<N, GAIN>(signals, &[]).means(&taps);
     means.map(|plane| guides.padded.inner(&plane))
 }
 
@@ -63,11 +64,11 @@ impl Scaled {
     }
 
     /// Neighbours by these guides and `more`, which come first.
-    pub fn neighbours<'a, const N: usize>(
+    pub fn neighbours<'a, const N: usize, const GAIN: bool>(
         &'a self,
         signals: [&'a [f32]; N],
         more: &'a [Vec<f32>],
-    ) -> Neighbours<'a, N> {
+    ) -> Neighbours<'a, N, GAIN> {
         let guides = more.iter().chain(&self.planes).map(Vec::as_slice).collect();
         let slopes = self.slopes.as_ref().map(|[right, down]| [&right[..], &down[..]]);
         Neighbours { padded: &self.padded, guides, slopes, mask: &self.mask, signals }

@@ -28,7 +28,7 @@ pub(crate) fn clean(input: &mut Input<'_>, kinds: &[GuideKind]) {
     // Two normals of one surface differ by the noise times the root of two.
     let settings = Settings { sigma_normal: 2.0 * noise as f32, ..Settings::default() };
     let signals = own.map(|k| &*input.guides[k]);
-    let means = bilateral(input, signals, kinds, RADIUS, &settings);
+    let means = bilateral::<3, false>(input, signals, kinds, RADIUS, &settings);
     for (k, mean) in own.into_iter().zip(means) {
         input.guides[k] = Cow::Owned(mean);
     }

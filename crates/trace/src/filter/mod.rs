@@ -56,7 +56,8 @@ pub fn filter_in(
             nested::nested(&input, kinds, &ridges, settings, workspace)
         }
         FilterKind::Bilateral => {
-            bilateral::bilateral(&input, input.colours(), kinds, radius, settings).into()
+            bilateral::bilateral::<3, false>(&input, input.colours(), kinds, radius, settings)
+                .into()
         }
         FilterKind::Atrous => atrous::atrous(&input, kinds, settings),
         FilterKind::Guided | FilterKind::None if settings.is_noise_scaled => {

@@ -1,8 +1,9 @@
 //! Nested windows: the guided filter with noise-scaled epsilon at two radii, then a cross-bilateral
 //! filter of what they leave. Smaller windows follow the light more closely, larger ones have less
 //! noise. What a smaller window adds is light and noise; it counts by the share of light in its
-//! energy (James and Stein's estimator). The share of noise is known from an image of white noise
-//! that goes through the same filters.
+//! energy (James and Stein's estimator). The share of noise follows from the gain of the filter for
+//! white noise: regressions filter an image of white noise beside the light, and the gain of the
+//! cross-bilateral filter is computed from its weights.
 
 use super::bilateral::bilateral;
 use super::boxes::Boxes;
@@ -17,9 +18,13 @@ use rayon::prelude::*;
 pub(crate) const RADII: [usize; 2] = [8, 24];
 /// Radius of the cross-bilateral filter, pixels.
 pub(crate) const FINE_RADIUS: usize = 4;
-/// Radius of the windows in which the energy of an addition is measured, pixels. Smaller windows
-/// hold too few independent values of the filtered noise to tell light from it.
+/// Radius of the windows in which the energy of an addition and its noise are measured, pixels: the
+/// same for both, so that a firefly counts in both. Smaller windows hold too few independent values
+/// of the filtered noise to tell light from it.
 pub(crate) const ENERGY_RADIUS: usize = 16;
+/// Times that the expected energy of the noise is subtracted: filtered white noise of a window
+/// tells it to a fifth or so, and a firefly must not pass for light.
+pub(crate) const CAUTION: f64 = 1.1;
 
 /// Greatest change of the mean that is taken back. More is no bias of the shares: a picture of
 /// almost no light, or of one firefly.
@@ -49,7 +54,8 @@ pub(crate) fn nested(
         values.map(off).collect()
     });
     let [red, green, blue] = residual.each_ref().map(Vec::as_slice);
-    let addition = bilateral(input, [red, green, blue, &white], kinds, FINE_RADIUS, settings);
+    let signals = [red, green, blue, &input.mask];
+    let addition = bilateral::<4, true>(input, signals, kinds, FINE_RADIUS, settings);
     add_light(input, &mut filtered, [red, green, blue], &addition);
 
     for (filtered, noisy) in filtered.iter_mut().zip(&input.signals).take(3) {
@@ -59,29 +65,24 @@ pub(crate) fn nested(
 }
 
 /// Adds the share of an addition that is light and not noise. The addition was filtered from
-/// `noisy`; its fourth plane was filtered from white noise.
+/// `noisy`; its fourth plane is white noise that went through the same filter, or the gain.
 fn add_light(
     input: &Input<'_>,
     filtered: &mut [Vec<f32>],
     noisy: [&[f32]; 3],
     addition: &[Vec<f32>],
 ) {
-    let boxes = |radius: usize| Boxes { width: input.width, mask: &input.mask, radius };
-    let noise = boxes(RADII[1]).means(|i| {
+    let boxes = Boxes { width: input.width, mask: &input.mask, radius: ENERGY_RADIUS };
+    let means = boxes.means(|i| {
         let value = f64::from(luminance(&noisy, i));
-        let white = f64::from(addition[3][i]);
-        [value, value * value, white * white]
+        let (white, light) = (f64::from(addition[3][i]), f64::from(luminance(addition, i)));
+        [value, value * value, white * white, light * light]
     });
-    let energy = boxes(ENERGY_RADIUS).means(|i| {
-        let light = f64::from(luminance(addition, i));
-        [light * light]
-    });
-    let share = |([mean, square, white], _): ([f64; 3], f64), ([energy], _): ([f64; 1], f64)| {
-        let noise = (square - mean * mean).max(0.0) * white;
+    let share = |&([mean, square, white, energy], _): &([f64; 4], f64)| {
+        let noise = CAUTION * (square - mean * mean).max(0.0) * white;
         if energy > noise { (1.0 - noise / energy) as f32 } else { 0.0 }
     };
-    let shares: Vec<f32> =
-        noise.par_iter().zip(&energy).map(|(&noise, &energy)| share(noise, energy)).collect();
+    let shares: Vec<f32> = means.par_iter().map(share).collect();
     for (filtered, addition) in filtered.iter_mut().zip(addition).take(3) {
         let values = filtered.par_iter_mut().zip(addition).zip(&shares);
         values.for_each(|((filtered, addition), share)| *filtered += share * addition);

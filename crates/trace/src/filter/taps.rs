@@ -51,8 +51,9 @@ impl Padded {
 }
 
 /// Planes that neighbours are compared by, scaled so that a difference of one lowers the weight by
-/// a factor e, and what is averaged.
-pub(crate) struct Neighbours<'a, const N: usize> {
+/// a factor e, and what is averaged. If `GAIN`, the last signal is the mask, and what comes out is
+/// not its mean but the factor by which means lower the standard deviation of white noise.
+pub(crate) struct Neighbours<'a, const N: usize, const GAIN: bool> {
     pub padded: &'a Padded,
     /// Guides; the last is depth if it has slopes.
     pub guides: Vec<&'a [f32]>,
@@ -64,7 +65,7 @@ pub(crate) struct Neighbours<'a, const N: usize> {
     pub signals: [&'a [f32]; N],
 }
 
-impl<const N: usize> Neighbours<'_, N> {
+impl<const N: usize, const GAIN: bool> Neighbours<'_, N, GAIN> {
     /// Means over the taps, with margins. Pixels that do not count get zero.
     pub fn means(&self, taps: &[Tap]) -> [Vec<f32>; N] {
         let stride = self.padded.stride;
@@ -127,11 +128,17 @@ impl<const N: usize> Neighbours<'_, N> {
                 let weight = falling(zero, distance) * tap.weight;
                 total = simd.mul_add_f32x8(weight, load(simd, self.mask, there), total);
                 for n in 0..N {
-                    let value = load(simd, self.signals[n], there);
+                    let mut value = load(simd, self.signals[n], there);
+                    if GAIN && n == N - 1 {
+                        value *= weight;
+                    }
                     sums[n] = simd.mul_add_f32x8(weight, value, sums[n]);
                 }
             }
             let share = load(simd, self.mask, here) / total.max(zero + f32::MIN_POSITIVE);
+            if GAIN {
+                sums[N - 1] = simd.sqrt_f32x8(sums[N - 1]);
+            }
             for (out, sum) in out.iter_mut().zip(sums) {
                 if let Some(out) = out.get_mut(x..).and_then(|out| out.first_chunk_mut::<EIGHT>()) {
                     *out = *(sum * share);

@@ -14,12 +14,12 @@ use esker_render::gpu::device::kernel::groups_of;
 use esker_render::gpu::wgpu::BufferUsages;
 use esker_render::gpu::{Gpu, GpuError, Kernel};
 
+same_values!(filter_add_light == crate::filter::nested { CAUTION = CAUTION as f32 });
 same_values!(filter_keep_mean == crate::filter::nested { MEAN_CHANGE_MAX = MEAN_CHANGE_MAX as f32 });
 without_twin!(filter_totals { LANES });
 
-/// Planes of the noise, and of the energy (`shaders/filter/energies.wgsl`).
-const NOISE_PLANES: u32 = 4;
-const ENERGY_PLANES: u32 = 2;
+/// Planes of energies (`shaders/filter/energies.wgsl`).
+const PLANES: u32 = 5;
 /// Parts of the sums of all pixels.
 const TOTALS: u32 = 64;
 
@@ -35,13 +35,6 @@ pub(crate) struct Nested {
     add_light: Kernel,
     totals: Kernel,
     keep_mean: Kernel,
-}
-
-/// Planes of noise and energy, and room for sums along rows.
-struct Planes {
-    noises: Counted,
-    energies: Counted,
-    along: Counted,
 }
 
 impl Nested {
@@ -93,28 +86,24 @@ impl Nested {
             self.guided.add_in(gpu, plan, pictures, ridges, &scratch)?;
         }
         plan.keep(scratch.into_buffers());
-        let planes = |planes: u32| {
-            gpu.buffer("energies", pixels * u64::from(planes) * 4, BufferUsages::STORAGE)
-        };
-        let planes = Planes {
-            noises: planes(NOISE_PLANES)?,
-            energies: planes(ENERGY_PLANES)?,
-            along: planes(NOISE_PLANES)?,
-        };
+        let bytes = pixels * u64::from(PLANES) * 4;
+        let planes = || gpu.buffer("energies", bytes, BufferUsages::STORAGE);
+        // Energies, and room for their sums along rows.
+        let energies = [planes()?, planes()?];
         let bound = [guides, light, out, &first].map(|pixels| &*pixels.buffer);
         plan.add(gpu, &self.added, &bound, groups);
-        self.add_light(gpu, plan, pictures, [light, &first], &planes)?;
+        self.add_light(gpu, plan, pictures, [light, &first], &energies)?;
         plan.add(gpu, &self.left, &bound, groups);
         let fine = &FilterPictures { out: &second, ..*pictures };
-        self.taps.add_bilateral_of(gpu, plan, fine, &first, FINE_RADIUS, settings)?;
-        self.add_light(gpu, plan, pictures, [&first, &second], &planes)?;
+        self.taps.add_bilateral_with_gain(gpu, plan, fine, &first, FINE_RADIUS, settings)?;
+        self.add_light(gpu, plan, pictures, [&first, &second], &energies)?;
 
         let totals = gpu.buffer("totals", u64::from(TOTALS) * 32, BufferUsages::STORAGE)?;
         let [guides, light, out] = [guides, light, out].map(|pixels| &*pixels.buffer);
         plan.add(gpu, &self.totals, &[guides, light, out, &totals], [TOTALS, 1, 1]);
         plan.add(gpu, &self.keep_mean, &[guides, light, &totals, out], groups);
         plan.keep([first.buffer, second.buffer, totals]);
-        plan.keep([planes.noises, planes.energies, planes.along]);
+        plan.keep(energies);
         Ok(())
     }
 
@@ -125,35 +114,20 @@ impl Nested {
         plan: &mut FilterPlan,
         &FilterPictures { guides, light, out }: &FilterPictures<'_>,
         [noisy, addition]: [&Pixels; 2],
-        Planes { noises, energies, along }: &Planes,
+        [energies, along]: &[Counted; 2],
     ) -> Result<(), GpuError> {
         let (width, height) = (light.width, light.height);
         let groups = groups_of(u64::from(width) * u64::from(height));
         let [guides, light, noisy, addition, out] =
             [guides, light, noisy, addition, out].map(|pixels| &*pixels.buffer);
-        let bound = [guides, light, noisy, addition, noises, energies];
+        let bound = [guides, light, noisy, addition, energies];
         plan.add(gpu, &self.energies, &bound, groups);
-        let windows = [(NOISE_PLANES, RADII[1], noises), (ENERGY_PLANES, ENERGY_RADIUS, energies)];
-        for (planes, radius, sums) in windows {
-            self.add_sums(gpu, plan, (width, height, radius), planes, [sums, along])?;
-        }
-        let bound = [guides, light, addition, noises, energies, out];
+        let radius = (ENERGY_RADIUS as u32).min(width.max(height)) as i32;
+        let shape = Rows::new(width, radius, (0, height), (0, height));
+        self.boxes.add(gpu, plan, false, &shape, PLANES, [energies, along])?;
+        self.boxes.add(gpu, plan, true, &shape, PLANES, [along, energies])?;
+        let bound = [guides, light, addition, energies, out];
         plan.add(gpu, &self.add_light, &bound, groups);
         Ok(())
-    }
-
-    /// Replaces planes of a picture by their sums over windows.
-    fn add_sums(
-        &self,
-        gpu: &Gpu,
-        plan: &mut FilterPlan,
-        (width, height, radius): (u32, u32, usize),
-        planes: u32,
-        [sums, along]: [&Counted; 2],
-    ) -> Result<(), GpuError> {
-        let radius = (radius as u32).min(width.max(height)) as i32;
-        let shape = Rows::new(width, radius, (0, height), (0, height));
-        self.boxes.add(gpu, plan, false, &shape, planes, [sums, along])?;
-        self.boxes.add(gpu, plan, true, &shape, planes, [along, sums])
     }
 }

@@ -39,7 +39,7 @@ pub(crate) struct TapFilters {
     gaussian: Kernel,
     spline: Kernel,
     on_guides: Kernel,
-    all: Kernel,
+    with_gain: Kernel,
 }
 
 impl TapFilters {
@@ -49,7 +49,7 @@ impl TapFilters {
     /// If the driver refuses a shader.
     pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let kernel = |on: &str| {
-            let all = ["SPLINE", "ON_GUIDES", "AVERAGES_ALL"];
+            let all = ["SPLINE", "ON_GUIDES", "HAS_GAIN"];
             let constants = all.map(|name| (name, f64::from(u8::from(name == on))));
             Kernel::new(gpu, sources::FILTER_TAPS, "main", &constants)
         };
@@ -57,7 +57,7 @@ impl TapFilters {
             gaussian: kernel("")?,
             spline: kernel("SPLINE")?,
             on_guides: kernel("ON_GUIDES")?,
-            all: kernel("AVERAGES_ALL")?,
+            with_gain: kernel("HAS_GAIN")?,
         })
     }
 
@@ -94,11 +94,12 @@ impl TapFilters {
         add(gpu, plan, &self.on_guides, &taps, pictures, [pictures.guides, pictures.out])
     }
 
-    /// Appends the same filter of the four values of `source` to a plan.
+    /// Appends the same filter of `source` to a plan; the fourth value becomes its gain for white
+    /// noise.
     ///
     /// # Errors
     /// If memory is refused.
-    pub(crate) fn add_bilateral_of(
+    pub(crate) fn add_bilateral_with_gain(
         &self,
         gpu: &Gpu,
         plan: &mut FilterPlan,
@@ -108,7 +109,7 @@ impl TapFilters {
         settings: &Settings,
     ) -> Result<(), GpuError> {
         let taps = Taps::new(pictures, radius, 1, settings);
-        add(gpu, plan, &self.all, &taps, pictures, [source, pictures.out])
+        add(gpu, plan, &self.with_gain, &taps, pictures, [source, pictures.out])
     }
 
     /// Appends a-trous wavelets without weights of colour to a plan.
