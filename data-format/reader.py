@@ -149,6 +149,7 @@ class Esker:
             all(s["class"] < max(1, len(self.classes)) for s in meta["sources"]),
             "a source's class does not exist",
         )
+        self.read_set_aside()
         blocks = [(b["offset"], b["bytes"]) for s in meta["sources"] for b in s["verbatim"]]
         end = 0
         for offset, length in blocks:
@@ -156,6 +157,26 @@ class Esker:
             end += length
         require(end == self.places[3][1], "verbatim blocks do not fill their section")
         self.derive_planes()
+
+    def read_set_aside(self):  # section 8, points set aside
+        aside = self.meta.get("set_aside")
+        if aside is None:
+            return
+        require(len(aside["points"]) <= 65536, "more points are set aside than a file can have")
+        total = 0
+        for point in aside["points"]:
+            require(0 <= point["source"] < len(self.meta["sources"]), "a point has no source")
+            of = self.meta["sources"][point["source"]]["class"]
+            require(of < len(self.classes), "the class of a point's source does not exist")
+            size = sum(self.dtypes[a].itemsize for a in self.classes[of])
+            valid = set(point["values"]) <= set("0123456789abcdef")
+            require(valid and len(point["values"]) == 2 * size, "a point has other values")
+            place = [float(c) for c in point["place"]]
+            require(len(place) == 3 and all(map(math.isfinite, place)), "a point has no place")
+            record = struct.pack("<3d", *place) + bytes.fromhex(point["values"])
+            low, high = hash128(np.frombuffer(record, np.uint8)[None, :], self.seeds[of])
+            total += int(low[0]) | int(high[0]) << 64
+        require(f"{total % 2**128:032x}" == aside["hash"], "the points set aside have another hash")
 
     def find(self, name, kind):
         for i, a in enumerate(self.attributes):

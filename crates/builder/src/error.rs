@@ -84,6 +84,16 @@ impl BuildError {
         Self::Scratch { path: path.to_owned(), phase, source }
     }
 
+    /// The error for a point of the input `path` at `world` that the lattice of the file that is
+    /// appended to does not hold.
+    pub(crate) fn misfit(path: &Path, world: [f64; 3]) -> Self {
+        let [x, y, z] = world;
+        Self::Options(format!(
+            "{}: the point at {x} {y} {z} is outside of the coordinates that the file appended to can hold: build both anew into one file, or leave such points out with --drop-outside",
+            path.display()
+        ))
+    }
+
     /// The error for a thread that the system did not start.
     pub(crate) fn no_thread(why: impl std::fmt::Display) -> Self {
         Self::Options(format!("cannot start a thread ({why}): ask for fewer"))

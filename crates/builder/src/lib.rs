@@ -24,5 +24,5 @@ pub use calls::export::{Exported, export};
 pub use calls::merge::merge;
 pub use calls::verify::{Against, against, against_forest, against_sources};
 pub use error::BuildError;
-pub use input::within_lattice::OFF_LATTICE;
+pub use input::outside::{NO_VALUE, OFF_LATTICE};
 pub use options::{Inherited, Merged, Options, Report, Resume};

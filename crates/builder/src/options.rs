@@ -3,7 +3,7 @@
 
 use crate::attributes::normals::NormalsMode;
 use crate::budget::memory;
-use esker_format::{Codec, Normals, SourceRecord, TreeRef};
+use esker_format::{Codec, Normals, SetAside, SourceRecord, TreeRef};
 use esker_points::palette::{Misfit, Palette};
 use esker_points::{ColourDepth, Lattice, MultisetHash};
 use esker_scan::OpenOptions;
@@ -29,6 +29,11 @@ pub struct Options {
     /// Whether inputs of different coordinate reference systems are accepted, with their
     /// coordinates unchanged.
     pub ignore_crs: bool,
+    /// Whether an append leaves out points that the lattice of the file does not hold; otherwise
+    /// they are an error.
+    pub drop_outside: bool,
+    /// Whether coordinates may be rounded by more than the typical distance of points.
+    pub allow_rounding: bool,
     /// Treatment of interrupted builds.
     pub resume: Resume,
     /// Parts of existing files: see [`crate::append()`] and [`crate::merge()`].
@@ -72,6 +77,8 @@ pub struct Inherited {
 /// Records of files whose points are merged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Merged {
+    /// Points set aside, whose sources are indices of `records`.
+    pub aside: Vec<SetAside>,
     /// Records of the original sources, each with the path of the input that now has its points.
     pub records: Vec<(PathBuf, SourceRecord)>,
     /// Number of points.
@@ -89,6 +96,8 @@ impl Default for Options {
             colour_depth: None,
             compress: Codec::default(),
             ignore_crs: false,
+            drop_outside: false,
+            allow_rounding: false,
             resume: Resume::default(),
             inherited: Inherited::default(),
             normals: NormalsMode::default(),
@@ -109,12 +118,14 @@ impl Options {
 /// Result of a build.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
-    /// Points decoded, including refused ones.
+    /// Points decoded, including those refused or set aside.
     pub points_in: u64,
     /// Points in the file.
     pub points_out: u64,
     /// Points refused, by reason.
     pub points_refused: BTreeMap<String, u64>,
+    /// Points far from nearly all others, which the metadata keep.
+    pub points_set_aside: u64,
     /// Multiset hash of the points.
     pub hash: MultisetHash,
     /// Largest sample of the anonymous memory above that at the start, in bytes.

@@ -10,7 +10,7 @@ use esker_builder::OFF_LATTICE;
 use esker_builder::{
     BuildError, NormalsMode, Options, against_sources, append_sources, build_sources, export, merge,
 };
-use esker_format::{EskerFile, Forest, PagePoints};
+use esker_format::{EskerFile, FileWriter, Forest, PagePoints};
 use esker_points::task::Silent;
 use esker_points::{AttrType, ColourDepth, Filter, MultisetHash, Task};
 use esker_scan::source::Crs;
@@ -125,7 +125,7 @@ fn appending_leaves_the_old_file_unchanged() {
 }
 
 #[test]
-fn points_off_the_old_lattice_are_rounded_and_those_outside_are_refused_and_counted() {
+fn points_off_the_old_lattice_are_rounded_and_those_outside_are_an_error_or_left_out() {
     let folder = TestFolder::new();
     folder.build("a.esker", &[scan("a.las", 1, 300)]);
     let mut fine = scan("fine.las", 5, 1000);
@@ -137,8 +137,13 @@ fn points_off_the_old_lattice_are_rounded_and_those_outside_are_refused_and_coun
     assert!(outside > 100 && outside < 900);
     let old = Forest::open(&folder.at("a.esker")).unwrap();
     let sources = [fine, far];
-    let report =
-        append_sources(&old, boxed(&sources), &folder.at("b.esker"), &options(), &Silent).unwrap();
+    let out = folder.at("b.esker");
+    let error = append_sources(&old, boxed(&sources), &out, &options(), &Silent).unwrap_err();
+    let error = error.to_string();
+    assert!(error.starts_with("far.las: ") && error.contains("--drop-outside"), "{error}");
+    assert!(!out.exists() && !FileWriter::has_left(&out));
+    let drops = Options { drop_outside: true, ..options() };
+    let report = append_sources(&old, boxed(&sources), &out, &drops, &Silent).unwrap();
     assert_eq!(report.points_in, 2000);
     assert_eq!(report.points_out, 2000 - outside);
     assert_eq!(report.points_refused, [(OFF_LATTICE.to_string(), outside)].into());

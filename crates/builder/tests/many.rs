@@ -8,9 +8,9 @@ mod given;
 use cloud::below;
 use esker_builder::{Options, against_sources, build, build_sources};
 use esker_format::EskerFile;
-use esker_points::Task;
 use esker_points::lattice::Placement;
 use esker_points::task::Silent;
+use esker_points::{Spread, Task};
 use esker_scan::source::Sink;
 use esker_scan::{Crs, ReadReport, ScanError, Source, SourceInfo};
 use given::{Given, given, hash_of, whole};
@@ -64,7 +64,7 @@ impl Source for Counted {
         self.0.read(placement, task, sink)
     }
 
-    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+    fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
         self.1.fetch_add(1, Relaxed);
         self.0.survey(task)
     }

@@ -9,7 +9,7 @@ use cloud::below;
 use esker_builder::{BuildError, Options, Shares, build, build_shared, build_sources};
 use esker_points::lattice::Placement;
 use esker_points::task::Silent;
-use esker_points::{AttrType, Task};
+use esker_points::{AttrType, Spread, Task};
 use esker_scan::source::Sink;
 use esker_scan::{ReadReport, ScanError, Source, SourceInfo};
 use given::{Given, boxed, given, names_in};
@@ -124,7 +124,7 @@ impl Source for Broken {
         Err(ScanError::damaged(&self.0.info.path, "its points break off at byte 77"))
     }
 
-    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+    fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
         self.0.survey(task)
     }
 }

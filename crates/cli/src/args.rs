@@ -27,8 +27,8 @@ pub enum Command {
     Build(Build),
     /// Add scans to an .esker file without rewriting it: a new file holds the new points and names
     /// the old file. Open the new file from then on. Coordinates are rounded to the old file's
-    /// steps. Points outside its range of coordinates are refused and counted; if all are refused,
-    /// that is an error.
+    /// steps. Points outside its range of coordinates are an error, unless --drop-outside leaves
+    /// them out.
     Append(Append),
     /// Print what an .esker file, or a scan, holds; or what the machine can draw with.
     Info {
@@ -105,6 +105,9 @@ pub struct Append {
     /// The file to build.
     #[arg(short, long, value_name = "OUT.esker")]
     pub out: PathBuf,
+    /// Leave out and count points outside of the old file's range of coordinates.
+    #[arg(long)]
+    pub drop_outside: bool,
     /// Continue an earlier build of this output that was interrupted; inputs and options must be
     /// the same. Without one, start from the beginning.
     #[arg(long)]

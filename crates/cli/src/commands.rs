@@ -59,6 +59,7 @@ fn run_build(args: Build, stop: Arc<AtomicBool>) -> Result<()> {
 fn run_append(args: Append, stop: Arc<AtomicBool>) -> Result<()> {
     let Append { old, inputs, out, how, output, .. } = &args;
     let mut options = how.resumable(args.resume);
+    options.drop_outside = args.drop_outside;
     if how.node_capacity.is_none() {
         options.node_capacity = build::node_capacity(old)?;
     }

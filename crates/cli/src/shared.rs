@@ -58,6 +58,9 @@ pub struct BuildHow {
     /// colours reads 8 bytes a point instead of 12.
     #[arg(long)]
     pub compact: bool,
+    /// Accept coordinates that are rounded by more than the typical distance of points.
+    #[arg(long)]
+    pub allow_rounding: bool,
     #[command(flatten)]
     pub threads: Threads,
 }
@@ -111,6 +114,7 @@ impl BuildHow {
             tangents: self.tangents,
             compact: self.compact,
             ignore_crs: self.ignore_crs,
+            allow_rounding: self.allow_rounding,
             ..default
         }
     }

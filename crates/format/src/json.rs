@@ -2,6 +2,7 @@
 //! the rest of the program, so that these can change without changing the file. Numbers that JSON
 //! lacks are strings.
 
+use crate::aside::SetAsideJson;
 use crate::codec::Codec;
 use crate::error::Fault;
 use crate::layout::{
@@ -111,6 +112,9 @@ pub(crate) struct MetadataJson {
     compress: String,
     planes: Vec<PlaneJson>,
     sources: Vec<SourceJson>,
+    /// Absent if there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    set_aside: Option<SetAsideJson>,
     forest: Vec<TreeJson>,
     /// Files without a compact plane have none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -135,6 +139,7 @@ impl MetadataJson {
             compress: metadata.codec.name().into(),
             planes: layout.planes().iter().map(plane_json).collect(),
             sources: metadata.sources.iter().map(|s| s.to_json(blob)).collect(),
+            set_aside: SetAsideJson::of(metadata),
             forest: metadata.forest.iter().map(tree_json).collect(),
             palette: layout.palette().map(|p| p.colours().to_vec()),
         }
@@ -143,6 +148,8 @@ impl MetadataJson {
     /// Contents, not yet checked.
     pub(crate) fn parts(mut self) -> Result<Parts, Fault> {
         let blocks = self.sources.iter_mut().map(|s| std::mem::take(&mut s.verbatim)).collect();
+        let aside = self.set_aside.take().map(SetAsideJson::points).transpose()?;
+        let (set_aside, set_aside_hash) = aside.unwrap_or_default();
         let palette = self.palette.take().and_then(Palette::new);
         let planes: Vec<_> = self.planes.iter().map(|p| plane_spec(p, palette.is_some())).collect();
         let schema = Schema { attributes: self.attributes.into_iter().map(attribute).collect() };
@@ -160,9 +167,16 @@ impl MetadataJson {
             palette: palette.filter(|_| planes.contains(&COMPACT)),
             codec: Codec::from_name(&self.compress),
             sources: self.sources.into_iter().map(source_record).collect(),
+            set_aside,
             forest: self.forest.into_iter().map(tree_ref).collect::<Result<_, _>>()?,
             generator: self.generator,
         };
+        if !metadata.set_aside.is_empty() && {
+            metadata.check()?;
+            metadata.set_aside_hash().to_string() != set_aside_hash
+        } {
+            return Err(Fault::new("metadata", "the points that are set aside have another hash"));
+        }
         Ok((metadata, planes, blocks))
     }
 }

@@ -6,6 +6,7 @@
 #[cfg(target_endian = "big")]
 compile_error!("the node table is used as it lies on disk, little-endian");
 
+mod aside;
 mod bytes;
 mod codec;
 mod columns;
@@ -34,6 +35,7 @@ mod values;
 mod verify;
 mod writer;
 
+pub use aside::{SET_ASIDE_MAX, SetAside};
 pub use codec::{Codec, Encoding};
 pub use error::{Fault, FormatError};
 pub use footer::{Footer, VERSION};

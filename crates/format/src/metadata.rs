@@ -2,6 +2,7 @@
 //! numbers, and the blocks of the sources that are kept verbatim, as one range of bytes that the
 //! JSON points into.
 
+use crate::aside::SetAside;
 use crate::codec::Codec;
 use crate::error::Fault;
 use crate::layout::{ATTRIBUTES_MAX, ATTRIBUTES_TIMES_CLASSES_MAX, PageLayout};
@@ -46,6 +47,8 @@ pub struct Metadata {
     pub codec: Codec,
     /// Sources of the points, in the order given.
     pub sources: Vec<SourceRecord>,
+    /// Points that are kept beside the tree, at most [`crate::SET_ASIDE_MAX`].
+    pub set_aside: Vec<SetAside>,
     /// Other files over the same lattice whose trees belong to this one: all of them, including
     /// those that the named files name themselves.
     pub forest: Vec<TreeRef>,
@@ -162,6 +165,7 @@ impl Metadata {
         if self.sources.iter().any(|s| usize::from(s.class) >= classes_max) {
             return fault("a source names a class that does not exist");
         }
+        self.check_set_aside()?;
         self.check_forest()
     }
 }

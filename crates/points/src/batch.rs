@@ -16,6 +16,20 @@ pub struct Batch {
     pub positions: Vec<[u32; 3]>,
     /// One column an attribute, `positions.len() * type size` bytes each.
     pub columns: Vec<Column>,
+    /// Index and world coordinates of each point that the lattice does not hold, ascending; its
+    /// position means nothing.
+    pub outside: Vec<(usize, [f64; 3])>,
+}
+
+/// What placing points on the lattice changes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rounding {
+    /// Greatest distance along one axis by which a coordinate was rounded, in world units.
+    pub error_max: f64,
+    /// Number of points placed.
+    pub placed: usize,
+    /// Number, counted from 0, and world coordinates of each point outside of the lattice.
+    pub outside: Vec<(usize, [f64; 3])>,
 }
 
 impl Batch {
@@ -26,7 +40,7 @@ impl Batch {
             .iter()
             .map(|a| Column::with_capacity(capacity * a.ty.size()))
             .collect();
-        Self { schema, positions: Vec::with_capacity(capacity), columns }
+        Self { schema, positions: Vec::with_capacity(capacity), columns, outside: Vec::new() }
     }
 
     /// Number of points.
@@ -59,9 +73,45 @@ impl Batch {
             return;
         }
         self.positions.drain(..count);
+        self.outside.retain(|(i, _)| *i >= count);
+        self.outside.iter_mut().for_each(|(i, _)| *i -= count);
         for (a, column) in self.schema.attributes.iter().zip(&mut self.columns) {
             column.drain(..count * a.ty.size());
         }
+    }
+
+    /// Removes the points outside of the lattice; returns the world coordinates of each and the
+    /// bytes of its attributes, in the order of the schema.
+    pub fn take_outside(&mut self) -> Vec<([f64; 3], Vec<u8>)> {
+        if self.outside.is_empty() {
+            return Vec::new();
+        }
+        let mut outside = std::mem::take(&mut self.outside).into_iter().peekable();
+        let mut taken = Vec::with_capacity(outside.len());
+        let mut kept = 0;
+        for i in 0..self.positions.len() {
+            let world = outside.next_if(|(at, _)| *at == i).map(|(_, world)| world);
+            let mut values = Vec::new();
+            for (a, column) in self.schema.attributes.iter().zip(&mut self.columns) {
+                let size = a.ty.size();
+                match world {
+                    Some(_) => values.extend_from_slice(&column[i * size..][..size]),
+                    None => column.copy_within(i * size..(i + 1) * size, kept * size),
+                }
+            }
+            match world {
+                Some(world) => taken.push((world, values)),
+                None => {
+                    self.positions[kept] = self.positions[i];
+                    kept += 1;
+                }
+            }
+        }
+        self.positions.truncate(kept);
+        for (a, column) in self.schema.attributes.iter().zip(&mut self.columns) {
+            column.truncate(kept * a.ty.size());
+        }
+        taken
     }
 
     /// Appends the raw record of point `index` to `out`: x, y, z, then the attributes in the

@@ -14,7 +14,6 @@
 //! | text | [`text`]: XYZ, TXT, CSV, PTS, lines of 3 to 1,024 numbers | digits |
 
 pub mod ahead;
-mod bounds;
 pub mod caught;
 mod e57;
 mod error;

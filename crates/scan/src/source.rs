@@ -4,7 +4,7 @@
 
 use crate::error::ScanError;
 use esker_points::lattice::Placement;
-use esker_points::{Batch, ColourDepth, InputGrid, Schema, Task};
+use esker_points::{Batch, ColourDepth, InputGrid, Rounding, Schema, Spread, Task};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -107,7 +107,7 @@ impl Scanner {
 /// Outcome of reading an input.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadReport {
-    /// Points passed to the sink.
+    /// Points passed to the sink, including those outside of the lattice.
     pub points: u64,
     /// Refused points, by reason (`coordinate is not a number` ...).
     pub refused: BTreeMap<String, u64>,
@@ -121,12 +121,12 @@ pub struct ReadReport {
 
 impl ReadReport {
     /// Passes `batch` to `sink` and adds it to the report, with the number of points that were
-    /// `refused` for each reason, the greatest rounding error and the greatest 16-bit colour.
+    /// `refused` for each reason, what placing it changed, and the greatest 16-bit colour.
     pub(crate) fn take(
         &mut self,
-        batch: Batch,
+        mut batch: Batch,
         refused: &[(&str, u64)],
-        rounding_error_max: f64,
+        rounding: Rounding,
         colour_max: u16,
         sink: &mut Sink<'_>,
     ) -> Result<(), ScanError> {
@@ -134,7 +134,8 @@ impl ReadReport {
             *self.refused.entry(reason.to_owned()).or_default() += points;
         }
         self.points += batch.len() as u64;
-        self.rounding_error_max = self.rounding_error_max.max(rounding_error_max);
+        self.rounding_error_max = self.rounding_error_max.max(rounding.error_max);
+        batch.outside = rounding.outside;
         self.colour_max = self.colour_max.max(colour_max);
         if batch.is_empty() { Ok(()) } else { sink(batch) }
     }
@@ -149,14 +150,14 @@ pub trait Source: Send + Sync {
     fn info(&self) -> &SourceInfo;
 
     /// Decodes all points once, in order, on the lattice of `placement`, into batches of at most
-    /// [`BATCH_POINTS`] points that have all attributes of the schema. Uses the threads of the
+    /// [`BATCH_POINTS`] points that have all attributes of the schema. Points outside of the lattice
+    /// are among them: see [`Batch::outside`]. Uses the threads of the
     /// current rayon pool if the format allows; calls `sink` only on the calling thread. Whatever
     /// the file claims, memory stays bounded by a few dozen MiB plus [`Source::held_bytes`].
     ///
     /// # Errors
-    /// [`ScanError::OffLattice`] if a point does not fit the lattice, because the bounds in the
-    /// header are wrong; [`ScanError::Cancelled`]; otherwise what is wrong with the file. After an
-    /// error, points that were passed to `sink` before are void.
+    /// [`ScanError::Cancelled`]; otherwise what is wrong with the file. After an error, points that
+    /// were passed to `sink` before are void.
     fn read(
         &self,
         placement: &Placement,
@@ -164,12 +165,12 @@ pub trait Source: Send + Sync {
         sink: &mut Sink<'_>,
     ) -> Result<ReadReport, ScanError>;
 
-    /// Computes the true bounds of all points by decoding the file; called only after
-    /// [`ScanError::OffLattice`]. `None` if there is no point.
+    /// Computes the true distribution of all points by decoding the file; called if the lattice
+    /// that its bounds need does not hold its points, or is coarser than its coordinates.
     ///
     /// # Errors
     /// [`ScanError::Cancelled`], or what is wrong with the file.
-    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError>;
+    fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError>;
 
     /// Most memory that is held at once while the source is read, in bytes: a large compressed
     /// chunk whose decoder needs all of it.

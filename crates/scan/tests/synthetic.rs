@@ -69,7 +69,7 @@ fn the_number_of_points_is_as_requested_and_all_are_within_the_bounds() {
             let count: usize = batches.iter().map(Batch::len).sum();
             assert_eq!((count as u64, report.points), (points, points), "{scene}");
             assert_eq!((report.rounding_error_max, report.refused.len()), (0.0, 0));
-            let true_bounds = source.survey(&Silent).unwrap();
+            let true_bounds = source.survey(&Silent).unwrap().bounds();
             let claimed = source.info().grid.bounds;
             assert_eq!((true_bounds.is_some(), claimed.is_some()), (points > 0, points > 0));
             if let (Some(inner), Some(outer)) = (true_bounds, claimed) {

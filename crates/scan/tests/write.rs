@@ -303,7 +303,8 @@ fn sources_of_different_formats_get_the_least_format_that_holds_all() {
                     .map_or_else(|| vec![0; attribute.ty.size()], |i| own.columns[i].clone())
             };
             let columns = schema.attributes.iter().map(column).collect();
-            Batch { schema: schema.clone(), positions: own.positions.clone(), columns }
+            let (positions, outside) = (own.positions.clone(), Vec::new());
+            Batch { schema: schema.clone(), positions, columns, outside }
         });
         let origins = sources.each_ref().map(|s| Origin::from(s.info()));
         let lattice = read(sources[0].as_ref()).0;

@@ -8,18 +8,19 @@ use crate::input::attribute_units::check_attribute_units;
 use crate::input::crs::check_same_system;
 use crate::input::gps_times;
 use crate::input::intake::open_with;
-use crate::input::within_lattice::WithinLattice;
 use crate::options::{Inherited, Options, Report};
 use esker_format::TREES_MAX;
 use esker_format::{Forest, TreeRef};
 use esker_points::Task;
+use esker_points::lattice::GridKind;
 use esker_scan::Source;
 use esker_scan::las::gps_times;
 use std::path::{Path, PathBuf};
 
 /// Builds `out` from `inputs` over the lattice of the file `old`, and names `old` and all files
-/// that it names; in the current rayon pool. Points off the lattice are rounded, points outside of
-/// it are refused; the report counts them.
+/// that it names; in the current rayon pool. Points off the lattice are rounded. Points
+/// outside of it are an error, or are refused and counted if the options say so; strays are set
+/// aside.
 ///
 /// # Errors
 /// If [`crate::build()`] fails; if `old` or a file that it names does not open; if they and the
@@ -58,6 +59,9 @@ pub fn append_sources(
     if !options.ignore_crs {
         check_same_system_with(old, &sources)?;
     }
+    if !options.drop_outside {
+        check_room(old, &sources)?;
+    }
     let known = old.files().map(|file| (file.path(), &file.metadata().schema));
     let new = sources.iter().map(|s| s.info()).map(|i| (i.path.as_path(), &*i.schema));
     check_attribute_units(known.chain(new))?;
@@ -67,9 +71,41 @@ pub fn append_sources(
     let inherited = Inherited { lattice: Some(*old.lattice()), palette, forest, merged: None };
     let options = Options { inherited, ..options.clone() };
     let times = note_different_times(old, &sources)?;
-    let mut report = build_sources(WithinLattice::all(sources), out, &options, task)?;
+    let mut report = build_sources(sources, out, &options, task)?;
     report.notes.extend(times);
     Ok(report)
+}
+
+/// Checks that the lattice of the old files has room for what the headers of the inputs claim.
+///
+/// # Errors
+/// If it has not; the message names the coordinates that do not fit.
+fn check_room(old: &Forest, sources: &[Box<dyn Source>]) -> Result<(), BuildError> {
+    let lattice = old.lattice();
+    for info in sources.iter().map(|source| source.info()) {
+        // Headers of integer grids may claim more than there is; their points are checked later.
+        let bounds = info.grid.bounds.filter(|_| info.grid.kind != GridKind::Integer);
+        for axis in 0..3 {
+            let ends = bounds.map(|b| b.map(|corner| corner[axis]));
+            let holds = |c: f64| {
+                let steps = lattice.steps_axis(axis, c).round_ties_even();
+                (0.0..f64::from(u32::MAX)).contains(&steps)
+            };
+            let Some([low, high]) = ends.filter(|ends| !ends.iter().all(|&c| holds(c))) else {
+                continue;
+            };
+            let room = [0.0, f64::from(u32::MAX)].map(|u| lattice.world_axis(axis, u));
+            return Err(BuildError::Options(format!(
+                "{}: its points reach from {low} to {high} along {}, {} holds coordinates from {} to {}: build both anew into one file, or leave the points outside out with --drop-outside",
+                info.path.display(),
+                ['x', 'y', 'z'][axis],
+                old.path().display(),
+                room[0],
+                room[1],
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// A note if the GPS times of the old files and those of the inputs cannot be compared, unless the

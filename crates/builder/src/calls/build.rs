@@ -6,14 +6,15 @@ use crate::attributes::normals::{Bounds, NormalsMode};
 use crate::budget::disk::{DiskEstimate, free_bytes};
 use crate::budget::memory::{self, MEMORY_BYTES_MIN, Peak};
 use crate::budget::shares::{SPILLED_BYTES_MAX, Shares};
-use crate::calls::metadata::{metadata, notes};
+use crate::calls::metadata::{metadata, note_aside, notes};
+use crate::calls::rounding::check_rounding;
 use crate::error::BuildError;
 use crate::input::attribute_units::check_attribute_units;
 use crate::input::crs::check_same_system;
 use crate::input::identity::Identity;
 use crate::input::intake::{Intake, open_with};
+use crate::input::outside::OFF_LATTICE;
 use crate::input::plan::{Computed, DecodedInputs, Plan};
-use crate::input::within_lattice::OFF_LATTICE;
 use crate::options::{CAPACITY_RANGE, Options, Report, Resume};
 use crate::page::histograms::Counts;
 use crate::rows::borders::Borders;
@@ -27,7 +28,8 @@ use crate::tree::levels::TreeBuilder;
 use crate::tree::proof::{bounds_of, hash_of, prove, prove_merged};
 use crate::tree::subtree::{Subtree, assemble};
 use esker_format::NODE_BYTES_MAX;
-use esker_format::{FileWriter, Metadata, NodeStatistics, Normals, PageLayout, Ranges, Statistics};
+use esker_format::Statistics;
+use esker_format::{FileWriter, Metadata, NodeStatistics, Normals, PageLayout, Ranges};
 use esker_points::attribute::names;
 use esker_points::palette::{Misfit, Palette};
 use esker_points::{AttrType, MultisetHash, NodeTable, Task};
@@ -266,7 +268,7 @@ impl Build<'_> {
             self.store.journal.begin(None)?;
             self.store.journal.append(intake.known_record())?;
         }
-        let DecodedInputs { partition, reports, hash, ranges, knows_scanners } = inputs;
+        let DecodedInputs { partition, reports, aside, hash, ranges, knows_scanners } = inputs;
         let buckets = partition.finish(&mut self.store.scratch)?;
         let pages = page_layout(&plan, self.options, knows_scanners);
         let limits = (chunk_rows_max, buffer_bytes_max);
@@ -277,14 +279,18 @@ impl Build<'_> {
             has_tangents: self.options.tangents,
             palette: tree.palette.clone(),
             bounds: tree.bounds,
-            ..metadata(&intake, &plan, &reports, self.options)
+            ..metadata(&intake, &plan, (&reports, aside), self.options)
         };
+        let rounded = check_rounding(&tree.table, &metadata, self.options)?;
         self.peak.sample();
         self.task.check()?;
         let writer = &mut self.store.writer;
         let bytes_out = writer.finish(&tree.table, &tree.statistics, &metadata, points, hash)?;
         let points = (points, points_refused, hash);
-        Ok(self.report(&tree, (&reports, &metadata), points, bytes_out))
+        let mut report = self.report(&tree, (&reports, &metadata), points, bytes_out);
+        report.notes.extend(rounded);
+        report.notes.extend(note_aside(&metadata));
+        Ok(report)
     }
 
     /// Checks that nodes are not too large, and that memory and disk space suffice; returns the
@@ -398,9 +404,12 @@ impl Build<'_> {
     ) -> Report {
         let scratch = &self.store.scratch;
         Report {
-            points_in: points_out + points_refused.values().sum::<u64>(),
+            points_in: points_out
+                + points_refused.values().sum::<u64>()
+                + metadata.set_aside.len() as u64,
             points_out,
             points_refused,
+            points_set_aside: metadata.set_aside.len() as u64,
             hash,
             peak_anon_bytes: self.peak.bytes().saturating_sub(self.anon_bytes_before),
             peak_rss_bytes: memory::usage().rss_peak_bytes,
@@ -429,6 +438,7 @@ fn new_intake(sources: Vec<Box<dyn Source>>, options: &Options) -> Intake {
         tangents: options.tangents,
     };
     intake.lattice = options.inherited.lattice;
+    intake.drops_outside = options.drop_outside;
     intake
 }
 

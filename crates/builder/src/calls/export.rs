@@ -27,7 +27,10 @@ pub struct Exported {
     pub points_in: u64,
     /// Points written.
     pub points_out: u64,
-    /// Multiset hash of the points written; if all were, the sum of the trees' hashes.
+    /// Points that the files keep beside their trees, and that were written too.
+    pub set_aside_out: u64,
+    /// Multiset hash of the points of the trees that were written; if all were, the sum of the
+    /// trees' hashes.
     pub hash: MultisetHash,
     /// Whether the filter accepts all points.
     pub is_whole: bool,
@@ -111,6 +114,8 @@ pub fn export(
         points_out += points;
         hash += own;
     }
+    let (set_aside_out, aside_note) =
+        export_aside(forest, is_whole, &*started.encode, &mut *output)?;
     let points_in = forest.points();
     if points_out == 0 && points_in > 0 {
         let path = forest.path().display();
@@ -121,11 +126,13 @@ pub fn export(
     task.check()?;
     let bytes_out = output.finish()?;
     let mut notes = started.notes;
+    notes.extend(aside_note);
     notes.extend(note_absent(forest, &started.fields));
     notes.extend(note_overlap(forest, filter));
     Ok(Exported {
         points_in,
         points_out,
+        set_aside_out,
         hash,
         is_whole,
         trees: trees.len() as u64,
@@ -136,6 +143,62 @@ pub fn export(
         format: started.format,
         notes,
     })
+}
+
+/// Writes the points that the files keep beside their trees, if all points are wanted and the format
+/// holds them; returns their number, and a note if there are some that were not written.
+fn export_aside(
+    forest: &Forest,
+    is_whole: bool,
+    encode: &dyn Encode,
+    output: &mut dyn Output,
+) -> Result<(u64, Option<String>), BuildError> {
+    let attributes = &forest.schema().attributes;
+    let (mut places, mut columns) = (Vec::new(), vec![Vec::new(); attributes.len()]);
+    for file in forest.files() {
+        let metadata = file.metadata();
+        for point in &metadata.set_aside {
+            places.push(point.place);
+            let class =
+                &metadata.classes[usize::from(metadata.sources[point.source as usize].class)];
+            let mut values = point.values.as_slice();
+            let mut own = Vec::with_capacity(class.present.len());
+            for &index in &class.present {
+                let attribute = &metadata.schema.attributes[usize::from(index)];
+                let (value, rest) = values.split_at(attribute.ty.size());
+                own.push((attribute.key(), value));
+                values = rest;
+            }
+            for (attribute, column) in attributes.iter().zip(&mut columns) {
+                match own.iter().find(|(key, _)| *key == attribute.key()) {
+                    Some((_, value)) => column.extend_from_slice(value),
+                    None => column.resize(column.len() + attribute.ty.size(), 0),
+                }
+            }
+        }
+    }
+    let points = places.len() as u64;
+    let left_out = |why: &str| {
+        let first = places.first().copied().unwrap_or_default();
+        let [x, y, z] = first;
+        (
+            0,
+            Some(format!(
+                "{points} points far from nearly all others, the first at {x} {y} {z}, are left out: {why}"
+            )),
+        )
+    };
+    if points == 0 {
+        return Ok((0, None));
+    }
+    if !is_whole {
+        return Ok(left_out("filters choose among the points of the tree"));
+    }
+    let Some(encoded) = encode.encode_outside(&places, &columns) else {
+        return Ok(left_out("this format does not hold them; PLY and text do"));
+    };
+    output.put(encoded)?;
+    Ok((points, None))
 }
 
 /// A note if trees are thinned separately although their boxes overlap.
@@ -314,7 +377,9 @@ impl<'a> TreeExport<'a> {
             None => vec![0; count * attribute.ty.size()],
         };
         let columns = self.own.iter().zip(&self.schema.attributes).map(column).collect();
-        Batch { schema: self.schema.clone(), positions: points.positions, columns }
+        let mut batch = Batch::with_capacity(self.schema.clone(), 0);
+        (batch.positions, batch.columns) = (points.positions, columns);
+        batch
     }
 
     /// Removes the points that do not pass the filter.

@@ -9,7 +9,7 @@ use crate::error::BuildError;
 use crate::input::crs::check_same_system;
 use crate::input::esker_source::EskerSource;
 use crate::options::{Inherited, Merged, Options, Report};
-use esker_format::{EskerFile, Forest, PlaneKind, SourceRecord};
+use esker_format::{EskerFile, Forest, PlaneKind, SetAside, SourceRecord};
 use esker_points::{MultisetHash, Task};
 use esker_scan::Source;
 use std::collections::HashSet;
@@ -61,11 +61,16 @@ pub fn merge(
     }
     files.iter().try_for_each(|file| check_not_replaced(file.path(), out))?;
 
-    let mut merged = Merged { records: Vec::new(), points: 0, hash: MultisetHash::default() };
+    let mut merged =
+        Merged { aside: Vec::new(), records: Vec::new(), points: 0, hash: MultisetHash::default() };
     let mut sources: Vec<Box<dyn Source>> = Vec::new();
     for file in &files {
         merged.points += file.footer().points;
         merged.hash += file.footer().hash;
+        let first = merged.records.len() as u32;
+        let aside = file.metadata().set_aside.iter();
+        let moved = |p: &SetAside| SetAside { source: p.source + first, ..p.clone() };
+        merged.aside.extend(aside.map(moved));
         merged.records.extend(records(file)?);
         let own = EskerSource::all_of(file);
         sources.extend(own.into_iter().map(|s| Box::new(s) as Box<dyn Source>));

@@ -5,7 +5,7 @@ use crate::input::gps_times;
 use crate::input::intake::Intake;
 use crate::input::plan::Plan;
 use crate::options::Options;
-use esker_format::{CrsRecord, Metadata, Normals, SourceRecord};
+use esker_format::{CrsRecord, Metadata, Normals, SetAside, SourceRecord};
 use esker_scan::ReadReport;
 use esker_scan::las::gps_times;
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ use std::path::PathBuf;
 pub fn metadata(
     intake: &Intake,
     plan: &Plan,
-    reports: &[ReadReport],
+    (reports, aside): (&[ReadReport], Vec<SetAside>),
     options: &Options,
 ) -> Metadata {
     let record = |(i, report): (usize, &ReadReport)| {
@@ -52,6 +52,10 @@ pub fn metadata(
             None => reports.iter().enumerate().map(record).collect(),
             Some(merged) => merged.records.iter().map(|r| merged_record(intake, plan, r)).collect(),
         },
+        set_aside: match &options.inherited.merged {
+            None => aside,
+            Some(merged) => merged.aside.clone(),
+        },
         forest: options.inherited.forest.clone(),
         generator: concat!("esker ", env!("CARGO_PKG_VERSION")).into(),
     }
@@ -85,4 +89,15 @@ pub fn notes(metadata: &Metadata) -> Vec<String> {
         metadata.sources.iter().map(|s| (s.path.clone(), gps_times(&s.verbatim))),
     ));
     out
+}
+
+/// A note on the points that were set aside.
+pub fn note_aside(metadata: &Metadata) -> Option<String> {
+    let first = metadata.set_aside.first()?;
+    let path = metadata.sources.get(first.source as usize).map_or("", |s| s.path.as_str());
+    let [x, y, z] = first.place;
+    Some(format!(
+        "points far from nearly all others are kept exactly beside the tree and not drawn: {}, the first at {x} {y} {z} of {path}",
+        metadata.set_aside.len()
+    ))
 }

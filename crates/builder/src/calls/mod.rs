@@ -5,4 +5,5 @@ pub(crate) mod build;
 pub(crate) mod export;
 pub(crate) mod merge;
 mod metadata;
+mod rounding;
 pub(crate) mod verify;

@@ -4,7 +4,8 @@
 
 use crate::error::BuildError;
 use crate::input::intake::{Intake, open};
-use crate::input::within_lattice::{OFF_LATTICE, WithinLattice};
+use crate::input::outside::{OFF_LATTICE, Outside};
+use crate::input::plan::Plan;
 use crate::rows::row::{Incoming, RowLayout};
 use esker_format::{EskerFile, Forest, SourceRecord};
 use esker_points::{Batch, MultisetHash, Schema, Task};
@@ -12,12 +13,16 @@ use esker_scan::{ScanError, Source};
 use std::path::{Path, PathBuf};
 
 /// Points of inputs that are equal to those of a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Against {
     /// Points decoded and placed.
     pub points: u64,
     /// Hash of the points, equal to the file's.
     pub hash: MultisetHash,
+    /// Points of the inputs that the file keeps beside its tree.
+    pub set_aside: u64,
+    /// Greatest distance by which a coordinate was rounded, as the file states it, in its unit.
+    pub rounding_error_max: f64,
     /// Points of the inputs that were refused when the file was built, and so are not in it.
     pub refused: u64,
     /// Number of trees that the inputs belong to: one (the last), or all.
@@ -118,9 +123,6 @@ fn compare(
     sources: Vec<Box<dyn Source>>,
     task: &dyn Task,
 ) -> Result<Against, BuildError> {
-    // If points outside of the lattice were refused in the build, they are refused again.
-    let refuses = trees.sources().any(|s| s.refused.contains_key(OFF_LATTICE));
-    let sources = if refuses { WithinLattice::all(sources) } else { sources };
     let intake = Intake::new(sources, false);
     let name = trees.path();
     let recorded = trees.sources().count();
@@ -137,11 +139,15 @@ fn compare(
     }
     let rows = RowLayout::new(&plan.schema, &plan.classes);
     let (mut points, mut refused) = (0, 0);
-    let mut hash = MultisetHash::default();
+    let (mut hash, mut rounding) = (MultisetHash::default(), 0.0f64);
+    // Points outside of the lattice were set aside, or refused, when the file was built.
+    let mut outside = OutsideSum::default();
     task.phase("reading inputs", Some(intake.points_hint()), "points");
     for (i, source) in intake.sources.iter().enumerate() {
         let placement = plan.lattice.placement(&source.info().grid);
-        let mut sink = |batch: Batch| -> Result<(), ScanError> {
+        let mut sink = |mut batch: Batch| -> Result<(), ScanError> {
+            let found = Outside::of(&mut batch, 0, None);
+            outside.add(&found, &plan, (i, source.as_ref()));
             let points = Incoming {
                 batch: &batch,
                 class: plan.class_of[i],
@@ -154,17 +160,13 @@ fn compare(
         };
         let report = match source.read(&placement, task, &mut sink) {
             Ok(report) => report,
-            Err(ScanError::OffLattice { path, world }) => {
-                return differs(
-                    name,
-                    format!("does not hold the point at {world:?} of {}", path.display()),
-                );
-            }
             Err(e) => return Err(BuildError::from_sink(e)),
         };
         points += report.points;
+        rounding = rounding.max(report.rounding_error_max);
         refused += report.refused.values().sum::<u64>();
     }
+    let (points, refused) = outside.check(trees, (points, refused))?;
     // The counts in the file are not trusted: their sum may overflow.
     let recorded = trees.sources().flat_map(|s| s.refused.values());
     let recorded_refused = recorded.fold(0u64, |all, &n| all.saturating_add(n));
@@ -183,7 +185,89 @@ fn compare(
             format!("its points (hash {}) are not the inputs' (hash {hash})", trees.hash()),
         );
     }
-    Ok(Against { points, hash, refused, trees: trees.files.len() })
+    let stated = trees.sources().map(|s| s.rounding_error_max).fold(0.0, f64::max);
+    if rounding > stated * (1.0 + ROUNDING_NOISE) {
+        return differs(
+            name,
+            format!(
+                "states that coordinates were rounded by up to {stated:e}, the inputs' are rounded by {rounding:e}"
+            ),
+        );
+    }
+    let set_aside = outside.aside;
+    Ok(Against {
+        points,
+        hash,
+        refused,
+        set_aside,
+        rounding_error_max: stated,
+        trees: trees.files.len(),
+    })
+}
+
+/// Relative difference of two computations of the same rounding.
+const ROUNDING_NOISE: f64 = 1e-9;
+
+/// Points of the inputs outside of the lattice.
+#[derive(Default)]
+struct OutsideSum {
+    /// World coordinates of the first, and the input that has it.
+    first: Option<([f64; 3], String)>,
+    aside: u64,
+    aside_hash: MultisetHash,
+    refused: u64,
+}
+
+impl OutsideSum {
+    /// Adds points of source `i`.
+    fn add(&mut self, outside: &Outside, plan: &Plan, (i, source): (usize, &dyn Source)) {
+        let class = &plan.classes[usize::from(plan.class_of[i])];
+        for point in &outside.aside {
+            let path = || source.info().path.display().to_string();
+            self.first.get_or_insert_with(|| (point.place, path()));
+            point.add_to(&mut self.aside_hash, class.seed(&plan.schema));
+        }
+        self.aside += outside.aside.len() as u64;
+        self.refused += outside.len() - outside.aside.len() as u64;
+    }
+
+    /// Compares them with what the trees keep beside their points; returns how many of the `points`
+    /// that were read are then in a tree, and how many were refused.
+    fn check(
+        &mut self,
+        trees: &Trees<'_>,
+        (points, refused): (u64, u64),
+    ) -> Result<(u64, u64), BuildError> {
+        let kept = trees.files.iter().map(|file| &file.metadata().set_aside);
+        let kept_points = kept.clone().map(|aside| aside.len() as u64).sum::<u64>();
+        let dropped: u64 = trees
+            .sources()
+            .filter_map(|s| s.refused.get(OFF_LATTICE))
+            .fold(0, |n, m| n.saturating_add(*m));
+        if self.aside != kept_points.saturating_add(dropped) {
+            let first = self.first.take();
+            let first = first.map(|(place, path)| format!(", such as {place:?} of {path}"));
+            return differs(
+                trees.path(),
+                format!(
+                    "does not hold {} points of the inputs{}; {kept_points} were set aside and {dropped} refused when it was built",
+                    self.aside,
+                    first.unwrap_or_default()
+                ),
+            );
+        }
+        let mut hash = MultisetHash::default();
+        trees.files.iter().for_each(|file| hash += file.metadata().set_aside_hash());
+        if dropped == 0 && hash != self.aside_hash {
+            return differs(
+                trees.path(),
+                "the points that it keeps beside its tree are not those of the inputs".into(),
+            );
+        }
+        let outside = self.aside + self.refused;
+        self.aside = kept_points;
+        Ok((points - outside, refused + self.refused + dropped))
+    }
 }
 
 fn differs<T>(file: &Path, what: String) -> Result<T, BuildError> {

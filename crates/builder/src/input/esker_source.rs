@@ -4,7 +4,7 @@
 use crate::error::BuildError;
 use esker_format::{EskerFile, PagePoints};
 use esker_points::lattice::{GridKind, Placement};
-use esker_points::{Batch, Grid, InputGrid, PointClass, Schema, Task};
+use esker_points::{Batch, Grid, InputGrid, PointClass, Schema, Spread, Task};
 use esker_scan::source::{BATCH_POINTS, Sink};
 use esker_scan::{ReadReport, ScanError, Source, SourceInfo};
 use rayon::prelude::*;
@@ -121,7 +121,7 @@ impl Source for EskerSource {
         Ok(report)
     }
 
-    fn survey(&self, _: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
-        Ok(self.info.grid.bounds)
+    fn survey(&self, _: &dyn Task) -> Result<Spread, ScanError> {
+        Ok(Spread::of(self.info.grid.bounds))
     }
 }

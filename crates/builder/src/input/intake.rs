@@ -5,14 +5,15 @@
 use crate::budget::memory::Peak;
 use crate::error::BuildError;
 use crate::input::known::KnownInputs;
+use crate::input::outside::{Fate, fate};
 use crate::input::plan::{Computed, DecodedInputs, Plan};
 use crate::input::taking::{BatchPartitioner, RowCollector};
 use crate::rows::journal::Journal;
 use crate::rows::journal_record::{Kind, Record};
 use crate::rows::partition::{BUCKETS_MAX, Partition};
 use crate::rows::scratch::Scratch;
-use esker_points::lattice::GridKind;
-use esker_points::{Batch, ColourDepth, InputGrid, Lattice, Task};
+use esker_format::SET_ASIDE_MAX;
+use esker_points::{Batch, ColourDepth, InputGrid, Lattice, Spread, Task};
 use esker_scan::{OpenOptions, ReadReport, ScanError, Source};
 use rayon::ScopeFifo;
 use rayon::prelude::*;
@@ -34,6 +35,8 @@ pub struct Intake {
     forced_depth: bool,
     /// The lattice, if it is given.
     pub lattice: Option<Lattice>,
+    /// Whether points that a given lattice does not hold are refused; otherwise they are an error.
+    pub drops_outside: bool,
     /// Attributes that the build computes.
     pub computed: Computed,
 }
@@ -85,7 +88,14 @@ impl Intake {
     pub fn new(mut sources: Vec<Box<dyn Source>>, forced_depth: bool) -> Self {
         sources.sort_by(|a, b| path_bytes(a.as_ref()).cmp(path_bytes(b.as_ref())));
         let known = KnownInputs::of(&sources);
-        Self { sources, known, forced_depth, lattice: None, computed: Computed::default() }
+        Self {
+            sources,
+            known,
+            forced_depth,
+            lattice: None,
+            drops_outside: false,
+            computed: Computed::default(),
+        }
     }
 
     /// Chooses the lattice unless one is given, schema and classes.
@@ -169,10 +179,10 @@ impl Intake {
         for _ in 0..4 {
             let mut plan = self.plan()?;
             let earlier = std::mem::take(&mut earlier);
-            let partitioner = BatchPartitioner::new(&self.sources, &plan);
+            let partitioner = BatchPartitioner::new(&self.sources, &self.known, &plan);
             let partition = self.new_partition(&plan, buffer_bytes_max);
             let files = (&mut *scratch, &mut *journal);
-            let mut collector = RowCollector::new(&partitioner, &self.known, files, partition);
+            let mut collector = RowCollector::new(&partitioner, files, partition);
             collector.resume(earlier)?;
             let restart = match self.read(collector, task, peak)? {
                 Ok(decoded) => match self.correct_colours(&mut plan, &decoded.reports) {
@@ -209,7 +219,15 @@ impl Intake {
             task.note(
                 "the inputs' bounds need a lattice coarser than their coordinates; measuring them",
             );
-            self.measure(0, task)?;
+            task.phase("measuring", None, "points");
+            let spreads: Result<Vec<Spread>, _> =
+                self.sources.iter().map(|source| source.survey(task)).collect();
+            let (known, spreads) = (&mut self.known, spreads?);
+            for (grid, spread) in known.grids.iter_mut().zip(&spreads) {
+                grid.bounds = spread.bounds();
+            }
+            known.measured.fill(true);
+            Lattice::narrow(&mut known.grids, &spreads)?;
         }
         Ok(())
     }
@@ -218,12 +236,17 @@ impl Intake {
     /// may be, and each would restart decoding.
     fn measure(&mut self, from: usize, task: &dyn Task) -> Result<(), BuildError> {
         task.phase("measuring", None, "points");
-        for (source, grid) in self.sources.iter().zip(&mut self.known.grids).skip(from) {
-            if grid.kind == GridKind::Integer {
-                grid.bounds = source.survey(task)?;
-            }
+        let KnownInputs { grids, measured, .. } = &mut self.known;
+        let inputs = self.sources.iter().zip(grids).zip(measured).skip(from);
+        for ((source, grid), is_measured) in inputs.filter(|(_, is_measured)| !**is_measured) {
+            let spread = source.survey(task)?;
+            grid.bounds = match self.lattice {
+                Some(lattice) => spread.within_steps(lattice.scale),
+                None => spread.bounds(),
+            };
+            *is_measured = true;
         }
-        Ok(())
+        self.measure_coarse_lattice(task)
     }
 
     /// Restores what an earlier build knew of the inputs; returns the records of the rows that it
@@ -274,10 +297,12 @@ impl Intake {
         for i in 0..first {
             task.advance(collector.reports[i].points);
         }
+        let mut aside = 0;
         for (i, source) in self.sources.iter().enumerate().skip(first) {
             let placement = collector.plan().lattice.placement(&source.info().grid);
             let mut sink = |mut batch: Batch| -> Result<(), ScanError> {
                 task.advance(batch.len() as u64);
+                self.check_outside(i, &batch.outside, &mut aside)?;
                 let known = batch.len().min(usize::try_from(skipped).unwrap_or(usize::MAX));
                 skipped -= known as u64;
                 batch.drop_first(known);
@@ -300,6 +325,35 @@ impl Intake {
             skipped = 0;
         }
         Ok(Ok(collector.finish()?))
+    }
+
+    /// Checks that points of source `i` may lie outside of the lattice; `aside` counts strays.
+    fn check_outside(
+        &self,
+        i: usize,
+        outside: &[(usize, [f64; 3])],
+        aside: &mut usize,
+    ) -> Result<(), ScanError> {
+        let path = &self.sources[i].info().path;
+        for &(_, world) in outside {
+            match fate(world, self.known.grids[i].bounds) {
+                Fate::Refused => continue,
+                Fate::Misfit if self.drops_outside => continue,
+                Fate::Misfit if self.lattice.is_some() => {
+                    return Err(BuildError::misfit(path, world).through_sink());
+                }
+                Fate::SetAside if self.known.measured[i] => *aside += 1,
+                _ => return Err(ScanError::OffLattice { path: path.clone(), world }),
+            }
+        }
+        if *aside > SET_ASIDE_MAX {
+            let error = BuildError::Options(format!(
+                "{}: over {SET_ASIDE_MAX} points lie far from nearly all others, more than a file keeps; build the parts one by one",
+                path.display()
+            ));
+            return Err(error.through_sink());
+        }
+        Ok(())
     }
 
     /// Chooses the size of the partition's cells: by the bounds, and the smaller the more points

@@ -2,6 +2,7 @@
 //! corrects where a header was wrong, and which the journal keeps.
 
 use crate::rows::journal_record::{Kind, Record, RecordReader};
+use esker_points::lattice::GridKind;
 use esker_points::{ColourDepth, InputGrid};
 use esker_scan::Source;
 
@@ -9,6 +10,8 @@ use esker_scan::Source;
 pub struct KnownInputs {
     /// Scale, offset and bounds of the coordinates; bounds are corrected if they turn out wrong.
     pub grids: Vec<InputGrid>,
+    /// Whether the bounds are those of the points, and not only what a header claims.
+    pub measured: Vec<bool>,
     /// Depths of 16-bit colours.
     pub depths: Vec<ColourDepth>,
 }
@@ -19,6 +22,7 @@ impl KnownInputs {
         let depth = |s: &dyn Source| s.info().colour_depth.unwrap_or(ColourDepth::Sixteen);
         Self {
             grids: sources.iter().map(|s| s.info().grid.clone()).collect(),
+            measured: sources.iter().map(|s| s.info().grid.kind != GridKind::Integer).collect(),
             depths: sources.iter().map(|s| depth(s.as_ref())).collect(),
         }
     }
@@ -26,7 +30,9 @@ impl KnownInputs {
     /// Journal record of what is known.
     pub fn record(&self) -> Record {
         let mut record = Record::new(Kind::Inputs);
-        for (grid, &depth) in self.grids.iter().zip(&self.depths) {
+        let measured = self.measured.iter().copied();
+        for ((grid, &depth), is_measured) in self.grids.iter().zip(&self.depths).zip(measured) {
+            record.put(u8::from(is_measured));
             record.put(u8::from(grid.bounds.is_some()));
             record.put(grid.bounds.unwrap_or_default());
             record.put(u8::from(depth == ColourDepth::Eight));
@@ -37,7 +43,9 @@ impl KnownInputs {
     /// Restores what an earlier build knew from its `record`; `None` if the record is damaged.
     pub fn restore(&mut self, record: &[u8]) -> Option<()> {
         let mut from = RecordReader(record);
-        for (grid, depth) in self.grids.iter_mut().zip(&mut self.depths) {
+        let inputs = self.grids.iter_mut().zip(&mut self.depths).zip(&mut self.measured);
+        for ((grid, depth), is_measured) in inputs {
+            *is_measured = from.get::<u8>()? > 0;
             let (has_bounds, bounds) = (from.get::<u8>()? > 0, from.get()?);
             grid.bounds = has_bounds.then_some(bounds);
             let is_eight = from.get::<u8>()? > 0;

@@ -1,5 +1,5 @@
-//! From scans to rows: opens the inputs, chooses lattice, schema and
-//! classes, decodes each input once.
+//! From scans to rows: opens the inputs, chooses lattice, schema and classes, decodes each
+//! input once.
 
 pub(crate) mod attribute_units;
 pub(crate) mod crs;
@@ -8,6 +8,6 @@ pub(crate) mod gps_times;
 pub(crate) mod identity;
 pub(crate) mod intake;
 pub(crate) mod known;
+pub(crate) mod outside;
 pub(crate) mod plan;
 pub(crate) mod taking;
-pub(crate) mod within_lattice;

@@ -4,7 +4,7 @@
 use crate::error::BuildError;
 use crate::rows::partition::Partition;
 use crate::rows::row::RowLayout;
-use esker_format::Ranges;
+use esker_format::{Ranges, SetAside};
 use esker_points::{ColourDepth, Lattice, MultisetHash, PointClass, Schema};
 use esker_scan::{ReadReport, Source};
 
@@ -39,8 +39,10 @@ pub struct Plan {
 pub struct DecodedInputs {
     /// Rows by cell.
     pub partition: Partition,
-    /// Report of each source.
+    /// Report of each source, without the points outside of the lattice.
     pub reports: Vec<ReadReport>,
+    /// Strays.
+    pub aside: Vec<SetAside>,
     /// Hash of all points, as they were decoded.
     pub hash: MultisetHash,
     /// Range of each attribute.

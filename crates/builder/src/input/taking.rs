@@ -3,6 +3,7 @@
 
 use crate::error::BuildError;
 use crate::input::known::KnownInputs;
+use crate::input::outside::Outside;
 use crate::input::plan::{DecodedInputs, Plan};
 use crate::rows::journal::Journal;
 use crate::rows::journal_record::{Kind, Record, RecordReader};
@@ -27,6 +28,7 @@ const IN_PROGRESS_BYTES: usize = 32 << 20;
 pub struct BatchPartitioner<'a> {
     sources: &'a [Box<dyn Source>],
     plan: &'a Plan,
+    known: &'a KnownInputs,
     rows: RowLayout,
 }
 
@@ -34,6 +36,7 @@ pub struct BatchPartitioner<'a> {
 struct PartitionedBatch {
     source: usize,
     points: u64,
+    outside: Outside,
     block: RowBlock,
     hash: MultisetHash,
     ranges: Ranges,
@@ -50,6 +53,9 @@ pub struct RowCollector<'a> {
     hash: MultisetHash,
     ranges: Ranges,
     knows_scanners: bool,
+    outside: Outside,
+    /// Points set aside that the journal has, or will have with `unrecorded`.
+    recorded_aside: usize,
     /// Reports of the sources that were read to their end.
     pub reports: Vec<ReadReport>,
     /// Number of sources of which the partition has all points, and its points of the next source.
@@ -64,14 +70,16 @@ pub struct RowCollector<'a> {
 }
 
 impl<'a> BatchPartitioner<'a> {
-    /// A partitioner of batches of `sources`, for which `plan` was chosen.
-    pub fn new(sources: &'a [Box<dyn Source>], plan: &'a Plan) -> Self {
-        Self { sources, plan, rows: plan.rows() }
+    /// A partitioner of batches of `sources`, for which `plan` was chosen from what is `known`.
+    pub fn new(sources: &'a [Box<dyn Source>], known: &'a KnownInputs, plan: &'a Plan) -> Self {
+        Self { sources, plan, known, rows: plan.rows() }
     }
 
     /// Makes rows of a batch and sorts them into cells of `2^log2` steps.
-    fn partition(&self, log2: u8, source: usize, batch: &Batch) -> PartitionedBatch {
-        let plan = self.plan;
+    fn partition(&self, log2: u8, source: usize, mut batch: Batch) -> PartitionedBatch {
+        let points = batch.len() as u64;
+        let outside = Outside::of(&mut batch, source, self.known.grids[source].bounds);
+        let (batch, plan) = (&batch, self.plan);
         let to_file = plan.to_file(source);
         let towards = if plan.computed.normals {
             towards_scanner(batch, self.sources[source].info(), &plan.lattice)
@@ -90,8 +98,7 @@ impl<'a> BatchPartitioner<'a> {
         for (column, &attribute) in batch.columns.iter().zip(to_file) {
             ranges.add_column(attribute, plan.schema.attributes[attribute].ty, column);
         }
-        let points = batch.len() as u64;
-        PartitionedBatch { source, points, block, hash, ranges, knows_scanner }
+        PartitionedBatch { source, points, outside, block, hash, ranges, knows_scanner }
     }
 }
 
@@ -99,19 +106,20 @@ impl<'a> RowCollector<'a> {
     /// Collects rows in `partition`, which is empty.
     pub fn new(
         partitioner: &'a BatchPartitioner<'a>,
-        known: &'a KnownInputs,
         (scratch, journal): (&'a mut Scratch, &'a mut Journal),
         partition: Partition,
     ) -> Self {
         Self {
             partitioner,
-            known,
+            known: partitioner.known,
             partition,
             ranges: Ranges::new(&partitioner.plan.schema),
             scratch,
             journal,
             hash: MultisetHash::default(),
             knows_scanners: true,
+            outside: Outside::default(),
+            recorded_aside: 0,
             reports: Vec::new(),
             added: (0, 0),
             recorded: 0,
@@ -141,7 +149,7 @@ impl<'a> RowCollector<'a> {
     {
         let (partitioner, log2) = (self.partitioner, self.partition.log2());
         let points = batch.len();
-        let partition = move || partitioner.partition(log2, source, &batch);
+        let partition = move || partitioner.partition(log2, source, batch);
         self.in_progress.push_back((points, Ahead::begin(scope, partition)));
         self.points_in_progress += points;
         let batches_max = BATCHES_A_THREAD * rayon::current_num_threads();
@@ -158,7 +166,9 @@ impl<'a> RowCollector<'a> {
         self.points_in_progress -= points;
         // If the task has panicked, the scope does too; no later batch is collected.
         let batch = batch.wait().ok_or_else(|| BuildError::Proof("a batch was lost".into()))?;
-        let PartitionedBatch { source, points, block, hash, ranges, knows_scanner } = batch;
+        let PartitionedBatch { source, points, outside, block, hash, ranges, knows_scanner } =
+            batch;
+        self.outside.merge(outside);
         if self.partition.is_full_for(&block) {
             self.spill()?;
         }
@@ -186,8 +196,10 @@ impl<'a> RowCollector<'a> {
             self.spill()?;
         }
         self.record_spilled()?;
-        let Self { partition, reports, hash, ranges, knows_scanners, .. } = self;
-        Ok(DecodedInputs { partition, reports, hash, ranges, knows_scanners })
+        let Self { partition, mut reports, outside, hash, ranges, knows_scanners, .. } = self;
+        outside.correct(&mut reports);
+        let aside = outside.aside;
+        Ok(DecodedInputs { partition, reports, aside, hash, ranges, knows_scanners })
     }
 
     /// Waits until spilled rows are in scratch and records them in the journal.
@@ -226,6 +238,8 @@ impl<'a> RowCollector<'a> {
         record.put(reports.len() as u64);
         reports.iter().for_each(|report| put_report(report, &mut record));
         self.recorded = self.added.0;
+        self.outside.put(self.recorded_aside, &mut record);
+        self.recorded_aside = self.outside.aside.len();
         spilled.put(&mut record);
         self.unrecorded = Some(record);
         Ok(())
@@ -263,6 +277,8 @@ impl<'a> RowCollector<'a> {
             self.reports.push(report(&mut from)?);
         }
         self.recorded = self.reports.len();
+        self.outside.restore(&mut from)?;
+        self.recorded_aside = self.outside.aside.len();
         let spilled = Spilled::get(&mut from)?;
         self.partition.restore(&spilled);
         (self.recorded == self.added.0).then_some(spilled)

@@ -8,7 +8,8 @@
 use esker_format::EskerFile;
 use esker_points::lattice::{GridKind, Placement};
 use esker_points::task::Silent;
-use esker_points::{AttrType, Attribute, Batch, Column, Grid, InputGrid, Schema, Task};
+use esker_points::{AttrType, Attribute, Batch, Column, Grid, InputGrid, Rounding, Schema};
+use esker_points::{Spread, Task};
 use esker_scan::source::{BATCH_POINTS, Sink};
 use esker_scan::{ReadReport, ScanError, Source, SourceInfo};
 use std::path::PathBuf;
@@ -81,20 +82,16 @@ impl<F: Fn(u64) -> [i32; 3] + Send + Sync> Source for Cloud<F> {
             task.check()?;
             let n = (self.count - next).min(BATCH_POINTS as u64);
             let mut batch = Batch::with_capacity(self.info.schema.clone(), n as usize);
+            let mut rounding = Rounding::default();
             let (mut time, mut intensity) = (Column::new(), Column::new());
             for i in next..next + n {
-                let place = placement.integer(
-                    (self.position)(i),
-                    &self.info.grid.grid,
-                    &mut report.rounding_error_max,
-                );
-                batch.positions.push(place.map_err(|off| ScanError::OffLattice {
-                    path: self.info.path.clone(),
-                    world: off.world,
-                })?);
+                let (own, grid) = ((self.position)(i), &self.info.grid.grid);
+                batch.positions.push(placement.integer(own, grid, &mut rounding));
                 time.extend(((i / 3) as f64).to_le_bytes());
                 intensity.extend(((i % 7) as u16).to_le_bytes());
             }
+            report.rounding_error_max = report.rounding_error_max.max(rounding.error_max);
+            batch.outside = rounding.outside;
             batch.columns = vec![time, intensity];
             sink(batch)?;
             next += n;
@@ -103,8 +100,8 @@ impl<F: Fn(u64) -> [i32; 3] + Send + Sync> Source for Cloud<F> {
         Ok(report)
     }
 
-    fn survey(&self, _task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
-        Ok(self.info.grid.bounds)
+    fn survey(&self, _task: &dyn Task) -> Result<Spread, ScanError> {
+        Ok(Spread::of(self.info.grid.bounds))
     }
 }
 

@@ -11,8 +11,9 @@ use esker_format::EskerFile;
 use esker_points::hash::layout_seed;
 use esker_points::lattice::{GridKind, Placement};
 use esker_points::task::Silent;
-use esker_points::{AttrType, Attribute, Batch, Grid, InputGrid, MultisetHash, Schema, Task};
+use esker_points::{AttrType, Attribute, Batch, Grid, InputGrid, MultisetHash, Rounding};
 use esker_points::{ColourDepth, attribute::names};
+use esker_points::{Schema, Spread, Task};
 use esker_scan::source::{BATCH_POINTS, Sink};
 use esker_scan::{ReadReport, ScanError, Source, SourceInfo};
 use std::path::{Path, PathBuf};
@@ -126,14 +127,13 @@ impl Source for Given {
             task.check()?;
             let n = (self.positions.len() - first).min(BATCH_POINTS);
             let mut batch = Batch::with_capacity(self.info.schema.clone(), n);
+            let mut rounding = Rounding::default();
             for &p in &self.positions[first..first + n] {
-                let place =
-                    placement.integer(p, &self.info.grid.grid, &mut report.rounding_error_max);
-                batch.positions.push(place.map_err(|off| ScanError::OffLattice {
-                    path: self.info.path.clone(),
-                    world: off.world,
-                })?);
+                let place = placement.integer(p, &self.info.grid.grid, &mut rounding);
+                batch.positions.push(place);
             }
+            report.rounding_error_max = report.rounding_error_max.max(rounding.error_max);
+            batch.outside = rounding.outside;
             let sizes = self.info.schema.attributes.iter().map(|a| a.ty.size());
             let part = |(column, size): (&Vec<u8>, usize)| {
                 column[first * size..(first + n) * size].to_vec()
@@ -146,8 +146,10 @@ impl Source for Given {
         Ok(report)
     }
 
-    fn survey(&self, _task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
-        Ok(self.bounds())
+    fn survey(&self, _task: &dyn Task) -> Result<Spread, ScanError> {
+        let mut spread = Spread::default();
+        self.positions.iter().for_each(|&p| spread.add(self.info.grid.grid.world(p)));
+        Ok(spread)
     }
 }
 

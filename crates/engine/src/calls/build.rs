@@ -21,7 +21,7 @@ use std::time::Instant;
 /// What a build did.
 #[derive(Clone, Debug, Serialize)]
 pub struct BuildReport {
-    /// Points decoded, refused ones included.
+    /// Points decoded, including those refused or set aside.
     pub points_in: u64,
     /// Points in the file.
     pub points_out: u64,
@@ -29,7 +29,9 @@ pub struct BuildReport {
     pub points_refused: u64,
     /// Points that were refused, by reason.
     pub refused_reasons: BTreeMap<String, u64>,
-    /// Multiset hash of all points, hexadecimal.
+    /// Points far from nearly all others, which the file keeps beside the tree.
+    pub points_set_aside: u64,
+    /// Multiset hash of the points in the file, hexadecimal.
     pub multiset_hash: String,
     /// Duration of the build, seconds.
     pub seconds: f64,
@@ -179,6 +181,7 @@ impl BuildReport {
             points_out: report.points_out,
             points_refused: report.points_refused.values().sum(),
             refused_reasons: report.points_refused,
+            points_set_aside: report.points_set_aside,
             multiset_hash: report.hash.to_string(),
             seconds,
             points_per_second: report.points_in as f64 / seconds.max(1e-9),
@@ -239,6 +242,9 @@ pub fn text(report: &BuildReport, out: &Path) -> String {
         grouped(report.points_out),
         report.multiset_hash
     ));
+    if report.points_set_aside > 0 {
+        lines.push(format!("set aside: {} points", grouped(report.points_set_aside)));
+    }
     for (reason, n) in &report.refused_reasons {
         lines.push(format!("refused: {} points: {reason}", grouped(*n)));
     }

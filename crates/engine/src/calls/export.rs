@@ -20,7 +20,9 @@ pub struct ExportReport {
     pub points_in: u64,
     /// Points of the scan.
     pub points_out: u64,
-    /// Multiset hash of the points that were written, hexadecimal.
+    /// Points far from nearly all others that were written too.
+    pub set_aside_out: u64,
+    /// Multiset hash of the other points that were written, hexadecimal.
     pub multiset_hash: String,
     /// Whether points were left out.
     pub filtered: bool,
@@ -79,6 +81,7 @@ impl ExportReport {
         Self {
             points_in: exported.points_in,
             points_out: exported.points_out,
+            set_aside_out: exported.set_aside_out,
             multiset_hash: exported.hash.to_string(),
             filtered: !exported.is_whole,
             hash_equal: exported.is_whole.then_some(true),
@@ -119,6 +122,10 @@ pub fn text(report: &ExportReport, out: &Path) -> String {
         let of = if report.trees > 1 { "of all trees" } else { "of the file" };
         format!("proof: all points {of}, multiset hash {}", report.multiset_hash)
     });
+    if report.set_aside_out > 0 {
+        let points = grouped(report.set_aside_out);
+        lines.push(format!("set aside: {points} points far from nearly all others, written too"));
+    }
     lines.extend(report.notes.iter().map(|n| format!("note: {n}")));
     lines.join("\n")
 }

@@ -78,6 +78,8 @@ pub struct FileInfo {
     pub structure_bytes: usize,
     /// Multiset hash of all points, hexadecimal.
     pub multiset_hash: String,
+    /// Points far from nearly all others, which the files keep beside their trees.
+    pub set_aside: u64,
     /// Program that wrote the first file.
     pub generator: Option<String>,
     /// Scans that the trees were built from.
@@ -274,6 +276,7 @@ fn file_info(forest: &Forest) -> Result<FileInfo> {
         table_bytes: footers().map(|footer| footer.table.bytes).sum(),
         structure_bytes: table.bytes(),
         multiset_hash: hash.to_string(),
+        set_aside: forest.files().map(|file| file.metadata().set_aside.len() as u64).sum(),
         generator: forest.files().next().map(|file| file.metadata().generator.clone()),
         sources: source_reports(forest)?,
         trees: forest.files().map(tree_info).collect(),
@@ -488,6 +491,10 @@ impl FileInfo {
         lines.push(attributes_line(self.attributes.iter().map(|a| &a.attribute)));
         lines.extend(self.node_lines());
         lines.extend(self.byte_lines());
+        if self.set_aside > 0 {
+            let points = grouped(self.set_aside);
+            lines.push(format!("set aside    {points} points far from nearly all others"));
+        }
         for tree in self.trees.iter().filter(|_| self.trees.len() > 1) {
             let (points, nodes) = (grouped(tree.points), grouped(tree.nodes));
             lines.push(format!("tree         {}, {points} points in {nodes} nodes", tree.path));

@@ -30,6 +30,10 @@ pub struct VerifyReport {
     pub against: Vec<String>,
     /// Points of the scans; none if there are no scans, as for the fields below.
     pub against_points: Option<u64>,
+    /// Points of the scans that the file keeps beside the tree.
+    pub against_set_aside: Option<u64>,
+    /// Greatest distance by which coordinates of the scans were rounded, in the file's unit.
+    pub against_rounding_error_max: Option<f64>,
     /// Points of the scans that were refused.
     pub against_refused: Option<u64>,
     /// Trees, the last ones of the forest, that have the points of the scans.
@@ -82,6 +86,8 @@ pub fn verify(
             multiset_hash: hash.to_string(),
             against: against.iter().map(|p| p.display().to_string()).collect(),
             against_points: scans.map(|s| s.points),
+            against_set_aside: scans.map(|s| s.set_aside),
+            against_rounding_error_max: scans.map(|s| s.rounding_error_max),
             against_refused: scans.map(|s| s.refused),
             against_trees: scans.map(|s| s.trees),
             seconds: start.elapsed().as_secs_f64(),
@@ -101,6 +107,13 @@ pub fn text(path: &Path, report: &VerifyReport) -> String {
     } else {
         ", the points of the scans"
     };
+    line += &match report.against_rounding_error_max {
+        None | Some(0.0) => ", coordinates exact".to_owned(),
+        Some(error) => format!(", coordinates rounded by at most {error:.3e}"),
+    };
+    if let Some(aside) = report.against_set_aside.filter(|&aside| aside > 0) {
+        line += &format!("; {} points far from the others are beside the tree", grouped(aside));
+    }
     if let Some(refused) = report.against_refused.filter(|&refused| refused > 0) {
         line += &format!(
             "; {} points of the scans were refused when it was built, and are not in it",

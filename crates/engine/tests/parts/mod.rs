@@ -5,7 +5,7 @@ use esker_builder::{Options, append_sources, build_sources};
 use esker_format::Forest;
 use esker_points::lattice::Placement;
 use esker_points::task::Silent;
-use esker_points::{Batch, Task};
+use esker_points::{Batch, Spread, Task};
 use esker_scan::source::Sink;
 use esker_scan::{OpenOptions, ReadReport, ScanError, Source, SourceInfo};
 use std::path::Path;
@@ -82,7 +82,7 @@ impl Source for Part {
         Ok(report)
     }
 
-    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+    fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
         self.scan.survey(task)
     }
 }

@@ -41,6 +41,7 @@ pub fn metadata(schema: Schema, classes: Vec<PointClass>) -> Metadata {
     };
     Metadata {
         lattice: Lattice { scale: grid.scale, offset: grid.offset, shift: [0, -5, 1 << 40] },
+        set_aside: vec![],
         normals: schema.normals().map_or(Normals::None, |_| Normals::Source),
         schema,
         classes,

@@ -338,6 +338,16 @@ impl Fields {
         });
         Ok(Self { schema, scans, grid, are_scaled, notes })
     }
+
+    /// Whether all coordinates are singles as the file has them: Cartesian and not transformed.
+    pub fn are_single(&self, clouds: &[PointCloud]) -> bool {
+        self.scans.iter().zip(clouds).filter(|(_, cloud)| cloud.records > 0).all(|(scan, cloud)| {
+            let Coordinates::Cartesian(xyz) = scan.coordinates else { return false };
+            let is_single =
+                |&i: &usize| matches!(cloud.prototype[i].data_type, Kind::Single { .. });
+            scan.pose == Pose::NONE && xyz.iter().all(is_single)
+        })
+    }
 }
 
 /// The source of the attribute that is made from a value of a scan.

@@ -13,7 +13,6 @@ mod packets;
 mod pose;
 mod values;
 
-use crate::bounds::Bounds;
 use crate::caught::catch;
 use crate::error::ScanError;
 use crate::source::{Crs, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
@@ -21,8 +20,8 @@ use crate::text::blocks::in_order;
 use crate::text::naming::{NO_RETURN, NOT_FINITE, colour_max, wide_colours};
 use buffered::{BufferedFile, file_of};
 use e57::{E57Reader, PointCloud, PointCloudReaderRaw, RecordValue};
-use esker_points::lattice::{GridKind, OffLattice, Placement, float_grid};
-use esker_points::{Batch, Cancelled, ColourDepth, InputGrid, Task};
+use esker_points::lattice::{GridKind, Placement, float_grid};
+use esker_points::{Batch, Cancelled, ColourDepth, InputGrid, Rounding, Spread, Task};
 use fields::{Fields, FieldsError, Position};
 use rayon::prelude::*;
 use std::path::Path;
@@ -55,8 +54,9 @@ struct ValueBlock {
 }
 
 /// What one pass over points finds.
+#[derive(Default)]
 struct Survey {
-    bounds: Bounds,
+    spread: Spread,
     colour_max: u16,
 }
 
@@ -65,7 +65,7 @@ struct Decoded {
     batch: Batch,
     no_return: u64,
     not_finite: u64,
-    rounding_error_max: f64,
+    rounding: Rounding,
 }
 
 fn reader_of(path: &Path) -> Result<Reader, ScanError> {
@@ -108,13 +108,15 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     }
     let claimed = fields.grid.and_then(|_| claimed_bounds(&clouds, &fields));
     let survey = match claimed {
-        Some(bounds) => Survey { bounds, ..Survey::EMPTY },
+        Some(spread) => Survey { spread, ..Survey::default() },
         None => survey_file(path, &clouds, &fields, task)?,
     };
-    let bounds = survey.bounds.get();
-    let (kind, grid) = match fields.grid {
-        Some(grid) => (GridKind::Integer, grid),
-        None => (GridKind::Float, float_grid(bounds.unwrap_or_default())),
+    let (kind, grid, bounds) = match fields.grid {
+        Some(grid) => (GridKind::Integer, grid, survey.spread.bounds()),
+        None => {
+            let (grid, bounds) = float_grid(&survey.spread, fields.are_single(&clouds));
+            (GridKind::Float, grid, bounds)
+        }
     };
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     let colour_depth = wide_colours(&fields.schema).map(|_| {
@@ -173,8 +175,8 @@ fn scanner(clouds: &[PointCloud], fields: &Fields) -> Option<Scanner> {
 }
 
 /// The bounds in the headers of scans without rotation; `None` if a scan lacks them.
-fn claimed_bounds(clouds: &[PointCloud], fields: &Fields) -> Option<Bounds> {
-    let mut bounds = Bounds::EMPTY;
+fn claimed_bounds(clouds: &[PointCloud], fields: &Fields) -> Option<Spread> {
+    let mut bounds = Spread::default();
     for (cloud, scan_fields) in
         clouds.iter().zip(&fields.scans).filter(|(cloud, _)| cloud.records > 0)
     {
@@ -243,7 +245,7 @@ fn survey_file(
         |reader, scan| {
             let reader = reader.as_mut().map_err(|e| e.take().unwrap_or(Cancelled.into()))?;
             let mut blocks = Blocks::new(path, reader, scan)?;
-            let mut found = Survey::EMPTY;
+            let mut found = Survey::default();
             while let Some(block) = blocks.next()? {
                 task.check()?;
                 found.merge(Survey::of_block(&block, clouds, fields));
@@ -252,7 +254,7 @@ fn survey_file(
         },
     );
     surveys.try_reduce(
-        || Survey::EMPTY,
+        || Survey::default(),
         |mut found, part| {
             found.merge(part);
             Ok(found)
@@ -261,16 +263,14 @@ fn survey_file(
 }
 
 impl Survey {
-    const EMPTY: Self = Self { bounds: Bounds::EMPTY, colour_max: 0 };
-
     fn of_block(block: &ValueBlock, clouds: &[PointCloud], fields: &Fields) -> Self {
-        let mut found = Self::EMPTY;
+        let mut found = Self::default();
         let (cloud, scan_fields) = (&clouds[block.scan], &fields.scans[block.scan]);
         let colours = wide_colours(&fields.schema);
         let mut columns = vec![Vec::new(); fields.schema.attributes.len()];
         for values in block.values.chunks_exact(cloud.prototype.len()) {
             let Position::At(world) = scan_fields.position(cloud, values) else { continue };
-            found.bounds.add(world);
+            found.spread.add(world);
             if let Some(colours) = colours {
                 columns.iter_mut().for_each(Vec::clear);
                 scan_fields.put((block.scan, cloud), values, &fields.schema, &mut columns);
@@ -284,7 +284,7 @@ impl Survey {
     }
 
     fn merge(&mut self, later: Self) {
-        self.bounds.merge(later.bounds);
+        self.spread.merge(later.spread);
         self.colour_max = self.colour_max.max(later.colour_max);
     }
 }
@@ -295,9 +295,10 @@ impl E57Source {
         let schema = &self.info.schema;
         let points = block.values.len() / cloud.prototype.len();
         let batch = Batch::with_capacity(schema.clone(), points);
-        let mut decoded = Decoded { batch, no_return: 0, not_finite: 0, rounding_error_max: 0.0 };
+        let mut decoded =
+            Decoded { batch, no_return: 0, not_finite: 0, rounding: Rounding::default() };
         for values in block.values.chunks_exact(cloud.prototype.len()) {
-            let error = &mut decoded.rounding_error_max;
+            let rounding = &mut decoded.rounding;
             let placed = if let Some(grid) = &self.fields.grid {
                 if !scan_fields.is_return(cloud, values) {
                     decoded.no_return += 1;
@@ -307,10 +308,10 @@ impl E57Source {
                     let what = "a coordinate is beyond what its header says; it is damaged";
                     ScanError::damaged(&self.info.path, format!("scan {}: {what}", block.scan + 1))
                 })?;
-                placement.integer(raw, grid, error)
+                placement.integer(raw, grid, rounding)
             } else {
                 match scan_fields.position(cloud, values) {
-                    Position::At(world) => placement.real(world, error),
+                    Position::At(world) => placement.real(world, rounding),
                     Position::NoReturn => {
                         decoded.no_return += 1;
                         continue;
@@ -321,11 +322,7 @@ impl E57Source {
                     }
                 }
             };
-            let off = |e: OffLattice| ScanError::OffLattice {
-                path: self.info.path.clone(),
-                world: e.world,
-            };
-            decoded.batch.positions.push(placed.map_err(off)?);
+            decoded.batch.positions.push(placed);
             scan_fields.put((block.scan, cloud), values, schema, &mut decoded.batch.columns);
         }
         Ok(decoded)
@@ -358,15 +355,15 @@ impl Source for E57Source {
                     // Scaled colours use all 16 bits, however dark they are.
                     let are_scaled = self.fields.are_scaled && !decoded.batch.is_empty();
                     let most = if are_scaled { u16::MAX } else { colour_max(&decoded.batch) };
-                    report.take(decoded.batch, &refused, decoded.rounding_error_max, most, sink)
+                    report.take(decoded.batch, &refused, decoded.rounding, most, sink)
                 },
             )?;
         }
         Ok(report)
     }
 
-    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+    fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
         let path = &self.info.path;
-        Ok(survey_file(path, &self.clouds, &self.fields, task)?.bounds.get())
+        Ok(survey_file(path, &self.clouds, &self.fields, task)?.spread)
     }
 }

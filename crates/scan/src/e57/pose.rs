@@ -12,7 +12,8 @@ pub(crate) struct Pose {
 }
 
 impl Pose {
-    const NONE: Self = Self {
+    /// The pose of scans without one.
+    pub const NONE: Self = Self {
         columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         at: [0.0; 3],
         is_turned: false,

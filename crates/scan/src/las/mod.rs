@@ -17,7 +17,7 @@ use crate::error::ScanError;
 use crate::source::{BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use decode::Points;
 use esker_points::lattice::{GridKind, Placement};
-use esker_points::{ColourDepth, InputGrid, Task};
+use esker_points::{ColourDepth, InputGrid, Spread, Task};
 use header::{Header, format_bytes};
 use laszip::Compression;
 use points::{Layout, raw_position};
@@ -325,29 +325,26 @@ impl Source for LasSource {
         self.points.for_each_run(
             u64::MAX,
             task,
-            &|records| self.layout.convert(records, placement, grid, &self.info.path),
-            &mut |run| report.take(run.batch, &[], run.rounding_error, run.colour_max, sink),
+            &|records| Ok(self.layout.convert(records, placement, grid)),
+            &mut |run| report.take(run.batch, &[], run.rounding, run.colour_max, sink),
         )?;
         Ok(report)
     }
 
-    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
-        let mut bounds: Option<[[i32; 3]; 2]> = None;
-        let join = |a: [[i32; 3]; 2], b: [[i32; 3]; 2]| {
-            [[0, 1, 2].map(|i| a[0][i].min(b[0][i])), [0, 1, 2].map(|i| a[1][i].max(b[1][i]))]
-        };
+    fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
+        let grid = &self.info.grid.grid;
         let of_run = |records: &[u8]| {
+            let mut spread = Spread::default();
             let raw = records.chunks_exact(self.points.record_bytes).map(raw_position);
-            Ok(raw.map(|p| [p, p]).reduce(join))
+            raw.for_each(|raw| spread.add(grid.world(raw)));
+            Ok(spread)
         };
+        let mut spread = Spread::default();
         self.points.for_each_run(u64::MAX, task, &of_run, &mut |run| {
-            bounds = bounds.into_iter().chain(run).reduce(join);
+            spread.merge(run);
             Ok(())
         })?;
-        let grid = &self.info.grid.grid;
-        let world =
-            |raw: [i32; 3]| [0, 1, 2].map(|i| f64::from(raw[i]) * grid.scale[i] + grid.offset[i]);
-        Ok(bounds.map(|b| b.map(world)))
+        Ok(spread)
     }
 
     fn held_bytes(&self) -> u64 {

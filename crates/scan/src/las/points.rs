@@ -4,11 +4,9 @@
 //! 17).
 
 use super::header::format_bytes;
-use crate::error::ScanError;
 use esker_points::attribute::{AttrType, Attribute, names};
 use esker_points::lattice::Placement;
-use esker_points::{Batch, Column, Grid, Schema};
-use std::path::Path;
+use esker_points::{Batch, Column, Grid, Rounding, Schema};
 use std::sync::Arc;
 
 /// Records gathered before the next column's turn: they stay in the L1 cache meanwhile.
@@ -55,8 +53,8 @@ pub struct Layout {
 pub struct Converted {
     /// The points.
     pub batch: Batch,
-    /// Greatest rounding of a coordinate, in the file's unit.
-    pub rounding_error: f64,
+    /// What placing the points changed.
+    pub rounding: Rounding,
     /// Greatest value of red, green and blue.
     pub colour_max: u16,
 }
@@ -99,25 +97,14 @@ impl Layout {
     }
 
     /// Converts whole records.
-    ///
-    /// [`ScanError::OffLattice`] if a point does not fit the lattice.
-    pub fn convert(
-        &self,
-        records: &[u8],
-        placement: &Placement,
-        grid: &Grid,
-        path: &Path,
-    ) -> Result<Converted, ScanError> {
+    pub fn convert(&self, records: &[u8], placement: &Placement, grid: &Grid) -> Converted {
         let mut batch =
             Batch::with_capacity(Arc::clone(&self.schema), records.len() / self.record_bytes);
-        let (mut rounding_error, mut colour_max) = (0.0, 0);
+        let (mut rounding, mut colour_max) = (Rounding::default(), 0);
         for block in records.chunks(BLOCK_POINTS * self.record_bytes) {
             for record in block.chunks_exact(self.record_bytes) {
-                let placed = placement.integer(raw_position(record), grid, &mut rounding_error);
-                batch.positions.push(placed.map_err(|off| ScanError::OffLattice {
-                    path: path.to_owned(),
-                    world: off.world,
-                })?);
+                let placed = placement.integer(raw_position(record), grid, &mut rounding);
+                batch.positions.push(placed);
             }
             for (field, column) in self.fields.iter().zip(&mut batch.columns) {
                 field.gather(block, self.record_bytes, column);
@@ -125,7 +112,7 @@ impl Layout {
             colour_max = colour_max.max(self.colour_max(block));
         }
         debug_assert!(batch.is_consistent());
-        Ok(Converted { batch, rounding_error, colour_max })
+        Converted { batch, rounding, colour_max }
     }
 
     /// The greatest of red, green and blue in whole records; 0 without colour.

@@ -15,7 +15,7 @@ use crate::source::{
 use crate::text::blocks::in_order;
 use crate::text::naming::wide_colours;
 use esker_points::lattice::Placement;
-use esker_points::{ColourDepth, InputGrid, Task};
+use esker_points::{ColourDepth, InputGrid, Spread, Task};
 use header::{Data, Header};
 use points::{Layout, Points, Raw, sizes, too_few};
 use std::fs::File;
@@ -159,12 +159,12 @@ fn survey_stream(
     task: &dyn Task,
 ) -> Result<Survey, ScanError> {
     let survey = |raw: Raw| {
-        let mut part = Survey::EMPTY;
+        let mut part = Survey::default();
         let records = layout.records(path, plan, &raw, Some(&mut part))?;
         plan.survey_records(&records, &mut part);
         Ok::<_, ScanError>(part)
     };
-    let mut found = Survey::EMPTY;
+    let mut found = Survey::default();
     if layout.header.data == Data::Compressed {
         // Inputs are opened in parallel, and one alone may fill the memory. While the lock is held
         // no task is spawned: a thread that waited for one might open another input.
@@ -223,25 +223,19 @@ impl Source for PcdSource {
             || points.next(),
             |raw| {
                 let records = self.layout.records(path, &self.plan, &raw, None)?;
-                self.plan.decode_records(path, &records, placement)
+                Ok(self.plan.decode_records(&records, placement))
             },
             |decoded: Decoded| {
                 let refused = [(Decoded::REASON, decoded.not_finite)];
-                report.take(
-                    decoded.batch,
-                    &refused,
-                    decoded.rounding_error_max,
-                    decoded.colour_max,
-                    sink,
-                )
+                report.take(decoded.batch, &refused, decoded.rounding, decoded.colour_max, sink)
             },
         )?;
         Ok(report)
     }
 
-    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+    fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
         let body = self.body()?;
-        Ok(survey_stream(&self.info.path, body, &self.layout, &self.plan, task)?.bounds())
+        Ok(survey_stream(&self.info.path, body, &self.layout, &self.plan, task)?.spread)
     }
 
     fn held_bytes(&self) -> u64 {

@@ -12,7 +12,7 @@ use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use crate::text::blocks::in_order;
 use crate::text::naming::wide_colours;
 use esker_points::lattice::Placement;
-use esker_points::{ColourDepth, InputGrid, Task};
+use esker_points::{ColourDepth, InputGrid, Spread, Task};
 use header::{Encoding, Header, HeaderError, Shape};
 use plan::{Decoded, RecordPlan, Survey};
 use records::{Vertices, too_few};
@@ -153,7 +153,7 @@ fn survey_stream(
 ) -> Result<Survey, ScanError> {
     let element = &header.elements[plan.vertex];
     let mut vertices = Vertices::new(path, body, header, plan.vertex, task)?;
-    let mut found = Survey::EMPTY;
+    let mut found = Survey::default();
     in_order(
         task,
         || vertices.next(header.encoding),
@@ -201,20 +201,14 @@ impl Source for PlySource {
             |raw| self.plan.decode(path, element, raw, placement),
             |decoded: Decoded| {
                 let refused = [(Decoded::REASON, decoded.not_finite)];
-                report.take(
-                    decoded.batch,
-                    &refused,
-                    decoded.rounding_error_max,
-                    decoded.colour_max,
-                    sink,
-                )
+                report.take(decoded.batch, &refused, decoded.rounding, decoded.colour_max, sink)
             },
         )?;
         Ok(report)
     }
 
-    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+    fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
         let body = self.body()?;
-        Ok(survey_stream(&self.info.path, body, &self.header, &self.plan, task)?.bounds())
+        Ok(survey_stream(&self.info.path, body, &self.header, &self.plan, task)?.spread)
     }
 }

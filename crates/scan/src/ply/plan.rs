@@ -4,11 +4,11 @@
 use super::ascii::parse_line;
 use super::header::{Element, Encoding, Header, Shape};
 use super::records::{Field, Raw, Record};
-use crate::bounds::Bounds;
 use crate::error::ScanError;
 use crate::text::naming::{NOT_FINITE, axes, colour_max, named, schema_of, wide_colours};
-use esker_points::lattice::{Grid, GridKind, OffLattice, Placement, decimal_grid, float_grid};
-use esker_points::{AttrType, Batch, Schema};
+use esker_points::lattice::{Grid, GridKind, Placement, decimal_grid, float_grid};
+use esker_points::spread::Corners;
+use esker_points::{AttrType, Batch, Rounding, Schema, Spread};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -34,9 +34,10 @@ pub(crate) struct RecordPlan {
 }
 
 /// What one pass over vertices finds.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Survey {
-    bounds: Bounds,
+    /// Distribution of the points with a finite position, in world coordinates.
+    pub spread: Spread,
     decimals: [u32; 3],
     /// Greatest value of 16-bit colours.
     pub colour_max: u16,
@@ -45,33 +46,26 @@ pub(crate) struct Survey {
 }
 
 impl Survey {
-    pub const EMPTY: Self =
-        Self { bounds: Bounds::EMPTY, decimals: [0; 3], colour_max: 0, has_more_lines: false };
-
     pub fn merge(&mut self, other: Self) {
-        self.bounds.merge(other.bounds);
+        self.spread.merge(other.spread);
         for (decimals, other) in self.decimals.iter_mut().zip(other.decimals) {
             *decimals = (*decimals).max(other);
         }
         self.colour_max = self.colour_max.max(other.colour_max);
     }
 
-    /// Bounds of the points with a finite position, in world coordinates.
-    pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
-        self.bounds.get()
-    }
-
-    /// The decimal grid of the text, if all its digits fit a lattice.
-    fn decimal_grid(&self) -> Option<Grid> {
+    /// The decimal grid of the text, if all digits of nearly all points fit a lattice.
+    fn decimal_grid(&self) -> Option<(Grid, Corners)> {
         let grid = decimal_grid(self.decimals);
-        let [lo, hi] = self.bounds()?;
+        let bounds = self.spread.within_steps(grid.scale)?;
+        let [lo, hi] = bounds;
         let fits = |i: usize| {
             let steps = |length: f64| length / grid.scale[i];
             self.decimals[i] <= DECIMALS_MAX
                 && steps(hi[i] - lo[i]) <= f64::from(u32::MAX) - 2.0
                 && steps(lo[i].abs().max(hi[i].abs())) < STEPS_MAX
         };
-        (0..3).all(fits).then_some(grid)
+        (0..3).all(fits).then_some((grid, bounds))
     }
 }
 
@@ -79,7 +73,7 @@ impl Survey {
 pub(crate) struct Decoded {
     pub batch: Batch,
     pub not_finite: u64,
-    pub rounding_error_max: f64,
+    pub rounding: Rounding,
     pub colour_max: u16,
 }
 
@@ -131,16 +125,15 @@ impl RecordPlan {
         &mut self,
         element: &Element,
         survey: &Survey,
-    ) -> (GridKind, Grid, Option<[[f64; 3]; 2]>) {
-        let bounds = survey.bounds();
+    ) -> (GridKind, Grid, Option<Corners>) {
         if self.encoding == Encoding::Ascii {
-            if let Some(grid) = survey.decimal_grid() {
-                return (GridKind::Decimal, grid, bounds);
+            if let Some((grid, bounds)) = survey.decimal_grid() {
+                return (GridKind::Decimal, grid, Some(bounds));
             }
             self.as_declared(element);
         }
-        let bounds = bounds.map(|b| b.map(|corner| self.rounded(corner)));
-        (GridKind::Float, float_grid(bounds.unwrap_or([[0.0; 3]; 2])), bounds)
+        let (grid, bounds) = float_grid(&survey.spread, self.are_single());
+        (GridKind::Float, grid, bounds.map(|b| b.map(|corner| self.rounded(corner))))
     }
 
     /// Reads single-precision coordinates of an ASCII file as such from now on.
@@ -153,6 +146,16 @@ impl RecordPlan {
             })
             .collect();
         self.record = Record::new(types.into_iter());
+    }
+
+    /// Whether all coordinates are singles, or fit singles.
+    fn are_single(&self) -> bool {
+        self.axes.iter().all(|&axis| {
+            !matches!(
+                self.record.fields[axis].ty,
+                AttrType::F64 | AttrType::U32 | AttrType::I32 | AttrType::U64 | AttrType::I64
+            )
+        })
     }
 
     /// Rounds a position to the types of the coordinates.
@@ -198,7 +201,7 @@ impl RecordPlan {
     /// # Errors
     /// If a line of an ASCII file is not what the header says.
     pub fn survey(&self, path: &Path, element: &Element, raw: Raw) -> Result<Survey, ScanError> {
-        let mut found = Survey::EMPTY;
+        let mut found = Survey::default();
         let records = self.records(path, element, raw, |field, word| {
             self.add_decimals(field, word, &mut found);
         })?;
@@ -222,7 +225,7 @@ impl RecordPlan {
             if !world.iter().all(|c| c.is_finite()) {
                 continue;
             }
-            found.bounds.add(world);
+            found.spread.add(world);
             for field in colours.into_iter().flatten() {
                 found.colour_max = found.colour_max.max(value(record, field) as u16);
             }
@@ -232,7 +235,7 @@ impl RecordPlan {
     /// Decodes the points of a block to the lattice.
     ///
     /// # Errors
-    /// If a line of an ASCII file is not what the header says; [`ScanError::OffLattice`].
+    /// If a line of an ASCII file is not what the header says.
     pub fn decode(
         &self,
         path: &Path,
@@ -241,22 +244,14 @@ impl RecordPlan {
         placement: &Placement,
     ) -> Result<Decoded, ScanError> {
         let records = self.records(path, element, raw, |_, _| {})?;
-        self.decode_records(path, &records, placement)
+        Ok(self.decode_records(&records, placement))
     }
 
     /// Decodes the points of whole little-endian records to the lattice.
-    ///
-    /// # Errors
-    /// [`ScanError::OffLattice`].
-    pub fn decode_records(
-        &self,
-        path: &Path,
-        records: &[u8],
-        placement: &Placement,
-    ) -> Result<Decoded, ScanError> {
+    pub fn decode_records(&self, records: &[u8], placement: &Placement) -> Decoded {
         let stride = self.record.stride;
         let mut batch = Batch::with_capacity(self.schema.clone(), records.len() / stride);
-        let (mut not_finite, mut rounding_error_max) = (0, 0.0);
+        let (mut not_finite, mut rounding) = (0, Rounding::default());
         let mut kept = Vec::with_capacity(records.len() / stride);
         for record in records.chunks_exact(stride) {
             let world = self.world(record);
@@ -264,9 +259,7 @@ impl RecordPlan {
                 not_finite += 1;
                 continue;
             }
-            let placed = placement.real(world, &mut rounding_error_max);
-            let off = |e: OffLattice| ScanError::OffLattice { path: path.into(), world: e.world };
-            batch.positions.push(placed.map_err(off)?);
+            batch.positions.push(placement.real(world, &mut rounding));
             kept.push(record);
         }
         for (&source, column) in self.sources.iter().zip(&mut batch.columns) {
@@ -276,7 +269,7 @@ impl RecordPlan {
             }
         }
         let colour_max = colour_max(&batch);
-        Ok(Decoded { batch, not_finite, rounding_error_max, colour_max })
+        Decoded { batch, not_finite, rounding, colour_max }
     }
 }
 

@@ -7,7 +7,6 @@
 
 mod scans;
 
-use crate::bounds::Bounds;
 use crate::error::ScanError;
 use crate::source::{Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
 use crate::text::blocks::in_order;
@@ -16,8 +15,9 @@ use crate::text::naming::{NO_RETURN, NOT_FINITE, schema_of};
 use crate::text::number::{decimals, fields, number};
 use crate::text::start::{first_lines, lines_of};
 use esker_points::attribute::names;
-use esker_points::lattice::{Grid, GridKind, OffLattice, Placement, decimal_grid, float_grid};
-use esker_points::{AttrType, Batch, InputGrid, Schema, Task};
+use esker_points::lattice::{Grid, GridKind, Placement, decimal_grid, float_grid};
+use esker_points::spread::Corners;
+use esker_points::{AttrType, Batch, InputGrid, Rounding, Schema, Spread, Task};
 use scans::{Piece, Scans};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -50,7 +50,7 @@ struct Survey {
     /// Lines without a point.
     others: u64,
     scans: BTreeMap<u64, [f64; 3]>,
-    bounds: Bounds,
+    spread: Spread,
     decimals: [u32; 3],
     is_only_moved: bool,
     /// Greatest number of significant digits of an intensity.
@@ -69,7 +69,7 @@ struct Decoded {
     batch: Batch,
     no_return: u64,
     not_finite: u64,
-    rounding_error_max: f64,
+    rounding: Rounding,
 }
 
 fn recognises(head: &[u8]) -> bool {
@@ -112,7 +112,7 @@ fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>
         attributes.push((names::POINT_SOURCE_ID.to_owned(), AttrType::U16));
     }
     let (schema, attributes) = schema_of(attributes);
-    let (kind, grid) = survey.grid();
+    let (kind, grid, bounds) = survey.grid();
     let mut notes = Vec::new();
     if survey.points == 0 {
         notes.push("has no points".into());
@@ -129,12 +129,7 @@ fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>
     let info = SourceInfo {
         path: path.to_owned(),
         format: format!("PTX, {scans}"),
-        grid: InputGrid {
-            name: path.display().to_string(),
-            kind,
-            grid,
-            bounds: survey.bounds.get(),
-        },
+        grid: InputGrid { name: path.display().to_string(), kind, grid, bounds },
         schema,
         points_hint: survey.points + survey.others,
         bytes,
@@ -202,7 +197,7 @@ impl Survey {
             points: 0,
             others: 0,
             scans: BTreeMap::new(),
-            bounds: Bounds::EMPTY,
+            spread: Spread::default(),
             decimals: [0; 3],
             is_only_moved: true,
             digits: 0,
@@ -220,7 +215,7 @@ impl Survey {
                 continue;
             };
             found.points += 1;
-            found.bounds.add(world);
+            found.spread.add(world);
             let mut words = fields(line);
             for (digits, word) in found.decimals.iter_mut().zip(&mut words) {
                 *digits = (*digits).max(decimals(word));
@@ -238,7 +233,7 @@ impl Survey {
         self.points += later.points;
         self.others += later.others;
         self.scans.extend(later.scans);
-        self.bounds.merge(later.bounds);
+        self.spread.merge(later.spread);
         for (decimals, later) in self.decimals.iter_mut().zip(later.decimals) {
             *decimals = (*decimals).max(later);
         }
@@ -246,18 +241,21 @@ impl Survey {
         self.digits = self.digits.max(later.digits);
     }
 
-    /// The decimal grid of the text if scans are only translated; else the grid for floats.
-    fn grid(&self) -> (GridKind, Grid) {
+    /// The decimal grid of the text if scans are only translated; else the grid for floats. With
+    /// the bounds of nearly all points.
+    fn grid(&self) -> (GridKind, Grid, Option<Corners>) {
         let grid = decimal_grid(self.decimals);
-        let [lo, hi] = self.bounds.get().unwrap_or_default();
+        let bounds = self.spread.within_steps(grid.scale);
+        let [lo, hi] = bounds.unwrap_or_default();
         let fits = |i: usize| {
             self.decimals[i] <= DECIMALS_MAX
                 && (hi[i] - lo[i]) / grid.scale[i] <= f64::from(u32::MAX) - 2.0
         };
         if self.is_only_moved && (0..3).all(fits) {
-            (GridKind::Decimal, grid)
+            (GridKind::Decimal, grid, bounds)
         } else {
-            (GridKind::Float, float_grid([lo, hi]))
+            let (grid, bounds) = float_grid(&self.spread, false);
+            (GridKind::Float, grid, bounds)
         }
     }
 }
@@ -275,7 +273,8 @@ impl PtxSource {
         // A point takes at least eight bytes of text.
         let room = piece.block.rows.min(piece.block.bytes.len() as u64 / 8 + 1);
         let batch = Batch::with_capacity(schema, room as usize);
-        let mut decoded = Decoded { batch, no_return: 0, not_finite: 0, rounding_error_max: 0.0 };
+        let mut decoded =
+            Decoded { batch, no_return: 0, not_finite: 0, rounding: Rounding::default() };
         for (n, line) in piece.block.lines() {
             let (world, rest) = match read_line(path, (n, line), piece, self.columns)? {
                 Line::Point { world, rest } => (world, rest),
@@ -288,9 +287,8 @@ impl PtxSource {
                     continue;
                 }
             };
-            let placed = placement.real(world, &mut decoded.rounding_error_max);
-            let off = |e: OffLattice| ScanError::OffLattice { path: path.clone(), world: e.world };
-            decoded.batch.positions.push(placed.map_err(off)?);
+            let placed = placement.real(world, &mut decoded.rounding);
+            decoded.batch.positions.push(placed);
             let columns = &mut decoded.batch.columns;
             let (intensity, colours) = (rest[0], &rest[1..self.columns - 3]);
             let column = &mut columns[self.attributes[0]];
@@ -328,13 +326,13 @@ impl Source for PtxSource {
             |piece| self.decode(&piece, placement),
             |decoded: Decoded| {
                 let refused = [(NO_RETURN, decoded.no_return), (NOT_FINITE, decoded.not_finite)];
-                report.take(decoded.batch, &refused, decoded.rounding_error_max, 0, sink)
+                report.take(decoded.batch, &refused, decoded.rounding, 0, sink)
             },
         )?;
         Ok(report)
     }
 
-    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
-        Ok(survey_file(&self.info.path, self.columns, task)?.bounds.get())
+    fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
+        Ok(survey_file(&self.info.path, self.columns, task)?.spread)
     }
 }

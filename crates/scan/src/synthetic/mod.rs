@@ -36,7 +36,7 @@ mod viaduct;
 use crate::error::ScanError;
 use crate::source::{Crs, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use esker_points::lattice::{GridKind, Placement};
-use esker_points::{ColourDepth, InputGrid, Task};
+use esker_points::{ColourDepth, InputGrid, Spread, Task};
 use point::{Point, Run};
 use rayon::prelude::*;
 use scene::{BLOCK_POINTS, Scene};
@@ -145,17 +145,18 @@ impl Source for Synthetic {
     ) -> Result<ReadReport, ScanError> {
         let mut report = ReadReport::default();
         let (schema, grid) = (&self.info.schema, &self.info.grid.grid);
-        let make = |points: &[Point]| point::run(points, schema, grid, placement, &self.info.path);
-        self.each(task, &make, &mut |run: Run| {
+        let make = |points: &[Point]| Ok(point::run(points, schema, grid, placement));
+        self.each(task, &make, &mut |mut run: Run| {
             report.points += run.batch.len() as u64;
             report.colour_max = report.colour_max.max(run.colour_max);
-            report.rounding_error_max = report.rounding_error_max.max(run.rounding_error_max);
+            report.rounding_error_max = report.rounding_error_max.max(run.rounding.error_max);
+            run.batch.outside = run.rounding.outside;
             sink(run.batch)
         })?;
         Ok(report)
     }
 
-    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+    fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
         let mut bounds: Option<[[i32; 3]; 2]> = None;
         let make = |points: &[Point]| {
             Ok(points.iter().fold([[i32::MAX; 3], [i32::MIN; 3]], |[low, high], p| {
@@ -174,9 +175,6 @@ impl Source for Synthetic {
             Ok(())
         })?;
         let grid = &self.info.grid.grid;
-        let world = |corner: [i32; 3]| {
-            [0, 1, 2].map(|i| f64::from(corner[i]) * grid.scale[i] + grid.offset[i])
-        };
-        Ok(bounds.map(|b| b.map(world)))
+        Ok(Spread::of(bounds.map(|b| b.map(|corner| grid.world(corner)))))
     }
 }

@@ -7,7 +7,7 @@ use crate::error::ScanError;
 use crate::source::{ReadReport, Sink, Source, SourceInfo};
 use esker_points::attribute::names;
 use esker_points::lattice::{GridKind, Placement};
-use esker_points::{AttrType, Attribute, Batch, Grid, InputGrid, Schema, Task};
+use esker_points::{AttrType, Attribute, Batch, Grid, InputGrid, Rounding, Schema, Spread, Task};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -222,7 +222,7 @@ impl Source for Model {
         let mut give = |splats: &mut Vec<Splat>| {
             task.check()?;
             report.points += splats.len() as u64;
-            let batch = self.batch(splats, placement, &mut report.rounding_error_max)?;
+            let batch = self.batch(splats, placement, &mut report);
             splats.clear();
             sink(batch)
         };
@@ -242,31 +242,24 @@ impl Source for Model {
         Ok(report)
     }
 
-    fn survey(&self, _: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
-        Ok(self.info.grid.bounds)
+    fn survey(&self, _: &dyn Task) -> Result<Spread, ScanError> {
+        Ok(Spread::of(self.info.grid.bounds))
     }
 }
 
 impl Model {
-    fn batch(
-        &self,
-        splats: &[Splat],
-        placement: &Placement,
-        rounding_error_max: &mut f64,
-    ) -> Result<Batch, ScanError> {
+    fn batch(&self, splats: &[Splat], placement: &Placement, report: &mut ReadReport) -> Batch {
         let mut batch = Batch::with_capacity(Arc::clone(&self.info.schema), splats.len());
+        let (mut rounding, grid) = (Rounding::default(), &self.info.grid.grid);
         for splat in splats {
-            let placed =
-                placement.integer(steps(splat.at), &self.info.grid.grid, rounding_error_max);
-            batch.positions.push(placed.map_err(|off| ScanError::OffLattice {
-                path: self.info.path.clone(),
-                world: off.world,
-            })?);
+            batch.positions.push(placement.integer(steps(splat.at), grid, &mut rounding));
         }
+        report.rounding_error_max = report.rounding_error_max.max(rounding.error_max);
+        batch.outside = rounding.outside;
         for (attribute, column) in self.info.schema.attributes.iter().zip(&mut batch.columns) {
             splats.iter().for_each(|s| column.extend(s.value(&attribute.name)));
         }
-        Ok(batch)
+        batch
     }
 }
 

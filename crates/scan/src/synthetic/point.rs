@@ -2,11 +2,9 @@
 
 use super::draw::{Draw, floor};
 use super::ray::{Hit, Vec3};
-use crate::error::ScanError;
 use esker_points::attribute::names;
 use esker_points::lattice::Placement;
-use esker_points::{AttrType, Attribute, Batch, Column, Grid, Schema};
-use std::path::Path;
+use esker_points::{AttrType, Attribute, Batch, Column, Grid, Rounding, Schema};
 use std::sync::Arc;
 
 /// One point; the fields are those of the LAS specification, packed as in
@@ -85,25 +83,16 @@ pub struct Run {
     pub batch: Batch,
     /// Greatest value of their colours.
     pub colour_max: u16,
-    /// Greatest rounding of a coordinate; 0 on the lattice of the scene's own grid.
-    pub rounding_error_max: f64,
+    /// What placing changed; nothing on the lattice of the scene's own grid.
+    pub rounding: Rounding,
 }
 
 /// Rounds points to the lattice and makes columns of them.
-pub fn run(
-    points: &[Point],
-    schema: &Arc<Schema>,
-    grid: &Grid,
-    placement: &Placement,
-    path: &Path,
-) -> Result<Run, ScanError> {
-    let mut rounding_error_max = 0.0;
+pub fn run(points: &[Point], schema: &Arc<Schema>, grid: &Grid, placement: &Placement) -> Run {
+    let mut rounding = Rounding::default();
     let mut batch = Batch::with_capacity(Arc::clone(schema), points.len());
     for point in points {
-        let placed = placement.integer(point.position, grid, &mut rounding_error_max);
-        let placed = placed
-            .map_err(|off| ScanError::OffLattice { path: path.to_owned(), world: off.world })?;
-        batch.positions.push(placed);
+        batch.positions.push(placement.integer(point.position, grid, &mut rounding));
     }
     for (attribute, column) in schema.attributes.iter().zip(&mut batch.columns) {
         match attribute.name.as_str() {
@@ -122,7 +111,7 @@ pub fn run(
         }
     }
     let colour_max = points.iter().flat_map(|p| p.rgb).max().unwrap_or(0);
-    Ok(Run { batch, colour_max, rounding_error_max })
+    Run { batch, colour_max, rounding }
 }
 
 fn fill<const N: usize>(column: &mut Column, points: &[Point], of: impl Fn(&Point) -> [u8; N]) {

@@ -19,7 +19,7 @@ use crate::error::ScanError;
 use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use blocks::{LineBlock, in_order};
 use esker_points::lattice::{GridKind, Placement, decimal_grid};
-use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Task};
+use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Rounding, Spread, Task};
 use layout::{Kind, Layout, classify};
 use naming::{NOT_FINITE, colour_max, wide_colours};
 use start::{first_lines, lines_of, read_head};
@@ -75,7 +75,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
             name: path.display().to_string(),
             kind: GridKind::Decimal,
             grid: decimal_grid(survey.decimals),
-            bounds: survey.bounds(plan.axes),
+            bounds: survey.spread.within_steps(decimal_grid(survey.decimals).scale),
         },
         schema: plan.schema.clone(),
         points_hint: survey.points,
@@ -161,7 +161,7 @@ struct Decoded {
     batch: Batch,
     not_finite: u64,
     malformed: u64,
-    rounding_error_max: f64,
+    rounding: Rounding,
 }
 
 impl TextSource {
@@ -172,7 +172,8 @@ impl TextSource {
         let points_max = block.bytes.len() / (2 * self.layout.columns) + 1;
         let capacity = points_max.min(block.rows as usize);
         let batch = Batch::with_capacity(self.info.schema.clone(), capacity);
-        let mut decoded = Decoded { batch, not_finite: 0, malformed: 0, rounding_error_max: 0.0 };
+        let mut decoded =
+            Decoded { batch, not_finite: 0, malformed: 0, rounding: Rounding::default() };
         let mut row = Vec::with_capacity(self.layout.columns);
         for (n, line) in block.lines() {
             if self.layout.is_beside(n, line) {
@@ -187,12 +188,8 @@ impl TextSource {
                 decoded.not_finite += 1;
                 continue;
             }
-            let placed = placement.real(world, &mut decoded.rounding_error_max);
-            let off = |e: esker_points::lattice::OffLattice| ScanError::OffLattice {
-                path: path.clone(),
-                world: e.world,
-            };
-            decoded.batch.positions.push(placed.map_err(off)?);
+            let placed = placement.real(world, &mut decoded.rounding);
+            decoded.batch.positions.push(placed);
             let attributes = self.info.schema.attributes.iter().zip(&self.plan.sources);
             for ((attribute, &source), column) in attributes.zip(&mut decoded.batch.columns) {
                 if !put(row[source], attribute.ty, column) {
@@ -246,13 +243,13 @@ impl Source for TextSource {
                 let refused =
                     [(NOT_FINITE, decoded.not_finite), (not_numbers.as_str(), decoded.malformed)];
                 let colour_max = colour_max(&decoded.batch);
-                report.take(decoded.batch, &refused, decoded.rounding_error_max, colour_max, sink)
+                report.take(decoded.batch, &refused, decoded.rounding, colour_max, sink)
             },
         )?;
         Ok(report)
     }
 
-    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
-        Ok(survey_file(&self.info.path, &self.layout, task)?.bounds(self.plan.axes))
+    fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
+        Ok(survey_file(&self.info.path, &self.layout, task)?.spread)
     }
 }

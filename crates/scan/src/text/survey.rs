@@ -7,7 +7,7 @@ use super::layout::{Layout, count, excerpt, is_end};
 use super::naming::{axes, named, schema_of, usual};
 use super::number::{decimals, fields, number};
 use esker_points::attribute::names;
-use esker_points::{AttrType, Schema};
+use esker_points::{AttrType, Schema, Spread};
 use std::sync::Arc;
 
 /// Range of the values of a column.
@@ -78,6 +78,8 @@ pub(crate) struct Survey {
     pub first_malformed: Option<(u64, String)>,
     /// Digits after the point that x, y and z need.
     pub decimals: [u32; 3],
+    /// Distribution of the points with a finite position.
+    pub spread: Spread,
     ranges: Vec<Range>,
 }
 
@@ -106,6 +108,7 @@ impl Survey {
             malformed: 0,
             first_malformed: None,
             decimals: [0; 3],
+            spread: Spread::default(),
             ranges: vec![Range::EMPTY; columns],
         }
     }
@@ -133,6 +136,7 @@ impl Survey {
 
     fn add(&mut self, line: &[u8], row: &[f64], axes: [usize; 3]) {
         self.points += 1;
+        self.spread.add(axes.map(|a| row[a]));
         for (range, &v) in self.ranges.iter_mut().zip(row) {
             range.add(v);
         }
@@ -155,15 +159,10 @@ impl Survey {
         for (a, b) in self.decimals.iter_mut().zip(later.decimals) {
             *a = (*a).max(b);
         }
+        self.spread.merge(later.spread);
         for (a, b) in self.ranges.iter_mut().zip(later.ranges) {
             *a = a.merge(b);
         }
-    }
-
-    /// The bounds of all points with a finite position.
-    pub fn bounds(&self, axes: [usize; 3]) -> Option<[[f64; 3]; 2]> {
-        let of = |value: fn(&Range) -> f64| axes.map(|a| value(&self.ranges[a]));
-        (self.points > 0).then(|| [of(|r| r.min), of(|r| r.max)])
     }
 }
 

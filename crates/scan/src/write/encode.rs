@@ -4,7 +4,7 @@
 use crate::error::ScanError;
 use crate::source::{Crs, SourceInfo};
 use esker_points::lattice::GridKind;
-use esker_points::{Batch, Lattice, Schema};
+use esker_points::{Batch, Column, Lattice, Schema};
 use std::sync::Arc;
 
 /// What an export restores of a source of its points.
@@ -61,6 +61,12 @@ pub struct Encoded {
 pub trait Encode: Send + Sync {
     /// Encodes a batch that has the outline's attributes.
     fn encode(&self, batch: &Batch) -> Encoded;
+
+    /// Encodes points at `places` in world coordinates, which no lattice holds, with `columns` as
+    /// those of a batch; `None` if the format does not hold them exactly.
+    fn encode_outside(&self, _places: &[[f64; 3]], _columns: &[Column]) -> Option<Encoded> {
+        None
+    }
 }
 
 /// Writes encoded points in order. If it is dropped before [`Output::finish`], no file is left.

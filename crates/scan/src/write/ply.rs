@@ -171,12 +171,18 @@ struct Column {
     scaling: Scaling,
 }
 
-impl Encode for Vertices {
-    fn encode(&self, batch: &Batch) -> Encoded {
-        let mut bytes = Vec::with_capacity(batch.len() * self.stride);
-        for (i, p) in batch.positions.iter().enumerate() {
-            for (axis, &u) in p.iter().enumerate() {
-                let value = self.coordinates.value(axis, u);
+impl Vertices {
+    /// Encodes `points` points; `place` gives a coordinate of a point.
+    fn encode_all(
+        &self,
+        points: usize,
+        columns: &[esker_points::Column],
+        place: impl Fn(usize, usize) -> f64,
+    ) -> Encoded {
+        let mut bytes = Vec::with_capacity(points * self.stride);
+        for i in 0..points {
+            for axis in 0..3 {
+                let value = place(i, axis);
                 if self.coordinates.single {
                     bytes.extend_from_slice(&(value as f32).to_le_bytes());
                 } else {
@@ -184,11 +190,28 @@ impl Encode for Vertices {
                 }
             }
             for column in &self.columns {
-                let stored = &batch.columns[column.index][i * column.bytes..][..column.bytes];
+                let stored = &columns[column.index][i * column.bytes..][..column.bytes];
                 column.scaling.bytes(stored, &mut bytes);
             }
         }
-        Encoded { points: batch.len() as u64, bytes, ..Encoded::default() }
+        Encoded { points: points as u64, bytes, ..Encoded::default() }
+    }
+}
+
+impl Encode for Vertices {
+    fn encode(&self, batch: &Batch) -> Encoded {
+        let value = |i: usize, axis: usize| self.coordinates.value(axis, batch.positions[i][axis]);
+        self.encode_all(batch.len(), &batch.columns, value)
+    }
+
+    fn encode_outside(
+        &self,
+        places: &[[f64; 3]],
+        columns: &[esker_points::Column],
+    ) -> Option<Encoded> {
+        let is_exact = |c: &f64| !self.coordinates.single || f64::from(*c as f32) == *c;
+        let are_exact = places.iter().flatten().all(is_exact);
+        are_exact.then(|| self.encode_all(places.len(), columns, |i, axis| places[i][axis]))
     }
 }
 

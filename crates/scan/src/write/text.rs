@@ -5,11 +5,12 @@
 
 use super::coordinates::Coordinates;
 use super::encode::{Encode, Encoded, Export, Origins, Outline, Output};
+use super::numbers::float;
 use super::partial::Partial;
 use super::scaling::{Scaling, notes};
 use super::unique::unique;
 use crate::error::ScanError;
-use esker_points::{Attribute, Batch};
+use esker_points::{Attribute, Batch, Column};
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -66,23 +67,41 @@ struct Lines {
     mark: u8,
 }
 
-impl Encode for Lines {
-    fn encode(&self, batch: &Batch) -> Encoded {
-        let mut bytes = Vec::with_capacity(batch.len() * 8 * (3 + self.columns.len()));
-        for (i, p) in batch.positions.iter().enumerate() {
-            for (axis, &u) in p.iter().enumerate() {
+impl Lines {
+    /// Encodes `points` points; `place` appends a coordinate of a point.
+    fn encode_all(
+        &self,
+        points: usize,
+        columns: &[Column],
+        place: impl Fn(usize, usize, &mut Vec<u8>),
+    ) -> Encoded {
+        let mut bytes = Vec::with_capacity(points * 8 * (3 + self.columns.len()));
+        for i in 0..points {
+            for axis in 0..3 {
                 if axis > 0 {
                     bytes.push(self.mark);
                 }
-                self.coordinates.text(axis, u, &mut bytes);
+                place(i, axis, &mut bytes);
             }
-            for ((scaling, size), column) in self.columns.iter().zip(&batch.columns) {
+            for ((scaling, size), column) in self.columns.iter().zip(columns) {
                 bytes.push(self.mark);
                 scaling.text(&column[i * size..][..*size], &mut bytes);
             }
             bytes.push(b'\n');
         }
-        Encoded { points: batch.len() as u64, bytes, ..Encoded::default() }
+        Encoded { points: points as u64, bytes, ..Encoded::default() }
+    }
+}
+
+impl Encode for Lines {
+    fn encode(&self, batch: &Batch) -> Encoded {
+        self.encode_all(batch.len(), &batch.columns, |i, axis, out| {
+            self.coordinates.text(axis, batch.positions[i][axis], out);
+        })
+    }
+
+    fn encode_outside(&self, places: &[[f64; 3]], columns: &[Column]) -> Option<Encoded> {
+        Some(self.encode_all(places.len(), columns, |i, axis, out| float(places[i][axis], out)))
     }
 }
 

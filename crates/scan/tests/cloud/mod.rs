@@ -74,7 +74,7 @@ pub fn read_path(path: &Path) -> Result<Cloud, ScanError> {
         Ok(())
     })?;
     assert_eq!(report.points, world.len() as u64);
-    let bounds = source.survey(&Silent)?;
+    let bounds = source.survey(&Silent)?.bounds();
     assert_eq!(bounds.is_some(), !world.is_empty());
     if info.grid.kind != GridKind::Integer {
         assert_eq!(info.grid.bounds, bounds, "nothing corrects them");
