@@ -134,6 +134,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         notes,
     };
     if let (Some(names), false) = (&layout.names, layout.has_counts) {
+        let names: Vec<String> = names.iter().map(|name| quoted(name)).collect();
         info.verbatim.push(("text column names".into(), names.join(",").into_bytes()));
     }
     if wide_colours(&info.schema).is_some() {
@@ -141,6 +142,14 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         info.colour_depth = options.colour_depth.or(Some(ColourDepth::Sixteen));
     }
     Ok(Box::new(TextSource { info, layout, plan, guess }))
+}
+
+/// A name as in CSV, in quotes if it has a comma or a quote.
+fn quoted(name: &str) -> String {
+    match name.contains([',', '"']) {
+        true => format!("\"{}\"", name.replace('"', "\"\"")),
+        false => name.to_owned(),
+    }
 }
 
 /// Reads as many lines as the layout needs.
