@@ -76,6 +76,7 @@ impl Style {
     pub fn of_lines(lines: &[&[u8]], is_named: impl Fn(usize) -> bool) -> Self {
         let most_have =
             |mark: u8| 2 * lines.iter().filter(|line| line.contains(&mark)).count() > lines.len();
+        let mut has_both_marks = false;
         let is_comma_decimal = |line: &&[u8]| has_decimal_commas(line) || !line.contains(&b',');
         let mut styles = Vec::new();
         for mark in [b';', b'\t'].into_iter().filter(|&mark| most_have(mark)) {
@@ -83,6 +84,7 @@ impl Style {
                 |has_decimal_commas| Self { separator: Separator::Mark(mark), has_decimal_commas };
             let (points, commas) = style(true).decimal_marks(lines);
             // Both marks in one file would be marks of thousands as well.
+            has_both_marks |= points > 0 && commas > 0;
             styles.push(style(points == 0 || commas == 0));
         }
         let has_commas = lines.iter().any(|line| line.contains(&b','));
@@ -93,8 +95,10 @@ impl Style {
             let separator = Separator::Mark(b',');
             styles.push(Self { separator, has_decimal_commas: false });
         }
-        styles.push(Self::ANY);
-        let mut best = (0, Self::ANY);
+        if !has_both_marks {
+            styles.push(Self::ANY);
+        }
+        let mut best = (0, styles[0]);
         for style in styles {
             let score = style.score(lines, &is_named);
             if score > best.0 {

@@ -55,7 +55,9 @@ impl Group {
             Normal => is_normal,
             Colour => {
                 !is_normal
-                    && ranges[at..at + 3].iter().all(|range| range.is_whole_within(0.0, COLOUR_MAX))
+                    && ranges[at..at + 3]
+                        .iter()
+                        .all(|range| range.numbers > 0 && range.is_whole_within(0.0, COLOUR_MAX))
             }
         }
     }

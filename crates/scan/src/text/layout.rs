@@ -4,11 +4,10 @@
 
 use super::axes::{axes_of, single};
 pub(crate) use super::cells::is_comment;
-use super::cells::{Row, Separator, Style, most_frequent};
+use super::cells::{Row, Separator, Style, Value, most_frequent};
 use super::columns::{Column, Columns};
 use super::header::{Names, names_of};
 use super::naming::COLUMNS_MAX;
-use super::number::number;
 use super::sample::{Choice, Header, Sample};
 
 /// Rows that a note shows, and the length of each.
@@ -131,7 +130,7 @@ fn table(sample: &Sample<'_>) -> Option<Result<Layout, String>> {
     let rows = rows_of(&lines, style, is_named);
     let has_row = |n: u64| rows.iter().any(|row| sample.lines[row.line].0 == n);
     if rows.is_empty() || !is_named && !has_row(*first_line) && 2 * rows.len() < lines.len() {
-        let (numbers, stray) = numbers_of(first);
+        let (numbers, stray) = numbers_of(first, style);
         let is_table = numbers > 0 || is_named;
         return is_table.then(|| Err(why_no_point(*first_line, numbers, stray)));
     }
@@ -376,14 +375,14 @@ fn resolve(column: &Column, layout: &Layout) -> Result<usize, String> {
     }
 }
 
-/// Counts the numbers that a line begins with; also returns the field after them, if it is neither
-/// empty nor a comment.
-fn numbers_of(line: &[u8]) -> (usize, Option<&[u8]>) {
-    let mut fields = super::number::fields(line);
+/// Counts the numbers that a line begins with; also returns the cell after them, unless only empty
+/// cells or a comment follow.
+fn numbers_of(line: &[u8], style: Style) -> (usize, Option<&[u8]>) {
+    let mut cells = style.cells(line);
     let mut numbers = 0;
-    while let Some(field) = fields.next() {
-        if number(field).is_none() {
-            return (numbers, (!is_end(field, fields)).then_some(field));
+    while let Some(cell) = cells.next() {
+        if !matches!(style.value(cell), Value::Number(_)) {
+            return (numbers, (!is_end(cell, cells)).then_some(cell));
         }
         numbers += 1;
     }

@@ -96,7 +96,14 @@ fn names_of(layout: &Layout, width: &Width) -> Vec<String> {
     let mut names = match &layout.names {
         Some(names) if names.len() == columns => names.clone(),
         _ if layout.axes == [0, 1, 2] => {
-            guessed_names(&width.ranges, &width.units, layout.has_counts)
+            // Columns behind the last separator that are always empty are none.
+            let is_used = |range: &Range| range.numbers + range.words > 0;
+            let used = width.ranges.iter().rposition(is_used).map_or(3, |last| (last + 1).max(3));
+            let ranges = &width.ranges[..used.min(columns)];
+            let mut names = guessed_names(ranges, &width.units, layout.has_counts);
+            names.extend((names.len() + 1..=columns).map(|n| format!("column_{n}")));
+            names.truncate(columns);
+            names
         }
         _ => (1..=columns).map(|n| format!("column_{n}")).collect(),
     };
