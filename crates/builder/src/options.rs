@@ -6,7 +6,7 @@ use crate::budget::memory;
 use esker_format::{Codec, Normals, SetAside, SourceRecord, TreeRef};
 use esker_points::palette::{Misfit, Palette};
 use esker_points::{ColourDepth, Lattice, MultisetHash};
-use esker_scan::OpenOptions;
+use esker_scan::{Columns, OpenOptions};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -47,6 +47,10 @@ pub struct Options {
     /// Whether positions are stored a second time, with colours as indices of a palette: drawing
     /// then reads 8 bytes a point instead of 12.
     pub compact: bool,
+    /// Which column of text files is which, in place of what the files tell.
+    pub columns: Option<Columns>,
+    /// Lines at the beginning of text files that are passed over.
+    pub skip_lines: u64,
 }
 
 /// Treatment of interrupted builds.
@@ -104,6 +108,8 @@ impl Default for Options {
             sharp_features: false,
             tangents: false,
             compact: false,
+            columns: None,
+            skip_lines: 0,
         }
     }
 }
@@ -111,7 +117,12 @@ impl Default for Options {
 impl Options {
     /// Options with which inputs are opened.
     pub(crate) fn open_options(&self) -> OpenOptions {
-        OpenOptions { colour_depth: self.colour_depth, memory_bytes: Some(self.memory_bytes) }
+        OpenOptions {
+            colour_depth: self.colour_depth,
+            memory_bytes: Some(self.memory_bytes),
+            columns: self.columns.clone(),
+            skip_lines: self.skip_lines,
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::bench::Benchmark;
 use crate::light::LightArgs;
 use crate::output::Output;
-use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, Threads, method_parser};
+use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, ReadHow, Threads, method_parser};
 use clap::{Args as ClapArgs, Parser, Subcommand};
 use esker_engine::Method;
 use esker_engine::cameras::camera::Camera;
@@ -40,6 +40,8 @@ pub enum Command {
         system: bool,
         #[command(flatten)]
         with: DrawWithArgs,
+        #[command(flatten)]
+        read: ReadHow,
         /// Print one JSON object.
         #[arg(long)]
         json: bool,
@@ -126,6 +128,8 @@ pub struct Verify {
     /// scans that were added last, or those of all files, in any order.
     #[arg(long, num_args = 1.., value_name = "IN")]
     pub against: Vec<PathBuf>,
+    #[command(flatten)]
+    pub read: ReadHow,
     #[command(flatten)]
     pub threads: Threads,
     #[command(flatten)]

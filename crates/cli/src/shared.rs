@@ -7,7 +7,8 @@ use esker_engine::io::file::is_esker;
 use esker_engine::io::{polygon, quantity};
 use esker_engine::machine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::{
-    Bounds, BuildOptions, Classes, Codec, ColourDepth, Filter, Method, NormalsMode, Polygon, Resume,
+    Bounds, BuildOptions, Classes, Codec, ColourDepth, Columns, Filter, Method, NormalsMode,
+    OpenOptions, Polygon, Resume,
 };
 use std::path::PathBuf;
 
@@ -63,6 +64,28 @@ pub struct BuildHow {
     pub allow_rounding: bool,
     #[command(flatten)]
     pub threads: Threads,
+    #[command(flatten)]
+    pub read: ReadHow,
+}
+
+/// How scans are read.
+#[derive(ClapArgs)]
+pub struct ReadHow {
+    /// Which column of text files is which, by numbers from 1 or by the names in the file, in place
+    /// of what the files tell: x=3,y=2,z=4,intensity=5.
+    #[arg(long, value_name = "NAME=COLUMN,...")]
+    pub columns: Option<Columns>,
+    /// Lines at the beginning of text files that are passed over.
+    #[arg(long, value_name = "N", default_value_t, hide_default_value = true)]
+    pub skip_lines: u64,
+}
+
+impl ReadHow {
+    /// Options with which scans are opened.
+    pub fn options(&self) -> OpenOptions {
+        let (columns, skip_lines) = (self.columns.clone(), self.skip_lines);
+        OpenOptions { columns, skip_lines, ..OpenOptions::default() }
+    }
 }
 
 impl BuildHow {
@@ -76,6 +99,8 @@ impl BuildHow {
             (self.sharp_features, "--sharp-features"),
             (self.tangents, "--tangents"),
             (self.compact, "--compact"),
+            (self.read.columns.is_some(), "--columns"),
+            (self.read.skip_lines > 0, "--skip-lines"),
         ];
         all.into_iter().filter(|(is_given, _)| *is_given).map(|(_, name)| name).collect()
     }
@@ -115,6 +140,8 @@ impl BuildHow {
             compact: self.compact,
             ignore_crs: self.ignore_crs,
             allow_rounding: self.allow_rounding,
+            columns: self.read.columns.clone(),
+            skip_lines: self.read.skip_lines,
             ..default
         }
     }

@@ -19,6 +19,7 @@ pub use esker_points::{Cancelled, ColourDepth, Task};
 
 pub use esker_render::Picture;
 pub use esker_scan::caught::hide as hide_caught_panics;
+pub use esker_scan::{Columns, OpenOptions};
 pub use esker_stream::{Cut, Status};
 
 /// Writes an error and its causes as one line. A cause that is part of the text before it is left

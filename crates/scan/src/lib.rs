@@ -32,4 +32,5 @@ pub use error::ScanError;
 pub use las::crs::{EpsgCodes, epsg_codes};
 pub use registry::{open, scans_in};
 pub use source::SourceInfo;
-pub use source::{BESIDE_HELD_BYTES, Crs, Format, OpenOptions, ReadReport, Scanner, Source};
+pub use source::{BESIDE_HELD_BYTES, Crs, Format, Guess, OpenOptions, ReadReport, Scanner, Source};
+pub use text::{Column, Columns};

@@ -54,6 +54,10 @@ pub fn open(
     }
     match FORMATS.iter().find(|f| (f.recognises)(&head)) {
         Some(format) => (format.open)(path, options, task),
+        // Who says how to read a text says that it is one.
+        None if options.columns.is_some() || options.skip_lines > 0 => {
+            (crate::text::FORMAT.open)(path, options, task)
+        }
         None => {
             let known: Vec<_> = FORMATS.iter().map(|f| f.name).collect();
             Err(ScanError::UnknownFormat { path: path.to_owned(), known: known.join(", ") })

@@ -7,6 +7,7 @@ use crate::error::BuildError;
 use crate::input::attribute_units::check_attribute_units;
 use crate::input::crs::check_same_system;
 use crate::input::gps_times;
+use crate::input::guesses::note_guesses;
 use crate::input::intake::open_with;
 use crate::options::{Inherited, Options, Report};
 use esker_format::TREES_MAX;
@@ -33,7 +34,9 @@ pub fn append(
     task: &dyn Task,
 ) -> Result<Report, BuildError> {
     let forest = Forest::open(old)?;
-    append_sources(&forest, open_with(inputs, &options.open_options(), task)?, out, options, task)
+    let sources = open_with(inputs, &options.open_options(), task)?;
+    note_guesses(&sources, options, task);
+    append_sources(&forest, sources, out, options, task)
 }
 
 /// Builds `out` from opened inputs and opened files; otherwise like [`append`].

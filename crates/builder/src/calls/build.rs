@@ -11,6 +11,7 @@ use crate::calls::rounding::check_rounding;
 use crate::error::BuildError;
 use crate::input::attribute_units::check_attribute_units;
 use crate::input::crs::check_same_system;
+use crate::input::guesses::note_guesses;
 use crate::input::identity::Identity;
 use crate::input::intake::{Intake, open_with};
 use crate::input::outside::OFF_LATTICE;
@@ -66,7 +67,9 @@ pub fn build(
     task: &dyn Task,
 ) -> Result<Report, BuildError> {
     inputs.iter().try_for_each(|input| check_not_replaced(input, out))?;
-    build_sources(open_with(inputs, &options.open_options(), task)?, out, options, task)
+    let sources = open_with(inputs, &options.open_options(), task)?;
+    note_guesses(&sources, options, task);
+    build_sources(sources, out, options, task)
 }
 
 /// Builds `out` from opened inputs; otherwise like [`build`].

@@ -3,13 +3,13 @@
 //! last tree or of all trees.
 
 use crate::error::BuildError;
-use crate::input::intake::{Intake, open};
+use crate::input::intake::{Intake, open, open_with};
 use crate::input::outside::{OFF_LATTICE, Outside};
 use crate::input::plan::Plan;
 use crate::rows::row::{Incoming, RowLayout};
 use esker_format::{EskerFile, Forest, SourceRecord};
 use esker_points::{Batch, MultisetHash, Schema, Task};
-use esker_scan::{ScanError, Source};
+use esker_scan::{OpenOptions, ScanError, Source};
 use std::path::{Path, PathBuf};
 
 /// Points of inputs that are equal to those of a file.
@@ -80,18 +80,20 @@ impl<'a> Trees<'a> {
 }
 
 /// Decodes `inputs` onto the forest's lattice and compares count and multiset hash with those of
-/// its last tree, or of all its trees, depending on the number of inputs. The hashes in the footers
-/// are trusted here: [`esker_format::verify()`] compares them with the points.
+/// its last tree, or of all its trees, depending on the number of inputs, which are opened with
+/// `options`. The hashes in the footers are trusted here: [`esker_format::verify()`] compares them
+/// with the points.
 ///
 /// # Errors
 /// [`BuildError::Differs`] if the points are not the same; if an input cannot be read; on request.
 pub fn against_forest(
     forest: &Forest,
     inputs: &[PathBuf],
+    options: &OpenOptions,
     task: &dyn Task,
 ) -> Result<Against, BuildError> {
     let trees = Trees::with(forest, inputs.len())?;
-    compare(&trees, open(inputs, None, task)?, task)
+    compare(&trees, open_with(inputs, options, task)?, task)
 }
 
 /// Compares `inputs` with the tree of `file`, but not with those that the file names.

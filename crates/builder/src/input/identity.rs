@@ -60,6 +60,8 @@ impl Identity {
             ("--tangents".into(), options.tangents.to_string()),
             ("--compact".into(), options.compact.to_string()),
             ("--ignore-crs".into(), options.ignore_crs.to_string()),
+            ("--columns".into(), options.columns.as_ref().map_or("none".into(), |c| c.to_string())),
+            ("--skip-lines".into(), options.skip_lines.to_string()),
             ("the lattice that is built onto".into(), format!("{:?}", inherited.lattice)),
             ("the palette that is built onto".into(), {
                 format!("{:?}", inherited.palette.as_ref().map(|p| p.colours()))

@@ -5,6 +5,7 @@ pub(crate) mod attribute_units;
 pub(crate) mod crs;
 pub(crate) mod esker_source;
 pub(crate) mod gps_times;
+pub(crate) mod guesses;
 pub(crate) mod identity;
 pub(crate) mod intake;
 pub(crate) mod known;

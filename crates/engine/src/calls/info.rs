@@ -231,16 +231,23 @@ pub fn bounds(forest: &Forest) -> [[f64; 3]; 2] {
     forest.bounds().map_or([[0.0; 3]; 2], |b| b.map(|corner| forest.lattice().world(corner)))
 }
 
-/// Reports on an `.esker` file, or on a scan that is not built yet.
+/// Reports on an `.esker` file, or on a scan that is not built yet and is opened with `options`.
 ///
 /// # Errors
 /// If the file cannot be read.
-pub fn info(path: &Path, task: &dyn Task) -> Result<InfoReport> {
+pub fn info(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<InfoReport> {
     if is_esker(path)? {
         return Ok(InfoReport::File(Box::new(file_info(&Forest::open(path)?)?)));
     }
-    let source = esker_scan::open(path, &OpenOptions::default(), task)?;
-    Ok(InfoReport::Scan(Box::new(scan_info(source.info()))))
+    let source = esker_scan::open(path, options, task)?;
+    let mut report = scan_info(source.info());
+    if let Some(guess) = source.guess() {
+        report
+            .notes
+            .extend(guess.rows.iter().map(|row| format!("one of the first points: `{row}`")));
+        report.notes.push(guess.remedy.clone());
+    }
+    Ok(InfoReport::Scan(Box::new(report)))
 }
 
 fn file_info(forest: &Forest) -> Result<FileInfo> {

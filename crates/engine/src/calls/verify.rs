@@ -7,6 +7,7 @@ use crate::machine::pool;
 use anyhow::Result;
 use esker_format::{EskerFile, Forest};
 use esker_points::{MultisetHash, Task};
+use esker_scan::OpenOptions;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -55,13 +56,14 @@ pub struct FaultReport {
 
 /// Checks every byte and every rule of the file at `path` and of all files that it names. With
 /// `against`, also checks that the points of all trees, or of the last one alone, are those of the
-/// scans.
+/// scans, which are opened with `options`.
 ///
 /// # Errors
 /// If there is a fault: the first one.
 pub fn verify(
     path: &Path,
     against: &[PathBuf],
+    options: &OpenOptions,
     threads: usize,
     task: &dyn Task,
 ) -> Result<VerifyReport> {
@@ -75,7 +77,7 @@ pub fn verify(
         }
         let scans = match against {
             [] => None,
-            inputs => Some(esker_builder::against_forest(&forest, inputs, task)?),
+            inputs => Some(esker_builder::against_forest(&forest, inputs, options, task)?),
         };
         Ok(VerifyReport {
             ok: true,
