@@ -46,6 +46,11 @@ class Damaged(Exception):
     """Something in the file is not as SPEC.md says."""
 
 
+FAULTS = (
+    Damaged, OSError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError, struct.error,
+)  # fmt: skip
+
+
 def require(condition, what):
     if not condition:
         raise Damaged(what)
@@ -443,7 +448,7 @@ def main():
             print(json.dumps({"ok": False, "error": str(fault)}))
         print(f"{options.file}: {fault}", file=sys.stderr)
         return 2
-    except (Damaged, OSError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError, struct.error) as fault:
+    except FAULTS as fault:
         if options.json:
             print(json.dumps({"ok": False, "error": str(fault)}))
         print(f"{options.file}: {type(fault).__name__}: {fault}", file=sys.stderr)
