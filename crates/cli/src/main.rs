@@ -7,6 +7,7 @@ mod bench;
 mod commands;
 mod export;
 mod light;
+mod memory;
 mod output;
 mod shared;
 mod view;
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
     // A second Ctrl-C ends the program at once, which leaves no file under its final name.
     let handler = ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
+            esker_engine::remove_unfinished();
             std::process::abort();
         }
     });

@@ -20,6 +20,7 @@ mod schema;
 pub mod strata;
 pub mod tangents;
 pub mod task;
+pub mod unfinished;
 
 pub use attribute::{AttrType, Attribute};
 pub use batch::{Batch, Column};
