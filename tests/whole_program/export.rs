@@ -28,7 +28,8 @@ pub fn trials(trials: &mut Vec<Trial>) {
 /// Exports `file` to `out` and returns the outcome.
 pub fn export(file: &Path, out: &Path, more: &[&str]) -> Outcome {
     let words = [OsStr::new("export"), file.as_os_str(), OsStr::new("-o"), out.as_os_str()];
-    let rest = ["--json", "--progress", "none"].into_iter().chain(more.iter().copied());
+    let rest =
+        ["--json", "--progress", "none", "--overwrite"].into_iter().chain(more.iter().copied());
     esker(words.into_iter().chain(rest.map(OsStr::new)))
 }
 
@@ -384,7 +385,7 @@ fn reports() {
     assert_eq!((&report["filtered"], &report["hash_equal"]), (&false.into(), &true.into()));
     let part = export(&built, &out, &["--max-spacing", "30"]).json();
     assert_eq!((&part["filtered"], &part["hash_equal"]), (&true.into(), &Value::Null));
-    let words = ["export", built.to_str().unwrap(), "-o", out.to_str().unwrap()];
+    let words = ["export", built.to_str().unwrap(), "-o", out.to_str().unwrap(), "--overwrite"];
     assert!(esker(words).worked().stdout.contains("proof: all points"));
 }
 

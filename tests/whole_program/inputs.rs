@@ -109,15 +109,24 @@ fn others_stay() {
     std::fs::remove_file(&b).unwrap();
     run("append", &[&old, &scan], &b).worked();
     std::fs::rename(&b, &new).unwrap();
+    let overwrite = |out: &Path| {
+        let words = ["export".as_ref(), new.as_os_str(), "--overwrite".as_ref(), "-o".as_ref()];
+        esker(words.into_iter().chain([out.as_os_str()]))
+    };
     for out in [&old, &new] {
         let before = std::fs::read(out).unwrap();
-        let outcome = run("export", &[&new], out);
+        let outcome = overwrite(out);
         assert!(outcome.error().contains("input and output at once"), "{}", outcome.stderr);
         assert!(std::fs::read(out).unwrap() == before);
     }
     // It does not replace the scan that the file was built from.
-    let outcome = run("export", &[&new], &scan);
+    let outcome = overwrite(&scan);
     assert!(outcome.error().contains("one of the scans"), "{}", outcome.stderr);
+    // It replaces no other scan either, unless it is told to.
+    let outcome = run("export", &[&new], &other);
+    assert!(outcome.error().contains("replace it with --overwrite"), "{}", outcome.stderr);
+    assert_eq!(std::fs::read_to_string(&other).unwrap(), text);
+    overwrite(&other).worked();
     assert_eq!(std::fs::read_to_string(&scan).unwrap(), text);
 }
 

@@ -380,7 +380,13 @@ fn run_stream(args: Stream, stop: Arc<AtomicBool>) -> Result<()> {
         build: args.how.options(),
         program: std::env::current_exe().context("cannot find the program itself")?,
     };
-    args.output.report(stop, |progress| stream::measure(&request, progress), stream::text)
+    let report = args.output.watch(stop, |progress| stream::measure(&request, progress))?;
+    args.output.print(&report, || stream::text(&report))?;
+    ensure!(
+        !report.is_over_budget(),
+        "a run took more memory than its budgets, as the report says; please report this with the file"
+    );
+    Ok(())
 }
 
 fn run_draw(args: Draw, stop: Arc<AtomicBool>) -> Result<()> {

@@ -5,6 +5,7 @@ use crate::shared::{FilterArgs, Threads};
 use anyhow::Result;
 use clap::Args as ClapArgs;
 use esker_engine::calls::export;
+use esker_engine::io::output::may_create;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -16,6 +17,9 @@ pub struct Export {
     /// The scan to write: .las, .laz, .ply, .xyz, .txt or .csv.
     #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,
+    /// Replace OUT if it is there already.
+    #[arg(long)]
+    pub overwrite: bool,
     #[command(flatten)]
     pub filter: FilterArgs,
     #[command(flatten)]
@@ -26,6 +30,9 @@ pub struct Export {
 
 /// Writes the scan and prints the report.
 pub fn run(args: Export, stop: Arc<AtomicBool>) -> Result<()> {
+    if !args.overwrite {
+        may_create(&args.out)?;
+    }
     let filter = args.filter.into();
     args.output.report(
         stop,

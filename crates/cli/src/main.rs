@@ -7,11 +7,13 @@ mod bench;
 mod commands;
 mod export;
 mod light;
+mod memory;
 mod output;
 mod shared;
 mod view;
 
 use clap::Parser;
+use esker_engine::io::visible::visible;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,6 +26,7 @@ fn main() -> ExitCode {
     // A second Ctrl-C ends the program at once, which leaves no file under its final name.
     let handler = ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
+            esker_engine::remove_unfinished();
             std::process::abort();
         }
     });
@@ -33,7 +36,7 @@ fn main() -> ExitCode {
     match commands::run(args.command.unwrap_or(args::Command::Demo { out: "out".into() }), stop) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {}", output::visible(&esker_engine::one_line(&error)));
+            eprintln!("error: {}", visible(&esker_engine::one_line(&error)));
             ExitCode::FAILURE
         }
     }

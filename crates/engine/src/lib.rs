@@ -15,6 +15,7 @@ pub use esker_builder::{NormalsMode, Options as BuildOptions, Resume};
 pub use esker_format::{Codec, EskerFile, Forest};
 pub use esker_lod::View;
 pub use esker_points::filter::{Bounds, Classes, Filter, Polygon};
+pub use esker_points::unfinished::remove_all as remove_unfinished;
 pub use esker_points::{Cancelled, ColourDepth, Task};
 
 pub use esker_render::Picture;

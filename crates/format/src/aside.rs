@@ -3,6 +3,7 @@
 
 use crate::error::Fault;
 use crate::metadata::Metadata;
+use crate::strict::objects;
 use esker_points::{MultisetHash, PointClass, Schema};
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +35,7 @@ impl SetAside {
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SetAsideJson {
     hash: String,
+    #[serde(deserialize_with = "objects")]
     points: Vec<PointJson>,
 }
 

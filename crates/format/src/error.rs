@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum FormatError {
     /// The system refused.
-    #[error("{}: cannot {what}: {source}", path.display())]
+    #[error("{}: cannot {what}: {source}{}", path.display(), remedy(source))]
     Io {
         /// Path of the file.
         path: PathBuf,
@@ -108,10 +108,29 @@ impl Fault {
     }
 }
 
+/// What to do about an error of the system.
+fn remedy(source: &io::Error) -> &'static str {
+    match source.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
+            "; free space there, or name another place"
+        }
+        _ => "",
+    }
+}
+
 pub(crate) fn io_error(
     path: &Path,
     what: &'static str,
 ) -> impl FnOnce(io::Error) -> FormatError + use<> {
     let path = path.to_path_buf();
-    move |source| FormatError::Io { path, what, source }
+    move |source| {
+        let source = match source.kind() {
+            io::ErrorKind::UnexpectedEof => io::Error::new(
+                source.kind(),
+                "it ends too early: it was cut short since it was opened; copy it again",
+            ),
+            _ => source,
+        };
+        FormatError::Io { path, what, source }
+    }
 }

@@ -12,6 +12,7 @@ use crate::statistics::Statistics;
 use crate::system::read_exact_at;
 use crate::table;
 use esker_points::place::open_alone;
+use esker_points::unfinished::Unfinished;
 use esker_points::{MultisetHash, NodeTable};
 use std::ffi::{OsStr, OsString};
 use std::fs;
@@ -35,6 +36,7 @@ pub struct FileWriter {
     syncing: Option<JoinHandle<io::Result<()>>>,
     synced: u64,
     is_kept: bool,
+    _unfinished: Unfinished,
 }
 
 /// Skips bytes if they have this CRC-32; returns whether they do.
@@ -102,7 +104,9 @@ impl FileWriter {
         let file = open_alone(&partial, "build").map_err(io_error(path, "write it"))?;
         let out = Some(Sequential::new(file, &partial).map_err(io_error(path, "write it"))?);
         let (path, syncing) = (path.into(), None);
-        let mut writer = Self { path, partial, out, syncing, synced: 0, is_kept: false };
+        let _unfinished = Unfinished::new(&partial);
+        let mut writer =
+            Self { path, partial, out, syncing, synced: 0, is_kept: false, _unfinished };
         writer.write(&header())?;
         Ok(writer)
     }

@@ -78,6 +78,7 @@ fn metadata_come_back_exactly_and_verbatim_blocks_too() {
     let (schema, classes) = tree::mixed_schema();
     let points = tree::points_of(&schema, &classes, 50, 20, 7);
     let mut written = tree::metadata(schema, classes);
+    written.set_aside = tree::set_aside(&written);
     tree::write(&path, &written, &points, 20);
     let file = EskerFile::open(&path).unwrap();
     assert_eq!(file.verbatim(0).unwrap(), written.sources[0].verbatim);

@@ -21,6 +21,7 @@ pub mod spread;
 pub mod strata;
 pub mod tangents;
 pub mod task;
+pub mod unfinished;
 
 pub use attribute::{AttrType, Attribute};
 pub use batch::{Batch, Column, Rounding};

@@ -1,6 +1,7 @@
 //! Why an input could not be read or an output written: which file, what is wrong, what to do.
 
 use esker_points::Cancelled;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// An input could not be read, or an output written.
@@ -13,7 +14,7 @@ pub enum ScanError {
         /// The input.
         path: PathBuf,
         /// The system's error.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// A file could not be written.
     #[error("{}: cannot write: {source}{}", path.display(), remedy(source))]
@@ -21,7 +22,7 @@ pub enum ScanError {
         /// The final path of the file.
         path: PathBuf,
         /// The system's error.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// The content is of no known format.
     #[error("{}: not a scan file that Esker knows (it reads {known})", path.display())]
@@ -75,19 +76,28 @@ impl ScanError {
     }
 
     /// Makes the error of a refused write.
-    pub fn write(path: &Path, source: std::io::Error) -> Self {
+    pub fn write(path: &Path, source: io::Error) -> Self {
         Self::Write { path: path.to_owned(), source }
     }
 
     /// Makes the error of a refused read.
-    pub fn io(path: &Path, source: std::io::Error) -> Self {
+    pub fn io(path: &Path, source: io::Error) -> Self {
+        let source = match source.kind() {
+            io::ErrorKind::UnexpectedEof => io::Error::new(
+                source.kind(),
+                "it ends too early: it is cut short, or was while it was read; copy it again",
+            ),
+            _ => source,
+        };
         Self::Io { path: path.to_owned(), source }
     }
 }
 
-fn remedy(source: &std::io::Error) -> &'static str {
+fn remedy(source: &io::Error) -> &'static str {
     match source.kind() {
-        std::io::ErrorKind::StorageFull => "; free space there, or name another place",
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
+            "; free space there, or name another place"
+        }
         _ => "",
     }
 }

@@ -28,7 +28,13 @@ pub(crate) enum Report {
     /// Requests that were out of view when a loader took them.
     Dropped(Vec<u64>),
     /// Requests that could not be read, and the reason.
-    Failed(Vec<u64>, String),
+    Failed {
+        requests: Vec<u64>,
+        /// What the user is told.
+        fault: String,
+        /// Whether the file has changed, so that reading again does not help.
+        is_final: bool,
+    },
     /// The file has changed since it was opened.
     Changed(String),
 }
@@ -121,8 +127,10 @@ impl<L: Landing> Loader<L> {
         counts.reads.fetch_add(outcome.reads, Relaxed);
         if !outcome.failed.is_empty() {
             // A truncated or changed file explains a failed read better than the read's own error.
-            let fault = self.identity.fault().or(outcome.fault).unwrap_or_default();
-            self.report(Report::Failed(outcome.failed, fault));
+            let changed = self.identity.fault();
+            let is_final = changed.is_some();
+            let fault = changed.or(outcome.fault).unwrap_or_default();
+            self.report(Report::Failed { requests: outcome.failed, fault, is_final });
         }
     }
 

@@ -184,13 +184,13 @@ impl LodThread {
                     self.chooser.give_up(id);
                 }
             }
-            Report::Failed(requests, fault) => {
+            Report::Failed { requests, fault, is_final } => {
                 self.status.reads_failed += requests.len() as u64;
                 self.status.fault = Some(fault);
                 let now = Instant::now();
                 for id in requests {
                     if let Some(node) = self.chooser.give_up(id) {
-                        self.chooser.retries.fail(node, now);
+                        self.chooser.retries.fail(node, now, is_final);
                     }
                 }
             }

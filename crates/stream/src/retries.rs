@@ -26,9 +26,12 @@ pub(crate) struct Retries {
 }
 
 impl Retries {
-    /// Notes a failure.
-    pub(crate) fn fail(&mut self, node: u32, now: Instant) {
+    /// Notes a failure; after a final one views do not wait for the node.
+    pub(crate) fn fail(&mut self, node: u32, now: Instant, is_final: bool) {
         let failures = self.nodes.entry(node).or_insert(Failures { count: 0, due: now });
+        if is_final {
+            failures.count = failures.count.max(FAILURES_MAX);
+        }
         failures.due = now + PAUSE * (1 << failures.count.min(FAILURES_MAX));
         failures.count += 1;
     }
@@ -74,7 +77,7 @@ mod tests {
         let mut pause = PAUSE;
         for failure in 1..=FAILURES_MAX + 3 {
             assert!(retries.may_request(5, now));
-            retries.fail(5, now);
+            retries.fail(5, now, false);
             assert!(!retries.may_request(5, now) && retries.may_request(6, now));
             assert_eq!(retries.is_waiting(now), failure < FAILURES_MAX);
             assert_eq!(retries.given_up(), u64::from(failure >= FAILURES_MAX));
@@ -85,9 +88,18 @@ mod tests {
     }
 
     #[test]
+    fn views_do_not_wait_after_a_final_failure() {
+        let (mut retries, now) = (Retries::default(), Instant::now());
+        retries.fail(5, now, true);
+        assert!(!retries.is_waiting(now) && retries.given_up() == 1);
+        // The file may come back.
+        assert!(retries.next_due(now).is_some());
+    }
+
+    #[test]
     fn a_node_that_was_read_starts_anew() {
         let (mut retries, now) = (Retries::default(), Instant::now());
-        retries.fail(5, now);
+        retries.fail(5, now, false);
         retries.succeed(5);
         assert!(
             retries.may_request(5, now)

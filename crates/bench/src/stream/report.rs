@@ -20,6 +20,11 @@ pub enum StreamReport {
 }
 
 impl StreamReport {
+    /// Whether a run took more memory than its budgets.
+    pub fn is_over_budget(&self) -> bool {
+        self.runs().iter().any(|run| run.budget_exceeded)
+    }
+
     /// All runs.
     pub(super) fn runs(&self) -> &[StreamRun] {
         match self {

@@ -31,6 +31,10 @@ pub struct Usage {
 #[cfg(target_os = "linux")]
 fn granted_bytes() -> Option<u64> {
     let total = kib_field(&std::fs::read_to_string("/proc/meminfo").ok()?, "MemTotal:")?;
+    let total = total.min(left_of_limits(
+        &std::fs::read_to_string("/proc/self/limits").unwrap_or_default(),
+        &std::fs::read_to_string("/proc/self/status").unwrap_or_default(),
+    ));
     let groups = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
     let limit = |path: &std::path::PathBuf| {
         // "max" means no limit.
@@ -38,6 +42,21 @@ fn granted_bytes() -> Option<u64> {
     };
     let limits = limit_files(&groups);
     Some(limits.iter().filter_map(limit).fold(total, u64::min))
+}
+
+/// What the limits of this process (`ulimit -v`, `ulimit -d`) leave, from the texts of
+/// `/proc/self/limits` and `/proc/self/status`.
+#[cfg(target_os = "linux")]
+fn left_of_limits(limits: &str, status: &str) -> u64 {
+    let left = |limit: &str, used: &str| {
+        let line = limits.lines().find_map(|line| line.strip_prefix(limit))?;
+        // "unlimited" is no number.
+        let bytes = line.split_whitespace().next()?.parse::<u64>().ok()?;
+        Some(bytes.saturating_sub(kib_field(status, used).unwrap_or(0)))
+    };
+    let address_space = left("Max address space", "VmSize:");
+    let data = left("Max data size", "VmData:");
+    address_space.into_iter().chain(data).fold(u64::MAX, u64::min)
 }
 
 /// Paths of the files that may hold a limit for the control groups that `/proc/self/cgroup` names:
@@ -115,6 +134,16 @@ mod tests {
         assert_eq!(half_of(64 << 20), MEMORY_BYTES_MIN);
         assert_eq!(half_of(8 << 30), 4 << 30);
         assert!(default_bytes() >= MEMORY_BYTES_MIN);
+    }
+
+    #[test]
+    fn limits_of_the_process_count_less_what_it_uses() {
+        let limits = "Limit                     Soft Limit           Hard Limit           Units\n\
+            Max data size             unlimited            unlimited            bytes\n\
+            Max address space         4096000              unlimited            bytes\n";
+        assert_eq!(left_of_limits(limits, "VmSize:\t    1000 kB\n"), 4_096_000 - 1_024_000);
+        assert_eq!(left_of_limits(limits, "VmSize:\t    9000 kB\n"), 0);
+        assert_eq!(left_of_limits("", ""), u64::MAX);
     }
 
     #[test]

@@ -151,7 +151,7 @@ fn open_store(
     shares: &Shares,
     task: &dyn Task,
 ) -> Result<Store, BuildError> {
-    let scratch = Scratch::new(folder)?;
+    let scratch = Scratch::new(folder)?.for_output(out);
     // A journal without an unfinished file belongs to a finished build, which was stopped between
     // renaming the file and deleting the journal.
     let was_interrupted = FileWriter::has_left(out);
@@ -164,6 +164,11 @@ fn open_store(
     let journal = Journal::open(out, resume, identity)?;
     if options.resume == Resume::Now && !journal.is_resumed() {
         task.note("there is nothing to resume; starting afresh");
+    }
+    if scratch.remove_stale(journal.rows()) > 0 {
+        task.note(
+            "removed scratch files of an earlier build of this output, whose journal is lost",
+        );
     }
     if let Some(why) = journal.abandoned().filter(|_| was_interrupted) {
         let out = out.display();

@@ -9,8 +9,10 @@ use crate::options::Resume;
 use crate::rows::journal_record::{HEAD_BYTES, Kind, Record, RecordReader};
 use crate::rows::scratch;
 use esker_format::FormatError;
+use esker_points::place::{create_own, open_own};
+use esker_points::unfinished;
 use std::ffi::OsString;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
@@ -58,13 +60,14 @@ impl Journal {
             is_kept: false,
             abandoned: None,
         };
-        let earlier = OpenOptions::new().read(true).write(true).open(&journal.path);
+        let earlier = open_own(&journal.path);
         journal.file = match earlier {
             Ok(file) => Some(file),
             Err(e) if e.kind() == io::ErrorKind::NotFound => None,
             Err(e) => return Err(journal.failed("read it", e)),
         };
         if journal.file.is_some() {
+            unfinished::keep_all();
             journal.is_kept = true;
             let has_start = journal.read_start();
             if resume == Resume::Now {
@@ -165,8 +168,9 @@ impl Journal {
     /// # Errors
     /// If the disk is full.
     pub fn begin(&mut self, rows: Option<&Path>) -> Result<(), BuildError> {
-        let file = File::create(&self.path).map_err(|e| self.failed("create it", e))?;
+        let file = create_own(&self.path).map_err(|e| self.failed("create it", e))?;
         (self.file, self.bytes, self.is_kept) = (Some(file), 0, false);
+        unfinished::keep_all();
         self.rows = rows.map(Into::into);
         let mut record = Record::new(Kind::Start);
         record.put_all(rows.and_then(Path::to_str).unwrap_or_default().as_bytes());

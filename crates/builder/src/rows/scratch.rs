@@ -5,6 +5,8 @@
 
 use crate::error::BuildError;
 use crate::rows::journal_record::{Record, RecordReader};
+use esker_points::MultisetHash;
+use esker_points::place::open_own;
 use memmap2::Mmap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, Write};
@@ -167,6 +169,8 @@ pub struct Scratch {
     disk_bytes_peak: u64,
     /// Path of the first file, if the files have names.
     path: Option<PathBuf>,
+    /// Part of these names that stands for the output.
+    tag: String,
     is_kept: bool,
 }
 
@@ -186,8 +190,39 @@ impl Scratch {
             output_bytes: 0,
             disk_bytes_peak: 0,
             path: None,
+            tag: String::new(),
             is_kept: false,
         })
+    }
+
+    /// Sets the output that the rows are for: names of files then show it.
+    pub fn for_output(mut self, out: &Path) -> Self {
+        let folder = out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+        let whole = folder.join(out.file_name().unwrap_or_default());
+        let mut hash = MultisetHash::default();
+        hash.add(0, whole.as_os_str().as_encoded_bytes());
+        self.tag = format!("{}-", &hash.to_string()[..16]);
+        self
+    }
+
+    /// Deletes files of earlier builds of the output that no journal names any more, but for those
+    /// that begin with `kept`; returns their number. The caller must hold the output's lock.
+    pub fn remove_stale(&self, kept: Option<&Path>) -> usize {
+        let name = |path: &Path| path.file_name().and_then(|n| n.to_str()).map(str::to_owned);
+        let begin = format!("{}{}", NAME[0], self.tag);
+        let kept = kept.and_then(name).and_then(|n| Some(format!("{}.", n.strip_suffix(NAME[1])?)));
+        let is_stale = |path: &PathBuf| {
+            let name = name(path).unwrap_or_default();
+            let is_kept = kept.as_ref().is_some_and(|kept| name.starts_with(kept));
+            name.starts_with(&begin) && name.ends_with(NAME[1]) && !is_kept
+        };
+        if self.tag.is_empty() {
+            return 0;
+        }
+        let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
+        let stale = entries.map(|entry| entry.path()).filter(is_stale);
+        stale.filter(|path| fs::remove_file(path).is_ok()).count()
     }
 
     /// Replaces the files, which are empty, by files with names, for the journal. Returns the path
@@ -202,7 +237,8 @@ impl Scratch {
             // An absolute path is valid from the current folder of any later build.
             let folder = self.folder.canonicalize().map_err(failed)?;
             let mut named = tempfile::Builder::new();
-            let named = named.prefix(NAME[0]).suffix(NAME[1]).tempfile_in(folder);
+            let prefix = format!("{}{}", NAME[0], self.tag);
+            let named = named.prefix(&prefix).suffix(NAME[1]).tempfile_in(folder);
             let (file, path) =
                 named.and_then(|n| n.keep().map_err(io::Error::from)).map_err(failed)?;
             self.files = vec![AppendFile::new(file)];
@@ -220,7 +256,7 @@ impl Scratch {
         if !has_scratch_name(path) {
             return Err(io::Error::other("it has another name than scratch files have"));
         }
-        let open = |number| OpenOptions::new().read(true).write(true).open(name_of(path, number));
+        let open = |number| open_own(&name_of(path, number));
         self.files = vec![AppendFile::new(open(0)?)];
         for number in 1..FILES_MAX {
             match open(number) {
@@ -538,6 +574,24 @@ mod tests {
         fs::remove_file(&first).unwrap();
         remove(&first);
         assert_eq!(names(), 0);
+    }
+
+    #[test]
+    fn files_that_no_journal_names_are_removed_by_the_next_build_of_the_output() {
+        let folder = tempfile::tempdir().unwrap();
+        let left = |out: &str| {
+            let mut scratch = Scratch::new(folder.path()).unwrap().for_output(Path::new(out));
+            let path = scratch.make_named().unwrap().unwrap().to_owned();
+            scratch.add_file().unwrap();
+            scratch.keep(true);
+            path
+        };
+        let (kept, stale, other) = (left("a.esker"), left("./a.esker"), left("b.esker"));
+        let scratch = Scratch::new(folder.path()).unwrap().for_output(Path::new("a.esker"));
+        assert_eq!(scratch.remove_stale(Some(&kept)), 2);
+        assert!(kept.exists() && name_of(&kept, 1).exists() && other.exists() && !stale.exists());
+        assert_eq!(scratch.remove_stale(None), 2);
+        assert!(!kept.exists() && other.exists() && name_of(&other, 1).exists());
     }
 
     #[test]

@@ -45,6 +45,21 @@ pub fn may_build(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
+/// Refuses an output of an export that is there already: it may be a scan, of which there is no
+/// other copy.
+///
+/// # Errors
+/// If `path` is a file that is not empty.
+pub fn may_create(path: &Path) -> Result<()> {
+    let holds_something = path.metadata().is_ok_and(|m| m.is_file() && m.len() > 0);
+    ensure!(
+        !holds_something,
+        "{}: is there already: choose another output, or replace it with --overwrite",
+        path.display()
+    );
+    Ok(())
+}
+
 /// Refuses an output that would replace a scan which an `.esker` file in `folder` was built from;
 /// `scans` are the paths as they were given to the build.
 ///

@@ -45,11 +45,16 @@ fn pixel_bytes(method: Method) -> (u64, &'static str) {
     }
 }
 
+/// Memory of points, threads and the program beside a large picture, in bytes.
+const BESIDE_BYTES: u64 = 768 << 20;
+
 fn check_bytes([width, height]: [u32; 2], method: Method, granted: u64) -> Result<()> {
     let (each, name) = pixel_bytes(method);
     let bytes = u64::from(width) * u64::from(height) * each;
+    // Small pictures are drawn in whatever there is.
+    let beside = if bytes > BESIDE_BYTES { BESIDE_BYTES } else { 0 };
     ensure!(
-        bytes <= granted,
+        bytes.saturating_add(beside) <= granted,
         "a picture of {width}x{height} pixels by {} takes {} of memory, and the machine grants {}; make it smaller, or choose another --method",
         name,
         readable_bytes(bytes),
@@ -105,6 +110,8 @@ mod tests {
         let error = refused([4000, 4000], Method::PullPush).unwrap_err();
         assert!(error.contains("4000x4000 pixels by pull-push takes 1.3 GiB"), "{error}");
         assert!(refused([4000, 4000], Method::Ewa).is_ok());
+        // It leaves room for everything else.
+        assert!(refused([3500, 3500], Method::PullPush).is_err());
         assert!(check_size([1, 1], Method::PullPush).is_ok());
     }
 }

@@ -6,7 +6,7 @@
 
 use esker_format::{
     Codec, CrsRecord, FileWriter, Histograms, Metadata, NodeStatistics, Normals, PageLayout,
-    PagePoints, Ranges, SourceRecord, Statistics, encode_page,
+    PagePoints, Ranges, SetAside, SourceRecord, Statistics, encode_page,
 };
 use esker_points::lattice::GridKind;
 use esker_points::node::{NONE, Node, SHAPE_CONTINUATION};
@@ -353,4 +353,15 @@ pub fn long_schema() -> (Schema, Vec<PointClass>) {
         colour_depth: ColourDepth::Sixteen,
     };
     (schema, classes.map(class).to_vec())
+}
+
+/// Points beside the tree, of all sources.
+pub fn set_aside(metadata: &Metadata) -> Vec<SetAside> {
+    let point = |(i, source): (usize, &SourceRecord)| {
+        let present = &metadata.classes[usize::from(source.class)].present;
+        let sizes = present.iter().map(|&a| metadata.schema.attributes[usize::from(a)].ty.size());
+        let values = (0..sizes.sum::<usize>()).map(|byte| byte as u8 ^ 0xa5).collect();
+        SetAside { source: i as u32, place: [1e10 / 3.0, -0.0, 5e-324], values }
+    };
+    metadata.sources.iter().enumerate().map(point).collect()
 }

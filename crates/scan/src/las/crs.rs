@@ -241,7 +241,7 @@ fn key_name(id: u16) -> Option<&'static str> {
 
 /// The unit of the horizontal coordinates of a WKT (1 or 2): that of the projected system, else of
 /// the geocentric one, else degrees of a geographic one.
-fn wkt_unit(wkt: &str) -> Option<String> {
+pub(crate) fn wkt_unit(wkt: &str) -> Option<String> {
     let nodes = &nodes(wkt)[..];
     let system = |keywords: &[&str]| nodes.iter().position(|n| n.is(keywords));
     let Some(at) = system(&["PROJCS", "PROJCRS", "PROJECTEDCRS", "GEOCCS"]) else {

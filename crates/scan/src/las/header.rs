@@ -64,6 +64,8 @@ pub struct Header {
     pub vlrs: u32,
     /// Point format, 0 to 10.
     pub point_format: u8,
+    /// The same as it is written, without the bit of compressed points.
+    claimed_format: u8,
     /// Epoch of GPS times, if the point format has them.
     pub gps_times: Option<GpsTimes>,
     /// Whether the upper bits of the point format say that points are compressed.
@@ -113,6 +115,7 @@ impl Header {
             points_start: u64::from(u32_at(head, 96)),
             vlrs: u32_at(head, 100),
             point_format,
+            claimed_format: head[104] & 0x7f,
             gps_times: (!matches!(point_format, 0 | 2)).then_some(gps_times),
             is_compressed: head[104] & 0xc0 != 0,
             record_bytes: usize::from(u16_at(head, 105)),
@@ -157,7 +160,8 @@ impl Header {
             ));
         }
         let Some(needed) = format_bytes(self.point_format) else {
-            let what = format!("LAS point format {} is not read (0 to 10 are)", self.point_format);
+            let what =
+                format!("LAS point format {} is not read (0 to 10 are)", self.claimed_format);
             return Err(ScanError::unsupported(path, what));
         };
         if self.record_bytes < needed {

@@ -1,6 +1,7 @@
 //! Parses the header of a PLY file (Turk 1994), up to and with `end_header`: encoding, elements and
 //! their properties. Every size is checked against a limit before it is used.
 
+use crate::ply::comments::unescaped;
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX};
 use esker_points::AttrType;
 use std::io::{BufRead, Read};
@@ -176,7 +177,7 @@ fn property(words: &[&str]) -> Option<Property> {
         [ty, name @ ..] => (Shape::Scalar(type_of(ty)?), name),
         [] => return None,
     };
-    let name = name.join(" ");
+    let name = unescaped(&name.join(" "));
     (!name.is_empty() && name.len() <= NAME_BYTES_MAX).then_some(Property { name, shape })
 }
 

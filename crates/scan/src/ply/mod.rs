@@ -3,12 +3,14 @@
 //! note. A pass at opening finds the bounds; no pass keeps more than a few blocks.
 
 pub(crate) mod ascii;
+pub(crate) mod comments;
 pub(crate) mod header;
 pub(crate) mod plan;
 pub(crate) mod records;
 
 use crate::error::ScanError;
-use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
+use crate::las::crs::wkt_unit;
+use crate::source::{Crs, Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use crate::text::blocks::in_order;
 use crate::text::naming::wide_colours;
 use esker_points::lattice::Placement;
@@ -89,7 +91,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         points_hint: element.count,
         bytes,
         colour_depth,
-        crs: None,
+        crs: comments::crs_of(&header.text).map(|text| Crs { unit: wkt_unit(&text), text }),
         scanner: None,
         verbatim: vec![("PLY header".into(), header.text.clone())],
         notes: notes(&header, &plan, &survey),

@@ -4,6 +4,7 @@
 
 use crate::error::ScanError;
 use esker_points::place::open_alone;
+use esker_points::unfinished::Unfinished;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -19,6 +20,7 @@ pub struct Partial {
     partial: PathBuf,
     /// `None` once the file has its final name.
     out: Option<BufWriter<File>>,
+    _unfinished: Unfinished,
 }
 
 impl Partial {
@@ -40,7 +42,8 @@ impl Partial {
         let file = open_alone(&partial, "export").map_err(|e| ScanError::write(path, e))?;
         file.set_len(0).map_err(|e| ScanError::write(path, e))?;
         let out = Some(BufWriter::with_capacity(BUFFER_BYTES, file));
-        Ok(Self { path: path.to_owned(), partial, out })
+        let _unfinished = Unfinished::new(&partial);
+        Ok(Self { path: path.to_owned(), partial, out, _unfinished })
     }
 
     /// Makes the error of a failed write.

@@ -8,6 +8,7 @@ use super::partial::Partial;
 use super::scaling::{Scaling, notes};
 use super::unique::unique;
 use crate::error::ScanError;
+use crate::ply::comments;
 use crate::text::naming::axis;
 use esker_points::attribute::names;
 use esker_points::lattice::GridKind;
@@ -117,20 +118,20 @@ fn holds_singles(origin: &Origin, ply_header: Option<&str>) -> bool {
     origin.kind == GridKind::Float && ply_header.is_some_and(is_single)
 }
 
-/// Comments of a PLY source; for other sources, their CRS as a comment.
+/// Comments of a PLY source, and the CRS of any source as a comment.
 fn comments_of(origin: &Origin, ply_header: Option<&str>) -> String {
     let mut out = String::new();
     let own = ["comment written by Esker"];
     let is_comment = |line: &&str| {
         (line.starts_with("comment") || line.starts_with("obj_info"))
             && !own.iter().any(|o| line.starts_with(o))
+            && !comments::is_crs(line)
     };
     for line in ply_header.unwrap_or_default().lines().filter(is_comment) {
-        let _ = writeln!(out, "{}", line.trim_end());
+        out += &comments::lines_of(line);
     }
-    if let (Some(crs), None) = (&origin.crs, ply_header) {
-        let text: Vec<&str> = crs.text.split_whitespace().collect();
-        let _ = writeln!(out, "comment crs {}", text.join(" "));
+    if let Some(crs) = &origin.crs {
+        out += &comments::crs_lines(&crs.text);
     }
     out
 }
@@ -138,7 +139,8 @@ fn comments_of(origin: &Origin, ply_header: Option<&str>) -> String {
 /// The name of a property. Names in PLY have no blanks; names from PLY sources are kept.
 fn property_name(attribute: &Attribute, is_ply: bool) -> String {
     let blank = |c: char| c.is_whitespace() || c.is_control();
-    if is_ply { attribute.name.clone() } else { attribute.name.replace(blank, "_") }
+    let name = if is_ply { attribute.name.clone() } else { attribute.name.replace(blank, "_") };
+    comments::ascii(&name)
 }
 
 fn type_name(ty: AttrType) -> &'static str {

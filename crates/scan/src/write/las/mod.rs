@@ -217,9 +217,17 @@ impl Compressor {
     }
 
     fn finish(mut self) -> Result<Partial, ScanError> {
-        let written = self.inner.compress_many(&self.gathered).map_err(std::io::Error::other);
-        let written = written.and_then(|()| self.inner.done().map_err(std::io::Error::other));
+        let written = self.inner.compress_many(&self.gathered);
+        let written = written.and_then(|()| self.inner.done().map_err(io_error_of));
         written.map_err(|e| ScanError::write(&self.path, e))?;
         Ok(self.inner.into_inner())
+    }
+}
+
+/// The system's error behind one of the compressor, which hides its kind.
+fn io_error_of(error: laz::LasZipError) -> std::io::Error {
+    match error {
+        laz::LasZipError::IoError(source) => source,
+        other => std::io::Error::other(other),
     }
 }
