@@ -18,6 +18,7 @@ mod bounds;
 pub mod caught;
 mod e57;
 mod error;
+mod fields;
 pub mod las;
 pub mod mesh;
 mod pcd;

@@ -67,12 +67,12 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let survey = survey_stream(path, stream, &layout, &plan, task)?;
     let (kind, grid, bounds) = plan.choose_grid(&layout.element, &survey);
     let colour_depth = wide_colours(&plan.schema).map(|_| {
-        let eight = survey.colour_max <= u16::from(u8::MAX);
+        let eight = plan.colour_max <= u16::from(u8::MAX);
         let detected = if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
         options.colour_depth.unwrap_or(detected)
     });
     let header = &layout.header;
-    let mut notes = Vec::new();
+    let mut notes = plan.notes.clone();
     if survey.has_more_lines {
         let points = header.points;
         notes.push(format!("lines behind the {points} points that the header claims are left out"));
@@ -98,7 +98,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         colour_depth,
         crs: None,
         scanner: is_scanner.then_some(Scanner::At(header.viewpoint)),
-        verbatim: vec![("PCD header".into(), header.text.clone())],
+        verbatim: plan.verbatim("PCD header", &header.text),
         notes,
     };
     Ok(Box::new(PcdSource { info, layout, plan, held_bytes }))

@@ -77,7 +77,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let (kind, grid, bounds) = plan.choose_grid(element, &survey);
     let packing = if packed { ", zstd" } else { "" };
     let colour_depth = wide_colours(&plan.schema).map(|_| {
-        let eight = survey.colour_max <= u16::from(u8::MAX);
+        let eight = plan.colour_max <= u16::from(u8::MAX);
         let detected = if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
         options.colour_depth.unwrap_or(detected)
     });
@@ -91,7 +91,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         colour_depth,
         crs: None,
         scanner: None,
-        verbatim: vec![("PLY header".into(), header.text.clone())],
+        verbatim: plan.verbatim("PLY header", &header.text),
         notes: notes(&header, &plan, &survey),
     };
     Ok(Box::new(PlySource { info, header, plan }))
@@ -122,7 +122,7 @@ fn check_room(
 
 /// Notes on what is left out.
 fn notes(header: &Header, plan: &RecordPlan, survey: &Survey) -> Vec<String> {
-    let mut notes = Vec::new();
+    let mut notes = plan.notes.clone();
     let is_last = header.elements[plan.vertex + 1..].iter().all(|e| e.count == 0);
     if is_last && survey.has_more_lines {
         let count = header.elements[plan.vertex].count;

@@ -6,7 +6,10 @@ use super::header::{Element, Encoding, Header, Shape};
 use super::records::{Field, Raw, Record};
 use crate::bounds::Bounds;
 use crate::error::ScanError;
-use crate::text::naming::{NOT_FINITE, axes, colour_max, named, schema_of, wide_colours};
+use crate::fields::recipe::Recipe;
+use crate::fields::values::Values;
+use crate::fields::{self, Column, LEGACY, LEGACY_BLOCK};
+use crate::text::naming::{NOT_FINITE, axes, colour_max};
 use esker_points::lattice::{Grid, GridKind, OffLattice, Placement, decimal_grid, float_grid};
 use esker_points::{AttrType, Batch, Schema};
 use std::path::Path;
@@ -28,32 +31,46 @@ pub(crate) struct RecordPlan {
     pub record: Record,
     /// Fields of x, y and z.
     axes: [usize; 3],
+    /// Fields whose values decide what they mean.
+    watched: Vec<usize>,
+    /// The attributes, after [`RecordPlan::choose_grid`].
     pub schema: Arc<Schema>,
-    /// The field of each attribute of the schema.
-    sources: Vec<usize>,
+    /// How each attribute of the schema is made from the fields of a record.
+    recipes: Vec<Recipe>,
+    /// What is converted or assumed, a line each.
+    pub notes: Vec<String>,
+    /// Greatest value of 16-bit colours, whose fields may all be dark.
+    pub colour_max: u16,
+    are_colours_full: bool,
+    is_legacy: bool,
 }
 
 /// What one pass over vertices finds.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Survey {
     bounds: Bounds,
     decimals: [u32; 3],
-    /// Greatest value of 16-bit colours.
-    pub colour_max: u16,
+    /// Values of the watched fields, in their order.
+    values: Vec<Values>,
     /// Whether lines of an ASCII file follow the last vertex.
     pub has_more_lines: bool,
 }
 
 impl Survey {
     pub const EMPTY: Self =
-        Self { bounds: Bounds::EMPTY, decimals: [0; 3], colour_max: 0, has_more_lines: false };
+        Self { bounds: Bounds::EMPTY, decimals: [0; 3], values: Vec::new(), has_more_lines: false };
 
     pub fn merge(&mut self, other: Self) {
         self.bounds.merge(other.bounds);
         for (decimals, other) in self.decimals.iter_mut().zip(other.decimals) {
             *decimals = (*decimals).max(other);
         }
-        self.colour_max = self.colour_max.max(other.colour_max);
+        if self.values.len() < other.values.len() {
+            self.values.resize(other.values.len(), Values::empty(true));
+        }
+        for (values, other) in self.values.iter_mut().zip(&other.values) {
+            values.merge(other);
+        }
     }
 
     /// Bounds of the points with a finite position, in world coordinates.
@@ -109,22 +126,61 @@ impl RecordPlan {
     pub fn of_element(element: &Element, encoding: Encoding) -> Option<Self> {
         let scalars: Vec<(&str, AttrType)> = scalars(element).collect();
         let axes = axes(scalars.iter().map(|(name, _)| *name))?;
-        let others: Vec<usize> = (0..scalars.len()).filter(|f| !axes.contains(f)).collect();
-        let attributes: Vec<_> = others.iter().map(|&f| scalars[f]).collect();
-        let (schema, columns) = schema_of(named(&attributes));
-        let mut sources = vec![0; others.len()];
-        for (&field, column) in others.iter().zip(columns) {
-            sources[column] = field;
-        }
+        let is_watched = |f: &usize| {
+            let (name, ty) = scalars[*f];
+            !axes.contains(f) && fields::is_watched_as(name, ty)
+        };
+        let watched = (0..scalars.len()).filter(is_watched).collect();
         let ascii = encoding == Encoding::Ascii;
         let types = scalars
             .iter()
             .enumerate()
             .map(|(f, &(_, ty))| if ascii && axes.contains(&f) { AttrType::F64 } else { ty });
-        Some(Self { vertex: 0, encoding, record: Record::new(types), axes, schema, sources })
+        Some(Self {
+            vertex: 0,
+            encoding,
+            record: Record::new(types),
+            axes,
+            watched,
+            schema: Arc::default(),
+            recipes: Vec::new(),
+            notes: Vec::new(),
+            colour_max: 0,
+            are_colours_full: false,
+            is_legacy: false,
+        })
     }
 
-    /// Chooses the grid after the survey. Decimal text keeps its digits if they fit a lattice of 32
+    /// Chooses the attributes after the survey.
+    fn choose_attributes(&mut self, element: &Element, survey: &Survey) {
+        let scalars: Vec<(&str, AttrType)> = scalars(element).collect();
+        let others: Vec<usize> = (0..scalars.len()).filter(|f| !self.axes.contains(f)).collect();
+        let column = |&f: &usize| {
+            let watched = self.watched.iter().position(|w| *w == f);
+            let none = watched.map_or(Values::unknown(), |_| Values::empty(true));
+            let values = watched.and_then(|w| survey.values.get(w)).copied().unwrap_or(none);
+            Column { name: scalars[f].0, ty: Some(scalars[f].1), values }
+        };
+        let columns: Vec<Column<'_>> = others.iter().map(column).collect();
+        let plan = fields::plan(&columns);
+        self.schema = plan.schema;
+        self.recipes = plan.recipes.into_iter().map(|r| r.of_columns(&others)).collect();
+        self.notes = plan.notes;
+        self.colour_max = plan.colour_max;
+        self.are_colours_full = plan.are_colours_full;
+        self.is_legacy = plan.is_legacy;
+    }
+
+    /// The blocks kept for an export: the header under this name, and what its fields are.
+    pub fn verbatim(&self, name: &str, header: &[u8]) -> Vec<(String, Vec<u8>)> {
+        let mut blocks = vec![(name.to_owned(), header.to_vec())];
+        if self.is_legacy {
+            blocks.push((LEGACY_BLOCK.into(), LEGACY.to_vec()));
+        }
+        blocks
+    }
+
+    /// Chooses attributes and grid after the survey. Decimal text keeps its digits if they fit a lattice of 32
     /// bits. Otherwise, and for binary numbers, it is the grid for floats; the coordinates of ASCII
     /// files are then read as their declared type.
     pub fn choose_grid(
@@ -132,6 +188,7 @@ impl RecordPlan {
         element: &Element,
         survey: &Survey,
     ) -> (GridKind, Grid, Option<[[f64; 3]; 2]>) {
+        self.choose_attributes(element, survey);
         let bounds = survey.bounds();
         if self.encoding == Encoding::Ascii {
             if let Some(grid) = survey.decimal_grid() {
@@ -215,16 +272,15 @@ impl RecordPlan {
 
     /// Adds whole little-endian records to a survey.
     pub fn survey_records(&self, records: &[u8], found: &mut Survey) {
-        let colours = wide_colours(&self.schema);
-        let colours = colours.map(|rgb| rgb.map(|c| self.record.fields[self.sources[c]]));
+        found.values.resize(self.watched.len(), Values::empty(true));
         for record in records.chunks_exact(self.record.stride) {
             let world = self.world(record);
             if !world.iter().all(|c| c.is_finite()) {
                 continue;
             }
             found.bounds.add(world);
-            for field in colours.into_iter().flatten() {
-                found.colour_max = found.colour_max.max(value(record, field) as u16);
+            for (values, &field) in found.values.iter_mut().zip(&self.watched) {
+                values.add(value(record, self.record.fields[field]));
             }
         }
     }
@@ -269,13 +325,26 @@ impl RecordPlan {
             batch.positions.push(placed.map_err(off)?);
             kept.push(record);
         }
-        for (&source, column) in self.sources.iter().zip(&mut batch.columns) {
-            let Field { ty, offset } = self.record.fields[source];
+        let attributes = self.schema.attributes.iter().zip(&self.recipes);
+        for ((attribute, recipe), column) in attributes.zip(&mut batch.columns) {
+            if let Recipe::Same(source) = *recipe {
+                let Field { ty, offset } = self.record.fields[source];
+                for record in &kept {
+                    column.extend_from_slice(&record[offset..][..ty.size()]);
+                }
+                continue;
+            }
             for record in &kept {
-                column.extend_from_slice(&record[offset..][..ty.size()]);
+                let number = |field: usize| value(record, self.record.fields[field]);
+                if !recipe.put(attribute.ty, number, column) {
+                    return Err(ScanError::damaged(path, "it changed while it was read"));
+                }
             }
         }
-        let colour_max = colour_max(&batch);
+        let colour_max = match self.are_colours_full && !batch.is_empty() {
+            true => u16::MAX,
+            false => colour_max(&batch),
+        };
         Ok(Decoded { batch, not_finite, rounding_error_max, colour_max })
     }
 }

@@ -16,6 +16,8 @@ pub(crate) mod start;
 mod survey;
 
 use crate::error::ScanError;
+use crate::fields::recipe::Recipe;
+use crate::fields::{LEGACY, LEGACY_BLOCK};
 use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use blocks::{LineBlock, in_order};
 use esker_points::lattice::{GridKind, Placement, decimal_grid};
@@ -89,6 +91,9 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     if let (Some(names), false) = (&layout.names, layout.has_counts) {
         info.verbatim.push(("text column names".into(), names.join(",").into_bytes()));
     }
+    if plan.is_legacy {
+        info.verbatim.push((LEGACY_BLOCK.into(), LEGACY.to_vec()));
+    }
     if wide_colours(&info.schema).is_some() {
         // Colours are 16 bits wide only if a value needs more than 8.
         info.colour_depth = options.colour_depth.or(Some(ColourDepth::Sixteen));
@@ -117,7 +122,7 @@ fn decimal_commas(path: &Path, line: u64) -> ScanError {
 fn survey_file(path: &Path, layout: &Layout, task: &dyn Task) -> Result<Survey, ScanError> {
     let axes = axes_of(layout);
     let mut lines = lines_of(path)?;
-    let mut found = Survey::empty(layout.columns);
+    let mut found = Survey::empty(layout);
     let work = |block: LineBlock| Ok(Survey::of_block(&block, layout, axes));
     in_order(
         task,
@@ -193,9 +198,15 @@ impl TextSource {
                 world: e.world,
             };
             decoded.batch.positions.push(placed.map_err(off)?);
-            let attributes = self.info.schema.attributes.iter().zip(&self.plan.sources);
-            for ((attribute, &source), column) in attributes.zip(&mut decoded.batch.columns) {
-                if !put(row[source], attribute.ty, column) {
+            let attributes = self.info.schema.attributes.iter().zip(&self.plan.recipes);
+            for ((attribute, recipe), column) in attributes.zip(&mut decoded.batch.columns) {
+                let is_held = match (recipe, attribute.ty) {
+                    (&Recipe::Number(source), ty @ (AttrType::U64 | AttrType::I64)) => {
+                        put_digits(line, source, ty, column)
+                    }
+                    (recipe, ty) => recipe.put(ty, |source| row[source], column),
+                };
+                if !is_held {
                     return Err(ScanError::damaged(path, "it changed while it was read"));
                 }
             }
@@ -204,23 +215,18 @@ impl TextSource {
     }
 }
 
-/// Appends a value as this type; `false` if the type does not hold it. The survey rules that out,
-/// unless the file changes.
-fn put(v: f64, ty: AttrType, out: &mut Vec<u8>) -> bool {
-    match ty {
-        AttrType::U8 => out.push(v as u8),
-        AttrType::U16 => out.extend((v as u16).to_le_bytes()),
-        AttrType::I32 => out.extend((v as i32).to_le_bytes()),
-        AttrType::F32 => {
-            out.extend((v as f32).to_le_bytes());
-            return true;
-        }
-        _ => {
-            out.extend(v.to_le_bytes());
-            return true;
-        }
+/// Appends the whole number in a field of a line, all of whose digits count; `false` if the type
+/// does not hold it.
+fn put_digits(line: &[u8], source: usize, ty: AttrType, out: &mut Vec<u8>) -> bool {
+    let field = number::fields(line).nth(source).map(number::unquoted).unwrap_or_default();
+    let digits = std::str::from_utf8(field).ok().and_then(|text| text.parse::<i128>().ok());
+    // Small numbers may be written with a point or an exponent.
+    let whole = digits.or_else(|| number::number(field).map(|v| v as i128));
+    match (whole, ty) {
+        (Some(v), AttrType::U64) => u64::try_from(v).map(|v| out.extend(v.to_le_bytes())).is_ok(),
+        (Some(v), _) => i64::try_from(v).map(|v| out.extend(v.to_le_bytes())).is_ok(),
+        (None, _) => false,
     }
-    ty.to_f64(&out[out.len() - ty.size()..]) == v
 }
 
 impl Source for TextSource {
@@ -245,7 +251,10 @@ impl Source for TextSource {
             |decoded: Decoded| {
                 let refused =
                     [(NOT_FINITE, decoded.not_finite), (not_numbers.as_str(), decoded.malformed)];
-                let colour_max = colour_max(&decoded.batch);
+                let colour_max = match self.plan.are_colours_full && !decoded.batch.is_empty() {
+                    true => u16::MAX,
+                    false => colour_max(&decoded.batch),
+                };
                 report.take(decoded.batch, &refused, decoded.rounding_error_max, colour_max, sink)
             },
         )?;

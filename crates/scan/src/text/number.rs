@@ -34,7 +34,8 @@ pub(crate) fn number(field: &[u8]) -> Option<f64> {
     })
 }
 
-fn unquoted(field: &[u8]) -> &[u8] {
+/// A field without its quotes.
+pub(crate) fn unquoted(field: &[u8]) -> &[u8] {
     match field {
         [b'"', inner @ .., b'"'] => inner,
         _ => field,

@@ -4,64 +4,14 @@
 
 use super::blocks::LineBlock;
 use super::layout::{Layout, count, excerpt, is_end};
-use super::naming::{axes, named, schema_of, usual};
-use super::number::{decimals, fields, number};
+use super::naming::axes;
+use super::number::{decimals, fields, number, unquoted};
+use crate::fields::recipe::Recipe;
+use crate::fields::values::Values;
+use crate::fields::{self, Column};
+use esker_points::Schema;
 use esker_points::attribute::names;
-use esker_points::{AttrType, Schema};
 use std::sync::Arc;
-
-/// Range of the values of a column.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Range {
-    min: f64,
-    max: f64,
-    whole: bool,
-}
-
-impl Range {
-    const EMPTY: Self = Self { min: f64::INFINITY, max: f64::NEG_INFINITY, whole: true };
-
-    fn add(&mut self, v: f64) {
-        self.min = self.min.min(v);
-        self.max = self.max.max(v);
-        // Minus zero is no integer: its sign would be lost. Infinity and NaN have no whole part.
-        self.whole &= v.fract() == 0.0 && !(v == 0.0 && v.is_sign_negative());
-    }
-
-    fn merge(self, other: Self) -> Self {
-        Self {
-            min: self.min.min(other.min),
-            max: self.max.max(other.max),
-            whole: self.whole && other.whole,
-        }
-    }
-
-    fn is_whole_within(&self, min: f64, max: f64) -> bool {
-        self.whole && min <= self.min && self.max <= max
-    }
-
-    /// Whether values are whole numbers too large for a double to keep all digits.
-    fn is_rounded(&self) -> bool {
-        let greatest = self.max.max(-self.min);
-        self.whole && greatest >= WHOLE_MAX && greatest <= u64::MAX as f64
-    }
-
-    /// The narrowest type that holds every value exactly.
-    fn narrowest(&self) -> AttrType {
-        if self.is_whole_within(0.0, 255.0) {
-            AttrType::U8
-        } else if self.is_whole_within(0.0, 65_535.0) {
-            AttrType::U16
-        } else if self.is_whole_within(f64::from(i32::MIN), f64::from(i32::MAX)) {
-            AttrType::I32
-        } else {
-            AttrType::F64
-        }
-    }
-}
-
-/// All whole numbers below this are doubles; a value that reads as this may have been one more.
-const WHOLE_MAX: f64 = (1u64 << 53) as f64;
 
 /// What a pass over some lines finds.
 #[derive(Clone, Debug)]
@@ -78,7 +28,7 @@ pub(crate) struct Survey {
     pub first_malformed: Option<(u64, String)>,
     /// Digits after the point that x, y and z need.
     pub decimals: [u32; 3],
-    ranges: Vec<Range>,
+    ranges: Vec<Values>,
 }
 
 /// Parses a line of exactly `columns` numbers into `row`; `false` if it is no such line. Empty
@@ -98,7 +48,9 @@ pub(crate) fn parse_row(line: &[u8], columns: usize, row: &mut Vec<f64>) -> bool
 
 impl Survey {
     /// The survey of no lines.
-    pub fn empty(columns: usize) -> Self {
+    pub fn empty(layout: &Layout) -> Self {
+        let named = layout.names.iter().flatten().map(|name| fields::is_watched(name));
+        let watched = named.chain(std::iter::repeat(false)).take(layout.columns);
         Self {
             points: 0,
             not_finite: 0,
@@ -106,13 +58,13 @@ impl Survey {
             malformed: 0,
             first_malformed: None,
             decimals: [0; 3],
-            ranges: vec![Range::EMPTY; columns],
+            ranges: watched.map(Values::empty).collect(),
         }
     }
 
     /// Surveys the lines of a block; `axes` are the columns of x, y and z.
     pub fn of_block(block: &LineBlock, layout: &Layout, axes: [usize; 3]) -> Self {
-        let mut found = Self::empty(layout.columns);
+        let mut found = Self::empty(layout);
         let mut row = Vec::with_capacity(layout.columns);
         for (n, line) in block.lines() {
             if layout.is_beside(n, line) {
@@ -136,6 +88,13 @@ impl Survey {
         for (range, &v) in self.ranges.iter_mut().zip(row) {
             range.add(v);
         }
+        if row.iter().any(|&v| Values::is_large(v)) {
+            for ((range, &v), field) in self.ranges.iter_mut().zip(row).zip(fields(line)) {
+                if Values::is_large(v) {
+                    range.add_large(unquoted(field));
+                }
+            }
+        }
         for (column, field) in
             fields(line).enumerate().take(1 + axes.into_iter().fold(0, usize::max))
         {
@@ -156,13 +115,13 @@ impl Survey {
             *a = (*a).max(b);
         }
         for (a, b) in self.ranges.iter_mut().zip(later.ranges) {
-            *a = a.merge(b);
+            a.merge(&b);
         }
     }
 
     /// The bounds of all points with a finite position.
     pub fn bounds(&self, axes: [usize; 3]) -> Option<[[f64; 3]; 2]> {
-        let of = |value: fn(&Range) -> f64| axes.map(|a| value(&self.ranges[a]));
+        let of = |value: fn(&Values) -> f64| axes.map(|a| value(&self.ranges[a]));
         (self.points > 0).then(|| [of(|r| r.min), of(|r| r.max)])
     }
 }
@@ -174,10 +133,14 @@ pub(crate) struct ColumnPlan {
     pub axes: [usize; 3],
     /// The attributes.
     pub schema: Arc<Schema>,
-    /// The text column of each attribute of the schema.
-    pub sources: Vec<usize>,
+    /// How each attribute of the schema is made from the columns of a line.
+    pub recipes: Vec<Recipe>,
     /// Assumptions, a line each.
     pub notes: Vec<String>,
+    /// See [`fields::FieldPlan`].
+    pub are_colours_full: bool,
+    /// See [`fields::FieldPlan`].
+    pub is_legacy: bool,
 }
 
 /// The columns of x, y and z: by name, else the first three.
@@ -198,32 +161,36 @@ impl ColumnPlan {
         if !axes.iter().all(|&a| super::naming::axis(&names[a]).is_some()) {
             notes.push("no columns are named x, y and z: the first three are taken".into());
         }
-        let ranges = with_equal_colours(&names, &survey.ranges);
         let others: Vec<usize> = (0..names.len()).filter(|c| !axes.contains(c)).collect();
-        let typed = |&c: &usize| (names[c].as_str(), type_of(&names[c], &ranges[c]));
-        let attributes: Vec<_> = others.iter().map(typed).collect();
-        let (schema, columns) = schema_of(named(&attributes));
-        if schema.normals().is_some() {
+        let column = |&c: &usize| Column { name: &names[c], ty: None, values: survey.ranges[c] };
+        let columns: Vec<Column<'_>> = others.iter().map(column).collect();
+        let fields = fields::plan(&columns);
+        notes.extend(fields.notes);
+        if fields.schema.normals().is_some() {
             notes.push("normals are kept as 32-bit floats".into());
         }
-        let rounded = attributes.iter().zip(&others).filter(|(_, c)| ranges[**c].is_rounded());
-        let rounded: Vec<_> = rounded.map(|((name, _), _)| *name).collect();
+        let rounded: Vec<_> =
+            columns.iter().filter(|c| c.values.is_rounded()).map(|c| c.name).collect();
         if !rounded.is_empty() {
             let names = rounded.join(", ");
             notes.push(format!("whole numbers from 2^53 on are rounded to doubles: {names}"));
         }
-        let mut sources = vec![0; others.len()];
-        for (&text_column, column) in others.iter().zip(columns) {
-            sources[column] = text_column;
+        let recipes = fields.recipes.into_iter().map(|r| r.of_columns(&others)).collect();
+        Self {
+            axes,
+            schema: fields.schema,
+            recipes,
+            notes,
+            are_colours_full: fields.are_colours_full,
+            is_legacy: fields.is_legacy,
         }
-        Self { axes, schema, sources, notes }
     }
 }
 
 /// Names for columns that the file does not name: `column_4` and so on. But the fourth of four is
 /// the intensity if it is whole and fits 16 bits; the last three of six are colours if they are
 /// bytes; and seven have both, if the values allow only one of the orders `r g b i` and `i r g b`.
-fn guessed_names(columns: usize, ranges: &[Range], notes: &mut Vec<String>) -> Vec<String> {
+fn guessed_names(columns: usize, ranges: &[Values], notes: &mut Vec<String>) -> Vec<String> {
     let mut names: Vec<String> = ["x", "y", "z"].map(str::to_owned).to_vec();
     names.extend((4..=columns).map(|n| format!("column_{n}")));
     let bytes = |from: usize| ranges[from..from + 3].iter().all(|r| r.is_whole_within(0.0, 255.0));
@@ -252,33 +219,4 @@ fn guessed_names(columns: usize, ranges: &[Range], notes: &mut Vec<String>) -> V
         guess(column, names::INTENSITY);
     }
     names
-}
-
-/// The ranges of the columns, but red, green and blue get their common range, so that they have the
-/// same type.
-fn with_equal_colours(names: &[String], ranges: &[Range]) -> Vec<Range> {
-    let mut ranges = ranges.to_vec();
-    let at = |colour| names.iter().position(|n| usual(n) == Some(colour));
-    if let (Some(r), Some(g), Some(b)) = (at(names::RED), at(names::GREEN), at(names::BLUE)) {
-        let all = ranges[r].merge(ranges[g]).merge(ranges[b]);
-        for c in [r, g, b] {
-            ranges[c] = all;
-        }
-    }
-    ranges
-}
-
-/// The type of a column: that of LAS if it has such a field and the values fit; `f32` for normals,
-/// as the renderer needs them; else the narrowest that holds all values.
-fn type_of(name: &str, range: &Range) -> AttrType {
-    match usual(name) {
-        Some(names::NX | names::NY | names::NZ) => AttrType::F32,
-        Some(names::GPS_TIME) => AttrType::F64,
-        Some(names::INTENSITY | names::POINT_SOURCE_ID | names::NIR)
-            if range.is_whole_within(0.0, 65_535.0) =>
-        {
-            AttrType::U16
-        }
-        _ => range.narrowest(),
-    }
 }
