@@ -66,7 +66,10 @@ fn different_sources_are_exported_together_with_zeros_for_missing_attributes() {
     assert_eq!(report.format, "LAS 1.4, point format 6");
     assert_eq!(
         report.notes,
-        ["zero where a point's source had none: classification, gps_time, intensity"]
+        [
+            "32000 points without a return number are written as return 1",
+            "zero where a point's source had none: classification, gps_time, intensity"
+        ]
     );
     let all = lines(&file, folder.path(), &Filter::default());
     // x, y, z, classification, gps_time, intensity.
@@ -112,10 +115,12 @@ fn attributes_converted_from_others_are_not_reported_as_zero() {
     };
     // A LAS record has one field for both.
     let two = [fine.clone(), coarse.clone()];
-    assert_eq!(notes(&two, "las"), [""; 0]);
-    let zeros = "zero where a point's source had none: scan_angle, scan_angle_rank";
-    assert_eq!(notes(&two, "ply"), [zeros]);
-    assert_eq!(notes(&[fine, coarse, bare], "las"), [zeros]);
+    let returns =
+        |points| format!("{points} points without a return number are written as return 1");
+    assert_eq!(notes(&two, "las"), [returns(1000)]);
+    let zeros = "zero where a point's source had none: scan_angle, scan_angle_rank".to_owned();
+    assert_eq!(notes(&two, "ply"), [zeros.clone()]);
+    assert_eq!(notes(&[fine, coarse, bare], "las"), [returns(1500), zeros]);
 }
 
 #[test]

@@ -1,9 +1,10 @@
 //! `esker export`: its options, and the call that they become.
 
 use crate::output::Output;
-use crate::shared::{FilterArgs, Threads};
+use crate::shared::{ColourBits, FilterArgs, Threads};
 use anyhow::Result;
 use clap::Args as ClapArgs;
+use esker_engine::ExportOptions;
 use esker_engine::calls::export;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -16,6 +17,10 @@ pub struct Export {
     /// The scan to write: .las, .laz, .ply, .xyz, .txt or .csv.
     #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,
+    /// Bits of the colours: 8 rounds them, with a note on what is lost; 16 multiplies those of 8 bits
+    /// by 256. By default PLY has 8 where that loses nothing, and other formats those of the scan.
+    #[arg(long, value_enum)]
+    pub colour_bits: Option<ColourBits>,
     #[command(flatten)]
     pub filter: FilterArgs,
     #[command(flatten)]
@@ -27,9 +32,12 @@ pub struct Export {
 /// Writes the scan and prints the report.
 pub fn run(args: Export, stop: Arc<AtomicBool>) -> Result<()> {
     let filter = args.filter.into();
+    let options = ExportOptions { colour_depth: args.colour_bits.map(Into::into) };
     args.output.report(
         stop,
-        |progress| export::export(&args.file, &args.out, &filter, args.threads.count, progress),
+        |progress| {
+            export::export(&args.file, &args.out, &filter, options, args.threads.count, progress)
+        },
         |report| export::text(report, &args.out),
     )
 }

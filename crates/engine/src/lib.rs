@@ -11,7 +11,7 @@ pub mod machine;
 
 pub use draw::method::Method;
 pub use esker_builder::budget::memory;
-pub use esker_builder::{NormalsMode, Options as BuildOptions, Resume};
+pub use esker_builder::{ExportOptions, NormalsMode, Options as BuildOptions, Resume};
 pub use esker_format::{Codec, EskerFile, Forest};
 pub use esker_lod::View;
 pub use esker_points::filter::{Bounds, Classes, Filter, Polygon};

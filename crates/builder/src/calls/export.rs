@@ -4,12 +4,13 @@
 //! statistics exclude are not read. Without a filter, count and multiset hash of the points passed
 //! to the writer must be those of each footer.
 
+use crate::calls::export_colours::{ColourConversion, PointClasses};
 use crate::error::BuildError;
 use esker_format::Fault;
 use esker_format::{EskerFile, Forest, FormatError, PagePoints, SourceRecord};
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
-use esker_points::{AttrType, Attribute, Batch, Filter, MultisetHash, Schema, Task};
+use esker_points::{AttrType, Attribute, Batch, ColourDepth, Filter, MultisetHash, Schema, Task};
 use esker_scan::write::{self, Encode, Encoded, Origin, Outline, Output, Target};
 use esker_scan::{Crs, ScanError};
 use rayon::prelude::*;
@@ -66,6 +67,26 @@ struct EncodedNode {
     read: u64,
 }
 
+/// What a caller wants of an export beside its points.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ExportOptions {
+    /// Bits of colours; those that lose nothing by default.
+    pub colour_depth: Option<ColourDepth>,
+}
+
+/// [`export_with`] usual options.
+///
+/// # Errors
+/// As [`export_with`].
+pub fn export(
+    forest: &Forest,
+    out: &Path,
+    filter: &Filter,
+    task: &dyn Task,
+) -> Result<Exported, BuildError> {
+    export_with(forest, out, filter, ExportOptions::default(), task)
+}
+
 /// Writes the points of all trees that pass `filter` to `out`, in the format that its extension
 /// names, in the current rayon pool. After an error there is no file under the final name. A
 /// spacing in the filter applies to each tree separately.
@@ -73,10 +94,11 @@ struct EncodedNode {
 /// # Errors
 /// If a file is damaged, the format cannot hold the attributes, no point passes the filter although
 /// there are points, the disk is full, or on request.
-pub fn export(
+pub fn export_with(
     forest: &Forest,
     out: &Path,
     filter: &Filter,
+    options: ExportOptions,
     task: &dyn Task,
 ) -> Result<Exported, BuildError> {
     let target = Target::of(out)?;
@@ -91,7 +113,19 @@ pub fn export(
     let selected = || trees.iter().flat_map(|(_, nodes)| nodes);
     let points_max = selected().map(|n| n.prefix as u64).sum();
     let schema = Arc::new(forest.schema().clone());
-    let outline = Outline { lattice: *forest.lattice(), schema: schema.clone(), points_max };
+    let colours = {
+        let nodes = |nodes: &[SelectedNode]| {
+            let mut nodes: Vec<u32> = nodes.iter().map(|n| n.node).collect();
+            nodes.dedup();
+            nodes
+        };
+        let selections: Vec<_> = trees.iter().map(|(file, all)| (*file, nodes(all))).collect();
+        ColourConversion::choose(forest, &selections, target, options.colour_depth, task)?
+            .map(Arc::new)
+    };
+    let written = colours.as_ref().map_or(&schema, |colours| colours.schema()).clone();
+    let ranges = ranges(forest, &written, target)?;
+    let outline = Outline { lattice: *forest.lattice(), schema: written, points_max, ranges };
     let mut origins = trees.iter().flat_map(|(file, _)| {
         let sources = file.metadata().sources.iter().enumerate();
         sources.map(move |(i, record)| origin(file, i, record))
@@ -103,7 +137,8 @@ pub fn export(
     let mut output = started.output;
     let (mut points_out, mut hash) = (0, MultisetHash::default());
     for (file, nodes) in &trees {
-        let tree = TreeExport::new(file, &on_lattice, schema.clone(), started.encode.clone());
+        let mut tree = TreeExport::new(file, &on_lattice, schema.clone(), started.encode.clone());
+        tree.colours.clone_from(&colours);
         let (points, own) = tree.run(nodes, &mut *output, task)?;
         if is_whole {
             prove(file, points, own)?;
@@ -119,9 +154,15 @@ pub fn export(
         )));
     }
     task.check()?;
-    let bytes_out = output.finish()?;
     let mut notes = started.notes;
-    notes.extend(note_absent(forest, &started.fields));
+    notes.extend(colours.iter().flat_map(|colours| colours.notes()));
+    notes.extend(output.remarks());
+    let bytes_out = output.finish()?;
+    let fields = match &colours {
+        Some(colours) => colours.index_of.iter().map(|&i| started.fields[i]).collect(),
+        None => started.fields,
+    };
+    notes.extend(note_absent(forest, &fields, target));
     notes.extend(note_overlap(forest, filter));
     Ok(Exported {
         points_in,
@@ -204,9 +245,13 @@ fn select_nodes(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Selected
 
 /// A note on attributes that some points lack, and which are zero in the export. An attribute is
 /// not missing where its output field was made from another attribute of the points.
-fn note_absent(forest: &Forest, fields: &[usize]) -> Option<String> {
+fn note_absent(forest: &Forest, fields: &[usize], target: Target) -> Option<String> {
     let attributes = &forest.schema().attributes;
+    // LAS demands the number of a return, so it is not 0 there: see `Output::remarks`.
+    let is_zero =
+        |at: &usize| !is_las(target) || attributes[*at].key() != (names::RETURNS, AttrType::U8);
     let names: Vec<_> = (0..attributes.len())
+        .filter(is_zero)
         .filter(|&at| {
             let of_field: Vec<_> = (0..attributes.len())
                 .filter(|&other| fields.get(other) == fields.get(at))
@@ -223,6 +268,37 @@ fn note_absent(forest: &Forest, fields: &[usize]) -> Option<String> {
     (!names.is_empty()).then(|| format!("zero where a point's source had none: {names}"))
 }
 
+fn is_las(target: Target) -> bool {
+    matches!(target, Target::Las | Target::Laz)
+}
+
+/// Ranges of the attributes whose form in the export depends on them.
+fn ranges(
+    forest: &Forest,
+    schema: &Schema,
+    target: Target,
+) -> Result<Vec<Option<(f64, f64)>>, BuildError> {
+    let is_needed = |a: &Attribute| match a.ty {
+        AttrType::U64 | AttrType::I64 => true,
+        _ => is_las(target) && a.name == names::INTENSITY,
+    };
+    if !schema.attributes.iter().any(is_needed) {
+        return Ok(Vec::new());
+    }
+    let mut ranges: Vec<Option<(f64, f64)>> = vec![None; schema.attributes.len()];
+    for file in forest.files().filter(|file| file.footer().points > 0) {
+        let statistics = file.statistics()?;
+        for (range, a) in ranges.iter_mut().zip(&schema.attributes).filter(|(_, a)| is_needed(a)) {
+            let own = file.layout().schema().find_typed(&a.name, a.ty);
+            // A point that lacks the attribute is written with 0.
+            let (low, high) = own.and_then(|own| statistics.subtree(0, own)).unwrap_or((0.0, 0.0));
+            let (least, greatest) = range.unwrap_or((0.0, 0.0));
+            *range = Some((least.min(low), greatest.max(high)));
+        }
+    }
+    Ok(ranges)
+}
+
 /// Export of one tree.
 struct TreeExport<'a> {
     file: &'a EskerFile,
@@ -232,6 +308,8 @@ struct TreeExport<'a> {
     /// The tree's attribute for each of these.
     own: Vec<Option<usize>>,
     encode: Arc<dyn Encode>,
+    /// Conversion of its colours, if they are not written as they are.
+    colours: Option<Arc<ColourConversion>>,
 }
 
 impl<'a> TreeExport<'a> {
@@ -243,7 +321,7 @@ impl<'a> TreeExport<'a> {
     ) -> Self {
         let find = |a: &Attribute| file.layout().schema().find_typed(&a.name, a.ty);
         let own = schema.attributes.iter().map(find).collect();
-        Self { file, filter, schema, own, encode }
+        Self { file, filter, schema, own, encode, colours: None }
     }
 
     /// Reads and writes the nodes; returns number and hash of the points written.
@@ -308,13 +386,18 @@ impl<'a> TreeExport<'a> {
 
     /// The points with the attributes of all trees; zeros for those that this tree lacks.
     fn batch(&self, mut points: PagePoints) -> Batch {
+        let classes = PointClasses::of_points(&points);
         let count = points.len();
         let column = |(own, attribute): (&Option<usize>, &Attribute)| match own {
             Some(own) => std::mem::take(&mut points.columns[*own]),
             None => vec![0; count * attribute.ty.size()],
         };
         let columns = self.own.iter().zip(&self.schema.attributes).map(column).collect();
-        Batch { schema: self.schema.clone(), positions: points.positions, columns }
+        let batch = Batch { schema: self.schema.clone(), positions: points.positions, columns };
+        match &self.colours {
+            Some(colours) => colours.convert(self.file, &classes, batch),
+            None => batch,
+        }
     }
 
     /// Removes the points that do not pass the filter.

@@ -3,6 +3,7 @@
 pub(crate) mod append;
 pub(crate) mod build;
 pub(crate) mod export;
+mod export_colours;
 pub(crate) mod merge;
 mod metadata;
 pub(crate) mod verify;

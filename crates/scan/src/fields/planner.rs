@@ -254,9 +254,11 @@ impl<'a> Planner<'a> {
             let Column { name, ty, values } = self.columns[column];
             let is_rank = values.is_whole_within(f64::from(i8::MIN), f64::from(i8::MAX));
             let greatest = values.max.max(-values.min);
+            let steps = i16::MIN.into()..=i16::MAX.into();
+            let is_held = |degrees: f64| steps.contains(&(degrees / ANGLE_STEP).round());
             let is_steps = values.not_finite == 0
                 && values.off_angle <= OFF_ANGLE_MAX
-                && greatest <= ANGLE_STEP * f64::from(i16::MAX);
+                && (!values.is_any() || is_held(values.min) && is_held(values.max));
             let is_las = [esker::RETURNS, esker::FLAGS].iter().all(|n| self.has(n, AttrType::U8));
             let is_esker = meaning == Meaning::Angle;
             if is_esker && is_las && ty == Some(AttrType::I16) {

@@ -5,6 +5,7 @@
 
 use super::records::Records;
 use crate::error::ScanError;
+use crate::fields::{LEGACY, LEGACY_BLOCK};
 use crate::las::EXTRA_BYTES_MAX;
 use crate::las::extra_bytes;
 use crate::las::header::{ADJUSTED_BIT, GpsTimes, Header, WKT_BIT, format_bytes, has_bit, set_bit};
@@ -50,7 +51,7 @@ struct SourceSummary {
     layout: Option<(u8, Layout)>,
     /// Whether layouts differ, or a source is not LAS.
     differ: bool,
-    /// Whether a source is not LAS of point format 0 to 5.
+    /// Whether a source is neither LAS of point format 0 to 5 nor has values that fit it.
     modern: bool,
     minor: u8,
     wkt: Option<String>,
@@ -92,8 +93,8 @@ pub fn plan(
     let (records, mut extra) = match of_source {
         Some(records) => (records, Vec::new()),
         None => {
-            let format = least_format(&outline.schema, found.modern || found.layout.is_none());
-            Records::of_format(format, format_bytes(format).unwrap_or(0), &outline.schema)
+            let format = least_format(&outline.schema, found.modern || sources == 0);
+            Records::of_format(format, format_bytes(format).unwrap_or(0), outline)
         }
     };
     check_extra(path, &records, &extra)?;
@@ -171,7 +172,8 @@ impl SourceSummary {
             (header.header_bytes == bytes.len() as u64).then_some((bytes, header))
         });
         let Some((bytes, header)) = parsed else {
-            (self.differ, self.modern) = (true, true);
+            self.differ = true;
+            self.modern |= origin.block(LEGACY_BLOCK) != Some(LEGACY);
             return;
         };
         let empty: &[u8] = &[];
