@@ -10,7 +10,6 @@ it reads the tree of the file itself. Section numbers in comments are those of S
 
 import argparse
 import json
-import math
 import struct
 import sys
 import zlib
@@ -19,6 +18,7 @@ import numpy as np
 
 import checks
 import codec
+import metadata
 from xxh3 import hash128, hash128_sum
 
 TYPES = {
@@ -44,6 +44,11 @@ NODE = np.dtype([
 
 class Damaged(Exception):
     """Something in the file is not as SPEC.md says."""
+
+
+FAULTS = (
+    Damaged, OSError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError, struct.error,
+)  # fmt: skip
 
 
 def require(condition, what):
@@ -120,25 +125,27 @@ class Esker:
         self.footer_hash = int(low[0]) | int(high[0]) << 64
 
     def read_metadata(self):  # section 8
-        self.meta = json.loads(self.section("metadata", self.places[2]))
+        require(self.places[2][1] <= 2**30, "the metadata are too long")
+        self.meta = metadata.parse(self.section("metadata", self.places[2]))
         meta = self.meta
-        names = [tree["footer_hash"] for tree in meta["forest"]]
-        valid = all(len(n) == 32 and int(n, 16) >= 0 for n in names) and len(names) < 512
-        require(valid and len(set(names)) == len(names), "the forest names a file twice, or by no hash")
+        names = [int(tree["footer_hash"], 16) for tree in meta["forest"]]
+        valid = len(names) < 512 and len(set(names)) == len(names)
+        require(valid, "the forest names a file twice, or too many")
         ways = [tree["path"] for tree in meta["forest"]]
         require(all(w and not w.startswith("/") for w in ways), "the forest names a file by no way")
         require(meta["node_capacity"] == self.capacity, "node capacity differs from the footer's")
         rounding = max([0.0] + [float(s["rounding_error_max"]) for s in meta["sources"]])
-        require(rounding == self.rounding, "rounding error differs from the footer's")
+        same = struct.pack("<d", rounding) == struct.pack("<d", self.rounding)
+        require(same, "rounding error differs from the footer's")
         self.lattice = meta["lattice"]
         self.bounds = meta["bounds"]
-        scale = self.lattice["scale"]
-        require(all(s > 0 and math.isfinite(s) for s in scale), "a scale is not positive")
         self.attributes = meta["attributes"]
         order = [(a["name"].encode(), list(TYPES).index(a["type"])) for a in self.attributes]
         require(order == sorted(set(order)), "attributes are not in canonical order")
         self.dtypes = [np.dtype(TYPES[a["type"]]) for a in self.attributes]
         self.classes = [c["present"] for c in meta["classes"]]
+        counts = len(self.attributes), len(self.classes)
+        require(max(counts) <= 65000 and counts[0] * counts[1] <= 2**22, "too many attributes or classes")
         for present in self.classes:
             valid = present == sorted(set(present)) and all(0 <= a < len(order) for a in present)
             require(valid, "a class names attributes that do not exist")
@@ -195,6 +202,9 @@ class Esker:
                 planes.append((ATTRIBUTE, a, False, dtype.itemsize))
         members = "kind", "attribute", "hot", "value_bytes"
         self.planes = [tuple(p[m] for m in members) for p in self.meta["planes"]]
+        require(len(self.planes) <= 65016, "too many planes")
+        of_attributes = all(p[0] == ATTRIBUTE or p[1] is None for p in self.planes)
+        require(of_attributes, "a plane of another kind names an attribute")
         self.palette = self.read_palette()
         self.gained = [p for p in GAINED if p != NUMBERED or self.palette is not None]
         known = [p for p in self.planes if p[0] in KNOWN or p in self.gained]
@@ -438,7 +448,7 @@ def main():
             print(json.dumps({"ok": False, "error": str(fault)}))
         print(f"{options.file}: {fault}", file=sys.stderr)
         return 2
-    except (Damaged, OSError, KeyError, TypeError, ValueError, IndexError, struct.error) as fault:
+    except FAULTS as fault:
         if options.json:
             print(json.dumps({"ok": False, "error": str(fault)}))
         print(f"{options.file}: {type(fault).__name__}: {fault}", file=sys.stderr)

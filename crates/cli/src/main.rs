@@ -12,6 +12,7 @@ mod shared;
 mod view;
 
 use clap::Parser;
+use esker_engine::io::visible::visible;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -33,7 +34,7 @@ fn main() -> ExitCode {
     match commands::run(args.command.unwrap_or(args::Command::Demo { out: "out".into() }), stop) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {}", output::visible(&esker_engine::one_line(&error)));
+            eprintln!("error: {}", visible(&esker_engine::one_line(&error)));
             ExitCode::FAILURE
         }
     }

@@ -3,6 +3,7 @@
 use anyhow::Result;
 use clap::{Args as ClapArgs, ValueEnum};
 use esker_engine::io::progress::{Progress, Style};
+use esker_engine::io::visible::{visible, visible_json};
 use serde::Serialize;
 use std::io::Write;
 use std::sync::Arc;
@@ -64,14 +65,8 @@ impl From<ProgressArg> for Style {
 
 /// Prints a report to standard output, as JSON with sorted keys or as text.
 pub fn print<R: Serialize>(as_json: bool, report: &R, text: impl FnOnce() -> String) -> Result<()> {
-    write(&if as_json { serde_json::to_value(report)?.to_string() } else { visible(&text()) })
-}
-
-/// Escapes control characters: names of files and attributes must not control the terminal.
-pub fn visible(text: &str) -> String {
-    let is_safe = |c: char| !c.is_control() || c == '\n' || c == '\t';
-    let escape = |c: char| if is_safe(c) { c.to_string() } else { c.escape_default().to_string() };
-    text.chars().map(escape).collect()
+    let json = |report| Ok::<_, anyhow::Error>(serde_json::to_value(report)?.to_string());
+    write(&if as_json { visible_json(&json(report)?) } else { visible(&text()) })
 }
 
 /// Writes a line to standard output. A closed pipe is no error: the reader has seen enough.

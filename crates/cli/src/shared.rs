@@ -4,6 +4,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, ValueEnum};
 use esker_engine::draw::method::{METHODS, method_of_name};
 use esker_engine::io::file::is_esker;
+use esker_engine::io::visible::visible;
 use esker_engine::io::{polygon, quantity};
 use esker_engine::machine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::{
@@ -122,7 +123,8 @@ pub fn note_built(inputs: &[PathBuf], how: &BuildHow) {
     let options = how.given().join(", ");
     let is_built = |file: &&PathBuf| is_esker(file).is_ok_and(|is_built| is_built);
     for file in inputs.iter().filter(is_built).filter(|_| !options.is_empty()) {
-        eprintln!("note: {}: is built already, {options} does not change it", file.display());
+        let name = visible(&file.display().to_string());
+        eprintln!("note: {name}: is built already, {options} does not change it");
     }
 }
 

@@ -6,6 +6,7 @@
 use crate::bytes::u32_at;
 use crate::error::Fault;
 use std::cmp::Ordering;
+use std::ops::Range;
 
 /// Level of zstd: 9 takes six times as long for 1 % less.
 const ZSTD_LEVEL: i32 = 3;
@@ -182,6 +183,29 @@ pub(crate) fn decode(
         Encoding::Lz4 | Encoding::Zstd => decode_runs(encoding, stored, value_bytes, points)
             .ok_or_else(|| Fault::new("values", "they don't decode to one value a point")),
         Encoding::Unknown(number) => Err(Fault::unknown_encoding(number)),
+    }
+}
+
+/// Decodes the values of some points of a plane of `points` points, which take `value_bytes` each.
+/// At most one compressed plane is decoded as a whole.
+pub(crate) fn decode_range(
+    encoding: Encoding,
+    stored: &[u8],
+    value_bytes: usize,
+    points: usize,
+    range: Range<usize>,
+) -> Result<Vec<u8>, Fault> {
+    let bytes = range.start * value_bytes..range.end * value_bytes;
+    let outside = || Fault::new("values", "they end too early");
+    match encoding {
+        Encoding::Raw => Ok(stored.get(bytes).ok_or_else(outside)?.to_vec()),
+        Encoding::Constant => Ok(stored.repeat(range.len())),
+        _ => {
+            let mut values = decode(encoding, stored, value_bytes, points)?;
+            values.truncate(bytes.end);
+            values.drain(..bytes.start.min(values.len()));
+            Ok(values)
+        }
     }
 }
 

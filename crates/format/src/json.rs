@@ -1,20 +1,22 @@
 //! The metadata's JSON, encoded and decoded: one structure an object, separate from the types of
-//! the rest of the program, so that these can change without changing the file. Numbers that JSON
-//! lacks are strings.
+//! the rest of the program, so that these can change without changing the file.
 
 use crate::codec::Codec;
 use crate::error::Fault;
 use crate::layout::{
-    CLIP_LINES, COMPACT, NO_ATTRIBUTE, PageLayout, PlaneKind, PlaneSpec, TANGENTS,
+    ATTRIBUTE_KIND, CLIP_LINES, COMPACT, NO_ATTRIBUTE, PageLayout, PlaneKind, PlaneSpec, TANGENTS,
 };
 use crate::metadata::{CrsRecord, METADATA_BYTES_MAX, Metadata, SourceRecord, TreeRef};
 use crate::normals::Normals;
+use crate::strict::{
+    Real, from_json, nullable, nullable_object, nullable_word, object, objects, word,
+};
 use esker_points::lattice::GridKind;
 use esker_points::palette::Palette;
 use esker_points::{
     AttrType, Attribute, ColourDepth, Grid, InputGrid, Lattice, PointClass, Schema,
 };
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Name and byte range of a block in the verbatim section.
@@ -25,35 +27,10 @@ pub(crate) struct BlockPlace {
     pub bytes: u64,
 }
 
-/// A number that may be infinite or NaN, which is then a string: JSON has no such numbers.
-#[derive(Clone, Copy)]
-struct Real(f64);
-
-impl Serialize for Real {
-    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        if self.0.is_finite() { s.serialize_f64(self.0) } else { s.collect_str(&self.0) }
-    }
-}
-
-impl<'de> Deserialize<'de> for Real {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(untagged)]
-        enum Either {
-            Number(f64),
-            Text(String),
-        }
-        match Either::deserialize(d)? {
-            Either::Number(v) => Ok(Self(v)),
-            Either::Text(t) => t.parse().map(Self).map_err(serde::de::Error::custom),
-        }
-    }
-}
-
 #[derive(Serialize, Deserialize)]
 struct AttributeJson {
     name: String,
-    #[serde(rename = "type")]
+    #[serde(rename = "type", deserialize_with = "word")]
     ty: AttrType,
     description: String,
     scale: Real,
@@ -61,8 +38,16 @@ struct AttributeJson {
 }
 
 #[derive(Serialize, Deserialize)]
+struct ClassJson {
+    present: Vec<u16>,
+    #[serde(deserialize_with = "word")]
+    colour_depth: ColourDepth,
+}
+
+#[derive(Serialize, Deserialize)]
 struct PlaneJson {
     kind: u16,
+    #[serde(deserialize_with = "nullable")]
     attribute: Option<u16>,
     hot: bool,
     value_bytes: u32,
@@ -71,9 +56,11 @@ struct PlaneJson {
 #[derive(Serialize, Deserialize)]
 struct GridJson {
     name: String,
+    #[serde(deserialize_with = "word")]
     kind: GridKind,
     scale: [Real; 3],
     offset: [Real; 3],
+    #[serde(deserialize_with = "nullable")]
     bounds: Option<[[Real; 3]; 2]>,
 }
 
@@ -81,15 +68,19 @@ struct GridJson {
 struct SourceJson {
     path: String,
     format: String,
+    #[serde(deserialize_with = "object")]
     grid: GridJson,
     points: u64,
     refused: BTreeMap<String, u64>,
     rounding_error_max: Real,
+    #[serde(deserialize_with = "nullable_word")]
     colour_depth: Option<ColourDepth>,
     colour_depth_forced: bool,
     class: u16,
+    #[serde(deserialize_with = "nullable_object")]
     crs: Option<CrsRecord>,
     notes: Vec<String>,
+    #[serde(deserialize_with = "objects")]
     verbatim: Vec<BlockPlace>,
 }
 
@@ -102,15 +93,22 @@ struct TreeJson {
 #[derive(Serialize, Deserialize)]
 pub(crate) struct MetadataJson {
     generator: String,
+    #[serde(deserialize_with = "object")]
     lattice: Lattice,
+    #[serde(deserialize_with = "nullable")]
     bounds: Option<[[u32; 3]; 2]>,
     node_capacity: u32,
+    #[serde(deserialize_with = "objects")]
     attributes: Vec<AttributeJson>,
-    classes: Vec<PointClass>,
+    #[serde(deserialize_with = "objects")]
+    classes: Vec<ClassJson>,
     normals: String,
     compress: String,
+    #[serde(deserialize_with = "objects")]
     planes: Vec<PlaneJson>,
+    #[serde(deserialize_with = "objects")]
     sources: Vec<SourceJson>,
+    #[serde(deserialize_with = "objects")]
     forest: Vec<TreeJson>,
     /// Files without a compact plane have none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -130,7 +128,7 @@ impl MetadataJson {
             bounds: metadata.bounds,
             node_capacity: metadata.node_capacity,
             attributes: metadata.schema.attributes.iter().map(attribute_json).collect(),
-            classes: metadata.classes.clone(),
+            classes: metadata.classes.iter().map(class_json).collect(),
             normals: metadata.normals.name().into(),
             compress: metadata.codec.name().into(),
             planes: layout.planes().iter().map(plane_json).collect(),
@@ -144,6 +142,10 @@ impl MetadataJson {
     pub(crate) fn parts(mut self) -> Result<Parts, Fault> {
         let blocks = self.sources.iter_mut().map(|s| std::mem::take(&mut s.verbatim)).collect();
         let palette = self.palette.take().and_then(Palette::new);
+        if self.planes.iter().any(|p| p.kind != ATTRIBUTE_KIND && p.attribute.is_some()) {
+            let what = "a plane belongs to an attribute, but is of another kind";
+            return Err(Fault::new("metadata", what));
+        }
         let planes: Vec<_> = self.planes.iter().map(|p| plane_spec(p, palette.is_some())).collect();
         let schema = Schema { attributes: self.attributes.into_iter().map(attribute).collect() };
         let normals = Normals::from_name(&self.normals)
@@ -152,7 +154,7 @@ impl MetadataJson {
             lattice: self.lattice,
             bounds: self.bounds,
             schema,
-            classes: self.classes,
+            classes: self.classes.into_iter().map(point_class).collect(),
             node_capacity: self.node_capacity,
             normals,
             has_clip_lines: planes.contains(&CLIP_LINES),
@@ -189,8 +191,7 @@ impl Metadata {
 
     /// Reads and checks the JSON; `verbatim_bytes` is the length of the verbatim section.
     pub(crate) fn decode(json: &[u8], verbatim_bytes: u64) -> Result<Decoded, Fault> {
-        let json: MetadataJson =
-            serde_json::from_slice(json).map_err(|e| Fault::new("metadata", e.to_string()))?;
+        let json: MetadataJson = from_json(json)?;
         let (metadata, planes, blocks) = json.parts()?;
         check_blocks(&blocks, verbatim_bytes)?;
         metadata.check()?;
@@ -245,9 +246,20 @@ fn tree_json(tree: &TreeRef) -> TreeJson {
 }
 
 fn tree_ref(tree: TreeJson) -> Result<TreeRef, Fault> {
-    let footer_hash = u128::from_str_radix(&tree.footer_hash, 16)
-        .map_err(|e| Fault::new("metadata", format!("forest: {e}")))?;
+    let digits = &tree.footer_hash;
+    let is_hash = digits.len() == 32 && digits.bytes().all(|b| b.is_ascii_hexdigit());
+    let footer_hash = u128::from_str_radix(digits, 16).ok().filter(|_| is_hash);
+    let footer_hash = footer_hash
+        .ok_or_else(|| Fault::new("metadata", "a footer hash of the forest is not 32 digits"))?;
     Ok(TreeRef { path: tree.path, footer_hash })
+}
+
+fn class_json(class: &PointClass) -> ClassJson {
+    ClassJson { present: class.present.clone(), colour_depth: class.colour_depth }
+}
+
+fn point_class(class: ClassJson) -> PointClass {
+    PointClass { present: class.present, colour_depth: class.colour_depth }
 }
 
 fn attribute_json(a: &Attribute) -> AttributeJson {

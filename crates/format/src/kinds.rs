@@ -2,6 +2,8 @@
 
 /// Value for "no attribute" in a directory entry.
 pub const NO_ATTRIBUTE: u16 = u16::MAX;
+/// Number of the kind of planes that belong to an attribute.
+pub(crate) const ATTRIBUTE_KIND: u16 = 10;
 
 /// Contents of a plane. [`PlaneKind::number`] has the numbers on disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -46,7 +48,7 @@ impl PlaneKind {
             Self::ClipLines => 7,
             Self::Class => 8,
             Self::ColourRemainder => 9,
-            Self::Attribute(_) => 10,
+            Self::Attribute(_) => ATTRIBUTE_KIND,
             Self::Compact => 11,
             Self::Unknown(number) => number,
         }
@@ -97,7 +99,7 @@ impl PlaneKind {
             7 => Self::ClipLines,
             8 => Self::Class,
             9 => Self::ColourRemainder,
-            10 => Self::Attribute(attribute),
+            ATTRIBUTE_KIND => Self::Attribute(attribute),
             11 => Self::Compact,
             other => Self::Unknown(other),
         }

@@ -4,6 +4,7 @@
 
 use crate::codec::Codec;
 use crate::error::Fault;
+pub(crate) use crate::kinds::ATTRIBUTE_KIND;
 pub use crate::kinds::{NO_ATTRIBUTE, PlaneKind, PlaneSpec};
 use crate::normals::Normals;
 use esker_points::attribute::names;
@@ -28,6 +29,9 @@ pub const ATTRIBUTES_MAX: usize = 65_000;
 pub const ATTRIBUTES_TIMES_CLASSES_MAX: usize = 1 << 22;
 /// Greatest size of a point's value in a plane: bounds sums of lengths.
 const VALUE_BYTES_MAX: u32 = 1 << 16;
+/// Attributes that are decoded at a time, in bytes: 2^16 points, the default capacity of a node,
+/// with 256 bytes each.
+pub const RUN_BYTES: usize = 16 << 20;
 
 /// Plane of clip lines: cold, since most nodes have none, and the plane is then one value.
 pub(crate) const CLIP_LINES: PlaneSpec =
@@ -40,6 +44,13 @@ pub(crate) const TANGENTS: PlaneSpec =
 /// Plane of positions with colour indices: hot, since it is drawn in place of two hot planes.
 pub(crate) const COMPACT: PlaneSpec =
     PlaneSpec { kind: PlaneKind::Compact, hot: true, value_bytes: HOT_POSITION_BYTES as u32 };
+
+/// Runs of the points of a node with `node_points` points whose attributes take `row_bytes` each:
+/// at most [`RUN_BYTES`] in all. Nodes of usual files are one run.
+pub fn runs(node_points: usize, row_bytes: usize) -> impl Iterator<Item = Range<usize>> {
+    let step = (RUN_BYTES / row_bytes.max(1)).max(1);
+    (0..node_points).step_by(step).map(move |start| start..(start + step).min(node_points))
+}
 
 /// Attributes that hold the colour of a class of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -28,6 +28,7 @@ mod sections;
 mod sequential;
 
 mod statistics;
+mod strict;
 mod system;
 mod table;
 mod values;
@@ -39,7 +40,7 @@ pub use error::{Fault, FormatError};
 pub use footer::{Footer, VERSION};
 pub use forest::Forest;
 pub use forest_filter::ForestFilter;
-pub use layout::{PageLayout, PlaneKind, PlaneSpec};
+pub use layout::{PageLayout, PlaneKind, PlaneSpec, runs};
 pub use metadata::{CrsRecord, Metadata, SourceRecord, TREES_MAX, TreeRef};
 pub use normals::Normals;
 pub use page::{Page, encode_page};

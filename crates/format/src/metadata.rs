@@ -59,6 +59,7 @@ pub struct CrsRecord {
     /// OGC WKT, or the GeoTIFF keys in readable form.
     pub text: String,
     /// Unit of length, if the CRS has one.
+    #[serde(deserialize_with = "crate::strict::nullable")]
     pub unit: Option<String>,
 }
 
@@ -157,6 +158,10 @@ impl Metadata {
             return fault(
                 "the normals are the source's according to the metadata, but it has none",
             );
+        }
+        let is_error = |v: f64| v.is_finite() && v.is_sign_positive();
+        if !self.sources.iter().all(|s| is_error(s.rounding_error_max)) {
+            return fault("a rounding error is no number from 0 on");
         }
         let classes_max = self.classes.len().max(1);
         if self.sources.iter().any(|s| usize::from(s.class) >= classes_max) {

@@ -13,6 +13,7 @@ use esker_points::ColourDepth;
 use esker_points::clip::CLIP_BYTES;
 use esker_points::quant::{HOT_POSITION_BYTES, exact, read_residual};
 use esker_points::tangents::TANGENT_BYTES;
+use std::ops::Range;
 
 /// The whole page of a node: directory and planes, padded with zeros to a multiple of 64 bytes.
 /// Cold planes are compressed by the layout's codec. [`crate::FileWriter::write_page`] refuses a
@@ -93,12 +94,40 @@ impl Page<'_> {
             .map_err(|fault| fault.of_plane(&kind.name()))
     }
 
+    /// Values of a plane for some of the points; `None` if the file has no such plane.
+    ///
+    /// # Errors
+    /// If it does not decode.
+    pub(crate) fn plane_in(
+        &self,
+        kind: PlaneKind,
+        range: Range<usize>,
+    ) -> Result<Option<Vec<u8>>, Fault> {
+        let Some(index) = self.layout.plane_index(kind) else { return Ok(None) };
+        let entry = &self.directory.entries[index];
+        let value_bytes = PageLayout::raw_bytes(&self.layout.planes()[index], 1, self.hot_shift);
+        let stored = &self.bytes[entry.range()];
+        codec::decode_range(entry.encoding, stored, value_bytes as usize, self.points, range)
+            .map(Some)
+            .map_err(|fault| fault.of_plane(&kind.name()))
+    }
+
     /// The exact points.
     ///
     /// # Errors
     /// If a point has a class that does not exist, or a coordinate leaves the lattice.
     pub fn points(&self) -> Result<PagePoints, Fault> {
-        let plane = |kind| Ok::<_, Fault>(self.plane(kind)?.unwrap_or_default());
+        self.points_in(0..self.points)
+    }
+
+    /// Some of the exact points. Together with [`crate::runs`] this bounds the memory: a value
+    /// that all points share is stored once, so a short page may have gigabytes of attributes.
+    ///
+    /// # Errors
+    /// If a point has a class that does not exist, or a coordinate leaves the lattice.
+    pub fn points_in(&self, range: Range<usize>) -> Result<PagePoints, Fault> {
+        let range = range.start.min(self.points)..range.end.min(self.points);
+        let plane = |kind| Ok::<_, Fault>(self.plane_in(kind, range.clone())?.unwrap_or_default());
         let position = plane(PlaneKind::Position)?;
         let residual = plane(PlaneKind::Residual)?;
         let mut points = PagePoints::default();
@@ -135,23 +164,26 @@ impl Page<'_> {
             let tangents = plane(PlaneKind::Tangents)?;
             points.tangents = tangents.as_chunks::<TANGENT_BYTES>().0.to_vec();
         }
-        self.columns(&mut points)?;
+        self.columns(&mut points, &range)?;
         Ok(points)
     }
 
-    fn columns(&self, points: &mut PagePoints) -> Result<(), Fault> {
-        let plane = |kind| Ok::<_, Fault>(self.plane(kind)?.unwrap_or_default());
+    fn columns(&self, points: &mut PagePoints, range: &Range<usize>) -> Result<(), Fault> {
+        let count = range.len();
+        let plane = |kind| Ok::<_, Fault>(self.plane_in(kind, range.clone())?.unwrap_or_default());
         let attributes = &self.layout.schema().attributes;
         points.columns = (0..attributes.len())
             .map(|a| match self.layout.plane_of(a) {
                 AttributePlane::Own => plane(PlaneKind::Attribute(a as u16)),
                 AttributePlane::Intensity => plane(PlaneKind::Intensity),
-                AttributePlane::Colour => Ok(vec![0; self.points * attributes[a].ty.size()]),
+                AttributePlane::Colour => Ok(vec![0; count * attributes[a].ty.size()]),
             })
             .collect::<Result<_, _>>()?;
-        let Some(colour) = self.plane(PlaneKind::Colour)? else { return Ok(()) };
+        let Some(colour) = self.plane_in(PlaneKind::Colour, range.clone())? else {
+            return Ok(());
+        };
         let remainder = plane(PlaneKind::ColourRemainder)?;
-        for i in 0..self.points {
+        for i in 0..count {
             let Some(ColourSource { rgb, depth }) = self.layout.colour_of_class(points.class(i))
             else {
                 continue;

@@ -6,6 +6,8 @@ use esker_points::{ClipWords, MultisetHash};
 
 /// Records that are assembled at a time.
 const BLOCK: usize = 128;
+/// Greatest size of these, bytes: a record may have 65,000 attributes.
+const BLOCK_BYTES: usize = 1 << 20;
 
 /// Points of a node, in their stored order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -91,8 +93,9 @@ impl PagePoints {
         let present = class.map_or(&[][..], |c| &c.present);
         let size = |a: u16| schema.attributes[usize::from(a)].ty.size();
         let stride = 12 + present.iter().map(|&a| size(a)).sum::<usize>();
-        let mut records = vec![0; BLOCK * stride];
-        for block in points.chunks(BLOCK) {
+        let block = BLOCK.min(BLOCK_BYTES / stride).max(1);
+        let mut records = vec![0; block * stride];
+        for block in points.chunks(block) {
             let records = &mut records[..block.len() * stride];
             for (record, &i) in records.chunks_exact_mut(stride).zip(block) {
                 for (bytes, c) in

@@ -242,9 +242,12 @@ impl Output {
 /// Opens a file to be written past the system's cache.
 #[cfg(target_os = "linux")]
 fn open_direct(path: &Path) -> Option<File> {
+    use esker_points::place::is_own;
     use std::os::unix::fs::OpenOptionsExt;
     let flags = i32::try_from(rustix::fs::OFlags::DIRECT.bits()).ok()?;
-    std::fs::OpenOptions::new().write(true).custom_flags(flags).open(path).ok()
+    let direct = std::fs::OpenOptions::new().write(true).custom_flags(flags).open(path).ok()?;
+    // The name may have become a link since the file was opened first.
+    is_own(&direct, path).then_some(direct)
 }
 
 #[cfg(not(target_os = "linux"))]

@@ -72,6 +72,14 @@ impl NodeStatistics {
         Self { ranges: ranges.collect(), class_bits: class_bits(layout, points), sides: [0; 2] }
     }
 
+    /// Adds other points of the same node.
+    pub(crate) fn merge(&mut self, other: &Self) {
+        for (range, o) in self.ranges.iter_mut().zip(&other.ranges) {
+            *range = (range.0.min(o.0), range.1.max(o.1));
+        }
+        self.class_bits.iter_mut().zip(other.class_bits).for_each(|(bits, o)| *bits |= o);
+    }
+
     /// Sets the sides of the contour around the points.
     pub fn with_sides(self, sides: Sides) -> Self {
         Self { sides, ..self }
@@ -131,6 +139,12 @@ impl Ranges {
         for (a, attribute) in layout.schema().attributes.iter().enumerate() {
             self.add_column(a, attribute.ty, present(layout, points, a, &mut scratch));
         }
+    }
+
+    /// Whether all numbers are equal bit by bit: 0 is not -0.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        let bits = |r: &(f64, f64)| (r.0.to_bits(), r.1.to_bits());
+        self.ranges.iter().map(bits).eq(other.ranges.iter().map(bits))
     }
 
     /// Adds the ranges of other points.

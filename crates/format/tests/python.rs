@@ -3,9 +3,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod mutate;
 mod tree;
 
-use esker_format::EskerFile;
+use esker_format::{EskerFile, verify};
+use esker_points::task::Silent;
+use mutate::Random;
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -155,5 +159,65 @@ fn its_hash_is_xxh3_at_every_length() {
         let mut hash = esker_points::MultisetHash::default();
         bytes.chunks_exact(n).for_each(|row| hash.add(seed, row));
         assert_eq!(reported, hash.to_string(), "length {n}");
+    }
+}
+
+/// Prints for each file whether the Python reader accepts it; anything but a fault that it knows
+/// ends it with a traceback.
+const VERDICTS: &str = "import sys, reader, codec\n\
+    for path in sys.stdin.read().split():\n\
+    \x20   try: reader.check(reader.Esker(path), False); print('ok')\n\
+    \x20   except codec.NoLibrary: print('unknown')\n\
+    \x20   except reader.FAULTS as fault: print('refused:', type(fault).__name__, str(fault)[:200])";
+
+/// Mutations that are compared; `ESKER_VERDICTS` sets another number.
+const MUTATIONS: usize = 600;
+
+#[test]
+fn both_readers_accept_and_refuse_the_same_files() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("good.esker");
+    let (schema, classes) = tree::mixed_schema();
+    let points = tree::points_of(&schema, &classes, 40, 20, 3);
+    tree::write(&path, &tree::metadata(schema, classes), &points, 15);
+    let samples = Path::new("../../data-format/samples");
+    let seeds = [path, samples.join("all-kinds.esker"), samples.join("forest-second.esker")];
+    let seeds = seeds.map(|seed| std::fs::read(seed).unwrap());
+    let wanted = std::env::var("ESKER_VERDICTS").ok().and_then(|n| n.parse().ok());
+    let mut random = Random(0x9e37_79b9_7f4a_7c15);
+    let (mut paths, mut list) = (Vec::new(), String::new());
+    for number in 0..wanted.unwrap_or(MUTATIONS) {
+        let path = folder.path().join(format!("{number}.esker"));
+        std::fs::write(&path, mutate::mutate(&seeds[number % seeds.len()], &mut random)).unwrap();
+        writeln!(list, "{}", path.display()).unwrap();
+        paths.push(path);
+    }
+    let listed = folder.path().join("list");
+    std::fs::write(&listed, list).unwrap();
+    let output = Command::new(&python)
+        .args(["-B", "-W", "ignore", "-c", VERDICTS])
+        .current_dir("../../data-format")
+        .stdin(std::fs::File::open(&listed).unwrap())
+        .output()
+        .unwrap();
+    let verdicts = String::from_utf8_lossy(&output.stdout).into_owned();
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(verdicts.lines().count(), paths.len(), "{errors}");
+    let (mut differences, mut accepted) = (String::new(), 0);
+    for (path, theirs) in paths.iter().zip(verdicts.lines()) {
+        let ours = EskerFile::open(path).and_then(|file| verify(&file, &Silent));
+        let is_accepted = ours.is_ok();
+        accepted += usize::from(is_accepted);
+        if theirs != "unknown" && (theirs == "ok") != is_accepted {
+            let ours = ours.map_or_else(|e| e.to_string(), |_| "ok".into());
+            writeln!(differences, "{}: {ours}; Python: {theirs}", path.display()).unwrap();
+        }
+    }
+    // Both verdicts occur: mutations are neither all fatal nor all harmless.
+    assert!(accepted > 0 && accepted < paths.len(), "{accepted}");
+    if !differences.is_empty() {
+        let kept = folder.keep();
+        panic!("the verdicts on files in {} differ:\n{differences}", kept.display());
     }
 }

@@ -1,7 +1,8 @@
 //! Tests what a path names before it is opened: a pipe without a writer blocks whoever opens it,
-//! and a device may never end. Also the lock that gives a file that is being written to one writer.
+//! and a device may never end. Also opens the files that a writer owns under a name that others can
+//! guess, without following links that they planted there; the lock gives each file one writer.
 
-use std::fs::{File, FileType, OpenOptions, TryLockError};
+use std::fs::{File, FileType, Metadata, OpenOptions, TryLockError};
 use std::io;
 use std::path::Path;
 use std::thread;
@@ -40,16 +41,75 @@ fn special(_kind: FileType) -> &'static str {
 /// Longest wait for another writer: one that was just killed takes a moment to release the lock.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Opens a file for one writer, with the contents that an earlier writer left. `work` names the
-/// writer's task in the error of a second one (`build`).
+/// Opens a file to read and write it, and never what a link of that name leads to.
 ///
 /// # Errors
-/// If another writer has the file, or it cannot be created.
+/// [`io::ErrorKind::NotFound`] if there is no such file; if it is a link or no regular file.
+pub fn open_own(path: &Path) -> io::Result<File> {
+    check_own(&path.symlink_metadata()?)?;
+    let file = OpenOptions::new().read(true).write(true).open(path)?;
+    // The name may have become a link since it was examined; nothing was changed yet.
+    if is_still_at(&file, path) { Ok(file) } else { Err(not_own()) }
+}
+
+/// Creates a file, in place of one or a link of that name; never writes to an existing file.
+///
+/// # Errors
+/// If it cannot be created.
+pub fn create_own(path: &Path) -> io::Result<File> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(e),
+        _ => {}
+    }
+    OpenOptions::new().read(true).write(true).create_new(true).open(path)
+}
+
+/// Whether an open file is the one with this name, and not one that a link leads to. Always true on
+/// systems that do not say.
+pub fn is_own(file: &File, path: &Path) -> bool {
+    is_still_at(file, path)
+}
+
+/// Refuses links, other kinds of files, and files that have a second name.
+fn check_own(metadata: &Metadata) -> io::Result<()> {
+    if metadata.is_file() && names(metadata) == 1 { Ok(()) } else { Err(not_own()) }
+}
+
+fn not_own() -> io::Error {
+    io::Error::other(
+        "the hidden file that is written first is a link, or no file of Esker: remove it (ls -a shows it), or choose another output",
+    )
+}
+
+/// Opens a file for one writer, with the contents that an earlier writer left, or creates it; never
+/// opens what a link of that name leads to. `work` names the writer's task in the error of a second
+/// one (`build`).
+///
+/// # Errors
+/// If another writer has the file, it cannot be created, or it is a link.
 pub fn open_alone(path: &Path, work: &str) -> io::Result<File> {
     let start = Instant::now();
     loop {
         let mut options = OpenOptions::new();
-        let file = options.read(true).write(true).create(true).truncate(false).open(path)?;
+        options.read(true).write(true);
+        let file = match path.symlink_metadata() {
+            Ok(metadata) => {
+                check_own(&metadata)?;
+                options.open(path)
+            }
+            Err(e) if e.kind() == io::ErrorKind::NotFound => options.create_new(true).open(path),
+            Err(e) => return Err(e),
+        };
+        let file = match file {
+            // Another writer has created or removed it since.
+            Err(e)
+                if matches!(e.kind(), io::ErrorKind::NotFound | io::ErrorKind::AlreadyExists)
+                    && start.elapsed() < PATIENCE =>
+            {
+                continue;
+            }
+            file => file?,
+        };
         match file.try_lock() {
             Err(TryLockError::WouldBlock) if start.elapsed() < PATIENCE => {
                 thread::sleep(PATIENCE / 100);
@@ -74,11 +134,22 @@ pub fn open_alone(path: &Path, work: &str) -> io::Result<File> {
 #[cfg(unix)]
 fn is_still_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
-    let identity = |m: std::fs::Metadata| (m.dev(), m.ino());
-    match (file.metadata(), path.metadata()) {
+    let identity = |m: Metadata| (m.dev(), m.ino());
+    match (file.metadata(), path.symlink_metadata()) {
         (Ok(a), Ok(b)) => identity(a) == identity(b),
         _ => false,
     }
+}
+
+/// Number of names of a file.
+#[cfg(unix)]
+fn names(metadata: &Metadata) -> u64 {
+    std::os::unix::fs::MetadataExt::nlink(metadata)
+}
+
+#[cfg(not(unix))]
+fn names(_metadata: &Metadata) -> u64 {
+    1
 }
 
 #[cfg(not(unix))]
@@ -89,6 +160,34 @@ fn is_still_at(_file: &File, _path: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn planted_links_are_neither_followed_nor_written_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let [victim, planted] = ["victim", "planted"].map(|name| folder.path().join(name));
+        std::fs::write(&victim, "precious").unwrap();
+        let is_kept = || std::fs::read_to_string(&victim).unwrap() == "precious";
+        std::os::unix::fs::symlink(&victim, &planted).unwrap();
+        open_own(&planted).unwrap_err();
+        let error = open_alone(&planted, "build").unwrap_err().to_string();
+        assert!(error.contains("is a link") && is_kept(), "{error}");
+        create_own(&planted).unwrap().set_len(3).unwrap();
+        assert!(is_kept());
+        assert_eq!(open_own(&planted).unwrap().metadata().unwrap().len(), 3);
+        // A second name of the victim is as bad as a link.
+        std::fs::remove_file(&planted).unwrap();
+        std::fs::hard_link(&victim, &planted).unwrap();
+        open_alone(&planted, "build").unwrap_err();
+        open_own(&planted).unwrap_err();
+        // Links to nothing, which creating a file would follow.
+        std::fs::remove_file(&planted).unwrap();
+        std::os::unix::fs::symlink(folder.path().join("nothing"), &planted).unwrap();
+        open_alone(&planted, "build").unwrap_err();
+        create_own(&planted).unwrap();
+        assert!(!folder.path().join("nothing").exists() && is_kept());
+        drop(open_alone(&folder.path().join("new"), "build").unwrap());
+    }
 
     #[test]
     fn anything_but_a_file_is_refused_by_its_kind() {

@@ -2,6 +2,7 @@
 //! if all of the work succeeded.
 
 use clap::Parser;
+use esker_engine::io::visible::visible;
 use esker_view::args::Args;
 use esker_view::source::remove_temporary_files;
 use esker_view::window;
@@ -24,7 +25,8 @@ fn main() -> ExitCode {
         Ok(code) => code,
         Err(error) => {
             let message = format!("{error:#}");
-            eprintln!("error: {}", message.split_whitespace().collect::<Vec<_>>().join(" "));
+            let message = message.split_whitespace().collect::<Vec<_>>().join(" ");
+            eprintln!("error: {}", visible(&message));
             ExitCode::FAILURE
         }
     }

@@ -6,20 +6,22 @@
 
 use crate::calls::export_colours::{ColourConversion, PointClasses};
 use crate::error::BuildError;
-use esker_format::Fault;
-use esker_format::{EskerFile, Forest, FormatError, PagePoints, SourceRecord};
+use esker_format::{EskerFile, Fault, Forest, FormatError, PagePoints, SourceRecord, runs};
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
 use esker_points::{AttrType, Attribute, Batch, ColourDepth, Filter, MultisetHash, Schema, Task};
 use esker_scan::write::{self, Encode, Encoded, Origin, Outline, Output, Target};
 use esker_scan::{Crs, ScanError};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Bytes of pages that are decoded together, for each thread. Two such groups are in memory, in
+/// Bytes of points that are decoded together, for each thread. Two such groups are in memory, in
 /// several forms.
-const GROUP_BYTES_A_THREAD: u64 = 2 << 20;
+const GROUP_BYTES_A_THREAD: u64 = 8 << 20;
+/// Bytes of the position of a decoded point.
+const POSITION_BYTES: usize = 12;
 
 /// Result of an export.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,12 +50,14 @@ pub struct Exported {
     pub notes: Vec<String>,
 }
 
-/// A node with points that may pass the filter.
-#[derive(Clone, Copy, Debug)]
+/// A node with points that may pass the filter, or a run of them: see [`runs`].
+#[derive(Clone, Debug)]
 struct SelectedNode {
     node: u32,
-    /// Points to decode, from the first on.
-    prefix: usize,
+    /// Points to decode.
+    run: Range<usize>,
+    /// Their bytes when decoded.
+    decoded_bytes: u64,
     /// Whether the filter must test each point.
     is_partial: bool,
     page_offset: u64,
@@ -106,12 +110,14 @@ pub fn export_with(
     let on_lattice = filter.on(forest.lattice()).map_err(wrong)?;
     forest.files().try_for_each(EskerFile::check_verbatim)?;
     // A file names older files, so the last one listed is the oldest.
+    let row_bytes = POSITION_BYTES + forest.schema().record_bytes();
     let mut trees: Vec<(&EskerFile, Vec<SelectedNode>)> = Vec::with_capacity(forest.files().len());
     for file in forest.files() {
-        trees.insert(0, (file, select_nodes(file, &on_lattice)?));
+        trees.insert(0, (file, select_nodes(file, &on_lattice, row_bytes)?));
     }
     let selected = || trees.iter().flat_map(|(_, nodes)| nodes);
-    let points_max = selected().map(|n| n.prefix as u64).sum();
+    let pages = || selected().filter(|n| n.run.start == 0);
+    let points_max = selected().map(|n| n.run.len() as u64).sum();
     let schema = Arc::new(forest.schema().clone());
     let colours = {
         let nodes = |nodes: &[SelectedNode]| {
@@ -171,8 +177,8 @@ pub fn export_with(
         is_whole,
         trees: trees.len() as u64,
         nodes: forest.table().nodes.len() as u64,
-        nodes_read: selected().count() as u64,
-        bytes_read: selected().map(|n| u64::from(n.page_bytes)).sum(),
+        nodes_read: pages().count() as u64,
+        bytes_read: pages().map(|n| u64::from(n.page_bytes)).sum(),
         bytes_out,
         format: started.format,
         notes,
@@ -214,7 +220,12 @@ fn origin(file: &EskerFile, index: usize, record: &SourceRecord) -> Result<Origi
 }
 
 /// The nodes of a tree with points that may pass `filter`, in the order of their pages.
-fn select_nodes(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<SelectedNode>, BuildError> {
+/// Each comes in runs of points of `row_bytes`.
+fn select_nodes(
+    tree: &EskerFile,
+    filter: &LatticeFilter,
+    row_bytes: usize,
+) -> Result<Vec<SelectedNode>, BuildError> {
     let nodes = &tree.table().nodes;
     let statistics = filter.needs_classes().then(|| tree.statistics()).transpose()?;
     let all_have_one = tree.layout().all_have_one_of(&[(names::CLASSIFICATION, AttrType::U8)]);
@@ -231,15 +242,16 @@ fn select_nodes(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Selected
         if by_class == Side::Outside {
             continue;
         }
-        selected.push(SelectedNode {
+        selected.extend(runs(prefix, row_bytes).map(|run| SelectedNode {
             node: index,
-            prefix,
+            decoded_bytes: (run.len() * row_bytes) as u64,
+            run,
             is_partial: by_box == Side::Across || by_class == Side::Across,
             page_offset: node.page_offset,
             page_bytes: node.page_bytes,
-        });
+        }));
     }
-    selected.sort_by_key(|n| n.page_offset);
+    selected.sort_by_key(|n| (n.page_offset, n.run.start));
     Ok(selected)
 }
 
@@ -375,12 +387,12 @@ impl<'a> TreeExport<'a> {
             section: format!("page of node {}, {}", selected.node, fault.section),
             fault: fault.fault,
         };
-        let mut points = page.points().map_err(damaged)?;
+        let mut points = page.points_in(selected.run.clone()).map_err(damaged)?;
         drop(page);
         self.filter_points(selected, &mut points)?;
         let hash = points.hash(self.file.layout());
         let batch = self.batch(points);
-        let read = selected.prefix as u64;
+        let read = selected.run.len() as u64;
         Ok(EncodedNode { encoded: self.encode.encode(&batch), hash, read })
     }
 
@@ -406,10 +418,6 @@ impl<'a> TreeExport<'a> {
         selected: &SelectedNode,
         points: &mut PagePoints,
     ) -> Result<(), BuildError> {
-        if selected.prefix < points.len() {
-            let all = vec![true; selected.prefix];
-            self.keep(points, &all);
-        }
         if !selected.is_partial {
             return Ok(());
         }
@@ -452,14 +460,14 @@ fn compact<T: Copy>(values: &mut Vec<T>, size: usize, kept: &[bool]) {
     values.truncate(end);
 }
 
-/// Splits the nodes into groups whose pages keep all threads busy.
+/// Splits the runs into groups that keep all threads busy and together take little memory.
 fn groups(nodes: &[SelectedNode]) -> impl Iterator<Item = &[SelectedNode]> {
     let room = GROUP_BYTES_A_THREAD * rayon::current_num_threads() as u64;
     let mut rest = nodes;
     std::iter::from_fn(move || {
         let mut bytes = 0;
         let within = |node: &&SelectedNode| {
-            bytes += u64::from(node.page_bytes);
+            bytes += node.decoded_bytes.max(u64::from(node.page_bytes));
             bytes <= room
         };
         let n = rest.iter().take_while(within).count().max(1).min(rest.len());

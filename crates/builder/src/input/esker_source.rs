@@ -2,18 +2,19 @@
 //! lattice. A source has one set of attributes, so each class of points is a source of its own.
 
 use crate::error::BuildError;
-use esker_format::{EskerFile, PagePoints};
+use esker_format::{EskerFile, PagePoints, runs};
 use esker_points::lattice::{GridKind, Placement};
 use esker_points::{Batch, Grid, InputGrid, PointClass, Schema, Task};
 use esker_scan::source::{BATCH_POINTS, Sink};
 use esker_scan::{ReadReport, ScanError, Source, SourceInfo};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Nodes that are read together, for each thread: enough to keep all busy, few enough to need
+/// Runs of points of nodes that are read together, for each thread: enough to keep all busy, few enough to need
 /// little memory.
-const NODES_A_THREAD: usize = 2;
+const RUNS_A_THREAD: usize = 2;
 
 /// The points of one class of a file.
 pub struct EskerSource {
@@ -101,12 +102,17 @@ impl Source for EskerSource {
             return Err(ScanError::unsupported(&self.info.path, "lies on another lattice"));
         }
         let mut report = ReadReport::default();
-        let nodes: Vec<u32> = (0..self.file.table().nodes.len() as u32).collect();
-        for nodes in nodes.chunks(NODES_A_THREAD * rayon::current_num_threads().max(1)) {
+        let row_bytes = self.file.layout().schema().record_bytes();
+        let nodes = (0..).zip(&self.file.table().nodes);
+        let all: Vec<(u32, Range<usize>)> = nodes
+            .flat_map(|(index, node)| runs(node.points(), row_bytes).map(move |run| (index, run)))
+            .collect();
+        for some in all.chunks(RUNS_A_THREAD * rayon::current_num_threads().max(1)) {
             task.check()?;
-            let batches = nodes.par_iter().map(|&node| {
-                let points = self.file.read_page(node).and_then(|page| {
-                    page.points().map_err(|fault| self.file.damaged_page(node, fault))
+            let batches = some.par_iter().map(|(node, run)| {
+                let points = self.file.read_page(*node).and_then(|page| {
+                    let points = page.points_in(run.clone());
+                    points.map_err(|fault| self.file.damaged_page(*node, fault))
                 });
                 points.map(|points| self.batches(&points))
             });

@@ -9,8 +9,9 @@ use crate::options::Resume;
 use crate::rows::journal_record::{HEAD_BYTES, Kind, Record, RecordReader};
 use crate::rows::scratch;
 use esker_format::FormatError;
+use esker_points::place::{create_own, open_own};
 use std::ffi::OsString;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
@@ -58,7 +59,7 @@ impl Journal {
             is_kept: false,
             abandoned: None,
         };
-        let earlier = OpenOptions::new().read(true).write(true).open(&journal.path);
+        let earlier = open_own(&journal.path);
         journal.file = match earlier {
             Ok(file) => Some(file),
             Err(e) if e.kind() == io::ErrorKind::NotFound => None,
@@ -165,7 +166,7 @@ impl Journal {
     /// # Errors
     /// If the disk is full.
     pub fn begin(&mut self, rows: Option<&Path>) -> Result<(), BuildError> {
-        let file = File::create(&self.path).map_err(|e| self.failed("create it", e))?;
+        let file = create_own(&self.path).map_err(|e| self.failed("create it", e))?;
         (self.file, self.bytes, self.is_kept) = (Some(file), 0, false);
         self.rows = rows.map(Into::into);
         let mut record = Record::new(Kind::Start);

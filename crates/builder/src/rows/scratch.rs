@@ -5,6 +5,7 @@
 
 use crate::error::BuildError;
 use crate::rows::journal_record::{Record, RecordReader};
+use esker_points::place::open_own;
 use memmap2::Mmap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, Write};
@@ -220,7 +221,7 @@ impl Scratch {
         if !has_scratch_name(path) {
             return Err(io::Error::other("it has another name than scratch files have"));
         }
-        let open = |number| OpenOptions::new().read(true).write(true).open(name_of(path, number));
+        let open = |number| open_own(&name_of(path, number));
         self.files = vec![AppendFile::new(open(0)?)];
         for number in 1..FILES_MAX {
             match open(number) {

@@ -8,3 +8,4 @@ pub mod polygon;
 pub mod progress;
 pub mod quantity;
 pub mod stages;
+pub mod visible;

@@ -1,6 +1,7 @@
 //! Progress on standard error: a bar with rate and remaining time, lines of JSON, or nothing; and
 //! the flag that Ctrl-C sets.
 
+use crate::io::visible::{visible, visible_json};
 use esker_points::Task;
 use indicatif::{HumanCount, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt::Write;
@@ -116,8 +117,13 @@ impl Task for Progress {
     fn note(&self, line: &str) {
         match self.style {
             Style::Silent => {}
-            Style::Json => eprintln!("{}", serde_json::json!({ "note": line })),
-            _ => self.with(|phase| phase.bar.suspend(|| eprintln!("note: {line}"))),
+            Style::Json => {
+                eprintln!("{}", visible_json(&serde_json::json!({ "note": line }).to_string()));
+            }
+            _ => {
+                let line = visible(line);
+                self.with(|phase| phase.bar.suspend(|| eprintln!("note: {line}")));
+            }
         }
     }
 

@@ -12,6 +12,7 @@ mod grid;
 mod packets;
 mod pose;
 mod values;
+mod xml;
 
 use crate::bounds::Bounds;
 use crate::caught::catch;
@@ -87,6 +88,11 @@ fn guarded<T>(
 }
 
 fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
+    let file = file_of(path)?;
+    let text = guarded(path, "", || E57Reader::raw_xml(file))?;
+    xml::check(&text).map_err(|what| ScanError::damaged(path, what))?;
+    drop(text);
+    task.check()?;
     let reader = reader_of(path)?;
     let clouds = reader.pointclouds();
     if clouds.len() > usize::from(u16::MAX) {
