@@ -22,6 +22,7 @@ pub mod las;
 pub mod mesh;
 mod pcd;
 mod ply;
+mod pose;
 mod ptx;
 mod registry;
 pub mod source;

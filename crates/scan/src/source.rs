@@ -41,6 +41,8 @@ pub struct OpenOptions {
     /// Memory for everything while inputs are read, in bytes. If absent, a few dozen MiB and what
     /// the format needs.
     pub memory_bytes: Option<u64>,
+    /// Whether the points and normals of a PCD file are transformed by the pose in its header.
+    pub apply_viewpoint: bool,
 }
 
 /// Memory that everything except [`Source::held_bytes`] takes while inputs are read, in bytes:

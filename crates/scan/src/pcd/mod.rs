@@ -9,6 +9,7 @@ mod points;
 
 use crate::error::ScanError;
 use crate::ply::plan::{Decoded, RecordPlan, Survey};
+use crate::pose::Pose;
 use crate::source::{
     BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo,
 };
@@ -64,6 +65,11 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let layout = Layout::new(header);
     let mut plan = RecordPlan::of_element(&layout.element, layout.encoding())
         .ok_or_else(|| ScanError::damaged(path, "its fields lack x, y or z: no points"))?;
+    let header = &layout.header;
+    let viewpoint = header.viewpoint.unwrap_or(Pose::NONE);
+    if options.apply_viewpoint && viewpoint != Pose::NONE {
+        plan.apply(viewpoint, header.viewpoint_decimals);
+    }
     let survey = survey_stream(path, stream, &layout, &plan, task)?;
     let (kind, grid, bounds) = plan.choose_grid(&layout.element, &survey);
     let colour_depth = wide_colours(&plan.schema).map(|_| {
@@ -72,7 +78,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         options.colour_depth.unwrap_or(detected)
     });
     let header = &layout.header;
-    let mut notes = Vec::new();
+    let mut notes = viewpoint_note(header, options.apply_viewpoint);
     if survey.has_more_lines {
         let points = header.points;
         notes.push(format!("lines behind the {points} points that the header claims are left out"));
@@ -87,7 +93,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     };
     // The viewpoint is the origin by default. That is the scanner only if points are rows of an
     // image.
-    let is_scanner = header.rows > 1 || header.viewpoint != [0.0; 3];
+    let is_scanner = header.rows > 1 || viewpoint != Pose::NONE;
     let info = SourceInfo {
         path: path.to_owned(),
         format: format!("PCD {}, {data}", header.version),
@@ -97,11 +103,29 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         bytes,
         colour_depth,
         crs: None,
-        scanner: is_scanner.then_some(Scanner::At(header.viewpoint)),
+        scanner: is_scanner.then_some(Scanner::At(viewpoint.at)),
         verbatim: vec![("PCD header".into(), header.text.clone())],
         notes,
     };
     Ok(Box::new(PcdSource { info, layout, plan, held_bytes }))
+}
+
+/// What became of the pose of the sensor, unless it is the default.
+fn viewpoint_note(header: &Header, is_applied: bool) -> Vec<String> {
+    let Some(pose) = header.viewpoint else {
+        return vec!["its VIEWPOINT is no pose and is not used".into()];
+    };
+    if pose == Pose::NONE {
+        return Vec::new();
+    }
+    let [x, y, z] = pose.at;
+    let turn = if pose.is_turned { ", turned" } else { "" };
+    let what = if is_applied {
+        "points and normals are transformed by it"
+    } else {
+        "points are kept as they are; --apply-viewpoint transforms them by it"
+    };
+    vec![format!("its VIEWPOINT is {x} {y} {z}{turn}: {what}")]
 }
 
 /// Refuses a count that the file has no room for; otherwise returns the bytes that are held at once
