@@ -17,6 +17,7 @@ mod values;
 use crate::bounds::Bounds;
 use crate::caught::catch;
 use crate::error::ScanError;
+use crate::las::crs::unit_of;
 use crate::source::{Crs, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
 use crate::text::blocks::in_order;
 use crate::text::naming::{NO_RETURN, NOT_FINITE, colour_max, wide_colours};
@@ -33,6 +34,7 @@ use std::path::Path;
 pub const FORMAT: Format = Format {
     name: "E57",
     endings: &["e57"],
+    is_streamed: false,
     recognises: |head| head.starts_with(b"ASTM-E57"),
     open,
 };
@@ -152,7 +154,11 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         points_hint: clouds.iter().fold(0, |n, cloud| n.saturating_add(cloud.records)),
         bytes,
         colour_depth,
-        crs: crs.map(|text| Crs { text: text.to_owned(), unit: None }),
+        // ASTM E2807 has coordinates in metres, unless a system says otherwise.
+        crs: Some(match crs {
+            Some(text) => Crs { text: text.to_owned(), unit: unit_of(text) },
+            None => Crs { text: String::new(), unit: Some("metre".into()) },
+        }),
         scanner: scanner(&clouds, &fields),
         verbatim: verbatim.into_iter().collect(),
         notes,
