@@ -6,7 +6,7 @@ use crate::budget::memory;
 use esker_format::{Codec, Normals, SourceRecord, TreeRef};
 use esker_points::palette::{Misfit, Palette};
 use esker_points::{ColourDepth, Lattice, MultisetHash};
-use esker_scan::OpenOptions;
+use esker_scan::{Crs, OpenOptions};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -42,6 +42,12 @@ pub struct Options {
     /// Whether positions are stored a second time, with colours as indices of a palette: drawing
     /// then reads 8 bytes a point instead of 12.
     pub compact: bool,
+    /// Whether PCD files are transformed by the poses in their headers.
+    pub apply_viewpoint: bool,
+    /// Coordinate reference system of inputs that state none.
+    pub crs: Option<Crs>,
+    /// Name of the unit of length of inputs that state none.
+    pub unit: Option<String>,
 }
 
 /// Treatment of interrupted builds.
@@ -95,6 +101,9 @@ impl Default for Options {
             sharp_features: false,
             tangents: false,
             compact: false,
+            apply_viewpoint: false,
+            crs: None,
+            unit: None,
         }
     }
 }
@@ -102,7 +111,13 @@ impl Default for Options {
 impl Options {
     /// Options with which inputs are opened.
     pub(crate) fn open_options(&self) -> OpenOptions {
-        OpenOptions { colour_depth: self.colour_depth, memory_bytes: Some(self.memory_bytes) }
+        OpenOptions {
+            colour_depth: self.colour_depth,
+            memory_bytes: Some(self.memory_bytes),
+            apply_viewpoint: self.apply_viewpoint,
+            crs: self.crs.clone(),
+            unit: self.unit.clone(),
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::bench::Benchmark;
 use crate::light::LightArgs;
 use crate::output::Output;
-use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, Threads, method_parser};
+use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, ReadHow, Threads, method_parser};
 use clap::{Args as ClapArgs, Parser, Subcommand};
 use esker_engine::Method;
 use esker_engine::cameras::camera::Camera;
@@ -71,7 +71,8 @@ pub enum Command {
 #[derive(ClapArgs)]
 pub struct Build {
     /// The scans, or folders, which stand for all scans directly in them (.las, .laz, .ply, .pcd,
-    /// .e57, .ptx, .xyz, .txt, .csv, .pts); with --merge .esker files. Generated scans are named
+    /// .e57, .ptx, and text: .xyz, .txt, .csv, .pts, .asc ...; compressed .zst and .gz, too). What is
+    /// no scan is left out and listed. With --merge .esker files. Generated scans are named
     /// synthetic:SCENE:POINTS or synthetic:SCENE:POINTS:SEED: SCENE is bridge, office, terrain, or
     /// a model with sharp edges, cube or csg; POINTS such as 250000, 100k, 10M or 1G; SEED a whole
     /// number, 1 by default.
@@ -123,6 +124,8 @@ pub struct Verify {
     /// scans that were added last, or those of all files, in any order.
     #[arg(long, num_args = 1.., value_name = "IN")]
     pub against: Vec<PathBuf>,
+    #[command(flatten)]
+    pub reading: ReadHow,
     #[command(flatten)]
     pub threads: Threads,
     #[command(flatten)]

@@ -71,7 +71,8 @@ fn run_append(args: Append, stop: Arc<AtomicBool>) -> Result<()> {
 
 fn run_verify(args: Verify, stop: Arc<AtomicBool>) -> Result<()> {
     let report = args.output.watch(stop, |progress| {
-        verify::verify(&args.file, &args.against, args.threads.count, progress)
+        let reading = args.reading.open_options();
+        verify::verify(&args.file, &args.against, &reading, args.threads.count, progress)
     });
     if let (Err(error), true) = (&report, args.output.json) {
         print(true, &verify::fault(&args.file, error), String::new)?;

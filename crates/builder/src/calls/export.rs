@@ -424,13 +424,15 @@ impl<'a> TreeExport<'a> {
         let [min, max] = self.file.node(selected.node)?.own_box();
         let test = self.filter.in_box(min, max);
         let layout = self.file.layout();
-        let classes = layout.schema().find_typed(names::CLASSIFICATION, AttrType::U8);
-        let class_of = |i: usize| {
+        let own = |name: &str| layout.schema().find_typed(name, AttrType::U8);
+        let (classes, flags) = (own(names::CLASSIFICATION), own(names::FLAGS));
+        let value = |attribute: Option<usize>, i: usize| {
             let has = |a: &usize| layout.has_attribute(points.class(i), *a);
-            classes.filter(has).map(|a| points.columns[a][i])
+            attribute.filter(has).map(|a| points.columns[a][i])
         };
-        let kept: Vec<bool> =
-            points.positions.iter().enumerate().map(|(i, &p)| test.keeps(p, class_of(i))).collect();
+        let positions = points.positions.iter().enumerate();
+        let keeps = |(i, &p): (usize, &[u32; 3])| test.keeps(p, value(classes, i), value(flags, i));
+        let kept: Vec<bool> = positions.map(keeps).collect();
         self.keep(points, &kept);
         Ok(())
     }

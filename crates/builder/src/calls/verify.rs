@@ -3,12 +3,12 @@
 //! last tree or of all trees.
 
 use crate::error::BuildError;
-use crate::input::intake::{Intake, open};
+use crate::input::intake::{Intake, open, open_with};
 use crate::input::within_lattice::{OFF_LATTICE, WithinLattice};
 use crate::rows::row::{Incoming, RowLayout};
 use esker_format::{EskerFile, Forest, SourceRecord};
 use esker_points::{Batch, MultisetHash, Schema, Task};
-use esker_scan::{ScanError, Source};
+use esker_scan::{OpenOptions, ScanError, Source};
 use std::path::{Path, PathBuf};
 
 /// Points of inputs that are equal to those of a file.
@@ -74,7 +74,7 @@ impl<'a> Trees<'a> {
     }
 }
 
-/// Decodes `inputs` onto the forest's lattice and compares count and multiset hash with those of
+/// Decodes `inputs`, opened with `reading`, onto the forest's lattice and compares count and multiset hash with those of
 /// its last tree, or of all its trees, depending on the number of inputs. The hashes in the footers
 /// are trusted here: [`esker_format::verify()`] compares them with the points.
 ///
@@ -83,10 +83,11 @@ impl<'a> Trees<'a> {
 pub fn against_forest(
     forest: &Forest,
     inputs: &[PathBuf],
+    reading: &OpenOptions,
     task: &dyn Task,
 ) -> Result<Against, BuildError> {
     let trees = Trees::with(forest, inputs.len())?;
-    compare(&trees, open(inputs, None, task)?, task)
+    compare(&trees, open_with(inputs, reading, task)?, task)
 }
 
 /// Compares `inputs` with the tree of `file`, but not with those that the file names.

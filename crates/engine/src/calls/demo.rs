@@ -8,6 +8,7 @@ use crate::draw::scene::PictureRequest;
 use anyhow::{Context, Result, ensure};
 use esker_builder::Options;
 use esker_points::Task;
+use esker_scan::OpenOptions;
 use std::path::{Path, PathBuf};
 
 /// The sample scan, relative to the project's folder.
@@ -43,7 +44,7 @@ pub fn demo(project: &Path, out: &Path, task: &dyn Task) -> Result<DemoReport> {
     let file = out.join("sample.esker");
     let options = Options::default();
     let build = build::build(std::slice::from_ref(&sample), &file, &options, 0, task)?;
-    verify::verify(&file, &[sample], 0, task)?;
+    verify::verify(&file, &[sample], &OpenOptions::default(), 0, task)?;
     let picture = out.join("sample.png");
     let camera = Camera::parse(CAMERA)?;
     let request = PictureRequest { size: [1280, 720], camera, ..PictureRequest::default() };

@@ -7,6 +7,7 @@ use crate::machine::pool;
 use anyhow::Result;
 use esker_format::{EskerFile, Forest};
 use esker_points::{MultisetHash, Task};
+use esker_scan::OpenOptions;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -51,18 +52,19 @@ pub struct FaultReport {
 
 /// Checks every byte and every rule of the file at `path` and of all files that it names. With
 /// `against`, also checks that the points of all trees, or of the last one alone, are those of the
-/// scans.
+/// scans, which are opened with `reading` as they were for the build.
 ///
 /// # Errors
 /// If there is a fault: the first one.
 pub fn verify(
     path: &Path,
     against: &[PathBuf],
+    reading: &OpenOptions,
     threads: usize,
     task: &dyn Task,
 ) -> Result<VerifyReport> {
     let start = Instant::now();
-    let against = &inputs::scans(against)?[..];
+    let against = &inputs::scans(against, task)?[..];
     pool::run(threads, || {
         let forest = Forest::open(path)?;
         let mut hash = MultisetHash::default();
@@ -71,7 +73,7 @@ pub fn verify(
         }
         let scans = match against {
             [] => None,
-            inputs => Some(esker_builder::against_forest(&forest, inputs, task)?),
+            inputs => Some(esker_builder::against_forest(&forest, inputs, reading, task)?),
         };
         Ok(VerifyReport {
             ok: true,

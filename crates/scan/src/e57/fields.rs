@@ -4,8 +4,8 @@
 use super::colours::{Colours, colour_range, is_colour};
 use super::grid::grid;
 use super::packets::bits;
-use super::pose::Pose;
 use super::values::{NumberType, is_plain, put, real};
+use crate::pose::Pose;
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX, axis, named, schema_of, usual};
 use e57::{PointCloud, Record, RecordDataType as Kind, RecordName as Name, RecordValue as Value};
 use esker_points::attribute::names;
@@ -239,8 +239,7 @@ impl Fields {
     /// Maps the values of these scans.
     ///
     /// # Errors
-    /// If a scan has no coordinates or an invalid pose, or if there are too many values; the error
-    /// says which and why.
+    /// If a scan has no coordinates, or if there are too many values; the error says which and why.
     pub fn new(clouds: &[PointCloud], task: &dyn Task) -> Result<Self, FieldsError> {
         let colours = Colours::of(clouds);
         // In the order of their first appearance.
@@ -301,6 +300,11 @@ impl Fields {
         }
         let are_scaled = colours == Colours::Scaled;
         let mut notes = Vec::new();
+        for (number, cloud) in (1..).zip(clouds) {
+            if let (_, Some(what)) = pose_of(cloud) {
+                notes.push(format!("scan {number} has {what}"));
+            }
+        }
         for (FieldSummary { scans, .. }, (name, _)) in found.iter().zip(&attributes[first.len()..])
         {
             if *scans < clouds.len() {
@@ -338,6 +342,35 @@ impl Fields {
         });
         Ok(Self { schema, scans, grid, are_scaled, notes })
     }
+}
+
+/// The pose of a scan, and what was wrong with it: a rotation that is none is left out, and so is a
+/// position that is not finite.
+fn pose_of(cloud: &PointCloud) -> (Pose, Option<&'static str>) {
+    let Some(transform) = &cloud.transform else { return (Pose::NONE, None) };
+    let (q, at) = (&transform.rotation, &transform.translation);
+    let (q, at) = ([q.w, q.x, q.y, q.z], [at.x, at.y, at.z]);
+    if let Some(pose) = Pose::new(q, at) {
+        return (pose, None);
+    }
+    if at.iter().all(|c| c.is_finite()) {
+        return (Pose::moved(at), Some("a pose whose rotation is none: it is kept as not turned"));
+    }
+    match Pose::new(q, [0.0; 3]) {
+        Some(turn) => (turn, Some("a pose whose position is no number: it is kept as not moved")),
+        None => (Pose::NONE, Some("a pose that is none: it is kept as not turned and not moved")),
+    }
+}
+
+/// Why no point of a scan can be read; `None` if its header is sound.
+pub(crate) fn fault_of(cloud: &PointCloud) -> Option<&'static str> {
+    if cloud.prototype.len() > COLUMNS_MAX {
+        return Some("has more than 1024 values a point");
+    }
+    if cloud.prototype.iter().any(|record| name_of(&record.name).len() > NAME_BYTES_MAX) {
+        return Some("has a value whose name is longer than 256 bytes");
+    }
+    scan_fields(cloud, Vec::new()).err()
 }
 
 /// The source of the attribute that is made from a value of a scan.
@@ -381,7 +414,6 @@ fn scan_fields(
     if cloud.records > 0 && !cloud.prototype.iter().any(varies) {
         return Err("has only constant values by its header; it is damaged");
     }
-    let pose =
-        Pose::of(cloud).ok_or("has a pose that is not a rotation and a position; it is damaged")?;
+    let (pose, _) = pose_of(cloud);
     Ok(ScanFields { coordinates, state: find(cloud, &state), pose, shift: [0; 3], attributes })
 }

@@ -10,6 +10,8 @@ use crate::fields::recipe::Recipe;
 use crate::fields::values::Values;
 use crate::fields::{self, Column, LEGACY, LEGACY_BLOCK};
 use crate::text::naming::{NOT_FINITE, axes, colour_max};
+use crate::pose::Pose;
+use esker_points::attribute::names;
 use esker_points::lattice::{Grid, GridKind, OffLattice, Placement, decimal_grid, float_grid};
 use esker_points::{AttrType, Batch, Schema};
 use std::path::Path;
@@ -43,6 +45,9 @@ pub(crate) struct RecordPlan {
     pub colour_max: u16,
     are_colours_full: bool,
     is_legacy: bool,
+    /// Pose by which points and normals are transformed, and the digits after the point that its
+    /// position needs.
+    pose: Option<(Pose, [u32; 3])>,
 }
 
 /// What one pass over vertices finds.
@@ -148,7 +153,14 @@ impl RecordPlan {
             colour_max: 0,
             are_colours_full: false,
             is_legacy: false,
+            pose: None,
         })
+    }
+
+    /// Transforms points and normals by `pose` from now on; `decimals` are the digits after the
+    /// point that its position needs.
+    pub fn apply(&mut self, pose: Pose, decimals: [u32; 3]) {
+        self.pose = Some((pose, decimals));
     }
 
     /// Chooses the attributes after the survey.
@@ -190,11 +202,24 @@ impl RecordPlan {
     ) -> (GridKind, Grid, Option<[[f64; 3]; 2]>) {
         self.choose_attributes(element, survey);
         let bounds = survey.bounds();
+        let is_turned = self.pose.is_some_and(|(pose, _)| pose.is_turned);
         if self.encoding == Encoding::Ascii {
-            if let Some(grid) = survey.decimal_grid() {
+            let mut survey = survey.clone();
+            for (digits, more) in
+                survey.decimals.iter_mut().zip(self.pose.unwrap_or((Pose::NONE, [0; 3])).1)
+            {
+                *digits = (*digits).max(more);
+            }
+            if let Some(grid) = survey.decimal_grid().filter(|_| !is_turned) {
                 return (GridKind::Decimal, grid, bounds);
             }
-            self.as_declared(element);
+            if self.pose.is_none() {
+                self.as_declared(element);
+            }
+        }
+        if self.pose.is_some() {
+            // Transformed positions are doubles, whatever the type of the coordinates.
+            return (GridKind::Float, float_grid(bounds.unwrap_or([[0.0; 3]; 2])), bounds);
         }
         let bounds = bounds.map(|b| b.map(|corner| self.rounded(corner)));
         (GridKind::Float, float_grid(bounds.unwrap_or([[0.0; 3]; 2])), bounds)
@@ -247,7 +272,8 @@ impl RecordPlan {
     }
 
     fn world(&self, record: &[u8]) -> [f64; 3] {
-        self.axes.map(|a| value(record, self.record.fields[a]))
+        let own = self.axes.map(|a| value(record, self.record.fields[a]));
+        self.pose.map_or(own, |(pose, _)| pose.placed(own))
     }
 
     /// Surveys a block.
@@ -341,11 +367,35 @@ impl RecordPlan {
                 }
             }
         }
+        if let Some((pose, _)) = self.pose.filter(|(pose, _)| pose.is_turned) {
+            turn_normals(&mut batch, pose);
+        }
         let colour_max = match self.are_colours_full && !batch.is_empty() {
             true => u16::MAX,
             false => colour_max(&batch),
         };
         Ok(Decoded { batch, not_finite, rounding_error_max, colour_max })
+    }
+}
+
+/// Turns the normals of a batch by `pose`, if it has any.
+fn turn_normals(batch: &mut Batch, pose: Pose) {
+    let index = |name: &str| {
+        let found = batch.schema.attributes.iter().position(|a| a.name == name)?;
+        let ty = batch.schema.attributes[found].ty;
+        matches!(ty, AttrType::F32 | AttrType::F64).then_some((found, ty))
+    };
+    let [Some(x), Some(y), Some(z)] = [names::NX, names::NY, names::NZ].map(index) else { return };
+    for i in 0..batch.positions.len() {
+        let at = |ty: AttrType| i * ty.size()..(i + 1) * ty.size();
+        let own = [x, y, z].map(|(column, ty)| ty.to_f64(&batch.columns[column][at(ty)]));
+        for ((column, ty), value) in [x, y, z].into_iter().zip(pose.turned(own)) {
+            let target = &mut batch.columns[column][at(ty)];
+            match ty {
+                AttrType::F32 => target.copy_from_slice(&(value as f32).to_le_bytes()),
+                _ => target.copy_from_slice(&value.to_le_bytes()),
+            }
+        }
     }
 }
 

@@ -18,21 +18,22 @@ mod survey;
 use crate::error::ScanError;
 use crate::fields::recipe::Recipe;
 use crate::fields::{LEGACY, LEGACY_BLOCK};
+use crate::packed::head_of;
 use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use blocks::{LineBlock, in_order};
 use esker_points::lattice::{GridKind, Placement, decimal_grid};
 use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Task};
 use layout::{Kind, Layout, classify};
 use naming::{NOT_FINITE, colour_max, wide_colours};
-use start::{first_lines, lines_of, read_head};
-use std::fs::File;
+use start::{first_lines, lines_of};
 use std::path::Path;
 use survey::{ColumnPlan, Survey, axes_of, parse_row};
 
 /// XYZ, TXT, CSV and PTS, an entry of the registry.
 pub const FORMAT: Format = Format {
     name: "text (XYZ, TXT, CSV, PTS)",
-    endings: &["xyz", "txt", "csv", "pts"],
+    endings: &["xyz", "txt", "csv", "pts", "asc", "xyzi", "xyzrgb", "xyzn", "neu", "tsv", "dat"],
+    is_streamed: true,
     recognises: |head| classify(&first_lines(head)).is_some(),
     open,
 };
@@ -102,8 +103,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
 }
 
 fn read_layout(path: &Path) -> Result<Layout, ScanError> {
-    let head = File::open(path).and_then(|mut file| read_head(&mut file));
-    let head = head.map_err(|e| ScanError::io(path, e))?;
+    let (head, _) = head_of(path)?;
     match classify(&first_lines(&head)) {
         Some(Kind::Columns(layout)) => Ok(layout),
         Some(Kind::DecimalCommas(line)) => Err(decimal_commas(path, line)),

@@ -3,8 +3,8 @@
 
 use super::blocks::LineBlocks;
 use crate::error::ScanError;
+use crate::packed::open_stream;
 use crate::source::HEAD_BYTES;
-use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
@@ -15,7 +15,7 @@ const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 ///
 /// # Errors
 /// If the system refuses the read.
-pub(crate) fn read_head(file: &mut File) -> std::io::Result<Vec<u8>> {
+pub(crate) fn read_head(file: &mut impl Read) -> std::io::Result<Vec<u8>> {
     let mut head = Vec::new();
     file.take(HEAD_BYTES).read_to_end(&mut head)?;
     Ok(head)
@@ -40,7 +40,7 @@ pub(crate) fn first_lines(head: &[u8]) -> Vec<u8> {
 /// If the file cannot be read.
 pub(crate) fn lines_of(path: &Path) -> Result<LineBlocks<Box<dyn Read>>, ScanError> {
     let io = |e| ScanError::io(path, e);
-    let mut file = File::open(path).map_err(io)?;
+    let (mut file, _) = open_stream(path)?;
     let head = read_head(&mut file).map_err(io)?;
     let input = Cursor::new(without_mark(&head).to_vec()).chain(file);
     let input: Box<dyn Read> =

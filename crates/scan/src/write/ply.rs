@@ -145,7 +145,8 @@ fn comments_of(origin: &Origin, ply_header: Option<&str>) -> String {
     for line in ply_header.unwrap_or_default().lines().filter(is_comment) {
         let _ = writeln!(out, "{}", line.trim_end());
     }
-    if let (Some(crs), None) = (&origin.crs, ply_header) {
+    let stated = origin.crs.as_ref().filter(|crs| !crs.text.is_empty());
+    if let (Some(crs), None) = (stated, ply_header) {
         let text: Vec<&str> = crs.text.split_whitespace().collect();
         let _ = writeln!(out, "comment crs {}", text.join(" "));
     }

@@ -61,7 +61,12 @@ impl Cloud {
 
 /// Reads a file twice: on the lattice, and for its bounds alone.
 pub fn read_path(path: &Path) -> Result<Cloud, ScanError> {
-    let source = esker_scan::open(path, &OpenOptions::default(), &Silent)?;
+    read_path_with(path, &OpenOptions::default())
+}
+
+/// [`read_path`] with options.
+pub fn read_path_with(path: &Path, options: &OpenOptions) -> Result<Cloud, ScanError> {
+    let source = esker_scan::open(path, options, &Silent)?;
     let info = source.info().clone();
     let lattice = Lattice::choose(std::slice::from_ref(&info.grid)).unwrap();
     let (mut world, mut columns) = (Vec::new(), vec![Vec::new(); info.schema.attributes.len()]);
@@ -98,10 +103,15 @@ pub fn read_path(path: &Path) -> Result<Cloud, ScanError> {
 
 /// Reads bytes as a file whose name does not fit: the content decides.
 pub fn read(bytes: impl AsRef<[u8]>) -> Result<Cloud, ScanError> {
+    read_with(bytes, &OpenOptions::default())
+}
+
+/// [`read`] with options.
+pub fn read_with(bytes: impl AsRef<[u8]>, options: &OpenOptions) -> Result<Cloud, ScanError> {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("cloud.las");
     std::fs::write(&path, bytes).unwrap();
-    read_path(&path)
+    read_path_with(&path, options)
 }
 
 /// The error of reading bytes, checked to be one line that names the file.

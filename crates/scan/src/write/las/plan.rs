@@ -7,6 +7,7 @@ use super::records::Records;
 use crate::error::ScanError;
 use crate::fields::{LEGACY, LEGACY_BLOCK};
 use crate::las::EXTRA_BYTES_MAX;
+use crate::las::crs::geo_keys;
 use crate::las::extra_bytes;
 use crate::las::header::{ADJUSTED_BIT, GpsTimes, Header, WKT_BIT, format_bytes, has_bit, set_bit};
 use crate::las::points::Layout;
@@ -164,7 +165,8 @@ pub fn plan(
 impl SourceSummary {
     fn add(&mut self, origin: &Origin, is_first: bool) {
         if self.wkt.is_none() {
-            self.wkt = origin.crs.as_ref().map(|c| c.text.clone()).filter(|t| t.contains('['));
+            let is_written = |text: &String| text.contains('[') || geo_keys(text).is_some();
+            self.wkt = origin.crs.as_ref().map(|c| c.text.clone()).filter(is_written);
         }
         let parsed = origin.block("las header").and_then(|bytes| {
             // The blocks were checked when they were read; here their sizes are not trusted.
@@ -327,7 +329,9 @@ fn new_head(wkt: Option<&str>) -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
     // Day and year of creation stay zero, so that the same points give the same file.
     put(94, &HEADER_BYTES_1_4.to_le_bytes());
     let mut vlrs = Vec::new();
-    if let Some(wkt) = wkt.filter(|w| w.len() < usize::from(u16::MAX)) {
+    if let Some(keys) = wkt.and_then(geo_keys) {
+        vlrs.push(vlr("LASF_Projection", 34735, "GeoTIFF keys", keys));
+    } else if let Some(wkt) = wkt.filter(|w| w.len() < usize::from(u16::MAX)) {
         set_bit(&mut header, WKT_BIT, true);
         vlrs.push(vlr("LASF_Projection", 2112, "WKT", [wkt.as_bytes(), &[0]].concat()));
     }
