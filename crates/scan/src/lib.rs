@@ -39,4 +39,5 @@ pub use folder::{FolderScans, scans_in};
 pub use las::crs::{EpsgCodes, epsg_codes, vertical_name};
 pub use registry::open;
 pub use source::SourceInfo;
-pub use source::{BESIDE_HELD_BYTES, Crs, Format, OpenOptions, ReadReport, Scanner, Source};
+pub use source::{BESIDE_HELD_BYTES, Crs, Format, Guess, OpenOptions, ReadReport, Scanner, Source};
+pub use text::{Column, Columns};

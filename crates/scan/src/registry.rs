@@ -67,6 +67,10 @@ pub fn open(
             Err(ScanError::unsupported(path, what))
         }
         (Some(format), _) => Ok(located((format.open)(path, options, task)?, options)),
+        // Who says how to read a text says that it is one.
+        (None, _) if options.columns.is_some() || options.skip_lines > 0 => {
+            Ok(located((crate::text::FORMAT.open)(path, options, task)?, options))
+        }
         (None, packing) => {
             let mut known: Vec<_> = FORMATS.iter().map(|f| f.name).collect();
             if packing.is_some() {

@@ -3,6 +3,7 @@
 //! [`Format`] and a line in [`crate::registry`].
 
 use crate::error::ScanError;
+use crate::text::Columns;
 use esker_points::lattice::Placement;
 use esker_points::{Batch, ColourDepth, InputGrid, Schema, Task};
 use std::collections::BTreeMap;
@@ -49,6 +50,10 @@ pub struct OpenOptions {
     pub crs: Option<Crs>,
     /// Name of the unit of length of inputs that state none, as in [`Crs::unit`].
     pub unit: Option<String>,
+    /// Which column of text files is which; overrides what the files tell.
+    pub columns: Option<Columns>,
+    /// Lines at the beginning of text files that are passed over.
+    pub skip_lines: u64,
 }
 
 /// Memory that everything except [`Source::held_bytes`] takes while inputs are read, in bytes:
@@ -82,6 +87,17 @@ pub struct SourceInfo {
     pub verbatim: Vec<(String, Vec<u8>)>,
     /// What is left out and why, a line each: faces, waveform packets ...
     pub notes: Vec<String>,
+}
+
+/// A guess at what an input means, which the user should see before the points are used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Guess {
+    /// What is missing in the input, and what is assumed.
+    pub what: String,
+    /// The first points as they stand in the input.
+    pub rows: Vec<String>,
+    /// How the user states what is right.
+    pub remedy: String,
 }
 
 /// A coordinate reference system as the source writes it.
@@ -184,5 +200,10 @@ pub trait Source: Send + Sync {
     /// chunk whose decoder needs all of it.
     fn held_bytes(&self) -> u64 {
         0
+    }
+
+    /// The guess at the meaning of the input, if it does not tell.
+    fn guess(&self) -> Option<&Guess> {
+        None
     }
 }

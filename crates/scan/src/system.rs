@@ -7,7 +7,7 @@
 use crate::error::ScanError;
 use crate::las::crs::unit_of;
 use crate::packed::ENDINGS;
-use crate::source::{Crs, OpenOptions, ReadReport, Sink, Source, SourceInfo};
+use crate::source::{Crs, Guess, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use esker_points::Task;
 use esker_points::lattice::Placement;
 use std::fs::File;
@@ -155,6 +155,10 @@ impl Source for Located {
 
     fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
         self.source.survey(task)
+    }
+
+    fn guess(&self) -> Option<&Guess> {
+        self.source.guess()
     }
 
     fn held_bytes(&self) -> u64 {

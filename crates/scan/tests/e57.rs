@@ -181,6 +181,40 @@ fn colours_of_a_range_become_sixteen_bits() {
 }
 
 #[test]
+fn fractions_without_a_range_get_one_by_their_values() {
+    for (greatest, want) in [(1.0, 32_768.0), (255.0, 32_768.0), (65_535.0, 32_768.0)] {
+        let mut prototype = cartesian(&DOUBLE);
+        let names = [Name::ColorRed, Name::ColorGreen, Name::ColorBlue];
+        prototype.extend(names.map(|n| record(n, SINGLE)));
+        let mut point = [1.0, 2.0, 3.0].map(Value::Double).to_vec();
+        point.extend([0.0, greatest / 2.0, greatest].map(Value::Single));
+        let cloud = read(file(&[Scan { prototype, pose: None, points: vec![point] }])).unwrap();
+        assert_eq!(cloud.column("green").1, [want]);
+        assert_eq!(cloud.column("blue").1, [65_535.0]);
+        let noted = cloud.info.notes.iter().any(|n| n.contains("is taken for white"));
+        assert_eq!(noted, greatest > 1.0, "{:?}", cloud.info.notes);
+    }
+}
+
+#[test]
+fn returns_that_fit_four_bits_are_those_of_las() {
+    let whole = |max| Kind::Integer { min: 0, max };
+    for (max, want) in [(7, "return_count:u8 returns:u8"), (255, "return_count:u8 return_index:u8")]
+    {
+        let mut prototype = cartesian(&DOUBLE);
+        prototype.push(record(Name::ReturnIndex, whole(max)));
+        prototype.push(record(Name::ReturnCount, whole(7)));
+        let mut point = [1.0, 2.0, 3.0].map(Value::Double).to_vec();
+        point.extend([1, 3].map(Value::Integer));
+        let cloud = read(file(&[Scan { prototype, pose: None, points: vec![point] }])).unwrap();
+        assert_eq!(cloud.types(), want);
+        if max == 7 {
+            assert_eq!(cloud.bytes("returns"), [0x32]);
+        }
+    }
+}
+
+#[test]
 fn directions_and_ranges_become_positions() {
     let names = [Name::SphericalRange, Name::SphericalAzimuth, Name::SphericalElevation];
     let prototype = names.map(|n| record(n, DOUBLE)).to_vec();

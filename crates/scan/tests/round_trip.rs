@@ -78,6 +78,13 @@ fn check(want: &Cloud, found: &Cloud, what: &str) -> Result<(), TestCaseError> {
         let renamed = || format!("{}_{}", attribute.name, attribute.ty.name());
         let schema = &found.info.schema;
         let at = schema.find(&attribute.name).or_else(|| schema.find(&renamed()));
+        if attribute.name == names::SCAN_ANGLE_RANK
+            && at.is_none()
+            && schema.find(names::SCAN_ANGLE).is_some()
+        {
+            // Whole degrees among values that only steps of 0.006 hold; a note says so.
+            continue;
+        }
         let at = at.ok_or_else(|| TestCaseError::fail(format!("{what}: no {}", attribute.name)))?;
         let own = &found.info.schema.attributes[at];
         let is_single = attribute.ty == AttrType::F32;
@@ -86,8 +93,8 @@ fn check(want: &Cloud, found: &Cloud, what: &str) -> Result<(), TestCaseError> {
         };
         let mut want = values(attribute, column);
         let mut found = values(own, &found.columns[at]);
-        if attribute.name == names::RETURNS && what.contains("las") {
-            // LAS demands the number of a return.
+        if attribute.name == names::RETURNS && what.contains("la") {
+            // LAS and LAZ demand the number of a return.
             for v in want.iter_mut().flatten().filter(|v| **v & 15 == 0) {
                 *v = (*v >> 4).max(1) << 4 | 1;
             }
@@ -210,7 +217,7 @@ fn any_cloud() -> impl Strategy<Value = Batch> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(80))]
+    #![proptest_config(ProptestConfig::with_cases(40))]
 
     #[test]
     fn las_of_every_format_comes_back_from_text_and_ply(scan in las()) {

@@ -108,8 +108,9 @@ fn columns_without_names_get_the_narrowest_type() {
 fn colours_and_intensity_are_guessed_where_the_values_allow() {
     let names = |text: &str| -> Vec<String> {
         let cloud = read(text).unwrap();
-        let all_unnamed = cloud.keys().iter().all(|(n, _)| n.starts_with("column_"));
-        assert_eq!(cloud.info.notes.is_empty(), all_unnamed);
+        let names: Vec<_> = cloud.info.notes[0].split(", ").skip(3).collect();
+        assert!(cloud.info.notes[0].starts_with("no line names the columns; they are taken for x"));
+        assert!(cloud.names().iter().all(|name| names.contains(name)), "{names:?}");
         cloud.keys().iter().map(|(n, t)| format!("{n}:{}", t.name())).collect()
     };
     assert_eq!(names("1 2 3 4"), ["intensity:u16"]);
@@ -117,6 +118,8 @@ fn colours_and_intensity_are_guessed_where_the_values_allow() {
     assert_eq!(names("1 2 3 4 5"), ["column_4:u8", "column_5:u8"]);
     assert_eq!(names("1 2 3 255 0 1"), ["blue:u8", "green:u8", "red:u8"]);
     assert_eq!(names("1 2 3 256 0 1"), ["column_4:u16", "column_5:u8", "column_6:u8"]);
+    assert_eq!(names("1 2 3 0.6 0 0.8\n1 2 3 0 0 0\n"), ["nx:f32", "ny:f32", "nz:f32"]);
+    assert_eq!(names("1 2 3 0.6 0 0.8\n1 2 3 0 .5 0\n")[1], "column_5:f64");
     assert_eq!(names("1 2 3 255 0 1 900"), ["blue:u8", "green:u8", "intensity:u16", "red:u8"]);
     assert_eq!(names("1 2 3 -900 255 0 1"), ["blue:u8", "column_4:i32", "green:u8", "red:u8"]);
     assert_eq!(names("1 2 3 900 255 0 1"), ["blue:u8", "green:u8", "intensity:u16", "red:u8"]);
@@ -138,7 +141,22 @@ fn a_few_bad_lines_are_refused_and_counted() {
     let cloud = read(&text).unwrap();
     assert_eq!(cloud.report.points, 200);
     let refused: Vec<_> = cloud.report.refused.iter().map(|(r, n)| (r.as_str(), *n)).collect();
-    assert_eq!(refused, [("coordinate is not a finite number", 2), ("line is not 3 numbers", 2)]);
+    assert_eq!(
+        refused,
+        [
+            ("coordinate is not a finite number", 2),
+            ("line has too few values", 1),
+            ("line has too many values", 1)
+        ]
+    );
+    assert_eq!(
+        cloud.info.notes[1..],
+        [
+            "line has too few values: line 201 (`4 5`)",
+            "line has too many values: line 204 (`1 2 3 4`)",
+            "coordinate is not a finite number: 2 lines, the first is line 202 (`nan 5 6`)",
+        ]
+    );
     assert_eq!(read("1 2 3\n4 5 6\n7 8").unwrap().report.points, 2);
 }
 
@@ -165,8 +183,9 @@ fn many_bad_lines_are_an_error_that_names_the_first() {
 #[test]
 fn unsupported_texts_are_refused_with_the_reason() {
     for (text, want) in [
-        ("1,5;2,5;3,5\n", "line 1 writes decimals with a comma"),
-        ("0;0;0\n1,5;2,5;3,5\n1,5;2,5;3,5\n", "line 2 writes decimals with a comma"),
+        ("a,b,c\n1,2,3\n", "no column is known as x, y, z by its name (`a`, `b`, `c`)"),
+        ("x,lat,height\n1,2,3\n", "no column is known as x, y by its name"),
+        ("x,y,i\n1,2,3\n", "no column is known as z by its name (`x`, `y`, `i`); name them with"),
         ("# nothing here\n", "not a scan file that Esker knows"),
         ("x,y,z\n1,,3\n", "line 2 has an empty field"),
         ("v 1 2 3\nf 1 1 1\n", "not a scan file that Esker knows"),

@@ -58,8 +58,11 @@ pub(crate) enum Coordinates {
 enum AttributeSource {
     /// The value of this index.
     Value(usize),
-    /// A colour that is scaled from `range` (black, white) to 16 bits.
-    Colour { value: usize, range: [f64; 2] },
+    /// A colour that is scaled from `range` (black, white) to 16 bits; it `is_assumed` where the
+    /// file gives none for fractions.
+    Colour { value: usize, range: [f64; 2], is_assumed: bool },
+    /// The index of a return, from 0, and the number of returns, in one byte as in LAS.
+    Returns { index: usize, count: usize },
     /// One of three values that are turned with the scan.
     Normal { values: [usize; 3], axis: usize },
     /// The scan's number, from 1.
@@ -159,7 +162,10 @@ impl ScanFields {
                     }
                     _ => put(real(i), ty, column),
                 },
-                AttributeSource::Colour { value, range: [low, high] } => {
+                AttributeSource::Returns { index, count } => {
+                    column.push(((real(index) as u8).min(14) + 1) | (real(count) as u8) << 4);
+                }
+                AttributeSource::Colour { value, range: [low, high], .. } => {
                     let fraction = ((real(value) - low) / (high - low)).clamp(0.0, 1.0);
                     put((fraction * f64::from(u16::MAX)).round(), ty, column);
                 }
@@ -276,6 +282,10 @@ impl Fields {
             }
             attributes.push((name, ty));
         }
+        let are_returns = returns_fit(&found, clouds);
+        if let Some(index) = found.iter().position(|f| are_returns && f.key == RETURN_INDEX) {
+            attributes[index] = (names::RETURNS.into(), AttrType::U8);
+        }
         let has_scans = clouds.len() > 1;
         if has_scans {
             // First, so that it keeps its name.
@@ -292,7 +302,12 @@ impl Fields {
                 first.iter().map(|&c| (c, AttributeSource::Scan)).collect();
             for (i, key) in keyed(cloud) {
                 if let Some(&index) = at.get(&key) {
-                    sources.push((columns[index], source_of(cloud, i, colours)));
+                    let count = find(cloud, &Name::ReturnCount);
+                    let source = match count.filter(|_| are_returns && key == RETURN_INDEX) {
+                        Some(count) => AttributeSource::Returns { index: i, count },
+                        None => source_of(cloud, i, colours),
+                    };
+                    sources.push((columns[index], source));
                 }
             }
             let fields = scan_fields(cloud, sources);
@@ -344,6 +359,61 @@ impl Fields {
     }
 }
 
+impl ScanFields {
+    /// The greatest of the colours of a point whose range is assumed.
+    pub fn assumed_colour(&self, cloud: &PointCloud, values: &[Value]) -> f64 {
+        let assumed = self.attributes.iter().filter_map(|(_, source)| match source {
+            AttributeSource::Colour { value, is_assumed: true, .. } => Some(*value),
+            _ => None,
+        });
+        let colours = assumed.map(|i| real(&values[i], &cloud.prototype[i].data_type));
+        colours.fold(0.0, f64::max)
+    }
+}
+
+impl Fields {
+    /// Whether the range of colours is assumed, and their values should be looked at.
+    pub fn assumes_colours(&self) -> bool {
+        let mut all = self.scans.iter().flat_map(|scan| &scan.attributes);
+        all.any(|(_, source)| matches!(source, AttributeSource::Colour { is_assumed: true, .. }))
+    }
+
+    /// Takes the range of colours without one from the greatest of them.
+    pub fn assume_colours(&mut self, greatest: f64) {
+        let Some(white) = [1.0, 255.0, 65_535.0].into_iter().find(|top| greatest <= top * 1.001)
+        else {
+            return;
+        };
+        if white == 1.0 {
+            return;
+        }
+        self.notes
+            .push(format!("colours without a range reach {greatest}: {white} is taken for white"));
+        for (_, source) in self.scans.iter_mut().flat_map(|scan| &mut scan.attributes) {
+            if let AttributeSource::Colour { range, is_assumed: true, .. } = source {
+                *range = [0.0, white];
+            }
+        }
+    }
+}
+
+/// Key of the index of a return.
+const RETURN_INDEX: Key = (Name::ReturnIndex, 0);
+
+/// Whether indices and numbers of returns fit the four bits each that LAS has.
+fn returns_fit(found: &[FieldSummary], clouds: &[PointCloud]) -> bool {
+    let fits = |name: Name, most: i64| {
+        let summary = found.iter().find(|f| f.key == (name.clone(), 0));
+        summary.is_some_and(
+            |f| matches!(f.kind, NumberType::Integers { min: 0.., max } if max <= most),
+        )
+    };
+    let has = |cloud: &PointCloud, name| find(cloud, &name).is_some();
+    let are_paired =
+        clouds.iter().all(|cloud| has(cloud, Name::ReturnIndex) == has(cloud, Name::ReturnCount));
+    fits(Name::ReturnIndex, 14) && fits(Name::ReturnCount, 15) && are_paired
+}
+
 /// The pose of a scan, and what was wrong with it: a rotation that is none is left out, and so is a
 /// position that is not finite.
 fn pose_of(cloud: &PointCloud) -> (Pose, Option<&'static str>) {
@@ -377,11 +447,11 @@ pub(crate) fn fault_of(cloud: &PointCloud) -> Option<&'static str> {
 fn source_of(cloud: &PointCloud, value: usize, colours: Colours) -> AttributeSource {
     let record = &cloud.prototype[value];
     if is_colour(&record.name) && colours == Colours::Scaled {
-        let range = colour_range(cloud, record).unwrap_or(match record.data_type {
-            Kind::Integer { .. } | Kind::ScaledInteger { .. } => [0.0, 255.0],
-            _ => [0.0, 1.0],
-        });
-        return AttributeSource::Colour { value, range };
+        let is_whole =
+            matches!(record.data_type, Kind::Integer { .. } | Kind::ScaledInteger { .. });
+        let known = colour_range(cloud, record);
+        let range = known.unwrap_or(if is_whole { [0.0, 255.0] } else { [0.0, 1.0] });
+        return AttributeSource::Colour { value, range, is_assumed: known.is_none() && !is_whole };
     }
     let normals = [names::NX, names::NY, names::NZ];
     let at = |name: &str| cloud.prototype.iter().position(|r| name_of(&r.name) == name);

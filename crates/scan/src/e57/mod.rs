@@ -65,6 +65,8 @@ struct ValueBlock {
 struct Survey {
     bounds: Bounds,
     colour_max: u16,
+    /// Greatest colour of those whose range is assumed.
+    assumed_colour: f64,
     /// Points of damaged scans that cannot be read, and the first fault of each.
     damage: Damage,
 }
@@ -113,15 +115,19 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     }
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     let lost = damage::lost_scans(path, &mut clouds, &reader, task)?;
-    let fields = Fields::new(&clouds, task).map_err(|why| match why {
+    let mut fields = Fields::new(&clouds, task).map_err(|why| match why {
         FieldsError::Damaged(what) => ScanError::damaged(path, what),
         FieldsError::Cancelled(cancelled) => cancelled.into(),
     })?;
     let claimed = fields.grid.and_then(|_| claimed_bounds(&clouds, &fields));
     let survey = match claimed {
+        Some(bounds) if fields.assumes_colours() => {
+            Survey { bounds, ..survey_file(path, &clouds, &fields, task)? }
+        }
         Some(bounds) => Survey { bounds, ..Survey::EMPTY },
         None => survey_file(path, &clouds, &fields, task)?,
     };
+    fields.assume_colours(survey.assumed_colour);
     let bounds = survey.bounds.get();
     let (kind, grid) = match fields.grid {
         Some(grid) => (GridKind::Integer, grid),
@@ -301,7 +307,8 @@ fn survey_file(
 }
 
 impl Survey {
-    const EMPTY: Self = Self { bounds: Bounds::EMPTY, colour_max: 0, damage: Damage::NONE };
+    const EMPTY: Self =
+        Self { bounds: Bounds::EMPTY, colour_max: 0, assumed_colour: 0.0, damage: Damage::NONE };
 
     fn of_block(block: &ValueBlock, clouds: &[PointCloud], fields: &Fields) -> Self {
         let mut found = Self::EMPTY;
@@ -311,6 +318,8 @@ impl Survey {
         for values in block.values.chunks_exact(cloud.prototype.len()) {
             let Position::At(world) = scan_fields.position(cloud, values) else { continue };
             found.bounds.add(world);
+            let assumed = scan_fields.assumed_colour(cloud, values);
+            found.assumed_colour = found.assumed_colour.max(assumed);
             if let Some(colours) = colours {
                 columns.iter_mut().for_each(Vec::clear);
                 scan_fields.put((block.scan, cloud), values, &fields.schema, &mut columns);
@@ -326,6 +335,7 @@ impl Survey {
     fn merge(&mut self, later: Self) {
         self.bounds.merge(later.bounds);
         self.colour_max = self.colour_max.max(later.colour_max);
+        self.assumed_colour = self.assumed_colour.max(later.assumed_colour);
         self.damage.merge(later.damage);
     }
 }

@@ -92,7 +92,7 @@ mod tests {
     fn scale_of(ty: Option<AttrType>, numbers: &[f64]) -> Option<(AttrType, f64)> {
         let mut values = Values::empty(true);
         numbers.iter().for_each(|&v| values.add(v));
-        let column = Column { name: "", ty, values };
+        let column = Column { name: "", ty, values, type_with_gaps: None };
         scale([&column; 3]).map(|scale| (scale.ty, scale.factor))
     }
 

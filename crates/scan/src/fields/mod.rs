@@ -35,6 +35,9 @@ pub(crate) struct Column<'a> {
     pub ty: Option<AttrType>,
     /// What the first pass found.
     pub values: Values,
+    /// The type of an attribute made from it that is no field, if points lack values: one that has
+    /// NaN for them.
+    pub type_with_gaps: Option<AttrType>,
 }
 
 /// Attributes made from the columns of a source.

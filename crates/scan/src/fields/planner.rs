@@ -187,7 +187,7 @@ impl<'a> Planner<'a> {
     pub(super) fn packed(&mut self) {
         let whole = |planner: &Self, name: &'static str| {
             let column = planner.find_field(name)?;
-            let Column { ty, values, name: own } = planner.columns[column];
+            let Column { ty, values, name: own, .. } = planner.columns[column];
             let fits = own == name
                 && ty.is_none_or(|ty| ty == AttrType::U8)
                 && values.is_whole_within(0.0, 255.0);
@@ -251,7 +251,7 @@ impl<'a> Planner<'a> {
     pub(super) fn angles(&mut self) {
         for meaning in [Meaning::Angle, Meaning::OtherAngle] {
             let Some(column) = self.find(meaning) else { continue };
-            let Column { name, ty, values } = self.columns[column];
+            let Column { name, ty, values, .. } = self.columns[column];
             let is_rank = values.is_whole_within(f64::from(i8::MIN), f64::from(i8::MAX));
             let greatest = values.max.max(-values.min);
             let steps = i16::MIN.into()..=i16::MAX.into();
@@ -352,9 +352,10 @@ impl<'a> Planner<'a> {
             if self.used[column] {
                 continue;
             }
-            let Column { name, ty, values } = self.columns[column];
+            let Column { name, ty, values, type_with_gaps } = self.columns[column];
             let recipe = if ty.is_some() { Recipe::Same(column) } else { Recipe::Number(column) };
-            let ty = ty.unwrap_or_else(|| values.narrowest());
+            let gaps = type_with_gaps.filter(|_| meaning(name).is_none());
+            let ty = ty.or(gaps).unwrap_or_else(|| values.narrowest());
             // Under these names and types, values mean something else.
             let is_reserved = matches!(
                 (name, ty),

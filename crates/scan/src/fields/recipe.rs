@@ -46,6 +46,16 @@ impl Recipe {
         }
     }
 
+    /// Whether the value is made from this column.
+    pub fn reads(&self, column: usize) -> bool {
+        match *self {
+            Self::Same(c) | Self::Number(c) | Self::Rounded(c) | Self::Angle(c) => c == column,
+            Self::Colour { column: c, .. } => c == column,
+            Self::Packed(ref parts) => parts.iter().any(|part| part.column == column),
+            Self::Halves { low, high } => low == column || high == column,
+        }
+    }
+
     /// Appends a value; `number` gives the number in a column. `false` if the type does not hold
     /// it, which the first pass rules out unless the file changes.
     pub fn put(&self, ty: AttrType, number: impl Fn(usize) -> f64, out: &mut Vec<u8>) -> bool {

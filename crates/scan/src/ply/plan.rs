@@ -9,8 +9,8 @@ use crate::error::ScanError;
 use crate::fields::recipe::Recipe;
 use crate::fields::values::Values;
 use crate::fields::{self, Column, LEGACY, LEGACY_BLOCK};
-use crate::text::naming::{NOT_FINITE, axes, colour_max};
 use crate::pose::Pose;
+use crate::text::naming::{NOT_FINITE, axes, colour_max};
 use esker_points::attribute::names;
 use esker_points::lattice::{Grid, GridKind, OffLattice, Placement, decimal_grid, float_grid};
 use esker_points::{AttrType, Batch, Schema};
@@ -171,7 +171,7 @@ impl RecordPlan {
             let watched = self.watched.iter().position(|w| *w == f);
             let none = watched.map_or(Values::unknown(), |_| Values::empty(true));
             let values = watched.and_then(|w| survey.values.get(w)).copied().unwrap_or(none);
-            Column { name: scalars[f].0, ty: Some(scalars[f].1), values }
+            Column { name: scalars[f].0, ty: Some(scalars[f].1), values, type_with_gaps: None }
         };
         let columns: Vec<Column<'_>> = others.iter().map(column).collect();
         let plan = fields::plan(&columns);

@@ -95,9 +95,12 @@ fn recognises(head: &[u8]) -> bool {
     let mut lines =
         lines.split(|&b| b == b'\n').map(|l| l.trim_ascii()).filter(|line| !line.is_empty());
     let is_count = |line: Option<&[u8]>| line.and_then(count).is_some();
-    is_count(lines.next())
+    let is_head = is_count(lines.next())
         && is_count(lines.next())
-        && lines.next().is_some_and(|line| fields(line).count() == 3)
+        && lines.next().is_some_and(|line| fields(line).count() == 3);
+    // A PTS file may begin with two counts, the first of no points. The seventh line of PTX is the
+    // first row of a matrix.
+    is_head && lines.nth(3).is_none_or(|line| fields(line).count() == 4)
 }
 
 fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {

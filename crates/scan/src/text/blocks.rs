@@ -33,6 +33,13 @@ impl LineBlock {
         let numbered = (self.first_line..).zip(self.bytes.split(|&b| b == b'\n'));
         numbered.map(|(n, line)| (n, line.trim_ascii())).filter(|(_, line)| !line.is_empty())
     }
+
+    /// Its lines that are not blank, with the tabs at either end, and their numbers.
+    pub fn lines_with_tabs(&self) -> impl Iterator<Item = (u64, &[u8])> {
+        let numbered = (self.first_line..).zip(self.bytes.split(|&b| b == b'\n'));
+        let numbered = numbered.filter(|(_, line)| !line.trim_ascii().is_empty());
+        numbered.map(|(n, line)| (n, line.strip_suffix(b"\r").unwrap_or(line)))
+    }
 }
 
 /// Cuts a stream into blocks of whole lines.

@@ -1,17 +1,29 @@
-//! Classifies a text file by its first lines: columns of numbers, with or without a line of names,
-//! or with counts of lines before them (PTS), or something else altogether.
+//! Decides how the lines of a text file are laid out, from a sample of its beginning: separator and
+//! decimal mark, the number of columns, their names, and which are x, y and z. The most frequent
+//! number of cells decides, so that a damaged first line does not.
 
-use super::naming::{COLUMNS_MAX, NAME_BYTES_MAX, axes};
-use super::number::{fields, has_decimal_commas, number};
-use esker_points::attribute::names;
+use super::axes::{axes_of, single};
+pub(crate) use super::cells::is_comment;
+use super::cells::{Row, Separator, Style, most_frequent};
+use super::columns::{Column, Columns};
+use super::header::{Names, names_of};
+use super::naming::COLUMNS_MAX;
+use super::number::number;
+use super::sample::{Choice, Header, Sample};
+
+/// Rows that a note shows, and the length of each.
+const SHOWN_ROWS: usize = 3;
+const SHOWN_BYTES: usize = 72;
+/// Empty cells at the end of a line that may be left out.
+const EMPTY_MAX: usize = 32;
+/// Names that a message lists.
+const LISTED_NAMES: usize = 12;
 
 /// Class of a text file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Kind {
     /// Columns of numbers.
-    Columns(Layout),
-    /// Columns of numbers with a decimal comma; the number of the line that has one.
-    DecimalCommas(u64),
+    Columns(Box<Layout>),
     /// A table, but not of points; the message names the line and the reason.
     NoPoints(String),
 }
@@ -21,122 +33,353 @@ pub(crate) enum Kind {
 pub(crate) struct Layout {
     /// Names of the columns, if a line has them.
     pub names: Option<Vec<String>>,
-    /// Number of the line with names if it is not a comment; it holds no point.
-    pub names_line: Option<u64>,
-    /// Numbers in a line.
+    /// Number of the first line that may be a point.
+    pub first_line: u64,
+    /// Greatest number of cells of a line; of a file of counts, that of most lines.
     pub columns: usize,
+    /// Least number of cells of a line.
+    pub least: usize,
     /// Whether lines with only a count precede the lines that they count.
     pub has_counts: bool,
+    /// How cells are separated and numbers written.
+    pub style: Style,
+    /// Columns of x, y and z.
+    pub axes: [usize; 3],
+    /// Names that the user gives to other columns.
+    pub chosen: Vec<(String, usize)>,
+    /// Why the choice of x, y and z is a guess, if it is one.
+    pub guess: Option<String>,
+    /// The first points.
+    pub shown: Vec<String>,
+    /// Assumptions, a line each.
+    pub notes: Vec<String>,
 }
 
 impl Layout {
-    /// Whether a line (without blanks around it) of this number is not meant as a point.
+    /// Whether a line of this number is not meant as a point.
     pub fn is_beside(&self, number: u64, line: &[u8]) -> bool {
-        is_comment(line)
-            || Some(number) == self.names_line
-            || self.has_counts && count(line).is_some()
+        let line = line.trim_ascii();
+        number < self.first_line || is_comment(line) || self.has_counts && count(line).is_some()
     }
-}
-
-/// Names of the columns of a PTS file, by their number; the file does not name them.
-const PTS_COLUMNS: [&[&str]; 5] = [
-    &[],
-    &[names::INTENSITY],
-    &[names::RED, names::GREEN, names::BLUE],
-    &[names::INTENSITY, names::RED, names::GREEN, names::BLUE],
-    &[names::INTENSITY, names::RED, names::GREEN, names::BLUE, names::NX, names::NY, names::NZ],
-];
-
-/// Whether a line (without blanks around it) is a comment.
-pub(crate) fn is_comment(line: &[u8]) -> bool {
-    line.starts_with(b"#") || line.starts_with(b"//") || line.starts_with(b"%")
 }
 
 /// Whether only empty fields or a comment follow the numbers of a line: `field` is the first that
 /// is no number, `behind` the fields after it.
-pub(crate) fn is_end<'a>(field: &'a [u8], behind: impl Iterator<Item = &'a [u8]>) -> bool {
+fn is_end<'a>(field: &'a [u8], behind: impl Iterator<Item = &'a [u8]>) -> bool {
     std::iter::once(field).chain(behind).find(|f| !f.is_empty()).is_none_or(is_comment)
 }
 
 /// The beginning of a line, or of a part of one, for a message.
 pub(crate) fn excerpt(line: &[u8]) -> String {
-    String::from_utf8_lossy(&line[..line.len().min(40)]).escape_debug().to_string()
+    excerpt_of(line, 40)
+}
+
+fn excerpt_of(line: &[u8], bytes: usize) -> String {
+    let line = line.trim_ascii();
+    let cut = if line.len() > bytes { "..." } else { "" };
+    let mut end = line.len().min(bytes);
+    // No character of UTF-8 is cut.
+    while end < line.len() && end > bytes - 3 && line[end] & 0xC0 == 0x80 {
+        end -= 1;
+    }
+    let text = super::encoding::decoded(&line[..end]);
+    format!("{}{cut}", text.escape_debug())
+}
+
+/// The number in a line that has only a count.
+pub(crate) fn count(line: &[u8]) -> Option<u64> {
+    let is_one = !line.is_empty() && line.iter().all(u8::is_ascii_digit);
+    std::str::from_utf8(line).ok().filter(|_| is_one)?.parse().ok()
+}
+
+/// Whether bytes are text: form feeds and the end mark of DOS (0x1A) occur in real files.
+pub(crate) fn is_text(bytes: &[u8]) -> bool {
+    bytes.iter().all(|b| *b >= 0x20 || b.is_ascii_whitespace() || *b == 0x1A)
 }
 
 /// Classifies a file by its first lines; `None` if it is not text that could hold points. A file
 /// without any point is recognised only by its names.
-pub(crate) fn classify(head: &[u8]) -> Option<Kind> {
-    // Form feeds and the end mark of DOS (0x1A) occur in real files.
-    let printable = |b: &u8| *b >= 0x20 || b.is_ascii_whitespace() || *b == 0x1A;
-    if !head.iter().all(printable) {
+pub(crate) fn classify(head: &[u8], choice: &Choice) -> Option<Kind> {
+    if !is_text(head) {
         return None;
     }
-    let (mut commented, mut named, mut has_count) = (None, None, false);
+    let mut sample = Sample::new(choice);
     for (n, line) in (1..).zip(head.split(|&b| b == b'\n')) {
-        let line = line.trim_ascii();
-        if line.is_empty() {
-            continue;
-        }
-        if is_comment(line) {
-            commented = names_of(uncommented(line)).filter(|names| has_axes(names)).or(commented);
-            continue;
-        }
-        if has_decimal_commas(line) {
-            return Some(Kind::DecimalCommas(n));
-        }
-        let (columns, stray) = numbers_of(line);
-        let names = if !has_count && named.is_none() { names_of(line) } else { None };
-        match (stray, columns) {
-            (None, 1) if !has_count && named.is_none() && count(line).is_some() => has_count = true,
-            (None, 3..=COLUMNS_MAX) if has_count => return Some(Kind::Columns(pts(columns))),
-            (None, 3..=COLUMNS_MAX) => return Some(layout(n, columns, named, commented)),
-            (Some(_), _) if names.is_some() => named = names.map(|names| (n, names)),
-            _ => {
-                let names = named.as_ref().map(|(_, names)| names).or(commented.as_ref());
-                let is_table = columns > 0 || names.is_some_and(|names| has_axes(names));
-                return is_table.then(|| Kind::NoPoints(why_no_point(n, columns, stray)));
-            }
+        sample.take(n, line);
+        if sample.is_full() {
+            break;
         }
     }
-    let names_line = named.as_ref().map(|(line, _)| *line);
-    let names = named.map(|(_, names)| names).or(commented)?;
-    let is_table = !has_count && has_axes(&names);
-    let columns = names.len();
-    let layout = Layout { columns, names: Some(names), names_line, has_counts: false };
-    is_table.then_some(Kind::Columns(layout))
+    layout_of(&sample)
 }
 
-/// The layout of a file whose line `n` is the first with numbers.
-fn layout(
-    n: u64,
-    columns: usize,
-    named: Option<(u64, Vec<String>)>,
-    commented: Option<Vec<String>>,
-) -> Kind {
-    let (names_line, names) = match named {
-        Some((line, names)) if names.len() != columns => {
-            let named = names.len();
-            return Kind::NoPoints(format!(
-                "line {n} has {columns} numbers, but line {line} names {named} columns"
-            ));
-        }
-        Some((line, names)) => (Some(line), Some(names)),
-        None => (None, commented.filter(|names| names.len() == columns)),
+/// Classifies a file by a sample of it; see [`classify`].
+pub(crate) fn layout_of(sample: &Sample<'_>) -> Option<Kind> {
+    match table(sample)? {
+        Ok(layout) => Some(Kind::Columns(Box::new(layout))),
+        Err(why) => Some(Kind::NoPoints(why)),
+    }
+}
+
+fn table(sample: &Sample<'_>) -> Option<Result<Layout, String>> {
+    let Some((first_line, first)) = sample.lines.first() else {
+        return Some(without_points(sample)).filter(|_| sample.has_axes());
     };
-    Kind::Columns(Layout { names, names_line, columns, has_counts: false })
+    let is_named = sample.has_axes() || sample.choice.columns.is_some();
+    let lines: Vec<&[u8]> = sample.lines.iter().map(|(_, line)| line.as_slice()).collect();
+    let style = Style::of_lines(&lines, |column| is_column_named(sample, column));
+    let rows = rows_of(&lines, style, is_named);
+    let has_row = |n: u64| rows.iter().any(|row| sample.lines[row.line].0 == n);
+    if rows.is_empty() || !is_named && !has_row(*first_line) && 2 * rows.len() < lines.len() {
+        let (numbers, stray) = numbers_of(first);
+        let is_table = numbers > 0 || is_named;
+        return is_table.then(|| Err(why_no_point(*first_line, numbers, stray)));
+    }
+    // Lines that are neither names nor points belong to some other format.
+    let names = sample.named.as_ref().filter(|header| header.has_axes);
+    if !is_named && sample.passed.is_some() {
+        return None;
+    }
+    let cells = most_frequent(rows.iter().map(|row| row.cells))?;
+    let of_most = || rows.iter().filter(|row| row.cells == cells);
+    let filled = of_most().map(|row| row.filled).max()?;
+    let first_row = of_most().next().map_or(*first_line, |row| sample.lines[row.line].0);
+    let found = match names.or(sample.named.as_ref()) {
+        Some(header) => match names_in(header, (cells, filled), first_row, sample.choice) {
+            Ok(names) => names,
+            Err(why) => return Some(Err(why)),
+        },
+        None => sample
+            .commented
+            .as_ref()
+            .and_then(|header| names_of(&header.line, Some(cells)))
+            .filter(|names| (names.names.len()..=names.cells).contains(&filled)),
+    };
+    let (columns, least) = match &found {
+        Some(Names { names, cells: named }) => {
+            (names.len().max(cells.min(*named)), names.len().min(cells))
+        }
+        None => (cells, filled),
+    };
+    // Short lines take the memory of all columns.
+    let least = if columns - least > EMPTY_MAX { columns } else { least };
+    let shown = of_most().take(SHOWN_ROWS);
+    let layout = Layout {
+        names: found.map(|found| padded(found.names, columns)),
+        first_line: *first_line,
+        columns,
+        least,
+        has_counts: sample.has_counts,
+        style,
+        axes: [0, 1, 2],
+        chosen: Vec::new(),
+        guess: None,
+        shown: shown.map(|row| excerpt_of(lines[row.line], SHOWN_BYTES)).collect(),
+        notes: notes(sample, style),
+    };
+    Some(with_axes(layout, sample.choice))
 }
 
-/// The layout of a PTS file with this number of columns.
-fn pts(columns: usize) -> Layout {
-    let more = PTS_COLUMNS.into_iter().find(|more| more.len() + 3 == columns);
-    let names = more.map(|more| ["x", "y", "z"].iter().chain(more).map(|n| (*n).into()).collect());
-    Layout { names, names_line: None, columns, has_counts: true }
+/// The layout of a file that has names of x, y and z, but no point.
+fn without_points(sample: &Sample<'_>) -> Result<Layout, String> {
+    let named = [&sample.named, &sample.commented].into_iter().flatten();
+    let header = named.clone().find(|header| header.has_axes);
+    let names = header.and_then(|header| names_of(&header.line, None));
+    let names = names.map(|found| found.names).unwrap_or_default();
+    let layout = Layout {
+        first_line: header.map_or(1, |header| header.number + 1),
+        columns: names.len(),
+        least: names.len(),
+        names: Some(names),
+        has_counts: sample.has_counts,
+        style: Style::ANY,
+        axes: [0, 1, 2],
+        chosen: Vec::new(),
+        guess: None,
+        shown: Vec::new(),
+        notes: Vec::new(),
+    };
+    with_axes(layout, sample.choice)
+}
+
+/// A line of the sample that is a point.
+struct Point {
+    line: usize,
+    cells: usize,
+    filled: usize,
+}
+
+/// The lines that have three numbers or more; with words only if columns are named.
+fn rows_of(lines: &[&[u8]], style: Style, is_named: bool) -> Vec<Point> {
+    let mut row = Row::default();
+    let mut rows = Vec::new();
+    for (line, text) in lines.iter().enumerate() {
+        row.read(text, style);
+        let (cells, filled) = (row.cells, row.filled);
+        if row.numbers() >= 3 && cells <= COLUMNS_MAX && (is_named || !row.has_words()) {
+            rows.push(Point { line, cells, filled });
+        }
+    }
+    rows
+}
+
+/// Whether the header has a name between the tabs of this column.
+fn is_column_named(sample: &Sample<'_>, column: usize) -> bool {
+    let tabs = Style { separator: Separator::Mark(b'\t'), has_decimal_commas: false };
+    let header = sample.named.as_ref().or(sample.commented.as_ref());
+    let mut cells = header.into_iter().flat_map(|header| tabs.cells(&header.line));
+    cells.nth(column).is_some_and(|name| !name.is_empty())
+}
+
+/// The names in `header`, if they fit lines of so many cells, of which so many are filled.
+fn names_in(
+    header: &Header,
+    (cells, filled): (usize, usize),
+    row: u64,
+    choice: &Choice,
+) -> Result<Option<Names>, String> {
+    let found = names_of(&header.line, Some(cells));
+    let fits = |of: &Names| filled <= of.cells && of.names.len() <= cells;
+    if let Some(names) = found.as_ref().filter(|found| !fits(found)) {
+        // Numbers of columns need no names.
+        if choice.columns.as_ref().is_some_and(are_axes_numbers) {
+            return Ok(None);
+        }
+        return Err(format!(
+            "line {row} has {filled} numbers, but line {} names {} columns; name them with \
+             --columns, such as \"x=1,y=2,z=3\"",
+            header.number,
+            names.names.len()
+        ));
+    }
+    Ok(found)
+}
+
+fn are_axes_numbers(columns: &Columns) -> bool {
+    let is_number =
+        |axis: &&str| columns.entries().any(|e| e.0 == *axis && matches!(e.1, Column::Number(_)));
+    AXES.iter().all(|axis| is_number(&axis))
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+fn padded(mut names: Vec<String>, columns: usize) -> Vec<String> {
+    names.extend((names.len() + 1..=columns).map(|n| format!("column_{n}")));
+    names
+}
+
+fn notes(sample: &Sample<'_>, style: Style) -> Vec<String> {
+    let mut notes = Vec::new();
+    if let Some((first, text, lines)) = &sample.passed {
+        let rest = if *lines > 1 { format!(", and {} more", lines - 1) } else { String::new() };
+        notes.push(format!("line {first} before the points is passed over (`{text}`){rest}"));
+    }
+    let has_comma = |line: &[u8]| style.cells(line).any(|cell| cell.contains(&b','));
+    if style.has_decimal_commas && sample.lines.iter().any(|(_, line)| has_comma(line)) {
+        notes.push("numbers have decimal commas".into());
+    }
+    notes
+}
+
+/// The layout with its columns of x, y and z: those that the user names, else those that the file
+/// names, else the first three.
+fn with_axes(mut layout: Layout, choice: &Choice) -> Result<Layout, String> {
+    let mut chosen = [None; 3];
+    for (name, column) in choice.columns.iter().flat_map(Columns::entries) {
+        let at = resolve(column, &layout)?;
+        match AXES.iter().position(|axis| *axis == name) {
+            Some(axis) => chosen[axis] = Some(at),
+            None => layout.chosen.push((name.to_owned(), at)),
+        }
+    }
+    if let Some((name, at)) = layout.chosen.iter().find(|(_, at)| chosen.contains(&Some(*at))) {
+        let why = "is one of x, y and z as well";
+        return Err(format!("--columns: column {} ({name}) {why}", at + 1));
+    }
+    if let [Some(x), Some(y), Some(z)] = chosen {
+        return distinct(Layout { axes: [x, y, z], ..layout });
+    }
+    let Some(names) = &layout.names else {
+        layout.axes = [0, 1, 2].map(|axis| chosen[axis].unwrap_or(axis));
+        layout.guess = Some("no line names the columns".into());
+        return distinct(layout);
+    };
+    if chosen != [None; 3] {
+        let used: Vec<usize> = chosen.into_iter().flatten().collect();
+        let found = [0, 1, 2].map(|axis| chosen[axis].or_else(|| single(names, axis, &used)));
+        let lacking: Vec<usize> = (0..3).filter(|&axis| found[axis].is_none()).collect();
+        let [Some(x), Some(y), Some(z)] = found else { return Err(lacks(names, &lacking)) };
+        return distinct(Layout { axes: [x, y, z], ..layout });
+    }
+    let axes = axes_of(names).map_err(|lacking| lacks(names, &lacking))?;
+    if axes.is_geographic {
+        layout.notes.push("x is the longitude and y the latitude, in degrees".into());
+    }
+    if !axes.rivals.is_empty() {
+        let rivals: Vec<String> =
+            axes.rivals.iter().map(|&c| format!("{} (`{}`)", c + 1, names[c])).collect();
+        layout.guess =
+            Some(format!("by its name, column {} could be meant, too", rivals.join(", ")));
+    }
+    layout.axes = axes.columns;
+    distinct(layout)
+}
+
+fn lacks(names: &[String], lacking: &[usize]) -> String {
+    let axes: Vec<&str> = lacking.iter().map(|&axis| AXES[axis]).collect();
+    let listed = names.iter().take(LISTED_NAMES).map(|name| format!("`{name}`"));
+    let listed: Vec<String> = listed.collect();
+    let more = if names.len() > LISTED_NAMES { " ..." } else { "" };
+    format!(
+        "no column is known as {} by its name ({}{more}); name them with --columns, such as \
+         \"x=1,y=2,z=3\"",
+        axes.join(", "),
+        listed.join(", ")
+    )
+}
+
+fn distinct(layout: Layout) -> Result<Layout, String> {
+    let [x, y, z] = layout.axes;
+    let columns = layout.columns;
+    if let Some(axis) = layout.axes.iter().position(|&column| column >= columns) {
+        return Err(format!("has no column for {}: lines have {columns} numbers", AXES[axis]));
+    }
+    if x == y || y == z || x == z {
+        return Err("--columns gives some of x, y and z only; give all three".into());
+    }
+    Ok(layout)
+}
+
+/// The column that the user means.
+fn resolve(column: &Column, layout: &Layout) -> Result<usize, String> {
+    let columns = layout.columns;
+    match column {
+        Column::Number(number) if *number <= columns => Ok(number - 1),
+        Column::Number(number) => {
+            Err(format!("has no column {number}, which --columns names: it has {columns}"))
+        }
+        Column::Name(name) => {
+            let Some(names) = &layout.names else {
+                return Err(format!(
+                    "no line names the columns: give the number of `{name}` to --columns"
+                ));
+            };
+            let lower = name.to_lowercase();
+            let exact = names.iter().position(|of| of == name);
+            exact.or_else(|| names.iter().position(|of| of.to_lowercase() == lower)).ok_or_else(
+                || {
+                    let listed: Vec<_> = names.iter().take(LISTED_NAMES).cloned().collect();
+                    format!("has no column `{name}`, which --columns names ({})", listed.join(", "))
+                },
+            )
+        }
+    }
 }
 
 /// Counts the numbers that a line begins with; also returns the field after them, if it is neither
 /// empty nor a comment.
 fn numbers_of(line: &[u8]) -> (usize, Option<&[u8]>) {
-    let mut fields = fields(line);
+    let mut fields = super::number::fields(line);
     let mut numbers = 0;
     while let Some(field) = fields.next() {
         if number(field).is_none() {
@@ -156,136 +399,5 @@ fn why_no_point(n: u64, numbers: usize, stray: Option<&[u8]>) -> String {
             format!("line {n} has more than {COLUMNS_MAX} numbers, which are read at most")
         }
         None => format!("line {n} has fewer than three numbers"),
-    }
-}
-
-/// Names in a line, separated by commas, else semicolons, else tabs, else blanks; quotes are
-/// removed. `None` if a field does not look like a name. Beside x, y and z any word is a name, and
-/// an empty field gets `column_` and its number.
-fn names_of(line: &[u8]) -> Option<Vec<String>> {
-    let line = std::str::from_utf8(line).ok()?;
-    let mark = [',', ';', '\t'].into_iter().find(|&m| line.contains(m));
-    let parts: Vec<&str> = match mark {
-        Some(mark) => line.trim_end_matches(mark).split(mark).collect(),
-        None => line.split_whitespace().collect(),
-    };
-    let bare = |part: &str| part.trim().trim_matches(['"', '\'']).trim().to_owned();
-    let mut names: Vec<String> = parts.into_iter().map(bare).collect();
-    let are_axes_named = has_axes(&names);
-    for (n, name) in (1..).zip(&mut names) {
-        if are_axes_named && name.is_empty() {
-            *name = format!("column_{n}");
-        }
-    }
-    let begins_name = |c: char| c.is_alphabetic() || c == '_';
-    let is_name = |name: &String| {
-        name.len() <= NAME_BYTES_MAX && (are_axes_named || name.starts_with(begins_name))
-    };
-    ((3..=COLUMNS_MAX).contains(&names.len()) && names.iter().all(is_name)).then_some(names)
-}
-
-fn has_axes(names: &[String]) -> bool {
-    axes(names.iter().map(String::as_str)).is_some()
-}
-
-/// The number in a line that has only a count.
-pub(crate) fn count(line: &[u8]) -> Option<u64> {
-    let is_one = !line.is_empty() && line.iter().all(u8::is_ascii_digit);
-    std::str::from_utf8(line).ok().filter(|_| is_one)?.parse().ok()
-}
-
-/// A comment without its marks.
-fn uncommented(line: &[u8]) -> &[u8] {
-    let marks = line.iter().position(|b| !matches!(b, b'#' | b'/' | b'%')).unwrap_or(line.len());
-    line[marks..].trim_ascii()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn columns(text: &str) -> Option<(usize, Option<Vec<String>>)> {
-        match classify(text.as_bytes()) {
-            Some(Kind::Columns(layout)) => Some((layout.columns, layout.names)),
-            _ => None,
-        }
-    }
-
-    fn names(line: &str) -> Option<Vec<String>> {
-        Some(line.split(' ').map(str::to_owned).collect())
-    }
-
-    #[test]
-    fn columns_with_and_without_names_are_recognised() {
-        for (text, want) in [
-            ("1 2 3\n4 5 6\n", (3, None)),
-            ("\n# made by hand\n1.5,2,3,4\n", (4, None)),
-            ("x,y,z\n1,2,3\n", (3, names("x y z"))),
-            ("\"X\";\"Y\";\"Z\"\n1;2;3\n", (3, names("X Y Z"))),
-            ("//X Y Z R G B\n1 2 3 4 5 6\n", (6, names("X Y Z R G B"))),
-            ("# x y z\r\n1 2 3\r\n", (3, names("x y z"))),
-            ("# x y z are metres\n1 2 3\n", (3, None)),
-            ("x,y,z,,\n1,2,3,,\n", (3, names("x y z"))),
-            ("\"1\",\"2\",\"3\" # quoted\n", (3, None)),
-            ("x y z\n", (3, names("x y z"))),
-            (",x,y,z,1st,(m)\n0,1,2,3,4,5\n", (6, names("column_1 x y z 1st (m)"))),
-        ] {
-            assert_eq!(columns(text), Some(want), "{text}");
-        }
-    }
-
-    #[test]
-    fn other_texts_are_not_taken_for_points() {
-        for text in [
-            "",
-            "# nothing here",
-            "v 1 2 3\nv 4 5 6\n",
-            "o thing\nv 1 2 3\n",
-            "[1, 2, 3]",
-            "{\"x\": 1}",
-            "<?xml version=\"1.0\"?>",
-            "OFF\n8 6 12\n1 2 3\n",
-            "solid a b\nfacet normal 0 0 1\n",
-            "easting northing height\n",
-            "1 2 3\u{0}",
-            "42\n",
-            "Once upon a time\nthere was 1 cloud",
-        ] {
-            assert_eq!(classify(text.as_bytes()), None, "{text}");
-        }
-    }
-
-    #[test]
-    fn tables_without_points_are_refused_with_the_line() {
-        for (text, want) in [
-            ("x,y,z\n1,,3\n", "line 2 has an empty field"),
-            ("1,,3\n", "line 1 has an empty field"),
-            ("x,y,z,name\n\n1,2,3,tree\n", "line 3 has `tree`, which is no number"),
-            ("1 2 3 tree\n", "line 1 has `tree`, which is no number"),
-            ("x,y,z\n\"1,2,3\n", "line 2 has `\\\"1`, which is no number"),
-            ("1 2\n3 4\n", "line 1 has fewer than three numbers"),
-            ("x,y,z\n1,2\n", "line 2 has fewer than three numbers"),
-            ("x,y,z\n1,2,3,4\n", "line 2 has 4 numbers, but line 1 names 3 columns"),
-            (&"1 ".repeat(COLUMNS_MAX + 1), "line 1 has more than 1024 numbers"),
-        ] {
-            let kind = classify(text.as_bytes());
-            let Some(Kind::NoPoints(why)) = &kind else { panic!("{text}: {kind:?}") };
-            assert!(why.starts_with(want), "{why}");
-        }
-    }
-
-    #[test]
-    fn a_count_before_the_points_makes_a_pts_file() {
-        for (text, want) in [
-            ("2\n1 2 3\n", "x y z"),
-            ("2\r\n1 2 3 -4\r\n", "x y z intensity"),
-            ("2\n1 2 3 4 5 6\n", "x y z red green blue"),
-            ("# made by hand\n2\n1 2 3 4 5 6 7\n", "x y z intensity red green blue"),
-            ("2\n1 2 3 4 5 6 7 0 0 1\n", "x y z intensity red green blue nx ny nz"),
-        ] {
-            assert_eq!(columns(text).unwrap().1, names(want), "{text}");
-        }
-        assert_eq!(columns("2\n1 2 3 4 5\n"), Some((5, None)));
-        assert_eq!(classify(b"x;y;z\n1,5;2,5;3,5\n"), Some(Kind::DecimalCommas(2)));
     }
 }

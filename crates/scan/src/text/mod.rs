@@ -1,40 +1,58 @@
 //! Reads points as text: XYZ, TXT, CSV, PTS. Lines have numbers separated by blanks, tabs, commas
 //! or semicolons, optionally after a line of names; `#`, `//` and `%` begin comments. PTS has lines
-//! with only a count before the points that they count. Lines end with LF or CR LF, or all with CR.
-//! A first pass finds bounds, digits and types ([`survey`]), a second one decodes the points;
-//! neither keeps more than a few blocks.
+//! with only a count before the points that they count; its scans may have different columns.
+//! Lines end with LF or CR LF, or all with CR; text is UTF-8, UTF-16, or one byte a character.
 //!
-//! Lines with another number of values than the first one are refused and counted, as long as they
-//! are fewer than 1,000 and at most one in a hundred (one is always allowed: a truncated last
-//! line). Otherwise the file is refused.
+//! The first lines decide the layout ([`layout`]). A first pass finds bounds, digits and types
+//! ([`survey`]), a second one decodes the points; neither keeps more than a few blocks.
+//!
+//! Lines with another number of values than most, or with words for coordinates, are refused and
+//! counted, as long as they are fewer than 1,000 and at most one in a hundred (one is always
+//! allowed: a truncated last line). Otherwise the file is refused.
 
+mod axes;
 pub(crate) mod blocks;
+mod cells;
+mod columns;
+mod encoding;
+mod guess;
+mod header;
 pub(crate) mod layout;
 pub(crate) mod naming;
 pub(crate) mod number;
+mod plan;
+mod ranges;
+mod sample;
+mod scans;
 pub(crate) mod start;
 mod survey;
 
+pub use columns::{Column, Columns};
+
 use crate::error::ScanError;
 use crate::fields::recipe::Recipe;
+use crate::fields::values::Values;
 use crate::fields::{LEGACY, LEGACY_BLOCK};
-use crate::packed::head_of;
-use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
-use blocks::{LineBlock, in_order};
+use crate::source::{Format, Guess, HEAD_BYTES, OpenOptions, ReadReport, Sink, Source, SourceInfo};
+use blocks::in_order;
+use cells::Row;
 use esker_points::lattice::{GridKind, Placement, decimal_grid};
 use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Task};
-use layout::{Kind, Layout, classify};
-use naming::{NOT_FINITE, colour_max, wide_colours};
+use layout::{Kind, Layout, classify, is_text, layout_of};
+use naming::{colour_max, wide_colours};
+use plan::ColumnPlan;
+use sample::{Choice, Sample};
+use scans::{Piece, Pieces};
 use start::{first_lines, lines_of};
 use std::path::Path;
-use survey::{ColumnPlan, Survey, axes_of, parse_row};
+use survey::{Fault, Survey, WIDTHS_MAX, read_point};
 
 /// XYZ, TXT, CSV and PTS, an entry of the registry.
 pub const FORMAT: Format = Format {
     name: "text (XYZ, TXT, CSV, PTS)",
     endings: &["xyz", "txt", "csv", "pts", "asc", "xyzi", "xyzrgb", "xyzn", "neu", "tsv", "dat"],
     is_streamed: true,
-    recognises: |head| classify(&first_lines(head)).is_some(),
+    recognises,
     open,
 };
 
@@ -43,31 +61,61 @@ const MALFORMED_MAX: u64 = 1000;
 /// ... and so is one with more than one malformed line in this many.
 const LINES_PER_MALFORMED: u64 = 100;
 
+/// Greatest number of attributes of scans with different columns: short lines take the memory of all
+/// attributes.
+const MIXED_ATTRIBUTES_MAX: usize = 32;
+
 struct TextSource {
     info: SourceInfo,
     layout: Layout,
     plan: ColumnPlan,
+    guess: Option<Guess>,
+}
+
+fn recognises(head: &[u8]) -> bool {
+    let lines = first_lines(head);
+    // Points may follow any number of comments.
+    let begins_with_comments = || {
+        let choice = Choice::default();
+        let mut sample = Sample::new(&choice);
+        (1..).zip(lines.split(|&b| b == b'\n')).for_each(|(n, line)| sample.take(n, line));
+        sample.is_comments() && head.len() as u64 == HEAD_BYTES && is_text(&lines)
+    };
+    classify(&lines, &Choice::default()).is_some() || begins_with_comments()
 }
 
 fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
-    let layout = read_layout(path)?;
+    let layout = read_layout(path, options)?;
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     let survey = survey_file(path, &layout, task)?;
     check_malformed(path, &layout, &survey, true)?;
     let plan = ColumnPlan::new(&layout, &survey);
+    if plan.sources.len() > 1 && plan.fills.len() > MIXED_ATTRIBUTES_MAX {
+        return Err(ScanError::unsupported(
+            path,
+            format!("its scans of different columns have more than {MIXED_ATTRIBUTES_MAX} columns"),
+        ));
+    }
     let (name, named) = match (layout.has_counts, layout.names.is_some()) {
         (true, _) => ("PTS", ""),
         (false, true) => ("text", ", named"),
         (false, false) => ("text", ""),
     };
-    let mut notes = plan.notes.clone();
-    let lines = survey.points + survey.not_finite + survey.malformed;
+    let guess = layout.guess.as_ref().map(|why| Guess {
+        what: format!("{why}; they are taken for {}", plan.columns.join(", ")),
+        rows: layout.shown.clone(),
+        remedy: "name them with --columns, such as \"x=1,y=2,z=3\", if that is wrong".into(),
+    });
+    let mut notes: Vec<String> = guess.iter().map(|guess| guess.what.clone()).collect();
+    notes.extend(layout.notes.iter().chain(&plan.notes).cloned());
+    let lines = survey.lines();
     if layout.has_counts && survey.claimed != lines {
         notes.push(format!("its counts say {} points, {lines} are there", survey.claimed));
     }
     if survey.points == 0 {
         notes.push("has no points".into());
     }
+    notes.extend(survey.notes());
     if survey.decimals.iter().any(|&d| d > 15) {
         notes.push("coordinates have more than 15 digits after the point; 15 are kept".into());
     }
@@ -78,7 +126,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
             name: path.display().to_string(),
             kind: GridKind::Decimal,
             grid: decimal_grid(survey.decimals),
-            bounds: survey.bounds(plan.axes),
+            bounds: survey.bounds(&layout),
         },
         schema: plan.schema.clone(),
         points_hint: survey.points,
@@ -99,37 +147,65 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         // Colours are 16 bits wide only if a value needs more than 8.
         info.colour_depth = options.colour_depth.or(Some(ColourDepth::Sixteen));
     }
-    Ok(Box::new(TextSource { info, layout, plan }))
+    Ok(Box::new(TextSource { info, layout, plan, guess }))
 }
 
-fn read_layout(path: &Path) -> Result<Layout, ScanError> {
-    let (head, _) = head_of(path)?;
-    match classify(&first_lines(&head)) {
-        Some(Kind::Columns(layout)) => Ok(layout),
-        Some(Kind::DecimalCommas(line)) => Err(decimal_commas(path, line)),
+/// Reads as many lines as the layout needs.
+fn read_layout(path: &Path, options: &OpenOptions) -> Result<Layout, ScanError> {
+    let choice = Choice { columns: options.columns.clone(), skip_lines: options.skip_lines };
+    let mut lines = lines_of(path)?;
+    let mut sample = Sample::new(&choice);
+    while !sample.is_full() {
+        let block = match lines.next() {
+            Ok(Some(block)) => block,
+            Ok(None) => break,
+            // What came before a line that is too long may decide; the survey reports the line.
+            Err(error) if sample.is_comments() => return Err(error),
+            Err(_) => break,
+        };
+        let head = &block.bytes[..block.bytes.len().min(HEAD_BYTES as usize)];
+        if block.first_line == 1 && !is_text(head) {
+            return Err(ScanError::damaged(path, "has control characters; it is no text"));
+        }
+        for (n, line) in block.lines_with_tabs() {
+            sample.take(n, line);
+            if sample.is_full() {
+                break;
+            }
+        }
+    }
+    match layout_of(&sample) {
+        Some(Kind::Columns(layout)) => Ok(*layout),
         Some(Kind::NoPoints(why)) => Err(ScanError::damaged(path, why)),
-        None => Err(ScanError::damaged(path, "its lines are not three or more numbers each")),
+        None => Err(ScanError::damaged(path, no_table(&sample))),
     }
 }
 
-fn decimal_commas(path: &Path, line: u64) -> ScanError {
-    ScanError::unsupported(
-        path,
-        format!("line {line} writes decimals with a comma; write them with a point"),
-    )
+fn no_table(sample: &Sample<'_>) -> String {
+    match &sample.passed {
+        Some((line, text, _)) => format!(
+            "line {line} (`{text}`) is neither a point nor a line of names; if points follow, pass \
+             over the lines before them with --skip-lines N"
+        ),
+        None => "its lines are not three or more numbers each".into(),
+    }
 }
 
 fn survey_file(path: &Path, layout: &Layout, task: &dyn Task) -> Result<Survey, ScanError> {
-    let axes = axes_of(layout);
-    let mut lines = lines_of(path)?;
+    let mut pieces = Pieces::of(path, layout)?;
     let mut found = Survey::empty(layout);
-    let work = |block: LineBlock| Ok(Survey::of_block(&block, layout, axes));
+    let work = |piece: Piece| Ok(Survey::of_piece(&piece, layout));
     in_order(
         task,
-        || lines.next(),
+        || pieces.next(),
         work,
         |part| {
-            found.merge(part);
+            if !found.merge(part, layout) {
+                return Err(ScanError::unsupported(
+                    path,
+                    format!("its scans have more than {WIDTHS_MAX} different numbers of columns"),
+                ));
+            }
             check_malformed(path, layout, &found, false)
         },
     )?;
@@ -143,17 +219,14 @@ fn check_malformed(
     found: &Survey,
     ended: bool,
 ) -> Result<(), ScanError> {
-    let Some((line, excerpt)) = &found.first_malformed else { return Ok(()) };
-    let good = found.points + found.not_finite;
-    let few = found.malformed < MALFORMED_MAX
-        && (!ended || good > 0 && found.malformed <= (good / LINES_PER_MALFORMED).max(1));
+    let (malformed, Some((line, excerpt))) = found.malformed() else { return Ok(()) };
+    let good = found.lines() - malformed;
+    let few = malformed < MALFORMED_MAX
+        && (!ended || good > 0 && malformed <= (good / LINES_PER_MALFORMED).max(1));
     if few {
         return Ok(());
     }
-    if number::has_decimal_commas(excerpt.as_bytes()) {
-        return Err(decimal_commas(path, *line));
-    }
-    let more = match found.malformed {
+    let more = match malformed {
         1 => String::new(),
         n => format!(", and so are {} more", n - 1),
     };
@@ -161,53 +234,72 @@ fn check_malformed(
     Err(ScanError::damaged(path, format!("line {line} is not {n} numbers (`{excerpt}`){more}")))
 }
 
-/// The points decoded from a block, and the number of refused lines.
+/// The points decoded from a piece, and the number of refused lines.
 struct Decoded {
     batch: Batch,
-    not_finite: u64,
-    malformed: u64,
+    refused: [u64; Fault::ALL.len()],
     rounding_error_max: f64,
 }
 
 impl TextSource {
-    fn decode(&self, block: &LineBlock, placement: &Placement) -> Result<Decoded, ScanError> {
+    fn decode(&self, piece: &Piece, placement: &Placement) -> Result<Decoded, ScanError> {
         let path = &self.info.path;
         // The number of lines alone is no bound: short lines in a file of many columns are no
         // points.
-        let points_max = block.bytes.len() / (2 * self.layout.columns) + 1;
+        let block = &piece.block;
+        let least = piece.runs.iter().map(|run| run.columns).min().unwrap_or(0);
+        let least = if self.layout.has_counts { least } else { self.layout.least };
+        let points_max = block.bytes.len() / (2 * least.max(3)) + 1;
         let capacity = points_max.min(block.rows as usize);
         let batch = Batch::with_capacity(self.info.schema.clone(), capacity);
-        let mut decoded = Decoded { batch, not_finite: 0, malformed: 0, rounding_error_max: 0.0 };
-        let mut row = Vec::with_capacity(self.layout.columns);
-        for (n, line) in block.lines() {
+        let mut decoded = Decoded { batch, refused: [0; 5], rounding_error_max: 0.0 };
+        let mut row = Row::default();
+        let mut sources: Option<&(usize, Vec<Option<usize>>)> = None;
+        for (n, line, columns) in piece.lines() {
             if self.layout.is_beside(n, line) {
                 continue;
             }
-            if !parse_row(line, self.layout.columns, &mut row) {
-                decoded.malformed += 1;
-                continue;
+            let world = match read_point(line, columns, &self.layout, &mut row) {
+                Ok(world) => world,
+                Err(fault) => {
+                    decoded.refused[fault as usize] += 1;
+                    continue;
+                }
+            };
+            let changed = || ScanError::damaged(path, "it changed while it was read");
+            if sources.is_none_or(|sources| sources.0 != columns) {
+                sources = self.plan.sources.iter().find(|sources| sources.0 == columns);
             }
-            let world = self.plan.axes.map(|a| row[a]);
-            if !world.iter().all(|c| c.is_finite()) {
-                decoded.not_finite += 1;
-                continue;
-            }
+            let (_, sources) = sources.ok_or_else(changed)?;
             let placed = placement.real(world, &mut decoded.rounding_error_max);
             let off = |e: esker_points::lattice::OffLattice| ScanError::OffLattice {
                 path: path.clone(),
                 world: e.world,
             };
             decoded.batch.positions.push(placed.map_err(off)?);
-            let attributes = self.info.schema.attributes.iter().zip(&self.plan.recipes);
-            for ((attribute, recipe), column) in attributes.zip(&mut decoded.batch.columns) {
-                let is_held = match (recipe, attribute.ty) {
-                    (&Recipe::Number(source), ty @ (AttrType::U64 | AttrType::I64)) => {
-                        put_digits(line, source, ty, column)
+            let plans = self.plan.recipes.iter().zip(&self.plan.fills);
+            let attributes = self.info.schema.attributes.iter().zip(plans);
+            for ((attribute, (recipe, fill)), column) in attributes.zip(&mut decoded.batch.columns)
+            {
+                let number = |found: usize| {
+                    let value = sources[found].map_or(f64::NAN, |source| row.values[source]);
+                    if value.is_nan() { *fill } else { value }
+                };
+                let wide = match (recipe, attribute.ty) {
+                    (Recipe::Number(found), AttrType::U64 | AttrType::I64) => {
+                        sources[*found].filter(|&source| Values::is_large(row.values[source]))
                     }
-                    (recipe, ty) => recipe.put(ty, |source| row[source], column),
+                    _ => None,
+                };
+                let is_held = match wide {
+                    Some(source) => {
+                        let cell = self.layout.style.cells(line).nth(source).unwrap_or_default();
+                        put_digits(number::unquoted(cell), attribute.ty, column)
+                    }
+                    None => recipe.put(attribute.ty, number, column),
                 };
                 if !is_held {
-                    return Err(ScanError::damaged(path, "it changed while it was read"));
+                    return Err(changed());
                 }
             }
         }
@@ -215,17 +307,13 @@ impl TextSource {
     }
 }
 
-/// Appends the whole number in a field of a line, all of whose digits count; `false` if the type
-/// does not hold it.
-fn put_digits(line: &[u8], source: usize, ty: AttrType, out: &mut Vec<u8>) -> bool {
-    let field = number::fields(line).nth(source).map(number::unquoted).unwrap_or_default();
-    let digits = std::str::from_utf8(field).ok().and_then(|text| text.parse::<i128>().ok());
-    // Small numbers may be written with a point or an exponent.
-    let whole = digits.or_else(|| number::number(field).map(|v| v as i128));
-    match (whole, ty) {
-        (Some(v), AttrType::U64) => u64::try_from(v).map(|v| out.extend(v.to_le_bytes())).is_ok(),
-        (Some(v), _) => i64::try_from(v).map(|v| out.extend(v.to_le_bytes())).is_ok(),
-        (None, _) => false,
+/// Appends a whole number of which a double would round digits away; `false` if the type does not
+/// hold it.
+fn put_digits(digits: &[u8], ty: AttrType, out: &mut Vec<u8>) -> bool {
+    let digits = std::str::from_utf8(digits).unwrap_or_default();
+    match ty {
+        AttrType::U64 => digits.parse::<u64>().map(|v| out.extend(v.to_le_bytes())).is_ok(),
+        _ => digits.parse::<i64>().map(|v| out.extend(v.to_le_bytes())).is_ok(),
     }
 }
 
@@ -241,16 +329,15 @@ impl Source for TextSource {
         sink: &mut Sink<'_>,
     ) -> Result<ReadReport, ScanError> {
         let mut report = ReadReport::default();
-        let mut lines = lines_of(&self.info.path)?;
-        let not_numbers = format!("line is not {} numbers", self.layout.columns);
-        let work = |block: LineBlock| self.decode(&block, placement);
+        let mut pieces = Pieces::of(&self.info.path, &self.layout)?;
+        let work = |piece: Piece| self.decode(&piece, placement);
         in_order(
             task,
-            || lines.next(),
+            || pieces.next(),
             work,
             |decoded: Decoded| {
-                let refused =
-                    [(NOT_FINITE, decoded.not_finite), (not_numbers.as_str(), decoded.malformed)];
+                let counts = Fault::ALL.iter().zip(decoded.refused);
+                let refused: Vec<_> = counts.map(|(fault, n)| (fault.reason(), n)).collect();
                 let colour_max = match self.plan.are_colours_full && !decoded.batch.is_empty() {
                     true => u16::MAX,
                     false => colour_max(&decoded.batch),
@@ -262,6 +349,10 @@ impl Source for TextSource {
     }
 
     fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
-        Ok(survey_file(&self.info.path, &self.layout, task)?.bounds(self.plan.axes))
+        Ok(survey_file(&self.info.path, &self.layout, task)?.bounds(&self.layout))
+    }
+
+    fn guess(&self) -> Option<&Guess> {
+        self.guess.as_ref()
     }
 }

@@ -34,7 +34,7 @@ pub(crate) fn number(field: &[u8]) -> Option<f64> {
     })
 }
 
-/// A field without its quotes.
+/// A field without the quotes around it.
 pub(crate) fn unquoted(field: &[u8]) -> &[u8] {
     match field {
         [b'"', inner @ .., b'"'] => inner,

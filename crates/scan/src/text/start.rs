@@ -1,15 +1,13 @@
-//! Reads the beginning of a text file and unifies its lines: bytes in, lines that end with LF out,
-//! without a byte order mark.
+//! Reads the beginning of a text file and unifies its lines: bytes in any encoding in, lines that
+//! end with LF out, in UTF-8 or an encoding that contains ASCII, without a byte order mark.
 
 use super::blocks::LineBlocks;
+use super::encoding::{Encoding, Utf16ToUtf8, encoding_of};
 use crate::error::ScanError;
 use crate::packed::open_stream;
 use crate::source::HEAD_BYTES;
 use std::io::{Cursor, Read};
 use std::path::Path;
-
-/// Byte order mark of UTF-8.
-const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
 /// Reads the first bytes of a file, from which its format is recognised.
 ///
@@ -23,8 +21,8 @@ pub(crate) fn read_head(file: &mut impl Read) -> std::io::Result<Vec<u8>> {
 
 /// The lines in `head`, the beginning of a file. The last one is whole, unless it is the only one.
 pub(crate) fn first_lines(head: &[u8]) -> Vec<u8> {
-    let mut lines = without_mark(head).to_vec();
-    if ends_lines_with_cr(head) {
+    let mut lines = in_utf_8(head);
+    if ends_lines_with_cr(&lines) {
         to_lf(&mut lines);
     }
     if head.len() as u64 == HEAD_BYTES {
@@ -42,14 +40,30 @@ pub(crate) fn lines_of(path: &Path) -> Result<LineBlocks<Box<dyn Read>>, ScanErr
     let io = |e| ScanError::io(path, e);
     let (mut file, _) = open_stream(path)?;
     let head = read_head(&mut file).map_err(io)?;
-    let input = Cursor::new(without_mark(&head).to_vec()).chain(file);
-    let input: Box<dyn Read> =
-        if ends_lines_with_cr(&head) { Box::new(CrToLf(input)) } else { Box::new(input) };
+    let is_cr = ends_lines_with_cr(&in_utf_8(&head));
+    let (encoding, mark) = encoding_of(&head);
+    let bytes = Cursor::new(head[mark..].to_vec()).chain(file);
+    let input: Box<dyn Read> = match encoding {
+        Encoding::Bytes => Box::new(bytes),
+        Encoding::Utf16 { is_big } => Box::new(Utf16ToUtf8::new(bytes, is_big)),
+    };
+    let input = if is_cr { Box::new(CrToLf(input)) } else { input };
     Ok(LineBlocks::new(input, path.to_owned(), 1))
 }
 
-fn without_mark(head: &[u8]) -> &[u8] {
-    head.strip_prefix(BYTE_ORDER_MARK).unwrap_or(head)
+/// The text of `head` behind the byte order mark; UTF-16 as UTF-8.
+fn in_utf_8(head: &[u8]) -> Vec<u8> {
+    let (encoding, mark) = encoding_of(head);
+    let bytes = &head[mark..];
+    let mut text = Vec::new();
+    match encoding {
+        Encoding::Bytes => text.extend_from_slice(bytes),
+        // Reading from memory does not fail.
+        Encoding::Utf16 { is_big } => {
+            let _ = Utf16ToUtf8::new(bytes, is_big).read_to_end(&mut text);
+        }
+    }
+    text
 }
 
 /// Whether the lines of a file that begins with `head` end with CR alone.

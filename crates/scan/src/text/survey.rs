@@ -1,222 +1,294 @@
-//! The first pass over a text file: bounds, digits after the point, the ranges of columns of whole
-//! numbers, and the number of malformed lines. From it follows the plan of the second pass:
-//! attributes, their types and the grid.
+//! The first pass over a text file: bounds, digits after the point, the ranges of the columns, and
+//! the lines that are no points, by reason. Lines of different numbers of columns, of the scans in a
+//! PTS file, are surveyed apart.
 
-use super::blocks::LineBlock;
-use super::layout::{Layout, count, excerpt, is_end};
-use super::naming::axes;
-use super::number::{decimals, fields, number, unquoted};
-use crate::fields::recipe::Recipe;
+use super::cells::Row;
+use super::layout::{Layout, count, excerpt};
+use super::number::unquoted;
+use super::ranges::{Range, Unit};
+use super::scans::Piece;
+use crate::fields::is_watched;
 use crate::fields::values::Values;
-use crate::fields::{self, Column};
-use esker_points::Schema;
-use esker_points::attribute::names;
-use std::sync::Arc;
+
+/// Greatest number of different numbers of columns that the scans of a file may have.
+pub(crate) const WIDTHS_MAX: usize = 8;
+/// Greatest number of columns for which unit vectors are looked for.
+const UNIT_COLUMNS_MAX: usize = 10;
+
+/// Why a line is no point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Fault {
+    /// Fewer cells than columns.
+    TooFew,
+    /// More values than columns.
+    TooMany,
+    /// A word in place of a coordinate.
+    Word,
+    /// A coordinate is missing.
+    NoCoordinate,
+    /// A coordinate is infinite or NaN.
+    NotFinite,
+}
+
+impl Fault {
+    /// All faults, in the order of their counters.
+    pub const ALL: [Self; 5] =
+        [Self::TooFew, Self::TooMany, Self::Word, Self::NoCoordinate, Self::NotFinite];
+
+    /// The reason for which points are refused.
+    pub fn reason(self) -> &'static str {
+        match self {
+            Self::TooFew => "line has too few values",
+            Self::TooMany => "line has too many values",
+            Self::Word => "line has a word in place of a coordinate",
+            Self::NoCoordinate => "coordinate is missing",
+            Self::NotFinite => super::naming::NOT_FINITE,
+        }
+    }
+
+    /// Whether such a line casts doubt on the layout; others are points without a place.
+    fn is_malformed(self) -> bool {
+        matches!(self, Self::TooFew | Self::TooMany | Self::Word)
+    }
+}
+
+/// Reads a line of a scan of so many columns, and checks that it is a point. Cells behind the last
+/// one become NaN.
+///
+/// # Errors
+/// Why it is no point.
+pub(crate) fn read_point(
+    line: &[u8],
+    columns: usize,
+    layout: &Layout,
+    row: &mut Row,
+) -> Result<[f64; 3], Fault> {
+    row.read(line, layout.style);
+    let least = if layout.has_counts { columns } else { layout.least };
+    let last_axis = layout.axes.into_iter().fold(0, usize::max);
+    if row.filled > columns && columns > 0 {
+        return Err(Fault::TooMany);
+    }
+    if row.cells < least.max(last_axis + 1) || columns == 0 {
+        return Err(Fault::TooFew);
+    }
+    row.values.resize(columns, f64::NAN);
+    let place = layout.axes.map(|axis| row.values[axis]);
+    if place.iter().all(|c| c.is_finite()) {
+        return Ok(place);
+    }
+    let any = |is: fn(&Row, usize) -> bool| layout.axes.iter().any(|&axis| is(row, axis));
+    Err(if any(Row::is_word) {
+        Fault::Word
+    } else if any(Row::is_missing) {
+        Fault::NoCoordinate
+    } else {
+        Fault::NotFinite
+    })
+}
+
+/// Lines that are no points for one reason.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Faulty {
+    /// Number of lines.
+    pub lines: u64,
+    /// Number and beginning of the first one.
+    pub first: Option<(u64, String)>,
+}
+
+/// The points of scans of one number of columns.
+#[derive(Clone, Debug)]
+pub(crate) struct Width {
+    /// Numbers in a line.
+    pub columns: usize,
+    /// Number of points.
+    pub points: u64,
+    /// Number of scans, where lines of counts separate them.
+    pub scans: u64,
+    /// The ranges of the columns.
+    pub ranges: Vec<Range>,
+    /// The triples of columns from each column, if their lengths matter.
+    pub units: Vec<Unit>,
+}
 
 /// What a pass over some lines finds.
 #[derive(Clone, Debug)]
 pub(crate) struct Survey {
-    /// Points with a finite position.
+    /// Points with a position.
     pub points: u64,
-    /// Points without a finite position.
-    pub not_finite: u64,
     /// Number of points according to lines with counts.
     pub claimed: u64,
-    /// Number of malformed lines.
-    pub malformed: u64,
-    /// Number and beginning of the first malformed line.
-    pub first_malformed: Option<(u64, String)>,
+    /// Lines that are no points, in the order of [`Fault::ALL`].
+    pub faulty: [Faulty; 5],
     /// Digits after the point that x, y and z need.
     pub decimals: [u32; 3],
-    ranges: Vec<Values>,
+    /// The points by the number of columns of their scans; that of the layout first.
+    pub widths: Vec<Width>,
 }
 
-/// Parses a line of exactly `columns` numbers into `row`; `false` if it is no such line. Empty
-/// fields or a comment may follow.
-pub(crate) fn parse_row(line: &[u8], columns: usize, row: &mut Vec<f64>) -> bool {
-    row.clear();
-    let mut fields = fields(line);
-    while let Some(field) = fields.next() {
-        match number(field) {
-            Some(v) if row.len() < columns => row.push(v),
-            Some(_) => return false,
-            None => return row.len() == columns && is_end(field, fields),
+impl Width {
+    fn empty(columns: usize, layout: &Layout) -> Self {
+        let has_units = layout.names.is_none() && (6..=UNIT_COLUMNS_MAX).contains(&columns);
+        let units = if has_units { columns - 2 } else { 0 };
+        let named = layout.names.iter().filter(|names| names.len() == columns).flatten();
+        let mut ranges = vec![Range::EMPTY; columns];
+        let chosen = layout.chosen.iter().map(|(name, at)| (*at, name));
+        for (column, name) in named.enumerate().chain(chosen) {
+            if let Some(range) = ranges.get_mut(column).filter(|_| is_watched(name)) {
+                *range = Range::empty(true);
+            }
+        }
+        Self { columns, points: 0, scans: 0, ranges, units: vec![Unit::default(); units] }
+    }
+
+    fn add(&mut self, row: &Row, line: &[u8], layout: &Layout) {
+        self.points += 1;
+        for (range, &v) in self.ranges.iter_mut().zip(&row.values) {
+            range.add(v);
+        }
+        if row.values.iter().any(|&v| Values::is_large(v)) {
+            let values = self.ranges.iter_mut().zip(&row.values);
+            for ((range, &v), cell) in values.zip(layout.style.cells(line)) {
+                if Values::is_large(v) {
+                    range.values.add_large(unquoted(cell));
+                }
+            }
+        }
+        for column in row.words().filter(|&column| column < self.columns) {
+            self.ranges[column].words += 1;
+            self.ranges[column].missing -= 1;
+        }
+        for (at, unit) in self.units.iter_mut().enumerate() {
+            unit.add(&row.values[at..at + 3]);
         }
     }
-    row.len() == columns
+
+    fn merge(&mut self, later: &Self) {
+        self.points += later.points;
+        self.scans += later.scans;
+        for (a, b) in self.ranges.iter_mut().zip(&later.ranges) {
+            *a = a.merge(*b);
+        }
+        for (a, b) in self.units.iter_mut().zip(&later.units) {
+            a.merge(*b);
+        }
+    }
 }
 
 impl Survey {
     /// The survey of no lines.
     pub fn empty(layout: &Layout) -> Self {
-        let named = layout.names.iter().flatten().map(|name| fields::is_watched(name));
-        let watched = named.chain(std::iter::repeat(false)).take(layout.columns);
         Self {
             points: 0,
-            not_finite: 0,
             claimed: 0,
-            malformed: 0,
-            first_malformed: None,
+            faulty: Default::default(),
             decimals: [0; 3],
-            ranges: watched.map(Values::empty).collect(),
+            widths: vec![Width::empty(layout.columns, layout)],
         }
     }
 
-    /// Surveys the lines of a block; `axes` are the columns of x, y and z.
-    pub fn of_block(block: &LineBlock, layout: &Layout, axes: [usize; 3]) -> Self {
+    /// Surveys the lines of a piece.
+    pub fn of_piece(piece: &Piece, layout: &Layout) -> Self {
         let mut found = Self::empty(layout);
-        let mut row = Vec::with_capacity(layout.columns);
-        for (n, line) in block.lines() {
+        let mut row = Row::default();
+        let mut at = 0;
+        for run in piece.runs.iter().filter(|run| run.begins && run.columns > 0) {
+            at = found.width(run.columns, layout);
+            found.widths[at].scans += 1;
+        }
+        for (n, line, columns) in piece.lines() {
             if layout.is_beside(n, line) {
-                found.claimed = found.claimed.saturating_add(count(line).unwrap_or(0));
+                let counted = if layout.has_counts { count(line.trim_ascii()) } else { None };
+                found.claimed = found.claimed.saturating_add(counted.unwrap_or(0));
                 continue;
             }
-            if !parse_row(line, layout.columns, &mut row) {
-                found.malformed += 1;
-                found.first_malformed.get_or_insert_with(|| (n, excerpt(line)));
-            } else if axes.iter().any(|&a| !row[a].is_finite()) {
-                found.not_finite += 1;
-            } else {
-                found.add(line, &row, axes);
+            if let Err(fault) = read_point(line, columns, layout, &mut row) {
+                let faulty = &mut found.faulty[fault as usize];
+                faulty.lines += 1;
+                faulty.first.get_or_insert_with(|| (n, excerpt(line)));
+                continue;
             }
+            if found.widths[at].columns != columns {
+                at = found.width(columns, layout);
+            }
+            found.points += 1;
+            found.widths[at].add(&row, line, layout);
+            found.add_decimals(line, layout);
         }
         found
     }
 
-    fn add(&mut self, line: &[u8], row: &[f64], axes: [usize; 3]) {
-        self.points += 1;
-        for (range, &v) in self.ranges.iter_mut().zip(row) {
-            range.add(v);
-        }
-        if row.iter().any(|&v| Values::is_large(v)) {
-            for ((range, &v), field) in self.ranges.iter_mut().zip(row).zip(fields(line)) {
-                if Values::is_large(v) {
-                    range.add_large(unquoted(field));
-                }
-            }
-        }
-        for (column, field) in
-            fields(line).enumerate().take(1 + axes.into_iter().fold(0, usize::max))
-        {
-            if let Some(i) = axes.iter().position(|&a| a == column) {
-                self.decimals[i] = self.decimals[i].max(decimals(field));
+    /// The index of the points of scans of so many columns.
+    fn width(&mut self, columns: usize, layout: &Layout) -> usize {
+        let found = self.widths.iter().position(|width| width.columns == columns);
+        found.unwrap_or_else(|| {
+            self.widths.push(Width::empty(columns, layout));
+            self.widths.len() - 1
+        })
+    }
+
+    fn add_decimals(&mut self, line: &[u8], layout: &Layout) {
+        let last = layout.axes.into_iter().fold(0, usize::max);
+        for (column, cell) in layout.style.cells(line).enumerate().take(1 + last) {
+            if let Some(i) = layout.axes.iter().position(|&axis| axis == column) {
+                self.decimals[i] = self.decimals[i].max(layout.style.decimals(cell));
             }
         }
     }
 
-    /// Adds the survey of a later block.
-    pub fn merge(&mut self, later: Self) {
+    /// Adds the survey of a later piece; `false` if there are too many widths.
+    pub fn merge(&mut self, later: Self, layout: &Layout) -> bool {
         self.points += later.points;
-        self.not_finite += later.not_finite;
         self.claimed = self.claimed.saturating_add(later.claimed);
-        self.malformed += later.malformed;
-        self.first_malformed = self.first_malformed.take().or(later.first_malformed);
+        for (a, b) in self.faulty.iter_mut().zip(later.faulty) {
+            a.lines += b.lines;
+            a.first = a.first.take().or(b.first);
+        }
         for (a, b) in self.decimals.iter_mut().zip(later.decimals) {
             *a = (*a).max(b);
         }
-        for (a, b) in self.ranges.iter_mut().zip(later.ranges) {
-            a.merge(&b);
+        for width in &later.widths {
+            let at = self.width(width.columns, layout);
+            self.widths[at].merge(width);
         }
+        self.widths.len() <= WIDTHS_MAX
     }
 
-    /// The bounds of all points with a finite position.
-    pub fn bounds(&self, axes: [usize; 3]) -> Option<[[f64; 3]; 2]> {
-        let of = |value: fn(&Values) -> f64| axes.map(|a| value(&self.ranges[a]));
-        (self.points > 0).then(|| [of(|r| r.min), of(|r| r.max)])
-    }
-}
-
-/// How the columns of a file become coordinates and attributes.
-#[derive(Clone, Debug)]
-pub(crate) struct ColumnPlan {
-    /// Columns of x, y and z.
-    pub axes: [usize; 3],
-    /// The attributes.
-    pub schema: Arc<Schema>,
-    /// How each attribute of the schema is made from the columns of a line.
-    pub recipes: Vec<Recipe>,
-    /// Assumptions, a line each.
-    pub notes: Vec<String>,
-    /// See [`fields::FieldPlan`].
-    pub are_colours_full: bool,
-    /// See [`fields::FieldPlan`].
-    pub is_legacy: bool,
-}
-
-/// The columns of x, y and z: by name, else the first three.
-pub(crate) fn axes_of(layout: &Layout) -> [usize; 3] {
-    let named = layout.names.as_ref().and_then(|n| axes(n.iter().map(String::as_str)));
-    named.unwrap_or([0, 1, 2])
-}
-
-impl ColumnPlan {
-    /// Chooses names and types after the survey.
-    pub fn new(layout: &Layout, survey: &Survey) -> Self {
-        let axes = axes_of(layout);
-        let mut notes = Vec::new();
-        let names = match &layout.names {
-            Some(names) => names.clone(),
-            None => guessed_names(layout.columns, &survey.ranges, &mut notes),
+    /// The bounds of all points with a position.
+    pub fn bounds(&self, layout: &Layout) -> Option<[[f64; 3]; 2]> {
+        let with = || self.widths.iter().filter(|width| width.points > 0);
+        let all = |axis: usize| {
+            let ranges = with().map(|width| width.ranges[layout.axes[axis]]);
+            ranges.fold(Range::EMPTY, Range::merge).ends()
         };
-        if !axes.iter().all(|&a| super::naming::axis(&names[a]).is_some()) {
-            notes.push("no columns are named x, y and z: the first three are taken".into());
-        }
-        let others: Vec<usize> = (0..names.len()).filter(|c| !axes.contains(c)).collect();
-        let column = |&c: &usize| Column { name: &names[c], ty: None, values: survey.ranges[c] };
-        let columns: Vec<Column<'_>> = others.iter().map(column).collect();
-        let fields = fields::plan(&columns);
-        notes.extend(fields.notes);
-        if fields.schema.normals().is_some() {
-            notes.push("normals are kept as 32-bit floats".into());
-        }
-        let rounded: Vec<_> =
-            columns.iter().filter(|c| c.values.is_rounded()).map(|c| c.name).collect();
-        if !rounded.is_empty() {
-            let names = rounded.join(", ");
-            notes.push(format!("whole numbers from 2^53 on are rounded to doubles: {names}"));
-        }
-        let recipes = fields.recipes.into_iter().map(|r| r.of_columns(&others)).collect();
-        Self {
-            axes,
-            schema: fields.schema,
-            recipes,
-            notes,
-            are_colours_full: fields.are_colours_full,
-            is_legacy: fields.is_legacy,
-        }
+        let ends = [0, 1, 2].map(all);
+        with().next().map(|_| [ends.map(|[min, _]| min), ends.map(|[_, max]| max)])
     }
-}
 
-/// Names for columns that the file does not name: `column_4` and so on. But the fourth of four is
-/// the intensity if it is whole and fits 16 bits; the last three of six are colours if they are
-/// bytes; and seven have both, if the values allow only one of the orders `r g b i` and `i r g b`.
-fn guessed_names(columns: usize, ranges: &[Values], notes: &mut Vec<String>) -> Vec<String> {
-    let mut names: Vec<String> = ["x", "y", "z"].map(str::to_owned).to_vec();
-    names.extend((4..=columns).map(|n| format!("column_{n}")));
-    let bytes = |from: usize| ranges[from..from + 3].iter().all(|r| r.is_whole_within(0.0, 255.0));
-    let (colours, intensity) = match columns {
-        4 => (None, Some(3)),
-        6 => (bytes(3).then_some(3), None),
-        7 => match (bytes(3), bytes(4)) {
-            (true, false) => (Some(3), Some(6)),
-            (false, true) => (Some(4), Some(3)),
-            // All four are bytes, so the intensity cannot be distinguished from colours.
-            _ => (None, None),
-        },
-        _ => (None, None),
-    };
-    let mut guess = |column: usize, name: &str| {
-        names[column] = name.to_owned();
-        let n = column + 1;
-        notes.push(format!("column {n} is taken for {name}; a first line of names decides else"));
-    };
-    for (i, name) in [names::RED, names::GREEN, names::BLUE].into_iter().enumerate() {
-        if let Some(first) = colours {
-            guess(first + i, name);
-        }
+    /// Number of lines that cast doubt on the layout, and the first of them.
+    pub fn malformed(&self) -> (u64, Option<&(u64, String)>) {
+        let faults =
+            || Fault::ALL.iter().zip(&self.faulty).filter(|(fault, _)| fault.is_malformed());
+        let lines = faults().map(|(_, faulty)| faulty.lines).sum();
+        (lines, faults().filter_map(|(_, faulty)| faulty.first.as_ref()).min())
     }
-    if let Some(column) = intensity.filter(|&c| ranges[c].is_whole_within(0.0, 65_535.0)) {
-        guess(column, names::INTENSITY);
+
+    /// Number of lines that are points or meant as points.
+    pub fn lines(&self) -> u64 {
+        self.points + self.faulty.iter().map(|faulty| faulty.lines).sum::<u64>()
     }
-    names
+
+    /// The refused lines, a line for each reason.
+    pub fn notes(&self) -> Vec<String> {
+        let all = Fault::ALL.iter().zip(&self.faulty);
+        let told = all.filter_map(|(fault, faulty)| {
+            let (line, text) = faulty.first.as_ref()?;
+            let (lines, reason) = (faulty.lines, fault.reason());
+            Some(match lines {
+                1 => format!("{reason}: line {line} (`{text}`)"),
+                _ => format!("{reason}: {lines} lines, the first is line {line} (`{text}`)"),
+            })
+        });
+        told.collect()
+    }
 }

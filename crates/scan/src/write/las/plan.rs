@@ -119,6 +119,12 @@ pub fn plan(
         }
         found.note_format(sources, &records, &extra, &mut notes);
         notes.extend(renamed);
+        if records.rounds_angles() {
+            notes.push(
+                "whole degrees of scan angles are written in steps of 0.006, off by at most 0.003"
+                    .into(),
+            );
+        }
     }
     let laszip = is_compressed.then(|| laszip(path, &records)).transpose()?;
     place_laszip(laszip.as_ref(), &mut vlrs, path)?;

@@ -110,6 +110,11 @@ impl Records {
         (records, extra)
     }
 
+    /// Whether whole degrees of scan angles are rounded to steps of 0.006.
+    pub fn rounds_angles(&self) -> bool {
+        self.destinations.iter().any(|destination| destination.put == Put::Degrees)
+    }
+
     /// For each column, the index of its field. A column that is converted has the field of another
     /// one.
     pub fn fields(&self) -> Vec<usize> {
