@@ -20,7 +20,7 @@ pub use attributes::normals::NormalsMode;
 pub use budget::shares::Shares;
 pub use calls::append::{append, append_sources};
 pub use calls::build::{build, build_shared, build_sources};
-pub use calls::export::{Exported, export};
+pub use calls::export::{ExportOptions, Exported, export, export_with};
 pub use calls::merge::merge;
 pub use calls::verify::{Against, against, against_forest, against_sources};
 pub use error::BuildError;

@@ -6,7 +6,7 @@ use crate::budget::memory;
 use esker_format::{Codec, Normals, SetAside, SourceRecord, TreeRef};
 use esker_points::palette::{Misfit, Palette};
 use esker_points::{ColourDepth, Lattice, MultisetHash};
-use esker_scan::{Columns, OpenOptions};
+use esker_scan::{Columns, Crs, OpenOptions};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -51,6 +51,12 @@ pub struct Options {
     pub columns: Option<Columns>,
     /// Lines at the beginning of text files that are passed over.
     pub skip_lines: u64,
+    /// Whether PCD files are transformed by the poses in their headers.
+    pub apply_viewpoint: bool,
+    /// Coordinate reference system of inputs that state none.
+    pub crs: Option<Crs>,
+    /// Name of the unit of length of inputs that state none.
+    pub unit: Option<String>,
 }
 
 /// Treatment of interrupted builds.
@@ -110,6 +116,9 @@ impl Default for Options {
             compact: false,
             columns: None,
             skip_lines: 0,
+            apply_viewpoint: false,
+            crs: None,
+            unit: None,
         }
     }
 }
@@ -122,6 +131,9 @@ impl Options {
             memory_bytes: Some(self.memory_bytes),
             columns: self.columns.clone(),
             skip_lines: self.skip_lines,
+            apply_viewpoint: self.apply_viewpoint,
+            crs: self.crs.clone(),
+            unit: self.unit.clone(),
         }
     }
 }

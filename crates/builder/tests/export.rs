@@ -66,7 +66,10 @@ fn different_sources_are_exported_together_with_zeros_for_missing_attributes() {
     assert_eq!(report.format, "LAS 1.4, point format 6");
     assert_eq!(
         report.notes,
-        ["zero where a point's source had none: classification, gps_time, intensity"]
+        [
+            "32000 points without a return number are written as return 1",
+            "zero where a point's source had none: classification, gps_time, intensity"
+        ]
     );
     let all = lines(&file, folder.path(), &Filter::default());
     // x, y, z, classification, gps_time, intensity.
@@ -82,16 +85,55 @@ fn class_filters_match_only_points_that_have_a_class() {
     for (classes, points) in [("0", 4_000), ("0-4", 20_000), ("0-255", 20_000)] {
         let wanted = filter(|f| f.classes = Some(classes.parse().unwrap()));
         assert_eq!(lines(&file, folder.path(), &wanted).len(), points, "{classes}");
-        let shown =
-            ForestFilter::of(&file, Some(wanted.on(file.lattice()).unwrap()), None).unwrap();
-        let nodes = 0..file.table().nodes.len() as u32;
-        let drawn = nodes.map(|node| {
-            let planes = shown.read(&file, node, &[PlaneKind::Position]).unwrap();
-            let positions = planes.get(PlaneKind::Position).unwrap_or_default();
-            let positions = positions.as_chunks::<HOT_POSITION_BYTES>().0.iter();
-            positions.take(shown.points_max(node)).filter(|p| p[HIDDEN_AT] == 0).count()
-        });
-        assert_eq!(drawn.sum::<usize>(), points, "{classes}");
+        assert_eq!(drawn(&file, &wanted), points, "{classes}");
+    }
+}
+
+/// Number of points that are drawn with a filter.
+fn drawn(file: &Forest, filter: &Filter) -> usize {
+    let shown = ForestFilter::of(file, Some(filter.on(file.lattice()).unwrap()), None).unwrap();
+    let nodes = 0..file.table().nodes.len() as u32;
+    let drawn = nodes.map(|node| {
+        let planes = shown.read(file, node, &[PlaneKind::Position]).unwrap();
+        let positions = planes.get(PlaneKind::Position).unwrap_or_default();
+        let positions = positions.as_chunks::<HOT_POSITION_BYTES>().0.iter();
+        positions.take(shown.points_max(node)).filter(|p| p[HIDDEN_AT] == 0).count()
+    });
+    drawn.sum()
+}
+
+#[test]
+fn flags_choose_points_in_exports_and_pictures_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    let hill = |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), below(i, 300)];
+    let (flags, class) = (|i: u64| i % 16, |i: u64| [2, 8, 12][i as usize % 3]);
+    let flagged = given("a.las", [0.001; 3], (0..9_600).map(hill).collect())
+        .with("flags", AttrType::U8, flags)
+        .with("classification", AttrType::U8, class);
+    let bare = given("b.las", [0.001; 3], (9_600..10_000).map(hill).collect());
+    let out = folder.path().join("in.esker");
+    let options = Options { node_capacity: 256, ..Default::default() };
+    build_sources(boxed(&[flagged, bare]), &out, &options, &Silent).unwrap();
+    let file = Forest::open(&out).unwrap();
+    let count = |keeps: &dyn Fn(u64, u64) -> bool| {
+        (0..9_600).filter(|&i| keeps(flags(i), class(i))).count()
+    };
+    let wanted = |word: &str| filter(|f| f.flags = word.parse().unwrap());
+    let without = |word: &str| filter(|f| f.without_flags = word.parse().unwrap());
+    let classes = |word: &str| filter(|f| f.classes = Some(word.parse().unwrap()));
+    for (filter, points) in [
+        (wanted("withheld"), count(&|f, _| f & 4 != 0)),
+        (wanted("synthetic,key-point"), count(&|f, c| f & 3 != 0 || c == 8)),
+        (without("withheld"), 400 + count(&|f, _| f & 4 == 0)),
+        (without("overlap,synthetic"), 400 + count(&|f, c| f & 9 == 0 && c != 12)),
+        (classes("overlap"), count(&|f, c| f & 8 != 0 || c == 12)),
+        (classes("12"), count(&|_, c| c == 12)),
+        (Filter { without_flags: "withheld".parse().unwrap(), ..classes("ground") }, {
+            count(&|f, c| f & 4 == 0 && c == 2)
+        }),
+    ] {
+        assert_eq!(lines(&file, folder.path(), &filter).len(), points, "{filter:?}");
+        assert_eq!(drawn(&file, &filter), points, "{filter:?}");
     }
 }
 
@@ -112,10 +154,12 @@ fn attributes_converted_from_others_are_not_reported_as_zero() {
     };
     // A LAS record has one field for both.
     let two = [fine.clone(), coarse.clone()];
-    assert_eq!(notes(&two, "las"), [""; 0]);
-    let zeros = "zero where a point's source had none: scan_angle, scan_angle_rank";
-    assert_eq!(notes(&two, "ply"), [zeros]);
-    assert_eq!(notes(&[fine, coarse, bare], "las"), [zeros]);
+    let returns =
+        |points| format!("{points} points without a return number are written as return 1");
+    assert_eq!(notes(&two, "las"), [returns(1000)]);
+    let zeros = "zero where a point's source had none: scan_angle, scan_angle_rank".to_owned();
+    assert_eq!(notes(&two, "ply"), [zeros.clone()]);
+    assert_eq!(notes(&[fine, coarse, bare], "las"), [returns(1500), zeros]);
 }
 
 #[test]

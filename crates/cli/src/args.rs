@@ -41,7 +41,7 @@ pub enum Command {
         #[command(flatten)]
         with: DrawWithArgs,
         #[command(flatten)]
-        read: ReadHow,
+        reading: ReadHow,
         /// Print one JSON object.
         #[arg(long)]
         json: bool,
@@ -73,7 +73,8 @@ pub enum Command {
 #[derive(ClapArgs)]
 pub struct Build {
     /// The scans, or folders, which stand for all scans directly in them (.las, .laz, .ply, .pcd,
-    /// .e57, .ptx, .xyz, .txt, .csv, .pts); with --merge .esker files. Generated scans are named
+    /// .e57, .ptx, and text: .xyz, .txt, .csv, .pts, .asc ...; compressed .zst and .gz, too). What is
+    /// no scan is left out and listed. With --merge .esker files. Generated scans are named
     /// synthetic:SCENE:POINTS or synthetic:SCENE:POINTS:SEED: SCENE is bridge, office, terrain, or
     /// a model with sharp edges, cube or csg; POINTS such as 250000, 100k, 10M or 1G; SEED a whole
     /// number, 1 by default.
@@ -129,7 +130,7 @@ pub struct Verify {
     #[arg(long, num_args = 1.., value_name = "IN")]
     pub against: Vec<PathBuf>,
     #[command(flatten)]
-    pub read: ReadHow,
+    pub reading: ReadHow,
     #[command(flatten)]
     pub threads: Threads,
     #[command(flatten)]

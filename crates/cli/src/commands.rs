@@ -20,8 +20,8 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
     let done = match command {
         Command::Build(args) => run_build(args, stop),
         Command::Append(args) => run_append(args, stop),
-        Command::Info { file: Some(file), read, json, .. } => {
-            let report = info::info(&file, &read.options(), &Progress::new(Style::None, stop))?;
+        Command::Info { file: Some(file), reading, json, .. } => {
+            let report = info::info(&file, &reading.open_options(), &Progress::new(Style::None, stop))?;
             print(json, &report, || info::text(&report))
         }
         Command::Info { file: None, with, json, .. } => {
@@ -72,8 +72,8 @@ fn run_append(args: Append, stop: Arc<AtomicBool>) -> Result<()> {
 
 fn run_verify(args: Verify, stop: Arc<AtomicBool>) -> Result<()> {
     let report = args.output.watch(stop, |progress| {
-        let (against, read) = (&args.against, args.read.options());
-        verify::verify(&args.file, against, &read, args.threads.count, progress)
+        let reading = args.reading.open_options();
+        verify::verify(&args.file, &args.against, &reading, args.threads.count, progress)
     });
     if let (Err(error), true) = (&report, args.output.json) {
         print(true, &verify::fault(&args.file, error), String::new)?;

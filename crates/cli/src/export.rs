@@ -1,9 +1,10 @@
 //! `esker export`: its options, and the call that they become.
 
 use crate::output::Output;
-use crate::shared::{FilterArgs, Threads};
+use crate::shared::{ColourBits, FilterArgs, Threads};
 use anyhow::Result;
 use clap::Args as ClapArgs;
+use esker_engine::ExportOptions;
 use esker_engine::calls::export;
 use esker_engine::io::output::may_create;
 use std::path::PathBuf;
@@ -20,6 +21,10 @@ pub struct Export {
     /// Replace OUT if it is there already.
     #[arg(long)]
     pub overwrite: bool,
+    /// Bits of the colours: 8 rounds them, with a note on what is lost; 16 multiplies those of 8 bits
+    /// by 256. By default PLY has 8 where that loses nothing, and other formats those of the scan.
+    #[arg(long, value_enum)]
+    pub colour_bits: Option<ColourBits>,
     #[command(flatten)]
     pub filter: FilterArgs,
     #[command(flatten)]
@@ -34,9 +39,12 @@ pub fn run(args: Export, stop: Arc<AtomicBool>) -> Result<()> {
         may_create(&args.out)?;
     }
     let filter = args.filter.into();
+    let options = ExportOptions { colour_depth: args.colour_bits.map(Into::into) };
     args.output.report(
         stop,
-        |progress| export::export(&args.file, &args.out, &filter, args.threads.count, progress),
+        |progress| {
+            export::export(&args.file, &args.out, &filter, options, args.threads.count, progress)
+        },
         |report| export::text(report, &args.out),
     )
 }

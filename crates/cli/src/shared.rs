@@ -8,10 +8,11 @@ use esker_engine::io::visible::visible;
 use esker_engine::io::{polygon, quantity};
 use esker_engine::machine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::{
-    Bounds, BuildOptions, Classes, Codec, ColourDepth, Columns, Filter, Method, NormalsMode,
-    OpenOptions, Polygon, Resume,
+    Bounds, BuildOptions, Classes, Codec, ColourDepth, Columns, Crs, Filter, Flags, Method,
+    NormalsMode, OpenOptions, Polygon, Resume,
 };
-use std::path::PathBuf;
+use esker_engine::{UNITS, read_crs};
+use std::path::{Path, PathBuf};
 
 /// Number of threads.
 #[derive(ClapArgs)]
@@ -64,29 +65,16 @@ pub struct BuildHow {
     #[arg(long)]
     pub allow_rounding: bool,
     #[command(flatten)]
-    pub threads: Threads,
+    pub reading: ReadHow,
+    /// Coordinate reference system of inputs that state none: EPSG:2154, EPSG:2154+5720 with that of
+    /// heights, WKT, or a file of WKT. Inputs that state another one are refused.
+    #[arg(long, value_name = "CRS", value_parser = parse_crs)]
+    pub crs: Option<Crs>,
+    /// Unit of the coordinates of inputs that state none.
+    #[arg(long, value_name = "UNIT", value_parser = unit_parser())]
+    pub unit: Option<String>,
     #[command(flatten)]
-    pub read: ReadHow,
-}
-
-/// How scans are read.
-#[derive(ClapArgs)]
-pub struct ReadHow {
-    /// Which column of text files is which, by numbers from 1 or by the names in the file, in place
-    /// of what the files tell: x=3,y=2,z=4,intensity=5.
-    #[arg(long, value_name = "NAME=COLUMN,...")]
-    pub columns: Option<Columns>,
-    /// Lines at the beginning of text files that are passed over.
-    #[arg(long, value_name = "N", default_value_t, hide_default_value = true)]
-    pub skip_lines: u64,
-}
-
-impl ReadHow {
-    /// Options with which scans are opened.
-    pub fn options(&self) -> OpenOptions {
-        let (columns, skip_lines) = (self.columns.clone(), self.skip_lines);
-        OpenOptions { columns, skip_lines, ..OpenOptions::default() }
-    }
+    pub threads: Threads,
 }
 
 impl BuildHow {
@@ -100,8 +88,11 @@ impl BuildHow {
             (self.sharp_features, "--sharp-features"),
             (self.tangents, "--tangents"),
             (self.compact, "--compact"),
-            (self.read.columns.is_some(), "--columns"),
-            (self.read.skip_lines > 0, "--skip-lines"),
+            (self.reading.columns.is_some(), "--columns"),
+            (self.reading.skip_lines > 0, "--skip-lines"),
+            (self.reading.apply_viewpoint, "--apply-viewpoint"),
+            (self.crs.is_some(), "--crs"),
+            (self.unit.is_some(), "--unit"),
         ];
         all.into_iter().filter(|(is_given, _)| *is_given).map(|(_, name)| name).collect()
     }
@@ -141,9 +132,40 @@ impl BuildHow {
             compact: self.compact,
             ignore_crs: self.ignore_crs,
             allow_rounding: self.allow_rounding,
-            columns: self.read.columns.clone(),
-            skip_lines: self.read.skip_lines,
+            columns: self.reading.columns.clone(),
+            skip_lines: self.reading.skip_lines,
+            apply_viewpoint: self.reading.apply_viewpoint,
+            crs: self.crs.clone(),
+            unit: self.unit.clone(),
             ..default
+        }
+    }
+}
+
+/// How scans are read.
+#[derive(ClapArgs)]
+pub struct ReadHow {
+    /// Which column of text files is which, by numbers from 1 or by the names in the file, in place
+    /// of what the files tell: x=3,y=2,z=4,intensity=5.
+    #[arg(long, value_name = "NAME=COLUMN,...")]
+    pub columns: Option<Columns>,
+    /// Lines at the beginning of text files that are passed over.
+    #[arg(long, value_name = "N", default_value_t, hide_default_value = true)]
+    pub skip_lines: u64,
+    /// Transform the points and normals of PCD files by the pose in their headers (VIEWPOINT).
+    #[arg(long)]
+    pub apply_viewpoint: bool,
+}
+
+impl ReadHow {
+    /// Options with which scans are opened.
+    pub fn open_options(&self) -> OpenOptions {
+        let Self { columns, skip_lines, apply_viewpoint } = self;
+        OpenOptions {
+            columns: columns.clone(),
+            skip_lines: *skip_lines,
+            apply_viewpoint: *apply_viewpoint,
+            ..OpenOptions::default()
         }
     }
 }
@@ -232,9 +254,17 @@ pub struct FilterArgs {
     /// or of GeoJSON.
     #[arg(long, value_name = "POLYGON", allow_hyphen_values = true, value_parser = parse_polygon)]
     pub polygon: Option<Polygon>,
-    /// Points of these classes: numbers, ranges and names, such as 2,6 or ground,3-5.
+    /// Points of these classes: numbers, ranges and names, such as 2,6 or ground,3-5; overlap
+    /// is class 12 and the flag.
     #[arg(long, value_name = "CLASSES")]
     pub classes: Option<Classes>,
+    /// Points with any of these flags: withheld, synthetic, key-point, overlap. Classes 8 and 12,
+    /// which mark key points and overlap in older files, count as well.
+    #[arg(long, value_name = "FLAGS")]
+    pub flags: Option<Flags>,
+    /// No points with any of these flags.
+    #[arg(long, value_name = "FLAGS")]
+    pub without_flags: Option<Flags>,
     /// An even sample whose points are about this length apart, above 0, in the scan's unit.
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = quantity::length)]
     pub max_spacing: Option<f64>,
@@ -242,9 +272,25 @@ pub struct FilterArgs {
 
 impl From<FilterArgs> for Filter {
     fn from(args: FilterArgs) -> Self {
-        let FilterArgs { bounds, polygon, classes, max_spacing } = args;
-        Self { bounds, polygon, classes, max_spacing }
+        let FilterArgs { bounds, polygon, classes, flags, without_flags, max_spacing } = args;
+        let (flags, without_flags) = (flags.unwrap_or_default(), without_flags.unwrap_or_default());
+        Self { bounds, polygon, classes, flags, without_flags, max_spacing }
     }
+}
+
+fn parse_crs(word: &str) -> Result<Crs, String> {
+    let path = Path::new(word);
+    let is_file = !word.contains('[') && path.is_file();
+    if is_file { read_crs(path).map_err(|e| e.to_string()) } else { word.parse() }
+}
+
+/// Parses the word for a unit to its name.
+fn unit_parser() -> impl TypedValueParser<Value = String> {
+    let parser = PossibleValuesParser::new(UNITS.map(|(word, _)| word));
+    parser.try_map(|word| {
+        let named = UNITS.iter().find(|(other, _)| *other == word);
+        named.map(|(_, name)| (*name).to_owned()).ok_or("no such unit")
+    })
 }
 
 fn parse_polygon(word: &str) -> Result<Polygon, String> {

@@ -11,16 +11,17 @@ pub mod machine;
 
 pub use draw::method::Method;
 pub use esker_builder::budget::memory;
-pub use esker_builder::{NormalsMode, Options as BuildOptions, Resume};
+pub use esker_builder::{ExportOptions, NormalsMode, Options as BuildOptions, Resume};
 pub use esker_format::{Codec, EskerFile, Forest};
 pub use esker_lod::View;
-pub use esker_points::filter::{Bounds, Classes, Filter, Polygon};
+pub use esker_points::filter::{Bounds, Classes, Filter, Flags, Polygon};
 pub use esker_points::unfinished::remove_all as remove_unfinished;
 pub use esker_points::{Cancelled, ColourDepth, Task};
 
 pub use esker_render::Picture;
 pub use esker_scan::caught::hide as hide_caught_panics;
-pub use esker_scan::{Columns, OpenOptions};
+pub use esker_scan::system::{UNITS, read_crs};
+pub use esker_scan::{Columns, Crs, OpenOptions};
 pub use esker_stream::{Cut, Status};
 
 /// Writes an error and its causes as one line. A cause that is part of the text before it is left

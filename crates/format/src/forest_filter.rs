@@ -176,7 +176,10 @@ impl NodeFilters {
         let mut kinds = vec![PlaneKind::Residual];
         if self.filter.needs_classes() {
             kinds.push(PlaneKind::Class);
-            kinds.extend(classification(forest));
+            kinds.extend(plane(forest, names::CLASSIFICATION));
+        }
+        if self.filter.needs_flags() {
+            kinds.extend(plane(forest, names::FLAGS));
         }
         kinds.retain(|&kind| forest.has_plane(node, kind));
         kinds
@@ -189,14 +192,18 @@ impl NodeFilters {
         let test = self.filter.in_box(min, max);
         let copy = |kind| planes.get(kind).unwrap_or_default().to_vec();
         let (residual, of_source) = (copy(PlaneKind::Residual), copy(PlaneKind::Class));
-        let kind = classification(forest).filter(|_| self.filter.needs_classes());
-        let classes = kind.map(copy).unwrap_or_default();
+        let values = |name: &str, is_needed: bool| {
+            plane(forest, name).filter(|_| is_needed).map(copy).unwrap_or_default()
+        };
+        let classes = values(names::CLASSIFICATION, self.filter.needs_classes());
+        let flags = values(names::FLAGS, self.filter.needs_flags());
         let file = forest.file_of(node);
-        let own = file.metadata().schema.find_typed(names::CLASSIFICATION, AttrType::U8);
-        let has_class = |point: usize| {
+        let own = |name: &str| file.metadata().schema.find_typed(name, AttrType::U8);
+        let (own_classes, own_flags) = (own(names::CLASSIFICATION), own(names::FLAGS));
+        let has = |attribute: Option<usize>, point: usize| {
             let source =
                 of_source.as_chunks::<2>().0.get(point).map_or(0, |c| u16::from_le_bytes(*c));
-            own.is_some_and(|a| file.layout().has_attribute(usize::from(source), a))
+            attribute.is_some_and(|a| file.layout().has_attribute(usize::from(source), a))
         };
         let Some(positions) = planes.get_mut(PlaneKind::Position) else { return };
         let shift = record.hot_shift;
@@ -207,8 +214,9 @@ impl NodeFilters {
                 let hot = u16::from_le_bytes([point[axis * 2], point[axis * 2 + 1]]);
                 exact(hot, low[axis], min[axis], shift)
             });
-            let class = classes.get(i).copied().filter(|_| has_class(i));
-            point[HIDDEN_AT] = u8::from(!test.keeps(p, class));
+            let class = classes.get(i).copied().filter(|_| has(own_classes, i));
+            let flags = flags.get(i).copied().filter(|_| has(own_flags, i));
+            point[HIDDEN_AT] = u8::from(!test.keeps(p, class, flags));
         }
     }
 }
@@ -252,8 +260,8 @@ fn node_filter(
     }
 }
 
-/// The plane of the classification.
-fn classification(forest: &Forest) -> Option<PlaneKind> {
-    let index = forest.schema().find_typed(names::CLASSIFICATION, AttrType::U8)?;
+/// The plane of an attribute of bytes.
+fn plane(forest: &Forest, name: &str) -> Option<PlaneKind> {
+    let index = forest.schema().find_typed(name, AttrType::U8)?;
     Some(PlaneKind::Attribute(u16::try_from(index).ok()?))
 }

@@ -24,6 +24,8 @@ pub struct Format {
     pub name: &'static str,
     /// File name extensions, lower-case, by which scans are found in a folder.
     pub endings: &'static [&'static str],
+    /// Whether it is read from front to back, so that compressed files can be read, too.
+    pub is_streamed: bool,
     /// Whether a file that begins with these bytes (up to 64 KiB) is of this format.
     pub recognises: fn(head: &[u8]) -> bool,
     /// Opens a file of this format.
@@ -42,6 +44,12 @@ pub struct OpenOptions {
     /// Memory for everything while inputs are read, in bytes. If absent, a few dozen MiB and what
     /// the format needs.
     pub memory_bytes: Option<u64>,
+    /// Whether the points and normals of a PCD file are transformed by the pose in its header.
+    pub apply_viewpoint: bool,
+    /// Coordinate reference system of inputs that state none.
+    pub crs: Option<Crs>,
+    /// Name of the unit of length of inputs that state none, as in [`Crs::unit`].
+    pub unit: Option<String>,
     /// Which column of text files is which; overrides what the files tell.
     pub columns: Option<Columns>,
     /// Lines at the beginning of text files that are passed over.
@@ -95,7 +103,8 @@ pub struct Guess {
 /// A coordinate reference system as the source writes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Crs {
-    /// OGC WKT, or the GeoTIFF keys in readable form (`GeoTIFF: ProjectedCSType=2154 ...`).
+    /// OGC WKT, or the GeoTIFF keys in readable form (`GeoTIFF: ProjectedCSType=2154 ...`); empty
+    /// if only the unit is known.
     pub text: String,
     /// Unit of length, if the CRS names it: `metre`, `US survey foot`, `foot`, `degree`.
     pub unit: Option<String>,

@@ -181,6 +181,40 @@ fn colours_of_a_range_become_sixteen_bits() {
 }
 
 #[test]
+fn fractions_without_a_range_get_one_by_their_values() {
+    for (greatest, want) in [(1.0, 32_768.0), (255.0, 32_768.0), (65_535.0, 32_768.0)] {
+        let mut prototype = cartesian(&DOUBLE);
+        let names = [Name::ColorRed, Name::ColorGreen, Name::ColorBlue];
+        prototype.extend(names.map(|n| record(n, SINGLE)));
+        let mut point = [1.0, 2.0, 3.0].map(Value::Double).to_vec();
+        point.extend([0.0, greatest / 2.0, greatest].map(Value::Single));
+        let cloud = read(file(&[Scan { prototype, pose: None, points: vec![point] }])).unwrap();
+        assert_eq!(cloud.column("green").1, [want]);
+        assert_eq!(cloud.column("blue").1, [65_535.0]);
+        let noted = cloud.info.notes.iter().any(|n| n.contains("is taken for white"));
+        assert_eq!(noted, greatest > 1.0, "{:?}", cloud.info.notes);
+    }
+}
+
+#[test]
+fn returns_that_fit_four_bits_are_those_of_las() {
+    let whole = |max| Kind::Integer { min: 0, max };
+    for (max, want) in [(7, "return_count:u8 returns:u8"), (255, "return_count:u8 return_index:u8")]
+    {
+        let mut prototype = cartesian(&DOUBLE);
+        prototype.push(record(Name::ReturnIndex, whole(max)));
+        prototype.push(record(Name::ReturnCount, whole(7)));
+        let mut point = [1.0, 2.0, 3.0].map(Value::Double).to_vec();
+        point.extend([1, 3].map(Value::Integer));
+        let cloud = read(file(&[Scan { prototype, pose: None, points: vec![point] }])).unwrap();
+        assert_eq!(cloud.types(), want);
+        if max == 7 {
+            assert_eq!(cloud.bytes("returns"), [0x32]);
+        }
+    }
+}
+
+#[test]
 fn directions_and_ranges_become_positions() {
     let names = [Name::SphericalRange, Name::SphericalAzimuth, Name::SphericalElevation];
     let prototype = names.map(|n| record(n, DOUBLE)).to_vec();
@@ -332,15 +366,38 @@ fn too_many_values_are_refused() {
     let mut bytes = Cursor::new(Vec::new());
     let mut writer = E57Writer::new(&mut bytes, "a file").unwrap();
     writer.register_extension(e57::Extension::new("e", "https://example.org/e")).unwrap();
-    writer.add_pointcloud("a scan", prototype).unwrap().finalize().unwrap();
+    writer.add_pointcloud("a scan", prototype.clone()).unwrap().finalize().unwrap();
     writer.finalize().unwrap();
     drop(writer);
     let error = error(bytes.into_inner());
-    assert!(error.contains("more than 1024 values"), "{error}");
+    assert!(error.contains("scan 1 has more than 1024 values"), "{error}");
+    // Another scan is kept.
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = E57Writer::new(&mut bytes, "a file").unwrap();
+    writer.register_extension(e57::Extension::new("e", "https://example.org/e")).unwrap();
+    let mut many = writer.add_pointcloud("a scan", prototype).unwrap();
+    let mut point = [1.0, 2.0, 3.0].map(Value::Double).to_vec();
+    point.resize(3 + 1024, Value::Integer(0));
+    (0..10).for_each(|_| many.add_point(point.clone()).unwrap());
+    many.finalize().unwrap();
+    let mut few = writer.add_pointcloud("a scan", cartesian(&DOUBLE)).unwrap();
+    few.add_point([4.0, 5.0, 6.0].map(Value::Double).to_vec()).unwrap();
+    few.finalize().unwrap();
+    writer.finalize().unwrap();
+    drop(writer);
+    let cloud = read(bytes.into_inner()).unwrap();
+    assert_eq!(
+        (cloud.world.as_slice(), cloud.types()),
+        (&[[4.0, 5.0, 6.0]][..], "point_source_id:u16".into())
+    );
+    assert_eq!(cloud.column("point_source_id").1, [2.0]);
+    assert_eq!(cloud.refused("point of a damaged scan"), 10);
+    let note = "scan 1 has more than 1024 values a point: its 10 points are refused";
+    assert_eq!(cloud.info.notes, [note]);
 }
 
 #[test]
-fn damaged_files_and_poses_are_refused() {
+fn damaged_files_are_refused_and_poses_that_are_none_are_noted() {
     let points = vec![[1.0, 2.0, 3.0].map(Value::Double).to_vec(); 500];
     let bytes = file(&[Scan { prototype: cartesian(&DOUBLE), pose: None, points: points.clone() }]);
     for cut in [9, 40, 1000, bytes.len() - 1024] {
@@ -348,8 +405,52 @@ fn damaged_files_and_poses_are_refused() {
     }
     assert!(error("ASTM-E57 and nothing else").contains("cloud.las"));
     let turn = pose([0.0; 4], [0.0; 3]);
-    let error = error(file(&[Scan { prototype: cartesian(&DOUBLE), pose: turn, points }]));
-    assert!(error.contains("scan 1 has a pose that is not a rotation"), "{error}");
+    let scan = |pose| Scan { prototype: cartesian(&DOUBLE), pose, points: points.clone() };
+    let cloud = read(file(&[scan(turn)])).unwrap();
+    assert!(cloud.lies_at(&[[1.0, 2.0, 3.0]; 500]));
+    let turn = pose([0.0; 4], [10.0, 20.0, 30.0]);
+    let cloud = read(file(&[scan(turn), scan(None)])).unwrap();
+    let places = [[[11.0, 22.0, 33.0]; 500], [[1.0, 2.0, 3.0]; 500]].concat();
+    assert!(cloud.lies_at(&places));
+    let note = "scan 1 has a pose whose rotation is none: it is kept as not turned";
+    assert_eq!(cloud.info.notes, [note]);
     let nothing = read(file(&[])).unwrap();
     assert!(nothing.world.is_empty() && nothing.info.notes == ["has no points"]);
+}
+
+#[test]
+fn one_damaged_scan_does_not_cost_the_others() {
+    let scan = |kind: &Kind, from: i64, points: i64| Scan {
+        prototype: cartesian(kind),
+        pose: None,
+        points: (from..from + points)
+            .map(|i| {
+                [i, 1, -2]
+                    .map(|n| match kind {
+                        Kind::Double { .. } => Value::Double(n as f64),
+                        _ => Value::ScaledInteger(n),
+                    })
+                    .to_vec()
+            })
+            .collect(),
+    };
+    let grid = Kind::ScaledInteger { min: -9_000_000, max: 9_000_000, scale: 1.0, offset: 0.0 };
+    for kind in [DOUBLE, grid] {
+        let whole =
+            file(&[scan(&kind, 0, 4000), scan(&kind, 100_000, 4000), scan(&kind, 50_000, 4000)]);
+        // Damages a page in the midst of the second scan, which no other scan is in.
+        let mut bytes = whole.clone();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 0x55;
+        let cloud = read(&bytes).unwrap();
+        let lost = cloud.refused("point of a damaged scan");
+        let of = |from: i64| {
+            let range = from as f64..(from + 4000) as f64;
+            cloud.world.iter().filter(|p| range.contains(&p[0])).count() as u64
+        };
+        assert_eq!([of(0), of(50_000), of(100_000) + lost], [4000; 3]);
+        assert!(lost > 0 && cloud.report.refused.len() == 1, "{lost}");
+        let note = &cloud.report.notes[0];
+        assert!(note.starts_with("scan 2: ") && note.contains("4000 points are kept"), "{note}");
+    }
 }

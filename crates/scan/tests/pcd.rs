@@ -5,7 +5,7 @@
 
 mod cloud;
 
-use cloud::{error, read, read_path};
+use cloud::{error, read, read_path, read_with};
 use esker_points::AttrType;
 use esker_points::lattice::GridKind;
 use esker_points::task::Silent;
@@ -137,6 +137,59 @@ fn an_image_has_the_position_of_its_sensor() {
     assert_eq!(place("1", "VIEWPOINT 0 0 0 1 0 0 0\n"), None);
     assert_eq!(place("2", ""), Some(Scanner::At([0.0; 3])));
     assert_eq!(place("1", "VIEWPOINT 4 5 6 1 0 0 0\n"), Some(Scanner::At([4.0, 5.0, 6.0])));
+}
+
+#[test]
+fn a_viewpoint_is_reported_and_applied_on_request() {
+    let text = "FIELDS x y z normal_x normal_y normal_z\nSIZE 4 4 4 4 4 4\nTYPE F F F F F F\n\
+        WIDTH 1\nHEIGHT 1\nVIEWPOINT 100.25 200 300 1 0 0 1\nDATA ascii\n1.5 2 3 1 0 0\n";
+    let apply = OpenOptions { apply_viewpoint: true, ..OpenOptions::default() };
+    let cloud = read(text).unwrap();
+    assert_eq!(cloud.world, [[1.5, 2.0, 3.0]]);
+    let note = "its VIEWPOINT is 100.25 200 300, turned: points are kept as they are; \
+        --apply-viewpoint transforms them by it";
+    assert_eq!(cloud.info.notes, [note]);
+    assert_eq!(cloud.info.scanner, Some(Scanner::At([100.25, 200.0, 300.0])));
+    // A quarter turn to the left: x becomes y, y becomes -x.
+    let cloud = read_with(text, &apply).unwrap();
+    assert!(cloud.lies_at(&[[98.25, 201.5, 303.0]]), "{:?}", cloud.world);
+    assert_eq!(cloud.info.grid.kind, GridKind::Float);
+    assert!(cloud.info.notes[0].ends_with("points and normals are transformed by it"));
+    assert!((cloud.column("nx").1[0]).abs() < 1e-7 && (cloud.column("ny").1[0] - 1.0).abs() < 1e-7);
+    assert_eq!(cloud.info.scanner, Some(Scanner::At([100.25, 200.0, 300.0])));
+    // Decimals stay decimals if points are only moved.
+    let cloud = read_with(text.replace("300 1 0 0 1", "300 1 0 0 0"), &apply).unwrap();
+    assert_eq!(cloud.world, [[101.75, 202.0, 303.0]]);
+    assert_eq!((cloud.info.grid.kind, cloud.info.grid.grid.scale[0]), (GridKind::Decimal, 0.01));
+    let cloud = read_with(text.replace("300 1 0 0 1", "300 0 0 0 0"), &apply).unwrap();
+    assert_eq!(cloud.world, [[1.5, 2.0, 3.0]]);
+    assert_eq!(cloud.info.notes, ["its VIEWPOINT is no pose and is not used"]);
+    assert!(
+        read(text.replace("100.25 200 300 1 0 0 1", "0 0 0 1 0 0 0"))
+            .unwrap()
+            .info
+            .notes
+            .is_empty()
+    );
+}
+
+#[test]
+fn fields_without_values_are_skipped() {
+    for data in ["ascii", "binary"] {
+        let point = match data {
+            "ascii" => b"1 2 3 9 8 7 5\n".to_vec(),
+            _ => [&[1.0f32, 2.0, 3.0].map(f32::to_le_bytes).concat()[..], &[9, 8, 7, 5]].concat(),
+        };
+        let head = format!(
+            "FIELDS x y z _ _ ring _\nSIZE 4 4 4 1 1 1 1\nTYPE F F F U U U U\nCOUNT 1 1 1 3 0 1 0\n\
+            WIDTH 1\nHEIGHT 1\nDATA {data}\n"
+        );
+        let cloud = read([head.as_bytes(), &point].concat()).unwrap();
+        assert_eq!(cloud.world, [[1.0, 2.0, 3.0]]);
+        assert_eq!((cloud.types(), cloud.column("ring").1), ("ring:u8".into(), vec![5.0]));
+    }
+    let error = error("FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 0 0 0\nWIDTH 1\nDATA binary\n");
+    assert!(error.contains("no field in the header has a value"), "{error}");
 }
 
 #[test]

@@ -15,17 +15,31 @@ use cloud::{error, is_error_one_line, read, read_path};
 use data::Entry;
 
 #[test]
-fn whole_numbers_that_doubles_round_are_noted() {
-    let is_noted = |value: &str| {
+fn whole_numbers_keep_all_digits_that_64_bits_hold() {
+    let column = |value: &str| {
         let cloud = read(format!("x,y,z,id,at\n0,0,0,{value},5\n1,1,1,7,1e30\n")).unwrap();
-        cloud
+        let is_noted = cloud
             .info
             .notes
             .iter()
-            .any(|n| n == "whole numbers from 2^53 on are rounded to doubles: id")
+            .any(|n| n == "whole numbers from 2^53 on are rounded to doubles: id");
+        let ty = cloud.column("id").0;
+        (ty, is_noted, cloud.bytes("id")[..ty.size()].to_vec())
     };
-    assert!(is_noted("1700000000123456789") && is_noted("-9007199254740993"));
-    assert!(!is_noted("9007199254740991") && !is_noted("0.5") && !is_noted("17.5"));
+    for value in ["1700000000123456789", "18446744073709551615", "\"9007199254740993\""] {
+        let want = value.trim_matches('"').parse::<u64>().unwrap().to_le_bytes().to_vec();
+        assert_eq!(column(value), (AttrType::U64, false, want));
+    }
+    for value in ["-9007199254740993", "-9223372036854775808"] {
+        let want = value.parse::<i64>().unwrap().to_le_bytes().to_vec();
+        assert_eq!(column(value), (AttrType::I64, false, want));
+    }
+    for value in ["18446744073709551616", "-9223372036854775809"] {
+        assert!(column(value).1, "{value}");
+    }
+    for value in ["9007199254740991", "0.5", "17.5"] {
+        assert!(!column(value).1, "{value}");
+    }
 }
 
 #[test]

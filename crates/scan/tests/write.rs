@@ -56,7 +56,7 @@ fn write(
     points_max: u64,
 ) -> Vec<String> {
     let schema = batches.first().map_or_else(|| Arc::new(Schema::default()), |b| b.schema.clone());
-    let outline = Outline { lattice, schema, points_max };
+    let outline = Outline { lattice, schema, points_max, ranges: Vec::new() };
     let mut origins = origins.iter().cloned().map(Ok);
     let target = Target::of(path).unwrap();
     let mut export = write::create(path, target, &outline, &mut origins).unwrap();

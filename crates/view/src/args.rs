@@ -7,7 +7,7 @@ use esker_engine::draw::method::{DEFAULT_METHOD, METHODS, method_of_name};
 use esker_engine::io::{polygon, quantity};
 use esker_engine::light::settings::{Gloss, LightSettings};
 use esker_engine::light::spec::{LightSpec, joined};
-use esker_engine::{Bounds, Classes, Filter, Method, Polygon};
+use esker_engine::{Bounds, Classes, Filter, Flags, Method, Polygon};
 use std::path::PathBuf;
 
 /// Flies through an .esker file, or scans, in a window.
@@ -60,9 +60,16 @@ pub struct Args {
     /// or of GeoJSON.
     #[arg(long, value_name = "POLYGON", allow_hyphen_values = true, value_parser = parse_polygon)]
     pub polygon: Option<Polygon>,
-    /// Points of these classes: numbers, ranges and names, such as 2,6 or ground,3-5.
+    /// Points of these classes: numbers, ranges and names, such as 2,6 or ground,3-5; overlap
+    /// is class 12 and the flag.
     #[arg(long, value_name = "CLASSES")]
     pub classes: Option<Classes>,
+    /// Points with any of these flags: withheld, synthetic, key-point, overlap.
+    #[arg(long, value_name = "FLAGS")]
+    pub flags: Option<Flags>,
+    /// No points with any of these flags.
+    #[arg(long, value_name = "FLAGS")]
+    pub without_flags: Option<Flags>,
     /// An even sample whose points are about this length apart, above 0, in the scan's unit.
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = quantity::length)]
     pub max_spacing: Option<f64>,
@@ -124,6 +131,8 @@ impl Args {
             bounds: self.bounds,
             polygon: self.polygon.clone(),
             classes: self.classes,
+            flags: self.flags.unwrap_or_default(),
+            without_flags: self.without_flags.unwrap_or_default(),
             max_spacing: self.max_spacing,
         }
     }

@@ -33,7 +33,9 @@ impl Fields {
                 1 => format!("{first},{last}"),
                 _ => format!("{first}-{last}"),
             };
-            runs.iter().map(word).collect::<Vec<_>>().join(",")
+            // The name of this class stands for a flag as well.
+            let overlap = wanted.has_overlap().then(|| "overlap".to_owned());
+            runs.iter().map(word).chain(overlap).collect::<Vec<_>>().join(",")
         });
         let bounds = filter.bounds.map(|Bounds { min, max }| {
             let axes = if min[2].is_finite() { 3 } else { 2 };
@@ -48,7 +50,7 @@ impl Fields {
         }
     }
 
-    /// Parses the fields; the polygon of `before` is kept.
+    /// Parses the fields; the polygon and the flags of `before` are kept.
     fn filter(&self, before: &Filter) -> Result<Filter, String> {
         fn read<T>(
             word: &str,
@@ -66,6 +68,8 @@ impl Fields {
             bounds: read(&self.bounds, |w| w.parse::<Bounds>().map_err(|e| e.to_string()))?,
             max_spacing: read(&self.spacing, spacing)?,
             polygon: before.polygon.clone(),
+            flags: before.flags,
+            without_flags: before.without_flags,
         })
     }
 }

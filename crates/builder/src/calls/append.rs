@@ -149,5 +149,7 @@ fn check_same_system_with(old: &Forest, sources: &[Box<dyn Source>]) -> Result<(
 /// The coordinate reference systems that the files of a forest state.
 pub(crate) fn systems_of(forest: &Forest) -> impl Iterator<Item = &str> {
     let records = forest.files().flat_map(|file| &file.metadata().sources);
-    records.filter_map(|record| record.crs.as_ref().map(|crs| crs.text.as_str()))
+    records
+        .filter_map(|record| record.crs.as_ref().map(|crs| crs.text.as_str()))
+        .filter(|text| !text.is_empty())
 }

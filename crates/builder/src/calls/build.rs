@@ -225,7 +225,8 @@ fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildErro
     if options.ignore_crs {
         return Ok(());
     }
-    let mut infos: Vec<_> = infos().filter(|i| i.crs.is_some()).collect();
+    let mut infos: Vec<_> =
+        infos().filter(|i| i.crs.as_ref().is_some_and(|crs| !crs.text.is_empty())).collect();
     infos.sort_by_key(|i| i.path.as_os_str().as_encoded_bytes());
     let systems: Vec<_> = infos
         .iter()

@@ -4,11 +4,13 @@
 //! statistics exclude are not read. Without a filter, count and multiset hash of the points passed
 //! to the writer must be those of each footer.
 
+use crate::calls::export_aside::AsideExport;
+use crate::calls::export_colours::{ColourConversion, PointClasses};
 use crate::error::BuildError;
 use esker_format::{EskerFile, Fault, Forest, FormatError, PagePoints, SourceRecord, runs};
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
-use esker_points::{AttrType, Attribute, Batch, Filter, MultisetHash, Schema, Task};
+use esker_points::{AttrType, Attribute, Batch, ColourDepth, Filter, MultisetHash, Schema, Task};
 use esker_scan::write::{self, Encode, Encoded, Origin, Outline, Output, Target};
 use esker_scan::{Crs, ScanError};
 use rayon::prelude::*;
@@ -73,6 +75,26 @@ struct EncodedNode {
     read: u64,
 }
 
+/// What a caller wants of an export beside its points.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ExportOptions {
+    /// Bits of colours; those that lose nothing by default.
+    pub colour_depth: Option<ColourDepth>,
+}
+
+/// [`export_with`] usual options.
+///
+/// # Errors
+/// As [`export_with`].
+pub fn export(
+    forest: &Forest,
+    out: &Path,
+    filter: &Filter,
+    task: &dyn Task,
+) -> Result<Exported, BuildError> {
+    export_with(forest, out, filter, ExportOptions::default(), task)
+}
+
 /// Writes the points of all trees that pass `filter` to `out`, in the format that its extension
 /// names, in the current rayon pool. After an error there is no file under the final name. A
 /// spacing in the filter applies to each tree separately.
@@ -80,10 +102,11 @@ struct EncodedNode {
 /// # Errors
 /// If a file is damaged, the format cannot hold the attributes, no point passes the filter although
 /// there are points, the disk is full, or on request.
-pub fn export(
+pub fn export_with(
     forest: &Forest,
     out: &Path,
     filter: &Filter,
+    options: ExportOptions,
     task: &dyn Task,
 ) -> Result<Exported, BuildError> {
     let target = Target::of(out)?;
@@ -100,7 +123,19 @@ pub fn export(
     let pages = || selected().filter(|n| n.run.start == 0);
     let points_max = selected().map(|n| n.run.len() as u64).sum();
     let schema = Arc::new(forest.schema().clone());
-    let outline = Outline { lattice: *forest.lattice(), schema: schema.clone(), points_max };
+    let colours = {
+        let nodes = |nodes: &[SelectedNode]| {
+            let mut nodes: Vec<u32> = nodes.iter().map(|n| n.node).collect();
+            nodes.dedup();
+            nodes
+        };
+        let selections: Vec<_> = trees.iter().map(|(file, all)| (*file, nodes(all))).collect();
+        ColourConversion::choose(forest, &selections, target, options.colour_depth, task)?
+            .map(Arc::new)
+    };
+    let written = colours.as_ref().map_or(&schema, |colours| colours.schema()).clone();
+    let ranges = ranges(forest, &written, target)?;
+    let outline = Outline { lattice: *forest.lattice(), schema: written, points_max, ranges };
     let mut origins = trees.iter().flat_map(|(file, _)| {
         let sources = file.metadata().sources.iter().enumerate();
         sources.map(move |(i, record)| origin(file, i, record))
@@ -112,7 +147,8 @@ pub fn export(
     let mut output = started.output;
     let (mut points_out, mut hash) = (0, MultisetHash::default());
     for (file, nodes) in &trees {
-        let tree = TreeExport::new(file, &on_lattice, schema.clone(), started.encode.clone());
+        let mut tree = TreeExport::new(file, &on_lattice, schema.clone(), started.encode.clone());
+        tree.colours.clone_from(&colours);
         let (points, own) = tree.run(nodes, &mut *output, task)?;
         if is_whole {
             prove(file, points, own)?;
@@ -120,8 +156,8 @@ pub fn export(
         points_out += points;
         hash += own;
     }
-    let (set_aside_out, aside_note) =
-        export_aside(forest, is_whole, &*started.encode, &mut *output)?;
+    let aside = AsideExport { forest, schema: &schema, colours: colours.as_deref(), is_whole };
+    let (set_aside_out, aside_note) = aside.write(&*started.encode, &mut *output)?;
     let points_in = forest.points();
     if points_out == 0 && points_in > 0 {
         let path = forest.path().display();
@@ -130,10 +166,16 @@ pub fn export(
         )));
     }
     task.check()?;
-    let bytes_out = output.finish()?;
     let mut notes = started.notes;
     notes.extend(aside_note);
-    notes.extend(note_absent(forest, &started.fields));
+    notes.extend(colours.iter().flat_map(|colours| colours.notes()));
+    notes.extend(output.remarks());
+    let bytes_out = output.finish()?;
+    let fields = match &colours {
+        Some(colours) => colours.index_of.iter().map(|&i| started.fields[i]).collect(),
+        None => started.fields,
+    };
+    notes.extend(note_absent(forest, &fields, target));
     notes.extend(note_overlap(forest, filter));
     Ok(Exported {
         points_in,
@@ -149,62 +191,6 @@ pub fn export(
         format: started.format,
         notes,
     })
-}
-
-/// Writes the points that the files keep beside their trees, if all points are wanted and the format
-/// holds them; returns their number, and a note if there are some that were not written.
-fn export_aside(
-    forest: &Forest,
-    is_whole: bool,
-    encode: &dyn Encode,
-    output: &mut dyn Output,
-) -> Result<(u64, Option<String>), BuildError> {
-    let attributes = &forest.schema().attributes;
-    let (mut places, mut columns) = (Vec::new(), vec![Vec::new(); attributes.len()]);
-    for file in forest.files() {
-        let metadata = file.metadata();
-        for point in &metadata.set_aside {
-            places.push(point.place);
-            let class =
-                &metadata.classes[usize::from(metadata.sources[point.source as usize].class)];
-            let mut values = point.values.as_slice();
-            let mut own = Vec::with_capacity(class.present.len());
-            for &index in &class.present {
-                let attribute = &metadata.schema.attributes[usize::from(index)];
-                let (value, rest) = values.split_at(attribute.ty.size());
-                own.push((attribute.key(), value));
-                values = rest;
-            }
-            for (attribute, column) in attributes.iter().zip(&mut columns) {
-                match own.iter().find(|(key, _)| *key == attribute.key()) {
-                    Some((_, value)) => column.extend_from_slice(value),
-                    None => column.resize(column.len() + attribute.ty.size(), 0),
-                }
-            }
-        }
-    }
-    let points = places.len() as u64;
-    let left_out = |why: &str| {
-        let first = places.first().copied().unwrap_or_default();
-        let [x, y, z] = first;
-        (
-            0,
-            Some(format!(
-                "{points} points far from nearly all others, the first at {x} {y} {z}, are left out: {why}"
-            )),
-        )
-    };
-    if points == 0 {
-        return Ok((0, None));
-    }
-    if !is_whole {
-        return Ok(left_out("filters choose among the points of the tree"));
-    }
-    let Some(encoded) = encode.encode_outside(&places, &columns) else {
-        return Ok(left_out("this format does not hold them; PLY and text do"));
-    };
-    output.put(encoded)?;
-    Ok((points, None))
 }
 
 /// A note if trees are thinned separately although their boxes overlap.
@@ -279,9 +265,13 @@ fn select_nodes(
 
 /// A note on attributes that some points lack, and which are zero in the export. An attribute is
 /// not missing where its output field was made from another attribute of the points.
-fn note_absent(forest: &Forest, fields: &[usize]) -> Option<String> {
+fn note_absent(forest: &Forest, fields: &[usize], target: Target) -> Option<String> {
     let attributes = &forest.schema().attributes;
+    // LAS demands the number of a return, so it is not 0 there: see `Output::remarks`.
+    let is_zero =
+        |at: &usize| !is_las(target) || attributes[*at].key() != (names::RETURNS, AttrType::U8);
     let names: Vec<_> = (0..attributes.len())
+        .filter(is_zero)
         .filter(|&at| {
             let of_field: Vec<_> = (0..attributes.len())
                 .filter(|&other| fields.get(other) == fields.get(at))
@@ -298,6 +288,37 @@ fn note_absent(forest: &Forest, fields: &[usize]) -> Option<String> {
     (!names.is_empty()).then(|| format!("zero where a point's source had none: {names}"))
 }
 
+fn is_las(target: Target) -> bool {
+    matches!(target, Target::Las | Target::Laz)
+}
+
+/// Ranges of the attributes whose form in the export depends on them.
+fn ranges(
+    forest: &Forest,
+    schema: &Schema,
+    target: Target,
+) -> Result<Vec<Option<(f64, f64)>>, BuildError> {
+    let is_needed = |a: &Attribute| match a.ty {
+        AttrType::U64 | AttrType::I64 => true,
+        _ => is_las(target) && a.name == names::INTENSITY,
+    };
+    if !schema.attributes.iter().any(is_needed) {
+        return Ok(Vec::new());
+    }
+    let mut ranges: Vec<Option<(f64, f64)>> = vec![None; schema.attributes.len()];
+    for file in forest.files().filter(|file| file.footer().points > 0) {
+        let statistics = file.statistics()?;
+        for (range, a) in ranges.iter_mut().zip(&schema.attributes).filter(|(_, a)| is_needed(a)) {
+            let own = file.layout().schema().find_typed(&a.name, a.ty);
+            // A point that lacks the attribute is written with 0.
+            let (low, high) = own.and_then(|own| statistics.subtree(0, own)).unwrap_or((0.0, 0.0));
+            let (least, greatest) = range.unwrap_or((0.0, 0.0));
+            *range = Some((least.min(low), greatest.max(high)));
+        }
+    }
+    Ok(ranges)
+}
+
 /// Export of one tree.
 struct TreeExport<'a> {
     file: &'a EskerFile,
@@ -307,6 +328,8 @@ struct TreeExport<'a> {
     /// The tree's attribute for each of these.
     own: Vec<Option<usize>>,
     encode: Arc<dyn Encode>,
+    /// Conversion of its colours, if they are not written as they are.
+    colours: Option<Arc<ColourConversion>>,
 }
 
 impl<'a> TreeExport<'a> {
@@ -318,7 +341,7 @@ impl<'a> TreeExport<'a> {
     ) -> Self {
         let find = |a: &Attribute| file.layout().schema().find_typed(&a.name, a.ty);
         let own = schema.attributes.iter().map(find).collect();
-        Self { file, filter, schema, own, encode }
+        Self { file, filter, schema, own, encode, colours: None }
     }
 
     /// Reads and writes the nodes; returns number and hash of the points written.
@@ -383,6 +406,7 @@ impl<'a> TreeExport<'a> {
 
     /// The points with the attributes of all trees; zeros for those that this tree lacks.
     fn batch(&self, mut points: PagePoints) -> Batch {
+        let classes = PointClasses::of_points(&points);
         let count = points.len();
         let column = |(own, attribute): (&Option<usize>, &Attribute)| match own {
             Some(own) => std::mem::take(&mut points.columns[*own]),
@@ -391,7 +415,10 @@ impl<'a> TreeExport<'a> {
         let columns = self.own.iter().zip(&self.schema.attributes).map(column).collect();
         let mut batch = Batch::with_capacity(self.schema.clone(), 0);
         (batch.positions, batch.columns) = (points.positions, columns);
-        batch
+        match &self.colours {
+            Some(colours) => colours.convert(self.file, &classes, batch),
+            None => batch,
+        }
     }
 
     /// Removes the points that do not pass the filter.
@@ -406,13 +433,15 @@ impl<'a> TreeExport<'a> {
         let [min, max] = self.file.node(selected.node)?.own_box();
         let test = self.filter.in_box(min, max);
         let layout = self.file.layout();
-        let classes = layout.schema().find_typed(names::CLASSIFICATION, AttrType::U8);
-        let class_of = |i: usize| {
+        let own = |name: &str| layout.schema().find_typed(name, AttrType::U8);
+        let (classes, flags) = (own(names::CLASSIFICATION), own(names::FLAGS));
+        let value = |attribute: Option<usize>, i: usize| {
             let has = |a: &usize| layout.has_attribute(points.class(i), *a);
-            classes.filter(has).map(|a| points.columns[a][i])
+            attribute.filter(has).map(|a| points.columns[a][i])
         };
-        let kept: Vec<bool> =
-            points.positions.iter().enumerate().map(|(i, &p)| test.keeps(p, class_of(i))).collect();
+        let positions = points.positions.iter().enumerate();
+        let keeps = |(i, &p): (usize, &[u32; 3])| test.keeps(p, value(classes, i), value(flags, i));
+        let kept: Vec<bool> = positions.map(keeps).collect();
         self.keep(points, &kept);
         Ok(())
     }

@@ -8,7 +8,8 @@ use crate::options::Options;
 use esker_format::{CrsRecord, Metadata, Normals, SetAside, SourceRecord};
 use esker_scan::ReadReport;
 use esker_scan::las::gps_times;
-use std::path::PathBuf;
+use esker_scan::synthetic::is_spec;
+use std::path::{Path, PathBuf};
 
 /// Metadata of a file of these inputs; bounds and computed planes are added when the tree is built.
 pub fn metadata(
@@ -71,6 +72,21 @@ fn merged_record(
     SourceRecord { class: at.map_or(0, |i| plan.class_of[i]), ..record.clone() }
 }
 
+/// A note if the unit of length of sources is not known. Generated scans are in metres.
+fn unknown_unit(metadata: &Metadata) -> Option<String> {
+    let is_unknown = |s: &&SourceRecord| {
+        s.crs.as_ref().is_none_or(|crs| crs.unit.is_none()) && !is_spec(Path::new(&s.path))
+    };
+    let (first, number) = {
+        let mut unknown = metadata.sources.iter().filter(is_unknown);
+        (unknown.next()?, unknown.count() + 1)
+    };
+    let (path, all) = (&first.path, metadata.sources.len());
+    let which =
+        if all == 1 { path.clone() } else { format!("{number} of {all} inputs, first {path}") };
+    Some(format!("{which}: the unit of length is not stated; --unit sets it"))
+}
+
 /// The notes on all sources, and notes if their reference systems differ or their
 /// GPS times do not compare.
 pub fn notes(metadata: &Metadata) -> Vec<String> {
@@ -79,7 +95,9 @@ pub fn notes(metadata: &Metadata) -> Vec<String> {
         .iter()
         .flat_map(|s| s.notes.iter().map(move |n| format!("{}: {n}", s.path)))
         .collect();
-    let mut systems = metadata.sources.iter().filter_map(|s| Some((s, s.crs.as_ref()?)));
+    out.extend(unknown_unit(metadata));
+    let stated = |s: &SourceRecord| s.crs.clone().filter(|crs| !crs.text.is_empty());
+    let mut systems = metadata.sources.iter().filter_map(|s| Some((s, stated(s)?)));
     if let Some((first, crs)) = systems.next()
         && let Some((other, _)) = systems.find(|(_, c)| !are_same(&c.text, &crs.text))
     {

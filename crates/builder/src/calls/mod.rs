@@ -3,6 +3,8 @@
 pub(crate) mod append;
 pub(crate) mod build;
 pub(crate) mod export;
+mod export_aside;
+mod export_colours;
 pub(crate) mod merge;
 mod metadata;
 mod rounding;

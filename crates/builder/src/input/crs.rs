@@ -4,7 +4,7 @@
 //! codes in different notations.
 
 use crate::error::BuildError;
-use esker_scan::{EpsgCodes, epsg_codes};
+use esker_scan::{EpsgCodes, epsg_codes, vertical_name};
 use std::collections::HashSet;
 
 /// Most characters of a system's name in messages.
@@ -25,7 +25,9 @@ impl<'a> System<'a> {
 
     fn is_same(&self, other: &Self) -> bool {
         let agree = |codes: (&EpsgCodes, &EpsgCodes)| codes.0.agree(codes.1);
-        self.normalized == other.normalized
+        // Texts that are equal but for citations may still cite different systems of heights.
+        let heights = self.codes.as_ref().zip(other.codes.as_ref());
+        (self.normalized == other.normalized && heights.is_none_or(|(a, b)| a.agrees_in_heights(b)))
             || self.codes.as_ref().zip(other.codes.as_ref()).is_some_and(agree)
     }
 }
@@ -40,16 +42,15 @@ pub fn check_same_system<'a>(
     // Each notation is compared once, since there may be many inputs.
     let (mut texts, mut distinct) = (HashSet::new(), Vec::<System<'_>>::new());
     for (input, text) in systems {
-        if !texts.insert(text) {
+        if text.is_empty() || !texts.insert(text) {
             continue;
         }
         let system = System::new(input, text);
         if let Some(first) = distinct.iter().find(|other| !other.is_same(&system)) {
             return Err(BuildError::Options(format!(
-                "{} and {input} are in different coordinate reference systems, `{}` and `{}`: transform one of them, or take coordinates as they are with --ignore-crs",
+                "{} and {input} are in different coordinate reference systems, {}: transform one of them, or take coordinates as they are with --ignore-crs",
                 first.input,
-                name_of(first.text),
-                name_of(text)
+                difference(first, &system)
             )));
         }
         if distinct.iter().all(|other| other.normalized != system.normalized) {
@@ -59,9 +60,43 @@ pub fn check_same_system<'a>(
     Ok(())
 }
 
+/// What differs between two systems: their heights or units, if the horizontal system is the same,
+/// otherwise their names.
+fn difference(a: &System<'_>, b: &System<'_>) -> String {
+    let names = [a, b].map(|system| name_of(system.text));
+    if let (Some(x), Some(y)) = (&a.codes, &b.codes)
+        && x.horizontal == y.horizontal
+    {
+        let number = x.horizontal;
+        let heights = |system: &System<'_>, codes: &EpsgCodes| {
+            let name = vertical_name(system.text).unwrap_or_else(|| "heights".into());
+            match codes.vertical {
+                Some(code) => format!("`{}` (EPSG {code})", short(&name)),
+                None => format!("`{}`", short(&name)),
+            }
+        };
+        if !x.agrees_in_heights(y) {
+            let (x, y) = (heights(a, x), heights(b, y));
+            return format!("both horizontally in EPSG {number}, but with heights in {x} and {y}");
+        }
+        let units = (0..2).find_map(|i| {
+            let (x, y) = x.units[i].as_ref().zip(y.units[i].as_ref())?;
+            (x != y).then(|| (["coordinates", "heights"][i], short(x), short(y)))
+        });
+        if let Some((what, x, y)) = units {
+            return format!("both in EPSG {number}, but with {what} in {x} and in {y}");
+        }
+    }
+    let [x, y] = &names;
+    if x == y {
+        return format!("both named `{x}`, but defined differently");
+    }
+    format!("`{x}` and `{y}`")
+}
+
 /// Whether two texts describe the same system.
 pub fn are_same(a: &str, b: &str) -> bool {
-    a == b || System::new("", a).is_same(&System::new("", b))
+    a == b || a.is_empty() || b.is_empty() || System::new("", a).is_same(&System::new("", b))
 }
 
 /// Removes what differs between writers of the same system: case, blanks outside of quotes, and
@@ -84,14 +119,12 @@ fn normalized(text: &str) -> String {
 /// The name that WKT begins with, or the keys of GeoTIFF, shortened to `NAME_LETTERS`.
 fn name_of(text: &str) -> String {
     let quoted = text.split('"').nth(1).filter(|_| !text.starts_with("GeoTIFF"));
-    quoted
-        .unwrap_or(text)
-        .split_whitespace()
-        .collect::<Vec<_>>()
-        .join(" ")
-        .chars()
-        .take(NAME_LETTERS)
-        .collect()
+    short(quoted.unwrap_or(text))
+}
+
+/// The first `NAME_LETTERS` of a text, in one line.
+fn short(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ").chars().take(NAME_LETTERS).collect()
 }
 
 #[cfg(test)]
@@ -126,6 +159,38 @@ mod tests {
         let heights = ["5720", "5703"].map(|code| format!("{keys} VerticalCSType={code}"));
         check_same_system([("a", LAMBERT), ("b", &heights[0])]).unwrap();
         check_same_system([("a", LAMBERT), ("b", &heights[0]), ("c", &heights[1])]).unwrap_err();
+    }
+
+    #[test]
+    fn a_refusal_names_what_differs() {
+        let compound = |heights: &str| format!(r#"COMPD_CS["c",{LAMBERT},{heights}]"#);
+        let error =
+            |a: &str, b: &str| check_same_system([("a", a), ("b", b)]).unwrap_err().to_string();
+        let [ngf, ellipsoid, feet] = [
+            r#"VERT_CS["NGF-IGN69 height",UNIT["metre",1]]"#,
+            r#"VERT_CS["Ellipsoidal height",UNIT["metre",1]]"#,
+            r#"VERT_CS["NGF-IGN69 height",UNIT["foot",0.3048]]"#,
+        ]
+        .map(compound);
+        let text = error(&ngf, &ellipsoid);
+        let want = "both horizontally in EPSG 2154, but with heights in `NGF-IGN69 height` and \
+            `Ellipsoidal height`";
+        assert!(text.contains(want), "{text}");
+        let text = error(&ngf, &feet);
+        assert!(
+            text.contains("both in EPSG 2154, but with heights in metre and in foot"),
+            "{text}"
+        );
+        let text = error(r#"PROJCS["A",P[1]]"#, r#"PROJCS["A",P[2]]"#);
+        assert!(text.contains("both named `A`, but defined differently"), "{text}");
+        // Keys that differ in the citation of heights alone.
+        let keys = |name: &str| {
+            format!(
+                r#"GeoTIFF: ProjectedCSType=2154 VerticalCSType=32767 VerticalCitation="{name}""#
+            )
+        };
+        assert!(error(&keys("NGF"), &keys("Ellipsoid")).contains("`NGF` and `Ellipsoid`"));
+        check_same_system([("a", keys("NGF").as_str()), ("b", LAMBERT), ("c", "")]).unwrap();
     }
 
     #[test]

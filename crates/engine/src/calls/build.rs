@@ -111,7 +111,7 @@ pub fn build(
     task: &dyn Task,
 ) -> Result<BuildReport> {
     let start = Instant::now();
-    let inputs = &inputs::scans(inputs)?;
+    let inputs = &inputs::scans(inputs, task)?;
     output::may_build(out, inputs)?;
     inputs::note_repeated(inputs, task);
     within_memory(threads, start, || Ok(esker_builder::build(inputs, out, options, task)?))
@@ -151,7 +151,7 @@ pub fn append(
     task: &dyn Task,
 ) -> Result<BuildReport> {
     let start = Instant::now();
-    let inputs = &inputs::scans(inputs)?;
+    let inputs = &inputs::scans(inputs, task)?;
     output::may_build(out, inputs)?;
     inputs::note_repeated(inputs, task);
     within_memory(threads, start, || Ok(esker_builder::append(old, inputs, out, options, task)?))

@@ -6,7 +6,7 @@ use crate::io::output;
 use crate::io::quantity::{grouped, readable_bytes};
 use crate::machine::pool;
 use anyhow::Result;
-use esker_builder::Exported;
+use esker_builder::{ExportOptions, Exported};
 use esker_format::Forest;
 use esker_points::{Filter, Task};
 use serde::Serialize;
@@ -49,8 +49,8 @@ pub struct ExportReport {
     pub notes: Vec<String>,
 }
 
-/// Writes the points of `file`, and of the files that it names, that `filter` accepts to `out`, on
-/// `threads` threads (0: one a core).
+/// Writes the points of `file`, and of the files that it names, that `filter` accepts to `out`, with
+/// `options`, on `threads` threads (0: one a core).
 ///
 /// # Errors
 /// If the file is damaged, no point is accepted, the disk is full, or `task` is cancelled; no file
@@ -59,6 +59,7 @@ pub fn export(
     file: &Path,
     out: &Path,
     filter: &Filter,
+    options: ExportOptions,
     threads: usize,
     task: &dyn Task,
 ) -> Result<ExportReport> {
@@ -71,7 +72,7 @@ pub fn export(
         let scans = forest.files().flat_map(|tree| &tree.metadata().sources);
         output::may_replace(out, output::folder_of(file), scans.map(|scan| scan.path.as_str()))?;
         empty_picture::check_classes(&forest, filter)?;
-        Ok(esker_builder::export(&forest, out, filter, task)?)
+        Ok(esker_builder::export_with(&forest, out, filter, options, task)?)
     })?;
     Ok(ExportReport::new(exported, start.elapsed().as_secs_f64()))
 }

@@ -268,7 +268,7 @@ fn file_info(forest: &Forest) -> Result<FileInfo> {
         rounding_error_max: footers().map(|f| f.rounding_error_max).fold(0.0, f64::max),
         attributes: forest.schema().attributes.iter().map(attribute).collect(),
         classes: forest.files().map(|file| file.metadata().classes.len()).sum(),
-        crs: first_crs.map(|c| c.text.clone()),
+        crs: first_crs.and_then(|c| text_of(&c.text)),
         unit: first_crs.and_then(|c| c.unit.clone()),
         nodes: table.nodes.len(),
         node_capacity: capacity,
@@ -300,7 +300,7 @@ fn scan_info(info: &SourceInfo) -> ScanInfo {
         offset: info.grid.grid.offset,
         attributes: info.schema.attributes.iter().map(AttributeInfo::from).collect(),
         colour_bits: info.colour_depth.map(bits),
-        crs: info.crs.as_ref().map(|c| c.text.clone()),
+        crs: info.crs.as_ref().and_then(|c| text_of(&c.text)),
         unit: info.crs.as_ref().and_then(|c| c.unit.clone()),
         gps_times: gps_times(&info.verbatim).map(GpsTimes::name),
         bytes: info.bytes,
@@ -312,6 +312,11 @@ impl From<&Attribute> for AttributeInfo {
     fn from(a: &Attribute) -> Self {
         Self { name: a.name.clone(), ty: a.ty.name(), description: a.description.clone() }
     }
+}
+
+/// The text of a system; none if only its unit is known.
+fn text_of(crs: &str) -> Option<String> {
+    Some(crs.to_owned()).filter(|text| !text.is_empty())
 }
 
 /// Unit of lengths in a file; none if no source names one, or coordinates are degrees.
@@ -368,7 +373,7 @@ fn source_report(s: &SourceRecord, gps_times: Option<GpsTimes>) -> SourceReport 
         rounding_error_max: s.rounding_error_max,
         colour_bits: s.colour_depth.map(bits),
         colour_bits_forced: s.colour_depth_forced,
-        crs: s.crs.as_ref().map(|c| c.text.clone()),
+        crs: s.crs.as_ref().and_then(|c| text_of(&c.text)),
         unit: s.crs.as_ref().and_then(|c| c.unit.clone()),
         gps_times: gps_times.map(GpsTimes::name),
         notes: s.notes.clone(),
@@ -587,7 +592,7 @@ fn crs_lines(unit: Option<&str>, crs: Option<&str>) -> Vec<String> {
         let words: Vec<_> = crs.split_whitespace().collect();
         words.join(" ").chars().take(CRS_CHARS_MAX).collect::<String>()
     };
-    let unit = unit.map(|unit| format!("unit         {unit}"));
+    let unit = Some(format!("unit         {}", unit.unwrap_or("not stated")));
     let crs = crs.map(|crs| format!("crs          {}", one_line(crs)));
     unit.into_iter().chain(crs).collect()
 }

@@ -56,19 +56,19 @@ pub struct FaultReport {
 
 /// Checks every byte and every rule of the file at `path` and of all files that it names. With
 /// `against`, also checks that the points of all trees, or of the last one alone, are those of the
-/// scans, which are opened with `options`.
+/// scans, which are opened with `reading` as they were for the build.
 ///
 /// # Errors
 /// If there is a fault: the first one.
 pub fn verify(
     path: &Path,
     against: &[PathBuf],
-    options: &OpenOptions,
+    reading: &OpenOptions,
     threads: usize,
     task: &dyn Task,
 ) -> Result<VerifyReport> {
     let start = Instant::now();
-    let against = &inputs::scans(against)?[..];
+    let against = &inputs::scans(against, task)?[..];
     pool::run(threads, || {
         let forest = Forest::open(path)?;
         let mut hash = MultisetHash::default();
@@ -77,7 +77,7 @@ pub fn verify(
         }
         let scans = match against {
             [] => None,
-            inputs => Some(esker_builder::against_forest(&forest, inputs, options, task)?),
+            inputs => Some(esker_builder::against_forest(&forest, inputs, reading, task)?),
         };
         Ok(VerifyReport {
             ok: true,

@@ -9,14 +9,20 @@ use esker_points::attribute::names;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
 use esker_points::{AttrType, Filter};
 
-/// Refuses a filter by class of a file without classes.
+/// Refuses a filter by class or flags of a file without them.
 ///
 /// # Errors
-/// If `filter` has classes and no point has one.
+/// If `filter` wants classes, or flags, and no point has one.
 pub fn check_classes(file: &Forest, filter: &Filter) -> Result<()> {
-    let has = file.schema().find_typed(names::CLASSIFICATION, AttrType::U8).is_some();
+    let has = |name: &str| file.schema().find_typed(name, AttrType::U8).is_some();
+    let (has_classes, has_flags) = (has(names::CLASSIFICATION), has(names::FLAGS));
     ensure!(
-        has || filter.classes.is_none(),
+        has_classes || has_flags || filter.flags.is_empty(),
+        "{}: has no flags, so that --flags would leave nothing; draw or export it without",
+        file.path().display()
+    );
+    ensure!(
+        has_classes || filter.classes.is_none_or(|classes| classes.has_overlap() && has_flags),
         "{}: has no classification, so that --classes would leave nothing; draw or export it without",
         file.path().display()
     );
@@ -40,7 +46,7 @@ pub fn check_wanted(file: &Forest, shown: &ForestFilter) -> Result<()> {
     }
     let path = file.path().display();
     anyhow::bail!(
-        "{path}: none of its {} points is wanted; look at --box, --polygon and --classes",
+        "{path}: none of its {} points is wanted; look at --box, --polygon, --classes, --flags and --without-flags",
         grouped(points)
     )
 }

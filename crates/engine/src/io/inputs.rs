@@ -1,4 +1,5 @@
-//! Inputs of a build: replaces folders by the scans in them, and notes inputs that are named twice.
+//! Inputs of a build: replaces folders by the scans in them, notes what is left out of folders, and
+//! inputs that are named twice.
 
 use anyhow::Result;
 use esker_points::Task;
@@ -6,15 +7,21 @@ use esker_scan::synthetic::is_spec;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Scans that `named` stands for: those directly in a folder, by name, in place of the folder.
+/// Scans that `named` stands for: those directly in a folder, by name, in place of the folder. Notes
+/// the other files of folders.
 ///
 /// # Errors
 /// If a folder cannot be read, or has no scan.
-pub fn scans(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
+pub fn scans(named: &[PathBuf], task: &dyn Task) -> Result<Vec<PathBuf>> {
     let mut scans = Vec::with_capacity(named.len());
     for path in named {
         if !is_spec(path) && path.is_dir() {
-            scans.extend(esker_scan::scans_in(path)?);
+            let found = esker_scan::scans_in(path)?;
+            if let Some(others) = found.left_out_text() {
+                let path = path.display();
+                task.note(&format!("{path}: left out, unless they are named: {others}"));
+            }
+            scans.extend(found.scans);
         } else {
             scans.push(path.clone());
         }

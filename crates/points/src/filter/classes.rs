@@ -30,9 +30,13 @@ const NAMES: [&str; 23] = [
     "temporal-exclusion",
 ];
 
-/// A set of classes: class `c` is bit `c % 64` of word `c / 64`.
+/// Name that stands for a class and a flag.
+const OVERLAP: &str = "overlap";
+
+/// A set of classes: class `c` is bit `c % 64` of word `c / 64`; and whether it has all points with
+/// the flag of overlap, which newer files have in place of class 12.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Classes([u64; 4]);
+pub struct Classes([u64; 4], bool);
 
 impl Classes {
     /// Name of a class in LAS 1.4 R15; `None` for reserved and user-defined classes.
@@ -43,6 +47,11 @@ impl Classes {
     /// Whether a class is in the set.
     pub fn has(&self, class: u8) -> bool {
         self.0[usize::from(class >> 6)] >> (class & 63) & 1 == 1
+    }
+
+    /// Whether points with the flag of overlap are in the set, whatever their class.
+    pub fn has_overlap(self) -> bool {
+        self.1
     }
 
     /// Side of a node whose points have these classes.
@@ -83,6 +92,7 @@ impl FromStr for Classes {
                 ))
             })?;
             (from..=to).for_each(|c| classes.insert(c));
+            classes.1 |= part.eq_ignore_ascii_case(OVERLAP);
         }
         Ok(classes)
     }
@@ -97,6 +107,10 @@ mod tests {
         let classes: Classes = "2, Building,64-66,255".parse().unwrap();
         let found: Vec<u8> = (0..=255).filter(|&c| classes.has(c)).collect();
         assert_eq!(found, [2, 6, 64, 65, 66, 255]);
+        assert!(!classes.has_overlap());
+        let overlap: Classes = "overlap".parse().unwrap();
+        assert!(overlap.has(12) && overlap.has_overlap());
+        assert!(!"12".parse::<Classes>().unwrap().has_overlap());
         for wrong in ["", "2,", "256", "trees", "5-3", "-1"] {
             assert!(
                 wrong.parse::<Classes>().unwrap_err().to_string().contains("no class"),

@@ -1,14 +1,16 @@
-//! Filters of points: a box, a polygon, classes, a spacing. [`Filter`] is the user's input in world
+//! Filters of points: a box, a polygon, classes, flags, a spacing. [`Filter`] is the user's input in world
 //! units; [`LatticeFilter`] is the same on the lattice of one file, where all tests are on
 //! integers. Each test is first made for a node (its box, its classes, its parent's spacing), so
 //! that unwanted nodes are not read, and for single points only in nodes that cross a border.
 
 mod classes;
 mod condition;
+mod flags;
 mod polygon;
 
 pub use classes::Classes;
 pub use condition::{FilterError, Side};
+pub use flags::Flags;
 pub use polygon::{LatticePolygon, Polygon, Ring};
 
 use crate::lattice::Lattice;
@@ -26,6 +28,10 @@ pub struct Filter {
     pub polygon: Option<Polygon>,
     /// Points of these classes.
     pub classes: Option<Classes>,
+    /// Points with any of these flags; all if empty.
+    pub flags: Flags,
+    /// No points with any of these flags.
+    pub without_flags: Flags,
     /// An even sample whose points are at most about this far apart, the file's unit.
     pub max_spacing: Option<f64>,
 }
@@ -83,6 +89,7 @@ impl Filter {
             region: self.bounds.map(|b| region(lattice, &b)),
             polygon: self.polygon.as_ref().map(|p| p.on(lattice)).transpose()?,
             classes: self.classes,
+            flags: [self.flags, self.without_flags],
             max_spacing: self.max_spacing,
         })
     }
@@ -95,6 +102,8 @@ pub struct LatticeFilter {
     region: Option<[[u32; 3]; 2]>,
     polygon: Option<LatticePolygon>,
     classes: Option<Classes>,
+    /// Wanted and unwanted flags.
+    flags: [Flags; 2],
     max_spacing: Option<f64>,
 }
 
@@ -104,6 +113,7 @@ pub struct PointTest {
     region: Option<[[u32; 3]; 2]>,
     polygon: Option<LatticePolygon>,
     classes: Option<Classes>,
+    flags: [Flags; 2],
 }
 
 impl LatticeFilter {
@@ -129,24 +139,40 @@ impl LatticeFilter {
     /// no class, which makes none of them wanted by a filter of classes. With `all_have_one` false,
     /// some of them have no class.
     pub fn side_of_classes(&self, bits: Option<[u64; 4]>, all_have_one: bool) -> Side {
-        match (self.classes, bits) {
+        let by_class = match (self.classes, bits) {
             (None, _) => Side::Inside,
             (Some(_), None) => Side::Outside,
             (Some(wanted), Some(bits)) => match wanted.side_of(bits) {
                 Side::Inside if !all_have_one => Side::Across,
                 side => side,
             },
+        };
+        match by_class {
+            // Points of other classes may have the flag of overlap.
+            Side::Outside if self.wants_overlap() => Side::Across,
+            side if self.flags == [Flags::default(); 2] => side,
+            // The statistics do not have flags.
+            side => side.and(Side::Across),
         }
+    }
+
+    fn wants_overlap(&self) -> bool {
+        self.classes.is_some_and(Classes::has_overlap)
     }
 
     /// Whether points of a class may be wanted.
     pub fn wants_class(&self, class: u8) -> bool {
-        self.classes.is_none_or(|wanted| wanted.has(class))
+        self.classes.is_none_or(|wanted| wanted.has(class) || wanted.has_overlap())
     }
 
     /// Whether the filter depends on classes.
     pub fn needs_classes(&self) -> bool {
-        self.classes.is_some()
+        self.classes.is_some() || self.needs_flags()
+    }
+
+    /// Whether the filter depends on flags, and so on classes.
+    pub fn needs_flags(&self) -> bool {
+        self.wants_overlap() || self.flags != [Flags::default(); 2]
     }
 
     /// Number of a node's points that the spacing wants, from the first one on: none if its parent
@@ -175,15 +201,23 @@ impl LatticeFilter {
             region: self.region,
             polygon: self.polygon.as_ref().map(|p| p.in_box(min, max)),
             classes: self.classes,
+            flags: self.flags,
         }
     }
 }
 
 impl PointTest {
-    /// Whether a point is wanted; `class` if it has one.
-    pub fn keeps(&self, p: [u32; 3], class: Option<u8>) -> bool {
+    /// Whether a point is wanted; `class` and `flags` if it has them.
+    pub fn keeps(&self, p: [u32; 3], class: Option<u8>, flags: Option<u8>) -> bool {
+        let [wanted, unwanted] = self.flags;
+        let of_class = |classes: Classes| {
+            class.is_some_and(|c| classes.has(c))
+                || classes.has_overlap() && Flags::OVERLAP.any(flags, class)
+        };
         self.region.is_none_or(|[low, high]| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i]))
-            && self.classes.is_none_or(|wanted| class.is_some_and(|c| wanted.has(c)))
+            && self.classes.is_none_or(of_class)
+            && (wanted.is_empty() || wanted.any(flags, class))
+            && !unwanted.any(flags, class)
             && self.polygon.as_ref().is_none_or(|polygon| polygon.contains([p[0], p[1]]))
     }
 }
@@ -278,9 +312,42 @@ mod tests {
             let face = format!("{}.{:02}", 990 + hundredths / 100, hundredths % 100);
             let bounds = format!("-1e9,-1e9,{face},1e9,1e9,{face}").parse().unwrap();
             let filter = Filter { bounds: Some(bounds), ..Filter::default() }.on(&lattice).unwrap();
-            assert!(filter.in_box(p, p).keeps(p, None), "{face}");
-            assert!(!filter.in_box(p, p).keeps([p[0], p[1], p[2] + 1], None), "{face}");
+            assert!(filter.in_box(p, p).keeps(p, None, None), "{face}");
+            assert!(!filter.in_box(p, p).keeps([p[0], p[1], p[2] + 1], None, None), "{face}");
         }
+    }
+
+    #[test]
+    fn classes_and_flags_decide_for_nodes_and_points() {
+        let on = |classes: Option<&str>, flags: &str, without: &str| {
+            let parse = |word: &str| match word {
+                "" => Flags::default(),
+                word => word.parse().unwrap(),
+            };
+            let classes = classes.map(|c| c.parse().unwrap());
+            let (flags, without_flags) = (parse(flags), parse(without));
+            Filter { classes, flags, without_flags, ..Filter::default() }.on(&lattice()).unwrap()
+        };
+        let keeps = |filter: &LatticeFilter, class, flags| {
+            filter.in_box([0; 3], [0; 3]).keeps([0; 3], class, flags)
+        };
+        // Class 2 alone: 4 in the statistics.
+        let ground = Some([4, 0, 0, 0]);
+        let overlap = on(Some("overlap"), "", "");
+        assert_eq!(overlap.side_of_classes(ground, true), Side::Across);
+        assert_eq!(overlap.side_of_classes(Some([1 << 12, 0, 0, 0]), true), Side::Inside);
+        assert!(keeps(&overlap, Some(12), None) && keeps(&overlap, Some(2), Some(0b1000)));
+        assert!(!keeps(&overlap, Some(2), Some(0b0111)));
+        let flagged = on(None, "withheld,synthetic", "");
+        assert_eq!(flagged.side_of_classes(None, false), Side::Across);
+        assert!(keeps(&flagged, None, Some(0b0101)) && !keeps(&flagged, None, Some(0b1010)));
+        assert!(!keeps(&flagged, Some(2), None));
+        let clean = on(Some("ground"), "", "withheld");
+        assert_eq!(clean.side_of_classes(ground, true), Side::Across);
+        assert_eq!(clean.side_of_classes(Some([2, 0, 0, 0]), true), Side::Outside);
+        assert!(keeps(&clean, Some(2), None) && keeps(&clean, Some(2), Some(0b1000)));
+        assert!(!keeps(&clean, Some(2), Some(0b0100)) && !keeps(&clean, Some(3), None));
+        assert!(clean.needs_flags() && !on(Some("ground"), "", "").needs_flags());
     }
 
     proptest! {
@@ -295,14 +362,14 @@ mod tests {
             let filter = Filter { bounds: Some(Bounds { min, max }), ..Filter::default() };
             let filter = filter.on(&lattice()).unwrap();
             let within = |axes: usize| (0..axes).all(|i| low[i] <= p[i] && p[i] <= high[i]);
-            prop_assert_eq!(filter.in_box(p, p).keeps(p, None), within(3));
+            prop_assert_eq!(filter.in_box(p, p).keeps(p, None, None), within(3));
             prop_assert_eq!(filter.side_of_box(p, p), if within(3) { Side::Inside } else { Side::Outside });
             let ring = vec![[min[0], min[1]], [max[0], min[1]], [max[0], max[1]], [min[0], max[1]]];
             let over = Filter { polygon: Some(Polygon::new(vec![ring]).unwrap()), ..Filter::default() };
             let over = over.on(&lattice()).unwrap();
             // A rectangle without area has no edge that a corner could lie on.
             if low[0] < high[0] || low[1] < high[1] {
-                prop_assert_eq!(over.in_box(p, p).keeps(p, None), within(2));
+                prop_assert_eq!(over.in_box(p, p).keeps(p, None, None), within(2));
             }
         }
     }

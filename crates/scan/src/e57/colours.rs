@@ -23,8 +23,8 @@ pub(crate) fn colour_range(cloud: &PointCloud, record: &Record) -> Option<[f64; 
         Some([real(low.as_ref()?, kind), real(high.as_ref()?, kind)])
     });
     let own = match *kind {
-        Kind::Single { min, max } => Some([min?.into(), max?.into()]),
-        Kind::Double { min, max } => Some([min?, max?]),
+        Kind::Single { min, max } => min.zip(max).map(|(min, max)| [min.into(), max.into()]),
+        Kind::Double { min, max } => min.zip(max).map(|(min, max)| [min, max]),
         // Without explicit bounds, the crate `e57` gives the bounds of the integer type.
         Kind::Integer { min, max } | Kind::ScaledInteger { min, max, .. } => {
             let is_bounded = max.checked_sub(min).is_some_and(|range| range <= u32::MAX.into());

@@ -4,8 +4,8 @@
 use super::colours::{Colours, colour_range, is_colour};
 use super::grid::grid;
 use super::packets::bits;
-use super::pose::Pose;
 use super::values::{NumberType, is_plain, put, real};
+use crate::pose::Pose;
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX, axis, named, schema_of, usual};
 use e57::{PointCloud, Record, RecordDataType as Kind, RecordName as Name, RecordValue as Value};
 use esker_points::attribute::names;
@@ -58,8 +58,11 @@ pub(crate) enum Coordinates {
 enum AttributeSource {
     /// The value of this index.
     Value(usize),
-    /// A colour that is scaled from `range` (black, white) to 16 bits.
-    Colour { value: usize, range: [f64; 2] },
+    /// A colour that is scaled from `range` (black, white) to 16 bits; it `is_assumed` where the
+    /// file gives none for fractions.
+    Colour { value: usize, range: [f64; 2], is_assumed: bool },
+    /// The index of a return, from 0, and the number of returns, in one byte as in LAS.
+    Returns { index: usize, count: usize },
     /// One of three values that are turned with the scan.
     Normal { values: [usize; 3], axis: usize },
     /// The scan's number, from 1.
@@ -159,7 +162,10 @@ impl ScanFields {
                     }
                     _ => put(real(i), ty, column),
                 },
-                AttributeSource::Colour { value, range: [low, high] } => {
+                AttributeSource::Returns { index, count } => {
+                    column.push(((real(index) as u8).min(14) + 1) | (real(count) as u8) << 4);
+                }
+                AttributeSource::Colour { value, range: [low, high], .. } => {
                     let fraction = ((real(value) - low) / (high - low)).clamp(0.0, 1.0);
                     put((fraction * f64::from(u16::MAX)).round(), ty, column);
                 }
@@ -239,8 +245,7 @@ impl Fields {
     /// Maps the values of these scans.
     ///
     /// # Errors
-    /// If a scan has no coordinates or an invalid pose, or if there are too many values; the error
-    /// says which and why.
+    /// If a scan has no coordinates, or if there are too many values; the error says which and why.
     pub fn new(clouds: &[PointCloud], task: &dyn Task) -> Result<Self, FieldsError> {
         let colours = Colours::of(clouds);
         // In the order of their first appearance.
@@ -277,6 +282,10 @@ impl Fields {
             }
             attributes.push((name, ty));
         }
+        let are_returns = returns_fit(&found, clouds);
+        if let Some(index) = found.iter().position(|f| are_returns && f.key == RETURN_INDEX) {
+            attributes[index] = (names::RETURNS.into(), AttrType::U8);
+        }
         let has_scans = clouds.len() > 1;
         if has_scans {
             // First, so that it keeps its name.
@@ -293,7 +302,12 @@ impl Fields {
                 first.iter().map(|&c| (c, AttributeSource::Scan)).collect();
             for (i, key) in keyed(cloud) {
                 if let Some(&index) = at.get(&key) {
-                    sources.push((columns[index], source_of(cloud, i, colours)));
+                    let count = find(cloud, &Name::ReturnCount);
+                    let source = match count.filter(|_| are_returns && key == RETURN_INDEX) {
+                        Some(count) => AttributeSource::Returns { index: i, count },
+                        None => source_of(cloud, i, colours),
+                    };
+                    sources.push((columns[index], source));
                 }
             }
             let fields = scan_fields(cloud, sources);
@@ -301,6 +315,11 @@ impl Fields {
         }
         let are_scaled = colours == Colours::Scaled;
         let mut notes = Vec::new();
+        for (number, cloud) in (1..).zip(clouds) {
+            if let (_, Some(what)) = pose_of(cloud) {
+                notes.push(format!("scan {number} has {what}"));
+            }
+        }
         for (FieldSummary { scans, .. }, (name, _)) in found.iter().zip(&attributes[first.len()..])
         {
             if *scans < clouds.len() {
@@ -350,15 +369,99 @@ impl Fields {
     }
 }
 
+impl ScanFields {
+    /// The greatest of the colours of a point whose range is assumed.
+    pub fn assumed_colour(&self, cloud: &PointCloud, values: &[Value]) -> f64 {
+        let assumed = self.attributes.iter().filter_map(|(_, source)| match source {
+            AttributeSource::Colour { value, is_assumed: true, .. } => Some(*value),
+            _ => None,
+        });
+        let colours = assumed.map(|i| real(&values[i], &cloud.prototype[i].data_type));
+        colours.fold(0.0, f64::max)
+    }
+}
+
+impl Fields {
+    /// Whether the range of colours is assumed, and their values should be looked at.
+    pub fn assumes_colours(&self) -> bool {
+        let mut all = self.scans.iter().flat_map(|scan| &scan.attributes);
+        all.any(|(_, source)| matches!(source, AttributeSource::Colour { is_assumed: true, .. }))
+    }
+
+    /// Takes the range of colours without one from the greatest of them.
+    pub fn assume_colours(&mut self, greatest: f64) {
+        let Some(white) = [1.0, 255.0, 65_535.0].into_iter().find(|top| greatest <= top * 1.001)
+        else {
+            return;
+        };
+        if white == 1.0 {
+            return;
+        }
+        self.notes
+            .push(format!("colours without a range reach {greatest}: {white} is taken for white"));
+        for (_, source) in self.scans.iter_mut().flat_map(|scan| &mut scan.attributes) {
+            if let AttributeSource::Colour { range, is_assumed: true, .. } = source {
+                *range = [0.0, white];
+            }
+        }
+    }
+}
+
+/// Key of the index of a return.
+const RETURN_INDEX: Key = (Name::ReturnIndex, 0);
+
+/// Whether indices and numbers of returns fit the four bits each that LAS has.
+fn returns_fit(found: &[FieldSummary], clouds: &[PointCloud]) -> bool {
+    let fits = |name: Name, most: i64| {
+        let summary = found.iter().find(|f| f.key == (name.clone(), 0));
+        summary.is_some_and(
+            |f| matches!(f.kind, NumberType::Integers { min: 0.., max } if max <= most),
+        )
+    };
+    let has = |cloud: &PointCloud, name| find(cloud, &name).is_some();
+    let are_paired =
+        clouds.iter().all(|cloud| has(cloud, Name::ReturnIndex) == has(cloud, Name::ReturnCount));
+    fits(Name::ReturnIndex, 14) && fits(Name::ReturnCount, 15) && are_paired
+}
+
+/// The pose of a scan, and what was wrong with it: a rotation that is none is left out, and so is a
+/// position that is not finite.
+fn pose_of(cloud: &PointCloud) -> (Pose, Option<&'static str>) {
+    let Some(transform) = &cloud.transform else { return (Pose::NONE, None) };
+    let (q, at) = (&transform.rotation, &transform.translation);
+    let (q, at) = ([q.w, q.x, q.y, q.z], [at.x, at.y, at.z]);
+    if let Some(pose) = Pose::new(q, at) {
+        return (pose, None);
+    }
+    if at.iter().all(|c| c.is_finite()) {
+        return (Pose::moved(at), Some("a pose whose rotation is none: it is kept as not turned"));
+    }
+    match Pose::new(q, [0.0; 3]) {
+        Some(turn) => (turn, Some("a pose whose position is no number: it is kept as not moved")),
+        None => (Pose::NONE, Some("a pose that is none: it is kept as not turned and not moved")),
+    }
+}
+
+/// Why no point of a scan can be read; `None` if its header is sound.
+pub(crate) fn fault_of(cloud: &PointCloud) -> Option<&'static str> {
+    if cloud.prototype.len() > COLUMNS_MAX {
+        return Some("has more than 1024 values a point");
+    }
+    if cloud.prototype.iter().any(|record| name_of(&record.name).len() > NAME_BYTES_MAX) {
+        return Some("has a value whose name is longer than 256 bytes");
+    }
+    scan_fields(cloud, Vec::new()).err()
+}
+
 /// The source of the attribute that is made from a value of a scan.
 fn source_of(cloud: &PointCloud, value: usize, colours: Colours) -> AttributeSource {
     let record = &cloud.prototype[value];
     if is_colour(&record.name) && colours == Colours::Scaled {
-        let range = colour_range(cloud, record).unwrap_or(match record.data_type {
-            Kind::Integer { .. } | Kind::ScaledInteger { .. } => [0.0, 255.0],
-            _ => [0.0, 1.0],
-        });
-        return AttributeSource::Colour { value, range };
+        let is_whole =
+            matches!(record.data_type, Kind::Integer { .. } | Kind::ScaledInteger { .. });
+        let known = colour_range(cloud, record);
+        let range = known.unwrap_or(if is_whole { [0.0, 255.0] } else { [0.0, 1.0] });
+        return AttributeSource::Colour { value, range, is_assumed: known.is_none() && !is_whole };
     }
     let normals = [names::NX, names::NY, names::NZ];
     let at = |name: &str| cloud.prototype.iter().position(|r| name_of(&r.name) == name);
@@ -391,7 +494,6 @@ fn scan_fields(
     if cloud.records > 0 && !cloud.prototype.iter().any(varies) {
         return Err("has only constant values by its header; it is damaged");
     }
-    let pose =
-        Pose::of(cloud).ok_or("has a pose that is not a rotation and a position; it is damaged")?;
+    let (pose, _) = pose_of(cloud);
     Ok(ScanFields { coordinates, state: find(cloud, &state), pose, shift: [0; 3], attributes })
 }

@@ -1,6 +1,6 @@
 //! The integer grid of scans: one for all scans, if their grids differ by whole steps.
 
-use super::pose::Pose;
+use crate::pose::Pose;
 use e57::{PointCloud, RecordDataType as Kind};
 use esker_points::Grid;
 

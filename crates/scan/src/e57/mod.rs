@@ -1,25 +1,28 @@
 //! Reads E57 (ASTM E2807) with the crate `e57`: all scans of a file, each in its pose, with all
 //! their values. Directions without a return are counted but are no points; images are left out. A
 //! pass at opening finds the bounds, unless coordinates are integers on one grid and the file gives
-//! their bounds.
+//! their bounds. In a file of several scans a damaged one does not cost the others: what cannot be
+//! read of it is refused and counted.
 //!
 //! If there are several scans, the `point_source_id` of a point is the number of its scan, from 1.
 
 mod buffered;
 mod colours;
+mod damage;
 mod fields;
 mod grid;
 mod packets;
-mod pose;
 mod values;
 mod xml;
 
 use crate::caught::catch;
 use crate::error::ScanError;
+use crate::las::crs::unit_of;
 use crate::source::{Crs, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
 use crate::text::blocks::in_order;
 use crate::text::naming::{NO_RETURN, NOT_FINITE, colour_max, wide_colours};
 use buffered::{BufferedFile, file_of};
+use damage::{Damage, LostScan};
 use e57::{E57Reader, PointCloud, PointCloudReaderRaw, RecordValue};
 use esker_points::lattice::{GridKind, Placement, float_grid};
 use esker_points::{Batch, Cancelled, ColourDepth, InputGrid, Rounding, Spread, Task};
@@ -31,6 +34,7 @@ use std::path::Path;
 pub const FORMAT: Format = Format {
     name: "E57",
     endings: &["e57"],
+    is_streamed: false,
     recognises: |head| head.starts_with(b"ASTM-E57"),
     open,
 };
@@ -44,6 +48,8 @@ struct E57Source {
     info: SourceInfo,
     clouds: Vec<PointCloud>,
     fields: Fields,
+    /// Scans of which nothing can be read.
+    lost: Vec<LostScan>,
 }
 
 type Reader = E57Reader<BufferedFile>;
@@ -59,6 +65,10 @@ struct ValueBlock {
 struct Survey {
     spread: Spread,
     colour_max: u16,
+    /// Greatest colour of those whose range is assumed.
+    assumed_colour: f64,
+    /// Points of damaged scans that cannot be read, and the first fault of each.
+    damage: Damage,
 }
 
 /// The points decoded from a block, and the number of refused ones.
@@ -66,8 +76,12 @@ struct Decoded {
     batch: Batch,
     no_return: u64,
     not_finite: u64,
+    beyond: u64,
     rounding: Rounding,
 }
+
+/// The reason for which integers are refused that exceed the 32 bits of the grid.
+const BEYOND: &str = "coordinate is beyond what the header says";
 
 fn reader_of(path: &Path) -> Result<Reader, ScanError> {
     let file = file_of(path)?;
@@ -94,29 +108,26 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     drop(text);
     task.check()?;
     let reader = reader_of(path)?;
-    let clouds = reader.pointclouds();
+    let mut clouds = reader.pointclouds();
     if clouds.len() > usize::from(u16::MAX) {
         let what = "has more than 65,535 scans, more than Esker can distinguish; split the file";
         return Err(ScanError::unsupported(path, what));
     }
-    let fields = Fields::new(&clouds, task).map_err(|why| match why {
+    let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
+    let lost = damage::lost_scans(path, &mut clouds, &reader, task)?;
+    let mut fields = Fields::new(&clouds, task).map_err(|why| match why {
         FieldsError::Damaged(what) => ScanError::damaged(path, what),
         FieldsError::Cancelled(cancelled) => cancelled.into(),
     })?;
-    for (scan, cloud) in with_points(&clouds) {
-        let even = packets::are_even(file_of(path)?, reader.header().page_size, cloud, task);
-        task.check()?;
-        if !even.map_err(|e| ScanError::io(path, e))? {
-            let what =
-                format!("scan {}: some values are far ahead of others; it is damaged", scan + 1);
-            return Err(ScanError::damaged(path, what));
-        }
-    }
     let claimed = fields.grid.and_then(|_| claimed_bounds(&clouds, &fields));
     let survey = match claimed {
+        Some(spread) if fields.assumes_colours() => {
+            Survey { spread, ..survey_file(path, &clouds, &fields, task)? }
+        }
         Some(spread) => Survey { spread, ..Survey::default() },
         None => survey_file(path, &clouds, &fields, task)?,
     };
+    fields.assume_colours(survey.assumed_colour);
     let (kind, grid, bounds) = match fields.grid {
         Some(grid) => (GridKind::Integer, grid, survey.spread.bounds()),
         None => {
@@ -124,13 +135,16 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
             (GridKind::Float, grid, bounds)
         }
     };
-    let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     let colour_depth = wide_colours(&fields.schema).map(|_| {
         let eight = (1..=u16::from(u8::MAX)).contains(&survey.colour_max) && !fields.are_scaled;
         let detected = if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
         options.colour_depth.unwrap_or(detected)
     });
+    if let (None, Some(error)) = (bounds, survey.damage.error(path)) {
+        return Err(error);
+    }
     let mut notes = fields.notes.clone();
+    notes.extend(lost.iter().map(LostScan::note));
     match reader.images().len() {
         0 => {}
         1 => notes.push("an image is left out".into()),
@@ -154,12 +168,16 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         points_hint: clouds.iter().fold(0, |n, cloud| n.saturating_add(cloud.records)),
         bytes,
         colour_depth,
-        crs: crs.map(|text| Crs { text: text.to_owned(), unit: None }),
+        // ASTM E2807 has coordinates in metres, unless a system says otherwise.
+        crs: Some(match crs {
+            Some(text) => Crs { text: text.to_owned(), unit: unit_of(text) },
+            None => Crs { text: String::new(), unit: Some("metre".into()) },
+        }),
         scanner: scanner(&clouds, &fields),
         verbatim: verbatim.into_iter().collect(),
         notes,
     };
-    Ok(Box::new(E57Source { info, clouds, fields }))
+    Ok(Box::new(E57Source { info, clouds, fields, lost }))
 }
 
 /// Positions of the scanner. A scan's pose counts as one if the file gives it or if points have
@@ -208,6 +226,12 @@ struct Blocks<'a> {
     scan: usize,
     points: PointCloudReaderRaw<'a, BufferedFile>,
     points_max: usize,
+    /// Number of values of a point.
+    width: usize,
+    /// Number of points that were read.
+    there: u64,
+    /// Why no more can be read.
+    fault: Option<ScanError>,
 }
 
 impl<'a> Blocks<'a> {
@@ -218,19 +242,26 @@ impl<'a> Blocks<'a> {
     ) -> Result<Self, ScanError> {
         let what = format!("scan {}: ", scan + 1);
         let points = guarded(path, &what, || reader.pointcloud_raw(cloud))?;
+        let width = cloud.prototype.len();
         let points_max = (BLOCK_VALUES / cloud.prototype.len().max(1)).max(1);
-        Ok(Self { path, what, scan, points, points_max })
+        Ok(Self { path, what, scan, points, points_max, width, there: 0, fault: None })
     }
 
-    fn next(&mut self) -> Result<Option<ValueBlock>, ScanError> {
+    /// The next points; `None` at the end and where the scan is damaged, which sets `fault`.
+    fn next(&mut self) -> Option<ValueBlock> {
+        if self.fault.is_some() {
+            return None;
+        }
         let mut values = Vec::new();
-        guarded(self.path, &self.what, || {
+        let read = guarded(self.path, &self.what, || {
             for point in self.points.by_ref().take(self.points_max) {
                 values.extend(point?);
             }
             Ok(())
-        })?;
-        Ok((!values.is_empty()).then_some(ValueBlock { scan: self.scan, values }))
+        });
+        self.fault = read.err();
+        self.there += (values.len() / self.width.max(1)) as u64;
+        (!values.is_empty()).then_some(ValueBlock { scan: self.scan, values })
     }
 }
 
@@ -250,11 +281,20 @@ fn survey_file(
         || reader_of(path).map_err(Some),
         |reader, scan| {
             let reader = reader.as_mut().map_err(|e| e.take().unwrap_or(Cancelled.into()))?;
-            let mut blocks = Blocks::new(path, reader, scan)?;
             let mut found = Survey::default();
-            while let Some(block) = blocks.next()? {
+            let mut blocks = match Blocks::new(path, reader, scan) {
+                Ok(blocks) => blocks,
+                Err(fault) => {
+                    found.damage.add(scan, 0, fault, clouds)?;
+                    return Ok(found);
+                }
+            };
+            while let Some(block) = blocks.next() {
                 task.check()?;
                 found.merge(Survey::of_block(&block, clouds, fields));
+            }
+            if let Some(fault) = blocks.fault.take() {
+                found.damage.add(scan, blocks.there, fault, clouds)?;
             }
             Ok(found)
         },
@@ -277,6 +317,8 @@ impl Survey {
         for values in block.values.chunks_exact(cloud.prototype.len()) {
             let Position::At(world) = scan_fields.position(cloud, values) else { continue };
             found.spread.add(world);
+            let assumed = scan_fields.assumed_colour(cloud, values);
+            found.assumed_colour = found.assumed_colour.max(assumed);
             if let Some(colours) = colours {
                 columns.iter_mut().for_each(Vec::clear);
                 scan_fields.put((block.scan, cloud), values, &fields.schema, &mut columns);
@@ -292,6 +334,8 @@ impl Survey {
     fn merge(&mut self, later: Self) {
         self.spread.merge(later.spread);
         self.colour_max = self.colour_max.max(later.colour_max);
+        self.assumed_colour = self.assumed_colour.max(later.assumed_colour);
+        self.damage.merge(later.damage);
     }
 }
 
@@ -301,8 +345,13 @@ impl E57Source {
         let schema = &self.info.schema;
         let points = block.values.len() / cloud.prototype.len();
         let batch = Batch::with_capacity(schema.clone(), points);
-        let mut decoded =
-            Decoded { batch, no_return: 0, not_finite: 0, rounding: Rounding::default() };
+        let mut decoded = Decoded {
+            batch,
+            no_return: 0,
+            not_finite: 0,
+            beyond: 0,
+            rounding: Rounding::default(),
+        };
         for values in block.values.chunks_exact(cloud.prototype.len()) {
             let rounding = &mut decoded.rounding;
             let placed = if let Some(grid) = &self.fields.grid {
@@ -310,10 +359,10 @@ impl E57Source {
                     decoded.no_return += 1;
                     continue;
                 }
-                let raw = scan_fields.raw(values).ok_or_else(|| {
-                    let what = "a coordinate is beyond what its header says; it is damaged";
-                    ScanError::damaged(&self.info.path, format!("scan {}: {what}", block.scan + 1))
-                })?;
+                let Some(raw) = scan_fields.raw(values) else {
+                    decoded.beyond += 1;
+                    continue;
+                };
                 placement.integer(raw, grid, rounding)
             } else {
                 match scan_fields.position(cloud, values) {
@@ -349,22 +398,39 @@ impl Source for E57Source {
         let path = &self.info.path;
         let mut report = ReadReport::default();
         let mut reader = reader_of(path)?;
+        let mut damage = Damage::default();
         for scan in with_points(&self.clouds) {
-            let mut blocks = Blocks::new(path, &mut reader, scan)?;
+            let mut blocks = match Blocks::new(path, &mut reader, scan) {
+                Ok(blocks) => blocks,
+                Err(fault) => {
+                    damage.add(scan, 0, fault, &self.clouds)?;
+                    continue;
+                }
+            };
             in_order(
                 task,
-                || blocks.next(),
+                || Ok(blocks.next()),
                 |block| self.decode(&block, placement),
                 |decoded: Decoded| {
-                    let refused =
-                        [(NO_RETURN, decoded.no_return), (NOT_FINITE, decoded.not_finite)];
+                    let refused = [
+                        (NO_RETURN, decoded.no_return),
+                        (NOT_FINITE, decoded.not_finite),
+                        (BEYOND, decoded.beyond),
+                    ];
                     // Scaled colours use all 16 bits, however dark they are.
                     let are_scaled = self.fields.are_scaled && !decoded.batch.is_empty();
                     let most = if are_scaled { u16::MAX } else { colour_max(&decoded.batch) };
                     report.take(decoded.batch, &refused, decoded.rounding, most, sink)
                 },
             )?;
+            if let Some(fault) = blocks.fault.take() {
+                damage.add(scan, blocks.there, fault, &self.clouds)?;
+            }
         }
+        if let (0, Some(error)) = (report.points, damage.error(path)) {
+            return Err(error);
+        }
+        damage.report(&self.lost, self.info.bytes, &mut report);
         Ok(report)
     }
 

@@ -30,20 +30,73 @@ pub struct EpsgCodes {
     pub horizontal: u32,
     /// Number of the vertical system, if there is one.
     pub vertical: Option<u32>,
+    /// Name of the vertical system in plain letters, if it has one that means something.
+    pub vertical_name: Option<String>,
     /// Units of the horizontal coordinates and of heights, if they are given.
     pub units: [Option<String>; 2],
+}
+
+/// Name of a vertical system in lower-case letters and digits; `None` if it means nothing.
+fn plain_name(name: &str) -> Option<String> {
+    let plain: String =
+        name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
+    let is_none = ["", "unknown", "unnamed", "none", "undefined", "userdefined", "vertcs"];
+    (!is_none.contains(&plain.as_str())).then_some(plain)
+}
+
+/// Name of the vertical system in the text of a CRS as it is written, for messages.
+pub fn vertical_name(text: &str) -> Option<String> {
+    let name = match text.strip_prefix("GeoTIFF:") {
+        Some(keys) => geotiff_citation(keys, "VerticalCitation"),
+        None => {
+            let nodes = &nodes(text)[..];
+            let at = systems(nodes).into_iter().find(|&at| nodes[at].is(&VERTICAL))?;
+            nodes[at].rest.trim_start().strip_prefix('"')?.split('"').next().map(str::to_owned)
+        }
+    };
+    name.filter(|name| plain_name(name).is_some())
+}
+
+/// A citation among GeoTIFF keys in readable form, without its quotes.
+fn geotiff_citation(keys: &str, name: &str) -> Option<String> {
+    let rest = keys.split_once(&format!(" {name}=\""))?.1;
+    let (mut citation, mut chars) = (String::new(), rest.chars());
+    loop {
+        match chars.next()? {
+            '"' => return Some(citation),
+            '\\' => citation.extend(chars.next()),
+            c => citation.push(c),
+        }
+    }
+}
+
+/// The unit of the horizontal coordinates of a WKT, if it names one.
+pub(crate) fn unit_of(wkt: &str) -> Option<String> {
+    wkt_unit(wkt)
 }
 
 impl EpsgCodes {
     /// Whether both may be the same system. A value that only one of them has is no difference.
     pub fn agree(&self, other: &Self) -> bool {
-        fn same<T: PartialEq>(a: Option<&T>, b: Option<&T>) -> bool {
-            a.is_none() || b.is_none() || a == b
-        }
         self.horizontal == other.horizontal
-            && same(self.vertical.as_ref(), other.vertical.as_ref())
+            && self.agrees_in_heights(other)
             && (0..2).all(|i| same(self.units[i].as_ref(), other.units[i].as_ref()))
     }
+}
+
+impl EpsgCodes {
+    /// Whether both may have the same vertical system: its numbers decide, or its names if one of
+    /// them has no number.
+    pub fn agrees_in_heights(&self, other: &Self) -> bool {
+        match (self.vertical, other.vertical) {
+            (Some(a), Some(b)) => a == b,
+            _ => same(self.vertical_name.as_ref(), other.vertical_name.as_ref()),
+        }
+    }
+}
+
+fn same<T: PartialEq>(a: Option<&T>, b: Option<&T>) -> bool {
+    a.is_none() || b.is_none() || a == b
 }
 
 /// Parses the EPSG numbers from the text of a CRS ([`Crs::text`]); `None` if the horizontal system
@@ -56,6 +109,7 @@ pub fn epsg_codes(text: &str) -> Option<EpsgCodes> {
 }
 
 fn geotiff_epsg_codes(keys: &str) -> Option<EpsgCodes> {
+    let vertical_name = geotiff_citation(keys, "VerticalCitation");
     // A citation may hold anything, but within quotes; quotes in it are escaped.
     let keys = keys.replace(r"\\", "").replace(r#"\""#, "");
     let words: Vec<&str> = keys.split('"').step_by(2).flat_map(str::split_whitespace).collect();
@@ -70,6 +124,7 @@ fn geotiff_epsg_codes(keys: &str) -> Option<EpsgCodes> {
     Some(EpsgCodes {
         horizontal: key(name).filter(is_registered)?,
         vertical: key("VerticalCSType").filter(is_registered),
+        vertical_name: vertical_name.and_then(|name| plain_name(&name)),
         units: [
             if is_geographic { Some("degree".into()) } else { unit("ProjLinearUnits") },
             unit("VerticalUnits"),
@@ -96,12 +151,10 @@ fn wkt_codes(wkt: &str) -> Option<EpsgCodes> {
         let is_epsg = parts.next()?.eq_ignore_ascii_case("EPSG");
         parts.next().filter(|_| is_epsg)?.parse().ok()
     };
-    let is_compound = !nodes.is_empty() && is(0, &["COMPD_CS", "COMPOUNDCRS"]);
-    let systems: Vec<usize> =
-        if is_compound { children(0).collect() } else { (0..nodes.len().min(1)).collect() };
+    let systems = systems(nodes);
     let find = |names: &[&str]| systems.iter().copied().find(|&at| is(at, names));
     let horizontal = find(&HORIZONTAL)?;
-    let vertical = find(&["VERT_CS", "VERTCRS", "VERTICALCRS"]);
+    let vertical = find(&VERTICAL);
     let unit_of_heights = |at| {
         let axes = children(at).filter(|&i| is(i, &["AXIS"]));
         let units = std::iter::once(at).chain(axes).flat_map(children);
@@ -110,10 +163,19 @@ fn wkt_codes(wkt: &str) -> Option<EpsgCodes> {
     Some(EpsgCodes {
         horizontal: code(horizontal)?,
         vertical: vertical.and_then(code),
+        vertical_name: vertical_name(wkt).and_then(|name| plain_name(&name)),
         units: [wkt_unit(wkt), vertical.and_then(unit_of_heights)],
     })
 }
 
+/// The systems that a WKT joins, or the one that it is.
+fn systems(nodes: &[Node<'_>]) -> Vec<usize> {
+    let is_compound = nodes.first().is_some_and(|node| node.is(&["COMPD_CS", "COMPOUNDCRS"]));
+    if is_compound { children(nodes, 0).collect() } else { (0..nodes.len().min(1)).collect() }
+}
+
+/// WKT 1 and 2 keywords of systems of heights.
+const VERTICAL: [&str; 3] = ["VERT_CS", "VERTCRS", "VERTICALCRS"];
 /// WKT 1 and 2 keywords of systems with horizontal coordinates.
 const HORIZONTAL: [&str; 9] = [
     "PROJCS",
@@ -214,6 +276,19 @@ fn geotiff(keys: &[u8], records: &Records, notes: &mut Vec<String>) -> Result<Op
     Ok(Some(Crs { text, unit: unit.map(str::to_owned) }))
 }
 
+/// The key directory of a text of GeoTIFF keys that are all numbers; `None` for any other text.
+pub(crate) fn geo_keys(text: &str) -> Option<Vec<u8>> {
+    let mut keys = Vec::new();
+    for word in text.strip_prefix("GeoTIFF:")?.split_whitespace() {
+        let (name, value) = word.split_once('=')?;
+        let id = (1024..=4099).find(|&id| key_name(id) == Some(name))?;
+        keys.push([id, 0, 1, value.parse().ok()?]);
+    }
+    keys.sort_unstable();
+    keys.insert(0, [1, 1, 0, u16::try_from(keys.len()).ok()?]);
+    Some(keys.iter().flatten().flat_map(|word: &u16| word.to_le_bytes()).collect())
+}
+
 /// Names of the keys that are common in LAS files, as in GeoTIFF 1.1 without `GeoKey`.
 fn key_name(id: u16) -> Option<&'static str> {
     Some(match id {
@@ -244,7 +319,7 @@ fn key_name(id: u16) -> Option<&'static str> {
 pub(crate) fn wkt_unit(wkt: &str) -> Option<String> {
     let nodes = &nodes(wkt)[..];
     let system = |keywords: &[&str]| nodes.iter().position(|n| n.is(keywords));
-    let Some(at) = system(&["PROJCS", "PROJCRS", "PROJECTEDCRS", "GEOCCS"]) else {
+    let Some(at) = system(&PLANE) else {
         let geographic = system(&["GEOGCS", "GEOGCRS", "GEODCRS", "GEOGRAPHICCRS"]);
         return geographic.map(|_| "degree".to_owned());
     };
@@ -254,6 +329,9 @@ pub(crate) fn wkt_unit(wkt: &str) -> Option<String> {
     child_unit(at).or_else(|| axes.find_map(child_unit)).and_then(|i| unit_name(nodes[i].rest))
 }
 
+/// WKT 1 and 2 keywords of systems with a unit of length: projected, geocentric, local.
+const PLANE: [&str; 7] =
+    ["PROJCS", "PROJCRS", "PROJECTEDCRS", "GEOCCS", "LOCAL_CS", "ENGCRS", "ENGINEERINGCRS"];
 /// WKT 1 and 2 keywords of units of length.
 const UNITS: [&str; 2] = ["UNIT", "LENGTHUNIT"];
 
@@ -344,6 +422,16 @@ mod tests {
         assert_eq!((of(&metres).horizontal, of(&metres).vertical), (2154, Some(5720)));
         assert!(of(&metres).agree(&of(wkt)) && of(&metres).agree(&of(keys)));
         assert!(!of(&metres).agree(&of(&feet)));
+        // Systems of heights without a number count by their names.
+        let named = |name: &str| compound(&format!(r#"VERT_CS["{name}",UNIT["metre",1]]"#));
+        let [ngf, ellipsoid, unknown] =
+            ["NGF-IGN69 height", "Ellipsoidal height", "unknown"].map(|name| of(&named(name)));
+        assert!(!ngf.agree(&ellipsoid) && ngf.agree(&of(&named("ngf ign69 HEIGHT"))));
+        assert!(ngf.agree(&unknown) && ngf.agree(&of(wkt)) && !ngf.agree(&of(&metres)));
+        assert_eq!(vertical_name(&named("a (b)")).as_deref(), Some("a (b)"));
+        let cited =
+            |name: &str| of(&format!(r#"{keys} VerticalCSType=32767 VerticalCitation="{name}""#));
+        assert!(cited("NGF-IGN69 height").agree(&ngf) && !cited("other").agree(&ngf));
         let heights = |more: &str| of(&format!("{keys} {more}"));
         assert!(of(&metres).agree(&heights("VerticalCSType=5720 VerticalUnits=9001")));
         assert!(!of(&metres).agree(&heights("VerticalCSType=5703")));
@@ -362,6 +450,16 @@ mod tests {
             "GeoTIFF: ProjectedCSType=32767 GeographicType=4171",
         ] {
             assert_eq!(epsg_codes(none), None, "{none}");
+        }
+    }
+
+    #[test]
+    fn numbers_of_keys_become_the_directory_that_says_them() {
+        let keys = geo_keys("GeoTIFF: GTModelType=1 ProjectedCSType=2154").unwrap();
+        let words: Vec<u16> = keys.chunks(2).map(|w| u16::from_le_bytes([w[0], w[1]])).collect();
+        assert_eq!(words, [1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 2154]);
+        for other in ["GeoTIFF: GTCitation=\"a b\"", "GeoTIFF: Key7=1", "PROJCS[1]", ""] {
+            assert_eq!(geo_keys(other), None);
         }
     }
 

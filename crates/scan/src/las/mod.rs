@@ -32,6 +32,7 @@ use vlr::Records;
 pub const FORMAT: Format = Format {
     name: "LAS/LAZ",
     endings: &["las", "laz"],
+    is_streamed: false,
     recognises: |head| head.starts_with(b"LASF"),
     open,
 };
@@ -58,6 +59,17 @@ pub fn gps_times(verbatim: &[(String, Vec<u8>)]) -> Option<GpsTimes> {
     let (_, head) = verbatim.iter().find(|(name, _)| name == "las header")?;
     // The header was checked when it was read; here its sizes are not trusted.
     Header::parse(head, u64::MAX, Path::new("")).ok()?.gps_times
+}
+
+/// Bounds that the header of a file states; `None` if it is no sound one or has no points.
+pub(crate) fn header_bounds(path: &Path) -> Option<[[f64; 3]; 2]> {
+    let file = File::open(path).ok()?;
+    let bytes = file.metadata().ok()?.len();
+    let mut head = Vec::new();
+    file.take(HEAD_BYTES).read_to_end(&mut head).ok()?;
+    let header = Header::parse(&head, bytes, path).ok()?;
+    let is_sound = header.bounds.iter().flatten().all(|c| c.is_finite());
+    (is_sound && header.points > 0).then_some(header.bounds)
 }
 
 /// An opened LAS or LAZ file.

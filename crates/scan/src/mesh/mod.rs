@@ -11,7 +11,7 @@ mod triangles;
 mod write;
 
 use crate::error::ScanError;
-use crate::ply::{READ_BYTES, open_stream};
+use crate::packed::{READ_BYTES, open_stream};
 use esker_points::Task;
 use std::io::{BufRead, BufReader, Cursor, Read};
 use std::path::Path;

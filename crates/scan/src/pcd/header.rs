@@ -2,7 +2,9 @@
 //! `DATA`: fields, their sizes, types and counts, the number of points and how they are stored.
 
 use crate::ply::header::{Element, Property, Shape};
+use crate::pose::Pose;
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX};
+use crate::text::number::decimals;
 use esker_points::AttrType;
 use std::io::{BufRead, Read};
 
@@ -54,8 +56,10 @@ pub(crate) struct Header {
     pub points: u64,
     /// Rows of a depth image; 1 for unordered points.
     pub rows: u64,
-    /// Position of the sensor.
-    pub viewpoint: [f64; 3],
+    /// Pose of the sensor; `None` if the header has one that is no pose.
+    pub viewpoint: Option<Pose>,
+    /// Digits after the point that the position of the sensor needs.
+    pub viewpoint_decimals: [u32; 3],
     pub data: Data,
     /// The header as in the file, with its last line end.
     pub text: Vec<u8>,
@@ -129,6 +133,12 @@ impl Header {
         let counts = if find("COUNT").is_some() { Some(column("COUNT")?) } else { None };
         let (mut fields, mut stride, mut values) = (Vec::new(), 0, 0);
         for (i, &name) in names.iter().enumerate() {
+            let count = counts.map_or(Some(1), |c| c[i].parse().ok());
+            let count: usize = count.ok_or_else(|| wrong("COUNT", counts.map_or("", |c| c[i])))?;
+            if count == 0 {
+                // A field without values, which drivers of scanners write as padding.
+                continue;
+            }
             let ty = type_of(types[i], sizes[i]).ok_or_else(|| {
                 let (size, ty) = (sizes[i].escape_debug(), types[i].escape_debug());
                 format!(
@@ -136,8 +146,6 @@ impl Header {
                     name.escape_debug()
                 )
             })?;
-            let count = counts.map_or(Some(1), |c| c[i].parse().ok().filter(|n| *n > 0));
-            let count: usize = count.ok_or_else(|| wrong("COUNT", counts.map_or("", |c| c[i])))?;
             values += count.min(COLUMNS_MAX + 1);
             if values > COLUMNS_MAX {
                 return Err(format!("has more than {COLUMNS_MAX} values a point"));
@@ -147,6 +155,9 @@ impl Header {
             }
             fields.push(Field { name: name.to_owned(), ty, count, offset: stride });
             stride += ty.size() * count;
+        }
+        if fields.is_empty() {
+            return Err("no field in the header has a value".into());
         }
         let number = |name: &str| {
             let Some(words) = find(name) else { return Ok(None) };
@@ -158,11 +169,8 @@ impl Header {
         let points = number("POINTS")?
             .or(cells)
             .ok_or("the header does not say how many points there are")?;
-        let viewpoint = find("VIEWPOINT").unwrap_or_default();
-        let place = |i: usize| {
-            viewpoint.get(i).and_then(|w| w.parse().ok()).filter(|v: &f64| v.is_finite())
-        };
-        let viewpoint = [0, 1, 2].map(|i| place(i).unwrap_or(0.0));
+        let (viewpoint, viewpoint_decimals) =
+            find("VIEWPOINT").map_or((Some(Pose::NONE), [0; 3]), viewpoint_of);
         let data = match find("DATA").and_then(|words| words.first()).copied() {
             Some("ascii") => Data::Ascii,
             Some("binary") => Data::Binary,
@@ -178,6 +186,7 @@ impl Header {
             points,
             rows: height.unwrap_or(1),
             viewpoint,
+            viewpoint_decimals,
             data,
             text,
         })
@@ -207,6 +216,19 @@ impl Header {
         }
         (Element { name: "point".into(), count: self.points, properties }, locations)
     }
+}
+
+/// The pose of the sensor, and the digits after the point of its position: three numbers of the
+/// position and four of a quaternion, which the oldest files lack.
+fn viewpoint_of(words: &[&str]) -> (Option<Pose>, [u32; 3]) {
+    let digits = [0, 1, 2].map(|i| words.get(i).map_or(0, |word| decimals(word.as_bytes())));
+    let numbers: Option<Vec<f64>> = words.iter().map(|word| word.parse().ok()).collect();
+    let pose = match numbers.as_deref() {
+        Some(&[x, y, z]) => Pose::new([1.0, 0.0, 0.0, 0.0], [x, y, z]),
+        Some(&[x, y, z, qw, qx, qy, qz]) => Pose::new([qw, qx, qy, qz], [x, y, z]),
+        _ => None,
+    };
+    (pose, digits)
 }
 
 fn wrong(name: &str, word: &str) -> String {
@@ -244,7 +266,8 @@ mod tests {
     fn a_header_describes_fields_and_points() {
         let header = read(HEAD).unwrap();
         assert_eq!((header.stride, header.points, header.rows), (23, 10, 2));
-        assert_eq!((header.viewpoint, header.data), ([1.0, 2.0, 3.0], Data::Binary));
+        assert_eq!(header.viewpoint, Some(Pose::moved([1.0, 2.0, 3.0])));
+        assert_eq!(header.data, Data::Binary);
         assert!(header.text.ends_with(b"binary\n"));
         let (element, locations) = header.element();
         let names: Vec<&str> = element.properties.iter().map(|p| p.name.as_str()).collect();
@@ -258,6 +281,25 @@ mod tests {
     }
 
     #[test]
+    fn fields_without_values_are_skipped_and_viewpoints_are_poses() {
+        let header = read(&HEAD.replace("COUNT 1 1 1 1 3 2", "COUNT 1 1 1 1 0 0")).unwrap();
+        assert_eq!((header.stride, header.fields.len()), (16, 4));
+        for (words, want) in [
+            ("0 0 0 1 0 0 0", Some(Pose::NONE)),
+            ("1 2 3", Some(Pose::moved([1.0, 2.0, 3.0]))),
+            ("1 2.25 3 0 0 0 2", Pose::new([0.0, 0.0, 0.0, 1.0], [1.0, 2.25, 3.0])),
+            ("0 0 0 0 0 0 0", None),
+            ("nan 0 0 1 0 0 0", None),
+            ("1 2", None),
+        ] {
+            let header = read(&HEAD.replace("1 2 3 1 0 0 0", words)).unwrap();
+            assert_eq!(header.viewpoint, want, "{words}");
+        }
+        let header = read(&HEAD.replace("1 2 3 1 0 0 0", "1 2.25 3 1 0 0 0")).unwrap();
+        assert_eq!(header.viewpoint_decimals, [0, 2, 0]);
+    }
+
+    #[test]
     fn unsound_headers_are_refused_with_the_reason() {
         for (from, to, want) in [
             ("DATA binary\nrest", "", "no `DATA`"),
@@ -266,7 +308,7 @@ mod tests {
             ("FIELDS", "FELDER", "no `FIELDS`"),
             ("SIZE 4 4 4 4 1 2", "SIZE 4 4", "`SIZE` in the header has 2 entries for 6 fields"),
             ("TYPE F F", "TYPE F Q", "`y` is of type Q and size 4"),
-            ("COUNT 1 1", "COUNT 1 0", "`COUNT` in the header is not understood: `0`"),
+            ("COUNT 1 1", "COUNT 1 -1", "`COUNT` in the header is not understood: `-1`"),
             ("COUNT 1 1", "COUNT 1 99999999999", "more than 1024 values"),
             ("POINTS 10", "POINTS -1", "`POINTS` in the header is not understood"),
         ] {

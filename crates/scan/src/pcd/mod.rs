@@ -8,7 +8,9 @@ mod lzf;
 mod points;
 
 use crate::error::ScanError;
+use crate::packed::open_stream;
 use crate::ply::plan::{Decoded, RecordPlan, Survey};
+use crate::pose::Pose;
 use crate::source::{
     BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo,
 };
@@ -18,18 +20,16 @@ use esker_points::lattice::Placement;
 use esker_points::{ColourDepth, InputGrid, Spread, Task};
 use header::{Data, Header};
 use points::{Layout, Points, Raw, sizes, too_few};
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, Read};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 /// PCD, an entry of the registry.
-pub const FORMAT: Format = Format { name: "PCD", endings: &["pcd"], recognises, open };
+pub const FORMAT: Format =
+    Format { name: "PCD", endings: &["pcd"], is_streamed: true, recognises, open };
 
 /// Locked while all points of a file are held during opening.
 static HOLDING: Mutex<()> = Mutex::new(());
-/// Bytes read from the file at once.
-const READ_BYTES: usize = 256 << 10;
 
 struct PcdSource {
     info: SourceInfo,
@@ -47,32 +47,35 @@ fn recognises(head: &[u8]) -> bool {
             .any(|word| first.is_some_and(|line| line.starts_with(word)))
 }
 
-fn stream_of(path: &Path) -> Result<Box<dyn BufRead + Send>, ScanError> {
-    let file = File::open(path).map_err(|e| ScanError::io(path, e))?;
-    Ok(Box::new(BufReader::with_capacity(READ_BYTES, file)))
-}
-
 fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
-    let mut stream = stream_of(path)?;
+    let (mut stream, packing) = open_stream(path)?;
     let header = Header::read(&mut stream).map_err(|e| ScanError::io(path, e))?;
     let header = header.map_err(|what| ScanError::damaged(path, what))?;
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
-    let held_bytes = check_room(path, &header, bytes)?;
+    // What a compressed file has room for shows only in the end.
+    let room = packing.map_or(bytes, |_| u64::MAX);
+    let held_bytes = check_room(path, &header, room)?;
     if let Some(memory_bytes) = options.memory_bytes {
         check_held(held_bytes, memory_bytes, path)?;
     }
     let layout = Layout::new(header);
     let mut plan = RecordPlan::of_element(&layout.element, layout.encoding())
         .ok_or_else(|| ScanError::damaged(path, "its fields lack x, y or z: no points"))?;
+    let header = &layout.header;
+    let viewpoint = header.viewpoint.unwrap_or(Pose::NONE);
+    if options.apply_viewpoint && viewpoint != Pose::NONE {
+        plan.apply(viewpoint, header.viewpoint_decimals);
+    }
     let survey = survey_stream(path, stream, &layout, &plan, task)?;
     let (kind, grid, bounds) = plan.choose_grid(&layout.element, &survey);
     let colour_depth = wide_colours(&plan.schema).map(|_| {
-        let eight = survey.colour_max <= u16::from(u8::MAX);
+        let eight = plan.colour_max <= u16::from(u8::MAX);
         let detected = if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
         options.colour_depth.unwrap_or(detected)
     });
     let header = &layout.header;
-    let mut notes = Vec::new();
+    let mut notes = viewpoint_note(header, options.apply_viewpoint);
+    notes.extend(plan.notes.iter().cloned());
     if survey.has_more_lines {
         let points = header.points;
         notes.push(format!("lines behind the {points} points that the header claims are left out"));
@@ -85,23 +88,42 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         Data::Binary => "binary",
         Data::Compressed => "compressed",
     };
+    let packing = packing.map_or(String::new(), |packing| format!(", {}", packing.name()));
     // The viewpoint is the origin by default. That is the scanner only if points are rows of an
     // image.
-    let is_scanner = header.rows > 1 || header.viewpoint != [0.0; 3];
+    let is_scanner = header.rows > 1 || viewpoint != Pose::NONE;
     let info = SourceInfo {
         path: path.to_owned(),
-        format: format!("PCD {}, {data}", header.version),
+        format: format!("PCD {}, {data}{packing}", header.version),
         grid: InputGrid { name: path.display().to_string(), kind, grid, bounds },
         schema: plan.schema.clone(),
         points_hint: header.points,
         bytes,
         colour_depth,
         crs: None,
-        scanner: is_scanner.then_some(Scanner::At(header.viewpoint)),
-        verbatim: vec![("PCD header".into(), header.text.clone())],
+        scanner: is_scanner.then_some(Scanner::At(viewpoint.at)),
+        verbatim: plan.verbatim("PCD header", &header.text),
         notes,
     };
     Ok(Box::new(PcdSource { info, layout, plan, held_bytes }))
+}
+
+/// What became of the pose of the sensor, unless it is the default.
+fn viewpoint_note(header: &Header, is_applied: bool) -> Vec<String> {
+    let Some(pose) = header.viewpoint else {
+        return vec!["its VIEWPOINT is no pose and is not used".into()];
+    };
+    if pose == Pose::NONE {
+        return Vec::new();
+    }
+    let [x, y, z] = pose.at;
+    let turn = if pose.is_turned { ", turned" } else { "" };
+    let what = if is_applied {
+        "points and normals are transformed by it"
+    } else {
+        "points are kept as they are; --apply-viewpoint transforms them by it"
+    };
+    vec![format!("its VIEWPOINT is {x} {y} {z}{turn}: {what}")]
 }
 
 /// Refuses a count that the file has no room for; otherwise returns the bytes that are held at once
@@ -119,11 +141,7 @@ fn check_room(path: &Path, header: &Header, bytes: u64) -> Result<u64, ScanError
         }
         Data::Compressed if header.points == 0 => Ok(0),
         Data::Compressed => {
-            let io = |e| ScanError::io(path, e);
-            let mut file = File::open(path).map_err(io)?;
-            std::io::Seek::seek(&mut file, std::io::SeekFrom::Start(header.text.len() as u64))
-                .map_err(io)?;
-            let [packed, unpacked] = sizes(path, &mut file, header)?;
+            let [packed, unpacked] = sizes(path, &mut body_of(path, header)?, header)?;
             if packed > room.saturating_sub(8) {
                 let what = format!(
                     "{packed} bytes of compressed points should follow the header, {} do; the file is cut",
@@ -149,6 +167,17 @@ fn check_held(held_bytes: u64, memory_bytes: u64, path: &Path) -> Result<(), Sca
         mib(needed_bytes),
     );
     Err(ScanError::unsupported(path, what))
+}
+
+/// The stream after the header.
+fn body_of(path: &Path, header: &Header) -> Result<Box<dyn BufRead + Send>, ScanError> {
+    let (mut stream, _) = open_stream(path)?;
+    let mut text = vec![0; header.text.len()];
+    stream.read_exact(&mut text).map_err(|e| ScanError::io(path, e))?;
+    if text != header.text {
+        return Err(ScanError::damaged(path, "it changed since it was opened"));
+    }
+    Ok(stream)
 }
 
 fn survey_stream(
@@ -190,20 +219,6 @@ fn survey_stream(
     Ok(found)
 }
 
-impl PcdSource {
-    /// The stream after the header.
-    fn body(&self) -> Result<Box<dyn BufRead + Send>, ScanError> {
-        let path = &self.info.path;
-        let mut stream = stream_of(path)?;
-        let mut header = vec![0; self.layout.header.text.len()];
-        stream.read_exact(&mut header).map_err(|e| ScanError::io(path, e))?;
-        if header != self.layout.header.text {
-            return Err(ScanError::damaged(path, "it changed since it was opened"));
-        }
-        Ok(stream)
-    }
-}
-
 impl Source for PcdSource {
     fn info(&self) -> &SourceInfo {
         &self.info
@@ -217,13 +232,13 @@ impl Source for PcdSource {
     ) -> Result<ReadReport, ScanError> {
         let path = &self.info.path;
         let mut report = ReadReport::default();
-        let mut points = Points::new(path, self.body()?, &self.layout)?;
+        let mut points = Points::new(path, body_of(path, &self.layout.header)?, &self.layout)?;
         in_order(
             task,
             || points.next(),
             |raw| {
                 let records = self.layout.records(path, &self.plan, &raw, None)?;
-                Ok(self.plan.decode_records(&records, placement))
+                self.plan.decode_records(path, &records, placement)
             },
             |decoded: Decoded| {
                 let refused = [(Decoded::REASON, decoded.not_finite)];
@@ -234,7 +249,7 @@ impl Source for PcdSource {
     }
 
     fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
-        let body = self.body()?;
+        let body = body_of(&self.info.path, &self.layout.header)?;
         Ok(survey_stream(&self.info.path, body, &self.layout, &self.plan, task)?.spread)
     }
 

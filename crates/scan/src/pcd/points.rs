@@ -205,6 +205,9 @@ impl<'a> Points<'a> {
                 let mut all = Vec::new();
                 let read = input.by_ref().take(packed).read_to_end(&mut all);
                 read.map_err(|e| ScanError::io(path, e))?;
+                if (all.len() as u64) < packed {
+                    return Err(too_few(path, header.points, 0));
+                }
                 let damaged = || ScanError::damaged(path, "its compressed points are damaged");
                 Body::Fields(Arc::new(unpack(&all, bytes as usize).ok_or_else(damaged)?))
             }

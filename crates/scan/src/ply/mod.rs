@@ -1,4 +1,4 @@
-//! Reads PLY (Turk 1994), ASCII and binary of either byte order, plain or compressed with zstd: the
+//! Reads PLY (Turk 1994), ASCII and binary of either byte order, plain or compressed as a whole: the
 //! vertices with all their scalar properties. Faces, other elements and lists are left out, with a
 //! note. A pass at opening finds the bounds; no pass keeps more than a few blocks.
 
@@ -10,6 +10,7 @@ pub(crate) mod records;
 
 use crate::error::ScanError;
 use crate::las::crs::wkt_unit;
+use crate::packed::open_stream;
 use crate::source::{Crs, Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use crate::text::blocks::in_order;
 use crate::text::naming::wide_colours;
@@ -18,19 +19,12 @@ use esker_points::{ColourDepth, InputGrid, Spread, Task};
 use header::{Encoding, Header, HeaderError, Shape};
 use plan::{Decoded, RecordPlan, Survey};
 use records::{Vertices, too_few};
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, Read};
 use std::path::Path;
 
 /// PLY, an entry of the registry.
-pub const FORMAT: Format = Format { name: "PLY", endings: &["ply"], recognises, open };
-
-/// Magic number of a zstd frame (RFC 8878, section 3.1.1).
-const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
-/// Largest zstd window: 2^25 bytes, what level 20 needs; more would break the bound on memory.
-const ZSTD_WINDOW_LOG_MAX: u32 = 25;
-/// Bytes read from the file at once.
-pub(crate) const READ_BYTES: usize = 256 << 10;
+pub const FORMAT: Format =
+    Format { name: "PLY", endings: &["ply"], is_streamed: true, recognises, open };
 
 struct PlySource {
     info: SourceInfo,
@@ -39,47 +33,28 @@ struct PlySource {
 }
 
 fn recognises(head: &[u8]) -> bool {
-    let Some(rest) = head.strip_prefix(b"ply") else {
-        // Other compressed content is recognised after decompression.
-        return head.starts_with(&ZSTD_MAGIC);
-    };
+    let Some(rest) = head.strip_prefix(b"ply") else { return false };
     let end = rest.iter().find(|b| !matches!(b, b' ' | b'\t'));
     matches!(end, Some(b'\r' | b'\n'))
 }
 
-/// Opens the decompressed stream of a file, and returns whether it was compressed.
-pub(crate) fn open_stream(path: &Path) -> Result<(Box<dyn BufRead + Send>, bool), ScanError> {
-    let io = |e| ScanError::io(path, e);
-    let mut file = BufReader::with_capacity(READ_BYTES, File::open(path).map_err(io)?);
-    if !file.fill_buf().map_err(io)?.starts_with(&ZSTD_MAGIC) {
-        return Ok((Box::new(file), false));
-    }
-    let mut unpacked = zstd::Decoder::with_buffer(file).map_err(io)?;
-    unpacked.window_log_max(ZSTD_WINDOW_LOG_MAX).map_err(io)?;
-    Ok((Box::new(BufReader::with_capacity(READ_BYTES, unpacked)), true))
-}
-
 fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
-    let (mut stream, packed) = open_stream(path)?;
+    let (mut stream, packing) = open_stream(path)?;
     let header = Header::read(&mut stream).map_err(|e| match e {
         HeaderError::Io(e) => ScanError::io(path, e),
-        HeaderError::Damaged(what) if packed => ScanError::unsupported(
-            path,
-            format!("is compressed with zstd, and what it holds is no sound PLY: {what}"),
-        ),
         HeaderError::Damaged(what) => ScanError::damaged(path, what),
     })?;
     let mut plan = RecordPlan::new(&header).map_err(|what| ScanError::damaged(path, what))?;
     let element = &header.elements[plan.vertex];
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
-    if !packed {
+    if packing.is_none() {
         check_room(path, &header, &plan, bytes)?;
     }
     let survey = survey_stream(path, stream, &header, &plan, task)?;
     let (kind, grid, bounds) = plan.choose_grid(element, &survey);
-    let packing = if packed { ", zstd" } else { "" };
+    let packing = packing.map_or(String::new(), |packing| format!(", {}", packing.name()));
     let colour_depth = wide_colours(&plan.schema).map(|_| {
-        let eight = survey.colour_max <= u16::from(u8::MAX);
+        let eight = plan.colour_max <= u16::from(u8::MAX);
         let detected = if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
         options.colour_depth.unwrap_or(detected)
     });
@@ -93,7 +68,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         colour_depth,
         crs: comments::crs_of(&header.text).map(|text| Crs { unit: wkt_unit(&text), text }),
         scanner: None,
-        verbatim: vec![("PLY header".into(), header.text.clone())],
+        verbatim: plan.verbatim("PLY header", &header.text),
         notes: notes(&header, &plan, &survey),
     };
     Ok(Box::new(PlySource { info, header, plan }))
@@ -124,7 +99,7 @@ fn check_room(
 
 /// Notes on what is left out.
 fn notes(header: &Header, plan: &RecordPlan, survey: &Survey) -> Vec<String> {
-    let mut notes = Vec::new();
+    let mut notes = plan.notes.clone();
     let is_last = header.elements[plan.vertex + 1..].iter().all(|e| e.count == 0);
     if is_last && survey.has_more_lines {
         let count = header.elements[plan.vertex].count;

@@ -5,7 +5,12 @@ use super::ascii::parse_line;
 use super::header::{Element, Encoding, Header, Shape};
 use super::records::{Field, Raw, Record};
 use crate::error::ScanError;
-use crate::text::naming::{NOT_FINITE, axes, colour_max, named, schema_of, wide_colours};
+use crate::fields::recipe::Recipe;
+use crate::fields::values::Values;
+use crate::fields::{self, Column, LEGACY, LEGACY_BLOCK};
+use crate::pose::Pose;
+use crate::text::naming::{NOT_FINITE, axes, colour_max};
+use esker_points::attribute::names;
 use esker_points::lattice::{Grid, GridKind, Placement, decimal_grid, float_grid};
 use esker_points::spread::Corners;
 use esker_points::{AttrType, Batch, Rounding, Schema, Spread};
@@ -28,9 +33,21 @@ pub(crate) struct RecordPlan {
     pub record: Record,
     /// Fields of x, y and z.
     axes: [usize; 3],
+    /// Fields whose values decide what they mean.
+    watched: Vec<usize>,
+    /// The attributes, after [`RecordPlan::choose_grid`].
     pub schema: Arc<Schema>,
-    /// The field of each attribute of the schema.
-    sources: Vec<usize>,
+    /// How each attribute of the schema is made from the fields of a record.
+    recipes: Vec<Recipe>,
+    /// What is converted or assumed, a line each.
+    pub notes: Vec<String>,
+    /// Greatest value of 16-bit colours, whose fields may all be dark.
+    pub colour_max: u16,
+    are_colours_full: bool,
+    is_legacy: bool,
+    /// Pose by which points and normals are transformed, and the digits after the point that its
+    /// position needs.
+    pose: Option<(Pose, [u32; 3])>,
 }
 
 /// What one pass over vertices finds.
@@ -39,8 +56,8 @@ pub(crate) struct Survey {
     /// Distribution of the points with a finite position, in world coordinates.
     pub spread: Spread,
     decimals: [u32; 3],
-    /// Greatest value of 16-bit colours.
-    pub colour_max: u16,
+    /// Values of the watched fields, in their order.
+    values: Vec<Values>,
     /// Whether lines of an ASCII file follow the last vertex.
     pub has_more_lines: bool,
 }
@@ -51,7 +68,12 @@ impl Survey {
         for (decimals, other) in self.decimals.iter_mut().zip(other.decimals) {
             *decimals = (*decimals).max(other);
         }
-        self.colour_max = self.colour_max.max(other.colour_max);
+        if self.values.len() < other.values.len() {
+            self.values.resize(other.values.len(), Values::empty(true));
+        }
+        for (values, other) in self.values.iter_mut().zip(&other.values) {
+            values.merge(other);
+        }
     }
 
     /// The decimal grid of the text, if all digits of nearly all points fit a lattice.
@@ -103,22 +125,68 @@ impl RecordPlan {
     pub fn of_element(element: &Element, encoding: Encoding) -> Option<Self> {
         let scalars: Vec<(&str, AttrType)> = scalars(element).collect();
         let axes = axes(scalars.iter().map(|(name, _)| *name))?;
-        let others: Vec<usize> = (0..scalars.len()).filter(|f| !axes.contains(f)).collect();
-        let attributes: Vec<_> = others.iter().map(|&f| scalars[f]).collect();
-        let (schema, columns) = schema_of(named(&attributes));
-        let mut sources = vec![0; others.len()];
-        for (&field, column) in others.iter().zip(columns) {
-            sources[column] = field;
-        }
+        let is_watched = |f: &usize| {
+            let (name, ty) = scalars[*f];
+            !axes.contains(f) && fields::is_watched_as(name, ty)
+        };
+        let watched = (0..scalars.len()).filter(is_watched).collect();
         let ascii = encoding == Encoding::Ascii;
         let types = scalars
             .iter()
             .enumerate()
             .map(|(f, &(_, ty))| if ascii && axes.contains(&f) { AttrType::F64 } else { ty });
-        Some(Self { vertex: 0, encoding, record: Record::new(types), axes, schema, sources })
+        Some(Self {
+            vertex: 0,
+            encoding,
+            record: Record::new(types),
+            axes,
+            watched,
+            schema: Arc::default(),
+            recipes: Vec::new(),
+            notes: Vec::new(),
+            colour_max: 0,
+            are_colours_full: false,
+            is_legacy: false,
+            pose: None,
+        })
     }
 
-    /// Chooses the grid after the survey. Decimal text keeps its digits if they fit a lattice of 32
+    /// Transforms points and normals by `pose` from now on; `decimals` are the digits after the
+    /// point that its position needs.
+    pub fn apply(&mut self, pose: Pose, decimals: [u32; 3]) {
+        self.pose = Some((pose, decimals));
+    }
+
+    /// Chooses the attributes after the survey.
+    fn choose_attributes(&mut self, element: &Element, survey: &Survey) {
+        let scalars: Vec<(&str, AttrType)> = scalars(element).collect();
+        let others: Vec<usize> = (0..scalars.len()).filter(|f| !self.axes.contains(f)).collect();
+        let column = |&f: &usize| {
+            let watched = self.watched.iter().position(|w| *w == f);
+            let none = watched.map_or(Values::unknown(), |_| Values::empty(true));
+            let values = watched.and_then(|w| survey.values.get(w)).copied().unwrap_or(none);
+            Column { name: scalars[f].0, ty: Some(scalars[f].1), values, type_with_gaps: None }
+        };
+        let columns: Vec<Column<'_>> = others.iter().map(column).collect();
+        let plan = fields::plan(&columns);
+        self.schema = plan.schema;
+        self.recipes = plan.recipes.into_iter().map(|r| r.of_columns(&others)).collect();
+        self.notes = plan.notes;
+        self.colour_max = plan.colour_max;
+        self.are_colours_full = plan.are_colours_full;
+        self.is_legacy = plan.is_legacy;
+    }
+
+    /// The blocks kept for an export: the header under this name, and what its fields are.
+    pub fn verbatim(&self, name: &str, header: &[u8]) -> Vec<(String, Vec<u8>)> {
+        let mut blocks = vec![(name.to_owned(), header.to_vec())];
+        if self.is_legacy {
+            blocks.push((LEGACY_BLOCK.into(), LEGACY.to_vec()));
+        }
+        blocks
+    }
+
+    /// Chooses attributes and grid after the survey. Decimal text keeps its digits if they fit a lattice of 32
     /// bits. Otherwise, and for binary numbers, it is the grid for floats; the coordinates of ASCII
     /// files are then read as their declared type.
     pub fn choose_grid(
@@ -126,11 +194,26 @@ impl RecordPlan {
         element: &Element,
         survey: &Survey,
     ) -> (GridKind, Grid, Option<Corners>) {
+        self.choose_attributes(element, survey);
+        let is_turned = self.pose.is_some_and(|(pose, _)| pose.is_turned);
         if self.encoding == Encoding::Ascii {
-            if let Some((grid, bounds)) = survey.decimal_grid() {
+            let mut survey = survey.clone();
+            for (digits, more) in
+                survey.decimals.iter_mut().zip(self.pose.unwrap_or((Pose::NONE, [0; 3])).1)
+            {
+                *digits = (*digits).max(more);
+            }
+            if let Some((grid, bounds)) = survey.decimal_grid().filter(|_| !is_turned) {
                 return (GridKind::Decimal, grid, Some(bounds));
             }
-            self.as_declared(element);
+            if self.pose.is_none() {
+                self.as_declared(element);
+            }
+        }
+        if self.pose.is_some() {
+            // Transformed positions are doubles, whatever the type of the coordinates.
+            let (grid, bounds) = float_grid(&survey.spread, false);
+            return (GridKind::Float, grid, bounds);
         }
         let (grid, bounds) = float_grid(&survey.spread, self.are_single());
         (GridKind::Float, grid, bounds.map(|b| b.map(|corner| self.rounded(corner))))
@@ -193,7 +276,8 @@ impl RecordPlan {
     }
 
     fn world(&self, record: &[u8]) -> [f64; 3] {
-        self.axes.map(|a| value(record, self.record.fields[a]))
+        let own = self.axes.map(|a| value(record, self.record.fields[a]));
+        self.pose.map_or(own, |(pose, _)| pose.placed(own))
     }
 
     /// Surveys a block.
@@ -218,16 +302,15 @@ impl RecordPlan {
 
     /// Adds whole little-endian records to a survey.
     pub fn survey_records(&self, records: &[u8], found: &mut Survey) {
-        let colours = wide_colours(&self.schema);
-        let colours = colours.map(|rgb| rgb.map(|c| self.record.fields[self.sources[c]]));
+        found.values.resize(self.watched.len(), Values::empty(true));
         for record in records.chunks_exact(self.record.stride) {
             let world = self.world(record);
             if !world.iter().all(|c| c.is_finite()) {
                 continue;
             }
             found.spread.add(world);
-            for field in colours.into_iter().flatten() {
-                found.colour_max = found.colour_max.max(value(record, field) as u16);
+            for (values, &field) in found.values.iter_mut().zip(&self.watched) {
+                values.add(value(record, self.record.fields[field]));
             }
         }
     }
@@ -244,11 +327,19 @@ impl RecordPlan {
         placement: &Placement,
     ) -> Result<Decoded, ScanError> {
         let records = self.records(path, element, raw, |_, _| {})?;
-        Ok(self.decode_records(&records, placement))
+        self.decode_records(path, &records, placement)
     }
 
     /// Decodes the points of whole little-endian records to the lattice.
-    pub fn decode_records(&self, records: &[u8], placement: &Placement) -> Decoded {
+    ///
+    /// # Errors
+    /// If the file changed since it was surveyed.
+    pub fn decode_records(
+        &self,
+        path: &Path,
+        records: &[u8],
+        placement: &Placement,
+    ) -> Result<Decoded, ScanError> {
         let stride = self.record.stride;
         let mut batch = Batch::with_capacity(self.schema.clone(), records.len() / stride);
         let (mut not_finite, mut rounding) = (0, Rounding::default());
@@ -262,14 +353,51 @@ impl RecordPlan {
             batch.positions.push(placement.real(world, &mut rounding));
             kept.push(record);
         }
-        for (&source, column) in self.sources.iter().zip(&mut batch.columns) {
-            let Field { ty, offset } = self.record.fields[source];
+        let attributes = self.schema.attributes.iter().zip(&self.recipes);
+        for ((attribute, recipe), column) in attributes.zip(&mut batch.columns) {
+            if let Recipe::Same(source) = *recipe {
+                let Field { ty, offset } = self.record.fields[source];
+                for record in &kept {
+                    column.extend_from_slice(&record[offset..][..ty.size()]);
+                }
+                continue;
+            }
             for record in &kept {
-                column.extend_from_slice(&record[offset..][..ty.size()]);
+                let number = |field: usize| value(record, self.record.fields[field]);
+                if !recipe.put(attribute.ty, number, column) {
+                    return Err(ScanError::damaged(path, "it changed while it was read"));
+                }
             }
         }
-        let colour_max = colour_max(&batch);
-        Decoded { batch, not_finite, rounding, colour_max }
+        if let Some((pose, _)) = self.pose.filter(|(pose, _)| pose.is_turned) {
+            turn_normals(&mut batch, pose);
+        }
+        let colour_max = match self.are_colours_full && !batch.is_empty() {
+            true => u16::MAX,
+            false => colour_max(&batch),
+        };
+        Ok(Decoded { batch, not_finite, rounding, colour_max })
+    }
+}
+
+/// Turns the normals of a batch by `pose`, if it has any.
+fn turn_normals(batch: &mut Batch, pose: Pose) {
+    let index = |name: &str| {
+        let found = batch.schema.attributes.iter().position(|a| a.name == name)?;
+        let ty = batch.schema.attributes[found].ty;
+        matches!(ty, AttrType::F32 | AttrType::F64).then_some((found, ty))
+    };
+    let [Some(x), Some(y), Some(z)] = [names::NX, names::NY, names::NZ].map(index) else { return };
+    for i in 0..batch.positions.len() {
+        let at = |ty: AttrType| i * ty.size()..(i + 1) * ty.size();
+        let own = [x, y, z].map(|(column, ty)| ty.to_f64(&batch.columns[column][at(ty)]));
+        for ((column, ty), value) in [x, y, z].into_iter().zip(pose.turned(own)) {
+            let target = &mut batch.columns[column][at(ty)];
+            match ty {
+                AttrType::F32 => target.copy_from_slice(&(value as f32).to_le_bytes()),
+                _ => target.copy_from_slice(&value.to_le_bytes()),
+            }
+        }
     }
 }
 

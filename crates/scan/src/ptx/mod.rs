@@ -1,10 +1,12 @@
 //! Reads PTX (Leica Cyclone): scans as text, each with the pose of its scanner. Points are returned
 //! in the file's coordinates. Directions without a return (`0 0 0`) are counted but are no points.
 //! A first pass finds bounds, digits and types, a second one decodes the points; neither keeps more
-//! than a few blocks.
+//! than a few blocks. Lines may have colours or not; lines that are neither are refused and counted,
+//! and so are those of a scan whose head is malformed.
 //!
 //! If there are several scans, the `point_source_id` of a point is the number of its scan, from 1.
 
+mod pose;
 mod scans;
 
 use crate::error::ScanError;
@@ -17,27 +19,32 @@ use crate::text::start::{first_lines, lines_of};
 use esker_points::attribute::names;
 use esker_points::lattice::{Grid, GridKind, Placement, decimal_grid, float_grid};
 use esker_points::spread::Corners;
-use esker_points::{AttrType, Batch, InputGrid, Rounding, Schema, Spread, Task};
-use scans::{Piece, Scans};
+use esker_points::{AttrType, Batch, Column, InputGrid, Rounding, Schema, Spread, Task};
+use scans::{Faults, Piece, Scans};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
 /// PTX, an entry of the registry.
-pub const FORMAT: Format = Format { name: "PTX", endings: &["ptx"], recognises, open };
+pub const FORMAT: Format =
+    Format { name: "PTX", endings: &["ptx"], is_streamed: true, recognises, open };
 
 /// Number of significant digits up to which an `f32` holds every decimal.
 const F32_DIGITS: usize = 6;
 /// Greatest number of digits after the point for which decimal text gets a decimal grid.
 const DECIMALS_MAX: u32 = 15;
-/// Numbers in a line: position and intensity, and in some files colours.
+/// Numbers in a line: position and intensity, and in some scans colours.
 const COLUMNS: [usize; 2] = [4, 7];
+/// Reasons for which lines are refused.
+const MALFORMED: &str = "line is not four numbers, or seven with colours of 0 to 255";
+const LOST: &str = "line behind a malformed head of a scan";
+const CUT: &str = "line that the end of the file cuts";
 
 struct PtxSource {
     info: SourceInfo,
-    columns: usize,
     /// Type of the intensity.
     intensity: AttrType,
+    has_colours: bool,
     has_scans: bool,
     /// The columns of the schema: intensity, red, green, blue, and the scan.
     attributes: Vec<usize>,
@@ -47,8 +54,13 @@ struct PtxSource {
 #[derive(Clone, Debug)]
 struct Survey {
     points: u64,
+    /// Number of points without colours.
+    colourless: u64,
     /// Lines without a point.
     others: u64,
+    malformed: u64,
+    /// Number and beginning of the first malformed line.
+    first_malformed: Option<(u64, String)>,
     scans: BTreeMap<u64, [f64; 3]>,
     spread: Spread,
     decimals: [u32; 3],
@@ -59,16 +71,22 @@ struct Survey {
 
 /// A line of a piece.
 enum Line {
-    Point { world: [f64; 3], rest: [f64; 4] },
+    Point {
+        world: [f64; 3],
+        intensity: f64,
+        colours: Option<[u8; 3]>,
+    },
     NoReturn,
     NotFinite,
+    Malformed,
+    /// Its scan has no head.
+    Lost,
 }
 
 /// The points decoded from a piece, and the number of refused ones.
 struct Decoded {
     batch: Batch,
-    no_return: u64,
-    not_finite: u64,
+    refused: [(&'static str, u64); 5],
     rounding: Rounding,
 }
 
@@ -77,39 +95,22 @@ fn recognises(head: &[u8]) -> bool {
     let mut lines =
         lines.split(|&b| b == b'\n').map(|l| l.trim_ascii()).filter(|line| !line.is_empty());
     let is_count = |line: Option<&[u8]>| line.and_then(count).is_some();
-    let first = lines.next();
-    let is_head = is_count(first)
+    let is_head = is_count(lines.next())
         && is_count(lines.next())
         && lines.next().is_some_and(|line| fields(line).count() == 3);
     // A PTS file may begin with two counts, the first of no points. The seventh line of PTX is the
-    // first row of a matrix, unless the file is cut there.
-    let is_matrix = lines.nth(3).is_some_and(|line| fields(line).count() == 4);
-    let is_cut = lines.next().is_none() && first.and_then(count) != Some(0);
-    is_head && (is_matrix || is_cut)
-}
-
-/// Numbers in the line of a point, from the first one; the least number if there is no point.
-fn columns_of(path: &Path, task: &dyn Task) -> Result<usize, ScanError> {
-    let mut scans = Scans::new(path, lines_of(path)?, task);
-    let piece = scans.next()?;
-    let first = piece.as_ref().and_then(|piece| piece.block.lines().next());
-    let columns = first.map_or(COLUMNS[0], |(_, line)| fields(line).count());
-    match (first, COLUMNS.contains(&columns)) {
-        (Some((n, line)), false) => Err(ScanError::damaged(
-            path,
-            format!("line {n} is not four or seven numbers (`{}`)", excerpt(line)),
-        )),
-        _ => Ok(columns),
-    }
+    // first row of a matrix.
+    is_head && lines.nth(3).is_none_or(|line| fields(line).count() == 4)
 }
 
 fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
-    let columns = columns_of(path, task)?;
-    let survey = survey_file(path, columns, task)?;
+    let (survey, faults) = survey_file(path, task)?;
+    check_lines(path, &survey, &faults)?;
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     let intensity = if survey.digits <= F32_DIGITS { AttrType::F32 } else { AttrType::F64 };
     let mut attributes = vec![(names::INTENSITY.to_owned(), intensity)];
-    if columns == COLUMNS[1] {
+    let has_colours = survey.colourless < survey.points;
+    if has_colours {
         let colours = [names::RED, names::GREEN, names::BLUE];
         attributes.extend(colours.map(|name| (name.to_owned(), AttrType::U8)));
     }
@@ -119,7 +120,14 @@ fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>
     }
     let (schema, attributes) = schema_of(attributes);
     let (kind, grid, bounds) = survey.grid();
-    let mut notes = Vec::new();
+    let mut notes = faults.into_notes();
+    if has_colours && survey.colourless > 0 {
+        let (lacking, points) = (survey.colourless, survey.points);
+        notes.push(format!("{lacking} of {points} points have no colours: they are black"));
+    }
+    if let Some((n, line)) = &survey.first_malformed {
+        notes.push(format!("line {n} is the first that is not a point (`{line}`)"));
+    }
     if survey.points == 0 {
         notes.push("has no points".into());
     }
@@ -137,7 +145,7 @@ fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>
         format: format!("PTX, {scans}"),
         grid: InputGrid { name: path.display().to_string(), kind, grid, bounds },
         schema,
-        points_hint: survey.points + survey.others,
+        points_hint: survey.points + survey.others + survey.malformed,
         bytes,
         colour_depth: None,
         crs: None,
@@ -145,63 +153,81 @@ fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>
         verbatim: Vec::new(),
         notes,
     };
-    Ok(Box::new(PtxSource { info, columns, intensity, has_scans, attributes }))
+    Ok(Box::new(PtxSource { info, intensity, has_colours, has_scans, attributes }))
 }
 
-fn survey_file(path: &Path, columns: usize, task: &dyn Task) -> Result<Survey, ScanError> {
+/// Refuses a file that is not read for the most part.
+fn check_lines(path: &Path, survey: &Survey, faults: &Faults) -> Result<(), ScanError> {
+    if survey.points == 0
+        && let Some(fault) = faults.first()
+    {
+        return Err(ScanError::damaged(path, fault));
+    }
+    match &survey.first_malformed {
+        Some((n, line)) if survey.malformed > survey.points + survey.others => {
+            let what = format!("line {n} is not four or seven numbers (`{line}`)");
+            Err(ScanError::damaged(path, what))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn survey_file(path: &Path, task: &dyn Task) -> Result<(Survey, Faults), ScanError> {
     let mut scans = Scans::new(path, lines_of(path)?, task);
     let mut found = Survey::empty();
     in_order(
         task,
         || scans.next(),
-        |piece| Survey::of_piece(path, &piece, columns),
+        |piece| Ok(Survey::of_piece(&piece)),
         |part| {
             found.merge(part);
             Ok(())
         },
     )?;
-    Ok(found)
+    Ok((found, scans.into_faults()))
 }
 
 /// Parses a line of a piece.
-fn read_line(
-    path: &Path,
-    (n, line): (u64, &[u8]),
-    piece: &Piece,
-    columns: usize,
-) -> Result<Line, ScanError> {
+fn read_line(line: &[u8], piece: &Piece) -> Line {
+    if piece.scan.is_lost {
+        return Line::Lost;
+    }
     let mut row = [0.0; COLUMNS[1]];
     let mut count = 0;
     for field in fields(line) {
         match (number(field), row.get_mut(count)) {
             (Some(value), Some(at)) => *at = value,
-            _ => count = columns,
+            _ => return Line::Malformed,
         }
         count += 1;
     }
-    let [x, y, z, rest @ ..] = row;
-    let is_byte = |v: &f64| v.fract() == 0.0 && (0.0..=255.0).contains(v);
-    if count != columns || columns == COLUMNS[1] && !rest[1..].iter().all(is_byte) {
-        let colours = if columns == COLUMNS[1] { ", the last three of 0 to 255" } else { "" };
-        let what = format!("line {n} is not {columns} numbers{colours} (`{}`)", excerpt(line));
-        return Err(ScanError::damaged(path, what));
-    }
+    let [x, y, z, intensity, red, green, blue] = row;
+    let is_byte = |v: f64| v.fract() == 0.0 && (0.0..=255.0).contains(&v);
+    let colours = [red, green, blue];
+    let colours = match count {
+        4 => None,
+        7 if colours.into_iter().all(is_byte) => Some(colours.map(|c| c as u8)),
+        _ => return Line::Malformed,
+    };
     if [x, y, z] == [0.0; 3] {
-        return Ok(Line::NoReturn);
+        return Line::NoReturn;
     }
     let world = piece.scan.placed([x, y, z]);
-    Ok(if world.iter().all(|c| c.is_finite()) {
-        Line::Point { world, rest }
+    if world.iter().all(|c| c.is_finite()) {
+        Line::Point { world, intensity, colours }
     } else {
         Line::NotFinite
-    })
+    }
 }
 
 impl Survey {
     fn empty() -> Self {
         Self {
             points: 0,
+            colourless: 0,
             others: 0,
+            malformed: 0,
+            first_malformed: None,
             scans: BTreeMap::new(),
             spread: Spread::default(),
             decimals: [0; 3],
@@ -210,15 +236,28 @@ impl Survey {
         }
     }
 
-    fn of_piece(path: &Path, piece: &Piece, columns: usize) -> Result<Self, ScanError> {
+    fn of_piece(piece: &Piece) -> Self {
         let mut found = Self::empty();
-        found.scans.insert(piece.scan.number, piece.scan.placed([0.0; 3]));
-        found.is_only_moved = piece.scan.is_only_moved();
-        found.decimals = piece.scan.decimals;
+        if !piece.scan.is_lost {
+            found.scans.insert(piece.scan.number, piece.scan.placed([0.0; 3]));
+            found.is_only_moved = piece.scan.is_only_moved();
+            found.decimals = piece.scan.decimals;
+        }
         for (n, line) in piece.block.lines() {
-            let Line::Point { world, rest } = read_line(path, (n, line), piece, columns)? else {
-                found.others += 1;
-                continue;
+            let (world, intensity) = match read_line(line, piece) {
+                Line::Point { world, intensity, colours } => {
+                    found.colourless += u64::from(colours.is_none());
+                    (world, intensity)
+                }
+                Line::Malformed => {
+                    found.malformed += 1;
+                    found.first_malformed.get_or_insert_with(|| (n, excerpt(line)));
+                    continue;
+                }
+                _ => {
+                    found.others += 1;
+                    continue;
+                }
             };
             found.points += 1;
             found.spread.add(world);
@@ -228,16 +267,19 @@ impl Survey {
             }
             // A value outside the range of normal singles does not fit a single, whatever its
             // digits.
-            let is_single = rest[0] == 0.0 || (rest[0] as f32).is_normal();
+            let is_single = intensity == 0.0 || (intensity as f32).is_normal();
             let digits = words.next().filter(|_| is_single).map_or(usize::MAX, significant);
             found.digits = found.digits.max(digits);
         }
-        Ok(found)
+        found
     }
 
     fn merge(&mut self, later: Self) {
         self.points += later.points;
+        self.colourless += later.colourless;
         self.others += later.others;
+        self.malformed += later.malformed;
+        self.first_malformed = self.first_malformed.take().or(later.first_malformed);
         self.scans.extend(later.scans);
         self.spread.merge(later.spread);
         for (decimals, later) in self.decimals.iter_mut().zip(later.decimals) {
@@ -274,42 +316,48 @@ fn significant(word: &[u8]) -> usize {
 
 impl PtxSource {
     fn decode(&self, piece: &Piece, placement: &Placement) -> Result<Decoded, ScanError> {
-        let path = &self.info.path;
         let schema: Arc<Schema> = self.info.schema.clone();
         // A point takes at least eight bytes of text.
         let room = piece.block.rows.min(piece.block.bytes.len() as u64 / 8 + 1);
         let batch = Batch::with_capacity(schema, room as usize);
-        let mut decoded =
-            Decoded { batch, no_return: 0, not_finite: 0, rounding: Rounding::default() };
-        for (n, line) in piece.block.lines() {
-            let (world, rest) = match read_line(path, (n, line), piece, self.columns)? {
-                Line::Point { world, rest } => (world, rest),
-                Line::NoReturn => {
-                    decoded.no_return += 1;
+        let refused = [NO_RETURN, NOT_FINITE, MALFORMED, LOST, CUT].map(|reason| (reason, 0));
+        let mut decoded = Decoded { batch, refused, rounding: Rounding::default() };
+        decoded.refused[4].1 = u64::from(piece.is_cut);
+        for (_, line) in piece.block.lines() {
+            let reason = match read_line(line, piece) {
+                Line::Point { world, intensity, colours } => {
+                    let placed = placement.real(world, &mut decoded.rounding);
+                    decoded.batch.positions.push(placed);
+                    self.put(intensity, colours, piece, &mut decoded.batch.columns);
                     continue;
                 }
-                Line::NotFinite => {
-                    decoded.not_finite += 1;
-                    continue;
-                }
+                Line::NoReturn => 0,
+                Line::NotFinite => 1,
+                Line::Malformed => 2,
+                Line::Lost => 3,
             };
-            let placed = placement.real(world, &mut decoded.rounding);
-            decoded.batch.positions.push(placed);
-            let columns = &mut decoded.batch.columns;
-            let (intensity, colours) = (rest[0], &rest[1..self.columns - 3]);
-            let column = &mut columns[self.attributes[0]];
-            match self.intensity {
-                AttrType::F32 => column.extend((intensity as f32).to_le_bytes()),
-                _ => column.extend(intensity.to_le_bytes()),
-            }
-            for (&value, &column) in colours.iter().zip(&self.attributes[1..]) {
-                columns[column].push(value as u8);
-            }
-            if let (true, Some(&column)) = (self.has_scans, self.attributes.last()) {
-                columns[column].extend((piece.scan.number as u16).to_le_bytes());
-            }
+            decoded.refused[reason].1 += 1;
         }
         Ok(decoded)
+    }
+
+    /// Appends the attributes of a point.
+    fn put(&self, intensity: f64, colours: Option<[u8; 3]>, piece: &Piece, columns: &mut [Column]) {
+        let column = &mut columns[self.attributes[0]];
+        match self.intensity {
+            AttrType::F32 => column.extend((intensity as f32).to_le_bytes()),
+            _ => column.extend(intensity.to_le_bytes()),
+        }
+        if self.has_colours {
+            for (value, &column) in
+                colours.unwrap_or_default().into_iter().zip(&self.attributes[1..])
+            {
+                columns[column].push(value);
+            }
+        }
+        if let (true, Some(&column)) = (self.has_scans, self.attributes.last()) {
+            columns[column].extend((piece.scan.number as u16).to_le_bytes());
+        }
     }
 }
 
@@ -331,14 +379,13 @@ impl Source for PtxSource {
             || scans.next(),
             |piece| self.decode(&piece, placement),
             |decoded: Decoded| {
-                let refused = [(NO_RETURN, decoded.no_return), (NOT_FINITE, decoded.not_finite)];
-                report.take(decoded.batch, &refused, decoded.rounding, 0, sink)
+                report.take(decoded.batch, &decoded.refused, decoded.rounding, 0, sink)
             },
         )?;
         Ok(report)
     }
 
     fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
-        Ok(survey_file(&self.info.path, self.columns, task)?.spread)
+        Ok(survey_file(&self.info.path, task)?.0.spread)
     }
 }

@@ -1,8 +1,10 @@
 //! Splits a PTX file into scans: the head of each, and the lines of its points in blocks. A head
 //! has ten lines: columns, rows, position of the scanner, its three axes, and four rows of a matrix
 //! that transforms points to the file's coordinates. A line for each direction of the scanner
-//! follows.
+//! follows. A line of one whole number begins the next head, whatever the head before it claims.
+//! Only a first head that is malformed is an error; other faults become notes.
 
+use super::pose::pose;
 use crate::error::ScanError;
 use crate::text::blocks::{LineBlock, LineBlocks};
 use crate::text::layout::{count, excerpt};
@@ -14,6 +16,8 @@ use std::sync::Arc;
 
 /// Lines before the points of a scan.
 const HEAD_LINES: usize = 10;
+/// Greatest number of faults that are noted one by one.
+const FAULTS_NOTED: usize = 8;
 
 /// Head of a scan.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +30,8 @@ pub(crate) struct Scan {
     pub rows: [[f64; 3]; 4],
     /// Digits after the point that the last row needs.
     pub decimals: [u32; 3],
+    /// Whether the head is malformed. Lines behind it cannot be placed.
+    pub is_lost: bool,
 }
 
 /// Successive lines of points of one scan.
@@ -34,6 +40,16 @@ pub(crate) struct Piece {
     pub block: LineBlock,
     /// Their scan.
     pub scan: Arc<Scan>,
+    /// Whether the line behind them, the last one of the file, is truncated and left out.
+    pub is_cut: bool,
+}
+
+/// What is wrong with a file of which parts can be read.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Faults {
+    /// The first ones, a line each.
+    notes: Vec<String>,
+    count: usize,
 }
 
 /// Reads a file scan by scan.
@@ -43,9 +59,33 @@ pub(crate) struct Scans<'a> {
     /// The current block, and the offset of its next line.
     rest: Option<(LineBlock, usize)>,
     scan: Option<Arc<Scan>>,
-    /// Number of its lines that are not read yet.
-    left: u64,
+    /// Number of its lines that were read.
+    there: u64,
+    faults: Faults,
     task: &'a dyn Task,
+}
+
+impl Faults {
+    fn add(&mut self, what: String) {
+        self.count += 1;
+        if self.notes.len() < FAULTS_NOTED {
+            self.notes.push(what);
+        }
+    }
+
+    /// The first fault.
+    pub fn first(&self) -> Option<&str> {
+        self.notes.first().map(String::as_str)
+    }
+
+    /// Notes on all faults.
+    pub fn into_notes(mut self) -> Vec<String> {
+        let more = self.count - self.notes.len();
+        if more > 0 {
+            self.notes.push(format!("{more} more faults of this kind are not listed"));
+        }
+        self.notes
+    }
 }
 
 impl Scan {
@@ -60,97 +100,147 @@ impl Scan {
         self.rows[..3] == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     }
 
-    fn parse(number: u64, head: &[(u64, Vec<u8>)], path: &Path) -> Result<Self, ScanError> {
+    /// A scan whose head is malformed.
+    fn lost(number: u64) -> Self {
+        Self { number, lines: 0, rows: [[0.0; 3]; 4], decimals: [0; 3], is_lost: true }
+    }
+
+    /// Parses a head; adds to `faults` where its pose is not sound. The error says which line is
+    /// malformed.
+    fn parse(number: u64, head: &[(u64, Vec<u8>)], faults: &mut Faults) -> Result<Self, String> {
         let size = |i: usize| {
             let (n, line) = &head[i];
-            count(line)
-                .ok_or_else(|| malformed(path, *n, line, "how many columns or rows a scan has"))
+            count(line).ok_or_else(|| malformed(*n, line, "how many columns or rows a scan has"))
         };
-        let lines = size(0)?.checked_mul(size(1)?);
-        let lines = lines.ok_or_else(|| {
-            malformed(path, head[1].0, &head[1].1, "a number of rows that a file has room for")
-        })?;
-        for (n, line) in &head[2..6] {
+        let lines = size(0)?.saturating_mul(size(1)?);
+        let mut station = [[0.0; 3]; 4];
+        for (row, (n, line)) in station.iter_mut().zip(&head[2..6]) {
             let numbers = numbers::<3>(line);
-            numbers.ok_or_else(|| malformed(path, *n, line, "three numbers of a scan's head"))?;
+            *row = numbers.ok_or_else(|| malformed(*n, line, "three numbers of a scan's head"))?;
         }
-        let mut scan = Self { number, lines, rows: [[0.0; 3]; 4], decimals: [0; 3] };
-        for (row, (n, line)) in scan.rows.iter_mut().zip(&head[6..]) {
+        let mut rows = [[0.0; 3]; 4];
+        for (row, (n, line)) in rows.iter_mut().zip(&head[6..]) {
             let [x, y, z, _] = numbers::<4>(line)
-                .ok_or_else(|| malformed(path, *n, line, "four numbers of a scan's matrix"))?;
+                .ok_or_else(|| malformed(*n, line, "four numbers of a scan's matrix"))?;
             *row = [x, y, z];
         }
-        for (digits, field) in scan.decimals.iter_mut().zip(fields(&head[HEAD_LINES - 1].1)) {
+        let (rows, place_line) = match pose(rows, station[0]) {
+            (sound, None) => (sound, HEAD_LINES - 1),
+            (mended, Some(mend)) => {
+                faults.add(format!("scan {number} {}", mend.what));
+                (mended, mend.place_line.unwrap_or(HEAD_LINES - 1))
+            }
+        };
+        let mut scan = Self { number, lines, rows, decimals: [0; 3], is_lost: false };
+        for (digits, field) in scan.decimals.iter_mut().zip(fields(&head[place_line].1)) {
             *digits = decimals(field);
         }
         Ok(scan)
     }
 }
 
-/// Exactly `N` finite numbers in a line.
+/// Exactly `N` numbers in a line.
 fn numbers<const N: usize>(line: &[u8]) -> Option<[f64; N]> {
-    let all = fields(line).map(|field| number(field).filter(|v| v.is_finite()));
-    let all: Vec<f64> = all.collect::<Option<_>>()?;
+    let all: Vec<f64> = fields(line).map(number).collect::<Option<_>>()?;
     all.try_into().ok()
 }
 
-fn malformed(path: &Path, n: u64, line: &[u8], what: &str) -> ScanError {
-    ScanError::damaged(path, format!("line {n} is not {what}: `{}`", excerpt(line)))
+fn malformed(n: u64, line: &[u8], what: &str) -> String {
+    format!("line {n} is not {what}: `{}`", excerpt(line))
 }
 
 impl<'a> Scans<'a> {
     /// Begins with the first line of a file.
     pub fn new(path: &Path, lines: LineBlocks<Box<dyn Read>>, task: &'a dyn Task) -> Self {
-        Self { path: path.to_owned(), lines, rest: None, scan: None, left: 0, task }
+        let path = path.to_owned();
+        Self { path, lines, rest: None, scan: None, there: 0, faults: Faults::default(), task }
+    }
+
+    /// The faults that were found so far.
+    pub fn into_faults(self) -> Faults {
+        self.faults
     }
 
     /// The next lines of points; `None` at the end.
     ///
     /// # Errors
-    /// If a head is malformed, a scan has fewer lines than its head claims, or the file cannot be
-    /// read.
+    /// If the first head is malformed, or the file cannot be read.
     pub fn next(&mut self) -> Result<Option<Piece>, ScanError> {
         loop {
-            while self.left == 0 {
-                self.task.check()?;
-                let Some(scan) = self.next_head()? else { return Ok(None) };
-                self.left = scan.lines;
-                self.scan = Some(Arc::new(scan));
+            if let Some(scan) = self.scan.clone() {
+                if let Some(piece) = self.take_points(&scan)? {
+                    return Ok(Some(piece));
+                }
+                if !scan.is_lost && self.there != scan.lines {
+                    let (number, lines, there) = (scan.number, scan.lines, self.there);
+                    let cut =
+                        if there < lines { "; the file is cut or the head wrong" } else { "" };
+                    self.faults.add(format!(
+                        "scan {number} says that {lines} lines follow, {there} do{cut}"
+                    ));
+                }
             }
-            let Some(scan) = self.scan.clone() else { return Ok(None) };
-            let Some(block) = self.take(self.left)? else {
-                let (number, lines) = (scan.number, scan.lines);
-                let there = lines - self.left;
-                let what = format!(
-                    "scan {number} says that {lines} lines follow, {there} do; the file is cut"
-                );
-                return Err(ScanError::damaged(&self.path, what));
-            };
-            self.left -= block.rows;
-            if block.rows > 0 {
-                return Ok(Some(Piece { block, scan }));
-            }
+            self.task.check()?;
+            let Some(scan) = self.next_head()? else { return Ok(None) };
+            self.there = 0;
+            self.scan = Some(Arc::new(scan));
         }
     }
 
-    /// Up to `lines` of the lines that follow and are not blank, from one block; `None` at the end.
-    fn take(&mut self, lines: u64) -> Result<Option<LineBlock>, ScanError> {
-        let (block, at) = match self.rest.take() {
-            Some(rest) => rest,
-            None => match self.lines.next()? {
-                Some(block) => (block, 0),
-                None => return Ok(None),
-            },
-        };
-        if at == 0 && block.rows <= lines {
-            return Ok(Some(block));
+    /// The current block and the offset of its next line; `None` at the end.
+    fn current(&mut self) -> Result<Option<(LineBlock, usize)>, ScanError> {
+        match self.rest.take() {
+            Some(rest) => Ok(Some(rest)),
+            None => Ok(self.lines.next()?.map(|block| (block, 0))),
         }
+    }
+
+    /// The next lines of a scan, from one block; `None` before the next head and at the end.
+    fn take_points(&mut self, scan: &Arc<Scan>) -> Result<Option<Piece>, ScanError> {
+        while let Some((block, at)) = self.current()? {
+            let is_head = |line: &[u8]| !scan.is_lost && count(line).is_some();
+            let mut taken = self.cut(block, at, u64::MAX, is_head);
+            if taken.bytes.is_empty() {
+                return Ok(None);
+            }
+            // Only the last line of a file may lack an end.
+            let is_open = taken.rows > 0 && !taken.bytes.ends_with(b"\n");
+            let is_cut = is_open && !scan.is_lost && self.there + taken.rows < scan.lines;
+            if is_cut {
+                let end = taken.bytes.iter().rposition(|&b| b == b'\n').map_or(0, |at| at + 1);
+                taken.bytes.truncate(end);
+                taken.rows -= 1;
+            }
+            self.there += taken.rows;
+            if taken.rows > 0 || is_cut {
+                return Ok(Some(Piece { block: taken, scan: scan.clone(), is_cut }));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Cuts the lines of `block` from the offset `at` off, up to `lines` that are not blank and
+    /// none from that on which `ends`; keeps the rest.
+    fn cut(
+        &mut self,
+        block: LineBlock,
+        at: usize,
+        lines: u64,
+        ends: impl Fn(&[u8]) -> bool,
+    ) -> LineBlock {
         let (mut end, mut number, mut rows) = (at, block.first_line, 0);
         while rows < lines && end < block.bytes.len() {
             let line = &block.bytes[end..];
             let length = line.iter().position(|&b| b == b'\n').map_or(line.len(), |at| at + 1);
-            rows += u64::from(!line[..length].trim_ascii().is_empty());
+            let line = line[..length].trim_ascii();
+            if ends(line) {
+                break;
+            }
+            rows += u64::from(!line.is_empty());
             (end, number) = (end + length, number + 1);
+        }
+        if at == 0 && end == block.bytes.len() {
+            return block;
         }
         let bytes = block.bytes[at..end].to_vec();
         let taken = LineBlock { bytes, first_line: block.first_line, rows };
@@ -158,30 +248,38 @@ impl<'a> Scans<'a> {
             let rest = LineBlock { first_line: number, rows: block.rows - rows, ..block };
             self.rest = Some((rest, end));
         }
-        Ok(Some(taken))
+        taken
     }
 
     /// The next head; `None` at the end.
     fn next_head(&mut self) -> Result<Option<Scan>, ScanError> {
         let mut head = Vec::with_capacity(HEAD_LINES);
         while head.len() < HEAD_LINES {
-            let Some(block) = self.take((HEAD_LINES - head.len()) as u64)? else { break };
-            head.extend(block.lines().map(|(n, line)| (n, line.to_vec())));
+            let Some((block, at)) = self.current()? else { break };
+            let taken = self.cut(block, at, (HEAD_LINES - head.len()) as u64, |_| false);
+            head.extend(taken.lines().map(|(n, line)| (n, line.to_vec())));
         }
         let number = self.scan.as_ref().map_or(1, |scan| scan.number + 1);
-        match head.len() {
-            0 => Ok(None),
+        let parsed = match head.len() {
+            0 => return Ok(None),
             _ if number > u64::from(u16::MAX) => {
                 let what =
                     "has more than 65,535 scans, more than Esker can distinguish; split the file";
-                Err(ScanError::unsupported(&self.path, what))
+                return Err(ScanError::unsupported(&self.path, what));
             }
-            HEAD_LINES => Scan::parse(number, &head, &self.path).map(Some),
-            n => {
-                let what = format!(
-                    "the head of scan {number} has {n} lines of {HEAD_LINES}; the file is cut"
-                );
-                Err(ScanError::damaged(&self.path, what))
+            HEAD_LINES => Scan::parse(number, &head, &mut self.faults),
+            n => Err(format!(
+                "the head of scan {number} has {n} lines of {HEAD_LINES}; the file is cut"
+            )),
+        };
+        match parsed {
+            Ok(scan) => Ok(Some(scan)),
+            Err(what) if number == 1 => Err(ScanError::damaged(&self.path, what)),
+            Err(what) => {
+                let behind =
+                    if head.len() == HEAD_LINES { ": what follows is left out" } else { "" };
+                self.faults.add(format!("{what}{behind}"));
+                Ok(Some(Scan::lost(number)))
             }
         }
     }
@@ -246,14 +344,12 @@ mod tests {
     }
 
     #[test]
-    fn cut_and_malformed_heads_are_refused_with_the_line() {
+    fn a_first_head_that_is_malformed_is_refused_with_the_line() {
         for (text, want) in [
-            (format!("{HEAD}1 2 3 0.5\n"), "scan 1 says that 2 lines follow, 1 do"),
-            (format!("{HEAD}1 2 3 4\n1 2 3 4\n2\n3\n"), "head of scan 2 has 2 lines of 10"),
+            (HEAD[..HEAD.len() - 11].to_owned(), "head of scan 1 has 9 lines of 10"),
             (HEAD.replace("2\n1\n", "2\n-1\n"), "line 2 is not how many columns or rows"),
-            (HEAD.replace("2\n1\n", "9999999999\n9999999999\n"), "line 2 is not a number of rows"),
             (HEAD.replace("0 0 1\n1 0 0 0", "0 0\n1 0 0 0"), "line 7 is not three numbers"),
-            (HEAD.replace("7.25", "inf"), "line 11 is not four numbers"),
+            (HEAD.replace("7.25", "x"), "line 11 is not four numbers"),
         ] {
             let error = read(&text).err().unwrap().to_string();
             assert!(error.contains(want), "{error}");

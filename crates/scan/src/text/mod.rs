@@ -30,6 +30,9 @@ mod survey;
 pub use columns::{Column, Columns};
 
 use crate::error::ScanError;
+use crate::fields::recipe::Recipe;
+use crate::fields::values::Values;
+use crate::fields::{LEGACY, LEGACY_BLOCK};
 use crate::source::{Format, Guess, HEAD_BYTES, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use blocks::in_order;
 use cells::Row;
@@ -47,7 +50,8 @@ use survey::{Fault, Survey, WIDTHS_MAX, read_point};
 /// XYZ, TXT, CSV and PTS, an entry of the registry.
 pub const FORMAT: Format = Format {
     name: "text (XYZ, TXT, CSV, PTS)",
-    endings: &["xyz", "txt", "csv", "pts"],
+    endings: &["xyz", "txt", "csv", "pts", "asc", "xyzi", "xyzrgb", "xyzn", "neu", "tsv", "dat"],
+    is_streamed: true,
     recognises,
     open,
 };
@@ -134,22 +138,16 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         notes,
     };
     if let (Some(names), false) = (&layout.names, layout.has_counts) {
-        let names: Vec<String> = names.iter().map(|name| quoted(name)).collect();
         info.verbatim.push(("text column names".into(), names.join(",").into_bytes()));
+    }
+    if plan.is_legacy {
+        info.verbatim.push((LEGACY_BLOCK.into(), LEGACY.to_vec()));
     }
     if wide_colours(&info.schema).is_some() {
         // Colours are 16 bits wide only if a value needs more than 8.
         info.colour_depth = options.colour_depth.or(Some(ColourDepth::Sixteen));
     }
     Ok(Box::new(TextSource { info, layout, plan, guess }))
-}
-
-/// A name as in CSV, in quotes if it has a comma or a quote.
-fn quoted(name: &str) -> String {
-    match name.contains([',', '"']) {
-        true => format!("\"{}\"", name.replace('"', "\"\"")),
-        false => name.to_owned(),
-    }
 }
 
 /// Reads as many lines as the layout needs.
@@ -274,13 +272,28 @@ impl TextSource {
             }
             let (_, sources) = sources.ok_or_else(changed)?;
             decoded.batch.positions.push(placement.real(world, &mut decoded.rounding));
-            let attributes =
-                self.info.schema.attributes.iter().zip(sources.iter().zip(&self.plan.fills));
-            for ((attribute, (source, fill)), column) in attributes.zip(&mut decoded.batch.columns)
+            let plans = self.plan.recipes.iter().zip(&self.plan.fills);
+            let attributes = self.info.schema.attributes.iter().zip(plans);
+            for ((attribute, (recipe, fill)), column) in attributes.zip(&mut decoded.batch.columns)
             {
-                let value = source.map_or(f64::NAN, |source| row.values[source]);
-                let value = if value.is_nan() { *fill } else { value };
-                if !put(value, attribute.ty, column) {
+                let number = |found: usize| {
+                    let value = sources[found].map_or(f64::NAN, |source| row.values[source]);
+                    if value.is_nan() { *fill } else { value }
+                };
+                let wide = match (recipe, attribute.ty) {
+                    (Recipe::Number(found), AttrType::U64 | AttrType::I64) => {
+                        sources[*found].filter(|&source| Values::is_large(row.values[source]))
+                    }
+                    _ => None,
+                };
+                let is_held = match wide {
+                    Some(source) => {
+                        let cell = self.layout.style.cells(line).nth(source).unwrap_or_default();
+                        put_digits(number::unquoted(cell), attribute.ty, column)
+                    }
+                    None => recipe.put(attribute.ty, number, column),
+                };
+                if !is_held {
                     return Err(changed());
                 }
             }
@@ -289,23 +302,14 @@ impl TextSource {
     }
 }
 
-/// Appends a value as this type; `false` if the type does not hold it. The survey rules that out,
-/// unless the file changes.
-fn put(v: f64, ty: AttrType, out: &mut Vec<u8>) -> bool {
+/// Appends a whole number of which a double would round digits away; `false` if the type does not
+/// hold it.
+fn put_digits(digits: &[u8], ty: AttrType, out: &mut Vec<u8>) -> bool {
+    let digits = std::str::from_utf8(digits).unwrap_or_default();
     match ty {
-        AttrType::U8 => out.push(v as u8),
-        AttrType::U16 => out.extend((v as u16).to_le_bytes()),
-        AttrType::I32 => out.extend((v as i32).to_le_bytes()),
-        AttrType::F32 => {
-            out.extend((v as f32).to_le_bytes());
-            return true;
-        }
-        _ => {
-            out.extend(v.to_le_bytes());
-            return true;
-        }
+        AttrType::U64 => digits.parse::<u64>().map(|v| out.extend(v.to_le_bytes())).is_ok(),
+        _ => digits.parse::<i64>().map(|v| out.extend(v.to_le_bytes())).is_ok(),
     }
-    ty.to_f64(&out[out.len() - ty.size()..]) == v
 }
 
 impl Source for TextSource {
@@ -329,7 +333,10 @@ impl Source for TextSource {
             |decoded: Decoded| {
                 let counts = Fault::ALL.iter().zip(decoded.refused);
                 let refused: Vec<_> = counts.map(|(fault, n)| (fault.reason(), n)).collect();
-                let colour_max = colour_max(&decoded.batch);
+                let colour_max = match self.plan.are_colours_full && !decoded.batch.is_empty() {
+                    true => u16::MAX,
+                    false => colour_max(&decoded.batch),
+                };
                 report.take(decoded.batch, &refused, decoded.rounding, colour_max, sink)
             },
         )?;

@@ -1,6 +1,7 @@
 //! Names the attributes made from columns of a text file and properties of a PLY vertex:
 //! coordinates, normals, colours and intensity get Esker's names, all others keep their own.
 
+use crate::fields::names::{ALPHA, Meaning, meaning};
 use esker_points::attribute::names;
 use esker_points::{AttrType, Attribute, Batch, Schema};
 use std::sync::Arc;
@@ -25,30 +26,12 @@ pub(crate) fn axes<'a>(names: impl Iterator<Item = &'a str> + Clone) -> Option<[
     Some([at(0)?, at(1)?, at(2)?])
 }
 
-/// Opacity of a colour; LAS has no such field.
-const ALPHA: &str = "alpha";
-
-/// Esker's name of an attribute with this name, whatever its type. Case, underscores and blanks are
-/// ignored; `scalar` is what CloudCompare puts before names.
+/// Esker's name of an attribute with this name, whatever its type, if it is stored as a whole.
 pub(crate) fn usual(name: &str) -> Option<&'static str> {
-    let letters = name.chars().filter(|c| !matches!(c, '_' | ' '));
-    let plain: String = letters.flat_map(char::to_lowercase).collect();
-    Some(match plain.as_str() {
-        "nx" | "normalx" => names::NX,
-        "ny" | "normaly" => names::NY,
-        "nz" | "normalz" => names::NZ,
-        "red" | "r" | "diffusered" => names::RED,
-        "green" | "g" | "diffusegreen" => names::GREEN,
-        "blue" | "b" | "diffuseblue" => names::BLUE,
-        "alpha" | "a" | "diffusealpha" => ALPHA,
-        "nir" => names::NIR,
-        "intensity" | "scalarintensity" => names::INTENSITY,
-        "classification" | "scalarclassification" => names::CLASSIFICATION,
-        "gpstime" | "scalargpstime" => names::GPS_TIME,
-        "pointsourceid" | "scalarpointsourceid" => names::POINT_SOURCE_ID,
-        "userdata" | "scalaruserdata" => names::USER_DATA,
-        _ => return None,
-    })
+    match meaning(name) {
+        Some(Meaning::Field(name)) => Some(name),
+        _ => None,
+    }
 }
 
 /// Whether an attribute of one of Esker's names may have this type.

@@ -3,9 +3,10 @@
 
 use super::guess::guessed_names;
 use super::layout::Layout;
-use super::naming::{named, schema_of, usual};
 use super::ranges::Range;
 use super::survey::{Survey, Width};
+use crate::fields::recipe::Recipe;
+use crate::fields::{self, Column, FieldPlan};
 use esker_points::attribute::names;
 use esker_points::{AttrType, Schema};
 use std::sync::Arc;
@@ -15,8 +16,10 @@ use std::sync::Arc;
 pub(crate) struct ColumnPlan {
     /// The attributes.
     pub schema: Arc<Schema>,
-    /// For each number of columns of a scan, the column of each attribute of the schema, if the
-    /// scan has it.
+    /// How each attribute of the schema is made from the values of the file.
+    pub recipes: Vec<Recipe>,
+    /// For each number of columns of a scan, the column of each value of the file, if the scan has
+    /// it.
     pub sources: Vec<(usize, Vec<Option<usize>>)>,
     /// For each attribute of the schema, the value in place of a missing one.
     pub fills: Vec<f64>,
@@ -24,6 +27,10 @@ pub(crate) struct ColumnPlan {
     pub columns: Vec<String>,
     /// Assumptions, a line each.
     pub notes: Vec<String>,
+    /// See [`fields::FieldPlan`].
+    pub are_colours_full: bool,
+    /// See [`fields::FieldPlan`].
+    pub is_legacy: bool,
 }
 
 /// A column of the file that becomes an attribute.
@@ -52,33 +59,43 @@ impl ColumnPlan {
             let lacking: Vec<_> = widths.iter().filter(|width| !has(width)).collect();
             of.range.missing += lacking.iter().map(|width| width.points).sum::<u64>();
         }
-        give_colours_one_range(&mut found);
-        let typed: Vec<_> =
-            found.iter().map(|of| (of.key.0.as_str(), type_of(&of.key.0, &of.range))).collect();
-        let fills: Vec<f64> = typed.iter().map(|(name, ty)| fill_of(name, *ty)).collect();
-        note_missing(&found, &fills, &widths, &mut notes);
-        let (schema, columns) = schema_of(named(&typed));
-        if schema.normals().is_some() {
+        fn column(of: &Found) -> Column<'_> {
+            Column {
+                name: &of.key.0,
+                ty: None,
+                values: of.range.values,
+                type_with_gaps: of.range.type_with_gaps(),
+            }
+        }
+        let file_columns: Vec<Column<'_>> = found.iter().map(column).collect();
+        let fields = fields::plan(&file_columns);
+        let fills: Vec<f64> =
+            fields.schema.attributes.iter().map(|a| fill_of(&a.name, a.ty)).collect();
+        note_missing(&found, &fields, &fills, &widths, &mut notes);
+        notes.extend(fields.notes);
+        if fields.schema.normals().is_some() {
             notes.push("normals are kept as 32-bit floats".into());
         }
         let rounded: Vec<_> =
-            found.iter().filter(|of| of.range.is_rounded()).map(|of| of.key.0.as_str()).collect();
+            file_columns.iter().filter(|c| c.values.is_rounded()).map(|c| c.name).collect();
         if !rounded.is_empty() {
             let names = rounded.join(", ");
             notes.push(format!("whole numbers from 2^53 on are rounded to doubles: {names}"));
         }
         let mut plan = Self {
             sources: widths.iter().map(|width| (width.columns, vec![None; found.len()])).collect(),
-            fills: vec![f64::NAN; found.len()],
+            recipes: fields.recipes,
+            fills,
             columns: all_names.into_iter().next().unwrap_or_default(),
-            schema,
+            schema: fields.schema,
             notes,
+            are_colours_full: fields.are_colours_full,
+            is_legacy: fields.is_legacy,
         };
-        for ((of, fill), column) in found.iter().zip(fills).zip(columns) {
-            plan.fills[column] = fill;
+        for (index, of) in found.iter().enumerate() {
             for &(columns, at) in &of.at {
                 let sources = plan.sources.iter_mut().find(|(of, _)| *of == columns);
-                sources.into_iter().for_each(|(_, sources)| sources[column] = Some(at));
+                sources.into_iter().for_each(|(_, sources)| sources[index] = Some(at));
             }
         }
         for (axis, &column) in layout.axes.iter().enumerate() {
@@ -166,13 +183,22 @@ fn drop_empty(found: &mut Vec<Found>, layout: &Layout, survey: &Survey, notes: &
 /// The value in place of a missing one: 0 for whole numbers and normals, else NaN.
 fn fill_of(name: &str, ty: AttrType) -> f64 {
     let is_float = matches!(ty, AttrType::F32 | AttrType::F64);
-    if is_float && !is_normal(name) { f64::NAN } else { 0.0 }
+    let is_normal = [names::NX, names::NY, names::NZ].contains(&name);
+    if is_float && !is_normal { f64::NAN } else { 0.0 }
 }
 
-fn note_missing(found: &[Found], fills: &[f64], widths: &[&Width], notes: &mut Vec<String>) {
+fn note_missing(
+    found: &[Found],
+    fields: &FieldPlan,
+    fills: &[f64],
+    widths: &[&Width],
+    notes: &mut Vec<String>,
+) {
     let scans: u64 = widths.iter().map(|width| width.scans).sum();
-    for (of, fill) in found.iter().zip(fills) {
-        let (name, fill) = (&of.key.0, if fill.is_nan() { "NaN" } else { "0" });
+    for (index, of) in found.iter().enumerate() {
+        let attribute = fields.recipes.iter().position(|recipe| recipe.reads(index));
+        let is_nan = attribute.is_some_and(|attribute| fills[attribute].is_nan());
+        let (name, fill) = (&of.key.0, if is_nan { "NaN" } else { "0" });
         let has = |width: &&&Width| of.at.iter().any(|(columns, _)| *columns == width.columns);
         let lacking = widths.iter().filter(|width| !has(width));
         let (lacking, points) =
@@ -190,36 +216,5 @@ fn note_missing(found: &[Found], fills: &[f64], widths: &[&Width], notes: &mut V
                 "{words} points have a word, not a number, for {name}: {fill} stands for it"
             ));
         }
-    }
-}
-
-/// Gives red, green and blue their common range, so that they have the same type.
-fn give_colours_one_range(found: &mut [Found]) {
-    let at = |colour| found.iter().position(|of| usual(&of.key.0) == Some(colour));
-    if let (Some(r), Some(g), Some(b)) = (at(names::RED), at(names::GREEN), at(names::BLUE)) {
-        let all = found[r].range.merge(found[g].range).merge(found[b].range);
-        for c in [r, g, b] {
-            found[c].range = found[c].range.widened(all);
-        }
-    }
-}
-
-fn is_normal(name: &str) -> bool {
-    matches!(usual(name), Some(names::NX | names::NY | names::NZ))
-}
-
-/// The type of a column: that of LAS if it has such a field and the values fit; `f32` for normals,
-/// as the renderer needs them; else the narrowest that holds all values, and NaN if some are missing
-/// and the column is no field of LAS.
-fn type_of(name: &str, range: &Range) -> AttrType {
-    match usual(name) {
-        Some(names::NX | names::NY | names::NZ) => AttrType::F32,
-        Some(names::GPS_TIME) => AttrType::F64,
-        Some(names::INTENSITY | names::POINT_SOURCE_ID | names::NIR)
-            if range.is_whole_within(0.0, 65_535.0) =>
-        {
-            AttrType::U16
-        }
-        usual => range.narrowest(usual.is_some()),
     }
 }

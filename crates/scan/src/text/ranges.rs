@@ -1,21 +1,19 @@
 //! What the first pass over a text file learns of the values of a column: their range, whether they
 //! are whole numbers, how many there are; and of three columns, whether they are unit vectors.
 
+use crate::fields::values::Values;
 use esker_points::AttrType;
 
-/// All whole numbers below this are doubles; a value that reads as this may have been one more.
-const WHOLE_MAX: f64 = (1u64 << 53) as f64;
 /// All whole numbers up to this are singles.
 const SINGLE_WHOLE_MAX: f64 = (1u64 << 24) as f64;
 /// Allowed difference of the squared length of a normal from 1, for normals of two digits.
 const LENGTH_TOLERANCE: f64 = 0.05;
 
-/// Range of the values of a column.
+/// The values of a column, and how many there are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Range {
-    min: f64,
-    max: f64,
-    whole: bool,
+    /// The values that are there.
+    pub values: Values,
     /// Number of values.
     pub numbers: u64,
     /// Number of points without a value, by a word for it or NaN.
@@ -26,14 +24,12 @@ pub(crate) struct Range {
 
 impl Range {
     /// The range of no values.
-    pub const EMPTY: Self = Self {
-        min: f64::INFINITY,
-        max: f64::NEG_INFINITY,
-        whole: true,
-        numbers: 0,
-        missing: 0,
-        words: 0,
-    };
+    pub const EMPTY: Self = Self::empty(false);
+
+    /// The range of no values of a column that `is_watched`: see [`Values::empty`].
+    pub const fn empty(is_watched: bool) -> Self {
+        Self { values: Values::empty(is_watched), numbers: 0, missing: 0, words: 0 }
+    }
 
     /// Adds a value; NaN is a missing one.
     pub fn add(&mut self, v: f64) {
@@ -42,39 +38,23 @@ impl Range {
             return;
         }
         self.numbers += 1;
-        self.min = self.min.min(v);
-        self.max = self.max.max(v);
-        // Minus zero is no integer: its sign would be lost. Infinity has no whole part.
-        self.whole &= v.fract() == 0.0 && !(v == 0.0 && v.is_sign_negative());
+        self.values.add(v);
     }
 
     /// The range of the values of both.
-    pub fn merge(self, other: Self) -> Self {
+    pub fn merge(mut self, other: Self) -> Self {
+        self.values.merge(&other.values);
         Self {
-            min: self.min.min(other.min),
-            max: self.max.max(other.max),
-            whole: self.whole && other.whole,
             numbers: self.numbers + other.numbers,
             missing: self.missing + other.missing,
             words: self.words + other.words,
+            ..self
         }
-    }
-
-    /// This range with the values of `of`: their type, but not their number.
-    pub fn widened(self, of: Self) -> Self {
-        let all = self.merge(of);
-        Self { min: all.min, max: all.max, whole: all.whole, ..self }
     }
 
     /// Whether all values are whole numbers from `min` to `max`.
     pub fn is_whole_within(&self, min: f64, max: f64) -> bool {
-        self.whole && min <= self.min && self.max <= max
-    }
-
-    /// Whether values are whole numbers too large for a double to keep all digits.
-    pub fn is_rounded(&self) -> bool {
-        let greatest = self.max.max(-self.min);
-        self.whole && greatest >= WHOLE_MAX && greatest <= u64::MAX as f64
+        self.values.is_whole_within(min, max)
     }
 
     /// Number of points without a value.
@@ -82,24 +62,11 @@ impl Range {
         self.missing + self.words
     }
 
-    /// The narrowest type that holds every value exactly; with NaN for those that are missing,
-    /// unless `fills_whole`: then those of whole numbers are 0.
-    pub fn narrowest(&self, fills_whole: bool) -> AttrType {
-        if self.lacking() > 0 && !fills_whole {
-            return match self.is_whole_within(-SINGLE_WHOLE_MAX, SINGLE_WHOLE_MAX) {
-                true => AttrType::F32,
-                false => AttrType::F64,
-            };
-        }
-        if self.is_whole_within(0.0, 255.0) {
-            AttrType::U8
-        } else if self.is_whole_within(0.0, 65_535.0) {
-            AttrType::U16
-        } else if self.is_whole_within(f64::from(i32::MIN), f64::from(i32::MAX)) {
-            AttrType::I32
-        } else {
-            AttrType::F64
-        }
+    /// The type of a column of which points lack values, with NaN for these; `None` if none do.
+    pub fn type_with_gaps(&self) -> Option<AttrType> {
+        let is_single = self.is_whole_within(-SINGLE_WHOLE_MAX, SINGLE_WHOLE_MAX);
+        let ty = if is_single { AttrType::F32 } else { AttrType::F64 };
+        (self.lacking() > 0).then_some(ty)
     }
 }
 

@@ -4,8 +4,8 @@
 use super::blocks::LineBlocks;
 use super::encoding::{Encoding, Utf16ToUtf8, encoding_of};
 use crate::error::ScanError;
+use crate::packed::open_stream;
 use crate::source::HEAD_BYTES;
-use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// If the system refuses the read.
-pub(crate) fn read_head(file: &mut File) -> std::io::Result<Vec<u8>> {
+pub(crate) fn read_head(file: &mut impl Read) -> std::io::Result<Vec<u8>> {
     let mut head = Vec::new();
     file.take(HEAD_BYTES).read_to_end(&mut head)?;
     Ok(head)
@@ -38,7 +38,7 @@ pub(crate) fn first_lines(head: &[u8]) -> Vec<u8> {
 /// If the file cannot be read.
 pub(crate) fn lines_of(path: &Path) -> Result<LineBlocks<Box<dyn Read>>, ScanError> {
     let io = |e| ScanError::io(path, e);
-    let mut file = File::open(path).map_err(io)?;
+    let (mut file, _) = open_stream(path)?;
     let head = read_head(&mut file).map_err(io)?;
     let is_cr = ends_lines_with_cr(&in_utf_8(&head));
     let (encoding, mark) = encoding_of(&head);

@@ -4,8 +4,11 @@
 
 use super::cells::Row;
 use super::layout::{Layout, count, excerpt};
+use super::number::unquoted;
 use super::ranges::{Range, Unit};
 use super::scans::Piece;
+use crate::fields::is_watched;
+use crate::fields::values::Values;
 use esker_points::Spread;
 
 /// Greatest number of different numbers of columns that the scans of a file may have.
@@ -130,19 +133,29 @@ impl Width {
     fn empty(columns: usize, layout: &Layout) -> Self {
         let has_units = layout.names.is_none() && (6..=UNIT_COLUMNS_MAX).contains(&columns);
         let units = if has_units { columns - 2 } else { 0 };
-        Self {
-            columns,
-            points: 0,
-            scans: 0,
-            ranges: vec![Range::EMPTY; columns],
-            units: vec![Unit::default(); units],
+        let named = layout.names.iter().filter(|names| names.len() == columns).flatten();
+        let mut ranges = vec![Range::EMPTY; columns];
+        let chosen = layout.chosen.iter().map(|(name, at)| (*at, name));
+        for (column, name) in named.enumerate().chain(chosen) {
+            if let Some(range) = ranges.get_mut(column).filter(|_| is_watched(name)) {
+                *range = Range::empty(true);
+            }
         }
+        Self { columns, points: 0, scans: 0, ranges, units: vec![Unit::default(); units] }
     }
 
-    fn add(&mut self, row: &Row) {
+    fn add(&mut self, row: &Row, line: &[u8], layout: &Layout) {
         self.points += 1;
         for (range, &v) in self.ranges.iter_mut().zip(&row.values) {
             range.add(v);
+        }
+        if row.values.iter().any(|&v| Values::is_large(v)) {
+            let values = self.ranges.iter_mut().zip(&row.values);
+            for ((range, &v), cell) in values.zip(layout.style.cells(line)) {
+                if Values::is_large(v) {
+                    range.values.add_large(unquoted(cell));
+                }
+            }
         }
         for column in row.words().filter(|&column| column < self.columns) {
             self.ranges[column].words += 1;
@@ -207,7 +220,7 @@ impl Survey {
             }
             found.points += 1;
             found.spread.add(place);
-            found.widths[at].add(&row);
+            found.widths[at].add(&row, line, layout);
             found.add_decimals(line, layout);
         }
         found

@@ -39,6 +39,16 @@ pub struct Outline {
     pub schema: Arc<Schema>,
     /// Greatest number of points.
     pub points_max: u64,
+    /// Least and greatest value of each attribute; empty or `None` where they are not known.
+    pub ranges: Vec<Option<(f64, f64)>>,
+}
+
+impl Outline {
+    /// Whether all values of an attribute are known to lie within this range.
+    pub(crate) fn is_within(&self, attribute: usize, low: f64, high: f64) -> bool {
+        let range = self.ranges.get(attribute).copied().flatten();
+        range.is_some_and(|(least, greatest)| low <= least && greatest <= high)
+    }
 }
 
 /// Sources one after the other: their blocks may be large, so only one is held at a time.
@@ -76,6 +86,11 @@ pub trait Output: Send {
     /// # Errors
     /// If the file cannot be written.
     fn put(&mut self, points: Encoded) -> Result<(), ScanError>;
+
+    /// What was changed in the points written so far, a line each.
+    fn remarks(&self) -> Vec<String> {
+        Vec::new()
+    }
 
     /// Writes the remaining bytes, flushes them to the disk and renames the file to its final name;
     /// returns its size in bytes.

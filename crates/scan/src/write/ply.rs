@@ -8,6 +8,7 @@ use super::partial::Partial;
 use super::scaling::{Scaling, notes};
 use super::unique::unique;
 use crate::error::ScanError;
+use crate::fields::HALVES;
 use crate::ply::comments;
 use crate::text::naming::axis;
 use esker_points::attribute::names;
@@ -20,6 +21,8 @@ use std::sync::Arc;
 
 /// Digits of the greatest count.
 const COUNT_DIGITS: usize = 20;
+/// Whole numbers up to here are exact in `f64`, whatever rounding led to them.
+const EXACT_MAX: f64 = (1u64 << 53) as f64 - 1.0;
 /// Attributes that come first, in this order; the others follow by name.
 const FIRST: [&str; 8] = [
     names::NX,
@@ -60,23 +63,37 @@ pub fn create(
     let column = |(index, a): (usize, &Attribute)| Column {
         index,
         bytes: a.ty.size(),
-        scaling: Scaling::of(&outline.schema, index),
+        form: Form::of(outline, index),
     };
     let mut columns: Vec<Column> = attributes.iter().enumerate().map(column).collect();
     let rank = |c: &Column| FIRST.iter().position(|n| *n == attributes[c.index].name);
     columns.sort_by_key(|c| rank(c).unwrap_or(FIRST.len()));
-    let wanted: Vec<_> = attributes.iter().map(|a| (property_name(a, is_ply), a.ty)).collect();
+    let (mut wanted, mut first) = (Vec::new(), Vec::new());
+    for (index, attribute) in attributes.iter().enumerate() {
+        first.push(wanted.len());
+        let name = property_name(attribute, is_ply);
+        match Form::of(outline, index) {
+            Form::Halves { .. } => {
+                wanted.extend(HALVES.map(|end| (format!("{name}{end}"), attribute.ty)))
+            }
+            _ => wanted.push((name, attribute.ty)),
+        }
+    }
     let (names, renamed) = unique(&wanted, &["x", "y", "z"], usize::MAX);
     for column in &columns {
-        let name = &names[column.index];
-        let _ = writeln!(head, "property {} {name}", type_name(column.scaling.ty()));
+        let names = &names[first[column.index]..];
+        for (ty, name) in column.types().zip(names) {
+            let _ = writeln!(head, "property {} {name}", type_name(ty));
+        }
     }
     head.push_str("end_header\n");
     let mut file = Partial::create(path)?;
     let comments = comments.unwrap_or_default();
     let output = |count| header(&comments, count, &head);
     file.write_all(output(0).as_bytes()).map_err(|e| file.error(e))?;
-    let stride = 3 * place.size() + columns.iter().map(|c| c.scaling.ty().size()).sum::<usize>();
+    let stride = 3 * place.size()
+        + columns.iter().flat_map(Column::types).map(AttrType::size).sum::<usize>();
+    let wide = note_wide(outline, &columns);
     let encode = Vertices { coordinates, columns, stride };
     let output = PlyOutput { file, comments, head, count: 0 };
     Ok(Export {
@@ -84,7 +101,7 @@ pub fn create(
         output: Box::new(output),
         format: "PLY 1.0, binary little-endian".into(),
         fields: (0..outline.schema.attributes.len()).collect(),
-        notes: [notes(&outline.schema), renamed].concat(),
+        notes: [notes(&outline.schema), wide, renamed].concat(),
     })
 }
 
@@ -130,7 +147,7 @@ fn comments_of(origin: &Origin, ply_header: Option<&str>) -> String {
     for line in ply_header.unwrap_or_default().lines().filter(is_comment) {
         out += &comments::lines_of(line);
     }
-    if let Some(crs) = &origin.crs {
+    if let Some(crs) = origin.crs.as_ref().filter(|crs| !crs.text.is_empty()) {
         out += &comments::crs_lines(&crs.text);
     }
     out
@@ -139,8 +156,7 @@ fn comments_of(origin: &Origin, ply_header: Option<&str>) -> String {
 /// The name of a property. Names in PLY have no blanks; names from PLY sources are kept.
 fn property_name(attribute: &Attribute, is_ply: bool) -> String {
     let blank = |c: char| c.is_whitespace() || c.is_control();
-    let name = if is_ply { attribute.name.clone() } else { attribute.name.replace(blank, "_") };
-    comments::ascii(&name)
+    if is_ply { attribute.name.clone() } else { attribute.name.replace(blank, "_") }
 }
 
 fn type_name(ty: AttrType) -> &'static str {
@@ -151,11 +167,9 @@ fn type_name(ty: AttrType) -> &'static str {
         AttrType::I16 => "short",
         AttrType::U32 => "uint",
         AttrType::I32 => "int",
-        // 64-bit integers are no types of PLY; some programs use these names.
-        AttrType::U64 => "uint64",
-        AttrType::I64 => "int64",
         AttrType::F32 => "float",
-        AttrType::F64 => "double",
+        // PLY has no integers of 64 bits: see [`Form`].
+        AttrType::U64 | AttrType::I64 | AttrType::F64 => "double",
     }
 }
 
@@ -166,11 +180,82 @@ struct Vertices {
     stride: usize,
 }
 
-/// An attribute: its index in a batch, the size of a stored value in bytes, and its scaling.
+/// An attribute: its index in a batch, the size of a stored value in bytes, and how it is written.
 struct Column {
     index: usize,
     bytes: usize,
-    scaling: Scaling,
+    form: Form,
+}
+
+/// How an attribute is written.
+#[derive(Clone, Copy, Debug)]
+enum Form {
+    /// As one property.
+    One(Scaling),
+    /// As a double that holds all values exactly: PLY has no integers of 64 bits.
+    Double(AttrType),
+    /// As two properties, the lower and the upper 32 bits, the upper one with the sign if the type
+    /// has one.
+    Halves { is_signed: bool },
+}
+
+impl Form {
+    fn of(outline: &Outline, attribute: usize) -> Self {
+        let scaling = Scaling::of(&outline.schema, attribute);
+        match scaling.ty() {
+            ty @ (AttrType::U64 | AttrType::I64)
+                if outline.is_within(attribute, -EXACT_MAX, EXACT_MAX) =>
+            {
+                Self::Double(ty)
+            }
+            ty @ (AttrType::U64 | AttrType::I64) => Self::Halves { is_signed: ty == AttrType::I64 },
+            _ => Self::One(scaling),
+        }
+    }
+}
+
+impl Column {
+    /// Types of its properties.
+    fn types(&self) -> impl Iterator<Item = AttrType> + use<> {
+        let (first, second) = match self.form {
+            Form::One(scaling) => (scaling.ty(), None),
+            Form::Double(_) => (AttrType::F64, None),
+            Form::Halves { is_signed: true } => (AttrType::U32, Some(AttrType::I32)),
+            Form::Halves { is_signed: false } => (AttrType::U32, Some(AttrType::U32)),
+        };
+        std::iter::once(first).chain(second)
+    }
+
+    fn put(&self, stored: &[u8], out: &mut Vec<u8>) {
+        match self.form {
+            Form::One(scaling) => scaling.bytes(stored, out),
+            Form::Double(ty) => out.extend_from_slice(&ty.to_f64(stored).to_le_bytes()),
+            // Little-endian: the lower half comes first.
+            Form::Halves { .. } => out.extend_from_slice(stored),
+        }
+    }
+}
+
+/// Notes on the attributes that PLY has no type for.
+fn note_wide(outline: &Outline, columns: &[Column]) -> Vec<String> {
+    let names = |is_wanted: fn(&Form) -> bool| {
+        let wanted = columns.iter().filter(|c| is_wanted(&c.form));
+        let names = wanted.map(|c| outline.schema.attributes[c.index].name.as_str());
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let doubles = names(|form| matches!(form, Form::Double(_)));
+    let halves = names(|form| matches!(form, Form::Halves { .. }));
+    let mut notes = Vec::new();
+    if !doubles.is_empty() {
+        notes.push(format!("PLY has no integers of 64 bits; written as exact doubles: {doubles}"));
+    }
+    if !halves.is_empty() {
+        let [low, high] = HALVES;
+        notes.push(format!(
+            "PLY has no integers of 64 bits; written as two of 32 bits, {low} and {high}: {halves}"
+        ));
+    }
+    notes
 }
 
 impl Vertices {
@@ -193,7 +278,7 @@ impl Vertices {
             }
             for column in &self.columns {
                 let stored = &columns[column.index][i * column.bytes..][..column.bytes];
-                column.scaling.bytes(stored, &mut bytes);
+                column.put(stored, &mut bytes);
             }
         }
         Encoded { points: points as u64, bytes, ..Encoded::default() }

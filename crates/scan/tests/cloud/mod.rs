@@ -64,7 +64,7 @@ pub fn read_path(path: &Path) -> Result<Cloud, ScanError> {
     read_path_with(path, &OpenOptions::default())
 }
 
-/// Reads a file as [`read_path`], with options.
+/// [`read_path`] with options.
 pub fn read_path_with(path: &Path, options: &OpenOptions) -> Result<Cloud, ScanError> {
     let source = esker_scan::open(path, options, &Silent)?;
     let info = source.info().clone();
@@ -106,7 +106,7 @@ pub fn read(bytes: impl AsRef<[u8]>) -> Result<Cloud, ScanError> {
     read_with(bytes, &OpenOptions::default())
 }
 
-/// Reads bytes as [`read`], with options.
+/// [`read`] with options.
 pub fn read_with(bytes: impl AsRef<[u8]>, options: &OpenOptions) -> Result<Cloud, ScanError> {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("cloud.las");

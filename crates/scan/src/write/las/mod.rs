@@ -12,7 +12,8 @@
 //!   keep.
 //! - Other sources get the least point format with a field for every attribute, and version 1.4,
 //!   unless all are LAS of formats 0 to 5. Attributes without a field become extra bytes; colours
-//!   of 8 bits are widened.
+//!   of 8 bits are multiplied by 256, as the specification asks. Points without the number of a
+//!   return are return 1.
 
 mod order;
 mod plan;
@@ -30,6 +31,7 @@ use records::raw;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Points in a chunk of LAZ.
 const CHUNK_POINTS: usize = 50_000;
@@ -75,6 +77,7 @@ pub fn create(
     let output = LasOutput {
         points,
         is_legacy: records.point_format < 6,
+        filled: records.filled.clone(),
         grid: Grid { scale: lattice.scale, offset },
         header,
         points_start: head.len() as u32,
@@ -98,6 +101,7 @@ enum Points {
 struct LasOutput {
     points: Points,
     is_legacy: bool,
+    filled: Option<Arc<AtomicU64>>,
     grid: Grid,
     header: Vec<u8>,
     points_start: u32,
@@ -121,6 +125,12 @@ impl Output for LasOutput {
             Points::Plain(file) => file.write_all(&points.bytes).map_err(|e| file.error(e)),
             Points::Compressed(compressor) => compressor.put(&points.bytes),
         }
+    }
+
+    fn remarks(&self) -> Vec<String> {
+        let filled = self.filled.as_ref().map_or(0, |n| n.load(Ordering::Relaxed));
+        let note = format!("{filled} points without a return number are written as return 1");
+        (filled > 0).then_some(note).into_iter().collect()
     }
 
     fn finish(mut self: Box<Self>) -> Result<u64, ScanError> {

@@ -5,7 +5,9 @@
 
 use super::records::Records;
 use crate::error::ScanError;
+use crate::fields::{LEGACY, LEGACY_BLOCK};
 use crate::las::EXTRA_BYTES_MAX;
+use crate::las::crs::geo_keys;
 use crate::las::extra_bytes;
 use crate::las::header::{ADJUSTED_BIT, GpsTimes, Header, WKT_BIT, format_bytes, has_bit, set_bit};
 use crate::las::points::Layout;
@@ -50,7 +52,7 @@ struct SourceSummary {
     layout: Option<(u8, Layout)>,
     /// Whether layouts differ, or a source is not LAS.
     differ: bool,
-    /// Whether a source is not LAS of point format 0 to 5.
+    /// Whether a source is neither LAS of point format 0 to 5 nor has values that fit it.
     modern: bool,
     minor: u8,
     wkt: Option<String>,
@@ -92,8 +94,8 @@ pub fn plan(
     let (records, mut extra) = match of_source {
         Some(records) => (records, Vec::new()),
         None => {
-            let format = least_format(&outline.schema, found.modern || found.layout.is_none());
-            Records::of_format(format, format_bytes(format).unwrap_or(0), &outline.schema)
+            let format = least_format(&outline.schema, found.modern || sources == 0);
+            Records::of_format(format, format_bytes(format).unwrap_or(0), outline)
         }
     };
     check_extra(path, &records, &extra)?;
@@ -117,6 +119,12 @@ pub fn plan(
         }
         found.note_format(sources, &records, &extra, &mut notes);
         notes.extend(renamed);
+        if records.rounds_angles() {
+            notes.push(
+                "whole degrees of scan angles are written in steps of 0.006, off by at most 0.003"
+                    .into(),
+            );
+        }
     }
     let laszip = is_compressed.then(|| laszip(path, &records)).transpose()?;
     place_laszip(laszip.as_ref(), &mut vlrs, path)?;
@@ -163,7 +171,8 @@ pub fn plan(
 impl SourceSummary {
     fn add(&mut self, origin: &Origin, is_first: bool) {
         if self.wkt.is_none() {
-            self.wkt = origin.crs.as_ref().map(|c| c.text.clone()).filter(|t| t.contains('['));
+            let is_written = |text: &String| text.contains('[') || geo_keys(text).is_some();
+            self.wkt = origin.crs.as_ref().map(|c| c.text.clone()).filter(is_written);
         }
         let parsed = origin.block("las header").and_then(|bytes| {
             // The blocks were checked when they were read; here their sizes are not trusted.
@@ -171,7 +180,8 @@ impl SourceSummary {
             (header.header_bytes == bytes.len() as u64).then_some((bytes, header))
         });
         let Some((bytes, header)) = parsed else {
-            (self.differ, self.modern) = (true, true);
+            self.differ = true;
+            self.modern |= origin.block(LEGACY_BLOCK) != Some(LEGACY);
             return;
         };
         let empty: &[u8] = &[];
@@ -325,7 +335,9 @@ fn new_head(wkt: Option<&str>) -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
     // Day and year of creation stay zero, so that the same points give the same file.
     put(94, &HEADER_BYTES_1_4.to_le_bytes());
     let mut vlrs = Vec::new();
-    if let Some(wkt) = wkt.filter(|w| w.len() < usize::from(u16::MAX)) {
+    if let Some(keys) = wkt.and_then(geo_keys) {
+        vlrs.push(vlr("LASF_Projection", 34735, "GeoTIFF keys", keys));
+    } else if let Some(wkt) = wkt.filter(|w| w.len() < usize::from(u16::MAX)) {
         set_bit(&mut header, WKT_BIT, true);
         vlrs.push(vlr("LASF_Projection", 2112, "WKT", [wkt.as_bytes(), &[0]].concat()));
     }

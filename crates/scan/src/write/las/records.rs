@@ -2,10 +2,12 @@
 //! field in the record are appended to it as extra bytes.
 
 use crate::las::points::{Field, Layout, Take};
-use crate::write::encode::{Encode, Encoded};
+use crate::write::encode::{Encode, Encoded, Outline};
 use esker_points::attribute::names;
 use esker_points::lattice::ORIGIN;
 use esker_points::{AttrType, Attribute, Batch, Schema};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Records filled before the next column's turn: they stay in the L1 cache meanwhile.
 const BLOCK_POINTS: usize = 512;
@@ -21,6 +23,8 @@ enum Put {
     Widened,
     /// Whole degrees as steps of 0.006 degrees, for points that have no other angle.
     Degrees,
+    /// A small whole number of another type, in a field of 16 bits.
+    Low,
 }
 
 /// Field that the values of a column are written to.
@@ -40,6 +44,9 @@ pub struct Records {
     /// Size of a record, in bytes.
     pub record_bytes: usize,
     destinations: Vec<Destination>,
+    /// Number of points without the number of a return, which LAS demands: they are written as
+    /// return 1. `None` if the records of the sources are kept as they are.
+    pub filled: Option<Arc<AtomicU64>>,
 }
 
 impl Records {
@@ -52,17 +59,24 @@ impl Records {
         let destinations =
             layout.fields.iter().enumerate().map(|(column, field)| back(column, field));
         let destinations = destinations.collect();
-        Some(Self { point_format, record_bytes: layout.record_bytes, destinations })
+        let record_bytes = layout.record_bytes;
+        Some(Self { point_format, record_bytes, destinations, filled: None })
     }
 
     /// The layout of a point format for any attributes; also returns those that become extra bytes.
     pub fn of_format(
         point_format: u8,
         base_bytes: usize,
-        schema: &Schema,
+        outline: &Outline,
     ) -> (Self, Vec<Attribute>) {
+        let schema = &outline.schema;
         let base = Layout::new(point_format, base_bytes, Vec::new());
-        let mut records = Self { point_format, record_bytes: base_bytes, destinations: Vec::new() };
+        let mut records = Self {
+            point_format,
+            record_bytes: base_bytes,
+            destinations: Vec::new(),
+            filled: Some(Arc::default()),
+        };
         let mut extra = Vec::new();
         for (column, attribute) in schema.attributes.iter().enumerate() {
             let of = |name: &str, ty| base.schema.find_typed(name, ty).map(|i| base.fields[i]);
@@ -78,6 +92,12 @@ impl Records {
                 AttrType::I8 if name == names::SCAN_ANGLE_RANK && point_format >= 6 => {
                     of(names::SCAN_ANGLE, AttrType::I16).map(|f| destination(f, Put::Degrees))
                 }
+                ty if name == names::INTENSITY && is_low(outline, column) => {
+                    of(name, AttrType::U16).map(|field| Destination {
+                        bytes: ty.size(),
+                        ..destination(field, Put::Low)
+                    })
+                }
                 ty => of(name, ty).map(|field| back(column, &field)),
             };
             records.destinations.push(found.unwrap_or_else(|| {
@@ -88,6 +108,11 @@ impl Records {
             }));
         }
         (records, extra)
+    }
+
+    /// Whether whole degrees of scan angles are rounded to steps of 0.006.
+    pub fn rounds_angles(&self) -> bool {
+        self.destinations.iter().any(|destination| destination.put == Put::Degrees)
     }
 
     /// For each column, the index of its field. A column that is converted has the field of another
@@ -101,8 +126,36 @@ impl Records {
     }
 }
 
+/// Whether an intensity of another type than that of LAS fits the field, and is the only one.
+fn is_low(outline: &Outline, column: usize) -> bool {
+    let schema = &outline.schema;
+    let is_whole = match schema.attributes[column].ty {
+        AttrType::U16 | AttrType::F32 | AttrType::F64 => false,
+        AttrType::U8 => true,
+        _ => outline.is_within(column, 0.0, f64::from(u16::MAX)),
+    };
+    let all = schema.attributes.iter().filter(|a| a.name == names::INTENSITY);
+    is_whole && all.count() == 1 && schema.attributes[column].scale == 1.0
+}
+
 fn back(column: usize, field: &Field) -> Destination {
     Destination { column, bytes: field.bytes, offset: field.offset, put: Put::Back(field.take) }
+}
+
+impl Records {
+    /// Makes a point without the number of a return the first, of one if their number is not known
+    /// either; returns whether it had none.
+    fn fill_return(&self, record: &mut [u8]) -> bool {
+        let bits = if self.point_format < 6 { 3 } else { 4 };
+        let most = (1u8 << bits) - 1;
+        let byte = &mut record[14];
+        if *byte & most != 0 {
+            return false;
+        }
+        let count = (*byte >> bits & most).max(1);
+        *byte = *byte & !(most << bits | most) | count << bits | 1;
+        true
+    }
 }
 
 impl Encode for Records {
@@ -131,6 +184,10 @@ impl Encode for Records {
                     stride,
                 );
             }
+            if let Some(filled) = &self.filled {
+                let filled_here = records.chunks_exact_mut(stride).map(|r| self.fill_return(r));
+                filled.fetch_add(filled_here.map(u64::from).sum(), Ordering::Relaxed);
+            }
             for record in records.chunks_exact(stride) {
                 let number = record[14] & if self.point_format < 6 { 7 } else { 15 };
                 if let Some(n) = usize::from(number).checked_sub(1) {
@@ -154,7 +211,7 @@ impl Destination {
     fn take(&self) -> Take {
         match self.put {
             Put::Back(take) => take,
-            Put::Widened | Put::Degrees => Take::Copy,
+            Put::Widened | Put::Degrees | Put::Low => Take::Copy,
         }
     }
 
@@ -175,6 +232,13 @@ impl Destination {
             }),
             (Put::Back(Take::LegacyClass), _) => each(rows, values, |r, v| r[0] |= v & 0x1f),
             (Put::Widened, _) => each(rows, values, |r, v| r[1] |= v),
+            (Put::Low, bytes) => {
+                for (row, value) in rows.zip(values.chunks_exact(bytes)) {
+                    for (byte, v) in row[..2].iter_mut().zip(value) {
+                        *byte |= v;
+                    }
+                }
+            }
             (Put::Degrees, _) => each(rows, values, |r, v| {
                 if r[..2] == [0, 0] {
                     let steps = (f64::from(v as i8) / ANGLE_STEP).round() as i16;

@@ -1,6 +1,4 @@
-//! The pose of a scan in an E57 file.
-
-use e57::PointCloud;
+//! Pose of a scan: rotation by a quaternion, then translation. Serves E57 and PCD.
 
 /// Position and rotation of a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,28 +10,30 @@ pub(crate) struct Pose {
 }
 
 impl Pose {
-    /// The pose of scans without one.
     pub const NONE: Self = Self {
         columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         at: [0.0; 3],
         is_turned: false,
     };
 
-    /// The pose of a scan; `None` if it is not a rotation and a finite position.
-    pub fn of(cloud: &PointCloud) -> Option<Self> {
-        let Some(pose) = &cloud.transform else { return Some(Self::NONE) };
-        let (q, t) = (&pose.rotation, &pose.translation);
-        let length = (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z).sqrt();
-        let [w, x, y, z] = [q.w, q.x, q.y, q.z].map(|c| c / length);
+    /// The pose of a quaternion `[w, x, y, z]` of any length and a position; `None` if they are not
+    /// a rotation and a finite position.
+    pub fn new(quaternion: [f64; 4], at: [f64; 3]) -> Option<Self> {
+        let length = quaternion.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let [w, x, y, z] = quaternion.map(|c| c / length);
         let columns = [
             [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)],
             [2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)],
             [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)],
         ];
-        let at = [t.x, t.y, t.z];
         let is_sound = columns.iter().flatten().chain(&at).all(|c| c.is_finite());
         let is_turned = [x, y, z] != [0.0; 3];
         is_sound.then_some(Self { columns, at, is_turned })
+    }
+
+    /// A pose without rotation.
+    pub fn moved(at: [f64; 3]) -> Self {
+        Self { at, ..Self::NONE }
     }
 
     /// Transforms a direction to the file's coordinates.
