@@ -212,6 +212,7 @@ fn any_cloud() -> impl Strategy<Value = Batch> {
             schema: schema.clone(),
             positions: positions.iter().map(|p| p.map(|c| c + ORIGIN as u32)).collect(),
             columns,
+            outside: Vec::new(),
         })
     })
 }

@@ -186,9 +186,9 @@ impl RecordPlan {
         blocks
     }
 
-    /// Chooses attributes and grid after the survey. Decimal text keeps its digits if they fit a lattice of 32
-    /// bits. Otherwise, and for binary numbers, it is the grid for floats; the coordinates of ASCII
-    /// files are then read as their declared type.
+    /// Chooses attributes and grid after the survey. Decimal text keeps its digits if they fit a
+    /// lattice of 32 bits. Otherwise, and for binary numbers, it is the grid for floats; the
+    /// coordinates of ASCII files are then read as their declared type.
     pub fn choose_grid(
         &mut self,
         element: &Element,
