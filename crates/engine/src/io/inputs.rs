@@ -19,7 +19,7 @@ pub fn scans(named: &[PathBuf], task: &dyn Task) -> Result<Vec<PathBuf>> {
             let found = esker_scan::scans_in(path)?;
             if let Some(others) = found.left_out_text() {
                 let path = path.display();
-                task.note(&format!("{path}: left out, unless they are named: {others}"));
+                task.note(&format!("{path}: left out unless named; {others}"));
             }
             scans.extend(found.scans);
         } else {
