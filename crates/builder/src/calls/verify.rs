@@ -74,9 +74,10 @@ impl<'a> Trees<'a> {
     }
 }
 
-/// Decodes `inputs`, opened with `reading`, onto the forest's lattice and compares count and multiset hash with those of
-/// its last tree, or of all its trees, depending on the number of inputs. The hashes in the footers
-/// are trusted here: [`esker_format::verify()`] compares them with the points.
+/// Decodes `inputs`, opened with `reading`, onto the forest's lattice and compares count and
+/// multiset hash with those of its last tree, or of all its trees, depending on the number of
+/// inputs. The hashes in the footers are trusted here: [`esker_format::verify()`] compares them
+/// with the points.
 ///
 /// # Errors
 /// [`BuildError::Differs`] if the points are not the same; if an input cannot be read; on request.

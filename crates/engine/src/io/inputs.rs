@@ -7,8 +7,8 @@ use esker_scan::synthetic::is_spec;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Scans that `named` stands for: those directly in a folder, by name, in place of the folder. Notes
-/// the other files of folders.
+/// Scans that `named` stands for: those directly in a folder, by name, in place of the folder.
+/// Notes the other files of folders.
 ///
 /// # Errors
 /// If a folder cannot be read, or has no scan.
