@@ -73,8 +73,8 @@ pub enum Command {
 #[derive(ClapArgs)]
 pub struct Build {
     /// The scans, or folders, which stand for all scans directly in them (.las, .laz, .ply, .pcd,
-    /// .e57, .ptx, and text: .xyz, .txt, .csv, .pts, .asc ...; compressed .zst and .gz, too). What is
-    /// no scan is left out and listed. With --merge .esker files. Generated scans are named
+    /// .e57, .ptx, and text: .xyz, .txt, .csv, .pts, .asc ...; also compressed, .zst and .gz). What
+    /// is no scan is left out and listed. With --merge .esker files. Generated scans are named
     /// synthetic:SCENE:POINTS or synthetic:SCENE:POINTS:SEED: SCENE is bridge, office, terrain, or
     /// a model with sharp edges, cube or csg; POINTS such as 250000, 100k, 10M or 1G; SEED a whole
     /// number, 1 by default.

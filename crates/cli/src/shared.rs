@@ -66,8 +66,8 @@ pub struct BuildHow {
     pub allow_rounding: bool,
     #[command(flatten)]
     pub reading: ReadHow,
-    /// Coordinate reference system of inputs that state none: EPSG:2154, EPSG:2154+5720 with that of
-    /// heights, WKT, or a file of WKT. Inputs that state another one are refused.
+    /// Coordinate reference system of inputs that state none: EPSG:2154, EPSG:2154+5720 with that
+    /// of heights, WKT, or a file of WKT. Inputs that state another one are refused.
     #[arg(long, value_name = "CRS", value_parser = parse_crs)]
     pub crs: Option<Crs>,
     /// Unit of the coordinates of inputs that state none.

@@ -1,13 +1,14 @@
 //! Decodes scan formats to columnar batches on the lattice, encodes batches as scan formats
 //! ([`mod@write`]), and reads triangle meshes ([`mesh`]). Only this crate knows LAS, LAZ, PLY, PCD,
 //! E57, PTX, OBJ and text. Formats are recognised by content, never by file name; only generated
-//! scans ([`synthetic`]) and meshes are named. The grids of the last column are described in
+//! scans ([`synthetic`]) and meshes are named. All but LAS, LAZ and E57 may be compressed as a
+//! whole, with zstd or gzip. The grids of the last column are described in
 //! `docs/design/scans.md`.
 //!
 //! | format | what is read | grid of coordinates |
 //! |---|---|---|
 //! | LAS, LAZ | [`las`] | integers of the file |
-//! | PLY | [`ply`]: all scalar properties of `vertex`, ASCII and binary, zstd | digits; floats |
+//! | PLY | [`ply`]: all scalar properties of `vertex`, ASCII and binary | digits; floats |
 //! | PCD | [`pcd`] | digits; floats |
 //! | E57 | [`mod@e57`]: all scans, each in its pose | integers of the file; floats |
 //! | PTX | [`ptx`]: all scans, each in its pose | digits; floats |

@@ -102,18 +102,21 @@ fn what_is_no_scan_is_left_out_and_listed() {
         ("strip.las", &las),
         ("files.csv", list.as_bytes()),
         ("readme.txt", b"This scan was made on a sunny day.\n"),
+        ("a.doc", b"x"),
+        ("b.doc", b"x"),
         ("report.pdf", b"%PDF"),
+        ("z.doc", b"x"),
         ("empty.csv", b""),
         ("trees.csv", b"x,y,z,species\n500001,4000001,101,oak\n500002,4000001,101,ash\n"),
     ]);
     assert_eq!(names(&found), ["strip.las"]);
     let text = found.left_out_text().unwrap();
     for part in [
-        "1 empty text files (empty.csv)",
-        "1 lists of files (files.csv)",
-        "1 not named as scans (report.pdf)",
-        "1 tables of words (trees.csv)",
-        "1 text without points (readme.txt)",
+        "empty text files: empty.csv",
+        "lists of files: files.csv",
+        "not named as scans: a.doc, b.doc, report.pdf and 1 more",
+        "tables of words: trees.csv",
+        "text without points: readme.txt",
     ] {
         assert!(text.contains(part), "{text}");
     }
@@ -166,10 +169,7 @@ fn a_folder_without_a_scan_names_what_is_in_it_and_damaged_scans_stay() {
     let error = |files: &[(&str, &[u8])]| scans_in(folder(files).path()).unwrap_err().to_string();
     assert!(error(&[]).contains("a folder without a file in it (.las, .laz"));
     let text = error(&[("a.pdf", b"x"), ("readme.txt", b"Hello there\n")]);
-    assert!(
-        text.contains("1 not named as scans (a.pdf); 1 text without points (readme.txt)"),
-        "{text}"
-    );
+    assert!(text.contains("not named as scans: a.pdf; text without points: readme.txt"), "{text}");
     let damaged = found(&[("a.las", b"LASF and no more"), ("b.e57", b"something else")]);
     assert_eq!(names(&damaged), ["a.las", "b.e57"]);
 }
@@ -186,6 +186,10 @@ fn compressed_scans_are_read_and_others_named() {
             ),
         ),
         ("d.las.gz", &gzip(&las())),
+        (
+            "g.pcd.zst",
+            &zstd_of(b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nDATA binary_compressed\n"),
+        ),
         ("e.zip", b"PK\x03\x04 and so on"),
         ("f.txt.gz", &gzip(POINTS.as_bytes())[..40]),
     ]);
@@ -197,6 +201,7 @@ fn compressed_scans_are_read_and_others_named() {
     assert!(
         error("d.las.gz").contains("is LAS/LAZ compressed with gzip, which is not read; unpack")
     );
+    assert!(error("g.pcd.zst").contains("is compressed with zstd; unpack it first"));
     assert!(error("e.zip").contains("is a ZIP archive; unpack it first"));
     assert!(matches!(read("f.txt.gz"), Err(ScanError::Io { .. })));
 }

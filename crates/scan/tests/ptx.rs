@@ -1,6 +1,6 @@
 //! PTX and PTS: points have the pose of their scan, with their attributes; directions without a
-//! return and lines of counts are no points; what is truncated or damaged is noted and counted, and the
-//! rest is kept.
+//! return and lines of counts are no points; what is truncated or damaged is noted and counted, and
+//! the rest is kept.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 

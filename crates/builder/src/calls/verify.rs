@@ -79,9 +79,9 @@ impl<'a> Trees<'a> {
     }
 }
 
-/// Decodes `inputs` onto the forest's lattice and compares count and multiset hash with those of
-/// its last tree, or of all its trees, depending on the number of inputs, which are opened with
-/// `options`. The hashes in the footers are trusted here: [`esker_format::verify()`] compares them
+/// Decodes `inputs`, opened with `options`, onto the forest's lattice and compares count and
+/// multiset hash with those of its last tree, or of all its trees, depending on the number of
+/// inputs. The hashes in the footers are trusted here: [`esker_format::verify()`] compares them
 /// with the points.
 ///
 /// # Errors

@@ -325,6 +325,12 @@ pub fn unit(forest: &Forest) -> Option<String> {
     first_crs.unit.clone().filter(|unit| unit != "degree")
 }
 
+/// Whether the coordinates of a source are degrees.
+pub fn is_in_degrees(forest: &Forest) -> bool {
+    let units = sources(forest).filter_map(|s| s.crs.as_ref()?.unit.as_deref());
+    units.into_iter().any(|unit| unit == "degree")
+}
+
 /// Notes on the sources of a file: points that were refused, by reason, then what was odd. Each
 /// note occurs once; of many only the first ones are returned.
 pub fn notes(forest: &Forest) -> Vec<String> {

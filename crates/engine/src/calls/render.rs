@@ -2,7 +2,7 @@
 //! needs, reads only the planes that the frame needs, draws, and writes a PNG. Returns a
 //! [`RenderReport`].
 
-use crate::calls::explain;
+use crate::calls::{explain, info};
 use crate::cameras::legend::Legend;
 use crate::draw::empty_picture;
 use crate::draw::method::Method;
@@ -226,7 +226,11 @@ fn notes(
     let is_empty = picture.stats.pixels_covered == 0;
     let nothing =
         is_empty.then(|| empty_picture::why_nothing(file, request.budget_points, counters));
-    Ok(nothing.into_iter().chain(explain::exposure_note(file, scene)?).collect())
+    let degrees = info::is_in_degrees(file).then_some(
+        "x and y are degrees and heights are not: the picture is distorted; transform the scan to a projected system first",
+    );
+    let exposure = explain::exposure_note(file, scene)?;
+    Ok(nothing.into_iter().chain(exposure).chain(degrees).collect())
 }
 
 impl RenderReport {

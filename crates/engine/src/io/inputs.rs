@@ -7,8 +7,8 @@ use esker_scan::synthetic::is_spec;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Scans that `named` stands for: those directly in a folder, by name, in place of the folder. Notes
-/// the other files of folders.
+/// Scans that `named` stands for: those directly in a folder, by name, in place of the folder.
+/// Notes the other files of folders.
 ///
 /// # Errors
 /// If a folder cannot be read, or has no scan.
@@ -19,7 +19,7 @@ pub fn scans(named: &[PathBuf], task: &dyn Task) -> Result<Vec<PathBuf>> {
             let found = esker_scan::scans_in(path)?;
             if let Some(others) = found.left_out_text() {
                 let path = path.display();
-                task.note(&format!("{path}: left out, unless they are named: {others}"));
+                task.note(&format!("{path}: left out unless named; {others}"));
             }
             scans.extend(found.scans);
         } else {

@@ -1,5 +1,5 @@
-//! Filters of points: a box, a polygon, classes, flags, a spacing. [`Filter`] is the user's input in world
-//! units; [`LatticeFilter`] is the same on the lattice of one file, where all tests are on
+//! Filters of points: a box, a polygon, classes, flags, a spacing. [`Filter`] is the user's input
+//! in world units; [`LatticeFilter`] is the same on the lattice of one file, where all tests are on
 //! integers. Each test is first made for a node (its box, its classes, its parent's spacing), so
 //! that unwanted nodes are not read, and for single points only in nodes that cross a border.
 

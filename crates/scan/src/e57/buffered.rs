@@ -1,6 +1,7 @@
 //! Buffered reading of an E57 file, whose reader seeks to each page in turn.
 
 use crate::error::ScanError;
+use e57::E57Reader;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -13,6 +14,9 @@ pub(crate) struct BufferedFile {
     file: BufReader<File>,
     at: u64,
 }
+
+/// The reader of a file.
+pub(crate) type Reader = E57Reader<BufferedFile>;
 
 impl Read for BufferedFile {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {

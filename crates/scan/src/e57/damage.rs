@@ -1,8 +1,8 @@
 //! Damaged scans of an E57 file of several: which of them cannot be read, from where on, and why.
 //! Their points are refused and counted. A file of one scan that is damaged is an error.
 
-use super::buffered::file_of;
-use super::{Reader, fields, packets};
+use super::buffered::{Reader, file_of};
+use super::{fields, packets};
 use crate::error::ScanError;
 use crate::source::ReadReport;
 use e57::PointCloud;
@@ -50,7 +50,7 @@ impl Damage {
         clouds: &[PointCloud],
     ) -> Result<(), ScanError> {
         let ScanError::Damaged { what, .. } = &fault else { return Err(fault) };
-        if super::with_points(clouds).len() < 2 {
+        if with_points(clouds).len() < 2 {
             return Err(fault);
         }
         self.scans.push((scan, there, cloud.records, what.clone()));
@@ -82,6 +82,11 @@ impl Damage {
             *report.refused.entry(DAMAGED.to_owned()).or_default() += refused;
         }
     }
+}
+
+/// The scans that have points, with their indices.
+pub(super) fn with_points(clouds: &[PointCloud]) -> Vec<(usize, &PointCloud)> {
+    clouds.iter().enumerate().filter(|(_, cloud)| cloud.records > 0).collect()
 }
 
 /// Finds scans of which nothing can be read by their headers, and takes their points away from

@@ -314,12 +314,7 @@ impl Fields {
             scans.push(fields.map_err(|why| format!("scan {number} {why}"))?);
         }
         let are_scaled = colours == Colours::Scaled;
-        let mut notes = Vec::new();
-        for (number, cloud) in (1..).zip(clouds) {
-            if let (_, Some(what)) = pose_of(cloud) {
-                notes.push(format!("scan {number} has {what}"));
-            }
-        }
+        let mut notes = pose_notes(clouds);
         for (FieldSummary { scans, .. }, (name, _)) in found.iter().zip(&attributes[first.len()..])
         {
             if *scans < clouds.len() {
@@ -440,6 +435,12 @@ fn pose_of(cloud: &PointCloud) -> (Pose, Option<&'static str>) {
         Some(turn) => (turn, Some("a pose whose position is no number: it is kept as not moved")),
         None => (Pose::NONE, Some("a pose that is none: it is kept as not turned and not moved")),
     }
+}
+
+/// Notes on the poses that are not used as they are.
+fn pose_notes(clouds: &[PointCloud]) -> Vec<String> {
+    let faults = (1..).zip(clouds).filter_map(|(number, cloud)| Some((number, pose_of(cloud).1?)));
+    faults.map(|(number, what): (usize, _)| format!("scan {number} has {what}")).collect()
 }
 
 /// Why no point of a scan can be read; `None` if its header is sound.

@@ -21,8 +21,8 @@ use crate::las::crs::unit_of;
 use crate::source::{Crs, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
 use crate::text::blocks::in_order;
 use crate::text::naming::{NO_RETURN, NOT_FINITE, colour_max, wide_colours};
-use buffered::{BufferedFile, file_of};
-use damage::{Damage, LostScan};
+use buffered::{BufferedFile, Reader, file_of};
+use damage::{Damage, LostScan, lost_scans, with_points};
 use e57::{E57Reader, PointCloud, PointCloudReaderRaw, RecordValue};
 use esker_points::lattice::{GridKind, Placement, float_grid};
 use esker_points::{Batch, Cancelled, ColourDepth, InputGrid, Rounding, Spread, Task};
@@ -51,8 +51,6 @@ struct E57Source {
     /// Scans of which nothing can be read.
     lost: Vec<LostScan>,
 }
-
-type Reader = E57Reader<BufferedFile>;
 
 /// Values of some points of a scan, one point after another.
 struct ValueBlock {
@@ -114,7 +112,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         return Err(ScanError::unsupported(path, what));
     }
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
-    let lost = damage::lost_scans(path, &mut clouds, &reader, task)?;
+    let lost = lost_scans(path, &mut clouds, &reader, task)?;
     let mut fields = Fields::new(&clouds, task).map_err(|why| match why {
         FieldsError::Damaged(what) => ScanError::damaged(path, what),
         FieldsError::Cancelled(cancelled) => cancelled.into(),
@@ -263,11 +261,6 @@ impl<'a> Blocks<'a> {
         self.there += (values.len() / self.width.max(1)) as u64;
         (!values.is_empty()).then_some(ValueBlock { scan: self.scan, values })
     }
-}
-
-/// The scans that have points, with their indices.
-fn with_points(clouds: &[PointCloud]) -> Vec<(usize, &PointCloud)> {
-    clouds.iter().enumerate().filter(|(_, cloud)| cloud.records > 0).collect()
 }
 
 fn survey_file(

@@ -11,6 +11,7 @@ mod table;
 use crate::error::ScanError;
 use crate::packed::{ENDINGS, head_of};
 use crate::registry::{FORMATS, format_of};
+use esker_points::place::no_file_at;
 use rest::Rest;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -38,16 +39,19 @@ impl FolderScans {
     pub fn left_out_text(&self) -> Option<String> {
         let reasons = self.left_out.iter().map(|(why, files)| {
             let shown: Vec<_> = files.iter().take(NAMES_MAX).map(String::as_str).collect();
-            let more = if files.len() > NAMES_MAX { ", ..." } else { "" };
-            format!("{} {why} ({}{more})", files.len(), shown.join(", "))
+            let more = match files.len() - shown.len() {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            format!("{why}: {}{more}", shown.join(", "))
         });
         let reasons: Vec<_> = reasons.collect();
         (!reasons.is_empty()).then(|| reasons.join("; "))
     }
 }
 
-/// Lists the scans directly in a folder, sorted by name, and what is left out. Hidden files are
-/// skipped.
+/// Lists the scans directly in a folder, sorted by name, and what is left out. Hidden files and
+/// `.prj` files are skipped.
 ///
 /// # Errors
 /// If the folder cannot be read or has no scan.
@@ -56,7 +60,9 @@ pub fn scans_in(folder: &Path) -> Result<FolderScans, ScanError> {
     let mut files = Vec::new();
     for entry in folder.read_dir().map_err(io)? {
         let path = entry.map_err(io)?.path();
-        if !name_of(&path).starts_with('.') {
+        // Hidden files, and systems of the scans beside them.
+        let name = name_of(&path);
+        if !name.starts_with('.') && !name.to_ascii_lowercase().ends_with(".prj") {
             files.push(path);
         }
     }
@@ -102,7 +108,11 @@ enum Kind {
 
 fn kind_of(path: &Path) -> Kind {
     if path.is_dir() {
-        return Kind::Other("in folders of their own".into());
+        return Kind::Other("folders".into());
+    }
+    // Reading a pipe or a device might never end.
+    if matches!(no_file_at(path), Ok(Some(_))) {
+        return Kind::Other("no files".into());
     }
     let Some(ending) = ending_of(path) else {
         return Kind::Other("not named as scans".into());

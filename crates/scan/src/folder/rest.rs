@@ -11,6 +11,9 @@ const EXTENTS_MAX: f64 = 20.0;
 /// Distance that is near whatever the extent: small scans of a site, metres.
 const NEAR: f64 = 1000.0;
 
+/// Names of the columns of a table, if they have any, and their number.
+type Columns = (Option<Vec<String>>, usize);
+
 /// What scans of a folder look like.
 pub(super) struct Rest {
     /// Whether there are scans that are no tables.
@@ -18,7 +21,7 @@ pub(super) struct Rest {
     /// Bounds of the scans whose headers state them, from above.
     bounds: Option<[[f64; 2]; 2]>,
     /// Columns of the tables with most bytes, if there are several tables.
-    columns: Option<(Option<Vec<String>>, usize)>,
+    columns: Option<Columns>,
 }
 
 impl Rest {
@@ -31,7 +34,7 @@ impl Rest {
                 (min[i], max[i]) = (min[i].min(low[i]), max[i].max(high[i]));
             }
         }
-        let mut kinds: Vec<((Option<Vec<String>>, usize), u64)> = Vec::new();
+        let mut kinds: Vec<(Columns, u64)> = Vec::new();
         for (_, table) in tables {
             let key = key_of(table);
             match kinds.iter_mut().find(|(other, _)| *other == key) {
@@ -65,8 +68,7 @@ impl Rest {
     }
 }
 
-/// The names of the columns, or their number.
-fn key_of(table: &Table) -> (Option<Vec<String>>, usize) {
+fn key_of(table: &Table) -> Columns {
     (table.names.clone(), table.columns())
 }
 

@@ -3,6 +3,7 @@
 //! make a note, never an error: points can be read without them.
 
 use super::header::{f64_at, u16_at};
+use super::heights::{name_of_code, plain_name};
 use super::vlr::Records;
 use crate::source::Crs;
 use std::fmt::Write;
@@ -34,14 +35,6 @@ pub struct EpsgCodes {
     pub vertical_name: Option<String>,
     /// Units of the horizontal coordinates and of heights, if they are given.
     pub units: [Option<String>; 2],
-}
-
-/// Name of a vertical system in lower-case letters and digits; `None` if it means nothing.
-fn plain_name(name: &str) -> Option<String> {
-    let plain: String =
-        name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
-    let is_none = ["", "unknown", "unnamed", "none", "undefined", "userdefined", "vertcs"];
-    (!is_none.contains(&plain.as_str())).then_some(plain)
 }
 
 /// Name of the vertical system in the text of a CRS as it is written, for messages.
@@ -120,11 +113,12 @@ fn geotiff_epsg_codes(keys: &str) -> Option<EpsgCodes> {
     let is_geographic = key("GTModelType") == Some(u32::from(GEOGRAPHIC));
     let name = if is_geographic { "GeographicType" } else { "ProjectedCSType" };
     let is_registered = |code: &u32| *code != 0 && *code != USER_DEFINED;
+    let vertical = key("VerticalCSType").filter(is_registered);
     let unit = |name| key(name).and_then(unit_of_code).map(str::to_owned);
     Some(EpsgCodes {
         horizontal: key(name).filter(is_registered)?,
-        vertical: key("VerticalCSType").filter(is_registered),
-        vertical_name: vertical_name.and_then(|name| plain_name(&name)),
+        vertical,
+        vertical_name: name_of_code(vertical).or(vertical_name.and_then(|name| plain_name(&name))),
         units: [
             if is_geographic { Some("degree".into()) } else { unit("ProjLinearUnits") },
             unit("VerticalUnits"),
@@ -163,7 +157,8 @@ fn wkt_codes(wkt: &str) -> Option<EpsgCodes> {
     Some(EpsgCodes {
         horizontal: code(horizontal)?,
         vertical: vertical.and_then(code),
-        vertical_name: vertical_name(wkt).and_then(|name| plain_name(&name)),
+        vertical_name: name_of_code(vertical.and_then(code))
+            .or_else(|| vertical_name(wkt).and_then(|name| plain_name(&name))),
         units: [wkt_unit(wkt), vertical.and_then(unit_of_heights)],
     })
 }
@@ -427,12 +422,19 @@ mod tests {
         let [ngf, ellipsoid, unknown] =
             ["NGF-IGN69 height", "Ellipsoidal height", "unknown"].map(|name| of(&named(name)));
         assert!(!ngf.agree(&ellipsoid) && ngf.agree(&of(&named("ngf ign69 HEIGHT"))));
-        assert!(ngf.agree(&unknown) && ngf.agree(&of(wkt)) && !ngf.agree(&of(&metres)));
+        assert!(ngf.agree(&unknown) && ngf.agree(&of(wkt)) && ngf.agree(&of(&metres)));
         assert_eq!(vertical_name(&named("a (b)")).as_deref(), Some("a (b)"));
         let cited =
             |name: &str| of(&format!(r#"{keys} VerticalCSType=32767 VerticalCitation="{name}""#));
         assert!(cited("NGF-IGN69 height").agree(&ngf) && !cited("other").agree(&ngf));
         let heights = |more: &str| of(&format!("{keys} {more}"));
+        assert!(ngf.agree(&heights("VerticalCSType=5720")));
+        assert!(
+            !ngf.agree(&heights("VerticalCSType=5703")) && ngf.agree(&heights("VerticalCSType=99"))
+        );
+        let geoid = of(&named("NAVD88 height - Geoid12B (Meters)"));
+        assert!(geoid.agree(&heights("VerticalCSType=5703")) && !geoid.agree(&ngf));
+        assert!(ellipsoid.agree(&of(&named("Ellipsoid (WGS 84)"))));
         assert!(of(&metres).agree(&heights("VerticalCSType=5720 VerticalUnits=9001")));
         assert!(!of(&metres).agree(&heights("VerticalCSType=5703")));
         assert!(!of(&metres).agree(&heights("VerticalUnits=9003")));

@@ -7,6 +7,7 @@ pub(crate) mod crs;
 mod decode;
 pub(crate) mod extra_bytes;
 pub(crate) mod header;
+mod heights;
 mod laszip;
 pub(crate) mod points;
 pub(crate) mod vlr;

@@ -52,6 +52,12 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let header = Header::read(&mut stream).map_err(|e| ScanError::io(path, e))?;
     let header = header.map_err(|what| ScanError::damaged(path, what))?;
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
+    if let (Some(packing), Data::Compressed) = (packing, header.data) {
+        let packing = packing.name();
+        let what =
+            format!("has compressed points and is compressed with {packing}; unpack it first");
+        return Err(ScanError::unsupported(path, what));
+    }
     // What a compressed file has room for shows only in the end.
     let room = packing.map_or(bytes, |_| u64::MAX);
     let held_bytes = check_room(path, &header, room)?;

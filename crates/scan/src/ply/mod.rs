@@ -1,6 +1,6 @@
-//! Reads PLY (Turk 1994), ASCII and binary of either byte order, plain or compressed as a whole: the
-//! vertices with all their scalar properties. Faces, other elements and lists are left out, with a
-//! note. A pass at opening finds the bounds; no pass keeps more than a few blocks.
+//! Reads PLY (Turk 1994), ASCII and binary of either byte order, plain or compressed as a whole:
+//! the vertices with all their scalar properties. Faces, other elements and lists are left out,
+//! with a note. A pass at opening finds the bounds; no pass keeps more than a few blocks.
 
 pub(crate) mod ascii;
 pub(crate) mod comments;

@@ -1,8 +1,8 @@
 //! Reads PTX (Leica Cyclone): scans as text, each with the pose of its scanner. Points are returned
 //! in the file's coordinates. Directions without a return (`0 0 0`) are counted but are no points.
 //! A first pass finds bounds, digits and types, a second one decodes the points; neither keeps more
-//! than a few blocks. Lines may have colours or not; lines that are neither are refused and counted,
-//! and so are those of a scan whose head is malformed.
+//! than a few blocks. Lines may have colours or not; other lines are refused and counted, and so
+//! are those of a scan whose head is malformed.
 //!
 //! If there are several scans, the `point_source_id` of a point is the number of its scan, from 1.
 

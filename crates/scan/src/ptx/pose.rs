@@ -1,6 +1,6 @@
 //! Soundness of the matrix of a PTX scan: in the rows of its head, out a pose that keeps all points
-//! apart and finite, and what was mended. A matrix that flattens points, or is not finite, would put
-//! them at wrong places or at none.
+//! apart and finite, and what was mended. A matrix that flattens points, or is not finite, would
+//! put them at wrong places or at none.
 
 /// Least volume of the cube that the matrix makes of a unit cube, as a share of the product of the
 /// lengths of its rows: 1 for rotations with a scale, 0 if points are flattened.
