@@ -162,6 +162,8 @@ mod unix {
         }));
         trials.push(trial("hostile: more inputs than may be open", many_inputs));
         trials.push(trial("hostile: a full disk leaves nothing behind", full_disk));
+        trials.push(trial("hostile: planted links are not written through", planted_links));
+        trials.push(trial("hostile: pictures over a limit are refused before work", large_picture));
     }
 
     fn words(scans: &[PathBuf], out: &Path, scratch: &Path) -> Vec<PathBuf> {
@@ -189,6 +191,45 @@ mod unix {
         assert_eq!((&verified["points"], &verified["ok"]), (&points.into(), &true.into()));
         assert_eq!(folder.names(), ["out.esker", "scan"], "nothing else is left");
         scan.metadata().unwrap().len()
+    }
+
+    /// Links under the hidden names that outputs have until they are finished.
+    fn planted_links() {
+        let folder = Folder::new();
+        let (scan, file) = (folder.write("scan.xyz", "1 2 3\n4 5 6\n"), folder.file("a.esker"));
+        build(&[&scan], &file, &[]);
+        let victim = folder.write("victim", "precious");
+        let file = file.to_str().unwrap();
+        let scan = scan.to_str().unwrap();
+        for (hidden, out, words) in [
+            (".b.esker.partial", "b.esker", ["build", scan].as_slice()),
+            (".b.esker.journal", "b.esker", &["build", scan]),
+            (".c.esker.partial", "c.esker", &["append", file, scan]),
+            (".d.esker.partial", "d.esker", &["build", "--merge", file]),
+            (".e.ply.partial", "e.ply", &["export", file]),
+            (".e.laz.partial", "e.laz", &["export", file]),
+        ] {
+            let (planted, out) = (folder.file(hidden), folder.file(out));
+            std::os::unix::fs::symlink(&victim, &planted).unwrap();
+            let words = words.iter().copied().chain(["-o", out.to_str().unwrap()]);
+            let outcome = esker(words);
+            assert!(outcome.error().contains("is a link"), "{hidden}: {}", outcome.stderr);
+            assert_eq!(std::fs::read_to_string(&victim).unwrap(), "precious", "{hidden}");
+            assert!(!out.exists(), "{hidden}");
+            std::fs::remove_file(planted).unwrap();
+        }
+    }
+
+    fn large_picture() {
+        let folder = Folder::new();
+        let (scan, png) = (folder.write("scan.xyz", "1 2 3\n4 5 6\n"), folder.file("p.png"));
+        let words = ["render".as_ref(), scan.as_os_str(), "-o".as_ref(), png.as_os_str()];
+        let words = words.into_iter().chain(["--size".as_ref(), "8192x8192".as_ref()]);
+        let outcome =
+            esker_under("ulimit -d 4000000", words.map(PathBuf::from).collect::<Vec<_>>());
+        let error = outcome.error();
+        assert!(error.contains("8192x8192 pixels") && error.contains("are granted"), "{error}");
+        assert_eq!(folder.names(), ["scan.xyz"]);
     }
 
     fn many_inputs() {

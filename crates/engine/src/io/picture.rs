@@ -53,9 +53,10 @@ fn check_bytes([width, height]: [u32; 2], method: Method, granted: u64) -> Resul
     let bytes = u64::from(width) * u64::from(height) * each;
     // Small pictures are drawn in whatever there is.
     let beside = if bytes > BESIDE_BYTES { BESIDE_BYTES } else { 0 };
+    let bytes = bytes.saturating_add(beside);
     ensure!(
-        bytes.saturating_add(beside) <= granted,
-        "a picture of {width}x{height} pixels by {} takes {} of memory, and the machine grants {}; make it smaller, or choose another --method",
+        bytes <= granted,
+        "a picture of {width}x{height} pixels by {} takes {} of memory, and {} are granted; make it smaller, or choose another --method",
         name,
         readable_bytes(bytes),
         readable_bytes(granted)
@@ -108,7 +109,7 @@ mod tests {
         let refused = |size, method| check_bytes(size, method, 1 << 30).map_err(|e| e.to_string());
         assert!(refused([3000, 3000], Method::PullPush).is_ok());
         let error = refused([4000, 4000], Method::PullPush).unwrap_err();
-        assert!(error.contains("4000x4000 pixels by pull-push takes 1.3 GiB"), "{error}");
+        assert!(error.contains("4000x4000 pixels by pull-push takes 2.0 GiB"), "{error}");
         assert!(refused([4000, 4000], Method::Ewa).is_ok());
         // It leaves room for everything else.
         assert!(refused([3500, 3500], Method::PullPush).is_err());

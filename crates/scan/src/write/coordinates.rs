@@ -33,10 +33,13 @@ impl Coordinates {
         Self { lattice: *lattice, axes, single: single && is_binary }
     }
 
-    /// A coordinate as the nearest double.
+    /// A coordinate as the nearest double: of the decimal number that [`Self::text`] writes, or of
+    /// a lattice that is not decimal.
     pub fn value(&self, axis: usize, u: u32) -> f64 {
-        let exact = self.axes[axis].and_then(|decimal| decimal.value(u.into()));
-        exact.unwrap_or_else(|| self.lattice.world_axis(axis, f64::from(u)))
+        match self.axes[axis] {
+            Some(decimal) => decimal.nearest(u.into()),
+            None => self.lattice.world_axis(axis, f64::from(u)),
+        }
     }
 
     /// Appends a coordinate as text.
@@ -84,6 +87,14 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn text_and_doubles_are_equal_whatever_the_offset(u: u32, digits in 0u32..10, offset in "-?[0-9]{1,6}\\.[0-9]{1,12}") {
+            let scale: f64 = format!("1e-{digits}").parse().unwrap();
+            let lattice = lattice(scale, offset.parse().unwrap(), 0);
+            let value = Coordinates::new(&lattice, false).value(0, u);
+            prop_assert_eq!(text(&lattice, u).parse::<f64>().unwrap(), value);
+        }
+
         #[test]
         fn text_is_the_nearest_double_of_each_step(u: u32, digits in 0u32..10, at in -10_000i64..10_000) {
             let scale: f64 = format!("1e-{digits}").parse().unwrap();
