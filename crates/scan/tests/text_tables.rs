@@ -289,6 +289,27 @@ fn odd_lines_are_read() {
 }
 
 #[test]
+fn other_texts_are_no_scans() {
+    for text in [
+        "v 1 2 3\nv 4 5 6\nf 1 2 3\n",
+        "o thing\nv 1 2 3\n",
+        "OFF\n8 6 12\n1 2 3\n4 5 6\n",
+        "ncols 3\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2 3\n4 5 6\n",
+        "solid a b\nfacet normal 0 0 1\nvertex 1 2 3\n",
+        "$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\n",
+        "file,minx,miny,maxx,maxy\nstrip.las,0,0,20,20\n",
+        "Once upon a time\nthere was 1 cloud of 2 x 3 points\n",
+        "{\"x\": 1, \"y\": 2, \"z\": 3}\n",
+        "<?xml version=\"1.0\"?>\n<a>1 2 3</a>\n",
+        "# only a comment\n",
+        "42\n",
+    ] {
+        let error = error(text);
+        assert!(error.contains("not a scan file that Esker knows"), "{text:?}: {error}");
+    }
+}
+
+#[test]
 fn huge_lines_end_in_an_error() {
     let columns = "1 ".repeat(1_000_000);
     for text in [columns.clone(), format!("x y z\n{columns}"), format!("1 2 3\n{columns}\n")] {

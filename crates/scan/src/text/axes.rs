@@ -90,7 +90,11 @@ pub(crate) fn has_axes<S: AsRef<str>>(names: &[S]) -> bool {
 
 /// The words of a name in lower case, without its unit, in one: `X [m]` and `x_m` become `x`.
 fn plain(name: &str) -> String {
-    let name = match name.find(['[', '(', '{', '<']) {
+    // What looks like a program or like JSON has no names of columns.
+    if name.contains(['"', '{', '}', '=', ';', '<', '>']) {
+        return String::new();
+    }
+    let name = match name.find(['[', '(']) {
         Some(0) | None => name,
         Some(at) => &name[..at],
     };

@@ -37,7 +37,7 @@ impl LineBlock {
     /// Its lines that are not blank, with the tabs at either end, and their numbers.
     pub fn lines_with_tabs(&self) -> impl Iterator<Item = (u64, &[u8])> {
         let numbered = (self.first_line..).zip(self.bytes.split(|&b| b == b'\n'));
-        let numbered = numbered.filter(|(_, line)| !line.trim_ascii().is_empty());
+        let numbered = numbered.filter(|(_, line)| !line.iter().all(u8::is_ascii_whitespace));
         numbered.map(|(n, line)| (n, line.strip_suffix(b"\r").unwrap_or(line)))
     }
 }

@@ -103,6 +103,7 @@ mod tests {
     use super::*;
 
     fn guessed(row: &[f64], is_pts: bool) -> String {
+        let row = &[&[7.0; 3], row].concat();
         let mut ranges = vec![Range::EMPTY; row.len()];
         ranges.iter_mut().zip(row).for_each(|(range, v)| range.add(*v));
         let mut units = vec![Unit::default(); row.len().saturating_sub(2)];

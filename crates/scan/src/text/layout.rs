@@ -57,8 +57,9 @@ pub(crate) struct Layout {
 impl Layout {
     /// Whether a line of this number is not meant as a point.
     pub fn is_beside(&self, number: u64, line: &[u8]) -> bool {
-        let line = line.trim_ascii();
-        number < self.first_line || is_comment(line) || self.has_counts && count(line).is_some()
+        number < self.first_line
+            || is_comment(line.trim_ascii_start())
+            || self.has_counts && count(line.trim_ascii()).is_some()
     }
 }
 

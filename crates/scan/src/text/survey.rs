@@ -221,7 +221,7 @@ impl Survey {
             found.points += 1;
             found.spread.add(place);
             found.widths[at].add(&row, line, layout);
-            found.add_decimals(line, layout);
+            found.add_decimals(line, &row, layout);
         }
         found
     }
@@ -235,12 +235,9 @@ impl Survey {
         })
     }
 
-    fn add_decimals(&mut self, line: &[u8], layout: &Layout) {
-        let last = layout.axes.into_iter().fold(0, usize::max);
-        for (column, cell) in layout.style.cells(line).enumerate().take(1 + last) {
-            if let Some(i) = layout.axes.iter().position(|&axis| axis == column) {
-                self.decimals[i] = self.decimals[i].max(layout.style.decimals(cell));
-            }
+    fn add_decimals(&mut self, line: &[u8], row: &Row, layout: &Layout) {
+        for (decimals, &axis) in self.decimals.iter_mut().zip(&layout.axes) {
+            *decimals = (*decimals).max(layout.style.decimals(row.cell(axis, line)));
         }
     }
 
