@@ -258,7 +258,7 @@ fn names_in(
 fn are_axes_numbers(columns: &Columns) -> bool {
     let is_number =
         |axis: &&str| columns.entries().any(|e| e.0 == *axis && matches!(e.1, Column::Number(_)));
-    AXES.iter().all(|axis| is_number(&axis))
+    AXES.iter().all(is_number)
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
