@@ -209,8 +209,8 @@ fn is_normal(name: &str) -> bool {
 }
 
 /// The type of a column: that of LAS if it has such a field and the values fit; `f32` for normals,
-/// as the renderer needs them; else the narrowest that holds all values, and NaN if some are missing
-/// and the column is no field of LAS.
+/// as the renderer needs them; else the narrowest that holds all values, and NaN if some are
+/// missing and the column is no field of LAS.
 fn type_of(name: &str, range: &Range) -> AttrType {
     match usual(name) {
         Some(names::NX | names::NY | names::NZ) => AttrType::F32,
