@@ -32,6 +32,7 @@ mod python;
 mod resume;
 mod stream;
 mod synthetic;
+mod text;
 
 use libtest_mimic::{Arguments, Trial};
 
@@ -54,6 +55,7 @@ fn main() {
     arguments::trials(&mut trials);
     commands::trials(&mut trials);
     inputs::trials(&mut trials);
+    text::trials(&mut trials);
     proof::trials(&mut trials);
     pictures::trials(&mut trials);
     light::trials(&mut trials);

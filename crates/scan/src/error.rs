@@ -25,7 +25,7 @@ pub enum ScanError {
         source: io::Error,
     },
     /// The content is of no known format.
-    #[error("{}: not a scan file that Esker knows (it reads {known})", path.display())]
+    #[error("{}: not a scan file that Esker knows (it reads {known}; if it is text whose points follow other lines, pass over those with --skip-lines N)", path.display())]
     UnknownFormat {
         /// The input.
         path: PathBuf,

@@ -24,12 +24,9 @@ pub fn note_guesses(sources: &[Box<dyn Source>], options: &Options, task: &dyn T
         };
         task.note(&format!("{name}{more}: {what}{rows}; {remedy}"));
     }
-    let is_text = |source: &Box<dyn Source>| {
-        let format = &source.info().format;
-        format.starts_with("text") || format.starts_with("PTS")
-    };
+    let is_text = |format: &str| format.starts_with("text") || format.starts_with("PTS");
     let has_options = options.columns.is_some() || options.skip_lines > 0;
-    if has_options && !sources.iter().any(is_text) {
+    if has_options && !sources.iter().any(|source| is_text(&source.info().format)) {
         task.note("no input is text: --columns and --skip-lines have no effect");
     }
 }

@@ -62,9 +62,13 @@ impl Style {
 
     /// A cell with a decimal point in place of its decimal comma.
     fn with_point<'a>(self, cell: &'a [u8]) -> Cow<'a, [u8]> {
-        let comma = cell.iter().position(|&b| b == b',').filter(|_| {
-            self.has_decimal_commas && cell.len() <= COMMA_NUMBER_BYTES_MAX && !cell.contains(&b'.')
-        });
+        if !self.has_decimal_commas {
+            return Cow::Borrowed(cell);
+        }
+        let comma = cell
+            .iter()
+            .position(|&b| b == b',')
+            .filter(|_| cell.len() <= COMMA_NUMBER_BYTES_MAX && !cell.contains(&b'.'));
         let Some(comma) = comma else { return Cow::Borrowed(cell) };
         let mut cell = cell.to_vec();
         cell[comma] = b'.';
@@ -231,7 +235,7 @@ pub(crate) enum Value {
 
 /// Whether a line (without blanks before it) is a comment.
 pub(crate) fn is_comment(line: &[u8]) -> bool {
-    line.starts_with(b"#") || line.starts_with(b"//") || line.starts_with(b"%")
+    matches!(line, [b'#' | b'%', ..] | [b'/', b'/', ..])
 }
 
 /// The part of a cell before a comment in it.

@@ -1,6 +1,7 @@
 //! Guesses what the columns of a file without names hold, from their number and their values: an
-//! intensity, three bytes of a colour, three parts of a normal. Only an arrangement that is the only
-//! possible one is taken; of PTS files else the usual one, intensity before colour before normal.
+//! intensity, three bytes of a colour, three parts of a normal. Only an arrangement that is the
+//! only possible one is taken; of PTS files else the usual one, intensity before colour before
+//! normal.
 
 use super::ranges::{Range, Unit};
 use esker_points::attribute::names;

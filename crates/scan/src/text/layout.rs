@@ -3,10 +3,11 @@
 //! number of cells decides, so that a damaged first line does not.
 
 use super::axes::{axes_of, single};
-pub(crate) use super::cells::is_comment;
-use super::cells::{Row, Separator, Style, Value, most_frequent};
+use super::cells::{Row, Separator, Style, Value, is_comment, most_frequent};
 use super::columns::{Column, Columns};
 use super::header::{Names, names_of};
+pub(crate) use super::line::{count, excerpt};
+use super::line::{excerpt_of, is_text};
 use super::naming::COLUMNS_MAX;
 use super::sample::{Choice, Header, Sample};
 
@@ -67,34 +68,6 @@ impl Layout {
 /// is no number, `behind` the fields after it.
 fn is_end<'a>(field: &'a [u8], behind: impl Iterator<Item = &'a [u8]>) -> bool {
     std::iter::once(field).chain(behind).find(|f| !f.is_empty()).is_none_or(is_comment)
-}
-
-/// The beginning of a line, or of a part of one, for a message.
-pub(crate) fn excerpt(line: &[u8]) -> String {
-    excerpt_of(line, 40)
-}
-
-fn excerpt_of(line: &[u8], bytes: usize) -> String {
-    let line = line.trim_ascii();
-    let cut = if line.len() > bytes { "..." } else { "" };
-    let mut end = line.len().min(bytes);
-    // No character of UTF-8 is cut.
-    while end < line.len() && end > bytes - 3 && line[end] & 0xC0 == 0x80 {
-        end -= 1;
-    }
-    let text = super::encoding::decoded(&line[..end]);
-    format!("{}{cut}", text.escape_debug())
-}
-
-/// The number in a line that has only a count.
-pub(crate) fn count(line: &[u8]) -> Option<u64> {
-    let is_one = !line.is_empty() && line.iter().all(u8::is_ascii_digit);
-    std::str::from_utf8(line).ok().filter(|_| is_one)?.parse().ok()
-}
-
-/// Whether bytes are text: form feeds and the end mark of DOS (0x1A) occur in real files.
-pub(crate) fn is_text(bytes: &[u8]) -> bool {
-    bytes.iter().all(|b| *b >= 0x20 || b.is_ascii_whitespace() || *b == 0x1A)
 }
 
 /// Classifies a file by its first lines; `None` if it is not text that could hold points. A file
@@ -258,7 +231,7 @@ fn names_in(
 fn are_axes_numbers(columns: &Columns) -> bool {
     let is_number =
         |axis: &&str| columns.entries().any(|e| e.0 == *axis && matches!(e.1, Column::Number(_)));
-    AXES.iter().all(|axis| is_number(&axis))
+    AXES.iter().all(is_number)
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];

@@ -18,6 +18,7 @@ mod encoding;
 mod guess;
 mod header;
 pub(crate) mod layout;
+mod line;
 pub(crate) mod naming;
 pub(crate) mod number;
 mod plan;
@@ -38,7 +39,8 @@ use blocks::in_order;
 use cells::Row;
 use esker_points::lattice::{GridKind, Placement, decimal_grid};
 use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Rounding, Spread, Task};
-use layout::{Kind, Layout, classify, is_text, layout_of};
+use layout::{Kind, Layout, classify, layout_of};
+use line::is_text;
 use naming::{colour_max, wide_colours};
 use plan::ColumnPlan;
 use sample::{Choice, Sample};
@@ -61,8 +63,8 @@ const MALFORMED_MAX: u64 = 1000;
 /// ... and so is one with more than one malformed line in this many.
 const LINES_PER_MALFORMED: u64 = 100;
 
-/// Greatest number of attributes of scans with different columns: short lines take the memory of all
-/// attributes.
+/// Greatest number of attributes of scans with different columns: short lines take the memory of
+/// all attributes.
 const MIXED_ATTRIBUTES_MAX: usize = 32;
 
 struct TextSource {

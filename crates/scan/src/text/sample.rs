@@ -5,7 +5,7 @@ use super::axes::has_axes;
 use super::cells::{Row, Style, Value, is_comment};
 use super::columns::Columns;
 use super::header::{names_of, uncommented};
-use super::layout::{count, excerpt};
+use super::line::{count, excerpt};
 
 /// Lines with points that are sampled, and their bytes.
 const LINES_MAX: usize = 500;

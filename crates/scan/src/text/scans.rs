@@ -1,10 +1,11 @@
-//! Cuts a text file into blocks and finds the scans in them. A file of counts (PTS) may have several
-//! scans, and their lines may have different numbers of columns: the most frequent number of the
-//! first lines behind a count decides. Other files are one scan.
+//! Cuts a text file into blocks and finds the scans in them. A file of counts (PTS) may have
+//! several scans, and their lines may have different numbers of columns: the most frequent number
+//! of the first lines behind a count decides. Other files are one scan.
 
 use super::blocks::{LineBlock, LineBlocks};
 use super::cells::{Row, is_comment, most_frequent};
-use super::layout::{Layout, count};
+use super::layout::Layout;
+use super::line::count;
 use super::naming::COLUMNS_MAX;
 use super::start::lines_of;
 use crate::error::ScanError;

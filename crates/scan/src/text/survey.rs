@@ -1,9 +1,10 @@
 //! The first pass over a text file: bounds, digits after the point, the ranges of the columns, and
-//! the lines that are no points, by reason. Lines of different numbers of columns, of the scans in a
-//! PTS file, are surveyed apart.
+//! the lines that are no points, by reason. Lines of different numbers of columns, of the scans in
+//! a PTS file, are surveyed apart.
 
 use super::cells::Row;
-use super::layout::{Layout, count, excerpt};
+use super::layout::Layout;
+use super::line::{count, excerpt};
 use super::number::unquoted;
 use super::ranges::{Range, Unit};
 use super::scans::Piece;
