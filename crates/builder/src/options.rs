@@ -134,6 +134,7 @@ impl Options {
             apply_viewpoint: self.apply_viewpoint,
             crs: self.crs.clone(),
             unit: self.unit.clone(),
+            ..OpenOptions::default()
         }
     }
 }

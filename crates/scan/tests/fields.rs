@@ -91,6 +91,26 @@ fn what_does_not_fit_its_field_is_kept_with_a_note() {
 }
 
 #[test]
+fn fields_of_their_own_type_need_no_note() {
+    let cloud = ply(
+        &[
+            ("uchar", "user_data"),
+            ("ushort", "point_source_id"),
+            ("uchar", "classification"),
+            ("uchar", "returns"),
+            ("uchar", "flags"),
+            ("double", "scan_angle"),
+        ],
+        &[&[255.0, 65_535.0, 255.0, 17.0, 128.0, 0.006]],
+    );
+    assert_eq!(
+        cloud.types(),
+        "classification:u8 flags:u8 point_source_id:u16 returns:u8 scan_angle:i16 user_data:u8"
+    );
+    assert!(!noted(&cloud, "read as") && !noted(&cloud, "do not fit"), "{:?}", cloud.info.notes);
+}
+
+#[test]
 fn scan_angles_are_whole_degrees_or_steps() {
     let angle = |name: &str, values: [&str; 2]| {
         let text = format!(

@@ -268,7 +268,9 @@ impl<'a> Planner<'a> {
             } else if is_steps {
                 self.used[column] = true;
                 self.make(esker::SCAN_ANGLE, AttrType::I16, Recipe::Angle(column));
-                self.read_as.push(format!("scan_angle ({name}), in steps of 0.006 degrees"));
+                if !(is_esker && is_las) {
+                    self.read_as.push(format!("scan_angle ({name}), in steps of 0.006 degrees"));
+                }
             } else if greatest > 180.0
                 && values.is_whole_within(f64::from(i16::MIN), i16::MAX.into())
             {
@@ -299,7 +301,10 @@ impl<'a> Planner<'a> {
                 continue;
             };
             let Column { ty, values, .. } = self.columns[column];
-            let whole = |ty: AttrType| values.is_whole_within(0.0, top(ty)).then_some(ty);
+            // Values of the type of the field fit, and no pass is made over them.
+            let whole = |field: AttrType| {
+                (ty == Some(field) || values.is_whole_within(0.0, top(field))).then_some(field)
+            };
             let wanted = match name {
                 esker::CLASSIFICATION | esker::USER_DATA | esker::WAVE_DESCRIPTOR => {
                     whole(AttrType::U8)
