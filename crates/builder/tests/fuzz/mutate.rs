@@ -138,11 +138,14 @@ fn number(bytes: &mut [u8], at: usize, random: &mut Random) {
 
 /// Puts a word in the place of the word at a position.
 fn word(bytes: &mut Vec<u8>, at: usize, random: &mut Random) {
-    let is_blank = |b: &u8| b" \t\r\n,;<>\"=".contains(b);
-    let start = bytes[..at].iter().rposition(|b| is_blank(b)).map_or(0, |i| i + 1);
-    let end = bytes[at..].iter().position(|b| is_blank(b)).map_or(bytes.len(), |i| at + i);
+    let start = bytes[..at].iter().rposition(is_separator).map_or(0, |i| i + 1);
+    let end = bytes[at..].iter().position(is_separator).map_or(bytes.len(), |i| at + i);
     let new = WORDS[random.below(WORDS.len())].bytes();
     if end - start < 100 {
         bytes.splice(start..end.max(start), new);
     }
+}
+
+fn is_separator(byte: &u8) -> bool {
+    b" \t\r\n,;<>\"=".contains(byte)
 }
