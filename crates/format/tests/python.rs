@@ -23,6 +23,12 @@ fn python() -> Option<String> {
     None
 }
 
+fn contents(path: &Path) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    std::io::Read::read_to_end(&mut std::fs::File::open(path).unwrap(), &mut bytes).unwrap();
+    bytes
+}
+
 fn read(python: &str, file: &Path, more: &[&str]) -> Output {
     let reader = PathBuf::from("../../data-format/reader.py");
     let mut command = Command::new(python);
@@ -127,8 +133,7 @@ fn the_python_reader_finds_damage() {
     let (schema, classes) = tree::mixed_schema();
     let points = tree::points_of(&schema, &classes, 60, 20, 5);
     tree::write(&path, &tree::metadata(schema, classes), &points, 25);
-    let mut good = Vec::new();
-    std::io::Read::read_to_end(&mut std::fs::File::open(&path).unwrap(), &mut good).unwrap();
+    let good = contents(&path);
     for step in 0..12 {
         let mut bad = good.clone();
         bad[step * (good.len() - 1) / 11] ^= 4;
@@ -186,7 +191,7 @@ fn both_readers_accept_and_refuse_the_same_files() {
     tree::write(&path, &metadata, &points, 15);
     let samples = Path::new("../../data-format/samples");
     let seeds = [path, samples.join("all-kinds.esker"), samples.join("forest-second.esker")];
-    let seeds = seeds.map(|seed| std::fs::read(seed).unwrap());
+    let seeds = seeds.map(|seed| contents(&seed));
     let wanted = std::env::var("ESKER_VERDICTS").ok().and_then(|n| n.parse().ok());
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
     let (mut paths, mut list) = (Vec::new(), String::new());

@@ -8,7 +8,7 @@ impl Random {
         Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
     }
 
-    pub fn next(&mut self) -> u64 {
+    pub fn draw(&mut self) -> u64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
@@ -16,7 +16,7 @@ impl Random {
     }
 
     pub fn below(&mut self, end: usize) -> usize {
-        (self.next() >> 32) as usize % end.max(1)
+        (self.draw() >> 32) as usize % end.max(1)
     }
 }
 
@@ -66,7 +66,7 @@ const FILE_BYTES_MAX: usize = 1 << 18;
 /// Changes `bytes` in one way; `other` is another seed.
 pub fn mutate(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
     if bytes.is_empty() {
-        bytes.push(random.next() as u8);
+        bytes.push(random.draw() as u8);
         return;
     }
     // Most of what a reader trusts stands at the beginning.
@@ -77,7 +77,7 @@ pub fn mutate(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
     let range = at..(at + 1 + random.below(RANGE_MAX)).min(bytes.len());
     match random.below(13) {
         0 => bytes[at] ^= 1 << random.below(8),
-        1 => bytes[at] = random.next() as u8,
+        1 => bytes[at] = random.draw() as u8,
         2..6 => number(bytes, at, random),
         6 => bytes.truncate(at),
         7 => drop(bytes.drain(range)),
@@ -87,7 +87,7 @@ pub fn mutate(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
             insert(bytes, at, &copy.repeat(times));
         }
         9 => {
-            let noise: Vec<u8> = range.map(|_| random.next() as u8).collect();
+            let noise: Vec<u8> = range.map(|_| random.draw() as u8).collect();
             insert(bytes, at, &noise);
         }
         10 => {
@@ -128,7 +128,7 @@ fn number(bytes: &mut [u8], at: usize, random: &mut Random) {
         8 => f64::MAX.to_bits() >> (64 - bits),
         9 => 1 << random.below(bits as usize),
         10 => value.wrapping_mul(1 + random.below(1000) as u64),
-        _ => random.next(),
+        _ => random.draw(),
     };
     field.copy_from_slice(&value.to_le_bytes()[..size]);
     if random.below(4) == 0 {
@@ -138,11 +138,14 @@ fn number(bytes: &mut [u8], at: usize, random: &mut Random) {
 
 /// Puts a word in the place of the word at a position.
 fn word(bytes: &mut Vec<u8>, at: usize, random: &mut Random) {
-    let is_blank = |b: &u8| b" \t\r\n,;<>\"=".contains(b);
-    let start = bytes[..at].iter().rposition(|b| is_blank(b)).map_or(0, |i| i + 1);
-    let end = bytes[at..].iter().position(|b| is_blank(b)).map_or(bytes.len(), |i| at + i);
+    let start = bytes[..at].iter().rposition(is_separator).map_or(0, |i| i + 1);
+    let end = bytes[at..].iter().position(is_separator).map_or(bytes.len(), |i| at + i);
     let new = WORDS[random.below(WORDS.len())].bytes();
     if end - start < 100 {
         bytes.splice(start..end.max(start), new);
     }
+}
+
+fn is_separator(byte: &u8) -> bool {
+    b" \t\r\n,;<>\"=".contains(byte)
 }

@@ -96,11 +96,11 @@ fn read_tag(bytes: &[u8]) -> (Tag, &[u8]) {
                 // The next attribute may follow without a blank.
                 word = at;
             }
-            b' ' | b'\t' | b'\r' | b'\n' if bytes.get(at).is_some_and(|b| !is_blank(*b)) => {
-                // A name may be separated from its `=` by blanks.
-                if bytes[at] != b'=' {
-                    word = at;
-                }
+            // A name may be separated from its `=` by blanks.
+            _ if is_blank(byte)
+                && bytes.get(at).is_some_and(|next| !is_blank(*next) && *next != b'=') =>
+            {
+                word = at;
             }
             _ => {}
         }
