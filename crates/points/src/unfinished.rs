@@ -53,7 +53,7 @@ mod tests {
     fn files_are_removed_while_they_are_listed() {
         let folder = tempfile::tempdir().unwrap();
         let [a, b] = ["a", "b"].map(|name| folder.path().join(name));
-        [&a, &b].map(|path| std::fs::write(path, "half").unwrap());
+        [&a, &b].into_iter().for_each(|path| std::fs::write(path, "half").unwrap());
         let (listed, finished) = (Unfinished::new(&a), Unfinished::new(&b));
         drop(finished);
         remove_all();
