@@ -134,7 +134,6 @@ impl Options {
             apply_viewpoint: self.apply_viewpoint,
             crs: self.crs.clone(),
             unit: self.unit.clone(),
-            ..OpenOptions::default()
         }
     }
 }

@@ -159,7 +159,7 @@ fn attributes_converted_from_others_are_not_reported_as_zero() {
     let steps = "whole degrees of scan angles are written in steps of 0.006, off by at most 0.003";
     assert_eq!(notes(&two, "las"), [steps.to_owned(), returns(1000)]);
     let zeros = "zero where a point's source had none: scan_angle, scan_angle_rank".to_owned();
-    assert_eq!(notes(&two, "ply"), [zeros.clone()]);
+    assert_eq!(notes(&two, "ply"), std::slice::from_ref(&zeros));
     assert_eq!(notes(&[fine, coarse, bare], "las"), [steps.to_owned(), returns(1500), zeros]);
 }
 

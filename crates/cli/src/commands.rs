@@ -21,7 +21,8 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         Command::Build(args) => run_build(args, stop),
         Command::Append(args) => run_append(args, stop),
         Command::Info { file: Some(file), reading, json, .. } => {
-            let report = info::info(&file, &reading.open_options(), &Progress::new(Style::None, stop))?;
+            let report =
+                info::info(&file, &reading.open_options(), &Progress::new(Style::None, stop))?;
             print(json, &report, || info::text(&report))
         }
         Command::Info { file: None, with, json, .. } => {

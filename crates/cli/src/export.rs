@@ -21,8 +21,9 @@ pub struct Export {
     /// Replace OUT if it is there already.
     #[arg(long)]
     pub overwrite: bool,
-    /// Bits of the colours: 8 rounds them, with a note on what is lost; 16 multiplies those of 8 bits
-    /// by 256. By default PLY has 8 where that loses nothing, and other formats those of the scan.
+    /// Bits of the colours: 8 rounds them, with a note on what is lost; 16 multiplies those of 8
+    /// bits by 256. By default PLY has 8 where that loses nothing, and other formats those of the
+    /// scan.
     #[arg(long, value_enum)]
     pub colour_bits: Option<ColourBits>,
     #[command(flatten)]

@@ -2,9 +2,8 @@
 //! not hold. The metadata list them exactly, with a hash of their own (`data-format/SPEC.md`).
 
 use crate::error::Fault;
-use crate::metadata::Metadata;
 use crate::strict::objects;
-use esker_points::{MultisetHash, PointClass, Schema};
+use esker_points::MultisetHash;
 use serde::{Deserialize, Serialize};
 
 /// Greatest number of points that a file keeps beside its tree.
@@ -48,17 +47,15 @@ struct PointJson {
 }
 
 impl SetAsideJson {
-    /// The list of a file; `None` if it is empty.
-    pub(crate) fn of(metadata: &Metadata) -> Option<Self> {
+    /// The list of `points` with this hash; `None` if it is empty.
+    pub(crate) fn of(points: &[SetAside], hash: MultisetHash) -> Option<Self> {
         let point = |p: &SetAside| PointJson {
             source: p.source,
             place: p.place,
             values: p.values.iter().map(|byte| format!("{byte:02x}")).collect(),
         };
-        (!metadata.set_aside.is_empty()).then(|| Self {
-            hash: metadata.set_aside_hash().to_string(),
-            points: metadata.set_aside.iter().map(point).collect(),
-        })
+        (!points.is_empty())
+            .then(|| Self { hash: hash.to_string(), points: points.iter().map(point).collect() })
     }
 
     /// The points, and the hash that they should have.
@@ -85,46 +82,6 @@ fn bytes(digits: &str) -> Option<Vec<u8>> {
     };
     let pairs = pairs.iter().map(|&[high, low]| Some(digit(high)? << 4 | digit(low)?));
     rest.is_empty().then(|| pairs.collect::<Option<_>>())?
-}
-
-impl Metadata {
-    /// Hash of the points that are set aside.
-    pub fn set_aside_hash(&self) -> MultisetHash {
-        let mut hash = MultisetHash::default();
-        for point in &self.set_aside {
-            if let Some(class) = self.class_of(point) {
-                point.add_to(&mut hash, class.seed(&self.schema));
-            }
-        }
-        hash
-    }
-
-    fn class_of(&self, point: &SetAside) -> Option<&PointClass> {
-        self.classes.get(usize::from(self.sources.get(point.source as usize)?.class))
-    }
-
-    /// Checks that each point that is set aside has a source, finite coordinates and a value for
-    /// each attribute.
-    pub(crate) fn check_set_aside(&self) -> Result<(), Fault> {
-        let is_sound = |point: &SetAside| {
-            point.place.iter().all(|c| c.is_finite())
-                && self
-                    .class_of(point)
-                    .is_some_and(|class| point.values.len() == record_bytes(class, &self.schema))
-        };
-        if self.set_aside.len() > SET_ASIDE_MAX || !self.set_aside.iter().all(is_sound) {
-            return Err(Fault::new(
-                "metadata",
-                "a point that is set aside has no source, place or values",
-            ));
-        }
-        Ok(())
-    }
-}
-
-/// Bytes of the values of a point of this class.
-fn record_bytes(class: &PointClass, schema: &Schema) -> usize {
-    class.present.iter().map(|&a| schema.attributes[usize::from(a)].ty.size()).sum()
 }
 
 #[cfg(test)]

@@ -141,7 +141,7 @@ impl MetadataJson {
             compress: metadata.codec.name().into(),
             planes: layout.planes().iter().map(plane_json).collect(),
             sources: metadata.sources.iter().map(|s| s.to_json(blob)).collect(),
-            set_aside: SetAsideJson::of(metadata),
+            set_aside: SetAsideJson::of(&metadata.set_aside, metadata.set_aside_hash()),
             forest: metadata.forest.iter().map(tree_json).collect(),
             palette: layout.palette().map(|p| p.colours().to_vec()),
         }

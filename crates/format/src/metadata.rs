@@ -2,13 +2,13 @@
 //! numbers, and the blocks of the sources that are kept verbatim, as one range of bytes that the
 //! JSON points into.
 
-use crate::aside::SetAside;
+use crate::aside::{SET_ASIDE_MAX, SetAside};
 use crate::codec::Codec;
 use crate::error::Fault;
 use crate::layout::{ATTRIBUTES_MAX, ATTRIBUTES_TIMES_CLASSES_MAX, PageLayout};
 use crate::normals::Normals;
 use esker_points::palette::Palette;
-use esker_points::{ColourDepth, InputGrid, Lattice, PointClass, Schema};
+use esker_points::{ColourDepth, InputGrid, Lattice, MultisetHash, PointClass, Schema};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
@@ -188,6 +188,41 @@ impl Metadata {
         let hashes: HashSet<_> = self.forest.iter().map(|t| t.footer_hash).collect();
         if hashes.len() < self.forest.len() {
             return fault("it names a file twice");
+        }
+        Ok(())
+    }
+}
+
+impl Metadata {
+    /// Hash of the points that are set aside.
+    pub fn set_aside_hash(&self) -> MultisetHash {
+        let mut hash = MultisetHash::default();
+        for point in &self.set_aside {
+            if let Some(class) = self.class_of(point) {
+                point.add_to(&mut hash, class.seed(&self.schema));
+            }
+        }
+        hash
+    }
+
+    fn class_of(&self, point: &SetAside) -> Option<&PointClass> {
+        self.classes.get(usize::from(self.sources.get(point.source as usize)?.class))
+    }
+
+    /// Checks that each point that is set aside has a source, finite coordinates and a value for
+    /// each attribute.
+    fn check_set_aside(&self) -> Result<(), Fault> {
+        let bytes = |class: &PointClass| {
+            let attributes = class.present.iter().map(|&a| &self.schema.attributes[usize::from(a)]);
+            attributes.map(|a| a.ty.size()).sum::<usize>()
+        };
+        let is_sound = |point: &SetAside| {
+            point.place.iter().all(|c| c.is_finite())
+                && self.class_of(point).is_some_and(|class| point.values.len() == bytes(class))
+        };
+        if self.set_aside.len() > SET_ASIDE_MAX || !self.set_aside.iter().all(is_sound) {
+            let what = "a point that is set aside has no source, place or values";
+            return Err(Fault::new("metadata", what));
         }
         Ok(())
     }

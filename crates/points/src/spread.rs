@@ -3,7 +3,6 @@
 //! bounds of nearly all points, so that a few stray points do not decide the lattice
 //! ([`crate::lattice`]). The result does not depend on the order of the points.
 
-use crate::lattice::ORIGIN;
 use std::collections::BTreeMap;
 
 /// Coordinates of this size and above stand for no value: some programs write the greatest float,
@@ -22,6 +21,9 @@ const POINTS_MIN: u64 = 20;
 const POINTS_PER_STRAY: u64 = 1000;
 /// ... and at most this many points of an input are.
 const STRAYS_MAX: u64 = 1000;
+
+/// Steps on each side of the middle of a lattice.
+const HALF_STEPS: f64 = ((1u64 << 31) - 2) as f64;
 
 /// Least and greatest coordinates of a box.
 pub type Corners = [[f64; 3]; 2];
@@ -216,7 +218,7 @@ impl Spread {
         let Some(core) = self.core().filter(|core| !fits(bounds) && fits(*core)) else {
             return Some(bounds);
         };
-        let half = scale.map(|s| s * (ORIGIN - 2) as f64);
+        let half = scale.map(|s| s * HALF_STEPS);
         let middle = [0, 1, 2].map(|i| core[0][i] / 2.0 + core[1][i] / 2.0);
         let window = |sign: f64| [0, 1, 2].map(|i| middle[i] + sign * half[i]);
         self.bounds_within([window(-1.0), window(1.0)]).or(Some(core))

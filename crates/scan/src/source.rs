@@ -175,10 +175,10 @@ pub trait Source: Send + Sync {
     fn info(&self) -> &SourceInfo;
 
     /// Decodes all points once, in order, on the lattice of `placement`, into batches of at most
-    /// [`BATCH_POINTS`] points that have all attributes of the schema. Points outside of the lattice
-    /// are among them: see [`Batch::outside`]. Uses the threads of the
-    /// current rayon pool if the format allows; calls `sink` only on the calling thread. Whatever
-    /// the file claims, memory stays bounded by a few dozen MiB plus [`Source::held_bytes`].
+    /// [`BATCH_POINTS`] points that have all attributes of the schema. Points outside of the
+    /// lattice are among them: see [`Batch::outside`]. Uses the threads of the current rayon pool
+    /// if the format allows; calls `sink` only on the calling thread. Whatever the file claims,
+    /// memory stays bounded by a few dozen MiB plus [`Source::held_bytes`].
     ///
     /// # Errors
     /// [`ScanError::Cancelled`]; otherwise what is wrong with the file. After an error, points that

@@ -1,5 +1,5 @@
-//! Compares what rounding coordinates to the lattice changes with the distances of points: more than
-//! a part of it is noted, more than the distance would merge points and is an error.
+//! Compares what rounding coordinates to the lattice changes with the distances of points: more
+//! than a part of it is noted, more than the distance would merge points and is an error.
 
 use crate::error::BuildError;
 use crate::options::Options;

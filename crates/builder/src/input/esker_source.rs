@@ -12,8 +12,8 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Runs of points of nodes that are read together, for each thread: enough to keep all busy, few enough to need
-/// little memory.
+/// Runs of points of nodes that are read together, for each thread: enough to keep all busy, few
+/// enough to need little memory.
 const RUNS_A_THREAD: usize = 2;
 
 /// The points of one class of a file.

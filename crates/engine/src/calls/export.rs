@@ -49,8 +49,8 @@ pub struct ExportReport {
     pub notes: Vec<String>,
 }
 
-/// Writes the points of `file`, and of the files that it names, that `filter` accepts to `out`, with
-/// `options`, on `threads` threads (0: one a core).
+/// Writes the points of `file`, and of the files that it names, that `filter` accepts to `out`,
+/// with `options`, on `threads` threads (0: one a core).
 ///
 /// # Errors
 /// If the file is damaged, no point is accepted, the disk is full, or `task` is cancelled; no file

@@ -1,7 +1,6 @@
 //! Grids of inputs: of integers as their headers give them, of floats and of decimal text as their
 //! points need them.
 
-use super::{LatticeError, ORIGIN};
 use crate::spread::{Corners, Spread};
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +11,28 @@ const STEPS_OF_EXTENT: f64 = (1u64 << 24) as f64;
 const STEPS_FROM_ZERO_MAX: f64 = (1u64 << 50) as f64;
 /// Rounds in which the bounds of floats and their step are chosen; each can only widen the bounds.
 const ROUNDS: usize = 8;
+
+/// Half the lattice: coordinate of raw 0 of a LAS file.
+pub const ORIGIN: i64 = 1 << 31;
+
+/// Reason why no lattice could be chosen.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LatticeError {
+    /// A scale that is not a positive number, or an offset or bound that is not a number.
+    #[error(
+        "{name}: {what} of axis {axis} is {value}, which is no usable number; the header is damaged"
+    )]
+    Unusable {
+        /// Name of the input.
+        name: String,
+        /// Name of the value.
+        what: &'static str,
+        /// Axis: x, y or z.
+        axis: char,
+        /// The value.
+        value: f64,
+    },
+}
 
 /// An integer grid: `world = raw * scale + offset` on each axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,6 +1,7 @@
 //! Places the coordinates of an input on the lattice.
 
-use super::{Grid, Lattice, ORIGIN, STEPS_MAX};
+use super::choice::{Lattice, STEPS_MAX};
+use super::grids::{Grid, InputGrid, ORIGIN};
 use crate::batch::Rounding;
 
 /// Deviations from a whole step below this are noise of `f64`, not rounding.
@@ -43,12 +44,15 @@ impl AxisMap {
     }
 }
 
-impl Placement {
-    /// Placement of coordinates on `grid`.
-    pub(super) fn new(lattice: &Lattice, grid: &Grid) -> Self {
-        Self { lattice: *lattice, axes: [0, 1, 2].map(|axis| AxisMap::new(lattice, grid, axis)) }
+impl Lattice {
+    /// Placement of the coordinates of an input on the lattice.
+    pub fn placement(&self, input: &InputGrid) -> Placement {
+        let axes = [0, 1, 2].map(|axis| AxisMap::new(self, &input.grid, axis));
+        Placement { lattice: *self, axes }
     }
+}
 
+impl Placement {
     /// The lattice.
     pub fn lattice(&self) -> &Lattice {
         &self.lattice

@@ -241,6 +241,34 @@ fn keyed(cloud: &PointCloud) -> impl Iterator<Item = (usize, Key)> {
     })
 }
 
+/// The values of all scans in the order of their first appearance, and the index of each.
+fn summaries(
+    clouds: &[PointCloud],
+    task: &dyn Task,
+) -> Result<(Vec<FieldSummary>, HashMap<Key, usize>), FieldsError> {
+    let (mut found, mut at): (Vec<FieldSummary>, HashMap<Key, usize>) = Default::default();
+    for cloud in clouds {
+        task.check()?;
+        if cloud.prototype.len() > COLUMNS_MAX {
+            return Err(format!("has more than {COLUMNS_MAX} values a point").into());
+        }
+        for (i, key) in keyed(cloud) {
+            let kind = NumberType::of(&cloud.prototype[i].data_type);
+            let index = *at.entry(key.clone()).or_insert(found.len());
+            match found.get_mut(index) {
+                Some(known) => {
+                    (known.kind, known.scans) = (known.kind.with(kind), known.scans + 1);
+                }
+                None => found.push(FieldSummary { key, kind, scans: 1 }),
+            }
+        }
+        if found.len() > COLUMNS_MAX {
+            return Err(format!("has scans of more than {COLUMNS_MAX} different values").into());
+        }
+    }
+    Ok((found, at))
+}
+
 impl Fields {
     /// Maps the values of these scans.
     ///
@@ -248,27 +276,7 @@ impl Fields {
     /// If a scan has no coordinates, or if there are too many values; the error says which and why.
     pub fn new(clouds: &[PointCloud], task: &dyn Task) -> Result<Self, FieldsError> {
         let colours = Colours::of(clouds);
-        // In the order of their first appearance.
-        let (mut found, mut at): (Vec<FieldSummary>, HashMap<Key, usize>) = Default::default();
-        for cloud in clouds {
-            task.check()?;
-            if cloud.prototype.len() > COLUMNS_MAX {
-                return Err(format!("has more than {COLUMNS_MAX} values a point").into());
-            }
-            for (i, key) in keyed(cloud) {
-                let kind = NumberType::of(&cloud.prototype[i].data_type);
-                let index = *at.entry(key.clone()).or_insert(found.len());
-                match found.get_mut(index) {
-                    Some(known) => {
-                        (known.kind, known.scans) = (known.kind.with(kind), known.scans + 1);
-                    }
-                    None => found.push(FieldSummary { key, kind, scans: 1 }),
-                }
-            }
-            if found.len() > COLUMNS_MAX {
-                return Err(format!("has scans of more than {COLUMNS_MAX} different values").into());
-            }
-        }
+        let (found, at) = summaries(clouds, task)?;
         let mut attributes: Vec<(String, AttrType)> = Vec::with_capacity(found.len() + 1);
         for FieldSummary { key: (name, _), kind, .. } in &found {
             let ty = match colours {

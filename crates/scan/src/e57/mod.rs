@@ -292,13 +292,10 @@ fn survey_file(
             Ok(found)
         },
     );
-    surveys.try_reduce(
-        || Survey::default(),
-        |mut found, part| {
-            found.merge(part);
-            Ok(found)
-        },
-    )
+    surveys.try_reduce(Survey::default, |mut found, part| {
+        found.merge(part);
+        Ok(found)
+    })
 }
 
 impl Survey {

@@ -1,7 +1,7 @@
 //! The scale of colours, from the types and the values of red, green and blue: bytes, 16 bits, or
 //! fractions of 0 to 1, of 0 to 255 or of 0 to 65,535.
 
-use super::Column;
+use super::column::Column;
 use super::values::Values;
 use esker_points::AttrType;
 

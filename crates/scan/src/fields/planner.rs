@@ -1,9 +1,10 @@
 //! Decides, field by field, what the columns of a source become: [`super::plan`].
 
+use super::colours;
+use super::column::{Column, FieldPlan, HALVES, RGB};
 use super::names::{self, ALPHA, CLASS_FLAGS, Meaning, meaning};
 use super::recipe::{Bits, Recipe};
 use super::values::ANGLE_STEP;
-use super::{Column, FieldPlan, HALVES, RGB, colours};
 use crate::text::naming::schema_of;
 use esker_points::AttrType;
 use esker_points::attribute::names as esker;
