@@ -47,6 +47,7 @@ fn metadata(schema: Schema) -> Metadata {
         has_tangents: false,
         palette: None,
         codec: Codec::Fast,
+        set_aside: vec![],
         forest: vec![],
         generator: "tests".into(),
     }
