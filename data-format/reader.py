@@ -179,7 +179,6 @@ class Esker:
             valid = set(point["values"]) <= set("0123456789abcdef")
             require(valid and len(point["values"]) == 2 * size, "a point has other values")
             place = [float(c) for c in point["place"]]
-            require(len(place) == 3 and all(map(math.isfinite, place)), "a point has no place")
             record = struct.pack("<3d", *place) + bytes.fromhex(point["values"])
             low, high = hash128(np.frombuffer(record, np.uint8)[None, :], self.seeds[of])
             total += int(low[0]) | int(high[0]) << 64

@@ -143,7 +143,7 @@ fn misfits() {
     let new = folder.write("new.xyz", "0.501 0.5 0.5\n1e9 0 0\n0.25 0.25 0.25\n");
     let [a, b] = ["a.esker", "b.esker"].map(|name| folder.file(name));
     build(&[&old], &a, &[]);
-    let report = append(&a, &new, &b, &[]).json();
+    let report = append(&a, &new, &b, &["--drop-outside"]).json();
     assert_eq!((report["points_in"].as_u64(), report["points_out"].as_u64()), (Some(3), Some(2)));
     let reasons = report["refused_reasons"].as_object().unwrap();
     assert!(reasons.iter().all(|(why, n)| why.contains("lattice") && *n == 1), "{reasons:?}");

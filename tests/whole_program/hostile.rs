@@ -99,7 +99,8 @@ fn gps_times() {
     for (scan, bits) in [(&week, 16), (&adjusted, 17)] {
         let file = folder.file("one.esker");
         let report = build(&[scan], &file, &[]);
-        assert_eq!(report["notes"], json!([]));
+        let unit = format!("{}: the unit of length is not stated; --unit sets it", scan.display());
+        assert_eq!(report["notes"], json!([unit]));
         assert_eq!(export(&file, &out, &[]).json()["notes"], json!([]));
         assert_eq!((encoding(&out), encoding(scan)), (vec![bits, 0], vec![bits, 0]));
         let more = folder.file("more.esker");

@@ -5,7 +5,7 @@ use crate::folder::Folder;
 use crate::program::{Outcome, build, esker, verify};
 use crate::trial;
 use libtest_mimic::Trial;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("inputs: scans without a usable point make no file", all_refused));
@@ -42,6 +42,11 @@ fn all_refused() {
     build(&[&near], &a, &[]);
     let (before, names) = (std::fs::read(&a).unwrap(), folder.names());
     let outcome = run("append", &[&a, &far], &b);
+    for word in ["far.xyz", "build both anew", "--drop-outside"] {
+        assert!(outcome.error().contains(word), "{word}: {}", outcome.stderr);
+    }
+    let words = ["append", "--drop-outside", "-o"].map(PathBuf::from);
+    let outcome = esker(words.into_iter().chain([b.clone(), a.clone(), far]));
     for word in ["far.xyz", "all of the 2 points", "outside of the lattice", "of their own"] {
         assert!(outcome.error().contains(word), "{word}: {}", outcome.stderr);
     }
@@ -69,7 +74,7 @@ fn some_refused() {
     let outcome = esker(words);
     let told = &outcome.worked().stdout;
     assert!(
-        told.contains("2 points, the points of the scans; 1 points of the scans were refused"),
+        told.contains("2 points, the points of the scans, coordinates exact; 1 points of the scans"),
         "{told}"
     );
 }

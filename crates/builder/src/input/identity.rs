@@ -62,6 +62,7 @@ impl Identity {
             ("--ignore-crs".into(), options.ignore_crs.to_string()),
             ("--columns".into(), options.columns.as_ref().map_or("none".into(), |c| c.to_string())),
             ("--skip-lines".into(), options.skip_lines.to_string()),
+            ("--drop-outside".into(), options.drop_outside.to_string()),
             ("--apply-viewpoint".into(), options.apply_viewpoint.to_string()),
             ("--crs".into(), options.crs.as_ref().map_or("none", |crs| &crs.text).to_owned()),
             ("--unit".into(), options.unit.as_deref().unwrap_or("none").to_owned()),
