@@ -74,7 +74,9 @@ fn some_refused() {
     let outcome = esker(words);
     let told = &outcome.worked().stdout;
     assert!(
-        told.contains("2 points, the points of the scans, coordinates exact; 1 points of the scans"),
+        told.contains(
+            "2 points, the points of the scans, coordinates exact; 1 points of the scans"
+        ),
         "{told}"
     );
 }

@@ -50,32 +50,24 @@ pub(crate) fn scale(rgb: [&Column<'_>; 3]) -> Option<Scale> {
     if values.whole && !is_one_white {
         return None;
     }
-    let within =
-        |top: f64| -BEYOND_MAX * top <= values.min && values.max <= top * (1.0 + BEYOND_MAX);
+    let tops = [1.0, 255.0, 65_535.0];
+    let top = tops.into_iter().find(|top| values.max <= top * (1.0 + BEYOND_MAX))?;
+    if values.min < -BEYOND_MAX * top {
+        return None;
+    }
     let scaled =
         |ty, factor, note: &str| Scale { ty, factor, is_full: true, note: Some(note.into()) };
-    let mut scale = if within(1.0) && values.off_byte <= OFF_BYTE_MAX {
+    let mut scale = if top == 1.0 && values.off_byte <= OFF_BYTE_MAX {
         scaled(AttrType::U8, 255.0, "colours are read as fractions of 0 to 1, in steps of 1/255")
-    } else if within(1.0) {
-        scaled(
-            AttrType::U16,
-            65_535.0,
-            "colours are read as fractions of 0 to 1, rounded to steps of 1/65,535",
-        )
-    } else if within(255.0) {
-        scaled(
-            AttrType::U16,
-            257.0,
-            "colours are read as fractions of 0 to 255, rounded to steps of 1/257",
-        )
-    } else if within(65_535.0) {
-        scaled(
-            AttrType::U16,
-            1.0,
-            "colours are read as fractions of 0 to 65,535, rounded to whole numbers",
-        )
+    } else if top == 1.0 {
+        let note = "colours are read as fractions of 0 to 1, rounded to steps of 1/65,535";
+        scaled(AttrType::U16, 65_535.0, note)
+    } else if top == 255.0 {
+        let note = "colours are read as fractions of 0 to 255, rounded to steps of 1/257";
+        scaled(AttrType::U16, 257.0, note)
     } else {
-        return None;
+        let note = "colours are read as fractions of 0 to 65,535, rounded to whole numbers";
+        scaled(AttrType::U16, 1.0, note)
     };
     if values.not_finite > 0
         && let Some(note) = &mut scale.note
