@@ -95,12 +95,15 @@ fn recognises(head: &[u8]) -> bool {
     let mut lines =
         lines.split(|&b| b == b'\n').map(|l| l.trim_ascii()).filter(|line| !line.is_empty());
     let is_count = |line: Option<&[u8]>| line.and_then(count).is_some();
-    let is_head = is_count(lines.next())
+    let first = lines.next();
+    let is_head = is_count(first)
         && is_count(lines.next())
         && lines.next().is_some_and(|line| fields(line).count() == 3);
     // A PTS file may begin with two counts, the first of no points. The seventh line of PTX is the
-    // first row of a matrix.
-    is_head && lines.nth(3).is_none_or(|line| fields(line).count() == 4)
+    // first row of a matrix, unless the file is cut there.
+    let is_matrix = lines.nth(3).is_some_and(|line| fields(line).count() == 4);
+    let is_cut = lines.next().is_none() && first.and_then(count) != Some(0);
+    is_head && (is_matrix || is_cut)
 }
 
 fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
