@@ -101,7 +101,7 @@ pub fn read_path_with(path: &Path, options: &OpenOptions) -> Result<Cloud, ScanE
             assert!(touches(low[i]) && touches(high[i]), "{low:?} to {high:?} is too wide");
         }
         let is_none = |p: &&[f64; 3]| p.iter().any(|c| c.abs() >= NO_VALUE_MIN);
-        let out = world.iter().find(|p| !within(p) && !(strays > 0 && is_none(p)));
+        let out = world.iter().find(|p| !(within(p) || strays > 0 && is_none(p)));
         assert_eq!(out, None, "{low:?} to {high:?} but for {}", report.rounding_error_max);
     }
     Ok(Cloud { info, report, world, columns })
