@@ -129,7 +129,7 @@ fn others_stay() {
     // It does not replace the scan that the file was built from.
     let outcome = overwrite(&scan);
     assert!(outcome.error().contains("one of the scans"), "{}", outcome.stderr);
-    // It replaces no other scan either, unless it is told to.
+    // It replaces no other scan either, unless --overwrite is given.
     let outcome = run("export", &[&new], &other);
     assert!(outcome.error().contains("replace it with --overwrite"), "{}", outcome.stderr);
     assert_eq!(std::fs::read_to_string(&other).unwrap(), text);

@@ -5,7 +5,7 @@ use crate::output::{print, write};
 use crate::shared::note_built;
 use crate::{export, view};
 use anyhow::Result;
-use esker_engine::calls::{build, demo, explain, info, render, verify};
+use esker_engine::calls::{build, demo, explain, info, info_text, render, verify};
 use esker_engine::draw::scene::PictureRequest;
 use esker_engine::io::progress::{Progress, Style};
 use esker_engine::machine::devices;
@@ -23,7 +23,7 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         Command::Info { file: Some(file), reading, json, .. } => {
             let report =
                 info::info(&file, &reading.open_options(), &Progress::new(Style::None, stop))?;
-            print(json, &report, || info::text(&report))
+            print(json, &report, || info_text::text(&report))
         }
         Command::Info { file: None, with, json, .. } => {
             let report = devices::system(&(&with).into());

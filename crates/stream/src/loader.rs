@@ -30,7 +30,7 @@ pub(crate) enum Report {
     /// Requests that could not be read, and the reason.
     Failed {
         requests: Vec<u64>,
-        /// What the user is told.
+        /// Message to the user.
         fault: String,
         /// Whether the file has changed, so that reading again does not help.
         is_final: bool,

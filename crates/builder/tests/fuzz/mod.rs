@@ -1,7 +1,7 @@
 //! Fuzzing of every reader: valid seeds are mutated, read to the end, and watched. A case fails if
 //! it panics, takes more than [`SECONDS_MAX`], or holds more memory than [`bytes_max`]. The test
-//! `fuzzing` runs a few cases that are the same each time; the example `fuzz` runs for as long as
-//! it is told.
+//! `fuzzing` runs a few cases that are the same each time; the example `fuzz` runs for a
+//! given time.
 
 #![allow(dead_code, reason = "test and example use other parts")]
 #![allow(clippy::unwrap_used, reason = "what the harness cannot do without ends it")]

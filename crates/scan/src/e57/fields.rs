@@ -4,7 +4,8 @@
 use super::colours::{Colours, colour_range, is_colour};
 use super::grid::grid;
 use super::packets::bits;
-use super::values::{NumberType, is_plain, put, real};
+use super::values::{NumberType, is_plain, real};
+use crate::fields::recipe::put;
 use crate::pose::Pose;
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX, axis, named, schema_of, usual};
 use e57::{PointCloud, Record, RecordDataType as Kind, RecordName as Name, RecordValue as Value};

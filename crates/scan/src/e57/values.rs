@@ -23,22 +23,6 @@ pub(crate) fn real(value: &Value, kind: &Kind) -> f64 {
     }
 }
 
-/// Appends a number as this type; `as` saturates.
-pub(crate) fn put(v: f64, ty: AttrType, out: &mut Vec<u8>) {
-    match ty {
-        AttrType::U8 => out.extend((v as u8).to_le_bytes()),
-        AttrType::I8 => out.extend((v as i8).to_le_bytes()),
-        AttrType::U16 => out.extend((v as u16).to_le_bytes()),
-        AttrType::I16 => out.extend((v as i16).to_le_bytes()),
-        AttrType::U32 => out.extend((v as u32).to_le_bytes()),
-        AttrType::I32 => out.extend((v as i32).to_le_bytes()),
-        AttrType::U64 => out.extend((v as u64).to_le_bytes()),
-        AttrType::I64 => out.extend((v as i64).to_le_bytes()),
-        AttrType::F32 => out.extend((v as f32).to_le_bytes()),
-        AttrType::F64 => out.extend(v.to_le_bytes()),
-    }
-}
-
 /// Whether integers of a kind stand for themselves.
 pub(crate) fn is_plain(kind: &Kind) -> bool {
     match *kind {

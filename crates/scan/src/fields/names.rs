@@ -1,6 +1,6 @@
 //! What the name of a column means: the names of LAS fields as PDAL, CloudCompare, LAStools, laspy
 //! and Esker write them, of colours and of normals. Case, blanks, underscores, units in brackets,
-//! the prefix `scalar_` and numbers that tell equal names apart are ignored.
+//! the prefix `scalar_` and numbers appended to equal names are ignored.
 
 use esker_points::attribute::names;
 
@@ -77,7 +77,7 @@ fn without_unit(name: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// A name without the number that tells it from an equal one (`Intensity #2`, `Intensity_2`);
+/// A name without the number that was appended to an equal one (`Intensity #2`, `Intensity_2`);
 /// `None` if it ends with no number or is too short to be sure.
 fn without_number(name: &str) -> Option<&str> {
     const LETTERS_MIN: usize = 5;

@@ -386,7 +386,7 @@ impl<'a> Planner<'a> {
         for (made, column) in self.made.into_iter().zip(columns) {
             recipes[column] = made.recipe;
         }
-        // Elsewhere the steps are told from degrees by the packed bytes of LAS.
+        // In LAS schemas, which have `returns` and `flags`, this scale is implied.
         if let (false, Some(angle)) = (is_las, schema.find_typed(esker::SCAN_ANGLE, AttrType::I16))
         {
             Arc::make_mut(&mut schema).attributes[angle].scale = ANGLE_STEP;

@@ -117,7 +117,7 @@ mod tests {
             words in prop::collection::vec("[ -~°é\u{202e}]{0,40}", 0..80),
         ) {
             let text = words.join(" ").split_whitespace().collect::<Vec<_>>().join(" ");
-            // What looks like an escape cannot be told from one.
+            // Text that looks like an escape sequence would be decoded as one.
             prop_assume!(!text.contains("\\u{"));
             let lines = format!("ply\ncomment a\n{}comment b\n", crs_lines(&text));
             prop_assert!(lines.lines().all(|line| line.len() < 256 && line.is_ascii()));
