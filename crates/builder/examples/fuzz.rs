@@ -25,7 +25,6 @@ fn main() {
     if Path::new(word(1)).is_file() {
         return run_file(readers[0], Path::new(word(1)));
     }
-    std::panic::set_hook(Box::new(|_| {}));
     thread::Builder::new().name("watch".into()).spawn(watch).unwrap();
     let seconds = word(1).parse().unwrap_or(60);
     let seed = word(2).parse().unwrap_or(2);
@@ -48,6 +47,7 @@ fn fuzz_for(reader: Reader, seconds: u64, seed: u64) -> usize {
     let folder = tempfile::tempdir().unwrap();
     let start = Instant::now();
     let mut cases = Cases::new(reader, seed);
+    std::panic::set_hook(Box::new(|_| {}));
     let (mut count, mut read, mut faults) = (0u64, 0u64, 0);
     let (mut slowest, mut most) = (Duration::ZERO, 0);
     while start.elapsed() < Duration::from_secs(seconds) && faults < 10 {

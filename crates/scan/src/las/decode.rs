@@ -3,16 +3,13 @@
 //! are read in groups; each is decoded by itself on any thread of the current pool, while the sink
 //! takes earlier ones. What a chunk claims is checked before the decoder allocates for it.
 
+use super::items::{self, Decoder};
 use super::laszip::{Chunk, Compression, layered_chunk};
 use crate::ahead::Ahead;
 use crate::caught;
 use crate::error::ScanError;
 use crate::source::BATCH_POINTS;
 use esker_points::Task;
-use laz::DecompressionSelection;
-use laz::record::{
-    LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor,
-};
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
@@ -205,29 +202,22 @@ impl Points {
         reader.file.seek(SeekFrom::Start(reader.at)).map_err(|e| self.io(e))?;
         let input = BufReader::with_capacity(READ_BYTES, &reader.file);
         let mut decoder = self.decoder(compression, input, reader.point)?;
-        let chunk_points = chunk_points.map_or(u64::MAX, u64::from);
+        let chunk_points = chunk_points.filter(|&points| points > 0).map_or(u64::MAX, u64::from);
         let mut in_chunk = 0;
         let mut records = Vec::new();
         while reader.point < end {
             task.check()?;
-            let points = (end - reader.point).min(self.run_points() as u64) as usize;
-            records.resize(points * self.record_bytes, 0);
-            self.guarded(reader.point, || {
-                for record in records.chunks_exact_mut(self.record_bytes) {
-                    if in_chunk == chunk_points {
-                        decoder.reset();
-                        decoder
-                            .set_fields_from(&compression.items)
-                            .map_err(std::io::Error::other)?;
-                        in_chunk = 0;
-                    }
-                    decoder.decompress_next(record)?;
-                    in_chunk += 1;
-                }
-                Ok(())
-            })?;
+            if in_chunk == chunk_points {
+                decoder = self.decoder(compression, decoder.box_into_inner(), reader.point)?;
+                in_chunk = 0;
+            }
+            let points = (end - reader.point).min(chunk_points - in_chunk);
+            let points = points.min(self.run_points() as u64);
+            records.resize(points as usize * self.record_bytes, 0);
+            self.guarded(reader.point, || decoder.decompress_many(&mut records))?;
             sink(convert(&records)?)?;
-            reader.point += points as u64;
+            reader.point += points;
+            in_chunk += points;
         }
         Ok(())
     }
@@ -350,33 +340,30 @@ impl Points {
         compression: &Compression,
         input: R,
         point: u64,
-    ) -> Result<Box<dyn RecordDecompressor<R> + 'a>, ScanError> {
-        let mut decoder: Box<dyn RecordDecompressor<R> + 'a> = match compression.layers {
-            Some(_) => Box::new(LayeredPointRecordDecompressor::new(input)),
-            None => Box::new(SequentialPointRecordDecompressor::new(input)),
-        };
-        self.guarded(point, || {
-            decoder.set_fields_from(&compression.items).map_err(std::io::Error::other)
-        })?;
-        decoder.set_selection(DecompressionSelection::all());
-        Ok(decoder)
+    ) -> Result<Decoder<'a, R>, ScanError> {
+        self.guarded(point, || match compression.layers {
+            Some(_) => items::layered(&compression.items, input),
+            None => items::sequential(&compression.items, input),
+        })
     }
 
     /// Runs the decoder. Its errors, and panics that damaged bytes may cause in it, become errors
     /// that name the position.
-    fn guarded(
+    fn guarded<T>(
         &self,
         point: u64,
-        decode: impl FnOnce() -> std::io::Result<()>,
-    ) -> Result<(), ScanError> {
+        decode: impl FnOnce() -> std::io::Result<T>,
+    ) -> Result<T, ScanError> {
         let place = format!("at or after point {} of {}", point + 1, self.count);
         match caught::catch(decode) {
-            Ok(Ok(())) => Ok(()),
+            Ok(Ok(done)) => Ok(done),
             Ok(Err(e)) if e.kind() == std::io::ErrorKind::UnexpectedEof => Err(self.damaged(
                 format!("its compressed points end {place}: the file is cut short or damaged"),
             )),
-            Ok(Err(e)) => Err(self.io(e)),
-            Err(_) => Err(self.damaged(format!("its compressed points are damaged {place}"))),
+            Ok(Err(e)) if e.kind() != std::io::ErrorKind::InvalidData => Err(self.io(e)),
+            Ok(Err(_)) | Err(_) => {
+                Err(self.damaged(format!("its compressed points are damaged {place}")))
+            }
         }
     }
 

@@ -8,6 +8,7 @@ mod decode;
 pub(crate) mod extra_bytes;
 pub(crate) mod header;
 mod heights;
+mod items;
 mod laszip;
 pub(crate) mod points;
 pub(crate) mod vlr;
