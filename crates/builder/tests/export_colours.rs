@@ -61,7 +61,7 @@ fn sources_of_eight_and_of_sixteen_bits_get_one_scale() {
     let low = coloured("a", AttrType::U16, |i| i).coloured(ColourDepth::Eight);
     let wide = coloured("b", AttrType::U16, |i| i * 1000).coloured(ColourDepth::Sixteen);
     let bytes = coloured("c", AttrType::U8, |i| 5 * i);
-    let all = [low.clone(), wide.clone(), bytes];
+    let all = [low.clone(), wide.clone(), bytes.clone()];
     let of = |f: fn(u64) -> u64| (0..POINTS).map(f);
     let want = sorted(of(|i| 256 * i).chain(of(|i| 1000 * i)).chain(of(|i| 1280 * i)).collect());
     for ending in ["las", "laz", "ply", "csv"] {
@@ -76,6 +76,10 @@ fn sources_of_eight_and_of_sixteen_bits_get_one_scale() {
         assert_eq!(found, want);
         assert!(!notes.contains("colours"), "{notes}");
     }
+    // But for 8 bits, of which LAS asks for 16.
+    let (_, found, notes) = reds(&[bytes], "las", None);
+    assert_eq!(found, (0..POINTS).map(|i| 1280 * i).collect::<Vec<u64>>());
+    assert!(notes.contains("times 256"), "{notes}");
 }
 
 #[test]

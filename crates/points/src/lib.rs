@@ -32,6 +32,6 @@ pub use filter::{Filter, FilterError};
 pub use hash::MultisetHash;
 pub use lattice::{Grid, InputGrid, Lattice};
 pub use node::{Contour, Node, NodeName, NodeTable};
-pub use schema::{ColourDepth, PointClass, Schema};
+pub use schema::{ColourDepth, Conflict, PointClass, Schema};
 pub use spread::Spread;
 pub use task::{Cancelled, Task};

@@ -15,6 +15,18 @@ pub struct Schema {
     pub attributes: Vec<Attribute>,
 }
 
+/// An attribute whose stored values have different meanings in two schemas: what is displayed is
+/// the stored value times the scale plus the offset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conflict<'a> {
+    /// Name of the attribute.
+    pub name: &'a str,
+    /// The scale in each schema.
+    pub scales: [f64; 2],
+    /// The offset in each schema.
+    pub offsets: [f64; 2],
+}
+
 /// Degrees of a step of scan angles (LAS 1.4 R15, table 15).
 const SCAN_ANGLE_STEP: f64 = 0.006;
 
@@ -66,14 +78,17 @@ impl Schema {
     }
 
     /// The first attribute that another schema has under the same name and type, but with another
-    /// scale or offset, so that stored values differ in meaning. Both cannot be kept under one
-    /// name.
-    pub fn conflict<'a>(&'a self, other: &'a Self) -> Option<[&'a Attribute; 2]> {
+    /// scale or offset of what is displayed, so that stored values differ in meaning. Both cannot
+    /// be kept under one name.
+    pub fn conflict<'a>(&'a self, other: &Self) -> Option<Conflict<'a>> {
         let is_near = |a: f64, b: f64| a == b || (a - b).abs() <= a.abs() * SCALE_NOISE;
-        self.attributes.iter().find_map(|own| {
-            let theirs = &other.attributes[other.find_typed(&own.name, own.ty)?];
-            let is_same = is_near(own.scale, theirs.scale) && is_near(own.offset, theirs.offset);
-            (!is_same).then_some([own, theirs])
+        self.attributes.iter().enumerate().find_map(|(index, own)| {
+            let their_index = other.find_typed(&own.name, own.ty)?;
+            let theirs = &other.attributes[their_index];
+            let scales = [self.shown_scale(index), other.shown_scale(their_index)];
+            let offsets = [own.offset, theirs.offset];
+            let is_same = is_near(scales[0], scales[1]) && is_near(offsets[0], offsets[1]);
+            (!is_same).then_some(Conflict { name: &own.name, scales, offsets })
         })
     }
 
@@ -143,5 +158,36 @@ impl PointClass {
     /// Seed of the multiset hash for points of this class (see [`crate::hash`]).
     pub fn seed(&self, schema: &Schema) -> u64 {
         layout_seed(self.present.iter().map(|&i| schema.attributes[usize::from(i)].key()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn schema(attributes: &[(&str, AttrType, f64)]) -> Schema {
+        let of = |&(name, ty, scale): &(&str, AttrType, f64)| Attribute {
+            scale,
+            ..Attribute::new(name, ty)
+        };
+        Schema::new(attributes.iter().map(of).collect())
+    }
+
+    /// The steps of LAS, 0.006 degrees, are implied by its bit fields or given as the scale.
+    #[test]
+    fn attributes_that_show_the_same_do_not_conflict() {
+        let bits = [(names::RETURNS, AttrType::U8, 1.0), (names::FLAGS, AttrType::U8, 1.0)];
+        let angle = |scale| (names::SCAN_ANGLE, AttrType::I16, scale);
+        let las = schema(&[bits[0], bits[1], angle(1.0)]);
+        let steps = schema(&[angle(0.006)]);
+        let degrees = schema(&[angle(1.0)]);
+        assert_eq!(las.conflict(&steps), None);
+        assert_eq!(steps.conflict(&las), None);
+        for union in [las.union(&steps), steps.union(&las)] {
+            let index = union.find(names::SCAN_ANGLE).unwrap_or_default();
+            assert_eq!(union.shown_scale(index), 0.006);
+        }
+        let conflict = las.conflict(&degrees).map(|c| (c.name, c.scales));
+        assert_eq!(conflict, Some((names::SCAN_ANGLE, [0.006, 1.0])));
     }
 }

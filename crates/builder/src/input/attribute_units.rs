@@ -2,7 +2,7 @@
 //! values have one scale and offset.
 
 use crate::error::BuildError;
-use esker_points::{Attribute, Schema};
+use esker_points::{Conflict, Schema};
 use std::path::Path;
 
 /// Refuses attributes of one name and type whose stored values have different scales or offsets.
@@ -19,15 +19,14 @@ pub fn check_attribute_units<'a>(
             continue;
         }
         let conflict = known.iter().find_map(|(at, other)| Some((at, other.conflict(schema)?)));
-        if let Some((at, [theirs, own])) = conflict {
-            let steps = |a: &Attribute| format!("{} * n + {}", a.scale, a.offset);
+        if let Some((at, Conflict { name, scales, offsets })) = conflict {
+            let steps = |i: usize| format!("{} * n + {}", scales[i], offsets[i]);
             return Err(BuildError::Options(format!(
-                "`{}` of {} is {}, and of {} is {}: both cannot be kept under one name; give it one scale and offset in all of them, or another name, or build the files apart",
-                own.name,
+                "`{name}` of {} is {}, and of {} is {}: both cannot be kept under one name; give it one scale and offset in all of them, or another name, or build the files apart",
                 at.display(),
-                steps(theirs),
+                steps(0),
                 path.display(),
-                steps(own)
+                steps(1)
             )));
         }
         known.push((path, schema));

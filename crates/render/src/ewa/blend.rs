@@ -5,7 +5,8 @@
 
 use crate::ewa::cover::{Pixels, Window, for_each, for_each_small};
 use crate::ewa::gauss::Falloff;
-use crate::ewa::place::{CODE_MAX, along, unpacked};
+use crate::ewa::normals::{CODE_MAX, unpacked};
+use crate::ewa::place::along;
 use crate::ewa::planes::Planes;
 use crate::ewa::splat::{Splat, SplatAttributes};
 use crate::ewa::sums::{

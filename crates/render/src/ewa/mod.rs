@@ -15,6 +15,7 @@ pub(crate) mod cover;
 pub(crate) mod ellipses;
 pub(crate) mod gauss;
 pub mod mapping;
+pub(crate) mod normals;
 pub(crate) mod place;
 pub mod planes;
 pub(crate) mod shape;

@@ -1,11 +1,12 @@
 //! Pass `place` of EWA splatting (`zwicker2004`, sections 4 and 5): makes splats of points, eight
-//! at a time, and sorts them into tiles of the picture. Runs of points are placed in parallel. Each
-//! run keeps its own splats, in the order of its points, and for each tile the list of those that
-//! touch it. A tile goes through the runs in their order, so that its sums have the same bits for
-//! any number of threads.
+//! at a time, and sorts them into tiles of the picture. Runs of points, which are parts of nodes or
+//! several nodes, are placed in parallel. Each run keeps its own splats, in the order of its points,
+//! and for each tile the list of those that touch it. A tile goes through the runs in their order,
+//! so that its sums have the same bits for any number of threads.
 
 use crate::ewa::clip::{Clipping, Lines, WIDER};
 use crate::ewa::ellipses::Ellipses;
+use crate::ewa::normals::{normals_or_to_eye, packed_towards_eye, unit};
 use crate::ewa::shape::{ShapeTable, Shapes, WIDEST, shape_code};
 use crate::ewa::splat::{Box4, Disc, Lens, Placement, SplatAttributes, across};
 use crate::ewa::tiles::{RUN_POINTS, SplatRun, Tiles};
@@ -13,11 +14,12 @@ use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::inputs::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
 use crate::inputs::colour::{ColourBy, linear};
 use crate::inputs::lookup::{DrawList, Lookup, NO_NORMAL, is_hidden, normal_code};
-use crate::simd::values::{EIGHT, Values, WHOLE, bits, directions, dot, load, only};
+use crate::simd::values::{EIGHT, Values, bits, directions, dot, load};
 use esker_points::quant::{HOT_POSITION_BYTES, RADIUS_AT};
-use fearless_simd::{Bytes, Level, Simd, SimdMask, dispatch, f32x8, mask32x8, u32x8};
+use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Number of runs that a small cloud is divided into, so that no thread waits long for the last run
 /// of another one. Runs are not shorter than `RUN_POINTS_MIN`, since every tile goes through all
@@ -47,6 +49,30 @@ pub struct Placer<'a> {
     pub shapes: &'a ShapeTable,
     /// Computes clip lines, if splats are clipped.
     pub clipping: Option<Clipping<'a>>,
+}
+
+/// Divides the points of nodes with `lengths` points into runs: consecutive nodes, or parts of them,
+/// so that the memory of runs does not depend on the number of nodes.
+fn divide(lengths: &[usize]) -> Vec<Vec<(usize, Range<usize>)>> {
+    let points = lengths.iter().sum::<usize>();
+    let run_points = (points / RUNS).clamp(RUN_POINTS_MIN, RUN_POINTS);
+    let mut runs: Vec<Vec<_>> = Vec::new();
+    let mut room = 0;
+    for (draw, &length) in lengths.iter().enumerate() {
+        let mut first = 0;
+        while first < length {
+            if room == 0 {
+                runs.push(Vec::new());
+                room = run_points;
+            }
+            let part = first..length.min(first + room);
+            (first, room) = (part.end, room - part.len());
+            if let Some(run) = runs.last_mut() {
+                run.push((draw, part));
+            }
+        }
+    }
+    runs
 }
 
 /// Up to [`BLOCK`] consecutive points of a node, one array an attribute.
@@ -91,36 +117,39 @@ struct EightDiscs<S: Simd> {
 impl Placer<'_> {
     /// Places all points in `runs`, whose memory is reused.
     pub fn place(&self, tiles: Tiles, runs: &mut Vec<SplatRun>) {
-        let draws = 0..self.frame.draws.len();
-        let points = draws.clone().map(|d| self.list.len(d)).sum::<usize>();
-        let run_points = (points / RUNS).clamp(RUN_POINTS_MIN, RUN_POINTS);
-        let jobs: Vec<(usize, usize)> = draws
-            .flat_map(|d| (0..self.list.len(d)).step_by(run_points).map(move |first| (d, first)))
-            .collect();
+        let lengths: Vec<usize> = (0..self.frame.draws.len()).map(|d| self.list.len(d)).collect();
+        let jobs = divide(&lengths);
         runs.resize_with(jobs.len(), SplatRun::default);
-        runs.par_iter_mut().zip(jobs).for_each(|(run, (draw, first))| {
+        runs.par_iter_mut().zip(jobs).for_each(|(run, parts)| {
             run.clear(tiles);
-            let points = first..(first + run_points).min(self.list.len(draw));
-            let clips = self.clipping.is_some() && self.frame.draws[draw].clip.is_some();
-            let shapes = self.frame.draws[draw].tangents.is_some();
-            dispatch!(Level::new(), simd => match (self.has_normals, clips, shapes) {
-                (true, true, true) => self.place_run::<_, true, true, true>(simd, draw, points, run),
-                (true, true, false) => self.place_run::<_, true, true, false>(simd, draw, points, run),
-                (true, false, true) => self.place_run::<_, true, false, true>(simd, draw, points, run),
-                (true, false, false) => self.place_run::<_, true, false, false>(simd, draw, points, run),
-                (false, ..) => self.place_run::<_, false, false, false>(simd, draw, points, run),
-            });
+            for (draw, points) in parts {
+                self.place_part(draw, points, run);
+            }
             run.sort();
         });
     }
 
-    /// Places `points` of the node `draw` in a run.
+    /// Adds `points` of the node `draw` to a run.
+    fn place_part(&self, draw: usize, points: Range<usize>, run: &mut SplatRun) {
+        let node = &self.frame.draws[draw];
+        let clips = self.clipping.is_some() && node.clip.is_some();
+        let shapes = node.tangents.is_some();
+        dispatch!(Level::new(), simd => match (self.has_normals, clips, shapes) {
+            (true, true, true) => self.place_run::<_, true, true, true>(simd, draw, points, run),
+            (true, true, false) => self.place_run::<_, true, true, false>(simd, draw, points, run),
+            (true, false, true) => self.place_run::<_, true, false, true>(simd, draw, points, run),
+            (true, false, false) => self.place_run::<_, true, false, false>(simd, draw, points, run),
+            (false, ..) => self.place_run::<_, false, false, false>(simd, draw, points, run),
+        });
+    }
+
+    /// [`Placer::place_part`] for nodes of one kind.
     #[inline(always)]
     fn place_run<S: Simd, const NORMALS: bool, const CLIPS: bool, const SHAPES: bool>(
         &self,
         simd: S,
         draw: usize,
-        points: std::ops::Range<usize>,
+        points: Range<usize>,
         run: &mut SplatRun,
     ) {
         let node = &self.frame.draws[draw];
@@ -536,73 +565,29 @@ fn world_normals<S: Simd>(simd: S, points: &EightPoints<'_>) -> [f32x8<S>; 3] {
     unit(directions(load(simd, &x), load(simd, &y)))
 }
 
-/// Packs world normals, those that look away reversed.
-#[inline(always)]
-fn packed_towards_eye<S: Simd>(world: [f32x8<S>; 3], looks_away: mask32x8<S>) -> [u32; EIGHT] {
-    let mut towards = world;
-    for c in &mut towards {
-        *c = Values::select(looks_away, -*c, *c);
-    }
-    packed(towards)
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Normals of discs: a point without a normal faces the eye.
-#[inline(always)]
-fn normals_or_to_eye<S: Simd>(
-    simd: S,
-    normal: [f32x8<S>; 3],
-    centre: [f32x8<S>; 3],
-) -> [f32x8<S>; 3] {
-    let zero = simd.splat_f32x8(0.0);
-    let mut facing = normal;
-    let has_normal = zero.cmplt(dot(facing, facing));
-    if !has_normal.all_true() {
-        let to_eye = unit(centre);
-        for (own, to_eye) in facing.iter_mut().zip(to_eye) {
-            *own = Values::select(has_normal, *own, to_eye);
+    /// All points, in order, in runs of the same size: a million nodes of few points make no more
+    /// runs than one node does.
+    #[test]
+    fn runs_depend_on_points_and_not_on_nodes() {
+        for lengths in [vec![3; 1 << 20], vec![3 << 20], vec![0, 70_000, 1, 0, 5], vec![], vec![0]]
+        {
+            let points = lengths.iter().sum::<usize>();
+            let runs = divide(&lengths);
+            assert!(runs.len() <= points.div_ceil(RUN_POINTS_MIN), "{} runs", runs.len());
+            assert!(
+                runs.iter().all(|run| run.iter().map(|p| p.1.len()).sum::<usize>() <= RUN_POINTS)
+            );
+            let mut ends = vec![0; lengths.len()];
+            let mut last = 0;
+            for (draw, part) in runs.into_iter().flatten() {
+                assert!(draw >= last && part.start == ends[draw]);
+                (last, ends[draw]) = (draw, part.end);
+            }
+            assert_eq!(ends, lengths);
         }
     }
-    facing
-}
-
-/// Normalises vectors; zero stays zero.
-#[inline(always)]
-fn unit<V: Values>(v: [V; 3]) -> [V; 3] {
-    let length = dot(v, v).sqrt();
-    let has_length = length.like(0.0).cmplt(length);
-    let [x, y, z] = v;
-    [only(has_length, x / length), only(has_length, y / length), only(has_length, z / length)]
-}
-
-/// Greatest code of a component of a normal: ten bits with a sign.
-pub const CODE_MAX: f32 = 511.0;
-
-/// Adds an offset to components of unit vectors so that their last bits are their codes.
-#[inline(always)]
-fn component<S: Simd>(c: f32x8<S>) -> [f32; EIGHT] {
-    *(c * CODE_MAX + 512.0 + WHOLE)
-}
-
-/// Packs unit vectors, or zeros, in 30 bits each. They are quick to unpack, which is done for every
-/// tile.
-#[inline(always)]
-fn packed<S: Simd>(n: [f32x8<S>; 3]) -> [u32; EIGHT] {
-    let [x, y, z] = [component(n[0]), component(n[1]), component(n[2])];
-    // No closures, which would be calls.
-    let mut codes = [0; EIGHT];
-    for k in 0..EIGHT {
-        let [x, y, z] = [x[k].to_bits() & 0x3ff, y[k].to_bits() & 0x3ff, z[k].to_bits() & 0x3ff];
-        codes[k] = x | y << 10 | z << 20;
-    }
-    codes
-}
-
-/// The vector of [`packed`] times [`CODE_MAX`], in all eight lanes.
-#[inline(always)]
-pub fn unpacked<S: Simd>(simd: S, code: u32) -> [f32x8<S>; 3] {
-    let code = simd.splat_u32x8(code);
-    // As the last bits of floats whose other bits are those of a whole number.
-    let component =
-        |bits: u32x8<S>| ((bits & 0x3ff) | WHOLE.to_bits()).bitcast::<f32x8<S>>() - (WHOLE + 512.0);
-    [component(code), component(code >> 10), component(code >> 20)]
 }

@@ -119,6 +119,9 @@ pub fn plan(
         }
         found.note_format(sources, &records, &extra, &mut notes);
         notes.extend(renamed);
+        if records.widens_colours() {
+            notes.push("colours of 8 bits are written with 16 as LAS asks, times 256".into());
+        }
         if records.rounds_angles() {
             notes.push(
                 "whole degrees of scan angles are written in steps of 0.006, off by at most 0.003"

@@ -110,6 +110,11 @@ impl Records {
         (records, extra)
     }
 
+    /// Whether colours of 8 bits are written with 16.
+    pub fn widens_colours(&self) -> bool {
+        self.destinations.iter().any(|destination| destination.put == Put::Widened)
+    }
+
     /// Whether whole degrees of scan angles are rounded to steps of 0.006.
     pub fn rounds_angles(&self) -> bool {
         self.destinations.iter().any(|destination| destination.put == Put::Degrees)
