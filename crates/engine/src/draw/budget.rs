@@ -16,8 +16,9 @@ use esker_render::gpu::passes::ewa::BatchCapacity;
 use esker_render::gpu::splats::SPLATS_MAX;
 use esker_render::picture::margin::MARGIN_PX;
 
-/// Bytes a pixel of the CPU renderer: frame buffer, pyramid with normals, picture, smoothed depth.
-const PIXEL_BYTES: u64 = 90;
+/// Bytes a pixel of the CPU renderer: frame buffer, pyramid with normals, picture, smoothed depth,
+/// and what the choice of nodes keeps of the last picture (106 in `bench stream` at four sizes).
+const PIXEL_BYTES: u64 = 106;
 /// Bytes a pixel of exposure compensation in either renderer: at most 4 for slots of scans, 8 for
 /// sums of cells.
 const EXPOSURE_PIXEL_BYTES: u64 = 12;
@@ -39,7 +40,7 @@ const LIT_SIDE_MIN: u32 = 16;
 /// Bytes a node beside its record: the cache entry, and what the choice keeps of visited nodes.
 const NODE_BYTES: u64 = 512;
 /// Stacks of threads, channels, the allocator's overhead.
-const FIXED_BYTES: u64 = 12 << 20;
+const FIXED_BYTES: u64 = 10 << 20;
 /// Fewest runs of staging: one is filled while another one is uploaded, and two are spare.
 const RUNS_MIN: u64 = 4;
 /// Most runs of staging: what one gigabyte a second brings in 50 ms.

@@ -102,6 +102,8 @@ impl Session {
     /// source of colours, a thread cannot be started, a root cannot be read, or the user insists on
     /// a GPU and there is none.
     pub fn open(file: Arc<Forest>, mut options: Options) -> Result<Self> {
+        // What an earlier session freed is in no budget of this one.
+        system::give_back_freed_memory();
         let Settings { colour_by, filter, method, shines, light, evens_exposure, full, .. } =
             &options.settings;
         let appearance = Appearance::new(&file, colour_by.as_deref(), filter, *method, *shines)?;

@@ -29,12 +29,12 @@ pub fn forget(_file: &File) -> io::Result<()> {
     Ok(())
 }
 
-/// Makes the allocator return freed allocations of 4 MiB and more, and free memory at the end of a
-/// heap beyond 8 MiB, from now on. By default glibc raises both thresholds to 32 and 64 MiB a heap
+/// Makes the allocator return freed allocations of 1 MiB and more, and free memory at the end of a
+/// heap beyond 2 MiB, from now on. By default glibc raises both thresholds to 32 and 64 MiB a heap
 /// as memory is freed, and what a process holds depends on how its threads were scheduled.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub fn give_back_freed_memory() {
-    for (mark, bytes) in [(libc::M_MMAP_THRESHOLD, 4 << 20), (libc::M_TRIM_THRESHOLD, 8 << 20)] {
+    for (mark, bytes) in [(libc::M_MMAP_THRESHOLD, 1 << 20), (libc::M_TRIM_THRESHOLD, 2 << 20)] {
         // SAFETY: takes numbers only, and locks what it changes. If it refuses, nothing changes.
         unsafe { libc::mallopt(mark, bytes) };
     }
