@@ -47,7 +47,12 @@ fn fuzz_for(reader: Reader, seconds: u64, seed: u64) -> usize {
     let folder = tempfile::tempdir().unwrap();
     let start = Instant::now();
     let mut cases = Cases::new(reader, seed);
-    std::panic::set_hook(Box::new(|_| {}));
+    std::panic::set_hook(Box::new(|panic| {
+        // Panics of cases are reported with the case.
+        if RUNNING.try_lock().is_ok_and(|running| running.is_none()) {
+            eprintln!("{panic}");
+        }
+    }));
     let (mut count, mut read, mut faults) = (0u64, 0u64, 0);
     let (mut slowest, mut most) = (Duration::ZERO, 0);
     while start.elapsed() < Duration::from_secs(seconds) && faults < 10 {
