@@ -1,8 +1,8 @@
 //! Pass `place` of EWA splatting (`zwicker2004`, sections 4 and 5): makes splats of points, eight
 //! at a time, and sorts them into tiles of the picture. Runs of points, which are parts of nodes or
-//! several nodes, are placed in parallel. Each run keeps its own splats, in the order of its points,
-//! and for each tile the list of those that touch it. A tile goes through the runs in their order,
-//! so that its sums have the same bits for any number of threads.
+//! several nodes, are placed in parallel. Each run keeps its own splats, in the order of its
+//! points, and for each tile the list of those that touch it. A tile goes through the runs in their
+//! order, so that its sums have the same bits for any number of threads.
 
 use crate::ewa::clip::{Clipping, Lines, WIDER};
 use crate::ewa::ellipses::Ellipses;
@@ -51,8 +51,8 @@ pub struct Placer<'a> {
     pub clipping: Option<Clipping<'a>>,
 }
 
-/// Divides the points of nodes with `lengths` points into runs: consecutive nodes, or parts of them,
-/// so that the memory of runs does not depend on the number of nodes.
+/// Divides the points of nodes with `lengths` points into runs: consecutive nodes, or parts of
+/// them, so that the memory of runs does not depend on the number of nodes.
 fn divide(lengths: &[usize]) -> Vec<Vec<(usize, Range<usize>)>> {
     let points = lengths.iter().sum::<usize>();
     let run_points = (points / RUNS).clamp(RUN_POINTS_MIN, RUN_POINTS);
