@@ -55,7 +55,7 @@ fn seal_esker(bytes: &mut [u8]) {
     for node in 0..nodes {
         let record = table.saturating_add(node * NODE);
         let (Some(page_bytes), Some(offset)) =
-            (u32_at(bytes, record + 132), u64_at(bytes, record + 136))
+            (u32_at(bytes, record.saturating_add(132)), u64_at(bytes, record.saturating_add(136)))
         else {
             break;
         };
