@@ -180,6 +180,10 @@ pub struct Render {
     /// Light surfaces without highlights.
     #[arg(long)]
     pub no_highlights: bool,
+    /// Leave out points of surfaces whose normal looks away from the camera; else both sides are
+    /// drawn.
+    #[arg(long)]
+    pub cull_back: bool,
     /// Even out differences of exposure where scans cover the same surface; point_source_id, scan
     /// or scan_id distinguishes scans.
     #[arg(long)]

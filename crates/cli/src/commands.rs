@@ -99,6 +99,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         filter: args.filter.into(),
         shines: !args.no_highlights,
         evens_exposure: args.even_exposure,
+        culls_back: args.cull_back,
         full: args.full,
         light: args.light.into(),
         with: (&args.with).into(),

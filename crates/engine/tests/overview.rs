@@ -15,13 +15,14 @@ mod poisson;
 
 use esker_engine::Method;
 use esker_engine::calls::info;
-use esker_engine::cameras::colour::colouring;
-use esker_engine::draw::frame::{draw_node, frame};
+use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::frame::{Appearance, draw_node};
+use esker_engine::draw::scene::{PictureRequest, PictureScene};
 use esker_format::{Forest, PlaneKind};
 use esker_lod::{AllResident, CompactOctree, Drawn, Options, View, select};
 use esker_points::strata::{STRATA, stratum_len};
 use esker_points::task::Silent;
-use esker_points::{AttrType, ColourDepth, Lattice};
+use esker_points::{AttrType, ColourDepth, Filter, Lattice};
 use esker_render::{Picture, Renderer};
 use given::given;
 use glam::DVec3;
@@ -84,7 +85,8 @@ fn one_node(points: &[Point], lattice: &Lattice, folder: &Path, name: &str) -> F
 
 /// Picture of all points of a file.
 fn picture(file: &Forest, view: &View) -> Picture {
-    let colouring = colouring(file, None, info::bounds(file)).unwrap();
+    let method = Method::PullPush;
+    let appearance = Appearance::new(file, None, &Filter::default(), method, true).unwrap();
     let kinds = [PlaneKind::Position, PlaneKind::Residual, PlaneKind::Colour];
     let options = Options { points_budget: u64::MAX, target_spacing_px: 0.0, ..Options::default() };
     let lattice = file.lattice();
@@ -93,12 +95,46 @@ fn picture(file: &Forest, view: &View) -> Picture {
     let nodes = &file.table().nodes;
     let draw = |(entry, d): (usize, &Drawn)| {
         let node = &nodes[d.node as usize];
-        draw_node(node, entry, d.prefix, &colouring, |kind| planes[entry].get(kind))
+        draw_node(node, entry, d.prefix, &appearance.colouring, |kind| planes[entry].get(kind))
     };
     let draws: Vec<_> = drawn.iter().enumerate().map(draw).collect();
     let octree = CompactOctree::new(file.table(), &drawn);
-    let frame = frame(file, view, &draws, &octree, &colouring, Method::PullPush);
+    let frame = appearance.frame(file, view, &draws, &octree);
     Renderer::default().render(&frame).unwrap()
+}
+
+/// A scan has the same passes in steps of a centimetre and of a tenth of a millimetre.
+#[test]
+fn passes_do_not_depend_on_the_step() {
+    let folder = tempfile::tempdir().unwrap();
+    // A sphere of 2 m on a floor of 20 x 20 m, whole centimetres.
+    let place = |i: i32| {
+        let turn = f64::from(i) * 2.399_963;
+        if i % 3 > 0 {
+            return [i * 7919 % 2000 - 1000, i * 104_729 % 2003 - 1000, 0];
+        }
+        let z = f64::from(i) / 15_000.0 - 1.0;
+        let side = (1.0 - z * z).max(0.0).sqrt();
+        [side * turn.cos(), side * turn.sin(), z + 1.0].map(|c| (200.0 * c) as i32)
+    };
+    let plans = |step: f64, factor: i32| {
+        let positions = (0..30_000).map(|i| place(i).map(|c| c * factor)).collect();
+        let out = folder.path().join(format!("{factor}.esker"));
+        let source = given("scan", [step; 3], positions).boxed();
+        esker_builder::build_sources(vec![source], &out, &Default::default(), &Silent).unwrap();
+        let file = Forest::open(&out).unwrap();
+        let views = [(30.0, 256), (8.0, 512), (8.0, 64), (60.0, 512), (25.0, 900)];
+        views.map(|(distance, side)| {
+            let camera = format!("eye={distance},{distance},{distance};target=0,0,1");
+            let request = PictureRequest {
+                size: [side; 2],
+                camera: Camera::parse(&camera).unwrap(),
+                ..PictureRequest::default()
+            };
+            PictureScene::choose(&file, &request).unwrap().plan.passes
+        })
+    };
+    assert_eq!(plans(0.01, 1), plans(0.0001, 100));
 }
 
 /// Sums of colours by cells with an edge of `2^log2` steps.

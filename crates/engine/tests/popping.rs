@@ -7,15 +7,14 @@
 mod pumping;
 
 use esker_engine::Method;
-use esker_engine::calls::info;
-use esker_engine::cameras::colour::{Colouring, colouring};
 use esker_engine::cameras::path::Path as Flight;
-use esker_engine::draw::frame::{draw_node, frame};
+use esker_engine::draw::frame::{Appearance, draw_node};
 use esker_format::{Forest, PlaneKind, Planes};
 use esker_lod::{
     AllResident, CompactOctree, Missing, Options, OrientedBox, Projection, Residency, Selection,
     View, select,
 };
+use esker_points::Filter;
 use esker_points::task::Silent;
 use esker_render::{Picture, Renderer};
 use glam::DVec2;
@@ -40,8 +39,7 @@ impl Residency for Known {
 struct Whole {
     file: Forest,
     planes: Vec<Planes>,
-    colouring: Colouring,
-    method: Method,
+    appearance: Appearance,
 }
 
 impl Whole {
@@ -60,12 +58,12 @@ impl Whole {
         let out = folder.join("scan.esker");
         esker_builder::build(&[scan.to_path_buf()], &out, options, &Silent).unwrap();
         let file = Forest::open(&out).unwrap();
-        let colouring = colouring(&file, None, info::bounds(&file)).unwrap();
+        let appearance = Appearance::new(&file, None, &Filter::default(), method, true).unwrap();
         let mut kinds = vec![PlaneKind::Position, PlaneKind::Residual, PlaneKind::Normal];
-        kinds.extend(colouring.plane.map(|(kind, _)| kind));
+        kinds.extend(appearance.colouring.plane.map(|(kind, _)| kind));
         let nodes = 0..file.table().nodes.len() as u32;
         let planes = nodes.map(|n| file.read_planes(n, &kinds).unwrap()).collect();
-        Self { file, planes, colouring, method }
+        Self { file, planes, appearance }
     }
 
     fn select(&self, view: &View, residency: &impl Residency, target_spacing_px: f64) -> Selection {
@@ -81,10 +79,12 @@ impl Whole {
             .map(|(entry, d)| {
                 let planes = &self.planes[d.node as usize];
                 let node = &nodes[d.node as usize];
-                draw_node(node, entry, d.prefix, &self.colouring, |kind| planes.get(kind))
+                draw_node(node, entry, d.prefix, &self.appearance.colouring, |kind| {
+                    planes.get(kind)
+                })
             })
             .collect();
-        let frame = frame(&self.file, view, &draws, &octree, &self.colouring, self.method);
+        let frame = self.appearance.frame(&self.file, view, &draws, &octree);
         renderer.render(&frame).unwrap()
     }
 }

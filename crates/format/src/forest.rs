@@ -203,6 +203,11 @@ impl Forest {
         self.has(PlaneKind::Normal) && origins.all(|n| n == Normals::None || n.is_oriented())
     }
 
+    /// Whether all points cover closed surfaces, so that what faces away is hidden.
+    pub fn is_closed(&self) -> bool {
+        self.files().all(EskerFile::is_closed)
+    }
+
     /// Whether a node has a plane of this kind.
     pub fn has_plane(&self, node: u32, kind: PlaneKind) -> bool {
         self.tree_of(node).has(kind)

@@ -13,6 +13,7 @@ use crate::read_at::{FileSource, ReadAt};
 use crate::sections::{check_counts, check_sections, read_footer, read_section, read_table};
 use crate::statistics::Statistics;
 use crate::table;
+use esker_points::attribute::CLOSED_BLOCK;
 use esker_points::place::no_file_at;
 use esker_points::{Node, NodeTable};
 use std::fmt;
@@ -186,6 +187,12 @@ impl EskerFile {
             Ok((block.name.clone(), bytes))
         };
         blocks.iter().map(read).collect()
+    }
+
+    /// Whether all sources state that their points cover closed surfaces ([`CLOSED_BLOCK`]).
+    pub fn is_closed(&self) -> bool {
+        let states = |source: &Vec<BlockPlace>| source.iter().any(|b| b.name == CLOSED_BLOCK);
+        !self.blocks.is_empty() && self.blocks.iter().all(states)
     }
 
     /// Checks the verbatim blocks of all sources, which [`EskerFile::verbatim`] does not.

@@ -52,6 +52,8 @@ pub struct PanelData<'a> {
     pub backend: &'a str,
     /// Names of the colour sources that the file offers.
     pub sources: &'a [String],
+    /// Whether normals tell the front of surfaces from the back.
+    pub has_fronts: bool,
     /// Legend of the colours.
     pub legend: Option<&'a Legend>,
     /// Measurements by clicks.
@@ -238,6 +240,9 @@ fn drawing(ui: &mut Ui, data: &PanelData<'_>, wanted: &mut Settings, is_coarser_
     ui.checkbox(&mut wanted.shines, "highlights");
     if wanted.evens_exposure || data.sources.iter().any(|s| SCANS.contains(&s.as_str())) {
         ui.checkbox(&mut wanted.evens_exposure, "even out exposures");
+    }
+    if data.has_fronts {
+        ui.checkbox(&mut wanted.culls_back, "hide backs");
     }
     ui.checkbox(&mut wanted.occlusion, "skip hidden points");
     ui.checkbox(is_coarser_moving, "coarser while moving");

@@ -43,6 +43,8 @@ pub struct Viewer {
     /// painted.
     frozen: Option<(View, f64)>,
     sources: Vec<String>,
+    /// Whether normals tell the front of surfaces from the back.
+    has_fronts: bool,
     name: String,
     about: String,
     notes: Vec<String>,
@@ -98,6 +100,7 @@ impl Viewer {
             sharpness: Sharpness::new(is_coarser_moving),
             frozen: None,
             sources: colour::choices(file),
+            has_fronts: file.has_oriented_normals() && !file.is_closed(),
             name: name.unwrap_or_else(|| "scan".into()),
             about: match (file.points(), file.table().nodes.len()) {
                 (0, _) => format!("no points{built}"),
@@ -153,6 +156,11 @@ impl Viewer {
     /// Names of the colour sources that the file offers.
     pub fn sources(&self) -> &[String] {
         &self.sources
+    }
+
+    /// Whether normals tell the front of surfaces from the back.
+    pub fn has_fronts(&self) -> bool {
+        self.has_fronts
     }
 
     /// Legend of the colours, while a session runs.

@@ -100,9 +100,9 @@ fn normals(file: &Forest, base: &PictureRequest) -> Vec<Omission> {
         let normals = PictureRequest { colour_by: Some("normal".into()), ..plain.clone() };
         all.push(Omission::of_pictures("normal plane of points alone", normals, plain));
     }
-    if file.has_oriented_normals() {
-        let with = Changes { keeps_back_faces: true, ..Changes::default() };
-        all.push(Omission::of_changes("back faces", base.clone(), with, Changes::default()));
+    if file.has_oriented_normals() && !file.is_closed() {
+        let culled = PictureRequest { culls_back: true, ..base.clone() };
+        all.push(Omission::of_pictures("back faces", base.clone(), culled));
     }
     all
 }

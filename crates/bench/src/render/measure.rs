@@ -21,14 +21,8 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Frames as in the paper: a pixel shows the one point that wins it.
-const PUBLISHED: Changes = Changes {
-    one_wins: true,
-    is_rough: true,
-    is_flat: true,
-    always_pushes: false,
-    keeps_back_faces: false,
-    is_matt: false,
-};
+const PUBLISHED: Changes =
+    Changes { one_wins: true, is_rough: true, is_flat: true, always_pushes: false, is_matt: false };
 /// Methods and their names on the command line, in the order of the rows.
 const METHODS: [(Method, &str); 3] =
     [(Method::PullPush, "pull-push"), (Method::Ewa, "ewa"), (Method::Points, "points")];

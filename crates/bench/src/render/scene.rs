@@ -44,8 +44,6 @@ pub struct Changes {
     pub is_rough: bool,
     /// Fits no planes to depths if there are no normals.
     pub is_flat: bool,
-    /// Draws back faces.
-    pub keeps_back_faces: bool,
     /// Lights surfaces without highlights.
     pub is_matt: bool,
 }
@@ -56,7 +54,6 @@ impl Changes {
         frame.averages &= !self.one_wins;
         frame.smooths &= !self.is_rough;
         frame.fits_planes &= !self.is_flat;
-        frame.cull_back_faces &= !self.keeps_back_faces;
         frame.shines &= !self.is_matt;
     }
 }

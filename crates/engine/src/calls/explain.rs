@@ -169,7 +169,12 @@ fn plane_name(file: &Forest, kind: PlaneKind) -> String {
 }
 
 /// Why no back faces are left out where the file has normals.
-const NO_FRONT: &str = "back-face test: the normals do not distinguish front from back";
+fn draws_backs(file: &Forest) -> &'static str {
+    match file.has_oriented_normals() {
+        true => "back-face test: surfaces are drawn from both sides (--cull-back: from the front)",
+        false => "back-face test: the normals do not distinguish front from back",
+    }
+}
 
 /// What the frame leaves out, and why.
 fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
@@ -197,7 +202,7 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
         match (has_normals, has_surface) {
             (false, _) => "back-face test: no normals",
             (true, false) => "back-face test: points alone are drawn from both sides",
-            (true, true) => NO_FRONT,
+            (true, true) => draws_backs(file),
         },
     );
     add(is_splats && !plan.clips, "clip lines: the file has none, or no normals");
@@ -239,7 +244,7 @@ fn left_out_of_light(
             !has(PlaneKind::Normal),
             "normal plane: the file has none; build it with --normals estimate",
         ),
-        (has(PlaneKind::Normal) && !plan.culls_back_faces, NO_FRONT),
+        (has(PlaneKind::Normal) && !plan.culls_back_faces, draws_backs(file)),
         (has(PlaneKind::ClipLines), "clip lines: light is traced on whole discs"),
         (has(PlaneKind::Tangents), "shapes of splats: light is traced on discs"),
         (!plan.reads_colours, "colour plane: colours come from elsewhere"),

@@ -5,6 +5,7 @@
 use crate::calls::{explain, info};
 use crate::cameras::legend::Legend;
 use crate::draw::empty_picture;
+use crate::draw::facing;
 use crate::draw::method::Method;
 use crate::draw::scene::{PictureRequest, PictureScene, ms, open};
 use crate::draw::whole;
@@ -230,7 +231,8 @@ fn notes(
         "x and y are degrees and heights are not: the picture is distorted; transform the scan to a projected system first",
     );
     let exposure = explain::exposure_note(file, scene)?;
-    Ok(nothing.into_iter().chain(exposure).chain(degrees).collect())
+    let away = facing::note(file, scene);
+    Ok(nothing.into_iter().chain(exposure).chain(degrees).chain(away).collect())
 }
 
 impl RenderReport {

@@ -31,6 +31,8 @@ pub struct Appearance {
     pub shines: bool,
     /// Whether differences of exposure between scans are removed.
     pub evens_exposure: bool,
+    /// Whether points of surfaces are left out whose normal looks away from the eye.
+    pub culls_back: bool,
 }
 
 impl Appearance {
@@ -52,7 +54,7 @@ impl Appearance {
         let colouring = filtered_colouring(file, colour, info::bounds(file), &shown)?;
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
-        Ok(Self { colouring, shown, method, shines, evens_exposure: false })
+        Ok(Self { colouring, shown, method, shines, evens_exposure: false, culls_back: false })
     }
 
     /// Adds exposure compensation, if `evens_exposure`.
@@ -65,6 +67,17 @@ impl Appearance {
             self.shown = Arc::new(ForestFilter::clone(&self.shown).with_scans(Some(scans)));
         }
         Ok(Self { evens_exposure, ..self })
+    }
+
+    /// Leaves out points that face away, if `culls_back` and where normals tell front from back.
+    /// Those of closed surfaces are left out in any case.
+    pub fn culled(self, culls_back: bool) -> Self {
+        Self { culls_back, ..self }
+    }
+
+    fn culls_back_faces(&self, file: &Forest) -> bool {
+        let culls = self.culls_back || file.is_closed();
+        culls && file.has_oriented_normals() && self.method != Method::Points
     }
 
     /// Draws from compact planes, if all trees have them and the picture needs nothing that they
@@ -100,7 +113,7 @@ impl Appearance {
         let normals = file.has(PlaneKind::Normal);
         let has = SceneHas {
             normals,
-            oriented_normals: culls_back_faces(file, self.method),
+            oriented_normals: self.culls_back_faces(file),
             colour_plane: self.colouring.plane.is_some_and(|(kind, _)| file.has(kind)),
             hidden_points: self.shown.hides_any(),
             // Light is traced on discs.
@@ -153,8 +166,16 @@ impl Appearance {
     ) -> Frame<'a, P> {
         let hides_points = self.shown.hides_any();
         let Self { shines, evens_exposure, .. } = *self;
-        let frame = frame(file, view, draws, octree, &self.colouring, self.method);
-        Frame { hides_points, shines, evens_exposure, ..frame }
+        Frame {
+            octree: Some(octree),
+            method: self.method.passes(),
+            colour: self.colouring.by,
+            cull_back_faces: self.culls_back_faces(file),
+            hides_points,
+            shines,
+            evens_exposure,
+            ..Frame::new(view, file.lattice(), draws)
+        }
     }
 }
 
@@ -184,28 +205,4 @@ pub fn draw_node<'a, P: Default>(
         clip: plane(PlaneKind::ClipLines),
         tangents: plane(PlaneKind::Tangents),
     }
-}
-
-/// Frame of nodes with the defaults of all pictures: surfaces leave out points that face away, if
-/// the normals of the file distinguish front from back.
-pub fn frame<'a, P>(
-    file: &'a Forest,
-    view: &'a View,
-    draws: &'a [DrawNode<'a, P>],
-    octree: &'a CompactOctree,
-    colouring: &Colouring,
-    method: Method,
-) -> Frame<'a, P> {
-    Frame {
-        octree: Some(octree),
-        method: method.passes(),
-        colour: colouring.by,
-        cull_back_faces: culls_back_faces(file, method),
-        ..Frame::new(view, file.lattice(), draws)
-    }
-}
-
-/// Whether points are left out whose normal looks away from the eye.
-fn culls_back_faces(file: &Forest, method: Method) -> bool {
-    file.has_oriented_normals() && method != Method::Points
 }

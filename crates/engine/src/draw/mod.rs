@@ -3,6 +3,7 @@
 
 pub mod budget;
 pub mod empty_picture;
+pub(crate) mod facing;
 pub mod frame;
 pub mod method;
 pub mod options;

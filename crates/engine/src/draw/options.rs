@@ -24,6 +24,8 @@ pub struct Settings {
     pub light: LightSettings,
     /// Whether differences of exposure between scans are removed.
     pub evens_exposure: bool,
+    /// Whether points of surfaces are left out whose normal looks away from the eye.
+    pub culls_back: bool,
     /// Whether full planes are read although there are compact ones.
     pub full: bool,
     /// Most points of a picture.
@@ -76,6 +78,7 @@ impl Default for Settings {
             shines: true,
             light: LightSettings::default(),
             evens_exposure: false,
+            culls_back: false,
             full: false,
             points_budget: stream.points_budget,
             target_spacing_px: stream.target_spacing_px,

@@ -45,6 +45,8 @@ pub struct PictureRequest {
     pub shines: bool,
     /// Whether differences of exposure between scans are removed.
     pub evens_exposure: bool,
+    /// Whether points of surfaces are left out whose normal looks away from the eye.
+    pub culls_back: bool,
     /// Whether mapped values are drawn from as they are stored, instead of codes of a byte: for
     /// comparisons.
     pub keeps_values: bool,
@@ -73,6 +75,7 @@ impl Default for PictureRequest {
             filter: Filter::default(),
             shines: true,
             evens_exposure: false,
+            culls_back: false,
             keeps_values: false,
             full: false,
             light: LightSettings::default(),
@@ -187,7 +190,7 @@ impl PictureScene {
         let PictureRequest { colour_by, filter, method, shines, evens_exposure, .. } = request;
         let before = file.read_bytes();
         let appearance = Appearance::new(file, colour_by.as_deref(), filter, *method, *shines)?;
-        let appearance = appearance.evened(file, *evens_exposure)?;
+        let appearance = appearance.evened(file, *evens_exposure)?.culled(request.culls_back);
         let appearance = if request.full { appearance } else { appearance.compacted(file) };
         let class_plane = light::class_plane(file, *method, &request.light);
         // Classes are read as they are stored, also where colours are made of them.

@@ -107,7 +107,8 @@ impl Session {
         let Settings { colour_by, filter, method, shines, light, evens_exposure, full, .. } =
             &options.settings;
         let appearance = Appearance::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
-        let appearance = appearance.evened(&file, *evens_exposure)?;
+        let culls_back = options.settings.culls_back;
+        let appearance = appearance.evened(&file, *evens_exposure)?.culled(culls_back);
         let appearance = if *full { appearance } else { appearance.compacted(&file) };
         // Classes are read as they are stored, also where colours are made of them.
         let has_classes = class_plane(&file, *method, light).is_some();

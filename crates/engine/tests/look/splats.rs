@@ -66,6 +66,59 @@ fn the_plan_leaves_out_the_back_faces_that_the_frame_leaves_out() {
     }
 }
 
+/// A sheet of points whose normals look up, as a PLY file.
+fn sheet() -> String {
+    let points: Vec<String> = (0..2500)
+        .map(|i| {
+            format!("{} {} 0 0 0 1 200 90 40", f64::from(i % 50) / 10.0, f64::from(i / 50) / 10.0)
+        })
+        .collect();
+    let properties = ["x", "y", "z", "nx", "ny", "nz"].map(|n| format!("property float {n}\n"));
+    let colours = ["red", "green", "blue"].map(|n| format!("property uchar {n}\n"));
+    format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\n{}{}end_header\n{}\n",
+        points.len(),
+        properties.concat(),
+        colours.concat(),
+        points.join("\n")
+    )
+}
+
+#[test]
+fn one_sided_scans_are_drawn_from_both_sides() {
+    let folder = tempfile::tempdir().unwrap();
+    let scan = folder.path().join("sheet.ply");
+    std::fs::write(&scan, sheet()).unwrap();
+    built(scan.to_str().unwrap(), false, |file| {
+        for method in [Method::Points, Method::PullPush, Method::Ewa, Method::Lit] {
+            let drawn = |eye_z: f64, culls_back: bool| {
+                let camera = format!("eye=2.5,2.4,{eye_z};target=2.5,2.5,0;up=0,1,0;fovy=30");
+                let request = request(&camera, [96, 72]);
+                let request = PictureRequest { method, culls_back, ..request };
+                let (picture, report) = draw(file, &request, &Silent).unwrap();
+                let notes = report.notes.join("\n");
+                (picture.depth.iter().filter(|d| d.is_finite()).count(), notes)
+            };
+            let (above, below) = (drawn(12.0, false), drawn(-12.0, false));
+            assert!(above.0 > 1000, "{method:?}: {}", above.0);
+            assert!(
+                above.0.abs_diff(below.0) * 50 < above.0,
+                "{method:?}: {} {}",
+                above.0,
+                below.0
+            );
+            let culled = drawn(-12.0, true);
+            assert_eq!(culled.0 == 0, method != Method::Points, "{method:?}");
+            assert_eq!(drawn(12.0, true).0, above.0, "{method:?}");
+            let is_said = |(_, notes): &(usize, String)| notes.contains("face away");
+            assert!(!is_said(&above), "{}", above.1);
+            if method != Method::Points {
+                assert!(is_said(&below) && is_said(&culled), "{method:?}: {}", below.1);
+            }
+        }
+    });
+}
+
 /// Corners of the generated cube.
 fn corners() -> [DVec3; 8] {
     let turn = |turns: f64| (turns * std::f64::consts::TAU).sin_cos();

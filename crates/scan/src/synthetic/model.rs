@@ -5,7 +5,7 @@ use super::csg::{Solid, Splat, Surface};
 use super::draw::cos_sin;
 use crate::error::ScanError;
 use crate::source::{ReadReport, Sink, Source, SourceInfo};
-use esker_points::attribute::names;
+use esker_points::attribute::{CLOSED_BLOCK, names};
 use esker_points::lattice::{GridKind, Placement};
 use esker_points::{AttrType, Attribute, Batch, Grid, InputGrid, Rounding, Schema, Spread, Task};
 use std::path::Path;
@@ -117,7 +117,7 @@ pub fn open(path: &Path, kind: &ModelKind, points: u64) -> Result<Box<dyn Source
         colour_depth: None,
         crs: None,
         scanner: None,
-        verbatim: Vec::new(),
+        verbatim: vec![(CLOSED_BLOCK.into(), Vec::new())],
         notes: Vec::new(),
     };
     Ok(Box::new(Model { info, solid, spacing }))
