@@ -6,10 +6,13 @@ mod cloud;
 mod given;
 
 use cloud::below;
-use esker_builder::{BuildError, Options, against_sources};
-use esker_format::EskerFile;
+use esker_builder::{
+    BuildError, Options, against_forest, against_sources, append, build, build_sources,
+};
+use esker_format::{EskerFile, Forest};
 use esker_points::task::Silent;
 use esker_points::{AttrType, ColourDepth};
+use esker_scan::{Crs, OpenOptions};
 use given::{Given, boxed, given, whole};
 
 fn options() -> Options {
@@ -170,4 +173,97 @@ fn a_colour_depth_that_the_user_names_is_kept() {
     let (_, file) = whole(&[dark], &options);
     assert_eq!(file.metadata().sources[0].colour_depth, Some(ColourDepth::Sixteen));
     assert!(file.metadata().sources[0].colour_depth_forced);
+}
+
+/// A source with `Amp` in steps of `scale`, in the system `crs`.
+fn amplified(scale: f64, offset: f64, crs: &str) -> Given {
+    let mut source = given("a.las", [0.01; 3], points(100)).with("Amp", AttrType::I16, |i| i);
+    let schema = std::sync::Arc::make_mut(&mut source.info.schema);
+    (schema.attributes[0].scale, schema.attributes[0].offset) = (scale, offset);
+    source.info.crs = Some(Crs { text: crs.into(), unit: Some("metre".into()) });
+    source
+}
+
+const UTM: &str = r#"PROJCS["WGS 84 / UTM zone 32N",AUTHORITY["EPSG","32632"]]"#;
+const OTHER: &str = r#"PROJCS["WGS 84 / UTM zone 33N",AUTHORITY["EPSG","32633"]]"#;
+
+/// The same stored values mean something else.
+#[test]
+fn another_meaning_of_the_same_values_is_detected() {
+    let (_, file) = whole(&[amplified(0.01, 0.0, UTM)], &options());
+    assert!(against_sources(&file, boxed(&[amplified(0.01, 0.0, UTM)]), &Silent).is_ok());
+    for (source, want) in [
+        (amplified(0.5, 0.0, UTM), "its `Amp` is 0.01 * n + 0, that of the inputs 0.5 * n + 0"),
+        (amplified(0.01, 3.0, UTM), "0.01 * n + 3"),
+        (amplified(0.01, 0.0, OTHER), "states another coordinate reference system"),
+    ] {
+        let text = differs(&file, &[source]);
+        assert!(text.contains(want), "{text}");
+    }
+}
+
+#[test]
+fn a_system_that_contradicts_that_of_the_user_is_refused() {
+    let of_user =
+        |text: &str| Options { crs: Some(Crs { text: text.into(), unit: None }), ..options() };
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("t.esker");
+    let build = |options: &Options| {
+        build_sources(boxed(&[amplified(1.0, 0.0, UTM)]), &out, options, &Silent)
+    };
+    let error = build(&of_user(OTHER)).unwrap_err().to_string();
+    assert!(error.contains("--crs") && error.contains("UTM zone 33N"), "{error}");
+    build(&of_user(UTM)).unwrap();
+    // A neighbour that states none is noted.
+    let bare = given("b.las", [0.01; 3], points(50));
+    let out = folder.path().join("u.esker");
+    let sources = boxed(&[amplified(1.0, 0.0, UTM), bare]);
+    let report = build_sources(sources, &out, &options(), &Silent).unwrap();
+    let notes = report.notes.join("\n");
+    assert!(notes.contains("b.las: the coordinate reference system is not stated"), "{notes}");
+}
+
+/// Text does not tell types: what one tile needs, all get.
+#[test]
+fn an_attribute_of_text_has_one_type_in_all_inputs() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, values: [&str; 3]| {
+        let path = folder.path().join(name);
+        let rows = values.map(|v| format!("{}.5,2,3,{v}\n", v.len()));
+        std::fs::write(&path, format!("x,y,z,h\n{}", rows.concat())).unwrap();
+        path
+    };
+    let (whole_numbers, gaps) = (file("a.csv", ["2", "4", "9"]), file("b.csv", ["2", "", "300"]));
+    let fine = file("c.csv", ["2.37", "4.01", "-1"]);
+    let out = folder.path().join("t.esker");
+    let types = |forest: &Forest| -> Vec<_> {
+        forest.schema().attributes.iter().map(|a| (a.name.clone(), a.ty)).collect()
+    };
+    let inputs = [whole_numbers.clone(), gaps, fine.clone()];
+    build(&inputs, &out, &options(), &Silent).unwrap();
+    let forest = Forest::open(&out).unwrap();
+    assert_eq!(types(&forest), [("h".to_owned(), AttrType::F64)]);
+    against_forest(&forest, &inputs, &OpenOptions::default(), &Silent).unwrap();
+    // Appended ones take the type that is there; where it does not hold them, a note says so.
+    let (base, longer) = (folder.path().join("base.esker"), folder.path().join("longer.esker"));
+    build(std::slice::from_ref(&fine), &base, &options(), &Silent).unwrap();
+    let tile = std::slice::from_ref(&whole_numbers);
+    let report = append(&base, tile, &longer, &options(), &Silent).unwrap();
+    assert!(!report.notes.join("\n").contains("stay apart"), "{:?}", report.notes);
+    let forest = Forest::open(&longer).unwrap();
+    assert_eq!(types(&forest), [("h".to_owned(), AttrType::F64)]);
+    against_forest(
+        &forest,
+        &[fine.clone(), whole_numbers.clone()],
+        &OpenOptions::default(),
+        &Silent,
+    )
+    .unwrap();
+    let (base, longer) = (folder.path().join("narrow.esker"), folder.path().join("wide.esker"));
+    build(tile, &base, &options(), &Silent).unwrap();
+    let report = append(&base, &[fine.clone()], &longer, &options(), &Silent).unwrap();
+    let notes = report.notes.join("\n");
+    assert!(notes.contains("stay apart: h (u8 in ") && notes.contains("f64 in "), "{notes}");
+    let forest = Forest::open(&longer).unwrap();
+    against_forest(&forest, &[fine, whole_numbers], &OpenOptions::default(), &Silent).unwrap();
 }

@@ -32,6 +32,37 @@ pub enum AttrType {
 }
 
 impl AttrType {
+    /// The narrowest type that holds all values of both types exactly, if there is one.
+    pub fn wider(self, other: Self) -> Option<Self> {
+        // Bits of whole numbers, of negative ones too, that a type holds exactly.
+        let holds = |ty: Self, of: Self| -> bool {
+            let (own, own_signed) = ty.whole_bits();
+            let (bits, signed) = of.whole_bits();
+            let is_float = |ty| matches!(ty, Self::F32 | Self::F64);
+            own >= bits && (own_signed || !signed) && (is_float(ty) || !is_float(of))
+        };
+        use AttrType::{F32, F64, I8, I16, I32, I64, U8, U16, U32, U64};
+        let all = [U8, I8, U16, I16, U32, I32, F32, U64, I64, F64];
+        all.into_iter().find(|&ty| holds(ty, self) && holds(ty, other))
+    }
+
+    /// Bits of the greatest whole number below which all are exact, and whether there are negative
+    /// ones.
+    fn whole_bits(self) -> (u32, bool) {
+        match self {
+            Self::U8 => (8, false),
+            Self::I8 => (7, true),
+            Self::U16 => (16, false),
+            Self::I16 => (15, true),
+            Self::F32 => (24, true),
+            Self::U32 => (32, false),
+            Self::I32 => (31, true),
+            Self::F64 => (53, true),
+            Self::U64 => (64, false),
+            Self::I64 => (63, true),
+        }
+    }
+
     /// Bytes of one value.
     pub const fn size(self) -> usize {
         match self {

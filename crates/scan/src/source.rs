@@ -5,7 +5,7 @@
 use crate::error::ScanError;
 use crate::text::Columns;
 use esker_points::lattice::Placement;
-use esker_points::{Batch, ColourDepth, InputGrid, Rounding, Schema, Spread, Task};
+use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Rounding, Schema, Spread, Task};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -202,6 +202,16 @@ pub trait Source: Send + Sync {
     fn held_bytes(&self) -> u64 {
         0
     }
+
+    /// Attributes, as indices in the schema, whose types were chosen by the values of this input
+    /// alone: another input may have values under the same name that need a wider type.
+    fn typed_by_values(&self) -> Vec<usize> {
+        Vec::new()
+    }
+
+    /// Changes the type of an attribute of [`Source::typed_by_values`] to a wider one
+    /// ([`AttrType::wider`]).
+    fn widen(&mut self, _attribute: usize, _ty: AttrType) {}
 
     /// The guess at the meaning of the input, if it does not tell.
     fn guess(&self) -> Option<&Guess> {

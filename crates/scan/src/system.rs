@@ -9,11 +9,12 @@ use crate::las::crs::unit_of;
 use crate::packed::ENDINGS;
 use crate::source::{Crs, Guess, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use esker_points::lattice::Placement;
-use esker_points::{Spread, Task};
+use esker_points::{AttrType, Spread, Task};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 use std::str::FromStr;
+use std::sync::Arc;
 
 /// Greatest size of a file with a system, in bytes.
 const FILE_BYTES_MAX: u64 = 1 << 20;
@@ -159,6 +160,15 @@ impl Source for Located {
 
     fn guess(&self) -> Option<&Guess> {
         self.source.guess()
+    }
+
+    fn typed_by_values(&self) -> Vec<usize> {
+        self.source.typed_by_values()
+    }
+
+    fn widen(&mut self, attribute: usize, ty: AttrType) {
+        self.source.widen(attribute, ty);
+        self.info.schema = Arc::clone(&self.source.info().schema);
     }
 
     fn held_bytes(&self) -> u64 {

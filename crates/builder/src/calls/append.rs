@@ -4,16 +4,17 @@
 
 use crate::calls::build::{build_sources, check_not_replaced};
 use crate::error::BuildError;
+use crate::input::attribute_types::{self, take_types};
 use crate::input::attribute_units::check_attribute_units;
-use crate::input::crs::check_same_system;
+use crate::input::crs::{self, check_same_system};
 use crate::input::gps_times;
 use crate::input::guesses::note_guesses;
 use crate::input::intake::open_with;
 use crate::options::{Inherited, Options, Report};
 use esker_format::TREES_MAX;
 use esker_format::{Forest, TreeRef};
-use esker_points::Task;
 use esker_points::lattice::GridKind;
+use esker_points::{AttrType, Schema, Task};
 use esker_scan::Source;
 use esker_scan::las::gps_times;
 use std::path::{Path, PathBuf};
@@ -45,7 +46,7 @@ pub fn append(
 /// If the build fails, or the old files and the inputs do not fit together (see [`append`]).
 pub fn append_sources(
     old: &Forest,
-    sources: Vec<Box<dyn Source>>,
+    mut sources: Vec<Box<dyn Source>>,
     out: &Path,
     options: &Options,
     task: &dyn Task,
@@ -65,6 +66,8 @@ pub fn append_sources(
     if !options.drop_outside {
         check_room(old, &sources)?;
     }
+    let all: Vec<u16> = (0..old.schema().attributes.len() as u16).collect();
+    sources.iter_mut().for_each(|source| take_types(source, old.schema(), &all));
     let known = old.files().map(|file| (file.path(), &file.metadata().schema));
     let new = sources.iter().map(|s| s.info()).map(|i| (i.path.as_path(), &*i.schema));
     check_attribute_units(known.chain(new))?;
@@ -73,9 +76,11 @@ pub fn append_sources(
     let palette = old.palette().cloned();
     let inherited = Inherited { lattice: Some(*old.lattice()), palette, forest, merged: None };
     let options = Options { inherited, ..options.clone() };
-    let times = note_different_times(old, &sources)?;
+    let mut notes: Vec<String> = note_different_times(old, &sources)?.into_iter().collect();
+    notes.extend(note_unstated(old, &sources));
+    notes.extend(note_apart(old, &sources));
     let mut report = build_sources(sources, out, &options, task)?;
-    report.notes.extend(times);
+    report.notes.extend(notes);
     Ok(report)
 }
 
@@ -132,6 +137,25 @@ fn note_different_times(
         return Ok(None);
     }
     Ok(gps_times::note_different(known.into_iter().chain(new)))
+}
+
+/// A note if the old files or the inputs state a coordinate reference system, and the others do not.
+fn note_unstated(old: &Forest, sources: &[Box<dyn Source>]) -> Option<String> {
+    let known = (old.path().display().to_string(), systems_of(old).next().is_some());
+    let states =
+        |source: &dyn Source| source.info().crs.as_ref().is_some_and(|c| !c.text.is_empty());
+    let new = sources.iter().map(|s| (s.info().path.display().to_string(), states(s.as_ref())));
+    crs::note_unstated(std::iter::once(known).chain(new))
+}
+
+/// A note on attributes that the old files and the inputs have with different types.
+fn note_apart(old: &Forest, sources: &[Box<dyn Source>]) -> Option<String> {
+    let typed = |path: &Path, schema: &Schema| -> Vec<(String, String, AttrType)> {
+        let path = path.display().to_string();
+        schema.attributes.iter().map(|a| (path.clone(), a.name.clone(), a.ty)).collect()
+    };
+    let new = sources.iter().flat_map(|s| typed(&s.info().path, &s.info().schema));
+    attribute_types::note_apart(typed(old.path(), old.schema()).into_iter().chain(new))
 }
 
 /// Compares the first system that the old files state with those of all inputs.

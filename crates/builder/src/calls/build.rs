@@ -9,6 +9,7 @@ use crate::budget::shares::{SPILLED_BYTES_MAX, Shares};
 use crate::calls::metadata::{metadata, note_aside, notes};
 use crate::calls::rounding::check_rounding;
 use crate::error::BuildError;
+use crate::input::attribute_types::join_types;
 use crate::input::attribute_units::check_attribute_units;
 use crate::input::crs::check_same_system;
 use crate::input::guesses::note_guesses;
@@ -108,12 +109,13 @@ pub fn build_sources(
 /// # Errors
 /// If an input is damaged, space runs out, or on request.
 pub fn build_shared(
-    sources: Vec<Box<dyn Source>>,
+    mut sources: Vec<Box<dyn Source>>,
     out: &Path,
     options: &Options,
     shares: Shares,
     task: &dyn Task,
 ) -> Result<Report, BuildError> {
+    join_types(&mut sources);
     check(&sources, options)?;
     let folder = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
     let mut store = open_store(&sources, (out, &folder), options, &shares, task)?;
@@ -228,10 +230,11 @@ fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildErro
     let mut infos: Vec<_> =
         infos().filter(|i| i.crs.as_ref().is_some_and(|crs| !crs.text.is_empty())).collect();
     infos.sort_by_key(|i| i.path.as_os_str().as_encoded_bytes());
-    let systems: Vec<_> = infos
+    let given = options.crs.iter().map(|crs| ("--crs".to_owned(), crs.text.as_str()));
+    let of_infos = infos
         .iter()
-        .map(|i| (i.path.display().to_string(), i.crs.as_ref().map_or("", |c| &c.text)))
-        .collect();
+        .map(|i| (i.path.display().to_string(), i.crs.as_ref().map_or("", |c| c.text.as_str())));
+    let systems: Vec<_> = given.chain(of_infos).collect();
     check_same_system(systems.iter().map(|(path, text)| (path.as_str(), *text)))
 }
 

@@ -1,6 +1,7 @@
 //! What a new file records of its inputs, and the notes on them for the user.
 
-use crate::input::crs::are_same;
+use crate::input::attribute_types::{note_apart, of_metadata};
+use crate::input::crs::{are_same, note_unstated};
 use crate::input::gps_times;
 use crate::input::intake::Intake;
 use crate::input::plan::Plan;
@@ -96,6 +97,9 @@ pub fn notes(metadata: &Metadata) -> Vec<String> {
         .flat_map(|s| s.notes.iter().map(move |n| format!("{}: {n}", s.path)))
         .collect();
     out.extend(unknown_unit(metadata));
+    out.extend(note_apart(of_metadata(metadata)));
+    let states = |s: &SourceRecord| s.crs.as_ref().is_some_and(|crs| !crs.text.is_empty());
+    out.extend(note_unstated(metadata.sources.iter().map(|s| (s.path.clone(), states(s)))));
     let stated = |s: &SourceRecord| s.crs.clone().filter(|crs| !crs.text.is_empty());
     let mut systems = metadata.sources.iter().filter_map(|s| Some((s, stated(s)?)));
     if let Some((first, crs)) = systems.next()

@@ -3,12 +3,15 @@
 //! last tree or of all trees.
 
 use crate::error::BuildError;
+use crate::input::attribute_types::{join_types, take_types};
+use crate::input::crs::are_same;
 use crate::input::intake::{Intake, open, open_with};
 use crate::input::outside::{OFF_LATTICE, Outside};
 use crate::input::plan::Plan;
 use crate::rows::row::{Incoming, RowLayout};
 use esker_format::{EskerFile, Forest, SourceRecord};
-use esker_points::{Batch, MultisetHash, Schema, Task};
+use esker_points::{Batch, Conflict, MultisetHash, Schema, Task};
+use esker_scan::las::{gps_times, no_data};
 use esker_scan::{OpenOptions, ScanError, Source};
 use std::path::{Path, PathBuf};
 
@@ -68,6 +71,27 @@ impl<'a> Trees<'a> {
         self.files.iter().flat_map(|file| &file.metadata().sources)
     }
 
+    /// The record of a source: that of its path, or the only one of its file name, or the only one;
+    /// with its file and its number there.
+    fn record_of(&self, source: &dyn Source) -> Option<(&'a EskerFile, usize)> {
+        let numbered = |file: &&'a EskerFile| {
+            let file = *file;
+            (0..file.metadata().sources.len()).map(move |i| (file, i))
+        };
+        let all: Vec<_> = self.files.iter().flat_map(numbered).collect();
+        let path = |&(file, i): &(&'a EskerFile, usize)| &file.metadata().sources[i].path;
+        let own = source.info().path.display().to_string();
+        if let [only] = all[..] {
+            return Some(only);
+        }
+        if let Some(same) = all.iter().find(|record| *path(record) == own) {
+            return Some(*same);
+        }
+        let name = |path: &str| Path::new(path).file_name().map(std::ffi::OsStr::to_owned);
+        let mut named = all.iter().filter(|record| name(path(record)) == name(&own));
+        named.next().filter(|_| named.next().is_none()).copied()
+    }
+
     fn points(&self) -> u64 {
         self.files.iter().map(|file| file.footer().points).sum()
     }
@@ -122,9 +146,20 @@ pub fn against_sources(
 
 fn compare(
     trees: &Trees<'_>,
-    sources: Vec<Box<dyn Source>>,
+    mut sources: Vec<Box<dyn Source>>,
     task: &dyn Task,
 ) -> Result<Against, BuildError> {
+    let records: Vec<_> = sources.iter().map(|s| trees.record_of(s.as_ref())).collect();
+    if records.iter().all(Option::is_some) {
+        for (source, (file, i)) in sources.iter_mut().zip(records.into_iter().flatten()) {
+            let metadata = file.metadata();
+            let class = metadata.classes.get(usize::from(metadata.sources[i].class));
+            take_types(source, &metadata.schema, class.map_or(&[], |class| &class.present));
+            check_meaning(trees.path(), source.as_ref(), (file, i))?;
+        }
+    } else {
+        join_types(&mut sources);
+    }
     let intake = Intake::new(sources, false);
     let name = trees.path();
     let recorded = trees.sources().count();
@@ -138,6 +173,12 @@ fn compare(
     let keys = |s: &Schema| s.attributes.iter().map(|a| (a.name.clone(), a.ty)).collect::<Vec<_>>();
     if keys(&plan.schema) != keys(trees.schema) {
         return differs(name, "its attributes are not those of the inputs".into());
+    }
+    if let Some(Conflict { name: attribute, scales, offsets }) = trees.schema.conflict(&plan.schema)
+    {
+        let steps = |i: usize| format!("{} * n + {}", scales[i], offsets[i]);
+        let what = format!("its `{attribute}` is {}, that of the inputs {}", steps(0), steps(1));
+        return differs(name, what);
     }
     let rows = RowLayout::new(&plan.schema, &plan.classes);
     let (mut points, mut refused) = (0, 0);
@@ -205,6 +246,41 @@ fn compare(
         rounding_error_max: stated,
         trees: trees.files.len(),
     })
+}
+
+/// Compares what an input states about the meaning of its values with what was recorded: the
+/// coordinate reference system, where both state one, the epoch of GPS times, and which values of
+/// extra bytes stand for none.
+fn check_meaning(
+    name: &Path,
+    source: &dyn Source,
+    (file, i): (&EskerFile, usize),
+) -> Result<(), BuildError> {
+    let (info, record) = (source.info(), &file.metadata().sources[i]);
+    let path = info.path.display();
+    let texts = [record.crs.as_ref().map(|c| &c.text), info.crs.as_ref().map(|c| &c.text)];
+    if let [Some(recorded), Some(own)] = texts
+        && !are_same(recorded, own)
+    {
+        let what = format!("{path} states another coordinate reference system than it did");
+        return differs(name, what);
+    }
+    let recorded = file.verbatim(i)?;
+    let epochs = [gps_times(&recorded), gps_times(&info.verbatim)];
+    if let [Some(before), Some(now)] = epochs
+        && before != now
+    {
+        let (before, now) = (before.name(), now.name());
+        let what = format!("GPS times of {path} were {before} times, and are {now} times now");
+        return differs(name, what);
+    }
+    if let [Some(before), Some(now)] = [no_data(&recorded), no_data(&info.verbatim)]
+        && before != now
+    {
+        let what = format!("other extra bytes of {path} stand for no value than they did");
+        return differs(name, what);
+    }
+    Ok(())
 }
 
 /// Relative difference of two computations of the same rounding.

@@ -94,6 +94,21 @@ fn difference(a: &System<'_>, b: &System<'_>) -> String {
     format!("`{x}` and `{y}`")
 }
 
+/// A note if some of the inputs state a system and others do not. In: path of each, and whether it
+/// states one.
+pub fn note_unstated(inputs: impl IntoIterator<Item = (String, bool)>) -> Option<String> {
+    let (stated, unstated): (Vec<_>, Vec<_>) = inputs.into_iter().partition(|(_, states)| *states);
+    let (first, _) = unstated.first().filter(|_| !stated.is_empty())?;
+    let which = match unstated.len() {
+        1 => first.clone(),
+        n => format!("{n} inputs, first {first}"),
+    };
+    Some(format!(
+        "{which}: the coordinate reference system is not stated; it is taken to be that of {}",
+        stated[0].0
+    ))
+}
+
 /// Whether two texts describe the same system.
 pub fn are_same(a: &str, b: &str) -> bool {
     a == b || a.is_empty() || b.is_empty() || System::new("", a).is_same(&System::new("", b))

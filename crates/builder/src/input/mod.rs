@@ -1,6 +1,7 @@
 //! From scans to rows: opens the inputs, chooses lattice, schema and classes, decodes each
 //! input once.
 
+pub(crate) mod attribute_types;
 pub(crate) mod attribute_units;
 pub(crate) mod crs;
 pub(crate) mod esker_source;

@@ -42,11 +42,12 @@ use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Rounding, Spread, Ta
 use layout::{Kind, Layout, classify, layout_of};
 use line::is_text;
 use naming::{colour_max, wide_colours};
-use plan::ColumnPlan;
+use plan::{ColumnPlan, fill_of};
 use sample::{Choice, Sample};
 use scans::{Piece, Pieces};
 use start::{first_lines, lines_of};
 use std::path::Path;
+use std::sync::Arc;
 use survey::{Fault, Survey, WIDTHS_MAX, read_point};
 
 /// XYZ, TXT, CSV and PTS, an entry of the registry.
@@ -317,6 +318,18 @@ fn put_digits(digits: &[u8], ty: AttrType, out: &mut Vec<u8>) -> bool {
 impl Source for TextSource {
     fn info(&self) -> &SourceInfo {
         &self.info
+    }
+
+    fn typed_by_values(&self) -> Vec<usize> {
+        let recipes = self.plan.recipes.iter().enumerate();
+        let of_one_column = recipes.filter(|(_, recipe)| matches!(recipe, Recipe::Number(_)));
+        of_one_column.map(|(attribute, _)| attribute).collect()
+    }
+
+    fn widen(&mut self, attribute: usize, ty: AttrType) {
+        let attribute_of_schema = &mut Arc::make_mut(&mut self.info.schema).attributes[attribute];
+        attribute_of_schema.ty = ty;
+        self.plan.fills[attribute] = fill_of(&attribute_of_schema.name, ty);
     }
 
     fn read(

@@ -181,7 +181,7 @@ fn drop_empty(found: &mut Vec<Found>, layout: &Layout, survey: &Survey, notes: &
 }
 
 /// The value in place of a missing one: 0 for whole numbers and normals, else NaN.
-fn fill_of(name: &str, ty: AttrType) -> f64 {
+pub(super) fn fill_of(name: &str, ty: AttrType) -> f64 {
     let is_float = matches!(ty, AttrType::F32 | AttrType::F64);
     let is_normal = [names::NX, names::NY, names::NZ].contains(&name);
     if is_float && !is_normal { f64::NAN } else { 0.0 }
