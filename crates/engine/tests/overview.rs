@@ -15,6 +15,7 @@ mod poisson;
 
 use esker_engine::Method;
 use esker_engine::calls::info;
+use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::frame::{Appearance, draw_node};
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
@@ -292,4 +293,51 @@ fn the_root_of_an_outcrop_is_as_accurate_as_a_poisson_disk_sample() {
         return;
     };
     Scan::build(&Path::new(&data).join("laz/example-outcrop.laz")).compare("outcrop");
+}
+
+/// A target only gives a direction, in metres as in units of a millionth of the scan.
+#[test]
+fn the_distance_of_the_target_does_not_change_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    for (scale, name) in [(1e-3, "room.esker"), (1e-9, "tiny.esker")] {
+        // The walls of a cube of 4 m around the eye, in steps of a millimetre.
+        let place = |i: i32| {
+            let [u, v] = [i * 7919 % 4001 - 2000, i * 104_729 % 4001 - 2000];
+            let wall = if i % 2 == 0 { -2000 } else { 2000 };
+            match i / 2 % 3 {
+                0 => [wall, u, v],
+                1 => [u, wall, v],
+                _ => [u, v, wall],
+            }
+        };
+        let source = given("room", [scale; 3], (0..20_000).map(place).collect()).boxed();
+        let out = folder.path().join(name);
+        esker_builder::build_sources(vec![source], &out, &Default::default(), &Silent).unwrap();
+        let file = Forest::open(&out).unwrap();
+        let picture = |x: f64, is_direction: bool| {
+            let what = if is_direction { "direction" } else { "target" };
+            let camera = Camera::parse(&format!("eye=0,0,0;{what}={x},0,0;fovy=90")).unwrap();
+            let size = [96, 72];
+            let request = PictureRequest { size, camera, ..PictureRequest::default() };
+            draw(&file, &request, &Silent).unwrap().0
+        };
+        let near = picture(1.0, false);
+        assert!(near.stats.pixels_covered > 96 * 72 * 9 / 10, "{}", near.stats.pixels_covered);
+        for x in [1e-6, 20_000.0, 1e9] {
+            assert_eq!(picture(x, false).rgba, near.rgba, "a target at {x}");
+        }
+        assert_eq!(picture(1.0, true).rgba, near.rgba);
+    }
+}
+
+#[test]
+fn an_eye_beyond_all_steps_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = given("scan", [0.01; 3], vec![[0, 0, 0], [100, 100, 100]]).boxed();
+    let out = folder.path().join("scan.esker");
+    esker_builder::build_sources(vec![source], &out, &Default::default(), &Silent).unwrap();
+    let camera = Camera::parse("eye=0,-1e13,0;target=0,0,0;fovy=0.006").unwrap();
+    let request = PictureRequest { camera, ..PictureRequest::default() };
+    let error = draw(&Forest::open(&out).unwrap(), &request, &Silent).unwrap_err();
+    assert!(error.to_string().contains("2^46 steps"), "{error}");
 }

@@ -29,6 +29,8 @@ impl FromStr for Camera {
     }
 }
 
+/// Least vertical field of view, degrees.
+const FOVY_MIN_DEG: f64 = 0.00573;
 /// Default of the vertical field of view, degrees.
 const FOVY_DEG: f64 = 60.0;
 
@@ -54,10 +56,7 @@ impl Camera {
                 "fovy" => {
                     let degrees: f64 =
                         value.trim().parse().with_context(|| format!("`{value}` is no angle"))?;
-                    ensure!(
-                        degrees > 0.0 && degrees < 175.0,
-                        "fovy is {degrees}, it must be within 0 and 175 degrees"
-                    );
+                    check_fovy(degrees)?;
                     camera.fovy_deg = Some(degrees);
                 }
                 other => bail!("the camera has eye, target, up, direction and fovy, no `{other}`"),
@@ -109,6 +108,18 @@ impl Camera {
         let eye = target - direction.normalize_or(DVec3::NEG_Z) * distance;
         View::look_at(eye, target, up, fovy, size[0], size[1])
     }
+}
+
+/// Checks a vertical field of view, degrees.
+///
+/// # Errors
+/// If no picture can have it; the message has the limits.
+pub fn check_fovy(degrees: f64) -> Result<()> {
+    ensure!(
+        (FOVY_MIN_DEG..175.0).contains(&degrees),
+        "fovy is {degrees}, it must be at least {FOVY_MIN_DEG} and below 175 degrees"
+    );
+    Ok(())
 }
 
 /// A direction that looks down at about 35 degrees, a quarter turn from the axes.
@@ -177,6 +188,7 @@ mod tests {
             "look=1,2,3",
             "fovy=0",
             "fovy=200",
+            "fovy=0.001",
             "eye=a,b,c",
             "eye=nan,0,0",
             "up",

@@ -3,7 +3,7 @@
 //! explains, or derived from the bounds and density of the scan.
 
 use crate::calls::info;
-use crate::cameras::camera::Camera;
+use crate::cameras::camera::{Camera, check_fovy};
 use anyhow::{Context, Result, ensure};
 use esker_format::Forest;
 use esker_lod::View;
@@ -188,7 +188,7 @@ impl ViewRecord {
         ensure!(!name.is_empty() && name.len() < 100, "a view's name is empty or very long");
         let numbers = self.eye.iter().chain(&self.target).chain(&self.up);
         ensure!(numbers.into_iter().all(|v| v.is_finite()), "view `{name}` has no usable numbers");
-        ensure!(self.fovy > 0.0 && self.fovy < 175.0, "view `{name}`: fovy is within 0 and 175");
+        check_fovy(self.fovy).with_context(|| format!("view `{name}`"))?;
         for seconds in [self.travel_s, self.stay_s] {
             let usable = (0.0..=SECONDS_MAX).contains(&seconds);
             ensure!(usable, "view `{name}`: {seconds} s is out of range");

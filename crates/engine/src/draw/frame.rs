@@ -33,7 +33,13 @@ pub struct Appearance {
     pub evens_exposure: bool,
     /// Whether points of surfaces are left out whose normal looks away from the eye.
     pub culls_back: bool,
+    /// Depth of the near plane, the file's unit.
+    near: f64,
 }
+
+/// Depth of the near plane over the typical distance of points: a nearer point would cover the
+/// whole picture.
+const NEAR_SPACINGS: f64 = 0.1;
 
 impl Appearance {
     /// Appearance of the points that `filter` accepts, coloured by `colour`
@@ -54,7 +60,9 @@ impl Appearance {
         let colouring = filtered_colouring(file, colour, info::bounds(file), &shown)?;
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
-        Ok(Self { colouring, shown, method, shines, evens_exposure: false, culls_back: false })
+        let (evens_exposure, culls_back) = (false, false);
+        let near = near(file);
+        Ok(Self { colouring, shown, method, shines, evens_exposure, culls_back, near })
     }
 
     /// Adds exposure compensation, if `evens_exposure`.
@@ -145,9 +153,11 @@ impl Appearance {
         Needs { colour, normals, clip_lines, tangents, classes: None }
     }
 
-    /// Adds the margin of pictures ([`esker_render::picture::margin`]) to a view. There is none if
-    /// the whole file is in the picture, or the picture would be too large.
-    pub fn with_margin(&self, file: &Forest, view: &View) -> View {
+    /// The view that is drawn: with the near plane of the file, which does not depend on the
+    /// camera, and the margin of pictures ([`esker_render::picture::margin`]). There is no margin
+    /// if the whole file is in the picture, or the picture would be too large.
+    pub fn drawn_view(&self, file: &Forest, view: &View) -> View {
+        let view = View { near: self.near, ..*view };
         let shown = view.with_margin(0);
         let wide = view.with_margin(MARGIN_PX);
         let takes = self.method == Method::PullPush
@@ -177,6 +187,23 @@ impl Appearance {
             ..Frame::new(view, file.lattice(), draws)
         }
     }
+}
+
+/// Depth of the near plane of pictures of a file: from the median distance of the points of leaves.
+fn near(file: &Forest) -> f64 {
+    let is_sound = |spacing: f64| spacing.is_finite() && spacing > 0.0;
+    let leaves = file.table().nodes.iter().filter(|node| node.child_count == 0);
+    let leaves = leaves.map(|node| (f64::from(node.spacing), node.points()));
+    let mut leaves: Vec<_> = leaves.filter(|&(spacing, _)| is_sound(spacing)).collect();
+    leaves.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let mut left = leaves.iter().map(|leaf| leaf.1).sum::<usize>() / 2;
+    let median = leaves.iter().find(|(_, points)| {
+        let is_median = left < *points;
+        left = left.saturating_sub(*points);
+        is_median
+    });
+    let step = file.lattice().scale.into_iter().fold(f64::INFINITY, f64::min);
+    median.map_or(step, |(spacing, _)| spacing * NEAR_SPACINGS).max(f64::from(f32::MIN_POSITIVE))
 }
 
 /// A node of a cut; `entry` is its index in the cut, `plane` returns its planes.

@@ -196,7 +196,7 @@ impl PictureScene {
         // Classes are read as they are stored, also where colours are made of them.
         let keeps_values = request.keeps_values || class_plane.is_some();
         let appearance = if keeps_values { appearance.with_values() } else { appearance };
-        let view = appearance.with_margin(file, &shown);
+        let view = appearance.drawn_view(file, &shown);
         let (points_max, surroundings) = request.points_max();
         let options = Options {
             points_budget: points_max,

@@ -271,7 +271,7 @@ impl Session {
         self.check(chosen)?;
         self.check(seen)?;
         let [chosen, seen] =
-            &[chosen, seen].map(|view| self.appearance.with_margin(&self.file, view));
+            &[chosen, seen].map(|view| self.appearance.drawn_view(&self.file, view));
         let start = Instant::now();
         let drawn = match self.draw(chosen, seen) {
             Ok(drawn) => drawn,
@@ -382,7 +382,7 @@ impl Session {
     /// As for [`Session::frame`].
     pub fn settle(&mut self, view: &View, patience: Duration) -> Result<Arc<Cut>> {
         self.check(view)?;
-        let view = &self.appearance.with_margin(&self.file, view);
+        let view = &self.appearance.drawn_view(&self.file, view);
         let start = Instant::now();
         loop {
             let taken = self.exchange(Some(view)).and_then(|exchange| {
