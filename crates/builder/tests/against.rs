@@ -261,7 +261,7 @@ fn an_attribute_of_text_has_one_type_in_all_inputs() {
     .unwrap();
     let (base, longer) = (folder.path().join("narrow.esker"), folder.path().join("wide.esker"));
     build(tile, &base, &options(), &Silent).unwrap();
-    let report = append(&base, &[fine.clone()], &longer, &options(), &Silent).unwrap();
+    let report = append(&base, std::slice::from_ref(&fine), &longer, &options(), &Silent).unwrap();
     let notes = report.notes.join("\n");
     assert!(notes.contains("stay apart: h (u8 in ") && notes.contains("f64 in "), "{notes}");
     let forest = Forest::open(&longer).unwrap();

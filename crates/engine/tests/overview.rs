@@ -341,3 +341,34 @@ fn an_eye_beyond_all_steps_is_refused() {
     let error = draw(&Forest::open(&out).unwrap(), &request, &Silent).unwrap_err();
     assert!(error.to_string().contains("2^46 steps"), "{error}");
 }
+
+/// A stray does not take the picture, and is mentioned.
+#[test]
+fn a_fitted_view_shows_the_scan_and_not_the_way_to_a_stray() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |i: i32| [i * 7919 % 1000, i * 104_729 % 997, i % 300];
+    let drawn = |name: &str, strays: &[[i32; 3]]| {
+        let mut positions: Vec<[i32; 3]> = (0..3000).map(place).collect();
+        positions.extend(strays);
+        let source = given(name, [0.01; 3], positions).boxed();
+        let out = folder.path().join(format!("{name}.esker"));
+        esker_builder::build_sources(vec![source], &out, &Default::default(), &Silent).unwrap();
+        let request = PictureRequest { size: [160, 120], ..PictureRequest::default() };
+        let (picture, report) = draw(&Forest::open(&out).unwrap(), &request, &Silent).unwrap();
+        let columns = picture.depth.iter().enumerate().filter(|(_, depth)| depth.is_finite());
+        let columns: Vec<_> = columns.map(|(i, _)| i % 160).collect();
+        let width = columns.iter().max().unwrap() - columns.iter().min().unwrap();
+        (width, report.notes.join("\n"))
+    };
+    let (whole, notes) = drawn("room", &[]);
+    assert!(!notes.contains("far outside"), "{notes}");
+    for strays in [&[[6_000_000, 0, 0]][..], &[[0, -50_000, 0], [0, 0, 90_000]]] {
+        let (width, notes) = drawn("stray", strays);
+        assert!(width * 10 > whole * 9, "{width} of {whole} pixels");
+        assert!(notes.contains("a few lie far outside"), "{notes}");
+    }
+    // A tenth of the points is no stray.
+    let tower: Vec<[i32; 3]> = (0..300).map(|i| [500, 500, 20 * i]).collect();
+    let (_, notes) = drawn("tower", &tower);
+    assert!(!notes.contains("far outside"), "{notes}");
+}

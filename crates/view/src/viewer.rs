@@ -62,7 +62,7 @@ pub struct Viewer {
 
 /// Makes the camera that is requested for a picture of `size` pixels.
 fn camera_at(file: &Forest, request: &CameraRequest, size: [u32; 2]) -> Camera {
-    let bounds = info::bounds(file);
+    let bounds = info::fitted_bounds(file);
     let view = request.view(bounds, size);
     let [low, high] = bounds.map(DVec3::from_array);
     let target = match (request.eye, request.target) {

@@ -1,10 +1,11 @@
 //! Information as a call: counts, bounds, attributes and sources of an `.esker` file, and the shape
 //! of its tree; or the header of a scan that is not built yet. Returns an [`InfoReport`].
 
+use crate::cameras::places;
 use crate::io::file::is_esker;
 use crate::io::quantity::grouped;
 use anyhow::Result;
-use esker_format::{EskerFile, Forest, PlaneKind, SourceRecord};
+use esker_format::{EskerFile, Forest, ForestFilter, PlaneKind, SourceRecord};
 use esker_points::{Attribute, ColourDepth, MultisetHash, Node, NodeTable, Task};
 use esker_scan::las::{GpsTimes, gps_times};
 use esker_scan::{OpenOptions, SourceInfo};
@@ -227,6 +228,14 @@ pub struct TreeInfo {
 /// World bounds of all points; zeros if there are none.
 pub fn bounds(forest: &Forest) -> [[f64; 3]; 2] {
     forest.bounds().map_or([[0.0; 3]; 2], |b| b.map(|corner| forest.lattice().world(corner)))
+}
+
+/// Box that views of a file are fitted to: without a few points that lie far outside, if they can be
+/// told; world coordinates.
+pub fn fitted_bounds(forest: &Forest) -> [[f64; 3]; 2] {
+    let bounds = bounds(forest);
+    let shown = ForestFilter::of(forest, None, None);
+    shown.map_or(bounds, |shown| places::fitted_bounds(forest, bounds, &shown).unwrap_or(bounds))
 }
 
 /// Reports on an `.esker` file, or on a scan that is not built yet and is opened with `options`.

@@ -232,7 +232,10 @@ fn notes(
     );
     let exposure = explain::exposure_note(file, scene)?;
     let away = facing::note(file, scene);
-    Ok(nothing.into_iter().chain(exposure).chain(degrees).chain(away).collect())
+    let far = scene.leaves_out_far.then_some(
+        "the view is fitted to nearly all points: a few lie far outside of it (esker info has the bounds of all)",
+    );
+    Ok(nothing.into_iter().chain(exposure).chain(degrees).chain(away).chain(far).collect())
 }
 
 impl RenderReport {

@@ -4,6 +4,7 @@
 
 use crate::cameras::colour_request::ColourRequest;
 use crate::cameras::legend::{Legend, LegendEntry, short, srgb};
+use crate::cameras::places::central_range;
 use crate::cameras::ranges::{self, plane_of};
 use anyhow::{Context, Result, bail, ensure};
 use esker_format::{Forest, ForestFilter, PlaneKind};
@@ -118,7 +119,8 @@ pub(crate) fn filtered_colouring(
         }
         "plain" | "none" => without_range(Colouring::plain(ColourBy::Plain, "plain")),
         "elevation" | "z" | "height" => {
-            let range = request.range(|| ranges::of_heights(file, bounds, shown))?;
+            let range = || central_range(file, bounds, shown, 2, ranges::STRAYS);
+            let range = request.range(range)?;
             Ok(Colouring::mapped(ColourBy::Elevation, "elevation", range, Gradient::Terrain))
         }
         "level" | "cell" | "node" => without_range(Colouring {

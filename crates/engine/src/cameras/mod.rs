@@ -5,4 +5,5 @@ pub mod colour;
 mod colour_request;
 pub mod legend;
 pub mod path;
+pub(crate) mod places;
 pub(crate) mod ranges;

@@ -1,31 +1,21 @@
 //! Ranges of values for colour maps, from the histograms of the files and the least and greatest
 //! values of nodes: without strays (the outermost values) and without what a filter rejects. Strays
-//! can be so far away that bins, or the boxes of nodes, are coarser than the differences of all
-//! other values; then points of a few nodes are read. If an end is a number that means "no value",
-//! the range is that of a sample.
+//! can be so far away that bins are coarser than the differences of all other values; then points of
+//! a few nodes are read. If an end is a number that means "no value", the range is that of a sample.
 
 use anyhow::Result;
 use esker_format::{EskerFile, Forest, ForestFilter, PlaneKind};
+use esker_points::AttrType;
 use esker_points::attribute::names;
-use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
-use esker_points::{AttrType, Node};
 
 /// Fraction of the values that may be outside a range at either end.
-const STRAYS: f64 = 0.01;
-/// Bins of heights.
-const BINS: usize = 1024;
+pub(super) const STRAYS: f64 = 0.01;
 /// Numbers from here on mean "no value": scans write the greatest number of their type.
 const NO_VALUE: f64 = f32::MAX as f64;
 /// Least number of values of a sample, if there are so many.
 const SAMPLE: usize = 1 << 17;
 /// A range that is a smaller fraction of the whole one, strays included, is too coarse in bins.
-const COARSE: f64 = 1.0 / 16.0;
-/// A node is tall from this multiple of the median height.
-const TALL: f64 = 2.0;
-/// Most tall nodes that are read: a stray makes its own node tall, and those above it.
-const TALL_READ: usize = 12;
-/// Most rounds in which heights are counted again without strays.
-const ROUNDS: usize = 8;
+pub(super) const COARSE: f64 = 1.0 / 16.0;
 
 /// Plane of the attribute at `index` of a schema.
 pub(crate) fn plane_of(name: &str, ty: AttrType, index: usize) -> PlaneKind {
@@ -209,7 +199,7 @@ fn central((low, high): (f64, f64), counts: &[u64]) -> (f64, f64) {
 }
 
 /// Number of outermost bins that have no more points than the strays.
-fn outer(counts: impl Iterator<Item = f64>, strays: f64) -> usize {
+pub(super) fn outer(counts: impl Iterator<Item = f64>, strays: f64) -> usize {
     let mut sum = 0.0;
     let is_stray = |n: &f64| {
         sum += n;
@@ -218,167 +208,9 @@ fn outer(counts: impl Iterator<Item = f64>, strays: f64) -> usize {
     counts.take_while(is_stray).count()
 }
 
-/// Range of heights. Points are assumed to be evenly spread over the heights of their node's
-/// contour; those of a few tall nodes, which a stray may have stretched, are read. `bounds` are
-/// those of all points.
-///
-/// # Errors
-/// If a node cannot be read.
-pub fn of_heights(
-    forest: &Forest,
-    bounds: [[f64; 3]; 2],
-    shown: &ForestFilter,
-) -> Result<(f64, f64)> {
-    let mut range = (bounds[0][2], bounds[1][2]);
-    let known = Heights::of(forest, shown)?;
-    for _ in 0..ROUNDS {
-        let cut = known.central(range);
-        let is_coarse = cut.1 - cut.0 < (range.1 - range.0) * COARSE;
-        range = cut;
-        if !is_coarse {
-            break;
-        }
-    }
-    Ok(range)
-}
-
-/// Heights of points.
-#[derive(Default)]
-struct Heights {
-    /// Ranges of heights, and how many points are evenly spread over each.
-    spread: Vec<([f64; 2], f64)>,
-    /// Heights that were read.
-    exact: Vec<f64>,
-}
-
-impl Heights {
-    /// Heights of the points that `shown` accepts.
-    fn of(forest: &Forest, shown: &ForestFilter) -> Result<Self> {
-        let nodes = (0u32..).zip(&forest.table().nodes);
-        let mut nodes: Vec<_> = nodes
-            .map(|(index, node)| {
-                let points = node.points().min(shown.points_max(index));
-                (index, heights(forest, node), points)
-            })
-            .filter(|(.., points)| *points > 0)
-            .collect();
-        let height = |[low, high]: [f64; 2]| high - low;
-        let mut all: Vec<f64> = nodes.iter().map(|(_, of, _)| height(*of)).collect();
-        let middle = all.len() / 2;
-        let usual = match all.len() {
-            // Too few nodes have no usual height.
-            0..=3 => 0.0,
-            _ => *all.select_nth_unstable_by(middle, f64::total_cmp).1,
-        };
-        // Nodes that the range depends on most come first.
-        let weight = |of: [f64; 2], points: usize| height(of) * points as f64;
-        nodes.sort_by(|a, b| weight(b.1, b.2).total_cmp(&weight(a.1, a.2)));
-        let mut known = Self::default();
-        let mut read = 0;
-        for (index, of, points) in nodes {
-            if read < TALL_READ && height(of) > TALL * usual {
-                read += 1;
-                known.read(forest, shown, index, points)?;
-            } else {
-                known.spread.push((of, points as f64));
-            }
-        }
-        Ok(known)
-    }
-
-    /// Reads the heights of the first `points` points of a node that the filter does not hide.
-    fn read(
-        &mut self,
-        forest: &Forest,
-        shown: &ForestFilter,
-        index: u32,
-        points: usize,
-    ) -> Result<()> {
-        let node = forest.record(index);
-        // In a box that a stray has stretched, hot positions alone are coarse.
-        let planes = shown.read(forest, index, &[PlaneKind::Position, PlaneKind::Residual])?;
-        let plane = planes.get(PlaneKind::Position).unwrap_or_default();
-        let residual = planes.get(PlaneKind::Residual).unwrap_or_default();
-        let (hides, [min, _]) = (shown.hides_points(index), node.own_box());
-        let points = plane.as_chunks::<HOT_POSITION_BYTES>().0.iter().take(points).enumerate();
-        let shown = points.filter(|(_, point)| !hides || point[HIDDEN_AT] == 0);
-        self.exact.extend(shown.map(|(i, point)| {
-            let hot = u16::from_le_bytes([point[4], point[5]]);
-            let [.., low] = read_residual(residual, i, node.hot_shift);
-            let z = exact(hot, low, min[2], node.hot_shift);
-            forest.lattice().world_axis(2, f64::from(z))
-        }));
-        Ok(())
-    }
-
-    /// Range without strays; the heights may be outside `low` to `high`.
-    fn central(&self, (low, high): (f64, f64)) -> (f64, f64) {
-        // One bin more at either end, for heights outside the range.
-        let mut counts = [0.0; BINS + 2];
-        let place = |z: f64| (z - low) / (high - low) * BINS as f64 + 1.0;
-        let bin = |place: f64| (place.max(0.0) as usize).min(BINS + 1);
-        for &z in &self.exact {
-            // The greatest height belongs to the last bin.
-            counts[if z == high { BINS } else { bin(place(z)) }] += 1.0;
-        }
-        for &([from, to], points) in &self.spread {
-            let (from, to) = (place(from), place(to));
-            let per_bin = points / (to - from);
-            let is_all = bin(from) == bin(to);
-            for (at, count) in counts.iter_mut().enumerate().take(bin(to) + 1).skip(bin(from)) {
-                let begin = if at == 0 { f64::NEG_INFINITY } else { at as f64 };
-                let end = if at == BINS + 1 { f64::INFINITY } else { (at + 1) as f64 };
-                let share = (to.min(end) - from.max(begin)) * per_bin;
-                *count += if is_all { points } else { share };
-            }
-        }
-        let strays = counts.iter().sum::<f64>() * STRAYS;
-        if low >= high || strays == 0.0 {
-            return (low, high);
-        }
-        // Bins outside the range do not count.
-        let within = |bins: usize| bins.saturating_sub(1) as f64;
-        let below = within(outer(counts.into_iter(), strays));
-        let above = within(outer(counts.into_iter().rev(), strays));
-        let width = (high - low) / BINS as f64;
-        (low + width * below, high - width * above)
-    }
-}
-
-/// Least and greatest height of the contour of a node.
-fn heights(forest: &Forest, node: &Node) -> [f64; 2] {
-    let contour = node.contour();
-    let reach = (0..3).map(|i| contour.half[i] * contour.axes[i][2].abs()).sum::<f64>();
-    let middle = forest.lattice().world_axis(2, f64::from(node.corner[2])) + contour.centre[2];
-    [middle - reach, middle + reach]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn heights_are_cut_by_points_wherever_they_were_counted() {
-        let even = ([0.0, 100.0], 1000.0);
-        let known = Heights { spread: vec![even], exact: Vec::new() };
-        let (low, high) = known.central((0.0, 100.0));
-        assert!((low - 1.0).abs() < 0.11 && (high - 99.0).abs() < 0.11, "{low} {high}");
-        // Half of the points are high: no strays.
-        let tower =
-            Heights { spread: vec![([0.0, 1.0], 500.0), ([1.0, 50.0], 500.0)], exact: vec![] };
-        let (low, high) = tower.central((0.0, 50.0));
-        assert!(low < 0.06 && high > 48.9, "{low} {high}");
-        // A stray far above, and the range around what is left.
-        let exact: Vec<f64> = (0..10_000).map(|i| f64::from(i) * 0.001).chain([1e6]).collect();
-        let known = Heights { spread: Vec::new(), exact };
-        let (low, high) = known.central((0.0, 1e6));
-        assert!(low == 0.0 && high < 1000.0);
-        let (low, high) = known.central((0.0, high));
-        assert!(low == 0.0 && high < 11.0, "{low} {high}");
-        let (low, high) = known.central((0.0, high));
-        assert!((low - 0.1).abs() < 0.02 && (high - 9.9).abs() < 0.02, "{low} {high}");
-        assert_eq!(Heights::default().central((1.0, 2.0)), (1.0, 2.0));
-    }
 
     #[test]
     fn strays_take_no_colours() {

@@ -3,6 +3,7 @@
 
 use crate::calls::info;
 use crate::cameras::camera::Camera;
+use crate::cameras::places::fitted_bounds;
 use crate::draw::frame::{Appearance, draw_node};
 use crate::draw::method::Method;
 use crate::io::file::is_esker;
@@ -141,6 +142,8 @@ fn name_of(inputs: &[PathBuf]) -> PathBuf {
 pub struct PictureScene {
     /// The camera.
     pub view: View,
+    /// Whether the view is fitted to nearly all points, and a few lie far outside of it.
+    pub leaves_out_far: bool,
     /// Nodes to draw, and their prefixes.
     pub selection: Selection,
     /// Planes of each node, in the order of the selection, and behind them those of the nodes in
@@ -186,7 +189,6 @@ impl PictureScene {
     /// If statistics cannot be read, or the file lacks what the request needs.
     pub fn choose(file: &Forest, request: &PictureRequest) -> Result<Self> {
         let start = Instant::now();
-        let shown = request.camera.view(bounds_of(file, &request.filter), request.size);
         let PictureRequest { colour_by, filter, method, shines, evens_exposure, .. } = request;
         let before = file.read_bytes();
         let appearance = Appearance::new(file, colour_by.as_deref(), filter, *method, *shines)?;
@@ -196,7 +198,12 @@ impl PictureScene {
         // Classes are read as they are stored, also where colours are made of them.
         let keeps_values = request.keeps_values || class_plane.is_some();
         let appearance = if keeps_values { appearance.with_values() } else { appearance };
-        let view = appearance.drawn_view(file, &shown);
+        let bounds = bounds_of(file, &request.filter);
+        let fitted = match request.camera.eye {
+            Some(_) => bounds,
+            None => fitted_bounds(file, bounds, &appearance.shown)?,
+        };
+        let view = appearance.drawn_view(file, &request.camera.view(fitted, request.size));
         let (points_max, surroundings) = request.points_max();
         let options = Options {
             points_budget: points_max,
@@ -220,6 +227,7 @@ impl PictureScene {
         kinds.extend(class_plane.filter(|plane| !kinds.contains(plane)));
         Ok(Self {
             view,
+            leaves_out_far: fitted != bounds,
             selection,
             planes: Vec::new(),
             appearance,
