@@ -152,8 +152,8 @@ impl Attribute {
     }
 }
 
-/// Name of the block of a source, without bytes, which states that its points cover a closed surface
-/// with normals that look outwards: what faces away is hidden.
+/// Name of the block of a source, without bytes, which states that its points cover a closed
+/// surface with normals that look outwards: what faces away is hidden.
 pub const CLOSED_BLOCK: &str = "closed surface";
 
 /// Esker's names for LAS fields and for similar fields of other formats.

@@ -223,7 +223,8 @@ fn attributes_without_a_las_field_become_extra_bytes() {
             std::slice::from_ref(&batch),
             2,
         );
-        assert_eq!(notes, ["as extra bytes: nx, ny, nz, own"]);
+        let colours = "colours of 8 bits are written with 16 as LAS asks, times 256";
+        assert_eq!(notes, ["as extra bytes: nx, ny, nz, own", colours]);
         let source = open(&out);
         let (_, back) = read(source.as_ref());
         assert!(source.info().format.ends_with("1.4, point format 7"), "{}", source.info().format);

@@ -139,7 +139,8 @@ fn note_different_times(
     Ok(gps_times::note_different(known.into_iter().chain(new)))
 }
 
-/// A note if the old files or the inputs state a coordinate reference system, and the others do not.
+/// A note if the old files or the inputs state a coordinate reference system, and the others do
+/// not.
 fn note_unstated(old: &Forest, sources: &[Box<dyn Source>]) -> Option<String> {
     let known = (old.path().display().to_string(), systems_of(old).next().is_some());
     let states =

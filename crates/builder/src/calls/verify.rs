@@ -149,17 +149,7 @@ fn compare(
     mut sources: Vec<Box<dyn Source>>,
     task: &dyn Task,
 ) -> Result<Against, BuildError> {
-    let records: Vec<_> = sources.iter().map(|s| trees.record_of(s.as_ref())).collect();
-    if records.iter().all(Option::is_some) {
-        for (source, (file, i)) in sources.iter_mut().zip(records.into_iter().flatten()) {
-            let metadata = file.metadata();
-            let class = metadata.classes.get(usize::from(metadata.sources[i].class));
-            take_types(source, &metadata.schema, class.map_or(&[], |class| &class.present));
-            check_meaning(trees.path(), source.as_ref(), (file, i))?;
-        }
-    } else {
-        join_types(&mut sources);
-    }
+    take_recorded_types(trees, &mut sources)?;
     let intake = Intake::new(sources, false);
     let name = trees.path();
     let recorded = trees.sources().count();
@@ -170,16 +160,7 @@ fn compare(
         );
     }
     let plan = intake.plan_on(trees.files[0].metadata().lattice)?;
-    let keys = |s: &Schema| s.attributes.iter().map(|a| (a.name.clone(), a.ty)).collect::<Vec<_>>();
-    if keys(&plan.schema) != keys(trees.schema) {
-        return differs(name, "its attributes are not those of the inputs".into());
-    }
-    if let Some(Conflict { name: attribute, scales, offsets }) = trees.schema.conflict(&plan.schema)
-    {
-        let steps = |i: usize| format!("{} * n + {}", scales[i], offsets[i]);
-        let what = format!("its `{attribute}` is {}, that of the inputs {}", steps(0), steps(1));
-        return differs(name, what);
-    }
+    check_attributes(trees, &plan.schema)?;
     let rows = RowLayout::new(&plan.schema, &plan.classes);
     let (mut points, mut refused) = (0, 0);
     let (mut hash, mut rounding) = (MultisetHash::default(), 0.0f64);
@@ -246,6 +227,40 @@ fn compare(
         rounding_error_max: stated,
         trees: trees.files.len(),
     })
+}
+
+/// Gives attributes of the inputs the types that they have in the trees, where the inputs do not tell
+/// them, and compares what else the inputs state.
+fn take_recorded_types(
+    trees: &Trees<'_>,
+    sources: &mut [Box<dyn Source>],
+) -> Result<(), BuildError> {
+    let records: Vec<_> = sources.iter().map(|s| trees.record_of(s.as_ref())).collect();
+    if records.iter().all(Option::is_some) {
+        for (source, (file, i)) in sources.iter_mut().zip(records.into_iter().flatten()) {
+            let metadata = file.metadata();
+            let class = metadata.classes.get(usize::from(metadata.sources[i].class));
+            take_types(source, &metadata.schema, class.map_or(&[], |class| &class.present));
+            check_meaning(trees.path(), source.as_ref(), (file, i))?;
+        }
+    } else {
+        join_types(sources);
+    }
+    Ok(())
+}
+
+/// Compares the attributes of the inputs, `schema`, with those of the trees.
+fn check_attributes(trees: &Trees<'_>, schema: &Schema) -> Result<(), BuildError> {
+    let keys = |s: &Schema| s.attributes.iter().map(|a| (a.name.clone(), a.ty)).collect::<Vec<_>>();
+    if keys(schema) != keys(trees.schema) {
+        return differs(trees.path(), "its attributes are not those of the inputs".into());
+    }
+    if let Some(Conflict { name: attribute, scales, offsets }) = trees.schema.conflict(schema) {
+        let steps = |i: usize| format!("{} * n + {}", scales[i], offsets[i]);
+        let what = format!("its `{attribute}` is {}, that of the inputs {}", steps(0), steps(1));
+        return differs(trees.path(), what);
+    }
+    Ok(())
 }
 
 /// Compares what an input states about the meaning of its values with what was recorded: the

@@ -1,7 +1,8 @@
 //! Ranges of values for colour maps, from the histograms of the files and the least and greatest
 //! values of nodes: without strays (the outermost values) and without what a filter rejects. Strays
-//! can be so far away that bins are coarser than the differences of all other values; then points of
-//! a few nodes are read. If an end is a number that means "no value", the range is that of a sample.
+//! can be so far away that bins are coarser than the differences of all other values; then points
+//! of a few nodes are read. If an end is a number that means "no value", the range is that of a
+//! sample.
 
 use anyhow::Result;
 use esker_format::{EskerFile, Forest, ForestFilter, PlaneKind};

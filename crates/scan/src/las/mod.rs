@@ -63,8 +63,8 @@ pub fn gps_times(verbatim: &[(String, Vec<u8>)]) -> Option<GpsTimes> {
     Header::parse(head, u64::MAX, Path::new("")).ok()?.gps_times
 }
 
-/// Values of extra bytes that stand for none: name and raw value of each, sorted, from the blocks of
-/// a source kept verbatim; `None` if the source is not LAS.
+/// Values of extra bytes that stand for none: name and raw value of each, sorted, from the blocks
+/// of a source kept verbatim; `None` if the source is not LAS.
 pub fn no_data(verbatim: &[(String, Vec<u8>)]) -> Option<Vec<(String, [u8; 8])>> {
     let block =
         |name: &str| verbatim.iter().find(|(own, _)| own == name).map(|(_, bytes)| &bytes[..]);
