@@ -123,7 +123,8 @@ fn lines_are_decimals_beyond_the_digits_of_a_single() {
     assert_eq!([of("alpha"), of("red"), of("green"), of("blue")], [255.0, 0.0, 1.0, 1.0]);
     assert_eq!(cloud.refused("coordinate is not a finite number"), 1);
     let more = read(text.replace("WIDTH 2", "WIDTH 1")).unwrap();
-    assert!(more.info.notes[0].starts_with("lines behind the 1 points"), "{:?}", more.info.notes);
+    let notes = more.info.notes;
+    assert!(notes[0].starts_with("1 line behind the 1 points that"), "{notes:?}");
 }
 
 #[test]
@@ -227,6 +228,27 @@ fn truncated_or_wrong_files_are_refused_with_the_reason() {
         let error = error(text.replace(last, &line));
         assert!(error.contains(want), "{error} / {want}");
     }
+}
+
+#[test]
+fn records_behind_the_last_point_are_noted() {
+    let points = some();
+    let notes = |data: &str, claimed: usize, more: &[u8]| {
+        let bytes = file(&points[..5], data);
+        let body = &bytes[header(5, data).len()..];
+        let cloud = read([header(claimed, data).as_bytes(), body, more].concat()).unwrap();
+        assert_eq!(cloud.report.points, claimed as u64);
+        cloud.info.notes.first().cloned().unwrap_or_default()
+    };
+    let behind = "behind the 3 points that the header claims are left out";
+    for data in ["ascii", "binary", "binary_compressed"] {
+        assert_eq!(notes(data, 5, b""), "");
+    }
+    assert_eq!(notes("ascii", 3, b""), format!("2 lines {behind}"));
+    let want = format!("2 further records {behind}: correct the header to read them");
+    assert_eq!(notes("binary", 3, b""), want);
+    assert_eq!(notes("binary", 3, b"\n"), format!("67 bytes {behind}: they are no whole records"));
+    assert!(notes("binary_compressed", 5, b"\n").starts_with("1 byte behind the 5 points"));
 }
 
 #[test]

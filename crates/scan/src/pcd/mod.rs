@@ -82,10 +82,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let header = &layout.header;
     let mut notes = viewpoint_note(header, options.apply_viewpoint);
     notes.extend(plan.notes.iter().cloned());
-    if survey.has_more_lines {
-        let points = header.points;
-        notes.push(format!("lines behind the {points} points that the header claims are left out"));
-    }
+    notes.extend(survey.rest.map(|rest| rest.note(header.points, "points")));
     if header.points == 0 {
         notes.push("has no points".into());
     }
@@ -209,6 +206,7 @@ fn survey_stream(
             task.check()?;
             found.merge(survey(raw)?);
         }
+        found.rest = points.rest(task)?;
         return Ok(found);
     }
     let mut points = Points::new(path, body, layout)?;
@@ -221,7 +219,7 @@ fn survey_stream(
             Ok(())
         },
     )?;
-    found.has_more_lines = points.has_more_lines();
+    found.rest = points.rest(task)?;
     Ok(found)
 }
 

@@ -7,11 +7,12 @@ use crate::error::ScanError;
 use crate::ply::ascii::put;
 use crate::ply::header::{Element, Encoding};
 use crate::ply::plan::{RecordPlan, Survey};
+use crate::ply::rest::Rest;
 use crate::source::BATCH_POINTS;
 use crate::text::blocks::{LineBlock, LineBlocks};
 use crate::text::layout::excerpt;
 use crate::text::number::{fields, number};
-use esker_points::AttrType;
+use esker_points::{AttrType, Task};
 use std::io::{BufRead, Read};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -51,9 +52,13 @@ pub(crate) struct Points<'a> {
 }
 
 enum Body {
-    Lines { lines: LineBlocks<Box<dyn BufRead + Send>>, has_more: bool },
+    Lines {
+        lines: LineBlocks<Box<dyn BufRead + Send>>,
+        more: u64,
+    },
     Records(Box<dyn BufRead + Send>),
-    Fields(Arc<Vec<u8>>),
+    /// All points, and the stream behind them.
+    Fields(Arc<Vec<u8>>, Box<dyn BufRead + Send>),
 }
 
 impl Layout {
@@ -196,10 +201,10 @@ impl<'a> Points<'a> {
             Data::Ascii => {
                 let first_line = 1 + header.text.iter().filter(|&&b| b == b'\n').count() as u64;
                 let lines = LineBlocks::new(input, path.to_owned(), first_line);
-                Body::Lines { lines, has_more: false }
+                Body::Lines { lines, more: 0 }
             }
             Data::Binary => Body::Records(input),
-            Data::Compressed if header.points == 0 => Body::Fields(Arc::default()),
+            Data::Compressed if header.points == 0 => Body::Fields(Arc::default(), input),
             Data::Compressed => {
                 let [packed, bytes] = sizes(path, &mut input, header)?;
                 let mut all = Vec::new();
@@ -209,7 +214,7 @@ impl<'a> Points<'a> {
                     return Err(too_few(path, header.points, 0));
                 }
                 let damaged = || ScanError::damaged(path, "its compressed points are damaged");
-                Body::Fields(Arc::new(unpack(&all, bytes as usize).ok_or_else(damaged)?))
+                Body::Fields(Arc::new(unpack(&all, bytes as usize).ok_or_else(damaged)?), input)
             }
         };
         Ok(Self { path: path.to_owned(), layout, left: header.points, body })
@@ -227,10 +232,10 @@ impl<'a> Points<'a> {
         let block = (BLOCK_BYTES / stride).clamp(1, BATCH_POINTS) as u64;
         let count = self.left.min(block);
         let raw = match &mut self.body {
-            Body::Lines { lines, has_more } => loop {
+            Body::Lines { lines, more } => loop {
                 let Some(block) = lines.next()? else { break None };
                 let rows = block.rows.min(self.left);
-                *has_more = block.rows > rows;
+                *more = block.rows - rows;
                 if rows > 0 {
                     break Some((Raw::Lines { block, rows }, rows));
                 }
@@ -243,7 +248,7 @@ impl<'a> Points<'a> {
                 let there = (bytes.len() / stride) as u64;
                 (there > 0).then_some((Raw::Records(bytes), there))
             }
-            Body::Fields(all) => {
+            Body::Fields(all, _) => {
                 let first = (points - self.left) as usize;
                 let raw = Raw::Fields { all: all.clone(), points: first..first + count as usize };
                 Some((raw, count))
@@ -256,13 +261,20 @@ impl<'a> Points<'a> {
         Ok(Some(raw))
     }
 
-    /// Whether lines that are not blank follow the last point; looks only as far as the next block.
-    pub fn has_more_lines(&mut self) -> bool {
+    /// What follows the last point; reads to the end of the file.
+    ///
+    /// # Errors
+    /// If the file cannot be read; [`ScanError::Cancelled`].
+    pub fn rest(&mut self, task: &dyn Task) -> Result<Option<Rest>, ScanError> {
         match &mut self.body {
-            Body::Lines { lines, has_more } => {
-                *has_more || lines.next().map_or(true, |block| block.is_some_and(|b| b.rows > 0))
+            Body::Lines { lines, more } => Rest::of_lines(*more, lines, task),
+            Body::Records(input) => {
+                let stride = self.layout.header.stride as u64;
+                Rest::of_bytes(&self.path, input, Some(stride), task)
             }
-            _ => false,
+            // Writers may pad the compressed points; a cloud of none may keep its two sizes.
+            Body::Fields(..) if self.layout.header.points == 0 => Ok(None),
+            Body::Fields(_, input) => Rest::of_bytes(&self.path, input, None, task),
         }
     }
 }

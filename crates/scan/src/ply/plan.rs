@@ -4,6 +4,7 @@
 use super::ascii::parse_line;
 use super::header::{Element, Encoding, Header, Shape};
 use super::records::{Field, Raw, Record};
+use super::rest::Rest;
 use crate::error::ScanError;
 use crate::fields::recipe::Recipe;
 use crate::fields::values::Values;
@@ -58,8 +59,8 @@ pub(crate) struct Survey {
     decimals: [u32; 3],
     /// Values of the watched fields, in their order.
     values: Vec<Values>,
-    /// Whether lines of an ASCII file follow the last vertex.
-    pub has_more_lines: bool,
+    /// What follows the last point, if the header promises no other elements.
+    pub rest: Option<Rest>,
 }
 
 impl Survey {
