@@ -145,7 +145,8 @@ fn a_viewpoint_is_reported_and_applied_on_request() {
     let text = "FIELDS x y z normal_x normal_y normal_z\nSIZE 4 4 4 4 4 4\nTYPE F F F F F F\n\
         WIDTH 1\nHEIGHT 1\nVIEWPOINT 100.25 200 300 1 0 0 1\nDATA ascii\n1.5 2 3 1 0 0\n";
     let apply = OpenOptions { apply_viewpoint: true, ..OpenOptions::default() };
-    let cloud = read(text).unwrap();
+    let unit = text.replace("300 1 0 0 1", "300 0.7071068 0 0 0.7071068");
+    let cloud = read(unit).unwrap();
     assert_eq!(cloud.world, [[1.5, 2.0, 3.0]]);
     let note = "its VIEWPOINT is 100.25 200 300, turned: points are kept as they are; \
         --apply-viewpoint transforms them by it";
@@ -162,6 +163,8 @@ fn a_viewpoint_is_reported_and_applied_on_request() {
     let cloud = read_with(text.replace("300 1 0 0 1", "300 1 0 0 0"), &apply).unwrap();
     assert_eq!(cloud.world, [[101.75, 202.0, 303.0]]);
     assert_eq!((cloud.info.grid.kind, cloud.info.grid.grid.scale[0]), (GridKind::Decimal, 0.01));
+    let note = "its VIEWPOINT has a quaternion of length 1.4142: it is scaled to 1";
+    assert_eq!(read(text).unwrap().info.notes[1], note);
     let cloud = read_with(text.replace("300 1 0 0 1", "300 0 0 0 0"), &apply).unwrap();
     assert_eq!(cloud.world, [[1.5, 2.0, 3.0]]);
     assert_eq!(cloud.info.notes, ["its VIEWPOINT is no pose and is not used"]);

@@ -116,8 +116,9 @@ fn viewpoint_note(header: &Header, is_applied: bool) -> Vec<String> {
     let Some(pose) = header.viewpoint else {
         return vec!["its VIEWPOINT is no pose and is not used".into()];
     };
+    let mut notes: Vec<String> = header.viewpoint_length.map(length_note).into_iter().collect();
     if pose == Pose::NONE {
-        return Vec::new();
+        return notes;
     }
     let [x, y, z] = pose.at;
     let turn = if pose.is_turned { ", turned" } else { "" };
@@ -126,7 +127,12 @@ fn viewpoint_note(header: &Header, is_applied: bool) -> Vec<String> {
     } else {
         "points are kept as they are; --apply-viewpoint transforms them by it"
     };
-    vec![format!("its VIEWPOINT is {x} {y} {z}{turn}: {what}")]
+    notes.insert(0, format!("its VIEWPOINT is {x} {y} {z}{turn}: {what}"));
+    notes
+}
+
+fn length_note(length: f64) -> String {
+    format!("its VIEWPOINT has a quaternion of length {length:.4}: it is scaled to 1")
 }
 
 /// Refuses a count that the file has no room for; otherwise returns the bytes that are held at once
