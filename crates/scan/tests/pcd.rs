@@ -255,6 +255,49 @@ fn records_behind_the_last_point_are_noted() {
 }
 
 #[test]
+fn packed_colours_written_as_numbers_are_read_as_such() {
+    let colours = |bytes: &[u8]| {
+        let cloud = read(bytes).unwrap();
+        let columns = ["red", "green", "blue"].map(|name| cloud.column(name).1);
+        let rgb: Vec<_> =
+            (0..cloud.world.len()).map(|i| [0, 1, 2].map(|c| columns[c][i])).collect();
+        (rgb, cloud.info.notes)
+    };
+    let head = |count: usize, data: &str| {
+        format!(
+            "FIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nWIDTH {count}\nHEIGHT 1\nDATA {data}\n"
+        )
+    };
+    let text = |words: &[&str]| {
+        let lines = words.iter().map(|word| format!("1 2 3 {word}\n")).collect::<String>();
+        colours((head(words.len(), "ascii") + &lines).as_bytes())
+    };
+    let note = "packed colours are of type F, but all are whole numbers: they are read as integers \
+        (0xRRGGBB)";
+    let [red, green, black] = [[255.0, 0.0, 0.0], [0.0, 255.0, 0.0], [0.0; 3]];
+    let (rgb, notes) = text(&["16711680", "65280", "0", "1.671168e7"]);
+    assert_eq!((rgb, notes), (vec![red, green, black, red], vec![note.to_owned()]));
+    // The bits of red and green, and a value without a colour.
+    let [r, g] = [0x00ff_0000u32, 0x0000_ff00].map(|bits| format!("{:e}", f32::from_bits(bits)));
+    let (rgb, notes) = text(&[&r, &g, "nan", "inf"]);
+    assert_eq!(rgb, [red, green, black, black]);
+    assert_eq!(notes, ["2 packed colours are no numbers: they are black"]);
+    // One value of another kind decides for the bits.
+    assert_eq!(text(&[&r, "65280"]).0[0], red);
+    assert!(text(&["0", "0"]).1.is_empty());
+    let binary = |values: &[f32]| {
+        let point = |&v: &f32| [1.0, 2.0, 3.0, v].map(f32::to_le_bytes).concat();
+        let body: Vec<u8> = values.iter().flat_map(point).collect();
+        colours(&[head(values.len(), "binary").as_bytes(), &body].concat())
+    };
+    let (rgb, notes) = binary(&[16_711_680.0, 65_280.0]);
+    assert_eq!((rgb, notes), (vec![red, green], vec![note.to_owned()]));
+    // Opaque colours are NaN or huge as singles.
+    let (rgb, notes) = binary(&[f32::from_bits(0xffff_0000), f32::from_bits(0xff00_ff00)]);
+    assert_eq!((rgb, notes), (vec![red, green], Vec::new()));
+}
+
+#[test]
 fn compressed_points_are_held_within_memory() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("large.pcd");

@@ -79,6 +79,11 @@ impl Field {
         PACKED.into_iter().find(|(name, _)| is_word && self.name == *name).map(|(_, alpha)| alpha)
     }
 
+    /// Whether it holds packed colours as singles.
+    pub fn is_packed_single(&self) -> bool {
+        self.packed().is_some() && self.ty == AttrType::F32
+    }
+
     /// Whether it is padding.
     pub fn is_padding(&self) -> bool {
         self.name == PADDING

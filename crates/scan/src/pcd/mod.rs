@@ -5,6 +5,7 @@
 
 mod header;
 mod lzf;
+pub(crate) mod packed;
 mod points;
 
 use crate::error::ScanError;
@@ -64,7 +65,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     if let Some(memory_bytes) = options.memory_bytes {
         check_held(held_bytes, memory_bytes, path)?;
     }
-    let layout = Layout::new(header);
+    let mut layout = Layout::new(header);
     let mut plan = RecordPlan::of_element(&layout.element, layout.encoding())
         .ok_or_else(|| ScanError::damaged(path, "its fields lack x, y or z: no points"))?;
     let header = &layout.header;
@@ -73,6 +74,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         plan.apply(viewpoint, header.viewpoint_decimals);
     }
     let survey = survey_stream(path, stream, &layout, &plan, task)?;
+    layout.are_colours_numbers = survey.packed.are_numbers();
     let (kind, grid, bounds) = plan.choose_grid(&layout.element, &survey);
     let colour_depth = wide_colours(&plan.schema).map(|_| {
         let eight = plan.colour_max <= u16::from(u8::MAX);
@@ -82,6 +84,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let header = &layout.header;
     let mut notes = viewpoint_note(header, options.apply_viewpoint);
     notes.extend(plan.notes.iter().cloned());
+    notes.extend(survey.packed.notes(header.data == Data::Ascii));
     notes.extend(survey.rest.map(|rest| rest.note(header.points, "points")));
     if header.points == 0 {
         notes.push("has no points".into());

@@ -9,6 +9,7 @@ use crate::error::ScanError;
 use crate::fields::recipe::Recipe;
 use crate::fields::values::Values;
 use crate::fields::{self, Column, LEGACY, LEGACY_BLOCK};
+use crate::pcd::packed::Packed;
 use crate::pose::Pose;
 use crate::text::naming::{NOT_FINITE, axes, colour_max};
 use esker_points::attribute::names;
@@ -61,11 +62,14 @@ pub(crate) struct Survey {
     values: Vec<Values>,
     /// What follows the last point, if the header promises no other elements.
     pub rest: Option<Rest>,
+    /// Packed colours of type F in a PCD file.
+    pub packed: Packed,
 }
 
 impl Survey {
     pub fn merge(&mut self, other: Self) {
         self.spread.merge(other.spread);
+        self.packed.merge(other.packed);
         for (decimals, other) in self.decimals.iter_mut().zip(other.decimals) {
             *decimals = (*decimals).max(other);
         }
