@@ -416,6 +416,10 @@ fn damaged_files_are_refused_and_poses_that_are_none_are_noted() {
     assert!(cloud.lies_at(&places));
     let note = "scan 1 has a pose whose rotation is none: it is kept as not turned";
     assert_eq!(cloud.info.notes[..1], [note]);
+    let long = read(file(&[scan(pose([0.0, 0.0, 0.0, 2.0], [10.0, 20.0, 30.0]))])).unwrap();
+    assert!(long.lies_at(&[[9.0, 18.0, 33.0]; 500]), "{:?}", long.world[0]);
+    let note = "scan 1: its rotation is a quaternion of length 2.0000, which is scaled to 1";
+    assert_eq!(long.info.notes, [note]);
     let nothing = read(file(&[])).unwrap();
     assert!(nothing.world.is_empty() && nothing.info.notes == ["has no points"]);
 }
