@@ -159,8 +159,6 @@ fn is_rounded(text: &str) -> bool {
     let digits = whole.strip_prefix(['-', '+']).unwrap_or(whole);
     let is_whole = !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
     let Ok(double) = whole.parse::<f64>() else { return false };
-    // Powers of ten say that the rest of the digits is not known.
-    is_whole
-        && fraction.bytes().all(|b| b == b'0')
-        && whole.parse::<i128>().map_or(true, |exact| exact != double as i128)
+    // Digits of numbers with an exponent are not meant to be exact.
+    is_whole && fraction.bytes().all(|b| b == b'0') && whole.parse::<i128>() != Ok(double as i128)
 }

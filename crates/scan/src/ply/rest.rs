@@ -68,7 +68,7 @@ impl Rest {
             input.consume(here);
             bytes += here as u64;
         }
-        let records = stride.filter(|&stride| stride > 0 && bytes % stride == 0);
+        let records = stride.filter(|&stride| stride > 0 && bytes.is_multiple_of(stride));
         Ok(match (bytes, records) {
             (0, _) => None,
             (_, Some(stride)) => Some(Self::Records(bytes / stride)),
