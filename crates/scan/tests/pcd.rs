@@ -252,6 +252,8 @@ fn records_behind_the_last_point_are_noted() {
     assert_eq!(notes("binary", 3, b""), want);
     assert_eq!(notes("binary", 3, b"\n"), format!("67 bytes {behind}: they are no whole records"));
     assert!(notes("binary_compressed", 5, b"\n").starts_with("1 byte behind the 5 points"));
+    // Zeros behind compressed points are padding.
+    assert_eq!(notes("binary_compressed", 5, &[0; 3900]), "");
 }
 
 #[test]

@@ -180,7 +180,7 @@ fn records_behind_the_last_vertex_are_noted() {
     assert_eq!(notes("", 5, &[0; 36]), [want]);
     let want = format!("7 bytes {behind} are left out: they are no whole records");
     assert_eq!(notes("", 5, &[0; 7]), [want]);
-    assert!(notes("property list uchar int v\n", 5, &[0; 36])[0].starts_with("36 bytes behind"));
+    assert!(notes("property list uchar int v\n", 5, &[1; 36])[0].starts_with("36 bytes behind"));
     let none = notes("", 0, &[0; 24]);
     assert!(none[0].starts_with("2 further records behind the 0 vertices"), "{none:?}");
 }

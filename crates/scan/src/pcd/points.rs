@@ -289,7 +289,7 @@ impl<'a> Points<'a> {
                 let stride = self.layout.header.stride as u64;
                 Rest::of_bytes(&self.path, input, Some(stride), task)
             }
-            // Writers may pad the compressed points; a cloud of none may keep its two sizes.
+            // A cloud of no points may keep its two sizes. PCL pads compressed points with zeros.
             Body::Fields(..) if self.layout.header.points == 0 => Ok(None),
             Body::Fields(_, input) => Rest::of_bytes(&self.path, input, None, task),
         }

@@ -46,6 +46,7 @@ impl Rest {
     }
 
     /// Counts the bytes to the end of the file; `stride` is the size of a record, if all have one.
+    /// Without records, zeros are padding.
     ///
     /// # Errors
     /// If the file cannot be read; [`ScanError::Cancelled`].
@@ -55,18 +56,23 @@ impl Rest {
         stride: Option<u64>,
         task: &dyn Task,
     ) -> Result<Option<Self>, ScanError> {
-        let mut bytes: u64 = 0;
+        let (mut bytes, mut are_zeros) = (0, true);
         loop {
             task.check()?;
             let here = match input.fill_buf() {
                 Err(e) if e.kind() == std::io::ErrorKind::Interrupted => continue,
-                other => other.map_err(|e| ScanError::io(path, e))?.len(),
+                other => other.map_err(|e| ScanError::io(path, e))?,
             };
-            if here == 0 {
+            let length = here.len();
+            if length == 0 {
                 break;
             }
-            input.consume(here);
-            bytes += here as u64;
+            are_zeros &= here.iter().all(|&byte| byte == 0);
+            input.consume(length);
+            bytes += length as u64;
+        }
+        if stride.is_none() && are_zeros {
+            return Ok(None);
         }
         let records = stride.filter(|&stride| stride > 0 && bytes.is_multiple_of(stride));
         Ok(match (bytes, records) {
