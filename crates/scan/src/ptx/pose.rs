@@ -1,7 +1,7 @@
 //! Soundness of the matrix of a PTX scan: in the head's numbers, out a pose that keeps all points
-//! apart and finite, and what is to be said of it. A matrix that flattens points, or is not finite,
-//! would put them at wrong places or at none. One that is written by columns is transposed; one
-//! that scales or mirrors points is applied, with a note.
+//! apart and finite, and notes on it. A matrix that flattens points, or is not finite, would put
+//! them at wrong places or at none. One that is written by columns is transposed; one that scales
+//! or mirrors points is applied, with a note.
 
 /// Least volume of the cube that the matrix makes of a unit cube, as a share of the product of the
 /// lengths of its rows: 1 for rotations with a scale, 0 if points are flattened.

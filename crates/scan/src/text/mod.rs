@@ -93,8 +93,8 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     check_malformed(path, &layout, &survey, true)?;
     if let (Some((line, text)), None) = (&survey.renamed, &options.columns) {
         let what = format!(
-            "line {line} names other columns (`{text}`) than those before it: split the file there, \
-             or say with --columns how all lines are read"
+            "line {line} names other columns (`{text}`) than those before it: split the file \
+             there, or say with --columns how all lines are read"
         );
         return Err(ScanError::unsupported(path, what));
     }

@@ -20,8 +20,8 @@ pub(crate) fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// The value of a field, with or without quotes; `None` if it is no number. The spellings of NaN and
-/// infinity by C libraries (`nan(ind)`, `1.#QNAN`, `-1.#INF`) are read as such.
+/// The value of a field, with or without quotes; `None` if it is no number. The spellings of NaN
+/// and infinity by C libraries (`nan(ind)`, `1.#QNAN`, `-1.#INF`) are read as such.
 pub(crate) fn number(field: &[u8]) -> Option<f64> {
     fast_float2::parse::<f64, _>(field).ok().or_else(|| {
         let field = unquoted(field);

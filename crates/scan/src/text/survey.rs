@@ -142,7 +142,7 @@ pub(crate) struct Survey {
     /// Number and beginning of the first line of names behind points that differs from the first
     /// names.
     pub renamed: Option<(u64, String)>,
-    /// The same of comments, which may be no names.
+    /// Number and beginning of the first comment behind points that may name other columns.
     pub commented: Option<(u64, String)>,
     /// Digits after the point that x, y and z need.
     pub decimals: [u32; 3],
