@@ -1,5 +1,14 @@
 //! Pose of a scan: rotation by a quaternion, then translation. Serves E57 and PCD.
 
+/// Greatest difference of the length of a quaternion from 1 that is rounding.
+const OFF_LENGTH_MAX: f64 = 1e-3;
+
+/// The length of a quaternion, if it is not 1: [`Pose::new`] then takes it as scaled.
+pub(crate) fn odd_length(quaternion: [f64; 4]) -> Option<f64> {
+    let length = quaternion.iter().map(|c| c * c).sum::<f64>().sqrt();
+    (length.is_finite() && length > 0.0 && (length - 1.0).abs() > OFF_LENGTH_MAX).then_some(length)
+}
+
 /// Position and rotation of a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pose {

@@ -18,6 +18,10 @@ pub(crate) const HEAD_BYTES: u64 = 64 << 10;
 /// of a batch does not matter.
 pub const BATCH_POINTS: usize = 1 << 16;
 
+/// Note on scans that the reader numbers: readers do not know of each other.
+pub(crate) const SCAN_NUMBERS: &str = "point_source_id is the number of the scan within this file, \
+    from 1: scans of other files may have the same numbers";
+
 /// A scan format, an entry of the registry.
 pub struct Format {
     /// Name in messages: `LAS`, `PLY` ...

@@ -250,7 +250,8 @@ fn attributes_that_a_scan_lacks_are_noted() {
     let cloud = read(file(&[plain, Scan { prototype, pose: None, points: vec![point] }])).unwrap();
     assert_eq!(cloud.types(), "intensity:f32 point_source_id:u16");
     assert_eq!(cloud.column("intensity").1, [0.0, 0.5]);
-    assert_eq!(cloud.info.notes, ["1 of 2 scans have no intensity: it is 0 there"]);
+    assert_eq!(cloud.info.notes[..1], ["1 of 2 scans have no intensity: it is 0 there"]);
+    assert!(cloud.info.notes[1].starts_with("point_source_id is the number of the scan"));
 }
 
 #[test]
@@ -394,7 +395,7 @@ fn too_many_values_are_refused() {
     assert_eq!(cloud.column("point_source_id").1, [2.0]);
     assert_eq!(cloud.refused("point of a damaged scan"), 10);
     let note = "scan 1 has more than 1024 values a point: its 10 points are refused";
-    assert_eq!(cloud.info.notes, [note]);
+    assert_eq!(cloud.info.notes[..1], [note]);
 }
 
 #[test]
@@ -414,7 +415,11 @@ fn damaged_files_are_refused_and_poses_that_are_none_are_noted() {
     let places = [[[11.0, 22.0, 33.0]; 500], [[1.0, 2.0, 3.0]; 500]].concat();
     assert!(cloud.lies_at(&places));
     let note = "scan 1 has a pose whose rotation is none: it is kept as not turned";
-    assert_eq!(cloud.info.notes, [note]);
+    assert_eq!(cloud.info.notes[..1], [note]);
+    let long = read(file(&[scan(pose([0.0, 0.0, 0.0, 2.0], [10.0, 20.0, 30.0]))])).unwrap();
+    assert!(long.lies_at(&[[9.0, 18.0, 33.0]; 500]), "{:?}", long.world[0]);
+    let note = "scan 1: its rotation is a quaternion of length 2.0000, which is scaled to 1";
+    assert_eq!(long.info.notes, [note]);
     let nothing = read(file(&[])).unwrap();
     assert!(nothing.world.is_empty() && nothing.info.notes == ["has no points"]);
 }

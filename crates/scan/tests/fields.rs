@@ -171,6 +171,8 @@ fn colours_of_any_type_and_scale_become_colours() {
     let gaps = ply(&names.map(|n| ("float", n)), &[&[f64::NAN; 3], &[1.0, 0.2, 0.4]]);
     assert_eq!(gaps.column("red").1, [0.0, 255.0]);
     assert!(noted(&gaps, "3 values are no numbers"), "{:?}", gaps.info.notes);
+    let endless = ply(&names.map(|n| ("float", n)), &[&[f64::INFINITY; 3], &[1.0, 0.2, 0.4]]);
+    assert_eq!(endless.column("red").1, [0.0, 255.0]);
 }
 
 #[test]

@@ -123,7 +123,8 @@ fn lines_are_decimals_beyond_the_digits_of_a_single() {
     assert_eq!([of("alpha"), of("red"), of("green"), of("blue")], [255.0, 0.0, 1.0, 1.0]);
     assert_eq!(cloud.refused("coordinate is not a finite number"), 1);
     let more = read(text.replace("WIDTH 2", "WIDTH 1")).unwrap();
-    assert!(more.info.notes[0].starts_with("lines behind the 1 points"), "{:?}", more.info.notes);
+    let notes = more.info.notes;
+    assert!(notes[0].starts_with("1 line behind the 1 points that"), "{notes:?}");
 }
 
 #[test]
@@ -144,7 +145,8 @@ fn a_viewpoint_is_reported_and_applied_on_request() {
     let text = "FIELDS x y z normal_x normal_y normal_z\nSIZE 4 4 4 4 4 4\nTYPE F F F F F F\n\
         WIDTH 1\nHEIGHT 1\nVIEWPOINT 100.25 200 300 1 0 0 1\nDATA ascii\n1.5 2 3 1 0 0\n";
     let apply = OpenOptions { apply_viewpoint: true, ..OpenOptions::default() };
-    let cloud = read(text).unwrap();
+    let unit = text.replace("300 1 0 0 1", "300 0.7071068 0 0 0.7071068");
+    let cloud = read(unit).unwrap();
     assert_eq!(cloud.world, [[1.5, 2.0, 3.0]]);
     let note = "its VIEWPOINT is 100.25 200 300, turned: points are kept as they are; \
         --apply-viewpoint transforms them by it";
@@ -161,6 +163,8 @@ fn a_viewpoint_is_reported_and_applied_on_request() {
     let cloud = read_with(text.replace("300 1 0 0 1", "300 1 0 0 0"), &apply).unwrap();
     assert_eq!(cloud.world, [[101.75, 202.0, 303.0]]);
     assert_eq!((cloud.info.grid.kind, cloud.info.grid.grid.scale[0]), (GridKind::Decimal, 0.01));
+    let note = "its VIEWPOINT has a quaternion of length 1.4142: it is scaled to 1";
+    assert_eq!(read(text).unwrap().info.notes[1], note);
     let cloud = read_with(text.replace("300 1 0 0 1", "300 0 0 0 0"), &apply).unwrap();
     assert_eq!(cloud.world, [[1.5, 2.0, 3.0]]);
     assert_eq!(cloud.info.notes, ["its VIEWPOINT is no pose and is not used"]);
@@ -227,6 +231,72 @@ fn truncated_or_wrong_files_are_refused_with_the_reason() {
         let error = error(text.replace(last, &line));
         assert!(error.contains(want), "{error} / {want}");
     }
+}
+
+#[test]
+fn records_behind_the_last_point_are_noted() {
+    let points = some();
+    let notes = |data: &str, claimed: usize, more: &[u8]| {
+        let bytes = file(&points[..5], data);
+        let body = &bytes[header(5, data).len()..];
+        let cloud = read([header(claimed, data).as_bytes(), body, more].concat()).unwrap();
+        assert_eq!(cloud.report.points, claimed as u64);
+        cloud.info.notes.first().cloned().unwrap_or_default()
+    };
+    let behind = "behind the 3 points that the header claims are left out";
+    for data in ["ascii", "binary", "binary_compressed"] {
+        assert_eq!(notes(data, 5, b""), "");
+    }
+    assert_eq!(notes("ascii", 3, b""), format!("2 lines {behind}"));
+    let want = format!("2 further records {behind}: correct the header to read them");
+    assert_eq!(notes("binary", 3, b""), want);
+    assert_eq!(notes("binary", 3, b"\n"), format!("67 bytes {behind}: they are no whole records"));
+    assert!(notes("binary_compressed", 5, b"\n").starts_with("1 byte behind the 5 points"));
+    // Zeros behind compressed points are padding.
+    assert_eq!(notes("binary_compressed", 5, &[0; 3900]), "");
+}
+
+#[test]
+fn packed_colours_written_as_numbers_are_read_as_such() {
+    let colours = |bytes: &[u8]| {
+        let cloud = read(bytes).unwrap();
+        let columns = ["red", "green", "blue"].map(|name| cloud.column(name).1);
+        let rgb: Vec<_> =
+            (0..cloud.world.len()).map(|i| [0, 1, 2].map(|c| columns[c][i])).collect();
+        (rgb, cloud.info.notes)
+    };
+    let head = |count: usize, data: &str| {
+        format!(
+            "FIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nWIDTH {count}\nHEIGHT 1\nDATA {data}\n"
+        )
+    };
+    let text = |words: &[&str]| {
+        let lines = words.iter().map(|word| format!("1 2 3 {word}\n")).collect::<String>();
+        colours((head(words.len(), "ascii") + &lines).as_bytes())
+    };
+    let note = "packed colours are of type F, but all are whole numbers: they are read as integers \
+        (0xRRGGBB)";
+    let [red, green, black] = [[255.0, 0.0, 0.0], [0.0, 255.0, 0.0], [0.0; 3]];
+    let (rgb, notes) = text(&["16711680", "65280", "0", "1.671168e7"]);
+    assert_eq!((rgb, notes), (vec![red, green, black, red], vec![note.to_owned()]));
+    // The bits of red and green, and a value without a colour.
+    let [r, g] = [0x00ff_0000u32, 0x0000_ff00].map(|bits| format!("{:e}", f32::from_bits(bits)));
+    let (rgb, notes) = text(&[&r, &g, "nan", "inf"]);
+    assert_eq!(rgb, [red, green, black, black]);
+    assert_eq!(notes, ["2 packed colours are no numbers: they are black"]);
+    // One value of another kind decides for the bits.
+    assert_eq!(text(&[&r, "65280"]).0[0], red);
+    assert!(text(&["0", "0"]).1.is_empty());
+    let binary = |values: &[f32]| {
+        let point = |&v: &f32| [1.0, 2.0, 3.0, v].map(f32::to_le_bytes).concat();
+        let body: Vec<u8> = values.iter().flat_map(point).collect();
+        colours(&[head(values.len(), "binary").as_bytes(), &body].concat())
+    };
+    let (rgb, notes) = binary(&[16_711_680.0, 65_280.0]);
+    assert_eq!((rgb, notes), (vec![red, green], vec![note.to_owned()]));
+    // Opaque colours are NaN or huge as singles.
+    let (rgb, notes) = binary(&[f32::from_bits(0xffff_0000), f32::from_bits(0xff00_ff00)]);
+    assert_eq!((rgb, notes), (vec![red, green], Vec::new()));
 }
 
 #[test]

@@ -150,11 +150,39 @@ fn lines_behind_the_last_vertex_are_noted() {
         assert_eq!(notes(count, 0, &body), none);
         assert_eq!(notes(count, 0, &(body.clone() + "\n \n")), none);
         assert_eq!(notes(count, 1, &(body.clone() + "3 0 0 0\n")), ["1 faces ignored"]);
-        let want = format!("lines behind the {count} vertices that the header claims are left out");
-        for more in ["4 5 6", "4 5 6\n7 8 9\n", "what is this"] {
-            assert_eq!(notes(count, 0, &(body.clone() + more)), std::slice::from_ref(&want));
+        let behind = format!("behind the {count} vertices that the header claims");
+        for more in ["4 5 6", "what is this\n"] {
+            let want = format!("1 line {behind} is left out");
+            assert_eq!(notes(count, 0, &(body.clone() + more)), [want]);
         }
+        let many = "4 5 6\n\n".repeat(90_000);
+        let want = format!("90000 lines {behind} are left out");
+        assert_eq!(notes(count, 0, &(body.clone() + &many)), [want]);
     }
+}
+
+#[test]
+fn records_behind_the_last_vertex_are_noted() {
+    let notes = |property: &str, count: usize, more: &[u8]| {
+        let text = format!(
+            "ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{property}property float x\n\
+            property float y\nproperty float z\nelement face 0\nproperty list uchar int v\nend_header\n"
+        );
+        let lists = usize::from(!property.is_empty());
+        let point = [&[0u8][..lists], &[1.0f32, 2.0, 3.0].map(f32::to_le_bytes).concat()].concat();
+        let cloud = read([text.as_bytes(), &point.repeat(count), more].concat()).unwrap();
+        assert_eq!(cloud.report.points, count as u64);
+        cloud.info.notes
+    };
+    let behind = "behind the 5 vertices that the header claims";
+    assert!(notes("", 5, b"").is_empty());
+    let want = format!("3 further records {behind} are left out: correct the header to read them");
+    assert_eq!(notes("", 5, &[0; 36]), [want]);
+    let want = format!("7 bytes {behind} are left out: they are no whole records");
+    assert_eq!(notes("", 5, &[0; 7]), [want]);
+    assert!(notes("property list uchar int v\n", 5, &[1; 36])[0].starts_with("36 bytes behind"));
+    let none = notes("", 0, &[0; 24]);
+    assert!(none[0].starts_with("2 further records behind the 0 vertices"), "{none:?}");
 }
 
 #[test]

@@ -85,7 +85,9 @@ fn scans_of_different_columns_are_read() {
     assert_eq!(cloud.column("blue").1, [0.0, 0.0, 9.0]);
     assert_eq!(cloud.column("point_source_id").1, [1.0, 1.0, 2.0]);
     assert_eq!(cloud.refused("no return"), 1);
-    assert_eq!(cloud.info.notes, ["2 of 3 points have no colours: they are black"]);
+    let numbered = "point_source_id is the number of the scan within this file, from 1: \
+        scans of other files may have the same numbers";
+    assert_eq!(cloud.info.notes, ["2 of 3 points have no colours: they are black", numbered]);
     let empty = read(head(0, 0, moved([0.0; 3])) + &one + "1 2 3 0.5\n4 5 6 0.25\n").unwrap();
     assert_eq!((empty.world.len(), empty.info.notes.len()), (2, 0));
 }
@@ -149,9 +151,65 @@ fn poses_that_are_none_are_replaced_and_noted() {
     let cloud = read(format!("{astray}1 2 3 4\n")).unwrap();
     assert_eq!(cloud.world, [[8.5, 10.0, 12.0]]);
     assert!(cloud.info.notes[0].contains("the scanner's position is taken"));
-    // A scale is kept.
-    let small = head(1, 1, [[0.001, 0.0, 0.0], [0.0, 0.001, 0.0], [0.0, 0.0, 0.001], [0.0; 3]]);
-    assert!(read(format!("{small}1 2 3 4\n")).unwrap().lies_at(&[[0.001, 0.002, 0.003]]));
+}
+
+#[test]
+fn matrices_that_scale_or_mirror_are_applied_and_noted() {
+    let [x, y, z] = STRAIGHT;
+    let times = |factor: f64, row: [f64; 3]| row.map(|c| c * factor);
+    for (matrix, want, does) in [
+        (
+            [times(0.001, x), times(0.001, y), times(0.001, z)],
+            [0.001, 0.002, 0.003],
+            "scales points by 0.001",
+        ),
+        ([times(-1.0, x), y, z], [-1.0, 2.0, 3.0], "mirrors points"),
+        (
+            [times(2.0, x), y, times(-1.0, z)],
+            [2.0, 2.0, -3.0],
+            "mirrors points and scales points by 2, 1 and 1 along its axes",
+        ),
+        ([x, [0.6, 0.8, 0.0], z], [2.2, 1.6, 3.0], "shears points"),
+    ] {
+        let [a, b, c] = matrix;
+        let cloud = read(head(1, 1, [a, b, c, [0.0; 3]]) + "1 2 3 4\n").unwrap();
+        assert!(cloud.lies_at(&[want]), "{:?}", cloud.world);
+        let want = format!("scan 1 has a matrix that {does}: it is applied as it is");
+        assert_eq!(cloud.info.notes, [want]);
+    }
+    // A scan of no returns is no error because of its matrix.
+    let none = head(1, 1, [times(2.0, x), times(2.0, y), times(2.0, z), [0.0; 3]]) + "0 0 0 4\n";
+    assert_eq!(read(none).unwrap().world.len(), 0);
+}
+
+#[test]
+fn a_matrix_written_by_columns_is_transposed() {
+    let of = |axes: &str, matrix: &str| {
+        read(format!("1\n1\n100.5 200 5\n{axes}\n{matrix}\n10 20 30 0.5\n")).unwrap()
+    };
+    let axes = "0 1 0\n-1 0 0\n0 0 1";
+    let by_rows = of(axes, "0 1 0 0\n-1 0 0 0\n0 0 1 0\n100.5 200 5 1");
+    let by_columns = of(axes, "0 -1 0 100.5\n1 0 0 200\n0 0 1 5\n0 0 0 1");
+    for cloud in [&by_rows, &by_columns] {
+        assert!(cloud.lies_at(&[[80.5, 210.0, 35.0]]), "{:?}", cloud.world);
+        assert_eq!(cloud.info.scanner, Some(Scanner::At([100.5, 200.0, 5.0])));
+    }
+    assert!(by_rows.info.notes.is_empty());
+    let note = "scan 1 has a matrix written by columns: it is transposed";
+    let agrees = format!("{note}, as its axes and its position say");
+    assert_eq!(by_columns.info.notes, [agrees]);
+    // Without a turn, decimals stay decimals: the digits are those of the column.
+    let straight = of(axes, "1 0 0 100.5\n0 1 0 200\n0 0 1 5\n0 0 0 1");
+    assert_eq!(straight.world, [[110.5, 220.0, 35.0]]);
+    assert_eq!(straight.info.grid.grid.scale, [0.1, 1.0, 1.0]);
+    assert_eq!(straight.info.notes, [note]);
+    // Both readings are sound where there is no position: the matrix is applied as written.
+    let unplaced = of("0 -1 0\n1 0 0\n0 0 1", "0 1 0 0\n-1 0 0 0\n0 0 1 0\n0 0 0 1");
+    assert!(unplaced.lies_at(&[[-20.0, 10.0, 30.0]]));
+    assert!(unplaced.info.notes[0].contains("axes of the transposed matrix"));
+    let odd = of(axes, "0 1 0 7\n-1 0 0 0\n0 0 1 0\n100.5 200 5 1");
+    assert!(odd.lies_at(&[[80.5, 210.0, 35.0]]));
+    assert!(odd.info.notes[0].contains("fourth column is not 0 0 0 1"));
 }
 
 #[test]

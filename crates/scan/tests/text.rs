@@ -22,7 +22,7 @@ fn whole_numbers_keep_all_digits_that_64_bits_hold() {
             .info
             .notes
             .iter()
-            .any(|n| n == "whole numbers from 2^53 on are rounded to doubles: id");
+            .any(|n| n == "id: 1 whole numbers from 2^53 on are rounded to doubles");
         let ty = cloud.column("id").0;
         (ty, is_noted, cloud.bytes("id")[..ty.size()].to_vec())
     };
@@ -34,12 +34,29 @@ fn whole_numbers_keep_all_digits_that_64_bits_hold() {
         let want = value.parse::<i64>().unwrap().to_le_bytes().to_vec();
         assert_eq!(column(value), (AttrType::I64, false, want));
     }
-    for value in ["18446744073709551616", "-9223372036854775809"] {
+    for value in ["18446744073709551617", "-9223372036854775809", "123456789012345678901"] {
         assert!(column(value).1, "{value}");
     }
-    for value in ["9007199254740991", "0.5", "17.5"] {
+    for value in ["9007199254740991", "18446744073709551616", "1e30", "0.5", "17.5"] {
         assert!(!column(value).1, "{value}");
     }
+    // Beside fractions, and beside missing values, which whole numbers cannot stand for.
+    for other in ["0.5", ""] {
+        let rows = "2,3,4,9007199254740993\n3,4,5,9007199254740992\n4,5,6,9007199254740995.0\n";
+        let cloud = read(format!("x,y,z,id\n1,2,3,{other}\n{rows}")).unwrap();
+        let want = "id: 2 whole numbers from 2^53 on are rounded to doubles".to_owned();
+        assert!(cloud.info.notes.contains(&want), "{:?}", cloud.info.notes);
+    }
+}
+
+#[test]
+fn infinite_values_are_counted() {
+    let cloud = read("x,y,z,a,b\n1,2,3,1e400,5\n2,3,4,-1.#INF,6\n3,4,5,0.5,7\n4,5,1e999,0.5,7\n");
+    let cloud = cloud.unwrap();
+    assert_eq!(cloud.column("a").1, [f64::INFINITY, f64::NEG_INFINITY, 0.5]);
+    let want = "a: 2 values are infinite, or too large for a double".to_owned();
+    assert!(cloud.info.notes.contains(&want), "{:?}", cloud.info.notes);
+    assert_eq!(cloud.refused("coordinate is not a finite number"), 1);
 }
 
 #[test]

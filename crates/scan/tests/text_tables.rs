@@ -227,6 +227,37 @@ fn a_damaged_first_line_does_not_decide() {
 }
 
 #[test]
+fn a_second_line_of_names_is_noted_or_refused() {
+    let first = "x y z intensity\n1 2 3 4\n2 3 4 5\n";
+    let behind = "9 8 7 6\n5 4 3 2\n";
+    let cloud = read(format!("{first}X Y Z Intensity\n{behind}x y z intensity\n{behind}")).unwrap();
+    assert_eq!((cloud.report.points, cloud.world[2]), (6, [9.0, 8.0, 7.0]));
+    assert_eq!(cloud.refused("line names the columns again"), 2);
+    let note = notes(&cloud);
+    let want = "2 lines name the columns again, the first is line 4 (`X Y Z Intensity`)";
+    assert!(note.contains(want), "{note}");
+    for other in ["z y x intensity", "x y z", "x y z intensity time"] {
+        let error = error(format!("{first}{other}\n{behind}"));
+        let want = format!("line 4 names other columns (`{other}`) than those before it");
+        assert!(error.contains(&want), "{error}");
+    }
+    // The user says how all lines are read.
+    let text = format!("{first}z y x intensity\n{behind}");
+    let cloud = read_with(text, &with_columns("x=1,y=2,z=3")).unwrap();
+    assert_eq!((cloud.report.points, cloud.world[2]), (4, [9.0, 8.0, 7.0]));
+    // Without a first line of names, x, y and z must be where they are read.
+    let cloud = read("1 2 3\n2 3 4\nx y z\n3 4 5\n").unwrap();
+    assert!(notes(&cloud).contains("line 3 names the columns again"), "{}", notes(&cloud));
+    assert!(error("1 2 3\n2 3 4\nz y x\n3 4 5\n").contains("line 3 names other columns"));
+    // A comment may be prose: it is noted.
+    let cloud = read(format!("{first}# z y x intensity\n{behind}")).unwrap();
+    assert_eq!(cloud.report.points, 4);
+    let want = "the comment in line 4 may name other columns";
+    assert!(notes(&cloud).contains(want), "{}", notes(&cloud));
+    assert!(!notes(&read(format!("{first}# x y z intensity\n{behind}")).unwrap()).contains(want));
+}
+
+#[test]
 fn empty_fields_keep_their_points() {
     let text = "x,y,z,intensity,classification,amp,b_,gps_time\n\
                 1,2,3,5,2,7,0.5,10.5\n4,5,6,,,,,\n7,8,9,-,NaN,null,n/a,\"\"\n";

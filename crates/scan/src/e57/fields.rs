@@ -6,7 +6,7 @@ use super::grid::grid;
 use super::packets::bits;
 use super::values::{NumberType, is_plain, real};
 use crate::fields::recipe::put;
-use crate::pose::Pose;
+use crate::pose::{Pose, odd_length};
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX, axis, named, schema_of, usual};
 use e57::{PointCloud, Record, RecordDataType as Kind, RecordName as Name, RecordValue as Value};
 use esker_points::attribute::names;
@@ -449,7 +449,14 @@ fn pose_of(cloud: &PointCloud) -> (Pose, Option<&'static str>) {
 /// Notes on the poses that are not used as they are.
 fn pose_notes(clouds: &[PointCloud]) -> Vec<String> {
     let faults = (1..).zip(clouds).filter_map(|(number, cloud)| Some((number, pose_of(cloud).1?)));
-    faults.map(|(number, what): (usize, _)| format!("scan {number} has {what}")).collect()
+    let faults = faults.map(|(number, what): (usize, _)| format!("scan {number} has {what}"));
+    let odd = (1..).zip(clouds).filter_map(|(number, cloud)| {
+        let q = &cloud.transform.as_ref()?.rotation;
+        let length = odd_length([q.w, q.x, q.y, q.z])?;
+        let what = "its rotation is a quaternion of length";
+        Some(format!("scan {number}: {what} {length:.4}, which is scaled to 1"))
+    });
+    faults.chain(odd.collect::<Vec<String>>()).collect()
 }
 
 /// Why no point of a scan can be read; `None` if its header is sound.

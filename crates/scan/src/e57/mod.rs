@@ -18,12 +18,15 @@ mod xml;
 use crate::caught::catch;
 use crate::error::ScanError;
 use crate::las::crs::unit_of;
-use crate::source::{Crs, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
+use crate::source::{
+    Crs, Format, OpenOptions, ReadReport, SCAN_NUMBERS, Scanner, Sink, Source, SourceInfo,
+};
 use crate::text::blocks::in_order;
 use crate::text::naming::{NO_RETURN, NOT_FINITE, colour_max, wide_colours};
 use buffered::{BufferedFile, Reader, file_of};
 use damage::{Damage, LostScan, lost_scans, with_points};
 use e57::{E57Reader, PointCloud, PointCloudReaderRaw, RecordValue};
+use esker_points::attribute::names;
 use esker_points::lattice::{GridKind, Placement, float_grid};
 use esker_points::{Batch, Cancelled, ColourDepth, InputGrid, Rounding, Spread, Task};
 use fields::{Fields, FieldsError, Position};
@@ -147,6 +150,9 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         0 => {}
         1 => notes.push("an image is left out".into()),
         n => notes.push(format!("{n} images are left out")),
+    }
+    if fields.schema.find(names::POINT_SOURCE_ID).is_some() && clouds.len() > 1 {
+        notes.push(SCAN_NUMBERS.into());
     }
     if bounds.is_none() {
         notes.push("has no points".into());

@@ -66,7 +66,11 @@ impl Recipe {
                 return same(ty.to_f64(&out[out.len() - ty.size()..]), v);
             }
             Self::Rounded(column) => number(column),
-            Self::Colour { column, factor } => (number(column) * factor).round(),
+            Self::Colour { column, factor } => {
+                // Infinity would be white; the note on values that are no numbers says 0.
+                let v = number(column);
+                if v.is_finite() { (v * factor).round() } else { 0.0 }
+            }
             Self::Angle(column) => (number(column) / ANGLE_STEP).round(),
             Self::Packed(ref parts) => {
                 parts.iter().map(|part| number(part.column) * f64::from(1u32 << part.shift)).sum()

@@ -21,6 +21,8 @@ pub(crate) struct Values {
     pub not_finite: u64,
     /// Whether the digits of all large values are those of a `u64`, and those of an `i64`.
     large: [bool; 2],
+    /// Number of whole numbers in text of which a double rounds digits away.
+    pub rounded: u64,
     /// Whether the fields below are kept, which takes time.
     is_watched: bool,
     /// Bits that are set in any value, as whole numbers of 8 bits.
@@ -43,6 +45,7 @@ impl Values {
             whole: true,
             not_finite: 0,
             large: [true; 2],
+            rounded: 0,
             is_watched,
             bits: 0,
             are_returns: true,
@@ -59,6 +62,7 @@ impl Values {
             whole: false,
             not_finite: 1,
             large: [false; 2],
+            rounded: 0,
             is_watched: true,
             bits: u8::MAX,
             are_returns: false,
@@ -98,6 +102,7 @@ impl Values {
         let text = std::str::from_utf8(text).unwrap_or_default();
         self.large[0] &= text.parse::<u64>().is_ok();
         self.large[1] &= text.parse::<i64>().is_ok();
+        self.rounded += u64::from(is_rounded(text));
     }
 
     /// Adds the values of another pass.
@@ -109,6 +114,7 @@ impl Values {
         for (own, other) in self.large.iter_mut().zip(other.large) {
             *own &= other;
         }
+        self.rounded += other.rounded;
         self.is_watched |= other.is_watched;
         self.bits |= other.bits;
         self.are_returns &= other.are_returns;
@@ -145,12 +151,14 @@ impl Values {
             AttrType::F64
         }
     }
+}
 
-    /// Whether values are whole numbers whose last digits a double rounds away.
-    pub fn is_rounded(&self) -> bool {
-        let greatest = self.max.max(-self.min);
-        self.whole
-            && (WHOLE_MAX..=u64::MAX as f64).contains(&greatest)
-            && self.narrowest() == AttrType::F64
-    }
+/// Whether a double rounds digits of this whole number away.
+fn is_rounded(text: &str) -> bool {
+    let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
+    let digits = whole.strip_prefix(['-', '+']).unwrap_or(whole);
+    let is_whole = !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
+    let Ok(double) = whole.parse::<f64>() else { return false };
+    // Digits of numbers with an exponent are not meant to be exact.
+    is_whole && fraction.bytes().all(|b| b == b'0') && whole.parse::<i128>() != Ok(double as i128)
 }

@@ -2,7 +2,7 @@
 //! `DATA`: fields, their sizes, types and counts, the number of points and how they are stored.
 
 use crate::ply::header::{Element, Property, Shape};
-use crate::pose::Pose;
+use crate::pose::{Pose, odd_length};
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX};
 use crate::text::number::decimals;
 use esker_points::AttrType;
@@ -58,6 +58,8 @@ pub(crate) struct Header {
     pub rows: u64,
     /// Pose of the sensor; `None` if the header has one that is no pose.
     pub viewpoint: Option<Pose>,
+    /// Length of the quaternion of `viewpoint`, if it is not 1.
+    pub viewpoint_length: Option<f64>,
     /// Digits after the point that the position of the sensor needs.
     pub viewpoint_decimals: [u32; 3],
     pub data: Data,
@@ -75,6 +77,11 @@ impl Field {
     pub fn packed(&self) -> Option<bool> {
         let is_word = self.bytes() == 4 && self.count == 1;
         PACKED.into_iter().find(|(name, _)| is_word && self.name == *name).map(|(_, alpha)| alpha)
+    }
+
+    /// Whether it holds packed colours as singles.
+    pub fn is_packed_single(&self) -> bool {
+        self.packed().is_some() && self.ty == AttrType::F32
     }
 
     /// Whether it is padding.
@@ -169,8 +176,8 @@ impl Header {
         let points = number("POINTS")?
             .or(cells)
             .ok_or("the header does not say how many points there are")?;
-        let (viewpoint, viewpoint_decimals) =
-            find("VIEWPOINT").map_or((Some(Pose::NONE), [0; 3]), viewpoint_of);
+        let (viewpoint, viewpoint_length, viewpoint_decimals) =
+            find("VIEWPOINT").map_or((Some(Pose::NONE), None, [0; 3]), viewpoint_of);
         let data = match find("DATA").and_then(|words| words.first()).copied() {
             Some("ascii") => Data::Ascii,
             Some("binary") => Data::Binary,
@@ -186,6 +193,7 @@ impl Header {
             points,
             rows: height.unwrap_or(1),
             viewpoint,
+            viewpoint_length,
             viewpoint_decimals,
             data,
             text,
@@ -218,17 +226,22 @@ impl Header {
     }
 }
 
-/// The pose of the sensor, and the digits after the point of its position: three numbers of the
-/// position and four of a quaternion, which the oldest files lack.
-fn viewpoint_of(words: &[&str]) -> (Option<Pose>, [u32; 3]) {
+/// The pose of the sensor, the length of its quaternion if that is not 1, and the digits after the
+/// point of its position: three numbers of the position and four of a quaternion, which the oldest
+/// files lack.
+fn viewpoint_of(words: &[&str]) -> (Option<Pose>, Option<f64>, [u32; 3]) {
     let digits = [0, 1, 2].map(|i| words.get(i).map_or(0, |word| decimals(word.as_bytes())));
     let numbers: Option<Vec<f64>> = words.iter().map(|word| word.parse().ok()).collect();
+    let length = match numbers.as_deref() {
+        Some(&[_, _, _, qw, qx, qy, qz]) => odd_length([qw, qx, qy, qz]),
+        _ => None,
+    };
     let pose = match numbers.as_deref() {
         Some(&[x, y, z]) => Pose::new([1.0, 0.0, 0.0, 0.0], [x, y, z]),
         Some(&[x, y, z, qw, qx, qy, qz]) => Pose::new([qw, qx, qy, qz], [x, y, z]),
         _ => None,
     };
-    (pose, digits)
+    (pose, length.filter(|_| pose.is_some()), digits)
 }
 
 fn wrong(name: &str, word: &str) -> String {

@@ -5,6 +5,7 @@
 
 mod header;
 mod lzf;
+pub(crate) mod packed;
 mod points;
 
 use crate::error::ScanError;
@@ -64,7 +65,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     if let Some(memory_bytes) = options.memory_bytes {
         check_held(held_bytes, memory_bytes, path)?;
     }
-    let layout = Layout::new(header);
+    let mut layout = Layout::new(header);
     let mut plan = RecordPlan::of_element(&layout.element, layout.encoding())
         .ok_or_else(|| ScanError::damaged(path, "its fields lack x, y or z: no points"))?;
     let header = &layout.header;
@@ -73,6 +74,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         plan.apply(viewpoint, header.viewpoint_decimals);
     }
     let survey = survey_stream(path, stream, &layout, &plan, task)?;
+    layout.are_colours_numbers = survey.packed.are_numbers();
     let (kind, grid, bounds) = plan.choose_grid(&layout.element, &survey);
     let colour_depth = wide_colours(&plan.schema).map(|_| {
         let eight = plan.colour_max <= u16::from(u8::MAX);
@@ -82,10 +84,8 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let header = &layout.header;
     let mut notes = viewpoint_note(header, options.apply_viewpoint);
     notes.extend(plan.notes.iter().cloned());
-    if survey.has_more_lines {
-        let points = header.points;
-        notes.push(format!("lines behind the {points} points that the header claims are left out"));
-    }
+    notes.extend(survey.packed.notes(header.data == Data::Ascii));
+    notes.extend(survey.rest.map(|rest| rest.note(header.points, "points")));
     if header.points == 0 {
         notes.push("has no points".into());
     }
@@ -119,8 +119,9 @@ fn viewpoint_note(header: &Header, is_applied: bool) -> Vec<String> {
     let Some(pose) = header.viewpoint else {
         return vec!["its VIEWPOINT is no pose and is not used".into()];
     };
+    let mut notes: Vec<String> = header.viewpoint_length.map(length_note).into_iter().collect();
     if pose == Pose::NONE {
-        return Vec::new();
+        return notes;
     }
     let [x, y, z] = pose.at;
     let turn = if pose.is_turned { ", turned" } else { "" };
@@ -129,7 +130,12 @@ fn viewpoint_note(header: &Header, is_applied: bool) -> Vec<String> {
     } else {
         "points are kept as they are; --apply-viewpoint transforms them by it"
     };
-    vec![format!("its VIEWPOINT is {x} {y} {z}{turn}: {what}")]
+    notes.insert(0, format!("its VIEWPOINT is {x} {y} {z}{turn}: {what}"));
+    notes
+}
+
+fn length_note(length: f64) -> String {
+    format!("its VIEWPOINT has a quaternion of length {length:.4}: it is scaled to 1")
 }
 
 /// Refuses a count that the file has no room for; otherwise returns the bytes that are held at once
@@ -209,6 +215,7 @@ fn survey_stream(
             task.check()?;
             found.merge(survey(raw)?);
         }
+        found.rest = points.rest(task)?;
         return Ok(found);
     }
     let mut points = Points::new(path, body, layout)?;
@@ -221,7 +228,7 @@ fn survey_stream(
             Ok(())
         },
     )?;
-    found.has_more_lines = points.has_more_lines();
+    found.rest = points.rest(task)?;
     Ok(found)
 }
 

@@ -3,15 +3,17 @@
 
 use super::header::{Data, Field, Header, ValueLocation};
 use super::lzf::{BYTES_A_COPY, unpack};
+use super::packed::{of_number, of_single, whole};
 use crate::error::ScanError;
 use crate::ply::ascii::put;
 use crate::ply::header::{Element, Encoding};
 use crate::ply::plan::{RecordPlan, Survey};
+use crate::ply::rest::Rest;
 use crate::source::BATCH_POINTS;
 use crate::text::blocks::{LineBlock, LineBlocks};
 use crate::text::layout::excerpt;
 use crate::text::number::{fields, number};
-use esker_points::AttrType;
+use esker_points::{AttrType, Task};
 use std::io::{BufRead, Read};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -26,6 +28,10 @@ pub(crate) struct Layout {
     /// The kept values, as an element of scalars.
     pub element: Element,
     pub locations: Vec<ValueLocation>,
+    /// Fields of packed colours as singles.
+    packed_singles: Vec<usize>,
+    /// Whether these are integers that are written as numbers; decided by the survey.
+    pub are_colours_numbers: bool,
 }
 
 /// Some points as read from the file.
@@ -51,16 +57,22 @@ pub(crate) struct Points<'a> {
 }
 
 enum Body {
-    Lines { lines: LineBlocks<Box<dyn BufRead + Send>>, has_more: bool },
+    Lines {
+        lines: LineBlocks<Box<dyn BufRead + Send>>,
+        more: u64,
+    },
     Records(Box<dyn BufRead + Send>),
-    Fields(Arc<Vec<u8>>),
+    /// All points, and the stream behind them.
+    Fields(Arc<Vec<u8>>, Box<dyn BufRead + Send>),
 }
 
 impl Layout {
     /// The layout that a header describes.
     pub fn new(header: Header) -> Self {
         let (element, locations) = header.element();
-        Self { header, element, locations }
+        let fields = header.fields.iter().enumerate();
+        let packed_singles = fields.filter(|(_, f)| f.is_packed_single()).map(|(i, _)| i).collect();
+        Self { header, element, locations, packed_singles, are_colours_numbers: false }
     }
 
     /// Encoding of the values: ASCII for lines, otherwise little-endian.
@@ -71,7 +83,7 @@ impl Layout {
         }
     }
 
-    /// The records of some points; adds the decimals of lines to `found`.
+    /// The records of some points; adds the decimals of lines and the packed colours to `found`.
     ///
     /// # Errors
     /// If a line is not what the header says.
@@ -86,12 +98,7 @@ impl Layout {
         match raw {
             Raw::Lines { block, rows } => {
                 for (n, line) in block.lines().take(*rows as usize) {
-                    let on_scalar = |field: usize, word: &[u8]| {
-                        if let Some(found) = found.as_deref_mut() {
-                            plan.add_decimals(field, word, found);
-                        }
-                    };
-                    self.parse_line(line, plan, &mut out, on_scalar)
+                    self.parse_line(line, plan, &mut out, found.as_deref_mut())
                         .map_err(|why| ScanError::damaged(path, format!("line {n} {why}")))?;
                 }
             }
@@ -99,39 +106,54 @@ impl Layout {
                 let points = records.len() / self.header.stride;
                 out.reserve(points * plan.record.stride);
                 for record in records.chunks_exact(self.header.stride) {
-                    for location in &self.locations {
-                        let at = self.field(location).offset + location.at;
-                        out.extend_from_slice(&record[at..at + location.bytes]);
-                    }
+                    let value = |field: &Field| &record[field.offset..][..field.bytes()];
+                    self.put_values(value, &mut out, found.as_deref_mut());
                 }
             }
             Raw::Fields { all, points } => {
                 let count = all.len() / self.header.stride;
                 out.reserve(points.len() * plan.record.stride);
                 for point in points.clone() {
-                    for location in &self.locations {
-                        let field = self.field(location);
-                        let at = field.offset * count + field.bytes() * point + location.at;
-                        out.extend_from_slice(&all[at..at + location.bytes]);
-                    }
+                    let value = |field: &Field| {
+                        &all[field.offset * count + field.bytes() * point..][..field.bytes()]
+                    };
+                    self.put_values(value, &mut out, found.as_deref_mut());
                 }
             }
         }
         Ok(out)
     }
 
-    fn field(&self, location: &ValueLocation) -> &Field {
-        &self.header.fields[location.field]
+    /// Appends the kept values of a point, of which `of_field` gives the bytes of a field.
+    fn put_values<'b>(
+        &self,
+        of_field: impl Fn(&Field) -> &'b [u8],
+        out: &mut Vec<u8>,
+        found: Option<&mut Survey>,
+    ) {
+        let single = |field: &Field| AttrType::F32.to_f64(of_field(field));
+        if let Some(found) = found {
+            for &field in &self.packed_singles {
+                found.packed.add(single(&self.header.fields[field]));
+            }
+        }
+        for location in &self.locations {
+            let field = &self.header.fields[location.field];
+            if self.are_colours_numbers && field.is_packed_single() {
+                out.push(of_number(single(field))[location.at]);
+            } else {
+                out.extend_from_slice(&of_field(field)[location.at..][..location.bytes]);
+            }
+        }
     }
 
-    /// Parses a line into a record; `on_scalar` is called with the index and the word of each kept
-    /// value.
+    /// Parses a line into a record; adds decimals and packed colours to `found`.
     fn parse_line(
         &self,
         line: &[u8],
         plan: &RecordPlan,
         out: &mut Vec<u8>,
-        mut on_scalar: impl FnMut(usize, &[u8]),
+        mut found: Option<&mut Survey>,
     ) -> Result<(), String> {
         let mut words = fields(line);
         let mut target = 0;
@@ -142,13 +164,19 @@ impl Layout {
                     true
                 } else if let Some(has_alpha) = field.packed() {
                     target += if has_alpha { 4 } else { 3 };
-                    unpacked(word, field.ty).is_some_and(|[blue, green, red, alpha]| {
+                    if let (Some(found), true) = (&mut found, field.is_packed_single()) {
+                        found.packed.add(number(word).unwrap_or(f64::NAN));
+                    }
+                    let bytes = self.unpacked(word, field.ty);
+                    bytes.is_some_and(|[blue, green, red, alpha]| {
                         out.extend_from_slice(&[red, green, blue]);
                         out.extend(has_alpha.then_some(alpha));
                         true
                     })
                 } else {
-                    on_scalar(target, word);
+                    if let Some(found) = &mut found {
+                        plan.add_decimals(target, word, found);
+                    }
                     target += 1;
                     put(word, field.ty, plan.record.fields[target - 1].ty, out)
                 };
@@ -163,20 +191,14 @@ impl Layout {
             None => Ok(()),
         }
     }
-}
 
-/// The bytes of a packed colour: blue, green, red, alpha.
-fn unpacked(word: &[u8], ty: AttrType) -> Option<[u8; 4]> {
-    // Old files write the packed colour as the float with its bits, others as an integer.
-    match ty {
-        AttrType::F32 => {
-            let value = fast_float2::parse::<f32, _>(word).ok()?;
-            Some(if value.is_nan() { [0; 4] } else { value.to_le_bytes() })
-        }
-        _ => {
-            let whole = number(word).filter(|v| v.fract() == 0.0)?;
-            let range = f64::from(i32::MIN)..=f64::from(u32::MAX);
-            range.contains(&whole).then(|| (whole as i64 as u32).to_le_bytes())
+    /// The bytes of a packed colour: blue, green, red, alpha.
+    fn unpacked(&self, word: &[u8], ty: AttrType) -> Option<[u8; 4]> {
+        // Old files write the packed colour as the single with its bits, others as an integer.
+        match ty {
+            AttrType::F32 if self.are_colours_numbers => number(word).map(of_number),
+            AttrType::F32 => of_single(word),
+            _ => number(word).and_then(whole).map(u32::to_le_bytes),
         }
     }
 }
@@ -196,10 +218,10 @@ impl<'a> Points<'a> {
             Data::Ascii => {
                 let first_line = 1 + header.text.iter().filter(|&&b| b == b'\n').count() as u64;
                 let lines = LineBlocks::new(input, path.to_owned(), first_line);
-                Body::Lines { lines, has_more: false }
+                Body::Lines { lines, more: 0 }
             }
             Data::Binary => Body::Records(input),
-            Data::Compressed if header.points == 0 => Body::Fields(Arc::default()),
+            Data::Compressed if header.points == 0 => Body::Fields(Arc::default(), input),
             Data::Compressed => {
                 let [packed, bytes] = sizes(path, &mut input, header)?;
                 let mut all = Vec::new();
@@ -209,7 +231,7 @@ impl<'a> Points<'a> {
                     return Err(too_few(path, header.points, 0));
                 }
                 let damaged = || ScanError::damaged(path, "its compressed points are damaged");
-                Body::Fields(Arc::new(unpack(&all, bytes as usize).ok_or_else(damaged)?))
+                Body::Fields(Arc::new(unpack(&all, bytes as usize).ok_or_else(damaged)?), input)
             }
         };
         Ok(Self { path: path.to_owned(), layout, left: header.points, body })
@@ -227,10 +249,10 @@ impl<'a> Points<'a> {
         let block = (BLOCK_BYTES / stride).clamp(1, BATCH_POINTS) as u64;
         let count = self.left.min(block);
         let raw = match &mut self.body {
-            Body::Lines { lines, has_more } => loop {
+            Body::Lines { lines, more } => loop {
                 let Some(block) = lines.next()? else { break None };
                 let rows = block.rows.min(self.left);
-                *has_more = block.rows > rows;
+                *more = block.rows - rows;
                 if rows > 0 {
                     break Some((Raw::Lines { block, rows }, rows));
                 }
@@ -243,7 +265,7 @@ impl<'a> Points<'a> {
                 let there = (bytes.len() / stride) as u64;
                 (there > 0).then_some((Raw::Records(bytes), there))
             }
-            Body::Fields(all) => {
+            Body::Fields(all, _) => {
                 let first = (points - self.left) as usize;
                 let raw = Raw::Fields { all: all.clone(), points: first..first + count as usize };
                 Some((raw, count))
@@ -256,13 +278,20 @@ impl<'a> Points<'a> {
         Ok(Some(raw))
     }
 
-    /// Whether lines that are not blank follow the last point; looks only as far as the next block.
-    pub fn has_more_lines(&mut self) -> bool {
+    /// What follows the last point; reads to the end of the file.
+    ///
+    /// # Errors
+    /// If the file cannot be read; [`ScanError::Cancelled`].
+    pub fn rest(&mut self, task: &dyn Task) -> Result<Option<Rest>, ScanError> {
         match &mut self.body {
-            Body::Lines { lines, has_more } => {
-                *has_more || lines.next().map_or(true, |block| block.is_some_and(|b| b.rows > 0))
+            Body::Lines { lines, more } => Rest::of_lines(*more, lines, task),
+            Body::Records(input) => {
+                let stride = self.layout.header.stride as u64;
+                Rest::of_bytes(&self.path, input, Some(stride), task)
             }
-            _ => false,
+            // A cloud of no points may keep its two sizes. PCL pads compressed points with zeros.
+            Body::Fields(..) if self.layout.header.points == 0 => Ok(None),
+            Body::Fields(_, input) => Rest::of_bytes(&self.path, input, None, task),
         }
     }
 }

@@ -7,6 +7,7 @@ pub(crate) mod comments;
 pub(crate) mod header;
 pub(crate) mod plan;
 pub(crate) mod records;
+pub(crate) mod rest;
 
 use crate::error::ScanError;
 use crate::las::crs::wkt_unit;
@@ -100,12 +101,8 @@ fn check_room(
 /// Notes on what is left out.
 fn notes(header: &Header, plan: &RecordPlan, survey: &Survey) -> Vec<String> {
     let mut notes = plan.notes.clone();
-    let is_last = header.elements[plan.vertex + 1..].iter().all(|e| e.count == 0);
-    if is_last && survey.has_more_lines {
-        let count = header.elements[plan.vertex].count;
-        notes
-            .push(format!("lines behind the {count} vertices that the header claims are left out"));
-    }
+    let count = header.elements[plan.vertex].count;
+    notes.extend(survey.rest.map(|rest| rest.note(count, "vertices")));
     for (i, e) in header.elements.iter().enumerate() {
         match e.name.as_str() {
             _ if i == plan.vertex || e.count == 0 => {}
@@ -140,7 +137,10 @@ fn survey_stream(
             Ok(())
         },
     )?;
-    found.has_more_lines = vertices.has_more_lines();
+    let is_last = header.elements[plan.vertex + 1..].iter().all(|e| e.count == 0);
+    if is_last {
+        found.rest = vertices.rest(task)?;
+    }
     Ok(found)
 }
 

@@ -4,10 +4,12 @@
 use super::ascii::parse_line;
 use super::header::{Element, Encoding, Header, Shape};
 use super::records::{Field, Raw, Record};
+use super::rest::Rest;
 use crate::error::ScanError;
 use crate::fields::recipe::Recipe;
 use crate::fields::values::Values;
 use crate::fields::{self, Column, LEGACY, LEGACY_BLOCK};
+use crate::pcd::packed::Packed;
 use crate::pose::Pose;
 use crate::text::naming::{NOT_FINITE, axes, colour_max};
 use esker_points::attribute::names;
@@ -58,13 +60,16 @@ pub(crate) struct Survey {
     decimals: [u32; 3],
     /// Values of the watched fields, in their order.
     values: Vec<Values>,
-    /// Whether lines of an ASCII file follow the last vertex.
-    pub has_more_lines: bool,
+    /// What follows the last point, if the header promises no other elements.
+    pub rest: Option<Rest>,
+    /// Packed colours of type F in a PCD file.
+    pub packed: Packed,
 }
 
 impl Survey {
     pub fn merge(&mut self, other: Self) {
         self.spread.merge(other.spread);
+        self.packed.merge(other.packed);
         for (decimals, other) in self.decimals.iter_mut().zip(other.decimals) {
             *decimals = (*decimals).max(other);
         }

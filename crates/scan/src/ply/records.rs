@@ -3,6 +3,7 @@
 //! records, in blocks of bounded size; elements before the vertices are skipped.
 
 use super::header::{Element, Encoding, Header, Shape};
+use super::rest::Rest;
 use crate::error::ScanError;
 use crate::source::BATCH_POINTS;
 use crate::text::blocks::{LineBlock, LineBlocks};
@@ -80,12 +81,11 @@ pub(crate) struct Vertices<'a> {
 
 enum Body {
     Binary(Box<dyn BufRead + Send>),
-    /// Lines, of which `skip` precede the vertices; `has_more` if the last block has lines after
-    /// them.
+    /// Lines, of which `skip` precede the vertices; `more` lines of the last block come after them.
     Ascii {
         lines: LineBlocks<Box<dyn BufRead + Send>>,
         skip: u64,
-        has_more: bool,
+        more: u64,
     },
 }
 
@@ -113,7 +113,7 @@ impl<'a> Vertices<'a> {
             let skip = rows.fold(0, u64::saturating_add);
             let first_line = 1 + header.text.iter().filter(|&&b| b == b'\n').count() as u64;
             let lines = LineBlocks::new(input, path.to_owned(), first_line);
-            Body::Ascii { lines, skip, has_more: false }
+            Body::Ascii { lines, skip, more: 0 }
         } else {
             for e in before {
                 skip_element(&mut input, e, header.encoding, task).map_err(|e| e.at(path))?;
@@ -143,12 +143,12 @@ impl<'a> Vertices<'a> {
                 bytes.truncate(bytes.len() / self.stride * self.stride);
                 (!bytes.is_empty()).then_some(Raw::Binary(bytes))
             }
-            Body::Ascii { lines, skip, has_more } => loop {
+            Body::Ascii { lines, skip, more } => loop {
                 let Some(block) = lines.next()? else { break None };
                 let skipped = block.rows.min(*skip);
                 *skip -= skipped;
                 let rows = (block.rows - skipped).min(self.left);
-                *has_more = block.rows - skipped > rows;
+                *more = block.rows - skipped - rows;
                 if rows > 0 {
                     break Some(Raw::Lines { block, skip: skipped, rows });
                 }
@@ -161,15 +161,24 @@ impl<'a> Vertices<'a> {
         Ok(Some(raw))
     }
 
-    /// Whether lines that are not blank follow the last vertex; looks only as far as the next
-    /// block.
-    pub fn has_more_lines(&mut self) -> bool {
+    /// What follows the last vertex; reads to the end of the file.
+    ///
+    /// # Errors
+    /// If the file cannot be read; [`ScanError::Cancelled`].
+    pub fn rest(&mut self, task: &dyn Task) -> Result<Option<Rest>, ScanError> {
         match &mut self.body {
-            // Lines that cannot be read count, too: they are left out as well.
-            Body::Ascii { lines, skip: 0, has_more } => {
-                *has_more || lines.next().map_or(true, |block| block.is_some_and(|b| b.rows > 0))
+            Body::Ascii { lines, skip, more } => {
+                let rest = Rest::of_lines(*more, lines, task)?;
+                // Without vertices, lines of earlier elements are not skipped yet.
+                let behind = |lines: u64| lines.saturating_sub(*skip);
+                Ok(rest.and_then(|rest| match rest {
+                    Rest::Lines { lines, is_whole } if behind(lines) > 0 => {
+                        Some(Rest::Lines { lines: behind(lines), is_whole })
+                    }
+                    _ => None,
+                }))
             }
-            _ => false,
+            Body::Binary(input) => Rest::of_bytes(&self.path, input, self.element.stride(), task),
         }
     }
 }

@@ -10,7 +10,9 @@ mod pose;
 mod scans;
 
 use crate::error::ScanError;
-use crate::source::{Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
+use crate::source::{
+    Format, OpenOptions, ReadReport, SCAN_NUMBERS, Scanner, Sink, Source, SourceInfo,
+};
 use crate::text::blocks::in_order;
 use crate::text::layout::{count, excerpt};
 use crate::text::naming::{NO_RETURN, NOT_FINITE, schema_of};
@@ -130,6 +132,9 @@ fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>
     }
     if let Some((n, line)) = &survey.first_malformed {
         notes.push(format!("line {n} is the first that is not a point (`{line}`)"));
+    }
+    if has_scans {
+        notes.push(SCAN_NUMBERS.into());
     }
     if survey.points == 0 {
         notes.push("has no points".into());

@@ -4,7 +4,7 @@
 //! follows. A line of one whole number begins the next head, whatever the head before it claims.
 //! Only a first head that is malformed is an error; other faults become notes.
 
-use super::pose::pose;
+use super::pose::{Given, Place, pose};
 use crate::error::ScanError;
 use crate::text::blocks::{LineBlock, LineBlocks};
 use crate::text::layout::{count, excerpt};
@@ -16,6 +16,9 @@ use std::sync::Arc;
 
 /// Lines before the points of a scan.
 const HEAD_LINES: usize = 10;
+/// Line of the head with the position of the scanner, and the first of its matrix, from 0.
+const STATION_LINE: usize = 2;
+const MATRIX_LINE: usize = 6;
 /// Greatest number of faults that are noted one by one.
 const FAULTS_NOTED: usize = 8;
 
@@ -50,6 +53,8 @@ pub(crate) struct Faults {
     /// The first ones, a line each.
     notes: Vec<String>,
     count: usize,
+    /// The first that costs points.
+    first: Option<String>,
 }
 
 /// Reads a file scan by scan.
@@ -66,16 +71,23 @@ pub(crate) struct Scans<'a> {
 }
 
 impl Faults {
+    /// Adds a fault that costs points.
     fn add(&mut self, what: String) {
+        self.first.get_or_insert_with(|| what.clone());
+        self.remark(what);
+    }
+
+    /// Adds what is noted but costs no points.
+    fn remark(&mut self, what: String) {
         self.count += 1;
         if self.notes.len() < FAULTS_NOTED {
             self.notes.push(what);
         }
     }
 
-    /// The first fault.
+    /// The first fault that costs points.
     pub fn first(&self) -> Option<&str> {
-        self.notes.first().map(String::as_str)
+        self.first.as_deref()
     }
 
     /// Notes on all faults.
@@ -114,26 +126,29 @@ impl Scan {
         };
         let lines = size(0)?.saturating_mul(size(1)?);
         let mut station = [[0.0; 3]; 4];
-        for (row, (n, line)) in station.iter_mut().zip(&head[2..6]) {
+        for (row, (n, line)) in station.iter_mut().zip(&head[STATION_LINE..MATRIX_LINE]) {
             let numbers = numbers::<3>(line);
             *row = numbers.ok_or_else(|| malformed(*n, line, "three numbers of a scan's head"))?;
         }
-        let mut rows = [[0.0; 3]; 4];
-        for (row, (n, line)) in rows.iter_mut().zip(&head[6..]) {
-            let [x, y, z, _] = numbers::<4>(line)
+        let mut matrix = [[0.0; 4]; 4];
+        for (row, (n, line)) in matrix.iter_mut().zip(&head[MATRIX_LINE..]) {
+            *row = numbers::<4>(line)
                 .ok_or_else(|| malformed(*n, line, "four numbers of a scan's matrix"))?;
-            *row = [x, y, z];
         }
-        let (rows, place_line) = match pose(rows, station[0]) {
-            (sound, None) => (sound, HEAD_LINES - 1),
-            (mended, Some(mend)) => {
-                faults.add(format!("scan {number} {}", mend.what));
-                (mended, mend.place_line.unwrap_or(HEAD_LINES - 1))
-            }
-        };
+        let [station, axes @ ..] = station;
+        let sound = pose(&Given { matrix, station, axes });
+        for remark in sound.remarks {
+            faults.remark(format!("scan {number} {remark}"));
+        }
+        let rows = sound.rows;
         let mut scan = Self { number, lines, rows, decimals: [0; 3], is_lost: false };
-        for (digits, field) in scan.decimals.iter_mut().zip(fields(&head[place_line].1)) {
-            *digits = decimals(field);
+        for (axis, digits) in scan.decimals.iter_mut().enumerate() {
+            let (line, field) = match sound.place {
+                Place::Row => (HEAD_LINES - 1, axis),
+                Place::Column => (MATRIX_LINE + axis, 3),
+                Place::Station => (STATION_LINE, axis),
+            };
+            *digits = fields(&head[line].1).nth(field).map_or(0, decimals);
         }
         Ok(scan)
     }

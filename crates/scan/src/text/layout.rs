@@ -64,6 +64,22 @@ impl Layout {
     }
 }
 
+impl Layout {
+    /// Whether the names in a line are those of the columns; without names, or where scans have
+    /// different columns, whether x, y and z are the same columns.
+    pub fn is_named_by(&self, line: &[u8]) -> bool {
+        let Some(found) = names_of(line, Some(self.columns)) else { return false };
+        match self.names.as_ref().filter(|_| !self.has_counts) {
+            Some(names) => {
+                let same = |(a, b): (&String, &String)| a.to_lowercase() == b.to_lowercase();
+                let found = padded(found.names, names.len());
+                found.len() == names.len() && names.iter().zip(&found).all(same)
+            }
+            None => axes_of(&found.names).is_ok_and(|axes| axes.columns == self.axes),
+        }
+    }
+}
+
 /// Whether only empty fields or a comment follow the numbers of a line: `field` is the first that
 /// is no number, `behind` the fields after it.
 fn is_end<'a>(field: &'a [u8], behind: impl Iterator<Item = &'a [u8]>) -> bool {

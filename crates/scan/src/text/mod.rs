@@ -92,6 +92,13 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     let survey = survey_file(path, &layout, task)?;
     check_malformed(path, &layout, &survey, true)?;
+    if let (Some((line, text)), None) = (&survey.renamed, &options.columns) {
+        let what = format!(
+            "line {line} names other columns (`{text}`) than those before it: split the file \
+             there, or say with --columns how all lines are read"
+        );
+        return Err(ScanError::unsupported(path, what));
+    }
     let plan = ColumnPlan::new(&layout, &survey);
     if plan.sources.len() > 1 && plan.fills.len() > MIXED_ATTRIBUTES_MAX {
         return Err(ScanError::unsupported(
@@ -255,7 +262,8 @@ impl TextSource {
         let points_max = block.bytes.len() / (2 * least.max(3)) + 1;
         let capacity = points_max.min(block.rows as usize);
         let batch = Batch::with_capacity(self.info.schema.clone(), capacity);
-        let mut decoded = Decoded { batch, refused: [0; 5], rounding: Rounding::default() };
+        let mut decoded =
+            Decoded { batch, refused: [0; Fault::ALL.len()], rounding: Rounding::default() };
         let mut row = Row::default();
         let mut sources: Option<&(usize, Vec<Option<usize>>)> = None;
         for (n, line, columns) in piece.lines() {

@@ -20,8 +20,8 @@ pub(crate) fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// The value of a field, with or without quotes; `None` if it is no number. The spellings of NaN by
-/// C libraries (`nan(ind)`, `1.#QNAN`) are read as NaN.
+/// The value of a field, with or without quotes; `None` if it is no number. The spellings of NaN
+/// and infinity by C libraries (`nan(ind)`, `1.#QNAN`, `-1.#INF`) are read as such.
 pub(crate) fn number(field: &[u8]) -> Option<f64> {
     fast_float2::parse::<f64, _>(field).ok().or_else(|| {
         let field = unquoted(field);
@@ -30,6 +30,10 @@ pub(crate) fn number(field: &[u8]) -> Option<f64> {
         }
         let plain = field.strip_prefix(b"-").or(field.strip_prefix(b"+")).unwrap_or(field);
         let c_nan = plain.len() >= 4 && plain[..4].eq_ignore_ascii_case(b"nan(");
+        if plain.len() >= 6 && plain[..6].eq_ignore_ascii_case(b"1.#inf") {
+            let is_negative = field.starts_with(b"-");
+            return Some(if is_negative { f64::NEG_INFINITY } else { f64::INFINITY });
+        }
         (c_nan || plain.starts_with(b"1.#")).then_some(f64::NAN)
     })
 }
@@ -142,6 +146,8 @@ mod tests {
         for field in ["", "x", "1,5", "0x10", "1.2.3", "--1", "\"", "\"\"", "\"1"] {
             assert!(number(field.as_bytes()).is_none(), "{field}");
         }
+        assert_eq!(number(b"1.#INF00"), Some(f64::INFINITY));
+        assert_eq!(number(b"\"-1.#INF\""), Some(f64::NEG_INFINITY));
         assert_eq!(number(b"+1.5"), Some(1.5));
         assert_eq!(number(b"\"-1.5\""), Some(-1.5));
     }

@@ -76,12 +76,7 @@ impl ColumnPlan {
         if fields.schema.normals().is_some() {
             notes.push("normals are kept as 32-bit floats".into());
         }
-        let rounded: Vec<_> =
-            file_columns.iter().filter(|c| c.values.is_rounded()).map(|c| c.name).collect();
-        if !rounded.is_empty() {
-            let names = rounded.join(", ");
-            notes.push(format!("whole numbers from 2^53 on are rounded to doubles: {names}"));
-        }
+        notes.extend(file_columns.iter().filter_map(changed_numbers));
         let mut plan = Self {
             sources: widths.iter().map(|width| (width.columns, vec![None; found.len()])).collect(),
             recipes: fields.recipes,
@@ -105,6 +100,22 @@ impl ColumnPlan {
         }
         plan
     }
+}
+
+/// A note on numbers of a column that no type holds.
+fn changed_numbers(column: &Column<'_>) -> Option<String> {
+    let (name, values) = (column.name, &column.values);
+    let are_doubles = column.type_with_gaps.is_some() || values.narrowest() == AttrType::F64;
+    let mut changed = Vec::new();
+    if values.rounded > 0 && are_doubles {
+        let rounded = values.rounded;
+        changed.push(format!("{rounded} whole numbers from 2^53 on are rounded to doubles"));
+    }
+    if values.not_finite > 0 {
+        let infinite = values.not_finite;
+        changed.push(format!("{infinite} values are infinite, or too large for a double"));
+    }
+    (!changed.is_empty()).then(|| format!("{name}: {}", changed.join("; ")))
 }
 
 /// The names of the columns of a width: those of the file, else guesses; those of the user first.

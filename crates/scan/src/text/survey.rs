@@ -2,7 +2,9 @@
 //! the lines that are no points, by reason. Lines of different numbers of columns, of the scans in
 //! a PTS file, are surveyed apart.
 
-use super::cells::Row;
+use super::axes::has_axes;
+use super::cells::{Row, is_comment};
+use super::header::{Names, names_of, uncommented};
 use super::layout::Layout;
 use super::line::{count, excerpt};
 use super::number::unquoted;
@@ -30,12 +32,14 @@ pub(crate) enum Fault {
     NoCoordinate,
     /// A coordinate is infinite or NaN.
     NotFinite,
+    /// A line of names, as two tables in one file have it.
+    Names,
 }
 
 impl Fault {
     /// All faults, in the order of their counters.
-    pub const ALL: [Self; 5] =
-        [Self::TooFew, Self::TooMany, Self::Word, Self::NoCoordinate, Self::NotFinite];
+    pub const ALL: [Self; 6] =
+        [Self::TooFew, Self::TooMany, Self::Word, Self::NoCoordinate, Self::NotFinite, Self::Names];
 
     /// The reason for which points are refused.
     pub fn reason(self) -> &'static str {
@@ -45,6 +49,7 @@ impl Fault {
             Self::Word => "line has a word in place of a coordinate",
             Self::NoCoordinate => "coordinate is missing",
             Self::NotFinite => super::naming::NOT_FINITE,
+            Self::Names => "line names the columns again",
         }
     }
 
@@ -60,6 +65,18 @@ impl Fault {
 /// # Errors
 /// Why it is no point.
 pub(crate) fn read_point(
+    line: &[u8],
+    columns: usize,
+    layout: &Layout,
+    row: &mut Row,
+) -> Result<[f64; 3], Fault> {
+    read_numbers(line, columns, layout, row).map_err(|fault| {
+        let is_header = fault.is_malformed() && row.numbers() == 0 && header_of(line).is_some();
+        if is_header { Fault::Names } else { fault }
+    })
+}
+
+fn read_numbers(
     line: &[u8],
     columns: usize,
     layout: &Layout,
@@ -121,7 +138,12 @@ pub(crate) struct Survey {
     /// Number of points according to lines with counts.
     pub claimed: u64,
     /// Lines that are no points, in the order of [`Fault::ALL`].
-    pub faulty: [Faulty; 5],
+    pub faulty: [Faulty; 6],
+    /// Number and beginning of the first line of names behind points that differs from the first
+    /// names.
+    pub renamed: Option<(u64, String)>,
+    /// Number and beginning of the first comment behind points that may name other columns.
+    pub commented: Option<(u64, String)>,
     /// Digits after the point that x, y and z need.
     pub decimals: [u32; 3],
     /// Distribution of the points with a position.
@@ -186,6 +208,8 @@ impl Survey {
             points: 0,
             claimed: 0,
             faulty: Default::default(),
+            renamed: None,
+            commented: None,
             decimals: [0; 3],
             spread: Spread::default(),
             widths: vec![Width::empty(layout.columns, layout)],
@@ -205,11 +229,18 @@ impl Survey {
             if layout.is_beside(n, line) {
                 let counted = if layout.has_counts { count(line.trim_ascii()) } else { None };
                 found.claimed = found.claimed.saturating_add(counted.unwrap_or(0));
+                if n >= layout.first_line && found.commented.is_none() && is_renaming(line, layout)
+                {
+                    found.commented = Some((n, excerpt(line)));
+                }
                 continue;
             }
             let place = match read_point(line, columns, layout, &mut row) {
                 Ok(place) => place,
                 Err(fault) => {
+                    if fault == Fault::Names && !layout.is_named_by(line) {
+                        found.renamed.get_or_insert_with(|| (n, excerpt(line)));
+                    }
                     let faulty = &mut found.faulty[fault as usize];
                     faulty.lines += 1;
                     faulty.first.get_or_insert_with(|| (n, excerpt(line)));
@@ -250,6 +281,8 @@ impl Survey {
             a.lines += b.lines;
             a.first = a.first.take().or(b.first);
         }
+        self.renamed = self.renamed.take().or(later.renamed);
+        self.commented = self.commented.take().or(later.commented);
         for (a, b) in self.decimals.iter_mut().zip(later.decimals) {
             *a = (*a).max(b);
         }
@@ -271,7 +304,8 @@ impl Survey {
 
     /// Number of lines that are points or meant as points.
     pub fn lines(&self) -> u64 {
-        self.points + self.faulty.iter().map(|faulty| faulty.lines).sum::<u64>()
+        let meant = Fault::ALL.iter().zip(&self.faulty).filter(|(f, _)| **f != Fault::Names);
+        self.points + meant.map(|(_, faulty)| faulty.lines).sum::<u64>()
     }
 
     /// The refused lines, a line for each reason.
@@ -281,10 +315,40 @@ impl Survey {
             let (line, text) = faulty.first.as_ref()?;
             let (lines, reason) = (faulty.lines, fault.reason());
             Some(match lines {
+                1 if *fault == Fault::Names => format!(
+                    "line {line} names the columns again (`{text}`): the lines behind it are read \
+                     like those before it"
+                ),
+                _ if *fault == Fault::Names => format!(
+                    "{lines} lines name the columns again, the first is line {line} (`{text}`): \
+                     the lines behind them are read like those before them"
+                ),
                 1 => format!("{reason}: line {line} (`{text}`)"),
                 _ => format!("{reason}: {lines} lines, the first is line {line} (`{text}`)"),
             })
         });
-        told.collect()
+        let commented = self.commented.iter().map(|(line, text)| {
+            format!(
+                "the comment in line {line} may name other columns (`{text}`): the lines behind it \
+                 are read like those before it"
+            )
+        });
+        told.chain(commented).collect()
     }
+}
+
+/// The names of x, y and z among others in a line.
+fn header_of(line: &[u8]) -> Option<Names> {
+    names_of(line, None).filter(|found| has_axes(&found.names))
+}
+
+/// Whether a comment names as many columns as a file has, but others.
+fn is_renaming(line: &[u8], layout: &Layout) -> bool {
+    let trimmed = line.trim_ascii();
+    if !is_comment(trimmed) {
+        return false;
+    }
+    let names = uncommented(trimmed);
+    let has_all = |found: Names| found.names.len() == layout.columns;
+    header_of(names).is_some_and(has_all) && !layout.is_named_by(names)
 }
