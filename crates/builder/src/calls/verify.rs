@@ -229,8 +229,8 @@ fn compare(
     })
 }
 
-/// Gives attributes of the inputs the types that they have in the trees, where the inputs do not tell
-/// them, and compares what else the inputs state.
+/// Gives attributes of the inputs the types that they have in the trees, where the inputs do not
+/// tell them, and compares what else the inputs state.
 fn take_recorded_types(
     trees: &Trees<'_>,
     sources: &mut [Box<dyn Source>],

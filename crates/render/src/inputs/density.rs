@@ -35,8 +35,8 @@ pub fn is_dense<'a>(
 }
 
 /// Whether a view is crowded: at least half of the points of the finest nodes are closer together
-/// than [`CROWDED_PX`], at the distance of the centre of their node's contour. `nodes` are the drawn
-/// nodes with their indices in `octree` and their numbers of drawn points.
+/// than [`CROWDED_PX`], at the distance of the centre of their node's contour. `nodes` are the
+/// drawn nodes with their indices in `octree` and their numbers of drawn points.
 pub fn is_crowded<'a>(
     view: &View,
     lattice: &Lattice,
