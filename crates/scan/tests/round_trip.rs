@@ -23,7 +23,7 @@ use std::sync::Arc;
 fn write(path: &Path, lattice: Lattice, origins: Vec<Origin>, batch: &Batch) -> Vec<String> {
     let schema = batch.schema.clone();
     let points_max = batch.len() as u64;
-    let outline = Outline { lattice, schema, points_max, ranges: Vec::new() };
+    let outline = Outline { lattice, schema, points_max, ranges: Vec::new(), classes: Vec::new() };
     let target = Target::of(path).unwrap();
     let mut origins = origins.into_iter().map(Ok);
     let mut export = write::create(path, target, &outline, &mut origins).unwrap();

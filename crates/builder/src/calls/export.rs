@@ -135,7 +135,9 @@ pub fn export_with(
     };
     let written = colours.as_ref().map_or(&schema, |colours| colours.schema()).clone();
     let ranges = ranges(forest, &written, target)?;
-    let outline = Outline { lattice: *forest.lattice(), schema: written, points_max, ranges };
+    let classes = classes(forest, &written);
+    let outline =
+        Outline { lattice: *forest.lattice(), schema: written, points_max, ranges, classes };
     let mut origins = trees.iter().flat_map(|(file, _)| {
         let sources = file.metadata().sources.iter().enumerate();
         sources.map(move |(i, record)| origin(file, i, record))
@@ -317,6 +319,22 @@ fn ranges(
         }
     }
     Ok(ranges)
+}
+
+/// The attributes of `schema` that the points of each class have, each set once.
+fn classes(forest: &Forest, schema: &Schema) -> Vec<Vec<usize>> {
+    let mut classes: Vec<Vec<usize>> = Vec::new();
+    for layout in forest.files().map(EskerFile::layout) {
+        for class in layout.classes() {
+            let own = class.present.iter().map(|&a| &layout.schema().attributes[usize::from(a)]);
+            let present: Vec<usize> =
+                own.filter_map(|a| schema.find_typed(&a.name, a.ty)).collect();
+            if !classes.contains(&present) {
+                classes.push(present);
+            }
+        }
+    }
+    classes
 }
 
 /// Export of one tree.
