@@ -361,8 +361,7 @@ fn sources_of_different_formats_get_the_least_format_that_holds_all() {
 #[test]
 fn a_point_with_both_scan_angles_keeps_both_in_las() {
     let folder = tempfile::tempdir().unwrap();
-    let text =
-        "x,y,z,scan_angle,scan_angle_rank\n1,2,3,-6.36,-54\n2,3,4,12.6,7\n3,3,4,0.0,9\n";
+    let text = "x,y,z,scan_angle,scan_angle_rank\n1,2,3,-6.36,-54\n2,3,4,12.6,7\n3,3,4,0.0,9\n";
     let source = open(&file(folder.path(), "angles.csv", text.as_bytes()));
     let (lattice, batches) = read(source.as_ref());
     let out = folder.path().join("out.las");

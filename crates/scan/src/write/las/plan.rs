@@ -6,13 +6,14 @@
 use super::records::Records;
 use crate::error::ScanError;
 use crate::fields::{LEGACY, LEGACY_BLOCK};
-use crate::las::EXTRA_BYTES_MAX;
 use crate::las::crs::geo_keys;
 use crate::las::extra_bytes;
 use crate::las::header::{ADJUSTED_BIT, GpsTimes, Header, WKT_BIT, format_bytes, has_bit, set_bit};
 use crate::las::points::Layout;
 use crate::las::vlr::{VLR_HEAD_BYTES, Vlr, of_blocks};
+use crate::las::{EXTRA_BYTES_MAX, NoData, gps_times};
 use crate::write::encode::{Origin, Origins, Outline};
+use crate::write::stated::conflict_note;
 use crate::write::unique::unique;
 use esker_points::attribute::names;
 use esker_points::{AttrType, Attribute, Schema};
@@ -62,6 +63,10 @@ struct SourceSummary {
     /// another one.
     gps_times: Option<GpsTimes>,
     other_times: usize,
+    /// Whether that first source is no LAS file.
+    are_times_of_others: bool,
+    /// No-data values of extra bytes.
+    no_data: NoData,
     /// Whether the source whose coordinate reference system is written says that it is WKT.
     is_wkt: Option<bool>,
     /// Descriptions of extra bytes, each once.
@@ -148,6 +153,10 @@ pub fn plan(
     }
     if let Some(times) = found.gps_times {
         set_bit(&mut header, ADJUSTED_BIT, times == GpsTimes::Adjusted);
+        let has_times = outline.schema.find_typed(names::GPS_TIME, AttrType::F64).is_some();
+        if found.are_times_of_others && has_times && times == GpsTimes::Adjusted {
+            notes.push("the global encoding says that GPS times are adjusted standard time".into());
+        }
         if found.other_times > 0 {
             notes.push(format!(
                 "GPS times of {} sources have another epoch than the first's, which the global encoding gives ({}); they are written unchanged",
@@ -156,6 +165,7 @@ pub fn plan(
             ));
         }
     }
+    notes.extend(conflict_note(&found.no_data, "of which the file has the first"));
     notes.extend(found.dropped.iter().map(|&what| what.to_owned()));
     if found.other_systems > 0 {
         notes.push(format!(
@@ -177,6 +187,12 @@ impl SourceSummary {
             let is_written = |text: &String| text.contains('[') || geo_keys(text).is_some();
             self.wkt = origin.crs.as_ref().map(|c| c.text.clone()).filter(is_written);
         }
+        self.no_data.add(&origin.verbatim);
+        if let Some(times) = gps_times(&origin.verbatim) {
+            self.are_times_of_others |=
+                self.gps_times.is_none() && origin.block("las header").is_none();
+            self.other_times += usize::from(*self.gps_times.get_or_insert(times) != times);
+        }
         let parsed = origin.block("las header").and_then(|bytes| {
             // The blocks were checked when they were read; here their sizes are not trusted.
             let header = Header::parse(bytes, u64::MAX, Path::new("")).ok()?;
@@ -191,9 +207,6 @@ impl SourceSummary {
         let block = |name| origin.block(name).unwrap_or(empty);
         let (records, tail) = of_blocks(&header, block("las vlrs"), block("las evlrs"));
         self.modern |= header.point_format >= 6;
-        if let Some(times) = header.gps_times {
-            self.other_times += usize::from(*self.gps_times.get_or_insert(times) != times);
-        }
         self.minor = self.minor.max(header.minor);
         let extra = header.record_bytes - format_bytes(header.point_format).unwrap_or(0);
         if extra <= EXTRA_BYTES_MAX {

@@ -104,9 +104,8 @@ impl Records {
         }
         // A field holds one value of a point: what would be converted yields to the field's own.
         let is_taken = |new: &Destination| {
-            let is_other = |own: &&Destination| {
-                matches!(own.put, Put::Back(_)) && own.offset == new.offset
-            };
+            let is_other =
+                |own: &&Destination| matches!(own.put, Put::Back(_)) && own.offset == new.offset;
             let mut others = found.iter().flatten().filter(is_other);
             !matches!(new.put, Put::Back(_))
                 && others.any(|own| outline.has_both(own.column, new.column))
