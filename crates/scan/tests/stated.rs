@@ -161,8 +161,8 @@ fn changed_names_and_lost_reference_systems_are_noted() {
     origin.crs = crs("PROJCS[\"Lambert\",UNIT[\"metre\",1]]");
     let long = "a".repeat(40);
     for (name, path, want) in [
-        ("Ring Number", "a.ply", "renamed: Ring Number to Ring_Number"),
-        ("my, col", "a.csv", "renamed: my, col to my_ col"),
+        ("Ring Number", "a.ply", "renamed: `Ring Number` to `Ring_Number`"),
+        ("my, col", "a.csv", "renamed: `my, col` to `my_ col`"),
         ("my, col", "a.xyz", "text does not state the coordinate reference system, Lambert"),
         (long.as_str(), "a.las", "names of over 32 bytes are cut"),
     ] {

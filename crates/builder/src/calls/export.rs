@@ -267,12 +267,12 @@ fn select_nodes(
 
 /// A note on attributes that some points lack, and which are zero in the export. An attribute is
 /// not missing where its output field was made from another attribute of the points.
-fn note_absent(forest: &Forest, fields: &[usize], target: Target) -> Option<String> {
+fn note_absent(forest: &Forest, fields: &[usize], target: Target) -> Vec<String> {
     let attributes = &forest.schema().attributes;
     // LAS demands the number of a return, so it is not 0 there: see `Output::remarks`.
     let is_zero =
         |at: &usize| !is_las(target) || attributes[*at].key() != (names::RETURNS, AttrType::U8);
-    let names: Vec<_> = (0..attributes.len())
+    let absent: Vec<&Attribute> = (0..attributes.len())
         .filter(is_zero)
         .filter(|&at| {
             let of_field: Vec<_> = (0..attributes.len())
@@ -284,10 +284,23 @@ fn note_absent(forest: &Forest, fields: &[usize], target: Target) -> Option<Stri
                 .files()
                 .any(|file| file.footer().points > 0 && !file.layout().all_have_one_of(&of_field))
         })
-        .map(|at| attributes[at].name.as_str())
+        .map(|at| &attributes[at])
         .collect();
-    let names = names.join(", ");
-    (!names.is_empty()).then(|| format!("zero where a point's source had none: {names}"))
+    // A stored zero means the offset, where an attribute has one.
+    let (zero, offset): (Vec<_>, Vec<_>) = absent.into_iter().partition(|a| a.offset == 0.0);
+    let zero: Vec<&str> = zero.iter().map(|a| a.name.as_str()).collect();
+    let offset: Vec<String> = offset.iter().map(|a| format!("{} ({})", a.name, a.offset)).collect();
+    let mut notes = Vec::new();
+    if !zero.is_empty() {
+        notes.push(format!("zero where a point's source had none: {}", zero.join(", ")));
+    }
+    if !offset.is_empty() {
+        notes.push(format!(
+            "their offset, which is a stored zero, where a point's source had none: {}",
+            offset.join(", ")
+        ));
+    }
+    notes
 }
 
 fn is_las(target: Target) -> bool {
@@ -302,6 +315,10 @@ fn ranges(
 ) -> Result<Vec<Option<(f64, f64)>>, BuildError> {
     let is_needed = |a: &Attribute| match a.ty {
         AttrType::U64 | AttrType::I64 => true,
+        // Text names the byte after what it holds.
+        _ if a.key() == (names::RETURNS, AttrType::U8) => {
+            matches!(target, Target::Text | Target::Csv)
+        }
         _ => is_las(target) && a.name == names::INTENSITY,
     };
     if !schema.attributes.iter().any(is_needed) {

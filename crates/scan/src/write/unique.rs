@@ -24,7 +24,7 @@ pub fn unique(
         if name != end("") {
             renamed.push(format!("{wanted} ({}) as {name}", ty.name()));
         } else if name != *wanted {
-            cut.push(format!("{wanted} to {name}"));
+            cut.push(format!("`{wanted}` to `{name}`"));
         }
         names.push(name);
     }
@@ -39,7 +39,7 @@ pub fn unique(
 /// its place.
 pub fn note_renamed<'a>(pairs: impl Iterator<Item = (&'a str, &'a str)>) -> Option<String> {
     let changed = pairs.filter(|(own, new)| own != new);
-    let all: Vec<String> = changed.map(|(own, new)| format!("{own} to {new}")).collect();
+    let all: Vec<String> = changed.map(|(own, new)| format!("`{own}` to `{new}`")).collect();
     (!all.is_empty()).then(|| format!("renamed: {}", all.join(", ")))
 }
 
