@@ -180,3 +180,30 @@ fn changed_names_and_lost_reference_systems_are_noted() {
     write(&at("a.ply"), lattice, &[first, origin], &batch);
     assert_eq!(open(&at("a.ply")).info().crs.as_ref().unwrap().text, "EPSG:2154");
 }
+
+#[test]
+fn a_reference_system_that_no_record_states_is_written_to_las() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let point = Point { position: [1, 2, 3], fields: [0; 60], extra: vec![] };
+    let variant = Variant { format: 1, minor: 2, extra: 0 };
+    std::fs::write(at("in.las"), File { variant, points: vec![point], vlrs: vec![] }.las())
+        .unwrap();
+    let source = open(&at("in.las"));
+    let (lattice, batch) = read(source.as_ref());
+    let mut origin = Origin::from(source.info());
+    for (text, format) in [
+        ("PROJCS[\"Lambert\"]", "LAS 1.4, point format 1"),
+        ("GeoTIFF: GTModelType=1 ProjectedCSType=2154", "LAS 1.2, point format 1"),
+    ] {
+        origin.crs = Some(Crs { text: text.into(), unit: None });
+        write(&at("out.las"), lattice, std::slice::from_ref(&origin), &batch);
+        let back = open(&at("out.las"));
+        assert_eq!(back.info().crs.as_ref().unwrap().text, text);
+        assert_eq!(back.info().format, format);
+        assert_eq!(read(back.as_ref()).1.columns, batch.columns);
+    }
+    origin.crs = Some(Crs { text: "my grid".into(), unit: None });
+    let notes = write(&at("out.las"), lattice, &[origin], &batch);
+    assert!(notes.contains("the coordinate reference system is left out"), "{notes}");
+}

@@ -147,8 +147,8 @@ impl ColourConversion {
             }
             _ => String::new(),
         };
-        let is_told = wanted.is_none() && written == Written::Bytes || !stands_for.is_empty();
-        let exact_note = is_told.then(|| {
+        let is_stated = wanted.is_none() && written == Written::Bytes || !stands_for.is_empty();
+        let exact_note = is_stated.then(|| {
             format!("colours are written with 8 bits, which hold all of them{stands_for}")
         });
         if written == Written::Low {

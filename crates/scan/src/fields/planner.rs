@@ -200,7 +200,7 @@ impl<'a> Planner<'a> {
             fits.then_some(column)
         };
         let (returns, flags) = (whole(self, esker::RETURNS), whole(self, esker::FLAGS));
-        // A count of returns may have the same name, so the values must tell, and flags beside them
+        // A count of returns may have the same name, so the values decide, and flags beside them
         // or the order of columns.
         let is_sure = |&column: &usize| {
             let Column { ty, values, .. } = self.columns[column];
