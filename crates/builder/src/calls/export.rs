@@ -6,6 +6,7 @@
 
 use crate::calls::export_aside::AsideExport;
 use crate::calls::export_colours::{ColourConversion, PointClasses};
+use crate::calls::export_notes::{note_absent, note_overlap};
 use crate::error::BuildError;
 use esker_format::{EskerFile, Fault, Forest, FormatError, PagePoints, SourceRecord, runs};
 use esker_points::attribute::names;
@@ -195,18 +196,6 @@ pub fn export_with(
     })
 }
 
-/// A note if trees are thinned separately although their boxes overlap.
-fn note_overlap(forest: &Forest, filter: &Filter) -> Option<String> {
-    let boxes: Vec<_> = forest.files().filter_map(|file| file.metadata().bounds).collect();
-    let meet = |[low, high]: &[[u32; 3]; 2], [l, h]: &[[u32; 3]; 2]| {
-        (0..3).all(|i| low[i] <= h[i] && l[i] <= high[i])
-    };
-    let overlap = (0..boxes.len()).any(|i| boxes[..i].iter().any(|other| meet(&boxes[i], other)));
-    (filter.max_spacing.is_some() && overlap).then(|| {
-        "the spacing is that of each tree by itself, and trees overlap: there are more points; esker build --merge makes one tree of them".into()
-    })
-}
-
 /// Checks that `points` and `hash` are those of the footer of `file`.
 fn prove(file: &EskerFile, points: u64, hash: MultisetHash) -> Result<(), BuildError> {
     let footer = file.footer();
@@ -265,45 +254,7 @@ fn select_nodes(
     Ok(selected)
 }
 
-/// A note on attributes that some points lack, and which are zero in the export. An attribute is
-/// not missing where its output field was made from another attribute of the points.
-fn note_absent(forest: &Forest, fields: &[usize], target: Target) -> Vec<String> {
-    let attributes = &forest.schema().attributes;
-    // LAS demands the number of a return, so it is not 0 there: see `Output::remarks`.
-    let is_zero =
-        |at: &usize| !is_las(target) || attributes[*at].key() != (names::RETURNS, AttrType::U8);
-    let absent: Vec<&Attribute> = (0..attributes.len())
-        .filter(is_zero)
-        .filter(|&at| {
-            let of_field: Vec<_> = (0..attributes.len())
-                .filter(|&other| fields.get(other) == fields.get(at))
-                .map(|other| (attributes[other].name.as_str(), attributes[other].ty))
-                .collect();
-            // A tree without points lacks nothing.
-            forest
-                .files()
-                .any(|file| file.footer().points > 0 && !file.layout().all_have_one_of(&of_field))
-        })
-        .map(|at| &attributes[at])
-        .collect();
-    // A stored zero means the offset, where an attribute has one.
-    let (zero, offset): (Vec<_>, Vec<_>) = absent.into_iter().partition(|a| a.offset == 0.0);
-    let zero: Vec<&str> = zero.iter().map(|a| a.name.as_str()).collect();
-    let offset: Vec<String> = offset.iter().map(|a| format!("{} ({})", a.name, a.offset)).collect();
-    let mut notes = Vec::new();
-    if !zero.is_empty() {
-        notes.push(format!("zero where a point's source had none: {}", zero.join(", ")));
-    }
-    if !offset.is_empty() {
-        notes.push(format!(
-            "their offset, which is a stored zero, where a point's source had none: {}",
-            offset.join(", ")
-        ));
-    }
-    notes
-}
-
-fn is_las(target: Target) -> bool {
+pub(super) fn is_las(target: Target) -> bool {
     matches!(target, Target::Las | Target::Laz)
 }
 
