@@ -164,6 +164,25 @@ fn attributes_converted_from_others_are_not_reported_as_zero() {
 }
 
 #[test]
+fn an_absent_value_is_the_offset_of_its_attribute() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |i: i32| [i, 2 * i, 0];
+    let scan = |name| given(name, [0.001; 3], (0..50).map(place).collect());
+    let mut own = scan("a.las").with("amp", AttrType::U16, |i| i);
+    let attribute = &mut std::sync::Arc::make_mut(&mut own.info.schema).attributes[0];
+    (attribute.scale, attribute.offset) = (0.01, 10.0);
+    let file = folder.path().join("in.esker");
+    build_sources(boxed(&[own, scan("b.las")]), &file, &Options::default(), &Silent).unwrap();
+    let out = folder.path().join("out.csv");
+    let forest = Forest::open(&file).unwrap();
+    let notes = export(&forest, &out, &Filter::default(), &Silent).unwrap().notes.join("\n");
+    let want = "their offset, which is a stored zero, where a point's source had none: amp (10)";
+    assert!(notes.contains(want) && !notes.contains("zero where"), "{notes}");
+    let text = std::fs::read_to_string(&out).unwrap();
+    assert_eq!(text.lines().filter(|line| line.ends_with(",10.00")).count(), 51, "{text}");
+}
+
+#[test]
 fn nodes_that_a_filter_excludes_are_not_read() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());

@@ -109,11 +109,41 @@ fn rounding_to_eight_bits_is_counted() {
         let (found_ty, found, notes) = reds(&wide, ending, Some(ColourDepth::Eight));
         assert_eq!((found_ty, &found), (ty, &want), "{ending}");
         assert!(
-            notes.contains("120 values of colours are rounded to 8 bits, by at most 100"),
+            notes
+                .contains("120 values of colours are rounded to 8 bits, times 257, by at most 100"),
             "{notes}"
         );
     }
     let bytes = [coloured("a", AttrType::U8, |i| i)];
     let (ty, found, _) = reds(&bytes, "ply", Some(ColourDepth::Sixteen));
     assert_eq!((ty, found[3]), (AttrType::U16, 768));
+}
+
+#[test]
+fn one_factor_holds_for_all_colours() {
+    // White, and a grey, as two programs widen bytes.
+    let upper = |i: u64| [65_280, 32_768, 0][i as usize % 3];
+    let both = |i: u64| [65_535, 32_896, 0][i as usize % 3];
+    let of = |scans: &[Given], bits| reds(scans, "ply", bits);
+    let mixed = [coloured("a", AttrType::U16, move |i| if i < 20 { upper(i) } else { both(i) })
+        .coloured(ColourDepth::Sixteen)];
+    let apart = [
+        coloured("a", AttrType::U16, upper).coloured(ColourDepth::Sixteen),
+        coloured("b", AttrType::U16, both).coloured(ColourDepth::Sixteen),
+    ];
+    for scans in [&mixed[..], &apart[..]] {
+        let (ty, found, notes) = of(scans, None);
+        assert_eq!(ty, AttrType::U16);
+        assert!(found.contains(&65_280) && found.contains(&65_535), "{found:?}");
+        assert!(!notes.contains("hold all of them"), "{notes}");
+        let (ty, found, notes) = of(scans, Some(ColourDepth::Eight));
+        assert_eq!(ty, AttrType::U8);
+        assert!(found.contains(&254) && found.contains(&255), "{found:?}");
+        assert!(notes.contains("values of colours are rounded to 8 bits, times 257"), "{notes}");
+    }
+    for (scan, number) in apart.iter().zip([256, 257]) {
+        let (ty, found, notes) = of(std::slice::from_ref(scan), None);
+        assert_eq!((ty, found[39]), (AttrType::U8, 255));
+        assert!(notes.contains(&format!("stands for {number} times its value")), "{notes}");
+    }
 }

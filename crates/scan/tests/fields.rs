@@ -191,3 +191,50 @@ fn halves_of_wide_integers_are_joined() {
     assert_eq!(cloud.bytes("id"), u64::MAX.to_le_bytes());
     assert_eq!(cloud.bytes("at"), (-2i64).to_le_bytes());
 }
+
+#[test]
+fn a_packed_byte_alone_is_the_field_in_the_order_of_esker() {
+    // Withheld, then none; as in an export of Esker without returns.
+    let cloud = read("x,y,z,flags,intensity\n1,2,3,4,5\n2,3,4,0,6\n").unwrap();
+    assert_eq!(cloud.types(), "flags:u8 intensity:u16");
+    assert!(noted(&cloud, "`flags` is read as the byte of LAS"), "{:?}", cloud.info.notes);
+    // A return of a pulse with two, and a point without returns.
+    let cloud = read("x y z intensity returns\n1 2 3 4 34\n2 3 4 5 0\n").unwrap();
+    assert_eq!(cloud.types(), "intensity:u16 returns:u8");
+    // Any other order is of another program.
+    let cloud = read("x,y,z,intensity,flags\n1,2,3,4,5\n2,3,4,0,6\n").unwrap();
+    assert_eq!(cloud.types(), "flags_:u8 intensity:u16");
+    // PLY states its writer.
+    let flags = |comment: &str| {
+        let text = format!(
+            "ply\nformat ascii 1.0\n{comment}element vertex 1\nproperty float x\n\
+             property float y\nproperty float z\nproperty uchar flags\nend_header\n1 2 3 4\n"
+        );
+        read(text).unwrap().types()
+    };
+    assert_eq!(flags("comment written by Esker 0.1.0\n"), "flags:u8");
+    assert_eq!(flags(""), "flags_:u8");
+}
+
+#[test]
+fn numbers_of_returns_are_no_packed_bytes() {
+    let foreign = read("x,y,z,flags,returns\n1,2,3,7,3\n2,2,3,1,2\n").unwrap();
+    assert_eq!(foreign.types(), "flags_:u8 returns_:u8");
+    assert_eq!(foreign.column("returns_").1, [3.0, 2.0]);
+    assert!(noted(&foreign, "`returns` is not the field of LAS, whose values have a number"));
+    let alone = ply(&[("uchar", "returns")], &[&[3.0], &[20.0]]);
+    assert_eq!(alone.types(), "returns_:u8");
+}
+
+#[test]
+fn gps_times_outside_of_a_week_are_adjusted_standard_time() {
+    let times = |values: [&str; 2]| {
+        let text = format!("x,y,z,gps_time\n1,2,3,{}\n1,2,3,{}\n", values[0], values[1]);
+        let cloud = read(text).unwrap();
+        (esker_scan::las::gps_times(&cloud.info.verbatim), noted(&cloud, "adjusted standard time"))
+    };
+    let adjusted = (Some(esker_scan::las::GpsTimes::Adjusted), true);
+    assert_eq!(times(["0.5", "604800"]), (None, false));
+    assert_eq!(times(["0.5", "604801"]), adjusted);
+    assert_eq!(times(["-1.5", "0"]), adjusted);
+}

@@ -23,7 +23,13 @@ use std::sync::Arc;
 fn write(path: &Path, lattice: Lattice, origins: Vec<Origin>, batch: &Batch) -> Vec<String> {
     let schema = batch.schema.clone();
     let points_max = batch.len() as u64;
-    let outline = Outline { lattice, schema, points_max, ranges: Vec::new() };
+    // As a file knows it: without numbers of returns, text names the byte of returns otherwise.
+    let range = |(a, column): (&Attribute, &Vec<u8>)| {
+        let is_known = a.key() == (names::RETURNS, AttrType::U8);
+        column.iter().max().filter(|_| is_known).map(|&most| (0.0, f64::from(most)))
+    };
+    let ranges = schema.attributes.iter().zip(&batch.columns).map(range).collect();
+    let outline = Outline { lattice, schema, points_max, ranges, classes: Vec::new() };
     let target = Target::of(path).unwrap();
     let mut origins = origins.into_iter().map(Ok);
     let mut export = write::create(path, target, &outline, &mut origins).unwrap();

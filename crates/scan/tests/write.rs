@@ -55,8 +55,20 @@ fn write(
     batches: &[Batch],
     points_max: u64,
 ) -> Vec<String> {
+    write_classes(path, lattice, origins, batches, points_max, Vec::new())
+}
+
+/// As [`write`], with the attributes of each class of points.
+fn write_classes(
+    path: &Path,
+    lattice: Lattice,
+    origins: &[Origin],
+    batches: &[Batch],
+    points_max: u64,
+    classes: Vec<Vec<usize>>,
+) -> Vec<String> {
     let schema = batches.first().map_or_else(|| Arc::new(Schema::default()), |b| b.schema.clone());
-    let outline = Outline { lattice, schema, points_max, ranges: Vec::new() };
+    let outline = Outline { lattice, schema, points_max, ranges: Vec::new(), classes };
     let mut origins = origins.iter().cloned().map(Ok);
     let target = Target::of(path).unwrap();
     let mut export = write::create(path, target, &outline, &mut origins).unwrap();
@@ -310,7 +322,12 @@ fn sources_of_different_formats_get_the_least_format_that_holds_all() {
         let origins = sources.each_ref().map(|s| Origin::from(s.info()));
         let lattice = read(sources[0].as_ref()).0;
         let out = folder.path().join("out.las");
-        let notes = write(&out, lattice, &origins, &widened, 2);
+        let class = |source: &dyn Source| {
+            let own = source.info().schema.attributes.iter();
+            own.filter_map(|a| schema.find_typed(&a.name, a.ty)).collect()
+        };
+        let classes = sources.iter().map(|source| class(source.as_ref())).collect();
+        let notes = write_classes(&out, lattice, &origins, &widened, 2, classes);
         assert!(notes[0].contains(&format!("point format {format}")), "{notes:?}");
         let back = open(&out);
         assert_eq!(back.info().format, format!("LAS 1.{minor}, point format {format}"));
@@ -339,6 +356,25 @@ fn sources_of_different_formats_get_the_least_format_that_holds_all() {
             }
         }
     }
+}
+
+#[test]
+fn a_point_with_both_scan_angles_keeps_both_in_las() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "x,y,z,scan_angle,scan_angle_rank\n1,2,3,-6.36,-54\n2,3,4,12.6,7\n3,3,4,0.0,9\n";
+    let source = open(&file(folder.path(), "angles.csv", text.as_bytes()));
+    let (lattice, batches) = read(source.as_ref());
+    let out = folder.path().join("out.las");
+    let notes = write(&out, lattice, &[Origin::from(source.info())], &batches, 3);
+    assert!(notes.iter().any(|n| n == "as extra bytes: scan_angle_rank_i8"), "{notes:?}");
+    let back = &read(open(&out).as_ref()).1[0];
+    let column = |name: &str| {
+        let at = back.schema.find(name).unwrap();
+        let ty = back.schema.attributes[at].ty;
+        back.columns[at].chunks(ty.size()).map(|v| ty.to_f64(v)).collect::<Vec<_>>()
+    };
+    assert_eq!(column("scan_angle"), [-1060.0, 2100.0, 0.0]);
+    assert_eq!(column("scan_angle_rank_i8"), [-54.0, 7.0, 9.0]);
 }
 
 /// A gap must not become a height because another source has no heights.

@@ -3,6 +3,7 @@
 //! (`docs/design/format.md`).
 
 use crate::calls::build::{build_sources, check_not_replaced};
+use crate::calls::metadata::note_no_data;
 use crate::error::BuildError;
 use crate::input::attribute_types::{self, take_types};
 use crate::input::attribute_units::check_attribute_units;
@@ -16,7 +17,7 @@ use esker_format::{Forest, TreeRef};
 use esker_points::lattice::GridKind;
 use esker_points::{AttrType, Schema, Task};
 use esker_scan::Source;
-use esker_scan::las::gps_times;
+use esker_scan::las::{NoData, gps_times};
 use std::path::{Path, PathBuf};
 
 /// Builds `out` from `inputs` over the lattice of the file `old`, and names `old` and all files
@@ -77,6 +78,7 @@ pub fn append_sources(
     let inherited = Inherited { lattice: Some(*old.lattice()), palette, forest, merged: None };
     let options = Options { inherited, ..options.clone() };
     let mut notes: Vec<String> = note_different_times(old, &sources)?.into_iter().collect();
+    notes.extend(note_different_no_data(old, &sources)?);
     notes.extend(note_unstated(old, &sources));
     notes.extend(note_apart(old, &sources));
     let mut report = build_sources(sources, out, &options, task)?;
@@ -177,4 +179,25 @@ pub(crate) fn systems_of(forest: &Forest) -> impl Iterator<Item = &str> {
     records
         .filter_map(|record| record.crs.as_ref().map(|crs| crs.text.as_str()))
         .filter(|text| !text.is_empty())
+}
+
+/// A note if the inputs state other no-data values than the old files, unless the inputs already
+/// disagree among themselves, which the build notes.
+fn note_different_no_data(
+    old: &Forest,
+    sources: &[Box<dyn Source>],
+) -> Result<Option<String>, BuildError> {
+    let (mut known, mut new) = (NoData::default(), NoData::default());
+    for file in old.files() {
+        (0..file.metadata().sources.len())
+            .try_for_each(|i| file.verbatim(i).map(|blocks| known.add(&blocks)))?;
+    }
+    let mut all = known.clone();
+    for info in sources.iter().map(|source| source.info()) {
+        new.add(&info.verbatim);
+        all.add(&info.verbatim);
+    }
+    let conflicts = all.conflicts();
+    let is_noted = conflicts == known.conflicts() || conflicts == new.conflicts();
+    Ok((!is_noted).then(|| note_no_data(&conflicts)))
 }

@@ -6,6 +6,7 @@
 
 use crate::calls::export_aside::AsideExport;
 use crate::calls::export_colours::{ColourConversion, PointClasses};
+use crate::calls::export_notes::{note_absent, note_overlap};
 use crate::error::BuildError;
 use esker_format::{EskerFile, Fault, Forest, FormatError, PagePoints, SourceRecord, runs};
 use esker_points::attribute::names;
@@ -135,7 +136,9 @@ pub fn export_with(
     };
     let written = colours.as_ref().map_or(&schema, |colours| colours.schema()).clone();
     let ranges = ranges(forest, &written, target)?;
-    let outline = Outline { lattice: *forest.lattice(), schema: written, points_max, ranges };
+    let classes = classes(forest, &written);
+    let outline =
+        Outline { lattice: *forest.lattice(), schema: written, points_max, ranges, classes };
     let mut origins = trees.iter().flat_map(|(file, _)| {
         let sources = file.metadata().sources.iter().enumerate();
         sources.map(move |(i, record)| origin(file, i, record))
@@ -190,18 +193,6 @@ pub fn export_with(
         bytes_out,
         format: started.format,
         notes,
-    })
-}
-
-/// A note if trees are thinned separately although their boxes overlap.
-fn note_overlap(forest: &Forest, filter: &Filter) -> Option<String> {
-    let boxes: Vec<_> = forest.files().filter_map(|file| file.metadata().bounds).collect();
-    let meet = |[low, high]: &[[u32; 3]; 2], [l, h]: &[[u32; 3]; 2]| {
-        (0..3).all(|i| low[i] <= h[i] && l[i] <= high[i])
-    };
-    let overlap = (0..boxes.len()).any(|i| boxes[..i].iter().any(|other| meet(&boxes[i], other)));
-    (filter.max_spacing.is_some() && overlap).then(|| {
-        "the spacing is that of each tree by itself, and trees overlap: there are more points; esker build --merge makes one tree of them".into()
     })
 }
 
@@ -263,32 +254,7 @@ fn select_nodes(
     Ok(selected)
 }
 
-/// A note on attributes that some points lack, and which are zero in the export. An attribute is
-/// not missing where its output field was made from another attribute of the points.
-fn note_absent(forest: &Forest, fields: &[usize], target: Target) -> Option<String> {
-    let attributes = &forest.schema().attributes;
-    // LAS demands the number of a return, so it is not 0 there: see `Output::remarks`.
-    let is_zero =
-        |at: &usize| !is_las(target) || attributes[*at].key() != (names::RETURNS, AttrType::U8);
-    let names: Vec<_> = (0..attributes.len())
-        .filter(is_zero)
-        .filter(|&at| {
-            let of_field: Vec<_> = (0..attributes.len())
-                .filter(|&other| fields.get(other) == fields.get(at))
-                .map(|other| (attributes[other].name.as_str(), attributes[other].ty))
-                .collect();
-            // A tree without points lacks nothing.
-            forest
-                .files()
-                .any(|file| file.footer().points > 0 && !file.layout().all_have_one_of(&of_field))
-        })
-        .map(|at| attributes[at].name.as_str())
-        .collect();
-    let names = names.join(", ");
-    (!names.is_empty()).then(|| format!("zero where a point's source had none: {names}"))
-}
-
-fn is_las(target: Target) -> bool {
+pub(super) fn is_las(target: Target) -> bool {
     matches!(target, Target::Las | Target::Laz)
 }
 
@@ -300,6 +266,10 @@ fn ranges(
 ) -> Result<Vec<Option<(f64, f64)>>, BuildError> {
     let is_needed = |a: &Attribute| match a.ty {
         AttrType::U64 | AttrType::I64 => true,
+        // Text names the byte after what it holds.
+        _ if a.key() == (names::RETURNS, AttrType::U8) => {
+            matches!(target, Target::Text | Target::Csv)
+        }
         _ => is_las(target) && a.name == names::INTENSITY,
     };
     if !schema.attributes.iter().any(is_needed) {
@@ -317,6 +287,22 @@ fn ranges(
         }
     }
     Ok(ranges)
+}
+
+/// The attributes of `schema` that the points of each class have, each set once.
+fn classes(forest: &Forest, schema: &Schema) -> Vec<Vec<usize>> {
+    let mut classes: Vec<Vec<usize>> = Vec::new();
+    for layout in forest.files().map(EskerFile::layout) {
+        for class in layout.classes() {
+            let own = class.present.iter().map(|&a| &layout.schema().attributes[usize::from(a)]);
+            let present: Vec<usize> =
+                own.filter_map(|a| schema.find_typed(&a.name, a.ty)).collect();
+            if !classes.contains(&present) {
+                classes.push(present);
+            }
+        }
+    }
+    classes
 }
 
 /// Export of one tree.

@@ -9,7 +9,7 @@ use esker_points::{AttrType, Batch, ColourDepth, Column, Schema, Task};
 use esker_scan::write::Target;
 use rayon::prelude::*;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 const RGB: [&str; 3] = [names::RED, names::GREEN, names::BLUE];
 /// Colours of 8 bits in a field of 16: what LAS 1.4 R15 (section 2.6.2) asks for.
@@ -35,9 +35,38 @@ enum Written {
     Wide,
 }
 
+/// What a byte stands for in colours that use 16 bits: programs widen bytes by one of two factors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Factor {
+    /// Times 256: the byte is the upper one.
+    Upper,
+    /// Times 257: both bytes are equal, and white stays white.
+    Both,
+}
+
+impl Factor {
+    /// The number.
+    fn number(self) -> u16 {
+        match self {
+            Self::Upper => TO_SIXTEEN,
+            Self::Both => TO_SIXTEEN + 1,
+        }
+    }
+
+    /// The nearest byte of a 16-bit colour, and how far the colour is from it.
+    fn rounded(self, v: u16) -> (u8, u16) {
+        let number = u32::from(self.number());
+        // At most 255, so that the product fits.
+        let byte = ((u32::from(v) + number / 2) / number).min(255) as u16;
+        (byte as u8, v.abs_diff(byte * self.number()))
+    }
+}
+
 /// Converts colours to one scale.
 pub struct ColourConversion {
     written: Written,
+    /// Factor by which bytes were widened to the colours that use 16 bits.
+    factor: Factor,
     /// The attributes of the export.
     schema: Arc<Schema>,
     /// For each attribute of the forest, its index there; for colours that of the same channel.
@@ -45,6 +74,8 @@ pub struct ColourConversion {
     rounded: AtomicU64,
     error_max: AtomicU64,
     notes: Vec<String>,
+    /// Note that holds if no colour is rounded.
+    exact_note: Option<String>,
 }
 
 /// A file and those of its nodes whose points are exported.
@@ -74,13 +105,23 @@ impl ColourConversion {
         }
         let is_las = matches!(target, Target::Las | Target::Laz);
         let only = |kind| kinds == [kind];
+        let is_narrow = match wanted {
+            None => target == Target::Ply && !only(Stored::Bytes),
+            Some(depth) => depth == ColourDepth::Eight,
+        };
+        // Bytes widened by one factor are exact in bytes; those of several factors are not.
+        let factors = match is_narrow && !kinds.is_empty() {
+            true => factors(selected, task)?,
+            false => Factors { is_low: false, upper: false, both: false },
+        };
+        let factor = factors.best();
         let written = match (wanted, target) {
             _ if kinds.is_empty() => return Ok(None),
             (Some(ColourDepth::Eight), _) if is_las => Written::Low,
             (Some(ColourDepth::Eight), _) => Written::Bytes,
             (Some(ColourDepth::Sixteen), _) => Written::Wide,
             (None, Target::Ply) if only(Stored::Bytes) => return Ok(None),
-            (None, Target::Ply) => match fits_bytes(selected, task)? {
+            (None, Target::Ply) => match factors.is_low && factor.is_some() {
                 true => Written::Bytes,
                 false => Written::Wide,
             },
@@ -99,9 +140,17 @@ impl ColourConversion {
                     .into(),
             );
         }
-        if wanted.is_none() && written == Written::Bytes {
-            notes.push("colours are written with 8 bits, which hold all of them".into());
-        }
+        let factor = factor.unwrap_or(Factor::Both);
+        let stands_for = match (kinds.contains(&Stored::Wide), written) {
+            (true, Written::Bytes | Written::Low) => {
+                format!("; each stands for {} times its value in 16 bits", factor.number())
+            }
+            _ => String::new(),
+        };
+        let is_stated = wanted.is_none() && written == Written::Bytes || !stands_for.is_empty();
+        let exact_note = is_stated.then(|| {
+            format!("colours are written with 8 bits, which hold all of them{stands_for}")
+        });
         if written == Written::Low {
             notes.push(
                 "colours are written as 0 to 255; LAS asks for 16 bits, and some programs show them black".into(),
@@ -111,11 +160,13 @@ impl ColourConversion {
         let (schema, index_of) = schema_with(forest.schema(), ty);
         Ok(Some(Self {
             written,
+            factor,
             schema: Arc::new(schema),
             index_of,
             rounded: AtomicU64::new(0),
             error_max: AtomicU64::new(0),
             notes,
+            exact_note,
         }))
     }
 
@@ -181,7 +232,7 @@ impl ColourConversion {
         match self.written {
             Written::Wide => v,
             Written::Bytes | Written::Low => {
-                let (byte, error) = rounded(v);
+                let (byte, error) = self.factor.rounded(v);
                 if error > 0 {
                     self.count(error.into());
                 }
@@ -202,8 +253,11 @@ impl ColourConversion {
         if rounded > 0 {
             let most = self.error_max.load(Ordering::Relaxed);
             notes.push(format!(
-                "{rounded} values of colours are rounded to 8 bits, by at most {most} of 65,535"
+                "{rounded} values of colours are rounded to 8 bits, times {}, by at most {most} of 65,535",
+                self.factor.number()
             ));
+        } else {
+            notes.extend(self.exact_note.clone());
         }
         notes
     }
@@ -226,18 +280,6 @@ impl PointClasses {
     fn of(&self, point: usize) -> usize {
         self.0.get(point).map_or(0, |&class| usize::from(class))
     }
-}
-
-/// The byte of a 16-bit colour, and how far the colour is from it: none if its low byte is 0 or
-/// equals the high one, as programs widen bytes.
-fn rounded(v: u16) -> (u8, u16) {
-    let [low, high] = v.to_le_bytes();
-    if low == 0 {
-        return (high, 0);
-    }
-    let byte = (u32::from(v) + 128) / 257;
-    let byte = byte.min(255) as u16;
-    (byte as u8, v.abs_diff(byte * 257))
 }
 
 /// How the points of each class hold their colours; `None` if a class has colours that are not
@@ -290,36 +332,75 @@ fn schema_with(schema: &Schema, ty: AttrType) -> (Schema, Vec<usize>) {
     (new, index_of)
 }
 
-/// Whether all colours of these nodes are bytes, exactly.
-fn fits_bytes(selected: &[Selection<'_>], task: &dyn Task) -> Result<bool, BuildError> {
+/// What holds for all colours of a selection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Factors {
+    /// Colours of 8 bits in fields of 16 are 0 to 255.
+    is_low: bool,
+    /// Colours that use 16 bits are bytes times 256.
+    upper: bool,
+    /// They are bytes times 257.
+    both: bool,
+}
+
+impl Factors {
+    /// A factor by which all colours were widened; that of LAS, if there is a choice.
+    fn best(self) -> Option<Factor> {
+        let upper = self.upper.then_some(Factor::Upper);
+        upper.or(self.both.then_some(Factor::Both))
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            is_low: self.is_low && other.is_low,
+            upper: self.upper && other.upper,
+            both: self.both && other.both,
+        }
+    }
+}
+
+/// What holds for all colours of these nodes.
+fn factors(selected: &[Selection<'_>], task: &dyn Task) -> Result<Factors, BuildError> {
     const PLANES: [PlaneKind; 3] =
         [PlaneKind::Colour, PlaneKind::ColourRemainder, PlaneKind::Class];
+    const ALL: Factors = Factors { is_low: true, upper: true, both: true };
+    // Once a node fits no factor, no other needs to be read.
+    let is_settled = AtomicBool::new(false);
+    let mut all = ALL;
     for (file, nodes) in selected {
         let kinds = stored_of(file).unwrap_or_default();
-        let does_fit = |&node: &u32| -> Result<bool, BuildError> {
+        let of_node = |&node: &u32| -> Result<Factors, BuildError> {
             task.check()?;
+            if is_settled.load(Ordering::Relaxed) {
+                return Ok(ALL);
+            }
             let planes = file.read_planes(node, &PLANES)?;
             let plane = |kind| planes.get(kind).unwrap_or_default();
             let (hot, cold) = (plane(PlaneKind::Colour), plane(PlaneKind::ColourRemainder));
             let classes = plane(PlaneKind::Class).as_chunks::<2>().0;
+            let mut found = ALL;
             let colours = hot.as_chunks::<4>().0.iter().zip(cold.as_chunks::<3>().0).enumerate();
-            Ok(colours.into_iter().all(|(i, (hot, cold))| {
+            for (i, (hot, cold)) in colours {
                 let class = classes.get(i).map_or(0, |c| usize::from(u16::from_le_bytes(*c)));
-                let fits = |k: usize| match kinds.get(class).copied().flatten() {
-                    None | Some(Stored::Bytes) => true,
-                    Some(Stored::Low) => cold[k] == 0,
-                    Some(Stored::Wide) => cold[k] == 0 || cold[k] == hot[k],
-                };
-                (0..3).all(fits)
-            }))
+                let are = |fits: fn(u8, u8) -> bool| (0..3).all(|k| fits(hot[k], cold[k]));
+                match kinds.get(class).copied().flatten() {
+                    None | Some(Stored::Bytes) => {}
+                    Some(Stored::Low) => found.is_low &= are(|_, cold| cold == 0),
+                    Some(Stored::Wide) => {
+                        found.upper &= are(|_, cold| cold == 0);
+                        found.both &= are(|hot, cold| cold == hot);
+                    }
+                }
+            }
+            if !(found.upper || found.both) {
+                is_settled.store(true, Ordering::Relaxed);
+            }
+            Ok(found)
         };
-        // The first in order that does not fit, or the first error, ends the search.
-        let misfit = nodes.par_iter().map(does_fit).find_first(|fits| !matches!(fits, Ok(true)));
-        if let Some(misfit) = misfit {
-            return misfit;
-        }
+        let of_nodes = nodes.par_iter().map(of_node);
+        all = all.and(of_nodes.try_reduce(|| ALL, |a, b| Ok(a.and(b)))?);
     }
-    Ok(true)
+    Ok(all)
 }
 
 #[cfg(test)]
@@ -327,13 +408,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_are_exact_in_both_ways_to_widen_them() {
-        for byte in 0..=255u8 {
-            assert_eq!(rounded(u16::from(byte) * 256), (byte, 0));
-            assert_eq!(rounded(u16::from(byte) * 257), (byte, 0));
+    fn bytes_are_exact_by_the_factor_that_widened_them() {
+        for factor in [Factor::Upper, Factor::Both] {
+            for byte in 0..=255u8 {
+                assert_eq!(factor.rounded(u16::from(byte) * factor.number()), (byte, 0));
+            }
         }
         for v in 0..=u16::MAX {
-            assert!(rounded(v).1 <= 128, "{v}");
+            assert!(Factor::Both.rounded(v).1 <= 128, "{v}");
+            assert!(Factor::Upper.rounded(v).1 <= 255, "{v}");
         }
+        assert_eq!(Factor::Both.rounded(65_280), (254, 2));
     }
 }

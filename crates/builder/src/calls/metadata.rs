@@ -8,7 +8,7 @@ use crate::input::plan::Plan;
 use crate::options::Options;
 use esker_format::{CrsRecord, Metadata, Normals, SetAside, SourceRecord};
 use esker_scan::ReadReport;
-use esker_scan::las::gps_times;
+use esker_scan::las::{NoData, gps_times};
 use esker_scan::synthetic::is_spec;
 use std::path::{Path, PathBuf};
 
@@ -110,7 +110,21 @@ pub fn notes(metadata: &Metadata) -> Vec<String> {
     out.extend(gps_times::note_different(
         metadata.sources.iter().map(|s| (s.path.clone(), gps_times(&s.verbatim))),
     ));
+    let mut no_data = NoData::default();
+    metadata.sources.iter().for_each(|s| no_data.add(&s.verbatim));
+    let conflicts = no_data.conflicts();
+    if !conflicts.is_empty() {
+        out.push(note_no_data(&conflicts));
+    }
     out
+}
+
+/// A note on attributes for which inputs state different no-data values.
+pub fn note_no_data(conflicts: &[String]) -> String {
+    let names = conflicts.join(", ");
+    format!(
+        "inputs state different no-data values, of which an export has the first or none: {names}"
+    )
 }
 
 /// A note on the points that were set aside.

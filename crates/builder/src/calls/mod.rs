@@ -5,6 +5,7 @@ pub(crate) mod build;
 pub(crate) mod export;
 mod export_aside;
 mod export_colours;
+mod export_notes;
 pub(crate) mod merge;
 mod metadata;
 mod rounding;

@@ -25,6 +25,19 @@ pub(crate) struct Column<'a> {
     pub type_with_gaps: Option<AttrType>,
 }
 
+/// Who wrote a source, as far as it shows that. Bytes that Esker packs have names that other programs
+/// use for something else.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Writer {
+    /// Any program.
+    #[default]
+    Any,
+    /// Perhaps Esker: a table with its names of coordinates, and its order of columns.
+    PerhapsEsker,
+    /// Esker, as a comment states.
+    Esker,
+}
+
 /// Attributes made from the columns of a source.
 #[derive(Clone, Debug)]
 pub(crate) struct FieldPlan {
@@ -40,4 +53,6 @@ pub(crate) struct FieldPlan {
     pub colour_max: u16,
     /// Whether the values fit the fields of LAS point formats 0 to 5, and need them.
     pub is_legacy: bool,
+    /// Whether GPS times lie outside of a week, so that they are no seconds of one.
+    pub are_times_beyond_week: bool,
 }

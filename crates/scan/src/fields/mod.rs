@@ -9,7 +9,7 @@ mod planner;
 pub(crate) mod recipe;
 pub(crate) mod values;
 
-pub(crate) use column::{Column, FieldPlan, HALVES};
+pub(crate) use column::{Column, FieldPlan, HALVES, Writer};
 use esker_points::AttrType;
 use esker_points::attribute::names as esker;
 
@@ -41,9 +41,9 @@ pub(crate) fn is_watched_as(name: &str, ty: AttrType) -> bool {
     }
 }
 
-/// Plans the attributes made from `columns`.
-pub(crate) fn plan(columns: &[Column<'_>]) -> FieldPlan {
-    let mut planner = Planner::new(columns);
+/// Plans the attributes made from `columns` of a source of this `writer`.
+pub(crate) fn plan(columns: &[Column<'_>], writer: Writer) -> FieldPlan {
+    let mut planner = Planner::new(columns, writer);
     planner.join_halves();
     planner.colours();
     planner.packed();

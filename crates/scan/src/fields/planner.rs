@@ -1,10 +1,10 @@
 //! Decides, field by field, what the columns of a source become: [`super::plan`].
 
 use super::colours;
-use super::column::{Column, FieldPlan, HALVES, RGB};
+use super::column::{Column, FieldPlan, HALVES, RGB, Writer};
 use super::names::{self, ALPHA, CLASS_FLAGS, Meaning, meaning};
 use super::recipe::{Bits, Recipe};
-use super::values::ANGLE_STEP;
+use super::values::{ANGLE_STEP, Values};
 use crate::text::naming::schema_of;
 use esker_points::AttrType;
 use esker_points::attribute::names as esker;
@@ -13,6 +13,9 @@ use std::sync::Arc;
 
 /// Greatest distance of an angle from a step, in degrees: singles are within 0.00002.
 const OFF_ANGLE_MAX: f64 = 1e-4;
+
+/// Seconds of a week, beyond which GPS times are no seconds of one.
+const WEEK_S: f64 = 604_800.0;
 
 /// An attribute to be.
 struct Made {
@@ -23,6 +26,7 @@ struct Made {
 
 pub(super) struct Planner<'a> {
     columns: &'a [Column<'a>],
+    writer: Writer,
     /// Meaning of each column that has none yet made of it; one column for each meaning.
     meanings: Vec<Option<Meaning>>,
     used: Vec<bool>,
@@ -37,7 +41,7 @@ pub(super) struct Planner<'a> {
 }
 
 impl<'a> Planner<'a> {
-    pub(super) fn new(columns: &'a [Column<'a>]) -> Self {
+    pub(super) fn new(columns: &'a [Column<'a>], writer: Writer) -> Self {
         let mut meanings: Vec<Option<Meaning>> = columns.iter().map(|c| meaning(c.name)).collect();
         // One column for each meaning: the one that has Esker's name for it, else the first.
         let mut taken = HashSet::new();
@@ -52,6 +56,7 @@ impl<'a> Planner<'a> {
         }
         Self {
             columns,
+            writer,
             meanings,
             used: vec![false; columns.len()],
             made: Vec::new(),
@@ -195,13 +200,35 @@ impl<'a> Planner<'a> {
             fits.then_some(column)
         };
         let (returns, flags) = (whole(self, esker::RETURNS), whole(self, esker::FLAGS));
-        // A count of returns may have the same name: bytes of Esker come with flags, or tell.
+        // A count of returns may have the same name, so the values decide, and flags beside them
+        // or the order of columns.
         let is_sure = |&column: &usize| {
             let Column { ty, values, .. } = self.columns[column];
-            ty.is_some() || flags.is_some() || values.are_returns && values.is_any()
+            let is_counted = values.bits & 0xf0 != 0 || values.bits == 0;
+            let is_typical = values.are_returns && values.is_any();
+            match self.writer {
+                Writer::Esker => true,
+                _ if flags.is_some() => is_counted,
+                Writer::PerhapsEsker => is_typical || is_counted && !values.has_uncounted,
+                Writer::Any if ty.is_some() => is_counted && !values.has_uncounted,
+                Writer::Any => is_typical,
+            }
         };
         let returns = returns.filter(is_sure);
-        let flags = flags.filter(|_| returns.is_some());
+        let has_other_returns =
+            returns.is_none() && self.columns.iter().any(|c| c.name == esker::RETURNS);
+        let are_flags_sure = match self.writer {
+            Writer::Esker => true,
+            Writer::PerhapsEsker => !has_other_returns,
+            Writer::Any => returns.is_some(),
+        };
+        let flags = flags.filter(|_| are_flags_sure);
+        if self.writer != Writer::Esker && returns.is_some() != flags.is_some() {
+            let alone = if returns.is_some() { esker::RETURNS } else { esker::FLAGS };
+            self.notes.push(format!(
+                "`{alone}` is read as the byte of LAS, as Esker writes it; if it is none, name it otherwise"
+            ));
+        }
         for (name, column) in [(esker::RETURNS, returns), (esker::FLAGS, flags)] {
             match column {
                 Some(column) => self.take(column, name, AttrType::U8),
@@ -370,8 +397,11 @@ impl<'a> Planner<'a> {
                     | (esker::SCAN_ANGLE_RANK, AttrType::I8)
             );
             if is_reserved {
-                self.notes
-                    .push(format!("`{name}` is not the field of LAS: it is kept as `{name}_`"));
+                let is_count = name == esker::RETURNS && values.has_uncounted;
+                let why = if is_count { ", whose values have a number of returns" } else { "" };
+                self.notes.push(format!(
+                    "`{name}` is not the field of LAS{why}: it is kept as `{name}_`"
+                ));
             }
             self.make(&format!("{name}{}", if is_reserved { "_" } else { "" }), ty, recipe);
         }
@@ -379,6 +409,7 @@ impl<'a> Planner<'a> {
 
     pub(super) fn finish(mut self) -> FieldPlan {
         let is_legacy = self.is_legacy();
+        let are_times_beyond_week = self.are_times_beyond_week();
         let is_las = [esker::RETURNS, esker::FLAGS].iter().all(|n| self.has(n, AttrType::U8));
         let typed = self.made.iter().map(|m| (m.name.clone(), m.ty)).collect();
         let (mut schema, columns) = schema_of(typed);
@@ -407,7 +438,19 @@ impl<'a> Planner<'a> {
             are_colours_full: self.are_colours_full,
             colour_max: self.colour_max,
             is_legacy,
+            are_times_beyond_week,
         }
+    }
+
+    fn are_times_beyond_week(&self) -> bool {
+        let times = self.made.iter().filter(|m| m.name == esker::GPS_TIME && m.ty == AttrType::F64);
+        times.into_iter().any(|m| match m.recipe {
+            Recipe::Same(c) | Recipe::Number(c) => {
+                let Values { min, max, .. } = self.columns[c].values;
+                min.is_finite() && max.is_finite() && (min < 0.0 || max > WEEK_S)
+            }
+            _ => false,
+        })
     }
 
     /// Whether the fields of point formats 0 to 5 hold all values, and whole degrees need them.

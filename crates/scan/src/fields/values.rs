@@ -30,6 +30,8 @@ pub(crate) struct Values {
     /// Whether each value has the number of a return in bits 0 to 3 and a number of returns not
     /// below it in bits 4 to 7.
     pub are_returns: bool,
+    /// Whether a value is 1 to 15: the number of a return without a number of returns.
+    pub has_uncounted: bool,
     /// Greatest distance from a whole number of [`ANGLE_STEP`]s, degrees.
     pub off_angle: f64,
     /// Greatest distance of 255 times a value from a whole number.
@@ -49,6 +51,7 @@ impl Values {
             is_watched,
             bits: 0,
             are_returns: true,
+            has_uncounted: false,
             off_angle: 0.0,
             off_byte: 0.0,
         }
@@ -66,6 +69,7 @@ impl Values {
             is_watched: true,
             bits: u8::MAX,
             are_returns: false,
+            has_uncounted: true,
             off_angle: f64::INFINITY,
             off_byte: f64::INFINITY,
         }
@@ -87,6 +91,7 @@ impl Values {
             let byte = v as u8;
             self.bits |= byte;
             self.are_returns &= (1..=byte >> 4).contains(&(byte & 15));
+            self.has_uncounted |= (1..16).contains(&byte);
             self.off_angle = self.off_angle.max(off(v / ANGLE_STEP) * ANGLE_STEP);
             self.off_byte = self.off_byte.max(off(v * 255.0));
         }
@@ -118,6 +123,7 @@ impl Values {
         self.is_watched |= other.is_watched;
         self.bits |= other.bits;
         self.are_returns &= other.are_returns;
+        self.has_uncounted |= other.has_uncounted;
         self.off_angle = self.off_angle.max(other.off_angle);
         self.off_byte = self.off_byte.max(other.off_byte);
     }

@@ -9,8 +9,9 @@ use esker_points::{AttrType, Attribute, attribute::names};
 /// Size of a description, in bytes.
 pub const DESCRIPTION_BYTES: usize = 192;
 /// Option bit: a value that stands for "no data" is given.
-const OPTION_NO_DATA: u8 = 1;
-const NO_DATA_AT: usize = 40;
+pub const OPTION_NO_DATA: u8 = 1;
+/// Offset of that value.
+pub const NO_DATA_AT: usize = 40;
 const OPTION_SCALE: u8 = 1 << 3;
 const OPTION_OFFSET: u8 = 1 << 4;
 
@@ -91,7 +92,7 @@ fn raw(first: usize, number: usize) -> Vec<Attribute> {
 
 /// The attributes of one description: one for a value, several for an array, one per byte for
 /// undocumented bytes.
-fn describe(description: &[u8], before: &[Attribute]) -> Result<Vec<Attribute>, String> {
+pub fn describe(description: &[u8], before: &[Attribute]) -> Result<Vec<Attribute>, String> {
     let (kind, options) = (description[2], description[3]);
     if kind == 0 {
         if options == 0 {

@@ -49,6 +49,11 @@ impl GpsTimes {
             Self::Adjusted => "adjusted standard",
         }
     }
+
+    /// The epoch of this name.
+    pub(crate) fn of_name(name: &[u8]) -> Option<Self> {
+        [Self::Week, Self::Adjusted].into_iter().find(|times| times.name().as_bytes() == name)
+    }
 }
 
 /// The fields of the header that are used.

@@ -10,10 +10,12 @@ pub(crate) mod header;
 mod heights;
 mod items;
 mod laszip;
+mod no_data;
 pub(crate) mod points;
 pub(crate) mod vlr;
 
 pub use header::GpsTimes;
+pub use no_data::NoData;
 
 use crate::error::ScanError;
 use crate::source::{BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
@@ -56,11 +58,30 @@ const BEHIND_BLOCK_BYTES: u64 = 64 << 10;
 const FAR_RECORDS: usize = 1000;
 const FAR_BOXES: f64 = 100.0;
 
-/// Epoch of the GPS times of a source, from its blocks kept verbatim; `None` without such times.
+/// Block of a source that is no LAS file: the name of the epoch of its GPS times.
+pub(crate) const TIMES_BLOCK: &str = "GPS times";
+
+/// Epoch of the GPS times of a source, from its blocks kept verbatim; `None` if it is not known.
 pub fn gps_times(verbatim: &[(String, Vec<u8>)]) -> Option<GpsTimes> {
-    let (_, head) = verbatim.iter().find(|(name, _)| name == "las header")?;
-    // The header was checked when it was read; here its sizes are not trusted.
-    Header::parse(head, u64::MAX, Path::new("")).ok()?.gps_times
+    let block = |name| verbatim.iter().find(|(n, _)| n == name).map(|(_, bytes)| bytes.as_slice());
+    match block("las header") {
+        // The header was checked when it was read; here its sizes are not trusted.
+        Some(head) => Header::parse(head, u64::MAX, Path::new("")).ok()?.gps_times,
+        None => GpsTimes::of_name(block(TIMES_BLOCK)?),
+    }
+}
+
+/// The block with the epoch of the GPS times of a source that is no LAS file, and a note if it is
+/// concluded from their values. `stated` is the epoch that the source states.
+pub(crate) fn times_block(
+    stated: Option<GpsTimes>,
+    are_beyond_week: bool,
+) -> (Option<(String, Vec<u8>)>, Option<String>) {
+    let concluded = are_beyond_week.then_some(GpsTimes::Adjusted);
+    let block = |times: GpsTimes| (TIMES_BLOCK.to_owned(), times.name().as_bytes().to_vec());
+    let note = "GPS times lie outside of a week of 604,800 seconds: they are taken for adjusted standard time";
+    let is_concluded = stated.is_none() && are_beyond_week;
+    (stated.or(concluded).map(block), is_concluded.then(|| note.to_owned()))
 }
 
 /// Values of extra bytes that stand for none: name and raw value of each, sorted, from the blocks

@@ -3,12 +3,39 @@
 //! goes on in further lines. A coordinate reference system stands in lines `comment crs TEXT`,
 //! which go on as `comment crs+ TEXT`, and is read back from them.
 
+use crate::las::GpsTimes;
 use std::fmt::Write;
 
 /// Greatest length of a line, without its end.
 const LINE_BYTES_MAX: usize = 240;
 /// Beginning of the first line of a coordinate reference system, and of those that follow.
 const CRS: [&str; 2] = ["comment crs ", "comment crs+ "];
+
+/// Beginning of the line with the epoch of GPS times.
+const TIMES: &str = "comment gps_time ";
+/// Beginning of the line that names Esker as the writer.
+pub(crate) const WRITTEN_BY: &str = "comment written by Esker";
+
+/// The line of the epoch of GPS times.
+pub(crate) fn times_line(times: GpsTimes) -> String {
+    format!("{TIMES}{}\n", times.name())
+}
+
+/// The epoch of GPS times that a header states.
+pub(crate) fn times_of(header: &[u8]) -> Option<GpsTimes> {
+    let mut lines = header.split(|&b| b == b'\n');
+    lines.find_map(|line| GpsTimes::of_name(line.trim_ascii_end().strip_prefix(TIMES.as_bytes())?))
+}
+
+/// Whether a header names Esker as the writer.
+pub(crate) fn is_by_esker(header: &[u8]) -> bool {
+    header.split(|&b| b == b'\n').any(|line| line.starts_with(WRITTEN_BY.as_bytes()))
+}
+
+/// Whether a line of a header states what Esker writes anew.
+pub(crate) fn is_own(line: &str) -> bool {
+    is_crs(line) || line.starts_with(TIMES) || line.starts_with(WRITTEN_BY)
+}
 
 /// Escapes characters that are no printable ASCII as `\u{..}`.
 pub(crate) fn ascii(text: &str) -> String {
@@ -60,7 +87,7 @@ pub(crate) fn crs_lines(text: &str) -> String {
 }
 
 /// Whether a line of a header is of a coordinate reference system.
-pub(crate) fn is_crs(line: &str) -> bool {
+fn is_crs(line: &str) -> bool {
     CRS.iter().any(|begin| line.starts_with(begin))
 }
 

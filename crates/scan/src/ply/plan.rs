@@ -2,13 +2,15 @@
 //! one pass over the vertices, the grid. Serves PLY and PCD.
 
 use super::ascii::parse_line;
+use super::comments;
 use super::header::{Element, Encoding, Header, Shape};
 use super::records::{Field, Raw, Record};
 use super::rest::Rest;
 use crate::error::ScanError;
 use crate::fields::recipe::Recipe;
 use crate::fields::values::Values;
-use crate::fields::{self, Column, LEGACY, LEGACY_BLOCK};
+use crate::fields::{self, Column, LEGACY, LEGACY_BLOCK, Writer};
+use crate::las::{self, GpsTimes};
 use crate::pcd::packed::Packed;
 use crate::pose::Pose;
 use crate::text::naming::{NOT_FINITE, axes, colour_max};
@@ -47,6 +49,12 @@ pub(crate) struct RecordPlan {
     pub colour_max: u16,
     are_colours_full: bool,
     is_legacy: bool,
+    /// Who wrote the file, as far as its header shows that.
+    writer: Writer,
+    /// Epoch of GPS times that the header states.
+    stated_times: Option<GpsTimes>,
+    /// The block of the epoch of GPS times.
+    times: Option<(String, Vec<u8>)>,
     /// Pose by which points and normals are transformed, and the digits after the point that its
     /// position needs.
     pose: Option<(Pose, [u32; 3])>,
@@ -123,7 +131,10 @@ impl RecordPlan {
             .ok_or("has no element `vertex`: no points")?;
         let plan = Self::of_element(&header.elements[vertex], header.encoding)
             .ok_or("its vertices lack x, y or z (as numbers, not lists): no points")?;
-        Ok(Self { vertex, ..plan })
+        let is_own = comments::is_by_esker(&header.text);
+        let writer = if is_own { Writer::Esker } else { Writer::Any };
+        let stated_times = comments::times_of(&header.text);
+        Ok(Self { vertex, writer, stated_times, ..plan })
     }
 
     /// RecordPlan of a file with a single element; `None` if the element lacks a coordinate.
@@ -152,6 +163,9 @@ impl RecordPlan {
             colour_max: 0,
             are_colours_full: false,
             is_legacy: false,
+            writer: Writer::Any,
+            stated_times: None,
+            times: None,
             pose: None,
         })
     }
@@ -173,13 +187,17 @@ impl RecordPlan {
             Column { name: scalars[f].0, ty: Some(scalars[f].1), values, type_with_gaps: None }
         };
         let columns: Vec<Column<'_>> = others.iter().map(column).collect();
-        let plan = fields::plan(&columns);
+        let plan = fields::plan(&columns, self.writer);
         self.schema = plan.schema;
         self.recipes = plan.recipes.into_iter().map(|r| r.of_columns(&others)).collect();
         self.notes = plan.notes;
         self.colour_max = plan.colour_max;
         self.are_colours_full = plan.are_colours_full;
         self.is_legacy = plan.is_legacy;
+        let (times, note) = las::times_block(self.stated_times, plan.are_times_beyond_week);
+        self.times =
+            times.filter(|_| self.schema.find_typed(names::GPS_TIME, AttrType::F64).is_some());
+        self.notes.extend(note);
     }
 
     /// The blocks kept for an export: the header under this name, and what its fields are.
@@ -188,6 +206,7 @@ impl RecordPlan {
         if self.is_legacy {
             blocks.push((LEGACY_BLOCK.into(), LEGACY.to_vec()));
         }
+        blocks.extend(self.times.clone());
         blocks
     }
 

@@ -34,6 +34,7 @@ use crate::error::ScanError;
 use crate::fields::recipe::Recipe;
 use crate::fields::values::Values;
 use crate::fields::{LEGACY, LEGACY_BLOCK};
+use crate::las::times_block;
 use crate::source::{Format, Guess, HEAD_BYTES, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use blocks::in_order;
 use cells::Row;
@@ -153,6 +154,9 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     if plan.is_legacy {
         info.verbatim.push((LEGACY_BLOCK.into(), LEGACY.to_vec()));
     }
+    let (times, note) = times_block(None, plan.are_times_beyond_week);
+    info.verbatim.extend(times);
+    info.notes.extend(note);
     if wide_colours(&info.schema).is_some() {
         // Colours are 16 bits wide only if a value needs more than 8.
         info.colour_depth = options.colour_depth.or(Some(ColourDepth::Sixteen));

@@ -6,7 +6,7 @@ use super::layout::Layout;
 use super::ranges::Range;
 use super::survey::{Survey, Width};
 use crate::fields::recipe::Recipe;
-use crate::fields::{self, Column, FieldPlan};
+use crate::fields::{self, Column, FieldPlan, Writer};
 use esker_points::attribute::names;
 use esker_points::{AttrType, Schema};
 use std::sync::Arc;
@@ -31,6 +31,8 @@ pub(crate) struct ColumnPlan {
     pub are_colours_full: bool,
     /// See [`fields::FieldPlan`].
     pub is_legacy: bool,
+    /// See [`fields::FieldPlan`].
+    pub are_times_beyond_week: bool,
 }
 
 /// A column of the file that becomes an attribute.
@@ -68,7 +70,7 @@ impl ColumnPlan {
             }
         }
         let file_columns: Vec<Column<'_>> = found.iter().map(column).collect();
-        let fields = fields::plan(&file_columns);
+        let fields = fields::plan(&file_columns, writer_of(layout));
         let fills: Vec<f64> =
             fields.schema.attributes.iter().map(|a| fill_of(&a.name, a.ty)).collect();
         note_missing(&found, &fields, &fills, &widths, &mut notes);
@@ -86,6 +88,7 @@ impl ColumnPlan {
             notes,
             are_colours_full: fields.are_colours_full,
             is_legacy: fields.is_legacy,
+            are_times_beyond_week: fields.are_times_beyond_week,
         };
         for (index, of) in found.iter().enumerate() {
             for &(columns, at) in &of.at {
@@ -116,6 +119,19 @@ fn changed_numbers(column: &Column<'_>) -> Option<String> {
         changed.push(format!("{infinite} values are infinite, or too large for a double"));
     }
     (!changed.is_empty()).then(|| format!("{name}: {}", changed.join("; ")))
+}
+
+/// Whether a table may be of Esker, which writes x, y and z, then all other columns by name.
+fn writer_of(layout: &Layout) -> Writer {
+    let names = layout.names.as_deref().unwrap_or_default();
+    let is_ordered =
+        |(place, others): (&[String], &[String])| place == ["x", "y", "z"] && others.is_sorted();
+    let is_table = !layout.has_counts && layout.chosen.is_empty();
+    if is_table && names.split_at_checked(3).is_some_and(is_ordered) {
+        Writer::PerhapsEsker
+    } else {
+        Writer::Any
+    }
 }
 
 /// The names of the columns of a width: those of the file, else guesses; those of the user first.

@@ -41,9 +41,18 @@ pub struct Outline {
     pub points_max: u64,
     /// Least and greatest value of each attribute; empty or `None` where they are not known.
     pub ranges: Vec<Option<(f64, f64)>>,
+    /// For each class of points, the attributes that its points have; empty where that is not
+    /// known, and points may have all.
+    pub classes: Vec<Vec<usize>>,
 }
 
 impl Outline {
+    /// Whether some points have both of these attributes.
+    pub(crate) fn has_both(&self, a: usize, b: usize) -> bool {
+        let both = |class: &Vec<usize>| class.contains(&a) && class.contains(&b);
+        self.classes.is_empty() || self.classes.iter().any(both)
+    }
+
     /// Whether all values of an attribute are known to lie within this range.
     pub(crate) fn is_within(&self, attribute: usize, low: f64, high: f64) -> bool {
         let range = self.ranges.get(attribute).copied().flatten();

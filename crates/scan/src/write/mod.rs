@@ -16,6 +16,7 @@ mod numbers;
 pub(crate) mod partial;
 mod ply;
 mod scaling;
+mod stated;
 mod text;
 mod unique;
 

@@ -6,10 +6,11 @@ use super::coordinates::Coordinates;
 use super::encode::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
 use super::partial::Partial;
 use super::scaling::{Scaling, notes};
-use super::unique::unique;
+use super::stated::Stated;
+use super::unique::{note_renamed, unique};
 use crate::error::ScanError;
 use crate::fields::HALVES;
-use crate::ply::comments;
+use crate::ply::comments as ply_comments;
 use crate::text::naming::axis;
 use esker_points::attribute::names;
 use esker_points::lattice::GridKind;
@@ -46,12 +47,21 @@ pub fn create(
 ) -> Result<Export, ScanError> {
     let mut comments = None;
     let (mut is_single, mut is_ply) = (true, true);
+    let mut stated = Stated::default();
     for origin in origins {
         let origin = origin?;
+        stated.add(&origin);
         let text = origin.block("PLY header").map(String::from_utf8_lossy);
         is_ply &= text.is_some();
         is_single &= holds_singles(&origin, text.as_deref());
-        comments.get_or_insert_with(|| comments_of(&origin, text.as_deref()));
+        comments.get_or_insert_with(|| comments_of(text.as_deref()));
+    }
+    let mut comments = comments.unwrap_or_default();
+    if let Some(crs) = stated.crs.as_ref().filter(|crs| !crs.text.is_empty()) {
+        comments += &ply_comments::crs_lines(&crs.text);
+    }
+    if let Some(times) = stated.times(&outline.schema) {
+        comments += &ply_comments::times_line(times);
     }
     let coordinates = Coordinates::new(&outline.lattice, is_single);
     let mut head = String::new();
@@ -88,12 +98,19 @@ pub fn create(
     }
     head.push_str("end_header\n");
     let mut file = Partial::create(path)?;
-    let comments = comments.unwrap_or_default();
     let output = |count| header(&comments, count, &head);
     file.write_all(output(0).as_bytes()).map_err(|e| file.error(e))?;
     let stride = 3 * place.size()
         + columns.iter().flat_map(Column::types).map(AttrType::size).sum::<usize>();
     let wide = note_wide(outline, &columns);
+    let schema = &*outline.schema;
+    let mut all_notes = [notes(schema), wide].concat();
+    all_notes.extend(stated.no_data_notes(schema, "no-data values are written as numbers"));
+    let new_names: Vec<String> = attributes.iter().map(|a| property_name(a, is_ply)).collect();
+    let own_names = attributes.iter().map(|a| a.name.as_str());
+    all_notes.extend(note_renamed(own_names.zip(new_names.iter().map(String::as_str))));
+    all_notes.extend(renamed);
+    all_notes.extend(stated.crs_note(true).into_iter().chain(stated.times_note(schema, true)));
     let encode = Vertices { coordinates, columns, stride };
     let output = PlyOutput { file, comments, head, count: 0 };
     Ok(Export {
@@ -101,7 +118,7 @@ pub fn create(
         output: Box::new(output),
         format: "PLY 1.0, binary little-endian".into(),
         fields: (0..outline.schema.attributes.len()).collect(),
-        notes: [notes(&outline.schema), wide, renamed].concat(),
+        notes: all_notes,
     })
 }
 
@@ -135,20 +152,14 @@ fn holds_singles(origin: &Origin, ply_header: Option<&str>) -> bool {
     origin.kind == GridKind::Float && ply_header.is_some_and(is_single)
 }
 
-/// Comments of a PLY source, and the CRS of any source as a comment.
-fn comments_of(origin: &Origin, ply_header: Option<&str>) -> String {
+/// Comments of a PLY source, but for those that are written anew.
+fn comments_of(ply_header: Option<&str>) -> String {
     let mut out = String::new();
-    let own = ["comment written by Esker"];
     let is_comment = |line: &&str| {
-        (line.starts_with("comment") || line.starts_with("obj_info"))
-            && !own.iter().any(|o| line.starts_with(o))
-            && !comments::is_crs(line)
+        (line.starts_with("comment") || line.starts_with("obj_info")) && !ply_comments::is_own(line)
     };
     for line in ply_header.unwrap_or_default().lines().filter(is_comment) {
-        out += &comments::lines_of(line);
-    }
-    if let Some(crs) = origin.crs.as_ref().filter(|crs| !crs.text.is_empty()) {
-        out += &comments::crs_lines(&crs.text);
+        out += &ply_comments::lines_of(line);
     }
     out
 }

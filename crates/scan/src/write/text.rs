@@ -1,19 +1,26 @@
 //! Writes text: a line of names, then a line per point, columns separated by a blank (a tab if a
 //! name has blanks) or, for CSV, a comma. Coordinates have all digits of the lattice, values
 //! counted in steps ([`super::scaling`]) have all of theirs, other numbers the fewest digits that
-//! parse to the same number.
+//! parse to the same number. A no-data value is an empty cell, or `nan` between blanks.
 
 use super::coordinates::Coordinates;
 use super::encode::{Encode, Encoded, Export, Origins, Outline, Output};
 use super::numbers::float;
 use super::partial::Partial;
 use super::scaling::{Scaling, notes};
-use super::unique::unique;
+use super::stated::Stated;
+use super::unique::{note_renamed, unique};
 use crate::error::ScanError;
-use esker_points::{Attribute, Batch, Column};
+use esker_points::attribute::names;
+use esker_points::{AttrType, Attribute, Batch, Column};
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
+
+/// What stands for no value between blanks, where an empty cell would be none.
+const NO_VALUE: &str = "nan";
+/// Name of the number of a return, for points without a number of returns.
+const RETURN_NUMBER: &str = "return_number";
 
 /// Begins a file.
 ///
@@ -22,10 +29,15 @@ use std::sync::Arc;
 pub fn create(
     path: &Path,
     outline: &Outline,
-    _origins: &mut Origins<'_>,
+    origins: &mut Origins<'_>,
     is_csv: bool,
 ) -> Result<Export, ScanError> {
-    let attributes = &outline.schema.attributes;
+    let mut stated = Stated::default();
+    for origin in origins {
+        stated.add(&origin?);
+    }
+    let schema = &*outline.schema;
+    let attributes = &schema.attributes;
     let has_blanks = attributes.iter().any(|a| a.name.contains(char::is_whitespace));
     let mark = match is_csv {
         true => b',',
@@ -33,22 +45,42 @@ pub fn create(
         false => b' ',
     };
     const PLACE: [&str; 3] = ["x", "y", "z"];
-    let wanted: Vec<_> = attributes.iter().map(|a| (column_name(&a.name), a.ty)).collect();
+    let own_name = |(i, a): (usize, &Attribute)| {
+        // Without numbers of returns, the byte is the number of the return.
+        let is_number =
+            a.key() == (names::RETURNS, AttrType::U8) && outline.is_within(i, 0.0, 15.0);
+        let name = if is_number { RETURN_NUMBER } else { &a.name };
+        (column_name(name), a.ty)
+    };
+    let wanted: Vec<_> = attributes.iter().enumerate().map(own_name).collect();
+    let own_names = attributes.iter().map(|a| a.name.as_str());
+    let changed = note_renamed(own_names.zip(wanted.iter().map(|(name, _)| name.as_str())));
     let (names, renamed) = unique(&wanted, &PLACE, usize::MAX);
     let names: Vec<&str> = PLACE.into_iter().chain(names.iter().map(String::as_str)).collect();
     let separator = char::from(mark).to_string();
     let line = names.join(&separator) + "\n";
     let mut file = Partial::create(path)?;
     file.write_all(line.as_bytes()).map_err(|e| file.error(e))?;
-    let scaling = |(i, a): (usize, &Attribute)| (Scaling::of(&outline.schema, i), a.ty.size());
-    let columns = attributes.iter().enumerate().map(scaling).collect();
-    let encode = Lines { coordinates: Coordinates::new(&outline.lattice, false), columns, mark };
+    let column = |(i, a): (usize, &Attribute)| TextColumn {
+        scaling: Scaling::of(schema, i),
+        bytes: a.ty.size(),
+        no_data: stated.no_data(schema, i).map(<[u8]>::to_vec),
+    };
+    let columns = attributes.iter().enumerate().map(column).collect();
+    let no_value = if mark == b' ' { NO_VALUE } else { "" };
+    let how = if mark == b' ' { "written as nan" } else { "written as empty cells" };
+    let encode =
+        Lines { coordinates: Coordinates::new(&outline.lattice, false), columns, mark, no_value };
+    let mut all_notes = notes(schema);
+    all_notes.extend(stated.no_data_notes(schema, &format!("no-data values are {how}")));
+    all_notes.extend(changed.into_iter().chain(renamed));
+    all_notes.extend(stated.crs_note(false).into_iter().chain(stated.times_note(schema, false)));
     Ok(Export {
         encode: Arc::new(encode),
         output: Box::new(TextOutput { file, names: line }),
         format: format!("text, {} columns, named", 3 + attributes.len()),
         fields: (0..outline.schema.attributes.len()).collect(),
-        notes: [notes(&outline.schema), renamed].concat(),
+        notes: all_notes,
     })
 }
 
@@ -62,9 +94,18 @@ fn column_name(name: &str) -> String {
 
 struct Lines {
     coordinates: Coordinates,
-    /// Scaling of each attribute, and the size of its stored values in bytes.
-    columns: Vec<(Scaling, usize)>,
+    columns: Vec<TextColumn>,
     mark: u8,
+    /// What stands for no value.
+    no_value: &'static str,
+}
+
+/// An attribute: its scaling, the size of a stored value in bytes, and the stored value that stands
+/// for no value.
+struct TextColumn {
+    scaling: Scaling,
+    bytes: usize,
+    no_data: Option<Vec<u8>>,
 }
 
 impl Lines {
@@ -83,9 +124,14 @@ impl Lines {
                 }
                 place(i, axis, &mut bytes);
             }
-            for ((scaling, size), column) in self.columns.iter().zip(columns) {
+            for (own, column) in self.columns.iter().zip(columns) {
                 bytes.push(self.mark);
-                scaling.text(&column[i * size..][..*size], &mut bytes);
+                let stored = &column[i * own.bytes..][..own.bytes];
+                if own.no_data.as_deref() == Some(stored) {
+                    bytes.extend_from_slice(self.no_value.as_bytes());
+                } else {
+                    own.scaling.text(stored, &mut bytes);
+                }
             }
             bytes.push(b'\n');
         }

@@ -11,7 +11,7 @@ pub fn unique(
     bytes_max: usize,
 ) -> (Vec<String>, Vec<String>) {
     let mut names: Vec<String> = Vec::with_capacity(wanted.len());
-    let mut renamed = Vec::new();
+    let (mut renamed, mut cut) = (Vec::new(), Vec::new());
     for (wanted, ty) in wanted {
         let end = |end: &str| {
             let room = bytes_max.saturating_sub(end.len());
@@ -23,12 +23,24 @@ pub fn unique(
         let name = ends.map(|e| end(&e)).find(is_free).unwrap_or_default();
         if name != end("") {
             renamed.push(format!("{wanted} ({}) as {name}", ty.name()));
+        } else if name != *wanted {
+            cut.push(format!("`{wanted}` to `{name}`"));
         }
         names.push(name);
     }
     let note = || format!("their names are taken: {}", renamed.join(", "));
-    let notes = (!renamed.is_empty()).then(note).into_iter().collect();
+    let taken = (!renamed.is_empty()).then(note);
+    let cut_note = || format!("names of over {bytes_max} bytes are cut: {}", cut.join(", "));
+    let notes = taken.into_iter().chain((!cut.is_empty()).then(cut_note)).collect();
     (names, notes)
+}
+
+/// A note on names that a format does not hold as they are: pairs of a name and what is written in
+/// its place.
+pub fn note_renamed<'a>(pairs: impl Iterator<Item = (&'a str, &'a str)>) -> Option<String> {
+    let changed = pairs.filter(|(own, new)| own != new);
+    let all: Vec<String> = changed.map(|(own, new)| format!("`{own}` to `{new}`")).collect();
+    (!all.is_empty()).then(|| format!("renamed: {}", all.join(", ")))
 }
 
 #[cfg(test)]

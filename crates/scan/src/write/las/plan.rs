@@ -6,13 +6,14 @@
 use super::records::Records;
 use crate::error::ScanError;
 use crate::fields::{LEGACY, LEGACY_BLOCK};
-use crate::las::EXTRA_BYTES_MAX;
 use crate::las::crs::geo_keys;
 use crate::las::extra_bytes;
 use crate::las::header::{ADJUSTED_BIT, GpsTimes, Header, WKT_BIT, format_bytes, has_bit, set_bit};
 use crate::las::points::Layout;
 use crate::las::vlr::{VLR_HEAD_BYTES, Vlr, of_blocks};
+use crate::las::{EXTRA_BYTES_MAX, NoData, gps_times};
 use crate::write::encode::{Origin, Origins, Outline};
+use crate::write::stated::conflict_note;
 use crate::write::unique::unique;
 use esker_points::attribute::names;
 use esker_points::{AttrType, Attribute, Schema};
@@ -24,6 +25,8 @@ const HEADER_BYTES: [u16; 6] = [227, 227, 227, 235, 375, 393];
 const HEADER_BYTES_1_4: u16 = HEADER_BYTES[4];
 /// Greatest number of extra-bytes descriptions in a VLR.
 const DESCRIPTIONS_MAX: usize = u16::MAX as usize / extra_bytes::DESCRIPTION_BYTES;
+/// Number of the record of a coordinate reference system in WKT.
+const WKT_RECORD: u16 = 2112;
 /// Greatest size of all VLRs, in bytes: the header has 32 bits for the offset of the points.
 const VLR_BYTES_MAX: usize = 1 << 30;
 
@@ -55,13 +58,19 @@ struct SourceSummary {
     /// Whether a source is neither LAS of point format 0 to 5 nor has values that fit it.
     modern: bool,
     minor: u8,
+    /// The first coordinate reference system that LAS can hold, and whether there is any.
     wkt: Option<String>,
+    has_system: bool,
     dropped: Vec<&'static str>,
     conflicts: usize,
     /// Epoch of the GPS times of the first source with GPS times, and number of sources with
     /// another one.
     gps_times: Option<GpsTimes>,
     other_times: usize,
+    /// Whether that first source is no LAS file.
+    are_times_of_others: bool,
+    /// No-data values of extra bytes.
+    no_data: NoData,
     /// Whether the source whose coordinate reference system is written says that it is WKT.
     is_wkt: Option<bool>,
     /// Descriptions of extra bytes, each once.
@@ -102,8 +111,19 @@ pub fn plan(
     let wanted: Vec<_> = extra.iter().map(|a| (a.name.clone(), a.ty)).collect();
     let (names, renamed) = unique(&wanted, &extra_bytes::avoided_names(), extra_bytes::NAME_BYTES);
     extra.iter_mut().zip(names).for_each(|(attribute, name)| attribute.name = name);
-    let (header, mut vlrs, tail) =
-        found.first.take().unwrap_or_else(|| new_head(found.wkt.as_deref()));
+    let (header, mut vlrs, tail) = found.first.take().unwrap_or_else(new_head);
+    let mut needs_wkt = false;
+    if !vlrs.iter().any(is_of_crs) {
+        // The user, or a file beside a source, may state a system that no record has.
+        if let Some(record) = found.wkt.as_deref().and_then(crs_record) {
+            needs_wkt = record.record == WKT_RECORD;
+            found.is_wkt = Some(needs_wkt);
+            let behind = vlrs.iter().position(Vlr::is_extended).unwrap_or(vlrs.len());
+            vlrs.insert(behind, record);
+        } else if found.has_system {
+            notes.push("the coordinate reference system is left out: LAS holds WKT and numbers of GeoTIFF keys".into());
+        }
+    }
     if !is_restored {
         vlrs.retain(|v| !(v.user == "LASF_Spec" && v.record == 4));
         if !extra.is_empty() {
@@ -135,11 +155,12 @@ pub fn plan(
         return Err(ScanError::unsupported(path, "its VLRs would take over a GiB"));
     }
     found.differ = !is_restored;
-    let needed = if vlrs.iter().any(Vlr::is_extended) || outline.points_max > u32::MAX.into() {
-        4
-    } else {
-        0
-    };
+    let needed =
+        if vlrs.iter().any(Vlr::is_extended) || outline.points_max > u32::MAX.into() || needs_wkt {
+            4
+        } else {
+            0
+        };
     let mut header = with_version(header, &found, &records, needed, &mut notes);
     header[104] = records.point_format | if is_compressed { 0x80 } else { 0 };
     header[105..107].copy_from_slice(&(records.record_bytes as u16).to_le_bytes());
@@ -148,6 +169,10 @@ pub fn plan(
     }
     if let Some(times) = found.gps_times {
         set_bit(&mut header, ADJUSTED_BIT, times == GpsTimes::Adjusted);
+        let has_times = outline.schema.find_typed(names::GPS_TIME, AttrType::F64).is_some();
+        if found.are_times_of_others && has_times && times == GpsTimes::Adjusted {
+            notes.push("the global encoding says that GPS times are adjusted standard time".into());
+        }
         if found.other_times > 0 {
             notes.push(format!(
                 "GPS times of {} sources have another epoch than the first's, which the global encoding gives ({}); they are written unchanged",
@@ -156,6 +181,7 @@ pub fn plan(
             ));
         }
     }
+    notes.extend(conflict_note(&found.no_data, "of which the file has the first"));
     notes.extend(found.dropped.iter().map(|&what| what.to_owned()));
     if found.other_systems > 0 {
         notes.push(format!(
@@ -173,9 +199,16 @@ pub fn plan(
 
 impl SourceSummary {
     fn add(&mut self, origin: &Origin, is_first: bool) {
+        self.has_system |= origin.crs.as_ref().is_some_and(|crs| !crs.text.is_empty());
         if self.wkt.is_none() {
-            let is_written = |text: &String| text.contains('[') || geo_keys(text).is_some();
-            self.wkt = origin.crs.as_ref().map(|c| c.text.clone()).filter(is_written);
+            let text = origin.crs.as_ref().map(|crs| &crs.text);
+            self.wkt = text.filter(|text| crs_record(text).is_some()).cloned();
+        }
+        self.no_data.add(&origin.verbatim);
+        if let Some(times) = gps_times(&origin.verbatim) {
+            self.are_times_of_others |=
+                self.gps_times.is_none() && origin.block("las header").is_none();
+            self.other_times += usize::from(*self.gps_times.get_or_insert(times) != times);
         }
         let parsed = origin.block("las header").and_then(|bytes| {
             // The blocks were checked when they were read; here their sizes are not trusted.
@@ -191,9 +224,6 @@ impl SourceSummary {
         let block = |name| origin.block(name).unwrap_or(empty);
         let (records, tail) = of_blocks(&header, block("las vlrs"), block("las evlrs"));
         self.modern |= header.point_format >= 6;
-        if let Some(times) = header.gps_times {
-            self.other_times += usize::from(*self.gps_times.get_or_insert(times) != times);
-        }
         self.minor = self.minor.max(header.minor);
         let extra = header.record_bytes - format_bytes(header.point_format).unwrap_or(0);
         if extra <= EXTRA_BYTES_MAX {
@@ -328,7 +358,7 @@ fn check_extra(path: &Path, records: &Records, extra: &[Attribute]) -> Result<()
 }
 
 /// Header and VLRs of a file whose sources had none.
-fn new_head(wkt: Option<&str>) -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
+fn new_head() -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
     let mut header = vec![0; usize::from(HEADER_BYTES_1_4)];
     let mut put = |at: usize, bytes: &[u8]| header[at..at + bytes.len()].copy_from_slice(bytes);
     put(0, b"LASF");
@@ -337,14 +367,17 @@ fn new_head(wkt: Option<&str>) -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
     put(58, concat!("Esker ", env!("CARGO_PKG_VERSION")).as_bytes());
     // Day and year of creation stay zero, so that the same points give the same file.
     put(94, &HEADER_BYTES_1_4.to_le_bytes());
-    let mut vlrs = Vec::new();
-    if let Some(keys) = wkt.and_then(geo_keys) {
-        vlrs.push(vlr("LASF_Projection", 34735, "GeoTIFF keys", keys));
-    } else if let Some(wkt) = wkt.filter(|w| w.len() < usize::from(u16::MAX)) {
-        set_bit(&mut header, WKT_BIT, true);
-        vlrs.push(vlr("LASF_Projection", 2112, "WKT", [wkt.as_bytes(), &[0]].concat()));
+    (header, Vec::new(), Vec::new())
+}
+
+/// The record of a coordinate reference system, if LAS can hold its text.
+fn crs_record(text: &str) -> Option<Vlr> {
+    if let Some(keys) = geo_keys(text) {
+        return Some(vlr("LASF_Projection", 34735, "GeoTIFF keys", keys));
     }
-    (header, vlrs, Vec::new())
+    let is_wkt = text.contains('[') && !text.starts_with("GeoTIFF:");
+    let is_wkt = is_wkt && text.len() < usize::from(u16::MAX);
+    is_wkt.then(|| vlr("LASF_Projection", WKT_RECORD, "WKT", [text.as_bytes(), &[0]].concat()))
 }
 
 /// The header in a version that has the point format, at least version `needed`. A restored header

@@ -78,6 +78,7 @@ impl Records {
             filled: Some(Arc::default()),
         };
         let mut extra = Vec::new();
+        let mut found: Vec<Option<Destination>> = Vec::with_capacity(schema.attributes.len());
         for (column, attribute) in schema.attributes.iter().enumerate() {
             let of = |name: &str, ty| base.schema.find_typed(name, ty).map(|i| base.fields[i]);
             let name = attribute.name.as_str();
@@ -85,7 +86,7 @@ impl Records {
             let bytes = attribute.ty.size();
             let destination =
                 |field: Field, put| Destination { column, bytes, offset: field.offset, put };
-            let found = match attribute.ty {
+            found.push(match attribute.ty {
                 AttrType::U8 if colour => {
                     of(name, AttrType::U16).map(|f| destination(f, Put::Widened))
                 }
@@ -99,10 +100,21 @@ impl Records {
                     })
                 }
                 ty => of(name, ty).map(|field| back(column, &field)),
-            };
-            records.destinations.push(found.unwrap_or_else(|| {
+            });
+        }
+        // A field holds one value of a point: what would be converted yields to the field's own.
+        let is_taken = |new: &Destination| {
+            let is_other =
+                |own: &&Destination| matches!(own.put, Put::Back(_)) && own.offset == new.offset;
+            let mut others = found.iter().flatten().filter(is_other);
+            !matches!(new.put, Put::Back(_))
+                && others.any(|own| outline.has_both(own.column, new.column))
+        };
+        let kept: Vec<_> = found.iter().map(|d| d.filter(|d| !is_taken(d))).collect();
+        for ((column, attribute), kept) in schema.attributes.iter().enumerate().zip(kept) {
+            records.destinations.push(kept.unwrap_or_else(|| {
                 extra.push(attribute.clone());
-                let offset = records.record_bytes;
+                let (bytes, offset) = (attribute.ty.size(), records.record_bytes);
                 records.record_bytes += bytes;
                 Destination { column, bytes, offset, put: Put::Back(Take::Copy) }
             }));
