@@ -254,10 +254,6 @@ fn select_nodes(
     Ok(selected)
 }
 
-pub(super) fn is_las(target: Target) -> bool {
-    matches!(target, Target::Las | Target::Laz)
-}
-
 /// Ranges of the attributes whose form in the export depends on them.
 fn ranges(
     forest: &Forest,
@@ -270,7 +266,7 @@ fn ranges(
         _ if a.key() == (names::RETURNS, AttrType::U8) => {
             matches!(target, Target::Text | Target::Csv)
         }
-        _ => is_las(target) && a.name == names::INTENSITY,
+        _ => target.is_las() && a.name == names::INTENSITY,
     };
     if !schema.attributes.iter().any(is_needed) {
         return Ok(Vec::new());

@@ -103,7 +103,6 @@ impl ColourConversion {
                 }
             }
         }
-        let is_las = matches!(target, Target::Las | Target::Laz);
         let only = |kind| kinds == [kind];
         let is_narrow = match wanted {
             None => target == Target::Ply && !only(Stored::Bytes),
@@ -117,7 +116,7 @@ impl ColourConversion {
         let factor = factors.best();
         let written = match (wanted, target) {
             _ if kinds.is_empty() => return Ok(None),
-            (Some(ColourDepth::Eight), _) if is_las => Written::Low,
+            (Some(ColourDepth::Eight), _) if target.is_las() => Written::Low,
             (Some(ColourDepth::Eight), _) => Written::Bytes,
             (Some(ColourDepth::Sixteen), _) => Written::Wide,
             (None, Target::Ply) if only(Stored::Bytes) => return Ok(None),

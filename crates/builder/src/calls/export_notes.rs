@@ -2,7 +2,6 @@
 //! not have, and trees that overlap where points are thinned. In: the files; out: lines for the
 //! user.
 
-use crate::calls::export::is_las;
 use esker_format::Forest;
 use esker_points::attribute::names;
 use esker_points::{AttrType, Attribute, Filter};
@@ -26,7 +25,7 @@ pub(super) fn note_absent(forest: &Forest, fields: &[usize], target: Target) -> 
     let attributes = &forest.schema().attributes;
     // LAS demands the number of a return, so it is not 0 there: see `Output::remarks`.
     let is_zero =
-        |at: &usize| !is_las(target) || attributes[*at].key() != (names::RETURNS, AttrType::U8);
+        |at: &usize| !target.is_las() || attributes[*at].key() != (names::RETURNS, AttrType::U8);
     let absent: Vec<&Attribute> = (0..attributes.len())
         .filter(is_zero)
         .filter(|&at| {

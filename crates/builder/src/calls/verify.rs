@@ -11,7 +11,7 @@ use crate::input::plan::Plan;
 use crate::rows::row::{Incoming, RowLayout};
 use esker_format::{EskerFile, Forest, SourceRecord};
 use esker_points::{Batch, Conflict, MultisetHash, Schema, Task};
-use esker_scan::las::{gps_times, no_data};
+use esker_scan::las::{NoData, gps_times};
 use esker_scan::{OpenOptions, ScanError, Source};
 use std::path::{Path, PathBuf};
 
@@ -289,11 +289,13 @@ fn check_meaning(
         let what = format!("GPS times of {path} were {before} times, and are {now} times now");
         return differs(name, what);
     }
-    if let [Some(before), Some(now)] = [no_data(&recorded), no_data(&info.verbatim)]
-        && before != now
-    {
-        let what = format!("other extra bytes of {path} stand for no value than they did");
-        return differs(name, what);
+    let mut values = NoData::default();
+    values.add(&recorded);
+    values.add(&info.verbatim);
+    let conflicts = values.conflicts();
+    if !conflicts.is_empty() {
+        let all = conflicts.join(", ");
+        return differs(name, format!("other values of {path} stand for none than did: {all}"));
     }
     Ok(())
 }

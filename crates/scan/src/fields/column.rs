@@ -25,8 +25,8 @@ pub(crate) struct Column<'a> {
     pub type_with_gaps: Option<AttrType>,
 }
 
-/// Who wrote a source, as far as it shows that. Bytes that Esker packs have names that other programs
-/// use for something else.
+/// Who wrote a source, as far as it shows that. Bytes that Esker packs have names that other
+/// programs use for something else.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Writer {
     /// Any program.

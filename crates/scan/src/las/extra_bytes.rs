@@ -137,13 +137,6 @@ pub fn descriptions(records: &Records) -> impl Iterator<Item = &[u8]> {
     records.all("LASF_Spec", 4).flat_map(|vlr| vlr.data.chunks_exact(DESCRIPTION_BYTES))
 }
 
-/// Name of a description and the raw value that stands for none in it, if there is one.
-pub fn no_data(description: &[u8]) -> Option<(String, [u8; 8])> {
-    let value = description.get(NO_DATA_AT..NO_DATA_AT + 8)?.try_into().ok()?;
-    (description[3] & OPTION_NO_DATA != 0 && description[2] != 0)
-        .then(|| (text(&description[4..36]), value))
-}
-
 /// Names that exported extra dimensions avoid, because other programs use them for something else.
 /// Normals are exported under other names.
 pub fn avoided_names() -> Vec<&'static str> {

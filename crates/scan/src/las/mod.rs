@@ -84,20 +84,6 @@ pub(crate) fn times_block(
     (stated.or(concluded).map(block), is_concluded.then(|| note.to_owned()))
 }
 
-/// Values of extra bytes that stand for none: name and raw value of each, sorted, from the blocks
-/// of a source kept verbatim; `None` if the source is not LAS.
-pub fn no_data(verbatim: &[(String, Vec<u8>)]) -> Option<Vec<(String, [u8; 8])>> {
-    let block =
-        |name: &str| verbatim.iter().find(|(own, _)| own == name).map(|(_, bytes)| &bytes[..]);
-    let header = Header::parse(block("las header")?, u64::MAX, Path::new("")).ok()?;
-    let blocks = ["las vlrs", "las evlrs"].map(|name| block(name).unwrap_or_default());
-    let (records, _) = vlr::of_blocks(&header, blocks[0], blocks[1]);
-    let mut values: Vec<_> =
-        extra_bytes::descriptions(&records).filter_map(extra_bytes::no_data).collect();
-    values.sort_unstable();
-    Some(values)
-}
-
 /// Bounds that the header of a file states; `None` if it is no sound one or has no points.
 pub(crate) fn header_bounds(path: &Path) -> Option<[[f64; 3]; 2]> {
     let file = File::open(path).ok()?;

@@ -41,6 +41,11 @@ pub enum Target {
 }
 
 impl Target {
+    /// Whether it is LAS, compressed or not.
+    pub fn is_las(self) -> bool {
+        matches!(self, Self::Las | Self::Laz)
+    }
+
     /// The format of a file name's extension.
     ///
     /// # Errors

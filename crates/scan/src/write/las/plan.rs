@@ -155,12 +155,9 @@ pub fn plan(
         return Err(ScanError::unsupported(path, "its VLRs would take over a GiB"));
     }
     found.differ = !is_restored;
-    let needed =
-        if vlrs.iter().any(Vlr::is_extended) || outline.points_max > u32::MAX.into() || needs_wkt {
-            4
-        } else {
-            0
-        };
+    let is_long = outline.points_max > u32::MAX.into();
+    let is_modern = vlrs.iter().any(Vlr::is_extended) || is_long || needs_wkt;
+    let needed = if is_modern { 4 } else { 0 };
     let mut header = with_version(header, &found, &records, needed, &mut notes);
     header[104] = records.point_format | if is_compressed { 0x80 } else { 0 };
     header[105..107].copy_from_slice(&(records.record_bytes as u16).to_le_bytes());
@@ -181,23 +178,30 @@ pub fn plan(
             ));
         }
     }
-    notes.extend(conflict_note(&found.no_data, "of which the file has the first"));
-    notes.extend(found.dropped.iter().map(|&what| what.to_owned()));
-    if found.other_systems > 0 {
-        notes.push(format!(
-            "{} sources have another coordinate reference system than the first that has one; only the first's is written, \
-             coordinates are unchanged",
-            found.other_systems
-        ));
-    }
-    if found.conflicts > 0 {
-        let n = found.conflicts;
-        notes.push(format!("{n} VLRs of later sources differ from the first's and are left out"));
-    }
+    found.note_conflicts(&mut notes);
     Ok(LasPlan { header, vlrs, tail, records, laszip, notes })
 }
 
 impl SourceSummary {
+    /// Notes what one file cannot hold of several sources.
+    fn note_conflicts(&self, notes: &mut Vec<String>) {
+        notes.extend(conflict_note(&self.no_data, "of which the file has the first"));
+        notes.extend(self.dropped.iter().map(|&what| what.to_owned()));
+        if self.other_systems > 0 {
+            notes.push(format!(
+                "{} sources have another coordinate reference system than the first that has one; only the first's is written, \
+                 coordinates are unchanged",
+                self.other_systems
+            ));
+        }
+        if self.conflicts > 0 {
+            let n = self.conflicts;
+            notes.push(format!(
+                "{n} VLRs of later sources differ from the first's and are left out"
+            ));
+        }
+    }
+
     fn add(&mut self, origin: &Origin, is_first: bool) {
         self.has_system |= origin.crs.as_ref().is_some_and(|crs| !crs.text.is_empty());
         if self.wkt.is_none() {
