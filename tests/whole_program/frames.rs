@@ -143,7 +143,7 @@ fn omissions() {
     let row = |name: &str| rows.iter().find(|row| row["left_out"] == name).unwrap();
     let side = |name: &str| row(name)["width"].as_u64().unwrap();
     let dense = side("pull and push of a dense view");
-    assert!(dense < 64 && side("means of the points that share a pixel") >= dense, "{report}");
+    assert!(dense <= 64 && side("means of the points that share a pixel") >= dense, "{report}");
     assert_eq!(side("highlights"), 64, "{report}");
 }
 

@@ -138,10 +138,13 @@ fn sizes() {
 fn nothing_seen() {
     let folder = Folder::new();
     let file = built(&folder);
-    for camera in ["eye=1e7,1e7,1e9;target=1e7,1e7,2e9;up=0,1,0", "eye=1e30,0,0"] {
-        let (_, _, covered) = picture(&folder, &file, &["--camera", camera]);
-        assert_eq!(covered, 0, "{camera}");
-    }
+    let camera = "eye=1e7,1e7,1e9;target=1e7,1e7,2e9;up=0,1,0";
+    let (_, _, covered) = picture(&folder, &file, &["--camera", camera]);
+    assert_eq!(covered, 0, "{camera}");
+    let away = folder.file("away.png");
+    let words = ["render".as_ref(), file.as_os_str(), "-o".as_ref(), away.as_os_str()];
+    let outcome = esker(words.into_iter().chain(["--camera", "eye=1e30,0,0"].map(OsStr::new)));
+    assert!(outcome.error().contains("2^46 steps") && !away.exists(), "{}", outcome.stderr);
     let (_, _, covered) = picture(&folder, &file, &["--budget-points", "0"]);
     assert_eq!(covered, 0);
     // The report has a note with the reason.

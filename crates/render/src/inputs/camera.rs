@@ -73,7 +73,7 @@ impl Camera {
         let rows = view.view_from_world().transpose();
         let eye_steps = [0, 1, 2].map(|i| lattice.steps_axis(i, view.eye[i]));
         let is_near = eye_steps.iter().all(|e| e.abs() <= STEPS_FAR);
-        usable(is_near, "eye, over 2^46 steps of the coordinates from the scan,")?;
+        usable(is_near, "eye")?;
         let whole = eye_steps.map(f64::floor);
         Ok(Self {
             eye_steps,
