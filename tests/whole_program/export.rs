@@ -404,12 +404,16 @@ fn no_points() {
 
 fn names_are_apart() {
     let folder = Folder::new();
-    // One input has whole numbers that no double holds beside others, one has fractions; neither is
-    // the intensity of LAS, and no type holds both.
-    let long = "18446744073709551615";
-    let whole = format!("x,y,z,intensity,X\n1,2,3,{long},{long}\n4,5,7,{long},{long}\n");
-    let whole = folder.write("a.csv", &whole);
-    let parts = folder.write("b.csv", "x,y,z,intensity,X\n1,2,4,0.5,0.25\n2,5,7,0.75,0.5\n");
+    // One input has whole numbers, one has fractions, and both tell their types; neither is the
+    // intensity of LAS.
+    let ply = |name: &str, ty: &str, points: &str| {
+        let places = ["x", "y", "z"].map(|axis| format!("property double {axis}\n")).concat();
+        let values = ["intensity", "X"].map(|value| format!("property {ty} {value}\n")).concat();
+        let head = format!("ply\nformat ascii 1.0\nelement vertex 2\n{places}{values}end_header\n");
+        folder.write(name, &(head + points))
+    };
+    let whole = ply("a.ply", "int", "1 2 3 70000 5\n4 5 7 70001 6\n");
+    let parts = ply("b.ply", "double", "1 2 4 0.5 0.25\n2 5 7 0.75 0.5\n");
     let built = folder.file("built.esker");
     build(&[&whole, &parts], &built, &[]);
     for ending in ["las", "ply", "csv"] {
