@@ -19,7 +19,7 @@ const ROUNDS: usize = 8;
 /// Fraction of the points at either end of an axis that fitted views may leave out.
 const FIT_STRAYS: f64 = 0.001;
 /// An axis is cut if all points take more than this multiple of the length that nearly all take.
-const FIT_LONGER: f64 = 1.5;
+const FIT_LONGER: f64 = 4.0;
 /// Room at either end of a cut axis, as a part of its length.
 const FIT_ROOM: f64 = 0.02;
 
