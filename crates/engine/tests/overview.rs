@@ -18,7 +18,7 @@ use esker_engine::calls::info;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::frame::{Appearance, draw_node};
-use esker_engine::draw::scene::{PictureRequest, PictureScene};
+use esker_engine::draw::scene::PictureRequest;
 use esker_format::{Forest, PlaneKind};
 use esker_lod::{AllResident, CompactOctree, Drawn, Options, View, select};
 use esker_points::strata::{STRATA, stratum_len};
@@ -102,40 +102,6 @@ fn picture(file: &Forest, view: &View) -> Picture {
     let octree = CompactOctree::new(file.table(), &drawn);
     let frame = appearance.frame(file, view, &draws, &octree);
     Renderer::default().render(&frame).unwrap()
-}
-
-/// A scan has the same passes in steps of a centimetre and of a tenth of a millimetre.
-#[test]
-fn passes_do_not_depend_on_the_step() {
-    let folder = tempfile::tempdir().unwrap();
-    // A sphere of 2 m on a floor of 20 x 20 m, whole centimetres.
-    let place = |i: i32| {
-        let turn = f64::from(i) * 2.399_963;
-        if i % 3 > 0 {
-            return [i * 7919 % 2000 - 1000, i * 104_729 % 2003 - 1000, 0];
-        }
-        let z = f64::from(i) / 15_000.0 - 1.0;
-        let side = (1.0 - z * z).max(0.0).sqrt();
-        [side * turn.cos(), side * turn.sin(), z + 1.0].map(|c| (200.0 * c) as i32)
-    };
-    let plans = |step: f64, factor: i32| {
-        let positions = (0..30_000).map(|i| place(i).map(|c| c * factor)).collect();
-        let out = folder.path().join(format!("{factor}.esker"));
-        let source = given("scan", [step; 3], positions).boxed();
-        esker_builder::build_sources(vec![source], &out, &Default::default(), &Silent).unwrap();
-        let file = Forest::open(&out).unwrap();
-        let views = [(30.0, 256), (8.0, 512), (8.0, 64), (60.0, 512), (25.0, 900)];
-        views.map(|(distance, side)| {
-            let camera = format!("eye={distance},{distance},{distance};target=0,0,1");
-            let request = PictureRequest {
-                size: [side; 2],
-                camera: Camera::parse(&camera).unwrap(),
-                ..PictureRequest::default()
-            };
-            PictureScene::choose(&file, &request).unwrap().plan.passes
-        })
-    };
-    assert_eq!(plans(0.01, 1), plans(0.0001, 100));
 }
 
 /// Sums of colours by cells with an edge of `2^log2` steps.

@@ -25,6 +25,9 @@ use rayon::prelude::*;
 use std::path::PathBuf;
 use std::time::Instant;
 
+/// Greatest distance of the eye from the origin of the lattice along an axis, steps.
+const EYE_STEPS_MAX: f64 = (1u64 << 46) as f64;
+
 /// Request for a still picture.
 #[derive(Clone, Debug)]
 pub struct PictureRequest {
@@ -204,6 +207,11 @@ impl PictureScene {
             None => fitted_bounds(file, bounds, &appearance.shown)?,
         };
         let view = appearance.drawn_view(file, &request.camera.view(fitted, request.size));
+        let steps = (0..3).map(|axis| file.lattice().steps_axis(axis, view.eye[axis]).abs());
+        anyhow::ensure!(
+            steps.fold(0.0, f64::max) <= EYE_STEPS_MAX,
+            "the camera's eye is over 2^46 steps of the coordinates from the scan: move it nearer"
+        );
         let (points_max, surroundings) = request.points_max();
         let options = Options {
             points_budget: points_max,

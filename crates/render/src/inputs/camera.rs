@@ -72,9 +72,7 @@ impl Camera {
         usable(view.near > 0.0 && view.near.is_finite(), "near plane")?;
         let rows = view.view_from_world().transpose();
         let eye_steps = [0, 1, 2].map(|i| lattice.steps_axis(i, view.eye[i]));
-        let is_near = eye_steps.iter().all(|e| e.abs() <= STEPS_FAR);
-        usable(is_near, "eye")?;
-        let whole = eye_steps.map(f64::floor);
+        let whole = eye_steps.map(|e| e.clamp(-STEPS_FAR, STEPS_FAR).floor());
         Ok(Self {
             eye_steps,
             eye_high: whole.map(|w| (w as i64 >> 16) as i32),

@@ -2,8 +2,9 @@
 //! pull and push; crowded if points share pixels, which are then averaged.
 //! [`crate::FramePlan::new`] uses both.
 
-use esker_lod::{CompactOctree, OrientedBox, View};
+use esker_lod::{CompactOctree, View};
 use esker_points::{Lattice, Node};
+use glam::DVec3;
 
 /// A view is dense if points are nowhere farther apart than this, pixels: then no pixel of the
 /// front surface is without a point, and push has nothing to fill. Samples are even: their gaps are
@@ -35,8 +36,8 @@ pub fn is_dense<'a>(
 }
 
 /// Whether a view is crowded: at least half of the points of the finest nodes are closer together
-/// than [`CROWDED_PX`], at the distance of the centre of their node's contour. `nodes` are the
-/// drawn nodes with their indices in `octree` and their numbers of drawn points.
+/// than [`CROWDED_PX`], at the distance of the centre of their node. `nodes` are the drawn nodes
+/// with their indices in `octree` and their numbers of drawn points.
 pub fn is_crowded<'a>(
     view: &View,
     lattice: &Lattice,
@@ -50,8 +51,12 @@ pub fn is_crowded<'a>(
             None => Some(node.spacing),
         };
         let Some(spacing) = spacing else { continue };
-        let centre = OrientedBox::of_contour(node, lattice).centre;
-        let distance = (centre - view.eye).length().max(view.near);
+        // The box of a node covers between half and all of the range of hot positions; three
+        // eighths of the range is its centre on average.
+        let half = 0.375 * 2f64.powi(16 + i32::from(node.hot_shift.min(16)));
+        let middle =
+            [0, 1, 2].map(|axis| lattice.world_axis(axis, f64::from(node.box_min[axis]) + half));
+        let distance = (DVec3::from_array(middle) - view.eye).length().max(view.near);
         let points = drawn.min(node.points()) as u64;
         all += points;
         if f64::from(spacing) * view.focal_px() <= CROWDED_PX * distance {
@@ -63,6 +68,11 @@ pub fn is_crowded<'a>(
 
 /// Distance of points of this spacing on the picture where a node comes nearest, pixels.
 fn nearest_spacing_px(view: &View, lattice: &Lattice, node: &Node, spacing: f64) -> f64 {
-    let distance = OrientedBox::of_contour(node, lattice).distance(view.eye).max(view.near);
+    let [low, high] = node
+        .own_box()
+        .map(|corner| [0, 1, 2].map(|axis| lattice.world_axis(axis, f64::from(corner[axis]))));
+    let eye = view.eye.to_array();
+    let nearest = (0..3).map(|axis| (low[axis] - eye[axis]).max(eye[axis] - high[axis]).max(0.0));
+    let distance = nearest.map(|d| d * d).sum::<f64>().sqrt().max(view.near);
     spacing * view.focal_px() / distance
 }
