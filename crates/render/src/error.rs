@@ -20,9 +20,7 @@ pub enum RenderError {
         pixels: u64,
     },
     /// The eye, direction, field of view or near plane of the view is not usable.
-    #[error(
-        "the camera's {what} is not usable; give a finite eye at most 2^46 steps of the coordinates from the scan, a target and a field of view"
-    )]
+    #[error("the camera's {what} is no usable number; give a finite eye, target and field of view")]
     Camera {
         /// Name of the value.
         what: &'static str,

@@ -99,14 +99,18 @@ impl Places {
             0..=3 => 0.0,
             _ => *all.select_nth_unstable_by(middle, f64::total_cmp).1,
         };
-        // Nodes that the range depends on most come first.
-        let weight = |of: [f64; 2], points: usize| length(of) * points as f64;
-        nodes.sort_by(|a, b| weight(b.1, b.2).total_cmp(&weight(a.1, a.2)));
+        // Those on which the range depends most are read.
+        let weight = |&(_, of, points): &(u32, [f64; 2], usize)| match length(of) > LONG * usual {
+            true => length(of) * points as f64,
+            false => -1.0,
+        };
+        if nodes.len() > LONG_READ {
+            nodes.select_nth_unstable_by(LONG_READ, |a, b| weight(b).total_cmp(&weight(a)));
+        }
         let mut known = Self { axis, ..Self::default() };
-        let mut read = 0;
-        for (index, of, points) in nodes {
-            if read < LONG_READ && length(of) > LONG * usual {
-                read += 1;
+        for (i, node) in nodes.into_iter().enumerate() {
+            let (index, of, points) = node;
+            if i < LONG_READ && weight(&node) >= 0.0 {
                 known.read(forest, shown, index, points)?;
             } else {
                 known.spread.push((of, points as f64));

@@ -7,11 +7,8 @@ use esker_lod::{Frustum, OrientedBox};
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, oct_direction};
 use glam::{DMat3, DVec3};
 
-/// Points that are looked at: every so many of those that are drawn, about this number of them.
+/// About how many of the drawn points are examined; they are spread evenly.
 const SAMPLE: usize = 1 << 17;
-
-/// Code of a point without a normal.
-const NO_NORMAL: [i16; 2] = [i16::MIN; 2];
 
 /// Share of the points in the picture whose normals look away from the eye. `None` where no normals
 /// were read, where they do not tell front from back, or where no point with one is in view.
@@ -30,7 +27,9 @@ fn away_share(file: &Forest, scene: &PictureScene) -> Option<f64> {
         let normals = normals.as_chunks::<4>().0;
         for (point, code) in points.zip(normals).take(draw.prefix).step_by(step) {
             let code = [0, 2].map(|at| i16::from_le_bytes([code[at], code[at + 1]]));
-            if code == NO_NORMAL || scene.appearance.shown.hides_any() && point[HIDDEN_AT] != 0 {
+            let normal = DVec3::from_array(oct_direction(code).map(f64::from));
+            let is_hidden = scene.appearance.shown.hides_any() && point[HIDDEN_AT] != 0;
+            if is_hidden || normal == DVec3::ZERO {
                 continue;
             }
             let node = draw.node;
@@ -43,7 +42,6 @@ fn away_share(file: &Forest, scene: &PictureScene) -> Option<f64> {
             if !frustum.touches(&point) {
                 continue;
             }
-            let normal = DVec3::from_array(oct_direction(code).map(f64::from));
             all += 1;
             away += u64::from(normal.dot(world - eye) > 0.0);
         }

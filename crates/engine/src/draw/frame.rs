@@ -40,6 +40,8 @@ pub struct Appearance {
 /// Depth of the near plane over the typical distance of points: a nearer point would cover the
 /// whole picture.
 const NEAR_SPACINGS: f64 = 0.1;
+/// About how many leaves give the typical distance of points.
+const NEAR_LEAVES: usize = 1 << 13;
 
 impl Appearance {
     /// Appearance of the points that `filter` accepts, coloured by `colour`
@@ -192,7 +194,10 @@ impl Appearance {
 /// Depth of the near plane of pictures of a file: from the median distance of the points of leaves.
 fn near(file: &Forest) -> f64 {
     let is_sound = |spacing: f64| spacing.is_finite() && spacing > 0.0;
-    let leaves = file.table().nodes.iter().filter(|node| node.child_count == 0);
+    let nodes = &file.table().nodes;
+    let leaves = nodes.iter().filter(|node| node.child_count == 0);
+    // A sample of the leaves of a large file.
+    let leaves = leaves.step_by(nodes.len() / NEAR_LEAVES + 1);
     let leaves = leaves.map(|node| (f64::from(node.spacing), node.points()));
     let mut leaves: Vec<_> = leaves.filter(|&(spacing, _)| is_sound(spacing)).collect();
     leaves.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
