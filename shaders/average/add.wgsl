@@ -103,6 +103,6 @@ fn paint_of(row: u32, draw: Draw, index: u32) -> vec4<u32> {
 // A normal in view space, turned to the eye unless back faces are culled.
 fn to_eye(code: u32, from_eye: vec3<f32>) -> vec3<f32> {
     let world = normal_of(code);
-    let n = vec3<f32>(dot(frame.right, world), dot(frame.up, world), dot(frame.back, world));
-    return select(n, -n, dot(world, from_eye) > 0.0 && frame.cull_back_faces == 0u);
+    let n = select(world, towards_eye(world, from_eye), frame.cull_back_faces == 0u);
+    return vec3<f32>(dot(frame.right, n), dot(frame.up, n), dot(frame.back, n));
 }

@@ -445,7 +445,7 @@ fn place(i: u32) -> Placed {
     let colour = colour_of(own, height, bitcast<u32>(p.z));
     var last = bitcast<u32>(radius * frame.focal_px / max(p.z, frame.near));
     if NORMALS {
-        last = packed_normal(select(world, -world, looks_away));
+        last = packed_normal(towards_eye(world, from_eye));
     }
     placed.splat.d = vec4<u32>(bitcast<vec3<u32>>(colour), last);
     return placed;

@@ -137,10 +137,10 @@ fn normal_to_eye(code: u32, draw: u32, offset: vec3<u32>) -> vec3<f32> {
         return vec3<f32>(0.0);
     }
     let world = normal_of(code);
-    let n = vec3<f32>(dot(frame.right, world), dot(frame.up, world), dot(frame.back, world));
     // Unless back faces are culled, a normal may face either way, and is turned to the eye.
     let d = &draws[draw];
     let steps = steps_from_eye((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
-    let away = dot(world, steps * frame.step) > 0.0 && frame.cull_back_faces == 0u;
-    return select(n, -n, away);
+    let turned = towards_eye(world, steps * frame.step);
+    let n = select(world, turned, frame.cull_back_faces == 0u);
+    return vec3<f32>(dot(frame.right, n), dot(frame.up, n), dot(frame.back, n));
 }

@@ -1,17 +1,16 @@
 //! Normals of eight splats at once: turned to the eye, and packed in 30 bits to be unpacked in each
 //! tile.
 
-use crate::simd::values::{EIGHT, Values, WHOLE, dot, only};
-use fearless_simd::{Bytes, Simd, SimdMask, f32x8, mask32x8, u32x8};
+use crate::simd::values::{EIGHT, Values, WHOLE, dot, only, towards_eye};
+use fearless_simd::{Bytes, Simd, SimdMask, f32x8, u32x8};
 
-/// Packs world normals, those that look away reversed.
+/// Packs world normals, turned to the eye.
 #[inline(always)]
-pub fn packed_towards_eye<S: Simd>(world: [f32x8<S>; 3], looks_away: mask32x8<S>) -> [u32; EIGHT] {
-    let mut towards = world;
-    for c in &mut towards {
-        *c = Values::select(looks_away, -*c, *c);
-    }
-    packed(towards)
+pub fn packed_towards_eye<S: Simd>(
+    world: [f32x8<S>; 3],
+    from_eye: [f32x8<S>; 3],
+) -> [u32; EIGHT] {
+    packed(towards_eye(world, from_eye))
 }
 
 /// Normals of discs: a point without a normal faces the eye.

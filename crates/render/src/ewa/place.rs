@@ -192,7 +192,8 @@ impl Placer<'_> {
         points: &EightPoints<'_>,
         run: &mut SplatRun,
     ) {
-        let centre = self.centres(simd, points);
+        let from_eye = self.from_eye(simd, points);
+        let centre = self.in_view(from_eye);
         let mut radius = eight(simd, &points.block.radii, points.first);
         let reach = if SHAPES { radius * WIDEST } else { radius };
         let mut shows = bits(self.may_show(centre, reach));
@@ -205,14 +206,13 @@ impl Placer<'_> {
         if NORMALS {
             let world = world_normals(simd, points);
             normal = self.in_view(world);
-            let looks_away = zero.cmplt(dot(normal, centre));
             if self.frame.cull_back_faces {
-                shows &= !bits(looks_away);
+                shows &= !bits(zero.cmplt(dot(normal, centre)));
                 if shows == 0 {
                     return;
                 }
             }
-            normals = packed_towards_eye(world, looks_away);
+            normals = packed_towards_eye(world, from_eye);
         }
         let facing = normals_or_to_eye(simd, normal, centre);
         let mut lines: [Option<Lines>; EIGHT] = [None; EIGHT];
@@ -235,17 +235,16 @@ impl Placer<'_> {
         self.store_by_rays::<_, NORMALS, CLIPS>(points, &discs, &ellipses, others, run);
     }
 
-    /// Centres of eight discs, right, down and depth from the eye.
+    /// Centres of eight discs in the world, relative to the eye.
     #[inline(always)]
-    fn centres<S: Simd>(&self, simd: S, points: &EightPoints<'_>) -> [f32x8<S>; 3] {
+    fn from_eye<S: Simd>(&self, simd: S, points: &EightPoints<'_>) -> [f32x8<S>; 3] {
         let step = self.camera.step;
         let [x, y, z] = &points.block.steps;
-        let world = [
+        [
             eight(simd, x, points.first) * step.x,
             eight(simd, y, points.first) * step.y,
             eight(simd, z, points.first) * step.z,
-        ];
-        self.in_view(world)
+        ]
     }
 
     /// Computes the clip lines of the points in `shows`, and multiplies `radius` and `factor` of

@@ -13,7 +13,7 @@ use crate::inputs::camera::{Camera, NodePlace};
 use crate::inputs::lookup::{Lookup, is_hidden, normal_at};
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{Level, Planes, for_each_row};
-use crate::simd::values::Lane;
+use crate::simd::values::{Lane, towards_eye};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -104,7 +104,7 @@ impl Averages {
                     continue;
                 }
                 if looks_away {
-                    normal = -normal;
+                    normal = towards_eye(normal.to_array(), from_eye.to_array()).into();
                 }
                 let sums = &self.sums[pixel];
                 let colour = lookup.colour(draw, i, offset, camera.focal_px / at.scale[k]);

@@ -11,7 +11,7 @@ use crate::picture::pyramid::{
     FITTED, FLAT, INVALID, Level, NORMALS, Planes, RowMut, for_each_row,
 };
 use crate::simd::lanes::{LANES, Pixels, moved, only};
-use crate::simd::values::{Lane, Mask, directions};
+use crate::simd::values::{Lane, Mask, directions, towards_eye};
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
 use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
@@ -292,11 +292,8 @@ fn normals_to_eye(
     let has_normal = length.cmpgt(Vec4::ZERO);
     let unit = |c: Lane| only(has_normal, c / length);
     let world = [unit(x), unit(y), unit(z)];
-    let normal = [dot(right, world), dot(up, world), dot(back, world)];
-    let [x, y, z] = [world[0] * from_eye[0], world[1] * from_eye[1], world[2] * from_eye[2]];
-    let is_away = (x + y + z).cmpgt(Vec4::ZERO);
-    let turn = |c: Lane| if culls { c } else { Vec4::select(is_away, -c, c) };
-    ([turn(normal[0]), turn(normal[1]), turn(normal[2])], has_normal)
+    let world = if culls { world } else { towards_eye(world, from_eye) };
+    ([dot(right, world), dot(up, world), dot(back, world)], has_normal)
 }
 
 /// Growth of depth to the right and downwards, and reach, of the planes fitted at four pixels of

@@ -50,6 +50,28 @@ pub fn cross<V: Values>(a: [V; 3], b: [V; 3]) -> [V; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+/// Square of the cosine of its angle with the direction from the eye below which a normal that looks
+/// away is taken for one at the outline of a surface: about 20 degrees from edge-on.
+const OUTLINE_COS2: f32 = 0.125;
+
+/// Unit normals, turned to the eye where they look away: reversed where a surface is seen from
+/// behind. At an outline, where normals are edge-on, they are mirrored at the plane across the view
+/// instead: reversed, their light would come from the other side. Zero stays zero.
+#[inline(always)]
+pub fn towards_eye<V: Values>(normal: [V; 3], from_eye: [V; 3]) -> [V; 3] {
+    let (away, distance2) = (dot(normal, from_eye), dot(from_eye, from_eye));
+    let zero = away.like(0.0);
+    let looks_away = zero.cmplt(away);
+    let is_at_outline = (away * away).cmplt(distance2 * OUTLINE_COS2);
+    let twice = only(looks_away, (away + away) / distance2);
+    let mut turned = normal;
+    for (c, along) in turned.iter_mut().zip(from_eye) {
+        let from_behind = V::select(looks_away, -*c, *c);
+        *c = V::select(is_at_outline, *c - along * twice, from_behind);
+    }
+    turned
+}
+
 /// Converts a mask of eight to bits.
 #[inline(always)]
 pub fn bits<S: Simd>(mask: mask32x8<S>) -> u32 {
@@ -260,5 +282,38 @@ impl<S: Simd> Values for f32x8<S> {
     #[inline(always)]
     fn select(mask: mask32x8<S>, a: Self, b: Self) -> Self {
         mask.select(a, b)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::towards_eye;
+    use glam::Vec3;
+
+    /// Turned normals face the eye and stay of unit length. Just beyond an outline they are what
+    /// they are just before it; straight from behind they are reversed.
+    #[test]
+    fn normals_are_turned_without_a_jump_at_outlines() {
+        let from_eye = Vec3::new(3.0, -4.0, 12.0);
+        let side = Vec3::new(4.0, 3.0, 0.0).normalize();
+        let away = from_eye.normalize();
+        let turned = |angle: f32| {
+            let normal = side * angle.cos() + away * angle.sin();
+            let turned = Vec3::from(towards_eye(normal.to_array(), from_eye.to_array()));
+            assert!((turned.length() - 1.0).abs() < 1e-5 && turned.dot(away) < 1e-5, "{angle}");
+            (normal, turned)
+        };
+        for step in -80..=80 {
+            turned(step as f32 * 0.019);
+        }
+        for angle in [-1.5, -0.3, -0.01] {
+            let (normal, turned) = turned(angle);
+            assert_eq!(normal, turned);
+        }
+        let (near, beyond) = (turned(-0.01).1, turned(0.01).1);
+        assert!(near.distance(beyond) < 1e-4, "{near} {beyond}");
+        let (normal, reversed) = turned(1.2);
+        assert_eq!(reversed, -normal);
+        assert_eq!(towards_eye([0.0; 3], from_eye.to_array()), [0.0; 3]);
     }
 }
