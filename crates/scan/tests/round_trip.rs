@@ -19,14 +19,18 @@ use proptest::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
 
+const COLOURS: [&str; 3] = [names::RED, names::GREEN, names::BLUE];
+
 /// Writes a batch with the blocks of its source; returns the notes.
 fn write(path: &Path, lattice: Lattice, origins: Vec<Origin>, batch: &Batch) -> Vec<String> {
     let schema = batch.schema.clone();
     let points_max = batch.len() as u64;
-    // As a file knows it: without numbers of returns, text names the byte of returns otherwise.
+    // As a file knows them: without numbers of returns, text names the byte of returns otherwise;
+    // colours of 16 bits that look like 8 have a note.
     let range = |(a, column): (&Attribute, &Vec<u8>)| {
-        let is_known = a.key() == (names::RETURNS, AttrType::U8);
-        column.iter().max().filter(|_| is_known).map(|&most| (0.0, f64::from(most)))
+        let is_known = a.name == names::RETURNS || COLOURS.contains(&&*a.name);
+        let values = column.chunks_exact(a.ty.size()).map(|v| a.ty.to_f64(v));
+        values.reduce(f64::max).filter(|_| is_known).map(|most| (0.0, most))
     };
     let ranges = schema.attributes.iter().zip(&batch.columns).map(range).collect();
     let outline = Outline { lattice, schema, points_max, ranges, classes: Vec::new() };
@@ -79,6 +83,10 @@ fn number(attribute: &Attribute, stored: &[u8], is_single: bool) -> Result<i128,
 fn check(want: &Cloud, found: &Cloud, what: &str) -> Result<(), TestCaseError> {
     prop_assert_eq!(want.world.len(), found.world.len());
     let attributes = &want.info.schema.attributes;
+    let is_dark = attributes.iter().zip(&want.columns).all(|(a, column)| {
+        let is_dark = || column.chunks_exact(2).all(|v| v[1] == 0);
+        !COLOURS.contains(&&*a.name) || (a.ty == AttrType::U16 && is_dark())
+    });
     for (attribute, column) in attributes.iter().zip(&want.columns) {
         // A name that means something else in LAS gets its type as a suffix, with a note.
         let schema = &found.info.schema;
@@ -100,6 +108,7 @@ fn check(want: &Cloud, found: &Cloud, what: &str) -> Result<(), TestCaseError> {
         let values = |a: &Attribute, column: &[u8]| -> Vec<_> {
             column.chunks(a.ty.size()).map(|v| number(a, v, is_single)).collect()
         };
+        let notes = &found.info.notes;
         let mut want = values(attribute, column);
         let mut found = values(own, &found.columns[at]);
         if attribute.name == names::RETURNS && what.contains("la") {
@@ -107,6 +116,20 @@ fn check(want: &Cloud, found: &Cloud, what: &str) -> Result<(), TestCaseError> {
             for v in want.iter_mut().flatten().filter(|v| **v & 15 == 0) {
                 *v = (*v >> 4).max(1) << 4 | 1;
             }
+        }
+        let by_text = what.contains("csv") || what.contains("xyz");
+        let is_float = matches!(own.ty, AttrType::F32 | AttrType::F64);
+        if by_text && !is_float && want.iter().all(|v| *v == Err(u64::MAX)) {
+            // A column of text without any value has the type that its name tells.
+            let note = format!("have no value for {}: 0 stands for it", attribute.name);
+            let is_noted = notes.iter().any(|n| n.contains(&note));
+            prop_assert!(is_noted || what.contains(" to "), "{:?}", notes);
+            want.fill(Ok(0));
+        }
+        let is_text_first = what.starts_with("csv to las") || what.starts_with("xyz to las");
+        if is_text_first && is_dark && COLOURS.contains(&&*attribute.name) {
+            // Text has them as colours of 8 bits, with a note; LAS has 16.
+            want.iter_mut().flatten().for_each(|v| *v *= 256);
         }
         let near = |(a, b): (&Result<i128, u64>, &Result<i128, u64>)| match (a, b) {
             // Scaled values are written in decimals.
@@ -229,6 +252,55 @@ fn any_cloud() -> impl Strategy<Value = Batch> {
             outside: Vec::new(),
         })
     })
+}
+
+/// `laz` writes wrong times behind a GPS time of -0.
+#[test]
+fn times_behind_a_negative_zero_come_back_from_laz() {
+    let attributes = [("flags", AttrType::U8), (names::GPS_TIME, AttrType::F64)];
+    let attributes = attributes.map(|(name, ty)| Attribute::new(name, ty)).to_vec();
+    // Scanner channels 0, 1 and 2: each begins with the last record of another.
+    let points = [(0u8, 0.0_f64), (0, -0.0), (0x20, -0.0), (0x10, 1.0), (0, 1.0), (0x20, 2.0)];
+    let batch = Batch {
+        schema: Arc::new(Schema::new(attributes)),
+        positions: vec![[ORIGIN as u32; 3]; points.len()],
+        columns: vec![
+            points.iter().map(|p| p.0).collect(),
+            points.iter().flat_map(|p| p.1.to_le_bytes()).collect(),
+        ],
+        outside: Vec::new(),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.laz");
+    let lattice = Lattice { scale: [0.001; 3], offset: [0.0; 3], shift: [0; 3] };
+    let notes = write(&path, lattice, vec![], &batch);
+    assert!(notes.contains(&"2 GPS times of -0 are written as 0".to_owned()), "{notes:?}");
+    let found = read_path(&path).unwrap();
+    let column = |name: &str, ty| &found.columns[found.info.schema.find_typed(name, ty).unwrap()];
+    let times = column(names::GPS_TIME, AttrType::F64).chunks(8).map(|t| AttrType::F64.to_f64(t));
+    let mut rows: Vec<_> = column("flags", AttrType::U8).iter().copied().zip(times).collect();
+    rows.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    let mut want = points;
+    want.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    assert_eq!(rows, want);
+}
+
+#[test]
+fn text_says_that_dark_colours_of_16_bits_look_like_8() {
+    let folder = tempfile::tempdir().unwrap();
+    let lattice = Lattice { scale: [0.001; 3], offset: [0.0; 3], shift: [0; 3] };
+    for (brightest, is_noted) in [(255u16, true), (256, false)] {
+        let batch = Batch {
+            schema: Arc::new(Schema::new(COLOURS.map(|n| Attribute::new(n, AttrType::U16)).into())),
+            positions: vec![[ORIGIN as u32; 3]],
+            columns: [7, brightest, 0].map(|v| v.to_le_bytes().to_vec()).into(),
+            outside: Vec::new(),
+        };
+        let notes = write(&folder.path().join("out.csv"), lattice, vec![], &batch);
+        let note =
+            "colours of 16 bits are all below 256: text with them is read as colours of 8 bits";
+        assert_eq!(notes.iter().any(|n| n == note), is_noted, "{notes:?}");
+    }
 }
 
 proptest! {

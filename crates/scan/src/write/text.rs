@@ -74,6 +74,7 @@ pub fn create(
     let mut all_notes = notes(schema);
     all_notes.extend(stated.no_data_notes(schema, &format!("no-data values are {how}")));
     all_notes.extend(changed.into_iter().chain(renamed));
+    all_notes.extend(dark_colours(outline));
     all_notes.extend(stated.crs_note(false).into_iter().chain(stated.times_note(schema, false)));
     Ok(Export {
         encode: Arc::new(encode),
@@ -82,6 +83,17 @@ pub fn create(
         fields: (0..outline.schema.attributes.len()).collect(),
         notes: all_notes,
     })
+}
+
+/// A note on colours of 16 bits that look like ones of 8.
+fn dark_colours(outline: &Outline) -> Option<String> {
+    let is_dark = |name: &&str| {
+        let own = outline.schema.find_typed(name, AttrType::U16);
+        own.is_some_and(|i| outline.is_within(i, 0.0, u8::MAX.into()))
+    };
+    let all = [names::RED, names::GREEN, names::BLUE].iter().all(is_dark);
+    let note = "colours of 16 bits are all below 256: text with them is read as colours of 8 bits";
+    all.then(|| note.into())
 }
 
 /// A name without separators and quotes, and not only of blanks.

@@ -78,6 +78,7 @@ pub fn create(
         points,
         is_legacy: records.point_format < 6,
         filled: records.filled.clone(),
+        negative_zeros: Arc::default(),
         grid: Grid { scale: lattice.scale, offset },
         header,
         points_start: head.len() as u32,
@@ -87,8 +88,11 @@ pub fn create(
         by_return: [0; 15],
         bounds: None,
     };
-    let encode: Arc<dyn Encode> =
-        if is_compressed { Arc::new(Ordered(records)) } else { Arc::new(records) };
+    let encode: Arc<dyn Encode> = if is_compressed {
+        Arc::new(Ordered { records, negative_zeros: output.negative_zeros.clone() })
+    } else {
+        Arc::new(records)
+    };
     Ok(Export { encode, output: Box::new(output), format, fields, notes })
 }
 
@@ -102,6 +106,7 @@ struct LasOutput {
     points: Points,
     is_legacy: bool,
     filled: Option<Arc<AtomicU64>>,
+    negative_zeros: Arc<AtomicU64>,
     grid: Grid,
     header: Vec<u8>,
     points_start: u32,
@@ -129,8 +134,12 @@ impl Output for LasOutput {
 
     fn remarks(&self) -> Vec<String> {
         let filled = self.filled.as_ref().map_or(0, |n| n.load(Ordering::Relaxed));
-        let note = format!("{filled} points without a return number are written as return 1");
-        (filled > 0).then_some(note).into_iter().collect()
+        let zeros = self.negative_zeros.load(Ordering::Relaxed);
+        let notes = [
+            (filled, "points without a return number are written as return 1"),
+            (zeros, "GPS times of -0 are written as 0"),
+        ];
+        notes.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect()
     }
 
     fn finish(mut self: Box<Self>) -> Result<u64, ScanError> {

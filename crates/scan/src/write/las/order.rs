@@ -1,20 +1,45 @@
 //! Order of the points of a batch in LAZ. LAZ stores differences to the previous point, so
 //! neighbours in time, or without times in space, take fewer bytes than the evenly spread samples
 //! in which nodes keep their points. The order of points has no meaning in Esker or LAS.
+//!
+//! `laz` compares the GPS times of point formats 6 to 10 as numbers: it takes -0 for no change after
+//! 0, but predicts from -0 then, and all later times of the chunk come out wrong. -0 is therefore
+//! written as 0.
 
 use super::records::Records;
 use crate::write::encode::{Encode, Encoded};
 use esker_points::attribute::names;
 use esker_points::morton::encode3;
 use esker_points::{AttrType, Batch};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Bytes of the GPS time in records of point formats 6 to 10.
+const TIME: std::ops::Range<usize> = 22..30;
 
 /// Encodes records in an order that compresses well.
-pub struct Ordered(pub Records);
+pub struct Ordered {
+    /// Layout of the records.
+    pub records: Records,
+    /// Number of GPS times of -0, which are written as 0.
+    pub negative_zeros: Arc<AtomicU64>,
+}
 
 impl Encode for Ordered {
     fn encode(&self, batch: &Batch) -> Encoded {
-        let mut out = self.0.encode(batch);
-        let stride = self.0.record_bytes;
+        let mut out = self.records.encode(batch);
+        let stride = self.records.record_bytes;
+        if self.records.point_format >= 6 {
+            let mut count = 0;
+            for record in out.bytes.chunks_exact_mut(stride) {
+                let time = &mut record[TIME];
+                if *time == (-0.0_f64).to_le_bytes() {
+                    time.fill(0);
+                    count += 1;
+                }
+            }
+            self.negative_zeros.fetch_add(count, Ordering::Relaxed);
+        }
         let mut bytes = Vec::with_capacity(out.bytes.len());
         for i in order(batch) {
             bytes.extend_from_slice(&out.bytes[i as usize * stride..][..stride]);
