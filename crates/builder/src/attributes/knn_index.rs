@@ -111,7 +111,7 @@ impl Box3 {
         Self { low: axes.map(least), high: axes.map(greatest) }
     }
 
-    fn joined(boxes: &[Self]) -> Self {
+    pub(crate) fn joined(boxes: &[Self]) -> Self {
         boxes[1..].iter().fold(boxes[0], |a, b| Self {
             low: [0, 1, 2].map(|i| a.low[i].min(b.low[i])),
             high: [0, 1, 2].map(|i| a.high[i].max(b.high[i])),

@@ -9,6 +9,11 @@ use rayon::prelude::*;
 const SAMPLE_ROWS: u64 = 64;
 /// Least number of rows that a thread reads.
 const TASK_ROWS: usize = 1 << 14;
+/// Parts of as many rows that are read together.
+const GROUP_TASKS: usize = 32;
+/// Rows that any bound of memory can hold references to at a time, beside what a build needs
+/// anyway: 64 MiB of the least bound, 256 MiB.
+pub const ROWS_MIN: u64 = 1 << 22;
 
 /// Rows of one lattice point.
 pub struct Coincident<'a> {
@@ -47,7 +52,7 @@ impl<'a> Coincident<'a> {
             return Ok(());
         }
         if count <= self.rows_max {
-            let mut rows: Vec<&[u8]> = self.within(bounds).collect();
+            let mut rows = self.gathered(bounds, count);
             rows.par_sort_unstable();
             return rows.into_iter().try_for_each(take);
         }
@@ -67,6 +72,22 @@ impl<'a> Coincident<'a> {
             }
         }
         Ok(())
+    }
+
+    /// The `count` rows between two bounds. Group by group, so that no second list of all of them
+    /// is needed.
+    fn gathered(&self, bounds: [Option<&'a [u8]>; 2], count: u64) -> Vec<&'a [u8]> {
+        let mut rows = Vec::with_capacity(count as usize);
+        let tasks = |run: &&'a [u8]| run.chunks(TASK_ROWS * self.stride);
+        let tasks: Vec<&[u8]> = self.runs.iter().flat_map(tasks).collect();
+        for group in tasks.chunks(GROUP_TASKS) {
+            let of_task = |run: &&'a [u8]| -> Vec<&'a [u8]> {
+                run.chunks_exact(self.stride).filter(|row| is_within(row, bounds)).collect()
+            };
+            let found: Vec<_> = group.par_iter().map(of_task).collect();
+            found.iter().for_each(|some| rows.extend_from_slice(some));
+        }
+        rows
     }
 
     /// The rows between two bounds.

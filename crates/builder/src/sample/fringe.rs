@@ -6,6 +6,7 @@
 //! balls on the tops of trees that reach into another cell. Likewise, a few points of a sample just
 //! across a border of cells would seem to be alone. See docs/design/building.md.
 
+use crate::sample::boxes::{Run, Unopened};
 use crate::sample::candidates::Candidates;
 use crate::sample::nearby::NeighbourGrid;
 use std::f64::consts::PI;
@@ -33,20 +34,31 @@ pub fn shares(candidates: &Candidates, from: &[u8], offers: &[Offer], spacing: f
     let offer = |i: usize| offers[usize::from(from[i])];
     let spacing = spacing / candidates.step;
     let near = NeighbourGrid::new(&candidates.q, spacing);
-    let share = |i| {
-        let (mut cells, mut points, mut nearest) = (0, 0.0, Nearest::default());
-        near.each_run(i, |run| {
-            let weight = offer(run.start).weight;
-            (cells, points) = (cells + 1, points + run.len() as f32 * weight);
-            run.filter(|&j| j != i).for_each(|j| nearest.add(near.distance2(i, j), weight));
-        });
+    let (mut runs, mut unopened) = (Vec::new(), Unopened::default());
+    let mut share = |place| {
+        let (mut cells, mut points) = (0, 0.0);
+        let weight = |run: &Run| offer(near.points(&run.places).start).weight;
+        near.around(place, &mut runs);
+        for run in &runs {
+            let count = near.points(&run.places).len();
+            (cells, points) = (cells + 1, points + count as f32 * weight(run));
+        }
         // Points are taken as evenly spread on surfaces through the occupied cells. A wire is no
         // surface, but the result is still wider than its points are apart.
         let typical = near.edge() * (cells as f64 / f64::from(points)).sqrt();
+        let nearest = Nearest::among((&runs, &mut unopened), &near, place, weight);
         (typical.min(nearest.distance()) / spacing).min(1.0) as f32
     };
-    let shares = (0..candidates.len()).map(|i| if offer(i).ends { share(i) } else { 1.0 });
-    candidates.as_offered(shares.collect())
+    let mut shares = vec![1.0; candidates.len()];
+    for place in 0..near.len() {
+        let is_wanted = |&i: &usize| offer(i).ends;
+        // Coincident points have the same share.
+        if near.points_at(place).any(|i| is_wanted(&i)) {
+            let share = share(place);
+            near.points_at(place).filter(is_wanted).for_each(|i| shares[i] = share);
+        }
+    }
+    candidates.as_offered(shares)
 }
 
 /// Narrows radii that are wide beside the spacing of a sample to the typical distance of the points
@@ -57,35 +69,68 @@ pub fn narrow(radii: &mut [f32], q: impl FnOnce() -> Vec<[i32; 3]>, spacing: f64
     if !radii.iter().any(|&radius| is_wide(radius)) {
         return;
     }
-    let q = q();
-    let near = NeighbourGrid::new(&q, spacing * WIDE_SPACINGS);
-    for (i, radius) in radii.iter_mut().enumerate().filter(|(_, radius)| is_wide(**radius)) {
-        let mut nearest = Nearest::default();
-        near.each_run(i, |run| {
-            run.filter(|&j| j != i).for_each(|j| nearest.add(near.distance2(i, j), 1.0));
-        });
-        *radius = radius.min(nearest.distance() as f32);
+    let near = NeighbourGrid::new(&q(), spacing * WIDE_SPACINGS);
+    let (mut runs, mut unopened) = (Vec::new(), Unopened::default());
+    for place in 0..near.len() {
+        let of_place = &mut radii[near.points_at(place)];
+        if of_place.iter().any(|&radius| is_wide(radius)) {
+            near.around(place, &mut runs);
+            let distance =
+                Nearest::among((&runs, &mut unopened), &near, place, |_| 1.0).distance() as f32;
+            let wide = of_place.iter_mut().filter(|radius| is_wide(**radius));
+            wide.for_each(|radius| *radius = radius.min(distance));
+        }
     }
 }
 
-/// The nearest points to a position, as many as suffice if each has a weight of one: squared
-/// distances, ascending, with weights.
-struct Nearest([(f64, f32); NEIGHBOURS as usize]);
+/// The nearest points to a position, as many as suffice if each has a weight of one, nearest first;
+/// of equally near ones those of the first run.
+struct Nearest([Neighbour; NEIGHBOURS as usize]);
+
+/// A point near another one.
+#[derive(Clone, Copy)]
+struct Neighbour {
+    /// Square of the distance.
+    away2: f64,
+    /// Rank of the run with the point.
+    rank: usize,
+    weight: f32,
+}
 
 impl Default for Nearest {
     fn default() -> Self {
-        Self([(f64::INFINITY, 0.0); NEIGHBOURS as usize])
+        let none = Neighbour { away2: f64::INFINITY, rank: 0, weight: 0.0 };
+        Self([none; NEIGHBOURS as usize])
     }
 }
 
 impl Nearest {
-    fn add(&mut self, away2: f64, weight: f32) {
-        let Self([.., last]) = self;
+    /// Finds the points nearest to a place among those of `runs`; `weight` is that of each point of
+    /// a run.
+    fn among(
+        (runs, unopened): (&[Run], &mut Unopened),
+        near: &NeighbourGrid,
+        place: usize,
+        weight: impl Fn(&Run) -> f32,
+    ) -> Self {
+        let mut nearest = Self::default();
+        near.nearest(place, runs, unopened, |rank, other, away2| {
+            let new = Neighbour { away2, rank, weight: weight(&runs[rank]) };
+            let count = near.points_at(other).len().min(NEIGHBOURS as usize);
+            (0..count).for_each(|_| nearest.add(new));
+            let Self([.., last]) = &nearest;
+            last.away2
+        });
+        nearest
+    }
+
+    fn add(&mut self, new: Neighbour) {
+        let is_before = |other: &Neighbour| (other.away2, other.rank) <= (new.away2, new.rank);
+        let at = self.0.partition_point(is_before);
         // Coincident points have no distance.
-        if away2 > 0.0 && away2 < last.0 {
-            let place = self.0.partition_point(|other| other.0 <= away2);
-            self.0[place..].rotate_right(1);
-            self.0[place] = (away2, weight);
+        if new.away2 > 0.0 && at < self.0.len() {
+            self.0[at..].rotate_right(1);
+            self.0[at] = new;
         }
     }
 
@@ -93,18 +138,21 @@ impl Nearest {
     /// the disc that reaches the last one. Infinite if there are fewer.
     fn distance(&self) -> f64 {
         let mut sum = 0.0;
-        let enough = self.0.iter().find(|(_, weight)| {
-            sum += weight;
+        let enough = self.0.iter().find(|neighbour| {
+            sum += neighbour.weight;
             sum >= NEIGHBOURS
         });
-        enough.map_or(f64::INFINITY, |(away2, _)| (away2 * PI / f64::from(NEIGHBOURS)).sqrt())
+        enough.map_or(f64::INFINITY, |last| (last.away2 * PI / f64::from(NEIGHBOURS)).sqrt())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sample::boxes::{length2, offset};
     use crate::sample::candidates::tests::candidates_of;
+    use crate::sample::effort;
+    use crate::sample::nearby::tests::plain_around;
     use esker_points::morton;
     use proptest::prelude::*;
 
@@ -112,7 +160,7 @@ mod tests {
         #[test]
         fn the_nearest_are_those_of_a_sorted_list(points in prop::collection::vec((0.01..100.0, 0.0f32..6.0), 0..30)) {
             let mut nearest = Nearest::default();
-            points.iter().for_each(|&(away2, weight)| nearest.add(away2, weight));
+            points.iter().for_each(|&(away2, weight)| nearest.add(Neighbour { away2, rank: 0, weight }));
             let mut sorted: Vec<(f64, f32)> = points;
             sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
             sorted.truncate(NEIGHBOURS as usize);
@@ -120,6 +168,95 @@ mod tests {
             let reached = sorted.iter().find(|p| { sum += p.1; sum >= NEIGHBOURS });
             let expected = reached.map_or(f64::INFINITY, |p| (p.0 * PI / 4.0).sqrt());
             prop_assert_eq!(nearest.distance(), expected);
+        }
+    }
+
+    /// Typical distances around point `i` by their definition: of the nearest points in the 27
+    /// cells around it, and by the counts of these cells. `weight` is that of a cell with this
+    /// first point.
+    fn plain(q: &[[i32; 3]], i: usize, far: f64, weight: impl Fn(usize) -> f32) -> (f64, f64) {
+        let log2 = far.log2().ceil().clamp(0.0, 30.0) as u32;
+        let cell = |j: usize| q[j].map(|c| c >> log2);
+        let near = plain_around(q, i, far);
+        let (mut cells, mut points, mut nearest) = (0, 0.0, Vec::new());
+        for run in near.chunk_by(|&a, &b| cell(a) == cell(b)) {
+            let weight = weight(run[0]);
+            (cells, points) = (cells + 1, points + run.len() as f32 * weight);
+            let away2 = |&j: &usize| length2(&offset(q[i], q[j]));
+            nearest.extend(run.iter().map(away2).filter(|a| *a > 0.0).map(|a| (a, weight)));
+        }
+        nearest.sort_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.truncate(NEIGHBOURS as usize);
+        let mut sum = 0.0;
+        let reached = nearest.iter().find(|(_, weight)| {
+            sum += weight;
+            sum >= NEIGHBOURS
+        });
+        let distance = reached.map_or(f64::INFINITY, |r| (r.0 * PI / 4.0).sqrt());
+        (distance, f64::from(1 << log2) * (f64::from(cells) / f64::from(points)).sqrt())
+    }
+
+    /// Clouds with stacks of coincident points, several densities and equal distances.
+    fn clouds() -> impl Strategy<Value = Vec<[u32; 3]>> {
+        let near = prop::collection::vec([0u32..12, 0u32..12, 0u32..3], 1..250);
+        let far = prop::collection::vec([0u32..900, 0u32..900, 0u32..40], 0..150);
+        let stack = ([0u32..900, 0u32..900, 0u32..40], 0usize..30);
+        (near, far, stack).prop_map(|(near, far, (place, count))| {
+            let all: Vec<_> = near.into_iter().chain(far).chain(vec![place; count]).collect();
+            all.into_iter().map(|p| p.map(|c| c + 40)).collect()
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn narrow_radii_and_shares_are_those_of_all_points_around(points in clouds(), spacing in 1.0f64..90.0, wide in prop::collection::vec(1.0f32..999.0, 1..9), kinds in prop::collection::vec((any::<bool>(), 0.2f32..5.0), 8)) {
+            let candidates = candidates_of(&points, [1.0; 3]);
+            let n = candidates.len();
+            let radii: Vec<f32> = (0..n).map(|i| wide[i * 7 % wide.len()]).collect();
+            let mut narrowed = radii.clone();
+            narrow(&mut narrowed, || candidates.q.clone(), spacing);
+            let far = spacing * WIDE_SPACINGS;
+            let expected: Vec<f32> = (0..n).map(|i| {
+                let distance = plain(&candidates.q, i, far, |_| 1.0).0 as f32;
+                if f64::from(radii[i]) > far { radii[i].min(distance) } else { radii[i] }
+            }).collect();
+            prop_assert_eq!(narrowed, expected);
+
+            let offers: Vec<Offer> = kinds.iter().map(|&(ends, weight)| Offer { ends, weight }).collect();
+            let from: Vec<u8> = candidates.q.iter().map(|p| (p[0] >> 6) as u8 % 8).collect();
+            let offer = |i: usize| offers[usize::from(from[i])];
+            let expected: Vec<f32> = (0..n).map(|i| {
+                let (distance, typical) = plain(&candidates.q, i, spacing, |first| offer(first).weight);
+                if offer(i).ends { (typical.min(distance) / spacing).min(1.0) as f32 } else { 1.0 }
+            }).collect();
+            prop_assert_eq!(shares(&candidates, &from, &offers, spacing), expected);
+        }
+    }
+
+    /// Distances for each point of any cloud.
+    const OPERATIONS_EACH: usize = 200;
+
+    #[test]
+    fn work_grows_with_the_number_of_points_however_they_are_spread() {
+        for (name, cloud) in effort::CLOUDS {
+            for spacing in [1e3, 1e6] {
+                let of = |work: fn(&Candidates, f64)| {
+                    let name = format!("{name}, {spacing}");
+                    effort::assert_linear(&name, (2000, OPERATIONS_EACH), |n| {
+                        let candidates = candidates_of(&cloud(n), [1.0; 3]);
+                        effort::restart();
+                        work(&candidates, spacing);
+                    });
+                };
+                of(|candidates, spacing| {
+                    let q = || candidates.q.clone();
+                    narrow(&mut vec![f32::MAX; candidates.len()], q, spacing);
+                });
+                of(|candidates, spacing| {
+                    let offers = [Offer { ends: true, weight: 2.0 }];
+                    shares(candidates, &vec![0; candidates.len()], &offers, spacing);
+                });
+            }
         }
     }
 

@@ -1,11 +1,14 @@
 //! Selects the points that represent a cell: thinning, spacing, radii, order and shape of the
 //! points of a node.
 
+pub(crate) mod boxes;
 pub(crate) mod candidates;
 pub(crate) mod cell;
 pub(crate) mod choose;
 pub(crate) mod compact;
 pub(crate) mod contour;
+#[cfg(test)]
+pub(crate) mod effort;
 pub(crate) mod fringe;
 pub(crate) mod nearby;
 pub(crate) mod order;

@@ -1,28 +1,58 @@
 //! A grid of the points of a cell, to look up those near a point across borders of octree cells.
+//! Coincident points are one *place*. A search visits few places, however many share a cell of the
+//! grid (`sample/boxes.rs`).
 
+use crate::sample::boxes::{Boxes, Run, Unopened, length2};
 use crate::sample::tiles::{Cells, CellsBuilder, NONE, TILE_LOG2, between};
 use std::ops::Range;
 
-/// Points by cells whose edge is at least the distance that is searched.
-pub struct NeighbourGrid<'a> {
-    /// Positions in steps, along the curve.
-    q: &'a [[i32; 3]],
+/// Places by cells whose edge is at least the distance that is searched.
+pub struct NeighbourGrid {
+    /// Distinct positions in steps, along the curve.
+    places: Vec<[i32; 3]>,
+    /// First point of each place, and the end of the last one.
+    first: Vec<u32>,
     /// Log2 of the edge of cells, in steps.
     log2: u32,
     cells: Cells,
+    boxes: Boxes,
 }
 
-impl<'a> NeighbourGrid<'a> {
-    /// Builds the grid; `far` is the distance to be searched, in steps.
-    pub fn new(q: &'a [[i32; 3]], far: f64) -> Self {
+impl NeighbourGrid {
+    /// Builds the grid of points along the curve; `far` is the distance to be searched, in steps.
+    pub fn new(q: &[[i32; 3]], far: f64) -> Self {
         let log2 = far.log2().ceil().clamp(0.0, 30.0) as u32;
+        let mut places: Vec<[i32; 3]> = Vec::with_capacity(q.len());
+        let mut first = Vec::with_capacity(q.len() + 1);
         let mut cells = Cells::default();
         let mut builder = CellsBuilder::new(&mut cells, log2);
-        for (i, &p) in q.iter().enumerate() {
-            builder.tile(p, i);
+        for (point, &p) in (0..).zip(q) {
+            if places.last() != Some(&p) {
+                builder.tile(p, places.len());
+                places.push(p);
+                first.push(point);
+            }
         }
-        cells.close(q.len());
-        Self { q, log2, cells }
+        first.push(q.len() as u32);
+        cells.close(places.len());
+        let crowd = cells.first.windows(2).map(|ends| ends[1] - ends[0]).max().unwrap_or(0);
+        let boxes = Boxes::of(&places, crowd as usize);
+        Self { places, first, log2, cells, boxes }
+    }
+
+    /// Number of places.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// The points of consecutive places.
+    pub fn points(&self, places: &Range<usize>) -> Range<usize> {
+        self.first[places.start] as usize..self.first[places.end] as usize
+    }
+
+    /// The points of a place.
+    pub fn points_at(&self, place: usize) -> Range<usize> {
+        self.points(&(place..place + 1))
     }
 
     /// Edge of a cell, in steps.
@@ -30,10 +60,11 @@ impl<'a> NeighbourGrid<'a> {
         f64::from(1u32 << self.log2)
     }
 
-    /// Calls `f` with the indices of the points of each occupied cell among that of point `i` and
-    /// the 26 around it.
-    pub fn each_run(&self, i: usize, mut f: impl FnMut(Range<usize>)) {
-        let cell = self.q[i].map(|c| c >> self.log2);
+    /// Lists, in `runs`, the occupied cells among that of a place and the 26 around it.
+    pub fn around(&self, place: usize, runs: &mut Vec<Run>) {
+        runs.clear();
+        let p = self.places[place];
+        let cell = p.map(|c| c >> self.log2);
         let (low, high) = (cell.map(|c| c - 1), cell.map(|c| c.saturating_add(1)));
         let tiles = |axis: usize| low[axis] >> TILE_LOG2..=high[axis] >> TILE_LOG2;
         for z in tiles(2) {
@@ -51,29 +82,72 @@ impl<'a> NeighbourGrid<'a> {
                 while wanted != 0 {
                     let before = tile.occupied & ((1 << wanted.trailing_zeros()) - 1);
                     let at = (tile.first + before.count_ones()) as usize;
-                    f(self.cells.first[at] as usize..self.cells.first[at + 1] as usize);
+                    let places = self.cells.first[at] as usize..self.cells.first[at + 1] as usize;
+                    let away2 = self.away2(p, self.places[places.start]);
+                    runs.push(Run { places, away2 });
                     wanted &= wanted - 1;
                 }
             }
         }
     }
 
-    /// Square of the distance of two points, in steps.
-    pub fn distance2(&self, i: usize, j: usize) -> f64 {
-        self.offset(i, j).iter().map(|along| along * along).sum()
+    /// Square of the distance from `p` to the cell that holds `other`.
+    fn away2(&self, p: [i32; 3], other: [i32; 3]) -> f64 {
+        let along = |axis: usize| {
+            let low = f64::from(other[axis] >> self.log2 << self.log2);
+            let (high, p) = (low + self.edge() - 1.0, f64::from(p[axis]));
+            (low - p).max(p - high).max(0.0)
+        };
+        length2(&[0, 1, 2].map(along))
     }
 
-    /// Vector from point `i` to point `j`, in steps.
-    pub fn offset(&self, i: usize, j: usize) -> [f64; 3] {
-        [0, 1, 2].map(|axis| f64::from(self.q[j][axis]) - f64::from(self.q[i][axis]))
+    /// Calls `add` with the places of `runs` that are nearest to `place`, and perhaps others. It
+    /// gets the index of the run, the place and its squared distance, and returns the squared
+    /// distance beyond which places do not matter from then on.
+    pub fn nearest(
+        &self,
+        place: usize,
+        runs: &[Run],
+        unopened: &mut Unopened,
+        add: impl FnMut(usize, usize, f64) -> f64,
+    ) {
+        let p = self.places[place];
+        let from = (p, length2, f64::INFINITY);
+        self.boxes.nearest((&self.places, runs), from, unopened, add);
+    }
+
+    /// Calls `visit` with the places of a run within `reach` of `place`, along the curve, and the
+    /// vectors to them, until it returns false; returns whether it never did.
+    pub fn within(
+        &self,
+        place: usize,
+        run: &Run,
+        reach: f64,
+        mut visit: impl FnMut(usize, [f64; 3]) -> bool,
+    ) -> bool {
+        let (p, reach2) = (self.places[place], reach * reach);
+        self.boxes.within(&self.places, run.places.clone(), p, reach2, &mut visit)
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+    use crate::sample::boxes::offset;
     use crate::sample::candidates::tests::candidates_of;
     use proptest::prelude::*;
+
+    /// Points in the 27 cells around point `i`, by the definition of a grid: tile by tile, along z,
+    /// y and x, and along the curve in a tile, as the points are.
+    pub fn plain_around(q: &[[i32; 3]], i: usize, far: f64) -> Vec<usize> {
+        let log2 = far.log2().ceil().clamp(0.0, 30.0) as u32;
+        let cell = |j: usize| q[j].map(|c| c >> log2);
+        let is_near = |&j: &usize| (0..3).all(|axis| cell(i)[axis].abs_diff(cell(j)[axis]) < 2);
+        let mut near: Vec<usize> = (0..q.len()).filter(is_near).collect();
+        let tile = |j: &usize| cell(*j).map(|c| c >> TILE_LOG2);
+        near.sort_by_key(|j| (tile(j)[2], tile(j)[1], tile(j)[0]));
+        near
+    }
 
     proptest! {
         #[test]
@@ -82,15 +156,19 @@ mod tests {
             let near = NeighbourGrid::new(&candidates.q, far);
             prop_assert!(near.edge() >= far);
             let cell = |i: usize| candidates.q[i].map(|c| c >> near.log2);
-            for i in 0..candidates.len() {
+            let mut runs = Vec::new();
+            for place in 0..near.len() {
+                let i = near.points_at(place).start;
+                near.around(place, &mut runs);
                 let mut found = Vec::new();
-                near.each_run(i, |run| {
-                    assert!(run.clone().all(|j| cell(j) == cell(run.start)));
-                    found.extend(run);
-                });
-                found.sort_unstable();
-                let is_near = |&j: &usize| (0..3).all(|axis| cell(i)[axis].abs_diff(cell(j)[axis]) < 2);
-                prop_assert_eq!(found, (0..candidates.len()).filter(is_near).collect::<Vec<_>>());
+                for run in &runs {
+                    let points = near.points(&run.places);
+                    prop_assert!(points.clone().all(|j| cell(j) == cell(points.start)));
+                    let nearest = points.clone().map(|j| length2(&offset(candidates.q[i], candidates.q[j])));
+                    prop_assert!(run.away2 <= nearest.fold(f64::INFINITY, f64::min));
+                    found.extend(points);
+                }
+                prop_assert_eq!(found, plain_around(&candidates.q, i, far));
             }
         }
     }
@@ -101,8 +179,11 @@ mod tests {
         let q = [[0; 3], [1; 3], [end - 1, end, end], [end; 3]];
         for far in [0.5, 1.0, 3.0, 1e9] {
             let near = NeighbourGrid::new(&q, far);
-            let mut found = 0;
-            (0..q.len()).for_each(|i| near.each_run(i, |run| found += run.len()));
+            let (mut found, mut runs) = (0, Vec::new());
+            for place in 0..near.len() {
+                near.around(place, &mut runs);
+                found += runs.iter().map(|run| run.places.len()).sum::<usize>();
+            }
             assert!(found >= q.len(), "{found}");
         }
     }

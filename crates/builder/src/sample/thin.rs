@@ -29,6 +29,10 @@ const FINER: u32 = 2;
 /// beside it along the curve, which are most of those near it.
 const BESIDE_SHARE: usize = 3;
 
+/// Pairs of picked and other points in one cell, for each point, above which distances are searched
+/// point by point. The cell above may have picked points much closer than the radius.
+const PAIRS_EACH: usize = 32;
+
 /// Fraction of the golden ratio, of `GOLDEN_BITS` bits: its multiples are spread evenly, however
 /// many.
 const GOLDEN: usize = 0x9e37_79b9;
@@ -171,11 +175,19 @@ impl<'a> PoissonSampler<'a> {
             self.part_log2 = self.part_log2(radius);
             self.choose_part(until);
             let q = &self.candidates.q;
-            self.unpicked.refill(q, &self.part, self.cell_log2(radius, self.part.len()));
+            let log2 = self.cell_log2(radius, self.part.len());
+            self.unpicked.refill(q, &self.part, log2);
+            // Of coincident points one is enough.
+            let mut picked = indices_of(&self.turns, |&turn| turn != LAST_TURN);
+            picked.dedup_by_key(|i| q[*i as usize]);
+            let places: Vec<[i32; 3]> = picked.iter().map(|&i| q[i as usize]).collect();
             let reach = (radius as i32).saturating_add(1);
-            self.picked
-                .iter()
-                .for_each(|&i| self.unpicked.update_near(simd, &q[i as usize], reach));
+            let pairs = pairs([&picked, &self.part], |i| q[i as usize].map(|c| c >> log2));
+            if pairs > PAIRS_EACH * (picked.len() + self.part.len()) {
+                self.unpicked.find_nearest(&places, reach);
+            } else {
+                places.iter().for_each(|p| self.unpicked.update_near(simd, p, reach));
+            }
         }
         if !self.turns_below.is_empty() {
             self.unpicked.set_due(self.turns_below);
@@ -275,11 +287,30 @@ impl<'a> PoissonSampler<'a> {
     }
 }
 
+/// Counts the pairs of two points in the same cell, one of each list. Both lists are along the
+/// curve.
+fn pairs([a, b]: [&[u32]; 2], cell: impl Fn(u32) -> [i32; 3]) -> usize {
+    let (mut b, mut sum) = (b.iter().copied().peekable(), 0);
+    for a in a.chunk_by(|&a, &b| cell(a) == cell(b)) {
+        let own = cell(a[0]);
+        while b.next_if(|&b| b < a[0] && cell(b) != own).is_some() {}
+        while b.next_if(|&b| cell(b) == own).is_some() {
+            sum += a.len();
+        }
+    }
+    sum
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::sample::candidates::tests::candidates_of;
+    use crate::sample::choose::{assign_turns, choose};
+    use crate::sample::effort;
     use proptest::prelude::*;
+
+    /// Updates of eight points, and boxes, for each point of any cloud.
+    const OPERATIONS_EACH: usize = 250;
 
     proptest! {
         #[test]
@@ -308,6 +339,42 @@ mod tests {
                 }
             }
             prop_assert_eq!(sampler.picked.len(), points.len());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn pairs_are_those_of_all_points(points in prop::collection::vec([0u32..99, 0u32..99, 0u32..9], 1..200), log2 in 0u32..7, every in 1usize..9) {
+            let candidates = candidates_of(&points, [1.0; 3]);
+            let cell = |i: u32| candidates.q[i as usize].map(|c| c >> log2);
+            let all = 0..points.len() as u32;
+            let (a, b): (Vec<u32>, Vec<u32>) = all.partition(|i| (*i as usize).is_multiple_of(every));
+            let of = |&i: &u32| b.iter().filter(|&&j| cell(j) == cell(i)).count();
+            prop_assert_eq!(pairs([&a, &b], cell), a.iter().map(of).sum::<usize>());
+        }
+    }
+
+    #[test]
+    fn work_grows_with_the_number_of_points_however_they_are_spread() {
+        for (name, cloud) in effort::CLOUDS {
+            let edge = f64::from(1u32 << 31);
+            effort::assert_linear(
+                &format!("{name}, an upper cell"),
+                (4000, OPERATIONS_EACH),
+                |n| {
+                    let candidates = candidates_of(&cloud(n), [1.0; 3]);
+                    effort::restart();
+                    choose(&candidates, &[], n / 2, edge, 2);
+                },
+            );
+            effort::assert_linear(&format!("{name}, a leaf below"), (4000, OPERATIONS_EACH), |n| {
+                let candidates = candidates_of(&cloud(n), [1.0; 3]);
+                // The cell above took every third point.
+                let taken: Vec<u16> =
+                    (0..n).map(|i| if i % 3 == 0 { 4000 } else { LAST_TURN }).collect();
+                effort::restart();
+                assign_turns(&candidates, &taken, Some(1e6), edge, 2);
+            });
         }
     }
 }

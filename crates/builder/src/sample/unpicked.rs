@@ -2,6 +2,7 @@
 //! nearest picked point. A table of cells to ranges of points finds neighbours, since the points of
 //! an octree cell are contiguous; distances are computed in space, eight at a time.
 
+use crate::sample::boxes::{Boxes, Run, Unopened};
 use crate::sample::tiles::{Cells, CellsBuilder, NONE, TILE_LOG2, Tile, between};
 use esker_points::fetch::fetch;
 use fearless_simd::{Simd, SimdBase, SimdCvtFloat, f32x8, i32x8};
@@ -254,6 +255,29 @@ impl Unpicked {
         );
     }
 
+    /// Variant of [`Unpicked::update_near`] for many `picked` positions along the curve, with the
+    /// same distances: searches the nearest of them for each point.
+    pub fn find_nearest(&mut self, picked: &[[i32; 3]], reach: i32) {
+        // Rounds as the updates do.
+        let metric = |offset: &[f64; 3]| {
+            let [x, y, z] = offset.map(|along| along as f32);
+            f64::from(x * x + y * y + z * z)
+        };
+        let boxes = Boxes::of(picked, picked.len());
+        let runs = [Run { places: 0..picked.len(), away2: 0.0 }];
+        let mut unopened = Unopened::default();
+        let limit2 = metric(&[f64::from(reach), 0.0, 0.0]);
+        for i in 0..self.points {
+            let p = self.q[i / LANES].get(i % LANES);
+            let from = (p, metric, limit2);
+            let nearest2 = &mut self.nearest2[i / LANES].0[i % LANES];
+            boxes.nearest((picked, &runs), from, &mut unopened, |_, _, away2| {
+                *nearest2 = away2 as f32;
+                away2
+            });
+        }
+    }
+
     /// Updates the cells around `p` tile by tile; `own` is the tile of `p`, or [`NONE`].
     #[inline(always)]
     fn update_tiles<S: Simd>(&mut self, simd: S, own: u32, p: [i32; 3], reach: i32) {
@@ -325,6 +349,8 @@ impl Unpicked {
 
     #[inline(always)]
     fn update_blocks<S: Simd>(&mut self, simd: S, run: Range<usize>, p: [i32x8<S>; 3]) {
+        #[cfg(test)]
+        crate::sample::effort::add(run.len());
         for (BlockPoints(q), BlockValues(nearest2)) in
             self.q[run.clone()].iter().zip(&mut self.nearest2[run])
         {
@@ -347,5 +373,33 @@ impl BlockPoints {
     #[inline(always)]
     fn set(&mut self, lane: usize, p: [i32; 3]) {
         (0..3).for_each(|axis| self.0[axis][lane] = p[axis]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::candidates::tests::candidates_of;
+    use fearless_simd::{Level, dispatch};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn distances_are_the_same_point_by_point_and_pick_by_pick(points in prop::collection::vec([0u32..3000, 0u32..3000, 0u32..99], 2..200), dense in prop::collection::vec([700u32..720, 700u32..720, 0u32..9], 0..200), shift in 0u32..19, reach in 1i32..3000, every in 2usize..9) {
+            let points: Vec<_> = points.iter().chain(&dense).map(|p| p.map(|c| c << shift)).collect();
+            let q = candidates_of(&points, [1.0; 3]).q;
+            let reach = reach << shift;
+            let (picked, others): (Vec<u32>, Vec<u32>) = (0..q.len() as u32).partition(|i| *i as usize % every == 1);
+            let places: Vec<[i32; 3]> = picked.iter().map(|&i| q[i as usize]).collect();
+            let mut both = [Unpicked::default(), Unpicked::default()];
+            both.iter_mut().for_each(|of| of.refill(&q, &others, octave(reach.into())));
+            both[0].find_nearest(&places, reach);
+            dispatch!(Level::new(), simd => places.iter().for_each(|p| both[1].update_near(simd, p, reach)));
+            let limit2 = reach as f32 * reach as f32;
+            for i in 0..others.len() {
+                let [found, updated] = [0, 1].map(|k| both[k].nearest2(i));
+                prop_assert!(found == updated || found.min(updated) > limit2, "{found} {updated}");
+            }
+        }
     }
 }

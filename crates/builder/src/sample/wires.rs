@@ -3,6 +3,7 @@
 //! less closes each wire.
 
 use crate::attributes::eigen::Eigen;
+use crate::sample::boxes::{Run, length2};
 use crate::sample::candidates::Candidates;
 use crate::sample::nearby::NeighbourGrid;
 
@@ -42,33 +43,50 @@ pub fn narrow(radii: &mut [f32], spacing: f64, places: &[u32], candidates: &Cand
     let points: Vec<[i32; 3]> = wires.iter().map(|&i| candidates.q[places[i] as usize]).collect();
     let far = spacing * FAR_SPACINGS;
     let near = NeighbourGrid::new(&points, far);
-    for (point, &i) in wires.iter().enumerate() {
-        // A wider gap would not narrow the radius.
-        if is_wide(radii[i])
-            && let Some(gap) = gap(&near, point, far.min(f64::from(radii[i]) / GAP_SHARE))
-        {
-            radii[i] = radii[i].min((gap * GAP_SHARE) as f32);
+    let mut runs = Vec::new();
+    for place in 0..near.len() {
+        for &i in &wires[near.points_at(place)] {
+            // A wider gap would not narrow the radius.
+            if is_wide(radii[i])
+                && let far = far.min(f64::from(radii[i]) / GAP_SHARE)
+                && let Some(gap) = gap(&near, place, far, &mut runs)
+            {
+                radii[i] = radii[i].min((gap * GAP_SHARE) as f32);
+            }
         }
     }
 }
 
 /// Returns the larger of the gaps beside a point on its wire, among the points within `far`; `None`
 /// if there is none.
-fn gap(near: &NeighbourGrid<'_>, point: usize, far: f64) -> Option<f64> {
-    let mut offsets: Vec<[f64; 3]> = Vec::new();
-    near.each_run(point, |run| {
-        let more = run.filter(|&other| other != point).map(|other| near.offset(point, other));
-        let room = NEIGHBOURS_MAX - offsets.len();
-        offsets.extend(more.filter(|offset| length2(offset) <= far * far).take(room));
-    });
-    // Coincident points are no neighbours. Directions are weighted by the inverse of their length:
-    // the nearest give the direction of the point's own wire rather than that of several.
-    offsets.retain(|offset| length2(offset) > 0.0);
+fn gap(near: &NeighbourGrid, place: usize, far: f64, runs: &mut Vec<Run>) -> Option<f64> {
+    let (mut offsets, mut room): (Vec<[f64; 3]>, _) = (Vec::new(), NEIGHBOURS_MAX);
+    near.around(place, runs);
+    let mut add = |other: usize, offset: [f64; 3]| {
+        // Points at the same place take room, but are no neighbours.
+        let others = near.points_at(other).len() - usize::from(other == place);
+        let taken = others.min(room);
+        offsets.extend((0..taken).filter(|_| other != place).map(|_| offset));
+        room -= taken;
+        room > 0
+    };
+    for run in runs.iter() {
+        if !near.within(place, run, far, &mut add) {
+            break;
+        }
+    }
+    larger_gap(&offsets)
+}
+
+/// Larger of the gaps on a wire among points at these offsets; `None` if there are no points.
+fn larger_gap(offsets: &[[f64; 3]]) -> Option<f64> {
+    // Directions are weighted by the inverse of their length: the nearest give the direction of the
+    // point's own wire rather than that of several.
     let directions: Vec<_> =
         offsets.iter().map(|offset| offset.map(|c| c / length2(offset))).collect();
     let along = Eigen::of(square(&directions)).axes[0];
     let mut gaps = [f64::INFINITY; 2];
-    for offset in &offsets {
+    for offset in offsets {
         let on_it: f64 = offset.iter().zip(along).map(|(a, b)| a * b).sum();
         let away2 = length2(offset);
         // Ahead or behind, not on the next wire.
@@ -78,10 +96,6 @@ fn gap(near: &NeighbourGrid<'_>, point: usize, far: f64) -> Option<f64> {
         }
     }
     gaps.into_iter().filter(|gap| gap.is_finite()).max_by(f64::total_cmp)
-}
-
-fn length2(offset: &[f64; 3]) -> f64 {
-    offset.iter().map(|along| along * along).sum()
 }
 
 /// Mean products of the components of `offsets`, as a symmetric matrix.
@@ -96,7 +110,10 @@ fn square(offsets: &[[f64; 3]]) -> [f64; 6] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sample::boxes::offset;
     use crate::sample::candidates::tests::candidates_of;
+    use crate::sample::effort;
+    use crate::sample::nearby::tests::plain_around;
     use proptest::prelude::*;
 
     proptest! {
@@ -132,6 +149,56 @@ mod tests {
                 }
                 // Beyond the end of a wire another one may seem to be ahead.
                 prop_assert!(wire[8..52].iter().all(|p| radius(p) < 54.0));
+            }
+        }
+    }
+
+    /// Gap beside point `i` by its definition: among the first of all points in the 27 cells
+    /// around.
+    fn plain(q: &[[i32; 3]], i: usize, edge: f64, far: f64) -> Option<f64> {
+        let others = plain_around(q, i, edge).into_iter().filter(|&j| j != i);
+        let offsets = others.map(|j| offset(q[i], q[j])).filter(|o| length2(o) <= far * far);
+        let mut offsets: Vec<_> = offsets.take(NEIGHBOURS_MAX).collect();
+        offsets.retain(|offset| length2(offset) > 0.0);
+        larger_gap(&offsets)
+    }
+
+    proptest! {
+        #[test]
+        fn gaps_are_those_among_all_points_around(points in prop::collection::vec([0u32..40, 0u32..40, 0u32..9], 1..300), lone in prop::collection::vec([0u32..3000, 0u32..3000, 0u32..90], 0..50), stack in 0usize..300, spacing in 0.5f64..60.0, share in 0.01f64..1.0) {
+            let stack = vec![[20, 20, 4]; stack];
+            let candidates = candidates_of(&[points, lone, stack].concat(), [1.0; 3]);
+            let (q, edge) = (&candidates.q, spacing * FAR_SPACINGS);
+            let near = NeighbourGrid::new(q, edge);
+            for place in 0..near.len() {
+                let found = gap(&near, place, edge * share, &mut Vec::new());
+                for i in near.points_at(place).take(2) {
+                    prop_assert_eq!(found, plain(q, i, edge, edge * share));
+                }
+            }
+        }
+    }
+
+    /// Distances for each point of any cloud, most of them to neighbours.
+    const OPERATIONS_EACH: usize = NEIGHBOURS_MAX * 3 / 2;
+
+    #[test]
+    fn work_grows_with_the_number_of_points_however_they_are_spread() {
+        for (name, cloud) in effort::CLOUDS {
+            for spacing in [1e3, 1e6] {
+                effort::assert_linear(
+                    &format!("{name}, {spacing}"),
+                    (2000, OPERATIONS_EACH),
+                    |n| {
+                        let mut candidates = candidates_of(&cloud(n), [1.0; 3]);
+                        candidates.classes = vec![WIRES[0]; n];
+                        let places = Vec::from_iter(0..n as u32);
+                        effort::restart();
+                        // As wide as any that is narrowed, so that the search ends soon.
+                        let mut radii = vec![(spacing * WIDE_SPACINGS * 1.01) as f32; n];
+                        narrow(&mut radii, spacing, &places, &candidates);
+                    },
+                );
             }
         }
     }

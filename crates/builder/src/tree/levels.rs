@@ -5,7 +5,7 @@ use crate::attributes::normals::UNKNOWN;
 use crate::budget::memory::Peak;
 use crate::error::BuildError;
 use crate::page::histograms::Counts;
-use crate::rows::coincident::Coincident;
+use crate::rows::coincident::{Coincident, ROWS_MIN};
 use crate::rows::journal_record::Kind;
 use crate::rows::partition::Bucket;
 use crate::rows::row::Rows;
@@ -194,7 +194,9 @@ impl TreeBuilder<'_> {
         let map = self.store.map(&bucket)?;
         let runs = bucket.runs(map.as_ref(), stride);
         self.store.check_rows(&bucket, &runs, &self.context.rows)?;
-        let rows = Coincident { runs, stride, rows_max: self.chunk_rows_max.1, task: self.task };
+        // Only references are held, which are smaller than rows.
+        let rows_max = self.chunk_rows_max.1.max(ROWS_MIN);
+        let rows = Coincident { runs, stride, rows_max, task: self.task };
         let (mut head, mut chain, mut carry) = (None, Vec::new(), Vec::new());
         rows.in_order(&mut |row| {
             let start = carry.len();
