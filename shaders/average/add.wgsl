@@ -4,6 +4,7 @@
 // include common/points.wgsl
 // include common/lookup.wgsl
 // include common/colour.wgsl
+// include common/facing.wgsl
 // include common/average.wgsl
 
 // Whether pixels carry normals.

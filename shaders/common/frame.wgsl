@@ -26,4 +26,11 @@ struct Frame {
     cull_back_faces: u32,
     // Width of the margin on each side, which is cropped afterwards, pixels.
     margin_px: u32,
+    // Greatest radius of points that are drawn alone, pixels.
+    point_radius: f32,
+    // Strength of eye-dome lighting.
+    eye_dome: f32,
+    // 1 if normals tell the front of a surface from its back.
+    has_fronts: u32,
+    unused: u32,
 }

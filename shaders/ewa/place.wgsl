@@ -7,6 +7,7 @@
 // include common/place.wgsl
 // include common/lookup.wgsl
 // include common/colour.wgsl
+// include common/facing.wgsl
 // include common/octree.wgsl
 // include common/radius.wgsl
 // include common/splats.wgsl

@@ -8,6 +8,7 @@
 // include common/place.wgsl
 // include common/lookup.wgsl
 // include common/colour.wgsl
+// include common/facing.wgsl
 // include common/octree.wgsl
 // include common/radius.wgsl
 // include common/tangent.wgsl
@@ -29,6 +30,8 @@ const MINOR_MIN_PX: f32 = 1.4;
 // Length of depth intervals in radii, without a normal and with one.
 const BARE_REACH: f32 = 2.0;
 const THICKNESS: f32 = 1.0;
+// Depth that is added to points whose normal looks away, in radii.
+const BACK_DEPTH: f32 = 3.0;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> lookup: Lookup;
@@ -95,8 +98,11 @@ fn gather(pixel: u32, depth_bits: u32) {
     var minor = stretch;
     var share = 1.0;
     var n = vec3<f32>(0.0);
+    var own_depth = depth;
     if NORMALS {
-        n = normal_to_eye(paint.w, draw, offset);
+        let turned = normal_to_eye(paint.w, draw, offset);
+        n = turned.xyz;
+        own_depth += turned.w * radius * BACK_DEPTH;
         if any(n != vec3<f32>(0.0)) {
             reach = radius * (THICKNESS / RADIUS_FACTOR_NORMALS) * thickness(vec4<f32>(n, 0.0), place);
             let axes = of_disc(n, seen);
@@ -117,9 +123,10 @@ fn gather(pixel: u32, depth_bits: u32) {
     // The height may need more than 32 bits; the high word is the carry.
     let height = vec2<u32>(u32(p.z < offset.z), p.z);
     let colour = colour_of(paint, height, depth_bits);
-    front[pixel] = vec4<u32>(depth_bits, bitcast<u32>(depth + reach), bitcast<vec2<u32>>(displaced));
+    let interval = bitcast<vec2<u32>>(vec2<f32>(own_depth, own_depth + reach));
+    front[pixel] = vec4<u32>(interval, bitcast<vec2<u32>>(displaced));
     tint[pixel] = bitcast<vec4<u32>>(vec4<f32>(colour, radius_px));
-    depths[pixel] = depth;
+    depths[pixel] = own_depth;
 }
 
 // Place of a point in the picture, pixels.
@@ -131,16 +138,19 @@ fn place_of(draw: u32, offset: vec3<u32>, depth: f32) -> vec2<f32> {
     return frame.centre_px + flat * (frame.focal_px / depth);
 }
 
-// The normal in view space; zero without a normal.
-fn normal_to_eye(code: u32, draw: u32, offset: vec3<u32>) -> vec3<f32> {
+// The normal in view space; zero without a normal. The last value is 1 at the back of a
+// surface, if normals have fronts, else 0.
+fn normal_to_eye(code: u32, draw: u32, offset: vec3<u32>) -> vec4<f32> {
     if code == NO_NORMAL {
-        return vec3<f32>(0.0);
+        return vec4<f32>(0.0);
     }
     let world = normal_of(code);
     // Unless back faces are culled, a normal may face either way, and is turned to the eye.
     let d = &draws[draw];
     let steps = steps_from_eye((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
-    let turned = towards_eye(world, steps * frame.step);
-    let n = select(world, turned, frame.cull_back_faces == 0u);
-    return vec3<f32>(dot(frame.right, n), dot(frame.up, n), dot(frame.back, n));
+    let from_eye = steps * frame.step;
+    let is_turned = frame.cull_back_faces == 0u;
+    let n = select(world, towards_eye(world, from_eye), is_turned);
+    let looked_away = select(0.0, 1.0, is_turned && frame.has_fronts == 1u && dot(world, from_eye) > 0.0);
+    return vec4<f32>(dot(frame.right, n), dot(frame.up, n), dot(frame.back, n), looked_away);
 }

@@ -5,10 +5,10 @@ use crate::light::LightArgs;
 use crate::output::Output;
 use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, ReadHow, Threads, method_parser};
 use clap::{Args as ClapArgs, Parser, Subcommand};
-use esker_engine::Method;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::method::DEFAULT_METHOD;
 use esker_engine::io::quantity;
+use esker_engine::{Method, PointSize};
 use std::path::PathBuf;
 
 /// Builds one layered file from laser scans of any size, and draws it.
@@ -184,6 +184,14 @@ pub struct Render {
     /// drawn.
     #[arg(long)]
     pub cull_back: bool,
+    /// Diameter of points that are drawn alone, in pixels, or "adaptive": dots of neighbouring
+    /// points touch.
+    #[arg(long, value_name = "PX|adaptive", default_value = "1", value_parser = quantity::point_size)]
+    pub point_size: PointSize,
+    /// Show the shape of points that are drawn alone: darken what lies behind its surroundings; a
+    /// strength may follow, 1 by default.
+    #[arg(long, value_name = "STRENGTH", num_args = 0..=1, default_missing_value = "1", value_parser = quantity::strength)]
+    pub eye_dome: Option<f32>,
     /// Even out differences of exposure where scans cover the same surface; point_source_id, scan
     /// or scan_id distinguishes scans.
     #[arg(long)]

@@ -5,6 +5,7 @@ use crate::output::{print, write};
 use crate::shared::note_built;
 use crate::{export, view};
 use anyhow::Result;
+use esker_engine::Dots;
 use esker_engine::calls::{build, demo, explain, info, info_text, render, verify};
 use esker_engine::draw::scene::PictureRequest;
 use esker_engine::io::progress::{Progress, Style};
@@ -100,6 +101,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         shines: !args.no_highlights,
         evens_exposure: args.even_exposure,
         culls_back: args.cull_back,
+        dots: Dots { size: args.point_size, eye_dome: args.eye_dome.unwrap_or_default() },
         full: args.full,
         light: args.light.into(),
         with: (&args.with).into(),

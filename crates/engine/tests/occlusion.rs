@@ -10,7 +10,9 @@ use esker_lod::{
 };
 use esker_points::task::Silent;
 use esker_render::inputs::camera::{Camera, Positions};
-use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method, Picture, Renderer};
+use esker_render::{
+    Background, ColourBy, ColourPlane, Dots, DrawNode, Frame, Method, Picture, Renderer,
+};
 use glam::{DMat3, DVec3};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -78,6 +80,7 @@ impl Scan {
             method: Method::PullPush,
             colour: ColourBy::Plain,
             cull_back_faces: false,
+            has_fronts: false,
             hides_points: false,
             shines: true,
             skips_push: true,
@@ -85,6 +88,7 @@ impl Scan {
             smooths: averages,
             fits_planes: averages,
             evens_exposure: false,
+            dots: Dots::default(),
             background: Background::Plain([0, 0, 0, 255]),
         };
         Renderer::default().render(&frame).unwrap()

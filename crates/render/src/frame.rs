@@ -3,6 +3,7 @@
 
 use crate::inputs::colour::ColourBy;
 use crate::pass::Pass;
+use crate::passes::grow::ADAPTIVE_MAX;
 use esker_lod::{CompactOctree, View};
 use esker_points::{AttrType, Lattice, Node};
 use std::time::Duration;
@@ -61,13 +62,56 @@ pub enum ColourPlane<P> {
 /// How points become a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Method {
-    /// One pixel a point, without lighting.
+    /// Points alone: a dot each, without lighting.
     Points,
     /// Surfaces closed by pull-push interpolation, and lit (`marroquim2007`).
     #[default]
     PullPush,
     /// Splats of exact perspective shape, filtered and blended (`zwicker2004`).
     Ewa,
+}
+
+/// How points look that are drawn alone ([`Method::Points`]).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Dots {
+    /// Size of the dots.
+    pub size: PointSize,
+    /// Strength of eye-dome lighting ([`crate::passes`]); 0 for none.
+    pub eye_dome: f32,
+}
+
+/// Size of the round dots of [`Method::Points`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PointSize {
+    /// Diameter, pixels, 1 to [`POINT_SIZE_MAX`].
+    Pixels(f32),
+    /// Dots of points next to each other touch, but are at most 10 pixels wide.
+    Adaptive,
+}
+
+/// Greatest diameter of dots, pixels.
+pub const POINT_SIZE_MAX: f32 = 64.0;
+
+impl Default for PointSize {
+    /// One pixel a point.
+    fn default() -> Self {
+        Self::Pixels(1.0)
+    }
+}
+
+impl PointSize {
+    /// Whether any dot may be wider than a pixel.
+    pub fn grows(self) -> bool {
+        self.radius_max() >= 1.0
+    }
+
+    /// Greatest radius of a dot, pixels. Dots with less than 1 are one pixel.
+    pub(crate) fn radius_max(self) -> f32 {
+        match self {
+            Self::Pixels(diameter) => diameter.clamp(1.0, POINT_SIZE_MAX) / 2.0,
+            Self::Adaptive => ADAPTIVE_MAX,
+        }
+    }
 }
 
 /// Background of a picture; sRGB, alpha last.
@@ -105,6 +149,9 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// Whether points whose normal looks away are dropped (`marroquim2007`, section 3.1). It has to
     /// be off for normals without a consistent side, which are turned towards the viewer instead.
     pub cull_back_faces: bool,
+    /// Whether normals tell the front of a surface from its back. Backs then yield to fronts that
+    /// are just before them, and keep the light of an outline.
+    pub has_fronts: bool,
     /// Whether points that a filter has marked are left out ([`esker_points::quant::HIDDEN_AT`]).
     pub hides_points: bool,
     /// Whether surfaces have highlights.
@@ -123,6 +170,8 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// Whether differences of exposure between scans are removed ([`crate::passes::exposure`]). The
     /// spare byte of a colour is then the number of its scan.
     pub evens_exposure: bool,
+    /// How points look that are drawn alone.
+    pub dots: Dots,
     /// Background of the picture.
     pub background: Background,
 }
@@ -139,6 +188,7 @@ impl<'a, P> Frame<'a, P> {
             method: Method::PullPush,
             colour: ColourBy::Plain,
             cull_back_faces: false,
+            has_fronts: false,
             hides_points: false,
             shines: true,
             skips_push: true,
@@ -146,6 +196,7 @@ impl<'a, P> Frame<'a, P> {
             smooths: true,
             fits_planes: true,
             evens_exposure: false,
+            dots: Dots::default(),
             background: Background::default(),
         }
     }
@@ -156,8 +207,9 @@ impl<'a, P> Frame<'a, P> {
         'a: 'b,
     {
         let Self { view, lattice, draws: _, octree, method, colour, .. } = *self;
-        let Self { cull_back_faces, hides_points, shines, skips_push, averages, .. } = *self;
-        let Self { smooths, fits_planes, evens_exposure, background, .. } = *self;
+        let Self { cull_back_faces, has_fronts, hides_points, shines, .. } = *self;
+        let Self { skips_push, averages, .. } = *self;
+        let Self { smooths, fits_planes, evens_exposure, dots, background, .. } = *self;
         Frame {
             view,
             lattice,
@@ -166,6 +218,7 @@ impl<'a, P> Frame<'a, P> {
             method,
             colour,
             cull_back_faces,
+            has_fronts,
             hides_points,
             shines,
             skips_push,
@@ -173,6 +226,7 @@ impl<'a, P> Frame<'a, P> {
             smooths,
             fits_planes,
             evens_exposure,
+            dots,
             background,
         }
     }

@@ -24,7 +24,9 @@
 //! | `smooth_depth` | `smooth_depth.rs` | `smooth_depth` | `boucheny2009`      | S bare, E bare   |
 //! | `shade`        | `shade.rs`        | `shade`        | `marroquim2007` 3.4 | S, E             |
 //! | `antialias`    | `antialias.rs`    | `antialias`    | -                   | S, E             |
+//! | `grow`         | `grow.rs`         | `grow`         | -                   | P, wide points   |
 //! | `resolve`      | `resolve.rs`      | `resolve`      | -                   | P                |
+//! | `eye_dome`     | `eye_dome.rs`     | `eye_dome`     | `boucheny2009` 3    | P, optional      |
 //!
 //! P is [`Method::Points`], S [`Method::PullPush`] (surfaces), E [`Method::Ewa`]. A bare cloud has
 //! no normals. A view is dense if every pixel has a point, and crowded if points share pixels
@@ -44,7 +46,10 @@ pub(crate) mod renderer;
 pub(crate) mod simd;
 
 pub use error::RenderError;
-pub use frame::{Background, ColourPlane, DrawNode, Frame, Method, PassTimes, Picture, Stats};
+pub use frame::{
+    Background, ColourPlane, Dots, DrawNode, Frame, Method, POINT_SIZE_MAX, PassTimes, Picture,
+    PointSize, Stats,
+};
 pub use inputs::colour::{Codebook, ColourBy, ColourMap, Gradient};
 pub use inputs::splats::{Splat, splats};
 pub use pass::Pass;

@@ -32,13 +32,17 @@ pub enum Pass {
     Shade,
     /// Antialiases silhouettes and creases.
     Antialias,
+    /// Draws points as dots of more than a pixel.
+    Grow,
     /// Writes the colours of visible points straight to the picture.
     Resolve,
+    /// Darkens what lies behind its surroundings.
+    EyeDome,
 }
 
 impl Pass {
     /// All passes, in the order in which a frame runs them.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 17] = [
         Self::Project,
         Self::FitPlanes,
         Self::Gather,
@@ -53,7 +57,9 @@ impl Pass {
         Self::SmoothDepth,
         Self::Shade,
         Self::Antialias,
+        Self::Grow,
         Self::Resolve,
+        Self::EyeDome,
     ];
 
     /// Name of the pass, the same in shaders, JSON and documents.
@@ -73,7 +79,9 @@ impl Pass {
             Self::SmoothDepth => "smooth_depth",
             Self::Shade => "shade",
             Self::Antialias => "antialias",
+            Self::Grow => "grow",
             Self::Resolve => "resolve",
+            Self::EyeDome => "eye_dome",
         }
     }
 }

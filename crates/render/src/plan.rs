@@ -3,7 +3,7 @@
 //! frame does not need are not read, not resident, not bound and not computed. Both renderers
 //! follow the plan, and so does the code that reads planes.
 
-use crate::frame::{ColourPlane, Frame, Method};
+use crate::frame::{ColourPlane, Dots, Frame, Method, PointSize};
 use crate::inputs::colour::ColourBy;
 use crate::inputs::density::{is_crowded, is_dense};
 use crate::pass::Pass;
@@ -90,6 +90,8 @@ pub struct FrameOptions {
     /// Whether differences of exposure between scans are removed. The spare byte of a colour is
     /// then the number of its scan.
     pub evens_exposure: bool,
+    /// How points look that are drawn alone.
+    pub dots: Dots,
 }
 
 /// The passes and planes of a frame.
@@ -119,6 +121,8 @@ pub struct FramePlan {
     /// ([`crate::passes::push`]): if the options want it, the view is not crowded and colours are
     /// not names.
     pub smooths: bool,
+    /// Whether points that are drawn alone have sizes of their own.
+    pub adapts: bool,
     /// Width of the margin around the picture, pixels ([`crate::picture::margin`]); 0 if the plan
     /// is not that of a view.
     pub margin_px: u32,
@@ -140,14 +144,19 @@ pub struct Variant {
 impl FramePlan {
     /// The plan for a scene with these planes and these options.
     pub fn of(has: &SceneHas, options: &FrameOptions) -> Self {
-        use Pass::{Antialias, Average, Blend, Exposure, FillHoles, FitPlanes, Gather, Place};
-        use Pass::{Project, Pull, Push, Resolve, Shade, Silhouette, SmoothDepth};
+        use Pass::{Antialias, Average, Blend, Exposure, EyeDome, FillHoles, FitPlanes, Gather};
+        use Pass::{Grow, Place, Project, Pull, Push, Resolve, Shade, Silhouette, SmoothDepth};
         let has_surface = options.method != Method::Points;
         let has_pyramid = options.method == Method::PullPush && !options.is_dense;
         let carries_normals = has.normals && has_surface;
         let fits = options.fits_planes && has_pyramid && !has.normals;
         let passes = match options.method {
-            Method::Points => PassList::of(&[Project, Resolve].map(|pass| (pass, true))),
+            Method::Points => PassList::of(&[
+                (Project, true),
+                (Grow, options.dots.size.grows()),
+                (Resolve, true),
+                (EyeDome, options.dots.eye_dome > 0.0),
+            ]),
             Method::PullPush => PassList::of(&[
                 (Project, true),
                 (FitPlanes, fits),
@@ -173,6 +182,7 @@ impl FramePlan {
                 (Antialias, true),
             ]),
         };
+        let adapts = !has_surface && options.dots.size == PointSize::Adaptive;
         let culls_back_faces = has.oriented_normals && has.normals;
         let fetches_normals =
             carries_normals || (has.normals && options.colour == ColourBy::Normal);
@@ -193,10 +203,11 @@ impl FramePlan {
                 && options.smooths
                 && !options.is_crowded
                 && !options.colour.names(),
+            adapts,
             margin_px: 0,
             colour: options.colour.number(),
             fetches: [
-                has_surface || matches!(options.colour, ColourBy::Elevation(_)),
+                has_surface || adapts || matches!(options.colour, ColourBy::Elevation(_)),
                 has.colour_plane && options.colour.reads_plane(),
                 fetches_normals,
             ],
@@ -223,7 +234,7 @@ impl FramePlan {
         let is_crowded = method == Method::PullPush
             && frame.averages
             && is_crowded(frame.view, frame.lattice, frame.octree, drawn);
-        let Frame { shines, smooths, fits_planes, evens_exposure, .. } = *frame;
+        let Frame { shines, smooths, fits_planes, evens_exposure, dots, .. } = *frame;
         let options = FrameOptions {
             method,
             colour,
@@ -233,6 +244,7 @@ impl FramePlan {
             fits_planes,
             is_crowded,
             evens_exposure,
+            dots,
         };
         let plan = Self::of(&has, &options);
         let margin_px = if plan.has_pyramid { frame.view.margin_px } else { 0 };
@@ -330,6 +342,12 @@ impl FramePlan {
                 }
                 all
             }
+            Pass::Grow => {
+                let sizes = self.adapts.then(|| variant("grow/sizes", &[]));
+                let grow = variant("grow/grow", &[("ADAPTS", u32::from(self.adapts))]);
+                sizes.into_iter().chain([grow]).collect()
+            }
+            Pass::EyeDome => vec![variant("eye_dome", &[])],
             Pass::Resolve => vec![
                 variant("gather/fetch", &self.fetch_constants()),
                 variant("resolve", &self.colour_constants()[1..]),

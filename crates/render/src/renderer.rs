@@ -10,9 +10,11 @@ use crate::pass::Pass;
 use crate::passes::antialias::antialias;
 use crate::passes::average::Averages;
 use crate::passes::exposure::ExposureGrid;
+use crate::passes::eye_dome::eye_dome;
 use crate::passes::fill_holes::fill_holes;
 use crate::passes::fit_planes::FittedPlanes;
 use crate::passes::gather::gather;
+use crate::passes::grow::Grow;
 use crate::passes::project::{EMPTY, project};
 use crate::passes::pull::pull;
 use crate::passes::push::push_with;
@@ -36,6 +38,7 @@ pub(crate) const STEP_PX: f32 = 2.0;
 #[derive(Default)]
 pub struct Renderer {
     target: Vec<AtomicU64>,
+    grow: Grow,
     fitted: FittedPlanes,
     averages: Averages,
     exposure: ExposureGrid,
@@ -162,7 +165,9 @@ impl Renderer {
         let pixels = if plan.passes.contains(&Pass::Project) { width * height } else { 0 };
         self.target.resize_with(pixels, || AtomicU64::new(EMPTY));
         let lookup = Lookup::new(frame, camera, &list);
-        let Self { target, fitted, averages, exposure, pyramid, smooth, sources, ewa, .. } = self;
+        let Self {
+            target, grow, fitted, averages, exposure, pyramid, smooth, sources, ewa, ..
+        } = self;
         let planes = plan.planes();
         let is_splats = plan.passes.contains(&Pass::Blend);
         if plan.passes.contains(&Pass::Shade) && !is_splats {
@@ -174,6 +179,8 @@ impl Renderer {
         for &pass in plan.passes.iter() {
             match pass {
                 Pass::Project => project(frame, camera, &list, target),
+                Pass::Grow => grow.run(&lookup, frame.dots.size, target, width),
+                Pass::EyeDome => eye_dome(picture, frame.dots.eye_dome),
                 Pass::Resolve => {
                     stats.pixels_covered = resolve(&lookup, target, frame.background, picture);
                     stats.pixels_projected = stats.pixels_covered;

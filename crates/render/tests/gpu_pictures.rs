@@ -11,7 +11,8 @@ use esker_points::quant::HIDDEN_AT;
 use esker_render::gpu::device::readback::read;
 use esker_render::gpu::{Gpu, GpuRenderer, wgpu};
 use esker_render::{
-    Background, ColourBy, ColourMap, Frame, FramePlan, Gradient, Method, Picture, render,
+    Background, ColourBy, ColourMap, Dots, Frame, FramePlan, Gradient, Method, Picture, PointSize,
+    render,
 };
 use glam::{DMat3, DVec3};
 use gpu::flip::mean_flip;
@@ -111,6 +112,7 @@ fn pictures_equal_those_of_the_cpu_by_every_path() {
     let [with, without] = [true, false].map(|normals| scene.draws(true, true, normals));
     let surface = scene.frame(&small, &with);
     let points = Frame { method: Method::Points, ..surface };
+    let dots = |size, eye_dome| Frame { dots: Dots { size, eye_dome }, ..points };
     let background = Background::Plain([9, 200, 30, 0]);
     let nothing = Frame { draws: &[], ..surface };
     let bunny = Bunny::new();
@@ -153,6 +155,18 @@ fn pictures_equal_those_of_the_cpu_by_every_path() {
         ("crowded, one point a pixel", Frame { averages: false, ..crowded }),
         ("crowded without normals", crowd.frame(&small, &crowd_without)),
         ("crowded from both sides", Frame { cull_back_faces: false, ..crowded }),
+        (
+            "crowded from both sides, with fronts",
+            Frame { cull_back_faces: false, has_fronts: true, ..crowded },
+        ),
+        (
+            "surface from both sides, with fronts",
+            Frame { cull_back_faces: false, has_fronts: true, ..surface },
+        ),
+        (
+            "splats from both sides, with fronts",
+            Frame { method: Method::Ewa, cull_back_faces: false, has_fronts: true, ..surface },
+        ),
         ("crowded, half without normals", crowd.frame(&small, &crowd_mixed)),
         ("crowded by heights", Frame { colour: ColourBy::Elevation(heights), ..crowded }),
         ("more points than sums hold", heaped),
@@ -171,6 +185,11 @@ fn pictures_equal_those_of_the_cpu_by_every_path() {
         ("splats without normals", Frame { method: Method::Ewa, ..scene.frame(&wide, &without) }),
         ("points", points),
         ("points by normals", Frame { colour: ColourBy::Normal, background, ..points }),
+        ("dots of 5 pixels", dots(PointSize::Pixels(5.0), 0.0)),
+        ("dots of 2 pixels under an eye dome", dots(PointSize::Pixels(2.0), 1.0)),
+        ("adaptive dots", dots(PointSize::Adaptive, 0.0)),
+        ("adaptive dots under an eye dome", dots(PointSize::Adaptive, 0.6)),
+        ("points under an eye dome", dots(PointSize::default(), 1.0)),
         ("points without culling", Frame { cull_back_faces: false, ..points }),
         ("nothing", nothing),
         ("no splats", Frame { method: Method::Ewa, ..nothing }),

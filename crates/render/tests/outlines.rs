@@ -6,7 +6,7 @@
 mod scene;
 
 use esker_lod::View;
-use esker_render::{Background, Picture, Renderer};
+use esker_render::{Background, Frame, Picture, Renderer};
 use glam::{DVec2, DVec3};
 use scene::{Dice, Scene, ScenePoint, even_sphere};
 
@@ -59,6 +59,11 @@ fn pixels_per_unit() -> f64 {
     view().focal_px() / 20.0
 }
 
+/// Radius of the outline of a sphere of radius 1, pixels.
+fn radius_px() -> f64 {
+    view().focal_px() / (20f64.powi(2) - 1.0).sqrt()
+}
+
 /// Brightness of a pixel, 0 to 255.
 fn light(picture: &Picture, x: usize, y: usize) -> f64 {
     let pixel = &picture.rgba[(y * SIDE as usize + x) * 4..][..3];
@@ -82,7 +87,7 @@ fn wall(dice: &mut Dice, behind: f64, low: DVec2, high: DVec2, spacing_px: f64) 
 
 #[test]
 fn the_outline_of_a_sphere_is_about_a_pixel_from_the_true_circle() {
-    let radius_px = view().focal_px() / (20f64.powi(2) - 1.0).sqrt();
+    let radius_px = radius_px();
     for spacing_px in [1.0, 2.0, 4.0, 8.0] {
         for normals in [true, false] {
             let spacing = spacing_px / pixels_per_unit();
@@ -96,6 +101,28 @@ fn the_outline_of_a_sphere_is_about_a_pixel_from_the_true_circle() {
                 format!("{mean:.2} px, rough {rough:.2} px: spacing {spacing_px} px, {normals}");
             assert!(mean.abs() < beyond && rough < 0.5 + 0.06 * spacing_px, "{what}");
         }
+    }
+}
+
+/// Backs of the far side lie just behind an outline, and their light comes from the other side.
+#[test]
+fn backs_do_not_show_at_outlines() {
+    for spacing_px in [1.0, 2.0, 4.0, 8.0] {
+        let spacing = spacing_px / pixels_per_unit();
+        let scene = Scene::new(&even_sphere(&mut Dice(8), spacing), 1e-6, spacing, spacing, 10_000);
+        let view = view();
+        let draws = scene.draws(true, true, true);
+        let [culled, both] = [true, false].map(|cull_back_faces| {
+            let frame = Frame { cull_back_faces, has_fronts: true, ..scene.frame(&view, &draws) };
+            Renderer::default().render(&frame).unwrap()
+        });
+        let sides = SIDE as usize;
+        let pixels = (0..sides * sides).map(|i| (i % sides, i / sides));
+        let other =
+            pixels.filter(|&(x, y)| (light(&both, x, y) - light(&culled, x, y)).abs() > 8.0);
+        let share = other.count() as f64 / (std::f64::consts::TAU * radius_px());
+        let what = format!("{share:.3} pixels for each of the outline: spacing {spacing_px} px");
+        assert!(share < 0.15 * spacing_px, "{what}");
     }
 }
 

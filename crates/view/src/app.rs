@@ -24,7 +24,7 @@ use eframe::egui::{
     ViewportCommand,
 };
 use esker_engine::light::IS_BUILT;
-use esker_engine::{BuildOptions, Method, memory};
+use esker_engine::{BuildOptions, Dots, Method, memory};
 use serde_json::json;
 use std::time::{Duration, Instant};
 
@@ -91,6 +91,7 @@ impl App {
             light: args.light(),
             evens_exposure: args.even_exposure,
             culls_back: args.cull_back,
+            dots: Dots { size: args.point_size, eye_dome: args.eye_dome.unwrap_or_default() },
             full: args.full,
             points_budget: args.budget_points.unwrap_or(Settings::default().points_budget),
             target_spacing_px: args.target_spacing,

@@ -7,7 +7,7 @@ use esker_engine::draw::method::{DEFAULT_METHOD, METHODS, method_of_name};
 use esker_engine::io::{polygon, quantity};
 use esker_engine::light::settings::{Gloss, LightSettings};
 use esker_engine::light::spec::{LightSpec, joined};
-use esker_engine::{Bounds, Classes, Filter, Flags, Method, Polygon};
+use esker_engine::{Bounds, Classes, Filter, Flags, Method, PointSize, Polygon};
 use std::path::PathBuf;
 
 /// Flies through an .esker file, or scans, in a window.
@@ -80,6 +80,14 @@ pub struct Args {
     /// drawn.
     #[arg(long)]
     pub cull_back: bool,
+    /// Diameter of points that are drawn alone, in pixels, or "adaptive": dots of neighbouring
+    /// points touch.
+    #[arg(long, value_name = "PX|adaptive", default_value = "1", value_parser = quantity::point_size)]
+    pub point_size: PointSize,
+    /// Show the shape of points that are drawn alone: darken what lies behind its surroundings; a
+    /// strength may follow, 1 by default.
+    #[arg(long, value_name = "STRENGTH", num_args = 0..=1, default_missing_value = "1", value_parser = quantity::strength)]
+    pub eye_dome: Option<f32>,
     /// Even out differences of exposure where scans cover the same surface; the attribute
     /// point_source_id, scan or scan_id distinguishes the scans.
     #[arg(long)]

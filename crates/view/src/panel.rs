@@ -16,11 +16,11 @@ use eframe::egui::{
     Align, Button, CollapsingHeader, ComboBox, Grid, Label, Layout, ProgressBar, RichText,
     ScrollArea, Slider, SliderClamping, Ui, emath,
 };
-use esker_engine::Method;
 use esker_engine::cameras::colour::SCANS;
 use esker_engine::cameras::legend::Legend;
 use esker_engine::io::quantity::{grouped, readable_bytes};
 use esker_engine::light::IS_BUILT;
+use esker_engine::{Dots, Method, POINT_SIZE_MAX, PointSize};
 use std::ops::RangeInclusive;
 
 /// Range of the slider of the points budget.
@@ -237,6 +237,9 @@ fn drawing(ui: &mut Ui, data: &PanelData<'_>, wanted: &mut Settings, is_coarser_
         legend::show(ui, legend, data.unit);
     }
     filters::show(ui, wanted);
+    if wanted.method == Method::Points {
+        dots(ui, &mut wanted.dots);
+    }
     ui.checkbox(&mut wanted.shines, "highlights");
     if wanted.evens_exposure || data.sources.iter().any(|s| SCANS.contains(&s.as_str())) {
         ui.checkbox(&mut wanted.evens_exposure, "even out exposures");
@@ -246,6 +249,25 @@ fn drawing(ui: &mut Ui, data: &PanelData<'_>, wanted: &mut Settings, is_coarser_
     }
     ui.checkbox(&mut wanted.occlusion, "skip hidden points");
     ui.checkbox(is_coarser_moving, "coarser while moving");
+}
+
+/// How points look that are drawn alone.
+fn dots(ui: &mut Ui, wanted: &mut Dots) {
+    let mut is_adaptive = wanted.size == PointSize::Adaptive;
+    ui.checkbox(&mut is_adaptive, "points as wide as they are apart");
+    wanted.size = match wanted.size {
+        _ if is_adaptive => PointSize::Adaptive,
+        PointSize::Adaptive => PointSize::default(),
+        PointSize::Pixels(mut pixels) => {
+            ui.label(RichText::new("size of points, pixels").color(theme::FAINT));
+            ui.add(slider(&mut pixels, 1.0..=POINT_SIZE_MAX).fixed_decimals(1));
+            PointSize::Pixels(pixels)
+        }
+    };
+    let mut is_domed = wanted.eye_dome > 0.0;
+    if ui.checkbox(&mut is_domed, "eye-dome lighting").changed() {
+        wanted.eye_dome = if is_domed { 1.0 } else { 0.0 };
+    }
 }
 
 fn budgets(ui: &mut Ui, wanted: &mut Settings) {

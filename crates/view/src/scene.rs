@@ -175,11 +175,12 @@ impl Scene {
         if settings == self.settings {
             return;
         }
-        let Settings { method, shines, .. } = settings;
+        let Settings { method, shines, dots, .. } = settings;
         let light = settings.light.clone();
         // Files of meshes are read when a session is opened.
         let same_meshes = light.meshes == self.settings.light.meshes;
-        let known = Settings { method, shines, light: light.clone(), ..self.settings.clone() };
+        let known =
+            Settings { method, shines, dots, light: light.clone(), ..self.settings.clone() };
         let is_taken = known == settings && same_meshes;
         self.settings = settings;
         self.at_rest = None;
@@ -188,6 +189,7 @@ impl Scene {
             && session.set_method(method)
         {
             session.set_shine(shines);
+            session.set_dots(dots);
             session.set_light(light);
         } else {
             self.reopen();

@@ -12,7 +12,8 @@ use esker_points::{Codes, Coding, Filter, Node};
 use esker_render::inputs::camera::is_drawable;
 use esker_render::picture::margin::{MARGIN_PX, goes_beyond};
 use esker_render::{
-    Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FrameOptions, FramePlan, SceneHas,
+    Codebook, ColourBy, ColourMap, ColourPlane, Dots, DrawNode, Frame, FrameOptions, FramePlan,
+    SceneHas,
 };
 use esker_stream::Needs;
 use std::sync::Arc;
@@ -33,6 +34,8 @@ pub struct Appearance {
     pub evens_exposure: bool,
     /// Whether points of surfaces are left out whose normal looks away from the eye.
     pub culls_back: bool,
+    /// How points look that are drawn alone.
+    pub dots: Dots,
     /// Depth of the near plane, the file's unit.
     near: f64,
 }
@@ -62,9 +65,9 @@ impl Appearance {
         let colouring = filtered_colouring(file, colour, info::bounds(file), &shown)?;
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
-        let (evens_exposure, culls_back) = (false, false);
+        let (evens_exposure, culls_back, dots) = (false, false, Dots::default());
         let near = near(file);
-        Ok(Self { colouring, shown, method, shines, evens_exposure, culls_back, near })
+        Ok(Self { colouring, shown, method, shines, evens_exposure, culls_back, dots, near })
     }
 
     /// Adds exposure compensation, if `evens_exposure`.
@@ -83,6 +86,11 @@ impl Appearance {
     /// Those of closed surfaces are left out in any case.
     pub fn culled(self, culls_back: bool) -> Self {
         Self { culls_back, ..self }
+    }
+
+    /// Draws points alone as these dots.
+    pub fn dotted(self, dots: Dots) -> Self {
+        Self { dots, ..self }
     }
 
     fn culls_back_faces(&self, file: &Forest) -> bool {
@@ -131,7 +139,7 @@ impl Appearance {
             tangents: file.has(PlaneKind::Tangents) && self.method != Method::Lit,
         };
         let (method, colour) = (self.method.passes(), self.colouring.by);
-        let Self { shines, evens_exposure, .. } = *self;
+        let Self { shines, evens_exposure, dots, .. } = *self;
         let (smooths, fits_planes) = (true, true);
         let options = FrameOptions {
             method,
@@ -142,6 +150,7 @@ impl Appearance {
             fits_planes,
             is_crowded,
             evens_exposure,
+            dots,
         };
         FramePlan::of(&has, &options)
     }
@@ -177,15 +186,17 @@ impl Appearance {
         octree: &'a CompactOctree,
     ) -> Frame<'a, P> {
         let hides_points = self.shown.hides_any();
-        let Self { shines, evens_exposure, .. } = *self;
+        let Self { shines, evens_exposure, dots, .. } = *self;
         Frame {
             octree: Some(octree),
             method: self.method.passes(),
             colour: self.colouring.by,
             cull_back_faces: self.culls_back_faces(file),
+            has_fronts: file.has_oriented_normals(),
             hides_points,
             shines,
             evens_exposure,
+            dots,
             ..Frame::new(view, file.lattice(), draws)
         }
     }

@@ -5,6 +5,7 @@ use crate::draw::method::Method;
 use crate::light::settings::LightSettings;
 use crate::machine::backend::{Backend, GpuRequest};
 use esker_points::Filter;
+use esker_render::Dots;
 pub use esker_render::gpu::Gpu;
 pub use esker_render::gpu::device::{descriptor, is_software};
 use esker_stream::Priority;
@@ -26,6 +27,8 @@ pub struct Settings {
     pub evens_exposure: bool,
     /// Whether points of surfaces are left out whose normal looks away from the eye.
     pub culls_back: bool,
+    /// How points look that are drawn alone.
+    pub dots: Dots,
     /// Whether full planes are read although there are compact ones.
     pub full: bool,
     /// Most points of a picture.
@@ -79,6 +82,7 @@ impl Default for Settings {
             light: LightSettings::default(),
             evens_exposure: false,
             culls_back: false,
+            dots: Dots::default(),
             full: false,
             points_budget: stream.points_budget,
             target_spacing_px: stream.target_spacing_px,

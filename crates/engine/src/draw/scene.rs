@@ -7,7 +7,7 @@ use crate::cameras::places::fitted_bounds;
 use crate::draw::frame::{Appearance, draw_node};
 use crate::draw::method::Method;
 use crate::io::file::is_esker;
-use crate::io::output;
+use crate::io::{inputs, output};
 use crate::light;
 use crate::light::settings::LightSettings;
 use crate::machine::backend::DrawWith;
@@ -20,7 +20,7 @@ use esker_lod::{
 };
 use esker_points::{Filter, Task};
 use esker_render::inputs::density::{is_crowded, is_dense};
-use esker_render::{DrawNode, FramePlan};
+use esker_render::{Dots, DrawNode, FramePlan};
 use rayon::prelude::*;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -51,6 +51,8 @@ pub struct PictureRequest {
     pub evens_exposure: bool,
     /// Whether points of surfaces are left out whose normal looks away from the eye.
     pub culls_back: bool,
+    /// How points look that are drawn alone.
+    pub dots: Dots,
     /// Whether mapped values are drawn from as they are stored, instead of codes of a byte: for
     /// comparisons.
     pub keeps_values: bool,
@@ -80,6 +82,7 @@ impl Default for PictureRequest {
             shines: true,
             evens_exposure: false,
             culls_back: false,
+            dots: Dots::default(),
             keeps_values: false,
             full: false,
             light: LightSettings::default(),
@@ -103,7 +106,7 @@ impl PictureRequest {
     }
 }
 
-/// Opens an `.esker` file, or builds scans into one in a temporary folder, which is removed when
+/// Opens an `.esker` file, or builds scans and folders of scans into one in a temporary folder, which is removed when
 /// the second value is dropped.
 ///
 /// # Errors
@@ -126,9 +129,10 @@ pub fn open(
             );
         }
     }
+    let scans = inputs::scans(inputs, task)?;
     let folder = output::temporary(request.build.scratch.as_deref())?;
     let built = folder.path().join("scan.esker");
-    esker_builder::build(inputs, &built, &request.build, task)?;
+    esker_builder::build(&scans, &built, &request.build, task)?;
     Ok((Forest::open(&built)?.called(name_of(inputs)), Some(folder)))
 }
 
@@ -196,17 +200,19 @@ impl PictureScene {
         let before = file.read_bytes();
         let appearance = Appearance::new(file, colour_by.as_deref(), filter, *method, *shines)?;
         let appearance = appearance.evened(file, *evens_exposure)?.culled(request.culls_back);
+        let appearance = appearance.dotted(request.dots);
         let appearance = if request.full { appearance } else { appearance.compacted(file) };
         let class_plane = light::class_plane(file, *method, &request.light);
         // Classes are read as they are stored, also where colours are made of them.
         let keeps_values = request.keeps_values || class_plane.is_some();
-        let appearance = if keeps_values { appearance.with_values() } else { appearance };
+        let mut appearance = if keeps_values { appearance.with_values() } else { appearance };
         let bounds = bounds_of(file, &request.filter);
         let fitted = match request.camera.eye {
             Some(_) => bounds,
             None => fitted_bounds(file, bounds, &appearance.shown)?,
         };
         let view = appearance.drawn_view(file, &request.camera.view(fitted, request.size));
+        appearance.colouring = appearance.colouring.seen(&view, fitted, colour_by.as_deref());
         let steps = (0..3).map(|axis| file.lattice().steps_axis(axis, view.eye[axis]).abs());
         anyhow::ensure!(
             steps.fold(0.0, f64::max) <= EYE_STEPS_MAX,

@@ -25,7 +25,7 @@ use anyhow::{Context, Error, Result, bail, ensure};
 use esker_format::{Forest, PlaneKind};
 use esker_lod::{DepthFeedback, View};
 use esker_render::inputs::camera::Camera;
-use esker_render::{Picture, Stats};
+use esker_render::{Dots, Picture, Stats};
 use esker_stream::{Cut, Needs, Status, Streamer};
 use glam::DVec2;
 use std::sync::Arc;
@@ -107,8 +107,8 @@ impl Session {
         let Settings { colour_by, filter, method, shines, light, evens_exposure, full, .. } =
             &options.settings;
         let appearance = Appearance::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
-        let culls_back = options.settings.culls_back;
-        let appearance = appearance.evened(&file, *evens_exposure)?.culled(culls_back);
+        let Settings { culls_back, dots, .. } = options.settings;
+        let appearance = appearance.evened(&file, *evens_exposure)?.culled(culls_back).dotted(dots);
         let appearance = if *full { appearance } else { appearance.compacted(&file) };
         // Classes are read as they are stored, also where colours are made of them.
         let has_classes = class_plane(&file, *method, light).is_some();
@@ -338,6 +338,11 @@ impl Session {
     /// Draws surfaces with or without highlights from the next frame on.
     pub fn set_shine(&mut self, shines: bool) {
         self.appearance.shines = shines;
+    }
+
+    /// Draws points alone as these dots from the next frame on.
+    pub fn set_dots(&mut self, dots: Dots) {
+        self.appearance.dots = dots;
     }
 
     /// What is shown, and how.

@@ -2,6 +2,7 @@
 //! pictures, lengths.
 
 use anyhow::{Context, Result, bail, ensure};
+use esker_render::{POINT_SIZE_MAX, PointSize};
 use esker_scan::synthetic::parse_points;
 
 /// Most points of a generated model or cloud: renderers number points by 32 bits.
@@ -93,6 +94,34 @@ pub fn spacing_px(text: &str) -> Result<f64> {
         "{pixels} pixels are out of range; give a number from 0, which draws all points, to {SPACING_PX_MAX}"
     );
     Ok(pixels)
+}
+
+/// Parses a diameter of points, pixels, or `adaptive`.
+///
+/// # Errors
+/// If `text` is neither, or the diameter is out of range.
+pub fn point_size(text: &str) -> Result<PointSize> {
+    if text.trim() == "adaptive" {
+        return Ok(PointSize::Adaptive);
+    }
+    let pixels = text.trim().parse().ok().filter(|p| (1.0..=POINT_SIZE_MAX).contains(p));
+    let pixels = pixels.with_context(|| {
+        format!("`{text}` is no size of points: give `adaptive`, or 1 to {POINT_SIZE_MAX} pixels")
+    })?;
+    Ok(PointSize::Pixels(pixels))
+}
+
+/// Greatest strength of an effect.
+const STRENGTH_MAX: f32 = 10.0;
+
+/// Parses the strength of an effect; 0 is none.
+///
+/// # Errors
+/// If `text` is not a number in the range.
+pub fn strength(text: &str) -> Result<f32> {
+    let strength = text.trim().parse().ok().filter(|s| (0.0..=STRENGTH_MAX).contains(s));
+    strength
+        .with_context(|| format!("`{text}` is no strength: give 0, for none, to {STRENGTH_MAX}"))
 }
 
 /// Most threads: far more than are useful, far fewer than would exhaust a machine.

@@ -9,8 +9,9 @@ use fearless_simd::{Bytes, Simd, SimdMask, f32x8, u32x8};
 pub fn packed_towards_eye<S: Simd>(
     world: [f32x8<S>; 3],
     from_eye: [f32x8<S>; 3],
+    has_fronts: bool,
 ) -> [u32; EIGHT] {
-    packed(towards_eye(world, from_eye))
+    packed(towards_eye(world, from_eye, has_fronts))
 }
 
 /// Normals of discs: a point without a normal faces the eye.

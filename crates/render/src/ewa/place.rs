@@ -192,7 +192,7 @@ impl Placer<'_> {
         points: &EightPoints<'_>,
         run: &mut SplatRun,
     ) {
-        let from_eye = self.from_eye(simd, points);
+        let from_eye = self.centres(simd, points);
         let centre = self.in_view(from_eye);
         let mut radius = eight(simd, &points.block.radii, points.first);
         let reach = if SHAPES { radius * WIDEST } else { radius };
@@ -212,7 +212,7 @@ impl Placer<'_> {
                     return;
                 }
             }
-            normals = packed_towards_eye(world, from_eye);
+            normals = packed_towards_eye(world, from_eye, self.frame.has_fronts);
         }
         let facing = normals_or_to_eye(simd, normal, centre);
         let mut lines: [Option<Lines>; EIGHT] = [None; EIGHT];
@@ -237,7 +237,7 @@ impl Placer<'_> {
 
     /// Centres of eight discs in the world, relative to the eye.
     #[inline(always)]
-    fn from_eye<S: Simd>(&self, simd: S, points: &EightPoints<'_>) -> [f32x8<S>; 3] {
+    fn centres<S: Simd>(&self, simd: S, points: &EightPoints<'_>) -> [f32x8<S>; 3] {
         let step = self.camera.step;
         let [x, y, z] = &points.block.steps;
         [

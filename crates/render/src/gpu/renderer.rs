@@ -17,7 +17,9 @@ use crate::gpu::memory::table::PlaneAt;
 use crate::gpu::passes::average::Average;
 use crate::gpu::passes::ewa::{BatchCapacity, EwaTarget, GpuEwa};
 use crate::gpu::passes::exposure::Exposure;
+use crate::gpu::passes::eye_dome::EyeDome;
 use crate::gpu::passes::gather::Gather;
+use crate::gpu::passes::grow::Grow;
 use crate::gpu::passes::primitives::Primitives;
 use crate::gpu::passes::project::Project;
 use crate::gpu::passes::resolve::Resolve;
@@ -46,7 +48,9 @@ pub struct GpuRenderer {
     lookup: GpuLookup,
     gather: Gather,
     average: Average,
+    grow: Grow,
     resolve: Resolve,
+    eye_dome: EyeDome,
     store: Store,
     pyramid: GpuPyramid,
     surface: Surface,
@@ -87,7 +91,9 @@ impl GpuRenderer {
             lookup: GpuLookup::new(gpu)?,
             gather: Gather::default(),
             average: Average::default(),
+            grow: Grow::new(gpu)?,
             resolve: Resolve::new(gpu)?,
+            eye_dome: EyeDome::default(),
             store: Store::new(gpu)?,
             pyramid: GpuPyramid::default(),
             surface: Surface::default(),
@@ -190,6 +196,9 @@ impl GpuRenderer {
         if has_surface {
             self.resolve.release(&self.gpu)?;
         }
+        if !plan.passes.contains(&Pass::Grow) {
+            self.grow.release(&self.gpu)?;
+        }
         if is_new {
             self.output = None;
             if !self.holds(size) {
@@ -268,8 +277,24 @@ impl GpuRenderer {
         let Some(won) = winning(uniform, picture, hits, cut, &pages, &feedback.counts) else {
             return Ok(());
         };
-        let mut pass = feedback.timing.compute(encoder, Pass::Resolve);
+        let timing = &mut feedback.timing;
+        let won = if plan.passes.contains(&Pass::Grow) {
+            let mut pass = timing.compute(encoder, Pass::Grow);
+            if plan.adapts {
+                self.resolve.fetch(gpu, &mut pass, plan, lookup, &won)?;
+            }
+            self.grow.encode(gpu, &mut pass, plan, lookup, &won, self.resolve.words())?;
+            WinningPoints { hits: self.grow.hits(), ..won }
+        } else {
+            won
+        };
+        let mut pass = timing.compute(encoder, Pass::Resolve);
         self.resolve.encode(gpu, &mut pass, plan, lookup, &won, picture)?;
+        if plan.passes.contains(&Pass::EyeDome) {
+            drop(pass);
+            pass = timing.compute(encoder, Pass::EyeDome);
+            self.eye_dome.dispatch(gpu, uniform, picture)?.run(&mut pass);
+        }
         self.store.dispatch(gpu, uniform, picture).run(&mut pass);
         Ok(())
     }
@@ -428,11 +453,12 @@ impl GpuRenderer {
             Points::Primitives(primitives) => primitives.reload(gpu)?,
         };
         let won = self.lookup.reload(gpu)? | self.gather.reload(gpu)? | self.resolve.reload(gpu)?;
+        let dots = self.grow.reload(gpu)? | self.eye_dome.reload(gpu)?;
         let averages = self.average.reload(gpu)?;
         let splats = self.ewa.as_mut().map_or(Ok(false), |ewa| ewa.reload(gpu))?;
         let rest =
             self.hits.reload(gpu)? | self.surface.reload(gpu)? | self.feedback.reload(gpu)?;
-        Ok(points | won | averages | splats | rest)
+        Ok(points | won | dots | averages | splats | rest)
     }
 }
 

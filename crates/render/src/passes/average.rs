@@ -104,7 +104,8 @@ impl Averages {
                     continue;
                 }
                 if looks_away {
-                    normal = towards_eye(normal.to_array(), from_eye.to_array()).into();
+                    normal = towards_eye(normal.to_array(), from_eye.to_array(), frame.has_fronts)
+                        .into();
                 }
                 let sums = &self.sums[pixel];
                 let colour = lookup.colour(draw, i, offset, camera.focal_px / at.scale[k]);

@@ -39,6 +39,11 @@ pub(crate) const THICKNESS: f32 = 1.0;
 /// are rough.
 pub(crate) const FITTED_REACH_MAX: f32 = 3.0;
 
+/// Depth that is added to points whose normal looks away, over the radius. At an outline the back
+/// of a surface lies just behind its front, which covers it then; elsewhere the backs of surfaces
+/// keep their order.
+pub(crate) const BACK_DEPTH: f32 = 3.0;
+
 /// Fills level 0 from the frame buffer. Planes of pixels are those of `fitted`, if the level has
 /// fitted planes. Returns the number of valid pixels.
 pub fn gather(
@@ -256,8 +261,12 @@ impl Hits {
                 out.plane = [tilt[0] * moved, tilt[1] * moved, Vec4::ZERO, Vec4::ZERO];
             }
             if PLANE == NORMALS {
-                let culls = pass.lookup.frame.cull_back_faces;
-                let (turned, has_normal) = normals_to_eye(camera, normals, from_eye, culls);
+                let frame = pass.lookup.frame;
+                let fronts = [frame.cull_back_faces, frame.has_fronts];
+                let (turned, has_normal, looks_away) =
+                    normals_to_eye(camera, normals, from_eye, fronts);
+                out.depth += only(looks_away, radius * BACK_DEPTH);
+                out.front[0] = out.depth;
                 let plate = Lens::new(camera).thickness(turned, place);
                 let thick = radius * (THICKNESS / RADIUS_FACTOR[0]) * plate;
                 reach = Vec4::select(has_normal, thick, reach);
@@ -274,15 +283,16 @@ impl Hits {
     }
 }
 
-/// Unit normals in view space from octahedral codes, turned to the eye, and which of them exist.
-/// Where back faces are culled (`culls`), normals face the eye already.
+/// Unit normals in view space from octahedral codes, turned to the eye, which of them exist, and
+/// which are the backs of surfaces, if normals have fronts. Where back faces are culled (`culls`),
+/// normals face the eye already.
 #[inline(always)]
 fn normals_to_eye(
     camera: &Camera,
     codes: &[[i16; 2]; LANES],
     from_eye: [Lane; 3],
-    culls: bool,
-) -> ([Lane; 3], Mask) {
+    [culls, has_fronts]: [bool; 2],
+) -> ([Lane; 3], Mask, Mask) {
     let [right, up, back] = camera.view_from_world;
     let [a, b, c, d] = codes.map(|code| code.map(f32::from));
     let code = |i: usize| Vec4::new(a[i], b[i], c[i], d[i]);
@@ -292,8 +302,11 @@ fn normals_to_eye(
     let has_normal = length.cmpgt(Vec4::ZERO);
     let unit = |c: Lane| only(has_normal, c / length);
     let world = [unit(x), unit(y), unit(z)];
-    let world = if culls { world } else { towards_eye(world, from_eye) };
-    ([dot(right, world), dot(up, world), dot(back, world)], has_normal)
+    let away = world[0] * from_eye[0] + world[1] * from_eye[1] + world[2] * from_eye[2];
+    let away = if culls || !has_fronts { Vec4::ZERO } else { away };
+    let world = if culls { world } else { towards_eye(world, from_eye, has_fronts) };
+    let turned = [dot(right, world), dot(up, world), dot(back, world)];
+    (turned, has_normal, away.cmpgt(Vec4::ZERO))
 }
 
 /// Growth of depth to the right and downwards, and reach, of the planes fitted at four pixels of

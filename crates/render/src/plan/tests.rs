@@ -21,6 +21,7 @@ const OPTIONS: FrameOptions = FrameOptions {
     fits_planes: true,
     is_crowded: false,
     evens_exposure: false,
+    dots: Dots { size: PointSize::Pixels(1.0), eye_dome: 0.0 },
 };
 
 #[test]
@@ -47,6 +48,21 @@ fn points_read_the_plane_of_their_colours_and_nothing_else() {
     let codes = ColourBy::Codes(Codebook::Along(Gradient::Viridis));
     assert_eq!(reads(codes), (true, false, [false, true, false]));
     assert_eq!(*FramePlan::of(&has, &points).passes, [Pass::Project, Pass::Resolve]);
+}
+
+#[test]
+fn dots_and_eye_domes_are_for_points_alone() {
+    let of = |size, eye_dome| FrameOptions { dots: Dots { size, eye_dome }, ..OPTIONS };
+    let (wide, adaptive) = (of(PointSize::Pixels(3.0), 1.0), of(PointSize::Adaptive, 0.0));
+    for (options, fetches_places) in [(wide, false), (adaptive, true)] {
+        let surface = FramePlan::of(&ALL, &options);
+        assert_eq!((surface.passes, surface.adapts), (FramePlan::of(&ALL, &OPTIONS).passes, false));
+        let plan = FramePlan::of(&ALL, &FrameOptions { method: Method::Points, ..options });
+        assert_eq!(plan.fetches[0], fetches_places);
+        let lit = [Pass::EyeDome].into_iter().filter(|_| options.dots.eye_dome > 0.0);
+        let all = [Pass::Project, Pass::Grow, Pass::Resolve].into_iter().chain(lit);
+        assert_eq!(*plan.passes, *all.collect::<Vec<_>>());
+    }
 }
 
 #[test]

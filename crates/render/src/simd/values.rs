@@ -50,19 +50,21 @@ pub fn cross<V: Values>(a: [V; 3], b: [V; 3]) -> [V; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Square of the cosine of its angle with the direction from the eye below which a normal that looks
-/// away is taken for one at the outline of a surface: about 20 degrees from edge-on.
-const OUTLINE_COS2: f32 = 0.125;
+/// A normal that looks away is taken for one at the outline of a surface if the square of the
+/// cosine of its angle with the direction from the eye is less: it is within 20 degrees of edge-on.
+pub(crate) const OUTLINE_COS2: f32 = 0.125;
 
 /// Unit normals, turned to the eye where they look away: reversed where a surface is seen from
-/// behind. At an outline, where normals are edge-on, they are mirrored at the plane across the view
-/// instead: reversed, their light would come from the other side. Zero stays zero.
+/// behind. If normals have fronts ([`crate::Frame::has_fronts`]), those that are edge-on, at an
+/// outline, are mirrored at the plane across the view instead: reversed, their light would come
+/// from the other side. Zero stays zero.
 #[inline(always)]
-pub fn towards_eye<V: Values>(normal: [V; 3], from_eye: [V; 3]) -> [V; 3] {
+pub fn towards_eye<V: Values>(normal: [V; 3], from_eye: [V; 3], has_fronts: bool) -> [V; 3] {
     let (away, distance2) = (dot(normal, from_eye), dot(from_eye, from_eye));
     let zero = away.like(0.0);
     let looks_away = zero.cmplt(away);
-    let is_at_outline = (away * away).cmplt(distance2 * OUTLINE_COS2);
+    let outline_cos2 = if has_fronts { OUTLINE_COS2 } else { 0.0 };
+    let is_at_outline = (away * away).cmplt(distance2 * outline_cos2);
     let twice = only(looks_away, (away + away) / distance2);
     let mut turned = normal;
     for (c, along) in turned.iter_mut().zip(from_eye) {
@@ -295,11 +297,11 @@ mod tests {
     #[test]
     fn normals_are_turned_without_a_jump_at_outlines() {
         let from_eye = Vec3::new(3.0, -4.0, 12.0);
-        let side = Vec3::new(4.0, 3.0, 0.0).normalize();
-        let away = from_eye.normalize();
+        let side = Vec3::new(0.8, 0.6, 0.0);
+        let away = from_eye / 13.0;
         let turned = |angle: f32| {
             let normal = side * angle.cos() + away * angle.sin();
-            let turned = Vec3::from(towards_eye(normal.to_array(), from_eye.to_array()));
+            let turned = Vec3::from(towards_eye(normal.to_array(), from_eye.to_array(), true));
             assert!((turned.length() - 1.0).abs() < 1e-5 && turned.dot(away) < 1e-5, "{angle}");
             (normal, turned)
         };
@@ -314,6 +316,8 @@ mod tests {
         assert!(near.distance(beyond) < 1e-4, "{near} {beyond}");
         let (normal, reversed) = turned(1.2);
         assert_eq!(reversed, -normal);
-        assert_eq!(towards_eye([0.0; 3], from_eye.to_array()), [0.0; 3]);
+        assert_eq!(towards_eye([0.0; 3], from_eye.to_array(), true), [0.0; 3]);
+        let reversed = towards_eye((side + away * 0.01).to_array(), from_eye.to_array(), false);
+        assert_eq!(Vec3::from(reversed), -(side + away * 0.01));
     }
 }

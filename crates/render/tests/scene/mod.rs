@@ -86,7 +86,8 @@ impl Scene {
         let mut sorted: Vec<_> = points.iter().zip(lines).map(|(p, c)| (place(p), *p, c)).collect();
         sorted.sort_by_cached_key(|(at, ..)| morton::encode3(*at));
         let code = quant::radius_code(radius, spacing);
-        let nodes = sorted.chunks(capacity).map(|run| SceneNode::new(run, spacing as f32, code));
+        let nodes =
+            sorted.chunks(capacity).map(|run| SceneNode::new(&lattice, run, spacing as f32, code));
         Self { lattice, nodes: nodes.collect() }
     }
 
@@ -127,7 +128,12 @@ impl SceneNode {
         }
     }
 
-    fn new(run: &[([u32; 3], ScenePoint, Clip)], spacing: f32, radius_code: u8) -> Self {
+    fn new(
+        lattice: &Lattice,
+        run: &[([u32; 3], ScenePoint, Clip)],
+        spacing: f32,
+        radius_code: u8,
+    ) -> Self {
         let fold = |f: fn(u32, u32) -> u32| {
             run.iter().map(|r| r.0).reduce(|a, b| [0, 1, 2].map(|i| f(a[i], b[i]))).unwrap()
         };
@@ -138,6 +144,10 @@ impl SceneNode {
         let mut node: Node = bytemuck::Zeroable::zeroed();
         (node.corner, node.cell_log2, node.spacing) = (cell.corner, cell.log2, spacing);
         (node.box_min, node.hot_shift) = (min, shift);
+        let steps = |i: usize, at: f64| (at * lattice.scale[i]) as f32;
+        let middle = |i: usize| (f64::from(min[i]) + f64::from(max[i])) / 2.0;
+        node.contour_centre = [0, 1, 2].map(|i| steps(i, middle(i) - f64::from(cell.corner[i])));
+        node.contour_half = [0, 1, 2].map(|i| steps(i, f64::from(max[i] - min[i]) / 2.0));
         node.set_levels(&[run.len()]);
         let mut out = Self {
             node,

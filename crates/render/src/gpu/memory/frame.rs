@@ -25,6 +25,10 @@ pub struct FrameUniform {
     centre_px: [f32; 2],
     cull_back_faces: u32,
     margin_px: u32,
+    point_radius: f32,
+    eye_dome: f32,
+    has_fronts: u32,
+    unused: u32,
 }
 
 impl FrameUniform {
@@ -50,6 +54,10 @@ impl FrameUniform {
             centre_px: camera.centre_px,
             cull_back_faces: u32::from(frame.cull_back_faces),
             margin_px: camera.margin_px,
+            point_radius: frame.dots.size.radius_max(),
+            eye_dome: frame.dots.eye_dome,
+            has_fronts: u32::from(frame.has_fronts),
+            unused: 0,
         }
     }
 }
@@ -79,6 +87,10 @@ mod layout {
         background_bottom,
         centre_px,
         cull_back_faces,
-        margin_px
+        margin_px,
+        point_radius,
+        eye_dome,
+        has_fronts,
+        unused
     });
 }

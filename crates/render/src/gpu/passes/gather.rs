@@ -14,6 +14,7 @@ use crate::picture::pyramid::Planes;
 use crate::plan::FramePlan;
 use wgpu::ComputePass;
 
+same_values!(common_facing == crate::simd::values { OUTLINE_COS2 });
 same_values!(gather_gather == crate::passes::gather {
     RADIUS_FACTOR_NORMALS = RADIUS_FACTOR[0],
     RADIUS_FACTOR_BARE = RADIUS_FACTOR[1],
@@ -23,6 +24,7 @@ same_values!(gather_gather == crate::passes::gather {
     MINOR_MIN_PX,
     BARE_REACH = crate::passes::fit_planes::BARE_REACH,
     THICKNESS,
+    BACK_DEPTH,
 });
 same_values!(common_radius == crate::inputs::lookup { RADIUS_MAX });
 same_values!(common_seen == crate::passes::gather { STRETCHED });

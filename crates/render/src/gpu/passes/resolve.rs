@@ -52,12 +52,8 @@ impl Resolve {
         winners: &WinningPoints<'_>,
         picture: &GpuPicture,
     ) -> Result<(), GpuError> {
-        let pixels = u64::from(winners.size[0]) * u64::from(winners.size[1]);
-        fit(gpu, &mut self.paint, pixels)?;
-        // If colours need no positions, a buffer of one pixel is bound in their place.
-        fit(gpu, &mut self.geometry, if plan.fetches[0] { pixels } else { 1 })?;
+        self.fetch(gpu, pass, plan, lookup, winners)?;
         let [geometry, paint] = [&*self.geometry, &*self.paint];
-        lookup.fetch(gpu, pass, winners, plan, [geometry, paint])?;
         let kernel = self.kernels.get(gpu, [plan.colour_constants()[1].1])?;
         let buffers = [
             (0, winners.uniform),
@@ -73,6 +69,30 @@ impl Resolve {
         ];
         kernel.dispatch(pass, &kernel.bind(gpu, &buffers), winners.groups());
         Ok(())
+    }
+
+    /// Encodes the filling of [`Resolve::words`].
+    ///
+    /// # Errors
+    /// If the driver refuses a shader or memory.
+    pub fn fetch(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        plan: &FramePlan,
+        lookup: &mut GpuLookup,
+        winners: &WinningPoints<'_>,
+    ) -> Result<(), GpuError> {
+        let pixels = u64::from(winners.size[0]) * u64::from(winners.size[1]);
+        fit(gpu, &mut self.paint, pixels)?;
+        // If nothing needs positions, a buffer of one pixel is bound in their place.
+        fit(gpu, &mut self.geometry, if plan.fetches[0] { pixels } else { 1 })?;
+        lookup.fetch(gpu, pass, winners, plan, self.words())
+    }
+
+    /// Buffers of the words of the winning points: `geometry` and `paint`.
+    pub fn words(&self) -> [&wgpu::Buffer; 2] {
+        [&self.geometry, &self.paint]
     }
 
     /// Releases the memory of the last picture.

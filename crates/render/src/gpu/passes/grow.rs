@@ -1,0 +1,117 @@
+//! Grow on the GPU: draws points as dots of more than a pixel, into a second frame buffer. Adaptive
+//! dots have sizes from the words of the points. Twin: [`crate::passes::grow`].
+
+use crate::gpu::device::dispatch::Dispatch;
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::shader::{same_values, sources};
+use crate::gpu::device::variants::Variants;
+use crate::gpu::device::{Counted, Gpu};
+use crate::gpu::memory::hits::HIT_BYTES;
+use crate::gpu::memory::lookup::{GpuLookup, WinningPoints};
+use crate::plan::FramePlan;
+use wgpu::{BufferUsages, ComputePass};
+
+same_values!(grow_sizes == crate::passes::grow { ADAPTIVE_FACTOR, ADAPTIVE_MAX, PIXEL_RADIUS });
+
+/// Bytes of the radius of a dot.
+const RADIUS_BYTES: u64 = 4;
+
+/// The pass.
+pub struct Grow {
+    sizes: Variants<0>,
+    /// Variants: whether dots have sizes of their own.
+    kernels: Variants<1>,
+    radii: Counted,
+    grown: Counted,
+}
+
+impl Grow {
+    /// Creates the pass, without memory for a picture.
+    ///
+    /// # Errors
+    /// If memory is refused.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        Ok(Self {
+            sizes: Variants::new(sources::GROW_SIZES, []),
+            kernels: Variants::new(sources::GROW_GROW, ["ADAPTS"]),
+            radii: buffer(gpu, RADIUS_BYTES)?,
+            grown: buffer(gpu, HIT_BYTES)?,
+        })
+    }
+
+    /// Encodes the filling of [`Grow::hits`] from those of `winners`. `words` are `geometry` and
+    /// `paint` of its points, if dots have sizes of their own.
+    ///
+    /// # Errors
+    /// If the driver refuses a shader or memory.
+    pub fn encode(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        plan: &FramePlan,
+        lookup: &GpuLookup,
+        winners: &WinningPoints<'_>,
+        [geometry, paint]: [&wgpu::Buffer; 2],
+    ) -> Result<(), GpuError> {
+        let pixels = u64::from(winners.size[0]) * u64::from(winners.size[1]);
+        // Dots of one size have no radii of their own; a buffer of one pixel is bound.
+        fit(gpu, &mut self.radii, RADIUS_BYTES * if plan.adapts { pixels } else { 1 })?;
+        fit(gpu, &mut self.grown, HIT_BYTES * pixels)?;
+        let [radii, grown] = [&*self.radii, &*self.grown];
+        if plan.adapts {
+            let kernel = self.sizes.get(gpu, [])?;
+            let buffers = [
+                (0, winners.uniform),
+                (1, lookup.uniform()),
+                (2, winners.hits),
+                (3, winners.draws),
+                (4, lookup.octree()),
+                (5, geometry),
+                (6, paint),
+                (7, radii),
+            ];
+            kernel.dispatch(pass, &kernel.bind(gpu, &buffers), winners.groups());
+        }
+        let kernel = self.kernels.get(gpu, [u32::from(plan.adapts)])?;
+        let buffers = [winners.uniform, winners.hits, radii, grown];
+        let resources: Vec<_> = (0..).zip(buffers.map(wgpu::Buffer::as_entire_binding)).collect();
+        Dispatch::over(gpu, kernel, winners.size, &resources).run(pass);
+        Ok(())
+    }
+
+    /// The frame buffer of dots.
+    pub fn hits(&self) -> &wgpu::Buffer {
+        &self.grown
+    }
+
+    /// Releases the memory of the last picture.
+    ///
+    /// # Errors
+    /// If memory is refused.
+    pub fn release(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
+        fit(gpu, &mut self.radii, RADIUS_BYTES)?;
+        fit(gpu, &mut self.grown, HIT_BYTES)
+    }
+
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
+    ///
+    /// # Errors
+    /// If a changed shader does not build; the old kernel stays.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        Ok(self.sizes.reload(gpu)? | self.kernels.reload(gpu)?)
+    }
+}
+
+fn buffer(gpu: &Gpu, bytes: u64) -> Result<Counted, GpuError> {
+    gpu.buffer("dots of points", bytes, BufferUsages::STORAGE)
+}
+
+/// Allocates a buffer of this size. The old one is released first, so that both never exist at
+/// once.
+fn fit(gpu: &Gpu, to: &mut Counted, bytes: u64) -> Result<(), GpuError> {
+    if to.size() != bytes {
+        *to = buffer(gpu, HIT_BYTES)?;
+        *to = buffer(gpu, bytes)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,92 @@
+//! Grow (method *points*): draws points as round dots that face the eye. `project` gives each point
+//! one pixel; a pixel then shows the nearest of the points whose dots reach it. A point that lost
+//! its own pixel lies behind a dot that covers its own, so that dots of one size look as if each
+//! were drawn by itself, at a cost that follows the pixels and not the points.
+
+use crate::frame::PointSize;
+use crate::inputs::lookup::Lookup;
+use crate::passes::project::{EMPTY, unpack};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// Radius of an adaptive dot over the distance of points: squares of points are covered from half
+/// of their diagonal on. The distance is that of the points around, where they are nearer than
+/// those of the drawn sample on average; not where they are farther, or lone points would be balls.
+pub(crate) const ADAPTIVE_FACTOR: f32 = 0.71;
+/// Greatest radius of adaptive dots, pixels: points farther apart are no surface.
+pub(crate) const ADAPTIVE_MAX: f32 = 5.0;
+/// Radius of a dot of one pixel, which is added to those of adaptive dots: they are drawn at the
+/// centres of pixels.
+pub(crate) const PIXEL_RADIUS: f32 = 0.5;
+
+/// Memory of the pass.
+#[derive(Default)]
+pub(crate) struct Grow {
+    grown: Vec<AtomicU64>,
+    /// Radii of the dots of pixels, in pixels, if they differ.
+    radii: Vec<f32>,
+}
+
+impl Grow {
+    /// Replaces the frame buffer by that of dots.
+    pub(crate) fn run(
+        &mut self,
+        lookup: &Lookup<'_>,
+        size: PointSize,
+        target: &mut Vec<AtomicU64>,
+        width: usize,
+    ) {
+        let Self { grown, radii } = self;
+        let reach = match size {
+            PointSize::Pixels(_) => {
+                radii.clear();
+                size.radius_max()
+            }
+            PointSize::Adaptive => {
+                let radius = |value: &AtomicU64| match value.load(Relaxed) {
+                    EMPTY => 0.0,
+                    value => adaptive_radius(lookup, value),
+                };
+                target.par_iter().map(radius).collect_into_vec(radii);
+                radii.par_iter().copied().reduce(|| PIXEL_RADIUS, f32::max)
+            }
+        };
+        grown.resize_with(target.len(), || AtomicU64::new(EMPTY));
+        let rows = target.len() / width.max(1);
+        grown.par_chunks_mut(width.max(1)).enumerate().for_each_init(
+            || vec![EMPTY; width],
+            |nearest, (y, to)| {
+                nearest.fill(EMPTY);
+                let steps = reach as usize;
+                for row in y.saturating_sub(steps)..rows.min(y + steps + 1) {
+                    let start = row * width;
+                    let down2 = (row.abs_diff(y) as f32).powi(2);
+                    for (x, value) in target[start..start + width].iter().enumerate() {
+                        let value = value.load(Relaxed);
+                        let radius = radii.get(start + x).copied().unwrap_or(reach);
+                        if value == EMPTY || down2 > radius * radius {
+                            continue;
+                        }
+                        let aside = (radius * radius - down2).sqrt() as usize;
+                        let dot = x.saturating_sub(aside)..width.min(x + aside + 1);
+                        nearest[dot].iter_mut().for_each(|n| *n = value.min(*n));
+                    }
+                }
+                to.iter_mut().zip(&*nearest).for_each(|(to, &value)| *to.get_mut() = value);
+            },
+        );
+        std::mem::swap(grown, target);
+    }
+}
+
+/// Radius of an adaptive dot, pixels: points next to each other touch.
+fn adaptive_radius(lookup: &Lookup<'_>, value: u64) -> f32 {
+    let (depth, point) = unpack(value);
+    let (draw, index) = lookup.list.find(point);
+    let (offset, code) = lookup.draws[draw].positions.offset(index);
+    let stored = lookup.radius_factors[usize::from(code)].min(1.0);
+    let drawn = lookup.spacing(draw, offset) * stored * ADAPTIVE_FACTOR;
+    let radius = drawn * lookup.camera.focal_px / depth + PIXEL_RADIUS;
+    // NaN is not greater.
+    if radius > PIXEL_RADIUS { radius.min(ADAPTIVE_MAX) } else { PIXEL_RADIUS }
+}

@@ -1,0 +1,123 @@
+//! Points that are drawn alone: dots are those of a reference that draws point by point, adaptive
+//! ones close surfaces, and neither they nor eye-dome lighting depend on the unit.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+#[allow(dead_code, reason = "shared with other tests, which use more of it")]
+mod scene;
+
+use esker_lod::View;
+use esker_render::{Background, Dots, Frame, Method, Picture, PointSize, Renderer};
+use glam::DVec3;
+use scene::{Dice, Scene, ScenePoint};
+
+const SIDE: u32 = 160;
+
+fn view(unit: f64) -> View {
+    let eye = DVec3::new(0.3, -6.0, 1.1) * unit;
+    let near = 1e-3 * unit;
+    View { near, ..View::look_at(eye, DVec3::ZERO, DVec3::Z, 0.5, SIDE, SIDE) }
+}
+
+/// Points of random colours in a ball of radius 1.
+fn ball(unit: f64) -> Vec<ScenePoint> {
+    let mut dice = Dice(5);
+    (0..900)
+        .map(|_| {
+            let mut place = || DVec3::from_array([0; 3].map(|_| 2.0 * dice.unit() - 1.0));
+            let mut at = place();
+            while at.length() > 1.0 {
+                at = place();
+            }
+            let colour = [0; 3].map(|_| (dice.bits() % 256) as u8);
+            ScenePoint { at: at * unit, normal: DVec3::Z, colour }
+        })
+        .collect()
+}
+
+fn draw(points: &[ScenePoint], unit: f64, spacing: f64, dots: Dots) -> Picture {
+    let scene = Scene::new(points, unit * 2f64.powi(-24), spacing * unit, spacing * unit, 250);
+    let view = view(unit);
+    let draws = scene.draws(true, true, false);
+    let frame = Frame {
+        method: Method::Points,
+        cull_back_faces: false,
+        dots,
+        background: Background::Plain([0; 4]),
+        ..scene.frame(&view, &draws)
+    };
+    Renderer::default().render(&frame).unwrap()
+}
+
+/// Colours and depths of discs of this diameter around the centres of the points' pixels.
+fn reference(points: &[ScenePoint], diameter: f64) -> Vec<([u8; 3], f64)> {
+    let view = view(1.0);
+    let side = SIDE as usize;
+    let mut picture = vec![([0; 3], f64::INFINITY); side * side];
+    for point in points {
+        let Some(at) = view.project(point.at).filter(|&at| view.is_on_picture(at)) else {
+            continue;
+        };
+        let (x, y, depth) = (at.x.floor(), at.y.floor(), view.depth(point.at));
+        for (i, pixel) in picture.iter_mut().enumerate() {
+            let away2 = (x - (i % side) as f64).powi(2) + (y - (i / side) as f64).powi(2);
+            if away2 <= diameter * diameter / 4.0 && depth < pixel.1 {
+                *pixel = (point.colour, depth);
+            }
+        }
+    }
+    picture
+}
+
+#[test]
+fn dots_are_those_that_are_drawn_point_by_point() {
+    let points = ball(1.0);
+    for diameter in [1.0f32, 2.0, 3.0, 6.5, 20.0] {
+        let dots = Dots { size: PointSize::Pixels(diameter), eye_dome: 0.0 };
+        let picture = draw(&points, 1.0, 0.1, dots);
+        let expected = reference(&points, diameter.into());
+        let off = picture.rgba.as_chunks::<4>().0.iter().zip(&picture.depth).zip(&expected).filter(
+            |((rgba, depth), (colour, expected))| {
+                let is_near = (f64::from(**depth) - expected).abs() < 1e-4;
+                rgba[..3] != *colour || (depth.is_finite() && !is_near)
+            },
+        );
+        let (off, wide) = (off.count(), expected.iter().filter(|p| p.1.is_finite()).count());
+        assert!(off * 500 <= wide, "{diameter} px: {off} of {wide} pixels differ");
+    }
+}
+
+#[test]
+fn adaptive_dots_close_surfaces_and_are_no_wider_than_a_bound() {
+    // A wall across the view with points 4 pixels apart, and then so far apart that they are no
+    // surface.
+    let pixel = 6.1 / view(1.0).focal_px();
+    let covered = |apart_px: f64| {
+        let (apart, half) = (apart_px * pixel, (90.0 / apart_px) as i32);
+        let place = |i: i32, k: i32| DVec3::new(f64::from(i) * apart, 0.0, f64::from(k) * apart);
+        let wall: Vec<_> = (-half..=half)
+            .flat_map(|i| (-half..=half).map(move |k| place(i, k)))
+            .map(|at| ScenePoint { at, normal: DVec3::NEG_Y, colour: [200; 3] })
+            .collect();
+        let dots = Dots { size: PointSize::Adaptive, eye_dome: 0.0 };
+        let picture = draw(&wall, 1.0, apart, dots);
+        let middle = (40..120).flat_map(|y| (40..120).map(move |x| y * SIDE as usize + x));
+        middle.filter(|&i| picture.depth[i].is_finite()).count() as f64 / 6400.0
+    };
+    for apart_px in [1.0, 2.5, 4.0, 5.5] {
+        assert!(covered(apart_px) > 0.99, "{apart_px} px apart: {}", covered(apart_px));
+    }
+    let sparse = covered(30.0);
+    assert!((0.06..0.13).contains(&sparse), "discs of 10 px, 30 px apart: {sparse}");
+}
+
+#[test]
+fn pictures_do_not_depend_on_the_unit() {
+    for size in [PointSize::Pixels(4.0), PointSize::Adaptive] {
+        let dots = Dots { size, eye_dome: 0.8 };
+        let picture = |unit: f64| draw(&ball(unit), unit, 0.1, dots);
+        let one = picture(1.0);
+        for unit in [2f64.powi(20), 2f64.powi(-20)] {
+            assert!(picture(unit).rgba == one.rgba, "{size:?}, unit {unit}");
+        }
+    }
+}
