@@ -2,7 +2,6 @@
 //! backends in turns, and measures copies of the same bytes.
 
 use crate::draw::copy_rate;
-use crate::pass_times;
 use crate::quantile::{median_ms, quantile};
 use crate::render::models::{TABLE_1, write_pebble};
 use crate::render::report::{RenderBenchReport, RenderRow};
@@ -224,7 +223,7 @@ impl Setting<'_> {
                 over_floor: gpu_floor_ms.map(|floor| total_ms / floor),
                 mpoints_per_s: scene.points() as f64 / total_ms.max(1e-9) * 1e-3,
                 frames: frames.len(),
-                least_ms: pass_times::of_frames(frames, least),
+                least_ms: fastest(frames),
                 paper_total_ms: self.paper_ms(),
                 radius_factor,
                 full_screen_ms: full_screen_ms[i],
@@ -244,9 +243,10 @@ impl Setting<'_> {
     }
 }
 
-/// Least of some times.
-fn least(ms: &[f64]) -> f64 {
-    ms.iter().copied().fold(f64::INFINITY, f64::min)
+/// Times of the frame that took least.
+fn fastest(frames: &[PassTimes]) -> PassTimes {
+    let least = frames.iter().min_by(|a, b| a.total_ms.total_cmp(&b.total_ms));
+    least.copied().unwrap_or_default()
 }
 
 /// Draws frames on the CPU, and on the GPU if there is one, in turns.

@@ -50,7 +50,7 @@ pub(super) struct RenderRow {
     pub mpoints_per_s: f64,
     /// Frames that were timed.
     pub frames: usize,
-    /// Least time of each pass: its time if nothing else is running.
+    /// Times of the fastest frame, whose passes add up.
     #[serde(serialize_with = "pass_times::with_total")]
     pub least_ms: PassTimes,
     /// Time in the paper.
