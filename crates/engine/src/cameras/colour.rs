@@ -8,6 +8,7 @@ use crate::cameras::places::central_range;
 use crate::cameras::ranges::{self, plane_of};
 use anyhow::{Context, Result, bail, ensure};
 use esker_format::{Forest, ForestFilter, PlaneKind};
+use esker_lod::View;
 use esker_points::attribute::names;
 use esker_points::filter::Classes;
 use esker_points::{AttrType, Attribute, Codes, Coding, Schema};
@@ -25,11 +26,14 @@ const NUMBER_OF_RETURNS_SHIFT: u8 = 4;
 /// Return numbers that most scanners record.
 const RETURN_NUMBERS: (f64, f64) = (1.0, 5.0);
 /// Short names of attributes.
-const SHORT_NAMES: [(&str, &str); 4] = [
+const SHORT_NAMES: [(&str, &str); 6] = [
     ("class", names::CLASSIFICATION),
     ("source", names::POINT_SOURCE_ID),
     ("source_id", names::POINT_SOURCE_ID),
     ("time", names::GPS_TIME),
+    // Files have the scan angle in steps, or in whole degrees.
+    (names::SCAN_ANGLE, names::SCAN_ANGLE_RANK),
+    (names::SCAN_ANGLE_RANK, names::SCAN_ANGLE),
 ];
 
 /// Where the colours of a picture come from.
@@ -67,6 +71,22 @@ impl Colouring {
         let legend =
             Legend { range: Some([low, high]), gradient: Some(gradient), ..Legend::named(name) };
         Self { legend, ..Self::plain(by(ColourMap { low, high, gradient }), name) }
+    }
+
+    /// Colours by depth over the depths that a view has of a box, unless `requested` has a range or
+    /// colours are others.
+    pub(crate) fn seen(self, view: &View, bounds: [[f64; 3]; 2], requested: Option<&str>) -> Self {
+        let ColourBy::EyeDepth(map) = self.by else { return self };
+        let has_range = |text| ColourRequest::parse(text).is_ok_and(|r| r.has_range());
+        if requested.is_some_and(has_range) {
+            return self;
+        }
+        let corners = (0..8).map(|i| [0, 1, 2].map(|axis| bounds[i >> axis & 1][axis]));
+        let depths = corners.map(|corner| view.depth(corner.into()).max(view.near));
+        let (low, high) =
+            depths.fold((f64::INFINITY, 0.0), |(a, b), d| (f64::min(a, d), f64::max(b, d)));
+        let by = ColourBy::EyeDepth(ColourMap { low, high, ..map });
+        Self { by, legend: Legend { range: Some([low, high]), ..self.legend }, ..self }
     }
 }
 

@@ -11,8 +11,8 @@ use esker_points::attribute::names;
 
 /// Fraction of the values that may be outside a range at either end.
 pub(super) const STRAYS: f64 = 0.01;
-/// Numbers from here on mean "no value": scans write the greatest number of their type.
-const NO_VALUE: f64 = f32::MAX as f64;
+/// These mean "no value", with either sign: scans write the greatest number of their type.
+const NO_VALUES: [f64; 2] = [f32::MAX as f64, f64::MAX];
 /// Least number of values of a sample, if there are so many.
 const SAMPLE: usize = 1 << 17;
 /// A range that is a smaller fraction of the whole one, strays included, is too coarse in bins.
@@ -92,7 +92,7 @@ pub fn bytes_of(forest: &Forest, attribute: usize) -> Result<Vec<u8>> {
 
 /// Whether a number is a value, and does not mean "no value".
 fn is_value(number: f64) -> bool {
-    number.abs() < NO_VALUE
+    number.is_finite() && !NO_VALUES.contains(&number.abs())
 }
 
 /// Range of a sample: the values of the first nodes, whose points are evenly spread.
@@ -212,6 +212,17 @@ pub(super) fn outer(counts: impl Iterator<Item = f64>, strays: f64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn large_numbers_are_values_unless_they_are_the_greatest_of_a_type() {
+        for value in [0.0, -1e300, 1e300, 3.5e38, 1e30] {
+            assert!(is_value(value), "{value}");
+        }
+        for none in [f32::MAX.into(), f32::MIN.into(), f64::MAX, f64::MIN, f64::INFINITY, f64::NAN]
+        {
+            assert!(!is_value(none), "{none}");
+        }
+    }
 
     #[test]
     fn strays_take_no_colours() {

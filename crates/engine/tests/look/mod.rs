@@ -3,8 +3,9 @@
 //! colour map and method has its golden picture.
 
 use super::flip::mean_flip;
+use esker_engine::calls::info;
 use esker_engine::calls::render::draw;
-use esker_engine::cameras::colour::choices;
+use esker_engine::cameras::colour::{choices, colouring};
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
 use esker_engine::draw::session::{Options, Session, Settings};
 use esker_engine::io::picture;
@@ -66,7 +67,7 @@ pub fn request() -> PictureRequest {
 
 /// Filters of every kind: a box over a quarter of the scan, classes, a spacing, and all at once.
 fn filters(file: &Forest) -> Vec<Filter> {
-    let [low, high] = esker_engine::calls::info::bounds(file);
+    let [low, high] = info::bounds(file);
     let middle = |axis: usize| (low[axis] + high[axis]) / 2.0;
     let text = format!("{},{},{},{}", low[0], low[1], middle(0), middle(1));
     let bounds = Some(text.parse().unwrap());
@@ -178,6 +179,33 @@ fn a_session_draws_the_picture_of_the_render_call() {
         assert!(session.frame(&view).unwrap().cut.complete);
         let off = off(&session.picture().unwrap(), &expected);
         assert!(off <= 0.001, "{colour} {:?}: {off} of the pixels differ", picture_request.filter);
+    }
+}
+
+#[test]
+fn depths_have_the_colours_of_their_own_range() {
+    let file = Forest::open(terrain()).unwrap();
+    let colour = |name: &str| PictureRequest { colour_by: Some(name.into()), ..request() };
+    let range = |name: &str| {
+        let scene = PictureScene::choose(&file, &colour(name)).unwrap();
+        scene.appearance.colouring.legend.range
+    };
+    let (picture, _) = draw(&file, &colour("depth"), &Silent).unwrap();
+    let [low, high] = range("depth").unwrap();
+    let depths = picture.depth.iter().copied().filter(|d| d.is_finite());
+    let (nearest, farthest) = depths.fold((f32::MAX, 0f32), |(a, b), d| (a.min(d), b.max(d)));
+    let [nearest, farthest] = [nearest, farthest].map(f64::from);
+    assert!(0.99 * low < nearest && farthest < high * 1.01, "{low}..{high}: {nearest} {farthest}");
+    assert!(farthest - nearest > 0.6 * (high - low), "{low}..{high}: {nearest} {farthest}");
+    assert_eq!(range("depth:5..7"), Some([5.0, 7.0]));
+}
+
+#[test]
+fn the_scan_angle_is_found_by_either_name() {
+    let file = Forest::open(terrain()).unwrap();
+    for name in ["scan_angle", "scan_angle_rank"] {
+        let colouring = colouring(&file, Some(name), info::bounds(&file)).unwrap();
+        assert_eq!(colouring.legend.name, "scan_angle");
     }
 }
 
