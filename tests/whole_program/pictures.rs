@@ -10,6 +10,7 @@ use std::path::Path;
 
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("pictures: the scan and its file give the same picture", same_from_scan));
+    trials.push(trial("pictures: a folder is drawn as the scans in it", folder_of_scans));
     trials.push(trial("pictures: every attribute colours them", every_attribute));
     trials.push(trial("pictures: every size and method", sizes));
     trials.push(trial("pictures: one stray does not change the colour range", strays));
@@ -51,6 +52,16 @@ fn built(folder: &Folder) -> std::path::PathBuf {
     let out = folder.file("out.esker");
     build(&[sample()], &out, &[]);
     out
+}
+
+fn folder_of_scans() {
+    let folder = Folder::new();
+    let scans = folder.file("scans");
+    std::fs::create_dir(&scans).unwrap();
+    let scan = sample();
+    std::fs::copy(&scan, scans.join(scan.file_name().unwrap())).unwrap();
+    let more = ["--size", "200x150"];
+    assert!(picture(&folder, &scans, &more) == picture(&folder, &sample(), &more));
 }
 
 fn same_from_scan() {

@@ -5,13 +5,13 @@ use esker_format::footer::HEADER_MAGIC;
 use esker_points::place::no_file_at;
 use std::path::Path;
 
-/// Whether a file is an `.esker` file; false for generated scans.
+/// Whether a file is an `.esker` file; false for generated scans, and for folders of scans.
 ///
 /// # Errors
 /// If the file cannot be read.
 pub fn is_esker(path: &Path) -> Result<bool> {
     use std::io::Read;
-    if esker_scan::synthetic::is_spec(path) {
+    if esker_scan::synthetic::is_spec(path) || path.is_dir() {
         return Ok(false);
     }
     let mut head = Vec::new();
