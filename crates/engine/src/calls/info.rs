@@ -230,8 +230,8 @@ pub fn bounds(forest: &Forest) -> [[f64; 3]; 2] {
     forest.bounds().map_or([[0.0; 3]; 2], |b| b.map(|corner| forest.lattice().world(corner)))
 }
 
-/// The box, in world coordinates, that views of a file are fitted to. A few points that lie far from
-/// all others may be outside. It is that of all points if a node cannot be read.
+/// The box, in world coordinates, that views of a file are fitted to. A few points that lie far
+/// from all others may be outside. It is that of all points if a node cannot be read.
 pub fn fitted_bounds(forest: &Forest) -> [[f64; 3]; 2] {
     let bounds = bounds(forest);
     let shown = ForestFilter::of(forest, None, None);

@@ -1,0 +1,240 @@
+//! The same scan in another unit, place, step or order, or seen along the same line, gives the same
+//! picture by every method: twins of renderers share their mistakes, relations do not.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+#[path = "../../render/tests/gpu/flip.rs"]
+#[allow(dead_code, reason = "other tests use the rest of it")]
+mod flip;
+#[path = "../../builder/tests/given/mod.rs"]
+mod given;
+
+use esker_engine::calls::render::draw;
+use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::scene::PictureRequest;
+use esker_engine::machine::backend::{Backend, DrawWith};
+use esker_engine::{Dots, Forest, Method, Picture, PointSize};
+use esker_points::task::Silent;
+use esker_points::{AttrType, ColourDepth};
+use flip::mean_flip;
+use given::{Given, given};
+use std::path::Path;
+
+const SIZE: [u32; 2] = [240, 160];
+/// Number of points.
+const POINTS: u64 = 30_000;
+/// Step of the scan, its unit a metre.
+const STEP: f64 = 0.001;
+
+/// Integer coordinates of a point, steps of a millimetre: a hill, a house and a ball in the air. No
+/// point is on the middle of any symmetry.
+fn place(i: u64) -> [i32; 3] {
+    let share = |k: f64| (i as f64 * k).fract();
+    let (u, v) = (share(0.754_877_666), share(0.569_840_291));
+    let at = match i % 6 {
+        0 => {
+            let (z, turn) = (2.0 * u - 1.0, v * std::f64::consts::TAU);
+            let side = (1.0 - z * z).sqrt();
+            [3.1 + side * turn.cos(), -2.2 + side * turn.sin(), 4.0 + z]
+        }
+        1 => [1.0 + 3.0 * u, 1.7, 2.5 * v],
+        2 => [4.0, 1.7 + 2.0 * u, 2.5 * v],
+        _ => {
+            let (x, y) = (16.0 * u - 8.0, 12.0 * v - 6.0);
+            [x, y, 0.6 * (x * 0.7).sin() + 0.4 * (y * 0.9).cos() - 1.0]
+        }
+    };
+    at.map(|c| (c * 1000.0).round() as i32)
+}
+
+/// Colours of a point: broad stripes on the ground, other colours elsewhere.
+fn colour(i: u64, channel: u64) -> u64 {
+    let [x, y, _] = place(i);
+    let stripe = u64::from((x.div_euclid(1500) + y.div_euclid(1500)) % 2 == 0);
+    match i % 6 {
+        0 => [200, 60, 40][channel as usize],
+        1 | 2 => [120, 130, 160][channel as usize],
+        _ => [70 + 90 * stripe, 120 + 60 * stripe, 60 + 20 * stripe][channel as usize],
+    }
+}
+
+/// The scan with its points in the order that `order` gives, moved and scaled by `to`.
+fn scan(step: f64, order: impl Fn(u64) -> u64, to: impl Fn([i32; 3]) -> [i32; 3]) -> Given {
+    let positions = (0..POINTS).map(|i| to(place(order(i)))).collect();
+    let mut scan = given("scan", [step; 3], positions);
+    for (name, channel) in [("red", 0), ("green", 1), ("blue", 2)] {
+        scan = scan.with(name, AttrType::U16, |i| colour(order(i), channel));
+    }
+    scan.coloured(ColourDepth::Eight)
+}
+
+fn plain() -> Given {
+    scan(STEP, |i| i, |p| p)
+}
+
+fn built(scans: &[Given], folder: &Path) -> Forest {
+    let out = folder.join("scan.esker");
+    let options = esker_builder::Options { node_capacity: 4096, ..Default::default() };
+    let sources = scans.iter().map(Given::boxed).collect();
+    esker_builder::build_sources(sources, &out, &options, &Silent).unwrap();
+    Forest::open(&out).unwrap()
+}
+
+/// How the scan is drawn.
+fn styles() -> [(Method, Dots); 4] {
+    let dots = Dots { size: PointSize::Adaptive, eye_dome: 1.0 };
+    let none = Dots::default();
+    [(Method::PullPush, none), (Method::Ewa, none), (Method::Points, none), (Method::Points, dots)]
+}
+
+fn request(camera: &str, (method, dots): (Method, Dots)) -> PictureRequest {
+    PictureRequest {
+        size: SIZE,
+        method,
+        dots,
+        camera: Camera::parse(camera).unwrap(),
+        with: DrawWith { backend: Backend::Cpu, ..DrawWith::default() },
+        ..PictureRequest::default()
+    }
+}
+
+/// A camera whose numbers have few bits, so that moving and scaling it is exact.
+fn camera(unit: f64, offset: [f64; 3], reach: f64) -> String {
+    let eye = [-9.5, -11.25, 6.5];
+    let along = [10.0, 11.0, -6.0];
+    let at = |share: f64| [0, 1, 2].map(|i| (eye[i] + along[i] * share) * unit + offset[i]);
+    let text = |p: [f64; 3]| format!("{:?},{:?},{:?}", p[0], p[1], p[2]);
+    format!("eye={};target={};fovy=50", text(at(0.0)), text(at(reach)))
+}
+
+fn pictures(file: &Forest, camera: &str) -> Vec<Picture> {
+    styles().into_iter().map(|s| draw(file, &request(camera, s), &Silent).unwrap().0).collect()
+}
+
+fn covers_enough(pictures: &[Picture]) {
+    for picture in pictures {
+        let covered = picture.depth.iter().filter(|d| d.is_finite()).count();
+        assert!(covered * 8 > picture.depth.len(), "{covered} pixels are covered");
+    }
+}
+
+fn flips(a: &[Picture], b: &[Picture]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| mean_flip(&a.rgba, &b.rgba, SIZE[0] as usize)).collect()
+}
+
+#[test]
+fn the_unit_does_not_change_a_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let want = pictures(&built(&[plain()], folder.path()), &camera(1.0, [0.0; 3], 1.0));
+    covers_enough(&want);
+    for log2 in [-20, 20, 40] {
+        let unit = 2f64.powi(log2);
+        let file = built(&[scan(STEP * unit, |i| i, |p| p)], folder.path());
+        let other = pictures(&file, &camera(unit, [0.0; 3], 1.0));
+        for ((a, b), style) in want.iter().zip(&other).zip(styles()) {
+            assert!(a.rgba == b.rgba, "unit 2^{log2}, {style:?}");
+        }
+    }
+}
+
+#[test]
+fn the_offset_does_not_change_a_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    // With a step of a power of two, coordinates are exact at any offset.
+    let step = 2f64.powi(-10);
+    let build = |offset: [f64; 3]| built(&[scan(step, |i| i, |p| p).at(offset)], folder.path());
+    let want = pictures(&build([0.0; 3]), &camera(1.0, [0.0; 3], 1.0));
+    covers_enough(&want);
+    for offset in [[500_000.0, 5_400_000.0, 250.0], [-1e9, 3e9, 64.0]] {
+        let other = pictures(&build(offset), &camera(1.0, offset, 1.0));
+        for ((a, b), style) in want.iter().zip(&other).zip(styles()) {
+            assert!(a.rgba == b.rgba, "offset {offset:?}, {style:?}");
+        }
+    }
+}
+
+#[test]
+fn the_order_of_points_and_files_does_not_change_a_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let view = camera(1.0, [0.0; 3], 1.0);
+    let want = pictures(&built(&[plain()], folder.path()), &view);
+    // A permutation: the factor has no divisor in common with the number of points.
+    let shuffled = scan(STEP, |i| i * 7919 % POINTS, |p| p);
+    let half = |keeps: fn(usize) -> bool, name: &str| {
+        let all = plain();
+        let kept = |k: &usize| keeps(*k);
+        let mut part = given(
+            name,
+            [STEP; 3],
+            (0..POINTS as usize).filter(kept).map(|k| all.positions[k]).collect(),
+        );
+        let numbers: Vec<u64> = (0..POINTS).filter(|&k| keeps(k as usize)).collect();
+        for (name, channel) in [("red", 0), ("green", 1), ("blue", 2)] {
+            part = part.with(name, AttrType::U16, |i| colour(numbers[i as usize], channel));
+        }
+        part.coloured(ColourDepth::Eight)
+    };
+    let halves = [half(|k| k % 3 == 0, "b"), half(|k| k % 3 != 0, "a")];
+    for (what, scans) in [("shuffled", &[shuffled][..]), ("two files", &halves)] {
+        let other = pictures(&built(scans, folder.path()), &view);
+        for ((a, b), style) in want.iter().zip(&other).zip(styles()) {
+            assert!(a.rgba == b.rgba, "{what}, {style:?}");
+        }
+    }
+}
+
+#[test]
+fn a_finer_step_has_the_same_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let view = camera(1.0, [0.0; 3], 1.0);
+    let want = pictures(&built(&[plain()], folder.path()), &view);
+    let fine = built(&[scan(STEP / 10.0, |i| i, |p| p.map(|c| c * 10))], folder.path());
+    let other = pictures(&fine, &view);
+    // What moving the scan by some steps changes.
+    let by = |steps: i32| {
+        let moved = built(&[scan(STEP, |i| i, |p| p.map(|c| c + steps))], folder.path());
+        let offset = [f64::from(steps) * STEP; 3];
+        flips(&want, &pictures(&moved, &camera(1.0, offset, 1.0)))
+    };
+    // Other points are in the sample, since cells begin elsewhere.
+    let floor = by(777);
+    for ((flip, floor), style) in flips(&want, &other).into_iter().zip(floor).zip(styles()) {
+        assert!(flip <= 1.3 * floor + 0.01, "{style:?}: {flip}, another sample {floor}");
+    }
+}
+
+#[test]
+fn a_turn_of_scan_and_camera_does_not_change_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let unlit = |s: (Method, Dots)| PictureRequest { shines: false, ..request("", s) };
+    let draw_all = |file: &Forest, camera: &str| -> Vec<Picture> {
+        let request = |s| PictureRequest { camera: Camera::parse(camera).unwrap(), ..unlit(s) };
+        styles().into_iter().map(|s| draw(file, &request(s), &Silent).unwrap().0).collect()
+    };
+    let file = built(&[plain()], folder.path());
+    let want = draw_all(&file, "eye=-9.5,-11.25,6.5;target=0.5,-0.25,0.5;fovy=50");
+    let file = built(&[scan(STEP, |i| i, |[x, y, z]| [-y, x, z])], folder.path());
+    let turned = draw_all(&file, "eye=11.25,-9.5,6.5;target=0.25,0.5,0.5;fovy=50");
+    // Other points are in the sample, since cells begin elsewhere.
+    let moved = built(&[scan(STEP, |i| i, |p| p.map(|c| c + 777))], folder.path());
+    let elsewhere = draw_all(&moved, "eye=-8.723,-10.473,7.277;target=1.277,0.527,1.277;fovy=50");
+    let floor = flips(&want, &elsewhere);
+    for ((flip, floor), style) in flips(&want, &turned).into_iter().zip(floor).zip(styles()) {
+        assert!(flip <= 1.3 * floor + 0.01, "{style:?}: {flip}, another sample {floor}");
+    }
+}
+
+#[test]
+fn the_distance_of_the_target_does_not_change_a_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(&[plain()], folder.path());
+    let want = pictures(&file, &camera(1.0, [0.0; 3], 1.0));
+    // Powers of two keep the direction exact.
+    for reach in [2f64.powi(-8), 8.0, 2f64.powi(20)] {
+        let other = pictures(&file, &camera(1.0, [0.0; 3], reach));
+        for ((a, b), style) in want.iter().zip(&other).zip(styles()) {
+            let off = a.rgba.as_chunks::<4>().0.iter().zip(b.rgba.as_chunks::<4>().0);
+            let off = off.filter(|(a, b)| a != b).count();
+            assert!(off * 1000 <= a.depth.len(), "{off} pixels, reach {reach}, {style:?}");
+        }
+    }
+}
