@@ -3,7 +3,6 @@
 
 use crate::inputs::colour::ColourBy;
 use crate::pass::Pass;
-use crate::passes::grow::ADAPTIVE_MAX;
 use esker_lod::{CompactOctree, View};
 use esker_points::{AttrType, Lattice, Node};
 use std::time::Duration;
@@ -88,6 +87,9 @@ pub enum PointSize {
     /// Dots of points next to each other touch, but are at most 10 pixels wide.
     Adaptive,
 }
+
+/// Greatest radius of adaptive dots, pixels: points farther apart are no surface.
+pub(crate) const ADAPTIVE_MAX: f32 = 5.0;
 
 /// Greatest diameter of dots, pixels.
 pub const POINT_SIZE_MAX: f32 = 64.0;

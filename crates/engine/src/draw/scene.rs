@@ -106,8 +106,8 @@ impl PictureRequest {
     }
 }
 
-/// Opens an `.esker` file, or builds scans and folders of scans into one in a temporary folder, which is removed when
-/// the second value is dropped.
+/// Opens an `.esker` file, or builds scans and folders of scans into one in a temporary folder,
+/// which is removed when the second value is dropped.
 ///
 /// # Errors
 /// If an input cannot be read, or `.esker` files are several or mixed with scans.

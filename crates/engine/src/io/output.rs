@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 /// Refuses an output that would replace one of `inputs`, or cannot be written.
 ///
 /// # Errors
-/// If `path` is `-`, a folder, not a regular file, one of `inputs`, or in a folder that does not exist.
+/// If `path` is `-`, a folder, not a regular file, one of `inputs`, or in a folder that does not
+/// exist.
 pub fn may_write(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     let shown = path.display();
     ensure!(

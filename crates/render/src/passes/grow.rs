@@ -3,7 +3,7 @@
 //! its own pixel lies behind a dot that covers its own, so that dots of one size look as if each
 //! were drawn by itself, at a cost that follows the pixels and not the points.
 
-use crate::frame::PointSize;
+use crate::frame::{ADAPTIVE_MAX, PointSize};
 use crate::inputs::lookup::Lookup;
 use crate::passes::project::{EMPTY, unpack};
 use rayon::prelude::*;
@@ -13,8 +13,6 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 /// of their diagonal on. The distance is that of the points around, where they are nearer than
 /// those of the drawn sample on average; not where they are farther, or lone points would be balls.
 pub(crate) const ADAPTIVE_FACTOR: f32 = 0.71;
-/// Greatest radius of adaptive dots, pixels: points farther apart are no surface.
-pub(crate) const ADAPTIVE_MAX: f32 = 5.0;
 /// Radius of a dot of one pixel, which is added to those of adaptive dots: they are drawn at the
 /// centres of pixels.
 pub(crate) const PIXEL_RADIUS: f32 = 0.5;

@@ -11,7 +11,8 @@ use crate::gpu::memory::lookup::{GpuLookup, WinningPoints};
 use crate::plan::FramePlan;
 use wgpu::{BufferUsages, ComputePass};
 
-same_values!(grow_sizes == crate::passes::grow { ADAPTIVE_FACTOR, ADAPTIVE_MAX, PIXEL_RADIUS });
+same_values!(grow_sizes == crate::passes::grow { ADAPTIVE_FACTOR, PIXEL_RADIUS });
+same_values!(grow_sizes == crate::frame { ADAPTIVE_MAX });
 
 /// Bytes of the radius of a dot.
 const RADIUS_BYTES: u64 = 4;

@@ -2,9 +2,9 @@
 //! neighbours in time, or without times in space, take fewer bytes than the evenly spread samples
 //! in which nodes keep their points. The order of points has no meaning in Esker or LAS.
 //!
-//! `laz` compares the GPS times of point formats 6 to 10 as numbers: it takes -0 for no change after
-//! 0, but predicts from -0 then, and all later times of the chunk come out wrong. -0 is therefore
-//! written as 0.
+//! `laz` compares the GPS times of point formats 6 to 10 as numbers: it takes -0 for no change
+//! after 0, but predicts from -0 then, and all later times of the chunk come out wrong. -0 is
+//! therefore written as 0.
 
 use super::records::Records;
 use crate::write::encode::{Encode, Encoded};
