@@ -231,7 +231,7 @@ fn notes(
         "x and y are degrees and heights are not: the picture is distorted; transform the scan to a projected system first",
     );
     let exposure = explain::exposure_note(file, scene)?;
-    let away = facing::note(file, scene);
+    let away = facing::note(file, scene, picture);
     let far = scene.leaves_out_far.then_some(
         "the view is fitted to nearly all points: a few lie far outside of it (esker info has the bounds of all)",
     );

@@ -68,11 +68,26 @@ fn the_plan_leaves_out_the_back_faces_that_the_frame_leaves_out() {
 
 /// A sheet of points whose normals look up, as a PLY file.
 fn sheet() -> String {
-    let points: Vec<String> = (0..2500)
-        .map(|i| {
-            format!("{} {} 0 0 0 1 200 90 40", f64::from(i % 50) / 10.0, f64::from(i / 50) / 10.0)
-        })
-        .collect();
+    let place = |i: i32| DVec3::new(f64::from(i % 50) / 10.0, f64::from(i / 50) / 10.0, 0.0);
+    ply((0..2500).map(|i| (place(i), DVec3::Z)))
+}
+
+/// A ball of radius 1 whose normals look outwards, times `side`, as a PLY file.
+fn ball(side: f64) -> String {
+    let place = |i: i32| {
+        let (z, turn) = (f64::from(i) / 2000.0 - 0.999, f64::from(i) * 2.399_963);
+        let radius = (1.0 - z * z).max(0.0).sqrt();
+        DVec3::new(radius * turn.cos(), radius * turn.sin(), z)
+    };
+    ply((0..3996).map(|i| (place(i), place(i) * side)))
+}
+
+/// A PLY file of places and normals.
+fn ply(points: impl Iterator<Item = (DVec3, DVec3)>) -> String {
+    let line = |(p, n): (DVec3, DVec3)| {
+        format!("{} {} {} {} {} {} 200 90 40", p.x, p.y, p.z, n.x, n.y, n.z)
+    };
+    let points: Vec<String> = points.map(line).collect();
     let properties = ["x", "y", "z", "nx", "ny", "nz"].map(|n| format!("property float {n}\n"));
     let colours = ["red", "green", "blue"].map(|n| format!("property uchar {n}\n"));
     format!(
@@ -117,6 +132,29 @@ fn one_sided_scans_are_drawn_from_both_sides() {
             }
         }
     });
+}
+
+/// Half of the points of a ball face away, but are hidden.
+#[test]
+fn a_note_tells_of_backs_only_where_they_are_seen() {
+    let folder = tempfile::tempdir().unwrap();
+    for (side, is_said) in [(1.0, false), (-1.0, true)] {
+        let scan = folder.path().join("ball.ply");
+        std::fs::write(&scan, ball(side)).unwrap();
+        built(scan.to_str().unwrap(), false, |file| {
+            for method in [Method::PullPush, Method::Ewa] {
+                for distance in [2.5, 40.0] {
+                    let fovy = 2.4 / distance * 57.0;
+                    let camera = format!("eye=0,-{distance},0;target=0,0,0;fovy={fovy}");
+                    let request = PictureRequest { method, ..request(&camera, [160, 120]) };
+                    let (_, report) = draw(file, &request, &Silent).unwrap();
+                    let notes = report.notes.join("; ");
+                    let what = format!("{method:?}, normals times {side}, {distance}: {notes}");
+                    assert_eq!(notes.contains("face away"), is_said, "{what}");
+                }
+            }
+        });
+    }
 }
 
 /// Corners of the generated cube.
