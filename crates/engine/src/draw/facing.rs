@@ -10,8 +10,8 @@ use glam::DVec3;
 /// About how many of the drawn points are examined; they are spread evenly.
 const SAMPLE: usize = 1 << 17;
 
-/// A point is hidden if it lies behind the surface in its pixel by more than this, over the distance
-/// of points. Closed surfaces have as many backs as fronts, but hide them.
+/// A point is hidden if it lies behind the surface in its pixel by more than this, over the
+/// distance of points. Closed surfaces have as many backs as fronts, but hide them.
 const BEHIND_SPACINGS: f64 = 4.0;
 
 /// Share of the points in the picture that no surface hides whose normals look away from the eye.
