@@ -71,6 +71,8 @@ fn nonsense() {
         ("export B -o O --max-spacing -1", "no length: it must be above 0"),
         ("render B -o O --point-size 0", "give `adaptive`, or 1 to 64 pixels"),
         ("render B -o O --eye-dome 99", "no strength"),
+        ("render B -o O --eye-dome", "add --method points"),
+        ("render B -o O --point-size 3 --method ewa", "add --method points"),
         ("render B -o O.jpg", "out.png"),
         ("render B -o -", "standard output"),
         ("build S -o -", "standard output"),

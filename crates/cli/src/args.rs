@@ -139,7 +139,7 @@ pub struct Verify {
 
 #[derive(ClapArgs)]
 pub struct Render {
-    /// An .esker file, or scans.
+    /// An .esker file, or scans, or folders of scans.
     #[arg(required = true, value_name = "FILE")]
     pub inputs: Vec<PathBuf>,
     /// The picture to write.

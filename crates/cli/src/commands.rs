@@ -4,12 +4,12 @@ use crate::args::{Append, Build, Command, Render, Verify};
 use crate::output::{print, write};
 use crate::shared::note_built;
 use crate::{export, view};
-use anyhow::Result;
-use esker_engine::Dots;
+use anyhow::{Result, ensure};
 use esker_engine::calls::{build, demo, explain, info, info_text, render, verify};
 use esker_engine::draw::scene::PictureRequest;
 use esker_engine::io::progress::{Progress, Style};
 use esker_engine::machine::devices;
+use esker_engine::{Dots, Method, PointSize};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -90,6 +90,11 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         (camera.eye, camera.target) = (None, None);
     }
     args.light.check(args.method)?;
+    let has_dots = args.point_size != PointSize::default() || args.eye_dome.is_some();
+    ensure!(
+        !has_dots || args.method == Method::Points,
+        "--point-size and --eye-dome are for points that are drawn alone: add --method points"
+    );
     let request = PictureRequest {
         size: args.size,
         method: args.method,

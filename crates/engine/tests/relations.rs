@@ -25,8 +25,8 @@ const POINTS: u64 = 30_000;
 /// Step of the scan, its unit a metre.
 const STEP: f64 = 0.001;
 
-/// Integer coordinates of a point, steps of a millimetre: a hill, a house and a ball in the air. No
-/// point is on the middle of any symmetry.
+/// Integer coordinates of a point, steps of a millimetre: a hill, a house and a ball in the air,
+/// without a symmetry.
 fn place(i: u64) -> [i32; 3] {
     let share = |k: f64| (i as f64 * k).fract();
     let (u, v) = (share(0.754_877_666), share(0.569_840_291));

@@ -75,7 +75,7 @@ pub enum Method {
 pub struct Dots {
     /// Size of the dots.
     pub size: PointSize,
-    /// Strength of eye-dome lighting ([`crate::passes`]); 0 for none.
+    /// Strength of eye-dome lighting (`boucheny2009`); 0 for none.
     pub eye_dome: f32,
 }
 
@@ -151,8 +151,8 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// Whether points whose normal looks away are dropped (`marroquim2007`, section 3.1). It has to
     /// be off for normals without a consistent side, which are turned towards the viewer instead.
     pub cull_back_faces: bool,
-    /// Whether normals tell the front of a surface from its back. Backs then yield to fronts that
-    /// are just before them, and keep the light of an outline.
+    /// Whether normals tell the front of a surface from its back. Fronts then hide the backs just
+    /// behind them, and normals of backs are not reversed where they are nearly edge-on.
     pub has_fronts: bool,
     /// Whether points that a filter has marked are left out ([`esker_points::quant::HIDDEN_AT`]).
     pub hides_points: bool,

@@ -73,8 +73,8 @@ impl Colouring {
         Self { legend, ..Self::plain(by(ColourMap { low, high, gradient }), name) }
     }
 
-    /// Colours by depth over the depths that a view has of a box, unless `requested` has a range or
-    /// colours are others.
+    /// Fits the range of colours by depth to the depths of a box in a view, unless the request
+    /// names a range. Other colours stay as they are.
     pub(crate) fn seen(self, view: &View, bounds: [[f64; 3]; 2], requested: Option<&str>) -> Self {
         let ColourBy::EyeDepth(map) = self.by else { return self };
         let has_range = |text| ColourRequest::parse(text).is_ok_and(|r| r.has_range());

@@ -9,7 +9,7 @@ pub(crate) const AROUND: [[i32; 2]; 8] =
     [[2, 0], [-2, 0], [0, 2], [0, -2], [1, 1], [1, -1], [-1, 1], [-1, -1]];
 /// Darkening by a mean of one power of two in depth, at a strength of one, as a natural logarithm.
 pub(crate) const DARKENING: f32 = 50.0;
-/// Least brightness: colours of outlines can still be told.
+/// Least brightness, so that outlines keep their colours.
 pub(crate) const BRIGHTNESS_MIN: f32 = 0.15;
 
 /// Darkens the colours of a picture by its depths. Does not depend on the unit of depths.

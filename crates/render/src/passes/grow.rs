@@ -1,7 +1,7 @@
 //! Grow (method *points*): draws points as round dots that face the eye. `project` gives each point
-//! one pixel; a pixel then shows the nearest of the points whose dots reach it. A point that lost
-//! its own pixel lies behind a dot that covers its own, so that dots of one size look as if each
-//! were drawn by itself, at a cost that follows the pixels and not the points.
+//! one pixel; a pixel then shows the nearest of the points whose dots reach it. The cost depends on
+//! the number of pixels, not of points. A point that lost its pixel needs no dot: the winner's dot
+//! has the same centre, and covers it if the sizes are equal.
 
 use crate::frame::{ADAPTIVE_MAX, PointSize};
 use crate::inputs::lookup::Lookup;
@@ -10,8 +10,8 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Radius of an adaptive dot over the distance of points: squares of points are covered from half
-/// of their diagonal on. The distance is that of the points around, where they are nearer than
-/// those of the drawn sample on average; not where they are farther, or lone points would be balls.
+/// of their diagonal on. The distance is the typical one of the drawn sample, or that to the points
+/// around if it is less. It is never more, or a lone point would become a ball.
 pub(crate) const ADAPTIVE_FACTOR: f32 = 0.71;
 /// Radius of a dot of one pixel, which is added to those of adaptive dots: they are drawn at the
 /// centres of pixels.
