@@ -26,7 +26,7 @@ fn point_of(i: u32) -> Point {
     let draw = row & ~HAS_COLOUR;
     let d = &draws[draw];
     let offset = offset_of(words, (*d).shift);
-    let steps = steps_from_eye((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
+    let steps = steps_from_anchor((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
     let centre = steps * frame.step;
     let is_hidden = HIDES_POINTS && (words.y >> 24u) != 0u;
     let is_finite = !(is_infinite(centre.x) || is_infinite(centre.y) || is_infinite(centre.z));

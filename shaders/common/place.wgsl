@@ -1,9 +1,10 @@
-// Positions of points against the eye, and hot positions. Needs common/draws.wgsl. Twin:
+// Positions of points against the anchor of the view (the eye, or the middle of the scan if the view
+// is parallel), and hot positions. Needs common/draws.wgsl. Twin:
 // crates/render/src/inputs/camera.rs.
 
-// Position of a point against the eye, steps, from its offset in the node's box. The parts above
+// Position of a point against the anchor, steps, from its offset in the node's box. The parts above
 // and below 2^16 are exact in f32, so that their sum rounds once.
-fn steps_from_eye(
+fn steps_from_anchor(
     base_high: vec3<i32>,
     base_low: vec3<i32>,
     bias_steps: vec3<f32>,

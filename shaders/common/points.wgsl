@@ -56,13 +56,13 @@ fn offset_at(draw: Draw, index: u32) -> vec3<u32> {
 // Projects a point.
 fn see(draw: Draw, index: u32) -> Seen {
     let offset = offset_at(draw, index);
-    let steps = steps_from_eye(draw.base_high, draw.base_low, draw.bias_steps, offset);
-    let from_eye = steps * frame.step;
-    let depth = -dot(frame.back, from_eye);
-    let scale = frame.focal_px / depth;
-    let x = frame.centre_px.x + dot(frame.right, from_eye) * scale;
-    let y = frame.centre_px.y - dot(frame.up, from_eye) * scale;
-    return Seen(vec2<f32>(x, y), depth, from_eye);
+    let steps = steps_from_anchor(draw.base_high, draw.base_low, draw.bias_steps, offset);
+    let place = steps * frame.step;
+    let depth = frame.anchor_depth - dot(frame.back, place);
+    let scale = frame.focal_px / select(depth, frame.anchor_depth, frame.anchor_depth > 0.0);
+    let x = frame.centre_px.x + dot(frame.right, place) * scale;
+    let y = frame.centre_px.y - dot(frame.up, place) * scale;
+    return Seen(vec2<f32>(x, y), depth, place - frame.back * frame.anchor_depth);
 }
 
 // Whether a point is in the picture; NaN is outside.

@@ -23,9 +23,9 @@ struct Batch {
     tiles: vec2<u32>,
     unused: vec2<u32>,
     // The eye on the lattice, in steps: multiples of 2^16, the whole steps below, and the fraction.
-    eye_high: vec3<i32>,
-    eye_low: vec3<i32>,
-    eye_rest: vec3<f32>,
+    anchor_high: vec3<i32>,
+    anchor_low: vec3<i32>,
+    anchor_rest: vec3<f32>,
     // Log2 of the grain of clip lines along each axis, steps.
     grain: vec3<u32>,
 }

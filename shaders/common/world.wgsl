@@ -13,6 +13,7 @@ struct World {
     eye: vec4<f32>,
     // Right, and the depth of the near plane.
     right: vec4<f32>,
+    // Up; and the depth at which lengths have their size on the picture if rays are parallel, else 0.
     up: vec4<f32>,
     forward: vec4<f32>,
     // Sky straight up, at the horizon, and straight down.
@@ -59,7 +60,12 @@ fn start_of(place: Place) -> vec3<f32> {
 fn eye_ray(at: vec2<f32>) -> Ray {
     let x = (at.x - f32(world.width) * 0.5) / world.eye.w;
     let y = (f32(world.height) * 0.5 - at.y) / world.eye.w;
-    let towards = world.forward.xyz + world.right.xyz * x + world.up.xyz * y;
+    let beside = world.right.xyz * x + world.up.xyz * y;
+    if world.up.w > 0.0 {
+        let start = world.eye.xyz + beside * world.up.w + world.forward.xyz * world.right.w;
+        return Ray(start, infinity(), world.forward.xyz);
+    }
+    let towards = world.forward.xyz + beside;
     let direction = unit_or(towards, world.forward.xyz);
     return Ray(world.eye.xyz + towards * world.right.w, infinity(), direction);
 }

@@ -224,6 +224,23 @@ fn in_view(world: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(frame.right, world), -dot(frame.up, world), -dot(frame.back, world));
 }
 
+// Position that a pinhole shows at the place of a point; `place` is the point against the anchor. A
+// parallel view is that of a pinhole of such positions.
+fn seen(place: vec3<f32>) -> vec3<f32> {
+    let depth = place.z + frame.anchor_depth;
+    let squeeze = select(1.0, depth / frame.anchor_depth, frame.anchor_depth > 0.0);
+    return vec3<f32>(place.xy * squeeze, depth);
+}
+
+// The direction of a line through a point (`seen`).
+fn seen_way(place: vec3<f32>, way: vec3<f32>) -> vec3<f32> {
+    if frame.anchor_depth > 0.0 {
+        let depth = place.z + frame.anchor_depth;
+        return vec3<f32>((way.xy * depth + place.xy * way.z) / frame.anchor_depth, way.z);
+    }
+    return way;
+}
+
 // A clip line of the file: a point and the vector to another point, which is zero if there is no
 // line.
 struct Line {
@@ -241,11 +258,12 @@ fn line_of(words: vec2<u32>, hot: vec3<u32>) -> Line {
     }
     let along = parts(words.y) << shifts;
     let begin = ((hot >> shifts) + bitcast<vec3<u32>>(parts(words.x))) << shifts;
-    let high = vec3<i32>(begin >> vec3<u32>(16u)) - batch.eye_high;
-    let low = vec3<i32>(begin & vec3<u32>(0xffffu)) - batch.eye_low;
-    let steps = vec3<f32>(high) * 65536.0 + vec3<f32>(low) - batch.eye_rest;
-    let e = in_view(vec3<f32>(along) * frame.step);
-    return Line(in_view(steps * frame.step), e, (words.y & 0x8000000u) != 0u);
+    let high = vec3<i32>(begin >> vec3<u32>(16u)) - batch.anchor_high;
+    let low = vec3<i32>(begin & vec3<u32>(0xffffu)) - batch.anchor_low;
+    let steps = vec3<f32>(high) * 65536.0 + vec3<f32>(low) - batch.anchor_rest;
+    let from_anchor = in_view(steps * frame.step);
+    let e = seen_way(from_anchor, in_view(vec3<f32>(along) * frame.step));
+    return Line(seen(from_anchor), e, (words.y & 0x8000000u) != 0u);
 }
 
 // The line over homogeneous pixels, not negative where the splat is kept; zeros if there is no
@@ -359,9 +377,10 @@ fn place(i: u32) -> Placed {
     let d = &draws[draw];
     let offset = offset_of(words, (*d).shift);
     let lattice = (*d).box_min + offset;
-    let steps = steps_from_eye((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
-    let from_eye = steps * frame.step;
-    let p = vec3<f32>(dot(frame.right, from_eye), -dot(frame.up, from_eye), -dot(frame.back, from_eye));
+    let steps = steps_from_anchor((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
+    let from_anchor = steps * frame.step;
+    let from_eye = from_anchor - frame.back * frame.anchor_depth;
+    let p = seen(in_view(from_anchor));
     let code = radius_code_of(words.xy);
     let stored = radius_within(spacing_of(draw, lattice) * lookup.radius_factors[code / 4u][code % 4u]);
     var radius = stored * batch.radius_factor;

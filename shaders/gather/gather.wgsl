@@ -132,10 +132,11 @@ fn gather(pixel: u32, depth_bits: u32) {
 // Place of a point in the picture, pixels.
 fn place_of(draw: u32, offset: vec3<u32>, depth: f32) -> vec2<f32> {
     let d = &draws[draw];
-    let steps = steps_from_eye((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
-    let from_eye = steps * frame.step;
-    let flat = vec2<f32>(dot(frame.right, from_eye), -dot(frame.up, from_eye));
-    return frame.centre_px + flat * (frame.focal_px / depth);
+    let steps = steps_from_anchor((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
+    let from_anchor = steps * frame.step;
+    let flat = vec2<f32>(dot(frame.right, from_anchor), -dot(frame.up, from_anchor));
+    let at = select(depth, frame.anchor_depth, frame.anchor_depth > 0.0);
+    return frame.centre_px + flat * (frame.focal_px / at);
 }
 
 // The normal in view space; zero without a normal. The last value is 1 at the back of a
@@ -147,8 +148,8 @@ fn normal_to_eye(code: u32, draw: u32, offset: vec3<u32>) -> vec4<f32> {
     let world = normal_of(code);
     // Unless back faces are culled, a normal may face either way, and is turned to the eye.
     let d = &draws[draw];
-    let steps = steps_from_eye((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
-    let from_eye = steps * frame.step;
+    let steps = steps_from_anchor((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
+    let from_eye = steps * frame.step - frame.back * frame.anchor_depth;
     let is_turned = frame.cull_back_faces == 0u;
     let n = select(world, towards_eye(world, from_eye), is_turned);
     let looked_away = select(0.0, 1.0, is_turned && frame.has_fronts == 1u && dot(world, from_eye) > 0.0);

@@ -33,19 +33,21 @@ fn may_be_seen(draw: Draw, box: RunBox) -> bool {
     let dropped = select((1u << draw.shift) - 1u, 0u, draw.residual_page == NO_PAGE);
     let low = box.low << vec3<u32>(draw.shift);
     let high = (box.high << vec3<u32>(draw.shift)) + dropped;
-    let a = steps_from_eye(draw.base_high, draw.base_low, draw.bias_steps, low) * frame.step;
-    let b = steps_from_eye(draw.base_high, draw.base_low, draw.bias_steps, high) * frame.step;
+    let a = steps_from_anchor(draw.base_high, draw.base_low, draw.bias_steps, low) * frame.step;
+    let b = steps_from_anchor(draw.base_high, draw.base_low, draw.bias_steps, high) * frame.step;
     let middle = (a + b) * 0.5;
     let half = abs(b - a) * 0.5;
     // Half the size of the picture at unit depth, and a pixel.
     let side = (frame.centre_px + 1.0) / frame.focal_px;
-    let slack = dot(abs(middle) + half, vec3<f32>(1.0)) * ROUNDING;
-    let slacks = slack * (side + 1.0);
-    let is_near = reach(-frame.back, middle, half) < frame.near - slack;
-    let is_left = reach(frame.right - frame.back * side.x, middle, half) < -slacks.x;
-    let is_right = reach(-frame.right - frame.back * side.x, middle, half) < -slacks.x;
-    let is_above = reach(-frame.up - frame.back * side.y, middle, half) < -slacks.y;
-    let is_below = reach(frame.up - frame.back * side.y, middle, half) < -slacks.y;
+    let slack = (dot(abs(middle) + half, vec3<f32>(1.0)) + frame.anchor_depth) * ROUNDING;
+    // The sides of a pinhole's picture lean outwards; those of a parallel view are fixed.
+    let leans = select(side, vec2<f32>(0.0), frame.anchor_depth > 0.0);
+    let ends = -slack * (side + 1.0) - side * frame.anchor_depth;
+    let is_near = reach(-frame.back, middle, half) < frame.near - frame.anchor_depth - slack;
+    let is_left = reach(frame.right - frame.back * leans.x, middle, half) < ends.x;
+    let is_right = reach(-frame.right - frame.back * leans.x, middle, half) < ends.x;
+    let is_above = reach(-frame.up - frame.back * leans.y, middle, half) < ends.y;
+    let is_below = reach(frame.up - frame.back * leans.y, middle, half) < ends.y;
     return !(is_near || is_left || is_right || is_above || is_below);
 }
 

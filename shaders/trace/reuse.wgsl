@@ -12,6 +12,7 @@ struct Moved {
     eye: vec4<f32>,
     // Right, and the depth of the near plane.
     right: vec4<f32>,
+    // Up; and the depth at which lengths have their size on the picture if rays are parallel, else 0.
     up: vec4<f32>,
     forward: vec4<f32>,
     // Size of both pictures.
@@ -74,7 +75,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let size = vec2<f32>(f32(moved.width), f32(moved.height));
     let off = vec2<f32>(dot(towards, moved.right.xyz), -dot(towards, moved.up.xyz));
-    let corner = size * 0.5 + off * (moved.eye.w / depth) - 0.5;
+    let at_depth = select(depth, moved.up.w, moved.up.w > 0.0);
+    let corner = size * 0.5 + off * (moved.eye.w / at_depth) - 0.5;
     let top_left = floor(corner);
     if !(all(top_left >= vec2<f32>(-1.0)) && all(top_left < size)) {
         return;

@@ -157,7 +157,9 @@ pub struct Render {
     pub method: Method,
     /// "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates; each part may be
     /// missing. Without a target the camera looks along "direction=x,y,z"; without an eye it is
-    /// placed so that the whole scan is in view.
+    /// placed so that the whole scan is in view. With "ortho=HEIGHT" in place of fovy the view is
+    /// parallel (orthographic), its picture so high in the scan's unit, or as high as the scan with
+    /// "ortho=fit"; nothing behind its eye is drawn.
     #[arg(long, default_value = "", hide_default_value = true)]
     pub camera: Camera,
     /// Show the whole scan, whatever eye and target the camera names.

@@ -80,10 +80,16 @@ fn built(scans: &[Given], folder: &Path) -> Forest {
 }
 
 /// How the scan is drawn.
-fn styles() -> [(Method, Dots); 4] {
+fn styles() -> [(Method, Dots); 5] {
     let dots = Dots { size: PointSize::Adaptive, eye_dome: 1.0 };
     let none = Dots::default();
-    [(Method::PullPush, none), (Method::Ewa, none), (Method::Points, none), (Method::Points, dots)]
+    [
+        (Method::PullPush, none),
+        (Method::Ewa, none),
+        (Method::Points, none),
+        (Method::Points, dots),
+        (Method::Lit, none),
+    ]
 }
 
 fn request(camera: &str, (method, dots): (Method, Dots)) -> PictureRequest {
@@ -236,5 +242,101 @@ fn the_distance_of_the_target_does_not_change_a_bit() {
             let off = off.filter(|(a, b)| a != b).count();
             assert!(off * 1000 <= a.depth.len(), "{off} pixels, reach {reach}, {style:?}");
         }
+    }
+}
+
+/// A parallel camera that looks down at an angle; its picture is `along` pixels to the right.
+fn parallel_camera(along: f64) -> String {
+    // The picture is 10 units high, 16 pixels a unit; right is along (11, -10, 0).
+    let by = along / 16.0 / 221f64.sqrt();
+    let eye = [-9.5 + 11.0 * by, -11.25 - 10.0 * by, 6.5];
+    format!("eye={:?},{:?},{:?};direction=10,11,-6;ortho=10", eye[0], eye[1], eye[2])
+}
+
+#[test]
+fn a_parallel_view_shows_points_where_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(&[plain()], folder.path());
+    let style = (Method::Points, Dots::default());
+    let wanted = PictureRequest { target_spacing_px: 0.0, ..request(&parallel_camera(0.0), style) };
+    let picture = draw(&file, &wanted, &Silent).unwrap().0;
+    // Right, up and forward of the camera, from its direction.
+    let right = [11.0, -10.0, 0.0].map(|c| c / 221f64.sqrt());
+    let forward = [10.0, 11.0, -6.0].map(|c| c / 257f64.sqrt());
+    let up = [
+        right[1] * forward[2] - right[2] * forward[1],
+        right[2] * forward[0] - right[0] * forward[2],
+        right[0] * forward[1] - right[1] * forward[0],
+    ];
+    let [width, height] = SIZE.map(|side| side as usize);
+    let mut nearest = vec![f64::INFINITY; width * height];
+    let (mut seen, mut borders) = (0, 0);
+    for i in 0..POINTS {
+        let from_eye = [0, 1, 2].map(|k| f64::from(place(i)[k]) * STEP - [-9.5, -11.25, 6.5][k]);
+        let along = |axis: [f64; 3]| (0..3).map(|k| axis[k] * from_eye[k]).sum::<f64>();
+        let (x, y) = (120.0 + 16.0 * along(right), 80.0 - 16.0 * along(up));
+        if x < 0.0 || y < 0.0 || x >= 240.0 || y >= 160.0 {
+            continue;
+        }
+        // Positions are rounded to single precision.
+        let is_border = [x, y].iter().any(|c| (c - c.round()).abs() < 1e-3);
+        borders += usize::from(is_border);
+        let pixel = y as usize * width + x as usize;
+        nearest[pixel] = nearest[pixel].min(along(forward));
+        seen += 1;
+    }
+    let differs = |(&a, &b): (&f64, &f32)| a.is_finite() != b.is_finite();
+    let off = nearest.iter().zip(&picture.depth).filter(|&pair| differs(pair)).count();
+    assert!(seen > POINTS as usize / 2 && borders * 50 < seen, "{seen}, {borders}");
+    assert!(off <= 2 * borders, "{off} pixels of {seen} points, {borders} on a border");
+}
+
+#[test]
+fn a_parallel_picture_moves_as_a_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(&[plain()], folder.path());
+    let all = |camera: &str| -> Vec<Picture> {
+        let wanted =
+            |s| PictureRequest { target_spacing_px: 0.0, shines: false, ..request(camera, s) };
+        styles().into_iter().map(|s| draw(&file, &wanted(s), &Silent).unwrap().0).collect()
+    };
+    let (width, by) = (SIZE[0] as usize, 24);
+    // Columns that both pictures have, without the outermost ones: surfaces are open there.
+    let part = |picture: &Picture, first: usize| -> Vec<u8> {
+        let rows = picture.rgba.chunks_exact(4 * width);
+        let columns = 4 * (first + 16)..4 * (first + width - by - 16);
+        rows.flat_map(|row| row[columns.clone()].to_vec()).collect()
+    };
+    let (here, there) = (all(&parallel_camera(0.0)), all(&parallel_camera(by as f64)));
+    covers_enough(&here);
+    for ((a, b), style) in here.iter().zip(&there).zip(styles()) {
+        let flip = mean_flip(&part(a, by), &part(b, 0), width - by - 32);
+        assert!(flip < 0.004, "{style:?}: {flip}");
+    }
+}
+
+/// A pinhole so far away that its rays are parallel.
+#[test]
+fn a_distant_pinhole_sees_what_a_parallel_view_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(&[plain()], folder.path());
+    let all = |camera: &str| -> Vec<Picture> {
+        let wanted =
+            |s| PictureRequest { target_spacing_px: 0.0, shines: false, ..request(camera, s) };
+        styles().into_iter().map(|s| draw(&file, &wanted(s), &Silent).unwrap().0).collect()
+    };
+    let parallel = all("direction=10,11,-6;target=0.5,-0.25,0.5;ortho=12");
+    covers_enough(&parallel);
+    // 12 units high at the target, from 5,000 units away.
+    let far = 5_000.0 / 257f64.sqrt();
+    let eye = [0.5 - 10.0 * far, -0.25 - 11.0 * far, 0.5 + 6.0 * far];
+    let fovy = 2.0 * (6.0f64 / 5_000.0).atan().to_degrees();
+    let pinhole = all(&format!(
+        "eye={:?},{:?},{:?};target=0.5,-0.25,0.5;fovy={fovy:?}",
+        eye[0], eye[1], eye[2]
+    ));
+    for ((flip, picture), style) in flips(&parallel, &pinhole).iter().zip(&parallel).zip(styles()) {
+        println!("{style:?}: {flip}");
+        assert!(*flip < 0.03, "{style:?}: {flip} of {}", picture.depth.len());
     }
 }

@@ -9,7 +9,7 @@ use glam::DVec3;
 /// Relative rounding error of a sum of products in `f64`, with room.
 const ROUNDING: f64 = 1e-12;
 
-/// Half-spaces that bound the picture of a view.
+/// Half-spaces that bound the picture of a view: a pyramid, or a prism if the view is parallel.
 #[derive(Clone, Copy, Debug)]
 pub struct Frustum {
     eye: DVec3,
@@ -21,9 +21,12 @@ impl Frustum {
     /// The frustum of a view.
     pub fn of(view: &View) -> Self {
         let tan = view.tan_half();
-        let side = |x: f64, y: f64, tan: f64| {
-            let inward = DVec3::new(x, y, -tan) / (1.0 + tan * tan).sqrt();
-            (view.world_from_view * inward, 0.0)
+        let side = |x: f64, y: f64, tan: f64| match view.parallel_at {
+            Some(depth) => (view.world_from_view * DVec3::new(x, y, 0.0), -tan * depth),
+            None => {
+                let inward = DVec3::new(x, y, -tan) / (1.0 + tan * tan).sqrt();
+                (view.world_from_view * inward, 0.0)
+            }
         };
         Self {
             eye: view.eye,
@@ -76,12 +79,14 @@ mod tests {
         #[test]
         fn no_box_with_a_visible_point_is_refused(
             eye in coordinates(50.0), target in coordinates(50.0), far in prop_oneof![Just(0.0), Just(1e7)],
-            fovy in 0.05f64..2.8, width in 1u32..2000, height in 1u32..2000,
+            fovy in 0.05f64..2.8, width in 1u32..2000, rows in 1u32..2000,
             centre in coordinates(50.0), half in coordinates(20.0), turn in coordinates(3.0),
-            at in prop::collection::vec(coordinates(1.0), 20),
+            at in prop::collection::vec(coordinates(1.0), 20), height in prop::option::of(0.1f64..100.0),
         ) {
             let origin = DVec3::new(far, -far, 0.0);
-            let view = View::look_at(origin + eye, origin + target, DVec3::Z, fovy, width, height);
+            let view = View::look_at(origin + eye, origin + target, DVec3::Z, fovy, width, rows);
+            let scan = [-50.0, 50.0].map(|c| origin + DVec3::splat(c));
+            let view = height.map_or(view, |height| view.parallel(height, scan[0], scan[1]));
             let axes = DMat3::from_rotation_x(turn.x) * DMat3::from_rotation_y(turn.y) * DMat3::from_rotation_z(turn.z);
             let b = OrientedBox { centre: origin + centre, half: half.abs(), axes };
             let touches = Frustum::of(&view).touches(&b);

@@ -15,6 +15,8 @@ pub struct Projection {
     focal_px: f64,
     centre_px: DVec2,
     near: f64,
+    /// As in the view.
+    parallel_at: Option<f64>,
 }
 
 impl Projection {
@@ -26,6 +28,7 @@ impl Projection {
             focal_px: view.focal_px(),
             centre_px: DVec2::new(f64::from(view.width), f64::from(view.height)) * 0.5,
             near: view.near,
+            parallel_at: view.parallel_at,
         }
     }
 
@@ -36,7 +39,9 @@ impl Projection {
 
     /// Whether its eye and direction are those of `view`.
     pub fn is_from(&self, view: &View) -> bool {
-        self.eye == view.eye && self.view_from_world == view.view_from_world()
+        self.eye == view.eye
+            && self.view_from_world == view.view_from_world()
+            && self.parallel_at == view.parallel_at
     }
 
     /// Position of the eye, world coordinates.
@@ -66,7 +71,7 @@ impl Projection {
 
     /// The world point at a position of the picture, pixels, and an eye depth.
     pub fn place(&self, px: DVec2, depth: f64) -> DVec3 {
-        let xy = (px - self.centre_px) * (depth / self.focal_px);
+        let xy = (px - self.centre_px) * (self.parallel_at.unwrap_or(depth) / self.focal_px);
         self.eye + self.view_from_world.transpose() * DVec3::new(xy.x, -xy.y, -depth)
     }
 
@@ -127,7 +132,8 @@ impl Projection {
     }
 
     fn project(&self, v: DVec3) -> DVec2 {
-        self.centre_px + DVec2::new(v.x, -v.y) * (self.focal_px / -v.z)
+        let depth = self.parallel_at.unwrap_or(-v.z);
+        self.centre_px + DVec2::new(v.x, -v.y) * (self.focal_px / depth)
     }
 }
 
@@ -267,6 +273,26 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn parallel_outlines_have_their_size_at_any_depth() {
+        let bounds = [DVec3::splat(-20.0), DVec3::splat(20.0)];
+        let view = View::look_at(DVec3::NEG_Y * 30.0, DVec3::ZERO, DVec3::Z, 1.0, 300, 200);
+        let view = view.parallel(20.0, bounds[0], bounds[1]);
+        let projection = Projection::of(&view);
+        for at in [DVec3::ZERO, DVec3::new(3.0, 15.0, -2.0), DVec3::new(-7.0, -18.0, 4.0)] {
+            let b = OrientedBox { centre: at, half: DVec3::ONE, axes: DMat3::IDENTITY };
+            let s = projection.silhouette(&b).expect("in front");
+            assert!((s.area_px() - 400.0).abs() < 1e-6, "{}", s.area_px());
+            assert!((s.nearest - view.near - (29.0 + at.y)).abs() < 1e-9);
+            let middle = DVec2::new(150.0 + 10.0 * at.x, 100.0 - 10.0 * at.z);
+            assert!(projection.on_picture(at).distance(middle) < 1e-9);
+            assert!(projection.place(middle, view.depth(at)).distance(at) < 1e-9);
+        }
+        assert!(
+            projection.is_from(&view) && !projection.is_from(&View { parallel_at: None, ..view })
+        );
     }
 
     #[test]

@@ -1,6 +1,11 @@
-//! The view: a pinhole camera in world coordinates (the file's unit, `f64`) and the picture's size.
-//! View space has x to the right, y up, and looks along -z; pixels count from the top left corner.
-//! A view is made from eye and target, or fitted to a box; selection and renderer read it.
+//! The view: a camera in world coordinates (the file's unit, `f64`) and the picture's size. View
+//! space has x to the right, y up, and looks along -z; pixels count from the top left corner. A view
+//! is made from eye and target, or fitted to a box; selection and renderer read it.
+//!
+//! A parallel (orthographic) view is that of a distant pinhole in which each point is projected as
+//! if it were at one depth: positions on the picture are exact, and what depends on the direction
+//! to the eye or on the distance to it is off by the share of the scan's extent in that depth, a
+//! hundredth ([`View::parallel`]).
 
 use glam::{DMat3, DVec2, DVec3, Vec3Swizzles};
 
@@ -11,8 +16,11 @@ const FOVY_MAX_RAD: f64 = 3.1;
 const NEAR_SHARE: f64 = 1e-4;
 /// Room left around a fitted box, as a factor on the distance.
 const FIT_MARGIN: f64 = 1.02;
+/// Distance of the pinhole of a parallel view, over the extents of scan and picture. With a longer
+/// one, depths in `f32` have fewer bits left for the scan.
+const PARALLEL_EXTENTS: f64 = 128.0;
 
-/// A pinhole camera and the size of its picture.
+/// A camera and the size of its picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// Position of the eye, world coordinates, the file's unit.
@@ -30,6 +38,9 @@ pub struct View {
     /// Width, pixels, of the margin on each side of the picture. Nodes are selected for the margin
     /// as for the rest; it is not shown.
     pub margin_px: u32,
+    /// Depth at which lengths have their size on the picture, if the projection is parallel; `None`
+    /// for a pinhole.
+    pub parallel_at: Option<f64>,
 }
 
 impl View {
@@ -56,6 +67,29 @@ impl View {
             height: height.max(1),
             near: (distance * NEAR_SHARE).max(f64::MIN_POSITIVE),
             margin_px: 0,
+            parallel_at: None,
+        }
+    }
+
+    /// The parallel view with the direction and the middle of this one, of a picture that is
+    /// `height` units high, of a scan in the box from `low` to `high`. Nothing behind the eye of
+    /// this view is drawn.
+    pub fn parallel(self, height: f64, low: DVec3, high: DVec3) -> Self {
+        let forward = self.forward();
+        let half = (high - low).abs() * 0.5;
+        let reach = half.dot(forward.abs());
+        // Depths of the scan's middle: from the eye, and from the pinhole.
+        let own = forward.dot(low.midpoint(high) - self.eye);
+        let width = height * f64::from(self.width) / f64::from(self.height);
+        let depth = (2.0 * reach).max(height).max(width) * PARALLEL_EXTENTS;
+        // The eye's depth from the pinhole.
+        let near = (depth - own).max(depth / PARALLEL_EXTENTS);
+        Self {
+            eye: self.eye + forward * (own - depth),
+            fovy_rad: 2.0 * (height * 0.5 / depth).atan(),
+            near,
+            parallel_at: Some(depth),
+            ..self
         }
     }
 
@@ -164,7 +198,7 @@ impl View {
         if depth.is_nan() || depth < self.near {
             return None;
         }
-        let scale = self.focal_px() / depth;
+        let scale = self.focal_px() / self.parallel_at.unwrap_or(depth);
         Some(DVec3::new(
             f64::from(self.width) * 0.5 + v.x * scale,
             f64::from(self.height) * 0.5 - v.y * scale,

@@ -149,8 +149,19 @@ fn pictures_equal_those_of_the_cpu_by_every_path() {
         Frame { evens_exposure: true, averages: false, ..scans.frame(&small, &scans_with) };
     assert!(FramePlan::new(&evened).evens_exposure() && !FramePlan::new(&surface).evens_exposure());
     let heights = ColourMap { low: 0.0, high: 2.0, gradient: Gradient::Viridis };
+    let flat = small.parallel(2.5, DVec3::splat(-2.0), DVec3::splat(2.0));
+    let parallel = Frame { view: &flat, ..surface };
     let mut frames = vec![
         ("surface", surface),
+        ("parallel surface", parallel),
+        ("parallel surface without normals", Frame { view: &flat, ..scene.frame(&wide, &without) }),
+        ("parallel crowd", Frame { view: &flat, ..crowded }),
+        ("parallel splats", Frame { method: Method::Ewa, ..parallel }),
+        ("parallel points", Frame { method: Method::Points, ..parallel }),
+        (
+            "parallel dots under an eye dome",
+            Frame { view: &flat, ..dots(PointSize::Adaptive, 0.6) },
+        ),
         ("crowded", crowded),
         ("crowded, one point a pixel", Frame { averages: false, ..crowded }),
         ("crowded without normals", crowd.frame(&small, &crowd_without)),

@@ -66,7 +66,7 @@ fn check(
         if !view.is_on_picture(exact) {
             continue;
         }
-        let v = camera.to_view(place.steps_from_eye(positions.offset(i).0) * camera.step);
+        let v = camera.to_view(place.steps_from_anchor(positions.offset(i).0) * camera.step);
         let scale = camera.focal_px / -v.z;
         let drawn = [camera.centre_px[0] + v.x * scale, camera.centre_px[1] - v.y * scale];
         let off = (f64::from(drawn[0]) - exact.x).hypot(f64::from(drawn[1]) - exact.y);

@@ -83,6 +83,10 @@ impl App {
     /// # Errors
     /// If the script cannot be read, or the thread cannot be started.
     pub fn new(args: Args, start: Instant) -> Result<Self> {
+        anyhow::ensure!(
+            args.camera.ortho.is_none(),
+            "the window has no parallel (orthographic) camera: esker render draws pictures with one"
+        );
         let wanted = Settings {
             method: args.method,
             colour_by: args.colour.clone(),

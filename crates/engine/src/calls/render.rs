@@ -89,8 +89,12 @@ pub struct CameraReport {
     pub forward: [f64; 3],
     /// Direction of the picture's upper side.
     pub up: [f64; 3],
-    /// Vertical field of view, degrees.
-    pub fovy: f64,
+    /// Vertical field of view, degrees; none if the projection is parallel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fovy: Option<f64>,
+    /// Height of the picture, the file's unit, if the projection is parallel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ortho: Option<f64>,
 }
 
 /// Times of the stages of a picture, milliseconds.
@@ -284,11 +288,15 @@ impl RenderReport {
 
 impl From<&View> for CameraReport {
     fn from(view: &View) -> Self {
+        let ortho = view.parallel_at.map(|depth| 2.0 * depth * view.tan_half().y);
+        // The pinhole of a parallel view is far behind its eye.
+        let eye = if ortho.is_some() { view.eye + view.forward() * view.near } else { view.eye };
         Self {
-            eye: view.eye.to_array(),
+            eye: eye.to_array(),
             forward: view.forward().to_array(),
             up: view.world_from_view.y_axis.to_array(),
-            fovy: view.fovy_rad.to_degrees(),
+            fovy: ortho.is_none().then_some(view.fovy_rad.to_degrees()),
+            ortho,
         }
     }
 }

@@ -18,6 +18,17 @@ pub struct Camera {
     pub direction: Option<DVec3>,
     /// Vertical field of view, degrees; 60 without one.
     pub fovy_deg: Option<f64>,
+    /// Height of the picture, if the projection is parallel.
+    pub ortho: Option<OrthoHeight>,
+}
+
+/// Height of the picture of a parallel (orthographic) camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum OrthoHeight {
+    /// In the file's unit.
+    Units(f64),
+    /// As high as shows all of the scan.
+    Fit,
 }
 
 impl FromStr for Camera {
@@ -31,11 +42,14 @@ impl FromStr for Camera {
 
 /// Least vertical field of view, degrees.
 const FOVY_MIN_DEG: f64 = 0.00573;
+/// Height of a fitted parallel view over that of the scan in it.
+const ORTHO_MARGIN: f64 = 1.02;
 /// Default of the vertical field of view, degrees.
 const FOVY_DEG: f64 = 60.0;
 
 impl Camera {
-    /// Parses `eye=x,y,z;target=x,y,z;up=x,y,z;direction=x,y,z;fovy=60`; every part may be missing.
+    /// Parses `eye=x,y,z;target=x,y,z;up=x,y,z;direction=x,y,z;fovy=60;ortho=HEIGHT`; every part may
+    /// be missing.
     ///
     /// # Errors
     /// If a part is unknown, has invalid numbers, occurs twice, or contradicts another one.
@@ -59,7 +73,10 @@ impl Camera {
                     check_fovy(degrees)?;
                     camera.fovy_deg = Some(degrees);
                 }
-                other => bail!("the camera has eye, target, up, direction and fovy, no `{other}`"),
+                "ortho" => camera.ortho = Some(ortho_height(value)?),
+                other => {
+                    bail!("the camera has eye, target, up, direction, fovy and ortho, no `{other}`")
+                }
             }
         }
         for (name, vector) in [("up", camera.up), ("direction", camera.direction)] {
@@ -71,6 +88,10 @@ impl Camera {
         );
         let given = [camera.eye, camera.target, camera.direction].map(|part| part.is_some());
         ensure!(given != [true; 3], "of the camera's eye, target and direction two are enough");
+        ensure!(
+            camera.ortho.is_none() || camera.fovy_deg.is_none(),
+            "a camera with ortho has no fovy: a parallel view has no angle"
+        );
         Ok(camera)
     }
 
@@ -92,6 +113,9 @@ impl Camera {
         let [low, high] = bounds.map(DVec3::from_array);
         let up = self.up.unwrap_or(DVec3::Z);
         let target = self.target.unwrap_or(low.midpoint(high));
+        if let Some(height) = self.ortho {
+            return self.parallel(height, target, [low, high], size);
+        }
         if let Some(eye) = self.eye {
             let target =
                 self.direction.map_or(target, |direction| eye + direction.normalize_or(direction));
@@ -108,6 +132,51 @@ impl Camera {
         let eye = target - direction.normalize_or(DVec3::NEG_Z) * distance;
         View::look_at(eye, target, up, fovy, size[0], size[1])
     }
+}
+
+impl Camera {
+    /// Parallel view of a scan, towards `target` unless the camera has an eye and a direction.
+    fn parallel(
+        &self,
+        height: OrthoHeight,
+        target: DVec3,
+        [low, high]: [DVec3; 2],
+        size: [u32; 2],
+    ) -> View {
+        let up = self.up.unwrap_or(DVec3::Z);
+        let towards = match self.eye {
+            Some(eye) => self.direction.unwrap_or(target - eye),
+            None => self.direction.unwrap_or_else(|| oblique(up)),
+        };
+        // Before all of the scan.
+        let radius = (high - low).length() * 0.5 + target.distance(low.midpoint(high));
+        let before = target - towards.normalize_or(DVec3::NEG_Z) * radius.max(f64::MIN_POSITIVE);
+        let eye = self.eye.unwrap_or(before);
+        let view = View::look_at(eye, eye + towards, up, 1.0, size[0], size[1]);
+        let height = match height {
+            OrthoHeight::Units(height) => height,
+            OrthoHeight::Fit => {
+                let half = (high - low) * 0.5;
+                let off = low.midpoint(high) - eye;
+                let [x, y] = [view.world_from_view.x_axis, view.world_from_view.y_axis]
+                    .map(|axis| axis.dot(off).abs() + half.dot(axis.abs()));
+                let fitted = (x * f64::from(size[1]) / f64::from(size[0])).max(y);
+                if fitted > 0.0 { fitted * 2.0 * ORTHO_MARGIN } else { 1.0 }
+            }
+        };
+        view.parallel(height, low, high)
+    }
+}
+
+/// Parses the height of the picture of a parallel camera.
+fn ortho_height(text: &str) -> Result<OrthoHeight> {
+    if text.trim().eq_ignore_ascii_case("fit") {
+        return Ok(OrthoHeight::Fit);
+    }
+    let height = text.trim().parse::<f64>().ok().filter(|h| h.is_normal() && *h > 0.0);
+    let height =
+        height.with_context(|| format!("ortho is `{text}`, no height above 0 and no `fit`"))?;
+    Ok(OrthoHeight::Units(height))
 }
 
 /// Checks a vertical field of view, degrees.
@@ -182,6 +251,32 @@ mod tests {
     }
 
     #[test]
+    fn a_parallel_camera_is_a_plan_of_the_scan() {
+        let bounds = [[1e6, 2e6, -3.0], [1e6 + 80.0, 2e6 + 50.0, 40.0]];
+        let size = [900, 600];
+        let camera = "eye=1000040,2000025,100;direction=0,0,-1;up=0,1,0;ortho=60";
+        let view = Camera::parse(camera).unwrap().view(bounds, size);
+        for (x, y, z) in [(1e6, 2e6, -3.0), (1e6 + 80.0, 2e6 + 10.0, 40.0), (1e6 + 3.0, 2e6, 9.0)] {
+            let seen = view.project(DVec3::new(x, y, z)).unwrap();
+            let want = [450.0 + (x - 1_000_040.0) * 10.0, 300.0 - (y - 2_000_025.0) * 10.0];
+            assert!((seen.x - want[0]).abs() < 1e-6 && (seen.y - want[1]).abs() < 1e-6, "{seen}");
+            assert!((seen.z - view.near - (100.0 - z)).abs() < 1e-6, "{seen}");
+        }
+        // What is behind the eye is not drawn.
+        assert!(view.project(DVec3::new(1e6, 2e6, 101.0)).is_none());
+        for text in
+            ["ortho=fit", "ortho=fit;direction=0,0,-1", "ortho=fit;up=1,0,0;target=1e6,2e6,0"]
+        {
+            let view = Camera::parse(text).unwrap().view(bounds, size);
+            for corner in 0..8 {
+                let p = [0, 1, 2].map(|axis| bounds[corner >> axis & 1][axis]);
+                let on = view.project(p.into()).is_some_and(|p| view.is_on_picture(p));
+                assert!(on, "{text}: {p:?} is off the picture");
+            }
+        }
+    }
+
+    #[test]
     fn invalid_cameras_are_refused() {
         for text in [
             "eye=1,2",
@@ -197,6 +292,11 @@ mod tests {
             "eye=1,2,3;target=1,2,3",
             "eye=1,2,3;eye=1,2,4",
             "eye=1,2,3;target=0,0,0;direction=1,0,0",
+            "ortho=0",
+            "ortho=-3",
+            "ortho=1e400",
+            "ortho=wide",
+            "ortho=5;fovy=40",
         ] {
             assert!(Camera::parse(text).is_err(), "{text}");
         }

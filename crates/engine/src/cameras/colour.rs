@@ -74,19 +74,23 @@ impl Colouring {
     }
 
     /// Fits the range of colours by depth to the depths of a box in a view, unless the request
-    /// names a range. Other colours stay as they are.
+    /// names a range. Other colours stay as they are. Depths of a parallel view count from its eye,
+    /// which is its near plane.
     pub(crate) fn seen(self, view: &View, bounds: [[f64; 3]; 2], requested: Option<&str>) -> Self {
         let ColourBy::EyeDepth(map) = self.by else { return self };
         let has_range = |text| ColourRequest::parse(text).is_ok_and(|r| r.has_range());
+        let from = view.parallel_at.map_or(0.0, |_| view.near);
         if requested.is_some_and(has_range) {
-            return self;
+            let map = ColourMap { low: map.low + from, high: map.high + from, ..map };
+            return Self { by: ColourBy::EyeDepth(map), ..self };
         }
         let corners = (0..8).map(|i| [0, 1, 2].map(|axis| bounds[i >> axis & 1][axis]));
         let depths = corners.map(|corner| view.depth(corner.into()).max(view.near));
         let (low, high) =
             depths.fold((f64::INFINITY, 0.0), |(a, b), d| (f64::min(a, d), f64::max(b, d)));
         let by = ColourBy::EyeDepth(ColourMap { low, high, ..map });
-        Self { by, legend: Legend { range: Some([low, high]), ..self.legend }, ..self }
+        let range = Some([low - from, high - from]);
+        Self { by, legend: Legend { range, ..self.legend }, ..self }
     }
 }
 

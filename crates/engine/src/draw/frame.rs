@@ -168,7 +168,9 @@ impl Appearance {
     /// camera, and the margin of pictures ([`esker_render::picture::margin`]). There is no margin
     /// if the whole file is in the picture, or the picture would be too large.
     pub fn drawn_view(&self, file: &Forest, view: &View) -> View {
-        let view = View { near: self.near, ..*view };
+        // A parallel view draws nothing behind its eye, which is its near plane.
+        let near = if view.parallel_at.is_some() { view.near } else { self.near };
+        let view = View { near, ..*view };
         let shown = view.with_margin(0);
         let wide = view.with_margin(MARGIN_PX);
         let takes = self.method == Method::PullPush

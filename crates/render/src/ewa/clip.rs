@@ -148,7 +148,8 @@ impl Clipping<'_> {
         let [right, up, back] = camera.view_from_world;
         let view = |v: Vec3| Vec3::new(right.dot(v), -up.dot(v), -back.dot(v));
         let way = Vec3::from_array(line.along.map(|a| a as f32));
-        [camera.steps_from_eye(line.from), way].map(|v| view(v * camera.step))
+        let line = [camera.steps_from_anchor(line.from), way].map(|v| view(v * camera.step));
+        camera.seen_line(line)
     }
 
     /// A line in homogeneous pixels; `None` if it is not finite or the eye lies on it. `seen` is

@@ -161,7 +161,7 @@ impl Placer<'_> {
         for start in points.clone().step_by(BLOCK) {
             (block.start, block.count) = (start, BLOCK.min(points.end - start));
             positions.offsets(start, &mut block.offsets);
-            block.subtract_eye(&place);
+            block.subtract_anchor(&place);
             let hot = node.position[start * HOT_POSITION_BYTES..].as_chunks().0;
             let codes = hot.iter().map(|hot: &[u8; HOT_POSITION_BYTES]| hot[RADIUS_AT]);
             for (k, code) in codes.take(block.count).enumerate() {
@@ -192,8 +192,10 @@ impl Placer<'_> {
         points: &EightPoints<'_>,
         run: &mut SplatRun,
     ) {
-        let from_eye = self.centres(simd, points);
-        let centre = self.in_view(from_eye);
+        let from_anchor = self.centres(simd, points);
+        let centre = self.camera.seen(self.in_view(from_anchor));
+        let ahead = self.camera.to_anchor().to_array();
+        let from_eye = [0, 1, 2].map(|axis| from_anchor[axis] + ahead[axis]);
         let mut radius = eight(simd, &points.block.radii, points.first);
         let reach = if SHAPES { radius * WIDEST } else { radius };
         let mut shows = bits(self.may_show(centre, reach));
@@ -235,7 +237,7 @@ impl Placer<'_> {
         self.store_by_rays::<_, NORMALS, CLIPS>(points, &discs, &ellipses, others, run);
     }
 
-    /// Centres of eight discs in the world, relative to the eye.
+    /// Centres of eight discs in the world, relative to the anchor.
     #[inline(always)]
     fn centres<S: Simd>(&self, simd: S, points: &EightPoints<'_>) -> [f32x8<S>; 3] {
         let step = self.camera.step;
@@ -541,9 +543,9 @@ impl PointBlock {
         [self.offsets[0][k], self.offsets[1][k], self.offsets[2][k]]
     }
 
-    /// Computes the positions relative to the eye.
+    /// Computes the positions relative to the anchor.
     #[inline(always)]
-    fn subtract_eye(&mut self, place: &NodePlace) {
+    fn subtract_anchor(&mut self, place: &NodePlace) {
         for (axis, (steps, offsets)) in self.steps.iter_mut().zip(&self.offsets).enumerate() {
             for (step, &offset) in steps.iter_mut().zip(offsets) {
                 *step = place.axis_steps(axis, offset);

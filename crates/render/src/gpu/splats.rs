@@ -108,7 +108,7 @@ impl GpuSplats {
         origin: DVec3,
     ) -> Result<SplatBuffer, GpuError> {
         let frame = &Frame { method: Method::Ewa, cull_back_faces: false, ..*frame };
-        let view = View { eye: origin, ..*frame.view };
+        let view = View { eye: origin, parallel_at: None, ..*frame.view };
         let camera = Camera::new(&view, frame.lattice);
         let plan = FramePlan::new(frame);
         match &camera {

@@ -1,7 +1,8 @@
 //! The camera on the lattice: the numbers of a frame and of a node from which positions of points
-//! relative to the eye are computed. The lattice cell of the camera is subtracted in integers and
-//! only the difference becomes `f32`. Its rounding is relative to the distance from the eye, so far
-//! coordinates do not jitter.
+//! relative to its anchor are computed. The lattice cell of the anchor is subtracted in integers and
+//! only the difference becomes `f32`. Its rounding is relative to the distance from the anchor, so
+//! far coordinates do not jitter. The anchor is the eye, or where the view is parallel the point
+//! ahead of the eye at the depth of the scan.
 //!
 //! A difference may need more than 32 bits, and a GPU has no wider integers. It is kept as `high *
 //! 2^16 + low`, two integers that are exact in `f32`, so that their sum rounds once.
@@ -31,13 +32,16 @@ pub fn is_drawable(width: u32, height: u32) -> bool {
 /// Camera of a frame in `f32`.
 #[derive(Clone, Debug)]
 pub struct Camera {
-    eye_steps: [f64; 3],
-    /// The eye on the lattice, rounded down: the part above 2^16,
-    pub eye_high: [i32; 3],
+    anchor_steps: [f64; 3],
+    /// Depth of the anchor: 0 for a pinhole; where the view is parallel, the depth at which lengths
+    /// have their size on the picture.
+    pub anchor_depth: f32,
+    /// The anchor on the lattice, rounded down: the part above 2^16,
+    pub anchor_high: [i32; 3],
     /// and the part below.
-    pub eye_low: [i32; 3],
-    /// Rest of the eye after rounding down, steps.
-    pub eye_rest: Vec3,
+    pub anchor_low: [i32; 3],
+    /// Rest of the anchor after rounding down, steps.
+    pub anchor_rest: Vec3,
     /// Length of a lattice step along each axis, in the unit of the file.
     pub step: Vec3,
     /// Rows (right, up, back) of the rotation from world axes to view axes.
@@ -71,13 +75,19 @@ impl Camera {
         usable(view.focal_px() > 0.0 && view.focal_px().is_finite(), "field of view")?;
         usable(view.near > 0.0 && view.near.is_finite(), "near plane")?;
         let rows = view.view_from_world().transpose();
-        let eye_steps = [0, 1, 2].map(|i| lattice.steps_axis(i, view.eye[i]));
-        let whole = eye_steps.map(|e| e.clamp(-STEPS_FAR, STEPS_FAR).floor());
+        let depth = view.parallel_at.unwrap_or(0.0);
+        usable(depth >= 0.0 && depth.is_finite(), "depth of a parallel view")?;
+        let anchor = view.eye + view.forward() * depth;
+        let anchor_steps = [0, 1, 2].map(|i| lattice.steps_axis(i, anchor[i]));
+        let whole = anchor_steps.map(|e| e.clamp(-STEPS_FAR, STEPS_FAR).floor());
         Ok(Self {
-            eye_steps,
-            eye_high: whole.map(|w| (w as i64 >> 16) as i32),
-            eye_low: whole.map(|w| (w as i64 & 0xffff) as i32),
-            eye_rest: [0, 1, 2].map(|i| (eye_steps[i] - whole[i]).clamp(0.0, 1.0) as f32).into(),
+            anchor_steps,
+            anchor_depth: depth as f32,
+            anchor_high: whole.map(|w| (w as i64 >> 16) as i32),
+            anchor_low: whole.map(|w| (w as i64 & 0xffff) as i32),
+            anchor_rest: [0, 1, 2]
+                .map(|i| (anchor_steps[i] - whole[i]).clamp(0.0, 1.0) as f32)
+                .into(),
             step: Vec3::from_array(lattice.scale.map(|s| s as f32)),
             view_from_world: [rows.x_axis, rows.y_axis, rows.z_axis].map(|r| r.as_vec3()),
             focal_px: view.focal_px() as f32,
@@ -106,6 +116,50 @@ impl Camera {
         Vec3::new(right.dot(v), up.dot(v), back.dot(v))
     }
 
+    /// Whether the view is parallel.
+    pub fn is_parallel(&self) -> bool {
+        self.anchor_depth > 0.0
+    }
+
+    /// From the eye to the anchor, along the world's axes.
+    #[inline(always)]
+    pub fn to_anchor(&self) -> Vec3 {
+        self.view_from_world[2] * -self.anchor_depth
+    }
+
+    /// Pixels that a unit of length to the right or up takes at a depth are [`Camera::focal_px`]
+    /// over the sum of the depth times the first number and the second one.
+    #[inline(always)]
+    pub fn divisor(&self) -> [f32; 2] {
+        if self.is_parallel() { [0.0, self.anchor_depth] } else { [1.0, 0.0] }
+    }
+
+    /// Position that a pinhole shows at the place of a point: right, down and away from the eye.
+    /// `place` is the point relative to the anchor. A parallel view is that of a pinhole of such
+    /// positions.
+    #[inline(always)]
+    pub fn seen<V: Values>(&self, [x, y, ahead]: [V; 3]) -> [V; 3] {
+        if !self.is_parallel() {
+            return [x, y, ahead];
+        }
+        let depth = ahead + self.anchor_depth;
+        let squeeze = depth * (1.0 / self.anchor_depth);
+        [x * squeeze, y * squeeze, depth]
+    }
+
+    /// [`Camera::seen`] for a line, from one of its points and its direction.
+    #[inline]
+    pub fn seen_line(&self, [from, way]: [Vec3; 2]) -> [Vec3; 2] {
+        if !self.is_parallel() {
+            return [from, way];
+        }
+        let per_depth = 1.0 / self.anchor_depth;
+        let depth = from.z + self.anchor_depth;
+        let squeezed = |v: Vec3| v.truncate() * (depth * per_depth);
+        let turned = squeezed(way) + from.truncate() * (way.z * per_depth);
+        [squeezed(from).extend(depth), turned.extend(way.z)]
+    }
+
     /// Directions to the eye from the centres of eight pixels, of which (`x`, `y`) is the first:
     /// right, up and back, of unit length.
     #[inline(always)]
@@ -120,14 +174,14 @@ impl Camera {
         [left * per_length, per_length * down, per_length * self.focal_px]
     }
 
-    /// Position of a lattice point relative to the eye, steps. It does not depend on a node, so
+    /// Position of a lattice point relative to the anchor, steps. It does not depend on a node, so
     /// nodes that share a point get the same bits.
     #[inline(always)]
-    pub fn steps_from_eye(&self, at: [u32; 3]) -> Vec3 {
+    pub fn steps_from_anchor(&self, at: [u32; 3]) -> Vec3 {
         let axis = |i: usize| {
-            let high = ((at[i] >> 16) as i32).wrapping_sub(self.eye_high[i]);
-            let low = (at[i] & 0xffff) as i32 - self.eye_low[i];
-            high as f32 * 65_536.0 + low as f32 - self.eye_rest[i]
+            let high = ((at[i] >> 16) as i32).wrapping_sub(self.anchor_high[i]);
+            let low = (at[i] & 0xffff) as i32 - self.anchor_low[i];
+            high as f32 * 65_536.0 + low as f32 - self.anchor_rest[i]
         };
         Vec3::new(axis(0), axis(1), axis(2))
     }
@@ -140,7 +194,7 @@ impl Camera {
         let mut place =
             NodePlace { shift, base_high: [0; 3], base_low: [0; 3], bias_steps: Vec3::ZERO };
         for axis in 0..3 {
-            let difference = f64::from(node.box_min[axis]) - self.eye_steps[axis];
+            let difference = f64::from(node.box_min[axis]) - self.anchor_steps[axis];
             let whole = difference.clamp(-STEPS_FAR, STEPS_FAR).floor();
             let whole = if whole.is_finite() { whole } else { STEPS_FAR };
             let fraction = (difference - whole).clamp(0.0, 1.0);
@@ -152,12 +206,12 @@ impl Camera {
     }
 }
 
-/// Position of a node relative to the eye, from which those of its points are computed.
+/// Position of a node relative to the anchor, from which those of its points are computed.
 #[derive(Clone, Copy, Debug)]
 pub struct NodePlace {
     /// Number of bits that hot positions drop.
     pub shift: u8,
-    /// `box_min` minus the eye, steps, rounded down: the part above 2^16,
+    /// `box_min` minus the anchor, steps, rounded down: the part above 2^16,
     pub base_high: [i32; 3],
     /// and the part below.
     pub base_low: [i32; 3],
@@ -166,7 +220,7 @@ pub struct NodePlace {
 }
 
 impl NodePlace {
-    /// Whole steps from the eye to the box, if the node is so near that high and low part fit one
+    /// Whole steps from the anchor to the box, if the node is so near that high and low part fit one
     /// integer: the sum with an offset then rounds to the same `f32`.
     pub fn near(&self) -> Option<[i32; 3]> {
         /// Keeps the sum below 2^31 for the greatest hot position.
@@ -175,7 +229,7 @@ impl NodePlace {
         is_near.then(|| [0, 1, 2].map(|i| (self.base_high[i] << 16) + self.base_low[i]))
     }
 
-    /// Position of a point relative to the eye along an axis, steps, from its offset in the box of
+    /// Position of a point relative to the anchor along an axis, steps, from its offset in the box of
     /// the node.
     #[inline(always)]
     pub fn axis_steps(&self, axis: usize, offset: u32) -> f32 {
@@ -184,9 +238,9 @@ impl NodePlace {
         high as f32 * 65_536.0 + low as f32 + self.bias_steps[axis]
     }
 
-    /// Position of a point relative to the eye, steps, from its offset in the box of the node.
+    /// Position of a point relative to the anchor, steps, from its offset in the box of the node.
     #[inline(always)]
-    pub fn steps_from_eye(&self, offset: [u32; 3]) -> Vec3 {
+    pub fn steps_from_anchor(&self, offset: [u32; 3]) -> Vec3 {
         Vec3::from_array([0, 1, 2].map(|i| self.axis_steps(i, offset[i])))
     }
 }

@@ -120,7 +120,7 @@ impl SplatMaker<'_> {
         }
         let (positions, place) = self.lookup.places(draw);
         let (offset, code) = positions.offset(index);
-        let centre = place.steps_from_eye(offset) * camera.step;
+        let centre = place.steps_from_anchor(offset) * camera.step;
         if !centre.is_finite() {
             return None;
         }

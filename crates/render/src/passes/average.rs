@@ -95,7 +95,7 @@ impl Averages {
                     continue;
                 }
                 let (i, offset) = (start + k, offsets.map(|axis| axis[k]));
-                let from_eye = place.steps_from_eye(offset) * camera.step;
+                let from_eye = place.steps_from_anchor(offset) * camera.step + camera.to_anchor();
                 // Zero if the point has no normal.
                 let mut normal = planes.normal.map_or(Vec3::ZERO, |plane| normal_at(plane, i));
                 let looks_away = normal.dot(from_eye) > 0.0;
@@ -213,6 +213,7 @@ impl PixelPositions {
     fn new(camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) -> Self {
         let [right, up, back] = camera.view_from_world;
         let step = camera.step;
+        let [per_depth, always] = camera.divisor();
         let [cx, cy] = camera.centre_px;
         let [width, height] = camera.size.map(|s| s as f32);
         let row = camera.size[0];
@@ -224,10 +225,10 @@ impl PixelPositions {
             let x = place.axis_steps(0, offsets[0][k]) * step.x;
             let y = place.axis_steps(1, offsets[1][k]) * step.y;
             let z = place.axis_steps(2, offsets[2][k]) * step.z;
-            let depth = -(back.x * x + back.y * y + back.z * z);
-            let scale = camera.focal_px / depth;
-            let at_x = cx + (right.x * x + right.y * y + right.z * z) * scale;
-            let at_y = cy - (up.x * x + up.y * y + up.z * z) * scale;
+            let depth = camera.anchor_depth - (back.x * x + back.y * y + back.z * z);
+            let across = camera.focal_px / (depth * per_depth + always);
+            let at_x = cx + (right.x * x + right.y * y + right.z * z) * across;
+            let at_y = cy - (up.x * x + up.y * y + up.z * z) * across;
             let is_inside = (at_x >= 0.0) & (at_x < width) & (at_y >= 0.0) & (at_y < height);
             let is_inside = is_inside & (depth >= camera.near) & (depth < f32::INFINITY);
             let [column, line] = [at_x as i32 as u32, at_y as i32 as u32];
@@ -235,7 +236,7 @@ impl PixelPositions {
             *pixel = if is_inside { at } else { u32::MAX };
             *dx = at_x - column as f32 - 0.5;
             *dy = at_y - line as f32 - 0.5;
-            *scale_there = scale;
+            *scale_there = camera.focal_px / depth;
         }
         at
     }

@@ -234,11 +234,12 @@ impl Hits {
             let [right, up, _] = camera.view_from_world;
             let step = camera.step.to_array();
             let [x, y, z] = &self.steps;
-            let from_eye = [four(x) * step[0], four(y) * step[1], four(z) * step[2]];
-            let per_depth = focal_px / depth;
+            let from_anchor = [four(x) * step[0], four(y) * step[1], four(z) * step[2]];
+            let [per_depth, always] = camera.divisor();
+            let scale = focal_px / (depth * per_depth + always);
             let place = [
-                dot(right, from_eye) * per_depth + camera.centre_px[0],
-                -dot(up, from_eye) * per_depth + camera.centre_px[1],
+                dot(right, from_anchor) * scale + camera.centre_px[0],
+                -dot(up, from_anchor) * scale + camera.centre_px[1],
             ];
             // From the point to the centre of its pixel: at most half a pixel, however the position
             // was rounded.
@@ -263,6 +264,8 @@ impl Hits {
             if PLANE == NORMALS {
                 let frame = pass.lookup.frame;
                 let fronts = [frame.cull_back_faces, frame.has_fronts];
+                let ahead = camera.to_anchor().to_array();
+                let from_eye = [0, 1, 2].map(|axis| from_anchor[axis] + ahead[axis]);
                 let (turned, has_normal, looks_away) =
                     normals_to_eye(camera, normals, from_eye, fronts);
                 out.depth += only(looks_away, radius * BACK_DEPTH);

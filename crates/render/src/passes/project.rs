@@ -122,7 +122,7 @@ struct ProjectedPoints {
 const OUTSIDE: u32 = 1 << 31;
 
 impl ProjectedPoints {
-    /// Projects a block of points. `steps` gives the distance from the eye in steps, from an axis
+    /// Projects a block of points. `steps` gives the distance from the anchor in steps, from an axis
     /// and the offset along it. Straight arithmetic over arrays, which the compiler vectorises.
     #[inline(always)]
     fn project(
@@ -132,7 +132,8 @@ impl ProjectedPoints {
         steps: impl Fn(usize, u32) -> f32,
     ) {
         let [right, up, back] = camera.view_from_world;
-        let step = camera.step;
+        let (step, ahead) = (camera.step, camera.to_anchor());
+        let [per_depth, always] = camera.divisor();
         let [cx, cy] = camera.centre_px;
         let [width, height] = camera.size.map(|s| s as f32);
         let row = camera.size[0];
@@ -141,9 +142,10 @@ impl ProjectedPoints {
             let x = steps(0, offsets[0][k]) * step.x;
             let y = steps(1, offsets[1][k]) * step.y;
             let z = steps(2, offsets[2][k]) * step.z;
-            (from_eye[0][k], from_eye[1][k], from_eye[2][k]) = (x, y, z);
-            *depth = -(back.x * x + back.y * y + back.z * z);
-            let scale = camera.focal_px / *depth;
+            (from_eye[0][k], from_eye[1][k], from_eye[2][k]) =
+                (x + ahead.x, y + ahead.y, z + ahead.z);
+            *depth = camera.anchor_depth - (back.x * x + back.y * y + back.z * z);
+            let scale = camera.focal_px / (*depth * per_depth + always);
             let at_x = cx + (right.x * x + right.y * y + right.z * z) * scale;
             let at_y = cy - (up.x * x + up.y * y + up.z * z) * scale;
             // NaN compares as outside.

@@ -77,7 +77,7 @@ pub(crate) fn reuse(
             let moved = Moved {
                 eye: before.eye.extend(before.focal_px).to_array(),
                 right: before.right.extend(before.near).to_array(),
-                up: before.up.extend(0.0).to_array(),
+                up: before.up.extend(before.parallel_at).to_array(),
                 forward: before.forward.extend(0.0).to_array(),
                 width: before.width as u32,
                 height: before.height as u32,

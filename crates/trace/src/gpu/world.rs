@@ -212,7 +212,7 @@ impl World {
         let mut world = Self {
             eye: camera.eye.extend(camera.focal_px).to_array(),
             right: camera.right.extend(camera.near).to_array(),
-            up: camera.up.extend(0.0).to_array(),
+            up: camera.up.extend(camera.parallel_at).to_array(),
             forward: camera.forward.extend(0.0).to_array(),
             width: camera.width as u32,
             height: camera.height as u32,

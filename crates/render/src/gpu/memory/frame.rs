@@ -29,6 +29,10 @@ pub struct FrameUniform {
     eye_dome: f32,
     has_fronts: u32,
     unused: u32,
+    anchor_depth: f32,
+    unused_a: u32,
+    unused_b: u32,
+    unused_c: u32,
 }
 
 impl FrameUniform {
@@ -58,6 +62,10 @@ impl FrameUniform {
             eye_dome: frame.dots.eye_dome,
             has_fronts: u32::from(frame.has_fronts),
             unused: 0,
+            anchor_depth: camera.anchor_depth,
+            unused_a: 0,
+            unused_b: 0,
+            unused_c: 0,
         }
     }
 }
@@ -91,6 +99,10 @@ mod layout {
         point_radius,
         eye_dome,
         has_fronts,
-        unused
+        unused,
+        anchor_depth,
+        unused_a,
+        unused_b,
+        unused_c
     });
 }

@@ -137,11 +137,11 @@ pub(crate) struct Batch {
     is_first: u32,
     tiles: [u32; 2],
     unused: [u32; 2],
-    eye_high: [i32; 3],
+    anchor_high: [i32; 3],
     unused_a: u32,
-    eye_low: [i32; 3],
+    anchor_low: [i32; 3],
     unused_b: u32,
-    eye_rest: [f32; 3],
+    anchor_rest: [f32; 3],
     unused_c: u32,
     grain: [u32; 3],
     unused_d: u32,
@@ -157,9 +157,9 @@ same_layout!(Batch {
     entries,
     is_first,
     tiles,
-    eye_high,
-    eye_low,
-    eye_rest,
+    anchor_high,
+    anchor_low,
+    anchor_rest,
     grain
 });
 
@@ -340,9 +340,9 @@ impl GpuEwa {
                 entries: memory.capacity.entries,
                 is_first: u32::from(number == 0),
                 tiles: tiles(memory.size),
-                eye_high: target.camera.eye_high,
-                eye_low: target.camera.eye_low,
-                eye_rest: target.camera.eye_rest.to_array(),
+                anchor_high: target.camera.anchor_high,
+                anchor_low: target.camera.anchor_low,
+                anchor_rest: target.camera.anchor_rest.to_array(),
                 grain: target.grain.0.map(u32::from),
                 ..Batch::zeroed()
             };
