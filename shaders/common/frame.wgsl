@@ -32,5 +32,6 @@ struct Frame {
     eye_dome: f32,
     // 1 if normals tell the front of a surface from its back.
     has_fronts: u32,
-    unused: u32,
+    // How far the view is crowded, 0 to 1.
+    crowding: f32,
 }

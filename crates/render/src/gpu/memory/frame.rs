@@ -4,6 +4,7 @@
 use crate::frame::{Background, Frame};
 use crate::gpu::device::shader::same_values;
 use crate::inputs::camera::Camera;
+use crate::plan::FramePlan;
 use bytemuck::{Pod, Zeroable};
 
 same_values!(common_infinite == crate { INFINITE_BITS = f32::INFINITY.to_bits() });
@@ -28,11 +29,11 @@ pub struct FrameUniform {
     point_radius: f32,
     eye_dome: f32,
     has_fronts: u32,
-    unused: u32,
+    crowding: f32,
 }
 
 impl FrameUniform {
-    /// Values of a frame and its camera.
+    /// Values of a frame and its camera, for a view that is not crowded.
     pub fn new<P>(frame: &Frame<'_, P>, camera: &Camera) -> Self {
         let [right, up, back] = camera.view_from_world.map(|r| r.to_array());
         let [top, bottom] = match frame.background {
@@ -57,12 +58,17 @@ impl FrameUniform {
             point_radius: frame.dots.size.radius_max(),
             eye_dome: frame.dots.eye_dome,
             has_fronts: u32::from(frame.has_fronts),
-            unused: 0,
+            crowding: 0.0,
         }
     }
 }
 
 impl FrameUniform {
+    /// Values for a view that is crowded as far as `plan` says.
+    pub fn crowded(self, plan: &FramePlan) -> Self {
+        Self { crowding: plan.crowding(), ..self }
+    }
+
     /// Values with another number of pixels.
     pub(crate) fn with_size(self, [width, height]: [u32; 2]) -> Self {
         Self { width, height, ..self }
@@ -91,6 +97,6 @@ mod layout {
         point_radius,
         eye_dome,
         has_fronts,
-        unused
+        crowding
     });
 }
