@@ -264,7 +264,8 @@ fn the_step_does_not_change_the_passes() {
         })
     };
     let (coarse, fine) = (plans(1), plans(10));
-    assert!(coarse.iter().any(|plan| plan.averages()) && !coarse.iter().all(|p| p.averages()));
+    let crowding = coarse.map(|plan| plan.crowding);
+    assert!(crowding.iter().any(|&c| c > 0 && c < 255), "{crowding:?}");
     for (a, b) in coarse.into_iter().zip(fine) {
         assert_eq!((a.passes, a.smooths), (b.passes, b.smooths));
         assert!(a.crowding.abs_diff(b.crowding) <= 16, "{} and {}", a.crowding, b.crowding);
@@ -292,8 +293,8 @@ fn passes_come_and_go_without_a_jump() {
         esker_builder::build_sources(vec![scan.boxed()], &out, &options, &Silent).unwrap();
         changes.push(changes_of_passes(&Forest::open(&out).unwrap()));
     }
-    // They begin to crowd, crowd everywhere, and with normals are dense everywhere.
-    assert!(changes[0] >= 2 && changes[1] >= 3, "{changes:?}");
+    // They crowd everywhere, and with normals they are dense everywhere.
+    assert!(changes[0] >= 1 && changes[1] >= 2, "{changes:?}");
 }
 
 /// Finds where the passes of a view that moves back change, and compares the pictures on both sides.
