@@ -3,6 +3,7 @@
 // replaced by its attributes, so that no further memory is needed. Twin:
 // crates/render/src/passes/gather.rs, which explains the constants.
 
+// include common/crowding.wgsl
 // include common/frame.wgsl
 // include common/draws.wgsl
 // include common/place.wgsl
@@ -81,10 +82,11 @@ fn gather(pixel: u32, depth_bits: u32) {
     let offset = offset_of(geometry, draws[draw].shift);
     let p = draws[draw].box_min + offset;
 
-    let code = radius_code_of(geometry.xy);
-    let stored = lookup.radius_factors[code / 4u][code % 4u];
+    let size = radius_code_of(geometry.xy);
+    let stored = lookup.radius_factors[size / 4u][size % 4u];
     let factor = select(RADIUS_FACTOR_BARE, RADIUS_FACTOR_NORMALS, NORMALS);
-    let radius = radius_within(spacing_of(draw, p) * factor * stored);
+    let spacing = spacing_of(draw, p);
+    let radius = radius_within(spacing * factor * stored);
     let depth = bitcast<f32>(depth_bits);
     let margin = select(RADIUS_MARGIN_PX_BARE, RADIUS_MARGIN_PX_NORMALS, NORMALS);
     // From the point's place to the pixel's centre, clamped to the pixel against rounding.
@@ -125,7 +127,9 @@ fn gather(pixel: u32, depth_bits: u32) {
     let colour = colour_of(paint, height, depth_bits);
     let interval = bitcast<vec2<u32>>(vec2<f32>(own_depth, own_depth + reach));
     front[pixel] = vec4<u32>(interval, bitcast<vec2<u32>>(displaced));
-    tint[pixel] = bitcast<vec4<u32>>(vec4<f32>(colour, radius_px));
+    let code = crowding_code_at(spacing * draws[draw].flatness * frame.focal_px / depth);
+    let coded = radius_with_crowding(radius_px, code);
+    tint[pixel] = bitcast<vec4<u32>>(vec4<f32>(colour, coded));
     depths[pixel] = own_depth;
 }
 

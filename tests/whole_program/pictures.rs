@@ -25,6 +25,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials
         .push(trial("pictures: exposures that cannot be compensated are reported", nothing_evened));
     trials.push(trial("pictures: errors name the scan, not the temporary file", scans_are_named));
+    trials.push(trial("pictures: sources are named in the legend", sources_are_in_the_legend));
 }
 
 /// Draws `input` and returns the outcome.
@@ -219,6 +220,24 @@ fn nothing_evened() {
         assert!(last.starts_with("note: exposure compensation: ") && last.contains(note), "{last}");
         let report = render(&scan, &out, &["--json", "--even-exposure", "--colour", "rgb"]).json();
         assert_eq!(report["notes"].as_array().unwrap().len(), usize::from(scans == 1), "{report}");
+    }
+}
+
+fn sources_are_in_the_legend() {
+    let folder = Folder::new();
+    let out = folder.file("p.png");
+    for sources in [[3, 7, 5], [1, 300, 40_000]] {
+        let rows: String =
+            (0..300).map(|i| format!("{},{},0,{}\n", i % 20, i / 20, sources[i % 3])).collect();
+        let scan = folder.write("scan.csv", &("x,y,z,point_source_id\n".to_owned() + &rows));
+        let report = render(&scan, &out, &["--json", "--colour", "source"]).json();
+        let entries = report["colour"]["entries"].as_array().unwrap();
+        let mut values: Vec<_> = entries.iter().map(|e| e["value"].as_i64().unwrap()).collect();
+        values.sort_unstable();
+        let mut wanted = sources.map(i64::from);
+        wanted.sort_unstable();
+        assert_eq!(values, wanted, "{report}");
+        assert!(report["colour"]["note"].is_null(), "{report}");
     }
 }
 

@@ -1,7 +1,7 @@
 //! Draws each omission's two pictures in turns, on the CPU and on the GPU.
 
 use crate::leave_out::omissions::{Omission, omissions};
-use crate::leave_out::report::{FrameCost, LeaveOutReport, LeaveOutRow};
+use crate::leave_out::report::{FrameCost, LeaveOutReport, LeaveOutRow, Saving};
 use crate::quantile::median_ms;
 use crate::render::scene::ResidentScene;
 use anyhow::Result;
@@ -117,5 +117,7 @@ fn measure_omission(
         height: without.size[1],
         with: frame_cost(0),
         without: frame_cost(1),
+        cpu_saving: Saving::of(&times[0].cpu, &times[1].cpu),
+        gpu_saving: Saving::of(&times[0].gpu, &times[1].gpu),
     })
 }

@@ -1,6 +1,8 @@
 //! The report of the benchmark of leaving out, and its table for people.
 
+use crate::quantile::quantile;
 use esker_engine::io::quantity::readable_bytes;
+use esker_render::PassTimes;
 use serde::Serialize;
 
 /// Rows of all files and omissions.
@@ -35,6 +37,43 @@ pub(super) struct LeaveOutRow {
     pub with: FrameCost,
     /// Cost of a frame without it.
     pub without: FrameCost,
+    /// Time on the CPU that is saved.
+    pub cpu_saving: Option<Saving>,
+    /// Time on the GPU that is saved.
+    pub gpu_saving: Option<Saving>,
+}
+
+/// Time that is saved, as a share of the time with the thing: quartiles over pairs of frames that
+/// were drawn one after the other.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Saving {
+    pub lower_quartile: f64,
+    pub median: f64,
+    pub upper_quartile: f64,
+    /// Whether the quartiles have different signs, so that nothing was measured but noise.
+    pub is_noise: bool,
+}
+
+impl Saving {
+    /// Savings of the frames `without` over those `with`, in the order of drawing.
+    pub fn of(with: &[PassTimes], without: &[PassTimes]) -> Option<Self> {
+        let pairs = with.iter().zip(without);
+        let saved: Vec<f64> = pairs.map(|(a, b)| 1.0 - b.total_ms / a.total_ms).collect();
+        if saved.is_empty() {
+            return None;
+        }
+        let [lower_quartile, median, upper_quartile] =
+            [0.25, 0.5, 0.75].map(|share| quantile(&saved, share));
+        let is_noise = lower_quartile <= 0.0 && upper_quartile >= 0.0;
+        Some(Self { lower_quartile, median, upper_quartile, is_noise })
+    }
+
+    fn text(&self) -> String {
+        let Self { lower_quartile, median, upper_quartile, is_noise } = *self;
+        let [low, middle, high] = [lower_quartile, median, upper_quartile].map(|s| s * 100.0);
+        let noise = if is_noise { ", below noise" } else { "" };
+        format!(" saves {middle:.0} % ({low:.0} to {high:.0}{noise})")
+    }
 }
 
 /// Cost of a frame.
@@ -79,13 +118,16 @@ fn line(row: &LeaveOutRow, report: &LeaveOutReport) -> String {
         (Some(with), Some(without)) => format!("{with:>8.2} {without:>8.2} ms"),
         _ => String::new(),
     };
+    let saving = |saving: Option<Saving>| saving.map_or(String::new(), |s| s.text());
     format!(
-        "  {name:<50} read {}  resident {}  cpu {}{}{}",
+        "  {name:<50} read {}  resident {}  cpu {}{}{}{}{}",
         bytes(with.bytes_read, without.bytes_read),
         bytes(with.bytes_resident, without.bytes_resident),
         ms(with.cpu_ms, without.cpu_ms),
+        saving(row.cpu_saving),
         if with.gpu_ms.is_none() { "" } else { "  gpu " },
         ms(with.gpu_ms, without.gpu_ms),
+        saving(row.gpu_saving),
     )
 }
 
@@ -96,5 +138,24 @@ fn name_of(row: &LeaveOutRow, report: &LeaveOutReport) -> String {
         left_out.into()
     } else {
         format!("{left_out} ({width}x{height})")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn savings_whose_quartiles_differ_in_sign_are_noise() {
+        let frames = |times: &[f64]| -> Vec<PassTimes> {
+            times.iter().map(|&total_ms| PassTimes { total_ms, ..PassTimes::default() }).collect()
+        };
+        let with = frames(&[10.0, 10.0, 20.0, 10.0]);
+        let half = Saving::of(&with, &frames(&[5.0, 4.0, 10.0, 6.0])).unwrap();
+        assert_eq!((half.lower_quartile, half.median, half.upper_quartile), (0.4, 0.5, 0.5));
+        assert!(!half.is_noise && half.text() == " saves 50 % (40 to 50)");
+        let same = Saving::of(&with, &frames(&[9.0, 11.0, 21.0, 9.0])).unwrap();
+        assert!(same.is_noise && same.text().ends_with("below noise)"), "{same:?}");
+        assert!(Saving::of(&[], &[]).is_none());
     }
 }

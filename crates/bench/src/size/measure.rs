@@ -9,10 +9,11 @@ use esker_engine::draw::frame::draw_node;
 use esker_engine::draw::scene::{PictureRequest, PictureScene, open};
 use esker_engine::machine::pool;
 use esker_format::{Forest, PlaneKind, Planes};
-use esker_lod::{CompactOctree, OrientedBox};
-use esker_points::Task;
+use esker_lod::CompactOctree;
 use esker_points::palette::{Histogram, Palette};
+use esker_points::{Task, quant};
 use esker_render::{Picture, Renderer};
+use glam::DVec3;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -179,10 +180,11 @@ struct Packed {
 struct Loss {
     points: u64,
     bytes: u64,
-    /// Sum of the squared steps of positions, pixels.
-    step_px_squares: f64,
-    /// Greatest step of positions, pixels.
-    step_px_most: f64,
+    /// Number of points on the picture whose positions were packed.
+    seen: u64,
+    /// Sum and greatest of their squared errors on the picture, pixels.
+    place_px_squares: f64,
+    place_px_squares_most: f64,
     /// Sum of squared differences of colour channels.
     colour_squares: f64,
     /// Sum of squared angles between normals, radians.
@@ -209,19 +211,30 @@ impl Packed {
             of(PlaneKind::Normal),
         );
         let record = file.record(node);
-        let step = packing.positions.round_trip(&mut position, record.points());
+        packing.positions.round_trip(&mut position, record.points());
         let mut loss = Loss { points: prefix as u64, ..Loss::default() };
         // Residuals refine only the steps of the file's own positions.
         let is_full = packing.positions == Positions::Full;
         let residual = of(PlaneKind::Residual).filter(|_| is_full);
         if !is_full {
-            let scale = file.lattice().scale.into_iter().fold(0.0, f64::max);
-            let contour = OrientedBox::of_contour(record, file.lattice());
-            let distance = contour.distance(scene.view.eye);
-            let px = scene.view.focal_px() / distance.max(scene.view.near);
-            let step_px = f64::from(step) * f64::from(1u32 << record.hot_shift) * scale * px;
-            loss.step_px_squares = step_px * step_px * prefix as f64;
-            loss.step_px_most = step_px;
+            let place = |hot: &[u8; 8]| {
+                let q = [0, 2, 4].map(|i| u16::from_le_bytes([hot[i], hot[i + 1]]));
+                let at =
+                    [0, 1, 2].map(|i| quant::exact(q[i], 0, record.box_min[i], record.hot_shift));
+                scene.view.project(DVec3::from_array(file.lattice().world(at)))
+            };
+            let own = planes.get(PlaneKind::Position).unwrap_or_default().as_chunks().0;
+            for (own, packed) in own.iter().zip(position.as_chunks().0).take(prefix) {
+                let Some(own) = place(own).filter(|&p| scene.view.is_on_picture(p)) else {
+                    continue;
+                };
+                loss.seen += 1;
+                if let Some(packed) = place(packed) {
+                    let squares = (packed - own).truncate().length_squared();
+                    loss.place_px_squares += squares;
+                    loss.place_px_squares_most = loss.place_px_squares_most.max(squares);
+                }
+            }
         }
         loss.bytes = (packing.positions.bytes(record.points()) * prefix) as u64;
         loss.bytes += residual
@@ -285,8 +298,9 @@ impl Loss {
         Self {
             points: self.points + other.points,
             bytes: self.bytes + other.bytes,
-            step_px_squares: self.step_px_squares + other.step_px_squares,
-            step_px_most: self.step_px_most.max(other.step_px_most),
+            seen: self.seen + other.seen,
+            place_px_squares: self.place_px_squares + other.place_px_squares,
+            place_px_squares_most: self.place_px_squares_most.max(other.place_px_squares_most),
             colour_squares: self.colour_squares + other.colour_squares,
             angle_squares: self.angle_squares + other.angle_squares,
             normals: self.normals + other.normals,
@@ -310,10 +324,8 @@ impl Loss {
             points: self.points,
             bytes: self.bytes,
             bytes_a_point: self.bytes as f64 / points,
-            // The error on an axis is uniform within half a step, so its variance is a twelfth of
-            // the squared step; there are three axes.
-            place_px_rms: (self.step_px_squares / points / 12.0 * 3.0).sqrt(),
-            place_px_most: self.step_px_most * 0.75f64.sqrt(),
+            place_px_rms: (self.place_px_squares / self.seen.max(1) as f64).sqrt(),
+            place_px_most: self.place_px_squares_most.sqrt(),
             colour_rms: (self.colour_squares / points / 3.0).sqrt(),
             normal_degrees_rms: (self.angle_squares / normals).sqrt().to_degrees(),
             picture_difference,

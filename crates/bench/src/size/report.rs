@@ -20,9 +20,9 @@ pub(super) struct SizeRow {
     pub points: u64,
     pub bytes: u64,
     pub bytes_a_point: f64,
-    /// Root mean square error of positions, pixels.
+    /// Root mean square error of the points on the picture, pixels.
     pub place_px_rms: f64,
-    /// Greatest error of positions, pixels.
+    /// Greatest error of a point on the picture, pixels.
     pub place_px_most: f64,
     /// Root mean square error of a colour channel, of 255.
     pub colour_rms: f64,

@@ -10,6 +10,7 @@ use anyhow::{Context, Result, bail, ensure};
 use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_lod::View;
 use esker_points::attribute::names;
+use esker_points::codes::LABELS;
 use esker_points::filter::Classes;
 use esker_points::{AttrType, Attribute, Codes, Coding, Schema};
 use esker_render::inputs::colour::{class_colour, hue};
@@ -18,6 +19,8 @@ use std::collections::BTreeSet;
 
 /// Attributes whose values differ between scans; the first one that a file has is used.
 pub const SCANS: [&str; 3] = [names::POINT_SOURCE_ID, "scan", "scan_id"];
+/// Most sources that a legend names.
+const SOURCES_MAX: usize = 64;
 /// The number of a return, which shares a byte with the number of returns.
 const RETURN_NUMBER: &str = "return_number";
 const RETURN_NUMBER_MASK: u8 = 15;
@@ -335,11 +338,27 @@ impl<'a> AttributeColours<'a> {
             return Ok(Some(self.labelled("returns", coding)?));
         }
         if name == names::POINT_SOURCE_ID && !has_range {
-            let mut colouring = self.coded(Codebook::Labels, Coding::Labels, Vec::new());
-            colouring.legend.range = self.range.map(<[f64; 2]>::from);
-            return Ok(Some(colouring));
+            return self.sources().map(Some);
         }
         Ok(None)
+    }
+
+    /// Colours by sources, each with an entry in the legend.
+    fn sources(&self) -> Result<Colouring> {
+        let (mut values, mut are_all) = ranges::whole_numbers_of(self.file, self.index)?;
+        are_all &= values.len() <= SOURCES_MAX;
+        values.truncate(SOURCES_MAX);
+        let entry = |value: u32| {
+            let rgb = srgb(hue(value % LABELS as u32));
+            LegendEntry { value, name: "source".to_owned(), rgb }
+        };
+        let entries = values.into_iter().map(entry).collect();
+        let mut colouring = self.coded(Codebook::Labels, Coding::Labels, entries);
+        colouring.legend.range = self.range.map(<[f64; 2]>::from);
+        if !are_all && self.note.is_none() {
+            colouring.legend.note = Some("there are further sources");
+        }
+        Ok(colouring)
     }
 
     /// Colours by labels of the bytes that occur.
@@ -418,7 +437,7 @@ fn cell_entries(file: &Forest, shown: &ForestFilter) -> Vec<LegendEntry> {
     let entry = |log2: u8| {
         let edge = f64::from(log2).exp2() * file.lattice().scale[0];
         let rgb = srgb(hue(u32::from(log2)));
-        LegendEntry { value: log2, name: format!("edge {}", short(edge)), rgb }
+        LegendEntry { value: log2.into(), name: format!("edge {}", short(edge)), rgb }
     };
     sizes.into_iter().rev().map(entry).collect()
 }
@@ -428,7 +447,7 @@ fn label_entries(what: &str, values: &[u8], coding: Coding) -> Vec<LegendEntry> 
     let labels: BTreeSet<u8> = Codes { ty: AttrType::U8, coding }.of(values).into_iter().collect();
     let entry = |value: u8| {
         let rgb = srgb(hue(u32::from(value)));
-        LegendEntry { value, name: what.to_owned(), rgb }
+        LegendEntry { value: value.into(), name: what.to_owned(), rgb }
     };
     labels.into_iter().map(entry).collect()
 }
@@ -450,7 +469,7 @@ fn class_entries(forest: &Forest, shown: &ForestFilter) -> Result<Vec<LegendEntr
     };
     let entry = |class: u8| {
         let name = Classes::name(class).unwrap_or("class").to_owned();
-        LegendEntry { value: class, name, rgb: srgb(class_colour(class)) }
+        LegendEntry { value: class.into(), name, rgb: srgb(class_colour(class)) }
     };
     Ok((0..=u8::MAX).filter(occurs).map(entry).collect())
 }

@@ -31,7 +31,7 @@ pub struct Legend {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LegendEntry {
     /// The value.
-    pub value: u8,
+    pub value: u32,
     /// What it means.
     pub name: String,
     /// Its colour, sRGB.

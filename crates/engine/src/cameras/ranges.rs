@@ -8,6 +8,7 @@ use anyhow::Result;
 use esker_format::{EskerFile, Forest, ForestFilter, PlaneKind};
 use esker_points::AttrType;
 use esker_points::attribute::names;
+use std::collections::BTreeSet;
 
 /// Fraction of the values that may be outside a range at either end.
 pub(super) const STRAYS: f64 = 0.01;
@@ -90,12 +91,50 @@ pub fn bytes_of(forest: &Forest, attribute: usize) -> Result<Vec<u8>> {
     Ok((0..).zip(occurs).filter(|(_, occurs)| *occurs).map(|(value, _)| value).collect())
 }
 
+/// Whole numbers from 0 on of an attribute that occur, ascending, and whether these are all: where
+/// they are far apart, they are those of a sample.
+///
+/// # Errors
+/// If statistics or pages cannot be read.
+pub fn whole_numbers_of(forest: &Forest, number: usize) -> Result<(Vec<u32>, bool)> {
+    let attribute = &forest.schema().attributes[number];
+    let (mut found, mut are_all) = (BTreeSet::new(), true);
+    for file in forest.files() {
+        let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
+        let Some(index) = index.filter(|_| file.footer().points > 0) else { continue };
+        let statistics = file.statistics()?;
+        let histograms = statistics.histograms();
+        let (low, high) = histograms.ranges().of(index);
+        // Whole numbers have a bin each.
+        let is_whole = !matches!(attribute.ty, AttrType::F32 | AttrType::F64);
+        let counts = histograms.counts(index);
+        let has_bins = is_whole
+            && low >= 0.0
+            && high <= f64::from(u32::MAX)
+            && high - low < counts.len() as f64;
+        are_all &= has_bins || low > high;
+        if has_bins {
+            let occurs =
+                |value: f64| histograms.bin_of(index, value).is_some_and(|b| counts[b] > 0);
+            let values = (low as u32..=high as u32).filter(|&value| occurs(value.into()));
+            found.extend(values);
+        }
+    }
+    if !are_all {
+        let kind = plane_of(&attribute.name, attribute.ty, number);
+        let values;
+        (values, are_all) = sample(forest, kind, attribute.ty, &ForestFilter::default())?;
+        found.extend(values.into_iter().map(|value| value as u32));
+    }
+    Ok((found.into_iter().collect(), are_all))
+}
+
 /// Whether a number is a value, and does not mean "no value".
 fn is_value(number: f64) -> bool {
     number.is_finite() && !NO_VALUES.contains(&number.abs())
 }
 
-/// Range of a sample: the values of the first nodes, whose points are evenly spread.
+/// Range of a sample.
 fn of_sample(
     forest: &Forest,
     attribute: usize,
@@ -103,6 +142,20 @@ fn of_sample(
     shown: &ForestFilter,
 ) -> Result<(f64, f64)> {
     let kind = plane_of(&forest.schema().attributes[attribute].name, ty, attribute);
+    let (mut values, _) = sample(forest, kind, ty, shown)?;
+    values.sort_unstable_by(f64::total_cmp);
+    let strays = (values.len() as f64 * STRAYS) as usize;
+    let end = |end: Option<&f64>| end.copied().unwrap_or(0.0);
+    Ok((end(values.get(strays)), end(values.iter().rev().nth(strays))))
+}
+
+/// Values of the first nodes, whose points are evenly spread, and whether these are all nodes.
+fn sample(
+    forest: &Forest,
+    kind: PlaneKind,
+    ty: AttrType,
+    shown: &ForestFilter,
+) -> Result<(Vec<f64>, bool)> {
     let mut values = Vec::new();
     let nodes = 0..forest.table().nodes.len() as u32;
     for node in nodes.filter(|&node| shown.points_max(node) > 0) {
@@ -110,13 +163,10 @@ fn of_sample(
         let plane = planes.get(kind).unwrap_or_default().chunks_exact(ty.size());
         values.extend(plane.map(|value| ty.to_f64(value)).filter(|&value| is_value(value)));
         if values.len() >= SAMPLE {
-            break;
+            return Ok((values, false));
         }
     }
-    values.sort_unstable_by(f64::total_cmp);
-    let strays = (values.len() as f64 * STRAYS) as usize;
-    let end = |end: Option<&f64>| end.copied().unwrap_or(0.0);
-    Ok((end(values.get(strays)), end(values.iter().rev().nth(strays))))
+    Ok((values, true))
 }
 
 fn joined(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {

@@ -19,7 +19,7 @@ use esker_lod::{
     select, surround,
 };
 use esker_points::{Filter, Task};
-use esker_render::inputs::density::{is_crowded, is_dense};
+use esker_render::inputs::density::{crowding, is_dense};
 use esker_render::{Dots, DrawNode, FramePlan};
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -235,8 +235,8 @@ impl PictureScene {
         let nodes = drawn().map(|(entry, (node, _))| (entry, node));
         let is_dense = is_dense(&view, file.lattice(), &octree, nodes);
         let nodes = drawn().map(|(entry, (node, prefix))| (entry, node, prefix));
-        let is_crowded = is_crowded(&view, file.lattice(), Some(&octree), nodes);
-        let plan = appearance.plan(file, is_dense, is_crowded);
+        let crowding = crowding(&view, file.lattice(), Some(&octree), nodes);
+        let plan = appearance.plan(file, is_dense, crowding);
         let mut kinds = planes_of(&plan, &appearance);
         kinds.extend(class_plane.filter(|plane| !kinds.contains(plane)));
         Ok(Self {

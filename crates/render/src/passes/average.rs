@@ -8,8 +8,13 @@
 //! Sums are integers, so the order of adding does not matter. Depths are compared by the pixels
 //! that a unit of length takes there, `focal_px / depth`, which is linear in the picture along a
 //! plane.
+//!
+//! Where points lie apart a pixel has one, and smoothing does more than a mean of few
+//! ([`crate::passes::push`]). In between both are mixed pixel by pixel, so that a picture does not
+//! change at once when the view moves or nodes arrive.
 
 use crate::inputs::camera::{Camera, NodePlace};
+use crate::inputs::density::CROWDED_PX;
 use crate::inputs::lookup::{Lookup, is_hidden, normal_at};
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{Level, Planes, for_each_row};
@@ -30,6 +35,33 @@ const JOB_POINTS: usize = 1 << 14;
 /// Points that are projected together, before any is added, by arithmetic without branches.
 const BLOCK: usize = 64;
 
+/// Distances of points, pixels, from which and at which points crowd ([`CROWDED_PX`]).
+pub(crate) const CROWDED: [f32; 2] = [CROWDED_PX[0] as f32, CROWDED_PX[1] as f32];
+
+/// How far points at this distance on the picture crowd, 0 to 1.
+#[inline(always)]
+pub(crate) fn crowding_at(spacing_px: f32) -> f32 {
+    ((spacing_px - CROWDED[0]) / (CROWDED[1] - CROWDED[0])).clamp(0.0, 1.0)
+}
+
+/// Last bits of the radius of a pixel's disc, which say how far points crowd there.
+const CROWDING_BITS: u32 = 6;
+pub(crate) const CROWDING_MAX: u32 = (1 << CROWDING_BITS) - 1;
+
+/// A radius whose last bits say how far points crowd, 0 to 1: the share of the mean of a pixel's
+/// points, where push smooths by the other share. The radius changes by 2^-17 of itself.
+#[inline(always)]
+pub(crate) fn radius_with_crowding(radius_px: f32, crowding: f32) -> f32 {
+    let code = (crowding.clamp(0.0, 1.0) * CROWDING_MAX as f32 + 0.5) as u32;
+    f32::from_bits(radius_px.to_bits() & !CROWDING_MAX | code)
+}
+
+/// How far points crowd in a pixel, from the radius of its disc.
+#[inline(always)]
+pub(crate) fn crowding_of(radius_px: f32) -> f32 {
+    (radius_px.to_bits() & CROWDING_MAX) as f32 * (1.0 / CROWDING_MAX as f32)
+}
+
 /// Sums for the pixels of a picture. Memory is kept from frame to frame.
 #[derive(Debug, Default)]
 pub struct Averages {
@@ -44,8 +76,8 @@ pub struct Averages {
 }
 
 impl Averages {
-    /// Replaces the attributes of the winners in `base` by the means of their pixels' front
-    /// surfaces.
+    /// Mixes the attributes of the winners in `base` with the means of their pixels' front surfaces,
+    /// by [`crowding_of`].
     pub fn run(&mut self, lookup: &Lookup<'_>, lens: &Lens, base: &mut Level) {
         self.begin(lens, base);
         match base.planes() {
@@ -70,6 +102,7 @@ impl Averages {
 
     fn add_all<const NORMALS: bool>(&self, lookup: &Lookup<'_>) {
         let jobs: Vec<(usize, usize)> = (0..lookup.frame.draws.len())
+            .filter(|&d| lookup.draws[d].crowds)
             .flat_map(|d| (0..lookup.list.len(d)).step_by(JOB_POINTS).map(move |first| (d, first)))
             .collect();
         jobs.par_iter().for_each(|&(draw, first)| {
@@ -123,7 +156,7 @@ impl Averages {
         }
     }
 
-    /// Writes the means of pixels with more than one point; a single point is there already,
+    /// Mixes in the means of pixels with more than one point; a single point is there already,
     /// exactly. Sums that overflow run into the next one, so the number of points is never too
     /// small.
     fn finish(&self, lens: &Lens, base: &mut Level) {
@@ -141,19 +174,22 @@ impl Averages {
                 let share = 1.0 / (count * STEPS);
                 let low = |sum: u64| sum as u32 as f32 * share;
                 let high = |sum: u64| (sum >> 32) as f32 * share;
-                row.tint[x] =
-                    Vec3::new(low(sums[0]), high(sums[0]), low(sums[1])).extend(row.tint[x].w);
+                let colour = Vec3::new(low(sums[0]), high(sums[0]), low(sums[1]));
+                let own = row.tint[x];
+                let share_of_mean = crowding_of(own.w);
+                row.tint[x] = own.truncate().lerp(colour, share_of_mean).extend(own.w);
                 if let Some(normal) = row.normal.get_mut(x) {
                     let mean = Vec3::new(low(sums[2]), high(sums[2]), low(sums[3]));
                     let mean = mean * 2.0 - Vec3::ONE;
                     // Without normals the mean differs from zero by the rounding to steps.
                     let is_none = mean.abs().max_element() <= NO_NORMAL;
-                    *normal = if is_none { Vec3::ZERO } else { mean }.extend(normal.w);
+                    let mean = if is_none { Vec3::ZERO } else { mean };
+                    *normal = normal.truncate().lerp(mean, share_of_mean).extend(normal.w);
                     continue;
                 }
                 let depth = row.depth[x];
                 let scale = lens.focal_px / depth - high(sums[3]) * plane.w;
-                let moved = lens.focal_px / scale - depth;
+                let moved = (lens.focal_px / scale - depth) * share_of_mean;
                 row.depth[x] += moved;
                 row.front[x] += Vec4::new(moved, moved, 0.0, 0.0);
             }

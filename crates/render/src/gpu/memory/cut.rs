@@ -8,6 +8,7 @@ use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::table::{CHUNK_POINTS, Chunk, Draw, NO_PAGE, PlaneAt};
 use crate::inputs::camera::Camera;
+use crate::inputs::density::crowding_of_draw;
 use crate::plan::FramePlan;
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -222,11 +223,14 @@ impl GpuCut {
                 colour: if reads[0] { row.colour_page } else { NO_PAGE },
             };
             let index = self.rows.len() as u32;
+            let averages = frame.averages && plan.averages();
+            let crowds;
+            (crowds, row.flatness) = crowding_of_draw(&Frame { averages, ..*frame }, draw);
             let chunks = (0..row.points).step_by(CHUNK_POINTS as usize).map(|first| Chunk {
                 draw: index,
                 first,
                 points: CHUNK_POINTS.min(row.points - first),
-                unused: 0,
+                crowds: u32::from(crowds),
             });
             self.chunk_rows.extend(chunks);
             self.by_pages.push((pages, index));
