@@ -46,12 +46,30 @@ const STEPS: [Step; 9] = [
     Step { name: "demo", about: "the README's run command", run: |_| readme::demo() },
 ];
 
+/// Command of the relations of real scans.
+const RELATIONS: [&str; 9] = [
+    "test",
+    "--release",
+    "-p",
+    "esker-engine",
+    "--test",
+    "relations",
+    "--",
+    "--ignored",
+    "--nocapture",
+];
+
 /// Tasks outside the gate: they take too long, or write files.
-const APART: [Step; 3] = [
+const APART: [Step; 4] = [
     Step {
         name: "large",
         about: "20 to 100 million points within their memory; ESKER_LARGE=1G for more",
         run: |_| large::run(),
+    },
+    Step {
+        name: "relations",
+        about: "relations of pictures of the scans in ESKER_DATA",
+        run: |_| shell::run_cargo(&RELATIONS),
     },
     Step {
         name: "gallery",
