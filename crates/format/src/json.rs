@@ -18,6 +18,7 @@ use esker_points::{
     AttrType, Attribute, ColourDepth, Grid, InputGrid, Lattice, PointClass, Schema,
 };
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// Name and byte range of a block in the verbatim section.
@@ -66,6 +67,16 @@ struct GridJson {
 }
 
 #[derive(Serialize, Deserialize)]
+struct LatticeJson {
+    scale: [f64; 3],
+    offset: [f64; 3],
+    shift: [i64; 3],
+    /// Of version 2; version 1 ignores a member of this name, whatever it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    factor: Option<Value>,
+}
+
+#[derive(Serialize, Deserialize)]
 struct SourceJson {
     path: String,
     format: String,
@@ -95,7 +106,7 @@ struct TreeJson {
 pub(crate) struct MetadataJson {
     generator: String,
     #[serde(deserialize_with = "object")]
-    lattice: Lattice,
+    lattice: LatticeJson,
     #[serde(deserialize_with = "nullable")]
     bounds: Option<[[u32; 3]; 2]>,
     node_capacity: u32,
@@ -132,7 +143,7 @@ impl MetadataJson {
         let layout = metadata.layout();
         Self {
             generator: metadata.generator.clone(),
-            lattice: metadata.lattice,
+            lattice: lattice_json(&metadata.lattice),
             bounds: metadata.bounds,
             node_capacity: metadata.node_capacity,
             attributes: metadata.schema.attributes.iter().map(attribute_json).collect(),
@@ -147,8 +158,8 @@ impl MetadataJson {
         }
     }
 
-    /// Contents, not yet checked.
-    pub(crate) fn parts(mut self) -> Result<Parts, Fault> {
+    /// Contents for a file of this version, not yet checked.
+    pub(crate) fn parts(mut self, version: u32) -> Result<Parts, Fault> {
         let blocks = self.sources.iter_mut().map(|s| std::mem::take(&mut s.verbatim)).collect();
         let aside = self.set_aside.take().map(SetAsideJson::points).transpose()?;
         let (set_aside, set_aside_hash) = aside.unzip();
@@ -163,7 +174,7 @@ impl MetadataJson {
         let normals = Normals::from_name(&self.normals)
             .ok_or_else(|| Fault::new("metadata", "the origin of normals is unknown"))?;
         let metadata = Metadata {
-            lattice: self.lattice,
+            lattice: lattice(self.lattice, version)?,
             bounds: self.bounds,
             schema,
             classes: self.classes.into_iter().map(point_class).collect(),
@@ -209,12 +220,16 @@ impl Metadata {
         Ok((json, blob))
     }
 
-    /// Reads and checks the JSON; `verbatim_bytes` is the length of the verbatim section.
-    pub(crate) fn decode(json: &[u8], verbatim_bytes: u64) -> Result<Decoded, Fault> {
+    /// Reads and checks the JSON of a file of this version; `verbatim_bytes` is the length of the
+    /// verbatim section.
+    pub(crate) fn decode(json: &[u8], verbatim_bytes: u64, version: u32) -> Result<Decoded, Fault> {
         let json: MetadataJson = from_json(json)?;
-        let (metadata, planes, blocks) = json.parts()?;
+        let (metadata, planes, blocks) = json.parts(version)?;
         check_blocks(&blocks, verbatim_bytes)?;
         metadata.check()?;
+        if metadata.version() != version {
+            return Err(Fault::new("metadata", "all factors of the lattice are 1"));
+        }
         let layout = metadata.layout().with_planes(planes)?;
         Ok(Decoded { metadata, layout, blocks })
     }
@@ -236,6 +251,27 @@ fn check_blocks(blocks: &[Vec<BlockPlace>], verbatim_bytes: u64) -> Result<(), F
         return Err(Fault::new("metadata", "verbatim blocks do not fill their section"));
     }
     Ok(())
+}
+
+fn lattice_json(lattice: &Lattice) -> LatticeJson {
+    let Lattice { scale, offset, shift, factor } = *lattice;
+    LatticeJson {
+        scale,
+        offset,
+        shift,
+        factor: lattice.is_scaled().then(|| factor.to_vec().into()),
+    }
+}
+
+fn lattice(json: LatticeJson, version: u32) -> Result<Lattice, Fault> {
+    let LatticeJson { scale, offset, shift, factor } = json;
+    let factor = match version {
+        1 => [1.0; 3],
+        _ => factor
+            .and_then(|factor| serde_json::from_value(factor).ok())
+            .ok_or_else(|| Fault::new("metadata", "the lattice has no factors"))?,
+    };
+    Ok(Lattice { scale, offset, shift, factor })
 }
 
 fn plane_json(plane: &PlaneSpec) -> PlaneJson {

@@ -79,7 +79,12 @@ impl Cloud<'_> {
     /// Lattice of the coordinates.
     pub fn lattice(&self) -> Lattice {
         match self {
-            Self::Ground(..) => Lattice { scale: [STEP_M; 3], offset: [0.0; 3], shift: [0; 3] },
+            Self::Ground(..) => Lattice {
+                scale: [STEP_M; 3],
+                offset: [0.0; 3],
+                shift: [0; 3],
+                ..Lattice::default()
+            },
             Self::File(file) => *file.lattice(),
         }
     }

@@ -40,7 +40,12 @@ pub fn metadata(schema: Schema, classes: Vec<PointClass>) -> Metadata {
         verbatim: vec![("header".into(), vec![1, 2, 3]), ("vlr".into(), vec![0; 70])],
     };
     Metadata {
-        lattice: Lattice { scale: grid.scale, offset: grid.offset, shift: [0, -5, 1 << 40] },
+        lattice: Lattice {
+            scale: grid.scale,
+            offset: grid.offset,
+            shift: [0, -5, 1 << 40],
+            ..Lattice::default()
+        },
         set_aside: vec![],
         normals: schema.normals().map_or(Normals::None, |_| Normals::Source),
         schema,
