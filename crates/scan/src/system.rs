@@ -115,9 +115,7 @@ pub(crate) fn located(source: Box<dyn Source>, options: &OpenOptions) -> Box<dyn
         info.crs.as_ref().and_then(|crs| Geographic::of(&crs.text, crs.unit.as_deref()));
     if let Some(geographic) = geographic {
         let unit = geographic.unit_name();
-        info.notes.push(format!(
-            "x and y are {unit}: lengths are measured in metres, at the latitude of the points"
-        ));
+        info.notes.push(format!("x and y are {unit}"));
     }
     Box::new(Located { source, info })
 }

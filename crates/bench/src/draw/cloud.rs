@@ -85,7 +85,7 @@ impl Cloud<'_> {
                 shift: [0; 3],
                 ..Lattice::default()
             },
-            Self::File(file) => *file.lattice(),
+            Self::File(file) => *file.metric(),
         }
     }
 

@@ -83,6 +83,7 @@ pub fn measure(request: &SizeBenchRequest, task: &dyn Task) -> Result<SizeReport
                     target: Some(stop.target),
                     ..Camera::default()
                 };
+                let camera = camera.unmeasured(file.lattice());
                 let picture =
                     PictureRequest { size, camera, full: true, ..PictureRequest::default() };
                 let scene = PictureScene::read(&file, &picture, task)?;
@@ -215,8 +216,8 @@ impl Packed {
         let is_full = packing.positions == Positions::Full;
         let residual = of(PlaneKind::Residual).filter(|_| is_full);
         if !is_full {
-            let scale = file.lattice().scale.into_iter().fold(0.0, f64::max);
-            let contour = OrientedBox::of_contour(record, file.lattice());
+            let scale = file.metric().scale.into_iter().fold(0.0, f64::max);
+            let contour = OrientedBox::of_contour(record, file.metric());
             let distance = contour.distance(scene.view.eye);
             let px = scene.view.focal_px() / distance.max(scene.view.near);
             let step_px = f64::from(step) * f64::from(1u32 << record.hot_shift) * scale * px;

@@ -34,14 +34,14 @@ const SLACK_DEG: f64 = 1e-3;
 pub struct Geographic {
     /// Radians of the unit of longitudes and latitudes.
     pub unit_rad: f64,
-    /// Metres of the unit of heights; 1 where the system does not have it.
-    pub height_m: f64,
+    /// Metres of the unit of heights, if the system has it.
+    pub height_m: Option<f64>,
     /// Equatorial radius, metres, and inverse flattening of the ellipsoid; a sphere has 0.
     pub ellipsoid: [f64; 2],
 }
 
 impl Geographic {
-    const WGS84: Self = Self { unit_rad: DEGREE_RAD, height_m: 1.0, ellipsoid: WGS84 };
+    const WGS84: Self = Self { unit_rad: DEGREE_RAD, height_m: None, ellipsoid: WGS84 };
 
     /// The geographic system that the text and unit of a [`crate::Crs`] stand for, if any.
     pub fn of(text: &str, unit: Option<&str>) -> Option<Self> {
@@ -63,10 +63,13 @@ impl Geographic {
             Some(32767) => keys.number("Key2055").unwrap_or(Self::WGS84.unit_rad),
             _ => Self::WGS84.unit_rad,
         };
-        let height_m = match keys.number::<u32>("VerticalUnits") {
-            Some(9002) => 0.3048,
-            Some(9003) => 1200.0 / 3937.0,
-            _ => 1.0,
+        let units = ["VerticalUnits", "VerticalCSType"].map(|name| keys.number::<u32>(name));
+        let height_m = match units {
+            [Some(9001), _] => Some(1.0),
+            // NAVD88 height in feet, of either kind.
+            [Some(9002), _] | [None, Some(8228)] => Some(0.3048),
+            [Some(9003), _] | [None, Some(6360)] => Some(1200.0 / 3937.0),
+            _ => None,
         };
         let ellipsoid = match keys.number::<u32>("GeogEllipsoid") {
             Some(7004) => [6_377_397.155, 299.152_812_8],
@@ -97,7 +100,7 @@ impl Geographic {
         let height_m = height_m.or_else(|| third.and_then(|at| unit(at, &["LENGTHUNIT"])));
         let system = Self {
             unit_rad: unit(at, &ANGLES).unwrap_or(Self::WGS84.unit_rad),
-            height_m: height_m.unwrap_or(1.0),
+            height_m,
             ellipsoid: ellipsoid.unwrap_or(WGS84),
         };
         Some(system.usable())
@@ -113,9 +116,16 @@ impl Geographic {
         let unit_rad = named.unwrap_or(unit_rad);
         Self {
             unit_rad: if UNITS_RAD.contains(&unit_rad) { unit_rad } else { DEGREE_RAD },
-            height_m: if HEIGHTS_M.contains(&height_m) { height_m } else { 1.0 },
+            height_m: height_m.filter(|metres| HEIGHTS_M.contains(metres)),
             ellipsoid: if is_body && inverse.is_finite() { [radius, inverse] } else { WGS84 },
         }
+    }
+
+    /// What is known of two systems of the same coordinates; `None` if their units differ.
+    pub fn joined(&self, other: &Self) -> Option<Self> {
+        let are_apart = self.height_m.zip(other.height_m).is_some_and(|(a, b)| a != b);
+        let is_same = self.unit_rad == other.unit_rad && !are_apart;
+        is_same.then(|| Self { height_m: self.height_m.or(other.height_m), ..*self })
     }
 
     /// Name of the unit of longitudes and latitudes, in the plural.
@@ -138,7 +148,8 @@ impl Geographic {
         within(0, 360.0) && within(1, 90.0)
     }
 
-    /// Metres of a unit of each axis at a latitude in the unit of the system.
+    /// Metres of a unit of each axis at a latitude in the unit of the system; heights of an unknown
+    /// unit are taken for metres.
     pub fn metres(&self, latitude: f64) -> [f64; 3] {
         let [radius, inverse] = self.ellipsoid;
         let flattening = if inverse == 0.0 { 0.0 } else { 1.0 / inverse };
@@ -147,7 +158,7 @@ impl Geographic {
         let (sin, cos) = (latitude * self.unit_rad).clamp(-most, most).sin_cos();
         let w = (1.0 - e2 * sin * sin).sqrt();
         let (meridian, parallel) = (radius * (1.0 - e2) / (w * w * w), radius * cos / w);
-        [parallel * self.unit_rad, meridian * self.unit_rad, self.height_m]
+        [parallel * self.unit_rad, meridian * self.unit_rad, self.height_m.unwrap_or(1.0)]
     }
 }
 
@@ -231,17 +242,27 @@ mod tests {
         let feet = format!(
             r#"COMPD_CS["both",{WKT},VERT_CS["v",VERT_DATUM["d",2005],UNIT["foot",0.3048]]]"#
         );
-        assert_eq!(of(&feet).unwrap().height_m, 0.3048);
+        assert_eq!(of(&feet).unwrap().height_m, Some(0.3048));
         let gon = WKT
             .replace(r#"UNIT["degree",0.0174532925199433]"#, r#"UNIT["grad",0.015707963267949]"#);
         assert_eq!(of(&gon).unwrap().unit_name(), "gons");
         let wkt2 = r#"GEOGCRS["g",DATUM["d",ELLIPSOID["Bessel",6377397.155,299.1528128,LENGTHUNIT["metre",1]]],CS[ellipsoidal,3],AXIS["lat",north,ANGLEUNIT["degree",0.0174532925199433]],AXIS["lon",east,ANGLEUNIT["degree",0.0174532925199433]],AXIS["h",up,LENGTHUNIT["foot",0.3048]]]"#;
         let found = of(wkt2).unwrap();
-        assert_eq!((found.ellipsoid, found.height_m), ([6_377_397.155, 299.152_812_8], 0.3048));
+        assert_eq!(
+            (found.ellipsoid, found.height_m),
+            ([6_377_397.155, 299.152_812_8], Some(0.3048))
+        );
         let keys =
             "GeoTIFF: GTModelType=2 GeogAngularUnits=9101 GeogEllipsoid=7004 VerticalUnits=9003";
         let found = of(keys).unwrap();
         assert_eq!((found.unit_rad, found.ellipsoid[0]), (1.0, 6_377_397.155));
+        let us_foot = Some(1200.0 / 3937.0);
+        assert_eq!(found.height_m, us_foot);
+        let degrees = of("GeoTIFF: GTModelType=2 VerticalCSType=6360").unwrap();
+        assert_eq!(degrees.height_m, us_foot);
+        assert_eq!(Geographic::WGS84.joined(&degrees), Some(degrees));
+        assert_eq!(degrees.joined(&of(&feet).unwrap()), None, "feet of two kinds");
+        assert_eq!(degrees.joined(&found), None, "angles of two kinds");
         assert_eq!(Geographic::of("", Some("degree")), Some(Geographic::WGS84));
         let named = in_degrees(Some([[8.0, 47.0, 0.0], [8.1, 47.1, 900.0]])).unwrap();
         assert_eq!(Geographic::of(&named.text, named.unit.as_deref()), Some(Geographic::WGS84));
