@@ -18,7 +18,6 @@ use esker_points::{
     AttrType, Attribute, ColourDepth, Grid, InputGrid, Lattice, PointClass, Schema,
 };
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// Name and byte range of a block in the verbatim section.
@@ -71,9 +70,21 @@ struct LatticeJson {
     scale: [f64; 3],
     offset: [f64; 3],
     shift: [i64; 3],
-    /// Of version 2; version 1 ignores a member of this name, whatever it is.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    factor: Option<Value>,
+    /// Of version 2, where [`FactorsJson`] reads it; version 1 ignores a member of this name.
+    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
+    factor: Option<[f64; 3]>,
+}
+
+/// What version 2 adds.
+#[derive(Deserialize)]
+struct FactorsJson {
+    #[serde(deserialize_with = "object")]
+    lattice: FactorJson,
+}
+
+#[derive(Deserialize)]
+struct FactorJson {
+    factor: [f64; 3],
 }
 
 #[derive(Serialize, Deserialize)]
@@ -158,8 +169,8 @@ impl MetadataJson {
         }
     }
 
-    /// Contents for a file of this version, not yet checked.
-    pub(crate) fn parts(mut self, version: u32) -> Result<Parts, Fault> {
+    /// Contents, not yet checked.
+    pub(crate) fn parts(mut self) -> Result<Parts, Fault> {
         let blocks = self.sources.iter_mut().map(|s| std::mem::take(&mut s.verbatim)).collect();
         let aside = self.set_aside.take().map(SetAsideJson::points).transpose()?;
         let (set_aside, set_aside_hash) = aside.unzip();
@@ -174,7 +185,7 @@ impl MetadataJson {
         let normals = Normals::from_name(&self.normals)
             .ok_or_else(|| Fault::new("metadata", "the origin of normals is unknown"))?;
         let metadata = Metadata {
-            lattice: lattice(self.lattice, version)?,
+            lattice: lattice(self.lattice),
             bounds: self.bounds,
             schema,
             classes: self.classes.into_iter().map(point_class).collect(),
@@ -223,8 +234,11 @@ impl Metadata {
     /// Reads and checks the JSON of a file of this version; `verbatim_bytes` is the length of the
     /// verbatim section.
     pub(crate) fn decode(json: &[u8], verbatim_bytes: u64, version: u32) -> Result<Decoded, Fault> {
-        let json: MetadataJson = from_json(json)?;
-        let (metadata, planes, blocks) = json.parts(version)?;
+        let mut members: MetadataJson = from_json(json)?;
+        if version > 1 {
+            members.lattice.factor = Some(from_json::<FactorsJson>(json)?.lattice.factor);
+        }
+        let (metadata, planes, blocks) = members.parts()?;
         check_blocks(&blocks, verbatim_bytes)?;
         metadata.check()?;
         if metadata.version() != version {
@@ -255,23 +269,12 @@ fn check_blocks(blocks: &[Vec<BlockPlace>], verbatim_bytes: u64) -> Result<(), F
 
 fn lattice_json(lattice: &Lattice) -> LatticeJson {
     let Lattice { scale, offset, shift, factor } = *lattice;
-    LatticeJson {
-        scale,
-        offset,
-        shift,
-        factor: lattice.is_scaled().then(|| factor.to_vec().into()),
-    }
+    LatticeJson { scale, offset, shift, factor: lattice.is_scaled().then_some(factor) }
 }
 
-fn lattice(json: LatticeJson, version: u32) -> Result<Lattice, Fault> {
+fn lattice(json: LatticeJson) -> Lattice {
     let LatticeJson { scale, offset, shift, factor } = json;
-    let factor = match version {
-        1 => [1.0; 3],
-        _ => factor
-            .and_then(|factor| serde_json::from_value(factor).ok())
-            .ok_or_else(|| Fault::new("metadata", "the lattice has no factors"))?,
-    };
-    Ok(Lattice { scale, offset, shift, factor })
+    Lattice { scale, offset, shift, factor: factor.unwrap_or([1.0; 3]) }
 }
 
 fn plane_json(plane: &PlaneSpec) -> PlaneJson {
