@@ -90,7 +90,7 @@ def check_points(esker, index, planes, p, classes, values, require):
     shift = max(0, bit_length((high - low).max()) - 16)
     fits = (low == node["box_min"]).all() and shift == node["hot_shift"]
     require(fits, "the integer box is not that of the points")
-    check_contour(node, esker.sides(index), esker.lattice, p, require)
+    check_contour(node, esker.sides(index), esker.lengths, p, require)
     for a, column in enumerate(values):
         having = [a in present for present in esker.classes]
         if not all(having):
@@ -126,7 +126,7 @@ def check_compact(esker, planes, require):
     require((stored[:, 7] == numbers[which.reshape(-1)]).all(), "compact plane: not the nearest colour")
 
 
-def check_contour(node, sides, lattice, p, require):
+def check_contour(node, sides, lengths, p, require):
     q = node["rotation"].astype(np.float64) / 32767.0
     norm = np.sqrt((q * q).sum())
     x, y, z, w = q / norm if norm > 1e-6 else (0.0, 0.0, 0.0, 1.0)
@@ -136,7 +136,7 @@ def check_contour(node, sides, lattice, p, require):
         [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)],
     ])
     centre, half = node["centre"].astype(np.float64), node["half"].astype(np.float64)
-    local = (p - node["corner"]) * np.array(lattice["scale"])
+    local = (p - node["corner"]) * lengths
     along = (local - centre) @ axes.T
     size = max(np.abs(centre).max(), half.max())
     slack = 1e-5 * size

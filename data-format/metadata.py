@@ -20,15 +20,27 @@ class Members(dict):
         self.pairs = pairs
 
 
-def parse(data):
-    """The metadata's object; ValueError where it is not as section 8 says."""
+def parse(data, version):
+    """The metadata's object; ValueError where it is not as section 8, and 12 for version 2, say."""
     text = data.decode("utf-8")
     check_depth(text)
     meta = json.loads(
         text, object_pairs_hook=Members, parse_int=integer_of, parse_constant=no_constant
     )
     METADATA(meta)
+    if version == 2:
+        check_factor(meta["lattice"])
     return meta
+
+
+def check_factor(lattice):
+    FACTOR(lattice)
+    factor = [float(f) for f in lattice["factor"]]
+    need(all(1e-9 <= f <= 1e9 for f in factor), "a factor out of range")
+    need(factor != [1.0] * 3, "all factors are 1")
+    for axis in range(3):
+        positive(lattice["scale"][axis] * factor[axis])
+        number(lattice["offset"][axis] * factor[axis])
 
 
 def check_depth(text):
@@ -158,6 +170,7 @@ LATTICE = structure({
     "scale": array(positive, 3), "offset": array(number, 3),
     "shift": array(integer(-(2**54), 2**54), 3),
 })  # fmt: skip
+FACTOR = structure({"factor": array(number, 3)})
 ATTRIBUTE = structure({
     "name": string, "type": word(*TYPES), "description": string, "scale": real, "offset": real,
 })  # fmt: skip

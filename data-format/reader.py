@@ -28,6 +28,7 @@ TYPES = {
 POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL = 1, 2, 3, 4, 5
 TANGENT, CLIP, CLASS, REMAINDER, ATTRIBUTE, COMPACT = 6, 7, 8, 9, 10, 11
 KNOWN = {POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL, CLASS, REMAINDER, ATTRIBUTE}
+VERSIONS = 1, 2
 SIDES = 8  # a kind of column
 CLIP_LINES = (CLIP, None, False, 16)
 TANGENTS = (TANGENT, None, True, 4)
@@ -96,7 +97,7 @@ class Esker:
     def read_header(self):
         header = self.at(0, 64)
         fields = struct.unpack("<8sII44sI", header)
-        expected = (b"\x89ESKER\r\n", 1, 64, bytes(44), zlib.crc32(header[:60]))
+        expected = (b"\x89ESKER\r\n", self.version, 64, bytes(44), zlib.crc32(header[:60]))
         require(fields == expected, "the header is damaged")
 
     def read_footer(self):  # section 3
@@ -105,7 +106,8 @@ class Esker:
         (crc,) = struct.unpack_from("<I", footer, 188)
         valid = magic == b"ESKEREND" and crc == zlib.crc32(footer[:188])
         require(valid, "cut short, or not an .esker file: no valid footer")
-        require(version == 1 and size == 192, f"version {version} is not read by this reader")
+        require(version in VERSIONS and size == 192, f"version {version} is not read by this reader")
+        self.version = version
         self.points, self.nodes, low, high = struct.unpack_from("<QQQQ", footer, 16)
         self.hash = low | high << 64
         self.rounding, self.capacity, zero = struct.unpack_from("<dII", footer, 48)
@@ -126,7 +128,7 @@ class Esker:
 
     def read_metadata(self):  # section 8
         require(self.places[2][1] <= 2**30, "the metadata are too long")
-        self.meta = metadata.parse(self.section("metadata", self.places[2]))
+        self.meta = metadata.parse(self.section("metadata", self.places[2]), self.version)
         meta = self.meta
         names = [int(tree["footer_hash"], 16) for tree in meta["forest"]]
         valid = len(names) < 512 and len(set(names)) == len(names)
@@ -138,6 +140,9 @@ class Esker:
         same = struct.pack("<d", rounding) == struct.pack("<d", self.rounding)
         require(same, "rounding error differs from the footer's")
         self.lattice = meta["lattice"]
+        # Contours are in metres where version 2 has factors for that.
+        factor = self.lattice["factor"] if self.version == 2 else (1, 1, 1)
+        self.lengths = np.array(self.lattice["scale"], float) * np.array(factor, float)
         self.bounds = meta["bounds"]
         self.attributes = meta["attributes"]
         order = [(a["name"].encode(), list(TYPES).index(a["type"])) for a in self.attributes]
@@ -433,7 +438,7 @@ def point_array(esker, kept):
 def summary(esker):
     return {
         "ok": True,
-        "version": 1,
+        "version": esker.version,
         "points": esker.points,
         "nodes": esker.nodes,
         "multiset_hash": f"{esker.hash:032x}",

@@ -14,6 +14,7 @@ mod bench_trace;
 mod commands;
 mod contract;
 mod data;
+mod degrees;
 mod devices;
 mod draw;
 mod export;
@@ -45,6 +46,7 @@ fn main() {
     let mut trials = Vec::new();
     // The longest trials first.
     data::trials(&mut trials);
+    degrees::trials(&mut trials);
     hostile::trials(&mut trials);
     resume::trials(&mut trials);
     synthetic::trials(&mut trials);

@@ -1,6 +1,7 @@
 //! The independent Python reader, written from the specification alone, agrees with the program on
 //! the sample's file.
 
+use crate::degrees::table;
 use crate::folder::Folder;
 use crate::program::{Outcome, build, esker, run, sample, verify};
 use crate::{missing, trial};
@@ -29,11 +30,15 @@ fn read(python: &str, file: &Path) -> Outcome {
 fn agrees(python: &str) {
     let folder = Folder::new();
     let out = folder.file("out.esker");
-    for more in [&[][..], &["--tangents"], &["--compact"]] {
-        let built = build(&[sample()], &out, more);
+    let (creek, degrees) = (sample(), table(&folder));
+    let in_degrees: &[&str] = &["--normals", "estimate", "--tangents", "--sharp-features"];
+    let builds = [(&creek, &[][..]), (&creek, &["--tangents"]), (&creek, &["--compact"])];
+    for (scan, more) in [(&degrees, in_degrees)].into_iter().chain(builds) {
+        let built = build(&[scan], &out, more);
         let info = esker(["info", out.to_str().unwrap(), "--json"]).json();
-        let verified = verify(&out, &[sample()]).json();
+        let verified = verify(&out, &[scan]).json();
         let theirs = read(python, &out).json();
+        assert_eq!(theirs["version"], if scan == &degrees { 2 } else { 1 });
         assert_eq!(theirs["points"], info["points"]);
         assert_eq!(theirs["points"], verified["points"]);
         assert_eq!(theirs["nodes"], info["nodes"]);

@@ -97,7 +97,8 @@ impl Wall {
     /// Makes a wall of `splats` splats. Its nodes share one record, that of the whole wall.
     fn new([width, height]: [u32; 2], splats: u64, options: &Options) -> Self {
         let middle = f64::from(1u32 << 31) + SIDE / 2.0;
-        let lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] };
+        let lattice =
+            Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
         let world = |i: usize| lattice.world_axis(i, middle);
         // The wall is as high as the picture, and stretched to its width.
         let wide = f64::from(width) / f64::from(height);

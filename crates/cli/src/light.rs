@@ -122,6 +122,7 @@ impl From<LightArgs> for LightSettings {
             seed: args.seed.unwrap_or(default.seed),
             exposure: args.exposure.or(default.exposure),
             meshes: args.mesh,
+            factor: default.factor,
         }
     }
 }

@@ -12,8 +12,10 @@ use esker_builder::NormalsMode;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
+#[cfg(feature = "light")]
+use esker_engine::light::settings::LightSettings;
 use esker_engine::machine::backend::{Backend, DrawWith};
-use esker_engine::{Dots, Forest, Method, Picture, PointSize};
+use esker_engine::{Dots, Filter, Forest, Method, Picture, PointSize};
 use esker_points::task::Silent;
 use esker_points::{AttrType, ColourDepth};
 use esker_render::inputs::colour::{Encoder, linear};
@@ -504,4 +506,110 @@ fn real_scans_keep_the_relations() {
             assert!(moved < 0.005 && flat < 0.05, "{name}, {style:?}: {moved}, {flat}");
         }
     }
+}
+
+/// The scan in degrees around a place, its steps about a tenth of a millimetre; and the text of a
+/// place in metres in its coordinates.
+fn in_degrees(latitude: f64) -> (Given, impl Fn([f64; 3]) -> String) {
+    let steps = [1e-9, 1e-9, STEP];
+    let factor = esker_scan::Geographic::of("", Some("degree")).unwrap().metres(latitude);
+    let offset = [8.5, latitude, 0.0];
+    let to = move |p: [i32; 3]| {
+        [0, 1, 2].map(|i| (f64::from(p[i]) * STEP / factor[i] / steps[i]).round() as i32)
+    };
+    let mut degrees = scan(STEP, |i| i, to);
+    degrees.info.grid.grid.scale = steps;
+    degrees.info.crs = Some("EPSG:4326".parse().unwrap());
+    let text = move |p: [f64; 3]| {
+        let at = [0, 1, 2].map(|i| p[i] / factor[i] + offset[i]);
+        format!("{:?},{:?},{:?}", at[0], at[1], at[2])
+    };
+    (degrees.at(offset), text)
+}
+
+#[test]
+fn a_scan_in_degrees_has_the_picture_of_its_projected_copy() {
+    let folder = tempfile::tempdir().unwrap();
+    let want = pictures(&built(&[plain()], folder.path()), &camera(1.0, [0.0; 3], 1.0));
+    covers_enough(&want);
+    // Other points are in the sample, since cells have other sides.
+    let moved = built(&[scan(STEP, |i| i, |p| p.map(|c| c + 777))], folder.path());
+    let floor = flips(&want, &pictures(&moved, &camera(1.0, [777.0 * STEP; 3], 1.0)));
+    for latitude in [0.0, 47.0, -80.0] {
+        let (degrees, text) = in_degrees(latitude);
+        let file = built(&[degrees], folder.path());
+        assert!(file.lattice().is_scaled());
+        let (eye, target) = (text([-9.5, -11.25, 6.5]), text([0.5, -0.25, 0.5]));
+        let other = pictures(&file, &format!("eye={eye};target={target};fovy=50"));
+        let each = flips(&want, &other).into_iter().zip(&floor).zip(styles());
+        for ((flip, floor), style) in each {
+            let message = format!("{latitude}, {style:?}: {flip}, another sample {floor}");
+            assert!(flip <= 1.3 * floor + 0.01, "{message}");
+        }
+    }
+}
+
+#[test]
+fn views_fitted_to_a_scan_in_degrees_are_those_of_its_projected_copy() {
+    let folder = tempfile::tempdir().unwrap();
+    let fitted = |file: &Forest| draw(file, &request("", styles()[0]), &Silent).unwrap();
+    let (want, _) = fitted(&built(&[plain()], folder.path()));
+    let (degrees, text) = in_degrees(47.0);
+    let (other, report) = fitted(&built(&[degrees], folder.path()));
+    let covered = |picture: &Picture| picture.depth.iter().filter(|d| d.is_finite()).count() as f64;
+    assert!((covered(&other) / covered(&want) - 1.0).abs() < 0.05);
+    // The eye is in the scan's coordinates, and no note says that the picture is distorted.
+    let eye = report.camera.eye;
+    assert!((eye[0] - 8.5).abs() < 0.001 && (eye[1] - 47.0).abs() < 0.001, "{eye:?}");
+    assert!(report.notes.iter().all(|note| !note.contains("degrees")), "{:?}", report.notes);
+    // Drawn from there, it is the same picture.
+    let [eye, along] = [report.camera.eye, report.camera.forward]
+        .map(|v| format!("{:?},{:?},{:?}", v[0], v[1], v[2]));
+    let camera = format!("eye={eye};direction={along}");
+    let (degrees, _) = in_degrees(47.0);
+    let file = built(&[degrees], folder.path());
+    let (again, _) = draw(&file, &request(&camera, styles()[0]), &Silent).unwrap();
+    let flip = mean_flip(&other.rgba, &again.rgba, SIZE[0] as usize);
+    assert!(flip < 0.005, "{flip}");
+    // A box in the scan's coordinates chooses the points that it chooses of the copy.
+    let corners = |low: String, high: String| format!("{low},{high}").parse().unwrap();
+    let drawn = |file: &Forest, bounds| {
+        let filter = Filter { bounds: Some(bounds), ..Filter::default() };
+        let request = PictureRequest { filter, ..request("", styles()[2]) };
+        draw(file, &request, &Silent).unwrap().1.points_drawn as f64
+    };
+    let ours = drawn(&file, corners(text([-2.0, -3.0, -9.0]), text([4.5, 2.5, 9.0])));
+    let copy = built(&[plain()], folder.path());
+    let theirs = drawn(&copy, corners("-2,-3,-9".into(), "4.5,2.5,9".into()));
+    assert!(ours > 1000.0 && (ours / theirs - 1.0).abs() < 0.01, "{ours} {theirs}");
+}
+
+#[cfg(feature = "light")]
+#[test]
+fn a_lamp_in_a_scan_in_degrees_lights_as_in_its_projected_copy() {
+    let folder = tempfile::tempdir().unwrap();
+    let lit = |file: &Forest, camera: &str, lamp: String| {
+        let lights = Some(esker_engine::light::lights::parse(&format!("lamp:{lamp},30")).unwrap());
+        let light = LightSettings { lights, exposure: Some(1.0), ..LightSettings::default() };
+        let method = (Method::Lit, Dots::default());
+        draw(file, &PictureRequest { light, ..request(camera, method) }, &Silent).unwrap().0
+    };
+    let place = [-1.5, -1.0, 2.5];
+    let metres = |p: [f64; 3]| format!("{:?},{:?},{:?}", p[0], p[1], p[2]);
+    let want = lit(&built(&[plain()], folder.path()), &camera(1.0, [0.0; 3], 1.0), metres(place));
+    let by = 777.0 * STEP;
+    let moved = built(&[scan(STEP, |i| i, |p| p.map(|c| c + 777))], folder.path());
+    let moved = lit(&moved, &camera(1.0, [by; 3], 1.0), metres(place.map(|c| c + by)));
+    let floor = mean_flip(&want.rgba, &moved.rgba, SIZE[0] as usize);
+    let (degrees, text) = in_degrees(47.0);
+    let (eye, target) = (text([-9.5, -11.25, 6.5]), text([0.5, -0.25, 0.5]));
+    let view = format!("eye={eye};target={target};fovy=50");
+    let other = lit(&built(&[degrees], folder.path()), &view, text(place));
+    let flip = mean_flip(&want.rgba, &other.rgba, SIZE[0] as usize);
+    assert!(flip <= 1.3 * floor + 0.01, "{flip}, another sample {floor}");
+    // Another place is another picture.
+    let file = built(&[in_degrees(47.0).0], folder.path());
+    let elsewhere = lit(&file, &view, text([5.0, 4.0, 6.0]));
+    let flip = mean_flip(&want.rgba, &elsewhere.rgba, SIZE[0] as usize);
+    assert!(flip > 1.3 * floor + 0.02, "{flip}");
 }

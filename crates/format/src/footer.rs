@@ -5,8 +5,8 @@ use crate::bytes::{u32_at, u64_at};
 use esker_points::MultisetHash;
 use xxhash_rust::xxh3::xxh3_128;
 
-/// Version that this crate writes and reads.
-pub const VERSION: u32 = 1;
+/// Versions that this crate reads and writes: 2 where coordinates are scaled to lengths, else 1.
+pub const VERSIONS: std::ops::RangeInclusive<u32> = 1..=2;
 /// First bytes of the file, chosen so that a transfer as text damages them.
 pub const HEADER_MAGIC: [u8; 8] = *b"\x89ESKER\r\n";
 /// First bytes of the footer.
@@ -37,6 +37,8 @@ impl Section {
 /// The footer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footer {
+    /// Version of the format.
+    pub version: u32,
     /// Number of points.
     pub points: u64,
     /// Number of nodes.
@@ -64,7 +66,7 @@ impl Footer {
     pub fn encode(&self) -> [u8; FOOTER_BYTES] {
         let mut out = Vec::with_capacity(FOOTER_BYTES);
         out.extend_from_slice(&FOOTER_MAGIC);
-        out.extend_from_slice(&VERSION.to_le_bytes());
+        out.extend_from_slice(&self.version.to_le_bytes());
         out.extend_from_slice(&(FOOTER_BYTES as u32).to_le_bytes());
         out.extend_from_slice(&self.points.to_le_bytes());
         out.extend_from_slice(&self.nodes.to_le_bytes());
@@ -94,7 +96,7 @@ impl Footer {
             return Err(FooterFault::None("the footer's checksum does not match"));
         }
         let version = u32_at(bytes, 8);
-        if version != VERSION || u32_at(bytes, 12) as usize != FOOTER_BYTES {
+        if !VERSIONS.contains(&version) || u32_at(bytes, 12) as usize != FOOTER_BYTES {
             return Err(FooterFault::Version(version));
         }
         let section = |at: usize| Section {
@@ -103,6 +105,7 @@ impl Footer {
             crc: u32_at(bytes, at + 16),
         };
         let footer = Self {
+            version,
             points: u64_at(bytes, 16),
             nodes: u64_at(bytes, 24),
             hash: MultisetHash(u128::from(u64_at(bytes, 32)) | u128::from(u64_at(bytes, 40)) << 64),
@@ -136,10 +139,10 @@ pub enum FooterFault {
     Version(u32),
 }
 
-/// The header: magic, version, zeros, checksum.
-pub fn header() -> [u8; HEADER_BYTES] {
+/// The header of a version: magic, version, zeros, checksum.
+pub fn header(version: u32) -> [u8; HEADER_BYTES] {
     let mut out = HEADER_MAGIC.to_vec();
-    out.extend_from_slice(&VERSION.to_le_bytes());
+    out.extend_from_slice(&version.to_le_bytes());
     out.extend_from_slice(&(HEADER_BYTES as u32).to_le_bytes());
     sealed(&out)
 }

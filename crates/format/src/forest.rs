@@ -28,6 +28,8 @@ pub struct Forest {
     joined: Option<NodeTable>,
     /// Attributes of all trees.
     schema: Schema,
+    /// Metric lattice of all trees.
+    metric: Lattice,
     /// Name to show instead of the path.
     name: Option<PathBuf>,
 }
@@ -49,8 +51,9 @@ impl From<EskerFile> for Forest {
     fn from(file: EskerFile) -> Self {
         let schema = file.metadata().schema.clone();
         let attributes = (0..schema.attributes.len()).map(|i| Some(i as u16)).collect();
+        let metric = file.metadata().lattice.metric();
         let trees = vec![Tree { file, first_node: 0, first_byte: 0, attributes }];
-        Self { trees, joined: None, schema, name: None }
+        Self { trees, joined: None, schema, metric, name: None }
     }
 }
 
@@ -107,7 +110,8 @@ impl Forest {
             trees.push(Tree { file, first_node, first_byte, attributes });
             first_byte = end;
         }
-        Ok(Self { trees, joined: Some(table), schema, name: None })
+        let metric = lattice.metric();
+        Ok(Self { trees, joined: Some(table), schema, metric, name: None })
     }
 
     /// Sets a name to show instead of the path: that of a temporary file means nothing to the user.
@@ -135,9 +139,14 @@ impl Forest {
         self.joined.as_ref().unwrap_or_else(|| self.trees[0].file.table())
     }
 
-    /// Lattice of all trees.
+    /// Lattice of all trees, on which coordinates are exact.
     pub fn lattice(&self) -> &Lattice {
         &self.trees[0].file.metadata().lattice
+    }
+
+    /// Metric lattice of all trees, on which lengths are measured and views are given.
+    pub fn metric(&self) -> &Lattice {
+        &self.metric
     }
 
     /// Attributes of all trees; a tree may lack some.
@@ -277,7 +286,7 @@ impl Tree {
 
 /// Compares bit by bit: points are then placed equally on both.
 fn is_same(a: &Lattice, b: &Lattice) -> bool {
-    let bits = |l: &Lattice| (l.scale.map(f64::to_bits), l.offset.map(f64::to_bits), l.shift);
+    let bits = |l: &Lattice| ([l.scale, l.offset, l.factor].map(|v| v.map(f64::to_bits)), l.shift);
     bits(a) == bits(b)
 }
 

@@ -66,6 +66,28 @@ struct GridJson {
 }
 
 #[derive(Serialize, Deserialize)]
+struct LatticeJson {
+    scale: [f64; 3],
+    offset: [f64; 3],
+    shift: [i64; 3],
+    /// Of version 2, where [`FactorsJson`] reads it; version 1 ignores a member of this name.
+    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
+    factor: Option<[f64; 3]>,
+}
+
+/// What version 2 adds.
+#[derive(Deserialize)]
+struct FactorsJson {
+    #[serde(deserialize_with = "object")]
+    lattice: FactorJson,
+}
+
+#[derive(Deserialize)]
+struct FactorJson {
+    factor: [f64; 3],
+}
+
+#[derive(Serialize, Deserialize)]
 struct SourceJson {
     path: String,
     format: String,
@@ -95,7 +117,7 @@ struct TreeJson {
 pub(crate) struct MetadataJson {
     generator: String,
     #[serde(deserialize_with = "object")]
-    lattice: Lattice,
+    lattice: LatticeJson,
     #[serde(deserialize_with = "nullable")]
     bounds: Option<[[u32; 3]; 2]>,
     node_capacity: u32,
@@ -132,7 +154,7 @@ impl MetadataJson {
         let layout = metadata.layout();
         Self {
             generator: metadata.generator.clone(),
-            lattice: metadata.lattice,
+            lattice: lattice_json(&metadata.lattice),
             bounds: metadata.bounds,
             node_capacity: metadata.node_capacity,
             attributes: metadata.schema.attributes.iter().map(attribute_json).collect(),
@@ -163,7 +185,7 @@ impl MetadataJson {
         let normals = Normals::from_name(&self.normals)
             .ok_or_else(|| Fault::new("metadata", "the origin of normals is unknown"))?;
         let metadata = Metadata {
-            lattice: self.lattice,
+            lattice: lattice(self.lattice),
             bounds: self.bounds,
             schema,
             classes: self.classes.into_iter().map(point_class).collect(),
@@ -209,12 +231,19 @@ impl Metadata {
         Ok((json, blob))
     }
 
-    /// Reads and checks the JSON; `verbatim_bytes` is the length of the verbatim section.
-    pub(crate) fn decode(json: &[u8], verbatim_bytes: u64) -> Result<Decoded, Fault> {
-        let json: MetadataJson = from_json(json)?;
-        let (metadata, planes, blocks) = json.parts()?;
+    /// Reads and checks the JSON of a file of this version; `verbatim_bytes` is the length of the
+    /// verbatim section.
+    pub(crate) fn decode(json: &[u8], verbatim_bytes: u64, version: u32) -> Result<Decoded, Fault> {
+        let mut members: MetadataJson = from_json(json)?;
+        if version > 1 {
+            members.lattice.factor = Some(from_json::<FactorsJson>(json)?.lattice.factor);
+        }
+        let (metadata, planes, blocks) = members.parts()?;
         check_blocks(&blocks, verbatim_bytes)?;
         metadata.check()?;
+        if metadata.version() != version {
+            return Err(Fault::new("metadata", "all factors of the lattice are 1"));
+        }
         let layout = metadata.layout().with_planes(planes)?;
         Ok(Decoded { metadata, layout, blocks })
     }
@@ -236,6 +265,16 @@ fn check_blocks(blocks: &[Vec<BlockPlace>], verbatim_bytes: u64) -> Result<(), F
         return Err(Fault::new("metadata", "verbatim blocks do not fill their section"));
     }
     Ok(())
+}
+
+fn lattice_json(lattice: &Lattice) -> LatticeJson {
+    let Lattice { scale, offset, shift, factor } = *lattice;
+    LatticeJson { scale, offset, shift, factor: lattice.is_scaled().then_some(factor) }
+}
+
+fn lattice(json: LatticeJson) -> Lattice {
+    let LatticeJson { scale, offset, shift, factor } = json;
+    Lattice { scale, offset, shift, factor: factor.unwrap_or([1.0; 3]) }
 }
 
 fn plane_json(plane: &PlaneSpec) -> PlaneJson {

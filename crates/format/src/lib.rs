@@ -39,7 +39,7 @@ mod writer;
 pub use aside::{SET_ASIDE_MAX, SetAside};
 pub use codec::{Codec, Encoding};
 pub use error::{Fault, FormatError};
-pub use footer::{Footer, VERSION};
+pub use footer::{Footer, VERSIONS};
 pub use forest::Forest;
 pub use forest_filter::ForestFilter;
 pub use layout::{PageLayout, PlaneKind, PlaneSpec, runs};

@@ -21,6 +21,9 @@ pub const METADATA_BYTES_MAX: u64 = 1 << 30;
 /// Greatest shift of a lattice in whole steps: `f64` has no whole steps beyond it.
 const LATTICE_SHIFT_MAX: u64 = 1 << 54;
 
+/// Range of the factors of a lattice.
+const FACTORS: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
+
 /// The file's description of itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metadata {
@@ -117,6 +120,11 @@ impl Metadata {
             .with_palette(self.palette.clone())
     }
 
+    /// Version of the format that the file needs.
+    pub fn version(&self) -> u32 {
+        if self.lattice.is_scaled() { 2 } else { 1 }
+    }
+
     /// Greatest of the sources' rounding errors.
     pub(crate) fn rounding_error_max(&self) -> f64 {
         self.sources.iter().map(|s| s.rounding_error_max).fold(0.0, f64::max)
@@ -137,7 +145,14 @@ impl Metadata {
         for axis in 0..3 {
             let numbers = lattice.scale[axis].is_normal() && lattice.offset[axis].is_finite();
             let shift = lattice.shift[axis].unsigned_abs();
-            if !numbers || lattice.scale[axis] < 0.0 || shift > LATTICE_SHIFT_MAX {
+            let factor = lattice.factor[axis];
+            if !numbers
+                || lattice.scale[axis] < 0.0
+                || shift > LATTICE_SHIFT_MAX
+                || !FACTORS.contains(&factor)
+                || !(lattice.scale[axis] * factor).is_normal()
+                || !(lattice.offset[axis] * factor).is_finite()
+            {
                 return fault("the lattice's numbers are not usable");
             }
         }

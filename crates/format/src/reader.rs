@@ -102,12 +102,14 @@ impl EskerFile {
         check_sections(&footer).map_err(|fault| fault.damaged(name))?;
         let mut head = [0; HEADER_BYTES];
         source.read_exact_at(&mut head, 0).map_err(io_error(name, "read its header"))?;
-        if head != header() {
-            return Err(Fault::new("header", "it is not that of this version").damaged(name));
+        if head != header(footer.version) {
+            return Err(
+                Fault::new("header", "it is not that of the footer's version").damaged(name)
+            );
         }
         let json = read_section(name, source.as_ref(), footer.metadata, "metadata")?;
-        let decoded =
-            Metadata::decode(&json, footer.verbatim.bytes).map_err(|f| f.damaged(name))?;
+        let decoded = Metadata::decode(&json, footer.verbatim.bytes, footer.version)
+            .map_err(|f| f.damaged(name))?;
         drop(json);
         let table = read_table(name, source.as_ref(), &footer)?;
         table::check(&table, &decoded.layout, footer.table.offset, footer.points)

@@ -122,7 +122,7 @@ fn verify_node(
     };
     check_padding(&page).map_err(fault)?;
     let sides = file.table().sides.get(index as usize).copied();
-    let mut contour = ContourCheck::new(node, &file.metadata().lattice);
+    let mut contour = ContourCheck::new(node, file.metadata().lattice.metric());
     let mut planes = PlaneCheck::new(&page);
     let mut found = NodeSums::new(layout);
     for run in runs(node.points(), layout.schema().record_bytes()) {
@@ -265,7 +265,8 @@ impl<'a> PlaneCheck<'a> {
 /// summation decides may be counted in either.
 struct ContourCheck<'a> {
     node: &'a Node,
-    lattice: &'a Lattice,
+    /// The metric lattice.
+    lattice: Lattice,
     contour: Contour,
     size: f64,
     min: [u32; 3],
@@ -276,7 +277,7 @@ struct ContourCheck<'a> {
 }
 
 impl<'a> ContourCheck<'a> {
-    fn new(node: &'a Node, lattice: &'a Lattice) -> Self {
+    fn new(node: &'a Node, lattice: Lattice) -> Self {
         let contour = node.contour();
         let size = contour.centre.iter().chain(&contour.half).fold(0.0f64, |m, c| m.max(c.abs()));
         let (min, max) = ([u32::MAX; 3], [0; 3]);

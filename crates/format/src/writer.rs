@@ -4,7 +4,7 @@
 //! was set to keep it for a later writer.
 
 use crate::error::{Fault, FormatError, io_error};
-use crate::footer::{FOOTER_BYTES, Footer, HEADER_BYTES, Section, header};
+use crate::footer::{FOOTER_BYTES, Footer, HEADER_BYTES, Section, VERSIONS, header};
 use crate::layout::ALIGNMENT;
 use crate::metadata::Metadata;
 use crate::sequential::{STACK_BYTES, Sequential};
@@ -107,7 +107,7 @@ impl FileWriter {
         let _unfinished = Unfinished::new(&partial);
         let mut writer =
             Self { path, partial, out, syncing, synced: 0, is_kept: false, _unfinished };
-        writer.write(&header())?;
+        writer.write(&header(*VERSIONS.start()))?;
         Ok(writer)
     }
 
@@ -221,6 +221,7 @@ impl FileWriter {
         statistics.check_shape(table, &metadata.schema).map_err(unwritable)?;
         metadata.check_classes(points).map_err(unwritable)?;
         let mut footer = Footer {
+            version: metadata.version(),
             points,
             nodes: table.nodes.len() as u64,
             hash,
@@ -234,8 +235,21 @@ impl FileWriter {
         };
         footer.file_bytes = self.offset() + FOOTER_BYTES as u64;
         self.write(&footer.encode())?;
+        self.write_header(footer.version)?;
         self.commit()?;
         Ok(footer.file_bytes)
+    }
+
+    /// Replaces the header, which has the first version until the metadata are known.
+    fn write_header(&mut self, version: u32) -> Result<(), FormatError> {
+        let Some(out) = self.out.as_mut().filter(|_| version != *VERSIONS.start()) else {
+            return Ok(());
+        };
+        let end = out.offset();
+        out.seek(0)
+            .and_then(|()| out.write_all(&header(version)))
+            .and_then(|()| out.seek(end))
+            .map_err(io_error(&self.path, "write it"))
     }
 
     /// Flushes the file and gives it its final name. No reader has the file before.

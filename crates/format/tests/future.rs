@@ -77,7 +77,7 @@ fn later_file(file: &EskerFile) -> Vec<u8> {
 /// The file with pages of another layout, other statistics and metadata.
 fn rewritten(file: &EskerFile, layout: &PageLayout, statistics: &[u8], metadata: &[u8]) -> Vec<u8> {
     let today = file.footer();
-    let mut out = header().to_vec();
+    let mut out = header(file.footer().version).to_vec();
     let mut table = file.table().clone();
     for (index, node) in (0..).zip(&mut table.nodes) {
         let points = file.read_page(index).unwrap().points().unwrap();

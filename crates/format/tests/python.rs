@@ -55,6 +55,9 @@ fn both_readers_read_the_same_points() {
         let csv = folder.path().join("points.csv");
         let points = tree::points_of(&schema, &classes, count, spread, 99 + number as u64);
         let mut metadata = tree::metadata(schema, classes);
+        if number % 2 == 1 {
+            metadata = tree::in_degrees(metadata);
+        }
         metadata.set_aside = tree::set_aside(&metadata);
         tree::write(&path, &metadata, &points, 60);
         let output = read(&python, &path, &["--csv", csv.to_str().unwrap()]);
@@ -64,6 +67,7 @@ fn both_readers_read_the_same_points() {
             serde_json::from_str(text.lines().last().unwrap()).unwrap();
         let file = EskerFile::open(&path).unwrap();
         assert_eq!(reported["points"], count as u64);
+        assert_eq!(reported["version"], 1 + number as u64 % 2);
         assert_eq!(reported["nodes"], file.footer().nodes);
         assert_eq!(reported["multiset_hash"], file.footer().hash.to_string());
         assert_eq!(reported["footer_hash"], format!("{:032x}", file.footer().name_hash()));
@@ -190,8 +194,11 @@ fn both_readers_accept_and_refuse_the_same_files() {
     metadata.set_aside = tree::set_aside(&metadata);
     tree::write(&path, &metadata, &points, 15);
     let samples = Path::new("../../data-format/samples");
-    let seeds = [path, samples.join("all-kinds.esker"), samples.join("forest-second.esker")];
-    let seeds = seeds.map(|seed| contents(&seed));
+    let degrees = folder.path().join("degrees.esker");
+    tree::write(&degrees, &tree::in_degrees(metadata), &points, 15);
+    let samples_of_1 = ["all-kinds.esker", "forest-second.esker"].map(|name| samples.join(name));
+    let seeds = samples_of_1.into_iter().chain([path, degrees]);
+    let seeds: Vec<_> = seeds.map(|seed| contents(&seed)).collect();
     let wanted = std::env::var("ESKER_VERDICTS").ok().and_then(|n| n.parse().ok());
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
     let (mut paths, mut list) = (Vec::new(), String::new());

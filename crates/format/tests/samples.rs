@@ -47,6 +47,8 @@ fn the_samples_have_every_kind_of_plane_and_encoding() {
     let types: BTreeSet<_> =
         all("attributes").iter().map(|a| a.split(':').next_back().unwrap().to_string()).collect();
     assert_eq!(types.len(), 10, "{types:?}");
+    let scaled: Vec<_> = expected.iter().filter(|(_, e)| !e["factor"].is_null()).collect();
+    assert_eq!(scaled.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["degrees.esker"]);
     let nodes = expected.values().flat_map(|e| e["nodes"].as_array().unwrap());
     assert!(nodes.into_iter().any(|n| n["continuation"] == true));
 }

@@ -25,7 +25,8 @@ const CORNER: u32 = 1 << 31;
 const RUNS: usize = 101;
 
 fn main() {
-    let lattice = Lattice { scale: [1e-3; 3], offset: [0.0; 3], shift: [0; 3] };
+    let lattice =
+        Lattice { scale: [1e-3; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
     let table = building();
     let room = f64::from(ROOM) * 1e-3;
     let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z) * room;

@@ -105,7 +105,12 @@ mod tests {
 
     #[test]
     fn a_cell_spans_its_lattice_points_on_every_axis() {
-        let lattice = Lattice { scale: [0.01, 0.1, 2.0], offset: [5.0; 3], shift: [0; 3] };
+        let lattice = Lattice {
+            scale: [0.01, 0.1, 2.0],
+            offset: [5.0; 3],
+            shift: [0; 3],
+            ..Lattice::default()
+        };
         let cell = Cell::containing([1 << 31; 3], 3);
         let b = OrientedBox::of_cell(&cell, &lattice);
         assert!((b.centre - b.half - DVec3::splat(5.0)).length() < 1e-9);

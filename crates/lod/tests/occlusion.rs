@@ -18,7 +18,7 @@ const CORNER: [u32; 3] = [1 << 31; 3];
 const SIDE: u32 = 256;
 
 fn lattice() -> Lattice {
-    Lattice { scale: [1e-3; 3], offset: [0.0; 3], shift: [0; 3] }
+    Lattice { scale: [1e-3; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() }
 }
 
 /// Looks along y at the origin from a distance of 10; the picture is about 9 wide there.

@@ -241,7 +241,8 @@ fn random_bits_give_a_valid_picture() {
                 tangents: None,
             })
             .collect();
-        let lattice = Lattice { scale: [scale; 3], offset: [0.0; 3], shift: [0; 3] };
+        let lattice =
+            Lattice { scale: [scale; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
         let target = DVec3::splat(32_768.0) * scale.clamp(1e-200, 1e200);
         let view = View::look_at(target * 3.0, target, DVec3::Z, 1.0, 40, 30);
         let frame = Frame {

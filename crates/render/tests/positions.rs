@@ -83,9 +83,24 @@ fn exact_points_are_drawn_within_a_hundredth_of_a_pixel_however_close_the_view()
     let mut dice = Dice(4);
     // Millimetres at 10^7 m; hundredths of a foot; a fine lattice that fills all 32 bits.
     let lattices = [
-        Lattice { scale: [1e-3; 3], offset: [1e7, -1.2e7, 400.0], shift: [3, 0, -7] },
-        Lattice { scale: [0.01; 3], offset: [0.0; 3], shift: [500_000_000, 360_000_000, 0] },
-        Lattice { scale: [2f64.powi(-34); 3], offset: [0.0; 3], shift: [0; 3] },
+        Lattice {
+            scale: [1e-3; 3],
+            offset: [1e7, -1.2e7, 400.0],
+            shift: [3, 0, -7],
+            ..Lattice::default()
+        },
+        Lattice {
+            scale: [0.01; 3],
+            offset: [0.0; 3],
+            shift: [500_000_000, 360_000_000, 0],
+            ..Lattice::default()
+        },
+        Lattice {
+            scale: [2f64.powi(-34); 3],
+            offset: [0.0; 3],
+            shift: [0; 3],
+            ..Lattice::default()
+        },
     ];
     let mut seen = 0;
     for lattice in &lattices {
@@ -128,7 +143,8 @@ fn exact_points_are_drawn_within_a_hundredth_of_a_pixel_however_close_the_view()
 #[test]
 fn hot_points_alone_are_off_by_at_most_half_a_hot_step() {
     let mut dice = Dice(5);
-    let lattice = Lattice { scale: [1e-3; 3], offset: [1e7, 1e7, 0.0], shift: [0; 3] };
+    let lattice =
+        Lattice { scale: [1e-3; 3], offset: [1e7, 1e7, 0.0], shift: [0; 3], ..Lattice::default() };
     let mut seen = 0;
     for extent in [60_000, 1_000_000, 100_000_000] {
         let near = [2_000_000_000 + extent / 2; 3];

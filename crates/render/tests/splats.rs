@@ -232,7 +232,7 @@ proptest! {
             colour: ColourPlane::Rgba(&colours[..]), normal: normal.as_deref(), clip: None,
             tangents: None,
         };
-        let lattice = Lattice { scale: [scale; 3], offset: [0.0; 3], shift: [0; 3] };
+        let lattice = Lattice { scale: [scale; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
         let map = ColourMap { low: 0.0, high: 1.0, gradient: Gradient::Terrain };
         let by = [ColourBy::Plain, ColourBy::Rgb, ColourBy::Normal, ColourBy::Elevation(map),
             ColourBy::EyeDepth(map)];

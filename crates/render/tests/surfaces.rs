@@ -297,7 +297,8 @@ fn a_coordinate_across_a_wall_is_interpolated_between_its_points() {
 #[test]
 fn radii_follow_the_finest_drawn_cell() {
     const CORNER: u32 = 1 << 31;
-    let lattice = Lattice { scale: [1e-3; 3], offset: [0.0; 3], shift: [0; 3] };
+    let lattice =
+        Lattice { scale: [1e-3; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
     let mut root: Node = bytemuck::Zeroable::zeroed();
     (root.corner, root.cell_log2, root.box_min) = ([CORNER; 3], 16, [CORNER; 3]);
     (root.spacing, root.parent, root.first_child, root.child_count) = (8.0, u32::MAX, 1, 1);

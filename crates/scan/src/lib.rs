@@ -37,6 +37,7 @@ pub mod write;
 pub use error::ScanError;
 pub use folder::{FolderScans, scans_in};
 pub use las::crs::{EpsgCodes, epsg_codes, vertical_name};
+pub use las::geodetic::Geographic;
 pub use registry::open;
 pub use source::SourceInfo;
 pub use source::{BESIDE_HELD_BYTES, Crs, Format, Guess, OpenOptions, ReadReport, Scanner, Source};

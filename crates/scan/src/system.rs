@@ -6,6 +6,7 @@
 
 use crate::error::ScanError;
 use crate::las::crs::unit_of;
+use crate::las::geodetic::Geographic;
 use crate::packed::ENDINGS;
 use crate::source::{Crs, Guess, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use esker_points::lattice::Placement;
@@ -110,12 +111,11 @@ pub(crate) fn located(source: Box<dyn Source>, options: &OpenOptions) -> Box<dyn
             Some(_) => {}
         }
     }
-    if info.crs.as_ref().is_some_and(|crs| crs.unit.as_deref() == Some("degree")) {
-        info.notes.push(
-            "x and y are degrees and heights are not: distances mean nothing and pictures are \
-             distorted; transform it to a projected system first"
-                .into(),
-        );
+    let geographic =
+        info.crs.as_ref().and_then(|crs| Geographic::of(&crs.text, crs.unit.as_deref()));
+    if let Some(geographic) = geographic {
+        let unit = geographic.unit_name();
+        info.notes.push(format!("x and y are {unit}"));
     }
     Box::new(Located { source, info })
 }

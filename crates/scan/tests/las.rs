@@ -563,7 +563,8 @@ fn points_outside_the_lattice_are_reported_and_surveyed() {
     let source = open(&disk).unwrap();
     let mut other = source.info().grid.clone();
     other.grid.scale = [2.0 * 0.01 / 3.0; 3];
-    let lattice = Lattice { scale: other.grid.scale, offset: [0.0; 3], shift: [0; 3] };
+    let lattice =
+        Lattice { scale: other.grid.scale, offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
     let placement = lattice.placement(&source.info().grid);
     let mut outside = Vec::new();
     let mut sink = |mut batch: Batch| {

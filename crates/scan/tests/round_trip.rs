@@ -272,7 +272,8 @@ fn times_behind_a_negative_zero_come_back_from_laz() {
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.laz");
-    let lattice = Lattice { scale: [0.001; 3], offset: [0.0; 3], shift: [0; 3] };
+    let lattice =
+        Lattice { scale: [0.001; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
     let notes = write(&path, lattice, vec![], &batch);
     assert!(notes.contains(&"2 GPS times of -0 are written as 0".to_owned()), "{notes:?}");
     let found = read_path(&path).unwrap();
@@ -288,7 +289,8 @@ fn times_behind_a_negative_zero_come_back_from_laz() {
 #[test]
 fn text_says_that_dark_colours_of_16_bits_look_like_8() {
     let folder = tempfile::tempdir().unwrap();
-    let lattice = Lattice { scale: [0.001; 3], offset: [0.0; 3], shift: [0; 3] };
+    let lattice =
+        Lattice { scale: [0.001; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
     for (brightest, is_noted) in [(255u16, true), (256, false)] {
         let batch = Batch {
             schema: Arc::new(Schema::new(COLOURS.map(|n| Attribute::new(n, AttrType::U16)).into())),
@@ -325,7 +327,7 @@ proptest! {
     #[test]
     fn clouds_of_any_attributes_come_back_from_every_format(batch in any_cloud()) {
         let folder = tempfile::tempdir().unwrap();
-        let lattice = Lattice { scale: [0.001; 3], offset: [0.0; 3], shift: [0; 3] };
+        let lattice = Lattice { scale: [0.001; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
         let path = |name: String| folder.path().join(name);
         write(&path("want.las".into()), lattice, vec![], &batch);
         let info = read_path(&path("want.las".into())).unwrap().info;

@@ -162,7 +162,7 @@ proptest! {
         let mut batch = Batch::with_capacity(schema, values.len());
         batch.positions = values.iter().map(|&v| [u32::from(v); 3]).collect();
         batch.columns.iter_mut().for_each(|c| c.clone_from(&values));
-        let lattice = Lattice { scale: [0.001; 3], offset: [0.0; 3], shift: [0; 3] };
+        let lattice = Lattice { scale: [0.001; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
         let folder = tempfile::tempdir().unwrap();
         for ending in ["csv", "xyz"] {
             let out = folder.path().join(format!("out.{ending}"));

@@ -45,8 +45,9 @@ impl Planes {
         base
     }
 
+    /// The metric lattice: views and contours are in lengths.
     pub(crate) fn lattice(&self) -> &Lattice {
-        self.forest.lattice()
+        self.forest.metric()
     }
 
     pub(crate) fn node(&self, node: u32) -> &Node {

@@ -150,6 +150,7 @@ mod tests {
     use super::*;
     use crate::camera::Camera;
     use eframe::egui::{Rect, pos2};
+    use esker_engine::Lattice;
 
     #[test]
     fn distances_of_keys_add_up_to_the_way() {
@@ -164,7 +165,8 @@ mod tests {
     fn every_pressed_key_and_button_is_released() {
         let text = r#"{"views": [{"name": "a", "eye": [0,-9,1], "target": [0,0,0], "stay_s": 0},
                                  {"name": "b", "eye": [9,-2,5], "target": [0,0,1], "travel_s": 2}]}"#;
-        let path = Path::parse(text, [[0.0; 3], [1.0; 3]], [640, 400]).unwrap();
+        let path =
+            Path::parse(text, ([[0.0; 3], [1.0; 3]], &Lattice::default()), [640, 400]).unwrap();
         let mut camera = Camera::new(DVec3::new(0.0, -9.0, 1.0), DVec3::ZERO, DVec3::Z, 1.0);
         let mut autopilot = Autopilot::new(path, 0.0, 1.0);
         let (mut keys, mut buttons) = (0, 0);

@@ -3,7 +3,7 @@
 
 use crate::{frustum, theme};
 use eframe::egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
-use esker_engine::View;
+use esker_engine::{Lattice, View};
 use glam::DVec3;
 
 /// Radius of the mark of a point, in points of the screen.
@@ -14,9 +14,9 @@ const DIGITS_MAX: usize = 4;
 /// A point that was clicked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuredPoint {
-    /// Position, world.
+    /// Position on the metric lattice.
     pub at: DVec3,
-    /// Width of a pixel at its depth, the file's unit: the precision of the position.
+    /// Width of a pixel at its depth: the precision of the position.
     pub pixel: f64,
 }
 
@@ -45,11 +45,17 @@ impl Measure {
         self.points.clear();
     }
 
-    /// Coordinates of the points, and the distance between them, as lines of text.
-    pub fn lines(&self, unit: Option<&str>) -> Vec<String> {
+    /// Coordinates of the points on a scan's lattice, and the distance between them, as lines of
+    /// text.
+    pub fn lines(&self, unit: Option<&str>, lattice: &Lattice) -> Vec<String> {
         let unit = unit.map_or(String::new(), |unit| format!(" {unit}"));
         let coordinates = |p: &MeasuredPoint| {
-            let [x, y, z] = p.at.to_array().map(|v| format!("{v:.*}", digits(p.pixel)));
+            let place = lattice.unmeasure(p.at.to_array());
+            let [x, y, z] = [0, 1, 2].map(|axis| {
+                // Degrees need more digits than metres, for places as precise.
+                let more = lattice.factor[axis].log10().ceil().max(0.0) as usize;
+                format!("{:.*}", digits(p.pixel) + more, place[axis])
+            });
             format!("{x}  {y}  {z}")
         };
         let mut lines: Vec<String> = self.points.iter().map(coordinates).collect();
@@ -107,18 +113,21 @@ mod tests {
     #[test]
     fn two_points_have_a_distance_and_a_third_point_replaces_them() {
         let point = |x: f64, y: f64, z: f64| MeasuredPoint { at: DVec3::new(x, y, z), pixel: 0.04 };
-        let mut measure = Measure::default();
+        let (mut measure, plain) = (Measure::default(), Lattice::default());
         measure.push(point(600_000.125, 10.0, -2.0));
-        assert_eq!(measure.lines(Some("metre")), ["600000.125  10.000  -2.000"]);
+        assert_eq!(measure.lines(Some("metre"), &plain), ["600000.125  10.000  -2.000"]);
         measure.push(point(600_003.125, 14.0, 10.0));
         assert_eq!(
-            measure.lines(Some("metre"))[2],
+            measure.lines(Some("metre"), &plain)[2],
             "distance 13.000 metre, across 5.000, up 12.000"
         );
         measure.push(point(1.0, 2.0, 3.0));
-        assert_eq!(measure.lines(None), ["1.000  2.000  3.000"]);
+        assert_eq!(measure.lines(None, &plain), ["1.000  2.000  3.000"]);
         measure.pop();
-        assert!(measure.lines(None).is_empty());
+        assert!(measure.lines(None, &plain).is_empty());
+        let degrees = Lattice { factor: [1e5, 1e5, 1.0], ..plain };
+        measure.push(point(8.25e5, 47.5e5, 400.0));
+        assert_eq!(measure.lines(None, &degrees), ["8.25000000  47.50000000  400.000"]);
         assert_eq!([5e3, 10.0, 0.9, 1e-12].map(digits), [0, 0, 2, DIGITS_MAX]);
     }
 }

@@ -58,13 +58,12 @@ impl ScriptedRun {
                 format!("{}: cannot be removed from the system's cache", path.display())
             })?;
         }
-        let bounds = info::bounds(file);
         let mut paths = Vec::new();
         let script = &self.script;
         for step in script.before.iter().chain(&script.flight).chain(&script.after) {
             if let Step::Path { file: name, .. } = step {
                 let path = match name {
-                    Some(name) => Path::read(name, bounds, size)?,
+                    Some(name) => Path::read(name, file, size)?,
                     None => Path::of(file, size),
                 };
                 paths.push((name.clone(), path));

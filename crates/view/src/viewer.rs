@@ -63,6 +63,7 @@ pub struct Viewer {
 /// Makes the camera that is requested for a picture of `size` pixels.
 fn camera_at(file: &Forest, request: &CameraRequest, size: [u32; 2]) -> Camera {
     let bounds = info::fitted_bounds(file);
+    let request = &request.measured(file.lattice());
     let view = request.view(bounds, size);
     let [low, high] = bounds.map(DVec3::from_array);
     let target = match (request.eye, request.target) {
@@ -219,7 +220,7 @@ impl Viewer {
 
     /// Measurements by clicks, in words.
     pub fn measured(&self) -> Vec<String> {
-        self.gestures.measure().lines(self.unit())
+        self.gestures.measure().lines(self.unit(), self.file().lattice())
     }
 
     /// Movement of the sun since the last call, in shares of the height of the picture.

@@ -203,7 +203,7 @@ fn a_camera_path_is_followed_with_keys_and_mouse() {
     // The flight ends near the path's last view, whose picture has about the same brightness.
     let file = Forest::open(sample()).unwrap();
     let size = [seen.width, seen.height];
-    let stops = path::Path::parse(path, info::bounds(&file), size).unwrap().views;
+    let stops = path::Path::parse(path, (info::bounds(&file), file.lattice()), size).unwrap().views;
     let (view, target) = (stops[1].view, stops[1].target);
     let camera = Camera { eye: Some(view.eye), target: Some(target), ..Camera::default() };
     let request = esker_engine::draw::scene::PictureRequest {

@@ -79,8 +79,13 @@ impl Cloud<'_> {
     /// Lattice of the coordinates.
     pub fn lattice(&self) -> Lattice {
         match self {
-            Self::Ground(..) => Lattice { scale: [STEP_M; 3], offset: [0.0; 3], shift: [0; 3] },
-            Self::File(file) => *file.lattice(),
+            Self::Ground(..) => Lattice {
+                scale: [STEP_M; 3],
+                offset: [0.0; 3],
+                shift: [0; 3],
+                ..Lattice::default()
+            },
+            Self::File(file) => *file.metric(),
         }
     }
 

@@ -189,21 +189,24 @@ fn largest(
 /// A picture's camera, moved back by the diagonal of the file's bounds: nothing is near the eye.
 fn farther(file: &Forest, picture: &PictureRequest) -> Camera {
     let bounds = info::bounds(file);
-    let view = picture.camera.view(bounds, picture.size);
+    let view = picture.camera.measured(file.lattice()).view(bounds, picture.size);
     let extent: f64 = (0..3).map(|i| (bounds[1][i] - bounds[0][i]).powi(2)).sum();
     let eye = view.eye - view.forward() * extent.sqrt();
-    Camera { eye: Some(eye), target: Some(eye + view.forward()), ..picture.camera }
+    let target = Some(eye + view.forward());
+    Camera { eye: Some(eye), target, ..picture.camera }.unmeasured(file.lattice())
 }
 
 /// A picture's camera with an eye, so that a filter does not move it.
 fn fixed(file: &Forest, picture: &PictureRequest) -> Camera {
-    let view = picture.camera.view(info::bounds(file), picture.size);
-    Camera { eye: Some(view.eye), target: Some(view.eye + view.forward()), ..picture.camera }
+    let camera = picture.camera.measured(file.lattice());
+    let view = camera.view(info::bounds(file), picture.size);
+    let target = Some(view.eye + view.forward());
+    Camera { eye: Some(view.eye), target, ..picture.camera }.unmeasured(file.lattice())
 }
 
 /// The middle quarter of a file seen from above; `None` if its bounds are flat.
 fn quarter(file: &Forest) -> Option<Bounds> {
-    let [low, high] = info::bounds(file);
+    let [low, high] = info::world_bounds(file)?;
     let at = |axis: usize, share: f64| low[axis] + (high[axis] - low[axis]) * share;
     let bounds = Bounds {
         min: [at(0, 0.25), at(1, 0.25), f64::NEG_INFINITY],

@@ -84,6 +84,7 @@ pub fn measure(request: &SizeBenchRequest, task: &dyn Task) -> Result<SizeReport
                     target: Some(stop.target),
                     ..Camera::default()
                 };
+                let camera = camera.unmeasured(file.lattice());
                 let picture =
                     PictureRequest { size, camera, full: true, ..PictureRequest::default() };
                 let scene = PictureScene::read(&file, &picture, task)?;
@@ -221,7 +222,7 @@ impl Packed {
                 let q = [0, 2, 4].map(|i| u16::from_le_bytes([hot[i], hot[i + 1]]));
                 let at =
                     [0, 1, 2].map(|i| quant::exact(q[i], 0, record.box_min[i], record.hot_shift));
-                scene.view.project(DVec3::from_array(file.lattice().world(at)))
+                scene.view.project(DVec3::from_array(file.metric().world(at)))
             };
             let own = planes.get(PlaneKind::Position).unwrap_or_default().as_chunks().0;
             for (own, packed) in own.iter().zip(position.as_chunks().0).take(prefix) {

@@ -9,7 +9,6 @@ use crate::stream::report::{LoadingReport, StreamRun, TransitionReport, ViewRepo
 use crate::stream::request::FlightRequest;
 use anyhow::{Context, Result};
 use esker_builder::budget::memory::usage;
-use esker_engine::calls::info;
 use esker_engine::cameras::path::Path;
 use esker_engine::draw::budget::Shares;
 use esker_engine::draw::session::{Options, Session};
@@ -44,7 +43,7 @@ pub(super) fn measure(
     let empty_rss_bytes = usage().rss_peak_bytes;
     let file = Arc::new(Forest::open(file_path)?);
     let path = match &request.path {
-        Some(path) => Path::read(path, info::bounds(&file), request.size)?,
+        Some(path) => Path::read(path, &file, request.size)?,
         None => Path::of(&file, request.size),
     };
     let mut options = request.options();

@@ -94,6 +94,7 @@ impl Scan {
             fovy_deg: Some(self.fovy_deg),
             ..Camera::default()
         };
+        let camera = camera.unmeasured(file.lattice());
         let request = PictureRequest { camera, budget_points: SPLATS_MAX, ..request };
         let picture = PictureScene::read(&file, &request, task)?;
         Ok(OpenScan { scan: self, bounds: [low, high], picture, file, _folder: folder })

@@ -18,7 +18,7 @@ impl Clips {
     /// are neither.
     pub fn of(schema: &Schema, lattice: &Lattice, finds_edges: bool) -> Option<Self> {
         let attributes = schema.clip_lines().filter(|_| !finds_edges);
-        let grain = Grain::new(lattice.scale);
+        let grain = Grain::new(lattice.metric().scale);
         let clips = Self { lattice: *lattice, grain, attributes };
         (finds_edges || attributes.is_some()).then_some(clips)
     }

@@ -478,7 +478,7 @@ fn context(plan: &Plan, pages: PageLayout, ranges: Ranges, options: &Options) ->
         rows,
         pages: pages.with_clip_lines(clips.is_some()).with_tangents(options.tangents),
         clips,
-        scale: plan.lattice.scale,
+        scale: plan.lattice.metric().scale,
         capacity: options.node_capacity as usize,
         counts: Counts::new(ranges),
     }

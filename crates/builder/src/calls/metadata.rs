@@ -7,9 +7,9 @@ use crate::input::intake::Intake;
 use crate::input::plan::Plan;
 use crate::options::Options;
 use esker_format::{CrsRecord, Metadata, Normals, SetAside, SourceRecord};
-use esker_scan::ReadReport;
 use esker_scan::las::{NoData, gps_times};
 use esker_scan::synthetic::is_spec;
+use esker_scan::{Geographic, ReadReport};
 use std::path::{Path, PathBuf};
 
 /// Metadata of a file of these inputs; bounds and computed planes are added when the tree is built.
@@ -73,6 +73,21 @@ fn merged_record(
     SourceRecord { class: at.map_or(0, |i| plan.class_of[i]), ..record.clone() }
 }
 
+/// A note on the lengths of points whose coordinates are degrees.
+fn note_degrees(metadata: &Metadata) -> Option<String> {
+    let systems = metadata.sources.iter().filter_map(|s| s.crs.as_ref());
+    systems.into_iter().find_map(|crs| Geographic::of(&crs.text, crs.unit.as_deref()))?;
+    if !metadata.lattice.is_scaled() {
+        return Some(
+            "x and y are degrees and heights are not, and lengths are not scaled: distances mean \
+             nothing and pictures are distorted; transform the scans to a projected system first"
+                .into(),
+        );
+    }
+    let [x, y, _] = metadata.lattice.factor;
+    Some(format!("lengths are in metres: a unit of x is {x:.1} m, a unit of y {y:.1} m"))
+}
+
 /// A note if the unit of length of sources is not known. Generated scans are in metres.
 fn unknown_unit(metadata: &Metadata) -> Option<String> {
     let is_unknown = |s: &&SourceRecord| {
@@ -97,6 +112,7 @@ pub fn notes(metadata: &Metadata) -> Vec<String> {
         .flat_map(|s| s.notes.iter().map(move |n| format!("{}: {n}", s.path)))
         .collect();
     out.extend(unknown_unit(metadata));
+    out.extend(note_degrees(metadata));
     out.extend(note_apart(of_metadata(metadata)));
     let states = |s: &SourceRecord| s.crs.as_ref().is_some_and(|crs| !crs.text.is_empty());
     out.extend(note_unstated(metadata.sources.iter().map(|s| (s.path.clone(), states(s)))));

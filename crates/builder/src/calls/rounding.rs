@@ -4,7 +4,7 @@
 use crate::error::BuildError;
 use crate::options::Options;
 use esker_format::{Metadata, SourceRecord};
-use esker_points::NodeTable;
+use esker_points::{Lattice, NodeTable};
 
 /// Rounding above this part of the typical distance of points is worth a note.
 const ROUNDING_NOTED: f64 = 0.1;
@@ -19,11 +19,12 @@ pub fn check_rounding(
     metadata: &Metadata,
     options: &Options,
 ) -> Result<Option<String>, BuildError> {
-    let share = |source: &SourceRecord| source.rounding_error_max / spacing_of(source);
+    let lattice = &metadata.lattice;
+    let share = |s: &SourceRecord| rounding_of(s, lattice) / spacing_of(s, lattice);
     let Some(worst) = metadata.sources.iter().max_by(|a, b| share(a).total_cmp(&share(b))) else {
         return Ok(None);
     };
-    let (rounding, own) = (worst.rounding_error_max, spacing_of(worst));
+    let (rounding, own) = (rounding_of(worst, lattice), spacing_of(worst, lattice));
     // In a tree of rounded points no distance is shorter than a step.
     let built = median_spacing(table);
     let spacing = if built > 0.0 { own.min(built) } else { own };
@@ -42,11 +43,21 @@ pub fn check_rounding(
     Ok(Some(what))
 }
 
+/// Length by which coordinates of a source are rounded at most. The record has the greatest error of
+/// all axes, whose units may differ; on each axis it is at most half a step.
+fn rounding_of(source: &SourceRecord, lattice: &Lattice) -> f64 {
+    if !lattice.is_scaled() {
+        return source.rounding_error_max;
+    }
+    let errors = lattice.scale.map(|step| source.rounding_error_max.min(step * 0.5));
+    lattice.measure(errors).into_iter().fold(0.0, f64::max)
+}
+
 /// Distance of the points of a source if they were spread evenly over the largest face of its
 /// bounds, or along its longest edge; infinite if it has no extent.
-fn spacing_of(source: &SourceRecord) -> f64 {
+fn spacing_of(source: &SourceRecord, lattice: &Lattice) -> f64 {
     let Some([low, high]) = source.grid.bounds else { return f64::INFINITY };
-    let mut edges = [0, 1, 2].map(|i| high[i] - low[i]);
+    let mut edges = lattice.measure([0, 1, 2].map(|i| high[i] - low[i]));
     edges.sort_by(f64::total_cmp);
     let points = source.points.max(1) as f64;
     let spacing = (edges[2] / points).max((edges[2] * edges[1] / points).sqrt());

@@ -4,6 +4,7 @@
 
 use crate::budget::memory::Peak;
 use crate::error::BuildError;
+use crate::input::degrees;
 use crate::input::known::KnownInputs;
 use crate::input::outside::{Fate, fate};
 use crate::input::plan::{Computed, DecodedInputs, Plan};
@@ -13,6 +14,7 @@ use crate::rows::journal_record::{Kind, Record};
 use crate::rows::partition::{BUCKETS_MAX, Partition};
 use crate::rows::scratch::Scratch;
 use esker_format::SET_ASIDE_MAX;
+use esker_points::spread::join;
 use esker_points::{Batch, ColourDepth, InputGrid, Lattice, Spread, Task};
 use esker_scan::{OpenOptions, ReadReport, ScanError, Source};
 use rayon::ScopeFifo;
@@ -104,7 +106,9 @@ impl Intake {
     /// If the scale or offset of an input is not a number; if [`Intake::plan_on`] fails.
     pub fn plan(&self) -> Result<Plan, BuildError> {
         let chosen = Lattice::choose(&self.known.grids)?;
-        self.plan_on(self.lattice.unwrap_or(chosen))
+        let factor = |system| degrees::factor(&system, self.known.core());
+        let factor = degrees::system_of(&self.sources).map_or(chosen.factor, factor);
+        self.plan_on(self.lattice.unwrap_or(Lattice { factor, ..chosen }))
     }
 
     /// Chooses schema and classes on a given lattice.
@@ -118,7 +122,8 @@ impl Intake {
     }
 
     fn check_scale(&self, lattice: &Lattice) -> Result<(), BuildError> {
-        let Some(axis) = (0..3).find(|&i| lattice.scale[i] > SCALE_MAX) else { return Ok(()) };
+        let metric = lattice.metric().scale;
+        let Some(axis) = (0..3).find(|&i| metric[i] > SCALE_MAX) else { return Ok(()) };
         let grids = &self.known.grids;
         let scale = |i: &usize| grids[*i].grid.scale[axis];
         let coarsest = (0..grids.len()).max_by(|a, b| scale(a).total_cmp(&scale(b)));
@@ -175,6 +180,7 @@ impl Intake {
     ) -> Result<(Plan, DecodedInputs), BuildError> {
         let mut earlier = self.resume(journal)?;
         self.measure_coarse_lattice(task)?;
+        self.measure_latitude(task)?;
         // Bounds and colours can be wrong once each, bounds again if an input changes meanwhile.
         for _ in 0..4 {
             let mut plan = self.plan()?;
@@ -228,6 +234,22 @@ impl Intake {
             }
             known.measured.fill(true);
             Lattice::narrow(&mut known.grids, &spreads)?;
+        }
+        Ok(())
+    }
+
+    /// Measures where nearly all points are, if they are geographic and the known bounds may not be
+    /// theirs: lengths depend on the latitude.
+    fn measure_latitude(&mut self, task: &dyn Task) -> Result<(), BuildError> {
+        let system = degrees::system_of(&self.sources).filter(|_| self.lattice.is_none());
+        let known = self.known.core();
+        let is_measured = self.known.core.is_some() || self.points_hint() < 2;
+        let Some(system) = system.filter(|_| !is_measured) else { return Ok(()) };
+        if degrees::must_be_measured(&system, known) {
+            task.phase("measuring", None, "points");
+            let spreads: Result<Vec<Spread>, _> =
+                self.sources.iter().map(|source| source.survey(task)).collect();
+            self.known.core = spreads?.iter().filter_map(Spread::core).reduce(join);
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 
 use crate::rows::journal_record::{Kind, Record, RecordReader};
 use esker_points::lattice::GridKind;
+use esker_points::spread::{Corners, join};
 use esker_points::{ColourDepth, InputGrid};
 use esker_scan::Source;
 
@@ -14,6 +15,8 @@ pub struct KnownInputs {
     pub measured: Vec<bool>,
     /// Depths of 16-bit colours.
     pub depths: Vec<ColourDepth>,
+    /// Bounds of nearly all points, if they were measured for their latitude.
+    pub core: Option<Corners>,
 }
 
 impl KnownInputs {
@@ -24,12 +27,20 @@ impl KnownInputs {
             grids: sources.iter().map(|s| s.info().grid.clone()).collect(),
             measured: sources.iter().map(|s| s.info().grid.kind != GridKind::Integer).collect(),
             depths: sources.iter().map(|s| depth(s.as_ref())).collect(),
+            core: None,
         }
+    }
+
+    /// Bounds of all inputs, of nearly all points where these were measured.
+    pub fn core(&self) -> Option<Corners> {
+        self.core.or_else(|| self.grids.iter().filter_map(|grid| grid.bounds).reduce(join))
     }
 
     /// Journal record of what is known.
     pub fn record(&self) -> Record {
         let mut record = Record::new(Kind::Inputs);
+        record.put(u8::from(self.core.is_some()));
+        record.put(self.core.unwrap_or_default());
         let measured = self.measured.iter().copied();
         for ((grid, &depth), is_measured) in self.grids.iter().zip(&self.depths).zip(measured) {
             record.put(u8::from(is_measured));
@@ -43,6 +54,8 @@ impl KnownInputs {
     /// Restores what an earlier build knew from its `record`; `None` if the record is damaged.
     pub fn restore(&mut self, record: &[u8]) -> Option<()> {
         let mut from = RecordReader(record);
+        let (has_core, core) = (from.get::<u8>()? > 0, from.get()?);
+        self.core = has_core.then_some(core);
         let inputs = self.grids.iter_mut().zip(&mut self.depths).zip(&mut self.measured);
         for ((grid, depth), is_measured) in inputs {
             *is_measured = from.get::<u8>()? > 0;

@@ -4,6 +4,7 @@
 pub(crate) mod attribute_types;
 pub(crate) mod attribute_units;
 pub(crate) mod crs;
+pub(crate) mod degrees;
 pub(crate) mod esker_source;
 pub(crate) mod gps_times;
 pub(crate) mod guesses;

@@ -294,7 +294,8 @@ fn towards_scanner(batch: &Batch, info: &SourceInfo, lattice: &Lattice) -> Optio
     let towards = |(i, &p): (usize, &[u32; 3])| {
         let from = scanner.of(ids.map(|ids| u16::from_le_bytes(ids[i])))?;
         let at = lattice.world(p);
-        let direction = [0, 1, 2].map(|axis| (from[axis] - at[axis]) as f32);
+        let direction = lattice.measure([0, 1, 2].map(|axis| from[axis] - at[axis]));
+        let direction = direction.map(|along| along as f32);
         Some(quant::oct_encode(direction))
     };
     batch.positions.iter().enumerate().map(towards).collect()

@@ -118,7 +118,7 @@ fn plan(file: &Forest, request: &PictureRequest) -> Result<ExplainReport> {
 
 /// Nodes and bytes of the planes of a kind.
 fn plane_report(file: &Forest, scene: &PictureScene, kind: PlaneKind) -> PlaneReport {
-    let (lattice, view) = (file.lattice(), &scene.view);
+    let (lattice, view) = (file.metric(), &scene.view);
     let drawn = scene.selection.drawn.iter().map(|d| d.node);
     let has = |node: &u32| {
         file.has_plane(*node, kind)

@@ -5,10 +5,10 @@ use crate::cameras::places;
 use crate::io::file::is_esker;
 use crate::io::quantity::grouped;
 use anyhow::Result;
-use esker_format::{EskerFile, Forest, ForestFilter, PlaneKind, SourceRecord};
+use esker_format::{CrsRecord, EskerFile, Forest, ForestFilter, PlaneKind, SourceRecord};
 use esker_points::{Attribute, ColourDepth, MultisetHash, Node, NodeTable, Task};
 use esker_scan::las::{GpsTimes, gps_times};
-use esker_scan::{OpenOptions, SourceInfo};
+use esker_scan::{Geographic, OpenOptions, SourceInfo};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -41,6 +41,9 @@ pub struct FileInfo {
     pub offset: [f64; 3],
     /// Steps that are added to stored coordinates.
     pub shift: [i64; 3],
+    /// Metres per unit of each axis, by which coordinates in degrees are scaled to lengths.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub factor: Option<[f64; 3]>,
     /// Greatest distance by which a coordinate was rounded, in the file's unit.
     pub rounding_error_max: f64,
     /// Attributes of the points.
@@ -225,12 +228,17 @@ pub struct TreeInfo {
     pub footer_hash: String,
 }
 
-/// World bounds of all points; zeros if there are none.
+/// Bounds of all points on the metric lattice, as views have them; zeros if there are none.
 pub fn bounds(forest: &Forest) -> [[f64; 3]; 2] {
-    forest.bounds().map_or([[0.0; 3]; 2], |b| b.map(|corner| forest.lattice().world(corner)))
+    forest.bounds().map_or([[0.0; 3]; 2], |b| b.map(|corner| forest.metric().world(corner)))
 }
 
-/// The box, in world coordinates, that views of a file are fitted to. A few points that lie far
+/// Bounds of the coordinates of all points; `None` if there are none.
+pub fn world_bounds(forest: &Forest) -> Option<[[f64; 3]; 2]> {
+    forest.bounds().map(|b| b.map(|corner| forest.lattice().world(corner)))
+}
+
+/// The box, on the metric lattice, that views of a file are fitted to. A few points that lie far
 /// from all others may be outside. It is that of all points if a node cannot be read.
 pub fn fitted_bounds(forest: &Forest) -> [[f64; 3]; 2] {
     let bounds = bounds(forest);
@@ -268,10 +276,11 @@ fn file_info(forest: &Forest) -> Result<FileInfo> {
         |a: &Attribute| FileAttribute { attribute: a.into(), scale: a.scale, offset: a.offset };
     Ok(FileInfo {
         points: forest.points(),
-        bounds: forest.bounds().map(|_| bounds(forest)),
+        bounds: world_bounds(forest),
         scale: lattice.scale,
         offset: lattice.offset,
         shift: lattice.shift,
+        factor: lattice.is_scaled().then_some(lattice.factor),
         rounding_error_max: footers().map(|f| f.rounding_error_max).fold(0.0, f64::max),
         attributes: forest.schema().attributes.iter().map(attribute).collect(),
         classes: forest.files().map(|file| file.metadata().classes.len()).sum(),
@@ -326,16 +335,24 @@ fn text_of(crs: &str) -> Option<String> {
     Some(crs.to_owned()).filter(|text| !text.is_empty())
 }
 
-/// Unit of lengths in a file; none if no source names one, or coordinates are degrees.
+/// Unit of lengths in a file; none if no source names one, or they mix degrees and heights.
 pub fn unit(forest: &Forest) -> Option<String> {
+    if forest.lattice().is_scaled() {
+        return Some("metre".into());
+    }
     let first_crs = sources(forest).find_map(|s| s.crs.as_ref())?;
-    first_crs.unit.clone().filter(|unit| unit != "degree")
+    first_crs.unit.clone().filter(|_| !is_geographic(first_crs))
 }
 
-/// Whether the coordinates of a source are degrees.
-pub fn is_in_degrees(forest: &Forest) -> bool {
-    let units = sources(forest).filter_map(|s| s.crs.as_ref()?.unit.as_deref());
-    units.into_iter().any(|unit| unit == "degree")
+/// Whether lengths mix degrees and heights: coordinates of a source are degrees, and the file does
+/// not scale them.
+pub fn mixes_degrees(forest: &Forest) -> bool {
+    let mut systems = sources(forest).filter_map(|s| s.crs.as_ref());
+    !forest.lattice().is_scaled() && systems.any(is_geographic)
+}
+
+fn is_geographic(crs: &CrsRecord) -> bool {
+    Geographic::of(&crs.text, crs.unit.as_deref()).is_some()
 }
 
 /// Notes on the sources of a file: points that were refused, by reason, then what was odd. Each

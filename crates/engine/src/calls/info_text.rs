@@ -30,6 +30,10 @@ impl ScanInfo {
 impl FileInfo {
     fn lines(&self) -> Vec<String> {
         let mut lines = place_lines(self.points, self.bounds, self.scale, self.offset);
+        lines.extend(self.factor.map(|factor| {
+            let [x, y, z] = factor.map(|metres| format!("{metres:.3}"));
+            format!("lengths      in metres: {x} a unit of x, {y} of y, {z} of z")
+        }));
         lines.extend(crs_lines(self.unit.as_deref(), self.crs.as_deref()));
         lines.push(attributes_line(self.attributes.iter().map(|a| &a.attribute)));
         lines.extend(self.node_lines());

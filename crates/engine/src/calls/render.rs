@@ -23,7 +23,7 @@ use anyhow::Result;
 use anyhow::ensure;
 use esker_format::{Forest, Planes};
 use esker_lod::{CompactOctree, View};
-use esker_points::Task;
+use esker_points::{Lattice, Task};
 use esker_render::gpu::Gpu;
 use esker_render::{PassTimes, Picture, Renderer};
 use serde::Serialize;
@@ -83,9 +83,9 @@ pub struct RenderReport {
 /// Camera of a picture.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct CameraReport {
-    /// Position, the file's unit.
+    /// Position, in the scan's coordinates.
     pub eye: [f64; 3],
-    /// Direction of view.
+    /// Direction of view; in metres on all axes where the coordinates are degrees.
     pub forward: [f64; 3],
     /// Direction of the picture's upper side.
     pub up: [f64; 3],
@@ -231,8 +231,8 @@ fn notes(
     let is_empty = picture.stats.pixels_covered == 0;
     let nothing =
         is_empty.then(|| empty_picture::why_nothing(file, request.budget_points, counters));
-    let degrees = info::is_in_degrees(file).then_some(
-        "x and y are degrees and heights are not: the picture is distorted; transform the scan to a projected system first",
+    let degrees = info::mixes_degrees(file).then_some(
+        "x and y are degrees and heights are not: the picture is distorted; build the scan again, or transform it to a projected system first",
     );
     let exposure = explain::exposure_note(file, scene)?;
     let away = facing::note(file, scene, picture);
@@ -262,7 +262,7 @@ impl RenderReport {
             splats_dropped: stats.splats_dropped,
             width: picture.width,
             height: picture.height,
-            camera: CameraReport::from(&scene.view.with_margin(0)),
+            camera: CameraReport::of(&scene.view.with_margin(0), &scene.lattice),
             colour: legend.clone(),
             legend: legend.text(),
             bytes_read: scene.read_bytes,
@@ -286,13 +286,14 @@ impl RenderReport {
     }
 }
 
-impl From<&View> for CameraReport {
-    fn from(view: &View) -> Self {
+impl CameraReport {
+    /// Camera of a view, with the eye in the coordinates of the scan.
+    fn of(view: &View, lattice: &Lattice) -> Self {
         let ortho = view.parallel_at.map(|depth| 2.0 * depth * view.tan_half().y);
         // The pinhole of a parallel view is far behind its eye.
         let eye = if ortho.is_some() { view.eye + view.forward() * view.near } else { view.eye };
         Self {
-            eye: eye.to_array(),
+            eye: lattice.unmeasure(eye.to_array()),
             forward: view.forward().to_array(),
             up: view.world_from_view.y_axis.to_array(),
             fovy: ortho.is_none().then_some(view.fovy_rad.to_degrees()),

@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use esker_lod::View;
+use esker_points::Lattice;
 use glam::DVec3;
 use std::str::FromStr;
 
@@ -107,7 +108,22 @@ impl Camera {
         View::fit(low, high, direction, fovy, size[0], size[1])
     }
 
-    /// View of a scan within `bounds`; fitted if the camera has no eye.
+    /// The camera with places on the metric lattice, in place of the scan's coordinates. Directions
+    /// are the same: they are those of lengths.
+    #[must_use]
+    pub fn measured(&self, lattice: &Lattice) -> Self {
+        let measured = |place: DVec3| DVec3::from_array(lattice.measure(place.to_array()));
+        Self { eye: self.eye.map(measured), target: self.target.map(measured), ..*self }
+    }
+
+    /// Inverse of [`Camera::measured`].
+    #[must_use]
+    pub fn unmeasured(&self, lattice: &Lattice) -> Self {
+        let unmeasured = |place: DVec3| DVec3::from_array(lattice.unmeasure(place.to_array()));
+        Self { eye: self.eye.map(unmeasured), target: self.target.map(unmeasured), ..*self }
+    }
+
+    /// View of a scan within `bounds`, both on the metric lattice; fitted if the camera has no eye.
     pub fn view(&self, bounds: [[f64; 3]; 2], size: [u32; 2]) -> View {
         let fovy = self.fovy_deg.unwrap_or(FOVY_DEG).to_radians();
         let [low, high] = bounds.map(DVec3::from_array);

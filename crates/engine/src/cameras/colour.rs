@@ -146,9 +146,17 @@ pub(crate) fn filtered_colouring(
         }
         "plain" | "none" => without_range(Colouring::plain(ColourBy::Plain, "plain")),
         "elevation" | "z" | "height" => {
+            // Ranges are of the scan's heights, colours of those on the metric lattice.
+            let factor = file.lattice().factor[2];
             let range = || central_range(file, bounds, shown, 2, ranges::STRAYS);
-            let range = request.range(range)?;
-            Ok(Colouring::mapped(ColourBy::Elevation, "elevation", range, Gradient::Terrain))
+            let shown =
+                request.range(|| range().map(|(low, high)| (low / factor, high / factor)))?;
+            let range = shown.map(|height| height * factor);
+            let gradient = Gradient::Terrain;
+            let mut colouring =
+                Colouring::mapped(ColourBy::Elevation, "elevation", range, gradient);
+            colouring.legend.range = Some(shown);
+            Ok(colouring)
         }
         "level" | "cell" | "node" => without_range(Colouring {
             legend: Legend { entries: cell_entries(file, shown), ..Legend::named("level") },
@@ -435,7 +443,7 @@ fn cell_entries(file: &Forest, shown: &ForestFilter) -> Vec<LegendEntry> {
     let kept = nodes.filter(|&(index, _)| shown.points_max(index) > 0);
     let sizes: BTreeSet<u8> = kept.map(|(_, node)| node.cell_log2).collect();
     let entry = |log2: u8| {
-        let edge = f64::from(log2).exp2() * file.lattice().scale[0];
+        let edge = f64::from(log2).exp2() * file.metric().scale[0];
         let rgb = srgb(hue(u32::from(log2)));
         LegendEntry { value: log2.into(), name: format!("edge {}", short(edge)), rgb }
     };

@@ -7,6 +7,7 @@ use crate::cameras::camera::{Camera, check_fovy};
 use anyhow::{Context, Result, ensure};
 use esker_format::Forest;
 use esker_lod::View;
+use esker_points::Lattice;
 use glam::DVec3;
 use serde::Deserialize;
 use std::collections::HashSet;
@@ -85,7 +86,7 @@ pub struct Stop {
     pub name: String,
     /// Camera of the view.
     pub view: View,
-    /// Point that it looks at, the file's unit.
+    /// Point that it looks at, on the metric lattice.
     pub target: DVec3,
     /// Seconds from the previous view to this one.
     pub travel_s: f64,
@@ -94,25 +95,31 @@ pub struct Stop {
 }
 
 impl Path {
-    /// Reads a path for a scan within `bounds` and pictures of `size` pixels.
+    /// Reads a path for a scan and pictures of `size` pixels.
     ///
     /// # Errors
     /// If the file cannot be read, is not JSON of a path, or has an invalid camera.
-    pub fn read(path: &std::path::Path, bounds: [[f64; 3]; 2], size: [u32; 2]) -> Result<Self> {
+    pub fn read(path: &std::path::Path, scan: &Forest, size: [u32; 2]) -> Result<Self> {
         use std::io::Read;
         let shown = path.display();
         let mut text = String::new();
         std::fs::File::open(path)
             .and_then(|f| f.take(FILE_BYTES_MAX).read_to_string(&mut text))
             .with_context(|| format!("{shown}: cannot read the camera path"))?;
-        Self::parse(&text, bounds, size).with_context(|| format!("{shown}: no camera path"))
+        Self::parse(&text, (info::bounds(scan), scan.lattice()), size)
+            .with_context(|| format!("{shown}: no camera path"))
     }
 
-    /// Parses a path for a scan within `bounds` and pictures of `size` pixels.
+    /// Parses a path for pictures of `size` pixels of a scan that has a lattice, and bounds on its
+    /// metric lattice.
     ///
     /// # Errors
     /// If `text` is not JSON of a path, or has an invalid camera.
-    pub fn parse(text: &str, bounds: [[f64; 3]; 2], size: [u32; 2]) -> Result<Self> {
+    pub fn parse(
+        text: &str,
+        (bounds, lattice): ([[f64; 3]; 2], &Lattice),
+        size: [u32; 2],
+    ) -> Result<Self> {
         let record: PathRecord = serde_json::from_str(text).context("see bench/README.md")?;
         let count = record.views.len();
         ensure!((1..=VIEWS_MAX).contains(&count), "{count} views; name 1 to {VIEWS_MAX}");
@@ -120,7 +127,8 @@ impl Path {
         let stop = |v: ViewRecord| {
             v.check()?;
             ensure!(names.insert(v.name.clone()), "two views are named `{}`", v.name);
-            let [eye, target] = [v.eye, v.target].map(|p| record.coordinates.world(p, bounds));
+            let places = [v.eye, v.target];
+            let [eye, target] = places.map(|p| record.coordinates.place(p, bounds, lattice));
             ensure!(eye != target, "in view `{}`, the target is the eye itself", v.name);
             let up = DVec3::from_array(v.up);
             let view = View::look_at(eye, target, up, v.fovy.to_radians(), size[0], size[1]);
@@ -172,12 +180,12 @@ impl Path {
 }
 
 impl Coordinates {
-    fn world(self, p: [f64; 3], bounds: [[f64; 3]; 2]) -> DVec3 {
-        let p = DVec3::from_array(p);
+    /// Place on the metric lattice.
+    fn place(self, p: [f64; 3], bounds: [[f64; 3]; 2], lattice: &Lattice) -> DVec3 {
         let [low, high] = bounds.map(DVec3::from_array);
         match self {
-            Self::World => p,
-            Self::Bounds => low + (high - low) * p,
+            Self::World => DVec3::from_array(lattice.measure(p)),
+            Self::Bounds => low + (high - low) * DVec3::from_array(p),
         }
     }
 }
@@ -208,7 +216,7 @@ fn dense_place(file: &Forest) -> Option<(DVec3, f64)> {
         finer += n.points();
         finer * 10 >= points
     })?;
-    let corner = DVec3::from_array(file.lattice().world(node.corner));
+    let corner = DVec3::from_array(file.metric().world(node.corner));
     let centre = DVec3::from_array(node.contour().centre);
     Some((corner + centre, f64::from(node.spacing)))
 }
@@ -220,7 +228,7 @@ mod tests {
     const BOUNDS: [[f64; 3]; 2] = [[100.0, 200.0, 0.0], [110.0, 220.0, 5.0]];
 
     fn parse(text: &str) -> Result<Path> {
-        Path::parse(text, BOUNDS, [320, 200])
+        Path::parse(text, (BOUNDS, &Lattice::default()), [320, 200])
     }
 
     #[test]

@@ -139,7 +139,7 @@ impl Places {
             let hot = u16::from_le_bytes([point[2 * axis], point[2 * axis + 1]]);
             let low = read_residual(residual, i, node.hot_shift)[axis];
             let steps = exact(hot, low, min[axis], node.hot_shift);
-            forest.lattice().world_axis(axis, f64::from(steps))
+            forest.metric().world_axis(axis, f64::from(steps))
         }));
         Ok(())
     }
@@ -183,7 +183,7 @@ fn extent(forest: &Forest, node: &Node, axis: usize) -> [f64; 2] {
     let contour = node.contour();
     let reach = (0..3).map(|i| contour.half[i] * contour.axes[i][axis].abs()).sum::<f64>();
     let middle =
-        forest.lattice().world_axis(axis, f64::from(node.corner[axis])) + contour.centre[axis];
+        forest.metric().world_axis(axis, f64::from(node.corner[axis])) + contour.centre[axis];
     [middle - reach, middle + reach]
 }
 

@@ -23,7 +23,7 @@ fn away_share(file: &Forest, scene: &PictureScene, picture: &Picture) -> Option<
     }
     let draws = scene.draws(file);
     let step = (draws.iter().map(|draw| draw.prefix).sum::<usize>() / SAMPLE).max(1);
-    let (eye, lattice) = (scene.view.eye, file.lattice());
+    let (eye, lattice) = (scene.view.eye, file.metric());
     let view = scene.view.with_margin(0);
     let (mut away, mut all) = (0u64, 0u64);
     for draw in &draws {

@@ -199,7 +199,7 @@ impl Appearance {
             shines,
             evens_exposure,
             dots,
-            ..Frame::new(view, file.lattice(), draws)
+            ..Frame::new(view, file.metric(), draws)
         }
     }
 }
@@ -220,7 +220,7 @@ fn near(file: &Forest) -> f64 {
         left = left.saturating_sub(*points);
         is_median
     });
-    let step = file.lattice().scale.into_iter().fold(f64::INFINITY, f64::min);
+    let step = file.metric().scale.into_iter().fold(f64::INFINITY, f64::min);
     median.map_or(step, |(spacing, _)| spacing * NEAR_SPACINGS).max(f64::from(f32::MIN_POSITIVE))
 }
 

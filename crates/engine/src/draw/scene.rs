@@ -18,7 +18,7 @@ use esker_lod::{
     CompactOctree, Drawn, Options, Residency, Selection, Surroundings, View, needs_residual,
     select, surround,
 };
-use esker_points::{Filter, Task};
+use esker_points::{Filter, Lattice, Task};
 use esker_render::inputs::density::{crowding, is_dense};
 use esker_render::{Dots, DrawNode, FramePlan};
 use rayon::prelude::*;
@@ -149,6 +149,8 @@ fn name_of(inputs: &[PathBuf]) -> PathBuf {
 pub struct PictureScene {
     /// The camera.
     pub view: View,
+    /// Lattice of the scan's coordinates; the view is on its metric lattice.
+    pub lattice: Lattice,
     /// Whether the view is fitted to nearly all points, and a few lie far outside of it.
     pub leaves_out_far: bool,
     /// Nodes to draw, and their prefixes.
@@ -211,9 +213,10 @@ impl PictureScene {
             Some(_) => bounds,
             None => fitted_bounds(file, bounds, &appearance.shown)?,
         };
-        let view = appearance.drawn_view(file, &request.camera.view(fitted, request.size));
+        let camera = request.camera.measured(file.lattice());
+        let view = appearance.drawn_view(file, &camera.view(fitted, request.size));
         appearance.colouring = appearance.colouring.seen(&view, fitted, colour_by.as_deref());
-        let steps = (0..3).map(|axis| file.lattice().steps_axis(axis, view.eye[axis]).abs());
+        let steps = (0..3).map(|axis| file.metric().steps_axis(axis, view.eye[axis]).abs());
         anyhow::ensure!(
             steps.fold(0.0, f64::max) <= EYE_STEPS_MAX,
             "the camera's eye is over 2^46 steps of the coordinates from the scan: move it nearer"
@@ -225,7 +228,7 @@ impl PictureScene {
             ..Options::default()
         };
         let known = FilteredResidency(&appearance.shown);
-        let (table, lattice) = (file.table(), file.lattice());
+        let (table, lattice) = (file.table(), file.metric());
         let mut selection = select(table, lattice, &view, &options, &known, None);
         let octree = CompactOctree::new(table, &selection.drawn);
         if let Some(around) = surroundings {
@@ -233,14 +236,15 @@ impl PictureScene {
         }
         let drawn = || selection.drawn.iter().map(|d| (file.record(d.node), d.prefix)).enumerate();
         let nodes = drawn().map(|(entry, (node, _))| (entry, node));
-        let is_dense = is_dense(&view, file.lattice(), &octree, nodes);
+        let is_dense = is_dense(&view, file.metric(), &octree, nodes);
         let nodes = drawn().map(|(entry, (node, prefix))| (entry, node, prefix));
-        let crowding = crowding(&view, file.lattice(), Some(&octree), nodes);
+        let crowding = crowding(&view, file.metric(), Some(&octree), nodes);
         let plan = appearance.plan(file, is_dense, crowding);
         let mut kinds = planes_of(&plan, &appearance);
         kinds.extend(class_plane.filter(|plane| !kinds.contains(plane)));
         Ok(Self {
             view,
+            lattice: *file.lattice(),
             leaves_out_far: fitted != bounds,
             selection,
             planes: Vec::new(),
@@ -293,8 +297,9 @@ impl PictureScene {
 fn bounds_of(file: &Forest, filter: &Filter) -> [[f64; 3]; 2] {
     let [low, high] = info::bounds(file);
     let Some(wanted) = filter.bounds else { return [low, high] };
-    let least = [0, 1, 2].map(|i| low[i].max(wanted.min[i]));
-    let greatest = [0, 1, 2].map(|i| high[i].min(wanted.max[i]));
+    let [min, max] = [wanted.min, wanted.max].map(|corner| file.lattice().measure(corner));
+    let least = [0, 1, 2].map(|i| low[i].max(min[i]));
+    let greatest = [0, 1, 2].map(|i| high[i].min(max[i]));
     if (0..3).all(|i| least[i] <= greatest[i]) { [least, greatest] } else { [low, high] }
 }
 
@@ -341,7 +346,7 @@ fn read(
     let nodes: Vec<&Drawn> = selection.drawn.iter().chain(&selection.surroundings).collect();
     let points = nodes.iter().map(|d| d.prefix as u64).sum();
     task.phase("reading", Some(points), "points");
-    let lattice = file.lattice();
+    let lattice = file.metric();
     nodes
         .par_iter()
         .map(|drawn| {

@@ -104,6 +104,7 @@ impl Session {
     pub fn open(file: Arc<Forest>, mut options: Options) -> Result<Self> {
         // What an earlier session freed is in no budget of this one.
         system::give_back_freed_memory();
+        options.settings.light = options.settings.light.measured(file.lattice());
         let Settings { colour_by, filter, method, shines, light, evens_exposure, full, .. } =
             &options.settings;
         let appearance = Appearance::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
@@ -329,7 +330,7 @@ impl Session {
     /// Lights lit pictures by `light` from the next frame on. Its meshes are those of the session.
     pub fn set_light(&mut self, light: LightSettings) {
         let before = self.needs();
-        self.options.settings.light = light;
+        self.options.settings.light = light.measured(self.file.lattice());
         if self.needs() != before {
             self.update_needs();
         }
@@ -420,7 +421,7 @@ impl Session {
             shown.width,
             shown.height
         );
-        Camera::new(view, self.file.lattice())?;
+        Camera::new(view, self.file.metric())?;
         Ok(())
     }
 

@@ -90,6 +90,21 @@ impl Lights {
         self
     }
 
+    /// The lights with `factor` units of length per unit of their places. Directions and edges are
+    /// lengths already.
+    pub(crate) fn measured(mut self, factor: [f64; 3]) -> Self {
+        let measure = |place: &mut [f64; 3]| (0..3).for_each(|i| place[i] *= factor[i]);
+        for light in &mut self.lights {
+            match light {
+                Light::Point { position, .. } | Light::Spot { position, .. } => measure(position),
+                Light::Area { corner, .. } => measure(corner),
+                Light::Sun { .. } | Light::Sky { .. } => {}
+            }
+        }
+        self.emissive.iter_mut().filter_map(|e| e.bounds.as_mut()).flatten().for_each(measure);
+        self
+    }
+
     /// Whether points shine by their classes.
     pub(crate) fn name_classes(&self) -> bool {
         self.emissive.iter().any(|emissive| !emissive.classes.is_empty())
@@ -189,6 +204,29 @@ pub(crate) fn check(light: &Light) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn places_are_scaled_to_lengths_and_vectors_are_lengths() {
+        let place = [2.0, 3.0, 5.0];
+        let edges = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let lights = vec![
+            Light::Point { position: place, intensity: [1.0; 3] },
+            Light::Area { corner: place, edges, radiance: [1.0; 3], two_sided: false },
+        ];
+        let bounds = Some([[0.0; 3], place]);
+        let emissive = vec![Emissive { classes: vec![], bounds, radiance: [1.0; 3] }];
+        let lights = Lights { emissive, ..lights.into() };
+        let measured = lights.clone().measured([10.0, 100.0, 1.0]);
+        let wanted = [20.0, 300.0, 5.0];
+        let [Light::Point { position, .. }, Light::Area { corner, edges: kept, .. }] =
+            &measured.lights[..]
+        else {
+            panic!("the kinds stay");
+        };
+        assert_eq!((*position, *corner, *kept), (wanted, wanted, edges));
+        assert_eq!(measured.emissive[0].bounds, Some([[0.0; 3], wanted]));
+        assert_eq!(lights.clone().measured([1.0; 3]), lights);
+    }
 
     #[test]
     fn a_document_is_read_back_and_faults_name_the_light() {

@@ -36,9 +36,9 @@ pub(crate) fn options(settings: &LightSettings, lights: &Lights) -> Options {
     }
 }
 
-/// The lights of settings.
+/// The lights of settings, with their places on the metric lattice.
 pub(crate) fn lights_of(settings: &LightSettings) -> Lights {
-    settings.lights.clone().unwrap_or_else(lights::defaults)
+    settings.lights.clone().unwrap_or_else(lights::defaults).measured(settings.factor)
 }
 
 /// Why a GPU does not draw the lit frames of a session; none if it does. What depends on the size

@@ -7,12 +7,14 @@ use crate::light::tone::srgb_to_linear;
 use anyhow::Result;
 use esker_points::Task;
 use esker_render::{Codebook, ColourBy, Frame, Splat, splats};
+use esker_scan::mesh::TriangleMesh;
 use esker_trace::Scene;
 use esker_trace::scene::{
     Albedo, Emitter, Members, Mesh, MeshTree, Object, SplatInput, adopt_normals,
 };
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A scene ready to be traced.
@@ -35,9 +37,9 @@ pub(crate) struct GatheredSplats {
     pub(crate) origin: DVec3,
 }
 
-/// Triangle meshes that stand in the scan, in world coordinates.
+/// Triangle meshes that stand in the scan, on its metric lattice.
 #[derive(Default)]
-pub struct Meshes(Vec<esker_scan::mesh::TriangleMesh>);
+pub struct Meshes(Vec<TriangleMesh>);
 
 impl Meshes {
     /// Reads the meshes of the settings.
@@ -45,8 +47,15 @@ impl Meshes {
     /// # Errors
     /// If a file cannot be read, or holds no mesh.
     pub fn read(settings: &LightSettings, task: &dyn Task) -> Result<Self> {
-        let read = |path| Ok(esker_scan::mesh::read(path, task)?);
-        Ok(Self(settings.meshes.iter().map(|path| read(path)).collect::<Result<_>>()?))
+        let read = |path: &PathBuf| -> Result<TriangleMesh> {
+            let mut mesh = esker_scan::mesh::read(path, task)?;
+            let factor = settings.factor;
+            for place in &mut mesh.positions {
+                *place = [0, 1, 2].map(|i| place[i] * factor[i]);
+            }
+            Ok(mesh)
+        };
+        Ok(Self(settings.meshes.iter().map(read).collect::<Result<_>>()?))
     }
 
     /// Notes on what was left out of the files.
@@ -151,7 +160,7 @@ fn number_of(shining: &[Emissive], splat: &Splat, classes: &[Option<&[u8]>], ori
     first.and_then(|index| u8::try_from(index + 1).ok()).unwrap_or(0)
 }
 
-fn object(mesh: &esker_scan::mesh::TriangleMesh, origin: DVec3) -> Object {
+fn object(mesh: &TriangleMesh, origin: DVec3) -> Object {
     let near = |p: &[f64; 3]| (DVec3::from_array(*p) - origin).as_vec3();
     let mesh = Mesh {
         positions: mesh.positions.iter().map(near).collect(),

@@ -3,6 +3,7 @@
 
 #[cfg(feature = "light")]
 pub use crate::light::document::Lights;
+use esker_points::Lattice;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -36,6 +37,17 @@ pub struct LightSettings {
     pub exposure: Option<f64>,
     /// Files of triangle meshes that stand in the scan, in its coordinates.
     pub meshes: Vec<PathBuf>,
+    /// Units of length per unit of the scan's coordinates, in which lights and meshes have their
+    /// places; what draws the scan sets them.
+    pub factor: [f64; 3],
+}
+
+impl LightSettings {
+    /// The settings for a scan with this lattice.
+    #[must_use]
+    pub fn measured(self, lattice: &Lattice) -> Self {
+        Self { factor: lattice.factor, ..self }
+    }
 }
 
 impl Default for LightSettings {
@@ -51,6 +63,7 @@ impl Default for LightSettings {
             seed: 0,
             exposure: None,
             meshes: Vec::new(),
+            factor: [1.0; 3],
         }
     }
 }

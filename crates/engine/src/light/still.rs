@@ -86,6 +86,7 @@ pub fn draw(
 ) -> Result<(Picture, LightReport, Option<String>)> {
     let (draws, octree) = (scene.lit_draws(file), light_octree(file.table(), &scene.selection));
     let frame = &scene.appearance.frame(file, &scene.view, &draws, &octree);
+    let settings = &settings.clone().measured(file.lattice());
     let lights = lights_of(settings);
     let meshes = Meshes::read(settings, task)?;
     meshes.notes().for_each(|note| task.note(note));

@@ -31,7 +31,7 @@ pub fn describe(file: &EskerFile) -> Value {
     }
     let attributes = layout.schema().attributes.iter();
     let forest = metadata.forest.iter();
-    json!({
+    let mut described = json!({
         "points": footer.points,
         "multiset_hash": footer.hash.to_string(),
         "footer_hash": format!("{:032x}", footer.name_hash()),
@@ -45,7 +45,12 @@ pub fn describe(file: &EskerFile) -> Value {
         "forest": forest.map(|t| json!([t.path, format!("{:032x}", t.footer_hash)])).collect::<Vec<_>>(),
         "verbatim": file.verbatim(0).unwrap(),
         "nodes": each,
-    })
+    });
+    // Version 1 has no factors.
+    if footer.version > 1 {
+        described["factor"] = json!(metadata.lattice.factor);
+    }
+    described
 }
 
 /// Coordinates, class, and the raw values of the attributes, in hexadecimal digits.

@@ -81,12 +81,14 @@ const TOKENS: [&str; 52] = [
 ];
 
 /// Members that are inserted.
-const MEMBERS: [&str; 12] = [
+const MEMBERS: [&str; 14] = [
     "\"unknown\":1e400,",
     "\"unknown\":\"\\ud800\",",
     "\"\\ud800\":0,",
     "\"unknown\":NaN,",
     "\"unknown\":[-0,{\"unknown\":{}}],",
+    "\"factor\":[1,1,1e9],",
+    "\"factor\":1e400,",
     "\"class\":0,",
     "\"points\":1,",
     "\"palette\":null,",
@@ -142,7 +144,8 @@ fn change(bytes: &mut [u8], range: Range<usize>, random: &mut Random) {
 }
 
 fn change_footer(bytes: &mut [u8], mut footer: Footer, random: &mut Random) {
-    match random.below(6) {
+    match random.below(7) {
+        6 => footer.version ^= 3,
         0 => footer.points = footer.points.wrapping_add(1),
         1 => footer.hash.0 ^= 1,
         2 => footer.rounding_error_max = [-0.0, f64::NAN, f64::INFINITY, 0.0][random.below(4)],

@@ -40,7 +40,12 @@ pub fn metadata(schema: Schema, classes: Vec<PointClass>) -> Metadata {
         verbatim: vec![("header".into(), vec![1, 2, 3]), ("vlr".into(), vec![0; 70])],
     };
     Metadata {
-        lattice: Lattice { scale: grid.scale, offset: grid.offset, shift: [0, -5, 1 << 40] },
+        lattice: Lattice {
+            scale: grid.scale,
+            offset: grid.offset,
+            shift: [0, -5, 1 << 40],
+            ..Lattice::default()
+        },
         set_aside: vec![],
         normals: schema.normals().map_or(Normals::None, |_| Normals::Source),
         schema,
@@ -55,6 +60,13 @@ pub fn metadata(schema: Schema, classes: Vec<PointClass>) -> Metadata {
         forest: vec![],
         generator: "tests".into(),
     }
+}
+
+/// The metadata with a lattice in degrees: the file is of version 2.
+pub fn in_degrees(metadata: Metadata) -> Metadata {
+    let scale = [1e-7, 1e-7, 0.001];
+    let factor = [75_840.123_456_789, 111_176.3, 1.0];
+    Metadata { lattice: Lattice { scale, factor, ..metadata.lattice }, ..metadata }
 }
 
 pub fn take(points: &PagePoints, layout: &PageLayout, indices: &[usize]) -> PagePoints {
@@ -137,7 +149,7 @@ pub fn build_tree(
         node.box_min = min;
         node.hot_shift = hot_shift((0..3).map(|i| max[i] - min[i]).max().unwrap_or(0));
         for i in 0..3 {
-            let at = |c: u32| f64::from(c - node.corner[i]) * lattice.scale[i];
+            let at = |c: u32| f64::from(c - node.corner[i]) * lattice.metric().scale[i];
             node.contour_centre[i] = ((at(min[i]) + at(max[i])) / 2.0) as f32;
             node.contour_half[i] = ((at(max[i]) - at(min[i])) / 2.0 * 1.00001) as f32;
         }
@@ -160,7 +172,7 @@ pub fn build_tree(
 /// Occupancy masks for contours along the lattice's axes.
 fn occupancy(node: &Node, lattice: &Lattice, p: [u32; 3]) -> [u64; 3] {
     let part = |i: usize| {
-        let at = f64::from(p[i] - node.corner[i]) * lattice.scale[i];
+        let at = f64::from(p[i] - node.corner[i]) * lattice.metric().scale[i];
         let (centre, half) = (f64::from(node.contour_centre[i]), f64::from(node.contour_half[i]));
         // A half of zero gives NaN, which becomes part 0.
         ((((at - centre) / (2.0 * half) + 0.5) * 8.0) as u64).min(7)

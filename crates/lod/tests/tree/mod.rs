@@ -69,7 +69,12 @@ pub fn grow(recipe: &Recipe) -> Tree {
 
 fn grow_one(recipe: &Recipe, base: [u32; 3], seed: u64) -> Tree {
     let mut random = Random(seed);
-    let lattice = Lattice { scale: [0.01, 0.01, 0.01], offset: [1e6, -1e6, 0.0], shift: [0; 3] };
+    let lattice = Lattice {
+        scale: [0.01, 0.01, 0.01],
+        offset: [1e6, -1e6, 0.0],
+        shift: [0; 3],
+        ..Lattice::default()
+    };
     // Clusters of many sizes, including flat ones and coincident points.
     let mut points = Vec::new();
     while points.len() < recipe.points {

@@ -251,7 +251,12 @@ mod tests {
     use proptest::prelude::*;
 
     fn lattice() -> Lattice {
-        Lattice { scale: [0.01, 0.001, 0.25], offset: [500_000.0, -3.5, 0.1], shift: [0, 7, -9] }
+        Lattice {
+            scale: [0.01, 0.001, 0.25],
+            offset: [500_000.0, -3.5, 0.1],
+            shift: [0, 7, -9],
+            ..Lattice::default()
+        }
     }
 
     fn side(filter: &str, min: [u32; 3], max: [u32; 3]) -> Side {

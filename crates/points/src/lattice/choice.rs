@@ -2,7 +2,6 @@
 
 use super::grids::{GridKind, InputGrid, LatticeError, ORIGIN, tenfold};
 use crate::spread::{Spread, join};
-use serde::{Deserialize, Serialize};
 
 /// Free steps on each side of the points, as a multiple of their extent: appended scans lie beside
 /// the first.
@@ -11,7 +10,7 @@ const ROOM: f64 = 6.0;
 pub(super) const STEPS_MAX: f64 = 9.0e15;
 
 /// The integer grid of all coordinates of a file: `world = (u - 2^31 + shift) * scale + offset`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lattice {
     /// Length of a step on each axis, the file's unit.
     pub scale: [f64; 3],
@@ -19,11 +18,14 @@ pub struct Lattice {
     pub offset: [f64; 3],
     /// Whole steps by which the lattice is moved along the inputs' grid.
     pub shift: [i64; 3],
+    /// Units of length per unit of the coordinates, on each axis: metres per degree where the
+    /// coordinates are geographic, else 1 ([`Lattice::metric`]).
+    pub factor: [f64; 3],
 }
 
 impl Default for Lattice {
     fn default() -> Self {
-        Self { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] }
+        Self { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3], factor: [1.0; 3] }
     }
 }
 
@@ -46,7 +48,7 @@ impl Lattice {
                 && i.grid.offset.map(f64::to_bits) == first.grid.offset.map(f64::to_bits)
         };
         let mut lattice =
-            Self { scale: first.grid.scale, offset: first.grid.offset, shift: [0; 3] };
+            Self { scale: first.grid.scale, offset: first.grid.offset, ..Self::default() };
         if inputs.iter().all(alike) {
             return Ok(lattice);
         }
@@ -119,6 +121,29 @@ impl Lattice {
             self.shift[axis] = ((lo + hi) / 2.0).floor() as i64;
         }
         Ok(())
+    }
+
+    /// Whether lengths are measured in another unit than the coordinates.
+    pub fn is_scaled(&self) -> bool {
+        self.factor != [1.0; 3]
+    }
+
+    /// The lattice on which lengths are measured: its world coordinates are those of this lattice
+    /// times `factor`. Equal to this lattice, bit by bit, where the factors are 1.
+    #[must_use]
+    pub fn metric(&self) -> Self {
+        let (scale, offset) = (self.measure(self.scale), self.measure(self.offset));
+        Self { scale, offset, shift: self.shift, factor: [1.0; 3] }
+    }
+
+    /// Place or vector in world coordinates, in those of the metric lattice.
+    pub fn measure(&self, world: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|i| world[i] * self.factor[i])
+    }
+
+    /// Inverse of [`Lattice::measure`].
+    pub fn unmeasure(&self, metric: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|i| metric[i] / self.factor[i])
     }
 
     /// World coordinates of a lattice point.

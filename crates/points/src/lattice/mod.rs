@@ -7,6 +7,9 @@
 //! differences stay exact, other values are rounded half to even. If the extent exceeds 2^32 steps,
 //! the scale grows by tens. Points far from nearly all others ([`crate::spread`]) do not count:
 //! they may lie outside of the lattice.
+//!
+//! Coordinates may be degrees: the lattice then has the metres of a degree on each axis, and lengths
+//! are measured on its metric lattice ([`Lattice::metric`]).
 
 mod choice;
 mod grids;
@@ -51,6 +54,32 @@ mod tests {
             assert_eq!(lattice.world(p)[0], f64::from(raw) * 0.01 + 500_000.0);
         }
         assert_eq!(error.error_max, 0.0);
+    }
+
+    #[test]
+    fn the_metric_lattice_has_the_same_points_in_metres() {
+        let exact = Lattice {
+            scale: [1e-7, 1e-7, 0.001],
+            offset: [8.5, 47.25, -0.125],
+            shift: [0, -7, 1 << 33],
+            factor: [75_840.0, 111_176.0, 1.0],
+        };
+        let metric = exact.metric();
+        assert!(exact.is_scaled() && !metric.is_scaled());
+        for p in [[0; 3], [1, 1 << 31, u32::MAX], [u32::MAX; 3]] {
+            let (world, metres) = (exact.world(p), metric.world(p));
+            for axis in 0..3 {
+                let size = metres[axis].abs() + metric.offset[axis].abs();
+                let off = (metres[axis] - world[axis] * exact.factor[axis]).abs();
+                assert!(off <= 8.0 * f64::EPSILON * size, "{axis}: {off:e}");
+                let back = exact.unmeasure(metres)[axis];
+                assert!((back - world[axis]).abs() <= 8.0 * f64::EPSILON * size, "{back}");
+            }
+        }
+        // Without factors it is the lattice itself, bit by bit.
+        let plain = Lattice { factor: [1.0; 3], ..exact };
+        assert_eq!(plain.metric(), plain);
+        assert_eq!(plain.measure([0.1, -0.0, 1e300]), [0.1, -0.0, 1e300]);
     }
 
     #[test]

@@ -292,7 +292,8 @@ impl GpuPasses {
     /// Computes the tiles of a depth image.
     pub fn tiles(&mut self, depth: &[f32], width: u32, height: u32) -> Vec<DepthTile> {
         let view = View::look_at(DVec3::ZERO, DVec3::X, DVec3::Z, 1.0, width, height);
-        let lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] };
+        let lattice =
+            Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
         let scene = crate::Scene { lattice, nodes: Vec::new() };
         let frame = scene.frame(&view, &[]);
         let camera = Camera::new(&view, &lattice).unwrap();

@@ -77,7 +77,8 @@ impl Scene {
         radius: f64,
         capacity: usize,
     ) -> Self {
-        let lattice = Lattice { scale: [step; 3], offset: [0.0; 3], shift: [0; 3] };
+        let lattice =
+            Lattice { scale: [step; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
         let place = |p: &ScenePoint| {
             [0, 1, 2]
                 .map(|i| lattice.steps_axis(i, p.at[i]).round().clamp(0.0, 4_294_967_295.0) as u32)

@@ -7,6 +7,7 @@ use super::heights::{name_of_code, plain_name};
 use super::vlr::Records;
 use crate::source::Crs;
 use std::fmt::Write;
+use std::str::FromStr;
 
 const PROJECTION: &str = "LASF_Projection";
 const WKT: u16 = 2112;
@@ -103,14 +104,9 @@ pub fn epsg_codes(text: &str) -> Option<EpsgCodes> {
 
 fn geotiff_epsg_codes(keys: &str) -> Option<EpsgCodes> {
     let vertical_name = geotiff_citation(keys, "VerticalCitation");
-    // A citation may hold anything, but within quotes; quotes in it are escaped.
-    let keys = keys.replace(r"\\", "").replace(r#"\""#, "");
-    let words: Vec<&str> = keys.split('"').step_by(2).flat_map(str::split_whitespace).collect();
-    let key = |name: &str| {
-        let values = words.iter().filter_map(|word| word.strip_prefix(name)?.strip_prefix('='));
-        values.filter_map(|value| value.parse::<u32>().ok()).next()
-    };
-    let is_geographic = key("GTModelType") == Some(u32::from(GEOGRAPHIC));
+    let keys = Keys::of(keys);
+    let key = |name: &str| keys.number::<u32>(name);
+    let is_geographic = keys.are_geographic();
     let name = if is_geographic { "GeographicType" } else { "ProjectedCSType" };
     let is_registered = |code: &u32| *code != 0 && *code != USER_DEFINED;
     let vertical = key("VerticalCSType").filter(is_registered);
@@ -124,6 +120,29 @@ fn geotiff_epsg_codes(keys: &str) -> Option<EpsgCodes> {
             unit("VerticalUnits"),
         ],
     })
+}
+
+/// GeoTIFF keys in readable form, without citations.
+pub(super) struct Keys(Vec<String>);
+
+impl Keys {
+    /// The keys in a text, which may begin with `GeoTIFF:`.
+    pub(super) fn of(text: &str) -> Self {
+        // A citation may hold anything, but within quotes; quotes in it are escaped.
+        let text = text.replace(r"\\", "").replace(r#"\""#, "");
+        Self(text.split('"').step_by(2).flat_map(str::split_whitespace).map(Into::into).collect())
+    }
+
+    /// The first number that a key has.
+    pub(super) fn number<T: FromStr>(&self, name: &str) -> Option<T> {
+        let values = self.0.iter().filter_map(|word| word.strip_prefix(name)?.strip_prefix('='));
+        values.filter_map(|value| value.parse().ok()).next()
+    }
+
+    /// Whether they are of a geographic system.
+    pub(super) fn are_geographic(&self) -> bool {
+        self.number("GTModelType") == Some(GEOGRAPHIC)
+    }
 }
 
 fn unit_of_code(code: u32) -> Option<&'static str> {
@@ -164,13 +183,13 @@ fn wkt_codes(wkt: &str) -> Option<EpsgCodes> {
 }
 
 /// The systems that a WKT joins, or the one that it is.
-fn systems(nodes: &[Node<'_>]) -> Vec<usize> {
+pub(super) fn systems(nodes: &[Node<'_>]) -> Vec<usize> {
     let is_compound = nodes.first().is_some_and(|node| node.is(&["COMPD_CS", "COMPOUNDCRS"]));
     if is_compound { children(nodes, 0).collect() } else { (0..nodes.len().min(1)).collect() }
 }
 
 /// WKT 1 and 2 keywords of systems of heights.
-const VERTICAL: [&str; 3] = ["VERT_CS", "VERTCRS", "VERTICALCRS"];
+pub(super) const VERTICAL: [&str; 3] = ["VERT_CS", "VERTCRS", "VERTICALCRS"];
 /// WKT 1 and 2 keywords of systems with horizontal coordinates.
 const HORIZONTAL: [&str; 9] = [
     "PROJCS",
@@ -314,21 +333,50 @@ fn key_name(id: u16) -> Option<&'static str> {
 pub(crate) fn wkt_unit(wkt: &str) -> Option<String> {
     let nodes = &nodes(wkt)[..];
     let system = |keywords: &[&str]| nodes.iter().position(|n| n.is(keywords));
-    let Some(at) = system(&PLANE) else {
-        let geographic = system(&["GEOGCS", "GEOGCRS", "GEODCRS", "GEOGRAPHICCRS"]);
-        return geographic.map(|_| "degree".to_owned());
+    let at = match system(&PLANE) {
+        Some(at) => at,
+        None => match geodetic(nodes)? {
+            (at, true) => at,
+            (at, false) => {
+                let unit = unit_in(nodes, at, &ANGLES).and_then(|i| unit_name(nodes[i].rest));
+                return Some(unit.unwrap_or_else(|| DEGREE.into()));
+            }
+        },
     };
-    let child_unit = |parent| children(nodes, parent).find(|&i| nodes[i].is(&UNITS));
-    // WKT 2 may give the unit with each axis instead.
-    let mut axes = children(nodes, at).filter(|&i| nodes[i].is(&["AXIS"]));
-    child_unit(at).or_else(|| axes.find_map(child_unit)).and_then(|i| unit_name(nodes[i].rest))
+    unit_in(nodes, at, &UNITS).and_then(|i| unit_name(nodes[i].rest))
 }
 
+/// A unit of a system: its own, or that of its first axis that has one, as in WKT 2.
+pub(super) fn unit_in(nodes: &[Node<'_>], at: usize, keywords: &[&str]) -> Option<usize> {
+    let child_unit = |parent| children(nodes, parent).find(|&i| nodes[i].is(keywords));
+    let mut axes = children(nodes, at).filter(|&i| nodes[i].is(&["AXIS"]));
+    child_unit(at).or_else(|| axes.find_map(child_unit))
+}
+
+/// The geodetic system of a WKT, and whether its coordinates are Cartesian: WKT 2 has one keyword
+/// for angles and for geocentric lengths.
+pub(super) fn geodetic(nodes: &[Node<'_>]) -> Option<(usize, bool)> {
+    let at = nodes.iter().position(|n| n.is(&GEODETIC))?;
+    let is_cartesian = children(nodes, at).any(|i| {
+        nodes[i].is(&["CS"]) && nodes[i].rest.to_ascii_uppercase().starts_with("CARTESIAN")
+    });
+    Some((at, is_cartesian))
+}
+
+/// WKT 1 and 2 keywords of systems on an ellipsoid.
+const GEODETIC: [&str; 5] = ["GEOGCS", "GEOGCRS", "GEODCRS", "GEODETICCRS", "GEOGRAPHICCRS"];
 /// WKT 1 and 2 keywords of systems with a unit of length: projected, geocentric, local.
-const PLANE: [&str; 7] =
+pub(super) const PLANE: [&str; 7] =
     ["PROJCS", "PROJCRS", "PROJECTEDCRS", "GEOCCS", "LOCAL_CS", "ENGCRS", "ENGINEERINGCRS"];
 /// WKT 1 and 2 keywords of units of length.
 const UNITS: [&str; 2] = ["UNIT", "LENGTHUNIT"];
+/// WKT 1 and 2 keywords of units of angles.
+pub(super) const ANGLES: [&str; 2] = ["UNIT", "ANGLEUNIT"];
+
+/// Name of the usual unit of angles.
+pub(crate) const DEGREE: &str = "degree";
+/// Radians of a degree.
+pub(super) const DEGREE_RAD: f64 = std::f64::consts::PI / 180.0;
 
 /// The name of a unit given as `"name",factor...`: by its factor if that is known, otherwise as
 /// written.
@@ -341,28 +389,29 @@ fn unit_name(rest: &str) -> Option<String> {
         () if near(1.0) => "metre".to_owned(),
         () if near(0.3048) => "foot".to_owned(),
         () if near(1200.0 / 3937.0) => "US survey foot".to_owned(),
+        () if (factor / DEGREE_RAD - 1.0).abs() < 0.01 => DEGREE.to_owned(),
         () => name.to_owned(),
     })
 }
 
 /// One `KEYWORD[...` of a WKT.
-struct Node<'a> {
+pub(super) struct Node<'a> {
     keyword: &'a str,
     /// Text after the opening bracket.
-    rest: &'a str,
+    pub(super) rest: &'a str,
     /// Index after the last node nested in this one.
     end: usize,
 }
 
 impl Node<'_> {
-    fn is(&self, keywords: &[&str]) -> bool {
+    pub(super) fn is(&self, keywords: &[&str]) -> bool {
         keywords.iter().any(|k| self.keyword.eq_ignore_ascii_case(k))
     }
 }
 
 /// Parses the nodes in the first [`WKT_BYTES_MAX`] bytes; each is followed by the nodes nested in
 /// it.
-fn nodes(wkt: &str) -> Vec<Node<'_>> {
+pub(super) fn nodes(wkt: &str) -> Vec<Node<'_>> {
     let (mut nodes, mut open) = (Vec::<Node<'_>>::new(), Vec::<usize>::new());
     let (mut word_start, mut is_quoted) = (0, false);
     for (at, c) in wkt.char_indices().take_while(|&(at, _)| at < WKT_BYTES_MAX) {
@@ -390,7 +439,10 @@ fn nodes(wkt: &str) -> Vec<Node<'_>> {
 }
 
 /// The direct children of a node. Takes one step for each.
-fn children<'a>(nodes: &'a [Node<'_>], parent: usize) -> impl Iterator<Item = usize> + use<'a> {
+pub(super) fn children<'a>(
+    nodes: &'a [Node<'_>],
+    parent: usize,
+) -> impl Iterator<Item = usize> + use<'a> {
     let end = nodes[parent].end.min(nodes.len());
     let first = Some(parent + 1).filter(|&i| i < end);
     std::iter::successors(first, move |&i| Some(nodes[i].end).filter(|&next| next < end))
@@ -474,6 +526,8 @@ mod tests {
         let odd = r#"PROJCS["p",UNIT["Clarke's link",0.201166195164]]"#;
         assert_eq!(wkt_unit(odd).as_deref(), Some("Clarke's link"));
         assert_eq!(wkt_unit(r#"GEOGCS["g",UNIT["degree",0.0174]]"#).as_deref(), Some("degree"));
+        let geocentric = r#"GEODCRS["g",CS[Cartesian,3],AXIS["x",geocentricX],LENGTHUNIT["m",1]]"#;
+        assert_eq!(wkt_unit(geocentric).as_deref(), Some("metre"));
         assert_eq!(wkt_unit("nonsense[[[").as_deref(), None);
     }
 

@@ -6,6 +6,7 @@
 pub(crate) mod crs;
 mod decode;
 pub(crate) mod extra_bytes;
+pub(crate) mod geodetic;
 pub(crate) mod header;
 mod heights;
 mod items;

@@ -49,6 +49,8 @@ pub(crate) struct Layout {
     pub chosen: Vec<(String, usize)>,
     /// Why the choice of x, y and z is a guess, if it is one.
     pub guess: Option<String>,
+    /// Whether x and y are longitudes and latitudes by their names.
+    pub is_geographic: bool,
     /// The first points.
     pub shown: Vec<String>,
     /// Assumptions, a line each.
@@ -163,6 +165,7 @@ fn table(sample: &Sample<'_>) -> Option<Result<Layout, String>> {
         axes: [0, 1, 2],
         chosen: Vec::new(),
         guess: None,
+        is_geographic: false,
         shown: shown.map(|row| excerpt_of(lines[row.line], SHOWN_BYTES)).collect(),
         notes: notes(sample, style),
     };
@@ -185,6 +188,7 @@ fn without_points(sample: &Sample<'_>) -> Result<Layout, String> {
         axes: [0, 1, 2],
         chosen: Vec::new(),
         guess: None,
+        is_geographic: false,
         shown: Vec::new(),
         notes: Vec::new(),
     };
@@ -301,6 +305,7 @@ fn with_axes(mut layout: Layout, choice: &Choice) -> Result<Layout, String> {
         return distinct(Layout { axes: [x, y, z], ..layout });
     }
     let axes = axes_of(names).map_err(|lacking| lacks(names, &lacking))?;
+    layout.is_geographic = axes.is_geographic;
     if axes.is_geographic {
         layout.notes.push("x is the longitude and y the latitude, in degrees".into());
     }

@@ -34,6 +34,7 @@ use crate::error::ScanError;
 use crate::fields::recipe::Recipe;
 use crate::fields::values::Values;
 use crate::fields::{LEGACY, LEGACY_BLOCK};
+use crate::las::geodetic::in_degrees;
 use crate::las::times_block;
 use crate::source::{Format, Guess, HEAD_BYTES, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use blocks::in_order;
@@ -143,7 +144,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         points_hint: survey.points,
         bytes,
         colour_depth: None,
-        crs: None,
+        crs: if layout.is_geographic { in_degrees(survey.spread.bounds()) } else { None },
         scanner: None,
         verbatim: Vec::new(),
         notes,

@@ -63,7 +63,7 @@ mod tests {
     }
 
     fn lattice(scale: f64, offset: f64, shift: i64) -> Lattice {
-        Lattice { scale: [scale; 3], offset: [offset; 3], shift: [shift; 3] }
+        Lattice { scale: [scale; 3], offset: [offset; 3], shift: [shift; 3], ..Lattice::default() }
     }
 
     #[test]

@@ -36,7 +36,12 @@ fn schema() -> Schema {
 fn metadata(schema: Schema) -> Metadata {
     let present = (0..schema.attributes.len() as u16).collect();
     Metadata {
-        lattice: Lattice { scale: [0.001; 3], offset: [5e5, 5e6, 100.0], shift: [0; 3] },
+        lattice: Lattice {
+            scale: [0.001; 3],
+            offset: [5e5, 5e6, 100.0],
+            shift: [0; 3],
+            ..Lattice::default()
+        },
         schema,
         classes: vec![PointClass { present, colour_depth: ColourDepth::Sixteen }],
         bounds: None,

@@ -134,7 +134,8 @@ mod tests {
         let extremes = [0.0, -0.0, -1e300, 1e300, f64::MAX, f64::MIN_POSITIVE, f64::NAN];
         let infinities = [f64::INFINITY, f64::NEG_INFINITY, 3e8, 3e8 + 7.0, 5e-324, 0.5];
         let values: Vec<f64> = extremes.into_iter().chain(infinities).collect();
-        let lattice = Lattice { scale: [1e-3; 3], offset: [10.0; 3], shift: [5; 3] };
+        let lattice =
+            Lattice { scale: [1e-3; 3], offset: [10.0; 3], shift: [5; 3], ..Lattice::default() };
         for &low in &values {
             for &high in &values {
                 let map = ColourMap { low, high, gradient: Gradient::Viridis };
@@ -155,7 +156,8 @@ mod tests {
 
     #[test]
     fn runs_colour_every_code() {
-        let lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] };
+        let lattice =
+            Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
         let own = Codebook::Own(std::array::from_fn(|i| [i as u8, (i * 7) as u8, 0]));
         let along = Codebook::Along(Gradient::Viridis);
         for book in [Codebook::Classes, Codebook::Labels, along, own] {
