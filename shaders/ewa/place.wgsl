@@ -31,6 +31,8 @@ const AMPLITUDE_MIN: f32 = 1e-12;
 const SINE_MIN: f32 = 1e-6;
 // Square of the sine between a long axis and the normal below which the axis gives no direction.
 const AXIS_SINE_MIN: f32 = 1e-4;
+// Greatest radius of points without a normal among points with normals, pixels.
+const DOT_RADIUS_PX: f32 = 5.0;
 // Constants of crates/points/src/tangents.rs.
 const SHAPE_ROOM: f32 = 1.1;
 const SHAPE_LEAST: f32 = 0.7;
@@ -397,6 +399,9 @@ fn place(i: u32) -> Placed {
         world = normal_of(own.w);
     }
     var normal = in_view(world);
+    if NORMALS && all(normal == vec3<f32>(0.0)) {
+        radius = min(radius, p.z * (DOT_RADIUS_PX / frame.focal_px));
+    }
     var clip_words = vec4<u32>(0u);
     let dropped = vec3<u32>((*d).shift);
     let hot = (*d).box_min + ((offset >> dropped) << dropped);

@@ -31,6 +31,8 @@ const MINOR_MIN_PX: f32 = 1.4;
 // Length of depth intervals in radii, without a normal and with one.
 const BARE_REACH: f32 = 2.0;
 const THICKNESS: f32 = 1.0;
+// Greatest radius of points without a normal among points with normals, pixels.
+const DOT_RADIUS_PX: f32 = 5.0;
 // Depth that is added to points whose normal looks away, in radii.
 const BACK_DEPTH: f32 = 3.0;
 
@@ -86,8 +88,11 @@ fn gather(pixel: u32, depth_bits: u32) {
     let stored = lookup.radius_factors[size / 4u][size % 4u];
     let factor = select(RADIUS_FACTOR_BARE, RADIUS_FACTOR_NORMALS, NORMALS);
     let spacing = spacing_of(draw, p);
-    let radius = radius_within(spacing * factor * stored);
     let depth = bitcast<f32>(depth_bits);
+    var radius = radius_within(spacing * factor * stored);
+    if NORMALS && paint.w == NO_NORMAL {
+        radius = min(radius, DOT_RADIUS_PX * depth / frame.focal_px);
+    }
     let margin = select(RADIUS_MARGIN_PX_BARE, RADIUS_MARGIN_PX_NORMALS, NORMALS);
     // From the point's place to the pixel's centre, clamped to the pixel against rounding.
     let place = place_of(draw, offset, depth);

@@ -491,8 +491,8 @@ fn real_scans_keep_the_relations() {
             &format!("target={};direction={};ortho={reach}", text(centre), text(forward)),
             size,
         );
-        let fovy = 2.0 * (0.5f64 / 1e4).atan().to_degrees();
-        let distant = centre - forward * reach * 1e4;
+        let fovy = 2.0 * (0.5f64 / 5e3).atan().to_degrees();
+        let distant = centre - forward * reach * 5e3;
         let distant =
             all(&format!("eye={};target={};fovy={fovy:?}", text(distant), text(centre)), size);
         for (k, style) in styles().into_iter().enumerate() {

@@ -14,6 +14,7 @@ use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::inputs::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
 use crate::inputs::colour::{ColourBy, linear};
 use crate::inputs::lookup::{DrawList, Lookup, NO_NORMAL, is_hidden, normal_code};
+use crate::passes::gather::DOT_RADIUS_PX;
 use crate::simd::values::{EIGHT, Values, bits, directions, dot, load};
 use esker_points::quant::{HOT_POSITION_BYTES, RADIUS_AT};
 use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8};
@@ -215,6 +216,9 @@ impl Placer<'_> {
                 }
             }
             normals = packed_towards_eye(world, from_eye, self.frame.has_fronts);
+            let is_dot = dot(normal, normal).cmpeq(zero);
+            let most = centre[2] * (DOT_RADIUS_PX / self.lens.focal_px);
+            radius = f32x8::select(is_dot, Values::min(radius, most), radius);
         }
         let facing = normals_or_to_eye(simd, normal, centre);
         let mut lines: [Option<Lines>; EIGHT] = [None; EIGHT];

@@ -40,6 +40,10 @@ pub(crate) const THICKNESS: f32 = 1.0;
 /// are rough.
 pub(crate) const FITTED_REACH_MAX: f32 = 3.0;
 
+/// Greatest radius on the picture of points without a normal among points with normals, pixels: they
+/// belong to no surface (leaves, wires, strays), so they stay dots where the camera is near.
+pub(crate) const DOT_RADIUS_PX: f32 = 5.0;
+
 /// Depth that is added to points whose normal looks away, over the radius. At an outline the back
 /// of a surface lies just behind its front, which covers it then; elsewhere the backs of surfaces
 /// keep their order.
@@ -186,6 +190,10 @@ impl Hits {
             let stored = lookup.radius_factors[usize::from(self.radius_code[k])];
             let spacing = lookup.spacing(d, offset);
             self.radius[k] = spacing * factor * stored;
+            if PLANE == NORMALS && self.normal[k] == NO_NORMAL {
+                let most = DOT_RADIUS_PX * self.depth[k] / lookup.camera.focal_px;
+                self.radius[k] = self.radius[k].min(most);
+            }
             self.crowding[k] = lookup.crowding(d, spacing, self.depth[k]);
         }
         self.x[self.count..].fill(usize::MAX);

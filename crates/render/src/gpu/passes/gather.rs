@@ -25,6 +25,7 @@ same_values!(gather_gather == crate::passes::gather {
     BARE_REACH = crate::passes::fit_planes::BARE_REACH,
     THICKNESS,
     BACK_DEPTH,
+    DOT_RADIUS_PX,
 });
 same_values!(common_radius == crate::inputs::lookup { RADIUS_MAX });
 same_values!(common_seen == crate::passes::gather { STRETCHED });
