@@ -11,8 +11,8 @@ use esker_scan::{Geographic, Source};
 /// longitude differs by over one percent.
 const WIDE_DEG: f64 = 1.0;
 
-/// Steps of integers from which on they are no degrees, in degrees: a hundred metres. Scans of rooms
-/// may carry the geographic system of their device, and coordinates that angles could have.
+/// Steps of integers from which on they are no degrees, in degrees: a hundred metres. Scans of
+/// rooms may carry the geographic system of their device, and coordinates that angles could have.
 const COARSE_DEG: f64 = 1e-3;
 
 /// The geographic system of the sources: all that state a system or unit state this one, and none
