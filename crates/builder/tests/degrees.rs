@@ -143,7 +143,7 @@ fn a_scan_in_degrees_is_built_as_its_projected_copy() {
         let (ours, theirs) = (volume(&root(&file)), volume(&root(&copy)));
         assert!((ours / theirs - 1.0).abs() < 0.1, "{latitude}: volume {ours}, {theirs}");
 
-        let truth: Vec<[f64; 3]> = degrees.positions.iter().map(|p| {
+        let truth = degrees.positions.iter().map(|p| {
             ground([f64::from(p[0]) * STEPS[0] * x_m, f64::from(p[1]) * STEPS[1] * y_m]).1
         });
         let truth: Vec<[f64; 3]> = truth.collect();
@@ -205,11 +205,14 @@ fn what_is_not_geographic_is_not_scaled() {
     let projected = located(metres, "EPSG:2154");
     // A system of degrees, but coordinates that are none.
     let wrong = located(projected.clone().at([0.0, 5e6, 0.0]), "EPSG:4326");
+    // A room whose device writes its own system, in steps of a millimetre.
+    let room = (0..POINTS).map(|i| [0, 1, 2].map(|k| below(3 * i + k, 4000))).collect();
+    let room = located(given("room.las", [1e-3; 3], room), "EPSG:4326");
     let unstated = Given {
         info: esker_scan::SourceInfo { crs: None, ..degrees.info.clone() },
         ..degrees.clone()
     };
-    for scan in [projected.clone(), wrong, unstated] {
+    for scan in [projected.clone(), wrong, room, unstated] {
         let (report, file) = whole(&[scan], &options());
         assert_eq!(file.metadata().version(), 1);
         let is_wrong =

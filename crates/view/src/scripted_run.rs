@@ -9,7 +9,6 @@ use crate::times::FrameTime;
 use anyhow::{Context, Result};
 use eframe::egui::RawInput;
 use esker_engine::Forest;
-use esker_engine::calls::info;
 use esker_engine::cameras::path::Path;
 use esker_engine::machine::system;
 use serde_json::Value;

@@ -43,8 +43,8 @@ pub fn check_rounding(
     Ok(Some(what))
 }
 
-/// Length by which coordinates of a source are rounded at most. The record has the greatest error of
-/// all axes, whose units may differ; on each axis it is at most half a step.
+/// Length by which coordinates of a source are rounded at most. The record has the greatest error
+/// of all axes, whose units may differ; on each axis it is at most half a step.
 fn rounding_of(source: &SourceRecord, lattice: &Lattice) -> f64 {
     if !lattice.is_scaled() {
         return source.rounding_error_max;

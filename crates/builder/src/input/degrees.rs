@@ -2,6 +2,8 @@
 //! lattice's coordinates are scaled to metres ([`Lattice::metric`](esker_points::Lattice::metric)).
 //! In: systems and bounds of the sources.
 
+use esker_points::InputGrid;
+use esker_points::lattice::GridKind;
 use esker_points::spread::Corners;
 use esker_scan::{Geographic, Source};
 
@@ -9,11 +11,21 @@ use esker_scan::{Geographic, Source};
 /// longitude differs by over one percent.
 const WIDE_DEG: f64 = 1.0;
 
-/// The geographic system of the sources: all that state a system or unit state this one.
+/// Steps of integers from which on they are no degrees, in degrees: a hundred metres. Scans of
+/// rooms may carry the geographic system of their device, and coordinates that angles could have.
+const COARSE_DEG: f64 = 1e-3;
+
+/// The geographic system of the sources: all that state a system or unit state this one, and none
+/// has steps of lengths.
 pub fn system_of(sources: &[Box<dyn Source>]) -> Option<Geographic> {
     let mut known: Option<Geographic> = None;
-    for crs in sources.iter().filter_map(|source| source.info().crs.as_ref()) {
-        match (Geographic::of(&crs.text, crs.unit.as_deref()), known) {
+    for info in sources.iter().map(|source| source.info()) {
+        let Some(crs) = &info.crs else { continue };
+        let system = Geographic::of(&crs.text, crs.unit.as_deref());
+        if system.is_some_and(|system| is_coarse(&system, &info.grid)) {
+            return None;
+        }
+        match (system, known) {
             (Some(first), None) => known = Some(first),
             (Some(next), Some(first)) => known = Some(first.joined(&next)?),
             (None, _) if crs.text.is_empty() && crs.unit.is_none() => {}
@@ -21,6 +33,12 @@ pub fn system_of(sources: &[Box<dyn Source>]) -> Option<Geographic> {
         }
     }
     known
+}
+
+fn is_coarse(system: &Geographic, grid: &InputGrid) -> bool {
+    let coarse = COARSE_DEG.to_radians() * (1.0 - 1e-9);
+    grid.kind == GridKind::Integer
+        && grid.grid.scale[..2].iter().all(|step| step * system.unit_rad >= coarse)
 }
 
 /// Metres per unit of each axis for points within `bounds`; 1 where these are not those of

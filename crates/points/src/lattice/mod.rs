@@ -8,8 +8,8 @@
 //! the scale grows by tens. Points far from nearly all others ([`crate::spread`]) do not count:
 //! they may lie outside of the lattice.
 //!
-//! Coordinates may be degrees: the lattice then has the metres of a degree on each axis, and lengths
-//! are measured on its metric lattice ([`Lattice::metric`]).
+//! Coordinates may be degrees: the lattice then has the metres of a degree on each axis, and
+//! lengths are measured on its metric lattice ([`Lattice::metric`]).
 
 mod choice;
 mod grids;

@@ -1,7 +1,7 @@
-//! Geographic coordinates: which systems have them, and the lengths of their units. On the ellipsoid
-//! of the system, at latitude phi, a radian of latitude is `M = a (1 - e2) / w^3` long and a radian
-//! of longitude `N cos(phi) = a cos(phi) / w`, with `w = sqrt(1 - e2 sin(phi)^2)`. In LAS and in
-//! tables x is the longitude and y the latitude, whatever the order of axes in a WKT.
+//! Geographic coordinates: which systems have them, and the lengths of their units. On the
+//! ellipsoid of the system, at latitude phi, a radian of latitude is `M = a (1 - e2) / w^3` long
+//! and a radian of longitude `N cos(phi) = a cos(phi) / w`, with `w = sqrt(1 - e2 sin(phi)^2)`. In
+//! LAS and in tables x is the longitude and y the latitude, whatever the order of axes in a WKT.
 
 use super::crs::{
     ANGLES, DEGREE, DEGREE_RAD, Keys, Node, PLANE, VERTICAL, children, geodetic, nodes, systems,
