@@ -50,11 +50,12 @@ pub struct BuildHow {
     /// Where the normals that are drawn come from.
     #[arg(long, value_enum, default_value_t)]
     pub normals: NormalsArg,
-    /// Find sharp edges, at which --method ewa clips its splats; estimates normals.
+    /// Find sharp edges, at which --method ewa clips its splats; estimates
+    /// normals where the scans have none.
     #[arg(long)]
     pub sharp_features: bool,
     /// Store the shapes of splats (4 bytes a point), with which --method ewa closes the gaps
-    /// between scan lines; estimates normals.
+    /// between scan lines; estimates normals where the scans have none.
     #[arg(long)]
     pub tangents: bool,
     /// Store positions a second time, with palette colours (8 bytes a point), so that drawing
@@ -123,10 +124,7 @@ impl BuildHow {
             node_capacity: self.node_capacity.unwrap_or(default.node_capacity),
             colour_depth: self.colour_bits.map(Into::into),
             compress: self.compress.into(),
-            normals: match self.normals {
-                NormalsArg::Keep if self.sharp_features || self.tangents => NormalsMode::Estimate,
-                normals => normals.into(),
-            },
+            normals: self.normals.into(),
             sharp_features: self.sharp_features,
             tangents: self.tangents,
             compact: self.compact,

@@ -16,7 +16,7 @@ use crate::input::guesses::note_guesses;
 use crate::input::identity::Identity;
 use crate::input::intake::{Intake, open_with};
 use crate::input::outside::OFF_LATTICE;
-use crate::input::plan::{Computed, DecodedInputs, Plan};
+use crate::input::plan::{Computed, DecodedInputs, Plan, schema_of};
 use crate::options::{CAPACITY_RANGE, Options, Report, Resume};
 use crate::page::histograms::Counts;
 use crate::rows::borders::Borders;
@@ -212,15 +212,12 @@ fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildErro
             options.node_capacity
         ));
     }
-    if options.sharp_features && options.normals != NormalsMode::Estimate {
-        return refuse(
-            "sharp features are found while normals are estimated; add --normals estimate".into(),
-        );
-    }
-    if options.tangents && options.normals != NormalsMode::Estimate {
-        return refuse(
-            "tangents are estimated together with normals; add --normals estimate".into(),
-        );
+    for (is_chosen, option) in
+        [(options.sharp_features, "--sharp-features"), (options.tangents, "--tangents")]
+    {
+        if is_chosen && options.normals == NormalsMode::None {
+            return refuse(format!("{option} needs normals; leave out --normals none"));
+        }
     }
     let infos = || sources.iter().map(|s| s.info());
     check_attribute_units(infos().map(|i| (i.path.as_path(), &*i.schema)))?;
@@ -361,7 +358,7 @@ impl Build<'_> {
         let context = context(plan, pages.with_palette(palette.clone()), ranges, options);
         let has_clip_lines = context.clips.is_some();
         task.phase("building", Some(points), "points");
-        if normals.is_estimated() && !buckets.is_empty() {
+        if plan.computed.is_any() && !buckets.is_empty() {
             self.store.borders = Some(new_borders(self.store, &context, &buckets, options)?);
         }
         let root = TreeBuilder {
@@ -443,9 +440,16 @@ impl Build<'_> {
 
 /// Intake of `sources` with room for the attributes that the build computes.
 fn new_intake(sources: Vec<Box<dyn Source>>, options: &Options) -> Intake {
+    let are_given = schema_of(&sources).normals().is_some();
     let mut intake = Intake::new(sources, options.colour_depth.is_some());
+    let needs_normals = options.sharp_features || options.tangents;
     intake.computed = Computed {
-        normals: options.normals == NormalsMode::Estimate,
+        normals: match options.normals {
+            NormalsMode::Keep => needs_normals && !are_given,
+            NormalsMode::Estimate => true,
+            NormalsMode::None => false,
+        },
+        beside_given_normals: needs_normals && are_given && options.normals == NormalsMode::Keep,
         clip_lines: options.sharp_features,
         tangents: options.tangents,
     };
@@ -458,10 +462,10 @@ fn new_intake(sources: Vec<Box<dyn Source>>, options: &Options) -> Intake {
 fn page_layout(plan: &Plan, options: &Options, knows_scanners: bool) -> PageLayout {
     let pages = PageLayout::new(&plan.schema, &plan.classes);
     let normals = match options.normals {
-        NormalsMode::Keep => pages.normals(),
-        NormalsMode::Estimate if knows_scanners => Normals::Oriented,
-        NormalsMode::Estimate => Normals::Estimated,
         NormalsMode::None => Normals::None,
+        _ if !plan.computed.normals => pages.normals(),
+        _ if knows_scanners => Normals::Oriented,
+        _ => Normals::Estimated,
     };
     pages.with_codec(options.compress).with_normals(normals)
 }
