@@ -128,7 +128,7 @@ impl Options {
     /// Whether normals are estimated, for all points or where sources give none.
     pub(crate) fn estimates_normals(&self) -> bool {
         let needs_normals = self.sharp_features || self.tangents;
-        self.normals == NormalsMode::Estimate || needs_normals
+        matches!(self.normals, NormalsMode::Estimate | NormalsMode::Fast) || needs_normals
     }
 
     /// Options with which inputs are opened.

@@ -31,9 +31,8 @@ fn build_from(sources: Vec<Box<dyn Source>>, shares: Shares, normals: NormalsMod
     EskerFile::open(&out).unwrap()
 }
 
-fn estimated(sources: &[Given], shares: Shares) -> EskerFile {
-    build_from(boxed(sources), shares, NormalsMode::Estimate)
-}
+/// Ways in which normals are estimated.
+const ESTIMATES: [NormalsMode; 2] = [NormalsMode::Estimate, NormalsMode::Fast];
 
 /// World positions and normal codes of all points of a file.
 fn normals(file: &EskerFile) -> Vec<([f64; 3], [i16; 2])> {
@@ -75,22 +74,24 @@ fn wall_and_sphere(count: u64) -> Given {
 
 #[test]
 fn a_wall_and_a_sphere_have_their_normals_in_every_node() {
-    let file =
-        estimated(&[wall_and_sphere(60_000)], Shares { buffer_bytes_max: 0, chunk_bytes_max: 0 });
-    assert_eq!(file.metadata().normals, Normals::Estimated);
-    let (mut wall, mut sphere) = (Vec::new(), Vec::new());
-    for (p, code) in normals(&file) {
-        assert_ne!(code, UNKNOWN);
-        if p[1].abs() < 1e-9 {
-            wall.push(angle(code, [0.0, 1.0, 0.0]));
-        } else {
-            sphere.push(angle(code, p.map(|c| c - 10.0)));
+    for mode in ESTIMATES {
+        let shares = Shares { buffer_bytes_max: 0, chunk_bytes_max: 0 };
+        let file = build_from(boxed(&[wall_and_sphere(60_000)]), shares, mode);
+        assert_eq!(file.metadata().normals, Normals::Estimated);
+        let (mut wall, mut sphere) = (Vec::new(), Vec::new());
+        for (p, code) in normals(&file) {
+            assert_ne!(code, UNKNOWN);
+            if p[1].abs() < 1e-9 {
+                wall.push(angle(code, [0.0, 1.0, 0.0]));
+            } else {
+                sphere.push(angle(code, p.map(|c| c - 10.0)));
+            }
         }
+        let worst = |angles: &[f64]| angles.iter().copied().fold(0.0, f64::max);
+        assert!(worst(&wall) < 0.1, "{mode:?}: {}", worst(&wall));
+        let mean = sphere.iter().sum::<f64>() / sphere.len() as f64;
+        assert!(mean < 1.0 && worst(&sphere) < 10.0, "{mode:?}: {mean} {}", worst(&sphere));
     }
-    let worst = |angles: &[f64]| angles.iter().copied().fold(0.0, f64::max);
-    assert!(worst(&wall) < 0.1, "{}", worst(&wall));
-    let mean = sphere.iter().sum::<f64>() / sphere.len() as f64;
-    assert!(mean < 1.0 && worst(&sphere) < 10.0, "{mean} {}", worst(&sphere));
 }
 
 /// Hills, a stack that exceeds memory, a grid, distant strays.
@@ -118,14 +119,17 @@ fn any_memory_bound_and_any_number_of_threads_give_the_same_normals() {
     let by_place = |file: &EskerFile| -> BTreeMap<[u64; 3], [i16; 2]> {
         normals(file).into_iter().map(|(p, code)| (p.map(f64::to_bits), code)).collect()
     };
-    let whole = by_place(&estimated(&sources, ample()));
-    assert!(whole.values().filter(|&&c| c != UNKNOWN).count() > whole.len() * 9 / 10);
-    for buffer_bytes_max in [0, 200_000, 1 << 30] {
-        let shares = Shares { buffer_bytes_max, chunk_bytes_max: 0 };
-        for threads in [1, 3] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let cut = by_place(&pool.install(|| estimated(&sources, shares)));
-            assert!(cut == whole, "{threads} threads and {shares:?} give other normals");
+    for mode in ESTIMATES {
+        let estimated = |shares| build_from(boxed(&sources), shares, mode);
+        let whole = by_place(&estimated(ample()));
+        assert!(whole.values().filter(|&&c| c != UNKNOWN).count() > whole.len() * 9 / 10);
+        for buffer_bytes_max in [0, 200_000, 1 << 30] {
+            let shares = Shares { buffer_bytes_max, chunk_bytes_max: 0 };
+            for threads in [1, 3] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                let cut = by_place(&pool.install(|| estimated(shares)));
+                assert!(cut == whole, "{mode:?}: {threads} threads, {shares:?}: other normals");
+            }
         }
     }
 }

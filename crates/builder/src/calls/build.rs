@@ -1,6 +1,7 @@
 //! One build from first to last: checks options and budget, decodes the inputs, builds the tree,
 //! proves that no point was lost, and closes the file. `Build::run` is the list of the phases.
 
+use crate::attributes::blocks::Blocks;
 use crate::attributes::clips::Clips;
 use crate::attributes::normals::{Bounds, NormalsMode};
 use crate::budget::disk::{DiskEstimate, free_bytes};
@@ -446,7 +447,7 @@ fn new_intake(sources: Vec<Box<dyn Source>>, options: &Options) -> Intake {
     intake.computed = Computed {
         normals: match options.normals {
             NormalsMode::Keep => needs_normals && !are_given,
-            NormalsMode::Estimate => true,
+            NormalsMode::Estimate | NormalsMode::Fast => true,
             NormalsMode::None => false,
         },
         beside_given_normals: needs_normals && are_given && options.normals == NormalsMode::Keep,
@@ -499,6 +500,10 @@ fn new_borders(
     let bounds = Bounds::new(context.scale, spacing);
     let mut borders = Borders::new(bounds, context.rows.clone(), options.sharp_features);
     borders.finds_shapes = options.tangents;
+    // Edges and shapes need the neighbours anyway.
+    let is_fast = options.normals == NormalsMode::Fast;
+    let needs_neighbours = options.sharp_features || options.tangents;
+    borders.blocks = (is_fast && !needs_neighbours).then(|| Blocks::new(context.scale, spacing));
     Ok(borders)
 }
 

@@ -4,6 +4,7 @@
 //! since rows are freed chunk by chunk. The halo of a chunk is the copied positions of other chunks
 //! within reach of its cell.
 
+use crate::attributes::blocks::{self, Blocks};
 use crate::attributes::density::Density;
 use crate::attributes::normals::{Bounds, UNKNOWN, estimate, turned_to};
 use crate::attributes::sharp::{Edge, Points, detect};
@@ -18,6 +19,8 @@ use rayon::prelude::*;
 /// Rows that one task reads, and tasks whose positions are written together.
 const TASK_ROWS: usize = 1 << 14;
 const GROUP_TASKS: usize = 64;
+/// Log2 of the edge of a bucket over that of the cells in which its points are counted at first.
+const DIVIDED_LOG2: u8 = 4;
 /// Bytes of a stored position, and of the normal behind it if sources give normals.
 const POSITION_BYTES: usize = 12;
 const NORMAL_BYTES: usize = 4;
@@ -28,6 +31,8 @@ const SAME: f32 = 0.966;
 /// The borders of all chunks.
 pub struct Borders {
     bounds: Bounds,
+    /// Limits of blocks, if normals are estimated from these.
+    pub blocks: Option<Blocks>,
     rows: RowLayout,
     /// Whether sharp edges are detected too.
     finds_edges: bool,
@@ -55,18 +60,28 @@ pub fn spacing(
 ) -> Result<f64, BuildError> {
     let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
     let map = if is_stored { Some(scratch.map()?) } else { None };
-    let of_bucket = |b: &Bucket| {
+    let of_bucket = |b: &Bucket, log2| {
         let runs = b.runs(map.as_ref(), stride);
-        Density::of(runs.into_iter().flat_map(|r| r.chunks_exact(stride)).map(position))
+        Density::of(runs.into_iter().flat_map(|r| r.chunks_exact(stride)).map(position), log2)
     };
-    let density = buckets.par_iter().map(of_bucket).reduce(Density::default, Density::merged);
-    Ok(density.spacing())
+    // Most of the work would be to double cells that begin as single steps.
+    let mut edges: Vec<u8> = buckets.iter().map(|b| b.cell.log2).collect();
+    edges.sort_unstable();
+    let mut least = edges.get(edges.len() / 2).map_or(0, |edge| edge.saturating_sub(DIVIDED_LOG2));
+    loop {
+        let densities = buckets.par_iter().map(|bucket| of_bucket(bucket, least));
+        let density = densities.reduce(Density::default, Density::merged);
+        if least == 0 || density.is_above(least) {
+            return Ok(density.spacing());
+        }
+        least = least.saturating_sub(DIVIDED_LOG2);
+    }
 }
 
 impl Borders {
     /// No borders yet. Rows must have room for normals.
     pub fn new(bounds: Bounds, rows: RowLayout, finds_edges: bool) -> Self {
-        Self { bounds, rows, finds_edges, finds_shapes: false, cells: Vec::new() }
+        Self { bounds, blocks: None, rows, finds_edges, finds_shapes: false, cells: Vec::new() }
     }
 
     /// Cells of chunks, and the places of the positions near their faces.
@@ -95,7 +110,7 @@ impl Borders {
         let runs: Vec<&[u8]> = buckets.iter().flat_map(|b| b.runs(map.as_ref(), stride)).collect();
         let tasks: Vec<&[u8]> = runs.iter().flat_map(|r| r.chunks(TASK_ROWS * stride)).collect();
         let cell = cell_of(buckets);
-        let steps = self.bounds.steps();
+        let steps = self.blocks.map_or(self.bounds.steps(), |blocks| [blocks.steps(); 3]);
         let near_a_face = |p: &[u32; 3]| {
             let last = cell.last();
             (0..3).any(|i| p[i] - cell.corner[i] < steps[i] || last[i] - p[i] < steps[i])
@@ -143,7 +158,7 @@ impl Borders {
             let own = Points { positions: &own, normals: &given };
             detect(own, Points { positions: &halo, normals: &given_of_halo }, &self.bounds)
         } else if given.is_empty() || given.contains(&UNKNOWN) {
-            let estimated = estimate(&own, &halo, &self.bounds).into_iter().enumerate();
+            let estimated = self.normals(&own, &halo).into_iter().enumerate();
             let code = |(i, code)| match given.get(i) {
                 Some(&given) if given != UNKNOWN => given,
                 _ => code,
@@ -168,6 +183,14 @@ impl Borders {
         );
     }
 
+    /// Codes of the normals of `own` points beside those of the halo.
+    fn normals(&self, own: &[[u32; 3]], halo: &[[u32; 3]]) -> Vec<[i16; 2]> {
+        match &self.blocks {
+            Some(blocks) => blocks::estimate(own, halo, blocks),
+            None => estimate(own, halo, &self.bounds),
+        }
+    }
+
     /// Sets the normal and the clip lines of a row near an edge.
     fn set_edge(&self, row: &mut [u8], edge: &Edge) {
         self.set(row, edge.normal);
@@ -184,7 +207,7 @@ impl Borders {
 
     /// Estimates the normal of a cell of one lattice point; returns its octahedral code.
     pub fn estimate_one(&self, cell: &Cell, scratch: &Map) -> [i16; 2] {
-        estimate(&[cell.corner], &self.halo(cell, scratch).0, &self.bounds)[0]
+        self.normals(&[cell.corner], &self.halo(cell, scratch).0)[0]
     }
 
     /// Sets the normal of a row, flipped towards the scanner if the row has the direction to it.
@@ -196,9 +219,8 @@ impl Borders {
     /// Stored positions of other chunks within reach of `cell`, and the normals that sources give
     /// them, if any do; some occur more than once.
     fn halo(&self, cell: &Cell, scratch: &Map) -> (Vec<[u32; 3]>, Vec<[i16; 2]>) {
-        let steps = self.bounds.steps();
-        let low = [0, 1, 2].map(|i| cell.corner[i].saturating_sub(steps[i]));
-        let high = [0, 1, 2].map(|i| cell.last()[i].saturating_add(steps[i]));
+        let around = |blocks: Blocks| blocks.around(cell);
+        let [low, high] = self.blocks.map_or_else(|| self.bounds.around(cell), around);
         let meets =
             |other: &Cell| (0..3).all(|i| other.corner[i] <= high[i] && low[i] <= other.last()[i]);
         let is_other = |other: &Cell| !other.contains(cell.corner) && meets(other);
