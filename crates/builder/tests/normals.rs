@@ -302,7 +302,8 @@ fn sharp_edges_are_where_the_scans_own_normals_turn_under_any_memory_bound() {
     let field = given("a.ply", [0.001; 3], (0..22_500).map(place).collect());
     let field = normalled(field, |i| [side(i) * 0.342, 0.0, 0.94]);
     let keep = options(NormalsMode::Keep);
-    let (bare, sources) = (drawn(&built(&[field.clone()], &keep, ample())), [field]);
+    let sources = [field];
+    let bare = drawn(&built(&sources, &keep, ample()));
     let sharp = Options { sharp_features: true, ..keep.clone() };
     let file = built(&sources, &sharp, ample());
     assert_eq!(file.metadata().normals, Normals::Source);

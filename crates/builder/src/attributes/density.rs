@@ -1,7 +1,7 @@
 //! Density of points, counted by cell, in the finest cells of which there are not too many. The
 //! result depends only on the points, not on how they are split or what headers claim.
 
-use std::collections::HashMap;
+use crate::rows::corners::{CornerMap, corner, key};
 
 /// Largest number of cells; beyond it, their edges double.
 const CELLS_MAX: usize = 1 << 14;
@@ -14,7 +14,7 @@ const POINTS_MIN: u64 = 8;
 pub struct Density {
     /// Log2 of the cells' edge.
     log2: u8,
-    cells: HashMap<[u32; 3], u64>,
+    cells: CornerMap<u64>,
 }
 
 impl Density {
@@ -42,7 +42,7 @@ impl Density {
         while other.log2 < self.log2 {
             other.coarsen();
         }
-        other.cells.into_iter().for_each(|(cell, count)| self.add_cell(cell, count));
+        other.cells.into_iter().for_each(|(cell, count)| self.add_cell(corner(cell), count));
         while self.cells.len() > CELLS_MAX {
             self.coarsen();
         }
@@ -83,14 +83,14 @@ impl Density {
 
     fn add_cell(&mut self, cell: [u32; 3], count: u64) {
         if count > 0 {
-            *self.cells.entry(cell).or_default() += count;
+            *self.cells.entry(key(cell)).or_default() += count;
         }
     }
 
     fn coarsen(&mut self) {
         self.log2 += 1;
         for (cell, count) in std::mem::take(&mut self.cells) {
-            self.add_cell(cell.map(|c| c >> 1), count);
+            self.add_cell(corner(cell).map(|c| c >> 1), count);
         }
     }
 }

@@ -213,7 +213,10 @@ impl Borders {
     /// Sets the normal of a row, flipped towards the scanner if the row has the direction to it.
     pub fn set(&self, row: &mut [u8], code: [i16; 2]) {
         let towards = self.rows.normal(row).unwrap_or_default();
-        self.rows.set_normal(row, turned_to(code, quant::oct_decode(towards)));
+        // Estimated normals look up, which has the code zero.
+        let is_turned = towards == [0; 2];
+        let turned = || turned_to(code, quant::oct_decode(towards));
+        self.rows.set_normal(row, if is_turned { code } else { turned() });
     }
 
     /// Stored positions of other chunks within reach of `cell`, and the normals that sources give
