@@ -1,6 +1,7 @@
-//! Estimates the normals of a scan and prints the CPU time a point and, if the scan has normals,
-//! the angles between both: `normals FILE [threads] [points]`.
+//! Estimates the normals of a scan from neighbours and from cells, and prints the CPU time a point
+//! and, if the scan has normals, the angles to them: `normals FILE [threads] [points]`.
 
+use esker_builder::attributes::blocks::{self, Blocks};
 use esker_builder::attributes::density::Density;
 use esker_builder::attributes::normals::{Bounds, UNKNOWN, estimate};
 use esker_points::lattice::Lattice;
@@ -54,21 +55,31 @@ fn run(path: &Path, points_max: usize) -> Outcome {
     if !given.is_empty() {
         given = order.iter().map(|&i| given[i]).collect();
     }
-    let spacing = Density::of(points.iter().copied()).spacing();
+    let spacing = Density::of(points.iter().copied(), 0).spacing();
     let bounds = Bounds::new(lattice.scale, spacing);
-    let start = cpu_seconds();
-    let codes = estimate(&points, &[], &bounds);
-    let us = (cpu_seconds() - start) * 1e6 / points.len() as f64;
-    let unknown = codes.iter().filter(|&&c| c == UNKNOWN).count();
-    let share = 100.0 * unknown as f64 / points.len() as f64;
+    let blocks = Blocks::new(lattice.scale, spacing);
     println!(
-        "{} points, reach {}, {us:.2} us of CPU time a point, {share:.3} % unknown",
+        "{} points, reach {}, coarsest cells of {}",
         points.len(),
-        bounds.reach
+        bounds.reach,
+        blocks.steps()
     );
+    report("neighbours", &given, || estimate(&points, &[], &bounds));
+    report("cells", &given, || blocks::estimate(&points, &[], &blocks));
+    Ok(())
+}
+
+/// Prints what an estimate takes, and how far it is from the `given` normals.
+fn report(name: &str, given: &[[f32; 3]], estimate: impl Fn() -> Vec<[i16; 2]>) {
+    let start = cpu_seconds();
+    let codes = estimate();
+    let us = (cpu_seconds() - start) * 1e6 / codes.len() as f64;
+    let unknown = codes.iter().filter(|&&c| c == UNKNOWN).count();
+    let share = 100.0 * unknown as f64 / codes.len() as f64;
+    println!("{name}: {us:.2} us of CPU time a point, {share:.3} % unknown");
     let mut angles: Vec<f32> = codes
         .iter()
-        .zip(&given)
+        .zip(given)
         .filter_map(|(&code, n)| {
             let norm = n.iter().map(|c| c * c).sum::<f32>().sqrt();
             let ours = oct_decode(code);
@@ -86,5 +97,4 @@ fn run(path: &Path, points_max: usize) -> Outcome {
             at(0.99)
         );
     }
-    Ok(())
 }

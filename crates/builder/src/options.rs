@@ -40,9 +40,10 @@ pub struct Options {
     pub inherited: Inherited,
     /// Source of the normals that are drawn.
     pub normals: NormalsMode,
-    /// Whether sharp edges are detected, at which splats are clipped. Requires estimated normals.
+    /// Whether sharp edges are detected, at which splats are clipped. Requires normals, which are
+    /// estimated if no source gives any.
     pub sharp_features: bool,
-    /// Whether the shapes of splats are estimated and stored. Requires estimated normals.
+    /// Whether the shapes of splats are estimated and stored. Requires normals, as edges do.
     pub tangents: bool,
     /// Whether positions are stored a second time, with colours as indices of a palette: drawing
     /// then reads 8 bytes a point instead of 12.
@@ -124,6 +125,12 @@ impl Default for Options {
 }
 
 impl Options {
+    /// Whether normals are estimated, for all points or where sources give none.
+    pub(crate) fn estimates_normals(&self) -> bool {
+        let needs_normals = self.sharp_features || self.tangents;
+        matches!(self.normals, NormalsMode::Estimate | NormalsMode::Fast) || needs_normals
+    }
+
     /// Options with which inputs are opened.
     pub(crate) fn open_options(&self) -> OpenOptions {
         OpenOptions {

@@ -182,6 +182,7 @@ fn a_cell_that_was_parted_halfway_is_resumed_there() {
 fn estimated_normals_of_a_resumed_build_are_the_same() {
     for shares in [LITTLE, NO_SCRATCH] {
         assert!(cut_and_resumed_with(NormalsMode::Estimate, &sources(), shares, 6) > 2);
+        assert!(cut_and_resumed_with(NormalsMode::Fast, &sources(), shares, 6) > 2);
     }
 }
 

@@ -50,11 +50,12 @@ pub struct BuildHow {
     /// Where the normals that are drawn come from.
     #[arg(long, value_enum, default_value_t)]
     pub normals: NormalsArg,
-    /// Find sharp edges, at which --method ewa clips its splats; estimates normals.
+    /// Find sharp edges, at which --method ewa clips its splats; estimates
+    /// normals where the scans have none.
     #[arg(long)]
     pub sharp_features: bool,
     /// Store the shapes of splats (4 bytes a point), with which --method ewa closes the gaps
-    /// between scan lines; estimates normals.
+    /// between scan lines; estimates normals where the scans have none.
     #[arg(long)]
     pub tangents: bool,
     /// Store positions a second time, with palette colours (8 bytes a point), so that drawing
@@ -123,10 +124,7 @@ impl BuildHow {
             node_capacity: self.node_capacity.unwrap_or(default.node_capacity),
             colour_depth: self.colour_bits.map(Into::into),
             compress: self.compress.into(),
-            normals: match self.normals {
-                NormalsArg::Keep if self.sharp_features || self.tangents => NormalsMode::Estimate,
-                normals => normals.into(),
-            },
+            normals: self.normals.into(),
             sharp_features: self.sharp_features,
             tangents: self.tangents,
             compact: self.compact,
@@ -205,8 +203,10 @@ pub enum NormalsArg {
     /// From the scans, if they have any.
     #[default]
     Keep,
-    /// Estimated for all points, from their neighbours.
+    /// Estimated for all points, from their nearest neighbours.
     Estimate,
+    /// Estimated for all points, in a fifth of that time; edges are blurred more.
+    Fast,
     /// None.
     None,
 }
@@ -216,6 +216,7 @@ impl From<NormalsArg> for NormalsMode {
         match arg {
             NormalsArg::Keep => Self::Keep,
             NormalsArg::Estimate => Self::Estimate,
+            NormalsArg::Fast => Self::Fast,
             NormalsArg::None => Self::None,
         }
     }

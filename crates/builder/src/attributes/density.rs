@@ -1,7 +1,7 @@
 //! Density of points, counted by cell, in the finest cells of which there are not too many. The
 //! result depends only on the points, not on how they are split or what headers claim.
 
-use std::collections::HashMap;
+use crate::rows::corners::{CornerMap, corner, key};
 
 /// Largest number of cells; beyond it, their edges double.
 const CELLS_MAX: usize = 1 << 14;
@@ -14,13 +14,13 @@ const POINTS_MIN: u64 = 8;
 pub struct Density {
     /// Log2 of the cells' edge.
     log2: u8,
-    cells: HashMap<[u32; 3], u64>,
+    cells: CornerMap<u64>,
 }
 
 impl Density {
-    /// Counts points by cell.
-    pub fn of(points: impl Iterator<Item = [u32; 3]>) -> Self {
-        let mut density = Self::default();
+    /// Counts points by cell, in cells of at least `2^log2` steps.
+    pub fn of(points: impl Iterator<Item = [u32; 3]>, log2: u8) -> Self {
+        let mut density = Self { log2, ..Self::default() };
         let (mut last, mut count) = ([0; 3], 0);
         for p in points {
             // Neighbours in a file mostly share a cell. Cells double only when one is added.
@@ -42,11 +42,17 @@ impl Density {
         while other.log2 < self.log2 {
             other.coarsen();
         }
-        other.cells.into_iter().for_each(|(cell, count)| self.add_cell(cell, count));
+        other.cells.into_iter().for_each(|(cell, count)| self.add_cell(corner(cell), count));
         while self.cells.len() > CELLS_MAX {
             self.coarsen();
         }
         self
+    }
+
+    /// Whether finer cells than of `2^log2` steps would be too many: then it is the same to have
+    /// counted in cells of at least these.
+    pub fn is_above(&self, log2: u8) -> bool {
+        self.log2 > log2
     }
 
     /// Typical distance of points, in steps: that of the median cell, as if each cell held a square
@@ -77,14 +83,14 @@ impl Density {
 
     fn add_cell(&mut self, cell: [u32; 3], count: u64) {
         if count > 0 {
-            *self.cells.entry(cell).or_default() += count;
+            *self.cells.entry(key(cell)).or_default() += count;
         }
     }
 
     fn coarsen(&mut self) {
         self.log2 += 1;
         for (cell, count) in std::mem::take(&mut self.cells) {
-            self.add_cell(cell.map(|c| c >> 1), count);
+            self.add_cell(corner(cell).map(|c| c >> 1), count);
         }
     }
 }
@@ -98,9 +104,9 @@ mod tests {
         #[test]
         fn density_does_not_depend_on_how_points_are_split(points in prop::collection::vec(any::<[u32; 3]>(), 0..300), shift in 0u32..28, cut in 0usize..300) {
             let points: Vec<_> = points.into_iter().map(|p| p.map(|c| c >> shift)).collect();
-            let whole = Density::of(points.iter().copied());
+            let whole = Density::of(points.iter().copied(), 0);
             let (a, b) = points.split_at(cut.min(points.len()));
-            let parts = Density::of(b.iter().rev().copied()).merged(Density::of(a.iter().copied()));
+            let parts = Density::of(b.iter().rev().copied(), 0).merged(Density::of(a.iter().copied(), 0));
             prop_assert_eq!(whole.spacing(), parts.spacing());
         }
     }
@@ -110,8 +116,15 @@ mod tests {
         for corner in [0, (1 << 31) - 1000, u32::MAX - 6000] {
             let points =
                 (0..90_000).map(|i| [corner + i % 300 * 20, corner + i / 300 * 20, 1 << 31]);
-            let spacing = Density::of(points).spacing();
+            let density = Density::of(points.clone(), 0);
+            let (log2, spacing) = (density.log2, density.spacing());
             assert!((14.0..=28.0).contains(&spacing), "{spacing}");
+            for least in 1..log2 {
+                let coarse = Density::of(points.clone(), least);
+                assert!(coarse.is_above(least));
+                assert_eq!(coarse.spacing(), spacing);
+            }
+            assert!(!Density::of(points, log2).is_above(log2));
         }
     }
 
@@ -119,9 +132,9 @@ mod tests {
     fn stacks_and_strays_and_few_points_do_not_matter() {
         let grid = (0..900u32).map(|i| [i % 30 * 20, i / 30 * 20, 0]);
         let all = grid.chain(vec![[40, 40, 0]; 5000]).chain((1..40).map(|i| [i << 24, 0, 0]));
-        let spacing = Density::of(all).spacing();
+        let spacing = Density::of(all, 0).spacing();
         assert!((14.0..=28.0).contains(&spacing), "{spacing}");
-        assert_eq!(Density::of(std::iter::once([7; 3])).spacing(), 2f64.powi(32));
+        assert_eq!(Density::of(std::iter::once([7; 3]), 0).spacing(), 2f64.powi(32));
         assert!(Density::default().spacing() > 0.0);
     }
 }

@@ -1,6 +1,7 @@
 //! Attributes that a build computes: normals, clip lines, tangents and palettes; and the search for
 //! nearest neighbours that they use.
 
+pub mod blocks;
 pub(crate) mod clips;
 pub mod density;
 pub(crate) mod eigen;

@@ -2,7 +2,7 @@
 //! nearby at an angle, each point gets the line of intersection as a clip line, and its splat is
 //! drawn on its own side only (`zwicker2004`, section 5). Normals are blurred near an edge, since
 //! neighbours lie on both sides, so a point first takes the flattest plane nearby that passes
-//! through it. The result depends only on points within the reach of normals. See
+//! through it; the plane of a normal that the source gives stays. The result depends only on points within the reach of normals. See
 //! docs/design/building.md.
 
 use crate::attributes::knn::{Query, sorted_codes};
@@ -11,7 +11,7 @@ use crate::attributes::knn_search::Neighbourhood;
 use crate::attributes::normals::{
     Bounds, NEIGHBOURS, NEIGHBOURS_MAX, UNKNOWN, code_of, flattest, joined,
 };
-use esker_points::{Clip, ClipLine, Grain, quant};
+use esker_points::{Clip, ClipLine, Grain, morton, quant};
 use rayon::prelude::*;
 
 /// Neighbours among which edges, and flatter planes, are searched. In a corner the nearest planes
@@ -43,6 +43,15 @@ const BEYOND_SHARE: f64 = 0.2;
 const BEYOND: f64 = 0.35;
 
 type Vec3 = [f64; 3];
+
+/// Positions of points, and the normals that their sources give.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Points<'a> {
+    /// Positions on the lattice.
+    pub positions: &'a [[u32; 3]],
+    /// Codes of the normals, [`UNKNOWN`] for points that have none; empty if no point has one.
+    pub normals: &'a [[i16; 2]],
+}
 
 /// Normal and clip lines of a point near an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,21 +105,27 @@ fn plus(a: Vec3, b: Vec3, times: f64) -> Vec3 {
     [0, 1, 2].map(|i| a[i] + b[i] * times)
 }
 
-/// Detects edges. Returns the codes of the normals of `own` points, equal to those of
-/// [`crate::attributes::normals::estimate`], and the edges near them. The parameters are as there.
+/// Detects edges. Returns the codes of the normals of `own` points, given ones or else equal to
+/// those of [`crate::attributes::normals::estimate`], and the edges near them. The parameters are
+/// as there.
 pub fn detect(
-    own: &[[u32; 3]],
-    halo: &[[u32; 3]],
+    own: Points<'_>,
+    halo: Points<'_>,
     bounds: &Bounds,
 ) -> (Vec<[i16; 2]>, Vec<Option<Edge>>) {
-    let (points, place_of) = joined(own, &sorted_codes(halo));
+    let (points, place_of) = joined(own.positions, &sorted_codes(halo.positions));
+    let given = given(&points, [own, halo]);
+    let normal_at = |place: usize| given.get(place).copied().filter(|&normal| normal != UNKNOWN);
     let index = KnnIndex::new(&points, bounds.scale);
     let query = |count, share: f64| Query { count, count_max: count, reach: bounds.reach * share };
     // Fits normals and planes to the nearest neighbours.
     let fits = index.map_placed(
         &Query { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach },
         |_| true,
-        |_, found| Some(PointFit::of(found.steps, bounds)).filter(|t| t.normal != UNKNOWN),
+        |place, found| {
+            let fit = PointFit::of(found.steps, normal_at(place), bounds);
+            Some(fit).filter(|t| t.normal != UNKNOWN)
+        },
         PointFit { normal: UNKNOWN, plane: None },
     );
     let cloud = Cloud { points: &points, scale: bounds.scale };
@@ -133,8 +148,29 @@ pub fn detect(
         |place, found| Some(cloud.edge(place, found, &flat)),
         None,
     );
-    let codes = place_of.iter().map(|&place| fits[place as usize].normal).collect();
+    let code = |(i, &place): (usize, &u32)| {
+        let own = own.normals.get(i).copied().filter(|&normal| normal != UNKNOWN);
+        own.unwrap_or(fits[place as usize].normal)
+    };
+    let codes = place_of.iter().enumerate().map(code).collect();
     (codes, place_of.into_par_iter().map(|place| found[place as usize]).collect())
+}
+
+/// Codes of the normals that sources give to `points`, which are distinct and along the Morton
+/// curve; the greatest of coincident ones. Empty if sources give none.
+fn given(points: &[[u32; 3]], parts: [Points<'_>; 2]) -> Vec<[i16; 2]> {
+    if parts.iter().all(|part| part.normals.is_empty()) {
+        return Vec::new();
+    }
+    let mut given = vec![UNKNOWN; points.len()];
+    for part in parts {
+        for (&position, &normal) in part.positions.iter().zip(part.normals) {
+            let code = morton::encode3(position);
+            let place = points.partition_point(|&p| morton::encode3(p) < code);
+            given[place] = given[place].max(normal);
+        }
+    }
+    given
 }
 
 /// Normal and plane fitted to the nearest neighbours of a point.
@@ -148,10 +184,15 @@ struct PointFit {
 
 impl PointFit {
     /// Fits the normal to all neighbours, which are at the offsets `steps`, and the plane to the
-    /// nearest.
-    fn of(steps: &[Vec3], bounds: &Bounds) -> Self {
+    /// nearest. Where the source gives the normal, the plane is the one across it, and flat.
+    fn of(steps: &[Vec3], given: Option<[i16; 2]>, bounds: &Bounds) -> Self {
         let scale = bounds.scale;
-        let found = flattest(steps, scale);
+        let given = given.map(|code| (quant::oct_decode(code).map(f64::from), [1.0, 0.0, 0.0]));
+        let fit = |steps: &[Vec3]| match given {
+            Some(plane) => Some(plane).filter(|_| !steps.is_empty()),
+            None => flattest(steps, scale),
+        };
+        let found = fit(steps);
         let normal = found.map_or(UNKNOWN, |(normal, _)| code_of(normal));
         let weights = scale.map(|s| (s / scale[0]) * (s / scale[0]));
         let square = |s: &Vec3| {
@@ -167,7 +208,7 @@ impl PointFit {
         let mut nearest: Vec<Vec3> = steps.iter().copied().filter(|s| square(s) <= reach).collect();
         nearest.sort_by(|a, b| square(a).total_cmp(&square(b)));
         nearest.truncate(NEIGHBOURS);
-        let found = flattest(&nearest, scale);
+        let found = fit(&nearest);
         let plane = found.map(|(normal, values)| Plane::of(normal, values, &nearest, scale));
         Self { normal, plane }
     }

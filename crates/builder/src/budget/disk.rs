@@ -4,7 +4,7 @@
 use crate::error::BuildError;
 use crate::input::intake::Intake;
 use crate::input::plan::Plan;
-use crate::rows::borders::POSITION_BYTES;
+use crate::rows::borders::Borders;
 use crate::tree::parting::duplicate_bytes_max;
 use esker_points::quant::HOT_POSITION_BYTES;
 use std::path::Path;
@@ -45,8 +45,8 @@ impl DiskEstimate {
         let rows_bytes = points.saturating_mul(plan.row_bytes() as u64);
         let duplicate_bytes =
             duplicate_bytes_max(buffer_bytes_max, plan.row_bytes()).min(rows_bytes);
-        let has_borders = intake.computed.normals && points > joined_max;
-        let border_bytes = if has_borders { POSITION_BYTES as u64 } else { 0 };
+        let has_borders = intake.computed.is_any() && points > joined_max;
+        let border_bytes = if has_borders { Borders::point_bytes(&plan.rows()) as u64 } else { 0 };
         Self {
             rows_bytes,
             fits_memory: rows_bytes <= buffer_bytes_max,

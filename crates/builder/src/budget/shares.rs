@@ -1,6 +1,5 @@
 //! Shares of the memory of a build: for rows that are not yet built, and for chunks in progress.
 
-use crate::attributes::normals::NormalsMode;
 use crate::options::Options;
 use crate::sample::cell::LEAF_NODES;
 use esker_scan::BESIDE_HELD_BYTES;
@@ -62,7 +61,7 @@ impl Shares {
 
     /// Rows that the memory for chunks holds `copies` times, with what is computed for them.
     fn rows_of(&self, copies: f64, options: &Options, row_bytes: usize) -> u64 {
-        let estimating = if options.normals == NormalsMode::Estimate { NORMALS_BYTES } else { 0.0 };
+        let estimating = if options.estimates_normals() { NORMALS_BYTES } else { 0.0 };
         let finding = if options.sharp_features { EDGES_BYTES } else { 0.0 };
         let shaping = if options.tangents { SHAPES_BYTES } else { 0.0 };
         let each = row_bytes as f64 * copies + 8.0 + 24.0 + estimating + finding + shaping;

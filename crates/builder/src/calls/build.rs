@@ -1,6 +1,7 @@
 //! One build from first to last: checks options and budget, decodes the inputs, builds the tree,
 //! proves that no point was lost, and closes the file. `Build::run` is the list of the phases.
 
+use crate::attributes::blocks::Blocks;
 use crate::attributes::clips::Clips;
 use crate::attributes::normals::{Bounds, NormalsMode};
 use crate::budget::disk::{DiskEstimate, free_bytes};
@@ -16,7 +17,7 @@ use crate::input::guesses::note_guesses;
 use crate::input::identity::Identity;
 use crate::input::intake::{Intake, open_with};
 use crate::input::outside::OFF_LATTICE;
-use crate::input::plan::{Computed, DecodedInputs, Plan};
+use crate::input::plan::{Computed, DecodedInputs, Plan, schema_of};
 use crate::options::{CAPACITY_RANGE, Options, Report, Resume};
 use crate::page::histograms::Counts;
 use crate::rows::borders::Borders;
@@ -212,15 +213,12 @@ fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildErro
             options.node_capacity
         ));
     }
-    if options.sharp_features && options.normals != NormalsMode::Estimate {
-        return refuse(
-            "sharp features are found while normals are estimated; add --normals estimate".into(),
-        );
-    }
-    if options.tangents && options.normals != NormalsMode::Estimate {
-        return refuse(
-            "tangents are estimated together with normals; add --normals estimate".into(),
-        );
+    for (is_chosen, option) in
+        [(options.sharp_features, "--sharp-features"), (options.tangents, "--tangents")]
+    {
+        if is_chosen && options.normals == NormalsMode::None {
+            return refuse(format!("{option} needs normals; leave out --normals none"));
+        }
     }
     let infos = || sources.iter().map(|s| s.info());
     check_attribute_units(infos().map(|i| (i.path.as_path(), &*i.schema)))?;
@@ -361,7 +359,7 @@ impl Build<'_> {
         let context = context(plan, pages.with_palette(palette.clone()), ranges, options);
         let has_clip_lines = context.clips.is_some();
         task.phase("building", Some(points), "points");
-        if normals.is_estimated() && !buckets.is_empty() {
+        if plan.computed.is_any() && !buckets.is_empty() {
             self.store.borders = Some(new_borders(self.store, &context, &buckets, options)?);
         }
         let root = TreeBuilder {
@@ -443,9 +441,16 @@ impl Build<'_> {
 
 /// Intake of `sources` with room for the attributes that the build computes.
 fn new_intake(sources: Vec<Box<dyn Source>>, options: &Options) -> Intake {
+    let are_given = schema_of(&sources).normals().is_some();
     let mut intake = Intake::new(sources, options.colour_depth.is_some());
+    let needs_normals = options.sharp_features || options.tangents;
     intake.computed = Computed {
-        normals: options.normals == NormalsMode::Estimate,
+        normals: match options.normals {
+            NormalsMode::Keep => needs_normals && !are_given,
+            NormalsMode::Estimate | NormalsMode::Fast => true,
+            NormalsMode::None => false,
+        },
+        beside_given_normals: needs_normals && are_given && options.normals == NormalsMode::Keep,
         clip_lines: options.sharp_features,
         tangents: options.tangents,
     };
@@ -458,10 +463,10 @@ fn new_intake(sources: Vec<Box<dyn Source>>, options: &Options) -> Intake {
 fn page_layout(plan: &Plan, options: &Options, knows_scanners: bool) -> PageLayout {
     let pages = PageLayout::new(&plan.schema, &plan.classes);
     let normals = match options.normals {
-        NormalsMode::Keep => pages.normals(),
-        NormalsMode::Estimate if knows_scanners => Normals::Oriented,
-        NormalsMode::Estimate => Normals::Estimated,
         NormalsMode::None => Normals::None,
+        _ if !plan.computed.normals => pages.normals(),
+        _ if knows_scanners => Normals::Oriented,
+        _ => Normals::Estimated,
     };
     pages.with_codec(options.compress).with_normals(normals)
 }
@@ -495,6 +500,10 @@ fn new_borders(
     let bounds = Bounds::new(context.scale, spacing);
     let mut borders = Borders::new(bounds, context.rows.clone(), options.sharp_features);
     borders.finds_shapes = options.tangents;
+    // Edges and shapes need the neighbours anyway.
+    let is_fast = options.normals == NormalsMode::Fast;
+    let needs_neighbours = options.sharp_features || options.tangents;
+    borders.blocks = (is_fast && !needs_neighbours).then(|| Blocks::new(context.scale, spacing));
     Ok(borders)
 }
 

@@ -91,7 +91,7 @@ fn note_dropped(files: &[Arc<EskerFile>], options: &Options) -> Option<String> {
     let has = |kind| files.iter().any(|file| file.layout().has(kind));
     let is_estimated = files.iter().any(|file| file.metadata().normals.is_estimated());
     let mut missing = Vec::new();
-    let estimates = options.normals != NormalsMode::Keep;
+    let estimates = options.estimates_normals() || options.normals == NormalsMode::None;
     for (is_present, is_chosen, option) in [
         (is_estimated, estimates, "--normals estimate"),
         (has(PlaneKind::Tangents), options.tangents, "--tangents"),

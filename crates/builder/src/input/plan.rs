@@ -13,10 +13,19 @@ use esker_scan::{ReadReport, Source};
 pub struct Computed {
     /// Normals.
     pub normals: bool,
+    /// Clip lines or shapes from the normals that sources give.
+    pub beside_given_normals: bool,
     /// Clip lines at sharp edges.
     pub clip_lines: bool,
     /// Shapes of splats.
     pub tangents: bool,
+}
+
+impl Computed {
+    /// Whether anything is computed for each point from the points around it.
+    pub fn is_any(&self) -> bool {
+        self.normals || self.clip_lines || self.tangents
+    }
 }
 
 /// Lattice, schema and classes for all inputs.
@@ -62,7 +71,7 @@ impl Plan {
         lattice: Lattice,
         computed: Computed,
     ) -> Result<Self, BuildError> {
-        let schema = sources.iter().fold(Schema::default(), |all, s| all.union(&s.info().schema));
+        let schema = schema_of(sources);
         let (mut classes, mut class_of, mut to_file) = (Vec::new(), Vec::new(), Vec::new());
         for (source, &colour_depth) in sources.iter().zip(depths) {
             let attributes = &source.info().schema.attributes;
@@ -92,6 +101,8 @@ impl Plan {
     pub fn rows(&self) -> RowLayout {
         let rows = RowLayout::new(&self.schema, &self.classes);
         let rows = if self.computed.normals { rows.with_normals() } else { rows };
+        let given = self.schema.normals().filter(|_| self.computed.beside_given_normals);
+        let rows = if let Some(given) = given { rows.with_given_normals(given) } else { rows };
         let rows = if self.computed.clip_lines { rows.with_clip_lines() } else { rows };
         if self.computed.tangents { rows.with_tangents() } else { rows }
     }
@@ -105,4 +116,9 @@ impl Plan {
     pub fn to_file(&self, source: usize) -> &[usize] {
         &self.to_file[source]
     }
+}
+
+/// Attributes that any source has.
+pub fn schema_of(sources: &[Box<dyn Source>]) -> Schema {
+    sources.iter().fold(Schema::default(), |all, s| all.union(&s.info().schema))
 }

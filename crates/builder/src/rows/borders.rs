@@ -1,11 +1,13 @@
-//! What chunks need of each other to estimate normals (`docs/design/building.md`): the positions
-//! near the faces of each chunk's cell. They are copied to scratch before the first chunk is built,
+//! What chunks need of each other to estimate normals, edges and shapes
+//! (`docs/design/building.md`): the positions near the faces of each chunk's cell, with the normals
+//! that sources give. They are copied to scratch before the first chunk is built,
 //! since rows are freed chunk by chunk. The halo of a chunk is the copied positions of other chunks
 //! within reach of its cell.
 
+use crate::attributes::blocks::{self, Blocks};
 use crate::attributes::density::Density;
-use crate::attributes::normals::{Bounds, estimate, turned_to};
-use crate::attributes::sharp::{Edge, detect};
+use crate::attributes::normals::{Bounds, UNKNOWN, estimate, turned_to};
+use crate::attributes::sharp::{Edge, Points, detect};
 use crate::attributes::tangents::shapes;
 use crate::error::BuildError;
 use crate::rows::partition::Bucket;
@@ -17,12 +19,20 @@ use rayon::prelude::*;
 /// Rows that one task reads, and tasks whose positions are written together.
 const TASK_ROWS: usize = 1 << 14;
 const GROUP_TASKS: usize = 64;
-/// Bytes of a stored position.
-pub const POSITION_BYTES: usize = 12;
+/// Log2 of the edge of a bucket over that of the cells in which its points are counted at first.
+const DIVIDED_LOG2: u8 = 4;
+/// Bytes of a stored position, and of the normal behind it if sources give normals.
+const POSITION_BYTES: usize = 12;
+const NORMAL_BYTES: usize = 4;
+/// Least cosine of the angle between a point's normal and that of the place where it lies, for an
+/// edge found there to apply to it: 15 degrees, below which two planes are the same.
+const SAME: f32 = 0.966;
 
 /// The borders of all chunks.
 pub struct Borders {
     bounds: Bounds,
+    /// Limits of blocks, if normals are estimated from these.
+    pub blocks: Option<Blocks>,
     rows: RowLayout,
     /// Whether sharp edges are detected too.
     finds_edges: bool,
@@ -50,18 +60,28 @@ pub fn spacing(
 ) -> Result<f64, BuildError> {
     let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
     let map = if is_stored { Some(scratch.map()?) } else { None };
-    let of_bucket = |b: &Bucket| {
+    let of_bucket = |b: &Bucket, log2| {
         let runs = b.runs(map.as_ref(), stride);
-        Density::of(runs.into_iter().flat_map(|r| r.chunks_exact(stride)).map(position))
+        Density::of(runs.into_iter().flat_map(|r| r.chunks_exact(stride)).map(position), log2)
     };
-    let density = buckets.par_iter().map(of_bucket).reduce(Density::default, Density::merged);
-    Ok(density.spacing())
+    // Most of the work would be to double cells that begin as single steps.
+    let mut edges: Vec<u8> = buckets.iter().map(|b| b.cell.log2).collect();
+    edges.sort_unstable();
+    let mut least = edges.get(edges.len() / 2).map_or(0, |edge| edge.saturating_sub(DIVIDED_LOG2));
+    loop {
+        let densities = buckets.par_iter().map(|bucket| of_bucket(bucket, least));
+        let density = densities.reduce(Density::default, Density::merged);
+        if least == 0 || density.is_above(least) {
+            return Ok(density.spacing());
+        }
+        least = least.saturating_sub(DIVIDED_LOG2);
+    }
 }
 
 impl Borders {
     /// No borders yet. Rows must have room for normals.
     pub fn new(bounds: Bounds, rows: RowLayout, finds_edges: bool) -> Self {
-        Self { bounds, rows, finds_edges, finds_shapes: false, cells: Vec::new() }
+        Self { bounds, blocks: None, rows, finds_edges, finds_shapes: false, cells: Vec::new() }
     }
 
     /// Cells of chunks, and the places of the positions near their faces.
@@ -72,6 +92,11 @@ impl Borders {
     /// Adds borders that an earlier build has stored.
     pub fn restore(&mut self, cells: Vec<(Cell, Vec<Extent>)>) {
         self.cells.extend(cells);
+    }
+
+    /// Bytes of a stored point of rows with this layout.
+    pub fn point_bytes(rows: &RowLayout) -> usize {
+        POSITION_BYTES + if rows.has_given_normals() { NORMAL_BYTES } else { 0 }
     }
 
     /// Stores the positions near the faces of the cell of a chunk.
@@ -85,7 +110,7 @@ impl Borders {
         let runs: Vec<&[u8]> = buckets.iter().flat_map(|b| b.runs(map.as_ref(), stride)).collect();
         let tasks: Vec<&[u8]> = runs.iter().flat_map(|r| r.chunks(TASK_ROWS * stride)).collect();
         let cell = cell_of(buckets);
-        let steps = self.bounds.steps();
+        let steps = self.blocks.map_or(self.bounds.steps(), |blocks| [blocks.steps(); 3]);
         let near_a_face = |p: &[u32; 3]| {
             let last = cell.last();
             (0..3).any(|i| p[i] - cell.corner[i] < steps[i] || last[i] - p[i] < steps[i])
@@ -93,16 +118,21 @@ impl Borders {
         let mut extents = Vec::new();
         for group in tasks.chunks(GROUP_TASKS) {
             let near = |rows: &&[u8]| {
-                let mut near: Vec<[u32; 3]> =
-                    rows.chunks_exact(stride).map(position).filter(near_a_face).collect();
+                let rows = rows.chunks_exact(stride).filter(|row| near_a_face(&position(row)));
+                let mut near: Vec<([u32; 3], Option<[i16; 2]>)> =
+                    rows.map(|row| (position(row), self.rows.given_normal(row))).collect();
                 near.dedup();
-                near
+                let mut bytes = Vec::with_capacity(near.len() * Self::point_bytes(&self.rows));
+                for (position, normal) in near {
+                    bytes.extend(position.iter().flat_map(|c| c.to_le_bytes()));
+                    bytes.extend(normal.iter().flatten().flat_map(|c| c.to_le_bytes()));
+                }
+                bytes
             };
-            let near: Vec<Vec<[u32; 3]>> = group.par_iter().map(near).collect();
+            let near: Vec<Vec<u8>> = group.par_iter().map(near).collect();
             let near = near.concat();
             if !near.is_empty() {
-                let bytes: Vec<u8> = near.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
-                extents.push(scratch.append(&bytes)?);
+                extents.push(scratch.append(&near)?);
             }
         }
         self.cells.push((cell, extents));
@@ -121,11 +151,21 @@ impl Borders {
     pub fn estimate(&self, cell: &Cell, rows: &mut [u8], scratch: &Map) {
         let stride = self.rows.bytes();
         let own: Vec<[u32; 3]> = rows.par_chunks_exact(stride).map(position).collect();
-        let halo = self.halo(cell, scratch);
+        let given: Vec<[i16; 2]> =
+            rows.par_chunks_exact(stride).filter_map(|row| self.rows.given_normal(row)).collect();
+        let (halo, given_of_halo) = self.halo(cell, scratch);
         let (codes, edges) = if self.finds_edges {
-            detect(&own, &halo, &self.bounds)
+            let own = Points { positions: &own, normals: &given };
+            detect(own, Points { positions: &halo, normals: &given_of_halo }, &self.bounds)
+        } else if given.is_empty() || given.contains(&UNKNOWN) {
+            let estimated = self.normals(&own, &halo).into_iter().enumerate();
+            let code = |(i, code)| match given.get(i) {
+                Some(&given) if given != UNKNOWN => given,
+                _ => code,
+            };
+            (estimated.map(code).collect(), Vec::new())
         } else {
-            (estimate(&own, &halo, &self.bounds), Vec::new())
+            (given, Vec::new())
         };
         if self.finds_shapes {
             let edge = |i: usize| edges.get(i).copied().flatten();
@@ -143,30 +183,47 @@ impl Borders {
         );
     }
 
+    /// Codes of the normals of `own` points beside those of the halo.
+    fn normals(&self, own: &[[u32; 3]], halo: &[[u32; 3]]) -> Vec<[i16; 2]> {
+        match &self.blocks {
+            Some(blocks) => blocks::estimate(own, halo, blocks),
+            None => estimate(own, halo, &self.bounds),
+        }
+    }
+
     /// Sets the normal and the clip lines of a row near an edge.
     fn set_edge(&self, row: &mut [u8], edge: &Edge) {
         self.set(row, edge.normal);
-        let is_turned = self.rows.normal(row) != Some(edge.normal);
-        let clip = if is_turned { edge.clip.turned() } else { edge.clip };
+        let drawn = self.rows.given_normal(row).or(self.rows.normal(row)).unwrap_or(UNKNOWN);
+        let [drawn, found] = [drawn, edge.normal].map(quant::oct_decode);
+        let cosine = drawn[0] * found[0] + drawn[1] * found[1] + drawn[2] * found[2];
+        // Which side is kept is relative to the normal that is drawn.
+        if cosine.abs() < SAME {
+            return;
+        }
+        let clip = if cosine < 0.0 { edge.clip.turned() } else { edge.clip };
         self.rows.set_clip_lines(row, clip.words(position(row), Grain::new(self.bounds.scale)));
     }
 
     /// Estimates the normal of a cell of one lattice point; returns its octahedral code.
     pub fn estimate_one(&self, cell: &Cell, scratch: &Map) -> [i16; 2] {
-        estimate(&[cell.corner], &self.halo(cell, scratch), &self.bounds)[0]
+        self.normals(&[cell.corner], &self.halo(cell, scratch).0)[0]
     }
 
     /// Sets the normal of a row, flipped towards the scanner if the row has the direction to it.
     pub fn set(&self, row: &mut [u8], code: [i16; 2]) {
         let towards = self.rows.normal(row).unwrap_or_default();
-        self.rows.set_normal(row, turned_to(code, quant::oct_decode(towards)));
+        // Estimated normals look up, which has the code zero.
+        let is_turned = towards == [0; 2];
+        let turned = || turned_to(code, quant::oct_decode(towards));
+        self.rows.set_normal(row, if is_turned { code } else { turned() });
     }
 
-    /// Stored positions of other chunks within reach of `cell`; some occur more than once.
-    fn halo(&self, cell: &Cell, scratch: &Map) -> Vec<[u32; 3]> {
-        let steps = self.bounds.steps();
-        let low = [0, 1, 2].map(|i| cell.corner[i].saturating_sub(steps[i]));
-        let high = [0, 1, 2].map(|i| cell.last()[i].saturating_add(steps[i]));
+    /// Stored positions of other chunks within reach of `cell`, and the normals that sources give
+    /// them, if any do; some occur more than once.
+    fn halo(&self, cell: &Cell, scratch: &Map) -> (Vec<[u32; 3]>, Vec<[i16; 2]>) {
+        let around = |blocks: Blocks| blocks.around(cell);
+        let [low, high] = self.blocks.map_or_else(|| self.bounds.around(cell), around);
         let meets =
             |other: &Cell| (0..3).all(|i| other.corner[i] <= high[i] && low[i] <= other.last()[i]);
         let is_other = |other: &Cell| !other.contains(cell.corner) && meets(other);
@@ -177,11 +234,20 @@ impl Borders {
             .flat_map(|(_, extents)| extents.iter().copied())
             .collect();
         let within = |p: &[u32; 3]| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i]);
-        let parts: Vec<Vec<[u32; 3]>> = extents
-            .par_iter()
-            .filter_map(|e| e.of(scratch))
-            .map(|bytes| bytes.chunks_exact(POSITION_BYTES).map(position).filter(within).collect())
-            .collect();
-        parts.concat()
+        let part = |bytes: &[u8]| {
+            let (mut positions, mut normals) = (Vec::new(), Vec::new());
+            for point in bytes.chunks_exact(Self::point_bytes(&self.rows)) {
+                let (at, normal) = (position(point), &point[POSITION_BYTES..]);
+                if within(&at) {
+                    positions.push(at);
+                    let half = |at: usize| i16::from_le_bytes([normal[at], normal[at + 1]]);
+                    normals.extend((!normal.is_empty()).then(|| [half(0), half(2)]));
+                }
+            }
+            (positions, normals)
+        };
+        let parts: Vec<_> = extents.par_iter().filter_map(|e| e.of(scratch)).map(part).collect();
+        let (positions, normals): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+        (positions.concat(), normals.concat())
     }
 }

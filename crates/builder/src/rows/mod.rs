@@ -2,6 +2,7 @@
 
 pub(crate) mod borders;
 pub(crate) mod coincident;
+pub(crate) mod corners;
 pub(crate) mod journal;
 pub(crate) mod journal_record;
 pub(crate) mod partition;

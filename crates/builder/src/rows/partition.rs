@@ -3,12 +3,11 @@
 //! have one size, which doubles when there are too many, so bounds need not be known beforehand.
 
 use crate::error::BuildError;
+use crate::rows::corners::{CornerMap, key};
 use crate::rows::journal_record::{Record, RecordReader};
 use crate::rows::row::position;
 use crate::rows::scratch::{BlockBytes, Extent, Map, Scratch};
 use esker_points::{Cell, morton};
-use std::collections::HashMap;
-use std::hash::{BuildHasherDefault, Hasher};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -71,7 +70,7 @@ impl RowBlock {
 /// of their positions as end of the range.
 fn cells_of(log2: u8, positions: impl Iterator<Item = [u32; 3]>) -> (Vec<u32>, Vec<CellRows>) {
     let mut cells: Vec<CellRows> = Vec::new();
-    let mut by_corner = CellIndices::default();
+    let mut by_corner = CornerMap::<u32>::default();
     let mut cell_of = Vec::with_capacity(positions.size_hint().0);
     let mut last: Option<(Cell, u32)> = None;
     for p in positions {
@@ -190,7 +189,7 @@ pub struct Partition {
     stride: usize,
     log2: u8,
     buckets: Vec<Bucket>,
-    by_corner: CellIndices,
+    by_corner: CornerMap<u32>,
     buffered_bytes: usize,
     buffer_bytes_max: usize,
     /// Whether rows go to scratch: then half of the memory fills while the other half is written.
@@ -205,7 +204,7 @@ impl Partition {
             stride,
             log2,
             buckets: Vec::new(),
-            by_corner: CellIndices::default(),
+            by_corner: CornerMap::default(),
             buffered_bytes: 0,
             buffer_bytes_max,
             is_spilling,
@@ -334,35 +333,6 @@ impl Partition {
         }
         self.buckets.sort_unstable_by_key(|b| morton::encode3(b.cell.corner));
         Ok(self.buckets)
-    }
-}
-
-/// Indices by the corners of cells.
-type CellIndices = HashMap<u128, u32, BuildHasherDefault<CornerHasher>>;
-
-/// The corner of a cell as a number.
-fn key([x, y, z]: [u32; 3]) -> u128 {
-    u128::from(x) | u128::from(y) << 32 | u128::from(z) << 64
-}
-
-/// A fast hash of a corner: computed for every point of an unordered scan.
-#[derive(Default)]
-struct CornerHasher(u64);
-
-impl Hasher for CornerHasher {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-
-    fn write(&mut self, bytes: &[u8]) {
-        bytes.iter().for_each(|&b| self.write_u128(b.into()));
-    }
-
-    fn write_u128(&mut self, corner: u128) {
-        // Odd numbers without a pattern: the fraction of the golden ratio, and the prime of FNV.
-        let mixed = (self.0 ^ corner as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
-            ^ ((corner >> 64) as u64).wrapping_mul(0x0100_0000_01b3);
-        self.0 = (mixed ^ mixed >> 32).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(26);
     }
 }
 

@@ -4,6 +4,7 @@
 //! comparing the bytes of rows.
 
 use esker_points::clip::CLIP_BYTES;
+use esker_points::quant::oct_encode;
 use esker_points::tangents::{Shape, axis_code, axis_of};
 use esker_points::{Batch, ClipWords, MultisetHash, PointClass, Schema};
 use std::ops::Range;
@@ -21,6 +22,8 @@ pub struct RowLayout {
     attributes: Vec<Range<usize>>,
     class_at: Option<usize>,
     normal_at: Option<usize>,
+    /// Attributes that hold the normals that sources give, if something is computed from them.
+    given_normal: Option<[usize; 3]>,
     clip_at: Option<usize>,
     shape_at: Option<usize>,
     bytes: usize,
@@ -78,6 +81,7 @@ impl RowLayout {
             attributes,
             class_at,
             normal_at: None,
+            given_normal: None,
             clip_at: None,
             shape_at: None,
             bytes,
@@ -90,6 +94,27 @@ impl RowLayout {
         self.normal_at = Some(self.bytes);
         self.bytes += 4;
         self
+    }
+
+    /// Lets the normals be read that sources give as these attributes of type `f32`.
+    pub fn with_given_normals(mut self, attributes: [usize; 3]) -> Self {
+        self.given_normal = Some(attributes);
+        self
+    }
+
+    /// Whether sources give normals from which something is computed.
+    pub fn has_given_normals(&self) -> bool {
+        self.given_normal.is_some()
+    }
+
+    /// Octahedral code of the normal that the source gives a row, as pages store it; that of an
+    /// unknown normal if it gives none. `None` if nothing is computed from given normals.
+    pub fn given_normal(&self, row: &[u8]) -> Option<[i16; 2]> {
+        let component = |attribute: usize| {
+            let bytes = row[self.attributes[attribute].clone()].first_chunk::<4>();
+            bytes.map_or(0.0, |bytes| f32::from_le_bytes(*bytes))
+        };
+        Some(oct_encode(self.given_normal?.map(component)))
     }
 
     /// Adds room for clip lines; at first there are none.

@@ -7,6 +7,10 @@ use esker_points::morton;
 const SPACING: f64 = 100.0;
 const MIDDLE: f64 = 2e9;
 
+fn bare(positions: &[[u32; 3]]) -> Points<'_> {
+    Points { positions, normals: &[] }
+}
+
 fn bounds() -> Bounds {
     Bounds::new([0.001; 3], SPACING)
 }
@@ -55,7 +59,7 @@ fn walls_meet_in_their_edge() {
         [(90.0, 0.0, 0.1), (60.0, 0.0, 0.1), (130.0, 0.0, 0.1), (90.0, 0.05, 0.3)]
     {
         let points = walls(degrees, noise);
-        let (_, edges) = detect(&points, &[], &bounds());
+        let (_, edges) = detect(bare(&points), Points::default(), &bounds());
         let (mut near, mut missing, mut far, mut wide) = (0, 0, 0, 0);
         for (p, edge) in points.iter().zip(&edges) {
             let Some(away) = from_edge(*p) else { continue };
@@ -78,7 +82,7 @@ fn walls_meet_in_their_edge() {
 #[test]
 fn splats_of_a_pair_share_their_line() {
     let points = walls(90.0, 0.03);
-    let (_, edges) = detect(&points, &[], &bounds());
+    let (_, edges) = detect(bare(&points), Points::default(), &bounds());
     let lines: Vec<ClipLine> =
         edges.iter().flatten().flat_map(|e| e.clip.lines).flatten().collect();
     let is_shared =
@@ -99,7 +103,7 @@ fn surfaces_without_edges_get_no_clip_lines() {
         })
         .collect();
     for points in [plane, sorted(ball)] {
-        let found = detect(&points, &[], &bounds()).1.iter().flatten().count();
+        let found = detect(bare(&points), Points::default(), &bounds()).1.iter().flatten().count();
         assert!(found * 1000 <= points.len(), "{found} of {}", points.len());
     }
 }
@@ -108,7 +112,7 @@ fn surfaces_without_edges_get_no_clip_lines() {
 fn a_cloud_cut_into_chunks_has_the_same_edges() {
     let points = walls(75.0, 0.04);
     let (bounds, steps) = (bounds(), bounds().steps());
-    let (_, whole) = detect(&points, &[], &bounds);
+    let (_, whole) = detect(bare(&points), Points::default(), &bounds);
     for cut in [(MIDDLE + 1500.0) as u32, (MIDDLE + 3100.0) as u32] {
         for side in [false, true] {
             let is_own = |p: &[u32; 3]| (p[0] < cut) == side;
@@ -123,7 +127,7 @@ fn a_cloud_cut_into_chunks_has_the_same_edges() {
                 .filter(|(p, _)| is_own(p))
                 .map(|(_, edge)| *edge)
                 .collect();
-            let (codes, edges) = detect(&own, &halo, &bounds);
+            let (codes, edges) = detect(bare(&own), bare(&halo), &bounds);
             assert_eq!(codes, crate::attributes::normals::estimate(&own, &halo, &bounds));
             assert_eq!(edges, expected);
         }

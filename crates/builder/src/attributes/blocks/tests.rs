@@ -1,0 +1,203 @@
+//! Accuracy on generated surfaces, shapes that are no surface, chunks.
+
+use super::*;
+use crate::attributes::eigen::Eigen;
+use crate::random::Random;
+use esker_points::quant;
+use proptest::prelude::*;
+
+const SCALE: f64 = 0.001;
+
+/// Points with true normals.
+type Truth = Vec<([f64; 3], [f64; 3])>;
+
+fn sorted(mut points: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
+    points.sort_by_key(|&p| morton::encode3(p));
+    points
+}
+
+fn lattice(p: [f64; 3]) -> [u32; 3] {
+    p.map(|c| (c / SCALE + 2e9).round() as u32)
+}
+
+/// Median and 95th percentile of the angles to the true normals, degrees, and the share of points
+/// without a normal.
+fn errors(points: &Truth, spacing_m: f64) -> [f64; 3] {
+    let mut along: Vec<_> = points.iter().map(|&(p, n)| (lattice(p), n)).collect();
+    along.sort_by_key(|&(p, _)| morton::encode3(p));
+    let own: Vec<_> = along.iter().map(|s| s.0).collect();
+    let codes = estimate(&own, &[], &Blocks::new([SCALE; 3], spacing_m / SCALE));
+    let known = codes.iter().zip(&along).filter(|(code, _)| **code != UNKNOWN);
+    let angle = |(&code, (_, n)): (&[i16; 2], &([u32; 3], [f64; 3]))| {
+        let ours = quant::oct_decode(code).map(f64::from);
+        let cosine: f64 = (0..3).map(|i| ours[i] * n[i]).sum();
+        cosine.abs().min(1.0).acos().to_degrees()
+    };
+    let mut angles: Vec<f64> = known.map(angle).collect();
+    angles.sort_by(f64::total_cmp);
+    let share = 1.0 - angles.len() as f64 / own.len() as f64;
+    let at = |part: usize| angles.get(angles.len() * part / 100).copied().unwrap_or(f64::NAN);
+    [at(50), at(95), share]
+}
+
+const NORMAL: [f64; 3] = [0.48, 0.6, 0.64];
+
+/// A point of a tilted plane, `off` it.
+fn tilted(a: f64, b: f64, off: f64) -> ([f64; 3], [f64; 3]) {
+    let (u, v) = ([0.8, 0.0, -0.6], [-0.36, 0.8, -0.48]);
+    ([0, 1, 2].map(|i| a * u[i] + b * v[i] + off * NORMAL[i]), NORMAL)
+}
+
+/// 20,000 points of a tilted square of 10 m, 7 cm apart, off it by `noise_m`.
+fn plane(noise_m: f64) -> Truth {
+    let mut r = Random(1);
+    let mut point = || tilted(r.unit() * 10.0, r.unit() * 10.0, r.bell() * noise_m);
+    (0..20_000).map(|_| point()).collect()
+}
+
+#[test]
+fn noise_turns_normals_of_planes_by_a_few_degrees() {
+    for (noise_m, median, most) in [(0.0, 0.2, 0.5), (0.007, 1.6, 4.0), (0.021, 4.8, 12.0)] {
+        let [middle, worst, unknown] = errors(&plane(noise_m), 0.07);
+        assert!(middle < median && worst < most, "{noise_m}: {middle} {worst}");
+        assert!(unknown < 0.01, "{noise_m}: {unknown}");
+    }
+}
+
+#[test]
+fn a_sphere_of_36_spacings_has_radial_normals() {
+    let mut r = Random(2);
+    let mut point = || loop {
+        let v = [0; 3].map(|_| r.unit() * 2.0 - 1.0);
+        let norm = v.iter().map(|c| c * c).sum::<f64>().sqrt();
+        if norm > 0.1 && norm < 1.0 {
+            return (v.map(|c| c / norm * 4.5), v.map(|c| c / norm));
+        }
+    };
+    let [middle, worst, unknown] = errors(&(0..20_000).map(|_| point()).collect(), 0.125);
+    assert!(middle < 1.5 && worst < 3.0 && unknown < 0.01, "{middle} {worst} {unknown}");
+}
+
+#[test]
+fn edges_are_blurred_by_no_more_than_a_block() {
+    // Two walls of 5 m at a right angle. Normals are wrong only within five spacings of the edge.
+    let mut r = Random(3);
+    let mut point = |i: u32| {
+        let (a, b) = (r.unit() * 5.0, r.unit() * 5.0);
+        if i.is_multiple_of(2) {
+            ([a, b, 0.0], [0.0, 0.0, 1.0])
+        } else {
+            ([0.0, b, a], [1.0, 0.0, 0.0])
+        }
+    };
+    let points: Truth = (0..20_000).map(&mut point).collect();
+    let [middle, most, unknown] = errors(&points, 0.05);
+    assert!(middle < 0.1 && most < 45.0 && unknown < 0.01, "{middle} {most} {unknown}");
+    let far: Truth = points.into_iter().filter(|(p, _)| p[0] + p[2] > 0.3).collect();
+    let [_, worst, _] = errors(&far, 0.05);
+    assert!(worst < 0.1, "{worst}");
+}
+
+#[test]
+fn scan_lines_ten_times_as_far_apart_as_their_points_have_the_normals_of_their_plane() {
+    let mut r = Random(4);
+    let point =
+        |i: u32| tilted(f64::from(i % 500) * 0.01, f64::from(i / 500) * 0.1, r.bell() * 0.001);
+    let [middle, most, unknown] = errors(&(0..25_000).map(point).collect(), 0.03);
+    assert!(middle < 1.0 && most < 3.0 && unknown < 0.01, "{middle} {most} {unknown}");
+}
+
+#[test]
+fn a_jump_of_density_leaves_no_point_without_a_normal() {
+    let mut r = Random(5);
+    let mut point = |i: u32| {
+        let a = if i.is_multiple_of(10) { 5.0 } else { 0.0 };
+        tilted(a + r.unit() * 5.0, r.unit() * 10.0, 0.0)
+    };
+    let [middle, most, unknown] = errors(&(0..20_000).map(&mut point).collect(), 0.05);
+    assert!(middle < 0.3 && most < 1.0 && unknown < 0.001, "{middle} {most} {unknown}");
+}
+
+#[test]
+fn lines_and_volumes_have_no_normals() {
+    let blocks = Blocks::new([SCALE; 3], 30.0);
+    let share = |points: Vec<[u32; 3]>| {
+        let codes = estimate(&sorted(points), &[], &blocks);
+        codes.iter().filter(|&&code| code == UNKNOWN).count() as f64 / codes.len() as f64
+    };
+    let mut r = Random(6);
+    let mut volume = || [0; 3].map(|_| lattice([r.unit() * 0.6; 3])[0]);
+    assert!(share((0..8000).map(|_| volume()).collect()) > 0.6);
+    // Wires a metre apart, whose points are 3 cm apart and off by 1 mm.
+    let mut wire = |i: u32| {
+        let off = [r.bell() * 0.001, r.bell() * 0.001];
+        lattice([f64::from(i % 1000) * 0.03, f64::from(i / 1000) + off[0], off[1]])
+    };
+    assert!(share((0..4000).map(&mut wire).collect()) > 0.9);
+    for points in [vec![], vec![[5; 3]], vec![[5; 3]; 100], vec![[0; 3], [u32::MAX; 3]]] {
+        let count = points.len();
+        assert_eq!(estimate(&points, &[], &blocks), vec![UNKNOWN; count]);
+    }
+}
+
+#[test]
+fn normals_at_all_ends_of_the_lattice_are_those_of_the_middle() {
+    let sheet = |corner: [u32; 3]| {
+        let place = |i: u32| [corner[0] + i % 60 * 20, corner[1] + i / 60 * 20, corner[2] + i % 60];
+        sorted((0..3600).map(place).collect())
+    };
+    let blocks = Blocks::new([SCALE; 3], 20.0);
+    let codes = |corner| estimate(&sheet(corner), &[], &blocks);
+    let middle = codes([1 << 31; 3]);
+    assert!(middle.iter().all(|&code| code != UNKNOWN && code == middle[0]));
+    assert!(codes([0; 3]) == middle);
+    assert!(codes([u32::MAX - 1200; 3]).iter().all(|&code| code == middle[0]));
+    // Coarse clouds have coarse cells.
+    let far = sorted((0..900).map(|i| [(i % 30) << 26, (i / 30) << 26, 1 << 30]).collect());
+    let up = quant::oct_encode([0.0, 0.0, 1.0]);
+    assert!(estimate(&far, &[], &Blocks::new([SCALE; 3], 6.7e7)) == [up; 900]);
+}
+
+proptest! {
+    #[test]
+    fn directions_are_the_eigenvectors_of_the_least_eigenvalue(points in prop::collection::vec([-50i32..50, -50i32..50, -6i32..6], 12..80), tilt in 0.0f64..1.0) {
+        let mut m = [0.0; 6];
+        let points: Vec<[f64; 3]> = points.iter().map(|p| { let p = p.map(f64::from); [p[0], p[1] + tilt * p[2], p[2] - tilt * p[1]] }).collect();
+        let mean = [0, 1, 2].map(|i| points.iter().map(|p| p[i]).sum::<f64>() / points.len() as f64);
+        for p in &points {
+            let [x, y, z] = [0, 1, 2].map(|i| p[i] - mean[i]);
+            m.iter_mut().zip([x * x, y * y, z * z, x * y, x * z, y * z]).for_each(|(sum, term)| *sum += term);
+        }
+        let Eigen { values, axes } = Eigen::of(m);
+        let is_surface = values[1] > LINE * values[0] && values[1] - values[2] >= values[2];
+        let apart = (values[1] / values[0] / LINE - 1.0).abs().min((values[1] / values[2] - 2.0).abs());
+        let found = normal_of(m);
+        if apart > 1e-6 {
+            prop_assert_eq!(found.is_some(), is_surface);
+        }
+        if let Some(n) = found.filter(|_| is_surface) {
+            let norm = n.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let cosine = (0..3).map(|i| n[i] * axes[2][i]).sum::<f64>().abs() / norm;
+            prop_assert!(cosine > 1.0 - 1e-9, "{}", cosine);
+        }
+    }
+
+    #[test]
+    fn a_cloud_cut_into_cells_has_the_same_normals(points in prop::collection::vec([0u32..300, 0u32..300, 0u32..20], 1..600), log2 in 3u8..8, coarsest in 1u32..7) {
+        let blocks = Blocks { scale: [1.0, 1.0, 2.0], coarsest };
+        let all = sorted(points);
+        let whole = estimate(&all, &[], &blocks);
+        let cell_of = |p: &[u32; 3]| p.map(|c| c >> log2);
+        let mut start = 0;
+        for own in all.chunk_by(|a, b| cell_of(a) == cell_of(b)) {
+            let cell = Cell { corner: cell_of(&own[0]).map(|c| c << log2), log2 };
+            let [low, high] = blocks.around(&cell);
+            let within = |p: &&[u32; 3]| (0..3).all(|i| (low[i]..=high[i]).contains(&p[i]));
+            let mut halo: Vec<_> = all.iter().filter(within).copied().filter(|p| !cell.contains(*p)).collect();
+            halo.reverse();
+            let expected = &whole[start..start + own.len()];
+            prop_assert_eq!(estimate(own, &halo, &blocks), expected);
+            start += own.len();
+        }
+    }
+}
