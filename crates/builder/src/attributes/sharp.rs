@@ -2,8 +2,8 @@
 //! nearby at an angle, each point gets the line of intersection as a clip line, and its splat is
 //! drawn on its own side only (`zwicker2004`, section 5). Normals are blurred near an edge, since
 //! neighbours lie on both sides, so a point first takes the flattest plane nearby that passes
-//! through it; the plane of a normal that the source gives stays. The result depends only on points within the reach of normals. See
-//! docs/design/building.md.
+//! through it; the plane of a normal that the source gives stays. The result depends only on points
+//! within the reach of normals. See docs/design/building.md.
 
 use crate::attributes::knn::{Query, sorted_codes};
 use crate::attributes::knn_index::KnnIndex;
