@@ -1,5 +1,5 @@
 // How far points crowd in a pixel: the last bits of the radius of its disc. Twin:
-// crates/render/src/passes/average.rs.
+// crates/render/src/inputs/crowding.rs.
 
 // Distances of points, pixels, from which and at which points crowd.
 const CROWDED: vec2<f32> = vec2<f32>(1.0, 0.7);

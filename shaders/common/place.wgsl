@@ -1,5 +1,5 @@
-// Positions of points against the anchor of the view (the eye, or the middle of the scan if the view
-// is parallel), and hot positions. Needs common/draws.wgsl. Twin:
+// Positions of points against the anchor of the view (the eye, or the middle of the scan if the
+// view is parallel), and hot positions. Needs common/draws.wgsl. Twin:
 // crates/render/src/inputs/camera.rs.
 
 // Position of a point against the anchor, steps, from its offset in the node's box. The parts above

@@ -12,7 +12,8 @@ struct Moved {
     eye: vec4<f32>,
     // Right, and the depth of the near plane.
     right: vec4<f32>,
-    // Up; and the depth at which lengths have their size on the picture if rays are parallel, else 0.
+    // Up; and the depth at which lengths have their size on the picture if rays are parallel, else
+    // 0.
     up: vec4<f32>,
     forward: vec4<f32>,
     // Size of both pictures.

@@ -409,8 +409,8 @@ fn passes_come_and_go_without_a_jump() {
     assert!(changes[0] >= 1 && changes[1] >= 2, "{changes:?}");
 }
 
-/// Finds where the passes of a view that moves back change, and compares the pictures on both sides.
-/// Returns the number of changes.
+/// Finds where the passes of a view that moves back change, and compares the pictures on both
+/// sides. Returns the number of changes.
 fn changes_of_passes(file: &Forest) -> usize {
     let wanted = |at: f64| {
         // All points in view are drawn, so that only passes change.

@@ -1,6 +1,6 @@
 //! The view: a camera in world coordinates (the file's unit, `f64`) and the picture's size. View
-//! space has x to the right, y up, and looks along -z; pixels count from the top left corner. A view
-//! is made from eye and target, or fitted to a box; selection and renderer read it.
+//! space has x to the right, y up, and looks along -z; pixels count from the top left corner. A
+//! view is made from eye and target, or fitted to a box; selection and renderer read it.
 //!
 //! A parallel (orthographic) view is that of a distant pinhole in which each point is projected as
 //! if it were at one depth: positions on the picture are exact, and what depends on the direction

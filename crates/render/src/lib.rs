@@ -29,9 +29,9 @@
 //! | `eye_dome`     | `eye_dome.rs`     | `eye_dome`     | `boucheny2009` 3    | P, optional      |
 //!
 //! P is [`Method::Points`], S [`Method::PullPush`] (surfaces), E [`Method::Ewa`]. A bare cloud has
-//! no normals, and never counts as dense. A view is dense if every pixel has a point, and crowded if points share pixels
-//! ([`inputs::density`]). After the last pass the margin of surfaces is cropped
-//! ([`picture::margin`]).
+//! no normals, and never counts as dense. A view is dense if every pixel has a point, and crowded
+//! if points share pixels ([`inputs::density`]). After the last pass the margin of surfaces is
+//! cropped ([`picture::margin`]).
 
 pub(crate) mod error;
 pub mod ewa;

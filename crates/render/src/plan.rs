@@ -5,7 +5,8 @@
 
 use crate::frame::{ColourPlane, Dots, Frame, Method, PointSize};
 use crate::inputs::colour::ColourBy;
-use crate::inputs::density::{crowding, is_dense};
+use crate::inputs::crowding::crowding;
+use crate::inputs::density::is_dense;
 use crate::pass::Pass;
 use crate::picture::pyramid::Planes;
 use std::ops::Deref;
@@ -86,7 +87,7 @@ pub struct FrameOptions {
     pub smooths: bool,
     /// Whether planes are fitted to depths if points have no normals.
     pub fits_planes: bool,
-    /// How far the view is crowded, 0 to 255 ([`crate::inputs::density::crowding`]).
+    /// How far the view is crowded, 0 to 255 ([`crate::inputs::crowding::crowding`]).
     pub crowding: u8,
     /// Whether differences of exposure between scans are removed. The spare byte of a colour is
     /// then the number of its scan.

@@ -49,8 +49,8 @@ const ORTHO_MARGIN: f64 = 1.02;
 const FOVY_DEG: f64 = 60.0;
 
 impl Camera {
-    /// Parses `eye=x,y,z;target=x,y,z;up=x,y,z;direction=x,y,z;fovy=60;ortho=HEIGHT`; every part may
-    /// be missing.
+    /// Parses `eye=x,y,z;target=x,y,z;up=x,y,z;direction=x,y,z;fovy=60;ortho=HEIGHT`; every part
+    /// may be missing.
     ///
     /// # Errors
     /// If a part is unknown, has invalid numbers, occurs twice, or contradicts another one.

@@ -126,7 +126,7 @@ impl Appearance {
     }
 
     /// Plan of the frames. `is_dense`: points are dense in the whole view; `crowding`: how far
-    /// points share pixels ([`esker_render::inputs::density::crowding`]).
+    /// points share pixels ([`esker_render::inputs::crowding::crowding`]).
     pub fn plan(&self, file: &Forest, is_dense: bool, crowding: u8) -> FramePlan {
         let normals = file.has(PlaneKind::Normal);
         let has = SceneHas {

@@ -19,7 +19,8 @@ use esker_lod::{
     select, surround,
 };
 use esker_points::{Filter, Lattice, Task};
-use esker_render::inputs::density::{crowding, is_dense};
+use esker_render::inputs::crowding::crowding;
+use esker_render::inputs::density::is_dense;
 use esker_render::{Dots, DrawNode, FramePlan};
 use rayon::prelude::*;
 use std::path::PathBuf;

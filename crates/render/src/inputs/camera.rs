@@ -1,7 +1,7 @@
 //! The camera on the lattice: the numbers of a frame and of a node from which positions of points
-//! relative to its anchor are computed. The lattice cell of the anchor is subtracted in integers and
-//! only the difference becomes `f32`. Its rounding is relative to the distance from the anchor, so
-//! far coordinates do not jitter. The anchor is the eye, or where the view is parallel the point
+//! relative to its anchor are computed. The lattice cell of the anchor is subtracted in integers
+//! and only the difference becomes `f32`. Its rounding is relative to the distance from the anchor,
+//! so far coordinates do not jitter. The anchor is the eye, or where the view is parallel the point
 //! ahead of the eye at the depth of the scan.
 //!
 //! A difference may need more than 32 bits, and a GPU has no wider integers. It is kept as `high *
@@ -220,8 +220,8 @@ pub struct NodePlace {
 }
 
 impl NodePlace {
-    /// Whole steps from the anchor to the box, if the node is so near that high and low part fit one
-    /// integer: the sum with an offset then rounds to the same `f32`.
+    /// Whole steps from the anchor to the box, if the node is so near that high and low part fit
+    /// one integer: the sum with an offset then rounds to the same `f32`.
     pub fn near(&self) -> Option<[i32; 3]> {
         /// Keeps the sum below 2^31 for the greatest hot position.
         const HIGH_MAX: u32 = 1 << 14;
@@ -229,8 +229,8 @@ impl NodePlace {
         is_near.then(|| [0, 1, 2].map(|i| (self.base_high[i] << 16) + self.base_low[i]))
     }
 
-    /// Position of a point relative to the anchor along an axis, steps, from its offset in the box of
-    /// the node.
+    /// Position of a point relative to the anchor along an axis, steps, from its offset in the box
+    /// of the node.
     #[inline(always)]
     pub fn axis_steps(&self, axis: usize, offset: u32) -> f32 {
         let high = self.base_high[axis].wrapping_add((offset >> 16) as i32);

@@ -14,7 +14,7 @@
 //! change at once when the view moves or nodes arrive.
 
 use crate::inputs::camera::{Camera, NodePlace};
-use crate::inputs::density::CROWDED_PX;
+use crate::inputs::crowding::crowding_of;
 use crate::inputs::lookup::{Lookup, is_hidden, normal_at};
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{Level, Planes, for_each_row};
@@ -35,33 +35,6 @@ const JOB_POINTS: usize = 1 << 14;
 /// Points that are projected together, before any is added, by arithmetic without branches.
 const BLOCK: usize = 64;
 
-/// Distances of points, pixels, from which and at which points crowd ([`CROWDED_PX`]).
-pub(crate) const CROWDED: [f32; 2] = [CROWDED_PX[0] as f32, CROWDED_PX[1] as f32];
-
-/// How far points at this distance on the picture crowd, 0 to 1.
-#[inline(always)]
-pub(crate) fn crowding_at(spacing_px: f32) -> f32 {
-    ((spacing_px - CROWDED[0]) / (CROWDED[1] - CROWDED[0])).clamp(0.0, 1.0)
-}
-
-/// Last bits of the radius of a pixel's disc, which say how far points crowd there.
-const CROWDING_BITS: u32 = 6;
-pub(crate) const CROWDING_MAX: u32 = (1 << CROWDING_BITS) - 1;
-
-/// A radius whose last bits say how far points crowd, 0 to 1: the share of the mean of a pixel's
-/// points, where push smooths by the other share. The radius changes by 2^-17 of itself.
-#[inline(always)]
-pub(crate) fn radius_with_crowding(radius_px: f32, crowding: f32) -> f32 {
-    let code = (crowding.clamp(0.0, 1.0) * CROWDING_MAX as f32 + 0.5) as u32;
-    f32::from_bits(radius_px.to_bits() & !CROWDING_MAX | code)
-}
-
-/// How far points crowd in a pixel, from the radius of its disc.
-#[inline(always)]
-pub(crate) fn crowding_of(radius_px: f32) -> f32 {
-    (radius_px.to_bits() & CROWDING_MAX) as f32 * (1.0 / CROWDING_MAX as f32)
-}
-
 /// Sums for the pixels of a picture. Memory is kept from frame to frame.
 #[derive(Debug, Default)]
 pub struct Averages {
@@ -76,8 +49,8 @@ pub struct Averages {
 }
 
 impl Averages {
-    /// Mixes the attributes of the winners in `base` with the means of their pixels' front surfaces,
-    /// by [`crowding_of`].
+    /// Mixes the attributes of the winners in `base` with the means of their pixels' front
+    /// surfaces, by [`crowding_of`].
     pub fn run(&mut self, lookup: &Lookup<'_>, lens: &Lens, base: &mut Level) {
         self.begin(lens, base);
         match base.planes() {

@@ -3,8 +3,8 @@
 //! ([`crate::inputs::lookup`]), once per covered pixel instead of once per point.
 
 use crate::inputs::camera::Camera;
+use crate::inputs::crowding::radius_with_crowding;
 use crate::inputs::lookup::{Lookup, NO_NORMAL, RADIUS_MAX, normal_code};
-use crate::passes::average::radius_with_crowding;
 use crate::passes::fit_planes::{BARE_REACH, FittedPlane, FittedPlanes};
 use crate::passes::project::{EMPTY, unpack};
 use crate::passes::tangent::{Lens, SLOPE_MAX};
@@ -40,8 +40,8 @@ pub(crate) const THICKNESS: f32 = 1.0;
 /// are rough.
 pub(crate) const FITTED_REACH_MAX: f32 = 3.0;
 
-/// Greatest radius on the picture of points without a normal among points with normals, pixels: they
-/// belong to no surface (leaves, wires, strays), so they stay dots where the camera is near.
+/// Greatest radius on the picture of points without a normal among points with normals, pixels:
+/// they belong to no surface (leaves, wires, strays), so they stay dots where the camera is near.
 pub(crate) const DOT_RADIUS_PX: f32 = 5.0;
 
 /// Depth that is added to points whose normal looks away, over the radius. At an outline the back

@@ -122,8 +122,9 @@ struct ProjectedPoints {
 const OUTSIDE: u32 = 1 << 31;
 
 impl ProjectedPoints {
-    /// Projects a block of points. `steps` gives the distance from the anchor in steps, from an axis
-    /// and the offset along it. Straight arithmetic over arrays, which the compiler vectorises.
+    /// Projects a block of points. `steps` gives the distance from the anchor in steps, from an
+    /// axis and the offset along it. Straight arithmetic over arrays, which the compiler
+    /// vectorises.
     #[inline(always)]
     fn project(
         &mut self,

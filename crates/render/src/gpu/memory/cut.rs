@@ -8,7 +8,7 @@ use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::table::{CHUNK_POINTS, Chunk, Draw, NO_PAGE, PlaneAt};
 use crate::inputs::camera::Camera;
-use crate::inputs::density::crowding_of_draw;
+use crate::inputs::crowding::crowding_of_draw;
 use crate::plan::FramePlan;
 use std::collections::BTreeSet;
 use std::ops::Range;

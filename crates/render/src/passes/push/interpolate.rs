@@ -1,7 +1,7 @@
 //! Weighted means of the coarser pixels of [`crate::passes::push`], written to finer pixels: in
 //! place of their attributes, or mixed with them.
 
-use crate::passes::average::crowding_of;
+use crate::inputs::crowding::crowding_of;
 use crate::passes::push::coarser::Near;
 use crate::picture::pyramid::{FLAT, NORMALS, RowMut};
 use crate::simd::lanes::{LANES, Line, Pixels, halves, turned};
