@@ -71,6 +71,8 @@ pub fn write(source: &dyn Source, out: &Path, task: &dyn Task) -> Result<u64> {
         lattice: Lattice::choose(std::slice::from_ref(&info.grid))?,
         schema: info.schema.clone(),
         points_max: info.points_hint,
+        ranges: Vec::new(),
+        classes: Vec::new(),
     };
     let mut origins = std::iter::once(Ok(las::origin(info)));
     let mut export = write::create(out, target, &outline, &mut origins)?;
