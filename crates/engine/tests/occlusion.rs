@@ -105,7 +105,7 @@ impl Scan {
             let positions = Positions::of(draw);
             let place = camera.place(draw.node, positions.is_exact());
             (0..positions.len).any(|i| {
-                let from_eye = place.steps_from_eye(positions.offset(i).0) * camera.step;
+                let from_eye = place.steps_from_anchor(positions.offset(i).0) * camera.step;
                 let v = camera.to_view(from_eye);
                 let scale = camera.focal_px / -v.z;
                 let [x, y] = [camera.centre_px[0] + v.x * scale, camera.centre_px[1] - v.y * scale];

@@ -77,7 +77,7 @@ fn compare(file: &Forest, camera: &str, size: [u32; 2]) -> Accuracy {
                 continue;
             }
             let v =
-                projection.to_view(place.steps_from_eye(positions.offset(i).0) * projection.step);
+                projection.to_view(place.steps_from_anchor(positions.offset(i).0) * projection.step);
             let scale = projection.focal_px / -v.z;
             let [cx, cy] = projection.centre_px;
             let off = (f64::from(cx + v.x * scale) - there.x)
