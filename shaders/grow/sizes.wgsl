@@ -8,7 +8,7 @@
 // include common/octree.wgsl
 // include common/radius.wgsl
 
-const ADAPTIVE_FACTOR: f32 = 0.71;
+const ADAPTIVE_FACTOR: f32 = 0.84;
 const ADAPTIVE_MAX: f32 = 5.0;
 const PIXEL_RADIUS: f32 = 0.5;
 

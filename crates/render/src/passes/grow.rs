@@ -9,10 +9,10 @@ use crate::passes::project::{EMPTY, unpack};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Radius of an adaptive dot over the distance of points: squares of points are covered from half
-/// of their diagonal on. The distance is the typical one of the drawn sample, or that to the points
-/// around if it is less. It is never more, or a lone point would become a ball.
-pub(crate) const ADAPTIVE_FACTOR: f32 = 0.71;
+/// Radius of an adaptive dot over the distance of points: no place of an even sample is farther from
+/// a point. The distance is the typical one of the drawn sample, or that to the points around if it
+/// is less. It is never more, or a lone point would become a ball.
+pub(crate) const ADAPTIVE_FACTOR: f32 = 0.84;
 /// Radius of a dot of one pixel, which is added to those of adaptive dots: they are drawn at the
 /// centres of pixels.
 pub(crate) const PIXEL_RADIUS: f32 = 0.5;
@@ -77,7 +77,7 @@ impl Grow {
     }
 }
 
-/// Radius of an adaptive dot, pixels: points next to each other touch.
+/// Radius of an adaptive dot, pixels: there is no gap between neighbours.
 fn adaptive_radius(lookup: &Lookup<'_>, value: u64) -> f32 {
     let (depth, point) = unpack(value);
     let (draw, index) = lookup.list.find(point);
