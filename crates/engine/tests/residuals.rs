@@ -76,8 +76,8 @@ fn compare(file: &Forest, camera: &str, size: [u32; 2]) -> Accuracy {
             if !scene.view.is_on_picture(there) {
                 continue;
             }
-            let v =
-                projection.to_view(place.steps_from_anchor(positions.offset(i).0) * projection.step);
+            let v = projection
+                .to_view(place.steps_from_anchor(positions.offset(i).0) * projection.step);
             let scale = projection.focal_px / -v.z;
             let [cx, cy] = projection.centre_px;
             let off = (f64::from(cx + v.x * scale) - there.x)
