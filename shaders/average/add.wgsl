@@ -28,9 +28,6 @@ fn main(
         return;
     }
     let chunk = chunks[work[item]];
-    if chunk.crowds == 0u {
-        return;
-    }
     let draw = draws[chunk.draw];
     let points = min(chunk.points, CHUNK_POINTS);
     for (var i = thread; i < points; i += 256u) {

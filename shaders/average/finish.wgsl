@@ -1,9 +1,8 @@
-// Mixes the attributes of the winning points in level 0 with the averages of the pixels' front
+// Replaces the attributes of the winning points in level 0 by the averages of the pixels' front
 // surfaces. Twin: crates/render/src/passes/average.rs.
 
 // include common/frame.wgsl
 // include common/average.wgsl
-// include common/crowding.wgsl
 
 // Whether pixels carry normals.
 override NORMALS: bool = false;
@@ -29,9 +28,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     let share = 1.0 / (count * STEPS);
     let at = first + AT_COLOUR;
     let colour = vec3<f32>(vec3<u32>(sums[at], sums[at + 1u], sums[at + 2u])) * share;
-    let own = tint[pixel];
-    let share_of_mean = crowding_of(own.w);
-    tint[pixel] = vec4<f32>(mix(own.xyz, colour, share_of_mean), own.w);
+    tint[pixel] = vec4<f32>(colour, tint[pixel].w);
     if NORMALS {
         let n = first + AT_NORMAL;
         let mean = vec3<f32>(vec3<u32>(sums[n], sums[n + 1u], sums[n + 2u])) * share;
@@ -40,14 +37,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         if all(abs(normal) <= vec3<f32>(2.0 / STEPS)) {
             normal = vec3<f32>(0.0);
         }
-        let winner = normals[pixel];
-        normals[pixel] = vec4<f32>(mix(winner.xyz, normal, share_of_mean), winner.w);
+        normals[pixel] = vec4<f32>(normal, normals[pixel].w);
         return;
     }
     let depth = depths[pixel];
     let reach = bitcast<f32>(sums[first + AT_REACH]);
     let scale = frame.focal_px / depth - f32(sums[first + AT_DEPTH]) * share * reach;
-    let moved = (frame.focal_px / scale - depth) * share_of_mean;
+    let moved = frame.focal_px / scale - depth;
     depths[pixel] = depth + moved;
     front[pixel] += vec4<f32>(moved, moved, 0.0, 0.0);
 }

@@ -50,8 +50,6 @@ struct Draw {
     tangent_word: u32,
     // Points of the plane of shapes.
     tangent_points: u32,
-    // Factor on the distances of its points for foreshortening.
-    flatness: f32,
 }
 
 // Kinds of colour planes: none; bytes red, green, blue and one unused; a value of a type; or the
@@ -93,6 +91,5 @@ struct Chunk {
     first: u32,
     // Number of points, at most CHUNK_POINTS.
     points: u32,
-    // 0 if none of its points crowd.
-    crowds: u32,
+    unused: u32,
 }

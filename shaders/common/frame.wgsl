@@ -32,8 +32,7 @@ struct Frame {
     eye_dome: f32,
     // 1 if normals tell the front of a surface from its back.
     has_fronts: u32,
-    // How far the view is crowded, 0 to 1.
-    crowding: f32,
+    unused: u32,
     // 0 for a pinhole; the depth at which lengths have their size if the view is parallel.
     anchor_depth: f32,
     unused_a: u32,

@@ -4,6 +4,8 @@
 // include common/frame.wgsl
 // include common/squares.wgsl
 
+// Whether the view is crowded.
+override CROWDED: bool = false;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 // Nearest points (fit_planes/nearest.wgsl).
@@ -109,7 +111,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         }
     }
     let mean = off / max(count * most, LEAST_SUM);
-    let trust = mix(TRUST_APART, TRUST_CROWDED, frame.crowding);
+    var trust = TRUST_APART;
+    if CROWDED {
+        trust = TRUST_CROWDED;
+    }
     let mistrust = clamp((mean - trust.y) * (1.0 / (trust.z - trust.y)), 0.0, 1.0);
     let reach = mistrust * (BARE_REACH - trust.x) + trust.x;
     if missing > MISSING_MAX {

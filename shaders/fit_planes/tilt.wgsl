@@ -1,7 +1,6 @@
 // Assigns the planes of the squares to the pixels of level 0, and sets depth intervals of matching
 // length. Twin: crates/render/src/passes/gather.rs, which explains the constants.
 
-// include common/crowding.wgsl
 // include common/frame.wgsl
 // include common/tangent.wgsl
 // include common/squares.wgsl
@@ -54,8 +53,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     let plate = across * followed * frame.focal_px;
     if any(plane.xy != vec2<f32>(0.0)) {
         let stretch = of_disc(vec3<f32>(plane.x, -plane.y, back) / across, seen).y;
-        let wide = max(in_middle * (stretch * STRETCHED), radius_px);
-        tint[pixel].w = radius_with_crowding(wide, crowding_code(of_sphere_px));
+        tint[pixel].w = max(in_middle * (stretch * STRETCHED), radius_px);
     }
     let radius = in_middle * own.x / frame.focal_px;
     let reach = radius * min(plate * plane.z, FITTED_REACH_MAX);

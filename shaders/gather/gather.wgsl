@@ -3,7 +3,6 @@
 // replaced by its attributes, so that no further memory is needed. Twin:
 // crates/render/src/passes/gather.rs, which explains the constants.
 
-// include common/crowding.wgsl
 // include common/frame.wgsl
 // include common/draws.wgsl
 // include common/place.wgsl
@@ -87,9 +86,8 @@ fn gather(pixel: u32, depth_bits: u32) {
     let size = radius_code_of(geometry.xy);
     let stored = lookup.radius_factors[size / 4u][size % 4u];
     let factor = select(RADIUS_FACTOR_BARE, RADIUS_FACTOR_NORMALS, NORMALS);
-    let spacing = spacing_of(draw, p);
     let depth = bitcast<f32>(depth_bits);
-    var radius = radius_within(spacing * factor * stored);
+    var radius = radius_within(spacing_of(draw, p) * factor * stored);
     if NORMALS && paint.w == NO_NORMAL {
         radius = min(radius, DOT_RADIUS_PX * depth / frame.focal_px);
     }
@@ -132,9 +130,7 @@ fn gather(pixel: u32, depth_bits: u32) {
     let colour = colour_of(paint, height, depth_bits);
     let interval = bitcast<vec2<u32>>(vec2<f32>(own_depth, own_depth + reach));
     front[pixel] = vec4<u32>(interval, bitcast<vec2<u32>>(displaced));
-    let code = crowding_code_at(spacing * draws[draw].flatness * frame.focal_px / depth);
-    let coded = radius_with_crowding(radius_px, code);
-    tint[pixel] = bitcast<vec4<u32>>(vec4<f32>(colour, coded));
+    tint[pixel] = bitcast<vec4<u32>>(vec4<f32>(colour, radius_px));
     depths[pixel] = own_depth;
 }
 

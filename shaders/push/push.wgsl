@@ -7,7 +7,6 @@
 // include common/tangent.wgsl
 // include common/plane.wgsl
 // include common/set_plane.wgsl
-// include common/crowding.wgsl
 // include common/ellipse.wgsl
 
 // Whether pixels that are kept are smoothed by the interpolated value.
@@ -178,8 +177,8 @@ fn smooth_pixel(pixel: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32
         }
     }
     if sum > 0.0 {
+        let share = sum * (SMOOTH / 16.0);
         let old = fine_tint[pixel];
-        let share = sum * (SMOOTH / 16.0) * (1.0 - crowding_of(old.w));
         fine_tint[pixel] = vec4<f32>(old.xyz * (1.0 - share) + tint / sum * share, old.w);
         if PLANE == NORMAL {
             let mixed = own_normal.xyz * (1.0 - share) + normal / sum * share;

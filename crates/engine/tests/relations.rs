@@ -8,10 +8,9 @@ mod flip;
 #[path = "../../builder/tests/given/mod.rs"]
 mod given;
 
-use esker_builder::NormalsMode;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
-use esker_engine::draw::scene::{PictureRequest, PictureScene};
+use esker_engine::draw::scene::PictureRequest;
 #[cfg(feature = "light")]
 use esker_engine::light::settings::LightSettings;
 use esker_engine::machine::backend::{Backend, DrawWith};
@@ -64,17 +63,7 @@ fn colour(i: u64, channel: u64) -> u64 {
 
 /// The scan with its points in the order that `order` gives, moved and scaled by `to`.
 fn scan(step: f64, order: impl Fn(u64) -> u64, to: impl Fn([i32; 3]) -> [i32; 3]) -> Given {
-    scan_of(POINTS, step, order, to)
-}
-
-/// [`scan`] of another number of points.
-fn scan_of(
-    points: u64,
-    step: f64,
-    order: impl Fn(u64) -> u64,
-    to: impl Fn([i32; 3]) -> [i32; 3],
-) -> Given {
-    let positions = (0..points).map(|i| to(place(order(i)))).collect();
+    let positions = (0..POINTS).map(|i| to(place(order(i)))).collect();
     let mut scan = given("scan", [step; 3], positions);
     for (name, channel) in [("red", 0), ("green", 1), ("blue", 2)] {
         scan = scan.with(name, AttrType::U16, |i| colour(order(i), channel));
@@ -360,89 +349,6 @@ fn a_distant_pinhole_sees_what_a_parallel_view_does() {
         println!("{style:?}: {flip}");
         assert!(*flip < 0.03, "{style:?}: {flip} of {}", picture.depth.len());
     }
-}
-
-/// A scan has the same passes in steps of a millimetre and of a tenth of a millimetre.
-#[test]
-fn the_step_does_not_change_the_passes() {
-    let folder = tempfile::tempdir().unwrap();
-    let plans = |factor: i32| {
-        let step = STEP / f64::from(factor);
-        let file = built(&[scan(step, |i| i, |p| p.map(|c| c * factor))], folder.path());
-        let views = [-4.0, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5].map(|at| (at, Method::PullPush));
-        views.map(|(at, method)| {
-            let wanted = request(&approach(at), (method, Dots::default()));
-            PictureScene::choose(&file, &wanted).unwrap().plan
-        })
-    };
-    let (coarse, fine) = (plans(1), plans(10));
-    let crowding = coarse.map(|plan| plan.crowding);
-    assert!(crowding.iter().any(|&c| c > 0 && c < 255), "{crowding:?}");
-    for (a, b) in coarse.into_iter().zip(fine) {
-        assert_eq!((a.passes, a.smooths), (b.passes, b.smooths));
-        assert!(a.crowding.abs_diff(b.crowding) <= 16, "{} and {}", a.crowding, b.crowding);
-    }
-}
-
-/// A camera on the line of [`camera`] at `at`: 0 is its eye, 1 its target.
-fn approach(at: f64) -> String {
-    let place = |share: f64| [-9.5 + 10.0 * share, -11.25 + 11.0 * share, 6.5 - 6.0 * share];
-    let text = |p: [f64; 3]| format!("{:?},{:?},{:?}", p[0], p[1], p[2]);
-    format!("eye={};target={};fovy=50", text(place(at)), text(place(at + 1.0)))
-}
-
-/// Where passes begin or cease to run, a view that moves by a millionth changes under 1 % of the
-/// pixels: with normals and without.
-#[test]
-fn passes_come_and_go_without_a_jump() {
-    // So many that they crowd and are dense where they fill the picture.
-    let scan = scan_of(8 * POINTS, STEP, |i| i, |p| p);
-    let mut changes = Vec::new();
-    for normals in [NormalsMode::None, NormalsMode::Estimate] {
-        let folder = tempfile::tempdir().unwrap();
-        let out = folder.path().join("scan.esker");
-        let options = esker_builder::Options { node_capacity: 4096, normals, ..Default::default() };
-        esker_builder::build_sources(vec![scan.boxed()], &out, &options, &Silent).unwrap();
-        changes.push(changes_of_passes(&Forest::open(&out).unwrap()));
-    }
-    // They crowd everywhere, and with normals they are dense everywhere.
-    assert!(changes[0] >= 1 && changes[1] >= 2, "{changes:?}");
-}
-
-/// Finds where the passes of a view that moves back change, and compares the pictures on both
-/// sides. Returns the number of changes.
-fn changes_of_passes(file: &Forest) -> usize {
-    let wanted = |at: f64| {
-        // All points in view are drawn, so that only passes change.
-        let style = (Method::PullPush, Dots::default());
-        PictureRequest { target_spacing_px: 0.0, ..request(&approach(at), style) }
-    };
-    let plan = |at: f64| {
-        let plan = PictureScene::choose(file, &wanted(at)).unwrap().plan;
-        (plan.passes, plan.smooths)
-    };
-    let mut changes = 0;
-    for step in 0..16 {
-        let (mut from, mut to) = (0.5 - 0.25 * f64::from(step), 0.25 - 0.25 * f64::from(step));
-        let first = plan(from);
-        if plan(to) == first {
-            continue;
-        }
-        while from - to > 1e-6 {
-            let middle = from.midpoint(to);
-            *if plan(middle) == first { &mut from } else { &mut to } = middle;
-        }
-        let [a, b] = [from, to].map(|at| draw(file, &wanted(at), &Silent).unwrap().0);
-        let differs = |(a, b): (&[u8], &[u8])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 8);
-        let pairs = a.rgba.chunks_exact(4).zip(b.rgba.chunks_exact(4));
-        let changed = pairs.filter(|&pair| differs(pair)).count();
-        let pixels = a.depth.len();
-        let what = format!("{changed} of {pixels} at {from}: {first:?} to {:?}", plan(to));
-        println!("{what}");
-        assert!(changed * 100 < pixels, "{what}");
-        changes += 1;
-    }
-    changes
 }
 
 /// A picture of half the width and height: means of 2 x 2 pixels in linear light.

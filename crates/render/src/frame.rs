@@ -162,7 +162,7 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// ([`crate::inputs::density::DENSE_PX`]).
     pub skips_push: bool,
     /// Whether the points of the front surface of a pixel are averaged in crowded views
-    /// ([`crate::inputs::crowding::CROWDED_PX`]); else a pixel shows one of them.
+    /// ([`crate::inputs::density::CROWDED_PX`]); else a pixel shows one of them.
     pub averages: bool,
     /// Whether pixels that show one point are smoothed ([`crate::passes::push`]).
     pub smooths: bool,

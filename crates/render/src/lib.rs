@@ -11,7 +11,7 @@
 //! | pass           | CPU file          | shaders        | paper, section      | when             |
 //! |----------------|-------------------|----------------|---------------------|------------------|
 //! | `project`      | `project.rs`      | `project`      | `marroquim2007` 3.1 | P, S             |
-//! | `fit_planes`   | `fit_planes.rs`   | `fit_planes`   | -                   | S bare           |
+//! | `fit_planes`   | `fit_planes.rs`   | `fit_planes`   | -                   | S bare not dense |
 //! | `gather`       | `gather.rs`       | `gather`       | `marroquim2007` 3.1 | S                |
 //! | `average`      | `average.rs`      | `average`      | `schuetz2021`       | S crowded        |
 //! | `exposure`     | `exposure.rs`     | `exposure`     | `kanzok2015` 3.2.4  | S RGB, optional  |
@@ -29,9 +29,9 @@
 //! | `eye_dome`     | `eye_dome.rs`     | `eye_dome`     | `boucheny2009` 3    | P, optional      |
 //!
 //! P is [`Method::Points`], S [`Method::PullPush`] (surfaces), E [`Method::Ewa`]. A bare cloud has
-//! no normals, and never counts as dense. A view is dense if every pixel has a point, and crowded
-//! if points share pixels ([`inputs::density`]). After the last pass the margin of surfaces is
-//! cropped ([`picture::margin`]).
+//! no normals. A view is dense if every pixel has a point, and crowded if points share pixels
+//! ([`inputs::density`]). After the last pass the margin of surfaces is cropped
+//! ([`picture::margin`]).
 
 pub(crate) mod error;
 pub mod ewa;

@@ -5,8 +5,7 @@
 
 use crate::frame::{ColourPlane, Dots, Frame, Method, PointSize};
 use crate::inputs::colour::ColourBy;
-use crate::inputs::crowding::crowding;
-use crate::inputs::density::is_dense;
+use crate::inputs::density::{is_crowded, is_dense};
 use crate::pass::Pass;
 use crate::picture::pyramid::Planes;
 use std::ops::Deref;
@@ -80,15 +79,14 @@ pub struct FrameOptions {
     pub colour: ColourBy,
     /// Whether surfaces have highlights.
     pub shines: bool,
-    /// Whether the whole view is dense ([`crate::inputs::density::DENSE_PX`]), which counts where
-    /// there are normals.
+    /// Whether the whole view is dense ([`crate::inputs::density::DENSE_PX`]).
     pub is_dense: bool,
     /// Whether pixels that show one point are smoothed.
     pub smooths: bool,
     /// Whether planes are fitted to depths if points have no normals.
     pub fits_planes: bool,
-    /// How far the view is crowded, 0 to 255 ([`crate::inputs::crowding::crowding`]).
-    pub crowding: u8,
+    /// Whether the view is crowded ([`crate::inputs::density::CROWDED_PX`]).
+    pub is_crowded: bool,
     /// Whether differences of exposure between scans are removed. The spare byte of a colour is
     /// then the number of its scan.
     pub evens_exposure: bool,
@@ -120,11 +118,9 @@ pub struct FramePlan {
     /// Whether the pyramid has levels above level 0.
     pub has_pyramid: bool,
     /// Whether pixels that show one point are mixed with their interpolation
-    /// ([`crate::passes::push`]): if the options want it, the view is not fully crowded and colours
-    /// are not names.
+    /// ([`crate::passes::push`]): if the options want it, the view is not crowded and colours are
+    /// not names.
     pub smooths: bool,
-    /// How far the view is crowded, 0 to 255.
-    pub crowding: u8,
     /// Whether points that are drawn alone have sizes of their own.
     pub adapts: bool,
     /// Width of the margin around the picture, pixels ([`crate::picture::margin`]); 0 if the plan
@@ -151,9 +147,7 @@ impl FramePlan {
         use Pass::{Antialias, Average, Blend, Exposure, EyeDome, FillHoles, FitPlanes, Gather};
         use Pass::{Grow, Place, Project, Pull, Push, Resolve, Shade, Silhouette, SmoothDepth};
         let has_surface = options.method != Method::Points;
-        // Without normals push also replaces pixels of dense views that lie behind a surface.
-        let skips_push = options.is_dense && has.normals;
-        let has_pyramid = options.method == Method::PullPush && !skips_push;
+        let has_pyramid = options.method == Method::PullPush && !options.is_dense;
         let carries_normals = has.normals && has_surface;
         let fits = options.fits_planes && has_pyramid && !has.normals;
         let passes = match options.method {
@@ -167,7 +161,7 @@ impl FramePlan {
                 (Project, true),
                 (FitPlanes, fits),
                 (Gather, true),
-                (Average, options.crowding > 0),
+                (Average, options.is_crowded),
                 (
                     Exposure,
                     options.evens_exposure && has.colour_plane && options.colour == ColourBy::Rgb,
@@ -207,9 +201,8 @@ impl FramePlan {
             has_pyramid,
             smooths: has_pyramid
                 && options.smooths
-                && options.crowding < u8::MAX
+                && !options.is_crowded
                 && !options.colour.names(),
-            crowding: if options.method == Method::PullPush { options.crowding } else { 0 },
             adapts,
             margin_px: 0,
             colour: options.colour.number(),
@@ -238,9 +231,9 @@ impl FramePlan {
             && frame.skips_push
             && frame.octree.is_some_and(|o| is_dense(frame.view, frame.lattice, o, nodes()));
         let drawn = frame.draws.iter().map(|draw| (draw.entry, draw.node, draw.prefix));
-        let is_averaged = method == Method::PullPush && frame.averages;
-        let crowding =
-            if is_averaged { crowding(frame.view, frame.lattice, frame.octree, drawn) } else { 0 };
+        let is_crowded = method == Method::PullPush
+            && frame.averages
+            && is_crowded(frame.view, frame.lattice, frame.octree, drawn);
         let Frame { shines, smooths, fits_planes, evens_exposure, dots, .. } = *frame;
         let options = FrameOptions {
             method,
@@ -249,7 +242,7 @@ impl FramePlan {
             is_dense,
             smooths,
             fits_planes,
-            crowding,
+            is_crowded,
             evens_exposure,
             dots,
         };
@@ -272,14 +265,9 @@ impl FramePlan {
         self.passes.contains(&Pass::Average)
     }
 
-    /// How far the view is crowded, 0 to 1.
-    pub fn crowding(&self) -> f32 {
-        f32::from(self.crowding) / 255.0
-    }
-
     /// The plan without [`Pass::Average`].
     pub fn without_averages(self) -> Self {
-        Self { passes: self.passes.without(Pass::Average), crowding: 0, ..self }
+        Self { passes: self.passes.without(Pass::Average), ..self }
     }
 
     /// Whether differences of exposure between scans are removed.
@@ -341,7 +329,8 @@ impl FramePlan {
         let of = |pass: &Pass| match pass {
             Pass::Project => vec![variant("project", &self.project_constants())],
             Pass::FitPlanes => {
-                vec![variant("fit_planes/nearest", &[]), variant("fit_planes/fit", &[])]
+                let crowded = ("CROWDED", u32::from(self.averages()));
+                vec![variant("fit_planes/nearest", &[]), variant("fit_planes/fit", &[crowded])]
             }
             Pass::Gather => {
                 let mut all = vec![

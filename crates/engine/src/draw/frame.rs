@@ -125,9 +125,9 @@ impl Appearance {
         self
     }
 
-    /// Plan of the frames. `is_dense`: points are dense in the whole view; `crowding`: how far
-    /// points share pixels ([`esker_render::inputs::crowding::crowding`]).
-    pub fn plan(&self, file: &Forest, is_dense: bool, crowding: u8) -> FramePlan {
+    /// Plan of the frames. `is_dense`: points are dense in the whole view; `is_crowded`: points
+    /// share pixels.
+    pub fn plan(&self, file: &Forest, is_dense: bool, is_crowded: bool) -> FramePlan {
         let normals = file.has(PlaneKind::Normal);
         let has = SceneHas {
             normals,
@@ -148,7 +148,7 @@ impl Appearance {
             is_dense,
             smooths,
             fits_planes,
-            crowding,
+            is_crowded,
             evens_exposure,
             dots,
         };
@@ -158,7 +158,7 @@ impl Appearance {
     /// Planes of each node that frames need, except residuals, which views request node by node,
     /// and classes ([`crate::light::class_plane`]).
     pub fn needs(&self, file: &Forest) -> Needs {
-        let plan = self.plan(file, false, 0);
+        let plan = self.plan(file, false, false);
         let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
         let (normals, clip_lines, tangents) = (plan.reads_normals, plan.clips, plan.tangents);
         Needs { colour, normals, clip_lines, tangents, classes: None }

@@ -19,8 +19,7 @@ use esker_lod::{
     select, surround,
 };
 use esker_points::{Filter, Lattice, Task};
-use esker_render::inputs::crowding::crowding;
-use esker_render::inputs::density::is_dense;
+use esker_render::inputs::density::{is_crowded, is_dense};
 use esker_render::{Dots, DrawNode, FramePlan};
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -239,8 +238,8 @@ impl PictureScene {
         let nodes = drawn().map(|(entry, (node, _))| (entry, node));
         let is_dense = is_dense(&view, file.metric(), &octree, nodes);
         let nodes = drawn().map(|(entry, (node, prefix))| (entry, node, prefix));
-        let crowding = crowding(&view, file.metric(), Some(&octree), nodes);
-        let plan = appearance.plan(file, is_dense, crowding);
+        let is_crowded = is_crowded(&view, file.metric(), Some(&octree), nodes);
+        let plan = appearance.plan(file, is_dense, is_crowded);
         let mut kinds = planes_of(&plan, &appearance);
         kinds.extend(class_plane.filter(|plane| !kinds.contains(plane)));
         Ok(Self {

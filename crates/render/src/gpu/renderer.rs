@@ -143,7 +143,7 @@ impl GpuRenderer {
         self.fit(&camera, &plan)?;
         self.cut.fill(&self.gpu, frame, &camera, &plan, pool)?;
         self.lookup.set(&self.gpu, frame)?;
-        let uniform = FrameUniform::new(frame, &camera).crowded(&plan);
+        let uniform = FrameUniform::new(frame, &camera);
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         self.encode(&mut encoder, frame, &camera, &plan, pool)?;
         self.gpu.queue.submit([encoder.finish()]);
@@ -314,7 +314,7 @@ impl GpuRenderer {
         };
         let timing = &mut feedback.timing;
         if plan.planes() == Planes::Fitted {
-            self.gather.fit_planes.encode(gpu, encoder, uniform, won.hits, timing);
+            self.gather.fit_planes.encode(gpu, encoder, uniform, won.hits, plan, timing);
         }
         let mut pass = timing.compute(encoder, Pass::Gather);
         self.gather.encode(gpu, &mut pass, plan, lookup, &won, pyramid)?;

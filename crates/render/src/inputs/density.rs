@@ -1,14 +1,20 @@
 //! Density of a view, from the nodes of its cut: dense if no pixel is without a point, which saves
-//! pull and push. [`crate::FramePlan::new`] uses it.
+//! pull and push; crowded if points share pixels, which are then averaged.
+//! [`crate::FramePlan::new`] uses both.
 
 use esker_lod::{CompactOctree, View};
 use esker_points::{Lattice, Node};
+use glam::DVec3;
 
 /// A view is dense if points are nowhere farther apart than this, pixels: then no pixel of the
 /// front surface is without a point, and push has nothing to fill. Samples are even: their gaps are
 /// at most 1.42 times as wide as those of a Poisson-disk sample, in which every circle of one
 /// spacing holds a point.
 pub const DENSE_PX: f64 = 0.5;
+
+/// A view is crowded if most points are closer together than this, pixels: about two points share a
+/// pixel.
+pub const CROWDED_PX: f64 = 0.75;
 
 /// Whether a view is dense. `nodes` are the drawn nodes with their indices in `octree`. A node
 /// below which something is drawn counts with the spacing of what is drawn there.
@@ -27,6 +33,37 @@ pub fn is_dense<'a>(
             })
     });
     any && is_dense
+}
+
+/// Whether a view is crowded: at least half of the points of the finest nodes are closer together
+/// than [`CROWDED_PX`], at the distance of the centre of their node. `nodes` are the drawn nodes
+/// with their indices in `octree` and their numbers of drawn points.
+pub fn is_crowded<'a>(
+    view: &View,
+    lattice: &Lattice,
+    octree: Option<&CompactOctree>,
+    nodes: impl IntoIterator<Item = (usize, &'a Node, usize)>,
+) -> bool {
+    let (mut crowded, mut all) = (0, 0);
+    for (entry, node, drawn) in nodes {
+        let spacing = match octree.filter(|o| entry < o.len()) {
+            Some(octree) => octree.leaf_spacing(entry),
+            None => Some(node.spacing),
+        };
+        let Some(spacing) = spacing else { continue };
+        // The box of a node covers between half and all of the range of hot positions; three
+        // eighths of the range is its centre on average.
+        let half = 0.375 * 2f64.powi(16 + i32::from(node.hot_shift.min(16)));
+        let middle =
+            [0, 1, 2].map(|axis| lattice.world_axis(axis, f64::from(node.box_min[axis]) + half));
+        let distance = (DVec3::from_array(middle) - view.eye).length().max(view.near);
+        let points = drawn.min(node.points()) as u64;
+        all += points;
+        if f64::from(spacing) * view.focal_px() <= CROWDED_PX * distance {
+            crowded += points;
+        }
+    }
+    crowded > 0 && crowded * 2 >= all
 }
 
 /// Distance of points of this spacing on the picture where a node comes nearest, pixels.

@@ -9,7 +9,6 @@ use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::gpu::memory::table::CHUNK_POINTS;
 use crate::inputs::camera::{Camera, NodePlace, Positions};
 use crate::inputs::colour::{ColourBy, MapTable, PLAIN, hue, linear};
-use crate::inputs::crowding::{crowding_at, crowding_of_draw};
 use esker_points::Node;
 use esker_points::fetch::fetch;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, INDEX_AT, oct_decode, radius_factor};
@@ -97,10 +96,6 @@ pub(crate) struct DrawLookup<'a> {
     colour: Vec3,
     /// Effective spacing of the points, if no node below theirs is drawn.
     spacing: Option<f32>,
-    /// Whether its points may crowd; then they are averaged.
-    pub(crate) crowds: bool,
-    /// Factor on their distances for foreshortening; infinite if points are not averaged.
-    flatness: f32,
 }
 
 impl<'a> Lookup<'a> {
@@ -124,8 +119,7 @@ impl<'a> Lookup<'a> {
                 Some(leaf) => leaf.map(|drawn| spacing_or(drawn, draw.node)),
                 None => Some(draw.node.spacing),
             };
-            let (crowds, flatness) = crowding_of_draw(frame, draw);
-            DrawLookup { positions, place, colour, spacing, crowds, flatness }
+            DrawLookup { positions, place, colour, spacing }
         });
         Self {
             frame,
@@ -139,12 +133,6 @@ impl<'a> Lookup<'a> {
             },
             radius_factors: std::array::from_fn(|code| radius_factor(code as u8)),
         }
-    }
-
-    /// How far points at `spacing` and `depth` in a draw crowd, 0 to 1.
-    #[inline]
-    pub(crate) fn crowding(&self, draw: usize, spacing: f32, depth: f32) -> f32 {
-        crowding_at(spacing * self.draws[draw].flatness * self.camera.focal_px / depth)
     }
 
     /// Whether any draw has normals.

@@ -2,7 +2,6 @@
 
 pub mod camera;
 pub mod colour;
-pub mod crowding;
 pub mod density;
 pub mod lookup;
 pub mod splats;

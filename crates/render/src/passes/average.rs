@@ -8,13 +8,8 @@
 //! Sums are integers, so the order of adding does not matter. Depths are compared by the pixels
 //! that a unit of length takes there, `focal_px / depth`, which is linear in the picture along a
 //! plane.
-//!
-//! Where points lie apart a pixel has one, and smoothing does more than a mean of few
-//! ([`crate::passes::push`]). In between both are mixed pixel by pixel, so that a picture does not
-//! change at once when the view moves or nodes arrive.
 
 use crate::inputs::camera::{Camera, NodePlace};
-use crate::inputs::crowding::crowding_of;
 use crate::inputs::lookup::{Lookup, is_hidden, normal_at};
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{Level, Planes, for_each_row};
@@ -49,8 +44,8 @@ pub struct Averages {
 }
 
 impl Averages {
-    /// Mixes the attributes of the winners in `base` with the means of their pixels' front
-    /// surfaces, by [`crowding_of`].
+    /// Replaces the attributes of the winners in `base` by the means of their pixels' front
+    /// surfaces.
     pub fn run(&mut self, lookup: &Lookup<'_>, lens: &Lens, base: &mut Level) {
         self.begin(lens, base);
         match base.planes() {
@@ -75,7 +70,6 @@ impl Averages {
 
     fn add_all<const NORMALS: bool>(&self, lookup: &Lookup<'_>) {
         let jobs: Vec<(usize, usize)> = (0..lookup.frame.draws.len())
-            .filter(|&d| lookup.draws[d].crowds)
             .flat_map(|d| (0..lookup.list.len(d)).step_by(JOB_POINTS).map(move |first| (d, first)))
             .collect();
         jobs.par_iter().for_each(|&(draw, first)| {
@@ -129,7 +123,7 @@ impl Averages {
         }
     }
 
-    /// Mixes in the means of pixels with more than one point; a single point is there already,
+    /// Writes the means of pixels with more than one point; a single point is there already,
     /// exactly. Sums that overflow run into the next one, so the number of points is never too
     /// small.
     fn finish(&self, lens: &Lens, base: &mut Level) {
@@ -147,22 +141,19 @@ impl Averages {
                 let share = 1.0 / (count * STEPS);
                 let low = |sum: u64| sum as u32 as f32 * share;
                 let high = |sum: u64| (sum >> 32) as f32 * share;
-                let colour = Vec3::new(low(sums[0]), high(sums[0]), low(sums[1]));
-                let own = row.tint[x];
-                let share_of_mean = crowding_of(own.w);
-                row.tint[x] = own.truncate().lerp(colour, share_of_mean).extend(own.w);
+                row.tint[x] =
+                    Vec3::new(low(sums[0]), high(sums[0]), low(sums[1])).extend(row.tint[x].w);
                 if let Some(normal) = row.normal.get_mut(x) {
                     let mean = Vec3::new(low(sums[2]), high(sums[2]), low(sums[3]));
                     let mean = mean * 2.0 - Vec3::ONE;
                     // Without normals the mean differs from zero by the rounding to steps.
                     let is_none = mean.abs().max_element() <= NO_NORMAL;
-                    let mean = if is_none { Vec3::ZERO } else { mean };
-                    *normal = normal.truncate().lerp(mean, share_of_mean).extend(normal.w);
+                    *normal = if is_none { Vec3::ZERO } else { mean }.extend(normal.w);
                     continue;
                 }
                 let depth = row.depth[x];
                 let scale = lens.focal_px / depth - high(sums[3]) * plane.w;
-                let moved = (lens.focal_px / scale - depth) * share_of_mean;
+                let moved = lens.focal_px / scale - depth;
                 row.depth[x] += moved;
                 row.front[x] += Vec4::new(moved, moved, 0.0, 0.0);
             }

@@ -55,17 +55,6 @@ pub(crate) struct Trust {
     pub(crate) distance: [f32; 2],
 }
 
-impl Trust {
-    /// A mixture with the share `share` of `other`.
-    fn towards(self, other: Self, share: f32) -> Self {
-        let mixed = |a: f32, b: f32| a + (b - a) * share;
-        Self {
-            reach: mixed(self.reach, other.reach),
-            distance: [0, 1].map(|i| mixed(self.distance[i], other.distance[i])),
-        }
-    }
-}
-
 /// Trust where points lie apart. Intervals are shorter than a stored radius, since fitted planes
 /// are rough.
 pub(crate) const APART: Trust = Trust { reach: 0.8, distance: [0.2, 0.4] };
@@ -107,9 +96,9 @@ pub struct FittedPlanes {
 }
 
 impl FittedPlanes {
-    /// Fits a plane to each square of a frame buffer `width` pixels wide. `crowding`, from 0 to 1,
-    /// keeps depth intervals long.
-    pub fn fill(&mut self, target: &[AtomicU64], width: usize, focal_px: f32, crowding: f32) {
+    /// Fits a plane to each square of a frame buffer `width` pixels wide. `is_crowded` keeps depth
+    /// intervals long.
+    pub fn fill(&mut self, target: &[AtomicU64], width: usize, focal_px: f32, is_crowded: bool) {
         let height = target.len() / width.max(1);
         (self.width, self.height) = (width.div_ceil(SQUARE_PX), height.div_ceil(SQUARE_PX));
         self.stride = self.width.next_multiple_of(EIGHT) + 2;
@@ -120,7 +109,7 @@ impl FittedPlanes {
         self.y.resize(squares, 0.0);
         self.fitted.resize(self.width * self.height, FittedPlane::NONE);
         self.collect_nearest(target, width, height);
-        self.fit(focal_px, APART.towards(CROWDED, crowding));
+        self.fit(focal_px, if is_crowded { CROWDED } else { APART });
     }
 
     /// The plane fitted around a pixel that shows a disc of radius `radius_px`.
@@ -301,8 +290,8 @@ mod tests {
     fn fit(target: &[AtomicU64]) -> FittedPlanes {
         let mut fitted = FittedPlanes::default();
         // Fits another picture first: its planes must not remain.
-        fitted.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, 1.0);
-        fitted.fill(target, WIDTH, FOCAL_PX, 0.0);
+        fitted.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, true);
+        fitted.fill(target, WIDTH, FOCAL_PX, false);
         fitted
     }
 

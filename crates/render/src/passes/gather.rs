@@ -3,7 +3,6 @@
 //! ([`crate::inputs::lookup`]), once per covered pixel instead of once per point.
 
 use crate::inputs::camera::Camera;
-use crate::inputs::crowding::radius_with_crowding;
 use crate::inputs::lookup::{Lookup, NO_NORMAL, RADIUS_MAX, normal_code};
 use crate::passes::fit_planes::{BARE_REACH, FittedPlane, FittedPlanes};
 use crate::passes::project::{EMPTY, unpack};
@@ -139,8 +138,6 @@ struct Hits {
     steps: [[f32; HITS]; 3],
     /// Drawn radius, in the unit of the file.
     radius: [f32; HITS],
-    /// How far points crowd there, 0 to 1.
-    crowding: [f32; HITS],
 }
 
 impl Hits {
@@ -155,7 +152,6 @@ impl Hits {
         normal: [NO_NORMAL; HITS],
         steps: [[0.0; HITS]; 3],
         radius: [0.0; HITS],
-        crowding: [0.0; HITS],
     };
 
     /// Adds the point that won pixel `x`. There must be room for it.
@@ -188,13 +184,11 @@ impl Hits {
             let place = &lookup.draws[d].place;
             (0..3).for_each(|axis| self.steps[axis][k] = place.axis_steps(axis, offset[axis]));
             let stored = lookup.radius_factors[usize::from(self.radius_code[k])];
-            let spacing = lookup.spacing(d, offset);
-            self.radius[k] = spacing * factor * stored;
+            self.radius[k] = lookup.spacing(d, offset) * factor * stored;
             if PLANE == NORMALS && self.normal[k] == NO_NORMAL {
                 let most = DOT_RADIUS_PX * self.depth[k] / lookup.camera.focal_px;
                 self.radius[k] = self.radius[k].min(most);
             }
-            self.crowding[k] = lookup.crowding(d, spacing, self.depth[k]);
         }
         self.x[self.count..].fill(usize::MAX);
         for first in (0..self.count).step_by(LANES) {
@@ -294,10 +288,6 @@ impl Hits {
                 let minor = Vec4::select(has_normal, minor, Vec4::ONE);
                 out.plane = [turned[0], turned[1], turned[2], minor];
             }
-        }
-        for k in 0..LANES {
-            out.tint[3][k] =
-                radius_with_crowding(out.tint[3][k], self.crowding[(first + k) % HITS]);
         }
         out.front[1] = out.depth + reach;
         out.scatter::<PLANE>(*to, row);

@@ -73,9 +73,8 @@ pub fn push(pyramid: &mut Pyramid) {
 }
 
 /// Version of [`push`] that also smooths the pixels of the picture that keep their attributes, if
-/// `smooths`, less where points crowd ([`crate::passes::average`]), and writes the depth image of
-/// the picture ([`crate::picture::pyramid::Level::depth_image`]) to `image` while its rows are in
-/// the cache.
+/// `smooths`, and writes the depth image of the picture
+/// ([`crate::picture::pyramid::Level::depth_image`]) to `image` while its rows are in the cache.
 pub fn push_with(pyramid: &mut Pyramid, smooths: bool, image: &mut [f32]) {
     if let [base] = &pyramid.levels[..] {
         return base.depth_image(&pyramid.lens, image);

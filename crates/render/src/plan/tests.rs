@@ -19,7 +19,7 @@ const OPTIONS: FrameOptions = FrameOptions {
     is_dense: false,
     smooths: true,
     fits_planes: true,
-    crowding: 0,
+    is_crowded: false,
     evens_exposure: false,
     dots: Dots { size: PointSize::Pixels(1.0), eye_dome: 0.0 },
 };
@@ -105,7 +105,7 @@ fn dense_views_are_neither_pulled_nor_pushed() {
 
 #[test]
 fn points_are_averaged_where_they_crowd_and_nowhere_else() {
-    let crowded = FrameOptions { crowding: u8::MAX, ..OPTIONS };
+    let crowded = FrameOptions { is_crowded: true, ..OPTIONS };
     let plan = FramePlan::of(&ALL, &crowded);
     assert!(plan.averages() && plan.averages_read() == [true; 2]);
     assert!(plan.variants().iter().any(|v| v.shader == "average/add"));
@@ -128,22 +128,13 @@ fn pixels_are_smoothed_where_points_do_not_crowd_and_colours_are_not_names() {
     let constants = smooth.variants().into_iter().flat_map(|v| v.constants);
     assert!(constants.into_iter().any(|constant| constant == ("SMOOTHS", 1)));
     let classes = FrameOptions { colour: ColourBy::Codes(Codebook::Classes), ..OPTIONS };
-    let crowded = FrameOptions { crowding: u8::MAX, ..OPTIONS };
+    let crowded = FrameOptions { is_crowded: true, ..OPTIONS };
     assert!(!plan(classes).smooths && !plan(crowded).smooths);
     assert!(!plan(FrameOptions { smooths: false, ..OPTIONS }).smooths);
     let dense = FrameOptions { is_dense: true, ..OPTIONS };
     let [points, ewa] =
         [Method::Points, Method::Ewa].map(|method| FrameOptions { method, ..OPTIONS });
     assert!([dense, points, ewa].into_iter().all(|options| !plan(options).smooths));
-}
-
-#[test]
-fn views_that_are_crowded_in_part_are_averaged_and_smoothed_in_part() {
-    for crowding in [0, 1, 100, 254, 255] {
-        let plan = FramePlan::of(&ALL, &FrameOptions { crowding, ..OPTIONS });
-        assert_eq!((plan.averages(), plan.smooths), (crowding > 0, crowding < 255));
-        assert!((plan.crowding() * 255.0 - f32::from(crowding)).abs() < 1e-4);
-    }
 }
 
 #[test]
@@ -159,14 +150,16 @@ fn planes_are_fitted_where_there_are_no_normals_and_depths_are_compared() {
     assert_eq!(fitted.passes[..3], [Pass::Project, Pass::FitPlanes, Pass::Gather]);
     assert_eq!(plan(ALL, OPTIONS).planes(), Planes::Normals);
     let [dense, crowded] =
-        [FrameOptions { is_dense: true, ..OPTIONS }, FrameOptions { crowding: u8::MAX, ..OPTIONS }];
-    // Also in dense views, which are pulled and pushed without normals.
-    for options in [dense, crowded] {
-        assert_eq!(plan(bare, options).planes(), Planes::Fitted);
-    }
+        [FrameOptions { is_dense: true, ..OPTIONS }, FrameOptions { is_crowded: true, ..OPTIONS }];
+    // In crowded views depth intervals stay long.
+    let long = |plan: &FramePlan| {
+        plan.variants().into_iter().filter(|v| v.constants.contains(&("CROWDED", 1))).count()
+    };
+    assert_eq!([plan(bare, OPTIONS), plan(bare, crowded)].map(|plan| long(&plan)), [0, 1]);
+    assert_eq!(plan(bare, crowded).planes(), Planes::Fitted);
     let [points, ewa] =
         [Method::Points, Method::Ewa].map(|method| FrameOptions { method, ..OPTIONS });
-    for options in [points, ewa, FrameOptions { fits_planes: false, ..OPTIONS }] {
+    for options in [dense, points, ewa, FrameOptions { fits_planes: false, ..OPTIONS }] {
         let plan = plan(bare, options);
         assert!(plan.planes() == Planes::None && shaders(&plan) == 0, "{plan:?}");
     }
@@ -182,12 +175,12 @@ fn exposures_are_evened_on_request_and_only_for_colours_of_the_scans() {
         variants.filter(|s| s.starts_with("exposure/")).count()
     };
     assert!(plan.evens_exposure() && shaders(&plan) == 3);
-    let crowded = FramePlan::of(&ALL, &FrameOptions { crowding: u8::MAX, ..options });
+    let crowded = FramePlan::of(&ALL, &FrameOptions { is_crowded: true, ..options });
     assert!(crowded.averages() && crowded.evens_exposure());
     assert_eq!(crowded.without_averages(), FramePlan { smooths: false, ..plan });
     assert_eq!(
         crowded.without_exposure(),
-        FramePlan::of(&ALL, &FrameOptions { crowding: u8::MAX, ..OPTIONS })
+        FramePlan::of(&ALL, &FrameOptions { is_crowded: true, ..OPTIONS })
     );
     let others = [
         FramePlan::of(&ALL, &OPTIONS),

@@ -103,8 +103,8 @@ impl CpuFrame<'_> {
         pyramid.fit(width, height, planes);
         let mut base = pyramid.levels.swap_remove(0);
         let mut fitted = FittedPlanes::default();
-        let crowding = FramePlan::new(self.frame).crowding();
-        fitted.fill(&self.target, width, self.camera.focal_px, crowding);
+        let is_crowded = FramePlan::new(self.frame).averages();
+        fitted.fill(&self.target, width, self.camera.focal_px, is_crowded);
         let fitted = (planes == Planes::Fitted).then_some(&fitted);
         (gather(&lookup, &self.target, fitted, &mut base), base)
     }
@@ -204,12 +204,12 @@ impl GpuPasses {
                     draw: i as u32,
                     first,
                     points: CHUNK_POINTS.min(row.points - first),
-                    crowds: 1,
+                    unused: 0,
                 }));
                 row
             })
             .collect();
-        let uniform = FrameUniform::new(frame, &camera).crowded(&FramePlan::new(frame));
+        let uniform = FrameUniform::new(frame, &camera);
         let buffers = [
             self.buffer(bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM),
             self.buffer(bytemuck::cast_slice(hits), BufferUsages::STORAGE),
@@ -236,7 +236,14 @@ impl GpuPasses {
         let size = [frame.view.width, frame.view.height];
         gather.fit_planes.fit(gpu, size, &plan).unwrap();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        gather.fit_planes.encode(gpu, &mut encoder, won.uniform, won.hits, &mut Timing::default());
+        gather.fit_planes.encode(
+            gpu,
+            &mut encoder,
+            won.uniform,
+            won.hits,
+            &plan,
+            &mut Timing::default(),
+        );
         gpu.queue.submit([encoder.finish()]);
         run(gpu, |pass| gather.encode(gpu, pass, &plan, lookup, &won, pyramid).unwrap());
         let level = &pyramid.levels[0];

@@ -242,10 +242,8 @@ fn smooth(own: &Pixel, covering: &[(Pixel, Weighted)], near_ties: &mut usize) ->
         }
     }
     if sum > 0.0 {
-        // The last six bits of a radius say how far points crowd there.
-        let crowding = f64::from((own.radius as f32).to_bits() & 63) / 63.0;
         // One half if all four coarser pixels contribute, since their weights add up to one.
-        let share = 0.5 * sum * (1.0 - crowding);
+        let share = 0.5 * sum;
         let old = values(own);
         let new: [f64; 6] = std::array::from_fn(|i| old[i] + (means[i] / sum - old[i]) * share);
         out.carried[1..].copy_from_slice(&new[..4]);

@@ -8,7 +8,6 @@ use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::table::{CHUNK_POINTS, Chunk, Draw, NO_PAGE, PlaneAt};
 use crate::inputs::camera::Camera;
-use crate::inputs::crowding::crowding_of_draw;
 use crate::plan::FramePlan;
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -223,14 +222,11 @@ impl GpuCut {
                 colour: if reads[0] { row.colour_page } else { NO_PAGE },
             };
             let index = self.rows.len() as u32;
-            let averages = frame.averages && plan.averages();
-            let crowds;
-            (crowds, row.flatness) = crowding_of_draw(&Frame { averages, ..*frame }, draw);
             let chunks = (0..row.points).step_by(CHUNK_POINTS as usize).map(|first| Chunk {
                 draw: index,
                 first,
                 points: CHUNK_POINTS.min(row.points - first),
-                crowds: u32::from(crowds),
+                unused: 0,
             });
             self.chunk_rows.extend(chunks);
             self.by_pages.push((pages, index));

@@ -4,7 +4,6 @@
 use crate::frame::{Background, Frame};
 use crate::gpu::device::shader::same_values;
 use crate::inputs::camera::Camera;
-use crate::plan::FramePlan;
 use bytemuck::{Pod, Zeroable};
 
 same_values!(common_infinite == crate { INFINITE_BITS = f32::INFINITY.to_bits() });
@@ -29,7 +28,7 @@ pub struct FrameUniform {
     point_radius: f32,
     eye_dome: f32,
     has_fronts: u32,
-    crowding: f32,
+    unused: u32,
     anchor_depth: f32,
     unused_a: u32,
     unused_b: u32,
@@ -37,7 +36,7 @@ pub struct FrameUniform {
 }
 
 impl FrameUniform {
-    /// Values of a frame and its camera, for a view that is not crowded.
+    /// Values of a frame and its camera.
     pub fn new<P>(frame: &Frame<'_, P>, camera: &Camera) -> Self {
         let [right, up, back] = camera.view_from_world.map(|r| r.to_array());
         let [top, bottom] = match frame.background {
@@ -62,7 +61,7 @@ impl FrameUniform {
             point_radius: frame.dots.size.radius_max(),
             eye_dome: frame.dots.eye_dome,
             has_fronts: u32::from(frame.has_fronts),
-            crowding: 0.0,
+            unused: 0,
             anchor_depth: camera.anchor_depth,
             unused_a: 0,
             unused_b: 0,
@@ -72,11 +71,6 @@ impl FrameUniform {
 }
 
 impl FrameUniform {
-    /// Values for a view that is crowded as far as `plan` says.
-    pub fn crowded(self, plan: &FramePlan) -> Self {
-        Self { crowding: plan.crowding(), ..self }
-    }
-
     /// Values with another number of pixels.
     pub(crate) fn with_size(self, [width, height]: [u32; 2]) -> Self {
         Self { width, height, ..self }
@@ -105,7 +99,7 @@ mod layout {
         point_radius,
         eye_dome,
         has_fronts,
-        crowding,
+        unused,
         anchor_depth,
         unused_a,
         unused_b,

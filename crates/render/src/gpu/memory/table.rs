@@ -111,8 +111,8 @@ pub struct Draw {
     pub tangent_word: u32,
     /// Points of the plane of shapes, at most those drawn.
     pub tangent_points: u32,
-    /// Factor on the distances of its points for foreshortening ([`crate::passes::average`]).
-    pub flatness: f32,
+    /// Padding to a multiple of 16 bytes.
+    pub unused: u32,
 }
 
 impl Draw {
@@ -178,7 +178,7 @@ impl Draw {
             tangent_page,
             tangent_word,
             tangent_points: drawn(draw.tangents, TANGENT_BYTES),
-            flatness: 1.0,
+            unused: 0,
         }
     }
 }
@@ -197,8 +197,8 @@ pub struct Chunk {
     pub first: u32,
     /// Number of points, at most [`CHUNK_POINTS`].
     pub points: u32,
-    /// 0 if none of its points crowd ([`crate::passes::average`]).
-    pub crowds: u32,
+    /// Padding to a multiple of 16 bytes.
+    pub unused: u32,
 }
 
 same_layout!(Draw {
@@ -228,7 +228,6 @@ same_layout!(Draw {
     clip_points,
     tangent_page,
     tangent_word,
-    tangent_points,
-    flatness
+    tangent_points
 });
-same_layout!(Chunk { draw, first, points, crowds });
+same_layout!(Chunk { draw, first, points });

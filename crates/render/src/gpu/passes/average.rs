@@ -16,7 +16,6 @@ use crate::pass::Pass;
 use crate::plan::FramePlan;
 use wgpu::BufferUsages;
 
-same_values!(common_crowding == crate::inputs::crowding { CROWDED[..] = CROWDED_PX, CROWDING_MAX });
 same_values!(common_average == crate::passes::average { STEPS, POINTS_MAX });
 same_values!(average_add == crate::passes::average { LEAST_REACH = f32::MIN_POSITIVE });
 without_twin!(common_average {

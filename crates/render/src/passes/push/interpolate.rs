@@ -1,7 +1,6 @@
 //! Weighted means of the coarser pixels of [`crate::passes::push`], written to finer pixels: in
 //! place of their attributes, or mixed with them.
 
-use crate::inputs::crowding::crowding_of;
 use crate::passes::push::coarser::Near;
 use crate::picture::pyramid::{FLAT, NORMALS, RowMut};
 use crate::simd::lanes::{LANES, Line, Pixels, halves, turned};
@@ -120,7 +119,7 @@ impl Interpolated {
 }
 
 /// Moves colours and normals of `pixels` (a bit each, every second one before the others) towards
-/// `means` by shares, which are less where points crowd.
+/// `means` by `shares`.
 #[inline(always)]
 pub(super) fn smooth<const PLANE: usize>(
     pixels: u32,
@@ -132,8 +131,7 @@ pub(super) fn smooth<const PLANE: usize>(
     for odd in 0..2 {
         let [tints, normals] = means.map(|means| turned(means.map(|plane| plane[odd])));
         for k in (0..LANES).filter(|k| pixels >> (odd * LANES + k) & 1 > 0) {
-            let x = first + 2 * k + odd;
-            let share = shares[odd][k] * (1.0 - crowding_of(row.tint[x].w));
+            let (x, share) = (first + 2 * k + odd, shares[odd][k]);
             row.tint[x] = towards(row.tint[x], tints[k], share);
             if PLANE == NORMALS {
                 row.normal[x] = towards(row.normal[x], normals[k], share);
