@@ -9,9 +9,9 @@ use crate::passes::project::{EMPTY, unpack};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Radius of an adaptive dot over the distance of points: no place of an even sample is farther from
-/// a point. The distance is the typical one of the drawn sample, or that to the points around if it
-/// is less. It is never more, or a lone point would become a ball.
+/// Radius of an adaptive dot over the distance of points: no place of an even sample is farther
+/// from a point. The distance is the typical one of the drawn sample, or that to the points around
+/// if it is less. It is never more, or a lone point would become a ball.
 pub(crate) const ADAPTIVE_FACTOR: f32 = 0.84;
 /// Radius of a dot of one pixel, which is added to those of adaptive dots: they are drawn at the
 /// centres of pixels.
