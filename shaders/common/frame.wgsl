@@ -32,10 +32,6 @@ struct Frame {
     eye_dome: f32,
     // 1 if normals tell the front of a surface from its back.
     has_fronts: u32,
-    unused: u32,
     // 0 for a pinhole; the depth at which lengths have their size if the view is parallel.
     anchor_depth: f32,
-    unused_a: u32,
-    unused_b: u32,
-    unused_c: u32,
 }

@@ -83,8 +83,8 @@ fn gather(pixel: u32, depth_bits: u32) {
     let offset = offset_of(geometry, draws[draw].shift);
     let p = draws[draw].box_min + offset;
 
-    let size = radius_code_of(geometry.xy);
-    let stored = lookup.radius_factors[size / 4u][size % 4u];
+    let code = radius_code_of(geometry.xy);
+    let stored = lookup.radius_factors[code / 4u][code % 4u];
     let factor = select(RADIUS_FACTOR_BARE, RADIUS_FACTOR_NORMALS, NORMALS);
     let depth = bitcast<f32>(depth_bits);
     var radius = radius_within(spacing_of(draw, p) * factor * stored);

@@ -253,6 +253,12 @@ fn the_distance_of_the_target_does_not_change_a_bit() {
     }
 }
 
+/// Pictures of all points, without highlights, which move with the eye.
+fn all_points(file: &Forest, camera: &str) -> Vec<Picture> {
+    let wanted = |s| PictureRequest { target_spacing_px: 0.0, shines: false, ..request(camera, s) };
+    styles().into_iter().map(|s| draw(file, &wanted(s), &Silent).unwrap().0).collect()
+}
+
 /// A parallel camera that looks down at an angle; its picture is `along` pixels to the right.
 fn parallel_camera(along: f64) -> String {
     // The picture is 10 units high, 16 pixels a unit; right is along (11, -10, 0).
@@ -303,11 +309,7 @@ fn a_parallel_view_shows_points_where_they_are() {
 fn a_parallel_picture_moves_as_a_whole() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(&[plain()], folder.path());
-    let all = |camera: &str| -> Vec<Picture> {
-        let wanted =
-            |s| PictureRequest { target_spacing_px: 0.0, shines: false, ..request(camera, s) };
-        styles().into_iter().map(|s| draw(&file, &wanted(s), &Silent).unwrap().0).collect()
-    };
+    let all = |camera: &str| all_points(&file, camera);
     let (width, by) = (SIZE[0] as usize, 24);
     // Columns that both pictures have, without the outermost ones: surfaces are open there.
     let part = |picture: &Picture, first: usize| -> Vec<u8> {
@@ -330,11 +332,7 @@ fn a_parallel_picture_moves_as_a_whole() {
 fn a_distant_pinhole_sees_what_a_parallel_view_does() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(&[plain()], folder.path());
-    let all = |camera: &str| -> Vec<Picture> {
-        let wanted =
-            |s| PictureRequest { target_spacing_px: 0.0, shines: false, ..request(camera, s) };
-        styles().into_iter().map(|s| draw(&file, &wanted(s), &Silent).unwrap().0).collect()
-    };
+    let all = |camera: &str| all_points(&file, camera);
     let parallel = all("direction=10,11,-6;target=0.5,-0.25,0.5;ortho=12");
     covers_enough(&parallel);
     // 12 units high at the target, from 5,000 units away.

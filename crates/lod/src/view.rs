@@ -3,9 +3,8 @@
 //! view is made from eye and target, or fitted to a box; selection and renderer read it.
 //!
 //! A parallel (orthographic) view is that of a distant pinhole in which each point is projected as
-//! if it were at one depth: positions on the picture are exact, and what depends on the direction
-//! to the eye or on the distance to it is off by the share of the scan's extent in that depth, a
-//! hundredth ([`View::parallel`]).
+//! if it were at one depth. Positions on the picture are exact. What depends on the distance to the
+//! eye is off by 1/256 at most, directions to it by 1/256 of a radian ([`View::parallel`]).
 
 use glam::{DMat3, DVec2, DVec3, Vec3Swizzles};
 

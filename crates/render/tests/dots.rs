@@ -121,3 +121,37 @@ fn pictures_do_not_depend_on_the_unit() {
         }
     }
 }
+
+/// A point without a normal beside a wall of points with normals, all 40 pixels apart: a dot of at
+/// most 10 pixels by both methods, and not a disc as wide as points are apart.
+#[test]
+fn points_of_no_surface_are_dots_where_the_camera_is_near() {
+    let apart = 40.0 * 6.1 / view(1.0).focal_px();
+    let point = |at| ScenePoint { at, normal: DVec3::NEG_Y, colour: [200; 3] };
+    let wall: Vec<_> = (0..9)
+        .map(|i| point(DVec3::new(f64::from(i % 3) * apart, 0.0, f64::from(i / 3) * apart)))
+        .collect();
+    let stray = [point(DVec3::new(-1.6 * apart, 0.0, 0.0))];
+    let scenes = [&wall[..], &stray[..]].map(|p| Scene::new(p, 2f64.powi(-24), apart, apart, 250));
+    let view = view(1.0);
+    for method in [Method::PullPush, Method::Ewa] {
+        let covered = |has_normal: bool| {
+            let mut draws = scenes[0].draws(true, true, true);
+            draws.extend(scenes[1].draws(true, true, has_normal));
+            let background = Background::Plain([0; 4]);
+            let frame = Frame {
+                method,
+                cull_back_faces: false,
+                background,
+                ..scenes[0].frame(&view, &draws)
+            };
+            let picture = Renderer::default().render(&frame).unwrap();
+            // Columns left of the discs of the wall.
+            let side = SIDE as usize;
+            (0..side * side).filter(|i| i % side < 26 && picture.depth[*i].is_finite()).count()
+        };
+        let (dot, disc) = (covered(false), covered(true));
+        // A disc of 10 pixels has 79; pull-push draws a lone one narrower.
+        assert!((12..=100).contains(&dot) && disc > 1000, "{method:?}: {dot}, {disc}");
+    }
+}

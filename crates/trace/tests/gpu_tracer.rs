@@ -51,10 +51,13 @@ fn splats() -> Vec<Splat> {
     splats
 }
 
-fn camera(width: u32, height: u32) -> Camera {
+fn view(width: u32, height: u32) -> View {
     let eye = DVec3::new(0.7, -3.0, 1.6);
-    let view = View::look_at(eye, DVec3::new(0.0, 0.3, 0.6), DVec3::Z, 1.0, width, height);
-    Camera::new(&view, DVec3::ZERO)
+    View::look_at(eye, DVec3::new(0.0, 0.3, 0.6), DVec3::Z, 1.0, width, height)
+}
+
+fn camera(width: u32, height: u32) -> Camera {
+    Camera::new(&view(width, height), DVec3::ZERO)
 }
 
 /// An image of the sky with a bright spot, and values that have no meaning.
@@ -118,7 +121,9 @@ fn differing(a: &Image<3>, b: &Image<3>, share: f32) -> usize {
 
 #[test]
 fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
-    let (mut splats, camera, lights) = (splats(), camera(40, 30), prepared(lights()));
+    let (mut splats, pinhole, lights) = (splats(), camera(40, 30), prepared(lights()));
+    let parallel = view(40, 30).parallel(3.2, DVec3::splat(-2.0), DVec3::splat(2.0));
+    let parallel = Camera::new(&parallel, DVec3::ZERO);
     // Half of the normals are stored to the other side.
     for splat in splats.iter_mut().filter(|splat| splat.centre[0] > 0.0) {
         splat.normal = splat.normal.map(|n| -n);
@@ -133,23 +138,24 @@ fn pictures_equal_those_of_the_cpu_but_for_near_ties() {
     };
     // A single sample is looked up at the pixel itself.
     let all = [
-        (3, options(Sequence::ZOrder, FilterKind::Nested)),
-        (3, options(Sequence::Independent, FilterKind::None)),
-        (1, options(Sequence::ZOrder, FilterKind::None)),
+        (pinhole, 3, options(Sequence::ZOrder, FilterKind::Nested)),
+        (pinhole, 3, options(Sequence::Independent, FilterKind::None)),
+        (pinhole, 1, options(Sequence::ZOrder, FilterKind::None)),
+        (parallel, 3, options(Sequence::ZOrder, FilterKind::Nested)),
     ];
-    let on_cpu = |(samples, options): &(u32, Options)| {
+    let on_cpu = |(camera, samples, options): &(Camera, u32, Options)| {
         let mut tracer = Tracer::new(options.clone());
-        assert!(tracer.trace(&scene, 1, &lights, &camera, *samples, &|| false));
+        assert!(tracer.trace(&scene, 1, &lights, camera, *samples, &|| false));
         (tracer.resolve(), tracer.incident(), tracer.stats())
     };
     let wanted: Vec<_> = all.iter().map(on_cpu).collect();
     for gpu in gpus() {
         let on_gpu = SceneKernels::new(&gpu).unwrap().scene(&gpu, &input(&splats)).unwrap();
         let mut tracer = GpuTracer::new(&gpu, Options::default()).unwrap();
-        for ((samples, options), (want, incident, counted)) in all.iter().zip(&wanted) {
+        for ((camera, samples, options), (want, incident, counted)) in all.iter().zip(&wanted) {
             tracer.clear();
             tracer.set_options(options.clone());
-            assert!(tracer.trace(&gpu, &on_gpu, 1, &lights, &camera, *samples, &|| false).unwrap());
+            assert!(tracer.trace(&gpu, &on_gpu, 1, &lights, camera, *samples, &|| false).unwrap());
             let got = tracer.resolve(&gpu).unwrap();
             let [r, g, b, _] = tracer.incident(&gpu).unwrap().planes;
             let traced = Image { width: camera.width, height: camera.height, planes: [r, g, b] };

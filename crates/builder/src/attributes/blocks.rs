@@ -6,7 +6,7 @@
 //! into chunks.
 
 use crate::attributes::knn::sorted_codes;
-use crate::attributes::normals::{UNKNOWN, code_of, joined};
+use crate::attributes::normals::{LINE, UNKNOWN, code_of, joined};
 use esker_points::{Cell, morton};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -18,9 +18,6 @@ const DIVIDED: u32 = 4;
 const FITTED: f64 = 12.0;
 /// Points of a block from which it is not enlarged if it is no surface.
 const FINAL: f64 = 64.0;
-/// Second variance over the greatest below which points lie along a line, as those of one scan
-/// line do.
-const LINE: f64 = 0.01;
 /// Edge of the coarsest cells, at most, in typical spacings.
 const COARSEST_SPACINGS: f64 = 16.0;
 /// Log2 of the edge of the coarsest cells, at most.

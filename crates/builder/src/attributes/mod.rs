@@ -11,4 +11,6 @@ pub(crate) mod knn_search;
 pub mod normals;
 pub(crate) mod palette;
 pub(crate) mod sharp;
+#[cfg(test)]
+pub(crate) mod surfaces;
 pub(crate) mod tangents;

@@ -12,7 +12,7 @@ pub(crate) const NEIGHBOURS: usize = 16;
 pub(crate) const NEIGHBOURS_MAX: usize = 64;
 /// Second variance over the greatest below which neighbours lie along a line, as those of one scan
 /// line do.
-const LINE: f64 = 0.01;
+pub(crate) const LINE: f64 = 0.01;
 /// Reach in typical spacings. A larger one makes the halos of chunks large; a smaller one leaves
 /// sparse parts of uneven scans without normals.
 const REACH_SPACINGS: f64 = 16.0;
@@ -151,6 +151,7 @@ pub fn turned_to(code: [i16; 2], direction: [f32; 3]) -> [i16; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attributes::surfaces::{plane, sphere, two_walls};
     use crate::random::Random;
     use proptest::prelude::*;
 
@@ -185,17 +186,6 @@ mod tests {
         [mean, angles[angles.len() * 99 / 100]]
     }
 
-    /// 20,000 points on a tilted square of 10 m, 7 cm apart, off it by `noise_m`.
-    fn plane(noise_m: f64) -> Vec<([f64; 3], [f64; 3])> {
-        let (mut r, n) = (Random(1), [0.48, 0.6, 0.64]);
-        let (u, v) = ([0.8, 0.0, -0.6], [-0.36, 0.8, -0.48]);
-        let mut point = || {
-            let (a, b, c) = (r.unit() * 10.0, r.unit() * 10.0, r.bell() * noise_m);
-            ([0, 1, 2].map(|i| a * u[i] + b * v[i] + c * n[i]), n)
-        };
-        (0..20_000).map(|_| point()).collect()
-    }
-
     #[test]
     fn a_plane_has_its_normal_everywhere() {
         let [mean, worst] = errors(&plane(0.0));
@@ -210,15 +200,7 @@ mod tests {
 
     #[test]
     fn a_sphere_has_radial_normals() {
-        let mut r = Random(2);
-        let mut point = || loop {
-            let v = [0; 3].map(|_| r.unit() * 2.0 - 1.0);
-            let norm = v.iter().map(|c| c * c).sum::<f64>().sqrt();
-            if norm > 0.1 && norm < 1.0 {
-                return (v.map(|c| c / norm * 5.0), v.map(|c| c / norm));
-            }
-        };
-        let [mean, worst] = errors(&(0..20_000).map(|_| point()).collect::<Vec<_>>());
+        let [mean, worst] = errors(&sphere(5.0));
         assert!(mean < 0.5 && worst < 1.5, "{mean} {worst}");
     }
 
@@ -226,16 +208,7 @@ mod tests {
     fn an_edge_is_blurred_by_no_more_than_its_neighbours() {
         // Two walls of 5 m at a right angle; normals are wrong only within four spacings of the
         // edge.
-        let mut r = Random(3);
-        let mut point = |i: u32| {
-            let (a, b) = (r.unit() * 5.0, r.unit() * 5.0);
-            if i.is_multiple_of(2) {
-                ([a, b, 0.0], [0.0, 0.0, 1.0])
-            } else {
-                ([0.0, b, a], [1.0, 0.0, 0.0])
-            }
-        };
-        let points: Vec<_> = (0..20_000).map(&mut point).collect();
+        let points = two_walls();
         let [mean, _] = errors(&points);
         let far: Vec<_> = points.iter().copied().filter(|(p, _)| p[0] + p[2] > 0.2).collect();
         let [_, worst_far] = errors(&far);

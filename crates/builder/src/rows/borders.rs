@@ -213,10 +213,10 @@ impl Borders {
     /// Sets the normal of a row, flipped towards the scanner if the row has the direction to it.
     pub fn set(&self, row: &mut [u8], code: [i16; 2]) {
         let towards = self.rows.normal(row).unwrap_or_default();
-        // Estimated normals look up, which has the code zero.
-        let is_turned = towards == [0; 2];
+        // Estimated normals point upwards, the direction of a row without a scanner.
+        let is_upwards = towards == [0; 2];
         let turned = || turned_to(code, quant::oct_decode(towards));
-        self.rows.set_normal(row, if is_turned { code } else { turned() });
+        self.rows.set_normal(row, if is_upwards { code } else { turned() });
     }
 
     /// Stored positions of other chunks within reach of `cell`, and the normals that sources give

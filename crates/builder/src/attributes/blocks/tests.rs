@@ -2,14 +2,12 @@
 
 use super::*;
 use crate::attributes::eigen::Eigen;
+use crate::attributes::surfaces::{Truth, plane, sphere, tilted, two_walls};
 use crate::random::Random;
 use esker_points::quant;
 use proptest::prelude::*;
 
 const SCALE: f64 = 0.001;
-
-/// Points with true normals.
-type Truth = Vec<([f64; 3], [f64; 3])>;
 
 fn sorted(mut points: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
     points.sort_by_key(|&p| morton::encode3(p));
@@ -40,21 +38,6 @@ fn errors(points: &Truth, spacing_m: f64) -> [f64; 3] {
     [at(50), at(95), share]
 }
 
-const NORMAL: [f64; 3] = [0.48, 0.6, 0.64];
-
-/// A point of a tilted plane, `off` it.
-fn tilted(a: f64, b: f64, off: f64) -> ([f64; 3], [f64; 3]) {
-    let (u, v) = ([0.8, 0.0, -0.6], [-0.36, 0.8, -0.48]);
-    ([0, 1, 2].map(|i| a * u[i] + b * v[i] + off * NORMAL[i]), NORMAL)
-}
-
-/// 20,000 points of a tilted square of 10 m, 7 cm apart, off it by `noise_m`.
-fn plane(noise_m: f64) -> Truth {
-    let mut r = Random(1);
-    let mut point = || tilted(r.unit() * 10.0, r.unit() * 10.0, r.bell() * noise_m);
-    (0..20_000).map(|_| point()).collect()
-}
-
 #[test]
 fn noise_turns_normals_of_planes_by_a_few_degrees() {
     for (noise_m, median, most) in [(0.0, 0.2, 0.5), (0.007, 1.6, 4.0), (0.021, 4.8, 12.0)] {
@@ -66,31 +49,14 @@ fn noise_turns_normals_of_planes_by_a_few_degrees() {
 
 #[test]
 fn a_sphere_of_36_spacings_has_radial_normals() {
-    let mut r = Random(2);
-    let mut point = || loop {
-        let v = [0; 3].map(|_| r.unit() * 2.0 - 1.0);
-        let norm = v.iter().map(|c| c * c).sum::<f64>().sqrt();
-        if norm > 0.1 && norm < 1.0 {
-            return (v.map(|c| c / norm * 4.5), v.map(|c| c / norm));
-        }
-    };
-    let [middle, worst, unknown] = errors(&(0..20_000).map(|_| point()).collect(), 0.125);
+    let [middle, worst, unknown] = errors(&sphere(4.5), 0.125);
     assert!(middle < 1.5 && worst < 3.0 && unknown < 0.01, "{middle} {worst} {unknown}");
 }
 
 #[test]
 fn edges_are_blurred_by_no_more_than_a_block() {
     // Two walls of 5 m at a right angle. Normals are wrong only within five spacings of the edge.
-    let mut r = Random(3);
-    let mut point = |i: u32| {
-        let (a, b) = (r.unit() * 5.0, r.unit() * 5.0);
-        if i.is_multiple_of(2) {
-            ([a, b, 0.0], [0.0, 0.0, 1.0])
-        } else {
-            ([0.0, b, a], [1.0, 0.0, 0.0])
-        }
-    };
-    let points: Truth = (0..20_000).map(&mut point).collect();
+    let points = two_walls();
     let [middle, most, unknown] = errors(&points, 0.05);
     assert!(middle < 0.1 && most < 45.0 && unknown < 0.01, "{middle} {most} {unknown}");
     let far: Truth = points.into_iter().filter(|(p, _)| p[0] + p[2] > 0.3).collect();

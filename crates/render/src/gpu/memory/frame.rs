@@ -28,11 +28,7 @@ pub struct FrameUniform {
     point_radius: f32,
     eye_dome: f32,
     has_fronts: u32,
-    unused: u32,
     anchor_depth: f32,
-    unused_a: u32,
-    unused_b: u32,
-    unused_c: u32,
 }
 
 impl FrameUniform {
@@ -61,11 +57,7 @@ impl FrameUniform {
             point_radius: frame.dots.size.radius_max(),
             eye_dome: frame.dots.eye_dome,
             has_fronts: u32::from(frame.has_fronts),
-            unused: 0,
             anchor_depth: camera.anchor_depth,
-            unused_a: 0,
-            unused_b: 0,
-            unused_c: 0,
         }
     }
 }
@@ -99,10 +91,6 @@ mod layout {
         point_radius,
         eye_dome,
         has_fronts,
-        unused,
-        anchor_depth,
-        unused_a,
-        unused_b,
-        unused_c
+        anchor_depth
     });
 }
