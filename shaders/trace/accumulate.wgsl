@@ -17,7 +17,8 @@ struct Means {
     first_place: u32,
     // Whether light of the last picture is used.
     has_past: u32,
-    unused: u32,
+    // Depth from which depths guide.
+    guides_from: f32,
 }
 
 @group(0) @binding(0) var<uniform> means: Means;
@@ -52,5 +53,6 @@ fn main(
         samples += left;
     }
     light[pixel] = vec4<f32>(sum / select(1.0, samples, samples > 0.0), 1.0);
-    guides[pixel] = vec4<f32>(place.normal * 0.5 + 0.5, place.depth / means.diagonal);
+    let depth = (place.depth - means.guides_from) / means.diagonal;
+    guides[pixel] = vec4<f32>(place.normal * 0.5 + 0.5, depth);
 }

@@ -64,6 +64,12 @@ impl Camera {
         (point - self.eye).dot(self.forward)
     }
 
+    /// Depth from which depths guide filters: that of the near plane where rays are parallel, whose
+    /// pinhole is so far away that the differences would be lost; else 0.
+    pub(crate) fn guides_from(&self) -> f32 {
+        if self.parallel_at > 0.0 { self.near } else { 0.0 }
+    }
+
     /// Position of a point on the picture, pixels; `None` if it is nearer than the near plane.
     pub fn project(&self, point: Vec3) -> Option<Vec2> {
         let towards = point - self.eye;

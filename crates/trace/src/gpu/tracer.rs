@@ -63,10 +63,19 @@ struct Means {
     first: u32,
     first_place: u32,
     has_past: u32,
-    unused: u32,
+    guides_from: f32,
 }
 
-same_layout!(Means { pixels, samples, diagonal, part_pixels, first, first_place, has_past });
+same_layout!(Means {
+    pixels,
+    samples,
+    diagonal,
+    part_pixels,
+    first,
+    first_place,
+    has_past,
+    guides_from
+});
 
 /// The uniform of the combination (`shaders/trace/resolve.wgsl`).
 #[repr(C)]
@@ -515,7 +524,7 @@ impl Frame {
                 first: part.first * width,
                 first_place: part.first_place * width,
                 has_past: u32::from(past.is_some()),
-                unused: 0,
+                guides_from: self.camera.guides_from(),
             };
             let uniform = fixed_uniform(gpu, "means", bytes_of(&means))?;
             let bound: [(u32, &Buffer); 6] = [

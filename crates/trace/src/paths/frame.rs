@@ -217,7 +217,8 @@ impl Frame {
 
     /// Guides of the filter. Pixels that reflect nothing are misses to it.
     pub(crate) fn filter_guides(&self) -> Guides {
-        let seen = |seen: &Seen| seen.receives().then_some((seen.surface.normal, seen.depth));
+        let from = self.camera.guides_from();
+        let seen = |s: &Seen| s.receives().then_some((s.surface.normal, s.depth - from));
         let surfaces: Vec<_> = self.guides.iter().map(seen).collect();
         Guides::of_surfaces(self.camera.width, self.camera.height, &surfaces, self.diagonal)
     }
