@@ -152,7 +152,6 @@ pub fn turned_to(code: [i16; 2], direction: [f32; 3]) -> [i16; 2] {
 mod tests {
     use super::*;
     use crate::attributes::surfaces::{plane, sphere, two_walls};
-    use crate::random::Random;
     use proptest::prelude::*;
 
     const SCALE: f64 = 0.001;
