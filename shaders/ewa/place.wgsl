@@ -226,8 +226,8 @@ fn in_view(world: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(frame.right, world), -dot(frame.up, world), -dot(frame.back, world));
 }
 
-// Position that a pinhole shows at the place of a point; `place` is the point against the anchor. A
-// parallel view is that of a pinhole of such positions.
+// Coordinates of a point against the eye, from those against the anchor. In a parallel view the
+// point is moved sideways, so that a pinhole projects it to its place in the parallel projection.
 fn seen(place: vec3<f32>) -> vec3<f32> {
     let depth = place.z + frame.anchor_depth;
     let squeeze = select(1.0, depth / frame.anchor_depth, frame.anchor_depth > 0.0);

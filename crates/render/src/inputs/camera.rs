@@ -127,16 +127,16 @@ impl Camera {
         self.view_from_world[2] * -self.anchor_depth
     }
 
-    /// Pixels that a unit of length to the right or up takes at a depth are [`Camera::focal_px`]
-    /// over the sum of the depth times the first number and the second one.
+    /// `a` and `b` of the divisor `a * depth + b`: a unit of length to the right or up takes
+    /// [`Camera::focal_px`] over it pixels.
     #[inline(always)]
     pub fn divisor(&self) -> [f32; 2] {
         if self.is_parallel() { [0.0, self.anchor_depth] } else { [1.0, 0.0] }
     }
 
-    /// Position that a pinhole shows at the place of a point: right, down and away from the eye.
-    /// `place` is the point relative to the anchor. A parallel view is that of a pinhole of such
-    /// positions.
+    /// Coordinates of a point relative to the eye: right, down and away from it. The argument is
+    /// relative to the anchor. In a parallel view the point is moved sideways, so that a pinhole
+    /// projects it to its place in the parallel projection.
     #[inline(always)]
     pub fn seen<V: Values>(&self, [x, y, ahead]: [V; 3]) -> [V; 3] {
         if !self.is_parallel() {
