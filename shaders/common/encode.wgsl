@@ -15,3 +15,8 @@ fn encoded(light: f32) -> u32 {
     let word = encode_table.words[i / 16u][(i / 4u) % 4u];
     return (word >> (i % 4u * 8u)) & 0xffu;
 }
+
+// sRGB bytes of an opaque colour, linear light.
+fn encoded_bytes(colour: vec3<f32>) -> u32 {
+    return pack4xU8(vec4<u32>(encoded(colour.x), encoded(colour.y), encoded(colour.z), 255u));
+}

@@ -2,6 +2,10 @@
 // around them. Twin: crates/render/src/passes/eye_dome.rs, which explains the constants.
 
 // include common/frame.wgsl
+// include common/hits.wgsl
+
+// Whether only the pixels of dots are darkened.
+override DOTS_ONLY: bool = false;
 
 // Offsets to the right and down, in turn.
 const AROUND: array<i32, 16> = array<i32, 16>(2, 0, -2, 0, 0, 2, 0, -2, 1, 1, 1, -1, -1, 1, -1, -1);
@@ -11,6 +15,7 @@ const BRIGHTNESS_MIN: f32 = 0.15;
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> depths: array<u32>;
 @group(0) @binding(2) var<storage, read_write> rgba: array<u32>;
+@group(0) @binding(3) var<storage, read> dots: array<vec2<u32>>;
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -19,7 +24,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let pixel = id.y * frame.width + id.x;
     let own = depths[pixel];
-    if own == INFINITE_BITS {
+    if own == INFINITE_BITS || (DOTS_ONLY && dots[pixel].y == NO_HIT) {
         return;
     }
     let size = vec2<i32>(vec2<u32>(frame.width, frame.height));

@@ -1,5 +1,5 @@
-// Sizes of adaptive dots: the radius of the dot of each pixel's point. Twin:
-// crates/render/src/passes/grow.rs.
+// Sizes of adaptive dots: the radius of the dot of each pixel's point. On request, parts the points
+// of surfaces from dots before. Twins: crates/render/src/passes/grow.rs, split.rs.
 
 // include common/frame.wgsl
 // include common/draws.wgsl
@@ -7,38 +7,83 @@
 // include common/lookup.wgsl
 // include common/octree.wgsl
 // include common/radius.wgsl
+// include common/normal.wgsl
+
+// Whether points of surfaces are parted from dots, and whether there are normals.
+override SPLITS: bool = false;
+override NORMALS: bool = false;
 
 const ADAPTIVE_FACTOR: f32 = 0.84;
 const ADAPTIVE_MAX: f32 = 5.0;
 const PIXEL_RADIUS: f32 = 0.5;
+// Greatest distance of points of a surface on the picture, pixels: with a normal, without one among
+// points with normals, and where no point has one.
+const SURFACE_PX: vec3<f32> = vec3<f32>(64.0, 6.0, 32.0);
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> lookup: Lookup;
-@group(0) @binding(2) var<storage, read> hits: array<vec2<u32>>;
+// Dots are removed where they are parted from surfaces.
+@group(0) @binding(2) var<storage, read_write> hits: array<vec2<u32>>;
 @group(0) @binding(3) var<storage, read> draws: array<Draw>;
 @group(0) @binding(4) var<storage, read> octree: array<OctreeCell>;
 @group(0) @binding(5) var<storage, read> geometry: array<vec4<u32>>;
 @group(0) @binding(6) var<storage, read> paint: array<vec4<u32>>;
 // Radii, pixels; 0 without a point.
 @group(0) @binding(7) var<storage, read_write> radii: array<f32>;
+// The parted dots.
+@group(0) @binding(8) var<storage, read_write> dots: array<vec2<u32>>;
+// The first is the number of pixels with a point.
+@group(0) @binding(9) var<storage, read_write> counts: array<atomic<u32>>;
+
+var<workgroup> parted: atomic<u32>;
 
 @compute @workgroup_size(256)
-fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
     let pixel = id.x + id.y * groups.x * 256u;
-    if pixel >= frame.width * frame.height {
-        return;
+    if pixel < frame.width * frame.height {
+        size_dot(pixel);
     }
+    if SPLITS {
+        workgroupBarrier();
+        if local == 0u {
+            atomicAdd(&counts[0], atomicLoad(&parted));
+        }
+    }
+}
+
+fn size_dot(pixel: u32) {
     let hit = hits[pixel];
     var radius = 0.0;
+    var is_dot = false;
     if hit.y != NO_HIT {
         let words = geometry[pixel];
         let draw = paint[pixel].x & ~HAS_COLOUR;
         let p = draws[draw].box_min + offset_of(words, draws[draw].shift);
         let code = radius_code_of(words.xy);
-        let stored = min(lookup.radius_factors[code / 4u][code % 4u], 1.0);
-        let drawn = radius_within(spacing_of(draw, p) * stored * ADAPTIVE_FACTOR);
-        let radius_px = drawn * frame.focal_px / bitcast<f32>(hit.y) + PIXEL_RADIUS;
+        let spacing = spacing_of(draw, p);
+        let stored = lookup.radius_factors[code / 4u][code % 4u];
+        let depth = bitcast<f32>(hit.y);
+        let drawn = radius_within(spacing * min(stored, 1.0) * ADAPTIVE_FACTOR);
+        let radius_px = drawn * frame.focal_px / depth + PIXEL_RADIUS;
         radius = clamp(radius_px, PIXEL_RADIUS, ADAPTIVE_MAX);
+        if SPLITS {
+            var most = SURFACE_PX.z;
+            if NORMALS {
+                most = select(SURFACE_PX.x, SURFACE_PX.y, paint[pixel].w == NO_NORMAL);
+            }
+            is_dot = radius_within(spacing * stored) * frame.focal_px > most * depth;
+        }
     }
     radii[pixel] = radius;
+    if SPLITS {
+        dots[pixel] = select(vec2<u32>(NO_HIT), hit, is_dot);
+        if is_dot {
+            hits[pixel] = vec2<u32>(NO_HIT);
+            atomicAdd(&parted, 1u);
+        }
+    }
 }

@@ -1,4 +1,5 @@
-// Copies the picture to the texture that a window shows, after resolve. Host:
+// Copies the picture without its margin to the texture that a window shows, after dots are drawn.
+// Host:
 // crates/render/src/gpu/passes/store.rs.
 
 // include common/frame.wgsl
@@ -9,7 +10,9 @@
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x < frame.width && id.y < frame.height {
-        textureStore(picture, id.xy, unpack4x8unorm(rgba[id.y * frame.width + id.x]));
+    let margin = vec2<u32>(frame.margin_px);
+    let at = id.xy + margin;
+    if all(at + margin < vec2<u32>(frame.width, frame.height)) {
+        textureStore(picture, id.xy, unpack4x8unorm(rgba[at.y * frame.width + at.x]));
     }
 }

@@ -6,6 +6,7 @@
 // include common/place.wgsl
 // include common/lookup.wgsl
 // include common/colour.wgsl
+// include common/point_colour.wgsl
 // include common/backdrop.wgsl
 // include common/encode.wgsl
 
@@ -35,7 +36,7 @@ fn main(
         let hit = hits[pixel];
         has_point = hit.y != NO_HIT;
         if has_point {
-            rgba[pixel] = colour_bytes(pixel, hit.y);
+            rgba[pixel] = encoded_bytes(point_colour(pixel, hit.y));
             depths[pixel] = hit.y;
         } else {
             let y = pixel / frame.width;
@@ -52,18 +53,4 @@ fn main(
         atomicAdd(&counts[0], count);
         atomicAdd(&counts[1], count);
     }
-}
-
-// The colour of a pixel's point, sRGB bytes.
-fn colour_bytes(pixel: u32, depth_bits: u32) -> u32 {
-    let words = paint[pixel];
-    var height = vec2<u32>(0u);
-    if COLOUR == BY_ELEVATION {
-        let draw = words.x & ~HAS_COLOUR;
-        let offset = offset_of(geometry[pixel], draws[draw].shift);
-        let z = draws[draw].box_min.z + offset.z;
-        height = vec2<u32>(u32(z < offset.z), z);
-    }
-    let colour = colour_of(words, height, depth_bits);
-    return packed_bytes(vec4<u32>(encoded(colour.x), encoded(colour.y), encoded(colour.z), 255u));
 }

@@ -8,20 +8,13 @@
 // include common/unit.wgsl
 // include common/srgb.wgsl
 // include common/backdrop.wgsl
+// include common/phong.wgsl
 
 // Whether pixels carry normals.
 override NORMALS: bool;
 // Whether surfaces have highlights, which need the direction to the eye.
 override SHINES: bool = true;
 
-// Direction to the key light in view space, of unit length.
-const KEY: vec3<f32> = vec3<f32>(-0.42, 0.60, 0.6808);
-// Shares of the lights.
-const KEY_SHARE: f32 = 0.62;
-const EYE_SHARE: f32 = 0.16;
-const SKY_SHARE: f32 = 0.30;
-const GROUND_SHARE: f32 = 0.12;
-const SHINE: f32 = 0.10;
 // Exponent of the greatest darkening, and the slope up to which nothing is darkened; with normals
 // (EDGE) and without (DOME).
 const EDGE: vec2<f32> = vec2<f32>(1.0, 4.0);
@@ -123,27 +116,6 @@ fn carried_normal(at: vec2<u32>, pixel: u32, to_eye: vec3<f32>) -> vec3<f32> {
     }
     let above = (at.y >> 1u) * ((frame.width + 1u) >> 1u) + (at.x >> 1u);
     return unit_or(coarse_normals[above].xyz, to_eye);
-}
-
-// Phong lighting of a colour, linear light.
-fn phong(colour: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
-    let facing = dot(normal, KEY);
-    let ambient = GROUND_SHARE + (SKY_SHARE - GROUND_SHARE) * (0.5 + 0.5 * normal.y);
-    let diffuse = KEY_SHARE * max(facing, 0.0) + EYE_SHARE * max(dot(normal, to_eye), 0.0);
-    if !SHINES {
-        return colour * (ambient + diffuse);
-    }
-    let mirrored = normal * (2.0 * facing) - KEY;
-    var shine = 0.0;
-    if facing > 0.0 {
-        // The 24th power.
-        let s1 = max(dot(mirrored, to_eye), 0.0);
-        let s2 = s1 * s1;
-        let s4 = s2 * s2;
-        let s8 = s4 * s4;
-        shine = s8 * s8 * s8;
-    }
-    return colour * (ambient + diffuse) + SHINE * shine;
 }
 
 // Approximates exp(-x) for x from 0.

@@ -371,9 +371,9 @@ pub fn method_parser() -> impl TypedValueParser<Value = Method> {
     method_parser_of(|_| true)
 }
 
-/// Parses the name of a drawing method that the passes of a renderer draw.
+/// Parses the name of a drawing method whose passes are measured by themselves.
 pub fn passes_parser() -> impl TypedValueParser<Value = Method> {
-    method_parser_of(|method| method != Method::Lit)
+    method_parser_of(|method| !matches!(method, Method::Auto | Method::Lit))
 }
 
 fn method_parser_of(is_offered: fn(Method) -> bool) -> impl TypedValueParser<Value = Method> {

@@ -99,3 +99,8 @@ fn points_of_models_and_scans_equal_the_cpu() {
 fn surfaces_of_models_and_scans_equal_the_cpu() {
     gpu_equals_cpu(Method::PullPush);
 }
+
+#[test]
+fn surfaces_and_dots_of_models_and_scans_equal_the_cpu() {
+    gpu_equals_cpu(Method::Auto);
+}

@@ -80,7 +80,7 @@ fn off(a: &Picture, b: &Picture) -> f64 {
 
 #[test]
 fn a_gpu_draws_the_picture_of_the_cpu() {
-    for method in [Method::Points, Method::PullPush] {
+    for method in [Method::Points, Method::PullPush, Method::Auto] {
         let with = |o| with(method, o);
         let expected = settled(&mut open(with(options(Backend::Cpu))).unwrap());
         for request in requests() {
@@ -105,7 +105,7 @@ fn a_gpu_draws_compact_planes_as_the_cpu_does() {
     let scan = std::path::absolute("../../tests/sample/creek.laz").unwrap();
     let built = esker_builder::Options { node_capacity: 2048, compact: true, ..Default::default() };
     esker_builder::build(&[scan], &path, &built, &esker_points::task::Silent).unwrap();
-    for method in [Method::Points, Method::PullPush, Method::Ewa] {
+    for method in [Method::Points, Method::PullPush, Method::Auto, Method::Ewa] {
         let open = |o: Options| {
             let file = Arc::new(Forest::open(&path).unwrap());
             Session::open(file, with(method, o)).unwrap()

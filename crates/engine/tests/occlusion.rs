@@ -89,6 +89,7 @@ impl Scan {
             fits_planes: averages,
             evens_exposure: false,
             dots: Dots::default(),
+            mixes_dots: false,
             background: Background::Plain([0, 0, 0, 255]),
         };
         Renderer::default().render(&frame).unwrap()

@@ -84,11 +84,12 @@ fn built(scans: &[Given], folder: &Path) -> Forest {
 }
 
 /// How the scan is drawn.
-fn styles() -> [(Method, Dots); 5] {
+fn styles() -> [(Method, Dots); 6] {
     let dots = Dots { size: PointSize::Adaptive, eye_dome: 1.0 };
     let none = Dots::default();
     [
         (Method::PullPush, none),
+        (Method::Auto, none),
         (Method::Ewa, none),
         (Method::Points, none),
         (Method::Points, dots),

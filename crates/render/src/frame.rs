@@ -70,7 +70,7 @@ pub enum Method {
     Ewa,
 }
 
-/// How points look that are drawn alone ([`Method::Points`]).
+/// How points look that are drawn alone ([`Method::Points`], [`Frame::mixes_dots`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Dots {
     /// Size of the dots.
@@ -79,7 +79,7 @@ pub struct Dots {
     pub eye_dome: f32,
 }
 
-/// Size of the round dots of [`Method::Points`].
+/// Size of round dots.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PointSize {
     /// Diameter, pixels, 1 to [`POINT_SIZE_MAX`].
@@ -174,6 +174,9 @@ pub struct Frame<'a, P = &'a [u8]> {
     pub evens_exposure: bool,
     /// How points look that are drawn alone.
     pub dots: Dots,
+    /// Whether points that are too far apart on the picture for a surface, or of no surface, are
+    /// drawn as dots in the picture of surfaces ([`crate::passes::split`]). The dots are adaptive.
+    pub mixes_dots: bool,
     /// Background of the picture.
     pub background: Background,
 }
@@ -199,6 +202,7 @@ impl<'a, P> Frame<'a, P> {
             fits_planes: true,
             evens_exposure: false,
             dots: Dots::default(),
+            mixes_dots: false,
             background: Background::default(),
         }
     }
@@ -211,7 +215,7 @@ impl<'a, P> Frame<'a, P> {
         let Self { view, lattice, draws: _, octree, method, colour, .. } = *self;
         let Self { cull_back_faces, has_fronts, hides_points, shines, .. } = *self;
         let Self { skips_push, averages, .. } = *self;
-        let Self { smooths, fits_planes, evens_exposure, dots, background, .. } = *self;
+        let Self { smooths, fits_planes, evens_exposure, dots, mixes_dots, background, .. } = *self;
         Frame {
             view,
             lattice,
@@ -229,6 +233,7 @@ impl<'a, P> Frame<'a, P> {
             fits_planes,
             evens_exposure,
             dots,
+            mixes_dots,
             background,
         }
     }

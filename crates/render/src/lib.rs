@@ -11,6 +11,7 @@
 //! | pass           | CPU file          | shaders        | paper, section      | when             |
 //! |----------------|-------------------|----------------|---------------------|------------------|
 //! | `project`      | `project.rs`      | `project`      | `marroquim2007` 3.1 | P, S             |
+//! | `split`        | `split.rs`        | `grow`         | -                   | S mixed with dots |
 //! | `fit_planes`   | `fit_planes.rs`   | `fit_planes`   | -                   | S bare not dense |
 //! | `gather`       | `gather.rs`       | `gather`       | `marroquim2007` 3.1 | S                |
 //! | `average`      | `average.rs`      | `average`      | `schuetz2021`       | S crowded        |
@@ -24,7 +25,8 @@
 //! | `smooth_depth` | `smooth_depth.rs` | `smooth_depth` | `boucheny2009`      | S bare, E bare   |
 //! | `shade`        | `shade.rs`        | `shade`        | `marroquim2007` 3.4 | S, E             |
 //! | `antialias`    | `antialias.rs`    | `antialias`    | -                   | S, E             |
-//! | `grow`         | `grow.rs`         | `grow`         | -                   | P, wide points   |
+//! | `grow`         | `grow.rs`         | `grow`         | -                   | P wide, S mixed  |
+//! | `overlay`      | `overlay.rs`      | `overlay`      | -                   | S mixed with dots |
 //! | `resolve`      | `resolve.rs`      | `resolve`      | -                   | P                |
 //! | `eye_dome`     | `eye_dome.rs`     | `eye_dome`     | `boucheny2009` 3    | P, optional      |
 //!

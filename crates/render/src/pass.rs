@@ -6,6 +6,8 @@
 pub enum Pass {
     /// Projects points to single pixels.
     Project,
+    /// Parts the points of surfaces from those that are drawn as dots.
+    Split,
     /// Fits planes to the depths of clouds without normals.
     FitPlanes,
     /// Gathers the attributes of visible points into level 0 of the pyramid.
@@ -34,6 +36,8 @@ pub enum Pass {
     Antialias,
     /// Draws points as dots of more than a pixel.
     Grow,
+    /// Draws dots over a finished surface, where they are nearer.
+    Overlay,
     /// Writes the colours of visible points straight to the picture.
     Resolve,
     /// Darkens what lies behind its surroundings.
@@ -42,8 +46,9 @@ pub enum Pass {
 
 impl Pass {
     /// All passes, in the order in which a frame runs them.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 19] = [
         Self::Project,
+        Self::Split,
         Self::FitPlanes,
         Self::Gather,
         Self::Average,
@@ -58,6 +63,7 @@ impl Pass {
         Self::Shade,
         Self::Antialias,
         Self::Grow,
+        Self::Overlay,
         Self::Resolve,
         Self::EyeDome,
     ];
@@ -66,6 +72,7 @@ impl Pass {
     pub fn name(self) -> &'static str {
         match self {
             Self::Project => "project",
+            Self::Split => "split",
             Self::FitPlanes => "fit_planes",
             Self::Gather => "gather",
             Self::Average => "average",
@@ -80,6 +87,7 @@ impl Pass {
             Self::Shade => "shade",
             Self::Antialias => "antialias",
             Self::Grow => "grow",
+            Self::Overlay => "overlay",
             Self::Resolve => "resolve",
             Self::EyeDome => "eye_dome",
         }

@@ -92,6 +92,8 @@ pub struct FrameOptions {
     pub evens_exposure: bool,
     /// How points look that are drawn alone.
     pub dots: Dots,
+    /// Whether points that are no surface on the picture are drawn as dots.
+    pub mixes_dots: bool,
 }
 
 /// The passes and planes of a frame.
@@ -145,9 +147,11 @@ impl FramePlan {
     /// The plan for a scene with these planes and these options.
     pub fn of(has: &SceneHas, options: &FrameOptions) -> Self {
         use Pass::{Antialias, Average, Blend, Exposure, EyeDome, FillHoles, FitPlanes, Gather};
-        use Pass::{Grow, Place, Project, Pull, Push, Resolve, Shade, Silhouette, SmoothDepth};
+        use Pass::{Grow, Overlay, Place, Project, Pull, Push, Resolve, Shade, Silhouette};
+        use Pass::{SmoothDepth, Split};
         let has_surface = options.method != Method::Points;
         let has_pyramid = options.method == Method::PullPush && !options.is_dense;
+        let mixes_dots = options.mixes_dots && options.method == Method::PullPush;
         let carries_normals = has.normals && has_surface;
         let fits = options.fits_planes && has_pyramid && !has.normals;
         let passes = match options.method {
@@ -159,6 +163,7 @@ impl FramePlan {
             ]),
             Method::PullPush => PassList::of(&[
                 (Project, true),
+                (Split, mixes_dots),
                 (FitPlanes, fits),
                 (Gather, true),
                 (Average, options.is_crowded),
@@ -173,6 +178,9 @@ impl FramePlan {
                 (SmoothDepth, !has.normals),
                 (Shade, true),
                 (Antialias, true),
+                (Grow, mixes_dots),
+                (Overlay, mixes_dots),
+                (EyeDome, mixes_dots && options.dots.eye_dome > 0.0),
             ]),
             Method::Ewa => PassList::of(&[
                 (Place, true),
@@ -182,7 +190,7 @@ impl FramePlan {
                 (Antialias, true),
             ]),
         };
-        let adapts = !has_surface && options.dots.size == PointSize::Adaptive;
+        let adapts = mixes_dots || !has_surface && options.dots.size == PointSize::Adaptive;
         let culls_back_faces = has.oriented_normals && has.normals;
         let fetches_normals =
             carries_normals || (has.normals && options.colour == ColourBy::Normal);
@@ -234,7 +242,7 @@ impl FramePlan {
         let is_crowded = method == Method::PullPush
             && frame.averages
             && is_crowded(frame.view, frame.lattice, frame.octree, drawn);
-        let Frame { shines, smooths, fits_planes, evens_exposure, dots, .. } = *frame;
+        let Frame { shines, smooths, fits_planes, evens_exposure, dots, mixes_dots, .. } = *frame;
         let options = FrameOptions {
             method,
             colour,
@@ -245,6 +253,7 @@ impl FramePlan {
             is_crowded,
             evens_exposure,
             dots,
+            mixes_dots,
         };
         let plan = Self::of(&has, &options);
         let margin_px = if plan.has_pyramid { frame.view.margin_px } else { 0 };
@@ -258,6 +267,11 @@ impl FramePlan {
             (false, true) => Planes::Fitted,
             (false, false) => Planes::None,
         }
+    }
+
+    /// Whether points that are no surface on the picture are drawn as dots.
+    pub fn mixes_dots(&self) -> bool {
+        self.passes.contains(&Pass::Split)
     }
 
     /// Whether the points of the front surface of a pixel are averaged.
@@ -311,6 +325,17 @@ impl FramePlan {
         [normals, ("PLANES", u32::from(self.planes() != Planes::None)), colour]
     }
 
+    /// Constants of the shader that gives dots their sizes.
+    pub fn sizes_constants(&self) -> [(&'static str, u32); 2] {
+        [("SPLITS", u32::from(self.mixes_dots())), ("NORMALS", u32::from(self.carries_normals))]
+    }
+
+    /// Constants of the shader that draws dots over surfaces.
+    pub fn overlay_constants(&self) -> [(&'static str, u32); 3] {
+        let [normals, colour] = self.colour_constants();
+        [normals, ("SHINES", u32::from(self.shines)), colour]
+    }
+
     /// Constants of the shaders that compute colours from words.
     pub fn colour_constants(&self) -> [(&'static str, u32); 2] {
         [("NORMALS", u32::from(self.carries_normals)), ("COLOUR", self.colour)]
@@ -342,12 +367,25 @@ impl FramePlan {
                 }
                 all
             }
+            Pass::Split => vec![
+                variant("gather/fetch", &self.fetch_constants()),
+                variant("grow/sizes", &self.sizes_constants()),
+            ],
+            Pass::Overlay => {
+                vec![
+                    variant("gather/fetch", &self.fetch_constants()),
+                    variant("overlay", &self.overlay_constants()),
+                ]
+            }
             Pass::Grow => {
-                let sizes = self.adapts.then(|| variant("grow/sizes", &[]));
+                let sizes = self.adapts && !self.mixes_dots();
+                let sizes = sizes.then(|| variant("grow/sizes", &self.sizes_constants()));
                 let grow = variant("grow/grow", &[("ADAPTS", u32::from(self.adapts))]);
                 sizes.into_iter().chain([grow]).collect()
             }
-            Pass::EyeDome => vec![variant("eye_dome", &[])],
+            Pass::EyeDome => {
+                vec![variant("eye_dome", &[("DOTS_ONLY", u32::from(self.mixes_dots()))])]
+            }
             Pass::Resolve => vec![
                 variant("gather/fetch", &self.fetch_constants()),
                 variant("resolve", &self.colour_constants()[1..]),

@@ -3,7 +3,7 @@
 
 use crate::error::RenderError;
 use crate::ewa::Ewa;
-use crate::frame::{Frame, Picture, Stats, ms};
+use crate::frame::{Frame, Picture, PointSize, Stats, ms};
 use crate::inputs::camera::Camera;
 use crate::inputs::lookup::{DrawList, Lookup};
 use crate::pass::Pass;
@@ -15,6 +15,7 @@ use crate::passes::fill_holes::fill_holes;
 use crate::passes::fit_planes::FittedPlanes;
 use crate::passes::gather::gather;
 use crate::passes::grow::Grow;
+use crate::passes::overlay::{DotLight, overlay};
 use crate::passes::project::{EMPTY, project};
 use crate::passes::pull::pull;
 use crate::passes::push::push_with;
@@ -22,6 +23,7 @@ use crate::passes::resolve::resolve;
 use crate::passes::shade::shade;
 use crate::passes::silhouette::trim_with;
 use crate::passes::smooth_depth::{SmoothDepthScratch, smooth_depth};
+use crate::passes::split::split;
 use crate::passes::tangent::Lens;
 use crate::picture::edges::edges as find_edges;
 use crate::picture::margin::crop;
@@ -38,6 +40,8 @@ pub(crate) const STEP_PX: f32 = 2.0;
 #[derive(Default)]
 pub struct Renderer {
     target: Vec<AtomicU64>,
+    /// Frame buffer of dots among surfaces.
+    dots: Vec<AtomicU64>,
     grow: Grow,
     fitted: FittedPlanes,
     averages: Averages,
@@ -91,6 +95,9 @@ impl Renderer {
         let list = DrawList::new(frame.draws);
         project(frame, &camera, &list, &self.target);
         let lookup = Lookup::new(frame, &camera, &list);
+        if plan.mixes_dots() {
+            split(&lookup, plan.carries_normals, &self.target, &mut self.dots);
+        }
         pyramid.fit(width, height, plan.planes());
         pyramid.lens = Lens::new(&camera);
         let fitted = (plan.planes() == Planes::Fitted).then(|| {
@@ -166,7 +173,17 @@ impl Renderer {
         self.target.resize_with(pixels, || AtomicU64::new(EMPTY));
         let lookup = Lookup::new(frame, camera, &list);
         let Self {
-            target, grow, fitted, averages, exposure, pyramid, smooth, sources, ewa, ..
+            target,
+            dots,
+            grow,
+            fitted,
+            averages,
+            exposure,
+            pyramid,
+            smooth,
+            sources,
+            ewa,
+            ..
         } = self;
         let planes = plan.planes();
         let is_splats = plan.passes.contains(&Pass::Blend);
@@ -179,8 +196,22 @@ impl Renderer {
         for &pass in plan.passes.iter() {
             match pass {
                 Pass::Project => project(frame, camera, &list, target),
+                Pass::Split => {
+                    stats.pixels_projected = split(&lookup, plan.carries_normals, target, dots);
+                }
+                Pass::Grow if plan.mixes_dots() => {
+                    grow.run(&lookup, PointSize::Adaptive, dots, width);
+                }
                 Pass::Grow => grow.run(&lookup, frame.dots.size, target, width),
-                Pass::EyeDome => eye_dome(picture, frame.dots.eye_dome),
+                Pass::Overlay => {
+                    let (has_normals, shines) = (plan.carries_normals, plan.shines);
+                    let light = DotLight { has_normals, shines };
+                    stats.pixels_covered += overlay(&lookup, light, dots, picture);
+                }
+                Pass::EyeDome => {
+                    let dots = plan.mixes_dots().then_some(&dots[..]);
+                    eye_dome(picture, frame.dots.eye_dome, dots);
+                }
                 Pass::Resolve => {
                     stats.pixels_covered = resolve(&lookup, target, frame.background, picture);
                     stats.pixels_projected = stats.pixels_covered;
@@ -189,7 +220,7 @@ impl Renderer {
                 Pass::Gather => {
                     let fitted = (planes == Planes::Fitted).then_some(&*fitted);
                     let base = &mut pyramid.levels[0];
-                    stats.pixels_projected = gather(&lookup, target, fitted, base);
+                    stats.pixels_projected += gather(&lookup, target, fitted, base);
                 }
                 Pass::Average => averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]),
                 Pass::Exposure => exposure.run(&lookup, target, &mut pyramid.levels[0]),

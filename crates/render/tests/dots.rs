@@ -1,5 +1,6 @@
 //! Points that are drawn alone: dots are those of a reference that draws point by point, adaptive
-//! ones close surfaces, and neither they nor eye-dome lighting depend on the unit.
+//! ones close surfaces, and neither they nor eye-dome lighting depend on the unit. Mixed with
+//! surfaces, points are dots where they are too far apart on the picture for a surface.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -154,4 +155,81 @@ fn points_of_no_surface_are_dots_where_the_camera_is_near() {
         // A disc of 10 pixels has 79; pull-push draws a lone one narrower.
         assert!((12..=100).contains(&dot) && disc > 1000, "{method:?}: {dot}, {disc}");
     }
+}
+
+/// Points of a wall across the view at `depth` from the eye, `apart_px` apart on the picture, and
+/// their distance.
+fn wall(apart_px: f64, depth: f64, count: i32) -> (Vec<ScenePoint>, f64) {
+    let view = view(1.0);
+    let apart = apart_px * depth / view.focal_px();
+    let (right, up) = (view.world_from_view.x_axis, view.world_from_view.y_axis);
+    let middle = view.eye + view.forward() * depth;
+    let place = |i: i32, k: i32| middle + (right * f64::from(i) + up * f64::from(k)) * apart;
+    let points = (-count..=count).flat_map(|i| (-count..=count).map(move |k| place(i, k)));
+    let normal = -view.forward();
+    let points = points.map(|at| ScenePoint { at, normal, colour: [200; 3] });
+    (points.collect(), apart)
+}
+
+/// A picture of scenes, each with whether it has normals; surfaces alone or mixed with dots.
+fn mixed(scenes: &[(&Scene, bool)], mixes_dots: bool) -> Picture {
+    let view = view(1.0);
+    let draws: Vec<_> =
+        scenes.iter().flat_map(|(scene, normals)| scene.draws(true, true, *normals)).collect();
+    let frame = Frame {
+        cull_back_faces: false,
+        mixes_dots,
+        background: Background::Plain([0; 4]),
+        ..scenes[0].0.frame(&view, &draws)
+    };
+    Renderer::default().render(&frame).unwrap()
+}
+
+fn scene(points: &[ScenePoint], apart: f64) -> Scene {
+    Scene::new(points, 2f64.powi(-24), apart, apart, 1 << 12)
+}
+
+fn covered(picture: &Picture) -> usize {
+    picture.depth.iter().filter(|depth| depth.is_finite()).count()
+}
+
+#[test]
+fn points_are_dots_only_where_they_are_too_far_apart_for_a_surface() {
+    for (normals, surface_px, dots_px) in [(true, 55.0, 72.0), (false, 28.0, 36.0)] {
+        let (points, apart) = wall(surface_px, 6.0, 2);
+        let wall_near = scene(&points, apart);
+        let [mixed_near, alone] = [true, false].map(|m| mixed(&[(&wall_near, normals)], m));
+        assert!(mixed_near.rgba == alone.rgba && mixed_near.depth == alone.depth);
+        assert!(covered(&alone) > 9_000, "{normals}: {}", covered(&alone));
+        let (points, apart) = wall(dots_px, 6.0, 2);
+        let wall_far = scene(&points, apart);
+        let picture = mixed(&[(&wall_far, normals)], true);
+        let in_view = points.iter().filter_map(|p| view(1.0).project(p.at));
+        let in_view = in_view.filter(|&at| view(1.0).is_on_picture(at)).count();
+        // A disc of 10 pixels has 81; those at the border are cut.
+        let range = in_view * 40..=in_view * 90;
+        assert!(range.contains(&covered(&picture)), "{normals}: {}", covered(&picture));
+        assert_eq!(picture.stats.pixels_covered as usize, covered(&picture));
+    }
+}
+
+#[test]
+fn dots_are_seen_before_surfaces_and_hidden_behind_them() {
+    let (points, apart) = wall(4.0, 6.0, 30);
+    let surface = scene(&points, apart);
+    let (before, apart) = wall(20.0, 5.0, 2);
+    let before = scene(&before, apart);
+    let (behind, apart) = wall(20.0, 7.0, 2);
+    let behind = scene(&behind, apart);
+    let alone = mixed(&[(&surface, true)], true);
+    let hidden = mixed(&[(&surface, true), (&behind, false)], true);
+    // The picture has no margin: a corner may be open.
+    assert!(covered(&alone) + 4 >= alone.depth.len());
+    assert!(hidden.rgba == alone.rgba);
+    let shown = mixed(&[(&surface, true), (&before, false)], true);
+    let near = shown.depth.iter().filter(|&&depth| depth < 5.5).count();
+    assert!((25 * 40..25 * 90).contains(&near), "{near}");
+    // Around dots the surface is as it is without them.
+    let differs = shown.depth.iter().zip(&alone.depth).filter(|(a, b)| (*a - *b).abs() > 0.05);
+    assert_eq!(differs.count(), near);
 }

@@ -45,8 +45,14 @@ fn is_the_picture(what: &str, gpu: &Gpu, cpu: &Picture, other: &Picture) {
     let (ours, theirs) = (&cpu.stats, &other.stats);
     assert_eq!(ours.points_drawn, theirs.points_drawn, "{what} on {on}");
     assert_eq!(ours.nodes_drawn, theirs.nodes_drawn, "{what} on {on}");
-    assert!(near(ours.pixels_projected, theirs.pixels_projected), "{what} on {on}: {theirs:?}");
-    assert!(near(ours.pixels_covered, theirs.pixels_covered), "{what} on {on}: {theirs:?}");
+    assert!(
+        near(ours.pixels_projected, theirs.pixels_projected),
+        "{what} on {on}: {ours:?} {theirs:?}"
+    );
+    assert!(
+        near(ours.pixels_covered, theirs.pixels_covered),
+        "{what} on {on}: {ours:?} {theirs:?}"
+    );
 }
 
 /// Draws all frames on the CPU and, with one renderer a device, on each device.
@@ -221,6 +227,36 @@ fn parallel_pictures_equal_those_of_the_cpu() {
         ("points", Frame { method: Method::Points, ..surface }),
         ("dots under an eye dome", Frame { method: Method::Points, dots, ..surface }),
     ]);
+}
+
+#[test]
+fn surfaces_and_dots_equal_those_of_the_cpu() {
+    let (scene, view) = (ball_and_floor(), view(160, 128));
+    // A wall in front of the ball with points 20 times as far apart.
+    let mut dice = Dice(3);
+    let (u, v) = (DVec3::new(1.6, 1.4, 0.0), DVec3::Z * 1.2);
+    let corner = DVec3::new(0.6, -1.9, 0.4);
+    let sparse = sheet(&mut dice, corner, u, v, 8, [40, 90, 220]);
+    let sparse = Scene::new(&sparse, 1e-5, 0.25, 0.25, 3000);
+    let dots = Dots { size: PointSize::Adaptive, eye_dome: 0.5 };
+    let mix = |frame| Frame { mixes_dots: true, dots, ..frame };
+    let joined = |dense, sparse_normals| {
+        let of = [scene.draws(true, true, dense), sparse.draws(true, true, sparse_normals)];
+        of.concat()
+    };
+    let both = [joined(true, true), joined(true, false), joined(false, false)];
+    let near = View::look_at(DVec3::new(0.9, -1.2, 1.6), DVec3::Z * 0.9, DVec3::Z, 0.9, 150, 90);
+    let near = near.with_margin(16);
+    let frames = both.iter().flat_map(|draws| {
+        [&view, &near].map(|view| mix(Frame { octree: None, ..scene.frame(view, draws) }))
+    });
+    let frames: Vec<_> = frames.map(|frame| ("surfaces and dots", frame)).collect();
+    let matt = Frame { shines: false, colour: ColourBy::Plain, ..frames[2].1 };
+    let pictures: Vec<_> = frames.iter().map(|(_, frame)| render(frame).unwrap()).collect();
+    let plain = frames.iter().map(|(_, f)| render(&Frame { mixes_dots: false, ..*f }).unwrap());
+    let differ = plain.zip(&pictures).map(|(a, b)| pixels_off(&a.rgba, &b.rgba));
+    assert!(differ.sum::<usize>() > 3_000, "hardly anything is drawn as dots");
+    pictures_are_the_same(&[&frames[..], &[("matt", matt)]].concat());
 }
 
 /// The bunny of the data folder and a view of it.

@@ -293,7 +293,8 @@ impl App {
             actions.screenshot = i.key_pressed(Key::P);
             if i.key_pressed(Key::M) {
                 self.wanted.method = match self.wanted.method {
-                    Method::Points => Method::PullPush,
+                    Method::Points => Method::Auto,
+                    Method::Auto => Method::PullPush,
                     Method::PullPush => Method::Ewa,
                     Method::Ewa if IS_BUILT => Method::Lit,
                     Method::Ewa | Method::Lit => Method::Points,

@@ -28,7 +28,7 @@ pub struct Args {
     /// Width and height of the window, in points.
     #[arg(long, default_value = "1280x800", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
-    /// Single points, closed surfaces, or splats.
+    /// Surfaces and points in one picture, points alone, closed surfaces, splats, or light.
     #[arg(long, value_parser = method_parser(), default_value = DEFAULT_METHOD)]
     pub method: Method,
     /// Lights of --method lit, as of esker render: sun:AZIMUTH,ELEVATION[,STRENGTH[,DIAMETER]],

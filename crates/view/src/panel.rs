@@ -213,6 +213,7 @@ fn budget_bar(ui: &mut Ui, name: &str, bytes: u64, budget: u64) {
 fn drawing(ui: &mut Ui, data: &PanelData<'_>, wanted: &mut Settings, is_coarser_moving: &mut bool) {
     ui.horizontal(|ui| {
         let methods = [
+            (Method::Auto, "Auto"),
             (Method::PullPush, "Surfaces"),
             (Method::Ewa, "Splats"),
             (Method::Points, "Points"),

@@ -17,8 +17,9 @@ use esker_render::gpu::splats::SPLATS_MAX;
 use esker_render::picture::margin::MARGIN_PX;
 
 /// Bytes a pixel of the CPU renderer: frame buffer, pyramid with normals, picture, smoothed depth,
-/// and what the choice of nodes keeps of the last picture (106 in `bench stream` at four sizes).
-const PIXEL_BYTES: u64 = 106;
+/// and what the choice of nodes keeps of the last picture (106 in `bench stream` at four sizes); 20
+/// for dots and their radii.
+const PIXEL_BYTES: u64 = 126;
 /// Bytes a pixel of exposure compensation in either renderer: at most 4 for slots of scans, 8 for
 /// sums of cells.
 const EXPOSURE_PIXEL_BYTES: u64 = 12;
@@ -142,8 +143,8 @@ impl Shares {
 
 /// Bytes a pixel of the buffers and textures of the GPU renderer: frame buffer 8, pyramid with
 /// normals 70, picture with depth 12, targets of point primitives 12, edges and smoothed depth 20,
-/// averages 48.
-const GPU_PIXEL_BYTES: u64 = 176;
+/// averages 48, dots and their radii 20.
+const GPU_PIXEL_BYTES: u64 = 196;
 /// Bytes a pixel of pictures that a GPU lights: places 48, sums 112, halves 32, guides and light
 /// 48, the picture 32, light of the last picture 16; and while it is filtered, nested windows with
 /// their energies 72, cleaned guides 16 and agreement of halves 32.

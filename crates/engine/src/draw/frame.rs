@@ -4,7 +4,7 @@
 use crate::calls::info;
 use crate::cameras::colour::{self, Colouring, filtered_colouring};
 use crate::draw::empty_picture;
-use crate::draw::method::Method;
+use crate::draw::method::{AUTO_DOTS, Method};
 use anyhow::Result;
 use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_lod::{CompactOctree, View};
@@ -13,7 +13,7 @@ use esker_render::inputs::camera::is_drawable;
 use esker_render::picture::margin::{MARGIN_PX, goes_beyond};
 use esker_render::{
     Codebook, ColourBy, ColourMap, ColourPlane, Dots, DrawNode, Frame, FrameOptions, FramePlan,
-    SceneHas,
+    Method as Passes, SceneHas,
 };
 use esker_stream::Needs;
 use std::sync::Arc;
@@ -93,6 +93,14 @@ impl Appearance {
         Self { dots, ..self }
     }
 
+    /// How points look that are drawn alone, and whether they are mixed with surfaces.
+    fn dots_of_frames(&self) -> (Dots, bool) {
+        match self.method {
+            Method::Auto => (AUTO_DOTS, true),
+            _ => (self.dots, false),
+        }
+    }
+
     fn culls_back_faces(&self, file: &Forest) -> bool {
         let culls = self.culls_back || file.is_closed();
         culls && file.has_oriented_normals() && self.method != Method::Points
@@ -139,7 +147,8 @@ impl Appearance {
             tangents: file.has(PlaneKind::Tangents) && self.method != Method::Lit,
         };
         let (method, colour) = (self.method.passes(), self.colouring.by);
-        let Self { shines, evens_exposure, dots, .. } = *self;
+        let Self { shines, evens_exposure, .. } = *self;
+        let (dots, mixes_dots) = self.dots_of_frames();
         let (smooths, fits_planes) = (true, true);
         let options = FrameOptions {
             method,
@@ -151,6 +160,7 @@ impl Appearance {
             is_crowded,
             evens_exposure,
             dots,
+            mixes_dots,
         };
         FramePlan::of(&has, &options)
     }
@@ -173,7 +183,7 @@ impl Appearance {
         let view = View { near, ..*view };
         let shown = view.with_margin(0);
         let wide = view.with_margin(MARGIN_PX);
-        let takes = self.method == Method::PullPush
+        let takes = self.method.passes() == Passes::PullPush
             && is_drawable(wide.width, wide.height)
             && goes_beyond(&shown, info::bounds(file));
         if takes { wide } else { shown }
@@ -188,7 +198,8 @@ impl Appearance {
         octree: &'a CompactOctree,
     ) -> Frame<'a, P> {
         let hides_points = self.shown.hides_any();
-        let Self { shines, evens_exposure, dots, .. } = *self;
+        let Self { shines, evens_exposure, .. } = *self;
+        let (dots, mixes_dots) = self.dots_of_frames();
         Frame {
             octree: Some(octree),
             method: self.method.passes(),
@@ -199,6 +210,7 @@ impl Appearance {
             shines,
             evens_exposure,
             dots,
+            mixes_dots,
             ..Frame::new(view, file.metric(), draws)
         }
     }

@@ -1,15 +1,18 @@
 //! Drawing methods as users choose them, with their names for command lines and reports. The
-//! passes of a renderer draw three of them; the fourth, light, is traced (`crate::light`).
+//! passes of a renderer draw all of them but light, which is traced (`crate::light`).
 
-use esker_render::Method as Passes;
+use esker_render::{Dots, Method as Passes, PointSize};
 
 /// How points become a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Method {
-    /// One pixel a point, without lighting.
+    /// Surfaces by pull-push interpolation where points are near each other on the picture and lie
+    /// on surfaces, and round dots elsewhere ([`esker_render::Frame::mixes_dots`]).
+    #[default]
+    Auto,
+    /// Points alone, without lighting.
     Points,
     /// Surfaces closed by pull-push interpolation (`marroquim2007`).
-    #[default]
     PullPush,
     /// Splats of exact perspective shape, filtered and blended (`zwicker2004`).
     Ewa,
@@ -23,15 +26,20 @@ impl Method {
     pub fn passes(self) -> Passes {
         match self {
             Self::Points => Passes::Points,
-            Self::PullPush => Passes::PullPush,
+            Self::Auto | Self::PullPush => Passes::PullPush,
             Self::Ewa | Self::Lit => Passes::Ewa,
         }
     }
 }
 
+/// Dots of [`Method::Auto`]: their eye-dome lighting is weaker than for points alone, since they
+/// stand among lit surfaces.
+pub const AUTO_DOTS: Dots = Dots { size: PointSize::Adaptive, eye_dome: 0.5 };
+
 /// Each method with its name and a description, in the order of help texts.
-pub const METHODS: [(Method, &str, &str); 4] = [
-    (Method::Points, "points", "One pixel a point"),
+pub const METHODS: [(Method, &str, &str); 5] = [
+    (Method::Auto, "auto", "Surfaces where points are near each other, round points elsewhere"),
+    (Method::Points, "points", "Points alone"),
     (Method::PullPush, "pull-push", "Surfaces closed by pull-push interpolation"),
     (
         Method::Ewa,
@@ -46,7 +54,7 @@ pub const METHODS: [(Method, &str, &str); 4] = [
 ];
 
 /// Name of the default method.
-pub const DEFAULT_METHOD: &str = "pull-push";
+pub const DEFAULT_METHOD: &str = "auto";
 
 /// The method called `name`, if there is one.
 pub fn method_of_name(name: &str) -> Option<Method> {

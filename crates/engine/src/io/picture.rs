@@ -39,6 +39,7 @@ const LIT_PIXEL_BYTES: u64 = 400;
 fn pixel_bytes(method: Method) -> (u64, &'static str) {
     match method {
         Method::Points => (15, "points"),
+        Method::Auto => (105, "auto"),
         Method::PullPush => (85, "pull-push"),
         Method::Ewa => (31, "ewa"),
         Method::Lit => (LIT_PIXEL_BYTES, "lit"),

@@ -284,6 +284,7 @@ fn every_map_and_method_has_its_golden_picture() {
     for (method, colour) in cases {
         let name = match method {
             Method::Points => format!("points-{}.png", colour.replace([':', '.'], "-")),
+            Method::Auto => format!("auto-{colour}.png"),
             Method::PullPush => format!("surface-{colour}.png"),
             Method::Ewa => format!("splats-{colour}.png"),
             Method::Lit => format!("lit-{colour}.png"),

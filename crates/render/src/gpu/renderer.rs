@@ -20,6 +20,7 @@ use crate::gpu::passes::exposure::Exposure;
 use crate::gpu::passes::eye_dome::EyeDome;
 use crate::gpu::passes::gather::Gather;
 use crate::gpu::passes::grow::Grow;
+use crate::gpu::passes::overlay::Overlay;
 use crate::gpu::passes::primitives::Primitives;
 use crate::gpu::passes::project::Project;
 use crate::gpu::passes::resolve::Resolve;
@@ -49,6 +50,7 @@ pub struct GpuRenderer {
     gather: Gather,
     average: Average,
     grow: Grow,
+    overlay: Overlay,
     resolve: Resolve,
     eye_dome: EyeDome,
     store: Store,
@@ -92,6 +94,7 @@ impl GpuRenderer {
             gather: Gather::default(),
             average: Average::default(),
             grow: Grow::new(gpu)?,
+            overlay: Overlay::new(gpu)?,
             resolve: Resolve::new(gpu)?,
             eye_dome: EyeDome::default(),
             store: Store::new(gpu)?,
@@ -293,7 +296,7 @@ impl GpuRenderer {
         if plan.passes.contains(&Pass::EyeDome) {
             drop(pass);
             pass = timing.compute(encoder, Pass::EyeDome);
-            self.eye_dome.dispatch(gpu, uniform, picture)?.run(&mut pass);
+            self.eye_dome.dispatch(gpu, uniform, picture, None)?.run(&mut pass);
         }
         self.store.dispatch(gpu, uniform, picture).run(&mut pass);
         Ok(())
@@ -313,22 +316,44 @@ impl GpuRenderer {
             return Ok(());
         };
         let timing = &mut feedback.timing;
+        let Some(level) = pyramid.levels.first() else { return Ok(()) };
+        // Level 0 takes the words of dots before it is filled, and after it is shaded.
+        let words = [&*level.front, &*level.tint];
+        if plan.mixes_dots() {
+            let mut pass = timing.compute(encoder, Pass::Split);
+            lookup.fetch(gpu, &mut pass, &won, plan, words)?;
+            self.grow.split(gpu, &mut pass, plan, lookup, &won, words)?;
+        }
         if plan.planes() == Planes::Fitted {
             self.gather.fit_planes.encode(gpu, encoder, uniform, won.hits, plan, timing);
         }
         let mut pass = timing.compute(encoder, Pass::Gather);
         self.gather.encode(gpu, &mut pass, plan, lookup, &won, pyramid)?;
         drop(pass);
-        if let Some(level) = pyramid.levels.first() {
-            if plan.averages() {
-                self.average
-                    .encode(gpu, encoder, uniform, plan, cut, pool, lookup, level, timing)?;
-            }
-            if plan.evens_exposure() {
-                self.gather.exposure.encode(gpu, encoder, uniform, level, timing);
-            }
+        if plan.averages() {
+            self.average.encode(gpu, encoder, uniform, plan, cut, pool, lookup, level, timing)?;
         }
-        self.surface.encode(gpu, encoder, plan, uniform, pyramid, picture, timing)
+        if plan.evens_exposure() {
+            self.gather.exposure.encode(gpu, encoder, uniform, level, timing);
+        }
+        self.surface.encode(gpu, encoder, plan, uniform, pyramid, picture, timing)?;
+        if !plan.mixes_dots() {
+            return Ok(());
+        }
+        let mut pass = timing.compute(encoder, Pass::Grow);
+        self.grow.encode(gpu, &mut pass, plan, lookup, &won, words)?;
+        drop(pass);
+        let won = WinningPoints { hits: self.grow.hits(), ..won };
+        let mut pass = timing.compute(encoder, Pass::Overlay);
+        lookup.fetch(gpu, &mut pass, &won, plan, words)?;
+        self.overlay.encode(gpu, &mut pass, plan, lookup, &won, words, picture)?;
+        if plan.passes.contains(&Pass::EyeDome) {
+            drop(pass);
+            pass = timing.compute(encoder, Pass::EyeDome);
+            self.eye_dome.dispatch(gpu, uniform, picture, Some(won.hits))?.run(&mut pass);
+        }
+        self.store.dispatch(gpu, uniform, picture).run(&mut pass);
+        Ok(())
     }
 
     /// Encodes EWA splatting to level 0 of the pyramid, then the surface.
@@ -453,7 +478,8 @@ impl GpuRenderer {
             Points::Primitives(primitives) => primitives.reload(gpu)?,
         };
         let won = self.lookup.reload(gpu)? | self.gather.reload(gpu)? | self.resolve.reload(gpu)?;
-        let dots = self.grow.reload(gpu)? | self.eye_dome.reload(gpu)?;
+        let dots = self.grow.reload(gpu)? | self.overlay.reload(gpu)?;
+        let dots = dots | self.eye_dome.reload(gpu)?;
         let averages = self.average.reload(gpu)?;
         let splats = self.ewa.as_mut().map_or(Ok(false), |ewa| ewa.reload(gpu))?;
         let rest =

@@ -2,7 +2,9 @@
 //! the pixels around it. It needs depths only, and shows the shape of points without normals.
 
 use crate::frame::Picture;
+use crate::passes::project::EMPTY;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Offsets of the pixels around, to the right and down: a circle of 1.4 to 2 pixels.
 pub(crate) const AROUND: [[i32; 2]; 8] =
@@ -12,8 +14,9 @@ pub(crate) const DARKENING: f32 = 50.0;
 /// Least brightness, so that outlines keep their colours.
 pub(crate) const BRIGHTNESS_MIN: f32 = 0.15;
 
-/// Darkens the colours of a picture by its depths. Does not depend on the unit of depths.
-pub(crate) fn eye_dome(picture: &mut Picture, strength: f32) {
+/// Darkens the colours of a picture by its depths, only at the pixels of `dots` if there are some.
+/// Does not depend on the unit of depths.
+pub(crate) fn eye_dome(picture: &mut Picture, strength: f32, dots: Option<&[AtomicU64]>) {
     let (width, height) = (picture.width as i32, picture.height as i32);
     let depth = &picture.depth;
     let at = |x: i32, y: i32| {
@@ -25,7 +28,9 @@ pub(crate) fn eye_dome(picture: &mut Picture, strength: f32) {
         let y = y as i32;
         for (x, pixel) in (0i32..).zip(row.as_chunks_mut::<4>().0) {
             let own = at(x, y);
-            if own == f32::INFINITY {
+            let is_dot =
+                |dots: &[AtomicU64]| dots[(y * width) as usize + x as usize].load(Relaxed) != EMPTY;
+            if own == f32::INFINITY || !dots.is_none_or(is_dot) {
                 continue;
             }
             // Nothing, which is infinitely far, is not in front.
@@ -50,7 +55,7 @@ mod tests {
         let depth: Vec<f32> = (0..SIDE * SIDE).map(|i| depth(i % SIDE, i / SIDE)).collect();
         let rgba = vec![255; depth.len() * 4];
         let mut picture = Picture { width: SIDE, height: SIDE, rgba, depth, ..Picture::default() };
-        eye_dome(&mut picture, strength);
+        eye_dome(&mut picture, strength, None);
         picture.rgba.iter().step_by(4).copied().collect()
     }
 

@@ -294,6 +294,20 @@ impl Hits {
     }
 }
 
+/// Unit normal in view space of a point with this code, turned to the eye; `from_anchor` is its
+/// place.
+pub(crate) fn normal_to_eye(
+    camera: &Camera,
+    code: [i16; 2],
+    from_anchor: [f32; 3],
+    fronts: [bool; 2],
+) -> Vec3 {
+    let ahead = camera.to_anchor().to_array();
+    let from_eye = [0, 1, 2].map(|axis| Vec4::splat(from_anchor[axis] + ahead[axis]));
+    let (turned, ..) = normals_to_eye(camera, &[code; LANES], from_eye, fronts);
+    Vec3::from_array(turned.map(|part| part.x))
+}
+
 /// Unit normals in view space from octahedral codes, turned to the eye, which of them exist, and
 /// which are the backs of surfaces, if normals have fronts. Where back faces are culled (`culls`),
 /// normals face the eye already.

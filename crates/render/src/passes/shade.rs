@@ -255,6 +255,19 @@ impl<T: Surface> Row<'_, T> {
     }
 }
 
+/// Phong lighting of one colour, linear light: [`light`] without darkening.
+pub(crate) fn phong(colour: Vec3, normal: Vec3, to_eye: Vec3, shines: bool) -> Vec3 {
+    let facing = normal.dot(KEY);
+    let ambient = GROUND_SHARE + (SKY_SHARE - GROUND_SHARE) * (0.5 + 0.5 * normal.y);
+    let towards = normal.dot(to_eye);
+    let lit = colour * (ambient + KEY_SHARE * facing.max(0.0) + EYE_SHARE * towards.max(0.0));
+    if !shines || facing <= 0.0 {
+        return lit;
+    }
+    let mirrored = (2.0 * facing * towards - KEY.dot(to_eye)).max(0.0);
+    lit + SHINE * mirrored.powi(24)
+}
+
 /// Phong lighting of eight pixels, darkened.
 #[inline(always)]
 fn light<S: Simd, const SHINES: bool>(

@@ -22,6 +22,7 @@ const OPTIONS: FrameOptions = FrameOptions {
     is_crowded: false,
     evens_exposure: false,
     dots: Dots { size: PointSize::Pixels(1.0), eye_dome: 0.0 },
+    mixes_dots: false,
 };
 
 #[test]
@@ -62,6 +63,28 @@ fn dots_and_eye_domes_are_for_points_alone() {
         let lit = [Pass::EyeDome].into_iter().filter(|_| options.dots.eye_dome > 0.0);
         let all = [Pass::Project, Pass::Grow, Pass::Resolve].into_iter().chain(lit);
         assert_eq!(*plan.passes, *all.collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn surfaces_are_mixed_with_dots_on_request() {
+    let dots = Dots { size: PointSize::Adaptive, eye_dome: 0.5 };
+    let mixed = FrameOptions { mixes_dots: true, dots, ..OPTIONS };
+    let plan = FramePlan::of(&ALL, &mixed);
+    assert!(plan.mixes_dots() && plan.adapts && plan.fetches[0]);
+    let surface = FramePlan::of(&ALL, &OPTIONS).passes;
+    let of_dots = [Pass::Split, Pass::Grow, Pass::Overlay, Pass::EyeDome];
+    let (own, shared): (Vec<_>, Vec<_>) = plan.passes.iter().partition(|p| of_dots.contains(p));
+    assert_eq!((own, shared), (of_dots.iter().collect(), surface.iter().collect()));
+    let constants = |shader: &str| {
+        let variants = plan.variants().into_iter().filter(|v| v.shader == shader);
+        variants.map(|v| v.constants).next()
+    };
+    assert_eq!(constants("grow/sizes"), Some(vec![("SPLITS", 1), ("NORMALS", 1)]));
+    assert_eq!(constants("eye_dome"), Some(vec![("DOTS_ONLY", 1)]));
+    for method in [Method::Points, Method::Ewa] {
+        let others = FrameOptions { method, ..mixed };
+        assert!(!FramePlan::of(&ALL, &others).mixes_dots(), "{method:?}");
     }
 }
 

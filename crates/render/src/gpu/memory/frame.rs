@@ -1,7 +1,7 @@
 //! The uniform of a frame, which all passes read (`shaders/common/frame.wgsl`): camera, size,
 //! background.
 
-use crate::frame::{Background, Frame};
+use crate::frame::{Background, Frame, PointSize};
 use crate::gpu::device::shader::same_values;
 use crate::inputs::camera::Camera;
 use bytemuck::{Pod, Zeroable};
@@ -54,7 +54,10 @@ impl FrameUniform {
             centre_px: camera.centre_px,
             cull_back_faces: u32::from(frame.cull_back_faces),
             margin_px: camera.margin_px,
-            point_radius: frame.dots.size.radius_max(),
+            point_radius: match frame.mixes_dots {
+                true => PointSize::Adaptive.radius_max(),
+                false => frame.dots.size.radius_max(),
+            },
             eye_dome: frame.dots.eye_dome,
             has_fronts: u32::from(frame.has_fronts),
             anchor_depth: camera.anchor_depth,

@@ -4,8 +4,8 @@
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
-use crate::gpu::device::kernel::Kernel;
 use crate::gpu::device::shader::{same_values, sources};
+use crate::gpu::device::variants::Variants;
 use crate::gpu::memory::picture::GpuPicture;
 
 same_values!(eye_dome_eye_dome == crate::passes::eye_dome {
@@ -14,14 +14,21 @@ same_values!(eye_dome_eye_dome == crate::passes::eye_dome {
     BRIGHTNESS_MIN,
 });
 
-/// The pass; its kernel is built when it is first drawn with.
-#[derive(Default)]
+/// The pass.
 pub struct EyeDome {
-    kernel: Option<Kernel>,
+    /// Variants: whether only the pixels of dots are darkened.
+    kernels: Variants<1>,
+}
+
+impl Default for EyeDome {
+    fn default() -> Self {
+        Self { kernels: Variants::new(sources::EYE_DOME_EYE_DOME, ["DOTS_ONLY"]) }
+    }
 }
 
 impl EyeDome {
-    /// Dispatch that darkens the colours of a picture; `uniform` is the frame's.
+    /// Dispatch that darkens the colours of a picture, if there are `dots` only at their pixels;
+    /// `uniform` is the frame's.
     ///
     /// # Errors
     /// If the driver refuses the shader.
@@ -30,24 +37,24 @@ impl EyeDome {
         gpu: &Gpu,
         uniform: &wgpu::Buffer,
         picture: &GpuPicture,
+        dots: Option<&wgpu::Buffer>,
     ) -> Result<Dispatch, GpuError> {
-        let kernel = match &mut self.kernel {
-            Some(kernel) => kernel,
-            none => none.insert(Kernel::new(gpu, sources::EYE_DOME_EYE_DOME, "main", &[])?),
-        };
+        let kernel = self.kernels.get(gpu, [u32::from(dots.is_some())])?;
         let resources = [
             (0, uniform.as_entire_binding()),
             (1, picture.depth.as_entire_binding()),
             (2, picture.rgba.as_entire_binding()),
+            // Bound in any case; only read where there are dots.
+            (3, dots.unwrap_or(&picture.depth).as_entire_binding()),
         ];
         Ok(Dispatch::over(gpu, kernel, [picture.width, picture.height], &resources))
     }
 
-    /// Rebuilds the kernel if its shader has changed on disk (debug runs only).
+    /// Rebuilds the kernels if their shader has changed on disk (debug runs only).
     ///
     /// # Errors
     /// If the changed shader does not build; the old one stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
-        self.kernel.as_mut().map_or(Ok(false), |kernel| kernel.reload(gpu))
+        self.kernels.reload(gpu)
     }
 }

@@ -1,5 +1,6 @@
 //! Grow on the GPU: draws points as dots of more than a pixel, into a second frame buffer. Adaptive
-//! dots have sizes from the words of the points. Twin: [`crate::passes::grow`].
+//! dots have sizes from the words of the points. Before that, split parts dots from the points of
+//! surfaces. Twins: [`crate::passes::grow`], [`crate::passes::split`].
 
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
@@ -13,16 +14,20 @@ use wgpu::{BufferUsages, ComputePass};
 
 same_values!(grow_sizes == crate::passes::grow { ADAPTIVE_FACTOR, PIXEL_RADIUS });
 same_values!(grow_sizes == crate::frame { ADAPTIVE_MAX });
+same_values!(grow_sizes == crate::passes::split { SURFACE_PX[..] = SURFACE_PX });
 
 /// Bytes of the radius of a dot.
 const RADIUS_BYTES: u64 = 4;
 
 /// The pass.
 pub struct Grow {
-    sizes: Variants<0>,
+    /// Variants: whether dots are parted from surfaces, and whether there are normals.
+    sizes: Variants<2>,
     /// Variants: whether dots have sizes of their own.
     kernels: Variants<1>,
     radii: Counted,
+    /// Points that are parted from surfaces.
+    dots: Counted,
     grown: Counted,
 }
 
@@ -33,15 +38,37 @@ impl Grow {
     /// If memory is refused.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self {
-            sizes: Variants::new(sources::GROW_SIZES, []),
+            sizes: Variants::new(sources::GROW_SIZES, ["SPLITS", "NORMALS"]),
             kernels: Variants::new(sources::GROW_GROW, ["ADAPTS"]),
             radii: buffer(gpu, RADIUS_BYTES)?,
+            dots: buffer(gpu, HIT_BYTES)?,
             grown: buffer(gpu, HIT_BYTES)?,
         })
     }
 
-    /// Encodes the filling of [`Grow::hits`] from those of `winners`. `words` are `geometry` and
-    /// `paint` of its points, if dots have sizes of their own.
+    /// Encodes split: moves the points that are dots out of the frame buffer of `winners`. `words`
+    /// are `geometry` and `paint` of its points. Adds to the count of pixels with a point.
+    ///
+    /// # Errors
+    /// If the driver refuses a shader or memory.
+    pub fn split(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        plan: &FramePlan,
+        lookup: &GpuLookup,
+        winners: &WinningPoints<'_>,
+        words: [&wgpu::Buffer; 2],
+    ) -> Result<(), GpuError> {
+        let pixels = pixels_of(winners);
+        fit(gpu, &mut self.radii, RADIUS_BYTES * pixels)?;
+        fit(gpu, &mut self.dots, HIT_BYTES * pixels)?;
+        self.size(gpu, pass, plan, lookup, winners, words)
+    }
+
+    /// Encodes the filling of [`Grow::hits`] from those of `winners`, or from the dots of
+    /// [`Grow::split`] if the plan has that. `words` are `geometry` and `paint` of the points of
+    /// `winners`, if dots have sizes of their own.
     ///
     /// # Errors
     /// If the driver refuses a shader or memory.
@@ -52,31 +79,50 @@ impl Grow {
         plan: &FramePlan,
         lookup: &GpuLookup,
         winners: &WinningPoints<'_>,
-        [geometry, paint]: [&wgpu::Buffer; 2],
+        words: [&wgpu::Buffer; 2],
     ) -> Result<(), GpuError> {
-        let pixels = u64::from(winners.size[0]) * u64::from(winners.size[1]);
-        // Dots of one size have no radii of their own; a buffer of one pixel is bound.
-        fit(gpu, &mut self.radii, RADIUS_BYTES * if plan.adapts { pixels } else { 1 })?;
+        let pixels = pixels_of(winners);
         fit(gpu, &mut self.grown, HIT_BYTES * pixels)?;
-        let [radii, grown] = [&*self.radii, &*self.grown];
-        if plan.adapts {
-            let kernel = self.sizes.get(gpu, [])?;
-            let buffers = [
-                (0, winners.uniform),
-                (1, lookup.uniform()),
-                (2, winners.hits),
-                (3, winners.draws),
-                (4, lookup.octree()),
-                (5, geometry),
-                (6, paint),
-                (7, radii),
-            ];
-            kernel.dispatch(pass, &kernel.bind(gpu, &buffers), winners.groups());
+        if !plan.mixes_dots() {
+            // Dots of one size have no radii of their own; a buffer of one pixel is bound.
+            fit(gpu, &mut self.radii, RADIUS_BYTES * if plan.adapts { pixels } else { 1 })?;
+            fit(gpu, &mut self.dots, HIT_BYTES)?;
+            if plan.adapts {
+                self.size(gpu, pass, plan, lookup, winners, words)?;
+            }
         }
+        let hits = if plan.mixes_dots() { &*self.dots } else { winners.hits };
         let kernel = self.kernels.get(gpu, [u32::from(plan.adapts)])?;
-        let buffers = [winners.uniform, winners.hits, radii, grown];
+        let buffers = [winners.uniform, hits, &*self.radii, &*self.grown];
         let resources: Vec<_> = (0..).zip(buffers.map(wgpu::Buffer::as_entire_binding)).collect();
         Dispatch::over(gpu, kernel, winners.size, &resources).run(pass);
+        Ok(())
+    }
+
+    /// Encodes the filling of the radii, and the parting of dots if the plan has that.
+    fn size(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        plan: &FramePlan,
+        lookup: &GpuLookup,
+        winners: &WinningPoints<'_>,
+        [geometry, paint]: [&wgpu::Buffer; 2],
+    ) -> Result<(), GpuError> {
+        let kernel = self.sizes.get(gpu, plan.sizes_constants().map(|(_, value)| value))?;
+        let buffers = [
+            (0, winners.uniform),
+            (1, lookup.uniform()),
+            (2, winners.hits),
+            (3, winners.draws),
+            (4, lookup.octree()),
+            (5, geometry),
+            (6, paint),
+            (7, &*self.radii),
+            (8, &*self.dots),
+            (9, winners.counts),
+        ];
+        kernel.dispatch(pass, &kernel.bind(gpu, &buffers), winners.groups());
         Ok(())
     }
 
@@ -91,6 +137,7 @@ impl Grow {
     /// If memory is refused.
     pub fn release(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
         fit(gpu, &mut self.radii, RADIUS_BYTES)?;
+        fit(gpu, &mut self.dots, HIT_BYTES)?;
         fit(gpu, &mut self.grown, HIT_BYTES)
     }
 
@@ -101,6 +148,10 @@ impl Grow {
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         Ok(self.sizes.reload(gpu)? | self.kernels.reload(gpu)?)
     }
+}
+
+fn pixels_of(winners: &WinningPoints<'_>) -> u64 {
+    u64::from(winners.size[0]) * u64::from(winners.size[1])
 }
 
 fn buffer(gpu: &Gpu, bytes: u64) -> Result<Counted, GpuError> {

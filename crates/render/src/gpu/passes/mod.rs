@@ -11,6 +11,7 @@ pub(crate) mod fill_holes;
 pub(crate) mod fit_planes;
 pub mod gather;
 pub(crate) mod grow;
+pub(crate) mod overlay;
 pub mod primitives;
 pub mod project;
 pub(crate) mod pull;

@@ -9,13 +9,15 @@ use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::variants::Variants;
 use crate::gpu::target::SurfaceTarget;
 
-same_values!(shade_shade == crate::passes::shade {
+same_values!(common_phong == crate::passes::shade {
     KEY[..] = KEY.to_array(),
     KEY_SHARE,
     EYE_SHARE,
     SKY_SHARE,
     GROUND_SHARE,
     SHINE,
+});
+same_values!(shade_shade == crate::passes::shade {
     EDGE[..] = [EDGE.0, EDGE.1],
     DOME[..] = [DOME.0, DOME.1],
 });

@@ -1,4 +1,5 @@
-//! Copies the colours of a picture from its buffer to its texture, after resolve.
+//! Copies the colours of a picture without its margin from its buffer to its texture, after dots
+//! are drawn.
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;

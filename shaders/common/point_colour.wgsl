@@ -1,0 +1,16 @@
+// Colours of the points of pixels, from their fetched words. Needs common/colour.wgsl,
+// common/place.wgsl, and variables `geometry` and `paint`. Twin: `Lookup::colour_of` in
+// crates/render/src/inputs/lookup.rs.
+
+// The colour of a pixel's point, linear light.
+fn point_colour(pixel: u32, depth_bits: u32) -> vec3<f32> {
+    let words = paint[pixel];
+    var height = vec2<u32>(0u);
+    if COLOUR == BY_ELEVATION {
+        let draw = words.x & ~HAS_COLOUR;
+        let offset = offset_of(geometry[pixel], draws[draw].shift);
+        let z = draws[draw].box_min.z + offset.z;
+        height = vec2<u32>(u32(z < offset.z), z);
+    }
+    return colour_of(words, height, depth_bits);
+}
