@@ -1,4 +1,4 @@
-// Replaces the attributes of the winning points in level 0 by the averages of the pixels' front
+// Mixes the attributes of the winning points in level 0 with the averages of the pixels' front
 // surfaces. Twin: crates/render/src/passes/average.rs.
 
 // include common/frame.wgsl
@@ -28,7 +28,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     let share = 1.0 / (count * STEPS);
     let at = first + AT_COLOUR;
     let colour = vec3<f32>(vec3<u32>(sums[at], sums[at + 1u], sums[at + 2u])) * share;
-    tint[pixel] = vec4<f32>(colour, tint[pixel].w);
+    let own = tint[pixel];
+    tint[pixel] = vec4<f32>(own.xyz * (1.0 - frame.crowding) + colour * frame.crowding, own.w);
     if NORMALS {
         let n = first + AT_NORMAL;
         let mean = vec3<f32>(vec3<u32>(sums[n], sums[n + 1u], sums[n + 2u])) * share;
@@ -37,13 +38,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         if all(abs(normal) <= vec3<f32>(2.0 / STEPS)) {
             normal = vec3<f32>(0.0);
         }
-        normals[pixel] = vec4<f32>(normal, normals[pixel].w);
+        let before = normals[pixel];
+        normal = before.xyz * (1.0 - frame.crowding) + normal * frame.crowding;
+        normals[pixel] = vec4<f32>(normal, before.w);
         return;
     }
     let depth = depths[pixel];
     let reach = bitcast<f32>(sums[first + AT_REACH]);
     let scale = frame.focal_px / depth - f32(sums[first + AT_DEPTH]) * share * reach;
-    let moved = frame.focal_px / scale - depth;
+    let moved = (frame.focal_px / scale - depth) * frame.crowding;
     depths[pixel] = depth + moved;
     front[pixel] += vec4<f32>(moved, moved, 0.0, 0.0);
 }

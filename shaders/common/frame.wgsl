@@ -34,4 +34,6 @@ struct Frame {
     has_fronts: u32,
     // 0 for a pinhole; the depth at which lengths have their size if the view is parallel.
     anchor_depth: f32,
+    // How crowded the view is, 0 to 1: the share of averages.
+    crowding: f32,
 }

@@ -4,9 +4,6 @@
 // include common/frame.wgsl
 // include common/squares.wgsl
 
-// Whether the view is crowded.
-override CROWDED: bool = false;
-
 @group(0) @binding(0) var<uniform> frame: Frame;
 // Nearest points (fit_planes/nearest.wgsl).
 @group(0) @binding(1) var<storage, read> nears: array<vec2<u32>>;
@@ -111,10 +108,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         }
     }
     let mean = off / max(count * most, LEAST_SUM);
-    var trust = TRUST_APART;
-    if CROWDED {
-        trust = TRUST_CROWDED;
-    }
+    let trust = TRUST_APART * (1.0 - frame.crowding) + TRUST_CROWDED * frame.crowding;
     let mistrust = clamp((mean - trust.y) * (1.0 / (trust.z - trust.y)), 0.0, 1.0);
     let reach = mistrust * (BARE_REACH - trust.x) + trust.x;
     if missing > MISSING_MAX {

@@ -177,7 +177,7 @@ fn smooth_pixel(pixel: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32
         }
     }
     if sum > 0.0 {
-        let share = sum * (SMOOTH / 16.0);
+        let share = sum * (SMOOTH * (1.0 - frame.crowding) / 16.0);
         let old = fine_tint[pixel];
         fine_tint[pixel] = vec4<f32>(old.xyz * (1.0 - share) + tint / sum * share, old.w);
         if PLANE == NORMAL {

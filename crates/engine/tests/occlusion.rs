@@ -85,6 +85,7 @@ impl Scan {
             shines: true,
             skips_push: true,
             averages,
+            crowding: None,
             smooths: averages,
             fits_planes: averages,
             evens_exposure: false,

@@ -72,7 +72,14 @@ impl Whole {
         select(self.file.table(), lattice, view, &options, residency, None)
     }
 
-    fn draw(&self, view: &View, cut: &Selection, renderer: &mut Renderer) -> Picture {
+    /// Draws a cut that was chosen for a target spacing.
+    fn draw(
+        &self,
+        view: &View,
+        cut: &Selection,
+        target_spacing_px: f64,
+        renderer: &mut Renderer,
+    ) -> Picture {
         let octree = CompactOctree::new(self.file.table(), &cut.drawn);
         let nodes = &self.file.table().nodes;
         let draws: Vec<_> = (cut.drawn.iter().enumerate())
@@ -84,7 +91,8 @@ impl Whole {
                 })
             })
             .collect();
-        let frame = self.appearance.frame(&self.file, view, &draws, &octree);
+        let appearance = self.appearance.clone().aimed(target_spacing_px);
+        let frame = appearance.frame(&self.file, view, &draws, &octree);
         renderer.render(&frame).unwrap()
     }
 }
@@ -187,11 +195,11 @@ fn fly(whole: &Whole, path: &Flight, steps: usize, arrivals: usize, order: Order
         let at = step as f64 / steps as f64 * legs as f64;
         let leg = (at as usize).min(legs - 1);
         let view = path.between(leg + 1, at - leg as f64);
-        let full = whole.draw(&view, &whole.select(&view, &AllResident, 0.0), &mut renderer);
+        let full = whole.draw(&view, &whole.select(&view, &AllResident, 0.0), 0.0, &mut renderer);
         let (mut before, mut blobs_least) = (f64::INFINITY, f64::INFINITY);
         for arrival in 0.. {
             let cut = whole.select(&view, &known, 1.0);
-            let picture = whole.draw(&view, &cut, &mut renderer);
+            let picture = whole.draw(&view, &cut, 1.0, &mut renderer);
             let error = difference(&picture, &full);
             worst.rise = worst.rise.max(error / before - 1.0);
             before = error;

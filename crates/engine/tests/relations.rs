@@ -10,7 +10,7 @@ mod given;
 
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
-use esker_engine::draw::scene::PictureRequest;
+use esker_engine::draw::scene::{PictureRequest, PictureScene};
 #[cfg(feature = "light")]
 use esker_engine::light::settings::LightSettings;
 use esker_engine::machine::backend::{Backend, DrawWith};
@@ -197,9 +197,11 @@ fn the_order_of_points_and_files_does_not_change_a_bit() {
 fn a_finer_step_has_the_same_picture() {
     let folder = tempfile::tempdir().unwrap();
     let view = camera(1.0, [0.0; 3], 1.0);
-    let want = pictures(&built(&[plain()], folder.path()), &view);
+    let own = built(&[plain()], folder.path());
+    let want = pictures(&own, &view);
     let fine = built(&[scan(STEP / 10.0, |i| i, |p| p.map(|c| c * 10))], folder.path());
     let other = pictures(&fine, &view);
+    same_plan(&own, &fine, &view);
     // What moving the scan by some steps changes.
     let by = |steps: i32| {
         let moved = built(&[scan(STEP, |i| i, |p| p.map(|c| c + steps))], folder.path());
@@ -251,6 +253,18 @@ fn the_distance_of_the_target_does_not_change_a_bit() {
             let off = off.filter(|(a, b)| a != b).count();
             assert!(off * 1000 <= a.depth.len(), "{off} pixels, reach {reach}, {style:?}");
         }
+    }
+}
+
+/// The plan of a frame does not depend on the step of coordinates, dense and crowded views included.
+fn same_plan(file: &Forest, other: &Forest, camera: &str) {
+    for target_spacing_px in [1.0, 0.9, 0.7, 0.3, 0.0] {
+        let style = (Method::PullPush, Dots::default());
+        let request = PictureRequest { target_spacing_px, ..request(camera, style) };
+        let plans = [file, other].map(|f| PictureScene::choose(f, &request).unwrap().plan);
+        assert_eq!(plans[0].passes, plans[1].passes, "{target_spacing_px}");
+        let [a, b] = plans.map(|plan| plan.crowding());
+        assert!((a - b).abs() < 0.05, "{target_spacing_px}: {a}, {b}");
     }
 }
 

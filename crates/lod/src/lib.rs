@@ -5,6 +5,7 @@
 //! place. Reasons are in `docs/design/choosing-and-streaming.md`.
 
 mod closed;
+mod crowding;
 mod depth;
 mod feedback;
 mod frustum;
@@ -24,6 +25,7 @@ mod selection;
 mod surroundings;
 mod view;
 
+pub use crowding::{CROWDED_PX, crowding};
 pub use depth::SoftwareDepth;
 pub use feedback::{DepthFeedback, DepthTile, TILES, tiles_of};
 pub use frustum::Frustum;

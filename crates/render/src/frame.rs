@@ -162,8 +162,11 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// ([`crate::inputs::density::DENSE_PX`]).
     pub skips_push: bool,
     /// Whether the points of the front surface of a pixel are averaged in crowded views
-    /// ([`crate::inputs::density::CROWDED_PX`]); else a pixel shows one of them.
+    /// ([`Frame::crowding`]); else a pixel shows one of them.
     pub averages: bool,
+    /// How crowded the view is, 0 to 1 ([`esker_lod::crowding`]): the share of averages in colours.
+    /// `None`: 1 if most of the drawn points crowd ([`crate::inputs::density::is_crowded`]), else 0.
+    pub crowding: Option<f32>,
     /// Whether pixels that show one point are smoothed ([`crate::passes::push`]).
     pub smooths: bool,
     /// Whether planes are fitted to depths if points have no normals
@@ -198,6 +201,7 @@ impl<'a, P> Frame<'a, P> {
             shines: true,
             skips_push: true,
             averages: true,
+            crowding: None,
             smooths: true,
             fits_planes: true,
             evens_exposure: false,
@@ -214,7 +218,7 @@ impl<'a, P> Frame<'a, P> {
     {
         let Self { view, lattice, draws: _, octree, method, colour, .. } = *self;
         let Self { cull_back_faces, has_fronts, hides_points, shines, .. } = *self;
-        let Self { skips_push, averages, .. } = *self;
+        let Self { skips_push, averages, crowding, .. } = *self;
         let Self { smooths, fits_planes, evens_exposure, dots, mixes_dots, background, .. } = *self;
         Frame {
             view,
@@ -229,6 +233,7 @@ impl<'a, P> Frame<'a, P> {
             shines,
             skips_push,
             averages,
+            crowding,
             smooths,
             fits_planes,
             evens_exposure,

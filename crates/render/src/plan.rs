@@ -85,8 +85,8 @@ pub struct FrameOptions {
     pub smooths: bool,
     /// Whether planes are fitted to depths if points have no normals.
     pub fits_planes: bool,
-    /// Whether the view is crowded ([`crate::inputs::density::CROWDED_PX`]).
-    pub is_crowded: bool,
+    /// How crowded the view is, 0 to 1 ([`Frame::crowding`]).
+    pub crowding: f32,
     /// Whether differences of exposure between scans are removed. The spare byte of a colour is
     /// then the number of its scan.
     pub evens_exposure: bool,
@@ -97,7 +97,7 @@ pub struct FrameOptions {
 }
 
 /// The passes and planes of a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramePlan {
     /// The passes that run.
     pub passes: PassList,
@@ -120,9 +120,12 @@ pub struct FramePlan {
     /// Whether the pyramid has levels above level 0.
     pub has_pyramid: bool,
     /// Whether pixels that show one point are mixed with their interpolation
-    /// ([`crate::passes::push`]): if the options want it, the view is not crowded and colours are
-    /// not names.
+    /// ([`crate::passes::push`]): if the options want it, the view is not wholly crowded and colours
+    /// are not names.
     pub smooths: bool,
+    /// How crowded the view is, 0 to 1: the share of averages in the attributes of pixels, and of
+    /// smoothing that is left out.
+    crowding: f32,
     /// Whether points that are drawn alone have sizes of their own.
     pub adapts: bool,
     /// Width of the margin around the picture, pixels ([`crate::picture::margin`]); 0 if the plan
@@ -151,6 +154,8 @@ impl FramePlan {
         use Pass::{SmoothDepth, Split};
         let has_surface = options.method != Method::Points;
         let has_pyramid = options.method == Method::PullPush && !options.is_dense;
+        let is_surface = options.method == Method::PullPush;
+        let crowding = if is_surface { options.crowding.clamp(0.0, 1.0) } else { 0.0 };
         let mixes_dots = options.mixes_dots && options.method == Method::PullPush;
         let carries_normals = has.normals && has_surface;
         let fits = options.fits_planes && has_pyramid && !has.normals;
@@ -166,7 +171,7 @@ impl FramePlan {
                 (Split, mixes_dots),
                 (FitPlanes, fits),
                 (Gather, true),
-                (Average, options.is_crowded),
+                (Average, crowding > 0.0),
                 (
                     Exposure,
                     options.evens_exposure && has.colour_plane && options.colour == ColourBy::Rgb,
@@ -207,10 +212,8 @@ impl FramePlan {
             tangents: has.tangents && carries_normals && options.method == Method::Ewa,
             shines: options.shines && has_surface,
             has_pyramid,
-            smooths: has_pyramid
-                && options.smooths
-                && !options.is_crowded
-                && !options.colour.names(),
+            smooths: has_pyramid && options.smooths && crowding < 1.0 && !options.colour.names(),
+            crowding,
             adapts,
             margin_px: 0,
             colour: options.colour.number(),
@@ -238,10 +241,12 @@ impl FramePlan {
         let is_dense = method == Method::PullPush
             && frame.skips_push
             && frame.octree.is_some_and(|o| is_dense(frame.view, frame.lattice, o, nodes()));
-        let drawn = frame.draws.iter().map(|draw| (draw.entry, draw.node, draw.prefix));
-        let is_crowded = method == Method::PullPush
-            && frame.averages
-            && is_crowded(frame.view, frame.lattice, frame.octree, drawn);
+        let drawn = || frame.draws.iter().map(|draw| (draw.entry, draw.node, draw.prefix));
+        let crowding = match frame.crowding {
+            _ if method != Method::PullPush || !frame.averages => 0.0,
+            Some(crowding) => crowding,
+            None => f32::from(is_crowded(frame.view, frame.lattice, frame.octree, drawn())),
+        };
         let Frame { shines, smooths, fits_planes, evens_exposure, dots, mixes_dots, .. } = *frame;
         let options = FrameOptions {
             method,
@@ -250,7 +255,7 @@ impl FramePlan {
             is_dense,
             smooths,
             fits_planes,
-            is_crowded,
+            crowding,
             evens_exposure,
             dots,
             mixes_dots,
@@ -281,7 +286,17 @@ impl FramePlan {
 
     /// The plan without [`Pass::Average`].
     pub fn without_averages(self) -> Self {
-        Self { passes: self.passes.without(Pass::Average), ..self }
+        Self { passes: self.passes.without(Pass::Average), crowding: 0.0, ..self }
+    }
+
+    /// How crowded the view is, 0 to 1; 0 without [`Pass::Average`].
+    pub fn crowding(&self) -> f32 {
+        self.crowding
+    }
+
+    /// The share of smoothing in pixels that show one point ([`crate::passes::push`]), 0 to 1.
+    pub fn smoothing(&self) -> f32 {
+        if self.smooths { 1.0 - self.crowding } else { 0.0 }
     }
 
     /// Whether differences of exposure between scans are removed.
@@ -354,8 +369,7 @@ impl FramePlan {
         let of = |pass: &Pass| match pass {
             Pass::Project => vec![variant("project", &self.project_constants())],
             Pass::FitPlanes => {
-                let crowded = ("CROWDED", u32::from(self.averages()));
-                vec![variant("fit_planes/nearest", &[]), variant("fit_planes/fit", &[crowded])]
+                vec![variant("fit_planes/nearest", &[]), variant("fit_planes/fit", &[])]
             }
             Pass::Gather => {
                 let mut all = vec![

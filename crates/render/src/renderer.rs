@@ -101,12 +101,13 @@ impl Renderer {
         pyramid.fit(width, height, plan.planes());
         pyramid.lens = Lens::new(&camera);
         let fitted = (plan.planes() == Planes::Fitted).then(|| {
-            self.fitted.fill(&self.target, width, camera.focal_px, plan.averages());
+            self.fitted.fill(&self.target, width, camera.focal_px, plan.crowding());
             &self.fitted
         });
         let valid = gather(&lookup, &self.target, fitted, &mut pyramid.levels[0]);
         if plan.averages() {
-            self.averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]);
+            let crowding = plan.crowding();
+            self.averages.run(&lookup, &pyramid.lens, crowding, &mut pyramid.levels[0]);
         }
         if plan.evens_exposure() {
             self.exposure.run(&lookup, &self.target, &mut pyramid.levels[0]);
@@ -216,13 +217,16 @@ impl Renderer {
                     stats.pixels_covered = resolve(&lookup, target, frame.background, picture);
                     stats.pixels_projected = stats.pixels_covered;
                 }
-                Pass::FitPlanes => fitted.fill(target, width, camera.focal_px, plan.averages()),
+                Pass::FitPlanes => fitted.fill(target, width, camera.focal_px, plan.crowding()),
                 Pass::Gather => {
                     let fitted = (planes == Planes::Fitted).then_some(&*fitted);
                     let base = &mut pyramid.levels[0];
                     stats.pixels_projected += gather(&lookup, target, fitted, base);
                 }
-                Pass::Average => averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]),
+                Pass::Average => {
+                    let base = &mut pyramid.levels[0];
+                    averages.run(&lookup, &pyramid.lens, plan.crowding(), base);
+                }
                 Pass::Exposure => exposure.run(&lookup, target, &mut pyramid.levels[0]),
                 Pass::Place => {
                     let counts = ewa.place(frame, camera, &list, &lookup, plan);
@@ -234,7 +238,7 @@ impl Renderer {
                     edges = find_edges(&picture.depth, width, STEP_PX / camera.focal_px);
                 }
                 Pass::Pull => pull(pyramid),
-                Pass::Push => push_with(pyramid, plan.smooths, &mut picture.depth),
+                Pass::Push => push_with(pyramid, plan.smoothing(), &mut picture.depth),
                 Pass::FillHoles => {
                     if !plan.has_pyramid {
                         pyramid.levels[0].depth_image(&pyramid.lens, &mut picture.depth);

@@ -92,7 +92,7 @@ fn run_twins(input: &BaseImage<'_>, smooths: bool) -> TwinResults {
     pulled.levels[0] = base.clone();
     pull::pull(&mut pulled);
     let mut pushed = pulled.clone();
-    push::push_with(&mut pushed, smooths, &mut []);
+    push::push_with(&mut pushed, f32::from(smooths), &mut []);
     let mut last = pushed.clone();
     let pixels = base.width * base.height;
     let mut picture = Picture {
@@ -133,7 +133,7 @@ struct SurfacePasses<'a> {
 impl<'a> SurfacePasses<'a> {
     fn new(gpu: &'a Gpu, input: &BaseImage<'_>, smooths: bool) -> Self {
         let base = &input.base;
-        let bytes = [FrameUniform::new(&input.frame, &input.camera())];
+        let bytes = [FrameUniform::new(&input.frame, &input.camera(), 0.0)];
         let bytes: &[u8] = bytemuck::cast_slice(&bytes);
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let uniform = gpu.buffer("frame", bytes.len() as u64, usage).unwrap();

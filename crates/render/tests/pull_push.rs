@@ -41,7 +41,7 @@ impl Tally {
         let lens = lens.map(|l| [l.focal_px, l.centre_px.x, l.centre_px.y].map(f64::from));
         let expected = pull_push(Image { lens, ..read(base) }, smooths);
         pull::pull(pyramid);
-        push::push_with(pyramid, smooths, &mut []);
+        push::push_with(pyramid, f32::from(smooths), &mut []);
         let got = read(&pyramid.levels[0]);
         let apart = (0..got.pixels.len())
             .filter(|&i| !alike(got.pixels[i].as_ref(), expected.pixels[i].as_ref()))

@@ -7,7 +7,7 @@ use crate::draw::empty_picture;
 use crate::draw::method::{AUTO_DOTS, Method};
 use anyhow::Result;
 use esker_format::{Forest, ForestFilter, PlaneKind};
-use esker_lod::{CompactOctree, View};
+use esker_lod::{CompactOctree, Options, View, crowding};
 use esker_points::{Codes, Coding, Filter, Node};
 use esker_render::inputs::camera::is_drawable;
 use esker_render::picture::margin::{MARGIN_PX, goes_beyond};
@@ -36,6 +36,8 @@ pub struct Appearance {
     pub culls_back: bool,
     /// How points look that are drawn alone.
     pub dots: Dots,
+    /// Distance of adjacent points in the picture that is fine enough, pixels.
+    pub target_spacing_px: f64,
     /// Depth of the near plane, the file's unit.
     near: f64,
 }
@@ -66,8 +68,18 @@ impl Appearance {
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
         let (evens_exposure, culls_back, dots) = (false, false, Dots::default());
-        let near = near(file);
-        Ok(Self { colouring, shown, method, shines, evens_exposure, culls_back, dots, near })
+        let (near, target_spacing_px) = (near(file), Options::default().target_spacing_px);
+        Ok(Self {
+            colouring,
+            shown,
+            method,
+            shines,
+            evens_exposure,
+            culls_back,
+            dots,
+            target_spacing_px,
+            near,
+        })
     }
 
     /// Adds exposure compensation, if `evens_exposure`.
@@ -91,6 +103,19 @@ impl Appearance {
     /// Draws points alone as these dots.
     pub fn dotted(self, dots: Dots) -> Self {
         Self { dots, ..self }
+    }
+
+    /// Draws points as close together as this, pixels, where the file has that many.
+    pub fn aimed(self, target_spacing_px: f64) -> Self {
+        Self { target_spacing_px, ..self }
+    }
+
+    /// How crowded a view is ([`esker_lod::crowding`]).
+    pub fn crowding(&self, file: &Forest, view: &View) -> f32 {
+        if self.method.passes() != Passes::PullPush {
+            return 0.0;
+        }
+        crowding(file.table(), file.metric(), view, self.target_spacing_px)
     }
 
     /// How points look that are drawn alone, and whether they are mixed with surfaces.
@@ -133,9 +158,9 @@ impl Appearance {
         self
     }
 
-    /// Plan of the frames. `is_dense`: points are dense in the whole view; `is_crowded`: points
-    /// share pixels.
-    pub fn plan(&self, file: &Forest, is_dense: bool, is_crowded: bool) -> FramePlan {
+    /// Plan of the frames. `is_dense`: points are dense in the whole view; `crowding`: how
+    /// crowded the view is.
+    pub fn plan(&self, file: &Forest, is_dense: bool, crowding: f32) -> FramePlan {
         let normals = file.has(PlaneKind::Normal);
         let has = SceneHas {
             normals,
@@ -157,7 +182,7 @@ impl Appearance {
             is_dense,
             smooths,
             fits_planes,
-            is_crowded,
+            crowding,
             evens_exposure,
             dots,
             mixes_dots,
@@ -168,7 +193,7 @@ impl Appearance {
     /// Planes of each node that frames need, except residuals, which views request node by node,
     /// and classes ([`crate::light::class_plane`]).
     pub fn needs(&self, file: &Forest) -> Needs {
-        let plan = self.plan(file, false, false);
+        let plan = self.plan(file, false, 0.0);
         let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
         let (normals, clip_lines, tangents) = (plan.reads_normals, plan.clips, plan.tangents);
         Needs { colour, normals, clip_lines, tangents, classes: None }
@@ -209,6 +234,7 @@ impl Appearance {
             hides_points,
             shines,
             evens_exposure,
+            crowding: Some(self.crowding(file, view)),
             dots,
             mixes_dots,
             ..Frame::new(view, file.metric(), draws)

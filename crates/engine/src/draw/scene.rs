@@ -19,7 +19,7 @@ use esker_lod::{
     select, surround,
 };
 use esker_points::{Filter, Lattice, Task};
-use esker_render::inputs::density::{is_crowded, is_dense};
+use esker_render::inputs::density::is_dense;
 use esker_render::{Dots, DrawNode, FramePlan};
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -202,7 +202,7 @@ impl PictureScene {
         let before = file.read_bytes();
         let appearance = Appearance::new(file, colour_by.as_deref(), filter, *method, *shines)?;
         let appearance = appearance.evened(file, *evens_exposure)?.culled(request.culls_back);
-        let appearance = appearance.dotted(request.dots);
+        let appearance = appearance.dotted(request.dots).aimed(request.target_spacing_px);
         let appearance = if request.full { appearance } else { appearance.compacted(file) };
         let class_plane = light::class_plane(file, *method, &request.light);
         // Classes are read as they are stored, also where colours are made of them.
@@ -237,9 +237,7 @@ impl PictureScene {
         let drawn = || selection.drawn.iter().map(|d| (file.record(d.node), d.prefix)).enumerate();
         let nodes = drawn().map(|(entry, (node, _))| (entry, node));
         let is_dense = is_dense(&view, file.metric(), &octree, nodes);
-        let nodes = drawn().map(|(entry, (node, prefix))| (entry, node, prefix));
-        let is_crowded = is_crowded(&view, file.metric(), Some(&octree), nodes);
-        let plan = appearance.plan(file, is_dense, is_crowded);
+        let plan = appearance.plan(file, is_dense, appearance.crowding(file, &view));
         let mut kinds = planes_of(&plan, &appearance);
         kinds.extend(class_plane.filter(|plane| !kinds.contains(plane)));
         Ok(Self {

@@ -110,6 +110,7 @@ impl Session {
         let appearance = Appearance::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
         let Settings { culls_back, dots, .. } = options.settings;
         let appearance = appearance.evened(&file, *evens_exposure)?.culled(culls_back).dotted(dots);
+        let appearance = appearance.aimed(options.settings.target_spacing_px);
         let appearance = if *full { appearance } else { appearance.compacted(&file) };
         // Classes are read as they are stored, also where colours are made of them.
         let has_classes = class_plane(&file, *method, light).is_some();

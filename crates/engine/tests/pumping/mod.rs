@@ -76,7 +76,7 @@ fn frame(whole: &Whole, frame: usize, target_px: f64, renderer: &mut Renderer) -
     let mut draw = |target_px: f64| {
         let cut = whole.select(&view, &AllResident, target_px);
         let points = cut.drawn.iter().map(|d| d.prefix).sum();
-        (whole.draw(&view, &cut, renderer), points)
+        (whole.draw(&view, &cut, target_px, renderer), points)
     };
     let ((reference, _), (picture, points)) = (draw(0.0), draw(target_px));
     let [missing, more] = uncovered(&picture, &reference);

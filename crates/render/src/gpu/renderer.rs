@@ -146,7 +146,7 @@ impl GpuRenderer {
         self.fit(&camera, &plan)?;
         self.cut.fill(&self.gpu, frame, &camera, &plan, pool)?;
         self.lookup.set(&self.gpu, frame)?;
-        let uniform = FrameUniform::new(frame, &camera);
+        let uniform = FrameUniform::new(frame, &camera, plan.crowding());
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         self.encode(&mut encoder, frame, &camera, &plan, pool)?;
         self.gpu.queue.submit([encoder.finish()]);
@@ -325,7 +325,7 @@ impl GpuRenderer {
             self.grow.split(gpu, &mut pass, plan, lookup, &won, words)?;
         }
         if plan.planes() == Planes::Fitted {
-            self.gather.fit_planes.encode(gpu, encoder, uniform, won.hits, plan, timing);
+            self.gather.fit_planes.encode(gpu, encoder, uniform, won.hits, timing);
         }
         let mut pass = timing.compute(encoder, Pass::Gather);
         self.gather.encode(gpu, &mut pass, plan, lookup, &won, pyramid)?;
@@ -372,7 +372,7 @@ impl GpuRenderer {
         }
         let target = EwaTarget {
             uniform,
-            frame: FrameUniform::new(frame, camera),
+            frame: FrameUniform::new(frame, camera, plan.crowding()),
             plan,
             cut,
             pool,

@@ -1,8 +1,9 @@
 //! Density of a view, from the nodes of its cut: dense if no pixel is without a point, which saves
-//! pull and push; crowded if points share pixels, which are then averaged.
+//! pull and push; crowded if points share pixels, which are then averaged ([`esker_lod::crowding`]
+//! says how crowded a view of a file is).
 //! [`crate::FramePlan::new`] uses both.
 
-use esker_lod::{CompactOctree, View};
+use esker_lod::{CROWDED_PX, CompactOctree, View};
 use esker_points::{Lattice, Node};
 use glam::DVec3;
 
@@ -11,10 +12,6 @@ use glam::DVec3;
 /// at most 1.42 times as wide as those of a Poisson-disk sample, in which every circle of one
 /// spacing holds a point.
 pub const DENSE_PX: f64 = 0.5;
-
-/// A view is crowded if most points are closer together than this, pixels: about two points share a
-/// pixel.
-pub const CROWDED_PX: f64 = 0.75;
 
 /// Whether a view is dense. `nodes` are the drawn nodes with their indices in `octree`. A node
 /// below which something is drawn counts with the spacing of what is drawn there.
@@ -35,9 +32,10 @@ pub fn is_dense<'a>(
     any && is_dense
 }
 
-/// Whether a view is crowded: at least half of the points of the finest nodes are closer together
-/// than [`CROWDED_PX`], at the distance of the centre of their node. `nodes` are the drawn nodes
-/// with their indices in `octree` and their numbers of drawn points.
+/// Whether drawn nodes are crowded: at least half of the points of the finest ones are closer
+/// together than [`CROWDED_PX`] at the distance of the middle of their node. For frames that do not
+/// say how crowded their view is ([`crate::Frame::crowding`]). `nodes` are the drawn nodes with
+/// their indices in `octree` and their numbers of drawn points.
 pub fn is_crowded<'a>(
     view: &View,
     lattice: &Lattice,
@@ -51,11 +49,8 @@ pub fn is_crowded<'a>(
             None => Some(node.spacing),
         };
         let Some(spacing) = spacing else { continue };
-        // The box of a node covers between half and all of the range of hot positions; three
-        // eighths of the range is its centre on average.
-        let half = 0.375 * 2f64.powi(16 + i32::from(node.hot_shift.min(16)));
-        let middle =
-            [0, 1, 2].map(|axis| lattice.world_axis(axis, f64::from(node.box_min[axis]) + half));
+        let [low, high] = node.own_box().map(|corner| corner.map(f64::from));
+        let middle = [0, 1, 2].map(|i| lattice.world_axis(i, 0.5 * (low[i] + high[i])));
         let distance = (DVec3::from_array(middle) - view.eye).length().max(view.near);
         let points = drawn.min(node.points()) as u64;
         all += points;

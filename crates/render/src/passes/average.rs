@@ -44,15 +44,15 @@ pub struct Averages {
 }
 
 impl Averages {
-    /// Replaces the attributes of the winners in `base` by the means of their pixels' front
-    /// surfaces.
-    pub fn run(&mut self, lookup: &Lookup<'_>, lens: &Lens, base: &mut Level) {
+    /// Mixes the attributes of the winners in `base` with the means of their pixels' front surfaces,
+    /// whose share is `crowding`.
+    pub fn run(&mut self, lookup: &Lookup<'_>, lens: &Lens, crowding: f32, base: &mut Level) {
         self.begin(lens, base);
         match base.planes() {
             Planes::Normals => self.add_all::<true>(lookup),
             Planes::None | Planes::Fitted => self.add_all::<false>(lookup),
         }
-        self.finish(lens, base);
+        self.finish(lens, crowding, base);
     }
 
     /// Stores the planes of the winners and clears the sums.
@@ -123,10 +123,10 @@ impl Averages {
         }
     }
 
-    /// Writes the means of pixels with more than one point; a single point is there already,
+    /// Mixes in the means of pixels with more than one point; a single point is there already,
     /// exactly. Sums that overflow run into the next one, so the number of points is never too
     /// small.
-    fn finish(&self, lens: &Lens, base: &mut Level) {
+    fn finish(&self, lens: &Lens, crowding: f32, base: &mut Level) {
         let width = base.width;
         for_each_row(base, |row| {
             let first = row.y * width;
@@ -141,19 +141,22 @@ impl Averages {
                 let share = 1.0 / (count * STEPS);
                 let low = |sum: u64| sum as u32 as f32 * share;
                 let high = |sum: u64| (sum >> 32) as f32 * share;
-                row.tint[x] =
-                    Vec3::new(low(sums[0]), high(sums[0]), low(sums[1])).extend(row.tint[x].w);
+                let mix = |own: Vec4, mean: Vec3| {
+                    (own.truncate() * (1.0 - crowding) + mean * crowding).extend(own.w)
+                };
+                let mean = Vec3::new(low(sums[0]), high(sums[0]), low(sums[1]));
+                row.tint[x] = mix(row.tint[x], mean);
                 if let Some(normal) = row.normal.get_mut(x) {
                     let mean = Vec3::new(low(sums[2]), high(sums[2]), low(sums[3]));
                     let mean = mean * 2.0 - Vec3::ONE;
                     // Without normals the mean differs from zero by the rounding to steps.
                     let is_none = mean.abs().max_element() <= NO_NORMAL;
-                    *normal = if is_none { Vec3::ZERO } else { mean }.extend(normal.w);
+                    *normal = mix(*normal, if is_none { Vec3::ZERO } else { mean });
                     continue;
                 }
                 let depth = row.depth[x];
                 let scale = lens.focal_px / depth - high(sums[3]) * plane.w;
-                let moved = lens.focal_px / scale - depth;
+                let moved = (lens.focal_px / scale - depth) * crowding;
                 row.depth[x] += moved;
                 row.front[x] += Vec4::new(moved, moved, 0.0, 0.0);
             }

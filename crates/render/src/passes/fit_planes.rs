@@ -63,6 +63,15 @@ pub(crate) const APART: Trust = Trust { reach: 0.8, distance: [0.2, 0.4] };
 /// pixels depend on hidden nodes (`crates/engine/tests/occlusion.rs`).
 pub(crate) const CROWDED: Trust = Trust { reach: BARE_REACH, distance: [0.18, 0.35] };
 
+/// Trust in a view of this crowding.
+fn trust(crowding: f32) -> Trust {
+    let mix = |apart: f32, crowded: f32| apart * (1.0 - crowding) + crowded * crowding;
+    Trust {
+        reach: mix(APART.reach, CROWDED.reach),
+        distance: [0, 1].map(|i| mix(APART.distance[i], CROWDED.distance[i])),
+    }
+}
+
 /// A plane fitted to a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FittedPlane {
@@ -96,9 +105,9 @@ pub struct FittedPlanes {
 }
 
 impl FittedPlanes {
-    /// Fits a plane to each square of a frame buffer `width` pixels wide. `is_crowded` keeps depth
-    /// intervals long.
-    pub fn fill(&mut self, target: &[AtomicU64], width: usize, focal_px: f32, is_crowded: bool) {
+    /// Fits a plane to each square of a frame buffer `width` pixels wide. Where the view is
+    /// crowded (0 to 1), depth intervals stay long.
+    pub fn fill(&mut self, target: &[AtomicU64], width: usize, focal_px: f32, crowding: f32) {
         let height = target.len() / width.max(1);
         (self.width, self.height) = (width.div_ceil(SQUARE_PX), height.div_ceil(SQUARE_PX));
         self.stride = self.width.next_multiple_of(EIGHT) + 2;
@@ -109,7 +118,7 @@ impl FittedPlanes {
         self.y.resize(squares, 0.0);
         self.fitted.resize(self.width * self.height, FittedPlane::NONE);
         self.collect_nearest(target, width, height);
-        self.fit(focal_px, if is_crowded { CROWDED } else { APART });
+        self.fit(focal_px, trust(crowding));
     }
 
     /// The plane fitted around a pixel that shows a disc of radius `radius_px`.
@@ -290,8 +299,8 @@ mod tests {
     fn fit(target: &[AtomicU64]) -> FittedPlanes {
         let mut fitted = FittedPlanes::default();
         // Fits another picture first: its planes must not remain.
-        fitted.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, true);
-        fitted.fill(target, WIDTH, FOCAL_PX, false);
+        fitted.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, 1.0);
+        fitted.fill(target, WIDTH, FOCAL_PX, 0.0);
         fitted
     }
 

@@ -69,13 +69,13 @@ pub(crate) const ROUNDING: f32 = 0.99999;
 
 /// Fills the levels from the second coarsest one down to the picture.
 pub fn push(pyramid: &mut Pyramid) {
-    push_with(pyramid, false, &mut []);
+    push_with(pyramid, 0.0, &mut []);
 }
 
-/// Version of [`push`] that also smooths the pixels of the picture that keep their attributes, if
-/// `smooths`, and writes the depth image of the picture
+/// Version of [`push`] that also smooths the pixels of the picture that keep their attributes, by
+/// the share `smoothing` (0 to 1) of the usual smoothing, and writes the depth image of the picture
 /// ([`crate::picture::pyramid::Level::depth_image`]) to `image` while its rows are in the cache.
-pub fn push_with(pyramid: &mut Pyramid, smooths: bool, image: &mut [f32]) {
+pub fn push_with(pyramid: &mut Pyramid, smoothing: f32, image: &mut [f32]) {
     if let [base] = &pyramid.levels[..] {
         return base.depth_image(&pyramid.lens, image);
     }
@@ -84,11 +84,11 @@ pub fn push_with(pyramid: &mut Pyramid, smooths: bool, image: &mut [f32]) {
         let (finer, coarser) = pyramid.levels.split_at_mut(i);
         let (finer, coarser) = (&mut finer[i - 1], &coarser[0]);
         let image: &mut [f32] = if i == 1 { &mut *image } else { &mut [] };
-        let smooths = smooths && i == 1;
+        let smoothing = if i == 1 { smoothing } else { 0.0 };
         match planes {
-            Planes::None => push_level::<FLAT>(&lens, coarser, finer, smooths, image),
-            Planes::Fitted => push_level::<FITTED>(&lens, coarser, finer, smooths, image),
-            Planes::Normals => push_level::<NORMALS>(&lens, coarser, finer, smooths, image),
+            Planes::None => push_level::<FLAT>(&lens, coarser, finer, smoothing, image),
+            Planes::Fitted => push_level::<FITTED>(&lens, coarser, finer, smoothing, image),
+            Planes::Normals => push_level::<NORMALS>(&lens, coarser, finer, smoothing, image),
         }
     }
 }
@@ -97,15 +97,15 @@ fn push_level<const PLANE: usize>(
     lens: &Lens,
     coarser: &Level,
     finer: &mut Level,
-    smooths: bool,
+    smoothing: f32,
     image: &mut [f32],
 ) {
     let edge_px = finer.edge_px;
     for_each_band(finer, image, |rows| {
-        dispatch!(Support::new(), simd => if smooths {
-            push_rows::<_, PLANE, true>(simd, lens, coarser, edge_px, rows);
+        dispatch!(Support::new(), simd => if smoothing > 0.0 {
+            push_rows::<_, PLANE, true>(simd, lens, coarser, edge_px, smoothing, rows);
         } else {
-            push_rows::<_, PLANE, false>(simd, lens, coarser, edge_px, rows);
+            push_rows::<_, PLANE, false>(simd, lens, coarser, edge_px, smoothing, rows);
         });
     });
 }
@@ -117,6 +117,7 @@ fn push_rows<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     lens: &Lens,
     coarser: &Level,
     edge_px: f32,
+    smoothing: f32,
     rows: Rows<'_>,
 ) {
     // Coarser rows in use, indexed by the last bit of their number.
@@ -137,7 +138,7 @@ fn push_rows<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
             let first = 2 * LANES * block;
             if has_pixels(runs.0) || has_pixels(runs.1) {
                 let runs = [runs.0, runs.1];
-                push_run::<S, PLANE, SMOOTHS>(simd, edge_px, runs, first, &mut row);
+                push_run::<S, PLANE, SMOOTHS>(simd, edge_px, smoothing, runs, first, &mut row);
                 row.write_image::<PLANE>(lens, edge_px, first);
             } else {
                 // Valid pixels here would have made the coarser ones valid.
@@ -153,6 +154,7 @@ fn push_rows<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
 fn push_run<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     simd: S,
     edge_px: f32,
+    smoothing: f32,
     runs: [&Run; 2],
     first: usize,
     row: &mut RowMut<'_>,
@@ -173,7 +175,8 @@ fn push_run<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     let (zero, infinite) = (simd.splat_f32x8(0.0), simd.splat_f32x8(f32::INFINITY));
     if is_empty(own) {
         // Most runs have no valid pixel of their own.
-        let finer = FinerPixels { least: infinite, most: infinite, displaced: [zero; 2] };
+        let (least, displaced) = (infinite, [zero; 2]);
+        let finer = FinerPixels { least, most: least, displaced, smoothing };
         return finer.fill::<PLANE, false>(&near, zero.cmpeq(zero), row, first);
     }
     let own = halves(own, INVALID);
@@ -183,7 +186,7 @@ fn push_run<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
         only(is_valid, join(simd, own[0][2], own[1][2])),
         only(is_valid, join(simd, own[0][3], own[1][3])),
     ];
-    let finer = FinerPixels { least, most, displaced };
+    let finer = FinerPixels { least, most, displaced, smoothing };
     let [above, beside @ ..] = &near;
     let mut candidates = !(is_valid & finer.is_within::<PLANE>(above));
     for near in beside {
@@ -205,6 +208,8 @@ struct FinerPixels<S: Simd> {
     /// To the pixels' centres from where depths are compared: the centres of their ellipses, or of
     /// the pixels where they are invalid.
     displaced: [f32x8<S>; 2],
+    /// Share of the usual smoothing of pixels that stay.
+    smoothing: f32,
 }
 
 impl<S: Simd> FinerPixels<S> {
@@ -299,7 +304,7 @@ impl<S: Simd> FinerPixels<S> {
         let (weights, sum) = self.weights::<PLANE>(near, &cover, is_new, smoothed);
         let [tint, plane] = mean_attributes::<PLANE, S>(near, &weights);
         if smooths {
-            let share = split(sum * (SMOOTH / WEIGHTS.iter().sum::<f32>()));
+            let share = split(sum * (SMOOTH * self.smoothing / WEIGHTS.iter().sum::<f32>()));
             smooth::<PLANE>(bits(is_kept), share, [tint, plane], row, first);
             if !is_new.any_true() {
                 return;

@@ -19,7 +19,7 @@ const OPTIONS: FrameOptions = FrameOptions {
     is_dense: false,
     smooths: true,
     fits_planes: true,
-    is_crowded: false,
+    crowding: 0.0,
     evens_exposure: false,
     dots: Dots { size: PointSize::Pixels(1.0), eye_dome: 0.0 },
     mixes_dots: false,
@@ -128,7 +128,7 @@ fn dense_views_are_neither_pulled_nor_pushed() {
 
 #[test]
 fn points_are_averaged_where_they_crowd_and_nowhere_else() {
-    let crowded = FrameOptions { is_crowded: true, ..OPTIONS };
+    let crowded = FrameOptions { crowding: 1.0, ..OPTIONS };
     let plan = FramePlan::of(&ALL, &crowded);
     assert!(plan.averages() && plan.averages_read() == [true; 2]);
     assert!(plan.variants().iter().any(|v| v.shader == "average/add"));
@@ -141,6 +141,10 @@ fn points_are_averaged_where_they_crowd_and_nowhere_else() {
     for method in [Method::Points, Method::Ewa] {
         assert!(!FramePlan::of(&ALL, &FrameOptions { method, ..crowded }).averages());
     }
+    // In between both are mixed.
+    let half = FramePlan::of(&ALL, &FrameOptions { crowding: 0.25, ..OPTIONS });
+    assert!(half.averages() && half.smooths);
+    assert_eq!([half.crowding(), half.smoothing()], [0.25, 0.75]);
 }
 
 #[test]
@@ -151,7 +155,7 @@ fn pixels_are_smoothed_where_points_do_not_crowd_and_colours_are_not_names() {
     let constants = smooth.variants().into_iter().flat_map(|v| v.constants);
     assert!(constants.into_iter().any(|constant| constant == ("SMOOTHS", 1)));
     let classes = FrameOptions { colour: ColourBy::Codes(Codebook::Classes), ..OPTIONS };
-    let crowded = FrameOptions { is_crowded: true, ..OPTIONS };
+    let crowded = FrameOptions { crowding: 1.0, ..OPTIONS };
     assert!(!plan(classes).smooths && !plan(crowded).smooths);
     assert!(!plan(FrameOptions { smooths: false, ..OPTIONS }).smooths);
     let dense = FrameOptions { is_dense: true, ..OPTIONS };
@@ -173,12 +177,7 @@ fn planes_are_fitted_where_there_are_no_normals_and_depths_are_compared() {
     assert_eq!(fitted.passes[..3], [Pass::Project, Pass::FitPlanes, Pass::Gather]);
     assert_eq!(plan(ALL, OPTIONS).planes(), Planes::Normals);
     let [dense, crowded] =
-        [FrameOptions { is_dense: true, ..OPTIONS }, FrameOptions { is_crowded: true, ..OPTIONS }];
-    // In crowded views depth intervals stay long.
-    let long = |plan: &FramePlan| {
-        plan.variants().into_iter().filter(|v| v.constants.contains(&("CROWDED", 1))).count()
-    };
-    assert_eq!([plan(bare, OPTIONS), plan(bare, crowded)].map(|plan| long(&plan)), [0, 1]);
+        [FrameOptions { is_dense: true, ..OPTIONS }, FrameOptions { crowding: 1.0, ..OPTIONS }];
     assert_eq!(plan(bare, crowded).planes(), Planes::Fitted);
     let [points, ewa] =
         [Method::Points, Method::Ewa].map(|method| FrameOptions { method, ..OPTIONS });
@@ -198,12 +197,12 @@ fn exposures_are_evened_on_request_and_only_for_colours_of_the_scans() {
         variants.filter(|s| s.starts_with("exposure/")).count()
     };
     assert!(plan.evens_exposure() && shaders(&plan) == 3);
-    let crowded = FramePlan::of(&ALL, &FrameOptions { is_crowded: true, ..options });
+    let crowded = FramePlan::of(&ALL, &FrameOptions { crowding: 1.0, ..options });
     assert!(crowded.averages() && crowded.evens_exposure());
     assert_eq!(crowded.without_averages(), FramePlan { smooths: false, ..plan });
     assert_eq!(
         crowded.without_exposure(),
-        FramePlan::of(&ALL, &FrameOptions { is_crowded: true, ..OPTIONS })
+        FramePlan::of(&ALL, &FrameOptions { crowding: 1.0, ..OPTIONS })
     );
     let others = [
         FramePlan::of(&ALL, &OPTIONS),

@@ -103,8 +103,8 @@ impl CpuFrame<'_> {
         pyramid.fit(width, height, planes);
         let mut base = pyramid.levels.swap_remove(0);
         let mut fitted = FittedPlanes::default();
-        let is_crowded = FramePlan::new(self.frame).averages();
-        fitted.fill(&self.target, width, self.camera.focal_px, is_crowded);
+        let crowding = FramePlan::new(self.frame).crowding();
+        fitted.fill(&self.target, width, self.camera.focal_px, crowding);
         let fitted = (planes == Planes::Fitted).then_some(&fitted);
         (gather(&lookup, &self.target, fitted, &mut base), base)
     }
@@ -209,7 +209,7 @@ impl GpuPasses {
                 row
             })
             .collect();
-        let uniform = FrameUniform::new(frame, &camera);
+        let uniform = FrameUniform::new(frame, &camera, FramePlan::new(frame).crowding());
         let buffers = [
             self.buffer(bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM),
             self.buffer(bytemuck::cast_slice(hits), BufferUsages::STORAGE),
@@ -236,14 +236,7 @@ impl GpuPasses {
         let size = [frame.view.width, frame.view.height];
         gather.fit_planes.fit(gpu, size, &plan).unwrap();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        gather.fit_planes.encode(
-            gpu,
-            &mut encoder,
-            won.uniform,
-            won.hits,
-            &plan,
-            &mut Timing::default(),
-        );
+        gather.fit_planes.encode(gpu, &mut encoder, won.uniform, won.hits, &mut Timing::default());
         gpu.queue.submit([encoder.finish()]);
         run(gpu, |pass| gather.encode(gpu, pass, &plan, lookup, &won, pyramid).unwrap());
         let level = &pyramid.levels[0];
@@ -304,7 +297,7 @@ impl GpuPasses {
         let scene = crate::Scene { lattice, nodes: Vec::new() };
         let frame = scene.frame(&view, &[]);
         let camera = Camera::new(&view, &lattice).unwrap();
-        let uniform = FrameUniform::new(&frame, &camera);
+        let uniform = FrameUniform::new(&frame, &camera, FramePlan::new(&frame).crowding());
         let uniform = self.buffer(bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
         let depth = self.buffer(bytemuck::cast_slice(depth), BufferUsages::STORAGE);
         let (gpu, tiles) = (&self.gpu, &self.tiles);

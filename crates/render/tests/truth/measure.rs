@@ -180,7 +180,7 @@ impl Cloud {
 /// Runs pull and push. With `smooths`, push smooths the pixels that stay.
 pub fn pull_push(pyramid: &mut Pyramid, smooths: bool) {
     pull::pull(pyramid);
-    push::push_with(pyramid, smooths, &mut []);
+    push::push_with(pyramid, f32::from(smooths), &mut []);
 }
 
 /// The values of `plane` inside the margin; its rows are `wide_width` long.

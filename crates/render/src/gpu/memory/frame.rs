@@ -29,11 +29,14 @@ pub struct FrameUniform {
     eye_dome: f32,
     has_fronts: u32,
     anchor_depth: f32,
+    crowding: f32,
+    unused: [u32; 3],
 }
 
 impl FrameUniform {
-    /// Values of a frame and its camera.
-    pub fn new<P>(frame: &Frame<'_, P>, camera: &Camera) -> Self {
+    /// Values of a frame and its camera. `crowding` is that of its plan
+    /// ([`crate::FramePlan::crowding`]).
+    pub fn new<P>(frame: &Frame<'_, P>, camera: &Camera, crowding: f32) -> Self {
         let [right, up, back] = camera.view_from_world.map(|r| r.to_array());
         let [top, bottom] = match frame.background {
             Background::Plain(c) => [c, c],
@@ -61,6 +64,8 @@ impl FrameUniform {
             eye_dome: frame.dots.eye_dome,
             has_fronts: u32::from(frame.has_fronts),
             anchor_depth: camera.anchor_depth,
+            crowding,
+            unused: [0; 3],
         }
     }
 }
@@ -94,6 +99,7 @@ mod layout {
         point_radius,
         eye_dome,
         has_fronts,
-        anchor_depth
+        anchor_depth,
+        crowding
     });
 }

@@ -41,8 +41,7 @@ pub struct FitPlanes {
 
 struct Kernels {
     nearest: Kernel,
-    /// Kernels for views that are not crowded, and for crowded ones.
-    fit: [Kernel; 2],
+    fit: Kernel,
     tilt: Kernel,
 }
 
@@ -79,12 +78,9 @@ impl FitPlanes {
         }
         if self.kernels.is_none() {
             let kernel = |source| Kernel::new(gpu, source, "main", &[]);
-            let fit = |crowded| {
-                Kernel::new(gpu, sources::FIT_PLANES_FIT, "main", &[("CROWDED", crowded)])
-            };
             self.kernels = Some(Kernels {
                 nearest: kernel(sources::FIT_PLANES_NEAREST)?,
-                fit: [fit(0.0)?, fit(1.0)?],
+                fit: kernel(sources::FIT_PLANES_FIT)?,
                 tilt: kernel(sources::FIT_PLANES_TILT)?,
             });
         }
@@ -98,12 +94,10 @@ impl FitPlanes {
         encoder: &mut CommandEncoder,
         uniform: &Buffer,
         hits: &Buffer,
-        plan: &FramePlan,
         timing: &mut Timing,
     ) {
         let (Some(kernels), Some(memory)) = (&self.kernels, &self.memory) else { return };
         let Kernels { nearest, fit, .. } = kernels;
-        let fit = &fit[usize::from(plan.averages())];
         let Memory { size, nears, planes } = memory;
         let groups = groups_of(squares(*size));
         let mut pass = timing.compute(encoder, Pass::FitPlanes);
@@ -144,10 +138,6 @@ impl FitPlanes {
         let Some(Kernels { nearest, fit, tilt }) = &mut self.kernels else {
             return Ok(false);
         };
-        let mut is_changed = nearest.reload(gpu)? | tilt.reload(gpu)?;
-        for kernel in fit {
-            is_changed |= kernel.reload(gpu)?;
-        }
-        Ok(is_changed)
+        Ok(nearest.reload(gpu)? | fit.reload(gpu)? | tilt.reload(gpu)?)
     }
 }
