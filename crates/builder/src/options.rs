@@ -3,7 +3,7 @@
 
 use crate::attributes::normals::NormalsMode;
 use crate::budget::memory;
-use esker_format::{Codec, Normals, SetAside, SourceRecord, TreeRef};
+use esker_format::{Codec, EskerFile, Normals, SetAside, SourceRecord, TreeRef};
 use esker_points::palette::{Misfit, Palette};
 use esker_points::{ColourDepth, Lattice, MultisetHash};
 use esker_scan::{Columns, Crs, OpenOptions};
@@ -125,10 +125,31 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Whether normals are estimated, for all points or where sources give none.
-    pub(crate) fn estimates_normals(&self) -> bool {
-        let needs_normals = self.sharp_features || self.tangents;
-        matches!(self.normals, NormalsMode::Estimate | NormalsMode::Fast) || needs_normals
+    /// Whether edges or shapes are computed, which requires normals.
+    pub(crate) fn needs_normals(&self) -> bool {
+        self.sharp_features || self.tangents
+    }
+
+    /// Whether normals are estimated from blocks of cells. Edges and shapes need the nearest
+    /// neighbours anyway.
+    pub(crate) fn estimates_fast(&self) -> bool {
+        matches!(self.normals, NormalsMode::Keep | NormalsMode::Fast) && !self.needs_normals()
+    }
+
+    /// Options for sources that join `files`, as one set of inputs: [`NormalsMode::Keep`]
+    /// estimates normals only if those of the files are estimated.
+    pub(crate) fn beside<'a>(
+        &self,
+        files: impl IntoIterator<Item = &'a EskerFile>,
+        are_given: bool,
+    ) -> Self {
+        let is_estimated = || files.into_iter().any(|f| f.metadata().normals.is_estimated());
+        let stays_bare = self.normals == NormalsMode::Keep
+            && !are_given
+            && !self.needs_normals()
+            && !is_estimated();
+        let normals = if stays_bare { NormalsMode::None } else { self.normals };
+        Self { normals, ..self.clone() }
     }
 
     /// Options with which inputs are opened.

@@ -200,7 +200,7 @@ impl From<ColourBits> for ColourDepth {
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub enum NormalsArg {
-    /// From the scans, if they have any.
+    /// From the scans, if any of them has normals; otherwise as fast.
     #[default]
     Keep,
     /// Estimated for all points, from their nearest neighbours.

@@ -23,7 +23,7 @@ pub const UNKNOWN: [i16; 2] = [i16::MIN; 2];
 /// Origin of the normals that are drawn. Attributes stay exact in any case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NormalsMode {
-    /// From the sources, if they bring any.
+    /// From the sources, if any of them has normals; otherwise as with [`Self::Fast`].
     #[default]
     Keep,
     /// Estimated for all points, from their nearest neighbours.

@@ -1,5 +1,6 @@
 //! Shares of the memory of a build: for rows that are not yet built, and for chunks in progress.
 
+use crate::input::plan::Plan;
 use crate::options::Options;
 use crate::sample::cell::LEAF_NODES;
 use esker_scan::BESIDE_HELD_BYTES;
@@ -49,8 +50,8 @@ impl Shares {
     /// Most rows of a chunk of several buckets, and of a chunk of one bucket. The second is also
     /// half of the most rows of all chunks in progress. Memory must hold the sorted rows, pages of
     /// about their size, and the samples. Small chunks keep more threads busy, and reuse memory.
-    pub(crate) fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> (u64, u64) {
-        let rows = self.rows_of(4.2, options, row_bytes);
+    pub(crate) fn chunk_rows_max(&self, options: &Options, plan: &Plan) -> (u64, u64) {
+        let rows = self.rows_of(4.2, options, plan);
         let nodes = |n| u64::from(options.node_capacity) * n;
         // A chunk must be able to hold a leaf.
         let least = nodes(LEAF_NODES as u64);
@@ -60,11 +61,11 @@ impl Shares {
     }
 
     /// Rows that the memory for chunks holds `copies` times, with what is computed for them.
-    fn rows_of(&self, copies: f64, options: &Options, row_bytes: usize) -> u64 {
-        let estimating = if options.estimates_normals() { NORMALS_BYTES } else { 0.0 };
+    fn rows_of(&self, copies: f64, options: &Options, plan: &Plan) -> u64 {
+        let estimating = if plan.computed.is_any() { NORMALS_BYTES } else { 0.0 };
         let finding = if options.sharp_features { EDGES_BYTES } else { 0.0 };
         let shaping = if options.tangents { SHAPES_BYTES } else { 0.0 };
-        let each = row_bytes as f64 * copies + 8.0 + 24.0 + estimating + finding + shaping;
+        let each = plan.row_bytes() as f64 * copies + 8.0 + 24.0 + estimating + finding + shaping;
         (self.chunk_bytes_max as f64 / each) as u64
     }
 }

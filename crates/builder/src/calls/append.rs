@@ -11,6 +11,7 @@ use crate::input::crs::{self, check_same_system};
 use crate::input::gps_times;
 use crate::input::guesses::note_guesses;
 use crate::input::intake::open_with;
+use crate::input::plan::schema_of;
 use crate::options::{Inherited, Options, Report};
 use esker_format::TREES_MAX;
 use esker_format::{Forest, TreeRef};
@@ -76,7 +77,8 @@ pub fn append_sources(
     // With one palette for all trees they are drawn together from their compact planes.
     let palette = old.palette().cloned();
     let inherited = Inherited { lattice: Some(*old.lattice()), palette, forest, merged: None };
-    let options = Options { inherited, ..options.clone() };
+    let are_given = schema_of(&sources).normals().is_some();
+    let options = Options { inherited, ..options.beside(old.files(), are_given) };
     let mut notes: Vec<String> = note_different_times(old, &sources)?.into_iter().collect();
     notes.extend(note_different_no_data(old, &sources)?);
     notes.extend(note_unstated(old, &sources));

@@ -273,7 +273,7 @@ impl Build<'_> {
         let files = (&mut self.store.scratch, &mut self.store.journal);
         let (plan, inputs) = intake.decode(files, buffer_bytes_max, self.task, &self.peak)?;
         let (points, points_refused) = count_points(&intake, &inputs.reports)?;
-        let chunk_rows_max = shares.chunk_rows_max(self.options, plan.row_bytes());
+        let chunk_rows_max = shares.chunk_rows_max(self.options, &plan);
         if points / chunk_rows_max.0 >= UNKEPT_CHUNKS && self.store.journal.may_begin() {
             self.store.journal.begin(None)?;
             self.store.journal.append(intake.known_record())?;
@@ -331,7 +331,7 @@ impl Build<'_> {
             let why = format!(" for nodes of {points} points of {bytes} bytes each");
             return Err(too_little_memory(least, &why));
         }
-        let chunk_rows_max = shares.chunk_rows_max(options, plan.row_bytes());
+        let chunk_rows_max = shares.chunk_rows_max(options, &plan);
         let estimate = DiskEstimate::of(intake, &plan, shares.buffer_bytes_max, chunk_rows_max);
         estimate.check(folder, out, free_bytes)?;
         let spills = estimate.spills(free_bytes(folder));
@@ -443,14 +443,10 @@ impl Build<'_> {
 fn new_intake(sources: Vec<Box<dyn Source>>, options: &Options) -> Intake {
     let are_given = schema_of(&sources).normals().is_some();
     let mut intake = Intake::new(sources, options.colour_depth.is_some());
-    let needs_normals = options.sharp_features || options.tangents;
+    let keeps = options.normals == NormalsMode::Keep;
     intake.computed = Computed {
-        normals: match options.normals {
-            NormalsMode::Keep => needs_normals && !are_given,
-            NormalsMode::Estimate | NormalsMode::Fast => true,
-            NormalsMode::None => false,
-        },
-        beside_given_normals: needs_normals && are_given && options.normals == NormalsMode::Keep,
+        normals: options.normals != NormalsMode::None && !(keeps && are_given),
+        beside_given_normals: options.needs_normals() && keeps && are_given,
         clip_lines: options.sharp_features,
         tangents: options.tangents,
     };
@@ -500,10 +496,8 @@ fn new_borders(
     let bounds = Bounds::new(context.scale, spacing);
     let mut borders = Borders::new(bounds, context.rows.clone(), options.sharp_features);
     borders.finds_shapes = options.tangents;
-    // Edges and shapes need the neighbours anyway.
-    let is_fast = options.normals == NormalsMode::Fast;
-    let needs_neighbours = options.sharp_features || options.tangents;
-    borders.blocks = (is_fast && !needs_neighbours).then(|| Blocks::new(context.scale, spacing));
+    let is_fast = options.estimates_fast();
+    borders.blocks = is_fast.then(|| Blocks::new(context.scale, spacing));
     Ok(borders)
 }
 

@@ -8,6 +8,7 @@ use crate::calls::build::{build_sources, check_not_replaced};
 use crate::error::BuildError;
 use crate::input::crs::check_same_system;
 use crate::input::esker_source::EskerSource;
+use crate::input::plan::schema_of;
 use crate::options::{Inherited, Merged, Options, Report};
 use esker_format::{EskerFile, Forest, PlaneKind, SetAside, SourceRecord};
 use esker_points::{MultisetHash, Task};
@@ -79,19 +80,22 @@ pub fn merge(
         merged.records.iter().map(|r| r.1.rounding_error_max).fold(0.0, f64::max);
     let inherited =
         Inherited { lattice: Some(lattice), merged: Some(merged), ..Inherited::default() };
-    let options = Options { inherited, ..options.clone() };
+    let are_given = schema_of(&sources).normals().is_some();
+    let own = files.iter().map(|file| &**file);
+    let options = Options { inherited, ..options.beside(own, are_given) };
     let mut report = build_sources(sources, out, &options, task)?;
-    report.notes.extend(note_dropped(&files, &options));
+    report.notes.extend(note_dropped(&files, &options, are_given));
     Ok(Report { rounding_error_max, ..report })
 }
 
 /// A note that names the options to set if planes that were computed for the old files are not
-/// computed for the new one: computed planes are not merged.
-fn note_dropped(files: &[Arc<EskerFile>], options: &Options) -> Option<String> {
+/// computed for the new one: computed planes are not merged. `are_given` says whether points have
+/// normals of their own.
+fn note_dropped(files: &[Arc<EskerFile>], options: &Options, are_given: bool) -> Option<String> {
     let has = |kind| files.iter().any(|file| file.layout().has(kind));
     let is_estimated = files.iter().any(|file| file.metadata().normals.is_estimated());
     let mut missing = Vec::new();
-    let estimates = options.estimates_normals() || options.normals == NormalsMode::None;
+    let estimates = options.normals != NormalsMode::Keep || !are_given;
     for (is_present, is_chosen, option) in [
         (is_estimated, estimates, "--normals estimate"),
         (has(PlaneKind::Tangents), options.tangents, "--tangents"),

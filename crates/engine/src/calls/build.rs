@@ -57,6 +57,8 @@ pub struct BuildReport {
     pub depth: u32,
     /// Greatest distance by which a coordinate was rounded, in the file's unit.
     pub rounding_error_max: f64,
+    /// Origin of the normals that are drawn, as in the metadata: none, source, estimated, oriented.
+    pub normals: &'static str,
     /// Errors of the palette's colours; none without a compact plane.
     pub palette_misfit: Option<MisfitReport>,
     /// Greatest errors of the codes that pictures are drawn from.
@@ -195,6 +197,7 @@ impl BuildReport {
             nodes: report.nodes,
             depth: report.depth,
             rounding_error_max: report.rounding_error_max,
+            normals: report.normals.name(),
             palette_misfit: report.palette_misfit.map(MisfitReport::from),
             code_error_bounds: CodeErrorBounds::of(has_normals, report.has_tangents),
             notes: report.notes,
@@ -252,6 +255,9 @@ pub fn text(report: &BuildReport, out: &Path) -> String {
         0.0 => "coordinates: exact".into(),
         error => format!("coordinates: rounded by at most {error:.3e}"),
     });
+    if let Some(line) = normals_text(report.normals) {
+        lines.push(line);
+    }
     if let Some(MisfitReport { mean, most, worst }) = report.palette_misfit {
         lines.push(format!(
             "compact: colours of a palette, off by {mean:.1} of 255 in the mean, {most:.1} at most for 99 % of the points, {worst:.1} for any; \
@@ -269,6 +275,13 @@ pub fn text(report: &BuildReport, out: &Path) -> String {
     ));
     lines.extend(report.notes.iter().map(|n| format!("note: {n}")));
     lines.join("\n")
+}
+
+/// Line on normals that were estimated.
+fn normals_text(normals: &str) -> Option<String> {
+    let origin = Normals::from_name(normals).filter(|origin| origin.is_estimated())?;
+    let turned = if origin.is_oriented() { ", turned to the scanners" } else { "" };
+    Some(format!("normals: estimated from the points{turned} (--normals none leaves them out)"))
 }
 
 /// The most bytes that scratch held at once, and their estimate; empty if scratch was not used.

@@ -7,7 +7,7 @@ use crate::cameras::legend::{Legend, LegendEntry, short, srgb};
 use crate::cameras::places::central_range;
 use crate::cameras::ranges::{self, plane_of};
 use anyhow::{Context, Result, bail, ensure};
-use esker_format::{Forest, ForestFilter, PlaneKind};
+use esker_format::{Forest, ForestFilter, Normals, PlaneKind};
 use esker_lod::View;
 use esker_points::attribute::names;
 use esker_points::codes::LABELS;
@@ -98,7 +98,7 @@ impl Colouring {
 }
 
 /// The colouring that `name` requests. Without a name, the best that the file has: its colours, or
-/// plain if it has normals that light it, or elevation.
+/// plain if the scans have normals, or elevation.
 ///
 /// # Errors
 /// If the file has no such attribute, or the range is invalid.
@@ -119,7 +119,7 @@ pub(crate) fn filtered_colouring(
     let Some(text) = name else {
         return if file.has(PlaneKind::Colour) && has_colours(file)? {
             filtered_colouring(file, Some("rgb"), bounds, shown)
-        } else if file.has(PlaneKind::Normal) {
+        } else if file.files().any(|tree| tree.layout().normals() == Normals::Source) {
             filtered_colouring(file, Some("plain"), bounds, shown)
         } else {
             filtered_colouring(file, Some("elevation"), bounds, shown)
@@ -164,7 +164,7 @@ pub(crate) fn filtered_colouring(
         }),
         "normal" | "normals" if !file.has(PlaneKind::Normal) => {
             bail!(
-                "{}: has no normals; build it with --normals estimate, or try --colour elevation",
+                "{}: has no normals; build it with --normals fast, or try --colour elevation",
                 file.path().display()
             )
         }
