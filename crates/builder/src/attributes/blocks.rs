@@ -1,15 +1,19 @@
 //! Estimates normals fast, from sums over cells instead of a search for neighbours. Cells of the
 //! octree with a few points each lie along the Morton curve; the moments of the block of 3 x 3 x 3
-//! cells around a cell give one plane for all its points (`hoppe1992`, section 3.2). Where a block
-//! has too few points, or is no surface, the block of the cell above it follows. A normal depends
-//! only on the cells of the coarsest level around its own, so it is the same however a cloud is cut
-//! into chunks.
+//! cells around a cell give one plane for all its points (`hoppe1992`, section 3.2), or several planes
+//! that meet at an edge. Where a block has too few points, or is no surface, the block of the cell
+//! above it follows. A normal depends only on the cells of the coarsest level around its own, so it
+//! is the same however a cloud is cut into chunks.
 
 use crate::attributes::knn::sorted_codes;
-use crate::attributes::normals::{LINE, UNKNOWN, code_of, joined};
+use crate::attributes::normals::{UNKNOWN, code_of, joined};
 use esker_points::{Cell, morton};
+use plane::{Moments, Plane, Spread, add, moments};
 use rayon::prelude::*;
 use std::ops::Range;
+
+mod edges;
+mod plane;
 
 /// A cell with fewer points is not divided.
 const DIVIDED: u32 = 4;
@@ -18,6 +22,11 @@ const DIVIDED: u32 = 4;
 const FITTED: f64 = 12.0;
 /// Points of a block from which it is not enlarged if it is no surface.
 const FINAL: f64 = 64.0;
+/// Points of a block from which one plane is its surface though it is not flat: with fewer, its
+/// parts have too few points to tell an edge.
+const PARTED: f64 = 36.0;
+/// Least variance of a block over the sum of all three, up to which one plane is its surface.
+const FLAT: f64 = 0.02;
 /// Edge of the coarsest cells, at most, in typical spacings.
 const COARSEST_SPACINGS: f64 = 16.0;
 /// Log2 of the edge of the coarsest cells, at most.
@@ -33,11 +42,6 @@ const TASK_TILES: usize = 16;
 const OPEN: [i16; 2] = [i16::MIN, 0];
 /// Difference between unsigned and signed coordinates.
 const SIGN: f64 = (1u32 << 31) as f64;
-/// Newton's steps to the least eigenvalue.
-const STEPS: usize = 6;
-
-/// Number of points, sums of x, y, z, and of xx, yy, zz, xy, xz, yz.
-type Moments = [f64; 10];
 
 /// Cells of one level, as ranges of points.
 type Cells = Vec<Range<u32>>;
@@ -177,10 +181,14 @@ impl Cloud<'_> {
                 }
                 tile.fill(self, level, tile_of(&own[0]), &tiles);
                 for cell in open {
-                    let sums = tile.block(self.cell(cell.start, level));
-                    if let Some(code) = code_of_block(&sums, self.blocks.scale) {
-                        let own = codes[places(cell)].iter_mut();
-                        own.filter(|old| **old == OPEN).for_each(|old| *old = code);
+                    let is_last = level == self.blocks.coarsest;
+                    let at = self.cell(cell.start, level);
+                    let Some(surface) = tile.surface(self, at, is_last) else {
+                        continue;
+                    };
+                    let open = cell.clone().zip(&mut codes[places(cell)]);
+                    for (point, code) in open.filter(|(_, old)| **old == OPEN) {
+                        *code = surface.code_at(|| tile.steps(self.points[point as usize]));
                     }
                 }
             }
@@ -205,18 +213,32 @@ impl Tiles<'_> {
     }
 }
 
+/// What a block is.
+enum Surface {
+    /// One plane, or no surface: a code for all points.
+    Even([i16; 2]),
+    /// Planes that meet at an edge, and their codes.
+    Edge(Vec<(Plane, [i16; 2])>),
+}
+
 /// Moments of the cells of a tile and of those around it.
 struct Tile {
     /// Cell before the first on each axis; wraps at the lattice's end.
     corner: [u32; 3],
+    /// Corner of the tile, in steps, relative to the middle of the lattice.
+    origin: [f64; 3],
     /// Indices of the moments of cells; 0 where there is none.
     index: Vec<u16>,
     moments: Vec<Moments>,
+    /// Points of the cells.
+    points: Vec<Range<u32>>,
 }
 
 impl Default for Tile {
     fn default() -> Self {
-        Self { corner: [0; 3], index: vec![0; WIDE * WIDE * WIDE], moments: Vec::new() }
+        let index = vec![0; WIDE * WIDE * WIDE];
+        let (corner, origin) = ([0; 3], [0.0; 3]);
+        Self { corner, origin, index, moments: Vec::new(), points: Vec::new() }
     }
 }
 
@@ -226,10 +248,11 @@ impl Tile {
         self.index.fill(0);
         self.moments.clear();
         self.moments.push([0.0; 10]);
+        self.points.clear();
+        self.points.push(0..0);
         let first = tile.map(|c| c << TILE_LOG2);
         self.corner = first.map(|c| c.wrapping_sub(1));
-        // Signed integers are converted to floats faster.
-        let origin = first.map(|c| f64::from(c) * f64::from(1u32 << level) - SIGN);
+        self.origin = first.map(|c| f64::from(c) * f64::from(1u32 << level) - SIGN);
         for around in 0..27 {
             let by = [around % 3, around / 3 % 3, around / 9].map(|c: i32| c - 1);
             for cell in tiles.beside(tile, by) {
@@ -238,14 +261,12 @@ impl Tile {
                     continue;
                 }
                 self.index[x + WIDE * (y + WIDE * z)] = self.moments.len() as u16;
-                let mut moments = [0.0; 10];
-                for p in &cloud.points[cell.start as usize..cell.end as usize] {
-                    let step = |i: usize| f64::from((p[i] ^ 1 << 31).cast_signed()) - origin[i];
-                    let [x, y, z] = [step(0), step(1), step(2)];
-                    let terms = [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z];
-                    moments.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
+                let mut sums = [0.0; 10];
+                for &p in &cloud.points[cell.start as usize..cell.end as usize] {
+                    add(&mut sums, &moments(self.steps(p)));
                 }
-                self.moments.push(moments);
+                self.moments.push(sums);
+                self.points.push(cell.clone());
             }
         }
     }
@@ -255,81 +276,67 @@ impl Tile {
         [0, 1, 2].map(|i| cell[i].wrapping_sub(self.corner[i]) as usize)
     }
 
-    /// Moments of the block around a cell of the tile.
-    fn block(&self, cell: [u32; 3]) -> Moments {
+    /// Position of a point relative to the corner of the tile, in steps.
+    fn steps(&self, p: [u32; 3]) -> [f64; 3] {
+        // Signed integers are converted to floats faster.
+        [0, 1, 2].map(|i| f64::from((p[i] ^ 1 << 31).cast_signed()) - self.origin[i])
+    }
+
+    /// Indices of the moments of the cells of the block around a cell of the tile, x first.
+    fn block(&self, cell: [u32; 3]) -> [usize; 27] {
         let [x, y, z] = self.place(cell);
+        let first = x - 1 + WIDE * (y - 1 + WIDE * (z - 1));
+        let at = |i: usize| first + i % 3 + WIDE * (i / 3 % 3 + WIDE * (i / 9));
+        std::array::from_fn(|i| usize::from(self.index[at(i)]))
+    }
+
+    /// What the block around a cell of the tile is; `None` if it has too few points, or if the block
+    /// of the cell above follows, which it does not if `is_last`.
+    fn surface(&self, cloud: &Cloud<'_>, cell: [u32; 3], is_last: bool) -> Option<Surface> {
+        let block = self.block(cell);
         let mut sums = [0.0; 10];
-        for row in [0, 1, 2].map(|k| WIDE * WIDE * (z + k - 1)) {
-            for row in [0, 1, 2].map(|j| row + WIDE * (y + j - 1) + x - 1) {
-                for &slot in &self.index[row..row + 3] {
-                    let moments = &self.moments[usize::from(slot)];
-                    sums.iter_mut().zip(moments).for_each(|(sum, term)| *sum += term);
-                }
+        block.iter().for_each(|&cell| add(&mut sums, &self.moments[cell]));
+        if sums[0] < FITTED {
+            return None;
+        }
+        let scale = cloud.blocks.scale;
+        let unknown = || (sums[0] >= FINAL).then_some(Surface::Even(UNKNOWN));
+        let Some(plane) = Plane::of(&sums, scale).filter(|plane| plane.spread != Spread::Line)
+        else {
+            return unknown();
+        };
+        let is_plane = plane.spread == Spread::Plane;
+        if !(is_plane && plane.share <= FLAT) {
+            let points = || {
+                let points = block.iter().flat_map(|&cell| self.points[cell].clone());
+                points.map(|p| self.steps(cloud.points[p as usize])).collect()
+            };
+            let cells = block.map(|cell| &self.moments[cell]);
+            if let Some(planes) = edges::planes(&plane, &cells, points, scale) {
+                let coded = planes.into_iter().map(|plane| (plane, code_of(plane.normal)));
+                return Some(Surface::Edge(coded.collect()));
+            }
+            if sums[0] < PARTED && !is_last {
+                return None;
             }
         }
-        sums
+        if is_plane { Some(Surface::Even(code_of(plane.normal))) } else { unknown() }
     }
 }
 
-/// Code of the normal of a block; `None` if it has too few points, or is no surface and may be
-/// enlarged.
-fn code_of_block(sums: &Moments, scale: [f64; 3]) -> Option<[i16; 2]> {
-    let [n, x, y, z, xx, yy, zz, xy, xz, yz] = *sums;
-    if n < FITTED {
-        return None;
-    }
-    let [a, b, c] = scale;
-    let covariance = [
-        (n * xx - x * x) * (a * a),
-        (n * yy - y * y) * (b * b),
-        (n * zz - z * z) * (c * c),
-        (n * xy - x * y) * (a * b),
-        (n * xz - x * z) * (a * c),
-        (n * yz - y * z) * (b * c),
-    ];
-    let normal = normal_of(covariance);
-    normal.map(code_of).or((n >= FINAL).then_some(UNKNOWN))
-}
-
-/// Direction, of any length, in which points with this covariance (xx, yy, zz, xy, xz, yz) spread
-/// least; `None` if they are no surface: they lie along a line, or are more of a volume than of a
-/// plane by the measures of `westin1997`. Without square roots and trigonometry, so the bits are
-/// the same on every machine.
-fn normal_of(covariance: [f64; 6]) -> Option<[f64; 3]> {
-    let trace = covariance[0] + covariance[1] + covariance[2];
-    if !(trace > 0.0 && trace.is_finite()) {
-        return None;
-    }
-    let [xx, yy, zz, xy, xz, yz] = covariance.map(|c| c / trace);
-    let minors = (xx * yy - xy * xy) + (xx * zz - xz * xz) + (yy * zz - yz * yz);
-    let det = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
-    // Newton's steps from below approach the least root of the characteristic polynomial and do not
-    // pass it.
-    let mut least = 0.0;
-    for _ in 0..STEPS {
-        let value = ((least - 1.0) * least + minors) * least - det;
-        let slope = (3.0 * least - 2.0) * least + minors;
-        if value >= 0.0 || slope <= 0.0 {
-            break;
+impl Surface {
+    /// Code of the normal of a point at the position that `steps` returns.
+    fn code_at(&self, steps: impl FnOnce() -> [f64; 3]) -> [i16; 2] {
+        match self {
+            Self::Even(code) => *code,
+            Self::Edge(planes) => {
+                let p = steps();
+                let distance = |(plane, _): &(Plane, _)| plane.square_distance(p);
+                let by_distance = |a: &_, b: &_| f64::total_cmp(&distance(a), &distance(b));
+                planes.iter().copied().min_by(by_distance).map_or(UNKNOWN, |(_, code)| code)
+            }
         }
-        least -= value / slope;
     }
-    // Sum and product of the other two. A volume has a least eigenvalue over half of the second.
-    let (sum, product) = (1.0 - least, minors - least * (1.0 - least));
-    let twice = 2.0 * least;
-    let is_line = product * (1.0 + LINE) * (1.0 + LINE) <= LINE * sum * sum;
-    let is_volume = twice * (twice - sum) + product < 0.0 || twice > 0.5 * sum;
-    if is_line || is_volume {
-        return None;
-    }
-    let rows = [[xx - least, xy, xz], [xy, yy - least, yz], [xz, yz, zz - least]];
-    let cross = |[i, j]: [usize; 2]| {
-        let (a, b) = (rows[i], rows[j]);
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
-    let square = |v: &[f64; 3]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-    let all = [[0, 1], [0, 2], [1, 2]].map(cross);
-    all.into_iter().max_by(|a, b| square(a).total_cmp(&square(b)))
 }
 
 #[cfg(test)]
