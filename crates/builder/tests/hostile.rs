@@ -67,7 +67,7 @@ fn one_far_outlier() {
 
 #[test]
 fn scratch_holds_no_more_than_was_estimated_however_often_rows_are_parted() {
-    use NormalsMode::{Estimate, Keep};
+    use NormalsMode::{Estimate, None};
     let near = |i: u64| [0, 1, 2].map(|a| below(3 * i + a, 1000));
     let cloud = (0..250_000).map(near);
     let far = [i32::MAX, 3, i32::MIN];
@@ -83,9 +83,9 @@ fn scratch_holds_no_more_than_was_estimated_however_often_rows_are_parted() {
         // but several may not.
         let (small_chunks, large_chunks) = (500_000, 60_000_000);
         for (buffer_bytes_max, normals, chunk_bytes_max) in [
-            (0, Keep, small_chunks),
-            (1 << 20, Keep, small_chunks),
-            (rows_bytes, Keep, small_chunks),
+            (0, None, small_chunks),
+            (1 << 20, None, small_chunks),
+            (rows_bytes, None, small_chunks),
             (0, Estimate, small_chunks),
             (100_000_000, Estimate, large_chunks),
         ] {
@@ -99,7 +99,7 @@ fn scratch_holds_no_more_than_was_estimated_however_often_rows_are_parted() {
             let (peak, estimate) =
                 (report.scratch_bytes_peak, report.scratch_bytes_estimated.unwrap());
             assert!(peak <= estimate, "{of}: {peak}, {estimate} estimated");
-            if buffer_bytes_max < rows_bytes && normals == Keep {
+            if buffer_bytes_max < rows_bytes && normals == None {
                 assert!(estimate < rows_bytes * 4 / 3, "{of}: {estimate} for {rows_bytes}");
                 let passes = (report.scratch_bytes + rows_bytes / 2) / rows_bytes;
                 assert_eq!(

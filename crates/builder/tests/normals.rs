@@ -7,8 +7,10 @@ mod cloud;
 mod given;
 
 use cloud::{below, random};
-use esker_builder::{NormalsMode, Options, Shares, build_shared};
-use esker_format::{EskerFile, Normals, PlaneKind};
+use esker_builder::{
+    NormalsMode, Options, Shares, append_sources, build_shared, build_sources, merge,
+};
+use esker_format::{EskerFile, Forest, Normals, PlaneKind};
 use esker_points::quant::{oct_decode, oct_encode};
 use esker_points::tangents::axis_of;
 use esker_points::task::Silent;
@@ -194,6 +196,52 @@ fn kept_estimated_and_no_normals_leave_attributes_exact() {
     assert_eq!((plane(&none), none.metadata().normals), (None, Normals::None));
     for file in [&estimate, &none] {
         assert_eq!(esker_format::verify(file, &Silent).unwrap().hash, keep.footer().hash);
+    }
+}
+
+#[test]
+fn scans_without_normals_have_those_of_cells_by_default() {
+    let sources = [mixed(20_000)];
+    let by_default =
+        built(&sources, &Options { node_capacity: 1024, ..Options::default() }, ample());
+    assert_eq!(by_default.metadata().normals, Normals::Estimated);
+    let fast = built(&sources, &options(NormalsMode::Fast), ample());
+    assert_eq!(drawn(&by_default), drawn(&fast));
+    // Beside a scan with normals, the others have none.
+    let both = [with_normals(), floor("b.las", 20_000)];
+    let file = built(&both, &options(NormalsMode::Keep), ample());
+    assert_eq!(file.metadata().normals, Normals::Source);
+    let unknown = UNKNOWN.map(i16::to_le_bytes).concat();
+    let drawn = drawn(&file);
+    assert_eq!(drawn.values().filter(|(normal, ..)| *normal == unknown).count(), 20_000);
+}
+
+#[test]
+fn appending_and_merging_estimate_normals_only_beside_estimated_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(format!("{name}.esker"));
+    let keep = options(NormalsMode::Keep);
+    let build_as = |mode, scan: Given, name: &str| {
+        build_sources(boxed(&[scan]), &at(name), &options(mode), &Silent).unwrap();
+    };
+    build_as(NormalsMode::None, floor("a.las", 0), "none");
+    build_as(NormalsMode::Estimate, floor("a.las", 0), "estimated");
+    build_as(NormalsMode::Keep, normalled(floor("a.ply", 0), |_| [0.6, 0.0, 0.8]), "given");
+    let origin = |name: &str| EskerFile::open(&at(name)).unwrap().metadata().normals;
+    for (old, appended, merged) in [
+        ("none", Normals::None, Normals::None),
+        ("estimated", Normals::Estimated, Normals::Estimated),
+        ("given", Normals::None, Normals::Source),
+    ] {
+        let forest = Forest::open(&at(old)).unwrap();
+        let new = boxed(&[floor("b.las", 5000)]);
+        append_sources(&forest, new, &at("more"), &keep, &Silent).unwrap();
+        assert_eq!(origin("more"), appended, "{old}");
+        merge(&[at("more")], &at("all"), &keep, &Silent).unwrap();
+        assert_eq!(origin("all"), merged, "{old}");
+        let tangents = Options { tangents: true, ..keep.clone() };
+        merge(&[at("more")], &at("all"), &tangents, &Silent).unwrap();
+        assert_ne!(origin("all"), Normals::None, "{old}");
     }
 }
 

@@ -32,7 +32,9 @@ impl Scan {
     fn build(input: PathBuf, node_capacity: u32) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("scan.esker");
-        let options = esker_builder::Options { node_capacity, ..Default::default() };
+        // Only positions are read below.
+        let normals = esker_engine::NormalsMode::None;
+        let options = esker_builder::Options { node_capacity, normals, ..Default::default() };
         esker_builder::build(&[input], &out, &options, &Silent).unwrap();
         let file = Forest::open(&out).unwrap();
         let kinds = [PlaneKind::Position, PlaneKind::Residual];

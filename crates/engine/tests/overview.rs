@@ -77,7 +77,9 @@ fn one_node(points: &[Point], lattice: &Lattice, folder: &Path, name: &str) -> F
     }
     let source = source.coloured(ColourDepth::Eight);
     let out = folder.join(format!("{name}.esker"));
-    let options = esker_builder::Options { node_capacity: 1 << 17, ..Default::default() };
+    // Only the choice of points may differ: normals depend on all points of a file.
+    let normals = esker_engine::NormalsMode::None;
+    let options = esker_builder::Options { node_capacity: 1 << 17, normals, ..Default::default() };
     esker_builder::build_sources(vec![source.boxed()], &out, &options, &Silent).unwrap();
     let file = Forest::open(&out).unwrap();
     assert_eq!(file.table().nodes.len(), 1);
@@ -168,7 +170,9 @@ impl Scan {
     fn build(input: &Path) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("scan.esker");
-        let options = esker_builder::Options { node_capacity: CAPACITY, ..Default::default() };
+        let normals = esker_engine::NormalsMode::None;
+        let options =
+            esker_builder::Options { node_capacity: CAPACITY, normals, ..Default::default() };
         esker_builder::build(&[input.to_owned()], &out, &options, &Silent).unwrap();
         let file = Forest::open(&out).unwrap();
         let all = points_of(&file);

@@ -44,7 +44,10 @@ struct Whole {
 
 impl Whole {
     fn build(scan: &Path, node_capacity: u32, folder: &Path) -> Self {
-        let options = esker_builder::Options { node_capacity, ..Default::default() };
+        // The bounds are those of scans without normals; with normals, radii are drawn 1.4 times as
+        // wide, which covers more in excess.
+        let normals = esker_engine::NormalsMode::None;
+        let options = esker_builder::Options { node_capacity, normals, ..Default::default() };
         Self::build_as(scan, &options, folder, Method::PullPush)
     }
 

@@ -77,7 +77,9 @@ fn plain() -> Given {
 
 fn built(scans: &[Given], folder: &Path) -> Forest {
     let out = folder.join("scan.esker");
-    let options = esker_builder::Options { node_capacity: 4096, ..Default::default() };
+    // Cells of other sides give other normals.
+    let normals = esker_engine::NormalsMode::None;
+    let options = esker_builder::Options { node_capacity: 4096, normals, ..Default::default() };
     let sources = scans.iter().map(Given::boxed).collect();
     esker_builder::build_sources(sources, &out, &options, &Silent).unwrap();
     Forest::open(&out).unwrap()

@@ -1,7 +1,6 @@
 //! Flicker of a scan: how much more its picture changes from frame to frame of a slow camera than
 //! an averaged picture of four times the width and height.
 
-use super::creek::sample;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
 use esker_format::Forest;
@@ -10,6 +9,7 @@ use esker_points::task::Silent;
 use esker_render::inputs::colour::linear;
 use esker_render::{Frame, Renderer};
 use glam::{DMat3, DVec3, Vec3};
+use std::path::Path;
 
 /// Width and height of the pictures; below, the ratio of the references to them.
 const SIZE: [u32; 2] = [128, 96];
@@ -76,9 +76,19 @@ fn flicker(frames: &[Vec<Vec3>], references: &[Vec<Vec3>]) -> f64 {
     (sum / f64::max(count, 1.0)).sqrt()
 }
 
+/// The sample scan without normals.
+fn bare(folder: &Path) -> Forest {
+    let scan = std::path::absolute("../../tests/sample/creek.laz").unwrap();
+    let (out, normals) = (folder.join("bare.esker"), esker_engine::NormalsMode::None);
+    let options = esker_builder::Options { node_capacity: 2048, normals, ..Default::default() };
+    esker_builder::build(&[scan], &out, &options, &Silent).unwrap();
+    Forest::open(&out).unwrap()
+}
+
 #[test]
 fn a_slow_camera_does_not_make_a_scan_flicker() {
-    let file = Forest::open(sample()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let file = bare(folder.path());
     let fine = SIZE.map(|side| side * FINER);
     let frames = || 0..FRAMES;
     let references: Vec<_> = frames().map(|f| shrunk(&draw(&file, f, fine, 1.0, true))).collect();

@@ -330,6 +330,23 @@ fn every_option_of_surfaces_has_its_golden_picture() {
     is_golden(&bare, &plain, "surface-plain-bare.png");
 }
 
+#[test]
+fn estimated_normals_leave_the_default_colours_as_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let scan = folder.path().join("hill.csv");
+    let row = |i: u32| format!("{},{},{}\n", i % 50, i / 50, f64::from(i % 50 * (i / 50)) * 0.01);
+    std::fs::write(&scan, (0..2500).map(row).collect::<String>()).unwrap();
+    let default = |file: &Forest| colouring(file, None, info::bounds(file)).unwrap().legend.name;
+    for normals in [NormalsMode::Keep, NormalsMode::Estimate, NormalsMode::None] {
+        let out = folder.path().join(format!("{normals:?}.esker"));
+        build(&scan, &out, normals);
+        let file = Forest::open(&out).unwrap();
+        assert_eq!(file.has(PlaneKind::Normal), normals != NormalsMode::None);
+        assert_eq!(default(&file), "elevation", "{normals:?}");
+    }
+    assert_eq!(default(&textured_sheet(folder.path())), "plain");
+}
+
 /// A sheet of 10 m x 10 m with points about 0.2 m apart, and texture coordinates s and t across it.
 fn textured_sheet(folder: &Path) -> Forest {
     const SIDE: u32 = 50;

@@ -1,7 +1,7 @@
 //! Scans in two parts, each built as a tree of its own, one appended to the other; and the whole
 //! scan built at once.
 
-use esker_builder::{Options, append_sources, build_sources};
+use esker_builder::{NormalsMode, Options, append_sources, build_sources};
 use esker_format::Forest;
 use esker_points::lattice::Placement;
 use esker_points::task::Silent;
@@ -98,11 +98,16 @@ pub struct Whole {
     _folder: tempfile::TempDir,
 }
 
+/// Options without normals, which a tree estimates from its own points: those of a part differ.
+fn bare(node_capacity: u32) -> Options {
+    Options { node_capacity, normals: NormalsMode::None, ..Options::default() }
+}
+
 /// Builds a scan at once.
 pub fn whole(scan: &Path, node_capacity: u32) -> Whole {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("whole.esker");
-    let options = Options { node_capacity, ..Options::default() };
+    let options = bare(node_capacity);
     build_sources(part(scan, None, &[]), &out, &options, &Silent).unwrap();
     Whole { file: Forest::open(&out).unwrap(), _folder: folder }
 }
@@ -119,7 +124,7 @@ pub fn built(scan: &Path, split: Split, node_capacity: u32) -> Both {
     let folder = tempfile::tempdir().unwrap();
     let [at_once, a, b] =
         ["at-once", "a", "b"].map(|name| folder.path().join(format!("{name}.esker")));
-    let options = Options { node_capacity, ..Options::default() };
+    let options = bare(node_capacity);
     build_sources(part(scan, Some(split), &[0, 1]), &at_once, &options, &Silent).unwrap();
     build_sources(part(scan, Some(split), &[0]), &a, &options, &Silent).unwrap();
     let old = Forest::open(&a).unwrap();
