@@ -7,6 +7,7 @@
 
 use crate::attributes::knn::sorted_codes;
 use crate::attributes::normals::{UNKNOWN, code_of, joined};
+use edges::Planes;
 use esker_points::{Cell, morton};
 use plane::{Moments, Plane, Spread, add, moments};
 use rayon::prelude::*;
@@ -27,6 +28,9 @@ const FINAL: f64 = 64.0;
 const PARTED: f64 = 36.0;
 /// Least variance of a block over the sum of all three, up to which one plane is its surface.
 const FLAT: f64 = 0.02;
+/// Points of a block that is nearly a plane from which it is searched for an edge; of others, which
+/// are mostly volumes, [`PARTED`].
+const SEARCHED: f64 = 20.0;
 /// Edge of the coarsest cells, at most, in typical spacings.
 const COARSEST_SPACINGS: f64 = 16.0;
 /// Log2 of the edge of the coarsest cells, at most.
@@ -217,8 +221,8 @@ impl Tiles<'_> {
 enum Surface {
     /// One plane, or no surface: a code for all points.
     Even([i16; 2]),
-    /// Planes that meet at an edge, and their codes.
-    Edge(Vec<(Plane, [i16; 2])>),
+    /// Planes that meet at an edge.
+    Edge(Planes),
 }
 
 /// Moments of the cells of a tile and of those around it.
@@ -232,13 +236,15 @@ struct Tile {
     moments: Vec<Moments>,
     /// Points of the cells.
     points: Vec<Range<u32>>,
+    /// Points of a block, in steps; empty between blocks.
+    steps: Vec<[f64; 3]>,
 }
 
 impl Default for Tile {
     fn default() -> Self {
         let index = vec![0; WIDE * WIDE * WIDE];
         let (corner, origin) = ([0; 3], [0.0; 3]);
-        Self { corner, origin, index, moments: Vec::new(), points: Vec::new() }
+        Self { corner, origin, index, moments: Vec::new(), points: Vec::new(), steps: Vec::new() }
     }
 }
 
@@ -292,7 +298,7 @@ impl Tile {
 
     /// What the block around a cell of the tile is; `None` if it has too few points, or if the block
     /// of the cell above follows, which it does not if `is_last`.
-    fn surface(&self, cloud: &Cloud<'_>, cell: [u32; 3], is_last: bool) -> Option<Surface> {
+    fn surface(&mut self, cloud: &Cloud<'_>, cell: [u32; 3], is_last: bool) -> Option<Surface> {
         let block = self.block(cell);
         let mut sums = [0.0; 10];
         block.iter().for_each(|&cell| add(&mut sums, &self.moments[cell]));
@@ -306,19 +312,23 @@ impl Tile {
             return unknown();
         };
         let is_plane = plane.spread == Spread::Plane;
-        if !(is_plane && plane.share <= FLAT) {
-            let points = || {
-                let points = block.iter().flat_map(|&cell| self.points[cell].clone());
-                points.map(|p| self.steps(cloud.points[p as usize])).collect()
+        let is_flat = is_plane && plane.share <= FLAT;
+        if !is_flat && sums[0] >= if is_plane { SEARCHED } else { PARTED } {
+            let mut points = std::mem::take(&mut self.steps);
+            points.clear();
+            let fill = |points: &mut Vec<[f64; 3]>| {
+                let cells = block.iter().flat_map(|&cell| self.points[cell].clone());
+                points.extend(cells.map(|p| self.steps(cloud.points[p as usize])));
             };
             let cells = block.map(|cell| &self.moments[cell]);
-            if let Some(planes) = edges::planes(&plane, &cells, points, scale) {
-                let coded = planes.into_iter().map(|plane| (plane, code_of(plane.normal)));
-                return Some(Surface::Edge(coded.collect()));
+            let planes = edges::planes(&plane, &cells, (&mut points, fill), scale);
+            self.steps = points;
+            if let Some(planes) = planes {
+                return Some(Surface::Edge(planes));
             }
-            if sums[0] < PARTED && !is_last {
-                return None;
-            }
+        }
+        if is_plane && !is_flat && sums[0] < PARTED && !is_last {
+            return None;
         }
         if is_plane { Some(Surface::Even(code_of(plane.normal))) } else { unknown() }
     }
@@ -329,12 +339,7 @@ impl Surface {
     fn code_at(&self, steps: impl FnOnce() -> [f64; 3]) -> [i16; 2] {
         match self {
             Self::Even(code) => *code,
-            Self::Edge(planes) => {
-                let p = steps();
-                let distance = |(plane, _): &(Plane, _)| plane.square_distance(p);
-                let by_distance = |a: &_, b: &_| f64::total_cmp(&distance(a), &distance(b));
-                planes.iter().copied().min_by(by_distance).map_or(UNKNOWN, |(_, code)| code)
-            }
+            Self::Edge(planes) => code_of(planes.nearest_to(steps()).normal),
         }
     }
 }
