@@ -36,4 +36,6 @@ struct Frame {
     anchor_depth: f32,
     // How crowded the view is, 0 to 1: the share of averages.
     crowding: f32,
+    // Share of fitted planes in tilts and depth intervals, 0 to 1.
+    fitting: f32,
 }

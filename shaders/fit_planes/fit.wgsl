@@ -109,7 +109,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     }
     let mean = off / max(count * most, LEAST_SUM);
     let trust = TRUST_APART * (1.0 - frame.crowding) + TRUST_CROWDED * frame.crowding;
-    let mistrust = clamp((mean - trust.y) * (1.0 / (trust.z - trust.y)), 0.0, 1.0);
+    let doubt = clamp((mean - trust.y) * (1.0 / (trust.z - trust.y)), 0.0, 1.0);
+    let mistrust = doubt * frame.fitting + (1.0 - frame.fitting);
     let reach = mistrust * (BARE_REACH - trust.x) + trust.x;
     if missing > MISSING_MAX {
         planes[square] = vec4<f32>(0.0, 0.0, BARE_REACH, 0.0);

@@ -14,7 +14,7 @@ use esker_engine::draw::scene::{PictureRequest, PictureScene};
 #[cfg(feature = "light")]
 use esker_engine::light::settings::LightSettings;
 use esker_engine::machine::backend::{Backend, DrawWith};
-use esker_engine::{Dots, Filter, Forest, Method, Picture, PointSize};
+use esker_engine::{Dots, Filter, Forest, Method, NormalsMode, Picture, PointSize};
 use esker_points::task::Silent;
 use esker_points::{AttrType, ColourDepth};
 use esker_render::inputs::colour::{Encoder, linear};
@@ -76,9 +76,12 @@ fn plain() -> Given {
 }
 
 fn built(scans: &[Given], folder: &Path) -> Forest {
-    let out = folder.join("scan.esker");
     // Cells of other sides give other normals.
-    let normals = esker_engine::NormalsMode::None;
+    built_with(scans, folder, NormalsMode::None)
+}
+
+fn built_with(scans: &[Given], folder: &Path, normals: NormalsMode) -> Forest {
+    let out = folder.join("scan.esker");
     let options = esker_builder::Options { node_capacity: 4096, normals, ..Default::default() };
     let sources = scans.iter().map(Given::boxed).collect();
     esker_builder::build_sources(sources, &out, &options, &Silent).unwrap();
@@ -254,6 +257,117 @@ fn the_distance_of_the_target_does_not_change_a_bit() {
             let off = a.rgba.as_chunks::<4>().0.iter().zip(b.rgba.as_chunks::<4>().0);
             let off = off.filter(|(a, b)| a != b).count();
             assert!(off * 1000 <= a.depth.len(), "{off} pixels, reach {reach}, {style:?}");
+        }
+    }
+}
+
+/// Pixels that differ by more than 2 of 255 in a channel.
+fn changed(a: &Picture, b: &Picture) -> usize {
+    let differs = |(a, b): (&[u8; 4], &[u8; 4])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 2);
+    let pairs = a.rgba.as_chunks::<4>().0.iter().zip(b.rgba.as_chunks::<4>().0);
+    pairs.filter(|&pair| differs(pair)).count()
+}
+
+/// A camera `times` as far from the scan as the usual one.
+fn farther(times: f64) -> String {
+    let eye = [0.5 - 10.0 * times, -0.25 - 11.0 * times, 0.5 + 6.0 * times];
+    format!("eye={:?},{:?},{:?};target=0.5,-0.25,0.5;fovy=50", eye[0], eye[1], eye[2])
+}
+
+#[test]
+fn passes_come_and_go_without_a_change_of_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    for normals in [NormalsMode::None, NormalsMode::Fast] {
+        let file = built_with(&[plain()], folder.path(), normals);
+        let (mut found, mut all) = (0, Vec::new());
+        for target_spacing_px in [0.0, 0.7] {
+            let request = |times: f64| PictureRequest {
+                target_spacing_px,
+                shines: false,
+                ..request(&farther(times), (Method::PullPush, Dots::default()))
+            };
+            let passes = |t: f64| PictureScene::choose(&file, &request(t)).unwrap().plan.passes;
+            let steps: Vec<f64> = (0..60).map(|i| 0.3 * 1.08f64.powi(i)).collect();
+            for pair in steps.windows(2) {
+                let [mut near, mut far] = [pair[0], pair[1]];
+                let before = passes(near);
+                if before == passes(far) {
+                    continue;
+                }
+                while far - near > 1e-6 * near {
+                    let middle = 0.5 * (near + far);
+                    *(if passes(middle) == before { &mut near } else { &mut far }) = middle;
+                }
+                let [a, b] = [near, far].map(|t| draw(&file, &request(t), &Silent).unwrap().0);
+                all.push((before, passes(far), changed(&a, &b)));
+                found += 1;
+            }
+        }
+        println!("{normals:?}: {all:#?}");
+        assert!(found >= 2, "{normals:?}: only {found} changes of passes");
+        for (before, after, pixels) in all {
+            assert!(pixels * 100 <= 240 * 160, "{normals:?}: {pixels}, {before:?} to {after:?}");
+        }
+    }
+}
+
+#[test]
+fn a_view_that_moves_by_a_millionth_keeps_its_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    for normals in [NormalsMode::None, NormalsMode::Fast] {
+        let file = built_with(&[plain()], folder.path(), normals);
+        for times in [0.4, 0.9, 1.7, 5.0] {
+            let [a, b] = [times, times * (1.0 + 1e-6)].map(|t| pictures(&file, &farther(t)));
+            for ((a, b), style) in a.iter().zip(&b).zip(styles()) {
+                let pixels = changed(a, b);
+                assert!(pixels * 100 <= a.depth.len(), "{style:?}, {normals:?}, {times}: {pixels}");
+            }
+        }
+    }
+}
+
+/// A wall with a chequered pattern, in its own plane z = 0.
+fn chequers() -> Given {
+    let place = |i: u64| {
+        let share = |k: f64| (i as f64 * k).fract();
+        let (u, v) = (share(0.754_877_666), share(0.569_840_291));
+        [((u - 0.5) * 6000.0) as i32, ((v - 0.5) * 4000.0) as i32, 0]
+    };
+    let mut scan = given("scan", [STEP; 3], (0..POINTS).map(place).collect());
+    let is_dark = |i: u64| {
+        let [x, y, _] = place(i);
+        (x.div_euclid(500) + y.div_euclid(500)) % 2 == 0
+    };
+    for (name, light, dark) in [("red", 210, 40), ("green", 190, 60), ("blue", 120, 150)] {
+        scan = scan.with(name, AttrType::U16, |i| if is_dark(i) { dark } else { light });
+    }
+    scan.coloured(ColourDepth::Eight)
+}
+
+#[test]
+fn a_wall_looks_the_same_from_farther_away_through_a_narrower_field_of_view() {
+    let folder = tempfile::tempdir().unwrap();
+    for normals in [NormalsMode::None, NormalsMode::Fast] {
+        let file = built_with(&[chequers()], folder.path(), normals);
+        let at = |distance: f64| {
+            let fovy = 2.0 * (1.6 / distance).atan().to_degrees();
+            let camera =
+                format!("eye=0.1,0.2,{distance:?};target=0.1,0.2,0;up=0,1,0;fovy={fovy:?}");
+            let wanted = |s| PictureRequest { shines: false, ..request(&camera, s) };
+            let drawn = styles().map(|s| draw(&file, &wanted(s), &Silent).unwrap().0);
+            covers_enough(&drawn);
+            drawn
+        };
+        let near = at(4.0);
+        for distance in [16.0, 400.0] {
+            for (flip, style) in flips(&near, &at(distance)).iter().zip(styles()) {
+                if style.0 == Method::Lit && normals == NormalsMode::None {
+                    // Points without normals are lit as if they faced the ray.
+                    continue;
+                }
+                println!("{normals:?}, {style:?}, {distance}: {flip}");
+                assert!(*flip < 0.03, "{normals:?}, {style:?}, {distance}: {flip}");
+            }
         }
     }
 }

@@ -5,7 +5,7 @@
 
 use crate::frame::{ColourPlane, Dots, Frame, Method, PointSize};
 use crate::inputs::colour::ColourBy;
-use crate::inputs::density::{is_crowded, is_dense};
+use crate::inputs::density::{DENSE_PX, FITTED_PX, is_crowded, sparsest_px};
 use crate::pass::Pass;
 use crate::picture::pyramid::Planes;
 use std::ops::Deref;
@@ -79,8 +79,9 @@ pub struct FrameOptions {
     pub colour: ColourBy,
     /// Whether surfaces have highlights.
     pub shines: bool,
-    /// Whether the whole view is dense ([`crate::inputs::density::DENSE_PX`]).
-    pub is_dense: bool,
+    /// Distance of the points of the view where they are farthest apart, pixels
+    /// ([`crate::inputs::density::sparsest_px`]).
+    pub sparsest_px: f64,
     /// Whether pixels that show one point are smoothed.
     pub smooths: bool,
     /// Whether planes are fitted to depths if points have no normals.
@@ -126,6 +127,8 @@ pub struct FramePlan {
     /// How crowded the view is, 0 to 1: the share of averages in the attributes of pixels, and of
     /// smoothing that is left out.
     crowding: f32,
+    /// Share of fitted planes in the tilt and the depth intervals of pixels, 0 to 1.
+    fitting: f32,
     /// Whether points that are drawn alone have sizes of their own.
     pub adapts: bool,
     /// Width of the margin around the picture, pixels ([`crate::picture::margin`]); 0 if the plan
@@ -153,7 +156,8 @@ impl FramePlan {
         use Pass::{Grow, Overlay, Place, Project, Pull, Push, Resolve, Shade, Silhouette};
         use Pass::{SmoothDepth, Split};
         let has_surface = options.method != Method::Points;
-        let has_pyramid = options.method == Method::PullPush && !options.is_dense;
+        let is_dense = options.sparsest_px <= DENSE_PX;
+        let has_pyramid = options.method == Method::PullPush && !is_dense;
         let is_surface = options.method == Method::PullPush;
         let crowding = if is_surface { options.crowding.clamp(0.0, 1.0) } else { 0.0 };
         let mixes_dots = options.mixes_dots && options.method == Method::PullPush;
@@ -214,6 +218,8 @@ impl FramePlan {
             has_pyramid,
             smooths: has_pyramid && options.smooths && crowding < 1.0 && !options.colour.names(),
             crowding,
+            fitting: ((options.sparsest_px - DENSE_PX) / (FITTED_PX - DENSE_PX)).clamp(0.0, 1.0)
+                as f32,
             adapts,
             margin_px: 0,
             colour: options.colour.number(),
@@ -238,9 +244,9 @@ impl FramePlan {
         };
         let (method, colour) = (frame.method, frame.colour);
         let nodes = || frame.draws.iter().map(|draw| (draw.entry, draw.node));
-        let is_dense = method == Method::PullPush
-            && frame.skips_push
-            && frame.octree.is_some_and(|o| is_dense(frame.view, frame.lattice, o, nodes()));
+        let octree = frame.octree.filter(|_| method == Method::PullPush && frame.skips_push);
+        let sparsest_px =
+            octree.map_or(f64::INFINITY, |o| sparsest_px(frame.view, frame.lattice, o, nodes()));
         let drawn = || frame.draws.iter().map(|draw| (draw.entry, draw.node, draw.prefix));
         let crowding = match frame.crowding {
             _ if method != Method::PullPush || !frame.averages => 0.0,
@@ -252,7 +258,7 @@ impl FramePlan {
             method,
             colour,
             shines,
-            is_dense,
+            sparsest_px,
             smooths,
             fits_planes,
             crowding,
@@ -292,6 +298,17 @@ impl FramePlan {
     /// How crowded the view is, 0 to 1; 0 without [`Pass::Average`].
     pub fn crowding(&self) -> f32 {
         self.crowding
+    }
+
+    /// Share of fitted planes in the tilt and the depth intervals of pixels, 0 to 1: dense views
+    /// have no planes.
+    pub fn fitting(&self) -> f32 {
+        self.fitting
+    }
+
+    /// [`FramePlan::crowding`] and [`FramePlan::fitting`].
+    pub fn shares(&self) -> [f32; 2] {
+        [self.crowding, self.fitting]
     }
 
     /// The share of smoothing in pixels that show one point ([`crate::passes::push`]), 0 to 1.

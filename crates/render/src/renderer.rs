@@ -101,7 +101,7 @@ impl Renderer {
         pyramid.fit(width, height, plan.planes());
         pyramid.lens = Lens::new(&camera);
         let fitted = (plan.planes() == Planes::Fitted).then(|| {
-            self.fitted.fill(&self.target, width, camera.focal_px, plan.crowding());
+            self.fitted.fill(&self.target, width, camera.focal_px, plan.shares());
             &self.fitted
         });
         let valid = gather(&lookup, &self.target, fitted, &mut pyramid.levels[0]);
@@ -217,7 +217,7 @@ impl Renderer {
                     stats.pixels_covered = resolve(&lookup, target, frame.background, picture);
                     stats.pixels_projected = stats.pixels_covered;
                 }
-                Pass::FitPlanes => fitted.fill(target, width, camera.focal_px, plan.crowding()),
+                Pass::FitPlanes => fitted.fill(target, width, camera.focal_px, plan.shares()),
                 Pass::Gather => {
                     let fitted = (planes == Planes::Fitted).then_some(&*fitted);
                     let base = &mut pyramid.levels[0];

@@ -133,7 +133,7 @@ struct SurfacePasses<'a> {
 impl<'a> SurfacePasses<'a> {
     fn new(gpu: &'a Gpu, input: &BaseImage<'_>, smooths: bool) -> Self {
         let base = &input.base;
-        let bytes = [FrameUniform::new(&input.frame, &input.camera(), 0.0)];
+        let bytes = [FrameUniform::new(&input.frame, &input.camera(), [0.0, 1.0])];
         let bytes: &[u8] = bytemuck::cast_slice(&bytes);
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let uniform = gpu.buffer("frame", bytes.len() as u64, usage).unwrap();

@@ -128,7 +128,7 @@ impl OnGpu {
                 primitives.fit(&self.gpu, size)?;
             }
         }
-        let uniform = FrameUniform::new(&frame, &camera, 0.0);
+        let uniform = FrameUniform::new(&frame, &camera, [0.0; 2]);
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         (self.size, self.plan) = (size, Some(plan));
         submit_writes(&self.gpu)

@@ -158,9 +158,10 @@ impl Appearance {
         self
     }
 
-    /// Plan of the frames. `is_dense`: points are dense in the whole view; `crowding`: how
+    /// Plan of the frames. `sparsest_px`: distance of points where they are farthest
+    /// apart ([`esker_render::inputs::density::sparsest_px`]); `crowding`: how
     /// crowded the view is.
-    pub fn plan(&self, file: &Forest, is_dense: bool, crowding: f32) -> FramePlan {
+    pub fn plan(&self, file: &Forest, sparsest_px: f64, crowding: f32) -> FramePlan {
         let normals = file.has(PlaneKind::Normal);
         let has = SceneHas {
             normals,
@@ -179,7 +180,7 @@ impl Appearance {
             method,
             colour,
             shines,
-            is_dense,
+            sparsest_px,
             smooths,
             fits_planes,
             crowding,
@@ -193,7 +194,7 @@ impl Appearance {
     /// Planes of each node that frames need, except residuals, which views request node by node,
     /// and classes ([`crate::light::class_plane`]).
     pub fn needs(&self, file: &Forest) -> Needs {
-        let plan = self.plan(file, false, 0.0);
+        let plan = self.plan(file, f64::INFINITY, 0.0);
         let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
         let (normals, clip_lines, tangents) = (plan.reads_normals, plan.clips, plan.tangents);
         Needs { colour, normals, clip_lines, tangents, classes: None }

@@ -19,7 +19,7 @@ use esker_lod::{
     select, surround,
 };
 use esker_points::{Filter, Lattice, Task};
-use esker_render::inputs::density::is_dense;
+use esker_render::inputs::density::sparsest_px;
 use esker_render::{Dots, DrawNode, FramePlan};
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -236,8 +236,8 @@ impl PictureScene {
         }
         let drawn = || selection.drawn.iter().map(|d| (file.record(d.node), d.prefix)).enumerate();
         let nodes = drawn().map(|(entry, (node, _))| (entry, node));
-        let is_dense = is_dense(&view, file.metric(), &octree, nodes);
-        let plan = appearance.plan(file, is_dense, appearance.crowding(file, &view));
+        let sparsest_px = sparsest_px(&view, file.metric(), &octree, nodes);
+        let plan = appearance.plan(file, sparsest_px, appearance.crowding(file, &view));
         let mut kinds = planes_of(&plan, &appearance);
         kinds.extend(class_plane.filter(|plane| !kinds.contains(plane)));
         Ok(Self {

@@ -146,7 +146,7 @@ impl GpuRenderer {
         self.fit(&camera, &plan)?;
         self.cut.fill(&self.gpu, frame, &camera, &plan, pool)?;
         self.lookup.set(&self.gpu, frame)?;
-        let uniform = FrameUniform::new(frame, &camera, plan.crowding());
+        let uniform = FrameUniform::new(frame, &camera, plan.shares());
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         self.encode(&mut encoder, frame, &camera, &plan, pool)?;
         self.gpu.queue.submit([encoder.finish()]);
@@ -372,7 +372,7 @@ impl GpuRenderer {
         }
         let target = EwaTarget {
             uniform,
-            frame: FrameUniform::new(frame, camera, plan.crowding()),
+            frame: FrameUniform::new(frame, camera, plan.shares()),
             plan,
             cut,
             pool,

@@ -127,7 +127,7 @@ impl GpuSplats {
             self.lookup.set(gpu, frame)?;
             let eye = Eye { place: (frame.view.eye - origin).as_vec3().extend(0.0).to_array() };
             let eye = fixed_uniform(gpu, "eye", bytes_of(&eye))?;
-            let uniform = FrameUniform::new(frame, &camera, 0.0);
+            let uniform = FrameUniform::new(frame, &camera, [0.0; 2]);
             self.encode(gpu, (uniform, &eye), &plan, pool, &made)?;
         }
         Ok(made)

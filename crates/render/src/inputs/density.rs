@@ -11,25 +11,32 @@ use glam::DVec3;
 /// front surface is without a point, and push has nothing to fill. Samples are even: their gaps are
 /// at most 1.42 times as wide as those of a Poisson-disk sample, in which every circle of one
 /// spacing holds a point.
-pub const DENSE_PX: f64 = 0.5;
+pub const DENSE_PX: f64 = 0.4;
 
-/// Whether a view is dense. `nodes` are the drawn nodes with their indices in `octree`. A node
-/// below which something is drawn counts with the spacing of what is drawn there.
-pub fn is_dense<'a>(
+/// Distance of points from which planes that are fitted to a view without normals count wholly,
+/// pixels. They fade towards dense views, which have none.
+pub(crate) const FITTED_PX: f64 = 0.6;
+
+/// Distance of the points of a view where they are farthest apart on the picture, pixels; infinite
+/// where it is not known. `nodes` are the drawn nodes with their indices in `octree`. A node below
+/// which something is drawn counts with the spacing of what is drawn there.
+pub fn sparsest_px<'a>(
     view: &View,
     lattice: &Lattice,
     octree: &CompactOctree,
     nodes: impl IntoIterator<Item = (usize, &'a Node)>,
-) -> bool {
+) -> f64 {
     let mut any = false;
-    let is_dense = nodes.into_iter().all(|(entry, node)| {
+    let spacings = nodes.into_iter().map(|(entry, node)| {
         any = true;
-        entry < octree.len()
-            && octree.leaf_spacing(entry).is_none_or(|spacing| {
-                nearest_spacing_px(view, lattice, node, f64::from(spacing)) <= DENSE_PX
-            })
+        if entry >= octree.len() {
+            return f64::INFINITY;
+        }
+        let spacing = octree.leaf_spacing(entry);
+        spacing.map_or(0.0, |s| nearest_spacing_px(view, lattice, node, f64::from(s)))
     });
-    any && is_dense
+    let sparsest = spacings.fold(0.0, f64::max);
+    if any { sparsest } else { f64::INFINITY }
 }
 
 /// Whether drawn nodes are crowded: at least half of the points of the finest ones are closer

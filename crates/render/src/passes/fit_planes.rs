@@ -53,22 +53,25 @@ pub(crate) struct Trust {
     /// Mean distances from a plane, over the greatest that counts, up to which it is trusted fully,
     /// and from which it is not trusted.
     pub(crate) distance: [f32; 2],
+    /// Share of planes in tilts and intervals, 0 to 1.
+    pub(crate) fitting: f32,
 }
 
 /// Trust where points lie apart. Intervals are shorter than a stored radius, since fitted planes
 /// are rough.
-pub(crate) const APART: Trust = Trust { reach: 0.8, distance: [0.2, 0.4] };
+pub(crate) const APART: Trust = Trust { reach: 0.8, distance: [0.2, 0.4], fitting: 1.0 };
 /// Trust where points crowd. Colours are averages of all points in the interval there: short
 /// intervals make scans flicker. Planes are trusted less than where points lie apart, or more
 /// pixels depend on hidden nodes (`crates/engine/tests/occlusion.rs`).
-pub(crate) const CROWDED: Trust = Trust { reach: BARE_REACH, distance: [0.18, 0.35] };
+pub(crate) const CROWDED: Trust = Trust { reach: BARE_REACH, distance: [0.18, 0.35], fitting: 1.0 };
 
-/// Trust in a view of this crowding.
-fn trust(crowding: f32) -> Trust {
+/// Trust in a view of this crowding; planes take part by the share `fitting`.
+fn trust(crowding: f32, fitting: f32) -> Trust {
     let mix = |apart: f32, crowded: f32| apart * (1.0 - crowding) + crowded * crowding;
     Trust {
         reach: mix(APART.reach, CROWDED.reach),
         distance: [0, 1].map(|i| mix(APART.distance[i], CROWDED.distance[i])),
+        fitting,
     }
 }
 
@@ -105,9 +108,10 @@ pub struct FittedPlanes {
 }
 
 impl FittedPlanes {
-    /// Fits a plane to each square of a frame buffer `width` pixels wide. Where the view is
-    /// crowded (0 to 1), depth intervals stay long.
-    pub fn fill(&mut self, target: &[AtomicU64], width: usize, focal_px: f32, crowding: f32) {
+    /// Fits a plane to each square of a frame buffer `width` pixels wide. `shares` are
+    /// [`crate::FramePlan::crowding`], with which depth intervals stay long, and
+    /// [`crate::FramePlan::fitting`].
+    pub fn fill(&mut self, target: &[AtomicU64], width: usize, focal_px: f32, shares: [f32; 2]) {
         let height = target.len() / width.max(1);
         (self.width, self.height) = (width.div_ceil(SQUARE_PX), height.div_ceil(SQUARE_PX));
         self.stride = self.width.next_multiple_of(EIGHT) + 2;
@@ -118,7 +122,7 @@ impl FittedPlanes {
         self.y.resize(squares, 0.0);
         self.fitted.resize(self.width * self.height, FittedPlane::NONE);
         self.collect_nearest(target, width, height);
-        self.fit(focal_px, trust(crowding));
+        self.fit(focal_px, trust(shares[0], shares[1]));
     }
 
     /// The plane fitted around a pixel that shows a disc of radius `radius_px`.
@@ -268,6 +272,7 @@ fn fit_plane<V: Values>(around: &[Neighbour<V>; 8], focal_px: f32, trust: Trust)
     let mean = distance / (count * most).max(zero.like(f32::MIN_POSITIVE));
     let [wholly, none] = trust.distance;
     let mistrust = ((mean - wholly) * (1.0 / (none - wholly))).max(zero).min(zero.like(1.0));
+    let mistrust = mistrust * trust.fitting + (1.0 - trust.fitting);
     let reach = mistrust * (BARE_REACH - trust.reach) + trust.reach;
     let is_fitted = missing.cmple(zero.like(MISSING_MAX));
     let share = only(is_fitted, zero.like(1.0) - mistrust);
@@ -299,8 +304,8 @@ mod tests {
     fn fit(target: &[AtomicU64]) -> FittedPlanes {
         let mut fitted = FittedPlanes::default();
         // Fits another picture first: its planes must not remain.
-        fitted.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, 1.0);
-        fitted.fill(target, WIDTH, FOCAL_PX, 0.0);
+        fitted.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, [1.0; 2]);
+        fitted.fill(target, WIDTH, FOCAL_PX, [0.0, 1.0]);
         fitted
     }
 

@@ -103,8 +103,8 @@ impl CpuFrame<'_> {
         pyramid.fit(width, height, planes);
         let mut base = pyramid.levels.swap_remove(0);
         let mut fitted = FittedPlanes::default();
-        let crowding = FramePlan::new(self.frame).crowding();
-        fitted.fill(&self.target, width, self.camera.focal_px, crowding);
+        let shares = FramePlan::new(self.frame).shares();
+        fitted.fill(&self.target, width, self.camera.focal_px, shares);
         let fitted = (planes == Planes::Fitted).then_some(&fitted);
         (gather(&lookup, &self.target, fitted, &mut base), base)
     }
@@ -209,7 +209,7 @@ impl GpuPasses {
                 row
             })
             .collect();
-        let uniform = FrameUniform::new(frame, &camera, FramePlan::new(frame).crowding());
+        let uniform = FrameUniform::new(frame, &camera, FramePlan::new(frame).shares());
         let buffers = [
             self.buffer(bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM),
             self.buffer(bytemuck::cast_slice(hits), BufferUsages::STORAGE),
@@ -297,7 +297,7 @@ impl GpuPasses {
         let scene = crate::Scene { lattice, nodes: Vec::new() };
         let frame = scene.frame(&view, &[]);
         let camera = Camera::new(&view, &lattice).unwrap();
-        let uniform = FrameUniform::new(&frame, &camera, FramePlan::new(&frame).crowding());
+        let uniform = FrameUniform::new(&frame, &camera, FramePlan::new(&frame).shares());
         let uniform = self.buffer(bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
         let depth = self.buffer(bytemuck::cast_slice(depth), BufferUsages::STORAGE);
         let (gpu, tiles) = (&self.gpu, &self.tiles);

@@ -30,13 +30,15 @@ pub struct FrameUniform {
     has_fronts: u32,
     anchor_depth: f32,
     crowding: f32,
-    unused: [u32; 3],
+    fitting: f32,
+    unused: [u32; 2],
 }
 
 impl FrameUniform {
-    /// Values of a frame and its camera. `crowding` is that of its plan
-    /// ([`crate::FramePlan::crowding`]).
-    pub fn new<P>(frame: &Frame<'_, P>, camera: &Camera, crowding: f32) -> Self {
+    /// Values of a frame and its camera. `shares` are those of its plan
+    /// ([`crate::FramePlan::shares`]).
+    pub fn new<P>(frame: &Frame<'_, P>, camera: &Camera, shares: [f32; 2]) -> Self {
+        let [crowding, fitting] = shares;
         let [right, up, back] = camera.view_from_world.map(|r| r.to_array());
         let [top, bottom] = match frame.background {
             Background::Plain(c) => [c, c],
@@ -65,7 +67,8 @@ impl FrameUniform {
             has_fronts: u32::from(frame.has_fronts),
             anchor_depth: camera.anchor_depth,
             crowding,
-            unused: [0; 3],
+            fitting,
+            unused: [0; 2],
         }
     }
 }
@@ -100,6 +103,7 @@ mod layout {
         eye_dome,
         has_fronts,
         anchor_depth,
-        crowding
+        crowding,
+        fitting
     });
 }
