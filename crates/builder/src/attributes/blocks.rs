@@ -222,7 +222,7 @@ enum Surface {
     /// One plane, or no surface: a code for all points.
     Even([i16; 2]),
     /// Planes that meet at an edge.
-    Edge(Planes),
+    Edge(Box<Planes>),
 }
 
 /// Moments of the cells of a tile and of those around it.
@@ -324,7 +324,7 @@ impl Tile {
             let planes = edges::planes(&plane, &cells, (&mut points, fill), scale);
             self.steps = points;
             if let Some(planes) = planes {
-                return Some(Surface::Edge(planes));
+                return Some(Surface::Edge(Box::new(planes)));
             }
         }
         if is_plane && !is_flat && sums[0] < PARTED && !is_last {
