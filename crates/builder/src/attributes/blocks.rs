@@ -1,9 +1,9 @@
 //! Estimates normals fast, from sums over cells instead of a search for neighbours. Cells of the
 //! octree with a few points each lie along the Morton curve; the moments of the block of 3 x 3 x 3
-//! cells around a cell give one plane for all its points (`hoppe1992`, section 3.2), or several planes
-//! that meet at an edge. Where a block has too few points, or is no surface, the block of the cell
-//! above it follows. A normal depends only on the cells of the coarsest level around its own, so it
-//! is the same however a cloud is cut into chunks.
+//! cells around a cell give one plane for all its points (`hoppe1992`, section 3.2), or several
+//! planes that meet at an edge. Where a block has too few points, or is no surface, the block of
+//! the cell above it follows. A normal depends only on the cells of the coarsest level around its
+//! own, so it is the same however a cloud is cut into chunks.
 
 use crate::attributes::knn::sorted_codes;
 use crate::attributes::normals::{UNKNOWN, code_of, joined};
@@ -296,8 +296,8 @@ impl Tile {
         std::array::from_fn(|i| usize::from(self.index[at(i)]))
     }
 
-    /// What the block around a cell of the tile is; `None` if it has too few points, or if the block
-    /// of the cell above follows, which it does not if `is_last`.
+    /// What the block around a cell of the tile is; `None` if it has too few points, or if the
+    /// block of the cell above follows, which it does not if `is_last`.
     fn surface(&mut self, cloud: &Cloud<'_>, cell: [u32; 3], is_last: bool) -> Option<Surface> {
         let block = self.block(cell);
         let mut sums = [0.0; 10];

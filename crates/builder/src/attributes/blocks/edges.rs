@@ -1,6 +1,6 @@
-//! Planes that meet in a block of cells. One plane for a block with an edge would lie across it. The
-//! eight parts of 2 x 2 x 2 cells around the middle one each get a plane; where the planes of flat
-//! parts differ, or cells are far from them, the cells and then the points of the block are
+//! Planes that meet in a block of cells. One plane for a block with an edge would lie across it.
+//! The eight parts of 2 x 2 x 2 cells around the middle one each get a plane; where the planes of
+//! flat parts differ, or cells are far from them, the cells and then the points of the block are
 //! distributed to two or three planes, which are fitted again, as k-means does with centres. They
 //! count only if they explain the block far better than one plane.
 
@@ -58,8 +58,8 @@ impl<'a> Occupied<'a> {
 }
 
 /// Finds the planes that meet in a block, at least two; `None` if it has no edge. `whole` is the
-/// plane of all its points, `cells` has the moments of its cells, x first, `fill` puts its points in
-/// steps into `points`, which is empty.
+/// plane of all its points, `cells` has the moments of its cells, x first, `fill` puts its points
+/// in steps into `points`, which is empty.
 pub fn planes(
     whole: &Plane,
     cells: &[&Moments; 27],
