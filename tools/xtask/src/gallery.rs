@@ -60,7 +60,7 @@ fn build(program: &Path, data: &OsStr, scans: &[&str], normals: &str, file: &Pat
 /// Draws one entry of the list, one picture a method.
 fn draw_one(program: &Path, file: &Path, picture: &Value) -> Result<()> {
     let word = |key: &str| picture[key].as_str().with_context(|| format!("{picture} has no {key}"));
-    let methods = words(picture, "methods").unwrap_or_else(|_| vec!["pull-push"]);
+    let methods = words(picture, "methods").unwrap_or_else(|_| vec!["auto"]);
     for method in &methods {
         let name = match methods.len() {
             1 => format!("{}.png", word("name")?),
