@@ -32,10 +32,12 @@ struct Frame {
     eye_dome: f32,
     // 1 if normals tell the front of a surface from its back.
     has_fronts: u32,
-    // 0 for a pinhole; the depth at which lengths have their size if the view is parallel.
+    // Depth of the anchor of positions.
     anchor_depth: f32,
     // How crowded the view is, 0 to 1: the share of averages.
     crowding: f32,
     // Share of fitted planes in tilts and depth intervals, 0 to 1.
     fitting: f32,
+    // 1 if the view is parallel: `anchor_depth` is then the depth at which lengths have their size.
+    is_parallel: u32,
 }

@@ -59,7 +59,7 @@ fn see(draw: Draw, index: u32) -> Seen {
     let steps = steps_from_anchor(draw.base_high, draw.base_low, draw.bias_steps, offset);
     let place = steps * frame.step;
     let depth = frame.anchor_depth - dot(frame.back, place);
-    let scale = frame.focal_px / select(depth, frame.anchor_depth, frame.anchor_depth > 0.0);
+    let scale = frame.focal_px / select(depth, frame.anchor_depth, frame.is_parallel == 1u);
     let x = frame.centre_px.x + dot(frame.right, place) * scale;
     let y = frame.centre_px.y - dot(frame.up, place) * scale;
     return Seen(vec2<f32>(x, y), depth, place - frame.back * frame.anchor_depth);

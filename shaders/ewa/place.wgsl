@@ -230,13 +230,13 @@ fn in_view(world: vec3<f32>) -> vec3<f32> {
 // point is moved sideways, so that a pinhole projects it to its place in the parallel projection.
 fn seen(place: vec3<f32>) -> vec3<f32> {
     let depth = place.z + frame.anchor_depth;
-    let squeeze = select(1.0, depth / frame.anchor_depth, frame.anchor_depth > 0.0);
+    let squeeze = select(1.0, depth / frame.anchor_depth, frame.is_parallel == 1u);
     return vec3<f32>(place.xy * squeeze, depth);
 }
 
 // The direction of a line through a point (`seen`).
 fn seen_way(place: vec3<f32>, way: vec3<f32>) -> vec3<f32> {
-    if frame.anchor_depth > 0.0 {
+    if frame.is_parallel == 1u {
         let depth = place.z + frame.anchor_depth;
         return vec3<f32>((way.xy * depth + place.xy * way.z) / frame.anchor_depth, way.z);
     }

@@ -41,7 +41,7 @@ fn may_be_seen(draw: Draw, box: RunBox) -> bool {
     let side = (frame.centre_px + 1.0) / frame.focal_px;
     let slack = (dot(abs(middle) + half, vec3<f32>(1.0)) + frame.anchor_depth) * ROUNDING;
     // The sides of a pinhole's picture lean outwards; those of a parallel view are fixed.
-    let leans = select(side, vec2<f32>(0.0), frame.anchor_depth > 0.0);
+    let leans = select(side, vec2<f32>(0.0), frame.is_parallel == 1u);
     let ends = -slack * (side + 1.0) - side * frame.anchor_depth;
     let is_near = reach(-frame.back, middle, half) < frame.near - frame.anchor_depth - slack;
     let is_left = reach(frame.right - frame.back * leans.x, middle, half) < ends.x;

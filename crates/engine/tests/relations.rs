@@ -372,7 +372,7 @@ fn a_wall_looks_the_same_from_farther_away_through_a_narrower_field_of_view() {
     }
 }
 
-/// The plan of a frame does not depend on the step of coordinates, dense and crowded views included.
+/// The plan of a frame does not depend on the step of coordinates, in crowded views either.
 fn same_plan(file: &Forest, other: &Forest, camera: &str) {
     for target_spacing_px in [1.0, 0.9, 0.7, 0.3, 0.0] {
         let style = (Method::PullPush, Dots::default());

@@ -1,5 +1,5 @@
-//! Crowding of views: in its range for any tree and view, whole from afar, none at the usual target,
-//! and continuous.
+//! Crowding of views: in its range for any tree and view, whole from afar, none at the usual
+//! target, and continuous.
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
 mod tree;

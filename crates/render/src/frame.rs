@@ -164,8 +164,9 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// Whether the points of the front surface of a pixel are averaged in crowded views
     /// ([`Frame::crowding`]); else a pixel shows one of them.
     pub averages: bool,
-    /// How crowded the view is, 0 to 1 ([`esker_lod::crowding`]): the share of averages in colours.
-    /// `None`: 1 if most of the drawn points crowd ([`crate::inputs::density::is_crowded`]), else 0.
+    /// How crowded the view is, 0 to 1 ([`esker_lod::crowding`]): the share of averages in pixels.
+    /// `None`: 1 if most of the drawn points crowd, else 0
+    /// ([`crate::inputs::density::is_crowded`]).
     pub crowding: Option<f32>,
     /// Whether pixels that show one point are smoothed ([`crate::passes::push`]).
     pub smooths: bool,

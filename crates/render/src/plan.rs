@@ -121,8 +121,8 @@ pub struct FramePlan {
     /// Whether the pyramid has levels above level 0.
     pub has_pyramid: bool,
     /// Whether pixels that show one point are mixed with their interpolation
-    /// ([`crate::passes::push`]): if the options want it, the view is not wholly crowded and colours
-    /// are not names.
+    /// ([`crate::passes::push`]): if the options want it, the view is not wholly crowded and
+    /// colours are not names.
     pub smooths: bool,
     /// How crowded the view is, 0 to 1: the share of averages in the attributes of pixels, and of
     /// smoothing that is left out.

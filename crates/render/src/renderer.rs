@@ -3,27 +3,23 @@
 
 use crate::error::RenderError;
 use crate::ewa::Ewa;
-use crate::frame::{Frame, Picture, PointSize, Stats, ms};
+use crate::frame::{Frame, Picture, Stats, ms};
 use crate::inputs::camera::Camera;
 use crate::inputs::lookup::{DrawList, Lookup};
 use crate::pass::Pass;
 use crate::passes::antialias::antialias;
 use crate::passes::average::Averages;
+use crate::passes::dots::Dots;
 use crate::passes::exposure::ExposureGrid;
-use crate::passes::eye_dome::eye_dome;
 use crate::passes::fill_holes::fill_holes;
 use crate::passes::fit_planes::FittedPlanes;
 use crate::passes::gather::gather;
-use crate::passes::grow::Grow;
-use crate::passes::overlay::{DotLight, overlay};
 use crate::passes::project::{EMPTY, project};
 use crate::passes::pull::pull;
 use crate::passes::push::push_with;
-use crate::passes::resolve::resolve;
 use crate::passes::shade::shade;
 use crate::passes::silhouette::trim_with;
 use crate::passes::smooth_depth::{SmoothDepthScratch, smooth_depth};
-use crate::passes::split::split;
 use crate::passes::tangent::Lens;
 use crate::picture::edges::edges as find_edges;
 use crate::picture::margin::crop;
@@ -40,9 +36,7 @@ pub(crate) const STEP_PX: f32 = 2.0;
 #[derive(Default)]
 pub struct Renderer {
     target: Vec<AtomicU64>,
-    /// Frame buffer of dots among surfaces.
-    dots: Vec<AtomicU64>,
-    grow: Grow,
+    dots: Dots,
     fitted: FittedPlanes,
     averages: Averages,
     exposure: ExposureGrid,
@@ -88,7 +82,7 @@ impl Renderer {
         pyramid: &mut Pyramid,
     ) -> Result<u64, RenderError> {
         let plan = FramePlan::new(frame);
-        let camera = Camera::new(frame.view, frame.lattice)?;
+        let camera = Camera::of(frame)?;
         let camera = camera.with_margin(plan.margin_px);
         let [width, height] = camera.size.map(|s| s as usize);
         self.target.resize_with(width * height, || AtomicU64::new(EMPTY));
@@ -96,7 +90,7 @@ impl Renderer {
         project(frame, &camera, &list, &self.target);
         let lookup = Lookup::new(frame, &camera, &list);
         if plan.mixes_dots() {
-            split(&lookup, plan.carries_normals, &self.target, &mut self.dots);
+            self.dots.split(&lookup, &plan, &self.target);
         }
         pyramid.fit(width, height, plan.planes());
         pyramid.lens = Lens::new(&camera);
@@ -125,7 +119,7 @@ impl Renderer {
         frame: &Frame<'_>,
         picture: &mut Picture,
     ) -> Result<(), RenderError> {
-        let camera = Camera::new(frame.view, frame.lattice)?;
+        let camera = Camera::of(frame)?;
         let start = Instant::now();
         let plan = FramePlan::new(frame);
         let camera = camera.with_margin(plan.margin_px);
@@ -174,17 +168,7 @@ impl Renderer {
         self.target.resize_with(pixels, || AtomicU64::new(EMPTY));
         let lookup = Lookup::new(frame, camera, &list);
         let Self {
-            target,
-            dots,
-            grow,
-            fitted,
-            averages,
-            exposure,
-            pyramid,
-            smooth,
-            sources,
-            ewa,
-            ..
+            target, dots, fitted, averages, exposure, pyramid, smooth, sources, ewa, ..
         } = self;
         let planes = plan.planes();
         let is_splats = plan.passes.contains(&Pass::Blend);
@@ -197,25 +181,8 @@ impl Renderer {
         for &pass in plan.passes.iter() {
             match pass {
                 Pass::Project => project(frame, camera, &list, target),
-                Pass::Split => {
-                    stats.pixels_projected = split(&lookup, plan.carries_normals, target, dots);
-                }
-                Pass::Grow if plan.mixes_dots() => {
-                    grow.run(&lookup, PointSize::Adaptive, dots, width);
-                }
-                Pass::Grow => grow.run(&lookup, frame.dots.size, target, width),
-                Pass::Overlay => {
-                    let (has_normals, shines) = (plan.carries_normals, plan.shines);
-                    let light = DotLight { has_normals, shines };
-                    stats.pixels_covered += overlay(&lookup, light, dots, picture);
-                }
-                Pass::EyeDome => {
-                    let dots = plan.mixes_dots().then_some(&dots[..]);
-                    eye_dome(picture, frame.dots.eye_dome, dots);
-                }
-                Pass::Resolve => {
-                    stats.pixels_covered = resolve(&lookup, target, frame.background, picture);
-                    stats.pixels_projected = stats.pixels_covered;
+                Pass::Split | Pass::Grow | Pass::Overlay | Pass::Resolve | Pass::EyeDome => {
+                    dots.run(pass, frame, plan, &lookup, target, (&mut *picture, &mut stats));
                 }
                 Pass::FitPlanes => fitted.fill(target, width, camera.focal_px, plan.shares()),
                 Pass::Gather => {

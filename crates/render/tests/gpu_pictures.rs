@@ -230,6 +230,24 @@ fn parallel_pictures_equal_those_of_the_cpu() {
 }
 
 #[test]
+fn pictures_through_a_narrow_pinhole_equal_those_of_the_cpu() {
+    let scene = ball_and_floor();
+    let towards = DVec3::new(2.6, -3.1, 1.9) * 1e3;
+    let far = View::look_at(DVec3::Z * 0.5 + towards, DVec3::Z * 0.5, DVec3::Z, 9e-4, 160, 128);
+    let far = far.with_margin(16);
+    let [with, without] = [true, false].map(|normals| scene.draws(true, true, normals));
+    let surface = scene.frame(&far, &with);
+    let dots = Dots { size: PointSize::Adaptive, eye_dome: 0.6 };
+    pictures_are_the_same(&[
+        ("surface", surface),
+        ("surface without normals", scene.frame(&far, &without)),
+        ("surface and dots", Frame { mixes_dots: true, dots, ..surface }),
+        ("splats", Frame { method: Method::Ewa, ..surface }),
+        ("dots", Frame { method: Method::Points, dots, ..surface }),
+    ]);
+}
+
+#[test]
 fn surfaces_and_dots_equal_those_of_the_cpu() {
     let (scene, view) = (ball_and_floor(), view(160, 128));
     // A wall in front of the ball with points 20 times as far apart.

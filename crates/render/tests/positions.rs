@@ -8,7 +8,7 @@ mod scene;
 use esker_lod::View;
 use esker_points::{Cell, Lattice, Node, quant};
 use esker_render::inputs::camera::{Camera, Positions};
-use esker_render::{ColourPlane, DrawNode};
+use esker_render::{ColourPlane, DrawNode, Frame};
 use glam::DVec3;
 use scene::Dice;
 
@@ -57,7 +57,7 @@ fn check(
     points: &[[u32; 3]],
     bound_px: impl Fn(f64) -> f64,
 ) -> usize {
-    let camera = Camera::new(view, lattice).unwrap();
+    let camera = Camera::of(&Frame::new(view, lattice, std::slice::from_ref(draw))).unwrap();
     let positions = Positions::of(draw);
     let place = camera.place(draw.node, positions.is_exact());
     let mut seen = 0;
@@ -67,11 +67,12 @@ fn check(
             continue;
         }
         let v = camera.to_view(place.steps_from_anchor(positions.offset(i).0) * camera.step);
-        let scale = camera.focal_px / -v.z;
+        let depth = camera.anchor_depth - v.z;
+        let scale = camera.focal_px / depth;
         let drawn = [camera.centre_px[0] + v.x * scale, camera.centre_px[1] - v.y * scale];
         let off = (f64::from(drawn[0]) - exact.x).hypot(f64::from(drawn[1]) - exact.y);
         assert!(off <= bound_px(exact.z), "{off} px at depth {} of {p:?}", exact.z);
-        let depth_off = (f64::from(-v.z) / exact.z - 1.0).abs();
+        let depth_off = (f64::from(depth) / exact.z - 1.0).abs();
         assert!(depth_off <= 1e-3 * bound_px(exact.z).max(1e-3), "depth off by {depth_off}");
         seen += 1;
     }
@@ -138,6 +139,40 @@ fn exact_points_are_drawn_within_a_hundredth_of_a_pixel_however_close_the_view()
         }
     }
     assert!(seen > 50_000, "only {seen} points are in a picture");
+}
+
+#[test]
+fn points_are_where_they_belong_through_the_narrowest_pinhole() {
+    let mut dice = Dice(6);
+    let lattice =
+        Lattice { scale: [1e-3; 3], offset: [4e5, 5e6, 90.0], shift: [0; 3], ..Lattice::default() };
+    let mut seen = 0;
+    for (extent, farther) in [(60_000u32, 3e2), (1_000_000, 1e3), (1_000_000, 1e4)] {
+        let near = [2_000_000_000 + extent / 2; 3];
+        let (node, points, hot, residual) = node(&mut dice, [2_000_000_000; 3], extent, near);
+        let size = f64::from(extent) * 1e-3;
+        let target = DVec3::from_array(lattice.world(near));
+        // Along an axis and oblique.
+        for direction in [DVec3::NEG_Y, DVec3::new(3.0, -8.0, 5.2) / 10.0] {
+            let eye = target + direction * size * farther;
+            let fovy = 1.5 / (direction.length() * farther);
+            let view = View::look_at(eye, target, DVec3::Z, fovy, 1024, 1024);
+            let draw = DrawNode {
+                node: &node,
+                entry: 0,
+                prefix: points.len(),
+                position: &hot[..],
+                residual: Some(&residual),
+                colour: ColourPlane::None,
+                normal: None,
+                clip: None,
+                tangents: None,
+            };
+            // The eye and its direction are rounded to f64, which the reference shares in part.
+            seen += check(&lattice, &view, &draw, &points, |_| 0.01);
+        }
+    }
+    assert!(seen > 1000, "only {seen} points are in a picture");
 }
 
 #[test]

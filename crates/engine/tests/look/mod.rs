@@ -254,7 +254,7 @@ fn normals_are_streamed_when_a_session_begins_to_draw_surfaces() {
 #[test]
 fn a_dense_view_needs_no_push() {
     let file = Forest::open(terrain()).unwrap();
-    let picture_request = PictureRequest { target_spacing_px: 0.0, size: [40, 30], ..request() };
+    let picture_request = PictureRequest { target_spacing_px: 0.0, size: [32, 24], ..request() };
     let scene = PictureScene::read(&file, &picture_request, &Silent).unwrap();
     assert!(!scene.plan.passes.contains(&Pass::Push), "{:?}", scene.plan);
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
@@ -266,7 +266,7 @@ fn a_dense_view_needs_no_push() {
         (without.stats.stages.ms(Pass::Push), without.stats.stages.ms(Pass::Pull)),
         (0.0, 0.0)
     );
-    let flip = mean_flip(&without.rgba, &with.rgba, 40);
+    let flip = mean_flip(&without.rgba, &with.rgba, 32);
     assert!(flip <= 0.05, "FLIP {flip}");
     let near = PictureScene::choose(&file, &request()).unwrap();
     assert!(near.plan.passes.contains(&Pass::Push));

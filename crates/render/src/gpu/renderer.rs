@@ -129,7 +129,7 @@ impl GpuRenderer {
         frame: &Frame<'_, PlaneAt>,
         pool: &NodePool,
     ) -> Result<(), GpuError> {
-        let camera = Camera::new(frame.view, frame.lattice)?;
+        let camera = Camera::of(frame)?;
         let mut plan = FramePlan::new(frame);
         let drawn_px = if self.holds(camera.size) { plan.margin_px } else { 0 };
         let camera = camera.with_margin(drawn_px);

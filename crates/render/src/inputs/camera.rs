@@ -1,24 +1,28 @@
 //! The camera on the lattice: the numbers of a frame and of a node from which positions of points
 //! relative to its anchor are computed. The lattice cell of the anchor is subtracted in integers
 //! and only the difference becomes `f32`. Its rounding is relative to the distance from the anchor,
-//! so far coordinates do not jitter. The anchor is the eye, or where the view is parallel the point
-//! ahead of the eye at the depth of the scan.
+//! so far coordinates do not jitter. The anchor is the eye; where the view is parallel, or a
+//! pinhole is so narrow that this rounding would show, it is the point ahead of the eye at the
+//! depth of the scan.
 //!
 //! A difference may need more than 32 bits, and a GPU has no wider integers. It is kept as `high *
 //! 2^16 + low`, two integers that are exact in `f32`, so that their sum rounds once.
 
 use crate::error::RenderError;
-use crate::frame::{DrawNode, PIXELS_MAX, SIDE_MAX};
+use crate::frame::{DrawNode, Frame, PIXELS_MAX, SIDE_MAX};
 use crate::simd::values::{Values, load};
 use esker_lod::View;
 use esker_points::fetch::fetch;
 use esker_points::quant::{HOT_POSITION_BYTES, read_residual, residual_bytes};
 use esker_points::{Lattice, Node};
 use fearless_simd::{Simd, f32x8};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Greatest difference, steps; nothing beyond it is in a picture.
 const STEPS_FAR: f64 = (1u64 << 46) as f64;
+/// Pixels of a unit of length at unit depth from which a pinhole is narrow: the rounding of
+/// positions against the eye reaches a thousandth of a pixel.
+const NARROW_PX: f64 = (1 << 14) as f64;
 /// Most bits that a hot position drops: the lattice has 32 bits an axis, hot positions keep 16.
 pub(crate) const SHIFT_MAX: u8 = 16;
 
@@ -33,9 +37,11 @@ pub fn is_drawable(width: u32, height: u32) -> bool {
 #[derive(Clone, Debug)]
 pub struct Camera {
     anchor_steps: [f64; 3],
-    /// Depth of the anchor: 0 for a pinhole; where the view is parallel, the depth at which lengths
-    /// have their size on the picture.
+    /// Depth of the anchor; where the view is parallel, the depth at which lengths have their size
+    /// on the picture.
     pub anchor_depth: f32,
+    /// Whether the view is parallel.
+    pub is_parallel: bool,
     /// The anchor on the lattice, rounded down: the part above 2^16,
     pub anchor_high: [i32; 3],
     /// and the part below.
@@ -59,12 +65,34 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// The camera of a view.
+    /// The camera of a frame. The anchor of a narrow pinhole is as deep as the middle of the first
+    /// node.
+    ///
+    /// # Errors
+    /// As for [`Camera::new`].
+    pub fn of<P>(frame: &Frame<'_, P>) -> Result<Self, RenderError> {
+        let (view, lattice) = (frame.view, frame.lattice);
+        let first = frame.draws.first().filter(|_| view.focal_px() >= NARROW_PX);
+        let depth = first.map_or(0.0, |draw| {
+            let [low, high] = draw.node.own_box().map(|corner| corner.map(f64::from));
+            let middle = [0, 1, 2].map(|i| lattice.world_axis(i, 0.5 * (low[i] + high[i])));
+            view.depth(DVec3::from_array(middle))
+        });
+        let depth = if depth.is_finite() { depth.max(0.0) } else { 0.0 };
+        Self::anchored(view, lattice, depth)
+    }
+
+    /// The camera of a view, whose anchor is the eye if it is a pinhole.
     ///
     /// # Errors
     /// If the size of the view is not supported, or its eye, direction, field of view or near plane
     /// is not usable.
     pub fn new(view: &View, lattice: &Lattice) -> Result<Self, RenderError> {
+        Self::anchored(view, lattice, 0.0)
+    }
+
+    /// The camera of a view; `depth` is that of the anchor if it is a pinhole.
+    fn anchored(view: &View, lattice: &Lattice, depth: f64) -> Result<Self, RenderError> {
         let (width, height) = (view.width, view.height);
         if !is_drawable(width, height) {
             return Err(RenderError::Size { width, height, side: SIDE_MAX, pixels: PIXELS_MAX });
@@ -75,7 +103,7 @@ impl Camera {
         usable(view.focal_px() > 0.0 && view.focal_px().is_finite(), "field of view")?;
         usable(view.near > 0.0 && view.near.is_finite(), "near plane")?;
         let rows = view.view_from_world().transpose();
-        let depth = view.parallel_at.unwrap_or(0.0);
+        let depth = view.parallel_at.unwrap_or(depth);
         usable(depth >= 0.0 && depth.is_finite(), "depth of a parallel view")?;
         let anchor = view.eye + view.forward() * depth;
         let anchor_steps = [0, 1, 2].map(|i| lattice.steps_axis(i, anchor[i]));
@@ -83,6 +111,7 @@ impl Camera {
         Ok(Self {
             anchor_steps,
             anchor_depth: depth as f32,
+            is_parallel: view.parallel_at.is_some(),
             anchor_high: whole.map(|w| (w as i64 >> 16) as i32),
             anchor_low: whole.map(|w| (w as i64 & 0xffff) as i32),
             anchor_rest: [0, 1, 2]
@@ -116,11 +145,6 @@ impl Camera {
         Vec3::new(right.dot(v), up.dot(v), back.dot(v))
     }
 
-    /// Whether the view is parallel.
-    pub fn is_parallel(&self) -> bool {
-        self.anchor_depth > 0.0
-    }
-
     /// From the eye to the anchor, along the world's axes.
     #[inline(always)]
     pub fn to_anchor(&self) -> Vec3 {
@@ -131,7 +155,7 @@ impl Camera {
     /// [`Camera::focal_px`] over it pixels.
     #[inline(always)]
     pub fn divisor(&self) -> [f32; 2] {
-        if self.is_parallel() { [0.0, self.anchor_depth] } else { [1.0, 0.0] }
+        if self.is_parallel { [0.0, self.anchor_depth] } else { [1.0, 0.0] }
     }
 
     /// Coordinates of a point relative to the eye: right, down and away from it. The argument is
@@ -139,10 +163,10 @@ impl Camera {
     /// projects it to its place in the parallel projection.
     #[inline(always)]
     pub fn seen<V: Values>(&self, [x, y, ahead]: [V; 3]) -> [V; 3] {
-        if !self.is_parallel() {
-            return [x, y, ahead];
-        }
         let depth = ahead + self.anchor_depth;
+        if !self.is_parallel {
+            return [x, y, depth];
+        }
         let squeeze = depth * (1.0 / self.anchor_depth);
         [x * squeeze, y * squeeze, depth]
     }
@@ -150,11 +174,11 @@ impl Camera {
     /// [`Camera::seen`] for a line, from one of its points and its direction.
     #[inline]
     pub fn seen_line(&self, [from, way]: [Vec3; 2]) -> [Vec3; 2] {
-        if !self.is_parallel() {
-            return [from, way];
+        let depth = from.z + self.anchor_depth;
+        if !self.is_parallel {
+            return [from.with_z(depth), way];
         }
         let per_depth = 1.0 / self.anchor_depth;
-        let depth = from.z + self.anchor_depth;
         let squeezed = |v: Vec3| v.truncate() * (depth * per_depth);
         let turned = squeezed(way) + from.truncate() * (way.z * per_depth);
         [squeezed(from).extend(depth), turned.extend(way.z)]

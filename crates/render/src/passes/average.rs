@@ -44,8 +44,8 @@ pub struct Averages {
 }
 
 impl Averages {
-    /// Mixes the attributes of the winners in `base` with the means of their pixels' front surfaces,
-    /// whose share is `crowding`.
+    /// Mixes the attributes of the winners in `base` with the means of their pixels' front
+    /// surfaces, whose share is `crowding`.
     pub fn run(&mut self, lookup: &Lookup<'_>, lens: &Lens, crowding: f32, base: &mut Level) {
         self.begin(lens, base);
         match base.planes() {

@@ -3,6 +3,7 @@
 
 pub mod antialias;
 pub(crate) mod average;
+pub(crate) mod dots;
 pub(crate) mod ellipse;
 pub(crate) mod exposure;
 pub(crate) mod eye_dome;

@@ -31,7 +31,8 @@ pub struct FrameUniform {
     anchor_depth: f32,
     crowding: f32,
     fitting: f32,
-    unused: [u32; 2],
+    is_parallel: u32,
+    unused: u32,
 }
 
 impl FrameUniform {
@@ -68,7 +69,8 @@ impl FrameUniform {
             anchor_depth: camera.anchor_depth,
             crowding,
             fitting,
-            unused: [0; 2],
+            is_parallel: u32::from(camera.is_parallel),
+            unused: 0,
         }
     }
 }
@@ -104,6 +106,7 @@ mod layout {
         has_fronts,
         anchor_depth,
         crowding,
-        fitting
+        fitting,
+        is_parallel
     });
 }
