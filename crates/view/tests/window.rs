@@ -126,6 +126,7 @@ fn drawn_by_the_engine(size: [u32; 2]) -> Picture {
     let request = esker_engine::draw::scene::PictureRequest {
         size,
         camera,
+        method: esker_engine::Method::default(),
         ..esker_engine::draw::scene::PictureRequest::default()
     };
     render::draw(&file, &request, &silent()).unwrap().0
@@ -209,6 +210,7 @@ fn a_camera_path_is_followed_with_keys_and_mouse() {
     let request = esker_engine::draw::scene::PictureRequest {
         size,
         camera,
+        method: esker_engine::Method::default(),
         ..esker_engine::draw::scene::PictureRequest::default()
     };
     let (end, _) = render::draw(&file, &request, &silent()).unwrap();
@@ -266,8 +268,9 @@ fn every_backend_of_the_window_shows_the_picture() {
 #[test]
 fn settings_change_while_the_window_runs_and_the_view_stays() {
     let Some(fixture) = fixture() else { return };
-    // Surfaces, splats, lit splats, points.
+    // Automatic, surfaces, splats, lit splats, points.
     let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "press", "key": "M"},
+        {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "press", "key": "M"},
         {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "press", "key": "M"},
         {"do": "wait", "seconds": 0.5}, {"do": "press", "key": "M"},
         {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "points.png"},
@@ -416,7 +419,8 @@ fn keys_work_whether_the_panel_is_shown_or_not() {
     let Some(fixture) = fixture() else { return };
     let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "picture", "path": "a.png"},
         {"do": "press", "key": "Tab"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "b.png"},
-        {"do": "press", "key": "M"}, {"do": "settle", "seconds": 20},
+        {"do": "press", "key": "M"}, {"do": "wait", "seconds": 0.2}, {"do": "press", "key": "M"},
+        {"do": "settle", "seconds": 20},
         {"do": "press", "key": "Tab"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "c.png"},
         {"do": "press", "key": "Tab"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "d.png"}]}"#;
     fixture.fly(sample(), script, &["--backend", "cpu"]);

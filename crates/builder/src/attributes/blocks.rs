@@ -55,28 +55,40 @@ type Cells = Vec<Range<u32>>;
 pub struct Blocks {
     /// Length of a lattice step on each axis.
     pub scale: [f64; 3],
-    /// Log2 of the edge of the coarsest cells.
+    /// Log2 of the edge of the coarsest cells, in the longest steps.
     pub coarsest: u32,
+    /// Log2 of the longest step over that of each axis, rounded down: cells are about cubes, also
+    /// where steps differ.
+    shift: [u32; 3],
 }
 
 impl Blocks {
-    /// Limits for a cloud whose points are typically `spacing` steps apart.
+    /// Limits for a cloud whose points are typically `spacing` of the longest steps apart.
     pub fn new(scale: [f64; 3], spacing: f64) -> Self {
         let steps = (spacing * COARSEST_SPACINGS).clamp(1.0, f64::from(1u32 << LOG2_MAX));
-        Self { scale, coarsest: steps.log2() as u32 }
+        let longest = scale.into_iter().fold(0.0, f64::max);
+        let shift = scale.map(|step| ((longest / step).log2() as u32).min(LOG2_MAX));
+        let room = LOG2_MAX - shift.into_iter().fold(0, u32::max);
+        Self { scale, coarsest: (steps.log2() as u32).min(room), shift }
     }
 
-    /// Edge of the coarsest cells, in steps. Points farther from the faces of a cell of the octree
+    /// The cell of a level that holds a position, as multiples of its edges.
+    fn cell_at(&self, p: [u32; 3], level: u32) -> [u32; 3] {
+        [0, 1, 2].map(|i| p[i] >> self.shift[i] >> level)
+    }
+
+    /// Edges of the coarsest cells, in steps. Points farther from the faces of a cell of the octree
     /// influence no normal outside of it.
-    pub fn steps(&self) -> u32 {
-        1 << self.coarsest
+    pub fn steps(&self) -> [u32; 3] {
+        self.shift.map(|shift| 1 << (self.coarsest + shift))
     }
 
     /// The least and the greatest position that influence normals in a cell.
     pub fn around(&self, cell: &Cell) -> [[u32; 3]; 2] {
-        let low = cell.corner.map(|c| c >> self.coarsest << self.coarsest);
-        let high = cell.last().map(|c| c | (self.steps() - 1));
-        [low.map(|c| c.saturating_sub(self.steps())), high.map(|c| c.saturating_add(self.steps()))]
+        let (steps, last) = (self.steps(), cell.last());
+        let low = |i: usize| (cell.corner[i] & !(steps[i] - 1)).saturating_sub(steps[i]);
+        let high = |i: usize| (last[i] | (steps[i] - 1)).saturating_add(steps[i]);
+        [[0, 1, 2].map(low), [0, 1, 2].map(high)]
     }
 }
 
@@ -84,7 +96,10 @@ impl Blocks {
 /// octahedral codes. `halo` has at least all other points that influence them, in any order.
 /// Directions are chosen as by [`crate::attributes::normals::estimate`].
 pub fn estimate(own: &[[u32; 3]], halo: &[[u32; 3]], blocks: &Blocks) -> Vec<[i16; 2]> {
-    let (points, place_of) = joined(own, &sorted_codes(halo));
+    let (mut points, mut place_of) = joined(own, &sorted_codes(halo));
+    if blocks.shift != [0; 3] {
+        sort_by_cells(&mut points, &mut place_of, blocks);
+    }
     let cloud = Cloud { points: &points, blocks };
     let mut codes = vec![UNKNOWN; points.len()];
     place_of.iter().for_each(|&place| codes[place as usize] = OPEN);
@@ -95,7 +110,18 @@ pub fn estimate(own: &[[u32; 3]], halo: &[[u32; 3]], blocks: &Blocks) -> Vec<[i1
     place_of.iter().map(|place| code(place).unwrap_or(UNKNOWN)).collect()
 }
 
-/// Distinct points along the Morton curve.
+/// Sorts points along the Morton curve of cubes; `place_of` are places in them.
+fn sort_by_cells(points: &mut Vec<[u32; 3]>, place_of: &mut [u32], blocks: &Blocks) {
+    let code = |&place: &u32| morton::encode3(blocks.cell_at(points[place as usize], 0));
+    let mut order: Vec<u32> = (0..points.len() as u32).collect();
+    order.par_sort_by_cached_key(|place| (code(place), *place));
+    let mut moved = vec![0; points.len()];
+    (0..).zip(&order).for_each(|(to, &from)| moved[from as usize] = to);
+    place_of.iter_mut().for_each(|place| *place = moved[*place as usize]);
+    *points = order.iter().map(|&from| points[from as usize]).collect();
+}
+
+/// Distinct points along the Morton curve of cubes.
 struct Cloud<'a> {
     points: &'a [[u32; 3]],
     blocks: &'a Blocks,
@@ -104,7 +130,7 @@ struct Cloud<'a> {
 impl Cloud<'_> {
     /// The cell of a level that has a point, as multiples of its edge.
     fn cell(&self, point: u32, level: u32) -> [u32; 3] {
-        self.points[point as usize].map(|c| c >> level)
+        self.blocks.cell_at(self.points[point as usize], level)
     }
 
     /// Cells of each level, the finest first. A level has no cells within cells that are not
@@ -117,7 +143,8 @@ impl Cloud<'_> {
             // Tasks end with a cell of the coarsest level.
             let mut end = (start + TASK_POINTS).min(count);
             let last = self.cell(end as u32 - 1, coarsest);
-            end += self.points[end..].partition_point(|p| p.map(|c| c >> coarsest) == last);
+            end +=
+                self.points[end..].partition_point(|&p| self.blocks.cell_at(p, coarsest) == last);
             tasks.push(start as u32..end as u32);
             start = end;
         }
@@ -144,7 +171,7 @@ impl Cloud<'_> {
             }
             if end - start == WALKED {
                 let rest = &self.points[end as usize..points.end as usize];
-                end += rest.partition_point(|p| p.map(|c| c >> level) == cell) as u32;
+                end += rest.partition_point(|&p| self.blocks.cell_at(p, level) == cell) as u32;
             }
             levels[level as usize].push(start..end);
             if end - start >= DIVIDED && level > 0 {
@@ -258,7 +285,8 @@ impl Tile {
         self.points.push(0..0);
         let first = tile.map(|c| c << TILE_LOG2);
         self.corner = first.map(|c| c.wrapping_sub(1));
-        self.origin = first.map(|c| f64::from(c) * f64::from(1u32 << level) - SIGN);
+        let edge = cloud.blocks.shift.map(|shift| f64::from(1u32 << (level + shift)));
+        self.origin = [0, 1, 2].map(|i| f64::from(first[i]) * edge[i] - SIGN);
         for around in 0..27 {
             let by = [around % 3, around / 3 % 3, around / 9].map(|c: i32| c - 1);
             for cell in tiles.beside(tile, by) {

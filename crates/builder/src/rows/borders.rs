@@ -110,7 +110,7 @@ impl Borders {
         let runs: Vec<&[u8]> = buckets.iter().flat_map(|b| b.runs(map.as_ref(), stride)).collect();
         let tasks: Vec<&[u8]> = runs.iter().flat_map(|r| r.chunks(TASK_ROWS * stride)).collect();
         let cell = cell_of(buckets);
-        let steps = self.blocks.map_or(self.bounds.steps(), |blocks| [blocks.steps(); 3]);
+        let steps = self.blocks.map_or(self.bounds.steps(), |blocks| blocks.steps());
         let near_a_face = |p: &[u32; 3]| {
             let last = cell.last();
             (0..3).any(|i| p[i] - cell.corner[i] < steps[i] || last[i] - p[i] < steps[i])
