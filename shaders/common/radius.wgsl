@@ -13,11 +13,15 @@ fn radius_within(radius: f32) -> f32 {
     return min(radius, RADIUS_MAX);
 }
 
-// Effective spacing of the finest drawn cell that contains the lattice point `p` of a node.
-fn spacing_of(draw: u32, p: vec3<u32>) -> f32 {
+// Greatest radius code that is scaled with what is drawn.
+const SCALED_CODE_MAX: u32 = 176u;
+
+// Spacing by which a radius of this code is scaled, of the lattice point `p` of a node: the
+// effective one of the finest drawn cell that contains it, or that of its node.
+fn spacing_of(draw: u32, p: vec3<u32>, code: u32) -> f32 {
     let stored = draws[draw].spacing;
     let entry = draws[draw].entry;
-    if entry >= lookup.cells {
+    if entry >= lookup.cells || code > SCALED_CODE_MAX {
         return stored;
     }
     let drawn = spacing_from(entry, p);

@@ -384,7 +384,7 @@ fn place(i: u32) -> Placed {
     let from_eye = from_anchor - frame.back * frame.anchor_depth;
     let p = seen(in_view(from_anchor));
     let code = radius_code_of(words.xy);
-    let stored = radius_within(spacing_of(draw, lattice) * lookup.radius_factors[code / 4u][code % 4u]);
+    let stored = radius_within(spacing_of(draw, lattice, code) * lookup.radius_factors[code / 4u][code % 4u]);
     var radius = stored * batch.radius_factor;
     var factor = batch.radius_factor;
     // Read before make_lines overwrites the row.

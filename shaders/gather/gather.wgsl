@@ -88,7 +88,7 @@ fn gather(pixel: u32, depth_bits: u32) {
     let stored = lookup.radius_factors[code / 4u][code % 4u];
     let factor = select(RADIUS_FACTOR_BARE, RADIUS_FACTOR_NORMALS, NORMALS);
     let depth = bitcast<f32>(depth_bits);
-    var radius = radius_within(spacing_of(draw, p) * factor * stored);
+    var radius = radius_within(spacing_of(draw, p, code) * factor * stored);
     if NORMALS && paint.w == NO_NORMAL {
         radius = min(radius, DOT_RADIUS_PX * depth / frame.focal_px);
     }

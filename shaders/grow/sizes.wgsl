@@ -64,10 +64,10 @@ fn size_dot(pixel: u32) {
         let draw = paint[pixel].x & ~HAS_COLOUR;
         let p = draws[draw].box_min + offset_of(words, draws[draw].shift);
         let code = radius_code_of(words.xy);
-        let spacing = spacing_of(draw, p);
+        let spacing = spacing_of(draw, p, code);
         let stored = lookup.radius_factors[code / 4u][code % 4u];
         let depth = bitcast<f32>(hit.y);
-        let drawn = radius_within(spacing * min(stored, 1.0) * ADAPTIVE_FACTOR);
+        let drawn = radius_within(spacing * select(min(stored, 1.0), stored, code > SCALED_CODE_MAX) * ADAPTIVE_FACTOR);
         let radius_px = drawn * frame.focal_px / depth + PIXEL_RADIUS;
         radius = clamp(radius_px, PIXEL_RADIUS, ADAPTIVE_MAX);
         if SPLITS {

@@ -41,7 +41,7 @@ fn write(i: u32, point: Point, at: u32) {
     let lattice = draws[point.draw].box_min + point.offset;
     let code = radius_code_of(geometry[i].xy);
     let factor = lookup.radius_factors[code / 4u][code % 4u];
-    let radius = radius_within(spacing_of(point.draw, lattice) * factor);
+    let radius = radius_within(spacing_of(point.draw, lattice, code) * factor);
     // The height may need more than 32 bits; the high word is the carry.
     let height = vec2<u32>(u32(lattice.z < point.offset.z), lattice.z);
     let depth = -dot(point.centre - eye.place.xyz, frame.back);

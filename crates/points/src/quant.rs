@@ -75,6 +75,12 @@ pub fn read_residual(plane: &[u8], index: usize, shift: u8) -> [u16; 3] {
 /// Greatest relative excess of a code's radius over the exact one, for radii from 1/256 to 245
 /// spacings, to which codes are limited.
 pub const RADIUS_ERROR: f64 = 0.0444;
+/// Greatest radius that codes hold, in units of the node's spacing.
+pub const RADIUS_MAX: f64 = 245.0;
+/// Greatest code of a radius that is scaled with the spacing that is drawn around its point.
+/// Greater ones, of over 8 spacings, stand for the radius itself: such a point is in a sparse part
+/// beside a dense one, and no finer node is drawn between it and its neighbours.
+pub const SCALED_CODE_MAX: u8 = 176;
 /// Greatest rotation of a normal by its code, degrees.
 pub const NORMAL_ERROR_DEGREES: f64 = 0.004;
 
@@ -136,6 +142,13 @@ mod tests {
         assert_eq!(hot_shift(65_535), 0);
         assert_eq!(hot_shift(65_536), 1);
         assert_eq!(hot_shift(u32::MAX), 16);
+    }
+
+    #[test]
+    fn radii_of_over_eight_spacings_are_not_scaled() {
+        assert_eq!(radius_code(8.0 * 0.37, 0.37), SCALED_CODE_MAX);
+        assert!(radius_code(8.1, 1.0) > SCALED_CODE_MAX);
+        assert_eq!(radius_code(RADIUS_MAX, 1.0), u8::MAX);
     }
 
     #[test]

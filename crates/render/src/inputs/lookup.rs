@@ -3,7 +3,8 @@
 //! pixel (`marroquim2007`, section 3.1).
 //!
 //! The drawn radius is the stored one, which is in units of the node's spacing, times the effective
-//! spacing of the finest drawn cell that holds the point (`docs/design/surfaces.md`).
+//! spacing of the finest drawn cell that holds the point; radii of over 8 spacings are drawn as
+//! they are stored (`docs/design/surfaces.md`).
 
 use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::gpu::memory::table::CHUNK_POINTS;
@@ -11,7 +12,9 @@ use crate::inputs::camera::{Camera, NodePlace, Positions};
 use crate::inputs::colour::{ColourBy, MapTable, PLAIN, hue, linear};
 use esker_points::Node;
 use esker_points::fetch::fetch;
-use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, INDEX_AT, oct_decode, radius_factor};
+use esker_points::quant::{
+    HIDDEN_AT, HOT_POSITION_BYTES, INDEX_AT, SCALED_CODE_MAX, oct_decode, radius_factor,
+};
 use glam::Vec3;
 
 /// Greatest drawn radius: sums of depth and radius stay finite.
@@ -155,7 +158,7 @@ impl<'a> Lookup<'a> {
     /// Drawn radius of the point of `draw` at `offset` with radius code `code`.
     #[inline(always)]
     pub(crate) fn radius(&self, draw: usize, offset: [u32; 3], code: u8) -> f32 {
-        self.radius_at_spacing(self.spacing(draw, offset), code)
+        self.radius_at_spacing(self.spacing(draw, offset, code), code)
     }
 
     /// Drawn radius of a point with radius code `code`, given its effective spacing.
@@ -168,12 +171,19 @@ impl<'a> Lookup<'a> {
     /// Drawn radii of all radius codes, if all points of `draw` have the same effective spacing.
     pub(crate) fn radii(&self, draw: usize) -> Option<[f32; 256]> {
         let spacing = self.draws[draw].spacing?;
-        Some(std::array::from_fn(|code| self.radius_at_spacing(spacing, code as u8)))
+        let own = self.frame.draws[draw].node.spacing;
+        let spacing = |code: u8| if code > SCALED_CODE_MAX { own } else { spacing };
+        Some(std::array::from_fn(|code| self.radius_at_spacing(spacing(code as u8), code as u8)))
     }
 
-    /// Effective spacing of the finest drawn cell that holds the point of `draw` at `offset`.
+    /// Spacing by which the radius of the point of `draw` at `offset` is scaled: the effective one
+    /// of the finest drawn cell that holds it, or that of its node if its `code` does not follow
+    /// what is drawn.
     #[inline(always)]
-    pub(crate) fn spacing(&self, draw: usize, offset: [u32; 3]) -> f32 {
+    pub(crate) fn spacing(&self, draw: usize, offset: [u32; 3], code: u8) -> f32 {
+        if code > SCALED_CODE_MAX {
+            return self.frame.draws[draw].node.spacing;
+        }
         // Most points are in the finest nodes.
         self.draws[draw].spacing.unwrap_or_else(|| self.spacing_below(draw, offset))
     }

@@ -183,8 +183,9 @@ impl Hits {
             let (d, offset) = (self.draw[k] as usize, self.offset[k]);
             let place = &lookup.draws[d].place;
             (0..3).for_each(|axis| self.steps[axis][k] = place.axis_steps(axis, offset[axis]));
-            let stored = lookup.radius_factors[usize::from(self.radius_code[k])];
-            self.radius[k] = lookup.spacing(d, offset) * factor * stored;
+            let code = self.radius_code[k];
+            let stored = lookup.radius_factors[usize::from(code)];
+            self.radius[k] = lookup.spacing(d, offset, code) * factor * stored;
             if PLANE == NORMALS && self.normal[k] == NO_NORMAL {
                 let most = DOT_RADIUS_PX * self.depth[k] / lookup.camera.focal_px;
                 self.radius[k] = self.radius[k].min(most);

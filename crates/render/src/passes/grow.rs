@@ -6,6 +6,7 @@
 use crate::frame::{ADAPTIVE_MAX, PointSize};
 use crate::inputs::lookup::Lookup;
 use crate::passes::project::{EMPTY, unpack};
+use esker_points::quant::SCALED_CODE_MAX;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -82,8 +83,9 @@ fn adaptive_radius(lookup: &Lookup<'_>, value: u64) -> f32 {
     let (depth, point) = unpack(value);
     let (draw, index) = lookup.list.find(point);
     let (offset, code) = lookup.draws[draw].positions.offset(index);
-    let stored = lookup.radius_factors[usize::from(code)].min(1.0);
-    let drawn = lookup.spacing(draw, offset) * stored * ADAPTIVE_FACTOR;
+    let stored = lookup.radius_factors[usize::from(code)];
+    let stored = if code > SCALED_CODE_MAX { stored } else { stored.min(1.0) };
+    let drawn = lookup.spacing(draw, offset, code) * stored * ADAPTIVE_FACTOR;
     let radius = drawn * lookup.camera.focal_px / depth + PIXEL_RADIUS;
     // NaN is not greater.
     if radius > PIXEL_RADIUS { radius.min(ADAPTIVE_MAX) } else { PIXEL_RADIUS }

@@ -28,6 +28,7 @@ same_values!(gather_gather == crate::passes::gather {
     DOT_RADIUS_PX,
 });
 same_values!(common_radius == crate::inputs::lookup { RADIUS_MAX });
+same_values!(common_radius == esker_points::quant { SCALED_CODE_MAX });
 same_values!(common_seen == crate::passes::gather { STRETCHED });
 
 /// The pass.
