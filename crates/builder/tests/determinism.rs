@@ -114,6 +114,25 @@ fn the_same_nodes_under_another_memory_bound() {
 }
 
 #[test]
+fn parts_of_other_densities_are_arranged_alike_for_all_threads_and_memory_bounds() {
+    // As many points as are arranged at once.
+    let place = |i: u64| {
+        let edge = if i.is_multiple_of(4) { 2_000_000 } else { 3000 };
+        [below(2 * i, edge), below(2 * i + 1, edge), below(i, 7)]
+    };
+    let sources = [given("uneven", [0.001; 3], (0..8192).map(place).collect())];
+    let (_, a) = built_with(&sources, Shares::of(1 << 30), &options());
+    let roots = a.table().nodes.iter().filter(|node| node.child_count > 0).count();
+    assert!(roots > 0 && a.table().nodes[0].points() < 1024, "an even sample");
+    for shares in [little(), Shares { buffer_bytes_max: 0, chunk_bytes_max: 0 }] {
+        for threads in [1, 5] {
+            let (_, b) = in_pool(threads, || built_with(&sources, shares, &options()));
+            assert_same(&a, &b);
+        }
+    }
+}
+
+#[test]
 fn a_stack_larger_than_memory_has_the_nodes_of_one_that_fits() {
     // Many equal records, and more at the same position: a stack that is cut into nodes by the
     // order of records.

@@ -356,7 +356,7 @@ impl Build<'_> {
         let normals = pages.normals();
         let palette = self.store.palette(&buckets, &plan.rows(), &pages, options, task)?;
         let (palette, palette_misfit) = palette.unzip();
-        let context = context(plan, pages.with_palette(palette.clone()), ranges, options);
+        let context = context(plan, pages.with_palette(palette.clone()), ranges, points, options);
         let has_clip_lines = context.clips.is_some();
         task.phase("building", Some(points), "points");
         if plan.computed.is_any() && !buckets.is_empty() {
@@ -468,7 +468,13 @@ fn page_layout(plan: &Plan, options: &Options, knows_scanners: bool) -> PageLayo
 }
 
 /// Context in which all cells are sampled and all nodes are finished.
-fn context(plan: &Plan, pages: PageLayout, ranges: Ranges, options: &Options) -> Context {
+fn context(
+    plan: &Plan,
+    pages: PageLayout,
+    ranges: Ranges,
+    points: u64,
+    options: &Options,
+) -> Context {
     let clips = Clips::of(&plan.schema, &plan.lattice, options.sharp_features);
     let clips = clips.filter(|_| pages.normals() != Normals::None);
     let rows = plan.rows();
@@ -481,6 +487,7 @@ fn context(plan: &Plan, pages: PageLayout, ranges: Ranges, options: &Options) ->
         clips,
         scale: plan.lattice.metric().scale,
         capacity: options.node_capacity as usize,
+        points,
         counts: Counts::new(ranges),
     }
 }

@@ -16,6 +16,7 @@ use crate::sample::pending::{Below, PendingCell, ReadyCell};
 use crate::sample::shape::{Moments, Shape};
 use crate::sample::spacing::{TurnCounts, radii};
 use crate::sample::turns::LAST_TURN;
+use crate::sample::uneven::RELATIVE_MAX;
 use crate::sample::wires;
 use crate::tree::subtree::{Children, Subtree};
 use bytemuck::Zeroable;
@@ -25,8 +26,9 @@ use esker_points::tangents::TANGENT_BYTES;
 use esker_points::{Cell, Node, morton, quant};
 use std::ops::Range;
 
-/// Largest radius in spacings of the node, so that a lone point does not become a blob.
-const RADIUS_SPACINGS_MAX: f64 = 8.0;
+/// Largest radius in spacings of the node, so that a lone point does not become a blob; only those
+/// of sparse parts are wider.
+const RADIUS_SPACINGS_MAX: f64 = RELATIVE_MAX;
 /// Largest radius in spacings of the sample above. More than 1, since the spacing is the typical
 /// distance in that sample, not the greatest.
 const RADIUS_ABOVE_MAX: f64 = 1.5;
@@ -55,6 +57,8 @@ pub struct Context {
     pub clips: Option<Clips>,
     /// Largest number of points of a node.
     pub capacity: usize,
+    /// Number of points of the tree.
+    pub points: u64,
     /// Histograms of the nodes finished so far.
     pub counts: Counts,
 }
@@ -317,7 +321,14 @@ impl Context {
         let mut below = self.nodes_below(rows, &mut pending, counts);
         let shape = Shape::of(pending.moments.covariance(self.scale));
         let dimension = if pending.turns.is_empty() {
-            self.assign_turns(rows, &mut pending, taken, above, &shape)
+            let dimension = self.assign_turns(rows, &mut pending, taken, above, &shape);
+            if above.is_none()
+                && below.is_empty()
+                && let Some(arrangement) = self.leaf_of(rows, &pending).arrange()
+            {
+                return self.arrange(rows, pending, arrangement, counts);
+            }
+            dimension
         } else {
             shape.dimension_of(pending.sampled)
         };
@@ -351,7 +362,14 @@ impl Context {
             let spacing = spacing(drawn);
             drawn -= points.iter().filter(|i| !is_given(**i)).count();
             let spacing = [spacing, full];
-            let mut tree = self.node(rows, &pending, &points, dimension, spacing, counts);
+            let mut tree = self.node(
+                rows,
+                &pending,
+                &points,
+                dimension,
+                (spacing, RADIUS_SPACINGS_MAX),
+                counts,
+            );
             tree.children = below;
             if part == 0 {
                 return Some(tree);
@@ -407,14 +425,14 @@ impl Context {
     }
 
     /// Encodes a node of some points of a cell. `spacing` is that with these points drawn, `full`
-    /// that with all points of the cell drawn.
-    fn node(
+    /// that with all points of the cell drawn; radii are at most `widest` spacings.
+    pub(super) fn node(
         &self,
         rows: &Rows<'_>,
         pending: &PendingCell,
         points: &[u32],
         dimension: u32,
-        [spacing, full]: [f64; 2],
+        ([spacing, full], widest): ([f64; 2], f64),
         counts: &Counts,
     ) -> Subtree {
         let turns: Vec<u16> = points.iter().map(|&i| pending.turns[i as usize]).collect();
@@ -423,6 +441,10 @@ impl Context {
         let code = |radius: f32| {
             let spacings = match radius {
                 0.0 => 1.0,
+                // Wider ones do not change with what else is drawn.
+                r if widest > RADIUS_SPACINGS_MAX && f64::from(r) > full * RADIUS_SPACINGS_MAX => {
+                    (f64::from(r) / spacing).min(widest)
+                }
                 r => (f64::from(r) / full).min(RADIUS_SPACINGS_MAX),
             };
             quant::radius_code(spacings * spacing, spacing)

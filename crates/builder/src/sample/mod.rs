@@ -1,6 +1,7 @@
 //! Selects the points that represent a cell: thinning, spacing, radii, order and shape of the
 //! points of a node.
 
+pub(crate) mod arranged;
 pub(crate) mod boxes;
 pub(crate) mod candidates;
 pub(crate) mod cell;
@@ -18,5 +19,6 @@ pub(crate) mod spacing;
 pub(crate) mod thin;
 pub(crate) mod tiles;
 pub(crate) mod turns;
+pub(crate) mod uneven;
 pub(crate) mod unpicked;
 pub(crate) mod wires;

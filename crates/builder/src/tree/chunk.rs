@@ -21,7 +21,7 @@ impl Context {
             // Without points, the cells above have nothing to do; the caller checks the task again.
             return self.leaf(rows, range.start..range.start, cell);
         }
-        if n <= self.leaf_points_max() {
+        if n <= self.leaf_points_max() || self.is_uneven(rows, range.clone(), &cell) {
             return self.leaf(rows, range, cell);
         }
         if cell.log2 == 0 {

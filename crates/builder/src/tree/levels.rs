@@ -127,7 +127,8 @@ impl TreeBuilder<'_> {
     fn plan_steps(&self, mut buckets: Vec<Bucket>, steps: &mut Vec<Step>) {
         let rows: u64 = buckets.iter().map(|b| b.rows).sum();
         let (joined_max, single_max) = self.chunk_rows_max;
-        if rows <= joined_max {
+        let is_small = rows == self.context.points && rows <= self.context.arranged_points_max();
+        if rows <= joined_max || is_small {
             return steps.push(Step::Chunk(buckets));
         }
         if buckets.len() == 1 {
