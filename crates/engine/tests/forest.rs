@@ -84,10 +84,12 @@ const BRIDGE: &str = "synthetic:bridge:60k:1";
 
 #[test]
 fn parts_give_the_picture_of_the_whole() {
-    for scan in [ROOMS, BRIDGE].map(Path::new) {
-        let other = whole(scan, 2048);
+    // The density of the bridge is uneven, and its parts are too large to be arranged at once.
+    for (scan, capacity) in [(ROOMS, 4096), (BRIDGE, 2048)] {
+        let scan = Path::new(scan);
+        let other = whole(scan, capacity / 2);
         for split in [Split::Space, Split::Shuffled, Split::Thinned] {
-            let Both { at_once, forest, .. } = built(scan, split, 4096);
+            let Both { at_once, forest, .. } = built(scan, split, capacity);
             let (mut parts, mut sizes) = (Difference::default(), Difference::default());
             for camera in LOOKS {
                 let of = |file, method, target| picture(file, method, target, camera);

@@ -45,6 +45,10 @@ pub struct Appearance {
 /// Depth of the near plane over the typical distance of points: a nearer point would cover the
 /// whole picture.
 const NEAR_SPACINGS: f64 = 0.1;
+/// The near plane is at most `DENSE_SPACINGS` times as far as that of the densest part that has
+/// 1 / `DENSE_SHARE` of the points.
+const DENSE_SHARE: usize = 16;
+const DENSE_SPACINGS: f64 = 8.0;
 /// About how many leaves give the typical distance of points.
 const NEAR_LEAVES: usize = 1 << 13;
 
@@ -243,7 +247,8 @@ impl Appearance {
     }
 }
 
-/// Depth of the near plane of pictures of a file: from the median distance of the points of leaves.
+/// Depth of the near plane of pictures of a file: from the median distance of the points of leaves;
+/// less where a part of the file is far denser, so that it is not clipped from nearby.
 fn near(file: &Forest) -> f64 {
     let is_sound = |spacing: f64| spacing.is_finite() && spacing > 0.0;
     let nodes = &file.table().nodes;
@@ -253,14 +258,19 @@ fn near(file: &Forest) -> f64 {
     let leaves = leaves.map(|node| (f64::from(node.spacing), node.points()));
     let mut leaves: Vec<_> = leaves.filter(|&(spacing, _)| is_sound(spacing)).collect();
     leaves.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    let mut left = leaves.iter().map(|leaf| leaf.1).sum::<usize>() / 2;
-    let median = leaves.iter().find(|(_, points)| {
-        let is_median = left < *points;
-        left = left.saturating_sub(*points);
-        is_median
-    });
+    let all = leaves.iter().map(|leaf| leaf.1).sum::<usize>();
+    let quantile = |mut left: usize| {
+        let of = leaves.iter().find(|(_, points)| {
+            let is_quantile = left < *points;
+            left = left.saturating_sub(*points);
+            is_quantile
+        });
+        of.map(|&(spacing, _)| spacing)
+    };
+    let median = quantile(all / 2).zip(quantile(all / DENSE_SHARE));
+    let median = median.map(|(median, dense)| median.min(dense * DENSE_SPACINGS));
     let step = file.metric().scale.into_iter().fold(f64::INFINITY, f64::min);
-    median.map_or(step, |(spacing, _)| spacing * NEAR_SPACINGS).max(f64::from(f32::MIN_POSITIVE))
+    median.map_or(step, |spacing| spacing * NEAR_SPACINGS).max(f64::from(f32::MIN_POSITIVE))
 }
 
 /// A node of a cut; `entry` is its index in the cut, `plane` returns its planes.
