@@ -59,7 +59,7 @@ fn run(path: &Path, points_max: usize) -> Outcome {
     let bounds = Bounds::new(lattice.scale, spacing);
     let blocks = Blocks::new(lattice.scale, spacing);
     println!(
-        "{} points, reach {}, coarsest cells of {}",
+        "{} points, reach {}, coarsest cells of {:?}",
         points.len(),
         bounds.reach,
         blocks.steps()

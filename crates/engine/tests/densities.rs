@@ -36,7 +36,7 @@ fn half(points: usize, apart: f64) -> f64 {
     (points as f64).sqrt() * apart / 2.0
 }
 
-/// Places of points that fill a square evenly (`roberts2018`, the R2 sequence).
+/// Places of points that fill a square evenly (an additive recurrence with the plastic number).
 fn square(points: usize, half: f64) -> impl Iterator<Item = [f64; 2]> {
     let at = move |i: usize, k: f64| ((i as f64 * k).fract() * 2.0 - 1.0) * half;
     (1..=points).map(move |i| [at(i, 0.754_877_666_246_693), at(i, 0.569_840_290_998_053)])

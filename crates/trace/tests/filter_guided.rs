@@ -64,8 +64,9 @@ proptest! {
         let guides = guides_of(width, height, planes, &mut random);
         let noisy = noisy_of(width, height, 1e6, &mut random);
         // Coefficients are summed in 32 bits. A slope is at most the deviation of the signal over
-        // twice the root of epsilon, so that is what the rounding of a fit grows with.
-        let rounding = 2f64.powi(-24) / f64::from(epsilon).sqrt();
+        // twice the root of epsilon, so that is what its rounding grows with. There is a slope for
+        // each plane, and an offset as large as their sum.
+        let rounding = 2.0 * planes as f64 * 2f64.powi(-24) / f64::from(epsilon).sqrt();
         prop_assert!(error(&noisy, &guides, &guided(radius, epsilon)) < rounding);
     }
 }

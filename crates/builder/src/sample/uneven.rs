@@ -511,7 +511,7 @@ mod tests {
         (points, arrangement)
     }
 
-    /// Points of a square, evenly spread (`roberts2018`).
+    /// Points of a square, evenly spread.
     fn square(count: usize, edge: u32, from: u32) -> impl Iterator<Item = [u32; 3]> {
         let at = move |i: usize, k: f64| ((i as f64 * k).fract() * f64::from(edge)) as u32 + from;
         (1..=count).map(move |i| [at(i, 0.754_877_666_2), at(i, 0.569_840_291), 7])
