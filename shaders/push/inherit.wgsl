@@ -1,5 +1,5 @@
-// Gives pixels of a pushed level that have no normal that of the coarser pixel above, which has
-// inherited its own already. So a pixel of the picture without a normal finds one a level up. Twin:
+// Gives pixels of a pushed level that have no normal that of the coarser pixel above. So a pixel of
+// the picture without a normal finds one of the next levels a level up. Twin:
 // `normal_around` in crates/render/src/picture/surface.rs.
 
 // include common/level.wgsl

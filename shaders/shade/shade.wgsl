@@ -29,7 +29,7 @@ const BEHIND_MAX: f32 = 4.0;
 @group(0) @binding(2) var<storage, read> depth: array<f32>;
 @group(0) @binding(3) var<storage, read> tint: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> normals: array<vec4<f32>>;
-// Normals of the next coarser level, where every pixel has one.
+// Normals of the next coarser level.
 @group(0) @binding(5) var<storage, read> coarse_normals: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read> sources: array<u32>;
 // sRGB bytes.
@@ -108,14 +108,14 @@ fn sunken(at: vec2<i32>, here: f32) -> f32 {
     return sum / (4.0 * BEHIND_MAX);
 }
 
-// The interpolated normal, or that of the surroundings if the pixel has none.
-fn carried_normal(at: vec2<u32>, pixel: u32, to_eye: vec3<f32>) -> vec3<f32> {
+// The interpolated normal, or that of the surroundings if the pixel has none; zero without any.
+fn carried_normal(at: vec2<u32>, pixel: u32) -> vec3<f32> {
     let own = normals[source_of(pixel)].xyz;
     if has_direction(own) {
-        return unit_or(own, to_eye);
+        return unit_or(own, vec3<f32>(0.0));
     }
     let above = (at.y >> 1u) * ((frame.width + 1u) >> 1u) + (at.x >> 1u);
-    return unit_or(coarse_normals[above].xyz, to_eye);
+    return unit_or(coarse_normals[above].xyz, vec3<f32>(0.0));
 }
 
 // Approximates exp(-x) for x from 0.
@@ -147,8 +147,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var normal = to_eye;
     var darkness = 0.0;
     if NORMALS {
-        normal = carried_normal(id.xy, pixel, to_eye);
-        darkness = EDGE.x * sunken(at, here);
+        let carried = carried_normal(id.xy, pixel);
+        if all(carried == vec3<f32>(0.0)) {
+            // Depth alone shows the shape of what has no normal.
+            darkness = DOME.x * behind(at, here);
+        } else {
+            normal = carried;
+            darkness = EDGE.x * sunken(at, here);
+        }
     } else {
         normal = depth_normal(at, here, from_centre);
         darkness = DOME.x * behind(at, here);

@@ -4,6 +4,7 @@ use crate::calls::build;
 use crate::calls::render;
 use crate::calls::verify;
 use crate::cameras::camera::Camera;
+use crate::draw::method::Method;
 use crate::draw::scene::PictureRequest;
 use anyhow::{Context, Result, ensure};
 use esker_builder::Options;
@@ -47,7 +48,8 @@ pub fn demo(project: &Path, out: &Path, task: &dyn Task) -> Result<DemoReport> {
     verify::verify(&file, &[sample], &OpenOptions::default(), 0, task)?;
     let picture = out.join("sample.png");
     let camera = Camera::parse(CAMERA)?;
-    let request = PictureRequest { size: [1280, 720], camera, ..PictureRequest::default() };
+    let (size, method) = ([1280, 720], Method::default());
+    let request = PictureRequest { size, camera, method, ..PictureRequest::default() };
     let render = render::render(std::slice::from_ref(&file), &picture, &request, task)?;
     Ok(DemoReport { build, render, file, picture })
 }

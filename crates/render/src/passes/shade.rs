@@ -143,8 +143,15 @@ impl<T: Surface> Row<'_, T> {
             }
             let to_eye = self.to_eye::<S, SHINES>(simd, first);
             let (normal, dark) = if self.surface.has_normals() {
-                let normal = self.normals(pixels.normals(simd, first), first, is_valid, to_eye);
-                (normal, around.sunken(simd, first, EDGE.1) * EDGE.0)
+                let normals = pixels.normals(simd, first);
+                let (normal, is_bare) = self.normals(normals, first, is_valid, to_eye);
+                let mut dark = around.sunken(simd, first, EDGE.1) * EDGE.0;
+                if is_bare.any_true() {
+                    // Depth alone shows the shape of what has no normal.
+                    let behind = around.behind(simd, first, DOME.1) * DOME.0;
+                    dark = is_bare.select(behind, dark);
+                }
+                (normal, dark)
             } else {
                 (around.normals(simd, first), around.behind(simd, first, DOME.1) * DOME.0)
             };
@@ -164,7 +171,8 @@ impl<T: Surface> Row<'_, T> {
         [zero, zero, one]
     }
 
-    /// Unit normals of eight pixels. Given are the interpolated normals of these pixels, and of
+    /// Unit normals of eight pixels, and which of them have none, and face the eye. Given are the
+    /// interpolated normals of these pixels, and of
     /// those to the right and below. Appends the creases beside them to `creases`.
     #[inline(always)]
     fn normals<S: Simd>(
@@ -173,7 +181,7 @@ impl<T: Surface> Row<'_, T> {
         x: usize,
         is_valid: mask32x8<S>,
         to_eye: [f32x8<S>; 3],
-    ) -> [f32x8<S>; 3] {
+    ) -> ([f32x8<S>; 3], mask32x8<S>) {
         let [width, _] = self.surface.size();
         let may_bend = (are_creases(here, right) | are_creases(here, below)) & is_valid;
         if may_bend.any_true() {
@@ -192,11 +200,11 @@ impl<T: Surface> Row<'_, T> {
         if is_lacking.any_true() {
             return self.with_normals_around(x, is_lacking, normal, to_eye);
         }
-        normal
+        (normal, is_lacking)
     }
 
     /// Replaces lacking normals by those of pixels around, or by the direction to the eye if there
-    /// are none.
+    /// are none: those pixels are returned as well.
     #[inline(always)]
     fn with_normals_around<S: Simd>(
         &self,
@@ -204,15 +212,18 @@ impl<T: Surface> Row<'_, T> {
         is_lacking: mask32x8<S>,
         normal: [f32x8<S>; 3],
         to_eye: [f32x8<S>; 3],
-    ) -> [f32x8<S>; 3] {
+    ) -> ([f32x8<S>; 3], mask32x8<S>) {
         let simd = is_lacking.token();
         let mut normal = normal.map(|part| *part);
+        let mut bare = [0.0; EIGHT];
         for k in lanes_of(is_lacking) {
             let found = self.surface.normal_around(x + k, self.y);
             let is_found = found != Vec3::ZERO;
+            bare[k] = if is_found { 0.0 } else { 1.0 };
             (0..3).for_each(|i| normal[i][k] = if is_found { found[i] } else { to_eye[i][k] });
         }
-        normal.map(|part| load(simd, &part))
+        let bare = load(simd, &bare);
+        (normal.map(|part| load(simd, &part)), bare.like(0.0).cmplt(bare))
     }
 
     /// Writes eight pixels, with the background where there is no surface.

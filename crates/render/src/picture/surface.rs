@@ -34,6 +34,9 @@ pub trait SurfaceRow {
     fn normals<S: Simd>(&self, simd: S, x: usize) -> [[f32x8<S>; 3]; 3];
 }
 
+/// Levels of the pyramid above the picture in which a pixel without a normal looks for one.
+pub(crate) const NORMAL_LEVELS: usize = 2;
+
 /// A row of level 0 of the pyramid, with all rows below it.
 struct PixelRow<'a> {
     width: usize,
@@ -79,13 +82,15 @@ impl Surface for Pyramid {
         base.normal[y * base.width + x].truncate()
     }
 
-    /// The normal of the finest coarser pixel that has one.
+    /// The normal of the finest coarser pixel that has one, of at most [`NORMAL_LEVELS`] levels up:
+    /// those of coarser ones would show as squares.
     fn normal_around(&self, x: usize, y: usize) -> Vec3 {
-        let found = self.levels.iter().enumerate().find_map(|(i, level)| {
-            let pixel = (y >> i) * level.width + (x >> i);
-            let normal = level.normal[pixel].truncate();
-            if level.is_valid(pixel) { normal.try_normalize() } else { None }
-        });
+        let found =
+            self.levels.iter().take(NORMAL_LEVELS + 1).enumerate().find_map(|(i, level)| {
+                let pixel = (y >> i) * level.width + (x >> i);
+                let normal = level.normal[pixel].truncate();
+                if level.is_valid(pixel) { normal.try_normalize() } else { None }
+            });
         found.unwrap_or(Vec3::ZERO)
     }
 

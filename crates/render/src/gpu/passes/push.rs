@@ -1,5 +1,5 @@
 //! Push on the GPU: a dispatch a level, the coarsest first. In clouds with normals, pixels of the
-//! coarser levels without a normal then inherit one from the level above, for
+//! first levels without a normal then inherit one from the level above, for
 //! [`crate::gpu::passes::shade`]. Paper: `marroquim2007`, section 3.3. Twin:
 //! [`crate::passes::push`].
 
@@ -12,6 +12,7 @@ use crate::gpu::device::variants::Variants;
 use crate::gpu::memory::pyramid::{GpuLevel, GpuPyramid};
 use crate::gpu::passes::pull::level_resources;
 use crate::picture::pyramid::Planes;
+use crate::picture::surface::NORMAL_LEVELS;
 
 same_values!(push_push == crate::passes::push { HIDING_PX, ENCLOSING, SMOOTH, NEAR, ROUNDING });
 without_twin!(common_ellipse { FACING });
@@ -61,9 +62,8 @@ impl Push {
             dispatches.push(Dispatch::over(gpu, kernel, [l[0].width, l[0].height], &resources));
         }
         let inherit = self.inherit.iter().flat_map(|kernel| {
-            let above_the_picture = pyramid.levels.len().saturating_sub(2);
-            let levels = pyramid.levels.windows(2).rev();
-            levels.take(above_the_picture).map(|l| inherit(gpu, kernel, &l[0], &l[1]))
+            let levels = pyramid.levels.windows(2).take(NORMAL_LEVELS).skip(1).rev();
+            levels.map(|l| inherit(gpu, kernel, &l[0], &l[1]))
         });
         dispatches.extend(inherit);
         Ok(dispatches)
