@@ -7,6 +7,9 @@
 // include common/plane.wgsl
 // include common/set_plane.wgsl
 
+// Square of the length from which a mean of normals is one.
+const AGREE2: f32 = 0.16;
+
 @group(0) @binding(0) var<uniform> fine: LevelShape;
 @group(0) @binding(1) var<uniform> coarse: LevelShape;
 @group(0) @binding(2) var<storage, read> fine_front: array<vec4<f32>>;
@@ -149,5 +152,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     coarse_front[out] = vec4<f32>(depth_min, depth_max, middle);
     coarse_tint[out] = tint * part;
     coarse_depth[out] = depth * part;
-    set_plane(out, plane * part);
+    var mean = plane * part;
+    if PLANE == NORMAL && dot(mean.xyz, mean.xyz) < AGREE2 {
+        mean = vec4<f32>(0.0, 0.0, 0.0, mean.w);
+    }
+    set_plane(out, mean);
 }

@@ -24,6 +24,10 @@ use fearless_simd::{Level as Simd, dispatch};
 use glam::Vec4;
 use std::ops::Range;
 
+/// Square of the length from which a mean of normals is one. Shorter means are of pixels most of
+/// which have none, or that do not agree, as in leaves: no plane goes through them.
+pub(crate) const AGREE2: f32 = 0.16;
+
 /// Fills all levels above the finest.
 pub fn pull(pyramid: &mut Pyramid) {
     let (planes, lens) = (pyramid.planes(), pyramid.lens);
@@ -160,6 +164,11 @@ impl Four {
         for i in 0..4 {
             out.tint[i] *= share;
             out.plane[i] *= share;
+        }
+        if PLANE == NORMALS {
+            let [x, y, z, _] = out.plane;
+            let agree = Vec4::splat(AGREE2).cmple(x * x + y * y + z * z);
+            (0..3).for_each(|i| out.plane[i] = only(agree, out.plane[i]));
         }
         out
     }

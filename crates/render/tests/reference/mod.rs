@@ -141,6 +141,12 @@ fn pull(finer: &Image) -> Image {
                 let ends: Vec<_> = ends.collect();
                 out.depth[0] = ends.iter().map(|d| d[0]).fold(f64::INFINITY, f64::min);
                 out.depth[1] = ends.iter().map(|d| d[1]).fold(0.0, f64::max);
+                // Not published: a short mean of normals is none.
+                let length2 = out.disc[0].powi(2) + out.disc[1].powi(2) + out.carried[4].powi(2);
+                coarser.near_ties += usize::from(length2 > 0.0 && near(length2, 0.16));
+                if length2 < 0.16 {
+                    (out.disc[0], out.disc[1], out.carried[4]) = (0.0, 0.0, 0.0);
+                }
             }
             coarser.pixels.push(pixel);
         }

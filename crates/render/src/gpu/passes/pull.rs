@@ -5,10 +5,12 @@ use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::memory::pyramid::{GpuLevel, GpuPyramid};
 use crate::picture::pyramid::Planes;
 use wgpu::BindingResource;
+
+same_values!(pull_pull == crate::passes::pull { AGREE2 });
 
 /// The pass.
 pub struct Pull {
