@@ -67,7 +67,8 @@ fn size_dot(pixel: u32) {
         let spacing = spacing_of(draw, p, code);
         let stored = lookup.radius_factors[code / 4u][code % 4u];
         let depth = bitcast<f32>(hit.y);
-        let drawn = radius_within(spacing * select(min(stored, 1.0), stored, code > SCALED_CODE_MAX) * ADAPTIVE_FACTOR);
+        let narrow = select(min(stored, 1.0), stored, code > SCALED_CODE_MAX);
+        let drawn = radius_within(spacing * narrow * ADAPTIVE_FACTOR);
         let radius_px = drawn * frame.focal_px / depth + PIXEL_RADIUS;
         radius = clamp(radius_px, PIXEL_RADIUS, ADAPTIVE_MAX);
         if SPLITS {

@@ -1,6 +1,5 @@
 // Copies the picture without its margin to the texture that a window shows, after dots are drawn.
-// Host:
-// crates/render/src/gpu/passes/store.rs.
+// Host: crates/render/src/gpu/passes/store.rs.
 
 // include common/frame.wgsl
 

@@ -1,6 +1,6 @@
-// Gives pixels of a pushed level that have no normal that of the coarser pixel above. So a pixel of
-// the picture without a normal finds one of the next levels a level up. Twin:
-// `normal_around` in crates/render/src/picture/surface.rs.
+// Gives pixels of level 1 that have no normal that of the pixel above them in level 2. Shade then
+// takes the normal of level 1 for pixels of the picture that have none. Twin: `normal_around` in
+// crates/render/src/picture/surface.rs.
 
 // include common/level.wgsl
 // include common/unit.wgsl

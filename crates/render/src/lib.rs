@@ -11,7 +11,7 @@
 //! | pass           | CPU file          | shaders        | paper, section      | when             |
 //! |----------------|-------------------|----------------|---------------------|------------------|
 //! | `project`      | `project.rs`      | `project`      | `marroquim2007` 3.1 | P, S             |
-//! | `split`        | `split.rs`        | `grow`         | -                   | S mixed with dots |
+//! | `split`        | `split.rs`        | `grow`         | -                   | S mixed          |
 //! | `fit_planes`   | `fit_planes.rs`   | `fit_planes`   | -                   | S bare not dense |
 //! | `gather`       | `gather.rs`       | `gather`       | `marroquim2007` 3.1 | S                |
 //! | `average`      | `average.rs`      | `average`      | `schuetz2021`       | S crowded        |
@@ -26,11 +26,12 @@
 //! | `shade`        | `shade.rs`        | `shade`        | `marroquim2007` 3.4 | S, E             |
 //! | `antialias`    | `antialias.rs`    | `antialias`    | -                   | S, E             |
 //! | `grow`         | `grow.rs`         | `grow`         | -                   | P wide, S mixed  |
-//! | `overlay`      | `overlay.rs`      | `overlay`      | -                   | S mixed with dots |
+//! | `overlay`      | `overlay.rs`      | `overlay`      | -                   | S mixed          |
 //! | `resolve`      | `resolve.rs`      | `resolve`      | -                   | P                |
 //! | `eye_dome`     | `eye_dome.rs`     | `eye_dome`     | `boucheny2009` 3    | P, optional      |
 //!
-//! P is [`Method::Points`], S [`Method::PullPush`] (surfaces), E [`Method::Ewa`]. A bare cloud has
+//! P is [`Method::Points`], S [`Method::PullPush`] (surfaces), E [`Method::Ewa`]; S is mixed with
+//! dots if [`Frame::mixes_dots`]. A bare cloud has
 //! no normals. A view is dense if every pixel has a point, and crowded if points share pixels
 //! ([`inputs::density`]). After the last pass the margin of surfaces is cropped
 //! ([`picture::margin`]).

@@ -8,19 +8,7 @@ mod scene;
 use esker_lod::View;
 use esker_render::{Frame, FramePlan, Picture, Renderer};
 use glam::DVec3;
-use scene::{Dice, Scene, sheet, sphere};
-
-/// A ball on a floor in random colours, some points a pixel.
-fn crowd() -> Scene {
-    let mut dice = Dice(12);
-    let mut points = sphere(&mut dice, DVec3::Z, 1.0, 36_000, [0; 3]);
-    let (u, v) = (DVec3::X * 4.0, DVec3::Y * 4.0);
-    points.extend(sheet(&mut dice, -(u + v) / 2.0, u, v, 180, [0; 3]));
-    for p in &mut points {
-        p.colour = dice.bits().to_le_bytes()[3..6].try_into().unwrap();
-    }
-    Scene::new(&points, 1e-5, 0.0225, 0.0225, 3000)
-}
+use scene::speckled;
 
 /// Share of the pixels that differ by more than 2 of 255 in a channel.
 fn changed(a: &Picture, b: &Picture) -> f64 {
@@ -31,7 +19,7 @@ fn changed(a: &Picture, b: &Picture) -> f64 {
 
 #[test]
 fn passes_come_and_go_without_a_jump() {
-    let (scene, eye) = (crowd(), DVec3::new(2.6, -3.1, 2.4));
+    let (scene, eye) = (speckled(), DVec3::new(2.6, -3.1, 2.4));
     let view = View::look_at(eye, DVec3::Z * 0.5, DVec3::Z, 0.9, 200, 150).with_margin(16);
     for normals in [true, false] {
         let draws = scene.draws(true, true, normals);

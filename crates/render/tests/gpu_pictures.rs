@@ -17,7 +17,7 @@ use esker_render::{
 use glam::{DMat3, DVec3};
 use gpu::flip::mean_flip;
 use gpu::{few_gpus, gpus, name, upload, uploaded_frame};
-use scene::{Dice, Scene, ScenePoint, bunny, sheet, sphere};
+use scene::{Dice, Scene, ScenePoint, bunny, sheet, speckled, sphere};
 
 /// Bytes of a page, so few that the planes of a node lie in several.
 const PAGE_BYTES: u64 = 64 << 10;
@@ -78,18 +78,6 @@ fn ball_and_floor() -> Scene {
     let (u, v) = (DVec3::X * 4.0, DVec3::Y * 4.0);
     points.extend(sheet(&mut dice, -(u + v) / 2.0, u, v, 90, [60, 150, 90]));
     Scene::new(&points, 1e-5, 0.045, 0.045, 3000)
-}
-
-/// The scene of [`ball_and_floor`] with four times as many points, in random colours.
-fn speckled() -> Scene {
-    let mut dice = Dice(12);
-    let mut points = sphere(&mut dice, DVec3::Z, 1.0, 36_000, [0; 3]);
-    let (u, v) = (DVec3::X * 4.0, DVec3::Y * 4.0);
-    points.extend(sheet(&mut dice, -(u + v) / 2.0, u, v, 180, [0; 3]));
-    for p in &mut points {
-        p.colour = dice.bits().to_le_bytes()[3..6].try_into().unwrap();
-    }
-    Scene::new(&points, 1e-5, 0.0225, 0.0225, 3000)
 }
 
 /// More points in one place than the sums of a pixel can hold, and one point of another colour in

@@ -48,6 +48,21 @@ fn node(
     (node, points, hot, residual)
 }
 
+/// A node of all its points, without attributes.
+fn drawn<'a>(node: &'a Node, hot: &'a [u8], residual: Option<&'a [u8]>) -> DrawNode<'a> {
+    DrawNode {
+        node,
+        entry: 0,
+        prefix: hot.len() / quant::HOT_POSITION_BYTES,
+        position: hot,
+        residual,
+        colour: ColourPlane::None,
+        normal: None,
+        clip: None,
+        tangents: None,
+    }
+}
+
 /// Checks the distance, in pixels, between drawn and exact positions of the points in the picture
 /// against `bound_px` of their exact depth. Returns the number of these points.
 fn check(
@@ -117,17 +132,7 @@ fn exact_points_are_drawn_within_a_hundredth_of_a_pixel_however_close_the_view()
                     let eye = eye - towards.normalize_or_zero() * back;
                     let mut view = View::look_at(eye, eye + towards, DVec3::Z, 1.0, 1920, 1080);
                     view.near = lattice.scale[0];
-                    let draw = DrawNode {
-                        node: &node,
-                        entry: 0,
-                        prefix: points.len(),
-                        position: &hot[..],
-                        residual: Some(&residual),
-                        colour: ColourPlane::None,
-                        normal: None,
-                        clip: None,
-                        tangents: None,
-                    };
+                    let draw = drawn(&node, &hot, Some(&residual));
                     // The eye itself is rounded to f64; at 10^7 m that is 2 nm.
                     let eye_error = eye.abs().max_element() * f64::EPSILON * 2.0;
                     let focal = view.focal_px();
@@ -157,17 +162,7 @@ fn points_are_where_they_belong_through_the_narrowest_pinhole() {
             let eye = target + direction * size * farther;
             let fovy = 1.5 / (direction.length() * farther);
             let view = View::look_at(eye, target, DVec3::Z, fovy, 1024, 1024);
-            let draw = DrawNode {
-                node: &node,
-                entry: 0,
-                prefix: points.len(),
-                position: &hot[..],
-                residual: Some(&residual),
-                colour: ColourPlane::None,
-                normal: None,
-                clip: None,
-                tangents: None,
-            };
+            let draw = drawn(&node, &hot, Some(&residual));
             // The eye and its direction are rounded to f64, which the reference shares in part.
             seen += check(&lattice, &view, &draw, &points, |_| 0.01);
         }
@@ -187,17 +182,7 @@ fn hot_points_alone_are_off_by_at_most_half_a_hot_step() {
         let target = DVec3::from_array(lattice.world(near));
         let eye = target + DVec3::new(0.7, -0.5, 0.6) * f64::from(extent) * 1e-3;
         let view = View::look_at(eye, target, DVec3::Z, 1.0, 1920, 1080);
-        let draw = DrawNode {
-            node: &node,
-            entry: 0,
-            prefix: points.len(),
-            position: &hot[..],
-            residual: None,
-            colour: ColourPlane::None,
-            normal: None,
-            clip: None,
-            tangents: None,
-        };
+        let draw = drawn(&node, &hot, None);
         // Half a step an axis, at worst along the diagonal and at the corner of the picture.
         let half = f64::from((1u32 << node.hot_shift) - 1) * 0.5e-3 * 3f64.sqrt();
         let focal = view.focal_px();

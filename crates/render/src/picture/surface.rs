@@ -82,8 +82,8 @@ impl Surface for Pyramid {
         base.normal[y * base.width + x].truncate()
     }
 
-    /// The normal of the finest coarser pixel that has one, of at most [`NORMAL_LEVELS`] levels up:
-    /// those of coarser ones would show as squares.
+    /// The normal of the finest coarser pixel that has one, up to level [`NORMAL_LEVELS`]: the
+    /// normals of coarser levels would show as squares.
     fn normal_around(&self, x: usize, y: usize) -> Vec3 {
         let found =
             self.levels.iter().take(NORMAL_LEVELS + 1).enumerate().find_map(|(i, level)| {

@@ -258,3 +258,16 @@ pub fn bunny() -> Option<Vec<ScenePoint>> {
     };
     Some(bytes[end..].chunks_exact(24).take(count).map(vertex).collect())
 }
+
+/// A ball on a floor in random colours, some points a pixel in the views of the tests.
+#[allow(dead_code, reason = "not every user of this module tests crowds")]
+pub fn speckled() -> Scene {
+    let mut dice = Dice(12);
+    let mut points = sphere(&mut dice, DVec3::Z, 1.0, 36_000, [0; 3]);
+    let (u, v) = (DVec3::X * 4.0, DVec3::Y * 4.0);
+    points.extend(sheet(&mut dice, -(u + v) / 2.0, u, v, 180, [0; 3]));
+    for p in &mut points {
+        p.colour = dice.bits().to_le_bytes()[3..6].try_into().unwrap();
+    }
+    Scene::new(&points, 1e-5, 0.0225, 0.0225, 3000)
+}
