@@ -2,7 +2,7 @@
 //! and, if the scan has normals, the angles to them: `normals FILE [threads] [points]`.
 
 use esker_builder::attributes::blocks::{self, Blocks};
-use esker_builder::attributes::density::Density;
+use esker_builder::attributes::density::{Density, Distances};
 use esker_builder::attributes::normals::{Bounds, UNKNOWN, estimate};
 use esker_points::lattice::Lattice;
 use esker_points::morton;
@@ -56,8 +56,9 @@ fn run(path: &Path, points_max: usize) -> Outcome {
         given = order.iter().map(|&i| given[i]).collect();
     }
     let spacing = Density::of(points.iter().copied(), 0).spacing();
-    let bounds = Bounds::new(lattice.scale, spacing);
-    let blocks = Blocks::new(lattice.scale, spacing);
+    let distances = Distances { spacing, steps_max: f64::INFINITY };
+    let bounds = Bounds::new(lattice.scale, &distances);
+    let blocks = Blocks::new(lattice.scale, &distances);
     println!(
         "{} points, reach {}, coarsest cells of {:?}",
         points.len(),

@@ -4,7 +4,7 @@
 
 mod cloud;
 
-use cloud::{below, built, cloud};
+use cloud::{below, built, cloud, cloud_on};
 use esker_builder::{Options, against_sources};
 use esker_points::task::Silent;
 use esker_scan::Source;
@@ -26,7 +26,7 @@ fn bounded(make: impl Fn() -> Box<dyn Source>, count: u64) -> u64 {
 }
 
 #[test]
-fn ten_million_coincident_points_and_millions_of_scattered_ones_keep_to_the_bound() {
+fn coincident_and_scattered_points_and_steps_of_other_lengths_keep_to_the_bound() {
     let n = 10_000_000;
     let nodes = bounded(|| cloud("stack", 0.001, n, |_| [123_456, -5, 99]), n);
     assert_eq!(nodes, n.div_ceil(1 << 16));
@@ -35,4 +35,7 @@ fn ten_million_coincident_points_and_millions_of_scattered_ones_keep_to_the_boun
     // More threads than the memory has room for: fewer are used.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(16).build().unwrap();
     pool.install(|| bounded(|| cloud("scattered", 0.001, 4_500_000, scattered), 4_500_000));
+    // Cells of the octree are slabs, each of which is near many others.
+    let slabs = |i| [below(3 * i, 80_000), below(3 * i + 1, 80_000), below(3 * i + 2, 10_000_000)];
+    bounded(|| cloud_on("slabs", [1e-2, 1e-2, 1e-7], 4_000_000, slabs), 4_000_000);
 }

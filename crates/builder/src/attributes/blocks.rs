@@ -5,6 +5,7 @@
 //! the cell above it follows. A normal depends only on the cells of the coarsest level around its
 //! own, so it is the same however a cloud is cut into chunks.
 
+use crate::attributes::density::{Distances, excess_bits};
 use crate::attributes::knn::sorted_codes;
 use crate::attributes::normals::{UNKNOWN, code_of, joined};
 use edges::Planes;
@@ -57,19 +58,18 @@ pub struct Blocks {
     pub scale: [f64; 3],
     /// Log2 of the edge of the coarsest cells, in the longest steps.
     pub coarsest: u32,
-    /// Log2 of the longest step over that of each axis, rounded down: cells are about cubes, also
-    /// where steps differ.
+    /// Bits of each axis below the least cells, which are about cubes also where steps differ.
     shift: [u32; 3],
 }
 
 impl Blocks {
-    /// Limits for a cloud whose points are typically `spacing` of the longest steps apart.
-    pub fn new(scale: [f64; 3], spacing: f64) -> Self {
-        let steps = (spacing * COARSEST_SPACINGS).clamp(1.0, f64::from(1u32 << LOG2_MAX));
-        let longest = scale.into_iter().fold(0.0, f64::max);
-        let shift = scale.map(|step| ((longest / step).log2() as u32).min(LOG2_MAX));
-        let room = LOG2_MAX - shift.into_iter().fold(0, u32::max);
-        Self { scale, coarsest: (steps.log2() as u32).min(room), shift }
+    /// Limits for a cloud whose points are so far apart.
+    pub fn new(scale: [f64; 3], distances: &Distances) -> Self {
+        let most_log2 = distances.steps_max.log2().min(f64::from(LOG2_MAX)) as u32;
+        let shift = excess_bits(scale).map(|excess| excess.min(most_log2));
+        let room = most_log2 - shift.into_iter().fold(0, u32::max);
+        let edge = (distances.spacing * COARSEST_SPACINGS).clamp(1.0, f64::from(1u32 << LOG2_MAX));
+        Self { scale, coarsest: (edge.log2() as u32).min(room), shift }
     }
 
     /// The cell of a level that holds a position, as multiples of its edges.

@@ -9,6 +9,37 @@ const CELLS_MAX: usize = 1 << 14;
 /// Points of a cell from which a density is estimated.
 const POINTS_MIN: u64 = 8;
 
+/// What the reach of computed attributes follows from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Distances {
+    /// Typical distance of points, in steps of the axis that has the longest.
+    pub spacing: f64,
+    /// Most steps that a reach may have on any axis. Infinite where steps are about as long on all
+    /// axes. Where they are not, the cells of chunks are no cubes, and many chunks would lie within
+    /// a longer reach.
+    pub steps_max: f64,
+}
+
+impl Distances {
+    /// Longest reach that [`Distances::steps_max`] allows, in the unit of `scale`, if it leaves
+    /// points without the neighbours that a plane takes.
+    pub fn limit(&self, scale: [f64; 3]) -> Option<f64> {
+        /// Least reach, in spacings, with which hardly any point is left without neighbours.
+        const SPACINGS_LEAST: f64 = 4.0;
+        let shortest = scale.into_iter().fold(f64::INFINITY, f64::min);
+        let longest = scale.into_iter().fold(0.0, f64::max);
+        let limit = self.steps_max * shortest;
+        (limit < self.spacing * longest * SPACINGS_LEAST).then_some(limit)
+    }
+}
+
+/// Log2 of the longest step over that of each axis, rounded down: positions shifted by it have
+/// steps that differ by at most two.
+pub fn excess_bits(scale: [f64; 3]) -> [u32; 3] {
+    let longest = scale.into_iter().fold(0.0, f64::max);
+    scale.map(|step| ((longest / step).log2() as u32).min(31))
+}
+
 /// Number of points by cell.
 #[derive(Default)]
 pub struct Density {
@@ -56,15 +87,26 @@ impl Density {
     }
 
     /// Typical distance of points, in steps: that of the median cell, as if each cell held a square
-    /// of a surface. Cells double until the median has enough points. Stacks and strays have little
-    /// weight.
-    pub fn spacing(mut self) -> f64 {
+    /// of a surface. Stacks and strays have little weight.
+    pub fn spacing(&mut self) -> f64 {
+        let middle = self.double_until(POINTS_MIN);
+        (1u64 << self.log2) as f64 / (middle as f64).sqrt()
+    }
+
+    /// Edge of the cells, in steps, whose median has at least so many points.
+    pub fn edge_with(&mut self, points: u64) -> f64 {
+        self.double_until(points);
+        (1u64 << self.log2) as f64
+    }
+
+    /// Doubles cells until the median has at least so many points; returns its points.
+    fn double_until(&mut self, points: u64) -> u64 {
         loop {
             let mut counts: Vec<u64> = self.cells.values().copied().collect();
             counts.sort_unstable();
             let middle = counts.get(counts.len() / 2).copied().unwrap_or(1);
-            if middle >= POINTS_MIN || self.log2 == 32 {
-                return (1u64 << self.log2) as f64 / (middle as f64).sqrt();
+            if middle >= points || self.log2 == 32 {
+                return middle;
             }
             self.coarsen();
         }
@@ -104,9 +146,9 @@ mod tests {
         #[test]
         fn density_does_not_depend_on_how_points_are_split(points in prop::collection::vec(any::<[u32; 3]>(), 0..300), shift in 0u32..28, cut in 0usize..300) {
             let points: Vec<_> = points.into_iter().map(|p| p.map(|c| c >> shift)).collect();
-            let whole = Density::of(points.iter().copied(), 0);
+            let mut whole = Density::of(points.iter().copied(), 0);
             let (a, b) = points.split_at(cut.min(points.len()));
-            let parts = Density::of(b.iter().rev().copied(), 0).merged(Density::of(a.iter().copied(), 0));
+            let mut parts = Density::of(b.iter().rev().copied(), 0).merged(Density::of(a.iter().copied(), 0));
             prop_assert_eq!(whole.spacing(), parts.spacing());
         }
     }
@@ -116,15 +158,16 @@ mod tests {
         for corner in [0, (1 << 31) - 1000, u32::MAX - 6000] {
             let points =
                 (0..90_000).map(|i| [corner + i % 300 * 20, corner + i / 300 * 20, 1 << 31]);
-            let density = Density::of(points.clone(), 0);
+            let mut density = Density::of(points.clone(), 0);
             let (log2, spacing) = (density.log2, density.spacing());
             assert!((14.0..=28.0).contains(&spacing), "{spacing}");
             for least in 1..log2 {
-                let coarse = Density::of(points.clone(), least);
+                let mut coarse = Density::of(points.clone(), least);
                 assert!(coarse.is_above(least));
                 assert_eq!(coarse.spacing(), spacing);
             }
             assert!(!Density::of(points, log2).is_above(log2));
+            assert!((450.0..=1200.0).contains(&density.edge_with(512)));
         }
     }
 

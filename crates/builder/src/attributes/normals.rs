@@ -2,6 +2,7 @@
 //! point spread least (`hoppe1992`, section 3.2). A normal depends only on positions within the
 //! reach, so it is the same however a cloud is cut into chunks.
 
+use crate::attributes::density::Distances;
 use crate::attributes::eigen::Eigen;
 use crate::attributes::knn::{Query, sorted_codes};
 use crate::attributes::knn_index::KnnIndex;
@@ -44,9 +45,12 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Limits for a cloud whose points are typically `spacing` steps apart.
-    pub fn new(scale: [f64; 3], spacing: f64) -> Self {
-        Self { scale, reach: (spacing * REACH_SPACINGS).ceil().max(1.0) }
+    /// Limits for a cloud whose points are so far apart.
+    pub fn new(scale: [f64; 3], distances: &Distances) -> Self {
+        let longest = scale.into_iter().fold(0.0, f64::max) / scale[0];
+        let shortest = scale.into_iter().fold(f64::INFINITY, f64::min) / scale[0];
+        let reach = (distances.spacing * longest * REACH_SPACINGS).ceil();
+        Self { scale, reach: reach.min(distances.steps_max * shortest).max(shortest) }
     }
 
     /// The least and the greatest position that influence normals in a cell.

@@ -360,7 +360,7 @@ impl Build<'_> {
         let has_clip_lines = context.clips.is_some();
         task.phase("building", Some(points), "points");
         if plan.computed.is_any() && !buckets.is_empty() {
-            self.store.borders = Some(new_borders(self.store, &context, &buckets, options)?);
+            self.store.borders = Some(new_borders(self.store, &context, &buckets, options, task)?);
         }
         let root = TreeBuilder {
             chunk_rows_max,
@@ -498,13 +498,19 @@ fn new_borders(
     context: &Context,
     buckets: &[Bucket],
     options: &Options,
+    task: &dyn Task,
 ) -> Result<Borders, BuildError> {
-    let spacing = store.spacing(buckets, context.rows.bytes())?;
-    let bounds = Bounds::new(context.scale, spacing);
+    let distances = store.distances(buckets, context.rows.bytes(), context.scale)?;
+    if let Some(longest) = distances.limit(context.scale) {
+        task.note(&format!(
+            "normals are estimated from points within {longest:.3e} at most, since the steps of the axes differ by orders of magnitude; points without near neighbours get none. Files with the same step on all axes have no such limit"
+        ));
+    }
+    let bounds = Bounds::new(context.scale, &distances);
     let mut borders = Borders::new(bounds, context.rows.clone(), options.sharp_features);
     borders.finds_shapes = options.tangents;
     let is_fast = options.estimates_fast();
-    borders.blocks = is_fast.then(|| Blocks::new(context.scale, spacing));
+    borders.blocks = is_fast.then(|| Blocks::new(context.scale, &distances));
     Ok(borders)
 }
 

@@ -5,7 +5,7 @@
 //! within reach of its cell.
 
 use crate::attributes::blocks::{self, Blocks};
-use crate::attributes::density::Density;
+use crate::attributes::density::{Density, Distances, excess_bits};
 use crate::attributes::normals::{Bounds, UNKNOWN, estimate, turned_to};
 use crate::attributes::sharp::{Edge, Points, detect};
 use crate::attributes::tangents::shapes;
@@ -19,6 +19,8 @@ use rayon::prelude::*;
 /// Rows that one task reads, and tasks whose positions are written together.
 const TASK_ROWS: usize = 1 << 14;
 const GROUP_TASKS: usize = 64;
+/// Points of a cubic cell of steps, typically, over which no reach extends: a chunk has many more.
+const REACHED_POINTS: u64 = 8192;
 /// Log2 of the edge of a bucket over that of the cells in which its points are counted at first.
 const DIVIDED_LOG2: u8 = 4;
 /// Bytes of a stored position, and of the normal behind it if sources give normals.
@@ -49,20 +51,38 @@ pub fn cell_of(buckets: &[Bucket]) -> Cell {
     Cell::enclosing(buckets[0].cell.corner, last.cell.last())
 }
 
-/// Estimates the typical distance of points, in steps.
+/// Estimates how far points are apart on a lattice with these steps.
 ///
 /// # Errors
 /// If scratch space fails.
-pub fn spacing(
+pub fn distances(
     buckets: &[Bucket],
     stride: usize,
+    scale: [f64; 3],
     scratch: &mut Scratch,
-) -> Result<f64, BuildError> {
+) -> Result<Distances, BuildError> {
+    let excess = excess_bits(scale);
+    let spacing = density(buckets, stride, excess, scratch)?.spacing();
+    let steps_max = match excess {
+        [0, 0, 0] => f64::INFINITY,
+        _ => density(buckets, stride, [0; 3], scratch)?.edge_with(REACHED_POINTS),
+    };
+    Ok(Distances { spacing, steps_max })
+}
+
+/// Counts points by cell; `excess` bits of their coordinates are left out.
+fn density(
+    buckets: &[Bucket],
+    stride: usize,
+    excess: [u32; 3],
+    scratch: &mut Scratch,
+) -> Result<Density, BuildError> {
     let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
     let map = if is_stored { Some(scratch.map()?) } else { None };
     let of_bucket = |b: &Bucket, log2| {
         let runs = b.runs(map.as_ref(), stride);
-        Density::of(runs.into_iter().flat_map(|r| r.chunks_exact(stride)).map(position), log2)
+        let rows = runs.into_iter().flat_map(|r| r.chunks_exact(stride)).map(position);
+        Density::of(rows.map(|p| [0, 1, 2].map(|i| p[i] >> excess[i])), log2)
     };
     // Most of the work would be to double cells that begin as single steps.
     let mut edges: Vec<u8> = buckets.iter().map(|b| b.cell.log2).collect();
@@ -72,7 +92,7 @@ pub fn spacing(
         let densities = buckets.par_iter().map(|bucket| of_bucket(bucket, least));
         let density = densities.reduce(Density::default, Density::merged);
         if least == 0 || density.is_above(least) {
-            return Ok(density.spacing());
+            return Ok(density);
         }
         least = least.saturating_sub(DIVIDED_LOG2);
     }

@@ -14,7 +14,7 @@ pub enum Kind {
     /// Rows of the inputs that are in scratch.
     Rows,
     /// The typical distance of points, which the reach of normals depends on.
-    Spacing,
+    Distances,
     /// The palette of compact planes.
     Palette,
     /// Points near the borders of chunks, stored in scratch for the estimation of normals.

@@ -1,6 +1,7 @@
 //! The files of a build: scratch, from which rows are read; the output, to which pages are written;
 //! and the journal, which records pages when they are written, and rows before they are freed.
 
+use crate::attributes::density::Distances;
 use crate::error::BuildError;
 use crate::rows::borders::{self, Borders, cell_of};
 use crate::rows::journal::Journal;
@@ -114,20 +115,28 @@ impl Store {
         Ok(ChunkRows { buckets, map })
     }
 
-    /// The typical distance of points, in steps; estimated, or read from the journal.
+    /// How far points are apart on a lattice with these steps; estimated, or read from the journal.
     ///
     /// # Errors
     /// If scratch space fails, or the journal is damaged.
-    pub fn spacing(&mut self, buckets: &[Bucket], stride: usize) -> Result<f64, BuildError> {
-        if let Some(record) = self.journal.next(Kind::Spacing)? {
-            let spacing = RecordReader(&record).get();
-            return spacing.ok_or_else(|| self.journal.damaged("the distance of its points"));
+    pub fn distances(
+        &mut self,
+        buckets: &[Bucket],
+        stride: usize,
+        scale: [f64; 3],
+    ) -> Result<Distances, BuildError> {
+        if let Some(record) = self.journal.next(Kind::Distances)? {
+            let mut record = RecordReader(&record);
+            let read = record.get().zip(record.get());
+            let of = |(spacing, steps_max)| Distances { spacing, steps_max };
+            return read.map(of).ok_or_else(|| self.journal.damaged("the distance of its points"));
         }
-        let spacing = borders::spacing(buckets, stride, &mut self.scratch)?;
-        let mut record = Record::new(Kind::Spacing);
-        record.put(spacing);
+        let distances = borders::distances(buckets, stride, scale, &mut self.scratch)?;
+        let mut record = Record::new(Kind::Distances);
+        record.put(distances.spacing);
+        record.put(distances.steps_max);
         self.journal.append(record)?;
-        Ok(spacing)
+        Ok(distances)
     }
 
     /// Cells of chunks, and the places of the positions near their faces.

@@ -29,12 +29,22 @@ pub fn cloud<F: Fn(u64) -> [i32; 3] + Send + Sync + 'static>(
     count: u64,
     position: F,
 ) -> Box<dyn Source> {
-    let grid = Grid { scale: [scale; 3], offset: [0.0; 3] };
+    cloud_on(name, [scale; 3], count, position)
+}
+
+/// Makes a cloud of `count` points on a grid with these steps.
+pub fn cloud_on<F: Fn(u64) -> [i32; 3] + Send + Sync + 'static>(
+    name: &str,
+    scale: [f64; 3],
+    count: u64,
+    position: F,
+) -> Box<dyn Source> {
+    let grid = Grid { scale, offset: [0.0; 3] };
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for i in 0..count {
         for (axis, c) in position(i).into_iter().enumerate() {
-            low[axis] = low[axis].min(f64::from(c) * scale);
-            high[axis] = high[axis].max(f64::from(c) * scale);
+            low[axis] = low[axis].min(f64::from(c) * scale[axis]);
+            high[axis] = high[axis].max(f64::from(c) * scale[axis]);
         }
     }
     let schema = Schema::new(vec![

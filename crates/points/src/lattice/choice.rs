@@ -55,7 +55,27 @@ impl Lattice {
         for axis in 0..3 {
             lattice.choose_axis(inputs, axis)?;
         }
+        // The integers of LAS keep their step.
+        if inputs.iter().all(|input| input.kind != GridKind::Integer) {
+            lattice.even_out(inputs);
+        }
         Ok(lattice)
+    }
+
+    /// Shortens steps by powers of ten, which text and floats have, where they are over ten times as
+    /// long as those of another axis, as far as the lattice still has room on all sides.
+    fn even_out(&mut self, inputs: &[InputGrid]) {
+        let finest = self.scale.into_iter().fold(f64::INFINITY, f64::min);
+        for axis in 0..3 {
+            let Some((lo, hi)) = extent(inputs, axis) else { continue };
+            let mut scale = tenfold(finest);
+            while (hi - lo) / scale * (2.0 * ROOM + 1.0) > 2.0 * ORIGIN as f64 {
+                scale = tenfold(scale);
+            }
+            if scale < self.scale[axis] {
+                self.place(axis, scale, (lo, hi));
+            }
+        }
     }
 
     /// Narrows the bounds of `inputs`, whose points are distributed as `spreads`, so that strays do
@@ -101,26 +121,29 @@ impl Lattice {
                 return Err(input.unusable("a bound", axis, value));
             }
         }
-        let mut scale = inputs.iter().map(|i| i.grid.scale[axis]).fold(f64::INFINITY, f64::min);
-        let bounds = inputs.iter().filter_map(|i| i.axis_bounds(axis));
-        let (lo, hi) = bounds
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (a, b)| (lo.min(a), hi.max(b)));
+        let scale = inputs.iter().map(|i| i.grid.scale[axis]).fold(f64::INFINITY, f64::min);
         self.scale[axis] = scale;
-        if lo > hi {
-            return Ok(());
-        }
-        let steps = |scale: f64| (((lo - offset) / scale).floor(), ((hi - offset) / scale).ceil());
-        let (mut lo, mut hi) = steps(scale);
-        while !fits(lo, hi) {
-            scale = tenfold(scale);
-            (lo, hi) = steps(scale);
-        }
-        self.scale[axis] = scale;
-        let room = (hi - lo) * ROOM;
-        if lo - room < -(ORIGIN as f64) || hi + room >= ORIGIN as f64 {
-            self.shift[axis] = ((lo + hi) / 2.0).floor() as i64;
+        if let Some(extent) = extent(inputs, axis) {
+            self.place(axis, scale, extent);
         }
         Ok(())
+    }
+
+    /// Sets the step of an axis to `scale`, or to so many tens of it that the lattice holds the
+    /// extent of the points, and moves the lattice to them if they would lie at its end.
+    fn place(&mut self, axis: usize, mut scale: f64, (low, high): (f64, f64)) {
+        let offset = self.offset[axis];
+        let steps = |scale: f64| ((low - offset) / scale).floor()..((high - offset) / scale).ceil();
+        let mut range = steps(scale);
+        while !fits(range.start, range.end) {
+            scale = tenfold(scale);
+            range = steps(scale);
+        }
+        self.scale[axis] = scale;
+        let room = (range.end - range.start) * ROOM;
+        if range.start - room < -(ORIGIN as f64) || range.end + room >= ORIGIN as f64 {
+            self.shift[axis] = ((range.start + range.end) / 2.0).floor() as i64;
+        }
     }
 
     /// Whether lengths are measured in another unit than the coordinates.
@@ -163,6 +186,12 @@ impl Lattice {
     pub fn steps_axis(&self, axis: usize, world: f64) -> f64 {
         (world - self.offset[axis]) / self.scale[axis] - self.shift[axis] as f64 + ORIGIN as f64
     }
+}
+
+/// The least and the greatest coordinate of the inputs on an axis, if any is known.
+fn extent(inputs: &[InputGrid], axis: usize) -> Option<(f64, f64)> {
+    let bounds = inputs.iter().filter_map(|input| input.axis_bounds(axis));
+    bounds.reduce(|(low, high), (a, b)| (low.min(a), high.max(b)))
 }
 
 /// Whether a lattice holds the steps from `lo` to `hi`.

@@ -5,7 +5,8 @@
 //! plus 2^31. Otherwise the lattice has the finest scale of each axis and the offset of the first
 //! input in byte order of names, moved by whole steps to where all inputs fit; whole ratios and
 //! differences stay exact, other values are rounded half to even. If the extent exceeds 2^32 steps,
-//! the scale grows by tens. Points far from nearly all others ([`crate::spread`]) do not count:
+//! the scale grows by tens. Steps of text and floats differ by at most ten between axes where 32 bits
+//! allow it, since cells of the octree are cubes of steps. Points far from nearly all others ([`crate::spread`]) do not count:
 //! they may lie outside of the lattice.
 //!
 //! Coordinates may be degrees: the lattice then has the metres of a degree on each axis, and
@@ -124,6 +125,37 @@ mod tests {
         // Within that range there is a lattice.
         let half = input("c", 0.001, -1.0, (-1.0, 1.0));
         assert!(Lattice::choose(&[a, half]).unwrap().scale[0] > 1e290);
+    }
+
+    fn decimal(decimals: [u32; 3], high: [f64; 3]) -> InputGrid {
+        let grid = decimal_grid(decimals);
+        InputGrid { name: "t".into(), kind: GridKind::Decimal, grid, bounds: Some([[0.0; 3], high]) }
+    }
+
+    #[test]
+    fn steps_of_text_are_about_cubes() {
+        for (decimals, high, scale) in [
+            ([3, 3, 4], [9e5, 9e5, 900.0], [1e-3, 1e-3, 1e-4]),
+            ([0, 2, 5], [90.0, 90.0, 900.0], [1e-4, 1e-4, 1e-5]),
+            ([9, 1, 1], [1.0, 1.0, 1.0], [1e-9, 1e-8, 1e-8]),
+            // As far as there is room.
+            ([2, 2, 7], [800.0, 80.0, 1.0], [1e-5, 1e-6, 1e-7]),
+            ([2, 2, 7], [9e6, 9e6, 1.0], [1e-2, 1e-2, 1e-7]),
+        ] {
+            let input = decimal(decimals, high);
+            let lattice = Lattice::choose(std::slice::from_ref(&input)).unwrap();
+            assert_eq!(lattice.scale, scale, "{decimals:?} {high:?}");
+            let mut rounding = Rounding::default();
+            let placed = lattice.placement(&input).real([0.0; 3], &mut rounding);
+            assert_eq!((lattice.world(placed), rounding.error_max), ([0.0; 3], 0.0));
+            // Scans beside the first still find room.
+            let free = (0..3).map(|i| lattice.steps_axis(i, 6.9 * high[i])).fold(0.0, f64::max);
+            let far = high[0] > 1e6;
+            assert!(far || free < 2f64.powi(32), "{decimals:?} {high:?}: {free}");
+        }
+        // The integers of LAS are kept as they are.
+        let las = InputGrid { kind: GridKind::Integer, ..decimal([2, 2, 7], [800.0, 80.0, 1.0]) };
+        assert_eq!(Lattice::choose(&[las]).unwrap().scale, [1e-2, 1e-2, 1e-7]);
     }
 
     #[test]

@@ -3,13 +3,17 @@
 use super::plane::VOLUME;
 use super::*;
 use crate::attributes::eigen::Eigen;
-use crate::attributes::normals::LINE;
+use crate::attributes::normals::{Bounds, LINE};
 use crate::attributes::surfaces::{Truth, plane, sphere, tilted, two_walls};
 use crate::random::Random;
 use esker_points::quant;
 use proptest::prelude::*;
 
 const SCALE: f64 = 0.001;
+
+fn blocks(scale: [f64; 3], spacing: f64) -> Blocks {
+    Blocks::new(scale, &Distances { spacing, steps_max: f64::INFINITY })
+}
 
 fn sorted(mut points: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
     points.sort_by_key(|&p| morton::encode3(p));
@@ -26,7 +30,7 @@ fn errors(points: &Truth, spacing_m: f64) -> [f64; 3] {
     let mut along: Vec<_> = points.iter().map(|&(p, n)| (lattice(p), n)).collect();
     along.sort_by_key(|&(p, _)| morton::encode3(p));
     let own: Vec<_> = along.iter().map(|s| s.0).collect();
-    let codes = estimate(&own, &[], &Blocks::new([SCALE; 3], spacing_m / SCALE));
+    let codes = estimate(&own, &[], &blocks([SCALE; 3], spacing_m / SCALE));
     let known = codes.iter().zip(&along).filter(|(code, _)| **code != UNKNOWN);
     let angle = |(&code, (_, n)): (&[i16; 2], &([u32; 3], [f64; 3]))| {
         let ours = quant::oct_decode(code).map(f64::from);
@@ -41,6 +45,21 @@ fn errors(points: &Truth, spacing_m: f64) -> [f64; 3] {
 }
 
 #[test]
+fn no_cell_extends_over_the_limit_on_any_axis() {
+    for scale in [[1e-2, 1e-2, 1e-7], [1e-5, 1e-2, 1e-2], [1e-3, 1e-4, 1e-3]] {
+        for steps_max in [1.0, 2.0, 700.0, 65_536.0] {
+            for spacing in [0.01, 1.0, 1e6] {
+                let distances = Distances { spacing, steps_max };
+                let steps = Blocks::new(scale, &distances).steps();
+                assert!(steps.iter().all(|&s| f64::from(s) <= steps_max), "{scale:?} {steps:?}");
+                let bounds = Bounds::new(scale, &distances);
+                assert!(bounds.steps().iter().all(|&s| f64::from(s) <= steps_max + 1.0));
+            }
+        }
+    }
+}
+
+#[test]
 fn steps_may_differ_between_axes() {
     let points = sphere(4.5);
     let share = |scale: [f64; 3]| {
@@ -48,8 +67,8 @@ fn steps_may_differ_between_axes() {
         let mut along: Vec<_> = points.iter().map(|&(p, n)| (on(p), n)).collect();
         along.sort_by_key(|&(p, _)| morton::encode3(p));
         let own: Vec<_> = along.iter().map(|s| s.0).collect();
-        // The distance of points is measured in steps, whatever their length.
-        let codes = estimate(&own, &[], &Blocks::new(scale, 0.125 / scale[0]));
+        let longest = scale.into_iter().fold(0.0, f64::max);
+        let codes = estimate(&own, &[], &blocks(scale, 0.125 / longest));
         let near = codes.iter().zip(&along).filter(|(code, (_, n))| {
             let ours = quant::oct_decode(**code).map(f64::from);
             (0..3).map(|i| ours[i] * n[i]).sum::<f64>().abs() > 0.998
@@ -100,7 +119,7 @@ fn wrong_at_edges(turn: impl Fn([f64; 3]) -> [f64; 3], noise_m: f64) -> [f64; 2]
     let mut along: Vec<_> = noisy.map(|(p, n, flat)| (lattice(p), n, flat)).collect();
     along.sort_by_key(|&(p, ..)| morton::encode3(p));
     let own: Vec<_> = along.iter().map(|s| s.0).collect();
-    let codes = estimate(&own, &[], &Blocks::new([SCALE; 3], 50.0));
+    let codes = estimate(&own, &[], &blocks([SCALE; 3], 50.0));
     let (mut wrong, mut unknown, mut all) = (0, 0, 0);
     for (code, (_, n, flat)) in codes.into_iter().zip(&along) {
         if flat[0] + flat[2] > 0.3 {
@@ -145,7 +164,7 @@ fn three_planes_meet_at_the_corners_of_a_cube() {
     let mut along: Vec<_> = points.iter().map(|&(p, n)| (lattice(p), n, p)).collect();
     along.sort_by_key(|&(p, ..)| morton::encode3(p));
     let own: Vec<_> = along.iter().map(|s| s.0).collect();
-    let codes = estimate(&own, &[], &Blocks::new([SCALE; 3], 50.0));
+    let codes = estimate(&own, &[], &blocks([SCALE; 3], 50.0));
     let at_corner = |p: &[f64; 3]| p.iter().map(|c| c * c).sum::<f64>() < 0.175 * 0.175;
     let near: Vec<_> = codes.iter().zip(&along).filter(|(_, (.., p))| at_corner(p)).collect();
     let right = near.iter().filter(|(code, (_, n, _))| {
@@ -178,9 +197,9 @@ fn a_jump_of_density_leaves_no_point_without_a_normal() {
 
 #[test]
 fn lines_and_volumes_have_no_normals() {
-    let blocks = Blocks::new([SCALE; 3], 30.0);
+    let limits = blocks([SCALE; 3], 30.0);
     let share = |points: Vec<[u32; 3]>| {
-        let codes = estimate(&sorted(points), &[], &blocks);
+        let codes = estimate(&sorted(points), &[], &limits);
         codes.iter().filter(|&&code| code == UNKNOWN).count() as f64 / codes.len() as f64
     };
     let mut r = Random(6);
@@ -195,7 +214,7 @@ fn lines_and_volumes_have_no_normals() {
     assert!(share((0..4000).map(&mut wire).collect()) > 0.9);
     for points in [vec![], vec![[5; 3]], vec![[5; 3]; 100], vec![[0; 3], [u32::MAX; 3]]] {
         let count = points.len();
-        assert_eq!(estimate(&points, &[], &blocks), vec![UNKNOWN; count]);
+        assert_eq!(estimate(&points, &[], &limits), vec![UNKNOWN; count]);
     }
 }
 
@@ -205,8 +224,8 @@ fn normals_at_all_ends_of_the_lattice_are_those_of_the_middle() {
         let place = |i: u32| [corner[0] + i % 60 * 20, corner[1] + i / 60 * 20, corner[2] + i % 60];
         sorted((0..3600).map(place).collect())
     };
-    let blocks = Blocks::new([SCALE; 3], 20.0);
-    let codes = |corner| estimate(&sheet(corner), &[], &blocks);
+    let limits = blocks([SCALE; 3], 20.0);
+    let codes = |corner| estimate(&sheet(corner), &[], &limits);
     let middle = codes([1 << 31; 3]);
     assert!(middle.iter().all(|&code| code != UNKNOWN && code == middle[0]));
     assert!(codes([0; 3]) == middle);
@@ -214,7 +233,7 @@ fn normals_at_all_ends_of_the_lattice_are_those_of_the_middle() {
     // Coarse clouds have coarse cells.
     let far = sorted((0..900).map(|i| [(i % 30) << 26, (i / 30) << 26, 1 << 30]).collect());
     let up = quant::oct_encode([0.0, 0.0, 1.0]);
-    assert!(estimate(&far, &[], &Blocks::new([SCALE; 3], 6.7e7)) == [up; 900]);
+    assert!(estimate(&far, &[], &blocks([SCALE; 3], 6.7e7)) == [up; 900]);
 }
 
 proptest! {

@@ -1,6 +1,7 @@
 //! Edges between walls, surfaces without edges, pairs that share a clip line, chunks.
 
 use super::*;
+use crate::attributes::density::Distances;
 use esker_points::morton;
 
 /// Steps between points.
@@ -12,7 +13,7 @@ fn bare(positions: &[[u32; 3]]) -> Points<'_> {
 }
 
 fn bounds() -> Bounds {
-    Bounds::new([0.001; 3], SPACING)
+    Bounds::new([0.001; 3], &Distances { spacing: SPACING, steps_max: f64::INFINITY })
 }
 
 /// A sheet of jittered points from [`MIDDLE`] on along `u` and `v`, off it by `noise` spacings.
