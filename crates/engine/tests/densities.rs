@@ -90,6 +90,8 @@ fn scene(
 struct Faults {
     /// Width of the widest gap in the plane, pixels.
     gap_px: f64,
+    /// The same in distances of the sparse part, beyond 3 pixels.
+    gap: f64,
     /// How far the dense part reaches beyond its edge, in its own distances, of a pixel at least.
     halo: f64,
     /// Share of the pixels of the dense part, away from its edge, that show the sparse one.
@@ -194,6 +196,7 @@ fn worst(scene: &Scene, method: Method, name: &str) -> Faults {
         let faults = scene.faults(at, px, &scene.picture(at, px, method));
         println!("{name} {method:?} {view}: {faults:.3?}, sparse {:.1} px", scene.sparse * px);
         worst.gap_px = worst.gap_px.max(faults.gap_px);
+        worst.gap = worst.gap.max((faults.gap_px - 3.0) / (scene.sparse * px));
         worst.halo = worst.halo.max(faults.halo);
         worst.overdrawn = worst.overdrawn.max(faults.overdrawn);
     }
@@ -221,6 +224,26 @@ fn dense_parts_beside_sparse_ones_leave_no_gap_and_have_no_halo() {
                     assert!(faults.overdrawn < 0.25, "{name} {method:?}: {faults:?}");
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn dense_parts_of_large_trees_have_no_halo_and_gaps_only_at_their_border() {
+    let folder = tempfile::tempdir().unwrap();
+    for jump in JUMPS {
+        // Too many nodes to be arranged at once.
+        let scene = scene(jump, [400_000, 40_000], 1 << 13, NormalsMode::None, folder.path());
+        assert!(scene.file.table().nodes.len() > 64);
+        for method in [Method::PullPush, Method::Ewa] {
+            let name = format!("1:{jump} large");
+            let faults = worst(&scene, method, &name);
+            println!("worst of {name} {method:?}: {faults:.3?}");
+            // Distances of sparse points to which the first of them may be too narrow.
+            let (gaps, halo) = if method == Method::PullPush { (2.0, 32.0) } else { (1.0, 3.0) };
+            assert!(faults.gap <= gaps, "{name} {method:?}: {faults:?}");
+            assert!(faults.halo <= halo, "{name} {method:?}: {faults:?}");
+            assert!(faults.overdrawn < 0.25, "{name} {method:?}: {faults:?}");
         }
     }
 }

@@ -20,7 +20,12 @@ const NONE: u32 = u32::MAX;
 pub struct CompactOctree {
     entries: Vec<Entry>,
     roots: Vec<u32>,
+    /// Number of drawn cells, which come first.
+    drawn: u32,
 }
+
+/// Spacing of a cell over that of the cells below it, at most, where these refine it evenly.
+const EVEN_SPACINGS: f32 = 4.0;
 
 /// One cell in one cache line.
 #[repr(C, align(64))]
@@ -106,7 +111,7 @@ impl CompactOctree {
                 (index, node) = (node.parent, parent);
             }
         }
-        let mut octree = Self { entries, roots };
+        let mut octree = Self { entries, roots, drawn: drawn.len() as u32 };
         octree.inherit(&continued);
         octree.continue_cells(continued);
         octree
@@ -158,6 +163,26 @@ impl CompactOctree {
     pub fn leaf_spacing(&self, index: usize) -> Option<f32> {
         let entry = &self.entries[index];
         entry.children.iter().all(|&child| child == NONE).then_some(entry.spacing)
+    }
+
+    /// Effective spacing of a cell where it has points that nothing drawn below refines, the file's
+    /// unit; `None` for cells in which drawn cells refine it evenly. Cells that are far finer are
+    /// beside points that are sparse in themselves.
+    ///
+    /// # Panics
+    /// If there is no such entry.
+    pub fn open_spacing(&self, index: usize) -> Option<f32> {
+        let own = self.entries[index].spacing;
+        let mut open: Vec<u32> = self.entries[index].children.to_vec();
+        while let Some(child) = open.pop() {
+            let Some(entry) = self.entries.get(child as usize) else { continue };
+            if child >= self.drawn {
+                open.extend(entry.children);
+            } else if entry.spacing * EVEN_SPACINGS >= own {
+                return None;
+            }
+        }
+        Some(own)
     }
 
     /// The cells in the layout of GPU memory: lowest lattice point, log2 of the edge, bits of the

@@ -98,6 +98,11 @@ impl PartialOrd for Candidate {
 /// Parent of the roots.
 const NO_PARENT: usize = usize::MAX;
 
+/// Spacing on the picture, pixels, from which on splats in cells beside the picture are drawn as
+/// wide as if these were drawn too, and how far splats reach, at most, in spacings.
+const WIDE_PX: f64 = 16.0;
+const WIDE_REACH: f64 = 2.0;
+
 /// A node that the walk has entered.
 #[derive(Clone, Copy, Debug)]
 struct Visited {
@@ -186,16 +191,19 @@ impl<R: Residency> Walk<'_, R> {
             return;
         }
         let cell = OrientedBox::of_cell(&node.cell(), self.lattice);
+        let distance = cell.distance(self.view.eye).max(self.view.near);
+        let spacing_px = self.spacing_px(spacing, distance);
         if !self.frustum.touches(&cell) {
-            self.selection.counters.culled += 1;
-            return;
-        }
-        if self.is_hidden(&cell, spacing) {
+            // Wide splats of the points in cells beside the picture would reach into it.
+            let near = OrientedBox { half: cell.half + spacing * WIDE_REACH, ..cell };
+            if spacing_px <= WIDE_PX || !self.frustum.touches(&near) {
+                self.selection.counters.culled += 1;
+                return;
+            }
+        } else if self.is_hidden(&cell, spacing) {
             self.selection.counters.occluded += 1;
             return;
         }
-        let distance = cell.distance(self.view.eye).max(self.view.near);
-        let spacing_px = self.spacing_px(spacing, distance);
         self.open.push(Candidate { spacing_px, node: index, distance, spacing, above });
     }
 
@@ -239,7 +247,8 @@ impl<R: Residency> Walk<'_, R> {
             counters.contour_occluded += u64::from(!is_culled && !is_filtered);
             let place = self.enter(candidate);
             let spacing = spacing(node).min(candidate.spacing);
-            if !is_culled && self.visited.get(candidate.above).is_some_and(|p| p.is_resident) {
+            let is_beside = is_culled && candidate.spacing_px <= WIDE_PX;
+            if !is_beside && self.visited.get(candidate.above).is_some_and(|p| p.is_resident) {
                 let effective_spacing = spacing as f32;
                 let hidden = Drawn { node: candidate.node, prefix: 0, effective_spacing };
                 self.selection.hidden.push(hidden);

@@ -79,9 +79,9 @@ pub struct Counters {
 pub struct Selection {
     /// Nodes to draw, coarsest in the picture first; parents come before their children.
     pub drawn: Vec<Drawn>,
-    /// Nodes left out because all of their own points are hidden, though their cells are not: with
-    /// the spacings that their cells would have, and prefixes of 0. [`crate::CompactOctree`] needs
-    /// them, or splats drawn in their cells would grow.
+    /// Nodes left out because all of their own points are hidden, or beside the picture, though
+    /// splats drawn in their cells are not: with the spacings that their cells would have, and
+    /// prefixes of 0. [`crate::CompactOctree`] needs them, or those splats would grow.
     pub hidden: Vec<Drawn>,
     /// Nodes around the picture, for light ([`crate::surround`]); parents come before their
     /// children, and none is in `drawn`. Empty without surroundings.

@@ -70,7 +70,11 @@ impl<'a> ResidentScene<'a> {
         task: &dyn Task,
     ) -> Result<Self> {
         let picture = PictureScene::read(file, request, task)?;
-        let octree = CompactOctree::new(file.table(), &picture.selection.drawn);
+        let octree = CompactOctree::with_hidden(
+            file.table(),
+            &picture.selection.drawn,
+            &picture.selection.hidden,
+        );
         let on_gpu = |gpu: &Gpu| GpuScene::new(gpu, &picture).map(|on| (gpu.clone(), on));
         let gpu = gpu.map(on_gpu).transpose()?;
         Ok(Self {

@@ -117,7 +117,8 @@ fn rows_of(
         .filter(|[_, _, _, has]| *has != 0)
         .for_each(|&[red, green, blue, _]| histogram.add([red, green, blue]));
     let palette = histogram.palette();
-    let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
+    let octree =
+        CompactOctree::with_hidden(file.table(), &scene.selection.drawn, &scene.selection.hidden);
     let mut renderer = Renderer::default();
     let mut reference = None;
     let mut rows = Vec::new();

@@ -191,8 +191,13 @@ pub(super) fn surroundings(
     let of = |picture: &PictureScene, draws: &[_], octree: &_| {
         lit_splats(&picture.appearance.frame(file, &picture.view, draws, octree), origin)
     };
-    let octree =
-        |picture: &PictureScene| CompactOctree::new(file.table(), &picture.selection.drawn);
+    let octree = |picture: &PictureScene| {
+        CompactOctree::with_hidden(
+            file.table(),
+            &picture.selection.drawn,
+            &picture.selection.hidden,
+        )
+    };
     let alone = of(picture, &picture.draws(file), &octree(picture));
     let octree_of_both = light_octree(file.table(), &picture.selection);
     let around = of(picture, &picture.lit_draws(file), &octree_of_both);

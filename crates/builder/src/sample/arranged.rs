@@ -8,7 +8,7 @@ use crate::sample::order::parts;
 use crate::sample::pending::PendingCell;
 use crate::sample::shape::{Moments, Shape};
 use crate::sample::spacing::radii;
-use crate::sample::uneven::{Arranged, Arrangement, Leaf};
+use crate::sample::uneven::{Arranged, Arrangement, Leaf, UNEVEN};
 use crate::tree::subtree::{Children, Subtree};
 use esker_points::node::SHAPE_CONTINUATION;
 use esker_points::{Cell, quant};
@@ -16,6 +16,33 @@ use std::ops::Range;
 
 /// Nodes' worth of points up to which a tree of uneven density is arranged at once: as a leaf.
 const UNEVEN_NODES: usize = 8;
+
+/// A quick test, by the numbers of points in parts of a leaf, that most leaves of even density do
+/// not pass.
+fn seems_uneven(rows: &Rows<'_>, leaf: &PendingCell) -> bool {
+    /// Log2 of the parts along an edge.
+    const PARTS_LOG2: u8 = 5;
+    /// Ratio of the numbers of points of uneven parts.
+    const RATIO: usize = (UNEVEN * UNEVEN) as usize;
+    /// Share of parts that are sparse, and of points in dense ones, at least: one in so many.
+    const SHARE: usize = 64;
+    let shift = leaf.cell.log2.saturating_sub(PARTS_LOG2);
+    let part = |row: &u32| rows.position(*row).map(|c| u64::from(c) >> shift);
+    // Points of a part follow each other along the curve.
+    let parts = leaf.offered.chunk_by(|a, b| part(a) == part(b)).map(<[u32]>::len);
+    let mut counts: Vec<usize> = parts.collect();
+    counts.sort_unstable();
+    let mut half = leaf.offered.len() / 2;
+    let median = counts.iter().rev().find(|&&count| {
+        let is_last = count > half;
+        half = half.saturating_sub(count);
+        is_last
+    });
+    let median = median.copied().unwrap_or(0);
+    let sparse = counts.iter().filter(|&&count| count * RATIO < median).count();
+    let dense: usize = counts.iter().filter(|&&count| count > median * RATIO).sum();
+    sparse * SHARE >= counts.len() || dense * SHARE >= leaf.offered.len()
+}
 
 impl Context {
     /// Number of points up to which a tree is one chunk, so that it can be arranged at once.
@@ -30,21 +57,89 @@ impl Context {
             return false;
         }
         let mut leaf = self.leaf(rows, points, *cell);
-        let candidates = Candidates::new(rows, &leaf.offered, cell, self.scale, None);
+        self.set_local_spacings(rows, &mut leaf);
+        self.leaf_of(rows, &leaf, (&[], None)).is_uneven()
+    }
+
+    /// Points that a leaf of a larger tree keeps for nodes of its own, because its density is
+    /// uneven; empty if it is not.
+    pub fn withheld(&self, rows: &Rows<'_>, leaf: &PendingCell) -> Vec<u32> {
+        if !seems_uneven(rows, leaf) {
+            return Vec::new();
+        }
+        let moments = &leaf.moments;
+        let mut leaf = self.offers_of(rows, leaf);
+        if !self.leaf_of(rows, &leaf, (&[], None)).is_uneven() {
+            return Vec::new();
+        }
+        let shape = Shape::of(moments.covariance(self.scale));
+        self.assign_turns(rows, &mut leaf, &[], None, &shape);
+        let arrangement = self.leaf_of(rows, &leaf, (&[], None)).arrange();
+        arrangement.map_or_else(Vec::new, |arrangement| arrangement.withheld)
+    }
+
+    /// Sets the radii of a leaf to its local spacings by octree cells.
+    fn set_local_spacings(&self, rows: &Rows<'_>, leaf: &mut PendingCell) {
+        let candidates = Candidates::new(rows, &leaf.offered, &leaf.cell, self.scale, None);
         let in_unit = |steps: f32| (f64::from(steps) * candidates.step) as f32;
         let steps = radii(&candidates.shared_log2, 2);
         leaf.radii = candidates.as_offered(steps.into_iter().map(in_unit).collect());
-        self.leaf_of(rows, &leaf).is_uneven()
+    }
+
+    /// Points that a cell offers which are far from others that are close to each other, by their
+    /// indices.
+    pub(super) fn apart(&self, rows: &Rows<'_>, cell: &PendingCell) -> Vec<u32> {
+        self.leaf_of(rows, &self.offers_of(rows, cell), (&[], None)).apart()
+    }
+
+    /// Exact local spacings of the points that a cell offers, in the file's unit.
+    pub(super) fn local_spacings(&self, rows: &Rows<'_>, cell: &PendingCell) -> Vec<f32> {
+        let offers = self.offers_of(rows, cell);
+        let leaf = Leaf { is_part: false, ..self.leaf_of(rows, &offers, (&[], None)) };
+        leaf.spacings_beyond(0.0)
+    }
+
+    /// The points that a cell offers, as a leaf, with their local spacings.
+    fn offers_of(&self, rows: &Rows<'_>, cell: &PendingCell) -> PendingCell {
+        let mut leaf = self.leaf(rows, 0..0, cell.cell);
+        leaf.offered = cell.offered[..cell.sampled].to_vec();
+        leaf.sampled = cell.sampled;
+        if cell.radii.is_empty() {
+            self.set_local_spacings(rows, &mut leaf);
+        } else {
+            leaf.radii = cell.radii[..cell.sampled].to_vec();
+        }
+        leaf
+    }
+
+    /// Arranges what the cell above, whose sample has the spacing `above`, has left of a leaf;
+    /// `None` if its density is even.
+    pub(super) fn arrangement(
+        &self,
+        rows: &Rows<'_>,
+        pending: &PendingCell,
+        taken: &[u16],
+        above: Option<f64>,
+    ) -> Option<Arrangement> {
+        self.leaf_of(rows, pending, (taken, above)).arrange()
     }
 
     /// The points of a leaf, to be arranged if their density is uneven.
-    pub(super) fn leaf_of<'a>(&self, rows: &Rows<'_>, pending: &'a PendingCell) -> Leaf<'a> {
+    fn leaf_of<'a>(
+        &self,
+        rows: &Rows<'_>,
+        pending: &'a PendingCell,
+        (taken, above): (&'a [u16], Option<f64>),
+    ) -> Leaf<'a> {
         Leaf {
             positions: pending.offered.iter().map(|&i| rows.position(i)).collect(),
             turns: &pending.turns,
             radii: &pending.radii,
             scale: self.scale,
             capacity: self.capacity,
+            is_part: (pending.offered.len() as u64) < self.points,
+            taken,
+            above: above.unwrap_or(f64::INFINITY),
         }
     }
 

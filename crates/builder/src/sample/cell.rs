@@ -15,6 +15,7 @@ use crate::sample::order::{order, parts};
 use crate::sample::pending::{Below, PendingCell, ReadyCell};
 use crate::sample::shape::{Moments, Shape};
 use crate::sample::spacing::{TurnCounts, radii};
+use crate::sample::sparse::{self, Sample};
 use crate::sample::turns::LAST_TURN;
 use crate::sample::uneven::RELATIVE_MAX;
 use crate::sample::wires;
@@ -42,6 +43,10 @@ const DOT_SPACINGS: f64 = 1.0 / 32.0;
 const GIVEN: usize = 16;
 /// Nodes' worth of points up to which a cell is not split.
 pub const LEAF_NODES: usize = 2;
+
+/// Points beside dense parts are drawn wider than their spacing, up to so much, to be drawn as wide
+/// as they are stored.
+const APART_WIDENED: f32 = 2.0;
 
 /// Settings and sums that all steps of a build share.
 pub struct Context {
@@ -71,6 +76,9 @@ impl Context {
             moments: Moments::of(points.clone().map(|i| rows.position(i)), &cell),
             sampled: points.len(),
             offered: points.collect(),
+            withheld: Vec::new(),
+            apart: Vec::new(),
+            least_radius: 0.0,
             turns: Vec::new(),
             radii: Vec::new(),
             shares: Vec::new(),
@@ -121,15 +129,18 @@ impl Context {
     pub fn combine(&self, rows: &Rows<'_>, cell: Cell, children: Vec<PendingCell>) -> PendingCell {
         let mut moments = Moments::default();
         children.iter().for_each(|c| moments.merge(&c.moments));
-        let mut offered: Vec<u32> = Vec::with_capacity(children.iter().map(|c| c.sampled).sum());
-        children.iter().for_each(|c| offered.extend_from_slice(&c.offered[..c.sampled]));
+        let mut offered = Vec::with_capacity(children.iter().map(|c| c.offer_count()).sum());
+        children.iter().for_each(|c| offered.extend(c.offers()));
         let candidates = Candidates::new(rows, &offered, &cell, self.scale, self.class_at);
         let turns_below = PendingCell::turns_below(&children, offered.len());
         // Room is left beside the sample for the points that small cells give.
         let (few, given_max) = self.few(&children);
         // The sample is never larger than those it is chosen from. Otherwise its spacing would be
-        // finer than that of the cells below.
-        let samples = children.iter().filter(|c| !c.is_leaf()).map(|c| c.sampled);
+        // finer than that of the cells below. Those whose sparse parts bound their spacing bound it
+        // here, too.
+        let least_below = children.iter().map(|c| c.least_radius).fold(0.0, f64::max);
+        let counts = |c: &&PendingCell| !c.is_leaf() && c.least_radius == 0.0;
+        let samples = children.iter().filter(counts).map(|c| c.sampled);
         let points = samples.chain([self.capacity - given_max]).min().unwrap_or(1);
         let shape = Shape::of(moments.covariance(self.scale));
         let dimension = shape.dimension_of(points.min(candidates.places()));
@@ -138,7 +149,7 @@ impl Context {
         let mut parts = Vec::with_capacity(children.len());
         let mut start = 0;
         for child in children {
-            let part = start..start + child.sampled;
+            let part = start..start + child.offer_count();
             start = part.end;
             // A child with nodes below keeps a point of its own: a node without points cannot link
             // the node above to those below.
@@ -151,24 +162,39 @@ impl Context {
             }
             parts.push((child, part));
         }
-        let chosen = indices_of(&turns, |&turn| turn != LAST_TURN);
         // Radii of samples right above leaves are not narrowed: that would take three times as long
         // for half as many radii, none of which is as far off.
         let is_high = parts.iter().any(|(child, _)| !child.is_leaf());
-        let own: Vec<u16> = chosen.iter().map(|&i| turns[i as usize]).collect();
-        let drawn = [chosen.len(), moments.count as usize];
-        let above = self.spacing(&TurnCounts::of(&own), drawn, dimension, None);
+        let count = moments.count as usize;
+        let mut sample = self.sample(&candidates, &turns, dimension, (count, is_high));
+        let positions = sample.chosen.iter().map(|&i| rows.position(offered[i as usize]));
+        let least_radius = sparse::least_radius(&sample, positions, self.scale).max(least_below);
+        if least_radius > 0.0 {
+            sparse::unpick(&mut turns, least_radius);
+            sample = self.sample(&candidates, &turns, dimension, (count, is_high));
+            let positions = sample.chosen.iter().map(|&i| rows.position(offered[i as usize]));
+            let local = sparse::spacings(&sample, positions.collect(), self.scale);
+            self.leave_apart(rows, (&mut parts, &few, &mut turns), (&sample.chosen, &local));
+            sample = self.sample(&candidates, &turns, dimension, (count, is_high));
+        }
+        let Sample { chosen, turns: own, radii, spacing: above } = sample;
         let mut pending = PendingCell {
             cell,
             moments,
             offered: chosen.iter().map(|&i| offered[i as usize]).collect(),
             sampled: chosen.len(),
+            withheld: Vec::new(),
+            apart: Vec::new(),
+            least_radius,
             turns: own,
-            radii: self.radii(&candidates, &turns, dimension, (|| above, is_high)),
+            radii,
             shares: Vec::new(),
             below: Below::default(),
         };
-        let shares = self.shares(&candidates, shares, &parts, (&few, &turns), above);
+        let shares = match least_radius {
+            0.0 => self.shares(&candidates, shares, &parts, (&few, &turns), above),
+            _ => self.exact_shares(rows, shares, &parts, (&few, &turns), above),
+        };
         drop(candidates);
         if !shares.is_empty() {
             pending.shares = chosen.iter().map(|&i| shares[i as usize]).collect();
@@ -180,10 +206,82 @@ impl Context {
             self.give(rows, child, (&turns[part], shares), above, &mut pending);
         }
         let parts = parts.into_iter();
-        let ready =
-            parts.map(|(pending, part)| ReadyCell { pending, taken: turns[part].to_vec(), above });
+        let ready = parts.map(|(pending, part)| {
+            let taken = pending.taken(&turns[part]);
+            ReadyCell { pending, taken, above }
+        });
         pending.below = Below::Ready(ready.collect());
         pending
+    }
+
+    /// Leaves those of the `chosen` points in their cells that are far from dense points around: in
+    /// the sample they would be drawn as narrow as the finest node around them. `local` are their
+    /// spacings in the sample.
+    fn leave_apart(
+        &self,
+        rows: &Rows<'_>,
+        (parts, few, turns): (&mut [(PendingCell, Range<usize>)], &[bool], &mut [u16]),
+        (chosen, local): (&[u32], &[f32]),
+    ) {
+        // A node keeps the points picked first: without points it would link nothing.
+        let kept = turns.iter().copied().min().unwrap_or(LAST_TURN);
+        for ((child, part), &is_few) in parts.iter_mut().zip(few) {
+            // No node is drawn around the points of cells that end here.
+            let is_arranged = !child.withheld.is_empty() || child.least_radius > 0.0;
+            if is_arranged || ends(child, is_few, &turns[part.clone()]) {
+                continue;
+            }
+            let first = chosen.partition_point(|&i| (i as usize) < part.start);
+            let own = first..chosen.partition_point(|&i| (i as usize) < part.end);
+            let apart = self.apart(rows, child);
+            for (&i, &local) in chosen[own.clone()].iter().zip(&local[own]) {
+                let at = i - part.start as u32;
+                if turns[i as usize] > kept && apart.binary_search(&at).is_ok() {
+                    turns[i as usize] = LAST_TURN;
+                    child.apart.push((at, local));
+                }
+            }
+        }
+    }
+
+    /// Updates `shares` as [`Context::shares`] does, by the local spacings of the points in their
+    /// own cells, for a sample that is bounded by its sparse parts.
+    fn exact_shares(
+        &self,
+        rows: &Rows<'_>,
+        mut shares: Vec<f32>,
+        parts: &[(PendingCell, Range<usize>)],
+        (few, turns): (&[bool], &[u16]),
+        above: f64,
+    ) -> Vec<f32> {
+        shares.resize(turns.len(), 1.0);
+        for ((child, part), &is_few) in parts.iter().zip(few) {
+            if ends(child, is_few, &turns[part.clone()]) {
+                let local = self.local_spacings(rows, child);
+                let share = |local: f32| if local > 0.0 { local / above as f32 } else { 1.0 };
+                let own = shares[part.clone()].iter_mut().zip(local);
+                own.for_each(|(own, local)| *own = own.min(share(local)));
+                // Beside dense points the distance to these is not that of the own part.
+                let apart = self.apart(rows, child);
+                apart.iter().for_each(|&i| shares[part.start + i as usize] = 1.0);
+            }
+        }
+        shares
+    }
+
+    /// The points that have a turn, of a cell of `count` points.
+    fn sample(
+        &self,
+        candidates: &Candidates,
+        turns: &[u16],
+        dimension: u32,
+        (count, is_high): (usize, bool),
+    ) -> Sample {
+        let chosen = indices_of(turns, |&turn| turn != LAST_TURN);
+        let own: Vec<u16> = chosen.iter().map(|&i| turns[i as usize]).collect();
+        let spacing = self.spacing(&TurnCounts::of(&own), [chosen.len(), count], dimension, None);
+        let radii = self.radii(candidates, turns, dimension, (|| spacing, is_high));
+        Sample { chosen, turns: own, radii, spacing }
     }
 
     /// Finishes the nodes below a cell that wait for no others: coincident points that continue it.
@@ -226,8 +324,9 @@ impl Context {
     /// Marks the small leaves that fit into the node above, the smallest first; also returns their
     /// number of points.
     fn few(&self, children: &[PendingCell]) -> (Vec<bool>, usize) {
-        let mut least: Vec<usize> =
-            (0..children.len()).filter(|&i| children[i].is_leaf()).collect();
+        let mut least: Vec<usize> = (0..children.len())
+            .filter(|&i| children[i].is_leaf() && children[i].withheld.is_empty())
+            .collect();
         least.sort_by_key(|&i| children[i].sampled);
         let (mut few, mut points) = (vec![false; children.len()], 0);
         for i in least {
@@ -248,9 +347,8 @@ impl Context {
         above: f64,
     ) -> Vec<f32> {
         let offer = |((child, part), &is_few): (&(PendingCell, Range<usize>), &bool)| {
-            let is_taken = || turns[part.clone()].iter().all(|turn| *turn != LAST_TURN);
             let weight = child.moments.count as f32 / child.sampled as f32;
-            Offer { ends: is_few || (child.is_leaf() && is_taken()), weight }
+            Offer { ends: ends(child, is_few, &turns[part.clone()]), weight }
         };
         let offers: Vec<Offer> = parts.iter().zip(few).map(offer).collect();
         if offers.iter().all(|offer| !offer.ends) {
@@ -288,7 +386,7 @@ impl Context {
     }
 
     /// Assigns turns and radii to the points of a leaf. Returns the dimension of their shape.
-    fn assign_turns(
+    pub(super) fn assign_turns(
         &self,
         rows: &Rows<'_>,
         leaf: &mut PendingCell,
@@ -322,9 +420,10 @@ impl Context {
         let shape = Shape::of(pending.moments.covariance(self.scale));
         let dimension = if pending.turns.is_empty() {
             let dimension = self.assign_turns(rows, &mut pending, taken, above, &shape);
-            if above.is_none()
+            let is_uneven = above.is_none() || !pending.withheld.is_empty();
+            if is_uneven
                 && below.is_empty()
-                && let Some(arrangement) = self.leaf_of(rows, &pending).arrange()
+                && let Some(arrangement) = self.arrangement(rows, &pending, taken, above)
             {
                 return self.arrange(rows, pending, arrangement, counts);
             }
@@ -333,7 +432,8 @@ impl Context {
             shape.dimension_of(pending.sampled)
         };
         if let Some(above) = above {
-            pending.radii.iter_mut().for_each(|radius| *radius = radius.min(widest(above)));
+            let most = widest(above);
+            pending.radii.iter_mut().for_each(|radius| *radius = radius.min(most));
         }
         let mut own = indices_of(taken, |&turn| turn == LAST_TURN);
         own.extend(taken.len() as u32..pending.offered.len() as u32);
@@ -356,20 +456,21 @@ impl Context {
         } else if above.is_none() {
             self.narrow_uppermost(rows, &mut pending, full);
         }
+        let widest = if pending.apart.is_empty() { RADIUS_SPACINGS_MAX } else { quant::RADIUS_MAX };
+        for &(i, radius) in &pending.apart {
+            // Wide radii do not shrink with the nodes below.
+            let fixed = (full * RADIUS_SPACINGS_MAX * 1.01) as f32;
+            let is_nearly = !below.is_empty() && radius * APART_WIDENED > fixed;
+            let radius = if is_nearly { radius.max(fixed) } else { radius };
+            pending.radii[i as usize] = pending.radii[i as usize].max(radius);
+        }
         for part in (0..count).rev() {
             let of_part = own.iter().zip(&part_of).filter(|(_, p)| **p == part);
             let points: Vec<u32> = of_part.map(|(i, _)| *i).collect();
             let spacing = spacing(drawn);
             drawn -= points.iter().filter(|i| !is_given(**i)).count();
             let spacing = [spacing, full];
-            let mut tree = self.node(
-                rows,
-                &pending,
-                &points,
-                dimension,
-                (spacing, RADIUS_SPACINGS_MAX),
-                counts,
-            );
+            let mut tree = self.node(rows, &pending, &points, dimension, (spacing, widest), counts);
             tree.children = below;
             if part == 0 {
                 return Some(tree);
@@ -513,6 +614,13 @@ impl Context {
     fn edge(&self, cell: &Cell) -> f64 {
         self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * cell.edge() as f64
     }
+}
+
+/// Whether a cell has no node of its own: it gives its few points to the cell above, or that has
+/// taken them all. `turns` are those of the points that it offers.
+fn ends(cell: &PendingCell, is_few: bool, turns: &[u16]) -> bool {
+    let are_taken = || turns.iter().all(|turn| *turn != LAST_TURN);
+    is_few || cell.is_leaf() && cell.withheld.is_empty() && are_taken()
 }
 
 /// Widest radius of a point that a sample of spacing `above` has not taken. A point of that sample

@@ -16,6 +16,7 @@ pub(crate) mod order;
 pub(crate) mod pending;
 pub(crate) mod shape;
 pub(crate) mod spacing;
+pub(crate) mod sparse;
 pub(crate) mod thin;
 pub(crate) mod tiles;
 pub(crate) mod turns;

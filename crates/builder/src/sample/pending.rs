@@ -17,8 +17,17 @@ pub struct PendingCell {
     /// Rows: first those that the cell offers, ascending (which is along the Morton curve), then
     /// those that small leaves below have given to it.
     pub offered: Vec<u32>,
-    /// Number of rows that it offers.
+    /// Number of rows that it offers, and of those that it withholds.
     pub sampled: usize,
+    /// Indices of rows that a leaf of uneven density keeps for its own nodes, ascending; empty for
+    /// all others.
+    pub withheld: Vec<u32>,
+    /// Indices of rows that the cell above has left because they would be drawn too narrow there,
+    /// and their radii, in the file's unit.
+    pub apart: Vec<(u32, f32)>,
+    /// Least radius, in the file's unit, at which its points were picked, if its sparse parts
+    /// bound that; else 0 ([`crate::sample::sparse`]).
+    pub least_radius: f64,
     /// Turn of each of these rows; empty for a leaf, which has not been thinned yet.
     pub turns: Vec<u16>,
     /// Local spacing at each point, in the file's unit, one for each turn; 0 stands for the spacing
@@ -55,6 +64,26 @@ pub struct ReadyCell {
 }
 
 impl PendingCell {
+    /// Rows that the cell offers.
+    pub fn offers(&self) -> impl Iterator<Item = u32> {
+        let mut withheld = self.withheld.iter().copied().peekable();
+        let mut is_kept = move |i: u32| withheld.next_if_eq(&i).is_some();
+        let offered = (0..).zip(&self.offered[..self.sampled]);
+        offered.filter(move |(i, _)| !is_kept(*i)).map(|(_, row)| *row)
+    }
+
+    /// Number of rows that the cell offers.
+    pub fn offer_count(&self) -> usize {
+        self.sampled - self.withheld.len()
+    }
+
+    /// Turns of all its rows from those of the rows that it offers.
+    pub fn taken(&self, turns: &[u16]) -> Vec<u16> {
+        let mut taken = turns.to_vec();
+        self.withheld.iter().for_each(|&i| taken.insert(i as usize, LAST_TURN));
+        taken
+    }
+
     /// Counts the offered points that were picked at each turn.
     pub fn turn_counts(&self) -> TurnCounts {
         TurnCounts::of(&self.turns[..self.sampled])
@@ -93,7 +122,7 @@ impl PendingCell {
         for child in children {
             let known = &child.turns[..child.turns.len().min(child.sampled)];
             turns.extend_from_slice(known);
-            turns.resize(turns.len() + child.sampled - known.len(), LAST_TURN);
+            turns.resize(turns.len() + child.offer_count() - known.len(), LAST_TURN);
         }
         turns
     }
@@ -109,7 +138,7 @@ impl PendingCell {
         let mut shares = Vec::with_capacity(offered);
         for child in children {
             shares.extend_from_slice(&child.shares);
-            shares.resize(shares.len() + child.sampled - child.shares.len(), 1.0);
+            shares.resize(shares.len() + child.offer_count() - child.shares.len(), 1.0);
         }
         shares
     }

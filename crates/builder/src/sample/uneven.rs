@@ -6,18 +6,26 @@
 
 use crate::attributes::knn::Query;
 use crate::attributes::knn_index::KnnIndex;
-use crate::sample::turns::radius_at;
+use crate::sample::turns::{LAST_TURN, radius_at};
 use esker_points::Cell;
 use std::ops::Range;
 
 /// Distances beyond this multiple of the median, and below its inverse, are uneven in a leaf.
-const UNEVEN: f32 = 6.0;
-/// Least number of points that are much farther apart than the median of a leaf: fewer are strays.
-const SPARSE_POINTS: usize = 32;
-/// They cover at least 1 / `SPARSE_AREA` of the area of the leaf; by cells, which hold less of what
-/// is beside a dense part, at least 1 / `SPARSE_AREA_OF_CELLS`.
-const SPARSE_AREA: f64 = 3.0;
-const SPARSE_AREA_OF_CELLS: f64 = 10.0;
+pub const UNEVEN: f32 = 6.0;
+/// Points that are much farther apart than the median, from which on they are no strays.
+pub const SPARSE_POINTS: usize = 32;
+/// They cover at least this part of the area of a leaf; by cells, which hold less of what is beside
+/// a dense part, [`SPARSE_AREA_OF_CELLS`].
+const SPARSE_AREA: f64 = 1.0 / 3.0;
+const SPARSE_AREA_OF_CELLS: f64 = 0.1;
+/// The same for a part of a tree whose density jumps. The samples above have its sparse points,
+/// which would be drawn too narrow in all of the cell of a node that is dense.
+const JUMP_POINTS: usize = 4;
+const JUMP_AREA: f64 = 1.0 / 30.0;
+/// Distances beyond this multiple of the median are between dense and sparse.
+const BETWEEN: f32 = 2.0;
+/// What is between covers at most this part of the area of what is sparse, where density jumps.
+const BETWEEN_AREA: f64 = 0.5;
 /// Points that are closer together are at least 1 / `DENSE_SHARE` of a leaf or cell.
 const DENSE_SHARE: usize = 32;
 /// Distances beyond this multiple of the median, and below its inverse, are uneven in a cell of an
@@ -27,12 +35,12 @@ const CELL_UNEVEN: f32 = 3.0;
 /// densities and go into the densest node around.
 const CELL_SPARSE_POINTS: usize = 12;
 /// Cells with at most this many points are not divided, and a sample has at least as many.
-const NODE_POINTS: usize = 256;
+pub const NODE_POINTS: usize = 256;
 /// Remaining points of an octant that are not worth a node.
 const FEW: usize = 32;
 /// Radius of a sample over the typical distance of the sparse half of its cell: all of the sparse
 /// points are in the sample.
-const SAMPLE_RADIUS: f32 = 0.5;
+pub const SAMPLE_RADIUS: f32 = 0.5;
 /// Edge of the square of a point in a thinned sample, over the radius of thinning.
 const SQUARE_EDGE: f64 = 1.15;
 /// Radii up to this multiple of the spacing shrink as finer nodes are drawn around a point
@@ -55,28 +63,69 @@ const SPACING_AT_BORDER: f32 = 0.85;
 /// is not one of them: it lies in a sparse part, beside a dense one. Of random points at the border
 /// of a dense part, one in a million is as far from the others.
 const APART: f32 = 3.0;
+/// Local spacing of a point over the median of an even cell, from which on it is not one of its
+/// points.
+const FAR: f32 = 2.0;
 /// Search of the nearest points; the reach exceeds the lattice.
 const QUERY: Query = Query { count: NEIGHBOURS, count_max: NEIGHBOURS, reach: 1e12 };
 /// Distances that are not searched.
 const UNKNOWN: [f32; 2] = [0.0, f32::INFINITY];
 /// No node.
 const NONE: u32 = u32::MAX;
+/// A node above the leaf.
+const ABOVE: u32 = u32::MAX - 1;
 
-/// Whether the density of a leaf is so uneven that its points go into nodes of their own. `radii`
-/// are local spacings, 0 where they are unknown; sparse parts cover 1 / `sparse_area` of the area.
-fn is_uneven(radii: &[f32], sparse_area: f64) -> bool {
-    let mut known: Vec<f32> = radii.iter().copied().filter(|&radius| radius > 0.0).collect();
-    if known.len() <= NODE_POINTS {
-        return false;
+/// How the density of points varies.
+pub struct Unevenness {
+    /// Points that are much farther apart than the median.
+    sparse: usize,
+    /// Parts of the area that they cover, and that points cover that are a few times as far apart.
+    sparse_area: f64,
+    between_area: f64,
+    /// Whether many points are much closer together than the median.
+    is_dense: bool,
+}
+
+impl Unevenness {
+    /// Of points with these local spacings, 0 where they are unknown.
+    fn of(radii: &[f32]) -> Self {
+        let mut known: Vec<f32> = radii.iter().copied().filter(|&radius| radius > 0.0).collect();
+        if known.len() <= NODE_POINTS {
+            return Self { sparse: 0, sparse_area: 0.0, between_area: 0.0, is_dense: false };
+        }
+        let median = median(&mut known);
+        let dense = known.iter().filter(|&&radius| radius < median / UNEVEN).count();
+        let is_dense = dense * DENSE_SHARE >= known.len();
+        Self { is_dense, ..Self::beyond(&known, [BETWEEN, UNEVEN].map(|ratio| ratio * median)) }
     }
-    let median = median(&mut known);
-    let dense = known.iter().filter(|&&radius| radius < median / UNEVEN).count();
-    let is_sparse = |radius: &&f32| **radius > median * UNEVEN;
-    let area = |radius: &f32| f64::from(*radius).powi(2);
-    let sparse: f64 = known.iter().filter(is_sparse).map(area).sum();
-    let is_large = sparse * sparse_area > known.iter().map(area).sum();
-    is_large && known.iter().filter(is_sparse).count() >= SPARSE_POINTS
-        || dense * DENSE_SHARE >= known.len()
+
+    /// Of points whose local spacing is sparse beyond `uneven`, and between beyond `between`.
+    pub fn beyond(radii: &[f32], [between, uneven]: [f32; 2]) -> Self {
+        let area = |radius: f32| f64::from(radius).powi(2);
+        let total: f64 = radii.iter().copied().map(area).sum::<f64>().max(f64::MIN_POSITIVE);
+        let beyond = |least: f32| radii.iter().copied().filter(move |&radius| radius > least);
+        let [all, sparse_area] =
+            [between, uneven].map(|least| beyond(least).map(area).sum::<f64>() / total);
+        Self {
+            sparse: beyond(uneven).count(),
+            sparse_area,
+            between_area: all - sparse_area,
+            is_dense: false,
+        }
+    }
+
+    /// Whether sparse parts are large, or many points are dense.
+    fn is_great(&self, sparse_area: f64) -> bool {
+        self.is_dense || self.sparse >= SPARSE_POINTS && self.sparse_area > sparse_area
+    }
+
+    /// Whether the density jumps: sparse and dense parts lie side by side, and what is between
+    /// covers little, at most `between` of the area of the sparse parts.
+    pub fn is_jump(&self, between: f64) -> bool {
+        self.sparse >= JUMP_POINTS
+            && self.sparse_area > JUMP_AREA
+            && self.between_area <= self.sparse_area * between
+    }
 }
 
 fn median(values: &mut [f32]) -> f32 {
@@ -96,6 +145,13 @@ pub struct Leaf<'a> {
     pub scale: [f64; 3],
     /// Most points of a node.
     pub capacity: usize,
+    /// Whether the leaf is part of a larger tree.
+    pub is_part: bool,
+    /// Turns of points that a cell above has taken, [`LAST_TURN`] for others; empty if there are
+    /// none.
+    pub taken: &'a [u16],
+    /// Spacing of the sample above, in the file's unit; infinite if there is none.
+    pub above: f64,
 }
 
 /// A node of an uneven leaf.
@@ -119,17 +175,31 @@ pub struct Arrangement {
     pub nodes: Vec<Arranged>,
     /// Radius of each point, in the file's unit.
     pub radii: Vec<f32>,
+    /// Points that cells above must not take, ascending: one of each node, which links those above
+    /// and below it, and points that would be drawn too narrow among those of dense parts.
+    pub withheld: Vec<u32>,
 }
 
 impl Leaf<'_> {
     /// Whether the density is uneven. Cells at the rim of a scan seem sparse, so the exact
     /// distances of the points that seem far apart decide.
     pub fn is_uneven(&self) -> bool {
-        if !is_uneven(self.radii, SPARSE_AREA_OF_CELLS) {
+        let by_cells = Unevenness::of(self.radii);
+        // Few points beside a dense part have no known spacing by cells.
+        let unknown = self.radii.iter().filter(|&&radius| radius == 0.0).count();
+        let may_jump = self.is_part && (by_cells.sparse + unknown >= JUMP_POINTS);
+        let mut known: Vec<f32> = self.radii.iter().copied().filter(|&r| r > 0.0).collect();
+        if known.is_empty() || !may_jump && !by_cells.is_great(SPARSE_AREA_OF_CELLS) {
             return false;
         }
-        let mut known: Vec<f32> = self.radii.iter().copied().filter(|&r| r > 0.0).collect();
         let far = median(&mut known) * UNEVEN;
+        let exact = Unevenness::of(&self.spacings_beyond(far));
+        exact.is_great(SPARSE_AREA) || self.is_part && exact.is_jump(BETWEEN_AREA)
+    }
+
+    /// Local spacings of all points, exact where they are unknown by cells or beyond `far`. In a
+    /// part of a tree those of lone points beyond `far` are 0.
+    pub fn spacings_beyond(&self, far: f32) -> Vec<f32> {
         let index = self.index();
         let (_, place_of) = &index;
         let mut is_far = vec![false; place_of.last().map_or(0, |&last| last as usize + 1)];
@@ -137,7 +207,24 @@ impl Leaf<'_> {
             is_far[place as usize] |= radius > far || radius == 0.0;
         }
         let near = self.near(&index, |place| is_far[place]);
-        is_uneven(&self.local_spacings(&index, &near), SPARSE_AREA)
+        let mut local = self.local_spacings(&index, &near);
+        if self.is_part {
+            let is_alone = alone(&index, &local, |i| local[i] > far);
+            local.iter_mut().zip(is_alone).filter(|(_, a)| *a).for_each(|(l, _)| *l = 0.0);
+        }
+        local
+    }
+
+    /// Points that are far from others which are close to each other, by their indices.
+    pub fn apart(&self) -> Vec<u32> {
+        let mut known: Vec<f32> = self.radii.iter().copied().filter(|&r| r > 0.0).collect();
+        if known.is_empty() {
+            return Vec::new();
+        }
+        let far = median(&mut known) * FAR;
+        let whole = Leaf { is_part: false, positions: self.positions.clone(), ..*self };
+        let local = whole.spacings_beyond(far);
+        (0..).zip(&local).filter(|(_, local)| **local > far).map(|(i, _)| i).collect()
     }
 
     /// Arranges the points; `None` if the density is even.
@@ -148,8 +235,10 @@ impl Leaf<'_> {
         let index = self.index();
         let near = self.near(&index, |_| true);
         let local = self.local_spacings(&index, &near);
-        let mut work =
-            Work { leaf: self, local, home: vec![NONE; self.positions.len()], nodes: Vec::new() };
+        let mut home = vec![NONE; self.positions.len()];
+        let taken = |(_, turn): &(_, &u16)| **turn != LAST_TURN;
+        home.iter_mut().zip(self.taken).filter(taken).for_each(|(home, _)| *home = ABOVE);
+        let mut work = Work { leaf: self, local, home, nodes: Vec::new() };
         // Depth first, so that a node comes before those below it; siblings are pushed in reverse.
         let mut open = vec![(0..self.positions.len(), None)];
         while let Some((range, parent)) = open.pop() {
@@ -157,8 +246,8 @@ impl Leaf<'_> {
         }
         work.widen_apart(&index, &near);
         work.bound_strays(&index);
-        work.refine();
-        Some(work.finish())
+        let moved = work.refine();
+        Some(work.finish(moved))
     }
 
     fn index(&self) -> (KnnIndex, Vec<u32>) {
@@ -224,12 +313,18 @@ impl Work<'_> {
         open: &mut Vec<(Range<usize>, Option<usize>)>,
     ) {
         let mut left: Vec<usize> = range.clone().filter(|&i| self.home[i] == NONE).collect();
-        let (Some(&first), Some(&last)) = (left.first(), left.last()) else { return };
+        if left.is_empty() {
+            return;
+        }
         let at = |i: usize| self.leaf.positions[i];
+        // Points that a cell above has taken are drawn as fine as those around them.
+        let mut around = range.clone().filter(|&i| self.home[i] >= ABOVE);
+        let first = around.next().unwrap_or(left[0]);
+        let last = around.next_back().unwrap_or(first);
         let cell = Cell::enclosing(at(first), at(last));
         let start = range.clone().find(|&i| cell.contains(at(i))).unwrap_or(first);
         let end = range.rev().find(|&i| cell.contains(at(i))).map_or(last, |i| i) + 1;
-        let above = parent.map_or(f64::INFINITY, |parent| self.nodes[parent].spacing);
+        let above = parent.map_or(self.leaf.above, |parent| self.nodes[parent].spacing);
         let number = self.nodes.len();
         let sample = self.sample(&cell, start..end, &left);
         let spacing = match sample {
@@ -278,15 +373,12 @@ impl Work<'_> {
         if sparse < CELL_SPARSE_POINTS && dense * DENSE_SHARE < own.len() {
             return None;
         }
-        // The sparse half by area.
-        all.sort_unstable_by(f32::total_cmp);
-        let area = |local: &f32| f64::from(*local).powi(2);
-        let mut half = all.iter().map(area).sum::<f64>() / 2.0;
-        let coarse = all.iter().rev().find(|local| {
-            half -= area(local);
-            half <= 0.0
-        });
-        let radius = f64::from(coarse.copied().unwrap_or(median) * SAMPLE_RADIUS);
+        // The sparse half by area, or, in part of a tree, half of what is sparse.
+        if self.leaf.is_part && sparse >= CELL_SPARSE_POINTS {
+            all.retain(|&local| local > median * CELL_UNEVEN);
+        }
+        let coarse = coarser_half(&mut all);
+        let radius = f64::from(coarse.unwrap_or(median) * SAMPLE_RADIUS);
         // Neither too few points nor more than a node holds.
         let mut turns: Vec<u16> = left.iter().map(|&i| self.leaf.turns[i]).collect();
         turns.sort_unstable();
@@ -349,6 +441,14 @@ impl Work<'_> {
         );
         let mut samples: Vec<Vec<u32>> = vec![Vec::new(); self.nodes.len()];
         for (i, &home) in (0u32..).zip(&self.home) {
+            if home == ABOVE {
+                // It is part of all even samples around it.
+                let mut around = (!self.nodes.is_empty()).then_some(0);
+                while let Some(node) = around {
+                    samples[node].push(i);
+                    around = self.child_around(i as usize, node);
+                }
+            }
             let Some(node) = self.nodes.get(home as usize) else { continue };
             let is_inner = !node.children.is_empty();
             if is_inner {
@@ -390,7 +490,9 @@ impl Work<'_> {
 
     /// Moves sparse points out of nodes whose radii shrink with what is drawn below: into the first
     /// node beside whose spacing their radii are so wide that they stay, else into the finest.
-    fn refine(&mut self) {
+    /// Returns them, ascending.
+    fn refine(&mut self) -> Vec<u32> {
+        let mut moved = Vec::new();
         let mut counts = vec![0usize; self.nodes.len()];
         let own = |home: u32| (home as usize) < self.nodes.len();
         self.home.iter().filter(|&&home| own(home)).for_each(|&home| counts[home as usize] += 1);
@@ -415,12 +517,16 @@ impl Work<'_> {
             counts[from] -= 1;
             counts[node] += 1;
             self.home[i] = node as u32;
+            if node != from {
+                moved.push(i as u32);
+            }
         }
+        moved
     }
 
     /// Bounds the radii of points that are far from others which are not as far from each other: a
     /// lone point must not become a blob.
-    fn bound_strays(&mut self, (index, place_of): &(KnnIndex, Vec<u32>)) {
+    fn bound_strays(&mut self, index: &(KnnIndex, Vec<u32>)) {
         // A point beside a denser part belongs to the sample above that.
         let most = |i: usize| {
             let node = self.nodes.get(self.home[i] as usize)?;
@@ -433,24 +539,9 @@ impl Work<'_> {
         if !is_wide.contains(&true) {
             return;
         }
-        let places = place_of.last().map_or(0, |&last| last as usize + 1);
-        let (mut wide, mut local) = (vec![false; places], vec![0.0; places]);
-        for (i, &place) in place_of.iter().enumerate() {
-            wide[place as usize] |= is_wide[i];
-            local[place as usize] = self.local[i];
-        }
-        let is_alone = index.map_placed(
-            &QUERY,
-            |place| wide[place],
-            |place, found| {
-                let is_alike = |&&other: &&u32| local[other as usize] * UNEVEN >= local[place];
-                Some(found.places.iter().filter(is_alike).count() * 2 < NEIGHBOURS)
-            },
-            false,
-        );
+        let is_alone = alone(index, &self.local, |i| is_wide[i]);
         for i in 0..self.local.len() {
-            if is_wide[i]
-                && is_alone[place_of[i] as usize]
+            if is_alone[i]
                 && let Some(most) = most(i)
             {
                 self.local[i] = most;
@@ -458,7 +549,7 @@ impl Work<'_> {
         }
     }
 
-    fn finish(mut self) -> Arrangement {
+    fn finish(mut self, mut withheld: Vec<u32>) -> Arrangement {
         let mut radii = Vec::with_capacity(self.local.len());
         let [least, most] = REFINED_RADII;
         for i in 0..self.local.len() {
@@ -475,8 +566,51 @@ impl Work<'_> {
             radii.push(radius as f32);
             self.nodes[node].points.push(i as u32);
         }
-        Arrangement { nodes: self.nodes, radii }
+        let last = |node: &Arranged| {
+            node.points.iter().copied().max_by_key(|&i| self.leaf.turns[i as usize])
+        };
+        withheld.extend(self.nodes.iter().filter_map(last));
+        withheld.sort_unstable();
+        withheld.dedup();
+        Arrangement { nodes: self.nodes, radii, withheld }
     }
+}
+
+/// Whether each wanted point is far from others which are not as far from each other, by the local
+/// spacings of all.
+fn alone(
+    (index, place_of): &(KnnIndex, Vec<u32>),
+    local: &[f32],
+    is_wanted: impl Fn(usize) -> bool,
+) -> Vec<bool> {
+    let places = place_of.last().map_or(0, |&last| last as usize + 1);
+    let (mut wanted, mut of_place) = (vec![false; places], vec![0.0; places]);
+    for (i, &place) in place_of.iter().enumerate() {
+        wanted[place as usize] |= is_wanted(i);
+        of_place[place as usize] = local[i];
+    }
+    let is_alone = index.map_placed(
+        &QUERY,
+        |place| wanted[place],
+        |place, found| {
+            let is_alike = |&&other: &&u32| of_place[other as usize] * UNEVEN >= of_place[place];
+            Some(found.places.iter().filter(is_alike).count() * 2 < NEIGHBOURS)
+        },
+        false,
+    );
+    (0..local.len()).map(|i| is_wanted(i) && is_alone[place_of[i] as usize]).collect()
+}
+
+/// Local spacing above which are those of half of the area that points cover.
+pub fn coarser_half(local: &mut [f32]) -> Option<f32> {
+    local.sort_unstable_by(f32::total_cmp);
+    let area = |local: &f32| f64::from(*local).powi(2);
+    let mut half = local.iter().map(area).sum::<f64>() / 2.0;
+    let coarse = local.iter().rev().find(|local| {
+        half -= area(local);
+        half <= 0.0
+    });
+    coarse.copied()
 }
 
 /// Root of the mean square of lengths; `none` if there are none.
@@ -505,7 +639,17 @@ mod tests {
         let radii: Vec<f32> = steps.iter().map(|steps| steps * candidates.step as f32).collect();
         let positions = points.clone();
         let (turns, radii) = (&turns[..], &radii[..]);
-        let leaf = Leaf { positions, turns, radii, scale: [STEP; 3], capacity: 4096 };
+        let (taken, above) = (&[][..], f64::INFINITY);
+        let leaf = Leaf {
+            positions,
+            turns,
+            radii,
+            scale: [STEP; 3],
+            capacity: 4096,
+            is_part: false,
+            taken,
+            above,
+        };
         let arrangement = leaf.arrange();
         assert_eq!(arrangement.is_some(), leaf.is_uneven());
         (points, arrangement)
@@ -529,7 +673,7 @@ mod tests {
     fn each_point_is_in_one_node_of_a_tree_of_cells() {
         let mut uneven = 0;
         for (name, cloud) in CLOUDS {
-            let (points, Some(Arrangement { nodes, radii })) = arranged(cloud(9000)) else {
+            let (points, Some(Arrangement { nodes, radii, .. })) = arranged(cloud(9000)) else {
                 continue;
             };
             uneven += 1;
@@ -558,7 +702,7 @@ mod tests {
     fn random_points_of_a_dense_part_get_no_wide_radii() {
         let (_, cloud) = CLOUDS[3];
         let (points, arrangement) = arranged(cloud(20_000));
-        let Arrangement { nodes, radii } = arrangement.unwrap();
+        let Arrangement { nodes, radii, .. } = arrangement.unwrap();
         let (corner, edge) = (1 << 29, 1u32 << 20);
         let apart = f64::from(edge) / 100.0;
         for (node, i) in nodes.iter().flat_map(|n| n.points.iter().map(move |&i| (n, i as usize))) {
@@ -578,7 +722,7 @@ mod tests {
         let sparse = square(2000, 2_000_000, 0).filter(is_outside).map(|p| (p, 44_700.0));
         let apart: std::collections::HashMap<_, f64> = dense.chain(sparse).collect();
         let (points, arrangement) = arranged(apart.keys().copied().collect());
-        let Arrangement { nodes, radii } = arrangement.unwrap();
+        let Arrangement { nodes, radii, .. } = arrangement.unwrap();
         for node in &nodes {
             for &i in &node.points {
                 let p = points[i as usize];

@@ -22,7 +22,11 @@ impl Context {
             return self.leaf(rows, range.start..range.start, cell);
         }
         if n <= self.leaf_points_max() || self.is_uneven(rows, range.clone(), &cell) {
-            return self.leaf(rows, range, cell);
+            let mut leaf = self.leaf(rows, range, cell);
+            if (n as u64) < self.points {
+                leaf.withheld = self.withheld(rows, &leaf);
+            }
+            return leaf;
         }
         if cell.log2 == 0 {
             return self.coincident(rows, range, cell);

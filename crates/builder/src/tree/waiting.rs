@@ -203,11 +203,14 @@ impl SampledCell {
     /// Record of what the cell offers; in the journal the nodes below follow.
     pub fn record(&self) -> Record {
         let mut record = Record::new(Kind::Chunk);
-        let PendingCell { cell, moments, sampled, turns, radii, shares, .. } = &self.pending;
+        let PendingCell { cell, moments, sampled, withheld, least_radius, .. } = &self.pending;
+        let PendingCell { turns, radii, shares, .. } = &self.pending;
         record.put(cell.corner);
         record.put(cell.log2);
         record.put(moments.to_numbers());
         record.put(*sampled as u64);
+        record.put_all(withheld);
+        record.put(*least_radius);
         record.put_all(turns);
         record.put_all(radii);
         record.put_all(shares);
@@ -221,13 +224,21 @@ impl SampledCell {
         let cell = Cell { corner: from.get()?, log2: from.get()? };
         let moments = Moments::from_numbers(from.get()?);
         let sampled = usize::try_from(from.get::<u64>()?).ok()?;
+        let (withheld, least_radius): (Vec<u32>, f64) = (from.get_all()?, from.get()?);
         let (turns, radii): (Vec<u16>, Vec<f32>) = (from.get_all()?, from.get_all()?);
         let (shares, rows): (Vec<f32>, Vec<u8>) = (from.get_all()?, from.get_all()?);
         let count = rows.len() / stride;
         let fits = |len: usize| len == 0 || len == count;
         let fits_rows = rows.len().is_multiple_of(stride) && sampled <= count;
+        let is_below = |i: &u32| (*i as usize) < sampled;
+        let fits_withheld = withheld.is_sorted_by(|a, b| a < b) && withheld.iter().all(is_below);
         let fits_shares = shares.is_empty() || shares.len() == sampled;
-        if !fits_rows || !fits_shares || turns.len() != radii.len() || !fits(turns.len()) {
+        if !fits_rows
+            || !fits_withheld
+            || !fits_shares
+            || turns.len() != radii.len()
+            || !fits(turns.len())
+        {
             return None;
         }
         let mut trees: Vec<Subtree> = Vec::new();
@@ -242,7 +253,19 @@ impl SampledCell {
         }
         let below = Below::Finished(trees.into());
         let offered = (0..count as u32).collect();
-        let pending = PendingCell { cell, moments, offered, sampled, turns, radii, shares, below };
+        let pending = PendingCell {
+            cell,
+            moments,
+            offered,
+            sampled,
+            withheld,
+            apart: Vec::new(),
+            least_radius,
+            turns,
+            radii,
+            shares,
+            below,
+        };
         Some(Self { pending, rows })
     }
 }

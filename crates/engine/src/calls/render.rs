@@ -162,7 +162,8 @@ pub fn draw(
         let (gpu, drawer) = request.with.choose(None)?;
         return draw_lit(file, &scene, gpu.as_ref(), drawer, request, task);
     }
-    let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
+    let octree =
+        CompactOctree::with_hidden(file.table(), &scene.selection.drawn, &scene.selection.hidden);
     let (gpu, mut drawer) = request.with.choose(None)?;
     let start = Instant::now();
     let drawn = gpu.map(|gpu| whole::draw(&gpu, file, &scene, &octree));

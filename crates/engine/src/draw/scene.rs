@@ -230,7 +230,7 @@ impl PictureScene {
         let known = FilteredResidency(&appearance.shown);
         let (table, lattice) = (file.table(), file.metric());
         let mut selection = select(table, lattice, &view, &options, &known, None);
-        let octree = CompactOctree::new(table, &selection.drawn);
+        let octree = CompactOctree::with_hidden(table, &selection.drawn, &selection.hidden);
         if let Some(around) = surroundings {
             surround(table, lattice, &view, &options, &around, &known, &mut selection);
         }

@@ -18,8 +18,8 @@ pub const DENSE_PX: f64 = 0.4;
 pub(crate) const FITTED_PX: f64 = 0.6;
 
 /// Distance of the points of a view where they are farthest apart on the picture, pixels; infinite
-/// where it is not known. `nodes` are the drawn nodes with their indices in `octree`. A node below
-/// which something is drawn counts with the spacing of what is drawn there.
+/// where it is not known. `nodes` are the drawn nodes with their indices in `octree`. A node that
+/// what is drawn below refines evenly counts with the spacing of that.
 pub fn sparsest_px<'a>(
     view: &View,
     lattice: &Lattice,
@@ -32,7 +32,7 @@ pub fn sparsest_px<'a>(
         if entry >= octree.len() {
             return f64::INFINITY;
         }
-        let spacing = octree.leaf_spacing(entry);
+        let spacing = octree.open_spacing(entry);
         spacing.map_or(0.0, |s| nearest_spacing_px(view, lattice, node, f64::from(s)))
     });
     let sparsest = spacings.fold(0.0, f64::max);
@@ -52,7 +52,7 @@ pub fn is_crowded<'a>(
     let (mut crowded, mut all) = (0, 0);
     for (entry, node, drawn) in nodes {
         let spacing = match octree.filter(|o| entry < o.len()) {
-            Some(octree) => octree.leaf_spacing(entry),
+            Some(octree) => octree.open_spacing(entry),
             None => Some(node.spacing),
         };
         let Some(spacing) = spacing else { continue };
