@@ -274,9 +274,14 @@ fn clip_line(line: Line, p: vec3<f32>, normal: vec3<f32>, is_flat: bool) -> vec3
     let plane = cross(line.c, line.e);
     let by_normal = (dot(normal, p) < 0.0) != line.keeps_right;
     let sign = select(1.0, -1.0, select(by_normal, dot(plane, p) < 0.0, is_flat));
-    let own = vec3<f32>(plane.xy / frame.focal_px, plane.z) * sign;
-    let fine = !(is_infinite(own.x) || is_infinite(own.y) || is_infinite(own.z));
-    return select(vec3<f32>(0.0), own, fine);
+    return in_pixels(vec3<f32>(plane.xy / frame.focal_px, plane.z) * sign);
+}
+
+// A line scaled so that it gives distances in pixels; zeros if it is no line on the picture.
+fn in_pixels(line: vec3<f32>) -> vec3<f32> {
+    let own = line * (1.0 / sqrt(dot(line.xy, line.xy)));
+    let fine = is_number(own.x) && is_number(own.y) && is_number(own.z);
+    return select(vec3<f32>(0.0), own, fine && !(is_infinite(own.x) || is_infinite(own.y) || is_infinite(own.z)));
 }
 
 // Computes the lines of a point from its words.
@@ -331,11 +336,11 @@ fn end_lines(i: u32, words: vec4<u32>, hot: vec3<u32>, p: vec3<f32>, normal: vec
         return;
     }
     let end = end_of(line_of(words.xy, hot), p, normal, a, b);
-    let xy = end.xy / frame.focal_px;
-    let second = vec3<f32>(xy, end.z + length(xy) * CLIP_PAST);
-    if all(second == vec3<f32>(0.0)) || !(is_number(second.x) && is_number(second.y) && is_number(second.z)) {
+    var second = in_pixels(vec3<f32>(end.xy / frame.focal_px, end.z));
+    if all(second == vec3<f32>(0.0)) {
         return;
     }
+    second.z += CLIP_PAST;
     clips[2u * i].w = KEPT_BOTH;
     clips[2u * i + 1u] = vec4<u32>(bitcast<vec3<u32>>(second), 0u);
 }

@@ -4,11 +4,11 @@
 //! points, and for each tile the list of those that touch it. A tile goes through the runs in their
 //! order, so that its sums have the same bits for any number of threads.
 
-use crate::ewa::clip::{Clipping, Lines, WIDER};
+use crate::ewa::clip::{Clipping, EDGE_GROWTH, Lines, WIDER};
 use crate::ewa::ellipses::Ellipses;
 use crate::ewa::normals::{normals_or_to_eye, packed_towards_eye, unit};
 use crate::ewa::shape::{ShapeTable, Shapes, WIDEST, shape_code};
-use crate::ewa::splat::{Box4, Disc, Lens, Placement, SplatAttributes, across};
+use crate::ewa::splat::{BACK, Box4, Disc, Lens, Placement, SplatAttributes, across};
 use crate::ewa::tiles::{RUN_POINTS, SplatRun, Tiles};
 use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::inputs::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
@@ -335,7 +335,7 @@ impl Placer<'_> {
         let mut kept: [Option<Lines>; EIGHT] = [None; EIGHT];
         if CLIPS {
             for (k, kept) in kept.iter_mut().enumerate().filter(|(k, _)| lines[*k].is_some()) {
-                match self.lines_within::<CLIPS>(lines[k].as_ref(), ellipses.bounds(k)) {
+                match self.lines_within::<_, CLIPS>(discs, k, ellipses.bounds(k)) {
                     Some(own) => *kept = own,
                     None => drawn &= !(1 << k),
                 }
@@ -377,8 +377,7 @@ impl Placer<'_> {
             let disc = Disc { centre, tangents, radius: discs.radius[k] };
             match disc.by_rays(&self.lens) {
                 Placement::Drawn(splat, bounds) => {
-                    let lines = discs.lines[k].as_ref();
-                    if let Some(kept) = self.lines_within::<CLIPS>(lines, bounds) {
+                    if let Some(kept) = self.lines_within::<_, CLIPS>(discs, k, bounds) {
                         run.room()[0] = splat;
                         run.push(self.attributes::<_, NORMALS>(points, discs, k), bounds, kept);
                     }
@@ -389,18 +388,19 @@ impl Placer<'_> {
         }
     }
 
-    /// The lines that cut a splat with these bounds ([`Lines::within`]); `None` if they leave
-    /// nothing of it.
+    /// The lines of splat `k` that cut it or make it thin within these bounds ([`Lines::within`]);
+    /// `None` if they leave nothing of it.
     #[inline(always)]
-    fn lines_within<const CLIPS: bool>(
+    fn lines_within<S: Simd, const CLIPS: bool>(
         &self,
-        lines: Option<&Lines>,
+        discs: &EightDiscs<S>,
+        k: usize,
         bounds: Box4,
     ) -> Option<Option<Lines>> {
-        match lines {
-            Some(lines) if CLIPS => lines.within(bounds, self.camera.centre_px),
-            _ => Some(None),
-        }
+        let Some(lines) = discs.lines[k].filter(|_| CLIPS) else { return Some(None) };
+        let thickness_px = self.lens.focal_px * discs.radius[k] / discs.centre[2][k];
+        let margin_px = (thickness_px * BACK / EDGE_GROWTH).max(0.0);
+        lines.within(bounds, self.camera.centre_px, margin_px)
     }
 
     /// Colour and normal of a splat, or its radius in clouds without normals.

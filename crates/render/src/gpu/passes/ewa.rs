@@ -65,10 +65,11 @@ same_values!(common_splats == crate::ewa::clip {
     KEPT_EITHER = EITHER,
 });
 same_values!(common_splats == crate::ewa::splat { WIDENED });
+same_values!(ewa_blend == crate::ewa::clip { EDGE_PX, EDGE_GROWTH });
 without_twin!(common_splats { DROPPED, NOTHING });
 without_twin!(ewa_place { NOT_DRAWN });
 without_twin!(ewa_sort { THREADS });
-without_twin!(ewa_blend { THREADS, BLOCKS, BATCH });
+without_twin!(ewa_blend { THREADS, BLOCKS, BATCH, NO_EDGE_PX });
 
 /// Capacity of a batch. More chunks make more batches; if the entries do not fit, tiles look at all
 /// splats of the batch instead.
