@@ -1,5 +1,5 @@
-// Squares of pixels for fit_planes, level by level, each level row by row. Needs a variable `frame`.
-// Twin: crates/render/src/passes/fit_planes.rs.
+// Squares of pixels for fit_planes, level by level, each level row by row. Needs a variable
+// `frame`. Twin: crates/render/src/passes/fit_planes.rs.
 
 // Side of a square of the finest level, and the greatest radius of discs that planes are fitted to,
 // pixels.

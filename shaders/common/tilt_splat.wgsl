@@ -1,6 +1,6 @@
 // Tilts splats of points without normals as the planes that fit_planes has fitted. Needs a variable
-// `frame`, common/squares.wgsl and a function `plane_at`. Twins: crates/render/src/passes/fit_planes.rs
-// and crates/render/src/ewa/splat.rs.
+// `frame`, common/squares.wgsl and a function `plane_at`. Twins:
+// crates/render/src/passes/fit_planes.rs and crates/render/src/ewa/splat.rs.
 
 // Constants of fit_planes.rs.
 const SIDE_MIN: f32 = 1.5;

@@ -264,8 +264,8 @@ impl Placer<'_> {
         ]
     }
 
-    /// Relative growth of depth per pixel to the right and downwards on the planes fitted around the
-    /// points in `shows`, no steeper than [`SLOPE_MAX`]; zeros where there is no plane.
+    /// Relative growth of depth per pixel to the right and downwards on the planes fitted around
+    /// the points in `shows`, no steeper than [`SLOPE_MAX`]; zeros where there is no plane.
     #[inline(always)]
     fn growth<S: Simd>(
         &self,

@@ -21,8 +21,8 @@ pub(crate) const EXACT_REACH: f32 = 0.02;
 /// that behind the front are blended with it.
 pub(crate) const BACK: f32 = 1.0;
 
-/// Width of a splat on a fitted plane across the slope, over that of a disc on the plane: discs that
-/// are turned wholly would open gaps of uneven points that discs facing the eye close.
+/// Width of a splat on a fitted plane across the slope, over that of a disc on the plane: discs
+/// that are turned wholly would open gaps of uneven points that discs facing the eye close.
 pub(crate) const ACROSS_SLOPE: f32 = 1.5;
 
 /// Projection of splats.
@@ -260,8 +260,8 @@ pub fn ellipse<T: Values>(
 }
 
 /// Normal of a disc on a fitted plane, on which depth grows by `growth` per pixel to the right and
-/// down: that of the plane, turned to the eye so far that the disc is [`ACROSS_SLOPE`] times as wide
-/// across the slope. Right, down and depth; zero where there is no plane.
+/// down: that of the plane, turned to the eye so far that the disc is [`ACROSS_SLOPE`] times as
+/// wide across the slope. Right, down and depth; zero where there is no plane.
 #[inline(always)]
 pub fn widened_normal<T: Values>(focal_px: f32, centre: [T; 3], growth: [T; 2]) -> [T; 3] {
     let [right, down] = growth;

@@ -37,11 +37,11 @@ pub(crate) const LEVELS: usize = 6;
 /// Least width of a square over the radius of a splat that gets its plane: so few squares of a
 /// surface have no point.
 pub(crate) const SIDE_MIN: f32 = 1.5;
-/// Least width of such a square, pixels: across narrower ones, slopes are those of pixels that points
-/// were rounded to.
+/// Least width of such a square, pixels: across narrower ones, slopes are those of pixels that
+/// points were rounded to.
 pub(crate) const SIDE_MIN_PX: f32 = 8.0;
-/// Least slope of planes of wider squares than a splat needs. They stand in for planes that cannot be
-/// trusted because points were rounded to pixels, which counts on steep planes only.
+/// Least slope of planes of wider squares than a splat needs. They stand in for planes that cannot
+/// be trusted because points were rounded to pixels, which counts on steep planes only.
 pub(crate) const STEEP: f32 = 4.0;
 /// Levels that are looked at for the plane of a splat, from the narrowest that is wide enough on.
 pub(crate) const LEVELS_MAX: usize = 2;
@@ -175,9 +175,9 @@ impl FittedPlanes {
         }
     }
 
-    /// Relative growth of depth per pixel to the right and downwards on the plane of a splat at this
-    /// place of the picture, whose radius is `radius_px` there and `radius` in space; zeros if it
-    /// has none.
+    /// Relative growth of depth per pixel to the right and downwards on the plane of a splat at
+    /// this place of the picture, whose radius is `radius_px` there and `radius` in space; zeros if
+    /// it has none.
     #[inline]
     pub fn of_splat(&self, place: [f32; 2], depth: f32, radius: f32, radius_px: f32) -> [f32; 2] {
         let least = (radius_px * SIDE_MIN).max(SIDE_MIN_PX);

@@ -1,6 +1,7 @@
 //! Fit planes on the GPU, for clouds without normals. Planes are fitted to the frame buffer before
 //! gather and assigned to the pixels after it, in a dispatch of its own: gather already binds as
-//! many buffers as WebGPU's default limits allow. Splats look their planes up when they are placed. Twin: [`crate::passes::fit_planes`].
+//! many buffers as WebGPU's default limits allow. Splats look their planes up when they are placed.
+//! Twin: [`crate::passes::fit_planes`].
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::{Kernel, groups_of};
