@@ -9,6 +9,7 @@ use esker_format::Forest;
 use esker_lod::View;
 use esker_points::task::Silent;
 use glam::{DVec2, DVec3};
+use std::f64::consts::FRAC_PI_8;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -72,7 +73,7 @@ fn wrong(file: &Forest, camera: &str) -> [usize; 3] {
     for (i, rgba) in drawn.rgba.as_chunks::<4>().0.iter().enumerate() {
         let place = DVec2::new((i % SIZE[0] as usize) as f64, (i / SIZE[0] as usize) as f64) + 0.5;
         let own = face(&view, place);
-        let around = |k: i32| place + DVec2::from_angle(f64::from(k) * 0.3927) * BLUR_PX;
+        let around = |k: i32| place + DVec2::from_angle(f64::from(k) * FRAC_PI_8) * BLUR_PX;
         if (0..16).any(|k| face(&view, around(k)) != own) {
             continue;
         }
@@ -102,7 +103,7 @@ fn a_cube_with_sharp_edges_shows_no_colour_of_another_face() {
             sharp_features: true,
             ..Default::default()
         };
-        esker_builder::build(&[scan.clone()], &out, &options, &Silent).unwrap();
+        esker_builder::build(std::slice::from_ref(&scan), &out, &options, &Silent).unwrap();
         let file = Forest::open(&out).unwrap();
         for camera in CAMERAS {
             let [inside, wrong, outside] = wrong(&file, camera);

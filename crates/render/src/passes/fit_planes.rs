@@ -497,7 +497,7 @@ mod tests {
     fn splats_of_all_sizes_get_the_plane_that_they_lie_on() {
         let near = |x: f32, y: f32| 0.8 + 5e-4 * (x - 100.0) - 1e-3 * (y - 50.0);
         // Half of the points lie far behind the plane.
-        let is_hidden = |x: usize, y: usize| (x + y) % 2 == 0;
+        let is_hidden = |x: usize, y: usize| (x + y).is_multiple_of(2);
         let target = target(40, |x, y| {
             let depth = 1.0 / near(x as f32 + 0.5, y as f32 + 0.5);
             if is_hidden(x, y) { depth * 3.0 } else { depth }

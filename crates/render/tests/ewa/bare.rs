@@ -97,7 +97,7 @@ fn volumes_are_covered_as_by_discs_that_face_the_eye() {
     let scene = Scene::new(&points, 1e-5, 0.05, 0.05, 1 << 14);
     let draws = scene.draws(true, true, false);
     for distance in [3.0, 6.0, 20.0] {
-        let eye = DVec3::new(0.4, -1.0, 0.3).normalize() * distance;
+        let eye = DVec3::new(0.4, -1.0, 0.3).normalize_or_zero() * distance;
         let view = View::look_at(eye, DVec3::ZERO, DVec3::Z, 0.9, SIZE[0], SIZE[1]);
         let [facing, tilted] = [false, true].map(|fits_planes| {
             let frame = Frame { fits_planes, cull_back_faces: false, ..scene.frame(&view, &draws) };
