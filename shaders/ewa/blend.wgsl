@@ -18,6 +18,13 @@ override NORMALS: bool = false;
 // Whether splats are clipped.
 override CLIPS: bool = false;
 
+// Thickness of a surface along the line of sight at its clip lines, in pixels, and its growth per
+// pixel away from them (clip.rs).
+const EDGE_PX: f32 = 1.0;
+const EDGE_GROWTH: f32 = 1.0;
+// Distance from an edge where a splat has no lines.
+const NO_EDGE_PX: f32 = 1e30;
+
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> batch: Batch;
 @group(0) @binding(2) var<storage, read> splats: array<Splat>;
@@ -121,14 +128,22 @@ fn main(
             if seen.x > 1.0 {
                 continue;
             }
-            if CLIPS && !is_kept(places[member], place - frame.centre_px) {
-                continue;
+            var from_edge = NO_EDGE_PX;
+            if CLIPS {
+                from_edge = distance_of(places[member], place - frame.centre_px);
+                if from_edge < 0.0 {
+                    continue;
+                }
             }
             let z = seen.y;
             if PASS == VISIBILITY {
                 var moved = z / (1.0 - splat.c.w * z);
                 if splat.c.w > 0.0 {
                     moved = min(z, splat.b.w) - splat.c.w;
+                }
+                if CLIPS {
+                    let thin = (from_edge * EDGE_GROWTH + EDGE_PX) / frame.focal_px;
+                    moved = max(moved, z / (1.0 + thin));
                 }
                 nearest = max(nearest, moved);
                 continue;
@@ -165,22 +180,23 @@ fn main(
     }
 }
 
-// Whether the clip lines of a splat keep a pixel. The splats on both sides of a line compute the
+// Distance of a pixel from the edge of what the clip lines of a splat keep, in pixels, not negative
+// where the pixel is kept; very large without lines. The splats on both sides of a line compute the
 // same numbers but for their signs, so that each pixel is kept by exactly one of them.
-fn is_kept(splat: u32, place: vec2<f32>) -> bool {
+fn distance_of(splat: u32, place: vec2<f32>) -> f32 {
     let row = clips[2u * splat];
     let kept = row.w;
     if kept == KEPT_WHOLE {
-        return true;
+        return NO_EDGE_PX;
     }
     let a = bitcast<vec3<f32>>(row.xyz);
-    let first = a.x * place.x + (a.z + a.y * place.y) >= 0.0;
+    let first = a.x * place.x + (a.z + a.y * place.y);
     if kept == KEPT_ONE {
         return first;
     }
     let b = bitcast<vec3<f32>>(clips[2u * splat + 1u].xyz);
-    let second = b.x * place.x + (b.z + b.y * place.y) >= 0.0;
-    return select(first && second, first || second, kept == KEPT_EITHER);
+    let second = b.x * place.x + (b.z + b.y * place.y);
+    return select(min(first, second), max(first, second), kept == KEPT_EITHER);
 }
 
 // Whether a splat's box overlaps the rectangle of `size` pixels at `corner`.

@@ -11,6 +11,8 @@
 // include common/octree.wgsl
 // include common/radius.wgsl
 // include common/splats.wgsl
+// include common/squares.wgsl
+// include common/tilt_splat.wgsl
 
 // Whether the cloud has normals.
 override NORMALS: bool = false;
@@ -20,6 +22,8 @@ override HIDES_POINTS: bool = false;
 override CLIPS: bool = false;
 // Whether splats have shapes of their own.
 override TANGENTS: bool = false;
+// Whether splats are tilted as fitted planes, which `clips` holds then.
+override FITTED: bool = false;
 
 // Constants of splat.rs.
 const REACH_MAX: f32 = 0.7;
@@ -55,7 +59,13 @@ const HALF: f32 = 0.41422;
 @group(0) @binding(9) var<storage, read_write> cursors: array<atomic<u32>>;
 // Two rows a point. Input: the words of its clip lines in the file, and of its shape. Output: lines
 // over pixels from the picture's centre; the last word of the first row is the part that is kept.
+// If planes are fitted: the bits of the plane of each square (fit_planes/fit.wgsl).
 @group(0) @binding(10) var<storage, read_write> clips: array<vec4<u32>>;
+
+// Plane of a square.
+fn plane_at(square: u32) -> vec4<f32> {
+    return bitcast<vec4<f32>>(clips[square]);
+}
 
 struct Placed {
     splat: Splat,
@@ -147,6 +157,23 @@ fn ellipse(p: vec3<f32>, t_a: vec3<f32>, t_b: vec3<f32>, radius: f32) -> Placed 
         vec4<f32>(inverse + dot(grows, middle), grows, inverse * back / (p.z + back)),
         vec4<u32>(0u),
     ), box);
+}
+
+// Makes the depths of an ellipse follow the fitted plane through its centre.
+fn along_plane(splat: Splat, p: vec3<f32>, growth: vec2<f32>) -> Splat {
+    let nearness = 1.0 / p.z;
+    let slope = -(growth * nearness);
+    let middle = splat.a.xy - (p.xy * (nearness * frame.focal_px) + frame.centre_px);
+    // The box of the ellipse, from its conic.
+    let along = 1.0 / splat.b.x;
+    let across = 1.0 / splat.a.z;
+    let half = vec2<f32>(across * length(vec2<f32>(1.0, splat.a.w * along)), along);
+    let reach = dot(abs(slope), half);
+    let least = max(nearness - reach, nearness * (1.0 - REACH_MAX));
+    var own = splat;
+    own.b = vec4<f32>(splat.b.x, abs(splat.b.y), least, nearness + reach);
+    own.c = vec4<f32>(nearness + dot(slope, middle), slope, splat.c.w);
+    return own;
 }
 
 // Corner `k` of an octagon around a disc.
@@ -274,9 +301,14 @@ fn clip_line(line: Line, p: vec3<f32>, normal: vec3<f32>, is_flat: bool) -> vec3
     let plane = cross(line.c, line.e);
     let by_normal = (dot(normal, p) < 0.0) != line.keeps_right;
     let sign = select(1.0, -1.0, select(by_normal, dot(plane, p) < 0.0, is_flat));
-    let own = vec3<f32>(plane.xy / frame.focal_px, plane.z) * sign;
-    let fine = !(is_infinite(own.x) || is_infinite(own.y) || is_infinite(own.z));
-    return select(vec3<f32>(0.0), own, fine);
+    return in_pixels(vec3<f32>(plane.xy / frame.focal_px, plane.z) * sign);
+}
+
+// A line scaled so that it gives distances in pixels; zeros if it is no line on the picture.
+fn in_pixels(line: vec3<f32>) -> vec3<f32> {
+    let own = line * (1.0 / sqrt(dot(line.xy, line.xy)));
+    let fine = is_number(own.x) && is_number(own.y) && is_number(own.z);
+    return select(vec3<f32>(0.0), own, fine && !(is_infinite(own.x) || is_infinite(own.y) || is_infinite(own.z)));
 }
 
 // Computes the lines of a point from its words.
@@ -331,11 +363,11 @@ fn end_lines(i: u32, words: vec4<u32>, hot: vec3<u32>, p: vec3<f32>, normal: vec
         return;
     }
     let end = end_of(line_of(words.xy, hot), p, normal, a, b);
-    let xy = end.xy / frame.focal_px;
-    let second = vec3<f32>(xy, end.z + length(xy) * CLIP_PAST);
-    if all(second == vec3<f32>(0.0)) || !(is_number(second.x) && is_number(second.y) && is_number(second.z)) {
+    var second = in_pixels(vec3<f32>(end.xy / frame.focal_px, end.z));
+    if all(second == vec3<f32>(0.0)) {
         return;
     }
+    second.z += CLIP_PAST;
     clips[2u * i].w = KEPT_BOTH;
     clips[2u * i + 1u] = vec4<u32>(bitcast<vec3<u32>>(second), 0u);
 }
@@ -420,6 +452,12 @@ fn place(i: u32) -> Placed {
     if all(normal == vec3<f32>(0.0)) {
         normal = normalize(select(p, vec3<f32>(0.0, 0.0, 1.0), all(p == vec3<f32>(0.0))));
     }
+    var growth = vec2<f32>(0.0);
+    if FITTED {
+        growth = growth_of(p, radius);
+        let tilted = widened_normal(p, growth);
+        normal = select(normal, tilted, any(tilted != vec3<f32>(0.0)));
+    }
     // Two directions across the normal (duff2017).
     let sign = select(1.0, -1.0, (bitcast<u32>(normal.z) >> 31u) == 1u);
     let s = -1.0 / (sign + normal.z);
@@ -456,6 +494,9 @@ fn place(i: u32) -> Placed {
     var placed: Placed;
     if p.z - extent >= frame.near && extent <= REACH_MAX * p.z {
         placed = ellipse(p, a, b, radius);
+        if FITTED && any(growth != vec2<f32>(0.0)) {
+            placed.splat = along_plane(placed.splat, p, growth);
+        }
     } else {
         placed = by_rays(p, a, b, radius);
     }

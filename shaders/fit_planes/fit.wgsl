@@ -7,8 +7,8 @@
 @group(0) @binding(0) var<uniform> frame: Frame;
 // Nearest points (fit_planes/nearest.wgsl).
 @group(0) @binding(1) var<storage, read> nears: array<vec2<u32>>;
-// Relative growth of depth a pixel right and down, the reach of depth intervals, and an unused
-// word.
+// Relative growth of depth a pixel right and down, the reach of depth intervals, and the inverse
+// depth in the middle of the square, or zero without a plane.
 @group(0) @binding(2) var<storage, read_write> planes: array<vec4<f32>>;
 
 // Reach without a plane; and distance from a plane up to which a neighbour counts, in squares.
@@ -22,6 +22,7 @@ const MISSING_MAX: f32 = 1.0;
 const AREA_MIN: f32 = 0.2;
 const BETTER: f32 = 1e-3;
 const NEARER_MAX: f32 = 1e6;
+const NEARER_MIN: f32 = 0.1;
 const LEAST_SUM: f32 = 1.1754944e-38;
 
 // From the own point to those of the neighbours: pixels, and the relative growth of the inverse
@@ -61,17 +62,19 @@ fn off_of(steeper: vec2<f32>, most: f32) -> f32 {
 
 @compute @workgroup_size(256)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let square = id.x + id.y * groups.x * 256u;
-    let count_of = squares();
-    if square >= count_of.x * count_of.y {
+    let square = square_of(id.x + id.y * groups.x * 256u);
+    if square.index >= arrayLength(&nears) {
         return;
     }
-    let own = nears[square];
+    let own = nears[square.index];
     let near = bitcast<f32>(own.x);
     if near == 0.0 {
+        planes[square.index] = vec4<f32>(0.0, 0.0, BARE_REACH, 0.0);
         return;
     }
-    let place = vec2<i32>(vec2<u32>(square % count_of.x, square / count_of.x));
+    let count_of = squares_in(square.level);
+    let first = square.index - (square.place.y * count_of.x + square.place.x);
+    let place = vec2<i32>(square.place);
     var count = 0.0;
     var missing = 0.0;
     for (var k = 0u; k < 8u; k += 1u) {
@@ -80,7 +83,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         is_there[k] = beside.x >= 0 && beside.y >= 0 && is_before;
         around[k] = vec3<f32>(0.0);
         if is_there[k] {
-            let other = nears[u32(beside.y) * count_of.x + u32(beside.x)];
+            let other = nears[first + u32(beside.y) * count_of.x + u32(beside.x)];
             is_there[k] = bitcast<f32>(other.x) > 0.0;
             missing += select(1.0, 0.0, is_there[k]);
             let nearer = min(bitcast<f32>(other.x) / near - 1.0, NEARER_MAX);
@@ -88,7 +91,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         }
         count += select(0.0, 1.0, is_there[k]);
     }
-    let side = f32(SQUARE_PX);
+    let side = f32(SQUARE_PX << square.level);
     let most = OFF_MAX * side / frame.focal_px;
     var steepest = vec2<f32>(0.0);
     var off = off_of(steepest, most);
@@ -113,8 +116,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     let mistrust = doubt * frame.fitting + (1.0 - frame.fitting);
     let reach = mistrust * (BARE_REACH - trust.x) + trust.x;
     if missing > MISSING_MAX {
-        planes[square] = vec4<f32>(0.0, 0.0, BARE_REACH, 0.0);
+        planes[square.index] = vec4<f32>(0.0, 0.0, BARE_REACH, 0.0);
     } else {
-        planes[square] = vec4<f32>(-steepest * (1.0 - mistrust), reach, 0.0);
+        let growth = -steepest * (1.0 - mistrust);
+        let to_middle = (vec2<f32>(square.place) + 0.5) * side - pixel_of(own) - 0.5;
+        let nearer = 1.0 - dot(growth, to_middle);
+        let is_plane = any(growth != vec2<f32>(0.0)) && nearer > NEARER_MIN;
+        // Of wide squares, the growth is that in the middle.
+        let over = select(1.0, 1.0 / nearer, square.level > 0u);
+        planes[square.index] = vec4<f32>(growth * over, reach, select(0.0, near * nearer, is_plane));
     }
 }

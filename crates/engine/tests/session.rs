@@ -7,6 +7,8 @@ mod compact;
 mod creek;
 #[path = "look/exposure.rs"]
 mod exposure;
+#[path = "look/faces.rs"]
+mod faces;
 mod flicker;
 #[path = "../../render/tests/gpu/flip.rs"]
 mod flip;

@@ -10,9 +10,9 @@
 //!
 //! | pass           | CPU file          | shaders        | paper, section      | when             |
 //! |----------------|-------------------|----------------|---------------------|------------------|
-//! | `project`      | `project.rs`      | `project`      | `marroquim2007` 3.1 | P, S             |
+//! | `project`      | `project.rs`      | `project`      | `marroquim2007` 3.1 | P, S, E bare     |
 //! | `split`        | `split.rs`        | `grow`         | -                   | S mixed          |
-//! | `fit_planes`   | `fit_planes.rs`   | `fit_planes`   | -                   | S bare not dense |
+//! | `fit_planes`   | `fit_planes.rs`   | `fit_planes`   | -                   | S bare, E bare   |
 //! | `gather`       | `gather.rs`       | `gather`       | `marroquim2007` 3.1 | S                |
 //! | `average`      | `average.rs`      | `average`      | `schuetz2021`       | S crowded        |
 //! | `exposure`     | `exposure.rs`     | `exposure`     | `kanzok2015` 3.2.4  | S RGB, optional  |
@@ -31,8 +31,8 @@
 //! | `eye_dome`     | `eye_dome.rs`     | `eye_dome`     | `boucheny2009` 3    | P, optional      |
 //!
 //! P is [`Method::Points`], S [`Method::PullPush`] (surfaces), E [`Method::Ewa`]; S is mixed with
-//! dots if [`Frame::mixes_dots`]. A bare cloud has
-//! no normals. A view is dense if every pixel has a point, and crowded if points share pixels
+//! dots if [`Frame::mixes_dots`]. A bare cloud has no normals; planes are not fitted to surfaces in
+//! dense views. A view is dense if every pixel has a point, and crowded if points share pixels
 //! ([`inputs::density`]). After the last pass the margin of surfaces is cropped
 //! ([`picture::margin`]).
 

@@ -7,6 +7,7 @@ use crate::frame::{ColourPlane, Dots, Frame, Method, PointSize};
 use crate::inputs::colour::ColourBy;
 use crate::inputs::density::{DENSE_PX, FITTED_PX, is_crowded, sparsest_px};
 use crate::pass::Pass;
+use crate::passes::fit_planes::LEVELS;
 use crate::picture::pyramid::Planes;
 use std::ops::Deref;
 
@@ -162,7 +163,8 @@ impl FramePlan {
         let crowding = if is_surface { options.crowding.clamp(0.0, 1.0) } else { 0.0 };
         let mixes_dots = options.mixes_dots && options.method == Method::PullPush;
         let carries_normals = has.normals && has_surface;
-        let fits = options.fits_planes && has_pyramid && !has.normals;
+        let is_splats = options.method == Method::Ewa;
+        let fits = options.fits_planes && (has_pyramid || is_splats) && !has.normals;
         let passes = match options.method {
             Method::Points => PassList::of(&[
                 (Project, true),
@@ -192,6 +194,8 @@ impl FramePlan {
                 (EyeDome, mixes_dots && options.dots.eye_dome > 0.0),
             ]),
             Method::Ewa => PassList::of(&[
+                (Project, fits),
+                (FitPlanes, fits),
                 (Place, true),
                 (Blend, true),
                 (SmoothDepth, !has.normals),
@@ -273,11 +277,24 @@ impl FramePlan {
 
     /// The planes that pixels carry in this frame.
     pub fn planes(&self) -> Planes {
-        match (self.carries_normals, self.passes.contains(&Pass::FitPlanes)) {
+        // Fitted planes tilt splats; their pixels have none.
+        let fits = self.fits_planes() && self.passes.contains(&Pass::Gather);
+        match (self.carries_normals, fits) {
             (true, _) => Planes::Normals,
             (false, true) => Planes::Fitted,
             (false, false) => Planes::None,
         }
+    }
+
+    /// Whether planes are fitted to depths.
+    pub fn fits_planes(&self) -> bool {
+        self.passes.contains(&Pass::FitPlanes)
+    }
+
+    /// Levels of squares that planes are fitted to: splats of all sizes get planes, of pixels only
+    /// those that show narrow discs.
+    pub fn plane_levels(&self) -> usize {
+        if self.passes.contains(&Pass::Gather) { 1 } else { LEVELS }
     }
 
     /// Whether points that are no surface on the picture are drawn as dots.
@@ -386,7 +403,9 @@ impl FramePlan {
         let of = |pass: &Pass| match pass {
             Pass::Project => vec![variant("project", &self.project_constants())],
             Pass::FitPlanes => {
-                vec![variant("fit_planes/nearest", &[]), variant("fit_planes/fit", &[])]
+                let join = (self.plane_levels() > 1).then_some("fit_planes/join");
+                let steps = ["fit_planes/nearest"].into_iter().chain(join);
+                steps.chain(["fit_planes/fit"]).map(|step| variant(step, &[])).collect()
             }
             Pass::Gather => {
                 let mut all = vec![
@@ -435,9 +454,10 @@ impl FramePlan {
             Pass::Place => {
                 let [normals, colour] = self.colour_constants();
                 let hides = ("HIDES_POINTS", u32::from(self.hides_points));
+                let fitted = ("FITTED", u32::from(self.fits_planes()));
                 vec![
                     variant("gather/fetch", &self.fetch_constants()),
-                    variant("ewa/place", &[normals, colour, hides, clips, tangents]),
+                    variant("ewa/place", &[normals, colour, hides, clips, tangents, fitted]),
                 ]
             }
             Pass::Blend => {

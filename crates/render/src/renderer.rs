@@ -95,7 +95,8 @@ impl Renderer {
         pyramid.fit(width, height, plan.planes());
         pyramid.lens = Lens::new(&camera);
         let fitted = (plan.planes() == Planes::Fitted).then(|| {
-            self.fitted.fill(&self.target, width, camera.focal_px, plan.shares());
+            let levels = plan.plane_levels();
+            self.fitted.fill(&self.target, width, camera.focal_px, plan.shares(), levels);
             &self.fitted
         });
         let valid = gather(&lookup, &self.target, fitted, &mut pyramid.levels[0]);
@@ -184,7 +185,10 @@ impl Renderer {
                 Pass::Split | Pass::Grow | Pass::Overlay | Pass::Resolve | Pass::EyeDome => {
                     dots.run(pass, frame, plan, &lookup, target, (&mut *picture, &mut stats));
                 }
-                Pass::FitPlanes => fitted.fill(target, width, camera.focal_px, plan.shares()),
+                Pass::FitPlanes => {
+                    let (shares, levels) = (plan.shares(), plan.plane_levels());
+                    fitted.fill(target, width, camera.focal_px, shares, levels);
+                }
                 Pass::Gather => {
                     let fitted = (planes == Planes::Fitted).then_some(&*fitted);
                     let base = &mut pyramid.levels[0];
@@ -196,7 +200,8 @@ impl Renderer {
                 }
                 Pass::Exposure => exposure.run(&lookup, target, &mut pyramid.levels[0]),
                 Pass::Place => {
-                    let counts = ewa.place(frame, camera, &list, &lookup, plan);
+                    let fitted = plan.fits_planes().then_some(&*fitted);
+                    let counts = ewa.place(frame, camera, &list, &lookup, plan, fitted);
                     (stats.splats_drawn, stats.splats_dropped) = (counts.drawn, counts.dropped);
                 }
                 Pass::Blend => {

@@ -2,6 +2,8 @@
 //! and valid pictures of extreme splats.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+#[path = "ewa/bare.rs"]
+mod bare;
 #[path = "ewa/clip.rs"]
 mod clip;
 #[path = "ewa/device.rs"]

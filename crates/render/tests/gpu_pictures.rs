@@ -212,6 +212,7 @@ fn parallel_pictures_equal_those_of_the_cpu() {
         ("surface without normals", scene.frame(&flat, &without)),
         ("crowd", crowd.frame(&flat, &crowd_draws)),
         ("splats", Frame { method: Method::Ewa, ..surface }),
+        ("splats without normals", Frame { method: Method::Ewa, ..scene.frame(&flat, &without) }),
         ("points", Frame { method: Method::Points, ..surface }),
         ("dots under an eye dome", Frame { method: Method::Points, dots, ..surface }),
     ]);

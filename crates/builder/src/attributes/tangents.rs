@@ -8,13 +8,23 @@
 
 use crate::attributes::knn::{Query, sorted_codes};
 use crate::attributes::knn_index::KnnIndex;
-use crate::attributes::normals::{Bounds, NEIGHBOURS, NEIGHBOURS_MAX, joined};
+use crate::attributes::normals::{Bounds, NEIGHBOURS, NEIGHBOURS_MAX, flattest, joined};
 use esker_points::quant::oct_decode;
 use esker_points::tangents::{ASPECT_MAX, Shape};
 
 /// Distance from the tangent plane over the distance along it, above which a neighbour belongs to
 /// another surface.
 const OFF: f64 = 1.0;
+/// Greatest share of the variance of neighbours across the plane that fits them best: points that
+/// scatter more are no surface, and the few of them near the plane would make spikes.
+const ROUGH: f64 = 0.1;
+/// Range of distances, over the length of the cell along its long axis, within which there is a
+/// neighbour that lies within 45 degrees of that axis: the next line. Otherwise it is noise of the
+/// points on one scan line that closes the cell across it, and the long axis has any direction.
+const REACHED: [f64; 2] = [0.75, 1.5];
+/// Greatest length of a cell over its width: ellipses of lines that are farther apart do not reach
+/// the next line, and would look like teeth of a saw.
+const LONGEST: f64 = 10.0;
 /// Half the side of the square that bounds a cell, in mean distances of points.
 const BOUND: f64 = 3.0;
 /// Largest number of corners of a cell: each neighbour cuts one off on each side.
@@ -54,13 +64,17 @@ pub fn shapes(
     place_of.into_iter().map(|place| found[place as usize]).collect()
 }
 
-/// Shape of a point with neighbours at the offsets `steps`; `None` if they leave its cell open.
+/// Shape of a point with neighbours at the offsets `steps`; `None` if they leave its cell open, are
+/// no surface, or no next line bounds the cell.
 fn shape(steps: &[Vec3], scale: Vec3, normal: Vec3) -> Option<Shape> {
+    let variances = flattest(steps, scale).map(|(_, variances)| variances);
+    if variances.is_some_and(|of| of[2] > ROUGH * of.iter().sum::<f64>()) {
+        return None;
+    }
     let [u, v] = across(normal);
-    let mut beside: Vec<(f64, Vec2)> = steps
-        .iter()
-        .filter_map(|s| {
-            let offset = [0, 1, 2].map(|i| s[i] * scale[i]);
+    let offsets = steps.iter().map(|s| [0, 1, 2].map(|i| s[i] * scale[i]));
+    let mut beside: Vec<(f64, Vec2)> = offsets
+        .filter_map(|offset| {
             let at = [dot(u, offset), dot(v, offset)];
             let square = at[0] * at[0] + at[1] * at[1];
             let off = dot(normal, offset);
@@ -88,6 +102,14 @@ fn shape(steps: &[Vec3], scale: Vec3, normal: Vec3) -> Option<Shape> {
     let along = [0, 1, 2].map(|i| (u[i] * direction[0] + v[i] * direction[1]) / length);
     // A rectangle with these sides has these moments.
     let sides = [most, least].map(|m| (12.0 * m).sqrt());
+    let is_there = beside.iter().any(|(square, at)| {
+        let reach = (direction[0] * at[0] + direction[1] * at[1]).abs() / length;
+        let is_across = reach * reach >= 0.5 * square;
+        is_across && (REACHED[0]..=REACHED[1]).contains(&(reach / sides[0]))
+    });
+    if !is_there || sides[0] > LONGEST * sides[1] {
+        return None;
+    }
     let aspect = (sides[0] / sides[1]).sqrt().min(f64::from(ASPECT_MAX));
     Some(Shape { along: along.map(|c| c as f32), apart: sides[0] as f32, aspect: aspect as f32 })
 }
@@ -299,6 +321,42 @@ mod tests {
             assert!((of_cells / apart - 1.0).abs() < 0.2, "{apart}: {of_cells}");
             assert!(off < 12.0, "{apart}: {off}");
         }
+    }
+
+    #[test]
+    fn noise_of_points_on_one_line_makes_no_shape() {
+        let mut random = Random(3);
+        let [u, v] = across(NORMAL);
+        for apart in [2.0, 4.0, 14.0, 1e3] {
+            let mut elongated = 0;
+            for _ in 0..100 {
+                let mut points = lines(apart, 0.0, &mut random);
+                points.iter_mut().for_each(|p| p[1] += (random.unit() - 0.5) * 0.8);
+                points.retain(|p| p[0] != 0.0 && p[0].abs() < 30.0);
+                let mut steps = nearest(points, [u, v]);
+                // Of lines that are far apart only one is found.
+                steps.retain(|s| dot(*s, v).abs() < 0.5 * apart || apart < 10.0);
+                let found = shape(&steps, [1.0; 3], NORMAL).unwrap_or(ROUND);
+                elongated += usize::from(found.aspect > 1.3);
+            }
+            assert!((elongated > 60) == (apart < 10.0), "{apart}: {elongated}");
+            assert!(elongated < 5 || apart < 10.0, "{apart}: {elongated}");
+        }
+    }
+
+    #[test]
+    fn points_of_a_volume_make_no_shape() {
+        let mut random = Random(4);
+        let mut elongated = 0;
+        for _ in 0..200 {
+            let mut steps: Vec<Vec3> =
+                (0..300).map(|_| [0; 3].map(|_: i32| random.unit() * 2.0 - 1.0)).collect();
+            steps.sort_by(|a, b| dot(*a, *a).total_cmp(&dot(*b, *b)));
+            steps.truncate(NEIGHBOURS);
+            elongated +=
+                usize::from(shape(&steps, [1.0; 3], NORMAL).is_some_and(|s| s.aspect > 1.3));
+        }
+        assert!(elongated < 6, "{elongated} of 200");
     }
 
     #[test]

@@ -192,8 +192,13 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
     let fits_planes = plan.passes.contains(&Pass::FitPlanes);
     add(!has_normals && !fits_planes, "normal plane, normal target: the file has no normals");
     add(
-        fits_planes,
+        fits_planes && !is_splats,
         "normal plane: the file has no normals; the target has planes fitted to depths",
+    );
+    add(
+        fits_planes && is_splats,
+        "normal plane, normal target: the file has no normals; splats are tilted as planes fitted to \
+         depths",
     );
     add(has_normals && !plan.reads_normals, "normal plane: points alone are not lit");
     add(has_normals && !plan.carries_normals && has_surface, "normal target: nothing is lit");

@@ -3,6 +3,7 @@
 //! moved back; attributes are summed with their weights over the splats that are not behind it;
 //! normalisation divides by the sum of weights. The means go to planes that are shaded afterwards.
 
+use crate::ewa::clip::{EDGE_GROWTH, EDGE_PX};
 use crate::ewa::cover::{Pixels, Window, for_each, for_each_small};
 use crate::ewa::gauss::Falloff;
 use crate::ewa::normals::{CODE_MAX, unpacked};
@@ -55,6 +56,13 @@ struct Picture<'a> {
     depth: &'a mut [f32],
     /// Length of a row of `depth`.
     width: usize,
+}
+
+/// Inverse depth of a splat with clip lines, moved back by the thickness of its surface at a sharp
+/// edge ([`EDGE_PX`]).
+#[inline(always)]
+fn thin<S: Simd>(p: &Pixels<S>, per_focal: f32) -> f32x8<S> {
+    p.inverse_depth / ((p.from_edge * EDGE_GROWTH + EDGE_PX) * per_focal + 1.0)
 }
 
 impl Blend<'_> {
@@ -148,6 +156,7 @@ impl Blend<'_> {
     /// Pass 1: finds the front.
     #[inline(always)]
     fn visibility<S: Simd>(&self, simd: S, tile: usize, window: &Window, sums: &mut Sums) {
+        let per_focal = 1.0 / self.camera.focal_px;
         let pairs = sums.pairs();
         self.for_each(
             tile,
@@ -165,6 +174,7 @@ impl Blend<'_> {
                     );
                 }
                 let is_by_rays = splat.is_by_rays();
+                let has_lines = run.lines(entry).is_some();
                 self.for_each_large::<_, true>(
                     simd,
                     (run, splat, entry),
@@ -177,7 +187,8 @@ impl Blend<'_> {
                         } else {
                             p.inverse_depth - splat.back
                         };
-                        advance(rows, p.x, p.inside, moved);
+                        let at_edge = if has_lines { thin(&p, per_focal) } else { moved };
+                        advance(rows, p.x, p.inside, Values::max(moved, at_edge));
                     },
                 );
             },

@@ -12,8 +12,8 @@ use esker_points::clip::{CLIP_BYTES, Clip, ClipLine, Grain};
 use glam::{Vec2, Vec3};
 
 /// Clip lines of a splat. The product of a line and the homogeneous pixel (x, y, 1), relative to
-/// the centre of the picture, is not negative where the splat is kept. The layout is that of the
-/// GPU.
+/// the centre of the picture, is the distance from the line in pixels, not negative where the splat
+/// is kept. The layout is that of the GPU.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Lines {
@@ -48,6 +48,13 @@ pub const WIDER: f32 = 1.3;
 pub(crate) const STROKE: f32 = 0.5;
 /// Pixels by which a stroke may reach beyond its kept part, for the low-pass.
 pub(crate) const PAST: f32 = 1.0;
+/// Thickness of a surface along the line of sight at a sharp edge, in pixels at its depth, and its
+/// growth per pixel away from the edge. If a face hides another one that it meets at a right angle,
+/// that one is at least 2 pixels farther off for each pixel from the edge, and shows as far as the
+/// face is thicker.
+pub(crate) const EDGE_PX: f32 = 1.0;
+/// See [`EDGE_PX`].
+pub(crate) const EDGE_GROWTH: f32 = 1.0;
 
 /// Which pixels of a rectangle lie on the kept side of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,12 +140,10 @@ impl Clipping<'_> {
         };
         let Some(end) = end() else { return lines };
         let focal = self.camera.focal_px;
-        let [x, y, z] = [end.x / focal, end.y / focal, end.z];
-        let second = [x, y, z + x.hypot(y) * PAST];
-        if !second.iter().all(|p| p.is_finite()) || second == [0.0; 3] {
-            return lines;
+        match in_pixels([end.x / focal, end.y / focal, end.z]) {
+            Some([x, y, z]) => Lines { second: [x, y, z + PAST], kept: BOTH, ..lines },
+            None => lines,
         }
-        Lines { second, kept: BOTH, ..lines }
     }
 
     /// A point of a line and its direction: right, down and away from the eye.
@@ -166,10 +171,17 @@ impl Clipping<'_> {
         };
         let sign = if is_other { -1.0 } else { 1.0 };
         let inverse = 1.0 / self.camera.focal_px;
-        let own = [plane.x * inverse, plane.y * inverse, plane.z].map(|p| p * sign);
-        let is_usable = own.iter().all(|p| p.is_finite()) && own != [0.0; 3];
-        is_usable.then_some(own)
+        in_pixels([plane.x * inverse, plane.y * inverse, plane.z].map(|p| p * sign))
     }
+}
+
+/// Scales a line so that it gives distances in pixels; `None` if it is not finite or no line on the
+/// picture.
+#[inline]
+fn in_pixels(line: [f32; 3]) -> Option<[f32; 3]> {
+    let inverse = 1.0 / (line[0] * line[0] + line[1] * line[1]).sqrt();
+    let line = line.map(|p| p * inverse);
+    line.iter().all(|p| p.is_finite()).then_some(line)
 }
 
 /// End of the kept part of a splat that is seen as a stroke: the plane through that end, the eye
@@ -200,11 +212,12 @@ fn end([centre, normal, a, b]: [Vec3; 4], out: Vec3, reach: f32) -> Option<Vec3>
 }
 
 impl Lines {
-    /// Removes lines that do not cut the pixels within `bounds`. `None` if no pixel is kept,
-    /// `Some(None)` if all are.
+    /// Removes lines that are more than `margin_px` away from all pixels within `bounds` that they
+    /// keep. `None` if no pixel is kept, `Some(None)` if no line is left.
     #[inline]
-    pub fn within(self, bounds: Box4, centre_px: [f32; 2]) -> Option<Option<Self>> {
-        let [first, second] = [self.first, self.second].map(|line| side(line, bounds, centre_px));
+    pub fn within(self, bounds: Box4, centre_px: [f32; 2], margin_px: f32) -> Option<Option<Self>> {
+        let side = |line| side(line, bounds, centre_px, margin_px);
+        let [first, second] = [self.first, self.second].map(side);
         let only = |line| Some(Some(Self { first: line, kept: ONE, ..self }));
         match (self.kept, first, second) {
             (ONE, Side::All, _) => Some(None),
@@ -221,16 +234,16 @@ impl Lines {
         }
     }
 
-    /// Mask of the pixels that are kept; `x` and `y` are their centres relative to the centre of
-    /// the picture.
+    /// Distances of pixels from the edge of what is kept, in pixels, not negative where the splat
+    /// is kept; `x` and `y` are their centres relative to the centre of the picture.
     #[inline(always)]
-    pub fn keep<V: Values>(&self, x: V, y: V) -> V::Mask {
-        let is_kept = |[lx, ly, l]: [f32; 3]| x.like(0.0).cmple(x * lx + (y * ly + l));
-        let (a, b) = (is_kept(self.first), is_kept(self.second));
+    pub fn distance<V: Values>(&self, x: V, y: V) -> V {
+        let from = |[lx, ly, l]: [f32; 3]| x * lx + (y * ly + l);
+        let (a, b) = (from(self.first), from(self.second));
         if self.kept == BOTH {
-            a & b
+            a.min(b)
         } else if self.kept == EITHER {
-            a | b
+            a.max(b)
         } else {
             a
         }
@@ -238,9 +251,14 @@ impl Lines {
 }
 
 /// The side of a line on which the pixels of a box lie. [`Side::Some`] if rounding could decide
-/// otherwise for a pixel.
+/// otherwise for a pixel, or a kept pixel is within `margin_px` of the line.
 #[inline]
-fn side([lx, ly, l]: [f32; 3], [left, right, top, bottom]: Box4, [cx, cy]: [f32; 2]) -> Side {
+fn side(
+    [lx, ly, l]: [f32; 3],
+    [left, right, top, bottom]: Box4,
+    [cx, cy]: [f32; 2],
+    margin_px: f32,
+) -> Side {
     /// Relative rounding error of the sum of three products.
     const ROUNDING: f32 = 1e-6;
     let [x0, x1] = [left as f32 + 0.5 - cx, right as f32 - 0.5 - cx];
@@ -248,7 +266,7 @@ fn side([lx, ly, l]: [f32; 3], [left, right, top, bottom]: Box4, [cx, cy]: [f32;
     let least = (lx * x0).min(lx * x1) + (ly * y0).min(ly * y1) + l;
     let greatest = (lx * x0).max(lx * x1) + (ly * y0).max(ly * y1) + l;
     let size = lx.abs() * x0.abs().max(x1.abs()) + ly.abs() * y0.abs().max(y1.abs()) + l.abs();
-    if least > size * ROUNDING {
+    if least > size * ROUNDING + margin_px {
         Side::All
     } else if greatest < -size * ROUNDING {
         Side::None

@@ -60,6 +60,8 @@ pub struct Pixels<S: Simd> {
     pub squared: f32x8<S>,
     /// Inverse depth of its plane, positive and finite.
     pub inverse_depth: f32x8<S>,
+    /// Distance from its clip lines, pixels; infinite without lines.
+    pub from_edge: f32x8<S>,
 }
 
 impl<S: Simd> Pixels<S> {
@@ -72,7 +74,8 @@ impl<S: Simd> Pixels<S> {
             // These numbers depend on the pixel only, so both splats of a pair decide alike.
             let x = load(simd, &COLUMNS) + (x as f32 + 0.5 - cx);
             let y = load(simd, &ROWS) + (y as f32 + 0.5 - cy);
-            self.inside &= lines.keep(x, y);
+            self.from_edge = lines.distance(x, y);
+            self.inside &= simd.splat_f32x8(0.0).cmple(self.from_edge);
         }
         self
     }
@@ -173,7 +176,8 @@ pub fn for_each_small<S: Simd, const NEAREST: bool>(
         let [squared, plane] = ellipse.rows();
         let inverse_depth = ellipse.within(plane);
         let inside = squared.cmplt(squared.like(1.0));
-        work(rows, Pixels { pair, x, inside, squared, inverse_depth });
+        let from_edge = squared.like(f32::INFINITY);
+        work(rows, Pixels { pair, x, inside, squared, inverse_depth, from_edge });
         ellipse.step();
     }
 }
@@ -257,7 +261,8 @@ fn for_each_of_ellipse<S: Simd, const NEAREST: bool>(
                 squared = Values::max(one - lacking, one.like(0.0));
             }
             let inverse_depth = ellipse.within(plane);
-            work(rows, Pixels { pair, x, inside, squared, inverse_depth });
+            let from_edge = one.like(f32::INFINITY);
+            work(rows, Pixels { pair, x, inside, squared, inverse_depth, from_edge });
         }
     }
 }
@@ -295,7 +300,8 @@ fn for_each_by_rays<S: Simd>(
             let squared = <f32x8<S> as Values>::select(inside, squared, one);
             let inverse_depth = <f32x8<S> as Values>::select(inside, inverse_depth, greatest);
             let x = usize::from(x);
-            work(rows, Pixels { pair, x, inside, squared, inverse_depth });
+            let from_edge = one.like(f32::INFINITY);
+            work(rows, Pixels { pair, x, inside, squared, inverse_depth, from_edge });
         }
     }
 }

@@ -36,7 +36,8 @@ struct TileRects {
 }
 
 impl<S: Simd> Ellipses<S> {
-    /// Projects eight discs, in a picture with `columns` tiles in a row.
+    /// Projects eight discs, in a picture with `columns` tiles in a row. Their depths follow planes
+    /// on which depth grows by `growth` ([`crate::ewa::splat::Ellipse::along_plane`]).
     #[inline(always)]
     pub fn new(
         lens: &Lens,
@@ -44,6 +45,7 @@ impl<S: Simd> Ellipses<S> {
         centre: [f32x8<S>; 3],
         tangents: [[f32x8<S>; 3]; 2],
         radius: f32x8<S>,
+        growth: [f32x8<S>; 2],
     ) -> Self {
         let [a, b] = tangents;
         let depth = centre[2];
@@ -52,7 +54,7 @@ impl<S: Simd> Ellipses<S> {
         let farthest = depth + extent;
         let is_before = near.cmple(farthest) & farthest.cmplt(near.like(f32::INFINITY));
         let is_ellipse = near.cmple(depth - extent) & extent.cmple(depth * REACH_MAX);
-        let e = ellipse(lens, centre, tangents, radius);
+        let e = ellipse(lens, centre, tangents, radius).along_plane(centre, growth, lens);
         let [x, y] = [0, 1].map(|i| {
             let (origin, half) = (e.origin[i], e.half[i]);
             edges(origin - half, origin + half, lens.size[i])
@@ -217,7 +219,7 @@ mod tests {
             let of = |of: &dyn Fn(&Disc) -> f32| load(simd, &std::array::from_fn(|k| of(&discs[k])));
             let parts = |part: &dyn Fn(&Disc) -> Vec3| [0, 1, 2].map(|i| of(&|d| part(d)[i]));
             let tangents = [parts(&|d| d.tangents[0]), parts(&|d| d.tangents[1])];
-            let eight = Ellipses::new(&lens, 10, parts(&|d| d.centre), tangents, of(&|d| d.radius));
+            let eight = Ellipses::new(&lens, 10, parts(&|d| d.centre), tangents, of(&|d| d.radius), [load(simd, &[0.0; EIGHT]); 2]);
             let mut splats = [Splat::default(); EIGHT];
             eight.write(eight.drawn(), &mut splats);
             let bounds: [Box4; EIGHT] = std::array::from_fn(|k| eight.bounds(k));

@@ -28,6 +28,7 @@ pub use blend::Passes;
 use crate::frame::Frame;
 use crate::inputs::camera::Camera;
 use crate::inputs::lookup::{DrawList, Lookup};
+use crate::passes::fit_planes::FittedPlanes;
 use crate::plan::FramePlan;
 use blend::Blend;
 use clip::Clipping;
@@ -81,7 +82,8 @@ pub struct Counts {
 }
 
 impl Ewa {
-    /// Makes splats of the points of a frame and sorts them into tiles.
+    /// Makes splats of the points of a frame and sorts them into tiles. Points without normals are
+    /// tilted as the planes in `fitted`.
     pub fn place(
         &mut self,
         frame: &Frame<'_>,
@@ -89,6 +91,7 @@ impl Ewa {
         list: &DrawList,
         lookup: &Lookup<'_>,
         plan: &FramePlan,
+        fitted: Option<&FittedPlanes>,
     ) -> Counts {
         let [width, height] = camera.size.map(|s| s as usize);
         let options = self.options.within_bounds();
@@ -112,6 +115,7 @@ impl Ewa {
             lens,
             radius_factor,
             has_normals,
+            fitted,
             shapes,
             clipping,
         };

@@ -4,17 +4,21 @@
 //! points, and for each tile the list of those that touch it. A tile goes through the runs in their
 //! order, so that its sums have the same bits for any number of threads.
 
-use crate::ewa::clip::{Clipping, Lines, WIDER};
+use crate::ewa::clip::{Clipping, EDGE_GROWTH, Lines, WIDER};
 use crate::ewa::ellipses::Ellipses;
 use crate::ewa::normals::{normals_or_to_eye, packed_towards_eye, unit};
 use crate::ewa::shape::{ShapeTable, Shapes, WIDEST, shape_code};
-use crate::ewa::splat::{Box4, Disc, Lens, Placement, SplatAttributes, across};
+use crate::ewa::splat::{
+    BACK, Box4, Disc, Lens, Placement, SplatAttributes, across, widened_normal,
+};
 use crate::ewa::tiles::{RUN_POINTS, SplatRun, Tiles};
 use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::inputs::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
 use crate::inputs::colour::{ColourBy, linear};
 use crate::inputs::lookup::{DrawList, Lookup, NO_NORMAL, is_hidden, normal_code};
+use crate::passes::fit_planes::FittedPlanes;
 use crate::passes::gather::DOT_RADIUS_PX;
+use crate::passes::tangent::SLOPE_MAX;
 use crate::simd::values::{EIGHT, Values, bits, directions, dot, load};
 use esker_points::quant::{HOT_POSITION_BYTES, RADIUS_AT};
 use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8};
@@ -46,6 +50,8 @@ pub struct Placer<'a> {
     pub radius_factor: f32,
     /// Whether the cloud has normals.
     pub has_normals: bool,
+    /// Planes fitted to the picture, for clouds without normals.
+    pub fitted: Option<&'a FittedPlanes>,
     /// Values of the codes of shapes.
     pub shapes: &'a ShapeTable,
     /// Computes clip lines, if splats are clipped.
@@ -220,6 +226,11 @@ impl Placer<'_> {
             let most = centre[2] * (DOT_RADIUS_PX / self.lens.focal_px);
             radius = f32x8::select(is_dot, Values::min(radius, most), radius);
         }
+        let mut growth = [zero; 2];
+        if let Some(fitted) = self.fitted.filter(|_| !NORMALS) {
+            growth = self.growth(simd, fitted, centre, radius, shows);
+            normal = widened_normal(self.lens.focal_px, centre, growth);
+        }
         let facing = normals_or_to_eye(simd, normal, centre);
         let mut lines: [Option<Lines>; EIGHT] = [None; EIGHT];
         let mut factor = simd.splat_f32x8(self.radius_factor);
@@ -232,7 +243,7 @@ impl Placer<'_> {
         if CLIPS {
             self.end_lines(points, &mut lines, [centre, normal, tangents[0], tangents[1]]);
         }
-        let ellipses = Ellipses::new(&self.lens, run.columns(), centre, tangents, radius);
+        let ellipses = Ellipses::new(&self.lens, run.columns(), centre, tangents, radius, growth);
         shows &= ellipses.shows;
         let discs = EightDiscs { centre, tangents, radius, normals, lines };
         let drawn = shows & ellipses.drawn();
@@ -251,6 +262,32 @@ impl Placer<'_> {
             eight(simd, y, points.first) * step.y,
             eight(simd, z, points.first) * step.z,
         ]
+    }
+
+    /// Relative growth of depth per pixel to the right and downwards on the planes fitted around
+    /// the points in `shows`, no steeper than [`SLOPE_MAX`]; zeros where there is no plane.
+    #[inline(always)]
+    fn growth<S: Simd>(
+        &self,
+        simd: S,
+        fitted: &FittedPlanes,
+        centre: [f32x8<S>; 3],
+        radius: f32x8<S>,
+        shows: u32,
+    ) -> [f32x8<S>; 2] {
+        let Lens { focal_px, centre_px, .. } = self.lens;
+        let scale = centre[2].like(focal_px) / centre[2];
+        let [x, y] = [centre[0] * scale + centre_px.x, centre[1] * scale + centre_px.y];
+        let radius_px = radius * scale;
+        let (mut right, mut down) = ([0.0; EIGHT], [0.0; EIGHT]);
+        for k in (0..EIGHT).filter(|&k| shows >> k & 1 == 1) {
+            let place = [x[k], y[k]];
+            [right[k], down[k]] = fitted.of_splat(place, centre[2][k], radius[k], radius_px[k]);
+        }
+        let [right, down] = [load(simd, &right), load(simd, &down)];
+        let steepness = (Values::abs(right) + Values::abs(down)) * (focal_px / SLOPE_MAX);
+        let followed = right.like(1.0) / Values::max(steepness, right.like(1.0));
+        [right * followed, down * followed]
     }
 
     /// Computes the clip lines of the points in `shows`, and multiplies `radius` and `factor` of
@@ -335,7 +372,7 @@ impl Placer<'_> {
         let mut kept: [Option<Lines>; EIGHT] = [None; EIGHT];
         if CLIPS {
             for (k, kept) in kept.iter_mut().enumerate().filter(|(k, _)| lines[*k].is_some()) {
-                match self.lines_within::<CLIPS>(lines[k].as_ref(), ellipses.bounds(k)) {
+                match self.lines_within::<_, CLIPS>(discs, k, ellipses.bounds(k)) {
                     Some(own) => *kept = own,
                     None => drawn &= !(1 << k),
                 }
@@ -377,8 +414,7 @@ impl Placer<'_> {
             let disc = Disc { centre, tangents, radius: discs.radius[k] };
             match disc.by_rays(&self.lens) {
                 Placement::Drawn(splat, bounds) => {
-                    let lines = discs.lines[k].as_ref();
-                    if let Some(kept) = self.lines_within::<CLIPS>(lines, bounds) {
+                    if let Some(kept) = self.lines_within::<_, CLIPS>(discs, k, bounds) {
                         run.room()[0] = splat;
                         run.push(self.attributes::<_, NORMALS>(points, discs, k), bounds, kept);
                     }
@@ -389,18 +425,19 @@ impl Placer<'_> {
         }
     }
 
-    /// The lines that cut a splat with these bounds ([`Lines::within`]); `None` if they leave
-    /// nothing of it.
+    /// The lines of splat `k` that cut it or make it thin within these bounds ([`Lines::within`]);
+    /// `None` if they leave nothing of it.
     #[inline(always)]
-    fn lines_within<const CLIPS: bool>(
+    fn lines_within<S: Simd, const CLIPS: bool>(
         &self,
-        lines: Option<&Lines>,
+        discs: &EightDiscs<S>,
+        k: usize,
         bounds: Box4,
     ) -> Option<Option<Lines>> {
-        match lines {
-            Some(lines) if CLIPS => lines.within(bounds, self.camera.centre_px),
-            _ => Some(None),
-        }
+        let Some(lines) = discs.lines[k].filter(|_| CLIPS) else { return Some(None) };
+        let thickness_px = self.lens.focal_px * discs.radius[k] / discs.centre[2][k];
+        let margin_px = (thickness_px * BACK / EDGE_GROWTH).max(0.0);
+        lines.within(bounds, self.camera.centre_px, margin_px)
     }
 
     /// Colour and normal of a splat, or its radius in clouds without normals.

@@ -6,7 +6,7 @@
 //! the eye may pass as an ellipse.
 
 use crate::ewa::mapping::{Conic, Mapping, amplitude, inverse, mapping};
-use crate::simd::values::{Values, WHOLE};
+use crate::simd::values::{Values, WHOLE, dot};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
@@ -20,6 +20,10 @@ pub(crate) const EXACT_REACH: f32 = 0.02;
 /// Distance over radius by which the visibility pass moves a splat back: splats that lie less than
 /// that behind the front are blended with it.
 pub(crate) const BACK: f32 = 1.0;
+
+/// Width of a splat on a fitted plane across the slope, over that of a disc on the plane: discs
+/// that are turned wholly would open gaps of uneven points that discs facing the eye close.
+pub(crate) const ACROSS_SLOPE: f32 = 1.5;
 
 /// Projection of splats.
 #[derive(Clone, Copy, Debug)]
@@ -252,6 +256,69 @@ pub fn ellipse<T: Values>(
         back: nearness * back / (centre[2] + back),
         half,
         condition: m.condition(),
+    }
+}
+
+/// Normal of a disc on a fitted plane, on which depth grows by `growth` per pixel to the right and
+/// down: that of the plane, turned to the eye so far that the disc is [`ACROSS_SLOPE`] times as
+/// wide across the slope. Right, down and depth; zero where there is no plane.
+#[inline(always)]
+pub fn widened_normal<T: Values>(focal_px: f32, centre: [T; 3], growth: [T; 2]) -> [T; 3] {
+    let [right, down] = growth;
+    let (zero, one) = (right.like(0.0), right.like(1.0));
+    let scale = one / centre[2];
+    let (x, y) = (centre[0] * scale, centre[1] * scale);
+    // Per unit of the picture at unit depth.
+    let (right, down) = (right * focal_px, down * focal_px);
+    let away = -(right * x + down * y + 1.0);
+    let plane = [right, down, away];
+    let to_eye = (x * x + y * y + 1.0).sqrt();
+    let to_eye = [-(x / to_eye), -(y / to_eye), -(one / to_eye)];
+    let length = dot(plane, plane).sqrt();
+    let cosine = dot(plane, to_eye) / length;
+    let wide = (cosine.abs() * ACROSS_SLOPE).min(one);
+    let sine = (one - cosine * cosine).max(zero).sqrt();
+    let share = (one - wide * wide).max(zero).sqrt() / sine;
+    let part = |k: usize| (plane[k] / length - to_eye[k] * cosine) * share + to_eye[k] * wide;
+    let is_plane = zero.cmplt(right.abs() + down.abs()) & zero.cmplt(sine);
+    let or_zero = |own: T| T::select(is_plane, own, zero);
+    [or_zero(part(0)), or_zero(part(1)), or_zero(part(2))]
+}
+
+impl<T: Values> Ellipse<T> {
+    /// Makes depths follow a plane through the centre of the disc instead of that of the disc.
+    /// `growth` is the relative growth of depth per pixel to the right and down; with
+    /// zeros nothing changes.
+    #[inline(always)]
+    pub fn along_plane(self, centre: [T; 3], growth: [T; 2], lens: &Lens) -> Self {
+        let zero = growth[0].like(0.0);
+        let nearness = zero.like(1.0) / centre[2];
+        let scale = nearness * lens.focal_px;
+        let middle = [
+            self.origin[0] - (centre[0] * scale + lens.centre_px.x),
+            self.origin[1] - (centre[1] * scale + lens.centre_px.y),
+        ];
+        let slope = [-(growth[0] * nearness), -(growth[1] * nearness)];
+        let at_origin = nearness + (slope[0] * middle[0] + slope[1] * middle[1]);
+        // Greatest change of the inverse depth within the bounds of the ellipse.
+        let reach = slope[0].abs() * self.half[0] + slope[1].abs() * self.half[1];
+        let least = (nearness - reach).max(nearness * (1.0 - REACH_MAX));
+        let is_plane = zero.cmplt(growth[0].abs() + growth[1].abs());
+        let or = |own: T, old: T| T::select(is_plane, own, old);
+        let [across, shear, along, amplitude, old_least, old_greatest] = self.form;
+        let [z, z_x, z_y] = self.inverse_depth;
+        Self {
+            form: [
+                across,
+                shear,
+                along,
+                or(amplitude.abs(), amplitude),
+                or(least, old_least),
+                or(nearness + reach, old_greatest),
+            ],
+            inverse_depth: [or(at_origin, z), or(slope[0], z_x), or(slope[1], z_y)],
+            ..self
+        }
     }
 }
 

@@ -367,8 +367,10 @@ impl GpuRenderer {
     ) -> Result<(), GpuError> {
         let Self { gpu, uniform, cut, hits, lookup, feedback, pyramid, .. } = self;
         let Some(Output { picture, .. }) = &self.output else { return Ok(()) };
-        if hits.buffer().is_none() {
-            return Ok(());
+        let Some(won) = hits.buffer() else { return Ok(()) };
+        let fit_planes = &self.gather.fit_planes;
+        if plan.fits_planes() {
+            fit_planes.encode(gpu, encoder, uniform, won, &mut feedback.timing);
         }
         let target = EwaTarget {
             uniform,
@@ -377,6 +379,7 @@ impl GpuRenderer {
             cut,
             pool,
             pyramid,
+            planes: fit_planes.planes(),
             picture,
             counts: &feedback.counts,
             camera,

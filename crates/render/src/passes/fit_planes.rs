@@ -10,8 +10,10 @@
 //! leaves do not. The less a plane is trusted, the less it tilts and the longer the depth interval
 //! is.
 //!
-//! No plane is fitted for discs wider than a square: where points are that few, planes would change
-//! with a single point of a hidden surface, or of a node that arrives.
+//! For pull-push no plane is fitted to discs wider than a square: where points are that few, planes
+//! would change with a single point of a hidden surface, or of a node that arrives. Splats have
+//! their own depths, so that a plane only tilts those that lie on it: they also get planes of wider
+//! squares, in which the nearest points of the narrow ones are joined.
 
 use crate::passes::project::{EMPTY, unpack};
 use crate::simd::values::{EIGHT, Values, load, only};
@@ -30,6 +32,24 @@ pub(crate) const OFF_MAX: f32 = 1.0;
 /// Most neighbours within the picture without a point: no plane is fitted to thin or ending
 /// surfaces.
 pub(crate) const MISSING_MAX: f32 = 1.0;
+/// Levels of squares for splats, each of twice the width of the level before.
+pub(crate) const LEVELS: usize = 6;
+/// Least width of a square over the radius of a splat that gets its plane: so few squares of a
+/// surface have no point.
+pub(crate) const SIDE_MIN: f32 = 1.5;
+/// Least width of such a square, pixels: across narrower ones, slopes are those of pixels that
+/// points were rounded to.
+pub(crate) const SIDE_MIN_PX: f32 = 8.0;
+/// Least slope of planes of wider squares than a splat needs. They stand in for planes that cannot
+/// be trusted because points were rounded to pixels, which counts on steep planes only.
+pub(crate) const STEEP: f32 = 4.0;
+/// Levels that are looked at for the plane of a splat, from the narrowest that is wide enough on.
+pub(crate) const LEVELS_MAX: usize = 2;
+/// Greatest distance along the line of sight, over its radius, of a splat from the plane that it
+/// gets: others belong to another surface.
+pub(crate) const OFF_PLANE_MAX: f32 = 3.0;
+/// Least 1 / depth in the middle of a square over that of its nearest point, for splats.
+pub(crate) const NEARER_MIN: f32 = 0.1;
 /// Least area between two neighbours, over that of a square: no plane is fitted to points on a
 /// line.
 pub(crate) const AREA_MIN: f32 = 0.2;
@@ -78,21 +98,33 @@ fn trust(crowding: f32, fitting: f32) -> Trust {
 /// A plane fitted to a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FittedPlane {
-    /// Relative growth of depth per pixel to the right and downwards.
+    /// Relative growth of depth per pixel to the right and downwards: at the nearest point of the
+    /// square, and for wide squares, which only splats use, in their middle.
     pub growth: [f32; 2],
     /// Length of the depth interval across the plane, over the drawn radius.
     pub reach: f32,
+    /// 1 / depth of the plane in the middle of its square; zero without a plane.
+    pub nearness: f32,
 }
 
 impl FittedPlane {
     /// Stands for a surface that no plane was fitted to.
-    pub const NONE: Self = Self { growth: [0.0; 2], reach: BARE_REACH };
+    pub const NONE: Self = Self { growth: [0.0; 2], reach: BARE_REACH, nearness: 0.0 };
 }
 
-/// Planes fitted to a picture. Memory is kept from frame to frame. The arrays of squares have a
-/// border of one square that lies outside the picture.
+/// Planes fitted to a picture, level by level. Memory is kept from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub struct FittedPlanes {
+    focal_px: f32,
+    levels: Vec<Squares>,
+}
+
+/// Planes of squares of one width. The arrays of squares have a border of one square that lies
+/// outside the picture.
+#[derive(Clone, Debug, Default)]
+struct Squares {
+    /// Width of a square, pixels.
+    side: usize,
     width: usize,
     height: usize,
     /// Squares per row of the arrays.
@@ -110,10 +142,63 @@ pub struct FittedPlanes {
 impl FittedPlanes {
     /// Fits a plane to each square of a frame buffer `width` pixels wide. `shares` are
     /// [`crate::FramePlan::crowding`], with which depth intervals stay long, and
-    /// [`crate::FramePlan::fitting`].
-    pub fn fill(&mut self, target: &[AtomicU64], width: usize, focal_px: f32, shares: [f32; 2]) {
+    /// [`crate::FramePlan::fitting`]; `levels` is [`crate::FramePlan::plane_levels`].
+    pub fn fill(
+        &mut self,
+        target: &[AtomicU64],
+        width: usize,
+        focal_px: f32,
+        shares: [f32; 2],
+        levels: usize,
+    ) {
         let height = target.len() / width.max(1);
-        (self.width, self.height) = (width.div_ceil(SQUARE_PX), height.div_ceil(SQUARE_PX));
+        self.focal_px = focal_px;
+        self.levels.resize_with(levels, Squares::default);
+        let trust = trust(shares[0], shares[1]);
+        let Some((finest, coarser)) = self.levels.split_first_mut() else { return };
+        finest.resize(SQUARE_PX, [width, height]);
+        finest.collect_nearest(target, width, height);
+        finest.fit(focal_px, trust);
+        for (level, squares) in (1..).zip(coarser) {
+            squares.resize(SQUARE_PX << level, [width, height]);
+            squares.join_nearest(finest);
+            squares.fit(focal_px, trust);
+        }
+    }
+
+    /// The plane fitted around a pixel that shows a disc of radius `radius_px`.
+    #[inline(always)]
+    pub fn at(&self, x: usize, y: usize, radius_px: f32) -> FittedPlane {
+        match self.levels.first() {
+            Some(finest) if radius_px <= SQUARE_PX as f32 => finest.at(x, y),
+            _ => FittedPlane::NONE,
+        }
+    }
+
+    /// Relative growth of depth per pixel to the right and downwards on the plane of a splat at
+    /// this place of the picture, whose radius is `radius_px` there and `radius` in space; zeros if
+    /// it has none.
+    #[inline]
+    pub fn of_splat(&self, place: [f32; 2], depth: f32, radius: f32, radius_px: f32) -> [f32; 2] {
+        let least = (radius_px * SIDE_MIN).max(SIDE_MIN_PX);
+        let wide = self.levels.iter().filter(|squares| least <= squares.side as f32);
+        let planes = wide.take(LEVELS_MAX).map(|squares| squares.near(place)).enumerate();
+        // Differences of 1 / depth times the depth are differences of depth over it.
+        let is_on = |near: f32| (near * depth - 1.0).abs() * depth <= radius * OFF_PLANE_MAX;
+        let is_steep =
+            |[right, down]: [f32; 2]| STEEP <= (right.abs() + down.abs()) * self.focal_px;
+        let mut on = planes.filter(|&(wider, (growth, near))| {
+            0.0 < near && is_on(near) && (wider == 0 || is_steep(growth))
+        });
+        on.next().map_or([0.0; 2], |(_, (growth, _))| growth)
+    }
+}
+
+impl Squares {
+    /// Makes room for squares of this width.
+    fn resize(&mut self, side: usize, [width, height]: [usize; 2]) {
+        self.side = side;
+        (self.width, self.height) = (width.div_ceil(side), height.div_ceil(side));
         self.stride = self.width.next_multiple_of(EIGHT) + 2;
         let squares = self.stride * (self.height + 2);
         self.near.clear();
@@ -121,16 +206,12 @@ impl FittedPlanes {
         self.x.resize(squares, 0.0);
         self.y.resize(squares, 0.0);
         self.fitted.resize(self.width * self.height, FittedPlane::NONE);
-        self.collect_nearest(target, width, height);
-        self.fit(focal_px, trust(shares[0], shares[1]));
     }
 
-    /// The plane fitted around a pixel that shows a disc of radius `radius_px`.
+    /// The plane fitted around a pixel.
     #[inline(always)]
-    pub fn at(&self, x: usize, y: usize, radius_px: f32) -> FittedPlane {
-        let is_fitted = radius_px <= SQUARE_PX as f32;
-        let square = y / SQUARE_PX * self.width + x / SQUARE_PX;
-        if is_fitted { self.fitted[square] } else { FittedPlane::NONE }
+    fn at(&self, x: usize, y: usize) -> FittedPlane {
+        self.fitted[y / self.side * self.width + x / self.side]
     }
 
     /// Rows of the arrays that hold squares of the picture.
@@ -141,9 +222,28 @@ impl FittedPlanes {
         planes.map(|((near, x), y)| [near, x, y]).with_min_len(4)
     }
 
+    /// Relative growth of depth on the plane around a place of the picture, and 1 / depth on it
+    /// there, which is not positive without a plane.
+    #[inline(always)]
+    fn near(&self, place: [f32; 2]) -> ([f32; 2], f32) {
+        // Squares at the border have few neighbours: the planes beside them are taken, also for
+        // places beyond the border. `as` saturates, and turns NaN into 0.
+        let side = self.side as f32;
+        let square = |at: f32, count: usize| {
+            let last = count.saturating_sub(2);
+            ((at / side) as usize).max(1).min(last)
+        };
+        let (x, y) = (square(place[0], self.width), square(place[1], self.height));
+        let FittedPlane { growth, nearness, .. } = self.fitted[y * self.width + x];
+        let from = |at: f32, square: usize| at - (square as f32 + 0.5) * side;
+        let [dx, dy] = [from(place[0], x), from(place[1], y)];
+        let nearer = 1.0 - (growth[0] * dx + growth[1] * dy);
+        (growth.map(|growth| growth / nearer), nearness * nearer)
+    }
+
     /// Stores the nearest point of each square of a frame buffer.
     fn collect_nearest(&mut self, target: &[AtomicU64], width: usize, height: usize) {
-        let (side, squares) = (SQUARE_PX, self.width);
+        let (side, squares) = (self.side, self.width);
         self.rows().enumerate().for_each(|(row, [nears, xs, ys])| {
             nears[1..=squares].fill(0.0);
             for y in row * side..height.min((row + 1) * side) {
@@ -157,6 +257,24 @@ impl FittedPlanes {
                         nears[square + 1] = near;
                         xs[square + 1] = (square * side + k) as f32;
                         ys[square + 1] = y as f32;
+                    }
+                }
+            }
+        });
+    }
+
+    /// Stores the nearest point of each square from those of the squares of the finest level.
+    fn join_nearest(&mut self, finest: &Self) {
+        let (joined, squares) = (self.side / finest.side, self.width);
+        self.rows().enumerate().for_each(|(row, [nears, xs, ys])| {
+            nears[1..=squares].fill(0.0);
+            for y in row * joined..finest.height.min((row + 1) * joined) {
+                let first = (y + 1) * finest.stride + 1;
+                for x in 0..finest.width {
+                    let (from, to) = (first + x, x / joined + 1);
+                    if finest.near[from] > nears[to] {
+                        nears[to] = finest.near[from];
+                        (xs[to], ys[to]) = (finest.x[from], finest.y[from]);
                     }
                 }
             }
@@ -191,6 +309,7 @@ impl FittedPlanes {
             let near = eight(&self.near, middle);
             let zero = near.like(0.0);
             if !simd.any_true_mask32x8(zero.cmplt(near)) {
+                fitted.fill(FittedPlane::NONE);
                 continue;
             }
             let (x, y) = (eight(&self.x, middle), eight(&self.y, middle));
@@ -212,15 +331,28 @@ impl FittedPlanes {
                     is_missing: beside.cmpeq(zero),
                 };
             }
-            let (growth, reach) = fit_plane(&around, focal_px, trust);
+            let side = self.side as f32;
+            let (growth, reach) = fit_plane(&around, side, focal_px, trust);
+            let middle = [load(simd, &MIDDLES) + (block * EIGHT) as f32, zero + row as f32 + 0.5];
+            let [dx, dy] = [middle[0] * side - x - 0.5, middle[1] * side - y - 0.5];
+            let nearer = near.like(1.0) - (growth[0] * dx + growth[1] * dy);
+            let is_tilted = zero.cmplt(Values::abs(growth[0]) + Values::abs(growth[1]));
+            let nearness = only(is_tilted & near.like(NEARER_MIN).cmplt(nearer), near * nearer);
+            // Depth grows by the same length, which is relative to the depth in the middle.
+            let over = if self.side > SQUARE_PX { near.like(1.0) / nearer } else { near.like(1.0) };
+            let growth = [growth[0] * over, growth[1] * over];
             let [right, down] = growth.map(<[f32; EIGHT]>::from);
-            let reach = <[f32; EIGHT]>::from(reach);
+            let (reach, nearness) = (<[f32; EIGHT]>::from(reach), <[f32; EIGHT]>::from(nearness));
             for (k, plane) in fitted.iter_mut().enumerate() {
-                *plane = FittedPlane { growth: [right[k], down[k]], reach: reach[k] };
+                let (growth, reach, nearness) = ([right[k], down[k]], reach[k], nearness[k]);
+                *plane = FittedPlane { growth, reach, nearness };
             }
         }
     }
 }
+
+/// Middles of eight squares in a row, in squares.
+const MIDDLES: [f32; EIGHT] = [0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5];
 
 /// The nearest point of a neighbouring square.
 #[derive(Clone, Copy)]
@@ -237,8 +369,12 @@ struct Neighbour<V: Values> {
 
 /// Relative growth of depth and reach of the plane that fits the neighbours of a point best.
 #[inline(always)]
-fn fit_plane<V: Values>(around: &[Neighbour<V>; 8], focal_px: f32, trust: Trust) -> ([V; 2], V) {
-    let side_px = SQUARE_PX as f32;
+fn fit_plane<V: Values>(
+    around: &[Neighbour<V>; 8],
+    side_px: f32,
+    focal_px: f32,
+    trust: Trust,
+) -> ([V; 2], V) {
     let zero = around[0].x.like(0.0);
     let most = zero.like(OFF_MAX * side_px / focal_px);
     let distance_sum = |right: V, down: V| {
@@ -304,8 +440,14 @@ mod tests {
     fn fit(target: &[AtomicU64]) -> FittedPlanes {
         let mut fitted = FittedPlanes::default();
         // Fits another picture first: its planes must not remain.
-        fitted.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, [1.0; 2]);
-        fitted.fill(target, WIDTH, FOCAL_PX, [0.0, 1.0]);
+        fitted.fill(
+            &self::target(90, |x, y| (x + y + 1) as f32),
+            WIDTH,
+            FOCAL_PX,
+            [1.0; 2],
+            LEVELS,
+        );
+        fitted.fill(target, WIDTH, FOCAL_PX, [0.0, 1.0], LEVELS);
         fitted
     }
 
@@ -333,6 +475,7 @@ mod tests {
                 let mut count = 0;
                 for (x, y, _) in won(&target, 32) {
                     let plane = fitted.at(x, y, radius_px);
+                    let fitted = &fitted.levels[0];
                     let at = (y / SQUARE_PX + 1) * fitted.stride + x / SQUARE_PX + 1;
                     let own = near(fitted.x[at] as usize, fitted.y[at] as usize);
                     let truth = [right, down].map(|steeper| (-steeper / own) as f32);
@@ -346,6 +489,29 @@ mod tests {
                     count += 1;
                 }
                 assert!(count > 500);
+            }
+        }
+    }
+
+    #[test]
+    fn splats_of_all_sizes_get_the_plane_that_they_lie_on() {
+        let near = |x: f32, y: f32| 0.8 + 5e-4 * (x - 100.0) - 1e-3 * (y - 50.0);
+        // Half of the points lie far behind the plane.
+        let is_hidden = |x: usize, y: usize| (x + y).is_multiple_of(2);
+        let target = target(40, |x, y| {
+            let depth = 1.0 / near(x as f32 + 0.5, y as f32 + 0.5);
+            if is_hidden(x, y) { depth * 3.0 } else { depth }
+        });
+        let fitted = fit(&target);
+        for radius_px in [0.1, 3.0, 5.0, 8.0, 15.0, 40.0] {
+            for (x, y, depth) in won(&target, 0) {
+                let place = [x as f32 + 0.5, y as f32 + 0.5];
+                let radius = radius_px * depth / FOCAL_PX;
+                let growth = fitted.of_splat(place, depth, radius, radius_px);
+                let truth = [-5e-4, 1e-3].map(|steeper| steeper / near(place[0], place[1]));
+                let truth = if is_hidden(x, y) { [0.0; 2] } else { truth };
+                let off = (0..2).map(|i| (growth[i] - truth[i]).abs()).fold(0.0, f32::max);
+                assert!(off < 2e-5, "{radius_px} px: {growth:?} {truth:?} at {x}, {y}");
             }
         }
     }
@@ -387,7 +553,7 @@ mod tests {
         let fitted = fit(&target);
         for (x, y, _) in won(&target, 0) {
             for radius_px in [0.0, 4.0, 20.0, 128.0, 1e30] {
-                let FittedPlane { growth, reach } = fitted.at(x, y, radius_px);
+                let FittedPlane { growth, reach, .. } = fitted.at(x, y, radius_px);
                 assert!(growth.iter().all(|g| g.is_finite()), "{growth:?}");
                 assert!((APART.reach..=BARE_REACH).contains(&reach), "{reach}");
             }

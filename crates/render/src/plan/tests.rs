@@ -179,13 +179,17 @@ fn planes_are_fitted_where_there_are_no_normals_and_depths_are_compared() {
     let [dense, crowded] =
         [FrameOptions { sparsest_px: 0.4, ..OPTIONS }, FrameOptions { crowding: 1.0, ..OPTIONS }];
     assert_eq!(plan(bare, crowded).planes(), Planes::Fitted);
+    // Splats are tilted as planes of squares of all widths; their pixels have none.
+    let splats = plan(bare, FrameOptions { method: Method::Ewa, ..OPTIONS });
+    assert!(splats.planes() == Planes::None && shaders(&splats) == 3);
+    assert_eq!(splats.passes[..3], [Pass::Project, Pass::FitPlanes, Pass::Place]);
+    assert!(splats.plane_levels() > 1 && fitted.plane_levels() == 1);
     // Towards dense views planes fade.
     let fitting = |sparsest_px| plan(bare, FrameOptions { sparsest_px, ..OPTIONS }).fitting();
     let [none, half, all, far] = [0.4, 0.5, 0.6, 9.0].map(fitting);
     assert!([none, all, far] == [0.0, 1.0, 1.0] && (half - 0.5).abs() < 1e-6, "{half}");
-    let [points, ewa] =
-        [Method::Points, Method::Ewa].map(|method| FrameOptions { method, ..OPTIONS });
-    for options in [dense, points, ewa, FrameOptions { fits_planes: false, ..OPTIONS }] {
+    let points = FrameOptions { method: Method::Points, ..OPTIONS };
+    for options in [dense, points, FrameOptions { fits_planes: false, ..OPTIONS }] {
         let plan = plan(bare, options);
         assert!(plan.planes() == Planes::None && shaders(&plan) == 0, "{plan:?}");
     }

@@ -80,6 +80,10 @@ fn every_capacity_and_view_gives_the_picture_of_the_cpu() {
     frames.push((frames[6].0, SMALL));
     let scenes = [&shaped, &shaped_cube].into_iter().zip(&with_shapes);
     frames.extend(scenes.map(|(s, (draws, view))| (splats(s.frame(view, draws)), USUAL)));
+    // Without normals, tilted as the planes that are fitted to depths.
+    let bare = scene.draws(true, true, false);
+    let bare = [0, 2].map(|i| splats(scene.frame(&views[i], &bare)));
+    frames.extend([(bare[0], USUAL), (bare[0], SMALL), (bare[1], USUAL)]);
     frames.extend([6, 0, 6].map(|i| (frames[i].0, LARGE)));
     frames.sort_by_key(|(_, capacity)| capacity.chunks);
     let pictures: Vec<_> = frames.iter().map(|(f, _)| render(f).unwrap()).collect();

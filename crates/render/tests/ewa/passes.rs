@@ -8,10 +8,13 @@ use esker_render::ewa::{Counts, Ewa, Options, Passes};
 use esker_render::inputs::camera::Camera;
 use esker_render::inputs::colour;
 use esker_render::inputs::lookup::{DrawList, Lookup};
+use esker_render::passes::fit_planes::FittedPlanes;
+use esker_render::passes::project::{EMPTY, project};
 use esker_render::picture::pyramid::{Level, Pyramid};
 use esker_render::picture::surface::Surface;
 use esker_render::{Frame, FramePlan, Method, Renderer};
 use glam::{DVec3, Vec3, Vec4};
+use std::sync::atomic::AtomicU64;
 
 /// Draws level 0; also returns its depths (infinite where there is no splat) and counts.
 pub fn draw(frame: &Frame<'_>, options: Options) -> (Level, Vec<f32>, Counts) {
@@ -23,7 +26,14 @@ pub fn draw(frame: &Frame<'_>, options: Options) -> (Level, Vec<f32>, Counts) {
     let plan = FramePlan::new(&frame);
     let mut ewa = Ewa::default();
     ewa.options = options;
-    let counts = ewa.place(&frame, &camera, &list, &lookup, &plan);
+    let fitted = plan.fits_planes().then(|| {
+        let target: Vec<_> = (0..width * height).map(|_| AtomicU64::new(EMPTY)).collect();
+        project(&frame, &camera, &list, &target);
+        let mut fitted = FittedPlanes::default();
+        fitted.fill(&target, width, camera.focal_px, plan.shares(), plan.plane_levels());
+        fitted
+    });
+    let counts = ewa.place(&frame, &camera, &list, &lookup, &plan, fitted.as_ref());
     let mut depth = vec![0.0; width * height];
     ewa.draw(&camera, plan.carries_normals, &mut depth);
     let mut pyramid = Pyramid::default();

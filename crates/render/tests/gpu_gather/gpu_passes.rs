@@ -103,8 +103,9 @@ impl CpuFrame<'_> {
         pyramid.fit(width, height, planes);
         let mut base = pyramid.levels.swap_remove(0);
         let mut fitted = FittedPlanes::default();
-        let shares = FramePlan::new(self.frame).shares();
-        fitted.fill(&self.target, width, self.camera.focal_px, shares);
+        let plan = FramePlan::new(self.frame);
+        let (shares, levels) = (plan.shares(), plan.plane_levels());
+        fitted.fill(&self.target, width, self.camera.focal_px, shares, levels);
         let fitted = (planes == Planes::Fitted).then_some(&fitted);
         (gather(&lookup, &self.target, fitted, &mut base), base)
     }

@@ -65,10 +65,11 @@ same_values!(common_splats == crate::ewa::clip {
     KEPT_EITHER = EITHER,
 });
 same_values!(common_splats == crate::ewa::splat { WIDENED });
+same_values!(ewa_blend == crate::ewa::clip { EDGE_PX, EDGE_GROWTH });
 without_twin!(common_splats { DROPPED, NOTHING });
 without_twin!(ewa_place { NOT_DRAWN });
 without_twin!(ewa_sort { THREADS });
-without_twin!(ewa_blend { THREADS, BLOCKS, BATCH });
+without_twin!(ewa_blend { THREADS, BLOCKS, BATCH, NO_EDGE_PX });
 
 /// Capacity of a batch. More chunks make more batches; if the entries do not fit, tiles look at all
 /// splats of the batch instead.
@@ -180,8 +181,8 @@ pub struct GpuEwa {
     capacity: BatchCapacity,
     list: Kernel,
     /// Variants: whether there are normals, the source of colours, whether a filter hides points,
-    /// whether splats are clipped, and whether they have shapes.
-    place: Variants<5>,
+    /// whether splats are clipped, whether they have shapes, and whether planes are fitted.
+    place: Variants<6>,
     begin: Kernel,
     fill: Kernel,
     /// Variants: pass, whether there are normals, and whether splats are clipped.
@@ -229,6 +230,8 @@ pub struct EwaTarget<'a> {
     pub pool: &'a NodePool,
     /// The pyramid, whose level 0 is filled.
     pub pyramid: &'a GpuPyramid,
+    /// Planes fitted to the frame buffer ([`crate::gpu::passes::fit_planes`]).
+    pub planes: Option<&'a wgpu::Buffer>,
     /// The picture, whose depth is filled.
     pub picture: &'a GpuPicture,
     /// Counts of pixels and splats, four words.
@@ -251,7 +254,7 @@ impl GpuEwa {
             list: Kernel::new(gpu, sources::EWA_LIST, "main", &[])?,
             place: Variants::new(
                 sources::EWA_PLACE,
-                ["NORMALS", "COLOUR", "HIDES_POINTS", "CLIPS", "TANGENTS"],
+                ["NORMALS", "COLOUR", "HIDES_POINTS", "CLIPS", "TANGENTS", "FITTED"],
             ),
             begin: Kernel::new(gpu, sources::EWA_SORT, "begin", &[])?,
             fill: Kernel::new(gpu, sources::EWA_SORT, "fill", &[])?,
@@ -398,7 +401,10 @@ impl GpuEwa {
         let hides = u32::from(target.plan.hides_points);
         let clips = u32::from(target.plan.clips);
         let tangents = u32::from(target.plan.tangents);
-        let kernel = self.place.get(gpu, [normals, colour, hides, clips, tangents])?;
+        let fitted = u32::from(target.plan.fits_planes());
+        let kernel = self.place.get(gpu, [normals, colour, hides, clips, tangents, fitted])?;
+        // Clip lines and shapes need normals, planes are fitted without: they share a binding.
+        let clips = target.planes.unwrap_or(&m.clips);
         let buffers = [
             (0, target.uniform),
             (1, lookup.uniform()),
@@ -410,7 +416,7 @@ impl GpuEwa {
             (7, &m.splats),
             (8, &m.boxes),
             (9, &m.cursors),
-            (10, &m.clips),
+            (10, clips),
         ];
         kernel.dispatch(pass, &kernel.bind(gpu, &buffers), groups_of(points));
 
