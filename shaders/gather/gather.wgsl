@@ -126,9 +126,7 @@ fn gather(pixel: u32, depth_bits: u32) {
         normals[pixel] = vec4<f32>(n, filtered);
     }
 
-    // The height may need more than 32 bits; the high word is the carry.
-    let height = vec2<u32>(u32(p.z < offset.z), p.z);
-    let colour = colour_of(paint, height, depth_bits);
+    let colour = colour_of(paint, coordinate_of(p, offset), depth_bits);
     let interval = bitcast<vec2<u32>>(vec2<f32>(own_depth, own_depth + reach));
     front[pixel] = vec4<u32>(interval, bitcast<vec2<u32>>(displaced));
     tint[pixel] = bitcast<vec4<u32>>(vec4<f32>(colour, radius_px));

@@ -172,9 +172,9 @@ pub struct Render {
     /// points.
     #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]
     pub target_spacing: f64,
-    /// What gives points their colour: rgb, intensity, elevation, classification, return_number,
-    /// number_of_returns, source_id, time, normal, level, depth, plain, or the name of any
-    /// attribute. A range of values may follow, with either end open.
+    /// What gives points their colour: rgb, intensity, elevation (along the camera's up), x, y, z,
+    /// classification, return_number, number_of_returns, source_id, time, normal, level, depth,
+    /// plain, or the name of any attribute. A range of values may follow, with either end open.
     #[arg(long, value_name = "NAME[:MIN..MAX]", aliases = ["colour-by", "color"])]
     pub colour: Option<String>,
     #[command(flatten)]

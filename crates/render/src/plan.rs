@@ -224,7 +224,7 @@ impl FramePlan {
             margin_px: 0,
             colour: options.colour.number(),
             fetches: [
-                has_surface || adapts || matches!(options.colour, ColourBy::Elevation(_)),
+                has_surface || adapts || matches!(options.colour, ColourBy::Coordinate(..)),
                 has.colour_plane && options.colour.reads_plane(),
                 fetches_normals,
             ],

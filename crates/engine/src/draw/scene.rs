@@ -200,7 +200,10 @@ impl PictureScene {
         let start = Instant::now();
         let PictureRequest { colour_by, filter, method, shines, evens_exposure, .. } = request;
         let before = file.read_bytes();
-        let appearance = Appearance::new(file, colour_by.as_deref(), filter, *method, *shines)?;
+        let bounds = bounds_of(file, &request.filter);
+        let camera = request.camera.measured(file.lattice());
+        let (colour, vertical) = (colour_by.as_deref(), camera.vertical(bounds));
+        let appearance = Appearance::new(file, colour, vertical, filter, *method, *shines)?;
         let appearance = appearance.evened(file, *evens_exposure)?.culled(request.culls_back);
         let appearance = appearance.dotted(request.dots).aimed(request.target_spacing_px);
         let appearance = if request.full { appearance } else { appearance.compacted(file) };
@@ -208,14 +211,12 @@ impl PictureScene {
         // Classes are read as they are stored, also where colours are made of them.
         let keeps_values = request.keeps_values || class_plane.is_some();
         let mut appearance = if keeps_values { appearance.with_values() } else { appearance };
-        let bounds = bounds_of(file, &request.filter);
         let fitted = match request.camera.eye {
             Some(_) => bounds,
             None => fitted_bounds(file, bounds, &appearance.shown)?,
         };
-        let camera = request.camera.measured(file.lattice());
         let view = appearance.drawn_view(file, &camera.view(fitted, request.size));
-        appearance.colouring = appearance.colouring.seen(&view, fitted, colour_by.as_deref());
+        appearance.colouring = appearance.colouring.seen(&view, fitted, colour);
         let steps = (0..3).map(|axis| file.metric().steps_axis(axis, view.eye[axis]).abs());
         anyhow::ensure!(
             steps.fold(0.0, f64::max) <= EYE_STEPS_MAX,

@@ -129,7 +129,12 @@ mod tests {
 
     fn decimal(decimals: [u32; 3], high: [f64; 3]) -> InputGrid {
         let grid = decimal_grid(decimals);
-        InputGrid { name: "t".into(), kind: GridKind::Decimal, grid, bounds: Some([[0.0; 3], high]) }
+        InputGrid {
+            name: "t".into(),
+            kind: GridKind::Decimal,
+            grid,
+            bounds: Some([[0.0; 3], high]),
+        }
     }
 
     #[test]
