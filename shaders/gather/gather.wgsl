@@ -140,5 +140,5 @@ fn place_of(draw: u32, offset: vec3<u32>, depth: f32) -> vec2<f32> {
     let from_anchor = steps * frame.step;
     let flat = vec2<f32>(dot(frame.right, from_anchor), -dot(frame.up, from_anchor));
     let at = select(depth, frame.anchor_depth, frame.is_parallel == 1u);
-    return frame.centre_px + flat * (frame.focal_px / at);
+    return placed(flat * (frame.focal_px / at));
 }

@@ -267,7 +267,9 @@ impl FramePlan {
             mixes_dots,
         };
         let plan = Self::of(&has, &options);
-        let margin_px = if plan.has_pyramid { frame.view.margin_px } else { 0 };
+        // A window is drawn as it is; the caller crops it.
+        let is_whole = frame.view.window.is_none();
+        let margin_px = if plan.has_pyramid && is_whole { frame.view.margin_px } else { 0 };
         Self { margin_px, ..plan }
     }
 

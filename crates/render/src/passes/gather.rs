@@ -246,10 +246,8 @@ impl Hits {
             let from_anchor = [four(x) * step[0], four(y) * step[1], four(z) * step[2]];
             let [per_depth, always] = camera.divisor();
             let scale = focal_px / (depth * per_depth + always);
-            let place = [
-                dot(right, from_anchor) * scale + camera.centre_px[0],
-                -dot(up, from_anchor) * scale + camera.centre_px[1],
-            ];
+            let place =
+                camera.placed([dot(right, from_anchor) * scale, -dot(up, from_anchor) * scale]);
             // From the point to the centre of its pixel: at most half a pixel, however the position
             // was rounded.
             out.front[2] = within_half(centre[0] - place[0]);
