@@ -158,7 +158,9 @@ fn surfaces_drawn_in_parts_have_the_pixels_of_the_whole() {
     for normals in [NormalsMode::Fast, NormalsMode::None] {
         let file = built(folder.path(), normals);
         for backend in backends() {
-            for camera in [CAMERA, PLAN] {
+            // Software drivers take minutes for all.
+            let cameras = if backend == Backend::Cpu { &[CAMERA, PLAN][..] } else { &[CAMERA] };
+            for &camera in cameras {
                 for method in [Method::PullPush, Method::Auto] {
                     let request = request(camera, method, Dots::default(), backend);
                     let found = differences(&file, &request);
