@@ -1,24 +1,28 @@
-//! Windows of still pictures: a part of the picture that is drawn without the rest. Nodes are chosen
-//! for the whole picture, so that pictures of its parts fit together. The part is drawn with what
-//! the passes need around it, and then cropped.
+//! Windows of still pictures: a part of the picture that is drawn without the rest. Nodes are
+//! chosen for the whole picture, so that pictures of its parts fit together. The part is drawn with
+//! what the passes need around it, and then cropped.
 
 use crate::draw::method::Method;
-use crate::draw::scene::PictureRequest;
 use anyhow::{Result, ensure};
 use esker_lod::{View, Window};
 use esker_render::Picture;
 use esker_render::picture::margin::{crop_to, window_around};
 
-/// The view that draws the window of a request, and the place of the window in the picture that it
-/// draws. `view` is that of the whole picture.
+/// The view that draws the part `window` of a picture of `size` pixels, and the place of the part
+/// in what it draws. `view` is that of the whole picture.
 ///
 /// # Errors
 /// If the window is not within the picture, or the method draws whole pictures only.
-pub(crate) fn windowed(view: View, request: &PictureRequest) -> Result<(View, Option<Window>)> {
-    let Some(shown) = request.window else { return Ok((view, None)) };
-    check(shown, request.size)?;
+pub(crate) fn windowed(
+    view: View,
+    window: Option<Window>,
+    size: [u32; 2],
+    method: Method,
+) -> Result<(View, Option<Window>)> {
+    let Some(shown) = window else { return Ok((view, None)) };
+    check(shown, size)?;
     ensure!(
-        !matches!(request.method, Method::Ewa | Method::Lit),
+        !matches!(method, Method::Ewa | Method::Lit),
         "--window draws a part of a picture by auto, pull-push or points only: add --method auto"
     );
     let margin = view.margin_px;

@@ -35,10 +35,10 @@ pub(crate) const MINOR_FACTOR: f32 = 1.3;
 pub(crate) const MINOR_MIN_PX: f32 = 1.4;
 /// Thickness of a surface across its plane, over the stored radius, with normals.
 pub(crate) const THICKNESS: f32 = 1.0;
-/// Greatest length of the depth interval with normals: in drawn radii, and in pixels that are added,
-/// since normals are rough from pixel to pixel. Along the ray a disc is no longer, however near to
-/// edge-on it is seen: with longer intervals what lies behind an outline takes part in it, which
-/// makes it ragged (`tests/inner_outlines.rs`).
+/// Greatest length of the depth interval with normals: in drawn radii, and in pixels that are
+/// added, since normals are rough from pixel to pixel. Along the ray a disc is no longer, however
+/// near to edge-on it is seen: with longer intervals what lies behind an outline takes part in it,
+/// which makes it ragged (`tests/inner_outlines.rs`).
 pub(crate) const THICK_MAX: [f32; 2] = [1.5, 8.0];
 /// Drawn radii from which that limit sets in, and holds wholly, pixels. Of wires drawn with smaller
 /// discs, both sides are seen edge-on within a pixel or two, and shorter intervals part them.

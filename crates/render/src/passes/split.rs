@@ -26,8 +26,8 @@ pub(crate) const WIDE_PX: f32 = 8.0;
 /// since surfaces seen aslant have several in that.
 pub(crate) const CELL_PX: usize = 4;
 /// Points that make a surface of a point with a normal. An even sample has about 19 within
-/// [`SUPPORT_REACH`], at an edge half of them. With four, walls of a single station open whose points
-/// are much farther apart one way than the other (`crates/engine/tests/densities.rs`).
+/// [`SUPPORT_REACH`], at an edge half of them. With four, walls of a single station open whose
+/// points are much farther apart one way than the other (`crates/engine/tests/densities.rs`).
 pub(crate) const SUPPORTERS: u32 = 3;
 /// Distance up to which points support a surface, over the distance of neighbours.
 pub(crate) const SUPPORT_REACH: f32 = 2.5;
@@ -38,8 +38,8 @@ pub(crate) const SUPPORT_COS: f32 = 0.8;
 /// Pixels that are parted in one job.
 const JOB: usize = 1 << 12;
 
-/// Moves the points that are dots from `target`, whose rows have `width` pixels, to the frame buffer
-/// `dots`, which gets the same size. Returns their number.
+/// Moves the points that are dots from `target`, whose rows have `width` pixels, to the frame
+/// buffer `dots`, which gets the same size. Returns their number.
 pub(crate) fn split(
     lookup: &Lookup<'_>,
     has_normals: bool,
