@@ -59,10 +59,9 @@ fn add(row: u32, draw: Draw, index: u32) {
         return;
     }
     let offset = offset_at(draw, index);
-    let height = draw.box_min.z + offset.z;
     let paint = paint_of(row, draw, index);
-    let high = vec2<u32>(u32(height < offset.z), height);
-    let colour = whole(colour_of(paint, high, bitcast<u32>(seen.depth)));
+    let coordinate = coordinate_of(draw.box_min + offset, offset);
+    let colour = whole(colour_of(paint, coordinate, bitcast<u32>(seen.depth)));
     atomicAdd(&sums[first + AT_COUNT], 1u);
     for (var k = 0u; k < 3u; k += 1u) {
         atomicAdd(&sums[first + AT_COLOUR + k], colour[k]);

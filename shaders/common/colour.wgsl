@@ -1,4 +1,4 @@
-// Colours of points. Mapped quantities (values of any type, classes, elevations, depths, sizes of
+// Colours of points. Mapped quantities (values of any type, classes, coordinates, depths, sizes of
 // cells) become the bits of a double, and the host prepares runs of doubles of one colour: the
 // colour is the same as on the CPU, bit by bit. Needs common/draws.wgsl, common/lookup.wgsl, and
 // variables `lookup` and `draws`. Twin: `Lookup::colour` in crates/render/src/inputs/lookup.rs.
@@ -11,18 +11,38 @@ override COLOUR: u32 = 0u;
 const BY_PLAIN: u32 = 0u;
 const BY_RGB: u32 = 1u;
 const BY_VALUE: u32 = 2u;
-const BY_ELEVATION: u32 = 3u;
-const BY_EYE_DEPTH: u32 = 4u;
-const BY_CELL: u32 = 5u;
-const BY_NORMAL: u32 = 6u;
+const BY_X: u32 = 3u;
+const BY_Y: u32 = 4u;
+const BY_Z: u32 = 5u;
+const BY_EYE_DEPTH: u32 = 6u;
+const BY_CELL: u32 = 7u;
+const BY_NORMAL: u32 = 8u;
 
-// Linear light of a point, from its fetched words, its height on the lattice in steps (high word
-// first) and the bits of its depth.
-fn colour_of(paint: vec4<u32>, height: vec2<u32>, depth_bits: u32) -> vec3<f32> {
+
+// Whether colours follow a coordinate.
+fn is_by_coordinate() -> bool {
+    return COLOUR == BY_X || COLOUR == BY_Y || COLOUR == BY_Z;
+}
+
+// The coordinate that colours follow, steps, high word first: of the point at `place`, which is at
+// `offset` in its node. It may need more than 32 bits, of which the carry is the high word.
+fn coordinate_of(place: vec3<u32>, offset: vec3<u32>) -> vec2<u32> {
+    if COLOUR == BY_X {
+        return vec2<u32>(u32(place.x < offset.x), place.x);
+    }
+    if COLOUR == BY_Y {
+        return vec2<u32>(u32(place.y < offset.y), place.y);
+    }
+    return vec2<u32>(u32(place.z < offset.z), place.z);
+}
+
+// Linear light of a point, from its fetched words, the coordinate that colours follow
+// (`coordinate_of`) and the bits of its depth.
+fn colour_of(paint: vec4<u32>, coordinate: vec2<u32>, depth_bits: u32) -> vec3<f32> {
     let draw = paint.x & ~HAS_COLOUR;
     let plain = lookup.plain.xyz;
-    if COLOUR == BY_ELEVATION {
-        return mapped(double_of_u64(height));
+    if is_by_coordinate() {
+        return mapped(double_of_u64(coordinate));
     }
     if COLOUR == BY_EYE_DEPTH {
         return mapped(double_of_f32(depth_bits));

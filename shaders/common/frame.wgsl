@@ -20,7 +20,7 @@ struct Frame {
     // Colours of the top and the bottom row, sRGB with straight alpha.
     background_top: vec4<f32>,
     background_bottom: vec4<f32>,
-    // Centre of the picture, pixels.
+    // Centre of the picture, pixels; of the whole picture where a window of it is drawn.
     centre_px: vec2<f32>,
     // 1 if points whose normal faces away from the eye are culled.
     cull_back_faces: u32,
@@ -40,4 +40,21 @@ struct Frame {
     fitting: f32,
     // 1 if the view is parallel: `anchor_depth` is then the depth at which lengths have their size.
     is_parallel: u32,
+    // What is added to a row to get that of the background.
+    backdrop_from: i32,
+    // First column and row of the window in the whole picture, pixels.
+    origin_px: vec2<f32>,
+    // Rows of the background.
+    backdrop_rows: u32,
+}
+
+// Place on the picture from that on the whole picture relative to its centre, pixels. It is rounded
+// on the whole picture, alike in all of its windows.
+fn placed(from_centre: vec2<f32>) -> vec2<f32> {
+    return from_centre + (frame.centre_px + frame.origin_px) - frame.origin_px;
+}
+
+// Row of the background that row `y` of the picture shows. Margins show the outermost rows.
+fn backdrop_row(y: u32) -> u32 {
+    return u32(clamp(i32(y) + frame.backdrop_from, 0, i32(frame.backdrop_rows) - 1));
 }

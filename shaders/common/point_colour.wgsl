@@ -5,12 +5,11 @@
 // The colour of a pixel's point, linear light.
 fn point_colour(pixel: u32, depth_bits: u32) -> vec3<f32> {
     let words = paint[pixel];
-    var height = vec2<u32>(0u);
-    if COLOUR == BY_ELEVATION {
+    var coordinate = vec2<u32>(0u);
+    if is_by_coordinate() {
         let draw = words.x & ~HAS_COLOUR;
         let offset = offset_of(geometry[pixel], draws[draw].shift);
-        let z = draws[draw].box_min.z + offset.z;
-        height = vec2<u32>(u32(z < offset.z), z);
+        coordinate = coordinate_of(draws[draw].box_min + offset, offset);
     }
-    return colour_of(words, height, depth_bits);
+    return colour_of(words, coordinate, depth_bits);
 }

@@ -60,9 +60,8 @@ fn see(draw: Draw, index: u32) -> Seen {
     let place = steps * frame.step;
     let depth = frame.anchor_depth - dot(frame.back, place);
     let scale = frame.focal_px / select(depth, frame.anchor_depth, frame.is_parallel == 1u);
-    let x = frame.centre_px.x + dot(frame.right, place) * scale;
-    let y = frame.centre_px.y - dot(frame.up, place) * scale;
-    return Seen(vec2<f32>(x, y), depth, place - frame.back * frame.anchor_depth);
+    let at = placed(vec2<f32>(dot(frame.right, place) * scale, -dot(frame.up, place) * scale));
+    return Seen(at, depth, place - frame.back * frame.anchor_depth);
 }
 
 // Whether a point is in the picture; NaN is outside.

@@ -506,9 +506,7 @@ fn place(i: u32) -> Placed {
     if CLIPS && is_cut_away(i, placed.bounds) {
         return none;
     }
-    // The height may need more than 32 bits; the high word is the carry.
-    let height = vec2<u32>(u32(lattice.z < offset.z), lattice.z);
-    let colour = colour_of(own, height, bitcast<u32>(p.z));
+    let colour = colour_of(own, coordinate_of(lattice, offset), bitcast<u32>(p.z));
     var last = bitcast<u32>(radius * frame.focal_px / max(p.z, frame.near));
     if NORMALS {
         last = packed_normal(towards_eye(world, from_eye));

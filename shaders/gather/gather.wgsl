@@ -31,6 +31,11 @@ const MINOR_MIN_PX: f32 = 1.4;
 // Length of depth intervals in radii, without a normal and with one.
 const BARE_REACH: f32 = 2.0;
 const THICKNESS: f32 = 1.0;
+// Greatest length of depth intervals with a normal: in drawn radii, and in pixels that are added;
+// the radii in pixels from which it sets in, and holds; and its least share.
+const THICK_MAX: vec2<f32> = vec2<f32>(1.5, 8.0);
+const THICK_FROM_PX: vec2<f32> = vec2<f32>(4.0, 6.0);
+const SHARE_MIN: f32 = 0.0625;
 // Greatest radius of points without a normal among points with normals, pixels.
 const DOT_RADIUS_PX: f32 = 5.0;
 // Depth that is added to points whose normal looks away, in radii.
@@ -110,7 +115,8 @@ fn gather(pixel: u32, depth_bits: u32) {
         n = turned.xyz;
         own_depth += turned.w * radius * BACK_DEPTH;
         if any(n != vec3<f32>(0.0)) {
-            reach = radius * (THICKNESS / RADIUS_FACTOR_NORMALS) * thickness(vec4<f32>(n, 0.0), place);
+            let thick = thickness(vec4<f32>(n, 0.0), place) * (THICKNESS / RADIUS_FACTOR_NORMALS);
+            reach = min(radius * thick, longest(radius * frame.focal_px / depth) * depth / frame.focal_px);
             let axes = of_disc(n, seen);
             minor = axes.x;
             stretch = axes.y;
@@ -126,13 +132,17 @@ fn gather(pixel: u32, depth_bits: u32) {
         normals[pixel] = vec4<f32>(n, filtered);
     }
 
-    // The height may need more than 32 bits; the high word is the carry.
-    let height = vec2<u32>(u32(p.z < offset.z), p.z);
-    let colour = colour_of(paint, height, depth_bits);
+    let colour = colour_of(paint, coordinate_of(p, offset), depth_bits);
     let interval = bitcast<vec2<u32>>(vec2<f32>(own_depth, own_depth + reach));
     front[pixel] = vec4<u32>(interval, bitcast<vec2<u32>>(displaced));
     tint[pixel] = bitcast<vec4<u32>>(vec4<f32>(colour, radius_px));
     depths[pixel] = own_depth;
+}
+
+// Greatest length of the depth interval of discs with normals and this radius, pixels.
+fn longest(radius_px: f32) -> f32 {
+    let share = (radius_px - THICK_FROM_PX.x) / (THICK_FROM_PX.y - THICK_FROM_PX.x);
+    return (radius_px * THICK_MAX.x + THICK_MAX.y) / clamp(share, SHARE_MIN, 1.0);
 }
 
 // Place of a point in the picture, pixels.
@@ -142,5 +152,5 @@ fn place_of(draw: u32, offset: vec3<u32>, depth: f32) -> vec2<f32> {
     let from_anchor = steps * frame.step;
     let flat = vec2<f32>(dot(frame.right, from_anchor), -dot(frame.up, from_anchor));
     let at = select(depth, frame.anchor_depth, frame.is_parallel == 1u);
-    return frame.centre_px + flat * (frame.focal_px / at);
+    return placed(flat * (frame.focal_px / at));
 }

@@ -19,6 +19,9 @@ const PIXEL_RADIUS: f32 = 0.5;
 // Greatest distance of points of a surface on the picture, pixels: with a normal, without one among
 // points with normals, and where no point has one.
 const SURFACE_PX: vec3<f32> = vec3<f32>(64.0, 6.0, 32.0);
+// Distance of points with a normal on the picture from which others have to support the surface
+// (support.wgsl), pixels.
+const WIDE_PX: f32 = 8.0;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> lookup: Lookup;
@@ -30,7 +33,7 @@ const SURFACE_PX: vec3<f32> = vec3<f32>(64.0, 6.0, 32.0);
 @group(0) @binding(6) var<storage, read> paint: array<vec4<u32>>;
 // Radii, pixels; 0 without a point.
 @group(0) @binding(7) var<storage, read_write> radii: array<f32>;
-// The parted dots.
+// The parted dots; a wide point has no depth and its distance in place of its number.
 @group(0) @binding(8) var<storage, read_write> dots: array<vec2<u32>>;
 // The first is the number of pixels with a point.
 @group(0) @binding(9) var<storage, read_write> counts: array<atomic<u32>>;
@@ -59,6 +62,8 @@ fn size_dot(pixel: u32) {
     let hit = hits[pixel];
     var radius = 0.0;
     var is_dot = false;
+    // Distance of the neighbours of a wide point.
+    var wide = NO_HIT;
     if hit.y != NO_HIT {
         let words = geometry[pixel];
         let draw = paint[pixel].x & ~HAS_COLOUR;
@@ -76,12 +81,16 @@ fn size_dot(pixel: u32) {
             if NORMALS {
                 most = select(SURFACE_PX.x, SURFACE_PX.y, paint[pixel].w == NO_NORMAL);
             }
-            is_dot = radius_within(spacing * stored) * frame.focal_px > most * depth;
+            let apart = radius_within(spacing * stored) * frame.focal_px;
+            is_dot = apart > most * depth;
+            if NORMALS && !is_dot && apart > WIDE_PX * depth {
+                wide = bitcast<u32>(apart / depth);
+            }
         }
     }
     radii[pixel] = radius;
     if SPLITS {
-        dots[pixel] = select(vec2<u32>(NO_HIT), hit, is_dot);
+        dots[pixel] = select(vec2<u32>(wide, NO_HIT), hit, is_dot);
         if is_dot {
             hits[pixel] = vec2<u32>(NO_HIT);
             atomicAdd(&parted, 1u);

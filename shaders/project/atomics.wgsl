@@ -37,17 +37,21 @@ fn may_be_seen(draw: Draw, box: RunBox) -> bool {
     let b = steps_from_anchor(draw.base_high, draw.base_low, draw.bias_steps, high) * frame.step;
     let middle = (a + b) * 0.5;
     let half = abs(b - a) * 0.5;
-    // Half the size of the picture at unit depth, and a pixel.
-    let side = (frame.centre_px + 1.0) / frame.focal_px;
+    // From the centre to the left and upper, and to the right and lower side of the picture at unit
+    // depth, and a pixel.
+    let size = vec2<f32>(f32(frame.width), f32(frame.height));
+    let before = (frame.centre_px + 1.0) / frame.focal_px;
+    let behind = (size - frame.centre_px + 1.0) / frame.focal_px;
     let slack = (dot(abs(middle) + half, vec3<f32>(1.0)) + frame.anchor_depth) * ROUNDING;
     // The sides of a pinhole's picture lean outwards; those of a parallel view are fixed.
-    let leans = select(side, vec2<f32>(0.0), frame.is_parallel == 1u);
-    let ends = -slack * (side + 1.0) - side * frame.anchor_depth;
+    let leans = select(vec4<f32>(before, behind), vec4<f32>(0.0), frame.is_parallel == 1u);
+    let first = -slack * (abs(before) + 1.0) - before * frame.anchor_depth;
+    let last = -slack * (abs(behind) + 1.0) - behind * frame.anchor_depth;
     let is_near = reach(-frame.back, middle, half) < frame.near - frame.anchor_depth - slack;
-    let is_left = reach(frame.right - frame.back * leans.x, middle, half) < ends.x;
-    let is_right = reach(-frame.right - frame.back * leans.x, middle, half) < ends.x;
-    let is_above = reach(-frame.up - frame.back * leans.y, middle, half) < ends.y;
-    let is_below = reach(frame.up - frame.back * leans.y, middle, half) < ends.y;
+    let is_left = reach(frame.right - frame.back * leans.x, middle, half) < first.x;
+    let is_right = reach(-frame.right - frame.back * leans.z, middle, half) < last.x;
+    let is_above = reach(-frame.up - frame.back * leans.y, middle, half) < first.y;
+    let is_below = reach(frame.up - frame.back * leans.w, middle, half) < last.y;
     return !(is_near || is_left || is_right || is_above || is_below);
 }
 

@@ -39,8 +39,9 @@ fn main(
             rgba[pixel] = encoded_bytes(point_colour(pixel, hit.y));
             depths[pixel] = hit.y;
         } else {
-            let y = pixel / frame.width;
-            rgba[pixel] = backdrop(frame.background_top, frame.background_bottom, y, frame.height);
+            let row = backdrop_row(pixel / frame.width);
+            let top = frame.background_top;
+            rgba[pixel] = backdrop(top, frame.background_bottom, row, frame.backdrop_rows);
             depths[pixel] = INFINITE_BITS;
         }
     }

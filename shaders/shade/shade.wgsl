@@ -131,10 +131,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = id.y * frame.width + id.x;
     let here = depth[pixel];
     if is_infinite(here) {
-        // The margin has the background of the border.
-        let height = frame.height - 2u * frame.margin_px;
-        let row = clamp(id.y, frame.margin_px, frame.margin_px + height - 1u) - frame.margin_px;
-        shaded[pixel] = backdrop(frame.background_top, frame.background_bottom, row, height);
+        let top = frame.background_top;
+        let bottom = frame.background_bottom;
+        shaded[pixel] = backdrop(top, bottom, backdrop_row(id.y), frame.backdrop_rows);
         return;
     }
     let at = vec2<i32>(id.xy);

@@ -42,10 +42,8 @@ fn write(i: u32, point: Point, at: u32) {
     let code = radius_code_of(geometry[i].xy);
     let factor = lookup.radius_factors[code / 4u][code % 4u];
     let radius = radius_within(spacing_of(point.draw, lattice, code) * factor);
-    // The height may need more than 32 bits; the high word is the carry.
-    let height = vec2<u32>(u32(lattice.z < point.offset.z), lattice.z);
     let depth = -dot(point.centre - eye.place.xyz, frame.back);
-    let colour = colour_of(own, height, bitcast<u32>(depth));
+    let colour = colour_of(own, coordinate_of(lattice, point.offset), bitcast<u32>(depth));
     made[2u * at] = vec4<f32>(point.centre, radius);
     made[2u * at + 1u] = vec4<f32>(bitcast<f32>(own.w), colour);
 }

@@ -8,6 +8,7 @@ use libtest_mimic::Trial;
 
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("arguments: invalid command lines are refused with a clear error", nonsense));
+    trials.push(trial("arguments: windows that cannot be drawn are refused", windows));
     trials.push(trial("arguments: an input is never replaced by the output", inputs_stay));
     trials.push(trial("arguments: empty and hostile small texts", small_texts));
 }
@@ -111,6 +112,23 @@ fn nonsense() {
     // An error does not repeat its cause.
     let outcome = esker(["build", "nothere.las", "-o", &out]);
     assert_eq!(outcome.error().matches("No such file").count().min(2), usize::from(cfg!(unix)));
+}
+
+fn windows() {
+    let folder = Folder::new();
+    let (built, out) = (folder.file("built.esker"), folder.file("out").display().to_string());
+    build(&[&sample().display().to_string()], &built, &[]);
+    let built = built.display().to_string();
+    for (window, word) in [
+        ("--window 0,0,9", "x, y, width, height"),
+        ("--size 9x9 --window 1,0,9,9", "not within the picture of 9x9"),
+        ("--window 0,0,9,9 --method ewa", "add --method auto"),
+    ] {
+        let words = ["render", built.as_str(), "-o", out.as_str()];
+        let outcome = esker(words.into_iter().chain(window.split(' ')));
+        assert!(outcome.error().contains(word), "{window}: {}", outcome.stderr);
+        assert_eq!(folder.names(), ["built.esker"], "{window}");
+    }
 }
 
 fn inputs_stay() {

@@ -8,7 +8,7 @@ use clap::{Args as ClapArgs, Parser, Subcommand};
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::method::DEFAULT_METHOD;
 use esker_engine::io::quantity;
-use esker_engine::{Method, PointSize};
+use esker_engine::{Method, PointSize, Window};
 use std::path::PathBuf;
 
 /// Builds one layered file from laser scans of any size, and draws it.
@@ -152,6 +152,10 @@ pub struct Render {
     /// Width and height in pixels.
     #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
+    /// Draw only this part of the picture: first column and row, width and height, in pixels. Parts
+    /// fit together: they show the same points as the whole picture.
+    #[arg(long, value_name = "X,Y,W,H", value_parser = quantity::window)]
+    pub window: Option<Window>,
     /// Points alone, closed surfaces, splats, or splats that are lit.
     #[arg(long, value_parser = method_parser(), default_value = DEFAULT_METHOD)]
     pub method: Method,
@@ -172,9 +176,9 @@ pub struct Render {
     /// points.
     #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]
     pub target_spacing: f64,
-    /// What gives points their colour: rgb, intensity, elevation, classification, return_number,
-    /// number_of_returns, source_id, time, normal, level, depth, plain, or the name of any
-    /// attribute. A range of values may follow, with either end open.
+    /// What gives points their colour: rgb, intensity, elevation (along the camera's up), x, y, z,
+    /// classification, return_number, number_of_returns, source_id, time, normal, level, depth,
+    /// plain, or the name of any attribute. A range of values may follow, with either end open.
     #[arg(long, value_name = "NAME[:MIN..MAX]", aliases = ["colour-by", "color"])]
     pub colour: Option<String>,
     #[command(flatten)]

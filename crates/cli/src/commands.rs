@@ -97,6 +97,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
     );
     let request = PictureRequest {
         size: args.size,
+        window: args.window,
         method: args.method,
         camera,
         budget_points: args.budget_points,

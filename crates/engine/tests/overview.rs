@@ -17,6 +17,7 @@ use esker_engine::Method;
 use esker_engine::calls::info;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
+use esker_engine::cameras::vertical::Vertical;
 use esker_engine::draw::frame::{Appearance, draw_node};
 use esker_engine::draw::scene::PictureRequest;
 use esker_format::{Forest, PlaneKind};
@@ -89,7 +90,8 @@ fn one_node(points: &[Point], lattice: &Lattice, folder: &Path, name: &str) -> F
 /// Picture of all points of a file.
 fn picture(file: &Forest, view: &View) -> Picture {
     let method = Method::PullPush;
-    let appearance = Appearance::new(file, None, &Filter::default(), method, true).unwrap();
+    let appearance =
+        Appearance::new(file, None, Vertical::default(), &Filter::default(), method, true).unwrap();
     let kinds = [PlaneKind::Position, PlaneKind::Residual, PlaneKind::Colour];
     let options = Options { points_budget: u64::MAX, target_spacing_px: 0.0, ..Options::default() };
     let lattice = file.lattice();

@@ -8,6 +8,7 @@ mod pumping;
 
 use esker_engine::Method;
 use esker_engine::cameras::path::Path as Flight;
+use esker_engine::cameras::vertical::Vertical;
 use esker_engine::draw::frame::{Appearance, draw_node};
 use esker_format::{Forest, PlaneKind, Planes};
 use esker_lod::{
@@ -61,7 +62,9 @@ impl Whole {
         let out = folder.join("scan.esker");
         esker_builder::build(&[scan.to_path_buf()], &out, options, &Silent).unwrap();
         let file = Forest::open(&out).unwrap();
-        let appearance = Appearance::new(&file, None, &Filter::default(), method, true).unwrap();
+        let appearance =
+            Appearance::new(&file, None, Vertical::default(), &Filter::default(), method, true)
+                .unwrap();
         let mut kinds = vec![PlaneKind::Position, PlaneKind::Residual, PlaneKind::Normal];
         kinds.extend(appearance.colouring.plane.map(|(kind, _)| kind));
         let nodes = 0..file.table().nodes.len() as u32;

@@ -38,4 +38,4 @@ pub use residual::needs_residual;
 pub use select::select;
 pub use selection::{Counters, Drawn, Missing, Selection};
 pub use surroundings::{Surroundings, light_octree, surround};
-pub use view::View;
+pub use view::{View, Window};

@@ -19,6 +19,19 @@ const FIT_MARGIN: f64 = 1.02;
 /// one, depths in `f32` have fewer bits left for the scan.
 const PARALLEL_EXTENTS: f64 = 128.0;
 
+/// A part of a picture, pixels of the picture with its margin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// First column.
+    pub x: u32,
+    /// First row.
+    pub y: u32,
+    /// Number of columns, at least 1.
+    pub width: u32,
+    /// Number of rows, at least 1.
+    pub height: u32,
+}
+
 /// A camera and the size of its picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
@@ -40,6 +53,9 @@ pub struct View {
     /// Depth at which lengths have their size on the picture, if the projection is parallel; `None`
     /// for a pinhole.
     pub parallel_at: Option<f64>,
+    /// Part of the picture that is drawn, without a margin of its own; `None` for all of it. Nodes
+    /// are selected for the whole picture, so that its parts show the same points.
+    pub window: Option<Window>,
 }
 
 impl View {
@@ -67,6 +83,7 @@ impl View {
             near: (distance * NEAR_SHARE).max(f64::MIN_POSITIVE),
             margin_px: 0,
             parallel_at: None,
+            window: None,
         }
     }
 

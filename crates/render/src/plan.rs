@@ -228,7 +228,7 @@ impl FramePlan {
             margin_px: 0,
             colour: options.colour.number(),
             fetches: [
-                has_surface || adapts || matches!(options.colour, ColourBy::Elevation(_)),
+                has_surface || adapts || matches!(options.colour, ColourBy::Coordinate(..)),
                 has.colour_plane && options.colour.reads_plane(),
                 fetches_normals,
             ],
@@ -271,7 +271,9 @@ impl FramePlan {
             mixes_dots,
         };
         let plan = Self::of(&has, &options);
-        let margin_px = if plan.has_pyramid { frame.view.margin_px } else { 0 };
+        // A window is drawn as it is; the caller crops it.
+        let is_whole = frame.view.window.is_none();
+        let margin_px = if plan.has_pyramid && is_whole { frame.view.margin_px } else { 0 };
         Self { margin_px, ..plan }
     }
 

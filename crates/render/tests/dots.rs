@@ -213,6 +213,54 @@ fn points_are_dots_only_where_they_are_too_far_apart_for_a_surface() {
     }
 }
 
+/// Points in a box around the target with normals in all directions, as of leaves.
+fn leaves(count: usize) -> Vec<ScenePoint> {
+    let mut dice = Dice(11);
+    (0..count)
+        .map(|_| {
+            let mut way = || DVec3::from_array([0; 3].map(|_| 2.0 * dice.unit() - 1.0));
+            let (at, normal) = (way() * 1.2, way().normalize_or(DVec3::Z));
+            ScenePoint { at, normal, colour: [90, 160, 60] }
+        })
+        .collect()
+}
+
+#[test]
+fn points_whose_normals_agree_with_few_around_them_are_dots() {
+    let pixel = 6.1 / view(1.0).focal_px();
+    // Leaves, and three points in a plane: their discs would be 40 and 60 pixels wide.
+    let (row, apart) = wall(30.0, 6.0, 1);
+    for (points, apart, most) in [
+        (leaves(60), 20.0 * pixel, 60),
+        (row[..3].to_vec(), apart, 3),
+        (row[..1].to_vec(), apart, 1),
+    ] {
+        let alone = scene(&points, apart);
+        let [mixed, discs] = [true, false].map(|mixes| covered(&mixed(&[(&alone, true)], mixes)));
+        // A disc of 10 pixels has 81.
+        assert!(mixed > 0 && mixed <= most * 90, "{most} points: {mixed} pixels are covered");
+        assert!(discs > 3 * mixed, "{most} points: {discs} by surfaces, {mixed} mixed");
+    }
+}
+
+#[test]
+fn sparse_surfaces_stay_surfaces_behind_leaves() {
+    for apart_px in [10.0, 16.0, 24.0] {
+        let (points, apart) = wall(apart_px, 8.0, 12);
+        let wall = scene(&points, apart);
+        let alone = mixed(&[(&wall, true)], true);
+        assert!(covered(&alone) + 8 >= alone.depth.len(), "{apart_px}: {}", covered(&alone));
+        let leaves = leaves(40);
+        let leaves = scene(&leaves, 0.3);
+        let picture = mixed(&[(&wall, true), (&leaves, true)], true);
+        // Nothing is open, and leaves cover little of the wall.
+        let behind = picture.depth.iter().filter(|&&depth| depth > 7.5 && depth.is_finite());
+        let behind = behind.count();
+        assert!(covered(&picture) + 8 >= picture.depth.len(), "{}", covered(&picture));
+        assert!(behind * 10 > picture.depth.len() * 8, "{apart_px}: {behind}");
+    }
+}
+
 #[test]
 fn dots_are_seen_before_surfaces_and_hidden_behind_them() {
     let (points, apart) = wall(4.0, 6.0, 30);

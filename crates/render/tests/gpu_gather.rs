@@ -181,7 +181,7 @@ fn heights_include_the_dropped_bits() {
             for residual in [true, false] {
                 let draws = scene.draws(residual, false, true);
                 let mut frame = scene.frame(&view, &draws);
-                frame.colour = ColourBy::Elevation(map(0.0, rise));
+                frame.colour = ColourBy::Coordinate(2, map(0.0, rise));
                 let what = format!("shift {shift}, residual {residual}");
                 assert_gathers(&mut passes, &frame, &what);
                 frame.method = Method::Points;
@@ -201,8 +201,10 @@ fn colours_of_points_equal_the_cpu_for_every_source_of_colour() {
         ColourBy::Scalar(map(0.0, 255.0)),
         ColourBy::Codes(Codebook::Classes),
         ColourBy::Codes(Codebook::Own(std::array::from_fn(|i| [i as u8, 255 - i as u8, 7]))),
-        ColourBy::Elevation(map(-1.0, 1.0)),
-        ColourBy::Elevation(map(1.0, -1.0)),
+        ColourBy::Coordinate(0, map(-0.7, 0.9)),
+        ColourBy::Coordinate(1, map(0.8, -1.1)),
+        ColourBy::Coordinate(2, map(-1.0, 1.0)),
+        ColourBy::Coordinate(2, map(1.0, -1.0)),
         ColourBy::EyeDepth(map(2.0, 4.5)),
         ColourBy::EyeDepth(map(2.0, f64::NAN)),
         ColourBy::Cell,

@@ -162,7 +162,8 @@ fn pictures_equal_those_of_the_cpu_by_every_path() {
             Frame { method: Method::Ewa, cull_back_faces: false, has_fronts: true, ..surface },
         ),
         ("crowded, half without normals", crowd.frame(&small, &crowd_mixed)),
-        ("crowded by heights", Frame { colour: ColourBy::Elevation(heights), ..crowded }),
+        ("crowded by heights", Frame { colour: ColourBy::Coordinate(2, heights), ..crowded }),
+        ("crowded by places", Frame { colour: ColourBy::Coordinate(0, heights), ..crowded }),
         ("more points than sums hold", heaped),
         ("exposure compensated", evened),
         ("exposure of averages compensated", Frame { averages: true, ..evened }),
@@ -245,10 +246,23 @@ fn surfaces_and_dots_equal_those_of_the_cpu() {
     let corner = DVec3::new(0.6, -1.9, 0.4);
     let sparse = sheet(&mut dice, corner, u, v, 8, [40, 90, 220]);
     let sparse = Scene::new(&sparse, 1e-5, 0.25, 0.25, 3000);
+    // Points of a crown, whose normals agree by chance.
+    let leaves: Vec<_> = (0..60)
+        .map(|_| {
+            let mut way = || DVec3::from_array([0; 3].map(|_| dice.unit() - 0.5));
+            let (at, normal) = (DVec3::new(0.5, -0.9, 1.0) + way(), way().normalize_or(DVec3::Z));
+            ScenePoint { at, normal, colour: [60, 160, 50] }
+        })
+        .collect();
+    let crown = Scene::new(&leaves, 1e-5, 0.2, 0.2, 3000);
     let dots = Dots { size: PointSize::Adaptive, eye_dome: 0.5 };
     let mix = |frame| Frame { mixes_dots: true, dots, ..frame };
     let joined = |dense, sparse_normals| {
-        let of = [scene.draws(true, true, dense), sparse.draws(true, true, sparse_normals)];
+        let of = [
+            scene.draws(true, true, dense),
+            sparse.draws(true, true, sparse_normals),
+            crown.draws(true, true, sparse_normals),
+        ];
         of.concat()
     };
     let both = [joined(true, true), joined(true, false), joined(false, false)];

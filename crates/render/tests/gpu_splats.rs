@@ -126,7 +126,9 @@ fn colours_of_all_sources_equal_those_of_the_cpu() {
     let sources = [
         ColourBy::Plain,
         ColourBy::Scalar(map(0.0, 60_000.0)),
-        ColourBy::Elevation(map(-1.0, 1.0)),
+        ColourBy::Coordinate(0, map(-1.0, 1.0)),
+        ColourBy::Coordinate(1, map(-1.0, 1.0)),
+        ColourBy::Coordinate(2, map(-1.0, 1.0)),
         ColourBy::EyeDepth(map(3.0, 5.0)),
         ColourBy::Cell,
         ColourBy::Normal,

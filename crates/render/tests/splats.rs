@@ -234,7 +234,7 @@ proptest! {
         };
         let lattice = Lattice { scale: [scale; 3], offset: [0.0; 3], shift: [0; 3], ..Lattice::default() };
         let map = ColourMap { low: 0.0, high: 1.0, gradient: Gradient::Terrain };
-        let by = [ColourBy::Plain, ColourBy::Rgb, ColourBy::Normal, ColourBy::Elevation(map),
+        let by = [ColourBy::Plain, ColourBy::Rgb, ColourBy::Normal, ColourBy::Coordinate(2, map),
             ColourBy::EyeDepth(map)];
         let (view, draws) = (view(), [draw; 2]);
         let frame = Frame { colour: by[source], hides_points, ..Frame::new(&view, &lattice, &draws) };

@@ -23,6 +23,7 @@ use eframe::egui::{
     CentralPanel, Context, CursorIcon, Frame, Key, Margin, Panel, RawInput, Rect, Sense, Ui,
     ViewportCommand,
 };
+use esker_engine::cameras::vertical::Vertical;
 use esker_engine::light::IS_BUILT;
 use esker_engine::{BuildOptions, Dots, Method, memory};
 use serde_json::json;
@@ -90,6 +91,7 @@ impl App {
         let wanted = Settings {
             method: args.method,
             colour_by: args.colour.clone(),
+            vertical: args.camera.up.map_or_else(Vertical::default, Vertical::nearest),
             filter: args.filter(),
             shines: !args.no_highlights,
             light: args.light(),

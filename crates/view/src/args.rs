@@ -46,9 +46,10 @@ pub struct Args {
     /// scan's coordinates. Each part may be missing.
     #[arg(long, default_value = "", hide_default_value = true)]
     pub camera: Camera,
-    /// What gives points their colour: rgb, intensity, elevation, classification, return_number,
-    /// number_of_returns, source_id, time, normal, level, depth, plain, or the name of any
-    /// attribute. A range of values may follow, such as elevation:100..250 or intensity:..4000.
+    /// What gives points their colour: rgb, intensity, elevation (along the camera's up), x, y, z,
+    /// classification, return_number, number_of_returns, source_id, time, normal, level, depth,
+    /// plain, or the name of any attribute. A range of values may follow, such as
+    /// elevation:100..250 or intensity:..4000.
     #[arg(long, value_name = "NAME[:MIN..MAX]", aliases = ["colour-by", "color"])]
     pub colour: Option<String>,
     /// Points in this box, its faces included, in the scan's coordinates; with four numbers, seen

@@ -9,6 +9,7 @@ use crate::draw::facing;
 use crate::draw::method::Method;
 use crate::draw::scene::{PictureRequest, PictureScene, ms, open};
 use crate::draw::whole;
+use crate::draw::window::cropped;
 use crate::io::output;
 use crate::io::picture;
 use crate::io::quantity::grouped;
@@ -131,7 +132,7 @@ pub fn render(
         let start = Instant::now();
         output::may_write(out, inputs)?;
         picture::check_name(out)?;
-        picture::check_size(request.size, request.method)?;
+        picture::check_size(request.shown_size(), request.method)?;
         if request.method == Method::Lit {
             check_built()?;
         }
@@ -179,6 +180,7 @@ pub fn draw(
             Renderer::default().render(&frame)?
         }
     };
+    let picture = cropped(picture, scene.window);
     if picture.stats.pixels_covered == 0 {
         empty_picture::check_wanted(file, &scene.appearance.shown)?;
     }

@@ -1,5 +1,6 @@
 //! The camera of a picture: from the command line, or fitted to the scan.
 
+use crate::cameras::vertical::Vertical;
 use anyhow::{Context, Result, bail, ensure};
 use esker_lod::View;
 use esker_points::Lattice;
@@ -45,6 +46,8 @@ impl FromStr for Camera {
 const FOVY_MIN_DEG: f64 = 0.00573;
 /// Height of a fitted parallel view over that of the scan in it.
 const ORTHO_MARGIN: f64 = 1.02;
+/// Tangent of the greatest angle between the direction of a plan and z.
+const PLAN_TILT: f64 = 0.01;
 /// Default of the vertical field of view, degrees.
 const FOVY_DEG: f64 = 60.0;
 
@@ -114,6 +117,17 @@ impl Camera {
     pub fn measured(&self, lattice: &Lattice) -> Self {
         let measured = |place: DVec3| DVec3::from_array(lattice.measure(place.to_array()));
         Self { eye: self.eye.map(measured), target: self.target.map(measured), ..*self }
+    }
+
+    /// Axis along which elevations of a scan within `bounds` are measured: the one nearest to `up`.
+    /// A parallel view along z is a plan, in which `up` only chooses the upper side of the picture.
+    pub fn vertical(&self, bounds: [[f64; 3]; 2]) -> Vertical {
+        let [low, high] = bounds.map(DVec3::from_array);
+        let target = self.target.unwrap_or(low.midpoint(high));
+        let towards = self.direction.or(self.eye.map(|eye| target - eye));
+        let is_plan = self.ortho.is_some()
+            && towards.is_some_and(|t| t.truncate().length() <= PLAN_TILT * t.z.abs());
+        self.up.filter(|_| !is_plan).map_or(Vertical::default(), Vertical::nearest)
     }
 
     /// Inverse of [`Camera::measured`].
@@ -289,6 +303,24 @@ mod tests {
                 let on = view.project(p.into()).is_some_and(|p| view.is_on_picture(p));
                 assert!(on, "{text}: {p:?} is off the picture");
             }
+        }
+    }
+
+    #[test]
+    fn a_plan_measures_elevations_along_z_whatever_is_up_in_the_picture() {
+        let bounds = [[0.0; 3], [80.0, 50.0, 40.0]];
+        for (text, up) in [
+            ("", DVec3::Z),
+            ("up=0,1,0", DVec3::Y),
+            ("up=0,-1,0;direction=0,0,1", DVec3::NEG_Y),
+            ("up=0,1,0.2;eye=40,25,90", DVec3::Y),
+            ("up=0,1,0;ortho=fit", DVec3::Y),
+            ("up=0,1,0;ortho=fit;direction=0,0.1,-1", DVec3::Y),
+            ("up=0,1,0;ortho=fit;direction=0,0,-1", DVec3::Z),
+            ("up=1,0,0;ortho=9;eye=40,25,90", DVec3::Z),
+        ] {
+            let camera = Camera::parse(text).unwrap();
+            assert_eq!(camera.vertical(bounds), Vertical::nearest(up), "{text}");
         }
     }
 

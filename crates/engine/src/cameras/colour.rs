@@ -6,6 +6,7 @@ use crate::cameras::colour_request::ColourRequest;
 use crate::cameras::legend::{Legend, LegendEntry, short, srgb};
 use crate::cameras::places::central_range;
 use crate::cameras::ranges::{self, plane_of};
+use crate::cameras::vertical::{AXES, Vertical};
 use anyhow::{Context, Result, bail, ensure};
 use esker_format::{Forest, ForestFilter, Normals, PlaneKind};
 use esker_lod::View;
@@ -97,32 +98,34 @@ impl Colouring {
     }
 }
 
-/// The colouring that `name` requests. Without a name, the best that the file has: its colours, or
-/// plain if the scans have normals, or elevation.
+/// The colouring that `name` requests, with elevations along z. Without a name, the best that the
+/// file has: its colours, or plain if the scans have normals, or elevation.
 ///
 /// # Errors
 /// If the file has no such attribute, or the range is invalid.
 pub fn colouring(file: &Forest, name: Option<&str>, bounds: [[f64; 3]; 2]) -> Result<Colouring> {
-    filtered_colouring(file, name, bounds, &ForestFilter::default())
+    filtered_colouring(file, name, Vertical::default(), bounds, &ForestFilter::default())
 }
 
-/// The colouring that `name` requests, with ranges of the points that `shown` accepts.
+/// The colouring that `name` requests, with elevations along `vertical` and ranges of the points
+/// that `shown` accepts.
 ///
 /// # Errors
 /// As for [`colouring`].
 pub(crate) fn filtered_colouring(
     file: &Forest,
     name: Option<&str>,
+    vertical: Vertical,
     bounds: [[f64; 3]; 2],
     shown: &ForestFilter,
 ) -> Result<Colouring> {
     let Some(text) = name else {
         return if file.has(PlaneKind::Colour) && has_colours(file)? {
-            filtered_colouring(file, Some("rgb"), bounds, shown)
+            filtered_colouring(file, Some("rgb"), vertical, bounds, shown)
         } else if file.files().any(|tree| tree.layout().normals() == Normals::Source) {
-            filtered_colouring(file, Some("plain"), bounds, shown)
+            filtered_colouring(file, Some("plain"), vertical, bounds, shown)
         } else {
-            filtered_colouring(file, Some("elevation"), bounds, shown)
+            filtered_colouring(file, Some("elevation"), vertical, bounds, shown)
         };
     };
     let request = ColourRequest::parse(text)?;
@@ -145,18 +148,11 @@ pub(crate) fn filtered_colouring(
             bail!("{}: has no colours; try --colour elevation", file.path().display())
         }
         "plain" | "none" => without_range(Colouring::plain(ColourBy::Plain, "plain")),
-        "elevation" | "z" | "height" => {
-            // Ranges are of the scan's heights, colours of those on the metric lattice.
-            let factor = file.lattice().factor[2];
-            let range = || central_range(file, bounds, shown, 2, ranges::STRAYS);
-            let shown =
-                request.range(|| range().map(|(low, high)| (low / factor, high / factor)))?;
-            let range = shown.map(|height| height * factor);
-            let gradient = Gradient::Terrain;
-            let mut colouring =
-                Colouring::mapped(ColourBy::Elevation, "elevation", range, gradient);
-            colouring.legend.range = Some(shown);
-            Ok(colouring)
+        "elevation" | "height" => along(file, &request, vertical, &vertical.name(), bounds, shown),
+        "x" | "y" | "z" if !is_attribute => {
+            let axis = AXES.iter().position(|axis| *axis == name).unwrap_or(2);
+            let vertical = Vertical { axis, is_down: false };
+            along(file, &request, vertical, &name, bounds, shown)
         }
         "level" | "cell" | "node" => without_range(Colouring {
             legend: Legend { entries: cell_entries(file, shown), ..Legend::named("level") },
@@ -181,6 +177,30 @@ pub(crate) fn filtered_colouring(
     }
 }
 
+/// Colours by the coordinate along `vertical`, called `name` in the legend.
+fn along(
+    file: &Forest,
+    request: &ColourRequest<'_>,
+    vertical: Vertical,
+    name: &str,
+    bounds: [[f64; 3]; 2],
+    shown: &ForestFilter,
+) -> Result<Colouring> {
+    // Ranges are of the scan's coordinates, colours of those on the metric lattice.
+    let axis = vertical.axis;
+    let factor = file.lattice().factor[axis];
+    let range = request.range(|| {
+        let (low, high) = central_range(file, bounds, shown, axis, ranges::STRAYS)?;
+        let [low, high] = vertical.turned([low / factor, high / factor]);
+        Ok((low, high))
+    })?;
+    let [low, high] = vertical.coordinates(range).map(|coordinate| coordinate * factor);
+    let gradient = Gradient::Terrain;
+    let by = ColourBy::Coordinate(axis, ColourMap { low, high, gradient });
+    let legend = Legend { range: Some(range), gradient: Some(gradient), ..Legend::named(name) };
+    Ok(Colouring { legend, ..Colouring::plain(by, name) })
+}
+
 /// Refuses `NAME:SOMETHING` where NAME is a source of colours and SOMETHING is no range.
 fn check_name(
     file: &Forest,
@@ -190,7 +210,7 @@ fn check_name(
 ) -> Result<()> {
     if let Some((name, end)) = request.name.rsplit_once(':')
         && file.schema().find(request.name).is_none()
-        && filtered_colouring(file, Some(name), bounds, shown).is_ok()
+        && filtered_colouring(file, Some(name), Vertical::default(), bounds, shown).is_ok()
     {
         bail!("`{end}` in `{}` is no range; a range is given as NAME:MIN..MAX", request.name);
     }

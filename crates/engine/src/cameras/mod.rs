@@ -7,3 +7,4 @@ pub mod legend;
 pub mod path;
 pub(crate) mod places;
 pub(crate) mod ranges;
+pub mod vertical;

@@ -3,6 +3,7 @@
 
 use crate::calls::info;
 use crate::cameras::colour::{self, Colouring, filtered_colouring};
+use crate::cameras::vertical::Vertical;
 use crate::draw::empty_picture;
 use crate::draw::method::{AUTO_DOTS, Method};
 use anyhow::Result;
@@ -54,13 +55,14 @@ const NEAR_LEAVES: usize = 1 << 13;
 
 impl Appearance {
     /// Appearance of the points that `filter` accepts, coloured by `colour`
-    /// ([`crate::cameras::colour::colouring`]).
+    /// ([`crate::cameras::colour::colouring`]) with elevations along `vertical`.
     ///
     /// # Errors
     /// If the file lacks the source of colours, or the filter is invalid.
     pub fn new(
         file: &Forest,
         colour: Option<&str>,
+        vertical: Vertical,
         filter: &Filter,
         method: Method,
         shines: bool,
@@ -68,7 +70,7 @@ impl Appearance {
         empty_picture::check_classes(file, filter)?;
         let on_lattice = (!filter.is_all()).then(|| filter.on(file.lattice())).transpose()?;
         let shown = ForestFilter::of(file, on_lattice, None)?;
-        let colouring = filtered_colouring(file, colour, info::bounds(file), &shown)?;
+        let colouring = filtered_colouring(file, colour, vertical, info::bounds(file), &shown)?;
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
         let (evens_exposure, culls_back, dots) = (false, false, Dots::default());

@@ -13,3 +13,4 @@ pub mod session;
 mod slots;
 mod staging;
 pub mod whole;
+pub(crate) mod window;

@@ -1,6 +1,7 @@
 //! Options of a session: its memory, the order in which it reads, and what it draws with; and the
 //! settings that the user changes while a session runs.
 
+use crate::cameras::vertical::Vertical;
 use crate::draw::method::Method;
 use crate::light::settings::LightSettings;
 use crate::machine::backend::{Backend, GpuRequest};
@@ -17,6 +18,8 @@ pub struct Settings {
     pub method: Method,
     /// Source of colours; none for the best that the file has.
     pub colour_by: Option<String>,
+    /// Axis along which elevations are measured.
+    pub vertical: Vertical,
     /// Which points are shown.
     pub filter: Filter,
     /// Whether surfaces have highlights.
@@ -77,6 +80,7 @@ impl Default for Settings {
         Self {
             method: Method::PullPush,
             colour_by: None,
+            vertical: Vertical::default(),
             filter: Filter::default(),
             shines: true,
             light: LightSettings::default(),

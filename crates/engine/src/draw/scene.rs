@@ -6,6 +6,7 @@ use crate::cameras::camera::Camera;
 use crate::cameras::places::fitted_bounds;
 use crate::draw::frame::{Appearance, draw_node};
 use crate::draw::method::Method;
+use crate::draw::window::windowed;
 use crate::io::file::is_esker;
 use crate::io::{inputs, output};
 use crate::light;
@@ -15,8 +16,8 @@ use anyhow::Result;
 use esker_builder::budget::memory;
 use esker_format::{Forest, ForestFilter, PlaneKind, Planes};
 use esker_lod::{
-    CompactOctree, Drawn, Options, Residency, Selection, Surroundings, View, needs_residual,
-    select, surround,
+    CompactOctree, Drawn, Options, Residency, Selection, Surroundings, View, Window,
+    needs_residual, select, surround,
 };
 use esker_points::{Filter, Lattice, Task};
 use esker_render::inputs::density::sparsest_px;
@@ -33,6 +34,8 @@ const EYE_STEPS_MAX: f64 = (1u64 << 46) as f64;
 pub struct PictureRequest {
     /// Width and height, pixels.
     pub size: [u32; 2],
+    /// Part of the picture that is drawn; none for all of it.
+    pub window: Option<Window>,
     /// Points only, or surfaces.
     pub method: Method,
     /// Camera; fitted to the file if it has no eye.
@@ -73,6 +76,7 @@ impl Default for PictureRequest {
         let lod = Options::default();
         Self {
             size: [1024, 1024],
+            window: None,
             method: Method::PullPush,
             camera: Camera::default(),
             budget_points: lod.points_budget,
@@ -94,6 +98,11 @@ impl Default for PictureRequest {
 }
 
 impl PictureRequest {
+    /// Size of the picture that is written: of the window, if there is one.
+    pub fn shown_size(&self) -> [u32; 2] {
+        self.window.map_or(self.size, |window| [window.width, window.height])
+    }
+
     /// Most points that are drawn, and what is read around them: lit ones have to fit in memory
     /// with their tree.
     fn points_max(&self) -> (u64, Option<Surroundings>) {
@@ -149,6 +158,8 @@ fn name_of(inputs: &[PathBuf]) -> PathBuf {
 pub struct PictureScene {
     /// The camera.
     pub view: View,
+    /// Place of the requested part in what the camera draws; none if all of it is requested.
+    pub window: Option<Window>,
     /// Lattice of the scan's coordinates; the view is on its metric lattice.
     pub lattice: Lattice,
     /// Whether the view is fitted to nearly all points, and a few lie far outside of it.
@@ -200,7 +211,10 @@ impl PictureScene {
         let start = Instant::now();
         let PictureRequest { colour_by, filter, method, shines, evens_exposure, .. } = request;
         let before = file.read_bytes();
-        let appearance = Appearance::new(file, colour_by.as_deref(), filter, *method, *shines)?;
+        let bounds = bounds_of(file, &request.filter);
+        let camera = request.camera.measured(file.lattice());
+        let (colour, vertical) = (colour_by.as_deref(), camera.vertical(bounds));
+        let appearance = Appearance::new(file, colour, vertical, filter, *method, *shines)?;
         let appearance = appearance.evened(file, *evens_exposure)?.culled(request.culls_back);
         let appearance = appearance.dotted(request.dots).aimed(request.target_spacing_px);
         let appearance = if request.full { appearance } else { appearance.compacted(file) };
@@ -208,14 +222,13 @@ impl PictureScene {
         // Classes are read as they are stored, also where colours are made of them.
         let keeps_values = request.keeps_values || class_plane.is_some();
         let mut appearance = if keeps_values { appearance.with_values() } else { appearance };
-        let bounds = bounds_of(file, &request.filter);
         let fitted = match request.camera.eye {
             Some(_) => bounds,
             None => fitted_bounds(file, bounds, &appearance.shown)?,
         };
-        let camera = request.camera.measured(file.lattice());
         let view = appearance.drawn_view(file, &camera.view(fitted, request.size));
-        appearance.colouring = appearance.colouring.seen(&view, fitted, colour_by.as_deref());
+        let (view, window) = windowed(view, request.window, request.size, *method)?;
+        appearance.colouring = appearance.colouring.seen(&view, fitted, colour);
         let steps = (0..3).map(|axis| file.metric().steps_axis(axis, view.eye[axis]).abs());
         anyhow::ensure!(
             steps.fold(0.0, f64::max) <= EYE_STEPS_MAX,
@@ -242,6 +255,7 @@ impl PictureScene {
         kinds.extend(class_plane.filter(|plane| !kinds.contains(plane)));
         Ok(Self {
             view,
+            window,
             lattice: *file.lattice(),
             leaves_out_far: fitted != bounds,
             selection,

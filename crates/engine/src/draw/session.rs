@@ -107,8 +107,9 @@ impl Session {
         options.settings.light = options.settings.light.measured(file.lattice());
         let Settings { colour_by, filter, method, shines, light, evens_exposure, full, .. } =
             &options.settings;
-        let appearance = Appearance::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
-        let Settings { culls_back, dots, .. } = options.settings;
+        let Settings { culls_back, dots, vertical, .. } = options.settings;
+        let colour = colour_by.as_deref();
+        let appearance = Appearance::new(&file, colour, vertical, filter, *method, *shines)?;
         let appearance = appearance.evened(&file, *evens_exposure)?.culled(culls_back).dotted(dots);
         let appearance = appearance.aimed(options.settings.target_spacing_px);
         let appearance = if *full { appearance } else { appearance.compacted(&file) };

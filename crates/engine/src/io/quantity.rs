@@ -2,6 +2,7 @@
 //! pictures, lengths.
 
 use anyhow::{Context, Result, bail, ensure};
+use esker_lod::Window;
 use esker_render::{POINT_SIZE_MAX, PointSize};
 use esker_scan::synthetic::parse_points;
 
@@ -78,6 +79,18 @@ pub fn picture_size(text: &str) -> Result<[u32; 2]> {
         "a picture has 250 million pixels at most, {text} has more"
     );
     Ok([width, height])
+}
+
+/// Parses a part of a picture: first column and row, width and height, pixels.
+///
+/// # Errors
+/// If `text` is not four whole numbers.
+pub fn window(text: &str) -> Result<Window> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, width, height]) => Ok(Window { x, y, width, height }),
+        _ => bail!("`{text}` is no part of a picture, such as 0,0,512,512: x, y, width, height"),
+    }
 }
 
 /// Greatest distance of points in a picture, pixels.
@@ -201,6 +214,15 @@ mod tests {
                 && picture_size("16384x16384").is_err()
                 && picture_size("big").is_err()
         );
+    }
+
+    #[test]
+    fn a_window_is_four_numbers() {
+        let window = Window { x: 1, y: 20, width: 300, height: 4 };
+        assert_eq!(super::window("1,20, 300,4").unwrap(), window);
+        for text in ["", "1,2,3", "1,2,3,4,5", "-1,2,3,4", "a,2,3,4"] {
+            assert!(super::window(text).is_err(), "{text}");
+        }
     }
 
     #[test]

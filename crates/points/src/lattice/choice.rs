@@ -62,8 +62,8 @@ impl Lattice {
         Ok(lattice)
     }
 
-    /// Shortens steps by powers of ten, which text and floats have, where they are over ten times as
-    /// long as those of another axis, as far as the lattice still has room on all sides.
+    /// Shortens steps by powers of ten, which text and floats have, where they are over ten times
+    /// as long as those of another axis, as far as the lattice still has room on all sides.
     fn even_out(&mut self, inputs: &[InputGrid]) {
         let finest = self.scale.into_iter().fold(f64::INFINITY, f64::min);
         for axis in 0..3 {

@@ -5,9 +5,9 @@
 //! plus 2^31. Otherwise the lattice has the finest scale of each axis and the offset of the first
 //! input in byte order of names, moved by whole steps to where all inputs fit; whole ratios and
 //! differences stay exact, other values are rounded half to even. If the extent exceeds 2^32 steps,
-//! the scale grows by tens. Steps of text and floats differ by at most ten between axes where 32 bits
-//! allow it, since cells of the octree are cubes of steps. Points far from nearly all others ([`crate::spread`]) do not count:
-//! they may lie outside of the lattice.
+//! the scale grows by tens. Steps of text and floats differ by at most ten between axes where 32
+//! bits allow it, since cells of the octree are cubes of steps. Points far from nearly all others
+//! ([`crate::spread`]) do not count: they may lie outside of the lattice.
 //!
 //! Coordinates may be degrees: the lattice then has the metres of a degree on each axis, and
 //! lengths are measured on its metric lattice ([`Lattice::metric`]).

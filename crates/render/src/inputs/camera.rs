@@ -11,7 +11,7 @@
 use crate::error::RenderError;
 use crate::frame::{DrawNode, Frame, PIXELS_MAX, SIDE_MAX};
 use crate::simd::values::{Values, load};
-use esker_lod::View;
+use esker_lod::{View, Window};
 use esker_points::fetch::fetch;
 use esker_points::quant::{HOT_POSITION_BYTES, read_residual, residual_bytes};
 use esker_points::{Lattice, Node};
@@ -31,6 +31,14 @@ pub fn is_drawable(width: u32, height: u32) -> bool {
     let sides = 1..=SIDE_MAX;
     let pixels = u64::from(width) * u64::from(height);
     sides.contains(&width) && sides.contains(&height) && pixels <= PIXELS_MAX
+}
+
+/// The part of the picture of `view` that is drawn: all of it without a window.
+fn window_of(view: &View) -> Window {
+    let (width, height) = (view.width, view.height);
+    let Some(part) = view.window else { return Window { x: 0, y: 0, width, height } };
+    let (x, y) = (part.x.min(width), part.y.min(height));
+    Window { x, y, width: part.width.min(width - x), height: part.height.min(height - y) }
 }
 
 /// Camera of a frame in `f32`.
@@ -54,12 +62,17 @@ pub struct Camera {
     pub view_from_world: [Vec3; 3],
     /// Pixels that a unit of length takes at unit depth.
     pub focal_px: f32,
-    /// Centre of the picture, pixels.
+    /// Centre of the picture, pixels; of the whole picture where a window of it is drawn.
     pub centre_px: [f32; 2],
+    /// First column and row of the window in the whole picture, pixels. Places are computed on the
+    /// whole picture and then moved, so that they are rounded alike in all of its windows.
+    pub origin_px: [f32; 2],
     /// Width and height of the picture with its margin, pixels.
     pub size: [u32; 2],
     /// Width of the margin on each side, pixels ([`crate::picture::margin`]).
     pub margin_px: u32,
+    /// What is added to a row to get that of the background, and the number of those.
+    pub backdrop_rows: [i32; 2],
     /// Depth of the near plane.
     pub near: f32,
 }
@@ -93,7 +106,7 @@ impl Camera {
 
     /// The camera of a view; `depth` is that of the anchor if it is a pinhole.
     fn anchored(view: &View, lattice: &Lattice, depth: f64) -> Result<Self, RenderError> {
-        let (width, height) = (view.width, view.height);
+        let (sides, Window { x, y, width, height }) = ([view.width, view.height], window_of(view));
         if !is_drawable(width, height) {
             return Err(RenderError::Size { width, height, side: SIDE_MAX, pixels: PIXELS_MAX });
         }
@@ -108,6 +121,10 @@ impl Camera {
         let anchor = view.eye + view.forward() * depth;
         let anchor_steps = [0, 1, 2].map(|i| lattice.steps_axis(i, anchor[i]));
         let whole = anchor_steps.map(|e| e.clamp(-STEPS_FAR, STEPS_FAR).floor());
+        // At least one pixel remains after cropping.
+        let margin_px = view.margin_px.min((sides[0].min(sides[1]) - 1) / 2);
+        let origin_px = [x, y].map(|at| at as f32);
+        let centre_px = [0, 1].map(|axis| sides[axis] as f32 * 0.5 - origin_px[axis]);
         Ok(Self {
             anchor_steps,
             anchor_depth: depth as f32,
@@ -120,10 +137,14 @@ impl Camera {
             step: Vec3::from_array(lattice.scale.map(|s| s as f32)),
             view_from_world: [rows.x_axis, rows.y_axis, rows.z_axis].map(|r| r.as_vec3()),
             focal_px: view.focal_px() as f32,
-            centre_px: [width as f32 * 0.5, height as f32 * 0.5],
+            centre_px,
+            origin_px,
             size: [width, height],
-            // At least one pixel remains after cropping.
-            margin_px: view.margin_px.min((width.min(height) - 1) / 2),
+            margin_px: if view.window.is_some() { 0 } else { margin_px },
+            backdrop_rows: [
+                i64::from(y).saturating_sub(margin_px.into()) as i32,
+                (sides[1] - 2 * margin_px) as i32,
+            ],
             near: (view.near as f32).max(f32::MIN_POSITIVE),
         })
     }
@@ -135,8 +156,26 @@ impl Camera {
             size: self.size.map(|side| side - 2 * left_out),
             centre_px: self.centre_px.map(|middle| middle - left_out as f32),
             margin_px: self.margin_px - left_out,
+            backdrop_rows: [self.backdrop_rows[0] + left_out as i32, self.backdrop_rows[1]],
             ..self
         }
+    }
+
+    /// Row of the background that row `y` of the picture shows, and the number of those. Margins
+    /// show the outermost rows.
+    pub(crate) fn backdrop_row(&self, y: usize) -> [usize; 2] {
+        let [by, rows] = self.backdrop_rows;
+        [(y as i32 + by).clamp(0, rows - 1) as usize, rows as usize]
+    }
+
+    /// Place on the picture from that on the whole picture relative to its centre, pixels.
+    #[inline(always)]
+    pub(crate) fn placed<V: Values>(&self, from_centre: [V; 2]) -> [V; 2] {
+        let [x, y] = from_centre;
+        [
+            x + (self.centre_px[0] + self.origin_px[0]) - self.origin_px[0],
+            y + (self.centre_px[1] + self.origin_px[1]) - self.origin_px[1],
+        ]
     }
 
     /// Transforms a direction from world to view space.

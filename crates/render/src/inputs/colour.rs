@@ -20,8 +20,8 @@ pub enum ColourBy {
     Scalar(ColourMap),
     /// The scalar plane, whose values are numbers below 256 with a colour each.
     Codes(Codebook),
-    /// World z, mapped to colours.
-    Elevation(ColourMap),
+    /// World coordinate along an axis (0 for x, 1 for y, 2 for z), mapped to colours.
+    Coordinate(usize, ColourMap),
     /// Eye depth, mapped to colours.
     EyeDepth(ColourMap),
     /// Size of the cell of the node, one hue a size: shows the levels of detail.
@@ -37,10 +37,12 @@ impl ColourBy {
             Self::Plain => 0,
             Self::Rgb => 1,
             Self::Scalar(_) | Self::Codes(_) => 2,
-            Self::Elevation(_) => 3,
-            Self::EyeDepth(_) => 4,
-            Self::Cell => 5,
-            Self::Normal => 6,
+            Self::Coordinate(0, _) => 3,
+            Self::Coordinate(1, _) => 4,
+            Self::Coordinate(..) => 5,
+            Self::EyeDepth(_) => 6,
+            Self::Cell => 7,
+            Self::Normal => 8,
         }
     }
 

@@ -105,7 +105,7 @@ impl<'a> Lookup<'a> {
     /// Builds the tables of `frame`.
     pub fn new(frame: &'a Frame<'a>, camera: &'a Camera, list: &'a DrawList) -> Self {
         let map = match &frame.colour {
-            ColourBy::Scalar(m) | ColourBy::Elevation(m) | ColourBy::EyeDepth(m) => {
+            ColourBy::Scalar(m) | ColourBy::Coordinate(_, m) | ColourBy::EyeDepth(m) => {
                 Some(MapTable::new(m))
             }
             _ => None,
@@ -244,9 +244,10 @@ impl<'a> Lookup<'a> {
                     _ => plain,
                 }
             }
-            (ColourBy::Elevation(_), _, Some(map)) => {
-                let z = f64::from(draw.node.box_min[2]) + f64::from(offset[2]);
-                map.at(self.frame.lattice.world_axis(2, z))
+            (ColourBy::Coordinate(axis, _), _, Some(map)) => {
+                let axis = axis.min(2);
+                let steps = f64::from(draw.node.box_min[axis]) + f64::from(offset[axis]);
+                map.at(self.frame.lattice.world_axis(axis, steps))
             }
             (ColourBy::EyeDepth(_), _, Some(map)) => map.at(f64::from(depth)),
             (ColourBy::Normal, ..) => {

@@ -217,7 +217,6 @@ impl PixelPositions {
         let [right, up, back] = camera.view_from_world;
         let step = camera.step;
         let [per_depth, always] = camera.divisor();
-        let [cx, cy] = camera.centre_px;
         let [width, height] = camera.size.map(|s| s as f32);
         let row = camera.size[0];
         let zero = [0.0; BLOCK];
@@ -230,8 +229,10 @@ impl PixelPositions {
             let z = place.axis_steps(2, offsets[2][k]) * step.z;
             let depth = camera.anchor_depth - (back.x * x + back.y * y + back.z * z);
             let across = camera.focal_px / (depth * per_depth + always);
-            let at_x = cx + (right.x * x + right.y * y + right.z * z) * across;
-            let at_y = cy - (up.x * x + up.y * y + up.z * z) * across;
+            let [at_x, at_y] = camera.placed([
+                (right.x * x + right.y * y + right.z * z) * across,
+                -(up.x * x + up.y * y + up.z * z) * across,
+            ]);
             let is_inside = (at_x >= 0.0) & (at_x < width) & (at_y >= 0.0) & (at_y < height);
             let is_inside = is_inside & (depth >= camera.near) & (depth < f32::INFINITY);
             let [column, line] = [at_x as i32 as u32, at_y as i32 as u32];

@@ -35,7 +35,7 @@ impl Dots {
         let width = picture.width as usize;
         match pass {
             Pass::Split => {
-                stats.pixels_projected += split(lookup, plan.carries_normals, target, among);
+                stats.pixels_projected += split(lookup, plan.carries_normals, target, width, among);
             }
             Pass::Grow if plan.mixes_dots() => {
                 grow.run(lookup, PointSize::Adaptive, among, width);
@@ -59,6 +59,7 @@ impl Dots {
 
     /// Runs split alone.
     pub(crate) fn split(&mut self, lookup: &Lookup<'_>, plan: &FramePlan, target: &[AtomicU64]) {
-        split(lookup, plan.carries_normals, target, &mut self.among);
+        let width = lookup.camera.size[0] as usize;
+        split(lookup, plan.carries_normals, target, width, &mut self.among);
     }
 }

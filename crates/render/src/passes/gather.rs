@@ -35,6 +35,16 @@ pub(crate) const MINOR_FACTOR: f32 = 1.3;
 pub(crate) const MINOR_MIN_PX: f32 = 1.4;
 /// Thickness of a surface across its plane, over the stored radius, with normals.
 pub(crate) const THICKNESS: f32 = 1.0;
+/// Greatest length of the depth interval with normals: in drawn radii, and in pixels that are
+/// added, since normals are rough from pixel to pixel. Along the ray a disc is no longer, however
+/// near to edge-on it is seen: with longer intervals what lies behind an outline takes part in it,
+/// which makes it ragged (`tests/inner_outlines.rs`).
+pub(crate) const THICK_MAX: [f32; 2] = [1.5, 8.0];
+/// Drawn radii from which that limit sets in, and holds wholly, pixels. Of wires drawn with smaller
+/// discs, both sides are seen edge-on within a pixel or two, and shorter intervals part them.
+pub(crate) const THICK_FROM_PX: [f32; 2] = [4.0, 6.0];
+/// Least share of the limit: with it the limit is longer than any interval of small discs.
+pub(crate) const SHARE_MIN: f32 = 0.0625;
 /// Greatest length of the depth interval over the drawn radius with fitted planes, since steep ones
 /// are rough.
 pub(crate) const FITTED_REACH_MAX: f32 = 3.0;
@@ -246,10 +256,8 @@ impl Hits {
             let from_anchor = [four(x) * step[0], four(y) * step[1], four(z) * step[2]];
             let [per_depth, always] = camera.divisor();
             let scale = focal_px / (depth * per_depth + always);
-            let place = [
-                dot(right, from_anchor) * scale + camera.centre_px[0],
-                -dot(up, from_anchor) * scale + camera.centre_px[1],
-            ];
+            let place =
+                camera.placed([dot(right, from_anchor) * scale, -dot(up, from_anchor) * scale]);
             // From the point to the centre of its pixel: at most half a pixel, however the position
             // was rounded.
             out.front[2] = within_half(centre[0] - place[0]);
@@ -281,6 +289,7 @@ impl Hits {
                 out.front[0] = out.depth;
                 let plate = Lens::new(camera).thickness(turned, place);
                 let thick = radius * (THICKNESS / RADIUS_FACTOR[0]) * plate;
+                let thick = thick.min(longest(in_middle) * depth * per_focal);
                 reach = Vec4::select(has_normal, thick, reach);
                 let [minor, major] = disc_stretch(turned, ray);
                 radius_px = Vec4::select(has_normal, in_pixels(Vec4::ONE, major), radius_px);
@@ -370,6 +379,16 @@ fn plane_at(
     let followed = 1.0 / steepness.max(Vec4::ONE);
     let plate = length * followed * camera.focal_px;
     ([right * followed, -down * followed], plate, [right / length, -down / length, back / length])
+}
+
+/// Greatest length of the depth interval of discs with normals and this radius, pixels.
+#[inline(always)]
+fn longest(radius_px: Lane) -> Lane {
+    let [from, full] = THICK_FROM_PX;
+    let share = (radius_px - from) * (1.0 / (full - from));
+    // Without a limit at the lower end, nearly.
+    let share = share.max(Vec4::splat(SHARE_MIN)).min(Vec4::ONE);
+    (radius_px * THICK_MAX[0] + THICK_MAX[1]) / share
 }
 
 #[inline(always)]

@@ -135,7 +135,6 @@ impl ProjectedPoints {
         let [right, up, back] = camera.view_from_world;
         let (step, ahead) = (camera.step, camera.to_anchor());
         let [per_depth, always] = camera.divisor();
-        let [cx, cy] = camera.centre_px;
         let [width, height] = camera.size.map(|s| s as f32);
         let row = camera.size[0];
         let Self { pixels, depths, from_eye, .. } = self;
@@ -147,8 +146,10 @@ impl ProjectedPoints {
                 (x + ahead.x, y + ahead.y, z + ahead.z);
             *depth = camera.anchor_depth - (back.x * x + back.y * y + back.z * z);
             let scale = camera.focal_px / (*depth * per_depth + always);
-            let at_x = cx + (right.x * x + right.y * y + right.z * z) * scale;
-            let at_y = cy - (up.x * x + up.y * y + up.z * z) * scale;
+            let [at_x, at_y] = camera.placed([
+                (right.x * x + right.y * y + right.z * z) * scale,
+                -(up.x * x + up.y * y + up.z * z) * scale,
+            ]);
             // NaN compares as outside.
             let is_inside = (at_x >= 0.0) & (at_x < width) & (at_y >= 0.0) & (at_y < height);
             let is_inside = is_inside & (*depth >= camera.near) & (*depth < f32::INFINITY);

@@ -15,12 +15,12 @@ pub fn resolve(
     background: Background,
     picture: &mut Picture,
 ) -> u64 {
-    let (width, height) = (picture.width as usize, picture.height as usize);
+    let width = picture.width as usize;
     let encoder = Encoder::get();
     let covered = AtomicU64::new(0);
     let rows = picture.rgba.par_chunks_mut(width * 4).zip(picture.depth.par_chunks_mut(width));
     rows.enumerate().for_each(|(y, (rgba, depths))| {
-        let behind = backdrop(background, y, height);
+        let behind = backdrop(background, lookup.camera.backdrop_row(y));
         let mut count = 0;
         for (x, out) in rgba.as_chunks_mut::<4>().0.iter_mut().enumerate() {
             let value = target[y * width + x].load(Relaxed);
@@ -39,7 +39,7 @@ pub fn resolve(
 }
 
 /// Colour of the background in row `y` of `height`.
-pub fn backdrop(background: Background, y: usize, height: usize) -> [u8; 4] {
+pub fn backdrop(background: Background, [y, height]: [usize; 2]) -> [u8; 4] {
     match background {
         Background::Plain(c) => c,
         Background::Gradient(top, bottom) => {

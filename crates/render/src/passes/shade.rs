@@ -70,8 +70,6 @@ fn shade_as<const SHINES: bool, S: Surface>(
     picture: &mut Picture,
 ) -> Shaded {
     let [width, height] = surface.size();
-    let margin = camera.margin_px as usize;
-    let last = height - margin - 1;
     let raw = DepthImage::new(camera, &picture.depth, 0.0);
     let shape = if surface.has_normals() { raw } else { smooth.image(camera) };
     let nothing = vec![f32::INFINITY; width];
@@ -82,7 +80,7 @@ fn shade_as<const SHINES: bool, S: Surface>(
             camera,
             surface,
             depth: raw.depth,
-            backdrop: backdrop(background, y.clamp(margin, last) - margin, height - 2 * margin),
+            backdrop: backdrop(background, camera.backdrop_row(y)),
             y,
             covered: 0,
             creases: Vec::new(),

@@ -3,7 +3,7 @@
 //! passes therefore work on a larger picture, which is cropped afterwards.
 
 use crate::frame::Picture;
-use esker_lod::View;
+use esker_lod::{View, Window};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -11,6 +11,13 @@ use rayon::prelude::*;
 /// it, less than 1 % of the border differs from what a larger picture shows there
 /// (`tests/margin.rs`; `docs/design/surfaces.md`).
 pub const MARGIN_PX: u32 = 16;
+
+/// Pixels drawn around a window at least. Passes look that far, as long as points are less than a
+/// sixteenth of it apart.
+const WINDOW_MARGIN_PX: u32 = 64;
+/// Windows with their margin begin at multiples of this many pixels, so that pixels of the pyramid
+/// up to this size, and the squares of fitted planes and of exposure, are those of the whole.
+const WINDOW_STEP_PX: u32 = 64;
 
 /// Rows of a picture that a job copies.
 const ROWS: usize = 32;
@@ -25,11 +32,29 @@ pub fn goes_beyond(view: &View, bounds: [[f64; 3]; 2]) -> bool {
     })
 }
 
+/// The part of the picture of `view` to draw for the part `shown` of it, of which both count from
+/// the first pixel of the margin: with what passes need around it, as far as the picture goes.
+pub fn window_around(view: &View, shown: Window) -> Window {
+    let ends = |first: u32, count: u32, side: u32| {
+        let low = first.saturating_sub(WINDOW_MARGIN_PX) / WINDOW_STEP_PX * WINDOW_STEP_PX;
+        [low, first.saturating_add(count).saturating_add(WINDOW_MARGIN_PX).min(side)]
+    };
+    let [left, right] = ends(shown.x, shown.width, view.width);
+    let [top, bottom] = ends(shown.y, shown.height, view.height);
+    Window { x: left, y: top, width: right - left, height: bottom - top }
+}
+
 /// Copies `wide` without a margin of `margin_px` pixels to `picture`. Returns the number of its
 /// pixels that show a surface; the caller sets its other counts and its times.
 pub fn crop(wide: &Picture, margin_px: u32, picture: &mut Picture) -> u64 {
-    (picture.width, picture.height) = (wide.width - 2 * margin_px, wide.height - 2 * margin_px);
-    let [width, height, margin] = [picture.width, picture.height, margin_px].map(|n| n as usize);
+    let [width, height] = [wide.width, wide.height].map(|side| side - 2 * margin_px);
+    crop_to(wide, Window { x: margin_px, y: margin_px, width, height }, picture)
+}
+
+/// Copies a part of `wide` to `picture`, otherwise as [`crop`].
+pub fn crop_to(wide: &Picture, part: Window, picture: &mut Picture) -> u64 {
+    (picture.width, picture.height) = (part.width, part.height);
+    let [left, top, width, height] = [part.x, part.y, part.width, part.height].map(|n| n as usize);
     picture.rgba.resize(width * height * 4, 0);
     picture.depth.resize(width * height, 0.0);
     let wide_width = wide.width as usize;
@@ -37,7 +62,7 @@ pub fn crop(wide: &Picture, margin_px: u32, picture: &mut Picture) -> u64 {
     let rgba = picture.rgba.as_chunks_mut::<4>().0.par_chunks_mut(width);
     let rows = rgba.zip(picture.depth.par_chunks_mut(width)).with_min_len(ROWS).enumerate();
     let covered = rows.map(|(y, (rgba, depth))| {
-        let from = (y + margin) * wide_width + margin;
+        let from = (y + top) * wide_width + left;
         rgba.copy_from_slice(&colours[from..][..width]);
         depth.copy_from_slice(&wide.depth[from..][..width]);
         depth.iter().map(|&d| u64::from(d < f32::INFINITY)).sum::<u64>()

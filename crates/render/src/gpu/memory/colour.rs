@@ -20,7 +20,9 @@ same_values!(common_colour == crate::inputs::colour {
     BY_PLAIN = ColourBy::Plain.number(),
     BY_RGB = ColourBy::Rgb.number(),
     BY_VALUE = ColourBy::Scalar(MAP).number(),
-    BY_ELEVATION = ColourBy::Elevation(MAP).number(),
+    BY_X = ColourBy::Coordinate(0, MAP).number(),
+    BY_Y = ColourBy::Coordinate(1, MAP).number(),
+    BY_Z = ColourBy::Coordinate(2, MAP).number(),
     BY_EYE_DEPTH = ColourBy::EyeDepth(MAP).number(),
     BY_CELL = ColourBy::Cell.number(),
     BY_NORMAL = ColourBy::Normal.number(),
@@ -47,10 +49,10 @@ impl ColourRuns {
                 let table = MapTable::new(map);
                 Some(Self::found(|v| table.entry(v), map.low, table.colours(), MapTable::NO_NUMBER))
             }
-            ColourBy::Elevation(map) => {
-                let table = MapTable::new(map);
-                let entry = |z| table.entry(lattice.world_axis(2, z));
-                let low = lattice.steps_axis(2, map.low);
+            ColourBy::Coordinate(axis, map) => {
+                let (table, axis) = (MapTable::new(map), (*axis).min(2));
+                let entry = |steps| table.entry(lattice.world_axis(axis, steps));
+                let low = lattice.steps_axis(axis, map.low);
                 Some(Self::found(entry, low, table.colours(), MapTable::NO_NUMBER))
             }
             ColourBy::Codes(book) => {
@@ -134,21 +136,26 @@ mod tests {
         let extremes = [0.0, -0.0, -1e300, 1e300, f64::MAX, f64::MIN_POSITIVE, f64::NAN];
         let infinities = [f64::INFINITY, f64::NEG_INFINITY, 3e8, 3e8 + 7.0, 5e-324, 0.5];
         let values: Vec<f64> = extremes.into_iter().chain(infinities).collect();
-        let lattice =
-            Lattice { scale: [1e-3; 3], offset: [10.0; 3], shift: [5; 3], ..Lattice::default() };
+        let (scale, offset) = ([1e-3, 0.01, 2.5e-4], [10.0, -7.0, 0.5]);
+        let lattice = Lattice { scale, offset, shift: [5; 3], ..Lattice::default() };
         for &low in &values {
             for &high in &values {
                 let map = ColourMap { low, high, gradient: Gradient::Viridis };
                 let table = MapTable::new(&map);
                 let runs = ColourRuns::of(&ColourBy::Scalar(map), &lattice).unwrap();
-                let heights = ColourRuns::of(&ColourBy::Elevation(map), &lattice).unwrap();
-                assert!(runs.runs.len() <= RUNS_MAX && heights.runs.len() <= RUNS_MAX);
+                let along = [0, 1, 2].map(|axis| {
+                    ColourRuns::of(&ColourBy::Coordinate(axis, map), &lattice).unwrap()
+                });
+                let found = [&runs].into_iter().chain(&along);
+                assert!(found.into_iter().all(|runs| runs.runs.len() <= RUNS_MAX));
                 assert!(runs.runs.is_sorted_by(|a, b| a.0 < b.0));
                 let between = (0..200).map(|i| low + (high - low) * (f64::from(i) / 199.0));
                 for v in between.chain(values.iter().copied()) {
                     assert_eq!(looked_up(&runs, v), table.at(v), "{v} in {map:?}");
-                    let z = lattice.world_axis(2, v);
-                    assert_eq!(looked_up(&heights, v), table.at(z), "{v} steps in {map:?}");
+                    for (axis, runs) in along.iter().enumerate() {
+                        let at = lattice.world_axis(axis, v);
+                        assert_eq!(looked_up(runs, v), table.at(at), "{v} steps in {map:?}");
+                    }
                 }
             }
         }

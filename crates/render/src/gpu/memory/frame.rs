@@ -32,6 +32,9 @@ pub struct FrameUniform {
     crowding: f32,
     fitting: f32,
     is_parallel: u32,
+    backdrop_from: i32,
+    origin_px: [f32; 2],
+    backdrop_rows: u32,
     unused: u32,
 }
 
@@ -70,6 +73,9 @@ impl FrameUniform {
             crowding,
             fitting,
             is_parallel: u32::from(camera.is_parallel),
+            backdrop_from: camera.backdrop_rows[0],
+            origin_px: camera.origin_px,
+            backdrop_rows: camera.backdrop_rows[1] as u32,
             unused: 0,
         }
     }
@@ -107,6 +113,9 @@ mod layout {
         anchor_depth,
         crowding,
         fitting,
-        is_parallel
+        is_parallel,
+        backdrop_from,
+        origin_px,
+        backdrop_rows
     });
 }

@@ -24,6 +24,9 @@ same_values!(gather_gather == crate::passes::gather {
     MINOR_MIN_PX,
     BARE_REACH = crate::passes::fit_planes::BARE_REACH,
     THICKNESS,
+    THICK_MAX[..],
+    THICK_FROM_PX[..],
+    SHARE_MIN,
     BACK_DEPTH,
     DOT_RADIUS_PX,
 });

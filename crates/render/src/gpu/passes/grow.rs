@@ -9,13 +9,29 @@ use crate::gpu::device::variants::Variants;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::hits::HIT_BYTES;
 use crate::gpu::memory::lookup::{GpuLookup, WinningPoints};
+use crate::passes::split::CELL_PX;
 use crate::plan::FramePlan;
 use wgpu::{BufferUsages, ComputePass};
 
 same_values!(grow_sizes == crate::passes::grow { ADAPTIVE_FACTOR, PIXEL_RADIUS });
 same_values!(grow_sizes == crate::frame { ADAPTIVE_MAX });
-same_values!(grow_sizes == crate::passes::split { SURFACE_PX[..] = SURFACE_PX });
+same_values!(grow_sizes == crate::passes::split {
+    SURFACE_PX[..] = SURFACE_PX,
+    WIDE_PX,
+});
+same_values!(grow_cells == crate::passes::split { CELL_PX = CELL_PX as u32 });
+same_values!(grow_support == crate::passes::split {
+    CELL_PX = CELL_PX as u32,
+    SUPPORTERS,
+    SUPPORT_REACH,
+    SUPPORT_OFF,
+    SUPPORT_COS,
+});
 
+/// Bytes of the nearest wide point of a cell.
+const CELL_BYTES: u64 = 4;
+/// Threads of a workgroup that fills cells.
+const CELL_THREADS: u32 = 64;
 /// Bytes of the radius of a dot.
 const RADIUS_BYTES: u64 = 4;
 
@@ -23,11 +39,16 @@ const RADIUS_BYTES: u64 = 4;
 pub struct Grow {
     /// Variants: whether dots are parted from surfaces, and whether there are normals.
     sizes: Variants<2>,
+    /// The nearest wide points of cells, and the parting of those without support.
+    nearest: Variants<0>,
+    support: Variants<0>,
     /// Variants: whether dots have sizes of their own.
     kernels: Variants<1>,
     radii: Counted,
     /// Points that are parted from surfaces.
     dots: Counted,
+    /// Nearest wide point of each cell.
+    cells: Counted,
     grown: Counted,
 }
 
@@ -39,9 +60,12 @@ impl Grow {
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self {
             sizes: Variants::new(sources::GROW_SIZES, ["SPLITS", "NORMALS"]),
+            nearest: Variants::new(sources::GROW_CELLS, []),
+            support: Variants::new(sources::GROW_SUPPORT, []),
             kernels: Variants::new(sources::GROW_GROW, ["ADAPTS"]),
             radii: buffer(gpu, RADIUS_BYTES)?,
             dots: buffer(gpu, HIT_BYTES)?,
+            cells: buffer(gpu, CELL_BYTES)?,
             grown: buffer(gpu, HIT_BYTES)?,
         })
     }
@@ -63,7 +87,31 @@ impl Grow {
         let pixels = pixels_of(winners);
         fit(gpu, &mut self.radii, RADIUS_BYTES * pixels)?;
         fit(gpu, &mut self.dots, HIT_BYTES * pixels)?;
-        self.size(gpu, pass, plan, lookup, winners, words)
+        self.size(gpu, pass, plan, lookup, winners, words)?;
+        if !plan.carries_normals {
+            return Ok(());
+        }
+        let [columns, rows] = winners.size.map(|side| side.div_ceil(CELL_PX as u32));
+        fit(gpu, &mut self.cells, CELL_BYTES * u64::from(columns) * u64::from(rows))?;
+        let kernel = self.nearest.get(gpu, [])?;
+        let buffers =
+            [(0, winners.uniform), (1, winners.hits), (2, &*self.dots), (3, &*self.cells)];
+        let groups = [(columns * rows).div_ceil(CELL_THREADS), 1, 1];
+        kernel.dispatch(pass, &kernel.bind(gpu, &buffers), groups);
+        let kernel = self.support.get(gpu, [])?;
+        let [geometry, paint] = words;
+        let buffers = [
+            (0, winners.uniform),
+            (1, winners.hits),
+            (2, winners.draws),
+            (3, geometry),
+            (4, paint),
+            (5, &*self.cells),
+            (6, &*self.dots),
+            (7, winners.counts),
+        ];
+        kernel.dispatch(pass, &kernel.bind(gpu, &buffers), winners.groups());
+        Ok(())
     }
 
     /// Encodes the filling of [`Grow::hits`] from those of `winners`, or from the dots of
@@ -138,6 +186,7 @@ impl Grow {
     pub fn release(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
         fit(gpu, &mut self.radii, RADIUS_BYTES)?;
         fit(gpu, &mut self.dots, HIT_BYTES)?;
+        fit(gpu, &mut self.cells, CELL_BYTES)?;
         fit(gpu, &mut self.grown, HIT_BYTES)
     }
 
@@ -146,7 +195,8 @@ impl Grow {
     /// # Errors
     /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
-        Ok(self.sizes.reload(gpu)? | self.kernels.reload(gpu)?)
+        let sizes = self.sizes.reload(gpu)? | self.kernels.reload(gpu)?;
+        Ok(sizes | self.nearest.reload(gpu)? | self.support.reload(gpu)?)
     }
 }
 

@@ -1,0 +1,179 @@
+//! A picture drawn in parts has the pixels of the whole: nodes and radii are those of the whole
+//! picture, places are rounded alike, and passes see what lies around a part.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+#[path = "../../builder/tests/given/mod.rs"]
+mod given;
+
+use esker_engine::calls::render::draw;
+use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::scene::PictureRequest;
+use esker_engine::machine::backend::{Backend, DrawWith, GpuRequest};
+use esker_engine::{Dots, Forest, Method, NormalsMode, Picture, PointSize, Window};
+use esker_points::task::Silent;
+use esker_points::{AttrType, ColourDepth};
+use esker_render::gpu::Gpu;
+use given::given;
+use std::path::Path;
+
+/// No multiple of the steps that windows are aligned to.
+const SIZE: [u32; 2] = [500, 330];
+const POINTS: u64 = 200_000;
+/// Step of the scan, metres.
+const STEP: f64 = 0.001;
+
+/// Places and colours of points: a hilly ground with chequers, and a ball and a wall in front of
+/// it.
+fn point(i: u64) -> ([f64; 3], [u64; 3]) {
+    let share = |k: f64| (i as f64 * k).fract();
+    let (u, v) = (share(0.754_877_666), share(0.569_840_291));
+    match i % 8 {
+        0 => {
+            let (z, turn) = (2.0 * u - 1.0, v * std::f64::consts::TAU);
+            let side = (1.0 - z * z).sqrt();
+            ([2.1 + side * turn.cos(), -2.2 + side * turn.sin(), 1.4 + z], [200, 60, 40])
+        }
+        1 => ([-2.5 + 2.0 * u, -1.7, 2.2 * v - 0.5], [60, 110, 180]),
+        _ => {
+            let (x, y) = (16.0 * u - 8.0, 12.0 * v - 6.0);
+            let is_dark = ((x * 1.3).floor() + (y * 1.3).floor()).rem_euclid(2.0) < 1.0;
+            let z = 0.5 * (x * 0.7).sin() + 0.3 * (y * 0.9).cos() - 1.0;
+            ([x, y, z], if is_dark { [70, 100, 60] } else { [180, 190, 120] })
+        }
+    }
+}
+
+fn built(folder: &Path, normals: NormalsMode) -> Forest {
+    let steps = |i| point(i).0.map(|c| (c / STEP).round() as i32);
+    let mut scan = given("scan", [STEP; 3], (0..POINTS).map(steps).collect());
+    for (name, channel) in [("red", 0), ("green", 1), ("blue", 2)] {
+        scan = scan.with(name, AttrType::U16, |i| point(i).1[channel]);
+    }
+    let out = folder.join("scan.esker");
+    let options = esker_builder::Options { node_capacity: 4096, normals, ..Default::default() };
+    let scan = scan.coloured(ColourDepth::Eight);
+    esker_builder::build_sources(vec![scan.boxed()], &out, &options, &Silent).unwrap();
+    Forest::open(&out).unwrap()
+}
+
+fn gpu() -> GpuRequest {
+    GpuRequest { allow_software: true, ..GpuRequest::default() }
+}
+
+/// The CPU, and a GPU if the machine has an adapter.
+fn backends() -> Vec<Backend> {
+    let has_gpu = Gpu::open(&gpu()).is_ok();
+    if !has_gpu {
+        println!("skipped: no adapter; the CPU alone draws");
+    }
+    [Some(Backend::Cpu), has_gpu.then_some(Backend::Gpu)].into_iter().flatten().collect()
+}
+
+fn request(camera: &str, method: Method, dots: Dots, backend: Backend) -> PictureRequest {
+    PictureRequest {
+        size: SIZE,
+        method,
+        dots,
+        camera: Camera::parse(camera).unwrap(),
+        with: DrawWith { backend, gpu: gpu() },
+        ..PictureRequest::default()
+    }
+}
+
+/// The ground fills the picture and goes on beyond it.
+const CAMERA: &str = "eye=0.25,-8.5,3.5;target=0.25,-1,0;fovy=50";
+const PLAN: &str = "direction=0,0.3,-1;ortho=9";
+
+/// Parts of the picture, which cover all of it: halves, and tiles of uneven sizes.
+fn partitions() -> [Vec<Window>; 2] {
+    let [width, height] = SIZE;
+    let window = |x, y, width, height| Window { x, y, width, height };
+    let halves = vec![window(0, 0, 233, height), window(233, 0, width - 233, height)];
+    let columns = [0, 101, 350, width];
+    let rows = [0, 77, 211, height];
+    let tiles = columns
+        .windows(2)
+        .flat_map(|c| rows.windows(2).map(move |r| window(c[0], r[0], c[1] - c[0], r[1] - r[0])));
+    [halves, tiles.collect()]
+}
+
+/// Pixels of a part that differ from the whole: in depth, and in colour.
+fn different(part: &Picture, whole: &Picture, window: Window) -> [usize; 2] {
+    assert_eq!([part.width, part.height], [window.width, window.height]);
+    let pixels = |p: &Picture| -> Vec<[u8; 4]> { p.rgba.as_chunks::<4>().0.to_vec() };
+    let (own, all) = (pixels(part), pixels(whole));
+    let mut off = [0; 2];
+    for y in 0..window.height {
+        for x in 0..window.width {
+            let here = (y * window.width + x) as usize;
+            let there = ((window.y + y) * whole.width + window.x + x) as usize;
+            let depths = [part.depth[here], whole.depth[there]];
+            // Depths are moved along planes from places that are rounded on the part.
+            let is_same = depths[0] == depths[1] || (depths[0] / depths[1] - 1.0).abs() < 1e-6;
+            off[0] += usize::from(!is_same);
+            off[1] += usize::from(own[here] != all[there]);
+        }
+    }
+    off
+}
+
+/// Pixels that differ between a picture and its parts, for each way to part it: in depth, and in
+/// colour.
+fn differences(file: &Forest, request: &PictureRequest) -> [[usize; 2]; 2] {
+    let whole = draw(file, request, &Silent).unwrap();
+    assert!(whole.1.pixels_covered > u64::from(SIZE[0] * SIZE[1]) / 4);
+    partitions().map(|parts| {
+        let mut covered = 0;
+        let found = parts.into_iter().map(|window| {
+            let part = PictureRequest { window: Some(window), ..request.clone() };
+            let (picture, report) = draw(file, &part, &Silent).unwrap();
+            assert_eq!(report.points_drawn, whole.1.points_drawn);
+            covered += report.pixels_covered;
+            different(&picture, &whole.0, window)
+        });
+        let all = found.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        assert!(all[0] > 0 || covered == whole.1.pixels_covered, "{covered}");
+        all
+    })
+}
+
+#[test]
+fn points_drawn_in_parts_have_the_pixels_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path(), NormalsMode::None);
+    let adaptive = Dots { size: PointSize::Adaptive, eye_dome: 1.0 };
+    for backend in backends() {
+        for camera in [CAMERA, PLAN] {
+            for dots in [Dots::default(), adaptive] {
+                let found = differences(&file, &request(camera, Method::Points, dots, backend));
+                assert_eq!(found, [[0; 2]; 2], "{backend:?}, {camera}, {dots:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn surfaces_drawn_in_parts_have_the_pixels_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    for normals in [NormalsMode::Fast, NormalsMode::None] {
+        let file = built(folder.path(), normals);
+        for backend in backends() {
+            // Software drivers take minutes for all.
+            let cameras = if backend == Backend::Cpu { &[CAMERA, PLAN][..] } else { &[CAMERA] };
+            for &camera in cameras {
+                for method in [Method::PullPush, Method::Auto] {
+                    let request = request(camera, method, Dots::default(), backend);
+                    let found = differences(&file, &request);
+                    println!("{normals:?}, {backend:?}, {camera}, {method:?}: {found:?}");
+                    // Without normals, light follows depths that are smoothed over the mean radius
+                    // of what is drawn.
+                    let most =
+                        if normals == NormalsMode::None { SIZE[0] * SIZE[1] / 50 } else { 0 };
+                    let is_same =
+                        |[depth, colour]: &[usize; 2]| *depth == 0 && *colour <= most as usize;
+                    assert!(found.iter().all(is_same), "{found:?}");
+                }
+            }
+        }
+    }
+}
