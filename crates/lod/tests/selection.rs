@@ -116,7 +116,8 @@ fn assert_is_a_cut(
     assert!(c.points <= c.points_wanted && c.points_wanted <= options.points_budget);
     assert!(c.bytes_wanted <= options.bytes_budget);
     assert_wanted_is_closed(tree, residency, s);
-    assert!(s.hidden.len() as u64 <= c.contour_occluded && s.hidden.iter().all(|h| h.prefix == 0));
+    assert!(s.hidden.len() as u64 <= c.contour_occluded + c.contour_culled);
+    assert!(s.hidden.iter().all(|h| h.prefix == 0));
     let mut drawn = vec![None; nodes.len()];
     for d in &s.drawn {
         let node = &nodes[d.node as usize];

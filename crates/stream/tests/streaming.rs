@@ -7,7 +7,8 @@ mod harness;
 
 use esker_format::PlaneKind;
 use esker_lod::{
-    AllResident, DepthFeedback, Frustum, OrientedBox, View, needs_residual, select, tiles_of,
+    AllResident, DepthFeedback, Frustum, OrientedBox, Selection, View, needs_residual, select,
+    tiles_of,
 };
 use esker_stream::{Cut, Needs, Options, Priority};
 use glam::DVec3;
@@ -25,6 +26,10 @@ fn roomy() -> Options {
 
 /// Nodes and prefixes that the pure choice draws if everything is resident.
 fn pure(harness: &Harness, view: &View, options: &Options) -> Vec<(u32, usize)> {
+    chosen(harness, view, options).drawn.iter().map(|d| (d.node, d.prefix)).collect()
+}
+
+fn chosen(harness: &Harness, view: &View, options: &Options) -> Selection {
     let forest = &harness.forest;
     let options = esker_lod::Options {
         points_budget: options.points_budget,
@@ -32,8 +37,7 @@ fn pure(harness: &Harness, view: &View, options: &Options) -> Vec<(u32, usize)> 
         target_spacing_px: options.target_spacing_px,
     };
     let (table, lattice) = (forest.table(), forest.lattice());
-    let chosen = select(table, lattice, view, &options, &AllResident, None);
-    chosen.drawn.iter().map(|d| (d.node, d.prefix)).collect()
+    select(table, lattice, view, &options, &AllResident, None)
 }
 
 fn drawn(cut: &Cut) -> Vec<(u32, usize)> {
@@ -48,7 +52,8 @@ fn a_view_converges_to_the_pure_choice() {
         assert!(cut.complete);
         assert!(cut.nodes.len() > 3, "{} nodes", cut.nodes.len());
         assert_eq!(drawn(&cut), pure(&harness, &cut.view, &roomy()));
-        assert_eq!(cut.octree.len(), cut.nodes.len());
+        let hidden = chosen(&harness, &cut.view, &roomy()).hidden.len();
+        assert_eq!(cut.octree.len(), cut.nodes.len() + hidden);
         for node in &cut.nodes {
             let lattice = harness.forest.lattice();
             let record = &harness.forest.table().nodes[node.node as usize];
