@@ -1,14 +1,17 @@
-//! Finishes the nodes of trees whose density is uneven, as [`crate::sample::uneven`] arranges them.
+//! Finishes the nodes of trees whose density is uneven, as [`crate::sample::uneven`] arranges them,
+//! and keeps points beside dense parts in the nodes around them.
 
 use crate::page::histograms::Counts;
 use crate::rows::row::Rows;
 use crate::sample::candidates::Candidates;
-use crate::sample::cell::Context;
+use crate::sample::cell::{Context, Part, ends};
 use crate::sample::order::parts;
 use crate::sample::pending::PendingCell;
 use crate::sample::shape::{Moments, Shape};
 use crate::sample::spacing::radii;
-use crate::sample::uneven::{Arranged, Arrangement, Leaf, UNEVEN};
+use crate::sample::turns::LAST_TURN;
+use crate::sample::uneven::{Arranged, Arrangement, Leaf};
+use crate::sample::unevenness::UNEVEN;
 use crate::tree::subtree::{Children, Subtree};
 use esker_points::node::SHAPE_CONTINUATION;
 use esker_points::{Cell, quant};
@@ -205,5 +208,62 @@ impl Context {
             below = vec![tree].into();
         }
         None
+    }
+}
+
+impl Context {
+    /// Leaves those of the `chosen` points in their cells that are far from dense points around: in
+    /// the sample they would be drawn as narrow as the finest node around them. `local` are their
+    /// spacings in the sample.
+    pub(super) fn leave_apart(
+        &self,
+        rows: &Rows<'_>,
+        (parts, few, turns): (&mut [Part], &[bool], &mut [u16]),
+        (chosen, local): (&[u32], &[f32]),
+    ) {
+        // A node keeps the points picked first: without points it would link nothing.
+        let kept = turns.iter().copied().min().unwrap_or(LAST_TURN);
+        for ((child, part), &is_few) in parts.iter_mut().zip(few) {
+            // No node is drawn around the points of cells that end here.
+            let is_arranged = !child.withheld.is_empty() || child.least_radius > 0.0;
+            if is_arranged || ends(child, is_few, &turns[part.clone()]) {
+                continue;
+            }
+            let first = chosen.partition_point(|&i| (i as usize) < part.start);
+            let own = first..chosen.partition_point(|&i| (i as usize) < part.end);
+            let apart = self.apart(rows, child);
+            for (&i, &local) in chosen[own.clone()].iter().zip(&local[own]) {
+                let at = i - part.start as u32;
+                if turns[i as usize] > kept && apart.binary_search(&at).is_ok() {
+                    turns[i as usize] = LAST_TURN;
+                    child.apart.push((at, local));
+                }
+            }
+        }
+    }
+
+    /// Updates `shares` as [`Context::shares`] does, by the local spacings of the points in their
+    /// own cells, for a sample that is bounded by its sparse parts.
+    pub(super) fn exact_shares(
+        &self,
+        rows: &Rows<'_>,
+        mut shares: Vec<f32>,
+        parts: &[Part],
+        (few, turns): (&[bool], &[u16]),
+        above: f64,
+    ) -> Vec<f32> {
+        shares.resize(turns.len(), 1.0);
+        for ((child, part), &is_few) in parts.iter().zip(few) {
+            if ends(child, is_few, &turns[part.clone()]) {
+                let local = self.local_spacings(rows, child);
+                let share = |local: f32| if local > 0.0 { local / above as f32 } else { 1.0 };
+                let own = shares[part.clone()].iter_mut().zip(local);
+                own.for_each(|(own, local)| *own = own.min(share(local)));
+                // Beside dense points the distance to these is not that of the own part.
+                let apart = self.apart(rows, child);
+                apart.iter().for_each(|&i| shares[part.start + i as usize] = 1.0);
+            }
+        }
+        shares
     }
 }

@@ -48,6 +48,9 @@ pub const LEAF_NODES: usize = 2;
 /// as they are stored.
 const APART_WIDENED: f32 = 2.0;
 
+/// A child of a cell, and the places of its points among those that all children offer.
+pub type Part = (PendingCell, Range<usize>);
+
 /// Settings and sums that all steps of a build share.
 pub struct Context {
     /// Layout of the rows.
@@ -214,61 +217,6 @@ impl Context {
         pending
     }
 
-    /// Leaves those of the `chosen` points in their cells that are far from dense points around: in
-    /// the sample they would be drawn as narrow as the finest node around them. `local` are their
-    /// spacings in the sample.
-    fn leave_apart(
-        &self,
-        rows: &Rows<'_>,
-        (parts, few, turns): (&mut [(PendingCell, Range<usize>)], &[bool], &mut [u16]),
-        (chosen, local): (&[u32], &[f32]),
-    ) {
-        // A node keeps the points picked first: without points it would link nothing.
-        let kept = turns.iter().copied().min().unwrap_or(LAST_TURN);
-        for ((child, part), &is_few) in parts.iter_mut().zip(few) {
-            // No node is drawn around the points of cells that end here.
-            let is_arranged = !child.withheld.is_empty() || child.least_radius > 0.0;
-            if is_arranged || ends(child, is_few, &turns[part.clone()]) {
-                continue;
-            }
-            let first = chosen.partition_point(|&i| (i as usize) < part.start);
-            let own = first..chosen.partition_point(|&i| (i as usize) < part.end);
-            let apart = self.apart(rows, child);
-            for (&i, &local) in chosen[own.clone()].iter().zip(&local[own]) {
-                let at = i - part.start as u32;
-                if turns[i as usize] > kept && apart.binary_search(&at).is_ok() {
-                    turns[i as usize] = LAST_TURN;
-                    child.apart.push((at, local));
-                }
-            }
-        }
-    }
-
-    /// Updates `shares` as [`Context::shares`] does, by the local spacings of the points in their
-    /// own cells, for a sample that is bounded by its sparse parts.
-    fn exact_shares(
-        &self,
-        rows: &Rows<'_>,
-        mut shares: Vec<f32>,
-        parts: &[(PendingCell, Range<usize>)],
-        (few, turns): (&[bool], &[u16]),
-        above: f64,
-    ) -> Vec<f32> {
-        shares.resize(turns.len(), 1.0);
-        for ((child, part), &is_few) in parts.iter().zip(few) {
-            if ends(child, is_few, &turns[part.clone()]) {
-                let local = self.local_spacings(rows, child);
-                let share = |local: f32| if local > 0.0 { local / above as f32 } else { 1.0 };
-                let own = shares[part.clone()].iter_mut().zip(local);
-                own.for_each(|(own, local)| *own = own.min(share(local)));
-                // Beside dense points the distance to these is not that of the own part.
-                let apart = self.apart(rows, child);
-                apart.iter().for_each(|&i| shares[part.start + i as usize] = 1.0);
-            }
-        }
-        shares
-    }
-
     /// The points that have a turn, of a cell of `count` points.
     fn sample(
         &self,
@@ -342,11 +290,11 @@ impl Context {
         &self,
         candidates: &Candidates,
         mut shares: Vec<f32>,
-        parts: &[(PendingCell, Range<usize>)],
+        parts: &[Part],
         (few, turns): (&[bool], &[u16]),
         above: f64,
     ) -> Vec<f32> {
-        let offer = |((child, part), &is_few): (&(PendingCell, Range<usize>), &bool)| {
+        let offer = |((child, part), &is_few): (&Part, &bool)| {
             let weight = child.moments.count as f32 / child.sampled as f32;
             Offer { ends: ends(child, is_few, &turns[part.clone()]), weight }
         };
@@ -618,7 +566,7 @@ impl Context {
 
 /// Whether a cell has no node of its own: it gives its few points to the cell above, or that has
 /// taken them all. `turns` are those of the points that it offers.
-fn ends(cell: &PendingCell, is_few: bool, turns: &[u16]) -> bool {
+pub fn ends(cell: &PendingCell, is_few: bool, turns: &[u16]) -> bool {
     let are_taken = || turns.iter().all(|turn| *turn != LAST_TURN);
     is_few || cell.is_leaf() && cell.withheld.is_empty() && are_taken()
 }

@@ -21,5 +21,6 @@ pub(crate) mod thin;
 pub(crate) mod tiles;
 pub(crate) mod turns;
 pub(crate) mod uneven;
+pub(crate) mod unevenness;
 pub(crate) mod unpicked;
 pub(crate) mod wires;

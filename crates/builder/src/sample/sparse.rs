@@ -1,10 +1,11 @@
-//! Keeps the samples of cells of uneven density as coarse as their sparse parts: where half of a
-//! cell is far sparser than the sample that a node holds, a node has fewer points, and cells below
-//! have the rest of the dense part. So the spacing of a node is that of most of its area, as in
-//! [`crate::sample::uneven`].
+//! Keeps the samples of cells of uneven density as coarse as their sparse parts: where a part of a
+//! cell is far sparser than the sample that a node holds, the node has fewer points, and the cells
+//! below have the rest of the dense part. So sparse points are not much farther apart than the
+//! spacing of their node, as in [`crate::sample::uneven`].
 
 use crate::sample::turns::{LAST_TURN, radius_at};
-use crate::sample::uneven::{Leaf, SAMPLE_RADIUS, Unevenness, coarser_half};
+use crate::sample::uneven::{Leaf, SAMPLE_RADIUS, coarser_half};
+use crate::sample::unevenness::Unevenness;
 
 /// Spacings beyond this multiple of that of the sample are sparse; beyond `BETWEEN` of that they
 /// are between.
@@ -27,8 +28,7 @@ pub struct Sample {
     pub spacing: f64,
 }
 
-/// The least radius of thinning that the sparse half of a sample allows, by area; 0 if the sample
-/// is even. `positions` are those of the chosen points.
+/// The least radius of thinning that the sparse part of a sample allows; 0 if the sample is even. `positions` are those of the chosen points.
 pub fn least_radius(
     sample: &Sample,
     positions: impl Iterator<Item = [u32; 3]>,
@@ -54,8 +54,8 @@ pub fn least_radius(
     f64::from(coarse * SAMPLE_RADIUS)
 }
 
-/// Takes points out of a sample that were picked at radii below `least`, but not those picked first:
-/// a node without points would link nothing.
+/// Takes points out of a sample that were picked at radii below `least`, but not those picked
+/// first: a node without points would link nothing.
 pub fn unpick(turns: &mut [u16], least: f64) {
     let first = turns.iter().copied().min().unwrap_or(LAST_TURN);
     for turn in turns.iter_mut().filter(|turn| **turn > first) {

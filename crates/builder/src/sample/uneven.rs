@@ -7,27 +7,13 @@
 use crate::attributes::knn::Query;
 use crate::attributes::knn_index::KnnIndex;
 use crate::sample::turns::{LAST_TURN, radius_at};
+use crate::sample::unevenness::{
+    BETWEEN_AREA, DENSE_SHARE, JUMP_POINTS, SPARSE_AREA, SPARSE_AREA_OF_CELLS, UNEVEN, Unevenness,
+    median,
+};
 use esker_points::Cell;
 use std::ops::Range;
 
-/// Distances beyond this multiple of the median, and below its inverse, are uneven in a leaf.
-pub const UNEVEN: f32 = 6.0;
-/// Points that are much farther apart than the median, from which on they are no strays.
-pub const SPARSE_POINTS: usize = 32;
-/// They cover at least this part of the area of a leaf; by cells, which hold less of what is beside
-/// a dense part, [`SPARSE_AREA_OF_CELLS`].
-const SPARSE_AREA: f64 = 1.0 / 3.0;
-const SPARSE_AREA_OF_CELLS: f64 = 0.1;
-/// The same for a part of a tree whose density jumps. The samples above have its sparse points,
-/// which would be drawn too narrow in all of the cell of a node that is dense.
-const JUMP_POINTS: usize = 4;
-const JUMP_AREA: f64 = 1.0 / 30.0;
-/// Distances beyond this multiple of the median are between dense and sparse.
-const BETWEEN: f32 = 2.0;
-/// What is between covers at most this part of the area of what is sparse, where density jumps.
-const BETWEEN_AREA: f64 = 0.5;
-/// Points that are closer together are at least 1 / `DENSE_SHARE` of a leaf or cell.
-const DENSE_SHARE: usize = 32;
 /// Distances beyond this multiple of the median, and below its inverse, are uneven in a cell of an
 /// uneven leaf.
 const CELL_UNEVEN: f32 = 3.0;
@@ -35,7 +21,7 @@ const CELL_UNEVEN: f32 = 3.0;
 /// densities and go into the densest node around.
 const CELL_SPARSE_POINTS: usize = 12;
 /// Cells with at most this many points are not divided, and a sample has at least as many.
-pub const NODE_POINTS: usize = 256;
+const NODE_POINTS: usize = 256;
 /// Remaining points of an octant that are not worth a node.
 const FEW: usize = 32;
 /// Radius of a sample over the typical distance of the sparse half of its cell: all of the sparse
@@ -74,64 +60,6 @@ const UNKNOWN: [f32; 2] = [0.0, f32::INFINITY];
 const NONE: u32 = u32::MAX;
 /// A node above the leaf.
 const ABOVE: u32 = u32::MAX - 1;
-
-/// How the density of points varies.
-pub struct Unevenness {
-    /// Points that are much farther apart than the median.
-    sparse: usize,
-    /// Parts of the area that they cover, and that points cover that are a few times as far apart.
-    sparse_area: f64,
-    between_area: f64,
-    /// Whether many points are much closer together than the median.
-    is_dense: bool,
-}
-
-impl Unevenness {
-    /// Of points with these local spacings, 0 where they are unknown.
-    fn of(radii: &[f32]) -> Self {
-        let mut known: Vec<f32> = radii.iter().copied().filter(|&radius| radius > 0.0).collect();
-        if known.len() <= NODE_POINTS {
-            return Self { sparse: 0, sparse_area: 0.0, between_area: 0.0, is_dense: false };
-        }
-        let median = median(&mut known);
-        let dense = known.iter().filter(|&&radius| radius < median / UNEVEN).count();
-        let is_dense = dense * DENSE_SHARE >= known.len();
-        Self { is_dense, ..Self::beyond(&known, [BETWEEN, UNEVEN].map(|ratio| ratio * median)) }
-    }
-
-    /// Of points whose local spacing is sparse beyond `uneven`, and between beyond `between`.
-    pub fn beyond(radii: &[f32], [between, uneven]: [f32; 2]) -> Self {
-        let area = |radius: f32| f64::from(radius).powi(2);
-        let total: f64 = radii.iter().copied().map(area).sum::<f64>().max(f64::MIN_POSITIVE);
-        let beyond = |least: f32| radii.iter().copied().filter(move |&radius| radius > least);
-        let [all, sparse_area] =
-            [between, uneven].map(|least| beyond(least).map(area).sum::<f64>() / total);
-        Self {
-            sparse: beyond(uneven).count(),
-            sparse_area,
-            between_area: all - sparse_area,
-            is_dense: false,
-        }
-    }
-
-    /// Whether sparse parts are large, or many points are dense.
-    fn is_great(&self, sparse_area: f64) -> bool {
-        self.is_dense || self.sparse >= SPARSE_POINTS && self.sparse_area > sparse_area
-    }
-
-    /// Whether the density jumps: sparse and dense parts lie side by side, and what is between
-    /// covers little, at most `between` of the area of the sparse parts.
-    pub fn is_jump(&self, between: f64) -> bool {
-        self.sparse >= JUMP_POINTS
-            && self.sparse_area > JUMP_AREA
-            && self.between_area <= self.sparse_area * between
-    }
-}
-
-fn median(values: &mut [f32]) -> f32 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
-}
 
 /// The points of a leaf, along the Morton curve.
 pub struct Leaf<'a> {
@@ -540,10 +468,8 @@ impl Work<'_> {
             return;
         }
         let is_alone = alone(index, &self.local, |i| is_wide[i]);
-        for i in 0..self.local.len() {
-            if is_alone[i]
-                && let Some(most) = most(i)
-            {
+        for (i, _) in is_alone.into_iter().enumerate().filter(|(_, is_alone)| *is_alone) {
+            if let Some(most) = most(i) {
                 self.local[i] = most;
             }
         }
@@ -620,118 +546,4 @@ fn rms(lengths: impl Iterator<Item = f64>, none: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::sample::candidates::tests::candidates_of;
-    use crate::sample::choose::assign_turns;
-    use crate::sample::effort::CLOUDS;
-    use crate::sample::spacing::radii;
-    use esker_points::morton;
-
-    const STEP: f64 = 0.01;
-
-    /// Arranges points; also returns them along the curve.
-    fn arranged(mut points: Vec<[u32; 3]>) -> (Vec<[u32; 3]>, Option<Arrangement>) {
-        points.sort_unstable_by_key(|&p| morton::encode3(p));
-        let candidates = candidates_of(&points, [STEP; 3]);
-        let turns = assign_turns(&candidates, &[], None, f64::from(u32::MAX) * STEP, 2);
-        let steps = radii(&candidates.shared_log2, 2);
-        let radii: Vec<f32> = steps.iter().map(|steps| steps * candidates.step as f32).collect();
-        let positions = points.clone();
-        let (turns, radii) = (&turns[..], &radii[..]);
-        let (taken, above) = (&[][..], f64::INFINITY);
-        let leaf = Leaf {
-            positions,
-            turns,
-            radii,
-            scale: [STEP; 3],
-            capacity: 4096,
-            is_part: false,
-            taken,
-            above,
-        };
-        let arrangement = leaf.arrange();
-        assert_eq!(arrangement.is_some(), leaf.is_uneven());
-        (points, arrangement)
-    }
-
-    /// Points of a square, evenly spread.
-    fn square(count: usize, edge: u32, from: u32) -> impl Iterator<Item = [u32; 3]> {
-        let at = move |i: usize, k: f64| ((i as f64 * k).fract() * f64::from(edge)) as u32 + from;
-        (1..=count).map(move |i| [at(i, 0.754_877_666_2), at(i, 0.569_840_291), 7])
-    }
-
-    #[test]
-    fn even_points_are_not_arranged() {
-        assert!(arranged(square(5000, 100_000, 0).collect()).1.is_none());
-        // A lone outlier is a stray.
-        let outlier = std::iter::once([1 << 30; 3]);
-        assert!(arranged(square(5000, 100_000, 0).chain(outlier).collect()).1.is_none());
-    }
-
-    #[test]
-    fn each_point_is_in_one_node_of_a_tree_of_cells() {
-        let mut uneven = 0;
-        for (name, cloud) in CLOUDS {
-            let (points, Some(Arrangement { nodes, radii, .. })) = arranged(cloud(9000)) else {
-                continue;
-            };
-            uneven += 1;
-            let mut homes = vec![0; points.len()];
-            for node in &nodes {
-                assert!(!node.points.is_empty(), "{name}: a node without points links nothing");
-                assert!(node.points.is_sorted() && node.spacing > 0.0);
-                for &i in &node.points {
-                    homes[i as usize] += 1;
-                    assert!(node.cell.contains(points[i as usize]), "{name}");
-                    let radius = f64::from(radii[i as usize]);
-                    assert!(radius.is_finite() && radius >= 0.0, "{name}: {radius}");
-                }
-                let Some(parent) = node.parent.map(|parent| &nodes[parent]) else { continue };
-                assert!(parent.spacing >= node.spacing);
-                assert!(parent.cell.contains_cell(&node.cell) && parent.cell.log2 > node.cell.log2);
-                let octant = |&child: &usize| parent.cell.octant(nodes[child].cell.corner);
-                assert!(parent.children.iter().map(octant).is_sorted_by(|a, b| a < b));
-            }
-            assert!(homes.iter().all(|&homes| homes == 1), "{name}");
-        }
-        assert!(uneven >= 3, "{uneven} clouds are uneven");
-    }
-
-    #[test]
-    fn random_points_of_a_dense_part_get_no_wide_radii() {
-        let (_, cloud) = CLOUDS[3];
-        let (points, arrangement) = arranged(cloud(20_000));
-        let Arrangement { nodes, radii, .. } = arrangement.unwrap();
-        let (corner, edge) = (1 << 29, 1u32 << 20);
-        let apart = f64::from(edge) / 100.0;
-        for (node, i) in nodes.iter().flat_map(|n| n.points.iter().map(move |&i| (n, i as usize))) {
-            let p = points[i];
-            let is_dense = p[..2].iter().all(|c| (corner..corner + edge).contains(c));
-            if is_dense && !node.children.iter().any(|&c| nodes[c].cell.contains(p)) {
-                let radius = f64::from(radii[i]) / STEP;
-                assert!(radius < 5.0 * apart, "{p:?}: {radius}, {apart}");
-            }
-        }
-    }
-
-    #[test]
-    fn radii_are_those_of_each_part_alone() {
-        let dense = square(20_000, 20_000, 1_000_000).map(|p| (p, 141.0));
-        let is_outside = |p: &[u32; 3]| p[..2].iter().any(|c| c.abs_diff(1_010_000) > 10_000);
-        let sparse = square(2000, 2_000_000, 0).filter(is_outside).map(|p| (p, 44_700.0));
-        let apart: std::collections::HashMap<_, f64> = dense.chain(sparse).collect();
-        let (points, arrangement) = arranged(apart.keys().copied().collect());
-        let Arrangement { nodes, radii, .. } = arrangement.unwrap();
-        for node in &nodes {
-            for &i in &node.points {
-                let p = points[i as usize];
-                let is_refined = node.children.iter().any(|&c| nodes[c].cell.contains(p));
-                let radius = f64::from(radii[i as usize]) / STEP;
-                let (want, most) = (apart[&p], RELATIVE_MAX * node.spacing / STEP);
-                let is_own = radius < 3.0 * want && radius > 0.4 * want;
-                assert!(is_own || is_refined && radius <= most, "{p:?}: {radius}, {want}");
-            }
-        }
-    }
-}
+mod tests;
