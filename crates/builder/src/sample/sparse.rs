@@ -28,7 +28,8 @@ pub struct Sample {
     pub spacing: f64,
 }
 
-/// The least radius of thinning that the sparse part of a sample allows; 0 if the sample is even. `positions` are those of the chosen points.
+/// The least radius of thinning that the sparse part of a sample allows; 0 if the sample is even.
+/// `positions` are those of the chosen points.
 pub fn least_radius(
     sample: &Sample,
     positions: impl Iterator<Item = [u32; 3]>,
