@@ -41,7 +41,7 @@ fn comes_back(spec: &str, ending: &str) -> u64 {
     assert_eq!(info.points_hint, own.points_hint);
     assert_eq!(info.format, format!("{} 1.4, point format 7", ending.to_uppercase()));
     assert_eq!((&info.crs, &info.grid.grid), (&own.crs, &own.grid.grid));
-    assert_eq!(info.grid.bounds, source.survey(&Silent).unwrap());
+    assert_eq!(info.grid.bounds, source.survey(&Silent).unwrap().bounds());
     assert!(info.notes.is_empty(), "{:?}", info.notes);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else is left");
     bytes
