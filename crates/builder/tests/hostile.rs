@@ -223,6 +223,26 @@ proptest! {
         let points = points.into_iter().map(|(p, shift)| p.map(|c| c >> shift)).collect();
         whole(&[numbered(points)], &small(64));
     }
+
+    /// Volumes, sheets, lines and stacks of all sizes and densities beside and within each other.
+    #[test]
+    fn parts_of_any_density(
+        parts in prop::collection::vec(
+            (any::<[i16; 3]>(), prop::array::uniform3(2u32..24), 3u32..14, any::<u64>()),
+            1..6,
+        ),
+        capacity in prop::sample::select(vec![64, 256]),
+    ) {
+        let mut points = Vec::new();
+        for (middle, log2, count, seed) in parts {
+            let mut random = seed | 1;
+            points.extend((0..1u32 << count).map(|_| [0, 1, 2].map(|axis| {
+                random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                i32::from(middle[axis]) * 64 + (random >> (64 - log2[axis])) as i32
+            })));
+        }
+        whole(&[numbered(points)], &small(capacity));
+    }
 }
 
 /// Otherwise a file that nobody could open would be detected only at its end.

@@ -9,6 +9,7 @@ use crate::sample::order::parts;
 use crate::sample::pending::PendingCell;
 use crate::sample::shape::{Moments, Shape};
 use crate::sample::spacing::radii;
+use crate::sample::sparse::last_kept;
 use crate::sample::turns::LAST_TURN;
 use crate::sample::uneven::{Arranged, Arrangement, Leaf};
 use crate::sample::unevenness::UNEVEN;
@@ -221,8 +222,7 @@ impl Context {
         (parts, few, turns): (&mut [Part], &[bool], &mut [u16]),
         (chosen, local): (&[u32], &[f32]),
     ) {
-        // A node keeps the points picked first: without points it would link nothing.
-        let kept = turns.iter().copied().min().unwrap_or(LAST_TURN);
+        let kept = last_kept(turns);
         for ((child, part), &is_few) in parts.iter_mut().zip(few) {
             // No node is drawn around the points of cells that end here.
             let is_arranged = !child.withheld.is_empty() || child.least_radius > 0.0;

@@ -16,6 +16,9 @@ const BETWEEN_AREA: f64 = 0.15;
 /// Local spacing of a point, at most, over the radius at which it was picked.
 const TURN_SPACINGS: f32 = 1.2;
 
+/// Points that a sample keeps in any case.
+const KEPT: usize = 8;
+
 /// The points that a cell has picked.
 pub struct Sample {
     /// Indices of these among all offered points, ascending.
@@ -55,15 +58,23 @@ pub fn least_radius(
     f64::from(coarse * SAMPLE_RADIUS)
 }
 
-/// Takes points out of a sample that were picked at radii below `least`, but not those picked
-/// first: a node without points would link nothing.
+/// Takes points out of a sample that were picked at radii below `least`, but not those that
+/// [`last_kept`] names.
 pub fn unpick(turns: &mut [u16], least: f64) {
-    let first = turns.iter().copied().min().unwrap_or(LAST_TURN);
-    for turn in turns.iter_mut().filter(|turn| **turn > first) {
+    let kept = last_kept(turns);
+    for turn in turns.iter_mut().filter(|turn| **turn > kept) {
         if radius_at(*turn) < least {
             *turn = LAST_TURN;
         }
     }
+}
+
+/// Last turn whose points a sample keeps in any case: enough for the samples of all cells above, of
+/// which each leaves every cell below a point. A node without points would link nothing.
+pub fn last_kept(turns: &[u16]) -> u16 {
+    let mut picked: Vec<u16> = turns.iter().copied().filter(|&turn| turn != LAST_TURN).collect();
+    let Some(last) = picked.len().min(KEPT).checked_sub(1) else { return LAST_TURN };
+    *picked.select_nth_unstable(last).1
 }
 
 /// Exact local spacings of the points of a sample.
