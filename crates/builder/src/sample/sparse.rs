@@ -15,7 +15,6 @@ const BETWEEN: f32 = 0.6;
 const BETWEEN_AREA: f64 = 0.15;
 /// Local spacing of a point, at most, over the radius at which it was picked.
 const TURN_SPACINGS: f32 = 1.2;
-
 /// Points that a sample keeps in any case.
 const KEPT: usize = 8;
 
@@ -39,8 +38,8 @@ pub fn least_radius(
     scale: [f64; 3],
 ) -> f64 {
     let far = sample.spacing as f32 * FAR;
-    // Points beside dense ones have no known spacing by cells. It is at most about the radius at
-    // which they were picked.
+    // Cells do not tell the spacing of points beside dense ones. It is at most about the radius at
+    // which these were picked.
     let most = sample.radii.iter().zip(&sample.turns).map(|(&radius, &turn)| {
         if radius > 0.0 { radius } else { radius_at(turn) as f32 * TURN_SPACINGS }
     });
