@@ -8,7 +8,7 @@
 use crate::attributes::density::{Distances, excess_bits};
 use crate::attributes::knn::sorted_codes;
 use crate::attributes::normals::{UNKNOWN, code_of, joined};
-use edges::Planes;
+use edges::{CORNER, Planes};
 use esker_points::{Cell, morton};
 use plane::{Moments, Plane, Spread, add, moments};
 use rayon::prelude::*;
@@ -23,12 +23,15 @@ const DIVIDED: u32 = 4;
 /// that of 16 nearest neighbours, since most blocks have more.
 const FITTED: f64 = 12.0;
 /// Points of a block from which it is not enlarged if it is no surface.
-const FINAL: f64 = 64.0;
+const FINAL: f64 = 128.0;
 /// Points of a block from which one plane is its surface though it is not flat: with fewer, its
 /// parts have too few points to tell an edge.
 const PARTED: f64 = 36.0;
 /// Least variance of a block over the sum of all three, up to which one plane is its surface.
 const FLAT: f64 = 0.02;
+/// The same up to which one plane is the surface of a block at all: noise of 0.55 spacings where a
+/// block has 36 points, and of one spacing where it has 128. Most groups of leaves have more.
+const ROUGH: f64 = 0.05;
 /// Points of a block that is nearly a plane from which it is searched for an edge; of others, which
 /// are mostly volumes, [`PARTED`].
 const SEARCHED: f64 = 20.0;
@@ -339,7 +342,7 @@ impl Tile {
         else {
             return unknown();
         };
-        let is_plane = plane.spread == Spread::Plane;
+        let is_plane = plane.spread == Spread::Plane && plane.share <= ROUGH;
         let is_flat = is_plane && plane.share <= FLAT;
         if !is_flat && sums[0] >= if is_plane { SEARCHED } else { PARTED } {
             let mut points = std::mem::take(&mut self.steps);
@@ -358,7 +361,13 @@ impl Tile {
         if is_plane && !is_flat && sums[0] < PARTED && !is_last {
             return None;
         }
-        if is_plane { Some(Surface::Even(code_of(plane.normal))) } else { unknown() }
+        if is_plane {
+            return Some(Surface::Even(code_of(plane.normal)));
+        }
+        let part = (sums[0] >= PARTED && plane.share <= CORNER)
+            .then(|| edges::flattest(&block.map(|cell| &self.moments[cell]), FITTED, scale));
+        let part = part.flatten().map(|part| Surface::Even(code_of(part.normal)));
+        part.or_else(unknown)
     }
 }
 

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::time::UNIX_EPOCH;
 
 /// Version of the records of the journal; changes with their content.
-const JOURNAL_VERSION: &str = "8";
+const JOURNAL_VERSION: &str = "9";
 
 /// Options and inputs of a build.
 #[derive(Clone, Debug, PartialEq, Eq)]

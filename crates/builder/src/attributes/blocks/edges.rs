@@ -10,6 +10,8 @@ use crate::attributes::blocks::plane::{Moments, Plane, Spread, add, moments};
 const PART: f64 = 6.0;
 /// Least variance of a part over the sum of all three, at most.
 const BROAD: f64 = 0.1;
+/// The same of a part that stands for a block without planes: groups of leaves are seldom as flat.
+const EVEN: f64 = 0.01;
 /// Square of the cosine of the angle from which two planes are an edge: 25 degrees.
 const EDGE_COS2: f64 = 0.82;
 /// Variance of a part over that of the block, at most: parts of planes under noise are no finer
@@ -24,7 +26,7 @@ const EXPLAINED: f64 = 0.08;
 /// The same while whole cells belong to planes; most blocks without an edge end there.
 const EXPLAINED_BY_CELLS: f64 = 0.25;
 /// Least variance of a block over the sum of all three, at most; that of a corner of a box is 1/6.
-const CORNER: f64 = 0.18;
+pub const CORNER: f64 = 0.18;
 /// Planes that meet, at most: those of a corner of a box.
 const PLANES: usize = 3;
 
@@ -69,19 +71,10 @@ pub fn planes(
     if whole.share > CORNER {
         return None;
     }
-    let mut planes = planes_of_parts(whole, cells, scale);
-    if planes.count == 0 {
-        return None;
-    }
-    let cells = Occupied::of(cells);
-    while planes.count < PLANES
-        && let Some(plane) = plane_of_rest(&planes, whole, &cells, scale)
-    {
-        planes.push(plane);
-    }
-    if planes.count < 2 {
-        return None;
-    }
+    let occupied = Occupied::of(cells);
+    let planes = planes_from(&parts(cells), whole, &occupied, scale)
+        .or_else(|| planes_from(&sides(cells), whole, &occupied, scale))?;
+    let cells = occupied;
     let mut sums = [[0.0; 10]; PLANES];
     for (cell, mean) in cells.all() {
         add(&mut sums[planes.nearest(*mean).0], cell);
@@ -151,11 +144,27 @@ fn is_edge(a: &Plane, b: &Plane) -> bool {
     a.square_cosine(b) < EDGE_COS2
 }
 
-/// Planes of the finest parts that differ from each other.
-fn planes_of_parts(whole: &Plane, cells: &[&Moments; 27], scale: [f64; 3]) -> Planes {
+/// At least two planes, from parts of a block and from the cells that are far from those.
+fn planes_from(
+    parts: &[Moments],
+    whole: &Plane,
+    cells: &Occupied<'_>,
+    scale: [f64; 3],
+) -> Option<Planes> {
+    let mut planes = planes_of(parts, whole, scale);
+    while (1..PLANES).contains(&planes.count)
+        && let Some(plane) = plane_of_rest(&planes, whole, cells, scale)
+    {
+        planes.push(plane);
+    }
+    (planes.count > 1).then_some(planes)
+}
+
+/// Planes of the flattest parts that differ from each other.
+fn planes_of(parts: &[Moments], whole: &Plane, scale: [f64; 3]) -> Planes {
     let mut flat = [Plane::default(); 8];
     let mut count = 0;
-    for sums in parts(cells).iter().filter(|sums| sums[0] >= PART) {
+    for sums in parts.iter().filter(|sums| sums[0] >= PART) {
         if let Some(plane) = Plane::flat(sums, scale, (BROAD, FINER * whole.variance)) {
             flat[count] = plane;
             count += 1;
@@ -170,6 +179,15 @@ fn planes_of_parts(whole: &Plane, cells: &[&Moments; 27], scale: [f64; 3]) -> Pl
         }
     }
     planes
+}
+
+/// Plane of the flattest of the eight parts of 2 x 2 x 2 cells with `least` points; `None` if none
+/// is flat.
+pub fn flattest(cells: &[&Moments; 27], least: f64, scale: [f64; 3]) -> Option<Plane> {
+    let parts = parts(cells);
+    let enough = parts.iter().filter(|sums| sums[0] >= least);
+    let flat = enough.filter_map(|sums| Plane::flat(sums, scale, (EVEN, f64::INFINITY)));
+    flat.min_by(|a, b| a.share.total_cmp(&b.share))
 }
 
 /// Plane of the cells that are far from all planes: near an edge, all parts but those of one side
@@ -204,4 +222,18 @@ fn parts(cells: &[&Moments; 27]) -> [Moments; 8] {
         both(&along_x[first], &along_x[first + 2])
     });
     std::array::from_fn(|i| both(&along_y[i], &along_y[i + 4]))
+}
+
+/// Moments of the six sides of 3 x 3 cells: where the middle cell has an edge, all parts have it.
+fn sides(cells: &[&Moments; 27]) -> [Moments; 6] {
+    std::array::from_fn(|side| {
+        let (axis, last) = (side / 2, side % 2 * 2);
+        let mut sums = [0.0; 10];
+        for (i, cell) in cells.iter().enumerate() {
+            if [i % 3, i / 3 % 3, i / 9][axis] == last {
+                add(&mut sums, cell);
+            }
+        }
+        sums
+    })
 }
