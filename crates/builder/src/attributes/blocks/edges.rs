@@ -10,7 +10,8 @@ use crate::attributes::blocks::plane::{Moments, Plane, Spread, add, moments};
 const PART: f64 = 6.0;
 /// Least variance of a part over the sum of all three, at most.
 const BROAD: f64 = 0.1;
-/// The same of a part that stands for a block without planes: groups of leaves are seldom as flat.
+/// Least variance over the sum of all three up to which a part stands for a block without planes:
+/// groups of leaves are seldom as flat.
 const EVEN: f64 = 0.01;
 /// Square of the cosine of the angle from which two planes are an edge: 25 degrees.
 const EDGE_COS2: f64 = 0.82;
