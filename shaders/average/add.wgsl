@@ -55,7 +55,7 @@ fn add(row: u32, draw: Draw, index: u32) {
     let behind = plane - frame.focal_px / seen.depth;
     let reach = float_at(first + AT_REACH);
     // The plane is infinite in pixels without a winning point.
-    if is_infinite(plane) || behind > reach || is_dropped(draw, index, seen.from_eye) {
+    if is_infinite(plane) || behind > reach || is_dropped(row, draw, index, seen) {
         return;
     }
     let offset = offset_at(draw, index);

@@ -50,6 +50,15 @@ struct Draw {
     tangent_word: u32,
     // Points of the plane of shapes.
     tangent_points: u32,
+    // 1 over the depth up to which all points are drawn, and shares of the density: of the
+    // ancestors' points, and of each point.
+    per_reach: f32,
+    above: f32,
+    per_point: f32,
+    // 1 if points thin out along a line, else as a surface.
+    is_line: u32,
+    // Number of points up to the end of each level.
+    level_ends: array<u32, 16>,
 }
 
 // Kinds of colour planes: none; bytes red, green, blue and one unused; a value of a type; or the

@@ -46,6 +46,8 @@ struct Frame {
     origin_px: vec2<f32>,
     // Rows of the background.
     backdrop_rows: u32,
+    // Distance to which points that are drawn alone are thinned, pixels; 0 if they are not.
+    thinned_px: f32,
 }
 
 // Place on the picture from that on the whole picture relative to its centre, pixels. It is rounded

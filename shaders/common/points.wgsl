@@ -7,6 +7,7 @@
 // include common/draws.wgsl
 // include common/place.wgsl
 // include common/normal.wgsl
+// include common/thinning.wgsl
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> draws: array<Draw>;
@@ -21,6 +22,8 @@
 override CULLS_BACK_FACES: bool = false;
 // Whether points that a filter has marked are hidden.
 override HIDES_POINTS: bool = false;
+// Whether points that are closer together than asked are left out.
+override THINS_POINTS: bool = false;
 
 // A projected point.
 struct Seen {
@@ -79,10 +82,14 @@ fn faces_eye(draw: Draw, index: u32, from_eye: vec3<f32>) -> bool {
     return dot(normal_of(normals[draw.normal_word + index]), from_eye) <= 0.0;
 }
 
-// Whether a point is hidden by a filter or culled by its normal.
-fn is_dropped(draw: Draw, index: u32, from_eye: vec3<f32>) -> bool {
+// Whether a point of the node in a row is hidden by a filter, left out as too close to others, or
+// culled by its normal.
+fn is_dropped(row: u32, draw: Draw, index: u32, seen: Seen) -> bool {
     if HIDES_POINTS && (positions[(draw.position_word >> 1u) + index].y >> 24u) != 0u {
         return true;
     }
-    return CULLS_BACK_FACES && !faces_eye(draw, index, from_eye);
+    if THINS_POINTS && is_left_out(row, index, seen.depth) {
+        return true;
+    }
+    return CULLS_BACK_FACES && !faces_eye(draw, index, seen.from_eye);
 }

@@ -73,8 +73,9 @@ fn size_dot(pixel: u32) {
         let stored = lookup.radius_factors[code / 4u][code % 4u];
         let depth = bitcast<f32>(hit.y);
         let narrow = select(min(stored, 1.0), stored, code > SCALED_CODE_MAX);
-        let drawn = radius_within(spacing * narrow * ADAPTIVE_FACTOR);
-        let radius_px = drawn * frame.focal_px / depth + PIXEL_RADIUS;
+        let own_px = radius_within(spacing) * frame.focal_px / depth;
+        let apart_px = select(max(own_px, frame.thinned_px), own_px, code > SCALED_CODE_MAX);
+        let radius_px = apart_px * narrow * ADAPTIVE_FACTOR + PIXEL_RADIUS;
         radius = clamp(radius_px, PIXEL_RADIUS, ADAPTIVE_MAX);
         if SPLITS {
             var most = SURFACE_PX.z;

@@ -29,7 +29,7 @@ fn vertex(@builtin(vertex_index) i: u32, @builtin(instance_index) item: u32) -> 
     if !is_inside(seen) {
         return nowhere;
     }
-    if is_dropped(draw, index, seen.from_eye) {
+    if is_dropped(chunk.draw, draw, index, seen) {
         return nowhere;
     }
     let size = vec2<f32>(f32(frame.width), f32(frame.height));

@@ -105,7 +105,7 @@ fn draw_point(draw: Draw, chunk: Chunk, number: u32, i: u32) {
         // not know that, and keeps both operands.
         return;
     }
-    if is_dropped(draw, index, seen.from_eye) {
+    if is_dropped(chunk.draw, draw, index, seen) {
         return;
     }
     atomicMin(&hits[pixel], value);

@@ -141,6 +141,7 @@ impl Wall {
                     node: &self.node,
                     entry: 0,
                     prefix: count as usize,
+                    above: 0.0,
                     position: plane(false, first * 8, count * 8),
                     residual: None,
                     colour: ColourPlane::None,

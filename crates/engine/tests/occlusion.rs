@@ -57,6 +57,7 @@ impl Scan {
                 node: &self.file.table().nodes[d.node as usize],
                 entry,
                 prefix: d.prefix,
+                above: 0.0,
                 position: planes.get(PlaneKind::Position).unwrap(),
                 residual: planes.get(PlaneKind::Residual),
                 colour: ColourPlane::None,
@@ -92,6 +93,7 @@ impl Scan {
             fits_planes: averages,
             evens_exposure: false,
             dots: Dots::default(),
+            target_spacing_px: 0.0,
             mixes_dots: false,
             background: Background::Plain([0, 0, 0, 255]),
         };

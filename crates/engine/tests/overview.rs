@@ -97,10 +97,10 @@ fn picture(file: &Forest, view: &View) -> Picture {
     let lattice = file.lattice();
     let drawn = select(file.table(), lattice, view, &options, &AllResident, None).drawn;
     let planes: Vec<_> = drawn.iter().map(|d| file.read_planes(d.node, &kinds).unwrap()).collect();
-    let nodes = &file.table().nodes;
+    let colouring = &appearance.colouring;
     let draw = |(entry, d): (usize, &Drawn)| {
-        let node = &nodes[d.node as usize];
-        draw_node(node, entry, d.prefix, &appearance.colouring, |kind| planes[entry].get(kind))
+        let plane = |kind| planes[entry].get(kind);
+        draw_node(file.table(), d.node, entry, d.prefix, colouring, plane)
     };
     let draws: Vec<_> = drawn.iter().enumerate().map(draw).collect();
     let octree = CompactOctree::new(file.table(), &drawn);

@@ -87,12 +87,11 @@ impl Whole {
         renderer: &mut Renderer,
     ) -> Picture {
         let octree = CompactOctree::new(self.file.table(), &cut.drawn);
-        let nodes = &self.file.table().nodes;
         let draws: Vec<_> = (cut.drawn.iter().enumerate())
             .map(|(entry, d)| {
                 let planes = &self.planes[d.node as usize];
-                let node = &nodes[d.node as usize];
-                draw_node(node, entry, d.prefix, &self.appearance.colouring, |kind| {
+                let colouring = &self.appearance.colouring;
+                draw_node(self.file.table(), d.node, entry, d.prefix, colouring, |kind| {
                     planes.get(kind)
                 })
             })

@@ -33,6 +33,7 @@ pub use occlusion::{Occlusion, Visible};
 pub use octree::CompactOctree;
 pub use options::{AllResident, Options, Residency};
 pub use oriented_box::OrientedBox;
+pub use prefix::share_above;
 pub use project::{Projection, Silhouette};
 pub use residual::needs_residual;
 pub use select::select;

@@ -20,7 +20,7 @@ pub(crate) fn spacing(node: &Node) -> f64 {
 ///
 /// If the node shows only a share of its greatest face (`facing`, 0 to 1), the result is the
 /// distance that fills the picture as well face-on: foreshortening brings points together, so
-/// splats need not grow by the points that it saves. `above` is [`share_above`].
+/// splats need not grow by the points that it saves. `above` is [`share_continued`].
 pub(crate) fn effective_spacing(
     node: &Node,
     count: usize,
@@ -34,15 +34,21 @@ pub(crate) fn effective_spacing(
     spacing(node) * (apart * facing.sqrt()).max(1.0)
 }
 
-/// Share of the density in a node's cell that its parent's points contribute: only the parent of a
-/// continuation has all of its points in that cell. 0 for other nodes, whose parents have few.
-pub(crate) fn share_above(node: &Node, parent: Option<&Node>) -> f64 {
-    match parent.filter(|_| node.is_continuation()).map(spacing) {
+/// Share of the density in a node's cell, 0 to 1, that the points of its ancestors have: both are
+/// even samples, which thin out as their spacings tell.
+pub fn share_above(node: &Node, parent: Option<&Node>) -> f64 {
+    match parent.map(spacing) {
         Some(above) if above > 0.0 => {
             (spacing(node) / above).powi(dimension(node) as i32).clamp(0.0, 1.0)
         }
         _ => 0.0,
     }
+}
+
+/// [`share_above`] for the parents of continuations, which have all of their points in that cell. 0
+/// for other nodes, whose parents have few.
+pub(crate) fn share_continued(node: &Node, parent: Option<&Node>) -> f64 {
+    share_above(node, parent.filter(|_| node.is_continuation()))
 }
 
 /// A node as the picture shows it.
@@ -55,7 +61,7 @@ pub(crate) struct ProjectedNode {
     pub facing: f64,
     /// Squares of the target spacing that its silhouette covers; infinite if that is unknown.
     pub squares: f64,
-    /// [`share_above`].
+    /// [`share_continued`].
     pub above: f64,
 }
 
@@ -150,9 +156,9 @@ mod tests {
         // spacing.
         let parent = node(&[256], 2, 1.0);
         let mut node = node(&[16, 240], 2, 0.5f32.sqrt());
-        assert_eq!(share_above(&node, Some(&parent)), 0.0);
+        assert_eq!(share_continued(&node, Some(&parent)), 0.0);
         node.shape |= esker_points::node::SHAPE_CONTINUATION;
-        let above = share_above(&node, Some(&parent));
+        let above = share_continued(&node, Some(&parent));
         assert!((above - 0.5).abs() < 1e-6);
         for prefix in [0usize, 16, 31, 136, 256] {
             let expect = ((256.0 + prefix.max(1) as f64) / 256.0).sqrt().recip();
@@ -172,9 +178,9 @@ mod tests {
             );
         }
         // A parent that is as fine by itself, or of no usable spacing.
-        assert_eq!(share_above(&node, Some(&self::node(&[1], 2, 0.1))), 1.0);
+        assert_eq!(share_continued(&node, Some(&self::node(&[1], 2, 0.1))), 1.0);
         assert_eq!(effective_spacing(&node, 256, 1, 1.0, 1.0), spacing(&node));
-        assert_eq!(share_above(&node, Some(&self::node(&[1], 2, 0.0))), 0.0);
+        assert_eq!(share_continued(&node, Some(&self::node(&[1], 2, 0.0))), 0.0);
     }
 
     #[test]

@@ -10,7 +10,8 @@ use crate::options::{Options, Residency};
 use crate::oriented_box::OrientedBox;
 use crate::parts::any_part;
 use crate::prefix::{
-    FACING_LEAST, ProjectedNode, effective_spacing, prefix_at_most, share_above, spacing, wanted,
+    FACING_LEAST, ProjectedNode, effective_spacing, prefix_at_most, share_continued, spacing,
+    wanted,
 };
 use crate::project::Projection;
 use crate::selection::{Drawn, Missing, Selection};
@@ -276,7 +277,7 @@ impl<R: Residency> Walk<'_, R> {
             self.selection.counters.withheld += 1;
             return None;
         }
-        let above = share_above(node, self.table.nodes.get(node.parent as usize));
+        let above = share_continued(node, self.table.nodes.get(node.parent as usize));
         let (need, facing) = self.need(candidate, node, count, contour, above);
         let need = need.min(self.residency.points_max(candidate.node));
         let left = self.points_left().min(points_max);

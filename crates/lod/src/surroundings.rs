@@ -7,7 +7,7 @@
 use crate::octree::CompactOctree;
 use crate::options::{Options, Residency};
 use crate::oriented_box::OrientedBox;
-use crate::prefix::{effective_spacing, share_above, spacing};
+use crate::prefix::{effective_spacing, share_continued, spacing};
 use crate::select::children_below;
 use crate::selection::{Drawn, Missing, Selection};
 use crate::view::View;
@@ -98,7 +98,7 @@ pub fn light_octree(table: &NodeTable, selection: &Selection) -> CompactOctree {
     let face_on = selection.drawn.iter().map(|drawn| {
         let node = &nodes[drawn.node as usize];
         let above = nodes.get(node.parent as usize);
-        let share = share_above(node, above);
+        let share = share_continued(node, above);
         let own = effective_spacing(node, node.points(), drawn.prefix, 1.0, share);
         let is_below = above.is_some() && node.parent < drawn.node;
         let limit = is_below.then(|| finest_down_to(nodes, &mut known, node.parent));
@@ -282,7 +282,7 @@ impl<R: Residency> Walk<'_, R> {
         }
         if is_resident && above.is_resident && points > 0 {
             let parent = self.table.nodes.get(node.parent as usize);
-            let share = share_above(node, parent);
+            let share = share_continued(node, parent);
             let spacing = effective_spacing(node, node.points(), points, 1.0, share);
             let effective_spacing = spacing.min(above.spacing) as f32;
             let drawn = Drawn { node: index, prefix: points, effective_spacing };

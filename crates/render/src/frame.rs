@@ -23,6 +23,9 @@ pub struct DrawNode<'a, P = &'a [u8]> {
     pub entry: usize,
     /// Number of its points that are drawn, from the first.
     pub prefix: usize,
+    /// Share of the density in its cell, 0 to 1, that the points of its ancestors have
+    /// ([`esker_lod::share_above`]).
+    pub above: f32,
     /// Hot positions, [`esker_points::quant::HOT_POSITION_BYTES`] a point.
     pub position: P,
     /// Bits that hot positions drop ([`esker_points::quant::residual_bytes`] a point). Without
@@ -178,6 +181,9 @@ pub struct Frame<'a, P = &'a [u8]> {
     pub evens_exposure: bool,
     /// How points look that are drawn alone.
     pub dots: Dots,
+    /// Distance of adjacent points on the picture that is fine enough, pixels; 0 if all points of
+    /// the cut are to be drawn. Points that are drawn alone ([`Method::Points`]) are thinned to it.
+    pub target_spacing_px: f64,
     /// Whether points that are too far apart on the picture for a surface, or of no surface, are
     /// drawn as dots in the picture of surfaces ([`crate::passes::split`]). The dots are adaptive.
     pub mixes_dots: bool,
@@ -207,9 +213,15 @@ impl<'a, P> Frame<'a, P> {
             fits_planes: true,
             evens_exposure: false,
             dots: Dots::default(),
+            target_spacing_px: 0.0,
             mixes_dots: false,
             background: Background::default(),
         }
+    }
+
+    /// Whether points are left out that are closer together than asked.
+    pub(crate) fn thins_points(&self) -> bool {
+        self.method == Method::Points && self.target_spacing_px > 0.0
     }
 
     /// The same frame of other nodes, or of nodes whose planes are elsewhere.
@@ -219,7 +231,7 @@ impl<'a, P> Frame<'a, P> {
     {
         let Self { view, lattice, draws: _, octree, method, colour, .. } = *self;
         let Self { cull_back_faces, has_fronts, hides_points, shines, .. } = *self;
-        let Self { skips_push, averages, crowding, .. } = *self;
+        let Self { skips_push, averages, crowding, target_spacing_px, .. } = *self;
         let Self { smooths, fits_planes, evens_exposure, dots, mixes_dots, background, .. } = *self;
         Frame {
             view,
@@ -239,6 +251,7 @@ impl<'a, P> Frame<'a, P> {
             fits_planes,
             evens_exposure,
             dots,
+            target_spacing_px,
             mixes_dots,
             background,
         }

@@ -96,6 +96,9 @@ pub struct FrameOptions {
     pub dots: Dots,
     /// Whether points that are no surface on the picture are drawn as dots.
     pub mixes_dots: bool,
+    /// Whether points that are drawn alone are left out where they are closer together than asked
+    /// ([`Frame::target_spacing_px`]).
+    pub thins_points: bool,
 }
 
 /// The passes and planes of a frame.
@@ -113,6 +116,8 @@ pub struct FramePlan {
     pub culls_back_faces: bool,
     /// Whether points that a filter has marked are dropped.
     pub hides_points: bool,
+    /// Whether points are dropped that are closer together than asked.
+    pub thins_points: bool,
     /// Whether splats are clipped; then the plane of clip lines is read.
     pub clips: bool,
     /// Whether splats have shapes; then their plane is read.
@@ -214,6 +219,7 @@ impl FramePlan {
             carries_normals,
             culls_back_faces,
             hides_points: has.hidden_points,
+            thins_points: options.thins_points && !has_surface,
             // The normal of a splat decides which side of a line is kept.
             clips: has.clip_lines && carries_normals && options.method == Method::Ewa,
             // Shapes lie in the plane of the normal.
@@ -269,6 +275,7 @@ impl FramePlan {
             evens_exposure,
             dots,
             mixes_dots,
+            thins_points: frame.thins_points(),
         };
         let plan = Self::of(&has, &options);
         // A window is drawn as it is; the caller crops it.
@@ -353,15 +360,18 @@ impl FramePlan {
 
     /// Constants of the shader that adds up points.
     pub fn average_constants(&self) -> [(&'static str, u32); 5] {
-        let [culls, hides] = self.project_constants();
+        let [culls, hides, _] = self.project_constants();
         let [normals, colour] = self.colour_constants();
         [culls, hides, normals, ("COLOURS", u32::from(self.fetches[1])), colour]
     }
 
     /// Constants of the shaders that project points, by compute or by primitives.
-    pub fn project_constants(&self) -> [(&'static str, u32); 2] {
-        let flags = [self.culls_back_faces, self.hides_points].map(u32::from);
-        [("CULLS_BACK_FACES", flags[0]), ("HIDES_POINTS", flags[1])]
+    pub fn project_constants(&self) -> [(&'static str, u32); 3] {
+        [
+            ("CULLS_BACK_FACES", u32::from(self.culls_back_faces)),
+            ("HIDES_POINTS", u32::from(self.hides_points)),
+            ("THINS_POINTS", u32::from(self.thins_points)),
+        ]
     }
 
     /// Constants of the shader that fetches words of the winning points.

@@ -143,6 +143,7 @@ fn pictures_equal_those_of_the_cpu_by_every_path() {
         Frame { evens_exposure: true, averages: false, ..scans.frame(&small, &scans_with) };
     assert!(FramePlan::new(&evened).evens_exposure() && !FramePlan::new(&surface).evens_exposure());
     let heights = ColourMap { low: 0.0, high: 2.0, gradient: Gradient::Viridis };
+    let thinned = |frame| Frame { target_spacing_px: 2.0, ..frame };
     let mut frames = vec![
         ("surface", surface),
         ("crowded", crowded),
@@ -184,6 +185,7 @@ fn pictures_equal_those_of_the_cpu_by_every_path() {
         ("dots of 2 pixels under an eye dome", dots(PointSize::Pixels(2.0), 1.0)),
         ("adaptive dots", dots(PointSize::Adaptive, 0.0)),
         ("adaptive dots under an eye dome", dots(PointSize::Adaptive, 0.6)),
+        ("thinned adaptive dots", thinned(dots(PointSize::Adaptive, 0.0))),
         ("points under an eye dome", dots(PointSize::default(), 1.0)),
         ("points without culling", Frame { cull_back_faces: false, ..points }),
         ("nothing", nothing),

@@ -154,6 +154,29 @@ fn the_same_points_win_far_from_the_origin_and_around_the_eye() {
 }
 
 #[test]
+fn the_same_points_are_left_out_where_they_are_closer_together_than_asked() {
+    let mut scene = ball_and_floor(1e-3, 1.0, 3000);
+    for (i, node) in scene.nodes.iter_mut().enumerate() {
+        let count = node.node.points();
+        node.node.set_levels(&[count / 50, count / 9, count - count / 50 - count / 9]);
+        node.node.shape = 1 + (i % 3) as u8;
+    }
+    let view = view(1.0, 200, 150);
+    let mut draws = scene.draws(true, false, true);
+    draws.iter_mut().enumerate().for_each(|(i, d)| d.above = 0.25 * (i % 4) as f32);
+    let all = Frame { method: Method::Points, ..scene.frame(&view, &draws) };
+    let thinned = Frame { target_spacing_px: 1.0, ..all };
+    let [before, after] = [all, thinned].map(|frame| on_cpu(&frame).iter().flatten().count());
+    assert!(after * 4 > before && after * 4 < before * 3, "{after} of {before} pixels");
+    let parallel = view.parallel(4.0, DVec3::splat(-2.0), DVec3::splat(2.0));
+    assert_same_points_win(&[
+        ("thinned", thinned),
+        ("all", all),
+        ("thinned, parallel", Frame { view: &parallel, ..thinned }),
+    ]);
+}
+
+#[test]
 fn planes_shorter_than_the_prefix_are_drawn_up_to_their_end() {
     let scene = ball_and_floor(1e-6, 1.0, 3000);
     let view = view(1.0, 200, 150);
@@ -233,6 +256,7 @@ fn random_bits_give_a_valid_picture() {
                 node,
                 entry: round * 1_000_000,
                 prefix: usize::MAX >> (round * 5),
+                above: 0.0,
                 position: &planes[0][..],
                 residual: (round % 2 == 0).then_some(&planes[1][..]),
                 colour: ColourPlane::Rgba(&planes[2][..]),

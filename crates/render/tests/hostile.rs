@@ -70,7 +70,7 @@ proptest! {
         let draw = DrawNode {
             node: &node,
             entry: 0,
-            prefix,
+            prefix, above: 0.0,
             position: &position[..],
             residual: residual.as_deref(),
             colour: scalar.map_or(ColourPlane::Rgba(&colours[..]),

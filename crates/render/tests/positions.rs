@@ -54,6 +54,7 @@ fn drawn<'a>(node: &'a Node, hot: &'a [u8], residual: Option<&'a [u8]>) -> DrawN
         node,
         entry: 0,
         prefix: hot.len() / quant::HOT_POSITION_BYTES,
+        above: 0.0,
         position: hot,
         residual,
         colour: ColourPlane::None,

@@ -228,7 +228,7 @@ proptest! {
     ) {
         let node: Node = bytemuck::pod_read_unaligned(&record.concat());
         let draw = DrawNode {
-            node: &node, entry: 0, prefix, position: &position[..], residual: residual.as_deref(),
+            node: &node, entry: 0, prefix, above: 0.0, position: &position[..], residual: residual.as_deref(),
             colour: ColourPlane::Rgba(&colours[..]), normal: normal.as_deref(), clip: None,
             tangents: None,
         };

@@ -323,6 +323,7 @@ fn radii_follow_the_finest_drawn_cell() {
         node: &table.nodes[0],
         entry: 0,
         prefix: 2,
+        above: 0.0,
         position: &hot[..],
         residual: None,
         colour: ColourPlane::None,

@@ -23,6 +23,7 @@ pub(super) fn draw_of<P>(node: &Node, position: P) -> DrawNode<'_, P> {
         node,
         entry: 0,
         prefix: node.points(),
+        above: 0.0,
         position,
         residual: None,
         colour: ColourPlane::None,

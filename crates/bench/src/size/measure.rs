@@ -280,7 +280,8 @@ fn draw(
                 packed.plane(kind).or_else(|| planes.get(kind).filter(|_| !PACKED.contains(&kind)))
             };
             draw_node(
-                file.record(drawn.node),
+                file.table(),
+                drawn.node,
                 entry,
                 drawn.prefix,
                 &scene.appearance.colouring,

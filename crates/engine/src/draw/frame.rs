@@ -8,8 +8,8 @@ use crate::draw::empty_picture;
 use crate::draw::method::{AUTO_DOTS, Method};
 use anyhow::Result;
 use esker_format::{Forest, ForestFilter, PlaneKind};
-use esker_lod::{CompactOctree, Options, View, crowding};
-use esker_points::{Codes, Coding, Filter, Node};
+use esker_lod::{CompactOctree, Options, View, crowding, share_above};
+use esker_points::{Codes, Coding, Filter, NodeTable};
 use esker_render::inputs::camera::is_drawable;
 use esker_render::picture::margin::{MARGIN_PX, goes_beyond};
 use esker_render::{
@@ -193,6 +193,7 @@ impl Appearance {
             evens_exposure,
             dots,
             mixes_dots,
+            thins_points: self.target_spacing_px > 0.0,
         };
         FramePlan::of(&has, &options)
     }
@@ -243,6 +244,7 @@ impl Appearance {
             evens_exposure,
             crowding: Some(self.crowding(file, view)),
             dots,
+            target_spacing_px: self.target_spacing_px,
             mixes_dots,
             ..Frame::new(view, file.metric(), draws)
         }
@@ -275,9 +277,10 @@ fn near(file: &Forest) -> f64 {
     median.map_or(step, |spacing| spacing * NEAR_SPACINGS).max(f64::from(f32::MIN_POSITIVE))
 }
 
-/// A node of a cut; `entry` is its index in the cut, `plane` returns its planes.
+/// Node `index` of a file; `entry` is its index in the cut, `plane` returns its planes.
 pub fn draw_node<'a, P: Default>(
-    node: &'a Node,
+    table: &'a NodeTable,
+    index: u32,
     entry: usize,
     prefix: usize,
     colouring: &Colouring,
@@ -290,10 +293,13 @@ pub fn draw_node<'a, P: Default>(
         Some((bytes, Some(ty))) => ColourPlane::Scalar { bytes, ty },
         None => ColourPlane::None,
     };
+    let node = &table.nodes[index as usize];
+    let above = share_above(node, table.nodes.get(node.parent as usize)) as f32;
     DrawNode {
         node,
         entry,
         prefix,
+        above,
         position: plane(positions).unwrap_or_default(),
         residual: plane(PlaneKind::Residual),
         colour,

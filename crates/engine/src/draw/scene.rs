@@ -296,8 +296,8 @@ impl PictureScene {
         let nodes = nodes.zip(&self.planes).enumerate();
         nodes
             .map(|(entry, (drawn, planes))| {
-                let node = file.record(drawn.node);
-                draw_node(node, entry, drawn.prefix, &self.appearance.colouring, |kind| {
+                let colouring = &self.appearance.colouring;
+                draw_node(file.table(), drawn.node, entry, drawn.prefix, colouring, |kind| {
                     planes.get(kind)
                 })
             })

@@ -65,9 +65,9 @@ impl GpuScene {
         let nodes = scene.selection.drawn.iter().enumerate();
         let draws: Vec<_> = nodes
             .map(|(entry, drawn)| {
-                let node = &file.table().nodes[drawn.node as usize];
                 let at = |kind| self.places.at.get(&(entry, kind)).copied();
-                draw_node(node, entry, drawn.prefix, &scene.appearance.colouring, at)
+                let colouring = &scene.appearance.colouring;
+                draw_node(file.table(), drawn.node, entry, drawn.prefix, colouring, at)
             })
             .collect();
         let mut frame = scene.appearance.frame(file, &scene.view, &draws, octree);

@@ -5,3 +5,4 @@ pub mod colour;
 pub mod density;
 pub mod lookup;
 pub mod splats;
+pub(crate) mod thinning;

@@ -42,9 +42,11 @@ impl Grow {
                 size.radius_max()
             }
             PointSize::Adaptive => {
+                let thins = lookup.frame.thins_points();
+                let thinned_px = if thins { lookup.frame.target_spacing_px as f32 } else { 0.0 };
                 let radius = |value: &AtomicU64| match value.load(Relaxed) {
                     EMPTY => 0.0,
-                    value => adaptive_radius(lookup, value),
+                    value => adaptive_radius(lookup, value, thinned_px),
                 };
                 target.par_iter().map(radius).collect_into_vec(radii);
                 radii.par_iter().copied().reduce(|| PIXEL_RADIUS, f32::max)
@@ -78,15 +80,17 @@ impl Grow {
     }
 }
 
-/// Radius of an adaptive dot, pixels: there is no gap between neighbours.
-fn adaptive_radius(lookup: &Lookup<'_>, value: u64) -> f32 {
+/// Radius of an adaptive dot, pixels, where points are thinned to a distance of `thinned_px`: there
+/// is no gap between neighbours.
+fn adaptive_radius(lookup: &Lookup<'_>, value: u64, thinned_px: f32) -> f32 {
     let (depth, point) = unpack(value);
     let (draw, index) = lookup.list.find(point);
     let (offset, code) = lookup.draws[draw].positions.offset(index);
     let stored = lookup.radius_factors[usize::from(code)];
     let stored = if code > SCALED_CODE_MAX { stored } else { stored.min(1.0) };
-    let drawn = lookup.spacing(draw, offset, code) * stored * ADAPTIVE_FACTOR;
-    let radius = drawn * lookup.camera.focal_px / depth + PIXEL_RADIUS;
+    let apart_px = lookup.spacing(draw, offset, code) * lookup.camera.focal_px / depth;
+    let apart_px = if code > SCALED_CODE_MAX { apart_px } else { apart_px.max(thinned_px) };
+    let radius = apart_px * stored * ADAPTIVE_FACTOR + PIXEL_RADIUS;
     // NaN is not greater.
     if radius > PIXEL_RADIUS { radius.min(ADAPTIVE_MAX) } else { PIXEL_RADIUS }
 }

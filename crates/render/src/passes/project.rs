@@ -11,6 +11,7 @@
 use crate::frame::{DrawNode, Frame};
 use crate::inputs::camera::{Camera, Positions};
 use crate::inputs::lookup::{DrawList, is_hidden};
+use crate::inputs::thinning::Thinning;
 use crate::simd::lanes::LANES;
 use esker_points::fetch::fetch;
 use fearless_simd::{Level as Simd, dispatch};
@@ -46,10 +47,15 @@ pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[At
         let draw = &frame.draws[draw];
         let normals = draw.normal.filter(|_| frame.cull_back_faces);
         let hides = frame.hides_points;
-        dispatch!(Simd::new(), _ => project_run(draw, camera, run, base, target, normals, hides));
+        let thinning = Thinning::of(frame, draw);
+        let thinning = thinning.as_ref();
+        dispatch!(Simd::new(), _ => {
+            project_run(draw, camera, run, base, target, normals, thinning, hides)
+        });
     });
 }
 
+#[allow(clippy::too_many_arguments, reason = "each input of a run has its own argument")]
 #[inline(always)]
 fn project_run(
     draw: &DrawNode<'_>,
@@ -58,6 +64,7 @@ fn project_run(
     base: u32,
     target: &[AtomicU64],
     normals: Option<&[u8]>,
+    thinning: Option<&Thinning>,
     hides: bool,
 ) {
     let positions = Positions::of(draw);
@@ -84,6 +91,9 @@ fn project_run(
         }
         if let Some(plane) = normals {
             block.drop_back_faces(plane, start, count);
+        }
+        if let Some(thinning) = thinning {
+            block.leave_out(thinning, start);
         }
         (block.start, block.visible) = (start, block.visible_points(count));
         ones(block.visible).for_each(|k| fetch(target, block.pixels[k] as usize));
@@ -182,6 +192,17 @@ impl ProjectedPoints {
             let along = fx as f32 * xs[k] + fy as f32 * ys[k] + z as f32 * zs[k];
             let is_away = (along > 0.0) & (codes[k] != NO_NORMAL_BITS);
             *pixel |= u32::from(is_away) << 31;
+        }
+    }
+
+    /// Marks points as outside that are closer together on the picture than asked.
+    #[inline(always)]
+    fn leave_out(&mut self, thinning: &Thinning, start: usize) {
+        let mut shares = [0.0; BLOCK];
+        thinning.shares(start as u32, &mut shares);
+        for (k, pixel) in self.pixels.iter_mut().enumerate() {
+            let is_left_out = thinning.leaves_out(shares[k], self.depths[k]);
+            *pixel |= u32::from(is_left_out) << 31;
         }
     }
 

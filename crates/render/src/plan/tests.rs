@@ -23,6 +23,7 @@ const OPTIONS: FrameOptions = FrameOptions {
     evens_exposure: false,
     dots: Dots { size: PointSize::Pixels(1.0), eye_dome: 0.0 },
     mixes_dots: false,
+    thins_points: false,
 };
 
 #[test]

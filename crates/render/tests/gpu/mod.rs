@@ -85,6 +85,7 @@ pub fn upload<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Uploade
             node: d.node,
             entry: d.entry,
             prefix: d.prefix,
+            above: d.above,
             position: positions[i],
             residual: residuals[i],
             colour: colours[i],

@@ -179,6 +179,7 @@ impl GpuPasses {
             node: d.node,
             entry: d.entry,
             prefix: d.prefix,
+            above: d.above,
             position: put(d.position),
             residual: d.residual.map(&mut put),
             colour: match d.colour {

@@ -120,6 +120,7 @@ impl SceneNode {
             node: &self.node,
             entry: 0,
             prefix: usize::MAX,
+            above: 0.0,
             position: &self.position,
             residual: residual.then_some(&self.residual[..]),
             colour: if colour { ColourPlane::Rgba(&self.colour) } else { ColourPlane::None },

@@ -89,14 +89,13 @@ impl<'a> FrameInput<'a> {
         first_entry: usize,
         plane: impl Fn(Slot) -> P,
     ) -> Vec<DrawNode<'a, P>> {
-        let nodes = &self.file.table().nodes;
+        let table = self.file.table();
         let colouring = &self.appearance.colouring;
         let drawn = drawn.iter().enumerate();
         drawn
             .map(|(index, n)| {
                 let plane = |kind| n.slot(kind).map(&plane);
-                let node = &nodes[n.node as usize];
-                draw_node(node, first_entry + index, n.prefix, colouring, plane)
+                draw_node(table, n.node, first_entry + index, n.prefix, colouring, plane)
             })
             .collect()
     }

@@ -8,6 +8,7 @@ use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::table::{CHUNK_POINTS, Chunk, Draw, NO_PAGE, PlaneAt};
 use crate::inputs::camera::Camera;
+use crate::inputs::thinning::Thinning;
 use crate::plan::FramePlan;
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -208,6 +209,9 @@ impl GpuCut {
         for draw in frame.draws {
             let first_chunk = self.chunk_rows.len() as u32;
             let mut row = Draw::of(draw, camera, first_chunk, |plane| pool.place(plane));
+            if let Some(thinning) = Thinning::of(frame, draw) {
+                row = row.thinned(&thinning);
+            }
             // Positions are read in pairs of words.
             let is_whole = row.position_word.is_multiple_of(2);
             let room = (CHUNKS_MAX - first_chunk) * CHUNK_POINTS;

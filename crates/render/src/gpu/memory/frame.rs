@@ -35,7 +35,7 @@ pub struct FrameUniform {
     backdrop_from: i32,
     origin_px: [f32; 2],
     backdrop_rows: u32,
-    unused: u32,
+    thinned_px: f32,
 }
 
 impl FrameUniform {
@@ -76,7 +76,7 @@ impl FrameUniform {
             backdrop_from: camera.backdrop_rows[0],
             origin_px: camera.origin_px,
             backdrop_rows: camera.backdrop_rows[1] as u32,
-            unused: 0,
+            thinned_px: if frame.thins_points() { frame.target_spacing_px as f32 } else { 0.0 },
         }
     }
 }
@@ -116,6 +116,7 @@ mod layout {
         is_parallel,
         backdrop_from,
         origin_px,
-        backdrop_rows
+        backdrop_rows,
+        thinned_px
     });
 }

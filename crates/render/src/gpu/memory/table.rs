@@ -4,9 +4,11 @@
 use crate::frame::{ColourPlane, DrawNode};
 use crate::gpu::device::shader::{same_layout, same_values};
 use crate::inputs::camera::Camera;
+use crate::inputs::thinning::Thinning;
 use bytemuck::{Pod, Zeroable};
 use esker_points::AttrType;
 use esker_points::clip::CLIP_BYTES;
+use esker_points::node::LEVELS_MAX;
 use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
 use esker_points::tangents::TANGENT_BYTES;
 
@@ -111,6 +113,16 @@ pub struct Draw {
     pub tangent_word: u32,
     /// Points of the plane of shapes, at most those drawn.
     pub tangent_points: u32,
+    /// Field of [`Thinning`].
+    pub per_reach: f32,
+    /// Field of [`Thinning`].
+    pub above: f32,
+    /// Field of [`Thinning`].
+    pub per_point: f32,
+    /// 1 if [`Thinning`] is that of a line.
+    pub is_line: u32,
+    /// Field of [`Thinning`].
+    pub level_ends: [u32; LEVELS_MAX],
     /// Padding to a multiple of 16 bytes.
     pub unused: u32,
 }
@@ -178,8 +190,14 @@ impl Draw {
             tangent_page,
             tangent_word,
             tangent_points: drawn(draw.tangents, TANGENT_BYTES),
-            unused: 0,
+            ..Self::default()
         }
+    }
+
+    /// The row of a node whose points are thinned.
+    pub(crate) fn thinned(self, thinning: &Thinning) -> Self {
+        let &Thinning { per_reach, above, per_point, is_line, ends } = thinning;
+        Self { per_reach, above, per_point, is_line: u32::from(is_line), level_ends: ends, ..self }
     }
 }
 
@@ -228,6 +246,11 @@ same_layout!(Draw {
     clip_points,
     tangent_page,
     tangent_word,
-    tangent_points
+    tangent_points,
+    per_reach,
+    above,
+    per_point,
+    is_line,
+    level_ends
 });
 same_layout!(Chunk { draw, first, points });

@@ -29,8 +29,9 @@ const PACK_SIDE: u32 = 16;
 
 /// The pass.
 pub struct Primitives {
-    /// By whether points are culled by their normals, and by whether a filter hides points.
-    pipelines: [[wgpu::RenderPipeline; 2]; 2],
+    /// By whether points are culled by their normals, whether a filter hides points, and
+    /// whether points are left out that are closer together than asked.
+    pipelines: [[[wgpu::RenderPipeline; 2]; 2]; 2],
     changed: Option<SystemTime>,
     pack: Kernel,
     target: Option<Attachments>,
@@ -107,8 +108,8 @@ impl Primitives {
         timing: &mut Timing,
     ) {
         let (Some(to), Some(target)) = (hits.buffer(), &self.target) else { return };
-        let [culls, hides] = plan.project_constants().map(|(_, value)| value as usize);
-        let pipeline = &self.pipelines[culls][hides];
+        let [culls, hides, thins] = plan.project_constants().map(|(_, value)| value as usize);
+        let pipeline = &self.pipelines[culls][hides][thins];
         let layout = pipeline.get_bind_group_layout(0);
         let mut pass = begin(encoder, target, timing);
         pass.set_pipeline(pipeline);
@@ -195,13 +196,16 @@ fn pipelines(
     gpu: &Gpu,
     source: Source,
     wgsl: &str,
-) -> Result<[[wgpu::RenderPipeline; 2]; 2], GpuError> {
+) -> Result<[[[wgpu::RenderPipeline; 2]; 2]; 2], GpuError> {
     let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(source.file),
         source: wgpu::ShaderSource::Wgsl(wgsl.into()),
     });
-    let made = [0.0, 1.0].map(|culls| [0.0, 1.0].map(|hides| pipeline(gpu, &module, culls, hides)));
+    let made = [0.0, 1.0].map(|culls| {
+        let with = |hides, thins| pipeline(gpu, &module, [culls, hides, thins]);
+        [0.0, 1.0].map(|hides| [0.0, 1.0].map(|thins| with(hides, thins)))
+    });
     match pollster::block_on(scope.pop()) {
         Some(e) => Err(GpuError::Shader(format!("{}: {e}", source.file))),
         None => Ok(made),
@@ -211,11 +215,10 @@ fn pipelines(
 fn pipeline(
     gpu: &Gpu,
     module: &wgpu::ShaderModule,
-    culls: f64,
-    hides: f64,
+    [culls, hides, thins]: [f64; 3],
 ) -> wgpu::RenderPipeline {
     let is_gl = gpu.device.adapter_info().backend == wgpu::Backend::Gl;
-    let constants = [("CULLS_BACK_FACES", culls), ("HIDES_POINTS", hides)];
+    let constants = [("CULLS_BACK_FACES", culls), ("HIDES_POINTS", hides), ("THINS_POINTS", thins)];
     let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("points"),

@@ -22,8 +22,8 @@ const THREADS: u64 = 256;
 
 /// The pass.
 pub struct Project {
-    /// Variants: the two tests of points, and the two switches below.
-    kernels: Variants<4>,
+    /// Variants: the three tests of points, and the two switches below.
+    kernels: Variants<5>,
     touches_pixels: bool,
     skips_runs: bool,
     bounds: Bounds,
@@ -57,16 +57,17 @@ impl Project {
     }
 
     fn with(gpu: &Gpu, touches_pixels: bool, skips_runs: bool) -> Result<Self, GpuError> {
-        let constants = ["CULLS_BACK_FACES", "HIDES_POINTS", "TOUCHES_PIXELS", "SKIPS_RUNS"];
+        let constants =
+            ["CULLS_BACK_FACES", "HIDES_POINTS", "THINS_POINTS", "TOUCHES_PIXELS", "SKIPS_RUNS"];
         let kernels = Variants::new(sources::PROJECT_ATOMICS, constants);
         let mut pass = Self { kernels, touches_pixels, skips_runs, bounds: Bounds::new(gpu)? };
         // Built here so that a driver refuses the shader before anything is drawn.
-        pass.kernels.get(gpu, pass.variant([0, 0]))?;
+        pass.kernels.get(gpu, pass.variant([0; 3]))?;
         Ok(pass)
     }
 
-    fn variant(&self, [culls, hides]: [u32; 2]) -> [u32; 4] {
-        [culls, hides, u32::from(self.touches_pixels), u32::from(self.skips_runs)]
+    fn variant(&self, [culls, hides, thins]: [u32; 3]) -> [u32; 5] {
+        [culls, hides, thins, u32::from(self.touches_pixels), u32::from(self.skips_runs)]
     }
 
     /// Encodes the boxes of stale runs, the clearing of `hits`, and the drawing of the cut to it.

@@ -55,6 +55,7 @@ fn upload<'a>(gpu: &Gpu, draws: &[DrawNode<'a>]) -> (NodePool, Vec<DrawNode<'a, 
         node: d.node,
         entry: d.entry,
         prefix: d.prefix,
+        above: d.above,
         position: put(d.position),
         residual: d.residual.map(&mut put),
         colour: match d.colour {
