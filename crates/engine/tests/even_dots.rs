@@ -25,8 +25,8 @@ const SIZE: u32 = 900;
 const FOVY: f64 = 60.0;
 /// Cells of the surface along a side, in which dots are counted.
 const CELLS: usize = 16;
-/// Greatest ratio of the densities of adjacent cells; prefixes of nodes alone have 1.74.
-const STEP_MAX: f64 = 1.25;
+/// Greatest ratio of the densities of adjacent cells; prefixes of nodes alone have 1.81.
+const STEP_MAX: f64 = 1.3;
 /// Dots in the square of their spacing: even samples have 0.55 to 0.7.
 const DOTS: f64 = 0.55;
 
