@@ -1,5 +1,5 @@
 //! The cost of a frame as scripts query it: `esker render --explain`, `esker bench render`,
-//! `esker bench leave-out`, and the filters of `esker render`.
+//! `esker bench leave-out`, `esker bench error-time`, and the filters of `esker render`.
 
 use crate::folder::Folder;
 use crate::program::esker;
@@ -14,6 +14,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("frames: radii are measured beside a full screen", radii));
     trials.push(trial("frames: what is left out is reported with bytes and times", omissions));
     trials.push(trial("frames: only what a view has is reported as left out", no_omissions));
+    trials.push(trial("frames: errors against exact surfaces and against all points", errors));
     trials.push(trial("frames: --explain reports the plan and draws nothing", plan));
     trials.push(trial("frames: filters and ranges are applied", filters));
     trials.push(trial("frames: values that mean no data are in no range of colours", ranges));
@@ -145,6 +146,65 @@ fn omissions() {
     let dense = side("pull and push of a dense view");
     assert!(dense <= 64 && side("means of the points that share a pixel") >= dense, "{report}");
     assert_eq!(side("highlights"), 64, "{report}");
+}
+
+/// Pictures are the better the more their setting takes of the scan; pages have plots and pictures.
+fn errors() {
+    let folder = Folder::new();
+    let out = folder.file("pages");
+    let file = terrain(&folder);
+    let words = ["bench", "error-time", "--size", "96x64", "--backend", "cpu", "truth:sphere"];
+    let report = esker(
+        words
+            .map(OsStr::new)
+            .into_iter()
+            .chain([file.as_os_str(), OsStr::new("--out"), out.as_os_str()])
+            .chain(["--json", "--progress", "none"].map(OsStr::new)),
+    )
+    .json();
+    let rows = report["rows"].as_array().unwrap();
+    let is = |row: &Value, method: &str, field: &str, value: Value| {
+        row["method"] == method && row["settings"][field] == value
+    };
+    for scan in ["sphere", "terrain"] {
+        let rows: Vec<&Value> = rows.iter().filter(|row| row["file"] == scan).collect();
+        for row in &rows {
+            for field in ["ms", "flip"] {
+                assert!(row[field].as_f64().is_some_and(|n| n > 0.0), "`{field}` of {row}");
+            }
+            for field in ["off_share", "hole_share", "bleeding_share", "depth_px", "flicker"] {
+                assert!(row[field].as_f64().is_some_and(|n| n >= 0.0), "`{field}` of {row}");
+            }
+        }
+        let of = |row: &Value, field: &str| row[field].as_f64().unwrap();
+        let front: Vec<_> = rows.iter().filter(|row| row["on_front"] == true).collect();
+        assert!(!front.is_empty());
+        for row in &front {
+            let beats = |other: &&&Value| {
+                of(other, "ms") < of(row, "ms") && of(other, "flip") < of(row, "flip")
+            };
+            assert_eq!(rows.iter().filter(beats).count(), 0, "{row}");
+        }
+        let flip = |field: &str, value: Value| {
+            let row = rows.iter().find(|row| is(row, "pull-push", field, value.clone())).unwrap();
+            of(row, "flip")
+        };
+        assert!(flip("scale", 0.5.into()) > 1.1 * flip("scale", 1.0.into()), "{report}");
+        let holes = |method: &str| {
+            let row = rows.iter().find(|row| row["method"] == method).unwrap();
+            of(row, "hole_share")
+        };
+        assert!(holes("points") > 0.02 && holes("ewa") < 0.01, "{report}");
+        let page = std::fs::read_to_string(out.join(format!("{scan}.html"))).unwrap();
+        assert!(page.contains("<svg") && page.contains("On this machine at 33 ms"), "{page}");
+        assert!(out.join(format!("{scan}-reference.png")).exists());
+    }
+    let sphere = rows.iter().find(|row| row["file"] == "sphere").unwrap();
+    assert!(sphere["normal_deg"].as_f64().is_some_and(|n| n < 5.0), "{sphere}");
+    let terrain = rows.iter().filter(|row| row["file"] == "terrain");
+    assert!(terrain.clone().all(|row| row["normal_deg"].is_null() && row["build"].is_null()));
+    let unknown = esker(["bench", "error-time", "truth:moon"]);
+    assert!(unknown.failed().stderr.contains("there are sphere, cube"), "{}", unknown.stderr);
 }
 
 fn plan() {

@@ -4,6 +4,7 @@
 
 pub mod build;
 pub mod draw;
+pub mod error_time;
 pub mod leave_out;
 mod pass_times;
 mod quantile;
@@ -36,6 +37,10 @@ pub const BENCHMARKS: &[(&str, &str)] = &[
     (
         "leave-out",
         "draws a scene with and without each thing that it can do without: bytes and times",
+    ),
+    (
+        "error-time",
+        "draws scans by every method and setting: error of the picture against the time of a frame",
     ),
     (
         "size",

@@ -6,6 +6,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
 use esker_bench::build::{self, BuildBenchRequest, Rival};
 use esker_bench::draw::{self, DrawBenchRequest};
+use esker_bench::error_time::{self, ErrorTimeRequest};
 use esker_bench::leave_out::{self, LeaveOutRequest};
 use esker_bench::render::{self, RenderBenchRequest};
 use esker_bench::size::{self, SizeBenchRequest};
@@ -37,6 +38,9 @@ pub enum Benchmark {
     /// Draw a scene with and without each thing that it can do without: bytes read, bytes resident,
     /// milliseconds.
     LeaveOut(Box<LeaveOut>),
+    /// Draw scans by every method and setting: the error of the picture, against a reference of all
+    /// points, over the time of a frame; which settings are best at their time; a page for a scan.
+    ErrorTime(Box<BenchErrorTime>),
     /// Draw a scene from smaller forms of its data: error of the picture, of positions, colours and
     /// normals, against bytes a point.
     Size(BenchSize),
@@ -69,6 +73,7 @@ pub fn run(benchmark: Benchmark, stop: Arc<AtomicBool>) -> Result<()> {
         Benchmark::Draw(args) => run_draw(*args, stop),
         Benchmark::Render(args) => run_render(*args, stop),
         Benchmark::LeaveOut(args) => run_leave_out(*args, stop),
+        Benchmark::ErrorTime(args) => run_error_time(*args, stop),
         Benchmark::Size(args) => run_size(args, stop),
         Benchmark::Build(args) => run_build(args, stop),
         Benchmark::Decode(args) => run_decode(args, stop),
@@ -116,6 +121,33 @@ pub struct LeaveOut {
     /// The camera, as in `esker render`.
     #[arg(long, default_value = "", hide_default_value = true)]
     pub camera: Camera,
+    #[command(flatten)]
+    pub how: DrawHow,
+}
+
+#[derive(ClapArgs)]
+pub struct BenchErrorTime {
+    /// Scans, or .esker files. Options of the build are compared for scans alone.
+    #[arg(required = true, value_name = "SCAN")]
+    pub files: Vec<PathBuf>,
+    /// Width and height of the shown picture, pixels.
+    #[arg(long, default_value = "960x600", value_parser = quantity::picture_size)]
+    pub size: [u32; 2],
+    /// The camera, as in `esker render`.
+    #[arg(long, default_value = "", hide_default_value = true)]
+    pub camera: Camera,
+    /// What colours show, as in `esker render`.
+    #[arg(long, value_name = "NAME")]
+    pub colour: Option<String>,
+    /// Vary one setting at a time; this is the default.
+    #[arg(long, conflicts_with = "full")]
+    pub quick: bool,
+    /// Cross the settings.
+    #[arg(long)]
+    pub full: bool,
+    /// Write a page about each scan to this folder.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
     #[command(flatten)]
     pub how: DrawHow,
 }
@@ -350,6 +382,21 @@ fn run_leave_out(args: LeaveOut, stop: Arc<AtomicBool>) -> Result<()> {
         threads: args.how.threads.count,
     };
     args.how.output.report(stop, |progress| leave_out::measure(&request, progress), leave_out::text)
+}
+
+fn run_error_time(args: BenchErrorTime, stop: Arc<AtomicBool>) -> Result<()> {
+    let request = ErrorTimeRequest {
+        files: args.files,
+        size: args.size,
+        camera: args.camera,
+        colour_by: args.colour,
+        is_full: args.full,
+        with: (&args.how.with).into(),
+        threads: args.how.threads.count,
+        out: args.out,
+    };
+    let measure = |progress: &Progress| error_time::measure(&request, progress);
+    args.how.output.report(stop, measure, error_time::text)
 }
 
 fn run_size(args: BenchSize, stop: Arc<AtomicBool>) -> Result<()> {

@@ -3,8 +3,6 @@
 //! another size. It streams as one cloud, within its budgets, and loses nothing to the depth test.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-#[path = "../../render/tests/gpu/flip.rs"]
-mod flip;
 mod parts;
 
 use esker_engine::Method;
@@ -70,7 +68,7 @@ fn apart(a: &Picture, b: &Picture) -> Difference {
     let off = colours.filter(|(a, b)| (0..4).any(|i| a[i].abs_diff(b[i]) > 8)).count();
     let covered = || a.depth.iter().zip(&b.depth).map(|(a, b)| (a.is_finite(), b.is_finite()));
     Difference {
-        flip: flip::mean_flip(&a.rgba, &b.rgba, SIZE[0] as usize),
+        flip: esker_truth::flip::mean_flip(&a.rgba, &b.rgba, SIZE[0] as usize),
         off: off as f64 / pixels,
         holes: covered().filter(|&(a, b)| a && !b).count() as f64 / pixels,
         blobs: covered().filter(|&(a, b)| b && !a).count() as f64 / pixels,

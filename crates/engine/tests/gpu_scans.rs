@@ -3,9 +3,6 @@
 //! of the pixels differ by more than 8 of 255.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-#[path = "../../render/tests/gpu/flip.rs"]
-mod flip;
-
 use esker_engine::Method;
 use esker_engine::calls::render::draw;
 use esker_engine::draw::scene::PictureRequest;
@@ -81,7 +78,8 @@ fn gpu_equals_cpu(method: Method) {
         for way in &ways {
             let picture = by(DrawWith { backend: Backend::Gpu, gpu: *way });
             let off = off(&picture, &expected);
-            let flip = flip::mean_flip(&picture.rgba, &expected.rgba, SIZE[0] as usize);
+            let flip =
+                esker_truth::flip::mean_flip(&picture.rgba, &expected.rgba, SIZE[0] as usize);
             let name = input.file_name().unwrap().display();
             let way = format!("{:?} {:?}", way.backends, way.path);
             println!("{name}, {method:?}, {way}: {:.4} % off, FLIP {flip:.5}", off * 100.0);

@@ -6,8 +6,6 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod creek;
-#[path = "../../render/tests/gpu/flip.rs"]
-mod flip;
 
 use creek::{SIZE, Wanderer, overview, sample};
 use esker_engine::Method;
@@ -90,7 +88,8 @@ fn a_gpu_draws_the_picture_of_the_cpu() {
             let off = off(&picture, &expected);
             let drawer = session.drawer().clone();
             assert!(off <= 0.001, "{method:?} by {drawer:?}: {off} of the pixels are off");
-            let flip = flip::mean_flip(&picture.rgba, &expected.rgba, SIZE[0] as usize);
+            let flip =
+                esker_truth::flip::mean_flip(&picture.rgba, &expected.rgba, SIZE[0] as usize);
             assert!(flip <= 0.01, "{method:?} by {drawer:?}: FLIP {flip}");
             assert_eq!(drawer.backend(), "gpu");
             assert_eq!(gpu.fault(), None);

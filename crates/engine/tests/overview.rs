@@ -4,9 +4,6 @@
 //! files of one node each, so that only the choice of points differs.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-#[path = "../../render/tests/gpu/flip.rs"]
-#[allow(dead_code, reason = "other tests use the rest of it")]
-mod flip;
 #[path = "../../builder/tests/given/mod.rs"]
 mod given;
 #[path = "../../builder/tests/poisson/mod.rs"]
@@ -189,7 +186,7 @@ impl Scan {
         let file = one_node(sample, lattice, self.folder.path(), "sample");
         let flip = self.views.iter().map(|(view, expected)| {
             let picture = picture(&file, view);
-            flip::mean_flip(&picture.rgba, &expected.rgba, SIDE as usize)
+            esker_truth::flip::mean_flip(&picture.rgba, &expected.rgba, SIDE as usize)
         });
         let flip = flip.sum::<f64>() / self.views.len() as f64;
         Errors { colour: colour_error(sample, &self.all, log2), flip }

@@ -2,9 +2,6 @@
 //! picture by every method: twins of renderers share their mistakes, relations do not.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-#[path = "../../render/tests/gpu/flip.rs"]
-#[allow(dead_code, reason = "other tests use the rest of it")]
-mod flip;
 #[path = "../../builder/tests/given/mod.rs"]
 mod given;
 
@@ -18,7 +15,7 @@ use esker_engine::{Dots, Filter, Forest, Method, NormalsMode, Picture, PointSize
 use esker_points::task::Silent;
 use esker_points::{AttrType, ColourDepth};
 use esker_render::inputs::colour::{Encoder, linear};
-use flip::mean_flip;
+use esker_truth::flip::mean_flip;
 use given::{Given, given};
 use glam::{DVec3, Vec3};
 use std::path::Path;

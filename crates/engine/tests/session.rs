@@ -10,8 +10,6 @@ mod exposure;
 #[path = "look/faces.rs"]
 mod faces;
 mod flicker;
-#[path = "../../render/tests/gpu/flip.rs"]
-mod flip;
 #[cfg(feature = "light")]
 #[path = "look/lit.rs"]
 mod lit;

@@ -11,12 +11,13 @@ mod scene;
 mod truth;
 
 use esker_lod::View;
+use esker_truth::dice::Dice;
+use esker_truth::image::Image;
+use esker_truth::sample::{Kind, sample};
+use esker_truth::{Truth, walls, walls_view};
 use plots::Panel;
-use scene::Dice;
 use truth::flicker::{Flicker, flicker, orbit};
-use truth::measure::{Cloud, Errors, Image};
-use truth::sample::{Kind, sample};
-use truth::{Truth, walls, walls_view};
+use truth::measure::{Cloud, Errors};
 
 /// Points per pixel.
 const DENSITIES: [f64; 7] = [0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0];
@@ -48,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let only: Vec<String> = std::env::args().skip(2).collect();
     let wanted = |name: &str| only.is_empty() || only.iter().any(|o| o == name);
     let mut rows = Vec::new();
-    for (name, truth, view) in truth::scenes(SIDE).into_iter().filter(|s| wanted(s.0)) {
+    for (name, truth, view) in esker_truth::scenes(SIDE).into_iter().filter(|s| wanted(s.0)) {
         for density in DENSITIES {
             for kind in [Kind::Regular, Kind::Poisson] {
                 rows.extend(measure(name, &truth, &view, density, kind));

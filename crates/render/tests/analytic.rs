@@ -8,12 +8,13 @@ mod truth;
 
 use esker_render::inputs::colour::{Encoder, linear};
 use esker_render::{FramePlan, Pass, Renderer};
+use esker_truth::image::{Image, srgb};
+use esker_truth::sample::{Kind, sample};
+use esker_truth::{Paint, Truth, scenes, walls, walls_view};
 use glam::{DVec2, DVec3, Vec3};
 use scene::{Dice, Scene};
 use truth::flicker::{flicker, orbit};
-use truth::measure::{Cloud, Image, srgb};
-use truth::sample::{Kind, sample};
-use truth::{Paint, Truth, scenes, walls, walls_view};
+use truth::measure::Cloud;
 
 const SIDE: u32 = 80;
 

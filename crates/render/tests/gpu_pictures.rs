@@ -14,8 +14,8 @@ use esker_render::{
     Background, ColourBy, ColourMap, Dots, Frame, FramePlan, Gradient, Method, Picture, PointSize,
     render,
 };
+use esker_truth::flip::mean_flip;
 use glam::{DMat3, DVec3};
-use gpu::flip::mean_flip;
 use gpu::{few_gpus, gpus, name, upload, uploaded_frame};
 use scene::{Dice, Scene, ScenePoint, bunny, sheet, speckled, sphere};
 

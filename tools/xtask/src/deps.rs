@@ -8,19 +8,26 @@ use serde_json::Value;
 
 /// Crates of the project that each crate may depend on, its tests included. A crate missing from
 /// this table fails the check.
-const ALLOWED: [(&str, &[&str]); 14] = [
+const ALLOWED: [(&str, &[&str]); 15] = [
     ("esker-points", &[]),
     ("esker-scan", &["points"]),
     ("esker-format", &["points"]),
     ("esker-builder", &["points", "scan", "format"]),
     ("esker-lod", &["points"]),
     ("esker-stream", &["points", "format", "lod"]),
-    ("esker-render", &["points", "lod"]),
-    ("esker-trace", &["points", "lod", "render"]),
-    ("esker-engine", &["points", "scan", "format", "builder", "lod", "stream", "render", "trace"]),
+    ("esker-truth", &["lod"]),
+    ("esker-render", &["points", "lod", "truth"]),
+    ("esker-trace", &["points", "lod", "truth", "render"]),
+    (
+        "esker-engine",
+        &["points", "scan", "format", "builder", "lod", "truth", "stream", "render", "trace"],
+    ),
     (
         "esker-bench",
-        &["points", "scan", "format", "builder", "lod", "stream", "render", "trace", "engine"],
+        &[
+            "points", "scan", "format", "builder", "lod", "truth", "stream", "render", "trace",
+            "engine",
+        ],
     ),
     ("esker-view", &["engine"]),
     ("esker", &["engine", "bench"]),

@@ -168,6 +168,22 @@ impl<'a> ResidentScene<'a> {
         Ok(self.cpu_picture.stats.stages)
     }
 
+    /// The newest picture of the CPU.
+    pub fn cpu_picture(&self) -> &Picture {
+        &self.cpu_picture
+    }
+
+    /// The newest picture of the CPU, or of the GPU; waits for it.
+    ///
+    /// # Errors
+    /// If the GPU fails.
+    pub fn shown(&mut self, on_gpu: bool) -> Result<Picture> {
+        match &mut self.gpu {
+            Some((_, scene)) if on_gpu => Ok(scene.picture()?),
+            _ => Ok(self.cpu_picture.clone()),
+        }
+    }
+
     /// Draws a frame on the GPU, waits for it, and returns its times by the GPU's clock. On a
     /// software driver the total is by the wall clock. Without a GPU the times are zero.
     ///

@@ -59,6 +59,20 @@ pub fn waits_of_this_thread() -> Option<u64> {
     None
 }
 
+/// CPU time that all threads of this process have taken, milliseconds; `None` if the system does
+/// not tell.
+#[cfg(unix)]
+pub fn cpu_ms() -> Option<f64> {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    Some(time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 / 1e6)
+}
+
+/// `None`: this system does not tell.
+#[cfg(not(unix))]
+pub fn cpu_ms() -> Option<f64> {
+    None
+}
+
 /// Resources that a process used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProcessUsage {

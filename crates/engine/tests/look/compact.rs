@@ -2,7 +2,6 @@
 //! files, sessions and forests; and full planes where a picture needs more than the compact ones
 //! have.
 
-use super::flip::mean_flip;
 use super::look::{off, request, session};
 use esker_engine::calls::render::draw;
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
@@ -10,6 +9,7 @@ use esker_engine::draw::session::Settings;
 use esker_engine::{Filter, Method};
 use esker_format::{Forest, PlaneKind};
 use esker_points::task::Silent;
+use esker_truth::flip::mean_flip;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;

@@ -1,7 +1,6 @@
 //! Lit pictures of the sample scan: golden ones, sessions that refine theirs until they are final,
 //! what is read around the view, and the share of main memory.
 
-use super::flip::mean_flip;
 use super::look::{is_golden, request};
 use esker_engine::calls::explain::explain;
 use esker_engine::calls::info;
@@ -21,6 +20,7 @@ use esker_lod::View;
 use esker_points::task::Silent;
 use esker_render::gpu::Gpu;
 use esker_render::gpu::device::all_interfaces;
+use esker_truth::flip::mean_flip;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};

@@ -2,7 +2,6 @@
 //! that are not shown are neither read nor resident; sessions draw what pictures show; and each
 //! colour map and method has its golden picture.
 
-use super::flip::mean_flip;
 use esker_engine::calls::info;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::colour::{choices, colouring};
@@ -16,6 +15,7 @@ use esker_lod::CompactOctree;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
 use esker_points::task::Silent;
 use esker_render::{Frame, Pass, Renderer};
+use esker_truth::flip::mean_flip;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;

@@ -1,7 +1,6 @@
 //! Shapes of splats from a build to a picture: a scan in lines, built with and without shapes,
 //! drawn from a file and by a session.
 
-use super::flip::mean_flip;
 use super::splats::request;
 use esker_engine::calls::render::draw;
 use esker_engine::draw::scene::PictureScene;
@@ -12,6 +11,7 @@ use esker_format::{EskerFile, Forest, PlaneKind, verify};
 use esker_lod::View;
 use esker_points::task::Silent;
 use esker_render::inputs::colour::linear;
+use esker_truth::flip::mean_flip;
 use glam::{DVec2, DVec3};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,6 @@
 //! Splats from a build to a picture: generated models with given clip lines, and the same solids
 //! with lines that the build finds; golden pictures of both.
 
-use super::flip::mean_flip;
 use super::look::read_png;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
@@ -14,6 +13,7 @@ use esker_format::{EskerFile, Forest, PlaneKind, verify};
 use esker_lod::CompactOctree;
 use esker_points::task::Silent;
 use esker_render::FramePlan;
+use esker_truth::flip::mean_flip;
 use glam::{DVec2, DVec3};
 use std::path::PathBuf;
 use std::sync::Arc;

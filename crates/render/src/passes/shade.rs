@@ -264,8 +264,9 @@ impl<T: Surface> Row<'_, T> {
     }
 }
 
-/// Phong lighting of one colour, linear light: [`light`] without darkening.
-pub(crate) fn phong(colour: Vec3, normal: Vec3, to_eye: Vec3, shines: bool) -> Vec3 {
+/// Phong lighting of one colour, linear light: what [`shade`] computes of a pixel before it darkens
+/// what lies behind its surroundings. Directions are in view space, of unit length.
+pub fn phong(colour: Vec3, normal: Vec3, to_eye: Vec3, shines: bool) -> Vec3 {
     let facing = normal.dot(KEY);
     let ambient = GROUND_SHARE + (SKY_SHARE - GROUND_SHARE) * (0.5 + 0.5 * normal.y);
     let towards = normal.dot(to_eye);

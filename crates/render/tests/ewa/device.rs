@@ -2,13 +2,13 @@
 //! pixels off by more than 8 of 255): many batches, too little memory for entries, thousands of
 //! splats or almost none on a pixel, extreme views.
 
-use crate::gpu::flip::mean_flip;
 use crate::gpu::{few_gpus, name, upload, uploaded_frame};
 use crate::scene::{Dice, Scene, ScenePoint, sheet, sphere};
 use esker_lod::View;
 use esker_render::gpu::GpuRenderer;
 use esker_render::gpu::passes::ewa::{BatchCapacity, GpuEwa};
 use esker_render::{Frame, Method, render};
+use esker_truth::flip::mean_flip;
 use glam::DVec3;
 
 fn pixels_off(a: &[u8], b: &[u8]) -> usize {

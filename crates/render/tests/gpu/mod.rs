@@ -3,8 +3,6 @@
 #![allow(dead_code, reason = "not every test uses all of it")]
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-pub mod flip;
-
 use esker_render::gpu::device::all_interfaces;
 use esker_render::gpu::{Gpu, GpuRequest, NodePool, PlaneAt, ProjectPath};
 use esker_render::{ColourPlane, DrawNode, Frame};

@@ -6,16 +6,10 @@
 use esker_lod::View;
 use esker_points::{AttrType, Cell, Clip, Grain, Lattice, Node, morton, quant};
 use esker_render::{ColourBy, ColourPlane, DrawNode, Frame};
+#[allow(unused_imports, reason = "not every user of this module rolls dice")]
+pub use esker_truth::dice::Dice;
+pub use esker_truth::sample::ScenePoint;
 use glam::DVec3;
-
-/// A point of a scene.
-#[derive(Clone, Copy, Debug)]
-pub struct ScenePoint {
-    pub at: DVec3,
-    /// Unit normal.
-    pub normal: DVec3,
-    pub colour: [u8; 3],
-}
 
 /// A node and its planes.
 pub struct SceneNode {
@@ -34,24 +28,6 @@ pub struct SceneNode {
 pub struct Scene {
     pub lattice: Lattice,
     pub nodes: Vec<SceneNode>,
-}
-
-/// Random number generator (xorshift64*) with the same sequence on every machine.
-pub struct Dice(pub u64);
-
-impl Dice {
-    /// Uniform random number in 0..1.
-    pub fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// 64 random bits.
-    pub fn bits(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
-    }
 }
 
 impl Scene {

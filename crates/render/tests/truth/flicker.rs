@@ -1,9 +1,10 @@
 //! Flicker: the change of a picture from frame to frame of a slow camera path, less the change of
 //! the perfect picture.
 
-use super::Truth;
-use super::measure::{Cloud, Image, srgb};
+use super::measure::Cloud;
 use esker_lod::View;
+use esker_truth::Truth;
+use esker_truth::image::{Image, srgb};
 use glam::{DMat3, DVec3, Vec3};
 
 /// Camera path around the vertical axis through the origin. From each of the `frames` views to the

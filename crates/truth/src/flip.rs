@@ -3,6 +3,7 @@
 //! needs. Pictures are 8-bit sRGB, four bytes a pixel.
 
 use glam::{Mat3, Vec3};
+use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// Pixels a degree of the visual angle: a display 3840 pixels and 0.7 m wide, seen from 0.7 m.
@@ -12,17 +13,24 @@ const WHITE: Vec3 = Vec3::new(0.950_428_55, 1.0, 1.088_900_4);
 /// Width of detected features, degrees (section 4.2).
 const FEATURE_DEGREES: f32 = 0.082;
 
-/// Mean of the metric over the picture, from 0 (equal) to 1. Alpha is ignored.
+/// Mean of the metric over the picture, from 0 (equal) to 1; 0 for a picture without pixels. Alpha
+/// is ignored.
 pub fn mean_flip(a: &[u8], b: &[u8], width: usize) -> f64 {
+    let map = flip(a, b, width);
+    map.iter().map(|share| f64::from(*share)).sum::<f64>() / map.len().max(1) as f64
+}
+
+/// The metric of each pixel, from 0 (equal) to 1. Alpha is ignored.
+pub fn flip(a: &[u8], b: &[u8], width: usize) -> Vec<f32> {
     let [a, b] = [a, b].map(opponent);
     let colours = colour_differences(&filtered(&a, width), &filtered(&b, width));
     let [a, b] = [&a, &b].map(|image| features(image, width));
     let shares = colours.iter().zip(a.iter().zip(&b)).map(|(colour, (a, b))| {
         let feature = (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
         let feature = (feature / 2f32.sqrt()).clamp(0.0, 1.0).sqrt();
-        f64::from(colour.powf(1.0 - feature))
+        colour.powf(1.0 - feature)
     });
-    shares.sum::<f64>() / colours.len().max(1) as f64
+    shares.collect()
 }
 
 fn xyz_from_rgb() -> Mat3 {
@@ -44,7 +52,7 @@ fn opponent(rgba: &[u8]) -> Vec<Vec3> {
         let xyz = xyz_from_rgb * Vec3::new(linear(p[0]), linear(p[1]), linear(p[2])) / WHITE;
         Vec3::new(116.0 * xyz.y - 16.0, 500.0 * (xyz.x - xyz.y), 200.0 * (xyz.y - xyz.z))
     };
-    rgba.as_chunks::<4>().0.iter().map(pixel).collect()
+    rgba.as_chunks::<4>().0.par_iter().map(pixel).collect()
 }
 
 fn rgb_from_opponent(c: Vec3) -> Vec3 {
@@ -56,22 +64,23 @@ fn rgb_from_opponent(c: Vec3) -> Vec3 {
 /// Convolves the rows with `along` and the columns with `across`. Pixels of the border are repeated
 /// beyond it.
 fn convolve(image: &[Vec3], width: usize, along: &[f32], across: &[f32]) -> Vec<Vec3> {
-    let height = image.len() / width;
-    let pass = |image: &[Vec3], kernel: &[f32], is_row: bool| -> Vec<Vec3> {
-        let radius = kernel.len() / 2;
-        (0..image.len())
-            .map(|i| {
-                let (x, y) = (i % width, i / width);
-                let terms = kernel.iter().enumerate().map(|(k, weight)| {
-                    let at = |c: usize, side: usize| (c + k).saturating_sub(radius).min(side - 1);
-                    let (x, y) = if is_row { (at(x, width), y) } else { (x, at(y, height)) };
-                    image[y * width + x] * *weight
-                });
-                terms.sum()
-            })
-            .collect()
-    };
-    pass(&pass(image, along, true), across, false)
+    let height = image.len() / width.max(1);
+    let mut rows = vec![Vec3::ZERO; image.len()];
+    rows.par_chunks_mut(width.max(1)).zip(image.par_chunks(width.max(1))).for_each(|(to, from)| {
+        for (x, to) in to.iter_mut().enumerate() {
+            let at = |k: usize| (x + k).saturating_sub(along.len() / 2).min(width - 1);
+            *to = along.iter().enumerate().map(|(k, weight)| from[at(k)] * *weight).sum();
+        }
+    });
+    let mut out = vec![Vec3::ZERO; image.len()];
+    out.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, to)| {
+        for (k, weight) in across.iter().enumerate() {
+            let at = (y + k).saturating_sub(across.len() / 2).min(height - 1);
+            let from = &rows[at * width..][..width];
+            to.iter_mut().zip(from).for_each(|(to, from)| *to += *from * *weight);
+        }
+    });
+    out
 }
 
 fn gaussian(radius: i32, at: impl Fn(f32) -> f32) -> Vec<f32> {
@@ -94,7 +103,8 @@ fn filtered(image: &[Vec3], width: usize) -> Vec<Vec3> {
     let share = broad / (broad + narrow);
     let [y, x, z, w] = [0.0047, 0.0053, 0.04, 0.025].map(blurred);
     let pixel = |i: usize| Vec3::new(y[i].x, x[i].y, z[i].z * share + w[i].z * (1.0 - share));
-    (0..image.len()).map(|i| rgb_from_opponent(pixel(i)).clamp(Vec3::ZERO, Vec3::ONE)).collect()
+    let rgb = |i: usize| rgb_from_opponent(pixel(i)).clamp(Vec3::ZERO, Vec3::ONE);
+    (0..image.len()).into_par_iter().map(rgb).collect()
 }
 
 /// Converts to CIELAB with the Hunt effect: chroma counts less in dark pixels.
@@ -122,7 +132,7 @@ fn colour_differences(a: &[Vec3], b: &[Vec3]) -> Vec<f32> {
         let over = at_knee + (d - knee) / (most - knee) * (1.0 - at_knee);
         (if d < knee { d * at_knee / knee } else { over }).clamp(0.0, 1.0)
     };
-    a.iter().zip(b).map(share).collect()
+    a.par_iter().zip(b).map(share).collect()
 }
 
 /// Detects edges and points in the luminance (section 4.2).

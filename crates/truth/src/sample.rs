@@ -1,8 +1,8 @@
 //! Points sampled from analytic surfaces, on a regular pattern or as a Poisson-disk sample, and the
 //! radius at which they cover the surface.
 
-use super::{Paint, Shape, Truth};
-use crate::scene::{Dice, ScenePoint};
+use crate::dice::Dice;
+use crate::{Paint, Shape, Truth};
 use esker_lod::View;
 use glam::{DVec2, DVec3};
 use std::collections::HashMap;
@@ -11,12 +11,26 @@ use std::f64::consts::{PI, TAU};
 /// Pattern of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
+    /// A grid, or a spiral.
     Regular,
+    /// Random places at a least distance.
     Poisson,
+}
+
+/// A point on a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct ScenePoint {
+    /// Position.
+    pub at: DVec3,
+    /// Unit normal.
+    pub normal: DVec3,
+    /// sRGB.
+    pub colour: [u8; 3],
 }
 
 /// Points and their radius.
 pub struct Sample {
+    /// Points of all surfaces.
     pub points: Vec<ScenePoint>,
     /// Greatest distance from a place on the surface to the nearest sample.
     pub radius: f64,

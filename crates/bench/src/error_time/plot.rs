@@ -1,0 +1,107 @@
+//! The plot of error against time, on logarithmic axes.
+
+use crate::error_time::report::{Row, Scan};
+use anyhow::{Result, anyhow};
+use plotters::prelude::*;
+
+/// Width and height of the plot, pixels.
+const SIZE: (u32, u32) = (900, 560);
+/// Frame times with a line of their own, milliseconds.
+const FRAMES_MS: [f64; 2] = [16.0, 33.0];
+/// The floor is drawn at most this many times below the least error.
+const FLOOR_BELOW: f64 = 2.0;
+/// Colour of each method.
+const METHODS: [(&str, RGBColor); 5] = [
+    ("points", RGBColor(120, 120, 120)),
+    ("pull-push", RGBColor(31, 119, 180)),
+    ("auto", RGBColor(44, 160, 44)),
+    ("ewa", RGBColor(214, 39, 40)),
+    ("lit", RGBColor(148, 103, 189)),
+];
+
+/// Draws FLIP over milliseconds: quartiles of the time and the range of the alignments as bars, the
+/// Pareto front as a line, the floor as a dashed line.
+///
+/// # Errors
+/// If the plot cannot be drawn.
+pub(super) fn error_over_time(scan: &Scan, rows: &[Row]) -> Result<String> {
+    let mut svg = String::new();
+    draw(&mut svg, scan, rows).map_err(|fault| anyhow!("cannot draw the plot: {fault}"))?;
+    Ok(svg)
+}
+
+fn draw(
+    svg: &mut String,
+    scan: &Scan,
+    rows: &[Row],
+) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
+    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    let least = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::MAX, f64::min).max(1e-6);
+    let most = |values: &mut dyn Iterator<Item = f64>| values.fold(1e-6, f64::max);
+    let times = least(&mut rows.iter().map(|r| r.ms_quartiles[0])) / 1.3
+        ..most(&mut rows.iter().map(|r| r.ms_quartiles[1]).chain(FRAMES_MS)) * 1.3;
+    let lowest = least(&mut rows.iter().map(|r| r.flip_range[0]));
+    // A floor far below all errors would leave no room for them.
+    let floor = scan.floor_flip.max(lowest / FLOOR_BELOW);
+    let errors = lowest.min(floor) / 1.3..most(&mut rows.iter().map(|r| r.flip_range[1])) * 1.3;
+    let mut chart = ChartBuilder::on(&root)
+        .margin(12)
+        .x_label_area_size(40)
+        .y_label_area_size(60)
+        .build_cartesian_2d(times.clone().log_scale(), errors.clone().log_scale())?;
+    chart
+        .configure_mesh()
+        .x_desc("milliseconds a frame")
+        .y_desc("error (mean FLIP)")
+        .x_label_formatter(&|ms| format!("{ms:.0}"))
+        .y_label_formatter(&|flip| format!("{flip:.3}"))
+        .light_line_style(RGBColor(240, 240, 240))
+        .draw()?;
+    let upright = |ms: f64| [(ms, errors.start), (ms, errors.end)];
+    for ms in FRAMES_MS {
+        let style = RGBColor(150, 150, 150).stroke_width(1);
+        chart.draw_series([PathElement::new(upright(ms), style)])?;
+    }
+    let style = BLACK.stroke_width(1);
+    chart
+        .draw_series(DashedLineSeries::new(
+            [(times.start, floor), (times.end, floor)],
+            6,
+            4,
+            style,
+        ))?
+        .label(format!("floor {:.4}: the reference, a step of the lattice aside", scan.floor_flip))
+        .legend(|(x, y)| PathElement::new([(x, y), (x + 16, y)], BLACK));
+    let mut front: Vec<_> = rows.iter().filter(|r| r.on_front).map(|r| (r.ms, r.flip)).collect();
+    front.sort_by(|a, b| a.0.total_cmp(&b.0));
+    chart
+        .draw_series(LineSeries::new(front, RGBColor(255, 160, 0).stroke_width(2)))?
+        .label("least error at this time")
+        .legend(|(x, y)| PathElement::new([(x, y), (x + 16, y)], RGBColor(255, 160, 0)));
+    for (method, colour) in METHODS {
+        let own: Vec<&Row> = rows.iter().filter(|row| row.method == method).collect();
+        if own.is_empty() {
+            continue;
+        }
+        let bars = own.iter().flat_map(|row| {
+            let [low, high] = row.ms_quartiles;
+            let [near, far] = row.flip_range;
+            [
+                PathElement::new([(low, row.flip), (high, row.flip)], colour),
+                PathElement::new([(row.ms, near), (row.ms, far)], colour),
+            ]
+        });
+        chart.draw_series(bars)?;
+        let dots = own.iter().map(|row| {
+            let fill = if row.backend == "gpu" { colour.stroke_width(2) } else { colour.filled() };
+            Circle::new((row.ms, row.flip), if row.on_front { 6 } else { 4 }, fill)
+        });
+        chart
+            .draw_series(dots)?
+            .label(method)
+            .legend(move |(x, y)| Circle::new((x + 8, y), 4, colour.filled()));
+    }
+    chart.configure_series_labels().background_style(WHITE.mix(0.85)).border_style(BLACK).draw()?;
+    root.present()
+}

@@ -1,0 +1,196 @@
+//! The report of error against run time: a row for each setting, which of them are on the Pareto
+//! front, advice for given frame times, and a table for people.
+
+use crate::error_time::settings::Setting;
+use crate::pass_times;
+use esker_engine::io::quantity::grouped;
+use esker_render::PassTimes;
+use serde::Serialize;
+
+/// Times of frames for which there is advice, milliseconds: 60, 30 and 15 frames a second.
+pub(super) const BUDGETS_MS: [f64; 3] = [16.0, 33.0, 66.0];
+
+/// Rows of all scans, and what they are compared with.
+#[derive(Clone, Debug, Serialize)]
+pub struct ErrorTimeReport {
+    /// Name of the GPU.
+    pub(super) adapter: Option<String>,
+    /// Why the CPU alone is measured.
+    pub(super) note: Option<String>,
+    /// Threads of the CPU renderer.
+    pub(super) threads: usize,
+    /// Width and height of the shown picture, pixels.
+    pub(super) size: [u32; 2],
+    /// A scan each.
+    pub(super) scans: Vec<Scan>,
+    /// A row for each scan and setting.
+    pub(super) rows: Vec<Row>,
+}
+
+/// A scan and its reference.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Scan {
+    pub file: String,
+    pub points: u64,
+    /// Width and height of the shown picture, pixels.
+    pub size: [u32; 2],
+    /// Points of the common reference, by EWA splatting at twice the resolution.
+    /// None where pictures are compared with exact surfaces.
+    pub reference_points: Option<u64>,
+    /// Error of the reference against itself, a step of the lattice aside: FLIP, and the share of
+    /// the pixels that are off by more than 8 of 255. Smaller errors mean nothing.
+    pub floor_flip: f64,
+    pub floor_off_share: f64,
+}
+
+/// A scan drawn with one setting. Errors are means of the alignments, against the common reference
+/// where nothing else is said.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Row {
+    pub file: String,
+    pub method: &'static str,
+    /// `cpu` or `gpu`.
+    pub backend: &'static str,
+    pub settings: Setting,
+    /// What differs from the method's defaults.
+    #[serde(skip)]
+    pub what: String,
+    /// Points that are drawn.
+    pub points: u64,
+    /// Median and quartiles of the time of a frame.
+    pub ms: f64,
+    pub ms_quartiles: [f64; 2],
+    /// Median CPU time of a frame, over all threads.
+    pub cpu_ms: Option<f64>,
+    /// Medians of the passes.
+    #[serde(serialize_with = "pass_times::with_total")]
+    pub stages_ms: PassTimes,
+    /// Mean of FLIP, 0 to 1, and the least and greatest of the alignments.
+    pub flip: f64,
+    pub flip_range: [f64; 2],
+    /// FLIP against the reference by the same method.
+    pub flip_own: f64,
+    /// Share of the pixels of which a channel is off by more than 8 of 255.
+    pub off_share: f64,
+    /// Shares of the interior of surfaces: empty, and showing what lies behind.
+    pub hole_share: f64,
+    pub bleeding_share: f64,
+    /// Mean error of depths inside surfaces, in widths of a pixel.
+    pub depth_px: f64,
+    /// Mean error of the points' normals, degrees, where the surfaces are known.
+    pub normal_deg: Option<f64>,
+    /// Mean difference between the changes from frame to frame of picture and reference along a
+    /// path of 30 frames, root of the mean square, 0 to 255.
+    pub flicker: Option<f64>,
+    /// How the file was built.
+    pub build: Option<Build>,
+    /// Whether no other setting of the scan is both faster and closer to the reference.
+    pub on_front: bool,
+}
+
+/// How a file was built.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Build {
+    /// Options, as on the command line, or `default`.
+    pub options: &'static str,
+    pub seconds: f64,
+    pub bytes: u64,
+}
+
+impl Scan {
+    /// What pictures are compared with.
+    pub fn reference(&self) -> String {
+        match self.reference_points {
+            Some(points) => {
+                format!("EWA splatting of {} points at twice the resolution", grouped(points))
+            }
+            None => "the exact surfaces".into(),
+        }
+    }
+}
+
+/// Marks the rows on the Pareto front of time and FLIP.
+pub(super) fn mark_front(rows: &mut [Row]) {
+    let figures: Vec<[f64; 2]> = rows.iter().map(|row| [row.ms, row.flip]).collect();
+    for (row, own) in rows.iter_mut().zip(&figures) {
+        let beats = |other: &[f64; 2]| {
+            other[0] <= own[0] && other[1] <= own[1] && (other[0] < own[0] || other[1] < own[1])
+        };
+        row.on_front = !figures.iter().any(beats);
+    }
+}
+
+/// The row of least error among those that take at most `budget_ms`.
+pub(super) fn best(rows: &[Row], budget_ms: f64) -> Option<&Row> {
+    let fast = rows.iter().filter(|row| row.ms <= budget_ms);
+    fast.min_by(|a, b| a.flip.total_cmp(&b.flip))
+}
+
+/// A sentence for each budget: what to draw with, and what to expect.
+pub(super) fn advice(scan: &Scan, rows: &[Row]) -> Vec<String> {
+    let sentence = |budget_ms: f64| match best(rows, budget_ms) {
+        Some(row) => format!(
+            "On this machine at {budget_ms:.0} ms: {} ({}, {}) takes {:.1} ms; FLIP {:.3}, {:.1} % of the pixels off (floor {:.3}, {:.1} %).",
+            row.method,
+            row.what,
+            row.backend,
+            row.ms,
+            row.flip,
+            row.off_share * 100.0,
+            scan.floor_flip,
+            scan.floor_off_share * 100.0,
+        ),
+        None => format!("On this machine no setting takes less than {budget_ms:.0} ms."),
+    };
+    BUDGETS_MS.map(sentence).to_vec()
+}
+
+/// Writes the report for people: the rows of each scan, fastest first, and the advice.
+pub fn text(report: &ErrorTimeReport) -> String {
+    let mut lines = Vec::new();
+    for scan in &report.scans {
+        let mut rows: Vec<Row> =
+            report.rows.iter().filter(|row| row.file == scan.file).cloned().collect();
+        rows.sort_by(|a, b| a.ms.total_cmp(&b.ms));
+        lines.push(format!(
+            "{}: {} points, {}x{} pixels; reference: {}",
+            scan.file,
+            grouped(scan.points),
+            scan.size[0],
+            scan.size[1],
+            scan.reference()
+        ));
+        lines.push(format!(
+            "{:<10} {:<34} {:<4} {:>11} {:>8} {:>8} {:>7} {:>7} {:>8} {:>8} {:>8} {:>8} {:>7} {:>8}",
+            "method", "setting", "by", "points", "ms", "CPU ms", "FLIP", "own", "off %", "holes %",
+            "behind %", "depth px", "normal", "flicker"
+        ));
+        lines.extend(rows.iter().map(line));
+        lines.extend(advice(scan, &rows));
+    }
+    lines.extend(report.adapter.iter().map(|name| format!("gpu: {name}")));
+    lines.extend(report.note.iter().map(|note| format!("the CPU alone is measured: {note}")));
+    lines.join("\n")
+}
+
+fn line(row: &Row) -> String {
+    let or_dash = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.1}"));
+    format!(
+        "{:<10} {:<34} {:<4} {:>11} {:>8.1} {:>8} {:>7.4} {:>7.4} {:>8.2} {:>8.3} {:>8.3} {:>8.2} {:>7} {:>8}{}",
+        row.method,
+        row.what,
+        row.backend,
+        grouped(row.points),
+        row.ms,
+        or_dash(row.cpu_ms),
+        row.flip,
+        row.flip_own,
+        row.off_share * 100.0,
+        row.hole_share * 100.0,
+        row.bleeding_share * 100.0,
+        row.depth_px,
+        or_dash(row.normal_deg),
+        or_dash(row.flicker),
+        if row.on_front { "  *" } else { "" }
+    )
+}
