@@ -17,7 +17,7 @@ const SLOPE_MAX: f32 = 32.0;
 // none.
 fn growth_of(p: vec3<f32>, radius: f32) -> vec2<f32> {
     let scale = frame.focal_px / p.z;
-    let place = p.xy * scale + frame.centre_px;
+    let place = placed(p.xy * scale);
     let least = max(radius * scale * SIDE_MIN, SIDE_MIN_PX);
     var first = 0u;
     var looked = 0u;

@@ -73,9 +73,8 @@ struct Placed {
     bounds: vec4<u32>,
 }
 
-// First pixel whose centre is right of and below a place, clamped to the picture.
-fn past(place: vec2<f32>) -> vec2<u32> {
-    let size = vec2<f32>(f32(frame.width), f32(frame.height));
+// First pixel whose centre is right of and below a place, clamped to a picture of this size.
+fn past(place: vec2<f32>, size: vec2<f32>) -> vec2<u32> {
     return vec2<u32>(clamp(place + 0.5, vec2<f32>(0.0), size));
 }
 
@@ -84,7 +83,16 @@ fn clip(low: vec2<f32>, high: vec2<f32>) -> vec4<u32> {
     if !(is_number(low.x) && is_number(low.y) && is_number(high.x) && is_number(high.y)) {
         return vec4<u32>(0u);
     }
-    return vec4<u32>(past(low - MARGIN), past(high + MARGIN));
+    let size = vec2<f32>(f32(frame.width), f32(frame.height));
+    return vec4<u32>(past(low - MARGIN, size), past(high + MARGIN, size));
+}
+
+// Middle of the pixels of the whole picture between two places.
+fn middle_of(low: vec2<f32>, high: vec2<f32>) -> vec2<f32> {
+    let size = (frame.centre_px + frame.origin_px) * 2.0;
+    let first = past(low + frame.origin_px - MARGIN, size);
+    let last = past(high + frame.origin_px + MARGIN, size);
+    return (vec2<f32>(first) + vec2<f32>(last)) * 0.5 - frame.origin_px;
 }
 
 fn is_empty(box: vec4<u32>) -> bool {
@@ -135,7 +143,7 @@ fn ellipse(p: vec3<f32>, t_a: vec3<f32>, t_b: vec3<f32>, radius: f32) -> Placed 
     let amplitude = max(kernel_root / root, AMPLITUDE_MIN);
     // Equations 8 and 9.
     let half = sqrt(shape) * 1.000002;
-    let origin = slope * frame.focal_px + middle + frame.centre_px;
+    let origin = placed(slope * frame.focal_px + middle);
     let box = clip(origin - half, origin + half);
     let condition = lengths / (abs(area) * max(discriminant, 0.0));
     if is_empty(box) {
@@ -163,7 +171,7 @@ fn ellipse(p: vec3<f32>, t_a: vec3<f32>, t_b: vec3<f32>, radius: f32) -> Placed 
 fn along_plane(splat: Splat, p: vec3<f32>, growth: vec2<f32>) -> Splat {
     let nearness = 1.0 / p.z;
     let slope = -(growth * nearness);
-    let middle = splat.a.xy - (p.xy * (nearness * frame.focal_px) + frame.centre_px);
+    let middle = splat.a.xy - placed(p.xy * (nearness * frame.focal_px));
     // The box of the ellipse, from its conic.
     let along = 1.0 / splat.b.x;
     let across = 1.0 / splat.a.z;
@@ -205,7 +213,9 @@ fn by_rays(p: vec3<f32>, a: vec3<f32>, b: vec3<f32>, radius: f32) -> Placed {
             high = max(high, at);
         }
     }
-    let box = clip(low + frame.centre_px, high + frame.centre_px);
+    let least = low + frame.centre_px;
+    let most = high + frame.centre_px;
+    let box = clip(least, most);
     let normal = cross(a, b);
     let seen = dot(normal, p);
     let sine = abs(seen) / (length(normal) * length(p));
@@ -215,8 +225,7 @@ fn by_rays(p: vec3<f32>, a: vec3<f32>, b: vec3<f32>, radius: f32) -> Placed {
     if !(sine >= SINE_MIN && sine < 2.0) {
         return Placed(Splat(), NOT_DRAWN);
     }
-    let corners = vec4<f32>(box);
-    let origin = (corners.xy + corners.zw) * 0.5;
+    let origin = middle_of(least, most);
     let place = origin - frame.centre_px;
     let u = row(cross(b, p) / seen, place);
     let v = row(cross(p, a) / seen, place);

@@ -4,6 +4,7 @@
 // smooth_depth.rs.
 
 // include common/frame.wgsl
+// include common/radii.wgsl
 // include common/smoothing.wgsl
 // include common/unit.wgsl
 // include common/srgb.wgsl
@@ -25,7 +26,8 @@ const REACH: i32 = 2;
 const BEHIND_MAX: f32 = 4.0;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<uniform> smoothing: Smoothing;
+// Mean radii of discs, without normals.
+@group(0) @binding(1) var<storage, read> radii: array<f32>;
 @group(0) @binding(2) var<storage, read> depth: array<f32>;
 @group(0) @binding(3) var<storage, read> tint: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> normals: array<vec4<f32>>;
@@ -66,7 +68,7 @@ fn slope(before: f32, after: f32, limit: f32) -> f32 {
 
 // The normal in view space from the differences of the depth image.
 fn depth_normal(at: vec2<i32>, here: f32, from_centre: vec2<f32>) -> vec3<f32> {
-    let limit = near_share(1.0, smoothing.radius_px) * here;
+    let limit = near_share(1.0, radius_around(vec2<u32>(at))) * here;
     let right = vec2<i32>(1, 0);
     let down = vec2<i32>(0, 1);
     let du = slope(here - depth_at(at - right), depth_at(at + right) - here, limit);

@@ -2,6 +2,7 @@
 // crates/render/src/passes/smooth_depth.rs.
 
 // include common/frame.wgsl
+// include common/radii.wgsl
 // include common/smoothing.wgsl
 
 // Distance between taps, pixels.
@@ -20,6 +21,7 @@ const RADIUS_PER_STEP: vec2<f32> = vec2<f32>(1.7, 2.5);
 @group(0) @binding(3) var<storage, read_write> smoothed: array<f32>;
 // Result of the previous round, which replaces the rough image if a wider round was made.
 @group(0) @binding(4) var<storage, read> smoother: array<f32>;
+@group(0) @binding(5) var<storage, read> radii: array<f32>;
 
 // Whether a wider round was made.
 var<private> is_later: bool;
@@ -32,12 +34,13 @@ fn depth(pixel: u32) -> f32 {
     return rough[pixel];
 }
 
-// Weight of the round whose taps are `step` pixels apart; 0 if it is left out.
-fn share(step: u32) -> f32 {
+// Weight of the round whose taps are `step` pixels apart, for discs of this radius; 0 if it is left
+// out.
+fn share(step: u32, radius_px: f32) -> f32 {
     if step <= 2u {
         return 1.0;
     }
-    let part = smoothing.radius_px / f32(step) - RADIUS_PER_STEP.x;
+    let part = radius_px / f32(step) - RADIUS_PER_STEP.x;
     return clamp(part / (RADIUS_PER_STEP.y - RADIUS_PER_STEP.x), 0.0, 1.0);
 }
 
@@ -57,23 +60,25 @@ fn pair(pixel: u32, at: u32, count: u32, stride: u32, distance: u32, limit: f32)
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    is_later = STEP < 8u && share(2u * STEP) > 0.0;
-    let weight = share(STEP);
-    if weight == 0.0 || id.x >= frame.width || id.y >= frame.height {
+    is_later = STEP < 8u && share(2u * STEP, smoothing.most_px) > 0.0;
+    let is_made = share(STEP, smoothing.most_px) > 0.0;
+    if !is_made || id.x >= frame.width || id.y >= frame.height {
         return;
     }
     let pixel = id.y * frame.width + id.x;
     let here = depth(pixel);
+    let radius_px = radius_around(id.xy);
+    let weight = share(STEP, radius_px);
     let at = select(id.x, id.y, DOWN);
     let count = select(frame.width, frame.height, DOWN);
     // Along rows only pixels with all taps in the picture are smoothed.
     let is_border = !DOWN && (at < 2u * STEP || at + 2u * STEP >= count);
-    if is_infinite(here) || is_border {
+    if weight == 0.0 || is_infinite(here) || is_border {
         smoothed[pixel] = here;
         return;
     }
     let stride = select(1u, frame.width, DOWN);
-    let limit = near_share(f32(STEP), smoothing.radius_px) * here;
+    let limit = near_share(f32(STEP), radius_px) * here;
     let inner = pair(pixel, at, count, stride, STEP, limit) * (TAPS.y * weight);
     let outer = pair(pixel, at, count, stride, 2u * STEP, limit) * (TAPS.z * weight);
     smoothed[pixel] = (here * TAPS.x + inner.x + outer.x) / (TAPS.x + 2.0 * (inner.y + outer.y));

@@ -17,7 +17,7 @@ use given::given;
 use std::path::Path;
 
 /// No multiple of the steps that windows are aligned to.
-const SIZE: [u32; 2] = [500, 330];
+const SIZE: [u32; 2] = [900, 330];
 const POINTS: u64 = 200_000;
 /// Step of the scan, metres.
 const STEP: f64 = 0.001;
@@ -88,8 +88,8 @@ const PLAN: &str = "direction=0,0.3,-1;ortho=9";
 fn partitions() -> [Vec<Window>; 2] {
     let [width, height] = SIZE;
     let window = |x, y, width, height| Window { x, y, width, height };
-    let halves = vec![window(0, 0, 233, height), window(233, 0, width - 233, height)];
-    let columns = [0, 101, 350, width];
+    let halves = vec![window(0, 0, 433, height), window(433, 0, width - 433, height)];
+    let columns = [0, 101, 350, 640, width];
     let rows = [0, 77, 211, height];
     let tiles = columns
         .windows(2)
@@ -97,29 +97,61 @@ fn partitions() -> [Vec<Window>; 2] {
     [halves, tiles.collect()]
 }
 
-/// Pixels of a part that differ from the whole: in depth, and in colour.
-fn different(part: &Picture, whole: &Picture, window: Window) -> [usize; 2] {
+/// How parts of a picture differ from the whole.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Different {
+    /// Greatest difference of depth, over the depth; infinite if either shows nothing.
+    depth: f32,
+    /// Pixels that differ in colour.
+    colours: usize,
+    /// Greatest difference of a component of a colour, of 255.
+    most: u8,
+}
+
+impl Different {
+    /// Whether parts have the pixels of the whole. Depths are moved along planes from places that
+    /// are rounded on the part, by which few colours change by the least step there is.
+    fn is_none_on(&self, backend: Backend) -> bool {
+        let (depth, part) = if backend == Backend::Cpu { (1e-6, 1e-5) } else { (1e-5, 1e-3) };
+        let few = (part * f64::from(SIZE[0] * SIZE[1])) as usize;
+        self.depth < depth && self.most <= 1 && self.colours <= few
+    }
+
+    fn and(self, other: Self) -> Self {
+        let Self { depth, colours, most } = other;
+        Self {
+            depth: self.depth.max(depth),
+            colours: self.colours + colours,
+            most: self.most.max(most),
+        }
+    }
+}
+
+/// How a part differs from the same pixels of the whole.
+fn different(part: &Picture, whole: &Picture, window: Window) -> Different {
     assert_eq!([part.width, part.height], [window.width, window.height]);
     let pixels = |p: &Picture| -> Vec<[u8; 4]> { p.rgba.as_chunks::<4>().0.to_vec() };
     let (own, all) = (pixels(part), pixels(whole));
-    let mut off = [0; 2];
+    let mut off = Different::default();
     for y in 0..window.height {
         for x in 0..window.width {
             let here = (y * window.width + x) as usize;
             let there = ((window.y + y) * whole.width + window.x + x) as usize;
             let depths = [part.depth[here], whole.depth[there]];
-            // Depths are moved along planes from places that are rounded on the part.
-            let is_same = depths[0] == depths[1] || (depths[0] / depths[1] - 1.0).abs() < 1e-6;
-            off[0] += usize::from(!is_same);
-            off[1] += usize::from(own[here] != all[there]);
+            let is_same = depths[0] == depths[1];
+            let change = if is_same { 0.0 } else { (depths[0] / depths[1] - 1.0).abs() };
+            off.depth = off.depth.max(change);
+            off.colours += usize::from(own[here] != all[there]);
+            let components = own[here].iter().zip(all[there]);
+            let most = components.map(|(a, b)| a.abs_diff(b)).max().unwrap_or(0);
+            off.most = off.most.max(most);
         }
     }
     off
 }
 
-/// Pixels that differ between a picture and its parts, for each way to part it: in depth, and in
-/// colour.
-fn differences(file: &Forest, request: &PictureRequest) -> [[usize; 2]; 2] {
+/// How the parts of a picture differ from the whole, for each way to part it.
+fn differences(file: &Forest, request: &PictureRequest) -> [Different; 2] {
     let whole = draw(file, request, &Silent).unwrap();
     assert!(whole.1.pixels_covered > u64::from(SIZE[0] * SIZE[1]) / 4);
     partitions().map(|parts| {
@@ -131,8 +163,8 @@ fn differences(file: &Forest, request: &PictureRequest) -> [[usize; 2]; 2] {
             covered += report.pixels_covered;
             different(&picture, &whole.0, window)
         });
-        let all = found.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
-        assert!(all[0] > 0 || covered == whole.1.pixels_covered, "{covered}");
+        let all = found.fold(Different::default(), Different::and);
+        assert_eq!(covered, whole.1.pixels_covered);
         all
     })
 }
@@ -146,7 +178,7 @@ fn points_drawn_in_parts_have_the_pixels_of_the_whole() {
         for camera in [CAMERA, PLAN] {
             for dots in [Dots::default(), adaptive] {
                 let found = differences(&file, &request(camera, Method::Points, dots, backend));
-                assert_eq!(found, [[0; 2]; 2], "{backend:?}, {camera}, {dots:?}");
+                assert_eq!(found, [Different::default(); 2], "{backend:?}, {camera}, {dots:?}");
             }
         }
     }
@@ -161,18 +193,34 @@ fn surfaces_drawn_in_parts_have_the_pixels_of_the_whole() {
             // Software drivers take minutes for all.
             let cameras = if backend == Backend::Cpu { &[CAMERA, PLAN][..] } else { &[CAMERA] };
             for &camera in cameras {
-                for method in [Method::PullPush, Method::Auto] {
+                for method in [Method::PullPush, Method::Auto, Method::Ewa] {
                     let request = request(camera, method, Dots::default(), backend);
                     let found = differences(&file, &request);
                     println!("{normals:?}, {backend:?}, {camera}, {method:?}: {found:?}");
-                    // Without normals, light follows depths that are smoothed over the mean radius
-                    // of what is drawn.
-                    let most =
-                        if normals == NormalsMode::None { SIZE[0] * SIZE[1] / 50 } else { 0 };
-                    let is_same =
-                        |[depth, colour]: &[usize; 2]| *depth == 0 && *colour <= most as usize;
-                    assert!(found.iter().all(is_same), "{found:?}");
+                    assert!(found.iter().all(|found| found.is_none_on(backend)), "{found:?}");
                 }
+            }
+        }
+    }
+}
+
+/// Discs of the coarsest points reach from beyond the margin of a window into it, and near ones
+/// through the near plane. Without normals discs take planes that are fitted within the margin.
+#[test]
+fn wide_splats_drawn_in_parts_have_the_pixels_of_the_whole() {
+    const NEAR: &str = "eye=0.25,-4,-0.4;target=0.25,0,-0.8;fovy=80";
+    let folder = tempfile::tempdir().unwrap();
+    for normals in [NormalsMode::Fast, NormalsMode::None] {
+        let file = built(folder.path(), normals);
+        for backend in backends() {
+            let is_bare = normals == NormalsMode::None;
+            for (camera, spacing_px) in [(CAMERA, 60.0), (NEAR, 20.0)] {
+                let target_spacing_px = if is_bare { 4.0 } else { spacing_px };
+                let plain = request(camera, Method::Ewa, Dots::default(), backend);
+                let request = PictureRequest { target_spacing_px, ..plain };
+                let found = differences(&file, &request);
+                println!("{normals:?}, {backend:?}, {camera}: {found:?}");
+                assert!(found.iter().all(|found| found.is_none_on(backend)), "{found:?}");
             }
         }
     }

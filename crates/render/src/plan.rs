@@ -490,7 +490,9 @@ impl FramePlan {
                 variant("silhouette/settle", &[]),
             ],
             Pass::SmoothDepth => {
-                vec![variant("smooth_depth/radius", &[]), variant("smooth_depth/smooth", &[])]
+                ["smooth_depth/tiles", "smooth_depth/corners", "smooth_depth/smooth"]
+                    .map(|shader| variant(shader, &[]))
+                    .into()
             }
             Pass::Antialias => vec![variant("antialias", &[normals])],
         };

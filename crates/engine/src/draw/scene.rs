@@ -227,7 +227,8 @@ impl PictureScene {
             None => fitted_bounds(file, bounds, &appearance.shown)?,
         };
         let view = appearance.drawn_view(file, &camera.view(fitted, request.size));
-        let (view, window) = windowed(view, request.window, request.size, *method)?;
+        let has_normals = file.has(PlaneKind::Normal);
+        let (view, window) = windowed(view, request.window, request.size, *method, has_normals)?;
         appearance.colouring = appearance.colouring.seen(&view, fitted, colour);
         let steps = (0..3).map(|axis| file.metric().steps_axis(axis, view.eye[axis]).abs());
         anyhow::ensure!(

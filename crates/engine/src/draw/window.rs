@@ -9,7 +9,8 @@ use esker_render::Picture;
 use esker_render::picture::margin::{crop_to, window_around};
 
 /// The view that draws the part `window` of a picture of `size` pixels, and the place of the part
-/// in what it draws. `view` is that of the whole picture.
+/// in what it draws. `view` is that of the whole picture; `has_normals` says whether points have
+/// normals.
 ///
 /// # Errors
 /// If the window is not within the picture, or the method draws whole pictures only.
@@ -18,16 +19,17 @@ pub(crate) fn windowed(
     window: Option<Window>,
     size: [u32; 2],
     method: Method,
+    has_normals: bool,
 ) -> Result<(View, Option<Window>)> {
     let Some(shown) = window else { return Ok((view, None)) };
     check(shown, size)?;
     ensure!(
-        !matches!(method, Method::Ewa | Method::Lit),
-        "--window draws a part of a picture by auto, pull-push or points only: add --method auto"
+        method != Method::Lit,
+        "--window draws no part of a lit picture: add --method auto, pull-push, ewa or points"
     );
     let margin = view.margin_px;
     let shown = Window { x: shown.x + margin, y: shown.y + margin, ..shown };
-    let drawn = window_around(&view, shown);
+    let drawn = window_around(&view, shown, !has_normals && method != Method::Points);
     let within = Window { x: shown.x - drawn.x, y: shown.y - drawn.y, ..shown };
     Ok((View { window: Some(drawn), ..view }, Some(within)))
 }

@@ -325,7 +325,7 @@ mod tests {
             at in [-0.2f32..0.2, -0.2f32..0.2, 0.02f32..2.0], normal in [-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0], log in -9f32..0.0,
         ) {
             let size = Vec2::new(SIZE[0] as f32, SIZE[1] as f32);
-            let lens = Lens { focal_px: 200.0, centre_px: size * 0.5, size, near: NEAR, lowpass: 2.25 };
+            let lens = Lens { focal_px: 200.0, centre_px: size * 0.5, origin_px: Vec2::ZERO, size, near: NEAR, lowpass: 2.25 };
             let normal = Vec3::from_array(normal).normalize_or(Vec3::Z);
             let disc = Disc::round(Vec3::from_array(at), normal, log.exp2());
             let Placement::Drawn(splat, bounds) = disc.place(&lens) else { return Ok(()) };

@@ -207,6 +207,7 @@ mod tests {
         let lens = Lens {
             focal_px: 300.0,
             centre_px: Vec2::new(160.0, 120.0),
+            origin_px: Vec2::ZERO,
             size: Vec2::new(320.0, 240.0),
             near: 0.1,
             lowpass,

@@ -98,6 +98,7 @@ impl Ewa {
         let lens = Lens {
             focal_px: camera.focal_px,
             centre_px: Vec2::from_array(camera.centre_px),
+            origin_px: Vec2::from_array(camera.origin_px),
             size: Vec2::new(width as f32, height as f32),
             near: camera.near,
             lowpass: if options.lowpass { options.cutoff * options.cutoff } else { 0.0 },

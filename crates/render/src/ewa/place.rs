@@ -275,9 +275,9 @@ impl Placer<'_> {
         radius: f32x8<S>,
         shows: u32,
     ) -> [f32x8<S>; 2] {
-        let Lens { focal_px, centre_px, .. } = self.lens;
+        let focal_px = self.lens.focal_px;
         let scale = centre[2].like(focal_px) / centre[2];
-        let [x, y] = [centre[0] * scale + centre_px.x, centre[1] * scale + centre_px.y];
+        let [x, y] = self.lens.placed([centre[0] * scale, centre[1] * scale]);
         let radius_px = radius * scale;
         let (mut right, mut down) = ([0.0; EIGHT], [0.0; EIGHT]);
         for k in (0..EIGHT).filter(|&k| shows >> k & 1 == 1) {
@@ -506,13 +506,17 @@ impl Placer<'_> {
     /// Whether spheres touch the view frustum, which is a few pixels wider for the low-pass.
     #[inline(always)]
     fn may_show<S: Simd>(&self, centre: [f32x8<S>; 3], radius: f32x8<S>) -> mask32x8<S> {
-        let half = self.lens.size * 0.5 + 4.0;
-        let focal = self.lens.focal_px;
+        let Lens { focal_px, centre_px, size, near, .. } = self.lens;
         let [x, y, depth] = centre;
-        let is_before = depth.like(self.lens.near).cmple(depth + radius);
-        is_before
-            & (Values::abs(x) * focal - depth * half.x).cmple(radius * reach(focal, half.x))
-            & (Values::abs(y) * focal - depth * half.y).cmple(radius * reach(focal, half.y))
+        let is_within = |at: f32x8<S>, side_px: f32| {
+            (at * focal_px - depth * side_px).cmple(radius * reach(focal_px, side_px))
+        };
+        let (before, after) = (centre_px + 4.0, size - centre_px + 4.0);
+        depth.like(near).cmple(depth + radius)
+            & is_within(x, after.x)
+            & is_within(-x, before.x)
+            & is_within(y, after.y)
+            & is_within(-y, before.y)
     }
 }
 
@@ -545,9 +549,9 @@ impl EightPoints<'_> {
 }
 
 /// Distance from a side plane of the frustum at which a sphere touches it, over its radius and in
-/// the units of [`Placer::may_show`].
-fn reach(focal: f32, half: f32) -> f32 {
-    (focal * focal + half * half).sqrt()
+/// the units of [`Placer::may_show`]. The plane is `side_px` from the centre of the picture.
+fn reach(focal_px: f32, side_px: f32) -> f32 {
+    (focal_px * focal_px + side_px * side_px).sqrt()
 }
 
 /// Loads eight values of a block from `first` on.

@@ -30,8 +30,10 @@ pub(crate) const ACROSS_SLOPE: f32 = 1.5;
 pub struct Lens {
     /// Pixels that a unit of length takes at unit depth.
     pub focal_px: f32,
-    /// Centre of the picture, pixels.
+    /// Centre of the picture, pixels; of the whole picture where a window of it is drawn.
     pub centre_px: Vec2,
+    /// First column and row of the window in the whole picture, pixels.
+    pub origin_px: Vec2,
     /// Width and height of the picture, pixels.
     pub size: Vec2,
     /// Depth of the near plane.
@@ -139,8 +141,7 @@ impl Disc {
     pub fn by_rays(&self, lens: &Lens) -> Placement {
         let Some([low, high]) = self.bounds_before_near(lens) else { return Placement::Outside };
         let Some(bounds) = lens.clip(low, high) else { return Placement::Outside };
-        let [left, right, top, bottom] = bounds.map(|c| c as f32);
-        let origin = Vec2::new((left + right) * 0.5, (top + bottom) * 0.5);
+        let origin = lens.middle_of(low, high);
         let from = origin - lens.centre_px;
         let Some(rows) = inverse(self.centre, self.tangents, lens.focal_px, from) else {
             return Placement::Dropped;
@@ -230,7 +231,7 @@ pub fn ellipse<T: Values>(
     let filter = kernel.with_lowpass(lens.lowpass);
     let middle = m.middle();
     let at = [m.centre[0] + middle[0], m.centre[1] + middle[1]];
-    let origin = [at[0] + lens.centre_px.x, at[1] + lens.centre_px.y];
+    let origin = lens.placed(at);
     // The factor makes up for rounding in wide ellipses.
     let half = filter.bounds().map(|h| h * 1.000_002);
     let conic = filter.conic();
@@ -294,10 +295,8 @@ impl<T: Values> Ellipse<T> {
         let zero = growth[0].like(0.0);
         let nearness = zero.like(1.0) / centre[2];
         let scale = nearness * lens.focal_px;
-        let middle = [
-            self.origin[0] - (centre[0] * scale + lens.centre_px.x),
-            self.origin[1] - (centre[1] * scale + lens.centre_px.y),
-        ];
+        let [x, y] = lens.placed([centre[0] * scale, centre[1] * scale]);
+        let middle = [self.origin[0] - x, self.origin[1] - y];
         let slope = [-(growth[0] * nearness), -(growth[1] * nearness)];
         let at_origin = nearness + (slope[0] * middle[0] + slope[1] * middle[1]);
         // Greatest change of the inverse depth within the bounds of the ellipse.
@@ -361,6 +360,28 @@ pub(super) fn edges<V: Values>(low: V, high: V, size: f32) -> [V; 2] {
 }
 
 impl Lens {
+    /// Place on the picture from that relative to its centre, pixels. It is rounded on the whole
+    /// picture, alike in all of its windows.
+    #[inline(always)]
+    pub(super) fn placed<T: Values>(&self, [x, y]: [T; 2]) -> [T; 2] {
+        let Self { centre_px, origin_px, .. } = *self;
+        [
+            x + (centre_px.x + origin_px.x) - origin_px.x,
+            y + (centre_px.y + origin_px.y) - origin_px.y,
+        ]
+    }
+
+    /// Middle of the pixels of the whole picture whose centres lie between `low` and `high`.
+    fn middle_of(&self, low: Vec2, high: Vec2) -> Vec2 {
+        let size = (self.centre_px + self.origin_px) * 2.0;
+        let middle = |i: usize| {
+            let shift = self.origin_px[i];
+            let [first, past] = edges(low[i] + shift, high[i] + shift, size[i]).map(|at| at - WHOLE);
+            (first + past) * 0.5 - shift
+        };
+        Vec2::new(middle(0), middle(1))
+    }
+
     /// The pixels whose centres lie between `low` and `high`; `None` if there are none.
     #[inline(always)]
     fn clip(&self, low: Vec2, high: Vec2) -> Option<Box4> {

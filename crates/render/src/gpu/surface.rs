@@ -17,7 +17,7 @@ use crate::gpu::passes::push::Push;
 use crate::gpu::passes::shade::Shade;
 use crate::gpu::passes::silhouette::Silhouette;
 use crate::gpu::passes::smooth_depth::SmoothDepth;
-use crate::gpu::target::{SurfaceTarget, Turns};
+use crate::gpu::target::{Radii, SurfaceTarget, Turns};
 use crate::pass::Pass;
 use crate::picture::pyramid::Planes;
 use crate::plan::FramePlan;
@@ -96,7 +96,7 @@ struct Scratch {
     /// [`SurfaceTarget::depth`] and [`SurfaceTarget::shaded`].
     work: Counted,
     turns: Turns,
-    smoothing: Counted,
+    radii: Radii,
 }
 
 impl Scratch {
@@ -110,11 +110,7 @@ impl Scratch {
             spare: plane("surface spare")?,
             work: plane("surface work")?,
             turns: Turns::new(gpu, size)?,
-            smoothing: gpu.buffer(
-                "smoothing",
-                16,
-                BufferUsages::STORAGE | BufferUsages::UNIFORM,
-            )?,
+            radii: Radii::new(gpu, size)?,
         })
     }
 
@@ -124,7 +120,7 @@ impl Scratch {
         pyramid: &'a GpuPyramid,
         picture: &'a GpuPicture,
     ) -> SurfaceTarget<'a> {
-        let Self { marks, sources, spare, work, turns, smoothing } = self;
+        let Self { marks, sources, spare, work, turns, radii } = self;
         let (depth, shaded) = (work, work);
         SurfaceTarget {
             uniform,
@@ -136,7 +132,7 @@ impl Scratch {
             spare,
             shaded,
             turns,
-            smoothing,
+            radii,
         }
     }
 }

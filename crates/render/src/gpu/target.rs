@@ -1,8 +1,9 @@
 //! Buffers that the passes between push and the picture read and write, and helpers that bind them.
 
-use crate::gpu::device::dispatch::{Dispatch, Groups};
+use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
+use crate::gpu::device::shader::sources::constants::common_radii::RADII_TILE;
 use crate::gpu::device::shader::sources::constants::common_turns::{TILE, TURNS};
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::picture::GpuPicture;
@@ -31,8 +32,8 @@ pub struct SurfaceTarget<'a> {
     pub shaded: &'a Counted,
     /// State of the turns of silhouette.
     pub turns: &'a Turns,
-    /// The structure `Smoothing` of `shaders/common/smoothing.wgsl`.
-    pub smoothing: &'a Counted,
+    /// Mean radii of discs.
+    pub radii: &'a Radii,
 }
 
 impl<'a> SurfaceTarget<'a> {
@@ -47,11 +48,6 @@ impl<'a> SurfaceTarget<'a> {
         Dispatch::over(gpu, kernel, size, &self.resources(buffers))
     }
 
-    /// Binds a kernel that runs one group, as [`SurfaceTarget::dispatch`].
-    pub(crate) fn one_group(&self, gpu: &Gpu, kernel: &Kernel, buffers: &[&Counted]) -> Dispatch {
-        Dispatch::new(gpu, kernel, Groups::Fixed([1, 1]), &self.resources(buffers))
-    }
-
     /// The uniform and `buffers`, with their bindings.
     pub(crate) fn resources<'b>(
         &'b self,
@@ -59,6 +55,39 @@ impl<'a> SurfaceTarget<'a> {
     ) -> Vec<(u32, wgpu::BindingResource<'b>)> {
         let all = std::iter::once(self.uniform).chain(buffers.iter().map(|b| &***b));
         (0..).zip(all.map(wgpu::Buffer::as_entire_binding)).collect()
+    }
+}
+
+/// Mean radii of discs (`shaders/smooth_depth/tiles.wgsl` and `corners.wgsl`).
+pub struct Radii {
+    /// Sum and number of the samples of each tile, two words a tile.
+    pub(crate) tiles: Counted,
+    /// Radius at each corner of a tile, `f32` each.
+    pub(crate) corners: Counted,
+    /// Greatest radius: the structure `Smoothing` of `shaders/common/smoothing.wgsl`.
+    pub(crate) most: Counted,
+}
+
+impl Radii {
+    /// Creates the buffers for a picture.
+    ///
+    /// # Errors
+    /// If memory is refused.
+    pub(crate) fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, GpuError> {
+        let buffer = |words: u64, usage| {
+            gpu.buffer("radii of discs", words * 4, BufferUsages::STORAGE | usage)
+        };
+        let count = |[across, down]: [u32; 2]| u64::from(across) * u64::from(down);
+        Ok(Self {
+            tiles: buffer(count(size.map(|n| n.div_ceil(RADII_TILE))) * 2, BufferUsages::empty())?,
+            corners: buffer(count(Self::corners(size)), BufferUsages::empty())?,
+            most: buffer(4, BufferUsages::UNIFORM)?,
+        })
+    }
+
+    /// Corners of tiles across and down, for a picture of `size` pixels.
+    pub(crate) fn corners(size: [u32; 2]) -> [u32; 2] {
+        size.map(|n| n.div_ceil(RADII_TILE) + 1)
     }
 }
 

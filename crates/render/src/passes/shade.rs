@@ -70,7 +70,7 @@ fn shade_as<const SHINES: bool, S: Surface>(
     picture: &mut Picture,
 ) -> Shaded {
     let [width, height] = surface.size();
-    let raw = DepthImage::new(camera, &picture.depth, 0.0);
+    let raw = DepthImage::new(camera, &picture.depth, None);
     let shape = if surface.has_normals() { raw } else { smooth.image(camera) };
     let nothing = vec![f32::INFINITY; width];
     let rows = picture.rgba.par_chunks_mut(width * 4).with_min_len(4).enumerate();

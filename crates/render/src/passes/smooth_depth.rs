@@ -3,12 +3,13 @@
 //! surroundings, by which shading darkens it (eye-dome lighting, `boucheny2009`).
 //!
 //! The smoothing is a separable bilateral mean of five pixels along each axis, first as wide as the
-//! discs, then narrower and narrower: depths that differ from the middle by more than a surface can
-//! take no part. Narrow means remove the patterns that wide ones leave where their taps alternate
+//! discs around the pixel, then narrower and narrower: depths that differ from the middle by more
+//! than a surface can take no part. Narrow means remove the patterns that wide ones leave where their taps alternate
 //! between surfaces. Loops over rows are free of branches; infinite depth (an empty pixel) fails
 //! every comparison by itself.
 
 use crate::inputs::camera::Camera;
+use crate::picture::radii::Radii;
 use crate::picture::surface::Surface;
 use crate::simd::values::{EIGHT, Values, dot, load, only};
 use fearless_simd::{Level, Simd, dispatch, f32x8};
@@ -26,9 +27,6 @@ pub(crate) const STEPS: [usize; 4] = [8, 4, 2, 1];
 pub(crate) const RADIUS_PER_STEP: [f32; 2] = [1.7, 2.5];
 /// Distance of the surroundings that a pixel is compared with, pixels.
 pub(crate) const REACH: usize = 2;
-/// Stride of the pixels whose mean radius is taken: a prime, so that the sample runs across
-/// columns.
-pub(crate) const EVERY: usize = 61;
 /// Slope beyond which greater differences of depth darken no more.
 pub(crate) const BEHIND_MAX: f32 = 4.0;
 
@@ -43,9 +41,9 @@ pub struct DepthImage<'a> {
     pub focal_px: f32,
     /// The picture's middle, pixels.
     pub centre_px: [f32; 2],
-    /// Typical radius of the discs that the surface was filled from, pixels: steps of depth are
-    /// this far apart.
-    pub radius_px: f32,
+    /// Radii of the discs that the surface was filled from: steps of depth are this far apart.
+    /// `None` counts as zero.
+    pub radii: Option<&'a Radii>,
 }
 
 /// Memory kept from frame to frame.
@@ -54,14 +52,14 @@ pub struct SmoothDepthScratch {
     rows: Vec<f32>,
     smooth: Vec<f32>,
     nothing: Vec<f32>,
-    /// Mean radius of the discs of the last image that [`smooth_depth`] smoothed, pixels.
-    radius_px: f32,
+    /// Radii of the discs of the last image that [`smooth_depth`] smoothed.
+    radii: Radii,
 }
 
 impl SmoothDepthScratch {
     /// The depth image that [`smooth_depth`] left, for the same camera.
     pub fn image(&self, camera: &Camera) -> DepthImage<'_> {
-        DepthImage::new(camera, &self.smooth, self.radius_px)
+        DepthImage::new(camera, &self.smooth, Some(&self.radii))
     }
 }
 
@@ -72,26 +70,18 @@ pub fn smooth_depth(
     depth: &[f32],
     scratch: &mut SmoothDepthScratch,
 ) {
-    scratch.radius_px = mean_radius_px(surface, depth);
-    DepthImage::new(camera, depth, scratch.radius_px).smoothed(scratch);
-}
-
-/// Mean radius over a sample of the covered pixels.
-fn mean_radius_px(surface: &impl Surface, depth: &[f32]) -> f32 {
-    let [width, _] = surface.size();
-    let covered = (0..depth.len()).step_by(EVERY).filter(|&i| depth[i] < f32::INFINITY);
-    let (sum, count) = covered.fold((0.0, 0.0), |(sum, count), i| {
-        (sum + surface.radius_px(i % width, i / width).min(width as f32), count + 1.0)
-    });
-    if count > 0.0 { sum / count } else { 0.0 }
+    let mut radii = std::mem::take(&mut scratch.radii);
+    radii.measure(surface, depth);
+    DepthImage::new(camera, depth, Some(&radii)).smoothed(scratch);
+    scratch.radii = radii;
 }
 
 impl<'a> DepthImage<'a> {
     /// The depth image of a camera's picture, with its margin.
-    pub fn new(camera: &Camera, depth: &'a [f32], radius_px: f32) -> Self {
+    pub fn new(camera: &Camera, depth: &'a [f32], radii: Option<&'a Radii>) -> Self {
         let width = camera.size[0] as usize;
         let Camera { focal_px, centre_px, .. } = *camera;
-        Self { width, depth, focal_px, centre_px, radius_px }
+        Self { width, depth, focal_px, centre_px, radii }
     }
 
     fn row(&self, y: usize) -> &'a [f32] {
@@ -108,62 +98,103 @@ impl<'a> DepthImage<'a> {
         smooth.resize(self.depth.len(), 0.0);
         nothing.clear();
         nothing.resize(self.width, f32::INFINITY);
+        let most = self.radii.map_or(0.0, Radii::most);
         let mut is_rough = true;
         for step in STEPS {
-            let share = self.share(step);
-            if share == 0.0 {
+            if share(most, step as f32) == 0.0 {
                 continue;
             }
-            let taps = [TAPS[0], TAPS[1] * share, TAPS[2] * share];
             let rough = if is_rough { self.depth } else { &*smooth };
-            DepthImage { depth: rough, ..self }.smooth_rows(step, taps, rows);
-            DepthImage { depth: rows, ..self }.smooth_columns(step, taps, nothing, smooth);
+            DepthImage { depth: rough, ..self }.smooth_rows(step, rows);
+            DepthImage { depth: rows, ..self }.smooth_columns(step, nothing, smooth);
             is_rough = false;
         }
         DepthImage { depth: smooth, ..self }
     }
 
-    /// Share of its weights that a round has whose taps are `step` pixels apart; 0 if it is left
-    /// out.
-    fn share(&self, step: usize) -> f32 {
-        let [from, full] = RADIUS_PER_STEP;
-        if step <= 2 {
-            return 1.0;
-        }
-        ((self.radius_px / step as f32 - from) / (full - from)).clamp(0.0, 1.0)
-    }
-
-    /// Greatest relative change of depth over `pixels` within a surface. Between neighbouring discs
-    /// depth changes at once by the change over their distance.
-    fn near(&self, pixels: usize) -> f32 {
-        SLOPE_MAX * (pixels as f32).max(self.radius_px * 0.5) / self.focal_px
-    }
-
-    /// Writes the mean along rows to `out`, from taps `step` pixels apart with `weights`.
-    fn smooth_rows(&self, step: usize, weights: [f32; 3], out: &mut [f32]) {
+    /// Writes the mean along rows to `out`, from taps `step` pixels apart.
+    fn smooth_rows(&self, step: usize, out: &mut [f32]) {
         let reach = 2 * step;
-        out.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
+        out.par_chunks_mut(self.width).enumerate().for_each_init(Vec::new, |room, (y, out)| {
             let row = self.row(y);
-            out.copy_from_slice(row);
             let inner = self.width.saturating_sub(2 * reach);
+            let first = reach.min(self.width);
+            out[..first].copy_from_slice(&row[..first]);
+            out[first + inner..].copy_from_slice(&row[first + inner..]);
             // Five views of the row, so that the loop needs no bounds checks.
             let view = |k: usize| row.get(k * step..k * step + inner).unwrap_or(&[]);
             let taps = [view(0), view(1), view(2), view(3), view(4)];
             let out = out.get_mut(reach..reach + inner).unwrap_or(&mut []);
-            dispatch!(Level::new(), _ => mean(taps, weights, self.near(step), out));
+            self.smooth_run(step, taps, [reach, y], room, out);
         });
     }
 
     /// Writes the mean along columns to `out`; `nothing` replaces rows outside the image.
-    fn smooth_columns(&self, step: usize, weights: [f32; 3], nothing: &[f32], out: &mut [f32]) {
+    fn smooth_columns(&self, step: usize, nothing: &[f32], out: &mut [f32]) {
         let height = self.depth.len() / self.width;
-        out.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
+        out.par_chunks_mut(self.width).enumerate().for_each_init(Vec::new, |room, (y, out)| {
             let up = |k: usize| y.checked_sub(k * step).map_or(nothing, |y| self.row(y));
             let down =
                 |k: usize| if y + k * step < height { self.row(y + k * step) } else { nothing };
             let taps = [up(2), up(1), self.row(y), down(1), down(2)];
-            dispatch!(Level::new(), _ => mean(taps, weights, self.near(step), out));
+            self.smooth_run(step, taps, [0, y], room, out);
         });
+    }
+
+    /// Writes the mean of five runs, whose taps are `step` pixels apart, to `out`, which begins at
+    /// pixel (`x`, `y`). `room` is reused.
+    #[inline]
+    fn smooth_run(
+        &self,
+        step: usize,
+        taps: [&[f32]; 5],
+        [x, y]: [usize; 2],
+        room: &mut Vec<f32>,
+        out: &mut [f32],
+    ) {
+        let slope = SLOPE_MAX / self.focal_px;
+        let Some(radii) = self.radii else {
+            dispatch!(Level::new(), _ => mean(taps, step as f32 * slope, out));
+            return;
+        };
+        // Radii up to which a round is left out, or is as for points.
+        let limit = step as f32 * if step > 2 { RADIUS_PER_STEP[0] } else { 2.0 };
+        for (run, is_wide) in radii.runs(y, limit) {
+            let run = run.start.max(x) - x..run.end.min(x + out.len()).max(x) - x;
+            let taps = taps.map(|t| t.get(run.clone()).unwrap_or(&[]));
+            let Some(out) = out.get_mut(run.clone()) else { continue };
+            if !is_wide && step > 2 {
+                out.copy_from_slice(taps[2]);
+                continue;
+            }
+            dispatch!(Level::new(), _ => {
+                if !is_wide {
+                    return mean(taps, step as f32 * slope, out);
+                }
+                let part = run.start + x..run.end + x;
+                radii.write(y, &part, room);
+                let radii = &room[part];
+                match step {
+                    1 => mean_as_wide::<1>(taps, radii, slope, out),
+                    2 => mean_as_wide::<2>(taps, radii, slope, out),
+                    4 => mean_as_wide::<4>(taps, radii, slope, out),
+                    _ => mean_as_wide::<8>(taps, radii, slope, out),
+                }
+            });
+        }
+    }
+
+    /// Radii of the discs of row `y`; empty if they are too small to matter to neighbouring pixels.
+    fn wide_radii(&self, y: usize) -> Vec<f32> {
+        let mut row = Vec::new();
+        if let Some(radii) = self.radii {
+            for (run, is_wide) in radii.runs(y, 2.0) {
+                if is_wide {
+                    dispatch!(Level::new(), _ => radii.write(y, &run, &mut row));
+                }
+            }
+        }
+        row
     }
 
     /// Rows around row `y`, from which the shape there is derived; `nothing` replaces rows outside
@@ -182,28 +213,64 @@ impl<'a> DepthImage<'a> {
             far: [up(REACH), self.row(y), down(REACH)],
             focal_px: self.focal_px,
             centre_px: self.centre_px,
-            near: self.near(1),
+            radii: self.wide_radii(y),
             y,
         }
     }
 }
 
+/// Share of its weights that a round has whose taps are `step` pixels apart; 0 if it is left out.
+#[inline(always)]
+fn share(radius_px: f32, step: f32) -> f32 {
+    let [from, full] = RADIUS_PER_STEP;
+    if step <= 2.0 {
+        return 1.0;
+    }
+    ((radius_px / step - from) / (full - from)).clamp(0.0, 1.0)
+}
+
 /// Writes the bilateral mean of five rows to `out`; `near` is the greatest relative difference to
 /// the middle.
 #[inline(always)]
-fn mean(taps: [&[f32]; 5], weights: [f32; 3], near: f32, out: &mut [f32]) {
+fn mean(taps: [&[f32]; 5], near: f32, out: &mut [f32]) {
     let n = out.len();
     let [a2, a1, middle, b1, b2] = taps.map(|t| &t[..n]);
     for x in 0..n {
         let m = middle[x];
-        let pair = |a: f32, b: f32| (a - m).abs() < near * m && (b - m).abs() < near * m;
-        // In pairs, or the edge of a slope would bend towards its inside.
-        let w1 = if pair(a1[x], b1[x]) { weights[1] } else { 0.0 };
-        let w2 = if pair(a2[x], b2[x]) { weights[2] } else { 0.0 };
-        let s1 = if w1 > 0.0 { a1[x] + b1[x] } else { 0.0 };
-        let s2 = if w2 > 0.0 { a2[x] + b2[x] } else { 0.0 };
-        out[x] = (m * weights[0] + s1 * w1 + s2 * w2) / (weights[0] + 2.0 * (w1 + w2));
+        let around = [a2[x], a1[x], m, b1[x], b2[x]];
+        out[x] = mean_of(around, near * m, TAPS);
     }
+}
+
+/// [`mean`] as wide as the discs around each pixel: `STEP` is the distance of taps, `radii` are
+/// those of the discs, and `slope` is the greatest relative change of depth a pixel.
+#[inline(always)]
+fn mean_as_wide<const STEP: usize>(taps: [&[f32]; 5], radii: &[f32], slope: f32, out: &mut [f32]) {
+    let n = out.len();
+    let [a2, a1, middle, b1, b2] = taps.map(|t| &t[..n]);
+    let (radii, step) = (&radii[..n], STEP as f32);
+    for x in 0..n {
+        let m = middle[x];
+        let share = share(radii[x], step);
+        // Between neighbouring discs depth changes at once by the change over their distance.
+        let limit = slope * step.max(radii[x] * 0.5) * m;
+        let around = [a2[x], a1[x], m, b1[x], b2[x]];
+        let mean = mean_of(around, limit, [TAPS[0], TAPS[1] * share, TAPS[2] * share]);
+        // Unchanged, or windows would differ by which rounds are made for other places.
+        out[x] = if share > 0.0 { mean } else { m };
+    }
+}
+
+/// Mean of five depths along a line, without those that differ from the middle by `limit` or more.
+#[inline(always)]
+fn mean_of([a2, a1, m, b1, b2]: [f32; 5], limit: f32, weights: [f32; 3]) -> f32 {
+    let pair = |a: f32, b: f32| (a - m).abs() < limit && (b - m).abs() < limit;
+    // In pairs, or the edge of a slope would bend towards its inside.
+    let w1 = if pair(a1, b1) { weights[1] } else { 0.0 };
+    let w2 = if pair(a2, b2) { weights[2] } else { 0.0 };
+    let s1 = if w1 > 0.0 { a1 + b1 } else { 0.0 };
+    let s2 = if w2 > 0.0 { a2 + b2 } else { 0.0 };
+    (m * weights[0] + s1 * w1 + s2 * w2) / (weights[0] + 2.0 * (w1 + w2))
 }
 
 /// Depths around a row of pixels, from which the shape of the surface is derived.
@@ -214,7 +281,8 @@ pub struct Surroundings<'a> {
     far: [&'a [f32]; 3],
     focal_px: f32,
     centre_px: [f32; 2],
-    near: f32,
+    /// Radii of discs; empty if none is wider than two pixels.
+    radii: Vec<f32>,
     y: usize,
 }
 
@@ -237,7 +305,9 @@ impl Surroundings<'_> {
         let columns = load(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
         let u = columns + (first as f32 + 0.5 - self.centre_px[0]);
         let v = self.centre_px[1] - self.y as f32 - 0.5;
-        let limit = d * self.near;
+        let radii = self.radii.get(first..).and_then(<[_]>::first_chunk);
+        let wide = (load(simd, radii.unwrap_or(&[0.0; EIGHT])) * 0.5).max(d.like(1.0));
+        let limit = d * (wide * SLOPE_MAX / self.focal_px);
         let du = slopes(d - left, right - d, limit);
         let dv = slopes(d - below, above - d, limit);
         let normal = [du, dv, (d + u * du + dv * v) / self.focal_px];
@@ -387,7 +457,7 @@ mod tests {
                 depth: &depth,
                 focal_px: 80.0,
                 centre_px: [20.0; 2],
-                radius_px: 0.0,
+                radii: None,
             };
             let mut scratch = SmoothDepthScratch::default();
             let nothing = [f32::INFINITY; 40];
@@ -407,12 +477,13 @@ mod tests {
         const SIDE: usize = 96;
         let plateau = |i: usize| (i % SIDE / 12 * 7 + i / SIDE / 12 * 5) * 11 % 13;
         let depth: Vec<f32> = (0..SIDE * SIDE).map(|i| 5.0 + 0.2 * plateau(i) as f32).collect();
+        let radii = Radii::even([SIDE; 2], 16.0);
         let image = DepthImage {
             width: SIDE,
             depth: &depth,
             focal_px: 270.0,
             centre_px: [SIDE as f32 / 2.0; 2],
-            radius_px: 16.0,
+            radii: Some(&radii),
         };
         let mut scratch = SmoothDepthScratch::default();
         let smooth = image.smoothed(&mut scratch).depth;
@@ -436,12 +507,13 @@ mod tests {
         let wave = |i: usize| ((i % SIDE) as f32 * 0.4).sin() + ((i / SIDE) as f32 * 0.3).cos();
         let depth: Vec<f32> = (0..SIDE * SIDE).map(|i| 5.0 + 0.02 * wave(i)).collect();
         let smooth = |radius_px: f32| {
+            let radii = Radii::even([SIDE; 2], radius_px);
             let image = DepthImage {
                 width: SIDE,
                 depth: &depth,
                 focal_px: 270.0,
                 centre_px: [SIDE as f32 / 2.0; 2],
-                radius_px,
+                radii: Some(&radii),
             };
             image.smoothed(&mut SmoothDepthScratch::default()).depth.to_vec()
         };
@@ -461,7 +533,7 @@ mod tests {
             depth: &depth,
             focal_px: 400.0,
             centre_px: [10.0; 2],
-            radius_px: 0.0,
+            radii: None,
         };
         let mut scratch = SmoothDepthScratch::default();
         assert!(image.smoothed(&mut scratch).depth == depth);

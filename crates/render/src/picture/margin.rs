@@ -15,6 +15,9 @@ pub const MARGIN_PX: u32 = 16;
 /// Pixels drawn around a window at least. Passes look that far, as long as points are less than a
 /// sixteenth of it apart.
 const WINDOW_MARGIN_PX: u32 = 64;
+/// The same where depths are smoothed, since that is as wide as the discs in the tiles around are
+/// ([`crate::picture::radii`]).
+const SMOOTH_WINDOW_MARGIN_PX: u32 = 192;
 /// Windows with their margin begin at multiples of this many pixels, so that pixels of the pyramid
 /// up to this size, and the squares of fitted planes and of exposure, are those of the whole.
 const WINDOW_STEP_PX: u32 = 64;
@@ -34,10 +37,12 @@ pub fn goes_beyond(view: &View, bounds: [[f64; 3]; 2]) -> bool {
 
 /// The part of the picture of `view` to draw for the part `shown` of it, of which both count from
 /// the first pixel of the margin: with what passes need around it, as far as the picture goes.
-pub fn window_around(view: &View, shown: Window) -> Window {
+/// `smooths_depth` says whether depths are smoothed.
+pub fn window_around(view: &View, shown: Window, smooths_depth: bool) -> Window {
+    let margin_px = if smooths_depth { SMOOTH_WINDOW_MARGIN_PX } else { WINDOW_MARGIN_PX };
     let ends = |first: u32, count: u32, side: u32| {
-        let low = first.saturating_sub(WINDOW_MARGIN_PX) / WINDOW_STEP_PX * WINDOW_STEP_PX;
-        [low, first.saturating_add(count).saturating_add(WINDOW_MARGIN_PX).min(side)]
+        let low = first.saturating_sub(margin_px) / WINDOW_STEP_PX * WINDOW_STEP_PX;
+        [low, first.saturating_add(count).saturating_add(margin_px).min(side)]
     };
     let [left, right] = ends(shown.x, shown.width, view.width);
     let [top, bottom] = ends(shown.y, shown.height, view.height);

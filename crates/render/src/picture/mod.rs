@@ -6,5 +6,6 @@ pub mod edges;
 pub mod margin;
 pub(crate) mod marks;
 pub mod pyramid;
+pub mod radii;
 pub mod surface;
 pub(crate) mod windows;

@@ -138,7 +138,8 @@ impl Ellipse {
 /// Lens of a picture of `width` x `height` pixels.
 pub fn lens(width: u32, height: u32, focal_px: f32, near: f32, lowpass: f32) -> Lens {
     let size = Vec2::new(width as f32, height as f32);
-    Lens { focal_px, centre_px: size * 0.5, size, near, lowpass }
+    let origin_px = Vec2::ZERO;
+    Lens { focal_px, centre_px: size * 0.5, origin_px, size, near, lowpass }
 }
 
 /// Greatest relative error of the coefficients of the conic in `f32`; `None` if it is not an

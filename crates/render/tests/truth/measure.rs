@@ -15,6 +15,7 @@ use esker_render::passes::tangent::Lens;
 use esker_render::picture::edges;
 use esker_render::picture::margin::MARGIN_PX;
 use esker_render::picture::pyramid::{Level, Pyramid};
+use esker_render::picture::radii::Radii;
 use esker_render::{Background, Frame, FramePlan, Picture, Renderer};
 use esker_truth::dice::Dice;
 use esker_truth::image::{Image, srgb};
@@ -181,7 +182,9 @@ impl Drawn {
             (0..count).filter(|&i| self.level.is_valid(i)).map(|i| self.level.tint[i].w).collect();
         let radius_px = radii.iter().sum::<f32>() / radii.len().max(1) as f32;
         let (depth, focal_px) = (&self.depth[..], self.view.focal_px() as f32);
-        let image = DepthImage { width, depth, focal_px, centre_px: middle, radius_px };
+        let radii = Radii::even([width, count / width], radius_px);
+        let radii = Some(&radii);
+        let image = DepthImage { width, depth, focal_px, centre_px: middle, radii };
         let mut scratch = SmoothDepthScratch::default();
         let smooth = image.smoothed(&mut scratch);
         let nothing = vec![f32::INFINITY; width];

@@ -55,8 +55,8 @@ impl Shade {
         let coarse = levels.get(1).unwrap_or(base);
         let depth = if self.has_normals { &target.picture.depth } else { target.spare };
         let (tint, normal, coarse) = (&base.tint, &base.plane, &coarse.plane);
-        let &SurfaceTarget { smoothing, sources, shaded, .. } = target;
-        let buffers = [smoothing, depth, tint, normal, coarse, sources, shaded];
+        let &SurfaceTarget { radii, sources, shaded, .. } = target;
+        let buffers = [&radii.corners, depth, tint, normal, coarse, sources, shaded];
         let kernel = self.kernels.get(gpu, [self.has_normals, shines].map(u32::from))?;
         Ok(vec![target.dispatch(gpu, kernel, &buffers)])
     }
