@@ -15,6 +15,8 @@
 override NORMALS: bool;
 // Whether surfaces have highlights, which need the direction to the eye.
 override SHINES: bool = true;
+// Whether pixels with a normal are darkened behind edges.
+override EDGES: bool = true;
 
 // Exponent of the greatest darkening, and the slope up to which nothing is darkened; with normals
 // (EDGE) and without (DOME).
@@ -154,7 +156,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             darkness = DOME.x * behind(at, here);
         } else {
             normal = carried;
-            darkness = EDGE.x * sunken(at, here);
+            if EDGES {
+                darkness = EDGE.x * sunken(at, here);
+            }
         }
     } else {
         normal = depth_normal(at, here, from_centre);

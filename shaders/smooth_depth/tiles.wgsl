@@ -8,9 +8,8 @@
 const EVERY: u32 = 8u;
 // Greatest radius of a sample, pixels.
 const RADIUS_MAX_PX: f32 = 256.0;
-// Samples along a side of a tile, and tiles along a side of a workgroup.
+// Samples along a side of a tile, which is a workgroup.
 const SAMPLES: u32 = 8u;
-const TILES: u32 = 1u;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> depth: array<f32>;
@@ -29,11 +28,10 @@ var<workgroup> samples: array<vec2<f32>, 64>;
 @compute @workgroup_size(8, 8)
 fn main(
     @builtin(global_invocation_id) id: vec3<u32>,
-    @builtin(local_invocation_id) own: vec3<u32>,
-    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+    @builtin(workgroup_id) tile: vec3<u32>,
 ) {
     let at = id.xy * EVERY;
-    let lane = own.y * SAMPLES * TILES + own.x;
     samples[lane] = vec2<f32>(0.0);
     if at.x < frame.width && at.y < frame.height {
         let pixel = at.y * frame.width + at.x;
@@ -42,18 +40,16 @@ fn main(
         }
     }
     workgroupBarrier();
-    if id.x == 0u && id.y == 0u {
-        most = 0u;
-    }
-    let tile = group.xy * TILES + own.xy;
-    let size = radii_size();
-    if any(own.xy >= vec2<u32>(TILES)) || any(tile >= size) {
+    if lane != 0u {
         return;
     }
+    if tile.x == 0u && tile.y == 0u {
+        most = 0u;
+    }
+    // One after another, in the order of the twin.
     var sum = vec2<f32>(0.0);
     for (var k = 0u; k < SAMPLES * SAMPLES; k++) {
-        let sample = own.xy * SAMPLES + vec2<u32>(k % SAMPLES, k / SAMPLES);
-        sum += samples[sample.y * SAMPLES * TILES + sample.x];
+        sum += samples[k];
     }
-    tiles[tile.y * size.x + tile.x] = sum;
+    tiles[tile.y * radii_size().x + tile.x] = sum;
 }

@@ -112,6 +112,7 @@ fn quads(
     let lens = Lens {
         focal_px: camera.focal_px,
         centre_px: Vec2::from_array(camera.centre_px),
+        origin_px: Vec2::ZERO,
         size: Vec2::splat(SIZE as f32),
         near: camera.near,
         lowpass: CUTOFF * CUTOFF,

@@ -316,6 +316,11 @@ impl FramePlan {
         self.passes.contains(&Pass::Average)
     }
 
+    /// Whether pixels with a normal are darkened behind edges: those of splats are not.
+    pub fn darkens_edges(&self) -> bool {
+        !self.passes.contains(&Pass::Blend)
+    }
+
     /// The plan without [`Pass::Average`].
     pub fn without_averages(self) -> Self {
         Self { passes: self.passes.without(Pass::Average), crowding: 0.0, ..self }
@@ -453,7 +458,8 @@ impl FramePlan {
                 variant("resolve", &self.colour_constants()[1..]),
             ],
             Pass::Shade => {
-                vec![variant("shade", &[normals, ("SHINES", u32::from(self.shines))])]
+                let edges = ("EDGES", u32::from(self.darkens_edges()));
+                vec![variant("shade", &[normals, ("SHINES", u32::from(self.shines)), edges])]
             }
             Pass::Average => vec![
                 variant("average/begin", &[planes]),

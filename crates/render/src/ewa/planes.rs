@@ -128,4 +128,9 @@ impl Surface for Planes {
     fn radius_px(&self, x: usize, y: usize) -> f32 {
         self.one(SHAPE, x, y)
     }
+
+    /// Not: splats have smooth outlines, along which the darkening would be a line.
+    fn darkens_edges(&self) -> bool {
+        false
+    }
 }

@@ -376,7 +376,8 @@ impl Lens {
         let size = (self.centre_px + self.origin_px) * 2.0;
         let middle = |i: usize| {
             let shift = self.origin_px[i];
-            let [first, past] = edges(low[i] + shift, high[i] + shift, size[i]).map(|at| at - WHOLE);
+            let [first, past] =
+                edges(low[i] + shift, high[i] + shift, size[i]).map(|at| at - WHOLE);
             (first + past) * 0.5 - shift
         };
         Vec2::new(middle(0), middle(1))

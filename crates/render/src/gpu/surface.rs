@@ -55,6 +55,8 @@ pub struct Choices {
     pub shines: bool,
     /// Whether push smooths the pixels of level 0 that it keeps.
     pub smooths: bool,
+    /// Whether pixels with a normal are darkened behind edges.
+    pub darkens_edges: bool,
 }
 
 /// Dispatches over one pyramid and picture.
@@ -170,7 +172,7 @@ impl Kernels {
         &mut self,
         gpu: &Gpu,
         target: &SurfaceTarget<'_>,
-        Choices { shines, smooths, .. }: Choices,
+        Choices { shines, smooths, darkens_edges, .. }: Choices,
     ) -> Result<Vec<PassDispatches>, GpuError> {
         let stage = |name, pass, dispatches| PassDispatches { name, pass, dispatches };
         let uniform = target.uniform;
@@ -189,7 +191,8 @@ impl Kernels {
             smooth_depth
                 .map(|r| stage("smooth_depth", Pass::SmoothDepth, r.dispatches(gpu, target))),
         );
-        stages.push(stage("shade", Pass::Shade, self.shade.dispatches(gpu, target, shines)?));
+        let shade = self.shade.dispatches(gpu, target, shines, darkens_edges)?;
+        stages.push(stage("shade", Pass::Shade, shade));
         stages.push(stage("antialias", Pass::Antialias, self.antialias.dispatches(gpu, target)));
         Ok(stages)
     }
@@ -226,7 +229,7 @@ impl Surface {
         timing: &mut Timing,
     ) -> Result<(), GpuError> {
         let (planes, shines, smooths) = (plan.planes(), plan.shines, plan.smooths);
-        let choices = Choices { planes, shines, smooths };
+        let choices = Choices { planes, shines, smooths, darkens_edges: plan.darkens_edges() };
         let stages = self.stages(gpu, uniform, pyramid, picture, choices)?;
         for stage in stages.iter().filter(|stage| plan.passes.contains(&stage.pass)) {
             stage.encode(encoder, timing);

@@ -30,7 +30,7 @@ pub(crate) const GROUND_SHARE: f32 = 0.12;
 pub(crate) const SHINE: f32 = 0.10;
 /// Greatest darkness of a pixel behind its surroundings (as an exponent), and slope up to which
 /// nothing darkens. With normals only surfaces behind an edge are darkened, whatever their slope
-/// ([`Surroundings::sunken`]); without normals depth alone shows the shape
+/// ([`Surroundings::sunken`]), and none of splats; without normals depth alone shows the shape
 /// ([`Surroundings::behind`]).
 pub(crate) const EDGE: (f32, f32) = (1.0, 4.0);
 pub(crate) const DOME: (f32, f32) = (2.0, 0.5);
@@ -143,7 +143,10 @@ impl<T: Surface> Row<'_, T> {
             let (normal, dark) = if self.surface.has_normals() {
                 let normals = pixels.normals(simd, first);
                 let (normal, is_bare) = self.normals(normals, first, is_valid, to_eye);
-                let mut dark = around.sunken(simd, first, EDGE.1) * EDGE.0;
+                let mut dark = simd.splat_f32x8(0.0);
+                if self.surface.darkens_edges() {
+                    dark = around.sunken(simd, first, EDGE.1) * EDGE.0;
+                }
                 if is_bare.any_true() {
                     // Depth alone shows the shape of what has no normal.
                     let behind = around.behind(simd, first, DOME.1) * DOME.0;

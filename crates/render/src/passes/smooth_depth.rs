@@ -4,9 +4,9 @@
 //!
 //! The smoothing is a separable bilateral mean of five pixels along each axis, first as wide as the
 //! discs around the pixel, then narrower and narrower: depths that differ from the middle by more
-//! than a surface can take no part. Narrow means remove the patterns that wide ones leave where their taps alternate
-//! between surfaces. Loops over rows are free of branches; infinite depth (an empty pixel) fails
-//! every comparison by itself.
+//! than a surface can take no part. Narrow means remove the patterns that wide ones leave where
+//! their taps alternate between surfaces. Loops over rows are free of branches; infinite depth (an
+//! empty pixel) fails every comparison by itself.
 
 use crate::inputs::camera::Camera;
 use crate::picture::radii::Radii;
@@ -307,7 +307,7 @@ impl Surroundings<'_> {
         let v = self.centre_px[1] - self.y as f32 - 0.5;
         let radii = self.radii.get(first..).and_then(<[_]>::first_chunk);
         let wide = (load(simd, radii.unwrap_or(&[0.0; EIGHT])) * 0.5).max(d.like(1.0));
-        let limit = d * (wide * SLOPE_MAX / self.focal_px);
+        let limit = d * (wide * (SLOPE_MAX / self.focal_px));
         let du = slopes(d - left, right - d, limit);
         let dv = slopes(d - below, above - d, limit);
         let normal = [du, dv, (d + u * du + dv * v) / self.focal_px];

@@ -78,9 +78,9 @@ impl Radii {
             above.max(below)
         };
         self.most.clear();
-        self.most.extend((0..rows).flat_map(|y| (0..columns).map(move |x| [x, y])).map(
-            |[x, y]| most(x, y),
-        ));
+        self.most.extend(
+            (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y])).map(|[x, y]| most(x, y)),
+        );
     }
 
     /// Greatest radius.

@@ -23,6 +23,8 @@ pub trait Surface: Sync {
     fn normal_around(&self, x: usize, y: usize) -> Vec3;
     /// Radius of the disc or ellipse that a pixel shows, pixels; for clouds without normals.
     fn radius_px(&self, x: usize, y: usize) -> f32;
+    /// Whether pixels with a normal are darkened behind edges.
+    fn darkens_edges(&self) -> bool;
 }
 
 /// A row of pixels. Functions return eight pixels from column `x` on, a multiple of eight.
@@ -97,6 +99,10 @@ impl Surface for Pyramid {
     fn radius_px(&self, x: usize, y: usize) -> f32 {
         let base = &self.levels[0];
         base.tint[y * base.width + x].w
+    }
+
+    fn darkens_edges(&self) -> bool {
+        true
     }
 }
 

@@ -25,8 +25,9 @@ same_values!(shade_shade == crate::passes::smooth_depth { REACH, BEHIND_MAX });
 
 /// The pass.
 pub struct Shade {
-    /// Variants: whether pixels carry normals, and whether surfaces have highlights.
-    kernels: Variants<2>,
+    /// Variants: whether pixels carry normals, whether surfaces have highlights, and whether they
+    /// are darkened behind edges.
+    kernels: Variants<3>,
     has_normals: bool,
 }
 
@@ -36,12 +37,13 @@ impl Shade {
     /// # Errors
     /// If the driver refuses the shader.
     pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
-        let mut kernels = Variants::new(sources::SHADE_SHADE, ["NORMALS", "SHINES"]);
-        kernels.get(gpu, [u32::from(has_normals), 1])?;
+        let mut kernels = Variants::new(sources::SHADE_SHADE, ["NORMALS", "SHINES", "EDGES"]);
+        kernels.get(gpu, [u32::from(has_normals), 1, 1])?;
         Ok(Self { kernels, has_normals })
     }
 
-    /// Dispatches that light level 0 to [`SurfaceTarget::shaded`], with highlights if `shines`.
+    /// Dispatches that light level 0 to [`SurfaceTarget::shaded`], with highlights if `shines`, and
+    /// darken it behind edges if `darkens_edges`.
     ///
     /// # Errors
     /// If the driver refuses the shader.
@@ -50,6 +52,7 @@ impl Shade {
         gpu: &Gpu,
         target: &SurfaceTarget<'_>,
         shines: bool,
+        darkens_edges: bool,
     ) -> Result<Vec<Dispatch>, GpuError> {
         let (base, levels) = (target.base(), &target.pyramid.levels);
         let coarse = levels.get(1).unwrap_or(base);
@@ -57,7 +60,8 @@ impl Shade {
         let (tint, normal, coarse) = (&base.tint, &base.plane, &coarse.plane);
         let &SurfaceTarget { radii, sources, shaded, .. } = target;
         let buffers = [&radii.corners, depth, tint, normal, coarse, sources, shaded];
-        let kernel = self.kernels.get(gpu, [self.has_normals, shines].map(u32::from))?;
+        let kernel =
+            self.kernels.get(gpu, [self.has_normals, shines, darkens_edges].map(u32::from))?;
         Ok(vec![target.dispatch(gpu, kernel, &buffers)])
     }
 

@@ -15,7 +15,7 @@ same_values!(common_smoothing == crate::passes::smooth_depth { SLOPE_MAX });
 same_values!(smooth_depth_smooth == crate::passes::smooth_depth { TAPS[..], RADIUS_PER_STEP[..] });
 same_values!(common_radii == crate::picture::radii { RADII_TILE = TILE as u32 });
 same_values!(smooth_depth_tiles == crate::picture::radii { EVERY = EVERY as u32, RADIUS_MAX_PX });
-without_twin!(smooth_depth_tiles { SAMPLES, TILES });
+without_twin!(smooth_depth_tiles { SAMPLES });
 
 /// The pass.
 pub struct SmoothDepth {
