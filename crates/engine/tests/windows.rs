@@ -112,7 +112,7 @@ impl Different {
     /// Whether parts have the pixels of the whole. Depths are moved along planes from places that
     /// are rounded on the part, by which few colours change by the least step there is.
     fn is_none_on(&self, backend: Backend) -> bool {
-        let (depth, part) = if backend == Backend::Cpu { (1e-6, 1e-4) } else { (1e-5, 1e-3) };
+        let (depth, part) = if backend == Backend::Cpu { (1e-6, 1e-5) } else { (1e-5, 1e-3) };
         let few = (part * f64::from(SIZE[0] * SIZE[1])) as usize;
         self.depth < depth && self.most <= 1 && self.colours <= few
     }
@@ -215,7 +215,7 @@ fn wide_splats_drawn_in_parts_have_the_pixels_of_the_whole() {
         for backend in backends() {
             let is_bare = normals == NormalsMode::None;
             for (camera, spacing_px) in [(CAMERA, 60.0), (NEAR, 20.0)] {
-                let target_spacing_px = if is_bare { 20.0 } else { spacing_px };
+                let target_spacing_px = if is_bare { 4.0 } else { spacing_px };
                 let plain = request(camera, Method::Ewa, Dots::default(), backend);
                 let request = PictureRequest { target_spacing_px, ..plain };
                 let found = differences(&file, &request);
