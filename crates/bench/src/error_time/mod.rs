@@ -1,7 +1,7 @@
 //! Error against run time: draws a scan by every method and with every setting that trades quality
 //! for time, and compares each picture with one of all points at twice the resolution.
 //!
-//! [`settings`] lists what is varied; [`reference`] and [`analytic`] make what pictures are
+//! [`settings`] lists what is varied; [`mod@reference`] and [`analytic`] make what pictures are
 //! compared with, [`perfect`]; [`compare`] has the errors, [`measure`] runs the rounds, [`report`]
 //! finds the settings of least error at their time, and [`page`] writes the page about a scan.
 

@@ -80,9 +80,9 @@ pub(super) fn write(folder: &Path, scan: &Scan, rows: &[Row], crops: &Crops) -> 
         let wide = crops.reference.width;
         write_png(&crop(&picture.rgba, wide, corner), &folder.join(&files[0]))?;
         write_png(&crop(&map, wide, corner), &folder.join(&files[1]))?;
-        let _ = write!(
+        let _ = writeln!(
             page,
-            "<tr><td><img src='{}'> <img src='{}'><br>{} ({}, {}): {:.1} ms, FLIP {:.4}</td></tr>\n",
+            "<tr><td><img src='{}'> <img src='{}'><br>{} ({}, {}): {:.1} ms, FLIP {:.4}</td></tr>",
             files[0], files[1], row.method, row.what, row.backend, row.ms, row.flip
         );
     }
