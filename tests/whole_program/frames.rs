@@ -199,6 +199,15 @@ fn errors() {
         assert!(page.contains("<svg") && page.contains("On this machine at 33 ms"), "{page}");
         assert!(out.join(format!("{scan}-reference.png")).exists());
     }
+    let loads = report["streaming"].as_array().unwrap();
+    for load in loads {
+        let curve = load["curve"].as_array().unwrap();
+        let path = load["view"] == "path";
+        assert!(path || curve.last().unwrap()[1].as_f64().unwrap() < 1e-6, "{load}");
+        assert!(load["area_ms"].as_f64().is_some_and(|area| area >= 0.0), "{load}");
+    }
+    let by = |order: &str| loads.iter().filter(|load| load["priority"] == order).count();
+    assert!(by("distance") >= 4 && by("distance") == by("error per byte"), "{report}");
     let sphere = rows.iter().find(|row| row["file"] == "sphere").unwrap();
     assert!(sphere["normal_deg"].as_f64().is_some_and(|n| n < 5.0), "{sphere}");
     let terrain = rows.iter().filter(|row| row["file"] == "terrain");

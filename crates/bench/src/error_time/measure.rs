@@ -8,6 +8,7 @@ use crate::error_time::perfect::Reference;
 use crate::error_time::reference::{ALIGNMENTS, Common, ReferenceScene, aligned};
 use crate::error_time::report::{Build, ErrorTimeReport, Row, Scan, mark_front};
 use crate::error_time::settings::{Setting, builds, common, of_build, of_file};
+use crate::error_time::streaming;
 use crate::pass_times;
 use crate::quantile::quantile;
 use crate::render::scene::{Changes, ResidentScene};
@@ -25,6 +26,7 @@ use esker_render::gpu::Gpu;
 use esker_render::{PassTimes, Picture};
 use glam::DMat3;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Frames of the path on which flicker is measured.
@@ -79,15 +81,20 @@ pub fn measure(request: &ErrorTimeRequest, task: &dyn Task) -> Result<ErrorTimeR
             size: request.size,
             scans: Vec::new(),
             rows: Vec::new(),
+            streaming: Vec::new(),
         };
         for path in &request.files {
             let measured = Measured::new(path, request.is_full, &base, gpu.as_ref(), task)?;
             let (scan, mut rows) = measured.run(task)?;
             mark_front(&mut rows);
+            task.phase(&format!("{}: streaming", scan.file), None, "frames");
+            let file = &measured.files[0].file;
+            let loads = streaming::measure(&scan.file, file, request.size, task)?;
             if let Some(folder) = &request.out {
                 let crops = measured.crops(&rows, task)?;
-                page::write(folder, &scan, &rows, &crops)?;
+                page::write(folder, &scan, &rows, &loads, &crops)?;
             }
+            report.streaming.extend(loads);
             report.scans.push(scan);
             report.rows.extend(rows);
         }
@@ -109,7 +116,7 @@ struct Measured<'a> {
 
 /// A file, and how it was built.
 struct Built {
-    file: Forest,
+    file: Arc<Forest>,
     build: Option<Build>,
     _folder: Option<tempfile::TempDir>,
 }
@@ -407,7 +414,7 @@ impl Built {
         let bytes = file.file_bytes();
         let options = if name.is_empty() { "default" } else { name };
         let build = is_scan.then_some(Build { options, seconds, bytes });
-        Ok(Self { file, build, _folder: folder })
+        Ok(Self { file: Arc::new(file), build, _folder: folder })
     }
 }
 

@@ -4,6 +4,7 @@
 //! [`settings`] lists what is varied; [`mod@reference`] and [`analytic`] make what pictures are
 //! compared with, [`perfect`]; [`compare`] has the errors, [`measure`] runs the rounds, [`report`]
 //! finds the settings of least error at their time, and [`page`] writes the page about a scan.
+//! [`streaming`] measures the error of frames while a file is loaded.
 
 mod analytic;
 mod compare;
@@ -14,6 +15,7 @@ mod plot;
 mod reference;
 mod report;
 mod settings;
+mod streaming;
 
 pub use measure::{ErrorTimeRequest, measure};
 pub use report::{ErrorTimeReport, text};

@@ -1,8 +1,9 @@
 //! The page about a scan: plot, advice, pictures at equal time beside their errors, and all rows.
 
 use crate::error_time::perfect::Reference;
-use crate::error_time::plot::error_over_time;
-use crate::error_time::report::{BUDGETS_MS, Row, Scan, advice};
+use crate::error_time::plot::{error_over_time, error_while_loading};
+use crate::error_time::report::{BUDGETS_MS, Row, Scan, advice, streaming_lines};
+use crate::error_time::streaming::Load;
 use anyhow::{Context, Result};
 use esker_engine::io::picture::write_png;
 use esker_engine::io::quantity::grouped;
@@ -55,7 +56,13 @@ pub(super) fn at_equal_time(rows: &[Row]) -> (f64, Vec<usize>) {
 ///
 /// # Errors
 /// If a file cannot be written.
-pub(super) fn write(folder: &Path, scan: &Scan, rows: &[Row], crops: &Crops) -> Result<()> {
+pub(super) fn write(
+    folder: &Path,
+    scan: &Scan,
+    rows: &[Row],
+    loads: &[Load],
+    crops: &Crops,
+) -> Result<()> {
     let name = file_name(&scan.file);
     let plot = error_over_time(scan, rows)?;
     let mut page = String::new();
@@ -87,6 +94,7 @@ pub(super) fn write(folder: &Path, scan: &Scan, rows: &[Row], crops: &Crops) -> 
         );
     }
     let _ = write_rows(&mut page, rows);
+    let _ = write_streaming(&mut page, loads, &error_while_loading(loads)?);
     let path = folder.join(format!("{name}.html"));
     std::fs::write(&path, page).with_context(|| format!("{}: cannot write", path.display()))
 }
@@ -163,7 +171,19 @@ fn write_rows(page: &mut String, rows: &[Row]) -> std::fmt::Result {
             or_dash(row.build.as_ref().map(|build| build.bytes as f64 / 1e6)),
         )?;
     }
-    writeln!(page, "</table>\n</body></html>")
+    writeln!(page, "</table>")
+}
+
+fn write_streaming(page: &mut String, loads: &[Load], plot: &str) -> std::fmt::Result {
+    writeln!(
+        page,
+        "<h2>While streaming</h2>\n<p>Error of the shown frame against the finished one, from an \
+         empty cache, by order of loading.</p>\n{plot}\n<ul>"
+    )?;
+    for line in streaming_lines(loads.iter()) {
+        writeln!(page, "<li>{}</li>", escaped(&line))?;
+    }
+    writeln!(page, "</ul>\n</body></html>")
 }
 
 /// Corner of the crop in which the pictures differ most from the reference.

@@ -1,6 +1,7 @@
 //! The plot of error against time, on logarithmic axes.
 
 use crate::error_time::report::{Row, Scan};
+use crate::error_time::streaming::Load;
 use anyhow::{Result, anyhow};
 use plotters::prelude::*;
 
@@ -101,6 +102,62 @@ fn draw(
             .draw_series(dots)?
             .label(method)
             .legend(move |(x, y)| Circle::new((x + 8, y), 4, colour.filled()));
+    }
+    chart.configure_series_labels().background_style(WHITE.mix(0.85)).border_style(BLACK).draw()?;
+    root.present()
+}
+
+/// Height of the plot of loading, pixels.
+const LOADING_HEIGHT: u32 = 360;
+/// Colours of views, and of the path.
+const VIEWS: [RGBColor; 4] =
+    [RGBColor(31, 119, 180), RGBColor(214, 39, 40), RGBColor(44, 160, 44), RGBColor(120, 120, 120)];
+
+/// Draws FLIP against the finished frame over milliseconds, a curve for each view and order of
+/// loading; that of the nearest first is dashed.
+///
+/// # Errors
+/// If the plot cannot be drawn.
+pub(super) fn error_while_loading(loads: &[Load]) -> Result<String> {
+    let mut svg = String::new();
+    draw_loading(&mut svg, loads).map_err(|fault| anyhow!("cannot draw the plot: {fault}"))?;
+    Ok(svg)
+}
+
+fn draw_loading(
+    svg: &mut String,
+    loads: &[Load],
+) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
+    let root = SVGBackend::with_string(svg, (SIZE.0, LOADING_HEIGHT)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let points = || loads.iter().flat_map(|load| &load.curve);
+    let most = |i: usize| points().map(|point| point[i]).fold(1e-3, f64::max) * 1.05;
+    let first = points().map(|point| point[0]).fold(f64::MAX, f64::min).clamp(0.1, most(0) / 2.0);
+    let mut chart = ChartBuilder::on(&root)
+        .margin(12)
+        .x_label_area_size(40)
+        .y_label_area_size(60)
+        .build_cartesian_2d((first..most(0)).log_scale(), 0.0..most(1))?;
+    chart
+        .configure_mesh()
+        .x_desc("milliseconds since the session was opened")
+        .y_desc("error (mean FLIP)")
+        .x_label_formatter(&|ms| format!("{ms:.0}"))
+        .light_line_style(RGBColor(240, 240, 240))
+        .draw()?;
+    let mut views: Vec<&str> = loads.iter().map(|load| load.view.as_str()).collect();
+    views.dedup();
+    for load in loads {
+        let view = views.iter().position(|view| *view == load.view).unwrap_or(0);
+        let style = VIEWS[view % VIEWS.len()].stroke_width(2);
+        let curve = load.curve.iter().map(|[ms, flip]| (ms.max(first), *flip));
+        let label = format!("{}, {}", load.view, load.priority);
+        if load.priority == "distance" {
+            chart.draw_series(DashedLineSeries::new(curve, 6, 4, style))?.label(label)
+        } else {
+            chart.draw_series(LineSeries::new(curve, style))?.label(label)
+        }
+        .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], style));
     }
     chart.configure_series_labels().background_style(WHITE.mix(0.85)).border_style(BLACK).draw()?;
     root.present()

@@ -2,6 +2,7 @@
 //! front, advice for given frame times, and a table for people.
 
 use crate::error_time::settings::Setting;
+use crate::error_time::streaming::Load;
 use crate::pass_times;
 use esker_engine::io::quantity::grouped;
 use esker_render::PassTimes;
@@ -25,6 +26,8 @@ pub struct ErrorTimeReport {
     pub(super) scans: Vec<Scan>,
     /// A row for each scan and setting.
     pub(super) rows: Vec<Row>,
+    /// A row for each scan, view and order of loading.
+    pub(super) streaming: Vec<Load>,
 }
 
 /// A scan and its reference.
@@ -167,10 +170,27 @@ pub fn text(report: &ErrorTimeReport) -> String {
         ));
         lines.extend(rows.iter().map(line));
         lines.extend(advice(scan, &rows));
+        lines.extend(streaming_lines(report.streaming.iter().filter(|l| l.file == scan.file)));
     }
     lines.extend(report.adapter.iter().map(|name| format!("gpu: {name}")));
     lines.extend(report.note.iter().map(|note| format!("the CPU alone is measured: {note}")));
     lines.join("\n")
+}
+
+/// A line for each view and order of loading.
+pub(super) fn streaming_lines<'a>(loads: impl Iterator<Item = &'a Load>) -> Vec<String> {
+    let line = |load: &Load| {
+        let [low, high] = load.area_quartiles_ms;
+        format!(
+            "streaming {} by {}: complete after {:.0} ms, {} KB read, area under the error {:.2} ms ({low:.2} to {high:.2})",
+            load.view,
+            load.priority,
+            load.complete_ms,
+            grouped(load.read_bytes / 1000),
+            load.area_ms
+        )
+    };
+    loads.map(line).collect()
 }
 
 fn line(row: &Row) -> String {
