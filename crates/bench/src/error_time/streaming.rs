@@ -30,8 +30,8 @@ const COMPARED: usize = 16;
 /// Time after which a load is given up.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Duration of the way from each view to the next, and interval of the frames that are compared.
-const TRAVEL: Duration = Duration::from_secs(2);
-const EVERY: Duration = Duration::from_millis(250);
+const TRAVEL: Duration = Duration::from_secs(1);
+const EVERY: Duration = Duration::from_millis(125);
 
 /// Loads of a view, or flights along a path, by an order of loading.
 #[derive(Clone, Debug, Serialize)]
