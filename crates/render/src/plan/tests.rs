@@ -231,7 +231,10 @@ fn a_plan_names_a_pipeline_for_every_pass() {
     let plan = FramePlan::of(&SceneHas { hidden_points: true, ..ALL }, &OPTIONS);
     let variants = plan.variants();
     assert!(variants.len() > plan.passes.len());
-    assert_eq!(variants[0].constants, [("CULLS_BACK_FACES", 1), ("HIDES_POINTS", 1)]);
+    assert_eq!(
+        variants[0].constants,
+        [("CULLS_BACK_FACES", 1), ("HIDES_POINTS", 1), ("THINS_POINTS", 0)]
+    );
     let shade = variants.iter().find(|v| v.shader == "shade").map(|v| v.constants.clone());
     assert_eq!(shade, Some(vec![("NORMALS", 1), ("SHINES", 1), ("EDGES", 1)]));
     let matt = FramePlan::of(&ALL, &FrameOptions { shines: false, ..OPTIONS });
