@@ -3,6 +3,8 @@
 
 use crate::folder::Folder;
 use crate::program::esker;
+#[cfg(unix)]
+use crate::program::esker_under;
 use crate::trial;
 use libtest_mimic::Trial;
 use serde_json::Value;
@@ -15,6 +17,8 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("frames: what is left out is reported with bytes and times", omissions));
     trials.push(trial("frames: only what a view has is reported as left out", no_omissions));
     trials.push(trial("frames: errors against exact surfaces and against all points", errors));
+    #[cfg(unix)]
+    trials.push(trial("frames: a budget of time is met by a coarser picture", paces));
     trials.push(trial("frames: --explain reports the plan and draws nothing", plan));
     trials.push(trial("frames: filters and ranges are applied", filters));
     trials.push(trial("frames: values that mean no data are in no range of colours", ranges));
@@ -214,6 +218,49 @@ fn errors() {
     assert!(terrain.clone().all(|row| row["normal_deg"].is_null() && row["build"].is_null()));
     let unknown = esker(["bench", "error-time", "truth:moon"]);
     assert!(unknown.error().contains("there are sphere, cube"), "{}", unknown.stderr);
+}
+
+/// The model of the machine is measured once, and kept; a budget that is no limit changes nothing.
+#[cfg(unix)]
+fn paces() {
+    let folder = Folder::new();
+    let file = terrain(&folder);
+    let caches = folder.file("caches");
+    let render = |name: &str, more: &[&str]| {
+        let out = folder.file(name);
+        let limit = format!(
+            "XDG_CACHE_HOME='{0}' HOME='{0}'; export XDG_CACHE_HOME HOME",
+            caches.display()
+        );
+        let words = ["render", "--size", "320x200", "--backend", "cpu", "--json"].map(OsStr::new);
+        let words = words.into_iter().chain([file.as_os_str(), OsStr::new("-o"), out.as_os_str()]);
+        let report = esker_under(&limit, words.chain(more.iter().map(OsStr::new))).json();
+        (report, std::fs::read(out).unwrap())
+    };
+    let (plain, expected) = render("plain.png", &[]);
+    assert!(plain["pace"].is_null(), "{plain}");
+    let (ample, picture) = render("ample.png", &["--budget-ms", "100000"]);
+    assert_eq!(ample["pace"]["scale"], 1.0, "{ample}");
+    assert!(picture == expected, "an ample budget changes the picture");
+    let (tight, _) = render("tight.png", &["--budget-ms", "0.02"]);
+    let scale = tight["pace"]["scale"].as_f64().unwrap();
+    assert!(scale < 0.5 && tight["width"] == 320 && tight["height"] == 200, "{tight}");
+    assert!(tight["notes"].to_string().contains("--budget-ms"), "{tight}");
+    let predicted = |report: &Value| report["pace"]["predicted_cpu_ms"].as_f64().unwrap();
+    let half = format!("{}", predicted(&ample) / 2.0);
+    let (half, _) = render("half.png", &["--budget-ms", &half]);
+    assert!(half["pace"]["scale"].as_f64().unwrap() < 1.0, "{half}");
+    let (again, _) = render("again.png", &["--budget-ms", "100000"]);
+    assert_eq!(predicted(&again), predicted(&ample), "the kept model is used");
+    let refused = esker([
+        OsStr::new("render"),
+        file.as_os_str(),
+        OsStr::new("-o"),
+        folder.file("x.png").as_os_str(),
+        OsStr::new("--budget-ms"),
+        OsStr::new("-1"),
+    ]);
+    assert!(refused.error().contains("milliseconds"), "{}", refused.stderr);
 }
 
 fn plan() {

@@ -172,6 +172,10 @@ pub struct Render {
     /// Greatest number of points that are drawn.
     #[arg(long, value_name = "N", default_value_t = 10_000_000, value_parser = quantity::points_budget)]
     pub budget_points: u64,
+    /// Choose a coarser resolution, and if need be points alone, so that a frame takes at most so
+    /// many milliseconds on this machine's CPU, whose speed is measured at first use.
+    #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = quantity::milliseconds)]
+    pub budget_ms: Option<f64>,
     /// Distance of neighbouring points in the picture that is fine enough, in pixels; 0 draws all
     /// points.
     #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]

@@ -101,6 +101,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         method: args.method,
         camera,
         budget_points: args.budget_points,
+        budget_ms: args.budget_ms,
         target_spacing_px: args.target_spacing,
         colour_by: args.light.colour_by(args.colour),
         filter: args.filter.into(),

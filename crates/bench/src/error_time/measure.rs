@@ -2,11 +2,11 @@
 //! the machine does falls on all of them alike.
 
 use crate::error_time::analytic::Analytic;
-use crate::error_time::compare::{Errors, enlarged, errors, flicker};
+use crate::error_time::compare::{Errors, errors, flicker};
 use crate::error_time::page::{self, Crops};
 use crate::error_time::perfect::Reference;
 use crate::error_time::reference::{ALIGNMENTS, Common, ReferenceScene, aligned};
-use crate::error_time::report::{Build, ErrorTimeReport, Row, Scan, mark_front};
+use crate::error_time::report::{BUDGETS_MS, Build, ErrorTimeReport, Row, Scan, mark_front};
 use crate::error_time::settings::{Setting, builds, common, of_build, of_file};
 use crate::error_time::streaming;
 use crate::pass_times;
@@ -15,7 +15,9 @@ use crate::render::scene::{Changes, ResidentScene};
 use anyhow::{Context, Result, ensure};
 use esker_engine::Method;
 use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::enlarge::enlarged;
 use esker_engine::draw::scene::{PictureRequest, open};
+use esker_engine::draw::{calibration, pace};
 use esker_engine::io::file::is_esker;
 use esker_engine::machine::backend::DrawWith;
 use esker_engine::machine::{pool, system};
@@ -158,6 +160,12 @@ impl<'a> Measured<'a> {
         let has = (file.has(PlaneKind::Normal), file.has(PlaneKind::Compact), gpu.is_some());
         let settings = of_file(file.points(), has, is_full);
         let mut variants: Vec<_> = settings.into_iter().map(|setting| (0, setting)).collect();
+        let pace = calibration::pace(task)?;
+        for budget_ms in BUDGETS_MS {
+            let request = PictureRequest { method: Method::Auto, ..base.clone() };
+            let chosen = pace::paced(file, &request, &pace, budget_ms)?;
+            variants.push((0, Setting::paced(&chosen, budget_ms)));
+        }
         if is_scan {
             for (options, build) in builds(&base.build) {
                 let base = PictureRequest { build, ..base.clone() };

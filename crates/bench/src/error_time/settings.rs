@@ -4,6 +4,7 @@ use crate::render::scene::Changes;
 use esker_builder::{NormalsMode, Options};
 use esker_engine::Method;
 use esker_engine::draw::method::METHODS;
+use esker_engine::draw::pace::Paced;
 use esker_engine::draw::scene::PictureRequest;
 use esker_render::{Dots, PointSize};
 use serde::Serialize;
@@ -34,6 +35,12 @@ pub(super) struct Setting {
     pub pass: Option<&'static str>,
     /// Whether full planes are drawn although the file has compact ones.
     pub full: bool,
+    /// Time that `--budget-ms` names and the settings were chosen for, and the CPU time that was
+    /// predicted, milliseconds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub budget_ms: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub predicted_cpu_ms: Option<f64>,
     /// Whether a GPU draws.
     #[serde(skip)]
     pub on_gpu: bool,
@@ -54,8 +61,23 @@ impl Setting {
             scale: 1.0,
             pass: None,
             full: false,
+            budget_ms: None,
+            predicted_cpu_ms: None,
             on_gpu: false,
             build: "",
+        }
+    }
+
+    /// The settings that the model of the machine chose for a time.
+    pub fn paced(chosen: &Paced, budget_ms: f64) -> Self {
+        let method = METHODS.iter().find(|(method, ..)| *method == chosen.request.method);
+        Self {
+            spacing_px: chosen.request.target_spacing_px,
+            budget_points: chosen.request.budget_points,
+            scale: chosen.scale,
+            budget_ms: Some(budget_ms),
+            predicted_cpu_ms: Some(chosen.cpu_ms),
+            ..Self::of(method.map_or("auto", |(_, name, _)| *name))
         }
     }
 
@@ -101,6 +123,9 @@ impl Setting {
     pub fn text(&self) -> String {
         let base = Self::of(self.method);
         let mut parts = Vec::new();
+        if let (Some(ms), Some(predicted)) = (self.budget_ms, self.predicted_cpu_ms) {
+            parts.push(format!("--budget-ms {ms}, {predicted:.1} CPU ms predicted"));
+        }
         parts.extend(self.point_size.map(|size| format!("{size} dots, eye-dome lighting")));
         if self.spacing_px != base.spacing_px {
             parts.push(format!("spacing {} px", self.spacing_px));

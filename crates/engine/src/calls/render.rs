@@ -4,9 +4,12 @@
 
 use crate::calls::{explain, info};
 use crate::cameras::legend::Legend;
+use crate::draw::calibration;
 use crate::draw::empty_picture;
+use crate::draw::enlarge::enlarged;
 use crate::draw::facing;
-use crate::draw::method::Method;
+use crate::draw::method::{METHODS, Method};
+use crate::draw::pace;
 use crate::draw::scene::{PictureRequest, PictureScene, ms, open};
 use crate::draw::whole;
 use crate::draw::window::cropped;
@@ -17,11 +20,9 @@ use crate::io::stages;
 use crate::light::check_built;
 #[cfg(feature = "light")]
 use crate::light::still;
-use crate::machine::backend::{Backend, Drawer, DrawerReport};
+use crate::machine::backend::{Backend, DrawWith, Drawer, DrawerReport};
 use crate::machine::pool;
-use anyhow::Result;
-#[cfg(feature = "light")]
-use anyhow::ensure;
+use anyhow::{Result, ensure};
 use esker_format::{Forest, Planes};
 use esker_lod::{CompactOctree, View};
 use esker_points::{Lattice, Task};
@@ -77,8 +78,30 @@ pub struct RenderReport {
     #[cfg(feature = "light")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub light: Option<still::LightReport>,
+    /// Settings that were chosen for a budget of time; none without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pace: Option<PaceReport>,
     /// What the user should know, a line each.
     pub notes: Vec<&'static str>,
+}
+
+/// Settings that were chosen for a budget of time.
+#[derive(Clone, Debug, Serialize)]
+pub struct PaceReport {
+    /// Time that a frame may take, milliseconds.
+    pub budget_ms: f64,
+    /// Time that the model of this machine predicts for a frame, after the first one.
+    pub predicted_ms: f64,
+    /// CPU time that it predicts, over all threads.
+    pub predicted_cpu_ms: f64,
+    /// Method.
+    pub method: &'static str,
+    /// Side of the picture that was drawn and enlarged, over that of the written one.
+    pub scale: f64,
+    /// Target of points, pixels of the picture that was drawn.
+    pub target_spacing_px: f64,
+    /// Most points.
+    pub budget_points: u64,
 }
 
 /// Camera of a picture.
@@ -158,6 +181,9 @@ pub fn draw(
     request: &PictureRequest,
     task: &dyn Task,
 ) -> Result<(Picture, RenderReport)> {
+    if let Some(budget_ms) = request.budget_ms {
+        return draw_within(file, request, budget_ms, task);
+    }
     let scene = PictureScene::read(file, request, task)?;
     if request.method == Method::Lit {
         let (gpu, drawer) = request.with.choose(None)?;
@@ -186,6 +212,39 @@ pub fn draw(
     }
     let notes = notes(file, request, &scene, &picture)?;
     let report = RenderReport::new(&picture, &scene, &drawer, notes, ms(start));
+    Ok((picture, report))
+}
+
+/// Draws a picture with the settings that the model of this machine chooses for a time.
+fn draw_within(
+    file: &Forest,
+    request: &PictureRequest,
+    budget_ms: f64,
+    task: &dyn Task,
+) -> Result<(Picture, RenderReport)> {
+    ensure!(
+        request.with.backend != Backend::Gpu,
+        "a budget of time is for the CPU, whose speed is measured: draw with --backend cpu"
+    );
+    let paced = pace::paced(file, request, &calibration::pace(task)?, budget_ms)?;
+    let with = DrawWith { backend: Backend::Cpu, ..request.with };
+    let chosen = PictureRequest { budget_ms: None, with, ..paced.request };
+    let (picture, mut report) = draw(file, &chosen, task)?;
+    let picture = enlarged(&picture, request.size);
+    (report.width, report.height) = (picture.width, picture.height);
+    let method = METHODS.iter().find(|(method, ..)| *method == chosen.method);
+    report.pace = Some(PaceReport {
+        budget_ms,
+        predicted_ms: paced.wall_ms,
+        predicted_cpu_ms: paced.cpu_ms,
+        method: method.map_or("", |(_, name, _)| *name),
+        scale: paced.scale,
+        target_spacing_px: chosen.target_spacing_px,
+        budget_points: chosen.budget_points,
+    });
+    if paced.wall_ms > budget_ms {
+        report.notes.push("no settings are fast enough for --budget-ms: these are the fastest");
+    }
     Ok((picture, report))
 }
 
@@ -284,6 +343,7 @@ impl RenderReport {
             drawn_by: drawer.report(),
             #[cfg(feature = "light")]
             light: None,
+            pace: None,
             notes,
         }
     }
@@ -327,6 +387,12 @@ pub fn text(report: &RenderReport) -> String {
     ];
     #[cfg(feature = "light")]
     lines.extend(report.light.iter().map(still::text));
+    lines.extend(report.pace.iter().map(|pace| {
+        format!(
+            "for {} ms: {}, {} of the resolution, points {} px apart; {:.1} ms predicted",
+            pace.budget_ms, pace.method, pace.scale, pace.target_spacing_px, pace.predicted_ms
+        )
+    }));
     lines.extend(report.notes.iter().map(|note| format!("note: {note}")));
     lines.join("\n")
 }

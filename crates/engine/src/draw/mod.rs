@@ -2,11 +2,14 @@
 //! painters of both.
 
 pub mod budget;
+pub mod calibration;
 pub mod empty_picture;
+pub mod enlarge;
 pub(crate) mod facing;
 pub mod frame;
 pub mod method;
 pub mod options;
+pub mod pace;
 mod painter;
 pub mod scene;
 pub mod session;

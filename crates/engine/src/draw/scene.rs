@@ -44,6 +44,9 @@ pub struct PictureRequest {
     pub budget_points: u64,
     /// Distance of adjacent points in the picture that is fine enough, pixels.
     pub target_spacing_px: f64,
+    /// Time of a frame, milliseconds, that settings are chosen for; none for the settings of this
+    /// request ([`crate::draw::pace`]).
+    pub budget_ms: Option<f64>,
     /// Source of colours; none for the best that the file has.
     pub colour_by: Option<String>,
     /// Which points are drawn.
@@ -81,6 +84,7 @@ impl Default for PictureRequest {
             camera: Camera::default(),
             budget_points: lod.points_budget,
             target_spacing_px: lod.target_spacing_px,
+            budget_ms: None,
             colour_by: None,
             filter: Filter::default(),
             shines: true,

@@ -109,6 +109,16 @@ pub fn spacing_px(text: &str) -> Result<f64> {
     Ok(pixels)
 }
 
+/// Parses a time, milliseconds.
+///
+/// # Errors
+/// If `text` is no positive number.
+pub fn milliseconds(text: &str) -> Result<f64> {
+    let ms: f64 = text.trim().parse().with_context(|| format!("`{text}` is no number"))?;
+    ensure!(ms > 0.0 && ms.is_finite(), "{ms} milliseconds are no time; give a number above 0");
+    Ok(ms)
+}
+
 /// Parses a diameter of points, pixels, or `adaptive`.
 ///
 /// # Errors

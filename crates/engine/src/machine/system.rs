@@ -59,6 +59,14 @@ pub fn waits_of_this_thread() -> Option<u64> {
     None
 }
 
+/// Name of the processor; that of the architecture if the system does not tell.
+pub fn processor() -> String {
+    let information = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = information.lines().find_map(|line| line.strip_prefix("model name"));
+    let name = name.and_then(|rest| rest.split_once(':')).map(|(_, name)| name.trim().to_owned());
+    name.unwrap_or_else(|| std::env::consts::ARCH.into())
+}
+
 /// CPU time that all threads of this process have taken, milliseconds; `None` if the system does
 /// not tell.
 #[cfg(unix)]
