@@ -27,7 +27,7 @@ const SEED: u64 = 11;
 const RAYS: usize = 4;
 
 /// An analytic scene, and its view.
-pub(super) struct Analytic {
+pub(crate) struct Analytic {
     /// Name in reports.
     pub name: &'static str,
     truth: Truth,
@@ -35,6 +35,11 @@ pub(super) struct Analytic {
 }
 
 impl Analytic {
+    /// A scene of other surfaces than those that have a name.
+    pub fn new(name: &'static str, truth: Truth, view: View) -> Self {
+        Self { name, truth, view }
+    }
+
     /// The scene that an input names; `None` if the input is a file.
     ///
     /// # Errors

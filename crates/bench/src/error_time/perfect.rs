@@ -8,7 +8,7 @@ use glam::Vec3;
 pub(super) const FINER: usize = 2;
 
 /// A picture that others are compared with.
-pub(super) struct Reference {
+pub(crate) struct Reference {
     /// Pixels in a row.
     pub width: usize,
     /// sRGB, four bytes a pixel.

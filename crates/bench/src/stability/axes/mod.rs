@@ -1,0 +1,242 @@
+//! Axes of conditions: an analytic scene gets worse along one of them, and pictures are compared
+//! with exact ones, until a bound breaks. Values are listed from easy to hard. The bound must hold
+//! up to the rated value; what happens beyond is reported.
+
+pub(super) mod scenes;
+mod table;
+
+use crate::error_time::analytic::Analytic;
+use crate::error_time::compare::{Errors, errors};
+use crate::error_time::perfect::Reference;
+use crate::stability::lab::{Built, Lab, Shot};
+use crate::stability::report::{Case, Limits, StabilityReport, Verdict};
+use anyhow::{Result, ensure};
+use esker_engine::cameras::camera::Camera;
+use esker_render::Picture;
+use glam::DVec2;
+use scenes::Scene;
+pub(super) use table::all;
+
+/// An axis.
+pub(super) struct Axis {
+    /// Name in reports, and as a part of the benchmark.
+    pub name: &'static str,
+    /// Meaning of the values.
+    pub value_is: &'static str,
+    /// Values, from easy to hard.
+    pub values: &'static [f64],
+    /// The scene of a value.
+    pub scene: fn(f64, &Lab<'_>) -> Result<Scene>,
+    /// What is bounded.
+    pub gauges: &'static [Gauge],
+}
+
+/// A bound on an error of a method.
+pub(super) struct Gauge {
+    pub method: &'static str,
+    pub measure: Measure,
+    /// Maximum permissible error.
+    pub bound: f64,
+    /// Value of the axis up to which it must hold.
+    pub rated_to: f64,
+}
+
+/// An error that is bounded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Measure {
+    /// Mean of FLIP, 0 to 1.
+    Flip,
+    /// Share of the interior of surfaces that is empty, or shows what lies behind.
+    Holes,
+    /// Mean error of depths inside surfaces, widths of a pixel.
+    Depth,
+    /// Mean error of normals, degrees.
+    Normals,
+    /// Distance between the middles of what is drawn and of what there is, pixels.
+    Place,
+    /// Width by which things are drawn too wide, in distances of their points.
+    Width,
+}
+
+impl Measure {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Flip => "FLIP",
+            Self::Holes => "holes, share",
+            Self::Depth => "depth, px",
+            Self::Normals => "normals, degrees",
+            Self::Place => "place, px",
+            Self::Width => "extra width, spacings",
+        }
+    }
+}
+
+/// Checks the names of parts.
+///
+/// # Errors
+/// If there is no part of a name.
+pub(super) fn check_names(parts: &[String]) -> Result<()> {
+    let known = ["relations", "axes", "stiffness"].into_iter();
+    let known: Vec<&str> = known.chain(all().iter().map(|axis| axis.name)).collect();
+    for part in parts {
+        ensure!(
+            known.contains(&&**part),
+            "there is no part `{part}`; there are {}",
+            known.join(", ")
+        );
+    }
+    Ok(())
+}
+
+/// Sweeps an axis, and adds its cases and limits to the report.
+///
+/// # Errors
+/// If the task is cancelled. Other errors are verdicts.
+pub(super) fn sweep(axis: &'static Axis, lab: &Lab<'_>, report: &mut StabilityReport) -> Result<()> {
+    let first = report.cases.len();
+    for value in values(axis, lab.is_full) {
+        lab.phase(&format!("{} {value}", axis.name))?;
+        let found = (axis.scene)(value, lab).and_then(|scene| measured(&scene, axis, lab));
+        lab.phase(axis.name)?;
+        let refusal = found.as_ref().err().map(|e| format!("{e:#}"));
+        for (k, gauge) in axis.gauges.iter().enumerate() {
+            let (measured, mut messages) = match &found {
+                Ok(each) => (Some(each[k].0), each[k].1.clone()),
+                Err(_) => (None, refusal.iter().cloned().collect()),
+            };
+            messages.dedup();
+            let is_rated = rank(axis, value) <= rank(axis, gauge.rated_to);
+            let verdict = match measured {
+                Some(measured) if measured <= gauge.bound => Verdict::Holds,
+                _ if is_rated => Verdict::Broken,
+                Some(_) => Verdict::Breaks,
+                None => Verdict::Refused,
+            };
+            report.cases.push(Case {
+                axis: axis.name,
+                method: gauge.method,
+                measure: gauge.measure.name(),
+                value,
+                bound: gauge.bound,
+                measured,
+                verdict,
+                messages,
+            });
+        }
+    }
+    let own: Vec<Case> = report.cases[first..].to_vec();
+    report.axes.extend(axis.gauges.iter().map(|gauge| limits(axis, gauge, &own)));
+    Ok(())
+}
+
+/// The values that are tried; in full, also one between each two.
+fn values(axis: &Axis, is_full: bool) -> Vec<f64> {
+    if !is_full {
+        return axis.values.to_vec();
+    }
+    let between = axis.values.windows(2).flat_map(|pair| {
+        let [a, b] = [pair[0], pair[1]];
+        [a, if a * b > 0.0 { (a * b).sqrt() } else { 0.5 * (a + b) }]
+    });
+    between.chain(axis.values.last().copied()).collect()
+}
+
+/// How hard a value of an axis is: its place in the list.
+fn rank(axis: &Axis, value: f64) -> f64 {
+    let ends = axis.values.first().zip(axis.values.last());
+    let is_falling = ends.is_some_and(|(first, last)| first > last);
+    if is_falling { -value } else { value }
+}
+
+/// Limits of a gauge, of its cases in order.
+fn limits(axis: &'static Axis, gauge: &Gauge, cases: &[Case]) -> Limits {
+    let is_own =
+        |case: &&Case| case.method == gauge.method && case.measure == gauge.measure.name();
+    let own: Vec<&Case> = cases.iter().filter(is_own).collect();
+    let broken = own.iter().position(|case| case.verdict != Verdict::Holds);
+    let at_rated = own.iter().find(|case| case.value == gauge.rated_to);
+    let last = match broken {
+        Some(at) => at.checked_sub(1).map(|at| own[at]),
+        None => own.last().copied(),
+    };
+    Limits {
+        axis: axis.name,
+        value_is: axis.value_is,
+        method: gauge.method,
+        measure: gauge.measure.name(),
+        bound: gauge.bound,
+        rated_to: gauge.rated_to,
+        at_rated: at_rated.and_then(|case| case.measured),
+        holds_to: last.map(|case| case.value),
+        breaks_at: broken.map(|at| own[at].value),
+        broken_to: broken.and_then(|at| own[at].measured),
+        message: broken.and_then(|at| own[at].messages.first().cloned()),
+    }
+}
+
+/// What each gauge measures of a scene, the worst of its cameras, and notes to the user.
+fn measured(scene: &Scene, axis: &Axis, lab: &Lab<'_>) -> Result<Vec<(f64, Vec<String>)>> {
+    let built = lab.build(&[&scene.cloud], &scene.options)?;
+    let one = |gauge: &Gauge| {
+        let mut worst = (0.0f64, built.notes.clone());
+        for camera in &scene.cameras {
+            let (measured, notes) = with_camera(scene, &built, camera, gauge, lab)?;
+            worst.0 = worst.0.max(measured);
+            worst.1.extend(notes);
+        }
+        Ok(worst)
+    };
+    axis.gauges.iter().map(one).collect()
+}
+
+fn with_camera(
+    scene: &Scene,
+    built: &Built,
+    camera: &Camera,
+    gauge: &Gauge,
+    lab: &Lab<'_>,
+) -> Result<(f64, Vec<String>)> {
+    let Shot { picture, view, notes } =
+        lab.shot(&built.file, &lab.request(camera, gauge.method))?;
+    let truth = Analytic::new(axis_name(gauge), scene.truth(), view);
+    if gauge.measure == Measure::Normals {
+        return Ok((lab.normal_error(&built.file, camera, &truth)?, notes));
+    }
+    let reference = truth.picture(&view)?;
+    let of: Errors = errors(&picture, &reference, view.focal_px());
+    let measured = match gauge.measure {
+        Measure::Flip => of.flip,
+        Measure::Holes => of.hole_share + of.bleeding_share,
+        Measure::Depth => of.depth_px,
+        Measure::Normals => 0.0,
+        Measure::Place => misplaced(&picture, &reference),
+        Measure::Width => outside(&picture, &reference) / scene.outline_px,
+    };
+    Ok((measured, notes))
+}
+
+fn axis_name(gauge: &Gauge) -> &'static str {
+    gauge.measure.name()
+}
+
+/// Distance between the middles of the covered pixels; infinite if one picture alone has some.
+fn misplaced(picture: &Picture, reference: &Reference) -> f64 {
+    let middle = |depth: &[f32]| {
+        let covered = depth.iter().enumerate().filter(|(_, depth)| depth.is_finite());
+        let places: Vec<DVec2> = covered
+            .map(|(at, _)| DVec2::new((at % reference.width) as f64, (at / reference.width) as f64))
+            .collect();
+        (!places.is_empty()).then(|| places.iter().sum::<DVec2>() / places.len() as f64)
+    };
+    match (middle(&picture.depth), middle(&reference.depth)) {
+        (Some(a), Some(b)) => a.distance(b),
+        (None, None) => 0.0,
+        _ => f64::INFINITY,
+    }
+}
+
+/// Number of pixels that are drawn where there is nothing.
+fn outside(picture: &Picture, reference: &Reference) -> f64 {
+    let pairs = picture.depth.iter().zip(&reference.depth);
+    pairs.filter(|(drawn, wanted)| drawn.is_finite() && !wanted.is_finite()).count() as f64
+}
