@@ -172,6 +172,9 @@ pub struct BenchStability {
     /// Take more values, more points and larger pictures.
     #[arg(long)]
     pub full: bool,
+    /// Write the pictures of all conditions, beside the exact ones, to this folder.
+    #[arg(long, value_name = "DIR")]
+    pub pictures: Option<PathBuf>,
     /// Print the limits as a table in Markdown.
     #[arg(long, conflicts_with = "json")]
     pub markdown: bool,
@@ -433,6 +436,7 @@ fn run_stability(args: BenchStability, stop: Arc<AtomicBool>) -> Result<()> {
         scans: args.scans,
         is_full: args.full,
         parts: args.parts,
+        pictures: args.pictures,
         threads: args.threads.count,
     };
     let report = args.output.watch(stop, |progress| stability::measure(&request, progress))?;

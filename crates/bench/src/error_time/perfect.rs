@@ -40,4 +40,15 @@ impl Reference {
         }
         out
     }
+
+    /// The picture itself.
+    pub fn picture(&self) -> Picture {
+        Picture {
+            width: self.width as u32,
+            height: (self.depth.len() / self.width.max(1)) as u32,
+            rgba: self.rgba.clone(),
+            depth: self.depth.clone(),
+            ..Picture::default()
+        }
+    }
 }

@@ -231,9 +231,8 @@ impl CloudSource {
 
 /// The attributes of a scan that pictures show, and their indices.
 fn shown(schema: &Schema) -> (Schema, Vec<usize>) {
-    let is_shown = |name: &str| {
-        [names::RED, names::GREEN, names::BLUE, names::INTENSITY].contains(&name)
-    };
+    let is_shown =
+        |name: &str| [names::RED, names::GREEN, names::BLUE, names::INTENSITY].contains(&name);
     let attributes = schema.attributes.iter().enumerate();
     let kept: Vec<usize> =
         attributes.filter(|(_, attribute)| is_shown(&attribute.name)).map(|(i, _)| i).collect();

@@ -8,6 +8,7 @@ use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::method::method_of_name;
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
+use esker_engine::io::picture::write_png;
 use esker_engine::machine::backend::{Backend, DrawWith};
 use esker_format::Forest;
 use esker_lod::View;
@@ -22,6 +23,7 @@ pub(super) struct Lab<'a> {
     pub size: [u32; 2],
     /// Whether more values and points are tried.
     pub is_full: bool,
+    pictures: Option<PathBuf>,
     folder: tempfile::TempDir,
     task: &'a dyn Task,
 }
@@ -41,12 +43,32 @@ pub(super) struct Shot {
 }
 
 impl<'a> Lab<'a> {
-    /// A laboratory with a folder for its files.
+    /// A laboratory with a folder for its files; `pictures` is a folder for pictures.
     ///
     /// # Errors
     /// If the folder cannot be made.
-    pub fn new(size: [u32; 2], is_full: bool, task: &'a dyn Task) -> Result<Self> {
-        Ok(Self { size, is_full, folder: tempfile::tempdir()?, task })
+    pub fn new(
+        size: [u32; 2],
+        is_full: bool,
+        pictures: Option<PathBuf>,
+        task: &'a dyn Task,
+    ) -> Result<Self> {
+        if let Some(folder) = &pictures {
+            std::fs::create_dir_all(folder)
+                .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+        }
+        Ok(Self { size, is_full, pictures, folder: tempfile::tempdir()?, task })
+    }
+
+    /// Writes a picture to the folder of pictures, if there is one.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn keep(&self, name: &str, picture: &Picture) -> Result<()> {
+        match &self.pictures {
+            Some(folder) => write_png(picture, &folder.join(format!("{name}.png"))),
+            None => Ok(()),
+        }
     }
 
     /// Passes the name of a phase on, and stops if the user wants to.
@@ -119,7 +141,7 @@ impl<'a> Lab<'a> {
         Ok(Shot { picture, view, notes: lines })
     }
 
-    /// Mean error of the normals that a file has, degrees.
+    /// Mean error of the normals that a file has, degrees; a missing one counts as a right angle.
     ///
     /// # Errors
     /// If they cannot be drawn.
@@ -127,7 +149,8 @@ impl<'a> Lab<'a> {
         let colour_by = Some("normal".to_owned());
         let request = PictureRequest { colour_by, ..self.request(camera, "points") };
         let shot = self.shot(file, &request)?;
-        Ok(truth.normal_error(&shot.view, &shot.picture))
+        let (mean, share) = truth.normal_errors(&shot.view, &shot.picture);
+        Ok(mean * share + 90.0 * (1.0 - share))
     }
 }
 

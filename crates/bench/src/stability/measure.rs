@@ -9,7 +9,7 @@ use esker_points::Task;
 use std::path::PathBuf;
 
 /// Scans of the relations, if none are named.
-const SCANS: [&str; 2] = ["synthetic:terrain:60000:1", "synthetic:office:60000:1"];
+const SCANS: [&str; 2] = ["synthetic:terrain:300000:1", "synthetic:office:300000:1"];
 
 /// Scans and extent of the measurements.
 #[derive(Clone, Debug, Default)]
@@ -21,6 +21,8 @@ pub struct StabilityRequest {
     /// Names of the parts that are measured: `relations`, `axes`, `stiffness`, or of an axis; all
     /// if there are none.
     pub parts: Vec<String>,
+    /// Folder for the pictures of all cases beside the exact ones.
+    pub pictures: Option<PathBuf>,
     /// Threads; 0 stands for one a core.
     pub threads: usize,
 }
@@ -42,12 +44,14 @@ pub fn measure(request: &StabilityRequest, task: &dyn Task) -> Result<StabilityR
     pool::run(request.threads, || {
         let mut report = StabilityReport::new(request.is_full);
         let size = if request.is_full { [480, 320] } else { [240, 160] };
-        let lab = Lab::new(size, request.is_full, task)?;
+        let lab = Lab::new(size, request.is_full, request.pictures.clone(), task)?;
         if request.wants("relations") {
             let defaults = SCANS.map(PathBuf::from).to_vec();
             let scans = if request.scans.is_empty() { &defaults } else { &request.scans };
             for scan in scans {
-                report.relations.extend(relations::of(scan, &lab)?);
+                let (rows, floors) = relations::of(scan, &lab)?;
+                report.relations.extend(rows);
+                report.floors.extend(floors);
             }
         }
         for axis in axes::all() {

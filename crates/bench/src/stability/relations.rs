@@ -5,7 +5,7 @@
 
 use crate::stability::cloud::Cloud;
 use crate::stability::lab::Lab;
-use crate::stability::report::{Relation, Verdict};
+use crate::stability::report::{Floor, Relation, Verdict};
 use anyhow::Result;
 use esker_builder::Options;
 use esker_engine::cameras::camera::{Camera, OrthoHeight};
@@ -23,11 +23,13 @@ use std::path::Path;
 /// Methods that are compared.
 const METHODS: [&str; 4] = ["points", "pull-push", "auto", "ewa"];
 /// Points of a scan that are taken at most, quickly and in full.
-const POINTS: [u64; 2] = [60_000, 1_000_000];
+const POINTS: [u64; 2] = [300_000, 1_000_000];
 /// Exponents of two of the units, quickly and in full.
 const UNITS: [&[i32]; 2] = [&[-20, 40], &[-40, -20, -1, 1, 20, 40]];
 /// Offsets of headers.
 const OFFSETS: [[f64; 3]; 2] = [[500_000.0, 5_400_000.0, 250.0], [-1e9, 3e9, 64.0]];
+/// Greatest offset in steps: doubles have quarters of a step there, which places of cameras need.
+const OFFSET_STEPS: f64 = (1u64 << 50) as f64;
 /// Shifts whose greatest change of a picture is the floor, steps. Of those that only move cells,
 /// the last is a share of the scan: cells of any size begin elsewhere.
 const SHIFTS: [i32; 2] = [1, 777];
@@ -41,21 +43,25 @@ const FAR_FLIP: f64 = 0.03;
 const FAR: [f64; 2] = [2_000.0, 8_000.0];
 /// Exponents of two of the distance of the camera's target: about 1 and 10^9.
 const TARGETS_LOG2: [i32; 2] = [0, 30];
+/// Size of the picture that is parted, pixels: wider than what is drawn around a part.
+const PARTED: [u32; 2] = [900, 330];
 /// Share of the pixels that the parts of a picture may change by a rounding.
-const PART_SHARE: f64 = 1e-5;
+pub(super) const PART_SHARE: f64 = 1e-5;
 
 /// Tests all relations on a scan.
 ///
 /// # Errors
 /// If it cannot be read, built or drawn.
-pub(super) fn of(scan: &Path, lab: &Lab<'_>) -> Result<Vec<Relation>> {
+pub(super) fn of(scan: &Path, lab: &Lab<'_>) -> Result<(Vec<Relation>, Vec<Floor>)> {
     let name = scan.file_name().unwrap_or(scan.as_os_str()).to_string_lossy().into_owned();
     lab.phase(&format!("{name}: relations"))?;
     let cloud = lab.read(scan, POINTS[usize::from(lab.is_full)])?;
     let place = Stance::of(&cloud);
     let base = lab.build(&[&cloud], &Options::default())?;
     let want = pictures(lab, &base.file, &place.cameras(1.0, [0.0; 3]))?;
-    let mut tested = Tested { name, lab, place, want, floors: Vec::new(), rows: Vec::new() };
+    let mut tested =
+        Tested { name, lab, place, want, floors: Vec::new(), rows: Vec::new(), moved: Vec::new() };
+    tested.keep("", &tested.want)?;
     tested.cameras(&base.file)?;
     tested.parts(&base.file)?;
     tested.threads(&cloud)?;
@@ -63,7 +69,7 @@ pub(super) fn of(scan: &Path, lab: &Lab<'_>) -> Result<Vec<Relation>> {
     tested.measure_floors(&cloud)?;
     tested.samples(&cloud)?;
     tested.formats(&cloud)?;
-    Ok(tested.rows)
+    Ok((tested.rows, tested.moved))
 }
 
 /// Where the camera stands, all numbers multiples of a step of the scan, so that moving and scaling
@@ -127,8 +133,7 @@ fn differing(a: &[Picture], b: &[Picture]) -> f64 {
 
 /// Greatest FLIP between pictures.
 fn flip(a: &[Picture], b: &[Picture]) -> f64 {
-    let one =
-        |(a, b): (&Picture, &Picture)| mean_flip(&a.rgba, &b.rgba, a.width as usize);
+    let one = |(a, b): (&Picture, &Picture)| mean_flip(&a.rgba, &b.rgba, a.width as usize);
     a.iter().zip(b).map(one).fold(0.0, f64::max)
 }
 
@@ -142,6 +147,8 @@ struct Tested<'a> {
     /// FLIP of another sample, by method.
     floors: Vec<f64>,
     rows: Vec<Relation>,
+    /// What made the floors.
+    moved: Vec<Floor>,
 }
 
 impl Tested<'_> {
@@ -166,11 +173,26 @@ impl Tested<'_> {
     }
 
     /// Compares pictures with those of the scan as it is, within the floor.
-    fn near(&mut self, relation: &'static str, other: &Pictures) {
+    fn near(&mut self, relation: &'static str, other: &Pictures) -> Result<()> {
+        self.keep(relation, other)?;
         for (k, method) in METHODS.into_iter().enumerate() {
             let measured = flip(&self.want[k], &other[k]);
             self.row(relation, method, ("flip", measured, self.bound(k)));
         }
+        Ok(())
+    }
+
+    /// Writes pictures to the folder of pictures, if there is one.
+    fn keep(&self, relation: &str, pictures: &Pictures) -> Result<()> {
+        let name: String =
+            relation.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
+        let scan = self.name.replace([':', '/'], "-");
+        for (method, drawn) in METHODS.iter().zip(pictures) {
+            for (k, picture) in drawn.iter().enumerate() {
+                self.lab.keep(&format!("{scan}-{method}-{k}-{name}"), picture)?;
+            }
+        }
+        Ok(())
     }
 
     /// Greatest FLIP of another sample.
@@ -196,6 +218,8 @@ impl Tested<'_> {
         self.same("unit times 2^k", &others, 0.0);
         others.clear();
         for offset in OFFSETS {
+            let exact = |o: f64| (o / cloud.step).clamp(-OFFSET_STEPS, OFFSET_STEPS).round();
+            let offset = offset.map(|o| exact(o) * cloud.step);
             let other = Cloud { offset, ..cloud.clone() };
             others.push(self.built(&[&other], &place.cameras(1.0, offset))?);
         }
@@ -218,6 +242,7 @@ impl Tested<'_> {
 
     /// Draws what moving the scan by some steps changes.
     fn measure_floors(&mut self, cloud: &Cloud) -> Result<()> {
+        let scan = &self.name;
         let [low, high] = cloud.raw_bounds();
         let extent = (0..3).map(|i| high[i] - low[i]).max().unwrap_or(0);
         let share = (f64::from(extent) * SHIFT_OF_EXTENT) as i32 | 1;
@@ -226,8 +251,11 @@ impl Tested<'_> {
             let moved = cloud.moved(|p| p.map(|c| c + steps));
             let offset = [f64::from(steps) * cloud.step; 3];
             let other = self.built(&[&moved], &self.place.cameras(1.0, offset))?;
-            for (k, floor) in self.floors.iter_mut().enumerate() {
-                *floor = floor.max(flip(&self.want[k], &other[k]));
+            self.keep(&format!("moved {steps} steps"), &other)?;
+            for ((k, floor), method) in self.floors.iter_mut().enumerate().zip(METHODS) {
+                let flip = flip(&self.want[k], &other[k]);
+                *floor = floor.max(flip);
+                self.moved.push(Floor { scan: scan.clone(), method, steps, flip });
             }
         }
         Ok(())
@@ -238,7 +266,7 @@ impl Tested<'_> {
         let fine = Cloud { step: cloud.step / 10.0, ..cloud.moved(|p| p.map(|c| c * 10)) };
         let cameras = self.place.cameras(1.0, [0.0; 3]);
         let other = self.built(&[&fine], &cameras)?;
-        self.near("step / 10", &other);
+        self.near("step / 10", &other)?;
         let turned = cloud.moved(|[x, y, z]| [-y, x, z]);
         let turn = |place: Option<DVec3>| place.map(|p| DVec3::new(-p.y, p.x, p.z));
         let cameras = cameras.map(|camera| Camera {
@@ -247,8 +275,7 @@ impl Tested<'_> {
             ..camera
         });
         let other = self.built(&[&turned], &cameras)?;
-        self.near("90 degrees about z", &other);
-        Ok(())
+        self.near("90 degrees about z", &other)
     }
 
     /// Relations of cameras.
@@ -265,7 +292,7 @@ impl Tested<'_> {
         let others = [pictures(self.lab, file, &near)?, pictures(self.lab, file, &far)?];
         self.same("target at 1 or 10^9", &others, 0.0);
         let Stance { centre, reach } = self.place;
-        let far = FAR.map(|times| {
+        let [near, far] = FAR.map(|times| {
             let fovy = 2.0 * (0.5 / times).atan().to_degrees();
             let eye = Some(centre - FORWARD * reach * times / FORWARD.length());
             Camera { eye, target: Some(centre), ..view_of(fovy) }
@@ -276,37 +303,34 @@ impl Tested<'_> {
             ortho: Some(OrthoHeight::Units(reach)),
             ..Camera::default()
         };
-        let all = pictures(self.lab, file, &[far[0], far[1], parallel])?;
-        for (method, drawn) in METHODS.into_iter().zip(&all) {
-            let measured = flip(&[drawn[0].clone()], &[drawn[1].clone()]);
+        // Of all points: parallel views choose other levels of detail.
+        let all = |camera: Camera| -> Result<Pictures> {
+            let one = |method: &&str| {
+                let request = self.lab.request(&camera, method);
+                let request = PictureRequest { target_spacing_px: 0.0, shines: false, ..request };
+                Ok(vec![self.lab.shot(file, &request)?.picture])
+            };
+            METHODS.iter().map(one).collect()
+        };
+        let (near, far, parallel) = (all(near)?, all(far)?, all(parallel)?);
+        for (k, method) in METHODS.into_iter().enumerate() {
+            let measured = flip(&near[k], &far[k]);
             self.row("field of view for distance", method, ("flip", measured, FAR_FLIP));
-            let measured = flip(&[drawn[1].clone()], &[drawn[2].clone()]);
+            let measured = flip(&far[k], &parallel[k]);
             self.row("distant is parallel", method, ("flip", measured, FAR_FLIP));
         }
         Ok(())
     }
 
-    /// Pictures in two halves.
+    /// Pictures in two halves. Points are near each other on the picture of the whole scan; the
+    /// axis `parts` has other distances.
     fn parts(&mut self, file: &Forest) -> Result<()> {
-        let [width, height] = self.lab.size;
-        let split = width * 433 / 900;
-        let halves = [(0, split), (split, width - split)];
-        for (k, method) in METHODS.into_iter().enumerate() {
-            let mut worst = 0.0f64;
-            for (camera, whole) in
-                self.place.cameras(1.0, [0.0; 3]).iter().zip(&self.want[k])
-            {
-                let mut off = 0;
-                for (x, part_width) in halves {
-                    let window = Some(Window { x, y: 0, width: part_width, height });
-                    let request = self.lab.request(camera, method);
-                    let request = PictureRequest { shines: false, window, ..request };
-                    off += differs_from_whole(&self.lab.shot(file, &request)?.picture, whole, x);
-                }
-                worst = worst.max(f64::from(off) / f64::from(width * height));
-            }
+        let [camera, _] = self.place.cameras(1.0, [0.0; 3]);
+        for method in METHODS {
             let bound = if method == "points" { 0.0 } else { PART_SHARE };
-            self.row("in two halves", method, ("pixels", worst, bound));
+            let request = self.lab.request(&camera, method);
+            let share = halves_differ(self.lab, file, &request)?;
+            self.row("in two halves", method, ("pixels", share, bound));
         }
         Ok(())
     }
@@ -350,6 +374,24 @@ impl Tested<'_> {
         }
         Ok(())
     }
+}
+
+/// Share of the pixels that differ between a picture and its two halves, drawn one by one.
+///
+/// # Errors
+/// If they cannot be drawn.
+pub(super) fn halves_differ(lab: &Lab<'_>, file: &Forest, request: &PictureRequest) -> Result<f64> {
+    let [width, height] = PARTED;
+    let request = PictureRequest { size: PARTED, ..request.clone() };
+    let whole = lab.shot(file, &request)?.picture;
+    let split = width * 433 / 900;
+    let mut off = 0;
+    for (x, part_width) in [(0, split), (split, width - split)] {
+        let window = Some(Window { x, y: 0, width: part_width, height });
+        let part = PictureRequest { window, ..request.clone() };
+        off += differs_from_whole(&lab.shot(file, &part)?.picture, &whole, x);
+    }
+    Ok(f64::from(off) / f64::from(width * height))
 }
 
 /// Pixels of the part that begins at column `x` which differ from those of the whole.

@@ -26,6 +26,8 @@ pub struct StabilityReport {
     pub(super) threads: usize,
     /// Relations of each scan.
     pub(super) relations: Vec<Relation>,
+    /// What moving each scan does.
+    pub(super) floors: Vec<Floor>,
     /// A case for each axis, method and value.
     pub(super) cases: Vec<Case>,
     /// Limits of each axis and method.
@@ -49,6 +51,18 @@ pub(super) struct Relation {
     pub verdict: Verdict,
 }
 
+/// What moving a scan, with its camera, does to its picture: other points are chosen for the levels
+/// of detail, and normals are estimated from other cells.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Floor {
+    pub scan: String,
+    pub method: &'static str,
+    /// Steps of the move along each axis.
+    pub steps: i32,
+    /// FLIP, the worst of the cameras.
+    pub flip: f64,
+}
+
 /// A condition and what it does to a picture.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Case {
@@ -57,7 +71,7 @@ pub(super) struct Case {
     pub measure: &'static str,
     pub value: f64,
     pub bound: f64,
-    /// None if the condition was refused.
+    /// None if the condition was refused, or nothing was drawn that could be measured.
     pub measured: Option<f64>,
     pub verdict: Verdict,
     /// Notes to the user, and the message of a refusal.
@@ -110,6 +124,7 @@ impl StabilityReport {
             is_full,
             threads: rayon::current_num_threads(),
             relations: Vec::new(),
+            floors: Vec::new(),
             cases: Vec::new(),
             axes: Vec::new(),
             stiffness: Vec::new(),
@@ -125,9 +140,8 @@ pub fn failure(report: &StabilityReport) -> Option<String> {
     let cases = report.cases.iter().filter(|c| c.verdict == Verdict::Broken);
     let cases = cases.map(|c| format!("{} {} by {}", c.axis, c.value, c.method));
     let all: Vec<String> = relations.chain(cases).collect();
-    (!all.is_empty()).then(|| {
-        format!("{} bounds are broken: {}; please report this", all.len(), all.join(", "))
-    })
+    (!all.is_empty())
+        .then(|| format!("{} bounds are broken: {}; please report this", all.len(), all.join(", ")))
 }
 
 /// Writes the report for people.
@@ -151,6 +165,11 @@ pub fn text(report: &StabilityReport) -> String {
             word(r.verdict)
         ));
     }
+    for floor in &report.floors {
+        let Floor { scan, method, steps, flip } = floor;
+        let flip = short(*flip);
+        lines.push(format!("floor: {scan} moved by {steps} steps, {method}: flip {flip}"));
+    }
     for limits in &report.axes {
         lines.push(format!(
             "\n{} ({}), {}: {} at most {}; rated to {}",
@@ -169,7 +188,11 @@ pub fn text(report: &StabilityReport) -> String {
         for case in report.cases.iter().filter(is_own) {
             let measured = case.measured.map_or("-".into(), short);
             let messages = case.messages.join("; ");
-            let line = format!("{:>11} {measured:>11}  {:<8} {messages}", short(case.value), word(case.verdict));
+            let line = format!(
+                "{:>11} {measured:>11}  {:<8} {messages}",
+                short(case.value),
+                word(case.verdict)
+            );
             lines.push(line.trim_end().to_owned());
         }
     }
@@ -238,5 +261,38 @@ fn word(verdict: Verdict) -> &'static str {
         Verdict::Breaks => "breaks",
         Verdict::Broken => "BROKEN",
         Verdict::Refused => "refused",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn case(verdict: Verdict) -> Case {
+        Case {
+            axis: "noise",
+            method: "ewa",
+            measure: "FLIP",
+            value: 0.5,
+            bound: 0.1,
+            measured: Some(0.2),
+            verdict,
+            messages: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn only_what_is_rated_fails() {
+        let mut report = StabilityReport::new(false);
+        report.cases = [Verdict::Holds, Verdict::Breaks, Verdict::Refused].map(case).to_vec();
+        assert_eq!(failure(&report), None);
+        report.cases.push(case(Verdict::Broken));
+        assert!(failure(&report).is_some_and(|text| text.contains("noise 0.5 by ewa")));
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        let texts = [0.0, 0.05, 174.9, 1e8, 12.0, 0.00012, 300_000.0].map(short);
+        assert_eq!(texts, ["0", "0.05", "174.9", "1e8", "12", "1e-4", "3e5"]);
     }
 }

@@ -9,6 +9,7 @@ use crate::error_time::analytic::Analytic;
 use crate::error_time::compare::{Errors, errors};
 use crate::error_time::perfect::Reference;
 use crate::stability::lab::{Built, Lab, Shot};
+use crate::stability::relations::halves_differ;
 use crate::stability::report::{Case, Limits, StabilityReport, Verdict};
 use anyhow::{Result, ensure};
 use esker_engine::cameras::camera::Camera;
@@ -52,8 +53,11 @@ pub(super) enum Measure {
     Depth,
     /// Mean error of normals, degrees.
     Normals,
-    /// Distance between the middles of what is drawn and of what there is, pixels.
+    /// Distance of the middle of what is drawn from the middle of the picture, where the camera
+    /// looks, pixels.
     Place,
+    /// Share of the pixels that differ between a picture and its two halves.
+    Parts,
     /// Width by which things are drawn too wide, in distances of their points.
     Width,
 }
@@ -66,6 +70,7 @@ impl Measure {
             Self::Depth => "depth, px",
             Self::Normals => "normals, degrees",
             Self::Place => "place, px",
+            Self::Parts => "differing pixels, share",
             Self::Width => "extra width, spacings",
         }
     }
@@ -92,16 +97,20 @@ pub(super) fn check_names(parts: &[String]) -> Result<()> {
 ///
 /// # Errors
 /// If the task is cancelled. Other errors are verdicts.
-pub(super) fn sweep(axis: &'static Axis, lab: &Lab<'_>, report: &mut StabilityReport) -> Result<()> {
+pub(super) fn sweep(
+    axis: &'static Axis,
+    lab: &Lab<'_>,
+    report: &mut StabilityReport,
+) -> Result<()> {
     let first = report.cases.len();
     for value in values(axis, lab.is_full) {
         lab.phase(&format!("{} {value}", axis.name))?;
-        let found = (axis.scene)(value, lab).and_then(|scene| measured(&scene, axis, lab));
+        let found = (axis.scene)(value, lab).and_then(|scene| measured(&scene, axis, value, lab));
         lab.phase(axis.name)?;
         let refusal = found.as_ref().err().map(|e| format!("{e:#}"));
         for (k, gauge) in axis.gauges.iter().enumerate() {
             let (measured, mut messages) = match &found {
-                Ok(each) => (Some(each[k].0), each[k].1.clone()),
+                Ok(each) => (Some(each[k].0).filter(|m| m.is_finite()), each[k].1.clone()),
                 Err(_) => (None, refusal.iter().cloned().collect()),
             };
             messages.dedup();
@@ -109,8 +118,8 @@ pub(super) fn sweep(axis: &'static Axis, lab: &Lab<'_>, report: &mut StabilityRe
             let verdict = match measured {
                 Some(measured) if measured <= gauge.bound => Verdict::Holds,
                 _ if is_rated => Verdict::Broken,
-                Some(_) => Verdict::Breaks,
-                None => Verdict::Refused,
+                _ if found.is_ok() => Verdict::Breaks,
+                _ => Verdict::Refused,
             };
             report.cases.push(Case {
                 axis: axis.name,
@@ -150,8 +159,7 @@ fn rank(axis: &Axis, value: f64) -> f64 {
 
 /// Limits of a gauge, of its cases in order.
 fn limits(axis: &'static Axis, gauge: &Gauge, cases: &[Case]) -> Limits {
-    let is_own =
-        |case: &&Case| case.method == gauge.method && case.measure == gauge.measure.name();
+    let is_own = |case: &&Case| case.method == gauge.method && case.measure == gauge.measure.name();
     let own: Vec<&Case> = cases.iter().filter(is_own).collect();
     let broken = own.iter().position(|case| case.verdict != Verdict::Holds);
     let at_rated = own.iter().find(|case| case.value == gauge.rated_to);
@@ -175,12 +183,18 @@ fn limits(axis: &'static Axis, gauge: &Gauge, cases: &[Case]) -> Limits {
 }
 
 /// What each gauge measures of a scene, the worst of its cameras, and notes to the user.
-fn measured(scene: &Scene, axis: &Axis, lab: &Lab<'_>) -> Result<Vec<(f64, Vec<String>)>> {
+fn measured(
+    scene: &Scene,
+    axis: &Axis,
+    value: f64,
+    lab: &Lab<'_>,
+) -> Result<Vec<(f64, Vec<String>)>> {
     let built = lab.build(&[&scene.cloud], &scene.options)?;
     let one = |gauge: &Gauge| {
         let mut worst = (0.0f64, built.notes.clone());
-        for camera in &scene.cameras {
-            let (measured, notes) = with_camera(scene, &built, camera, gauge, lab)?;
+        for (k, camera) in scene.cameras.iter().enumerate() {
+            let name = format!("{}-{value}-{k}", axis.name);
+            let (measured, notes) = with_camera(scene, &built, (&name, camera), gauge, lab)?;
             worst.0 = worst.0.max(measured);
             worst.1.extend(notes);
         }
@@ -192,46 +206,46 @@ fn measured(scene: &Scene, axis: &Axis, lab: &Lab<'_>) -> Result<Vec<(f64, Vec<S
 fn with_camera(
     scene: &Scene,
     built: &Built,
-    camera: &Camera,
+    (name, camera): (&str, &Camera),
     gauge: &Gauge,
     lab: &Lab<'_>,
 ) -> Result<(f64, Vec<String>)> {
-    let Shot { picture, view, notes } =
-        lab.shot(&built.file, &lab.request(camera, gauge.method))?;
-    let truth = Analytic::new(axis_name(gauge), scene.truth(), view);
+    let request = lab.request(camera, gauge.method);
+    let Shot { picture, view, notes } = lab.shot(&built.file, &request)?;
+    let truth = Analytic::new(gauge.measure.name(), scene.truth(), view);
+    lab.keep(&format!("{name}-{}", gauge.method), &picture)?;
     if gauge.measure == Measure::Normals {
         return Ok((lab.normal_error(&built.file, camera, &truth)?, notes));
     }
+    if gauge.measure == Measure::Parts {
+        return Ok((halves_differ(lab, &built.file, &request)?, notes));
+    }
     let reference = truth.picture(&view)?;
     let of: Errors = errors(&picture, &reference, view.focal_px());
+    lab.keep(&format!("{name}-exact"), &reference.picture())?;
+    let open = of.hole_share + of.bleeding_share;
     let measured = match gauge.measure {
         Measure::Flip => of.flip,
-        Measure::Holes => of.hole_share + of.bleeding_share,
-        Measure::Depth => of.depth_px,
-        Measure::Normals => 0.0,
-        Measure::Place => misplaced(&picture, &reference),
+        Measure::Holes => open,
+        Measure::Depth if open < 1.0 => of.depth_px,
+        Measure::Depth => f64::INFINITY,
+        Measure::Normals | Measure::Parts => 0.0,
+        Measure::Place => misplaced(&picture),
         Measure::Width => outside(&picture, &reference) / scene.outline_px,
     };
     Ok((measured, notes))
 }
 
-fn axis_name(gauge: &Gauge) -> &'static str {
-    gauge.measure.name()
-}
-
-/// Distance between the middles of the covered pixels; infinite if one picture alone has some.
-fn misplaced(picture: &Picture, reference: &Reference) -> f64 {
-    let middle = |depth: &[f32]| {
-        let covered = depth.iter().enumerate().filter(|(_, depth)| depth.is_finite());
-        let places: Vec<DVec2> = covered
-            .map(|(at, _)| DVec2::new((at % reference.width) as f64, (at / reference.width) as f64))
-            .collect();
-        (!places.is_empty()).then(|| places.iter().sum::<DVec2>() / places.len() as f64)
-    };
-    match (middle(&picture.depth), middle(&reference.depth)) {
-        (Some(a), Some(b)) => a.distance(b),
-        (None, None) => 0.0,
-        _ => f64::INFINITY,
+/// Distance of the middle of the covered pixels from that of the picture; infinite of none.
+fn misplaced(picture: &Picture) -> f64 {
+    let width = picture.width as usize;
+    let covered = picture.depth.iter().enumerate().filter(|(_, depth)| depth.is_finite());
+    let place = |at: usize| DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
+    let places: Vec<DVec2> = covered.map(|(at, _)| place(at)).collect();
+    let middle = DVec2::new(f64::from(picture.width), f64::from(picture.height)) * 0.5;
+    match places.len() {
+        0 => f64::INFINITY,
+        count => middle.distance(places.iter().sum::<DVec2>() / count as f64),
     }
 }
 

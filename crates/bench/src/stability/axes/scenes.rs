@@ -14,8 +14,8 @@ use std::f64::consts::{PI, TAU};
 const STEPS: f64 = 1024.0;
 /// Seed of the noise.
 const SEED: u64 = 7;
-/// Points of a scene.
-const POINTS: usize = 20_000;
+/// Points of a scene for each square pixel of the picture's height.
+const POINTS_A_PIXEL: f64 = 20_000.0 / (160.0 * 160.0);
 /// Field of view of cameras that look at a plane or a ball, degrees.
 const FOVY_DEG: f64 = 40.0;
 /// Least field of view that is accepted, degrees.
@@ -41,6 +41,11 @@ impl Scene {
     pub fn truth(&self) -> Truth {
         Truth { parts: self.parts.clone() }
     }
+}
+
+/// Points of a scene: as many as have the same distances on a picture of any size.
+fn points(lab: &Lab<'_>) -> usize {
+    (POINTS_A_PIXEL * f64::from(lab.size[1]).powi(2)) as usize
 }
 
 /// Numbers in 0..1 that fill a square evenly (an additive recurrence with the plastic number).
@@ -73,9 +78,7 @@ fn painted(places: impl Iterator<Item = DVec3>, paint: &Paint, step: f64) -> Clo
 fn above(at: [f64; 2], px: f64, lab: &Lab<'_>) -> Result<Camera> {
     let height = f64::from(lab.size[1]) / 2.0 / (FOVY_DEG / 2.0).to_radians().tan() / px;
     let [x, y] = at;
-    Camera::parse(&format!(
-        "eye={x:?},{y:?},{height:?};direction=0,0,-1;up=0,1,0;fovy={FOVY_DEG}"
-    ))
+    Camera::parse(&format!("eye={x:?},{y:?},{height:?};direction=0,0,-1;up=0,1,0;fovy={FOVY_DEG}"))
 }
 
 /// A camera `distance` away from a ball of radius 1, which fills the picture as far as the field of
@@ -148,7 +151,7 @@ pub(in crate::stability) fn outlier(extents: f64, count: usize) -> Cloud {
 }
 
 pub(super) fn density_jump(ratio: f64, lab: &Lab<'_>) -> Result<Scene> {
-    let (cloud, [inner, outer], sparse) = jump(ratio, POINTS);
+    let (cloud, [inner, outer], sparse) = jump(ratio, points(lab));
     let side = f64::from(lab.size[1]);
     let cameras = vec![
         above([0.0, 0.0], side / (2.2 * outer), lab)?,
@@ -160,16 +163,16 @@ pub(super) fn density_jump(ratio: f64, lab: &Lab<'_>) -> Result<Scene> {
     Ok(Scene::new(cloud, vec![(square(edge), Paint::Plain([200, 120, 60]))], cameras))
 }
 
-pub(super) fn step(over_spacing: f64, _: &Lab<'_>) -> Result<Scene> {
-    let spacing = ball_spacing(POINTS);
-    let cloud = painted(on_ball(POINTS), &BALL_PAINT, over_spacing * spacing);
+pub(super) fn step(over_spacing: f64, lab: &Lab<'_>) -> Result<Scene> {
+    let spacing = ball_spacing(points(lab));
+    let cloud = painted(on_ball(points(lab)), &BALL_PAINT, over_spacing * spacing);
     Ok(ball(cloud, at_ball(6.0, ball_fovy_deg(6.0))?))
 }
 
-pub(super) fn noise(over_spacing: f64, _: &Lab<'_>) -> Result<Scene> {
-    let spacing = ball_spacing(POINTS);
+pub(super) fn noise(over_spacing: f64, lab: &Lab<'_>) -> Result<Scene> {
+    let spacing = ball_spacing(points(lab));
     let mut dice = Dice(SEED);
-    let places = on_ball(POINTS).map(|at| {
+    let places = on_ball(points(lab)).map(|at| {
         let moved = at * (1.0 + normal(&mut dice) * over_spacing * spacing);
         (moved, BALL_PAINT.at(at))
     });
@@ -179,7 +182,7 @@ pub(super) fn noise(over_spacing: f64, _: &Lab<'_>) -> Result<Scene> {
 
 /// A square that is scanned in rows, with a noise of a tenth of the distance within a row.
 pub(super) fn scan_lines(ratio: f64, lab: &Lab<'_>) -> Result<Scene> {
-    let (column, half) = (1.0 / ratio.sqrt(), (POINTS as f64).sqrt() / 2.0);
+    let (column, half) = (1.0 / ratio.sqrt(), (points(lab) as f64).sqrt() / 2.0);
     let row = column * ratio;
     let turn = DMat3::from_rotation_x(0.5) * DMat3::from_rotation_z(0.3);
     let mut dice = Dice(SEED);
@@ -200,13 +203,24 @@ pub(super) fn scan_lines(ratio: f64, lab: &Lab<'_>) -> Result<Scene> {
 }
 
 pub(super) fn point_distance(px: f64, lab: &Lab<'_>) -> Result<Scene> {
-    let half = (POINTS as f64).sqrt() / 2.0;
+    let count = points(lab);
+    let half = (count as f64).sqrt() / 2.0;
     let cameras = vec![above([0.3, 0.2], px, lab)?];
-    Ok(Scene::new(plane(POINTS), vec![(square(half), Paint::Waves(40.0))], cameras))
+    Ok(Scene::new(plane(count), vec![(square(half), Paint::Waves(40.0))], cameras))
 }
 
-pub(super) fn height(over_spacing: f64, _: &Lab<'_>) -> Result<Scene> {
-    let count = 4 * POINTS;
+/// A surface so rough that many of its points have no normal.
+pub(super) fn parts(px: f64, lab: &Lab<'_>) -> Result<Scene> {
+    let count = 10 * points(lab);
+    let half = (count as f64).sqrt() / 2.0;
+    let (mut dice, paint) = (Dice(SEED), Paint::Waves(40.0));
+    let rough = in_square(count, half).map(|at| at + DVec3::Z * normal(&mut dice));
+    let cloud = painted(rough.collect::<Vec<_>>().into_iter(), &paint, 1.0 / STEPS);
+    Ok(Scene::new(cloud, vec![(square(half), paint)], vec![above([0.3, 0.2], px, lab)?]))
+}
+
+pub(super) fn height(over_spacing: f64, lab: &Lab<'_>) -> Result<Scene> {
+    let count = 4 * points(lab);
     let half = (count as f64).sqrt() / 2.0;
     let camera = format!("eye=0.3,{:?},{over_spacing:?};direction=0.1,1,-0.2;fovy=50", -0.7 * half);
     let cameras = vec![Camera::parse(&camera)?];
@@ -214,7 +228,7 @@ pub(super) fn height(over_spacing: f64, _: &Lab<'_>) -> Result<Scene> {
 }
 
 /// A room, seen from within.
-pub(super) fn wide(fovy_deg: f64, _: &Lab<'_>) -> Result<Scene> {
+pub(super) fn wide(fovy_deg: f64, lab: &Lab<'_>) -> Result<Scene> {
     let camera = format!("eye=0.3,0.2,0.1;direction=1,0.3,-0.1;fovy={fovy_deg:?}");
     let camera = Camera::parse(&camera)?;
     let paint = Paint::Waves(1.3);
@@ -227,7 +241,7 @@ pub(super) fn wide(fovy_deg: f64, _: &Lab<'_>) -> Result<Scene> {
     let mut places = Vec::new();
     for (shape, _) in &parts {
         if let Shape::Rect { corner, u, v } = *shape {
-            places.extend(even(POINTS / 2).map(|[a, b]| corner + u * a + v * b));
+            places.extend(even(points(lab) / 2).map(|[a, b]| corner + u * a + v * b));
         }
     }
     let cloud = painted(places.into_iter(), &paint, 2f64.powi(-14));
@@ -235,25 +249,25 @@ pub(super) fn wide(fovy_deg: f64, _: &Lab<'_>) -> Result<Scene> {
 }
 
 /// A ball from so far away that it fills a narrow field of view.
-pub(super) fn narrow(fovy_deg: f64, _: &Lab<'_>) -> Result<Scene> {
+pub(super) fn narrow(fovy_deg: f64, lab: &Lab<'_>) -> Result<Scene> {
     let distance = 1.2 / (fovy_deg / 2.0).to_radians().tan();
-    let cloud = painted(on_ball(POINTS), &BALL_PAINT, ball_spacing(POINTS) / STEPS);
+    let cloud = painted(on_ball(points(lab)), &BALL_PAINT, ball_spacing(points(lab)) / STEPS);
     Ok(ball(cloud, at_ball(distance, fovy_deg)?))
 }
 
 /// A ball from so many of its diameters away.
-pub(super) fn eye_distance(extents: f64, _: &Lab<'_>) -> Result<Scene> {
+pub(super) fn eye_distance(extents: f64, lab: &Lab<'_>) -> Result<Scene> {
     let distance = 2.0 * extents;
-    let cloud = painted(on_ball(POINTS), &BALL_PAINT, ball_spacing(POINTS) / STEPS);
+    let cloud = painted(on_ball(points(lab)), &BALL_PAINT, ball_spacing(points(lab)) / STEPS);
     Ok(ball(cloud, at_ball(distance, ball_fovy_deg(distance).max(FOVY_MIN_DEG))?))
 }
 
-/// 2,500 points apart, and so many at one place that they are the given share.
+/// 1,024 points apart, and so many at one place that they are the given share.
 pub(super) fn same_place(share: f64, lab: &Lab<'_>) -> Result<Scene> {
-    let apart = 2500.0;
+    let apart = 1024.0;
     let cloud = coincident(share, (apart / (1.0 - share)).round() as usize);
-    let parts = vec![(square(25.0), Paint::Waves(40.0))];
-    let camera = above([0.0, 0.0], f64::from(lab.size[1]) / 60.0, lab)?;
+    let parts = vec![(square(16.0), Paint::Waves(40.0))];
+    let camera = above([0.0, 0.0], f64::from(lab.size[1]) / 40.0, lab)?;
     Ok(Scene::new(cloud, parts, vec![camera]))
 }
 

@@ -1,23 +1,21 @@
 //! The axes, their values and what is rated. A rated value is the hardest one of the sweep that
 //! keeps its bound, or an easier one where the next is near the bound.
 
-use crate::stability::axes::Measure::{Depth, Flip, Holes, Normals, Place, Width};
+use crate::stability::axes::Measure::{Depth, Flip, Holes, Normals, Parts, Place, Width};
 use crate::stability::axes::{Axis, Gauge, Measure, scenes};
+use crate::stability::relations::PART_SHARE;
 
 const fn gauge(method: &'static str, measure: Measure, bound: f64, rated_to: f64) -> Gauge {
     Gauge { method, measure, bound, rated_to }
 }
 
-static AXES: [Axis; 11] = [
+static AXES: [Axis; 12] = [
     Axis {
         name: "density-jump",
         value_is: "ratio of densities within a node",
         values: &[1.0, 10.0, 1e2, 1e3, 1e4, 1e6, 1e8],
         scene: scenes::density_jump,
-        gauges: &[
-            gauge("pull-push", Holes, 0.02, 1e2),
-            gauge("ewa", Holes, 0.02, 1e2),
-        ],
+        gauges: &[gauge("pull-push", Holes, 0.01, 1.0), gauge("ewa", Holes, 0.01, 1.0)],
     },
     Axis {
         name: "step",
@@ -25,10 +23,10 @@ static AXES: [Axis; 11] = [
         values: &[0.001, 0.01, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0],
         scene: scenes::step,
         gauges: &[
-            gauge("pull-push", Flip, 0.1, 0.01),
-            gauge("ewa", Flip, 0.1, 0.01),
-            gauge("ewa", Depth, 1.0, 0.01),
-            gauge("points", Normals, 10.0, 0.01),
+            gauge("pull-push", Flip, 0.1, 1.0),
+            gauge("ewa", Flip, 0.1, 1.0),
+            gauge("ewa", Depth, 1.0, 1.0),
+            gauge("points", Normals, 10.0, 4.0),
         ],
     },
     Axis {
@@ -37,10 +35,10 @@ static AXES: [Axis; 11] = [
         values: &[0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0],
         scene: scenes::noise,
         gauges: &[
-            gauge("pull-push", Flip, 0.1, 0.05),
-            gauge("ewa", Flip, 0.1, 0.05),
-            gauge("ewa", Depth, 1.0, 0.05),
-            gauge("points", Normals, 10.0, 0.05),
+            gauge("pull-push", Flip, 0.1, 0.5),
+            gauge("ewa", Flip, 0.1, 0.5),
+            gauge("ewa", Depth, 1.0, 0.2),
+            gauge("points", Normals, 10.0, 1.0),
         ],
     },
     Axis {
@@ -49,9 +47,9 @@ static AXES: [Axis; 11] = [
         values: &[1.0, 3.0, 10.0, 20.0, 50.0, 100.0, 200.0],
         scene: scenes::scan_lines,
         gauges: &[
-            gauge("pull-push", Holes, 0.01, 3.0),
-            gauge("ewa", Holes, 0.01, 3.0),
-            gauge("points", Normals, 10.0, 3.0),
+            gauge("pull-push", Holes, 0.01, 10.0),
+            gauge("ewa", Holes, 0.01, 10.0),
+            gauge("points", Normals, 10.0, 50.0),
         ],
     },
     Axis {
@@ -60,10 +58,10 @@ static AXES: [Axis; 11] = [
         values: &[1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4],
         scene: scenes::point_distance,
         gauges: &[
-            gauge("auto", Holes, 0.01, 1.0),
-            gauge("pull-push", Holes, 0.01, 10.0),
-            gauge("ewa", Holes, 0.01, 10.0),
-            gauge("ewa", Depth, 1.0, 10.0),
+            gauge("auto", Holes, 0.01, 30.0),
+            gauge("pull-push", Holes, 0.01, 30.0),
+            gauge("ewa", Holes, 0.01, 1e3),
+            gauge("ewa", Depth, 1.0, 1e3),
         ],
     },
     Axis {
@@ -72,20 +70,20 @@ static AXES: [Axis; 11] = [
         values: &[30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01],
         scene: scenes::height,
         gauges: &[
-            gauge("pull-push", Holes, 0.01, 10.0),
-            gauge("ewa", Holes, 0.01, 10.0),
-            gauge("ewa", Flip, 0.15, 10.0),
+            gauge("pull-push", Holes, 0.01, 1.0),
+            gauge("ewa", Holes, 0.01, 0.1),
+            gauge("ewa", Flip, 0.1, 0.1),
         ],
     },
     Axis {
         name: "wide-view",
         value_is: "field of view, degrees",
-        values: &[60.0, 90.0, 120.0, 150.0, 170.0, 175.0, 179.0, 180.0],
+        values: &[60.0, 90.0, 120.0, 150.0, 170.0, 174.9, 175.0],
         scene: scenes::wide,
         gauges: &[
-            gauge("pull-push", Holes, 0.01, 120.0),
-            gauge("ewa", Holes, 0.01, 120.0),
-            gauge("ewa", Flip, 0.15, 120.0),
+            gauge("pull-push", Holes, 0.01, 174.9),
+            gauge("ewa", Holes, 0.01, 174.9),
+            gauge("ewa", Flip, 0.1, 174.9),
         ],
     },
     Axis {
@@ -105,20 +103,17 @@ static AXES: [Axis; 11] = [
         values: &[1.0, 1e2, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9],
         scene: scenes::eye_distance,
         gauges: &[
-            gauge("points", Place, 1.0, 1e4),
-            gauge("pull-push", Place, 1.0, 1e4),
-            gauge("ewa", Place, 1.0, 1e4),
+            gauge("points", Place, 1.0, 1e8),
+            gauge("pull-push", Place, 1.0, 1e8),
+            gauge("ewa", Place, 1.0, 1e8),
         ],
     },
     Axis {
         name: "same-place",
         value_is: "share of points at one place",
-        values: &[0.0, 0.5, 0.9, 0.99],
+        values: &[0.0, 0.5, 0.9, 0.99, 0.999],
         scene: scenes::same_place,
-        gauges: &[
-            gauge("pull-push", Holes, 0.01, 0.5),
-            gauge("ewa", Holes, 0.01, 0.5),
-        ],
+        gauges: &[gauge("pull-push", Holes, 0.01, 0.999), gauge("ewa", Holes, 0.01, 0.999)],
     },
     Axis {
         name: "thickness",
@@ -126,9 +121,20 @@ static AXES: [Axis; 11] = [
         values: &[8.0, 4.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.01],
         scene: scenes::thickness,
         gauges: &[
-            gauge("auto", Width, 1.5, 4.0),
-            gauge("pull-push", Width, 1.5, 4.0),
-            gauge("ewa", Width, 1.5, 4.0),
+            gauge("auto", Width, 2.5, 0.01),
+            gauge("pull-push", Width, 2.5, 0.01),
+            gauge("ewa", Width, 2.5, 2.0),
+        ],
+    },
+    Axis {
+        name: "parts",
+        value_is: "distance of points of a rough surface on the picture, pixels",
+        values: &[1.0, 2.0, 4.0, 8.0, 16.0, 32.0],
+        scene: scenes::parts,
+        gauges: &[
+            gauge("pull-push", Parts, PART_SHARE, 8.0),
+            gauge("auto", Parts, PART_SHARE, 8.0),
+            gauge("ewa", Parts, PART_SHARE, 8.0),
         ],
     },
 ];
