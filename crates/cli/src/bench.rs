@@ -42,8 +42,8 @@ pub enum Benchmark {
     /// Draw scans by every method and setting: the error of the picture, against a reference of all
     /// points, over the time of a frame; which settings are best at their time; a page for a scan.
     ErrorTime(Box<BenchErrorTime>),
-    /// Change scans in ways that must not change their pictures, and make conditions worse, one at a
-    /// time, until a bound on the error of the picture breaks: rated and limiting conditions.
+    /// Change scans in ways that must not change their pictures, and make conditions worse, one at
+    /// a time, until a bound on the error of the picture breaks: rated and limiting conditions.
     Stability(BenchStability),
     /// Draw a scene from smaller forms of its data: error of the picture, of positions, colours and
     /// normals, against bytes a point.

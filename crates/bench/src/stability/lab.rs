@@ -14,8 +14,13 @@ use esker_format::Forest;
 use esker_lod::View;
 use esker_points::{Cancelled, Task};
 use esker_render::Picture;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+
+/// Bytes of a file that are compared: more than that of the points that are taken.
+const FILE_BYTES_MAX: u64 = 1 << 30;
 
 /// What all measurements share.
 pub(super) struct Lab<'a> {
@@ -160,7 +165,11 @@ impl Built {
     /// # Errors
     /// If it cannot be read.
     pub fn bytes(&self) -> Result<Vec<u8>> {
-        std::fs::read(&self.path).with_context(|| self.path.display().to_string())
+        let mut bytes = Vec::new();
+        File::open(&self.path)
+            .and_then(|file| file.take(FILE_BYTES_MAX).read_to_end(&mut bytes))
+            .with_context(|| self.path.display().to_string())?;
+        Ok(bytes)
     }
 }
 

@@ -1,8 +1,9 @@
 //! The axes, their values and what is rated. A rated value is the hardest one of the sweep that
 //! keeps its bound, or an easier one where the next is near the bound.
 
-use crate::stability::axes::Measure::{Depth, Flip, Holes, Normals, Parts, Place, Width};
-use crate::stability::axes::{Axis, Gauge, Measure, scenes};
+use crate::stability::axes::axis::Measure::{Depth, Flip, Holes, Normals, Parts, Place, Width};
+use crate::stability::axes::axis::{Axis, Gauge, Measure};
+use crate::stability::axes::scenes;
 use crate::stability::relations::PART_SHARE;
 
 const fn gauge(method: &'static str, measure: Measure, bound: f64, rated_to: f64) -> Gauge {
