@@ -193,6 +193,16 @@ fn corner(p: vec3<f32>, a: vec3<f32>, b: vec3<f32>, k: u32) -> vec3<f32> {
     return p + a * x + b * y;
 }
 
+// Bits of the exponent of a number, and those of 1 twice.
+const EXPONENT: u32 = 0x7f800000u;
+const TWICE_ONE: u32 = 0x7f000000u;
+
+// The power of two that brings a length to 1 to 2, so that products of lengths stay within `f32` in
+// any unit; 0 of infinity.
+fn to_one(length: f32) -> f32 {
+    return bitcast<f32>(TWICE_ONE - min(bitcast<u32>(length) & EXPONENT, TWICE_ONE));
+}
+
 // A splat that is evaluated by rays, because its disc reaches the near plane or far in depth.
 fn by_rays(p: vec3<f32>, a: vec3<f32>, b: vec3<f32>, radius: f32) -> Placed {
     // Bounds of the part of the disc beyond the near plane.
@@ -216,9 +226,11 @@ fn by_rays(p: vec3<f32>, a: vec3<f32>, b: vec3<f32>, radius: f32) -> Placed {
     let least = low + frame.centre_px;
     let most = high + frame.centre_px;
     let box = clip(least, most);
-    let normal = cross(a, b);
-    let seen = dot(normal, p);
-    let sine = abs(seen) / (length(normal) * length(p));
+    let unit = to_one(max(max(abs(p.x), abs(p.y)), abs(p.z)));
+    let centre = p * unit;
+    let normal = cross(a * unit, b * unit);
+    let seen = dot(normal, centre);
+    let sine = abs(seen) / (length(normal) * length(centre));
     if low.x > high.x || is_empty(box) {
         return Placed(Splat(), vec4<u32>(0u));
     }
@@ -227,9 +239,9 @@ fn by_rays(p: vec3<f32>, a: vec3<f32>, b: vec3<f32>, radius: f32) -> Placed {
     }
     let origin = middle_of(least, most);
     let place = origin - frame.centre_px;
-    let u = row(cross(b, p) / seen, place);
-    let v = row(cross(p, a) / seen, place);
-    let z = row(normal / seen, place);
+    let u = row(cross(b * unit, centre) / seen * unit, place);
+    let v = row(cross(centre, a * unit) / seen * unit, place);
+    let z = row(normal / seen * unit, place);
     return checked(Splat(
         vec4<f32>(origin, u.xy),
         vec4<f32>(u.z, v),

@@ -1,5 +1,6 @@
 //! The cost of a frame as scripts query it: `esker render --explain`, `esker bench render`,
-//! `esker bench leave-out`, `esker bench error-time`, and the filters of `esker render`.
+//! `esker bench leave-out`, `esker bench error-time`, `esker bench stability`, and the filters of
+//! `esker render`.
 
 use crate::folder::Folder;
 use crate::program::esker;
@@ -19,6 +20,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("frames: errors against exact surfaces and against all points", errors));
     #[cfg(unix)]
     trials.push(trial("frames: a budget of time is met by a coarser picture", paces));
+    trials.push(trial("frames: stability tests relations and sweeps conditions", stability));
     trials.push(trial("frames: --explain reports the plan and draws nothing", plan));
     trials.push(trial("frames: filters and ranges are applied", filters));
     trials.push(trial("frames: values that mean no data are in no range of colours", ranges));
@@ -261,6 +263,55 @@ fn paces() {
         OsStr::new("-1"),
     ]);
     assert!(refused.error().contains("milliseconds"), "{}", refused.stderr);
+}
+
+fn stability() {
+    let parts =
+        ["bench", "stability", "synthetic:terrain:20000:3", "--progress", "none", "--parts"];
+    let words = |parts_and_more: &[&'static str]| {
+        esker(parts.into_iter().chain(parts_and_more.to_vec()).collect::<Vec<_>>())
+    };
+    let report = words(&["relations,wide-view,same-place", "--json"]).json();
+    let relations = report["relations"].as_array().unwrap();
+    let of = |name: &str| -> Vec<&Value> {
+        relations.iter().filter(|row| row["relation"] == name).collect()
+    };
+    for exact in ["unit times 2^k", "offset up to 10^9", "order of points", "target at 1 or 10^9"] {
+        assert_eq!(of(exact).len(), 4, "{exact}: {report}");
+        assert!(of(exact).iter().all(|row| row["measured"] == 0.0), "{exact}: {report}");
+    }
+    // Another sample is another picture, so the comparison is not of equal files.
+    for near in ["step / 10", "LAS or PLY"] {
+        assert_eq!(of(near).len(), 4, "{near}: {report}");
+        assert!(of(near).iter().all(|row| row["measured"].as_f64() > Some(0.001)), "{report}");
+    }
+    assert!(relations.iter().all(|row| row["verdict"] == "holds"), "{report}");
+    let cases = report["cases"].as_array().unwrap();
+    let refused: Vec<_> = cases.iter().filter(|case| case["verdict"] == "refused").collect();
+    assert!(!refused.is_empty());
+    for case in refused {
+        assert!(case["axis"] == "wide-view" && case["value"] == 175.0, "{case}");
+        assert!(case["measured"].is_null(), "{case}");
+        assert!(case["messages"][0].as_str().unwrap().contains("below 175 degrees"), "{case}");
+    }
+    // The document has what is rated.
+    let limits = include_str!("../../docs/limits.md");
+    for axis in report["axes"].as_array().unwrap() {
+        let [name, method, measure] =
+            ["axis", "method", "measure"].map(|f| axis[f].as_str().unwrap());
+        let row = limits.lines().find(|line| {
+            line.starts_with(&format!("| {name} |"))
+                && line.contains(&format!("| {method} | {measure} |"))
+        });
+        let rated = format!("| {} |", axis["rated_to"]);
+        assert!(row.is_some_and(|row| row.contains(&rated)), "{axis}: {row:?}");
+    }
+    let table = words(&["same-place", "--markdown"]);
+    let lines: Vec<&str> = table.worked().stdout.lines().collect();
+    assert_eq!(lines.len(), 4, "{}", table.stdout);
+    assert!(lines[2].starts_with("| same-place |"), "{}", table.stdout);
+    let unknown = words(&["sideways"]);
+    assert!(unknown.error().contains("there are relations, axes"), "{}", unknown.stderr);
 }
 
 fn plan() {

@@ -11,6 +11,7 @@ mod quantile;
 pub mod render;
 pub mod size;
 pub mod splats;
+pub mod stability;
 pub mod stream;
 #[cfg(feature = "light")]
 pub mod trace;
@@ -41,6 +42,10 @@ pub const BENCHMARKS: &[(&str, &str)] = &[
     (
         "error-time",
         "draws scans by every method and setting: error of the picture against the time of a frame",
+    ),
+    (
+        "stability",
+        "changes scans as must not change pictures, and makes conditions worse until bounds break",
     ),
     (
         "size",

@@ -11,6 +11,7 @@ use esker_bench::leave_out::{self, LeaveOutRequest};
 use esker_bench::render::{self, RenderBenchRequest};
 use esker_bench::size::{self, SizeBenchRequest};
 use esker_bench::splats::{self, SplatsBenchRequest};
+use esker_bench::stability::{self, StabilityRequest};
 use esker_bench::stream::{self, FlightRequest, Settings, StreamBenchRequest};
 #[cfg(feature = "light")]
 use esker_bench::trace::{self, Part, TraceBenchRequest};
@@ -41,6 +42,9 @@ pub enum Benchmark {
     /// Draw scans by every method and setting: the error of the picture, against a reference of all
     /// points, over the time of a frame; which settings are best at their time; a page for a scan.
     ErrorTime(Box<BenchErrorTime>),
+    /// Change scans in ways that must not change their pictures, and make conditions worse, one at
+    /// a time, until a bound on the error of the picture breaks: rated and limiting conditions.
+    Stability(BenchStability),
     /// Draw a scene from smaller forms of its data: error of the picture, of positions, colours and
     /// normals, against bytes a point.
     Size(BenchSize),
@@ -74,6 +78,7 @@ pub fn run(benchmark: Benchmark, stop: Arc<AtomicBool>) -> Result<()> {
         Benchmark::Render(args) => run_render(*args, stop),
         Benchmark::LeaveOut(args) => run_leave_out(*args, stop),
         Benchmark::ErrorTime(args) => run_error_time(*args, stop),
+        Benchmark::Stability(args) => run_stability(args, stop),
         Benchmark::Size(args) => run_size(args, stop),
         Benchmark::Build(args) => run_build(args, stop),
         Benchmark::Decode(args) => run_decode(args, stop),
@@ -150,6 +155,33 @@ pub struct BenchErrorTime {
     pub out: Option<PathBuf>,
     #[command(flatten)]
     pub how: DrawHow,
+}
+
+#[derive(ClapArgs)]
+pub struct BenchStability {
+    /// Scans on which the relations are tested; generated ones by default.
+    #[arg(value_name = "SCAN")]
+    pub scans: Vec<PathBuf>,
+    /// Measure these parts alone: relations, axes, stiffness, or the name of an axis, such as
+    /// density-jump.
+    #[arg(long, value_name = "NAME,NAME", value_delimiter = ',')]
+    pub parts: Vec<String>,
+    /// Take few values and points; this is the default.
+    #[arg(long, conflicts_with = "full")]
+    pub quick: bool,
+    /// Take more values, more points and larger pictures.
+    #[arg(long)]
+    pub full: bool,
+    /// Write the pictures of all conditions, beside the exact ones, to this folder.
+    #[arg(long, value_name = "DIR")]
+    pub pictures: Option<PathBuf>,
+    /// Print the limits as a table in Markdown.
+    #[arg(long, conflicts_with = "json")]
+    pub markdown: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 #[derive(ClapArgs)]
@@ -397,6 +429,23 @@ fn run_error_time(args: BenchErrorTime, stop: Arc<AtomicBool>) -> Result<()> {
     };
     let measure = |progress: &Progress| error_time::measure(&request, progress);
     args.how.output.report(stop, measure, error_time::text)
+}
+
+fn run_stability(args: BenchStability, stop: Arc<AtomicBool>) -> Result<()> {
+    let request = StabilityRequest {
+        scans: args.scans,
+        is_full: args.full,
+        parts: args.parts,
+        pictures: args.pictures,
+        threads: args.threads.count,
+    };
+    let report = args.output.watch(stop, |progress| stability::measure(&request, progress))?;
+    let text = if args.markdown { stability::markdown } else { stability::text };
+    args.output.print(&report, || text(&report))?;
+    match stability::failure(&report) {
+        Some(failure) => bail!(failure),
+        None => Ok(()),
+    }
 }
 
 fn run_size(args: BenchSize, stop: Arc<AtomicBool>) -> Result<()> {

@@ -27,7 +27,7 @@ const SEED: u64 = 11;
 const RAYS: usize = 4;
 
 /// An analytic scene, and its view.
-pub(super) struct Analytic {
+pub(crate) struct Analytic {
     /// Name in reports.
     pub name: &'static str,
     truth: Truth,
@@ -35,6 +35,11 @@ pub(super) struct Analytic {
 }
 
 impl Analytic {
+    /// A scene of other surfaces than those that have a name.
+    pub fn new(name: &'static str, truth: Truth, view: View) -> Self {
+        Self { name, truth, view }
+    }
+
     /// The scene that an input names; `None` if the input is a file.
     ///
     /// # Errors
@@ -144,9 +149,15 @@ impl Analytic {
     /// Mean angle, degrees, between the normals that a picture of points shows as colours and those
     /// of the surface. Pixels that show another surface than the nearest, and points without a
     /// normal, do not count.
-    pub fn normal_error(&self, view: &View, Picture { rgba, depth, .. }: &Picture) -> f64 {
+    pub fn normal_error(&self, view: &View, picture: &Picture) -> f64 {
+        self.normal_errors(view, picture).0
+    }
+
+    /// The same, and the share of the points that have a normal.
+    pub fn normal_errors(&self, view: &View, picture: &Picture) -> (f64, f64) {
+        let Picture { rgba, depth, .. } = picture;
         let (width, pixel_at_one) = (view.width as usize, 1.0 / view.focal_px());
-        let mut sum = (0.0, 0.0);
+        let (mut sum, mut all) = ((0.0, 0.0), 0.0);
         for (at, depth) in depth.iter().enumerate().filter(|(_, depth)| depth.is_finite()) {
             let place = DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
             let hits = self.truth.hits(view.eye, Truth::ray(view, place));
@@ -158,6 +169,7 @@ impl Analytic {
             };
             let [r, g, b, _] = *rgba[at * 4..].first_chunk().unwrap_or(&[0; 4]);
             let drawn = (linear([r, g, b]) * 2.0 - 1.0).as_dvec3();
+            all += 1.0;
             // A point without a normal is grey.
             if drawn.length_squared() > 0.5 {
                 let cosine = drawn.normalize_or_zero().dot(hit.normal);
@@ -165,6 +177,6 @@ impl Analytic {
                 sum.1 += 1.0;
             }
         }
-        sum.0 / f64::max(sum.1, 1.0)
+        (sum.0 / f64::max(sum.1, 1.0), sum.1 / f64::max(all, 1.0))
     }
 }

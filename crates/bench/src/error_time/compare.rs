@@ -16,7 +16,7 @@ const RIM_PX: usize = 2;
 
 /// Errors of a picture.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Errors {
+pub(crate) struct Errors {
     /// Mean of FLIP (`andersson2020`), 0 to 1.
     pub flip: f64,
     /// Share of the pixels of which a channel is off by more than 8 of 255.
@@ -30,7 +30,7 @@ pub(super) struct Errors {
 }
 
 /// Compares a picture with a reference of the same size; `focal_px` is the focal length.
-pub(super) fn errors(picture: &Picture, reference: &Reference, focal_px: f64) -> Errors {
+pub(crate) fn errors(picture: &Picture, reference: &Reference, focal_px: f64) -> Errors {
     let pixels = reference.depth.len().max(1) as f64;
     let (own, other) = (picture.rgba.as_chunks::<4>().0, reference.rgba.as_chunks::<4>().0);
     let is_off = |(a, b): &(&[u8; 4], &[u8; 4])| (0..3).any(|i| a[i].abs_diff(b[i]) > CHANGED);

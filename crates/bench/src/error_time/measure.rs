@@ -271,14 +271,7 @@ impl<'a> Measured<'a> {
         let aside =
             |view: View| View { eye: view.eye + view.world_from_view.x_axis * step, ..view };
         let moved = common.draw(shift_px, aside)?;
-        let picture = Picture {
-            width: moved.width as u32,
-            height: (moved.depth.len() / moved.width.max(1)) as u32,
-            rgba: moved.rgba,
-            depth: moved.depth,
-            ..Picture::default()
-        };
-        Ok(errors(&picture, reference, focal_px))
+        Ok(errors(&moved.picture(), reference, focal_px))
     }
 
     /// Draws a frame twice, and times the second one.

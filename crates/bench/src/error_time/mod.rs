@@ -6,11 +6,11 @@
 //! finds the settings of least error at their time, and [`page`] writes the page about a scan.
 //! [`streaming`] measures the error of frames while a file is loaded.
 
-mod analytic;
-mod compare;
+pub(crate) mod analytic;
+pub(crate) mod compare;
 mod measure;
 mod page;
-mod perfect;
+pub(crate) mod perfect;
 mod plot;
 mod reference;
 mod report;

@@ -8,7 +8,7 @@ use glam::Vec3;
 pub(super) const FINER: usize = 2;
 
 /// A picture that others are compared with.
-pub(super) struct Reference {
+pub(crate) struct Reference {
     /// Pixels in a row.
     pub width: usize,
     /// sRGB, four bytes a pixel.
@@ -39,5 +39,16 @@ impl Reference {
             out.depth.push(depth);
         }
         out
+    }
+
+    /// The picture itself.
+    pub fn picture(&self) -> Picture {
+        Picture {
+            width: self.width as u32,
+            height: (self.depth.len() / self.width.max(1)) as u32,
+            rgba: self.rgba.clone(),
+            depth: self.depth.clone(),
+            ..Picture::default()
+        }
     }
 }

@@ -214,11 +214,23 @@ pub struct Inverse {
 /// Sine between the plane and the line of sight below which rounding decides what is visible.
 pub(crate) const SINE_MIN: f32 = 1e-6;
 
+/// Bits of the exponent of a number, and those of 1 twice.
+pub(crate) const EXPONENT: u32 = 0x7f80_0000;
+pub(crate) const TWICE_ONE: u32 = 254 << 23;
+
+/// The power of two that brings a length to 1 to 2, so that products of lengths stay within `f32`
+/// in any unit; 0 of infinity.
+fn to_one(length: f32) -> f32 {
+    f32::from_bits(TWICE_ONE - (length.to_bits() & EXPONENT).min(TWICE_ONE))
+}
+
 /// Inverse of equation 4 (`u = x M^-1`), relative to the position `from` in the picture; `None`
 /// where the eye lies in the plane in `f32`.
 #[inline]
 pub fn inverse(p: Vec3, tangents: [Vec3; 2], focal_px: f32, from: Vec2) -> Option<Inverse> {
-    let [a, b] = tangents;
+    let unit = to_one(p.abs().max_element());
+    let p = p * unit;
+    let [a, b] = tangents.map(|tangent| tangent * unit);
     let normal = a.cross(b);
     let seen = normal.dot(p);
     // NaN is in no range.
@@ -226,9 +238,30 @@ pub fn inverse(p: Vec3, tangents: [Vec3; 2], focal_px: f32, from: Vec2) -> Optio
         return None;
     }
     let row = |n: Vec3| {
-        let n = n / seen;
+        let n = n / seen * unit;
         let (x, y) = (n.x / focal_px, n.y / focal_px);
         Vec3::new(x, y, n.z + x * from.x + y * from.y)
     };
     Some(Inverse { u: row(b.cross(p)), v: row(p.cross(a)), inverse_depth: row(normal) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inverses_in_any_unit_are_the_same_times_a_power_of_two() {
+        let p = Vec3::new(3.0, -2.0, 1.5);
+        let tangents = [Vec3::new(1.0, 0.5, 0.25), Vec3::new(-0.5, 1.0, 2.0)];
+        let of = |unit: f32| {
+            let tangents = tangents.map(|tangent| tangent * unit);
+            let Inverse { u, v, inverse_depth } =
+                inverse(p * unit, tangents, 300.0, Vec2::new(7.0, -9.0)).unwrap();
+            [u, v, inverse_depth].map(|row| row * unit)
+        };
+        for log2 in [-60, -30, 30, 43, 60] {
+            assert_eq!(of(2f32.powi(log2)), of(1.0), "2^{log2}");
+        }
+        assert!(inverse(p * f32::INFINITY, tangents, 300.0, Vec2::ZERO).is_none());
+    }
 }

@@ -46,6 +46,7 @@ same_values!(
 );
 same_values!(ewa_place == crate::passes::gather { DOT_RADIUS_PX });
 same_values!(ewa_place == crate::ewa { SINE_MIN = mapping::SINE_MIN, AXIS_SINE_MIN = shape::SINE_MIN });
+same_values!(ewa_place == crate::ewa::mapping { EXPONENT, TWICE_ONE });
 same_values!(ewa_place == crate::ewa::clip {
     CLIP_SHIFT_MAX = esker_points::clip::SHIFT_MAX,
     CLIP_FLAT = FLAT,
