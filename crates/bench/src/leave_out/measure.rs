@@ -1,6 +1,7 @@
 //! Draws each omission's two pictures in turns, on the CPU and on the GPU.
 
 use crate::leave_out::omissions::{Omission, omissions};
+use crate::leave_out::pictures::{Difference, LeftOutBy, Verdict};
 use crate::leave_out::report::{FrameCost, LeaveOutReport, LeaveOutRow, Saving};
 use crate::quantile::median_ms;
 use crate::render::scene::ResidentScene;
@@ -78,7 +79,7 @@ fn measure_omission(
     gpu: Option<&Gpu>,
     task: &dyn Task,
 ) -> Result<LeaveOutRow> {
-    let Omission { name, with: (with, with_changes), without: (without, without_changes) } =
+    let Omission { name, with: (with, with_changes), without: (without, without_changes), by } =
         omission;
     let mut scenes = [
         (ResidentScene::new(file, with, gpu, task)?, *with_changes),
@@ -102,6 +103,16 @@ fn measure_omission(
             }
         }
     }
+    let has_gpu = scenes[0].0.has_gpu();
+    let mut compared = |on_gpu: bool| {
+        let [with, without] = &mut scenes;
+        Ok::<_, anyhow::Error>(Difference::of(&with.0.shown(on_gpu)?, &without.0.shown(on_gpu)?))
+    };
+    let cpu_difference = compared(false)?;
+    let gpu_difference = has_gpu.then(|| compared(true)).transpose()?;
+    let applies = with_cost != without_cost;
+    let is_left_out = !applies || *by == LeftOutBy::Plan;
+    let differences = [cpu_difference].into_iter().chain(gpu_difference);
     let frame_cost = |i: usize| FrameCost {
         bytes_read: scenes[i].0.picture.read_bytes,
         bytes_resident: scenes[i].0.plane_bytes(),
@@ -112,7 +123,10 @@ fn measure_omission(
     Ok(LeaveOutRow {
         file: path.display().to_string(),
         left_out: name,
-        applies: with_cost != without_cost,
+        applies,
+        verdict: Verdict::of(differences, is_left_out),
+        difference: cpu_difference,
+        gpu_difference,
         width: without.size[0],
         height: without.size[1],
         with: frame_cost(0),

@@ -2,6 +2,7 @@
 //! that does not. Some apply to dense views only; these are drawn at the largest size at which the
 //! view is dense, and from farther away if it is dense at no size.
 
+use crate::leave_out::pictures::LeftOutBy;
 use crate::render::scene::Changes;
 use anyhow::Result;
 use esker_engine::Method;
@@ -30,13 +31,16 @@ pub(super) struct Omission {
     pub with: (PictureRequest, Changes),
     /// The picture that has it not, and how its frames are changed.
     pub without: (PictureRequest, Changes),
+    /// Who leaves it out.
+    pub by: LeftOutBy,
 }
 
 impl Omission {
     /// An omission that needs another picture, and no changes of frames.
     fn of_pictures(name: &'static str, with: PictureRequest, without: PictureRequest) -> Self {
         let unchanged = Changes::default();
-        Self { name, with: (with, unchanged), without: (without, unchanged) }
+        let by = LeftOutBy::Request;
+        Self { name, with: (with, unchanged), without: (without, unchanged), by }
     }
 
     /// An omission that changes frames of the same picture.
@@ -46,7 +50,13 @@ impl Omission {
         with: Changes,
         without: Changes,
     ) -> Self {
-        Self { name, with: (picture.clone(), with), without: (picture, without) }
+        let by = LeftOutBy::Request;
+        Self { name, with: (picture.clone(), with), without: (picture, without), by }
+    }
+
+    /// The same, left out by the plan of the frame.
+    fn by_plan(self) -> Self {
+        Self { by: LeftOutBy::Plan, ..self }
     }
 }
 
@@ -112,7 +122,7 @@ fn mapped_values(file: &Forest, base: &PictureRequest) -> Option<Omission> {
     colour::colouring(file, Some(names::GPS_TIME), info::bounds(file)).ok()?;
     let codes = PictureRequest { colour_by: Some(names::GPS_TIME.into()), ..base.clone() };
     let values = PictureRequest { keeps_values: true, ..codes.clone() };
-    Some(Omission::of_pictures("values beyond a byte of code", values, codes))
+    Some(Omission::of_pictures("values beyond a byte of code", values, codes).by_plan())
 }
 
 /// What views need in which points do not share pixels.
@@ -148,7 +158,7 @@ fn dense_views(file: &Forest, base: &PictureRequest) -> Result<Vec<Omission>> {
             unchanged,
             one_wins,
         ),
-        Omission::of_changes("pull and push of a dense view", dense, pushed, unchanged),
+        Omission::of_changes("pull and push of a dense view", dense, pushed, unchanged).by_plan(),
     ])
 }
 

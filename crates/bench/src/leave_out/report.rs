@@ -1,5 +1,6 @@
 //! The report of the benchmark of leaving out, and its table for people.
 
+use crate::leave_out::pictures::{Difference, Verdict};
 use crate::quantile::quantile;
 use esker_engine::io::quantity::readable_bytes;
 use esker_render::PassTimes;
@@ -27,8 +28,15 @@ pub struct LeaveOutReport {
 pub(super) struct LeaveOutRow {
     pub file: String,
     pub left_out: &'static str,
-    /// Whether the frames differ.
+    /// Whether the frames differ in plan, points or planes.
     pub applies: bool,
+    /// Whether it was needed.
+    pub verdict: Verdict,
+    /// How the pictures of the CPU differ.
+    #[serde(flatten)]
+    pub difference: Difference,
+    /// How the pictures of the GPU differ.
+    pub gpu_difference: Option<Difference>,
     /// Width of the picture, which may be smaller than the requested one, pixels.
     pub width: u32,
     /// Height of the picture, pixels.
@@ -90,6 +98,14 @@ pub(super) struct FrameCost {
     pub gpu_ms: Option<f64>,
 }
 
+impl LeaveOutReport {
+    /// Things that were left out as not needed, and change a picture.
+    pub fn faults(&self) -> Vec<String> {
+        let faults = self.rows.iter().filter(|row| row.verdict == Verdict::Fault);
+        faults.map(|row| format!("{}: {}", row.file, row.left_out)).collect()
+    }
+}
+
 /// Writes the report for people.
 pub fn text(report: &LeaveOutReport) -> String {
     let mut lines = Vec::new();
@@ -107,10 +123,14 @@ pub fn text(report: &LeaveOutReport) -> String {
 
 fn line(row: &LeaveOutRow, report: &LeaveOutReport) -> String {
     let name = name_of(row, report);
-    if !row.applies {
+    let LeaveOutRow { with, without, difference, verdict, .. } = row;
+    if !row.applies && *verdict == Verdict::LeftOut {
         return format!("  {name:<50} not in this view: nothing is left out");
     }
-    let LeaveOutRow { with, without, .. } = row;
+    let differs = pictures(difference);
+    let on_gpu = row.gpu_difference.as_ref().map_or(String::new(), |difference| {
+        format!(", on the GPU {}", pictures(difference))
+    });
     let bytes = |with: u64, without: u64| {
         format!("{:>10} {:>10}", readable_bytes(with), readable_bytes(without))
     };
@@ -128,7 +148,17 @@ fn line(row: &LeaveOutRow, report: &LeaveOutReport) -> String {
         if with.gpu_ms.is_none() { "" } else { "  gpu " },
         ms(with.gpu_ms, without.gpu_ms),
         saving(row.gpu_saving),
-    )
+    ) + &format!("\n  {:<50} {differs}{on_gpu}: {}", "", verdict.text())
+}
+
+/// How two pictures differ, in words.
+fn pictures(difference: &Difference) -> String {
+    let Difference { changed_share, off_share, flip } = difference;
+    if difference.is_equal() {
+        return "pictures are equal".into();
+    }
+    let [changed, off] = [changed_share, off_share].map(|share| share * 100.0);
+    format!("{changed:.2} % of the pixels change, {off:.2} % clearly, FLIP {flip:.4}")
 }
 
 /// Name of the omission, and the size of the picture if it is not the requested one.
