@@ -94,6 +94,7 @@ impl Setting {
             is_rough: self.pass == Some("without smoothing"),
             is_flat: self.pass == Some("without fitted planes"),
             is_matt: self.pass == Some("without highlights"),
+            ..Changes::NONE
         }
     }
 

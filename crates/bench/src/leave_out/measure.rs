@@ -1,6 +1,7 @@
 //! Draws each omission's two pictures in turns, on the CPU and on the GPU.
 
 use crate::leave_out::omissions::{Omission, omissions};
+use crate::leave_out::passes;
 use crate::leave_out::pictures::{Difference, LeftOutBy, Verdict};
 use crate::leave_out::report::{FrameCost, LeaveOutReport, LeaveOutRow, Saving};
 use crate::quantile::median_ms;
@@ -44,14 +45,22 @@ pub struct LeaveOutRequest {
 pub fn measure(request: &LeaveOutRequest, task: &dyn Task) -> Result<LeaveOutReport> {
     let (gpu, drawer) = request.with.choose(None)?;
     pool::run(request.threads, || {
-        let mut rows = Vec::new();
+        let (mut rows, mut passes) = (Vec::new(), Vec::new());
         for path in &request.files {
             let (file, _folder) =
                 open(std::slice::from_ref(path), &PictureRequest::default(), task)?;
-            for omission in omissions(&file, request.size, request.camera)? {
+            let base = PictureRequest {
+                size: request.size,
+                camera: request.camera,
+                colour_by: Some("plain".into()),
+                full: true,
+                ..PictureRequest::default()
+            };
+            for omission in omissions(&file, &base)? {
                 task.phase(omission.name, None, "frames");
                 rows.push(measure_omission(&omission, path, &file, gpu.as_ref(), task)?);
             }
+            passes.extend(passes::measure(path, &file, &base, gpu.as_ref(), task)?);
         }
         Ok(LeaveOutReport {
             adapter: gpu.as_ref().map(|gpu| gpu.name.clone()),
@@ -60,6 +69,7 @@ pub fn measure(request: &LeaveOutRequest, task: &dyn Task) -> Result<LeaveOutRep
             width: request.size[0],
             height: request.size[1],
             rows,
+            passes,
         })
     })
 }
@@ -111,7 +121,7 @@ fn measure_omission(
     let cpu_difference = compared(false)?;
     let gpu_difference = has_gpu.then(|| compared(true)).transpose()?;
     let applies = with_cost != without_cost;
-    let is_left_out = !applies || *by == LeftOutBy::Plan;
+    let is_left_out = !applies || *by != LeftOutBy::Request;
     let differences = [cpu_difference].into_iter().chain(gpu_difference);
     let frame_cost = |i: usize| FrameCost {
         bytes_read: scenes[i].0.picture.read_bytes,
@@ -127,6 +137,7 @@ fn measure_omission(
         verdict: Verdict::of(differences, is_left_out),
         difference: cpu_difference,
         gpu_difference,
+        is_promised: !applies || *by == LeftOutBy::Plan,
         width: without.size[0],
         height: without.size[1],
         with: frame_cost(0),

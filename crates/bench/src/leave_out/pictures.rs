@@ -47,6 +47,8 @@ impl Difference {
 pub(super) enum LeftOutBy {
     /// The user, who asks for another picture.
     Request,
+    /// The plan of the frame by a rule, which finds it unneeded but promises no equal picture.
+    Rule,
     /// The plan of the frame, which promises the same picture without it.
     Plan,
 }

@@ -1,5 +1,6 @@
 //! The report of the benchmark of leaving out, and its table for people.
 
+use crate::leave_out::passes::PassRow;
 use crate::leave_out::pictures::{Difference, Verdict};
 use crate::quantile::quantile;
 use esker_engine::io::quantity::readable_bytes;
@@ -21,6 +22,8 @@ pub struct LeaveOutReport {
     pub(super) height: u32,
     /// A row for each file and omission.
     pub(super) rows: Vec<LeaveOutRow>,
+    /// A row for each file, view and optional part of its frames.
+    pub(super) passes: Vec<PassRow>,
 }
 
 /// A thing that is left out of pictures of a file.
@@ -37,6 +40,9 @@ pub(super) struct LeaveOutRow {
     pub difference: Difference,
     /// How the pictures of the GPU differ.
     pub gpu_difference: Option<Difference>,
+    /// Whether the picture must be the same without it: the plan promises that, or the frames do
+    /// not differ.
+    pub is_promised: bool,
     /// Width of the picture, which may be smaller than the requested one, pixels.
     pub width: u32,
     /// Height of the picture, pixels.
@@ -99,10 +105,13 @@ pub(super) struct FrameCost {
 }
 
 impl LeaveOutReport {
-    /// Things that were left out as not needed, and change a picture.
+    /// What was left out with the promise of an equal picture, and changes it.
     pub fn faults(&self) -> Vec<String> {
-        let faults = self.rows.iter().filter(|row| row.verdict == Verdict::Fault);
-        faults.map(|row| format!("{}: {}", row.file, row.left_out)).collect()
+        let rows = self.rows.iter().filter(|row| row.verdict == Verdict::Fault && row.is_promised);
+        let passes = self.passes.iter().filter(|row| row.verdict == Verdict::Fault);
+        let rows = rows.map(|row| format!("{}: {}", row.file, row.left_out));
+        let passes = passes.map(|row| format!("{}: {} of {}", row.file, row.part, row.view));
+        rows.chain(passes).collect()
     }
 }
 
@@ -116,6 +125,15 @@ pub fn text(report: &LeaveOutReport) -> String {
             lines.push(format!("{file}: with it and without"));
         }
         lines.push(line(row, report));
+    }
+    let mut view = ("", "");
+    for row in &report.passes {
+        if view != (&*row.file, row.view) {
+            view = (&row.file, row.view);
+            let PassRow { file, view, frame_cpu_ms, width, height, .. } = row;
+            lines.push(format!("{file}: {view}, {width}x{height}, {frame_cpu_ms:.2} ms a frame"));
+        }
+        lines.push(pass_line(row));
     }
     lines.extend(report.adapter.iter().map(|name| format!("gpu: {name}")));
     lines.join("\n")
@@ -149,6 +167,14 @@ fn line(row: &LeaveOutRow, report: &LeaveOutReport) -> String {
         ms(with.gpu_ms, without.gpu_ms),
         saving(row.gpu_saving),
     ) + &format!("\n  {:<50} {differs}{on_gpu}: {}", "", verdict.text())
+}
+
+fn pass_line(row: &PassRow) -> String {
+    let PassRow { part, runs, cpu_ms, gpu_ms, difference, verdict, .. } = row;
+    let takes = if *runs { "takes" } else { "would take" };
+    let on_gpu = gpu_ms.map_or(String::new(), |ms| format!(", gpu {ms:.2} ms"));
+    let (differs, verdict) = (pictures(difference), verdict.text());
+    format!("  {part:<40} {takes} {cpu_ms:.2} ms{on_gpu}; {differs}: {verdict}")
 }
 
 /// How two pictures differ, in words.

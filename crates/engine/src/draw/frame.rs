@@ -14,7 +14,7 @@ use esker_render::inputs::camera::is_drawable;
 use esker_render::picture::margin::{MARGIN_PX, goes_beyond};
 use esker_render::{
     Codebook, ColourBy, ColourMap, ColourPlane, Dots, DrawNode, Frame, FrameOptions, FramePlan,
-    Method as Passes, SceneHas,
+    Method as Passes, PassChoice, SceneHas,
 };
 use esker_stream::Needs;
 use std::sync::Arc;
@@ -88,13 +88,15 @@ impl Appearance {
         })
     }
 
-    /// Adds exposure compensation, if `evens_exposure`.
+    /// Adds exposure compensation, if `evens_exposure` and the file has several scans: of one scan,
+    /// every factor is 1 ([`esker_render::passes::exposure`]).
     ///
     /// # Errors
     /// If no attribute of the file differs between scans.
     pub fn evened(mut self, file: &Forest, evens_exposure: bool) -> Result<Self> {
-        if evens_exposure {
-            let scans = colour::scans(file)?;
+        let scans = evens_exposure.then(|| colour::scans(file)).transpose()?;
+        let evens_exposure = evens_exposure && !colour::is_one_scan(file)?;
+        if let Some(scans) = scans.filter(|_| evens_exposure) {
             self.shown = Arc::new(ForestFilter::clone(&self.shown).with_scans(Some(scans)));
         }
         Ok(Self { evens_exposure, ..self })
@@ -194,6 +196,7 @@ impl Appearance {
             dots,
             mixes_dots,
             thins_points: self.target_spacing_px > 0.0,
+            passes: PassChoice::default(),
         };
         FramePlan::of(&has, &options)
     }

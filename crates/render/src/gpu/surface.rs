@@ -57,6 +57,8 @@ pub struct Choices {
     pub smooths: bool,
     /// Whether pixels with a normal are darkened behind edges.
     pub darkens_edges: bool,
+    /// Whether fill_holes closes gaps, beside writing the depth image and its edges.
+    pub fills_holes: bool,
 }
 
 /// Dispatches over one pyramid and picture.
@@ -104,8 +106,8 @@ struct Scratch {
 impl Scratch {
     fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, GpuError> {
         let pixels = u64::from(size[0]) * u64::from(size[1]);
-        let plane =
-            |label| gpu.buffer(label, pixels * 4, BufferUsages::STORAGE | BufferUsages::COPY_SRC);
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let plane = |label| gpu.buffer(label, pixels * 4, usage);
         Ok(Self {
             marks: plane("surface marks")?,
             sources: plane("surface sources")?,
@@ -114,6 +116,26 @@ impl Scratch {
             turns: Turns::new(gpu, size)?,
             radii: Radii::new(gpu, size)?,
         })
+    }
+
+    /// Copies what a pass that does not run would have written, unchanged.
+    fn pass_on(&self, encoder: &mut CommandEncoder, pass: Pass, picture: &GpuPicture) {
+        let Self { sources, spare, work, radii, .. } = self;
+        let mut copy = |from: &wgpu::Buffer, to: &wgpu::Buffer| {
+            encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size());
+        };
+        match pass {
+            Pass::Silhouette => {
+                copy(work, &picture.depth);
+                encoder.clear_buffer(sources, 0, None);
+            }
+            Pass::SmoothDepth => {
+                copy(&picture.depth, spare);
+                encoder.clear_buffer(&radii.corners, 0, None);
+            }
+            Pass::Antialias => copy(work, &picture.rgba),
+            _ => (),
+        }
     }
 
     fn target<'a>(
@@ -172,18 +194,19 @@ impl Kernels {
         &mut self,
         gpu: &Gpu,
         target: &SurfaceTarget<'_>,
-        Choices { shines, smooths, darkens_edges, .. }: Choices,
+        Choices { shines, smooths, darkens_edges, fills_holes, .. }: Choices,
     ) -> Result<Vec<PassDispatches>, GpuError> {
         let stage = |name, pass, dispatches| PassDispatches { name, pass, dispatches };
         let uniform = target.uniform;
         let marks = [&target.picture.depth, target.marks, target.sources];
         let push = self.push.dispatches(gpu, uniform, target.pyramid, smooths)?;
+        let fill_holes = self.fill_holes.dispatches(gpu, target, fills_holes);
         let mut stages = vec![
             // Runs after EWA splatting, which fills level 0 and the picture's depth.
             stage("edges", Pass::Blend, vec![target.dispatch(gpu, &self.edges, &marks)]),
             stage("pull", Pass::Pull, self.pull.dispatches(gpu, uniform, target.pyramid)),
             stage("push", Pass::Push, push),
-            stage("fill_holes", Pass::FillHoles, self.fill_holes.dispatches(gpu, target)),
+            stage("fill_holes", Pass::FillHoles, fill_holes),
             stage("silhouette", Pass::Silhouette, self.silhouette.dispatches(gpu, target)),
         ];
         let smooth_depth = self.smooth_depth.iter();
@@ -229,10 +252,23 @@ impl Surface {
         timing: &mut Timing,
     ) -> Result<(), GpuError> {
         let (planes, shines, smooths) = (plan.planes(), plan.shines, plan.smooths);
-        let choices = Choices { planes, shines, smooths, darkens_edges: plan.darkens_edges() };
-        let stages = self.stages(gpu, uniform, pyramid, picture, choices)?;
-        for stage in stages.iter().filter(|stage| plan.passes.contains(&stage.pass)) {
-            stage.encode(encoder, timing);
+        let choices = Choices {
+            planes,
+            shines,
+            smooths,
+            darkens_edges: plan.darkens_edges(),
+            fills_holes: plan.passes.contains(&Pass::FillHoles),
+        };
+        self.stages(gpu, uniform, pyramid, picture, choices)?;
+        let Some(Bound { stages, scratch, .. }) = &self.bound else { return Ok(()) };
+        let chosen = stages.iter().find(|(chosen, _)| *chosen == choices);
+        let has_level = plan.passes.contains(&Pass::Gather);
+        for stage in chosen.iter().flat_map(|(_, stages)| stages) {
+            if plan.passes.contains(&stage.pass) || has_level && stage.pass == Pass::FillHoles {
+                stage.encode(encoder, timing);
+            } else if has_level || stage.pass != Pass::Silhouette {
+                scratch.pass_on(encoder, stage.pass, picture);
+            }
         }
         Ok(())
     }

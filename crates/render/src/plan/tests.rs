@@ -24,6 +24,7 @@ const OPTIONS: FrameOptions = FrameOptions {
     dots: Dots { size: PointSize::Pixels(1.0), eye_dome: 0.0 },
     mixes_dots: false,
     thins_points: false,
+    passes: PassChoice { skipped: PassSet::of(&[]), forced: PassSet::of(&[]) },
 };
 
 #[test]
