@@ -72,12 +72,7 @@ impl Pass {
     pub fn is_optional(self) -> bool {
         !matches!(
             self,
-            Self::Project
-                | Self::Gather
-                | Self::Place
-                | Self::Blend
-                | Self::Shade
-                | Self::Resolve
+            Self::Project | Self::Gather | Self::Place | Self::Blend | Self::Shade | Self::Resolve
         )
     }
 
@@ -137,8 +132,8 @@ impl PassSet {
 /// passes change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PassChoice {
-    /// Passes that are left out, if they are optional. Without [`Pass::Push`] there is no
-    /// [`Pass::Pull`] either, and without [`Pass::Split`] there are no dots.
+    /// Passes that are left out, if they are optional. Pull goes with push, and split, grow and
+    /// overlay go together among surfaces.
     pub skipped: PassSet,
     /// Passes that run although the plan knows that they change nothing.
     pub forced: PassSet,

@@ -170,19 +170,20 @@ impl FramePlan {
         use Pass::{Grow, Overlay, Place, Project, Pull, Push, Resolve, Shade, Silhouette};
         use Pass::{SmoothDepth, Split};
         let PassChoice { skipped, forced } = options.passes;
+        let skips_any = |passes: &[Pass]| passes.iter().any(|&pass| skipped.has(pass));
         let has_surface = options.method != Method::Points;
         let is_dense = options.sparsest_px <= DENSE_PX;
         let is_surface = options.method == Method::PullPush;
-        let has_pyramid = is_surface && !is_dense && !skipped.has(Push);
+        let has_pyramid = is_surface && !is_dense && !skips_any(&[Pull, Push]);
         let averages = is_surface && !skipped.has(Average);
         let crowding = if averages { options.crowding.clamp(0.0, 1.0) } else { 0.0 };
-        let mixes_dots = options.mixes_dots && is_surface && !skipped.has(Split);
+        let mixes_dots = options.mixes_dots && is_surface && !skips_any(&[Split, Grow, Overlay]);
         let carries_normals = has.normals && has_surface;
         let is_splats = options.method == Method::Ewa;
         let fits = options.fits_planes && (has_pyramid || is_splats) && !has.normals;
         let fits = fits && !skipped.has(FitPlanes);
-        // Without push a pixel is at most half a pixel from its sample along each axis, or between
-        // samples: nothing sticks out (`pixels_without_push_do_not_stick_out`).
+        // Without push a pixel is at most half a pixel from its sample along each axis, or a gap
+        // between samples: nothing sticks out.
         let may_stick_out = has_pyramid || forced.has(Silhouette);
         let passes = match options.method {
             Method::Points => PassList::of(&[

@@ -143,8 +143,8 @@ impl<'a> SurfacePasses<'a> {
         pyramid.fit(gpu, width, height, input.planes).unwrap();
         let picture = GpuPicture::new(gpu, [width, height], 0).unwrap();
         let (planes, fills_holes) = (input.planes, true);
-        let choices =
-            Choices { planes, shines: true, smooths, darkens_edges: true, fills_holes };
+        let (shines, darkens_edges, is_splats) = (true, true, false);
+        let choices = Choices { planes, shines, smooths, darkens_edges, fills_holes, is_splats };
         let passes = Self { gpu, uniform, pyramid, picture, choices };
         passes.write_levels(std::slice::from_ref(base));
         passes

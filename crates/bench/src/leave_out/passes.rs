@@ -110,11 +110,8 @@ pub(super) fn measure(
 fn views(file: &Forest, base: &PictureRequest) -> Result<Vec<(&'static str, PictureRequest)>> {
     let of = |method| PictureRequest { method, colour_by: None, full: false, ..base.clone() };
     let surfaces = of(Method::PullPush);
-    let fine = PictureRequest {
-        target_spacing_px: DENSE_PX,
-        budget_points: u64::MAX,
-        ..surfaces.clone()
-    };
+    let fine =
+        PictureRequest { target_spacing_px: DENSE_PX, budget_points: u64::MAX, ..surfaces.clone() };
     let dots = Dots { size: PointSize::Adaptive, eye_dome: 1.0 };
     let mut all = vec![
         ("surfaces", surfaces.clone()),
@@ -176,11 +173,7 @@ fn parts(scene: &ResidentScene<'_>) -> Vec<Part> {
 }
 
 /// Draws frames as planned and changed, in turns.
-fn measure_part(
-    scene: &mut ResidentScene<'_>,
-    part: &Part,
-    task: &dyn Task,
-) -> Result<PassRow> {
+fn measure_part(scene: &mut ResidentScene<'_>, part: &Part, task: &dyn Task) -> Result<PassRow> {
     let sides = [Changes::NONE, part.changes];
     let mut cpu: [Vec<PassTimes>; 2] = Default::default();
     let mut gpu: [Vec<PassTimes>; 2] = Default::default();

@@ -146,9 +146,10 @@ fn line(row: &LeaveOutRow, report: &LeaveOutReport) -> String {
         return format!("  {name:<50} not in this view: nothing is left out");
     }
     let differs = pictures(difference);
-    let on_gpu = row.gpu_difference.as_ref().map_or(String::new(), |difference| {
-        format!(", on the GPU {}", pictures(difference))
-    });
+    let on_gpu = row
+        .gpu_difference
+        .as_ref()
+        .map_or(String::new(), |difference| format!(", on the GPU {}", pictures(difference)));
     let bytes = |with: u64, without: u64| {
         format!("{:>10} {:>10}", readable_bytes(with), readable_bytes(without))
     };

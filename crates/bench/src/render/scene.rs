@@ -9,7 +9,9 @@ use esker_format::{Forest, PlaneKind, Planes};
 use esker_lod::{CompactOctree, View};
 use esker_points::Task;
 use esker_render::gpu::{Gpu, PlaneAt};
-use esker_render::{DrawNode, Frame, FramePlan, PassChoice, PassSet, PassTimes, Picture, Renderer, Stats};
+use esker_render::{
+    DrawNode, Frame, FramePlan, PassChoice, PassSet, PassTimes, Picture, Renderer, Stats,
+};
 use glam::DVec3;
 use std::time::Instant;
 
@@ -176,7 +178,8 @@ impl<'a> ResidentScene<'a> {
 
     /// Cost of a frame: its plan, its points, and the bytes of planes read and resident.
     pub fn cost(&self, changes: Changes) -> (FramePlan, u64, [u64; 2]) {
-        let (draws, view) = (drawn(self.file, &self.picture, changes), changes.view(&self.picture.view));
+        let (draws, view) =
+            (drawn(self.file, &self.picture, changes), changes.view(&self.picture.view));
         let mut frame = self.picture.appearance.frame(self.file, &view, &draws, &self.octree);
         changes.apply(&mut frame);
         let bytes = [self.picture.read_bytes, self.plane_bytes()];
