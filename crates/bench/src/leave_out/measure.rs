@@ -1,5 +1,6 @@
 //! Draws each omission's two pictures in turns, on the CPU and on the GPU.
 
+use crate::leave_out::loaded;
 use crate::leave_out::omissions::{Omission, omissions};
 use crate::leave_out::passes;
 use crate::leave_out::pictures::{Difference, LeftOutBy, Verdict};
@@ -45,7 +46,7 @@ pub struct LeaveOutRequest {
 pub fn measure(request: &LeaveOutRequest, task: &dyn Task) -> Result<LeaveOutReport> {
     let (gpu, drawer) = request.with.choose(None)?;
     pool::run(request.threads, || {
-        let (mut rows, mut passes) = (Vec::new(), Vec::new());
+        let (mut rows, mut passes, mut loads) = (Vec::new(), Vec::new(), Vec::new());
         for path in &request.files {
             let (file, _folder) =
                 open(std::slice::from_ref(path), &PictureRequest::default(), task)?;
@@ -60,6 +61,7 @@ pub fn measure(request: &LeaveOutRequest, task: &dyn Task) -> Result<LeaveOutRep
                 task.phase(omission.name, None, "frames");
                 rows.push(measure_omission(&omission, path, &file, gpu.as_ref(), task)?);
             }
+            loads.extend(loaded::measure(path, &file, &base, &request.with, task)?);
             passes.extend(passes::measure(path, &file, &base, gpu.as_ref(), task)?);
         }
         Ok(LeaveOutReport {
@@ -70,6 +72,8 @@ pub fn measure(request: &LeaveOutRequest, task: &dyn Task) -> Result<LeaveOutRep
             height: request.size[1],
             rows,
             passes,
+            loaded: loads,
+            has_light: cfg!(feature = "light"),
         })
     })
 }
@@ -121,7 +125,7 @@ fn measure_omission(
     let cpu_difference = compared(false)?;
     let gpu_difference = has_gpu.then(|| compared(true)).transpose()?;
     let applies = with_cost != without_cost;
-    let is_left_out = !applies || *by != LeftOutBy::Request;
+    let is_left_out = !applies || *by == LeftOutBy::Rule;
     let differences = [cpu_difference].into_iter().chain(gpu_difference);
     let frame_cost = |i: usize| FrameCost {
         bytes_read: scenes[i].0.picture.read_bytes,
@@ -137,7 +141,7 @@ fn measure_omission(
         verdict: Verdict::of(differences, is_left_out),
         difference: cpu_difference,
         gpu_difference,
-        is_promised: !applies || *by == LeftOutBy::Plan,
+        is_promised: !applies,
         width: without.size[0],
         height: without.size[1],
         with: frame_cost(0),

@@ -115,7 +115,7 @@ fn mapped_values(file: &Forest, base: &PictureRequest) -> Option<Omission> {
     colour::colouring(file, Some(names::GPS_TIME), info::bounds(file)).ok()?;
     let codes = PictureRequest { colour_by: Some(names::GPS_TIME.into()), ..base.clone() };
     let values = PictureRequest { keeps_values: true, ..codes.clone() };
-    Some(Omission::of_pictures("values beyond a byte of code", values, codes).by(LeftOutBy::Plan))
+    Some(Omission::of_pictures("values beyond a byte of code", values, codes).by(LeftOutBy::Rule))
 }
 
 /// What views need in which points do not share pixels.

@@ -47,10 +47,8 @@ impl Difference {
 pub(super) enum LeftOutBy {
     /// The user, who asks for another picture.
     Request,
-    /// The plan of the frame by a rule, which finds it unneeded but promises no equal picture.
+    /// The program by a rule, which finds it unneeded but promises no equal picture.
     Rule,
-    /// The plan of the frame, which promises the same picture without it.
-    Plan,
 }
 
 /// Whether a thing was needed.
@@ -89,7 +87,7 @@ impl Verdict {
             Self::Needed => "needed",
             Self::LeftOut => "not needed, left out",
             Self::Idle => "ran, not needed",
-            Self::Fault => "FAULT: left out as not needed, but the picture changes",
+            Self::Fault => "FAULT: it was left out, but the picture changes",
         }
     }
 }

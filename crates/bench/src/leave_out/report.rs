@@ -1,5 +1,6 @@
 //! The report of the benchmark of leaving out, and its table for people.
 
+use crate::leave_out::loaded::LoadedRow;
 use crate::leave_out::passes::PassRow;
 use crate::leave_out::pictures::{Difference, Verdict};
 use crate::quantile::quantile;
@@ -24,6 +25,10 @@ pub struct LeaveOutReport {
     pub(super) rows: Vec<LeaveOutRow>,
     /// A row for each file, view and optional part of its frames.
     pub(super) passes: Vec<PassRow>,
+    /// A row for each file and bare picture.
+    pub(super) loaded: Vec<LoadedRow>,
+    /// Whether the program was built with light.
+    pub(super) has_light: bool,
 }
 
 /// A thing that is left out of pictures of a file.
@@ -40,8 +45,7 @@ pub(super) struct LeaveOutRow {
     pub difference: Difference,
     /// How the pictures of the GPU differ.
     pub gpu_difference: Option<Difference>,
-    /// Whether the picture must be the same without it: the plan promises that, or the frames do
-    /// not differ.
+    /// Whether the pictures must be equal, since the frames do not differ.
     pub is_promised: bool,
     /// Width of the picture, which may be smaller than the requested one, pixels.
     pub width: u32,
@@ -111,7 +115,10 @@ impl LeaveOutReport {
         let passes = self.passes.iter().filter(|row| row.verdict == Verdict::Fault);
         let rows = rows.map(|row| format!("{}: {}", row.file, row.left_out));
         let passes = passes.map(|row| format!("{}: {} of {}", row.file, row.part, row.view));
-        rows.chain(passes).collect()
+        let loaded = self.loaded.iter().filter(|row| row.verdict == Verdict::Fault);
+        let loaded = loaded
+            .map(|row| format!("{}: {} of {}", row.file, row.unneeded.join(", "), row.picture));
+        rows.chain(passes).chain(loaded).collect()
     }
 }
 
@@ -135,6 +142,7 @@ pub fn text(report: &LeaveOutReport) -> String {
         }
         lines.push(pass_line(row));
     }
+    lines.extend(report.loaded.iter().map(loaded_line));
     lines.extend(report.adapter.iter().map(|name| format!("gpu: {name}")));
     lines.join("\n")
 }
@@ -178,6 +186,19 @@ fn pass_line(row: &PassRow) -> String {
     format!("  {part:<40} {takes} {cpu_ms:.2} ms{on_gpu}; {differs}: {verdict}")
 }
 
+fn loaded_line(row: &LoadedRow) -> String {
+    let LoadedRow { file, picture, planes, shaders, built, unneeded, .. } = row;
+    let planes: Vec<_> =
+        planes.iter().map(|(name, bytes)| format!("{name} {}", readable_bytes(*bytes))).collect();
+    let built = built.as_ref().map_or(String::new(), |all| format!(", {} built", all.len()));
+    let excess = match &unneeded[..] {
+        [] => "nothing that it does not need".to_owned(),
+        all => format!("FAULT: also {}", all.join(", ")),
+    };
+    let (planes, shaders) = (planes.join(", "), shaders.len());
+    format!("{file}: {picture} load {planes}; {shaders} shaders{built}: {excess}")
+}
+
 /// How two pictures differ, in words.
 fn pictures(difference: &Difference) -> String {
     let Difference { changed_share, off_share, flip } = difference;
@@ -201,6 +222,63 @@ fn name_of(row: &LeaveOutRow, report: &LeaveOutReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_what_must_not_change_a_picture_fails() {
+        let cost = || FrameCost {
+            bytes_read: 1,
+            bytes_resident: 1,
+            points: 1,
+            cpu_ms: None,
+            gpu_ms: None,
+        };
+        let row = |left_out, verdict, is_promised| LeaveOutRow {
+            file: "scan".into(),
+            left_out,
+            applies: !is_promised,
+            verdict,
+            difference: Difference { changed_share: 0.1, off_share: 0.0, flip: 0.1 },
+            gpu_difference: None,
+            is_promised,
+            width: 8,
+            height: 8,
+            with: cost(),
+            without: cost(),
+            cpu_saving: None,
+            gpu_saving: None,
+        };
+        let loaded = |picture, verdict, unneeded: &[&str]| LoadedRow {
+            kind: "loaded",
+            file: "scan".into(),
+            picture,
+            planes: std::collections::BTreeMap::new(),
+            shaders: Vec::new(),
+            built: None,
+            unneeded: unneeded.iter().map(|&name| name.to_owned()).collect(),
+            verdict,
+        };
+        let report = LeaveOutReport {
+            adapter: None,
+            note: None,
+            threads: 1,
+            width: 8,
+            height: 8,
+            rows: vec![
+                row("a rule", Verdict::Fault, false),
+                row("a promise", Verdict::Fault, true),
+                row("a choice", Verdict::Needed, false),
+            ],
+            passes: Vec::new(),
+            loaded: vec![
+                loaded("points", Verdict::Fault, &["plane normal"]),
+                loaded("surfaces", Verdict::LeftOut, &[]),
+            ],
+            has_light: false,
+        };
+        assert_eq!(report.faults(), ["scan: a promise", "scan: plane normal of points"]);
+        let text = text(&report);
+        assert_eq!(text.matches("FAULT").count(), 3, "{text}");
+    }
 
     #[test]
     fn savings_whose_quartiles_differ_in_sign_are_noise() {
