@@ -2,7 +2,6 @@
 //! nothing, and dots where there are none.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-#[allow(dead_code, reason = "shared with other tests, which use more of it")]
 mod gpu;
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
 mod scene;

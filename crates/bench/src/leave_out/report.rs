@@ -232,7 +232,7 @@ mod tests {
             cpu_ms: None,
             gpu_ms: None,
         };
-        let row = |left_out, verdict, is_promised| LeaveOutRow {
+        let row = |left_out, verdict, is_promised: bool| LeaveOutRow {
             file: "scan".into(),
             left_out,
             applies: !is_promised,

@@ -34,7 +34,7 @@ pub struct Appearance {
     /// Whether the removal of differences of exposure between scans is requested.
     pub evens_exposure: bool,
     /// Whether exposure is requested of points that are all of one scan, so that every factor would
-    /// be 1 ([`esker_render::passes::exposure`]).
+    /// be 1.
     pub is_one_scan: bool,
     /// Whether points of surfaces are left out whose normal looks away from the eye.
     pub culls_back: bool,

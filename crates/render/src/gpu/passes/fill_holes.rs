@@ -47,8 +47,8 @@ impl FillHoles {
         })
     }
 
-    /// Dispatches that fill [`SurfaceTarget::depth`] and the marks, and close the gaps of level 0 if
-    /// `closes`.
+    /// Dispatches that fill [`SurfaceTarget::depth`] and the marks, and close the gaps of level 0
+    /// if `closes`.
     pub fn dispatches(&self, gpu: &Gpu, target: &SurfaceTarget<'_>, closes: bool) -> Vec<Dispatch> {
         let base = target.base();
         let &SurfaceTarget { depth, marks, .. } = target;
