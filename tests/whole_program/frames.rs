@@ -87,8 +87,15 @@ fn no_omissions() {
     assert_eq!(applies("pull and push of a dense view"), false, "{report}");
     assert_eq!(applies("means of the points that share a pixel"), false, "{report}");
     assert_eq!(applies("surfaces: points alone"), true, "{report}");
+    let idle = rows.iter().filter(|row| row["applies"] == false);
+    assert!(idle.clone().count() > 1, "{report}");
+    for row in idle {
+        assert!(row["changed_share"] == 0.0 && row["verdict"] == "not needed, left out", "{row}");
+    }
     let text = words(&[]);
-    assert!(text.worked().stdout.contains("not in this view"), "{}", text.stdout);
+    for part in ["not in this view", "silhouettes", "nothing that it does not need"] {
+        assert!(text.worked().stdout.contains(part), "{part}: {}", text.stdout);
+    }
 }
 
 /// The report compares the time of larger radii with that of a full screen in the same run.
@@ -152,6 +159,55 @@ fn omissions() {
     let dense = side("pull and push of a dense view");
     assert!(dense <= 64 && side("means of the points that share a pixel") >= dense, "{report}");
     assert_eq!(side("highlights"), 64, "{report}");
+    judges_parts(&report);
+}
+
+/// Each omission, pass and bare picture has a verdict that follows from its figures; some passes
+/// are needed, and what plans leave out changes no pixel.
+fn judges_parts(report: &Value) {
+    let rows = |name: &str| report[name].as_array().unwrap();
+    let share = |row: &Value, field: &str| {
+        row[field].as_f64().filter(|share| (0.0..=1.0).contains(share)).unwrap()
+    };
+    let by_rule = ["pull and push of a dense view", "values beyond a byte of code"];
+    for row in rows("rows").iter().chain(rows("passes")) {
+        let [changed, off, flip] = ["changed_share", "off_share", "flip"].map(|f| share(row, f));
+        assert!(off <= changed && (flip > 0.0) == (changed > 0.0), "{row}");
+        let is_left_out = row["runs"] == false
+            || row["left_out"].as_str().is_some_and(|name| by_rule.contains(&name));
+        let verdict = match (is_left_out, changed) {
+            (true, 0.0) => "not needed, left out",
+            (true, _) => "fault",
+            (false, changed) if changed >= 1e-3 => "needed",
+            (false, _) => "ran, not needed",
+        };
+        assert_eq!(row["verdict"], verdict, "{row}");
+    }
+    let of = |view: &str, part: &str| {
+        let is = |row: &&Value| row["view"] == view && row["part"] == part;
+        rows("passes").iter().find(is).unwrap_or_else(|| panic!("{view}, {part}: {report}"))
+    };
+    for part in ["pull and push", "silhouettes", "antialiasing", "highlights"] {
+        let row = of("surfaces", part);
+        assert!(row["verdict"] == "needed" && row["cpu_ms"].is_number(), "{row}");
+    }
+    assert_eq!(of("surfaces, dense view", "silhouettes")["verdict"], "not needed, left out");
+    assert_eq!(of("surfaces, exposure evened", "exposure")["verdict"], "needed");
+    assert_eq!(of("surfaces and dots", "dots among surfaces")["verdict"], "ran, not needed");
+    for row in rows("loaded") {
+        assert_eq!(
+            (&row["kind"], &row["verdict"]),
+            (&"loaded".into(), &"not needed, left out".into())
+        );
+        let planes: Vec<_> = row["planes"].as_object().unwrap().keys().collect();
+        let wanted: &[&str] = match row["picture"].as_str().unwrap() {
+            "points in one colour" => &["position"],
+            "points in the file's colours" => &["colour", "position"],
+            _ => &["normal", "position"],
+        };
+        assert_eq!(planes, wanted, "{row}");
+    }
+    assert_eq!(rows("loaded").len(), 4);
 }
 
 /// Pictures are the better the more their setting takes of the scan; pages have plots and pictures.

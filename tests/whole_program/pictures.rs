@@ -220,6 +220,10 @@ fn nothing_evened() {
         assert!(last.starts_with("note: exposure compensation: ") && last.contains(note), "{last}");
         let report = render(&scan, &out, &["--json", "--even-exposure", "--colour", "rgb"]).json();
         assert_eq!(report["notes"].as_array().unwrap().len(), usize::from(scans == 1), "{report}");
+        let words = ["render", "--explain", "--json", "--even-exposure", "--colour", "rgb"];
+        let words = words.map(OsStr::new).into_iter().chain([scan.as_os_str()]);
+        let passes = esker(words).json()["passes"].as_array().unwrap().clone();
+        assert_eq!(passes.contains(&"exposure".into()), scans == 2, "{passes:?}");
     }
 }
 

@@ -413,7 +413,16 @@ fn run_leave_out(args: LeaveOut, stop: Arc<AtomicBool>) -> Result<()> {
         with: (&args.how.with).into(),
         threads: args.how.threads.count,
     };
-    args.how.output.report(stop, |progress| leave_out::measure(&request, progress), leave_out::text)
+    let output = &args.how.output;
+    let report = output.watch(stop, |progress| leave_out::measure(&request, progress))?;
+    output.print(&report, || leave_out::text(&report))?;
+    let faults = report.faults();
+    ensure!(
+        faults.is_empty(),
+        "left out as not needed, but the picture changes: {}",
+        faults.join("; ")
+    );
+    Ok(())
 }
 
 fn run_error_time(args: BenchErrorTime, stop: Arc<AtomicBool>) -> Result<()> {

@@ -11,7 +11,7 @@ use esker_lod::{
 use esker_points::task::Silent;
 use esker_render::inputs::camera::{Camera, Positions};
 use esker_render::{
-    Background, ColourBy, ColourPlane, Dots, DrawNode, Frame, Method, Picture, Renderer,
+    Background, ColourBy, ColourPlane, Dots, DrawNode, Frame, Method, PassChoice, Picture, Renderer,
 };
 use glam::{DMat3, DVec3};
 use std::collections::HashSet;
@@ -95,6 +95,7 @@ impl Scan {
             dots: Dots::default(),
             target_spacing_px: 0.0,
             mixes_dots: false,
+            passes: PassChoice::default(),
             background: Background::Plain([0, 0, 0, 255]),
         };
         Renderer::default().render(&frame).unwrap()

@@ -51,6 +51,11 @@ impl Planes {
         self.planes.iter().find(|(k, _)| *k == kind).map(|(_, bytes)| bytes.as_slice())
     }
 
+    /// Kinds and values of all planes.
+    pub fn iter(&self) -> impl Iterator<Item = (PlaneKind, &[u8])> {
+        self.planes.iter().map(|(kind, bytes)| (*kind, bytes.as_slice()))
+    }
+
     /// Mutable values of a plane.
     pub(crate) fn get_mut(&mut self, kind: PlaneKind) -> Option<&mut Vec<u8>> {
         self.planes.iter_mut().find(|(k, _)| *k == kind).map(|(_, bytes)| bytes)

@@ -2,7 +2,7 @@
 //! picture with its counts and times. Plain data that borrows its planes.
 
 use crate::inputs::colour::ColourBy;
-use crate::pass::Pass;
+use crate::pass::{Pass, PassChoice};
 use esker_lod::{CompactOctree, View};
 use esker_points::{AttrType, Lattice, Node};
 use std::time::Duration;
@@ -187,6 +187,8 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// Whether points that are too far apart on the picture for a surface, or of no surface, are
     /// drawn as dots in the picture of surfaces ([`crate::passes::split`]). The dots are adaptive.
     pub mixes_dots: bool,
+    /// Passes that are chosen otherwise than by the plan.
+    pub passes: PassChoice,
     /// Background of the picture.
     pub background: Background,
 }
@@ -215,6 +217,7 @@ impl<'a, P> Frame<'a, P> {
             dots: Dots::default(),
             target_spacing_px: 0.0,
             mixes_dots: false,
+            passes: PassChoice::default(),
             background: Background::default(),
         }
     }
@@ -232,7 +235,8 @@ impl<'a, P> Frame<'a, P> {
         let Self { view, lattice, draws: _, octree, method, colour, .. } = *self;
         let Self { cull_back_faces, has_fronts, hides_points, shines, .. } = *self;
         let Self { skips_push, averages, crowding, target_spacing_px, .. } = *self;
-        let Self { smooths, fits_planes, evens_exposure, dots, mixes_dots, background, .. } = *self;
+        let Self { smooths, fits_planes, evens_exposure, dots, mixes_dots, .. } = *self;
+        let Self { passes, background, .. } = *self;
         Frame {
             view,
             lattice,
@@ -253,6 +257,7 @@ impl<'a, P> Frame<'a, P> {
             dots,
             target_spacing_px,
             mixes_dots,
+            passes,
             background,
         }
     }

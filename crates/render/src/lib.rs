@@ -19,7 +19,7 @@
 //! | `pull`         | `pull.rs`         | `pull`         | `marroquim2007` 3.2 | S not dense      |
 //! | `push`         | `push.rs`         | `push`         | `marroquim2007` 3.3 | S not dense      |
 //! | `fill_holes`   | `fill_holes.rs`   | `fill_holes`   | `rosenthal2008`     | S                |
-//! | `silhouette`   | `silhouette/`     | `silhouette`   | -                   | S                |
+//! | `silhouette`   | `silhouette/`     | `silhouette`   | -                   | S not dense      |
 //! | `place`        | `ewa/place.rs`    | `ewa`          | `zwicker2004` 4, 5  | E                |
 //! | `blend`        | `ewa/blend.rs`    | `ewa`          | `zwicker2004` 6     | E                |
 //! | `smooth_depth` | `smooth_depth.rs` | `smooth_depth` | `boucheny2009`      | S bare, E bare   |
@@ -55,6 +55,6 @@ pub use frame::{
 };
 pub use inputs::colour::{Codebook, ColourBy, ColourMap, Gradient};
 pub use inputs::splats::{Splat, splats};
-pub use pass::Pass;
+pub use pass::{Pass, PassChoice, PassSet};
 pub use plan::{FrameOptions, FramePlan, SceneHas, Variant};
 pub use renderer::{Renderer, render};

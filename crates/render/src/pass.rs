@@ -68,6 +68,19 @@ impl Pass {
         Self::EyeDome,
     ];
 
+    /// Whether frames are complete without the pass, though perhaps other ones.
+    pub fn is_optional(self) -> bool {
+        !matches!(
+            self,
+            Self::Project | Self::Gather | Self::Place | Self::Blend | Self::Shade | Self::Resolve
+        )
+    }
+
+    /// Whether the pass of surfaces works on the depth image that push leaves.
+    pub(crate) fn follows_push(self) -> bool {
+        matches!(self, Self::FillHoles | Self::Silhouette | Self::SmoothDepth | Self::Shade)
+    }
+
     /// Name of the pass, the same in shaders, JSON and documents.
     pub fn name(self) -> &'static str {
         match self {
@@ -92,4 +105,36 @@ impl Pass {
             Self::EyeDome => "eye_dome",
         }
     }
+}
+
+/// A set of passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PassSet(u32);
+
+impl PassSet {
+    /// The set of `passes`.
+    pub const fn of(passes: &[Pass]) -> Self {
+        let (mut bits, mut i) = (0, 0);
+        while i < passes.len() {
+            bits |= 1 << passes[i] as u32;
+            i += 1;
+        }
+        Self(bits)
+    }
+
+    /// Whether the set has `pass`.
+    pub const fn has(self, pass: Pass) -> bool {
+        self.0 >> pass as u32 & 1 == 1
+    }
+}
+
+/// Passes of a frame that are chosen otherwise than by its plan: for measurements and tests of what
+/// passes change.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PassChoice {
+    /// Passes that are left out, if they are optional. Pull goes with push, and split, grow and
+    /// overlay go together among surfaces.
+    pub skipped: PassSet,
+    /// Passes that run although the plan knows that they change nothing.
+    pub forced: PassSet,
 }

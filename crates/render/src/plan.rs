@@ -6,7 +6,7 @@
 use crate::frame::{ColourPlane, Dots, Frame, Method, PointSize};
 use crate::inputs::colour::ColourBy;
 use crate::inputs::density::{DENSE_PX, FITTED_PX, is_crowded, sparsest_px};
-use crate::pass::Pass;
+use crate::pass::{Pass, PassChoice, PassSet};
 use crate::passes::fit_planes::LEVELS;
 use crate::picture::pyramid::Planes;
 use std::ops::Deref;
@@ -35,7 +35,13 @@ impl PassList {
 
     /// The list without `pass`.
     fn without(self, pass: Pass) -> Self {
-        let left: Vec<_> = self.iter().map(|&p| (p, p != pass)).collect();
+        self.skipping(PassSet::of(&[pass]))
+    }
+
+    /// The list without the optional passes of `skipped`.
+    fn skipping(self, skipped: PassSet) -> Self {
+        let stays = |pass: Pass| !(pass.is_optional() && skipped.has(pass));
+        let left: Vec<_> = self.iter().map(|&pass| (pass, stays(pass))).collect();
         Self::of(&left)
     }
 }
@@ -99,6 +105,8 @@ pub struct FrameOptions {
     /// Whether points that are drawn alone are left out where they are closer together than asked
     /// ([`Frame::target_spacing_px`]).
     pub thins_points: bool,
+    /// Passes that are chosen otherwise than by the plan.
+    pub passes: PassChoice,
 }
 
 /// The passes and planes of a frame.
@@ -161,15 +169,22 @@ impl FramePlan {
         use Pass::{Antialias, Average, Blend, Exposure, EyeDome, FillHoles, FitPlanes, Gather};
         use Pass::{Grow, Overlay, Place, Project, Pull, Push, Resolve, Shade, Silhouette};
         use Pass::{SmoothDepth, Split};
+        let PassChoice { skipped, forced } = options.passes;
+        let skips_any = |passes: &[Pass]| passes.iter().any(|&pass| skipped.has(pass));
         let has_surface = options.method != Method::Points;
         let is_dense = options.sparsest_px <= DENSE_PX;
-        let has_pyramid = options.method == Method::PullPush && !is_dense;
         let is_surface = options.method == Method::PullPush;
-        let crowding = if is_surface { options.crowding.clamp(0.0, 1.0) } else { 0.0 };
-        let mixes_dots = options.mixes_dots && options.method == Method::PullPush;
+        let has_pyramid = is_surface && !is_dense && !skips_any(&[Pull, Push]);
+        let averages = is_surface && !skipped.has(Average);
+        let crowding = if averages { options.crowding.clamp(0.0, 1.0) } else { 0.0 };
+        let mixes_dots = options.mixes_dots && is_surface && !skips_any(&[Split, Grow, Overlay]);
         let carries_normals = has.normals && has_surface;
         let is_splats = options.method == Method::Ewa;
         let fits = options.fits_planes && (has_pyramid || is_splats) && !has.normals;
+        let fits = fits && !skipped.has(FitPlanes);
+        // Without push a pixel is at most half a pixel from its sample along each axis, or a gap
+        // between samples: nothing sticks out.
+        let may_stick_out = has_pyramid || forced.has(Silhouette);
         let passes = match options.method {
             Method::Points => PassList::of(&[
                 (Project, true),
@@ -190,7 +205,7 @@ impl FramePlan {
                 (Pull, has_pyramid),
                 (Push, has_pyramid),
                 (FillHoles, true),
-                (Silhouette, true),
+                (Silhouette, may_stick_out),
                 (SmoothDepth, !has.normals),
                 (Shade, true),
                 (Antialias, true),
@@ -208,6 +223,7 @@ impl FramePlan {
                 (Antialias, true),
             ]),
         };
+        let passes = passes.skipping(skipped);
         let adapts = mixes_dots || !has_surface && options.dots.size == PointSize::Adaptive;
         let culls_back_faces = has.oriented_normals && has.normals;
         let fetches_normals =
@@ -276,6 +292,7 @@ impl FramePlan {
             dots,
             mixes_dots,
             thins_points: frame.thins_points(),
+            passes: frame.passes,
         };
         let plan = Self::of(&has, &options);
         // A window is drawn as it is; the caller crops it.

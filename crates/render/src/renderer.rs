@@ -160,11 +160,7 @@ impl Renderer {
         picture.rgba.resize(width * height * 4, 0);
         picture.depth.resize(width * height, 0.0);
         let list = DrawList::new(frame.draws);
-        let mut stats = Stats {
-            points_drawn: u64::from(list.points()),
-            nodes_drawn: (0..frame.draws.len()).filter(|&d| list.len(d) > 0).count() as u32,
-            ..Stats::default()
-        };
+        let mut stats = stats_of(&list, frame.draws.len());
         let pixels = if plan.passes.contains(&Pass::Project) { width * height } else { 0 };
         self.target.resize_with(pixels, || AtomicU64::new(EMPTY));
         let lookup = Lookup::new(frame, camera, &list);
@@ -179,7 +175,11 @@ impl Renderer {
             pyramid.lens = Lens::new(camera);
         }
         let (mut edges, mut creases) = (Marks::default(), Marks::default());
+        let mut has_edges = is_splats;
         for &pass in plan.passes.iter() {
+            if pass.follows_push() && !std::mem::replace(&mut has_edges, true) {
+                edges = edges_of_surface(plan, pyramid, &mut picture.depth);
+            }
             match pass {
                 Pass::Project => project(frame, camera, &list, target),
                 Pass::Split | Pass::Grow | Pass::Overlay | Pass::Resolve | Pass::EyeDome => {
@@ -212,11 +212,7 @@ impl Renderer {
                 Pass::Pull => pull(pyramid),
                 Pass::Push => push_with(pyramid, plan.smoothing(), &mut picture.depth),
                 Pass::FillHoles => {
-                    if !plan.has_pyramid {
-                        pyramid.levels[0].depth_image(&pyramid.lens, &mut picture.depth);
-                    }
                     let (base, focal_px) = (&mut pyramid.levels[0], pyramid.lens.focal_px);
-                    edges = find_edges(&picture.depth, base.width, STEP_PX / focal_px);
                     fill_holes(base, &mut picture.depth, focal_px);
                 }
                 Pass::Silhouette => {
@@ -230,6 +226,9 @@ impl Renderer {
                 }
                 Pass::SmoothDepth => smooth_depth(camera, pyramid, &picture.depth, smooth),
                 Pass::Shade => {
+                    if !plan.carries_normals && !plan.passes.contains(&Pass::SmoothDepth) {
+                        smooth.keep(&picture.depth);
+                    }
                     let (background, shines) = (frame.background, plan.shines);
                     let shaded = if is_splats {
                         shade(camera, &ewa.planes, background, shines, smooth, picture)
@@ -247,6 +246,24 @@ impl Renderer {
         }
         stats
     }
+}
+
+/// Counts of the points of a frame with `nodes` nodes.
+fn stats_of(list: &DrawList, nodes: usize) -> Stats {
+    Stats {
+        points_drawn: u64::from(list.points()),
+        nodes_drawn: (0..nodes).filter(|&node| list.len(node) > 0).count() as u32,
+        ..Stats::default()
+    }
+}
+
+/// Edges of the depth image after push. Writes the image if push has not.
+fn edges_of_surface(plan: &FramePlan, pyramid: &Pyramid, depth: &mut [f32]) -> Marks {
+    let (base, lens) = (&pyramid.levels[0], &pyramid.lens);
+    if !plan.has_pyramid {
+        base.depth_image(lens, depth);
+    }
+    find_edges(depth, base.width, STEP_PX / lens.focal_px)
 }
 
 /// Stopwatch that starts anew at each lap.

@@ -207,3 +207,19 @@ fn exposure_does_not_change_across_an_edge_of_depth_or_within_a_scan() {
     }
     assert!(seen > 10_000);
 }
+
+#[test]
+fn points_of_one_scan_keep_every_bit() {
+    let mut dice = Dice(5);
+    let points = wall(&mut dice, 0.0, 1.3, |_, _| 1, |_, x, z| texture(x, z));
+    let (scene, view) = (scene(&points, 1.3), view());
+    for normals in [true, false] {
+        let draws = scene.draws(true, true, normals);
+        let [plain, evened] = [false, true].map(|evens_exposure| {
+            let frame = Frame { evens_exposure, ..scene.frame(&view, &draws) };
+            assert_eq!(FramePlan::new(&frame).evens_exposure(), evens_exposure);
+            Renderer::default().render(&frame).unwrap().rgba
+        });
+        assert!(plain == evened, "normals {normals}");
+    }
+}

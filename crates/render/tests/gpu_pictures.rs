@@ -11,8 +11,8 @@ use esker_points::quant::HIDDEN_AT;
 use esker_render::gpu::device::readback::read;
 use esker_render::gpu::{Gpu, GpuRenderer, wgpu};
 use esker_render::{
-    Background, ColourBy, ColourMap, Dots, Frame, FramePlan, Gradient, Method, Picture, PointSize,
-    render,
+    Background, ColourBy, ColourMap, Dots, Frame, FramePlan, Gradient, Method, PassChoice, PassSet,
+    Picture, PointSize, render,
 };
 use esker_truth::flip::mean_flip;
 use glam::{DMat3, DVec3};
@@ -97,6 +97,26 @@ fn heap() -> Scene {
 fn view(width: u32, height: u32) -> View {
     let eye = DVec3::new(2.6, -3.1, 2.4);
     View::look_at(eye, DVec3::Z * 0.5, DVec3::Z, 0.9, width, height).with_margin(16)
+}
+
+#[test]
+fn pictures_without_an_optional_pass_equal_those_of_the_cpu() {
+    let (scene, view) = (ball_and_floor(), view(160, 128));
+    let [with, without] = [true, false].map(|normals| scene.draws(true, true, normals));
+    let [lit, bare] = [&with, &without].map(|draws| scene.frame(&view, draws));
+    let mut frames = Vec::new();
+    for (frame, method) in
+        [lit, bare].into_iter().flat_map(|f| [(f, Method::PullPush), (f, Method::Ewa)])
+    {
+        let frame = Frame { method, crowding: Some(0.5), ..frame };
+        let plan = FramePlan::new(&frame);
+        for &pass in plan.passes.iter().filter(|pass| pass.is_optional()) {
+            let passes = PassChoice { skipped: PassSet::of(&[pass]), ..PassChoice::default() };
+            frames.push((pass.name(), Frame { passes, ..frame }));
+        }
+    }
+    assert!(frames.len() > 14, "{}", frames.len());
+    pictures_are_the_same(&frames);
 }
 
 #[test]

@@ -142,7 +142,9 @@ impl<'a> SurfacePasses<'a> {
         let [width, height] = [base.width as u32, base.height as u32];
         pyramid.fit(gpu, width, height, input.planes).unwrap();
         let picture = GpuPicture::new(gpu, [width, height], 0).unwrap();
-        let choices = Choices { planes: input.planes, shines: true, smooths, darkens_edges: true };
+        let (planes, fills_holes) = (input.planes, true);
+        let (shines, darkens_edges, is_splats) = (true, true, false);
+        let choices = Choices { planes, shines, smooths, darkens_edges, fills_holes, is_splats };
         let passes = Self { gpu, uniform, pyramid, picture, choices };
         passes.write_levels(std::slice::from_ref(base));
         passes

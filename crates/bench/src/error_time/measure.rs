@@ -251,7 +251,7 @@ impl<'a> Measured<'a> {
                 ..self.base.clone()
             };
             let mut drawn = ResidentScene::new(file, &request, None, task)?;
-            drawn.on_cpu(Changes::default())?;
+            drawn.on_cpu(Changes::NONE)?;
             let view = drawn.picture.view.with_margin(0);
             Ok(Some(scene.normal_error(&view, drawn.cpu_picture())))
         };

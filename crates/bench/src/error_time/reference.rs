@@ -104,7 +104,7 @@ impl<'a> ReferenceScene<'a> {
     /// If the view makes no valid camera.
     pub fn draw(&mut self, shift_px: [f64; 2], turn: impl Fn(View) -> View) -> Result<Reference> {
         self.scene.picture.view = turn(aligned(&self.view, shift_px, FINER as f64));
-        self.scene.on_cpu(Changes::default())?;
+        self.scene.on_cpu(Changes::NONE)?;
         Ok(Reference::of(self.scene.cpu_picture()))
     }
 }

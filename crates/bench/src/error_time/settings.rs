@@ -11,6 +11,9 @@ use serde::Serialize;
 
 /// Targets that are tried, pixels.
 const SPACINGS_PX: [f64; 5] = [0.5, 1.5, 2.0, 3.0, 4.0];
+/// Pass that is added to dense views, and a target at which views are dense, pixels.
+const DENSE: &str = "with push in dense views";
+const DENSE_PX: f64 = 0.25;
 /// Budgets that are tried, points.
 const BUDGETS: [u64; 4] = [100_000, 300_000, 1_000_000, 3_000_000];
 /// Resolutions that are tried, as shares of the picture's sides.
@@ -111,11 +114,12 @@ impl Setting {
     /// Changes of its frames.
     pub fn changes(&self) -> Changes {
         Changes {
-            always_pushes: self.pass == Some("with push in dense views"),
+            always_pushes: self.pass == Some(DENSE),
             one_wins: self.pass == Some("without averages"),
             is_rough: self.pass == Some("without smoothing"),
             is_flat: self.pass == Some("without fitted planes"),
             is_matt: self.pass == Some("without highlights"),
+            ..Changes::NONE
         }
     }
 
@@ -194,16 +198,17 @@ pub(super) fn of_file(
             all.extend(crossed);
         }
     }
-    let mut passes = vec![
-        "without averages",
-        "without smoothing",
-        "with push in dense views",
-        "without highlights",
-    ];
+    let mut passes = vec!["without averages", "without smoothing", DENSE, "without highlights"];
     if !has_normals {
         passes.push("without fitted planes");
     }
-    all.extend(passes.into_iter().map(|pass| Setting { pass: Some(pass), ..base.clone() }));
+    let spacing_px = |pass| if pass == DENSE { DENSE_PX } else { base.spacing_px };
+    all.extend(passes.into_iter().map(|pass| Setting {
+        pass: Some(pass),
+        spacing_px: spacing_px(pass),
+        ..base.clone()
+    }));
+    all.push(Setting { spacing_px: DENSE_PX, ..base.clone() });
     if has_compact {
         all.push(Setting { full: true, ..base.clone() });
     }

@@ -1,6 +1,9 @@
 //! Draws each omission's two pictures in turns, on the CPU and on the GPU.
 
+use crate::leave_out::loaded;
 use crate::leave_out::omissions::{Omission, omissions};
+use crate::leave_out::passes;
+use crate::leave_out::pictures::{Difference, LeftOutBy, Verdict};
 use crate::leave_out::report::{FrameCost, LeaveOutReport, LeaveOutRow, Saving};
 use crate::quantile::median_ms;
 use crate::render::scene::ResidentScene;
@@ -43,14 +46,23 @@ pub struct LeaveOutRequest {
 pub fn measure(request: &LeaveOutRequest, task: &dyn Task) -> Result<LeaveOutReport> {
     let (gpu, drawer) = request.with.choose(None)?;
     pool::run(request.threads, || {
-        let mut rows = Vec::new();
+        let (mut rows, mut passes, mut loads) = (Vec::new(), Vec::new(), Vec::new());
         for path in &request.files {
             let (file, _folder) =
                 open(std::slice::from_ref(path), &PictureRequest::default(), task)?;
-            for omission in omissions(&file, request.size, request.camera)? {
+            let base = PictureRequest {
+                size: request.size,
+                camera: request.camera,
+                colour_by: Some("plain".into()),
+                full: true,
+                ..PictureRequest::default()
+            };
+            for omission in omissions(&file, &base)? {
                 task.phase(omission.name, None, "frames");
                 rows.push(measure_omission(&omission, path, &file, gpu.as_ref(), task)?);
             }
+            loads.extend(loaded::measure(path, &file, &base, &request.with, task)?);
+            passes.extend(passes::measure(path, &file, &base, gpu.as_ref(), task)?);
         }
         Ok(LeaveOutReport {
             adapter: gpu.as_ref().map(|gpu| gpu.name.clone()),
@@ -59,6 +71,9 @@ pub fn measure(request: &LeaveOutRequest, task: &dyn Task) -> Result<LeaveOutRep
             width: request.size[0],
             height: request.size[1],
             rows,
+            passes,
+            loaded: loads,
+            has_light: cfg!(feature = "light"),
         })
     })
 }
@@ -78,7 +93,7 @@ fn measure_omission(
     gpu: Option<&Gpu>,
     task: &dyn Task,
 ) -> Result<LeaveOutRow> {
-    let Omission { name, with: (with, with_changes), without: (without, without_changes) } =
+    let Omission { name, with: (with, with_changes), without: (without, without_changes), by } =
         omission;
     let mut scenes = [
         (ResidentScene::new(file, with, gpu, task)?, *with_changes),
@@ -102,6 +117,16 @@ fn measure_omission(
             }
         }
     }
+    let has_gpu = scenes[0].0.has_gpu();
+    let mut compared = |on_gpu: bool| {
+        let [with, without] = &mut scenes;
+        Ok::<_, anyhow::Error>(Difference::of(&with.0.shown(on_gpu)?, &without.0.shown(on_gpu)?))
+    };
+    let cpu_difference = compared(false)?;
+    let gpu_difference = has_gpu.then(|| compared(true)).transpose()?;
+    let applies = with_cost != without_cost;
+    let is_left_out = !applies || *by == LeftOutBy::Rule;
+    let differences = [cpu_difference].into_iter().chain(gpu_difference);
     let frame_cost = |i: usize| FrameCost {
         bytes_read: scenes[i].0.picture.read_bytes,
         bytes_resident: scenes[i].0.plane_bytes(),
@@ -112,7 +137,11 @@ fn measure_omission(
     Ok(LeaveOutRow {
         file: path.display().to_string(),
         left_out: name,
-        applies: with_cost != without_cost,
+        applies,
+        verdict: Verdict::of(differences, is_left_out),
+        difference: cpu_difference,
+        gpu_difference,
+        is_promised: !applies,
         width: without.size[0],
         height: without.size[1],
         with: frame_cost(0),

@@ -2,6 +2,7 @@
 //! that does not. Some apply to dense views only; these are drawn at the largest size at which the
 //! view is dense, and from farther away if it is dense at no size.
 
+use crate::leave_out::pictures::LeftOutBy;
 use crate::render::scene::Changes;
 use anyhow::Result;
 use esker_engine::Method;
@@ -16,7 +17,7 @@ use esker_points::filter::Bounds;
 use esker_render::{FramePlan, Pass};
 
 /// Target spacing at which views are dense, pixels.
-const DENSE_PX: f64 = 0.3;
+pub(super) const DENSE_PX: f64 = 0.3;
 /// Target spacing at which points do not share pixels, pixels.
 const SPARSE_PX: f64 = 1.5;
 /// Shorter side of the smallest picture in which a dense view is looked for, pixels.
@@ -30,13 +31,16 @@ pub(super) struct Omission {
     pub with: (PictureRequest, Changes),
     /// The picture that has it not, and how its frames are changed.
     pub without: (PictureRequest, Changes),
+    /// Who leaves it out.
+    pub by: LeftOutBy,
 }
 
 impl Omission {
     /// An omission that needs another picture, and no changes of frames.
     fn of_pictures(name: &'static str, with: PictureRequest, without: PictureRequest) -> Self {
-        let unchanged = Changes::default();
-        Self { name, with: (with, unchanged), without: (without, unchanged) }
+        let unchanged = Changes::NONE;
+        let by = LeftOutBy::Request;
+        Self { name, with: (with, unchanged), without: (without, unchanged), by }
     }
 
     /// An omission that changes frames of the same picture.
@@ -46,28 +50,27 @@ impl Omission {
         with: Changes,
         without: Changes,
     ) -> Self {
-        Self { name, with: (picture.clone(), with), without: (picture, without) }
+        let by = LeftOutBy::Request;
+        Self { name, with: (picture.clone(), with), without: (picture, without), by }
+    }
+
+    /// The same, left out by `by`.
+    fn by(self, by: LeftOutBy) -> Self {
+        Self { by, ..self }
     }
 }
 
-/// Lists what can be left out of pictures of `file`.
+/// Lists what can be left out of pictures of `file`. `base` has full planes and one colour.
 ///
 /// # Errors
 /// If statistics cannot be read.
-pub(super) fn omissions(file: &Forest, size: [u32; 2], camera: Camera) -> Result<Vec<Omission>> {
-    let base = PictureRequest {
-        size,
-        camera,
-        colour_by: Some("plain".into()),
-        full: true,
-        ..PictureRequest::default()
-    };
-    let mut all = colours(file, &base);
-    all.extend(normals(file, &base));
-    all.extend(mapped_values(file, &base));
-    all.extend(sparse_views(file, &base));
-    all.extend(dense_views(file, &base)?);
-    all.extend(coverage(file, &base));
+pub(super) fn omissions(file: &Forest, base: &PictureRequest) -> Result<Vec<Omission>> {
+    let mut all = colours(file, base);
+    all.extend(normals(file, base));
+    all.extend(mapped_values(file, base));
+    all.extend(sparse_views(file, base));
+    all.extend(dense_views(file, base)?);
+    all.extend(coverage(file, base));
     Ok(all)
 }
 
@@ -112,13 +115,13 @@ fn mapped_values(file: &Forest, base: &PictureRequest) -> Option<Omission> {
     colour::colouring(file, Some(names::GPS_TIME), info::bounds(file)).ok()?;
     let codes = PictureRequest { colour_by: Some(names::GPS_TIME.into()), ..base.clone() };
     let values = PictureRequest { keeps_values: true, ..codes.clone() };
-    Some(Omission::of_pictures("values beyond a byte of code", values, codes))
+    Some(Omission::of_pictures("values beyond a byte of code", values, codes).by(LeftOutBy::Rule))
 }
 
 /// What views need in which points do not share pixels.
 fn sparse_views(file: &Forest, base: &PictureRequest) -> Vec<Omission> {
     let sparse = PictureRequest { target_spacing_px: SPARSE_PX, ..base.clone() };
-    let unchanged = Changes::default();
+    let unchanged = Changes::NONE;
     let mut all = vec![Omission::of_changes(
         "smoothing of pixels that show one point",
         sparse.clone(),
@@ -136,7 +139,7 @@ fn sparse_views(file: &Forest, base: &PictureRequest) -> Vec<Omission> {
 fn dense_views(file: &Forest, base: &PictureRequest) -> Result<Vec<Omission>> {
     let fine =
         PictureRequest { target_spacing_px: DENSE_PX, budget_points: u64::MAX, ..base.clone() };
-    let unchanged = Changes::default();
+    let unchanged = Changes::NONE;
     let crowded = largest(file, &fine, FramePlan::averages)?;
     let one_wins = Changes { one_wins: true, ..unchanged };
     let dense = largest(file, &fine, |plan| !plan.passes.contains(&Pass::Push))?;
@@ -148,7 +151,8 @@ fn dense_views(file: &Forest, base: &PictureRequest) -> Result<Vec<Omission>> {
             unchanged,
             one_wins,
         ),
-        Omission::of_changes("pull and push of a dense view", dense, pushed, unchanged),
+        Omission::of_changes("pull and push of a dense view", dense, pushed, unchanged)
+            .by(LeftOutBy::Rule),
     ])
 }
 
@@ -167,7 +171,7 @@ fn coverage(file: &Forest, base: &PictureRequest) -> Vec<Omission> {
 
 /// Halves a picture until `is_so` holds of its plan, first from the camera of `picture`, then from
 /// farther away; returns it unchanged if `is_so` holds at no size.
-fn largest(
+pub(super) fn largest(
     file: &Forest,
     picture: &PictureRequest,
     is_so: fn(&FramePlan) -> bool,

@@ -1,5 +1,8 @@
 //! The report of the benchmark of leaving out, and its table for people.
 
+use crate::leave_out::loaded::LoadedRow;
+use crate::leave_out::passes::PassRow;
+use crate::leave_out::pictures::{Difference, Verdict};
 use crate::quantile::quantile;
 use esker_engine::io::quantity::readable_bytes;
 use esker_render::PassTimes;
@@ -20,6 +23,12 @@ pub struct LeaveOutReport {
     pub(super) height: u32,
     /// A row for each file and omission.
     pub(super) rows: Vec<LeaveOutRow>,
+    /// A row for each file, view and optional part of its frames.
+    pub(super) passes: Vec<PassRow>,
+    /// A row for each file and bare picture.
+    pub(super) loaded: Vec<LoadedRow>,
+    /// Whether the program was built with light.
+    pub(super) has_light: bool,
 }
 
 /// A thing that is left out of pictures of a file.
@@ -27,8 +36,17 @@ pub struct LeaveOutReport {
 pub(super) struct LeaveOutRow {
     pub file: String,
     pub left_out: &'static str,
-    /// Whether the frames differ.
+    /// Whether the frames differ in plan, points or planes.
     pub applies: bool,
+    /// Whether it was needed.
+    pub verdict: Verdict,
+    /// How the pictures of the CPU differ.
+    #[serde(flatten)]
+    pub difference: Difference,
+    /// How the pictures of the GPU differ.
+    pub gpu_difference: Option<Difference>,
+    /// Whether the pictures must be equal, since the frames do not differ.
+    pub is_promised: bool,
     /// Width of the picture, which may be smaller than the requested one, pixels.
     pub width: u32,
     /// Height of the picture, pixels.
@@ -90,6 +108,20 @@ pub(super) struct FrameCost {
     pub gpu_ms: Option<f64>,
 }
 
+impl LeaveOutReport {
+    /// What was left out with the promise of an equal picture, and changes it.
+    pub fn faults(&self) -> Vec<String> {
+        let rows = self.rows.iter().filter(|row| row.verdict == Verdict::Fault && row.is_promised);
+        let passes = self.passes.iter().filter(|row| row.verdict == Verdict::Fault);
+        let rows = rows.map(|row| format!("{}: {}", row.file, row.left_out));
+        let passes = passes.map(|row| format!("{}: {} of {}", row.file, row.part, row.view));
+        let loaded = self.loaded.iter().filter(|row| row.verdict == Verdict::Fault);
+        let loaded = loaded
+            .map(|row| format!("{}: {} of {}", row.file, row.unneeded.join(", "), row.picture));
+        rows.chain(passes).chain(loaded).collect()
+    }
+}
+
 /// Writes the report for people.
 pub fn text(report: &LeaveOutReport) -> String {
     let mut lines = Vec::new();
@@ -101,16 +133,31 @@ pub fn text(report: &LeaveOutReport) -> String {
         }
         lines.push(line(row, report));
     }
+    let mut view = ("", "");
+    for row in &report.passes {
+        if view != (&*row.file, row.view) {
+            view = (&row.file, row.view);
+            let PassRow { file, view, frame_cpu_ms, width, height, .. } = row;
+            lines.push(format!("{file}: {view}, {width}x{height}, {frame_cpu_ms:.2} ms a frame"));
+        }
+        lines.push(pass_line(row));
+    }
+    lines.extend(report.loaded.iter().map(loaded_line));
     lines.extend(report.adapter.iter().map(|name| format!("gpu: {name}")));
     lines.join("\n")
 }
 
 fn line(row: &LeaveOutRow, report: &LeaveOutReport) -> String {
     let name = name_of(row, report);
-    if !row.applies {
+    let LeaveOutRow { with, without, difference, verdict, .. } = row;
+    if !row.applies && *verdict == Verdict::LeftOut {
         return format!("  {name:<50} not in this view: nothing is left out");
     }
-    let LeaveOutRow { with, without, .. } = row;
+    let differs = pictures(difference);
+    let on_gpu = row
+        .gpu_difference
+        .as_ref()
+        .map_or(String::new(), |difference| format!(", on the GPU {}", pictures(difference)));
     let bytes = |with: u64, without: u64| {
         format!("{:>10} {:>10}", readable_bytes(with), readable_bytes(without))
     };
@@ -128,7 +175,38 @@ fn line(row: &LeaveOutRow, report: &LeaveOutReport) -> String {
         if with.gpu_ms.is_none() { "" } else { "  gpu " },
         ms(with.gpu_ms, without.gpu_ms),
         saving(row.gpu_saving),
-    )
+    ) + &format!("\n  {:<50} {differs}{on_gpu}: {}", "", verdict.text())
+}
+
+fn pass_line(row: &PassRow) -> String {
+    let PassRow { part, runs, cpu_ms, gpu_ms, difference, verdict, .. } = row;
+    let takes = if *runs { "takes" } else { "would take" };
+    let on_gpu = gpu_ms.map_or(String::new(), |ms| format!(", gpu {ms:.2} ms"));
+    let (differs, verdict) = (pictures(difference), verdict.text());
+    format!("  {part:<40} {takes} {cpu_ms:.2} ms{on_gpu}; {differs}: {verdict}")
+}
+
+fn loaded_line(row: &LoadedRow) -> String {
+    let LoadedRow { file, picture, planes, shaders, built, unneeded, .. } = row;
+    let planes: Vec<_> =
+        planes.iter().map(|(name, bytes)| format!("{name} {}", readable_bytes(*bytes))).collect();
+    let built = built.as_ref().map_or(String::new(), |all| format!(", {} built", all.len()));
+    let excess = match &unneeded[..] {
+        [] => "nothing that it does not need".to_owned(),
+        all => format!("FAULT: also {}", all.join(", ")),
+    };
+    let (planes, shaders) = (planes.join(", "), shaders.len());
+    format!("{file}: {picture} load {planes}; {shaders} shaders{built}: {excess}")
+}
+
+/// How two pictures differ, in words.
+fn pictures(difference: &Difference) -> String {
+    let Difference { changed_share, off_share, flip } = difference;
+    if difference.is_equal() {
+        return "pictures are equal".into();
+    }
+    let [changed, off] = [changed_share, off_share].map(|share| share * 100.0);
+    format!("{changed:.2} % of the pixels change, {off:.2} % clearly, FLIP {flip:.4}")
 }
 
 /// Name of the omission, and the size of the picture if it is not the requested one.
@@ -144,6 +222,63 @@ fn name_of(row: &LeaveOutRow, report: &LeaveOutReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_what_must_not_change_a_picture_fails() {
+        let cost = || FrameCost {
+            bytes_read: 1,
+            bytes_resident: 1,
+            points: 1,
+            cpu_ms: None,
+            gpu_ms: None,
+        };
+        let row = |left_out, verdict, is_promised: bool| LeaveOutRow {
+            file: "scan".into(),
+            left_out,
+            applies: !is_promised,
+            verdict,
+            difference: Difference { changed_share: 0.1, off_share: 0.0, flip: 0.1 },
+            gpu_difference: None,
+            is_promised,
+            width: 8,
+            height: 8,
+            with: cost(),
+            without: cost(),
+            cpu_saving: None,
+            gpu_saving: None,
+        };
+        let loaded = |picture, verdict, unneeded: &[&str]| LoadedRow {
+            kind: "loaded",
+            file: "scan".into(),
+            picture,
+            planes: std::collections::BTreeMap::new(),
+            shaders: Vec::new(),
+            built: None,
+            unneeded: unneeded.iter().map(|&name| name.to_owned()).collect(),
+            verdict,
+        };
+        let report = LeaveOutReport {
+            adapter: None,
+            note: None,
+            threads: 1,
+            width: 8,
+            height: 8,
+            rows: vec![
+                row("a rule", Verdict::Fault, false),
+                row("a promise", Verdict::Fault, true),
+                row("a choice", Verdict::Needed, false),
+            ],
+            passes: Vec::new(),
+            loaded: vec![
+                loaded("points", Verdict::Fault, &["plane normal"]),
+                loaded("surfaces", Verdict::LeftOut, &[]),
+            ],
+            has_light: false,
+        };
+        assert_eq!(report.faults(), ["scan: a promise", "scan: plane normal of points"]);
+        let text = text(&report);
+        assert_eq!(text.matches("FAULT").count(), 3, "{text}");
+    }
 
     #[test]
     fn savings_whose_quartiles_differ_in_sign_are_noise() {

@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 
 /// Frames as in the paper: a pixel shows the one point that wins it.
 const PUBLISHED: Changes =
-    Changes { one_wins: true, is_rough: true, is_flat: true, always_pushes: false, is_matt: false };
+    Changes { one_wins: true, is_rough: true, is_flat: true, ..Changes::NONE };
 /// Methods and their names on the command line, in the order of the rows.
 const METHODS: [(Method, &str); 3] =
     [(Method::PullPush, "pull-push"), (Method::Ewa, "ewa"), (Method::Points, "points")];

@@ -5,11 +5,13 @@ use crate::draw::wait;
 use anyhow::Result;
 use esker_engine::draw::scene::{PictureRequest, PictureScene};
 use esker_engine::draw::whole::GpuScene;
-use esker_format::{Forest, Planes};
-use esker_lod::CompactOctree;
+use esker_format::{Forest, PlaneKind, Planes};
+use esker_lod::{CompactOctree, View};
 use esker_points::Task;
 use esker_render::gpu::{Gpu, PlaneAt};
-use esker_render::{Frame, FramePlan, PassTimes, Picture, Renderer, Stats};
+use esker_render::{
+    DrawNode, Frame, FramePlan, PassChoice, PassSet, PassTimes, Picture, Renderer, Stats,
+};
 use glam::DVec3;
 use std::time::Instant;
 
@@ -34,7 +36,7 @@ pub struct ResidentScene<'a> {
 }
 
 /// Changes of a frame before it is drawn, on the CPU or on the GPU.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Changes {
     /// Runs pull and push although the view is dense.
     pub always_pushes: bool,
@@ -46,15 +48,39 @@ pub struct Changes {
     pub is_flat: bool,
     /// Lights surfaces without highlights.
     pub is_matt: bool,
+    /// Draws no margin around the picture.
+    pub has_no_margin: bool,
+    /// Draws points in the middle of their hot step, on the CPU.
+    pub has_no_residuals: bool,
+    /// Passes that are chosen otherwise than by the plan.
+    pub passes: PassChoice,
 }
 
 impl Changes {
+    /// Leaves frames as they are.
+    pub const NONE: Self = Self {
+        always_pushes: false,
+        one_wins: false,
+        is_rough: false,
+        is_flat: false,
+        is_matt: false,
+        has_no_margin: false,
+        has_no_residuals: false,
+        passes: PassChoice { skipped: PassSet::of(&[]), forced: PassSet::of(&[]) },
+    };
+
+    /// The view to draw for `view`.
+    fn view(self, view: &View) -> View {
+        if self.has_no_margin { view.with_margin(0) } else { *view }
+    }
+
     fn apply<P>(self, frame: &mut Frame<'_, P>) {
         frame.skips_push &= !self.always_pushes;
         frame.averages &= !self.one_wins;
         frame.smooths &= !self.is_rough;
         frame.fits_planes &= !self.is_flat;
         frame.shines &= !self.is_matt;
+        frame.passes = self.passes;
     }
 }
 
@@ -140,6 +166,11 @@ impl<'a> ResidentScene<'a> {
         self.picture.selection.counters.points
     }
 
+    /// Whether any node has residuals of positions.
+    pub fn has_residuals(&self) -> bool {
+        self.picture.planes.iter().any(|planes| planes.get(PlaneKind::Residual).is_some())
+    }
+
     /// Bytes of the planes in memory.
     pub fn plane_bytes(&self) -> u64 {
         self.picture.planes.iter().map(Planes::bytes).sum()
@@ -147,9 +178,9 @@ impl<'a> ResidentScene<'a> {
 
     /// Cost of a frame: its plan, its points, and the bytes of planes read and resident.
     pub fn cost(&self, changes: Changes) -> (FramePlan, u64, [u64; 2]) {
-        let draws = self.picture.draws(self.file);
-        let mut frame =
-            self.picture.appearance.frame(self.file, &self.picture.view, &draws, &self.octree);
+        let (draws, view) =
+            (drawn(self.file, &self.picture, changes), changes.view(&self.picture.view));
+        let mut frame = self.picture.appearance.frame(self.file, &view, &draws, &self.octree);
         changes.apply(&mut frame);
         let bytes = [self.picture.read_bytes, self.plane_bytes()];
         (FramePlan::new(&frame), self.points(), bytes)
@@ -160,11 +191,11 @@ impl<'a> ResidentScene<'a> {
     /// # Errors
     /// If the view makes no valid camera.
     pub fn on_cpu(&mut self, changes: Changes) -> Result<PassTimes> {
-        let draws = self.picture.draws(self.file);
-        let mut frame =
-            self.picture.appearance.frame(self.file, &self.picture.view, &draws, &self.octree);
+        let Self { file, picture, octree, renderer, cpu_picture, .. } = self;
+        let (draws, view) = (drawn(file, picture, changes), changes.view(&picture.view));
+        let mut frame = picture.appearance.frame(file, &view, &draws, octree);
         changes.apply(&mut frame);
-        self.renderer.render_into(&frame, &mut self.cpu_picture)?;
+        renderer.render_into(&frame, cpu_picture)?;
         Ok(self.cpu_picture.stats.stages)
     }
 
@@ -193,7 +224,11 @@ impl<'a> ResidentScene<'a> {
         let Some((gpu, on_gpu)) = &mut self.gpu else { return Ok(PassTimes::default()) };
         let (start, before) = (Instant::now(), gpu.dispatches());
         let change = |frame: &mut Frame<'_, PlaneAt>| changes.apply(frame);
-        on_gpu.draw(self.file, &self.picture, &self.octree, change)?;
+        let view = self.picture.view;
+        self.picture.view = changes.view(&view);
+        let drawn = on_gpu.draw(self.file, &self.picture, &self.octree, change);
+        self.picture.view = view;
+        drawn?;
         wait(gpu)?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
         let Stats { stages, pixels_covered, .. } = on_gpu.stats().unwrap_or_default();
@@ -202,4 +237,13 @@ impl<'a> ResidentScene<'a> {
         let total_ms = if gpu.tier.is_software { wall_ms } else { stages.total_ms.max(1e-6) };
         Ok(PassTimes { total_ms, ..stages })
     }
+}
+
+/// Nodes of a picture with their planes on the CPU.
+fn drawn<'a>(file: &'a Forest, picture: &'a PictureScene, changes: Changes) -> Vec<DrawNode<'a>> {
+    let mut draws = picture.draws(file);
+    if changes.has_no_residuals {
+        draws.iter_mut().for_each(|draw| draw.residual = None);
+    }
+    draws
 }

@@ -1,10 +1,9 @@
 //! The plan of a picture as a call (`esker render --explain`): passes, planes, pipelines with their
 //! constants, and what the frame leaves out and why. Reads no more than node tables and statistics.
 
-use crate::cameras::colour;
 use crate::cameras::legend::Legend;
-use crate::cameras::ranges;
 use crate::draw::empty_picture;
+use crate::draw::frame::Appearance;
 use crate::draw::method::Method;
 use crate::draw::scene::{PictureRequest, PictureScene, open};
 use crate::io::quantity::{grouped, readable_bytes};
@@ -83,7 +82,10 @@ pub fn explain(
 }
 
 /// Reports on what a picture of an open file would take.
-fn plan(file: &Forest, request: &PictureRequest) -> Result<ExplainReport> {
+///
+/// # Errors
+/// If the file lacks what the request needs, or statistics cannot be read.
+pub fn plan(file: &Forest, request: &PictureRequest) -> Result<ExplainReport> {
     let scene = PictureScene::choose(file, request)?;
     let is_lit = request.method == Method::Lit;
     let (plan, counters) = (&scene.plan, &scene.selection.counters);
@@ -147,19 +149,14 @@ impl From<Variant> for VariantReport {
 const ONLY_OWN_COLOURS: &str =
     "exposure compensation: applies only to surfaces in the scans' own colours";
 
+/// Why it changes nothing where there is one scan.
+const ONE_SCAN: &str = "exposure compensation: all points are of one scan";
+
 /// Note on exposure compensation that was requested and changes nothing.
-pub(crate) fn exposure_note(file: &Forest, scene: &PictureScene) -> Result<Option<&'static str>> {
-    if !scene.appearance.evens_exposure {
-        return Ok(None);
-    }
-    if !scene.plan.evens_exposure() {
-        return Ok(Some(ONLY_OWN_COLOURS));
-    }
-    let (kind, _) = colour::scans(file)?;
-    let whole = ranges::whole(file, usize::from(kind.attribute()))?;
-    Ok(whole
-        .is_none_or(|(least, greatest)| least >= greatest)
-        .then_some("exposure compensation: all points are of one scan"))
+pub(crate) fn exposure_note(scene: &PictureScene) -> Option<&'static str> {
+    let Appearance { evens_exposure, is_one_scan, .. } = scene.appearance;
+    let is_left_out = evens_exposure && !scene.plan.evens_exposure();
+    is_left_out.then_some(if is_one_scan { ONE_SCAN } else { ONLY_OWN_COLOURS })
 }
 
 /// Name of a plane: that of its attribute, if it holds one.
@@ -224,7 +221,12 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<&'static str> {
         !plan.evens_exposure() && !scene.appearance.evens_exposure,
         "exposure compensation: not requested",
     );
-    add(!plan.evens_exposure() && scene.appearance.evens_exposure, ONLY_OWN_COLOURS);
+    let unneeded = exposure_note(scene);
+    add(unneeded.is_some(), unneeded.unwrap_or_default());
+    add(
+        is_pulled && !plan.passes.contains(&Pass::Silhouette),
+        "silhouettes: in a dense view nothing sticks out beyond the points",
+    );
     add(is_pulled && !plan.averages(), "means of the points that share a pixel: they do not crowd");
     add(
         is_pulled && plan.has_pyramid && !plan.smooths,

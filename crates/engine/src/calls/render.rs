@@ -296,7 +296,7 @@ fn notes(
     let degrees = info::mixes_degrees(file).then_some(
         "x and y are degrees and heights are not: the picture is distorted; build the scan again, or transform it to a projected system first",
     );
-    let exposure = explain::exposure_note(file, scene)?;
+    let exposure = explain::exposure_note(scene);
     let away = facing::note(file, scene, picture);
     let far = scene.leaves_out_far.then_some(
         "the view is fitted to nearly all points: a few lie far outside of it (esker info has the bounds of all)",

@@ -274,6 +274,25 @@ pub fn scans(file: &Forest) -> Result<(PlaneKind, Codes)> {
     })
 }
 
+/// Whether all points are known to be of one scan, by the attribute of [`scans`].
+///
+/// # Errors
+/// If statistics cannot be read, or as for [`scans`].
+pub fn is_one_scan(file: &Forest) -> Result<bool> {
+    let (kind, _) = scans(file)?;
+    let mut files = file.files();
+    let (Some(only), None) = (files.next(), files.next()) else { return Ok(false) };
+    // Points of other classes may lack the attribute.
+    if only.metadata().classes.len() > 1 {
+        return Ok(false);
+    }
+    let attributes = only.metadata().schema.attributes.iter().enumerate();
+    let mut indices = attributes.filter(|&(i, a)| plane_of(&a.name, a.ty, i) == kind);
+    let Some((index, _)) = indices.next() else { return Ok(false) };
+    let (least, greatest) = only.statistics()?.histograms().ranges().of(index);
+    Ok(least == greatest)
+}
+
 /// An attribute that colours are requested from.
 struct AttributeColours<'a> {
     file: &'a Forest,

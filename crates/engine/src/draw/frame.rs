@@ -14,7 +14,7 @@ use esker_render::inputs::camera::is_drawable;
 use esker_render::picture::margin::{MARGIN_PX, goes_beyond};
 use esker_render::{
     Codebook, ColourBy, ColourMap, ColourPlane, Dots, DrawNode, Frame, FrameOptions, FramePlan,
-    Method as Passes, SceneHas,
+    Method as Passes, PassChoice, SceneHas,
 };
 use esker_stream::Needs;
 use std::sync::Arc;
@@ -31,8 +31,11 @@ pub struct Appearance {
     pub method: Method,
     /// Whether surfaces have highlights.
     pub shines: bool,
-    /// Whether differences of exposure between scans are removed.
+    /// Whether the removal of differences of exposure between scans is requested.
     pub evens_exposure: bool,
+    /// Whether exposure is requested of points that are all of one scan, so that every factor would
+    /// be 1.
+    pub is_one_scan: bool,
     /// Whether points of surfaces are left out whose normal looks away from the eye.
     pub culls_back: bool,
     /// How points look that are drawn alone.
@@ -81,6 +84,7 @@ impl Appearance {
             method,
             shines,
             evens_exposure,
+            is_one_scan: false,
             culls_back,
             dots,
             target_spacing_px,
@@ -88,16 +92,17 @@ impl Appearance {
         })
     }
 
-    /// Adds exposure compensation, if `evens_exposure`.
+    /// Adds exposure compensation, if `evens_exposure` and the file has several scans.
     ///
     /// # Errors
     /// If no attribute of the file differs between scans.
     pub fn evened(mut self, file: &Forest, evens_exposure: bool) -> Result<Self> {
-        if evens_exposure {
-            let scans = colour::scans(file)?;
+        let scans = evens_exposure.then(|| colour::scans(file)).transpose()?;
+        let is_one_scan = evens_exposure && colour::is_one_scan(file)?;
+        if let Some(scans) = scans.filter(|_| !is_one_scan) {
             self.shown = Arc::new(ForestFilter::clone(&self.shown).with_scans(Some(scans)));
         }
-        Ok(Self { evens_exposure, ..self })
+        Ok(Self { evens_exposure, is_one_scan, ..self })
     }
 
     /// Leaves out points that face away, if `culls_back` and where normals tell front from back.
@@ -179,7 +184,8 @@ impl Appearance {
             tangents: file.has(PlaneKind::Tangents) && self.method != Method::Lit,
         };
         let (method, colour) = (self.method.passes(), self.colouring.by);
-        let Self { shines, evens_exposure, .. } = *self;
+        let shines = self.shines;
+        let evens_exposure = self.evens_exposure && !self.is_one_scan;
         let (dots, mixes_dots) = self.dots_of_frames();
         let (smooths, fits_planes) = (true, true);
         let options = FrameOptions {
@@ -194,6 +200,7 @@ impl Appearance {
             dots,
             mixes_dots,
             thins_points: self.target_spacing_px > 0.0,
+            passes: PassChoice::default(),
         };
         FramePlan::of(&has, &options)
     }
@@ -231,7 +238,8 @@ impl Appearance {
         octree: &'a CompactOctree,
     ) -> Frame<'a, P> {
         let hides_points = self.shown.hides_any();
-        let Self { shines, evens_exposure, .. } = *self;
+        let shines = self.shines;
+        let evens_exposure = self.evens_exposure && !self.is_one_scan;
         let (dots, mixes_dots) = self.dots_of_frames();
         Frame {
             octree: Some(octree),

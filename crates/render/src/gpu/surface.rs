@@ -36,14 +36,21 @@ pub struct Surface {
 
 /// Kernels of the scenes whose pixels carry the same planes.
 struct Kernels {
-    edges: Kernel,
+    /// Of EWA splatting alone, built when it is first drawn with.
+    edges: Option<Kernel>,
+    /// Of pull-push alone, built when it is first drawn with.
+    filling: Option<Filling>,
+    smooth_depth: Option<SmoothDepth>,
+    shade: Shade,
+    antialias: Antialias,
+}
+
+/// Kernels that fill the gaps of level 0 and trim what sticks out.
+struct Filling {
     pull: Pull,
     push: Push,
     fill_holes: FillHoles,
     silhouette: Silhouette,
-    smooth_depth: Option<SmoothDepth>,
-    shade: Shade,
-    antialias: Antialias,
 }
 
 /// Variants of the passes, which a frame's plan chooses.
@@ -57,6 +64,10 @@ pub struct Choices {
     pub smooths: bool,
     /// Whether pixels with a normal are darkened behind edges.
     pub darkens_edges: bool,
+    /// Whether fill_holes closes gaps, beside writing the depth image and its edges.
+    pub fills_holes: bool,
+    /// Whether splats were blended, so that nothing is filled.
+    pub is_splats: bool,
 }
 
 /// Dispatches over one pyramid and picture.
@@ -104,8 +115,8 @@ struct Scratch {
 impl Scratch {
     fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, GpuError> {
         let pixels = u64::from(size[0]) * u64::from(size[1]);
-        let plane =
-            |label| gpu.buffer(label, pixels * 4, BufferUsages::STORAGE | BufferUsages::COPY_SRC);
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let plane = |label| gpu.buffer(label, pixels * 4, usage);
         Ok(Self {
             marks: plane("surface marks")?,
             sources: plane("surface sources")?,
@@ -114,6 +125,26 @@ impl Scratch {
             turns: Turns::new(gpu, size)?,
             radii: Radii::new(gpu, size)?,
         })
+    }
+
+    /// Copies what a pass that does not run would have written, unchanged.
+    fn pass_on(&self, encoder: &mut CommandEncoder, pass: Pass, picture: &GpuPicture) {
+        let Self { sources, spare, work, radii, .. } = self;
+        let mut copy = |from: &wgpu::Buffer, to: &wgpu::Buffer| {
+            encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size());
+        };
+        match pass {
+            Pass::Silhouette => {
+                copy(work, &picture.depth);
+                encoder.clear_buffer(sources, 0, None);
+            }
+            Pass::SmoothDepth => {
+                copy(&picture.depth, spare);
+                encoder.clear_buffer(&radii.corners, 0, None);
+            }
+            Pass::Antialias => copy(work, &picture.rgba),
+            _ => (),
+        }
     }
 
     fn target<'a>(
@@ -139,31 +170,18 @@ impl Scratch {
     }
 }
 
-impl Kernels {
+impl Filling {
     fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
         let has_normals = planes == Planes::Normals;
         thread::scope(|scope| {
             let silhouette = Compilation::start(scope, || Silhouette::new(gpu, has_normals))?;
             let fill_holes = Compilation::start(scope, || FillHoles::new(gpu, planes))?;
             let push = Compilation::start(scope, || Push::new(gpu, planes))?;
-            let shade = Compilation::start(scope, || {
-                Ok((Shade::new(gpu, has_normals)?, Antialias::new(gpu, has_normals)?))
-            })?;
-            let smooth_depth = Compilation::start(scope, || {
-                if has_normals { Ok(None) } else { SmoothDepth::new(gpu).map(Some) }
-            })?;
-            let edges = Kernel::new(gpu, sources::EWA_EDGES, "main", &[])?;
-            let pull = Pull::new(gpu, planes)?;
-            let (shade, antialias) = shade.finish()?;
             Ok(Self {
-                edges,
-                pull,
+                pull: Pull::new(gpu, planes)?,
                 push: push.finish()?,
                 fill_holes: fill_holes.finish()?,
                 silhouette: silhouette.finish()?,
-                smooth_depth: smooth_depth.finish()?,
-                shade,
-                antialias,
             })
         })
     }
@@ -172,25 +190,75 @@ impl Kernels {
         &mut self,
         gpu: &Gpu,
         target: &SurfaceTarget<'_>,
-        Choices { shines, smooths, darkens_edges, .. }: Choices,
-    ) -> Result<Vec<PassDispatches>, GpuError> {
-        let stage = |name, pass, dispatches| PassDispatches { name, pass, dispatches };
-        let uniform = target.uniform;
-        let marks = [&target.picture.depth, target.marks, target.sources];
-        let push = self.push.dispatches(gpu, uniform, target.pyramid, smooths)?;
-        let mut stages = vec![
-            // Runs after EWA splatting, which fills level 0 and the picture's depth.
-            stage("edges", Pass::Blend, vec![target.dispatch(gpu, &self.edges, &marks)]),
-            stage("pull", Pass::Pull, self.pull.dispatches(gpu, uniform, target.pyramid)),
+        Choices { smooths, fills_holes, .. }: Choices,
+    ) -> Result<[PassDispatches; 4], GpuError> {
+        let (uniform, pyramid) = (target.uniform, target.pyramid);
+        let push = self.push.dispatches(gpu, uniform, pyramid, smooths)?;
+        let fill_holes = self.fill_holes.dispatches(gpu, target, fills_holes);
+        Ok([
+            stage("pull", Pass::Pull, self.pull.dispatches(gpu, uniform, pyramid)),
             stage("push", Pass::Push, push),
-            stage("fill_holes", Pass::FillHoles, self.fill_holes.dispatches(gpu, target)),
+            stage("fill_holes", Pass::FillHoles, fill_holes),
             stage("silhouette", Pass::Silhouette, self.silhouette.dispatches(gpu, target)),
-        ];
+        ])
+    }
+
+    fn kernels(&mut self) -> impl Iterator<Item = &mut Kernel> {
+        let Self { pull, push, fill_holes, silhouette } = self;
+        let all = [pull.kernels(), push.kernels(), fill_holes.kernels(), silhouette.kernels()];
+        all.into_iter().flatten()
+    }
+}
+
+fn stage(name: &'static str, pass: Pass, dispatches: Vec<Dispatch>) -> PassDispatches {
+    PassDispatches { name, pass, dispatches }
+}
+
+impl Kernels {
+    fn new(gpu: &Gpu, Choices { planes, is_splats, .. }: Choices) -> Result<Self, GpuError> {
+        let has_normals = planes == Planes::Normals;
+        thread::scope(|scope| {
+            let filling = (!is_splats)
+                .then(|| Compilation::start(scope, || Filling::new(gpu, planes)))
+                .transpose()?;
+            let shade = Compilation::start(scope, || {
+                Ok((Shade::new(gpu, has_normals)?, Antialias::new(gpu, has_normals)?))
+            })?;
+            let smooth_depth = if has_normals { None } else { Some(SmoothDepth::new(gpu)?) };
+            let (shade, antialias) = shade.finish()?;
+            let filling = filling.map(Compilation::finish).transpose()?;
+            Ok(Self { edges: None, filling, smooth_depth, shade, antialias })
+        })
+    }
+
+    fn stages(
+        &mut self,
+        gpu: &Gpu,
+        target: &SurfaceTarget<'_>,
+        choices: Choices,
+    ) -> Result<Vec<PassDispatches>, GpuError> {
+        let mut stages = Vec::new();
+        if choices.is_splats {
+            // EWA splatting fills level 0 and the picture's depth.
+            let edges = match &mut self.edges {
+                Some(edges) => edges,
+                none => none.insert(Kernel::new(gpu, sources::EWA_EDGES, "main", &[])?),
+            };
+            let marks = [&target.picture.depth, target.marks, target.sources];
+            stages.push(stage("edges", Pass::Blend, vec![target.dispatch(gpu, edges, &marks)]));
+        } else {
+            let filling = match &mut self.filling {
+                Some(filling) => filling,
+                none => none.insert(Filling::new(gpu, choices.planes)?),
+            };
+            stages.extend(filling.stages(gpu, target, choices)?);
+        }
         let smooth_depth = self.smooth_depth.iter();
         stages.extend(
             smooth_depth
                 .map(|r| stage("smooth_depth", Pass::SmoothDepth, r.dispatches(gpu, target))),
         );
+        let Choices { shines, darkens_edges, .. } = choices;
         let shade = self.shade.dispatches(gpu, target, shines, darkens_edges)?;
         stages.push(stage("shade", Pass::Shade, shade));
         stages.push(stage("antialias", Pass::Antialias, self.antialias.dispatches(gpu, target)));
@@ -198,16 +266,10 @@ impl Kernels {
     }
 
     fn all(&mut self) -> impl Iterator<Item = &mut Kernel> {
-        let Self { edges, pull, push, fill_holes, silhouette, smooth_depth, shade, antialias } =
-            self;
-        let some = [pull.kernels(), push.kernels(), fill_holes.kernels(), silhouette.kernels()];
+        let Self { edges, filling, smooth_depth, shade, antialias } = self;
+        let filling = filling.iter_mut().flat_map(Filling::kernels);
         let smooth_depth = smooth_depth.iter_mut().flat_map(SmoothDepth::kernels);
-        some.into_iter()
-            .flatten()
-            .chain([edges])
-            .chain(shade.kernels())
-            .chain(antialias.kernels())
-            .chain(smooth_depth)
+        filling.chain(edges).chain(shade.kernels()).chain(antialias.kernels()).chain(smooth_depth)
     }
 }
 
@@ -229,15 +291,29 @@ impl Surface {
         timing: &mut Timing,
     ) -> Result<(), GpuError> {
         let (planes, shines, smooths) = (plan.planes(), plan.shines, plan.smooths);
-        let choices = Choices { planes, shines, smooths, darkens_edges: plan.darkens_edges() };
-        let stages = self.stages(gpu, uniform, pyramid, picture, choices)?;
-        for stage in stages.iter().filter(|stage| plan.passes.contains(&stage.pass)) {
-            stage.encode(encoder, timing);
+        let choices = Choices {
+            planes,
+            shines,
+            smooths,
+            darkens_edges: plan.darkens_edges(),
+            fills_holes: plan.passes.contains(&Pass::FillHoles),
+            is_splats: plan.passes.contains(&Pass::Blend),
+        };
+        self.stages(gpu, uniform, pyramid, picture, choices)?;
+        let Some(Bound { stages, scratch, .. }) = &self.bound else { return Ok(()) };
+        let chosen = stages.iter().find(|(chosen, _)| *chosen == choices);
+        for stage in chosen.iter().flat_map(|(_, stages)| stages) {
+            // The depth image and its edges are always needed.
+            if plan.passes.contains(&stage.pass) || stage.pass == Pass::FillHoles {
+                stage.encode(encoder, timing);
+            } else {
+                scratch.pass_on(encoder, stage.pass, picture);
+            }
         }
         Ok(())
     }
 
-    /// All passes in their order; [`Surface::encode`] runs those that a plan has.
+    /// All passes of a method in their order; [`Surface::encode`] runs those that a plan has.
     ///
     /// # Errors
     /// If the driver refuses a shader or memory.
@@ -263,7 +339,7 @@ impl Surface {
             None => {
                 let kernels = match self.kernels.entry(choices.planes) {
                     Entry::Occupied(known) => known.into_mut(),
-                    Entry::Vacant(place) => place.insert(Kernels::new(gpu, choices.planes)?),
+                    Entry::Vacant(place) => place.insert(Kernels::new(gpu, choices)?),
                 };
                 let target = scratch.target(uniform, pyramid, picture);
                 stages.push((choices, kernels.stages(gpu, &target, choices)?));

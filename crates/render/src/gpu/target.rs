@@ -80,7 +80,7 @@ impl Radii {
         let count = |[across, down]: [u32; 2]| u64::from(across) * u64::from(down);
         Ok(Self {
             tiles: buffer(count(size.map(|n| n.div_ceil(RADII_TILE))) * 2, BufferUsages::empty())?,
-            corners: buffer(count(Self::corners(size)), BufferUsages::empty())?,
+            corners: buffer(count(Self::corners(size)), BufferUsages::COPY_DST)?,
             most: buffer(4, BufferUsages::UNIFORM)?,
         })
     }

@@ -16,8 +16,9 @@ use std::sync::atomic::AtomicU64;
 #[derive(Default)]
 pub(crate) struct Dots {
     grow: Grow,
-    /// Frame buffer of the dots among surfaces.
+    /// Frame buffer of the dots among surfaces, and their number.
     among: Vec<AtomicU64>,
+    count: u64,
 }
 
 impl Dots {
@@ -31,12 +32,15 @@ impl Dots {
         target: &mut Vec<AtomicU64>,
         (picture, stats): (&mut Picture, &mut Stats),
     ) {
-        let Self { grow, among } = self;
+        let Self { grow, among, count } = self;
         let width = picture.width as usize;
         match pass {
             Pass::Split => {
-                stats.pixels_projected += split(lookup, plan.carries_normals, target, width, among);
+                *count = split(lookup, plan.carries_normals, target, width, among);
+                stats.pixels_projected += *count;
             }
+            // Without dots the picture is finished already.
+            _ if plan.mixes_dots() && *count == 0 => (),
             Pass::Grow if plan.mixes_dots() => {
                 grow.run(lookup, PointSize::Adaptive, among, width);
             }

@@ -57,6 +57,13 @@ pub struct SmoothDepthScratch {
 }
 
 impl SmoothDepthScratch {
+    /// Takes a depth image as it is, in place of [`smooth_depth`].
+    pub(crate) fn keep(&mut self, depth: &[f32]) {
+        self.smooth.clear();
+        self.smooth.extend_from_slice(depth);
+        self.radii = Radii::default();
+    }
+
     /// The depth image that [`smooth_depth`] left, for the same camera.
     pub fn image(&self, camera: &Camera) -> DepthImage<'_> {
         DepthImage::new(camera, &self.smooth, Some(&self.radii))

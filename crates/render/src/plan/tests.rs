@@ -24,6 +24,7 @@ const OPTIONS: FrameOptions = FrameOptions {
     dots: Dots { size: PointSize::Pixels(1.0), eye_dome: 0.0 },
     mixes_dots: false,
     thins_points: false,
+    passes: PassChoice { skipped: PassSet::of(&[]), forced: PassSet::of(&[]) },
 };
 
 #[test]
@@ -239,4 +240,42 @@ fn a_plan_names_a_pipeline_for_every_pass() {
     assert_eq!(shade, Some(vec![("NORMALS", 1), ("SHINES", 1), ("EDGES", 1)]));
     let matt = FramePlan::of(&ALL, &FrameOptions { shines: false, ..OPTIONS });
     assert!(matt.variants().iter().any(|v| v.constants.contains(&("SHINES", 0))));
+}
+
+#[test]
+fn silhouettes_are_trimmed_where_push_fills_pixels_or_on_request() {
+    let trims = |options: FrameOptions| {
+        let passes = FramePlan::of(&ALL, &options).passes;
+        assert_eq!(passes.contains(&Pass::Shade), options.method != Method::Points);
+        passes.contains(&Pass::Silhouette)
+    };
+    let dense = FrameOptions { sparsest_px: 0.4, ..OPTIONS };
+    let forced = PassChoice { forced: PassSet::of(&[Pass::Silhouette]), ..OPTIONS.passes };
+    assert!(trims(OPTIONS) && !trims(dense));
+    assert!(trims(FrameOptions { passes: forced, ..dense }));
+    for method in [Method::Points, Method::Ewa] {
+        assert!(!trims(FrameOptions { method, passes: forced, ..dense }), "{method:?}");
+    }
+}
+
+#[test]
+fn optional_passes_are_skipped_and_others_are_not() {
+    let dots = Dots { size: PointSize::Adaptive, eye_dome: 0.5 };
+    let all = PassSet::of(&Pass::ALL);
+    for method in [Method::Points, Method::PullPush, Method::Ewa] {
+        let options = FrameOptions { method, crowding: 0.5, mixes_dots: true, dots, ..OPTIONS };
+        let has = SceneHas { normals: false, ..ALL };
+        let whole = FramePlan::of(&has, &options);
+        for &pass in whole.passes.iter() {
+            let skipped = PassSet::of(&[pass]);
+            let passes = PassChoice { skipped, ..OPTIONS.passes };
+            let plan = FramePlan::of(&has, &FrameOptions { passes, ..options });
+            assert_eq!(plan.passes.contains(&pass), !pass.is_optional(), "{pass:?}");
+        }
+        let passes = PassChoice { skipped: all, ..OPTIONS.passes };
+        let bare = FramePlan::of(&has, &FrameOptions { passes, ..options });
+        assert!(bare.passes.iter().all(|pass| !pass.is_optional()), "{:?}", bare.passes);
+        let flags = [bare.mixes_dots(), bare.averages(), bare.smooths, bare.has_pyramid];
+        assert!(flags.into_iter().all(|flag| !flag) && bare.crowding() == 0.0);
+    }
 }

@@ -55,6 +55,7 @@ impl Kernel {
         is_zeroed: bool,
     ) -> Result<Self, GpuError> {
         let pipeline = pipeline(gpu, source.file, source.wgsl, entry, constants, is_zeroed)?;
+        gpu.built(source.file);
         let changed = folder().and_then(|f| source.read(&f).ok()).and_then(|(_, time)| time);
         let (constants, count) = (constants.to_vec(), gpu.dispatch_count().clone());
         Ok(Self { source, entry, constants, is_zeroed, pipeline, changed, count })

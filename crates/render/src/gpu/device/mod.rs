@@ -13,6 +13,7 @@ pub mod timing;
 pub(crate) mod variants;
 
 use crate::gpu::device::error::GpuError;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, RwLockReadGuard};
@@ -108,6 +109,8 @@ struct State {
     bytes: AtomicU64,
     peak_bytes: AtomicU64,
     dispatches: DispatchCount,
+    /// Files of the shaders that kernels were built from.
+    shaders: Mutex<BTreeSet<&'static str>>,
 }
 
 /// Number of dispatches and draws that were encoded on a device.
@@ -287,6 +290,18 @@ impl Gpu {
         let now = self.state.bytes.fetch_add(size, Relaxed) + size;
         self.state.peak_bytes.fetch_max(now, Relaxed);
         Ok(Counted { buffer, state: Arc::clone(&self.state) })
+    }
+
+    /// Records that a kernel was built from a shader, by the name of its file.
+    pub(crate) fn built(&self, shader: &'static str) {
+        let mut shaders = self.state.shaders.lock().unwrap_or_else(PoisonError::into_inner);
+        shaders.insert(shader);
+    }
+
+    /// Files of the shaders that kernels were built from so far.
+    pub fn shaders(&self) -> Vec<&'static str> {
+        let shaders = self.state.shaders.lock().unwrap_or_else(PoisonError::into_inner);
+        shaders.iter().copied().collect()
     }
 
     /// The counter of dispatches and draws.

@@ -31,7 +31,7 @@ impl GpuPicture {
         let [width, height] = size.map(|side| side.max(1));
         let [inner_width, inner_height] = [width, height].map(|side| side - 2 * margin_px);
         let bytes = u64::from(width) * u64::from(height) * 4;
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("picture"),
             size: wgpu::Extent3d {

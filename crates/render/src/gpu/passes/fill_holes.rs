@@ -47,14 +47,19 @@ impl FillHoles {
         })
     }
 
-    /// Dispatches that fill [`SurfaceTarget::depth`] and the marks, and close the gaps of level 0.
-    pub fn dispatches(&self, gpu: &Gpu, target: &SurfaceTarget<'_>) -> Vec<Dispatch> {
+    /// Dispatches that fill [`SurfaceTarget::depth`] and the marks, and close the gaps of level 0
+    /// if `closes`.
+    pub fn dispatches(&self, gpu: &Gpu, target: &SurfaceTarget<'_>, closes: bool) -> Vec<Dispatch> {
         let base = target.base();
         let &SurfaceTarget { depth, marks, .. } = target;
         let image = [&base.front, &base.depth, depth, &base.plane, &base.tint];
         let find = [depth, &base.tint, marks];
         let fill = [marks, depth, &base.front, &base.tint, &base.plane];
         let mut all = vec![target.dispatch(gpu, &self.depth, &image)];
+        if !closes {
+            all.push(target.dispatch(gpu, &self.find[0], &find));
+            return all;
+        }
         for round in 0..ROUNDS {
             all.push(target.dispatch(gpu, &self.find[round.min(1)], &find));
             all.push(target.dispatch(gpu, &self.fill, &fill));

@@ -28,6 +28,11 @@ pub(crate) const SLOPE_REACH_MIN: usize = 8;
 pub(crate) const WIDTH_RADII: usize = 12;
 /// Greatest distance of a line beyond its samples, pixels.
 pub(crate) const LINE_OVERHANG_PX: f32 = 0.9;
+// Gather moves a pixel by at most half a pixel along each axis from its sample. Plans rely on it
+// that such pixels stick out neither of lines nor of surfaces.
+const _: () = assert!(LINE_OVERHANG_PX * LINE_OVERHANG_PX > 0.5 * 0.5 * 2.0);
+const _: () =
+    assert!(OVERHANG_MIN_PX[0] > LINE_OVERHANG_PX && OVERHANG_MIN_PX[1] > LINE_OVERHANG_PX);
 /// Greatest width of a band that is a line, in radii, plus a number of pixels; and distance that it
 /// continues on either side, in radii: a single sample is no line, nor is a tip that stands out of
 /// a surface.
