@@ -56,7 +56,9 @@ impl Outcome {
 /// Runs `esker` with these arguments.
 pub fn esker<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Outcome {
     let mut command = Command::new(ESKER);
-    command.args(arguments);
+    // Nothing is written to the user's cache.
+    let cache = std::env::temp_dir().join("esker-tests-cache");
+    command.args(arguments).env("XDG_CACHE_HOME", cache);
     run(command, HANGS_AFTER_S)
 }
 

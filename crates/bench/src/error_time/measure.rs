@@ -26,6 +26,7 @@ use esker_lod::View;
 use esker_points::Task;
 use esker_render::gpu::Gpu;
 use esker_render::{PassTimes, Picture};
+use esker_truth::flip::mean_flip;
 use glam::DMat3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -86,7 +87,13 @@ pub fn measure(request: &ErrorTimeRequest, task: &dyn Task) -> Result<ErrorTimeR
             streaming: Vec::new(),
         };
         for path in &request.files {
-            let measured = Measured::new(path, request.is_full, &base, gpu.as_ref(), task)?;
+            let mut measured = Measured::new(path, request.is_full, &base, gpu.as_ref(), task)?;
+            // Scans of the same name in different folders keep rows and pages of their own.
+            let alike = |scan: &Scan| scan.name == measured.name;
+            match report.scans.iter().filter(|scan| alike(scan)).count() {
+                0 => {}
+                before => measured.file = format!("{}-{}", measured.name, before + 1),
+            }
             let (scan, mut rows) = measured.run(task)?;
             mark_front(&mut rows);
             task.phase(&format!("{}: streaming", scan.file), None, "frames");
@@ -106,7 +113,9 @@ pub fn measure(request: &ErrorTimeRequest, task: &dyn Task) -> Result<ErrorTimeR
 
 /// A file that is measured, and the forms in which it was built.
 struct Measured<'a> {
+    /// Name of the scan, and the same with a number if another one has it.
     name: String,
+    file: String,
     /// The scene, if its surfaces are known.
     analytic: Option<Analytic>,
     base: PictureRequest,
@@ -174,7 +183,7 @@ impl<'a> Measured<'a> {
                 files.push(Built::new(&path, options, &base, true, task)?);
             }
         }
-        Ok(Self { name, analytic, base, gpu, files, variants })
+        Ok(Self { file: name.clone(), name, analytic, base, gpu, files, variants })
     }
 
     /// What pictures are compared with.
@@ -216,14 +225,16 @@ impl<'a> Measured<'a> {
                 }
                 let own = own.iter().find(|(known, _)| *known == family);
                 sums.errors.push(errors(&picture, &reference, focal_px));
-                sums.own_flip.extend(own.map(|(_, own)| errors(&picture, own, focal_px).flip));
+                let flip = |own: &Reference| mean_flip(&picture.rgba, &own.rgba, own.width);
+                sums.own_flip.extend(own.map(|(_, own)| flip(own)));
                 task.advance(1);
             }
         }
         self.flickers(&mut common, &mut sums, task)?;
         let normals = self.normal_errors(task)?;
         let scan = Scan {
-            file: self.name.clone(),
+            name: self.name.clone(),
+            file: self.file.clone(),
             points: file.points(),
             reference_points: common.points(),
             floor_flip: mean(&floor.iter().map(|e| e.flip).collect::<Vec<_>>()),
@@ -285,14 +296,10 @@ impl<'a> Measured<'a> {
     ) -> Result<Picture> {
         let mut scene = self.scene(index, setting, task)?;
         scene.picture.view = aligned(&scene.picture.view, shift_px, setting.scale);
-        let draw = |scene: &mut ResidentScene<'_>| match setting.on_gpu {
-            true => scene.on_gpu(setting.changes()),
-            false => scene.on_cpu(setting.changes()),
-        };
-        draw(&mut scene)?;
+        draw(&mut scene, setting)?;
         let before = system::cpu_ms();
         let start = Instant::now();
-        let mut times = draw(&mut scene)?;
+        let mut times = draw(&mut scene, setting)?;
         if !setting.on_gpu {
             times.total_ms = start.elapsed().as_secs_f64() * 1e3;
         }
@@ -335,10 +342,7 @@ impl<'a> Measured<'a> {
             let mut changes = Vec::new();
             for frame in 0..PATH_FRAMES {
                 scene.picture.view = turned(still, frame);
-                match setting.on_gpu {
-                    true => scene.on_gpu(setting.changes())?,
-                    false => scene.on_cpu(setting.changes())?,
-                };
+                draw(&mut scene, setting)?;
                 let now = enlarged(&scene.shown(setting.on_gpu)?, self.base.size).rgba;
                 if let Some(before) = &before {
                     let wanted = [&references[frame - 1][..], &references[frame][..]];
@@ -356,16 +360,12 @@ impl<'a> Measured<'a> {
             |value: fn(&Errors) -> f64| -> Vec<f64> { sums.errors.iter().map(value).collect() };
         let flips = of(|e| e.flip);
         let all: Vec<f64> = sums.frames.iter().map(|f| f.total_ms).collect();
-        let settings = match &self.files[index].build {
-            Some(_) => setting.clone(),
-            None => Setting { build: "", ..setting.clone() },
-        };
         Row {
-            file: self.name.clone(),
+            file: self.file.clone(),
             method: setting.method,
             backend: if setting.on_gpu { "gpu" } else { "cpu" },
-            what: settings.text(),
-            settings,
+            what: setting.text(),
+            settings: setting.clone(),
             points: sums.points,
             ms: quantile(&all, 0.5),
             ms_quartiles: [quantile(&all, 0.25), quantile(&all, 0.75)],
@@ -416,6 +416,14 @@ impl Built {
         let options = if name.is_empty() { "default" } else { name };
         let build = is_scan.then_some(Build { options, seconds, bytes });
         Ok(Self { file: Arc::new(file), build, _folder: folder })
+    }
+}
+
+/// Draws a frame of a setting.
+fn draw(scene: &mut ResidentScene<'_>, setting: &Setting) -> Result<PassTimes> {
+    match setting.on_gpu {
+        true => scene.on_gpu(setting.changes()),
+        false => scene.on_cpu(setting.changes()),
     }
 }
 

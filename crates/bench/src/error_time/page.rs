@@ -2,7 +2,7 @@
 
 use crate::error_time::perfect::Reference;
 use crate::error_time::plot::{error_over_time, error_while_loading};
-use crate::error_time::report::{BUDGETS_MS, Row, Scan, advice, streaming_lines};
+use crate::error_time::report::{BUDGETS_MS, COLUMNS, Row, Scan, advice, or_dash, streaming_lines};
 use crate::error_time::streaming::Load;
 use anyhow::{Context, Result};
 use esker_engine::io::picture::write_png;
@@ -138,38 +138,22 @@ fn write_head(page: &mut String, scan: &Scan, rows: &[Row], plot: &str) -> std::
 fn write_rows(page: &mut String, rows: &[Row]) -> std::fmt::Result {
     let mut sorted: Vec<&Row> = rows.iter().collect();
     sorted.sort_by(|a, b| a.ms.total_cmp(&b.ms));
-    writeln!(
-        page,
-        "</table>\n<h2>All settings</h2>\n<table>\n<tr><th>method</th><th>setting</th><th>by</th>\
-         <th>points</th><th>ms</th><th>CPU ms</th><th>FLIP</th><th>own</th><th>off %</th>\
-         <th>holes %</th><th>behind %</th><th>depth px</th><th>normal &deg;</th><th>flicker</th><th>build s</th>\
-         <th>MB</th></tr>"
-    )?;
+    let cells = |tag: &str, cells: &mut dyn Iterator<Item = &str>| -> String {
+        cells.map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell))).collect()
+    };
+    let titles = COLUMNS.iter().map(|(title, _)| *title).chain(["build s", "MB"]);
+    writeln!(page, "</table>\n<h2>All settings</h2>\n<table>")?;
+    writeln!(page, "<tr>{}</tr>", cells("th", &mut { titles }))?;
     for row in sorted {
-        let or_dash = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.1}"));
-        writeln!(
-            page,
-            "<tr{}><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.1}</td><td>{}</td>\
-             <td>{:.4}</td><td>{:.4}</td><td>{:.2}</td><td>{:.3}</td><td>{:.3}</td><td>{:.2}</td>\
-             <td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-            if row.on_front { " class='front'" } else { "" },
-            row.method,
-            escaped(&row.what),
-            row.backend,
-            grouped(row.points),
-            row.ms,
-            or_dash(row.cpu_ms),
-            row.flip,
-            row.flip_own,
-            row.off_share * 100.0,
-            row.hole_share * 100.0,
-            row.bleeding_share * 100.0,
-            row.depth_px,
-            or_dash(row.normal_deg),
-            or_dash(row.flicker),
-            or_dash(row.build.as_ref().map(|build| build.seconds)),
-            or_dash(row.build.as_ref().map(|build| build.bytes as f64 / 1e6)),
-        )?;
+        let build = row.build.as_ref();
+        let built = [
+            or_dash(build.map(|build| build.seconds)),
+            or_dash(build.map(|build| build.bytes as f64 / 1e6)),
+        ];
+        let front = if row.on_front { " class='front'" } else { "" };
+        let own = row.cells();
+        let mut all = own.iter().chain(&built).map(String::as_str);
+        writeln!(page, "<tr{front}>{}</tr>", cells("td", &mut all))?;
     }
     writeln!(page, "</table>")
 }

@@ -33,6 +33,10 @@ pub struct ErrorTimeReport {
 /// A scan and its reference.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Scan {
+    /// Name of the file.
+    #[serde(skip)]
+    pub name: String,
+    /// The same with a number, if another scan has it.
     pub file: String,
     pub points: u64,
     /// Width and height of the shown picture, pixels.
@@ -100,6 +104,52 @@ pub(super) struct Build {
     pub bytes: u64,
 }
 
+/// Columns of tables for people: titles and widths, negative for text.
+pub(super) const COLUMNS: [(&str, isize); 14] = [
+    ("method", -10),
+    ("setting", -34),
+    ("by", -4),
+    ("points", 11),
+    ("ms", 8),
+    ("CPU ms", 8),
+    ("FLIP", 7),
+    ("own", 7),
+    ("off %", 8),
+    ("holes %", 8),
+    ("behind %", 8),
+    ("depth px", 8),
+    ("normal deg", 10),
+    ("flicker", 8),
+];
+
+impl Row {
+    /// Its cells in the [`COLUMNS`].
+    pub fn cells(&self) -> [String; COLUMNS.len()] {
+        let percent = |share: f64, digits: usize| format!("{:.digits$}", share * 100.0);
+        [
+            self.method.into(),
+            self.what.clone(),
+            self.backend.into(),
+            grouped(self.points),
+            format!("{:.1}", self.ms),
+            or_dash(self.cpu_ms),
+            format!("{:.4}", self.flip),
+            format!("{:.4}", self.flip_own),
+            percent(self.off_share, 2),
+            percent(self.hole_share, 3),
+            percent(self.bleeding_share, 3),
+            format!("{:.2}", self.depth_px),
+            or_dash(self.normal_deg),
+            or_dash(self.flicker),
+        ]
+    }
+}
+
+/// A value with one digit, or a dash for none.
+pub(super) fn or_dash(value: Option<f64>) -> String {
+    value.map_or("-".into(), |value| format!("{value:.1}"))
+}
+
 impl Scan {
     /// What pictures are compared with.
     pub fn reference(&self) -> String {
@@ -163,11 +213,7 @@ pub fn text(report: &ErrorTimeReport) -> String {
             scan.size[1],
             scan.reference()
         ));
-        lines.push(format!(
-            "{:<10} {:<34} {:<4} {:>11} {:>8} {:>8} {:>7} {:>7} {:>8} {:>8} {:>8} {:>8} {:>7} {:>8}",
-            "method", "setting", "by", "points", "ms", "CPU ms", "FLIP", "own", "off %", "holes %",
-            "behind %", "depth px", "normal", "flicker"
-        ));
+        lines.push(COLUMNS.iter().map(|(title, width)| padded(title, *width)).collect());
         lines.extend(rows.iter().map(line));
         lines.extend(advice(scan, &rows));
         lines.extend(streaming_lines(report.streaming.iter().filter(|l| l.file == scan.file)));
@@ -194,23 +240,14 @@ pub(super) fn streaming_lines<'a>(loads: impl Iterator<Item = &'a Load>) -> Vec<
 }
 
 fn line(row: &Row) -> String {
-    let or_dash = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.1}"));
-    format!(
-        "{:<10} {:<34} {:<4} {:>11} {:>8.1} {:>8} {:>7.4} {:>7.4} {:>8.2} {:>8.3} {:>8.3} {:>8.2} {:>7} {:>8}{}",
-        row.method,
-        row.what,
-        row.backend,
-        grouped(row.points),
-        row.ms,
-        or_dash(row.cpu_ms),
-        row.flip,
-        row.flip_own,
-        row.off_share * 100.0,
-        row.hole_share * 100.0,
-        row.bleeding_share * 100.0,
-        row.depth_px,
-        or_dash(row.normal_deg),
-        or_dash(row.flicker),
-        if row.on_front { "  *" } else { "" }
-    )
+    let cells = COLUMNS.iter().zip(row.cells());
+    let mut line: String = cells.map(|((_, width), cell)| padded(&cell, *width)).collect();
+    line.push_str(if row.on_front { " *" } else { "" });
+    line
+}
+
+/// A cell of `width` characters: to the right, or to the left if the width is negative.
+fn padded(cell: &str, width: isize) -> String {
+    let room = width.unsigned_abs();
+    if width < 0 { format!("{cell:<room$} ") } else { format!("{cell:>room$} ") }
 }

@@ -1,4 +1,4 @@
-//! Builds scans in a folder of its own, draws them, and collects what the user would be told.
+//! Builds scans in a folder of its own, draws them, and collects the messages to the user.
 
 use crate::error_time::analytic::Analytic;
 use crate::stability::cloud::Cloud;

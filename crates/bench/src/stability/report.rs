@@ -99,7 +99,7 @@ pub(super) struct Limits {
     pub breaks_at: Option<f64>,
     /// Measure there.
     pub broken_to: Option<f64>,
-    /// What the user is told there.
+    /// Message to the user at that value.
     pub message: Option<String>,
 }
 
