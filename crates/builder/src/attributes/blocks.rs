@@ -13,9 +13,11 @@ use esker_points::{Cell, morton};
 use plane::{Moments, Plane, Spread, add, moments};
 use rayon::prelude::*;
 use std::ops::Range;
+use wires::{Line, Suspect};
 
 mod edges;
 mod plane;
+mod wires;
 
 /// A cell with fewer points is not divided.
 const DIVIDED: u32 = 4;
@@ -61,6 +63,8 @@ pub struct Blocks {
     pub scale: [f64; 3],
     /// Log2 of the edge of the coarsest cells, in the longest steps.
     pub coarsest: u32,
+    /// The same of the cells whose points influence a normal: wires are counted in one level more.
+    reach: u32,
     /// Bits of each axis below the least cells, which are about cubes also where steps differ.
     shift: [u32; 3],
 }
@@ -72,7 +76,8 @@ impl Blocks {
         let shift = excess_bits(scale).map(|excess| excess.min(most_log2));
         let room = most_log2 - shift.into_iter().fold(0, u32::max);
         let edge = (distances.spacing * COARSEST_SPACINGS).clamp(1.0, f64::from(1u32 << LOG2_MAX));
-        Self { scale, coarsest: (edge.log2() as u32).min(room), shift }
+        let coarsest = (edge.log2() as u32).min(room);
+        Self { scale, coarsest, reach: (coarsest + 1).min(room), shift }
     }
 
     /// The cell of a level that holds a position, as multiples of its edges.
@@ -80,10 +85,10 @@ impl Blocks {
         [0, 1, 2].map(|i| p[i] >> self.shift[i] >> level)
     }
 
-    /// Edges of the coarsest cells, in steps. Points farther from the faces of a cell of the octree
+    /// Edges of the cells of the level of the reach, in steps. Points farther from the faces of a cell of the octree
     /// influence no normal outside of it.
     pub fn steps(&self) -> [u32; 3] {
-        self.shift.map(|shift| 1 << (self.coarsest + shift))
+        self.shift.map(|shift| 1 << (self.reach + shift))
     }
 
     /// The least and the greatest position that influence normals in a cell.
@@ -96,7 +101,7 @@ impl Blocks {
 }
 
 /// Estimates the normals of `own` points, which lie along the Morton curve, and returns their
-/// octahedral codes. `halo` has at least all other points that influence them, in any order.
+/// octahedral codes, [`crate::attributes::normals::WIRE`] on wires. `halo` has at least all other points that influence them, in any order.
 /// Directions are chosen as by [`crate::attributes::normals::estimate`].
 pub fn estimate(own: &[[u32; 3]], halo: &[[u32; 3]], blocks: &Blocks) -> Vec<[i16; 2]> {
     let (mut points, mut place_of) = joined(own, &sorted_codes(halo));
@@ -106,9 +111,11 @@ pub fn estimate(own: &[[u32; 3]], halo: &[[u32; 3]], blocks: &Blocks) -> Vec<[i1
     let cloud = Cloud { points: &points, blocks };
     let mut codes = vec![UNKNOWN; points.len()];
     place_of.iter().for_each(|&place| codes[place as usize] = OPEN);
+    let mut suspects = Vec::new();
     for (level, cells) in (0..).zip(cloud.levels()) {
-        cloud.fit(level, &cells, &mut codes);
+        suspects.extend(cloud.fit(level, &cells, &mut codes));
     }
+    wires::settle(&cloud, &suspects, &mut codes);
     let code = |&place: &u32| Some(codes[place as usize]).filter(|&code| code != OPEN);
     place_of.iter().map(|place| code(place).unwrap_or(UNKNOWN)).collect()
 }
@@ -184,8 +191,9 @@ impl Cloud<'_> {
         }
     }
 
-    /// Fits planes to the cells of a level that have open points.
-    fn fit(&self, level: u32, cells: &Cells, codes: &mut [[i16; 2]]) {
+    /// Fits planes to the cells of a level that have open points; returns those whose points are on
+    /// a line.
+    fn fit(&self, level: u32, cells: &Cells, codes: &mut [[i16; 2]]) -> Vec<Suspect> {
         let tile_of = |cell: &Range<u32>| self.cell(cell.start, level).map(|c| c >> TILE_LOG2);
         let mut tiles = Tiles { cells, codes: Vec::new(), ranges: Vec::new() };
         let mut start = 0;
@@ -204,29 +212,40 @@ impl Cloud<'_> {
             tasks.push((some, first, part));
             (rest, before) = (after, end);
         }
-        tasks.into_par_iter().for_each_init(Tile::default, |tile, (some, first, codes)| {
-            for own in some.iter().map(|range| &cells[range.clone()]) {
-                let places =
-                    |cell: &Range<u32>| (cell.start - first) as usize..(cell.end - first) as usize;
-                let is_open = |cell: &&Range<u32>| codes[places(cell)].contains(&OPEN);
-                let open: Vec<&Range<u32>> = own.iter().filter(is_open).collect();
-                if open.is_empty() {
-                    continue;
-                }
-                tile.fill(self, level, tile_of(&own[0]), &tiles);
-                for cell in open {
-                    let is_last = level == self.blocks.coarsest;
-                    let at = self.cell(cell.start, level);
-                    let Some(surface) = tile.surface(self, at, is_last) else {
-                        continue;
+        let fit =
+            |tile: &mut Tile, (some, first, codes): (&[Range<usize>], u32, &mut [[i16; 2]])| {
+                let mut suspects = Vec::new();
+                for own in some.iter().map(|range| &cells[range.clone()]) {
+                    let places = |cell: &Range<u32>| {
+                        (cell.start - first) as usize..(cell.end - first) as usize
                     };
-                    let open = cell.clone().zip(&mut codes[places(cell)]);
-                    for (point, code) in open.filter(|(_, old)| **old == OPEN) {
-                        *code = surface.code_at(|| tile.steps(self.points[point as usize]));
+                    let is_open = |cell: &&Range<u32>| codes[places(cell)].contains(&OPEN);
+                    let open: Vec<&Range<u32>> = own.iter().filter(is_open).collect();
+                    if open.is_empty() {
+                        continue;
+                    }
+                    tile.fill(self, level, tile_of(&own[0]), &tiles);
+                    for cell in open {
+                        let is_last = level == self.blocks.coarsest;
+                        let at = self.cell(cell.start, level);
+                        let Some(surface) = tile.surface(self, at, is_last) else {
+                            continue;
+                        };
+                        if let Some(line) = tile.line(self, at, &surface) {
+                            suspects.push(Suspect { points: cell.clone(), line, level });
+                        }
+                        if matches!(surface, Surface::Line) {
+                            continue;
+                        }
+                        let open = cell.clone().zip(&mut codes[places(cell)]);
+                        for (point, code) in open.filter(|(_, old)| **old == OPEN) {
+                            *code = surface.code_at(|| tile.steps(self.points[point as usize]));
+                        }
                     }
                 }
-            }
-        });
+                suspects
+            };
+        tasks.into_par_iter().map_init(Tile::default, fit).flatten_iter().collect()
     }
 }
 
@@ -253,6 +272,8 @@ enum Surface {
     Even([i16; 2]),
     /// Planes that meet at an edge.
     Edge(Box<Planes>),
+    /// A line; the block of the cell above follows.
+    Line,
 }
 
 /// Moments of the cells of a tile and of those around it.
@@ -338,10 +359,10 @@ impl Tile {
         }
         let scale = cloud.blocks.scale;
         let unknown = || (sums[0] >= FINAL).then_some(Surface::Even(UNKNOWN));
-        let Some(plane) = Plane::of(&sums, scale).filter(|plane| plane.spread != Spread::Line)
-        else {
-            return unknown();
-        };
+        let Some(plane) = Plane::of(&sums, scale) else { return unknown() };
+        if plane.spread == Spread::Line {
+            return Some(Surface::Line);
+        }
         let is_plane = plane.spread == Spread::Plane && plane.share <= ROUGH;
         let is_flat = is_plane && plane.share <= FLAT;
         if !is_flat && sums[0] >= if is_plane { SEARCHED } else { PARTED } {
@@ -371,12 +392,26 @@ impl Tile {
     }
 }
 
+impl Tile {
+    /// The line that the points of a cell are on, if they may be a wire.
+    fn line(&self, cloud: &Cloud<'_>, cell: [u32; 3], surface: &Surface) -> Option<Line> {
+        let cells = self.block(cell).map(|cell| &self.moments[cell]);
+        let scale = cloud.blocks.scale;
+        match surface {
+            Surface::Even(UNKNOWN) => None,
+            Surface::Line => Line::of_all(&cells, self.origin, scale),
+            Surface::Even(_) | Surface::Edge(_) => Line::of(&cells, self.origin, scale),
+        }
+    }
+}
+
 impl Surface {
     /// Code of the normal of a point at the position that `steps` returns.
     fn code_at(&self, steps: impl FnOnce() -> [f64; 3]) -> [i16; 2] {
         match self {
             Self::Even(code) => *code,
             Self::Edge(planes) => code_of(planes.nearest_to(steps()).normal),
+            Self::Line => UNKNOWN,
         }
     }
 }

@@ -20,6 +20,8 @@ const REACH_SPACINGS: f64 = 16.0;
 
 /// Code of a point without a normal, which is drawn facing the eye.
 pub const UNKNOWN: [i16; 2] = [i16::MIN; 2];
+/// Code of a point without a normal that is on a wire. Rows have it; pages have [`UNKNOWN`].
+pub const WIRE: [i16; 2] = [i16::MIN, 1];
 
 /// Origin of the normals that are drawn. Attributes stay exact in any case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -113,6 +115,11 @@ fn normal(steps: &[[f64; 3]], scale: [f64; 3]) -> Option<[i16; 2]> {
     Some(code_of(flattest(steps, scale)?.0))
 }
 
+/// The code that pages store for one of a row.
+pub fn stored(code: [i16; 2]) -> [i16; 2] {
+    if code == WIRE { UNKNOWN } else { code }
+}
+
 /// Code of a direction, turned upwards.
 pub(crate) fn code_of([x, y, z]: [f64; 3]) -> [i16; 2] {
     let up = [z, y, x].into_iter().find(|&c| c != 0.0).unwrap_or_default();
@@ -147,6 +154,9 @@ pub(crate) fn flattest(steps: &[[f64; 3]], scale: [f64; 3]) -> Option<([f64; 3],
 
 /// Turns a normal to the side of `direction`; unknown ones stay unknown.
 pub fn turned_to(code: [i16; 2], direction: [f32; 3]) -> [i16; 2] {
+    if code == WIRE {
+        return code;
+    }
     let n = quant::oct_decode(code);
     let towards = n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2];
     if towards < 0.0 { quant::oct_encode(n.map(|c| -c)) } else { code }

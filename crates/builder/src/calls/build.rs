@@ -26,7 +26,7 @@ use crate::rows::partition::Bucket;
 use crate::rows::scratch::Scratch;
 use crate::rows::store::Store;
 use crate::sample::cell::Context;
-use crate::sample::wires::has_wires;
+use crate::sample::wires::{WireMarks, has_wires};
 use crate::tree::levels::TreeBuilder;
 use crate::tree::proof::{bounds_of, hash_of, prove, prove_merged};
 use crate::tree::subtree::{Subtree, assemble};
@@ -480,8 +480,12 @@ fn context(
     let rows = plan.rows();
     let class = plan.schema.find_typed(names::CLASSIFICATION, AttrType::U8);
     let class = class.filter(|&attribute| has_wires(ranges.of(attribute).into()));
-    Context {
+    let marks = WireMarks {
         class_at: class.map(|attribute| rows.attribute(attribute).start),
+        normal_at: rows.normal_at(),
+    };
+    Context {
+        wires: Some(marks).filter(|marks| marks.any()),
         rows,
         pages: pages.with_clip_lines(clips.is_some()).with_tangents(options.tangents),
         clips,

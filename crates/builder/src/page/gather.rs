@@ -1,6 +1,7 @@
 //! Gathers the rows of a node, scattered over a chunk, into the columns of its page, and hashes
 //! them.
 
+use crate::attributes::normals::stored;
 use crate::rows::row::{Rows, copy_row, position};
 use crate::sample::cell::Context;
 use esker_format::PagePoints;
@@ -54,7 +55,7 @@ impl Context {
                 if self.rows.has_class() {
                     points.classes.push(self.rows.class(row));
                 }
-                points.normals.extend(self.rows.normal(row));
+                points.normals.extend(self.rows.normal(row).map(stored));
             }
             for (range, column) in ranges.iter().zip(&mut points.columns) {
                 match range.len() {

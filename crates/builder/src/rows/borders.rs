@@ -6,7 +6,7 @@
 
 use crate::attributes::blocks::{self, Blocks};
 use crate::attributes::density::{Density, Distances, excess_bits};
-use crate::attributes::normals::{Bounds, UNKNOWN, estimate, turned_to};
+use crate::attributes::normals::{Bounds, UNKNOWN, estimate, stored, turned_to};
 use crate::attributes::sharp::{Edge, Points, detect};
 use crate::attributes::tangents::shapes;
 use crate::error::BuildError;
@@ -189,7 +189,7 @@ impl Borders {
         };
         if self.finds_shapes {
             let edge = |i: usize| edges.get(i).copied().flatten();
-            let normal = |(i, &code)| edge(i).map_or(code, |edge| edge.normal);
+            let normal = |(i, &code)| edge(i).map_or(stored(code), |edge| edge.normal);
             let normals: Vec<[i16; 2]> = codes.iter().enumerate().map(normal).collect();
             let shapes = shapes(&own, &halo, &self.bounds, &normals);
             let shaped = rows.par_chunks_exact_mut(stride).zip(&shapes).with_min_len(TASK_ROWS);

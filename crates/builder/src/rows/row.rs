@@ -163,6 +163,11 @@ impl RowLayout {
         }
     }
 
+    /// First byte in a row of the code of an estimated normal; `None` if there is no room for it.
+    pub fn normal_at(&self) -> Option<usize> {
+        self.normal_at
+    }
+
     /// Octahedral code of the normal of a row; `None` if there is no room for it.
     pub fn normal(&self, row: &[u8]) -> Option<[i16; 2]> {
         let at = self.normal_at?;

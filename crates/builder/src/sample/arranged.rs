@@ -155,7 +155,14 @@ impl Context {
         arrangement: Arrangement,
         counts: &Counts,
     ) -> Option<Subtree> {
-        pending.radii = arrangement.radii;
+        // Wires are narrower than the distances of their points in a plane say.
+        let narrow = std::mem::replace(&mut pending.radii, arrangement.radii);
+        let is_wire = |i: u32| self.wires.is_some_and(|marks| marks.is_wire(rows.row(i)));
+        for ((radius, &i), narrow) in pending.radii.iter_mut().zip(&pending.offered).zip(narrow) {
+            if narrow < *radius && is_wire(i) {
+                *radius = narrow;
+            }
+        }
         // Children come after their parents.
         let mut below: Vec<Vec<Subtree>> = arrangement.nodes.iter().map(|_| Vec::new()).collect();
         let mut root = None;

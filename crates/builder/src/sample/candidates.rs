@@ -3,6 +3,7 @@
 //! anything.
 
 use crate::rows::row::Rows;
+use crate::sample::wires::WireMarks;
 use esker_points::{Cell, morton};
 use std::borrow::Cow;
 
@@ -23,38 +24,38 @@ pub struct Candidates {
     pub firsts: [u32; Self::ALONE as usize],
     /// Length of a step, in the file's unit.
     pub step: f64,
-    /// ASPRS classes; empty if they are not needed.
-    pub classes: Vec<u8>,
+    /// Whether each point is on a wire; empty if none has a mark.
+    pub wires: Vec<bool>,
 }
 
 impl Candidates {
     /// Greater than the log2 of any cell's edge.
     pub const ALONE: u8 = 32;
 
-    /// Collects the rows `offered` of `cell`, which are sorted along the curve. `class_at` is the
-    /// byte of a row that holds the class, if classes are needed.
+    /// Collects the rows `offered` of `cell`, which are sorted along the curve. `marks` tell
+    /// which of them are on wires, if that is needed.
     pub fn new(
         rows: &Rows<'_>,
         offered: &[u32],
         cell: &Cell,
         scale: [f64; 3],
-        class_at: Option<usize>,
+        marks: Option<WireMarks>,
     ) -> Self {
-        let mut classes = Vec::with_capacity(class_at.map_or(0, |_| offered.len()));
+        let mut wires = Vec::with_capacity(marks.map_or(0, |_| offered.len()));
         if scale[0] == scale[1] && scale[1] == scale[2] {
             // In a cell as large as the lattice the lowest bit is dropped, so that differences fit
             // `i32`.
             let shift = u32::from(cell.log2 == 32);
             let local = |row| {
                 let ([x, y, z], [x0, y0, z0]) = (rows.position(row), cell.corner);
-                // Read here, beside the position, the class is already in the cache.
-                classes.extend(class_at.map(|at| rows.row(row)[at]));
+                // Read here, beside the position, the mark is mostly in the cache.
+                wires.extend(marks.map(|marks| marks.is_wire(rows.row(row))));
                 [((x - x0) >> shift) as i32, ((y - y0) >> shift) as i32, ((z - z0) >> shift) as i32]
             };
             let q = offered.iter().copied().map(local).collect();
-            return Self::sorted(q, Vec::new(), scale[0] * f64::from(1 + shift), classes);
+            return Self::sorted(q, Vec::new(), scale[0] * f64::from(1 + shift), wires);
         }
-        Self::resorted(rows, offered, scale, class_at)
+        Self::resorted(rows, offered, scale, marks)
     }
 
     /// Quantises positions to cubes and sorts them, for axes with different steps.
@@ -62,7 +63,7 @@ impl Candidates {
         rows: &Rows<'_>,
         offered: &[u32],
         scale: [f64; 3],
-        class_at: Option<usize>,
+        marks: Option<WireMarks>,
     ) -> Self {
         let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
         for p in offered.iter().map(|&row| rows.position(row)) {
@@ -84,12 +85,12 @@ impl Candidates {
         keyed.sort_unstable();
         let q = |(_, offer): &(u64, u32)| quantised(offered[*offer as usize]).map(|c| c as i32);
         let offer: Vec<u32> = keyed.iter().map(|k| k.1).collect();
-        let class = |at: usize| offer.iter().map(move |&i| rows.row(offered[i as usize])[at]);
-        let classes = class_at.map_or_else(Vec::new, |at| class(at).collect());
-        Self::sorted(keyed.iter().map(q).collect(), offer, step, classes)
+        let is_wire = |&i: &u32| marks.map(|marks| marks.is_wire(rows.row(offered[i as usize])));
+        let wires = offer.iter().filter_map(is_wire).collect();
+        Self::sorted(keyed.iter().map(q).collect(), offer, step, wires)
     }
 
-    fn sorted(q: Vec<[i32; 3]>, offer: Vec<u32>, step: f64, classes: Vec<u8>) -> Self {
+    fn sorted(q: Vec<[i32; 3]>, offer: Vec<u32>, step: f64, wires: Vec<bool>) -> Self {
         let shared_log2 = shared_log2(&q);
         let mut firsts = [0; Self::ALONE as usize];
         // Neighbours are mostly equal. Four tables of counts keep an increment from waiting for the
@@ -104,7 +105,7 @@ impl Candidates {
             above += counts.iter().map(|counts| counts[log2 + 1]).sum::<u32>();
             firsts[log2] = above;
         }
-        Self { q, offer, shared_log2, firsts, step, classes }
+        Self { q, offer, shared_log2, firsts, step, wires }
     }
 
     /// Brings values of the offered points into the order of the curve; an empty slice stays empty.

@@ -18,7 +18,7 @@ use crate::sample::spacing::{TurnCounts, radii};
 use crate::sample::sparse::{self, Sample};
 use crate::sample::turns::LAST_TURN;
 use crate::sample::uneven::RELATIVE_MAX;
-use crate::sample::wires;
+use crate::sample::wires::{self, WireMarks};
 use crate::tree::subtree::{Children, Subtree};
 use bytemuck::Zeroable;
 use esker_format::{NodeStatistics, PageLayout, encode_page};
@@ -57,8 +57,8 @@ pub struct Context {
     pub rows: RowLayout,
     /// Layout of the pages.
     pub pages: PageLayout,
-    /// Byte of a row that holds the ASPRS class; `None` if no point is on a wire.
-    pub class_at: Option<usize>,
+    /// Where rows say that their points are on wires; `None` if none does.
+    pub wires: Option<WireMarks>,
     /// Length of a step on each axis, in the file's unit.
     pub scale: [f64; 3],
     /// Source of clip lines, if the file has any.
@@ -134,7 +134,7 @@ impl Context {
         children.iter().for_each(|c| moments.merge(&c.moments));
         let mut offered = Vec::with_capacity(children.iter().map(|c| c.offer_count()).sum());
         children.iter().for_each(|c| offered.extend(c.offers()));
-        let candidates = Candidates::new(rows, &offered, &cell, self.scale, self.class_at);
+        let candidates = Candidates::new(rows, &offered, &cell, self.scale, self.wires);
         let turns_below = PendingCell::turns_below(&children, offered.len());
         // Room is left beside the sample for the points that small cells give.
         let (few, given_max) = self.few(&children);
@@ -342,8 +342,7 @@ impl Context {
         above: Option<f64>,
         shape: &Shape,
     ) -> u32 {
-        let candidates =
-            Candidates::new(rows, &leaf.offered, &leaf.cell, self.scale, self.class_at);
+        let candidates = Candidates::new(rows, &leaf.offered, &leaf.cell, self.scale, self.wires);
         let dimension = shape.dimension_of(candidates.places());
         leaf.turns = assign_turns(&candidates, taken, above, self.edge(&leaf.cell), dimension);
         let drawn = [leaf.sampled, leaf.moments.count as usize];
@@ -442,7 +441,7 @@ impl Context {
         let turns = candidates.along_curve(turns);
         let is_wanted = || turns.iter().map(|&turn| turn != LAST_TURN);
         let mut steps = radii(&candidates.shared_of(is_wanted()), dimension);
-        if is_high || wires::has_any(&candidates.classes) {
+        if is_high || wires::has_any(&candidates.wires) {
             let spacing = spacing() / candidates.step;
             let places = indices_of(&turns, |&turn| turn != LAST_TURN);
             wires::narrow(&mut steps, spacing, &places, candidates);

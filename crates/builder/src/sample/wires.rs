@@ -1,16 +1,16 @@
-//! Narrows the radii of points on wires, which are recognised by class. Radii follow from densities
+//! Narrows the radii of points on wires, which are recognised by class, and by the estimation of
+//! normals ([`WIRE`]). Radii follow from densities
 //! as if points were on a surface, so parallel wires would merge into one. Half of such a radius or
 //! less closes each wire.
 
 use crate::attributes::eigen::Eigen;
+use crate::attributes::normals::WIRE;
 use crate::sample::boxes::{Run, length2};
 use crate::sample::candidates::Candidates;
 use crate::sample::nearby::NeighbourGrid;
 
 /// Classes of wires (`asprs2019`, table 17): guards, conductors and connectors.
 const WIRES: [u8; 3] = [13, 14, 16];
-/// Radii above this multiple of the spacing are narrowed: wires are sparse beside surfaces.
-const WIDE_SPACINGS: f64 = 1.25;
 /// Distance to which gaps are searched, in spacings: no radius is wider, and cells of this size
 /// hold few points where radii are wide.
 const FAR_SPACINGS: f64 = 8.0;
@@ -24,19 +24,40 @@ pub fn has_wires([low, high]: [f64; 2]) -> bool {
     WIRES.iter().any(|&class| (low..=high).contains(&f64::from(class)))
 }
 
-/// Whether any point is on a wire.
-pub fn has_any(classes: &[u8]) -> bool {
-    // Branch-free.
-    classes.iter().fold(false, |any, class| any | WIRES.contains(class))
+/// Where rows say that their points are on wires.
+#[derive(Clone, Copy)]
+pub struct WireMarks {
+    /// Byte of the ASPRS class; `None` if no class is that of a wire.
+    pub class_at: Option<usize>,
+    /// First byte of the code of an estimated normal.
+    pub normal_at: Option<usize>,
 }
 
-/// Narrows the radii of points on wires that are wide beside the `spacing` of all; both are in
-/// steps. `places` has the index among the candidates of each radius.
+impl WireMarks {
+    /// Whether any row may have a mark.
+    pub fn any(self) -> bool {
+        self.class_at.is_some() || self.normal_at.is_some()
+    }
+
+    /// Whether the point of a row is on a wire.
+    pub fn is_wire(self, row: &[u8]) -> bool {
+        let [x, y] = WIRE.map(i16::to_le_bytes);
+        let is_marked = |at: usize| row[at..at + 4] == [x[0], x[1], y[0], y[1]];
+        self.class_at.is_some_and(|at| WIRES.contains(&row[at]))
+            || self.normal_at.is_some_and(is_marked)
+    }
+}
+
+/// Whether any point is on a wire.
+pub fn has_any(wires: &[bool]) -> bool {
+    // Branch-free.
+    wires.iter().fold(false, |any, wire| any | wire)
+}
+
+/// Narrows the radii of points on wires; they and the `spacing` of all are in steps. `places` has the index among the candidates of each radius.
 pub fn narrow(radii: &mut [f32], spacing: f64, places: &[u32], candidates: &Candidates) {
-    let is_wide = |radius: f32| f64::from(radius) > spacing * WIDE_SPACINGS;
-    let class = |i: usize| candidates.classes.get(places[i] as usize);
-    let is_wire = |i: usize| class(i).is_some_and(|class| WIRES.contains(class));
-    if !(0..radii.len()).any(|i| is_wide(radii[i]) && is_wire(i)) {
+    let is_wire = |i: usize| candidates.wires.get(places[i] as usize) == Some(&true);
+    if !(0..radii.len()).any(is_wire) {
         return;
     }
     let wires: Vec<usize> = (0..radii.len()).filter(|&i| is_wire(i)).collect();
@@ -47,10 +68,8 @@ pub fn narrow(radii: &mut [f32], spacing: f64, places: &[u32], candidates: &Cand
     for place in 0..near.len() {
         for &i in &wires[near.points_at(place)] {
             // A wider gap would not narrow the radius.
-            if is_wide(radii[i])
-                && let far = far.min(f64::from(radii[i]) / GAP_SHARE)
-                && let Some(gap) = gap(&near, place, far, &mut runs)
-            {
+            let far = far.min(f64::from(radii[i]) / GAP_SHARE);
+            if let Some(gap) = gap(&near, place, far, &mut runs) {
                 radii[i] = radii[i].min((gap * GAP_SHARE) as f32);
             }
         }
@@ -133,7 +152,7 @@ mod tests {
             }
             let all: Vec<[u32; 3]> = wires.concat();
             let mut candidates = candidates_of(&all, [0.01; 3]);
-            candidates.classes = vec![14; all.len()];
+            candidates.wires = vec![true; all.len()];
             let low = [0, 1, 2].map(|axis| candidates.q.iter().map(|q| q[axis]).min().unwrap());
             let mut radii = vec![200.0f32; all.len()];
             narrow(&mut radii, 70.0, &Vec::from_iter(0..all.len() as u32), &candidates);
@@ -191,11 +210,10 @@ mod tests {
                     (2000, OPERATIONS_EACH),
                     |n| {
                         let mut candidates = candidates_of(&cloud(n), [1.0; 3]);
-                        candidates.classes = vec![WIRES[0]; n];
+                        candidates.wires = vec![true; n];
                         let places = Vec::from_iter(0..n as u32);
                         effort::restart();
-                        // As wide as any that is narrowed, so that the search ends soon.
-                        let mut radii = vec![(spacing * WIDE_SPACINGS * 1.01) as f32; n];
+                        let mut radii = vec![spacing as f32; n];
                         narrow(&mut radii, spacing, &places, &candidates);
                     },
                 );
@@ -204,21 +222,30 @@ mod tests {
     }
 
     #[test]
-    fn other_classes_and_lone_points_keep_their_radii() {
+    fn other_points_and_lone_ones_keep_their_radii() {
         let mut candidates =
             candidates_of(&[0, 1, 2, 3, 4, 5, 6, 7, 8].map(|i| [i * 50, 0, 0]), [0.01; 3]);
-        let mut narrowed = |radius: f32, classes: &[u8]| {
-            candidates.classes = classes.to_vec();
+        let mut narrowed = |radius: f32, wires: &[bool]| {
+            candidates.wires = wires.to_vec();
             let mut radii = vec![radius; 9];
             narrow(&mut radii, 100.0, &[0, 1, 2, 3, 4, 5, 6, 7, 8], &candidates);
             radii
         };
-        assert_eq!(narrowed(150.0, &[2; 9]), [150.0; 9]);
-        assert_eq!(narrowed(120.0, &[14; 9]), [120.0; 9]);
-        assert_eq!(narrowed(150.0, &[2, 2, 2, 2, 14, 2, 2, 2, 2]), [150.0; 9]);
-        assert_eq!(narrowed(150.0, &[14; 9]), [30.0; 9]);
+        let lone = [false, false, false, false, true, false, false, false, false];
+        assert_eq!(narrowed(150.0, &[false; 9]), [150.0; 9]);
+        assert_eq!(narrowed(150.0, &[]), [150.0; 9]);
+        assert_eq!(narrowed(150.0, &lone), [150.0; 9]);
+        assert_eq!(narrowed(150.0, &[true; 9]), [30.0; 9]);
+        assert_eq!(narrowed(20.0, &[true; 9]), [20.0; 9]);
         assert!(has_wires([1.0, 14.0]) && has_wires([16.0, 16.0]) && !has_wires([15.0, 15.0]));
-        assert!(has_any(&[2, 16, 5]) && has_any(&[13]) && !has_any(&[15, 12, 17]) && !has_any(&[]));
+        assert!(has_any(&[false, true]) && !has_any(&[false; 3]) && !has_any(&[]));
+        let by_class = WireMarks { class_at: Some(1), normal_at: None };
+        assert!([13, 14, 16].iter().all(|&class| by_class.is_wire(&[0, class])));
+        assert!([0, 12, 15, 17].iter().all(|&class| !by_class.is_wire(&[14, class])));
+        let by_normal = WireMarks { class_at: None, normal_at: Some(1) };
+        assert!(
+            by_normal.is_wire(&[0, 0, 0x80, 1, 0]) && !by_normal.is_wire(&[0, 0, 0x80, 0, 0x80])
+        );
         assert!(!has_wires([0.0, 12.0]) && !has_wires([f64::INFINITY, f64::NEG_INFINITY]));
     }
 }

@@ -3,7 +3,7 @@
 use super::plane::VOLUME;
 use super::*;
 use crate::attributes::eigen::Eigen;
-use crate::attributes::normals::{Bounds, LINE};
+use crate::attributes::normals::{Bounds, LINE, stored};
 use crate::attributes::surfaces::{Truth, plane, sphere, tilted, two_walls};
 use crate::random::Random;
 use esker_points::quant;
@@ -13,6 +13,11 @@ const SCALE: f64 = 0.001;
 
 fn blocks(scale: [f64; 3], spacing: f64) -> Blocks {
     Blocks::new(scale, &Distances { spacing, steps_max: f64::INFINITY })
+}
+
+/// Codes as pages store them.
+fn estimate(own: &[[u32; 3]], halo: &[[u32; 3]], blocks: &Blocks) -> Vec<[i16; 2]> {
+    super::estimate(own, halo, blocks).into_iter().map(stored).collect()
 }
 
 fn sorted(mut points: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
@@ -226,6 +231,46 @@ fn lines_and_volumes_have_no_normals() {
     }
 }
 
+/// Shares of points with a normal: of parallel rows of points `apart` as far from each other as the
+/// points of a row, which sag, over a ground whose points are `ground` as far apart.
+fn with_normals(rows: u32, apart: f64, ground: f64, turn: impl Fn([f64; 3]) -> [f64; 3]) -> f64 {
+    let mut r = Random(9);
+    let mut cloud: Truth = Vec::new();
+    for i in 0..rows * 600 {
+        let along = f64::from(i % 600);
+        let sag = (along / 300.0 - 1.0).powi(2) * 20.0;
+        let off = [r.bell() * 0.2, r.bell() * 0.08, r.bell() * 0.08];
+        let p = [along + off[0], f64::from(i / 600) * apart + off[1], sag + off[2]];
+        cloud.push((p, [0.0; 3]));
+    }
+    for _ in 0..40_000 {
+        cloud.push(([r.unit() * 200.0 * ground, r.unit() * 200.0 * ground, -120.0], [1.0; 3]));
+    }
+    let mut along: Vec<_> =
+        cloud.into_iter().map(|(p, of)| (lattice(turn(p).map(|c| c * 0.03)), of)).collect();
+    along.sort_by_key(|&(p, _)| morton::encode3(p));
+    let own: Vec<_> = along.iter().map(|s| s.0).collect();
+    let codes = estimate(&own, &[], &blocks([SCALE; 3], ground * 0.03 / SCALE));
+    let of_rows = codes.iter().zip(&along).filter(|(_, (_, of))| of[0] == 0.0);
+    let known = of_rows.filter(|(code, _)| **code != UNKNOWN).count();
+    known as f64 / f64::from(rows * 600)
+}
+
+#[test]
+fn up_to_three_parallel_wires_have_no_normals_and_more_lines_have() {
+    for turn in [|p| p, askew] {
+        for (apart, ground) in [(6.0, 2.0), (11.0, 2.2), (20.0, 4.0), (25.0, 4.0)] {
+            for wires in 1..=3 {
+                let share = with_normals(wires, apart, ground, turn);
+                let most = if apart < 10.0 { 0.3 } else { 0.15 };
+                assert!(share < most, "{wires} wires, {apart}: {share}");
+            }
+            let share = with_normals(12, apart, ground, turn);
+            assert!(share > if apart < 24.0 { 0.99 } else { 0.8 }, "{apart}: {share}");
+        }
+    }
+}
+
 #[test]
 fn normals_at_all_ends_of_the_lattice_are_those_of_the_middle() {
     let sheet = |corner: [u32; 3]| {
@@ -269,10 +314,10 @@ proptest! {
     }
 
     #[test]
-    fn a_cloud_cut_into_cells_has_the_same_normals(points in prop::collection::vec([0u32..300, 0u32..300, 0u32..20], 1..600), log2 in 3u8..8, coarsest in 1u32..7, shift in prop::sample::select(vec![[0; 3], [0, 0, 1], [3, 0, 2]])) {
-        let blocks = Blocks { scale: [1.0, 1.0, 2.0], coarsest, shift };
+    fn a_cloud_cut_into_cells_has_the_same_normals(points in prop::collection::vec([0u32..300, 0u32..300, 0u32..20], 1..600), log2 in 3u8..8, coarsest in 1u32..7, more in 0u32..2, shift in prop::sample::select(vec![[0; 3], [0, 0, 1], [3, 0, 2]])) {
+        let blocks = Blocks { scale: [1.0, 1.0, 2.0], coarsest, reach: coarsest + more, shift };
         let all = sorted(points);
-        let whole = estimate(&all, &[], &blocks);
+        let whole = super::estimate(&all, &[], &blocks);
         let cell_of = |p: &[u32; 3]| p.map(|c| c >> log2);
         let mut start = 0;
         for own in all.chunk_by(|a, b| cell_of(a) == cell_of(b)) {
@@ -282,7 +327,7 @@ proptest! {
             let mut halo: Vec<_> = all.iter().filter(within).copied().filter(|p| !cell.contains(*p)).collect();
             halo.reverse();
             let expected = &whole[start..start + own.len()];
-            prop_assert_eq!(estimate(own, &halo, &blocks), expected);
+            prop_assert_eq!(super::estimate(own, &halo, &blocks), expected);
             start += own.len();
         }
     }
