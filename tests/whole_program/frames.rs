@@ -304,12 +304,11 @@ fn paces() {
     let scale = tight["pace"]["scale"].as_f64().unwrap();
     assert!(scale < 0.5 && tight["width"] == 320 && tight["height"] == 200, "{tight}");
     assert!(tight["notes"].to_string().contains("--budget-ms"), "{tight}");
-    let predicted = |report: &Value| report["pace"]["predicted_cpu_ms"].as_f64().unwrap();
-    let half = format!("{}", predicted(&ample) / 2.0);
-    let (half, _) = render("half.png", &["--budget-ms", &half]);
-    assert!(half["pace"]["scale"].as_f64().unwrap() < 1.0, "{half}");
-    let (again, _) = render("again.png", &["--budget-ms", "100000"]);
-    assert_eq!(predicted(&again), predicted(&ample), "the kept model is used");
+    for field in ["predicted_ms", "predicted_cpu_ms", "correction"] {
+        assert!(ample["pace"][field].as_f64().is_some_and(|value| value > 0.0), "{field}: {ample}");
+    }
+    let kept: Vec<_> = std::fs::read_dir(caches.join("esker")).unwrap().collect();
+    assert_eq!(kept.len(), 1, "one model is kept: {kept:?}");
     let refused = esker([
         OsStr::new("render"),
         file.as_os_str(),

@@ -5,7 +5,6 @@
 //! place. Reasons are in `docs/design/choosing-and-streaming.md`.
 
 mod closed;
-mod coverage;
 mod crowding;
 mod depth;
 mod feedback;
@@ -26,7 +25,6 @@ mod selection;
 mod surroundings;
 mod view;
 
-pub use coverage::covered_share;
 pub use crowding::{CROWDED_PX, crowding};
 pub use depth::SoftwareDepth;
 pub use feedback::{DepthFeedback, DepthTile, TILES, tiles_of};

@@ -17,7 +17,7 @@ use esker_engine::Method;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::enlarge::enlarged;
 use esker_engine::draw::scene::{PictureRequest, open};
-use esker_engine::draw::{calibration, pace};
+use esker_engine::draw::{calibration, choice};
 use esker_engine::io::file::is_esker;
 use esker_engine::machine::backend::DrawWith;
 use esker_engine::machine::{pool, system};
@@ -172,7 +172,7 @@ impl<'a> Measured<'a> {
         let pace = calibration::pace(task)?;
         for budget_ms in BUDGETS_MS {
             let request = PictureRequest { method: Method::Auto, ..base.clone() };
-            let chosen = pace::paced(file, &request, &pace, budget_ms)?;
+            let chosen = choice::paced(file, &request, &pace, budget_ms, task)?;
             variants.push((0, Setting::paced(&chosen, budget_ms)));
         }
         if is_scan {

@@ -3,8 +3,8 @@
 use crate::render::scene::Changes;
 use esker_builder::{NormalsMode, Options};
 use esker_engine::Method;
+use esker_engine::draw::choice::Paced;
 use esker_engine::draw::method::METHODS;
-use esker_engine::draw::pace::Paced;
 use esker_engine::draw::scene::PictureRequest;
 use esker_render::{Dots, PointSize};
 use serde::Serialize;

@@ -5,11 +5,11 @@
 use crate::calls::{explain, info};
 use crate::cameras::legend::Legend;
 use crate::draw::calibration;
+use crate::draw::choice;
 use crate::draw::empty_picture;
 use crate::draw::enlarge::enlarged;
 use crate::draw::facing;
 use crate::draw::method::{METHODS, Method};
-use crate::draw::pace;
 use crate::draw::scene::{PictureRequest, PictureScene, ms, open};
 use crate::draw::whole;
 use crate::draw::window::cropped;
@@ -94,6 +94,9 @@ pub struct PaceReport {
     pub predicted_ms: f64,
     /// CPU time that it predicts, over all threads.
     pub predicted_cpu_ms: f64,
+    /// CPU time of a small picture of the view over what the model of this machine predicts for
+    /// it: the prediction is corrected by this factor.
+    pub correction: f64,
     /// Method.
     pub method: &'static str,
     /// Side of the picture that was drawn and enlarged, over that of the written one.
@@ -226,7 +229,7 @@ fn draw_within(
         request.with.backend != Backend::Gpu,
         "a budget of time is for the CPU, whose speed is measured: draw with --backend cpu"
     );
-    let paced = pace::paced(file, request, &calibration::pace(task)?, budget_ms)?;
+    let paced = choice::paced(file, request, &calibration::pace(task)?, budget_ms, task)?;
     let with = DrawWith { backend: Backend::Cpu, ..request.with };
     let chosen = PictureRequest { budget_ms: None, with, ..paced.request };
     let (picture, mut report) = draw(file, &chosen, task)?;
@@ -237,6 +240,7 @@ fn draw_within(
         budget_ms,
         predicted_ms: paced.wall_ms,
         predicted_cpu_ms: paced.cpu_ms,
+        correction: paced.correction,
         method: method.map_or("", |(_, name, _)| *name),
         scale: paced.scale,
         target_spacing_px: chosen.target_spacing_px,
@@ -389,7 +393,7 @@ pub fn text(report: &RenderReport) -> String {
     lines.extend(report.light.iter().map(still::text));
     lines.extend(report.pace.iter().map(|pace| {
         format!(
-            "for {} ms: {}, {} of the resolution, points {} px apart; {:.1} ms predicted",
+            "for {} ms: {}, {:.2} of the resolution, points {} px apart; {:.1} ms predicted",
             pace.budget_ms, pace.method, pace.scale, pace.target_spacing_px, pace.predicted_ms
         )
     }));

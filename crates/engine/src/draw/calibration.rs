@@ -1,62 +1,66 @@
 //! Measures the model of this machine ([`Pace`]) at first use: frames of a generated terrain by
-//! each method, of different numbers of points and pixels. The result is kept in the user's cache
+//! each method, of different numbers of points, pixels and covered pixels. The result is kept in the user's cache
 //! folder, a file for each processor, number of threads and version.
 
 use crate::draw::method::{METHODS, Method};
-use crate::draw::pace::{Cost, Load, Pace};
-use crate::draw::scene::{PictureRequest, PictureScene, open};
+use crate::draw::pace::{Cost, Pace};
+use crate::draw::probe::measured;
+use crate::draw::scene::{PictureRequest, open};
 use crate::machine::system;
 use anyhow::{Context, Result};
-use esker_format::Forest;
-use esker_lod::CompactOctree;
 use esker_points::Task;
-use esker_render::{Picture, Renderer};
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 /// The scan that is drawn.
 const SCAN: &str = "synthetic:terrain:1M:1";
 /// Methods that are measured.
 const MEASURED: [Method; 4] = [Method::Points, Method::PullPush, Method::Auto, Method::Ewa];
-/// Pictures: width and height, target of points in pixels, camera: the whole scan, and a part that
-/// fills the picture.
-const PICTURES: [([u32; 2], f64, &str); 8] = [
-    ([480, 300], 1.0, ""),
-    ([480, 300], 6.0, ""),
-    ([960, 600], 1.0, ""),
-    ([960, 600], 6.0, ""),
-    ([480, 300], 1.0, FULL),
-    ([480, 300], 6.0, FULL),
-    ([960, 600], 1.0, FULL),
-    ([960, 600], 6.0, FULL),
-];
-/// A camera whose picture is full.
-const FULL: &str = "direction=0.2,0.3,-1;fovy=20";
+/// Width and height of pictures, and targets of points in pixels.
+const SIZES: [[u32; 2]; 2] = [[480, 300], [960, 600]];
+const SPACINGS_PX: [f64; 2] = [1.0, 6.0];
+/// Cameras: the whole scan, a part that fills the picture, and the scan from afar in an otherwise
+/// empty picture. With two of them pixels and covered pixels could not be told apart.
+const CAMERAS: [&str; 3] =
+    ["", "direction=0.2,0.3,-1;fovy=20", "eye=599544,5299450,1010;target=600144,5300150,510"];
+/// Part of the name of kept models: of another set of pictures, models are others.
+const PICTURES: u32 = 2;
+/// Time that threads may wait for a core, over CPU time, for a model that is used again.
+const WAITED_MAX: f64 = 0.1;
 /// Most bytes of a kept model.
 const BYTES_MAX: u64 = 1 << 16;
-/// Frames of each picture, of which the least CPU time counts, after one that does not.
+/// Frames of each picture, of which the least CPU time counts.
 const FRAMES: usize = 4;
 
 /// The model of this machine with as many threads as the current pool has: read from the cache, or
-/// measured and kept there.
+/// measured and kept there. One that was measured while the machine was busy is measured again, and
+/// the better one kept.
 ///
 /// # Errors
 /// If a frame cannot be drawn, or `task` is cancelled. A cache that cannot be written is no error.
 pub fn pace(task: &dyn Task) -> Result<Pace> {
     let threads = rayon::current_num_threads();
     let kept = cache(threads);
-    if let Some(known) = kept.as_deref().and_then(read) {
-        return Ok(known);
+    let known = kept.as_deref().and_then(read);
+    if let Some(known) = known.as_ref().filter(|known| known.waited <= WAITED_MAX) {
+        return Ok(known.clone());
     }
-    let measured = measure(threads, task)?;
+    let measured = better(known, measure(threads, task)?);
     if let Some(path) = &kept
         && write(path, &measured).is_err()
     {
         task.note(&format!("{}: the speed of this machine cannot be kept", path.display()));
     }
+    if measured.waited > WAITED_MAX {
+        task.note("other programs kept this machine busy while its speed was measured: times may be predicted too long, and the next --budget-ms measures it again");
+    }
     Ok(measured)
+}
+
+/// The one of two models for which threads waited less.
+fn better(known: Option<Pace>, measured: Pace) -> Pace {
+    known.filter(|known| known.waited < measured.waited).unwrap_or(measured)
 }
 
 /// File of the model of this machine; `None` without a cache folder.
@@ -66,7 +70,8 @@ fn cache(threads: usize) -> Option<PathBuf> {
         .chars()
         .map(|c| if c.is_ascii_alphanumeric() { c } else { '-' })
         .collect();
-    Some(folder.join(format!("pace-{}-{threads}-{processor}.json", env!("CARGO_PKG_VERSION"))))
+    let version = env!("CARGO_PKG_VERSION");
+    Some(folder.join(format!("pace-{version}-{PICTURES}-{threads}-{processor}.json")))
 }
 
 /// Reads a model; `None` if there is none, or it is damaged.
@@ -80,7 +85,8 @@ fn read(path: &Path) -> Option<Pace> {
             .all(|term| term.is_finite() && *term >= 0.0)
     };
     let is_whole = MEASURED.iter().all(|method| pace.cost(*method).is_some_and(is_sound));
-    (is_whole && pace.parallel.is_finite() && pace.parallel > 0.0).then_some(pace)
+    let is_shared = pace.parallel.is_finite() && pace.parallel > 0.0 && pace.waited.is_finite();
+    (is_whole && is_shared).then_some(pace)
 }
 
 /// Writes a model, under a temporary name first.
@@ -95,62 +101,48 @@ fn write(path: &Path, pace: &Pace) -> Result<()> {
 
 /// Draws all pictures by all methods.
 fn measure(threads: usize, task: &dyn Task) -> Result<Pace> {
+    let pictures = pictures();
     task.phase(
         "measuring this machine",
-        Some((MEASURED.len() * PICTURES.len()) as u64),
+        Some((MEASURED.len() * pictures.len()) as u64),
         "pictures",
     );
     let (file, _folder) = open(&[PathBuf::from(SCAN)], &PictureRequest::default(), task)?;
     let (mut costs, mut parallel) = (Vec::new(), Vec::new());
+    let before = (system::waited_for_cores_ms(), system::cpu_ms());
     for (method, name, _) in METHODS.iter().filter(|(method, ..)| MEASURED.contains(method)) {
-        let mut measured = Vec::new();
-        for (size, target_spacing_px, camera) in PICTURES {
-            let camera = camera.parse().map_err(anyhow::Error::msg)?;
+        let mut all = Vec::new();
+        for (size, target_spacing_px, camera) in &pictures {
             let request = PictureRequest {
-                size,
-                target_spacing_px,
-                camera,
+                size: *size,
+                target_spacing_px: *target_spacing_px,
+                camera: camera.parse().map_err(anyhow::Error::msg)?,
                 method: *method,
                 ..PictureRequest::default()
             };
-            let (load, cpu_ms, busy) = frame(&file, &request, task)?;
-            measured.push((load, cpu_ms));
-            parallel.push(busy);
+            let picture = measured(&file, &request, FRAMES, task)?;
+            all.extend(picture.cpu_ms.first().map(|least_ms| (picture.load, *least_ms)));
+            parallel.push(picture.parallel);
             task.advance(1);
         }
-        costs.push(((*name).to_owned(), Cost::fit(&measured)));
+        costs.push(((*name).to_owned(), Cost::fit(&all)));
     }
     parallel.sort_by(f64::total_cmp);
     let parallel = parallel.get(parallel.len() / 2).copied().unwrap_or(1.0);
-    Ok(Pace { threads, parallel: parallel.clamp(1.0, threads as f64), costs })
+    let since = |now: Option<f64>, then: Option<f64>| now.zip(then).map(|(now, then)| now - then);
+    let waited_ms = since(system::waited_for_cores_ms(), before.0).unwrap_or_default();
+    let cpu_ms = since(system::cpu_ms(), before.1).unwrap_or(f64::INFINITY);
+    let waited = (waited_ms / cpu_ms.max(1e-6)).max(0.0);
+    Ok(Pace { threads, parallel: parallel.clamp(1.0, threads as f64), waited, costs })
 }
 
-/// Draws frames of a picture: what they have, the least CPU time, milliseconds, and CPU time over
-/// wall time.
-fn frame(file: &Forest, request: &PictureRequest, task: &dyn Task) -> Result<(Load, f64, f64)> {
-    let scene = PictureScene::read(file, request, task)?;
-    let selection = &scene.selection;
-    let octree = CompactOctree::with_hidden(file.table(), &selection.drawn, &selection.hidden);
-    let draws = scene.draws(file);
-    let frame = scene.appearance.frame(file, &scene.view, &draws, &octree);
-    let (mut renderer, mut picture) = (Renderer::default(), Picture::default());
-    let (mut least_ms, mut least_wall_ms) = (f64::MAX, f64::MAX);
-    for number in 0..=FRAMES {
-        task.check()?;
-        let (start, before) = (Instant::now(), system::cpu_ms());
-        renderer.render_into(&frame, &mut picture)?;
-        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        let cpu_ms = system::cpu_ms().zip(before).map_or(wall_ms, |(now, then)| now - then);
-        if number > 0 {
-            least_ms = least_ms.min(cpu_ms);
-            least_wall_ms = least_wall_ms.min(wall_ms);
-        }
-    }
-    let pixels = f64::from(scene.view.width) * f64::from(scene.view.height);
-    let shown = f64::from(picture.width) * f64::from(picture.height);
-    let covered = picture.stats.pixels_covered as f64 / shown.max(1.0) * pixels;
-    let load = Load { points: picture.stats.points_drawn as f64, pixels, covered };
-    Ok((load, least_ms, least_ms / least_wall_ms.max(1e-6)))
+/// Size, target of points in pixels and camera of each picture.
+fn pictures() -> Vec<([u32; 2], f64, &'static str)> {
+    let of_camera = |camera| {
+        let of_size = move |size| SPACINGS_PX.map(|spacing_px| (size, spacing_px, camera));
+        SIZES.into_iter().flat_map(of_size)
+    };
+    CAMERAS.into_iter().flat_map(of_camera).collect()
 }
 
 #[cfg(test)]
@@ -163,7 +155,7 @@ mod tests {
         let path = folder.path().join("esker").join("pace.json");
         let cost = Cost { frame_ms: 1.0, points_ms: 2.0, pixels_ms: 3.0, covered_ms: 4.0 };
         let costs = ["points", "pull-push", "auto", "ewa"].map(|name| (name.to_owned(), cost));
-        let pace = Pace { threads: 2, parallel: 1.7, costs: costs.to_vec() };
+        let pace = Pace { threads: 2, parallel: 1.7, waited: 0.02, costs: costs.to_vec() };
         write(&path, &pace).unwrap();
         assert_eq!(read(&path), Some(pace.clone()));
         write(&path, &Pace { parallel: f64::NAN, ..pace.clone() }).unwrap();
@@ -172,5 +164,13 @@ mod tests {
         assert_eq!(read(&path), None);
         std::fs::write(&path, "{").unwrap();
         assert_eq!(read(&path), None);
+    }
+
+    #[test]
+    fn a_model_of_a_busy_machine_gives_way_to_a_better_one_only() {
+        let of = |waited| Pace { waited, ..Pace::default() };
+        assert_eq!(better(None, of(0.5)).waited, 0.5);
+        assert_eq!(better(Some(of(0.5)), of(0.2)).waited, 0.2);
+        assert_eq!(better(Some(of(0.5)), of(0.9)).waited, 0.5);
     }
 }

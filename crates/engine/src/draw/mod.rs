@@ -3,6 +3,7 @@
 
 pub mod budget;
 pub mod calibration;
+pub mod choice;
 pub mod empty_picture;
 pub mod enlarge;
 pub(crate) mod facing;
@@ -11,6 +12,7 @@ pub mod method;
 pub mod options;
 pub mod pace;
 mod painter;
+pub(crate) mod probe;
 pub mod scene;
 pub mod session;
 mod slots;

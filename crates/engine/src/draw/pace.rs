@@ -1,18 +1,9 @@
-//! What a frame will cost, and the settings of the best picture within a time: a model of CPU time
-//! by method, from the points and pixels of a frame, that [`crate::draw::calibration`] measures on
-//! this machine. Without a budget of time nothing depends on it.
+//! What a frame will cost: a model of CPU time by method, from the points and pixels of a frame,
+//! that [`crate::draw::calibration`] measures on this machine. It is of warm frames, all but the
+//! first of a renderer, which also waits for memory. [`crate::draw::choice`] corrects it for a view.
 
 use crate::draw::method::{METHODS, Method};
-use crate::draw::scene::{PictureRequest, PictureScene};
-use anyhow::{Result, ensure};
-use esker_format::Forest;
-use esker_lod::covered_share;
 use serde::{Deserialize, Serialize};
-
-/// Scales of the picture's sides that are tried, finest first.
-const SCALES: [f64; 9] = [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.42, 0.35, 0.28];
-/// Fewest points that a budget leaves.
-const POINTS_MIN: u64 = 10_000;
 
 /// CPU time of a frame, milliseconds: linear in what the frame has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -86,6 +77,9 @@ pub struct Pace {
     pub threads: usize,
     /// CPU time of frames over their wall time.
     pub parallel: f64,
+    /// Time that threads waited for a core while this was measured, over CPU time: what other
+    /// programs took. 0 where the system does not tell.
+    pub waited: f64,
     /// Cost of each method, by its name.
     pub costs: Vec<(String, Cost)>,
 }
@@ -96,75 +90,6 @@ impl Pace {
         let (_, name, _) = METHODS.iter().find(|(own, ..)| *own == method)?;
         self.costs.iter().find(|(known, _)| known == name).map(|(_, cost)| cost)
     }
-}
-
-/// The settings of the best picture within a time.
-#[derive(Clone, Debug)]
-pub struct Paced {
-    /// The request with these settings, of a picture of `scale` times the size.
-    pub request: PictureRequest,
-    /// Side of the drawn picture over that of the wanted one.
-    pub scale: f64,
-    /// CPU time that the model predicts, milliseconds.
-    pub cpu_ms: f64,
-    /// Wall time that follows, milliseconds.
-    pub wall_ms: f64,
-}
-
-/// Chooses settings for a picture of `file` that takes at most `budget_ms` of wall time: those of
-/// the request if there is time, else a coarser resolution, then points alone, then fewer points.
-/// If nothing is fast enough, the fastest.
-///
-/// # Errors
-/// If the method was not measured, or the choice of nodes fails.
-pub fn paced(
-    file: &Forest,
-    request: &PictureRequest,
-    pace: &Pace,
-    budget_ms: f64,
-) -> Result<Paced> {
-    ensure!(
-        pace.cost(request.method).is_some() && request.window.is_none(),
-        "a budget of time is for whole pictures by auto, pull-push, ewa or points"
-    );
-    let predicted = |request: PictureRequest, scale: f64| predict(file, request, scale, pace);
-    let whole = predicted(request.clone(), 1.0)?;
-    if whole.wall_ms <= budget_ms {
-        return Ok(whole);
-    }
-    for scale in SCALES.into_iter().skip(1) {
-        let coarser = predicted(request.clone(), scale)?;
-        if coarser.wall_ms <= budget_ms {
-            return Ok(coarser);
-        }
-    }
-    let alone = PictureRequest { method: Method::Points, ..request.clone() };
-    let mut last = predicted(alone.clone(), SCALES[SCALES.len() - 1])?;
-    let mut points = alone.budget_points.min(file.points());
-    while last.wall_ms > budget_ms && points > POINTS_MIN {
-        points /= 2;
-        let fewer = PictureRequest { budget_points: points.max(POINTS_MIN), ..alone.clone() };
-        last = predicted(fewer, SCALES[SCALES.len() - 1])?;
-    }
-    Ok(last)
-}
-
-/// Predicts the time of a picture of `scale` times the size of the request.
-fn predict(file: &Forest, request: PictureRequest, scale: f64, pace: &Pace) -> Result<Paced> {
-    let size = request.size.map(|side| ((f64::from(side) * scale).round() as u32).max(1));
-    let request = PictureRequest { size, ..request };
-    let scene = PictureScene::choose(file, &request)?;
-    let load = load_of(file, &scene);
-    let cpu_ms = pace.cost(request.method).copied().unwrap_or_default().cpu_ms(load);
-    Ok(Paced { request, scale, cpu_ms, wall_ms: cpu_ms / pace.parallel.max(1e-3) })
-}
-
-/// What a frame of a scene has, estimated before it is drawn.
-pub fn load_of(file: &Forest, scene: &PictureScene) -> Load {
-    let view = &scene.view;
-    let pixels = f64::from(view.width) * f64::from(view.height);
-    let share = covered_share(&file.table().nodes, file.metric(), view, &scene.selection.drawn);
-    Load { points: scene.selection.counters.points as f64, pixels, covered: share * pixels }
 }
 
 #[cfg(test)]

@@ -81,6 +81,18 @@ pub fn cpu_ms() -> Option<f64> {
     None
 }
 
+/// Time that the threads of this process have waited for a core that another one held,
+/// milliseconds; `None` if the system does not tell.
+pub fn waited_for_cores_ms() -> Option<f64> {
+    let threads = std::fs::read_dir("/proc/self/task").ok()?;
+    let waited_ns = |thread: &std::path::Path| -> Option<f64> {
+        let times = std::fs::read_to_string(thread.join("schedstat")).ok()?;
+        times.split_whitespace().nth(1)?.parse().ok()
+    };
+    let all: Vec<f64> = threads.flatten().filter_map(|entry| waited_ns(&entry.path())).collect();
+    (!all.is_empty()).then(|| all.iter().sum::<f64>() * 1e-6)
+}
+
 /// Resources that a process used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProcessUsage {
