@@ -7,7 +7,7 @@ use crate::error_time::page::{self, Crops};
 use crate::error_time::perfect::Reference;
 use crate::error_time::reference::{ALIGNMENTS, Common, ReferenceScene, aligned};
 use crate::error_time::report::{BUDGETS_MS, Build, ErrorTimeReport, Row, Scan, mark_front};
-use crate::error_time::settings::{Setting, builds, common, of_build, of_file};
+use crate::error_time::settings::{PACED, Setting, builds, common, of_build, of_file};
 use crate::error_time::streaming;
 use crate::pass_times;
 use crate::quantile::quantile;
@@ -16,6 +16,7 @@ use anyhow::{Context, Result, ensure};
 use esker_engine::Method;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::enlarge::enlarged;
+use esker_engine::draw::method::method_of_name;
 use esker_engine::draw::scene::{PictureRequest, open};
 use esker_engine::draw::{calibration, choice};
 use esker_engine::io::file::is_esker;
@@ -170,10 +171,13 @@ impl<'a> Measured<'a> {
         let settings = of_file(file.points(), has, is_full);
         let mut variants: Vec<_> = settings.into_iter().map(|setting| (0, setting)).collect();
         let pace = calibration::pace(task)?;
-        for budget_ms in BUDGETS_MS {
-            let request = PictureRequest { method: Method::Auto, ..base.clone() };
-            let chosen = choice::paced(file, &request, &pace, budget_ms, task)?;
-            variants.push((0, Setting::paced(&chosen, budget_ms)));
+        for name in PACED {
+            let method = method_of_name(name).unwrap_or_default();
+            let request = PictureRequest { method, ..base.clone() };
+            for budget_ms in BUDGETS_MS {
+                let chosen = choice::paced(file, &request, &pace, budget_ms, task)?;
+                variants.push((0, Setting::paced(&chosen, name, budget_ms)));
+            }
         }
         if is_scan {
             for (options, build) in builds(&base.build) {

@@ -179,6 +179,35 @@ pub(super) fn best(rows: &[Row], budget_ms: f64) -> Option<&Row> {
     fast.min_by(|a, b| a.flip.total_cmp(&b.flip))
 }
 
+/// Time of a fixed setting over that of one that a budget chose, at most, to be called as fast.
+const AS_FAST: f64 = 1.1;
+
+/// A line for each budget of time: CPU time as predicted and as measured, and the error beside
+/// that of the best fixed setting of the same method that is as fast.
+pub(super) fn pace_lines(rows: &[Row]) -> Vec<String> {
+    let line = |row: &Row| {
+        let settings = &row.settings;
+        let (budget_ms, wanted) = settings.budget_ms.zip(settings.wanted_method)?;
+        let (predicted_ms, cpu_ms) = settings.predicted_cpu_ms.zip(row.cpu_ms)?;
+        let is_rival = |other: &&Row| {
+            let is_fixed = other.settings.budget_ms.is_none() && other.settings.build.is_empty();
+            let is_fast = other.cpu_ms.is_some_and(|other_ms| other_ms <= cpu_ms * AS_FAST);
+            is_fixed && is_fast && other.method == wanted && other.backend == row.backend
+        };
+        let least = rows.iter().filter(is_rival).min_by(|a, b| a.flip.total_cmp(&b.flip));
+        let rival = least.map_or(String::new(), |best| {
+            format!("; best fixed setting that is as fast: {:.4}, {}", best.flip, best.what)
+        });
+        Some(format!(
+            "--budget-ms {budget_ms} by {wanted}: {predicted_ms:.1} CPU ms predicted, {cpu_ms:.1} measured ({:.2}); {:.1} ms; FLIP {:.4}{rival}",
+            predicted_ms / cpu_ms.max(1e-6),
+            row.ms,
+            row.flip,
+        ))
+    };
+    rows.iter().filter_map(line).collect()
+}
+
 /// A sentence for each budget: what to draw with, and what to expect.
 pub(super) fn advice(scan: &Scan, rows: &[Row]) -> Vec<String> {
     let sentence = |budget_ms: f64| match best(rows, budget_ms) {
@@ -216,6 +245,7 @@ pub fn text(report: &ErrorTimeReport) -> String {
         lines.push(COLUMNS.iter().map(|(title, width)| padded(title, *width)).collect());
         lines.extend(rows.iter().map(line));
         lines.extend(advice(scan, &rows));
+        lines.extend(pace_lines(&rows));
         lines.extend(streaming_lines(report.streaming.iter().filter(|l| l.file == scan.file)));
     }
     lines.extend(report.adapter.iter().map(|name| format!("gpu: {name}")));

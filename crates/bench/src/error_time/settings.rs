@@ -17,7 +17,9 @@ const DENSE_PX: f64 = 0.25;
 /// Budgets that are tried, points.
 const BUDGETS: [u64; 4] = [100_000, 300_000, 1_000_000, 3_000_000];
 /// Resolutions that are tried, as shares of the picture's sides.
-const SCALES: [f64; 3] = [0.75, 0.5, 0.35];
+const SCALES: [f64; 4] = [0.85, 0.7, 0.5, 0.35];
+/// Methods for which `--budget-ms` chooses settings, as on the command line.
+pub(super) const PACED: [&str; 3] = ["auto", "pull-push", "ewa"];
 
 /// How a frame is drawn.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -39,9 +41,11 @@ pub(super) struct Setting {
     /// Whether full planes are drawn although the file has compact ones.
     pub full: bool,
     /// Time that `--budget-ms` names and the settings were chosen for, and the CPU time that was
-    /// predicted, milliseconds.
+    /// predicted, milliseconds; the method that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub budget_ms: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wanted_method: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub predicted_cpu_ms: Option<f64>,
     /// Whether a GPU draws.
@@ -65,6 +69,7 @@ impl Setting {
             pass: None,
             full: false,
             budget_ms: None,
+            wanted_method: None,
             predicted_cpu_ms: None,
             on_gpu: false,
             build: "",
@@ -72,13 +77,14 @@ impl Setting {
     }
 
     /// The settings that the model of the machine chose for a time.
-    pub fn paced(chosen: &Paced, budget_ms: f64) -> Self {
+    pub fn paced(chosen: &Paced, wanted_method: &'static str, budget_ms: f64) -> Self {
         let method = METHODS.iter().find(|(method, ..)| *method == chosen.request.method);
         Self {
             spacing_px: chosen.request.target_spacing_px,
             budget_points: chosen.request.budget_points,
             scale: chosen.scale,
             budget_ms: Some(budget_ms),
+            wanted_method: Some(wanted_method),
             predicted_cpu_ms: Some(chosen.cpu_ms),
             ..Self::of(method.map_or("auto", |(_, name, _)| *name))
         }
@@ -138,7 +144,7 @@ impl Setting {
             parts.push(format!("{} points", short(self.budget_points)));
         }
         if self.scale != base.scale {
-            parts.push(format!("{} of the resolution", self.scale));
+            parts.push(format!("{:.2} of the resolution", self.scale));
         }
         parts.extend(self.pass.map(String::from));
         if self.full {
@@ -183,10 +189,13 @@ pub(super) fn of_file(
     ];
     let mut all = methods.to_vec();
     let base = Setting::of("pull-push");
+    let is_paced = |base: &&Setting| full || PACED.contains(&base.method);
+    for base in methods.iter().filter(is_paced) {
+        all.extend(SCALES.map(|scale| Setting { scale, ..base.clone() }));
+    }
     let varied: &[Setting] = if full { &methods } else { std::slice::from_ref(&base) };
     for base in varied {
         all.extend(SPACINGS_PX.map(|spacing_px| Setting { spacing_px, ..base.clone() }));
-        all.extend(SCALES.map(|scale| Setting { scale, ..base.clone() }));
         let budgets = BUDGETS.into_iter().filter(|&budget| budget < points);
         all.extend(budgets.map(|budget_points| Setting { budget_points, ..base.clone() }));
     }

@@ -17,9 +17,11 @@ const SCALE_MIN: f64 = 0.28;
 const SCALES: u32 = 37;
 /// Scale of the first probe.
 const FIRST_PROBE: f64 = 0.25;
-/// Scale of the last probe over that of the picture, at least: time grows by a factor of four
-/// beyond it.
-const PROBE_SHARE: f64 = 0.45;
+/// Scale of the last probe over that of the picture, at least, and of a next one: half of the
+/// picture's pixels. From a quarter, times of EWA and of dots are off by up to half: splats become
+/// wider, and surfaces dots.
+const PROBE_SHARE: f64 = 0.65;
+const PROBE_AGAIN: f64 = 0.71;
 /// Most probes of a method.
 const PROBES_MAX: usize = 4;
 /// Frames of a probe that are measured.
@@ -129,7 +131,7 @@ fn choose(
 }
 
 /// The finest picture by a method whose frames take at most `cpu_ms`, if one does. The view is
-/// probed until the last probe has nearly half the sides of that picture.
+/// probed until the last probe has nearly half the pixels of that picture.
 fn finest(
     subject: &mut dyn Subject,
     settings: Settings,
@@ -150,7 +152,7 @@ fn finest(
             Some((Settings { scale: wanted, .. }, _))
                 if scale < wanted * PROBE_SHARE && probes < PROBES_MAX =>
             {
-                scale = wanted / 2.0;
+                scale = wanted * PROBE_AGAIN;
             }
             _ => return Ok((corrected, finest)),
         }
@@ -340,7 +342,7 @@ mod tests {
         }
     }
 
-    /// The scan costs otherwise than the model: a probe of half the sides bounds the error.
+    /// The scan costs otherwise than the model: a probe of half the pixels bounds the error.
     #[test]
     fn a_view_whose_time_grows_otherwise_than_the_model_is_probed_again() {
         let mut view = Invented::new(1.0, 0.3);
