@@ -1,6 +1,6 @@
 //! Measures the model of this machine ([`Pace`]) at first use: frames of a generated terrain by
-//! each method, of different numbers of points, pixels and covered pixels. The result is kept in the user's cache
-//! folder, a file for each processor, number of threads and version.
+//! each method, of different numbers of points, pixels and covered pixels. The result is kept in
+//! the user's cache folder, a file for each processor, number of threads and version.
 
 use crate::draw::method::{METHODS, Method};
 use crate::draw::pace::{Cost, Pace};
@@ -12,6 +12,7 @@ use esker_points::Task;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// The scan that is drawn.
 const SCAN: &str = "synthetic:terrain:1M:1";
@@ -28,14 +29,16 @@ const CAMERAS: [&str; 3] =
 const PICTURES: u32 = 2;
 /// Time that threads may wait for a core, over CPU time, for a model that is used again.
 const WAITED_MAX: f64 = 0.1;
+/// Age of a model of a busy machine from which it is measured again.
+const BUSY_AGE: Duration = Duration::from_secs(3600);
 /// Most bytes of a kept model.
 const BYTES_MAX: u64 = 1 << 16;
 /// Frames of each picture, of which the least CPU time counts.
 const FRAMES: usize = 4;
 
 /// The model of this machine with as many threads as the current pool has: read from the cache, or
-/// measured and kept there. One that was measured while the machine was busy is measured again, and
-/// the better one kept.
+/// measured and kept there. One that was measured while the machine was busy is measured again an
+/// hour later, and the better one kept.
 ///
 /// # Errors
 /// If a frame cannot be drawn, or `task` is cancelled. A cache that cannot be written is no error.
@@ -43,7 +46,7 @@ pub fn pace(task: &dyn Task) -> Result<Pace> {
     let threads = rayon::current_num_threads();
     let kept = cache(threads);
     let known = kept.as_deref().and_then(read);
-    if let Some(known) = known.as_ref().filter(|known| known.waited <= WAITED_MAX) {
+    if let Some(known) = known.as_ref().filter(|known| is_good(known, age(kept.as_deref()))) {
         return Ok(known.clone());
     }
     let measured = better(known, measure(threads, task)?);
@@ -53,9 +56,19 @@ pub fn pace(task: &dyn Task) -> Result<Pace> {
         task.note(&format!("{}: the speed of this machine cannot be kept", path.display()));
     }
     if measured.waited > WAITED_MAX {
-        task.note("other programs kept this machine busy while its speed was measured: times may be predicted too long, and the next --budget-ms measures it again");
+        task.note("other programs kept this machine busy while its speed was measured: times may be predicted too long, and it is measured again an hour from now");
     }
     Ok(measured)
+}
+
+/// Time since a file was written; `None` if that is unknown.
+fn age(path: Option<&Path>) -> Option<Duration> {
+    path?.metadata().ok()?.modified().ok()?.elapsed().ok()
+}
+
+/// Whether a model of some age is used as it is.
+fn is_good(pace: &Pace, age: Option<Duration>) -> bool {
+    pace.waited <= WAITED_MAX || age.is_some_and(|age| age < BUSY_AGE)
 }
 
 /// The one of two models for which threads waited less.
@@ -169,6 +182,9 @@ mod tests {
     #[test]
     fn a_model_of_a_busy_machine_gives_way_to_a_better_one_only() {
         let of = |waited| Pace { waited, ..Pace::default() };
+        let (young, old) = (Some(BUSY_AGE / 2), Some(BUSY_AGE * 2));
+        assert!(is_good(&of(0.0), old) && is_good(&of(0.5), young));
+        assert!(!is_good(&of(0.5), old) && !is_good(&of(0.5), None));
         assert_eq!(better(None, of(0.5)).waited, 0.5);
         assert_eq!(better(Some(of(0.5)), of(0.2)).waited, 0.2);
         assert_eq!(better(Some(of(0.5)), of(0.9)).waited, 0.5);
