@@ -1,6 +1,7 @@
 //! What a frame will cost: a model of CPU time by method, from the points and pixels of a frame,
 //! that [`crate::draw::calibration`] measures on this machine. It is of warm frames, all but the
-//! first of a renderer, which also waits for memory. [`crate::draw::choice`] corrects it for a view.
+//! first of a renderer, which also waits for memory. [`crate::draw::choice`] corrects it for a
+//! view.
 
 use crate::draw::method::{METHODS, Method};
 use serde::{Deserialize, Serialize};
