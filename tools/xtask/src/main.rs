@@ -1,6 +1,7 @@
 //! Tasks for developers: `cargo xtask ci` is the one gate of the project, and CI runs it; each of
 //! its steps can be run alone. After a failed step the others are still run.
 
+mod compare;
 mod deps;
 mod figures;
 mod fmt;
@@ -10,6 +11,7 @@ mod large;
 mod light;
 mod lint;
 mod readme;
+mod report;
 mod shaders;
 mod shell;
 mod tally;
@@ -60,7 +62,7 @@ const RELATIONS: [&str; 9] = [
 ];
 
 /// Tasks outside the gate: they take too long, or write files.
-const APART: [Step; 4] = [
+const APART: [Step; 6] = [
     Step {
         name: "large",
         about: "20 to 100 million points within their memory; ESKER_LARGE=1G for more",
@@ -81,7 +83,22 @@ const APART: [Step; 4] = [
         about: "writes the README's table of figures from bench/results",
         run: |_| figures::write(),
     },
+    Step {
+        name: "report",
+        about: "measures the scenes of docs/evidence anew, or those that are named",
+        run: |_| report::run(&arguments()),
+    },
+    Step {
+        name: "compare",
+        about: "two folders of bench/results: what became worse beyond noise",
+        run: |_| compare::run(&arguments()),
+    },
 ];
+
+/// Words after the name of the task.
+fn arguments() -> Vec<String> {
+    std::env::args().skip(2).collect()
+}
 
 fn main() -> ExitCode {
     let task = std::env::args().nth(1).unwrap_or_default();

@@ -35,7 +35,7 @@ pub fn run<S: AsRef<OsStr>>(name: &str, program: &OsStr, args: &[S]) -> Result<(
 
 /// Builds the `esker` program in release mode; its path.
 pub fn build_esker() -> Result<PathBuf> {
-    run_cargo(&["build", "--release", "-p", "esker"])?;
+    run_cargo(&["build", "--release", "--bin", "esker"])?;
     let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
     let program = Path::new(&target).join("release/esker").canonicalize();
     program.context("the program that was built")
@@ -70,7 +70,7 @@ impl Drop for Scratch {
 }
 
 /// Standard output of a program; fails if the program fails.
-pub fn output(program: &OsString, args: &[&str]) -> Result<String> {
+pub fn output<S: AsRef<OsStr>>(program: &OsStr, args: &[S]) -> Result<String> {
     let name = program.to_string_lossy();
     let out = Command::new(program)
         .args(args)
@@ -78,7 +78,8 @@ pub fn output(program: &OsString, args: &[&str]) -> Result<String> {
         .output()
         .with_context(|| format!("{name} cannot be run"))?;
     if !out.status.success() {
-        bail!("{name} {} failed: {}", args.join(" "), String::from_utf8_lossy(&out.stderr).trim());
+        let words: Vec<_> = args.iter().map(|word| word.as_ref().to_string_lossy()).collect();
+        bail!("{name} {} failed: {}", words.join(" "), String::from_utf8_lossy(&out.stderr).trim());
     }
     Ok(String::from_utf8_lossy(&out.stdout).into_owned())
 }

@@ -6,7 +6,9 @@ use crate::error_time::compare::{Errors, errors, flicker};
 use crate::error_time::page::{self, Crops};
 use crate::error_time::perfect::Reference;
 use crate::error_time::reference::{ALIGNMENTS, Common, ReferenceScene, aligned};
-use crate::error_time::report::{BUDGETS_MS, Build, ErrorTimeReport, Row, Scan, mark_front};
+use crate::error_time::report::{
+    BUDGETS_MS, Build, ErrorTimeReport, Row, Scan, advice, mark_front,
+};
 use crate::error_time::settings::{PACED, Setting, builds, common, of_build, of_file};
 use crate::error_time::streaming;
 use crate::pass_times;
@@ -95,8 +97,9 @@ pub fn measure(request: &ErrorTimeRequest, task: &dyn Task) -> Result<ErrorTimeR
                 0 => {}
                 before => measured.file = format!("{}-{}", measured.name, before + 1),
             }
-            let (scan, mut rows) = measured.run(task)?;
+            let (mut scan, mut rows) = measured.run(task)?;
             mark_front(&mut rows);
+            scan.advice = advice(&rows);
             task.phase(&format!("{}: streaming", scan.file), None, "frames");
             let file = &measured.files[0].file;
             let loads = streaming::measure(&scan.file, file, request.size, task)?;
@@ -244,6 +247,7 @@ impl<'a> Measured<'a> {
             floor_flip: mean(&floor.iter().map(|e| e.flip).collect::<Vec<_>>()),
             floor_off_share: mean(&floor.iter().map(|e| e.off_share).collect::<Vec<_>>()),
             size: self.base.size,
+            advice: Vec::new(),
         };
         let rows = self.variants.iter().zip(&sums).map(|((index, setting), sums)| Row {
             normal_deg: normals[*index],
@@ -363,17 +367,20 @@ impl<'a> Measured<'a> {
         let of =
             |value: fn(&Errors) -> f64| -> Vec<f64> { sums.errors.iter().map(value).collect() };
         let flips = of(|e| e.flip);
+        let has_cpu = !sums.cpu_ms.is_empty();
         let all: Vec<f64> = sums.frames.iter().map(|f| f.total_ms).collect();
         Row {
             file: self.file.clone(),
             method: setting.method,
             backend: if setting.on_gpu { "gpu" } else { "cpu" },
             what: setting.text(),
+            options: setting.options(self.base.size),
             settings: setting.clone(),
             points: sums.points,
             ms: quantile(&all, 0.5),
             ms_quartiles: [quantile(&all, 0.25), quantile(&all, 0.75)],
-            cpu_ms: (!sums.cpu_ms.is_empty()).then(|| quantile(&sums.cpu_ms, 0.5)),
+            cpu_ms: has_cpu.then(|| quantile(&sums.cpu_ms, 0.5)),
+            cpu_ms_quartiles: has_cpu.then(|| [0.25, 0.75].map(|q| quantile(&sums.cpu_ms, q))),
             stages_ms: pass_times::of_frames(&sums.frames, |values| quantile(values, 0.5)),
             flip: mean(&flips),
             flip_range: [quantile(&flips, 0.0), quantile(&flips, 1.0)],

@@ -2,7 +2,7 @@
 
 use crate::error_time::perfect::Reference;
 use crate::error_time::plot::{error_over_time, error_while_loading};
-use crate::error_time::report::{BUDGETS_MS, COLUMNS, Row, Scan, advice, or_dash, streaming_lines};
+use crate::error_time::report::{BUDGETS_MS, COLUMNS, Row, Scan, or_dash, streaming_lines};
 use crate::error_time::streaming::Load;
 use anyhow::{Context, Result};
 use esker_engine::io::picture::write_png;
@@ -64,10 +64,12 @@ pub(super) fn write(
     crops: &Crops,
 ) -> Result<()> {
     let name = file_name(&scan.file);
-    let plot = error_over_time(scan, rows)?;
+    let plots = [format!("{name}.svg"), format!("{name}-loading.svg")];
+    save(&folder.join(&plots[0]), &error_over_time(scan, rows)?)?;
+    save(&folder.join(&plots[1]), &error_while_loading(loads)?)?;
     let mut page = String::new();
     // Writing to a string does not fail.
-    let _ = write_head(&mut page, scan, rows, &plot);
+    let _ = write_head(&mut page, scan, &plots[0]);
     let corner = busiest(crops);
     let shown = crop(&crops.reference.rgba, crops.reference.width, corner);
     let file = format!("{name}-reference.png");
@@ -94,9 +96,12 @@ pub(super) fn write(
         );
     }
     let _ = write_rows(&mut page, rows);
-    let _ = write_streaming(&mut page, loads, &error_while_loading(loads)?);
-    let path = folder.join(format!("{name}.html"));
-    std::fs::write(&path, page).with_context(|| format!("{}: cannot write", path.display()))
+    let _ = write_streaming(&mut page, loads, &plots[1]);
+    save(&folder.join(format!("{name}.html")), &page)
+}
+
+fn save(path: &Path, text: &str) -> Result<()> {
+    std::fs::write(path, text).with_context(|| format!("{}: cannot write", path.display()))
 }
 
 /// Letters, digits and hyphens of a name.
@@ -109,7 +114,7 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
-fn write_head(page: &mut String, scan: &Scan, rows: &[Row], plot: &str) -> std::fmt::Result {
+fn write_head(page: &mut String, scan: &Scan, plot: &str) -> std::fmt::Result {
     let title = escaped(&scan.file);
     write!(
         page,
@@ -123,12 +128,12 @@ fn write_head(page: &mut String, scan: &Scan, rows: &[Row], plot: &str) -> std::
         scan.size[0],
         scan.size[1]
     )?;
-    for sentence in advice(scan, rows) {
+    for sentence in scan.sentences() {
         writeln!(page, "<li>{}</li>", escaped(&sentence))?;
     }
     write!(
         page,
-        "</ul>\n{plot}\n<p>Each dot is a setting: the mean error of five alignments of the view over \
+        "</ul>\n<img src='{plot}'>\n<p>Each dot is a setting: the mean error of five alignments of the view over \
          the median time of a frame. Bars are quartiles of the time and the range of the errors. \
          Filled dots are drawn by the CPU, rings by the GPU. Vertical lines: 60 and 30 frames a \
          second. Errors near the floor mean nothing.</p>\n"
@@ -162,7 +167,7 @@ fn write_streaming(page: &mut String, loads: &[Load], plot: &str) -> std::fmt::R
     writeln!(
         page,
         "<h2>While streaming</h2>\n<p>Error of the shown frame against the finished one, from an \
-         empty cache, by order of loading.</p>\n{plot}\n<ul>"
+         empty cache, by order of loading.</p>\n<img src='{plot}'>\n<ul>"
     )?;
     for line in streaming_lines(loads.iter()) {
         writeln!(page, "<li>{}</li>", escaped(&line))?;

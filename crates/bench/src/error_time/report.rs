@@ -48,6 +48,21 @@ pub(super) struct Scan {
     /// the pixels that are off by more than 8 of 255. Smaller errors mean nothing.
     pub floor_flip: f64,
     pub floor_off_share: f64,
+    /// The best setting for each of the [`BUDGETS_MS`].
+    pub advice: Vec<Advice>,
+}
+
+/// The setting of least error that keeps a time, of those that users have; none if no setting does.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Advice {
+    /// The time, milliseconds a frame.
+    pub budget_ms: f64,
+    /// Options on the command line.
+    pub options: Option<String>,
+    pub ms: Option<f64>,
+    pub cpu_ms: Option<f64>,
+    pub flip: Option<f64>,
+    pub off_share: Option<f64>,
 }
 
 /// A scan drawn with one setting. Errors are means of the alignments, against the common reference
@@ -60,15 +75,17 @@ pub(super) struct Row {
     pub backend: &'static str,
     pub settings: Setting,
     /// What differs from the method's defaults.
-    #[serde(skip)]
     pub what: String,
+    /// Options on the command line; none if only the benchmark can draw so.
+    pub options: Option<String>,
     /// Points that are drawn.
     pub points: u64,
     /// Median and quartiles of the time of a frame.
     pub ms: f64,
     pub ms_quartiles: [f64; 2],
-    /// Median CPU time of a frame, over all threads.
+    /// Median and quartiles of the CPU time of a frame, over all threads.
     pub cpu_ms: Option<f64>,
+    pub cpu_ms_quartiles: Option<[f64; 2]>,
     /// Medians of the passes.
     #[serde(serialize_with = "pass_times::with_total")]
     pub stages_ms: PassTimes,
@@ -173,10 +190,21 @@ pub(super) fn mark_front(rows: &mut [Row]) {
     }
 }
 
-/// The row of least error among those that take at most `budget_ms`.
-pub(super) fn best(rows: &[Row], budget_ms: f64) -> Option<&Row> {
-    let fast = rows.iter().filter(|row| row.ms <= budget_ms);
-    fast.min_by(|a, b| a.flip.total_cmp(&b.flip))
+/// The best setting for each of the [`BUDGETS_MS`].
+pub(super) fn advice(rows: &[Row]) -> Vec<Advice> {
+    let best = |budget_ms: f64| {
+        let fast = rows.iter().filter(|row| row.ms <= budget_ms && row.options.is_some());
+        let row = fast.min_by(|a, b| a.flip.total_cmp(&b.flip));
+        Advice {
+            budget_ms,
+            options: row.and_then(|row| row.options.clone()),
+            ms: row.map(|row| row.ms),
+            cpu_ms: row.and_then(|row| row.cpu_ms),
+            flip: row.map(|row| row.flip),
+            off_share: row.map(|row| row.off_share),
+        }
+    };
+    BUDGETS_MS.map(best).to_vec()
 }
 
 /// Time of a fixed setting over that of one that a budget chose, at most, to be called as fast.
@@ -208,23 +236,27 @@ pub(super) fn pace_lines(rows: &[Row]) -> Vec<String> {
     rows.iter().filter_map(line).collect()
 }
 
-/// A sentence for each budget: what to draw with, and what to expect.
-pub(super) fn advice(scan: &Scan, rows: &[Row]) -> Vec<String> {
-    let sentence = |budget_ms: f64| match best(rows, budget_ms) {
-        Some(row) => format!(
-            "On this machine at {budget_ms:.0} ms: {} ({}, {}) takes {:.1} ms; FLIP {:.3}, {:.1} % of the pixels off (floor {:.3}, {:.1} %).",
-            row.method,
-            row.what,
-            row.backend,
-            row.ms,
-            row.flip,
-            row.off_share * 100.0,
-            scan.floor_flip,
-            scan.floor_off_share * 100.0,
-        ),
-        None => format!("On this machine no setting takes less than {budget_ms:.0} ms."),
-    };
-    BUDGETS_MS.map(sentence).to_vec()
+impl Scan {
+    /// A sentence for each advice: what to draw with, and what to expect.
+    pub fn sentences(&self) -> Vec<String> {
+        self.advice.iter().map(|advice| self.sentence(advice)).collect()
+    }
+
+    fn sentence(&self, advice: &Advice) -> String {
+        let budget_ms = advice.budget_ms;
+        let (Some(options), Some(ms), Some(flip), Some(off_share)) =
+            (&advice.options, advice.ms, advice.flip, advice.off_share)
+        else {
+            return format!("On this machine no setting takes less than {budget_ms:.0} ms.");
+        };
+        format!(
+            "On this machine at {budget_ms:.0} ms: {options} takes {ms:.1} ms; FLIP {flip:.3}, \
+             {:.1} % of the pixels off (floor {:.3}, {:.1} %).",
+            off_share * 100.0,
+            self.floor_flip,
+            self.floor_off_share * 100.0,
+        )
+    }
 }
 
 /// Writes the report for people: the rows of each scan, fastest first, and the advice.
@@ -244,7 +276,7 @@ pub fn text(report: &ErrorTimeReport) -> String {
         ));
         lines.push(COLUMNS.iter().map(|(title, width)| padded(title, *width)).collect());
         lines.extend(rows.iter().map(line));
-        lines.extend(advice(scan, &rows));
+        lines.extend(scan.sentences());
         lines.extend(pace_lines(&rows));
         lines.extend(streaming_lines(report.streaming.iter().filter(|l| l.file == scan.file)));
     }

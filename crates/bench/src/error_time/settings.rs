@@ -14,6 +14,8 @@ const SPACINGS_PX: [f64; 5] = [0.5, 1.5, 2.0, 3.0, 4.0];
 /// Pass that is added to dense views, and a target at which views are dense, pixels.
 const DENSE: &str = "with push in dense views";
 const DENSE_PX: f64 = 0.25;
+/// Pass that users can leave out.
+const MATT: &str = "without highlights";
 /// Budgets that are tried, points.
 const BUDGETS: [u64; 4] = [100_000, 300_000, 1_000_000, 3_000_000];
 /// Resolutions that are tried, as shares of the picture's sides.
@@ -94,12 +96,12 @@ impl Setting {
     pub fn request(&self, size: [u32; 2], base: &PictureRequest) -> PictureRequest {
         let method = METHODS.iter().find(|(_, name, _)| *name == self.method);
         PictureRequest {
-            size: size.map(|side| ((f64::from(side) * self.scale).round() as u32).max(1)),
+            size: size.map(|side| self.side(side)),
             method: method.map_or(Method::default(), |(method, ..)| *method),
             target_spacing_px: self.spacing_px,
             budget_points: self.budget_points,
             full: self.full,
-            shines: base.shines && self.pass != Some("without highlights"),
+            shines: base.shines && self.pass != Some(MATT),
             dots: self.dots(),
             ..base.clone()
         }
@@ -124,9 +126,44 @@ impl Setting {
             one_wins: self.pass == Some("without averages"),
             is_rough: self.pass == Some("without smoothing"),
             is_flat: self.pass == Some("without fitted planes"),
-            is_matt: self.pass == Some("without highlights"),
+            is_matt: self.pass == Some(MATT),
             ..Changes::NONE
         }
+    }
+
+    /// Options of `esker render` that draw so; none if only the benchmark can. Resolutions are those
+    /// of a picture of `size` pixels, which is enlarged afterwards.
+    pub fn options(&self, size: [u32; 2]) -> Option<String> {
+        let base = Self::of(self.method);
+        if let Some(ms) = self.budget_ms {
+            return Some(format!("--budget-ms {ms}"));
+        }
+        let mut words = vec![format!("--method {}", self.method)];
+        words.extend(self.point_size.map(|size| format!("--point-size {size} --eye-dome")));
+        if self.spacing_px != base.spacing_px {
+            words.push(format!("--target-spacing {}", self.spacing_px));
+        }
+        if self.budget_points != base.budget_points {
+            words.push(format!("--budget-points {}", short(self.budget_points)));
+        }
+        if self.scale != base.scale {
+            let [width, height] = size.map(|side| self.side(side));
+            words.push(format!("--size {width}x{height}, enlarged"));
+        }
+        match self.pass {
+            Some(MATT) => words.push("--no-highlights".into()),
+            Some(_) => return None,
+            None => {}
+        }
+        words.extend(self.full.then(|| "--full".into()));
+        words.extend(self.on_gpu.then(|| "--backend gpu".into()));
+        words.extend((!self.build.is_empty()).then(|| format!("(built with {})", self.build)));
+        Some(words.join(" "))
+    }
+
+    /// Side of the drawn picture, for a side of the shown one, pixels.
+    fn side(&self, side: u32) -> u32 {
+        ((f64::from(side) * self.scale).round() as u32).max(1)
     }
 
     /// What differs from the method's defaults, for people.
@@ -207,7 +244,7 @@ pub(super) fn of_file(
             all.extend(crossed);
         }
     }
-    let mut passes = vec!["without averages", "without smoothing", DENSE, "without highlights"];
+    let mut passes = vec!["without averages", "without smoothing", DENSE, MATT];
     if !has_normals {
         passes.push("without fitted planes");
     }
@@ -249,4 +286,28 @@ pub(super) fn builds(options: &Options) -> Vec<(&'static str, Options)> {
 /// A build's settings of frames: pull-push and EWA with defaults.
 pub(super) fn of_build(build: &'static str) -> Vec<Setting> {
     ["pull-push", "ewa"].map(|method| Setting { build, ..Setting::of(method) }).to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_that_users_have_are_options() {
+        let size = [640, 400];
+        let base = Setting::of("pull-push");
+        let options = |setting: Setting| setting.options(size);
+        assert_eq!(options(base.clone()).as_deref(), Some("--method pull-push"));
+        let half = Setting { scale: 0.5, spacing_px: 2.0, ..base.clone() };
+        let words = "--method pull-push --target-spacing 2 --size 320x200, enlarged";
+        assert_eq!(options(half).as_deref(), Some(words));
+        let few = Setting { budget_points: 300_000, build: "--tangents", ..Setting::of("ewa") };
+        let words = "--method ewa --budget-points 300k (built with --tangents)";
+        assert_eq!(options(few).as_deref(), Some(words));
+        let paced = Setting { budget_ms: Some(16.0), ..base.clone() };
+        assert_eq!(options(paced).as_deref(), Some("--budget-ms 16"));
+        let matt = Setting { pass: Some(MATT), ..base.clone() };
+        assert_eq!(options(matt).as_deref(), Some("--method pull-push --no-highlights"));
+        assert_eq!(options(Setting { pass: Some(DENSE), ..base }), None);
+    }
 }

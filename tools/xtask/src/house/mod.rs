@@ -17,7 +17,7 @@ mod source;
 mod tree;
 mod wording;
 
-use crate::figures;
+use crate::{figures, report as evidence};
 use anyhow::{Result, bail};
 use tree::{Fault, Tree};
 
@@ -59,6 +59,7 @@ pub fn check() -> Result<()> {
         bail!("faults: {}", counts.join(", "));
     }
     println!("house: {} files keep {} rules", tree.files.len(), RULES.len());
+    evidence::check()?;
     figures::check()
 }
 

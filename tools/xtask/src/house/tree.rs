@@ -28,7 +28,7 @@ impl Tree {
     /// Reads the working tree below the current folder.
     pub fn of_git() -> Result<Self> {
         let list = ["ls-files", "-z", "--cached", "--others", "--exclude-standard"];
-        let names = output(&"git".into(), &list).context("git lists the files to check")?;
+        let names = output("git".as_ref(), &list).context("git lists the files to check")?;
         let mut tree = Self::default();
         // A file that was deleted and not yet committed is still listed.
         for name in names.split('\0').filter(|n| Path::new(n).is_file()) {
