@@ -38,6 +38,10 @@ pub enum Command {
         /// List the graphics adapters, the one that would draw, and the reason.
         #[arg(long, conflicts_with = "file")]
         system: bool,
+        /// Measure how difficult the file's points are, beside what pictures are rated to: jumps of
+        /// density, step, noise, scan lines, points at one place, thin parts.
+        #[arg(long, conflicts_with = "system")]
+        conditions: bool,
         #[command(flatten)]
         with: DrawWithArgs,
         #[command(flatten)]

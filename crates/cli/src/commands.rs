@@ -5,7 +5,7 @@ use crate::output::{print, write};
 use crate::shared::note_built;
 use crate::{export, view};
 use anyhow::{Result, ensure};
-use esker_engine::calls::{build, demo, explain, info, info_text, render, verify};
+use esker_engine::calls::{build, conditions, demo, explain, info, info_text, render, verify};
 use esker_engine::draw::scene::PictureRequest;
 use esker_engine::io::progress::{Progress, Style};
 use esker_engine::machine::devices;
@@ -21,6 +21,10 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
     let done = match command {
         Command::Build(args) => run_build(args, stop),
         Command::Append(args) => run_append(args, stop),
+        Command::Info { file: Some(file), conditions: true, json, .. } => {
+            let report = conditions::conditions(&file, &Progress::new(Style::None, stop))?;
+            print(json, &report, || conditions::text(&report))
+        }
         Command::Info { file: Some(file), reading, json, .. } => {
             let report =
                 info::info(&file, &reading.open_options(), &Progress::new(Style::None, stop))?;

@@ -55,7 +55,8 @@ pub fn measure(request: &StabilityRequest, task: &dyn Task) -> Result<StabilityR
             }
         }
         for axis in axes::all() {
-            if request.wants("axes") || request.parts.iter().any(|part| part == axis.name) {
+            if request.wants("axes") || request.parts.iter().any(|part| part == axis.condition.name)
+            {
                 axes::sweep(axis, &lab, &mut report)?;
             }
         }

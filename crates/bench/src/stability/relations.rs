@@ -8,6 +8,7 @@ use crate::stability::lab::Lab;
 use crate::stability::report::{Floor, Relation, Verdict};
 use anyhow::Result;
 use esker_builder::Options;
+use esker_engine::calls::conditions::rated::PART_SHARE;
 use esker_engine::cameras::camera::{Camera, OrthoHeight};
 use esker_engine::draw::scene::PictureRequest;
 use esker_engine::machine::pool;
@@ -45,8 +46,6 @@ const FAR: [f64; 2] = [2_000.0, 8_000.0];
 const TARGETS_LOG2: [i32; 2] = [0, 30];
 /// Size of the picture that is parted, pixels: wider than what is drawn around a part.
 const PARTED: [u32; 2] = [900, 330];
-/// Share of the pixels that the parts of a picture may change by a rounding.
-pub(super) const PART_SHARE: f64 = 1e-5;
 
 /// Tests all relations on a scan.
 ///

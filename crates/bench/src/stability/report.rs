@@ -238,7 +238,7 @@ pub fn markdown(report: &StabilityReport) -> String {
 }
 
 /// A number with few digits.
-fn short(value: f64) -> String {
+pub(super) fn short(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 {
         "0".into()

@@ -4,7 +4,7 @@
 //! its bits are the same on every machine; the root of the cubic is found without trigonometry.
 
 /// A vector.
-type Vec3 = [f64; 3];
+pub type Vec3 = [f64; 3];
 
 /// Eigenvalues and eigenvectors.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,7 +4,7 @@
 pub mod blocks;
 pub(crate) mod clips;
 pub mod density;
-pub(crate) mod eigen;
+pub mod eigen;
 pub(crate) mod knn;
 pub(crate) mod knn_index;
 pub(crate) mod knn_search;

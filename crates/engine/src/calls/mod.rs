@@ -2,6 +2,7 @@
 //! programs; the function `text` beside it (for `info` in `info_text`) writes it for people.
 
 pub mod build;
+pub mod conditions;
 pub mod demo;
 pub mod explain;
 pub mod export;

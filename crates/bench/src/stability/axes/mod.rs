@@ -13,7 +13,8 @@ use crate::stability::lab::{Built, Lab, Shot};
 use crate::stability::relations::halves_differ;
 use crate::stability::report::{Case, Limits, StabilityReport, Verdict};
 use anyhow::{Result, ensure};
-use axis::{Axis, Gauge, Measure};
+use axis::Axis;
+use esker_engine::calls::conditions::rated::{Gauge, Measure};
 use esker_engine::cameras::camera::Camera;
 use esker_render::Picture;
 use glam::DVec2;
@@ -26,7 +27,7 @@ pub(super) use table::all;
 /// If there is no part of a name.
 pub(super) fn check_names(parts: &[String]) -> Result<()> {
     let known = ["relations", "axes", "stiffness"].into_iter();
-    let known: Vec<&str> = known.chain(all().iter().map(|axis| axis.name)).collect();
+    let known: Vec<&str> = known.chain(all().iter().map(|axis| axis.condition.name)).collect();
     for part in parts {
         ensure!(
             known.contains(&&**part),
@@ -48,11 +49,11 @@ pub(super) fn sweep(
 ) -> Result<()> {
     let first = report.cases.len();
     for value in values(axis, lab.is_full) {
-        lab.phase(&format!("{} {value}", axis.name))?;
+        lab.phase(&format!("{} {value}", axis.condition.name))?;
         let found = (axis.scene)(value, lab).and_then(|scene| measured(&scene, axis, value, lab));
-        lab.phase(axis.name)?;
+        lab.phase(axis.condition.name)?;
         let refusal = found.as_ref().err().map(|e| format!("{e:#}"));
-        for (k, gauge) in axis.gauges.iter().enumerate() {
+        for (k, gauge) in axis.condition.gauges.iter().enumerate() {
             let (measured, mut messages) = match &found {
                 Ok(each) => (Some(each[k].0).filter(|m| m.is_finite()), each[k].1.clone()),
                 Err(_) => (None, refusal.iter().cloned().collect()),
@@ -66,7 +67,7 @@ pub(super) fn sweep(
                 _ => Verdict::Refused,
             };
             report.cases.push(Case {
-                axis: axis.name,
+                axis: axis.condition.name,
                 method: gauge.method,
                 measure: gauge.measure.name(),
                 value,
@@ -78,7 +79,7 @@ pub(super) fn sweep(
         }
     }
     let own: Vec<Case> = report.cases[first..].to_vec();
-    report.axes.extend(axis.gauges.iter().map(|gauge| limits(axis, gauge, &own)));
+    report.axes.extend(axis.condition.gauges.iter().map(|gauge| limits(axis, gauge, &own)));
     Ok(())
 }
 
@@ -112,8 +113,8 @@ fn limits(axis: &'static Axis, gauge: &Gauge, cases: &[Case]) -> Limits {
         None => own.last().copied(),
     };
     Limits {
-        axis: axis.name,
-        value_is: axis.value_is,
+        axis: axis.condition.name,
+        value_is: axis.condition.value_is,
         method: gauge.method,
         measure: gauge.measure.name(),
         bound: gauge.bound,
@@ -137,14 +138,14 @@ fn measured(
     let one = |gauge: &Gauge| {
         let mut worst = (0.0f64, built.notes.clone());
         for (k, camera) in scene.cameras.iter().enumerate() {
-            let name = format!("{}-{value}-{k}", axis.name);
+            let name = format!("{}-{value}-{k}", axis.condition.name);
             let (measured, notes) = with_camera(scene, &built, (&name, camera), gauge, lab)?;
             worst.0 = worst.0.max(measured);
             worst.1.extend(notes);
         }
         Ok(worst)
     };
-    axis.gauges.iter().map(one).collect()
+    axis.condition.gauges.iter().map(one).collect()
 }
 
 fn with_camera(
