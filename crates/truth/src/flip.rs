@@ -2,7 +2,7 @@
 //! paper: the crate that wraps the authors' code needs a C++ compiler, which nothing else here
 //! needs. Pictures are 8-bit sRGB, four bytes a pixel.
 
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Vec3, Vec4};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
@@ -25,7 +25,7 @@ pub fn flip(a: &[u8], b: &[u8], width: usize) -> Vec<f32> {
     let [a, b] = [a, b].map(opponent);
     let colours = colour_differences(&filtered(&a, width), &filtered(&b, width));
     let [a, b] = [&a, &b].map(|image| features(image, width));
-    let shares = colours.iter().zip(a.iter().zip(&b)).map(|(colour, (a, b))| {
+    let shares = colours.par_iter().zip(a.par_iter().zip(&b)).map(|(colour, (a, b))| {
         let feature = (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
         let feature = (feature / 2f32.sqrt()).clamp(0.0, 1.0).sqrt();
         colour.powf(1.0 - feature)
@@ -43,37 +43,46 @@ fn xyz_from_rgb() -> Mat3 {
 
 /// Converts a picture to opponent colours: luminance, red to green, blue to yellow (section 4.1).
 fn opponent(rgba: &[u8]) -> Vec<Vec3> {
-    let linear = |c: u8| {
-        let c = f32::from(c) / 255.0;
+    let linear: [f32; 256] = std::array::from_fn(|c| {
+        let c = c as f32 / 255.0;
         if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
-    };
+    });
     let xyz_from_rgb = xyz_from_rgb();
     let pixel = |p: &[u8; 4]| {
-        let xyz = xyz_from_rgb * Vec3::new(linear(p[0]), linear(p[1]), linear(p[2])) / WHITE;
+        let [r, g, b, _] = p.map(|c| linear[usize::from(c)]);
+        let xyz = xyz_from_rgb * Vec3::new(r, g, b) / WHITE;
         Vec3::new(116.0 * xyz.y - 16.0, 500.0 * (xyz.x - xyz.y), 200.0 * (xyz.y - xyz.z))
     };
     rgba.as_chunks::<4>().0.par_iter().map(pixel).collect()
 }
 
-fn rgb_from_opponent(c: Vec3) -> Vec3 {
+fn rgb_from_opponent(c: Vec3, rgb_from_xyz: &Mat3) -> Vec3 {
     let y = (c.x + 16.0) / 116.0;
     let xyz = Vec3::new(y + c.y / 500.0, y, y - c.z / 200.0) * WHITE;
-    xyz_from_rgb().inverse() * xyz
+    *rgb_from_xyz * xyz
 }
 
-/// Convolves the rows with `along` and the columns with `across`. Pixels of the border are repeated
-/// beyond it.
-fn convolve(image: &[Vec3], width: usize, along: &[f32], across: &[f32]) -> Vec<Vec3> {
-    let height = image.len() / width.max(1);
-    let mut rows = vec![Vec3::ZERO; image.len()];
-    rows.par_chunks_mut(width.max(1)).zip(image.par_chunks(width.max(1))).for_each(|(to, from)| {
-        for (x, to) in to.iter_mut().enumerate() {
-            let at = |k: usize| (x + k).saturating_sub(along.len() / 2).min(width - 1);
-            *to = along.iter().enumerate().map(|(k, weight)| from[at(k)] * *weight).sum();
+/// Convolves the rows with `along` and the columns with `across`, which have weights for each of
+/// four channels. Pixels of the border are repeated beyond it.
+fn convolve(image: &[Vec4], width: usize, along: &[Vec4], across: &[Vec4]) -> Vec<Vec4> {
+    let (width, reach) = (width.max(1), along.len() / 2);
+    let height = image.len() / width;
+    let mut rows = vec![Vec4::ZERO; image.len()];
+    rows.par_chunks_mut(width).zip(image.par_chunks(width)).for_each(|(to, from)| {
+        let (first, last) = (from[0], from[from.len() - 1]);
+        let wide: Vec<Vec4> = std::iter::repeat_n(first, reach)
+            .chain(from.iter().copied())
+            .chain(std::iter::repeat_n(last, reach))
+            .collect();
+        for (to, from) in to.iter_mut().zip(wide.windows(along.len())) {
+            *to = from
+                .iter()
+                .zip(along)
+                .fold(Vec4::ZERO, |sum, (from, weight)| sum + *from * *weight);
         }
     });
-    let mut out = vec![Vec3::ZERO; image.len()];
-    out.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, to)| {
+    let mut out = vec![Vec4::ZERO; image.len()];
+    out.par_chunks_mut(width).enumerate().for_each(|(y, to)| {
         for (k, weight) in across.iter().enumerate() {
             let at = (y + k).saturating_sub(across.len() / 2).min(height - 1);
             let from = &rows[at * width..][..width];
@@ -81,6 +90,12 @@ fn convolve(image: &[Vec3], width: usize, along: &[f32], across: &[f32]) -> Vec<
         }
     });
     out
+}
+
+/// Weights of four channels, of a kernel each.
+fn joined([x, y, z, w]: [&[f32]; 4]) -> Vec<Vec4> {
+    let pairs = x.iter().zip(y).zip(z.iter().zip(w));
+    pairs.map(|((x, y), (z, w))| Vec4::new(*x, *y, *z, *w)).collect()
 }
 
 fn gaussian(radius: i32, at: impl Fn(f32) -> f32) -> Vec<f32> {
@@ -92,19 +107,23 @@ fn gaussian(radius: i32, at: impl Fn(f32) -> f32) -> Vec<f32> {
 /// Blurs each opponent channel by the contrast sensitivity of the eye (table 1) and converts the
 /// result to linear RGB, clamped to 0..1.
 fn filtered(image: &[Vec3], width: usize) -> Vec<Vec3> {
-    let blurred = |b: f32| {
-        // Three sigmas of the widest filter, for all channels.
-        let radius = (3.0 * (0.04 / (2.0 * PI * PI)).sqrt() * PIXELS_A_DEGREE).ceil() as i32;
-        let kernel = gaussian(radius, |x| (-(PI * x / PIXELS_A_DEGREE).powi(2) / b).exp());
-        convolve(image, width, &kernel, &kernel)
-    };
+    // Three sigmas of the widest filter, for all channels.
+    let radius = (3.0 * (0.04 / (2.0 * PI * PI)).sqrt() * PIXELS_A_DEGREE).ceil() as i32;
+    let kernel = |b: f32| gaussian(radius, |x| (-(PI * x / PIXELS_A_DEGREE).powi(2) / b).exp());
+    let kernels = [0.0047, 0.0053, 0.04, 0.025].map(kernel);
+    let kernel = joined(kernels.each_ref().map(Vec::as_slice));
+    // The third channel has two filters.
+    let image: Vec<Vec4> = image.par_iter().map(|c| Vec4::new(c.x, c.y, c.z, c.z)).collect();
+    let blurred = convolve(&image, width, &kernel, &kernel);
     // Weight of a filter: its factor times sqrt(b).
     let [broad, narrow] = [34.1 * 0.04f32.sqrt(), 13.5 * 0.025f32.sqrt()];
     let share = broad / (broad + narrow);
-    let [y, x, z, w] = [0.0047, 0.0053, 0.04, 0.025].map(blurred);
-    let pixel = |i: usize| Vec3::new(y[i].x, x[i].y, z[i].z * share + w[i].z * (1.0 - share));
-    let rgb = |i: usize| rgb_from_opponent(pixel(i)).clamp(Vec3::ZERO, Vec3::ONE);
-    (0..image.len()).into_par_iter().map(rgb).collect()
+    let to_rgb = xyz_from_rgb().inverse();
+    let rgb = |c: &Vec4| {
+        let c = Vec3::new(c.x, c.y, c.z * share + c.w * (1.0 - share));
+        rgb_from_opponent(c, &to_rgb).clamp(Vec3::ZERO, Vec3::ONE)
+    };
+    blurred.par_iter().map(rgb).collect()
 }
 
 /// Converts to CIELAB with the Hunt effect: chroma counts less in dark pixels.
@@ -137,7 +156,8 @@ fn colour_differences(a: &[Vec3], b: &[Vec3]) -> Vec<f32> {
 
 /// Detects edges and points in the luminance (section 4.2).
 fn features(image: &[Vec3], width: usize) -> Vec<[f32; 2]> {
-    let luminance: Vec<Vec3> = image.iter().map(|c| Vec3::splat((c.x + 16.0) / 116.0)).collect();
+    let luminance: Vec<Vec4> =
+        image.par_iter().map(|c| Vec4::splat((c.x + 16.0) / 116.0)).collect();
     let sigma = 0.5 * FEATURE_DEGREES * PIXELS_A_DEGREE;
     let radius = (3.0 * sigma).ceil() as i32;
     let bell = |x: f32| (-x * x / (2.0 * sigma * sigma)).exp();
@@ -151,11 +171,9 @@ fn features(image: &[Vec3], width: usize) -> Vec<[f32; 2]> {
     };
     let edge = balanced(&|x| -x * bell(x));
     let point = balanced(&|x| (x * x / (sigma * sigma) - 1.0) * bell(x));
-    let length = |kernel: &[f32]| -> Vec<f32> {
-        let x = convolve(&luminance, width, kernel, &smooth);
-        let y = convolve(&luminance, width, &smooth, kernel);
-        x.iter().zip(&y).map(|(x, y)| x.x.hypot(y.x)).collect()
-    };
-    let [edges, points] = [length(&edge), length(&point)];
-    edges.into_iter().zip(points).map(|(e, p)| [e, p]).collect()
+    // Channels: edges along rows and columns, points along rows and columns.
+    let along = joined([&edge, &smooth, &point, &smooth]);
+    let across = joined([&smooth, &edge, &smooth, &point]);
+    let found = convolve(&luminance, width, &along, &across);
+    found.par_iter().map(|c| [c.x.hypot(c.y), c.z.hypot(c.w)]).collect()
 }

@@ -16,6 +16,7 @@ use crate::quantile::quantile;
 use crate::render::scene::{Changes, ResidentScene};
 use anyhow::{Context, Result, ensure};
 use esker_engine::Method;
+use esker_engine::calls::conditions;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::enlarge::enlarged;
 use esker_engine::draw::method::method_of_name;
@@ -248,6 +249,7 @@ impl<'a> Measured<'a> {
             floor_off_share: mean(&floor.iter().map(|e| e.off_share).collect::<Vec<_>>()),
             size: self.base.size,
             advice: Vec::new(),
+            conditions: conditions::of_forest(file, task)?,
         };
         let rows = self.variants.iter().zip(&sums).map(|((index, setting), sums)| Row {
             normal_deg: normals[*index],

@@ -5,6 +5,7 @@ use crate::error_time::plot::{error_over_time, error_while_loading};
 use crate::error_time::report::{BUDGETS_MS, COLUMNS, Row, Scan, or_dash, streaming_lines};
 use crate::error_time::streaming::Load;
 use anyhow::{Context, Result};
+use esker_engine::calls::conditions;
 use esker_engine::io::picture::write_png;
 use esker_engine::io::quantity::grouped;
 use esker_render::Picture;
@@ -13,7 +14,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 /// Width and height of a crop, pixels.
-const CROP: [usize; 2] = [280, 200];
+const CROP: [usize; 2] = [240, 160];
 /// Pictures that are shown at equal time.
 const SHOWN: usize = 3;
 
@@ -96,6 +97,7 @@ pub(super) fn write(
         );
     }
     let _ = write_rows(&mut page, rows);
+    let _ = write_conditions(&mut page, scan);
     let _ = write_streaming(&mut page, loads, &plots[1]);
     save(&folder.join(format!("{name}.html")), &page)
 }
@@ -122,7 +124,8 @@ fn write_head(page: &mut String, scan: &Scan, plot: &str) -> std::fmt::Result {
          run time</title>\n<style>body {{ font: 15px sans-serif; max-width: 1100px; margin: 2em \
          auto; }} table {{ border-collapse: collapse; }} td, th {{ padding: 2px 8px; text-align: \
          right; }} td:first-child, td:nth-child(2), th:first-child, th:nth-child(2) {{ text-align: \
-         left; }} .front {{ background: #fff3d6; }}</style></head><body>\n<h1>{title}: error \
+         left; }} .front {{ background: #fff3d6; }} \
+         .beyond {{ background: #fde0dc; }}</style></head><body>\n<h1>{title}: error \
          against run time</h1>\n<p>{} points, pictures of {} x {} pixels.</p>\n<ul>\n",
         grouped(scan.points),
         scan.size[0],
@@ -159,6 +162,29 @@ fn write_rows(page: &mut String, rows: &[Row]) -> std::fmt::Result {
         let own = row.cells();
         let mut all = own.iter().chain(&built).map(String::as_str);
         writeln!(page, "<tr{front}>{}</tr>", cells("td", &mut all))?;
+    }
+    writeln!(page, "</table>")
+}
+
+fn write_conditions(page: &mut String, scan: &Scan) -> std::fmt::Result {
+    let report = &scan.conditions;
+    writeln!(
+        page,
+        "<h2>How difficult the scan is</h2>\n<p>Conditions of {} cells with {} points, evenly spread \
+         over the scan, beside the values up to which pictures are rated. What is beyond them may \
+         look wrong, as docs/limits.md of the project says.</p>\n<table>\n<tr><th>condition</th>\
+         <th>value</th><th>typical</th><th>hardest cell</th><th>rated to</th></tr>",
+        grouped(report.cells_read as u64),
+        grouped(report.points_read)
+    )?;
+    for row in &report.conditions {
+        let is_beyond = row.rated.iter().any(|rated| !rated.is_within);
+        let class = if is_beyond { " class='beyond'" } else { "" };
+        let cells: String = conditions::cells(row)
+            .iter()
+            .map(|cell| format!("<td>{}</td>", escaped(cell)))
+            .collect();
+        writeln!(page, "<tr{class}>{cells}</tr>")?;
     }
     writeln!(page, "</table>")
 }

@@ -4,6 +4,7 @@
 use crate::error_time::settings::Setting;
 use crate::error_time::streaming::Load;
 use crate::pass_times;
+use esker_engine::calls::conditions::ConditionsReport;
 use esker_engine::io::quantity::grouped;
 use esker_render::PassTimes;
 use serde::Serialize;
@@ -50,6 +51,8 @@ pub(super) struct Scan {
     pub floor_off_share: f64,
     /// The best setting for each of the [`BUDGETS_MS`].
     pub advice: Vec<Advice>,
+    /// How difficult its points are, beside what pictures are rated to.
+    pub conditions: ConditionsReport,
 }
 
 /// The setting of least error that keeps a time, of those that users have; none if no setting does.
