@@ -5,8 +5,12 @@ use crate::error_time::streaming::Load;
 use anyhow::{Result, anyhow};
 use plotters::prelude::*;
 
-/// Width and height of the plot, pixels.
-const SIZE: (u32, u32) = (900, 560);
+/// Width and height of plots, and width of the list beside the first one, pixels.
+const SIZE: (u32, u32) = (860, 540);
+const LIST_WIDTH: u32 = 360;
+/// Height of a line of the list, and size of its letters and of the numbers at dots, pixels.
+const LINE: i32 = 19;
+const LETTERS: u32 = 13;
 /// Frame times with a line of their own, milliseconds.
 const FRAMES_MS: [f64; 2] = [16.0, 33.0];
 /// The floor is drawn at most this many times below the least error.
@@ -21,7 +25,7 @@ const METHODS: [(&str, RGBColor); 5] = [
 ];
 
 /// Draws FLIP over milliseconds: quartiles of the time and the range of the alignments as bars, the
-/// Pareto front as a line, the floor as a dashed line.
+/// Pareto front as a line with numbers and a list of its settings, the floor as a dashed line.
 ///
 /// # Errors
 /// If the plot cannot be drawn.
@@ -36,8 +40,9 @@ fn draw(
     scan: &Scan,
     rows: &[Row],
 ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
-    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    let root = SVGBackend::with_string(svg, (SIZE.0 + LIST_WIDTH, SIZE.1)).into_drawing_area();
     root.fill(&WHITE)?;
+    let (left, right) = root.split_horizontally(SIZE.0);
     let least = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::MAX, f64::min).max(1e-6);
     let most = |values: &mut dyn Iterator<Item = f64>| values.fold(1e-6, f64::max);
     let times = least(&mut rows.iter().map(|r| r.ms_quartiles[0])) / 1.3
@@ -46,7 +51,7 @@ fn draw(
     // A floor far below all errors would leave no room for them.
     let floor = scan.floor_flip.max(lowest / FLOOR_BELOW);
     let errors = lowest.min(floor) / 1.3..most(&mut rows.iter().map(|r| r.flip_range[1])) * 1.3;
-    let mut chart = ChartBuilder::on(&root)
+    let mut chart = ChartBuilder::on(&left)
         .margin(12)
         .x_label_area_size(40)
         .y_label_area_size(60)
@@ -57,7 +62,8 @@ fn draw(
         .y_desc("error (mean FLIP)")
         .x_label_formatter(&|ms| format!("{ms:.0}"))
         .y_label_formatter(&|flip| format!("{flip:.3}"))
-        .light_line_style(RGBColor(240, 240, 240))
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(RGBColor(225, 225, 225))
         .draw()?;
     let upright = |ms: f64| [(ms, errors.start), (ms, errors.end)];
     for ms in FRAMES_MS {
@@ -74,10 +80,11 @@ fn draw(
         ))?
         .label(format!("floor {:.4}: the reference, a step of the lattice aside", scan.floor_flip))
         .legend(|(x, y)| PathElement::new([(x, y), (x + 16, y)], BLACK));
-    let mut front: Vec<_> = rows.iter().filter(|r| r.on_front).map(|r| (r.ms, r.flip)).collect();
-    front.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut front: Vec<&Row> = rows.iter().filter(|row| row.on_front).collect();
+    front.sort_by(|a, b| a.ms.total_cmp(&b.ms));
+    let line = front.iter().map(|row| (row.ms, row.flip));
     chart
-        .draw_series(LineSeries::new(front, RGBColor(255, 160, 0).stroke_width(2)))?
+        .draw_series(LineSeries::new(line, RGBColor(255, 160, 0).stroke_width(2)))?
         .label("least error at this time")
         .legend(|(x, y)| PathElement::new([(x, y), (x + 16, y)], RGBColor(255, 160, 0)));
     for (method, colour) in METHODS {
@@ -103,8 +110,36 @@ fn draw(
             .label(method)
             .legend(move |(x, y)| Circle::new((x + 8, y), 4, colour.filled()));
     }
-    chart.configure_series_labels().background_style(WHITE.mix(0.85)).border_style(BLACK).draw()?;
+    let numbers = front.iter().enumerate().map(|(at, row)| {
+        let number = Text::new((at + 1).to_string(), (5, -18), ("sans-serif", LETTERS));
+        EmptyElement::at((row.ms, row.flip)) + number
+    });
+    chart.draw_series(numbers)?;
+    // No setting is fast and close to the reference at once: that corner has room.
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::LowerLeft)
+        .background_style(WHITE.mix(0.85))
+        .border_style(BLACK)
+        .draw()?;
+    for (at, line) in list(&front).into_iter().enumerate() {
+        let place = (6, 16 + LINE * at as i32);
+        right.draw(&Text::new(line, place, ("sans-serif", LETTERS)))?;
+    }
     root.present()
+}
+
+/// Lines about the settings on the front: number, time, error, and options on the command line. Of
+/// many the slowest are left out.
+fn list(front: &[&Row]) -> Vec<String> {
+    let mut lines = vec!["Least error at each time: ms, FLIP, options".to_owned()];
+    let most = (SIZE.1 as i32 / LINE) as usize - 2;
+    lines.extend(front.iter().take(most).enumerate().map(|(at, row)| {
+        let own = || format!("{}, {} (benchmark alone)", row.method, row.what);
+        let options = row.options.clone().unwrap_or_else(own);
+        format!("{}:  {:.1}  {:.4}  {options}", at + 1, row.ms, row.flip)
+    }));
+    lines
 }
 
 /// Height of the plot of loading, pixels.
