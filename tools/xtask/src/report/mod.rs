@@ -71,16 +71,22 @@ pub fn run(arguments: &[String]) -> Result<()> {
         let since = Instant::now();
         let figures = measured(scene, &scan, &program, &record)?;
         evidence.insert(scene.name.clone(), figures);
+        // What is measured stays, should a later scene fail.
+        write(&all, &evidence)?;
         println!("report: {} took {:.0} s", scene.name, since.elapsed().as_secs_f64());
     }
     println!("report: all took {:.0} s", start.elapsed().as_secs_f64());
     if start.elapsed() > LIMIT {
         println!("report: more than {} s: the machine is slow or not idle", LIMIT.as_secs());
     }
+    figures::write()
+}
+
+/// Writes the figures of all scenes and the overview.
+fn write(scenes: &[Scene], evidence: &Map<String, Value>) -> Result<()> {
     let text = serde_json::to_string_pretty(&json!({ "scenes": evidence }))?;
     std::fs::write(EVIDENCE, text + "\n").context(EVIDENCE)?;
-    std::fs::write(OVERVIEW, overview::text(&all, &evidence)?).context(OVERVIEW)?;
-    figures::write()
+    std::fs::write(OVERVIEW, overview::text(scenes, evidence)?).context(OVERVIEW)
 }
 
 /// Compares the overview with what it is made from.
