@@ -12,6 +12,7 @@ use std::process::Command;
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("contract: build reports its fields", build_reports));
     trials.push(trial("contract: info reports its fields", info_reports));
+    trials.push(trial("contract: conditions of a file are measured", info_conditions));
     trials.push(trial("contract: verify reports its fields, also of a failure", verify_reports));
     trials.push(trial("contract: render reports its fields", render_reports));
     trials.push(trial("contract: progress is JSON lines on standard error", progress_is_json));
@@ -49,6 +50,28 @@ fn build_reports() {
     assert_eq!(report["bytes_out"], std::fs::metadata(&out).unwrap().len());
     assert_eq!(report["points_refused"], 0);
     assert_eq!(report["points_in"], report["points_out"]);
+}
+
+/// Conditions have numbers and rated values, and belong to `.esker` files.
+fn info_conditions() {
+    let folder = Folder::new();
+    let out = folder.file("out.esker");
+    build(&[sample()], &out, &[]);
+    let report = esker([OsStr::new("info"), out.as_os_str(), "--conditions".as_ref(), "--json".as_ref()]);
+    assert_eq!(report.stdout.lines().count(), 1);
+    let report = report.json();
+    has_numbers(&report, &["points", "cells", "cells_read", "points_read"]);
+    let rows = report["conditions"].as_array().unwrap();
+    assert_eq!(rows.len(), 6);
+    for row in rows {
+        has_numbers(row, &["typical", "hardest"]);
+        for rated in row["rated"].as_array().unwrap() {
+            has_numbers(rated, &["bound", "rated_to"]);
+            assert!(rated["is_within"].is_boolean(), "{rated}");
+        }
+    }
+    let refused = esker([OsStr::new("info"), sample().as_os_str(), "--conditions".as_ref()]);
+    assert!(refused.error().contains("build one with `esker build`"), "{}", refused.stderr);
 }
 
 fn info_reports() {

@@ -258,7 +258,12 @@ fn errors() {
         };
         assert!(holes("points") > 0.02 && holes("ewa") < 0.01, "{report}");
         let page = std::fs::read_to_string(out.join(format!("{scan}.html"))).unwrap();
-        assert!(page.contains("<svg") && page.contains("On this machine at 33 ms"), "{page}");
+        assert!(page.contains("On this machine at 33 ms"), "{page}");
+        for plot in [format!("{scan}.svg"), format!("{scan}-loading.svg")] {
+            assert!(page.contains(&format!("<img src='{plot}'")), "{page}");
+            assert!(std::fs::read_to_string(out.join(plot)).unwrap().starts_with("<svg"));
+        }
+        assert!(page.contains("<td>density-jump</td>"), "{page}");
         assert!(out.join(format!("{scan}-reference.png")).exists());
     }
     let loads = report["streaming"].as_array().unwrap();
