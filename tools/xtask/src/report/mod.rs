@@ -1,9 +1,9 @@
 //! `cargo xtask report [SCENE...] [--program FILE]`: measures error against run time on the scenes
-//! of `docs/evidence/scenes.json`, writes the page and the plots of each to `docs/evidence`, its
-//! JSON to a folder of `bench/results`, and the figures that the README's table and the overview
-//! need to `docs/evidence/evidence.json`. [`scenes`] has the scenes, [`record`] the folder of
-//! results, [`overview`] the page over all scenes. Scenes whose scan is only in `ESKER_DATA` are
-//! left as they are where it is not set.
+//! of `docs/evidence/scenes.json` and, as the scene `stability`, relations and conditions. Writes
+//! the page and the plots of each scene to `docs/evidence`, JSON to a folder of `bench/results`, and
+//! the figures that the README's table and the overview need to `docs/evidence/evidence.json`.
+//! [`scenes`] has the scenes, [`record`] the folder of results, [`overview`] the page over all
+//! scenes. Scenes whose scan is only in `ESKER_DATA` are left as they are where it is not set.
 
 mod overview;
 mod record;
@@ -25,6 +25,8 @@ const FOLDER: &str = "docs/evidence";
 const EVIDENCE: &str = "docs/evidence/evidence.json";
 /// Page over all scenes.
 const OVERVIEW: &str = "docs/evidence/README.md";
+/// What names the test of relations and conditions among the scenes.
+const STABILITY: &str = "stability";
 /// Time that the whole may take on two idle cores.
 const LIMIT: Duration = Duration::from_secs(600);
 
@@ -46,11 +48,8 @@ pub fn run(arguments: &[String]) -> Result<()> {
     let all = scenes::read()?;
     for name in &asked.scenes {
         let known = || all.iter().map(|scene| scene.name.as_str()).collect::<Vec<_>>().join(", ");
-        ensure!(
-            all.iter().any(|s| s.name == *name),
-            "no scene is called {name}; there are {}",
-            known()
-        );
+        let is_known = name == STABILITY || all.iter().any(|scene| scene.name == *name);
+        ensure!(is_known, "no scene is called {name}; there are {}", known());
     }
     let program = match asked.program {
         Some(program) => program.canonicalize().context("--program")?,
@@ -75,6 +74,12 @@ pub fn run(arguments: &[String]) -> Result<()> {
         write(&all, &evidence)?;
         println!("report: {} took {:.0} s", scene.name, since.elapsed().as_secs_f64());
     }
+    if asked.scenes.is_empty() || asked.scenes.iter().any(|name| name == STABILITY) {
+        let since = Instant::now();
+        stability(&program, &record)?;
+        println!("report: {STABILITY} took {:.0} s", since.elapsed().as_secs_f64());
+    }
+    write(&all, &evidence)?;
     println!("report: all took {:.0} s", start.elapsed().as_secs_f64());
     if start.elapsed() > LIMIT {
         println!("report: more than {} s: the machine is slow or not idle", LIMIT.as_secs());
@@ -147,8 +152,17 @@ fn measured(scene: &Scene, scan: &Path, program: &Path, record: &Record) -> Resu
     let line = text.lines().last().context("the benchmark printed no report")?;
     let report: Value = serde_json::from_str(line).context("the report of the benchmark")?;
     take_pages(scene, &report, place.folder())?;
-    let result = record.save(scene, line)?;
+    let result = record.save(&format!("error-time-{}", scene.name), line, &scene.command())?;
     figures_of(&report, &result, record)
+}
+
+/// Tests relations and conditions, and records the report.
+fn stability(program: &Path, record: &Record) -> Result<()> {
+    let words = ["bench", "stability", "--quick", "--json", "--progress", "none"];
+    let text = output(program.as_os_str(), &words)?;
+    let line = text.lines().last().context("the benchmark printed no report")?;
+    record.save(STABILITY, line, "esker bench stability --quick --json")?;
+    Ok(())
 }
 
 /// Copies the page, the plots and the pictures of a scene, which have its name in their names.

@@ -44,8 +44,7 @@ const TAIL: &str = "\
 ESKER_DATA=FOLDER cargo xtask report
 ```
 
-measures all scenes in less than ten minutes on two idle cores; `cargo xtask report creek` measures
-one. Scenes whose scan is not in the project are left as they are where `ESKER_DATA` is not set.
+measures all scenes and runs `esker bench stability`; `cargo xtask report creek` measures one scene. Scenes whose scan is not in the project are left as they are where `ESKER_DATA` is not set.
 The reports go to a folder of [bench/results](../../bench/results/README.md);
 `cargo xtask compare OLD NEW` compares two of those. For a scan of your own:
 
@@ -133,8 +132,9 @@ fn section(scene: &Scene, figures: &Value) -> Result<String> {
     let advice = figures["advice"].as_array().context("no advice")?;
     let advice = advice.iter().find(|one| one["budget_ms"] == ADVISED_MS);
     let advice = sentence(advice.context("no advice for a frame time")?, figures)?;
+    let beyond = beyond(figures).map_or(String::new(), |text| format!("{}\n\n", wrapped(&text)));
     Ok(format!(
-        "\n## {name}: {kind}\n\n{}\n\n{}\n\n![Error against milliseconds a frame]({name}.svg)\n\n\
+        "\n## {name}: {kind}\n\n{}\n\n{}\n\n{beyond}![Error against milliseconds a frame]({name}.svg)\n\n\
          [All settings, pictures and loading]({name}.html)\n",
         wrapped(&what),
         wrapped(&advice)
@@ -163,6 +163,29 @@ fn sentence(advice: &Value, figures: &Value) -> Result<String> {
         each.push(format!("`{method}` {ms:.1} ms and {flip:.3}"));
     }
     Ok(format!("{head} Methods with their defaults: {}.", each.join(", ")))
+}
+
+/// The conditions of a scan that are beyond what pictures are rated to; none if there is none.
+fn beyond(figures: &Value) -> Option<String> {
+    let rows = figures.pointer("/conditions/conditions")?.as_array()?;
+    let of_row = |row: &Value| {
+        let all = row["rated"].as_array()?.iter().filter(|rated| rated["is_within"] == false);
+        let rated: Vec<String> = all
+            .map(|rated| {
+                let (method, measure) = (rated["method"].as_str(), rated["measure"].as_str());
+                let measure = measure.unwrap_or("-").split(',').next().unwrap_or("-");
+                format!("{} of `{}` {}", measure, method.unwrap_or("-"), rated["rated_to"])
+            })
+            .collect();
+        let (name, hardest) = (row["condition"].as_str()?, row["hardest"].as_f64()?);
+        let value = if hardest < 10.0 { format!("{hardest:.1}") } else { format!("{hardest:.0}") };
+        (!rated.is_empty()).then(|| format!("{name} {value} (rated: {})", rated.join(", ")))
+    };
+    let all: Vec<String> = rows.iter().filter_map(of_row).collect();
+    let text = all.join("; ");
+    let link = "[limits](../limits.md)";
+    (!all.is_empty())
+        .then(|| format!("More difficult than pictures are rated to ({link}): {text}."))
 }
 
 /// Text in lines of at most [`COLUMNS`] characters.
@@ -217,7 +240,15 @@ mod tests {
             "ms": 12.5, "cpu_ms": 20.0, "flip": 0.0312, "off_share": 0.125})
         };
         let none = json!({"budget_ms": 16.0, "options": null, "ms": null, "flip": null});
-        json!({"date": date, "machine": "2core", "commit": "0a1b2c3", "points": 841_952,
+        let rated = |is_within: bool| {
+            json!({"method": "ewa", "measure": "depth, px", "rated_to": 0.2,
+            "is_within": is_within})
+        };
+        let conditions = json!({"conditions": [
+            {"condition": "noise", "hardest": 0.35, "rated": [rated(false), rated(true)]},
+            {"condition": "step", "hardest": 0.1, "rated": [rated(true)]}
+        ]});
+        json!({"conditions": conditions, "date": date, "machine": "2core", "commit": "0a1b2c3", "points": 841_952,
                "size": [640, 400], "floor_flip": 0.011, "advice": [none, best(33.0), best(66.0)],
                "methods": {"ewa": {"ms": 40.0, "flip": 0.02}}})
     }
@@ -236,6 +267,8 @@ mod tests {
             page.contains("**At 33 ms a frame draw with `--method ewa --size 320x200`, enlarged**")
         );
         let words = page.split_whitespace().collect::<Vec<_>>().join(" ");
+        let beyond = "rated to ([limits](../limits.md)): noise 0.3 (rated: depth of `ewa` 0.2). ![";
+        assert!(words.contains(beyond), "{page}");
         assert!(words.contains("12.5 ms, FLIP 0.031, 12.5 % of the pixels visibly off"), "{page}");
         assert!(page.contains("All scenes: measured on 2026-11-29 on the machine `2core`"));
         let is_table = |line: &str| line.starts_with('|');

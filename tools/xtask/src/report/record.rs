@@ -1,7 +1,6 @@
 //! The folder of `bench/results` that reports go to, `DATE-MACHINE`, with its list of files, and
 //! what names date, machine and commit.
 
-use super::scenes::Scene;
 use crate::shell::output;
 use anyhow::{Context, Result};
 use std::path::Path;
@@ -43,14 +42,15 @@ impl Record {
         Ok(Self { date: date(since.as_secs()), id: id_of(&machine)?, machine, commit })
     }
 
-    /// Saves the report of a scene and lists it; returns its path.
+    /// Saves a report by its name without the commit, and lists it with the command that made it;
+    /// returns its path.
     ///
     /// # Errors
     /// If a file cannot be written.
-    pub fn save(&self, scene: &Scene, report: &str) -> Result<String> {
+    pub fn save(&self, what: &str, report: &str, command: &str) -> Result<String> {
         let folder = format!("{RESULTS}/{}-{}", self.date, self.machine);
         std::fs::create_dir_all(&folder).with_context(|| folder.clone())?;
-        let name = format!("error-time-{}-{}.json", scene.name, self.commit);
+        let name = format!("{what}-{}.json", self.commit);
         let path = format!("{folder}/{name}");
         std::fs::write(&path, format!("{report}\n")).with_context(|| path.clone())?;
         let list = format!("{folder}/README.md");
@@ -58,7 +58,7 @@ impl Record {
             true => std::fs::read_to_string(&list).with_context(|| list.clone())?,
             false => self.head(),
         };
-        let row = format!("| [{name}]({name}) | {} | `{}` |", self.commit, scene.command());
+        let row = format!("| [{name}]({name}) | {} | `{command}` |", self.commit);
         std::fs::write(&list, with_row(&before, &name, &row)).with_context(|| list.clone())?;
         Ok(path)
     }
