@@ -57,7 +57,8 @@ fn info_conditions() {
     let folder = Folder::new();
     let out = folder.file("out.esker");
     build(&[sample()], &out, &[]);
-    let report = esker([OsStr::new("info"), out.as_os_str(), "--conditions".as_ref(), "--json".as_ref()]);
+    let report =
+        esker([OsStr::new("info"), out.as_os_str(), "--conditions".as_ref(), "--json".as_ref()]);
     assert_eq!(report.stdout.lines().count(), 1);
     let report = report.json();
     has_numbers(&report, &["points", "cells", "cells_read", "points_read"]);
