@@ -131,8 +131,8 @@ impl Setting {
         }
     }
 
-    /// Options of `esker render` that draw so; none if only the benchmark can. Resolutions are those
-    /// of a picture of `size` pixels, which is enlarged afterwards.
+    /// Options of `esker render` that draw so; none if only the benchmark can. Lower resolutions
+    /// are those of a picture of `size` pixels, which is enlarged afterwards.
     pub fn options(&self, size: [u32; 2]) -> Option<String> {
         let base = Self::of(self.method);
         if let Some(ms) = self.budget_ms {

@@ -1,7 +1,7 @@
 //! `cargo xtask report [SCENE...] [--program FILE]`: measures error against run time on the scenes
 //! of `docs/evidence/scenes.json` and, as the scene `stability`, relations and conditions. Writes
-//! the page and the plots of each scene to `docs/evidence`, JSON to a folder of `bench/results`, and
-//! the figures that the README's table and the overview need to `docs/evidence/evidence.json`.
+//! the page and the plots of each scene to `docs/evidence`, JSON to a folder of `bench/results`,
+//! and the figures that the README's table and the overview need to `docs/evidence/evidence.json`.
 //! [`scenes`] has the scenes, [`record`] the folder of results, [`overview`] the page over all
 //! scenes. Scenes whose scan is only in `ESKER_DATA` are left as they are where it is not set.
 
@@ -42,7 +42,8 @@ struct Asked {
 /// Measures and writes the evidence.
 ///
 /// # Errors
-/// If there is no scene of a name, a scan is missing, the program fails or a file cannot be written.
+/// If there is no scene of a name, a scan is missing, the program fails, or a file cannot be
+/// written.
 pub fn run(arguments: &[String]) -> Result<()> {
     let asked = Asked::of(arguments)?;
     let all = scenes::read()?;

@@ -1,5 +1,5 @@
-//! The axes and their values. A rated value is the hardest one of the sweep that keeps its bound, or
-//! an easier one where the next is near the bound.
+//! The axes and their values. A rated value is the hardest one of the sweep that keeps its bound,
+//! or an easier one where the next is near the bound.
 
 use crate::stability::axes::axis::Axis;
 use crate::stability::axes::scenes;

@@ -102,8 +102,8 @@ impl CellPoints {
         }
     }
 
-    /// Step over the distance of points, which is `spacing` between places. Steps as long as that put
-    /// several points at one place, which were apart before.
+    /// Step over the distance of points, which is `spacing` between places. Steps as long as that
+    /// put several points at one place, which were apart before.
     fn step_over(&self, spacing: f64) -> f64 {
         let over = self.step / spacing;
         if over > STEP_COARSE { over * self.points_a_place.sqrt() } else { over }
@@ -129,8 +129,8 @@ impl CellPoints {
         let middle = offsets[1..=DENSE].iter().sum::<DVec3>() / DENSE as f64;
         let is_amid = middle.length() < OFF_CENTRE * radius(DENSE);
         let density = is_amid.then(|| DENSE as f64 / (PI * radius(DENSE).powi(2)));
-        // The variance of even points along a line, or across a strip, is a twelfth of the square of
-        // its length or width.
+        // The variance of even points along a line, or across a strip, is a twelfth of the square
+        // of its length or width.
         let [length, width, _] =
             shape(&offsets[..=wide]).values.map(|value| (12.0 * value.max(0.0)).sqrt());
         let line = (wide as f64 / NEAR as f64).powf(LINE_POWER);

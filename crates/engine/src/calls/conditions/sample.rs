@@ -1,5 +1,5 @@
-//! Reads the cells of a sample, which are evenly spread over the points: all points that are drawn in
-//! a cell at full resolution.
+//! Reads the cells of a sample, which are evenly spread over the points: all points that are drawn
+//! in a cell at full resolution.
 
 use crate::calls::conditions::measure::{CellPoints, QUERIES};
 use anyhow::Result;
