@@ -5,7 +5,7 @@
 use crate::frustum::Frustum;
 use crate::oriented_box::OrientedBox;
 use crate::prefix::spacing;
-use crate::select::children_below;
+use crate::subtree::{self, children_below};
 use crate::view::View;
 use esker_points::{Lattice, NodeTable};
 
@@ -38,7 +38,8 @@ pub fn crowding(table: &NodeTable, lattice: &Lattice, view: &View, target_spacin
             continue;
         }
         let spacing = spacing(node).min(above);
-        let is_coarse = spacing_px(spacing, cell.distance(view.eye)) > target_spacing_px;
+        let is_coarse = spacing_px(spacing, subtree::distance(table, lattice, index, view.eye))
+            > target_spacing_px;
         if node.child_count > 0 && is_coarse {
             open.extend(children_below(table, index).map(|child| (child, spacing)));
             continue;

@@ -22,6 +22,7 @@ mod raster;
 mod residual;
 mod select;
 mod selection;
+mod subtree;
 mod surroundings;
 mod view;
 

@@ -15,6 +15,7 @@ use crate::prefix::{
 };
 use crate::project::Projection;
 use crate::selection::{Drawn, Missing, Selection};
+use crate::subtree::{self, children_below};
 use crate::view::View;
 use esker_points::{Lattice, Node, NodeTable};
 use std::cmp::Reverse;
@@ -53,21 +54,13 @@ pub fn select(
     walk.selection
 }
 
-/// Children of a node, without links that do not go down the tree.
-pub(crate) fn children_below(table: &NodeTable, node: u32) -> impl Iterator<Item = u32> + '_ {
-    let below = move |&child: &u32| {
-        child > node && table.nodes.get(child as usize).is_some_and(|c| c.parent == node)
-    };
-    table.nodes[node as usize].children().filter(below)
-}
-
 /// A node in view whose parent is wanted whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Candidate {
     /// Distance, pixels, of the points that are wanted in its place without it.
     spacing_px: f64,
     node: u32,
-    /// Distance of the eye to its cell, at least the near plane's.
+    /// Distance of the eye to its points and those below, or less; at least the near plane's.
     distance: f64,
     /// Effective spacing of its parent.
     spacing: f64,
@@ -110,7 +103,7 @@ struct Visited {
     node: u32,
     /// Entry of its parent.
     above: usize,
-    /// Distance of the eye to its cell.
+    /// Distance of the eye to its points and those below, or less.
     distance: f64,
     /// Whether it is wanted.
     is_wanted: bool,
@@ -171,10 +164,14 @@ impl<R: Residency> Walk<'_, R> {
 
     /// A root as a candidate, in view or not.
     fn root(&self, node: u32) -> Candidate {
-        let cell = OrientedBox::of_cell(&self.table.nodes[node as usize].cell(), self.lattice);
-        let distance = cell.distance(self.view.eye).max(self.view.near);
+        let distance = self.distance(node);
         let (spacing, spacing_px) = (f64::INFINITY, f64::INFINITY);
         Candidate { spacing_px, node, distance, spacing, above: NO_PARENT }
+    }
+
+    /// Distance of the eye to the points of a node and below it, or less; at least the near plane's.
+    fn distance(&self, node: u32) -> f64 {
+        subtree::distance(self.table, self.lattice, node, self.view.eye).max(self.view.near)
     }
 
     /// Points left of the budget.
@@ -192,7 +189,7 @@ impl<R: Residency> Walk<'_, R> {
             return;
         }
         let cell = OrientedBox::of_cell(&node.cell(), self.lattice);
-        let distance = cell.distance(self.view.eye).max(self.view.near);
+        let distance = self.distance(index);
         let spacing_px = self.spacing_px(spacing, distance);
         if !self.frustum.touches(&cell) {
             // Wide splats of the points in cells beside the picture would reach into it.

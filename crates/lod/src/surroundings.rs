@@ -8,8 +8,8 @@ use crate::octree::CompactOctree;
 use crate::options::{Options, Residency};
 use crate::oriented_box::OrientedBox;
 use crate::prefix::{effective_spacing, share_continued, spacing};
-use crate::select::children_below;
 use crate::selection::{Drawn, Missing, Selection};
+use crate::subtree::{self, children_below};
 use crate::view::View;
 use esker_points::{Lattice, Node, NodeTable};
 use std::cmp::{Ordering, Reverse};
@@ -227,8 +227,7 @@ impl<R: Residency> Walk<'_, R> {
     }
 
     fn distance(&self, node: u32) -> f64 {
-        let cell = self.table.nodes[node as usize].cell();
-        OrientedBox::of_cell(&cell, self.lattice).distance(self.view.eye).max(self.nearest)
+        subtree::distance(self.table, self.lattice, node, self.view.eye).max(self.nearest)
     }
 
     /// Takes a candidate that the picture has not taken, and opens the children of whole nodes.

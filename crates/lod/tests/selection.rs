@@ -35,9 +35,8 @@ fn has_seen_point(tree: &Tree, view: &View, node: u32) -> bool {
     tree.points[node as usize].iter().any(|&p| is_seen(tree, view, p))
 }
 
-fn focal_over_distance(tree: &Tree, view: &View, node: u32) -> f64 {
-    let cell = OrientedBox::of_cell(&tree.table.nodes[node as usize].cell(), &tree.lattice);
-    view.focal_px() / cell.distance(view.eye).max(view.near)
+fn focal_over_distance(tree: &Tree, view: &View, p: [u32; 3]) -> f64 {
+    view.focal_px() / tree.world(p).distance(view.eye).max(view.near)
 }
 
 /// A cache with some of the nodes, of several sizes.
@@ -303,7 +302,7 @@ proptest! {
                 above = record.parent;
             }
             for &p in points.iter().filter(|&&p| is_seen(&tree, &view, p)) {
-                let px = f64::from(octree.spacing_at(p)) * focal_over_distance(&tree, &view, node);
+                let px = f64::from(octree.spacing_at(p)) * focal_over_distance(&tree, &view, p);
                 prop_assert!(is_filled || px <= target * 1.000_01, "{px} at {p:?} of {node}");
             }
         }

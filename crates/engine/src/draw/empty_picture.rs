@@ -72,7 +72,7 @@ pub fn why_nothing(file: &Forest, budget_points: u64, counters: &Counters) -> &'
             "nothing is seen: --budget-points is too few for the first points of any node; give some hundreds more"
         }
         (.., 0) => {
-            "nothing is seen: the camera looks past all points; --fit shows all that there is"
+            "nothing is seen: no point lies in the view: the camera looks past them, or is so close to a surface that they are beside the picture; --fit shows all that there is"
         }
         _ => {
             "nothing is seen: no point falls on a pixel, or all face away; --fit shows all that there is"
