@@ -169,7 +169,8 @@ impl<R: Residency> Walk<'_, R> {
         Candidate { spacing_px, node, distance, spacing, above: NO_PARENT }
     }
 
-    /// Distance of the eye to the points of a node and below it, or less; at least the near plane's.
+    /// Distance of the eye to the points of a node and below it, or less; at least the near
+    /// plane's.
     fn distance(&self, node: u32) -> f64 {
         subtree::distance(self.table, self.lattice, node, self.view.eye).max(self.view.near)
     }

@@ -3,24 +3,25 @@
 //! cells around a cell give one plane for all its points (`hoppe1992`, section 3.2), or several
 //! planes that meet at an edge. Where a block has too few points, or is no surface, the block of
 //! the cell above it follows. A normal depends only on the cells of the coarsest level around its
-//! own, so it is the same however a cloud is cut into chunks.
+//! own, so it is the same however a cloud is cut into chunks. Wires get none.
 
-use crate::attributes::density::{Distances, excess_bits};
 use crate::attributes::knn::sorted_codes;
 use crate::attributes::normals::{UNKNOWN, code_of, joined};
+use cloud::{Cells, Cloud, OPEN, SIGN};
 use edges::{CORNER, Planes};
-use esker_points::{Cell, morton};
+use esker_points::morton;
 use plane::{Moments, Plane, Spread, add, moments};
 use rayon::prelude::*;
 use std::ops::Range;
 use wires::{Line, Suspect};
 
+mod cloud;
 mod edges;
 mod plane;
 mod wires;
 
-/// A cell with fewer points is not divided.
-const DIVIDED: u32 = 4;
+pub use cloud::Blocks;
+
 /// Points of a block from which a plane is fitted: with them the error on noisy planes is less than
 /// that of 16 nearest neighbours, since most blocks have more.
 const FITTED: f64 = 12.0;
@@ -37,72 +38,17 @@ const ROUGH: f64 = 0.05;
 /// Points of a block that is nearly a plane from which it is searched for an edge; of others, which
 /// are mostly volumes, [`PARTED`].
 const SEARCHED: f64 = 20.0;
-/// Edge of the coarsest cells, at most, in typical spacings.
-const COARSEST_SPACINGS: f64 = 16.0;
-/// Log2 of the edge of the coarsest cells, at most.
-const LOG2_MAX: u32 = 31;
 /// Cells along an edge of a tile, whose blocks are summed together, and with those around it.
 const TILE: usize = 16;
 const TILE_LOG2: u32 = TILE.ilog2();
 const WIDE: usize = TILE + 2;
-/// Points from which a task makes cells, and tiles that it fits.
-const TASK_POINTS: usize = 1 << 14;
+/// Tiles that a task fits.
 const TASK_TILES: usize = 16;
-/// Code of a point whose plane is still to be fitted; no direction has it.
-const OPEN: [i16; 2] = [i16::MIN, 0];
-/// Difference between unsigned and signed coordinates.
-const SIGN: f64 = (1u32 << 31) as f64;
-
-/// Cells of one level, as ranges of points.
-type Cells = Vec<Range<u32>>;
-
-/// Limits of blocks.
-#[derive(Clone, Copy, Debug)]
-pub struct Blocks {
-    /// Length of a lattice step on each axis.
-    pub scale: [f64; 3],
-    /// Log2 of the edge of the coarsest cells, in the longest steps.
-    pub coarsest: u32,
-    /// The same of the cells whose points influence a normal: wires are counted in one level more.
-    reach: u32,
-    /// Bits of each axis below the least cells, which are about cubes also where steps differ.
-    shift: [u32; 3],
-}
-
-impl Blocks {
-    /// Limits for a cloud whose points are so far apart.
-    pub fn new(scale: [f64; 3], distances: &Distances) -> Self {
-        let most_log2 = distances.steps_max.log2().min(f64::from(LOG2_MAX)) as u32;
-        let shift = excess_bits(scale).map(|excess| excess.min(most_log2));
-        let room = most_log2 - shift.into_iter().fold(0, u32::max);
-        let edge = (distances.spacing * COARSEST_SPACINGS).clamp(1.0, f64::from(1u32 << LOG2_MAX));
-        let coarsest = (edge.log2() as u32).min(room);
-        Self { scale, coarsest, reach: (coarsest + 1).min(room), shift }
-    }
-
-    /// The cell of a level that holds a position, as multiples of its edges.
-    fn cell_at(&self, p: [u32; 3], level: u32) -> [u32; 3] {
-        [0, 1, 2].map(|i| p[i] >> self.shift[i] >> level)
-    }
-
-    /// Edges of the cells of the level of the reach, in steps. Points farther from the faces of a cell of the octree
-    /// influence no normal outside of it.
-    pub fn steps(&self) -> [u32; 3] {
-        self.shift.map(|shift| 1 << (self.reach + shift))
-    }
-
-    /// The least and the greatest position that influence normals in a cell.
-    pub fn around(&self, cell: &Cell) -> [[u32; 3]; 2] {
-        let (steps, last) = (self.steps(), cell.last());
-        let low = |i: usize| (cell.corner[i] & !(steps[i] - 1)).saturating_sub(steps[i]);
-        let high = |i: usize| (last[i] | (steps[i] - 1)).saturating_add(steps[i]);
-        [[0, 1, 2].map(low), [0, 1, 2].map(high)]
-    }
-}
 
 /// Estimates the normals of `own` points, which lie along the Morton curve, and returns their
-/// octahedral codes, [`crate::attributes::normals::WIRE`] on wires. `halo` has at least all other points that influence them, in any order.
-/// Directions are chosen as by [`crate::attributes::normals::estimate`].
+/// octahedral codes, [`crate::attributes::normals::WIRE`] on wires. `halo` has at least all other
+/// points that influence them, in any order. Directions are chosen as by
+/// [`crate::attributes::normals::estimate`].
 pub fn estimate(own: &[[u32; 3]], halo: &[[u32; 3]], blocks: &Blocks) -> Vec<[i16; 2]> {
     let (mut points, mut place_of) = joined(own, &sorted_codes(halo));
     if blocks.shift != [0; 3] {
@@ -131,66 +77,7 @@ fn sort_by_cells(points: &mut Vec<[u32; 3]>, place_of: &mut [u32], blocks: &Bloc
     *points = order.iter().map(|&from| points[from as usize]).collect();
 }
 
-/// Distinct points along the Morton curve of cubes.
-struct Cloud<'a> {
-    points: &'a [[u32; 3]],
-    blocks: &'a Blocks,
-}
-
 impl Cloud<'_> {
-    /// The cell of a level that has a point, as multiples of its edge.
-    fn cell(&self, point: u32, level: u32) -> [u32; 3] {
-        self.blocks.cell_at(self.points[point as usize], level)
-    }
-
-    /// Cells of each level, the finest first. A level has no cells within cells that are not
-    /// divided: they would hold hardly any points.
-    fn levels(&self) -> Vec<Cells> {
-        let (coarsest, count) = (self.blocks.coarsest, self.points.len());
-        let mut tasks = Vec::new();
-        let mut start = 0;
-        while start < count {
-            // Tasks end with a cell of the coarsest level.
-            let mut end = (start + TASK_POINTS).min(count);
-            let last = self.cell(end as u32 - 1, coarsest);
-            end +=
-                self.points[end..].partition_point(|&p| self.blocks.cell_at(p, coarsest) == last);
-            tasks.push(start as u32..end as u32);
-            start = end;
-        }
-        let of_task = |task: Range<u32>| {
-            let mut levels = vec![Cells::new(); coarsest as usize + 1];
-            self.divide(task, coarsest, &mut levels);
-            levels
-        };
-        let parts: Vec<Vec<Cells>> = tasks.into_par_iter().map(of_task).collect();
-        let level = |level: usize| parts.iter().flat_map(|part| part[level].clone()).collect();
-        (0..=coarsest as usize).map(level).collect()
-    }
-
-    /// Adds the cells of `level` and below that hold these points, which begin and end with a cell.
-    fn divide(&self, points: Range<u32>, level: u32, levels: &mut [Cells]) {
-        /// Points of a cell that are walked; more are searched.
-        const WALKED: u32 = 16;
-        let mut start = points.start;
-        while start < points.end {
-            let cell = self.cell(start, level);
-            let mut end = start + 1;
-            while end < points.end && end - start < WALKED && self.cell(end, level) == cell {
-                end += 1;
-            }
-            if end - start == WALKED {
-                let rest = &self.points[end as usize..points.end as usize];
-                end += rest.partition_point(|&p| self.blocks.cell_at(p, level) == cell) as u32;
-            }
-            levels[level as usize].push(start..end);
-            if end - start >= DIVIDED && level > 0 {
-                self.divide(start..end, level - 1, levels);
-            }
-            start = end;
-        }
-    }
-
     /// Fits planes to the cells of a level that have open points; returns those whose points are on
     /// a line.
     fn fit(&self, level: u32, cells: &Cells, codes: &mut [[i16; 2]]) -> Vec<Suspect> {

@@ -26,7 +26,7 @@ use crate::rows::partition::Bucket;
 use crate::rows::scratch::Scratch;
 use crate::rows::store::Store;
 use crate::sample::cell::Context;
-use crate::sample::wires::{WireMarks, has_wires};
+use crate::sample::marks::{WireMarks, has_wires};
 use crate::tree::levels::TreeBuilder;
 use crate::tree::proof::{bounds_of, hash_of, prove, prove_merged};
 use crate::tree::subtree::{Subtree, assemble};

@@ -3,7 +3,7 @@
 //! anything.
 
 use crate::rows::row::Rows;
-use crate::sample::wires::WireMarks;
+use crate::sample::marks::WireMarks;
 use esker_points::{Cell, morton};
 use std::borrow::Cow;
 

@@ -11,6 +11,7 @@ pub(crate) mod contour;
 #[cfg(test)]
 pub(crate) mod effort;
 pub(crate) mod fringe;
+pub(crate) mod marks;
 pub(crate) mod nearby;
 pub(crate) mod order;
 pub(crate) mod pending;

@@ -1,16 +1,12 @@
-//! Narrows the radii of points on wires, which are recognised by class, and by the estimation of
-//! normals ([`WIRE`]). Radii follow from densities
-//! as if points were on a surface, so parallel wires would merge into one. Half of such a radius or
+//! Narrows the radii of points on wires ([`crate::sample::marks`]). Radii follow from densities as
+//! if points were on a surface, so parallel wires would merge into one. Half of such a radius or
 //! less closes each wire.
 
 use crate::attributes::eigen::Eigen;
-use crate::attributes::normals::WIRE;
 use crate::sample::boxes::{Run, length2};
 use crate::sample::candidates::Candidates;
 use crate::sample::nearby::NeighbourGrid;
 
-/// Classes of wires (`asprs2019`, table 17): guards, conductors and connectors.
-const WIRES: [u8; 3] = [13, 14, 16];
 /// Distance to which gaps are searched, in spacings: no radius is wider, and cells of this size
 /// hold few points where radii are wide.
 const FAR_SPACINGS: f64 = 8.0;
@@ -19,42 +15,14 @@ const GAP_SHARE: f64 = 0.6;
 /// Neighbours used to estimate a direction; more do not improve it.
 const NEIGHBOURS_MAX: usize = 256;
 
-/// Whether any class of a range is that of a wire.
-pub fn has_wires([low, high]: [f64; 2]) -> bool {
-    WIRES.iter().any(|&class| (low..=high).contains(&f64::from(class)))
-}
-
-/// Where rows say that their points are on wires.
-#[derive(Clone, Copy)]
-pub struct WireMarks {
-    /// Byte of the ASPRS class; `None` if no class is that of a wire.
-    pub class_at: Option<usize>,
-    /// First byte of the code of an estimated normal.
-    pub normal_at: Option<usize>,
-}
-
-impl WireMarks {
-    /// Whether any row may have a mark.
-    pub fn any(self) -> bool {
-        self.class_at.is_some() || self.normal_at.is_some()
-    }
-
-    /// Whether the point of a row is on a wire.
-    pub fn is_wire(self, row: &[u8]) -> bool {
-        let [x, y] = WIRE.map(i16::to_le_bytes);
-        let is_marked = |at: usize| row[at..at + 4] == [x[0], x[1], y[0], y[1]];
-        self.class_at.is_some_and(|at| WIRES.contains(&row[at]))
-            || self.normal_at.is_some_and(is_marked)
-    }
-}
-
 /// Whether any point is on a wire.
 pub fn has_any(wires: &[bool]) -> bool {
     // Branch-free.
     wires.iter().fold(false, |any, wire| any | wire)
 }
 
-/// Narrows the radii of points on wires; they and the `spacing` of all are in steps. `places` has the index among the candidates of each radius.
+/// Narrows the radii of points on wires; they and the `spacing` of all are in steps. `places` has
+/// the index among the candidates of each radius.
 pub fn narrow(radii: &mut [f32], spacing: f64, places: &[u32], candidates: &Candidates) {
     let is_wire = |i: usize| candidates.wires.get(places[i] as usize) == Some(&true);
     if !(0..radii.len()).any(is_wire) {
@@ -132,6 +100,7 @@ mod tests {
     use crate::sample::boxes::offset;
     use crate::sample::candidates::tests::candidates_of;
     use crate::sample::effort;
+    use crate::sample::marks::{WireMarks, has_wires};
     use crate::sample::nearby::tests::plain_around;
     use proptest::prelude::*;
 

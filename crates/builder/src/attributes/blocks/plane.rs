@@ -15,8 +15,8 @@ const STEPS: usize = 6;
 
 /// Whether points in steps of these lengths lie along a line; costs less than their plane.
 pub fn is_line(sums: &Moments, scale: [f64; 3]) -> bool {
-    // The second coefficient of the characteristic polynomial of a line is nearly the sum of the two
-    // least eigenvalues, as the greatest is nearly one.
+    // The second coefficient of the characteristic polynomial of a line is nearly the sum of the
+    // two least eigenvalues, as the greatest is nearly one.
     let covariance = Covariance::of(sums, scale);
     covariance.is_some_and(|c| c.minors <= 2.0 * LINE)
 }

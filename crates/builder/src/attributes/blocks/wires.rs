@@ -3,8 +3,8 @@
 //! noted while planes are fitted. Afterwards the lines beside each are counted, across it and
 //! within the plane that was found; where they are few, the points get no normal.
 
+use crate::attributes::blocks::cloud::{Blocks, Cloud, OPEN, SIGN};
 use crate::attributes::blocks::plane::{Moments, add, is_line};
-use crate::attributes::blocks::{Blocks, Cloud, OPEN, SIGN};
 use crate::attributes::normals::{UNKNOWN, WIRE};
 use esker_points::{morton, quant};
 use rayon::prelude::*;
