@@ -32,6 +32,9 @@ pub struct StabilityReport {
     pub(super) cases: Vec<Case>,
     /// Limits of each axis and method.
     pub(super) axes: Vec<Limits>,
+    /// Axes of traced light that the program lacks, as it is built without the feature `light`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) left_out: Vec<&'static str>,
     /// Exponents of the times of builds.
     pub(super) stiffness: Vec<Stiffness>,
 }
@@ -127,6 +130,7 @@ impl StabilityReport {
             floors: Vec::new(),
             cases: Vec::new(),
             axes: Vec::new(),
+            left_out: Vec::new(),
             stiffness: Vec::new(),
         }
     }
@@ -195,6 +199,10 @@ pub fn text(report: &StabilityReport) -> String {
             );
             lines.push(line.trim_end().to_owned());
         }
+    }
+    if !report.left_out.is_empty() {
+        let names = report.left_out.join(", ");
+        lines.push(format!("\nleft out: {names}; this program is built without traced light"));
     }
     for stiff in &report.stiffness {
         let pairs = stiff.values.iter().zip(&stiff.cpu_ms);

@@ -13,7 +13,7 @@ use crate::stability::lab::{Built, Lab, Shot};
 use crate::stability::relations::halves_differ;
 use crate::stability::report::{Case, Limits, StabilityReport, Verdict};
 use anyhow::{Result, ensure};
-use axis::Axis;
+use axis::{Axis, Subject};
 use esker_engine::calls::conditions::rated::{Gauge, Measure};
 use esker_engine::cameras::camera::Camera;
 use esker_render::Picture;
@@ -47,10 +47,25 @@ pub(super) fn sweep(
     lab: &Lab<'_>,
     report: &mut StabilityReport,
 ) -> Result<()> {
+    #[cfg(not(feature = "light"))]
+    if matches!(axis.subject, Subject::LeftOut) {
+        report.left_out.push(axis.condition.name);
+        return Ok(());
+    }
     let first = report.cases.len();
     for value in values(axis, lab.is_full) {
         lab.phase(&format!("{} {value}", axis.condition.name))?;
-        let found = (axis.scene)(value, lab).and_then(|scene| measured(&scene, axis, value, lab));
+        let found = match axis.subject {
+            Subject::Scan(scene) => {
+                scene(value, lab).and_then(|scene| measured(&scene, axis, value, lab))
+            }
+            #[cfg(feature = "light")]
+            Subject::Light(light) => {
+                Ok(light(value).into_iter().map(|off| (off, Vec::new())).collect())
+            }
+            #[cfg(not(feature = "light"))]
+            Subject::LeftOut => Ok(Vec::new()),
+        };
         lab.phase(axis.condition.name)?;
         let refusal = found.as_ref().err().map(|e| format!("{e:#}"));
         for (k, gauge) in axis.condition.gauges.iter().enumerate() {
@@ -174,9 +189,10 @@ fn with_camera(
         Measure::Holes => open,
         Measure::Depth if open < 1.0 => of.depth_px,
         Measure::Depth => f64::INFINITY,
-        Measure::Normals | Measure::Parts => 0.0,
         Measure::Place => misplaced(&picture),
         Measure::Width => outside(&picture, &reference) / scene.outline_px,
+        // Measured above, or on traced light.
+        _ => f64::INFINITY,
     };
     Ok((measured, notes))
 }

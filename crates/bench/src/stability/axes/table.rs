@@ -1,70 +1,113 @@
 //! The axes and their values. A rated value is the hardest one of the sweep that keeps its bound,
 //! or an easier one where the next is near the bound.
 
-use crate::stability::axes::axis::Axis;
+use crate::stability::axes::axis::{Axis, Subject};
 use crate::stability::axes::scenes;
+#[cfg(feature = "light")]
+use crate::stability::light;
 use esker_engine::calls::conditions::rated;
 
-static AXES: [Axis; 12] = [
+/// Traced light, where the program has it.
+macro_rules! of_light {
+    ($measure:path) => {{
+        #[cfg(feature = "light")]
+        let subject = Subject::Light($measure);
+        #[cfg(not(feature = "light"))]
+        let subject = Subject::LeftOut;
+        subject
+    }};
+}
+
+static AXES: [Axis; 18] = [
     Axis {
         condition: &rated::DENSITY_JUMP,
         values: &[1.0, 10.0, 1e2, 1e3, 1e4, 1e6, 1e8],
-        scene: scenes::density_jump,
+        subject: Subject::Scan(scenes::density_jump),
     },
     Axis {
         condition: &rated::STEP,
         values: &[0.001, 0.01, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0],
-        scene: scenes::step,
+        subject: Subject::Scan(scenes::step),
     },
     Axis {
         condition: &rated::NOISE,
         values: &[0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0],
-        scene: scenes::noise,
+        subject: Subject::Scan(scenes::noise),
     },
     Axis {
         condition: &rated::SCAN_LINES,
         values: &[1.0, 3.0, 10.0, 20.0, 50.0, 100.0, 200.0],
-        scene: scenes::scan_lines,
+        subject: Subject::Scan(scenes::scan_lines),
     },
     Axis {
         condition: &rated::POINT_DISTANCE,
         values: &[1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4],
-        scene: scenes::point_distance,
+        subject: Subject::Scan(scenes::point_distance),
     },
     Axis {
         condition: &rated::EYE_HEIGHT,
         values: &[30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01],
-        scene: scenes::height,
+        subject: Subject::Scan(scenes::height),
     },
     Axis {
         condition: &rated::WIDE_VIEW,
         values: &[60.0, 90.0, 120.0, 150.0, 170.0, 174.9, 175.0],
-        scene: scenes::wide,
+        subject: Subject::Scan(scenes::wide),
     },
     Axis {
         condition: &rated::NARROW_VIEW,
         values: &[60.0, 10.0, 1.0, 0.1, 0.01, 0.006, 0.005],
-        scene: scenes::narrow,
+        subject: Subject::Scan(scenes::narrow),
     },
     Axis {
         condition: &rated::EYE_DISTANCE,
         values: &[1.0, 1e2, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9],
-        scene: scenes::eye_distance,
+        subject: Subject::Scan(scenes::eye_distance),
     },
     Axis {
         condition: &rated::SAME_PLACE,
         values: &[0.0, 0.5, 0.9, 0.99, 0.999],
-        scene: scenes::same_place,
+        subject: Subject::Scan(scenes::same_place),
     },
     Axis {
         condition: &rated::THICKNESS,
         values: &[8.0, 4.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.01],
-        scene: scenes::thickness,
+        subject: Subject::Scan(scenes::thickness),
     },
     Axis {
         condition: &rated::PARTS,
         values: &[1.0, 2.0, 4.0, 8.0, 16.0, 32.0],
-        scene: scenes::parts,
+        subject: Subject::Scan(scenes::parts),
+    },
+    Axis {
+        condition: &rated::ALBEDO,
+        values: &[0.2, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0],
+        subject: of_light!(light::paths::albedo),
+    },
+    Axis {
+        condition: &rated::LAMP_SIZE,
+        values: &[1.0, 0.1, 0.01, 1e-4, 1e-6, 1e-7, 1e-8, 1e-10, 1e-11, 1e-12, 1e-16, 1e-20],
+        subject: of_light!(light::paths::lamp_size),
+    },
+    Axis {
+        condition: &rated::LIT_DISTANCE,
+        values: &[1e2, 1e4, 1e5, 1e6, 1e7, 3e7, 1e8, 1e9],
+        subject: of_light!(light::paths::distance),
+    },
+    Axis {
+        condition: &rated::HDR_RANGE,
+        values: &[1.0, 1e2, 1e4, 1e6, 1e8, 1e10, 1e12, 1e14, 1e16, 1e18, 1e20],
+        subject: of_light!(light::filters::range),
+    },
+    Axis {
+        condition: &rated::GUIDE_NOISE,
+        values: &[0.0, 1.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0],
+        subject: of_light!(light::filters::guide_noise),
+    },
+    Axis {
+        condition: &rated::FILTER_EPSILON,
+        values: &[1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14],
+        subject: of_light!(light::filters::epsilon),
     },
 ];
 

@@ -2,7 +2,10 @@
 //! has them. `esker bench stability` tests them, `docs/limits.md` lists them, and
 //! [`super::conditions`] puts the values of a scan beside them.
 
-use Measure::{Depth, Flip, Holes, Normals, Parts, Place, Width};
+use Measure::{
+    DarkMesh, DarkPoints, Depth, Energy, Flip, Guided, Holes, LampLight, MeshLamp, MeshLight,
+    Normals, Parts, Place, PointLight, Regression, Spill, Width,
+};
 
 /// A condition.
 #[derive(Debug)]
@@ -46,6 +49,27 @@ pub enum Measure {
     Parts,
     /// Width by which things are drawn too wide, in distances of their points.
     Width,
+    /// Share by which the mean light of a closed mesh is off.
+    MeshLight,
+    /// Share by which the mean light of a closed surface of points is off.
+    PointLight,
+    /// Share by which the light of a lamp is off.
+    LampLight,
+    /// Share by which the light of a mesh that shines is off.
+    MeshLamp,
+    /// Share of the pixels of a mesh whose light is off by more than a step of 8 bits.
+    DarkMesh,
+    /// Share of the pixels of a surface of points whose light is off by more than that.
+    DarkPoints,
+    /// Share of the mean light that the filter adds or takes.
+    Energy,
+    /// Greatest share by which light is off that no bright pixel reaches, by the filter.
+    Spill,
+    /// Error of filtered light over that without normals as guides.
+    Guided,
+    /// Greatest difference of the guided filter from a regression in 64 bits, over the mean light
+    /// around.
+    Regression,
 }
 
 impl Measure {
@@ -59,12 +83,26 @@ impl Measure {
             Self::Place => "place, px",
             Self::Parts => "differing pixels, share",
             Self::Width => "extra width, spacings",
+            Self::MeshLight => "light in a mesh, share off",
+            Self::PointLight => "light among points, share off",
+            Self::LampLight => "light of a lamp, share off",
+            Self::MeshLamp => "light of a mesh, share off",
+            Self::DarkMesh => "wrong pixels of a mesh, share",
+            Self::DarkPoints => "wrong pixels of points, share",
+            Self::Energy => "energy of the filter, share off",
+            Self::Spill => "spill of the filter, share off",
+            Self::Guided => "error, times that without normals",
+            Self::Regression => "guided filter, share off",
         }
     }
 }
 
 /// Share of the pixels by which a picture may differ from its two halves.
 pub const PART_SHARE: f64 = 1e-5;
+
+/// Share by which light may be off: a step of 255 in the middle of the greys of sRGB, whose curve
+/// there has a slope of 0.018 a step.
+pub const LIGHT_SHARE: f64 = 0.02;
 
 const fn gauge(method: &'static str, measure: Measure, bound: f64, rated_to: f64) -> Gauge {
     Gauge { method, measure, bound, rated_to }
@@ -195,4 +233,55 @@ pub static PARTS: Condition = Condition {
         gauge("auto", Parts, PART_SHARE, 8.0),
         gauge("ewa", Parts, PART_SHARE, 8.0),
     ],
+};
+
+/// Surfaces that reflect nearly all light, in a closed scene.
+pub static ALBEDO: Condition = Condition {
+    name: "albedo",
+    value_is: "albedo of a closed scene, at 64 bounces",
+    gauges: &[
+        gauge("lit", MeshLight, LIGHT_SHARE, 0.9),
+        gauge("lit", PointLight, LIGHT_SHARE, 0.9),
+    ],
+};
+
+/// Small lamps.
+pub static LAMP_SIZE: Condition = Condition {
+    name: "lamp-size",
+    value_is: "side of a square lamp over its distance",
+    gauges: &[
+        gauge("lit", LampLight, LIGHT_SHARE, 1e-11),
+        gauge("lit", MeshLamp, LIGHT_SHARE, 1e-6),
+    ],
+};
+
+/// Surfaces far from the eye, which is the origin of lit scenes: rays start from rounded places.
+/// The bound is that of holes, as pixels are wrong in the same way.
+pub static LIT_DISTANCE: Condition = Condition {
+    name: "lit-distance",
+    value_is: "distance of a lit surface from the eye, distances of its points",
+    gauges: &[gauge("lit", DarkPoints, 0.01, 1e7), gauge("lit", DarkMesh, 0.01, 1e7)],
+};
+
+/// Pixels that are much brighter than others before they are filtered. Those above 1e18 are left
+/// out of the filter and keep their light.
+pub static HDR_RANGE: Condition = Condition {
+    name: "hdr-range",
+    value_is: "light of bright pixels over that of others, before the filter",
+    gauges: &[gauge("lit", Energy, LIGHT_SHARE, 1e18), gauge("lit", Spill, LIGHT_SHARE, 1e6)],
+};
+
+/// Noise of the normals that guide the filter. Beyond the bound it would be better without them.
+pub static GUIDE_NOISE: Condition = Condition {
+    name: "guide-noise",
+    value_is: "standard deviation of the normals that guide the filter, degrees",
+    gauges: &[gauge("lit", Guided, 1.0, 60.0)],
+};
+
+/// A small epsilon of the guided filter, whose matrices are then nearly singular; it takes none
+/// below 1e-10. The bound is half a step of 255 of white.
+pub static FILTER_EPSILON: Condition = Condition {
+    name: "filter-epsilon",
+    value_is: "epsilon of the guided filter",
+    gauges: &[gauge("lit", Regression, 0.002, 1e-10)],
 };
