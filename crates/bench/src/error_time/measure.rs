@@ -3,6 +3,9 @@
 
 use crate::error_time::analytic::Analytic;
 use crate::error_time::compare::{Errors, errors, flicker};
+#[cfg(feature = "light")]
+use crate::error_time::lit;
+use crate::error_time::lit::LitRow;
 use crate::error_time::page::{self, Crops};
 use crate::error_time::perfect::Reference;
 use crate::error_time::reference::{ALIGNMENTS, Common, ReferenceScene, aligned};
@@ -88,6 +91,7 @@ pub fn measure(request: &ErrorTimeRequest, task: &dyn Task) -> Result<ErrorTimeR
             size: request.size,
             scans: Vec::new(),
             rows: Vec::new(),
+            lit: Vec::new(),
             streaming: Vec::new(),
         };
         for path in &request.files {
@@ -104,10 +108,12 @@ pub fn measure(request: &ErrorTimeRequest, task: &dyn Task) -> Result<ErrorTimeR
             task.phase(&format!("{}: streaming", scan.file), None, "frames");
             let file = &measured.files[0].file;
             let loads = streaming::measure(&scan.file, file, request.size, task)?;
+            let lit = measured.lit(request.is_full, task)?;
             if let Some(folder) = &request.out {
                 let crops = measured.crops(&rows, task)?;
-                page::write(folder, &scan, &rows, &loads, &crops)?;
+                page::write(folder, &scan, (&rows, &lit), &loads, &crops)?;
             }
+            report.lit.extend(lit);
             report.streaming.extend(loads);
             report.scans.push(scan);
             report.rows.extend(rows);
@@ -396,6 +402,19 @@ impl<'a> Measured<'a> {
             build: self.files[index].build.clone(),
             on_front: false,
         }
+    }
+
+    /// Rows of traced light; none if the program is built without it.
+    #[cfg(feature = "light")]
+    fn lit(&self, is_full: bool, task: &dyn Task) -> Result<Vec<LitRow>> {
+        lit::measure(&self.file, &self.files[0].file, &self.base, is_full, task)
+    }
+
+    /// Rows of traced light; none if the program is built without it.
+    #[cfg(not(feature = "light"))]
+    #[expect(clippy::unnecessary_wraps, reason = "the same signature as with light")]
+    fn lit(&self, _is_full: bool, _task: &dyn Task) -> Result<Vec<LitRow>> {
+        Ok(Vec::new())
     }
 
     /// The pictures of the settings of least error of each method, at equal time, and the

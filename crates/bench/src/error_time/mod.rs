@@ -4,10 +4,12 @@
 //! [`settings`] lists what is varied; [`mod@reference`] and [`analytic`] make what pictures are
 //! compared with, [`perfect`]; [`compare`] has the errors, [`measure`] runs the rounds, [`report`]
 //! finds the settings of least error at their time, and [`page`] writes the page about a scan.
-//! [`streaming`] measures the error of frames while a file is loaded.
+//! [`streaming`] measures the error of frames while a file is loaded, [`lit`] that of traced light.
 
 pub(crate) mod analytic;
+mod columns;
 pub(crate) mod compare;
+mod lit;
 mod measure;
 mod page;
 pub(crate) mod perfect;

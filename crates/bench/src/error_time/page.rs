@@ -1,8 +1,10 @@
 //! The page about a scan: plot, advice, pictures at equal time beside their errors, and all rows.
 
+use crate::error_time::columns::{COLUMNS, or_dash};
+use crate::error_time::lit::{self, LitRow};
 use crate::error_time::perfect::Reference;
 use crate::error_time::plot::{error_over_time, error_while_loading};
-use crate::error_time::report::{BUDGETS_MS, COLUMNS, Row, Scan, or_dash, streaming_lines};
+use crate::error_time::report::{BUDGETS_MS, Row, Scan, streaming_lines};
 use crate::error_time::streaming::Load;
 use anyhow::{Context, Result};
 use esker_engine::calls::conditions;
@@ -60,7 +62,7 @@ pub(super) fn at_equal_time(rows: &[Row]) -> (f64, Vec<usize>) {
 pub(super) fn write(
     folder: &Path,
     scan: &Scan,
-    rows: &[Row],
+    (rows, lit): (&[Row], &[LitRow]),
     loads: &[Load],
     crops: &Crops,
 ) -> Result<()> {
@@ -97,6 +99,7 @@ pub(super) fn write(
         );
     }
     let _ = write_rows(&mut page, rows);
+    let _ = write_lit(&mut page, &lit.iter().collect::<Vec<_>>());
     let _ = write_conditions(&mut page, scan);
     let _ = write_streaming(&mut page, loads, &plots[1]);
     save(&folder.join(format!("{name}.html")), &page)
@@ -162,6 +165,31 @@ fn write_rows(page: &mut String, rows: &[Row]) -> std::fmt::Result {
         let own = row.cells();
         let mut all = own.iter().chain(&built).map(String::as_str);
         writeln!(page, "<tr{front}>{}</tr>", cells("td", &mut all))?;
+    }
+    writeln!(page, "</table>")
+}
+
+fn write_lit(page: &mut String, rows: &[&LitRow]) -> std::fmt::Result {
+    let Some(heading) = lit::heading(rows) else { return Ok(()) };
+    writeln!(page, "<h2>Traced light</h2>\n<p>{heading}.</p>\n<table>")?;
+    writeln!(
+        page,
+        "<tr><th>samples a pixel</th><th>filter</th><th>splats</th><th>ms</th><th>CPU ms</th>\
+         <th>FLIP</th><th>off %</th></tr>"
+    )?;
+    for row in rows {
+        writeln!(
+            page,
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.1}</td><td>{}</td><td>{:.4}</td>\
+             <td>{:.2}</td></tr>",
+            row.samples,
+            row.filter,
+            grouped(row.points),
+            row.ms,
+            or_dash(row.cpu_ms),
+            row.flip,
+            row.off_share * 100.0
+        )?;
     }
     writeln!(page, "</table>")
 }

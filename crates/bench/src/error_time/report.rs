@@ -1,6 +1,8 @@
 //! The report of error against run time: a row for each setting, which of them are on the Pareto
 //! front, advice for given frame times, and a table for people.
 
+use crate::error_time::columns::{COLUMNS, in_columns, or_dash, padded};
+use crate::error_time::lit::{self, LitRow};
 use crate::error_time::settings::Setting;
 use crate::error_time::streaming::Load;
 use crate::pass_times;
@@ -27,6 +29,9 @@ pub struct ErrorTimeReport {
     pub(super) scans: Vec<Scan>,
     /// A row for each scan and setting.
     pub(super) rows: Vec<Row>,
+    /// A row for each scan and setting of traced light, against a reference of its own.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) lit: Vec<LitRow>,
     /// A row for each scan, view and order of loading.
     pub(super) streaming: Vec<Load>,
 }
@@ -124,24 +129,6 @@ pub(super) struct Build {
     pub bytes: u64,
 }
 
-/// Columns of tables for people: titles and widths, negative for text.
-pub(super) const COLUMNS: [(&str, isize); 14] = [
-    ("method", -10),
-    ("setting", -34),
-    ("by", -4),
-    ("points", 11),
-    ("ms", 8),
-    ("CPU ms", 8),
-    ("FLIP", 7),
-    ("own", 7),
-    ("off %", 8),
-    ("holes %", 8),
-    ("behind %", 8),
-    ("depth px", 8),
-    ("normal deg", 10),
-    ("flicker", 8),
-];
-
 impl Row {
     /// Its cells in the [`COLUMNS`].
     pub fn cells(&self) -> [String; COLUMNS.len()] {
@@ -163,11 +150,6 @@ impl Row {
             or_dash(self.flicker),
         ]
     }
-}
-
-/// A value with one digit, or a dash for none.
-pub(super) fn or_dash(value: Option<f64>) -> String {
-    value.map_or("-".into(), |value| format!("{value:.1}"))
 }
 
 impl Scan {
@@ -279,6 +261,9 @@ pub fn text(report: &ErrorTimeReport) -> String {
         ));
         lines.push(COLUMNS.iter().map(|(title, width)| padded(title, *width)).collect());
         lines.extend(rows.iter().map(line));
+        let lit: Vec<&LitRow> = report.lit.iter().filter(|row| row.file == scan.file).collect();
+        lines.extend(lit::heading(&lit));
+        lines.extend(lit.iter().map(|row| in_columns(&row.cells()).trim_end().to_owned()));
         lines.extend(scan.sentences());
         lines.extend(pace_lines(&rows));
         lines.extend(streaming_lines(report.streaming.iter().filter(|l| l.file == scan.file)));
@@ -305,14 +290,5 @@ pub(super) fn streaming_lines<'a>(loads: impl Iterator<Item = &'a Load>) -> Vec<
 }
 
 fn line(row: &Row) -> String {
-    let cells = COLUMNS.iter().zip(row.cells());
-    let mut line: String = cells.map(|((_, width), cell)| padded(&cell, *width)).collect();
-    line.push_str(if row.on_front { " *" } else { "" });
-    line
-}
-
-/// A cell of `width` characters: to the right, or to the left if the width is negative.
-fn padded(cell: &str, width: isize) -> String {
-    let room = width.unsigned_abs();
-    if width < 0 { format!("{cell:<room$} ") } else { format!("{cell:>room$} ") }
+    in_columns(&row.cells()) + if row.on_front { " *" } else { "" }
 }
