@@ -13,6 +13,7 @@ mod machine_paths;
 mod map_size;
 mod markdown;
 mod opening;
+mod precision;
 mod source;
 mod tree;
 mod wording;
@@ -30,7 +31,7 @@ struct Rule {
     check: fn(&Tree) -> Vec<Fault>,
 }
 
-const RULES: [Rule; 11] = [
+const RULES: [Rule; 12] = [
     Rule { name: "opening comments", check: opening::check },
     Rule { name: "length of files", check: length::check },
     Rule { name: "folders of one machine", check: machine_paths::check },
@@ -40,6 +41,7 @@ const RULES: [Rule; 11] = [
     Rule { name: "links in Markdown", check: links::check },
     Rule { name: "paths in Markdown", check: code_paths::check },
     Rule { name: "citation keys", check: citations::check },
+    Rule { name: "bounds of tests in docs/precision.md", check: precision::check },
     Rule { name: "size of ARCHITECTURE.md", check: map_size::check },
     Rule { name: "banned wording", check: wording::check },
 ];
