@@ -3,6 +3,7 @@
 
 mod compare;
 mod deps;
+mod faults;
 mod figures;
 mod fmt;
 mod gallery;
@@ -62,7 +63,7 @@ const RELATIONS: [&str; 9] = [
 ];
 
 /// Tasks outside the gate: they take too long, or write files.
-const APART: [Step; 6] = [
+const APART: [Step; 7] = [
     Step {
         name: "large",
         about: "20 to 100 million points within their memory; ESKER_LARGE=1G for more",
@@ -72,6 +73,11 @@ const APART: [Step; 6] = [
         name: "relations",
         about: "relations of pictures of the scans in ESKER_DATA",
         run: |_| shell::run_cargo(&RELATIONS),
+    },
+    Step {
+        name: "faults",
+        about: "injects faults into a copy; the bounds of esker bench stability must catch them",
+        run: |_| faults::inject(&arguments()),
     },
     Step {
         name: "gallery",

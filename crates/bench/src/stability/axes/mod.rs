@@ -16,9 +16,15 @@ use anyhow::{Result, ensure};
 use axis::{Axis, Subject};
 use esker_engine::calls::conditions::rated::{Gauge, Measure};
 use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::scene::{PictureRequest, PictureScene};
+use esker_format::Forest;
+use esker_lod::CompactOctree;
+use esker_points::task::Silent;
 use esker_render::Picture;
-use glam::DVec2;
-use scenes::Scene;
+use esker_render::inputs::camera::Positions;
+use esker_render::inputs::splats::splats;
+use glam::{DVec2, DVec3};
+use scenes::{Patches, Scene};
 pub(super) use table::all;
 
 /// Checks the names of parts.
@@ -180,6 +186,12 @@ fn with_camera(
     if gauge.measure == Measure::Parts {
         return Ok((halves_differ(lab, &built.file, &request)?, notes));
     }
+    if gauge.measure == Measure::Beside {
+        return Ok((beside(&built.file, &request)?, notes));
+    }
+    if let (Measure::Radius, Some(patches)) = (gauge.measure, scene.patches) {
+        return Ok((radius_error(&built.file, &request, &patches)?, notes));
+    }
     let reference = truth.picture(&view)?;
     let of: Errors = errors(&picture, &reference, view.focal_px());
     lab.keep(&format!("{name}-exact"), &reference.picture())?;
@@ -195,6 +207,52 @@ fn with_camera(
         _ => f64::INFINITY,
     };
     Ok((measured, notes))
+}
+
+/// Share of the points chosen for a picture of all detail that are in nodes of which none of these
+/// points is on the picture.
+///
+/// # Errors
+/// If the points cannot be read.
+fn beside(file: &Forest, request: &PictureRequest) -> Result<f64> {
+    let request = PictureRequest { target_spacing_px: 0.0, ..request.clone() };
+    let scene = PictureScene::read(file, &request, &Silent)?;
+    let (view, lattice) = (&scene.view, file.metric());
+    let (mut beside, mut all) = (0, 0);
+    for draw in scene.draws(file) {
+        let positions = Positions::of(&draw);
+        let is_seen = |i: usize| {
+            let (offset, _) = positions.offset(i);
+            let place = [0, 1, 2].map(|k| draw.node.box_min[k] + offset[k]);
+            let projected = view.project(DVec3::from_array(lattice.world(place)));
+            projected.is_some_and(|on| view.is_on_picture(on))
+        };
+        all += positions.len;
+        beside += if (0..positions.len).any(is_seen) { 0 } else { positions.len };
+    }
+    Ok(beside as f64 / all.max(1) as f64)
+}
+
+/// Mean deviation of the radii of points from their distances, octaves: on dense or on sparse
+/// patches, where it is greater.
+///
+/// # Errors
+/// If the points cannot be read.
+fn radius_error(file: &Forest, request: &PictureRequest, patches: &Patches) -> Result<f64> {
+    let request = PictureRequest { target_spacing_px: 0.0, ..request.clone() };
+    let scene = PictureScene::read(file, &request, &Silent)?;
+    let (drawn, hidden) = (&scene.selection.drawn, &scene.selection.hidden);
+    let octree = CompactOctree::with_hidden(file.table(), drawn, hidden);
+    let draws = scene.draws(file);
+    let frame = scene.appearance.frame(file, &scene.view, &draws, &octree);
+    let mut sums = [[0.0; 2]; 2];
+    for splat in splats(&frame, DVec3::ZERO) {
+        let spacing = patches.spacing_at(DVec3::from_array(splat.centre.map(f64::from)));
+        let [sum, count] = &mut sums[usize::from(spacing > 1.0)];
+        *sum += (f64::from(splat.radius) / spacing).log2().abs();
+        *count += 1.0;
+    }
+    Ok(sums.map(|[sum, count]| sum / f64::max(count, 1.0)).into_iter().fold(0.0, f64::max))
 }
 
 /// Distance of the middle of the covered pixels from that of the picture; infinite of none.

@@ -18,6 +18,15 @@ const SEED: u64 = 7;
 const POINTS_A_PIXEL: f64 = 20_000.0 / (160.0 * 160.0);
 /// Field of view of cameras that look at a plane or a ball, degrees.
 const FOVY_DEG: f64 = 40.0;
+/// Edge of a patch, and distance of the middles of patches, in distances of the points of sparse
+/// ones. Points of patches are apart: where densities touch, there are two right radii. Patches do
+/// not begin where cells do.
+const PATCH_SPACINGS: f64 = 8.0;
+const PATCHES_APART: f64 = 17.3;
+/// Places of close-ups.
+const CLOSE_UPS: usize = 16;
+/// Points of a node of their scan: as few as a node may have, so that there are many nodes.
+const NODE_POINTS: u32 = 1024;
 /// Least field of view that is accepted, degrees.
 const FOVY_MIN_DEG: f64 = 0.00574;
 
@@ -27,6 +36,8 @@ pub(in crate::stability) struct Scene {
     parts: Vec<(Shape, Paint)>,
     pub cameras: Vec<Camera>,
     pub options: Options,
+    /// The patches that the scan has, if it has any.
+    pub patches: Option<Patches>,
     /// Length of outlines times the distance of points, both in pixels; for errors of widths.
     pub outline_px: f64,
 }
@@ -34,12 +45,29 @@ pub(in crate::stability) struct Scene {
 impl Scene {
     fn new(cloud: Cloud, parts: Vec<(Shape, Paint)>, cameras: Vec<Camera>) -> Self {
         let options = Options::default();
-        Self { cloud, parts, cameras, options, outline_px: f64::INFINITY }
+        Self { cloud, parts, cameras, options, patches: None, outline_px: f64::INFINITY }
     }
 
     /// Its surfaces.
     pub fn truth(&self) -> Truth {
         Truth { parts: self.parts.clone() }
+    }
+}
+
+/// Squares of two densities by turns, like the fields of a chessboard, with gaps between them.
+#[derive(Clone, Copy)]
+pub(in crate::stability) struct Patches {
+    /// Distance of the middles of patches.
+    apart: f64,
+    /// Distance of the points of sparse patches; that of the others is 1.
+    sparse: f64,
+}
+
+impl Patches {
+    /// Distance of the points around a place.
+    pub fn spacing_at(&self, at: DVec3) -> f64 {
+        let [column, row] = [at.x, at.y].map(|c| (c / self.apart).floor() as i64);
+        if (column + row) % 2 == 0 { 1.0 } else { self.sparse }
     }
 }
 
@@ -217,6 +245,40 @@ pub(super) fn parts(px: f64, lab: &Lab<'_>) -> Result<Scene> {
     let rough = in_square(count, half).map(|at| at + DVec3::Z * normal(&mut dice));
     let cloud = painted(rough.collect::<Vec<_>>().into_iter(), &paint, 1.0 / STEPS);
     Ok(Scene::new(cloud, vec![(square(half), paint)], vec![above([0.3, 0.2], px, lab)?]))
+}
+
+/// A chessboard of patches, the points of one of which are `ratio` times as dense as those beside.
+pub(super) fn patches(ratio: f64, lab: &Lab<'_>) -> Result<Scene> {
+    let sparse = ratio.sqrt();
+    let (edge, apart) = (PATCH_SPACINGS * sparse, PATCHES_APART * sparse);
+    let patches = Patches { apart, sparse };
+    let points_of_two = edge.powi(2) * (1.0 + 1.0 / ratio);
+    let across = (2.0 * points(lab) as f64 / points_of_two).sqrt().ceil() as i32;
+    let mut places = Vec::new();
+    for (i, j) in (0..across).flat_map(|i| (0..across).map(move |j| (i, j))) {
+        let middle = DVec3::new(f64::from(i) + 0.5, f64::from(j) + 0.5, 0.0) * apart;
+        let count = (edge / patches.spacing_at(middle)).powi(2).round() as usize;
+        places.extend(in_square(count, edge / 2.0).map(|at| middle + at));
+    }
+    let (side, paint) = (f64::from(across) * apart, Paint::Waves(40.0));
+    let cloud = painted(places.into_iter(), &paint, 1.0 / STEPS);
+    let corner = DVec3::ZERO;
+    let shape = Shape::Rect { corner, u: DVec3::X * side, v: DVec3::Y * side };
+    let camera = above([side / 2.0; 2], f64::from(lab.size[1]) / (1.1 * side), lab)?;
+    let scene = Scene::new(cloud, vec![(shape, paint)], vec![camera]);
+    Ok(Scene { patches: Some(patches), ..scene })
+}
+
+/// A part of a plane of many small nodes, at places that begin anywhere in them.
+pub(super) fn close_up(share: f64, lab: &Lab<'_>) -> Result<Scene> {
+    let count = 4 * points(lab);
+    let side = (count as f64).sqrt();
+    let px = f64::from(lab.size[1]) / (share * side);
+    let places = even(CLOSE_UPS).map(|place| place.map(|a| (a - 0.5) * (1.0 - share) * side));
+    let cameras = places.map(|at| above(at, px, lab)).collect::<Result<_>>()?;
+    let parts = vec![(square(side / 2.0), Paint::Waves(40.0))];
+    let options = Options { node_capacity: NODE_POINTS, ..Options::default() };
+    Ok(Scene { options, ..Scene::new(plane(count), parts, cameras) })
 }
 
 pub(super) fn height(over_spacing: f64, lab: &Lab<'_>) -> Result<Scene> {

@@ -18,7 +18,7 @@ macro_rules! of_light {
     }};
 }
 
-static AXES: [Axis; 18] = [
+static AXES: [Axis; 20] = [
     Axis {
         condition: &rated::DENSITY_JUMP,
         values: &[1.0, 10.0, 1e2, 1e3, 1e4, 1e6, 1e8],
@@ -78,6 +78,16 @@ static AXES: [Axis; 18] = [
         condition: &rated::PARTS,
         values: &[1.0, 2.0, 4.0, 8.0, 16.0, 32.0],
         subject: Subject::Scan(scenes::parts),
+    },
+    Axis {
+        condition: &rated::CLOSE_UP,
+        values: &[0.5, 0.2, 0.1, 0.05, 0.02],
+        subject: Subject::Scan(scenes::close_up),
+    },
+    Axis {
+        condition: &rated::PATCHES,
+        values: &[1.0, 3.0, 10.0, 30.0, 100.0],
+        subject: Subject::Scan(scenes::patches),
     },
     Axis {
         condition: &rated::ALBEDO,

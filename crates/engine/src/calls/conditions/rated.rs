@@ -3,8 +3,8 @@
 //! [`super::conditions`] puts the values of a scan beside them.
 
 use Measure::{
-    DarkMesh, DarkPoints, Depth, Energy, Flip, Guided, Holes, LampLight, MeshLamp, MeshLight,
-    Normals, Parts, Place, PointLight, Regression, Spill, Width,
+    Beside, DarkMesh, DarkPoints, Depth, Energy, Flip, Guided, Holes, LampLight, MeshLamp,
+    MeshLight, Normals, Parts, Place, PointLight, Radius, Regression, Spill, Width,
 };
 
 /// A condition.
@@ -49,6 +49,11 @@ pub enum Measure {
     Parts,
     /// Width by which things are drawn too wide, in distances of their points.
     Width,
+    /// Mean deviation of the radii of points from their distances, octaves, on the patches of the
+    /// density where it is greater.
+    Radius,
+    /// Share of the chosen points that are in nodes of which no point is on the picture.
+    Beside,
     /// Share by which the mean light of a closed mesh is off.
     MeshLight,
     /// Share by which the mean light of a closed surface of points is off.
@@ -83,6 +88,8 @@ impl Measure {
             Self::Place => "place, px",
             Self::Parts => "differing pixels, share",
             Self::Width => "extra width, spacings",
+            Self::Radius => "radii, octaves",
+            Self::Beside => "points of nodes beside, share",
             Self::MeshLight => "light in a mesh, share off",
             Self::PointLight => "light among points, share off",
             Self::LampLight => "light of a lamp, share off",
@@ -233,6 +240,20 @@ pub static PARTS: Condition = Condition {
         gauge("auto", Parts, PART_SHARE, 8.0),
         gauge("ewa", Parts, PART_SHARE, 8.0),
     ],
+};
+
+/// A camera that sees a small part of a scan.
+pub static CLOSE_UP: Condition = Condition {
+    name: "close-up",
+    value_is: "height of the picture over that of the scan",
+    gauges: &[gauge("points", Beside, 0.1, 0.5)],
+};
+
+/// Patches of two densities by turns.
+pub static PATCHES: Condition = Condition {
+    name: "patches",
+    value_is: "ratio of densities of adjacent patches",
+    gauges: &[gauge("ewa", Radius, 0.5, 30.0)],
 };
 
 /// Surfaces that reflect nearly all light, in a closed scene.
