@@ -47,7 +47,8 @@ ESKER_DATA=FOLDER cargo xtask report
 measures all scenes and runs `esker bench stability`; `cargo xtask report creek` measures one
 scene. Scenes whose scan is not in the project are left as they are where `ESKER_DATA` is not set.
 The reports go to a folder of [bench/results](../../bench/results/README.md);
-`cargo xtask compare OLD NEW` compares two of those. For a scan of your own:
+`cargo xtask compare OLD NEW` compares two of those. [Injected faults](faults.md) shows that the
+bounds of `esker bench stability` find mistakes. For a scan of your own:
 
 ```sh
 esker bench error-time SCAN --out FOLDER

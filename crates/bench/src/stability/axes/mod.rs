@@ -210,7 +210,7 @@ fn with_camera(
 }
 
 /// Share of the points chosen for a picture of all detail that are in nodes of which none of these
-/// points is on the picture.
+/// points is on the picture; infinite if nothing is chosen.
 ///
 /// # Errors
 /// If the points cannot be read.
@@ -230,11 +230,11 @@ fn beside(file: &Forest, request: &PictureRequest) -> Result<f64> {
         all += positions.len;
         beside += if (0..positions.len).any(is_seen) { 0 } else { positions.len };
     }
-    Ok(beside as f64 / all.max(1) as f64)
+    Ok(if all == 0 { f64::INFINITY } else { beside as f64 / all as f64 })
 }
 
 /// Mean deviation of the radii of points from their distances, octaves: on dense or on sparse
-/// patches, where it is greater.
+/// patches, where it is greater; infinite if there are no points.
 ///
 /// # Errors
 /// If the points cannot be read.
@@ -252,7 +252,9 @@ fn radius_error(file: &Forest, request: &PictureRequest, patches: &Patches) -> R
         *sum += (f64::from(splat.radius) / spacing).log2().abs();
         *count += 1.0;
     }
-    Ok(sums.map(|[sum, count]| sum / f64::max(count, 1.0)).into_iter().fold(0.0, f64::max))
+    let drawn = sums.iter().filter(|[_, count]| *count > 0.0);
+    let worst = drawn.map(|[sum, count]| sum / count).reduce(f64::max);
+    Ok(worst.unwrap_or(f64::INFINITY))
 }
 
 /// Distance of the middle of the covered pixels from that of the picture; infinite of none.
