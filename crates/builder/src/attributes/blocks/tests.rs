@@ -2,11 +2,12 @@
 
 use super::plane::VOLUME;
 use super::*;
+use crate::attributes::density::Distances;
 use crate::attributes::eigen::Eigen;
 use crate::attributes::normals::{Bounds, LINE, stored};
 use crate::attributes::surfaces::{Truth, plane, sphere, tilted, two_walls};
 use crate::random::Random;
-use esker_points::quant;
+use esker_points::{Cell, quant};
 use proptest::prelude::*;
 
 const SCALE: f64 = 0.001;
