@@ -257,6 +257,16 @@ fn decimal(value: i64, decimals: u32, style: u8) -> String {
     }
 }
 
+/// Steps of axes are shortened to differ by ten at most, but not below what doubles resolve.
+#[test]
+fn a_large_whole_number_beside_small_decimals_is_not_rounded() {
+    let cloud = read("0 728635937 0.000001\n").unwrap();
+    let [x, y, z] = cloud.world[0];
+    assert_eq!([x, z], [0.0, 1e-6]);
+    assert!((y - 728_635_937.0).abs() < 2e-7, "{y}");
+    assert_eq!(cloud.report.rounding_error_max, 0.0);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 

@@ -3,6 +3,9 @@
 use super::grids::{GridKind, InputGrid, LatticeError, ORIGIN, tenfold};
 use crate::spread::{Spread, join};
 
+/// Least length of a step that is shortened, in spacings of doubles at the farthest coordinate:
+/// their noise is then no rounding ([`super::placement`]).
+const TOLD_APART: f64 = 400.0;
 /// Free steps on each side of the points, as a multiple of their extent: appended scans lie beside
 /// the first.
 const ROOM: f64 = 6.0;
@@ -63,13 +66,15 @@ impl Lattice {
     }
 
     /// Shortens steps by powers of ten, which text and floats have, where they are over ten times
-    /// as long as those of another axis, as far as the lattice still has room on all sides.
+    /// as long as those of another axis, as far as the lattice still has room on all sides and
+    /// doubles tell the steps apart.
     fn even_out(&mut self, inputs: &[InputGrid]) {
         let finest = self.scale.into_iter().fold(f64::INFINITY, f64::min);
         for axis in 0..3 {
             let Some((lo, hi)) = extent(inputs, axis) else { continue };
             let mut scale = tenfold(finest);
-            while (hi - lo) / scale * (2.0 * ROOM + 1.0) > 2.0 * ORIGIN as f64 {
+            let least = lo.abs().max(hi.abs()) * f64::EPSILON * TOLD_APART;
+            while scale < least || (hi - lo) / scale * (2.0 * ROOM + 1.0) > 2.0 * ORIGIN as f64 {
                 scale = tenfold(scale);
             }
             if scale < self.scale[axis] {
