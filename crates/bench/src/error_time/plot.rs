@@ -3,7 +3,11 @@
 use crate::error_time::report::{Row, Scan};
 use crate::error_time::streaming::Load;
 use anyhow::{Result, anyhow};
+use plotters::element::DashedPathElement;
 use plotters::prelude::*;
+
+/// Ends of a line on the plot, pixels.
+type Ends = std::array::IntoIter<(i32, i32), 2>;
 
 /// Width and height of plots, and width of the list beside the first one, pixels.
 const SIZE: (u32, u32) = (860, 540);
@@ -79,7 +83,7 @@ fn draw(
             style,
         ))?
         .label(format!("floor {:.4}: the reference, a step of the lattice aside", scan.floor_flip))
-        .legend(|(x, y)| PathElement::new([(x, y), (x + 16, y)], BLACK));
+        .legend(move |(x, y)| dashes(x, y, style));
     let mut front: Vec<&Row> = rows.iter().filter(|row| row.on_front).collect();
     front.sort_by(|a, b| a.ms.total_cmp(&b.ms));
     let line = front.iter().map(|row| (row.ms, row.flip));
@@ -188,12 +192,22 @@ fn draw_loading(
         let curve = load.curve.iter().map(|[ms, flip]| (ms.max(first), *flip));
         let label = format!("{}, {}", load.view, load.priority);
         if load.priority == "distance" {
-            chart.draw_series(DashedLineSeries::new(curve, 6, 4, style))?.label(label)
+            chart
+                .draw_series(DashedLineSeries::new(curve, 6, 4, style))?
+                .label(label)
+                .legend(move |(x, y)| dashes(x, y, style));
         } else {
-            chart.draw_series(LineSeries::new(curve, style))?.label(label)
+            chart
+                .draw_series(LineSeries::new(curve, style))?
+                .label(label)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], style));
         }
-        .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], style));
     }
     chart.configure_series_labels().background_style(WHITE.mix(0.85)).border_style(BLACK).draw()?;
     root.present()
+}
+
+/// The sign of a dashed line in a legend.
+fn dashes(x: i32, y: i32, style: ShapeStyle) -> DashedPathElement<Ends, i32> {
+    DashedPathElement::new([(x, y), (x + 16, y)], 6, 4, style)
 }
