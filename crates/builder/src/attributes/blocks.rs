@@ -277,9 +277,7 @@ impl Tile {
         let part = part.flatten().map(|part| Surface::Even(code_of(part.normal)));
         part.or_else(unknown)
     }
-}
 
-impl Tile {
     /// The line that the points of a cell are on, if they may be a wire.
     fn line(&self, cloud: &Cloud<'_>, cell: [u32; 3], surface: &Surface) -> Option<Line> {
         let cells = self.block(cell).map(|cell| &self.moments[cell]);

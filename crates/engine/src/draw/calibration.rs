@@ -22,7 +22,8 @@ const MEASURED: [Method; 4] = [Method::Points, Method::PullPush, Method::Auto, M
 const SIZES: [[u32; 2]; 2] = [[480, 300], [960, 600]];
 const SPACINGS_PX: [f64; 2] = [1.0, 6.0];
 /// Cameras: the whole scan, a part that fills the picture, and the scan from afar in an otherwise
-/// empty picture. With two of them pixels and covered pixels could not be told apart.
+/// empty picture. In pictures that are all about equally full, the cost of a covered pixel cannot
+/// be separated from that of any pixel.
 const CAMERAS: [&str; 3] =
     ["", "direction=0.2,0.3,-1;fovy=20", "eye=599544,5299450,1010;target=600144,5300150,510"];
 /// Part of the name of kept models: of another set of pictures, models are others.

@@ -63,7 +63,7 @@ pub struct Line {
 pub struct Suspect {
     pub points: Range<u32>,
     pub line: Line,
-    /// Level from which other lines are searched.
+    /// Level of the cell.
     pub level: u32,
 }
 

@@ -51,7 +51,7 @@ pub struct ConditionRow {
     pub hardest: Option<f64>,
     /// Whether a smaller value is more difficult.
     pub smaller_is_harder: bool,
-    /// Easiest value that can be told from chance.
+    /// Most difficult value that evenly random points have; easier ones say nothing of a scan.
     pub by_chance: f64,
     /// Rated values.
     pub rated: Vec<RatedRow>,
@@ -68,7 +68,8 @@ pub struct RatedRow {
     pub bound: f64,
     /// Value up to which it holds.
     pub rated_to: f64,
-    /// Whether the most difficult cell is within that value, or cannot be told from chance.
+    /// Whether the most difficult cell is no more difficult than the rated value, or than random
+    /// points.
     pub is_within: bool,
 }
 
