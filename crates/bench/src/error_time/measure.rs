@@ -2,6 +2,7 @@
 //! the machine does falls on all of them alike.
 
 use crate::error_time::analytic::Analytic;
+use crate::error_time::budgets::budgets;
 use crate::error_time::compare::{Errors, errors, flicker};
 #[cfg(feature = "light")]
 use crate::error_time::lit;
@@ -88,12 +89,15 @@ pub fn measure(request: &ErrorTimeRequest, task: &dyn Task) -> Result<ErrorTimeR
             adapter: gpu.as_ref().map(|gpu| gpu.name.clone()),
             note: drawer.note,
             threads: rayon::current_num_threads(),
+            waited: None,
             size: request.size,
             scans: Vec::new(),
             rows: Vec::new(),
             lit: Vec::new(),
+            budgets: Vec::new(),
             streaming: Vec::new(),
         };
+        let before = (system::waited_for_cores_ms(), system::cpu_ms());
         for path in &request.files {
             let mut measured = Measured::new(path, request.is_full, &base, gpu.as_ref(), task)?;
             // Scans of the same name in different folders keep rows and pages of their own.
@@ -113,11 +117,16 @@ pub fn measure(request: &ErrorTimeRequest, task: &dyn Task) -> Result<ErrorTimeR
                 let crops = measured.crops(&rows, task)?;
                 page::write(folder, &scan, (&rows, &lit), &loads, &crops)?;
             }
+            report.budgets.extend(budgets(&rows));
             report.lit.extend(lit);
             report.streaming.extend(loads);
             report.scans.push(scan);
             report.rows.extend(rows);
         }
+        let since = |now: Option<f64>, then: Option<f64>| Some(now? - then?);
+        let waited_ms = since(system::waited_for_cores_ms(), before.0);
+        let cpu_ms = since(system::cpu_ms(), before.1);
+        report.waited = waited_ms.zip(cpu_ms).map(|(waited, cpu)| waited / cpu.max(1e-6));
         Ok(report)
     })
 }

@@ -7,6 +7,7 @@
 //! [`streaming`] measures the error of frames while a file is loaded, [`lit`] that of traced light.
 
 pub(crate) mod analytic;
+mod budgets;
 mod columns;
 pub(crate) mod compare;
 mod lit;

@@ -1,6 +1,7 @@
 //! The report of error against run time: a row for each setting, which of them are on the Pareto
 //! front, advice for given frame times, and a table for people.
 
+use crate::error_time::budgets::Budget;
 use crate::error_time::columns::{COLUMNS, in_columns, or_dash, padded};
 use crate::error_time::lit::{self, LitRow};
 use crate::error_time::settings::Setting;
@@ -14,6 +15,9 @@ use serde::Serialize;
 /// Times of frames for which there is advice, milliseconds: 60, 30 and 15 frames a second.
 pub(super) const BUDGETS_MS: [f64; 3] = [16.0, 33.0, 66.0];
 
+/// Time that threads may wait for a core over CPU time, without a note.
+const BUSY: f64 = 0.1;
+
 /// Rows of all scans, and what they are compared with.
 #[derive(Clone, Debug, Serialize)]
 pub struct ErrorTimeReport {
@@ -23,6 +27,8 @@ pub struct ErrorTimeReport {
     pub(super) note: Option<String>,
     /// Threads of the CPU renderer.
     pub(super) threads: usize,
+    /// Time that threads waited for a core over the CPU time of the run: what other programs took.
+    pub(super) waited: Option<f64>,
     /// Width and height of the shown picture, pixels.
     pub(super) size: [u32; 2],
     /// A scan each.
@@ -32,6 +38,8 @@ pub struct ErrorTimeReport {
     /// A row for each scan and setting of traced light, against a reference of its own.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) lit: Vec<LitRow>,
+    /// A row for each scan, method and budget of time.
+    pub(super) budgets: Vec<Budget>,
     /// A row for each scan, view and order of loading.
     pub(super) streaming: Vec<Load>,
 }
@@ -192,35 +200,6 @@ pub(super) fn advice(rows: &[Row]) -> Vec<Advice> {
     BUDGETS_MS.map(best).to_vec()
 }
 
-/// Time of a fixed setting over that of one that a budget chose, at most, to be called as fast.
-const AS_FAST: f64 = 1.1;
-
-/// A line for each budget of time: CPU time as predicted and as measured, and the error beside
-/// that of the best fixed setting of the same method that is as fast.
-pub(super) fn pace_lines(rows: &[Row]) -> Vec<String> {
-    let line = |row: &Row| {
-        let settings = &row.settings;
-        let (budget_ms, wanted) = settings.budget_ms.zip(settings.wanted_method)?;
-        let (predicted_ms, cpu_ms) = settings.predicted_cpu_ms.zip(row.cpu_ms)?;
-        let is_rival = |other: &&Row| {
-            let is_fixed = other.settings.budget_ms.is_none() && other.settings.build.is_empty();
-            let is_fast = other.cpu_ms.is_some_and(|other_ms| other_ms <= cpu_ms * AS_FAST);
-            is_fixed && is_fast && other.method == wanted && other.backend == row.backend
-        };
-        let least = rows.iter().filter(is_rival).min_by(|a, b| a.flip.total_cmp(&b.flip));
-        let rival = least.map_or(String::new(), |best| {
-            format!("; best fixed setting that is as fast: {:.4}, {}", best.flip, best.what)
-        });
-        Some(format!(
-            "--budget-ms {budget_ms} by {wanted}: {predicted_ms:.1} CPU ms predicted, {cpu_ms:.1} measured ({:.2}); {:.1} ms; FLIP {:.4}{rival}",
-            predicted_ms / cpu_ms.max(1e-6),
-            row.ms,
-            row.flip,
-        ))
-    };
-    rows.iter().filter_map(line).collect()
-}
-
 impl Scan {
     /// A sentence for each advice: what to draw with, and what to expect.
     pub fn sentences(&self) -> Vec<String> {
@@ -265,9 +244,13 @@ pub fn text(report: &ErrorTimeReport) -> String {
         lines.extend(lit::heading(&lit));
         lines.extend(lit.iter().map(|row| in_columns(&row.cells()).trim_end().to_owned()));
         lines.extend(scan.sentences());
-        lines.extend(pace_lines(&rows));
+        lines.extend(report.budgets.iter().filter(|b| b.file == scan.file).map(Budget::line));
         lines.extend(streaming_lines(report.streaming.iter().filter(|l| l.file == scan.file)));
     }
+    let waited = report.waited.filter(|waited| *waited > BUSY);
+    lines.extend(waited.map(|waited| {
+        format!("other programs kept this machine busy: threads waited for {waited:.2} of their CPU time, so times of frames are too long")
+    }));
     lines.extend(report.adapter.iter().map(|name| format!("gpu: {name}")));
     lines.extend(report.note.iter().map(|note| format!("the CPU alone is measured: {note}")));
     lines.join("\n")

@@ -11,6 +11,8 @@ use serde::Serialize;
 
 /// Targets that are tried, pixels.
 const SPACINGS_PX: [f64; 5] = [0.5, 1.5, 2.0, 3.0, 4.0];
+/// Targets of EWA splatting that are tried even if settings are not crossed: it gains by them.
+const FINER_PX: [f64; 2] = [0.5, 0.7];
 /// Pass that is added to dense views, and a target at which views are dense, pixels.
 const DENSE: &str = "with push in dense views";
 const DENSE_PX: f64 = 0.25;
@@ -229,6 +231,10 @@ pub(super) fn of_file(
     let is_paced = |base: &&Setting| full || PACED.contains(&base.method);
     for base in methods.iter().filter(is_paced) {
         all.extend(SCALES.map(|scale| Setting { scale, ..base.clone() }));
+    }
+    if !full {
+        let finer = |spacing_px| Setting { spacing_px, ..methods[4].clone() };
+        all.extend(FINER_PX.map(finer));
     }
     let varied: &[Setting] = if full { &methods } else { std::slice::from_ref(&base) };
     for base in varied {

@@ -26,6 +26,9 @@ const PROBE_AGAIN: f64 = 0.71;
 const PROBES_MAX: usize = 4;
 /// Frames of a probe that are measured.
 const FRAMES: usize = 3;
+/// Targets of EWA splatting, as shares of the wanted one, where there is time left. By pull-push
+/// finer targets change pictures by less than their error, for up to three times the time.
+const FINER: [f64; 2] = [std::f64::consts::FRAC_1_SQRT_2, 0.5];
 /// Fewest points that a budget leaves.
 const POINTS_MIN: u64 = 10_000;
 
@@ -35,6 +38,8 @@ struct Settings {
     method: Method,
     /// Side of the drawn picture over that of the wanted one.
     scale: f64,
+    /// Target distance of points, pixels.
+    spacing_px: f64,
     /// Most points.
     points_max: u64,
 }
@@ -115,7 +120,8 @@ fn choose(
     for settings in tried {
         let (corrected, finest) = finest(subject, settings, pace, cpu_ms)?;
         if let Some(predicted) = finest {
-            return Ok((predicted, corrected.factor));
+            let known = (predicted, corrected.factor);
+            return finer(subject, known, corrected.cost, cpu_ms);
         }
         last = Some(corrected);
     }
@@ -157,6 +163,32 @@ fn finest(
             _ => return Ok((corrected, finest)),
         }
     }
+}
+
+/// The same settings with a finer target, if they are of whole pictures by EWA splatting with the
+/// default target and there is time for it.
+fn finer(
+    subject: &mut dyn Subject,
+    known: (Predicted, f64),
+    cost: Cost,
+    cpu_ms: f64,
+) -> Result<(Predicted, f64)> {
+    let ((settings, _), _) = known;
+    let is_open = settings.method == Method::Ewa
+        && settings.scale == 1.0
+        && settings.spacing_px == PictureRequest::default().target_spacing_px;
+    let mut best = known;
+    for share in FINER.into_iter().filter(|_| is_open) {
+        let finer = Settings { spacing_px: settings.spacing_px * share, ..settings };
+        let probe = subject.probe(&Settings { scale: PROBE_AGAIN, ..finer })?;
+        let corrected = Corrected::new(cost, probe);
+        let predicted_ms = corrected.cpu_ms(subject.demand(&finer)?);
+        if predicted_ms > cpu_ms {
+            break;
+        }
+        best = ((finer, predicted_ms), corrected.factor);
+    }
+    Ok(best)
 }
 
 /// The finest picture whose predicted time is at most `cpu_ms`, by bisection of the scales.
@@ -206,8 +238,9 @@ pub struct Paced {
 }
 
 /// Chooses settings for a picture of `file` whose frames, after the first one, take at most
-/// `budget_ms` of wall time: those of the request if there is time, else a coarser resolution, then
-/// points alone, then fewer points. If nothing is fast enough, the fastest.
+/// `budget_ms` of wall time: those of the request if there is time, by EWA splatting with a finer
+/// target if the request has the default one, else a coarser resolution, then points alone, then
+/// fewer points. If nothing is fast enough, the fastest.
 ///
 /// # Errors
 /// If the method was not measured, a picture cannot be drawn, or `task` is cancelled.
@@ -222,6 +255,7 @@ pub fn paced(
     let wanted = Settings {
         method: request.method,
         scale: 1.0,
+        spacing_px: request.target_spacing_px,
         points_max: request.budget_points.min(file.points()),
     };
     let parallel = pace.parallel.max(1e-3);
@@ -248,6 +282,7 @@ impl ViewOfFile<'_> {
         PictureRequest {
             size: self.request.size.map(side),
             method: settings.method,
+            target_spacing_px: settings.spacing_px,
             budget_points: settings.points_max,
             ..self.request.clone()
         }
@@ -300,7 +335,8 @@ mod tests {
     impl Subject for Invented {
         fn demand(&mut self, settings: &Settings) -> Result<Demand> {
             let pixels = 640.0 * 400.0 * settings.scale * settings.scale;
-            Ok(Demand { points: (2.0 * pixels).min(settings.points_max as f64), pixels })
+            let points = 2.0 * pixels / settings.spacing_px.powi(2);
+            Ok(Demand { points: points.min(settings.points_max as f64), pixels })
         }
 
         fn probe(&mut self, settings: &Settings) -> Result<Probe> {
@@ -313,7 +349,8 @@ mod tests {
 
     const COST: Cost = Cost { frame_ms: 0.2, points_ms: 10.0, pixels_ms: 20.0, covered_ms: 160.0 };
     const CHEAP: Cost = Cost { frame_ms: 0.1, points_ms: 2.0, pixels_ms: 1.0, covered_ms: 20.0 };
-    const WANTED: Settings = Settings { method: Method::Auto, scale: 1.0, points_max: 500_000 };
+    const WANTED: Settings =
+        Settings { method: Method::Auto, scale: 1.0, spacing_px: 1.0, points_max: 500_000 };
 
     fn pace() -> Pace {
         let costs = METHODS.map(|(method, name, _)| {
@@ -367,6 +404,27 @@ mod tests {
         let ((least, least_ms), _) = choose(&mut view, WANTED, &pace(), 1e-3).unwrap();
         assert_eq!((least.scale, least.points_max), (SCALE_MIN, POINTS_MIN));
         assert!(least_ms > 1e-3, "the fastest is still too slow");
+    }
+
+    #[test]
+    fn ewa_takes_a_finer_target_where_there_is_time_and_the_request_names_none() {
+        let ewa = Settings { method: Method::Ewa, points_max: u64::MAX, ..WANTED };
+        let mut view = Invented::new(1.0, 1.0);
+        let chosen = |view: &mut Invented, settings: Settings, budget_ms: f64| {
+            let ((settings, predicted_ms), _) = choose(view, settings, &pace(), budget_ms).unwrap();
+            assert!((predicted_ms / view.cpu_ms(&settings) - 1.0).abs() < 1e-6);
+            settings
+        };
+        let whole_ms = view.cpu_ms(&ewa);
+        let half_ms = view.cpu_ms(&Settings { spacing_px: 0.5, ..ewa });
+        let finer = |view: &mut Invented, budget_ms| chosen(view, ewa, budget_ms).spacing_px;
+        assert_eq!(finer(&mut view, whole_ms * 1.01), 1.0);
+        assert_eq!(finer(&mut view, whole_ms.midpoint(half_ms)), FINER[0]);
+        assert_eq!(finer(&mut view, half_ms * 1.01), 0.5);
+        let own = Settings { spacing_px: 2.0, ..ewa };
+        assert_eq!(chosen(&mut view, own, half_ms).spacing_px, 2.0);
+        let pull_push = Settings { method: Method::PullPush, ..ewa };
+        assert_eq!(chosen(&mut view, pull_push, half_ms).spacing_px, 1.0);
     }
 
     #[test]
