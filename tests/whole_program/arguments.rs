@@ -122,7 +122,7 @@ fn windows() {
     for (window, word) in [
         ("--window 0,0,9", "x, y, width, height"),
         ("--size 9x9 --window 1,0,9,9", "not within the picture of 9x9"),
-        ("--window 0,0,9,9 --method lit", "add --method auto"),
+        ("--size 9x9 --window 1,0,9,9 --method lit", "not within the picture of 9x9"),
     ] {
         let words = ["render", built.as_str(), "-o", out.as_str()];
         let outcome = esker(words.into_iter().chain(window.split(' ')));

@@ -225,3 +225,51 @@ fn wide_splats_drawn_in_parts_have_the_pixels_of_the_whole() {
         }
     }
 }
+
+/// Gaps between points are wider than the margin of windows of dense views.
+#[test]
+fn wide_gaps_filled_in_parts_have_the_pixels_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    for normals in [NormalsMode::Fast, NormalsMode::None] {
+        let file = built(folder.path(), normals);
+        for backend in backends() {
+            let methods = [Method::PullPush, Method::Auto, Method::Ewa];
+            let methods = if backend == Backend::Cpu { &methods[..] } else { &methods[..1] };
+            for &method in methods {
+                for target_spacing_px in [10.0, 40.0] {
+                    // Points that far apart are dots, which cover little.
+                    if method == Method::Auto && target_spacing_px > 10.0 {
+                        continue;
+                    }
+                    let plain = request(CAMERA, method, Dots::default(), backend);
+                    let request = PictureRequest { target_spacing_px, ..plain };
+                    let found = differences(&file, &request);
+                    println!(
+                        "{normals:?}, {backend:?}, {method:?}, {target_spacing_px}: {found:?}"
+                    );
+                    assert!(found.iter().all(|found| found.is_none_on(backend)), "{found:?}");
+                }
+            }
+        }
+    }
+}
+
+/// Their noise, filter and exposure are those of the whole.
+#[cfg(feature = "light")]
+#[test]
+fn parts_of_lit_pictures_have_the_pixels_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path(), NormalsMode::Fast);
+    let lit = request(CAMERA, Method::Lit, Dots::default(), Backend::Cpu);
+    let mut lit = PictureRequest { size: [300, 110], ..lit };
+    let whole = draw(&file, &lit, &Silent).unwrap().0;
+    let window = Window { x: 17, y: 40, width: 120, height: 70 };
+    lit.window = Some(window);
+    let (part, report) = draw(&file, &lit, &Silent).unwrap();
+    assert_eq!(different(&part, &whole, window), Different::default());
+    assert_eq!([report.width, report.height], [120, 70]);
+    let shown = part.depth.iter().filter(|depth| depth.is_finite()).count();
+    assert_eq!(report.pixels_covered, shown as u64);
+    lit.window = Some(Window { x: 200, ..window });
+    assert!(draw(&file, &lit, &Silent).unwrap_err().to_string().contains("not within"));
+}

@@ -12,7 +12,7 @@ use crate::draw::facing;
 use crate::draw::method::{METHODS, Method};
 use crate::draw::scene::{PictureRequest, PictureScene, ms, open};
 use crate::draw::whole;
-use crate::draw::window::cropped;
+use crate::draw::window::{self, cropped};
 use crate::io::output;
 use crate::io::picture;
 use crate::io::quantity::grouped;
@@ -158,8 +158,10 @@ pub fn render(
         let start = Instant::now();
         output::may_write(out, inputs)?;
         picture::check_name(out)?;
-        picture::check_size(request.shown_size(), request.method)?;
-        if request.method == Method::Lit {
+        let is_lit = request.method == Method::Lit;
+        let size = if is_lit { request.size } else { request.shown_size() };
+        picture::check_size(size, request.method)?;
+        if is_lit {
             check_built()?;
         }
         let (file, _folder) = open(inputs, request, task)?;
@@ -187,10 +189,12 @@ pub fn draw(
     if let Some(budget_ms) = request.budget_ms {
         return draw_within(file, request, budget_ms, task);
     }
-    let scene = PictureScene::read(file, request, task)?;
     if request.method == Method::Lit {
-        let (gpu, drawer) = request.with.choose(None)?;
-        return draw_lit(file, &scene, gpu.as_ref(), drawer, request, task);
+        return draw_lit_window(file, request, task);
+    }
+    let scene = PictureScene::read(file, request, task)?;
+    if let Some(drawn) = scene.view.window {
+        picture::check_size([drawn.width, drawn.height], request.method)?;
     }
     let octree =
         CompactOctree::with_hidden(file.table(), &scene.selection.drawn, &scene.selection.hidden);
@@ -249,6 +253,27 @@ fn draw_within(
     if paced.wall_ms > budget_ms {
         report.notes.push("no settings are fast enough for --budget-ms: these are the fastest");
     }
+    Ok((picture, report))
+}
+
+/// Draws a lit picture, or a part of one. The noise of light, its filter and the exposure are those
+/// of the whole picture, which is drawn and then cropped.
+fn draw_lit_window(
+    file: &Forest,
+    request: &PictureRequest,
+    task: &dyn Task,
+) -> Result<(Picture, RenderReport)> {
+    if let Some(window) = request.window {
+        window::check(window, request.size)?;
+    }
+    let whole = PictureRequest { window: None, ..request.clone() };
+    picture::check_size(whole.size, whole.method)?;
+    let scene = PictureScene::read(file, &whole, task)?;
+    let (gpu, drawer) = request.with.choose(None)?;
+    let (picture, mut report) = draw_lit(file, &scene, gpu.as_ref(), drawer, &whole, task)?;
+    let picture = cropped(picture, request.window);
+    (report.width, report.height) = (picture.width, picture.height);
+    report.pixels_covered = picture.stats.pixels_covered;
     Ok((picture, report))
 }
 

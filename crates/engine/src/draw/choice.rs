@@ -28,7 +28,7 @@ const PROBES_MAX: usize = 4;
 const FRAMES: usize = 3;
 /// Targets of EWA splatting, as shares of the wanted one, where there is time left. By pull-push
 /// finer targets change pictures by less than their error, for up to three times the time.
-const FINER: [f64; 2] = [std::f64::consts::FRAC_1_SQRT_2, 0.5];
+const FINER: [f64; 2] = [0.7, 0.5];
 /// Fewest points that a budget leaves.
 const POINTS_MIN: u64 = 10_000;
 

@@ -231,8 +231,6 @@ impl PictureScene {
             None => fitted_bounds(file, bounds, &appearance.shown)?,
         };
         let view = appearance.drawn_view(file, &camera.view(fitted, request.size));
-        let has_normals = file.has(PlaneKind::Normal);
-        let (view, window) = windowed(view, request.window, request.size, *method, has_normals)?;
         appearance.colouring = appearance.colouring.seen(&view, fitted, colour);
         let steps = (0..3).map(|axis| file.metric().steps_axis(axis, view.eye[axis]).abs());
         anyhow::ensure!(
@@ -255,6 +253,8 @@ impl PictureScene {
         let drawn = || selection.drawn.iter().map(|d| (file.record(d.node), d.prefix)).enumerate();
         let nodes = drawn().map(|(entry, (node, _))| (entry, node));
         let sparsest_px = sparsest_px(&view, file.metric(), &octree, nodes);
+        let apart = (file.has(PlaneKind::Normal), sparsest_px);
+        let (view, window) = windowed(view, request.window, request.size, *method, apart)?;
         let plan = appearance.plan(file, sparsest_px, appearance.crowding(file, &view));
         let mut kinds = planes_of(&plan, &appearance);
         kinds.extend(class_plane.filter(|plane| !kinds.contains(plane)));

@@ -10,32 +10,35 @@ use esker_render::picture::margin::{crop_to, window_around};
 
 /// The view that draws the part `window` of a picture of `size` pixels, and the place of the part
 /// in what it draws. `view` is that of the whole picture; `has_normals` says whether points have
-/// normals.
+/// normals, and `sparsest_px` how far apart they are on it at most.
 ///
 /// # Errors
-/// If the window is not within the picture, or the method draws whole pictures only.
+/// If the window is not within the picture.
 pub(crate) fn windowed(
     view: View,
     window: Option<Window>,
     size: [u32; 2],
     method: Method,
-    has_normals: bool,
+    (has_normals, sparsest_px): (bool, f64),
 ) -> Result<(View, Option<Window>)> {
     let Some(shown) = window else { return Ok((view, None)) };
     check(shown, size)?;
-    ensure!(
-        method != Method::Lit,
-        "--window draws no part of a lit picture: add --method auto, pull-push, ewa or points"
-    );
     let margin = view.margin_px;
     let shown = Window { x: shown.x + margin, y: shown.y + margin, ..shown };
-    let drawn = window_around(&view, shown, !has_normals && method != Method::Points);
+    // EWA splats reach as far as they are wide, and passes of points no farther than dots.
+    let passes_px = match method {
+        Method::Points => 0.0,
+        Method::Ewa if has_normals => 0.0,
+        _ => sparsest_px,
+    };
+    let smooths_depth = !has_normals && method != Method::Points;
+    let drawn = window_around(&view, shown, smooths_depth, passes_px);
     let within = Window { x: shown.x - drawn.x, y: shown.y - drawn.y, ..shown };
     Ok((View { window: Some(drawn), ..view }, Some(within)))
 }
 
 /// Refuses a window that is not within a picture of `size` pixels.
-fn check(window: Window, [width, height]: [u32; 2]) -> Result<()> {
+pub(crate) fn check(window: Window, [width, height]: [u32; 2]) -> Result<()> {
     let fits = |first: u32, count: u32, side: u32| {
         count > 0 && first.checked_add(count).is_some_and(|end| end <= side)
     };

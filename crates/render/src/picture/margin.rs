@@ -12,15 +12,18 @@ use rayon::prelude::*;
 /// (`tests/margin.rs`; `docs/design/surfaces.md`).
 pub const MARGIN_PX: u32 = 16;
 
-/// Pixels drawn around a window at least. Passes look that far, as long as points are less than a
-/// sixteenth of it apart.
+/// Pixels drawn around a window at least, and per pixel that points are apart: passes look that
+/// far.
 const WINDOW_MARGIN_PX: u32 = 64;
+const WINDOW_MARGIN_SPACINGS: f64 = 16.0;
 /// The same where depths are smoothed, since that is as wide as the discs in the tiles around are
 /// ([`crate::picture::radii`]).
 const SMOOTH_WINDOW_MARGIN_PX: u32 = 192;
 /// Windows with their margin begin at multiples of this many pixels, so that pixels of the pyramid
-/// up to this size, and the squares of fitted planes and of exposure, are those of the whole.
+/// up to this size, and the squares of fitted planes and of exposure, are those of the whole. Gaps
+/// between points that are farther apart are filled from larger pixels of the pyramid.
 const WINDOW_STEP_PX: u32 = 64;
+const WINDOW_STEP_SPACINGS: f64 = 4.0;
 
 /// Rows of a picture that a job copies.
 const ROWS: usize = 32;
@@ -37,11 +40,16 @@ pub fn goes_beyond(view: &View, bounds: [[f64; 3]; 2]) -> bool {
 
 /// The part of the picture of `view` to draw for the part `shown` of it, of which both count from
 /// the first pixel of the margin: with what passes need around it, as far as the picture goes.
-/// `smooths_depth` says whether depths are smoothed.
-pub fn window_around(view: &View, shown: Window, smooths_depth: bool) -> Window {
-    let margin_px = if smooths_depth { SMOOTH_WINDOW_MARGIN_PX } else { WINDOW_MARGIN_PX };
+/// `smooths_depth` says whether depths are smoothed, and `sparsest_px` how far apart points are at
+/// most, pixels, if passes look as far as that.
+pub fn window_around(view: &View, shown: Window, smooths_depth: bool, sparsest_px: f64) -> Window {
+    let least_px = if smooths_depth { SMOOTH_WINDOW_MARGIN_PX } else { WINDOW_MARGIN_PX };
+    // An infinite distance is that of a node around the eye: all of the picture is drawn.
+    let margin_px = least_px.max((sparsest_px * WINDOW_MARGIN_SPACINGS).ceil() as u32);
+    let step = sparsest_px * WINDOW_STEP_SPACINGS;
+    let step_px = (step.min(f64::from(1 << 30)) as u32).next_power_of_two().max(WINDOW_STEP_PX);
     let ends = |first: u32, count: u32, side: u32| {
-        let low = first.saturating_sub(margin_px) / WINDOW_STEP_PX * WINDOW_STEP_PX;
+        let low = first.saturating_sub(margin_px) / step_px * step_px;
         [low, first.saturating_add(count).saturating_add(margin_px).min(side)]
     };
     let [left, right] = ends(shown.x, shown.width, view.width);
