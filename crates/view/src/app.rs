@@ -3,30 +3,38 @@
 //! paints the window.
 
 use crate::args::Args;
+use crate::commands::{self, Command};
 use crate::counters::Counters;
 use crate::device::WindowPainter;
 use crate::input_events::WindowState;
+use crate::keys::Keys;
 #[cfg(feature = "light")]
 use crate::light;
-use crate::panel::{self, Actions, PanelData};
+use crate::overlay::Overlay;
+use crate::panel::{self, PanelData};
 use crate::pilot::Order;
 use crate::script::Script;
 use crate::scripted_run::ScriptedRun;
 use crate::settings::{self, Settings};
 use crate::shots::Shots;
 use crate::source::Opening;
+use crate::theme::TITLE;
 use crate::times::{FrameTime, Times};
 use crate::viewer::{Viewer, pixels};
-use crate::{keys, progress, theme};
+use crate::{filters, progress, theme};
 use anyhow::Result;
 use eframe::egui::{
-    CentralPanel, Context, CursorIcon, Frame, Key, Margin, Panel, RawInput, Rect, Sense, Ui,
+    CentralPanel, Context, CursorIcon, Frame, Margin, Panel, RawInput, Rect, Sense, Ui,
     ViewportCommand,
 };
+use esker_engine::cameras::camera::Camera as CameraRequest;
 use esker_engine::cameras::vertical::Vertical;
+use esker_engine::io::kept::Kept;
 use esker_engine::light::IS_BUILT;
-use esker_engine::{BuildOptions, Dots, Method, memory};
+use esker_engine::{BuildOptions, Dots, Filter, Method, memory};
 use serde_json::json;
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Seconds that the plot of frame times covers.
@@ -37,14 +45,26 @@ const POLL_INTERVAL: Duration = Duration::from_millis(10);
 const MEMORY_INTERVAL_S: f64 = 0.5;
 /// Width of the panel, points.
 const PANEL_WIDTH: f32 = 280.0;
+const PANEL_WIDTHS: RangeInclusive<f32> = 220.0..=520.0;
+/// Scans that were opened before, on the start page.
+const RECENT: usize = 8;
+/// Width of windows that have the panel from the start, points.
+const WIDTH_WITH_PANEL: f32 = 900.0;
 
 /// The application that runs in the window.
 pub struct App {
     args: Args,
+    /// How scans are built, and where the files are kept.
+    build: BuildOptions,
+    kept: Option<Kept>,
     start: Instant,
     stage: Stage,
     wanted: Settings,
-    has_panel: bool,
+    /// Whether the user wants the panel; without a choice, windows that are wide enough have it.
+    has_panel: Option<bool>,
+    is_panel_shown: bool,
+    keys: Keys,
+    overlay: Overlay,
     window_painter: WindowPainter,
     times: Times,
     counters: Counters,
@@ -61,9 +81,21 @@ pub struct App {
 
 /// What the window shows.
 enum Stage {
+    /// Nothing is open; what was opened before.
+    Start(Vec<Vec<PathBuf>>),
     Opening(Opening),
     Viewing(Box<Viewer>),
     Failed(String),
+}
+
+impl Stage {
+    /// Opens the inputs; without any, lists what was opened before.
+    fn of(args: &Args, build: &BuildOptions, kept: Option<Kept>) -> Result<Self> {
+        if args.inputs.is_empty() {
+            return Ok(Self::Start(kept.map_or_else(Vec::new, |kept| kept.recent(RECENT))));
+        }
+        Ok(Self::Opening(Opening::start(args.inputs.clone(), build.clone(), kept)?))
+    }
 }
 
 /// Times of the first events, milliseconds since the program started.
@@ -112,9 +144,19 @@ impl App {
             ..build
         };
         let script = args.script.as_deref().map(Script::read).transpose()?;
-        let stage = Stage::Opening(Opening::start(args.inputs.clone(), build)?);
+        anyhow::ensure!(
+            script.is_none() || !args.inputs.is_empty(),
+            "a script needs a file to open: give one before --script"
+        );
+        let kept = Kept::of_user(args.cache);
+        let stage = Stage::of(&args, &build, kept.clone())?;
         Ok(Self {
-            has_panel: !args.no_panel,
+            build,
+            kept,
+            has_panel: args.no_panel.then_some(false),
+            is_panel_shown: !args.no_panel,
+            keys: Keys::default(),
+            overlay: Overlay::default(),
             args,
             start,
             stage,
@@ -136,11 +178,10 @@ impl App {
         self.window_painter = window_painter;
     }
 
-    /// Changes the input of the next pass: a script replaces it, and the key of the panel is
-    /// removed.
+    /// Changes the input of the next pass: a script replaces it, and keys go to who gets them.
     pub fn input(&mut self, ctx: &Context, raw: &mut RawInput) {
         self.fly(ctx, raw);
-        self.has_panel ^= keys::take(ctx, raw);
+        self.keys.take(ctx, raw);
     }
 
     fn fly(&mut self, ctx: &Context, raw: &mut RawInput) {
@@ -166,8 +207,10 @@ impl App {
             read_bytes: self.counters.status.read_bytes,
         };
         let orders = run.fly(raw, &window);
+        let mut given = Vec::new();
         for order in orders {
             match order {
+                Order::Command(command) => given.push(command),
                 Order::Picture(path) => self.shots.request(Some(&path), ""),
                 Order::Window(path) => self.shots.request_window(ctx, path),
                 Order::SetPose(pose) => viewer.set_pose(pose),
@@ -175,6 +218,7 @@ impl App {
                 Order::Begin | Order::End => {}
             }
         }
+        self.perform(ctx, given);
     }
 
     /// Runs one pass of egui: handles input, draws the scene, shows it with the panel.
@@ -183,17 +227,45 @@ impl App {
         let now_s = self.now_s();
         self.record_milestones(now_s);
         self.poll(&ctx);
-        let mut actions = self.shortcuts(&ctx);
-        if self.has_panel && matches!(self.stage, Stage::Viewing(_)) {
-            let frame = Frame::NONE.fill(theme::PANEL).inner_margin(Margin::symmetric(12, 10));
-            let side = Panel::right("panel").frame(frame).resizable(false).exact_size(PANEL_WIDTH);
-            side.show(ui, |ui| self.panel(ui, &mut actions));
+        let dropped = ctx.input(|i| i.raw.dropped_files.clone());
+        let dropped: Vec<PathBuf> =
+            dropped.into_iter().map(|file| file.path().to_owned()).collect();
+        if !dropped.is_empty() && self.run.is_none() {
+            self.open_files(&ctx, dropped);
         }
-        CentralPanel::no_frame().show(ui, |ui| self.centre(ui, now_s));
-        self.perform(&ctx, actions);
+        let mut given = self.shortcuts(&ctx);
+        let is_wide = ctx.content_rect().width() >= WIDTH_WITH_PANEL;
+        self.is_panel_shown = self.has_panel.unwrap_or(is_wide);
+        if self.is_panel_shown && matches!(self.stage, Stage::Viewing(_)) {
+            let frame = Frame::NONE.fill(theme::PANEL).inner_margin(Margin::symmetric(12, 10));
+            let side = Panel::right("panel").frame(frame).default_size(PANEL_WIDTH);
+            side.size_range(PANEL_WIDTHS).show(ui, |ui| self.panel(ui, &mut given));
+        }
+        CentralPanel::no_frame().show(ui, |ui| self.centre(ui, now_s, &mut given));
+        given.extend(self.overlay.show(&ctx));
+        self.perform(&ctx, given);
         if self.run.is_some() {
             ctx.request_repaint();
         }
+    }
+
+    /// Opens other files in place of those that are open. The view and the filter of the command
+    /// line belong to the first ones.
+    fn open_files(&mut self, ctx: &Context, inputs: Vec<PathBuf>) {
+        if inputs != self.args.inputs {
+            self.args.camera = CameraRequest::default();
+            filters::clear(ctx, &mut self.wanted);
+            self.wanted.colour_by = None;
+        }
+        self.args.inputs = inputs;
+        // What is open ends before another session takes its memory.
+        self.stage = Stage::Failed(String::new());
+        self.counters = Counters::default();
+        self.last_s = None;
+        self.stage = match Stage::of(&self.args, &self.build, self.kept.clone()) {
+            Ok(stage) => stage,
+            Err(error) => Stage::Failed(format!("{error:#}")),
+        };
     }
 
     /// Waits for pictures that are being written, and writes the report of a script.
@@ -218,7 +290,7 @@ impl App {
             match std::mem::replace(&mut self.stage, Stage::Failed(String::new())) {
                 Stage::Failed(fault) => (Some(fault.clone()), Some(fault)),
                 Stage::Viewing(viewer) => (None, viewer.fault().map(str::to_owned)),
-                Stage::Opening(_) => (None, None),
+                Stage::Opening(_) | Stage::Start(_) => (None, None),
             };
         let Some(run) = &mut self.run else {
             return was_failed.map_or(Ok(()), |fault| Err(anyhow::anyhow!(fault)));
@@ -278,39 +350,23 @@ impl App {
             Some(Ok(opened)) => {
                 let is_coarser = self.run.as_ref().is_none_or(ScriptedRun::is_coarser_moving);
                 let viewer = Viewer::new(opened, &self.args, &self.window_painter, is_coarser);
+                let title = format!("{} - {TITLE}", viewer.name());
+                ctx.send_viewport_cmd(ViewportCommand::Title(title));
                 self.stage = Stage::Viewing(Box::new(viewer));
             }
         }
     }
 
-    fn shortcuts(&mut self, ctx: &Context) -> Actions {
-        let mut actions = Actions::default();
-        if ctx.text_edit_focused() {
-            return actions;
+    /// Commands whose keys were pressed; none while text is edited.
+    fn shortcuts(&mut self, ctx: &Context) -> Vec<Command> {
+        if ctx.text_edit_focused() || !matches!(self.stage, Stage::Viewing(_)) {
+            return Vec::new();
         }
-        let Stage::Viewing(viewer) = &self.stage else { return actions };
-        ctx.input_mut(|i| {
-            actions.freeze = i.key_pressed(Key::Space);
-            actions.clear_measurements = i.key_pressed(Key::Escape);
-            actions.screenshot = i.key_pressed(Key::P);
-            if i.key_pressed(Key::M) {
-                self.wanted.method = match self.wanted.method {
-                    Method::Points => Method::Auto,
-                    Method::Auto => Method::PullPush,
-                    Method::PullPush => Method::Ewa,
-                    Method::Ewa if IS_BUILT => Method::Lit,
-                    Method::Ewa | Method::Lit => Method::Points,
-                };
-            }
-            if i.key_pressed(Key::C) {
-                settings::next_colour(&mut self.wanted, viewer.sources());
-            }
-            self.wanted.occlusion ^= i.key_pressed(Key::O);
-        });
-        actions
+        let has_focus = ctx.memory(|memory| memory.focused().is_some());
+        ctx.input_mut(|input| commands::pressed(input, has_focus))
     }
 
-    fn panel(&mut self, ui: &mut Ui, actions: &mut Actions) {
+    fn panel(&mut self, ui: &mut Ui, given: &mut Vec<Command>) {
         let Stage::Viewing(viewer) = &mut self.stage else { return };
         // A fault of the picture is painted over it.
         let faults: Vec<String> = self.counters.status.fault.clone().into_iter().collect();
@@ -328,26 +384,42 @@ impl App {
             backend: &viewer.drawn_by(&self.window_painter),
             sources: viewer.sources(),
             has_fronts: viewer.has_fronts(),
+            classes: viewer.classes(),
             legend: legend.as_ref(),
             measured: &viewer.measured(),
             picture: viewer.picture_size(),
-            speed: viewer.camera().speed() * viewer.camera().distance(),
+            speed: viewer.camera().pace(),
+            has_fixed_speed: viewer.camera().has_fixed_pace(),
             is_frozen: viewer.is_frozen(),
             faults: &faults,
             message: self.shots.message(),
         };
         let clicked = panel::show(ui, &data, &mut self.wanted, &mut is_coarser);
         viewer.set_coarser_moving(is_coarser);
-        actions.add(clicked);
+        given.extend(clicked);
     }
 
-    fn centre(&mut self, ui: &mut Ui, now_s: f64) {
+    fn centre(&mut self, ui: &mut Ui, now_s: f64, given: &mut Vec<Command>) {
         let rect = ui.available_rect_before_wrap();
         ui.painter().rect_filled(rect, 0.0, theme::GROUND);
         match &mut self.stage {
+            Stage::Start(recent) => {
+                if let Some(chosen) = progress::start(ui, recent) {
+                    self.open_files(ui.ctx(), chosen);
+                }
+            }
             Stage::Opening(opening) => progress::show(ui, opening, &self.args.inputs),
-            Stage::Failed(fault) => progress::failed(ui, fault),
-            Stage::Viewing(_) => self.show_scene(ui, rect, now_s),
+            Stage::Failed(fault) => {
+                if progress::failed(ui, fault) {
+                    self.open_files(ui.ctx(), self.args.inputs.clone());
+                }
+            }
+            Stage::Viewing(_) => {
+                self.show_scene(ui, rect, now_s);
+                if !self.is_panel_shown {
+                    panel::tab(ui, rect, given);
+                }
+            }
         }
     }
 
@@ -364,6 +436,13 @@ impl App {
         viewer.update_session(ui.ctx(), &self.wanted, now_s);
         let work = viewer.draw(ui, now_s, &mut self.counters, &mut self.shots);
         viewer.paint(ui);
+        let is_filtered = self.wanted.filter != Filter::default();
+        if is_filtered && self.counters.settled && self.counters.points == 0 {
+            let all = progress::nothing_left(ui, rect);
+            if all {
+                filters::clear(ui.ctx(), &mut self.wanted);
+            }
+        }
         if self.counters.points > 0 {
             self.milestones.picture_ms.get_or_insert(now_s * 1e3);
         }
@@ -385,23 +464,39 @@ impl App {
         }
     }
 
-    fn perform(&mut self, ctx: &Context, actions: Actions) {
-        self.has_panel &= !actions.hide;
-        let Stage::Viewing(viewer) = &mut self.stage else { return };
-        if actions.home {
-            viewer.go_home();
-        }
-        if actions.freeze {
-            viewer.toggle_frozen();
-        }
-        if actions.clear_measurements {
-            viewer.clear_measurements();
-        }
-        if actions.screenshot {
-            self.shots.request(None, viewer.name());
-        }
-        if actions != Actions::default() {
+    fn perform(&mut self, ctx: &Context, given: Vec<Command>) {
+        for command in given {
+            self.perform_one(command);
             ctx.request_repaint();
+        }
+    }
+
+    fn perform_one(&mut self, command: Command) {
+        let Stage::Viewing(viewer) = &mut self.stage else { return };
+        match command {
+            Command::Fit => viewer.go_home(),
+            Command::Picture => self.shots.request(None, viewer.name()),
+            Command::NextMethod => {
+                self.wanted.method = match self.wanted.method {
+                    Method::Points => Method::Auto,
+                    Method::Auto => Method::PullPush,
+                    Method::PullPush => Method::Ewa,
+                    Method::Ewa if IS_BUILT => Method::Lit,
+                    Method::Ewa | Method::Lit => Method::Points,
+                };
+            }
+            Command::NextColours => settings::next_colour(&mut self.wanted, viewer.sources()),
+            Command::Hidden => self.wanted.occlusion = !self.wanted.occlusion,
+            Command::ClearMeasurements => {
+                if !self.overlay.close() {
+                    viewer.clear_measurements();
+                }
+            }
+            Command::FixSpeed => viewer.toggle_fixed_pace(),
+            Command::Freeze => viewer.toggle_frozen(),
+            Command::Panel => self.has_panel = Some(!self.is_panel_shown),
+            Command::Keys => self.overlay.toggle_keys(),
+            Command::List => self.overlay.toggle_list(),
         }
     }
 }

@@ -14,8 +14,9 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Parser)]
 #[command(name = "esker-view", version, about)]
 pub struct Args {
-    /// An .esker file; or scans, which are first built into a temporary file.
-    #[arg(required = true, value_name = "FILE")]
+    /// An .esker file; or scans and folders of scans, which are first built into one. Without any,
+    /// the window shows what was opened before, and takes files that are dropped on it.
+    #[arg(value_name = "FILE")]
     pub inputs: Vec<PathBuf>,
     /// What draws the scene: a real GPU if there is one, else the CPU (auto); a GPU, software
     /// drivers included; the CPU.
@@ -109,6 +110,10 @@ pub struct Args {
     /// Distance of neighbouring points in the picture that is fine enough, in pixels.
     #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]
     pub target_spacing: f64,
+    /// Milliseconds that a frame may take while the camera moves: pictures are then drawn coarser
+    /// if need be.
+    #[arg(long, value_name = "MS", default_value_t = 33.0, value_parser = quantity::milliseconds)]
+    pub frame_ms: f64,
     /// Draw hidden nodes too.
     #[arg(long)]
     pub no_occlusion: bool,
@@ -119,6 +124,10 @@ pub struct Args {
     /// Folder for the file that is built from scans; the system's temporary folder by default.
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
+    /// Most bytes of files built from scans that are kept in the user's cache folder, so that the
+    /// same scans open at once the next time; 0 keeps none. With --scratch none is kept.
+    #[arg(long, value_name = "BYTES", default_value = "16GiB", value_parser = quantity::bytes)]
+    pub cache: u64,
     /// Follow this script instead of a user's input, write a report, and close.
     #[arg(long, value_name = "SCRIPT.json")]
     pub script: Option<PathBuf>,

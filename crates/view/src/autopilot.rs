@@ -1,5 +1,6 @@
-//! Follows a camera path with the window's own input: holds the right button and moves the mouse to
-//! turn, presses and releases keys to stay near the path, and turns the wheel to reach its speed.
+//! Follows a camera path with the window's own input: holds the middle button and moves the mouse
+//! to turn, presses and releases keys to stay near the path, and turns the wheel to reach its
+//! speed.
 //! The camera is late by a fraction of a second and never exactly on the path.
 
 use crate::gestures::{SPEED_A_POINT, TURN_RAD};
@@ -70,7 +71,7 @@ impl Autopilot {
         };
         if !self.is_held {
             events.push(Event::PointerMoved(middle));
-            events.push(button_event(middle, PointerButton::Secondary, true));
+            events.push(button_event(middle, PointerButton::Middle, true));
             self.is_held = true;
             return false;
         }
@@ -128,7 +129,7 @@ impl Autopilot {
         if std::mem::take(&mut self.is_held) {
             let at = position_at(window.picture_rect, [0.5, 0.5]);
             let at = at + vec2(self.pointer[0] as f32, self.pointer[1] as f32);
-            events.push(button_event(at, PointerButton::Secondary, false));
+            events.push(button_event(at, PointerButton::Middle, false));
         }
     }
 }

@@ -9,6 +9,15 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Time constant of velocities and zooms, seconds: all but 1/e of the rest is covered in it.
 const EASE_S: f64 = 0.09;
+/// Velocity, in viewing distances a second, below which the camera stops once no key is held: at 60
+/// frames a second, half a pixel a frame of a picture some 700 pixels high.
+const STILL: f64 = 0.04;
+/// Logarithm of the ratio of distances that is left of a zoom when it ends at once: the border of
+/// such a picture moves by half a pixel.
+const ZOOM_LEFT: f64 = 1.5e-3;
+/// Least speed of flying, in sizes of the scene a second at a speed of 1: near walls the viewing
+/// distance goes to zero.
+const PACE_MIN: f64 = 0.01;
 /// Duration of a glide, seconds.
 const GLIDE_S: f64 = 0.7;
 /// Steepest pitch, radians; a camera that looks straight up or down has no heading.
@@ -112,6 +121,8 @@ pub struct Camera {
     /// Viewing distance: distance to the scene, which a speed of 1 covers in a second.
     distance: f64,
     speed: f64,
+    /// Speed of flying, the file's unit a second, if it does not follow the viewing distance.
+    fixed_pace: Option<f64>,
     velocity: DVec3,
     /// Rest of a zoom: logarithm of the ratio of distances, and the point that it approaches.
     zoom: Option<(f64, DVec3)>,
@@ -147,6 +158,7 @@ impl Camera {
             fovy_rad,
             distance,
             speed: 1.0,
+            fixed_pace: None,
             velocity: DVec3::ZERO,
             zoom: None,
             glide: None,
@@ -203,10 +215,29 @@ impl Camera {
         self.speed
     }
 
+    /// Speed of flying, the file's unit a second.
+    pub fn pace(&self) -> f64 {
+        match self.fixed_pace {
+            Some(pace) => pace,
+            None => self.speed * self.distance.max(self.limits.size * PACE_MIN),
+        }
+    }
+
+    /// Whether the speed of flying stays as it is, instead of following the viewing distance.
+    pub fn has_fixed_pace(&self) -> bool {
+        self.fixed_pace.is_some()
+    }
+
+    /// Keeps the present speed of flying, or lets it follow the viewing distance again.
+    pub fn fix_pace(&mut self, is_fixed: bool) {
+        if is_fixed != self.has_fixed_pace() {
+            self.fixed_pace = is_fixed.then(|| self.pace());
+        }
+    }
+
     /// Whether the camera moves without input: it is gliding, zooming or slowing down.
     pub fn is_moving(&self) -> bool {
-        let still = self.distance * 1e-4;
-        self.glide.is_some() || self.zoom.is_some() || self.velocity.length() > still
+        self.glide.is_some() || self.zoom.is_some() || self.velocity != DVec3::ZERO
     }
 
     /// Direction through a pixel of a picture of this size, of unit length.
@@ -233,7 +264,13 @@ impl Camera {
 
     /// Multiplies the speed by `factor`.
     pub fn change_speed(&mut self, factor: f64) {
-        self.speed = (self.speed * factor).clamp(SPEED[0], SPEED[1]);
+        match &mut self.fixed_pace {
+            Some(pace) => {
+                let [least, most] = SPEED.map(|speed| speed * self.limits.size);
+                *pace = (*pace * factor).clamp(least * PACE_MIN, most);
+            }
+            None => self.speed = (self.speed * factor).clamp(SPEED[0], SPEED[1]),
+        }
     }
 
     /// Turns the camera in point, radians to the left and upwards.
@@ -281,6 +318,11 @@ impl Camera {
         self.glide_to(Pose { eye, yaw, pitch }, point, distance);
     }
 
+    /// Replaces the first view by that of another camera on the same scene.
+    pub fn set_home(&mut self, other: &Self) {
+        (self.home, self.home_distance) = (other.home, other.home_distance);
+    }
+
     /// Glides back to the first view.
     pub fn go_home(&mut self) {
         let ahead = -self.frame.axes(self.home.yaw, self.home.pitch).z_axis;
@@ -325,12 +367,13 @@ impl Camera {
 
     fn ease_zoom(&mut self, decayed: f64) {
         let Some((left, point)) = self.zoom else { return };
-        let now = left * (1.0 - decayed);
+        let eased = left * (1.0 - decayed);
+        let now = if (left - eased).abs() > ZOOM_LEFT { eased } else { left };
         let arm = self.pose.eye - point;
         let least = arm.length().min(self.limits.size * DISTANCE[0]);
         self.move_to(point + arm.normalize_or_zero() * (arm.length() * now.exp()).max(least));
         self.distance = self.limits.clamp_distance(self.distance * now.exp());
-        self.zoom = (left - now).abs().gt(&1e-4).then_some((left - now, point));
+        self.zoom = (left != now).then_some((left - now, point));
     }
 
     /// The velocity approaches that of the keys exponentially; the distance covered is its
@@ -338,13 +381,18 @@ impl Camera {
     fn ease_flight(&mut self, keys: DVec3, seconds: f64, decayed: f64) {
         let axes = self.axes();
         let target = axes.x_axis * keys.x + self.frame.up * keys.y - axes.z_axis * keys.z;
-        let target = target * (self.speed * self.distance);
+        let target = target * self.pace();
+        let (speed, still) = (self.velocity.length(), self.distance * STILL);
+        if keys == DVec3::ZERO && speed * decayed <= still {
+            // It stops within this step, at the same place whatever the step.
+            let way = (speed - still).max(0.0) * EASE_S;
+            self.move_to(self.pose.eye + self.velocity.normalize_or_zero() * way);
+            self.velocity = DVec3::ZERO;
+            return;
+        }
         let lag = (self.velocity - target) * (1.0 - decayed) * EASE_S;
         self.move_to(self.pose.eye + target * seconds + lag);
         self.velocity = target + (self.velocity - target) * decayed;
-        if keys == DVec3::ZERO && self.velocity.length() < self.distance * 1e-4 {
-            self.velocity = DVec3::ZERO;
-        }
     }
 
     /// Moves the eye, within the limits.

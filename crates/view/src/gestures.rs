@@ -1,5 +1,5 @@
 //! Turns input into movements of the camera: keys fly, the left button orbits around the point
-//! under the pointer, the right one looks around, the middle one pans, the wheel zooms to the
+//! under the pointer, the right one pans, the middle one looks around, the wheel zooms to the
 //! pointer (or changes the speed while flying), a click measures coordinates, a double click flies
 //! to the point. In lit pictures the left button with Ctrl (Command on a Mac) moves the sun.
 //! Gestures that need the point under the pointer wait for the picture of this frame, which has its
@@ -91,10 +91,6 @@ impl Gestures {
         }
         self.wheel(ui, response, camera, rect);
         camera.step(keys_held(ui), f64::from(ui.input(|i| i.stable_dt)));
-        let keys_free = !ui.ctx().text_edit_focused();
-        if keys_free && ui.input(|i| i.key_pressed(Key::F) || i.key_pressed(Key::Home)) {
-            camera.go_home();
-        }
     }
 
     fn start(&mut self, ui: &Ui, response: &Response, rect: Rect) {
@@ -111,7 +107,7 @@ impl Gestures {
             return;
         }
         let [shift, command] = ui.input(|i| [i.modifiers.shift, i.modifiers.command]);
-        if pressed(PointerButton::Middle) || (pressed(PointerButton::Primary) && shift) {
+        if pressed(PointerButton::Secondary) || (pressed(PointerButton::Primary) && shift) {
             self.drag = Some(Drag::Pan(None));
             self.picks.push(Pick { at, purpose: Purpose::Pan });
         } else if pressed(PointerButton::Primary) && command && self.has_sun {
@@ -119,7 +115,7 @@ impl Gestures {
         } else if pressed(PointerButton::Primary) {
             self.drag = Some(Drag::Orbit(None));
             self.picks.push(Pick { at, purpose: Purpose::Orbit });
-        } else if pressed(PointerButton::Secondary) {
+        } else if pressed(PointerButton::Middle) {
             self.drag = Some(Drag::Look);
         }
     }
@@ -227,11 +223,16 @@ fn keys_held(ui: &Ui) -> DVec3 {
     if ui.ctx().text_edit_focused() {
         return DVec3::ZERO;
     }
+    // Arrows move the focus between widgets once one has it.
+    let has_focus = ui.memory(|memory| memory.focused().is_some());
+    let is_arrow =
+        |key: Key| matches!(key, Key::ArrowUp | Key::ArrowDown | Key::ArrowLeft | Key::ArrowRight);
     ui.input(|i| {
         if i.modifiers.command {
             return DVec3::ZERO;
         }
-        let held = FLY.iter().filter(|(key, _)| i.key_down(*key)).map(|(_, to)| *to);
+        let flies = |key: Key| i.key_down(key) && !(has_focus && is_arrow(key));
+        let held = FLY.iter().filter(|(key, _)| flies(*key)).map(|(_, to)| *to);
         let pace = if i.modifiers.shift {
             FASTER
         } else if i.modifiers.alt {

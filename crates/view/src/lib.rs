@@ -7,6 +7,7 @@ pub mod args;
 mod autopilot;
 pub mod camera;
 mod canvas;
+mod commands;
 mod counters;
 mod depth;
 pub mod device;
@@ -19,6 +20,7 @@ mod legend;
 #[cfg(feature = "light")]
 mod light;
 mod measure;
+mod overlay;
 mod panel;
 mod pilot;
 mod plot;

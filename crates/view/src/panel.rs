@@ -1,7 +1,8 @@
 //! The panel beside the picture: frame times, counts of what is drawn and loaded, memory, and the
-//! settings of drawing. It shows the data that it gets and returns the user's actions, but performs
-//! none itself.
+//! settings of drawing. It shows the data that it gets and returns the user's commands, but
+//! performs none itself.
 
+use crate::commands::{self, Command};
 use crate::counters::Counters;
 use crate::filters;
 use crate::legend;
@@ -13,9 +14,10 @@ use crate::shots::Message;
 use crate::theme;
 use crate::times::Times;
 use eframe::egui::{
-    Align, Button, CollapsingHeader, ComboBox, Grid, Label, Layout, ProgressBar, RichText,
-    ScrollArea, Slider, SliderClamping, Ui, emath,
+    Align, Align2, Area, ComboBox, Grid, Id, Label, Layout, Order, ProgressBar, Rect, RichText,
+    ScrollArea, Slider, SliderClamping, Ui, emath, vec2,
 };
+use esker_engine::cameras::classes::ClassCount;
 use esker_engine::cameras::colour::SCANS;
 use esker_engine::cameras::legend::Legend;
 use esker_engine::io::quantity::{grouped, readable_bytes};
@@ -54,6 +56,8 @@ pub struct PanelData<'a> {
     pub sources: &'a [String],
     /// Whether normals tell the front of surfaces from the back.
     pub has_fronts: bool,
+    /// Classes that occur.
+    pub classes: &'a [ClassCount],
     /// Legend of the colours.
     pub legend: Option<&'a Legend>,
     /// Measurements by clicks.
@@ -62,6 +66,8 @@ pub struct PanelData<'a> {
     pub picture: [u32; 2],
     /// Speed of the camera, the file's unit a second.
     pub speed: f64,
+    /// Whether it stays as it is.
+    pub has_fixed_speed: bool,
     /// Whether the cut is frozen.
     pub is_frozen: bool,
     /// Faults, the newest last.
@@ -70,41 +76,15 @@ pub struct PanelData<'a> {
     pub message: Option<&'a Message>,
 }
 
-/// Actions that the user has chosen.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Actions {
-    /// Freeze the cut, or release it.
-    pub freeze: bool,
-    /// Write a picture.
-    pub screenshot: bool,
-    /// Return to the first view.
-    pub home: bool,
-    /// Hide the panel.
-    pub hide: bool,
-    /// Remove the measurements.
-    pub clear_measurements: bool,
-}
-
-impl Actions {
-    /// Adds the actions of `other`.
-    pub fn add(&mut self, other: Self) {
-        self.freeze |= other.freeze;
-        self.screenshot |= other.screenshot;
-        self.home |= other.home;
-        self.hide |= other.hide;
-        self.clear_measurements |= other.clear_measurements;
-    }
-}
-
 /// Shows the panel, as wide as the available space whatever its content. Changes `wanted` and
-/// `is_coarser_moving` as the user does, and returns the actions.
+/// `is_coarser_moving` as the user does, and returns the commands that were given.
 pub fn show(
     ui: &mut Ui,
     data: &PanelData<'_>,
     wanted: &mut Settings,
     is_coarser_moving: &mut bool,
-) -> Actions {
-    let mut actions = Actions::default();
+) -> Vec<Command> {
+    let mut given = Vec::new();
     ui.set_width(ui.available_width());
     ui.horizontal(|ui| {
         ui.add(Label::new(RichText::new(data.name).heading().strong()).truncate());
@@ -116,7 +96,7 @@ pub fn show(
     ui.add_space(4.0);
     // Buttons and faults are above the part that scrolls, so that they are visible in windows of
     // any height.
-    action_buttons(ui, data, &mut actions);
+    buttons(ui, data, &mut given);
     messages(ui, data);
     for line in data.measured {
         ui.add(Label::new(RichText::new(line).monospace().size(11.0).color(theme::ACCENT)).wrap());
@@ -134,9 +114,8 @@ pub fn show(
         }
         section(ui, "Budgets");
         budgets(ui, wanted);
-        help(ui);
     });
-    actions
+    given
 }
 
 fn section(ui: &mut Ui, name: &str) {
@@ -237,7 +216,7 @@ fn drawing(ui: &mut Ui, data: &PanelData<'_>, wanted: &mut Settings, is_coarser_
     if let Some(legend) = data.legend {
         legend::show(ui, legend, data.unit);
     }
-    filters::show(ui, wanted);
+    filters::show(ui, wanted, data.classes);
     if wanted.method == Method::Points {
         dots(ui, &mut wanted.dots);
     }
@@ -298,16 +277,32 @@ fn millions(n: f64) -> String {
     if n < *POINTS.start() as f64 { format!("{} M", n / 1e6) } else { format!("{:.1} M", n / 1e6) }
 }
 
-fn action_buttons(ui: &mut Ui, data: &PanelData<'_>, actions: &mut Actions) {
+fn buttons(ui: &mut Ui, data: &PanelData<'_>, given: &mut Vec<Command>) {
+    let buttons = [
+        (Command::Fit, false),
+        (Command::Picture, false),
+        (Command::FixSpeed, data.has_fixed_speed),
+        (Command::Freeze, data.is_frozen),
+        (Command::Keys, false),
+        (Command::Panel, true),
+    ];
     ui.horizontal_wrapped(|ui| {
-        let freeze = Button::selectable(data.is_frozen, "Freeze");
-        actions.freeze = ui
-            .add(freeze)
-            .on_hover_text("Space: keep the chosen points, to look at them from outside")
-            .clicked();
-        actions.screenshot = ui.button("Screenshot").on_hover_text("P").clicked();
-        actions.home = ui.button("Home").on_hover_text("F").clicked();
-        actions.hide = ui.button("Hide").on_hover_text("Tab").clicked();
+        for (command, is_on) in buttons {
+            if commands::button(ui, command, is_on).clicked() {
+                given.push(command);
+            }
+        }
+    });
+}
+
+/// The tab at the border of the picture that brings a hidden panel back.
+pub fn tab(ui: &Ui, rect: Rect, given: &mut Vec<Command>) {
+    let area = Area::new(Id::unique("panel tab")).order(Order::Middle);
+    let corner = rect.right_top() + vec2(-8.0, 8.0);
+    area.fixed_pos(corner).pivot(Align2::RIGHT_TOP).show(ui.ctx(), |ui| {
+        if commands::button(ui, Command::Panel, false).clicked() {
+            given.push(Command::Panel);
+        }
     });
 }
 
@@ -323,37 +318,6 @@ fn messages(ui: &mut Ui, data: &PanelData<'_>) {
     for fault in data.faults {
         ui.add(Label::new(RichText::new(fault).color(theme::FAULT)).wrap());
     }
-}
-
-/// Keys and mouse buttons, and what they do.
-pub const HELP: [(&str, &str); 14] = [
-    ("W A S D", "fly"),
-    ("E  Q", "up, down"),
-    ("Shift  Alt", "faster, slower"),
-    ("left button", "orbit around the point"),
-    ("right button", "look around"),
-    ("middle, Shift+left", "move sideways"),
-    ("Ctrl+left", "move the sun (Lit)"),
-    ("wheel", "zoom to the pointer"),
-    ("wheel while flying", "change the speed"),
-    ("click  Esc", "measure, clear"),
-    ("double click", "fly there"),
-    ("F  Home", "back to the start"),
-    ("M  C  O", "method, colours, occlusion"),
-    ("Space  P  Tab", "freeze, picture, panel"),
-];
-
-fn help(ui: &mut Ui) {
-    ui.add_space(4.0);
-    CollapsingHeader::new(RichText::new("Keys").color(theme::FAINT)).show(ui, |ui| {
-        Grid::new("keys").num_columns(2).spacing([12.0, 2.0]).show(ui, |ui| {
-            for (key, what) in HELP {
-                ui.label(RichText::new(key).monospace().size(11.0));
-                ui.label(RichText::new(what).color(theme::FAINT));
-                ui.end_row();
-            }
-        });
-    });
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 
 use crate::autopilot::Autopilot;
 use crate::camera::{Camera, Pose};
+use crate::commands::Command;
 use crate::input_events::{WindowState, button_event, key_event, position_at, wheel_event};
 use crate::script::{Script, Step, key};
 use eframe::egui::{Event, Modifiers, PointerButton, RawInput};
@@ -26,6 +27,8 @@ pub enum Order {
     Begin,
     /// End the flight.
     End,
+    /// Give a command.
+    Command(Command),
     /// Close the window, which writes the report.
     Close,
 }
@@ -234,16 +237,16 @@ impl Pilot {
             // In the first frame of a step, `settled` is still that of the previous view.
             Step::Settle { seconds: length } => (window.settled && !begins) || seconds >= *length,
             Step::Picture { path } => {
-                if begins {
-                    orders.push(Order::Picture(path.clone()));
-                }
+                orders.extend(begins.then(|| Order::Picture(path.clone())));
                 !begins && !window.is_busy
             }
             Step::Window { path } => {
-                if begins {
-                    orders.push(Order::Window(path.clone()));
-                }
+                orders.extend(begins.then(|| Order::Window(path.clone())));
                 !begins && !window.is_busy
+            }
+            Step::Command { id } => {
+                orders.extend(Command::of(id).filter(|_| begins).map(Order::Command));
+                !begins
             }
             Step::Close => {
                 self.ended = true;

@@ -56,12 +56,46 @@ pub fn show(ui: &mut Ui, opening: &Opening, inputs: &[PathBuf]) {
     });
 }
 
-/// Shows why there is no scene.
-pub fn failed(ui: &mut Ui, fault: &str) {
+/// Shows why there is no scene. Returns whether the user wants to try again.
+pub fn failed(ui: &mut Ui, fault: &str) -> bool {
+    let mut again = false;
     boxed(ui, |ui| {
         ui.label(RichText::new("Nothing to show").heading().color(theme::FAULT));
         ui.add(Label::new(fault).wrap().selectable(true));
+        ui.add_space(6.0);
+        let button = ui.button("Try again").on_hover_text("Open the same files once more");
+        again = button.clicked();
+        ui.label(RichText::new("Or drop other files on the window.").color(theme::FAINT));
     });
+    again
+}
+
+/// Shows what to do where no file is open. Returns the files that the user has chosen among the
+/// `recent` ones.
+pub fn start(ui: &mut Ui, recent: &[Vec<PathBuf>]) -> Option<Vec<PathBuf>> {
+    let mut chosen = None;
+    boxed(ui, |ui| {
+        ui.label(RichText::new("Esker").heading());
+        ui.label("Drop scans, folders of scans or an .esker file on this window.");
+        ui.label(RichText::new("LAS, LAZ, E57, PTX, PTS, PLY, PCD, XYZ, CSV").color(theme::FAINT));
+        if !recent.is_empty() {
+            ui.add_space(8.0);
+            ui.label(RichText::new("Opened before").strong());
+        }
+        for files in recent {
+            let name = files.first().and_then(|path| path.file_name());
+            let mut name = name.map_or(String::new(), |name| name.to_string_lossy().into_owned());
+            if files.len() > 1 {
+                name += &format!(" and {} more", files.len() - 1);
+            }
+            let folder = files.first().and_then(|path| path.parent());
+            let folder = folder.map_or(String::new(), |folder| folder.display().to_string());
+            if ui.button(name).on_hover_text(folder).clicked() {
+                chosen = Some(files.clone());
+            }
+        }
+    });
+    chosen
 }
 
 /// Shows a fault over the picture.
@@ -74,6 +108,20 @@ pub fn fault_over(ui: &Ui, rect: Rect, fault: &str) {
             ui.label(RichText::new(fault).color(theme::FAULT));
         });
     });
+}
+
+/// Says over an empty picture that the filter leaves no point in view. Returns whether the user
+/// wants to see all points.
+pub fn nothing_left(ui: &Ui, rect: Rect) -> bool {
+    let area = Area::new(Id::unique("nothing left")).order(Order::Foreground);
+    let mut wants_all = false;
+    area.fixed_pos(rect.center()).pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
+        framed().show(ui, |ui| {
+            ui.label("No point in view passes the filter: classes, box, polygon, flags, spacing.");
+            wants_all = ui.button("Show all").on_hover_text("Remove the filter").clicked();
+        });
+    });
+    wants_all
 }
 
 fn framed() -> Frame {

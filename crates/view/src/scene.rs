@@ -6,7 +6,6 @@ use crate::device::Device;
 use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
 use esker_engine::cameras::legend::Legend;
-use esker_engine::draw::empty_picture;
 use esker_engine::draw::options::Options;
 use esker_engine::draw::session::{DrawnFrame, GpuBytes, Session};
 use esker_engine::machine::backend::Drawer;
@@ -286,7 +285,7 @@ impl Opening {
         let (sender, session) = sync_channel(1);
         let work = move || {
             // The receiver is gone if the window has closed; the session then ends here.
-            let _ = sender.send(open(file, options));
+            let _ = sender.send(Session::open(file, options));
         };
         let thread = std::thread::Builder::new()
             .name("esker-session".into())
@@ -304,13 +303,6 @@ impl Opening {
             ))),
         }
     }
-}
-
-/// Opens a session, and checks that its filter leaves points to show.
-fn open(file: Arc<Forest>, options: Options) -> Result<Session> {
-    let session = Session::open(file, options)?;
-    empty_picture::check_wanted(session.file(), &session.appearance().shown)?;
-    Ok(session)
 }
 
 impl Drop for Opening {

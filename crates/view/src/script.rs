@@ -2,6 +2,7 @@
 //! pictures to write, and a flight that is repeated until the scene is resident. `README.md` of
 //! this crate describes the format for users.
 
+use crate::commands::Command;
 use anyhow::{Context, Result, ensure};
 use eframe::egui::{Key, PointerButton};
 use serde::Deserialize;
@@ -125,6 +126,11 @@ pub enum Step {
         /// PNG file to write.
         path: PathBuf,
     },
+    /// Gives a command.
+    Command {
+        /// Its identifier, such as `fit` ([`crate::commands::COMMANDS`]).
+        id: String,
+    },
     /// Closes the window at once.
     Close,
 }
@@ -212,6 +218,10 @@ impl Step {
                 (0.0, &[])
             }
             Self::Picture { .. } | Self::Window { .. } | Self::Close => (0.0, &[]),
+            Self::Command { id } => {
+                let known = Command::of(id).map(|_| 0.0);
+                (known.with_context(|| format!("`{id}` is no command of the window"))?, &[])
+            }
         };
         ensure!(
             (0.0..=SECONDS_MAX).contains(&seconds),

@@ -1,15 +1,16 @@
-//! Opens the input of the window: an `.esker` file directly; scans are first built into one, in a
-//! temporary folder that is removed with the window. A thread does this, reports progress and can
-//! be stopped.
+//! Opens the input of the window: an `.esker` file directly; scans are first built into one, which
+//! is kept in the user's cache folder for the next time, or else in a temporary folder that is
+//! removed with the window. A thread does this, reports progress and can be stopped.
 
 use anyhow::{Context, Result, bail};
 use esker_engine::calls::build;
+use esker_engine::io::kept::{Kept, Place};
 use esker_engine::io::output;
 use esker_engine::{BuildOptions, Forest, Task};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
@@ -20,8 +21,7 @@ const REMOVE_ATTEMPTS: usize = 5;
 
 /// Removes the folders of built files, when a signal ends the window.
 pub fn remove_temporary_files() {
-    let mut folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
-    for folder in folders.drain(..) {
+    for folder in known_folders().drain(..) {
         (0..REMOVE_ATTEMPTS).find(|_| {
             let removed = std::fs::remove_dir_all(&folder);
             removed.is_ok() || !folder.exists()
@@ -33,15 +33,57 @@ pub fn remove_temporary_files() {
 pub struct Opened {
     /// The `.esker` file.
     pub file: Arc<Forest>,
-    /// Folder of a file that was built for this window; removed after the file is closed.
-    folder: Option<tempfile::TempDir>,
+    /// Folder of a file that was built for this window alone; removed after the file is closed.
+    folder: Option<OwnFolder>,
+    /// Whether the file was built from scans, and is kept in the cache.
+    is_kept: bool,
 }
 
 impl Opened {
-    /// Whether the file is removed when the window closes.
-    pub fn is_temporary(&self) -> bool {
-        self.folder.is_some()
+    /// Whether the file was built from scans.
+    pub fn is_built(&self) -> bool {
+        self.folder.is_some() || self.is_kept
     }
+
+    /// Where the file is, if it was built from scans, in words.
+    pub fn built_in(&self) -> &'static str {
+        match (&self.folder, self.is_kept) {
+            (Some(_), _) => ", in a temporary file",
+            (None, true) => ", kept for the next time",
+            (None, false) => "",
+        }
+    }
+}
+
+/// A folder that is removed when the window no longer needs it, also by a signal.
+struct OwnFolder {
+    path: PathBuf,
+    is_kept: bool,
+}
+
+impl OwnFolder {
+    fn new(path: &Path) -> Self {
+        known_folders().push(path.to_owned());
+        Self { path: path.to_owned(), is_kept: false }
+    }
+
+    /// Leaves the folder as it is.
+    fn keep(mut self) {
+        self.is_kept = true;
+    }
+}
+
+impl Drop for OwnFolder {
+    fn drop(&mut self) {
+        known_folders().retain(|path| *path != self.path);
+        if !self.is_kept {
+            let _ = std::fs::remove_dir_all(&self.path);
+        }
+    }
+}
+
+fn known_folders() -> MutexGuard<'static, Vec<PathBuf>> {
+    FOLDERS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// An input that is being opened or built. Dropping it stops the work and waits for its thread.
@@ -103,11 +145,12 @@ struct Phase {
 }
 
 impl Opening {
-    /// Starts the thread.
+    /// Starts the thread. Files that are built from scans are among the `kept` ones, if there are
+    /// any.
     ///
     /// # Errors
     /// If the thread cannot be started.
-    pub fn start(inputs: Vec<PathBuf>, options: BuildOptions) -> Result<Self> {
+    pub fn start(inputs: Vec<PathBuf>, options: BuildOptions, kept: Option<Kept>) -> Result<Self> {
         let phase =
             Phase { name: String::new(), total: None, unit: "", start: Instant::now(), note: None };
         let task = Arc::new(OpenTask {
@@ -119,7 +162,7 @@ impl Opening {
         let shared = Arc::clone(&task);
         let work = move || {
             // The receiver is gone if the window has closed.
-            let _ = sender.send(open(&inputs, &options, &*shared));
+            let _ = sender.send(open(&inputs, &options, kept.as_ref(), &*shared));
         };
         let thread = std::thread::Builder::new()
             .name("esker-open".into())
@@ -169,7 +212,7 @@ impl Drop for Opening {
 }
 
 impl OpenTask {
-    fn phase(&self) -> std::sync::MutexGuard<'_, Phase> {
+    fn phase(&self) -> MutexGuard<'_, Phase> {
         self.phase.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -195,11 +238,17 @@ impl Task for OpenTask {
     }
 }
 
-fn open(inputs: &[PathBuf], options: &BuildOptions, task: &dyn Task) -> Result<Opened> {
+fn open(
+    inputs: &[PathBuf],
+    options: &BuildOptions,
+    kept: Option<&Kept>,
+    task: &dyn Task,
+) -> Result<Opened> {
+    let whole = |path: &Path| -> Result<Arc<Forest>> { Ok(Arc::new(Forest::open(path)?)) };
     if let [one] = inputs
         && esker_engine::io::file::is_esker(one)?
     {
-        return Ok(Opened { file: Arc::new(Forest::open(one)?), folder: None });
+        return Ok(Opened { file: whole(one)?, folder: None, is_kept: false });
     }
     for input in inputs {
         if esker_engine::io::file::is_esker(input)? {
@@ -209,13 +258,49 @@ fn open(inputs: &[PathBuf], options: &BuildOptions, task: &dyn Task) -> Result<O
             );
         }
     }
+    // A user who names a folder wants the file there.
+    let kept = kept.filter(|_| options.scratch.is_none());
+    if let Some((kept, place)) = kept.and_then(|kept| Some((kept, kept.place(inputs, options)?))) {
+        // A damaged file is built again.
+        if let Some(file) = kept.find(&place).and_then(|path| whole(&path).ok()) {
+            return Ok(Opened { file, folder: None, is_kept: true });
+        }
+        match kept.begin(&place) {
+            Ok(built) => return build_kept(inputs, options, (kept, &place, &built), task),
+            Err(fault) => task.note(&format!("{fault:#}")),
+        }
+    }
     let folder = output::temporary(options.scratch.as_deref())?;
-    let known = || FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
-    known().push(folder.path().to_owned());
-    let built = folder.path().join("scan.esker");
+    let folder = OwnFolder::new(&folder.keep());
+    let built = folder.path.join("scan.esker");
     build::build(inputs, &built, options, 0, task)?;
     task.check()?;
-    Ok(Opened { file: Arc::new(Forest::open(&built)?), folder: Some(folder) })
+    Ok(Opened { file: whole(&built)?, folder: Some(folder), is_kept: false })
+}
+
+/// Builds the file of a place, and keeps it if it is within the limit.
+fn build_kept(
+    inputs: &[PathBuf],
+    options: &BuildOptions,
+    (kept, place, built): (&Kept, &Place, &Path),
+    task: &dyn Task,
+) -> Result<Opened> {
+    let folder = OwnFolder::new(place.building());
+    build::build(inputs, built, options, 0, task)?;
+    task.check()?;
+    let path = kept.keep(place).unwrap_or_else(|fault| {
+        task.note(&format!("{fault:#}"));
+        None
+    });
+    let is_kept = path.is_some();
+    let file = Arc::new(Forest::open(path.as_deref().unwrap_or(built))?);
+    let folder = if is_kept {
+        folder.keep();
+        None
+    } else {
+        Some(folder)
+    };
+    Ok(Opened { file, folder, is_kept })
 }
 
 #[cfg(test)]

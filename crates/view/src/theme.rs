@@ -5,6 +5,9 @@ use eframe::egui::{
     Color32, Context, CornerRadius, FontFamily, FontId, Stroke, TextStyle, Theme, Visuals, vec2,
 };
 
+/// The window's title, behind the name of what it shows.
+pub const TITLE: &str = "Esker";
+
 /// Background.
 pub const GROUND: Color32 = Color32::from_rgb(19, 21, 25);
 /// Background of the panel.

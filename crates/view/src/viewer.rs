@@ -17,6 +17,7 @@ use crate::{frustum, progress, theme};
 use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
 use esker_engine::calls::info;
 use esker_engine::cameras::camera::Camera as CameraRequest;
+use esker_engine::cameras::classes::{self, ClassCount};
 use esker_engine::cameras::colour;
 use esker_engine::cameras::legend::Legend;
 use esker_engine::draw::session::Image;
@@ -43,6 +44,7 @@ pub struct Viewer {
     /// painted.
     frozen: Option<(View, f64)>,
     sources: Vec<String>,
+    classes: Vec<ClassCount>,
     /// Whether normals tell the front of surfaces from the back.
     has_fronts: bool,
     name: String,
@@ -89,7 +91,7 @@ impl Viewer {
             1 => name,
             n => format!("{name} and {} more", n - 1),
         });
-        let built = if opened.is_temporary() { ", in a temporary file" } else { "" };
+        let built = opened.built_in();
         let [points, nodes] = [file.points(), file.table().nodes.len() as u64].map(grouped);
         Self {
             scene: None,
@@ -98,9 +100,11 @@ impl Viewer {
             gestures: Gestures::default(),
             canvas: Canvas::new(window_painter.driver.clone()),
             device: window_painter.device(args.backend),
-            sharpness: Sharpness::new(is_coarser_moving),
+            sharpness: Sharpness::new(is_coarser_moving, args.frame_ms),
             frozen: None,
             sources: colour::choices(file),
+            // A file whose statistics are damaged shows that when it is drawn.
+            classes: classes::occurring(file).unwrap_or_default(),
             has_fronts: file.has_oriented_normals() && !file.is_closed(),
             name: name.unwrap_or_else(|| "scan".into()),
             about: match (file.points(), file.table().nodes.len()) {
@@ -164,6 +168,11 @@ impl Viewer {
         self.has_fronts
     }
 
+    /// Classes that occur in the file.
+    pub fn classes(&self) -> &[ClassCount] {
+        &self.classes
+    }
+
     /// Legend of the colours, while a session runs.
     pub fn legend(&self) -> Option<Legend> {
         self.scene.as_ref()?.legend()
@@ -213,9 +222,17 @@ impl Viewer {
         self.camera.set_pose(pose);
     }
 
-    /// Starts the flight back to the first view.
+    /// Starts the flight back to the first view, which fits the window as it is now.
     pub fn go_home(&mut self) {
+        if self.picture_rect.is_some() {
+            self.camera.set_home(&camera_at(self.file(), &self.request, self.size));
+        }
         self.camera.go_home();
+    }
+
+    /// Keeps the speed of flying, or lets it follow the viewing distance again.
+    pub fn toggle_fixed_pace(&mut self) {
+        self.camera.fix_pace(!self.camera.has_fixed_pace());
     }
 
     /// Measurements by clicks, in words.
@@ -257,8 +274,14 @@ impl Viewer {
         let before = self.camera.pose();
         self.gestures.has_sun = self.scene.as_ref().is_some_and(Scene::is_lit);
         self.gestures.update(ui, response, &mut self.camera);
+        let is_dragging = self.gestures.is_dragging();
+        if !is_dragging {
+            self.sharpness.let_go();
+        }
         if self.camera.pose() != before {
-            self.sharpness.moved(now_s);
+            self.sharpness.moved(now_s, is_dragging);
+        } else if !self.camera.is_moving() && self.gestures.picks().is_empty() {
+            self.sharpness.rests();
         }
         self.picture_rect = Some(response.rect);
         self.gestures.is_dragging()
@@ -346,7 +369,7 @@ impl Viewer {
                     }
                 }
                 let work_ms = drawn_ms + start.elapsed().as_secs_f64() * 1e3;
-                self.sharpness.drew(work_ms.max(rendered_ms), now_s);
+                self.sharpness.drew(work_ms.max(rendered_ms), scale);
                 self.fault = None;
                 if shots.is_requested() {
                     shots.take(scene.picture());
@@ -362,7 +385,7 @@ impl Viewer {
             FrameOutcome::Failed(fault) => {
                 // The name of the temporary file means nothing to a user who opened a scan.
                 let built = self.opened.file.path().display().to_string();
-                let is_built = self.opened.is_temporary();
+                let is_built = self.opened.is_built();
                 self.fault = Some(if is_built { fault.replace(&built, &self.name) } else { fault });
                 None
             }

@@ -7,6 +7,7 @@ use crate::args::{Args, Backend, WindowBackend};
 use crate::device::{WindowPainter, device_of};
 use crate::soft;
 use crate::soft::NO_DISPLAY;
+use crate::theme::TITLE;
 use anyhow::{Context, Result, anyhow};
 use eframe::egui::{self, ViewportBuilder};
 use eframe::egui_wgpu::{SurfaceConfig, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
@@ -17,9 +18,6 @@ use std::ffi::OsString;
 use std::process::{Command, ExitCode};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
-
-/// The window's title.
-pub const TITLE: &str = "Esker";
 
 /// Shows the window until it is closed.
 ///

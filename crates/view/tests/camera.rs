@@ -84,7 +84,6 @@ fn flying_does_not_depend_on_the_frame_rate() {
         camera.eye() - FAR_OUT
     };
     let [slow, fast] = [fly(10), fly(240)];
-    // A camera that is slower than a ten-thousandth of the viewing distance a second is at rest.
     assert!(slow.distance(fast) < 1e-3, "{slow} and {fast}");
     assert!(slow.length() > 50.0, "two seconds at a distance a second go far: {}", slow.length());
 }

@@ -371,14 +371,25 @@ fn errors_other_than_a_missing_display_do_not_mention_the_display() {
         (nothing.as_path(), script, "--no-panel", "nothing.esker"),
         (sample(), script, "--colour=mood", "mood"),
         (sample(), script, "--budget-gpu=1KiB", "--budget-gpu"),
-        (sample(), script, "--classes=99", "none of its"),
-        (sample(), script, "--box=0,0,1,1", "none of its"),
         (sample(), unwritable, "--no-panel", "scene.png"),
     ] {
         let output = fixture.run(file, script, &["--window", "cpu", "--backend", "cpu", option]);
         let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(!output.status.success() && stderr.contains(word), "{option}: {stderr}");
         assert!(!stderr.contains("needs a display"), "{option}: {stderr}");
+    }
+}
+
+#[test]
+fn a_filter_that_leaves_nothing_shows_an_empty_picture() {
+    let Some(fixture) = fixture() else { return };
+    let script =
+        r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "picture", "path": "none.png"}]}"#;
+    for option in ["--classes=99", "--box=0,0,1,1"] {
+        fixture.fly(sample(), script, &["--window", "cpu", "--backend", "cpu", option]);
+        let picture = read_png(&fixture.path("none.png"));
+        let first = picture.rgba[..4].to_vec();
+        assert!(picture.rgba.chunks(4).all(|pixel| pixel[..3] == first[..3]), "{option}");
     }
 }
 
@@ -418,11 +429,11 @@ fn without_a_display_the_error_says_what_to_do() {
 fn keys_work_whether_the_panel_is_shown_or_not() {
     let Some(fixture) = fixture() else { return };
     let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "picture", "path": "a.png"},
-        {"do": "press", "key": "Tab"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "b.png"},
+        {"do": "press", "key": "F9"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "b.png"},
         {"do": "press", "key": "M"}, {"do": "wait", "seconds": 0.2}, {"do": "press", "key": "M"},
         {"do": "settle", "seconds": 20},
-        {"do": "press", "key": "Tab"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "c.png"},
-        {"do": "press", "key": "Tab"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "d.png"}]}"#;
+        {"do": "press", "key": "F9"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "c.png"},
+        {"do": "press", "key": "F9"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "d.png"}]}"#;
     fixture.fly(sample(), script, &["--backend", "cpu"]);
     let [a, b, c, d] = ["a.png", "b.png", "c.png", "d.png"].map(|p| read_png(&fixture.path(p)));
     assert!(a.width < b.width, "the panel is hidden");

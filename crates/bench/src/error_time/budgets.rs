@@ -1,7 +1,7 @@
 //! What `--budget-ms` is worth: the settings that it chose beside the best fixed ones. All are rows
 //! of the same rounds, drawn in turn.
 
-use crate::error_time::report::Row;
+use crate::error_time::row::Row;
 use serde::Serialize;
 
 /// Time of a fixed setting over that of one that a budget chose, at most, to be called as fast.

@@ -10,9 +10,8 @@ use crate::error_time::lit::LitRow;
 use crate::error_time::page::{self, Crops};
 use crate::error_time::perfect::Reference;
 use crate::error_time::reference::{ALIGNMENTS, Common, ReferenceScene, aligned};
-use crate::error_time::report::{
-    BUDGETS_MS, Build, ErrorTimeReport, Row, Scan, advice, mark_front,
-};
+use crate::error_time::report::{BUDGETS_MS, ErrorTimeReport, Scan, advice, mark_front};
+use crate::error_time::row::{Build, Row};
 use crate::error_time::settings::{PACED, Setting, builds, common, of_build, of_file};
 use crate::error_time::streaming;
 use crate::pass_times;

@@ -17,6 +17,7 @@ pub(crate) mod perfect;
 mod plot;
 mod reference;
 mod report;
+mod row;
 mod settings;
 mod streaming;
 

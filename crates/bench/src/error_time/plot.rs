@@ -1,6 +1,7 @@
 //! The plot of error against time, on logarithmic axes.
 
-use crate::error_time::report::{Row, Scan};
+use crate::error_time::report::Scan;
+use crate::error_time::row::Row;
 use crate::error_time::streaming::Load;
 use anyhow::{Result, anyhow};
 use plotters::element::DashedPathElement;

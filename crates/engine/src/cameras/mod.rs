@@ -1,6 +1,7 @@
 //! Views, camera paths, sources of colours, and legends.
 
 pub mod camera;
+pub mod classes;
 pub mod colour;
 mod colour_request;
 pub mod legend;

@@ -2,6 +2,7 @@
 
 pub mod file;
 pub(crate) mod inputs;
+pub mod kept;
 pub mod output;
 pub mod picture;
 pub mod polygon;

@@ -54,6 +54,13 @@ impl Classes {
         self.1
     }
 
+    /// Adds a class, or removes it.
+    pub fn set(&mut self, class: u8, is_wanted: bool) {
+        let word = &mut self.0[usize::from(class >> 6)];
+        let bit = 1 << (class & 63);
+        *word = if is_wanted { *word | bit } else { *word & !bit };
+    }
+
     /// Side of a node whose points have these classes.
     pub(super) fn side_of(&self, bits: [u64; 4]) -> Side {
         if (0..4).all(|i| bits[i] & self.0[i] == 0) {
@@ -63,10 +70,6 @@ impl Classes {
         } else {
             Side::Across
         }
-    }
-
-    fn insert(&mut self, class: u8) {
-        self.0[usize::from(class >> 6)] |= 1 << (class & 63);
     }
 }
 
@@ -91,7 +94,7 @@ impl FromStr for Classes {
                     "`{part}` is no class: 0 to 255, a range such as 3-5, or {names}"
                 ))
             })?;
-            (from..=to).for_each(|c| classes.insert(c));
+            (from..=to).for_each(|c| classes.set(c, true));
             classes.1 |= part.eq_ignore_ascii_case(OVERLAP);
         }
         Ok(classes)
@@ -108,6 +111,11 @@ mod tests {
         let found: Vec<u8> = (0..=255).filter(|&c| classes.has(c)).collect();
         assert_eq!(found, [2, 6, 64, 65, 66, 255]);
         assert!(!classes.has_overlap());
+        let mut fewer = classes;
+        fewer.set(65, false);
+        fewer.set(7, true);
+        let found: Vec<u8> = (0..=255).filter(|&c| fewer.has(c)).collect();
+        assert_eq!(found, [2, 6, 7, 64, 66, 255]);
         let overlap: Classes = "overlap".parse().unwrap();
         assert!(overlap.has(12) && overlap.has_overlap());
         assert!(!"12".parse::<Classes>().unwrap().has_overlap());

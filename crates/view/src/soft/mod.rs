@@ -119,6 +119,7 @@ impl Shell {
         {
             match command {
                 ViewportCommand::Close => event_loop.exit(),
+                ViewportCommand::Title(title) => open.window.set_title(title),
                 ViewportCommand::Screenshot(callback) => shots.push(callback.clone()),
                 _ => {}
             }

@@ -3,7 +3,7 @@
 //! driver.
 
 use eframe::egui::epaint::{ClippedPrimitive, ImageDelta, Mesh, Primitive, Vertex};
-use eframe::egui::{Color32, ImageData, Rect, TextureId, TexturesDelta};
+use eframe::egui::{Color32, ImageData, Rect, TextureFilter, TextureId, TexturesDelta};
 use std::collections::HashMap;
 
 /// A picture of 0RGB pixels, in rows.
@@ -27,6 +27,8 @@ pub struct Painter {
 struct Texture {
     size: [usize; 2],
     pixels: Vec<Color32>,
+    /// Whether enlarged texels are interpolated.
+    is_linear: bool,
 }
 
 /// Rectangle of the picture that may be painted, pixels.
@@ -73,6 +75,7 @@ impl Painter {
 impl Texture {
     fn change(&mut self, delta: &ImageDelta) {
         let ImageData::Color(image) = &delta.image;
+        self.is_linear = delta.options.magnification == TextureFilter::Linear;
         let Some([x, y]) = delta.pos else {
             self.size = image.size;
             self.pixels.clone_from(&image.pixels);
@@ -88,11 +91,33 @@ impl Texture {
         }
     }
 
-    /// Nearest texel.
-    fn at(&self, u: f32, v: f32) -> Color32 {
-        let texel = |t: f32, side: usize| (t.max(0.0) as usize).min(side.saturating_sub(1));
-        let at = texel(v, self.size[1]) * self.size[0] + texel(u, self.size[0]);
-        self.pixels.get(at).copied().unwrap_or_default()
+    /// Colour at a place, in texels: of the nearest one, or between those around.
+    fn at(&self, u: f32, v: f32) -> [u32; 4] {
+        let [width, height] = self.size;
+        if self.pixels.is_empty() {
+            return [0; 4];
+        }
+        let texel = |x: usize, y: usize| self.pixels[y * width + x].to_array().map(u32::from);
+        if !self.is_linear {
+            let side = |t: f32, side: usize| (t.max(0.0) as usize).min(side - 1);
+            return texel(side(u, width), side(v, height));
+        }
+        // Shares in 256ths, from the centres of texels.
+        let side = |t: f32, side: usize| {
+            let at = ((t - 0.5).max(0.0) * 256.0) as usize;
+            let first = (at >> 8).min(side - 1);
+            (first, (first + 1).min(side - 1), (at & 255) as u32)
+        };
+        let ((x, right, across), (y, below, down)) = (side(u, width), side(v, height));
+        if across == 0 && down == 0 {
+            return texel(x, y);
+        }
+        let [a, b, c, d] = [texel(x, y), texel(right, y), texel(x, below), texel(right, below)];
+        std::array::from_fn(|i| {
+            let upper = a[i] * (256 - across) + b[i] * across;
+            let lower = c[i] * (256 - across) + d[i] * across;
+            (upper * (256 - down) + lower * down + (1 << 15)) >> 16
+        })
     }
 }
 
@@ -194,9 +219,9 @@ fn pixel(v: f32) -> i64 {
 
 fn colour(varying: Varying, texture: &Texture) -> [u32; 4] {
     let [u, v, rest @ ..] = varying.0;
-    let texel = texture.at(u, v).to_array();
+    let texel = texture.at(u, v);
     // Rounded before the product, so that 255 times 255 stays 255.
-    std::array::from_fn(|i| (rest[i].clamp(0.0, 255.0) + 0.5) as u32 * u32::from(texel[i]) / 255)
+    std::array::from_fn(|i| (rest[i].clamp(0.0, 255.0) + 0.5) as u32 * texel[i] / 255)
 }
 
 fn fill(line: &mut [u32], colour: [u32; 4]) {
@@ -254,6 +279,34 @@ mod tests {
             let once = 100 << 16 | 127;
             assert_eq!(pixel, if inside { once } else { 0xff }, "pixel {i}");
         }
+    }
+
+    #[test]
+    fn enlarged_pictures_are_interpolated_if_their_texture_says_so() {
+        let row = |options: TextureOptions, size: usize| -> Vec<u32> {
+            let mut painter = Painter::default();
+            let mut delta = TexturesDelta::default();
+            let image = ColorImage::new([2, 1], vec![Color32::BLACK, Color32::from_gray(200)]);
+            let image = ImageDelta::full(ImageData::Color(Arc::new(image)), options);
+            delta.push(TextureId::default(), image);
+            painter.take(&mut delta);
+            let mut mesh = Mesh::default();
+            let rect = Rect::from_min_size(pos2(0.0, 0.0), vec2(size as f32, 1.0));
+            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+            mesh.add_rect_with_uv(rect, whole, Color32::WHITE);
+            let primitive = Primitive::Mesh(mesh);
+            let primitives = [ClippedPrimitive { clip_rect: Rect::EVERYTHING, primitive }];
+            let mut pixels = vec![0; size];
+            painter.paint(
+                &primitives,
+                1.0,
+                &mut Target { width: size, height: 1, pixels: &mut pixels },
+            );
+            pixels.into_iter().map(|pixel| pixel & 255).collect()
+        };
+        assert_eq!(row(TextureOptions::NEAREST, 8), [0, 0, 0, 0, 200, 200, 200, 200]);
+        assert_eq!(row(TextureOptions::LINEAR, 8), [0, 0, 25, 75, 125, 175, 200, 200]);
+        assert_eq!(row(TextureOptions::LINEAR, 2), [0, 200], "in its own size it stays as it is");
     }
 
     #[test]

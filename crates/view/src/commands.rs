@@ -1,0 +1,254 @@
+//! What a user can do beside moving the camera, in one table: the panel's buttons, the keys, the
+//! overview of keys and the list of commands all come from it.
+
+use eframe::egui::{Button, Context, InputState, Key, KeyboardShortcut, Modifiers, Response, Ui};
+
+/// A command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Fly back to the first view.
+    Fit,
+    /// Write a picture.
+    Picture,
+    /// Draw with the next method.
+    NextMethod,
+    /// Colour by the next source.
+    NextColours,
+    /// Skip nodes that are hidden, or draw them.
+    Hidden,
+    /// Remove the measurements.
+    ClearMeasurements,
+    /// Keep the speed of flying, or let it follow what is in view.
+    FixSpeed,
+    /// Keep the chosen nodes, or release them.
+    Freeze,
+    /// Show or hide the panel.
+    Panel,
+    /// Show or hide the overview of keys.
+    Keys,
+    /// Show or hide the list of commands.
+    List,
+}
+
+/// A row of the table.
+pub struct Row {
+    /// The command.
+    pub command: Command,
+    /// Identifier in scripts and tests.
+    pub id: &'static str,
+    /// Name on buttons.
+    pub name: &'static str,
+    /// Keys, any of which gives the command.
+    keys: &'static [KeyboardShortcut],
+    /// What it does.
+    pub about: &'static str,
+}
+
+const fn plain(key: Key) -> KeyboardShortcut {
+    KeyboardShortcut::new(Modifiers::NONE, key)
+}
+
+const fn with_command(key: Key) -> KeyboardShortcut {
+    KeyboardShortcut::new(Modifiers::COMMAND, key)
+}
+
+/// All commands, in the order in which they are listed.
+pub const COMMANDS: [Row; 11] = [
+    Row {
+        command: Command::Fit,
+        id: "fit",
+        name: "Fit",
+        keys: &[plain(Key::F), plain(Key::Home)],
+        about: "fly back to the first view, which shows all of the scan unless --camera says otherwise",
+    },
+    Row {
+        command: Command::Picture,
+        id: "picture",
+        name: "Picture",
+        keys: &[plain(Key::P)],
+        about: "write what is in view as a PNG file into the current folder",
+    },
+    Row {
+        command: Command::NextMethod,
+        id: "next-method",
+        name: "Next method",
+        keys: &[plain(Key::M)],
+        about: "draw in the next way: surfaces, splats, light, points",
+    },
+    Row {
+        command: Command::NextColours,
+        id: "next-colours",
+        name: "Next colours",
+        keys: &[plain(Key::C)],
+        about: "colour the points by the next attribute",
+    },
+    Row {
+        command: Command::ClearMeasurements,
+        id: "clear",
+        name: "Clear",
+        keys: &[plain(Key::Escape)],
+        about: "remove the measured points",
+    },
+    Row {
+        command: Command::FixSpeed,
+        id: "fix-speed",
+        name: "Fixed speed",
+        keys: &[plain(Key::V)],
+        about: "keep the speed of flying; else it follows the distance of what is in view",
+    },
+    Row {
+        command: Command::Panel,
+        id: "panel",
+        name: "Panel",
+        keys: &[plain(Key::F9), with_command(Key::B)],
+        about: "show or hide the panel",
+    },
+    Row {
+        command: Command::Keys,
+        id: "keys",
+        name: "?",
+        keys: &[plain(Key::Questionmark), plain(Key::F1)],
+        about: "show what keys and mouse buttons do",
+    },
+    Row {
+        command: Command::List,
+        id: "list",
+        name: "Commands",
+        keys: &[with_command(Key::K)],
+        about: "find a command by its name",
+    },
+    Row {
+        command: Command::Hidden,
+        id: "hidden",
+        name: "Skip hidden points",
+        keys: &[plain(Key::O)],
+        about: "leave out nodes that lie behind others, or draw them too",
+    },
+    Row {
+        command: Command::Freeze,
+        id: "freeze",
+        name: "Freeze",
+        keys: &[plain(Key::Space)],
+        about: "keep the points that are drawn now, to look at them from outside",
+    },
+];
+
+/// Keys and mouse buttons that move the camera or measure, and what they do.
+pub const GESTURES: [(&str, &str); 11] = [
+    ("W A S D, arrows", "fly"),
+    ("E  Q", "up, down"),
+    ("Shift  Alt", "faster, slower"),
+    ("left button", "orbit around the point"),
+    ("right button, Shift+left", "move sideways"),
+    ("middle button", "look around"),
+    ("Ctrl+left button", "move the sun (Lit)"),
+    ("wheel", "zoom to the pointer"),
+    ("wheel while flying", "change the speed"),
+    ("click", "measure"),
+    ("double click", "fly there"),
+];
+
+impl Command {
+    /// The command with this identifier.
+    pub fn of(id: &str) -> Option<Self> {
+        COMMANDS.iter().find(|row| row.id == id).map(|row| row.command)
+    }
+
+    /// Its row of the table.
+    pub fn row(self) -> &'static Row {
+        COMMANDS.iter().find(|row| row.command == self).unwrap_or(&COMMANDS[0])
+    }
+}
+
+impl Row {
+    /// Its keys, for people.
+    pub fn keys(&self, ctx: &Context) -> String {
+        let keys: Vec<String> = self.keys.iter().map(|keys| ctx.format_shortcut(keys)).collect();
+        keys.join("  ")
+    }
+
+    /// What it does, and its keys.
+    pub fn tooltip(&self, ctx: &Context) -> String {
+        let mut about = self.about.to_owned();
+        about[..1].make_ascii_uppercase();
+        format!("{about} ({})", self.keys(ctx))
+    }
+}
+
+/// Commands whose keys were pressed in this pass. A widget that has the focus, which Tab gives it,
+/// gets the keys that it knows.
+pub fn pressed(input: &mut InputState, has_focus: bool) -> Vec<Command> {
+    let is_free = |keys: &KeyboardShortcut| {
+        !has_focus || !matches!(keys.logical_key, Key::Space | Key::Escape | Key::Home)
+    };
+    let mut is_pressed = |row: &Row| {
+        let mut keys = row.keys.iter().filter(|keys| is_free(keys));
+        // A question mark takes Shift on many keyboards.
+        keys.any(|keys| {
+            let shifted = keys.logical_key == Key::Questionmark
+                && input.consume_key(Modifiers::SHIFT, keys.logical_key);
+            shifted || input.consume_shortcut(keys)
+        })
+    };
+    COMMANDS.iter().filter(|row| is_pressed(row)).map(|row| row.command).collect()
+}
+
+/// A button for a command, which looks pressed if `is_on`.
+pub fn button(ui: &mut Ui, command: Command, is_on: bool) -> Response {
+    let row = command.row();
+    let tooltip = row.tooltip(ui.ctx());
+    ui.add(Button::selectable(is_on, row.name).frame(true)).on_hover_text(tooltip)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input_events::key_event;
+    use eframe::egui::{Event, RawInput};
+    use std::collections::HashSet;
+
+    #[test]
+    fn identifiers_names_and_keys_are_unique_and_every_command_has_them() {
+        let mut keys: Vec<String> = Vec::new();
+        let ctx = Context::default();
+        for row in &COMMANDS {
+            assert!(!row.id.is_empty() && !row.name.is_empty() && !row.keys.is_empty());
+            assert!(row.tooltip(&ctx).len() > 20, "{}", row.id);
+            assert_eq!(row.command.row().id, row.id);
+            assert_eq!(Command::of(row.id), Some(row.command));
+            keys.extend(row.keys.iter().map(|keys| ctx.format_shortcut(keys)));
+        }
+        let distinct = |all: Vec<&str>| all.iter().collect::<HashSet<_>>().len() == all.len();
+        assert!(distinct(COMMANDS.iter().map(|row| row.id).collect()));
+        assert!(distinct(COMMANDS.iter().map(|row| row.name).collect()));
+        assert!(distinct(keys.iter().map(String::as_str).collect()));
+    }
+
+    #[test]
+    fn each_key_gives_its_command_alone_unless_a_widget_has_it() {
+        for row in &COMMANDS {
+            for shortcut in row.keys {
+                let Event::Key { key, physical_key, pressed: is_down, repeat, .. } =
+                    key_event(shortcut.logical_key, true)
+                else {
+                    panic!("a key")
+                };
+                let modifiers = shortcut.modifiers;
+                let event = Event::Key { key, physical_key, pressed: is_down, repeat, modifiers };
+                let events = vec![Event::ModifiersChanged(modifiers), event];
+                let given = |has_focus: bool| {
+                    let ctx = Context::default();
+                    let mut given = Vec::new();
+                    let raw = RawInput { events: events.clone(), ..RawInput::default() };
+                    let _ = ctx.run_ui(raw, |ui| {
+                        given.extend(ui.input_mut(|input| pressed(input, has_focus)));
+                    });
+                    given
+                };
+                assert_eq!(given(false), [row.command], "{}", row.id);
+                let is_taken = matches!(key, Key::Space | Key::Escape | Key::Home);
+                assert_eq!(given(true).is_empty(), is_taken, "{}", row.id);
+            }
+        }
+    }
+}
