@@ -22,6 +22,7 @@ pub use calls::append::{append, append_sources};
 pub use calls::build::{build, build_shared, build_sources};
 pub use calls::export::{ExportOptions, Exported, export, export_with};
 pub use calls::merge::merge;
+pub use calls::point::{ExactPoint, ExactValue, exact_point};
 pub use calls::verify::{Against, against, against_forest, against_sources};
 pub use error::BuildError;
 pub use input::outside::{NO_VALUE, OFF_LATTICE};

@@ -3,7 +3,7 @@
 use crate::args::{Append, Build, Command, Render, Verify};
 use crate::output::{print, write};
 use crate::shared::note_built;
-use crate::{export, view};
+use crate::{export, pick, view};
 use anyhow::{Result, ensure};
 use esker_engine::calls::{build, conditions, demo, explain, info, info_text, render, verify};
 use esker_engine::draw::scene::PictureRequest;
@@ -37,6 +37,7 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         Command::Verify(args) => run_verify(args, stop),
         Command::Export(args) => export::run(args, stop),
         Command::Render(args) => run_render(*args, stop),
+        Command::Pick(args) => pick::run(*args, stop),
         Command::View(args) => return view::run(&args),
         Command::Demo { out } => {
             let report = demo::demo(project(), &out, &Progress::new(Style::Bar, stop))?;

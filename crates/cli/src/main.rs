@@ -9,6 +9,7 @@ mod export;
 mod light;
 mod memory;
 mod output;
+mod pick;
 mod shared;
 mod view;
 

@@ -212,7 +212,11 @@ fn prove(file: &EskerFile, points: u64, hash: MultisetHash) -> Result<(), BuildE
 }
 
 /// Restorable properties of a source: kind of grid, reference system, verbatim blocks.
-fn origin(file: &EskerFile, index: usize, record: &SourceRecord) -> Result<Origin, ScanError> {
+pub(super) fn origin(
+    file: &EskerFile,
+    index: usize,
+    record: &SourceRecord,
+) -> Result<Origin, ScanError> {
     let verbatim = file.verbatim(index).map_err(|e| BuildError::from(e).through_sink())?;
     let crs = record.crs.as_ref().map(|c| Crs { text: c.text.clone(), unit: c.unit.clone() });
     Ok(Origin { kind: record.grid.kind, crs, verbatim })
@@ -255,7 +259,7 @@ fn select_nodes(
 }
 
 /// Ranges of the attributes whose form in the export depends on them.
-fn ranges(
+pub(super) fn ranges(
     forest: &Forest,
     schema: &Schema,
     target: Target,
@@ -286,7 +290,7 @@ fn ranges(
 }
 
 /// The attributes of `schema` that the points of each class have, each set once.
-fn classes(forest: &Forest, schema: &Schema) -> Vec<Vec<usize>> {
+pub(super) fn classes(forest: &Forest, schema: &Schema) -> Vec<Vec<usize>> {
     let mut classes: Vec<Vec<usize>> = Vec::new();
     for layout in forest.files().map(EskerFile::layout) {
         for class in layout.classes() {
@@ -321,8 +325,7 @@ impl<'a> TreeExport<'a> {
         schema: Arc<Schema>,
         encode: Arc<dyn Encode>,
     ) -> Self {
-        let find = |a: &Attribute| file.layout().schema().find_typed(&a.name, a.ty);
-        let own = schema.attributes.iter().map(find).collect();
+        let own = own_attributes(file, &schema);
         Self { file, filter, schema, own, encode, colours: None }
     }
 
@@ -381,26 +384,9 @@ impl<'a> TreeExport<'a> {
         drop(page);
         self.filter_points(selected, &mut points)?;
         let hash = points.hash(self.file.layout());
-        let batch = self.batch(points);
+        let batch = batch(self.file, points, &self.schema, &self.own, self.colours.as_deref());
         let read = selected.run.len() as u64;
         Ok(EncodedNode { encoded: self.encode.encode(&batch), hash, read })
-    }
-
-    /// The points with the attributes of all trees; zeros for those that this tree lacks.
-    fn batch(&self, mut points: PagePoints) -> Batch {
-        let classes = PointClasses::of_points(&points);
-        let count = points.len();
-        let column = |(own, attribute): (&Option<usize>, &Attribute)| match own {
-            Some(own) => std::mem::take(&mut points.columns[*own]),
-            None => vec![0; count * attribute.ty.size()],
-        };
-        let columns = self.own.iter().zip(&self.schema.attributes).map(column).collect();
-        let mut batch = Batch::with_capacity(self.schema.clone(), 0);
-        (batch.positions, batch.columns) = (points.positions, columns);
-        match &self.colours {
-            Some(colours) => colours.convert(self.file, &classes, batch),
-            None => batch,
-        }
     }
 
     /// Removes the points that do not pass the filter.
@@ -438,6 +424,37 @@ impl<'a> TreeExport<'a> {
         compact(&mut points.radius_codes, 1, kept);
         compact(&mut points.classes, 1, kept);
     }
+}
+
+/// The points of `file` with the attributes of all trees; zeros for those that this tree lacks.
+/// `own` has the tree's attribute for each of `schema`; `colours` converts them, if they are not
+/// written as they are.
+pub(super) fn batch(
+    file: &EskerFile,
+    mut points: PagePoints,
+    schema: &Arc<Schema>,
+    own: &[Option<usize>],
+    colours: Option<&ColourConversion>,
+) -> Batch {
+    let classes = PointClasses::of_points(&points);
+    let count = points.len();
+    let column = |(own, attribute): (&Option<usize>, &Attribute)| match own {
+        Some(own) => std::mem::take(&mut points.columns[*own]),
+        None => vec![0; count * attribute.ty.size()],
+    };
+    let columns = own.iter().zip(&schema.attributes).map(column).collect();
+    let mut batch = Batch::with_capacity(schema.clone(), 0);
+    (batch.positions, batch.columns) = (points.positions, columns);
+    match colours {
+        Some(colours) => colours.convert(file, &classes, batch),
+        None => batch,
+    }
+}
+
+/// The tree's attribute for each of `schema`.
+pub(super) fn own_attributes(file: &EskerFile, schema: &Schema) -> Vec<Option<usize>> {
+    let find = |a: &Attribute| file.layout().schema().find_typed(&a.name, a.ty);
+    schema.attributes.iter().map(find).collect()
 }
 
 /// Removes the items of `values`, of `size` values each, at which `kept` is false, and those past

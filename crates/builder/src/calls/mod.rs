@@ -1,4 +1,5 @@
-//! What the crate does, as calls: build, append, merge, export, verify.
+//! What the crate does, as calls: build, append, merge, export, verify; and one exact
+//! point.
 
 pub(crate) mod append;
 pub(crate) mod build;
@@ -8,5 +9,6 @@ mod export_colours;
 mod export_notes;
 pub(crate) mod merge;
 mod metadata;
+pub(crate) mod point;
 mod rounding;
 pub(crate) mod verify;

@@ -8,5 +8,6 @@ pub mod explain;
 pub mod export;
 pub mod info;
 pub mod info_text;
+pub mod pick;
 pub mod render;
 pub mod verify;

@@ -93,6 +93,18 @@ pub fn window(text: &str) -> Result<Window> {
     }
 }
 
+/// Parses a pixel of a picture: column and row, from 0.
+///
+/// # Errors
+/// If `text` is not two whole numbers.
+pub fn pixel(text: &str) -> Result<[u32; 2]> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y]) => Ok([x, y]),
+        _ => bail!("`{text}` is no pixel, such as 512,300: column and row, from 0"),
+    }
+}
+
 /// Greatest distance of points in a picture, pixels.
 const SPACING_PX_MAX: f64 = 1e6;
 

@@ -28,6 +28,11 @@ impl Flags {
         self.0 == 0
     }
 
+    /// Names of the flags whose bits the attribute `flags` of a point has.
+    pub fn names_of(bits: u8) -> impl Iterator<Item = &'static str> {
+        NAMED.iter().filter(move |(_, bit, _)| bits & bit != 0).map(|(name, ..)| *name)
+    }
+
     /// Whether a point has any of these flags, by its flags and its class, if it has them.
     pub fn any(self, flags: Option<u8>, class: Option<u8>) -> bool {
         let by_class = |&(_, bit, older): &(_, u8, Option<u8>)| {

@@ -24,6 +24,7 @@ use crate::error::ScanError;
 use std::path::Path;
 
 pub use encode::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
+pub use text::PointText;
 
 /// A format that is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -32,10 +32,7 @@ pub fn create(
     origins: &mut Origins<'_>,
     is_csv: bool,
 ) -> Result<Export, ScanError> {
-    let mut stated = Stated::default();
-    for origin in origins {
-        stated.add(&origin?);
-    }
+    let stated = stated(origins)?;
     let schema = &*outline.schema;
     let attributes = &schema.attributes;
     let has_blanks = attributes.iter().any(|a| a.name.contains(char::is_whitespace));
@@ -44,7 +41,44 @@ pub fn create(
         false if has_blanks => b'\t',
         false => b' ',
     };
-    const PLACE: [&str; 3] = ["x", "y", "z"];
+    let (names, changes) = column_names(outline);
+    let names: Vec<&str> = PLACE.into_iter().chain(names.iter().map(String::as_str)).collect();
+    let separator = char::from(mark).to_string();
+    let line = names.join(&separator) + "\n";
+    let mut file = Partial::create(path)?;
+    file.write_all(line.as_bytes()).map_err(|e| file.error(e))?;
+    let no_value = if mark == b' ' { NO_VALUE } else { "" };
+    let how = if mark == b' ' { "written as nan" } else { "written as empty cells" };
+    let encode = Lines { cells: CellWriter::new(outline, &stated, no_value), mark };
+    let mut all_notes = notes(schema);
+    all_notes.extend(stated.no_data_notes(schema, &format!("no-data values are {how}")));
+    all_notes.extend(changes);
+    all_notes.extend(dark_colours(outline));
+    all_notes.extend(stated.crs_note(false).into_iter().chain(stated.times_note(schema, false)));
+    Ok(Export {
+        encode: Arc::new(encode),
+        output: Box::new(TextOutput { file, names: line }),
+        format: format!("text, {} columns, named", 3 + attributes.len()),
+        fields: (0..outline.schema.attributes.len()).collect(),
+        notes: all_notes,
+    })
+}
+
+/// Names of the columns of coordinates.
+const PLACE: [&str; 3] = ["x", "y", "z"];
+
+/// What the sources state.
+fn stated(origins: &mut Origins<'_>) -> Result<Stated, ScanError> {
+    let mut stated = Stated::default();
+    for origin in origins {
+        stated.add(&origin?);
+    }
+    Ok(stated)
+}
+
+/// Names of the columns of all attributes, and notes on those that are not the attributes' own.
+fn column_names(outline: &Outline) -> (Vec<String>, Vec<String>) {
+    let attributes = &outline.schema.attributes;
     let own_name = |(i, a): (usize, &Attribute)| {
         // Without numbers of returns, the byte is the number of the return.
         let is_number =
@@ -56,33 +90,55 @@ pub fn create(
     let own_names = attributes.iter().map(|a| a.name.as_str());
     let changed = note_renamed(own_names.zip(wanted.iter().map(|(name, _)| name.as_str())));
     let (names, renamed) = unique(&wanted, &PLACE, usize::MAX);
-    let names: Vec<&str> = PLACE.into_iter().chain(names.iter().map(String::as_str)).collect();
-    let separator = char::from(mark).to_string();
-    let line = names.join(&separator) + "\n";
-    let mut file = Partial::create(path)?;
-    file.write_all(line.as_bytes()).map_err(|e| file.error(e))?;
-    let column = |(i, a): (usize, &Attribute)| TextColumn {
-        scaling: Scaling::of(schema, i),
-        bytes: a.ty.size(),
-        no_data: stated.no_data(schema, i).map(<[u8]>::to_vec),
-    };
-    let columns = attributes.iter().enumerate().map(column).collect();
-    let no_value = if mark == b' ' { NO_VALUE } else { "" };
-    let how = if mark == b' ' { "written as nan" } else { "written as empty cells" };
-    let encode =
-        Lines { coordinates: Coordinates::new(&outline.lattice, false), columns, mark, no_value };
-    let mut all_notes = notes(schema);
-    all_notes.extend(stated.no_data_notes(schema, &format!("no-data values are {how}")));
-    all_notes.extend(changed.into_iter().chain(renamed));
-    all_notes.extend(dark_colours(outline));
-    all_notes.extend(stated.crs_note(false).into_iter().chain(stated.times_note(schema, false)));
-    Ok(Export {
-        encode: Arc::new(encode),
-        output: Box::new(TextOutput { file, names: line }),
-        format: format!("text, {} columns, named", 3 + attributes.len()),
-        fields: (0..outline.schema.attributes.len()).collect(),
-        notes: all_notes,
-    })
+    (names, changed.into_iter().chain(renamed).collect())
+}
+
+/// Text of single points: the columns that [`create`] writes, without a file.
+pub struct PointText {
+    names: Vec<String>,
+    cells: CellWriter,
+}
+
+impl PointText {
+    /// Text of the points of an export.
+    ///
+    /// # Errors
+    /// If a source cannot be read.
+    pub fn new(outline: &Outline, origins: &mut Origins<'_>) -> Result<Self, ScanError> {
+        let stated = stated(origins)?;
+        let (names, _) = column_names(outline);
+        Ok(Self { names, cells: CellWriter::new(outline, &stated, NO_VALUE) })
+    }
+
+    /// Names of the columns of the attributes, in the order of the outline's schema.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Coordinates of a point of a batch.
+    ///
+    /// # Panics
+    /// If there is no such point.
+    pub fn coordinates(&self, batch: &Batch, point: usize) -> [String; 3] {
+        let p = batch.positions[point];
+        [0, 1, 2].map(|axis| text_of(|out| self.cells.coordinates.text(axis, p[axis], out)))
+    }
+
+    /// Values of the attributes of a point of a batch.
+    ///
+    /// # Panics
+    /// If there is no such point.
+    pub fn values(&self, batch: &Batch, point: usize) -> Vec<String> {
+        let columns = 0..self.cells.columns.len();
+        columns.map(|i| text_of(|out| self.cells.value(&batch.columns, i, point, out))).collect()
+    }
+}
+
+/// Text that `write` appends.
+fn text_of(write: impl FnOnce(&mut Vec<u8>)) -> String {
+    let mut out = Vec::new();
+    write(&mut out);
+    String::from_utf8_lossy(&out).into_owned()
 }
 
 /// A note on colours of 16 bits that look like ones of 8.
@@ -104,10 +160,10 @@ fn column_name(name: &str) -> String {
     }
 }
 
-struct Lines {
+/// Writes the cells of points.
+struct CellWriter {
     coordinates: Coordinates,
     columns: Vec<TextColumn>,
-    mark: u8,
     /// What stands for no value.
     no_value: &'static str,
 }
@@ -120,6 +176,35 @@ struct TextColumn {
     no_data: Option<Vec<u8>>,
 }
 
+impl CellWriter {
+    fn new(outline: &Outline, stated: &Stated, no_value: &'static str) -> Self {
+        let schema = &*outline.schema;
+        let column = |(i, a): (usize, &Attribute)| TextColumn {
+            scaling: Scaling::of(schema, i),
+            bytes: a.ty.size(),
+            no_data: stated.no_data(schema, i).map(<[u8]>::to_vec),
+        };
+        let columns = schema.attributes.iter().enumerate().map(column).collect();
+        Self { coordinates: Coordinates::new(&outline.lattice, false), columns, no_value }
+    }
+
+    /// Appends the value of an attribute of a point.
+    fn value(&self, columns: &[Column], attribute: usize, point: usize, out: &mut Vec<u8>) {
+        let own = &self.columns[attribute];
+        let stored = &columns[attribute][point * own.bytes..][..own.bytes];
+        if own.no_data.as_deref() == Some(stored) {
+            out.extend_from_slice(self.no_value.as_bytes());
+        } else {
+            own.scaling.text(stored, out);
+        }
+    }
+}
+
+struct Lines {
+    cells: CellWriter,
+    mark: u8,
+}
+
 impl Lines {
     /// Encodes `points` points; `place` appends a coordinate of a point.
     fn encode_all(
@@ -128,7 +213,8 @@ impl Lines {
         columns: &[Column],
         place: impl Fn(usize, usize, &mut Vec<u8>),
     ) -> Encoded {
-        let mut bytes = Vec::with_capacity(points * 8 * (3 + self.columns.len()));
+        let attributes = self.cells.columns.len().min(columns.len());
+        let mut bytes = Vec::with_capacity(points * 8 * (3 + attributes));
         for i in 0..points {
             for axis in 0..3 {
                 if axis > 0 {
@@ -136,14 +222,9 @@ impl Lines {
                 }
                 place(i, axis, &mut bytes);
             }
-            for (own, column) in self.columns.iter().zip(columns) {
+            for attribute in 0..attributes {
                 bytes.push(self.mark);
-                let stored = &column[i * own.bytes..][..own.bytes];
-                if own.no_data.as_deref() == Some(stored) {
-                    bytes.extend_from_slice(self.no_value.as_bytes());
-                } else {
-                    own.scaling.text(stored, &mut bytes);
-                }
+                self.cells.value(columns, attribute, i, &mut bytes);
             }
             bytes.push(b'\n');
         }
@@ -154,7 +235,7 @@ impl Lines {
 impl Encode for Lines {
     fn encode(&self, batch: &Batch) -> Encoded {
         self.encode_all(batch.len(), &batch.columns, |i, axis, out| {
-            self.coordinates.text(axis, batch.positions[i][axis], out);
+            self.cells.coordinates.text(axis, batch.positions[i][axis], out);
         })
     }
 

@@ -1,0 +1,280 @@
+//! Search for the point of a file that a place on a picture shows, in the points of all levels.
+//! Cells are visited by their distance from the place in space, nearest first, until no other can
+//! hold a nearer point; then the points about as deep as the shown surface are compared on the
+//! picture. Few nodes are read, one at a time, and at most [`POINTS_MAX`] points.
+
+use anyhow::Result;
+use esker_format::{Forest, ForestFilter, PlaneKind, Planes};
+use esker_lod::{OrientedBox, View};
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
+use esker_points::{Lattice, Node};
+use glam::{DVec2, DVec3};
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+/// Greatest distance between the shown place and a point that is picked, in widths of a pixel.
+pub const REACH_PX: f64 = 12.0;
+/// The same in distances of neighbouring points, where these are farther apart: on a closed
+/// surface that is seen from nearby there is a point in reach of every pixel.
+const REACH_SPACINGS: f64 = 2.0;
+/// Depths from that of the shown surface within which points are compared on the picture, in
+/// distances of the shown place from its nearest point. That distance is small where the surface
+/// is sampled densely, so nothing is taken from behind a surface much thicker than it.
+const DEPTHS: f64 = 2.0;
+/// Distance from the shown place within which these points are looked for: it holds those of less
+/// than [`DEPTHS`] in depth that are nearer than the nearest point on the picture.
+const RADII: f64 = 3.0;
+/// Greatest number of points that one pass reads. Only points at one place are as many.
+const POINTS_MAX: usize = 1 << 22;
+/// Share of a box's radius by which single-precision bounds may be too narrow.
+const BOX_ROUNDING: f64 = 1e-6;
+
+/// A place on a picture, and the place in space that it shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Aim {
+    view: View,
+    at: DVec2,
+    depth: f64,
+    place: DVec3,
+    pixel: f64,
+}
+
+/// Place of a point on the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Distance from the place that was aimed at, pixels.
+    pub offset_px: f64,
+    /// Eye depth minus that of the shown surface.
+    pub depth_offset: f64,
+}
+
+/// A point that was found.
+#[derive(Clone, Copy, Debug)]
+pub struct Found {
+    /// Node in the table of the forest.
+    pub node: u32,
+    /// Index of the point in its node.
+    pub point: usize,
+    /// Position on the metric lattice.
+    pub position: DVec3,
+    /// Place on the picture.
+    pub seen: Seen,
+}
+
+impl Aim {
+    /// Aims at `at` (pixels from the top left corner of the shown picture, without its margin),
+    /// where the picture has the eye depth `depth`; `None` if that is not on the picture or not a
+    /// depth.
+    pub fn new(view: &View, at: DVec2, depth: f64) -> Option<Self> {
+        let shown = view.with_margin(0);
+        // Surfaces nearer than the near plane have no depth. A parallel view begins at its own.
+        let near = if shown.parallel_at.is_some() { shown.near } else { f64::MIN_POSITIVE };
+        let view = View { near, window: None, ..shown };
+        let size = DVec2::new(f64::from(view.width), f64::from(view.height));
+        let is_sound = depth.is_finite() && depth > 0.0 && view.is_on_picture(at.extend(0.0));
+        let pixel = view.parallel_at.unwrap_or(depth) / view.focal_px();
+        let beside = (at - size * 0.5) * pixel;
+        let place = view.eye + view.world_from_view * DVec3::new(beside.x, -beside.y, -depth);
+        (is_sound && place.is_finite()).then_some(Self { view, at, depth, place, pixel })
+    }
+
+    /// Place of a point; `None` if it is not on the picture.
+    pub fn seen(&self, position: DVec3) -> Option<Seen> {
+        let on = self.view.project(position).filter(|on| self.view.is_on_picture(*on))?;
+        let offset_px = on.truncate().distance(self.at);
+        Some(Seen { offset_px, depth_offset: on.z - self.depth })
+    }
+
+    /// Position on the metric lattice that is shown.
+    pub fn place(&self) -> DVec3 {
+        self.place
+    }
+
+    /// Greatest distance in space from the shown place to a point that is picked.
+    pub fn reach(&self, forest: &Forest) -> f64 {
+        let spacing = spacing_at(forest, self.place);
+        (REACH_PX * self.pixel).max(REACH_SPACINGS * spacing)
+    }
+}
+
+/// Finds the point that is meant by `aim`, among those that `shown` accepts: of the points that
+/// are about as deep as the shown surface, the one nearest to it on the picture. `None` if no
+/// point is in reach.
+///
+/// # Errors
+/// If a node cannot be read or is damaged.
+pub fn find(forest: &Forest, aim: &Aim, shown: &ForestFilter) -> Result<Option<Found>> {
+    let search = Search { forest, aim, shown, lattice: forest.metric() };
+    let Some((nearest, distance)) = search.nearest(aim.reach(forest))? else { return Ok(None) };
+    search.nearest_on_picture(nearest, distance).map(Some)
+}
+
+/// Distance of neighbouring points at a place: that of the smallest cell that holds it, of the
+/// tree where it is greatest; 0 outside of all cells.
+fn spacing_at(forest: &Forest, place: DVec3) -> f64 {
+    let (table, lattice) = (forest.table(), forest.metric());
+    let steps = [0, 1, 2].map(|axis| lattice.steps_axis(axis, place[axis]));
+    let holds = |node: &Node| {
+        let (low, high) = (node.cell().corner, node.cell().last());
+        (0..3).all(|i| f64::from(low[i]) <= steps[i] && steps[i] <= f64::from(high[i]) + 1.0)
+    };
+    let of_tree = |root: u32| {
+        let mut node = table.nodes.get(root as usize).filter(|node| holds(node))?;
+        let mut index = root;
+        // Children come behind their parents, so this ends.
+        while let Some((child, below)) = node
+            .children()
+            .filter(|&child| child > index)
+            .filter_map(|child| Some((child, table.nodes.get(child as usize)?)))
+            .find(|(_, below)| holds(below))
+        {
+            (index, node) = (child, below);
+        }
+        Some(f64::from(node.spacing)).filter(|spacing| spacing.is_finite())
+    };
+    table.roots().filter_map(of_tree).fold(0.0, f64::max)
+}
+
+/// A node that waits to be visited: the nearest first, of equally near ones the first in the table.
+#[derive(PartialEq)]
+struct Waiting {
+    distance: f64,
+    node: u32,
+}
+
+impl Eq for Waiting {}
+
+impl Ord for Waiting {
+    fn cmp(&self, other: &Self) -> Ordering {
+        // The heap gives the greatest first.
+        other.distance.total_cmp(&self.distance).then(other.node.cmp(&self.node))
+    }
+}
+
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// What a search reads, and where it looks.
+struct Search<'a> {
+    forest: &'a Forest,
+    aim: &'a Aim,
+    shown: &'a ForestFilter,
+    lattice: &'a Lattice,
+}
+
+impl Search<'_> {
+    /// The point on the picture nearest to the shown place in space, at most `reach` away, and its
+    /// distance.
+    fn nearest(&self, reach: f64) -> Result<Option<(Found, f64)>> {
+        let mut best: Option<(Found, f64)> = None;
+        let mut limit = reach;
+        self.visit(reach, |found, distance| {
+            if distance < limit || (best.is_none() && distance <= limit) {
+                if let Some(seen) = self.aim.seen(found.position) {
+                    best = Some((Found { seen, ..found }, distance));
+                    limit = distance;
+                }
+            }
+            limit
+        })?;
+        Ok(best)
+    }
+
+    /// The point nearest to the aim on the picture, of those about as deep as the shown surface;
+    /// `nearest` is the nearest in space, `distance` away.
+    fn nearest_on_picture(&self, nearest: Found, distance: f64) -> Result<Found> {
+        let (radius, depths) = (RADII * distance, DEPTHS * distance);
+        let mut best = nearest;
+        self.visit(radius, |found, distance| {
+            if distance <= radius
+                && let Some(seen) = self.aim.seen(found.position)
+                && seen.depth_offset.abs() <= depths
+                && order(seen, best.seen) == Ordering::Less
+            {
+                best = Found { seen, ..found };
+            }
+            radius
+        })?;
+        Ok(best)
+    }
+
+    /// Calls `see` with the accepted points of all nodes, and their distances from the shown
+    /// place; nodes farther away than it returned last are passed over. Begins with those within
+    /// `radius`.
+    fn visit(&self, radius: f64, mut see: impl FnMut(Found, f64) -> f64) -> Result<()> {
+        let nodes = &self.forest.table().nodes;
+        let (mut limit, mut read) = (radius, 0);
+        let mut waiting = BinaryHeap::new();
+        let push = |waiting: &mut BinaryHeap<Waiting>, node: u32, limit: f64| {
+            let Some(record) = nodes.get(node as usize) else { return };
+            let cell = OrientedBox::of_cell(&record.cell(), self.lattice);
+            let distance = self.distance(&cell);
+            if distance <= limit && !self.shown.rejects_subtree(node) {
+                waiting.push(Waiting { distance, node });
+            }
+        };
+        self.forest.table().roots().for_each(|root| push(&mut waiting, root, limit));
+        while let Some(Waiting { distance, node }) = waiting.pop() {
+            if distance > limit || read > POINTS_MAX {
+                break;
+            }
+            let record = &nodes[node as usize];
+            let contour = OrientedBox::of_contour(record, self.lattice);
+            let points = self.shown.points_max(node).min(record.points());
+            if points > 0 && self.distance(&contour) <= limit {
+                read += points;
+                limit = self.see_node(node, points, &mut see)?.unwrap_or(limit);
+            }
+            // Children come behind their parents, so this ends.
+            for child in record.children().filter(|&child| child > node) {
+                push(&mut waiting, child, limit);
+            }
+        }
+        Ok(())
+    }
+
+    /// Least distance of the points of a box from the shown place. A box that is not a number is
+    /// read rather than lost.
+    fn distance(&self, b: &OrientedBox) -> f64 {
+        let distance = b.distance(self.aim.place) - BOX_ROUNDING * b.radius();
+        if distance.is_nan() { 0.0 } else { distance.max(0.0) }
+    }
+
+    /// Calls `see` with the first `points` points of a node that are accepted; returns what it
+    /// returned last.
+    fn see_node(
+        &self,
+        node: u32,
+        points: usize,
+        see: &mut impl FnMut(Found, f64) -> f64,
+    ) -> Result<Option<f64>> {
+        let planes: Planes =
+            self.shown.read(self.forest, node, &[PlaneKind::Position, PlaneKind::Residual])?;
+        let record = self.forest.record(node);
+        let residual = planes.get(PlaneKind::Residual).unwrap_or_default();
+        let positions = planes.get(PlaneKind::Position).unwrap_or_default();
+        let positions = positions.as_chunks::<HOT_POSITION_BYTES>().0.iter().take(points);
+        let mut last = None;
+        for (point, hot) in positions.enumerate().filter(|(_, hot)| hot[HIDDEN_AT] == 0) {
+            let low = read_residual(residual, point, record.hot_shift);
+            let lattice = [0, 1, 2].map(|axis| {
+                let hot = u16::from_le_bytes([hot[axis * 2], hot[axis * 2 + 1]]);
+                exact(hot, low[axis], record.box_min[axis], record.hot_shift)
+            });
+            let position = DVec3::from_array(self.lattice.world(lattice));
+            let seen = Seen { offset_px: f64::INFINITY, depth_offset: f64::INFINITY };
+            let distance = position.distance(self.aim.place);
+            last = Some(see(Found { node, point, position, seen }, distance));
+        }
+        Ok(last)
+    }
+}
+
+/// Order by the distance on the picture, then by the depth from the shown surface.
+fn order(a: Seen, b: Seen) -> Ordering {
+    let by_depth = || a.depth_offset.abs().total_cmp(&b.depth_offset.abs());
+    a.offset_px.total_cmp(&b.offset_px).then_with(by_depth)
+}
