@@ -26,6 +26,7 @@ mod inputs;
 mod interrupt;
 mod las;
 mod light;
+mod pick;
 mod pictures;
 mod program;
 mod proof;
@@ -59,6 +60,7 @@ fn main() {
     inputs::trials(&mut trials);
     text::trials(&mut trials);
     proof::trials(&mut trials);
+    pick::trials(&mut trials);
     pictures::trials(&mut trials);
     light::trials(&mut trials);
     devices::trials(&mut trials);

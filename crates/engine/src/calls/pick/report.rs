@@ -2,6 +2,7 @@
 //! a pixel on the CPU, for its depth, and returns the point that the pixel shows.
 
 use super::{Picked, REACH_PX, pick, shown_depth};
+use crate::draw::empty_picture;
 use crate::draw::scene::{PictureRequest, PictureScene, open};
 use crate::draw::window::cropped;
 use crate::io::picture;
@@ -30,7 +31,7 @@ pub struct PickReport {
 /// The window of the request is not used, and the CPU draws.
 ///
 /// # Errors
-/// If an input cannot be read, or the pixel is not on the picture.
+/// If an input cannot be read, the filter leaves no point, or the pixel is not on the picture.
 pub fn pick_pixel(
     inputs: &[PathBuf],
     request: &PictureRequest,
@@ -69,7 +70,10 @@ pub fn pick_in(
     let at = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + 0.5;
     let point = match depth {
         Some(depth) => pick(file, &scene.view, at, depth, &scene.appearance.shown)?,
-        None => None,
+        None => {
+            empty_picture::check_wanted(file, &scene.appearance.shown)?;
+            None
+        }
     };
     Ok(PickReport { pixel, depth, point })
 }
