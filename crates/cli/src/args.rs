@@ -59,8 +59,8 @@ pub enum Command {
     Export(crate::export::Export),
     /// Draw a picture of an .esker file, or of scans, which are first built into a temporary file.
     Render(Box<Render>),
-    /// Print the point that a pixel of a picture shows: its exact coordinates and all attributes, as
-    /// export writes them.
+    /// Print the point that a pixel of a picture shows: its exact coordinates and all attributes,
+    /// as export writes them.
     Pick(Box<crate::pick::Pick>),
     /// Fly through an .esker file, or scans, in a window.
     View(crate::view::View),

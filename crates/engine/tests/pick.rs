@@ -149,22 +149,26 @@ fn every_pick_is_a_point_of_the_input_and_the_nearest_by_brute_force() {
             let Some(depth) = depth_at(&picture, at) else { continue };
             let picked = pick(&file, &view, at, depth, &appearance.shown).unwrap();
             let aim = Aim::new(&view, at, depth).unwrap();
-            // The nearest in space of the points on the picture, within reach.
-            let on = |p: &DVec3| seen(&view, at, depth, *p).is_some();
-            let nearest = places.iter().filter(|p| on(p)).map(|p| p.distance(aim.place()));
-            let nearest = nearest.fold(f64::INFINITY, f64::min);
+            let reach = aim.reach(&file);
+            // The nearest in space of the points before the eye.
+            let before = places.iter().filter(|p| view.project(**p).is_some());
+            let away = |p: &DVec3| p.distance(aim.place());
+            let nearest = before.min_by(|a, b| away(a).total_cmp(&away(b))).unwrap();
+            // The nearest on the picture of those about as deep.
+            let is_on = seen(&view, at, depth, *nearest).is_some();
+            let nearest = away(nearest);
+            let radius = if is_on { 2.0 * nearest } else { reach };
+            let near = places.iter().filter(|p| nearest <= reach && away(p) <= radius);
+            let deep = near.filter_map(|p| seen(&view, at, depth, *p));
+            let best = deep.filter(|(_, off)| off.abs() <= nearest).map(|(px, _)| px);
+            let best = best.fold(f64::INFINITY, f64::min);
             let Some(picked) = picked else {
-                assert!(nearest > aim.reach(&file), "{camera} {at}");
+                assert!(best.is_infinite(), "{camera} {at}");
                 covered += 1;
                 continue;
             };
             (covered, picks) = (covered + 1, picks + 1);
             is_of(&picked, &input);
-            // The nearest on the picture of those about as deep.
-            let deep = places.iter().filter(|p| p.distance(aim.place()) <= 3.0 * nearest);
-            let deep = deep.filter_map(|p| seen(&view, at, depth, *p));
-            let best = deep.filter(|(_, off)| off.abs() <= 2.0 * nearest).map(|(px, _)| px);
-            let best = best.fold(f64::INFINITY, f64::min);
             assert!((picked.offset_px - best).abs() < 1e-6, "{camera} {at}: {picked:?}, {best}");
             let own = places[number(&picked) as usize];
             assert!(picked.at().distance(own) < 1e-9);
@@ -178,17 +182,23 @@ fn every_pick_is_a_point_of_the_input_and_the_nearest_by_brute_force() {
 /// Two walls one behind the other, seen from both sides, from afar and from nearby.
 #[test]
 fn no_pick_is_behind_the_shown_wall() {
-    const APART: f64 = 0.2;
+    // The second walls are about twice as far apart as their points.
+    picks_of_walls(60_000, 0.2);
+    picks_of_walls(2_400, 0.3);
+}
+
+/// Picks points of two walls that are `apart`, each with half of the points.
+fn picks_of_walls(points: u64, apart: f64) {
     let wall = |i: u64| {
-        let y = if i.is_multiple_of(2) { 0.0 } else { APART };
+        let y = if i.is_multiple_of(2) { 0.0 } else { apart };
         [6.0 * share(i, 0.754_877_666), y, 4.0 * share(i, 0.569_840_291)]
     };
     let folder = tempfile::tempdir().unwrap();
-    let input = scan(60_000, wall, |_| 2);
+    let input = scan(points, wall, |_| 2);
     let file = built(std::slice::from_ref(&input), folder.path());
-    let mut picks = 0;
+    let (mut picks, mut none, mut unsure) = (0, 0, 0);
     for (distance, slant) in [(1.5, 0.0), (6.0, 0.0), (6.0, 4.0), (40.0, 0.0), (300.0, 100.0)] {
-        for (eye, front) in [(-distance, 0.0), (APART + distance, APART)] {
+        for (eye, front) in [(-distance, 0.0), (apart + distance, apart)] {
             let camera = format!("eye={},{eye},2;target=3,{front},2", 3.0 + slant);
             let request = request(&camera, Method::Auto, &Filter::default());
             let (picture, view, appearance) = drawn(&file, &request);
@@ -197,16 +207,22 @@ fn no_pick_is_behind_the_shown_wall() {
                 // A pixel of the border shows what it likes.
                 let place = Aim::new(&view, at, depth).unwrap().place();
                 let is_inside = (0.3..5.7).contains(&place.x) && (0.3..3.7).contains(&place.z);
-                if !is_inside || (place.y - front).abs() > APART * 0.25 {
+                if !is_inside || (place.y - front).abs() > apart * 0.25 {
+                    unsure += u32::from(is_inside);
                     continue;
                 }
-                let picked = pick(&file, &view, at, depth, &appearance.shown).unwrap().unwrap();
+                let picked = pick(&file, &view, at, depth, &appearance.shown).unwrap();
+                let Some(picked) = picked else {
+                    none += 1;
+                    continue;
+                };
                 assert_eq!(picked.position[1], front, "{camera} {at}: {picked:?}");
                 picks += 1;
             }
         }
     }
-    assert!(picks > 300, "{picks}");
+    println!("{points} points: {picks} picks, {none} none, {unsure} places are not on the wall");
+    assert!(picks > 100 && none * 20 < picks && unsure < picks, "{picks}, {none}, {unsure}");
 }
 
 #[test]

@@ -6,8 +6,8 @@
 use anyhow::Result;
 use esker_format::{Forest, ForestFilter, PlaneKind, Planes};
 use esker_lod::{OrientedBox, View};
+use esker_points::Lattice;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
-use esker_points::{Lattice, Node};
 use glam::{DVec2, DVec3};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -18,12 +18,13 @@ pub const REACH_PX: f64 = 12.0;
 /// surface that is seen from nearby there is a point in reach of every pixel.
 const REACH_SPACINGS: f64 = 2.0;
 /// Depths from that of the shown surface within which points are compared on the picture, in
-/// distances of the shown place from its nearest point. That distance is small where the surface
-/// is sampled densely, so nothing is taken from behind a surface much thicker than it.
-const DEPTHS: f64 = 2.0;
-/// Distance from the shown place within which these points are looked for: it holds those of less
-/// than [`DEPTHS`] in depth that are nearer than the nearest point on the picture.
-const RADII: f64 = 3.0;
+/// distances of the shown place from its nearest point.
+const DEPTHS: f64 = 1.0;
+/// Distance from the shown place within which these points are looked for, in the same unit: it
+/// holds those that are nearer on the picture than the nearest point. So no point is taken from
+/// behind a surface that is thicker than twice the distance of the place from a point of it. Where
+/// the nearest point is beside the picture, points are looked for as far as they are picked.
+const RADII: f64 = 2.0;
 /// Greatest number of points that one pass reads. Only points at one place are as many.
 const POINTS_MAX: usize = 1 << 22;
 /// Share of a box's radius by which single-precision bounds may be too narrow.
@@ -92,8 +93,8 @@ impl Aim {
 
     /// Greatest distance in space from the shown place to a point that is picked.
     pub fn reach(&self, forest: &Forest) -> f64 {
-        let spacing = spacing_at(forest, self.place);
-        (REACH_PX * self.pixel).max(REACH_SPACINGS * spacing)
+        let reach = REACH_PX * self.pixel;
+        reach.max(REACH_SPACINGS * spacing_at(forest, self.place, reach))
     }
 }
 
@@ -105,28 +106,30 @@ impl Aim {
 /// If a node cannot be read or is damaged.
 pub fn find(forest: &Forest, aim: &Aim, shown: &ForestFilter) -> Result<Option<Found>> {
     let search = Search { forest, aim, shown, lattice: forest.metric() };
-    let Some((nearest, distance)) = search.nearest(aim.reach(forest))? else { return Ok(None) };
-    search.nearest_on_picture(nearest, distance).map(Some)
+    let reach = aim.reach(forest);
+    let Some((nearest, is_on_picture)) = search.nearest(reach)? else { return Ok(None) };
+    let radius = if is_on_picture { RADII * nearest } else { reach };
+    search.nearest_on_picture(radius, DEPTHS * nearest)
 }
 
-/// Distance of neighbouring points at a place: that of the smallest cell that holds it, of the
-/// tree where it is greatest; 0 outside of all cells.
-fn spacing_at(forest: &Forest, place: DVec3) -> f64 {
+/// Distance of neighbouring points at a place: that of the smallest cell at most `reach` away, on
+/// the way from the root to the nearest cells, of the tree where it is greatest; 0 if there is
+/// none.
+fn spacing_at(forest: &Forest, place: DVec3, reach: f64) -> f64 {
     let (table, lattice) = (forest.table(), forest.metric());
-    let steps = [0, 1, 2].map(|axis| lattice.steps_axis(axis, place[axis]));
-    let holds = |node: &Node| {
-        let (low, high) = (node.cell().corner, node.cell().last());
-        (0..3).all(|i| f64::from(low[i]) <= steps[i] && steps[i] <= f64::from(high[i]) + 1.0)
+    let near = |index: u32| {
+        let node = table.nodes.get(index as usize)?;
+        let distance = OrientedBox::of_cell(&node.cell(), lattice).distance(place);
+        (distance <= reach).then_some((distance, index, node))
     };
     let of_tree = |root: u32| {
-        let mut node = table.nodes.get(root as usize).filter(|node| holds(node))?;
-        let mut index = root;
+        let (_, mut index, mut node) = near(root)?;
         // Children come behind their parents, so this ends.
-        while let Some((child, below)) = node
+        while let Some((_, child, below)) = node
             .children()
             .filter(|&child| child > index)
-            .filter_map(|child| Some((child, table.nodes.get(child as usize)?)))
-            .find(|(_, below)| holds(below))
+            .filter_map(near)
+            .min_by(|a, b| a.0.total_cmp(&b.0))
         {
             (index, node) = (child, below);
         }
@@ -166,35 +169,33 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The point on the picture nearest to the shown place in space, at most `reach` away, and its
-    /// distance.
-    fn nearest(&self, reach: f64) -> Result<Option<(Found, f64)>> {
-        let mut best: Option<(Found, f64)> = None;
+    /// Distance from the shown place to the nearest point that is drawn, at most `reach` away, and
+    /// whether that point is on the picture.
+    fn nearest(&self, reach: f64) -> Result<Option<(f64, bool)>> {
+        let mut best = None;
         let mut limit = reach;
         self.visit(reach, |found, distance| {
-            if distance < limit || (best.is_none() && distance <= limit) {
-                if let Some(seen) = self.aim.seen(found.position) {
-                    best = Some((Found { seen, ..found }, distance));
-                    limit = distance;
-                }
+            let is_nearer = distance < limit || (best.is_none() && distance <= limit);
+            if is_nearer && let Some(on) = self.aim.view.project(found.position) {
+                best = Some((distance, self.aim.view.is_on_picture(on)));
+                limit = distance;
             }
             limit
         })?;
         Ok(best)
     }
 
-    /// The point nearest to the aim on the picture, of those about as deep as the shown surface;
-    /// `nearest` is the nearest in space, `distance` away.
-    fn nearest_on_picture(&self, nearest: Found, distance: f64) -> Result<Found> {
-        let (radius, depths) = (RADII * distance, DEPTHS * distance);
-        let mut best = nearest;
+    /// The point nearest to the aim on the picture, of those at most `radius` from the shown place
+    /// in space, and `depths` in depth.
+    fn nearest_on_picture(&self, radius: f64, depths: f64) -> Result<Option<Found>> {
+        let mut best: Option<Found> = None;
         self.visit(radius, |found, distance| {
             if distance <= radius
                 && let Some(seen) = self.aim.seen(found.position)
                 && seen.depth_offset.abs() <= depths
-                && order(seen, best.seen) == Ordering::Less
+                && best.is_none_or(|best| order(seen, best.seen) == Ordering::Less)
             {
-                best = Found { seen, ..found };
+                best = Some(Found { seen, ..found });
             }
             radius
         })?;
