@@ -85,6 +85,8 @@ impl Picked {
 /// centres are at one half. `depth` is the eye depth that the picture has there; in an empty pixel
 /// that of a pixel nearby, as [`shown_depth`] gives it.
 ///
+/// Reads from the disk, so the render thread should not call it.
+///
 /// `None` if `at` is not on the picture, or no point is within [`REACH_PX`] widths of a pixel of
 /// the shown place in space, or within twice the distance of neighbouring points where that is
 /// more.

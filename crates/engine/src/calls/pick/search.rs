@@ -1,7 +1,8 @@
 //! Search for the point of a file that a place on a picture shows, in the points of all levels.
 //! Cells are visited by their distance from the place in space, nearest first, until no other can
-//! hold a nearer point; then the points about as deep as the shown surface are compared on the
-//! picture. Few nodes are read, one at a time, and at most [`POINTS_MAX`] points.
+//! hold a nearer point (`hjaltason1999`, section 3); then the points about as deep as the shown
+//! surface are compared on the picture. Few nodes are read, one at a time, and each of the two
+//! passes ends behind [`POINTS_MAX`] points.
 
 use anyhow::Result;
 use esker_format::{Forest, ForestFilter, PlaneKind, Planes};
@@ -25,7 +26,7 @@ const DEPTHS: f64 = 1.0;
 /// behind a surface that is thicker than twice the distance of the place from a point of it. Where
 /// the nearest point is beside the picture, points are looked for as far as they are picked.
 const RADII: f64 = 2.0;
-/// Greatest number of points that one pass reads. Only points at one place are as many.
+/// Number of points behind which a pass ends. Only points at one place are as many.
 const POINTS_MAX: usize = 1 << 22;
 /// Share of a box's radius by which single-precision bounds may be too narrow.
 const BOX_ROUNDING: f64 = 1e-6;
