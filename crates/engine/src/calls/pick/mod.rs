@@ -75,6 +75,35 @@ impl Picked {
     pub fn at(&self) -> DVec3 {
         self.position.into()
     }
+
+    /// Names and values for people, a pair a row: coordinates, steps, attributes with what they
+    /// stand for, scan, distance on the picture.
+    pub fn rows(&self) -> Vec<(String, String)> {
+        let place = ["x", "y", "z"].into_iter().zip(&self.coordinates);
+        let place = place.map(|(name, value)| (name.to_owned(), value.clone()));
+        let steps = self.steps.map(|step| step.to_string()).join(" ");
+        let values = self.attributes.iter().map(|a| {
+            let value = match (&a.meaning, a.is_present) {
+                (_, false) => format!("{} (its scan has none)", a.value),
+                (Some(meaning), _) => format!("{} ({meaning})", a.value),
+                (None, _) => a.value.clone(),
+            };
+            (a.name.clone(), value)
+        });
+        let scan = match self.scans.as_slice() {
+            [] => None,
+            [one] => Some(one.clone()),
+            [first, rest @ ..] => Some(format!("{first}, or one of {} more", rest.len())),
+        };
+        let scan = scan.map(|scan| ("of scan".to_owned(), scan));
+        let distance = ("distance".to_owned(), format!("{:.1} pixels", self.offset_px));
+        place
+            .chain([("steps".to_owned(), steps)])
+            .chain(values)
+            .chain(scan)
+            .chain([distance])
+            .collect()
+    }
 }
 
 /// Finds the point that the picture of `view` shows at the place `at`: the nearest on the picture

@@ -108,30 +108,7 @@ pub fn text(report: &PickReport) -> String {
             Some(_) => format!("no point is near what pixel {x},{y} shows"),
         };
     };
-    let names = ["x", "y", "z"].map(str::to_owned);
-    let place = names.into_iter().zip(point.coordinates.clone());
-    let values = point.attributes.iter().map(|a| {
-        let value = match (&a.meaning, a.is_present) {
-            (_, false) => format!("{} (its scan has none)", a.value),
-            (Some(meaning), _) => format!("{} ({meaning})", a.value),
-            (None, _) => a.value.clone(),
-        };
-        (a.name.clone(), value)
-    });
-    let scans = match point.scans.as_slice() {
-        [] => None,
-        [one] => Some(("of scan".to_owned(), one.clone())),
-        [first, rest @ ..] => {
-            Some(("of scan".to_owned(), format!("{first}, or one of {} more", rest.len())))
-        }
-    };
-    let steps = point.steps.map(|step| step.to_string()).join(" ");
-    let rows: Vec<(String, String)> = place
-        .chain([("steps".to_owned(), steps)])
-        .chain(values)
-        .chain(scans)
-        .chain([("distance".to_owned(), format!("{:.1} pixels", point.offset_px))])
-        .collect();
+    let rows = point.rows();
     let wide = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
     let lines = rows.iter().map(|(name, value)| format!("{name:<wide$}  {value}"));
     lines.collect::<Vec<_>>().join("\n")
