@@ -32,6 +32,7 @@ mod program;
 mod proof;
 mod python;
 mod resume;
+mod scene;
 mod stream;
 mod synthetic;
 mod text;
@@ -63,6 +64,7 @@ fn main() {
     pick::trials(&mut trials);
     pictures::trials(&mut trials);
     light::trials(&mut trials);
+    scene::trials(&mut trials);
     devices::trials(&mut trials);
     interrupt::trials(&mut trials);
     python::trials(&mut trials);

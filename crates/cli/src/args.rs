@@ -6,7 +6,6 @@ use crate::output::Output;
 use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, ReadHow, Threads, method_parser};
 use clap::{Args as ClapArgs, Parser, Subcommand};
 use esker_engine::cameras::camera::Camera;
-use esker_engine::draw::method::DEFAULT_METHOD;
 use esker_engine::io::quantity;
 use esker_engine::{Method, PointSize, Window};
 use std::path::PathBuf;
@@ -30,7 +29,8 @@ pub enum Command {
     /// steps. Points outside its range of coordinates are an error, unless --drop-outside leaves
     /// them out.
     Append(Append),
-    /// Print what an .esker file, or a scan, holds; or what the machine can draw with.
+    /// Print what an .esker file, a scan, or a scene document holds; or what the machine can draw
+    /// with.
     Info {
         /// The file.
         #[arg(required_unless_present = "system")]
@@ -146,47 +146,57 @@ pub struct Verify {
 
 #[derive(ClapArgs)]
 pub struct Render {
-    /// An .esker file, or scans, or folders of scans.
+    /// An .esker file, or scans, or folders of scans; or a scene document (docs/scene.md), whose
+    /// fields count as these options do. An option that is given replaces the document's.
     #[arg(required = true, value_name = "FILE")]
     pub inputs: Vec<PathBuf>,
     /// The picture to write.
-    #[arg(short, long, value_name = "P.png", required_unless_present = "explain")]
+    #[arg(
+        short,
+        long,
+        value_name = "P.png",
+        required_unless_present_any = ["explain", "save_scene"]
+    )]
     pub out: Option<PathBuf>,
     /// Draw nothing, and print what the picture would take: passes, attributes, pipelines, and what
     /// is left out and why.
     #[arg(long)]
     pub explain: bool,
-    /// Width and height in pixels.
-    #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
-    pub size: [u32; 2],
+    /// Write a scene document of this picture: its scans, and all of these options but those of
+    /// the machine (--backend, --threads, --memory, --scratch). Without --out nothing is drawn.
+    #[arg(long, value_name = "OUT.json", conflicts_with = "explain")]
+    pub save_scene: Option<PathBuf>,
+    /// Width and height in pixels; 1024x1024 by default.
+    #[arg(long, value_parser = quantity::picture_size)]
+    pub size: Option<[u32; 2]>,
     /// Draw only this part of the picture: first column and row, width and height, in pixels. Parts
     /// fit together: they show the same points as the whole picture.
     #[arg(long, value_name = "X,Y,W,H", value_parser = quantity::window)]
     pub window: Option<Window>,
-    /// Points alone, closed surfaces, splats, or splats that are lit.
-    #[arg(long, value_parser = method_parser(), default_value = DEFAULT_METHOD)]
-    pub method: Method,
+    /// Points alone, closed surfaces, splats, or splats that are lit; auto by default.
+    #[arg(long, value_parser = method_parser())]
+    pub method: Option<Method>,
     /// "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates; each part may be
     /// missing. Without a target the camera looks along "direction=x,y,z"; without an eye it is
     /// placed so that the whole scan is in view. With "ortho=HEIGHT" in place of fovy the view is
     /// parallel (orthographic), its picture so high in the scan's unit, or as high as the scan with
     /// "ortho=fit"; nothing behind its eye is drawn.
-    #[arg(long, default_value = "", hide_default_value = true)]
-    pub camera: Camera,
+    #[arg(long)]
+    pub camera: Option<Camera>,
     /// Show the whole scan, whatever eye and target the camera names.
     #[arg(long)]
     pub fit: bool,
-    /// Greatest number of points that are drawn.
-    #[arg(long, value_name = "N", default_value_t = 10_000_000, value_parser = quantity::points_budget)]
-    pub budget_points: u64,
+    /// Greatest number of points that are drawn; 10000000 by default.
+    #[arg(long, value_name = "N", value_parser = quantity::points_budget)]
+    pub budget_points: Option<u64>,
     /// Choose a coarser resolution, and if need be points alone, so that a frame takes at most so
     /// many milliseconds on this machine's CPU, whose speed is measured at first use.
     #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = quantity::milliseconds)]
     pub budget_ms: Option<f64>,
-    /// Distance of neighbouring points in the picture that is fine enough, in pixels; 0 draws all
-    /// points.
-    #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]
-    pub target_spacing: f64,
+    /// Distance of neighbouring points in the picture that is fine enough, in pixels; 1 by default,
+    /// 0 draws all points.
+    #[arg(long, value_name = "PX", allow_negative_numbers = true, value_parser = quantity::spacing_px)]
+    pub target_spacing: Option<f64>,
     /// What gives points their colour: rgb, intensity, elevation (along the camera's up), x, y, z,
     /// classification, return_number, number_of_returns, source_id, time, normal, level, depth,
     /// plain, or the name of any attribute. A range of values may follow, with either end open.
@@ -202,9 +212,9 @@ pub struct Render {
     #[arg(long)]
     pub cull_back: bool,
     /// Diameter of points that are drawn alone, in pixels, or "adaptive": dots of neighbouring
-    /// points touch.
-    #[arg(long, value_name = "PX|adaptive", default_value = "1", value_parser = quantity::point_size)]
-    pub point_size: PointSize,
+    /// points touch; 1 by default.
+    #[arg(long, value_name = "PX|adaptive", value_parser = quantity::point_size)]
+    pub point_size: Option<PointSize>,
     /// Show the shape of points that are drawn alone: darken what lies behind its surroundings; a
     /// strength may follow, 1 by default.
     #[arg(long, value_name = "STRENGTH", num_args = 0..=1, default_missing_value = "1", value_parser = quantity::strength)]

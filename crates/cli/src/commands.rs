@@ -1,15 +1,13 @@
 //! The commands: each turns its options into a call of the engine, and prints the report.
 
-use crate::args::{Append, Build, Command, Render, Verify};
+use crate::args::{Append, Build, Command, Verify};
 use crate::output::{print, write};
-use crate::shared::note_built;
-use crate::{export, pick, view};
-use anyhow::{Result, ensure};
-use esker_engine::calls::{build, conditions, demo, explain, info, info_text, render, verify};
-use esker_engine::draw::scene::PictureRequest;
+use crate::{export, pick, render, view};
+use anyhow::Result;
+use esker_engine::calls::{build, conditions, demo, info, info_text, verify};
+use esker_engine::document::{self, Document, SceneInfo};
 use esker_engine::io::progress::{Progress, Style};
 use esker_engine::machine::devices;
-use esker_engine::{Dots, Method, PointSize};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -25,6 +23,10 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
             let report = conditions::conditions(&file, &Progress::new(Style::None, stop))?;
             print(json, &report, || conditions::text(&report))
         }
+        Command::Info { file: Some(file), json, .. } if document::is_document(&file)? => {
+            let report = SceneInfo::of(&Document::read(&file)?);
+            print(json, &report, || report.text())
+        }
         Command::Info { file: Some(file), reading, json, .. } => {
             let report =
                 info::info(&file, &reading.open_options(), &Progress::new(Style::None, stop))?;
@@ -36,7 +38,7 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         }
         Command::Verify(args) => run_verify(args, stop),
         Command::Export(args) => export::run(args, stop),
-        Command::Render(args) => run_render(*args, stop),
+        Command::Render(args) => render::run(*args, stop),
         Command::Pick(args) => pick::run(*args, stop),
         Command::View(args) => return view::run(&args),
         Command::Demo { out } => {
@@ -87,48 +89,6 @@ fn run_verify(args: Verify, stop: Arc<AtomicBool>) -> Result<()> {
     }
     let report = report?;
     args.output.print(&report, || verify::text(&args.file, &report))
-}
-
-fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
-    let mut camera = args.camera;
-    if args.fit {
-        (camera.eye, camera.target) = (None, None);
-    }
-    args.light.check(args.method)?;
-    let has_dots = args.point_size != PointSize::default() || args.eye_dome.is_some();
-    ensure!(
-        !has_dots || args.method == Method::Points,
-        "--point-size and --eye-dome are for points that are drawn alone: add --method points"
-    );
-    let request = PictureRequest {
-        size: args.size,
-        window: args.window,
-        method: args.method,
-        camera,
-        budget_points: args.budget_points,
-        budget_ms: args.budget_ms,
-        target_spacing_px: args.target_spacing,
-        colour_by: args.light.colour_by(args.colour),
-        filter: args.filter.into(),
-        shines: !args.no_highlights,
-        evens_exposure: args.even_exposure,
-        culls_back: args.cull_back,
-        dots: Dots { size: args.point_size, eye_dome: args.eye_dome.unwrap_or_default() },
-        full: args.full,
-        light: args.light.into(),
-        with: (&args.with).into(),
-        threads: args.how.threads.count,
-        build: args.how.options_for(args.method),
-        ..PictureRequest::default()
-    };
-    let (inputs, output) = (&args.inputs, &args.output);
-    note_built(inputs, &args.how);
-    match args.out.filter(|_| !args.explain) {
-        None => output.report(stop, |p| explain::explain(inputs, &request, p), explain::text),
-        Some(out) => {
-            output.report(stop, |p| render::render(inputs, &out, &request, p), render::text)
-        }
-    }
 }
 
 /// Folder of the sample scan: the current folder if it is a clone of the project, else the one that

@@ -4,9 +4,9 @@ use crate::output::Output;
 use crate::shared::{ColourBits, FilterArgs, Threads};
 use anyhow::Result;
 use clap::Args as ClapArgs;
-use esker_engine::ExportOptions;
 use esker_engine::calls::export;
 use esker_engine::io::output::may_create;
+use esker_engine::{ExportOptions, Filter};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -39,7 +39,7 @@ pub fn run(args: Export, stop: Arc<AtomicBool>) -> Result<()> {
     if !args.overwrite {
         may_create(&args.out)?;
     }
-    let filter = args.filter.into();
+    let filter = args.filter.over(Filter::default());
     let options = ExportOptions { colour_depth: args.colour_bits.map(Into::into) };
     args.output.report(
         stop,

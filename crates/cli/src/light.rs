@@ -4,8 +4,11 @@ use anyhow::{Result, ensure};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, ValueEnum};
 use esker_engine::Method;
+use esker_engine::io::quantity;
 use esker_engine::light::check_built;
-use esker_engine::light::settings::{FILTERS, FilterName, Gloss, LightSettings, filter_of_name};
+use esker_engine::light::settings::{
+    BOUNCES, FILTERS, FilterName, Gloss, LightSettings, SAMPLES, SHADOW_SAMPLES, filter_of_name,
+};
 use esker_engine::light::spec::{LightSpec, joined};
 use std::path::PathBuf;
 
@@ -20,14 +23,14 @@ pub struct LightArgs {
     #[arg(long, num_args = 1.., value_name = "LIGHT")]
     pub lights: Vec<LightSpec>,
     /// Rays through a pixel.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(SAMPLES))]
     pub samples: Option<u32>,
     /// Times that light is reflected before it reaches the surface that is seen; 0 for direct light
     /// alone.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=64))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(BOUNCES))]
     pub bounces: Option<u32>,
     /// Rays to each light of finite size, for each ray through a pixel.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(SHADOW_SAMPLES))]
     pub shadow_samples: Option<u32>,
     /// Filter of indirect light; nested by default.
     #[arg(long = "filter", value_name = "NAME", value_parser = filter_parser())]
@@ -48,7 +51,7 @@ pub struct LightArgs {
     #[arg(long, value_enum, value_name = "OF", conflicts_with = "colour")]
     pub albedo: Option<AlbedoArg>,
     /// Factor from light to the picture; chosen by the picture by default, and reported.
-    #[arg(long, value_name = "FACTOR", value_parser = exposure)]
+    #[arg(long, value_name = "FACTOR", value_parser = quantity::exposure)]
     pub exposure: Option<f64>,
     /// Triangle meshes (.ply, .obj) that stand in the scan, in its coordinates.
     #[arg(long, num_args = 1.., value_name = "MESH")]
@@ -74,6 +77,23 @@ impl LightArgs {
             AlbedoArg::Plain => "plain",
         });
         albedo.map(str::to_owned).or(colour)
+    }
+
+    /// Settings of the light, those of `base` where no option is given.
+    pub fn over(&self, base: LightSettings) -> LightSettings {
+        LightSettings {
+            lights: joined(self.lights.clone()).or(base.lights),
+            samples: self.samples.unwrap_or(base.samples),
+            bounces: self.bounces.unwrap_or(base.bounces),
+            shadow_samples: self.shadow_samples.unwrap_or(base.shadow_samples),
+            filter: self.light_filter.unwrap_or(base.filter),
+            filters_shadows: base.filters_shadows || self.filter_shadows,
+            gloss: self.gloss.or(base.gloss),
+            seed: self.seed.unwrap_or(base.seed),
+            exposure: self.exposure.or(base.exposure),
+            meshes: if self.mesh.is_empty() { base.meshes } else { self.mesh.clone() },
+            factor: base.factor,
+        }
     }
 
     /// Names of the options that are given.
@@ -108,32 +128,8 @@ impl LightArgs {
     }
 }
 
-impl From<LightArgs> for LightSettings {
-    fn from(args: LightArgs) -> Self {
-        let default = Self::default();
-        Self {
-            lights: joined(args.lights),
-            samples: args.samples.unwrap_or(default.samples),
-            bounces: args.bounces.unwrap_or(default.bounces),
-            shadow_samples: args.shadow_samples.unwrap_or(default.shadow_samples),
-            filter: args.light_filter.unwrap_or(default.filter),
-            filters_shadows: args.filter_shadows,
-            gloss: args.gloss,
-            seed: args.seed.unwrap_or(default.seed),
-            exposure: args.exposure.or(default.exposure),
-            meshes: args.mesh,
-            factor: default.factor,
-        }
-    }
-}
-
 fn filter_parser() -> impl TypedValueParser<Value = FilterName> {
     let values = FILTERS.map(|(_, name, help)| PossibleValue::new(name).help(help));
     let parser = PossibleValuesParser::new(values);
     parser.try_map(|name| filter_of_name(&name).ok_or("no such filter"))
-}
-
-fn exposure(word: &str) -> Result<f64, String> {
-    let value = word.parse::<f64>().ok().filter(|value| value.is_finite() && *value > 0.0);
-    value.ok_or_else(|| format!("`{word}` is no number above 0"))
 }

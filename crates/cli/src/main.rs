@@ -10,6 +10,7 @@ mod light;
 mod memory;
 mod output;
 mod pick;
+mod render;
 mod shared;
 mod view;
 

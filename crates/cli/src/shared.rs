@@ -40,16 +40,16 @@ pub struct BuildHow {
     /// default.
     #[arg(long, value_enum)]
     pub colour_bits: Option<ColourBits>,
-    /// Compression of attributes that are not drawn; nothing is lost.
-    #[arg(long, value_enum, default_value_t)]
-    pub compress: Compress,
+    /// Compression of attributes that are not drawn; nothing is lost. Fast by default.
+    #[arg(long, value_enum)]
+    pub compress: Option<Compress>,
     /// Accept inputs of different coordinate reference systems, and take their coordinates as they
     /// are.
     #[arg(long)]
     pub ignore_crs: bool,
-    /// Where the normals that are drawn come from.
-    #[arg(long, value_enum, default_value_t)]
-    pub normals: NormalsArg,
+    /// Where the normals that are drawn come from; keep by default.
+    #[arg(long, value_enum)]
+    pub normals: Option<NormalsArg>,
     /// Find sharp edges, at which --method ewa clips its splats; estimates
     /// normals where the scans have none.
     #[arg(long)]
@@ -84,8 +84,8 @@ impl BuildHow {
         let all = [
             (self.node_capacity.is_some(), "--node-capacity"),
             (self.colour_bits.is_some(), "--colour-bits"),
-            (!matches!(self.compress, Compress::Fast), "--compress"),
-            (!matches!(self.normals, NormalsArg::Keep), "--normals"),
+            (!matches!(self.compress, None | Some(Compress::Fast)), "--compress"),
+            (!matches!(self.normals, None | Some(NormalsArg::Keep)), "--normals"),
             (self.sharp_features, "--sharp-features"),
             (self.tangents, "--tangents"),
             (self.compact, "--compact"),
@@ -104,38 +104,33 @@ impl BuildHow {
         BuildOptions { resume, ..self.options() }
     }
 
-    /// Options of a build that is drawn by `method`: light needs normals.
-    pub fn options_for(&self, method: Method) -> BuildOptions {
-        let options = self.options();
-        match (self.normals, method) {
-            (NormalsArg::Keep, Method::Lit) => {
-                BuildOptions { normals: NormalsMode::Estimate, ..options }
-            }
-            _ => options,
-        }
-    }
-
     /// Options of a build.
     pub fn options(&self) -> BuildOptions {
-        let default = BuildOptions::default();
+        self.over(BuildOptions::default())
+    }
+
+    /// Options of a build, those of `base` where none is given.
+    pub fn over(&self, base: BuildOptions) -> BuildOptions {
+        let BuildHow { reading, .. } = self;
+        let skip_lines = if reading.skip_lines > 0 { reading.skip_lines } else { base.skip_lines };
         BuildOptions {
-            memory_bytes: self.memory.unwrap_or(default.memory_bytes),
-            scratch: self.scratch.clone(),
-            node_capacity: self.node_capacity.unwrap_or(default.node_capacity),
-            colour_depth: self.colour_bits.map(Into::into),
-            compress: self.compress.into(),
-            normals: self.normals.into(),
-            sharp_features: self.sharp_features,
-            tangents: self.tangents,
-            compact: self.compact,
-            ignore_crs: self.ignore_crs,
-            allow_rounding: self.allow_rounding,
-            columns: self.reading.columns.clone(),
-            skip_lines: self.reading.skip_lines,
-            apply_viewpoint: self.reading.apply_viewpoint,
-            crs: self.crs.clone(),
-            unit: self.unit.clone(),
-            ..default
+            memory_bytes: self.memory.unwrap_or(base.memory_bytes),
+            scratch: self.scratch.clone().or(base.scratch),
+            node_capacity: self.node_capacity.unwrap_or(base.node_capacity),
+            colour_depth: self.colour_bits.map(Into::into).or(base.colour_depth),
+            compress: self.compress.map_or(base.compress, Into::into),
+            normals: self.normals.map_or(base.normals, Into::into),
+            sharp_features: base.sharp_features || self.sharp_features,
+            tangents: base.tangents || self.tangents,
+            compact: base.compact || self.compact,
+            ignore_crs: base.ignore_crs || self.ignore_crs,
+            allow_rounding: base.allow_rounding || self.allow_rounding,
+            columns: reading.columns.clone().or(base.columns),
+            skip_lines,
+            apply_viewpoint: base.apply_viewpoint || reading.apply_viewpoint,
+            crs: self.crs.clone().or(base.crs),
+            unit: self.unit.clone().or(base.unit),
+            ..base
         }
     }
 }
@@ -198,10 +193,9 @@ impl From<ColourBits> for ColourDepth {
     }
 }
 
-#[derive(Clone, Copy, Default, ValueEnum)]
+#[derive(Clone, Copy, ValueEnum)]
 pub enum NormalsArg {
     /// From the scans, if any of them has normals; otherwise as fast.
-    #[default]
     Keep,
     /// Estimated for all points, from their nearest neighbours.
     Estimate,
@@ -222,10 +216,9 @@ impl From<NormalsArg> for NormalsMode {
     }
 }
 
-#[derive(Clone, Copy, Default, ValueEnum)]
+#[derive(Clone, Copy, ValueEnum)]
 pub enum Compress {
     /// LZ4: fast.
-    #[default]
     Fast,
     /// Zstandard: smaller, slower.
     Small,
@@ -271,11 +264,17 @@ pub struct FilterArgs {
     pub max_spacing: Option<f64>,
 }
 
-impl From<FilterArgs> for Filter {
-    fn from(args: FilterArgs) -> Self {
-        let FilterArgs { bounds, polygon, classes, flags, without_flags, max_spacing } = args;
-        let (flags, without_flags) = (flags.unwrap_or_default(), without_flags.unwrap_or_default());
-        Self { bounds, polygon, classes, flags, without_flags, max_spacing }
+impl FilterArgs {
+    /// The filter, with the conditions of `base` where none is given.
+    pub fn over(&self, base: Filter) -> Filter {
+        Filter {
+            bounds: self.bounds.or(base.bounds),
+            polygon: self.polygon.clone().or(base.polygon),
+            classes: self.classes.or(base.classes),
+            flags: self.flags.unwrap_or(base.flags),
+            without_flags: self.without_flags.unwrap_or(base.without_flags),
+            max_spacing: self.max_spacing.or(base.max_spacing),
+        }
     }
 }
 

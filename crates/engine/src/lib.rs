@@ -4,6 +4,7 @@
 
 pub mod calls;
 pub mod cameras;
+pub mod document;
 pub mod draw;
 pub mod io;
 pub mod light;

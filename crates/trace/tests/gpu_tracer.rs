@@ -68,7 +68,7 @@ fn panorama() -> Panorama {
         20 => [6.0, 5.0, 4.0],
         _ => [0.1 * (i % 5) as f32, 0.2, 0.3],
     };
-    Panorama { width: 8, height: 5, pixels: (0..38).map(pixel).collect() }
+    Panorama { width: 8, height: 5, pixels: (0..38).map(pixel).collect(), file: None }
 }
 
 /// One light of each kind that the kernels draw.

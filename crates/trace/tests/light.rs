@@ -16,7 +16,9 @@ fn lights_survive_json_and_defaults_need_not_be_stated() {
             inner_angle_deg: 20.0,
             outer_angle_deg: 30.0,
         },
-        Light::Sky { sky: Sky::Image(Panorama { width: 1, height: 1, pixels: vec![[1.0; 3]] }) },
+        Light::Sky {
+            sky: Sky::Image(Panorama { width: 1, height: 1, pixels: vec![[1.0; 3]], file: None }),
+        },
     ]);
     let text = serde_json::to_string(&lights).unwrap();
     assert_eq!(serde_json::from_str::<Lights>(&text).unwrap(), lights);
@@ -50,7 +52,7 @@ fn a_gradient_has_its_colours_up_down_and_at_the_horizon() {
 fn the_middle_of_a_panorama_is_north_its_right_quarter_east_and_its_top_up() {
     let (width, height) = (64, 32);
     let pixels = (0..width * height).map(|i| [(i % width) as f32, (i / width) as f32, 0.0]);
-    let panorama = Panorama { width, height, pixels: pixels.collect() };
+    let panorama = Panorama { width, height, pixels: pixels.collect(), file: None };
     for (direction, want) in [
         (Vec3::Y, [31.5, 15.5]),
         (Vec3::X, [47.5, 15.5]),
@@ -70,7 +72,7 @@ fn the_middle_of_a_panorama_is_north_its_right_quarter_east_and_its_top_up() {
 
 #[test]
 fn panoramas_with_missing_or_senseless_pixels_are_black_there() {
-    let sky = |width, height, pixels| Sky::Image(Panorama { width, height, pixels });
+    let sky = |width, height, pixels| Sky::Image(Panorama { width, height, pixels, file: None });
     for sky in [sky(0, 0, vec![]), sky(8, 0, vec![]), sky(4, 4, vec![[f32::NAN; 3]])] {
         for direction in [Vec3::X, Vec3::Z, Vec3::NEG_Z, Vec3::new(-1e-9, -1.0, 0.0)] {
             assert_eq!(radiance(sky.clone(), direction), Vec3::ZERO);

@@ -38,6 +38,9 @@ pub struct RenderReport {
     /// Path of the picture; none if it was not written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub picture: Option<String>,
+    /// Path of the scene document of the picture; none if none was written.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<String>,
     /// Points that were projected.
     pub points_drawn: u64,
     /// Nodes with such a point.
@@ -345,6 +348,7 @@ impl RenderReport {
         let legend = &scene.appearance.colouring.legend;
         Self {
             picture: None,
+            scene: None,
             points_drawn: stats.points_drawn,
             nodes_drawn: stats.nodes_drawn,
             pixels_covered: stats.pixels_covered,
@@ -422,6 +426,7 @@ pub fn text(report: &RenderReport) -> String {
             pace.budget_ms, pace.method, pace.scale, pace.target_spacing_px, pace.predicted_ms
         )
     }));
+    lines.extend(report.scene.iter().map(|scene| format!("scene document: {scene}")));
     lines.extend(report.notes.iter().map(|note| format!("note: {note}")));
     lines.join("\n")
 }

@@ -3,7 +3,7 @@
 pub mod camera;
 pub mod classes;
 pub mod colour;
-mod colour_request;
+pub(crate) mod colour_request;
 pub mod legend;
 pub mod path;
 pub(crate) mod places;

@@ -13,6 +13,7 @@ use crate::light;
 use crate::light::settings::LightSettings;
 use crate::machine::backend::DrawWith;
 use anyhow::Result;
+use esker_builder::NormalsMode;
 use esker_builder::budget::memory;
 use esker_format::{Forest, ForestFilter, PlaneKind, Planes};
 use esker_lod::{
@@ -102,6 +103,23 @@ impl Default for PictureRequest {
 }
 
 impl PictureRequest {
+    /// Request that `esker render` makes without options.
+    #[must_use]
+    pub fn of_options() -> Self {
+        Self { method: Method::default(), ..Self::default() }
+    }
+
+    /// Options of the build, if the inputs are scans: light needs normals.
+    pub fn build_options(&self) -> esker_builder::Options {
+        let options = self.build.clone();
+        match (self.method, options.normals) {
+            (Method::Lit, NormalsMode::Keep) => {
+                esker_builder::Options { normals: NormalsMode::Estimate, ..options }
+            }
+            _ => options,
+        }
+    }
+
     /// Size of the picture that is written: of the window, if there is one.
     pub fn shown_size(&self) -> [u32; 2] {
         self.window.map_or(self.size, |window| [window.width, window.height])
@@ -145,7 +163,7 @@ pub fn open(
     let scans = inputs::scans(inputs, task)?;
     let folder = output::temporary(request.build.scratch.as_deref())?;
     let built = folder.path().join("scan.esker");
-    esker_builder::build(&scans, &built, &request.build, task)?;
+    esker_builder::build(&scans, &built, &request.build_options(), task)?;
     Ok((Forest::open(&built)?.called(name_of(inputs)), Some(folder)))
 }
 

@@ -89,15 +89,15 @@ pub fn write_png(picture: &Picture, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Gives a picture the permissions of a new file: temporary files are private.
+/// Gives a file the permissions of a new one: temporary files are private.
 #[cfg(unix)]
-fn readable_by_all(file: &std::fs::File) -> std::io::Result<()> {
+pub(crate) fn readable_by_all(file: &std::fs::File) -> std::io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
     file.set_permissions(std::fs::Permissions::from_mode(0o644))
 }
 
 #[cfg(not(unix))]
-fn readable_by_all(_file: &std::fs::File) -> std::io::Result<()> {
+pub(crate) fn readable_by_all(_file: &std::fs::File) -> std::io::Result<()> {
     Ok(())
 }
 

@@ -16,11 +16,21 @@ const FILE_BYTES_MAX: u64 = 64 << 20;
 /// # Errors
 /// If `word` is neither corners nor a readable file of corners.
 pub fn read(word: &str) -> Result<Polygon> {
+    read_in(word, Path::new(""))
+}
+
+/// As [`read`], with files relative to `folder`.
+///
+/// # Errors
+/// If `word` is neither corners nor a readable file of corners.
+pub fn read_in(word: &str, folder: &Path) -> Result<Polygon> {
     let has_corners = word.split_whitespace().filter(|w| w.contains(',')).count() > 1;
-    if has_corners && !Path::new(word).exists() {
+    let path = folder.join(word);
+    if has_corners && !path.exists() {
         return Ok(word.parse()?);
     }
-    let file = File::open(word).with_context(|| {
+    let word = path.display();
+    let file = File::open(&path).with_context(|| {
         format!("{word}: cannot read the polygon; name a file, or corners as \"x,y x,y x,y\"")
     })?;
     let mut text = String::new();

@@ -159,6 +159,15 @@ pub fn strength(text: &str) -> Result<f32> {
         .with_context(|| format!("`{text}` is no strength: give 0, for none, to {STRENGTH_MAX}"))
 }
 
+/// Parses the factor from light to a picture.
+///
+/// # Errors
+/// If `text` is not a number above 0.
+pub fn exposure(text: &str) -> Result<f64> {
+    let value = text.parse::<f64>().ok().filter(|value| value.is_finite() && *value > 0.0);
+    value.with_context(|| format!("`{text}` is no number above 0"))
+}
+
 /// Most threads: far more than are useful, far fewer than would exhaust a machine.
 const THREADS_MAX: usize = 1024;
 

@@ -64,7 +64,10 @@ impl Lights {
     }
 
     /// Parses and checks the text of a document.
-    fn parse(text: &str) -> Result<Self> {
+    ///
+    /// # Errors
+    /// If it is no valid document.
+    pub fn parse(text: &str) -> Result<Self> {
         let lights: Self = serde_json::from_str(text).context("see docs/commands.md")?;
         ensure!(
             (1..=LIGHTS_VERSION).contains(&lights.version),

@@ -4,7 +4,7 @@
 use crate::light::document::{Lights, VALUE_MAX, check, within};
 use crate::light::tone::srgb_to_linear;
 use anyhow::{Context, Result, bail, ensure};
-use esker_trace::light::{Light, Panorama, SUN_DIAMETER_DEG, Sky};
+use esker_trace::light::{Light, Panorama, PanoramaFile, SUN_DIAMETER_DEG, Sky};
 use std::f32::consts::PI;
 use std::io::BufReader;
 use std::path::Path;
@@ -19,10 +19,10 @@ const LAMP: &str = "lamp:X,Y,Z[,STRENGTH], such as lamp:10.5,3,2.2";
 /// Pixels of a picture of the sky at most: 16384 x 8192.
 const SKY_PIXELS_MAX: u64 = 1 << 27;
 /// Irradiance of a surface that faces the sun of strength 1: a white one then has a radiance of 1.
-const SUN_IRRADIANCE: f32 = PI;
+pub(crate) const SUN_IRRADIANCE: f32 = PI;
 /// Radiance of the sky of strength 1, straight above: a clear sky gives about a fifth of the light
 /// of the sun, and its zenith is bluer than its horizon.
-const ZENITH: [f32; 3] = [0.11, 0.17, 0.30];
+pub(crate) const ZENITH: [f32; 3] = [0.11, 0.17, 0.30];
 const HORIZON: [f32; 3] = [0.26, 0.30, 0.36];
 /// Radiance from below the horizon: what the land around the scan reflects.
 const GROUND: [f32; 3] = [0.10, 0.09, 0.08];
@@ -54,6 +54,7 @@ pub fn clear_sky(strength: f64) -> Light {
 /// # Errors
 /// As for [`crate::light::spec::parse`].
 pub fn parse(text: &str) -> Result<Lights> {
+    let here = Path::new("");
     let is_file = |text: &str| Path::new(text).extension().is_some_and(|e| e == "json");
     if is_file(text) {
         return Lights::read(Path::new(text));
@@ -62,7 +63,9 @@ pub fn parse(text: &str) -> Result<Lights> {
     for word in text.split(['|', ' ']).filter(|word| !word.is_empty()) {
         match is_file(word) {
             true => lights = lights.with(Lights::read(Path::new(word))?),
-            false => lights.lights.push(light(word).with_context(|| format!("light `{word}`"))?),
+            false => {
+                lights.lights.push(light(word, here).with_context(|| format!("light `{word}`"))?)
+            }
         }
     }
     let count = lights.lights.len() + lights.emissive.len();
@@ -70,11 +73,23 @@ pub fn parse(text: &str) -> Result<Lights> {
     Ok(lights)
 }
 
-fn light(word: &str) -> Result<Light> {
+/// Parses one light, or reads a document; files are relative to `folder`, and their names may hold
+/// blanks.
+///
+/// # Errors
+/// As for [`parse`].
+pub fn one_in(word: &str, folder: &Path) -> Result<Lights> {
+    if Path::new(word).extension().is_some_and(|e| e == "json") {
+        return Lights::read(&folder.join(word));
+    }
+    Ok(vec![light(word, folder).with_context(|| format!("light `{word}`"))?].into())
+}
+
+fn light(word: &str, folder: &Path) -> Result<Light> {
     let (kind, values) = word.split_once(':').unwrap_or((word, ""));
     let light = match kind {
         "sun" => sun(values).context(SUN)?,
-        "sky" => sky(values).context(SKY)?,
+        "sky" => sky(values, folder).context(SKY)?,
         "lamp" => lamp(values).context(LAMP)?,
         _ => bail!("is none of {FORMS}"),
     };
@@ -91,7 +106,7 @@ fn sun(values: &str) -> Result<Light> {
     Ok(sun_at(azimuth, elevation, strength, rest.get(1).copied().unwrap_or(SUN_DIAMETER_DEG)))
 }
 
-fn sky(values: &str) -> Result<Light> {
+fn sky(values: &str, folder: &Path) -> Result<Light> {
     let (picture, values) = match values.split_once(',') {
         _ if values.ends_with(".png") => (Some(values), ""),
         Some((name, values)) if name.ends_with(".png") => (Some(name), values),
@@ -101,7 +116,7 @@ fn sky(values: &str) -> Result<Light> {
     ensure!(values.len() <= 1, "there are {} numbers, one has a meaning", values.len());
     let strength = within("the strength", values.first().copied().unwrap_or(1.0), 0.0, VALUE_MAX)?;
     match picture {
-        Some(path) => Ok(Light::Sky { sky: Sky::Image(panorama(Path::new(path), strength)?) }),
+        Some(path) => Ok(Light::Sky { sky: Sky::Image(panorama(&folder.join(path), strength)?) }),
         None => Ok(clear_sky(strength)),
     }
 }
@@ -147,7 +162,12 @@ fn panorama(path: &Path, strength: f64) -> Result<Panorama> {
         let [r, g, b] = if channels < 3 { [pixel[0]; 3] } else { [pixel[0], pixel[1], pixel[2]] };
         [r, g, b].map(linear)
     });
-    Ok(Panorama { width: width as usize, height: height as usize, pixels: pixels.collect() })
+    Ok(Panorama {
+        width: width as usize,
+        height: height as usize,
+        pixels: pixels.collect(),
+        file: Some(PanoramaFile { path: path.to_owned(), strength }),
+    })
 }
 
 #[cfg(test)]

@@ -30,6 +30,8 @@ pub mod sun;
 pub(crate) mod tone;
 #[cfg(feature = "light")]
 pub(crate) mod tracing;
+#[cfg(feature = "light")]
+pub(crate) mod written;
 
 use crate::draw::method::Method;
 use anyhow::{Result, ensure};

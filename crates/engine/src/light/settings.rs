@@ -4,8 +4,16 @@
 #[cfg(feature = "light")]
 pub use crate::light::document::Lights;
 use esker_points::Lattice;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
+
+/// Numbers of rays through a pixel.
+pub const SAMPLES: RangeInclusive<i64> = 1..=65_536;
+/// Numbers of reflections.
+pub const BOUNCES: RangeInclusive<i64> = 0..=64;
+/// Numbers of rays to a light of finite size.
+pub const SHADOW_SAMPLES: RangeInclusive<i64> = 1..=1024;
 
 /// Lights of a program that was built without them.
 #[cfg(not(feature = "light"))]

@@ -1,6 +1,7 @@
 //! Set of wanted ASPRS classes: parsed from numbers, ranges and names, stored as one bit each.
 
 use super::condition::{FilterError, Side};
+use std::fmt;
 use std::str::FromStr;
 
 /// Names of the classes of LAS 1.4 R15, table 17, from class 0 on.
@@ -32,6 +33,8 @@ const NAMES: [&str; 23] = [
 
 /// Name that stands for a class and a flag.
 const OVERLAP: &str = "overlap";
+/// Class that the name stands for, too.
+const OVERLAP_CLASS: u8 = 12;
 
 /// A set of classes: class `c` is bit `c % 64` of word `c / 64`; and whether it has all points with
 /// the flag of overlap, which newer files have in place of class 12.
@@ -101,6 +104,29 @@ impl FromStr for Classes {
     }
 }
 
+impl fmt::Display for Classes {
+    /// Writes the classes as they are parsed: ranges of numbers, and `overlap` where it is meant.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut parts = Vec::new();
+        let mut wanted = *self;
+        if self.1 {
+            parts.push(OVERLAP.to_owned());
+            wanted.0[0] &= !(1 << OVERLAP_CLASS);
+        }
+        let mut class = 0u16;
+        while class <= 255 {
+            let run = (class..=255).take_while(|&c| wanted.has(c as u8)).count() as u16;
+            match run {
+                0 => {}
+                1 => parts.push(class.to_string()),
+                _ => parts.push(format!("{class}-{}", class + run - 1)),
+            }
+            class += run + 1;
+        }
+        f.write_str(&parts.join(","))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -124,6 +150,20 @@ mod tests {
                 wrong.parse::<Classes>().unwrap_err().to_string().contains("no class"),
                 "{wrong}"
             );
+        }
+    }
+
+    #[test]
+    fn classes_are_written_as_they_are_read() {
+        for (text, written) in [
+            ("2, Building,64-66,255", "2,6,64-66,255"),
+            ("overlap,11-13", "overlap,11,13"),
+            ("12", "12"),
+            ("0-255", "0-255"),
+        ] {
+            let classes: Classes = text.parse().unwrap();
+            assert_eq!(classes.to_string(), written);
+            assert_eq!(written.parse(), Ok(classes));
         }
     }
 

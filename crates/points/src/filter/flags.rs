@@ -2,6 +2,7 @@
 //! LAS 1.0 to 1.3 mark overlap and key points as classes 12 and 8 as well, which count as the flag.
 
 use super::condition::FilterError;
+use std::fmt;
 use std::str::FromStr;
 
 /// Names of the flags, with their bits in the attribute `flags` and the class that older files
@@ -60,6 +61,14 @@ impl FromStr for Flags {
     }
 }
 
+impl fmt::Display for Flags {
+    /// Writes the flags as they are parsed.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = NAMED.iter().filter(|(_, bit, _)| self.0 & bit != 0).map(|(name, ..)| *name);
+        f.write_str(&names.collect::<Vec<_>>().join(","))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -71,6 +80,10 @@ mod tests {
         assert!(flags.any(Some(0), Some(12)) && flags.any(None, Some(12)));
         // Synthetic, the scan direction, key points and other classes are not among them.
         assert!(!flags.any(Some(0b0100_0011), Some(8)) && !flags.any(None, None));
+        assert_eq!(
+            (flags.to_string().as_str(), flags.to_string().parse()),
+            ("withheld,overlap", Ok(flags))
+        );
         assert!("key-point".parse::<Flags>().unwrap().any(None, Some(8)));
         for wrong in ["", "hidden", "withheld,"] {
             let error = wrong.parse::<Flags>().unwrap_err().to_string();

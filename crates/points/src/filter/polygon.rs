@@ -46,6 +46,11 @@ impl Polygon {
         Ok(Self { polygons })
     }
 
+    /// The polygons; of each its rings.
+    pub fn polygons(&self) -> &[Vec<Ring>] {
+        &self.polygons
+    }
+
     /// The polygon on a lattice.
     ///
     /// # Errors

@@ -11,4 +11,4 @@ pub(crate) use emitter::Emitters;
 pub use kinds::{LIGHTS_VERSION, Light, Lights, SUN_DIAMETER_DEG};
 pub(crate) use lamp::{Arrival, Lamp};
 pub use prepared::PreparedLights;
-pub use sky::{Panorama, Sky};
+pub use sky::{Panorama, PanoramaFile, Sky};

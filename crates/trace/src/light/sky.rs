@@ -4,6 +4,7 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
+use std::path::PathBuf;
 
 /// Radiance of the sky, linear light; the world's z is up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,6 +35,18 @@ pub struct Panorama {
     pub height: usize,
     /// Radiance of each pixel, row by row; missing ones are black.
     pub pixels: Vec<[f32; 3]>,
+    /// File that the pixels come from; none if they were given as numbers.
+    #[serde(skip)]
+    pub file: Option<PanoramaFile>,
+}
+
+/// Where the pixels of a [`Panorama`] come from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PanoramaFile {
+    /// The picture.
+    pub path: PathBuf,
+    /// Factor by which its light was multiplied.
+    pub strength: f64,
 }
 
 impl Panorama {
