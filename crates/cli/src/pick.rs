@@ -4,11 +4,11 @@ use crate::output::Output;
 use crate::shared::{BuildHow, FilterArgs, note_built};
 use anyhow::Result;
 use clap::Args as ClapArgs;
-use esker_engine::Method;
 use esker_engine::calls::pick::report;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::scene::PictureRequest;
 use esker_engine::io::quantity;
+use esker_engine::{Filter, Method};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -42,7 +42,7 @@ pub fn run(args: Pick, stop: Arc<AtomicBool>) -> Result<()> {
         size: args.size,
         method: Method::default(),
         camera: args.camera,
-        filter: args.filter.into(),
+        filter: args.filter.over(Filter::default()),
         threads: args.how.threads.count,
         build: args.how.options(),
         ..PictureRequest::default()
