@@ -13,7 +13,7 @@ pub mod machine;
 pub use draw::method::Method;
 pub use esker_builder::budget::memory;
 pub use esker_builder::{ExportOptions, NormalsMode, Options as BuildOptions, Resume};
-pub use esker_format::{Codec, EskerFile, Forest};
+pub use esker_format::{Codec, EskerFile, Forest, ForestFilter};
 pub use esker_lod::{View, Window};
 pub use esker_points::filter::{Bounds, Classes, Filter, Flags, Polygon};
 pub use esker_points::unfinished::remove_all as remove_unfinished;

@@ -369,7 +369,9 @@ impl App {
     fn panel(&mut self, ui: &mut Ui, given: &mut Vec<Command>) {
         let Stage::Viewing(viewer) = &mut self.stage else { return };
         // A fault of the picture is painted over it.
-        let faults: Vec<String> = self.counters.status.fault.clone().into_iter().collect();
+        let picking = viewer.pick_fault().map(String::from);
+        let faults: Vec<String> =
+            self.counters.status.fault.clone().into_iter().chain(picking).collect();
         let mut is_coarser = viewer.is_coarser_moving();
         let legend = viewer.legend();
         let data = PanelData {
@@ -387,6 +389,7 @@ impl App {
             classes: viewer.classes(),
             legend: legend.as_ref(),
             measured: &viewer.measured(),
+            picked: &viewer.about_picked(),
             picture: viewer.picture_size(),
             speed: viewer.camera().pace(),
             has_fixed_speed: viewer.camera().has_fixed_pace(),

@@ -6,7 +6,7 @@
 //! depth, so that nothing blocks on reading a depth.
 
 use crate::camera::Camera;
-use crate::measure::{Measure, MeasuredPoint};
+use crate::measure::Measure;
 use eframe::egui::{Key, PointerButton, Pos2, Rect, Response, Ui};
 use glam::{DVec2, DVec3};
 
@@ -40,10 +40,23 @@ pub struct Gestures {
     drag: Option<Drag>,
     picks: Vec<Pick>,
     measure: Measure,
+    /// Places that were clicked, and whose point is still to be found.
+    clicked: Vec<Clicked>,
+    /// Whether the last click was the first one of a double click.
+    undoes_click: bool,
     /// Whether there is a sun to drag.
     pub has_sun: bool,
     /// Movement of the sun that was not taken yet, in shares of the height of the picture.
     sun: DVec2,
+}
+
+/// A place that was clicked to measure it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clicked {
+    /// Position in the picture, 0 to 1 from its top left corner.
+    pub at: DVec2,
+    /// Eye depth that the picture shows there.
+    pub depth: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,7 +110,7 @@ impl Gestures {
         let Some(at) = response.interact_pointer_pos().map(|p| share_of(rect, p)) else { return };
         if response.double_clicked() {
             // The first click of a double click is no measurement.
-            self.measure.pop();
+            self.undoes_click = true;
             self.picks.push(Pick { at, purpose: Purpose::FlyTo });
         } else if response.clicked() && ui.input(|i| i.modifiers.is_none()) {
             self.picks.push(Pick { at, purpose: Purpose::Measure });
@@ -167,6 +180,21 @@ impl Gestures {
         &self.measure
     }
 
+    /// The measured points.
+    pub fn measure_mut(&mut self) -> &mut Measure {
+        &mut self.measure
+    }
+
+    /// Places that were clicked since the last call.
+    pub fn take_clicked(&mut self) -> Vec<Clicked> {
+        std::mem::take(&mut self.clicked)
+    }
+
+    /// Whether the last click has become a double click since the last call.
+    pub fn take_undo(&mut self) -> bool {
+        std::mem::take(&mut self.undoes_click)
+    }
+
     /// Removes the measured points.
     pub fn clear_measurements(&mut self) {
         self.measure.clear();
@@ -194,8 +222,7 @@ impl Gestures {
                 Purpose::Zoom { ratio } => camera.zoom(point, ratio),
                 Purpose::FlyTo => camera.fly_to(point),
                 Purpose::Measure if known.is_some() => {
-                    let pixel = depth * (camera.fovy_rad() * 0.5).tan() * 2.0 / size.y;
-                    self.measure.push(MeasuredPoint { at: point, pixel });
+                    self.clicked.push(Clicked { at: pick.at, depth });
                 }
                 Purpose::Measure => self.measure.clear(),
                 Purpose::Orbit => {

@@ -22,6 +22,7 @@ mod light;
 mod measure;
 mod overlay;
 mod panel;
+mod picking;
 mod pilot;
 mod plot;
 mod progress;

@@ -1,36 +1,24 @@
-//! Measurements by clicks: the coordinates of the point under the pointer, and the distance between
-//! two points.
+//! Measurements by clicks: the points of the file that were clicked, with their own coordinates and
+//! attributes, and the distance between the last two.
 
 use crate::{frustum, theme};
 use eframe::egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
-use esker_engine::{Lattice, View};
-use glam::DVec3;
+use esker_engine::View;
+use esker_engine::calls::pick::Picked;
 
 /// Radius of the mark of a point, in points of the screen.
 const MARK: f32 = 4.0;
-/// Most digits after the decimal point.
-const DIGITS_MAX: usize = 4;
-
-/// A point that was clicked.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MeasuredPoint {
-    /// Position on the metric lattice.
-    pub at: DVec3,
-    /// Width of a pixel at its depth: the precision of the position.
-    pub pixel: f64,
-}
-
 /// The points clicked last, two at most.
 #[derive(Clone, Debug, Default)]
 pub struct Measure {
-    points: Vec<MeasuredPoint>,
+    points: Vec<Picked>,
 }
 
 impl Measure {
-    /// Adds a point; a third one replaces both.
-    pub fn push(&mut self, point: MeasuredPoint) {
+    /// Adds a point; a third one replaces the first.
+    pub fn push(&mut self, point: Picked) {
         if self.points.len() == 2 {
-            self.points.clear();
+            self.points.remove(0);
         }
         self.points.push(point);
     }
@@ -45,27 +33,24 @@ impl Measure {
         self.points.clear();
     }
 
-    /// Coordinates of the points on a scan's lattice, and the distance between them, as lines of
-    /// text.
-    pub fn lines(&self, unit: Option<&str>, lattice: &Lattice) -> Vec<String> {
+    /// Coordinates of the points, as an export writes them, and the distance between them, as lines
+    /// of text.
+    pub fn lines(&self, unit: Option<&str>) -> Vec<String> {
         let unit = unit.map_or(String::new(), |unit| format!(" {unit}"));
-        let coordinates = |p: &MeasuredPoint| {
-            let place = lattice.unmeasure(p.at.to_array());
-            let [x, y, z] = [0, 1, 2].map(|axis| {
-                // Degrees need more digits than metres, for places as precise.
-                let more = lattice.factor[axis].log10().ceil().max(0.0) as usize;
-                format!("{:.*}", digits(p.pixel) + more, place[axis])
-            });
-            format!("{x}  {y}  {z}")
-        };
-        let mut lines: Vec<String> = self.points.iter().map(coordinates).collect();
-        if let [a, b] = self.points[..] {
-            let (between, digits) = (b.at - a.at, digits(a.pixel.max(b.pixel)));
+        let mut lines: Vec<String> =
+            self.points.iter().map(|point| point.coordinates.join("  ")).collect();
+        if let [a, b] = &self.points[..] {
+            let (between, digits) = (b.at() - a.at(), digits(a).max(digits(b)));
             let [all, across, up] = [between.length(), between.truncate().length(), between.z]
                 .map(|v| format!("{v:.digits$}"));
             lines.push(format!("distance {all}{unit}, across {across}, up {up}"));
         }
         lines
+    }
+
+    /// Names and values of the last point: steps, attributes, scan.
+    pub fn about_last(&self) -> Vec<(String, String)> {
+        self.points.last().map_or_else(Vec::new, Picked::rows)
     }
 
     /// Paints the points and the line between them over a picture of the view `seen` that fills
@@ -77,14 +62,14 @@ impl Measure {
             pos2(rect.left() + x * rect.width(), rect.top() + y * rect.height())
         };
         let dark = Color32::from_black_alpha(150);
-        if let [a, b] = self.points[..]
-            && let Some([from, to]) = frustum::project(seen, [a.at, b.at])
+        if let [a, b] = &self.points[..]
+            && let Some([from, to]) = frustum::project(seen, [a.at(), b.at()])
         {
             let line = [on(from), on(to)];
             painter.line_segment(line, Stroke::new(3.5, dark));
             painter.line_segment(line, Stroke::new(1.5, theme::ACCENT));
-            let digits = digits(a.pixel.max(b.pixel));
-            let text = format!("{:.digits$}", a.at.distance(b.at));
+            let digits = digits(a).max(digits(b));
+            let text = format!("{:.digits$}", a.at().distance(b.at()));
             let font = FontId::proportional(13.0);
             let text = painter.layout_no_wrap(text, font, theme::ACCENT);
             let middle = line[0].lerp(line[1], 0.5) - vec2(0.0, 14.0);
@@ -93,41 +78,67 @@ impl Measure {
             painter.galley(behind.min, text, theme::ACCENT);
         }
         for p in &self.points {
-            if let Some([at, _]) = frustum::project(seen, [p.at, p.at]) {
+            if let Some([at, _]) = frustum::project(seen, [p.at(), p.at()]) {
                 painter.circle(on(at), MARK, dark, Stroke::new(1.5, theme::ACCENT));
             }
         }
     }
 }
 
-/// Digits after the decimal point that resolve a tenth of a pixel of this width.
-fn digits(pixel: f64) -> usize {
-    let digits = (1.0 - pixel.max(1e-9).log10()).ceil();
-    (digits.max(0.0) as usize).min(DIGITS_MAX)
+/// Digits after the decimal point of a length between points of this grid: those of its greatest
+/// step, in the lengths of the view.
+fn digits(point: &Picked) -> usize {
+    /// Most digits.
+    const MOST: usize = 9;
+    let least = |axis: usize| {
+        let text = point.coordinates[axis].as_str();
+        text.split_once('.').map_or(0, |(_, digits)| digits.len())
+    };
+    // The steps of degrees are not those of lengths: heights are in the unit of lengths.
+    least(2).min(MOST)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn point(coordinates: [&str; 3]) -> Picked {
+        let position = coordinates.map(|text| text.parse().unwrap_or_default());
+        Picked {
+            coordinates: coordinates.map(String::from),
+            steps: [1, 2, 3],
+            scale: [0.001; 3],
+            offset: [0.0; 3],
+            position,
+            attributes: Vec::new(),
+            file: String::new(),
+            scans: vec!["town.laz".into()],
+            node: 0,
+            point: 0,
+            offset_px: 0.4,
+            depth: 1.0,
+        }
+    }
+
     #[test]
-    fn two_points_have_a_distance_and_a_third_point_replaces_them() {
-        let point = |x: f64, y: f64, z: f64| MeasuredPoint { at: DVec3::new(x, y, z), pixel: 0.04 };
-        let (mut measure, plain) = (Measure::default(), Lattice::default());
-        measure.push(point(600_000.125, 10.0, -2.0));
-        assert_eq!(measure.lines(Some("metre"), &plain), ["600000.125  10.000  -2.000"]);
-        measure.push(point(600_003.125, 14.0, 10.0));
-        assert_eq!(
-            measure.lines(Some("metre"), &plain)[2],
-            "distance 13.000 metre, across 5.000, up 12.000"
+    fn two_points_have_a_distance_and_a_third_one_replaces_the_first() {
+        let mut measure = Measure::default();
+        measure.push(point(["600000.125", "10.000", "-2.000"]));
+        assert_eq!(measure.lines(Some("metre")), ["600000.125  10.000  -2.000"]);
+        measure.push(point(["600003.125", "14.000", "10.000"]));
+        let distance = "distance 13.000 metre, across 5.000, up 12.000";
+        assert_eq!(measure.lines(Some("metre"))[2], distance);
+        measure.push(point(["600003.12", "14.00", "11.00"]));
+        let lines = measure.lines(None);
+        assert_eq!(lines[1], "600003.12  14.00  11.00");
+        assert!(lines[2].starts_with("distance 1.000,"), "{lines:?}");
+        assert!(
+            measure
+                .about_last()
+                .iter()
+                .any(|(name, value)| name == "of scan" && value == "town.laz")
         );
-        measure.push(point(1.0, 2.0, 3.0));
-        assert_eq!(measure.lines(None, &plain), ["1.000  2.000  3.000"]);
         measure.pop();
-        assert!(measure.lines(None, &plain).is_empty());
-        let degrees = Lattice { factor: [1e5, 1e5, 1.0], ..plain };
-        measure.push(point(8.25e5, 47.5e5, 400.0));
-        assert_eq!(measure.lines(None, &degrees), ["8.25000000  47.50000000  400.000"]);
-        assert_eq!([5e3, 10.0, 0.9, 1e-12].map(digits), [0, 0, 2, DIGITS_MAX]);
+        assert_eq!(measure.lines(None), ["600003.125  14.000  10.000"]);
     }
 }

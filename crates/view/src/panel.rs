@@ -14,8 +14,8 @@ use crate::shots::Message;
 use crate::theme;
 use crate::times::Times;
 use eframe::egui::{
-    Align, Align2, Area, ComboBox, Grid, Id, Label, Layout, Order, ProgressBar, Rect, RichText,
-    ScrollArea, Slider, SliderClamping, Ui, emath, vec2,
+    Align, Align2, Area, CollapsingHeader, ComboBox, Grid, Id, Label, Layout, Order, ProgressBar,
+    Rect, RichText, ScrollArea, Slider, SliderClamping, Ui, emath, vec2,
 };
 use esker_engine::cameras::classes::ClassCount;
 use esker_engine::cameras::colour::SCANS;
@@ -62,6 +62,8 @@ pub struct PanelData<'a> {
     pub legend: Option<&'a Legend>,
     /// Measurements by clicks.
     pub measured: &'a [String],
+    /// Names and values of the point that was clicked last.
+    pub picked: &'a [(String, String)],
     /// Size of the picture, pixels.
     pub picture: [u32; 2],
     /// Speed of the camera, the file's unit a second.
@@ -101,6 +103,7 @@ pub fn show(
     for line in data.measured {
         ui.add(Label::new(RichText::new(line).monospace().size(11.0).color(theme::ACCENT)).wrap());
     }
+    picked(ui, data.picked);
     ui.add_space(4.0);
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         plot::show(ui, data.times);
@@ -303,6 +306,22 @@ pub fn tab(ui: &Ui, rect: Rect, given: &mut Vec<Command>) {
         if commands::button(ui, Command::Panel, false).clicked() {
             given.push(Command::Panel);
         }
+    });
+}
+
+/// What the file has of the point that was clicked last.
+fn picked(ui: &mut Ui, rows: &[(String, String)]) {
+    if rows.is_empty() {
+        return;
+    }
+    CollapsingHeader::new("Point").default_open(true).show(ui, |ui| {
+        Grid::new("picked").num_columns(2).spacing([12.0, 1.0]).show(ui, |ui| {
+            for (name, value) in rows {
+                ui.label(RichText::new(name).small().color(theme::FAINT));
+                ui.add(Label::new(RichText::new(value).monospace().size(11.0)).truncate());
+                ui.end_row();
+            }
+        });
     });
 }
 

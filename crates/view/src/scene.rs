@@ -9,7 +9,7 @@ use esker_engine::cameras::legend::Legend;
 use esker_engine::draw::options::Options;
 use esker_engine::draw::session::{DrawnFrame, GpuBytes, Session};
 use esker_engine::machine::backend::Drawer;
-use esker_engine::{Cut, Forest, Method, Picture, Status, View};
+use esker_engine::{Cut, Forest, ForestFilter, Method, Picture, Status, View};
 use glam::DVec2;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
@@ -93,6 +93,14 @@ impl Scene {
     pub fn legend(&self) -> Option<Legend> {
         match &self.state {
             State::Running(session) => Some(session.appearance().colouring.legend.clone()),
+            _ => None,
+        }
+    }
+
+    /// Which points are shown; `None` if no session runs.
+    pub fn shown(&self) -> Option<Arc<ForestFilter>> {
+        match &self.state {
+            State::Running(session) => Some(Arc::clone(&session.appearance().shown)),
             _ => None,
         }
     }

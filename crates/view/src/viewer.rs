@@ -8,6 +8,7 @@ use crate::counters::Counters;
 use crate::depth::{Depths, typical};
 use crate::device::{Device, WindowPainter};
 use crate::gestures::Gestures;
+use crate::picking::{Picking, Search};
 use crate::scene::{FrameOutcome, FrameViews, Scene};
 use crate::settings::Settings;
 use crate::sharpness::Sharpness;
@@ -38,6 +39,9 @@ pub struct Viewer {
     /// The first view, as the command line requests it.
     request: CameraRequest,
     gestures: Gestures,
+    /// The point of the last click, while it is looked for, and why it cannot be.
+    picking: Option<Picking>,
+    pick_fault: Option<String>,
     canvas: Canvas,
     sharpness: Sharpness,
     /// The view that the frozen cut is chosen for, and the distance to which its frustum is
@@ -98,6 +102,8 @@ impl Viewer {
             camera: camera_at(file, &args.camera, args.size),
             request: args.camera,
             gestures: Gestures::default(),
+            picking: None,
+            pick_fault: None,
             canvas: Canvas::new(window_painter.driver.clone()),
             device: window_painter.device(args.backend),
             sharpness: Sharpness::new(is_coarser_moving, args.frame_ms),
@@ -237,7 +243,38 @@ impl Viewer {
 
     /// Measurements by clicks, in words.
     pub fn measured(&self) -> Vec<String> {
-        self.gestures.measure().lines(self.unit(), self.file().lattice())
+        self.gestures.measure().lines(self.unit())
+    }
+
+    /// Names and values of the point that was clicked last.
+    pub fn about_picked(&self) -> Vec<(String, String)> {
+        self.gestures.measure().about_last()
+    }
+
+    /// Why the point of the last click cannot be told.
+    pub fn pick_fault(&self) -> Option<&str> {
+        self.pick_fault.as_deref()
+    }
+
+    /// Looks for the points of new clicks, and takes those that were found.
+    fn pick(&mut self, ctx: &Context) {
+        if self.gestures.take_undo() && self.picking.take().is_none() {
+            self.gestures.measure_mut().pop();
+        }
+        let shown = self.scene.as_ref().and_then(Scene::shown);
+        for clicked in self.gestures.take_clicked() {
+            self.pick_fault = None;
+            let file = Arc::clone(self.file());
+            let (view, shown) = (self.view(), shown.clone());
+            self.picking = shown.map(|shown| Picking::start(ctx, file, view, clicked, shown));
+        }
+        match self.picking.as_ref().map(Picking::poll) {
+            None | Some(Search::Open) => return,
+            Some(Search::Found(Some(picked))) => self.gestures.measure_mut().push(*picked),
+            Some(Search::Found(None)) => {}
+            Some(Search::Failed(fault)) => self.pick_fault = Some(fault),
+        }
+        self.picking = None;
     }
 
     /// Movement of the sun since the last call, in shares of the height of the picture.
@@ -392,6 +429,7 @@ impl Viewer {
         };
         counters.take_status(scene.status(), now_s);
         counters.gpu_bytes = scene.gpu_bytes();
+        self.pick(ctx);
         drawn
     }
 
@@ -426,7 +464,7 @@ impl Viewer {
     pub fn needs_redraw(&self, now_s: f64) -> bool {
         let is_done = self.is_at_rest() || self.fault.is_some();
         let is_moving = self.camera.is_moving() || self.sharpness.is_moving(now_s);
-        !is_done || is_moving || self.resized.is_some()
+        !is_done || is_moving || self.resized.is_some() || self.picking.is_some()
     }
 
     /// View of the camera for a picture of the present size.
