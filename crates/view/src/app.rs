@@ -44,7 +44,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(10);
 /// Time between two readings of the process's memory, seconds.
 const MEMORY_INTERVAL_S: f64 = 0.5;
 /// Width of the panel, points.
-const PANEL_WIDTH: f32 = 280.0;
+const PANEL_WIDTH: f32 = 256.0;
 const PANEL_WIDTHS: RangeInclusive<f32> = 220.0..=520.0;
 /// Scans that were opened before, on the start page.
 const RECENT: usize = 8;

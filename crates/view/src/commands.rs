@@ -163,8 +163,8 @@ impl Command {
 impl Row {
     /// Its keys, for people.
     pub fn keys(&self, ctx: &Context) -> String {
-        let keys: Vec<String> = self.keys.iter().map(|keys| ctx.format_shortcut(keys)).collect();
-        keys.join("  ")
+        let name = |keys| ctx.format_shortcut(keys).replace("Questionmark", "?");
+        self.keys.iter().map(name).collect::<Vec<String>>().join("  ")
     }
 
     /// What it does, and its keys.
