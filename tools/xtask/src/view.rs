@@ -8,8 +8,9 @@ use std::process::{Command, Stdio};
 
 /// Command of the tests.
 const TESTS: [&str; 5] = ["cargo", "test", "--release", "-p", "esker-view"];
-/// Command of a display in memory, with the size of a small screen.
-const XVFB: [&str; 4] = ["xvfb-run", "-a", "-s", "-screen 0 1280x800x24"];
+/// Command of a display in memory, with the size of a small screen. It is not reset when its last
+/// window closes: a window that opens meanwhile would find no display.
+const XVFB: [&str; 4] = ["xvfb-run", "-a", "-s", "-screen 0 1280x800x24 -noreset"];
 
 /// Runs the tests and counts them.
 pub fn test(tally: &mut Tally) -> Result<()> {
