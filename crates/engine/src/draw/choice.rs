@@ -180,7 +180,9 @@ fn finer(
     let mut best = known;
     for share in FINER.into_iter().filter(|_| is_open) {
         let finer = Settings { spacing_px: settings.spacing_px * share, ..settings };
-        let probe = subject.probe(&Settings { scale: PROBE_AGAIN, ..finer })?;
+        // All of the picture: where a finer target finds no more points, splats are wider in a
+        // larger picture, which a smaller one does not tell.
+        let probe = subject.probe(&finer)?;
         let corrected = Corrected::new(cost, probe);
         let predicted_ms = corrected.cpu_ms(subject.demand(&finer)?);
         if predicted_ms > cpu_ms {

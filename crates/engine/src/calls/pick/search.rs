@@ -1,6 +1,6 @@
 //! Search for the point of a file that a place on a picture shows, in the points of all levels.
 //! Cells are visited by their distance from the place in space, nearest first, until no other can
-//! hold a nearer point (`hjaltason1999`, section 3); then the points about as deep as the shown
+//! hold a nearer point (`hjaltason1999`); then the points about as deep as the shown
 //! surface are compared on the picture. Few nodes are read, one at a time, and each of the two
 //! passes ends behind [`POINTS_MAX`] points.
 
