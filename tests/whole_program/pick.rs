@@ -28,7 +28,10 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("pick: text with odd steps, and PLY of it", of_text_and_ply));
     trials.push(trial("pick: coordinates in degrees", of_degrees));
     trials.push(trial("pick: several scans in one file and in a forest", of_several));
-    trials.push(trial("pick: what is not there is told, and faults are errors", without_a_point));
+    trials.push(trial(
+        "pick: pixels without a point are reported, and faults are errors",
+        without_a_point,
+    ));
     let Some(root) = data::root() else {
         trials.push(missing("pick: real scans"));
         return;

@@ -1,5 +1,5 @@
 //! Scene documents: a picture from a document is that of the equal options, byte for byte; options
-//! replace fields; paths start from the document; documents are told from scans by their content;
+//! replace fields; paths start from the document; documents are recognised by their content;
 //! and what is not drawn yet is an error.
 
 use crate::folder::Folder;
@@ -17,7 +17,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("scene: fields by hand draw the picture of the options", by_hand));
     trials.push(trial("scene: an option replaces its field, and no other", options_replace));
     trials.push(trial("scene: what a picture does not show is kept when it is saved", kept));
-    trials.push(trial("scene: documents are told from scans by their content", by_content));
+    trials.push(trial("scene: documents are recognised by their content", by_content));
     trials.push(trial("scene: what is not drawn yet is an error or a note", not_drawn));
     trials.push(trial("scene: damaged, later and long documents are refused", refused));
     trials.push(trial("scene: no other file is replaced by a document", never_replaces));

@@ -1,5 +1,5 @@
 //! Tells scene documents from other files by their content: a JSON object with the field
-//! `esker_scene`. Scans are told apart by their first character, without reading on.
+//! `esker_scene`. A file that does not begin with `{` is a scan; the rest of it is not read.
 
 use crate::limits::{BOM, BYTES_MAX};
 use serde::de::{Error, IgnoredAny, MapAccess, SeqAccess, Visitor};

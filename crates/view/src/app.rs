@@ -178,7 +178,8 @@ impl App {
         self.window_painter = window_painter;
     }
 
-    /// Changes the input of the next pass: a script replaces it, and keys go to who gets them.
+    /// Changes the input of the next pass: a script replaces it, and each key goes to the window or
+    /// to the focused widget.
     pub fn input(&mut self, ctx: &Context, raw: &mut RawInput) {
         self.fly(ctx, raw);
         self.keys.take(ctx, raw);

@@ -1,6 +1,7 @@
 //! What the camera needs from the depths of a picture: the depth under the pointer, and the
 //! distance of the scene.
 
+use esker_engine::calls::pick::shown_depth;
 use glam::DVec2;
 
 /// Depths of a picture, row by row; infinite in empty pixels.
@@ -12,8 +13,6 @@ pub struct Depths<'a> {
     pub depth: &'a [f32],
 }
 
-/// Greatest distance of the pointer from a point that it picks, pixels.
-const REACH_PX: i64 = 12;
 /// Samples on each side of the picture from which the distance of the scene is estimated.
 const SAMPLES: usize = 24;
 
@@ -34,12 +33,8 @@ impl Depths<'_> {
     /// Depth at a position of the picture (0 to 1 from its top left corner); in an empty pixel the
     /// least depth in the smallest square around it that has any.
     pub fn near(&self, at: DVec2) -> Option<f64> {
-        let x = (at.x * self.width as f64) as i64;
-        let y = (at.y * self.height() as f64) as i64;
-        (0..=REACH_PX).find_map(|r| {
-            let ring = (-r..=r).flat_map(|i| [(i, -r), (i, r), (-r, i), (r, i)]);
-            ring.filter_map(|(dx, dy)| self.at(x + dx, y + dy)).reduce(f64::min)
-        })
+        let place = [at.x * self.width as f64, at.y * self.height() as f64];
+        shown_depth(self.depth, self.width as u32, place.map(|side| side as u32))
     }
 
     /// Depth of the pixel at a position of the picture.

@@ -1,5 +1,5 @@
-//! What of the panel chooses the points to show: a list of classes, of which each is ticked, and
-//! fields for a box and a spacing. A field takes effect when it loses the focus; if its text is
+//! The part of the panel that chooses the points to show: a list of classes with a check box each,
+//! and fields for a box and a spacing. A field takes effect when it loses the focus; if its text is
 //! invalid, an error is shown.
 
 use crate::settings::Settings;
@@ -38,7 +38,7 @@ impl Fields {
         }
     }
 
-    /// Parses the fields; what they do not say is that of `before`.
+    /// Parses the fields; all other conditions are those of `before`.
     fn filter(&self, before: &Filter) -> Result<Filter, String> {
         fn read<T>(
             word: &str,

@@ -38,8 +38,8 @@ impl Keys {
     }
 }
 
-/// Names keys that fly by their places, on keyboards where other letters lie there; and letters
-/// that lie elsewhere by theirs, so that they do not fly.
+/// Renames a key to the letter at its place on an English keyboard, if that letter or its own one
+/// flies.
 fn fly_by_place(event: &mut Event) {
     if let Event::Key { key, physical_key: Some(place), modifiers, .. } = event
         && !modifiers.command

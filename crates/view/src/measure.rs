@@ -85,8 +85,8 @@ impl Measure {
     }
 }
 
-/// Digits after the decimal point of a length between points of this grid: those of its greatest
-/// step, in the lengths of the view.
+/// Digits after the decimal point for distances from this point: those of its height, which is in
+/// the unit of lengths also where x and y are degrees.
 fn digits(point: &Picked) -> usize {
     /// Most digits.
     const MOST: usize = 9;
@@ -94,7 +94,6 @@ fn digits(point: &Picked) -> usize {
         let text = point.coordinates[axis].as_str();
         text.split_once('.').map_or(0, |(_, digits)| digits.len())
     };
-    // The steps of degrees are not those of lengths: heights are in the unit of lengths.
     least(2).min(MOST)
 }
 

@@ -68,7 +68,7 @@ pub struct PanelData<'a> {
     pub picture: [u32; 2],
     /// Speed of the camera, the file's unit a second.
     pub speed: f64,
-    /// Whether it stays as it is.
+    /// Whether the speed is fixed, instead of following the distance of what is in view.
     pub has_fixed_speed: bool,
     /// Whether the cut is frozen.
     pub is_frozen: bool,

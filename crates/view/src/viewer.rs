@@ -39,7 +39,7 @@ pub struct Viewer {
     /// The first view, as the command line requests it.
     request: CameraRequest,
     gestures: Gestures,
-    /// The point of the last click, while it is looked for, and why it cannot be.
+    /// Search for the point of the last click, and the error of the last search.
     picking: Option<Picking>,
     pick_fault: Option<String>,
     canvas: Canvas,
@@ -251,7 +251,7 @@ impl Viewer {
         self.gestures.measure().about_last()
     }
 
-    /// Why the point of the last click cannot be told.
+    /// Error of the last search for a clicked point.
     pub fn pick_fault(&self) -> Option<&str> {
         self.pick_fault.as_deref()
     }

@@ -13,7 +13,7 @@ use serde::Serialize;
 /// Times of frames for which there is advice, milliseconds: 60, 30 and 15 frames a second.
 pub(super) const BUDGETS_MS: [f64; 3] = [16.0, 33.0, 66.0];
 
-/// Time that threads may wait for a core over CPU time, without a note.
+/// Time that threads wait for a core, over CPU time, from which on the report has a note.
 const BUSY: f64 = 0.1;
 
 /// Rows of all scans, and what they are compared with.

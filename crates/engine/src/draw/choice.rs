@@ -180,8 +180,8 @@ fn finer(
     let mut best = known;
     for share in FINER.into_iter().filter(|_| is_open) {
         let finer = Settings { spacing_px: settings.spacing_px * share, ..settings };
-        // All of the picture: where a finer target finds no more points, splats are wider in a
-        // larger picture, which a smaller one does not tell.
+        // The whole picture is probed: where a finer target finds no more points, splats grow with
+        // the picture, so a smaller one takes less time for each of them.
         let probe = subject.probe(&finer)?;
         let corrected = Corrected::new(cost, probe);
         let predicted_ms = corrected.cpu_ms(subject.demand(&finer)?);

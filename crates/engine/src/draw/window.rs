@@ -25,7 +25,8 @@ pub(crate) fn windowed(
     check(shown, size)?;
     let margin = view.margin_px;
     let shown = Window { x: shown.x + margin, y: shown.y + margin, ..shown };
-    // EWA splats reach as far as they are wide, and passes of points no farther than dots.
+    // Only passes that fill gaps or fit planes read pixels farther away the farther points are
+    // apart.
     let passes_px = match method {
         Method::Points => 0.0,
         Method::Ewa if has_normals => 0.0,

@@ -12,8 +12,8 @@ use rayon::prelude::*;
 /// (`tests/margin.rs`; `docs/design/surfaces.md`).
 pub const MARGIN_PX: u32 = 16;
 
-/// Pixels drawn around a window at least, and per pixel that points are apart: passes look that
-/// far.
+/// Pixels drawn around a window: at least so many, and so many times the greatest distance of
+/// points. Passes read pixels up to that distance.
 const WINDOW_MARGIN_PX: u32 = 64;
 const WINDOW_MARGIN_SPACINGS: f64 = 16.0;
 /// The same where depths are smoothed, since that is as wide as the discs in the tiles around are
