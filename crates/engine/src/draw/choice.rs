@@ -57,6 +57,8 @@ struct Probe {
     load: Load,
     /// Median CPU time of a frame, milliseconds.
     cpu_ms: f64,
+    /// CPU time of frames over their wall time.
+    parallel: f64,
     /// Whether points are dots of a given size in pixels, so that a finer picture has more gaps.
     has_gaps: bool,
 }
@@ -75,13 +77,17 @@ struct Corrected {
     cost: Cost,
     /// CPU time of the probe over that of the model.
     factor: f64,
+    /// CPU time of frames over their wall time: at most that of the model, the
+    /// median of all methods. Splats leave threads idle where few tiles have most of them.
+    parallel: f64,
     probe: Probe,
 }
 
 impl Corrected {
-    fn new(cost: Cost, probe: Probe) -> Self {
+    fn new(cost: Cost, pace: &Pace, probe: Probe) -> Self {
         let factor = probe.cpu_ms / cost.cpu_ms(probe.load).max(1e-6);
-        Self { cost, factor, probe }
+        let parallel = probe.parallel.min(pace.parallel).max(1e-3);
+        Self { cost, factor, parallel, probe }
     }
 
     /// What a frame has. The share of covered pixels is that of the probe; dots of a given size in
@@ -97,52 +103,60 @@ impl Corrected {
         Load { points, pixels, covered: share * pixels }
     }
 
-    /// CPU time of a frame, milliseconds.
-    fn cpu_ms(&self, demand: Demand) -> f64 {
-        self.factor * self.cost.cpu_ms(self.load(demand))
+    /// Times of a frame.
+    fn frame(&self, demand: Demand) -> FrameTime {
+        let cpu_ms = self.factor * self.cost.cpu_ms(self.load(demand));
+        FrameTime { cpu_ms, wall_ms: cpu_ms / self.parallel }
     }
 }
 
-/// Settings and the CPU time that is predicted for them, milliseconds.
-type Predicted = (Settings, f64);
+/// Predicted times of a frame, milliseconds.
+#[derive(Clone, Copy, Debug)]
+struct FrameTime {
+    cpu_ms: f64,
+    wall_ms: f64,
+}
 
-/// Chooses settings whose frames take at most `cpu_ms`, or the fastest. The second value tells
-/// how far the probes were off the model: the last one's CPU time over the model's.
+/// Settings and the times that are predicted for them.
+type Predicted = (Settings, FrameTime);
+
+/// Chooses settings whose frames take at most `budget_ms` of wall time, or the fastest. The second
+/// value tells how far the probes were off the model: the last one's CPU time over the model's.
 fn choose(
     subject: &mut dyn Subject,
     wanted: Settings,
     pace: &Pace,
-    cpu_ms: f64,
+    budget_ms: f64,
 ) -> Result<(Predicted, f64)> {
     let alone = Settings { method: Method::Points, ..wanted };
     let tried = if wanted.method == alone.method { vec![alone] } else { vec![wanted, alone] };
     let mut last = None;
     for settings in tried {
-        let (corrected, finest) = finest(subject, settings, pace, cpu_ms)?;
+        let (corrected, finest) = finest(subject, settings, pace, budget_ms)?;
         if let Some(predicted) = finest {
             let known = (predicted, corrected.factor);
-            return finer(subject, known, corrected.cost, cpu_ms);
+            return finer(subject, known, &corrected, (pace, budget_ms));
         }
         last = Some(corrected);
     }
     let corrected = last.context("no method to draw with")?;
     let mut fewer = Settings { scale: SCALE_MIN, ..alone };
     loop {
-        let predicted_ms = corrected.cpu_ms(subject.demand(&fewer)?);
-        if predicted_ms <= cpu_ms || fewer.points_max <= POINTS_MIN {
-            return Ok(((fewer, predicted_ms), corrected.factor));
+        let predicted = corrected.frame(subject.demand(&fewer)?);
+        if predicted.wall_ms <= budget_ms || fewer.points_max <= POINTS_MIN {
+            return Ok(((fewer, predicted), corrected.factor));
         }
         fewer.points_max = (fewer.points_max / 2).max(POINTS_MIN);
     }
 }
 
-/// The finest picture by a method whose frames take at most `cpu_ms`, if one does. The view is
+/// The finest picture by a method whose frames take at most `budget_ms`, if one does. The view is
 /// probed until the last probe has nearly half the pixels of that picture.
 fn finest(
     subject: &mut dyn Subject,
     settings: Settings,
     pace: &Pace,
-    cpu_ms: f64,
+    budget_ms: f64,
 ) -> Result<(Corrected, Option<Predicted>)> {
     let cost = *pace
         .cost(settings.method)
@@ -151,9 +165,9 @@ fn finest(
     let mut probes = 0;
     loop {
         let probe = subject.probe(&Settings { scale, ..settings })?;
-        let corrected = Corrected::new(cost, probe);
+        let corrected = Corrected::new(cost, pace, probe);
         probes += 1;
-        let finest = finest_of(subject, settings, &corrected, cpu_ms)?;
+        let finest = finest_of(subject, settings, &corrected, budget_ms)?;
         match finest {
             Some((Settings { scale: wanted, .. }, _))
                 if scale < wanted * PROBE_SHARE && probes < PROBES_MAX =>
@@ -170,8 +184,8 @@ fn finest(
 fn finer(
     subject: &mut dyn Subject,
     known: (Predicted, f64),
-    cost: Cost,
-    cpu_ms: f64,
+    coarser: &Corrected,
+    (pace, budget_ms): (&Pace, f64),
 ) -> Result<(Predicted, f64)> {
     let ((settings, _), _) = known;
     let is_open = settings.method == Method::Ewa
@@ -183,39 +197,39 @@ fn finer(
         // The whole picture is probed: where a finer target finds no more points, splats grow with
         // the picture, so a smaller one takes less time for each of them.
         let probe = subject.probe(&finer)?;
-        let corrected = Corrected::new(cost, probe);
-        let predicted_ms = corrected.cpu_ms(subject.demand(&finer)?);
-        if predicted_ms > cpu_ms {
+        let corrected = Corrected::new(coarser.cost, pace, probe);
+        let predicted = corrected.frame(subject.demand(&finer)?);
+        if predicted.wall_ms > budget_ms {
             break;
         }
-        best = ((finer, predicted_ms), corrected.factor);
+        best = ((finer, predicted), corrected.factor);
     }
     Ok(best)
 }
 
-/// The finest picture whose predicted time is at most `cpu_ms`, by bisection of the scales.
+/// The finest picture whose predicted time is at most `budget_ms`, by bisection of the scales.
 fn finest_of(
     subject: &mut dyn Subject,
     settings: Settings,
     corrected: &Corrected,
-    cpu_ms: f64,
+    budget_ms: f64,
 ) -> Result<Option<Predicted>> {
     let mut predicted = |step: u32| -> Result<Predicted> {
         let share = f64::from(step) / f64::from(SCALES - 1);
         let scale = SCALE_MIN + (1.0 - SCALE_MIN) * share;
         let settings = Settings { scale, ..settings };
-        Ok((settings, corrected.cpu_ms(subject.demand(&settings)?)))
+        Ok((settings, corrected.frame(subject.demand(&settings)?)))
     };
     let whole = predicted(SCALES - 1)?;
-    if whole.1 <= cpu_ms {
+    if whole.1.wall_ms <= budget_ms {
         return Ok(Some(whole));
     }
     let (mut low, mut high) = (0, SCALES - 1);
-    let mut best = Some(predicted(low)?).filter(|(_, least_ms)| *least_ms <= cpu_ms);
+    let mut best = Some(predicted(low)?).filter(|(_, least)| least.wall_ms <= budget_ms);
     while best.is_some() && high - low > 1 {
         let middle = low.midpoint(high);
         let between = predicted(middle)?;
-        if between.1 <= cpu_ms {
+        if between.1.wall_ms <= budget_ms {
             (low, best) = (middle, Some(between));
         } else {
             high = middle;
@@ -260,14 +274,14 @@ pub fn paced(
         spacing_px: request.target_spacing_px,
         points_max: request.budget_points.min(file.points()),
     };
-    let parallel = pace.parallel.max(1e-3);
     let mut view = ViewOfFile { file, request, task };
-    let ((settings, cpu_ms), correction) = choose(&mut view, wanted, pace, budget_ms * parallel)?;
+    let ((settings, predicted), correction) = choose(&mut view, wanted, pace, budget_ms)?;
+    let FrameTime { cpu_ms, wall_ms } = predicted;
     let mut request = view.request(&settings);
     if settings.points_max == wanted.points_max {
         request.budget_points = view.request.budget_points;
     }
-    Ok(Paced { request, scale: settings.scale, cpu_ms, wall_ms: cpu_ms / parallel, correction })
+    Ok(Paced { request, scale: settings.scale, cpu_ms, wall_ms, correction })
 }
 
 /// The view of a request on a file.
@@ -304,7 +318,7 @@ impl Subject for ViewOfFile<'_> {
         let cpu_ms = measured.cpu_ms.get(FRAMES / 2).copied().unwrap_or_default();
         let has_gaps =
             settings.method == Method::Points && matches!(request.dots.size, PointSize::Pixels(_));
-        Ok(Probe { load: measured.load, cpu_ms, has_gaps })
+        Ok(Probe { load: measured.load, cpu_ms, parallel: measured.parallel, has_gaps })
     }
 }
 
@@ -314,17 +328,18 @@ mod tests {
     use crate::draw::method::METHODS;
 
     /// A view of 640 x 400 pixels and 2 points a pixel, at most 500,000, whose frames take `factor`
-    /// times what the model says.
+    /// times what the model says, on one thread.
     struct Invented {
         truth: Cost,
         factor: f64,
         share: f64,
+        parallel: f64,
         probes: Vec<f64>,
     }
 
     impl Invented {
         fn new(factor: f64, share: f64) -> Self {
-            Self { truth: COST, factor, share, probes: Vec::new() }
+            Self { truth: COST, factor, share, parallel: 1.0, probes: Vec::new() }
         }
 
         fn cpu_ms(&mut self, settings: &Settings) -> f64 {
@@ -345,7 +360,8 @@ mod tests {
             self.probes.push(settings.scale);
             let Demand { points, pixels } = self.demand(settings)?;
             let load = Load { points, pixels, covered: self.share * pixels };
-            Ok(Probe { load, cpu_ms: self.cpu_ms(settings), has_gaps: false })
+            let cpu_ms = self.cpu_ms(settings);
+            Ok(Probe { load, cpu_ms, parallel: self.parallel, has_gaps: false })
         }
     }
 
@@ -367,10 +383,10 @@ mod tests {
             for share in [0.05, 0.4, 1.0] {
                 for budget_ms in [16.0, 32.0, 64.0] {
                     let mut view = Invented::new(factor, share);
-                    let ((settings, predicted_ms), correction) =
+                    let ((settings, predicted), correction) =
                         choose(&mut view, WANTED, &pace(), budget_ms).unwrap();
                     let real_ms = view.cpu_ms(&settings);
-                    assert!((predicted_ms / real_ms - 1.0).abs() < 1e-6, "{settings:?}");
+                    assert!((predicted.wall_ms / real_ms - 1.0).abs() < 1e-6, "{settings:?}");
                     assert!((correction / factor - 1.0).abs() < 1e-6);
                     let finer = Settings { scale: settings.scale + 0.021, ..settings };
                     assert!(real_ms <= budget_ms, "{settings:?}");
@@ -381,20 +397,32 @@ mod tests {
         }
     }
 
+    #[test]
+    fn wall_time_follows_the_threads_that_the_view_uses_and_at_most_those_of_the_model() {
+        for (own, used) in [(1.4, 1.4), (1.9, 1.9), (7.0, 2.0), (0.0, 1e-3)] {
+            let mut view = Invented { parallel: own, ..Invented::new(1.0, 1.0) };
+            let ((settings, predicted), _) = choose(&mut view, WANTED, &pace(), 20.0).unwrap();
+            assert!((predicted.cpu_ms / view.cpu_ms(&settings) - 1.0).abs() < 1e-6);
+            assert!((predicted.cpu_ms / predicted.wall_ms / used - 1.0).abs() < 1e-6);
+            assert!(predicted.wall_ms <= 20.0 || used < 0.1, "{predicted:?}");
+        }
+    }
+
     /// The scan costs otherwise than the model: a probe of half the pixels bounds the error.
     #[test]
     fn a_view_whose_time_grows_otherwise_than_the_model_is_probed_again() {
         let mut view = Invented::new(1.0, 0.3);
         view.truth = Cost { frame_ms: 1.0, pixels_ms: 60.0, ..COST };
-        let ((settings, predicted_ms), _) = choose(&mut view, WANTED, &pace(), 16.0).unwrap();
+        let ((settings, predicted), _) = choose(&mut view, WANTED, &pace(), 16.0).unwrap();
         assert!(view.probes.len() > 1, "{:?}", view.probes);
         assert!(*view.probes.last().unwrap() >= PROBE_SHARE * settings.scale);
         assert!(view.probes.iter().all(|scale| *scale <= settings.scale), "probes are small");
-        let off = predicted_ms / view.cpu_ms(&settings);
+        let off = predicted.wall_ms / view.cpu_ms(&settings);
         assert!((off - 1.0).abs() < 0.2, "{off}");
         let first = view.probe(&Settings { scale: FIRST_PROBE, ..WANTED }).unwrap();
         let demand = view.demand(&settings).unwrap();
-        let by_first = Corrected::new(COST, first).cpu_ms(demand) / view.cpu_ms(&settings);
+        let by_first =
+            Corrected::new(COST, &pace(), first).frame(demand).cpu_ms / view.cpu_ms(&settings);
         assert!(by_first > off, "the first probe alone is farther off: {by_first}");
     }
 
@@ -403,9 +431,9 @@ mod tests {
         let mut view = Invented::new(1.0, 1.0);
         let ((slow, _), _) = choose(&mut view, WANTED, &pace(), 1.0).unwrap();
         assert_eq!((slow.method, slow.points_max), (Method::Points, WANTED.points_max));
-        let ((least, least_ms), _) = choose(&mut view, WANTED, &pace(), 1e-3).unwrap();
+        let ((least, predicted), _) = choose(&mut view, WANTED, &pace(), 1e-3).unwrap();
         assert_eq!((least.scale, least.points_max), (SCALE_MIN, POINTS_MIN));
-        assert!(least_ms > 1e-3, "the fastest is still too slow");
+        assert!(predicted.wall_ms > 1e-3, "the fastest is still too slow");
     }
 
     #[test]
@@ -413,8 +441,8 @@ mod tests {
         let ewa = Settings { method: Method::Ewa, points_max: u64::MAX, ..WANTED };
         let mut view = Invented::new(1.0, 1.0);
         let chosen = |view: &mut Invented, settings: Settings, budget_ms: f64| {
-            let ((settings, predicted_ms), _) = choose(view, settings, &pace(), budget_ms).unwrap();
-            assert!((predicted_ms / view.cpu_ms(&settings) - 1.0).abs() < 1e-6);
+            let ((settings, predicted), _) = choose(view, settings, &pace(), budget_ms).unwrap();
+            assert!((predicted.wall_ms / view.cpu_ms(&settings) - 1.0).abs() < 1e-6);
             settings
         };
         let whole_ms = view.cpu_ms(&ewa);
@@ -432,11 +460,11 @@ mod tests {
     #[test]
     fn dots_of_a_given_size_leave_more_gaps_in_a_finer_picture() {
         let load = Load { points: 1e4, pixels: 1e4, covered: 1e4 * (1.0 - (-1.0f64).exp()) };
-        let probe = Probe { load, cpu_ms: 1.0, has_gaps: true };
-        let corrected = Corrected::new(COST, probe);
+        let probe = Probe { load, cpu_ms: 1.0, parallel: 1.0, has_gaps: true };
+        let corrected = Corrected::new(COST, &pace(), probe);
         let finer = corrected.load(Demand { points: 1e4, pixels: 4e4 });
         assert!((finer.covered / 4e4 - (1.0 - (-0.25f64).exp())).abs() < 1e-9, "{finer:?}");
-        let surfaces = Corrected::new(COST, Probe { has_gaps: false, ..probe });
+        let surfaces = Corrected::new(COST, &pace(), Probe { has_gaps: false, ..probe });
         let finer = surfaces.load(Demand { points: 1e4, pixels: 4e4 });
         assert!((finer.covered / 4e4 - load.covered / load.pixels).abs() < 1e-9);
     }
