@@ -437,7 +437,7 @@ impl App {
         if let Some(moved) = viewer.take_sun_drag() {
             light::drag_sun(&mut self.wanted, moved);
         }
-        viewer.update_session(ui.ctx(), &self.wanted, now_s);
+        viewer.update_session(ui.ctx(), &self.wanted, self.shots.is_requested(), now_s);
         let work = viewer.draw(ui, now_s, &mut self.counters, &mut self.shots);
         viewer.paint(ui);
         let is_filtered = self.wanted.filter != Filter::default();

@@ -21,6 +21,7 @@ mod legend;
 mod light;
 mod measure;
 mod overlay;
+mod pacing;
 mod panel;
 mod picking;
 mod pilot;

@@ -8,10 +8,11 @@ use crate::counters::Counters;
 use crate::depth::{Depths, typical};
 use crate::device::{Device, WindowPainter};
 use crate::gestures::Gestures;
+use crate::pacing::Pacing;
 use crate::picking::{Picking, Search};
 use crate::scene::{FrameOutcome, FrameViews, Scene};
 use crate::settings::Settings;
-use crate::sharpness::Sharpness;
+use crate::sharpness::{Drawn, Sharpness};
 use crate::shots::Shots;
 use crate::source::Opened;
 use crate::{frustum, progress, theme};
@@ -21,9 +22,10 @@ use esker_engine::cameras::camera::Camera as CameraRequest;
 use esker_engine::cameras::classes::{self, ClassCount};
 use esker_engine::cameras::colour;
 use esker_engine::cameras::legend::Legend;
+use esker_engine::draw::pace::Load;
 use esker_engine::draw::session::Image;
 use esker_engine::io::quantity::grouped;
-use esker_engine::{Forest, View};
+use esker_engine::{Forest, Method, View};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
 use std::time::Instant;
@@ -44,6 +46,9 @@ pub struct Viewer {
     pick_fault: Option<String>,
     canvas: Canvas,
     sharpness: Sharpness,
+    pacing: Pacing,
+    /// Method that the user has chosen; moving pictures may have another.
+    method: Method,
     /// The view that the frozen cut is chosen for, and the distance to which its frustum is
     /// painted.
     frozen: Option<(View, f64)>,
@@ -96,6 +101,9 @@ impl Viewer {
             n => format!("{name} and {} more", n - 1),
         });
         let built = opened.built_in();
+        let mut sharpness = Sharpness::new(is_coarser_moving, args.frame_ms);
+        let (pacing, pace) = Pacing::new();
+        pace.into_iter().for_each(|pace| sharpness.set_pace(pace));
         let [points, nodes] = [file.points(), file.table().nodes.len() as u64].map(grouped);
         Self {
             scene: None,
@@ -106,7 +114,9 @@ impl Viewer {
             pick_fault: None,
             canvas: Canvas::new(window_painter.driver.clone()),
             device: window_painter.device(args.backend),
-            sharpness: Sharpness::new(is_coarser_moving, args.frame_ms),
+            sharpness,
+            pacing,
+            method: Method::default(),
             frozen: None,
             sources: colour::choices(file),
             // A file whose statistics are damaged shows that when it is drawn.
@@ -324,8 +334,16 @@ impl Viewer {
         self.gestures.is_dragging()
     }
 
-    /// Keeps a session with the settings `wanted`, for pictures up to the size of the window.
-    pub fn update_session(&mut self, ctx: &Context, wanted: &Settings, now_s: f64) {
+    /// Keeps a session with the settings `wanted`, for pictures up to the size of the window. While
+    /// the camera moves the method may be a faster one, unless a screenshot is requested.
+    pub fn update_session(&mut self, ctx: &Context, wanted: &Settings, has_shot: bool, now_s: f64) {
+        self.method = wanted.method;
+        let (is_at_rest, is_by_cpu) = (!self.needs_redraw(now_s), self.is_by_cpu());
+        let pace = self.pacing.update(ctx, now_s, is_at_rest, is_by_cpu);
+        pace.into_iter().for_each(|pace| self.sharpness.set_pace(pace));
+        let moving = self.sharpness.method(now_s, wanted.method);
+        let method = if has_shot { wanted.method } else { moving };
+        let wanted = &Settings { method, ..wanted.clone() };
         let window = pixels(ctx.content_rect(), ctx.pixels_per_point(), 1.0);
         let Some(scene) = &mut self.scene else {
             let file = self.opened.file.clone();
@@ -371,6 +389,7 @@ impl Viewer {
         if !self.gestures.picks().is_empty() || shots.is_requested() {
             scene.invalidate();
         }
+        let method = scene.settings().method;
         let drawn = match scene.frame(&views) {
             FrameOutcome::New(frame) => {
                 counters.lit = frame.light;
@@ -380,6 +399,11 @@ impl Viewer {
                 let rendered_ms = frame.stats.stages.total_ms;
                 let (gestures, camera) = (&mut self.gestures, &mut self.camera);
                 let size = DVec2::new(f64::from(self.size[0]), f64::from(self.size[1]));
+                let load = Load {
+                    points: frame.stats.points_drawn as f64,
+                    pixels: size.x * size.y,
+                    covered: frame.stats.pixels_covered as f64,
+                };
                 match frame.image {
                     Image::Memory(picture) => {
                         self.canvas.upload(ctx, picture);
@@ -406,7 +430,8 @@ impl Viewer {
                     }
                 }
                 let work_ms = drawn_ms + start.elapsed().as_secs_f64() * 1e3;
-                self.sharpness.drew(work_ms.max(rendered_ms), scale);
+                let ms = work_ms.max(rendered_ms);
+                self.sharpness.drew(Drawn { method, scale, load, ms }, self.method);
                 self.fault = None;
                 if shots.is_requested() {
                     shots.take(scene.picture());
@@ -453,6 +478,12 @@ impl Viewer {
         if let Some(fault) = &self.fault {
             progress::fault_over(ui, rect, fault);
         }
+    }
+
+    /// Whether the CPU draws the scene.
+    fn is_by_cpu(&self) -> bool {
+        let drawer = self.scene.as_ref().and_then(Scene::drawer);
+        drawer.is_some_and(|drawer| drawer.adapter.is_none())
     }
 
     /// Whether the picture is final: nothing more is loaded for the view.
