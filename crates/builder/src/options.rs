@@ -52,6 +52,9 @@ pub struct Options {
     pub columns: Option<Columns>,
     /// Lines at the beginning of text files that are passed over.
     pub skip_lines: u64,
+    /// Of how many points about one is read, for a preview; 1 for all. Inputs that cannot be read in
+    /// part are refused.
+    pub one_in: u32,
     /// Whether PCD files are transformed by the poses in their headers.
     pub apply_viewpoint: bool,
     /// Coordinate reference system of inputs that state none.
@@ -117,6 +120,7 @@ impl Default for Options {
             compact: false,
             columns: None,
             skip_lines: 0,
+            one_in: 1,
             apply_viewpoint: false,
             crs: None,
             unit: None,
@@ -153,12 +157,13 @@ impl Options {
     }
 
     /// Options with which inputs are opened.
-    pub(crate) fn open_options(&self) -> OpenOptions {
+    pub fn open_options(&self) -> OpenOptions {
         OpenOptions {
             colour_depth: self.colour_depth,
             memory_bytes: Some(self.memory_bytes),
             columns: self.columns.clone(),
             skip_lines: self.skip_lines,
+            one_in: self.one_in,
             apply_viewpoint: self.apply_viewpoint,
             crs: self.crs.clone(),
             unit: self.unit.clone(),

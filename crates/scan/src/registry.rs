@@ -66,6 +66,10 @@ pub fn open(
             );
             Err(ScanError::unsupported(path, what))
         }
+        (Some(format), _) if options.one_in > 1 && !format.can_sample => {
+            let what = format!("{} files cannot be read in part", format.name);
+            Err(ScanError::unsupported(path, what))
+        }
         (Some(format), _) => Ok(located((format.open)(path, options, task)?, options)),
         // Who says how to read a text says that it is one.
         (None, _) if options.columns.is_some() || options.skip_lines > 0 => {

@@ -30,6 +30,8 @@ pub struct Format {
     pub endings: &'static [&'static str],
     /// Whether it is read from front to back, so that compressed files can be read, too.
     pub is_streamed: bool,
+    /// Whether a share of the points may be read without the others ([`OpenOptions::one_in`]).
+    pub can_sample: bool,
     /// Whether a file that begins with these bytes (up to 64 KiB) is of this format.
     pub recognises: fn(head: &[u8]) -> bool,
     /// Opens a file of this format.
@@ -58,6 +60,9 @@ pub struct OpenOptions {
     pub columns: Option<Columns>,
     /// Lines at the beginning of text files that are passed over.
     pub skip_lines: u64,
+    /// Of how many points about one is read, spread over the whole input, for a preview; 0 and 1
+    /// for all. Inputs that cannot be read in part are refused.
+    pub one_in: u32,
 }
 
 /// Memory that everything except [`Source::held_bytes`] takes while inputs are read, in bytes:

@@ -183,6 +183,42 @@ fn one_thread_and_many_give_the_same_batches() {
     assert_eq!(records(1), records(4));
 }
 
+/// A preview reads points from all parts of a file, and nothing but its points.
+#[test]
+fn one_in_seven_points_are_read_from_all_parts_of_a_file() {
+    for (format, minor) in [(3, 2), (6, 4)] {
+        let file = file_of(Variant { format, minor, extra: 0 }, plain_points(20_000, 0));
+        for bytes in [file.las(), file.laz(500)] {
+            let disk = on_disk(&bytes);
+            let options = OpenOptions { one_in: 7, ..OpenOptions::default() };
+            let source = esker_scan::open(disk.path(), &options, &Silent).unwrap();
+            let (batches, report) = read(source.as_ref()).unwrap();
+            assert_eq!(report.points, source.info().points_hint);
+            assert!((2857..3000).contains(&report.points), "{}", report.points);
+            let first = read(open(&disk).unwrap().as_ref()).unwrap().0[0].positions[0][0];
+            let x = batches.iter().flat_map(|batch| &batch.positions).map(|p| p[0] - first);
+            let mut numbers: Vec<u32> = x.collect();
+            assert!(numbers.is_sorted(), "in the order of the file");
+            let expected: Vec<Point> =
+                numbers.iter().map(|&i| file.points[i as usize].clone()).collect();
+            assert_equal(&batches, &expected, file.variant);
+            numbers.push(20_000);
+            let gap = numbers.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap();
+            assert!(gap <= 500, "{gap}");
+            assert!(source.info().notes.iter().any(|note| note.contains("one in 7")));
+        }
+    }
+}
+
+#[test]
+fn points_that_are_compressed_as_a_whole_cannot_be_read_in_part() {
+    let file = file_of(Variant { format: 3, minor: 2, extra: 0 }, plain_points(1000, 0));
+    let disk = on_disk(&file.laz(5000));
+    let options = OpenOptions { one_in: 7, ..OpenOptions::default() };
+    let error = esker_scan::open(disk.path(), &options, &Silent).err().unwrap();
+    assert!(error.to_string().contains("cannot be read in part"), "{error}");
+}
+
 #[test]
 fn laz_of_varying_chunks_gives_all_points() {
     for (format, minor) in [(3, 2), (7, 4)] {

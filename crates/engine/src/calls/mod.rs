@@ -9,5 +9,6 @@ pub mod export;
 pub mod info;
 pub mod info_text;
 pub mod pick;
+pub mod preview;
 pub mod render;
 pub mod verify;

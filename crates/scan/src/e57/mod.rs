@@ -38,6 +38,7 @@ pub const FORMAT: Format = Format {
     name: "E57",
     endings: &["e57"],
     is_streamed: false,
+    can_sample: false,
     recognises: |head| head.starts_with(b"ASTM-E57"),
     open,
 };

@@ -44,6 +44,8 @@ pub struct Points {
     pub compression: Option<Compression>,
     /// Greatest number of raw bytes under way on all threads.
     pub window_bytes_max: u64,
+    /// Of how many points one is read; 1 for all.
+    pub one_in: u32,
 }
 
 /// Converts whole records to a result; called on any thread.
@@ -71,7 +73,8 @@ struct Piece {
 }
 
 impl Points {
-    /// Decodes the first `points_max` points, in runs of at most [`BATCH_POINTS`].
+    /// Decodes the first `points_max` points, in runs of at most [`BATCH_POINTS`], or a share of all
+    /// points if only that is read.
     ///
     /// # Errors
     /// What is wrong with the file, an error of `convert` or `sink`, or [`ScanError::Cancelled`].
@@ -82,6 +85,9 @@ impl Points {
         convert: &Convert<'_, T>,
         sink: &mut dyn FnMut(T) -> Result<(), ScanError>,
     ) -> Result<(), ScanError> {
+        if self.one_in > 1 {
+            return self.for_each_sampled(self.one_in, task, convert, sink);
+        }
         let file = File::open(&self.path).map_err(|e| self.io(e))?;
         let mut reader = Reader { file, at: self.start, point: 0, chunk: 0 };
         let end = self.count.min(points_max);
@@ -229,7 +235,7 @@ impl Points {
         self.is_large(chunk).then_some((compression, chunk))
     }
 
-    fn is_large(&self, chunk: Chunk) -> bool {
+    pub(super) fn is_large(&self, chunk: Chunk) -> bool {
         let raw_bytes = chunk.points as usize * self.record_bytes;
         raw_bytes > CHUNK_BYTES_MAX || chunk.bytes as usize > CHUNK_BYTES_MAX
     }
@@ -259,7 +265,7 @@ impl Points {
 
     /// Checks that a layered chunk has the expected number of points and that its layers lie inside
     /// it.
-    fn check_layers(
+    pub(super) fn check_layers(
         &self,
         head: &[u8],
         bytes: u64,
@@ -335,7 +341,7 @@ impl Points {
         Ok(Group { bytes: buffer, pieces })
     }
 
-    fn decoder<'a, R: Read + Seek + Send + Sync + 'a>(
+    pub(super) fn decoder<'a, R: Read + Seek + Send + Sync + 'a>(
         &self,
         compression: &Compression,
         input: R,
@@ -349,7 +355,7 @@ impl Points {
 
     /// Runs the decoder. Its errors, and panics that damaged bytes may cause in it, become errors
     /// that name the position.
-    fn guarded<T>(
+    pub(super) fn guarded<T>(
         &self,
         point: u64,
         decode: impl FnOnce() -> std::io::Result<T>,
@@ -367,15 +373,15 @@ impl Points {
         }
     }
 
-    fn run_points(&self) -> usize {
+    pub(super) fn run_points(&self) -> usize {
         (RUN_BYTES / self.record_bytes).clamp(1, BATCH_POINTS)
     }
 
-    fn io(&self, source: std::io::Error) -> ScanError {
+    pub(super) fn io(&self, source: std::io::Error) -> ScanError {
         ScanError::io(&self.path, source)
     }
 
-    fn damaged(&self, what: String) -> ScanError {
+    pub(super) fn damaged(&self, what: String) -> ScanError {
         ScanError::damaged(&self.path, what)
     }
 }

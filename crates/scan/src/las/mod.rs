@@ -13,6 +13,7 @@ mod items;
 mod laszip;
 mod no_data;
 pub(crate) mod points;
+mod sampled;
 pub(crate) mod vlr;
 
 pub use header::GpsTimes;
@@ -38,6 +39,7 @@ pub const FORMAT: Format = Format {
     name: "LAS/LAZ",
     endings: &["las", "laz"],
     is_streamed: false,
+    can_sample: true,
     recognises: |head| head.starts_with(b"LASF"),
     open,
 };
@@ -117,6 +119,10 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         check_held(points.held_bytes(), memory_bytes, path)?;
         points.window_bytes_max = (memory_bytes / WINDOW_SHARE).min(WINDOW_BYTES_MAX);
     }
+    if options.one_in > 1 && !points.can_sample() {
+        let what = "its points cannot be read in part: they are compressed as a whole";
+        return Err(ScanError::unsupported(path, what));
+    }
     let extra = header.record_bytes - format_bytes(header.point_format).unwrap_or(0);
     if extra > EXTRA_BYTES_MAX {
         let what = format!("{extra} extra bytes a point; {EXTRA_BYTES_MAX} are read at most");
@@ -131,6 +137,11 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         .rgb_offset
         .map(|_| options.colour_depth.map_or_else(|| detect_depth(&layout, &points, task), Ok))
         .transpose()?;
+    // The first points alone told their depth.
+    points.one_in = options.one_in.max(1);
+    if points.one_in > 1 {
+        notes.push(format!("one in {} of its points is read, for a preview", points.one_in));
+    }
     let info = SourceInfo {
         path: path.to_owned(),
         format: format!(
@@ -146,7 +157,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
             bounds: (points.count > 0).then_some(header.bounds),
         },
         schema: Arc::clone(&layout.schema),
-        points_hint: points.count,
+        points_hint: points.sampled_count(points.one_in),
         bytes,
         colour_depth,
         crs: crs::of(&records, &mut notes),
@@ -192,6 +203,7 @@ fn points_of(
         record_bytes: header.record_bytes,
         compression,
         window_bytes_max: WINDOW_BYTES_MAX,
+        one_in: 1,
     })
 }
 

@@ -26,8 +26,14 @@ use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 /// PCD, an entry of the registry.
-pub const FORMAT: Format =
-    Format { name: "PCD", endings: &["pcd"], is_streamed: true, recognises, open };
+pub const FORMAT: Format = Format {
+    name: "PCD",
+    endings: &["pcd"],
+    is_streamed: true,
+    can_sample: false,
+    recognises,
+    open,
+};
 
 /// Locked while all points of a file are held during opening.
 static HOLDING: Mutex<()> = Mutex::new(());

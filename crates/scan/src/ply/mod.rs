@@ -24,8 +24,14 @@ use std::io::{BufRead, Read};
 use std::path::Path;
 
 /// PLY, an entry of the registry.
-pub const FORMAT: Format =
-    Format { name: "PLY", endings: &["ply"], is_streamed: true, recognises, open };
+pub const FORMAT: Format = Format {
+    name: "PLY",
+    endings: &["ply"],
+    is_streamed: true,
+    can_sample: false,
+    recognises,
+    open,
+};
 
 struct PlySource {
     info: SourceInfo,

@@ -28,8 +28,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// PTX, an entry of the registry.
-pub const FORMAT: Format =
-    Format { name: "PTX", endings: &["ptx"], is_streamed: true, recognises, open };
+pub const FORMAT: Format = Format {
+    name: "PTX",
+    endings: &["ptx"],
+    is_streamed: true,
+    can_sample: false,
+    recognises,
+    open,
+};
 
 /// Number of significant digits up to which an `f32` holds every decimal.
 const F32_DIGITS: usize = 6;

@@ -57,6 +57,7 @@ pub const FORMAT: Format = Format {
     name: "text (XYZ, TXT, CSV, PTS)",
     endings: &["xyz", "txt", "csv", "pts", "asc", "xyzi", "xyzrgb", "xyzn", "neu", "tsv", "dat"],
     is_streamed: true,
+    can_sample: false,
     recognises,
     open,
 };
