@@ -150,6 +150,10 @@ pub struct BenchErrorTime {
     /// Cross the settings.
     #[arg(long)]
     pub full: bool,
+    /// Bytes that are read a second at most while streaming is measured, such as 8MiB: orders of
+    /// loading differ where a disk or network is slow.
+    #[arg(long, value_name = "BYTES", value_parser = quantity::bytes)]
+    pub read_rate: Option<u64>,
     /// Write a page about each scan to this folder.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -434,6 +438,7 @@ fn run_error_time(args: BenchErrorTime, stop: Arc<AtomicBool>) -> Result<()> {
         is_full: args.full,
         with: (&args.how.with).into(),
         threads: args.how.threads.count,
+        read_bytes_a_second: args.read_rate,
         out: args.out,
     };
     let measure = |progress: &Progress| error_time::measure(&request, progress);

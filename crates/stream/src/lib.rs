@@ -41,6 +41,7 @@ mod planes;
 mod pool;
 mod priority;
 mod queue;
+mod rate;
 mod reading;
 mod requests;
 mod retries;

@@ -5,11 +5,12 @@
 use crate::batch::Batch;
 use crate::identity::Identity;
 use crate::landing::Landing;
-use crate::planes::{Planes, VisibilityTest};
+use crate::planes::{LoadRequest, Planes, VisibilityTest};
 use crate::queue::Queue;
+use crate::rate::Rate;
 use crate::reading::{Outcome, Reading};
 use crate::shared::Shared;
-use crossbeam_channel::{Receiver, Sender, TryRecvError};
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TryRecvError};
 use esker_lod::{OrientedBox, Visible};
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -46,6 +47,8 @@ pub(crate) struct Loader<L: Landing> {
     pub(crate) shared: Arc<Shared>,
     pub(crate) identity: Arc<Identity>,
     pub(crate) queue: Arc<Queue<Batch>>,
+    /// Limit on the rate of reading, if there is one.
+    pub(crate) rate: Option<Arc<Rate>>,
     pub(crate) reports: Sender<Report>,
     pub(crate) wake: Sender<()>,
     /// Nothing is ever sent: the channel closes when streaming stops.
@@ -67,6 +70,9 @@ impl<L: Landing> Loader<L> {
             if let Some(fault) = self.identity.fault_if_due() {
                 self.report(Report::Changed(fault));
             }
+            if !self.waits_for_rate(&batch) {
+                return;
+            }
             let lend = || self.lend();
             let reading = Reading { planes: &self.planes, landing: &*self.landing, lend: &lend };
             let Some(outcome) = reading.read(&batch, run) else { return };
@@ -83,6 +89,17 @@ impl<L: Landing> Loader<L> {
             let _ = self.wake.try_send(());
         }
         Some(batch)
+    }
+
+    /// Waits until the limit on the rate of reading lets a batch be read; false once streaming
+    /// stops.
+    fn waits_for_rate(&self, batch: &Batch) -> bool {
+        let Some(rate) = &self.rate else { return true };
+        let bytes_of = |request: &LoadRequest| -> u64 {
+            request.planes.iter().map(|&(kind, _)| self.planes.bytes(request.node, kind)).sum()
+        };
+        let wait = rate.take(batch.iter().map(bytes_of).sum(), Instant::now());
+        self.stop.recv_timeout(wait) == Err(RecvTimeoutError::Timeout)
     }
 
     /// Waits for a run; `None` once streaming stops.

@@ -27,6 +27,9 @@ pub struct Options {
     pub surroundings: Option<Surroundings>,
     /// Number of loader threads, which is the number of reads in progress.
     pub loaders: usize,
+    /// Most bytes that all loaders read a second, to measure slower disks and networks; `None` for
+    /// what the disk gives.
+    pub read_bytes_a_second: Option<u64>,
     /// Filter of points, and values mapped while reading.
     pub filter: Arc<ForestFilter>,
 }
@@ -44,6 +47,7 @@ impl Default for Options {
             surroundings: None,
             // Disks reach their best rate at about eight requests in progress.
             loaders: 8,
+            read_bytes_a_second: None,
             filter: Arc::default(),
         }
     }

@@ -14,6 +14,7 @@ use crate::options::{Needs, Options};
 use crate::planes::Planes;
 use crate::pool::Pool;
 use crate::queue::Queue;
+use crate::rate::Rate;
 use crate::retries::Retries;
 use crate::shared::Shared;
 use crate::status::Status;
@@ -86,6 +87,7 @@ impl Streamer {
             return Err(StreamError::Runs(run_bytes));
         }
         let loaders = options.loaders.clamp(1, LOADERS_MAX);
+        let rate = options.read_bytes_a_second.map(|rate| Arc::new(Rate::new(rate)));
         let planes = Planes { forest: Arc::clone(&forest), filter: Arc::clone(&options.filter) };
         let shared = Arc::new(Shared::new(&needs));
         let channels = Channels::new();
@@ -119,6 +121,7 @@ impl Streamer {
                 shared: Arc::clone(&shared),
                 identity: Arc::clone(&identity),
                 queue: Arc::clone(&queue),
+                rate: rate.clone(),
                 reports: channels.reports.0.clone(),
                 wake: channels.wake.0.clone(),
                 stop: channels.stop.1.clone(),

@@ -62,6 +62,8 @@ pub struct ErrorTimeRequest {
     pub with: DrawWith,
     /// Threads; 0 stands for one a core.
     pub threads: usize,
+    /// Most bytes read a second while streaming is measured; `None` for what the disk gives.
+    pub read_bytes_a_second: Option<u64>,
     /// Folder for a page about each scan.
     pub out: Option<PathBuf>,
 }
@@ -110,7 +112,7 @@ pub fn measure(request: &ErrorTimeRequest, task: &dyn Task) -> Result<ErrorTimeR
             scan.advice = advice(&rows);
             task.phase(&format!("{}: streaming", scan.file), None, "frames");
             let file = &measured.files[0].file;
-            let loads = streaming::measure(&scan.file, file, request.size, task)?;
+            let loads = streaming::measure(&scan.file, file, request, task)?;
             let lit = measured.lit(request.is_full, task)?;
             if let Some(folder) = &request.out {
                 let crops = measured.crops(&rows, task)?;

@@ -1,6 +1,7 @@
 //! Error while a file streams: from cold at a view, and along a path, the error of the shown frame
 //! against the finished one, over wall time. The area under the curve compares orders of loading.
 
+use super::ErrorTimeRequest;
 use crate::quantile::quantile;
 use anyhow::{Context, Result};
 use esker_engine::Method;
@@ -40,6 +41,8 @@ pub(super) struct Load {
     /// Name of the view, or `path`.
     pub view: String,
     pub priority: &'static str,
+    /// Most bytes that were read a second; none for what the disk gave.
+    pub read_bytes_a_second: Option<u64>,
     /// Median time until nothing more was loaded; of a path, its duration.
     pub complete_ms: f64,
     /// Bytes that were read, median.
@@ -71,28 +74,28 @@ impl Round {
 }
 
 /// Loads views of a file from an empty cache and flies from each to the next, by each order in
-/// turn. Pictures have `size` pixels.
+/// turn, with the pictures and the rate of reading of `request`.
 ///
 /// # Errors
 /// If the file cannot be read, a frame cannot be drawn, or `task` is cancelled.
 pub(super) fn measure(
     name: &str,
     file: &Arc<Forest>,
-    size: [u32; 2],
+    request: &ErrorTimeRequest,
     task: &dyn Task,
 ) -> Result<Vec<Load>> {
-    let path = Path::of(file, size);
+    let path = Path::of(file, request.size);
     let mut loads = Vec::new();
     for stop in path.views.iter().take(VIEWS_MAX) {
-        loads.extend(rounds(name, &stop.name, |priority| {
+        loads.extend(rounds((name, &stop.name), request, |priority| {
             task.check()?;
-            load(file, size, &stop.view, priority)
+            load(file, request, &stop.view, priority)
         })?);
     }
     if path.views.len() > 1 {
-        loads.extend(rounds(name, "path", |priority| {
+        loads.extend(rounds((name, "path"), request, |priority| {
             task.check()?;
-            fly(file, size, &path, priority)
+            fly(file, request, &path, priority)
         })?);
     }
     Ok(loads)
@@ -100,8 +103,8 @@ pub(super) fn measure(
 
 /// Runs `round` for each order in turn.
 fn rounds(
-    file: &str,
-    view: &str,
+    (file, view): (&str, &str),
+    request: &ErrorTimeRequest,
     mut round: impl FnMut(Priority) -> Result<Round>,
 ) -> Result<Vec<Load>> {
     let mut all = PRIORITIES.map(|_| Vec::new());
@@ -110,6 +113,7 @@ fn rounds(
             own.push(round(priority)?);
         }
     }
+    let read_bytes_a_second = request.read_bytes_a_second;
     let of = |((_, priority), own): ((Priority, &'static str), &Vec<Round>)| {
         let areas: Vec<f64> = own.iter().map(Round::area_ms).collect();
         let median =
@@ -118,6 +122,7 @@ fn rounds(
             file: file.into(),
             view: view.into(),
             priority,
+            read_bytes_a_second,
             complete_ms: median(|round| round.complete_ms),
             read_bytes: median(|round| round.read_bytes as f64) as u64,
             area_ms: quantile(&areas, 0.5),
@@ -129,20 +134,32 @@ fn rounds(
 }
 
 /// Opens a session with an empty cache.
-fn open(file: &Arc<Forest>, size: [u32; 2], priority: Priority) -> Result<Session> {
+fn open(file: &Arc<Forest>, request: &ErrorTimeRequest, priority: Priority) -> Result<Session> {
     for path in file.files().map(|file| file.path()) {
         let context = || format!("{}: cannot drop it from the cache", path.display());
         system::forget(&std::fs::File::open(path).with_context(context)?).with_context(context)?;
     }
     let settings = Settings { method: Method::PullPush, ..Settings::default() };
-    let options = Options { settings, backend: Backend::Cpu, size, priority, ..Options::default() };
+    let options = Options {
+        settings,
+        backend: Backend::Cpu,
+        size: request.size,
+        priority,
+        read_bytes_a_second: request.read_bytes_a_second,
+        ..Options::default()
+    };
     Session::open(Arc::clone(file), options)
 }
 
 /// Loads a view from cold.
-fn load(file: &Arc<Forest>, size: [u32; 2], view: &View, priority: Priority) -> Result<Round> {
+fn load(
+    file: &Arc<Forest>,
+    request: &ErrorTimeRequest,
+    view: &View,
+    priority: Priority,
+) -> Result<Round> {
     let start = Instant::now();
-    let mut session = open(file, size, priority)?;
+    let mut session = open(file, request, priority)?;
     let mut frames: Vec<(f64, Vec<u8>)> = Vec::new();
     loop {
         let is_final = session.frame(view)?.is_final;
@@ -160,15 +177,20 @@ fn load(file: &Arc<Forest>, size: [u32; 2], view: &View, priority: Priority) -> 
     let last = frames.len().saturating_sub(1);
     let kept = frames.iter().enumerate().filter(|(i, _)| i % step == 0 || *i == last);
     let error = |(_, (at_ms, rgba)): (usize, &(f64, Vec<u8>))| {
-        [*at_ms, mean_flip(rgba, &finished, size[0] as usize)]
+        [*at_ms, mean_flip(rgba, &finished, request.size[0] as usize)]
     };
     let curve = kept.map(error).collect();
     Ok(Round { complete_ms, read_bytes: session.status().read_bytes, curve })
 }
 
 /// Flies from view to view from cold, and afterwards finishes the frames that were shown.
-fn fly(file: &Arc<Forest>, size: [u32; 2], path: &Path, priority: Priority) -> Result<Round> {
-    let mut session = open(file, size, priority)?;
+fn fly(
+    file: &Arc<Forest>,
+    request: &ErrorTimeRequest,
+    path: &Path,
+    priority: Priority,
+) -> Result<Round> {
+    let mut session = open(file, request, priority)?;
     let ways = path.views.len().min(VIEWS_MAX) - 1;
     let whole = TRAVEL * ways as u32;
     let start = Instant::now();
@@ -189,7 +211,7 @@ fn fly(file: &Arc<Forest>, size: [u32; 2], path: &Path, priority: Priority) -> R
         let patience = Instant::now();
         while !session.frame(&view)?.is_final && patience.elapsed() < PATIENCE {}
         let finished = session.picture()?.rgba;
-        curve.push([at_ms, mean_flip(&rgba, &finished, size[0] as usize)]);
+        curve.push([at_ms, mean_flip(&rgba, &finished, request.size[0] as usize)]);
     }
     Ok(Round { complete_ms: whole.as_secs_f64() * 1e3, read_bytes, curve })
 }

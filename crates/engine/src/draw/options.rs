@@ -66,6 +66,9 @@ pub struct Options {
     pub priority: Priority,
     /// Concurrent reads.
     pub loaders: usize,
+    /// Most bytes read a second, to measure slower disks and networks; `None` for what the disk
+    /// gives.
+    pub read_bytes_a_second: Option<u64>,
     /// Most nodes in memory.
     pub nodes_max: usize,
     /// Runs of staging; none for what the budget allows.
@@ -109,6 +112,7 @@ impl Default for Options {
             shrinks_lit: false,
             priority: stream.priority,
             loaders: stream.loaders,
+            read_bytes_a_second: None,
             nodes_max: stream.nodes_max,
             runs: None,
             // About ten milliseconds of copying.
@@ -127,6 +131,7 @@ impl Options {
             priority: self.priority,
             occlusion: self.settings.occlusion,
             loaders: self.loaders,
+            read_bytes_a_second: self.read_bytes_a_second,
             ..esker_stream::Options::default()
         }
     }
