@@ -39,6 +39,18 @@ struct NodeFilter {
     rejects_subtree: bool,
 }
 
+/// A rule by which planes are changed while they are read. Planes that were read by equal rules are
+/// equal.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ReadRule {
+    /// Unwanted points are marked in positions.
+    Hide(LatticeFilter),
+    /// Codes of scans are written to colours.
+    Scans(PlaneKind, Codes),
+    /// Values are replaced by codes.
+    Codes(PlaneKind, Codes),
+}
+
 impl ForestFilter {
     /// A filter of a forest, and a plane mapped to codes.
     ///
@@ -98,6 +110,26 @@ impl ForestFilter {
         self.codes.is_some_and(|(coded, _)| coded == kind)
             || (kind == PlaneKind::Position && self.hides_points(node))
             || (kind == PlaneKind::Colour && self.scans.is_some())
+    }
+
+    /// Rule for positions of nodes whose points are tested one by one.
+    pub fn position_rule(&self) -> Option<ReadRule> {
+        self.filter.as_ref().map(|f| ReadRule::Hide(f.filter.clone()))
+    }
+
+    /// Rule for colours.
+    pub fn colour_rule(&self) -> Option<ReadRule> {
+        self.scans.map(|(kind, codes)| ReadRule::Scans(kind, codes))
+    }
+
+    /// Rule for the plane that is mapped to codes.
+    pub fn code_rule(&self) -> Option<ReadRule> {
+        self.codes.map(|(kind, codes)| ReadRule::Codes(kind, codes))
+    }
+
+    /// Whether two filters want the same points of all nodes.
+    pub fn shows_as(&self, other: &Self) -> bool {
+        self.filter == other.filter
     }
 
     /// Bytes of one value of a mapped plane; `None` for planes whose values keep their size.

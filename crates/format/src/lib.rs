@@ -41,7 +41,7 @@ pub use codec::{Codec, Encoding};
 pub use error::{Fault, FormatError};
 pub use footer::{Footer, VERSIONS};
 pub use forest::Forest;
-pub use forest_filter::ForestFilter;
+pub use forest_filter::{ForestFilter, ReadRule};
 pub use layout::{PageLayout, PlaneKind, PlaneSpec, runs};
 pub use metadata::{CrsRecord, Metadata, SourceRecord, TREES_MAX, TreeRef};
 pub use normals::Normals;

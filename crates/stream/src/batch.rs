@@ -129,7 +129,8 @@ mod tests {
     fn request(id: u64, node: u32, kinds: &[PlaneKind], alone: bool) -> LoadRequest {
         let slot = Slot { offset: 0, bytes: 0 };
         let planes = kinds.iter().map(|&kind| (kind, slot)).collect();
-        LoadRequest { id, node, planes, test: VisibilityTest::Contour, alone }
+        let (filter, test) = (Default::default(), VisibilityTest::Contour);
+        LoadRequest { id, node, planes, filter, test, alone }
     }
 
     proptest! {

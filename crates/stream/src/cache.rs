@@ -1,19 +1,21 @@
 //! The hierarchical cache (kanzok2015, section 3.2.1, item 5): which planes of which nodes have a
-//! slot, and which of them is least recently used. The unit is a plane of a node. The cache is
-//! closed under parent: a node enters only below a node that is cached, and its base planes are
-//! evicted before those of its parent.
+//! slot, and which of them is least recently used. The unit is a plane of a node in one of its
+//! forms ([`PlaneForm`]). The cache is closed under parent: a node enters only below a node that is
+//! cached, and its base planes are evicted before those of its parent.
 
 use crate::landing::Slot;
-use crate::planes::Planes;
+use crate::planes::{PlaneForm, Planes};
 use crate::pool::Pool;
-use esker_format::PlaneKind;
+use esker_format::{Forest, PlaneKind};
+use esker_points::node::NONE;
 use std::cmp::Reverse;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// A plane with a slot.
 #[derive(Clone, Copy, Debug)]
 struct CachedPlane {
-    kind: PlaneKind,
+    form: PlaneForm,
     slot: Slot,
     /// Last pass that used the plane.
     stamp: u64,
@@ -30,26 +32,33 @@ struct Entry {
     children: u32,
 }
 
+impl Entry {
+    /// Whether positions of the node are uploaded, in whichever form.
+    fn has_positions(&self) -> bool {
+        self.planes.iter().any(|p| p.is_resident && p.form.kind.has_positions())
+    }
+}
+
 /// The cache.
 #[derive(Debug)]
 pub(crate) struct Cache {
-    planes: Planes,
+    forest: Arc<Forest>,
     pool: Pool,
     entries: HashMap<u32, Entry>,
     nodes_max: usize,
     /// Number of the pass; planes stamped with it are in use.
     pass: u64,
     /// Planes that may be evicted in this pass, the first to leave last. Made on first use.
-    leaving: Option<Vec<(u64, Reverse<u32>, PlaneKind)>>,
+    leaving: Option<Vec<(u64, Reverse<u32>, PlaneForm)>>,
     resident: usize,
     evicted: u64,
 }
 
 impl Cache {
-    pub(crate) fn new(planes: Planes, pool: Pool, nodes_max: usize) -> Self {
-        let roots = planes.roots().count();
+    pub(crate) fn new(forest: Arc<Forest>, pool: Pool, nodes_max: usize) -> Self {
+        let roots = forest.table().roots().count();
         Self {
-            planes,
+            forest,
             pool,
             entries: HashMap::new(),
             nodes_max: nodes_max.max(roots),
@@ -78,23 +87,33 @@ impl Cache {
         self.entries.contains_key(&node)
     }
 
-    fn plane(&self, node: u32, kind: PlaneKind) -> Option<&CachedPlane> {
-        self.entries.get(&node)?.planes.iter().find(|p| p.kind == kind)
+    /// Planes of a node in a form: more than one while a root leaves memory beyond the budget.
+    fn forms(&self, node: u32, form: PlaneForm) -> impl Iterator<Item = &CachedPlane> {
+        let planes = self.entries.get(&node).map_or(&[][..], |entry| &entry.planes);
+        planes.iter().filter(move |p| p.form == form)
     }
 
-    /// Whether a plane has a slot, uploaded or not.
-    pub(crate) fn has(&self, node: u32, kind: PlaneKind) -> bool {
-        self.plane(node, kind).is_some()
+    /// Whether a plane has a slot within the budget or that is not uploaded yet.
+    pub(crate) fn has(&self, node: u32, form: PlaneForm) -> bool {
+        self.forms(node, form).any(|p| !p.is_resident || !self.pool.is_beyond(p.slot))
     }
 
-    /// Slot of a plane that is uploaded.
-    pub(crate) fn resident(&self, node: u32, kind: PlaneKind) -> Option<Slot> {
-        self.plane(node, kind).filter(|p| p.is_resident).map(|p| p.slot)
+    /// Slot of a plane that is uploaded. Slots beyond the budget count for roots alone, so that
+    /// there is always something to draw.
+    pub(crate) fn resident(&self, node: u32, form: PlaneForm) -> Option<Slot> {
+        let uploaded = || self.forms(node, form).filter(|p| p.is_resident).map(|p| p.slot);
+        let within = uploaded().find(|slot| !self.pool.is_beyond(*slot));
+        within.or_else(|| uploaded().next().filter(|_| self.is_root(node)))
     }
 
-    /// Whether all of `kinds` that the node has are uploaded.
-    pub(crate) fn is_resident(&self, node: u32, kinds: &[PlaneKind]) -> bool {
-        kinds.iter().all(|&k| self.resident(node, k).is_some() || !self.planes.has(node, k))
+    /// Whether all of `kinds` that the node has are uploaded in the form of `planes`.
+    pub(crate) fn is_resident(&self, planes: &Planes, node: u32, kinds: &[PlaneKind]) -> bool {
+        let is_resident = |k| self.resident(node, planes.form(node, k)).is_some();
+        kinds.iter().all(|&k| is_resident(k) || !planes.has(node, k))
+    }
+
+    fn is_root(&self, node: u32) -> bool {
+        self.forest.record(node).parent == NONE
     }
 
     /// Begins a pass: planes that are not touched from here on may be evicted.
@@ -104,37 +123,69 @@ impl Cache {
     }
 
     /// Keeps a plane through this pass, if it is cached.
-    pub(crate) fn touch(&mut self, node: u32, kind: PlaneKind) {
-        let pass = self.pass;
-        let entry = self.entries.get_mut(&node);
-        if let Some(plane) = entry.and_then(|e| e.planes.iter_mut().find(|p| p.kind == kind)) {
-            plane.stamp = pass;
+    pub(crate) fn touch(&mut self, node: u32, form: PlaneForm) {
+        let planes = self.entries.get_mut(&node).map(|entry| &mut entry.planes);
+        for plane in planes.into_iter().flatten().filter(|p| p.form == form) {
+            plane.stamp = self.pass;
         }
     }
 
-    /// Finds slots for planes of a node that have none, evicting the least recently used planes for
-    /// them. `base` are the base planes of nodes. Returns `None` and takes no slot if there is no
-    /// room or the parent is not cached.
+    /// Changes the budget of drawing memory. Slots beyond a lower one are used no more, except of
+    /// roots, and [`Cache::vacate`] frees them.
+    pub(crate) fn resize(&mut self, bytes: u64) {
+        self.pool.resize(bytes);
+    }
+
+    /// Frees the slots beyond the budget, after a cut without them was published. Those of requests
+    /// in progress remain, and those of roots that are in use and not loaded again yet. Returns
+    /// whether none remains.
+    pub(crate) fn vacate(&mut self) -> bool {
+        let (mut gone, mut is_done) = (Vec::new(), true);
+        for (&node, entry) in &self.entries {
+            let is_root = self.is_root(node);
+            for p in entry.planes.iter().filter(|p| self.pool.is_beyond(p.slot)) {
+                let is_drawn = is_root
+                    && p.stamp == self.pass
+                    && self.resident(node, p.form) == Some(p.slot);
+                if p.is_resident && !is_drawn {
+                    gone.push((node, p.slot));
+                } else {
+                    is_done = false;
+                }
+            }
+        }
+        for (node, slot) in gone {
+            self.release(node, slot);
+            self.evicted += u64::from(!self.has_node(node));
+        }
+        self.leaving = None;
+        is_done
+    }
+
+    /// Finds slots for planes of a node that have none, in the form of `planes`, evicting the least
+    /// recently used planes for them. `base` are the base planes of nodes. Returns `None` and takes
+    /// no slot if there is no room or the parent is not cached.
     pub(crate) fn reserve(
         &mut self,
+        planes: &Planes,
         node: u32,
         kinds: &[PlaneKind],
         base: &[PlaneKind],
     ) -> Option<Vec<(PlaneKind, Slot)>> {
-        let parent = self.planes.node(node).parent;
-        let is_root = self.planes.is_root(node);
+        let parent = self.forest.record(node).parent;
+        let is_root = self.is_root(node);
         if !is_root && !self.has_node(parent) {
             return None;
         }
         while !self.has_node(node) && self.entries.len() >= self.nodes_max {
-            self.evict_one(base).then_some(())?;
+            self.evict_one(planes, base).then_some(())?;
         }
         let mut slots = Vec::with_capacity(kinds.len());
         for &kind in kinds {
-            let bytes = self.planes.bytes(node, kind);
+            let bytes = planes.bytes(node, kind);
             let slot = loop {
                 let slot = self.pool.take(bytes);
-                if slot.is_some() || !self.evict_one(base) {
+                if slot.is_some() || !self.evict_one(planes, base) {
                     break slot;
                 }
             };
@@ -151,28 +202,33 @@ impl Cache {
             }
         }
         let (entry, stamp) = (self.entries.entry(node).or_default(), self.pass);
-        let requested = |&(kind, slot)| CachedPlane { kind, slot, stamp, is_resident: false };
+        let requested = |&(kind, slot): &(PlaneKind, Slot)| {
+            let form = planes.form(node, kind);
+            CachedPlane { form, slot, stamp, is_resident: false }
+        };
         entry.planes.extend(slots.iter().map(requested));
         Some(slots)
     }
 
-    /// Marks a plane as uploaded.
-    pub(crate) fn arrive(&mut self, node: u32, kind: PlaneKind) {
-        let entry = self.entries.get_mut(&node);
-        if let Some(plane) = entry.and_then(|e| e.planes.iter_mut().find(|p| p.kind == kind)) {
-            self.resident += usize::from(kind.has_positions() && !plane.is_resident);
+    /// Marks the plane with this slot as uploaded.
+    pub(crate) fn arrive(&mut self, node: u32, slot: Slot) {
+        let Some(entry) = self.entries.get_mut(&node) else { return };
+        let had = entry.has_positions();
+        if let Some(plane) = entry.planes.iter_mut().find(|p| p.slot == slot) {
             plane.is_resident = true;
         }
+        self.resident += usize::from(!had && entry.has_positions());
     }
 
     /// Frees the slot of a plane.
-    pub(crate) fn release(&mut self, node: u32, kind: PlaneKind) {
+    pub(crate) fn release(&mut self, node: u32, slot: Slot) {
         let Some(entry) = self.entries.get_mut(&node) else { return };
-        if let Some(at) = entry.planes.iter().position(|p| p.kind == kind) {
-            let plane = entry.planes.swap_remove(at);
-            self.resident -= usize::from(kind.has_positions() && plane.is_resident);
-            self.pool.give(plane.slot);
+        let had = entry.has_positions();
+        if let Some(at) = entry.planes.iter().position(|p| p.slot == slot) {
+            entry.planes.swap_remove(at);
+            self.pool.give(slot);
         }
+        self.resident -= usize::from(had && !entry.has_positions());
         self.drop_empty(node);
     }
 
@@ -181,37 +237,39 @@ impl Cache {
     fn drop_empty(&mut self, mut node: u32) {
         while self.entries.get(&node).is_some_and(|e| e.planes.is_empty() && e.children == 0) {
             self.entries.remove(&node);
-            node = self.planes.node(node).parent;
+            node = self.forest.record(node).parent;
             let Some(above) = self.entries.get_mut(&node) else { break };
             above.children -= 1;
         }
     }
 
     /// Evicts one plane; false if none may be evicted.
-    fn evict_one(&mut self, base: &[PlaneKind]) -> bool {
+    fn evict_one(&mut self, planes: &Planes, base: &[PlaneKind]) -> bool {
         let mut leaving = self.leaving.take().unwrap_or_else(|| self.unused());
         let next = loop {
-            let Some((_, Reverse(node), kind)) = leaving.pop() else { break None };
+            let Some((_, Reverse(node), form)) = leaving.pop() else { break None };
             let is_leaf = self.entries.get(&node).is_some_and(|e| e.children == 0);
+            let is_base = base.contains(&form.kind) && planes.form(node, form.kind) == form;
             // A parent with a child in progress stays until that child has arrived and left.
-            if is_leaf || !base.contains(&kind) {
-                break Some((node, kind));
+            let unused = self.forms(node, form).find(|p| p.is_resident).map(|p| p.slot);
+            if let Some(slot) = unused.filter(|_| is_leaf || !is_base) {
+                break Some((node, slot));
             }
         };
         self.leaving = Some(leaving);
-        let Some((node, kind)) = next else { return false };
-        self.release(node, kind);
+        let Some((node, slot)) = next else { return false };
+        self.release(node, slot);
         self.evicted += u64::from(!self.has_node(node));
         true
     }
 
     /// Uploaded planes that this pass did not use. Of equal age, children are evicted first: their
     /// index is greater than their parent's, and they are never used without it.
-    fn unused(&self) -> Vec<(u64, Reverse<u32>, PlaneKind)> {
+    fn unused(&self) -> Vec<(u64, Reverse<u32>, PlaneForm)> {
         let mut unused = Vec::new();
         for (&node, entry) in &self.entries {
             let old = entry.planes.iter().filter(|p| p.is_resident && p.stamp < self.pass);
-            unused.extend(old.map(|p| (p.stamp, Reverse(node), p.kind)));
+            unused.extend(old.map(|p| (p.stamp, Reverse(node), p.form)));
         }
         unused.sort_unstable_by(|a, b| b.cmp(a));
         unused
@@ -230,8 +288,8 @@ mod tests {
         /// Asserts the invariants.
         fn check(&self) -> Result<(), TestCaseError> {
             let mut children: HashMap<u32, u32> = HashMap::new();
-            for &node in self.entries.keys().filter(|&&n| !self.planes.is_root(n)) {
-                let parent = self.planes.node(node).parent;
+            for &node in self.entries.keys().filter(|&&n| !self.is_root(n)) {
+                let parent = self.forest.record(node).parent;
                 prop_assert!(self.has_node(parent), "{} is without {}", node, parent);
                 *children.entry(parent).or_default() += 1;
             }
@@ -242,7 +300,7 @@ mod tests {
                 used += entry.planes.iter().map(|p| Pool::taken(p.slot.bytes)).sum::<u64>();
             }
             prop_assert_eq!(used, self.pool.used());
-            let resident = self.entries.keys().filter(|&&n| self.is_resident(n, &BASE[..1]));
+            let resident = self.entries.values().filter(|entry| entry.has_positions());
             prop_assert_eq!(resident.count(), self.resident);
             Ok(())
         }
@@ -271,29 +329,29 @@ mod tests {
         ) {
             let planes = Planes::of(hills());
             let mut cache =
-                Cache::new(planes.clone(), Pool::new(pages * (64 << 10), 64 << 10), nodes_max);
-            let mut requested: Vec<(u32, PlaneKind)> = Vec::new();
+                Cache::new(Arc::clone(&planes.forest), Pool::new(pages * (64 << 10), 64 << 10), nodes_max);
+            let mut requested: Vec<(u32, Slot)> = Vec::new();
             for (turns, with_residual, fate) in passes {
                 cache.begin_pass();
                 let path = path(&planes, &turns);
                 for &node in &path {
-                    BASE.iter().for_each(|&kind| cache.touch(node, kind));
+                    BASE.iter().for_each(|&kind| cache.touch(node, planes.form(node, kind)));
                 }
                 for &node in &path {
                     let mut kinds = BASE.to_vec();
                     kinds.extend(with_residual.then_some(PlaneKind::Residual));
-                    kinds.retain(|&kind| !cache.has(node, kind));
-                    let kept = path.iter().filter(|&&n| cache.is_resident(n, &BASE)).count();
-                    let slots = cache.reserve(node, &kinds, &BASE);
-                    requested.extend(slots.into_iter().flatten().map(|(kind, _)| (node, kind)));
-                    let still = path.iter().filter(|&&n| cache.is_resident(n, &BASE)).count();
+                    kinds.retain(|&kind| !cache.has(node, planes.form(node, kind)));
+                    let kept = path.iter().filter(|&&n| cache.is_resident(&planes, n, &BASE)).count();
+                    let slots = cache.reserve(&planes, node, &kinds, &BASE);
+                    requested.extend(slots.into_iter().flatten().map(|(_, slot)| (node, slot)));
+                    let still = path.iter().filter(|&&n| cache.is_resident(&planes, n, &BASE)).count();
                     prop_assert_eq!(kept, still, "what is in use stays");
                     cache.check()?;
                 }
                 // Some arrive, some fail, some are still in progress.
                 let ends = requested.len() * usize::from(fate) / 3;
-                for (i, (node, kind)) in requested.drain(..ends.min(requested.len())).enumerate() {
-                    if i % 5 == 4 { cache.release(node, kind) } else { cache.arrive(node, kind) }
+                for (i, (node, slot)) in requested.drain(..ends.min(requested.len())).enumerate() {
+                    if i % 5 == 4 { cache.release(node, slot) } else { cache.arrive(node, slot) }
                 }
                 cache.check()?;
                 prop_assert!(cache.entries.len() <= nodes_max);

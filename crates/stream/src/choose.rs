@@ -6,8 +6,8 @@ use crate::batch::Batch;
 use crate::cache::Cache;
 use crate::cut::{Cut, CutNode};
 use crate::error::StreamError;
-use crate::options::{Needs, Options};
-use crate::planes::{LoadRequest, Planes};
+use crate::options::{Limits, Needs, Options, Shown};
+use crate::planes::{LoadRequest, Planes, Rules};
 use crate::queue::Queue;
 use crate::retries::Retries;
 use crate::shared::Shared;
@@ -27,7 +27,11 @@ const SPARE: u64 = 16;
 /// State of the LOD thread.
 pub(crate) struct Chooser {
     pub(crate) options: Options,
+    /// Planes as cuts are drawn with them.
     pub(crate) planes: Planes,
+    /// Planes as they are shown next.
+    pub(crate) newest_planes: Planes,
+    pub(crate) rules: Rules,
     pub(crate) shared: Arc<Shared>,
     pub(crate) cache: Cache,
     pub(crate) retries: Retries,
@@ -38,10 +42,15 @@ pub(crate) struct Chooser {
     pub(crate) last_id: u64,
     pub(crate) epoch: u64,
     pub(crate) view: Option<View>,
-    /// Planes that cuts are drawn with.
-    pub(crate) drawn_needs: Needs,
-    /// Planes needed last; drawn once the roots have them.
-    pub(crate) needs: Needs,
+    /// What cuts show.
+    pub(crate) shown: Arc<Shown>,
+    /// What is to be shown, once the nodes of the front cut have its planes, or the roots have them
+    /// and memory is full.
+    pub(crate) newest: Arc<Shown>,
+    /// Whether there is no memory for planes of the front cut in both forms.
+    pub(crate) is_full: bool,
+    /// Bytes of drawing memory from the first one on within which all slots lie.
+    pub(crate) extent_bytes: u64,
     pub(crate) feedback: Option<Arc<DepthFeedback>>,
     /// Nodes of the front cut.
     pub(crate) drawn: Vec<Drawn>,
@@ -75,7 +84,7 @@ pub(crate) struct CacheResidency<'a> {
 
 impl Residency for CacheResidency<'_> {
     fn is_resident(&self, node: u32) -> bool {
-        self.chooser.cache.is_resident(node, self.base)
+        self.chooser.cache.is_resident(&self.chooser.planes, node, self.base)
     }
 
     fn slot_bytes(&self, node: u32) -> u64 {
@@ -99,7 +108,7 @@ impl Chooser {
     /// hidden nodes; never if `may_follow` is false.
     pub(crate) fn pass(&mut self, may_follow: bool) -> bool {
         self.cache.begin_pass();
-        self.show_needs();
+        self.show_newest();
         let Some(view) = self.view else {
             self.show_roots();
             self.request_roots();
@@ -112,42 +121,66 @@ impl Chooser {
         let front = Arc::new(cut);
         self.shared.front.store(Arc::clone(&front));
         self.touch(&choice);
+        let is_within =
+            self.extent_bytes == self.options.drawing_bytes || self.cache.vacate();
+        if is_within {
+            self.extent_bytes = self.options.drawing_bytes;
+        }
         let all_placed = self.request_missing(&choice);
         let Selection { drawn, wanted, wanted_in_picture, .. } = choice.selection;
         let same = self.drawn.iter().map(|d| d.node).eq(drawn.iter().map(|d| d.node));
         self.drawn = drawn;
         let follows = may_follow && self.options.occlusion && !same;
         let follows = follows || (!all_placed && self.spare_more(&wanted[wanted_in_picture..]));
+        let follows = follows || (!self.shows_newest() && self.can_show_newest());
         let waits = !is_complete && self.retries.is_waiting(began);
         if self.requests.is_empty() && !self.has_more && !waits && !follows {
             self.epoch += 1;
-            let cut = Cut { epoch: self.epoch, settled: true, ..Cut::clone(&front) };
+            let drawing_bytes = self.extent_bytes;
+            let cut =
+                Cut { epoch: self.epoch, settled: true, drawing_bytes, ..Cut::clone(&front) };
             self.shared.front.store(Arc::new(cut));
         }
         follows
     }
 
-    /// Checks that the roots' planes for `needs` fit beside the planes that they are drawn with.
-    pub(crate) fn check_roots(&self, needs: &Needs) -> Result<(), StreamError> {
-        let mut kinds = self.planes.base(&self.drawn_needs);
-        kinds.extend(self.planes.base(needs));
-        kinds.sort_unstable();
-        kinds.dedup();
-        let (planes, kinds) = (&self.planes, &kinds);
-        let of = |root| kinds.iter().map(move |&kind| planes.taken(root, kind));
-        let lengths = planes.roots().flat_map(of);
-        let bytes = lengths.clone().sum();
-        let Options { drawing_bytes, page_bytes, .. } = self.options;
-        if bytes > drawing_bytes || lengths.max() > Some(page_bytes) {
-            let (path, roots) = (planes.forest.path().to_path_buf(), planes.roots().count());
-            return Err(StreamError::RootsTooLarge {
-                path,
-                roots,
-                bytes,
-                drawing_bytes,
-                page_bytes,
-            });
+    /// Whether cuts show what is to be shown.
+    pub(crate) fn shows_newest(&self) -> bool {
+        Arc::ptr_eq(&self.shown, &self.newest)
+    }
+
+    /// Sets what is to be shown.
+    ///
+    /// # Errors
+    /// If the planes of the roots do not fit drawing memory beside those that they are drawn with.
+    /// Nothing changes then.
+    pub(crate) fn show(&mut self, shown: Arc<Shown>) -> Result<(), StreamError> {
+        let (forest, filter) = (Arc::clone(&self.planes.forest), Arc::clone(&shown.filter));
+        let rules = self.rules.of(&filter);
+        let planes = Planes { forest, filter, rules };
+        let drawn = (&self.planes, &self.shown.needs);
+        check_roots(&[drawn, (&planes, &shown.needs)], &self.options)?;
+        (self.newest, self.newest_planes, self.is_full) = (shown, planes, false);
+        Ok(())
+    }
+
+    /// Changes the budgets.
+    ///
+    /// # Errors
+    /// If the planes of the roots do not fit drawing memory. Nothing changes then.
+    pub(crate) fn limit(&mut self, limits: &Limits) -> Result<(), StreamError> {
+        let mut options = self.options.clone();
+        options.limit(limits);
+        let drawn = (&self.planes, &self.shown.needs);
+        check_roots(&[drawn, (&self.newest_planes, &self.newest.needs)], &options)?;
+        if options.occlusion != self.options.occlusion {
+            // Depth from before occlusion was last switched off may be of another view.
+            self.feedback = None;
         }
+        self.extent_bytes = self.extent_bytes.max(options.drawing_bytes);
+        self.cache.resize(options.drawing_bytes);
+        self.options = options;
+        self.spare_bytes = self.options.drawing_bytes / SPARE;
         Ok(())
     }
 
@@ -186,10 +219,14 @@ impl Chooser {
 
     /// Bytes that a cut may take: drawing memory without the spare bytes and the roots.
     fn bytes_budget(&self, base: &[PlaneKind], view: &View) -> u64 {
-        let coming = self.planes.base(&self.needs);
-        let coming: Vec<_> = coming.into_iter().filter(|kind| !base.contains(kind)).collect();
+        let coming = self.newest_planes.base(&self.newest.needs);
         let of = |root| {
-            let coming = coming.iter().map(|&kind| self.planes.taken(root, kind));
+            let is_new = |kind: &PlaneKind| {
+                let same = self.newest_planes.form(root, *kind) == self.planes.form(root, *kind);
+                !(same && base.contains(kind))
+            };
+            let coming = coming.iter().copied().filter(is_new);
+            let coming = coming.map(|kind| self.newest_planes.taken(root, kind));
             coming.sum::<u64>() + self.node_bytes(root, base, view)
         };
         let roots = self.planes.roots().map(of).sum();
@@ -199,7 +236,7 @@ impl Chooser {
 
     /// Chooses the nodes of a view.
     fn choose(&self, view: View) -> Choice {
-        let base = self.planes.base(&self.drawn_needs);
+        let base = self.planes.base(&self.shown.needs);
         // Software depth is computed from nodes, not from the points that a filter leaves of them.
         let hides = self.feedback.is_some() || !self.planes.filter.is_filtered();
         let mut selection = if self.options.occlusion && hides {
@@ -311,7 +348,8 @@ impl Chooser {
         let nodes = selection.drawn.iter().map(|d| {
             let residual = choice.residuals.get(&d.node).map(|_| PlaneKind::Residual);
             let kinds = base.iter().copied().chain(residual);
-            let planes = kinds.filter_map(|k| Some((k, self.cache.resident(d.node, k)?)));
+            let slot = |k| self.cache.resident(d.node, self.planes.form(d.node, k));
+            let planes = kinds.filter_map(|k| Some((k, slot(k)?)));
             let planes: Vec<_> = planes.collect();
             misses_residual |=
                 residual.is_some_and(|residual| planes.iter().all(|p| p.0 != residual));
@@ -328,7 +366,7 @@ impl Chooser {
         Cut {
             epoch: self.epoch,
             view: choice.view,
-            needs: self.drawn_needs.clone(),
+            shown: Arc::clone(&self.shown),
             nodes,
             octree: CompactOctree::with_hidden(
                 self.planes.forest.table(),
@@ -337,9 +375,10 @@ impl Chooser {
             ),
             surroundings,
             counters: selection.counters,
+            drawing_bytes: self.extent_bytes,
             complete: selection.missing.is_empty()
                 && !misses_residual
-                && self.drawn_needs == self.needs,
+                && self.shows_newest(),
             settled: false,
             lod_ms: began.elapsed().as_secs_f64() * 1000.0,
         }
@@ -347,20 +386,25 @@ impl Chooser {
 
     /// Marks the planes that the cut wants as used in this pass; all others may be evicted.
     fn touch(&mut self, choice: &Choice) {
+        let Self { cache, planes, newest_planes, .. } = self;
         for &node in &choice.selection.wanted {
-            choice.base.iter().for_each(|&kind| self.cache.touch(node, kind));
+            choice.base.iter().for_each(|&kind| cache.touch(node, planes.form(node, kind)));
         }
-        choice.residuals.iter().for_each(|&node| self.cache.touch(node, PlaneKind::Residual));
-        let base = self.planes.base(&self.needs);
-        for root in self.planes.roots() {
-            base.iter().for_each(|&kind| self.cache.touch(root, kind));
+        for &node in &choice.residuals {
+            cache.touch(node, planes.form(node, PlaneKind::Residual));
+        }
+        let base = newest_planes.base(&self.newest.needs);
+        let is_changing = !Arc::ptr_eq(&self.shown, &self.newest);
+        let drawn = choice.selection.drawn.iter().filter(|_| is_changing).map(|d| d.node);
+        for node in newest_planes.roots().chain(drawn) {
+            base.iter().for_each(|&kind| cache.touch(node, newest_planes.form(node, kind)));
         }
     }
 
     /// Publishes the resident roots while there is no view, so that the first frame has them.
     fn show_roots(&mut self) {
-        let base = self.planes.base(&self.drawn_needs);
-        let is_resident = |&root: &u32| self.cache.is_resident(root, &base);
+        let base = self.planes.base(&self.shown.needs);
+        let is_resident = |&root: &u32| self.cache.is_resident(&self.planes, root, &base);
         let drawn = self.planes.roots().filter(is_resident).map(|node| {
             let root = self.planes.node(node);
             Drawn { node, prefix: root.points(), effective_spacing: root.spacing }
@@ -368,7 +412,7 @@ impl Chooser {
         let drawn: Vec<_> = drawn.collect();
         if drawn.len() > self.drawn.len() {
             let choice = Choice {
-                view: Cut::empty(Needs::default()).view,
+                view: Cut::empty(Arc::default()).view,
                 base,
                 selection: Selection { drawn, ..Selection::default() },
                 residuals: HashSet::new(),
@@ -379,15 +423,58 @@ impl Chooser {
         }
     }
 
-    /// Switches to the newest needs once all roots have their planes: from then on there is always
-    /// something to draw.
-    fn show_needs(&mut self) {
-        let base = self.planes.base(&self.needs);
-        let are_resident = || self.planes.roots().all(|root| self.cache.is_resident(root, &base));
-        if self.drawn_needs != self.needs && are_resident() {
-            self.drawn_needs = self.needs.clone();
+    /// Whether the newest choice can be shown as completely as the front cut shows the last one, or
+    /// memory is too small for both.
+    fn can_show_newest(&self) -> bool {
+        let Self { newest_planes: planes, cache, .. } = self;
+        let base = planes.base(&self.newest.needs);
+        let is_resident = |node: u32| cache.is_resident(planes, node, &base);
+        let is_ready = |node: u32| {
+            let is_left_out = planes.filter.points_max(node) == 0;
+            is_left_out || is_resident(node) || self.retries.has_failed(node)
+        };
+        // The roots come first: from then on there is always something to draw.
+        planes.roots().all(is_resident)
+            && (self.is_full || self.drawn.iter().all(|d| is_ready(d.node)))
+    }
+
+    /// Shows the newest choice as soon as that is possible.
+    fn show_newest(&mut self) {
+        if self.shows_newest() || !self.can_show_newest() {
+            return;
+        }
+        if !self.newest.filter.shows_as(&self.shown.filter) {
+            // What hid other nodes may be left out.
+            self.feedback = None;
+        }
+        if self.newest.needs != self.shown.needs || self.newest.filter != self.shown.filter {
             // Nodes drawn with the earlier planes hide nothing of nodes drawn with the new ones.
             self.drawn.clear();
         }
+        self.shown = Arc::clone(&self.newest);
+        self.planes = self.newest_planes.clone();
     }
+}
+
+/// Checks that the planes of the roots for all of `shown` fit drawing memory at the same time.
+pub(crate) fn check_roots(shown: &[(&Planes, &Needs)], options: &Options) -> Result<(), StreamError> {
+    let Options { drawing_bytes, page_bytes, .. } = *options;
+    let Some((planes, _)) = shown.first() else { return Ok(()) };
+    let (mut bytes, mut longest) = (0, 0);
+    for root in planes.roots() {
+        let of = |(planes, needs): &(&Planes, &Needs)| {
+            let form = |kind| (planes.form(root, kind), planes.taken(root, kind));
+            planes.base(needs).into_iter().map(form).collect::<Vec<_>>()
+        };
+        let mut forms: Vec<_> = shown.iter().flat_map(of).collect();
+        forms.sort_unstable();
+        forms.dedup();
+        bytes += forms.iter().map(|(_, taken)| taken).sum::<u64>();
+        longest = forms.iter().map(|(_, taken)| *taken).fold(longest, u64::max);
+    }
+    if bytes > drawing_bytes || longest > page_bytes {
+        let (path, roots) = (planes.forest.path().to_path_buf(), planes.roots().count());
+        return Err(StreamError::RootsTooLarge { path, roots, bytes, drawing_bytes, page_bytes });
+    }
+    Ok(())
 }

@@ -2,7 +2,7 @@
 //! in drawing memory. A published cut is immutable; a newer one replaces it.
 
 use crate::landing::Slot;
-use crate::options::Needs;
+use crate::options::Shown;
 use esker_format::PlaneKind;
 use esker_lod::{CompactOctree, Counters, View};
 use glam::DVec3;
@@ -15,9 +15,10 @@ pub struct Cut {
     pub epoch: u64,
     /// View that the cut was chosen for.
     pub view: View,
-    /// Planes that all nodes of the cut have, as far as their files have them. These are the planes
-    /// that `Streamer::need` set last, once the roots have them.
-    pub needs: Needs,
+    /// What the cut shows. All nodes have the planes that it needs, as far as their files have
+    /// them. It is what `Streamer::show` set last, once the nodes of the picture have its planes,
+    /// or the roots have them and there is no memory for the other ones.
+    pub shown: Arc<Shown>,
     /// Nodes, parents before their children. The octree's entries are in this order.
     pub nodes: Vec<CutNode>,
     /// Drawn cells with their effective spacings.
@@ -27,6 +28,9 @@ pub struct Cut {
     pub surroundings: Option<Arc<CutSurroundings>>,
     /// Counters of the choice.
     pub counters: Counters,
+    /// Bytes of drawing memory from the first one on within which the slots of this cut and of all
+    /// bytes yet to land lie, unless a later cut has more.
+    pub drawing_bytes: u64,
     /// Whether the cut has everything that the view and its surroundings want within the budgets.
     pub complete: bool,
     /// Whether no newer cut comes until the view, the needs, what is hidden or the state of the
@@ -76,15 +80,16 @@ impl Cut {
     }
 
     /// The empty cut before the first choice.
-    pub(crate) fn empty(needs: Needs) -> Self {
+    pub(crate) fn empty(shown: Arc<Shown>) -> Self {
         Self {
             epoch: 0,
             view: View::look_at(DVec3::ZERO, DVec3::Y, DVec3::Z, 1.0, 1, 1),
-            needs,
+            shown,
             nodes: Vec::new(),
             octree: CompactOctree::default(),
             surroundings: None,
             counters: Counters::default(),
+            drawing_bytes: u64::MAX,
             complete: false,
             settled: false,
             lod_ms: 0.0,

@@ -6,9 +6,9 @@
 //! # What each thread may touch
 //!
 //! - The **LOD thread** (`esker-lod`, `lod_thread.rs`) alone owns the cache, the slots of drawing
-//!   memory, the table of requests, and the retries of failed reads. It takes views, needs,
-//!   surroundings and feedback from the mailboxes of `shared.rs`, chooses a cut, publishes it as
-//!   the front cut, and replaces the load queue. It reads no file and sees no run.
+//!   memory, the table of requests, and the retries of failed reads. It takes views, what is shown,
+//!   budgets, surroundings and feedback from the mailboxes of `shared.rs`, chooses a cut, publishes
+//!   it as the front cut, and replaces the load queue. It reads no file and sees no run.
 //! - A **loader thread** (`esker-load-N`, `loader.rs`) takes batches from the load queue, borrows
 //!   runs from the [`Landing`], reads the file into them and lands them. It may write to the run
 //!   that it holds, to the counters of `shared.rs`, and to the channel of reports. It touches
@@ -55,6 +55,6 @@ mod testing;
 pub use cut::{Cut, CutNode, CutSurroundings};
 pub use error::StreamError;
 pub use landing::{Landing, RUN_BYTES_MIN, Run, Slot, Transfer};
-pub use options::{Needs, Options, Priority};
+pub use options::{Limits, Needs, Options, Priority, Shown};
 pub use status::{LodPassTimes, Status};
 pub use streamer::Streamer;

@@ -11,6 +11,7 @@ use crate::rate::Rate;
 use crate::reading::{Outcome, Reading};
 use crate::shared::Shared;
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TryRecvError};
+use esker_format::Forest;
 use esker_lod::{OrientedBox, Visible};
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -42,7 +43,7 @@ pub(crate) enum Report {
 
 /// One loader thread.
 pub(crate) struct Loader<L: Landing> {
-    pub(crate) planes: Planes,
+    pub(crate) forest: Arc<Forest>,
     pub(crate) landing: Arc<L>,
     pub(crate) shared: Arc<Shared>,
     pub(crate) identity: Arc<Identity>,
@@ -63,18 +64,19 @@ impl<L: Landing> Loader<L> {
             // would block a batch that needs a second one.
             let Some(run) = self.lend() else { return };
             self.drop_unseen(&mut batch);
-            if batch.is_empty() {
+            let Some(filter) = batch.first().map(|request| Arc::clone(&request.filter)) else {
                 self.landing.land(run, Vec::new());
                 continue;
-            }
+            };
             if let Some(fault) = self.identity.fault_if_due() {
                 self.report(Report::Changed(fault));
             }
-            if !self.waits_for_rate(&batch) {
+            let lend = || self.lend();
+            let planes = Planes::read_by(Arc::clone(&self.forest), filter);
+            if !self.waits_for_rate(&batch, &planes) {
                 return;
             }
-            let lend = || self.lend();
-            let reading = Reading { planes: &self.planes, landing: &*self.landing, lend: &lend };
+            let reading = Reading { planes: &planes, landing: &*self.landing, lend: &lend };
             let Some(outcome) = reading.read(&batch, run) else { return };
             self.account(outcome);
         }
@@ -93,10 +95,10 @@ impl<L: Landing> Loader<L> {
 
     /// Waits until the limit on the rate of reading lets a batch be read; false once streaming
     /// stops.
-    fn waits_for_rate(&self, batch: &Batch) -> bool {
+    fn waits_for_rate(&self, batch: &Batch, planes: &Planes) -> bool {
         let Some(rate) = &self.rate else { return true };
         let bytes_of = |request: &LoadRequest| -> u64 {
-            request.planes.iter().map(|&(kind, _)| self.planes.bytes(request.node, kind)).sum()
+            request.planes.iter().map(|&(kind, _)| planes.bytes(request.node, kind)).sum()
         };
         let wait = rate.take(batch.iter().map(bytes_of).sum(), Instant::now());
         self.stop.recv_timeout(wait) == Err(RecvTimeoutError::Timeout)
@@ -129,7 +131,7 @@ impl<L: Landing> Loader<L> {
     }
 
     fn is_seen(&self, node: u32, test: VisibilityTest, visible: &Visible) -> bool {
-        let (node, lattice) = (self.planes.node(node), self.planes.lattice());
+        let (node, lattice) = (self.forest.record(node), self.forest.metric());
         match test {
             VisibilityTest::Always => true,
             VisibilityTest::Contour => visible.may_show(&OrientedBox::of_contour(node, lattice)),

@@ -4,7 +4,6 @@
 
 use crate::choose::Chooser;
 use crate::loader::{QUEUE_LOW, Report};
-use crate::options::Needs;
 use crate::status::Status;
 use crossbeam_channel::{Receiver, Select, TryRecvError};
 use std::convert::Infallible;
@@ -45,7 +44,7 @@ enum Cause {
     Loading,
     /// All requests have arrived: waiting brings no more.
     Loaded,
-    /// The view, the needs or the surroundings changed.
+    /// The view, what is shown, the budgets or the surroundings changed.
     NewView,
 }
 
@@ -148,12 +147,11 @@ impl LodThread {
         let shared = Arc::clone(&chooser.shared);
         let mut cause = Cause::None;
         self.inputs = shared.inputs.load(SeqCst);
-        if let Some(needs) = shared.needs.take().filter(|n| **n != chooser.needs) {
-            match chooser.check_roots(&needs) {
-                Ok(()) => {
-                    chooser.needs = Needs::clone(&needs);
-                    cause = Cause::NewView;
-                }
+        let limited = shared.limits.take().map(|limits| chooser.limit(&limits));
+        let shown = shared.shown.take().map(|shown| chooser.show(Arc::clone(&shown)));
+        for changed in limited.into_iter().chain(shown) {
+            match changed {
+                Ok(()) => cause = Cause::NewView,
                 Err(error) => self.status.fault = Some(error.to_string()),
             }
         }

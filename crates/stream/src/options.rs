@@ -1,7 +1,9 @@
-//! Options of a streamer: budgets, the order of loading, and the planes that frames need.
+//! Options of a streamer: budgets, the order of loading, and what frames show. Budgets and what is
+//! shown change while it runs.
 
 use esker_format::{ForestFilter, PlaneKind};
 use esker_lod::Surroundings;
+use std::any::Any;
 use std::sync::Arc;
 
 /// Budgets and settings of a `Streamer`.
@@ -30,8 +32,36 @@ pub struct Options {
     /// Most bytes that all loaders read a second, to measure slower disks and networks; `None` for
     /// what the disk gives.
     pub read_bytes_a_second: Option<u64>,
-    /// Filter of points, and values mapped while reading.
-    pub filter: Arc<ForestFilter>,
+}
+
+/// Budgets that change while a streamer runs, as in [`Options`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Bytes of drawing memory in slots.
+    pub drawing_bytes: u64,
+    /// Greatest number of points drawn in a frame.
+    pub points_budget: u64,
+    /// Distance of neighbouring points in the picture that is fine enough, pixels.
+    pub target_spacing_px: f64,
+    /// Whether hidden nodes are culled.
+    pub occlusion: bool,
+}
+
+impl Options {
+    /// The budgets that can change.
+    pub fn limits(&self) -> Limits {
+        let Self { drawing_bytes, points_budget, target_spacing_px, occlusion, .. } = *self;
+        Limits { drawing_bytes, points_budget, target_spacing_px, occlusion }
+    }
+
+    /// Changes the budgets.
+    pub(crate) fn limit(&mut self, limits: &Limits) {
+        let Limits { drawing_bytes, points_budget, target_spacing_px, occlusion } = *limits;
+        self.drawing_bytes = drawing_bytes;
+        self.points_budget = points_budget;
+        self.target_spacing_px = target_spacing_px;
+        self.occlusion = occlusion;
+    }
 }
 
 impl Default for Options {
@@ -48,7 +78,6 @@ impl Default for Options {
             // Disks reach their best rate at about eight requests in progress.
             loaders: 8,
             read_bytes_a_second: None,
-            filter: Arc::default(),
         }
     }
 }
@@ -77,4 +106,29 @@ pub struct Needs {
     pub tangents: bool,
     /// Plane of the classes of points, where lights choose points by them.
     pub classes: Option<PlaneKind>,
+}
+
+/// What frames show: which planes they read, and which points. A cut has all of it, so that it is
+/// drawn by what it was chosen for.
+#[derive(Clone, Debug)]
+pub struct Shown {
+    /// Planes that frames need.
+    pub needs: Needs,
+    /// Filter of points, and values mapped while reading.
+    pub filter: Arc<ForestFilter>,
+    /// What the caller draws such cuts with; the streamer passes it on to them.
+    pub look: Arc<dyn Any + Send + Sync>,
+}
+
+impl Default for Shown {
+    fn default() -> Self {
+        Needs::default().into()
+    }
+}
+
+impl From<Needs> for Shown {
+    /// All points, as they are in the files.
+    fn from(needs: Needs) -> Self {
+        Self { needs, filter: Arc::default(), look: Arc::new(()) }
+    }
 }

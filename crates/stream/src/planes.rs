@@ -4,9 +4,10 @@
 use crate::landing::Slot;
 use crate::options::Needs;
 use crate::pool::Pool;
-use esker_format::{Forest, ForestFilter, PlaneKind};
+use esker_format::{Forest, ForestFilter, PlaneKind, ReadRule};
 use esker_points::node::NONE;
 use esker_points::{Lattice, Node};
+use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -15,13 +16,73 @@ use std::sync::Arc;
 pub(crate) struct Planes {
     pub(crate) forest: Arc<Forest>,
     pub(crate) filter: Arc<ForestFilter>,
+    pub(crate) rules: RuleNumbers,
+}
+
+/// Numbers of the rules by which a filter changes planes while they are read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct RuleNumbers {
+    positions: u32,
+    colours: u32,
+    codes: u32,
+}
+
+/// A plane of a node in one of the forms in which it is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct PlaneForm {
+    pub(crate) kind: PlaneKind,
+    /// Number of the rule by which it is changed while it is read; 0 for bytes of the file.
+    pub(crate) rule: u32,
+}
+
+/// Numbers rules, so that planes that were read by an equal rule are used again.
+#[derive(Debug, Default)]
+pub(crate) struct Rules {
+    /// The newest rules, the last one last.
+    known: VecDeque<(ReadRule, u32)>,
+    last: u32,
+}
+
+/// Greatest number of rules that are known.
+const RULES_MAX: usize = 32;
+
+impl Rules {
+    /// Numbers of the rules of a filter.
+    pub(crate) fn of(&mut self, filter: &ForestFilter) -> RuleNumbers {
+        let mut number = |rule: Option<ReadRule>| rule.map_or(0, |rule| self.number(rule));
+        RuleNumbers {
+            positions: number(filter.position_rule()),
+            colours: number(filter.colour_rule()),
+            codes: number(filter.code_rule()),
+        }
+    }
+
+    /// Number of a rule. A number is never used for another one.
+    fn number(&mut self, rule: ReadRule) -> u32 {
+        let at = self.known.iter().position(|(known, _)| *known == rule);
+        let entry = at.and_then(|at| self.known.remove(at)).unwrap_or_else(|| {
+            self.last += 1;
+            (rule, self.last)
+        });
+        let number = entry.1;
+        self.known.push_back(entry);
+        if self.known.len() > RULES_MAX {
+            self.known.pop_front();
+        }
+        number
+    }
 }
 
 impl Planes {
     /// All planes of a forest, as they lie in the files.
     #[cfg(test)]
     pub(crate) fn of(forest: Arc<Forest>) -> Self {
-        Self { forest, filter: Arc::default() }
+        Self::read_by(forest, Arc::default())
+    }
+
+    /// Planes as a loader reads them by `filter`: it needs no numbers of rules.
+    pub(crate) fn read_by(forest: Arc<Forest>, filter: Arc<ForestFilter>) -> Self {
+        Self { forest, filter, rules: RuleNumbers::default() }
     }
 
     /// Base planes: a node is drawn only if it has all of them, as far as its file has them. Planes
@@ -68,6 +129,21 @@ impl Planes {
         self.forest.has_plane(node, kind)
     }
 
+    /// Form in which a node's plane is read.
+    pub(crate) fn form(&self, node: u32, kind: PlaneKind) -> PlaneForm {
+        let RuleNumbers { positions, colours, codes } = self.rules;
+        let rule = if !self.filter.changes(node, kind) {
+            0
+        } else if self.filter.value_bytes(kind).is_some() {
+            codes
+        } else if kind == PlaneKind::Position {
+            positions
+        } else {
+            colours
+        };
+        PlaneForm { kind, rule }
+    }
+
     /// Bytes of a node's plane.
     pub(crate) fn bytes(&self, node: u32, kind: PlaneKind) -> u64 {
         let points = self.node(node).points() as u64;
@@ -101,13 +177,15 @@ impl Planes {
     }
 }
 
-/// LoadRequest to a loader: planes of one node, and their slots.
+/// Request to a loader: planes of one node, and their slots.
 #[derive(Clone, Debug)]
 pub(crate) struct LoadRequest {
     /// Id, never used twice.
     pub(crate) id: u64,
     pub(crate) node: u32,
     pub(crate) planes: Vec<(PlaneKind, Slot)>,
+    /// Filter by which they are read; all requests of a batch have the same.
+    pub(crate) filter: Arc<ForestFilter>,
     /// Test by which a loader decides whether the request is still in view.
     pub(crate) test: VisibilityTest,
     /// Whether the request is read alone: reading it failed before, and must not make its

@@ -1,6 +1,7 @@
 //! Allocator of slots in drawing memory: best fit over the holes, which join again when slots are
 //! freed. No slot crosses a page boundary, none overlaps another, and the sum of their lengths,
-//! rounded up to [`Slot::ALIGNMENT`], never exceeds the budget.
+//! rounded up to [`Slot::ALIGNMENT`], never exceeds the budget. The budget may change: slots beyond
+//! a lower one stay until they are freed, and no new ones are allocated there.
 
 use crate::landing::Slot;
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,6 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Free and used bytes of the budget.
 #[derive(Debug)]
 pub(crate) struct Pool {
+    /// End of the range of addresses in which slots are allocated.
     bytes: u64,
     page_bytes: u64,
     /// Offset from which pages were never used: holes of used pages are tried first.
@@ -53,7 +55,10 @@ impl Pool {
     /// Allocates a slot; `None` if no hole is long enough.
     pub(crate) fn take(&mut self, bytes: u64) -> Option<Slot> {
         let taken = Self::taken(bytes);
-        let found = self.by_length.range((taken, 0)..).next().copied();
+        let fits = |&&(_, offset): &&(u64, u64)| {
+            offset.checked_add(taken).is_some_and(|end| end <= self.bytes)
+        };
+        let found = self.by_length.range((taken, 0)..).find(fits).copied();
         let (length, offset) = match found {
             Some(hole) => hole,
             None => self.open_page(taken)?,
@@ -65,11 +70,32 @@ impl Pool {
         Some(Slot { offset, bytes })
     }
 
+    /// Changes the budget. Slots beyond a lower one remain.
+    pub(crate) fn resize(&mut self, bytes: u64) {
+        self.bytes = bytes - bytes % Slot::ALIGNMENT;
+        // The rest of a page that a lower budget has cut short.
+        let page_end = self.untouched.checked_next_multiple_of(self.page_bytes);
+        let end = page_end.map_or(self.bytes, |end| end.min(self.bytes));
+        if self.untouched < end {
+            let start = std::mem::replace(&mut self.untouched, end);
+            self.free(start, end);
+        }
+    }
+
+    /// Whether a slot lies beyond the budget.
+    pub(crate) fn is_beyond(&self, slot: Slot) -> bool {
+        slot.offset + Self::taken(slot.bytes) > self.bytes
+    }
+
     /// Frees a slot of [`Pool::take`].
     pub(crate) fn give(&mut self, slot: Slot) {
         let taken = Self::taken(slot.bytes);
         self.used -= taken;
-        let (mut start, mut end) = (slot.offset, slot.offset + taken);
+        self.free(slot.offset, slot.offset + taken);
+    }
+
+    /// Makes a hole of a range, joined with the holes next to it.
+    fn free(&mut self, mut start: u64, mut end: u64) {
         if let Some((&offset, &length)) = self.holes.range(..start).next_back()
             && offset + length == start
             && !start.is_multiple_of(self.page_bytes)
@@ -89,7 +115,7 @@ impl Pool {
     /// Makes a hole of the next page that was never used, if a slot fits it. Returns length and
     /// offset.
     fn open_page(&mut self, taken: u64) -> Option<(u64, u64)> {
-        let length = self.page_bytes.min(self.bytes - self.untouched);
+        let length = self.page_bytes.min(self.bytes.saturating_sub(self.untouched));
         (taken <= length).then(|| {
             let offset = self.untouched;
             self.untouched += length;
@@ -132,6 +158,24 @@ mod tests {
         let mut pool = Pool::new(u64::MAX, 1 << 20);
         assert_eq!(pool.take(u64::MAX), None);
         assert_eq!(Pool::new(100, 0).take(1), None);
+    }
+
+    #[test]
+    fn a_lower_budget_keeps_slots_until_they_are_freed_and_a_higher_one_has_no_gap() {
+        let mut pool = Pool::new(4096, 1024);
+        let slots: Vec<_> = (0..16).map(|_| pool.take(256).expect("there is room")).collect();
+        pool.resize(1536);
+        assert_eq!(slots.iter().filter(|s| pool.is_beyond(**s)).count(), 10);
+        slots[6..].iter().for_each(|s| pool.give(*s));
+        assert_eq!((pool.take(256), pool.used()), (None, 1536), "what is freed lies beyond");
+        pool.resize(4096);
+        assert!((0..10).all(|_| pool.take(256).is_some()) && pool.take(1).is_none());
+        // Pages that a budget cuts short are whole after it has grown.
+        let mut pool = Pool::new(512, 1024);
+        assert!(pool.take(512).is_some() && pool.take(1).is_none());
+        pool.resize(1536);
+        assert!(pool.take(512).is_some_and(|s| s.offset == 512));
+        assert!(pool.take(512).is_some_and(|s| s.offset == 1024) && pool.take(1).is_none());
     }
 
     proptest! {

@@ -275,7 +275,7 @@ fn joined(pieces: Vec<Piece>, run_bytes: u64) -> Vec<Read> {
 
 /// Reads and decodes a cold plane.
 fn cold_plane(planes: &Planes, node: u32, kind: PlaneKind, bytes: u64) -> Result<Vec<u8>, String> {
-    let Planes { forest, filter } = planes;
+    let Planes { forest, filter, .. } = planes;
     let planes = filter.read(forest, node, &[kind]).map_err(|e| e.to_string())?;
     match planes.get(kind) {
         Some(plane) if plane.len() as u64 == bytes => Ok(plane.to_vec()),

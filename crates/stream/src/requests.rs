@@ -4,9 +4,9 @@
 use crate::batch::{REQUESTS_MAX, batches, queue_bytes_max};
 use crate::choose::{Choice, Chooser};
 use crate::landing::Slot;
-use crate::planes::{LoadRequest, VisibilityTest};
+use crate::planes::{LoadRequest, Planes, VisibilityTest};
 use crate::priority::{Scorer, load_candidates};
-use esker_format::PlaneKind;
+use esker_format::{ForestFilter, PlaneKind};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
@@ -18,24 +18,23 @@ impl Chooser {
     /// Replaces the load queue. Returns false if some planes of the picture found no slot.
     pub(crate) fn request_missing(&mut self, choice: &Choice) -> bool {
         self.take_back();
-        if self.drawn_needs != self.needs {
-            // All other nodes are chosen anew once the roots have their new planes, so the roots
-            // are requested alone, unless they cannot be read.
-            self.request_roots();
-            if !self.planes.roots().any(|root| self.retries.has_failed(root)) {
-                return true;
-            }
+        self.has_more = false;
+        self.request_roots();
+        if !self.shows_newest() && !self.planes.roots().any(|root| self.retries.has_failed(root)) {
+            // All other nodes are chosen anew once the drawn ones have their new planes.
+            self.request_drawn();
+            return true;
         }
         let now = Instant::now();
         let scorer = Scorer::new(&self.planes, &choice.view, self.options.priority);
         let candidates = load_candidates(choice, &scorer, |node, kinds| {
             let may = self.retries.may_request(node, now);
-            kinds.iter().copied().filter(|&k| may && self.is_missing(node, k)).collect()
+            let missing = |k: &PlaneKind| may && self.is_missing(&self.planes, node, *k);
+            kinds.iter().copied().filter(missing).collect()
         });
         let bytes_max = queue_bytes_max(self.options.drawing_bytes);
         let (mut bytes, mut unplaced, mut requests) = (0, 0, Vec::new());
         let (mut unplaced_around, mut around) = (0, Vec::new());
-        self.has_more = false;
         for candidate in candidates {
             // The picture needs the holes that its surroundings would take.
             if candidate.is_around && (unplaced > 0 || unplaced_around >= UNPLACED_MAX) {
@@ -50,8 +49,9 @@ impl Chooser {
             if !is_root && !self.cache.has_node(self.planes.node(candidate.node).parent) {
                 continue;
             }
-            let Some(slots) = self.cache.reserve(candidate.node, &candidate.kinds, &choice.base)
-            else {
+            let Self { cache, planes, .. } = self;
+            let slots = cache.reserve(planes, candidate.node, &candidate.kinds, &choice.base);
+            let Some(slots) = slots else {
                 *(if candidate.is_around { &mut unplaced_around } else { &mut unplaced }) += 1;
                 continue;
             };
@@ -61,36 +61,64 @@ impl Chooser {
                 true => VisibilityTest::Contour,
                 false => VisibilityTest::Cell,
             };
-            let request = self.request(candidate.node, slots, test);
+            let filter = Arc::clone(&self.planes.filter);
+            let request = self.request(candidate.node, slots, filter, test);
             if candidate.is_around { around.push(request) } else { requests.push(request) }
         }
-        self.send(requests, around);
+        let planes = self.planes.clone();
+        self.send(&planes, requests, around);
         unplaced == 0
     }
 
-    /// Whether a node has a plane that is neither resident nor requested.
-    fn is_missing(&self, node: u32, kind: PlaneKind) -> bool {
-        self.planes.has(node, kind) && !self.cache.has(node, kind)
+    /// Whether a node has a plane that is neither resident nor requested in the form of `planes`.
+    fn is_missing(&self, planes: &Planes, node: u32, kind: PlaneKind) -> bool {
+        planes.has(node, kind) && !self.cache.has(node, planes.form(node, kind))
     }
 
     /// Requests the base planes of the roots that are missing.
     pub(crate) fn request_roots(&mut self) {
-        let (base, now) = (self.planes.base(&self.needs), Instant::now());
-        let forest = Arc::clone(&self.planes.forest);
-        let mut requests = Vec::new();
-        for root in forest.table().roots() {
-            let may_request = self.retries.may_request(root, now);
-            let kinds: Vec<_> =
-                base.iter().copied().filter(|&k| may_request && self.is_missing(root, k)).collect();
-            if !kinds.is_empty()
-                && let Some(slots) = self.cache.reserve(root, &kinds, &base)
-            {
-                requests.push(self.request(root, slots, VisibilityTest::Always));
+        let roots: Vec<u32> = self.planes.roots().collect();
+        self.request_newest(&roots, VisibilityTest::Always);
+    }
+
+    /// Requests what is missing of the planes that the nodes of the front cut are shown with next:
+    /// until they have them, or memory is full, that cut stays as it is.
+    fn request_drawn(&mut self) {
+        let filter = &self.newest_planes.filter;
+        let drawn = self.drawn.iter().map(|d| d.node);
+        let drawn: Vec<u32> = drawn.filter(|&node| filter.points_max(node) > 0).collect();
+        self.is_full |= !self.request_newest(&drawn, VisibilityTest::Contour);
+    }
+
+    /// Requests what `nodes`, parents first, lack of the base planes of what is shown next. Returns
+    /// false if some found no slot.
+    fn request_newest(&mut self, nodes: &[u32], test: VisibilityTest) -> bool {
+        let planes = self.newest_planes.clone();
+        let (base, now) = (planes.base(&self.newest.needs), Instant::now());
+        let bytes_max = queue_bytes_max(self.options.drawing_bytes);
+        let (mut bytes, mut requests, mut are_placed) = (0, Vec::new(), true);
+        for &node in nodes {
+            let is_missing = |&k: &PlaneKind| self.is_missing(&planes, node, k);
+            let kinds: Vec<_> = base.iter().copied().filter(is_missing).collect();
+            if kinds.is_empty() || !self.retries.may_request(node, now) {
+                continue;
             }
+            let is_many = bytes >= bytes_max || self.requests.len() >= REQUESTS_MAX;
+            if is_many && test != VisibilityTest::Always {
+                self.has_more = true;
+                break;
+            }
+            let Some(slots) = self.cache.reserve(&planes, node, &kinds, &base) else {
+                are_placed = false;
+                break;
+            };
+            bytes += slots.iter().map(|(_, slot)| slot.bytes).sum::<u64>();
+            requests.push(self.request(node, slots, Arc::clone(&planes.filter), test));
         }
         if !requests.is_empty() {
-            self.send(requests, Vec::new());
+            self.send(&planes, requests, Vec::new());
         }
+        are_placed
     }
 
     /// Makes a request and notes it as in progress.
@@ -98,21 +126,22 @@ impl Chooser {
         &mut self,
         node: u32,
         planes: Vec<(PlaneKind, Slot)>,
+        filter: Arc<ForestFilter>,
         test: VisibilityTest,
     ) -> LoadRequest {
         self.last_id += 1;
         let alone = self.retries.has_failed(node);
-        let request = LoadRequest { id: self.last_id, node, planes, test, alone };
+        let request = LoadRequest { id: self.last_id, node, planes, filter, test, alone };
         self.requests.insert(request.id, request.clone());
         request
     }
 
     /// Puts requests into the queue, as batches; those for the surroundings behind all others, and
     /// in batches of their own, so that none makes a read for the picture longer.
-    fn send(&mut self, requests: Vec<LoadRequest>, around: Vec<LoadRequest>) {
+    fn send(&mut self, planes: &Planes, requests: Vec<LoadRequest>, around: Vec<LoadRequest>) {
         self.shared.counts.waiting.fetch_add(requests.len() + around.len(), Relaxed);
-        let mut all = batches(requests, &self.planes, self.run_bytes);
-        all.extend(batches(around, &self.planes, self.run_bytes));
+        let mut all = batches(requests, planes, self.run_bytes);
+        all.extend(batches(around, planes, self.run_bytes));
         self.queue.fill(all);
     }
 
@@ -129,8 +158,8 @@ impl Chooser {
     /// Ends a request that will not be landed and frees its slots. Returns its node.
     pub(crate) fn give_up(&mut self, id: u64) -> Option<u32> {
         let request = self.requests.remove(&id)?;
-        for &(kind, _) in &request.planes {
-            self.cache.release(request.node, kind);
+        for &(_, slot) in &request.planes {
+            self.cache.release(request.node, slot);
         }
         Some(request.node)
     }
@@ -138,8 +167,8 @@ impl Chooser {
     /// Ends a request whose bytes are all uploaded. Returns whether it made a node resident.
     pub(crate) fn arrive(&mut self, id: u64) -> bool {
         let Some(request) = self.requests.remove(&id) else { return false };
-        for &(kind, _) in &request.planes {
-            self.cache.arrive(request.node, kind);
+        for &(_, slot) in &request.planes {
+            self.cache.arrive(request.node, slot);
         }
         self.retries.succeed(request.node);
         request.planes.iter().any(|&(kind, _)| kind.has_positions())

@@ -17,10 +17,11 @@
 
 use crate::cut::Cut;
 use crate::mailbox::Mailbox;
-use crate::options::Needs;
+use crate::options::{Limits, Shown};
 use crate::status::Status;
 use arc_swap::{ArcSwap, ArcSwapOption};
 use esker_lod::{DepthFeedback, Surroundings, View, Visible};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 
 /// State shared by all threads of one streamer.
@@ -30,14 +31,15 @@ pub(crate) struct Shared {
     pub(crate) front: ArcSwap<Cut>,
     /// Newest view.
     pub(crate) view: Mailbox<View>,
-    /// Newest choice of planes.
-    pub(crate) needs: Mailbox<Needs>,
+    /// Newest choice of what is shown.
+    pub(crate) shown: Mailbox<Arc<Shown>>,
+    /// Newest budgets.
+    pub(crate) limits: Mailbox<Limits>,
     /// Depth of the last finished frame.
     pub(crate) feedback: Mailbox<DepthFeedback>,
     /// Newest choice of surroundings.
     pub(crate) surroundings: Mailbox<Option<Surroundings>>,
-    /// Number of needs, surroundings and feedbacks that the render thread has put into the
-    /// mailboxes.
+    /// Number of values other than views that the render thread has put into the mailboxes.
     pub(crate) inputs: AtomicU64,
     /// Number of these inputs that the LOD thread has used, in a pass if they required one.
     pub(crate) inputs_used: AtomicU64,
@@ -62,11 +64,12 @@ pub(crate) struct Counts {
 }
 
 impl Shared {
-    pub(crate) fn new(needs: &Needs) -> Self {
+    pub(crate) fn new(shown: &Arc<Shown>) -> Self {
         Self {
-            front: ArcSwap::from_pointee(Cut::empty(needs.clone())),
+            front: ArcSwap::from_pointee(Cut::empty(Arc::clone(shown))),
             view: Mailbox::default(),
-            needs: Mailbox::default(),
+            shown: Mailbox::default(),
+            limits: Mailbox::default(),
             feedback: Mailbox::default(),
             surroundings: Mailbox::default(),
             inputs: AtomicU64::new(0),

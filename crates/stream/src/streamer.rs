@@ -3,15 +3,15 @@
 
 use crate::batch::{Batch, REQUESTS_MAX};
 use crate::cache::Cache;
-use crate::choose::Chooser;
+use crate::choose::{Chooser, check_roots};
 use crate::cut::Cut;
 use crate::error::StreamError;
 use crate::identity::Identity;
 use crate::landing::{Landing, RUN_BYTES_MIN, Transfer};
 use crate::loader::{Loader, Report};
 use crate::lod_thread::LodThread;
-use crate::options::{Needs, Options};
-use crate::planes::Planes;
+use crate::options::{Limits, Options, Shown};
+use crate::planes::{Planes, Rules};
 use crate::pool::Pool;
 use crate::queue::Queue;
 use crate::rate::Rate;
@@ -80,7 +80,7 @@ impl Streamer {
         forest: Arc<Forest>,
         landing: Arc<L>,
         options: Options,
-        needs: Needs,
+        shown: impl Into<Shown>,
     ) -> Result<Self, StreamError> {
         let run_bytes = landing.run_bytes();
         if run_bytes < RUN_BYTES_MIN || !run_bytes.is_multiple_of(Transfer::ALIGNMENT) {
@@ -88,12 +88,20 @@ impl Streamer {
         }
         let loaders = options.loaders.clamp(1, LOADERS_MAX);
         let rate = options.read_bytes_a_second.map(|rate| Arc::new(Rate::new(rate)));
-        let planes = Planes { forest: Arc::clone(&forest), filter: Arc::clone(&options.filter) };
-        let shared = Arc::new(Shared::new(&needs));
+        let shown = Arc::new(shown.into());
+        let mut rules = Rules::default();
+        let filter = Arc::clone(&shown.filter);
+        let planes =
+            Planes { rules: rules.of(&filter), ..Planes::read_by(Arc::clone(&forest), filter) };
+        check_roots(&[(&planes, &shown.needs)], &options)?;
+        let shared = Arc::new(Shared::new(&shown));
         let channels = Channels::new();
         let queue = Arc::new(Queue::new());
-        let chooser = chooser(&planes, &shared, Arc::clone(&queue), options, needs, run_bytes);
-        chooser.check_roots(&chooser.needs)?;
+        let chooser = Chooser {
+            rules,
+            run_bytes,
+            ..chooser(&planes, &shared, Arc::clone(&queue), options, shown)
+        };
         let lod = LodThread {
             chooser,
             wake: channels.wake.1,
@@ -116,7 +124,7 @@ impl Streamer {
         let identity = Arc::new(Identity::new(forest));
         for i in 0..loaders {
             let loader = Loader {
-                planes: planes.clone(),
+                forest: Arc::clone(&planes.forest),
                 landing: Arc::clone(&landing),
                 shared: Arc::clone(&shared),
                 identity: Arc::clone(&identity),
@@ -148,11 +156,21 @@ impl Streamer {
         self.wake_lod_thread();
     }
 
-    /// Changes which planes are drawn. Cuts keep the earlier planes until the roots have the new
-    /// ones. If the new planes of the roots do not fit, [`Status::fault`] says so and nothing
+    /// Changes what is shown. What is resident and not changed by it stays. Cuts show what they did
+    /// ([`Cut::shown`]) until their nodes have the new planes, or the roots have them and memory is
+    /// full. If the new planes of the roots do not fit, [`Status::fault`] says so and nothing
     /// changes. Never waits.
-    pub fn need(&self, needs: Needs) {
-        self.shared.needs.put(needs);
+    pub fn show(&self, shown: impl Into<Shown>) {
+        self.shared.shown.put(Arc::new(shown.into()));
+        self.count_input();
+    }
+
+    /// Changes the budgets. Below a smaller budget of drawing memory, slots that lie beyond it are
+    /// freed, and [`Cut::drawing_bytes`] says when; the caller has memory for a larger one before
+    /// the call. If it is too small for the roots, [`Status::fault`] says so and nothing changes.
+    /// Never waits.
+    pub fn limit(&self, limits: Limits) {
+        self.shared.limits.put(limits);
         self.count_input();
     }
 
@@ -177,8 +195,8 @@ impl Streamer {
         self.shared.front.load_full()
     }
 
-    /// Whether the current cut was chosen with everything passed to [`Streamer::need`],
-    /// [`Streamer::surround`] and [`Streamer::feedback`]. Otherwise a cut may be marked as settled
+    /// Whether the current cut was chosen with everything passed to [`Streamer::show`],
+    /// [`Streamer::limit`], [`Streamer::surround`] and [`Streamer::feedback`]. Otherwise a cut may be marked as settled
     /// although it is about to change. Never waits.
     pub fn has_taken_in(&self) -> bool {
         self.shared.inputs_used.load(SeqCst) == self.shared.inputs.load(SeqCst)
@@ -228,27 +246,30 @@ fn chooser(
     shared: &Arc<Shared>,
     queue: Arc<Queue<Batch>>,
     options: Options,
-    needs: Needs,
-    run_bytes: usize,
+    shown: Arc<Shown>,
 ) -> Chooser {
     let pool = Pool::new(options.drawing_bytes, options.page_bytes);
     Chooser {
-        cache: Cache::new(planes.clone(), pool, options.nodes_max),
+        cache: Cache::new(Arc::clone(&planes.forest), pool, options.nodes_max),
         spare_bytes: 0,
         surroundings: options.surroundings,
         spare_around_bytes: 0,
+        extent_bytes: options.drawing_bytes,
         options,
         planes: planes.clone(),
+        newest_planes: planes.clone(),
+        rules: Rules::default(),
         shared: Arc::clone(shared),
         retries: Retries::default(),
-        run_bytes,
+        run_bytes: RUN_BYTES_MIN,
         queue,
         requests: HashMap::new(),
         last_id: 0,
         epoch: 0,
         view: None,
-        drawn_needs: needs.clone(),
-        needs,
+        newest: Arc::clone(&shown),
+        shown,
+        is_full: false,
         feedback: None,
         drawn: Vec::new(),
         has_more: false,

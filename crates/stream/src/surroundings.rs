@@ -55,7 +55,8 @@ impl Chooser {
         self.surroundings.as_ref()?;
         let Choice { base, selection, .. } = choice;
         let nodes = selection.surroundings.iter().map(|d| {
-            let planes = base.iter().filter_map(|&k| Some((k, self.cache.resident(d.node, k)?)));
+            let slot = |k| self.cache.resident(d.node, self.planes.form(d.node, k));
+            let planes = base.iter().filter_map(|&k| Some((k, slot(k)?)));
             CutNode {
                 node: d.node,
                 prefix: d.prefix,

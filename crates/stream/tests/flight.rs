@@ -205,7 +205,7 @@ fn a_flight_with_changing_needs_and_few_nodes() {
             2 => Needs { colour: Some(PlaneKind::Attribute(7)), normals: true, ..Needs::default() },
             _ => Needs::default(),
         };
-        harness.streamer.need(needs);
+        harness.streamer.show(needs);
         assert!(harness.streamer.status().nodes_resident <= 30);
     });
     settles_in_the_end(&mut harness);

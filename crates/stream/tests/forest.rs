@@ -56,8 +56,8 @@ fn an_attribute_is_matched_by_name_in_every_tree() {
         let attribute = harness.forest.schema().find(name).unwrap() as u16;
         let plane = PlaneKind::Attribute(attribute);
         let needs = Needs { colour: Some(plane), normals: false, ..Needs::default() };
-        harness.streamer.need(needs.clone());
-        harness.until("shows", |cut, _| cut.needs == needs && cut.settled);
+        harness.streamer.show(needs.clone());
+        harness.until("shows", |cut, _| cut.shown.needs == needs && cut.settled);
         let cut = harness.streamer.cut();
         assert!(cut.complete && cut.nodes.iter().any(|n| tree_of(&harness, n.node) == 0));
         for node in &cut.nodes {

@@ -284,8 +284,8 @@ fn needs_change_without_an_empty_picture() {
         needs(),
     ];
     for needs in changes {
-        harness.streamer.need(needs.clone());
-        harness.until("shows", |cut, _| cut.needs == needs && cut.settled);
+        harness.streamer.show(needs.clone());
+        harness.until("shows", |cut, _| cut.shown.needs == needs && cut.settled);
         let cut = harness.streamer.cut();
         assert!(cut.complete);
         assert_eq!(drawn(&cut), pure(&harness, &view, &roomy()));
@@ -307,12 +307,12 @@ fn no_cut_is_final_before_needs_and_feedback_are_taken_in() {
     let view = harness.view(0.5, -0.5, 0.8);
     for i in 0..50 {
         let needs = Needs { normals: i % 2 == 0, ..needs() };
-        harness.streamer.need(needs.clone());
+        harness.streamer.show(needs.clone());
         harness.streamer.look(view);
         harness.until("is settled", |cut, harness| {
             harness.streamer.has_taken_in() && harness.streamer.cut().settled && cut.view == view
         });
-        assert_eq!(harness.streamer.cut().needs, needs);
+        assert_eq!(harness.streamer.cut().shown.needs, needs);
     }
 }
 
@@ -322,8 +322,8 @@ fn needs_change_where_the_budget_is_full() {
     let mut harness = Harness::new(GpuOptions::default(), options, Needs::default());
     harness.settle(harness.view(0.3, 0.2, 0.12));
     for needs in [needs(), Needs::default(), needs()] {
-        harness.streamer.need(needs.clone());
-        harness.until("shows", |cut, _| cut.needs == needs && cut.settled);
+        harness.streamer.show(needs.clone());
+        harness.until("shows", |cut, _| cut.shown.needs == needs && cut.settled);
     }
 }
 
@@ -341,7 +341,7 @@ fn needs_whose_root_does_not_fit_are_refused_in_the_status() {
     let options = Options { drawing_bytes: 12 << 10, ..roomy() };
     let mut harness = Harness::new(GpuOptions::default(), options, Needs::default());
     harness.settle(harness.view(0.5, 0.5, 20.0));
-    harness.streamer.need(needs());
+    harness.streamer.show(needs());
     harness.until("refuses", |_, harness| harness.streamer.status().fault.is_some());
     assert!(harness.streamer.status().fault.unwrap().contains("raise the budget"));
     assert_eq!(harness.streamer.cut().nodes.len(), 1);

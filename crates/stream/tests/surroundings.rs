@@ -225,7 +225,7 @@ fn no_slot_is_stale_while_they_are_switched_in_flight() {
         }
         if random.below(60) == 0 {
             let normals = random.below(2) == 0;
-            harness.streamer.need(Needs { normals, ..needs() });
+            harness.streamer.show(Needs { normals, ..needs() });
         }
         if random.below(20) == 0 {
             let at = [random.unit(), random.unit(), 0.06 + random.unit().powi(3)];
