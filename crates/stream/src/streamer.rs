@@ -39,6 +39,9 @@ const LOADERS_MAX: usize = 64;
 #[derive(Debug)]
 pub struct Streamer {
     shared: Arc<Shared>,
+    forest: Arc<Forest>,
+    /// Options at the start.
+    options: Options,
     wake: Sender<()>,
     uploaded: Sender<u64>,
     /// Closed on stopping, which ends the loaders that wait for a batch.
@@ -95,6 +98,7 @@ impl Streamer {
             Planes { rules: rules.of(&filter), ..Planes::read_by(Arc::clone(&forest), filter) };
         check_roots(&[(&planes, &shown.needs)], &options)?;
         let shared = Arc::new(Shared::new(&shown));
+        let started = options.clone();
         let channels = Channels::new();
         let queue = Arc::new(Queue::new());
         let chooser = Chooser {
@@ -114,6 +118,8 @@ impl Streamer {
         };
         let mut streamer = Self {
             shared: Arc::clone(&shared),
+            forest: Arc::clone(&forest),
+            options: started,
             wake: channels.wake.0.clone(),
             uploaded: channels.uploaded.0,
             queue: Arc::clone(&queue),
@@ -180,6 +186,28 @@ impl Streamer {
     pub fn surround(&self, surroundings: Option<Surroundings>) {
         self.shared.surroundings.put(surroundings);
         self.count_input();
+    }
+
+    /// Checks that the planes of the roots for all of `shown` fit drawing memory at the same time:
+    /// for [`Streamer::show`] or [`Streamer::limit`], those of the newest cut, and what is to be
+    /// shown.
+    ///
+    /// # Errors
+    /// If they do not fit.
+    pub fn check(&self, shown: &[&Shown], limits: &Limits) -> Result<(), StreamError> {
+        let mut options = self.options.clone();
+        options.limit(limits);
+        let mut rules = Rules::default();
+        let planes: Vec<_> = shown
+            .iter()
+            .map(|shown| {
+                let filter = Arc::clone(&shown.filter);
+                let rules = rules.of(&filter);
+                Planes { rules, ..Planes::read_by(Arc::clone(&self.forest), filter) }
+            })
+            .collect();
+        let needs = shown.iter().map(|shown| &shown.needs);
+        check_roots(&planes.iter().zip(needs).collect::<Vec<_>>(), &options)
     }
 
     /// Passes on the depth of a finished frame. Later choices cull what it hides, if

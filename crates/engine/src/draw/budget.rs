@@ -241,6 +241,13 @@ impl GpuShares {
     }
 }
 
+impl GpuShares {
+    /// Bytes of a lit scene.
+    pub(crate) fn splats_bytes(&self) -> u64 {
+        self.splats_max * GPU_SPLAT_BYTES
+    }
+}
+
 /// Size of the largest lit picture, pixels: that of `options`, or less with the same aspect ratio
 /// where the budgets do not hold it beside the splats that are wanted. If no size helps, that of
 /// `options`.

@@ -6,6 +6,9 @@ use crate::cameras::colour::{self, Colouring, filtered_colouring};
 use crate::cameras::vertical::Vertical;
 use crate::draw::empty_picture;
 use crate::draw::method::{AUTO_DOTS, Method};
+use crate::draw::options::Settings;
+use crate::light::class_plane;
+use crate::light::settings::LightSettings;
 use anyhow::Result;
 use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_lod::{CompactOctree, Options, View, crowding, share_above};
@@ -16,7 +19,7 @@ use esker_render::{
     Codebook, ColourBy, ColourMap, ColourPlane, Dots, DrawNode, Frame, FrameOptions, FramePlan,
     Method as Passes, PassChoice, SceneHas,
 };
-use esker_stream::Needs;
+use esker_stream::{Needs, Shown};
 use std::sync::Arc;
 
 /// What is shown of a file, and how: everything that the plan of a frame depends on, except the
@@ -90,6 +93,46 @@ impl Appearance {
             target_spacing_px,
             near,
         })
+    }
+
+    /// Appearance of a session with these settings.
+    ///
+    /// # Errors
+    /// If the file lacks the source of colours or what distinguishes scans, or the filter is
+    /// invalid.
+    pub fn of(file: &Forest, settings: &Settings) -> Result<Self> {
+        let Settings { colour_by, filter, method, shines, light, evens_exposure, full, .. } =
+            settings;
+        let colour = colour_by.as_deref();
+        let appearance = Self::new(file, colour, settings.vertical, filter, *method, *shines)?;
+        let appearance = appearance.evened(file, *evens_exposure)?.culled(settings.culls_back);
+        let appearance = appearance.dotted(settings.dots).aimed(settings.target_spacing_px);
+        let appearance = if *full { appearance } else { appearance.compacted(file) };
+        // Classes are read as they are stored, also where colours are made of them.
+        let has_classes = class_plane(file, *method, light).is_some();
+        Ok(if has_classes { appearance.with_values() } else { appearance })
+    }
+
+    /// What a session with this appearance reads, without a look.
+    pub(crate) fn shown_by(&self, file: &Forest, light: &LightSettings) -> Shown {
+        let classes = class_plane(file, self.method, light);
+        let needs = Needs { classes, ..self.needs(file) };
+        Shown { needs, filter: Arc::clone(&self.shown), ..Shown::default() }
+    }
+
+    /// This appearance drawn as `drawn` is in all that needs no other planes: a cut that was chosen
+    /// for this one is drawn by it.
+    pub(crate) fn drawn_as(&self, drawn: &Self) -> Self {
+        let Self { method, shines, culls_back, dots, target_spacing_px, .. } = *drawn;
+        Self { method, shines, culls_back, dots, target_spacing_px, ..self.clone() }
+    }
+
+    /// Whether the same planes, filter and colours are drawn.
+    pub(crate) fn reads_as(&self, other: &Self) -> bool {
+        self.colouring == other.colouring
+            && self.evens_exposure == other.evens_exposure
+            && self.is_one_scan == other.is_one_scan
+            && self.shown == other.shown
     }
 
     /// Adds exposure compensation, if `evens_exposure` and the file has several scans.

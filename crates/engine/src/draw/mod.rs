@@ -3,6 +3,7 @@
 
 pub mod budget;
 pub mod calibration;
+pub mod change;
 pub mod choice;
 pub mod empty_picture;
 pub mod enlarge;

@@ -18,7 +18,7 @@ use crate::draw::painter::{CpuPainter, FrameInput, GpuPainter, Painter};
 pub use crate::draw::painter::{GpuBytes, Image};
 use crate::light::settings::LightSettings;
 use crate::light::status::LitStatus;
-use crate::light::{check_built, class_plane, gpu_refusal};
+use crate::light::{check_built, gpu_refusal};
 use crate::machine::backend::{Backend, Drawer};
 use crate::machine::system;
 use anyhow::{Context, Error, Result, bail, ensure};
@@ -26,8 +26,9 @@ use esker_format::{Forest, PlaneKind};
 use esker_lod::{DepthFeedback, View};
 use esker_render::inputs::camera::Camera;
 use esker_render::{Dots, Picture, Stats};
-use esker_stream::{Cut, Needs, Status, Streamer};
+use esker_stream::{Cut, Shown, Status, Streamer};
 use glam::DVec2;
+use std::any::Any;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -78,19 +79,28 @@ pub struct Times {
 
 /// An open file and the threads that stream it.
 pub struct Session {
-    file: Arc<Forest>,
-    options: Options,
-    appearance: Appearance,
-    shares: Shares,
+    pub(super) file: Arc<Forest>,
+    pub(super) options: Options,
+    /// What is to be shown.
+    pub(super) appearance: Appearance,
+    /// The same, for the cuts that show it.
+    look: Arc<dyn Any + Send + Sync>,
+    /// What the newest cut is drawn by: what it was chosen for.
+    drawn: Appearance,
+    /// The look of that cut.
+    drawn_look: Arc<dyn Any + Send + Sync>,
+    /// Whether its memory was shared out for exposure compensation.
+    pub(super) had_exposure: bool,
+    pub(super) shares: Shares,
     drawer: Drawer,
     /// Whether the largest picture is smaller than the requested one.
     is_smaller: bool,
     /// `None` only while the session is dropped or changes its backend.
-    running: Option<Running>,
+    pub(super) running: Option<Running>,
     /// Depth of the last finished frame.
     depth: Option<DepthFeedback>,
     /// Consecutive frames of a settled view.
-    still: u32,
+    pub(super) still: u32,
     stalls: u64,
 }
 
@@ -105,29 +115,20 @@ impl Session {
         // What an earlier session freed is in no budget of this one.
         system::give_back_freed_memory();
         options.settings.light = options.settings.light.measured(file.lattice());
-        let Settings { colour_by, filter, method, shines, light, evens_exposure, full, .. } =
-            &options.settings;
-        let Settings { culls_back, dots, vertical, .. } = options.settings;
-        let colour = colour_by.as_deref();
-        let appearance = Appearance::new(&file, colour, vertical, filter, *method, *shines)?;
-        let appearance = appearance.evened(&file, *evens_exposure)?.culled(culls_back).dotted(dots);
-        let appearance = appearance.aimed(options.settings.target_spacing_px);
-        let appearance = if *full { appearance } else { appearance.compacted(&file) };
-        // Classes are read as they are stored, also where colours are made of them.
-        let has_classes = class_plane(&file, *method, light).is_some();
-        let appearance = if has_classes { appearance.with_values() } else { appearance };
-        if *method == Method::Lit {
+        let appearance = Appearance::of(&file, &options.settings)?;
+        let is_lit = options.settings.method == Method::Lit;
+        if is_lit {
             check_built()?;
         }
         let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
-        let refusal = if *method == Method::Lit { gpu_refusal(light) } else { None };
+        let refusal = if is_lit { gpu_refusal(&options.settings.light) } else { None };
         let (gpu, drawer) = match refusal.filter(|_| gpu.is_some()) {
             Some(why) if options.backend == Backend::Gpu => bail!("{why}; {USE_CPU}"),
             Some(why) => (None, Drawer::cpu(why)),
             None => (gpu, drawer),
         };
         let wanted_size = options.size;
-        if options.shrinks_lit && *method == Method::Lit {
+        if options.shrinks_lit && is_lit {
             options.size = lit_size(&file, &options, gpu.is_some());
         }
         let is_smaller = options.size != wanted_size;
@@ -141,9 +142,14 @@ impl Session {
             }
             shares => (gpu, drawer, shares?),
         };
+        let look: Arc<dyn Any + Send + Sync> = Arc::new(appearance.clone());
         let mut session = Self {
             file,
+            had_exposure: options.settings.evens_exposure,
             options,
+            drawn: appearance.clone(),
+            drawn_look: Arc::clone(&look),
+            look,
             appearance,
             shares,
             drawer,
@@ -168,14 +174,11 @@ impl Session {
     }
 
     fn start(&mut self, painter: Box<dyn Painter>) -> Result<()> {
-        let shown = Arc::clone(&self.appearance.shown);
-        let options = esker_stream::Options { filter: shown, ..self.options.stream() };
-        let around = self.shares.lit.map(|(points_max, around)| (points_max, Some(around)));
-        let (points_max, surroundings) = around.unwrap_or((u64::MAX, None));
-        let points_budget = options.points_budget.min(points_max);
+        let options = self.options.stream();
+        let points_budget = self.points_budget();
+        let surroundings = self.shares.lit.map(|(_, around)| around);
         let options = esker_stream::Options { points_budget, surroundings, ..options };
-        let needs = self.needs();
-        let streamer = painter.start(self.file.clone(), options, needs)?;
+        let streamer = painter.start(self.file.clone(), options, self.shown())?;
         self.running = Some(Running { streamer: Some(streamer), painter });
         self.wait_for_roots()
     }
@@ -190,6 +193,12 @@ impl Session {
         self.drawer = Drawer::cpu(format!("{fault:#}"));
         self.shares = Shares::of(&self.file, &self.options)?;
         self.start_on_cpu()
+    }
+
+    /// Most points of a picture.
+    pub(super) fn points_budget(&self) -> u64 {
+        let points_max = self.shares.lit.map_or(u64::MAX, |(points_max, _)| points_max);
+        self.options.settings.points_budget.min(points_max)
     }
 
     fn wait_for_roots(&mut self) -> Result<()> {
@@ -324,48 +333,88 @@ impl Session {
         if is_lit(method) != is_lit(self.appearance.method) {
             return false;
         }
+        self.options.settings.method = method;
         self.appearance.method = method;
-        self.update_needs();
+        self.drawn.method = method;
+        self.show();
         true
     }
 
     /// Lights lit pictures by `light` from the next frame on. Its meshes are those of the session.
     pub fn set_light(&mut self, light: LightSettings) {
-        let before = self.needs();
+        let before = self.shown().needs;
         self.options.settings.light = light.measured(self.file.lattice());
-        if self.needs() != before {
-            self.update_needs();
+        if self.shown().needs != before {
+            if self.shown().needs.classes.is_some() {
+                self.set_look(self.appearance.clone().with_values());
+            }
+            self.show();
         }
     }
 
     /// Draws surfaces with or without highlights from the next frame on.
     pub fn set_shine(&mut self, shines: bool) {
+        self.options.settings.shines = shines;
         self.appearance.shines = shines;
+        self.drawn.shines = shines;
+        self.still = 0;
     }
 
     /// Draws points alone as these dots from the next frame on.
     pub fn set_dots(&mut self, dots: Dots) {
+        self.options.settings.dots = dots;
         self.appearance.dots = dots;
+        self.drawn.dots = dots;
+        self.still = 0;
     }
 
-    /// What is shown, and how.
+    /// Settings of the pictures to come.
+    pub fn settings(&self) -> &Settings {
+        &self.options.settings
+    }
+
+    /// What is to be shown, and how. Frames show it once its planes are loaded
+    /// ([`Session::shows_newest`]).
     pub fn appearance(&self) -> &Appearance {
         &self.appearance
     }
 
-    /// Requests the planes that frames need now; others are evicted.
-    fn update_needs(&self) {
-        let streamer = self.running.as_ref().and_then(|r| r.streamer.as_ref());
-        if let Some(streamer) = streamer {
-            streamer.need(self.needs());
+    /// Whether frames show [`Session::appearance`]; before, they show what was set earlier.
+    pub fn shows_newest(&self) -> bool {
+        Arc::ptr_eq(&self.drawn_look, &self.look)
+    }
+
+    /// What cuts are to show.
+    pub(super) fn shown(&self) -> Shown {
+        let shown = self.appearance.shown_by(&self.file, &self.options.settings.light);
+        Shown { look: Arc::clone(&self.look), ..shown }
+    }
+
+    /// Sets what is to be shown.
+    pub(super) fn set_look(&mut self, appearance: Appearance) {
+        self.look = Arc::new(appearance.clone());
+        self.appearance = appearance;
+    }
+
+    /// Requests what is to be shown; planes that it does not need are evicted.
+    pub(super) fn show(&mut self) {
+        self.still = 0;
+        self.drawn = self.drawn.drawn_as(&self.appearance);
+        if let Some(streamer) = self.running.as_ref().and_then(|r| r.streamer.as_ref()) {
+            streamer.show(self.shown());
         }
     }
 
-    /// Planes that frames need.
-    fn needs(&self) -> Needs {
-        let (method, light) = (self.appearance.method, &self.options.settings.light);
-        let classes = class_plane(&self.file, method, light);
-        Needs { classes, ..self.appearance.needs(&self.file) }
+    /// Takes over what the newest cut was chosen for.
+    fn take_look(&mut self, cut: &Cut) {
+        let look = &cut.shown.look;
+        if !Arc::ptr_eq(look, &self.drawn_look)
+            && let Some(appearance) = look.downcast_ref::<Appearance>()
+        {
+            self.drawn = appearance.drawn_as(&self.appearance);
+            self.drawn_look = Arc::clone(look);
+            self.still = 0;
+        }
     }
 
     /// Coarse eye depth of the nearest surface at `place` of the picture (0 to 1 from its top left
@@ -427,7 +476,7 @@ impl Session {
         Ok(())
     }
 
-    fn running(&mut self) -> Result<&mut Running> {
+    pub(super) fn running(&mut self) -> Result<&mut Running> {
         self.running.as_mut().context(ENDED)
     }
 
@@ -446,11 +495,13 @@ impl Session {
             (knows_all && cut.settled, cut)
         });
         let start = Instant::now();
+        painter.free_beyond(cut.drawing_bytes);
         let uploaded_bytes = painter.upload()?;
         let upload_ms = ms(start);
         timer.time(|| painter.report_uploaded(&mut |request| streamer.uploaded(request)));
         self.stalls += timer.stalls;
         let times = Times { exchange_ms: timer.ms, upload_ms, ..Times::default() };
+        self.take_look(&cut);
         Ok(Exchange { cut, is_settled, uploaded_bytes, times })
     }
 
@@ -463,7 +514,7 @@ impl Session {
             file: &self.file,
             view: seen,
             cut: &exchange.cut,
-            appearance: &self.appearance,
+            appearance: &self.drawn,
             light: &self.options.settings.light,
             splats_max: self.shares.splats_max(),
         })?;
@@ -472,7 +523,9 @@ impl Session {
         let depth = needs_depth.then(|| painter.feedback()).flatten();
         self.depth = depth.clone().or(self.depth.take());
         // The depth seen from elsewhere hides nothing from the eye of the choice.
-        let depth = depth.filter(|_| occlusion && chosen == seen);
+        // Neither does that of points that are no longer shown.
+        let is_newest = Arc::ptr_eq(&self.drawn_look, &self.look);
+        let depth = depth.filter(|_| occlusion && is_newest && chosen == seen);
         exchange.times.draw_ms = ms(start);
         let mut timer = ExchangeTimer::default();
         timer.time(|| {
@@ -492,10 +545,10 @@ const USE_CPU: &str = "draw it with --backend cpu";
 const ENDED: &str = "the session has ended";
 
 /// The threads, and the memory that they fill.
-struct Running {
+pub(super) struct Running {
     /// `None` only while the session is dropped.
-    streamer: Option<Streamer>,
-    painter: Box<dyn Painter>,
+    pub(super) streamer: Option<Streamer>,
+    pub(super) painter: Box<dyn Painter>,
 }
 
 impl Drop for Running {

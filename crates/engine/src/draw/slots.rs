@@ -1,6 +1,7 @@
 //! Drawing memory of the CPU renderer: a range of addresses from 0 to the budget, in pages that are
 //! allocated when they are first written to, so that resident memory grows with use. The streamer
-//! assigns slots; only the render thread writes and reads.
+//! assigns slots; only the render thread writes and reads. The budget may change; pages beyond a
+//! lower one are freed once no slot lies there.
 //!
 //! Huge pages are requested from the system, if it has them: a page is filled with zeros at its
 //! first use, which takes one huge page a fraction of the time of 512 small ones.
@@ -15,7 +16,10 @@ pub const PAGE_BYTES_MAX: u64 = 128 << 20;
 /// Memory for slots.
 #[derive(Debug)]
 pub struct DrawingMemory {
+    /// The budget.
     bytes: u64,
+    /// The greatest budget so far, up to which late bytes may still land.
+    bytes_max: u64,
     page_bytes: u64,
     /// Pages up to the last that was written to; `None` for unused ones.
     pages: Vec<Option<MmapMut>>,
@@ -25,7 +29,28 @@ impl DrawingMemory {
     /// Memory of `bytes` bytes, none of which are allocated yet.
     pub fn new(bytes: u64) -> Self {
         let page_bytes = bytes.clamp(Slot::ALIGNMENT, PAGE_BYTES_MAX);
-        Self { bytes, page_bytes, pages: Vec::new() }
+        Self { bytes, bytes_max: bytes, page_bytes, pages: Vec::new() }
+    }
+
+    /// Changes the budget.
+    pub fn resize(&mut self, bytes: u64) {
+        self.bytes = bytes;
+        self.bytes_max = self.bytes_max.max(bytes);
+    }
+
+    /// Frees memory from this byte on, where no slot is in use.
+    pub fn free_beyond(&mut self, bytes: u64) {
+        let whole = usize::try_from(bytes.div_ceil(self.page_bytes)).unwrap_or(usize::MAX);
+        self.pages.truncate(whole);
+        let last = bytes / self.page_bytes;
+        let length = (bytes - last * self.page_bytes) as usize;
+        if let Some(Some(page)) = self.pages.get_mut(last as usize)
+            && page.len() > length
+            && let Ok(mut shorter) = zeros(length as u64)
+        {
+            shorter.copy_from_slice(&page[..length]);
+            *page = shorter;
+        }
     }
 
     /// Bytes of a page; no slot crosses the border of a page.
@@ -37,7 +62,7 @@ impl DrawingMemory {
     fn place(&self, slot: Slot) -> Option<(usize, usize)> {
         let (page, start) = (slot.offset / self.page_bytes, slot.offset % self.page_bytes);
         let fits = start.checked_add(slot.bytes)? <= self.page_bytes
-            && slot.offset.checked_add(slot.bytes)? <= self.bytes;
+            && slot.offset.checked_add(slot.bytes)? <= self.bytes_max;
         fits.then_some((page as usize, start as usize))
     }
 
@@ -53,10 +78,18 @@ impl DrawingMemory {
         if self.pages.len() <= page {
             self.pages.resize_with(page + 1, || None);
         }
-        let page = match &mut self.pages[page] {
-            Some(page) => page,
-            none => none.insert(zeros(self.page_bytes.min(self.bytes - page_start))?),
-        };
+        let end = start + offset as usize + bytes.len();
+        let page = &mut self.pages[page];
+        if page.as_ref().is_none_or(|page| page.len() < end) {
+            // Also a page that a lower budget had cut short.
+            let length = self.page_bytes.min(self.bytes.saturating_sub(page_start));
+            let mut longer = zeros(length.max(end as u64))?;
+            if let Some(page) = page {
+                longer[..page.len()].copy_from_slice(page);
+            }
+            *page = Some(longer);
+        }
+        let Some(page) = page else { return Ok(()) };
         page[start + offset as usize..][..bytes.len()].copy_from_slice(bytes);
         Ok(())
     }
@@ -99,6 +132,24 @@ mod tests {
         assert_eq!(memory.read(last), b"abcdef");
         assert!(memory.pages[..2].iter().all(Option::is_none), "unused pages are not allocated");
         assert_eq!(memory.pages[2].as_ref().unwrap().len(), 512, "never more than the budget");
+    }
+
+    #[test]
+    fn memory_beyond_a_lower_budget_is_freed_and_comes_back_with_a_higher_one() {
+        let mut memory = DrawingMemory::new(PAGE_BYTES_MAX + 1024);
+        let (first, last) = (slot(256, 3), slot(PAGE_BYTES_MAX + 512, 3));
+        memory.write(first, 0, b"abc").unwrap();
+        memory.write(last, 0, b"def").unwrap();
+        memory.resize(512);
+        assert_eq!(memory.read(last), b"def", "until nothing is drawn from there");
+        memory.free_beyond(512);
+        assert_eq!((memory.pages.len(), memory.read(last), memory.read(first)), (1, &b""[..], &b"abc"[..]));
+        assert_eq!(memory.pages[0].as_ref().unwrap().len(), 512, "never more than the budget");
+        memory.resize(2 * PAGE_BYTES_MAX);
+        let grown = slot(2 * PAGE_BYTES_MAX - 256, 3);
+        memory.write(grown, 0, b"ghi").unwrap();
+        memory.write(slot(1024, 1), 0, b"j").unwrap();
+        assert_eq!((memory.read(grown), memory.read(first)), (&b"ghi"[..], &b"abc"[..]));
     }
 
     #[test]

@@ -11,7 +11,7 @@ use anyhow::{Context, Result};
 use esker_format::Forest;
 use esker_lod::{DepthFeedback, View, tiles_of};
 use esker_render::{Picture, Renderer, Stats};
-use esker_stream::{Needs, StreamError, Streamer};
+use esker_stream::{Shown, StreamError, Streamer};
 use std::sync::Arc;
 
 /// The CPU renderer and its memory.
@@ -49,11 +49,24 @@ impl Painter for CpuPainter {
         &self,
         file: Arc<Forest>,
         options: esker_stream::Options,
-        needs: Needs,
+        shown: Shown,
     ) -> Result<Streamer, StreamError> {
         let (drawing_bytes, page_bytes) = (self.drawing_bytes, self.memory.page_bytes());
         let options = esker_stream::Options { drawing_bytes, page_bytes, ..options };
-        Streamer::start(file, self.landing.clone(), options, needs)
+        Streamer::start(file, self.landing.clone(), options, shown)
+    }
+
+    fn bytes_within(&self, budget_gpu_bytes: u64) -> Option<u64> {
+        Some(budget_gpu_bytes)
+    }
+
+    fn resize(&mut self, drawing_bytes: u64) {
+        self.drawing_bytes = drawing_bytes;
+        self.memory.resize(drawing_bytes);
+    }
+
+    fn free_beyond(&mut self, bytes: u64) {
+        self.memory.free_beyond(bytes);
     }
 
     fn drain(&mut self, bytes_max: usize) {

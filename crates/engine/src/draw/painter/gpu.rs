@@ -6,7 +6,7 @@ use super::{FrameInput, GpuBytes, Image, Painter, report_complete};
 use crate::draw::budget::GpuShares;
 use crate::draw::method::Method;
 use crate::draw::options::Options;
-use crate::draw::staging::{GpuRun, Landed, Staging};
+use crate::draw::staging::{GpuRun, Landed, RUN_BYTES, Staging};
 use crate::light::progressive::GpuProgressive;
 use crate::light::status::LitStatus;
 use anyhow::{Context, Result};
@@ -16,7 +16,7 @@ use esker_render::gpu::device::shader::folder;
 use esker_render::gpu::wgpu::{CommandEncoder, PollType};
 use esker_render::gpu::{Gpu, GpuError, GpuRenderer, NodePool, PlaneAt, UploadRing};
 use esker_render::{Picture, Stats};
-use esker_stream::{Needs, Slot, StreamError, Streamer, Transfer};
+use esker_stream::{Shown, Slot, StreamError, Streamer, Transfer};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::AcqRel, Ordering::Acquire};
 use std::time::{Duration, Instant};
@@ -41,6 +41,8 @@ pub(crate) struct GpuPainter {
     /// Transfers that go back with the runs that are mapped next.
     spent: Vec<Vec<Transfer>>,
     pool: NodePool,
+    /// Shares of the budget that it was made for.
+    shares: GpuShares,
     renderer: GpuRenderer,
     /// Copies that are not submitted yet.
     commands: Option<CommandEncoder>,
@@ -72,6 +74,7 @@ impl GpuPainter {
             copied: Vec::new(),
             spent: Vec::new(),
             pool: NodePool::with_pages(&gpu, shares.pool_bytes, page_bytes),
+            shares,
             renderer,
             commands: None,
             flying: Arc::default(),
@@ -162,11 +165,34 @@ impl Painter for GpuPainter {
         &self,
         file: Arc<Forest>,
         options: esker_stream::Options,
-        needs: Needs,
+        shown: Shown,
     ) -> Result<Streamer, StreamError> {
         let (drawing_bytes, page_bytes) = (self.pool.bytes(), self.pool.page_bytes());
         let options = esker_stream::Options { drawing_bytes, page_bytes, ..options };
-        Streamer::start(file, self.landing.clone(), options, needs)
+        Streamer::start(file, self.landing.clone(), options, shown)
+    }
+
+    fn bytes_within(&self, budget_gpu_bytes: u64) -> Option<u64> {
+        // What else the budget holds stays as large as it is.
+        let taken = self.shares.picture_bytes + self.shares.runs as u64 * RUN_BYTES as u64;
+        let taken = taken + self.shares.splats_bytes();
+        let pool_bytes = NodePool::bytes_within(budget_gpu_bytes.checked_sub(taken)?);
+        if pool_bytes == self.pool.bytes() {
+            return Some(pool_bytes);
+        }
+        // A page is one buffer, so that whole pages are freed.
+        let page_bytes = self.pool.page_bytes();
+        let pages_bytes = pool_bytes - pool_bytes % page_bytes;
+        let may_change = pages_bytes > 0 && pool_bytes <= self.pool.bytes();
+        may_change.then_some(pages_bytes)
+    }
+
+    fn resize(&mut self, _: u64) {
+        // Pages are allocated when they are written, and freed by `free_beyond`.
+    }
+
+    fn free_beyond(&mut self, bytes: u64) {
+        self.pool.free_beyond(bytes);
     }
 
     fn drain(&mut self, bytes_max: usize) {

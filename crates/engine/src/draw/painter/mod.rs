@@ -16,7 +16,7 @@ use esker_format::Forest;
 use esker_lod::{DepthFeedback, View};
 use esker_render::gpu::wgpu;
 use esker_render::{DrawNode, Picture, Stats};
-use esker_stream::{Cut, CutNode, Needs, Slot, StreamError, Streamer, Transfer};
+use esker_stream::{Cut, CutNode, Shown, Slot, StreamError, Streamer, Transfer};
 use std::sync::Arc;
 
 /// A drawn picture.
@@ -79,7 +79,7 @@ impl<'a> FrameInput<'a> {
     /// Classes of the points of all nodes, those around the picture last, where lights choose
     /// points by them.
     fn classes<P>(&self, plane: impl Fn(Slot) -> P) -> Vec<Option<P>> {
-        let Some(kind) = self.cut.needs.classes else { return Vec::new() };
+        let Some(kind) = self.cut.shown.needs.classes else { return Vec::new() };
         self.cut.lit_nodes().map(|node| node.slot(kind).map(&plane)).collect()
     }
 
@@ -115,8 +115,19 @@ pub(crate) trait Painter: Send {
         &self,
         file: Arc<Forest>,
         options: esker_stream::Options,
-        needs: Needs,
+        shown: Shown,
     ) -> Result<Streamer, StreamError>;
+
+    /// Bytes for planes within another budget (`Settings::budget_gpu_bytes`); `None` if drawing
+    /// memory cannot be changed so far while it is in use.
+    fn bytes_within(&self, budget_gpu_bytes: u64) -> Option<u64>;
+
+    /// Prepares drawing memory for this many bytes for planes, before the streamer is limited to
+    /// them.
+    fn resize(&mut self, drawing_bytes: u64);
+
+    /// Frees memory for planes from this byte on, which the newest cut does not draw from.
+    fn free_beyond(&mut self, bytes: u64);
 
     /// Takes landed runs of at most `bytes_max` bytes, but one if there is any. Never waits.
     fn drain(&mut self, bytes_max: usize);

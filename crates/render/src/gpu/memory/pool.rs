@@ -97,6 +97,13 @@ impl NodePool {
         Some((page as u32, (start / COPY_STEP) as u32))
     }
 
+    /// Frees the pages that begin at this byte or beyond it; no plane there is drawn any more. They
+    /// are allocated again when they are written.
+    pub fn free_beyond(&mut self, bytes: u64) {
+        let pages = bytes.div_ceil(self.page_bytes);
+        self.pages.truncate(usize::try_from(pages).unwrap_or(usize::MAX));
+    }
+
     /// Encodes a copy of `bytes` bytes of `source`, rounded up to whole words, to the address `to`.
     /// The commands must be submitted before the next frame or with it. A range that fits no page
     /// is not copied.
@@ -215,6 +222,13 @@ mod tests {
             assert!(pool.page(0).is_none() && pool.page(1).is_none(), "only what is used");
             assert_eq!(gpu.bytes(), before + pool.taken_bytes());
             assert!([512, 512 + 16].contains(&pool.taken_bytes()), "never more than the budget");
+            assert_eq!(&read(&gpu, pool.page(2).unwrap(), 256, 8), b"abcdefg\0");
+            pool.write(&gpu, 8, b"a").unwrap();
+            pool.free_beyond(2 * 4096);
+            assert_eq!((pool.place(plane), pool.place(at(8, 1))), (None, Some((0, 2))));
+            pool.free_beyond(0);
+            assert_eq!(gpu.bytes(), before);
+            pool.write(&gpu, plane.offset, b"abcdefg").unwrap();
             assert_eq!(&read(&gpu, pool.page(2).unwrap(), 256, 8), b"abcdefg\0");
             drop(pool);
             assert_eq!(gpu.bytes(), before);
