@@ -144,9 +144,8 @@ impl Cache {
         for (&node, entry) in &self.entries {
             let is_root = self.is_root(node);
             for p in entry.planes.iter().filter(|p| self.pool.is_beyond(p.slot)) {
-                let is_drawn = is_root
-                    && p.stamp == self.pass
-                    && self.resident(node, p.form) == Some(p.slot);
+                let is_drawn =
+                    is_root && p.stamp == self.pass && self.resident(node, p.form) == Some(p.slot);
                 if p.is_resident && !is_drawn {
                     gone.push((node, p.slot));
                 } else {

@@ -121,8 +121,7 @@ impl Chooser {
         let front = Arc::new(cut);
         self.shared.front.store(Arc::clone(&front));
         self.touch(&choice);
-        let is_within =
-            self.extent_bytes == self.options.drawing_bytes || self.cache.vacate();
+        let is_within = self.extent_bytes == self.options.drawing_bytes || self.cache.vacate();
         if is_within {
             self.extent_bytes = self.options.drawing_bytes;
         }
@@ -137,8 +136,7 @@ impl Chooser {
         if self.requests.is_empty() && !self.has_more && !waits && !follows {
             self.epoch += 1;
             let drawing_bytes = self.extent_bytes;
-            let cut =
-                Cut { epoch: self.epoch, settled: true, drawing_bytes, ..Cut::clone(&front) };
+            let cut = Cut { epoch: self.epoch, settled: true, drawing_bytes, ..Cut::clone(&front) };
             self.shared.front.store(Arc::new(cut));
         }
         follows
@@ -376,9 +374,7 @@ impl Chooser {
             surroundings,
             counters: selection.counters,
             drawing_bytes: self.extent_bytes,
-            complete: selection.missing.is_empty()
-                && !misses_residual
-                && self.shows_newest(),
+            complete: selection.missing.is_empty() && !misses_residual && self.shows_newest(),
             settled: false,
             lod_ms: began.elapsed().as_secs_f64() * 1000.0,
         }
@@ -457,7 +453,10 @@ impl Chooser {
 }
 
 /// Checks that the planes of the roots for all of `shown` fit drawing memory at the same time.
-pub(crate) fn check_roots(shown: &[(&Planes, &Needs)], options: &Options) -> Result<(), StreamError> {
+pub(crate) fn check_roots(
+    shown: &[(&Planes, &Needs)],
+    options: &Options,
+) -> Result<(), StreamError> {
     let Options { drawing_bytes, page_bytes, .. } = *options;
     let Some((planes, _)) = shown.first() else { return Ok(()) };
     let (mut bytes, mut longest) = (0, 0);

@@ -1,12 +1,13 @@
-//! Keeps the session behind the picture through changes of settings. A running session takes some
-//! of them; for the others it is closed and opened again on a thread, while the last picture stays.
-//! There are never two sessions at once, so that memory budgets hold.
+//! Keeps the session behind the picture through changes of settings. A running session takes most
+//! of them, once they are prepared on a thread; for the others it is closed and opened again on a
+//! thread, while the last picture stays. There are never two sessions at once, so that memory
+//! budgets hold.
 
 use crate::device::Device;
 use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
 use esker_engine::cameras::legend::Legend;
-use esker_engine::draw::options::Options;
+use esker_engine::draw::change::Change;
 use esker_engine::draw::session::{DrawnFrame, GpuBytes, Session};
 use esker_engine::machine::backend::Drawer;
 use esker_engine::{Cut, Forest, ForestFilter, Method, Picture, Status, View};
@@ -27,6 +28,10 @@ pub struct Scene {
     /// Size of the largest picture that is wanted, pixels.
     size: [u32; 2],
     state: State,
+    /// Change of settings that is being prepared for the running session.
+    change: Option<(Settings, Job<Change>)>,
+    /// Why the session cannot take the settings; it draws by the last ones that it took.
+    refusal: Option<String>,
     /// Until when a new session may load before its pictures are shown.
     hold_until: Option<Instant>,
     /// The views of the last picture, if that picture is final.
@@ -35,14 +40,14 @@ pub struct Scene {
 }
 
 enum State {
-    Opening(Opening),
+    Opening(Job<Session>),
     Running(Box<Session>),
     Failed(String),
 }
 
-/// A session that is being opened on another thread.
-struct Opening {
-    session: Receiver<Result<Session>>,
+/// Something that is being made on another thread.
+struct Job<T> {
+    result: Receiver<Result<T>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -71,7 +76,9 @@ impl Scene {
     /// Starts to open a session, for pictures of at most `size` pixels.
     pub fn new(file: Arc<Forest>, settings: Settings, device: Device, size: [u32; 2]) -> Self {
         let state = State::open(&file, &settings, &device, size);
-        Self { file, settings, device, size, state, hold_until: None, at_rest: None, reopened: 0 }
+        let (change, refusal, hold_until, at_rest) = (None, None, None, None);
+        let reopened = 0;
+        Self { file, settings, device, size, state, change, refusal, hold_until, at_rest, reopened }
     }
 
     /// The open file.
@@ -188,18 +195,42 @@ impl Scene {
         let same_meshes = light.meshes == self.settings.light.meshes;
         let known =
             Settings { method, shines, dots, light: light.clone(), ..self.settings.clone() };
-        let is_taken = known == settings && same_meshes;
+        let is_quick = known == settings && same_meshes && self.change.is_none();
         self.settings = settings;
         self.at_rest = None;
-        if let State::Running(session) = &mut self.state
-            && is_taken
-            && session.set_method(method)
-        {
+        self.refusal = None;
+        let State::Running(session) = &mut self.state else { return self.reopen() };
+        if is_quick && session.set_method(method) {
             session.set_shine(shines);
             session.set_dots(dots);
             session.set_light(light);
-        } else {
-            self.reopen();
+        } else if self.change.is_none() {
+            self.prepare();
+        }
+    }
+
+    /// Prepares a change to the present settings.
+    fn prepare(&mut self) {
+        let (file, settings) = (Arc::clone(&self.file), self.settings.clone());
+        match Job::start("esker-settings", move || Change::new(&file, settings)) {
+            Ok(job) => self.change = Some((self.settings.clone(), job)),
+            Err(error) => self.refusal = Some(format!("{error:#}")),
+        }
+    }
+
+    /// Makes a change once it is prepared, or opens another session for it.
+    fn take_change(&mut self) {
+        let Some(result) = self.change.as_mut().and_then(|(_, job)| job.poll()) else { return };
+        let prepared = self.change.take().map(|(settings, _)| settings);
+        let State::Running(session) = &mut self.state else { return };
+        let taken = result.and_then(|change| session.apply(change));
+        self.at_rest = None;
+        match taken {
+            // The settings have changed since.
+            _ if prepared.as_ref() != Some(&self.settings) => self.prepare(),
+            Ok(true) => {}
+            Ok(false) => self.reopen(),
+            Err(error) => self.refusal = Some(format!("{error:#}")),
         }
     }
 
@@ -228,6 +259,8 @@ impl Scene {
         // The old session ends before the new one takes its memory.
         self.state = State::Failed(String::new());
         self.state = State::open(&self.file, &self.settings, &self.device, self.size);
+        self.change = None;
+        self.refusal = None;
         self.hold_until = None;
         self.at_rest = None;
         self.reopened += 1;
@@ -250,6 +283,10 @@ impl Scene {
                 Some(Err(error)) => self.state = State::Failed(format!("{error:#}")),
             }
         }
+        self.take_change();
+        if let Some(fault) = &self.refusal {
+            return FrameOutcome::Failed(fault.clone());
+        }
         let session = match &mut self.state {
             State::Running(session) => session,
             State::Failed(fault) => return FrameOutcome::Failed(fault.clone()),
@@ -271,7 +308,8 @@ impl Scene {
         }
         match session.frame_from(&views.chosen, &views.seen) {
             Ok(frame) => {
-                self.at_rest = frame.is_final.then_some((views.chosen, views.seen));
+                let is_final = frame.is_final && self.change.is_none();
+                self.at_rest = is_final.then_some((views.chosen, views.seen));
                 FrameOutcome::New(Box::new(frame))
             }
             Err(error) => FrameOutcome::Failed(format!("{error:#}")),
@@ -281,39 +319,40 @@ impl Scene {
 
 impl State {
     fn open(file: &Arc<Forest>, settings: &Settings, device: &Device, size: [u32; 2]) -> Self {
-        match Opening::start(Arc::clone(file), device.options(settings, size)) {
+        let (file, options) = (Arc::clone(file), device.options(settings, size));
+        match Job::start("esker-session", move || Session::open(file, options)) {
             Ok(opening) => Self::Opening(opening),
             Err(error) => Self::Failed(format!("{error:#}")),
         }
     }
 }
 
-impl Opening {
-    fn start(file: Arc<Forest>, options: Options) -> Result<Self> {
-        let (sender, session) = sync_channel(1);
+impl<T: Send + 'static> Job<T> {
+    fn start(name: &str, make: impl FnOnce() -> Result<T> + Send + 'static) -> Result<Self> {
+        let (sender, result) = sync_channel(1);
         let work = move || {
-            // The receiver is gone if the window has closed; the session then ends here.
-            let _ = sender.send(Session::open(file, options));
+            // The receiver is gone if the window has closed; the result then ends here.
+            let _ = sender.send(make());
         };
         let thread = std::thread::Builder::new()
-            .name("esker-session".into())
+            .name(name.into())
             .spawn(work)
-            .context("cannot start a thread to open the session")?;
-        Ok(Self { session, thread: Some(thread) })
+            .with_context(|| format!("cannot start the thread {name}"))?;
+        Ok(Self { result, thread: Some(thread) })
     }
 
-    fn poll(&mut self) -> Option<Result<Session>> {
-        match self.session.try_recv() {
-            Ok(session) => Some(session),
+    fn poll(&mut self) -> Option<Result<T>> {
+        match self.result.try_recv() {
+            Ok(result) => Some(result),
             Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(Err(anyhow::anyhow!(
-                "the thread that opens the session has ended unexpectedly"
-            ))),
+            Err(TryRecvError::Disconnected) => {
+                Some(Err(anyhow::anyhow!("a thread of the window has ended unexpectedly")))
+            }
         }
     }
 }
 
-impl Drop for Opening {
+impl<T> Drop for Job<T> {
     fn drop(&mut self) {
         if let Some(thread) = self.thread.take() {
             // A panic was already reported by the thread.

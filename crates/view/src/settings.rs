@@ -1,6 +1,6 @@
 //! The settings that the user can change in the window: budgets, detail, method, colours, filter.
-//! The scene compares them as a whole, and opens its session again for changes that a running
-//! session cannot take.
+//! The scene compares them as a whole, and changes the running session, or opens another one where
+//! that takes one ([`esker_engine::draw::change`]).
 
 pub use esker_engine::draw::options::Settings;
 

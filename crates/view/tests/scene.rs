@@ -21,15 +21,15 @@ const SIZE: [u32; 2] = [160, 100];
 /// Number of points drawn for this view, or the fault.
 fn drawn(scene: &mut Scene, view: View) -> Result<u64, String> {
     let views = FrameViews { chosen: view, seen: view };
-    loop {
+    let mut points = 0;
+    while !scene.is_at_rest(&views) {
         match scene.frame(&views) {
-            FrameOutcome::New(frame) if frame.cut.settled && frame.is_of_view => {
-                return Ok(frame.stats.points_drawn);
-            }
+            FrameOutcome::New(frame) => points = frame.stats.points_drawn,
             FrameOutcome::Failed(fault) => return Err(fault),
             _ => std::thread::sleep(Duration::from_millis(1)),
         }
     }
+    Ok(points)
 }
 
 /// The sample scan.
@@ -65,6 +65,45 @@ fn a_filter_that_leaves_no_points_shows_none_until_another_filter_leaves_some() 
     scene.set(by(Filter { bounds: Some(half.parse().unwrap()), ..Filter::default() }));
     let some = drawn(&mut scene, view).unwrap();
     assert!(0 < some && some < all, "{some} of {all}");
+    assert_eq!(scene.reopened(), 0);
+}
+
+#[test]
+fn settings_change_the_running_session_and_its_nodes_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = creek(folder.path());
+    let bounds = info::bounds(&file);
+    let view = Camera::default().view(bounds, SIZE);
+    let views = FrameViews { chosen: view, seen: view };
+    let device = WindowPainter::default().device(Backend::Cpu);
+    let first = Settings::default();
+    let mut scene = Scene::new(file, first.clone(), device, SIZE);
+    drawn(&mut scene, view).unwrap();
+    let nodes = scene.status().nodes_resident;
+    let some = Filter { classes: Some("ground".parse().unwrap()), ..Filter::default() };
+    for changed in [
+        Settings { colour_by: Some("intensity".into()), ..first.clone() },
+        Settings { filter: some, ..first.clone() },
+        Settings { points_budget: 50_000, ..first.clone() },
+        Settings { budget_gpu_bytes: 64 << 20, occlusion: false, ..first.clone() },
+    ] {
+        scene.set(changed);
+        // Pictures go on while the change is prepared.
+        assert!(matches!(scene.frame(&views), FrameOutcome::New(_)));
+        assert!(scene.status().nodes_resident >= nodes);
+        drawn(&mut scene, view).unwrap();
+        assert_eq!(scene.reopened(), 0);
+    }
+    // What cannot be drawn is said until it is set otherwise, and the session stays.
+    scene.set(Settings { colour_by: Some("moisture".into()), ..first.clone() });
+    assert!(drawn(&mut scene, view).unwrap_err().contains("moisture"));
+    scene.set(first.clone());
+    assert!(drawn(&mut scene, view).unwrap() > 0);
+    assert_eq!(scene.reopened(), 0);
+    // Budgets that are too small are refused in the same way.
+    scene.set(Settings { budget_ram_bytes: 1 << 20, ..first });
+    assert!(drawn(&mut scene, view).unwrap_err().contains("--budget-ram"));
+    assert_eq!(scene.reopened(), 0);
 }
 
 /// Draws until the picture is at rest. Returns the number of pictures.

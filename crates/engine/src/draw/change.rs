@@ -169,10 +169,7 @@ impl Session {
         }
         // Runs are lent all the time, so that there are always as many.
         let of = |runs| {
-            let settings = Settings {
-                evens_exposure: self.had_exposure,
-                ..settings.clone()
-            };
+            let settings = Settings { evens_exposure: self.had_exposure, ..settings.clone() };
             Shares::of(&self.file, &Options { settings, runs, ..self.options.clone() })
         };
         of(self.options.runs)?;

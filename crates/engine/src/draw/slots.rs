@@ -143,7 +143,10 @@ mod tests {
         memory.resize(512);
         assert_eq!(memory.read(last), b"def", "until nothing is drawn from there");
         memory.free_beyond(512);
-        assert_eq!((memory.pages.len(), memory.read(last), memory.read(first)), (1, &b""[..], &b"abc"[..]));
+        assert_eq!(
+            (memory.pages.len(), memory.read(last), memory.read(first)),
+            (1, &b""[..], &b"abc"[..])
+        );
         assert_eq!(memory.pages[0].as_ref().unwrap().len(), 512, "never more than the budget");
         memory.resize(2 * PAGE_BYTES_MAX);
         let grown = slot(2 * PAGE_BYTES_MAX - 256, 3);

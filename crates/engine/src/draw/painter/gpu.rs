@@ -177,8 +177,8 @@ impl Painter for GpuPainter {
         let taken = self.shares.picture_bytes + self.shares.runs as u64 * RUN_BYTES as u64;
         let taken = taken + self.shares.splats_bytes();
         let pool_bytes = NodePool::bytes_within(budget_gpu_bytes.checked_sub(taken)?);
-        if pool_bytes == self.pool.bytes() {
-            return Some(pool_bytes);
+        if pool_bytes - pool_bytes % Slot::ALIGNMENT == self.pool.bytes() {
+            return Some(self.pool.bytes());
         }
         // A page is one buffer, so that whole pages are freed.
         let page_bytes = self.pool.page_bytes();
