@@ -6,6 +6,7 @@ use crate::output::Output;
 use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, ReadHow, Threads, method_parser};
 use clap::{Args as ClapArgs, Parser, Subcommand};
 use esker_engine::cameras::camera::Camera;
+use esker_engine::cameras::vertical::Vertical;
 use esker_engine::io::quantity;
 use esker_engine::{Method, PointSize, Window};
 use std::path::PathBuf;
@@ -183,6 +184,10 @@ pub struct Render {
     /// "ortho=fit"; nothing behind its eye is drawn.
     #[arg(long)]
     pub camera: Option<Camera>,
+    /// Axis that points upwards, in place of the camera's "up": x, y, z, -x, -y or -z. Without
+    /// either it is z, or guessed where PLY, PCD and E57 files name no coordinate system.
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    pub up: Option<Vertical>,
     /// Show the whole scan, whatever eye and target the camera names.
     #[arg(long)]
     pub fit: bool,

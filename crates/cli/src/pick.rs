@@ -6,6 +6,7 @@ use anyhow::Result;
 use clap::Args as ClapArgs;
 use esker_engine::calls::pick::report;
 use esker_engine::cameras::camera::Camera;
+use esker_engine::cameras::vertical::Vertical;
 use esker_engine::draw::scene::PictureRequest;
 use esker_engine::io::quantity;
 use esker_engine::{Filter, Method};
@@ -27,6 +28,9 @@ pub struct Pick {
     /// Camera of the picture, as in render.
     #[arg(long, default_value = "", hide_default_value = true)]
     pub camera: Camera,
+    /// Axis that points upwards, as in render.
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    pub up: Option<Vertical>,
     #[command(flatten)]
     pub filter: FilterArgs,
     #[command(flatten)]
@@ -41,7 +45,7 @@ pub fn run(args: Pick, stop: Arc<AtomicBool>) -> Result<()> {
     let request = PictureRequest {
         size: args.size,
         method: Method::default(),
-        camera: args.camera,
+        camera: Camera { up: args.up.map(Vertical::direction).or(args.camera.up), ..args.camera },
         filter: args.filter.over(Filter::default()),
         threads: args.how.threads.count,
         build: args.how.options(),

@@ -6,6 +6,7 @@ use crate::shared::note_built;
 use anyhow::{Result, ensure};
 use esker_engine::Method;
 use esker_engine::calls::{explain, render};
+use esker_engine::cameras::vertical::Vertical;
 use esker_engine::document::{self, Document};
 use esker_engine::draw::scene::PictureRequest;
 use esker_engine::io::visible::visible;
@@ -65,6 +66,10 @@ fn asked(args: &Render) -> Result<Asked> {
         None => (args.inputs.clone(), PictureRequest::of_options()),
     };
     let request = replaced(args, base);
+    ensure!(
+        args.up.is_none() || args.camera.is_none_or(|camera| camera.up.is_none()),
+        "--up and the up of --camera are two up directions: leave out one"
+    );
     args.light.check(request.method)?;
     let has_dots = args.point_size.is_some() || args.eye_dome.is_some();
     ensure!(
@@ -82,6 +87,7 @@ fn asked(args: &Render) -> Result<Asked> {
 /// A request with the options that are given in place of its own.
 fn replaced(args: &Render, base: PictureRequest) -> PictureRequest {
     let mut camera = args.camera.unwrap_or(base.camera);
+    camera.up = args.up.map(Vertical::direction).or(camera.up);
     if args.fit {
         (camera.eye, camera.target) = (None, None);
     }

@@ -109,10 +109,7 @@ impl View {
         }
     }
 
-    /// Looks along `direction` (from the eye into the scene) at a box, from the nearest position
-    /// that shows all of it with a small margin. Up is the world's z if possible. The box is
-    /// centred along the axis of the picture that limits the distance ([`View::centred`]: along
-    /// both). A box without extent is seen from distance 1.
+    /// [`View::fit_upright`] with the world's z upwards.
     pub fn fit(
         bounds_min: DVec3,
         bounds_max: DVec3,
@@ -121,10 +118,26 @@ impl View {
         width: u32,
         height: u32,
     ) -> Self {
+        let bounds = [bounds_min, bounds_max];
+        Self::fit_upright(bounds, direction, DVec3::Z, fovy_rad, [width, height])
+    }
+
+    /// Looks along `direction` (from the eye into the scene) at a box, given by its least and
+    /// greatest corner, from the nearest position that shows all of it with a small margin, with
+    /// `up` as far upwards as possible. The box is centred along the axis of the picture that
+    /// limits the distance ([`View::centred`]: along both). A box without extent is seen from
+    /// distance 1. `size` is that of the picture, pixels.
+    pub fn fit_upright(
+        [bounds_min, bounds_max]: [DVec3; 2],
+        direction: DVec3,
+        up: DVec3,
+        fovy_rad: f64,
+        [width, height]: [u32; 2],
+    ) -> Self {
         let centre = bounds_min.midpoint(bounds_max);
         let half = (bounds_max - bounds_min) * 0.5;
         let forward = direction_or(direction, DVec3::NEG_Z);
-        let world_from_view = axes(forward, DVec3::Z);
+        let world_from_view = axes(forward, up);
         let fovy_rad = clamp_fovy(fovy_rad);
         let tan_y = (fovy_rad * 0.5).tan();
         let tan = DVec2::new(tan_y * f64::from(width.max(1)) / f64::from(height.max(1)), tan_y);
@@ -145,7 +158,7 @@ impl View {
             distance = 1.0;
         }
         let target = centre + world_from_view * beside.extend(0.0);
-        Self::look_at(target - forward * distance, target, DVec3::Z, fovy_rad, width, height)
+        Self::look_at(target - forward * distance, target, up, fovy_rad, width, height)
     }
 
     /// Shifts the view so that a box, all of which is in front of the eye, has the same margin on

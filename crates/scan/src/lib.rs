@@ -34,6 +34,7 @@ pub mod system;
 mod text;
 pub mod write;
 
+pub use self::e57::turns::{Turn, turns};
 pub use error::ScanError;
 pub use folder::{FolderScans, scans_in};
 pub use las::crs::{EpsgCodes, epsg_codes, vertical_name};

@@ -335,6 +335,12 @@ fn text_of(crs: &str) -> Option<String> {
     Some(crs.to_owned()).filter(|text| !text.is_empty())
 }
 
+/// Coordinate reference system of a file as its first source that names one has it: OGC WKT, or
+/// the GeoTIFF keys in readable form.
+pub fn crs(forest: &Forest) -> Option<String> {
+    sources(forest).filter_map(|s| s.crs.as_ref()).find_map(|c| text_of(&c.text))
+}
+
 /// Unit of lengths in a file; none if no source names one, or they mix degrees and heights.
 pub fn unit(forest: &Forest) -> Option<String> {
     if forest.lattice().is_scaled() {
@@ -380,7 +386,7 @@ pub fn notes(forest: &Forest) -> Vec<String> {
 }
 
 /// Sources of all trees.
-fn sources(forest: &Forest) -> impl Iterator<Item = &SourceRecord> {
+pub(crate) fn sources(forest: &Forest) -> impl Iterator<Item = &SourceRecord> {
     forest.files().flat_map(|file| &file.metadata().sources)
 }
 

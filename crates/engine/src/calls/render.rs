@@ -4,6 +4,7 @@
 
 use crate::calls::{explain, info};
 use crate::cameras::legend::Legend;
+use crate::cameras::up::GuessedUp;
 use crate::draw::calibration;
 use crate::draw::choice;
 use crate::draw::empty_picture;
@@ -333,7 +334,9 @@ fn notes(
     let far = scene.leaves_out_far.then_some(
         "the view is fitted to nearly all points: a few lie far outside of it (esker info has the bounds of all)",
     );
-    Ok(nothing.into_iter().chain(exposure).chain(degrees).chain(away).chain(far).collect())
+    let up = scene.guessed_up.as_ref().map(GuessedUp::note);
+    let all = nothing.into_iter().chain(exposure).chain(degrees).chain(away).chain(far);
+    Ok(all.chain(up).collect())
 }
 
 impl RenderReport {

@@ -103,12 +103,9 @@ impl Camera {
     /// which need not be centred. It does not change, so that results of different versions
     /// compare.
     pub fn of_benchmarks(bounds: [[f64; 3]; 2], size: [u32; 2]) -> View {
-        Self::overview(bounds, oblique(DVec3::Z), FOVY_DEG.to_radians(), size)
-    }
-
-    fn overview(bounds: [[f64; 3]; 2], direction: DVec3, fovy: f64, size: [u32; 2]) -> View {
-        let [low, high] = bounds.map(DVec3::from_array);
-        View::fit(low, high, direction, fovy, size[0], size[1])
+        let bounds = bounds.map(DVec3::from_array);
+        let direction = oblique(DVec3::Z);
+        View::fit_upright(bounds, direction, DVec3::Z, FOVY_DEG.to_radians(), size)
     }
 
     /// The camera with places on the metric lattice, in place of the scan's coordinates. Directions
@@ -152,10 +149,11 @@ impl Camera {
             return View::look_at(eye, target, up, fovy, size[0], size[1]);
         }
         let direction = self.direction.unwrap_or_else(|| oblique(up));
-        if self.up.is_none() && self.target.is_none() {
-            return Self::overview(bounds, direction, fovy, size).centred(low, high);
+        if self.target.is_none() {
+            let view = View::fit_upright([low, high], direction, up, fovy, size);
+            return view.centred(low, high);
         }
-        // With another up direction or target: far enough for the sphere around the scan.
+        // Around another target: far enough for the sphere around the scan.
         let radius = (high - low).length() * 0.5 + target.distance(low.midpoint(high));
         let narrow = (fovy * 0.5).tan() * f64::from(size[0].min(size[1])) / f64::from(size[1]);
         let distance = if radius > 0.0 { radius / narrow.atan().sin() } else { 1.0 };

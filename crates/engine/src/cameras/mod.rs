@@ -8,4 +8,5 @@ pub mod legend;
 pub mod path;
 pub(crate) mod places;
 pub(crate) mod ranges;
+pub mod up;
 pub mod vertical;

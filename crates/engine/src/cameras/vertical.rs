@@ -2,6 +2,8 @@
 //! up direction of the camera; z unless the user gives another one.
 
 use glam::DVec3;
+use std::fmt;
+use std::str::FromStr;
 
 /// Names of the axes.
 pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
@@ -22,6 +24,26 @@ impl Default for Vertical {
 }
 
 impl Vertical {
+    /// The axis `axis` (0 for x, 1 for y, 2 for z), or the direction against it.
+    pub fn of(axis: usize, is_down: bool) -> Self {
+        Self { axis: axis.min(2), is_down }
+    }
+
+    /// 0 for x, 1 for y, 2 for z.
+    pub fn axis(self) -> usize {
+        self.axis
+    }
+
+    /// Whether elevations grow against the axis.
+    pub fn is_down(self) -> bool {
+        self.is_down
+    }
+
+    /// The direction in which elevations grow, unit length.
+    pub fn direction(self) -> DVec3 {
+        DVec3::AXES[self.axis] * if self.is_down { -1.0 } else { 1.0 }
+    }
+
     /// The axis that is nearest to `up`. Of several it is the last.
     pub fn nearest(up: DVec3) -> Self {
         let axis = (0..3).max_by(|&a, &b| up[a].abs().total_cmp(&up[b].abs())).unwrap_or(2);
@@ -49,9 +71,42 @@ impl Vertical {
     }
 }
 
+impl fmt::Display for Vertical {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}", if self.is_down { "-" } else { "" }, AXES[self.axis])
+    }
+}
+
+impl FromStr for Vertical {
+    type Err = String;
+
+    /// Parses `x`, `y`, `z`, `-x`, `-y` or `-z`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let word = text.trim().to_ascii_lowercase();
+        let (is_down, name) = word.strip_prefix('-').map_or((false, word.as_str()), |n| (true, n));
+        let axis = AXES.iter().position(|axis| *axis == name);
+        let axis = axis.ok_or_else(|| format!("`{text}` is none of x, y, z, -x, -y, -z"))?;
+        Ok(Self { axis, is_down })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn axes_are_read_as_they_are_written() {
+        for axis in 0..3 {
+            for is_down in [false, true] {
+                let vertical = Vertical::of(axis, is_down);
+                assert_eq!(vertical.to_string().parse(), Ok(vertical));
+                assert_eq!(Vertical::nearest(vertical.direction()), vertical);
+            }
+        }
+        for text in ["", "-", "w", "xy", "+z", "--z"] {
+            assert!(text.parse::<Vertical>().is_err(), "{text}");
+        }
+    }
 
     #[test]
     fn elevations_grow_along_the_axis_nearest_to_up() {

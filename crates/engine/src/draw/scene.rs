@@ -4,6 +4,7 @@
 use crate::calls::info;
 use crate::cameras::camera::Camera;
 use crate::cameras::places::fitted_bounds;
+use crate::cameras::up::{GuessedUp, upright};
 use crate::draw::frame::{Appearance, draw_node};
 use crate::draw::method::Method;
 use crate::draw::window::windowed;
@@ -186,6 +187,8 @@ pub struct PictureScene {
     pub lattice: Lattice,
     /// Whether the view is fitted to nearly all points, and a few lie far outside of it.
     pub leaves_out_far: bool,
+    /// The up direction, if the camera has none and another one than z was guessed.
+    pub guessed_up: Option<GuessedUp>,
     /// Nodes to draw, and their prefixes.
     pub selection: Selection,
     /// Planes of each node, in the order of the selection, and behind them those of the nodes in
@@ -235,7 +238,8 @@ impl PictureScene {
         let before = file.read_bytes();
         let bounds = bounds_of(file, &request.filter);
         let camera = request.camera.measured(file.lattice());
-        let (colour, vertical) = (colour_by.as_deref(), camera.vertical(bounds));
+        let (camera, vertical, guessed_up) = upright(file, camera, bounds);
+        let colour = colour_by.as_deref();
         let appearance = Appearance::new(file, colour, vertical, filter, *method, *shines)?;
         let appearance = appearance.evened(file, *evens_exposure)?.culled(request.culls_back);
         let appearance = appearance.dotted(request.dots).aimed(request.target_spacing_px);
@@ -281,6 +285,7 @@ impl PictureScene {
             window,
             lattice: *file.lattice(),
             leaves_out_far: fitted != bounds,
+            guessed_up,
             selection,
             planes: Vec::new(),
             appearance,

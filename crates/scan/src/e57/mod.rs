@@ -12,6 +12,7 @@ mod damage;
 mod fields;
 mod grid;
 mod packets;
+pub mod turns;
 mod values;
 mod xml;
 
@@ -160,7 +161,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     }
     let crs = reader.coordinate_metadata().map(str::trim).filter(|text| !text.is_empty());
     let xml = reader.xml().as_bytes();
-    let verbatim = (xml.len() <= XML_BYTES_MAX).then(|| ("E57 XML".into(), xml.to_vec()));
+    let verbatim = (xml.len() <= XML_BYTES_MAX).then(|| (turns::XML_BLOCK.into(), xml.to_vec()));
     let scans = match clouds.len() {
         1 => "one scan".to_owned(),
         n => format!("{n} scans"),
