@@ -24,7 +24,7 @@ use crate::viewer::{Viewer, pixels};
 use crate::{filters, progress, theme};
 use anyhow::Result;
 use eframe::egui::{
-    CentralPanel, Context, CursorIcon, Frame, Margin, Panel, RawInput, Rect, Sense, Ui,
+    CentralPanel, Context, CursorIcon, Event, Frame, Margin, Panel, RawInput, Rect, Sense, Ui,
     ViewportCommand,
 };
 use esker_engine::cameras::camera::Camera as CameraRequest;
@@ -75,6 +75,8 @@ pub struct App {
     /// Time of the last frame, seconds, if another one follows it without a pause.
     last_s: Option<f64>,
     milestones: Milestones,
+    /// Whether in this pass the pointer has moved and nothing else, and no picture was drawn.
+    has_only_pointed: bool,
     /// The run that a script controls, if there is one.
     run: Option<ScriptedRun>,
 }
@@ -169,6 +171,7 @@ impl App {
             last_s: None,
             milestones: Milestones::default(),
             run: script.map(ScriptedRun::new),
+            has_only_pointed: false,
         })
     }
 
@@ -321,6 +324,15 @@ impl App {
 
     fn now_s(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
+    /// Records that a pass took `cpu_ms` of CPU time and painted so many pixels of the window.
+    pub fn painted(&mut self, cpu_ms: f64, pixels: usize) {
+        if let Some(run) = &mut self.run
+            && std::mem::take(&mut self.has_only_pointed)
+        {
+            run.record.pointed.push([cpu_ms, pixels as f64]);
+        }
+    }
+
     }
 
     fn record_milestones(&mut self, now_s: f64) {
@@ -444,6 +456,9 @@ impl App {
         if is_filtered && self.counters.settled && self.counters.points == 0 {
             let all = progress::nothing_left(ui, rect);
             if all {
+        self.has_only_pointed = work.is_none()
+            && viewer.is_at_rest()
+            && ui.input(|i| matches!(i.events[..], [Event::PointerMoved(_)]));
                 filters::clear(ui.ctx(), &mut self.wanted);
             }
         }

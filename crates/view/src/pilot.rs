@@ -14,6 +14,9 @@ use std::path::PathBuf;
 /// Greatest share of a drag or of a turn of the wheel that is made in one frame.
 const STRIDE: f64 = 0.1;
 
+/// Movements of the pointer a second.
+const POINTS_A_SECOND: f64 = 60.0;
+
 /// What the window does beside handling the input.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Order {
@@ -208,6 +211,17 @@ impl Pilot {
                     events.push(Event::ModifiersChanged(Modifiers::default()));
                 }
                 t >= 1.0
+            }
+            Step::Point { from, to, seconds: length } => {
+                // As often as a mouse moves, not as often as the window is drawn.
+                let moves = (*length * POINTS_A_SECOND).max(1.0);
+                let t = ((seconds / length.max(1e-3)).min(1.0) * moves).floor() / moves;
+                if begins || t > self.share {
+                    let now = [0, 1].map(|i| from[i] + (to[i] - from[i]) * t);
+                    events.push(Event::PointerMoved(at(now)));
+                }
+                self.share = t;
+                t >= 1.0 || seconds >= *length
             }
             Step::Wheel { at: position, points, seconds: length } => {
                 let t = share(*length);

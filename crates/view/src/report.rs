@@ -60,6 +60,9 @@ pub struct Record {
     pub anon_bytes_peak: u64,
     /// Number of times that the render thread waited for another thread.
     pub stalls: u64,
+    /// CPU time, milliseconds, and pixels that were painted, of each pass in which the pointer moved
+    /// over a picture at rest.
+    pub pointed: Vec<[f64; 2]>,
     /// Faults, each once.
     pub faults: Vec<String>,
 }
@@ -88,8 +91,16 @@ impl Record {
         };
         let is_resident = self.flights.len() > 1
             && last.is_some_and(|flight| flight.read_bytes[0] == flight.read_bytes[1]);
+        let pointed = |of: usize| {
+            let at = |share| quantile(self.pointed.iter().map(|pass| pass[of]), share);
+            json!({ "p50": at(0.5), "p99": at(0.99), "max": at(1.0) })
+        };
+        let pointed = (!self.pointed.is_empty()).then(
+            || json!({ "passes": self.pointed.len(), "cpu_ms": pointed(0), "pixels": pointed(1) }),
+        );
         json!({
             "flights": self.flights.iter().map(Flight::json).collect::<Vec<_>>(),
+            "pointed": pointed,
             "last_is_resident": is_resident,
             "p99_loading_over_resident": ratio,
             "drawing_bytes_peak": self.drawing_bytes_peak,

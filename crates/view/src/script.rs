@@ -78,6 +78,15 @@ pub enum Step {
         /// Duration.
         seconds: f64,
     },
+    /// Moves the pointer, without a button.
+    Point {
+        /// Position at the start.
+        from: [f64; 2],
+        /// Position at the end.
+        to: [f64; 2],
+        /// Duration.
+        seconds: f64,
+    },
     /// Turns the wheel.
     Wheel {
         /// Position of the pointer.
@@ -206,7 +215,9 @@ impl Step {
                 (*seconds, &[])
             }
             Self::Press { key: name } => (key(name).map(|_| 0.0)?, &[]),
-            Self::Drag { from, to, seconds, .. } => (*seconds, &[*from, *to]),
+            Self::Drag { from, to, seconds, .. } | Self::Point { from, to, seconds } => {
+                (*seconds, &[*from, *to])
+            }
             Self::Wheel { at, points, seconds } => {
                 ensure!(points.is_finite(), "the `points` of a wheel must be a finite number");
                 (*seconds, &[*at])

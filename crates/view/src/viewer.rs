@@ -487,7 +487,7 @@ impl Viewer {
     }
 
     /// Whether the picture is final: nothing more is loaded for the view.
-    fn is_at_rest(&self) -> bool {
+    pub fn is_at_rest(&self) -> bool {
         self.scene.as_ref().is_some_and(|scene| scene.is_at_rest(&self.views()))
     }
 

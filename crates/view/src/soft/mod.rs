@@ -1,16 +1,22 @@
-//! A window without a graphics driver: winit opens it, the CPU paints egui's meshes, softbuffer
-//! shows the pixels.
+//! A window without a graphics driver: winit opens it, the CPU paints egui's meshes where they have
+//! changed, softbuffer shows the pixels.
 
+mod clip;
+mod damage;
 mod painter;
 
 use crate::app::App;
 use crate::device::WindowPainter;
 use crate::theme;
 use anyhow::{Context as _, Result, anyhow};
+use clip::Clip;
+use damage::damage;
+use eframe::egui::epaint::ClippedPrimitive;
 use eframe::egui::{
     ColorImage, Context, FullOutput, ScreenshotCallback, ViewportBuilder, ViewportCommand,
     ViewportId,
 };
+use esker_engine::machine::system;
 use painter::{Painter, Target};
 use softbuffer::Surface;
 use std::num::NonZeroU32;
@@ -55,6 +61,8 @@ struct OpenWindow {
     surface: Surface<OwnedDisplayHandle, Rc<Window>>,
     state: egui_winit::State,
     painter: Painter,
+    /// Meshes of the last frame, and its scale and size, pixels.
+    last: Option<(Vec<ClippedPrimitive>, f32, [usize; 2])>,
     /// When the next pass of egui is due.
     due: Option<Instant>,
 }
@@ -109,6 +117,7 @@ impl Shell {
 
     fn pass(&mut self, event_loop: &ActiveEventLoop) -> Result<()> {
         let Some(open) = &mut self.open else { return Ok(()) };
+        let began_ms = system::cpu_ms();
         let mut input = open.state.take_egui_input(&open.window);
         self.app.input(&self.ctx, &mut input);
         let app = &mut self.app;
@@ -125,7 +134,10 @@ impl Shell {
             }
         }
         let delay = output.viewport_output.get(&ViewportId::ROOT).map(|v| v.repaint_delay);
-        open.paint(&self.ctx, output, shots)?;
+        let pixels = open.paint(&self.ctx, output, shots)?;
+        if let (Some(began), Some(ended)) = (began_ms, system::cpu_ms()) {
+            self.app.painted(ended - began, pixels);
+        }
         open.repaint_after(event_loop, delay.unwrap_or(Duration::MAX));
         Ok(())
     }
@@ -150,20 +162,22 @@ impl OpenWindow {
             event_loop.system_theme(),
             None,
         );
-        Ok(Self { window, surface, state, painter: Painter::default(), due: None })
+        Ok(Self { window, surface, state, painter: Painter::default(), last: None, due: None })
     }
 
+    /// Paints what has changed since the last frame. Returns the number of pixels.
     fn paint(
         &mut self,
         ctx: &Context,
         output: FullOutput,
         shots: Vec<ScreenshotCallback>,
-    ) -> Result<()> {
+    ) -> Result<usize> {
         self.state.handle_platform_output(&self.window, output.platform_output);
         let mut textures = output.textures_delta;
-        self.painter.take(&mut textures);
+        let changed = self.painter.take(&mut textures);
         let scale = output.pixels_per_point;
         let primitives = ctx.tessellate(output.shapes, scale);
+        let mut painted = 0;
         let size = self.window.inner_size();
         if let (Some(width), Some(height)) =
             (NonZeroU32::new(size.width), NonZeroU32::new(size.height))
@@ -173,21 +187,34 @@ impl OpenWindow {
             self.surface.resize(width, height).map_err(fault)?;
             let mut buffer = self.surface.buffer_mut().map_err(fault)?;
             let [r, g, b, _] = theme::GROUND.to_array().map(u32::from);
-            buffer.fill(r << 16 | g << 8 | b);
             let [width, height] = [size.width as usize, size.height as usize];
-            self.painter.paint(
-                &primitives,
-                scale,
-                &mut Target { width, height, pixels: &mut buffer },
-            );
+            let size = [width, height];
+            // A buffer of age 1 has the last frame.
+            let is_kept = |last: &&(Vec<_>, f32, [usize; 2])| (last.1, last.2) == (scale, size);
+            let damaged = match self.last.as_ref().filter(is_kept) {
+                Some((last, ..)) if buffer.age() == 1 => {
+                    damage(last, &primitives, &changed, scale, size)
+                }
+                _ => vec![Clip::whole(size)],
+            };
+            let mut target = Target { width, height, pixels: &mut buffer };
+            for clip in &damaged {
+                target.clear(*clip, r << 16 | g << 8 | b);
+                self.painter.paint(&primitives, scale, *clip, &mut target);
+                painted += clip.pixels();
+            }
             if !shots.is_empty() {
-                let image = Arc::new(image_of(&buffer, [width, height]));
+                let image = Arc::new(image_of(&buffer, size));
                 shots.into_iter().for_each(|shot| shot.complete(Arc::clone(&image)));
             }
-            buffer.present().map_err(fault)?;
+            let rects: Vec<softbuffer::Rect> = damaged.into_iter().filter_map(rect_of).collect();
+            if !rects.is_empty() {
+                buffer.present_with_damage(&rects).map_err(fault)?;
+            }
+            self.last = Some((primitives, scale, size));
         }
         self.painter.free(&mut textures);
-        Ok(())
+        Ok(painted)
     }
 
     /// Schedules the next pass after `delay`.
@@ -199,6 +226,18 @@ impl OpenWindow {
         self.due = Instant::now().checked_add(delay);
         event_loop.set_control_flow(self.due.map_or(ControlFlow::Wait, ControlFlow::WaitUntil));
     }
+}
+
+/// A rectangle for softbuffer; `None` if it has no pixel.
+fn rect_of(clip: Clip) -> Option<softbuffer::Rect> {
+    let [x, y] = [clip.x, clip.y].map(|[from, to]| (from, to - from));
+    let length = |length: i64| u32::try_from(length).ok().and_then(NonZeroU32::new);
+    Some(softbuffer::Rect {
+        x: u32::try_from(x.0).ok()?,
+        y: u32::try_from(y.0).ok()?,
+        width: length(x.1)?,
+        height: length(y.1)?,
+    })
 }
 
 fn image_of(pixels: &[u32], size: [usize; 2]) -> ColorImage {

@@ -1,10 +1,12 @@
 //! Paints egui's meshes on the CPU: triangles row by row, texture times vertex colour, blended as
 //! premultiplied colours in gamma space, as egui defines them. Used on machines without a graphics
-//! driver.
+//! driver. The colour of a pixel does not depend on the rectangle that is painted, so that parts of
+//! the window can be painted again.
 
+use super::clip::Clip;
 use eframe::egui::epaint::{ClippedPrimitive, ImageDelta, Mesh, Primitive, Vertex};
-use eframe::egui::{Color32, ImageData, Rect, TextureFilter, TextureId, TexturesDelta};
-use std::collections::HashMap;
+use eframe::egui::{Color32, ImageData, TextureFilter, TextureId, TexturesDelta};
+use std::collections::{HashMap, HashSet};
 
 /// A picture of 0RGB pixels, in rows.
 pub struct Target<'a> {
@@ -31,25 +33,38 @@ struct Texture {
     is_linear: bool,
 }
 
-/// Rectangle of the picture that may be painted, pixels.
-#[derive(Clone, Copy)]
-struct Clip {
-    x: [i64; 2],
-    y: [i64; 2],
-}
-
 /// Values that are interpolated over a triangle: texture coordinates in texels, and colour, 0 to
 /// 255.
 #[derive(Clone, Copy, Default)]
 struct Varying([f32; 6]);
 
+impl Target<'_> {
+    /// Fills a rectangle with a colour.
+    pub fn clear(&mut self, clip: Clip, colour: u32) {
+        let clip = clip.within(Clip::whole([self.width, self.height]));
+        if clip.is_empty() {
+            return;
+        }
+        let [x, y] = [clip.x, clip.y].map(|side| side.map(|v| v as usize));
+        for row in y[0]..y[1] {
+            self.pixels[row * self.width + x[0]..row * self.width + x[1]].fill(colour);
+        }
+    }
+}
+
 impl Painter {
-    /// Applies new and changed textures.
-    pub fn take(&mut self, delta: &mut TexturesDelta) {
+    /// Applies new and changed textures. Returns those in which texels have changed that meshes may
+    /// have used; a new letter in an empty place of a font is no such change.
+    pub fn take(&mut self, delta: &mut TexturesDelta) -> HashSet<TextureId> {
+        let mut changed = HashSet::new();
         for (id, deltas) in delta.set.drain() {
             let texture = self.textures.entry(id).or_default();
-            deltas.iter().for_each(|delta| texture.change(delta));
+            let is_changed = |delta: &ImageDelta| texture.change(delta);
+            if deltas.iter().map(is_changed).fold(false, |any, one| any | one) {
+                changed.insert(id);
+            }
         }
+        changed
     }
 
     /// Removes textures that are no longer used.
@@ -59,13 +74,20 @@ impl Painter {
         }
     }
 
-    /// Paints meshes over the picture; `scale` is pixels per point.
-    pub fn paint(&self, primitives: &[ClippedPrimitive], scale: f32, target: &mut Target<'_>) {
+    /// Paints meshes over the pixels of the picture within `part`; `scale` is pixels per point.
+    pub fn paint(
+        &self,
+        primitives: &[ClippedPrimitive],
+        scale: f32,
+        part: Clip,
+        target: &mut Target<'_>,
+    ) {
+        let size = [target.width, target.height];
         for ClippedPrimitive { clip_rect, primitive } in primitives {
             let Primitive::Mesh(mesh) = primitive else { continue };
             let Some(texture) = self.textures.get(&mesh.texture_id) else { continue };
-            let clip = Clip::of(*clip_rect, scale, target);
-            if mesh.is_valid() && clip.x[0] < clip.x[1] && clip.y[0] < clip.y[1] {
+            let clip = Clip::of(*clip_rect, scale, size).within(part);
+            if !clip.is_empty() && mesh.is_valid() {
                 paint_mesh(mesh, texture, scale, clip, target);
             }
         }
@@ -73,22 +95,28 @@ impl Painter {
 }
 
 impl Texture {
-    fn change(&mut self, delta: &ImageDelta) {
+    /// Applies a change. Returns whether texels have changed that were not empty.
+    fn change(&mut self, delta: &ImageDelta) -> bool {
         let ImageData::Color(image) = &delta.image;
         self.is_linear = delta.options.magnification == TextureFilter::Linear;
         let Some([x, y]) = delta.pos else {
             self.size = image.size;
             self.pixels.clone_from(&image.pixels);
-            return;
+            return true;
         };
         let [width, height] = image.size;
         if x + width > self.size[0] || y + height > self.size[1] {
-            return;
+            return false;
         }
+        let mut is_changed = false;
         for row in 0..height {
             let to = (y + row) * self.size[0] + x;
-            self.pixels[to..to + width].copy_from_slice(&image.pixels[row * width..][..width]);
+            let (old, new) =
+                (&mut self.pixels[to..to + width], &image.pixels[row * width..][..width]);
+            is_changed |= old.iter().zip(new).any(|(a, b)| a != b && *a != Color32::TRANSPARENT);
+            old.copy_from_slice(new);
         }
+        is_changed
     }
 
     /// Colour at a place, in texels: of the nearest one, or between those around.
@@ -121,18 +149,6 @@ impl Texture {
     }
 }
 
-impl Clip {
-    fn of(rect: Rect, scale: f32, target: &Target<'_>) -> Self {
-        let side = |from: f32, to: f32, most: usize| {
-            [from, to].map(|v| ((v * scale).round() as i64).clamp(0, most as i64))
-        };
-        Self {
-            x: side(rect.min.x, rect.max.x, target.width),
-            y: side(rect.min.y, rect.max.y, target.height),
-        }
-    }
-}
-
 impl Varying {
     fn of(vertex: &Vertex, texture: &Texture) -> Self {
         let [r, g, b, a] = vertex.color.to_array().map(f32::from);
@@ -149,6 +165,12 @@ fn paint_mesh(mesh: &Mesh, texture: &Texture, scale: f32, clip: Clip, target: &m
     for triangle in mesh.triangles() {
         let corners = triangle.map(|i| mesh.vertices[i as usize]);
         let at = corners.map(|v| [v.pos.x * scale, v.pos.y * scale]);
+        let is_beside = |side: usize, [from, to]: [i64; 2]| {
+            at.iter().all(|p| p[side] < from as f32) || at.iter().all(|p| p[side] > to as f32)
+        };
+        if is_beside(0, clip.x) || is_beside(1, clip.y) {
+            continue;
+        }
         if at.iter().flatten().all(|v| v.is_finite()) {
             paint_triangle(at, corners.map(|v| Varying::of(&v, texture)), texture, clip, target);
         }
@@ -197,16 +219,15 @@ fn paint_triangle(
         if from >= to {
             continue;
         }
-        let first = varying[0].plus(by_x, from as f32 + 0.5 - a[0]).plus(by_y, y - a[1]);
         let start = row as usize * target.width;
         let line = &mut target.pixels[start + from as usize..start + to as usize];
         if is_plain {
-            fill(line, colour(first, texture));
+            fill(line, colour(varying[0], texture));
         } else {
-            let mut now = first;
-            for pixel in line {
+            let row = varying[0].plus(by_y, y - a[1]);
+            for (x, pixel) in (from..).zip(line) {
+                let now = row.plus(by_x, x as f32 + 0.5 - a[0]);
                 *pixel = blend(*pixel, colour(now, texture));
-                now = now.plus(by_x, 1.0);
             }
         }
     }
@@ -245,7 +266,7 @@ fn blend(below: u32, [r, g, b, a]: [u32; 4]) -> u32 {
 mod tests {
     use super::*;
     use eframe::egui::epaint::{Primitive, WHITE_UV};
-    use eframe::egui::{ColorImage, TextureOptions, pos2, vec2};
+    use eframe::egui::{ColorImage, Rect, TextureOptions, pos2, vec2};
     use std::sync::Arc;
 
     fn white() -> Painter {
@@ -264,7 +285,7 @@ mod tests {
         let primitive = ClippedPrimitive { clip_rect: clip, primitive: Primitive::Mesh(mesh) };
         let mut pixels = vec![below; 16 * 8];
         let mut target = Target { width: 16, height: 8, pixels: &mut pixels };
-        white().paint(&[primitive], 1.0, &mut target);
+        white().paint(&[primitive], 1.0, Clip::whole([16, 8]), &mut target);
         pixels
     }
 
@@ -297,11 +318,8 @@ mod tests {
             let primitive = Primitive::Mesh(mesh);
             let primitives = [ClippedPrimitive { clip_rect: Rect::EVERYTHING, primitive }];
             let mut pixels = vec![0; size];
-            painter.paint(
-                &primitives,
-                1.0,
-                &mut Target { width: size, height: 1, pixels: &mut pixels },
-            );
+            let mut target = Target { width: size, height: 1, pixels: &mut pixels };
+            painter.paint(&primitives, 1.0, Clip::whole([size, 1]), &mut target);
             pixels.into_iter().map(|pixel| pixel & 255).collect()
         };
         assert_eq!(row(TextureOptions::NEAREST, 8), [0, 0, 0, 0, 200, 200, 200, 200]);
