@@ -119,13 +119,14 @@ impl App {
     /// If the script cannot be read, or the thread cannot be started.
     pub fn new(args: Args, start: Instant) -> Result<Self> {
         anyhow::ensure!(
-            args.camera.ortho.is_none(),
-            "the window has no parallel (orthographic) camera: esker render draws pictures with one"
+            args.up.is_none() || args.camera.up.is_none(),
+            "--up and the up of --camera are two up directions: leave out one"
         );
         let wanted = Settings {
             method: args.method,
             colour_by: args.colour.clone(),
-            vertical: args.camera.up.map_or_else(Vertical::default, Vertical::nearest),
+            // Set when the file is open.
+            vertical: Vertical::default(),
             filter: args.filter(),
             shines: !args.no_highlights,
             light: args.light(),
@@ -170,8 +171,8 @@ impl App {
             anon_bytes: (f64::NEG_INFINITY, 0),
             last_s: None,
             milestones: Milestones::default(),
-            run: script.map(ScriptedRun::new),
             has_only_pointed: false,
+            run: script.map(ScriptedRun::new),
         })
     }
 
@@ -258,6 +259,7 @@ impl App {
     fn open_files(&mut self, ctx: &Context, inputs: Vec<PathBuf>) {
         if inputs != self.args.inputs {
             self.args.camera = CameraRequest::default();
+            self.args.up = None;
             filters::clear(ctx, &mut self.wanted);
             self.wanted.colour_by = None;
         }
@@ -322,8 +324,6 @@ impl App {
         fault.map_or(Ok(()), |fault| Err(anyhow::anyhow!(fault)))
     }
 
-    fn now_s(&self) -> f64 {
-        self.start.elapsed().as_secs_f64()
     /// Records that a pass took `cpu_ms` of CPU time and painted so many pixels of the window.
     pub fn painted(&mut self, cpu_ms: f64, pixels: usize) {
         if let Some(run) = &mut self.run
@@ -333,6 +333,8 @@ impl App {
         }
     }
 
+    fn now_s(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
     }
 
     fn record_milestones(&mut self, now_s: f64) {
@@ -363,6 +365,7 @@ impl App {
             Some(Ok(opened)) => {
                 let is_coarser = self.run.as_ref().is_none_or(ScriptedRun::is_coarser_moving);
                 let viewer = Viewer::new(opened, &self.args, &self.window_painter, is_coarser);
+                self.wanted.vertical = viewer.vertical();
                 let title = format!("{} - {TITLE}", viewer.name());
                 ctx.send_viewport_cmd(ViewportCommand::Title(title));
                 self.stage = Stage::Viewing(Box::new(viewer));
@@ -406,6 +409,8 @@ impl App {
             picture: viewer.picture_size(),
             speed: viewer.camera().pace(),
             has_fixed_speed: viewer.camera().has_fixed_pace(),
+            is_parallel: viewer.camera().is_parallel(),
+            up_note: viewer.up_note(),
             is_frozen: viewer.is_frozen(),
             faults: &faults,
             message: self.shots.message(),
@@ -451,14 +456,14 @@ impl App {
         }
         viewer.update_session(ui.ctx(), &self.wanted, self.shots.is_requested(), now_s);
         let work = viewer.draw(ui, now_s, &mut self.counters, &mut self.shots);
+        self.has_only_pointed = work.is_none()
+            && viewer.is_at_rest()
+            && ui.input(|i| matches!(i.events[..], [Event::PointerMoved(_)]));
         viewer.paint(ui);
         let is_filtered = self.wanted.filter != Filter::default();
         if is_filtered && self.counters.settled && self.counters.points == 0 {
             let all = progress::nothing_left(ui, rect);
             if all {
-        self.has_only_pointed = work.is_none()
-            && viewer.is_at_rest()
-            && ui.input(|i| matches!(i.events[..], [Event::PointerMoved(_)]));
                 filters::clear(ui.ctx(), &mut self.wanted);
             }
         }
@@ -494,6 +499,9 @@ impl App {
         let Stage::Viewing(viewer) = &mut self.stage else { return };
         match command {
             Command::Fit => viewer.go_home(),
+            Command::Look(side) => viewer.look_from(side),
+            Command::Parallel => viewer.toggle_parallel(),
+            Command::Hud => viewer.toggle_hud(),
             Command::Picture => self.shots.request(None, viewer.name()),
             Command::NextMethod => {
                 self.wanted.method = match self.wanted.method {

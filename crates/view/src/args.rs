@@ -3,6 +3,7 @@
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, ValueEnum};
 use esker_engine::cameras::camera::Camera;
+use esker_engine::cameras::vertical::Vertical;
 use esker_engine::draw::method::{DEFAULT_METHOD, METHODS, method_of_name};
 use esker_engine::io::{polygon, quantity};
 use esker_engine::light::settings::{Gloss, LightSettings};
@@ -44,9 +45,14 @@ pub struct Args {
     #[arg(long, value_name = "REFLECTANCE[,ROUGHNESS]")]
     pub gloss: Option<Gloss>,
     /// Where the camera is at the start, such as "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the
-    /// scan's coordinates. Each part may be missing.
+    /// scan's coordinates. Each part may be missing. With "ortho=HEIGHT" or "ortho=fit" in place of
+    /// fovy the picture is parallel (orthographic).
     #[arg(long, default_value = "", hide_default_value = true)]
     pub camera: Camera,
+    /// Axis that points upwards: x, y, z, -x, -y or -z. Without it and the camera's "up" it is z,
+    /// or guessed where PLY, PCD and E57 files name no coordinate system.
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    pub up: Option<Vertical>,
     /// What gives points their colour: rgb, intensity, elevation (along the camera's up), x, y, z,
     /// classification, return_number, number_of_returns, source_id, time, normal, level, depth,
     /// plain, or the name of any attribute. A range of values may follow, such as

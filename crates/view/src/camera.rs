@@ -2,8 +2,10 @@
 //! point. Seconds and pixels go in, a pose comes out; nothing depends on a window or a clock.
 //! Arithmetic is `f64` relative to the eye, so that the picture does not shake at coordinates of
 //! 10^7. Velocities and zooms decay exponentially in time, so that the path does not depend on the
-//! frame rate.
+//! frame rate. A parallel (orthographic) picture shows lengths as a perspective one shows those at
+//! the viewing distance, so that zooming and flying ahead change the height of the picture.
 
+use esker_engine::View;
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
 
@@ -18,9 +20,12 @@ const ZOOM_LEFT: f64 = 1.5e-3;
 /// Least speed of flying, in sizes of the scene a second at a speed of 1: near walls the viewing
 /// distance goes to zero.
 const PACE_MIN: f64 = 0.01;
+/// Field of view of the perspective picture that takes the place of a parallel one, radians.
+const PARALLEL_FOVY_RAD: f64 = std::f64::consts::FRAC_PI_3;
 /// Duration of a glide, seconds.
 const GLIDE_S: f64 = 0.7;
-/// Steepest pitch, radians; a camera that looks straight up or down has no heading.
+/// Steepest pitch that turning leads to, radians. The pose of a view from above is steeper; its
+/// heading is its yaw.
 const PITCH_MAX_RAD: f64 = FRAC_PI_2 - 1e-3;
 /// Share of the distance to a point that is left after flying to it.
 const NEARER: f64 = 0.3;
@@ -113,11 +118,15 @@ impl MoveLimits {
 pub struct Camera {
     frame: Frame,
     limits: MoveLimits,
+    /// Box of the scene, if it is known.
+    bounds: Option<[DVec3; 2]>,
     pose: Pose,
     home: Pose,
     /// Viewing distance of the first view.
     home_distance: f64,
     fovy_rad: f64,
+    /// Whether the picture is a parallel one.
+    is_parallel: bool,
     /// Viewing distance: distance to the scene, which a speed of 1 covers in a second.
     distance: f64,
     speed: f64,
@@ -136,8 +145,8 @@ struct Glide {
     to: Pose,
     /// Point that the movement approaches; its distance shrinks by equal ratios in equal times.
     centre: DVec3,
-    /// Viewing distance at the end.
-    distance: f64,
+    /// Viewing distances at the start and at the end.
+    distances: [f64; 2],
     seconds: f64,
 }
 
@@ -152,10 +161,12 @@ impl Camera {
         Self {
             frame,
             limits: MoveLimits { middle: target, size: distance },
+            bounds: None,
             pose,
             home: pose,
             home_distance: distance,
             fovy_rad,
+            is_parallel: false,
             distance,
             speed: 1.0,
             fixed_pace: None,
@@ -165,6 +176,37 @@ impl Camera {
         }
     }
 
+    /// Makes a camera with the picture of `view`. Without a target, its viewing distance is that of
+    /// the middle of the scene, whose bounds are `scene`.
+    pub fn of_view(view: &View, up: DVec3, target: Option<DVec3>, scene: [DVec3; 2]) -> Self {
+        /// Least viewing distance, the file's unit.
+        const NEAREST: f64 = 1e-6;
+        let (ahead, middle) = (view.forward(), scene[0].midpoint(scene[1]));
+        let camera = match view.parallel_at {
+            None => {
+                let distance = view.eye.distance(target.unwrap_or(middle)).max(NEAREST);
+                Self::new(view.eye, view.eye + ahead * distance, up, view.fovy_rad)
+            }
+            Some(depth) => {
+                let height = 2.0 * depth * view.tan_half().y;
+                let distance = height * 0.5 / (PARALLEL_FOVY_RAD * 0.5).tan();
+                let eye = view.eye + ahead * (view.depth(middle) - distance);
+                let camera = Self::new(eye, eye + ahead * distance, up, PARALLEL_FOVY_RAD);
+                Self { is_parallel: true, ..camera }
+            }
+        };
+        let pitch = ahead.dot(camera.frame.up).clamp(-1.0, 1.0).asin();
+        if pitch.abs() <= PITCH_MAX_RAD {
+            return camera.with_scene(scene);
+        }
+        // What is upwards in the picture of a view straight down lies ahead, and of one straight up
+        // behind.
+        let heading = view.world_from_view.y_axis * -pitch.signum();
+        let (yaw, _) = camera.frame.angles(heading, 0.0);
+        let pose = Pose { yaw, pitch, ..camera.pose };
+        Self { pose, home: pose, ..camera }.with_scene(scene)
+    }
+
     /// Sets the bounds of the scene.
     pub fn with_scene(self, [low, high]: [DVec3; 2]) -> Self {
         let middle = low.midpoint(high);
@@ -172,7 +214,8 @@ impl Camera {
         let Some(size) = positive(size) else { return self };
         let limits = MoveLimits { middle, size };
         let distance = limits.clamp_distance(self.home_distance);
-        Self { limits, home_distance: distance, distance, ..self }
+        let bounds = Some([low, high]);
+        Self { limits, bounds, home_distance: distance, distance, ..self }
     }
 
     /// Present pose.
@@ -203,6 +246,61 @@ impl Camera {
     /// Vertical field of view, radians.
     pub fn fovy_rad(&self) -> f64 {
         self.fovy_rad
+    }
+
+    /// Whether the picture is a parallel (orthographic) one.
+    pub fn is_parallel(&self) -> bool {
+        self.is_parallel
+    }
+
+    /// Makes the picture a parallel one, or a perspective one. What lies at the eye depth `depth`
+    /// keeps its size.
+    pub fn set_parallel(&mut self, is_parallel: bool, depth: f64) {
+        if is_parallel == self.is_parallel {
+            return;
+        }
+        self.stop_animation();
+        self.velocity = DVec3::ZERO;
+        if is_parallel {
+            self.distance = self.limits.clamp_distance(positive(depth).unwrap_or(self.distance));
+        } else if depth.is_finite() {
+            // To the viewing distance from what lies at this depth.
+            self.move_to(self.pose.eye + self.forward() * (depth - self.distance));
+        }
+        self.is_parallel = is_parallel;
+    }
+
+    /// Height of a parallel picture, and of a perspective one at the viewing distance; the file's
+    /// unit.
+    pub fn height(&self) -> f64 {
+        2.0 * self.distance * (self.fovy_rad * 0.5).tan()
+    }
+
+    /// View for a picture of this size, pixels.
+    pub fn view(&self, [width, height]: [u32; 2]) -> View {
+        // Only the near plane depends on the distance of the target. It is rounded to a power of
+        // two, so that the view is constant while the camera rests.
+        let far = self.distance.log2().floor().exp2();
+        let is_steep = self.pose.pitch.abs() > PITCH_MAX_RAD;
+        // Along the up axis, the heading decides what is upwards in the picture.
+        let up = if is_steep { self.axes().y_axis } else { self.frame.up };
+        let ahead = self.forward();
+        let look =
+            |eye: DVec3| View::look_at(eye, eye + ahead * far, up, self.fovy_rad, width, height);
+        let Some([low, high]) = self.bounds.filter(|_| self.is_parallel) else {
+            return look(self.pose.eye);
+        };
+        // Nothing behind the eye is drawn, so it is moved before all of the scene.
+        let middle = low.midpoint(high);
+        let reach = high.distance(low).max(self.distance);
+        let before = self.pose.eye + ahead * (ahead.dot(middle - self.pose.eye) - reach);
+        look(before).parallel(self.height(), low, high)
+    }
+
+    /// What is added to eye depths of [`Camera::view`] for those of the camera: the eye of a
+    /// parallel view lies far behind that of the camera, and its depths may be negative here.
+    pub fn depth_offset(&self, view: &View) -> f64 {
+        if self.is_parallel { -view.depth(self.pose.eye) } else { 0.0 }
     }
 
     /// Viewing distance, the file's unit.
@@ -240,23 +338,23 @@ impl Camera {
         self.glide.is_some() || self.zoom.is_some() || self.velocity != DVec3::ZERO
     }
 
-    /// Direction through a pixel of a picture of this size, of unit length.
-    pub fn ray(&self, pixel: DVec2, size: DVec2) -> DVec3 {
-        let focal = self.focal_px(size.y);
-        let v = DVec3::new(pixel.x - size.x * 0.5, size.y * 0.5 - pixel.y, -focal);
-        (self.axes() * v).normalize_or(self.forward())
+    /// Length of a pixel at this eye depth, in a picture of this height; the file's unit.
+    pub fn pixel_at(&self, depth: f64, height_px: f64) -> f64 {
+        let depth = if self.is_parallel { self.distance } else { depth };
+        depth / self.focal_px(height_px)
     }
 
     /// Point behind a pixel at this eye depth, world.
     pub fn point_at(&self, pixel: DVec2, size: DVec2, depth: f64) -> DVec3 {
-        let ray = self.ray(pixel, size);
-        self.pose.eye + ray * (depth / ray.dot(self.forward()).max(1e-9))
+        let across = DVec2::new(pixel.x - size.x * 0.5, size.y * 0.5 - pixel.y);
+        let across = across * self.pixel_at(depth, size.y);
+        self.pose.eye + self.axes() * across.extend(-depth)
     }
 
     /// Makes the viewing distance approach `depth`, the eye depth of the scene, slowly, so that the
     /// speed does not jump when a near object passes by.
     pub fn follow_depth(&mut self, depth: f64, seconds: f64) {
-        let Some(depth) = positive(depth) else { return };
+        let Some(depth) = positive(depth).filter(|_| !self.is_parallel) else { return };
         let share = 1.0 - (-clamp_step(seconds) / (4.0 * EASE_S)).exp();
         self.distance =
             self.limits.clamp_distance(self.distance * (depth / self.distance).powf(share));
@@ -293,7 +391,7 @@ impl Camera {
     pub fn pan(&mut self, right_px: f64, down_px: f64, depth: f64, height_px: f64) {
         self.stop_animation();
         let axes = self.axes();
-        let scale = depth / self.focal_px(height_px);
+        let scale = self.pixel_at(depth, height_px);
         self.move_to(self.pose.eye + (axes.y_axis * down_px - axes.x_axis * right_px) * scale);
     }
 
@@ -311,11 +409,23 @@ impl Camera {
 
     /// Glides towards a point until the share [`NEARER`] of the distance is left, and turns to it.
     pub fn fly_to(&mut self, point: DVec3) {
+        if self.is_parallel {
+            // Directions stay as they are: a parallel picture is a plan or a side.
+            let distance = self.limits.clamp_distance(self.distance * NEARER);
+            let eye = self.limits.clamp_eye(point - self.forward() * distance);
+            return self.glide_to(Pose { eye, ..self.pose }, point, distance);
+        }
         let arm = self.pose.eye - point;
         let distance = self.limits.clamp_distance(arm.length() * NEARER);
         let eye = self.limits.clamp_eye(point + arm.normalize_or_zero() * distance);
         let (yaw, pitch) = self.frame.angles(-arm, self.pose.yaw);
         self.glide_to(Pose { eye, yaw, pitch }, point, distance);
+    }
+
+    /// Glides to the pose of another camera on the same scene, which has the same up axis.
+    pub fn glide_as(&mut self, other: &Self) {
+        let centre = other.eye() + other.forward() * other.distance;
+        self.glide_to(other.pose, centre, other.distance);
     }
 
     /// Replaces the first view by that of another camera on the same scene.
@@ -354,14 +464,18 @@ impl Camera {
             glide.seconds += seconds;
             self.pose = glide.pose();
             self.velocity = DVec3::ZERO;
+            if self.is_parallel {
+                self.distance = glide.distance();
+            }
             if glide.seconds >= GLIDE_S {
-                self.distance = glide.distance;
+                self.distance = glide.distances[1];
                 self.glide = None;
             }
             return;
         }
         let decayed = (-seconds / EASE_S).exp();
         self.ease_zoom(decayed);
+        let keys = if self.is_parallel { self.magnify(keys, seconds) } else { keys };
         self.ease_flight(keys, seconds, decayed);
     }
 
@@ -370,10 +484,28 @@ impl Camera {
         let eased = left * (1.0 - decayed);
         let now = if (left - eased).abs() > ZOOM_LEFT { eased } else { left };
         let arm = self.pose.eye - point;
-        let least = arm.length().min(self.limits.size * DISTANCE[0]);
-        self.move_to(point + arm.normalize_or_zero() * (arm.length() * now.exp()).max(least));
-        self.distance = self.limits.clamp_distance(self.distance * now.exp());
+        let distance = self.limits.clamp_distance(self.distance * now.exp());
+        if self.is_parallel {
+            // The height of the picture and what is beside the point change by the same ratio.
+            self.move_to(point + arm * (distance / self.distance));
+        } else {
+            let least = arm.length().min(self.limits.size * DISTANCE[0]);
+            self.move_to(point + arm.normalize_or_zero() * (arm.length() * now.exp()).max(least));
+        }
+        self.distance = distance;
         self.zoom = (left != now).then_some((left - now, point));
+    }
+
+    /// In a parallel picture the key ahead magnifies the middle, since coming nearer would change
+    /// nothing. Returns the keys without it.
+    fn magnify(&mut self, keys: DVec3, seconds: f64) -> DVec3 {
+        if keys.z != 0.0 {
+            let ratio = (-keys.z * self.pace() / self.distance * seconds).clamp(-1.0, 1.0).exp();
+            let distance = self.limits.clamp_distance(self.distance * ratio);
+            self.move_to(self.pose.eye + self.forward() * (self.distance - distance));
+            self.distance = distance;
+        }
+        DVec3::new(keys.x, keys.y, 0.0)
     }
 
     /// The velocity approaches that of the keys exponentially; the distance covered is its
@@ -415,7 +547,8 @@ impl Camera {
 
     fn glide_to(&mut self, to: Pose, centre: DVec3, distance: f64) {
         self.stop_animation();
-        self.glide = Some(Glide { from: self.pose, to, centre, distance, seconds: 0.0 });
+        let distances = [self.distance, distance];
+        self.glide = Some(Glide { from: self.pose, to, centre, distances, seconds: 0.0 });
     }
 
     fn focal_px(&self, height_px: f64) -> f64 {
@@ -424,9 +557,20 @@ impl Camera {
 }
 
 impl Glide {
-    fn pose(&self) -> Pose {
+    /// Share of the way, 0 to 1, with a slow start and a slow end.
+    fn share(&self) -> f64 {
         let t = (self.seconds / GLIDE_S).clamp(0.0, 1.0);
-        let t = t * t * (3.0 - 2.0 * t);
+        t * t * (3.0 - 2.0 * t)
+    }
+
+    /// Viewing distance, which changes by equal ratios in equal times.
+    fn distance(&self) -> f64 {
+        let ([from, to], t) = (self.distances, self.share());
+        from.powf(1.0 - t) * to.powf(t)
+    }
+
+    fn pose(&self) -> Pose {
+        let t = self.share();
         if t >= 1.0 {
             return self.to;
         }

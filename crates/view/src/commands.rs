@@ -1,6 +1,7 @@
 //! What a user can do beside moving the camera, in one table: the panel's buttons, the keys, the
 //! overview of keys and the list of commands all come from it.
 
+use crate::views::Side;
 use eframe::egui::{Button, Context, InputState, Key, KeyboardShortcut, Modifiers, Response, Ui};
 
 /// A command.
@@ -8,6 +9,12 @@ use eframe::egui::{Button, Context, InputState, Key, KeyboardShortcut, Modifiers
 pub enum Command {
     /// Fly back to the first view.
     Fit,
+    /// Look at all of the scan from a side.
+    Look(Side),
+    /// Draw parallel (orthographic) pictures, or perspective ones.
+    Parallel,
+    /// Show or hide compass, scale bar and coordinates.
+    Hud,
     /// Write a picture.
     Picture,
     /// Draw with the next method.
@@ -53,13 +60,76 @@ const fn with_command(key: Key) -> KeyboardShortcut {
 }
 
 /// All commands, in the order in which they are listed.
-pub const COMMANDS: [Row; 11] = [
+pub const COMMANDS: [Row; 20] = [
     Row {
         command: Command::Fit,
         id: "fit",
         name: "Fit",
         keys: &[plain(Key::F), plain(Key::Home)],
         about: "fly back to the first view, which shows all of the scan unless --camera says otherwise",
+    },
+    Row {
+        command: Command::Look(Side::Top),
+        id: "top",
+        name: "Top",
+        keys: &[plain(Key::Num7)],
+        about: "look at all of the scan from above",
+    },
+    Row {
+        command: Command::Look(Side::Bottom),
+        id: "bottom",
+        name: "Bottom",
+        keys: &[with_command(Key::Num7)],
+        about: "look at all of the scan from below",
+    },
+    Row {
+        command: Command::Look(Side::Front),
+        id: "front",
+        name: "Front",
+        keys: &[plain(Key::Num1)],
+        about: "look at all of the scan from the front: along y where z is up",
+    },
+    Row {
+        command: Command::Look(Side::Back),
+        id: "back",
+        name: "Back",
+        keys: &[with_command(Key::Num1)],
+        about: "look at all of the scan from behind",
+    },
+    Row {
+        command: Command::Look(Side::Left),
+        id: "left",
+        name: "Left",
+        keys: &[with_command(Key::Num3)],
+        about: "look at all of the scan from the left",
+    },
+    Row {
+        command: Command::Look(Side::Right),
+        id: "right",
+        name: "Right",
+        keys: &[plain(Key::Num3)],
+        about: "look at all of the scan from the right",
+    },
+    Row {
+        command: Command::Look(Side::Isometric),
+        id: "isometric",
+        name: "Isometric",
+        keys: &[plain(Key::Num0)],
+        about: "look at all of the scan from the front, the right and above",
+    },
+    Row {
+        command: Command::Parallel,
+        id: "orthographic",
+        name: "Orthographic",
+        keys: &[plain(Key::Num5)],
+        about: "draw lengths in one size at any distance, or in perspective; what is in the middle keeps its size",
+    },
+    Row {
+        command: Command::Hud,
+        id: "compass",
+        name: "Compass and scale",
+        keys: &[plain(Key::H)],
+        about: "show or hide compass, scale bar and coordinates",
     },
     Row {
         command: Command::Picture,

@@ -10,16 +10,20 @@ const NEARLY: f64 = 1.001;
 
 /// Corners of the view's picture at this eye depth, world, in their order around it.
 pub fn corners(view: &View, depth: f64) -> [DVec3; 4] {
-    let tan = view.tan_half();
-    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
-        view.eye + view.world_from_view * DVec3::new(x * tan.x * depth, y * tan.y * depth, -depth)
-    })
+    let half = view.tan_half() * view.parallel_at.unwrap_or(depth);
+    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+        .map(|(x, y)| view.eye + view.world_from_view * DVec3::new(x * half.x, y * half.y, -depth))
 }
 
-/// Edges of the frustum down to this depth, as lines between world points.
+/// Edges of the frustum down to this depth, as lines between world points. Those of a parallel view
+/// begin at its near plane.
 pub fn edges(view: &View, depth: f64) -> Vec<[DVec3; 2]> {
     let far = corners(view, depth);
-    (0..4).flat_map(|i| [[view.eye, far[i]], [far[i], far[(i + 1) % 4]]]).collect()
+    let near = match view.parallel_at {
+        Some(_) => corners(view, view.near),
+        None => [view.eye; 4],
+    };
+    (0..4).flat_map(|i| [[near[i], far[i]], [far[i], far[(i + 1) % 4]]]).collect()
 }
 
 /// Projects a line between world points to the picture of the view `seen`, pixels. The line is
@@ -38,7 +42,7 @@ pub fn project(seen: &View, line: [DVec3; 2]) -> Option<[[f64; 2]; 2]> {
         [false, false] => return None,
     };
     let on = [a, b].map(|p| {
-        let scale = seen.focal_px() / (-p.z).max(seen.near);
+        let scale = seen.focal_px() / seen.parallel_at.unwrap_or((-p.z).max(seen.near));
         [f64::from(seen.width) * 0.5 + p.x * scale, f64::from(seen.height) * 0.5 - p.y * scale]
     });
     on.iter().flatten().all(|v| v.is_finite()).then_some(on)
@@ -82,6 +86,23 @@ mod tests {
         for (on, should) in on.iter().zip([[0.0, 100.0], [200.0, 100.0], [200.0, 0.0], [0.0, 0.0]])
         {
             assert!((on.x - should[0]).abs() < 1e-4 && (on.y - should[1]).abs() < 1e-4, "{on}");
+        }
+    }
+
+    #[test]
+    fn a_parallel_view_has_a_frustum_of_equal_sides_and_projects_lines_as_the_picture_does() {
+        let bounds = [DVec3::ZERO, DVec3::new(10.0, 20.0, 4.0)];
+        let view = view(DVec3::new(-30.0, -30.0, 20.0), DVec3::new(5.0, 10.0, 2.0));
+        let view = view.parallel(12.0, bounds[0], bounds[1]);
+        for depth in [view.near, view.near + 30.0] {
+            let [a, b, c, _] = corners(&view, depth);
+            assert!((a.distance(b) - 24.0).abs() < 1e-6 && (b.distance(c) - 12.0).abs() < 1e-6);
+        }
+        let line = [DVec3::new(1.0, 2.0, 3.0), DVec3::new(9.0, 3.0, 0.0)];
+        let on = project(&view, line).unwrap();
+        for (on, p) in on.iter().zip(line) {
+            let p = view.project(p).unwrap();
+            assert!((on[0] - p.x).abs() < 1e-6 && (on[1] - p.y).abs() < 1e-6, "{on:?} and {p}");
         }
     }
 

@@ -55,7 +55,7 @@ pub struct Gestures {
 pub struct Clicked {
     /// Position in the picture, 0 to 1 from its top left corner.
     pub at: DVec2,
-    /// Eye depth that the picture shows there.
+    /// Depth that the picture shows there, from the eye of the camera.
     pub depth: f64,
 }
 
@@ -83,9 +83,13 @@ pub struct Pick {
 enum Purpose {
     Orbit,
     Pan,
-    Zoom { ratio: f64 },
+    Zoom {
+        ratio: f64,
+    },
     FlyTo,
     Measure,
+    /// Make the picture a parallel one, or a perspective one.
+    Parallel(bool),
 }
 
 impl Gestures {
@@ -163,6 +167,12 @@ impl Gestures {
         }
     }
 
+    /// Makes the picture a parallel one, or a perspective one, when the depth in its middle is
+    /// known.
+    pub fn set_parallel(&mut self, is_parallel: bool) {
+        self.picks.push(Pick { at: DVec2::splat(0.5), purpose: Purpose::Parallel(is_parallel) });
+    }
+
     /// Whether a pick needs the exact depth of the picture.
     pub fn needs_exact_depth(&self) -> bool {
         self.picks.iter().any(|pick| pick.purpose == Purpose::Measure)
@@ -205,8 +215,9 @@ impl Gestures {
         &self.picks
     }
 
-    /// Finishes the gestures that wait for a depth. `depth` gives the eye depth at a position of
-    /// the picture, which has `size` pixels and was drawn for the present pose of `camera`.
+    /// Finishes the gestures that wait for a depth. `depth` gives the depth at a position of the
+    /// picture, from the eye of the camera. The picture has `size` pixels and was drawn for the
+    /// present pose of `camera`.
     pub fn resolve_picks(
         &mut self,
         camera: &mut Camera,
@@ -221,6 +232,7 @@ impl Gestures {
             match pick.purpose {
                 Purpose::Zoom { ratio } => camera.zoom(point, ratio),
                 Purpose::FlyTo => camera.fly_to(point),
+                Purpose::Parallel(is_parallel) => camera.set_parallel(is_parallel, depth),
                 Purpose::Measure if known.is_some() => {
                     self.clicked.push(Clicked { at: pick.at, depth });
                 }

@@ -13,6 +13,7 @@ use crate::settings::Settings;
 use crate::shots::Message;
 use crate::theme;
 use crate::times::Times;
+use crate::views_panel;
 use eframe::egui::{
     Align, Align2, Area, CollapsingHeader, ComboBox, Grid, Id, Label, Layout, Order, ProgressBar,
     Rect, RichText, ScrollArea, Slider, SliderClamping, Ui, emath, vec2,
@@ -70,6 +71,10 @@ pub struct PanelData<'a> {
     pub speed: f64,
     /// Whether the speed is fixed, instead of following the distance of what is in view.
     pub has_fixed_speed: bool,
+    /// Whether pictures are parallel (orthographic) ones.
+    pub is_parallel: bool,
+    /// Why another axis than z points upwards, if that was guessed.
+    pub up_note: Option<&'a str>,
     /// Whether the cut is frozen.
     pub is_frozen: bool,
     /// Faults, the newest last.
@@ -108,6 +113,8 @@ pub fn show(
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         plot::show(ui, data.times);
         counters(ui, data, wanted);
+        section(ui, "View");
+        views_panel::show(ui, wanted, data.is_parallel, data.up_note, &mut given);
         section(ui, "Drawing");
         drawing(ui, data, wanted, is_coarser_moving);
         #[cfg(feature = "light")]

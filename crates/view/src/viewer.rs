@@ -7,7 +7,8 @@ use crate::canvas::Canvas;
 use crate::counters::Counters;
 use crate::depth::{Depths, typical};
 use crate::device::{Device, WindowPainter};
-use crate::gestures::Gestures;
+use crate::gestures::{Clicked, Gestures};
+use crate::hud::Hud;
 use crate::pacing::Pacing;
 use crate::picking::{Picking, Search};
 use crate::scene::{FrameOutcome, FrameViews, Scene};
@@ -15,6 +16,7 @@ use crate::settings::Settings;
 use crate::sharpness::{Drawn, Sharpness};
 use crate::shots::Shots;
 use crate::source::Opened;
+use crate::views::{Side, Views};
 use crate::{frustum, progress, theme};
 use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
 use esker_engine::calls::info;
@@ -22,6 +24,7 @@ use esker_engine::cameras::camera::Camera as CameraRequest;
 use esker_engine::cameras::classes::{self, ClassCount};
 use esker_engine::cameras::colour;
 use esker_engine::cameras::legend::Legend;
+use esker_engine::cameras::vertical::Vertical;
 use esker_engine::draw::pace::Load;
 use esker_engine::draw::session::Image;
 use esker_engine::io::quantity::grouped;
@@ -38,8 +41,7 @@ const RESIZE_S: f64 = 0.4;
 pub struct Viewer {
     scene: Option<Scene>,
     camera: Camera,
-    /// The first view, as the command line requests it.
-    request: CameraRequest,
+    views: Views,
     gestures: Gestures,
     /// Search for the point of the last click, and the error of the last search.
     picking: Option<Picking>,
@@ -60,6 +62,7 @@ pub struct Viewer {
     about: String,
     notes: Vec<String>,
     unit: Option<String>,
+    hud: Hud,
     /// What the scene is drawn on.
     device: Device,
     /// Rectangle of the picture in the window, points; the size of the picture is in pixels.
@@ -71,20 +74,6 @@ pub struct Viewer {
     opened: Opened,
 }
 
-/// Makes the camera that is requested for a picture of `size` pixels.
-fn camera_at(file: &Forest, request: &CameraRequest, size: [u32; 2]) -> Camera {
-    let bounds = info::fitted_bounds(file);
-    let request = &request.measured(file.lattice());
-    let view = request.view(bounds, size);
-    let [low, high] = bounds.map(DVec3::from_array);
-    let target = match (request.eye, request.target) {
-        (Some(_), Some(target)) => target,
-        _ => view.eye + view.forward() * view.eye.distance(low.midpoint(high)).max(1e-6),
-    };
-    let up = request.up.unwrap_or(DVec3::Z);
-    Camera::new(view.eye, target, up, view.fovy_rad).with_scene([low, high])
-}
-
 impl Viewer {
     /// Makes a viewer of an opened file, with the first view that the command line requests.
     pub fn new(
@@ -94,6 +83,8 @@ impl Viewer {
         is_coarser_moving: bool,
     ) -> Self {
         let file = &opened.file;
+        let up = args.up.map(Vertical::direction).or(args.camera.up);
+        let views = Views::new(file, &CameraRequest { up, ..args.camera });
         let first = args.inputs.first();
         let name = first.and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
         let name = name.map(|name| match args.inputs.len() {
@@ -107,8 +98,7 @@ impl Viewer {
         let [points, nodes] = [file.points(), file.table().nodes.len() as u64].map(grouped);
         Self {
             scene: None,
-            camera: camera_at(file, &args.camera, args.size),
-            request: args.camera,
+            camera: views.first(args.size),
             gestures: Gestures::default(),
             picking: None,
             pick_fault: None,
@@ -130,6 +120,8 @@ impl Viewer {
                 _ => format!("{points} points in {nodes} nodes{built}"),
             },
             notes: info::notes(file),
+            views,
+            hud: Hud::new(file),
             unit: info::unit(file),
             picture_rect: None,
             size: [1, 1],
@@ -172,6 +164,16 @@ impl Viewer {
     /// Unit of the file's lengths, if the file names one.
     pub fn unit(&self) -> Option<&str> {
         self.unit.as_deref()
+    }
+
+    /// The axis that points upwards.
+    pub fn vertical(&self) -> Vertical {
+        self.views.vertical()
+    }
+
+    /// Why it does, if that was guessed.
+    pub fn up_note(&self) -> Option<&'static str> {
+        self.views.note()
     }
 
     /// Names of the colour sources that the file offers.
@@ -240,10 +242,31 @@ impl Viewer {
 
     /// Starts the flight back to the first view, which fits the window as it is now.
     pub fn go_home(&mut self) {
+        let home = self.views.home(self.camera.is_parallel(), self.size);
         if self.picture_rect.is_some() {
-            self.camera.set_home(&camera_at(self.file(), &self.request, self.size));
+            self.camera.set_home(&home);
         }
         self.camera.go_home();
+    }
+
+    /// Starts the flight to a view of all of the scan from a side.
+    pub fn look_from(&mut self, side: Side) {
+        self.camera.glide_as(&self.views.from(side, self.camera.is_parallel(), self.size));
+    }
+
+    /// Starts the flight to a view along an axis, from the side to which it points.
+    fn look_along(&mut self, axis: DVec3) {
+        self.camera.glide_as(&self.views.from_axis(axis, self.camera.is_parallel(), self.size));
+    }
+
+    /// Shows or hides compass, scale bar and coordinates.
+    pub fn toggle_hud(&mut self) {
+        self.hud.is_hidden = !self.hud.is_hidden;
+    }
+
+    /// Makes pictures parallel (orthographic) ones, or perspective ones.
+    pub fn toggle_parallel(&mut self) {
+        self.gestures.set_parallel(!self.camera.is_parallel());
     }
 
     /// Keeps the speed of flying, or lets it follow the viewing distance again.
@@ -276,6 +299,8 @@ impl Viewer {
             self.pick_fault = None;
             let file = Arc::clone(self.file());
             let (view, shown) = (self.view(), shown.clone());
+            let depth = clicked.depth - self.camera.depth_offset(&view);
+            let clicked = Clicked { depth, ..clicked };
             self.picking = shown.map(|shown| Picking::start(ctx, file, view, clicked, shown));
         }
         match self.picking.as_ref().map(Picking::poll) {
@@ -307,7 +332,11 @@ impl Viewer {
     pub fn toggle_frozen(&mut self) {
         self.frozen = match self.frozen {
             Some(_) => None,
-            None => Some((self.view(), self.camera.distance())),
+            None => {
+                let view = self.view();
+                let far = self.camera.distance() - self.camera.depth_offset(&view);
+                Some((view, far))
+            }
         };
     }
 
@@ -316,7 +345,7 @@ impl Viewer {
         if self.picture_rect.is_none() {
             // The aspect ratio of the picture is known only now.
             let size = pixels(response.rect, ui.ctx().pixels_per_point(), 1.0);
-            self.camera = camera_at(self.file(), &self.request, size);
+            self.camera = self.views.first(size);
         }
         let before = self.camera.pose();
         self.gestures.has_sun = self.scene.as_ref().is_some_and(Scene::is_lit);
@@ -345,6 +374,10 @@ impl Viewer {
         let method = if has_shot { wanted.method } else { moving };
         let wanted = &Settings { method, ..wanted.clone() };
         let window = pixels(ctx.content_rect(), ctx.pixels_per_point(), 1.0);
+        if wanted.vertical != self.views.vertical() {
+            self.views.set_vertical(wanted.vertical);
+            self.camera = self.views.home(self.camera.is_parallel(), self.size);
+        }
         let Some(scene) = &mut self.scene else {
             let file = self.opened.file.clone();
             self.scene = Some(Scene::new(file, wanted.clone(), self.device.clone(), window));
@@ -398,6 +431,8 @@ impl Viewer {
                 // GPU time of the newest finished frame, if a GPU draws.
                 let rendered_ms = frame.stats.stages.total_ms;
                 let (gestures, camera) = (&mut self.gestures, &mut self.camera);
+                let offset = camera.depth_offset(&views.seen);
+                let from_eye = |depth: Option<f64>| depth.map(|depth| depth + offset);
                 let size = DVec2::new(f64::from(self.size[0]), f64::from(self.size[1]));
                 let load = Load {
                     points: frame.stats.points_drawn as f64,
@@ -409,7 +444,8 @@ impl Viewer {
                         self.canvas.upload(ctx, picture);
                         let depths =
                             Depths { width: picture.width as usize, depth: &picture.depth };
-                        gestures.resolve_picks(camera, size, |at| depths.near(at));
+                        self.hud.drew_memory(depths, views.seen, frame.is_final);
+                        gestures.resolve_picks(camera, size, |at| from_eye(depths.near(at)));
                         let far = typical(|at| depths.exactly(at));
                         far.iter().for_each(|&far| camera.follow_depth(far, drawn_ms / 1e3));
                     }
@@ -421,10 +457,11 @@ impl Viewer {
                             let picture = scene.picture().ok()?;
                             let depths =
                                 Depths { width: picture.width as usize, depth: &picture.depth };
-                            gestures.resolve_picks(camera, size, |at| depths.near(at));
+                            gestures.resolve_picks(camera, size, |at| from_eye(depths.near(at)));
                         } else {
-                            gestures.resolve_picks(camera, size, |at| scene.depth_at(at));
+                            gestures.resolve_picks(camera, size, |at| from_eye(scene.depth_at(at)));
                         }
+                        self.hud.drew_texture(views.seen, scene.depth_at(DVec2::splat(0.5)));
                         let far = typical(|at| scene.depth_at(at));
                         far.iter().for_each(|&far| camera.follow_depth(far, rendered_ms / 1e3));
                     }
@@ -458,8 +495,9 @@ impl Viewer {
         drawn
     }
 
-    /// Paints the picture, and over it the frozen frustum, measurements and faults.
-    pub fn paint(&self, ui: &Ui) {
+    /// Paints the picture, and over it the frozen frustum, measurements, faults, compass, scale bar
+    /// and coordinates; a click on the compass turns the camera.
+    pub fn paint(&mut self, ui: &Ui) {
         let Some(rect) = self.picture_rect else { return };
         self.canvas.paint(ui, rect);
         let painter = ui.painter_at(rect);
@@ -477,6 +515,13 @@ impl Viewer {
         self.gestures.measure().paint(&painter, rect, &self.view());
         if let Some(fault) = &self.fault {
             progress::fault_over(ui, rect, fault);
+            return;
+        }
+        let scene = self.scene.as_ref();
+        let at = |at: DVec2| scene.and_then(|scene| scene.depth_at(at));
+        if let Some(axis) = self.hud.show(ui, rect, &self.camera, at) {
+            self.look_along(axis);
+            ui.ctx().request_repaint();
         }
     }
 
@@ -500,13 +545,7 @@ impl Viewer {
 
     /// View of the camera for a picture of the present size.
     fn view(&self) -> View {
-        let camera = &self.camera;
-        // Only the near plane depends on the distance of the target. It is rounded to a power of
-        // two, so that the view is constant while the camera rests.
-        let far = camera.distance().log2().floor().exp2();
-        let target = camera.eye() + camera.forward() * far;
-        let [width, height] = self.size;
-        View::look_at(camera.eye(), target, camera.up(), camera.fovy_rad(), width, height)
+        self.camera.view(self.size)
     }
 
     fn views(&self) -> FrameViews {

@@ -145,6 +145,7 @@ enum Move {
     Depth(f64),
     Speed(f64),
     Home,
+    Parallel(bool, Option<f64>),
 }
 
 impl Move {
@@ -163,6 +164,7 @@ impl Move {
             Self::Depth(depth) => camera.follow_depth(depth, 1.0),
             Self::Speed(factor) => camera.change_speed(factor),
             Self::Home => camera.go_home(),
+            Self::Parallel(is_parallel, d) => camera.set_parallel(is_parallel, depth(d)),
             Self::Fly { keys: held, seconds: length } => (keys, seconds) = (held, length),
         }
         run(camera, keys, seconds, 10);
@@ -173,20 +175,21 @@ fn moves() -> impl Strategy<Value = Vec<Move>> {
     let share = || (0.0..1.0, 0.0..1.0).prop_map(|(x, y)| DVec2::new(x, y));
     let by = |most: f64| (-most..most, -most..most).prop_map(|(x, y)| DVec2::new(x, y));
     // Factors and depths of any size, the smallest and largest included.
-    let any = || (-300.0f64..300.0).prop_map(|power| 10.0f64.powf(power));
+    let size = || (-300.0f64..300.0).prop_map(|power| 10.0f64.powf(power));
     let depth = || prop::option::of((-3.0f64..6.0).prop_map(|power| 10.0f64.powf(power)));
     let keys = (-4.0..4.0, -4.0..4.0, -4.0..4.0)
         .prop_map(|(right, up, ahead)| DVec3::new(right, up, ahead));
     let one = prop_oneof![
-        4 => (share(), depth(), any()).prop_map(|(at, depth, ratio)| Move::Wheel { at, depth, ratio }),
+        4 => (share(), depth(), size()).prop_map(|(at, depth, ratio)| Move::Wheel { at, depth, ratio }),
         1 => (by(1e5), depth()).prop_map(|(by, depth)| Move::Pan(by, depth)),
         1 => (share(), depth(), by(9.0)).prop_map(|(at, depth, turn)| Move::Orbit { at, depth, turn }),
         1 => by(9.0).prop_map(Move::Look),
         2 => (keys, 0.0..2.0).prop_map(|(keys, seconds)| Move::Fly { keys, seconds }),
         1 => (share(), depth()).prop_map(|(at, depth)| Move::FlyTo(at, depth)),
-        1 => any().prop_map(Move::Depth),
-        1 => any().prop_map(Move::Speed),
+        1 => size().prop_map(Move::Depth),
+        1 => size().prop_map(Move::Speed),
         1 => Just(Move::Home),
+        1 => (any::<bool>(), depth()).prop_map(|(is_on, depth)| Move::Parallel(is_on, depth)),
     ];
     prop::collection::vec(one, 0..40)
 }
@@ -209,6 +212,116 @@ proptest! {
         prop_assert!(!camera.is_moving());
         prop_assert_eq!((camera.pose(), camera.distance()), (home, distance));
     }
+}
+
+/// The camera with a parallel picture.
+fn parallel() -> Camera {
+    let (low, high) =
+        (FAR_OUT + DVec3::new(5.0, 5.0, -30.0), FAR_OUT + DVec3::new(60.0, 80.0, 9.0));
+    let mut camera = camera().with_scene([low, high]);
+    camera.set_parallel(true, camera.distance());
+    camera
+}
+
+/// Pixel and depth of a point in the picture that is drawn.
+fn drawn(camera: &Camera, point: DVec3) -> (DVec2, f64) {
+    let view = camera.view([SIZE.x as u32, SIZE.y as u32]);
+    let on = view.project(point).unwrap();
+    (on.truncate(), on.z + camera.depth_offset(&view))
+}
+
+#[test]
+fn a_parallel_picture_shows_points_where_they_are_picked() {
+    let camera = parallel();
+    let across = camera.height() / SIZE.y;
+    for (at, depth) in [(DVec2::new(640.0, 400.0), 57.0), (DVec2::new(3.0, 790.0), -20.0)] {
+        let point = camera.point_at(at, SIZE, depth);
+        let (pixel, seen) = drawn(&camera, point);
+        assert!(pixel.distance(at) < 1e-4 && (seen - depth).abs() < 1e-6, "{pixel} {seen}");
+        let beside = camera.point_at(at + DVec2::X, SIZE, depth);
+        assert!((beside.distance(point) - across).abs() < 1e-6, "one length at any depth");
+    }
+}
+
+#[test]
+fn another_projection_keeps_the_size_of_what_is_at_its_depth() {
+    let mut camera = camera().with_scene([FAR_OUT - 70.0, FAR_OUT + 70.0]);
+    for depth in [3.0, 40.0, 90.0] {
+        let at = [DVec2::new(640.0, 400.0), DVec2::new(900.0, 150.0)];
+        let points = at.map(|at| camera.point_at(at, SIZE, depth));
+        camera.set_parallel(true, depth);
+        for (at, point) in at.iter().zip(points) {
+            assert!(drawn(&camera, point).0.distance(*at) < 1e-3, "{depth}: parallel");
+        }
+        // What was there is at the same depth, until the camera moves.
+        camera.zoom(points[0], 0.7);
+        run(&mut camera, DVec3::ZERO, 1.0, 50);
+        let seen = points.map(|point| drawn(&camera, point));
+        camera.set_parallel(false, seen[0].1);
+        for ((at, _), point) in seen.iter().zip(points) {
+            assert!(drawn(&camera, point).0.distance(*at) < 1e-3, "{depth}: perspective");
+        }
+        camera.go_home();
+        run(&mut camera, DVec3::ZERO, 1.0, 50);
+    }
+}
+
+#[test]
+fn zooming_a_parallel_picture_changes_its_height_around_the_pointer() {
+    let mut camera = parallel();
+    let at = DVec2::new(1000.0, 150.0);
+    for depth in [50.0, -7.0] {
+        let (point, before) = (camera.point_at(at, SIZE, depth), camera.height());
+        camera.zoom(point, 0.5);
+        for _ in 0..100 {
+            camera.step(DVec3::ZERO, 0.02);
+            assert!(drawn(&camera, point).0.distance(at) < 1e-3);
+        }
+        assert!((camera.height() / before - 0.5).abs() < 1e-3 && !camera.is_moving());
+    }
+}
+
+#[test]
+fn a_parallel_picture_is_panned_and_turned_around_the_pointer() {
+    let mut camera = parallel();
+    let at = DVec2::new(500.0, 300.0);
+    let point = camera.point_at(at, SIZE, 33.0);
+    camera.pan(120.0, -45.0, 33.0, SIZE.y);
+    let moved = at + DVec2::new(120.0, -45.0);
+    assert!(drawn(&camera, point).0.distance(moved) < 1e-3);
+    for i in 0..200 {
+        camera.orbit(point, 0.05, if i % 3 == 0 { 0.04 } else { -0.03 });
+        assert!(drawn(&camera, point).0.distance(moved) < 1e-3, "after {i} turns");
+    }
+}
+
+#[test]
+fn flying_ahead_in_a_parallel_picture_magnifies_its_middle_and_nothing_is_cut_off() {
+    let mut camera = parallel();
+    let middle = camera.point_at(SIZE * 0.5, SIZE, 20.0);
+    let before = camera.height();
+    run(&mut camera, DVec3::Z, 0.5, 30);
+    assert!(camera.height() < before * 0.8);
+    let (at, _) = drawn(&camera, middle);
+    assert!(at.distance(SIZE * 0.5) < 1e-3);
+    // Also what lies behind the eye of the camera is drawn.
+    let behind = camera.point_at(SIZE * 0.5, SIZE, -15.0);
+    assert!(drawn(&camera, behind).0.distance(SIZE * 0.5) < 1e-3);
+    run(&mut camera, DVec3::NEG_Z, 0.5, 30);
+    assert!((camera.height() / before - 1.0).abs() < 0.02);
+}
+
+#[test]
+fn flying_to_a_point_of_a_parallel_picture_keeps_its_direction() {
+    let mut camera = parallel();
+    let point = camera.point_at(DVec2::new(200.0, 700.0), SIZE, 60.0);
+    let (before, forward) = (camera.height(), camera.forward());
+    camera.fly_to(point);
+    run(&mut camera, DVec3::ZERO, 1.0, 20);
+    assert!(drawn(&camera, point).0.distance(SIZE * 0.5) < 1e-3);
+    assert!((camera.height() / before - 0.3).abs() < 1e-6);
+    assert_eq!(camera.forward(), forward);
+    assert!(camera.is_parallel() && !camera.is_moving());
 }
 
 #[test]

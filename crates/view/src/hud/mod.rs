@@ -1,0 +1,131 @@
+//! What is painted over the picture so that one knows where one is: a compass, a scale bar, and the
+//! coordinates under the pointer. The camera and the depths of the newest picture go in; a click on
+//! the compass comes out.
+
+mod compass;
+mod coordinates;
+mod scale_bar;
+
+use crate::camera::Camera;
+use crate::depth::Depths;
+use crate::theme;
+use coordinates::Coordinates;
+use eframe::egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Ui, vec2};
+use esker_engine::{Forest, View};
+use glam::{DVec2, DVec3};
+
+/// Smallest picture that has a compass and a scale bar, points.
+const SMALLEST: [f32; 2] = [220.0, 160.0];
+/// Pictures narrower than this have the coordinates above the scale bar, points.
+const NARROW: f32 = 680.0;
+/// Size of text, points.
+const TEXT: f32 = 12.0;
+/// Squares on each side of a picture on a GPU, for which it reports a depth.
+const TILES: f64 = 128.0;
+
+/// What is known of the file and of the newest picture.
+pub struct Hud {
+    coordinates: Coordinates,
+    /// Whether nothing is painted.
+    pub is_hidden: bool,
+    /// View of the newest picture, and depth in its middle.
+    drawn: Option<(View, Option<f64>)>,
+    /// Depths of the newest picture, row by row, if it is final and in main memory.
+    depth: Vec<f32>,
+    /// Whether pictures are on a GPU, whose depths are coarse.
+    is_coarse: bool,
+}
+
+impl Hud {
+    /// Prepares for the pictures of a file.
+    pub fn new(file: &Forest) -> Self {
+        let coordinates = Coordinates::new(file);
+        Self { coordinates, is_hidden: false, drawn: None, depth: Vec::new(), is_coarse: false }
+    }
+
+    /// Takes the depths of a picture in main memory. They are kept if nothing more is drawn for the
+    /// view.
+    pub fn drew_memory(&mut self, depths: Depths<'_>, view: View, is_final: bool) {
+        self.drawn = Some((view, depths.near(DVec2::splat(0.5))));
+        self.is_coarse = false;
+        self.depth.clear();
+        if is_final {
+            self.depth.extend_from_slice(depths.depth);
+        }
+    }
+
+    /// Takes the depth in the middle of a picture that is on a GPU.
+    pub fn drew_texture(&mut self, view: View, middle: Option<f64>) {
+        self.drawn = Some((view, middle));
+        self.is_coarse = true;
+        self.depth.clear();
+    }
+
+    /// Paints over the picture of `camera` that fills `rect`. `coarse` gives the depth at a place of
+    /// a picture that is on a GPU. Returns the axis of the compass that was clicked.
+    pub fn show(
+        &self,
+        ui: &Ui,
+        rect: Rect,
+        camera: &Camera,
+        coarse: impl Fn(DVec2) -> Option<f64>,
+    ) -> Option<DVec3> {
+        if self.is_hidden || rect.width() < SMALLEST[0] || rect.height() < SMALLEST[1] {
+            return None;
+        }
+        let painter = ui.painter_at(rect);
+        let (view, middle) = self.drawn?;
+        let depth = middle.map_or(camera.distance(), |depth| depth + camera.depth_offset(&view));
+        let corner = rect.right_bottom() - vec2(14.0, 12.0);
+        let pixel = camera.pixel_at(depth, f64::from(rect.height()));
+        let units = &self.coordinates;
+        scale_bar::show(ui, &painter, corner, pixel, units.unit(), camera.is_parallel());
+        self.pointed(ui, &painter, rect, camera, coarse);
+        compass::show(ui, &painter, rect.left_bottom() + vec2(50.0, -50.0), camera)
+    }
+
+    /// Writes the coordinates of what the pointer is at, if the picture is that of the camera.
+    fn pointed(
+        &self,
+        ui: &Ui,
+        painter: &Painter,
+        rect: Rect,
+        camera: &Camera,
+        coarse: impl Fn(DVec2) -> Option<f64>,
+    ) -> Option<()> {
+        let (view, _) = self.drawn.filter(|_| ui.rect_contains_pointer(rect))?;
+        let pointer = ui.input(|input| input.pointer.hover_pos())?;
+        let size = DVec2::new(f64::from(view.width), f64::from(view.height));
+        let at = DVec2::new(
+            f64::from((pointer.x - rect.left()) / rect.width()),
+            f64::from((pointer.y - rect.top()) / rect.height()),
+        );
+        let kept = Depths { width: view.width as usize, depth: &self.depth };
+        let depth = if self.is_coarse { coarse(at) } else { kept.near(at) }?;
+        if view != camera.view([view.width, view.height]) {
+            return None;
+        }
+        let depth = depth + camera.depth_offset(&view);
+        let place = camera.point_at(at * size, size, depth);
+        let pixels = if self.is_coarse { (size.max_element() / TILES).max(1.0) } else { 1.0 };
+        let text = self.coordinates.text(place, camera.pixel_at(depth, size.y) * pixels);
+        let corner = if rect.width() < NARROW {
+            (rect.right_bottom() - vec2(14.0, 40.0), Align2::RIGHT_BOTTOM)
+        } else {
+            (rect.left_bottom() + vec2(104.0, -12.0), Align2::LEFT_BOTTOM)
+        };
+        boxed(painter, corner.0, corner.1, &text);
+        Some(())
+    }
+}
+
+/// Writes text on a dark ground; `at` is the place of the anchor of the ground. Returns the
+/// rectangle of the ground.
+fn boxed(painter: &Painter, at: Pos2, anchor: Align2, text: &str) -> Rect {
+    let font = FontId::monospace(TEXT);
+    let text = painter.layout_no_wrap(text.to_owned(), font, theme::TEXT);
+    let ground = anchor.anchor_size(at, text.size() + vec2(12.0, 6.0));
+    painter.rect_filled(ground, 4.0, Color32::from_black_alpha(150));
+    painter.galley(ground.min + vec2(6.0, 3.0), text, theme::TEXT);
+    ground
+}
