@@ -114,6 +114,7 @@ fn saved() {
         ],
         &["--camera", &eye, "--target-spacing", "2.5", "--even-exposure", "--full"],
         &["--camera", "direction=0,0,-1;up=1,0,0;ortho=fit", "--colour", "intensity"],
+        &["--up", "-y", "--colour", "elevation"],
         &["--method", "ewa", "--box", &flat, "--classes", "0-1,overlap,2", "--max-spacing", "7.5"],
         &["--polygon", &polygon, "--without-flags", "withheld,synthetic"],
         &["--polygon", rings.to_str().unwrap(), "--window", "10,20,100,50"],

@@ -45,7 +45,7 @@ pub fn run(args: Pick, stop: Arc<AtomicBool>) -> Result<()> {
     let request = PictureRequest {
         size: args.size,
         method: Method::default(),
-        camera: Camera { up: args.up.map(Vertical::direction).or(args.camera.up), ..args.camera },
+        camera: args.camera.with_up(args.up)?,
         filter: args.filter.over(Filter::default()),
         threads: args.how.threads.count,
         build: args.how.options(),

@@ -66,10 +66,7 @@ fn asked(args: &Render) -> Result<Asked> {
         None => (args.inputs.clone(), PictureRequest::of_options()),
     };
     let request = replaced(args, base);
-    ensure!(
-        args.up.is_none() || args.camera.is_none_or(|camera| camera.up.is_none()),
-        "--up and the up of --camera are two up directions: leave out one"
-    );
+    args.camera.map(|camera| camera.with_up(args.up)).transpose()?;
     args.light.check(request.method)?;
     let has_dots = args.point_size.is_some() || args.eye_dome.is_some();
     ensure!(

@@ -29,7 +29,7 @@ fn ground() -> Vec<DVec3> {
     let share = |i: u32, k: f64| (f64::from(i) * k).fract();
     let point = |i: u32| {
         let (u, v) = (share(i, 0.754_877_666) * 20.0, share(i, 0.569_840_291) * 15.0);
-        let h = if i.is_multiple_of(4) { share(i, 0.381_966) * 4.0 } else { 0.1 * share(i, 0.61) };
+        let h = if i.is_multiple_of(4) { share(i, 0.381_966) * 2.5 } else { 0.1 * share(i, 0.61) };
         DVec3::new(u, v, h)
     };
     (0..20_000).map(point).collect()
@@ -59,12 +59,12 @@ fn pictured(file: &Forest, camera: &str) -> (Picture, Vec<&'static str>) {
 fn a_scan_that_is_thin_along_an_axis_stands_on_its_ground() {
     let folder = tempfile::tempdir().unwrap();
     for (name, turned, up) in [
-        ("x", (|p| DVec3::new(p.z, p.x, p.y)) as fn(DVec3) -> DVec3, Some("x")),
-        ("y", |p| DVec3::new(p.x, p.z, -p.y), Some("y")),
+        ("y", (|p| DVec3::new(p.x, p.z, -p.y)) as fn(DVec3) -> DVec3, Some("y")),
         ("-y", |p| DVec3::new(p.x, -p.z, p.y), Some("-y")),
         ("z", |p| p, None),
         ("-z", |p| DVec3::new(p.x, -p.y, -p.z), None),
-        ("cube", |p| DVec3::new(p.x, p.z * 3.0, p.y), None),
+        ("x", |p| DVec3::new(p.z, p.x, p.y), None),
+        ("cube", |p| DVec3::new(p.x, p.z * 2.0, p.y), None),
     ] {
         let text = ply(ground().into_iter().map(turned));
         let file = built(folder.path(), &format!("{name}.ply"), &text);

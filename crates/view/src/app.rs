@@ -118,10 +118,8 @@ impl App {
     /// # Errors
     /// If the script cannot be read, or the thread cannot be started.
     pub fn new(args: Args, start: Instant) -> Result<Self> {
-        anyhow::ensure!(
-            args.up.is_none() || args.camera.up.is_none(),
-            "--up and the up of --camera are two up directions: leave out one"
-        );
+        let camera = args.camera.with_up(args.up)?;
+        let args = Args { camera, ..args };
         let wanted = Settings {
             method: args.method,
             colour_by: args.colour.clone(),
@@ -259,7 +257,6 @@ impl App {
     fn open_files(&mut self, ctx: &Context, inputs: Vec<PathBuf>) {
         if inputs != self.args.inputs {
             self.args.camera = CameraRequest::default();
-            self.args.up = None;
             filters::clear(ctx, &mut self.wanted);
             self.wanted.colour_by = None;
         }

@@ -103,15 +103,18 @@ impl List {
     }
 }
 
-/// Keys and mouse buttons, and what they do.
+/// Keys and mouse buttons, and what they do; all of them in a window 600 points high.
 fn keys(ui: &mut Ui) {
-    Grid::new("keys").num_columns(2).spacing([18.0, 3.0]).show(ui, |ui| {
-        for (key, what) in GESTURES {
-            row(ui, key, what);
-        }
-        for command in &COMMANDS {
-            row(ui, &command.keys(ui.ctx()), command.about);
-        }
+    ScrollArea::vertical().max_height(ui.ctx().content_rect().height() - 56.0).show(ui, |ui| {
+        ui.spacing_mut().interact_size.y = 0.0;
+        Grid::new("keys").num_columns(2).spacing([18.0, 1.0]).show(ui, |ui| {
+            for (key, what) in GESTURES {
+                row(ui, key, what);
+            }
+            for command in &COMMANDS {
+                row(ui, &command.keys(ui.ctx()), command.about);
+            }
+        });
     });
 }
 

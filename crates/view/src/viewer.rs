@@ -20,7 +20,6 @@ use crate::views::{Side, Views};
 use crate::{frustum, progress, theme};
 use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
 use esker_engine::calls::info;
-use esker_engine::cameras::camera::Camera as CameraRequest;
 use esker_engine::cameras::classes::{self, ClassCount};
 use esker_engine::cameras::colour;
 use esker_engine::cameras::legend::Legend;
@@ -83,8 +82,7 @@ impl Viewer {
         is_coarser_moving: bool,
     ) -> Self {
         let file = &opened.file;
-        let up = args.up.map(Vertical::direction).or(args.camera.up);
-        let views = Views::new(file, &CameraRequest { up, ..args.camera });
+        let views = Views::new(file, &args.camera);
         let first = args.inputs.first();
         let name = first.and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
         let name = name.map(|name| match args.inputs.len() {
@@ -251,12 +249,12 @@ impl Viewer {
 
     /// Starts the flight to a view of all of the scan from a side.
     pub fn look_from(&mut self, side: Side) {
-        self.camera.glide_as(&self.views.from(side, self.camera.is_parallel(), self.size));
+        self.camera.glide_as(&self.views.seen_from(side, self.camera.is_parallel(), self.size));
     }
 
     /// Starts the flight to a view along an axis, from the side to which it points.
     fn look_along(&mut self, axis: DVec3) {
-        self.camera.glide_as(&self.views.from_axis(axis, self.camera.is_parallel(), self.size));
+        self.camera.glide_as(&self.views.along_axis(axis, self.camera.is_parallel(), self.size));
     }
 
     /// Shows or hides compass, scale bar and coordinates.

@@ -46,7 +46,7 @@ impl Views {
     pub fn new(file: &Forest, request: &CameraRequest) -> Self {
         let measured = request.measured(file.lattice());
         let (request, vertical, guess) = upright(file, measured, info::bounds(file));
-        let note = guess.map(|guess| guess.note());
+        let note = guess.map(|guess| guess.reason());
         Self { request, vertical, note, bounds: info::fitted_bounds(file) }
     }
 
@@ -90,18 +90,18 @@ impl Views {
     }
 
     /// View of all of the scan from a side, with the field of view of the first one.
-    pub fn from(&self, side: Side, is_parallel: bool, size: [u32; 2]) -> Camera {
+    pub fn seen_from(&self, side: Side, is_parallel: bool, size: [u32; 2]) -> Camera {
         let (direction, up) = towards(self.vertical, side);
         self.along(direction, up, is_parallel, size)
     }
 
     /// View of all of the scan along the axis of a direction, from the side to which it points.
-    pub fn from_axis(&self, axis: DVec3, is_parallel: bool, size: [u32; 2]) -> Camera {
+    pub fn along_axis(&self, axis: DVec3, is_parallel: bool, size: [u32; 2]) -> Camera {
         let up = self.vertical.direction();
         let steep = axis.dot(up);
         match steep {
-            s if s > 0.5 => self.from(Side::Top, is_parallel, size),
-            s if s < -0.5 => self.from(Side::Bottom, is_parallel, size),
+            s if s > 0.5 => self.seen_from(Side::Top, is_parallel, size),
+            s if s < -0.5 => self.seen_from(Side::Bottom, is_parallel, size),
             _ => self.along(-axis, up, is_parallel, size),
         }
     }
@@ -186,7 +186,7 @@ mod tests {
         for vertical in verticals() {
             let views = views(vertical);
             for (side, is_parallel) in SIDES.into_iter().flat_map(|s| [(s, false), (s, true)]) {
-                let camera = views.from(side, is_parallel, SIZE);
+                let camera = views.seen_from(side, is_parallel, SIZE);
                 assert_eq!(camera.is_parallel(), is_parallel);
                 let (direction, up) = towards(vertical, side);
                 let what = format!("{side:?} with {vertical} up");
@@ -210,10 +210,10 @@ mod tests {
 
     #[test]
     fn surveys_have_x_to_the_right_and_y_upwards_in_a_plan() {
-        let camera = views(Vertical::default()).from(Side::Top, true, SIZE);
+        let camera = views(Vertical::default()).seen_from(Side::Top, true, SIZE);
         let axes = camera.axes();
         assert!(axes.x_axis.distance(DVec3::X) < 1e-9 && axes.y_axis.distance(DVec3::Y) < 1e-9);
-        let front = views(Vertical::default()).from(Side::Front, true, SIZE).axes();
+        let front = views(Vertical::default()).seen_from(Side::Front, true, SIZE).axes();
         assert!(front.x_axis.distance(DVec3::X) < 1e-9 && front.y_axis.distance(DVec3::Z) < 1e-9);
     }
 

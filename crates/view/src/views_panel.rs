@@ -47,6 +47,7 @@ pub fn show(
         }
     });
     if let Some(note) = note {
-        ui.label(RichText::new(note).small().color(theme::ACCENT));
+        let text = format!("{note}. This is a guess: choose another axis if it is wrong");
+        ui.label(RichText::new(text).small().color(theme::ACCENT));
     }
 }

@@ -139,7 +139,7 @@ fn drawn_by_the_engine(size: [u32; 2]) -> Picture {
 fn the_window_shows_what_the_engine_draws() {
     let Some(fixture) = fixture() else { return };
     let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "picture", "path": "scene.png"},
-                               {"do": "window", "path": "window.png"}]}"#;
+        {"do": "command", "id": "compass"}, {"do": "window", "path": "window.png"}]}"#;
     let report =
         fixture.fly(sample(), script, &["--no-occlusion", "--no-panel", "--backend", "cpu"]);
     let scene = read_png(&fixture.path("scene.png"));
@@ -249,8 +249,8 @@ fn a_scan_is_built_and_shown() {
 #[test]
 fn every_backend_of_the_window_shows_the_picture() {
     let Some(fixture) = fixture() else { return };
-    let script =
-        r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "window", "path": "window.png"}]}"#;
+    let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "command", "id": "compass"},
+        {"do": "window", "path": "window.png"}]}"#;
     for window in ["auto", "driver", "gl", "cpu"] {
         let options = ["--window", window, "--no-occlusion", "--no-panel", "--backend", "cpu"];
         let output = fixture.run(sample(), script, &options);
@@ -288,6 +288,104 @@ fn settings_change_while_the_window_runs_and_the_view_stays() {
     let engine = drawn_by_the_engine([surface.width, surface.height]);
     assert!(share_off(&surface, &engine, 8) <= 0.001, "the view is that of before the changes");
     assert!(share_off(&frozen, &surface, 8) > 0.05, "a frozen cut is seen from another pose");
+}
+
+/// Picture that the engine draws of all of the sample scan, of `size` pixels.
+fn drawn_by_a_camera(camera: &str, size: [u32; 2]) -> Picture {
+    let file = Forest::open(sample()).unwrap();
+    let request = esker_engine::draw::scene::PictureRequest {
+        size,
+        camera: Camera::parse(camera).unwrap(),
+        ..esker_engine::draw::scene::PictureRequest::of_options()
+    };
+    render::draw(&file, &request, &silent()).unwrap().0
+}
+
+/// Checks that a picture of the window is that of a camera of the engine.
+fn assert_drawn(picture: &Path, camera: &str) {
+    let shown = read_png(picture);
+    let engine = drawn_by_a_camera(camera, [shown.width, shown.height]);
+    let off = share_off(&shown, &engine, 8);
+    assert!(off <= 0.001, "{}: {off} of the pixels are not those of {camera}", picture.display());
+}
+
+const QUIET: [&str; 6] = ["--window", "cpu", "--backend", "cpu", "--no-panel", "--no-occlusion"];
+
+#[test]
+fn keys_look_from_the_sides_in_perspective_and_in_parallel() {
+    let Some(fixture) = fixture() else { return };
+    let script = r#"{"after": [{"do": "settle", "seconds": 20},
+        {"do": "press", "key": "1"}, {"do": "wait", "seconds": 0.9}, {"do": "settle", "seconds": 20},
+        {"do": "picture", "path": "front.png"},
+        {"do": "press", "key": "5"}, {"do": "wait", "seconds": 0.3}, {"do": "settle", "seconds": 20},
+        {"do": "press", "key": "7"}, {"do": "wait", "seconds": 0.9}, {"do": "settle", "seconds": 20},
+        {"do": "picture", "path": "plan.png"},
+        {"do": "wheel", "at": [0.3, 0.6], "points": 300, "seconds": 0.3}, {"do": "settle", "seconds": 20},
+        {"do": "press", "key": "F"}, {"do": "wait", "seconds": 0.9}, {"do": "settle", "seconds": 20},
+        {"do": "picture", "path": "fit.png"},
+        {"do": "command", "id": "left"}, {"do": "wait", "seconds": 0.9}, {"do": "settle", "seconds": 20},
+        {"do": "picture", "path": "left.png"},
+        {"do": "press", "key": "5"}, {"do": "wait", "seconds": 0.3},
+        {"do": "press", "key": "F"}, {"do": "wait", "seconds": 0.9}, {"do": "settle", "seconds": 20},
+        {"do": "picture", "path": "home.png"}]}"#;
+    fixture.fly(sample(), script, &QUIET);
+    for (name, camera) in [
+        ("front.png", "direction=0,1,0"),
+        ("plan.png", "direction=0,0,-1;up=0,1,0;ortho=fit"),
+        ("fit.png", "ortho=fit"),
+        ("left.png", "direction=1,0,0;ortho=fit"),
+        ("home.png", ""),
+    ] {
+        assert_drawn(&fixture.path(name), camera);
+    }
+}
+
+#[test]
+fn the_first_view_may_be_parallel_and_have_another_axis_upwards() {
+    let Some(fixture) = fixture() else { return };
+    let script =
+        r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "picture", "path": "first.png"}]}"#;
+    for (options, camera) in [
+        (
+            ["--camera", "direction=0,0,-1;up=0,1,0;ortho=fit"],
+            "direction=0,0,-1;up=0,1,0;ortho=fit",
+        ),
+        (["--up", "y"], "up=0,1,0"),
+        (["--up", "-x"], "up=-1,0,0"),
+    ] {
+        fixture.fly(sample(), script, &[&QUIET[..], &options].concat());
+        assert_drawn(&fixture.path("first.png"), camera);
+    }
+}
+
+#[test]
+fn a_click_on_the_compass_looks_from_the_end_of_the_axis() {
+    let Some(fixture) = fixture() else { return };
+    // In the view from the front, z ends above the middle of the compass.
+    let script = r#"{"after": [{"do": "settle", "seconds": 20},
+        {"do": "press", "key": "1"}, {"do": "wait", "seconds": 0.9}, {"do": "settle", "seconds": 20},
+        {"do": "click", "at": [0.077, 0.795]}, {"do": "wait", "seconds": 1.2}, {"do": "settle", "seconds": 20},
+        {"do": "picture", "path": "top.png"}]}"#;
+    let report = fixture.fly(sample(), script, &QUIET);
+    assert_eq!(report["measured"].as_array().map(Vec::len), Some(0), "the compass is no point");
+    assert_drawn(&fixture.path("top.png"), "direction=0,0,-1;up=0,1,0");
+}
+
+#[test]
+fn a_moved_pointer_paints_only_the_coordinates() {
+    let Some(fixture) = fixture() else { return };
+    let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "wait", "seconds": 0.3},
+        {"do": "window", "path": "before.png"},
+        {"do": "point", "from": [0.3, 0.4], "to": [0.6, 0.6], "seconds": 1},
+        {"do": "window", "path": "after.png"}]}"#;
+    let report = fixture.fly(sample(), script, &QUIET);
+    let [passes, pixels] = ["/pointed/passes", "/pointed/pixels/p50"]
+        .map(|name| report.pointer(name).and_then(Value::as_f64).unwrap());
+    let all = f64::from(SIZE[0] * SIZE[1]);
+    assert!(passes >= 10.0 && pixels > 0.0 && pixels < all * 0.02, "{report}");
+    let [before, after] = ["before.png", "after.png"].map(|name| read_png(&fixture.path(name)));
+    let off = share_off(&before, &after, 0);
+    assert!(off > 0.0 && off < 0.05, "{off} of the window is another with the coordinates");
 }
 
 /// The sample scan with normals, built once.

@@ -99,6 +99,18 @@ impl Camera {
         Ok(camera)
     }
 
+    /// The camera with the axis of an option `--up`, if it was given, upwards.
+    ///
+    /// # Errors
+    /// If the camera has an up direction too.
+    pub fn with_up(self, up: Option<Vertical>) -> Result<Self> {
+        ensure!(
+            up.is_none() || self.up.is_none(),
+            "--up and the up of --camera are two up directions: leave out one"
+        );
+        Ok(Self { up: up.map(Vertical::direction).or(self.up), ..self })
+    }
+
     /// View of a whole scan with which benchmarks begin: the nearest one that shows all of it,
     /// which need not be centred. It does not change, so that results of different versions
     /// compare.

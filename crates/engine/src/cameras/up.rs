@@ -1,6 +1,6 @@
 //! Guesses which axis is vertical in files whose coordinates are those of a scanner or a model: the
-//! axis around which the scans of a file are turned, or the one along which the points are thin.
-//! z, which surveys have, stays where neither is clear.
+//! axis around which the scans of an E57 file are turned, or y where the points of a PLY or PCD file
+//! are thin along it. z, which surveys have, stays where neither is clear.
 
 use crate::calls::info::sources;
 use crate::cameras::camera::Camera;
@@ -10,12 +10,16 @@ use esker_format::{Forest, ForestFilter, SourceRecord};
 use esker_scan::{Turn, turns};
 use glam::DVec3;
 
-/// Formats whose z axis need not be vertical.
-const FORMATS: [&str; 3] = ["E57", "PLY", "PCD"];
+/// Formats of models, whose y axis is often vertical. A scan of a wall in E57 is thin along y too,
+/// but comes from a scanner whose z axis is vertical.
+const OF_MODELS: [&str; 2] = ["PLY", "PCD"];
+/// The format with rotations of scans.
+const OF_SCANNERS: &str = "E57";
 /// Fraction of the points at either end of an axis that do not count for its extent.
 const STRAYS: f64 = 0.0005;
-/// The thinnest axis is vertical if its extent is at most this part of each other one.
-const THIN: f64 = 0.5;
+/// y is vertical if the extent along it is at most this part of that along x and z. The range scan
+/// of an object is thin along its view, but rarely by so much.
+const THIN: f64 = 0.2;
 /// Most points lie below: the median is below this part of the extent, or else up is down.
 const LOW_HALF: f64 = 0.6;
 /// Least angle of a turned scan, radians: smaller ones are those of registration.
@@ -35,7 +39,12 @@ pub struct GuessedUp {
 }
 
 impl GuessedUp {
-    /// What the user should know.
+    /// What is taken as vertical and why, for a window, which has controls to change it.
+    pub fn reason(&self) -> &'static str {
+        self.note().split(": ").next().unwrap_or_default()
+    }
+
+    /// What the user should know: the reason, and how to overrule the guess.
     pub fn note(&self) -> &'static str {
         match (self.by_turns, self.vertical.axis(), self.vertical.is_down()) {
             (true, 0, _) => {
@@ -43,12 +52,6 @@ impl GuessedUp {
             }
             (true, ..) => {
                 "y is taken as up, because the scans are turned around it: --up z and the like overrule this guess"
-            }
-            (_, 0, false) => {
-                "x is taken as up, because the scan is thin along it: --up z and the like overrule this guess"
-            }
-            (_, 0, true) => {
-                "-x is taken as up, because the scan is thin along x: --up z and the like overrule this guess"
             }
             (_, _, false) => {
                 "y is taken as up, because the scan is thin along it: --up z and the like overrule this guess"
@@ -63,18 +66,21 @@ impl GuessedUp {
 /// Guesses the vertical axis of a file. `None` if it is z, as in files with a coordinate reference
 /// system and in formats of surveys.
 pub fn guessed(forest: &Forest) -> Option<GuessedUp> {
-    let is_open = |source: &SourceRecord| {
-        let has_system = source.crs.as_ref().is_some_and(|crs| !crs.text.is_empty());
-        !has_system && FORMATS.iter().any(|format| source.format.starts_with(format))
+    let all_are = |formats: &[&str]| {
+        let is_one = |source: &SourceRecord| {
+            let has_system = source.crs.as_ref().is_some_and(|crs| !crs.text.is_empty());
+            !has_system && formats.iter().any(|format| source.format.starts_with(format))
+        };
+        sources(forest).next().is_some() && sources(forest).all(is_one)
     };
-    if sources(forest).next().is_none() || !sources(forest).all(is_open) {
+    if all_are(&[OF_SCANNERS]) {
+        let axis = turned_around(&turns_of(forest)).filter(|axis| *axis != 2)?;
+        return Some(GuessedUp { vertical: Vertical::of(axis, false), by_turns: true });
+    }
+    if !all_are(&OF_MODELS) {
         return None;
     }
-    match turned_around(&turns_of(forest)) {
-        Some(2) => None,
-        Some(axis) => Some(GuessedUp { vertical: Vertical::of(axis, false), by_turns: true }),
-        None => thin_along(forest).map(|vertical| GuessedUp { vertical, by_turns: false }),
-    }
+    thin_along_y(forest).map(|vertical| GuessedUp { vertical, by_turns: false })
 }
 
 /// The camera with the up direction that is guessed where it has none; the axis along which
@@ -112,29 +118,25 @@ fn turned_around(turns: &[Turn]) -> Option<usize> {
     is_clear.then_some(axis)
 }
 
-/// The direction, not along z, in which a scan is thin: a landscape or a floor. Most of its points
-/// are low.
-fn thin_along(forest: &Forest) -> Option<Vertical> {
+/// y, or the direction against it, if the points are thin along it: a landscape or a floor. Most of
+/// its points are low.
+fn thin_along_y(forest: &Forest) -> Option<Vertical> {
     let bounds = forest.bounds()?.map(|corner| forest.metric().world(corner));
     let shown = ForestFilter::of(forest, None, None).ok()?;
     let range = |axis, strays| central_range(forest, bounds, &shown, axis, strays).ok();
     let ranges = [range(0, STRAYS)?, range(1, STRAYS)?, range(2, STRAYS)?];
-    let extents = DVec3::from_array(ranges.map(|(low, high)| high - low));
-    let axis = thinnest(extents)?;
-    let (low, high) = ranges[axis];
-    let (below, above) = range(axis, 0.5)?;
-    let is_down = (below.midpoint(above) - low) > LOW_HALF * (high - low);
-    Some(Vertical::of(axis, is_down))
+    if !is_thin_along_y(DVec3::from_array(ranges.map(|(low, high)| high - low))) {
+        return None;
+    }
+    let (low, high) = ranges[1];
+    let (below, above) = range(1, 0.5)?;
+    let is_down = below.midpoint(above) - low > LOW_HALF * (high - low);
+    Some(Vertical::of(1, is_down))
 }
 
-/// The axis other than z with an extent of at most [`THIN`] times each other one, which must not be
-/// empty.
-fn thinnest(extents: DVec3) -> Option<usize> {
-    let is_thin = |axis: usize| {
-        let others = (0..3).filter(|other| *other != axis);
-        others.map(|other| extents[other]).all(|other| other > 0.0 && extents[axis] <= THIN * other)
-    };
-    (0..2).find(|&axis| is_thin(axis))
+/// Whether the extent along y is at most [`THIN`] times each other one, which must not be zero.
+fn is_thin_along_y(extents: DVec3) -> bool {
+    [extents.x, extents.z].into_iter().all(|other| other > 0.0 && extents.y <= THIN * other)
 }
 
 #[cfg(test)]
@@ -159,19 +161,19 @@ mod tests {
     }
 
     #[test]
-    fn only_clearly_thin_scans_have_another_axis_than_z() {
-        for (extents, axis) in [
-            ([100.0, 20.0, 80.0], Some(1)),
-            ([3.0, 20.0, 8.0], Some(0)),
-            ([100.0, 80.0, 20.0], None),
-            ([100.0, 50.0, 80.0], None),
-            ([0.156, 0.154, 0.121], None),
-            ([100.0, 20.0, 30.0], None),
-            ([10.0, 0.0, 0.0], None),
-            ([10.0, 0.0, 9.0], Some(1)),
-            ([0.0; 3], None),
+    fn only_scans_that_are_clearly_thin_along_y_have_y_upwards() {
+        for (extents, is_thin) in [
+            ([100.0, 15.0, 80.0], true),
+            ([100.0, 30.0, 80.0], false),
+            ([100.0, 20.0, 30.0], false),
+            ([3.0, 20.0, 18.0], false),
+            ([100.0, 80.0, 10.0], false),
+            ([0.156, 0.154, 0.121], false),
+            ([10.0, 0.0, 9.0], true),
+            ([10.0, 0.0, 0.0], false),
+            ([0.0; 3], false),
         ] {
-            assert_eq!(thinnest(DVec3::from_array(extents)), axis, "{extents:?}");
+            assert_eq!(is_thin_along_y(DVec3::from_array(extents)), is_thin, "{extents:?}");
         }
     }
 }

@@ -25,7 +25,7 @@ pub fn show(
     let text = labelled(length, unit);
     let label = boxed(painter, corner - vec2(0.0, END + 3.0), Align2::RIGHT_BOTTOM, &text);
     let (left, right, y) = (corner.x - points, corner.x, corner.y);
-    let line = vec![pos2(left, y - END), pos2(left, y), pos2(right, y), pos2(right, y - END)];
+    let line = [pos2(left, y - END), pos2(left, y), pos2(right, y), pos2(right, y - END)];
     for (width, ink) in [(4.0, Color32::from_black_alpha(150)), (1.5, theme::TEXT)] {
         line.windows(2).for_each(|ends| {
             painter.line_segment([ends[0], ends[1]], Stroke::new(width, ink));
