@@ -17,6 +17,13 @@ const STRIDE: f64 = 0.1;
 /// Movements of the pointer a second.
 const POINTS_A_SECOND: f64 = 60.0;
 
+/// Share of the way of the pointer after `seconds` of `length`: it moves as often as a mouse, not
+/// as often as the window is drawn.
+fn pointed_share(seconds: f64, length: f64) -> f64 {
+    let moves = (length * POINTS_A_SECOND).max(1.0);
+    ((seconds / length.max(1e-3)).min(1.0) * moves).floor() / moves
+}
+
 /// What the window does beside handling the input.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Order {
@@ -213,15 +220,9 @@ impl Pilot {
                 t >= 1.0
             }
             Step::Point { from, to, seconds: length } => {
-                // As often as a mouse moves, not as often as the window is drawn.
-                let moves = (*length * POINTS_A_SECOND).max(1.0);
-                let t = ((seconds / length.max(1e-3)).min(1.0) * moves).floor() / moves;
-                if begins || t > self.share {
-                    let now = [0, 1].map(|i| from[i] + (to[i] - from[i]) * t);
-                    events.push(Event::PointerMoved(at(now)));
-                }
-                self.share = t;
-                t >= 1.0 || seconds >= *length
+                let t = pointed_share(seconds, *length);
+                events.extend(self.pointed(t, begins, [*from, *to], window));
+                seconds >= *length
             }
             Step::Wheel { at: position, points, seconds: length } => {
                 let t = share(*length);
@@ -268,6 +269,20 @@ impl Pilot {
                 false
             }
         }
+    }
+
+    /// Moves the pointer to a share of the way, unless it is there.
+    fn pointed(
+        &mut self,
+        share: f64,
+        begins: bool,
+        [from, to]: [[f64; 2]; 2],
+        window: &WindowState<'_>,
+    ) -> Option<Event> {
+        let is_new = begins || share > self.share;
+        self.share = share;
+        let now = [0, 1].map(|i| from[i] + (to[i] - from[i]) * share);
+        is_new.then(|| Event::PointerMoved(position_at(window.picture_rect, now)))
     }
 
     fn follow(

@@ -60,8 +60,8 @@ pub struct Record {
     pub anon_bytes_peak: u64,
     /// Number of times that the render thread waited for another thread.
     pub stalls: u64,
-    /// CPU time, milliseconds, and pixels that were painted, of each pass in which the pointer moved
-    /// over a picture at rest.
+    /// CPU time, milliseconds, and pixels that were painted, of each pass in which the pointer
+    /// moved over a picture at rest.
     pub pointed: Vec<[f64; 2]>,
     /// Faults, each once.
     pub faults: Vec<String>,

@@ -1,6 +1,8 @@
 //! Tests of the camera's motion: what stays under the pointer, what does not depend on the frame
 //! rate, what stays exact at large coordinates.
 
+#![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
+
 use esker_view::camera::Camera;
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;

@@ -335,6 +335,16 @@ mod tests {
     }
 
     #[test]
+    fn an_axis_upwards_is_given_once() {
+        let camera = Camera::parse("fovy=40").unwrap();
+        let y = camera.with_up(Some(Vertical::nearest(DVec3::NEG_Y))).unwrap();
+        assert_eq!(y, Camera { up: Some(DVec3::NEG_Y), ..camera });
+        assert_eq!(y.with_up(None).unwrap(), y);
+        let twice = y.with_up(Some(Vertical::default())).unwrap_err();
+        assert!(twice.to_string().contains("two up directions"), "{twice}");
+    }
+
+    #[test]
     fn invalid_cameras_are_refused() {
         for text in [
             "eye=1,2",

@@ -1,6 +1,6 @@
 //! Guesses which axis is vertical in files whose coordinates are those of a scanner or a model: the
-//! axis around which the scans of an E57 file are turned, or y where the points of a PLY or PCD file
-//! are thin along it. z, which surveys have, stays where neither is clear.
+//! axis around which the scans of an E57 file are turned, or y where the points of a PLY or PCD
+//! file are thin along it. z, which surveys have, stays where neither is clear.
 
 use crate::calls::info::sources;
 use crate::cameras::camera::Camera;

@@ -4,22 +4,21 @@
 
 mod compass;
 mod coordinates;
+mod label;
 mod scale_bar;
 
 use crate::camera::Camera;
 use crate::depth::Depths;
-use crate::theme;
 use coordinates::Coordinates;
-use eframe::egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Ui, vec2};
+use eframe::egui::{Align2, Painter, Rect, Ui, vec2};
 use esker_engine::{Forest, View};
 use glam::{DVec2, DVec3};
+use label::boxed;
 
 /// Smallest picture that has a compass and a scale bar, points.
 const SMALLEST: [f32; 2] = [220.0, 160.0];
 /// Pictures narrower than this have the coordinates above the scale bar, points.
 const NARROW: f32 = 680.0;
-/// Size of text, points.
-const TEXT: f32 = 12.0;
 /// Squares on each side of a picture on a GPU, for which it reports a depth.
 const TILES: f64 = 128.0;
 
@@ -61,8 +60,8 @@ impl Hud {
         self.depth.clear();
     }
 
-    /// Paints over the picture of `camera` that fills `rect`. `coarse` gives the depth at a place of
-    /// a picture that is on a GPU. Returns the axis of the compass that was clicked.
+    /// Paints over the picture of `camera` that fills `rect`. `coarse` gives the depth at a place
+    /// of a picture that is on a GPU. Returns the axis of the compass that was clicked.
     pub fn show(
         &self,
         ui: &Ui,
@@ -117,15 +116,4 @@ impl Hud {
         boxed(painter, corner.0, corner.1, &text);
         Some(())
     }
-}
-
-/// Writes text on a dark ground; `at` is the place of the anchor of the ground. Returns the
-/// rectangle of the ground.
-fn boxed(painter: &Painter, at: Pos2, anchor: Align2, text: &str) -> Rect {
-    let font = FontId::monospace(TEXT);
-    let text = painter.layout_no_wrap(text.to_owned(), font, theme::TEXT);
-    let ground = anchor.anchor_size(at, text.size() + vec2(12.0, 6.0));
-    painter.rect_filled(ground, 4.0, Color32::from_black_alpha(150));
-    painter.galley(ground.min + vec2(6.0, 3.0), text, theme::TEXT);
-    ground
 }

@@ -1,7 +1,7 @@
 //! The scale bar: the longest of 1, 2 or 5 times a power of ten that is at most as long as the room
 //! for it.
 
-use super::boxed;
+use super::label::boxed;
 use crate::theme;
 use eframe::egui::{Align2, Color32, Id, Painter, Pos2, Sense, Stroke, Ui, pos2, vec2};
 
