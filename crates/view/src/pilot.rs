@@ -8,7 +8,7 @@ use crate::camera::{Camera, Pose};
 use crate::commands::Command;
 use crate::input_events::{WindowState, button_event, key_event, position_at, wheel_event};
 use crate::script::{Script, Step, key};
-use eframe::egui::{Event, Modifiers, PointerButton, RawInput};
+use eframe::egui::{Event, Modifiers, PointerButton, Pos2, RawInput};
 use std::path::PathBuf;
 
 /// Greatest share of a drag or of a turn of the wheel that is made in one frame.
@@ -16,6 +16,12 @@ const STRIDE: f64 = 0.1;
 
 /// Movements of the pointer a second.
 const POINTS_A_SECOND: f64 = 60.0;
+
+/// A click at a place of the window.
+fn click(at: Pos2) -> [Event; 3] {
+    let button = |is_down| button_event(at, PointerButton::Primary, is_down);
+    [Event::PointerMoved(at), button(true), button(false)]
+}
 
 /// Share of the way of the pointer after `seconds` of `length`: it moves as often as a mouse, not
 /// as often as the window is drawn.
@@ -232,17 +238,11 @@ impl Pilot {
                 t >= 1.0
             }
             Step::Click { at: position } => {
-                let position = at(*position);
-                events.push(Event::PointerMoved(position));
-                events.push(button_event(position, PointerButton::Primary, true));
-                events.push(button_event(position, PointerButton::Primary, false));
+                events.extend(click(at(*position)));
                 true
             }
             Step::DoubleClick { at: position } => {
-                let position = at(*position);
-                events.push(Event::PointerMoved(position));
-                events.push(button_event(position, PointerButton::Primary, true));
-                events.push(button_event(position, PointerButton::Primary, false));
+                events.extend(click(at(*position)));
                 !begins
             }
             Step::Path { file, faster } => {

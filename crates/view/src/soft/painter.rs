@@ -99,10 +99,16 @@ impl Texture {
     fn change(&mut self, delta: &ImageDelta) -> bool {
         let ImageData::Color(image) = &delta.image;
         self.is_linear = delta.options.magnification == TextureFilter::Linear;
+        let differs = |old: &[Color32], new: &[Color32]| {
+            old.iter().zip(new).any(|(a, b)| a != b && *a != Color32::TRANSPARENT)
+        };
         let Some([x, y]) = delta.pos else {
+            // Fonts grow downwards.
+            let is_same = self.size[0] == image.size[0] && self.size[1] <= image.size[1];
+            let is_changed = !is_same || differs(&self.pixels, &image.pixels);
             self.size = image.size;
             self.pixels.clone_from(&image.pixels);
-            return true;
+            return is_changed;
         };
         let [width, height] = image.size;
         if x + width > self.size[0] || y + height > self.size[1] {
@@ -113,7 +119,7 @@ impl Texture {
             let to = (y + row) * self.size[0] + x;
             let (old, new) =
                 (&mut self.pixels[to..to + width], &image.pixels[row * width..][..width]);
-            is_changed |= old.iter().zip(new).any(|(a, b)| a != b && *a != Color32::TRANSPARENT);
+            is_changed |= differs(old, new);
             old.copy_from_slice(new);
         }
         is_changed
