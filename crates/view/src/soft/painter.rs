@@ -167,6 +167,46 @@ impl Varying {
     }
 }
 
+/// A texture that is painted in its own size and colours, so that each pixel is one texel.
+struct OwnSize;
+
+impl OwnSize {
+    /// Tells whether a triangle shows its texture so; `by_x` and `by_y` are the changes from pixel
+    /// to pixel.
+    fn of(by_x: Varying, by_y: Varying, corners: &[Varying; 3], texture: &Texture) -> Option<Self> {
+        /// Greatest part of a texel by which the last pixel may be off.
+        const OFF: f32 = 1e-3;
+        let most = texture.size[0].max(texture.size[1]).max(1) as f32;
+        let is_near = |a: f32, b: f32| (a - b).abs() * most < OFF;
+        let is_own = is_near(by_x.0[0], 1.0)
+            && is_near(by_x.0[1], 0.0)
+            && is_near(by_y.0[0], 0.0)
+            && is_near(by_y.0[1], 1.0);
+        let is_white = corners.iter().all(|corner| corner.0[2..] == [255.0; 4]);
+        (is_own && is_white).then_some(Self)
+    }
+
+    /// Texels of the pixels of a row from column `from`; `first` is the place in the texture of the
+    /// pixel in column 0. `None` if pixels lie between texels, or beyond the texture. Which of
+    /// these is so does not depend on `from`.
+    fn texels<'a>(
+        &self,
+        first: [f32; 2],
+        from: i64,
+        texture: &'a Texture,
+    ) -> Option<impl Iterator<Item = &'a Color32>> {
+        /// Greatest distance of pixels from texels: colours have no more steps.
+        const APART: f32 = 1.0 / 512.0;
+        let texel = first.map(|at| (at - 0.5).round());
+        let is_on = (0..2).all(|i| (first[i] - 0.5 - texel[i]).abs() < APART);
+        let row = usize::try_from(texel[1] as i64).ok().filter(|_| is_on)?;
+        let row = texture.pixels.chunks_exact(texture.size[0].max(1)).nth(row)?;
+        let skipped = usize::try_from(texel[0] as i64 + from).unwrap_or(0);
+        // A row that ends early repeats its last texel, as elsewhere.
+        Some(row.iter().skip(skipped).chain(std::iter::repeat(row.last()?)))
+    }
+}
+
 fn paint_mesh(mesh: &Mesh, texture: &Texture, scale: f32, clip: Clip, target: &mut Target<'_>) {
     for triangle in mesh.triangles() {
         let corners = triangle.map(|i| mesh.vertices[i as usize]);
@@ -209,6 +249,7 @@ fn paint_triangle(
     let by_x = along(ac[1] / area, -ab[1] / area);
     let by_y = along(-ac[0] / area, ab[0] / area);
     let is_plain = by_x.0.iter().all(|v| v.abs() < 1e-6) && by_y.0.iter().all(|v| v.abs() < 1e-6);
+    let own_size = OwnSize::of(by_x, by_y, &varying, texture);
     let [top, bottom] = [f32::min, f32::max].map(|pick| at.iter().map(|p| p[1]).reduce(pick));
     let rows =
         (pixel(top.unwrap_or(0.0)).max(clip.y[0]))..(pixel(bottom.unwrap_or(0.0)).min(clip.y[1]));
@@ -231,6 +272,14 @@ fn paint_triangle(
             fill(line, colour(varying[0], texture));
         } else {
             let row = varying[0].plus(by_y, y - a[1]);
+            let first = [row.0[0] + 0.5 - a[0], row.0[1]];
+            if let Some(texels) = own_size.as_ref().and_then(|own| own.texels(first, from, texture))
+            {
+                line.iter_mut().zip(texels).for_each(|(pixel, texel)| {
+                    *pixel = blend(*pixel, texel.to_array().map(u32::from));
+                });
+                continue;
+            }
             for (x, pixel) in (from..).zip(line) {
                 let now = row.plus(by_x, x as f32 + 0.5 - a[0]);
                 *pixel = blend(*pixel, colour(now, texture));
@@ -340,5 +389,43 @@ mod tests {
         let pixels = paint(rect, clip, Color32::WHITE, 0);
         assert_eq!(pixels.iter().filter(|&&p| p == 0x00ff_ffff).count(), 4);
         assert_eq!(pixels.iter().filter(|&&p| p == 0).count(), 16 * 8 - 4);
+    }
+
+    #[test]
+    fn a_picture_in_its_own_size_is_copied_wherever_it_lies() {
+        let (width, height) = (13, 7);
+        let texel = |i: usize| Color32::from_rgb(i as u8, (i * 3) as u8, (i * 7) as u8);
+        let image = ColorImage::new([width, height], (0..width * height).map(texel).collect());
+        let mut painter = Painter::default();
+        let mut delta = TexturesDelta::default();
+        let image = ImageDelta::full(ImageData::Color(Arc::new(image)), TextureOptions::LINEAR);
+        delta.push(TextureId::default(), image);
+        painter.take(&mut delta);
+        let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+        for (at, part) in
+            [([0.0, 0.0], [0, 16, 0, 8]), ([2.0, 1.0], [0, 16, 0, 8]), ([2.0, 1.0], [5, 9, 3, 4])]
+        {
+            let mut mesh = Mesh::default();
+            let rect = Rect::from_min_size(at.into(), vec2(width as f32, height as f32));
+            mesh.add_rect_with_uv(rect, whole, Color32::WHITE);
+            let primitive = Primitive::Mesh(mesh);
+            let primitives = [ClippedPrimitive { clip_rect: Rect::EVERYTHING, primitive }];
+            let mut pixels = vec![0xff_ffff; 16 * 8];
+            let mut target = Target { width: 16, height: 8, pixels: &mut pixels };
+            let clip = Clip { x: [part[0], part[1]], y: [part[2], part[3]] };
+            painter.paint(&primitives, 1.0, clip, &mut target);
+            for (i, pixel) in pixels.into_iter().enumerate() {
+                let place = [(i % 16) as i64, (i / 16) as i64];
+                let [x, y] = [0, 1].map(|side| place[side] - at[side] as i64);
+                let is_painted = (part[0]..part[1]).contains(&place[0])
+                    && (part[2]..part[3]).contains(&place[1])
+                    && (0..width as i64).contains(&x)
+                    && (0..height as i64).contains(&y);
+                let [r, g, b, _] =
+                    texel((y * width as i64 + x).max(0) as usize).to_array().map(u32::from);
+                let expected = if is_painted { r << 16 | g << 8 | b } else { 0xff_ffff };
+                assert_eq!(pixel, expected, "{at:?} {part:?}: pixel {i}");
+            }
+        }
     }
 }
