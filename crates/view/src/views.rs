@@ -81,8 +81,9 @@ impl Views {
         if request.ortho.is_some() != is_parallel {
             request.ortho = is_parallel.then_some(OrthoHeight::Fit);
             request.fovy_deg = request.fovy_deg.filter(|_| !is_parallel);
-            if let (Some(eye), Some(target)) = (request.eye, request.target) {
-                request.direction = Some(target - eye);
+            if let (Some(eye), None) = (request.eye, request.direction) {
+                let [low, high] = self.bounds.map(DVec3::from_array);
+                request.direction = Some(request.target.unwrap_or(low.midpoint(high)) - eye);
             }
             (request.eye, request.target) = (None, None);
         }

@@ -25,6 +25,12 @@ impl Coordinates {
         Self { lattice: *file.lattice(), unit, system }
     }
 
+    /// How those of a lattice are written, without unit and system.
+    #[cfg(test)]
+    pub fn of(lattice: Lattice) -> Self {
+        Self { lattice, unit: None, system: None }
+    }
+
     /// Unit of lengths, short, if the file names one.
     pub fn unit(&self) -> Option<&str> {
         self.unit.as_deref()
