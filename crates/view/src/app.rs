@@ -8,10 +8,9 @@ use crate::counters::Counters;
 use crate::device::WindowPainter;
 use crate::input_events::WindowState;
 use crate::keys::Keys;
-#[cfg(feature = "light")]
-use crate::light;
 use crate::overlay::Overlay;
-use crate::panel::{self, PanelData};
+use crate::panel::data::PanelData;
+use crate::panel::{self, PanelState};
 use crate::pilot::Order;
 use crate::script::Script;
 use crate::scripted_run::ScriptedRun;
@@ -21,7 +20,7 @@ use crate::source::Opening;
 use crate::theme::TITLE;
 use crate::times::{FrameTime, Times};
 use crate::viewer::{Viewer, pixels};
-use crate::{filters, progress, theme};
+use crate::{progress, theme};
 use anyhow::Result;
 use eframe::egui::{
     CentralPanel, Context, CursorIcon, Event, Frame, Margin, Panel, RawInput, Rect, Sense, Ui,
@@ -63,6 +62,7 @@ pub struct App {
     /// Whether the user wants the panel; without a choice, windows that are wide enough have it.
     has_panel: Option<bool>,
     is_panel_shown: bool,
+    panel: PanelState,
     keys: Keys,
     overlay: Overlay,
     window_painter: WindowPainter,
@@ -156,6 +156,7 @@ impl App {
             kept,
             has_panel: args.no_panel.then_some(false),
             is_panel_shown: !args.no_panel,
+            panel: PanelState::default(),
             keys: Keys::default(),
             overlay: Overlay::default(),
             args,
@@ -234,13 +235,14 @@ impl App {
         let dropped: Vec<PathBuf> =
             dropped.into_iter().map(|file| file.path().to_owned()).collect();
         if !dropped.is_empty() && self.run.is_none() {
-            self.open_files(&ctx, dropped);
+            self.open_files(dropped);
         }
         let mut given = self.shortcuts(&ctx);
         let is_wide = ctx.content_rect().width() >= WIDTH_WITH_PANEL;
         self.is_panel_shown = self.has_panel.unwrap_or(is_wide);
         if self.is_panel_shown && matches!(self.stage, Stage::Viewing(_)) {
-            let frame = Frame::NONE.fill(theme::PANEL).inner_margin(Margin::symmetric(12, 10));
+            let frame =
+                Frame::NONE.fill(theme::inks(ui).panel).inner_margin(Margin::symmetric(12, 10));
             let side = Panel::right("panel").frame(frame).default_size(PANEL_WIDTH);
             side.size_range(PANEL_WIDTHS).show(ui, |ui| self.panel(ui, &mut given));
         }
@@ -254,10 +256,10 @@ impl App {
 
     /// Opens other files in place of those that are open. The view and the filter of the command
     /// line belong to the first ones.
-    fn open_files(&mut self, ctx: &Context, inputs: Vec<PathBuf>) {
+    fn open_files(&mut self, inputs: Vec<PathBuf>) {
         if inputs != self.args.inputs {
             self.args.camera = CameraRequest::default();
-            filters::clear(ctx, &mut self.wanted);
+            self.panel.clear_filter(&mut self.wanted);
             self.wanted.colour_by = None;
         }
         self.args.inputs = inputs;
@@ -390,6 +392,10 @@ impl App {
         let data = PanelData {
             name: viewer.name(),
             about: viewer.about(),
+            clouds: &viewer.clouds().scans,
+            extent: viewer.clouds().extent,
+            crs: viewer.clouds().crs.as_deref(),
+            has_degrees: viewer.clouds().has_degrees,
             notes: viewer.notes(),
             unit: viewer.unit(),
             is_failed: viewer.fault().is_some(),
@@ -399,6 +405,7 @@ impl App {
             backend: &viewer.drawn_by(&self.window_painter),
             sources: viewer.sources(),
             has_fronts: viewer.has_fronts(),
+            has_flags: viewer.clouds().has_flags,
             classes: viewer.classes(),
             legend: legend.as_ref(),
             measured: &viewer.measured(),
@@ -412,24 +419,24 @@ impl App {
             faults: &faults,
             message: self.shots.message(),
         };
-        let clicked = panel::show(ui, &data, &mut self.wanted, &mut is_coarser);
+        let clicked = panel::show(ui, &data, &mut self.panel, &mut self.wanted, &mut is_coarser);
         viewer.set_coarser_moving(is_coarser);
         given.extend(clicked);
     }
 
     fn centre(&mut self, ui: &mut Ui, now_s: f64, given: &mut Vec<Command>) {
         let rect = ui.available_rect_before_wrap();
-        ui.painter().rect_filled(rect, 0.0, theme::GROUND);
+        ui.painter().rect_filled(rect, 0.0, theme::inks(ui).ground);
         match &mut self.stage {
             Stage::Start(recent) => {
                 if let Some(chosen) = progress::start(ui, recent) {
-                    self.open_files(ui.ctx(), chosen);
+                    self.open_files(chosen);
                 }
             }
             Stage::Opening(opening) => progress::show(ui, opening, &self.args.inputs),
             Stage::Failed(fault) => {
                 if progress::failed(ui, fault) {
-                    self.open_files(ui.ctx(), self.args.inputs.clone());
+                    self.open_files(self.args.inputs.clone());
                 }
             }
             Stage::Viewing(_) => {
@@ -449,7 +456,7 @@ impl App {
         }
         #[cfg(feature = "light")]
         if let Some(moved) = viewer.take_sun_drag() {
-            light::drag_sun(&mut self.wanted, moved);
+            panel::light::drag_sun(&mut self.wanted, moved);
         }
         viewer.update_session(ui.ctx(), &self.wanted, self.shots.is_requested(), now_s);
         let work = viewer.draw(ui, now_s, &mut self.counters, &mut self.shots);
@@ -461,7 +468,7 @@ impl App {
         if is_filtered && self.counters.settled && self.counters.points == 0 {
             let all = progress::nothing_left(ui, rect);
             if all {
-                filters::clear(ui.ctx(), &mut self.wanted);
+                self.panel.clear_filter(&mut self.wanted);
             }
         }
         if self.counters.points > 0 {

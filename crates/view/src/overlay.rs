@@ -96,7 +96,7 @@ impl List {
                 }
             }
             if rows.is_empty() {
-                ui.label(RichText::new("no command has such a name").color(theme::FAINT));
+                ui.label(RichText::new("no command has such a name").color(theme::inks(ui).faint));
             }
         });
         chosen
@@ -120,7 +120,7 @@ fn keys(ui: &mut Ui) {
 
 fn row(ui: &mut Ui, key: &str, what: &str) {
     ui.label(RichText::new(key).monospace());
-    ui.label(RichText::new(what).color(theme::FAINT));
+    ui.label(RichText::new(what).color(theme::inks(ui).faint));
     ui.end_row();
 }
 
@@ -128,7 +128,8 @@ fn boxed(ctx: &Context, name: &str, at: Align2, add: impl FnOnce(&mut Ui)) {
     let area = Area::new(Id::unique(name)).order(Order::Foreground);
     let offset = if at == Align2::CENTER_TOP { vec2(0.0, 60.0) } else { vec2(0.0, 0.0) };
     area.anchor(at, offset).show(ctx, |ui| {
-        let frame = Frame::NONE.fill(theme::PANEL).inner_margin(Margin::same(16)).corner_radius(8);
+        let frame =
+            Frame::NONE.fill(theme::inks(ui).panel).inner_margin(Margin::same(16)).corner_radius(8);
         frame.show(ui, add);
     });
 }

@@ -4,7 +4,7 @@
 use crate::source::Opening;
 use crate::theme;
 use eframe::egui::{
-    Align2, Area, Color32, Frame, Id, Label, Margin, Order, ProgressBar, Rect, RichText, Ui, vec2,
+    Align2, Area, Frame, Id, Label, Margin, Order, ProgressBar, Rect, RichText, Ui, vec2,
 };
 use esker_engine::io::quantity::grouped;
 use std::path::PathBuf;
@@ -34,7 +34,7 @@ pub fn show(ui: &mut Ui, opening: &Opening, inputs: &[PathBuf]) {
             return;
         }
         let bar = ProgressBar::new(progress.share().unwrap_or(0.0))
-            .fill(theme::ACCENT.gamma_multiply(0.7));
+            .fill(theme::inks(ui).accent.gamma_multiply(0.7));
         let percent = progress.share().map_or(String::new(), |s| format!("{:.0} %", s * 100.0));
         ui.add(bar.desired_width(WIDTH - 40.0).corner_radius(3.0).text(percent));
         let left = progress.left_s().map_or(String::new(), |s| format!(", {s:.0} s left"));
@@ -45,12 +45,13 @@ pub fn show(ui: &mut Ui, opening: &Opening, inputs: &[PathBuf]) {
             progress.unit,
             grouped(progress.rate() as u64)
         );
-        ui.label(RichText::new(line).color(theme::FAINT));
+        ui.label(RichText::new(line).color(theme::inks(ui).faint));
         if let Some(note) = &progress.note {
-            ui.add(Label::new(RichText::new(note).small().color(theme::FAINT)).wrap());
+            ui.add(Label::new(RichText::new(note).small().color(theme::inks(ui).faint)).wrap());
         }
         ui.add_space(6.0);
-        if ui.button("Cancel").clicked() {
+        let cancel = ui.button("Cancel").on_hover_text("Stop opening these files");
+        if cancel.clicked() {
             opening.cancel();
         }
     });
@@ -60,12 +61,12 @@ pub fn show(ui: &mut Ui, opening: &Opening, inputs: &[PathBuf]) {
 pub fn failed(ui: &mut Ui, fault: &str) -> bool {
     let mut again = false;
     boxed(ui, |ui| {
-        ui.label(RichText::new("Nothing to show").heading().color(theme::FAULT));
+        ui.label(RichText::new("Nothing to show").heading().color(theme::inks(ui).fault));
         ui.add(Label::new(fault).wrap().selectable(true));
         ui.add_space(6.0);
         let button = ui.button("Try again").on_hover_text("Open the same files once more");
         again = button.clicked();
-        ui.label(RichText::new("Or drop other files on the window.").color(theme::FAINT));
+        ui.label(RichText::new("Or drop other files on the window.").color(theme::inks(ui).faint));
     });
     again
 }
@@ -77,7 +78,10 @@ pub fn start(ui: &mut Ui, recent: &[Vec<PathBuf>]) -> Option<Vec<PathBuf>> {
     boxed(ui, |ui| {
         ui.label(RichText::new("Esker").heading());
         ui.label("Drop scans, folders of scans or an .esker file on this window.");
-        ui.label(RichText::new("LAS, LAZ, E57, PTX, PTS, PLY, PCD, XYZ, CSV").color(theme::FAINT));
+        ui.label(
+            RichText::new("LAS, LAZ, E57, PTX, PTS, PLY, PCD, XYZ, CSV")
+                .color(theme::inks(ui).faint),
+        );
         if !recent.is_empty() {
             ui.add_space(8.0);
             ui.label(RichText::new("Opened before").strong());
@@ -103,9 +107,9 @@ pub fn fault_over(ui: &Ui, rect: Rect, fault: &str) {
     let area = Area::new(Id::unique("fault")).order(Order::Foreground).interactable(false);
     let pivot = rect.center_bottom() - vec2(0.0, 16.0);
     area.fixed_pos(pivot).pivot(Align2::CENTER_BOTTOM).show(ui.ctx(), |ui| {
-        framed().show(ui, |ui| {
+        framed(ui).show(ui, |ui| {
             ui.set_max_width(rect.width() * 0.8);
-            ui.label(RichText::new(fault).color(theme::FAULT));
+            ui.label(RichText::new(fault).color(theme::inks(ui).fault));
         });
     });
 }
@@ -116,7 +120,7 @@ pub fn nothing_left(ui: &Ui, rect: Rect) -> bool {
     let area = Area::new(Id::unique("nothing left")).order(Order::Foreground);
     let mut wants_all = false;
     area.fixed_pos(rect.center()).pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
-        framed().show(ui, |ui| {
+        framed(ui).show(ui, |ui| {
             ui.label("No point in view passes the filter: classes, box, polygon, flags, spacing.");
             wants_all = ui.button("Show all").on_hover_text("Remove the filter").clicked();
         });
@@ -124,20 +128,21 @@ pub fn nothing_left(ui: &Ui, rect: Rect) -> bool {
     wants_all
 }
 
-fn framed() -> Frame {
-    Frame::NONE.fill(Color32::from_black_alpha(190)).inner_margin(Margin::same(12)).corner_radius(6)
+fn framed(ui: &Ui) -> Frame {
+    Frame::NONE.fill(theme::inks(ui).panel).inner_margin(Margin::same(12)).corner_radius(6)
 }
 
 fn boxed(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
     let rect = ui.max_rect();
     let area = Area::new(Id::unique("progress")).order(Order::Middle);
     area.fixed_pos(rect.center()).pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
-        Frame::NONE.fill(theme::PANEL).inner_margin(Margin::same(20)).corner_radius(8).show(
-            ui,
-            |ui| {
+        Frame::NONE
+            .fill(theme::inks(ui).panel)
+            .inner_margin(Margin::same(20))
+            .corner_radius(8)
+            .show(ui, |ui| {
                 ui.set_width(WIDTH);
                 add(ui);
-            },
-        );
+            });
     });
 }

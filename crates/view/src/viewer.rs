@@ -4,6 +4,7 @@
 use crate::args::Args;
 use crate::camera::{Camera, Pose};
 use crate::canvas::Canvas;
+use crate::clouds::Clouds;
 use crate::counters::Counters;
 use crate::depth::{Depths, typical};
 use crate::device::{Device, WindowPainter};
@@ -59,6 +60,7 @@ pub struct Viewer {
     has_fronts: bool,
     name: String,
     about: String,
+    clouds: Clouds,
     notes: Vec<String>,
     unit: Option<String>,
     hud: Hud,
@@ -117,6 +119,7 @@ impl Viewer {
                 (_, 1) => format!("{points} points in 1 node{built}"),
                 _ => format!("{points} points in {nodes} nodes{built}"),
             },
+            clouds: Clouds::of(file),
             notes: info::notes(file),
             views,
             hud: Hud::new(file),
@@ -152,6 +155,11 @@ impl Viewer {
     /// Numbers of points and nodes, in words.
     pub fn about(&self) -> &str {
         &self.about
+    }
+
+    /// Scans, extent and coordinate system of the file.
+    pub fn clouds(&self) -> &Clouds {
+        &self.clouds
     }
 
     /// Notes on what was left out of the file or is unusual in it.

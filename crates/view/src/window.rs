@@ -202,6 +202,6 @@ impl eframe::App for Shell {
     }
 
     fn clear_color(&self, _visuals: &egui::Visuals) -> [f32; 4] {
-        crate::theme::GROUND.to_normalized_gamma_f32()
+        crate::theme::DARK.ground.to_normalized_gamma_f32()
     }
 }

@@ -186,7 +186,7 @@ impl OpenWindow {
                 |e: softbuffer::SoftBufferError| anyhow!("cannot show pixels in the window: {e}");
             self.surface.resize(width, height).map_err(fault)?;
             let mut buffer = self.surface.buffer_mut().map_err(fault)?;
-            let [r, g, b, _] = theme::GROUND.to_array().map(u32::from);
+            let [r, g, b, _] = theme::of(ctx).ground.to_array().map(u32::from);
             let [width, height] = [size.width as usize, size.height as usize];
             let size = [width, height];
             // A buffer of age 1 has the last frame.

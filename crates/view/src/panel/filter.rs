@@ -1,24 +1,31 @@
-//! The part of the panel that chooses the points to show: a list of classes with a check box each,
-//! and fields for a box and a spacing. A field takes effect when it loses the focus; if its text is
-//! invalid, an error is shown.
+//! The tab that chooses the points to show: a list of classes with a check box each, flags, a box, a
+//! spacing and the polygon of the command line. A field takes effect when it loses the focus; if its
+//! text is invalid, an error is shown.
 
-use crate::settings::Settings;
+use super::data::PanelData;
+use super::names;
+use super::widgets::{SMALL, label, note, section, tick};
 use crate::theme;
-use eframe::egui::{
-    Align, Color32, Context, Id, Label, Layout, RichText, Sense, TextEdit, Ui, vec2,
-};
+use eframe::egui::{Align, Button, Color32, Label, Layout, RichText, Sense, TextEdit, Ui, vec2};
 use esker_engine::cameras::classes::ClassCount;
 use esker_engine::io::quantity::grouped;
-use esker_engine::{Bounds, Classes, Filter};
+use esker_engine::{Bounds, Classes, Filter, Flags};
 
-/// Width of a field, points.
-const WIDTH: f32 = 150.0;
 /// Side of the square of a colour, points.
 const SQUARE: f32 = 10.0;
+/// Names of flags, and what they mark.
+const FLAGS: [(&str, &str); 4] = [
+    ("withheld", "Points that whoever classified the scan wants left out"),
+    ("overlap", "Points where flight lines overlap"),
+    ("synthetic", "Points that no scanner has measured"),
+    ("key-point", "Points that a model of the ground needs"),
+];
 
 /// Texts of the fields, and the error of the last one.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Fields {
+pub struct Fields {
+    /// The filter that the texts are of; none before the first pass.
+    of: Option<Filter>,
     bounds: String,
     spacing: String,
     fault: Option<String>,
@@ -35,6 +42,7 @@ impl Fields {
             bounds: bounds.unwrap_or_default(),
             spacing: filter.max_spacing.map(|s| s.to_string()).unwrap_or_default(),
             fault: None,
+            of: Some(filter.clone()),
         }
     }
 
@@ -62,64 +70,88 @@ impl Fields {
     }
 }
 
-/// Shows the list of `classes`, those that occur, and the fields; changes the filter of `wanted`
-/// when a class is ticked, or a field loses the focus.
-pub fn show(ui: &mut Ui, wanted: &mut Settings, classes: &[ClassCount]) {
-    class_list(ui, &mut wanted.filter, classes);
-    let id = words_id();
-    let known = ui.data_mut(|data| data.get_temp::<Fields>(id));
-    let mut fields = known.unwrap_or_else(|| Fields::of(&wanted.filter));
+/// Shows the tab; changes `filter` when a class is ticked, or a field loses the focus.
+pub fn show(ui: &mut Ui, fields: &mut Fields, data: &PanelData<'_>, filter: &mut Filter) {
+    if fields.of.is_none() {
+        *fields = Fields::of(filter);
+    }
+    let is_filtered = *filter != Filter::default();
+    let all = ui.add_enabled(is_filtered, Button::new("Show all points"));
+    let all = all.on_hover_text("Remove the whole filter");
+    if all.on_disabled_hover_text("All points are shown").clicked() {
+        *filter = Filter::default();
+        *fields = Fields::of(filter);
+    }
+    if !data.classes.is_empty() {
+        section(ui, "Classes");
+        class_list(ui, filter, data.classes);
+    }
+    if data.has_flags {
+        section(ui, "Leave out");
+        flags(ui, &mut filter.without_flags);
+    }
+    section(ui, "Place");
+    text_fields(ui, fields, filter, data.unit);
+    if filter.polygon.is_some() {
+        ui.horizontal(|ui| {
+            label(ui, "within a polygon");
+            let clear = ui.small_button("clear").on_hover_text("Show the points outside it too");
+            if clear.clicked() {
+                filter.polygon = None;
+            }
+        });
+    }
+}
+
+/// Fields that are typed.
+fn text_fields(ui: &mut Ui, fields: &mut Fields, filter: &mut Filter, unit: Option<&str>) {
+    let unit = unit.map_or(String::new(), |unit| format!(", {}", names::plural(unit)));
     let mut is_left = false;
-    let Fields { bounds, spacing, fault } = &mut fields;
+    let Fields { bounds, spacing, fault, .. } = fields;
     for (name, word, hint, about) in [
         (
-            "box",
+            "box".to_owned(),
             bounds,
-            "x0,y0,x1,y1",
+            "x0, y0, x1, y1",
             "Show the points within a box: its least and greatest coordinates. Press Enter",
         ),
         (
-            "spacing",
+            format!("spacing{unit}"),
             spacing,
             "such as 0.5",
             "Show an even sample whose points are about this far apart. Press Enter",
         ),
     ] {
-        ui.horizontal(|ui| {
-            ui.label(RichText::new(name).color(theme::FAINT));
-            let field = TextEdit::singleline(word).hint_text(hint).desired_width(WIDTH);
-            is_left |= ui.add(field).on_hover_text(about).lost_focus();
-        });
-    }
-    if wanted.filter.polygon.is_some() {
-        ui.horizontal(|ui| {
-            ui.label(RichText::new("within a polygon").color(theme::FAINT));
-            if ui.small_button("clear").clicked() {
-                wanted.filter.polygon = None;
-            }
-        });
+        let name = label(ui, &name).on_hover_text(about);
+        let field = TextEdit::singleline(word).hint_text(hint).desired_width(f32::INFINITY);
+        is_left |= ui.add(field).labelled_by(name.id).on_hover_text(about).lost_focus();
     }
     if let Some(fault) = fault {
-        ui.add(Label::new(RichText::new(fault.as_str()).small().color(theme::FAULT)).wrap());
+        let text = RichText::new(fault.as_str()).small().color(theme::inks(ui).fault);
+        ui.add(Label::new(text).wrap());
+    } else {
+        note(ui, "A field takes effect with Enter.");
     }
     if is_left {
-        match fields.filter(&wanted.filter) {
-            Ok(filter) => (wanted.filter, fields.fault) = (filter, None),
+        match fields.filter(filter) {
+            Ok(wanted) => (*filter, fields.fault) = (wanted, None),
             Err(fault) => fields.fault = Some(fault),
         }
     }
-    ui.data_mut(|data| data.insert_temp(id, fields));
 }
 
-/// Where the texts of the fields are kept between passes.
-fn words_id() -> Id {
-    Id::unique("filter words")
-}
-
-/// Shows all points again.
-pub fn clear(ctx: &Context, wanted: &mut Settings) {
-    wanted.filter = Filter::default();
-    ctx.data_mut(|data| data.remove::<Fields>(words_id()));
+/// A check box for each flag whose points are left out.
+fn flags(ui: &mut Ui, without: &mut Flags) {
+    let text = without.to_string();
+    let mut named: Vec<&str> = text.split(',').filter(|name| !name.is_empty()).collect();
+    for (name, about) in FLAGS {
+        let mut is_out = named.contains(&name);
+        if tick(ui, &mut is_out, name, about).changed() {
+            named.retain(|other| *other != name);
+            named.extend(is_out.then_some(name));
+        }
+    }
+    *without = named.join(",").parse().unwrap_or_default();
 }
 
 /// A line for each class: whether it is shown, its colour, name and points, and a button that shows
@@ -132,23 +164,28 @@ fn class_list(ui: &mut Ui, filter: &mut Filter, classes: &[ClassCount]) {
             let (square, _) = ui.allocate_exact_size(vec2(SQUARE, SQUARE), Sense::hover());
             ui.painter().rect_filled(square, 2.0, Color32::from_rgb(*r, *g, *b));
             let tick = ui.checkbox(&mut is_ticked, format!("{class} {name}"));
-            let tick = tick.on_hover_text(format!("{} points of this class", grouped(*points)));
+            let tick =
+                tick.on_hover_text(format!("Show the {} points of this class", grouped(*points)));
             if tick.changed() {
                 set_class(filter, classes, *class, is_ticked);
             }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                let only = ui.small_button("only").on_hover_text("Show this class alone");
+                let only =
+                    ui.small_button("only").on_hover_text(format!("Show class {class} alone"));
                 if only.clicked() {
                     let mut set = Classes::default();
                     set.set(*class, true);
                     filter.classes = Some(set);
                 }
-                ui.label(RichText::new(grouped(*points)).small().color(theme::FAINT));
+                ui.label(RichText::new(grouped(*points)).size(SMALL).color(theme::inks(ui).faint));
             });
         });
     }
-    if filter.classes.is_some() && !classes.is_empty() && ui.small_button("all classes").clicked() {
-        filter.classes = None;
+    if filter.classes.is_some() {
+        let all = ui.small_button("all classes").on_hover_text("Show the points of all classes");
+        if all.clicked() {
+            filter.classes = None;
+        }
     }
 }
 
@@ -171,11 +208,13 @@ mod tests {
 
     #[test]
     fn fields_are_parsed_to_a_filter_and_a_filter_is_formatted_to_fields() {
-        let fields = Fields { bounds: "1,2,3,4".into(), spacing: "0.5".into(), fault: None };
+        let fields =
+            Fields { bounds: "1,2,3,4".into(), spacing: "0.5".into(), ..Fields::default() };
         let before = Filter { classes: "2,6".parse().ok(), ..Filter::default() };
         let filter = fields.filter(&before).unwrap();
         assert!(filter.classes.unwrap().has(6) && filter.max_spacing == Some(0.5));
-        assert_eq!(Fields::of(&filter), fields);
+        let again = Fields::of(&filter);
+        assert_eq!((again.bounds, again.spacing), (fields.bounds.clone(), fields.spacing.clone()));
         assert_eq!(Fields::default().filter(&filter).unwrap(), before);
         for wrong in [
             Fields { bounds: "1,2".into(), ..fields.clone() },

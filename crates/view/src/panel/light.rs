@@ -1,9 +1,10 @@
-//! The section of the panel for lit pictures: the place of the sun, the rays, and how far the
+//! The section of *View* for lit pictures: the place of the sun, the rays, and how far the
 //! picture is refined.
 
+use super::widgets::{Scale, bar, note, slide, tick};
 use crate::settings::Settings;
 use crate::theme;
-use eframe::egui::{Checkbox, ProgressBar, RichText, Slider, SliderClamping, Ui, emath};
+use eframe::egui::{Checkbox, Ui};
 use esker_engine::io::quantity::grouped;
 use esker_engine::light::settings::{FILTERS, Gloss, ROUGHNESS_MIN};
 use esker_engine::light::status::LitStatus;
@@ -20,15 +21,16 @@ pub fn show(ui: &mut Ui, wanted: &mut Settings, status: Option<&LitStatus>) {
     if let Some(mut place) = sun::place(&wanted.light) {
         let before = place;
         let [low, high] = sun::ELEVATIONS_DEG;
-        ui.label(RichText::new("sun: direction and height, degrees").color(theme::FAINT));
-        ui.add(slider(&mut place[0], 0.0..=360.0).fixed_decimals(0));
-        ui.add(slider(&mut place[1], low..=high).fixed_decimals(0));
+        let azimuth = ("sun: direction, degrees", "Where the sun stands, clockwise from north");
+        slide(ui, azimuth, &mut place[0], 0.0..=360.0, &Scale::linear(0));
+        let height = ("sun: height, degrees", "How high the sun stands above the horizon");
+        slide(ui, height, &mut place[1], low..=high, &Scale::linear(0));
         if place != before {
             sun::set_place(&mut wanted.light, place);
         }
     }
-    ui.label(RichText::new("reflections of light").color(theme::FAINT));
-    ui.add(slider(&mut wanted.light.bounces, BOUNCES));
+    let bounces = ("reflections of light", "How often light is thrown from surface to surface");
+    slide(ui, bounces, &mut wanted.light.bounces, BOUNCES, &Scale::linear(0));
     ui.horizontal_wrapped(|ui| {
         for (filter, name, about) in FILTERS {
             ui.selectable_value(&mut wanted.light.filter, filter, name).on_hover_text(about);
@@ -36,15 +38,15 @@ pub fn show(ui: &mut Ui, wanted: &mut Settings, status: Option<&LitStatus>) {
     });
     let is_glossy = wanted.light.gloss.is_some();
     let shadows = Checkbox::new(&mut wanted.light.filters_shadows, "filter soft shadows");
-    ui.add_enabled(!is_glossy, shadows);
+    let shadows = ui.add_enabled(!is_glossy, shadows);
+    let shadows = shadows.on_hover_text("Remove the noise of soft shadows");
+    shadows.on_disabled_hover_text("Shadows on glossy surfaces are not filtered");
     show_gloss(ui, &mut wanted.light.gloss);
     let Some(status) = status else { return };
     let share = status.samples as f32 / status.samples_final.max(1) as f32;
     let text = format!("{} of {} rays a pixel", status.samples, status.samples_final);
-    let bar = ProgressBar::new(share).corner_radius(3.0).desired_height(17.0);
-    ui.add(bar.fill(theme::COOL.gamma_multiply(0.55)).text(RichText::new(text).size(11.0)));
-    let splats = format!("{} lit points", grouped(status.splats as u64));
-    ui.label(RichText::new(splats).color(theme::FAINT));
+    bar(ui, share, theme::inks(ui).cool.gamma_multiply(0.55), &text);
+    note(ui, &format!("{} lit points", grouped(status.splats as u64)));
     let hints = [
         (
             status.lacks_normals,
@@ -58,26 +60,23 @@ pub fn show(ui: &mut Ui, wanted: &mut Settings, status: Option<&LitStatus>) {
         ),
     ];
     for (_, hint) in hints.iter().filter(|(is_so, _)| *is_so) {
-        ui.label(RichText::new(*hint).color(theme::FAINT));
+        note(ui, hint);
     }
 }
 
 /// Shows whether surfaces are glossy, and how much.
 fn show_gloss(ui: &mut Ui, gloss: &mut Option<Gloss>) {
     let mut is_glossy = gloss.is_some();
-    if ui.checkbox(&mut is_glossy, "glossy surfaces").changed() {
+    let about = "Surfaces mirror a part of the light";
+    if tick(ui, &mut is_glossy, "glossy surfaces", about).changed() {
         *gloss = is_glossy.then(Gloss::default);
     }
     if let Some(gloss) = gloss {
-        ui.label(RichText::new("mirrored share and roughness").color(theme::FAINT));
-        ui.add(slider(&mut gloss.reflectance, 0.0..=1.0).logarithmic(true));
-        ui.add(slider(&mut gloss.roughness, ROUGHNESS_MIN..=1.0));
+        let share = ("mirrored share", "Share of the light that is mirrored");
+        slide(ui, share, &mut gloss.reflectance, 0.0..=1.0, &Scale::logarithmic(3));
+        let roughness = ("roughness", "How far mirrored light spreads");
+        slide(ui, roughness, &mut gloss.roughness, ROUGHNESS_MIN..=1.0, &Scale::linear(2));
     }
-}
-
-/// Makes a slider. A value beyond its ends, from the command line, stays until the user changes it.
-fn slider<N: emath::Numeric>(value: &mut N, range: RangeInclusive<N>) -> Slider<'_> {
-    Slider::new(value, range).clamping(SliderClamping::Edits)
 }
 
 /// Moves the sun by a drag, in shares of the height of the picture.

@@ -32,7 +32,7 @@ pub fn show(
         }
     });
     ui.horizontal(|ui| {
-        ui.label(RichText::new("up").color(theme::FAINT));
+        ui.label(RichText::new("up").color(theme::inks(ui).faint));
         let is_down = wanted.vertical.is_down();
         for axis in 0..3 {
             let vertical = Vertical::of(axis, is_down);
@@ -48,6 +48,6 @@ pub fn show(
     });
     if let Some(note) = note {
         let text = format!("{note}. This is a guess: choose another axis if it is wrong");
-        ui.label(RichText::new(text).small().color(theme::ACCENT));
+        ui.label(RichText::new(text).small().color(theme::inks(ui).accent));
     }
 }

@@ -1,6 +1,8 @@
 //! The legend of the colours: a bar with the ends of a range of values, or a line with a colour for
 //! each value.
 
+use super::names;
+use super::widgets::SMALL;
 use crate::theme;
 use eframe::egui::{Align2, Color32, FontId, Label, Mesh, Rect, RichText, Sense, Ui, pos2, vec2};
 use esker_engine::cameras::legend::{Legend, LegendEntry};
@@ -9,21 +11,24 @@ use esker_engine::cameras::legend::{Legend, LegendEntry};
 const BAR: f32 = 10.0;
 /// Colours of the bar; those between are interpolated.
 const COLOURS: usize = 24;
-const SMALL: f32 = 10.5;
 
 /// Shows a legend; `unit` is that of lengths.
 pub fn show(ui: &mut Ui, legend: &Legend, unit: Option<&str>) {
-    let small = |text: &str| RichText::new(text).size(SMALL).color(theme::FAINT);
-    let unit = unit.filter(|_| legend.is_length).map_or(String::new(), |unit| format!(", {unit}"));
+    let faint = theme::inks(ui).faint;
+    let small = |text: &str| RichText::new(text).size(SMALL).color(faint);
+    let name = names::source(&legend.name);
+    let unit = unit
+        .filter(|_| legend.is_length)
+        .map_or(String::new(), |unit| format!(", {}", names::plural(unit)));
     let range = legend.range_text();
     let colours = legend.bar(COLOURS);
     match &range {
         Some([low, high]) if !colours.is_empty() => {
-            ui.label(small(&format!("{}{unit}", legend.name)));
+            ui.label(small(&format!("{name}{unit}")));
             bar(ui, &colours, [low, high]);
         }
-        Some([low, high]) => drop(ui.label(small(&format!("{} {low} .. {high}", legend.name)))),
-        None => drop(ui.label(small(&legend.name))),
+        Some([low, high]) => drop(ui.label(small(&format!("{name} {low} to {high}")))),
+        None => drop(ui.label(small(&name))),
     }
     for LegendEntry { value, name, rgb: [r, g, b] } in &legend.entries {
         ui.horizontal(|ui| {
@@ -54,9 +59,9 @@ fn bar(ui: &mut Ui, colours: &[[u8; 3]], [low, high]: [&str; 2]) {
         }
     }
     ui.painter().add(mesh);
+    let ink = theme::inks(ui).faint;
     let font = FontId::proportional(SMALL);
-    let text =
-        |at, align, text: &str| ui.painter().text(at, align, text, font.clone(), theme::FAINT);
+    let text = |at, align, text: &str| ui.painter().text(at, align, text, font.clone(), ink);
     text(rect.left_bottom(), Align2::LEFT_BOTTOM, low);
     text(rect.right_bottom(), Align2::RIGHT_BOTTOM, high);
 }

@@ -1,0 +1,55 @@
+//! The tab of what is open: the scans with their numbers of points, the extent, the coordinate
+//! system, and notes on what is unusual.
+
+use super::data::PanelData;
+use super::names;
+use super::widgets::{label, note, row, section};
+use crate::clouds::Cloud;
+use crate::theme;
+use eframe::egui::{Grid, Label, RichText, Ui};
+use esker_engine::io::quantity::grouped;
+
+/// Most scans that are listed.
+const LISTED: usize = 200;
+
+/// Shows the tab.
+pub fn show(ui: &mut Ui, data: &PanelData<'_>) {
+    ui.add(Label::new(data.about).wrap());
+    section(ui, "Extent");
+    match data.extent {
+        None => drop(label(ui, "there are no points")),
+        Some(extent) => {
+            Grid::new("extent").num_columns(2).spacing([12.0, 1.0]).show(ui, |ui| {
+                for (axis, [low, high]) in ["x", "y", "z"].into_iter().zip(extent) {
+                    let unit = data.unit.filter(|_| !data.has_degrees);
+                    let about = format!("From {low} to {high} in the scan's coordinates");
+                    row(ui, axis, &names::length(high - low, unit), &about);
+                }
+            });
+        }
+    }
+    section(ui, "Coordinate system");
+    note(ui, data.crs.unwrap_or("the scans name none"));
+    let unit = match data.unit {
+        Some(unit) => format!("lengths are in {}", names::plural(unit)),
+        None => "the scans name no unit of length".to_owned(),
+    };
+    note(ui, &unit);
+    section(ui, "Scans");
+    Grid::new("clouds").num_columns(2).spacing([12.0, 2.0]).show(ui, |ui| {
+        for Cloud { name, path, format, points } in data.clouds.iter().take(LISTED) {
+            let about = format!("{path} ({format})");
+            row(ui, name, &grouped(*points), &about);
+        }
+    });
+    if data.clouds.len() > LISTED {
+        note(ui, &format!("and {} more", grouped((data.clouds.len() - LISTED) as u64)));
+    }
+    if !data.notes.is_empty() {
+        section(ui, "Notes");
+        for line in data.notes {
+            let text = RichText::new(line).small().color(theme::inks(ui).accent);
+            ui.add(Label::new(text).wrap());
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! The panel beside the picture. Buttons, messages and measurements stand above; below them are
+//! four tabs: how the points are drawn (*View*), which ones (*Filter*), what is open (*Clouds*) and
+//! what the engine does (*Engine*). The panel shows the data that it gets and returns the user's
+//! commands, but performs none itself.
+
+mod clouds;
+pub mod data;
+mod engine;
+mod filter;
+mod legend;
+#[cfg(feature = "light")]
+pub mod light;
+mod names;
+mod plot;
+mod sides;
+mod view;
+mod widgets;
+
+use crate::commands::{self, Command};
+use crate::settings::Settings;
+use crate::theme;
+use data::PanelData;
+use eframe::egui::{
+    Align2, Area, Button, CollapsingHeader, Grid, Id, Label, Order, Rect, RichText, ScrollArea, Ui,
+    vec2,
+};
+
+/// What the panel keeps between passes.
+#[derive(Clone, Debug, Default)]
+pub struct PanelState {
+    tab: Tab,
+    fields: filter::Fields,
+}
+
+/// A tab of the panel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Tab {
+    #[default]
+    View,
+    Filter,
+    Clouds,
+    Engine,
+}
+
+/// The tabs, their names, and what they have.
+const TABS: [(Tab, &str, &str); 4] = [
+    (Tab::View, "View", "How the points are drawn: method, colours, light"),
+    (Tab::Filter, "Filter", "Which points are drawn: classes, box, flags"),
+    (Tab::Clouds, "Clouds", "What is open: scans, points, extent, coordinate system"),
+    (Tab::Engine, "Engine", "What the engine does: frame times, memory, budgets"),
+];
+
+impl PanelState {
+    /// Shows all points again.
+    pub fn clear_filter(&mut self, wanted: &mut Settings) {
+        wanted.filter = Default::default();
+        self.fields = filter::Fields::default();
+    }
+}
+
+/// Shows the panel, as wide as the available space whatever its content. Changes `wanted` and
+/// `is_coarser_moving` as the user does, and returns the commands that were given.
+pub fn show(
+    ui: &mut Ui,
+    data: &PanelData<'_>,
+    state: &mut PanelState,
+    wanted: &mut Settings,
+    is_coarser_moving: &mut bool,
+) -> Vec<Command> {
+    let mut given = Vec::new();
+    ui.set_width(ui.available_width());
+    let name = RichText::new(data.name).heading().strong();
+    ui.add(Label::new(name).truncate()).on_hover_text(data.about);
+    // Buttons and faults are above the part that scrolls, so that they are visible in windows of
+    // any height.
+    buttons(ui, data, &mut given);
+    messages(ui, data);
+    measured(ui, data);
+    ui.add_space(4.0);
+    ui.horizontal(|ui| {
+        for (tab, name, about) in TABS {
+            let button = Button::selectable(state.tab == tab, name).frame(true);
+            if ui.add(button).on_hover_text(about).clicked() {
+                state.tab = tab;
+            }
+        }
+    });
+    ui.separator();
+    // Each tab keeps its own place.
+    let scroll = ScrollArea::vertical().id_salt(state.tab as u8).auto_shrink([false, false]);
+    scroll.show(ui, |ui| match state.tab {
+        Tab::View => view::show(ui, data, wanted, is_coarser_moving, given),
+        Tab::Filter => filter::show(ui, &mut state.fields, data, &mut wanted.filter),
+        Tab::Clouds => clouds::show(ui, data),
+        Tab::Engine => engine::show(ui, data, wanted, &mut given),
+    });
+    given
+}
+
+fn buttons(ui: &mut Ui, data: &PanelData<'_>, given: &mut Vec<Command>) {
+    let buttons = [
+        (Command::Fit, false),
+        (Command::Picture, false),
+        (Command::FixSpeed, data.has_fixed_speed),
+        (Command::Keys, false),
+        (Command::Panel, true),
+    ];
+    ui.horizontal_wrapped(|ui| {
+        for (command, is_on) in buttons {
+            if commands::button(ui, command, is_on).clicked() {
+                given.push(command);
+            }
+        }
+    });
+}
+
+/// The tab at the border of the picture that brings a hidden panel back.
+pub fn tab(ui: &Ui, rect: Rect, given: &mut Vec<Command>) {
+    let area = Area::new(Id::unique("panel tab")).order(Order::Middle);
+    let corner = rect.right_top() + vec2(-8.0, 8.0);
+    area.fixed_pos(corner).pivot(Align2::RIGHT_TOP).show(ui.ctx(), |ui| {
+        if commands::button(ui, Command::Panel, false).clicked() {
+            given.push(Command::Panel);
+        }
+    });
+}
+
+fn messages(ui: &mut Ui, data: &PanelData<'_>) {
+    let inks = theme::inks(ui);
+    if let Some(message) = data.message {
+        let (text, ink) = match message {
+            Ok(text) => (text, inks.cool),
+            Err(text) => (text, inks.fault),
+        };
+        ui.add(Label::new(RichText::new(text).small().color(ink)).wrap());
+    }
+    for fault in data.faults {
+        ui.add(Label::new(RichText::new(fault).color(inks.fault)).wrap());
+    }
+}
+
+/// Measured points and distances, and what the file has of the point that was clicked last.
+fn measured(ui: &mut Ui, data: &PanelData<'_>) {
+    for line in data.measured {
+        let text = RichText::new(line).monospace().size(11.0).color(theme::inks(ui).accent);
+        ui.add(Label::new(text).wrap());
+    }
+    if data.picked.is_empty() {
+        return;
+    }
+    let point = CollapsingHeader::new("Point").default_open(true).show(ui, |ui| {
+        Grid::new("picked").num_columns(2).spacing([12.0, 1.0]).show(ui, |ui| {
+            for (name, value) in data.picked {
+                ui.label(RichText::new(names::source(name)).small().color(theme::inks(ui).faint));
+                ui.add(Label::new(RichText::new(value).monospace().size(11.0)).truncate());
+                ui.end_row();
+            }
+        });
+    });
+    point.header_response.on_hover_text("What the file has of the point that was clicked last");
+}
