@@ -205,7 +205,7 @@ pub struct Render {
     /// What gives points their colour: rgb, intensity, elevation (along the camera's up), x, y, z,
     /// classification, return_number, number_of_returns, source_id, time, normal, level, depth,
     /// plain, or the name of any attribute. A range of values may follow, with either end open.
-    #[arg(long, value_name = "NAME[:MIN..MAX]", aliases = ["colour-by", "color"])]
+    #[arg(long, value_name = "NAME[:MIN..MAX][:MAP]", aliases = ["colour-by", "color"])]
     pub colour: Option<String>,
     #[command(flatten)]
     pub filter: FilterArgs,

@@ -19,7 +19,7 @@ pub use esker_points::filter::{Bounds, Classes, Filter, Flags, Polygon};
 pub use esker_points::unfinished::remove_all as remove_unfinished;
 pub use esker_points::{Cancelled, ColourDepth, Lattice, Task};
 
-pub use esker_render::{Dots, POINT_SIZE_MAX, Picture, PointSize};
+pub use esker_render::{Dots, Gradient, POINT_SIZE_MAX, Picture, PointSize};
 pub use esker_scan::caught::hide as hide_caught_panics;
 pub use esker_scan::system::{UNITS, read_crs};
 pub use esker_scan::{Columns, Crs, OpenOptions};

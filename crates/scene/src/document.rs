@@ -42,7 +42,8 @@ pub struct Scene {
     /// Distance of neighbouring points in the picture that is fine enough, pixels.
     #[serde(skip_serializing_if = "is_default")]
     pub target_spacing: Option<f64>,
-    /// Source of colours and perhaps a range of its values: `NAME` or `NAME:MIN..MAX`.
+    /// Source of colours, perhaps a range of its values and a colour map: `NAME`, `NAME:MIN..MAX`,
+    /// `NAME:MAP` or `NAME:MIN..MAX:MAP`.
     #[serde(skip_serializing_if = "is_default")]
     pub colour: Option<String>,
     /// Which points are drawn.

@@ -77,6 +77,25 @@ impl Colouring {
         Self { legend, ..Self::plain(by(ColourMap { low, high, gradient }), name) }
     }
 
+    /// Colours along another gradient.
+    ///
+    /// # Errors
+    /// If the colours are not along a range of values.
+    fn along(mut self, gradient: Gradient) -> Result<Self> {
+        match &mut self.by {
+            ColourBy::Coordinate(_, map) | ColourBy::EyeDepth(map) | ColourBy::Scalar(map) => {
+                map.gradient = gradient;
+            }
+            ColourBy::Codes(Codebook::Along(own)) => *own = gradient,
+            _ => bail!(
+                "`{}` has no colour map, since its colours are not along a range of values",
+                self.legend.name
+            ),
+        }
+        self.legend.gradient = Some(gradient);
+        Ok(self)
+    }
+
     /// Fits the range of colours by depth to the depths of a box in a view, unless the request
     /// names a range. Other colours stay as they are. Depths of a parallel view count from its eye,
     /// which is its near plane.
@@ -130,6 +149,18 @@ pub(crate) fn filtered_colouring(
     };
     let request = ColourRequest::parse(text)?;
     check_name(file, &request, bounds, shown)?;
+    let colouring = named_colouring(file, &request, vertical, bounds, shown)?;
+    request.gradient.map_or(Ok(colouring.clone()), |gradient| colouring.along(gradient))
+}
+
+/// The colouring of a request, with the colour map that suits it.
+fn named_colouring(
+    file: &Forest,
+    request: &ColourRequest<'_>,
+    vertical: Vertical,
+    bounds: [[f64; 3]; 2],
+    shown: &ForestFilter,
+) -> Result<Colouring> {
     // Names of attributes alone are case-sensitive.
     let is_attribute = file.schema().find(request.name).is_some();
     let name =
@@ -148,11 +179,11 @@ pub(crate) fn filtered_colouring(
             bail!("{}: has no colours; try --colour elevation", file.path().display())
         }
         "plain" | "none" => without_range(Colouring::plain(ColourBy::Plain, "plain")),
-        "elevation" | "height" => along(file, &request, vertical, &vertical.name(), bounds, shown),
+        "elevation" | "height" => along(file, request, vertical, &vertical.name(), bounds, shown),
         "x" | "y" | "z" if !is_attribute => {
             let axis = AXES.iter().position(|axis| *axis == name).unwrap_or(2);
             let vertical = Vertical { axis, is_down: false };
-            along(file, &request, vertical, &name, bounds, shown)
+            along(file, request, vertical, &name, bounds, shown)
         }
         "level" | "cell" | "node" => without_range(Colouring {
             legend: Legend { entries: cell_entries(file, shown), ..Legend::named("level") },
@@ -173,7 +204,7 @@ pub(crate) fn filtered_colouring(
             colouring.legend.is_length = true;
             Ok(colouring)
         }
-        _ => AttributeColours::find(file, &request, shown)?.colouring(),
+        _ => AttributeColours::find(file, request, shown)?.colouring(),
     }
 }
 
@@ -212,7 +243,12 @@ fn check_name(
         && file.schema().find(request.name).is_none()
         && filtered_colouring(file, Some(name), Vertical::default(), bounds, shown).is_ok()
     {
-        bail!("`{end}` in `{}` is no range; a range is given as NAME:MIN..MAX", request.name);
+        let maps = Gradient::ALL.map(Gradient::name).join(", ");
+        bail!(
+            "`{end}` in `{}` is no range and no colour map; they are given as NAME:MIN..MAX:MAP, \
+             and the maps are {maps}",
+            request.name
+        );
     }
     Ok(())
 }
@@ -237,6 +273,28 @@ pub fn choices(file: &Forest) -> Vec<String> {
         (name, _) => vec![name.to_owned()],
     });
     all.chain(attributes).collect()
+}
+
+/// Sources of colours that show something: those of [`choices`] without colours that are all black
+/// and attributes that are zero everywhere.
+///
+/// # Errors
+/// If statistics cannot be read.
+pub fn offered(file: &Forest) -> Result<Vec<String>> {
+    let mut all = choices(file);
+    if !has_colours(file)? {
+        all.retain(|name| name != "rgb");
+    }
+    for (index, attribute) in file.schema().attributes.iter().enumerate() {
+        if matches!(ranges::whole(file, index)?, None | Some((0.0, 0.0))) {
+            let is_returns = attribute.name == names::RETURNS;
+            let parts = [RETURN_NUMBER, NUMBER_OF_RETURNS];
+            let is_it =
+                |name: &str| name == attribute.key().0 || is_returns && parts.contains(&name);
+            all.retain(|name| !is_it(name));
+        }
+    }
+    Ok(all)
 }
 
 /// Whether any colour differs from black: many LAS files have fields of colours with zeros in them.
@@ -294,13 +352,15 @@ pub fn is_one_scan(file: &Forest) -> Result<bool> {
 }
 
 /// An attribute that colours are requested from.
-struct AttributeColours<'a> {
+pub(super) struct AttributeColours<'a> {
     file: &'a Forest,
     request: &'a ColourRequest<'a>,
     shown: &'a ForestFilter,
-    index: usize,
+    /// Its index in the schema of the forest.
+    pub(super) index: usize,
     attribute: &'a Attribute,
-    kind: PlaneKind,
+    /// Plane of its values.
+    pub(super) kind: PlaneKind,
     /// Whether the number of a return is requested.
     is_return_number: bool,
     /// Whether the number of returns is requested.
@@ -312,7 +372,7 @@ struct AttributeColours<'a> {
 
 impl<'a> AttributeColours<'a> {
     /// Finds the attribute: by its exact name, in any case, or by its short name.
-    fn find(
+    pub(super) fn find(
         file: &'a Forest,
         request: &'a ColourRequest<'a>,
         shown: &'a ForestFilter,
@@ -353,6 +413,28 @@ impl<'a> AttributeColours<'a> {
             range,
             note,
         })
+    }
+
+    /// Whether its values have colours of their own, unless a range is requested.
+    pub(super) fn has_labels(&self) -> bool {
+        let name = self.attribute.name.as_str();
+        let is_byte = self.attribute.ty == AttrType::U8;
+        name == names::POINT_SOURCE_ID
+            || is_byte && (name == names::CLASSIFICATION || name == names::RETURNS)
+    }
+
+    /// Factor and offset from stored to shown values: the user sees extra bytes of LAS scaled.
+    fn shown_scale(&self) -> (f64, f64) {
+        match self.file.schema().shown_scale(self.index) {
+            0.0 => (1.0, self.attribute.offset),
+            scale => (scale, self.attribute.offset),
+        }
+    }
+
+    /// The value that the user sees.
+    pub(super) fn shown_value(&self, stored: f64) -> f64 {
+        let (scale, offset) = self.shown_scale();
+        stored * scale + offset
     }
 
     fn colouring(&self) -> Result<Colouring> {
@@ -440,16 +522,10 @@ impl<'a> AttributeColours<'a> {
 
     /// Values along a range.
     fn mapped(&self) -> Result<Colouring> {
-        // The plane has stored values; the user sees extra bytes of LAS scaled.
-        let scale = match self.file.schema().shown_scale(self.index) {
-            0.0 => 1.0,
-            scale => scale,
-        };
-        let offset = self.attribute.offset;
-        let show = |stored: f64| stored * scale + offset;
+        let (scale, offset) = self.shown_scale();
         let range = self.request.range(|| {
             let (low, high) = ranges::of_attribute(self.file, self.index, self.shown)?;
-            Ok((show(low), show(high)))
+            Ok((self.shown_value(low), self.shown_value(high)))
         })?;
         let [low, high] = range.map(|value| (value - offset) / scale);
         let is_intensity = self.kind == PlaneKind::Intensity;

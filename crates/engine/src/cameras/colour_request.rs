@@ -1,7 +1,9 @@
-//! The source of colours that the user requests: `NAME`, or `NAME:MIN..MAX` with either end open.
+//! The source of colours that the user requests: `NAME`, or `NAME:MIN..MAX` with either end open;
+//! `:MAP` may follow, the name of a colour map.
 
 use crate::cameras::legend::short;
 use anyhow::{Context, Result, bail, ensure};
+use esker_render::Gradient;
 
 /// A requested source of colours.
 #[derive(Clone, Debug, PartialEq)]
@@ -9,11 +11,50 @@ pub(crate) struct ColourRequest<'a> {
     /// Name of the source.
     pub(crate) name: &'a str,
     range: [Option<f64>; 2],
+    /// The requested colour map.
+    pub(crate) gradient: Option<Gradient>,
+}
+
+/// Parts of a request.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Parts<'a> {
+    /// Name of the source.
+    pub name: &'a str,
+    /// Ends of the range; none where it is open.
+    pub range: [Option<f64>; 2],
+    /// The colour map; none for the one that suits the source.
+    pub gradient: Option<Gradient>,
+}
+
+impl Parts<'_> {
+    /// The text that requests these parts.
+    pub fn text(&self) -> String {
+        let end = |end: Option<f64>| end.map_or(String::new(), |end| end.to_string());
+        let [low, high] = self.range.map(end);
+        let has_range = self.range != [None; 2];
+        let range = if has_range { format!(":{low}..{high}") } else { String::new() };
+        let map = self.gradient.map_or(String::new(), |map| format!(":{}", map.name()));
+        format!("{}{range}{map}", self.name)
+    }
+}
+
+/// The parts of the request `text`.
+///
+/// # Errors
+/// If the range is invalid.
+pub fn parts(text: &str) -> Result<Parts<'_>> {
+    let ColourRequest { name, range, gradient } = ColourRequest::parse(text)?;
+    Ok(Parts { name, range, gradient })
 }
 
 impl<'a> ColourRequest<'a> {
     pub(crate) fn parse(text: &'a str) -> Result<Self> {
-        let plain = Self { name: text, range: [None; 2] };
+        let mapped = text.rsplit_once(':').map(|(text, map)| (text, Gradient::of_name(map)));
+        let (text, gradient) = match mapped {
+            Some((text, Some(gradient))) => (text, Some(gradient)),
+            _ => (text, None),
+        };
+        let plain = Self { name: text, range: [None; 2], gradient };
         let Some((name, range)) = text.rsplit_once(':') else { return Ok(plain) };
         let Some((low, high)) = range.split_once("..") else { return Ok(plain) };
         let end = |word: &str| -> Result<Option<f64>> {
@@ -29,7 +70,7 @@ impl<'a> ColourRequest<'a> {
         if range[0].is_some() && range[0] == range[1] {
             bail!("the range of `{text}` has no extent; its ends are two numbers");
         }
-        Ok(Self { name, range })
+        Ok(Self { name, range, gradient })
     }
 
     /// The requested range; open ends come from `find`.
@@ -64,6 +105,15 @@ mod tests {
     fn a_request_is_a_name_and_perhaps_a_range() {
         let parse = |text| ColourRequest::parse(text).map(|r| (r.name.to_owned(), r.range));
         assert_eq!(parse("intensity").unwrap(), ("intensity".into(), [None; 2]));
+        let name = "gps_time";
+        for range in [[None; 2], [Some(-1.5), Some(2e3)], [None, Some(7.0)]] {
+            for gradient in [None, Some(Gradient::Turbo)] {
+                let known = Parts { name, range, gradient };
+                assert_eq!(parts(&known.text()).unwrap(), known, "{}", known.text());
+            }
+        }
+        assert_eq!(parts("a:b:Turbo").unwrap().name, "a:b");
+        assert_eq!(parts("a:rainbow").unwrap(), Parts { name: "a:rainbow", ..Parts::default() });
         let both = ("gps_time".into(), [Some(-1.5), Some(2e3)]);
         assert_eq!(parse("gps_time:-1.5..2e3").unwrap(), both);
         assert_eq!(parse("z:..7").unwrap(), ("z".into(), [None, Some(7.0)]));

@@ -3,7 +3,8 @@
 pub mod camera;
 pub mod classes;
 pub mod colour;
-pub(crate) mod colour_request;
+pub mod colour_request;
+pub mod histogram;
 pub mod legend;
 pub mod path;
 pub(crate) mod places;

@@ -15,7 +15,7 @@ pub(super) const STRAYS: f64 = 0.01;
 /// These mean "no value", with either sign: scans write the greatest number of their type.
 const NO_VALUES: [f64; 2] = [f32::MAX as f64, f64::MAX];
 /// Least number of values of a sample, if there are so many.
-const SAMPLE: usize = 1 << 17;
+pub(super) const SAMPLE: usize = 1 << 17;
 /// A range that is a smaller fraction of the whole one, strays included, is too coarse in bins.
 pub(super) const COARSE: f64 = 1.0 / 16.0;
 
@@ -150,7 +150,7 @@ fn of_sample(
 }
 
 /// Values of the first nodes, whose points are evenly spread, and whether these are all nodes.
-fn sample(
+pub(super) fn sample(
     forest: &Forest,
     kind: PlaneKind,
     ty: AttrType,

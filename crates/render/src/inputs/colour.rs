@@ -114,15 +114,61 @@ pub enum Gradient {
     Grey,
     /// Green lowlands over ochre to white peaks, for elevations.
     Terrain,
+    /// Rainbow of even lightness steps, in which small differences are seen (`mikhailov2019`).
+    Turbo,
+    /// Perceptually uniform, from black over purple to pale yellow (`smith2015`).
+    Magma,
+    /// Perceptually uniform, from blue over red to yellow (`smith2015`).
+    Plasma,
+    /// Perceptually uniform, from blue to yellow; the same to colour-blind viewers (`nunez2018`).
+    Cividis,
+    /// Blue over grey to red, for values around a middle (`moreland2009`).
+    CoolWarm,
 }
 
 impl Gradient {
+    /// All gradients, in the order of lists.
+    pub const ALL: [Self; 8] = [
+        Self::Viridis,
+        Self::Turbo,
+        Self::Grey,
+        Self::Terrain,
+        Self::Magma,
+        Self::Plasma,
+        Self::Cividis,
+        Self::CoolWarm,
+    ];
+
+    /// The gradient of this name, in any case.
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|gradient| gradient.name().eq_ignore_ascii_case(name))
+    }
+
+    /// Its colours at even distances, sRGB.
+    fn stops(self) -> &'static [[u8; 3]] {
+        match self {
+            Self::Viridis => &VIRIDIS,
+            Self::Grey => &GREY,
+            Self::Terrain => &TERRAIN,
+            Self::Turbo => &TURBO,
+            Self::Magma => &MAGMA,
+            Self::Plasma => &PLASMA,
+            Self::Cividis => &CIVIDIS,
+            Self::CoolWarm => &COOL_WARM,
+        }
+    }
+
     /// Name of the gradient.
     pub fn name(self) -> &'static str {
         match self {
             Self::Viridis => "viridis",
             Self::Grey => "grey",
             Self::Terrain => "terrain",
+            Self::Turbo => "turbo",
+            Self::Magma => "magma",
+            Self::Plasma => "plasma",
+            Self::Cividis => "cividis",
+            Self::CoolWarm => "coolwarm",
         }
     }
 }
@@ -155,6 +201,82 @@ const TERRAIN: [[u8; 3]; 6] = [
     [196, 160, 104],
     [168, 134, 118],
     [246, 244, 240],
+];
+/// Turbo: `mikhailov2019`.
+const TURBO: [[u8; 3]; 17] = [
+    [48, 18, 59],
+    [64, 64, 162],
+    [70, 107, 227],
+    [66, 148, 255],
+    [40, 188, 235],
+    [24, 221, 194],
+    [50, 242, 152],
+    [109, 254, 98],
+    [164, 252, 60],
+    [205, 236, 52],
+    [238, 207, 58],
+    [253, 172, 52],
+    [251, 126, 33],
+    [235, 80, 14],
+    [208, 47, 5],
+    [169, 22, 1],
+    [122, 4, 3],
+];
+/// Magma and plasma: `smith2015`.
+const MAGMA: [[u8; 3]; 11] = [
+    [0, 0, 4],
+    [20, 14, 54],
+    [59, 15, 112],
+    [100, 26, 128],
+    [140, 41, 129],
+    [183, 55, 121],
+    [222, 73, 104],
+    [247, 112, 92],
+    [254, 159, 109],
+    [254, 207, 146],
+    [252, 253, 191],
+];
+/// As [`MAGMA`].
+const PLASMA: [[u8; 3]; 11] = [
+    [13, 8, 135],
+    [65, 4, 157],
+    [106, 0, 168],
+    [143, 13, 164],
+    [177, 42, 144],
+    [204, 71, 120],
+    [225, 100, 98],
+    [242, 132, 75],
+    [252, 166, 54],
+    [252, 206, 37],
+    [240, 249, 33],
+];
+/// Cividis: `nunez2018`.
+const CIVIDIS: [[u8; 3]; 11] = [
+    [0, 34, 78],
+    [8, 51, 112],
+    [53, 69, 108],
+    [79, 87, 108],
+    [102, 105, 112],
+    [125, 124, 120],
+    [148, 142, 119],
+    [174, 163, 113],
+    [200, 184, 102],
+    [229, 207, 82],
+    [254, 232, 56],
+];
+/// Blue over grey to red: `moreland2009`.
+const COOL_WARM: [[u8; 3]; 11] = [
+    [59, 76, 192],
+    [89, 119, 227],
+    [123, 159, 249],
+    [158, 190, 255],
+    [192, 212, 245],
+    [221, 220, 220],
+    [242, 203, 183],
+    [247, 172, 142],
+    [238, 132, 104],
+    [214, 82, 68],
+    [180, 4, 38],
 ];
 
 /// Colours of the ASPRS classes 0 to 22 (`asprs2019`, table 17), sRGB.
@@ -281,11 +403,7 @@ impl MapTable {
 
     /// Computes the table of a map.
     pub fn new(map: &ColourMap) -> Self {
-        let stops: &[[u8; 3]] = match map.gradient {
-            Gradient::Viridis => &VIRIDIS,
-            Gradient::Grey => &GREY,
-            Gradient::Terrain => &TERRAIN,
-        };
+        let stops = map.gradient.stops();
         let last = Self::ENTRIES - 1;
         let gradient = (0..=last).map(|i| {
             let at = i as f32 / last as f32 * (stops.len() - 1) as f32;
@@ -390,6 +508,16 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn gradients_have_names_and_neighbouring_stops_differ() {
+        for gradient in Gradient::ALL {
+            assert_eq!(Gradient::of_name(gradient.name()), Some(gradient));
+            let stops = gradient.stops();
+            assert!(stops.len() >= 2 && stops.windows(2).all(|pair| pair[0] != pair[1]));
+        }
+        assert_eq!(Gradient::of_name("rainbow"), None);
     }
 
     #[test]
