@@ -20,8 +20,9 @@ use crate::source::Opening;
 use crate::theme::TITLE;
 use crate::times::{FrameTime, Times};
 use crate::viewer::{Viewer, pixels};
-use crate::{progress, theme};
+use crate::{fault, fit, fonts, progress, theme};
 use anyhow::Result;
+use eframe::egui::text_selection::LabelSelectionState;
 use eframe::egui::{
     CentralPanel, Context, CursorIcon, Event, Frame, Margin, Panel, RawInput, Rect, Sense, Ui,
     ViewportCommand,
@@ -63,6 +64,8 @@ pub struct App {
     has_panel: Option<bool>,
     is_panel_shown: bool,
     panel: PanelState,
+    /// Whether the monitor is known.
+    is_fitted: bool,
     keys: Keys,
     overlay: Overlay,
     window_painter: WindowPainter,
@@ -74,6 +77,8 @@ pub struct App {
     anon_bytes: (f64, u64),
     /// Time of the last frame, seconds, if another one follows it without a pause.
     last_s: Option<f64>,
+    /// When the picture became final, seconds.
+    rest_s: Option<f64>,
     milestones: Milestones,
     /// Whether in this pass the pointer has moved and nothing else, and no picture was drawn.
     has_only_pointed: bool,
@@ -91,6 +96,11 @@ enum Stage {
 }
 
 impl Stage {
+    /// The words for an error.
+    fn failed(error: &anyhow::Error) -> Self {
+        Self::Failed(fault::in_words(&format!("{error:#}")))
+    }
+
     /// Opens the inputs; without any, lists what was opened before.
     fn of(args: &Args, build: &BuildOptions, kept: Option<Kept>) -> Result<Self> {
         if args.inputs.is_empty() {
@@ -157,6 +167,7 @@ impl App {
             has_panel: args.no_panel.then_some(false),
             is_panel_shown: !args.no_panel,
             panel: PanelState::default(),
+            is_fitted: false,
             keys: Keys::default(),
             overlay: Overlay::default(),
             args,
@@ -169,6 +180,7 @@ impl App {
             shots: Shots::default(),
             anon_bytes: (f64::NEG_INFINITY, 0),
             last_s: None,
+            rest_s: None,
             milestones: Milestones::default(),
             has_only_pointed: false,
             run: script.map(ScriptedRun::new),
@@ -178,6 +190,7 @@ impl App {
     /// Sets what paints the window; called once, when the window is open.
     pub fn set_window_painter(&mut self, ctx: &Context, window_painter: WindowPainter) {
         theme::apply(ctx);
+        fonts::apply(ctx);
         self.window_painter = window_painter;
     }
 
@@ -199,7 +212,7 @@ impl App {
         };
         let Some(picture_rect) = viewer.picture_rect() else { return };
         if let Err(error) = run.prepare(viewer.file(), pixels(picture_rect, 1.0, 1.0)) {
-            self.stage = Stage::Failed(format!("{error:#}"));
+            self.stage = Stage::failed(&error);
             return;
         }
         let window = WindowState {
@@ -229,6 +242,7 @@ impl App {
     pub fn pass(&mut self, ui: &mut Ui) {
         let ctx = ui.ctx().clone();
         let now_s = self.now_s();
+        self.fit_monitor(&ctx);
         self.record_milestones(now_s);
         self.poll(&ctx);
         let dropped = ctx.input(|i| i.raw.dropped_files.clone());
@@ -254,11 +268,22 @@ impl App {
         }
     }
 
+    /// Draws everything smaller if the monitor is small, once it is known.
+    fn fit_monitor(&mut self, ctx: &Context) {
+        if !self.is_fitted
+            && let Some(monitor) = ctx.input(|i| i.viewport().monitor_size)
+        {
+            self.is_fitted = true;
+            ctx.set_zoom_factor(fit::zoom(monitor));
+        }
+    }
+
     /// Opens other files in place of those that are open. The view and the filter of the command
     /// line belong to the first ones.
     fn open_files(&mut self, inputs: Vec<PathBuf>) {
         if inputs != self.args.inputs {
             self.args.camera = CameraRequest::default();
+            self.panel.close_file();
             self.panel.clear_filter(&mut self.wanted);
             self.wanted.colour_by = None;
         }
@@ -269,7 +294,7 @@ impl App {
         self.last_s = None;
         self.stage = match Stage::of(&self.args, &self.build, self.kept.clone()) {
             Ok(stage) => stage,
-            Err(error) => Stage::Failed(format!("{error:#}")),
+            Err(error) => Stage::failed(&error),
         };
     }
 
@@ -360,7 +385,7 @@ impl App {
         let Stage::Opening(opening) = &mut self.stage else { return };
         match opening.poll() {
             None => ctx.request_repaint_after(POLL_INTERVAL),
-            Some(Err(error)) => self.stage = Stage::Failed(format!("{error:#}")),
+            Some(Err(error)) => self.stage = Stage::failed(&error),
             Some(Ok(opened)) => {
                 let is_coarser = self.run.as_ref().is_none_or(ScriptedRun::is_coarser_moving);
                 let viewer = Viewer::new(opened, &self.args, &self.window_painter, is_coarser);
@@ -385,11 +410,12 @@ impl App {
         let Stage::Viewing(viewer) = &mut self.stage else { return };
         // A fault of the picture is painted over it.
         let picking = viewer.pick_fault().map(String::from);
-        let faults: Vec<String> =
-            self.counters.status.fault.clone().into_iter().chain(picking).collect();
+        let faults = self.counters.status.fault.clone().into_iter().chain(picking);
+        let faults: Vec<String> = faults.map(|text| fault::in_words(&text)).collect();
         let mut is_coarser = viewer.is_coarser_moving();
         let legend = viewer.legend();
         let data = PanelData {
+            file: viewer.file(),
             name: viewer.name(),
             about: viewer.about(),
             clouds: &viewer.clouds().scans,
@@ -458,6 +484,8 @@ impl App {
         if let Some(moved) = viewer.take_sun_drag() {
             panel::light::drag_sun(&mut self.wanted, moved);
         }
+        // The panel was laid out with these.
+        let shown_rates = self.counters.rates();
         viewer.update_session(ui.ctx(), &self.wanted, self.shots.is_requested(), now_s);
         let work = viewer.draw(ui, now_s, &mut self.counters, &mut self.shots);
         self.has_only_pointed = work.is_none()
@@ -486,20 +514,36 @@ impl App {
         self.last_s = needs_redraw.then_some(now_s);
         // The panel was laid out before this picture was drawn, so it needs another pass.
         if needs_redraw || work.is_some() {
+            self.rest_s = None;
             ui.ctx().request_repaint();
         } else if self.shots.is_busy() {
             ui.ctx().request_repaint_after(POLL_INTERVAL);
+        } else {
+            self.come_to_rest(ui.ctx(), now_s, shown_rates);
         }
+    }
+
+    /// Repaints at rest until the panel shows that nothing is read any more, the memory that is
+    /// taken now, and no message that has had its time.
+    fn come_to_rest(&mut self, ctx: &Context, now_s: f64, shown_rates: [f64; 2]) {
+        let rest_s = *self.rest_s.get_or_insert(now_s);
+        let rates = self.counters.rates();
+        if rates != shown_rates {
+            ctx.request_repaint();
+        } else if rates != [0.0; 2] || self.anon_bytes.0 <= rest_s {
+            ctx.request_repaint_after(Duration::from_secs_f64(MEMORY_INTERVAL_S * 1.2));
+        }
+        self.shots.message_left().iter().for_each(|&left| ctx.request_repaint_after(left));
     }
 
     fn perform(&mut self, ctx: &Context, given: Vec<Command>) {
         for command in given {
-            self.perform_one(command);
+            self.perform_one(ctx, command);
             ctx.request_repaint();
         }
     }
 
-    fn perform_one(&mut self, command: Command) {
+    fn perform_one(&mut self, ctx: &Context, command: Command) {
         let Stage::Viewing(viewer) = &mut self.stage else { return };
         match command {
             Command::Fit => viewer.go_home(),
@@ -523,6 +567,12 @@ impl App {
                     viewer.clear_measurements();
                 }
             }
+            Command::Copy => {
+                let lines = viewer.measured();
+                if !lines.is_empty() && !has_selected_text(ctx) {
+                    ctx.copy_text(lines.join("\n"));
+                }
+            }
             Command::FixSpeed => viewer.toggle_fixed_pace(),
             Command::Freeze => viewer.toggle_frozen(),
             Command::Panel => self.has_panel = Some(!self.is_panel_shown),
@@ -531,3 +581,12 @@ impl App {
         }
     }
 }
+
+/// Whether text of the window is selected, which the keys for copying copy.
+fn has_selected_text(ctx: &Context) -> bool {
+    ctx.plugin::<LabelSelectionState>().lock().has_selection()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may panic")]
+mod tests;

@@ -57,7 +57,7 @@ pub struct Args {
     /// classification, return_number, number_of_returns, source_id, time, normal, level, depth,
     /// plain, or the name of any attribute. A range of values may follow, such as
     /// elevation:100..250 or intensity:..4000.
-    #[arg(long, value_name = "NAME[:MIN..MAX]", aliases = ["colour-by", "color"])]
+    #[arg(long, value_name = "NAME[:MIN..MAX][:MAP]", aliases = ["colour-by", "color"])]
     pub colour: Option<String>,
     /// Points in this box, its faces included, in the scan's coordinates; with four numbers, seen
     /// from above.

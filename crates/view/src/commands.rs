@@ -2,7 +2,9 @@
 //! overview of keys and the list of commands all come from it.
 
 use crate::views::Side;
-use eframe::egui::{Button, Context, InputState, Key, KeyboardShortcut, Modifiers, Response, Ui};
+use eframe::egui::{
+    Button, Context, Event, InputState, Key, KeyboardShortcut, Modifiers, Response, Ui,
+};
 
 /// A command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +25,8 @@ pub enum Command {
     NextColours,
     /// Skip nodes that are hidden, or draw them.
     Hidden,
+    /// Copy the measurements.
+    Copy,
     /// Remove the measurements.
     ClearMeasurements,
     /// Keep the speed of flying, or let it follow what is in view.
@@ -60,7 +64,7 @@ const fn with_command(key: Key) -> KeyboardShortcut {
 }
 
 /// All commands, in the order in which they are listed.
-pub const COMMANDS: [Row; 20] = [
+pub const COMMANDS: [Row; 21] = [
     Row {
         command: Command::Fit,
         id: "fit",
@@ -151,6 +155,13 @@ pub const COMMANDS: [Row; 20] = [
         name: "Next colours",
         keys: &[plain(Key::C)],
         about: "colour the points by the next attribute",
+    },
+    Row {
+        command: Command::Copy,
+        id: "copy",
+        name: "Copy",
+        keys: &[with_command(Key::C)],
+        about: "copy the measured coordinates and distances, unless text is selected",
     },
     Row {
         command: Command::ClearMeasurements,
@@ -251,7 +262,12 @@ pub fn pressed(input: &mut InputState, has_focus: bool) -> Vec<Command> {
     let is_free = |keys: &KeyboardShortcut| {
         !has_focus || !matches!(keys.logical_key, Key::Space | Key::Escape | Key::Home)
     };
+    // The system's keys for copying, whichever they are, come as an event of their own.
+    let copies = input.events.iter().any(|event| matches!(event, Event::Copy));
     let mut is_pressed = |row: &Row| {
+        if row.command == Command::Copy && copies {
+            return true;
+        }
         let mut keys = row.keys.iter().filter(|keys| is_free(keys));
         // A question mark takes Shift on many keyboards.
         keys.any(|keys| {
@@ -274,7 +290,7 @@ pub fn button(ui: &mut Ui, command: Command, is_on: bool) -> Response {
 mod tests {
     use super::*;
     use crate::input_events::key_event;
-    use eframe::egui::{Event, RawInput};
+    use eframe::egui::RawInput;
     use std::collections::HashSet;
 
     #[test]

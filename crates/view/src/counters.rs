@@ -33,6 +33,11 @@ pub struct Counters {
 }
 
 impl Counters {
+    /// Bytes and reads a second.
+    pub fn rates(&self) -> [f64; 2] {
+        [self.read_rate, self.reads_rate]
+    }
+
     /// Takes the counts of a drawn frame.
     pub fn take_frame(&mut self, cut: &Cut, points: u64, draw_ms: f64) {
         self.nodes = cut.nodes.len() as u64;

@@ -1,6 +1,7 @@
 //! Pictures of the scene or of the whole window as PNG files: they are requested, taken from the
 //! next complete picture, and written by threads.
 
+use crate::fault;
 use anyhow::Result;
 use eframe::egui::{Color32, ColorImage, Context, ScreenshotCallback, ViewportCommand};
 use esker_engine::Picture;
@@ -8,9 +9,12 @@ use esker_engine::io::picture;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 /// Pictures that are written at the same time at most.
 const WRITING_MAX: usize = 4;
+/// How long it is shown that a picture was written.
+const MESSAGE: Duration = Duration::from_secs(10);
 /// Failures that are kept at most.
 const FAILURES_MAX: usize = 16;
 /// Largest number in the name of a picture.
@@ -30,7 +34,8 @@ pub struct Shots {
     window: Option<(PathBuf, SharedScreenshot)>,
     writing: Vec<JoinHandle<()>>,
     outcomes: Arc<Mutex<Vec<Result<String, String>>>>,
-    message: Option<Message>,
+    /// The last outcome, and when it came.
+    message: Option<(Message, Instant)>,
     failures: Vec<String>,
     failed: u64,
 }
@@ -38,6 +43,7 @@ pub struct Shots {
 impl Shots {
     /// Requests a picture at `path`, or under a free name made from `name`, that of the scan.
     pub fn request(&mut self, path: Option<&Path>, name: &str) {
+        self.message = None;
         self.requested = path.map(Path::to_owned).or_else(|| free_name(name));
         if self.requested.is_none() {
             self.add_failure(format!(
@@ -83,7 +89,7 @@ impl Shots {
     fn write(&mut self, picture: Picture, path: PathBuf) {
         self.writing.retain(|thread| !thread.is_finished());
         if self.writing.len() >= WRITING_MAX {
-            self.message = Some(Err(
+            self.say(Err(
                 "not written, because earlier pictures are still being written; try again".into(),
             ));
             return;
@@ -93,7 +99,7 @@ impl Shots {
         let write = move || {
             let line = match picture::write_png(&picture, &path) {
                 Ok(()) => Ok(format!("picture: {}", full(&path).display())),
-                Err(error) => Err(format!("{error:#}")),
+                Err(error) => Err(fault::in_words(&format!("{error:#}"))),
             };
             outcomes.lock().unwrap_or_else(PoisonError::into_inner).push(line);
         };
@@ -110,7 +116,19 @@ impl Shots {
 
     /// Outcome of the last picture, in words.
     pub fn message(&self) -> Option<&Message> {
-        self.message.as_ref()
+        let (message, since) = self.message.as_ref()?;
+        (message.is_err() || since.elapsed() < MESSAGE).then_some(message)
+    }
+
+    /// How long the last outcome is still shown, if that is not for ever: failures are.
+    pub fn message_left(&self) -> Option<Duration> {
+        let (message, since) = self.message.as_ref()?;
+        let left = MESSAGE.checked_sub(since.elapsed());
+        left.filter(|left| message.is_ok() && !left.is_zero())
+    }
+
+    fn say(&mut self, message: Message) {
+        self.message = Some((message, Instant::now()));
     }
 
     /// The first failures.
@@ -122,7 +140,7 @@ impl Shots {
         if self.failures.len() < FAILURES_MAX {
             self.failures.push(line.clone());
         }
-        self.message = Some(Err(line));
+        self.say(Err(line));
     }
 
     /// Checks whether the picture of the window has arrived, and collects the outcomes of the
@@ -140,7 +158,7 @@ impl Shots {
             std::mem::take(&mut *self.outcomes.lock().unwrap_or_else(PoisonError::into_inner));
         for line in outcomes {
             match line {
-                Ok(line) => self.message = Some(Ok(line)),
+                Ok(line) => self.say(Ok(line)),
                 Err(line) => {
                     self.failed += 1;
                     self.add_failure(line);

@@ -18,7 +18,7 @@ use crate::sharpness::{Drawn, Sharpness};
 use crate::shots::Shots;
 use crate::source::Opened;
 use crate::views::{Side, Views};
-use crate::{frustum, progress, theme};
+use crate::{fault, frustum, progress, theme};
 use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
 use esker_engine::calls::info;
 use esker_engine::cameras::classes::{self, ClassCount};
@@ -108,8 +108,8 @@ impl Viewer {
             pacing,
             method: Method::default(),
             frozen: None,
-            sources: colour::choices(file),
             // A file whose statistics are damaged shows that when it is drawn.
+            sources: colour::offered(file).unwrap_or_else(|_| colour::choices(file)),
             classes: classes::occurring(file).unwrap_or_default(),
             has_fronts: file.has_oriented_normals() && !file.is_closed(),
             name: name.unwrap_or_else(|| "scan".into()),
@@ -200,6 +200,12 @@ impl Viewer {
     /// Legend of the colours, while a session runs.
     pub fn legend(&self) -> Option<Legend> {
         self.scene.as_ref()?.legend()
+    }
+
+    /// Settings of the session.
+    #[cfg(test)]
+    pub fn settings(&self) -> Option<&Settings> {
+        self.scene.as_ref().map(Scene::settings)
     }
 
     /// Size of the picture that is shown, pixels.
@@ -491,6 +497,7 @@ impl Viewer {
                 // The name of the temporary file means nothing to a user who opened a scan.
                 let built = self.opened.file.path().display().to_string();
                 let is_built = self.opened.is_built();
+                let fault = fault::in_words(&fault);
                 self.fault = Some(if is_built { fault.replace(&built, &self.name) } else { fault });
                 None
             }

@@ -71,6 +71,14 @@ fn arguments_without_window() -> Vec<OsString> {
     arguments
 }
 
+/// Error of a window that cannot be opened. What winit says ends in a path of its own source.
+fn no_display(error: &eframe::Error) -> anyhow::Error {
+    match error {
+        eframe::Error::Winit(_) | eframe::Error::WinitEventLoop(_) => anyhow!(NO_DISPLAY),
+        error => anyhow!("{NO_DISPLAY}: {error}"),
+    }
+}
+
 /// Why the window failed.
 enum Fault {
     /// No graphics driver can show the window.
@@ -98,7 +106,7 @@ impl From<eframe::Error> for Fault {
     fn from(error: eframe::Error) -> Self {
         match error {
             eframe::Error::Wgpu(error) => Self::Driver(format!("no graphics driver: {error}")),
-            error => Self::Other(anyhow!("{NO_DISPLAY}: {error}")),
+            error => Self::Other(no_display(&error)),
         }
     }
 }
@@ -138,7 +146,14 @@ fn options(args: &Args) -> NativeOptions {
         wgpu_setup: WgpuSetup::CreateNew(setup),
         ..WgpuConfiguration::default()
     };
-    NativeOptions { viewport: viewport(args), wgpu_options, ..NativeOptions::default() }
+    // Fonts of the system are asked for by `fonts`, on demand.
+    let viewport = viewport(args);
+    NativeOptions {
+        viewport,
+        wgpu_options,
+        system_font_fallback: false,
+        ..NativeOptions::default()
+    }
 }
 
 /// Chooses the adapter that paints the window: one that can show it, real GPUs first, OpenGL last.

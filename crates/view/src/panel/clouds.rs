@@ -6,7 +6,7 @@ use super::names;
 use super::widgets::{label, note, row, section};
 use crate::clouds::Cloud;
 use crate::theme;
-use eframe::egui::{Grid, Label, RichText, Ui};
+use eframe::egui::{Align, Grid, Label, Layout, RichText, Ui};
 use esker_engine::io::quantity::grouped;
 
 /// Most scans that are listed.
@@ -36,12 +36,9 @@ pub fn show(ui: &mut Ui, data: &PanelData<'_>) {
     };
     note(ui, &unit);
     section(ui, "Scans");
-    Grid::new("clouds").num_columns(2).spacing([12.0, 2.0]).show(ui, |ui| {
-        for Cloud { name, path, format, points } in data.clouds.iter().take(LISTED) {
-            let about = format!("{path} ({format})");
-            row(ui, name, &grouped(*points), &about);
-        }
-    });
+    for cloud in data.clouds.iter().take(LISTED) {
+        scan(ui, cloud);
+    }
     if data.clouds.len() > LISTED {
         note(ui, &format!("and {} more", grouped((data.clouds.len() - LISTED) as u64)));
     }
@@ -52,4 +49,17 @@ pub fn show(ui: &mut Ui, data: &PanelData<'_>) {
             ui.add(Label::new(text).wrap());
         }
     }
+}
+
+/// A line for a scan: its name, which may be cut, and its points.
+fn scan(ui: &mut Ui, Cloud { name, path, format, points }: &Cloud) {
+    ui.horizontal(|ui| {
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            ui.label(RichText::new(grouped(*points)).monospace()).on_hover_text("Points");
+            ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                let name = ui.add(Label::new(name).truncate());
+                name.on_hover_text(format!("{path} ({format})"));
+            });
+        });
+    });
 }

@@ -4,11 +4,15 @@ use crate::clouds::Cloud;
 use crate::counters::Counters;
 use crate::shots::Message;
 use crate::times::Times;
+use esker_engine::Forest;
 use esker_engine::cameras::classes::ClassCount;
 use esker_engine::cameras::legend::Legend;
+use std::sync::Arc;
 
 /// Data that the panel shows.
 pub struct PanelData<'a> {
+    /// The file.
+    pub file: &'a Arc<Forest>,
     /// Name of the file.
     pub name: &'a str,
     /// Numbers of points and nodes, in words.

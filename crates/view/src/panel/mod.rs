@@ -4,32 +4,46 @@
 //! commands, but performs none itself.
 
 mod clouds;
+mod counted;
 pub mod data;
 mod engine;
 mod filter;
+mod histogram;
 mod legend;
 #[cfg(feature = "light")]
 pub mod light;
 mod names;
 mod plot;
 mod sides;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may panic")]
+mod tests;
 mod view;
 mod widgets;
 
 use crate::commands::{self, Command};
 use crate::settings::Settings;
 use crate::theme;
+use counted::Counted;
 use data::PanelData;
 use eframe::egui::{
-    Align2, Area, Button, CollapsingHeader, Grid, Id, Label, Order, Rect, RichText, ScrollArea, Ui,
-    vec2,
+    Align, Align2, Area, Button, CollapsingHeader, Grid, Id, Label, Layout, Order, Rect, RichText,
+    ScrollArea, Ui, vec2,
 };
+use esker_engine::cameras::legend::Legend;
+
+/// Most height of the values of a picked point, points.
+const PICKED_HEIGHT: f32 = 132.0;
 
 /// What the panel keeps between passes.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct PanelState {
     tab: Tab,
     fields: filter::Fields,
+    counted: Counted,
+    /// Legend of the last picture: it stays while a session is opened, so that nothing below it
+    /// moves.
+    legend: Option<Legend>,
 }
 
 /// A tab of the panel.
@@ -56,6 +70,11 @@ impl PanelState {
         wanted.filter = Default::default();
         self.fields = filter::Fields::default();
     }
+
+    /// Forgets what belongs to a file that is closed; the tab stays.
+    pub fn close_file(&mut self) {
+        *self = Self { tab: self.tab, ..Self::default() };
+    }
 }
 
 /// Shows the panel, as wide as the available space whatever its content. Changes `wanted` and
@@ -69,6 +88,9 @@ pub fn show(
 ) -> Vec<Command> {
     let mut given = Vec::new();
     ui.set_width(ui.available_width());
+    if let Some(legend) = data.legend {
+        state.legend = Some(legend.clone());
+    }
     let name = RichText::new(data.name).heading().strong();
     ui.add(Label::new(name).truncate()).on_hover_text(data.about);
     // Buttons and faults are above the part that scrolls, so that they are visible in windows of
@@ -89,7 +111,10 @@ pub fn show(
     // Each tab keeps its own place.
     let scroll = ScrollArea::vertical().id_salt(state.tab as u8).auto_shrink([false, false]);
     scroll.show(ui, |ui| match state.tab {
-        Tab::View => view::show(ui, data, wanted, is_coarser_moving, given),
+        Tab::View => {
+            let shown = view::Shown { legend: state.legend.as_ref(), counted: &mut state.counted };
+            view::show(ui, data, shown, wanted, is_coarser_moving, &mut given);
+        }
         Tab::Filter => filter::show(ui, &mut state.fields, data, &mut wanted.filter),
         Tab::Clouds => clouds::show(ui, data),
         Tab::Engine => engine::show(ui, data, wanted, &mut given),
@@ -143,19 +168,35 @@ fn messages(ui: &mut Ui, data: &PanelData<'_>) {
 fn measured(ui: &mut Ui, data: &PanelData<'_>) {
     for line in data.measured {
         let text = RichText::new(line).monospace().size(11.0).color(theme::inks(ui).accent);
-        ui.add(Label::new(text).wrap());
+        ui.horizontal(|ui| {
+            ui.with_layout(Layout::right_to_left(Align::Min), |ui| {
+                let copy = ui.small_button("copy").on_hover_text("Copy this line (Ctrl+C: all)");
+                if copy.clicked() {
+                    ui.ctx().copy_text(line.clone());
+                }
+                ui.with_layout(Layout::left_to_right(Align::Min), |ui| {
+                    ui.add(Label::new(text).wrap());
+                });
+            });
+        });
     }
     if data.picked.is_empty() {
         return;
     }
     let point = CollapsingHeader::new("Point").default_open(true).show(ui, |ui| {
-        Grid::new("picked").num_columns(2).spacing([12.0, 1.0]).show(ui, |ui| {
-            for (name, value) in data.picked {
-                ui.label(RichText::new(names::source(name)).small().color(theme::inks(ui).faint));
-                ui.add(Label::new(RichText::new(value).monospace().size(11.0)).truncate());
-                ui.end_row();
-            }
-        });
+        // Below it the tabs must stay in view.
+        let scroll = ScrollArea::vertical().id_salt("picked").max_height(PICKED_HEIGHT);
+        scroll.show(ui, |ui| picked(ui, data.picked));
     });
     point.header_response.on_hover_text("What the file has of the point that was clicked last");
+}
+
+fn picked(ui: &mut Ui, rows: &[(String, String)]) {
+    Grid::new("picked").num_columns(2).spacing([12.0, 1.0]).show(ui, |ui| {
+        for (name, value) in rows {
+            ui.label(RichText::new(names::source(name)).small().color(theme::inks(ui).faint));
+            ui.add(Label::new(RichText::new(value).monospace().size(11.0)).truncate());
+            ui.end_row();
+        }
+    });
 }

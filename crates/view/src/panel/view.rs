@@ -1,16 +1,24 @@
 //! The tab of how points are drawn: method, sizes, colours with their legend, light, and the looks
 //! of the window itself.
 
+use super::counted::Counted;
 use super::data::PanelData;
 use super::widgets::{Scale, label, section, slide, tick};
-use super::{legend, names, sides};
+use super::{histogram, legend, names, sides};
 use crate::commands::Command;
 use crate::settings::Settings;
 use crate::theme;
-use eframe::egui::{ComboBox, ThemePreference, Ui};
+use eframe::egui::{Button, ComboBox, ThemePreference, Ui};
 use esker_engine::cameras::colour::SCANS;
+use esker_engine::cameras::colour_request::{Parts, parts};
+use esker_engine::cameras::legend::Legend;
 use esker_engine::light::IS_BUILT;
-use esker_engine::{Dots, Method, POINT_SIZE_MAX, PointSize};
+use esker_engine::{Dots, Gradient, Method, POINT_SIZE_MAX, PointSize};
+
+/// Colours of the bars of a histogram.
+const COLOURS: usize = 64;
+/// The source of colours by height; legends name its axis too.
+const ELEVATION: &str = "elevation";
 
 /// Methods, their names, and when to choose them.
 const METHODS: [(Method, &str, &str); 5] = [
@@ -21,10 +29,19 @@ const METHODS: [(Method, &str, &str); 5] = [
     (Method::Lit, "Lit", "Lights the points by sun and sky, with shadows: slowest"),
 ];
 
+/// What the colours mean.
+pub struct Shown<'a> {
+    /// Legend of the newest picture.
+    pub legend: Option<&'a Legend>,
+    /// The histogram of their values.
+    pub counted: &'a mut Counted,
+}
+
 /// Shows the tab.
 pub fn show(
     ui: &mut Ui,
     data: &PanelData<'_>,
+    shown: Shown<'_>,
     wanted: &mut Settings,
     is_coarser_moving: &mut bool,
     given: &mut Vec<Command>,
@@ -42,8 +59,8 @@ pub fn show(
     section(ui, "Look from");
     sides::show(ui, wanted, data.is_parallel, data.up_note, given);
     section(ui, "Colours");
-    colours(ui, data, wanted);
-    section(ui, "Surfaces");
+    colours(ui, data, shown, wanted);
+    section(ui, "Looks");
     tick(ui, &mut wanted.shines, "highlights", "Surfaces that face the camera shine a little");
     if data.has_fronts {
         let about = "Leave out points whose surface looks away from the camera";
@@ -81,10 +98,80 @@ fn dots(ui: &mut Ui, wanted: &mut Dots) {
     }
 }
 
-fn colours(ui: &mut Ui, data: &PanelData<'_>, wanted: &mut Settings) {
+fn colours(ui: &mut Ui, data: &PanelData<'_>, shown: Shown<'_>, wanted: &mut Settings) {
+    sources(ui, data, wanted);
+    let Shown { legend, counted } = shown;
+    let is_counted = legend.is_some_and(|legend| range(ui, data, (legend, counted), wanted));
+    if let Some(legend) = legend.filter(|_| !is_counted) {
+        legend::show(ui, legend, data.unit);
+    }
+    if wanted.evens_exposure || data.sources.iter().any(|s| SCANS.contains(&s.as_str())) {
+        let about = "Even out differences of brightness where scans overlap";
+        tick(ui, &mut wanted.evens_exposure, "even out exposures", about);
+    }
+}
+
+/// The colour map, and the histogram of the values that have colours, by which their range is
+/// chosen. Returns whether there is a histogram.
+fn range(
+    ui: &mut Ui,
+    data: &PanelData<'_>,
+    (legend, counted): (&Legend, &mut Counted),
+    wanted: &mut Settings,
+) -> bool {
+    let Some((mapped, gradient)) = legend.range.zip(legend.gradient) else { return false };
+    let text = wanted.colour_by.clone();
+    let is_elevation = legend.name.starts_with(ELEVATION);
+    let automatic = if is_elevation { ELEVATION } else { &legend.name };
+    let requested = text.as_deref().and_then(|text| parts(text).ok());
+    let own = requested.unwrap_or(Parts { name: automatic, ..Parts::default() });
+    if let Some(gradient) = maps(ui, gradient) {
+        wanted.colour_by = Some(Parts { gradient: Some(gradient), ..own }.text());
+    }
+    let Some(histogram) = counted.get(ui.ctx(), (data.file, own.name, wanted.vertical)) else {
+        return false;
+    };
+    let mut range = [0, 1].map(|end| own.range[end].unwrap_or(mapped[end]));
+    let unit = data.unit.filter(|_| is_elevation || legend.is_length);
+    let words = names::source(own.name);
+    if histogram::show(ui, (&words, unit), histogram, &legend.bar(COLOURS), &mut range) {
+        wanted.colour_by = Some(Parts { range: range.map(Some), ..own }.text());
+    }
+    let is_chosen = own.range != [None; 2];
+    let whole = ui.add_enabled(is_chosen, Button::new("whole range").small());
+    let whole = whole.on_hover_text("Spread the colours over nearly all values again");
+    if whole.on_disabled_hover_text("The colours are spread over nearly all values").clicked() {
+        wanted.colour_by = Some(Parts { range: [None; 2], ..own }.text());
+    }
+    true
+}
+
+/// The choice of a colour map, of which `shown` is the present one. Returns another one that is
+/// chosen.
+fn maps(ui: &mut Ui, shown: Gradient) -> Option<Gradient> {
+    let mut chosen = shown;
+    ui.horizontal(|ui| {
+        let name = label(ui, "map");
+        let width = ui.available_width();
+        let choice = ComboBox::from_id_salt("maps").selected_text(shown.name()).width(width);
+        let choice = choice.show_ui(ui, |ui| {
+            for gradient in Gradient::ALL {
+                ui.selectable_value(&mut chosen, gradient, gradient.name());
+            }
+        });
+        let about = "The colours from the least to the greatest value";
+        choice.response.labelled_by(name.id).on_hover_text(about);
+    });
+    (chosen != shown).then_some(chosen)
+}
+
+/// The choice of what gives the points their colours.
+fn sources(ui: &mut Ui, data: &PanelData<'_>, wanted: &mut Settings) {
+    let requested = wanted.colour_by.as_deref().map(|text| parts(text).map_or(text, |of| of.name));
+    let mut source = requested.map(str::to_owned);
     let words = names::sources(data.sources);
     let at = |name: &String| data.sources.iter().position(|source| source == name);
-    let chosen = match &wanted.colour_by {
+    let chosen = match &source {
         None => "automatic".to_owned(),
         Some(name) => at(name).map_or_else(|| names::source(name), |i| words[i].clone()),
     };
@@ -93,21 +180,16 @@ fn colours(ui: &mut Ui, data: &PanelData<'_>, wanted: &mut Settings) {
         let width = ui.available_width();
         let choice = ComboBox::from_id_salt("colours").selected_text(chosen).width(width);
         let choice = choice.truncate().show_ui(ui, |ui| {
-            ui.selectable_value(&mut wanted.colour_by, None, "automatic");
-            for (source, words) in data.sources.iter().zip(&words) {
-                let value = Some(source.clone());
-                ui.selectable_value(&mut wanted.colour_by, value, words);
+            ui.selectable_value(&mut source, None, "automatic");
+            for (name, words) in data.sources.iter().zip(&words) {
+                ui.selectable_value(&mut source, Some(name.clone()), words);
             }
         });
         let choice = choice.response.labelled_by(name.id);
         choice.on_hover_text("What gives the points their colours (C: the next one)");
     });
-    if let Some(legend) = data.legend {
-        legend::show(ui, legend, data.unit);
-    }
-    if wanted.evens_exposure || data.sources.iter().any(|s| SCANS.contains(&s.as_str())) {
-        let about = "Even out differences of brightness where scans overlap";
-        tick(ui, &mut wanted.evens_exposure, "even out exposures", about);
+    if source.as_deref() != requested {
+        wanted.colour_by = source;
     }
 }
 

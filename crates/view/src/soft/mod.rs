@@ -7,15 +7,17 @@ mod painter;
 
 use crate::app::App;
 use crate::device::WindowPainter;
+use crate::fit;
 use crate::theme;
 use anyhow::{Context as _, Result, anyhow};
 use clip::Clip;
 use damage::damage;
 use eframe::egui::epaint::ClippedPrimitive;
 use eframe::egui::{
-    ColorImage, Context, FullOutput, ScreenshotCallback, ViewportBuilder, ViewportCommand,
-    ViewportId,
+    ColorImage, Context, FullOutput, ScreenshotCallback, Vec2, ViewportBuilder, ViewportCommand,
+    ViewportId, vec2,
 };
+use egui_winit::accesskit_winit;
 use esker_engine::machine::system;
 use painter::{Painter, Target};
 use softbuffer::Surface;
@@ -25,7 +27,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
 use winit::event::{StartCause, WindowEvent};
-use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, OwnedDisplayHandle};
+use winit::event_loop::{
+    ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy, OwnedDisplayHandle,
+};
 use winit::window::{Window, WindowId};
 
 /// Error if no window can be opened, with what to do.
@@ -37,8 +41,12 @@ pub(crate) const NO_DISPLAY: &str = "cannot open a window: it needs a display (D
 /// # Errors
 /// If there is no display, or if the application fails.
 pub fn run(app: App, viewport: ViewportBuilder) -> Result<()> {
-    let event_loop = EventLoop::new().context(NO_DISPLAY)?;
-    let mut shell = Shell { app, viewport, ctx: Context::default(), open: None, outcome: Ok(()) };
+    let event_loop = EventLoop::with_user_event().build();
+    // What winit says ends in a path of its own source.
+    let event_loop = event_loop.map_err(|_| anyhow!(NO_DISPLAY))?;
+    let accessibility = event_loop.create_proxy();
+    let (ctx, outcome) = (Context::default(), Ok(()));
+    let mut shell = Shell { app, viewport, ctx, accessibility, open: None, outcome };
     event_loop.run_app(&mut shell).context("the window's events ended")?;
     let Shell { mut app, open, outcome, .. } = shell;
     let ended = app.end();
@@ -46,11 +54,21 @@ pub fn run(app: App, viewport: ViewportBuilder) -> Result<()> {
     outcome.and(ended)
 }
 
+/// Request of a screen reader or of another assistive program.
+struct Assistive(accesskit_winit::Event);
+
+impl From<accesskit_winit::Event> for Assistive {
+    fn from(event: accesskit_winit::Event) -> Self {
+        Self(event)
+    }
+}
+
 /// The application and its window.
 struct Shell {
     app: App,
     viewport: ViewportBuilder,
     ctx: Context,
+    accessibility: EventLoopProxy<Assistive>,
     open: Option<OpenWindow>,
     outcome: Result<()>,
 }
@@ -67,12 +85,13 @@ struct OpenWindow {
     due: Option<Instant>,
 }
 
-impl ApplicationHandler for Shell {
+impl ApplicationHandler<Assistive> for Shell {
     fn resumed(&mut self, event_loop: &ActiveEventLoop) {
         if self.open.is_some() {
             return;
         }
-        match OpenWindow::open(&self.ctx, event_loop, &self.viewport).context(NO_DISPLAY) {
+        let opened = OpenWindow::open(&self.ctx, event_loop, &self.viewport, &self.accessibility);
+        match opened.context(NO_DISPLAY) {
             Ok(open) => {
                 let window_painter = WindowPainter { name: "CPU".into(), driver: None };
                 self.app.set_window_painter(&self.ctx, window_painter);
@@ -89,6 +108,18 @@ impl ApplicationHandler for Shell {
             open.due = None;
             open.window.request_redraw();
         }
+    }
+
+    fn user_event(&mut self, _event_loop: &ActiveEventLoop, Assistive(event): Assistive) {
+        let Some(open) = &mut self.open else { return };
+        match event.window_event {
+            accesskit_winit::WindowEvent::InitialTreeRequested => self.ctx.enable_accesskit(),
+            accesskit_winit::WindowEvent::ActionRequested(request) => {
+                open.state.on_accesskit_action_request(request);
+            }
+            accesskit_winit::WindowEvent::AccessibilityDeactivated => self.ctx.disable_accesskit(),
+        }
+        open.window.request_redraw();
     }
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _id: WindowId, event: WindowEvent) {
@@ -148,13 +179,19 @@ impl OpenWindow {
         ctx: &Context,
         event_loop: &ActiveEventLoop,
         viewport: &ViewportBuilder,
+        accessibility: &EventLoopProxy<Assistive>,
     ) -> Result<Self> {
-        let window = Rc::new(egui_winit::create_window(ctx, event_loop, viewport)?);
+        let monitor = monitor_points(event_loop);
+        let wanted = viewport.inner_size.unwrap_or_default();
+        let viewport = viewport.clone().with_inner_size(fit::within(wanted, monitor));
+        // Assistive programs must know a window before it is shown.
+        let viewport = viewport.with_visible(false);
+        let window = Rc::new(egui_winit::create_window(ctx, event_loop, &viewport)?);
         let fault = |e: softbuffer::SoftBufferError| anyhow!("cannot show pixels in a window: {e}");
         let display = softbuffer::Context::new(event_loop.owned_display_handle()).map_err(fault)?;
         let surface = Surface::new(&display, Rc::clone(&window)).map_err(fault)?;
         let scale = window.scale_factor() as f32;
-        let state = egui_winit::State::new(
+        let mut state = egui_winit::State::new(
             ctx.clone(),
             ViewportId::ROOT,
             event_loop,
@@ -162,6 +199,10 @@ impl OpenWindow {
             event_loop.system_theme(),
             None,
         );
+        let info = state.egui_input_mut().viewports.entry(ViewportId::ROOT).or_default();
+        info.monitor_size = (monitor != Vec2::ZERO).then_some(monitor);
+        state.init_accesskit(event_loop, &window, accessibility.clone());
+        window.set_visible(true);
         Ok(Self { window, surface, state, painter: Painter::default(), last: None, due: None })
     }
 
@@ -237,6 +278,15 @@ fn rect_of(clip: Clip) -> Option<softbuffer::Rect> {
         y: u32::try_from(y.0).ok()?,
         width: length(x.1)?,
         height: length(y.1)?,
+    })
+}
+
+/// Size of the monitor on which windows open, points; zero if it is unknown.
+fn monitor_points(event_loop: &ActiveEventLoop) -> Vec2 {
+    let monitor = event_loop.primary_monitor().or_else(|| event_loop.available_monitors().next());
+    monitor.map_or(Vec2::ZERO, |monitor| {
+        let size = monitor.size().to_logical::<f32>(monitor.scale_factor());
+        vec2(size.width, size.height)
     })
 }
 

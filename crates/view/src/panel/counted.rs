@@ -1,0 +1,72 @@
+//! The histogram of what colours the points, which a thread counts since that reads the disk.
+
+use eframe::egui::Context;
+use esker_engine::Forest;
+use esker_engine::cameras::histogram::{Histogram, histogram};
+use esker_engine::cameras::vertical::Vertical;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
+
+/// The newest histogram that was wanted.
+#[derive(Debug, Default)]
+pub struct Counted {
+    /// File, source of colours and vertical of the histogram.
+    of: Option<(Arc<Forest>, String, Vertical)>,
+    state: State,
+}
+
+#[derive(Debug, Default)]
+enum State {
+    /// There is none, or it cannot be counted.
+    #[default]
+    None,
+    Counting(Receiver<Option<Histogram>>),
+    Known(Histogram),
+}
+
+impl Counted {
+    /// The histogram of a source of colours, once it is counted; repaints the window then.
+    pub fn get(
+        &mut self,
+        ctx: &Context,
+        (file, name, vertical): (&Arc<Forest>, &str, Vertical),
+    ) -> Option<&Histogram> {
+        let is_same = |(of, own, along): &(Arc<Forest>, String, Vertical)| {
+            Arc::ptr_eq(of, file) && own == name && *along == vertical
+        };
+        if !self.of.as_ref().is_some_and(is_same) {
+            self.of = Some((Arc::clone(file), name.to_owned(), vertical));
+            self.state = start(ctx, Arc::clone(file), name.to_owned(), vertical);
+        }
+        if let State::Counting(counted) = &self.state {
+            match counted.try_recv() {
+                Ok(Some(known)) => self.state = State::Known(known),
+                Err(TryRecvError::Empty) => {}
+                Ok(None) | Err(TryRecvError::Disconnected) => self.state = State::None,
+            }
+        }
+        match &self.state {
+            State::Known(known) => Some(known),
+            State::None | State::Counting(_) => None,
+        }
+    }
+
+    /// Whether a thread counts.
+    pub fn is_counting(&self) -> bool {
+        matches!(self.state, State::Counting(_))
+    }
+}
+
+fn start(ctx: &Context, file: Arc<Forest>, name: String, vertical: Vertical) -> State {
+    let (sender, counted) = sync_channel(1);
+    let ctx = ctx.clone();
+    let work = move || {
+        // A file that cannot be read shows that when it is drawn. The receiver is gone if another
+        // histogram is wanted.
+        let _ = sender.send(histogram(&file, &name, vertical).unwrap_or_default());
+        ctx.request_repaint();
+    };
+    // Without a thread the channel is closed, and there is no histogram.
+    let _ = std::thread::Builder::new().name("esker-histogram".into()).spawn(work);
+    State::Counting(counted)
+}
