@@ -1,6 +1,7 @@
 //! Measurements by clicks: the points of the file that were clicked, with their own coordinates and
 //! attributes, and the distance between the last two.
 
+use crate::panel::names::plural;
 use crate::{frustum, theme};
 use eframe::egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
 use esker_engine::View;
@@ -36,7 +37,7 @@ impl Measure {
     /// Coordinates of the points, as an export writes them, and the distance between them, as lines
     /// of text.
     pub fn lines(&self, unit: Option<&str>) -> Vec<String> {
-        let unit = unit.map_or(String::new(), |unit| format!(" {unit}"));
+        let unit = unit.map_or(String::new(), |unit| format!(" {}", plural(unit)));
         let mut lines: Vec<String> =
             self.points.iter().map(|point| point.coordinates.join("  ")).collect();
         if let [a, b] = &self.points[..] {
@@ -125,7 +126,7 @@ mod tests {
         measure.push(point(["600000.125", "10.000", "-2.000"]));
         assert_eq!(measure.lines(Some("metre")), ["600000.125  10.000  -2.000"]);
         measure.push(point(["600003.125", "14.000", "10.000"]));
-        let distance = "distance 13.000 metre, across 5.000, up 12.000";
+        let distance = "distance 13.000 metres, across 5.000, up 12.000";
         assert_eq!(measure.lines(Some("metre"))[2], distance);
         measure.push(point(["600003.12", "14.00", "11.00"]));
         let lines = measure.lines(None);

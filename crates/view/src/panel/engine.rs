@@ -67,7 +67,7 @@ fn counters(ui: &mut Ui, data: &PanelData<'_>) {
             ("picture", format!("{width} x {height}"), "Size of the picture, pixels"),
             (
                 "speed",
-                format!("{} a second", names::length(data.speed, data.unit)),
+                format!("{}/s", names::length(data.speed, data.unit)),
                 "Speed of flying; the wheel changes it while a key is held",
             ),
         ] {

@@ -12,7 +12,7 @@ mod histogram;
 mod legend;
 #[cfg(feature = "light")]
 pub mod light;
-mod names;
+pub mod names;
 mod plot;
 mod sides;
 #[cfg(test)]
@@ -91,8 +91,7 @@ pub fn show(
     if let Some(legend) = data.legend {
         state.legend = Some(legend.clone());
     }
-    let name = RichText::new(data.name).heading().strong();
-    ui.add(Label::new(name).truncate()).on_hover_text(data.about);
+    heading(ui, data, &mut given);
     // Buttons and faults are above the part that scrolls, so that they are visible in windows of
     // any height.
     buttons(ui, data, &mut given);
@@ -122,13 +121,28 @@ pub fn show(
     given
 }
 
+/// The name of the file, and the buttons that every window has at its corner.
+fn heading(ui: &mut Ui, data: &PanelData<'_>, given: &mut Vec<Command>) {
+    ui.horizontal(|ui| {
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            for (command, is_on) in [(Command::Panel, true), (Command::Keys, false)] {
+                if commands::button(ui, command, is_on).clicked() {
+                    given.push(command);
+                }
+            }
+            ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                let name = RichText::new(data.name).heading().strong();
+                ui.add(Label::new(name).truncate()).on_hover_text(data.about);
+            });
+        });
+    });
+}
+
 fn buttons(ui: &mut Ui, data: &PanelData<'_>, given: &mut Vec<Command>) {
     let buttons = [
         (Command::Fit, false),
         (Command::Picture, false),
         (Command::FixSpeed, data.has_fixed_speed),
-        (Command::Keys, false),
-        (Command::Panel, true),
     ];
     ui.horizontal_wrapped(|ui| {
         for (command, is_on) in buttons {

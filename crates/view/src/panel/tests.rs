@@ -6,10 +6,14 @@ use super::{PanelState, TABS, Tab, show};
 use crate::clouds::Clouds;
 use crate::counters::Counters;
 use crate::settings::Settings;
+use crate::soft::painter::{Painter, Target};
 use crate::theme;
 use crate::times::Times;
 use eframe::egui::accesskit::Role;
-use eframe::egui::{Frame, Margin, Order, Panel, Pos2, Rect, Vec2, pos2, vec2};
+use eframe::egui::{
+    Context, Frame, Margin, Order, Panel, Pos2, RawInput, Rect, ThemePreference, Vec2, ViewportId,
+    pos2, vec2,
+};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use esker_engine::calls::{build, info};
@@ -120,7 +124,7 @@ impl Shown {
             faults: &[],
             message: Some(&message),
         };
-        let frame = Frame::NONE.inner_margin(Margin::symmetric(12, 10));
+        let frame = Frame::NONE.fill(theme::inks(ui).panel).inner_margin(Margin::symmetric(12, 10));
         let panel = Panel::right("panel").frame(frame).default_size(256.0);
         let panel = panel.size_range(220.0..=520.0).show(ui, |ui| {
             show(ui, &data, &mut self.state, &mut self.wanted, &mut self.is_coarser)
@@ -294,4 +298,73 @@ fn flags_and_classes_change_the_filter() {
     harness.get_by_label("Show all points").click();
     harness.run_steps(2);
     assert_eq!(harness.state().wanted.filter, Filter::default());
+}
+
+/// Paints a window with the panel as windows without a graphics driver do. Returns its pixels.
+fn painted(shown: &mut Shown, size: Vec2, scale: f32, theme: ThemePreference) -> Vec<u32> {
+    let ctx = Context::default();
+    theme::apply(&ctx);
+    ctx.set_theme(theme);
+    let mut painter = Painter::default();
+    let [width, height] = [size.x * scale, size.y * scale].map(|side| side as usize);
+    let mut pixels = vec![0; width * height];
+    for pass in 0..60 {
+        let mut raw = RawInput {
+            screen_rect: Some(Rect::from_min_size(Pos2::ZERO, size)),
+            time: Some(f64::from(pass) * 0.1),
+            ..RawInput::default()
+        };
+        raw.viewports.entry(ViewportId::ROOT).or_default().native_pixels_per_point = Some(scale);
+        let output = ctx.run_ui(raw, |ui| shown.show(ui));
+        let mut textures = output.textures_delta;
+        painter.take(&mut textures);
+        let primitives = ctx.tessellate(output.shapes, output.pixels_per_point);
+        pixels.fill(0);
+        let mut target = Target { width, height, pixels: &mut pixels };
+        painter.paint(&primitives, output.pixels_per_point, &mut target);
+        painter.free(&mut textures);
+        if pass > 8 && !shown.state.counted.is_counting() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    pixels
+}
+
+fn theme_of(preference: ThemePreference) -> theme::Inks {
+    let ctx = Context::default();
+    ctx.set_theme(preference);
+    theme::of(&ctx)
+}
+
+#[test]
+fn every_tab_is_painted_at_any_size_in_both_themes() {
+    for theme in [ThemePreference::Dark, ThemePreference::Light] {
+        for (size, scale) in
+            [(vec2(800.0, 600.0), 1.0), (vec2(1280.0, 800.0), 1.0), (vec2(640.0, 500.0), 2.0)]
+        {
+            let mut seen = Vec::new();
+            for (tab, name, _) in TABS {
+                let mut shown = Shown::new(tab);
+                let pixels = painted(&mut shown, size, scale, theme);
+                let width = (size.x * scale) as usize;
+                let left = width - (256.0 * scale) as usize;
+                let panel = |row: &[u32]| row[left + 1..].to_vec();
+                let rows: Vec<Vec<u32>> = pixels.chunks_exact(width).map(panel).collect();
+                let ground = rows[1][1];
+                let [r, g, b, _] = theme_of(theme).panel.to_array().map(u32::from);
+                assert_eq!(ground, r << 16 | g << 8 | b, "{name} {size}");
+                let painted = rows.iter().filter(|row| row.iter().any(|p| *p != ground)).count();
+                assert!(
+                    painted * 4 > rows.len().min(600),
+                    "{name} {size}: {painted} rows have something"
+                );
+                let beside =
+                    pixels.chunks_exact(width).all(|row| row[..left - 1].iter().all(|p| *p == 0));
+                assert!(beside, "{name} {size}: something lies beside the panel");
+                assert!(!seen.contains(&rows), "{name} {size}: looks like another tab");
+                seen.push(rows);
+            }
+        }
+    }
 }

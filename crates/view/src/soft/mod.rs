@@ -1,9 +1,9 @@
 //! A window without a graphics driver: winit opens it, the CPU paints egui's meshes where they have
 //! changed, softbuffer shows the pixels.
 
-mod clip;
+pub(crate) mod clip;
 mod damage;
-mod painter;
+pub(crate) mod painter;
 
 use crate::app::App;
 use crate::device::WindowPainter;
