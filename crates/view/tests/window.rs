@@ -572,6 +572,67 @@ fn clicks_measure_coordinates_and_distances() {
     }
 }
 
+/// What is copied stays in the clipboard while the window is open, so that it is read meanwhile.
+#[test]
+#[cfg(target_os = "linux")]
+fn measured_coordinates_are_copied_to_the_clipboard_of_the_system() {
+    let Some(fixture) = fixture() else { return };
+    let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "click", "at": [0.45, 0.5]},
+        {"do": "settle", "seconds": 20}, {"do": "wait", "seconds": 0.7},
+        {"do": "command", "id": "copy"}, {"do": "wait", "seconds": 6}]}"#;
+    std::fs::write(fixture.path("script.json"), script).unwrap();
+    let mut clipboard = arboard::Clipboard::new().unwrap();
+    clipboard.set_text("before").unwrap();
+    let window = Command::new(env!("CARGO_BIN_EXE_esker-view"))
+        .args(["--window", "cpu", "--backend", "cpu", "--size", "960x500", "--script"])
+        .arg(fixture.path("script.json"))
+        .arg(sample())
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let ended = std::thread::spawn(move || window.wait_with_output().unwrap());
+    let mut copied = String::new();
+    while !ended.is_finished() {
+        if let Ok(text) = clipboard.get_text()
+            && text != "before"
+        {
+            copied = text;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    let report = report_of(&ended.join().unwrap());
+    assert_eq!(report["measured"].as_array().map(Vec::len), Some(1), "{report}");
+    assert_eq!(report["measured"][0], copied.as_str());
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_window_fits_its_monitor_at_a_large_scale_factor() {
+    let Some(fixture) = fixture() else { return };
+    let script =
+        r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "window", "path": "window.png"}]}"#;
+    let shown = |factor: &str| {
+        std::fs::write(fixture.path("script.json"), script).unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_esker-view"))
+            .env("WINIT_X11_SCALE_FACTOR", factor)
+            .current_dir(fixture.folder.path())
+            .args(["--window", "cpu", "--backend", "cpu", "--size", "8000x8000"])
+            .args(["--script", "script.json"])
+            .arg(sample())
+            .output()
+            .unwrap();
+        report_of(&output);
+        let picture = read_png(&fixture.path("window.png"));
+        [picture.width, picture.height]
+    };
+    // The monitor's own size is not known to the test, but it is the same in both runs.
+    let [once, twice] = ["1", "2"].map(shown);
+    assert!(once[0] < 8000 && once[1] < 8000, "{once:?}");
+    for (a, b) in once.into_iter().zip(twice) {
+        assert!(a.abs_diff(b) <= 2, "{once:?} {twice:?}");
+    }
+}
+
 #[test]
 fn the_first_picture_that_cannot_be_written_is_reported() {
     let Some(fixture) = fixture() else { return };

@@ -2,6 +2,8 @@
 //! that are not shown are neither read nor resident; sessions draw what pictures show; and each
 //! colour map and method has its golden picture.
 
+mod histograms;
+
 use esker_engine::calls::info;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::colour::{choices, colouring};

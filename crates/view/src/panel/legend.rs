@@ -27,18 +27,32 @@ pub fn show(ui: &mut Ui, legend: &Legend, unit: Option<&str>) {
             ui.label(small(&format!("{name}{unit}")));
             bar(ui, &colours, [low, high]);
         }
-        Some([low, high]) => drop(ui.label(small(&format!("{name} {low} to {high}")))),
-        None => drop(ui.label(small(&name))),
+        Some([low, high]) if legend.entries.is_empty() => {
+            drop(ui.label(small(&format!("{name} {low} to {high}"))))
+        }
+        _ => drop(ui.label(small(&name))),
     }
     for LegendEntry { value, name, rgb: [r, g, b] } in &legend.entries {
         ui.horizontal(|ui| {
             let (rect, _) = ui.allocate_exact_size(vec2(BAR, BAR), Sense::hover());
             ui.painter().rect_filled(rect, 2.0, Color32::from_rgb(*r, *g, *b));
-            ui.add(Label::new(small(&format!("{value}  {name}"))).truncate());
+            ui.add(Label::new(small(&entry(*value, name))).truncate());
         });
     }
     if let Some(note) = legend.note {
         ui.add(Label::new(small(note)).wrap());
+    }
+}
+
+/// What a colour of its own stands for.
+fn entry(value: u32, name: &str) -> String {
+    match name {
+        // What LAS calls a source is a scan to people.
+        "source" => format!("scan {value}"),
+        "return" => format!("return {value}"),
+        "returns" if value == 1 => "1 return".to_owned(),
+        "returns" => format!("{value} returns"),
+        _ => format!("{value}  {name}"),
     }
 }
 
@@ -64,4 +78,21 @@ fn bar(ui: &mut Ui, colours: &[[u8; 3]], [low, high]: [&str; 2]) {
     let text = |at, align, text: &str| ui.painter().text(at, align, text, font.clone(), ink);
     text(rect.left_bottom(), Align2::LEFT_BOTTOM, low);
     text(rect.right_bottom(), Align2::RIGHT_BOTTOM, high);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_of_their_own_are_named_in_plain_words() {
+        for (value, name, words) in [
+            (211, "source", "scan 211"),
+            (1, "returns", "1 return"),
+            (3, "returns", "3 returns"),
+            (2, "ground", "2  ground"),
+        ] {
+            assert_eq!(entry(value, name), words);
+        }
+    }
 }

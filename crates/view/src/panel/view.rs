@@ -3,7 +3,7 @@
 
 use super::counted::Counted;
 use super::data::PanelData;
-use super::widgets::{Scale, label, section, slide, tick};
+use super::widgets::{Scale, label, note, section, slide, tick};
 use super::{histogram, legend, names, sides};
 use crate::commands::Command;
 use crate::settings::Settings;
@@ -128,9 +128,11 @@ fn range(
     if let Some(gradient) = maps(ui, gradient) {
         wanted.colour_by = Some(Parts { gradient: Some(gradient), ..own }.text());
     }
-    let Some(histogram) = counted.get(ui.ctx(), (data.file, own.name, wanted.vertical)) else {
-        return false;
-    };
+    let wants = (data.file, own.name, wanted.vertical);
+    if counted.get(ui.ctx(), wants).is_none() && counted.is_counting() {
+        note(ui, "The values are being counted.");
+    }
+    let Some(histogram) = counted.get(ui.ctx(), wants) else { return false };
     let mut range = [0, 1].map(|end| own.range[end].unwrap_or(mapped[end]));
     let unit = data.unit.filter(|_| is_elevation || legend.is_length);
     let words = names::source(own.name);
