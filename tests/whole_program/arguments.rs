@@ -58,10 +58,7 @@ fn nonsense() {
         ("info --system B", "--system"),
         ("render B -o O --colour nonsense", "has no attribute `nonsense`; it has"),
         ("render B -o O --colour elevation:low..high", "MIN..MAX"),
-        (
-            "render B -o O --colour elevation:abc",
-            "`abc` in `elevation:abc` is no range and no colour map",
-        ),
+        ("render B -o O --colour elevation:abc", "`abc` in `elevation:abc` is no range"),
         ("render B -o O --colour elevation:5..5", "no extent"),
         ("render B -o O --colour plain:1..2", "no range"),
         ("render B -o O --classes trees", "no class"),
