@@ -5,9 +5,11 @@
 //! frame rate. A parallel (orthographic) picture shows lengths as a perspective one shows those at
 //! the viewing distance, so that zooming and flying ahead change the height of the picture.
 
+use crate::pose::{GLIDE_S, Glide, PITCH_MAX_RAD};
 use esker_engine::View;
 use glam::{DMat3, DVec2, DVec3};
-use std::f64::consts::FRAC_PI_2;
+
+pub use crate::pose::{Frame, Pose};
 
 /// Time constant of velocities and zooms, seconds: all but 1/e of the rest is covered in it.
 const EASE_S: f64 = 0.09;
@@ -22,11 +24,6 @@ const ZOOM_LEFT: f64 = 1.5e-3;
 const PACE_MIN: f64 = 0.01;
 /// Field of view of the perspective picture that takes the place of a parallel one, radians.
 const PARALLEL_FOVY_RAD: f64 = std::f64::consts::FRAC_PI_3;
-/// Duration of a glide, seconds.
-const GLIDE_S: f64 = 0.7;
-/// Steepest pitch that turning leads to, radians. The pose of a view from above is steeper; its
-/// heading is its yaw.
-const PITCH_MAX_RAD: f64 = FRAC_PI_2 - 1e-3;
 /// Share of the distance to a point that is left after flying to it.
 const NEARER: f64 = 0.3;
 /// Longest time step, seconds, so that a slow frame does not move the camera far away.
@@ -36,58 +33,6 @@ const SPEED: [f64; 2] = [0.01, 100.0];
 /// Range of the viewing distance, in sizes of the scene. The eye is never farther from the middle
 /// of the scene than the upper end, from where the scene still covers some pixels.
 const DISTANCE: [f64; 2] = [1e-8, 30.0];
-
-/// Position and orientation of a camera.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
-    /// Position of the eye in world coordinates, the file's unit.
-    pub eye: DVec3,
-    /// Heading around the up axis, radians, counted from the `ahead` axis of the [`Frame`] to the
-    /// left.
-    pub yaw: f64,
-    /// Angle above the horizon, radians.
-    pub pitch: f64,
-}
-
-/// Axes that yaw and pitch refer to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Frame {
-    ahead: DVec3,
-    left: DVec3,
-    up: DVec3,
-}
-
-impl Frame {
-    /// Makes a frame with this up axis; z if `up` has no direction.
-    pub fn new(up: DVec3) -> Self {
-        let up = up.try_normalize().unwrap_or(DVec3::Z);
-        let side = if up.y.abs() < 0.9 { DVec3::Y } else { DVec3::X };
-        let ahead = side.reject_from(up).normalize_or(DVec3::Y);
-        Self { ahead, left: up.cross(ahead), up }
-    }
-
-    /// Up axis.
-    pub fn up(&self) -> DVec3 {
-        self.up
-    }
-
-    /// Right, up and back axes of a pose, world.
-    fn axes(&self, yaw: f64, pitch: f64) -> DMat3 {
-        let level = self.ahead * yaw.cos() + self.left * yaw.sin();
-        let forward = level * pitch.cos() + self.up * pitch.sin();
-        let right = level.cross(self.up);
-        DMat3::from_cols(right, right.cross(forward), -forward)
-    }
-
-    /// Yaw and pitch of a direction; `yaw` is kept if the direction is vertical.
-    fn angles(&self, direction: DVec3, yaw: f64) -> (f64, f64) {
-        let local =
-            DVec3::new(direction.dot(self.ahead), direction.dot(self.left), direction.dot(self.up));
-        let level = local.truncate().length();
-        let yaw = if level > 1e-9 * local.length() { local.y.atan2(local.x) } else { yaw };
-        (yaw, local.z.atan2(level).clamp(-PITCH_MAX_RAD, PITCH_MAX_RAD))
-    }
-}
 
 /// Region in which a camera may move around a scene, so that it finds back and its coordinates stay
 /// exact.
@@ -138,18 +83,6 @@ pub struct Camera {
     glide: Option<Glide>,
 }
 
-/// An animated movement between two poses.
-#[derive(Clone, Copy, Debug)]
-struct Glide {
-    from: Pose,
-    to: Pose,
-    /// Point that the movement approaches; its distance shrinks by equal ratios in equal times.
-    centre: DVec3,
-    /// Viewing distances at the start and at the end.
-    distances: [f64; 2],
-    seconds: f64,
-}
-
 impl Camera {
     /// Makes a camera at `eye` that looks at `target`; [`Camera::go_home`] returns to this view.
     /// The size of the scene is their distance, unless [`Camera::with_scene`] sets it.
@@ -195,7 +128,7 @@ impl Camera {
                 Self { is_parallel: true, ..camera }
             }
         };
-        let pitch = ahead.dot(camera.frame.up).clamp(-1.0, 1.0).asin();
+        let pitch = ahead.dot(camera.frame.up()).clamp(-1.0, 1.0).asin();
         if pitch.abs() <= PITCH_MAX_RAD {
             return camera.with_scene(scene);
         }
@@ -230,7 +163,7 @@ impl Camera {
 
     /// Up axis of the world.
     pub fn up(&self) -> DVec3 {
-        self.frame.up
+        self.frame.up()
     }
 
     /// Right, up and back axes, world.
@@ -283,7 +216,7 @@ impl Camera {
         let far = self.distance.log2().floor().exp2();
         let is_steep = self.pose.pitch.abs() > PITCH_MAX_RAD;
         // Along the up axis, the heading decides what is upwards in the picture.
-        let up = if is_steep { self.axes().y_axis } else { self.frame.up };
+        let up = if is_steep { self.axes().y_axis } else { self.frame.up() };
         let ahead = self.forward();
         let look =
             |eye: DVec3| View::look_at(eye, eye + ahead * far, up, self.fovy_rad, width, height);
@@ -512,7 +445,7 @@ impl Camera {
     /// integral.
     fn ease_flight(&mut self, keys: DVec3, seconds: f64, decayed: f64) {
         let axes = self.axes();
-        let target = axes.x_axis * keys.x + self.frame.up * keys.y - axes.z_axis * keys.z;
+        let target = axes.x_axis * keys.x + self.frame.up() * keys.y - axes.z_axis * keys.z;
         let target = target * self.pace();
         let (speed, still) = (self.velocity.length(), self.distance * STILL);
         if keys == DVec3::ZERO && speed * decayed <= still {
@@ -553,43 +486,6 @@ impl Camera {
 
     fn focal_px(&self, height_px: f64) -> f64 {
         height_px * 0.5 / (self.fovy_rad * 0.5).tan()
-    }
-}
-
-impl Glide {
-    /// Share of the way, 0 to 1, with a slow start and a slow end.
-    fn share(&self) -> f64 {
-        let t = (self.seconds / GLIDE_S).clamp(0.0, 1.0);
-        t * t * (3.0 - 2.0 * t)
-    }
-
-    /// Viewing distance, which changes by equal ratios in equal times.
-    fn distance(&self) -> f64 {
-        let ([from, to], t) = (self.distances, self.share());
-        from.powf(1.0 - t) * to.powf(t)
-    }
-
-    fn pose(&self) -> Pose {
-        let t = self.share();
-        if t >= 1.0 {
-            return self.to;
-        }
-        let [a, b] = [self.from.eye - self.centre, self.to.eye - self.centre];
-        let [near, far] = [a.length(), b.length()];
-        let eye = if near > 0.0 && far > 0.0 {
-            let way = (a / near).lerp(b / far, t).try_normalize().unwrap_or(a / near);
-            self.centre + way * (near.powf(1.0 - t) * far.powf(t))
-        } else {
-            self.from.eye.lerp(self.to.eye, t)
-        };
-        let around = (self.to.yaw - self.from.yaw + std::f64::consts::PI)
-            .rem_euclid(std::f64::consts::TAU)
-            - std::f64::consts::PI;
-        Pose {
-            eye,
-            yaw: self.from.yaw + around * t,
-            pitch: self.from.pitch + (self.to.pitch - self.from.pitch) * t,
-        }
     }
 }
 

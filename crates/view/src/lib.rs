@@ -26,6 +26,8 @@ mod pacing;
 mod panel;
 mod picking;
 mod pilot;
+mod plot;
+mod pose;
 mod progress;
 mod report;
 pub mod scene;

@@ -104,7 +104,7 @@ impl Hud {
         let (place, pixel) = self.place(at, camera, coarse)?;
         let text = self.coordinates.text(place, pixel);
         let corner = if rect.width() < NARROW {
-            (rect.right_bottom() - vec2(14.0, 40.0), Align2::RIGHT_BOTTOM)
+            (rect.right_bottom() - vec2(14.0, 46.0), Align2::RIGHT_BOTTOM)
         } else {
             (rect.left_bottom() + vec2(104.0, -12.0), Align2::LEFT_BOTTOM)
         };
