@@ -26,7 +26,6 @@ mod pacing;
 mod panel;
 mod picking;
 mod pilot;
-mod plot;
 mod pose;
 mod progress;
 mod report;

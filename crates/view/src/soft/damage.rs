@@ -58,7 +58,7 @@ fn is_same_place(pair: [Option<&ClippedPrimitive>; 2], a: &Mesh, b: &Mesh) -> bo
 }
 
 /// Adds a rectangle to others, and joins those that overlap.
-fn add(damaged: &mut Vec<Clip>, mut found: Clip) {
+pub fn add(damaged: &mut Vec<Clip>, mut found: Clip) {
     if found.is_empty() {
         return;
     }

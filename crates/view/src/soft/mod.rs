@@ -11,7 +11,7 @@ use crate::fit;
 use crate::theme;
 use anyhow::{Context as _, Result, anyhow};
 use clip::Clip;
-use damage::damage;
+use damage::{add, damage};
 use eframe::egui::epaint::ClippedPrimitive;
 use eframe::egui::{
     ColorImage, Context, FullOutput, ScreenshotCallback, Vec2, ViewportBuilder, ViewportCommand,
@@ -79,10 +79,21 @@ struct OpenWindow {
     surface: Surface<OwnedDisplayHandle, Rc<Window>>,
     state: egui_winit::State,
     painter: Painter,
-    /// Meshes of the last frame, and its scale and size, pixels.
-    last: Option<(Vec<ClippedPrimitive>, f32, [usize; 2])>,
+    last: Option<LastFrame>,
+    /// Whether the next frame was requested here, not by the system.
+    is_requested: bool,
     /// When the next pass of egui is due.
     due: Option<Instant>,
+}
+
+/// What the last frame showed.
+struct LastFrame {
+    primitives: Vec<ClippedPrimitive>,
+    scale: f32,
+    /// Size, pixels.
+    size: [usize; 2],
+    /// What was painted in the last frame that was presented.
+    presented: Vec<Clip>,
 }
 
 impl ApplicationHandler<Assistive> for Shell {
@@ -95,8 +106,8 @@ impl ApplicationHandler<Assistive> for Shell {
             Ok(open) => {
                 let window_painter = WindowPainter { name: "CPU".into(), driver: None };
                 self.app.set_window_painter(&self.ctx, window_painter);
-                open.window.request_redraw();
-                self.open = Some(open);
+                let open = self.open.insert(open);
+                open.request_redraw();
             }
             Err(error) => self.stop(event_loop, error),
         }
@@ -106,7 +117,7 @@ impl ApplicationHandler<Assistive> for Shell {
         let Some(open) = &mut self.open else { return };
         if open.due.is_some_and(|due| due <= Instant::now()) {
             open.due = None;
-            open.window.request_redraw();
+            open.request_redraw();
         }
     }
 
@@ -127,13 +138,20 @@ impl ApplicationHandler<Assistive> for Shell {
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
             WindowEvent::RedrawRequested => {
+                if !std::mem::take(&mut open.is_requested) {
+                    // A part of the window has come into view, and has to be shown again.
+                    open.last = None;
+                }
                 if let Err(error) = self.pass(event_loop) {
                     self.stop(event_loop, error);
                 }
             }
             event => {
+                if matches!(event, WindowEvent::Occluded(_) | WindowEvent::Focused(_)) {
+                    open.last = None;
+                }
                 if open.state.on_window_event(&open.window, &event).repaint {
-                    open.window.request_redraw();
+                    open.request_redraw();
                 }
             }
         }
@@ -203,7 +221,20 @@ impl OpenWindow {
         info.monitor_size = (monitor != Vec2::ZERO).then_some(monitor);
         state.init_accesskit(event_loop, &window, accessibility.clone());
         window.set_visible(true);
-        Ok(Self { window, surface, state, painter: Painter::default(), last: None, due: None })
+        Ok(Self {
+            window,
+            surface,
+            state,
+            painter: Painter::default(),
+            last: None,
+            is_requested: false,
+            due: None,
+        })
+    }
+
+    fn request_redraw(&mut self) {
+        self.is_requested = true;
+        self.window.request_redraw();
     }
 
     /// Paints what has changed since the last frame. Returns the number of pixels.
@@ -230,14 +261,18 @@ impl OpenWindow {
             let [r, g, b, _] = theme::of(ctx).ground.to_array().map(u32::from);
             let [width, height] = [size.width as usize, size.height as usize];
             let size = [width, height];
-            // A buffer of age 1 has the last frame.
-            let is_kept = |last: &&(Vec<_>, f32, [usize; 2])| (last.1, last.2) == (scale, size);
-            let damaged = match self.last.as_ref().filter(is_kept) {
-                Some((last, ..)) if buffer.age() == 1 => {
-                    damage(last, &primitives, &changed, scale, size)
-                }
-                _ => vec![Clip::whole(size)],
+            let last = self.last.take().filter(|last| (last.scale, last.size) == (scale, size));
+            // A buffer of age 1 has the last frame, and one of age 2 that before it.
+            let has_frame = buffer.age() == 1 || (buffer.age() == 2 && shots.is_empty());
+            let mut damaged = match last.as_ref().filter(|_| has_frame) {
+                Some(last) => damage(&last.primitives, &primitives, &changed, scale, size),
+                None => vec![Clip::whole(size)],
             };
+            let presented = last.map_or_else(Vec::new, |last| last.presented);
+            let own = damaged.clone();
+            if buffer.age() == 2 && !own.is_empty() {
+                presented.iter().for_each(|clip| add(&mut damaged, *clip));
+            }
             let mut target = Target { width, height, pixels: &mut buffer };
             for clip in &damaged {
                 target.clear(*clip, r << 16 | g << 8 | b);
@@ -249,10 +284,11 @@ impl OpenWindow {
                 shots.into_iter().for_each(|shot| shot.complete(Arc::clone(&image)));
             }
             let rects: Vec<softbuffer::Rect> = damaged.into_iter().filter_map(rect_of).collect();
+            let presented = if rects.is_empty() { presented } else { own };
             if !rects.is_empty() {
                 buffer.present_with_damage(&rects).map_err(fault)?;
             }
-            self.last = Some((primitives, scale, size));
+            self.last = Some(LastFrame { primitives, scale, size, presented });
         }
         self.painter.free(&mut textures);
         Ok(painted)
@@ -261,7 +297,7 @@ impl OpenWindow {
     /// Schedules the next pass after `delay`.
     fn repaint_after(&mut self, event_loop: &ActiveEventLoop, delay: Duration) {
         if delay.is_zero() {
-            self.window.request_redraw();
+            self.request_redraw();
             return;
         }
         self.due = Instant::now().checked_add(delay);
