@@ -283,11 +283,11 @@ impl App {
     fn open_files(&mut self, inputs: Vec<PathBuf>) {
         if inputs != self.args.inputs {
             self.args.camera = CameraRequest::default();
-            self.panel.close_file();
             self.panel.clear_filter(&mut self.wanted);
             self.wanted.colour_by = None;
         }
         self.args.inputs = inputs;
+        self.panel.close_file();
         // What is open ends before another session takes its memory.
         self.stage = Stage::Failed(String::new());
         self.counters = Counters::default();
@@ -304,6 +304,7 @@ impl App {
     /// If a picture or the report cannot be written, or if the scene could not be shown.
     pub fn end(&mut self) -> Result<()> {
         let failed = self.shots.finish();
+        self.panel.close_file();
         let (reopened, stalls) = match &self.stage {
             Stage::Viewing(viewer) => viewer.reopened_and_stalls(),
             _ => (0, 0),

@@ -4,8 +4,8 @@
 use crate::commands::{COMMANDS, Command, GESTURES};
 use crate::theme;
 use eframe::egui::{
-    Align2, Area, Context, Frame, Grid, Id, Key, Margin, Order, RichText, ScrollArea, TextEdit, Ui,
-    vec2,
+    Align2, Area, Context, Frame, Grid, Id, Key, Margin, Order, Response, RichText, ScrollArea,
+    Sense, TextEdit, Ui, vec2,
 };
 
 /// Width of the list of commands, points.
@@ -48,14 +48,16 @@ impl Overlay {
 
     /// Shows what is open. Returns the command that was chosen from the list.
     pub fn show(&mut self, ctx: &Context) -> Option<Command> {
-        if self.has_keys {
-            boxed(ctx, "keys", Align2::CENTER_CENTER, keys);
+        // In small windows the overview covers the panel, so that a click on it must remove it.
+        if self.has_keys && boxed(ctx, "keys", Align2::CENTER_CENTER, keys).clicked() {
+            self.has_keys = false;
         }
         let list = self.list.as_mut()?;
         let is_ended = ctx.input(|i| i.key_pressed(Key::Escape));
         let mut chosen = None;
-        boxed(ctx, "commands", Align2::CENTER_TOP, |ui| chosen = list.show(ui));
-        if is_ended || chosen.is_some() {
+        let shown = boxed(ctx, "commands", Align2::CENTER_TOP, |ui| chosen = list.show(ui));
+        // What was clicked beside the list gets the keys.
+        if is_ended || shown.clicked_elsewhere() || chosen.is_some() {
             self.list = None;
         }
         chosen
@@ -105,6 +107,8 @@ impl List {
 
 /// Keys and mouse buttons, and what they do; all of them in a window 600 points high.
 fn keys(ui: &mut Ui) {
+    // A click on its text removes it too.
+    ui.style_mut().interaction.selectable_labels = false;
     ScrollArea::vertical().max_height(ui.ctx().content_rect().height() - 56.0).show(ui, |ui| {
         ui.spacing_mut().interact_size.y = 0.0;
         Grid::new("keys").num_columns(2).spacing([18.0, 1.0]).show(ui, |ui| {
@@ -124,12 +128,50 @@ fn row(ui: &mut Ui, key: &str, what: &str) {
     ui.end_row();
 }
 
-fn boxed(ctx: &Context, name: &str, at: Align2, add: impl FnOnce(&mut Ui)) {
-    let area = Area::new(Id::unique(name)).order(Order::Foreground);
+fn boxed(ctx: &Context, name: &str, at: Align2, add: impl FnOnce(&mut Ui)) -> Response {
+    let area = Area::new(Id::unique(name)).order(Order::Foreground).sense(Sense::click());
     let offset = if at == Align2::CENTER_TOP { vec2(0.0, 60.0) } else { vec2(0.0, 0.0) };
-    area.anchor(at, offset).show(ctx, |ui| {
+    let shown = area.anchor(at, offset).show(ctx, |ui| {
         let frame =
             Frame::NONE.fill(theme::inks(ui).panel).inner_margin(Margin::same(16)).corner_radius(8);
         frame.show(ui, add);
     });
+    shown.response
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input_events::button_event;
+    use eframe::egui::{Event, PointerButton, Pos2, RawInput, Rect, pos2};
+
+    /// Clicks at a place of a window that shows `overlay`.
+    fn click(ctx: &Context, overlay: &mut Overlay, at: Pos2) {
+        let button = |pressed| button_event(at, PointerButton::Primary, pressed);
+        for events in
+            [vec![], vec![Event::PointerMoved(at)], vec![button(true)], vec![button(false)]]
+        {
+            let screen_rect = Some(Rect::from_min_max(Pos2::ZERO, pos2(900.0, 900.0)));
+            let raw = RawInput { events, screen_rect, ..RawInput::default() };
+            let _ = ctx.run_ui(raw, |ui| {
+                let _ = overlay.show(ui.ctx());
+            });
+        }
+    }
+
+    #[test]
+    fn clicks_on_the_overview_and_beside_the_list_close_them() {
+        let ctx = Context::default();
+        let mut overlay = Overlay::default();
+        overlay.toggle_keys();
+        click(&ctx, &mut overlay, pos2(5.0, 5.0));
+        assert!(overlay.has_keys, "the overview stays beside what is used");
+        click(&ctx, &mut overlay, pos2(450.0, 450.0));
+        assert!(!overlay.has_keys);
+        overlay.toggle_list();
+        click(&ctx, &mut overlay, pos2(450.0, 75.0));
+        assert!(overlay.list.is_some(), "the list is used");
+        click(&ctx, &mut overlay, pos2(5.0, 5.0));
+        assert!(overlay.list.is_none());
+    }
 }

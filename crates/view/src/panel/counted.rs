@@ -6,13 +6,16 @@ use esker_engine::cameras::histogram::{Histogram, histogram};
 use esker_engine::cameras::vertical::Vertical;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
+use std::thread::JoinHandle;
 
-/// The newest histogram that was wanted.
+/// The newest histogram that was wanted. Dropping it waits for the threads that count.
 #[derive(Debug, Default)]
 pub struct Counted {
     /// File, source of colours and vertical of the histogram.
     of: Option<(Arc<Forest>, String, Vertical)>,
     state: State,
+    /// Threads that count, also those whose histogram is not wanted any more.
+    threads: Vec<JoinHandle<()>>,
 }
 
 #[derive(Debug, Default)]
@@ -36,7 +39,7 @@ impl Counted {
         };
         if !self.of.as_ref().is_some_and(is_same) {
             self.of = Some((Arc::clone(file), name.to_owned(), vertical));
-            self.state = start(ctx, Arc::clone(file), name.to_owned(), vertical);
+            self.state = self.start(ctx, Arc::clone(file), name.to_owned(), vertical);
         }
         if let State::Counting(counted) = &self.state {
             match counted.try_recv() {
@@ -57,16 +60,35 @@ impl Counted {
     }
 }
 
-fn start(ctx: &Context, file: Arc<Forest>, name: String, vertical: Vertical) -> State {
-    let (sender, counted) = sync_channel(1);
-    let ctx = ctx.clone();
-    let work = move || {
-        // A file that cannot be read shows that when it is drawn. The receiver is gone if another
-        // histogram is wanted.
-        let _ = sender.send(histogram(&file, &name, vertical).unwrap_or_default());
-        ctx.request_repaint();
-    };
-    // Without a thread the channel is closed, and there is no histogram.
-    let _ = std::thread::Builder::new().name("esker-histogram".into()).spawn(work);
-    State::Counting(counted)
+impl Counted {
+    fn start(
+        &mut self,
+        ctx: &Context,
+        file: Arc<Forest>,
+        name: String,
+        vertical: Vertical,
+    ) -> State {
+        let (sender, counted) = sync_channel(1);
+        let ctx = ctx.clone();
+        let work = move || {
+            // A file that cannot be read shows that when it is drawn. The receiver is gone if another
+            // histogram is wanted.
+            let _ = sender.send(histogram(&file, &name, vertical).unwrap_or_default());
+            ctx.request_repaint();
+        };
+        // Without a thread the channel is closed, and there is no histogram.
+        let thread = std::thread::Builder::new().name("esker-histogram".into()).spawn(work);
+        self.threads.retain(|thread| !thread.is_finished());
+        self.threads.extend(thread);
+        State::Counting(counted)
+    }
+}
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        for thread in self.threads.drain(..) {
+            // A panic was already reported by the thread.
+            let _ = thread.join();
+        }
+    }
 }

@@ -181,8 +181,9 @@ fn messages(ui: &mut Ui, data: &PanelData<'_>) {
 /// Measured points and distances, and what the file has of the point that was clicked last.
 fn measured(ui: &mut Ui, data: &PanelData<'_>) {
     for line in data.measured {
-        let text = RichText::new(line).monospace().size(11.0).color(theme::inks(ui).accent);
+        let text = RichText::new(line).monospace().size(10.5).color(theme::inks(ui).accent);
         ui.horizontal(|ui| {
+            ui.spacing_mut().item_spacing.x = 4.0;
             ui.with_layout(Layout::right_to_left(Align::Min), |ui| {
                 let copy = ui.small_button("copy").on_hover_text("Copy this line (Ctrl+C: all)");
                 if copy.clicked() {
