@@ -58,9 +58,7 @@ impl Counted {
     pub fn is_counting(&self) -> bool {
         matches!(self.state, State::Counting(_))
     }
-}
 
-impl Counted {
     fn start(
         &mut self,
         ctx: &Context,
@@ -71,8 +69,8 @@ impl Counted {
         let (sender, counted) = sync_channel(1);
         let ctx = ctx.clone();
         let work = move || {
-            // A file that cannot be read shows that when it is drawn. The receiver is gone if another
-            // histogram is wanted.
+            // A file that cannot be read shows that when it is drawn. The receiver is gone if
+            // another histogram is wanted.
             let _ = sender.send(histogram(&file, &name, vertical).unwrap_or_default());
             ctx.request_repaint();
         };
