@@ -15,7 +15,8 @@ struct OctreeCell {
 
 // Whether a cell contains the lattice point `p`.
 fn holds(cell: u32, p: vec3<u32>) -> bool {
-    let bits = p ^ octree[cell].corner;
+    // Steps from the corner; outside they wrap around and are too many.
+    let bits = p - octree[cell].corner;
     let log2 = octree[cell].log2;
     return log2 >= 32u || ((bits.x | bits.y | bits.z) >> log2) == 0u;
 }
@@ -31,7 +32,8 @@ fn spacing_from(cell: u32, p: vec3<u32>) -> f32 {
             if log2 == 0u {
                 break;
             }
-            let bit = (p >> vec3<u32>((log2 - 1u) & 31u)) & vec3<u32>(1u);
+            let steps = p - octree[at].corner;
+            let bit = (steps >> vec3<u32>((log2 - 1u) & 31u)) & vec3<u32>(1u);
             let child = octree[at].children[bit.x | (bit.y << 1u) | (bit.z << 2u)];
             if child >= lookup.cells || !holds(child, p) {
                 break;

@@ -371,6 +371,11 @@ fn by_content() {
 fn not_drawn() {
     let folder = Folder::new();
     built(&folder);
+    let rows = |from: u32| {
+        (from..from + 400).map(|i| format!("{} {} 1\n", i % 20, i / 20)).collect::<String>()
+    };
+    let [a, b] = [("data/a.xyz", 0), ("data/b.xyz", 400)]
+        .map(|(name, from)| folder.write(name, &rows(from)));
     let creek = r#"{"file": "../data/creek.esker"}"#;
     let draw = |clouds: &str, more: &str| {
         let text = format!(r#"{{"esker_scene": 1, "size": [50, 40], "clouds": [{clouds}]{more}}}"#);
@@ -380,12 +385,13 @@ fn not_drawn() {
     };
     for (clouds, more, field, what) in [
         (
-            r#"{"file": "../data/creek.esker", "offset": [10, 0, 0]}"#,
+            &*format!(r#"{creek}, {{"file": "../data/creek.esker", "offset": [10.005, 0, 0]}}"#),
             "",
-            "`clouds[0].offset`",
-            "not drawn yet",
+            "creek.esker",
+            "1000.500 steps of 0.01 beside the other one along x",
         ),
-        (&format!("{creek}, {creek}"), "", "`clouds[0]`", "not yet drawn together"),
+        (&format!(r#"{creek}, {{"file": "../data/a.xyz"}}"#), "", "a.xyz", "build it with"),
+        (r#"{"file": "../data/a.xyz", "offset": [1, 0, 0]}"#, "", "a.xyz", "have offsets"),
         (creek, r#", "clips": [{"box": [0, 0, 0, 1, 1, 1]}]"#, "`clips[0]`", "not drawn yet"),
         (r#"{"file": "none.laz"}"#, "", "none.laz", "cannot open"),
         ("", "", "`clouds`", "nothing to draw"),
@@ -395,6 +401,9 @@ fn not_drawn() {
         assert!(error.contains(field) && error.contains(what), "{error}");
     }
     assert!(!folder.file("p.png").exists());
+    // Files are drawn beside each other.
+    draw(&format!(r#"{creek}, {{"file": "../data/creek.esker", "offset": [1200, 0, 0]}}"#), "")
+        .worked();
     let marks = r#", "measurements": [{"kind": "coordinates", "points": [[1, 2, 3]]}],
                   "annotations": [{"text": "a", "at": [1, 2, 3]}]"#;
     let drawn = draw(creek, marks);
@@ -404,11 +413,6 @@ fn not_drawn() {
         assert!(drawn.stderr.lines().any(is_note), "{what}: {}", drawn.stderr);
     }
     // Scans are drawn together, as when they are named on the command line.
-    let rows = |from: u32| {
-        (from..from + 400).map(|i| format!("{} {} 1\n", i % 20, i / 20)).collect::<String>()
-    };
-    let [a, b] = [("data/a.xyz", 0), ("data/b.xyz", 400)]
-        .map(|(name, from)| folder.write(name, &rows(from)));
     draw(r#"{"file": "../data/a.xyz"}, {"file": "../data/b.xyz"}"#, "").worked();
     let together = std::fs::read(folder.file("p.png")).unwrap();
     let out = folder.file("q.png");

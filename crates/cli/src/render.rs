@@ -110,6 +110,7 @@ fn replaced(args: &Render, base: PictureRequest) -> PictureRequest {
         with: (&args.with).into(),
         threads: args.how.threads.count,
         build: args.how.over(base.build),
+        offsets: base.offsets,
         keeps_values: base.keeps_values,
     }
 }

@@ -301,7 +301,7 @@ fn faults_of_lights_name_the_light() {
 }
 
 #[test]
-fn clouds_that_are_not_drawn_as_the_document_says_are_an_error() {
+fn documents_without_a_visible_cloud_are_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.json");
     let of = |clouds: &str| {
@@ -311,8 +311,6 @@ fn clouds_that_are_not_drawn_as_the_document_says_are_an_error() {
     for (clouds, what) in [
         ("", "`clouds`: none is visible"),
         (r#"{"file": "a.laz", "visible": false}"#, "`clouds`: none is visible"),
-        (r#"{"file": "a.laz", "offset": [0, 0, 1]}"#, "`clouds[0].offset`: scans are drawn where"),
-        (r#"{"file": "a.laz"}, {"file": "b.laz"}"#, "`clouds[0].file`: "),
     ] {
         let error = format!("{:#}", of(clouds).unwrap_err());
         assert!(error.contains("scene.json: ") && error.contains(what), "{error}");

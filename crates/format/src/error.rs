@@ -63,6 +63,16 @@ pub enum FormatError {
         /// What is wrong with it, and what to do.
         fault: String,
     },
+    /// A cloud that cannot be placed beside another one.
+    #[error("{}: cannot be placed beside {}: it {fault}", path.display(), base.display())]
+    Clouds {
+        /// The cloud.
+        path: PathBuf,
+        /// The other one.
+        base: PathBuf,
+        /// What differs, and what to do.
+        fault: String,
+    },
     /// The user asked to stop.
     #[error("{0}")]
     Cancelled(#[from] esker_points::Cancelled),

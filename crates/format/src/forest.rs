@@ -1,14 +1,14 @@
 //! A forest: a file and the files that it names, whose trees share one lattice and belong together.
 //! To its users it is one cloud: one node table with several roots, and one range of bytes, the
 //! files one after the other, which page offsets point into. A file that names no other is a forest
-//! of one.
+//! of one. Unrelated files are joined as clouds ([`Forest::together`]), each moved by whole steps.
 //!
 //! The list of a file is complete: it includes the files that the named files name themselves, and
 //! their own lists are not followed. So there are no cycles, and no file is in a forest twice.
 
 use crate::error::FormatError;
 use crate::layout::PlaneKind;
-use crate::metadata::TreeRef;
+use crate::metadata::{TREES_MAX, TreeRef};
 use crate::normals::Normals;
 use crate::reader::{EskerFile, Planes};
 use esker_points::palette::Palette;
@@ -28,6 +28,8 @@ pub struct Forest {
     joined: Option<NodeTable>,
     /// Attributes of all trees.
     schema: Schema,
+    /// Lattice of all trees.
+    lattice: Lattice,
     /// Metric lattice of all trees.
     metric: Lattice,
     /// Name to show instead of the path.
@@ -44,16 +46,25 @@ struct Tree {
     first_byte: u64,
     /// Its attribute for each of the forest's.
     attributes: Vec<Option<u16>>,
+    /// Cloud that it belongs to.
+    cloud: usize,
+    /// Steps by which its lattice coordinates are moved.
+    moved: [i64; 3],
 }
+
+/// Most that a moved cloud may be off whole steps of the lattice, in steps: rounding of coordinates
+/// that are given in decimals.
+const OFF_STEPS_MAX: f64 = 1e-3;
 
 impl From<EskerFile> for Forest {
     /// The forest of a file's own tree, without the files that it names.
     fn from(file: EskerFile) -> Self {
         let schema = file.metadata().schema.clone();
         let attributes = (0..schema.attributes.len()).map(|i| Some(i as u16)).collect();
-        let metric = file.metadata().lattice.metric();
-        let trees = vec![Tree { file, first_node: 0, first_byte: 0, attributes }];
-        Self { trees, joined: None, schema, metric, name: None }
+        let lattice = file.metadata().lattice;
+        let (metric, cloud, moved) = (lattice.metric(), 0, [0; 3]);
+        let trees = vec![Tree { file, first_node: 0, first_byte: 0, attributes, cloud, moved }];
+        Self { trees, joined: None, schema, lattice, metric, name: None }
     }
 }
 
@@ -91,9 +102,57 @@ impl Forest {
             let fault = "lies on another lattice; append its scans instead, which are then placed on this one";
             return Err(misfit(other, fault.into()));
         }
-        let schema = files.iter().fold(Schema::default(), |all, f| all.union(&f.metadata().schema));
+        let files = files.into_iter().map(|file| (file, 0, [0; 3])).collect();
+        Self::joined(files, lattice)
+    }
+
+    /// Joins unrelated files, at least one, to one cloud of points, each moved by an offset in the
+    /// unit of its coordinates. Clouds are in the order given ([`Forest::cloud_of`]). The path is
+    /// that of the first one.
+    ///
+    /// # Errors
+    /// If the steps of their lattices differ, they are not whole steps apart, they are too far
+    /// apart for one lattice, or too large together.
+    ///
+    /// # Panics
+    /// If there is no cloud.
+    pub fn together(clouds: Vec<(Self, [f64; 3])>) -> Result<Self, FormatError> {
+        let (base, offset) = &clouds[0];
+        let (mut lattice, base) = (base.lattice, base.path().to_path_buf());
+        lattice.offset = [0, 1, 2].map(|axis| lattice.offset[axis] + offset[axis]);
+        let mut files = Vec::new();
+        for (cloud, (forest, offset)) in clouds.into_iter().enumerate() {
+            let steps = steps_between(&forest.lattice, offset, &lattice);
+            let steps = steps.map_err(|fault| FormatError::Clouds {
+                path: forest.path().to_path_buf(),
+                base: base.clone(),
+                fault,
+            })?;
+            let add = |moved: [i64; 3]| [0, 1, 2].map(|axis| moved[axis] + steps[axis]);
+            files.extend(forest.trees.into_iter().map(|tree| (tree.file, cloud, add(tree.moved))));
+        }
+        if files.len() > TREES_MAX {
+            let fault = format!("makes {} trees with it, of {TREES_MAX} at most", files.len());
+            return Err(FormatError::Clouds { path: base.clone(), base, fault });
+        }
+        Self::joined(files, lattice)
+    }
+
+    /// Joins files, each with its cloud and the steps by which it is moved.
+    fn joined(
+        files: Vec<(EskerFile, usize, [i64; 3])>,
+        lattice: Lattice,
+    ) -> Result<Self, FormatError> {
+        let path = files[0].0.path().to_path_buf();
+        let misfit = |tree: &EskerFile, fault: String| FormatError::Forest {
+            path: path.clone(),
+            tree: tree.path().into(),
+            fault,
+        };
+        let schemas = files.iter().map(|(file, ..)| &file.metadata().schema);
+        let schema = schemas.fold(Schema::default(), |all, own| all.union(own));
         let (mut table, mut trees, mut first_byte) = (NodeTable::default(), Vec::new(), 0u64);
-        for file in files {
+        for (file, cloud, moved) in files {
             let bytes = file.footer().file_bytes.checked_next_multiple_of(FILES_APART_BYTES);
             let end = bytes.and_then(|b| first_byte.checked_add(b)?.checked_add(FILES_APART_BYTES));
             let nodes = table.nodes.len() + file.table().nodes.len();
@@ -107,11 +166,26 @@ impl Forest {
                 attributes.map(|a| own.find_typed(&a.name, a.ty).and_then(index)).collect();
             let first_node = table.nodes.len() as u32;
             table.join(file.table(), first_byte);
-            trees.push(Tree { file, first_node, first_byte, attributes });
+            let added = &mut table.nodes[first_node as usize..];
+            let are_placed = added.iter_mut().all(|node| {
+                let placed = node.moved(moved);
+                *node = placed.unwrap_or(*node);
+                placed.is_some()
+            });
+            let is_within = file.metadata().bounds.is_none_or(|bounds| {
+                (0..3).all(|axis| {
+                    let place = |c: u32| i64::from(c).checked_add(moved[axis]);
+                    bounds.iter().all(|p| place(p[axis]).is_some_and(|c| u32::try_from(c).is_ok()))
+                })
+            });
+            if !(are_placed && is_within) {
+                return Err(misfit(&file, format!("lies too far from the others; {MERGE}")));
+            }
+            trees.push(Tree { file, first_node, first_byte, attributes, cloud, moved });
             first_byte = end;
         }
         let metric = lattice.metric();
-        Ok(Self { trees, joined: Some(table), schema, metric, name: None })
+        Ok(Self { trees, joined: Some(table), schema, lattice, metric, name: None })
     }
 
     /// Sets a name to show instead of the path: that of a temporary file means nothing to the user.
@@ -141,7 +215,7 @@ impl Forest {
 
     /// Lattice of all trees, on which coordinates are exact.
     pub fn lattice(&self) -> &Lattice {
-        &self.trees[0].file.metadata().lattice
+        &self.lattice
     }
 
     /// Metric lattice of all trees, on which lengths are measured and views are given.
@@ -156,7 +230,13 @@ impl Forest {
 
     /// Least and greatest lattice coordinates of all points; `None` if there is no point.
     pub fn bounds(&self) -> Option<[[u32; 3]; 2]> {
-        let bounds = self.files().filter_map(|file| file.metadata().bounds);
+        let bounds = self.trees.iter().filter_map(|tree| {
+            let at = |c: u32, axis: usize| {
+                i64::from(c).saturating_add(tree.moved[axis]).clamp(0, i64::from(u32::MAX)) as u32
+            };
+            let bounds = tree.file.metadata().bounds?;
+            Some(bounds.map(|corner| [0, 1, 2].map(|axis| at(corner[axis], axis))))
+        });
         bounds.reduce(|[low, high], [l, h]| {
             [[0, 1, 2].map(|i| low[i].min(l[i])), [0, 1, 2].map(|i| high[i].max(h[i]))]
         })
@@ -186,6 +266,25 @@ impl Forest {
         // Of trees that begin at the same node all but the last are empty.
         let tree = self.trees.partition_point(|tree| tree.first_node <= node) - 1;
         NodeName { tree: tree as u16, index: node - self.trees[tree].first_node }
+    }
+
+    /// Number of clouds that [`Forest::together`] joined; 1 for others.
+    pub fn clouds(&self) -> usize {
+        self.trees.last().map_or(1, |tree| tree.cloud + 1)
+    }
+
+    /// Cloud that a node belongs to.
+    pub fn cloud_of(&self, node: u32) -> usize {
+        self.tree_of(node).cloud
+    }
+
+    /// Nodes of the trees of a cloud, in one range.
+    pub fn nodes_of_cloud(&self, cloud: usize) -> Range<u32> {
+        let first = self.trees.partition_point(|tree| tree.cloud < cloud);
+        let behind = self.trees.partition_point(|tree| tree.cloud <= cloud);
+        let end = self.table().nodes.len() as u32;
+        let at = |tree: usize| self.trees.get(tree).map_or(end, |tree| tree.first_node);
+        at(first)..at(behind)
     }
 
     /// File that has a node.
@@ -289,6 +388,43 @@ fn is_same(a: &Lattice, b: &Lattice) -> bool {
     let bits = |l: &Lattice| ([l.scale, l.offset, l.factor].map(|v| v.map(f64::to_bits)), l.shift);
     bits(a) == bits(b)
 }
+
+/// What to do with clouds that are not placed beside each other.
+const MERGE: &str = "build one file of their scans, which places all on one lattice";
+
+/// Steps from a lattice, moved by an offset, to another one: what is to be added to coordinates.
+///
+/// # Errors
+/// If they are not whole; the message says what differs, and what to do.
+fn steps_between(from: &Lattice, offset: [f64; 3], to: &Lattice) -> Result<[i64; 3], String> {
+    let bits = |v: [f64; 3]| v.map(f64::to_bits);
+    if bits(from.scale) != bits(to.scale) {
+        let (own, other) = (from.scale, to.scale);
+        return Err(format!("has steps of {own:?}, the other one of {other:?}; {MERGE}"));
+    }
+    if bits(from.factor) != bits(to.factor) {
+        return Err(format!("has degrees of another length than the other one; {MERGE}"));
+    }
+    let mut steps = [0; 3];
+    for axis in 0..3 {
+        let (step, name) = (from.scale[axis], ["x", "y", "z"][axis]);
+        let apart = (from.offset[axis] - to.offset[axis] + offset[axis]) / step;
+        // Not a number is not whole either.
+        if !((apart - apart.round()).abs() <= OFF_STEPS_MAX && apart.abs() < STEPS_APART_MAX) {
+            return Err(format!(
+                "lies {apart:.3} steps of {step} beside the other one along {name}, which are not \
+                 whole steps; change its offset, or {MERGE}"
+            ));
+        }
+        let shift = from.shift[axis].checked_sub(to.shift[axis]);
+        let sum = shift.and_then(|shift| shift.checked_add(apart.round() as i64));
+        steps[axis] = sum.ok_or_else(|| format!("lies too far from the other one; {MERGE}"))?;
+    }
+    Ok(steps)
+}
+
+/// Steps between two clouds that doubles still tell apart.
+const STEPS_APART_MAX: f64 = (1u64 << 40) as f64;
 
 /// Opens a file that another names.
 fn open_named(path: &Path, at: &Path, tree: &TreeRef) -> Result<EskerFile, FormatError> {

@@ -11,11 +11,14 @@ use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
 use esker_points::{AttrType, Codes, Node};
+use std::ops::Range;
 
 /// Filter and mapped planes of a forest. By default everything is read as it is in the files.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ForestFilter {
     filter: Option<NodeFilters>,
+    /// Nodes of clouds that are left out.
+    left_out: Vec<Range<u32>>,
     codes: Option<(PlaneKind, Codes)>,
     scans: Option<(PlaneKind, Codes)>,
 }
@@ -62,7 +65,13 @@ impl ForestFilter {
         codes: Option<(PlaneKind, Codes)>,
     ) -> Result<Self, FormatError> {
         let filter = filter.map(|filter| NodeFilters::new(forest, filter)).transpose()?;
-        Ok(Self { filter, codes, scans: None })
+        Ok(Self { filter, left_out: Vec::new(), codes, scans: None })
+    }
+
+    /// Leaves out all points of these clouds of the forest.
+    pub fn without_clouds(self, forest: &Forest, clouds: &[usize]) -> Self {
+        let left_out = clouds.iter().map(|&cloud| forest.nodes_of_cloud(cloud));
+        Self { left_out: left_out.filter(|nodes| !nodes.is_empty()).collect(), ..self }
     }
 
     /// Sets the plane that is mapped to codes.
@@ -77,7 +86,7 @@ impl ForestFilter {
 
     /// Whether there is a filter.
     pub fn is_filtered(&self) -> bool {
-        self.filter.is_some()
+        self.filter.is_some() || !self.left_out.is_empty()
     }
 
     /// Whether a node's points must be tested one by one.
@@ -129,7 +138,7 @@ impl ForestFilter {
 
     /// Whether two filters want the same points of all nodes.
     pub fn shows_as(&self, other: &Self) -> bool {
-        self.filter == other.filter
+        self.filter == other.filter && self.left_out == other.left_out
     }
 
     /// Bytes of one value of a mapped plane; `None` for planes whose values keep their size.
@@ -177,8 +186,16 @@ impl ForestFilter {
     }
 
     fn node_filter(&self, node: u32) -> Option<&NodeFilter> {
+        if self.left_out.iter().any(|nodes| nodes.contains(&node)) {
+            return Some(&NodeFilter::NONE);
+        }
         self.filter.as_ref()?.by_node.get(node as usize)
     }
+}
+
+impl NodeFilter {
+    /// No point of the node and of its subtree is wanted.
+    const NONE: Self = Self { points: 0, is_partial: false, rejects_subtree: true };
 }
 
 impl NodeFilters {
@@ -271,12 +288,12 @@ fn node_filter(
     own_classes: Side,
     subtree_classes: Side,
 ) -> NodeFilter {
-    let none = NodeFilter { points: 0, is_partial: false, rejects_subtree: true };
+    let none = NodeFilter::NONE;
     let prefix = filter.prefix(node, nodes.get(node.parent as usize));
     let cell = node.cell();
     if prefix == 0
         || subtree_classes == Side::Outside
-        || filter.side_of_box(cell.corner, cell.last()) == Side::Outside
+        || filter.side_of_box(cell.first(), cell.last()) == Side::Outside
     {
         return none;
     }

@@ -47,14 +47,18 @@ impl Entry {
 
     /// [`Cell::contains`] computed in `u64`, so that the shift for the whole lattice is valid too.
     fn contains(&self, p: [u32; 3]) -> bool {
-        let differing = (p[0] ^ self.corner[0]) | (p[1] ^ self.corner[1]) | (p[2] ^ self.corner[2]);
-        u64::from(differing) >> self.log2 == 0
+        let [x, y, z] = self.steps_within(p);
+        u64::from(x | y | z) >> self.log2 == 0
     }
 
     /// [`Cell::octant`] for cells larger than a single lattice point.
     fn octant(&self, p: [u32; 3]) -> usize {
-        let bit = self.log2 - 1;
-        ((p[0] >> bit & 1) | (p[1] >> bit & 1) << 1 | (p[2] >> bit & 1) << 2) as usize
+        let (bit, [x, y, z]) = (self.log2 - 1, self.steps_within(p));
+        ((x >> bit & 1) | (y >> bit & 1) << 1 | (z >> bit & 1) << 2) as usize
+    }
+
+    fn steps_within(&self, p: [u32; 3]) -> [u32; 3] {
+        [0, 1, 2].map(|axis| p[axis].wrapping_sub(self.corner[axis]))
     }
 }
 

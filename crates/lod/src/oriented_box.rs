@@ -19,7 +19,7 @@ pub struct OrientedBox {
 impl OrientedBox {
     /// The box that spans the lattice points of a cell.
     pub fn of_cell(cell: &Cell, lattice: &Lattice) -> Self {
-        let low = DVec3::from_array(lattice.world(cell.corner));
+        let low = DVec3::from_array(lattice.world(cell.first()));
         let high = DVec3::from_array(lattice.world(cell.last()));
         Self { centre: low.midpoint(high), half: (high - low) * 0.5, axes: DMat3::IDENTITY }
     }
@@ -27,7 +27,12 @@ impl OrientedBox {
     /// The contour of a node: holds all of the node's own points, not those of its children.
     pub fn of_contour(node: &Node, lattice: &Lattice) -> Self {
         let contour = node.contour();
-        let corner = DVec3::from_array(lattice.world(node.corner));
+        let corner = lattice.world(node.corner);
+        // The corner of a cell that was moved beyond the lattice has wrapped around.
+        let whole = (1u64 << 32) as f64;
+        let wraps = |axis: usize| node.box_min[axis] < node.corner[axis];
+        let turn = |axis: usize| if wraps(axis) { whole * lattice.scale[axis] } else { 0.0 };
+        let corner = DVec3::from_array([0, 1, 2].map(|axis| corner[axis] - turn(axis)));
         Self {
             centre: corner + DVec3::from_array(contour.centre),
             half: DVec3::from_array(contour.half).max(DVec3::ZERO),

@@ -1,8 +1,11 @@
-//! Cells: size-aligned cubes of the absolute lattice, given by their corner and the log2 of their
-//! edge in steps. All tests are integer arithmetic, so a point is never in two cells of one level.
+//! Cells: cubes of the lattice, given by their corner and the log2 of their edge in steps. All tests
+//! are integer arithmetic, so a point is never in two cells of one level. In a file, corners are
+//! multiples of the edge; a tree that was moved by whole steps has moved cells, so tests count from
+//! the corner. A moved cell may reach beyond the lattice, where it has no points: numbers of steps
+//! then wrap around.
 
-/// A cube of the octree. Its edge is `2^log2` steps, its corner a multiple of that; `log2` is 0 to
-/// 32.
+/// A cube of the octree. Its edge is `2^log2` steps; `log2` is 0 to 32. Its corner is a multiple of
+/// the edge, unless its tree was moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Cell {
     /// Lowest lattice point in the cell.
@@ -27,7 +30,8 @@ impl Cell {
     /// Whether the lattice point is in the cell.
     #[inline]
     pub fn contains(&self, p: [u32; 3]) -> bool {
-        Self::containing(p, self.log2).corner == self.corner
+        let from = self.steps_within(p);
+        u64::from(from[0] | from[1] | from[2]) >> self.log2 == 0
     }
 
     /// Whether `other` is in the cell (a cell is in itself).
@@ -39,14 +43,28 @@ impl Cell {
     /// than a point.
     pub fn octant(&self, p: [u32; 3]) -> u8 {
         debug_assert!(self.log2 > 0 && self.contains(p));
-        let bit = self.log2 - 1;
-        ((p[0] >> bit & 1) | (p[1] >> bit & 1) << 1 | (p[2] >> bit & 1) << 2) as u8
+        let (bit, [x, y, z]) = (self.log2 - 1, self.steps_within(p));
+        ((x >> bit & 1) | (y >> bit & 1) << 1 | (z >> bit & 1) << 2) as u8
     }
 
-    /// Highest lattice point in the cell.
+    /// Steps from the corner; those of points outside wrap around and are too large.
+    #[inline]
+    fn steps_within(&self, p: [u32; 3]) -> [u32; 3] {
+        [0, 1, 2].map(|axis| p[axis].wrapping_sub(self.corner[axis]))
+    }
+
+    /// Lowest lattice point in the cell: its corner, or the least of the lattice on axes on which it
+    /// reaches beyond the lattice.
+    pub fn first(&self) -> [u32; 3] {
+        let is_within = |c: u32| u64::from(c) + self.edge() <= 1 << 32;
+        self.corner.map(|c| if is_within(c) { c } else { 0 })
+    }
+
+    /// Highest lattice point in the cell, or the greatest of the lattice on axes on which it reaches
+    /// beyond the lattice.
     pub fn last(&self) -> [u32; 3] {
         let span = ((1u64 << self.log2) - 1) as u32;
-        self.corner.map(|c| c | span)
+        self.corner.map(|c| c.saturating_add(span))
     }
 
     /// Edge in steps.
@@ -69,6 +87,24 @@ fn truncate(c: u32, log2: u8) -> u32 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn moved_cells_hold_what_was_moved_with_them(
+            p in [0u32..1 << 20, 0u32..1 << 20, 0u32..1 << 20],
+            near in [0u32..1 << 20, 0u32..1 << 20, 0u32..1 << 20],
+            steps in 0u32..1 << 30,
+            log2 in 1u8..20,
+        ) {
+            let cell = Cell::containing(near, log2);
+            let by = |c: [u32; 3]| c.map(|c| c + steps);
+            let moved = Cell { corner: by(cell.corner), ..cell };
+            prop_assert_eq!(cell.contains(p), Cell::containing(p, log2) == cell);
+            prop_assert_eq!(moved.contains(by(p)), cell.contains(p));
+            prop_assert_eq!(moved.octant(by(near)), cell.octant(near));
+            prop_assert_eq!(moved.last(), by(cell.last()));
+        }
+    }
 
     #[test]
     fn the_whole_lattice_and_single_points_are_cells() {

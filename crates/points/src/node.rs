@@ -113,6 +113,20 @@ impl Node {
         [self.box_min, [0, 1, 2].map(|i| self.box_min[i].saturating_add(span).min(last[i]))]
     }
 
+    /// Moves the node by whole steps; `None` if its points would leave the lattice. Its cell may,
+    /// where it is empty: its corner then wraps around ([`Cell::first`]).
+    pub fn moved(&self, steps: [i64; 3]) -> Option<Self> {
+        let mut node = *self;
+        let is_empty = self.points() == 0;
+        for (axis, steps) in steps.into_iter().enumerate() {
+            let place = |c: u32| i64::from(c).checked_add(steps);
+            node.corner[axis] = place(self.corner[axis])? as u32;
+            let least = place(self.box_min[axis])?;
+            node.box_min[axis] = if is_empty { least as u32 } else { u32::try_from(least).ok()? };
+        }
+        Some(node)
+    }
+
     /// Indices of its children.
     pub fn children(&self) -> std::ops::Range<u32> {
         self.first_child..self.first_child.saturating_add(u32::from(self.child_count))
@@ -310,6 +324,29 @@ mod tests {
         node.set_levels(&[33, 0, 70_000, 1]);
         assert_eq!(node.levels().collect::<Vec<_>>(), [33, 0, 70_000, 1]);
         assert_eq!(node.points(), 70_034);
+    }
+
+    #[test]
+    fn moved_nodes_stay_on_the_lattice() {
+        let mut node = Node { corner: [64; 3], cell_log2: 6, box_min: [70; 3], ..Node::zeroed() };
+        node.set_levels(&[1]);
+        let moved = node.moved([-64, 0, 7]).unwrap();
+        assert_eq!((moved.corner, moved.box_min), ([0, 64, 71], [6, 70, 77]));
+        assert_eq!(moved.own_box()[1], [63, 127, 134], "up to the last step of the cell");
+        // The cell reaches beyond the lattice, the points do not.
+        let beyond = node.moved([-70, 0, (1 << 32) - 71]).unwrap();
+        assert_eq!(
+            (beyond.corner, beyond.box_min),
+            ([u32::MAX - 5, 64, u32::MAX - 6], [0, 70, u32::MAX])
+        );
+        assert_eq!(
+            (beyond.cell().first(), beyond.cell().last()),
+            ([0, 64, 0], [u32::MAX, 127, u32::MAX])
+        );
+        assert!(beyond.cell().contains([57, 64, 0]) && !beyond.cell().contains([58, 64, 0]));
+        assert_eq!(node.moved([-71, 0, 0]), None);
+        assert_eq!(node.moved([0, 0, (1 << 32) - 70]), None);
+        assert_eq!(node.moved([i64::MAX, 0, 0]), None);
     }
 
     proptest! {

@@ -136,6 +136,7 @@ impl App {
             // Set when the file is open.
             vertical: Vertical::default(),
             filter: args.filter(),
+            hidden_clouds: Vec::new(),
             shines: !args.no_highlights,
             light: args.light(),
             evens_exposure: args.even_exposure,

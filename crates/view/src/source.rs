@@ -2,8 +2,9 @@
 //! is kept in the user's cache folder for the next time, or else in a temporary folder that is
 //! removed with the window. A thread does this, reports progress and can be stopped.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use esker_engine::calls::build;
+use esker_engine::draw::scene::open_together;
 use esker_engine::io::kept::{Kept, Place};
 use esker_engine::io::output;
 use esker_engine::{BuildOptions, Forest, Task};
@@ -245,18 +246,8 @@ fn open(
     task: &dyn Task,
 ) -> Result<Opened> {
     let whole = |path: &Path| -> Result<Arc<Forest>> { Ok(Arc::new(Forest::open(path)?)) };
-    if let [one] = inputs
-        && esker_engine::io::file::is_esker(one)?
-    {
-        return Ok(Opened { file: whole(one)?, folder: None, is_kept: false });
-    }
-    for input in inputs {
-        if esker_engine::io::file::is_esker(input)? {
-            bail!(
-                "{}: several inputs can be shown together only if all are scans",
-                input.display()
-            );
-        }
+    if let Some(forest) = open_together(inputs, &[])? {
+        return Ok(Opened { file: Arc::new(forest), folder: None, is_kept: false });
     }
     // A user who names a folder wants the file there.
     let kept = kept.filter(|_| options.scratch.is_none());

@@ -82,6 +82,8 @@ pub(super) fn scene(request: &PictureRequest, folder: &Path) -> Result<Scene> {
         build,
         with: _,
         threads: _,
+        // Those of the clouds.
+        offsets: _,
     } = request;
     ensure!(!keeps_values, "this picture is for comparisons, no document can hold it");
     let default = PictureRequest::of_options();

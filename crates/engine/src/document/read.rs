@@ -4,11 +4,10 @@ use super::values::in_field;
 use super::{picture, places};
 use crate::cameras::camera::Camera;
 use crate::draw::scene::PictureRequest;
-use crate::io::file::is_esker;
-use anyhow::{Context, Error, Result, bail, ensure};
+use anyhow::{Context, Error, Result, ensure};
 use esker_points::place::no_file_at;
 use esker_scan::synthetic::is_spec;
-use esker_scene::{Found, Scene, detect};
+use esker_scene::{Cloud, Found, Scene, detect};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -75,33 +74,21 @@ impl Document {
     /// Inputs of the picture: the clouds that are visible.
     ///
     /// # Errors
-    /// If none is visible, or they are not drawn as the document says: with an offset, or several
-    /// of which one is an `.esker` file.
+    /// If none is visible.
     pub fn inputs(&self) -> Result<Vec<PathBuf>> {
-        self.visible_inputs().with_context(|| self.path.display().to_string())
+        let inputs: Vec<_> =
+            self.visible().map(|cloud| places::placed(&cloud.file, self.folder())).collect();
+        ensure!(
+            !inputs.is_empty(),
+            "{}: `clouds`: none is visible, so that there is nothing to draw",
+            self.path.display()
+        );
+        Ok(inputs)
     }
 
-    fn visible_inputs(&self) -> Result<Vec<PathBuf>> {
-        let clouds = self.scene.clouds.iter().enumerate();
-        let visible: Vec<_> = clouds.filter(|(_, cloud)| cloud.visible).collect();
-        ensure!(!visible.is_empty(), "`clouds`: none is visible, so that there is nothing to draw");
-        let mut inputs = Vec::with_capacity(visible.len());
-        for &(i, cloud) in &visible {
-            ensure!(
-                cloud.offset == [0.0; 3],
-                "`clouds[{i}].offset`: scans are drawn where their coordinates are, offsets are \
-                 not drawn yet; remove it"
-            );
-            let path = places::placed(&cloud.file, self.folder());
-            if visible.len() > 1 && in_field(format!("clouds[{i}].file"), is_esker(&path))? {
-                bail!(
-                    "`clouds[{i}]`: an .esker file is not yet drawn together with other clouds; \
-                     give the others \"visible\": false, or merge them with `esker build --merge`"
-                );
-            }
-            inputs.push(path);
-        }
-        Ok(inputs)
+    /// The clouds that are visible.
+    fn visible(&self) -> impl Iterator<Item = &Cloud> {
+        self.scene.clouds.iter().filter(|cloud| cloud.visible)
     }
 
     /// Request of the picture, with the defaults of `esker render`.
@@ -110,8 +97,10 @@ impl Document {
     /// If a value is invalid or out of range, a file that is named cannot be read, or a clip is
     /// enabled, which is not drawn yet; the message names the field.
     pub fn request(&self) -> Result<PictureRequest> {
-        picture::request(&self.scene, self.folder())
-            .with_context(|| self.path.display().to_string())
+        let shown = || self.path.display().to_string();
+        let request = picture::request(&self.scene, self.folder()).with_context(shown)?;
+        let offsets = self.visible().map(|cloud| cloud.offset).collect();
+        Ok(PictureRequest { offsets, ..request })
     }
 
     /// What is in the document and not in its picture, a line each.

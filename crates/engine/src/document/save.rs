@@ -82,8 +82,12 @@ fn scene_of(
     let folder = output::folder_of(out);
     let picture = picture::scene(request, folder)?;
     let Some(document) = from else {
-        let names = inputs.iter().map(|path| named(path, folder).map(Cloud::of));
-        return Ok(Scene { clouds: names.collect::<Result<_>>()?, ..picture });
+        let cloud = |(at, path): (usize, &PathBuf)| -> Result<Cloud> {
+            let offset = request.offsets.get(at).copied().unwrap_or_default();
+            Ok(Cloud { offset, ..Cloud::of(named(path, folder)?) })
+        };
+        let clouds = inputs.iter().enumerate().map(cloud);
+        return Ok(Scene { clouds: clouds.collect::<Result<_>>()?, ..picture });
     };
     let renamed = |cloud: &Cloud| -> Result<Cloud> {
         let path = placed(&cloud.file, document.folder());

@@ -80,6 +80,20 @@ impl Session {
         self.set(Settings { filter, ..self.settings().clone() })
     }
 
+    /// Shows a cloud of a file that holds several, or not ([`Forest::together`]). Its nodes stay in
+    /// memory until others need their place. Returns as [`Session::set`].
+    ///
+    /// # Errors
+    /// As for [`Session::set`].
+    pub fn set_visible(&mut self, cloud: usize, is_visible: bool) -> Result<bool> {
+        let mut settings = self.settings().clone();
+        settings.hidden_clouds.retain(|hidden| *hidden != cloud);
+        if !is_visible {
+            settings.hidden_clouds.push(cloud);
+        }
+        self.set(settings)
+    }
+
     /// Measures elevations along `vertical`. Returns as [`Session::set`].
     ///
     /// # Errors

@@ -73,9 +73,26 @@ impl Appearance {
         method: Method,
         shines: bool,
     ) -> Result<Self> {
+        let shown = Self::filter(file, filter)?;
+        Self::filtered(file, colour, vertical, shown, method, shines)
+    }
+
+    /// Points that `filter` accepts.
+    fn filter(file: &Forest, filter: &Filter) -> Result<ForestFilter> {
         empty_picture::check_classes(file, filter)?;
         let on_lattice = (!filter.is_all()).then(|| filter.on(file.lattice())).transpose()?;
-        let shown = ForestFilter::of(file, on_lattice, None)?;
+        Ok(ForestFilter::of(file, on_lattice, None)?)
+    }
+
+    /// As [`Appearance::new`], of the points that `shown` accepts.
+    fn filtered(
+        file: &Forest,
+        colour: Option<&str>,
+        vertical: Vertical,
+        shown: ForestFilter,
+        method: Method,
+        shines: bool,
+    ) -> Result<Self> {
         let colouring = filtered_colouring(file, colour, vertical, info::bounds(file), &shown)?;
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
@@ -104,7 +121,8 @@ impl Appearance {
         let Settings { colour_by, filter, method, shines, light, evens_exposure, full, .. } =
             settings;
         let colour = colour_by.as_deref();
-        let appearance = Self::new(file, colour, settings.vertical, filter, *method, *shines)?;
+        let shown = Self::filter(file, filter)?.without_clouds(file, &settings.hidden_clouds);
+        let appearance = Self::filtered(file, colour, settings.vertical, shown, *method, *shines)?;
         let appearance = appearance.evened(file, *evens_exposure)?.culled(settings.culls_back);
         let appearance = appearance.dotted(settings.dots).aimed(settings.target_spacing_px);
         let appearance = if *full { appearance } else { appearance.compacted(file) };

@@ -22,6 +22,10 @@ pub struct Settings {
     pub vertical: Vertical,
     /// Which points are shown.
     pub filter: Filter,
+    /// Clouds that are not shown, of a file that holds several ([`Forest::together`]).
+    ///
+    /// [`Forest::together`]: esker_format::Forest::together
+    pub hidden_clouds: Vec<usize>,
     /// Whether surfaces have highlights.
     pub shines: bool,
     /// How lit pictures are lit.
@@ -85,6 +89,7 @@ impl Default for Settings {
             colour_by: None,
             vertical: Vertical::default(),
             filter: Filter::default(),
+            hidden_clouds: Vec::new(),
             shines: true,
             light: LightSettings::default(),
             evens_exposure: false,

@@ -13,7 +13,7 @@ use crate::io::{inputs, output};
 use crate::light;
 use crate::light::settings::LightSettings;
 use crate::machine::backend::DrawWith;
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use esker_builder::NormalsMode;
 use esker_builder::budget::memory;
 use esker_format::{Forest, ForestFilter, PlaneKind, Planes};
@@ -74,6 +74,8 @@ pub struct PictureRequest {
     pub threads: usize,
     /// Options of the build, if the inputs are scans.
     pub build: esker_builder::Options,
+    /// What is added to the coordinates of each input, their unit; of the first ones or of all.
+    pub offsets: Vec<[f64; 3]>,
 }
 
 impl Default for PictureRequest {
@@ -99,6 +101,7 @@ impl Default for PictureRequest {
             with: DrawWith::default(),
             threads: 0,
             build: esker_builder::Options::default(),
+            offsets: Vec::new(),
         }
     }
 }
@@ -138,34 +141,57 @@ impl PictureRequest {
     }
 }
 
-/// Opens an `.esker` file, or builds scans and folders of scans into one in a temporary folder,
-/// which is removed when the second value is dropped.
+/// Opens `.esker` files, several of them as clouds beside each other, or builds scans and folders of
+/// scans into one in a temporary folder, which is removed when the second value is dropped.
 ///
 /// # Errors
-/// If an input cannot be read, or `.esker` files are several or mixed with scans.
+/// If an input cannot be read, `.esker` files are mixed with scans or do not fit one lattice, or
+/// scans have offsets.
 pub fn open(
     inputs: &[PathBuf],
     request: &PictureRequest,
     task: &dyn Task,
 ) -> Result<(Forest, Option<tempfile::TempDir>)> {
-    if let [one] = inputs
-        && is_esker(one)?
-    {
-        return Ok((Forest::open(one)?, None));
-    }
-    for input in inputs {
-        if is_esker(input)? {
-            anyhow::bail!(
-                "{}: several inputs are drawn together only where all are scans",
-                input.display()
-            );
-        }
+    if let Some(forest) = open_together(inputs, &request.offsets)? {
+        return Ok((forest, None));
     }
     let scans = inputs::scans(inputs, task)?;
     let folder = output::temporary(request.build.scratch.as_deref())?;
     let built = folder.path().join("scan.esker");
     esker_builder::build(&scans, &built, &request.build_options(), task)?;
     Ok((Forest::open(&built)?.called(name_of(inputs)), Some(folder)))
+}
+
+/// Opens `.esker` files as one, each moved by its offset; `None` if all inputs are scans.
+///
+/// # Errors
+/// If they are mixed with scans, one cannot be opened, or they do not fit one lattice; if scans have
+/// offsets.
+pub fn open_together(inputs: &[PathBuf], offsets: &[[f64; 3]]) -> Result<Option<Forest>> {
+    let are_built = inputs.iter().map(|input| is_esker(input)).collect::<Result<Vec<_>>>()?;
+    let offset = |at: usize| offsets.get(at).copied().unwrap_or_default();
+    if let Some(scan) = are_built.iter().position(|is_built| !is_built) {
+        let shown = inputs[scan].display();
+        ensure!(
+            !are_built.contains(&true),
+            "{shown}: scans are not drawn together with .esker files; build it with `esker build`, and name \
+             the built file instead"
+        );
+        let is_moved = (0..inputs.len()).any(|at| offset(at) != [0.0; 3]);
+        ensure!(
+            !is_moved,
+            "{shown}: scans are drawn where their coordinates are, and only .esker files have offsets; \
+             build each with `esker build`, and name the built files instead"
+        );
+        return Ok(None);
+    }
+    let open = |(at, path): (usize, &PathBuf)| Ok((Forest::open(path)?, offset(at)));
+    let mut clouds = inputs.iter().enumerate().map(open).collect::<Result<Vec<_>>>()?;
+    match &clouds[..] {
+        [] => Ok(None),
+        [(_, [0.0, 0.0, 0.0])] => Ok(clouds.pop().map(|(forest, _)| forest)),
+        _ => Ok(Some(Forest::together(clouds)?)),
+    }
 }
 
 /// Name of the file that is built from `inputs`, for messages.
