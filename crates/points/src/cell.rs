@@ -1,5 +1,5 @@
-//! Cells: cubes of the lattice, given by their corner and the log2 of their edge in steps. All tests
-//! are integer arithmetic, so a point is never in two cells of one level. In a file, corners are
+//! Cells: cubes of the lattice, given by their corner and the log2 of their edge in steps. All
+//! tests are integer arithmetic, so a point is never in two cells of one level. In a file, corners are
 //! multiples of the edge; a tree that was moved by whole steps has moved cells, so tests count from
 //! the corner. A moved cell may reach beyond the lattice, where it has no points: numbers of steps
 //! then wrap around.
@@ -53,15 +53,15 @@ impl Cell {
         [0, 1, 2].map(|axis| p[axis].wrapping_sub(self.corner[axis]))
     }
 
-    /// Lowest lattice point in the cell: its corner, or the least of the lattice on axes on which it
-    /// reaches beyond the lattice.
+    /// Lowest lattice point in the cell: its corner, or the least of the lattice on axes on which
+    /// it reaches beyond the lattice.
     pub fn first(&self) -> [u32; 3] {
         let is_within = |c: u32| u64::from(c) + self.edge() <= 1 << 32;
         self.corner.map(|c| if is_within(c) { c } else { 0 })
     }
 
-    /// Highest lattice point in the cell, or the greatest of the lattice on axes on which it reaches
-    /// beyond the lattice.
+    /// Highest lattice point in the cell, or the greatest of the lattice on axes on which it
+    /// reaches beyond the lattice.
     pub fn last(&self) -> [u32; 3] {
         let span = ((1u64 << self.log2) - 1) as u32;
         self.corner.map(|c| c.saturating_add(span))

@@ -141,8 +141,8 @@ impl PictureRequest {
     }
 }
 
-/// Opens `.esker` files, several of them as clouds beside each other, or builds scans and folders of
-/// scans into one in a temporary folder, which is removed when the second value is dropped.
+/// Opens `.esker` files, several of them as clouds beside each other, or builds scans and folders
+/// of scans into one in a temporary folder, which is removed when the second value is dropped.
 ///
 /// # Errors
 /// If an input cannot be read, `.esker` files are mixed with scans or do not fit one lattice, or
@@ -165,8 +165,8 @@ pub fn open(
 /// Opens `.esker` files as one, each moved by its offset; `None` if all inputs are scans.
 ///
 /// # Errors
-/// If they are mixed with scans, one cannot be opened, or they do not fit one lattice; if scans have
-/// offsets.
+/// If they are mixed with scans, one cannot be opened, or they do not fit one lattice; if scans
+/// have offsets.
 pub fn open_together(inputs: &[PathBuf], offsets: &[[f64; 3]]) -> Result<Option<Forest>> {
     let are_built = inputs.iter().map(|input| is_esker(input)).collect::<Result<Vec<_>>>()?;
     let offset = |at: usize| offsets.get(at).copied().unwrap_or_default();
