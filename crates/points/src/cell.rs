@@ -1,8 +1,8 @@
 //! Cells: cubes of the lattice, given by their corner and the log2 of their edge in steps. All
-//! tests are integer arithmetic, so a point is never in two cells of one level. In a file, corners are
-//! multiples of the edge; a tree that was moved by whole steps has moved cells, so tests count from
-//! the corner. A moved cell may reach beyond the lattice, where it has no points: numbers of steps
-//! then wrap around.
+//! tests are integer arithmetic, so a point is never in two cells of one level. In a file, corners
+//! are multiples of the edge; a tree that was moved by whole steps has moved cells, so tests count
+//! from the corner. A moved cell may reach beyond the lattice, where it has no points: numbers of
+//! steps then wrap around.
 
 /// A cube of the octree. Its edge is `2^log2` steps; `log2` is 0 to 32. Its corner is a multiple of
 /// the edge, unless its tree was moved.

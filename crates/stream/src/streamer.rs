@@ -224,8 +224,8 @@ impl Streamer {
     }
 
     /// Whether the current cut was chosen with everything passed to [`Streamer::show`],
-    /// [`Streamer::limit`], [`Streamer::surround`] and [`Streamer::feedback`]. Otherwise a cut may be
-    /// marked as settled although it is about to change. Never waits.
+    /// [`Streamer::limit`], [`Streamer::surround`] and [`Streamer::feedback`]. Otherwise a cut may
+    /// be marked as settled although it is about to change. Never waits.
     pub fn has_taken_in(&self) -> bool {
         self.shared.inputs_used.load(SeqCst) == self.shared.inputs.load(SeqCst)
     }
