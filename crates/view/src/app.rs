@@ -16,7 +16,7 @@ use crate::script::Script;
 use crate::scripted_run::ScriptedRun;
 use crate::settings::{self, Settings};
 use crate::shots::Shots;
-use crate::source::Opening;
+use crate::source::{self, Opening};
 use crate::theme::TITLE;
 use crate::times::{FrameTime, Times};
 use crate::viewer::{Viewer, pixels};
@@ -59,6 +59,8 @@ pub struct App {
     kept: Option<Kept>,
     start: Instant,
     stage: Stage,
+    /// The build of the whole file, while a preview is shown.
+    building: Option<Opening>,
     wanted: Settings,
     /// Whether the user wants the panel; without a choice, windows that are wide enough have it.
     has_panel: Option<bool>,
@@ -174,6 +176,7 @@ impl App {
             args,
             start,
             stage,
+            building: None,
             wanted,
             window_painter: WindowPainter::default(),
             times: Times::new(PLOT_S),
@@ -204,7 +207,8 @@ impl App {
 
     fn fly(&mut self, ctx: &Context, raw: &mut RawInput) {
         let now_s = self.now_s();
-        let Some(run) = &mut self.run else { return };
+        // A script flies through the whole file, not through a preview.
+        let Some(run) = self.run.as_mut().filter(|_| self.building.is_none()) else { return };
         let viewer = match &mut self.stage {
             Stage::Viewing(viewer) if viewer.fault().is_none() => viewer,
             Stage::Opening(_) if !run.closes_at_once() => return,
@@ -290,7 +294,7 @@ impl App {
         self.args.inputs = inputs;
         self.panel.close_file();
         // What is open ends before another session takes its memory.
-        self.stage = Stage::Failed(String::new());
+        (self.stage, self.building) = (Stage::Failed(String::new()), None);
         self.counters = Counters::default();
         self.last_s = None;
         self.stage = match Stage::of(&self.args, &self.build, self.kept.clone()) {
@@ -384,19 +388,47 @@ impl App {
     }
 
     fn poll(&mut self, ctx: &Context) {
-        let Stage::Opening(opening) = &mut self.stage else { return };
+        let opening = match (&mut self.stage, &mut self.building) {
+            (Stage::Opening(opening), _) | (_, Some(opening)) => opening,
+            _ => return,
+        };
         match opening.poll() {
             None => ctx.request_repaint_after(POLL_INTERVAL),
-            Some(Err(error)) => self.stage = Stage::failed(&error),
-            Some(Ok(opened)) => {
-                let is_coarser = self.run.as_ref().is_none_or(ScriptedRun::is_coarser_moving);
-                let viewer = Viewer::new(opened, &self.args, &self.window_painter, is_coarser);
-                self.wanted.vertical = viewer.vertical();
-                let title = format!("{} - {TITLE}", viewer.name());
-                ctx.send_viewport_cmd(ViewportCommand::Title(title));
-                self.stage = Stage::Viewing(Box::new(viewer));
+            Some(source::Event::Preview(opened)) => {
+                let before = std::mem::replace(&mut self.stage, Stage::Failed(String::new()));
+                if let Stage::Opening(opening) = before {
+                    self.building = Some(opening);
+                }
+                self.view(ctx, opened);
+            }
+            Some(source::Event::End(ended)) => {
+                self.building = None;
+                match (ended, &mut self.stage) {
+                    (Ok(opened), _) => self.view(ctx, opened),
+                    // The preview stays.
+                    (Err(error), Stage::Viewing(viewer)) => {
+                        viewer.stay_preview(&fault::in_words(&format!("{error:#}")));
+                    }
+                    (Err(error), stage) => *stage = Stage::failed(&error),
+                }
             }
         }
+    }
+
+    /// Shows a file: the first one, or the whole of what a preview shows.
+    fn view(&mut self, ctx: &Context, opened: source::Opened) {
+        let is_coarser = self.run.as_ref().is_none_or(ScriptedRun::is_coarser_moving);
+        let mut viewer = Viewer::new(opened, &self.args, &self.window_painter, is_coarser);
+        match std::mem::replace(&mut self.stage, Stage::Failed(String::new())) {
+            Stage::Viewing(preview) => viewer.replace(*preview),
+            _ => {
+                let title = format!("{} - {TITLE}", viewer.name());
+                ctx.send_viewport_cmd(ViewportCommand::Title(title));
+            }
+        }
+        self.wanted.vertical = viewer.vertical();
+        self.stage = Stage::Viewing(Box::new(viewer));
+        ctx.request_repaint();
     }
 
     /// Commands whose keys were pressed; none while text is edited.
@@ -494,6 +526,9 @@ impl App {
             && viewer.is_at_rest()
             && ui.input(|i| matches!(i.events[..], [Event::PointerMoved(_)]));
         viewer.paint(ui);
+        if let Some(building) = &self.building {
+            progress::over(ui, rect, building);
+        }
         let is_filtered = self.wanted.filter != Filter::default();
         if is_filtered && self.counters.settled && self.counters.points == 0 {
             let all = progress::nothing_left(ui, rect);

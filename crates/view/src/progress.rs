@@ -14,6 +14,8 @@ use std::time::Duration;
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Seconds after which the opening of a file is reported.
 const PATIENCE_S: f64 = 0.4;
+/// Width of the bar over a preview, points.
+const OVER_WIDTH: f32 = 340.0;
 /// Width of the box, points.
 const WIDTH: f32 = 420.0;
 
@@ -54,6 +56,29 @@ pub fn show(ui: &mut Ui, opening: &Opening, inputs: &[PathBuf]) {
         if cancel.clicked() {
             opening.cancel();
         }
+    });
+}
+
+/// Shows the progress of building over the picture of a preview.
+pub fn over(ui: &Ui, rect: Rect, opening: &Opening) {
+    let progress = opening.progress();
+    ui.ctx().request_repaint_after(LOOK_EVERY);
+    let area = Area::new(Id::unique("building")).order(Order::Foreground);
+    let pivot = rect.center_bottom() - vec2(0.0, 12.0);
+    area.fixed_pos(pivot).pivot(Align2::CENTER_BOTTOM).show(ui.ctx(), |ui| {
+        framed(ui).show(ui, |ui| {
+            ui.horizontal(|ui| {
+                let share = progress.share().unwrap_or(0.0);
+                let left = progress.left_s().map_or(String::new(), |s| format!(", {s:.0} s left"));
+                let text = format!("preview; {:.0} % of the whole is built{left}", share * 100.0);
+                let bar = ProgressBar::new(share).fill(theme::ACCENT.gamma_multiply(0.6));
+                ui.add(bar.desired_width(OVER_WIDTH.min(rect.width() * 0.6)).text(text));
+                let about = "Stop building, and keep looking at the preview";
+                if ui.button("Cancel").on_hover_text(about).clicked() {
+                    opening.cancel();
+                }
+            });
+        });
     });
 }
 

@@ -1,16 +1,18 @@
 //! Opens the input of the window: an `.esker` file directly; scans are first built into one, which
 //! is kept in the user's cache folder for the next time, or else in a temporary folder that is
-//! removed with the window. A thread does this, reports progress and can be stopped.
+//! removed with the window. A thread does this, reports progress and can be stopped. Large scans
+//! are shown as a preview of a share of their points meanwhile.
 
 use anyhow::{Context, Result};
-use esker_engine::calls::build;
+use esker_engine::calls::{build, preview};
 use esker_engine::draw::scene::open_together;
 use esker_engine::io::kept::{Kept, Place};
 use esker_engine::io::output;
+use esker_engine::io::quantity::grouped;
 use esker_engine::{BuildOptions, Forest, Task};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
@@ -38,9 +40,17 @@ pub struct Opened {
     folder: Option<OwnFolder>,
     /// Whether the file was built from scans, and is kept in the cache.
     is_kept: bool,
+    /// Number of points of the scans, about, if the file is a preview of them.
+    preview_of: Option<u64>,
 }
 
 impl Opened {
+    /// A note if the file is a preview.
+    pub fn preview_note(&self) -> Option<String> {
+        let [shown, all] = [self.file.points(), self.preview_of?].map(grouped);
+        Some(format!("preview: {shown} of about {all} points, while the rest is read"))
+    }
+
     /// Whether the file was built from scans.
     pub fn is_built(&self) -> bool {
         self.folder.is_some() || self.is_kept
@@ -87,21 +97,35 @@ fn known_folders() -> MutexGuard<'static, Vec<PathBuf>> {
     FOLDERS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// What an input has become.
+pub enum Event {
+    /// A preview can be shown; the work goes on.
+    Preview(Opened),
+    /// The end of the work.
+    End(Result<Opened>),
+}
+
 /// An input that is being opened or built. Dropping it stops the work and waits for its thread.
 pub struct Opening {
     task: Arc<OpenTask>,
-    opened: Receiver<Result<Opened>>,
+    events: Receiver<Event>,
     thread: Option<JoinHandle<()>>,
 }
+
+/// Share of the time of a build by the end of its first phase, in which scans are read: between that
+/// of uncompressed LAS, a fifth, and that of LAZ and text, half.
+const READING_SHARE: f64 = 0.35;
+/// Name of the phase that follows it.
+const BUILDING: &str = "building";
 
 /// Progress of opening or building.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Progress {
     /// Name of the phase; empty while a file is opened.
     pub phase: String,
-    /// Work that is done.
+    /// Work of the phase that is done.
     pub done: u64,
-    /// Work in total, if it is known.
+    /// Work of the phase in total, if it is known.
     pub total: Option<u64>,
     /// Unit of the work.
     pub unit: &'static str,
@@ -117,16 +141,30 @@ impl Progress {
         if self.seconds > 0.0 { self.done as f64 / self.seconds } else { 0.0 }
     }
 
-    /// Share of the work that is done, 0 to 1.
-    pub fn share(&self) -> Option<f32> {
+    /// Share of the work of the phase that is done, 0 to 1.
+    fn phase_share(&self) -> Option<f64> {
         let total = self.total.filter(|&t| t > 0)?;
-        Some((self.done as f64 / total as f64).min(1.0) as f32)
+        Some((self.done as f64 / total as f64).min(1.0))
     }
 
-    /// Seconds until the phase ends, at the rate so far.
+    /// Share of all work that is done, 0 to 1.
+    pub fn share(&self) -> Option<f32> {
+        let share = self.phase_share()?;
+        let [from, to] =
+            if self.phase == BUILDING { [READING_SHARE, 1.0] } else { [0.0, READING_SHARE] };
+        Some((from + share * (to - from)) as f32)
+    }
+
+    /// Seconds until all is done, at the rate of the phase so far.
     pub fn left_s(&self) -> Option<f64> {
-        let left = self.total?.saturating_sub(self.done) as f64;
-        (self.done > 0 && self.seconds > 0.5).then(|| left / self.rate())
+        let share = self.phase_share().filter(|&share| share > 0.0 && self.seconds > 0.5)?;
+        let phase_s = self.seconds / share;
+        let after_s = if self.phase == BUILDING {
+            0.0
+        } else {
+            phase_s * (1.0 - READING_SHARE) / READING_SHARE
+        };
+        Some(phase_s - self.seconds + after_s)
     }
 }
 
@@ -159,26 +197,28 @@ impl Opening {
             done: AtomicU64::new(0),
             phase: Mutex::new(phase),
         });
-        let (sender, opened) = sync_channel(1);
+        let (sender, events) = sync_channel(2);
         let shared = Arc::clone(&task);
         let work = move || {
+            let opened = open(&inputs, &options, kept.as_ref(), (&*shared, &sender));
             // The receiver is gone if the window has closed.
-            let _ = sender.send(open(&inputs, &options, kept.as_ref(), &*shared));
+            let _ = sender.send(Event::End(opened));
         };
         let thread = std::thread::Builder::new()
             .name("esker-open".into())
             .spawn(work)
             .context("cannot start a thread to open the file")?;
-        Ok(Self { task, opened, thread: Some(thread) })
+        Ok(Self { task, events, thread: Some(thread) })
     }
 
-    /// Returns the result when there is one, once.
-    pub fn poll(&mut self) -> Option<Result<Opened>> {
-        match self.opened.try_recv() {
-            Ok(opened) => Some(opened),
+    /// Returns what has happened since the last call. Nothing follows the end.
+    pub fn poll(&mut self) -> Option<Event> {
+        match self.events.try_recv() {
+            Ok(event) => Some(event),
             Err(TryRecvError::Empty) => None,
             Err(TryRecvError::Disconnected) => {
-                Some(Err(anyhow::anyhow!("the thread that opens the file has ended unexpectedly")))
+                let fault = "the thread that opens the file has ended unexpectedly";
+                Some(Event::End(Err(anyhow::anyhow!(fault))))
             }
         }
     }
@@ -243,30 +283,67 @@ fn open(
     inputs: &[PathBuf],
     options: &BuildOptions,
     kept: Option<&Kept>,
-    task: &dyn Task,
+    (task, events): (&OpenTask, &SyncSender<Event>),
 ) -> Result<Opened> {
     let whole = |path: &Path| -> Result<Arc<Forest>> { Ok(Arc::new(Forest::open(path)?)) };
     if let Some(forest) = open_together(inputs, &[])? {
-        return Ok(Opened { file: Arc::new(forest), folder: None, is_kept: false });
+        let file = Arc::new(forest);
+        return Ok(Opened { file, folder: None, is_kept: false, preview_of: None });
     }
     // A user who names a folder wants the file there.
     let kept = kept.filter(|_| options.scratch.is_none());
     if let Some((kept, place)) = kept.and_then(|kept| Some((kept, kept.place(inputs, options)?))) {
         // A damaged file is built again.
         if let Some(file) = kept.find(&place).and_then(|path| whole(&path).ok()) {
-            return Ok(Opened { file, folder: None, is_kept: true });
+            return Ok(Opened { file, folder: None, is_kept: true, preview_of: None });
         }
+        show_preview(inputs, options, task, events);
         match kept.begin(&place) {
             Ok(built) => return build_kept(inputs, options, (kept, &place, &built), task),
             Err(fault) => task.note(&format!("{fault:#}")),
         }
+    }
+    if kept.is_none() {
+        show_preview(inputs, options, task, events);
     }
     let folder = output::temporary(options.scratch.as_deref())?;
     let folder = OwnFolder::new(&folder.keep());
     let built = folder.path.join("scan.esker");
     build::build(inputs, &built, options, 0, task)?;
     task.check()?;
-    Ok(Opened { file: whole(&built)?, folder: Some(folder), is_kept: false })
+    Ok(Opened { file: whole(&built)?, folder: Some(folder), is_kept: false, preview_of: None })
+}
+
+/// Makes a preview and passes it on, if the scans are large. Whatever is wrong with them is reported
+/// by the build of the whole file.
+fn show_preview(
+    inputs: &[PathBuf],
+    options: &BuildOptions,
+    task: &OpenTask,
+    events: &SyncSender<Event>,
+) {
+    let make = || -> Result<Option<Opened>> {
+        let folder = output::temporary(options.scratch.as_deref())?;
+        let folder = OwnFolder::new(&folder.keep());
+        let out = folder.path.join("preview.esker");
+        let made = preview::preview(inputs, &out, options, &Quiet(task))?;
+        let Some([_, all]) = made else { return Ok(None) };
+        let file = Arc::new(Forest::open(&out)?);
+        Ok(Some(Opened { file, folder: Some(folder), is_kept: false, preview_of: Some(all) }))
+    };
+    if let Ok(Some(opened)) = make() {
+        // The receiver is gone if the window has closed.
+        let _ = events.send(Event::Preview(opened));
+    }
+}
+
+/// A part of a task that reports no progress.
+struct Quiet<'a>(&'a OpenTask);
+
+impl Task for Quiet<'_> {
+    fn is_cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
 }
 
 /// Builds the file of a place, and keeps it if it is within the limit.
@@ -291,7 +368,7 @@ fn build_kept(
     } else {
         Some(folder)
     };
-    Ok(Opened { file, folder, is_kept })
+    Ok(Opened { file, folder, is_kept, preview_of: None })
 }
 
 #[cfg(test)]
@@ -299,9 +376,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn progress_has_a_rate_and_the_time_left() {
+    fn one_bar_and_one_time_cover_reading_and_building() {
         let mut progress = Progress {
-            phase: "sampling".into(),
+            phase: "reading".into(),
             done: 25,
             total: Some(100),
             unit: "points",
@@ -309,8 +386,16 @@ mod tests {
             note: None,
         };
         assert_eq!(progress.rate(), 5.0);
-        assert_eq!(progress.share(), Some(0.25));
+        let whole_s = 20.0 / READING_SHARE;
+        assert!((progress.left_s().unwrap() - (whole_s - 5.0)).abs() < 1e-9);
+        assert!((f64::from(progress.share().unwrap()) - 5.0 / whole_s).abs() < 1e-6);
+        let before = progress.share();
+        (progress.phase, progress.done) = (BUILDING.into(), 0);
+        assert!(before < progress.share(), "the bar goes on where reading has ended");
+        progress.done = 25;
         assert_eq!(progress.left_s(), Some(15.0));
+        progress.done = 100;
+        assert_eq!((progress.share(), progress.left_s()), (Some(1.0), Some(0.0)));
         progress.total = None;
         assert_eq!((progress.share(), progress.left_s()), (None, None));
     }

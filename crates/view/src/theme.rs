@@ -70,8 +70,11 @@ const LIGHT: Inks = Inks {
     widgets: [grey(224), grey(212), grey(198)],
 };
 
-/// Emphasis over the picture.
+/// Emphasis over the picture, which has a dark ground in both themes.
 pub const ACCENT: Color32 = DARK.accent;
+/// Text over the picture, and the ground behind it.
+pub const TEXT: Color32 = DARK.text;
+pub const GROUND: Color32 = DARK.ground;
 
 /// Colours of the theme that a window has.
 pub fn inks(ui: &Ui) -> Inks {

@@ -120,7 +120,7 @@ impl Viewer {
                 _ => format!("{points} points in {nodes} nodes{built}"),
             },
             clouds: Clouds::of(file),
-            notes: info::notes(file),
+            notes: opened.preview_note().into_iter().chain(info::notes(file)).collect(),
             views,
             hud: Hud::new(file),
             unit: info::unit(file),
@@ -129,6 +129,32 @@ impl Viewer {
             resized: None,
             fault: None,
             opened,
+        }
+    }
+
+    /// Goes on where the viewer of a preview was: camera, measurements, and the last picture until
+    /// there is another one.
+    pub fn replace(&mut self, preview: Self) {
+        if preview.vertical() != self.vertical() {
+            self.views.set_vertical(preview.vertical());
+        }
+        self.camera = preview.camera;
+        self.gestures = preview.gestures;
+        self.sharpness = preview.sharpness;
+        self.pacing = preview.pacing;
+        self.frozen = preview.frozen;
+        self.picture_rect = preview.picture_rect;
+        self.size = preview.size;
+        self.canvas = preview.canvas;
+    }
+
+    /// Says that the preview is all there will be, since the build of the whole file has ended with
+    /// `fault`.
+    pub fn stay_preview(&mut self, fault: &str) {
+        if let Some(note) = self.notes.first_mut().filter(|_| self.opened.preview_note().is_some())
+        {
+            let points = grouped(self.opened.file.points());
+            *note = format!("preview of {points} points alone: {fault}");
         }
     }
 
