@@ -19,7 +19,7 @@ pub(crate) mod tree;
 pub use attributes::normals::NormalsMode;
 pub use budget::shares::Shares;
 pub use calls::append::{append, append_sources};
-pub use calls::build::{build, build_shared, build_sources};
+pub use calls::build::{Wrap, build, build_shared, build_sources, build_wrapped};
 pub use calls::export::{ExportOptions, Exported, export, export_with};
 pub use calls::merge::merge;
 pub use calls::point::{ExactPoint, ExactValue, exact_point};

@@ -44,6 +44,9 @@ pub fn open(
     task: &dyn Task,
 ) -> Result<Box<dyn Source>, ScanError> {
     if synthetic::is_spec(path) {
+        if options.one_in > 1 {
+            return Err(ScanError::unsupported(path, "generated scans cannot be made in part"));
+        }
         return synthetic::open(path, options);
     }
     let io = |source| ScanError::io(path, source);

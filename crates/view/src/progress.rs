@@ -64,8 +64,8 @@ pub fn over(ui: &Ui, rect: Rect, opening: &Opening) {
     let progress = opening.progress();
     ui.ctx().request_repaint_after(LOOK_EVERY);
     let area = Area::new(Id::unique("building")).order(Order::Foreground);
-    let pivot = rect.center_bottom() - vec2(0.0, 12.0);
-    area.fixed_pos(pivot).pivot(Align2::CENTER_BOTTOM).show(ui.ctx(), |ui| {
+    let pivot = rect.center_top() + vec2(0.0, 12.0);
+    area.fixed_pos(pivot).pivot(Align2::CENTER_TOP).show(ui.ctx(), |ui| {
         framed(ui).show(ui, |ui| {
             ui.horizontal(|ui| {
                 let share = progress.share().unwrap_or(0.0);

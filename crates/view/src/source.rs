@@ -4,7 +4,7 @@
 //! are shown as a preview of a share of their points meanwhile.
 
 use anyhow::{Context, Result};
-use esker_engine::calls::{build, preview};
+use esker_engine::calls::preview::{self, Sample};
 use esker_engine::draw::scene::open_together;
 use esker_engine::io::kept::{Kept, Place};
 use esker_engine::io::output;
@@ -197,7 +197,7 @@ impl Opening {
             done: AtomicU64::new(0),
             phase: Mutex::new(phase),
         });
-        let (sender, events) = sync_channel(2);
+        let (sender, events) = sync_channel(3);
         let shared = Arc::clone(&task);
         let work = move || {
             let opened = open(&inputs, &options, kept.as_ref(), (&*shared, &sender));
@@ -299,7 +299,9 @@ fn open(
         }
         show_preview(inputs, options, task, events);
         match kept.begin(&place) {
-            Ok(built) => return build_kept(inputs, options, (kept, &place, &built), task),
+            Ok(built) => {
+                return build_kept(inputs, options, (kept, &place, &built), (task, events));
+            }
             Err(fault) => task.note(&format!("{fault:#}")),
         }
     }
@@ -309,8 +311,7 @@ fn open(
     let folder = output::temporary(options.scratch.as_deref())?;
     let folder = OwnFolder::new(&folder.keep());
     let built = folder.path.join("scan.esker");
-    build::build(inputs, &built, options, 0, task)?;
-    task.check()?;
+    build_whole(inputs, &built, options, task, events)?;
     Ok(Opened { file: whole(&built)?, folder: Some(folder), is_kept: false, preview_of: None })
 }
 
@@ -322,11 +323,12 @@ fn show_preview(
     task: &OpenTask,
     events: &SyncSender<Event>,
 ) {
+    let quiet = Quiet { task, is_over: &AtomicBool::new(false) };
     let make = || -> Result<Option<Opened>> {
         let folder = output::temporary(options.scratch.as_deref())?;
         let folder = OwnFolder::new(&folder.keep());
         let out = folder.path.join("preview.esker");
-        let made = preview::preview(inputs, &out, options, &Quiet(task))?;
+        let made = preview::preview(inputs, &out, options, &quiet)?;
         let Some([_, all]) = made else { return Ok(None) };
         let file = Arc::new(Forest::open(&out)?);
         Ok(Some(Opened { file, folder: Some(folder), is_kept: false, preview_of: Some(all) }))
@@ -337,12 +339,89 @@ fn show_preview(
     }
 }
 
-/// A part of a task that reports no progress.
-struct Quiet<'a>(&'a OpenTask);
+/// Builds a file of all points. Once all are read, a finer preview of large scans is made and passed
+/// on.
+fn build_whole(
+    inputs: &[PathBuf],
+    out: &Path,
+    options: &BuildOptions,
+    task: &OpenTask,
+    events: &SyncSender<Event>,
+) -> Result<()> {
+    let (sample, is_over) = (Sample::default(), AtomicBool::new(false));
+    std::thread::scope(|scope| {
+        let finer = || {
+            let sample = sample.clone();
+            let quiet = Quiet { task, is_over: &is_over };
+            // Without a thread the first preview stays.
+            let _ = std::thread::Builder::new().name("esker-preview".into()).spawn_scoped(
+                scope,
+                move || {
+                    if let Ok(Some(opened)) = finer_preview(&sample, options, &quiet) {
+                        let _ = events.send(Event::Preview(opened));
+                    }
+                },
+            );
+        };
+        let task = Building { task, finer: &finer };
+        let built = preview::build_watched(inputs, out, options, &sample, &task);
+        is_over.store(true, Relaxed);
+        built
+    })?;
+    task.check()?;
+    Ok(())
+}
+
+fn finer_preview(
+    sample: &Sample,
+    options: &BuildOptions,
+    quiet: &Quiet<'_>,
+) -> Result<Option<Opened>> {
+    let folder = output::temporary(options.scratch.as_deref())?;
+    let folder = OwnFolder::new(&folder.keep());
+    let out = folder.path.join("preview.esker");
+    let Some(_) = sample.build(&out, options, quiet)? else { return Ok(None) };
+    let file = Arc::new(Forest::open(&out)?);
+    let all = quiet.task.phase().total;
+    Ok(Some(Opened { file, folder: Some(folder), is_kept: false, preview_of: all }))
+}
+
+/// The task of a build, which begins a finer preview once all points are read.
+struct Building<'a> {
+    task: &'a OpenTask,
+    finer: &'a (dyn Fn() + Sync),
+}
+
+impl Task for Building<'_> {
+    fn phase(&self, name: &str, total: Option<u64>, unit: &'static str) {
+        Task::phase(self.task, name, total, unit);
+        if name == BUILDING {
+            (self.finer)();
+        }
+    }
+
+    fn advance(&self, by: u64) {
+        self.task.advance(by);
+    }
+
+    fn note(&self, line: &str) {
+        self.task.note(line);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.task.is_cancelled()
+    }
+}
+
+/// A part of a task that reports no progress, and is not wanted any more once the work `is_over`.
+struct Quiet<'a> {
+    task: &'a OpenTask,
+    is_over: &'a AtomicBool,
+}
 
 impl Task for Quiet<'_> {
     fn is_cancelled(&self) -> bool {
-        self.0.is_cancelled()
+        self.task.is_cancelled() || self.is_over.load(Relaxed)
     }
 }
 
@@ -351,11 +430,10 @@ fn build_kept(
     inputs: &[PathBuf],
     options: &BuildOptions,
     (kept, place, built): (&Kept, &Place, &Path),
-    task: &dyn Task,
+    (task, events): (&OpenTask, &SyncSender<Event>),
 ) -> Result<Opened> {
     let folder = OwnFolder::new(place.building());
-    build::build(inputs, built, options, 0, task)?;
-    task.check()?;
+    build_whole(inputs, built, options, task, events)?;
     let path = kept.keep(place).unwrap_or_else(|fault| {
         task.note(&format!("{fault:#}"));
         None

@@ -68,10 +68,27 @@ pub fn build(
     options: &Options,
     task: &dyn Task,
 ) -> Result<Report, BuildError> {
+    build_wrapped(inputs, out, options, &|source| source, task)
+}
+
+/// Makes another source of an opened one, whose points are built in its place.
+pub type Wrap<'a> = dyn Fn(Box<dyn Source>) -> Box<dyn Source> + Sync + 'a;
+
+/// Builds like [`build`], from what `wrap` makes of each source.
+///
+/// # Errors
+/// As for [`build`].
+pub fn build_wrapped(
+    inputs: &[PathBuf],
+    out: &Path,
+    options: &Options,
+    wrap: &Wrap<'_>,
+    task: &dyn Task,
+) -> Result<Report, BuildError> {
     inputs.iter().try_for_each(|input| check_not_replaced(input, out))?;
     let sources = open_with(inputs, &options.open_options(), task)?;
     note_guesses(&sources, options, task);
-    build_sources(sources, out, options, task)
+    build_sources(sources.into_iter().map(wrap).collect(), out, options, task)
 }
 
 /// Builds `out` from opened inputs; otherwise like [`build`].

@@ -8,7 +8,7 @@ use crate::io::quantity::{grouped, readable_bytes};
 use crate::machine::pool;
 use crate::machine::system;
 use anyhow::Result;
-use esker_builder::{Options, Report};
+use esker_builder::{Options, Report, Wrap};
 use esker_format::{EskerFile, Normals};
 use esker_points::Task;
 use esker_points::palette::Misfit;
@@ -112,11 +112,25 @@ pub fn build(
     threads: usize,
     task: &dyn Task,
 ) -> Result<BuildReport> {
+    build_from(inputs, out, options, threads, &|source| source, task)
+}
+
+/// Builds like [`build`], from what `wrap` makes of each source.
+pub(crate) fn build_from(
+    inputs: &[PathBuf],
+    out: &Path,
+    options: &Options,
+    threads: usize,
+    wrap: &Wrap<'_>,
+    task: &dyn Task,
+) -> Result<BuildReport> {
     let start = Instant::now();
     let inputs = &inputs::scans(inputs, task)?;
     output::may_build(out, inputs)?;
     inputs::note_repeated(inputs, task);
-    within_memory(threads, start, || Ok(esker_builder::build(inputs, out, options, task)?))
+    within_memory(threads, start, || {
+        Ok(esker_builder::build_wrapped(inputs, out, options, wrap, task)?)
+    })
 }
 
 /// Runs a build, which keeps to `--memory`, on `threads` threads: freed memory must not stay with

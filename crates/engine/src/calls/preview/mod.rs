@@ -1,0 +1,129 @@
+//! Previews of large scans, to look at while the whole file is built: small files of a share of the
+//! points. The first one is of parts from all over the scans, read beforehand in about a second;
+//! the second one is of points among all others, kept while the build reads them.
+
+mod share;
+
+use crate::calls::build::{self, BuildReport};
+use crate::io::inputs;
+use anyhow::Result;
+use esker_builder::Options;
+use esker_points::{Cancelled, Task};
+use esker_scan::Source;
+use rayon::prelude::*;
+use share::{Share, Thinned, Watched};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Points of a preview, about; the picture of a window has as many pixels.
+const POINTS: u64 = 1_000_000;
+/// Points that are decoded for the first preview at most: what two cores decode in a second.
+const DECODED: u64 = 7_000_000;
+/// Number of points from which on there is a preview: smaller scans are built in hardly more time.
+const WORTH: u64 = 5_000_000;
+/// Most files of a preview: each has to be opened for it.
+const FILES_MAX: usize = 256;
+
+/// Options of a preview, for those of the whole file: nothing that only splats need.
+fn simple(options: &Options) -> Options {
+    Options { sharp_features: false, tangents: false, compact: false, ..options.clone() }
+}
+
+/// Builds a preview of scans at `out` from parts of them. Returns its number of points and that of
+/// the scans, about; `None`, and writes nothing, if the scans are small, too many, or of a format
+/// that is read from front to back.
+///
+/// # Errors
+/// If an input is damaged, space runs out, or `task` is cancelled.
+pub fn preview(
+    inputs: &[PathBuf],
+    out: &Path,
+    options: &Options,
+    task: &dyn Task,
+) -> Result<Option<[u64; 2]>> {
+    let scans = inputs::scans(inputs, task)?;
+    let Some(all) = points_of(&scans, options, task)? else { return Ok(None) };
+    if all < WORTH {
+        return Ok(None);
+    }
+    let one_in = all.div_ceil(DECODED);
+    let every = all.div_ceil(one_in * POINTS).max(1);
+    let one_in = u32::try_from(one_in).unwrap_or(u32::MAX);
+    let simple = Options { one_in, ..simple(options) };
+    let thin = |source| -> Box<dyn Source> { Box::new(Thinned::new(source, every)) };
+    let report = build::build_from(&scans, out, &simple, 0, &thin, task)?;
+    Ok(Some([report.points_out, all]))
+}
+
+/// Number of points of scans, about; `None` if they cannot be read in part, or one is damaged, which
+/// the build of the whole file reports.
+fn points_of(scans: &[PathBuf], options: &Options, task: &dyn Task) -> Result<Option<u64>> {
+    /// A source that is read in part is refused where it cannot be.
+    const ONE_IN: u32 = 2;
+    if scans.len() > FILES_MAX {
+        return Ok(None);
+    }
+    let reading = Options { one_in: ONE_IN, ..options.clone() }.open_options();
+    let count = |path: &PathBuf| -> Result<Option<u64>, Cancelled> {
+        task.check()?;
+        let source = esker_scan::open(path, &reading, task).ok();
+        Ok(source.map(|source| source.info().points_hint.saturating_mul(ONE_IN.into())))
+    };
+    let counts: Result<Vec<_>, _> = scans.par_iter().map(count).collect();
+    Ok(counts?.into_iter().try_fold(0, |sum: u64, count| Some(sum.saturating_add(count?))))
+}
+
+/// Points that a build keeps for a second preview while it reads.
+#[derive(Clone, Default)]
+pub struct Sample {
+    shares: Arc<Mutex<Vec<Share>>>,
+}
+
+impl Sample {
+    /// Builds a preview at `out` of the points that were kept, once all were read. Returns its
+    /// number of points; `None` if the scans are small.
+    ///
+    /// # Errors
+    /// If space runs out, or `task` is cancelled; also if the build has chosen another lattice.
+    pub fn build(&self, out: &Path, options: &Options, task: &dyn Task) -> Result<Option<u64>> {
+        let shares = std::mem::take(&mut *self.lock());
+        if shares.is_empty() {
+            return Ok(None);
+        }
+        let sources = shares.into_iter().map(Share::into_source).collect();
+        let report = esker_builder::build_sources(sources, out, &simple(options), task)?;
+        Ok(Some(report.points_out))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<Share>> {
+        self.shares.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Builds `out` from scans as [`build::build`] does, and keeps points for a preview in `sample` if
+/// the scans are large.
+///
+/// # Errors
+/// As for [`build::build`].
+pub fn build_watched(
+    inputs: &[PathBuf],
+    out: &Path,
+    options: &Options,
+    sample: &Sample,
+    task: &dyn Task,
+) -> Result<BuildReport> {
+    let scans = inputs::scans(inputs, task)?;
+    let is_many = scans.len() > FILES_MAX;
+    let watch = |source: Box<dyn Source>| -> Box<dyn Source> {
+        let points = source.info().points_hint;
+        // Of several files each keeps its share of about as many points as the first preview has.
+        let every = (points * scans.len() as u64).div_ceil(POINTS).max(1);
+        if is_many || points * (scans.len() as u64) < WORTH {
+            return source;
+        }
+        let watched = Watched::new(source, every);
+        sample.lock().push(watched.share());
+        Box::new(watched)
+    };
+    build::build_from(&scans, out, options, 0, &watch, task)
+}
