@@ -52,8 +52,8 @@ pub struct Options {
     pub columns: Option<Columns>,
     /// Lines at the beginning of text files that are passed over.
     pub skip_lines: u64,
-    /// Of how many points about one is read, for a preview; 1 for all. Inputs that cannot be read in
-    /// part are refused.
+    /// Of how many points about one is read, for a preview; 1 for all. Inputs that cannot be read
+    /// in part are refused.
     pub one_in: u32,
     /// Whether PCD files are transformed by the poses in their headers.
     pub apply_viewpoint: bool,

@@ -1,5 +1,6 @@
-//! Previews of a large scan: a share of its points, from all of it, in little time; and building the
-//! whole file beside a preview gives the same file.
+//! Previews of a large scan: a share of its points, from all of it, in little time; and building
+//! the whole file beside a preview gives the same file.
+#![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use esker_engine::calls::preview::{Sample, build_watched, preview};
@@ -28,8 +29,7 @@ fn scan(folder: &TempDir) -> [PathBuf; 2] {
 
 /// Whether a preview covers the box of the whole file, in which nearly all points are.
 fn covers(preview: &Forest, whole: &Forest) -> bool {
-    let [[low, high], [whole_low, whole_high]] =
-        [preview, whole].map(|file| info::fitted_bounds(file));
+    let [[low, high], [whole_low, whole_high]] = [preview, whole].map(info::fitted_bounds);
     (0..3).all(|axis| {
         let extent = whole_high[axis] - whole_low[axis];
         (low[axis] - whole_low[axis]).abs() < 0.05 * extent

@@ -1,5 +1,5 @@
-//! A limit on the rate of reading, which all loaders share: a local disk reads like a slower one, or
-//! like a network, so that orders of loading can be compared.
+//! A limit on the rate of reading, which all loaders share: a local disk reads like a slower one,
+//! or like a network, so that orders of loading can be compared.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};

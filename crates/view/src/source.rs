@@ -112,8 +112,8 @@ pub struct Opening {
     thread: Option<JoinHandle<()>>,
 }
 
-/// Share of the time of a build by the end of its first phase, in which scans are read: between that
-/// of uncompressed LAS, a fifth, and that of LAZ and text, half.
+/// Share of the time of a build by the end of its first phase, in which scans are read: between
+/// that of uncompressed LAS, a fifth, and that of LAZ and text, half.
 const READING_SHARE: f64 = 0.35;
 /// Name of the phase that follows it.
 const BUILDING: &str = "building";
@@ -315,8 +315,8 @@ fn open(
     Ok(Opened { file: whole(&built)?, folder: Some(folder), is_kept: false, preview_of: None })
 }
 
-/// Makes a preview and passes it on, if the scans are large. Whatever is wrong with them is reported
-/// by the build of the whole file.
+/// Makes a preview and passes it on, if the scans are large. Whatever is wrong with them is
+/// reported by the build of the whole file.
 fn show_preview(
     inputs: &[PathBuf],
     options: &BuildOptions,
@@ -339,8 +339,8 @@ fn show_preview(
     }
 }
 
-/// Builds a file of all points. Once all are read, a finer preview of large scans is made and passed
-/// on.
+/// Builds a file of all points. Once all are read, a finer preview of large scans is made and
+/// passed on.
 fn build_whole(
     inputs: &[PathBuf],
     out: &Path,

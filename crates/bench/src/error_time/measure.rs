@@ -112,7 +112,9 @@ pub fn measure(request: &ErrorTimeRequest, task: &dyn Task) -> Result<ErrorTimeR
             scan.advice = advice(&rows);
             task.phase(&format!("{}: streaming", scan.file), None, "frames");
             let file = &measured.files[0].file;
-            let loads = streaming::measure(&scan.file, file, request, task)?;
+            let (size, read_bytes_a_second) = (request.size, request.read_bytes_a_second);
+            let loaded = streaming::LoadRequest { size, read_bytes_a_second };
+            let loads = streaming::measure(&scan.file, file, &loaded, task)?;
             let lit = measured.lit(request.is_full, task)?;
             if let Some(folder) = &request.out {
                 let crops = measured.crops(&rows, task)?;

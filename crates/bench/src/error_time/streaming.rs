@@ -1,7 +1,6 @@
 //! Error while a file streams: from cold at a view, and along a path, the error of the shown frame
 //! against the finished one, over wall time. The area under the curve compares orders of loading.
 
-use super::ErrorTimeRequest;
 use crate::quantile::quantile;
 use anyhow::{Context, Result};
 use esker_engine::Method;
@@ -33,6 +32,15 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// Duration of the way from each view to the next, and interval of the frames that are compared.
 const TRAVEL: Duration = Duration::from_secs(1);
 const EVERY: Duration = Duration::from_millis(125);
+
+/// What is loaded.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LoadRequest {
+    /// Width and height of pictures, pixels.
+    pub size: [u32; 2],
+    /// Most bytes read a second; `None` for what the disk gives.
+    pub read_bytes_a_second: Option<u64>,
+}
 
 /// Loads of a view, or flights along a path, by an order of loading.
 #[derive(Clone, Debug, Serialize)]
@@ -81,7 +89,7 @@ impl Round {
 pub(super) fn measure(
     name: &str,
     file: &Arc<Forest>,
-    request: &ErrorTimeRequest,
+    request: &LoadRequest,
     task: &dyn Task,
 ) -> Result<Vec<Load>> {
     let path = Path::of(file, request.size);
@@ -104,7 +112,7 @@ pub(super) fn measure(
 /// Runs `round` for each order in turn.
 fn rounds(
     (file, view): (&str, &str),
-    request: &ErrorTimeRequest,
+    request: &LoadRequest,
     mut round: impl FnMut(Priority) -> Result<Round>,
 ) -> Result<Vec<Load>> {
     let mut all = PRIORITIES.map(|_| Vec::new());
@@ -134,7 +142,7 @@ fn rounds(
 }
 
 /// Opens a session with an empty cache.
-fn open(file: &Arc<Forest>, request: &ErrorTimeRequest, priority: Priority) -> Result<Session> {
+fn open(file: &Arc<Forest>, request: &LoadRequest, priority: Priority) -> Result<Session> {
     for path in file.files().map(|file| file.path()) {
         let context = || format!("{}: cannot drop it from the cache", path.display());
         system::forget(&std::fs::File::open(path).with_context(context)?).with_context(context)?;
@@ -154,7 +162,7 @@ fn open(file: &Arc<Forest>, request: &ErrorTimeRequest, priority: Priority) -> R
 /// Loads a view from cold.
 fn load(
     file: &Arc<Forest>,
-    request: &ErrorTimeRequest,
+    request: &LoadRequest,
     view: &View,
     priority: Priority,
 ) -> Result<Round> {
@@ -186,7 +194,7 @@ fn load(
 /// Flies from view to view from cold, and afterwards finishes the frames that were shown.
 fn fly(
     file: &Arc<Forest>,
-    request: &ErrorTimeRequest,
+    request: &LoadRequest,
     path: &Path,
     priority: Priority,
 ) -> Result<Round> {

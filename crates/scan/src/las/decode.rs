@@ -73,8 +73,8 @@ struct Piece {
 }
 
 impl Points {
-    /// Decodes the first `points_max` points, in runs of at most [`BATCH_POINTS`], or a share of all
-    /// points if only that is read.
+    /// Decodes the first `points_max` points, in runs of at most [`BATCH_POINTS`], or a share of
+    /// all points if only that is read.
     ///
     /// # Errors
     /// What is wrong with the file, an error of `convert` or `sink`, or [`ScanError::Cancelled`].

@@ -6,6 +6,7 @@ use super::{PanelState, TABS, Tab, show};
 use crate::clouds::Clouds;
 use crate::counters::Counters;
 use crate::settings::Settings;
+use crate::soft::clip::Clip;
 use crate::soft::painter::{Painter, Target};
 use crate::theme;
 use crate::times::Times;
@@ -120,6 +121,8 @@ impl Shown {
             picture: [1024, 800],
             speed: 3344.0,
             has_fixed_speed: false,
+            is_parallel: false,
+            up_note: None,
             is_frozen: false,
             faults: &[],
             message: Some(&message),
@@ -321,7 +324,8 @@ fn painted(shown: &mut Shown, size: Vec2, scale: f32, theme: ThemePreference) ->
         let primitives = ctx.tessellate(output.shapes, output.pixels_per_point);
         pixels.fill(0);
         let mut target = Target { width, height, pixels: &mut pixels };
-        painter.paint(&primitives, output.pixels_per_point, &mut target);
+        let clip = Clip::whole([width, height]);
+        painter.paint(&primitives, output.pixels_per_point, clip, &mut target);
         painter.free(&mut textures);
         if pass > 8 && !shown.state.counted.is_counting() {
             break;

@@ -55,8 +55,8 @@ pub fn preview(
     Ok(Some([report.points_out, all]))
 }
 
-/// Number of points of scans, about; `None` if they cannot be read in part, or one is damaged, which
-/// the build of the whole file reports.
+/// Number of points of scans, about; `None` if they cannot be read in part, or one is damaged,
+/// which the build of the whole file reports.
 fn points_of(scans: &[PathBuf], options: &Options, task: &dyn Task) -> Result<Option<u64>> {
     /// A source that is read in part is refused where it cannot be.
     const ONE_IN: u32 = 2;
