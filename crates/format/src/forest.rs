@@ -230,7 +230,14 @@ impl Forest {
 
     /// Least and greatest lattice coordinates of all points; `None` if there is no point.
     pub fn bounds(&self) -> Option<[[u32; 3]; 2]> {
-        let bounds = self.trees.iter().filter_map(|tree| {
+        self.bounds_without(&[])
+    }
+
+    /// Least and greatest lattice coordinates of the points of all clouds but `left_out`; `None` if
+    /// there is no point.
+    pub fn bounds_without(&self, left_out: &[usize]) -> Option<[[u32; 3]; 2]> {
+        let trees = self.trees.iter().filter(|tree| !left_out.contains(&tree.cloud));
+        let bounds = trees.filter_map(|tree| {
             let at = |c: u32, axis: usize| {
                 i64::from(c).saturating_add(tree.moved[axis]).clamp(0, i64::from(u32::MAX)) as u32
             };

@@ -6,6 +6,7 @@ use crate::args::Args;
 use crate::commands::{self, Command};
 use crate::counters::Counters;
 use crate::device::WindowPainter;
+use crate::document::SceneFile;
 use crate::input_events::WindowState;
 use crate::keys::Keys;
 use crate::overlay::Overlay;
@@ -16,26 +17,28 @@ use crate::script::Script;
 use crate::scripted_run::ScriptedRun;
 use crate::settings::{self, Settings};
 use crate::shots::Shots;
-use crate::source::{self, Opening};
-use crate::theme::TITLE;
+use crate::source::Opening;
 use crate::times::{FrameTime, Times};
 use crate::viewer::{Viewer, pixels};
-use crate::{fault, fit, fonts, progress, theme};
+use crate::{document, fault, fit, fonts, progress, theme};
 use anyhow::Result;
 use eframe::egui::text_selection::LabelSelectionState;
 use eframe::egui::{
     CentralPanel, Context, CursorIcon, Event, Frame, Margin, Panel, RawInput, Rect, Sense, Ui,
     ViewportCommand,
 };
-use esker_engine::cameras::camera::Camera as CameraRequest;
-use esker_engine::cameras::vertical::Vertical;
+use esker_engine::draw::scene::PictureRequest;
 use esker_engine::io::kept::Kept;
 use esker_engine::light::IS_BUILT;
-use esker_engine::{BuildOptions, Dots, Filter, Method, memory};
+use esker_engine::{BuildOptions, Filter, Method, memory};
 use serde_json::json;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
+
+mod files;
+
+use files::Files;
 
 /// Seconds that the plot of frame times covers.
 const PLOT_S: f64 = 5.0;
@@ -86,6 +89,7 @@ pub struct App {
     has_only_pointed: bool,
     /// The run that a script controls, if there is one.
     run: Option<ScriptedRun>,
+    files: Files,
 }
 
 /// What the window shows.
@@ -130,27 +134,14 @@ impl App {
     /// # Errors
     /// If the script cannot be read, or the thread cannot be started.
     pub fn new(args: Args, start: Instant) -> Result<Self> {
-        let camera = args.camera.with_up(args.up)?;
-        let args = Args { camera, ..args };
-        let wanted = Settings {
-            method: args.method,
-            colour_by: args.colour.clone(),
-            // Set when the file is open.
-            vertical: Vertical::default(),
-            filter: args.filter(),
-            hidden_clouds: Vec::new(),
-            shines: !args.no_highlights,
-            light: args.light(),
-            evens_exposure: args.even_exposure,
-            culls_back: args.cull_back,
-            dots: Dots { size: args.point_size, eye_dome: args.eye_dome.unwrap_or_default() },
-            full: args.full,
-            points_budget: args.budget_points.unwrap_or(Settings::default().points_budget),
-            target_spacing_px: args.target_spacing,
+        args.camera.with_up(args.up)?;
+        let budgets = Settings {
             budget_gpu_bytes: args.budget_gpu,
             budget_ram_bytes: args.budget_ram,
             occlusion: !args.no_occlusion,
+            ..Settings::default()
         };
+        let wanted = document::settings(&args, &PictureRequest::of_options(), &budgets);
         let build = BuildOptions::default();
         let build = BuildOptions {
             memory_bytes: args.memory.unwrap_or(build.memory_bytes),
@@ -188,6 +179,7 @@ impl App {
             milestones: Milestones::default(),
             has_only_pointed: false,
             run: script.map(ScriptedRun::new),
+            files: Files::default(),
         })
     }
 
@@ -225,7 +217,7 @@ impl App {
             picture_rect,
             camera: viewer.camera(),
             settled: self.counters.settled && !viewer.needs_redraw(now_s),
-            is_busy: self.shots.is_busy(),
+            is_busy: self.shots.is_busy() || self.files.is_busy(),
             read_bytes: self.counters.status.read_bytes,
         };
         let orders = run.fly(raw, &window);
@@ -267,6 +259,7 @@ impl App {
         }
         CentralPanel::no_frame().show(ui, |ui| self.centre(ui, now_s, &mut given));
         given.extend(self.overlay.show(&ctx));
+        self.show_files(&ctx);
         self.perform(&ctx, given);
         if self.run.is_some() {
             ctx.request_repaint();
@@ -281,26 +274,6 @@ impl App {
             self.is_fitted = true;
             ctx.set_zoom_factor(fit::zoom(monitor));
         }
-    }
-
-    /// Opens other files in place of those that are open. The view and the filter of the command
-    /// line belong to the first ones.
-    fn open_files(&mut self, inputs: Vec<PathBuf>) {
-        if inputs != self.args.inputs {
-            self.args.camera = CameraRequest::default();
-            self.panel.clear_filter(&mut self.wanted);
-            self.wanted.colour_by = None;
-        }
-        self.args.inputs = inputs;
-        self.panel.close_file();
-        // What is open ends before another session takes its memory.
-        (self.stage, self.building) = (Stage::Failed(String::new()), None);
-        self.counters = Counters::default();
-        self.last_s = None;
-        self.stage = match Stage::of(&self.args, &self.build, self.kept.clone()) {
-            Ok(stage) => stage,
-            Err(error) => Stage::failed(&error),
-        };
     }
 
     /// Waits for pictures that are being written, and writes the report of a script.
@@ -394,41 +367,8 @@ impl App {
         };
         match opening.poll() {
             None => ctx.request_repaint_after(POLL_INTERVAL),
-            Some(source::Event::Preview(opened)) => {
-                let before = std::mem::replace(&mut self.stage, Stage::Failed(String::new()));
-                if let Stage::Opening(opening) = before {
-                    self.building = Some(opening);
-                }
-                self.view(ctx, opened);
-            }
-            Some(source::Event::End(ended)) => {
-                self.building = None;
-                match (ended, &mut self.stage) {
-                    (Ok(opened), _) => self.view(ctx, opened),
-                    // The preview stays.
-                    (Err(error), Stage::Viewing(viewer)) => {
-                        viewer.stay_preview(&fault::in_words(&format!("{error:#}")));
-                    }
-                    (Err(error), stage) => *stage = Stage::failed(&error),
-                }
-            }
+            Some(event) => self.take(ctx, event),
         }
-    }
-
-    /// Shows a file: the first one, or the whole of what a preview shows.
-    fn view(&mut self, ctx: &Context, opened: source::Opened) {
-        let is_coarser = self.run.as_ref().is_none_or(ScriptedRun::is_coarser_moving);
-        let mut viewer = Viewer::new(opened, &self.args, &self.window_painter, is_coarser);
-        match std::mem::replace(&mut self.stage, Stage::Failed(String::new())) {
-            Stage::Viewing(preview) => viewer.replace(*preview),
-            _ => {
-                let title = format!("{} - {TITLE}", viewer.name());
-                ctx.send_viewport_cmd(ViewportCommand::Title(title));
-            }
-        }
-        self.wanted.vertical = viewer.vertical();
-        self.stage = Stage::Viewing(Box::new(viewer));
-        ctx.request_repaint();
     }
 
     /// Commands whose keys were pressed; none while text is edited.
@@ -448,11 +388,13 @@ impl App {
         let faults: Vec<String> = faults.map(|text| fault::in_words(&text)).collect();
         let mut is_coarser = viewer.is_coarser_moving();
         let legend = viewer.legend();
+        let together = self.files.scene.as_ref().map_or_else(Vec::new, SceneFile::names);
         let data = PanelData {
             file: viewer.file(),
             name: viewer.name(),
             about: viewer.about(),
             clouds: &viewer.clouds().scans,
+            together: &together,
             extent: viewer.clouds().extent,
             crs: viewer.clouds().crs.as_deref(),
             has_degrees: viewer.clouds().has_degrees,
@@ -588,6 +530,8 @@ impl App {
             Command::Parallel => viewer.toggle_parallel(),
             Command::Hud => viewer.toggle_hud(),
             Command::Picture => self.shots.request(None, viewer.name()),
+            Command::SaveScene => self.save_scene(),
+            Command::SaveSceneAs => self.save_scene_as(),
             Command::NextMethod => {
                 self.wanted.method = match self.wanted.method {
                     Method::Points => Method::Auto,
@@ -600,7 +544,7 @@ impl App {
             Command::NextColours => settings::next_colour(&mut self.wanted, viewer.sources()),
             Command::Hidden => self.wanted.occlusion = !self.wanted.occlusion,
             Command::ClearMeasurements => {
-                if !self.overlay.close() {
+                if !self.overlay.close() && !self.files.close_prompt() {
                     viewer.clear_measurements();
                 }
             }

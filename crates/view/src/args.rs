@@ -4,7 +4,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, ValueEnum};
 use esker_engine::cameras::camera::Camera;
 use esker_engine::cameras::vertical::Vertical;
-use esker_engine::draw::method::{DEFAULT_METHOD, METHODS, method_of_name};
+use esker_engine::draw::method::{METHODS, method_of_name};
 use esker_engine::io::{polygon, quantity};
 use esker_engine::light::settings::{Gloss, LightSettings};
 use esker_engine::light::spec::{LightSpec, joined};
@@ -15,8 +15,9 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Parser)]
 #[command(name = "esker-view", version, about)]
 pub struct Args {
-    /// An .esker file; or scans and folders of scans, which are first built into one. Without any,
-    /// the window shows what was opened before, and takes files that are dropped on it.
+    /// An .esker file; or several, which are shown together; or scans and folders of scans, which are
+    /// first built into one; or a scene document, whose fields the options replace. Without any, the
+    /// window shows what was opened before, and takes files that are dropped on it.
     #[arg(value_name = "FILE")]
     pub inputs: Vec<PathBuf>,
     /// What draws the scene: a real GPU if there is one, else the CPU (auto); a GPU, software
@@ -30,9 +31,10 @@ pub struct Args {
     /// Width and height of the window, in points.
     #[arg(long, default_value = "1280x800", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
-    /// Surfaces and points in one picture, points alone, closed surfaces, splats, or light.
-    #[arg(long, value_parser = method_parser(), default_value = DEFAULT_METHOD)]
-    pub method: Method,
+    /// Surfaces and points in one picture (the default), points alone, closed surfaces, splats, or
+    /// light.
+    #[arg(long, value_parser = method_parser())]
+    pub method: Option<Method>,
     /// Lights of --method lit, as of esker render: sun:AZIMUTH,ELEVATION[,STRENGTH[,DIAMETER]],
     /// sky[:STRENGTH], sky:PICTURE.png[,STRENGTH], lamp:X,Y,Z[,STRENGTH], or files of lights.
     #[arg(long, num_args = 1.., value_name = "LIGHT")]
@@ -88,10 +90,10 @@ pub struct Args {
     /// drawn.
     #[arg(long)]
     pub cull_back: bool,
-    /// Diameter of points that are drawn alone, in pixels, or "adaptive": dots of neighbouring
-    /// points touch.
-    #[arg(long, value_name = "PX|adaptive", default_value = "1", value_parser = quantity::point_size)]
-    pub point_size: PointSize,
+    /// Diameter of points that are drawn alone, in pixels, 1 by default; or "adaptive": dots of
+    /// neighbouring points touch.
+    #[arg(long, value_name = "PX|adaptive", value_parser = quantity::point_size)]
+    pub point_size: Option<PointSize>,
     /// Show the shape of points that are drawn alone: darken what lies behind its surroundings; a
     /// strength may follow, 1 by default.
     #[arg(long, value_name = "STRENGTH", num_args = 0..=1, default_missing_value = "1", value_parser = quantity::strength)]
@@ -113,9 +115,9 @@ pub struct Args {
     /// Points drawn at most; by default as many as the backend draws fluently.
     #[arg(long, value_name = "N", value_parser = quantity::points_budget)]
     pub budget_points: Option<u64>,
-    /// Distance of neighbouring points in the picture that is fine enough, in pixels.
-    #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]
-    pub target_spacing: f64,
+    /// Distance of neighbouring points in the picture that is fine enough, in pixels; 1 by default.
+    #[arg(long, value_name = "PX", allow_negative_numbers = true, value_parser = quantity::spacing_px)]
+    pub target_spacing: Option<f64>,
     /// Milliseconds that a frame may take while the camera moves: pictures are then drawn coarser
     /// if need be.
     #[arg(long, value_name = "MS", default_value_t = 33.0, value_parser = quantity::milliseconds)]
@@ -143,6 +145,29 @@ pub struct Args {
 }
 
 impl Args {
+    /// The options for other `inputs`: without those of pictures, which belong to the files that
+    /// they were given with.
+    #[must_use]
+    pub fn for_inputs(&self, inputs: Vec<PathBuf>) -> Self {
+        Self {
+            inputs,
+            backend: self.backend,
+            window: self.window,
+            size: self.size,
+            budget_gpu: self.budget_gpu,
+            budget_ram: self.budget_ram,
+            budget_points: self.budget_points,
+            frame_ms: self.frame_ms,
+            no_occlusion: self.no_occlusion,
+            memory: self.memory,
+            scratch: self.scratch.clone(),
+            cache: self.cache,
+            script: self.script.clone(),
+            no_panel: self.no_panel,
+            ..Self::parse_from(["esker-view"])
+        }
+    }
+
     /// How lit pictures are lit.
     pub fn light(&self) -> LightSettings {
         LightSettings {

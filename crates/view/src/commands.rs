@@ -19,6 +19,10 @@ pub enum Command {
     Hud,
     /// Write a picture.
     Picture,
+    /// Save the scene under another name.
+    SaveSceneAs,
+    /// Save the scene.
+    SaveScene,
     /// Draw with the next method.
     NextMethod,
     /// Colour by the next source.
@@ -59,12 +63,17 @@ const fn plain(key: Key) -> KeyboardShortcut {
     KeyboardShortcut::new(Modifiers::NONE, key)
 }
 
+const fn with_command_and_shift(key: Key) -> KeyboardShortcut {
+    KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), key)
+}
+
 const fn with_command(key: Key) -> KeyboardShortcut {
     KeyboardShortcut::new(Modifiers::COMMAND, key)
 }
 
-/// All commands, in the order in which they are listed.
-pub const COMMANDS: [Row; 21] = [
+/// All commands, in the order in which they are listed. Of two with the same key, the one with more
+/// modifiers comes first, so that the other one does not take it.
+pub const COMMANDS: [Row; 23] = [
     Row {
         command: Command::Fit,
         id: "fit",
@@ -141,6 +150,20 @@ pub const COMMANDS: [Row; 21] = [
         name: "Picture",
         keys: &[plain(Key::P)],
         about: "write what is in view as a PNG file into the current folder",
+    },
+    Row {
+        command: Command::SaveSceneAs,
+        id: "save-scene-as",
+        name: "Save scene as",
+        keys: &[with_command_and_shift(Key::S)],
+        about: "write a scene document under another name",
+    },
+    Row {
+        command: Command::SaveScene,
+        id: "save-scene",
+        name: "Save scene",
+        keys: &[with_command(Key::S)],
+        about: "write view, colours and filter as a scene document: where it came from, or beside the scan",
     },
     Row {
         command: Command::NextMethod,

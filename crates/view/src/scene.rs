@@ -4,8 +4,9 @@
 //! budgets hold.
 
 use crate::device::Device;
+use crate::job::Job;
 use crate::settings::Settings;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use esker_engine::cameras::legend::Legend;
 use esker_engine::draw::change::Change;
 use esker_engine::draw::session::{DrawnFrame, GpuBytes, Session};
@@ -13,8 +14,6 @@ use esker_engine::machine::backend::Drawer;
 use esker_engine::{Cut, Forest, ForestFilter, Method, Picture, Status, View};
 use glam::DVec2;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Longest time that the window stays empty, or keeps the last picture, while a new session loads.
@@ -43,12 +42,6 @@ enum State {
     Opening(Job<Session>),
     Running(Box<Session>),
     Failed(String),
-}
-
-/// Something that is being made on another thread.
-struct Job<T> {
-    result: Receiver<Result<T>>,
-    thread: Option<JoinHandle<()>>,
 }
 
 /// The views of a frame.
@@ -323,40 +316,6 @@ impl State {
         match Job::start("esker-session", move || Session::open(file, options)) {
             Ok(opening) => Self::Opening(opening),
             Err(error) => Self::Failed(format!("{error:#}")),
-        }
-    }
-}
-
-impl<T: Send + 'static> Job<T> {
-    fn start(name: &str, make: impl FnOnce() -> Result<T> + Send + 'static) -> Result<Self> {
-        let (sender, result) = sync_channel(1);
-        let work = move || {
-            // The receiver is gone if the window has closed; the result then ends here.
-            let _ = sender.send(make());
-        };
-        let thread = std::thread::Builder::new()
-            .name(name.into())
-            .spawn(work)
-            .with_context(|| format!("cannot start the thread {name}"))?;
-        Ok(Self { result, thread: Some(thread) })
-    }
-
-    fn poll(&mut self) -> Option<Result<T>> {
-        match self.result.try_recv() {
-            Ok(result) => Some(result),
-            Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => {
-                Some(Err(anyhow::anyhow!("a thread of the window has ended unexpectedly")))
-            }
-        }
-    }
-}
-
-impl<T> Drop for Job<T> {
-    fn drop(&mut self) {
-        if let Some(thread) = self.thread.take() {
-            // A panic was already reported by the thread.
-            let _ = thread.join();
         }
     }
 }

@@ -20,7 +20,7 @@ const FAILURES_MAX: usize = 16;
 /// Largest number in the name of a picture.
 const NUMBER_MAX: u32 = 9999;
 
-/// Outcome of the last picture, in words.
+/// Outcome of the last file that was written, in words.
 pub type Message = Result<String, String>;
 
 /// Where egui leaves the picture of the window.
@@ -127,7 +127,8 @@ impl Shots {
         left.filter(|left| message.is_ok() && !left.is_zero())
     }
 
-    fn say(&mut self, message: Message) {
+    /// Shows a message, such as the outcome of another file that was written.
+    pub fn say(&mut self, message: Message) {
         self.message = Some((message, Instant::now()));
     }
 
@@ -136,7 +137,8 @@ impl Shots {
         &self.failures
     }
 
-    fn add_failure(&mut self, line: String) {
+    /// Shows a failure, and keeps it for the report.
+    pub fn add_failure(&mut self, line: String) {
         if self.failures.len() < FAILURES_MAX {
             self.failures.push(line.clone());
         }

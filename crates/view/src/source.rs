@@ -3,9 +3,9 @@
 //! removed with the window. A thread does this, reports progress and can be stopped. Large scans
 //! are shown as a preview of a share of their points meanwhile.
 
+use crate::document::SceneFile;
 use anyhow::{Context, Result};
 use esker_engine::calls::preview::{self, Sample};
-use esker_engine::draw::scene::open_together;
 use esker_engine::io::kept::{Kept, Place};
 use esker_engine::io::output;
 use esker_engine::io::quantity::grouped;
@@ -36,6 +36,8 @@ pub fn remove_temporary_files() {
 pub struct Opened {
     /// The `.esker` file.
     pub file: Arc<Forest>,
+    /// The scene document that names it.
+    pub scene: SceneFile,
     /// Folder of a file that was built for this window alone; removed after the file is closed.
     folder: Option<OwnFolder>,
     /// Whether the file was built from scans, and is kept in the cache.
@@ -279,59 +281,74 @@ impl Task for OpenTask {
     }
 }
 
+/// What is built from scans: their document, the scans, and how.
+struct Building {
+    scene: SceneFile,
+    scans: Vec<PathBuf>,
+    options: BuildOptions,
+}
+
 fn open(
     inputs: &[PathBuf],
     options: &BuildOptions,
     kept: Option<&Kept>,
     (task, events): (&OpenTask, &SyncSender<Event>),
 ) -> Result<Opened> {
-    let whole = |path: &Path| -> Result<Arc<Forest>> { Ok(Arc::new(Forest::open(path)?)) };
-    if let Some(forest) = open_together(inputs, &[])? {
+    let mut scene = SceneFile::of(inputs)?;
+    if let Some(forest) = scene.open()? {
         let file = Arc::new(forest);
-        return Ok(Opened { file, folder: None, is_kept: false, preview_of: None });
+        return Ok(Opened { file, scene, folder: None, is_kept: false, preview_of: None });
     }
+    let (scans, options) = (scene.scans()?, scene.build_options(options));
+    build_scans(Building { scene, scans, options }, kept, (task, events))
+}
+
+fn build_scans(
+    of: Building,
+    kept: Option<&Kept>,
+    (task, events): (&OpenTask, &SyncSender<Event>),
+) -> Result<Opened> {
+    let whole = |path: &Path| -> Result<Arc<Forest>> { Ok(Arc::new(Forest::open(path)?)) };
+    let Building { scans, options, .. } = &of;
     // A user who names a folder wants the file there.
     let kept = kept.filter(|_| options.scratch.is_none());
-    if let Some((kept, place)) = kept.and_then(|kept| Some((kept, kept.place(inputs, options)?))) {
+    if let Some((kept, place)) = kept.and_then(|kept| Some((kept, kept.place(scans, options)?))) {
         // A damaged file is built again.
         if let Some(file) = kept.find(&place).and_then(|path| whole(&path).ok()) {
-            return Ok(Opened { file, folder: None, is_kept: true, preview_of: None });
+            let scene = of.scene;
+            return Ok(Opened { file, scene, folder: None, is_kept: true, preview_of: None });
         }
-        show_preview(inputs, options, task, events);
+        show_preview(&of, task, events);
         match kept.begin(&place) {
-            Ok(built) => {
-                return build_kept(inputs, options, (kept, &place, &built), (task, events));
-            }
+            Ok(built) => return build_kept(of, (kept, &place, &built), (task, events)),
             Err(fault) => task.note(&format!("{fault:#}")),
         }
     }
     if kept.is_none() {
-        show_preview(inputs, options, task, events);
+        show_preview(&of, task, events);
     }
     let folder = output::temporary(options.scratch.as_deref())?;
     let folder = OwnFolder::new(&folder.keep());
     let built = folder.path.join("scan.esker");
-    build_whole(inputs, &built, options, task, events)?;
-    Ok(Opened { file: whole(&built)?, folder: Some(folder), is_kept: false, preview_of: None })
+    build_whole(&of, &built, task, events)?;
+    let (file, scene) = (whole(&built)?, of.scene);
+    Ok(Opened { file, scene, folder: Some(folder), is_kept: false, preview_of: None })
 }
 
 /// Makes a preview and passes it on, if the scans are large. Whatever is wrong with them is
 /// reported by the build of the whole file.
-fn show_preview(
-    inputs: &[PathBuf],
-    options: &BuildOptions,
-    task: &OpenTask,
-    events: &SyncSender<Event>,
-) {
+fn show_preview(of: &Building, task: &OpenTask, events: &SyncSender<Event>) {
+    let Building { scene, scans, options } = of;
     let quiet = Quiet { task, is_over: &AtomicBool::new(false) };
     let make = || -> Result<Option<Opened>> {
         let folder = output::temporary(options.scratch.as_deref())?;
         let folder = OwnFolder::new(&folder.keep());
         let out = folder.path.join("preview.esker");
-        let made = preview::preview(inputs, &out, options, &quiet)?;
+        let made = preview::preview(scans, &out, options, &quiet)?;
         let Some([_, all]) = made else { return Ok(None) };
-        let file = Arc::new(Forest::open(&out)?);
-        Ok(Some(Opened { file, folder: Some(folder), is_kept: false, preview_of: Some(all) }))
+        let (file, scene) = (Arc::new(Forest::open(&out)?), scene.clone());
+        let folder = Some(folder);
+        Ok(Some(Opened { file, scene, folder, is_kept: false, preview_of: Some(all) }))
     };
     if let Ok(Some(opened)) = make() {
         // The receiver is gone if the window has closed.
@@ -342,9 +359,8 @@ fn show_preview(
 /// Builds a file of all points. Once all are read, a finer preview of large scans is made and
 /// passed on.
 fn build_whole(
-    inputs: &[PathBuf],
+    of: &Building,
     out: &Path,
-    options: &BuildOptions,
     task: &OpenTask,
     events: &SyncSender<Event>,
 ) -> Result<()> {
@@ -357,14 +373,14 @@ fn build_whole(
             let _ = std::thread::Builder::new().name("esker-preview".into()).spawn_scoped(
                 scope,
                 move || {
-                    if let Ok(Some(opened)) = finer_preview(&sample, options, &quiet) {
+                    if let Ok(Some(opened)) = finer_preview(&sample, of, &quiet) {
                         let _ = events.send(Event::Preview(opened));
                     }
                 },
             );
         };
-        let task = Building { task, finer: &finer };
-        let built = preview::build_watched(inputs, out, options, &sample, &task);
+        let task = Watching { task, finer: &finer };
+        let built = preview::build_watched(&of.scans, out, &of.options, &sample, &task);
         is_over.store(true, Relaxed);
         built
     })?;
@@ -372,27 +388,23 @@ fn build_whole(
     Ok(())
 }
 
-fn finer_preview(
-    sample: &Sample,
-    options: &BuildOptions,
-    quiet: &Quiet<'_>,
-) -> Result<Option<Opened>> {
-    let folder = output::temporary(options.scratch.as_deref())?;
+fn finer_preview(sample: &Sample, of: &Building, quiet: &Quiet<'_>) -> Result<Option<Opened>> {
+    let folder = output::temporary(of.options.scratch.as_deref())?;
     let folder = OwnFolder::new(&folder.keep());
     let out = folder.path.join("preview.esker");
-    let Some(_) = sample.build(&out, options, quiet)? else { return Ok(None) };
-    let file = Arc::new(Forest::open(&out)?);
+    let Some(_) = sample.build(&out, &of.options, quiet)? else { return Ok(None) };
+    let (file, scene) = (Arc::new(Forest::open(&out)?), of.scene.clone());
     let all = quiet.task.phase().total;
-    Ok(Some(Opened { file, folder: Some(folder), is_kept: false, preview_of: all }))
+    Ok(Some(Opened { file, scene, folder: Some(folder), is_kept: false, preview_of: all }))
 }
 
 /// The task of a build, which begins a finer preview once all points are read.
-struct Building<'a> {
+struct Watching<'a> {
     task: &'a OpenTask,
     finer: &'a (dyn Fn() + Sync),
 }
 
-impl Task for Building<'_> {
+impl Task for Watching<'_> {
     fn phase(&self, name: &str, total: Option<u64>, unit: &'static str) {
         Task::phase(self.task, name, total, unit);
         if name == BUILDING {
@@ -427,13 +439,12 @@ impl Task for Quiet<'_> {
 
 /// Builds the file of a place, and keeps it if it is within the limit.
 fn build_kept(
-    inputs: &[PathBuf],
-    options: &BuildOptions,
+    of: Building,
     (kept, place, built): (&Kept, &Place, &Path),
     (task, events): (&OpenTask, &SyncSender<Event>),
 ) -> Result<Opened> {
     let folder = OwnFolder::new(place.building());
-    build_whole(inputs, built, options, task, events)?;
+    build_whole(&of, built, task, events)?;
     let path = kept.keep(place).unwrap_or_else(|fault| {
         task.note(&format!("{fault:#}"));
         None
@@ -446,7 +457,7 @@ fn build_kept(
     } else {
         Some(folder)
     };
-    Ok(Opened { file, folder, is_kept, preview_of: None })
+    Ok(Opened { file, scene: of.scene, folder, is_kept, preview_of: None })
 }
 
 #[cfg(test)]

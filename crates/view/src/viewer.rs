@@ -17,10 +17,11 @@ use crate::settings::Settings;
 use crate::sharpness::{Drawn, Sharpness};
 use crate::shots::Shots;
 use crate::source::Opened;
-use crate::views::{Side, Views};
+use crate::views::{Side, Views, request_of};
 use crate::{fault, frustum, progress, theme};
 use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
 use esker_engine::calls::info;
+use esker_engine::cameras::camera::Camera as CameraRequest;
 use esker_engine::cameras::classes::{self, ClassCount};
 use esker_engine::cameras::colour;
 use esker_engine::cameras::legend::Legend;
@@ -69,6 +70,8 @@ pub struct Viewer {
     /// Rectangle of the picture in the window, points; the size of the picture is in pixels.
     picture_rect: Option<Rect>,
     size: [u32; 2],
+    /// Size of the picture with all pixels of the window.
+    full_px: [u32; 2],
     /// When the window got another size, seconds, and that size, pixels.
     resized: Option<(f64, [u32; 2])>,
     fault: Option<String>,
@@ -84,7 +87,7 @@ impl Viewer {
         is_coarser_moving: bool,
     ) -> Self {
         let file = &opened.file;
-        let views = Views::new(file, &args.camera);
+        let views = Views::new(file, &args.camera, opened.scene.hidden());
         let first = args.inputs.first();
         let name = first.and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
         let name = name.map(|name| match args.inputs.len() {
@@ -92,6 +95,7 @@ impl Viewer {
             n => format!("{name} and {} more", n - 1),
         });
         let built = opened.built_in();
+        let notes = opened.preview_note().into_iter().chain(opened.scene.notes());
         let mut sharpness = Sharpness::new(is_coarser_moving, args.frame_ms);
         let (pacing, pace) = Pacing::new();
         pace.into_iter().for_each(|pace| sharpness.set_pace(pace));
@@ -120,12 +124,13 @@ impl Viewer {
                 _ => format!("{points} points in {nodes} nodes{built}"),
             },
             clouds: Clouds::of(file),
-            notes: opened.preview_note().into_iter().chain(info::notes(file)).collect(),
+            notes: notes.chain(info::notes(file)).collect(),
             views,
             hud: Hud::new(file),
             unit: info::unit(file),
             picture_rect: None,
             size: [1, 1],
+            full_px: args.size,
             resized: None,
             fault: None,
             opened,
@@ -166,6 +171,17 @@ impl Viewer {
     /// The camera.
     pub fn camera(&self) -> &Camera {
         &self.camera
+    }
+
+    /// The present view as a request of pictures, in the scan's coordinates.
+    pub fn camera_request(&self) -> CameraRequest {
+        request_of(&self.camera).unmeasured(self.file().lattice())
+    }
+
+    /// Size of the picture with all pixels of the window, at most that which the session draws.
+    pub fn full_size(&self) -> [u32; 2] {
+        let size = self.full_px;
+        self.scene.as_ref().map_or(size, |scene| within(size, scene.drawn_size()))
     }
 
     /// Rectangle of the picture in the window, points; `None` before the first pass.
@@ -398,6 +414,7 @@ impl Viewer {
             self.sharpness.rests();
         }
         self.picture_rect = Some(response.rect);
+        self.full_px = pixels(response.rect, ui.ctx().pixels_per_point(), 1.0);
         self.gestures.is_dragging()
     }
 

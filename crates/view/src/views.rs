@@ -42,12 +42,12 @@ pub struct Views {
 }
 
 impl Views {
-    /// Views of a file of which `request` is the first one.
-    pub fn new(file: &Forest, request: &CameraRequest) -> Self {
+    /// Views of a file without the clouds `hidden`, of which `request` is the first one.
+    pub fn new(file: &Forest, request: &CameraRequest, hidden: &[usize]) -> Self {
         let measured = request.measured(file.lattice());
         let (request, vertical, guess) = upright(file, measured, info::bounds(file));
         let note = guess.map(|guess| guess.reason());
-        Self { request, vertical, note, bounds: info::fitted_bounds(file) }
+        Self { request, vertical, note, bounds: info::fitted_bounds_without(file, hidden) }
     }
 
     /// The axis that points upwards.
@@ -127,6 +127,39 @@ impl Views {
         let up = if is_upright { up } else { self.vertical.direction() };
         let target = request.target.filter(|_| request.eye.is_some());
         Camera::of_view(&view, up, target, scene)
+    }
+}
+
+/// The view of a camera as a request, on the metric lattice.
+pub fn request_of(camera: &Camera) -> CameraRequest {
+    /// Least distance of the target, as a share of the size of coordinates, so that rounding them
+    /// does not turn the view.
+    const REACH: f64 = 1e-6;
+    /// Cosine of the angle between a vertical view and the vertical.
+    const STEEP: f64 = 1.0 - 1e-7;
+    /// Angle by which a vertical view is tilted, so that `up` still chooses the upper side of its
+    /// picture, radians: pixels move by less than a thousandth.
+    const TILT_RAD: f64 = 1e-8;
+    let (eye, forward, up) = (camera.eye(), camera.forward(), camera.up());
+    let steep = forward.dot(up);
+    let is_steep = steep.abs() > STEEP;
+    let tilt =
+        if is_steep { camera.axes().y_axis * (-steep.signum() * TILT_RAD) } else { DVec3::ZERO };
+    let direction = Some(forward + tilt);
+    let distance = camera.distance().max(eye.abs().max_element() * REACH);
+    let target = Some(eye + forward * distance);
+    let request = CameraRequest { up: Some(up), ..CameraRequest::default() };
+    if camera.is_parallel() {
+        // Without an eye, which the engine places before all of the scan, as the window does.
+        let ortho = Some(OrthoHeight::Units(camera.height()));
+        return CameraRequest { target, direction, ortho, ..request };
+    }
+    let (eye, fovy_deg) = (Some(eye), Some(camera.fovy_rad().to_degrees()));
+    let request = CameraRequest { eye, fovy_deg, ..request };
+    if is_steep {
+        CameraRequest { direction, ..request }
+    } else {
+        CameraRequest { target, ..request }
     }
 }
 

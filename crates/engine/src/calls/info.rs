@@ -241,8 +241,18 @@ pub fn world_bounds(forest: &Forest) -> Option<[[f64; 3]; 2]> {
 /// The box, on the metric lattice, that views of a file are fitted to. A few points that lie far
 /// from all others may be outside. It is that of all points if a node cannot be read.
 pub fn fitted_bounds(forest: &Forest) -> [[f64; 3]; 2] {
-    let bounds = bounds(forest);
+    fitted_bounds_without(forest, &[])
+}
+
+/// The box, on the metric lattice, that views of a file without these clouds are fitted to, as
+/// [`fitted_bounds`]; that of all clouds if none is left.
+pub fn fitted_bounds_without(forest: &Forest, left_out: &[usize]) -> [[f64; 3]; 2] {
+    let bounds = match forest.bounds_without(left_out) {
+        Some(bounds) => bounds.map(|corner| forest.metric().world(corner)),
+        None => bounds(forest),
+    };
     let shown = ForestFilter::of(forest, None, None);
+    let shown = shown.map(|shown| shown.without_clouds(forest, left_out));
     shown.map_or(bounds, |shown| places::fitted_bounds(forest, bounds, &shown).unwrap_or(bounds))
 }
 

@@ -13,5 +13,5 @@ mod save;
 mod values;
 
 pub use about::SceneInfo;
-pub use read::{Document, is_document};
-pub use save::{SaveReport, may_save, save, text};
+pub use read::{Document, PlacedCloud, is_document};
+pub use save::{SaveReport, may_save, save, save_over, text};

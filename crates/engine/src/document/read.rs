@@ -20,7 +20,47 @@ pub struct Document {
     pub path: PathBuf,
 }
 
+/// A cloud of a document, as it is opened.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlacedCloud {
+    /// Path of its file, or the name of a generated scan.
+    pub path: PathBuf,
+    /// What is added to its coordinates, their unit.
+    pub offset: [f64; 3],
+    /// Whether it is drawn.
+    pub is_visible: bool,
+}
+
 impl Document {
+    /// A document of `inputs` alone, which is no file yet: its path is empty.
+    ///
+    /// # Errors
+    /// If the name of an input is no Unicode.
+    pub fn of_inputs(inputs: &[PathBuf]) -> Result<Self> {
+        let cloud = |path: &PathBuf| -> Result<Cloud> {
+            let name = path.to_str().with_context(|| {
+                let shown = path.display();
+                format!(
+                    "{shown}: the name is no Unicode, which a scene document cannot hold; rename it"
+                )
+            })?;
+            Ok(Cloud::of(name.to_owned()))
+        };
+        let clouds = inputs.iter().map(cloud).collect::<Result<_>>()?;
+        Ok(Self { scene: Scene { clouds, ..Scene::default() }, path: PathBuf::new() })
+    }
+
+    /// All clouds, also those that are not visible, in their order.
+    pub fn clouds(&self) -> Vec<PlacedCloud> {
+        let clouds =
+            self.scene.clouds.iter().map(|Cloud { file, visible, offset, .. }| PlacedCloud {
+                path: places::placed(file, self.folder()),
+                offset: *offset,
+                is_visible: *visible,
+            });
+        clouds.collect()
+    }
+
     /// The document among the inputs of a picture; none if they are scans or `.esker` files.
     ///
     /// # Errors

@@ -57,6 +57,30 @@ pub fn save(
     request: &PictureRequest,
 ) -> Result<SaveReport> {
     may_save(out, inputs, from)?;
+    write(out, inputs, from, request)
+}
+
+/// Writes a document as [`save`] does, also over the document `from` itself: for programs that ask
+/// before they replace a file.
+///
+/// # Errors
+/// As for [`save`].
+pub fn save_over(
+    out: &Path,
+    inputs: &[PathBuf],
+    from: &Document,
+    request: &PictureRequest,
+) -> Result<SaveReport> {
+    may_save(out, inputs, None)?;
+    write(out, inputs, Some(from), request)
+}
+
+fn write(
+    out: &Path,
+    inputs: &[PathBuf],
+    from: Option<&Document>,
+    request: &PictureRequest,
+) -> Result<SaveReport> {
     let shown = || format!("{}: cannot write the scene document", out.display());
     let scene = scene_of(out, inputs, from, request).with_context(shown)?;
     let text = scene.to_json().with_context(shown)?;

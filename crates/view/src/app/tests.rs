@@ -7,11 +7,13 @@ use clap::Parser;
 use eframe::egui::accesskit::Role;
 use eframe::egui::{Event, Key, Modifiers, OutputCommand, PointerButton, Pos2, Vec2, vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::NodeT;
+use egui_kittest::kittest::{NodeT, Queryable};
 use esker_engine::calls::build;
 use esker_engine::io::progress::{Progress, Style};
 use std::path::Path;
 use std::sync::OnceLock;
+
+mod scenes;
 
 /// The sample scan as an `.esker` file, built once.
 fn sample() -> &'static Path {

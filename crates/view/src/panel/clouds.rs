@@ -3,7 +3,7 @@
 
 use super::data::PanelData;
 use super::names;
-use super::widgets::{label, note, row, section};
+use super::widgets::{label, note, row, section, tick};
 use crate::clouds::Cloud;
 use crate::theme;
 use eframe::egui::{Align, Grid, Label, Layout, RichText, Ui};
@@ -12,9 +12,22 @@ use esker_engine::io::quantity::grouped;
 /// Most scans that are listed.
 const LISTED: usize = 200;
 
-/// Shows the tab.
-pub fn show(ui: &mut Ui, data: &PanelData<'_>) {
+/// Shows the tab; changes `hidden`, the clouds that are not shown, when one is ticked.
+pub fn show(ui: &mut Ui, data: &PanelData<'_>, hidden: &mut Vec<usize>) {
     ui.add(Label::new(data.about).wrap());
+    if data.together.len() > 1 {
+        section(ui, "Shown");
+        for (i, name) in data.together.iter().enumerate().take(LISTED) {
+            let mut is_shown = !hidden.contains(&i);
+            if tick(ui, &mut is_shown, name, "Show the points of this file").changed() {
+                hidden.retain(|&other| other != i);
+                if !is_shown {
+                    hidden.push(i);
+                    hidden.sort_unstable();
+                }
+            }
+        }
+    }
     section(ui, "Extent");
     match data.extent {
         None => drop(label(ui, "there are no points")),

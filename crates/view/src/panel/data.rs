@@ -19,6 +19,8 @@ pub struct PanelData<'a> {
     pub about: &'a str,
     /// Scans that the file was built from.
     pub clouds: &'a [Cloud],
+    /// Names of the files that are shown together, which can be hidden one by one.
+    pub together: &'a [String],
     /// Extent along the three axes in the scan's coordinates, if there are points.
     pub extent: Option<[[f64; 2]; 3]>,
     /// Name of the coordinate reference system.

@@ -115,7 +115,7 @@ pub fn show(
             view::show(ui, data, shown, wanted, is_coarser_moving, &mut given);
         }
         Tab::Filter => filter::show(ui, &mut state.fields, data, &mut wanted.filter),
-        Tab::Clouds => clouds::show(ui, data),
+        Tab::Clouds => clouds::show(ui, data, &mut wanted.hidden_clouds),
         Tab::Engine => engine::show(ui, data, wanted, &mut given),
     });
     given
