@@ -13,6 +13,7 @@ use crate::overlay::Overlay;
 use crate::panel::data::PanelData;
 use crate::panel::{self, PanelState};
 use crate::pilot::Order;
+use crate::progress::Next;
 use crate::script::Script;
 use crate::scripted_run::ScriptedRun;
 use crate::settings::{self, Settings};
@@ -153,7 +154,7 @@ impl App {
             script.is_none() || !args.inputs.is_empty(),
             "a script needs a file to open: give one before --script"
         );
-        let kept = Kept::of_user(args.cache);
+        let (kept, is_scripted) = (Kept::of_user(args.cache), script.is_some());
         let stage = Stage::of(&args, &build, kept.clone())?;
         Ok(Self {
             build,
@@ -179,7 +180,7 @@ impl App {
             milestones: Milestones::default(),
             has_only_pointed: false,
             run: script.map(ScriptedRun::new),
-            files: Files::default(),
+            files: Files::new(!is_scripted),
         })
     }
 
@@ -261,6 +262,7 @@ impl App {
         given.extend(self.overlay.show(&ctx));
         self.show_files(&ctx);
         self.perform(&ctx, given);
+        self.watch_changes(&ctx, now_s);
         if self.run.is_some() {
             ctx.request_repaint();
         }
@@ -373,11 +375,15 @@ impl App {
 
     /// Commands whose keys were pressed; none while text is edited.
     fn shortcuts(&mut self, ctx: &Context) -> Vec<Command> {
-        if ctx.text_edit_focused() || !matches!(self.stage, Stage::Viewing(_)) {
+        if ctx.text_edit_focused() {
             return Vec::new();
         }
         let has_focus = ctx.memory(|memory| memory.focused().is_some());
-        ctx.input_mut(|input| commands::pressed(input, has_focus))
+        let mut given = ctx.input_mut(|input| commands::pressed(input, has_focus));
+        // Without a picture there is nothing else to command.
+        let is_viewing = matches!(self.stage, Stage::Viewing(_));
+        given.retain(|command| is_viewing || *command == Command::Open);
+        given
     }
 
     fn panel(&mut self, ui: &mut Ui, given: &mut Vec<Command>) {
@@ -430,19 +436,20 @@ impl App {
         let rect = ui.available_rect_before_wrap();
         ui.painter().rect_filled(rect, 0.0, theme::inks(ui).ground);
         match &mut self.stage {
-            Stage::Start(recent) => {
-                if let Some(chosen) = progress::start(ui, recent) {
-                    self.open_files(chosen);
-                }
-            }
+            Stage::Start(recent) => match progress::start(ui, recent) {
+                Some(Next::Files(chosen)) => self.open_files(chosen),
+                Some(Next::Other) => given.push(Command::Open),
+                None => {}
+            },
             Stage::Opening(opening) => progress::show(ui, opening, &self.args.inputs),
-            Stage::Failed(fault) => {
-                if progress::failed(ui, fault) {
-                    self.open_files(self.args.inputs.clone());
-                }
-            }
+            Stage::Failed(fault) => match progress::failed(ui, fault, &self.args.inputs) {
+                Some(Next::Files(again)) => self.open_files(again),
+                Some(Next::Other) => given.push(Command::Open),
+                None => {}
+            },
             Stage::Viewing(_) => {
                 self.show_scene(ui, rect, now_s);
+                self.show_keeping(ui, rect);
                 if !self.is_panel_shown {
                     panel::tab(ui, rect, given);
                 }
@@ -523,6 +530,9 @@ impl App {
     }
 
     fn perform_one(&mut self, ctx: &Context, command: Command) {
+        if command == Command::Open {
+            return self.ask_for_files(ctx);
+        }
         let Stage::Viewing(viewer) = &mut self.stage else { return };
         match command {
             Command::Fit => viewer.go_home(),
@@ -530,8 +540,12 @@ impl App {
             Command::Parallel => viewer.toggle_parallel(),
             Command::Hud => viewer.toggle_hud(),
             Command::Picture => self.shots.request(None, viewer.name()),
+            Command::Open => self.ask_for_files(ctx),
+            Command::Keep => self.ask_where_to_keep(ctx),
+            Command::Undo => self.step(true),
+            Command::Redo => self.step(false),
             Command::SaveScene => self.save_scene(),
-            Command::SaveSceneAs => self.save_scene_as(),
+            Command::SaveSceneAs => self.save_scene_as(ctx),
             Command::NextMethod => {
                 self.wanted.method = match self.wanted.method {
                     Method::Points => Method::Auto,

@@ -19,6 +19,14 @@ pub enum Command {
     Hud,
     /// Write a picture.
     Picture,
+    /// Open other files.
+    Open,
+    /// Keep the file that was built from scans.
+    Keep,
+    /// Redo what was undone.
+    Redo,
+    /// Undo the last change.
+    Undo,
     /// Save the scene under another name.
     SaveSceneAs,
     /// Save the scene.
@@ -73,7 +81,7 @@ const fn with_command(key: Key) -> KeyboardShortcut {
 
 /// All commands, in the order in which they are listed. Of two with the same key, the one with more
 /// modifiers comes first, so that the other one does not take it.
-pub const COMMANDS: [Row; 23] = [
+pub const COMMANDS: [Row; 27] = [
     Row {
         command: Command::Fit,
         id: "fit",
@@ -150,6 +158,34 @@ pub const COMMANDS: [Row; 23] = [
         name: "Picture",
         keys: &[plain(Key::P)],
         about: "write what is in view as a PNG file into the current folder",
+    },
+    Row {
+        command: Command::Open,
+        id: "open",
+        name: "Open",
+        keys: &[with_command(Key::O)],
+        about: "open other scans, an .esker file or a scene document",
+    },
+    Row {
+        command: Command::Keep,
+        id: "keep",
+        name: "Keep as .esker",
+        keys: &[with_command(Key::E)],
+        about: "copy the file that was built from the scans to a place of your choice",
+    },
+    Row {
+        command: Command::Redo,
+        id: "redo",
+        name: "Redo",
+        keys: &[with_command_and_shift(Key::Z), with_command(Key::Y)],
+        about: "make the change again that was undone last",
+    },
+    Row {
+        command: Command::Undo,
+        id: "undo",
+        name: "Undo",
+        keys: &[with_command(Key::Z)],
+        about: "take back the last change of settings or measured points",
     },
     Row {
         command: Command::SaveSceneAs,

@@ -10,7 +10,7 @@ use esker_engine::calls::pick::Picked;
 /// Radius of the mark of a point, in points of the screen.
 const MARK: f32 = 4.0;
 /// The points clicked last, two at most.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Measure {
     points: Vec<Picked>,
 }

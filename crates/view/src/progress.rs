@@ -82,31 +82,50 @@ pub fn over(ui: &Ui, rect: Rect, opening: &Opening) {
     });
 }
 
-/// Shows why there is no scene. Returns whether the user wants to try again.
-pub fn failed(ui: &mut Ui, fault: &str) -> bool {
-    let mut again = false;
+/// What the user opens where there is no scene.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Next {
+    /// These files.
+    Files(Vec<PathBuf>),
+    /// Others, which are still to be chosen.
+    Other,
+}
+
+/// Shows why there is no scene of `inputs`. Returns what the user opens next.
+pub fn failed(ui: &mut Ui, fault: &str, inputs: &[PathBuf]) -> Option<Next> {
+    let mut next = None;
     boxed(ui, |ui| {
         ui.label(RichText::new("Nothing to show").heading().color(theme::inks(ui).fault));
         ui.add(Label::new(fault).wrap().selectable(true));
         ui.add_space(6.0);
-        let button = ui.button("Try again").on_hover_text("Open the same files once more");
-        again = button.clicked();
+        ui.horizontal(|ui| {
+            let again = ui.button("Try again").on_hover_text("Open the same files once more");
+            if again.clicked() {
+                next = Some(Next::Files(inputs.to_vec()));
+            }
+            if ui.button("Open another").on_hover_text("Choose other files").clicked() {
+                next = Some(Next::Other);
+            }
+        });
         ui.label(RichText::new("Or drop other files on the window.").color(theme::inks(ui).faint));
     });
-    again
+    next
 }
 
 /// Shows what to do where no file is open. Returns the files that the user has chosen among the
 /// `recent` ones.
-pub fn start(ui: &mut Ui, recent: &[Vec<PathBuf>]) -> Option<Vec<PathBuf>> {
+pub fn start(ui: &mut Ui, recent: &[Vec<PathBuf>]) -> Option<Next> {
     let mut chosen = None;
     boxed(ui, |ui| {
         ui.label(RichText::new("Esker").heading());
-        ui.label("Drop scans, folders of scans or an .esker file on this window.");
+        ui.label("Drop scans, folders of scans, an .esker file or a scene on this window.");
         ui.label(
             RichText::new("LAS, LAZ, E57, PTX, PTS, PLY, PCD, XYZ, CSV")
                 .color(theme::inks(ui).faint),
         );
+        if ui.button("Open\u{2026}").on_hover_text("Choose files (Ctrl+O)").clicked() {
+            chosen = Some(Next::Other);
+        }
         if !recent.is_empty() {
             ui.add_space(8.0);
             ui.label(RichText::new("Opened before").strong());
@@ -120,11 +139,30 @@ pub fn start(ui: &mut Ui, recent: &[Vec<PathBuf>]) -> Option<Vec<PathBuf>> {
             let folder = files.first().and_then(|path| path.parent());
             let folder = folder.map_or(String::new(), |folder| folder.display().to_string());
             if ui.button(name).on_hover_text(folder).clicked() {
-                chosen = Some(files.clone());
+                chosen = Some(Next::Files(files.clone()));
             }
         }
     });
     chosen
+}
+
+/// Shows over the picture how much of the built file is copied. Returns whether the user stops it.
+pub fn keeping(ui: &Ui, rect: Rect, share: f32) -> bool {
+    ui.ctx().request_repaint_after(LOOK_EVERY);
+    let mut is_stopped = false;
+    let area = Area::new(Id::unique("keeping")).order(Order::Foreground);
+    let pivot = rect.center_top() + vec2(0.0, 12.0);
+    area.fixed_pos(pivot).pivot(Align2::CENTER_TOP).show(ui.ctx(), |ui| {
+        framed(ui).show(ui, |ui| {
+            ui.horizontal(|ui| {
+                let bar = ProgressBar::new(share).fill(theme::ACCENT.gamma_multiply(0.6));
+                let text = format!("{:.0} % of the file is copied", share * 100.0);
+                ui.add(bar.desired_width(OVER_WIDTH.min(rect.width() * 0.6)).text(text));
+                is_stopped = ui.button("Cancel").on_hover_text("Stop copying").clicked();
+            });
+        });
+    });
+    is_stopped
 }
 
 /// Shows a fault over the picture.

@@ -13,6 +13,10 @@ const WIDTH: f32 = 420.0;
 /// What a path is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
+    /// The file is opened.
+    Open,
+    /// The built file is copied there.
+    Keep,
     /// The scene document is written there.
     SaveScene,
 }
@@ -45,12 +49,16 @@ impl Purpose {
     /// What the user does.
     pub fn title(self) -> &'static str {
         match self {
+            Self::Open => "Open a scan, a folder of scans, an .esker file or a scene document",
+            Self::Keep => "Keep the built file as",
             Self::SaveScene => "Save the scene as",
         }
     }
 
     fn button(self) -> &'static str {
         match self {
+            Self::Open => "Open",
+            Self::Keep => "Keep",
             Self::SaveScene => "Save",
         }
     }

@@ -10,6 +10,7 @@ use crate::depth::{Depths, typical};
 use crate::device::{Device, WindowPainter};
 use crate::gestures::{Clicked, Gestures};
 use crate::hud::Hud;
+use crate::measure::Measure;
 use crate::pacing::Pacing;
 use crate::picking::{Picking, Search};
 use crate::scene::{FrameOutcome, FrameViews, Scene};
@@ -31,6 +32,7 @@ use esker_engine::draw::session::Image;
 use esker_engine::io::quantity::grouped;
 use esker_engine::{Forest, Method, View};
 use glam::{DVec2, DVec3};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -214,6 +216,13 @@ impl Viewer {
         self.unit.as_deref()
     }
 
+    /// Path of the file that was built from scans, unless it is a preview of them.
+    pub fn built_file(&self) -> Option<PathBuf> {
+        let is_whole = self.opened.is_built() && self.opened.preview_note().is_none();
+        let file = self.file().files().next().filter(|_| is_whole)?;
+        Some(file.path().to_owned())
+    }
+
     /// The axis that points upwards.
     pub fn vertical(&self) -> Vertical {
         self.views.vertical()
@@ -370,6 +379,16 @@ impl Viewer {
     #[cfg(feature = "light")]
     pub fn take_sun_drag(&mut self) -> Option<[f64; 2]> {
         self.gestures.take_sun_drag()
+    }
+
+    /// The measured points.
+    pub fn measure(&self) -> &Measure {
+        self.gestures.measure()
+    }
+
+    /// Replaces the measured points.
+    pub fn set_measure(&mut self, measure: Measure) {
+        *self.gestures.measure_mut() = measure;
     }
 
     /// Removes the measurements.

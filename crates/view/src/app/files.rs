@@ -1,33 +1,89 @@
-//! The files of the window: opening others, and saving what is shown as a scene document.
+//! The files of the window: opening others, saving what is shown as a scene document, keeping what
+//! was built; and the steps of undo and redo.
 
 use super::{App, Stage};
 use crate::counters::Counters;
+use crate::dialog::{Answer, Dialog};
 use crate::document::{Saved, SceneFile};
+use crate::history::{History, Made};
 use crate::job::Job;
+use crate::keep::Keeping;
 use crate::prompt::{Chosen, Prompt, Purpose};
 use crate::scripted_run::ScriptedRun;
 use crate::source::Opened;
 use crate::theme::TITLE;
 use crate::viewer::Viewer;
-use crate::{fault, source};
-use eframe::egui::{Context, ViewportCommand};
+use crate::{fault, progress, source};
+use eframe::egui::{Context, Rect, Ui, ViewportCommand};
 use std::path::{Path, PathBuf};
 
 /// The scene document of the window, and what is done with it.
-#[derive(Default)]
 pub struct Files {
     /// What is open.
     pub scene: Option<SceneFile>,
     /// A document that is being written.
     saving: Option<Job<Saved>>,
+    /// The copy of the built file that is being made.
+    keeping: Option<Keeping>,
     /// The field for a path.
     prompt: Option<Prompt>,
+    /// The dialog of the system.
+    dialog: Option<Dialog>,
+    /// Whether dialogs of the system are used; a script has none.
+    pub has_dialogs: bool,
+    history: History,
 }
 
 impl Files {
+    /// No files.
+    pub fn new(has_dialogs: bool) -> Self {
+        Self {
+            scene: None,
+            saving: None,
+            keeping: None,
+            prompt: None,
+            dialog: None,
+            has_dialogs,
+            history: History::default(),
+        }
+    }
+
     /// Whether a file is being written.
     pub fn is_busy(&self) -> bool {
-        self.saving.is_some()
+        self.saving.is_some() || self.keeping.is_some()
+    }
+
+    /// Asks for a path by a dialog of the system, or by a field.
+    fn ask(&mut self, ctx: &Context, purpose: Purpose, start: &Path) {
+        if self.dialog.is_some() {
+            return;
+        }
+        self.dialog = match self.has_dialogs {
+            true => Dialog::open(ctx, purpose, start).ok(),
+            false => None,
+        };
+        if self.dialog.is_none() {
+            self.prompt = Some(Prompt::new(purpose, start));
+        }
+    }
+
+    /// Files that were chosen in the dialog of the system.
+    fn take_answer(&mut self) -> Option<(Purpose, Vec<PathBuf>)> {
+        let dialog = self.dialog.as_ref()?;
+        let answer = dialog.poll();
+        if answer == Answer::Open {
+            return None;
+        }
+        let Dialog { purpose, start, .. } = self.dialog.take()?;
+        match answer {
+            Answer::Chosen(paths) => Some((purpose, paths)),
+            Answer::Absent => {
+                self.has_dialogs = false;
+                self.prompt = Some(Prompt::new(purpose, &start));
+                None
+            }
+            Answer::Closed | Answer::Open => None,
+        }
     }
 
     /// Closes the field for a path. Returns whether it was open.
@@ -49,7 +105,8 @@ impl App {
         self.panel.close_file();
         // What is open ends before another session takes its memory.
         (self.stage, self.building) = (Stage::Failed(String::new()), None);
-        (self.files.scene, self.files.prompt) = (None, None);
+        // A copy of what was built ends with it.
+        self.files = Files::new(self.files.has_dialogs);
         self.counters = Counters::default();
         self.last_s = None;
         self.stage = match Stage::of(&self.args, &self.build, self.kept.clone()) {
@@ -98,6 +155,7 @@ impl App {
                 self.wanted = scene.settings(&self.args, &self.wanted);
                 self.panel.close_file();
                 self.files.scene = Some(scene);
+                self.files.history = History::default();
             }
         }
         self.wanted.vertical = viewer.vertical();
@@ -114,10 +172,102 @@ impl App {
     }
 
     /// Asks where to save the scene.
-    pub(super) fn save_scene_as(&mut self) {
-        if let Some(scene) = &self.files.scene {
-            self.files.prompt = Some(Prompt::new(Purpose::SaveScene, &scene.place()));
+    pub(super) fn save_scene_as(&mut self, ctx: &Context) {
+        if let Some(place) = self.files.scene.as_ref().map(SceneFile::place) {
+            self.files.ask(ctx, Purpose::SaveScene, &place);
         }
+    }
+
+    /// Asks for other files to open.
+    pub(super) fn ask_for_files(&mut self, ctx: &Context) {
+        let first = self.args.inputs.first().cloned().unwrap_or_default();
+        self.files.ask(ctx, Purpose::Open, &first);
+    }
+
+    /// Asks where to keep the file that was built from scans.
+    pub(super) fn ask_where_to_keep(&mut self, ctx: &Context) {
+        let Stage::Viewing(viewer) = &self.stage else { return };
+        let Some(scene) = self.files.scene.as_ref().filter(|_| viewer.built_file().is_some())
+        else {
+            let why = "nothing to keep: only files that the window has built from scans, once they \
+                       are complete, are copied";
+            return self.shots.say(Err(why.into()));
+        };
+        let place = scene.place().with_extension("").with_extension("esker");
+        self.files.ask(ctx, Purpose::Keep, &place);
+    }
+
+    fn keep_as(&mut self, path: PathBuf) {
+        let Stage::Viewing(viewer) = &self.stage else { return };
+        if let Some(built) = viewer.built_file().filter(|_| self.files.keeping.is_none()) {
+            match Keeping::start(built, path) {
+                Ok(keeping) => self.files.keeping = Some(keeping),
+                Err(error) => self.shots.add_failure(format!("{error:#}")),
+            }
+        }
+    }
+
+    /// Writes the file that a path was chosen for.
+    fn take_path(&mut self, purpose: Purpose, path: PathBuf, may_replace: bool) {
+        match purpose {
+            Purpose::SaveScene => self.save_to(&path, may_replace),
+            Purpose::Keep => self.keep_as(path),
+            Purpose::Open => {}
+        }
+    }
+
+    /// Takes the copy of the built file, once it is made.
+    fn take_kept(&mut self, ctx: &Context) {
+        let Some(kept) = self.files.keeping.as_mut().and_then(Keeping::poll) else { return };
+        self.files.keeping = None;
+        ctx.request_repaint();
+        match kept {
+            Ok(path) => self.shots.say(Ok(format!("kept as {}", path.display()))),
+            Err(error) => self.shots.add_failure(fault::in_words(&format!("{error:#}"))),
+        }
+    }
+
+    /// Shows over the picture how much of the built file is copied.
+    pub(super) fn show_keeping(&self, ui: &Ui, rect: Rect) {
+        if let Some(keeping) = &self.files.keeping
+            && progress::keeping(ui, rect, keeping.share())
+        {
+            keeping.cancel();
+        }
+    }
+
+    /// What is undone and redone.
+    fn made(&self) -> Option<Made> {
+        let Stage::Viewing(viewer) = &self.stage else { return None };
+        Some(Made { settings: self.wanted.clone(), measure: viewer.measure().clone() })
+    }
+
+    /// Takes note of what the user has changed; a drag is one change.
+    pub(super) fn watch_changes(&mut self, ctx: &Context, now_s: f64) {
+        if ctx.egui_is_using_pointer() {
+            return;
+        }
+        if let Some(made) = self.made()
+            && let Some(left) = self.files.history.watch(now_s, &made)
+        {
+            ctx.request_repaint_after(left);
+        }
+    }
+
+    /// Takes back the last change, or makes it again.
+    pub(super) fn step(&mut self, is_back: bool) {
+        let Some(present) = self.made() else { return };
+        let history = &mut self.files.history;
+        let made = if is_back { history.undo(&present) } else { history.redo(&present) };
+        let (Some(Made { settings, measure }), Stage::Viewing(viewer)) = (made, &mut self.stage)
+        else {
+            return;
+        };
+        if settings.filter != self.wanted.filter {
+            self.panel.refresh_filter();
+        }
+        self.wanted = settings;
+        viewer.set_measure(measure);
     }
 
     fn save_to(&mut self, path: &Path, may_replace: bool) {
@@ -144,12 +294,23 @@ impl App {
                 self.files.prompt = None;
                 ctx.request_repaint();
             }
-            if let Some(Chosen { purpose, path, may_replace }) = chosen {
-                match purpose {
-                    Purpose::SaveScene => self.save_to(&path, may_replace),
+            match chosen {
+                Some(Chosen { purpose: Purpose::Open, path, .. }) => self.open_files(vec![path]),
+                Some(Chosen { purpose, path, may_replace }) => {
+                    self.take_path(purpose, path, may_replace);
                 }
+                None => {}
             }
         }
+        // Dialogs of the system ask themselves before a file is replaced.
+        match self.files.take_answer() {
+            Some((Purpose::Open, paths)) => self.open_files(paths),
+            Some((purpose, paths)) => {
+                paths.into_iter().take(1).for_each(|path| self.take_path(purpose, path, true));
+            }
+            None => {}
+        }
+        self.take_kept(ctx);
         let Some(saved) = self.files.saving.as_mut().and_then(Job::poll) else {
             if self.files.is_busy() {
                 ctx.request_repaint_after(super::POLL_INTERVAL);

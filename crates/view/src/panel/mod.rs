@@ -71,6 +71,11 @@ impl PanelState {
         self.fields = filter::Fields::default();
     }
 
+    /// Reads the fields of the filter anew, since it was changed elsewhere.
+    pub fn refresh_filter(&mut self) {
+        self.fields = filter::Fields::default();
+    }
+
     /// Forgets what belongs to a file that is closed; the tab stays.
     pub fn close_file(&mut self) {
         *self = Self { tab: self.tab, ..Self::default() };

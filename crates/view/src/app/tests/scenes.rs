@@ -236,3 +236,84 @@ fn clouds_are_shown_and_hidden_while_the_session_runs() {
     assert!(points(&harness) > all);
     assert_eq!(viewer(&harness).reopened_and_stalls().0, 0);
 }
+
+#[test]
+fn settings_and_measured_points_are_undone_and_redone() {
+    let mut harness = window(sample(), vec2(900.0, 700.0), &[]);
+    settle(&mut harness);
+    let rest = |harness: &mut Harness<'_, App>| {
+        settle(harness);
+        std::thread::sleep(Duration::from_millis(450));
+        harness.run_steps(3);
+    };
+    rest(&mut harness);
+    let first = harness.state().wanted.clone();
+    press(&harness, Key::M, Modifiers::NONE);
+    rest(&mut harness);
+    let second = harness.state().wanted.clone();
+    assert_ne!(first.method, second.method);
+    let rect = viewer(&harness).picture_rect().unwrap();
+    click(&mut harness, rect.lerp_inside(vec2(0.5, 0.5)));
+    rest(&mut harness);
+    assert_eq!(viewer(&harness).measured().len(), 1);
+    let filter = Filter { max_spacing: Some(2.0), ..Filter::default() };
+    harness.state_mut().wanted.filter = filter.clone();
+    rest(&mut harness);
+    let state = |harness: &Harness<'_, App>| {
+        (harness.state().wanted.clone(), viewer(harness).measured().len())
+    };
+    let third = Settings { filter, ..second.clone() };
+    assert_eq!(state(&harness), (third.clone(), 1));
+    let undo = |harness: &mut Harness<'_, App>, key, modifiers| {
+        press(harness, key, modifiers);
+        harness.run_steps(3);
+    };
+    for wanted in [(second.clone(), 1), (second.clone(), 0), (first.clone(), 0), (first, 0)] {
+        undo(&mut harness, Key::Z, Modifiers::COMMAND);
+        assert_eq!(state(&harness), wanted);
+    }
+    settle(&mut harness);
+    undo(&mut harness, Key::Y, Modifiers::COMMAND);
+    assert_eq!(state(&harness), (second.clone(), 0));
+    undo(&mut harness, Key::Z, Modifiers::COMMAND | Modifiers::SHIFT);
+    assert_eq!(state(&harness), (second, 1));
+    undo(&mut harness, Key::Y, Modifiers::COMMAND);
+    assert_eq!(state(&harness), (third, 1));
+}
+
+#[test]
+fn what_was_built_is_kept_under_a_name_and_opened_by_its_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let scan = Path::new("../../tests/sample/creek.laz");
+    let mut harness = window(scan, vec2(900.0, 700.0), &[]);
+    harness.state_mut().files.has_dialogs = false;
+    settle(&mut harness);
+    save(&mut harness, Command::Keep);
+    let kept = folder.path().join("kept.esker");
+    let enter = |harness: &mut Harness<'_, App>, path: &Path, button: &str| {
+        harness.run_steps(3);
+        press(harness, Key::A, Modifiers::COMMAND);
+        harness.run_steps(2);
+        harness.event(Event::Text(path.display().to_string()));
+        harness.run_steps(2);
+        harness.get_all_by_label(button).last().unwrap().click();
+        save(harness, Command::Fit);
+    };
+    enter(&mut harness, &kept, "Keep");
+    let points = viewer(&harness).file().points();
+    assert_eq!(Forest::open(&kept).unwrap().points(), points);
+    // Not over another file.
+    std::fs::write(&kept, "a scan").unwrap();
+    save(&mut harness, Command::Keep);
+    enter(&mut harness, &kept, "Keep");
+    assert_eq!(std::fs::read_to_string(&kept).unwrap(), "a scan");
+    let faults = harness.state().shots.failures().join(" ");
+    assert!(faults.contains("is there already"), "{faults}");
+    save(&mut harness, Command::Open);
+    enter(&mut harness, sample(), "Open");
+    settle(&mut harness);
+    assert_eq!(viewer(&harness).name(), "creek.esker");
+    save(&mut harness, Command::Keep);
+    let message = harness.state().shots.message();
+    assert!(matches!(message, Some(Err(text)) if text.contains("nothing to keep")), "{message:?}");
+}
