@@ -7,6 +7,7 @@ use crate::commands::{self, Command};
 use crate::counters::Counters;
 use crate::device::WindowPainter;
 use crate::document::SceneFile;
+use crate::files::Files;
 use crate::input_events::WindowState;
 use crate::keys::Keys;
 use crate::overlay::Overlay;
@@ -38,8 +39,6 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 mod files;
-
-use files::Files;
 
 /// Seconds that the plot of frame times covers.
 const PLOT_S: f64 = 5.0;
@@ -400,6 +399,7 @@ impl App {
             name: viewer.name(),
             about: viewer.about(),
             clouds: &viewer.clouds().scans,
+            is_built: viewer.built_file().is_some(),
             together: &together,
             extent: viewer.clouds().extent,
             crs: viewer.clouds().crs.as_deref(),

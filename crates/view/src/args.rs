@@ -15,9 +15,9 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Parser)]
 #[command(name = "esker-view", version, about)]
 pub struct Args {
-    /// An .esker file; or several, which are shown together; or scans and folders of scans, which are
-    /// first built into one; or a scene document, whose fields the options replace. Without any, the
-    /// window shows what was opened before, and takes files that are dropped on it.
+    /// An .esker file; or several, which are shown together; or scans and folders of scans, which
+    /// are first built into one; or a scene document, whose fields the options replace. Without
+    /// any, the window shows what was opened before, and takes files that are dropped on it.
     #[arg(value_name = "FILE")]
     pub inputs: Vec<PathBuf>,
     /// What draws the scene: a real GPU if there is one, else the CPU (auto); a GPU, software

@@ -37,8 +37,8 @@ impl Default for History {
 }
 
 impl History {
-    /// Takes note of the present state at a time, seconds. Returns after which time it needs another
-    /// look, if the state has just changed.
+    /// Takes note of the present state at a time, seconds. Returns after which time it needs
+    /// another look, if the state has just changed.
     pub fn watch(&mut self, now_s: f64, made: &Made) -> Option<Duration> {
         self.undoer.feed_state(now_s, made);
         self.undoer.is_in_flux().then_some(Duration::from_secs_f32(REST_S))

@@ -1,5 +1,5 @@
-//! Something that is made on a thread of its own while the window goes on. Dropping it waits for the
-//! thread.
+//! Something that is made on a thread of its own while the window goes on. Dropping it waits for
+//! the thread.
 
 use anyhow::{Context, Result};
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};

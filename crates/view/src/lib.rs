@@ -15,6 +15,7 @@ pub mod device;
 mod dialog;
 mod document;
 mod fault;
+mod files;
 mod fit;
 mod fonts;
 mod frustum;

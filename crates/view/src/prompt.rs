@@ -1,5 +1,5 @@
-//! A field for a path over the picture, where the system shows no dialog for files; and the question
-//! whether a file is to be replaced.
+//! A field for a path over the picture, where the system shows no dialog for files; and the
+//! question whether a file is to be replaced.
 
 use crate::theme;
 use eframe::egui::{

@@ -41,7 +41,7 @@ const ALLOWED: [(&str, &[&str]); 16] = [
 ];
 
 /// Outside crates that open windows.
-const WINDOW: [&str; 8] =
+const WINDOW: [&str; 9] =
     ["winit", "eframe", "egui", "rfd", "softbuffer", "x11rb", "x11-dl", "wayland-client", "glutin"];
 /// Outside crates that drive a GPU.
 const GPU: [&str; 2] = ["wgpu", "naga"];

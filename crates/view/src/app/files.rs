@@ -3,8 +3,8 @@
 
 use super::{App, Stage};
 use crate::counters::Counters;
-use crate::dialog::{Answer, Dialog};
 use crate::document::{Saved, SceneFile};
+use crate::files::Files;
 use crate::history::{History, Made};
 use crate::job::Job;
 use crate::keep::Keeping;
@@ -16,81 +16,6 @@ use crate::viewer::Viewer;
 use crate::{fault, progress, source};
 use eframe::egui::{Context, Rect, Ui, ViewportCommand};
 use std::path::{Path, PathBuf};
-
-/// The scene document of the window, and what is done with it.
-pub struct Files {
-    /// What is open.
-    pub scene: Option<SceneFile>,
-    /// A document that is being written.
-    saving: Option<Job<Saved>>,
-    /// The copy of the built file that is being made.
-    keeping: Option<Keeping>,
-    /// The field for a path.
-    prompt: Option<Prompt>,
-    /// The dialog of the system.
-    dialog: Option<Dialog>,
-    /// Whether dialogs of the system are used; a script has none.
-    pub has_dialogs: bool,
-    history: History,
-}
-
-impl Files {
-    /// No files.
-    pub fn new(has_dialogs: bool) -> Self {
-        Self {
-            scene: None,
-            saving: None,
-            keeping: None,
-            prompt: None,
-            dialog: None,
-            has_dialogs,
-            history: History::default(),
-        }
-    }
-
-    /// Whether a file is being written.
-    pub fn is_busy(&self) -> bool {
-        self.saving.is_some() || self.keeping.is_some()
-    }
-
-    /// Asks for a path by a dialog of the system, or by a field.
-    fn ask(&mut self, ctx: &Context, purpose: Purpose, start: &Path) {
-        if self.dialog.is_some() {
-            return;
-        }
-        self.dialog = match self.has_dialogs {
-            true => Dialog::open(ctx, purpose, start).ok(),
-            false => None,
-        };
-        if self.dialog.is_none() {
-            self.prompt = Some(Prompt::new(purpose, start));
-        }
-    }
-
-    /// Files that were chosen in the dialog of the system.
-    fn take_answer(&mut self) -> Option<(Purpose, Vec<PathBuf>)> {
-        let dialog = self.dialog.as_ref()?;
-        let answer = dialog.poll();
-        if answer == Answer::Open {
-            return None;
-        }
-        let Dialog { purpose, start, .. } = self.dialog.take()?;
-        match answer {
-            Answer::Chosen(paths) => Some((purpose, paths)),
-            Answer::Absent => {
-                self.has_dialogs = false;
-                self.prompt = Some(Prompt::new(purpose, &start));
-                None
-            }
-            Answer::Closed | Answer::Open => None,
-        }
-    }
-
-    /// Closes the field for a path. Returns whether it was open.
-    pub fn close_prompt(&mut self) -> bool {
-        self.prompt.take().is_some()
-    }
-}
 
 impl App {
     /// Opens other files in place of those that are open. Options of pictures on the command line

@@ -226,8 +226,10 @@ fn act(harness: &mut Harness<'_, App>, random: &mut Random) -> String {
                     let name = node.accesskit_node().label().unwrap_or_default();
                     (name, node.rect().lerp_inside(vec2(random.share(), 0.5)))
                 })
-                // It writes a file.
-                .filter(|(name, _)| !name.starts_with("Picture"))
+                // They write or open files.
+                .filter(|(name, _)| {
+                    !["Picture", "Open", "Save", "Keep"].iter().any(|word| name.starts_with(word))
+                })
                 .collect();
             let (name, at) = nodes[random.below(nodes.len())].clone();
             click(harness, at);
@@ -241,6 +243,9 @@ fn act(harness: &mut Harness<'_, App>, random: &mut Random) -> String {
                 Modifiers::SHIFT,
                 Modifiers::COMMAND,
             ]);
+            // With Ctrl these write or open files.
+            let is_file = [Key::O, Key::S, Key::E].contains(&key);
+            let modifiers = if is_file { Modifiers::NONE } else { modifiers };
             press(harness, key, modifiers);
             format!("{modifiers:?} {key:?}")
         }

@@ -5,6 +5,7 @@ use super::data::PanelData;
 use super::names;
 use super::widgets::{label, note, row, section, tick};
 use crate::clouds::Cloud;
+use crate::commands::{self, Command};
 use crate::theme;
 use eframe::egui::{Align, Grid, Label, Layout, RichText, Ui};
 use esker_engine::io::quantity::grouped;
@@ -13,8 +14,11 @@ use esker_engine::io::quantity::grouped;
 const LISTED: usize = 200;
 
 /// Shows the tab; changes `hidden`, the clouds that are not shown, when one is ticked.
-pub fn show(ui: &mut Ui, data: &PanelData<'_>, hidden: &mut Vec<usize>) {
+pub fn show(ui: &mut Ui, data: &PanelData<'_>, hidden: &mut Vec<usize>, given: &mut Vec<Command>) {
     ui.add(Label::new(data.about).wrap());
+    if data.is_built && commands::button(ui, Command::Keep, false).clicked() {
+        given.push(Command::Keep);
+    }
     if data.together.len() > 1 {
         section(ui, "Shown");
         for (i, name) in data.together.iter().enumerate().take(LISTED) {

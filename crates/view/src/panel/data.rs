@@ -19,6 +19,8 @@ pub struct PanelData<'a> {
     pub about: &'a str,
     /// Scans that the file was built from.
     pub clouds: &'a [Cloud],
+    /// Whether the file was built from scans, and can be kept.
+    pub is_built: bool,
     /// Names of the files that are shown together, which can be hidden one by one.
     pub together: &'a [String],
     /// Extent along the three axes in the scan's coordinates, if there are points.

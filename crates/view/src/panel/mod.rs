@@ -120,7 +120,7 @@ pub fn show(
             view::show(ui, data, shown, wanted, is_coarser_moving, &mut given);
         }
         Tab::Filter => filter::show(ui, &mut state.fields, data, &mut wanted.filter),
-        Tab::Clouds => clouds::show(ui, data, &mut wanted.hidden_clouds),
+        Tab::Clouds => clouds::show(ui, data, &mut wanted.hidden_clouds, &mut given),
         Tab::Engine => engine::show(ui, data, wanted, &mut given),
     });
     given
@@ -147,6 +147,8 @@ fn buttons(ui: &mut Ui, data: &PanelData<'_>, given: &mut Vec<Command>) {
     let buttons = [
         (Command::Fit, false),
         (Command::Picture, false),
+        (Command::Open, false),
+        (Command::SaveScene, false),
         (Command::FixSpeed, data.has_fixed_speed),
     ];
     ui.horizontal_wrapped(|ui| {

@@ -8,8 +8,8 @@ use esker_engine::document::Document;
 use esker_engine::draw::scene;
 use esker_engine::{Forest, Picture};
 
-/// Most pixels, of 126,000, that rounding the camera may change: a point on the border of two pixels
-/// may be in either.
+/// Most pixels, of 126,000, that rounding the camera may change: a point on the border of two
+/// pixels may be in either.
 const ROUNDED: usize = 126;
 /// The same for parallel views along an axis.
 const PARALLEL: usize = 2520;
