@@ -91,7 +91,9 @@ fn class_filters_match_only_points_that_have_a_class() {
 
 /// Number of points that are drawn with a filter.
 fn drawn(file: &Forest, filter: &Filter) -> usize {
-    let shown = ForestFilter::of(file, Some(filter.on(file.lattice()).unwrap()), None).unwrap();
+    let shown =
+        ForestFilter::of(file, Some(filter.on(file.lattice(), file.schema()).unwrap()), None)
+            .unwrap();
     let nodes = 0..file.table().nodes.len() as u32;
     let drawn = nodes.map(|node| {
         let planes = shown.read(file, node, &[PlaneKind::Position]).unwrap();
@@ -135,6 +137,62 @@ fn flags_choose_points_in_exports_and_pictures_alike() {
         assert_eq!(lines(&file, folder.path(), &filter).len(), points, "{filter:?}");
         assert_eq!(drawn(&file, &filter), points, "{filter:?}");
     }
+}
+
+#[test]
+fn values_choose_points_in_exports_and_pictures_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    let hill = |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), below(i, 300)];
+    let odd = (1u64 << 53) + 1;
+    let red = |i: u64| i * 7 % 65_536;
+    let blue = |i: u64| i % 250;
+    let time = |i: u64| if i.is_multiple_of(3) { f64::NAN } else { i as f64 * 0.25 };
+    let amplitude = |i: u64| (i as f32 * 0.1).to_bits().into();
+    let a = given("a.las", [0.001; 3], (0..6_000).map(hill).collect())
+        .with("id", AttrType::U64, move |i| odd + i)
+        .with("signed", AttrType::I64, |i| (i as i64 - 3_000) as u64)
+        .with("red", AttrType::U16, red)
+        .with("green", AttrType::U16, |_| 256)
+        .with("blue", AttrType::U16, blue)
+        .with("intensity", AttrType::U16, |i| i)
+        .with("returns", AttrType::U8, |i| i % 3 + 1 | 0x30)
+        .with("gps_time", AttrType::F64, move |i| time(i).to_bits());
+    // Colours and an intensity of other types, and no times.
+    let b = given("b.las", [0.001; 3], (6_000..8_000).map(hill).collect())
+        .with("red", AttrType::U8, |i| i % 256)
+        .with("green", AttrType::U8, |_| 1)
+        .with("blue", AttrType::U8, |_| 1)
+        .with("amplitude", AttrType::F32, amplitude)
+        .with("intensity", AttrType::F32, |i| (i as f32).to_bits().into());
+    let out = folder.path().join("in.esker");
+    let options = Options { node_capacity: 256, ..Default::default() };
+    build_sources(boxed(&[a, b]), &out, &options, &Silent).unwrap();
+    let file = Forest::open(&out).unwrap();
+    let first = |keeps: &dyn Fn(u64) -> bool| (0..6_000).filter(|&i| keeps(i)).count();
+    let second = |keeps: &dyn Fn(u64) -> bool| (0..2_000).filter(|&i| keeps(i)).count();
+    let exact = format!("id:{}..{}", odd + 1, odd + 2);
+    for (ranges, points) in [
+        (&[exact.as_str()][..], 2),
+        (&["signed:-10..-1"], 10),
+        (&["red:1000..40000"], first(&|i| (1000..=40_000).contains(&red(i)))),
+        (&["red:..100"], first(&|i| red(i) <= 100) + second(&|i| i % 256 <= 100)),
+        (&["blue:200.."], first(&|i| blue(i) >= 200)),
+        (&["intensity:5990..6009"], 20),
+        (&["return:2..2", "number_of_returns:3..3"], 2_000),
+        (&["time:100..200.1"], first(&|i| (100.0..=200.1).contains(&time(i)))),
+        (&["gps_time:.."], 4_000),
+        (&["amplitude:..0.1"], 2),
+        (&["intensity:100..", "TIME:..50"], first(&|i| i >= 100 && time(i) <= 50.0)),
+    ] {
+        let wanted = filter(|f| f.values = ranges.iter().map(|r| r.parse().unwrap()).collect());
+        assert_eq!(lines(&file, folder.path(), &wanted).len(), points, "{ranges:?}");
+        assert_eq!(drawn(&file, &wanted), points, "{ranges:?}");
+    }
+    let unknown = filter(|f| f.values = vec!["height:1..".parse().unwrap()]);
+    let error = export(&file, &folder.path().join("no.csv"), &unknown, &Silent).unwrap_err();
+    let error = error.to_string();
+    assert!(error.contains("in.esker: there is no attribute `height`"), "{error}");
+    assert!(error.contains("amplitude, blue, gps_time, green, id, intensity, red"), "{error}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use esker_engine::io::{polygon, quantity};
 use esker_engine::machine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::{
     Bounds, BuildOptions, Classes, Codec, ColourDepth, Columns, Crs, Filter, Flags, Method,
-    NormalsMode, OpenOptions, Polygon, Resume,
+    NormalsMode, OpenOptions, Polygon, Resume, ValueRange,
 };
 use esker_engine::{UNITS, read_crs};
 use std::path::{Path, PathBuf};
@@ -259,6 +259,10 @@ pub struct FilterArgs {
     /// No points with any of these flags.
     #[arg(long, value_name = "FLAGS")]
     pub without_flags: Option<Flags>,
+    /// Points whose value of an attribute lies in this range, its ends included, either of which
+    /// may be left out: intensity:..4000. May be repeated; all ranges must hold then.
+    #[arg(long = "where", value_name = "ATTRIBUTE:MIN..MAX", allow_hyphen_values = true)]
+    pub values: Vec<ValueRange>,
     /// An even sample whose points are about this length apart, above 0, in the scan's unit.
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = quantity::length)]
     pub max_spacing: Option<f64>,
@@ -273,6 +277,7 @@ impl FilterArgs {
             classes: self.classes.or(base.classes),
             flags: self.flags.unwrap_or(base.flags),
             without_flags: self.without_flags.unwrap_or(base.without_flags),
+            values: if self.values.is_empty() { base.values } else { self.values.clone() },
             max_spacing: self.max_spacing.or(base.max_spacing),
         }
     }

@@ -59,9 +59,12 @@ fn filter() -> impl Strategy<Value = Filter> {
     let classes = select(vec!["2", "ground,3-5", "overlap", "12", "0-255", "1,3,5,255,overlap"]);
     let flags = || select(vec!["", "withheld", "overlap,key-point", "synthetic,withheld"]);
     let flags = (flags(), flags());
-    let spacing = option::of(1e-9..1e9f64);
-    (option::of(bounds), option::of(polygon), option::of(classes), flags, spacing).prop_map(
-        |(bounds, polygon, classes, (flags, without), max_spacing)| {
+    let ranges =
+        vec!["intensity:..4000", "gps_time:-1.5..", "id:9007199254740993..", "a:b:0.1..1e300"];
+    let values = vec(select(ranges), 0..3);
+    let last = (values, option::of(1e-9..1e9f64));
+    (option::of(bounds), option::of(polygon), option::of(classes), flags, last).prop_map(
+        |(bounds, polygon, classes, (flags, without), (values, max_spacing))| {
             let parse =
                 |word: &str| if word.is_empty() { Flags::default() } else { word.parse().unwrap() };
             Filter {
@@ -70,6 +73,7 @@ fn filter() -> impl Strategy<Value = Filter> {
                 classes: classes.map(|words| words.parse().unwrap()),
                 flags: parse(flags),
                 without_flags: parse(without),
+                values: values.into_iter().map(|text| text.parse().unwrap()).collect(),
                 max_spacing,
             }
         },
@@ -243,6 +247,7 @@ fn a_value_that_no_option_takes_is_an_error_that_names_its_field() {
         (r#""filter": {"classes": "trees"}"#, "`filter.classes`", "`trees` is no class"),
         (r#""filter": {"flags": "red"}"#, "`filter.flags`", "`red` is no flag"),
         (r#""filter": {"without_flags": "red"}"#, "`filter.without_flags`", "`red` is no flag"),
+        (r#""filter": {"where": ["intensity"]}"#, "`filter.where`", "ATTRIBUTE:MIN..MAX"),
         (r#""filter": {"max_spacing": 0}"#, "`filter.max_spacing`", "no length"),
         (r#""light": {"samples": 0}"#, "`light.samples`", "within 1 and 65536"),
         (r#""light": {"bounces": 65}"#, "`light.bounces`", "within 0 and 64"),

@@ -238,7 +238,7 @@ fn what_the_filter_hides_is_never_picked() {
         // The depth may still be that of all points.
         for shown in [Filter::default(), filter.clone()] {
             let (picture, view, _) = drawn(&file, &request(HILLS[0], Method::Auto, &shown));
-            let on_lattice = filter.on(file.lattice()).unwrap();
+            let on_lattice = filter.on(file.lattice(), file.schema()).unwrap();
             let accepted = ForestFilter::of(&file, Some(on_lattice), None).unwrap();
             let mut picks = 0;
             for at in clicks(400) {
@@ -390,7 +390,7 @@ fn damaged_pages_are_errors() {
         std::fs::write(&damaged, &copy).unwrap();
         let file = Forest::open(&damaged).unwrap();
         let filter = Filter { classes: Some("0-3".parse().unwrap()), ..Filter::default() };
-        let accepted = filter.on(file.lattice()).unwrap();
+        let accepted = filter.on(file.lattice(), file.schema()).unwrap();
         let accepted = ForestFilter::of(&file, Some(accepted), None).unwrap();
         let outcome = pick(&file, &view, at, depth, &accepted);
         if let Ok(Some(picked)) = &outcome {

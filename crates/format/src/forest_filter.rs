@@ -6,6 +6,7 @@
 use crate::error::FormatError;
 use crate::forest::Forest;
 use crate::layout::PlaneKind;
+use crate::node_values::{NodeColumns, StatisticSides, kinds_of};
 use crate::reader::Planes;
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
@@ -203,17 +204,10 @@ impl NodeFilters {
         let nodes = &forest.table().nodes;
         let mut by_node = Vec::with_capacity(nodes.len());
         for file in forest.files() {
-            let statistics = filter.needs_classes().then(|| file.statistics()).transpose()?;
-            let all_have_one =
-                file.layout().all_have_one_of(&[(names::CLASSIFICATION, AttrType::U8)]);
+            let sides = StatisticSides::new(file, &filter)?;
             let first = by_node.len();
             for (index, node) in (0u32..).zip(&nodes[first..][..file.table().nodes.len()]) {
-                let classes = |of: fn(&crate::Statistics, u32) -> Option<[u64; 4]>| {
-                    let bits = statistics.as_ref().map(|s| of(s, index));
-                    bits.map_or(Side::Inside, |bits| filter.side_of_classes(bits, all_have_one))
-                };
-                let own = classes(crate::Statistics::own_classes);
-                let below = classes(crate::Statistics::subtree_classes);
+                let (own, below) = (sides.own(index), sides.subtree(index));
                 by_node.push(node_filter(&filter, nodes, node, own, below));
             }
         }
@@ -230,6 +224,9 @@ impl NodeFilters {
         if self.filter.needs_flags() {
             kinds.extend(plane(forest, names::FLAGS));
         }
+        let file = forest.file_of(node);
+        let tests = self.filter.value_tests(file.layout().schema());
+        kinds.extend(kinds_of(forest, file, &tests.attributes()));
         kinds.retain(|&kind| forest.has_plane(node, kind));
         kinds
     }
@@ -254,6 +251,8 @@ impl NodeFilters {
                 of_source.as_chunks::<2>().0.get(point).map_or(0, |c| u16::from_le_bytes(*c));
             attribute.is_some_and(|a| file.layout().has_attribute(usize::from(source), a))
         };
+        let tests = self.filter.value_tests(file.layout().schema());
+        let columns = NodeColumns::of(forest, file, &tests.attributes(), planes);
         let Some(positions) = planes.get_mut(PlaneKind::Position) else { return };
         let shift = record.hot_shift;
         let points = positions.as_chunks_mut::<HOT_POSITION_BYTES>().0;
@@ -265,7 +264,9 @@ impl NodeFilters {
             });
             let class = classes.get(i).copied().filter(|_| has(own_classes, i));
             let flags = flags.get(i).copied().filter(|_| has(own_flags, i));
-            point[HIDDEN_AT] = u8::from(!test.keeps(p, class, flags));
+            let value = |a: usize| columns.value(a, i).filter(|_| has(Some(a), i));
+            let keeps = test.keeps(p, class, flags) && tests.keep(value);
+            point[HIDDEN_AT] = u8::from(!keeps);
         }
     }
 }
@@ -279,32 +280,32 @@ fn mark_scans(planes: &mut Planes, scans: &[u8]) {
     }
 }
 
-/// Result of a filter for a node, given the sides of its own points' classes and of those of its
-/// subtree.
+/// Result of a filter for a node, given the sides by the statistics of its own points and of those
+/// of its subtree.
 fn node_filter(
     filter: &LatticeFilter,
     nodes: &[Node],
     node: &Node,
-    own_classes: Side,
-    subtree_classes: Side,
+    own: Side,
+    subtree: Side,
 ) -> NodeFilter {
     let none = NodeFilter::NONE;
     let prefix = filter.prefix(node, nodes.get(node.parent as usize));
     let cell = node.cell();
     if prefix == 0
-        || subtree_classes == Side::Outside
+        || subtree == Side::Outside
         || filter.side_of_box(cell.first(), cell.last()) == Side::Outside
     {
         return none;
     }
     let [min, max] = node.own_box();
     let by_box = filter.side_of_box(min, max);
-    if by_box == Side::Outside || own_classes == Side::Outside {
+    if by_box == Side::Outside || own == Side::Outside {
         return NodeFilter { rejects_subtree: false, ..none };
     }
     NodeFilter {
         points: u32::try_from(prefix).unwrap_or(u32::MAX),
-        is_partial: by_box == Side::Across || own_classes == Side::Across,
+        is_partial: by_box == Side::Across || own == Side::Across,
         rejects_subtree: false,
     }
 }

@@ -66,6 +66,16 @@ impl ColourSource {
     pub fn drawn_byte(self) -> usize {
         usize::from(self.depth == Some(ColourDepth::Sixteen))
     }
+
+    /// Value of a channel, little-endian, from its byte in the colour plane and that in the
+    /// remainder; values of 8 bits are the first byte.
+    pub fn value(self, hot: u8, cold: u8) -> [u8; 2] {
+        match self.depth {
+            None => [hot, 0],
+            Some(ColourDepth::Sixteen) => [cold, hot],
+            Some(ColourDepth::Eight) => [hot, cold],
+        }
+    }
 }
 
 /// Plane that holds an attribute's values.

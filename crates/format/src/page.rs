@@ -6,10 +6,9 @@ use crate::bytes::{u16_at, u32_at};
 use crate::codec::{self, Codec, Encoding, Scratch};
 use crate::directory::{Directory, Entry};
 use crate::error::Fault;
-use crate::layout::{ALIGNMENT, AttributePlane, ColourSource, PageLayout, PlaneKind};
+use crate::layout::{ALIGNMENT, AttributePlane, PageLayout, PlaneKind};
 use crate::planes::Values;
 use crate::points::PagePoints;
-use esker_points::ColourDepth;
 use esker_points::clip::CLIP_BYTES;
 use esker_points::quant::{HOT_POSITION_BYTES, exact, read_residual};
 use esker_points::tangents::TANGENT_BYTES;
@@ -184,24 +183,17 @@ impl Page<'_> {
         };
         let remainder = plane(PlaneKind::ColourRemainder)?;
         for i in 0..count {
-            let Some(ColourSource { rgb, depth }) = self.layout.colour_of_class(points.class(i))
-            else {
-                continue;
-            };
-            for (k, a) in rgb.into_iter().enumerate() {
+            let Some(source) = self.layout.colour_of_class(points.class(i)) else { continue };
+            for (k, a) in source.rgb.into_iter().enumerate() {
                 if self.layout.plane_of(a) != AttributePlane::Colour {
                     continue;
                 }
                 let hot = colour[i * 4 + k];
                 let column = &mut points.columns[a];
-                match depth {
+                match source.depth {
                     None => column[i] = hot,
-                    Some(depth) => {
-                        let cold = remainder[i * 3 + k];
-                        let value = match depth {
-                            ColourDepth::Sixteen => [cold, hot],
-                            ColourDepth::Eight => [hot, cold],
-                        };
+                    Some(_) => {
+                        let value = source.value(hot, remainder[i * 3 + k]);
                         column[i * 2..][..2].copy_from_slice(&value);
                     }
                 }

@@ -321,6 +321,33 @@ impl Statistics {
         self.range(node, attribute, [2, 3])
     }
 
+    /// Stored bytes of least and greatest value, without rounding.
+    fn stored(&self, node: u32, attribute: usize, columns: [usize; 2]) -> Option<[&[u8]; 2]> {
+        let ty = *self.types.get(attribute)?;
+        let value = |column: usize| {
+            self.ranges[attribute][column].get(node as usize * ty.size()..)?.get(..ty.size())
+        };
+        let ends = [value(columns[0])?, value(columns[1])?];
+        let [least, greatest] = ends.map(|bytes| {
+            let mut raw = [0; 8];
+            raw[..bytes.len()].copy_from_slice(bytes);
+            key(ty, raw)
+        });
+        (least <= greatest).then_some(ends)
+    }
+
+    /// Bytes of the least and greatest value of an attribute among a node's own points, as stored;
+    /// `None` if no point has a value.
+    pub fn own_stored(&self, node: u32, attribute: usize) -> Option<[&[u8]; 2]> {
+        self.stored(node, attribute, [0, 1])
+    }
+
+    /// Bytes of the least and greatest value of an attribute in a node's subtree, as stored; `None`
+    /// if no point has a value.
+    pub fn subtree_stored(&self, node: u32, attribute: usize) -> Option<[&[u8]; 2]> {
+        self.stored(node, attribute, [2, 3])
+    }
+
     /// One bit for each ASPRS class among a node's own points (class `c`: bit `c % 64` of word
     /// `c / 64`); `None` if the file has no classification.
     pub fn own_classes(&self, node: u32) -> Option<[u64; 4]> {

@@ -12,6 +12,7 @@ pub mod filter;
 pub mod hash;
 pub mod lattice;
 pub mod morton;
+pub mod named;
 pub mod node;
 pub mod palette;
 pub mod place;

@@ -56,6 +56,9 @@ pub struct Filter {
     /// No points with any of these flags.
     #[serde(skip_serializing_if = "is_default")]
     pub without_flags: Option<String>,
+    /// Points with values of attributes within these ranges: `ATTRIBUTE:MIN..MAX`.
+    #[serde(rename = "where", skip_serializing_if = "is_default")]
+    pub values: Vec<String>,
     /// An even sample whose points are about this length apart, the scan's unit.
     #[serde(skip_serializing_if = "is_default")]
     pub max_spacing: Option<f64>,

@@ -45,13 +45,15 @@ fn filter() -> impl Strategy<Value = Filter> {
         prop_oneof![text().prop_map(PolygonForm::Word), corners.prop_map(PolygonForm::Polygons)];
     let words = || option::of(text());
     let bounds = option::of(vec(number(), 0..7));
-    (bounds, option::of(polygon), words(), words(), words(), option::of(number())).prop_map(
-        |(bounds, polygon, classes, flags, without_flags, max_spacing)| Filter {
+    let last = (vec(text(), 0..3), option::of(number()));
+    (bounds, option::of(polygon), words(), words(), words(), last).prop_map(
+        |(bounds, polygon, classes, flags, without_flags, (values, max_spacing))| Filter {
             bounds,
             polygon,
             classes,
             flags,
             without_flags,
+            values,
             max_spacing,
         },
     )

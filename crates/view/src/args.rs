@@ -8,7 +8,7 @@ use esker_engine::draw::method::{METHODS, method_of_name};
 use esker_engine::io::{polygon, quantity};
 use esker_engine::light::settings::{Gloss, LightSettings};
 use esker_engine::light::spec::{LightSpec, joined};
-use esker_engine::{Bounds, Classes, Filter, Flags, Method, PointSize, Polygon};
+use esker_engine::{Bounds, Classes, Filter, Flags, Method, PointSize, Polygon, ValueRange};
 use std::path::PathBuf;
 
 /// Flies through an .esker file, or scans, in a window.
@@ -80,6 +80,10 @@ pub struct Args {
     /// No points with any of these flags.
     #[arg(long, value_name = "FLAGS")]
     pub without_flags: Option<Flags>,
+    /// Points whose value of an attribute lies in this range, its ends included, either of which
+    /// may be left out: intensity:..4000. May be repeated; all ranges must hold then.
+    #[arg(long = "where", value_name = "ATTRIBUTE:MIN..MAX", allow_hyphen_values = true)]
+    pub values: Vec<ValueRange>,
     /// An even sample whose points are about this length apart, above 0, in the scan's unit.
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = quantity::length)]
     pub max_spacing: Option<f64>,
@@ -186,6 +190,7 @@ impl Args {
             classes: self.classes,
             flags: self.flags.unwrap_or_default(),
             without_flags: self.without_flags.unwrap_or_default(),
+            values: self.values.clone(),
             max_spacing: self.max_spacing,
         }
     }

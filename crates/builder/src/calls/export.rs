@@ -8,7 +8,9 @@ use crate::calls::export_aside::AsideExport;
 use crate::calls::export_colours::{ColourConversion, PointClasses};
 use crate::calls::export_notes::{note_absent, note_overlap};
 use crate::error::BuildError;
-use esker_format::{EskerFile, Fault, Forest, FormatError, PagePoints, SourceRecord, runs};
+use esker_format::{
+    EskerFile, Fault, Forest, FormatError, PagePoints, SourceRecord, StatisticSides, runs,
+};
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
 use esker_points::{AttrType, Attribute, Batch, ColourDepth, Filter, MultisetHash, Schema, Task};
@@ -111,8 +113,10 @@ pub fn export_with(
     task: &dyn Task,
 ) -> Result<Exported, BuildError> {
     let target = Target::of(out)?;
-    let wrong = |e: esker_points::FilterError| BuildError::Options(e.to_string());
-    let on_lattice = filter.on(forest.lattice()).map_err(wrong)?;
+    let wrong = |e: esker_points::FilterError| {
+        BuildError::Options(format!("{}: {e}", forest.path().display()))
+    };
+    let on_lattice = filter.on(forest.lattice(), forest.schema()).map_err(wrong)?;
     forest.files().try_for_each(EskerFile::check_verbatim)?;
     // A file names older files, so the last one listed is the oldest.
     let row_bytes = POSITION_BYTES + forest.schema().record_bytes();
@@ -230,26 +234,21 @@ fn select_nodes(
     row_bytes: usize,
 ) -> Result<Vec<SelectedNode>, BuildError> {
     let nodes = &tree.table().nodes;
-    let statistics = filter.needs_classes().then(|| tree.statistics()).transpose()?;
-    let all_have_one = tree.layout().all_have_one_of(&[(names::CLASSIFICATION, AttrType::U8)]);
+    let sides = StatisticSides::new(tree, filter)?;
     let mut selected = Vec::new();
     for (index, node) in (0u32..).zip(nodes) {
         let prefix = filter.prefix(node, nodes.get(node.parent as usize));
         let [min, max] = node.own_box();
         let by_box = if prefix == 0 { Side::Outside } else { filter.side_of_box(min, max) };
-        let by_class = match &statistics {
-            _ if by_box == Side::Outside => Side::Outside,
-            Some(statistics) => filter.side_of_classes(statistics.own_classes(index), all_have_one),
-            None => Side::Inside,
-        };
-        if by_class == Side::Outside {
+        let side = if by_box == Side::Outside { by_box } else { by_box.and(sides.own(index)) };
+        if side == Side::Outside {
             continue;
         }
         selected.extend(runs(prefix, row_bytes).map(|run| SelectedNode {
             node: index,
             decoded_bytes: (run.len() * row_bytes) as u64,
             run,
-            is_partial: by_box == Side::Across || by_class == Side::Across,
+            is_partial: side == Side::Across,
             page_offset: node.page_offset,
             page_bytes: node.page_bytes,
         }));
@@ -408,7 +407,15 @@ impl<'a> TreeExport<'a> {
             attribute.filter(has).map(|a| points.columns[a][i])
         };
         let positions = points.positions.iter().enumerate();
-        let keeps = |(i, &p): (usize, &[u32; 3])| test.keeps(p, value(classes, i), value(flags, i));
+        let tests = self.filter.value_tests(layout.schema());
+        let sizes = layout.schema().attributes.iter().map(|a| a.ty.size()).collect::<Vec<_>>();
+        let bytes = |a: usize, i: usize| {
+            let has = layout.has_attribute(points.class(i), a);
+            has.then(|| &points.columns[a][i * sizes[a]..][..sizes[a]])
+        };
+        let keeps = |(i, &p): (usize, &[u32; 3])| {
+            test.keeps(p, value(classes, i), value(flags, i)) && tests.keep(|a| bytes(a, i))
+        };
         let kept: Vec<bool> = positions.map(keeps).collect();
         self.keep(points, &kept);
         Ok(())

@@ -13,7 +13,11 @@ use esker_lod::View;
 use esker_points::attribute::names;
 use esker_points::codes::LABELS;
 use esker_points::filter::Classes;
-use esker_points::{AttrType, Attribute, Codes, Coding, Schema};
+use esker_points::named::{
+    NUMBER_OF_RETURNS, NUMBER_OF_RETURNS_SHIFT, NamedAttribute, Part, RETURN_NUMBER,
+    RETURN_NUMBER_MASK,
+};
+use esker_points::{AttrType, Attribute, Codes, Coding};
 use esker_render::inputs::colour::{class_colour, hue};
 use esker_render::{Codebook, ColourBy, ColourMap, Gradient};
 use std::collections::BTreeSet;
@@ -22,23 +26,8 @@ use std::collections::BTreeSet;
 pub const SCANS: [&str; 3] = [names::POINT_SOURCE_ID, "scan", "scan_id"];
 /// Most sources that a legend names.
 const SOURCES_MAX: usize = 64;
-/// The number of a return, which shares a byte with the number of returns.
-const RETURN_NUMBER: &str = "return_number";
-const RETURN_NUMBER_MASK: u8 = 15;
-const NUMBER_OF_RETURNS: &str = "number_of_returns";
-const NUMBER_OF_RETURNS_SHIFT: u8 = 4;
 /// Return numbers that most scanners record.
 const RETURN_NUMBERS: (f64, f64) = (1.0, 5.0);
-/// Short names of attributes.
-const SHORT_NAMES: [(&str, &str); 6] = [
-    ("class", names::CLASSIFICATION),
-    ("source", names::POINT_SOURCE_ID),
-    ("source_id", names::POINT_SOURCE_ID),
-    ("time", names::GPS_TIME),
-    // Files have the scan angle in steps, or in whole degrees.
-    (names::SCAN_ANGLE, names::SCAN_ANGLE_RANK),
-    (names::SCAN_ANGLE_RANK, names::SCAN_ANGLE),
-];
 
 /// Where the colours of a picture come from.
 #[derive(Clone, Debug, PartialEq)]
@@ -378,14 +367,7 @@ impl<'a> AttributeColours<'a> {
         shown: &'a ForestFilter,
     ) -> Result<Self> {
         let schema = file.schema();
-        let is = |name: &str| name.eq_ignore_ascii_case(request.name);
-        let (is_return_number, is_return_count) =
-            (["return", RETURN_NUMBER].into_iter().any(is), is(NUMBER_OF_RETURNS));
-        let name = if is_return_number || is_return_count { names::RETURNS } else { request.name };
-        let short = SHORT_NAMES.iter().find(|(short, _)| short.eq_ignore_ascii_case(name));
-        let full = short.map_or(name, |(_, full)| full);
-        let found = schema.find(name).or_else(|| find_in_any_case(schema, name));
-        let Some(index) = found.or_else(|| schema.find(full)) else {
+        let Some(NamedAttribute { index, part }) = schema.find_named(request.name) else {
             let (path, known) = (file.path().display(), choices(file).join(", "));
             bail!("{path}: has no attribute `{}`; it has {known}", request.name);
         };
@@ -408,8 +390,8 @@ impl<'a> AttributeColours<'a> {
             index,
             attribute,
             kind,
-            is_return_number,
-            is_return_count,
+            is_return_number: part == Part::ReturnNumber,
+            is_return_count: part == Part::ReturnCount,
             range,
             note,
         })
@@ -545,11 +527,6 @@ impl<'a> AttributeColours<'a> {
         let coding = Coding::Along { low, high };
         Ok(Colouring { legend, ..self.coded(Codebook::Along(gradient), coding, Vec::new()) })
     }
-}
-
-/// Index of the attribute called `name`, in any case.
-fn find_in_any_case(schema: &Schema, name: &str) -> Option<usize> {
-    schema.attributes.iter().position(|a| a.name.eq_ignore_ascii_case(name))
 }
 
 /// Edges of the cells of nodes that `shown` accepts, the largest first, in the scan's unit.

@@ -22,6 +22,7 @@ pub(super) fn filter(form: &esker_scene::Filter, folder: &Path) -> Result<Filter
         classes: in_field("filter.classes", classes.transpose())?,
         flags: flags("filter.flags", &form.flags)?,
         without_flags: flags("filter.without_flags", &form.without_flags)?,
+        values: in_field("filter.where", form.values.iter().map(|text| text.parse()).collect())?,
         max_spacing: in_field("filter.max_spacing", length.transpose())?,
     })
 }
@@ -47,6 +48,7 @@ pub(super) fn form(filter: &Filter) -> Result<esker_scene::Filter> {
         classes,
         flags: flags(filter.flags),
         without_flags: flags(filter.without_flags),
+        values: filter.values.iter().map(ToString::to_string).collect(),
         max_spacing: filter.max_spacing,
     })
 }

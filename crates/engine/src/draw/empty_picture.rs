@@ -46,7 +46,7 @@ pub fn check_wanted(file: &Forest, shown: &ForestFilter) -> Result<()> {
     }
     let path = file.path().display();
     anyhow::bail!(
-        "{path}: none of its {} points is wanted; look at --box, --polygon, --classes, --flags and --without-flags",
+        "{path}: none of its {} points is wanted; look at --box, --polygon, --classes, --flags, --without-flags and --where",
         grouped(points)
     )
 }

@@ -9,7 +9,7 @@ use crate::draw::method::{AUTO_DOTS, Method};
 use crate::draw::options::Settings;
 use crate::light::class_plane;
 use crate::light::settings::LightSettings;
-use anyhow::Result;
+use anyhow::{Context, Result};
 use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_lod::{CompactOctree, Options, View, crowding, share_above};
 use esker_points::{Codes, Coding, Filter, NodeTable};
@@ -80,7 +80,9 @@ impl Appearance {
     /// Points that `filter` accepts.
     fn filter(file: &Forest, filter: &Filter) -> Result<ForestFilter> {
         empty_picture::check_classes(file, filter)?;
-        let on_lattice = (!filter.is_all()).then(|| filter.on(file.lattice())).transpose()?;
+        let on_lattice = (!filter.is_all()).then(|| filter.on(file.lattice(), file.schema()));
+        let on_lattice = on_lattice.transpose();
+        let on_lattice = on_lattice.with_context(|| file.path().display().to_string())?;
         Ok(ForestFilter::of(file, on_lattice, None)?)
     }
 

@@ -86,7 +86,9 @@ fn filters(file: &Forest) -> Vec<Filter> {
 
 /// Number of shown points: those of the prefixes that are not marked.
 fn shown_points(file: &Forest, filter: &Filter) -> u64 {
-    let shown = ForestFilter::of(file, Some(filter.on(file.lattice()).unwrap()), None).unwrap();
+    let shown =
+        ForestFilter::of(file, Some(filter.on(file.lattice(), file.schema()).unwrap()), None)
+            .unwrap();
     let nodes = 0..file.table().nodes.len() as u32;
     let count = |node: u32| {
         let planes = shown.read(file, node, &[PlaneKind::Position]).unwrap();

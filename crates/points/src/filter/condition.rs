@@ -25,10 +25,19 @@ pub enum Side {
 
 impl Side {
     /// Side for two conditions that both must hold.
-    pub(super) fn and(self, other: Self) -> Self {
+    pub fn and(self, other: Self) -> Self {
         match (self, other) {
             (Self::Outside, _) | (_, Self::Outside) => Self::Outside,
             (Self::Inside, Self::Inside) => Self::Inside,
+            _ => Self::Across,
+        }
+    }
+
+    /// Side for two conditions of which one is enough.
+    pub(super) fn or(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Inside, _) | (_, Self::Inside) => Self::Inside,
+            (Self::Outside, Self::Outside) => Self::Outside,
             _ => Self::Across,
         }
     }

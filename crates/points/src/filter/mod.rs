@@ -1,4 +1,4 @@
-//! Filters of points: a box, a polygon, classes, flags, a spacing. [`Filter`] is the user's input
+//! Filters of points: a box, a polygon, classes, flags, values, a spacing. [`Filter`] is the user's input
 //! in world units; [`LatticeFilter`] is the same on the lattice of one file, where all tests are on
 //! integers. Each test is first made for a node (its box, its classes, its parent's spacing), so
 //! that unwanted nodes are not read, and for single points only in nodes that cross a border.
@@ -7,14 +7,17 @@ mod classes;
 mod condition;
 mod flags;
 mod polygon;
+mod values;
 
 pub use classes::Classes;
 pub use condition::{FilterError, Side};
 pub use flags::Flags;
 pub use polygon::{LatticePolygon, Polygon, Ring};
+pub use values::{Bound, NodeValues, ValueRange, ValueTests};
 
 use crate::lattice::Lattice;
 use crate::node::Node;
+use crate::schema::Schema;
 use crate::strata::prefix_at_least;
 use condition::{PARTS, in_parts};
 use std::str::FromStr;
@@ -32,6 +35,8 @@ pub struct Filter {
     pub flags: Flags,
     /// No points with any of these flags.
     pub without_flags: Flags,
+    /// Points with values within all of these ranges.
+    pub values: Vec<ValueRange>,
     /// An even sample whose points are at most about this far apart, the file's unit.
     pub max_spacing: Option<f64>,
 }
@@ -75,11 +80,13 @@ impl Filter {
         *self == Self::default()
     }
 
-    /// The filter on the lattice of a file.
+    /// The filter on the lattice of a file with the attributes of `schema`.
     ///
     /// # Errors
-    /// If the polygon is too far away for the lattice, or the spacing is not a length.
-    pub fn on(&self, lattice: &Lattice) -> Result<LatticeFilter, FilterError> {
+    /// If the polygon is too far away for the lattice, the spacing is not a length, or there is no
+    /// attribute of the name of a range.
+    pub fn on(&self, lattice: &Lattice, schema: &Schema) -> Result<LatticeFilter, FilterError> {
+        self.values.iter().try_for_each(|range| range.check(schema))?;
         if let Some(spacing) = self.max_spacing.filter(|s| !(s.is_finite() && *s > 0.0)) {
             return Err(FilterError(format!(
                 "a spacing of {spacing} is no length: it must be above 0, such as 0.05, in the scan's unit"
@@ -90,6 +97,7 @@ impl Filter {
             polygon: self.polygon.as_ref().map(|p| p.on(lattice)).transpose()?,
             classes: self.classes,
             flags: [self.flags, self.without_flags],
+            values: self.values.clone(),
             max_spacing: self.max_spacing,
         })
     }
@@ -104,6 +112,7 @@ pub struct LatticeFilter {
     classes: Option<Classes>,
     /// Wanted and unwanted flags.
     flags: [Flags; 2],
+    values: Vec<ValueRange>,
     max_spacing: Option<f64>,
 }
 
@@ -173,6 +182,17 @@ impl LatticeFilter {
     /// Whether the filter depends on flags, and so on classes.
     pub fn needs_flags(&self) -> bool {
         self.wants_overlap() || self.flags != [Flags::default(); 2]
+    }
+
+    /// Whether the filter depends on statistics of nodes.
+    pub fn needs_statistics(&self) -> bool {
+        self.needs_classes() || !self.values.is_empty()
+    }
+
+    /// Tests of values, for a file with the attributes of `schema`. They apply beside those of
+    /// [`PointTest`].
+    pub fn value_tests(&self, schema: &Schema) -> ValueTests {
+        ValueTests::new(&self.values, schema)
     }
 
     /// Number of a node's points that the spacing wants, from the first one on: none if its parent
@@ -261,7 +281,10 @@ mod tests {
 
     fn side(filter: &str, min: [u32; 3], max: [u32; 3]) -> Side {
         let bounds = Some(filter.parse().unwrap());
-        Filter { bounds, ..Filter::default() }.on(&lattice()).unwrap().side_of_box(min, max)
+        Filter { bounds, ..Filter::default() }
+            .on(&lattice(), &Schema::default())
+            .unwrap()
+            .side_of_box(min, max)
     }
 
     #[test]
@@ -291,7 +314,7 @@ mod tests {
     #[test]
     fn spacings_take_nodes_until_they_are_dense_enough() {
         let filter = Filter { max_spacing: Some(1.0), ..Filter::default() };
-        let filter = filter.on(&lattice()).unwrap();
+        let filter = filter.on(&lattice(), &Schema::default()).unwrap();
         let node = |spacing: f32, shape: u8| {
             let mut node = Node::zeroed();
             (node.spacing, node.shape) = (spacing, shape);
@@ -305,7 +328,13 @@ mod tests {
         assert!(filter.prefix(&node(0.0, 0), None) > 0);
         for wrong in [0.0, -1.0, f64::NAN] {
             let filter = Filter { max_spacing: Some(wrong), ..Filter::default() };
-            assert!(filter.on(&lattice()).unwrap_err().to_string().contains("no length"));
+            assert!(
+                filter
+                    .on(&lattice(), &Schema::default())
+                    .unwrap_err()
+                    .to_string()
+                    .contains("no length")
+            );
         }
     }
 
@@ -316,7 +345,9 @@ mod tests {
             let p = [0, 0, crate::lattice::ORIGIN as u32 + 99_000 + hundredths];
             let face = format!("{}.{:02}", 990 + hundredths / 100, hundredths % 100);
             let bounds = format!("-1e9,-1e9,{face},1e9,1e9,{face}").parse().unwrap();
-            let filter = Filter { bounds: Some(bounds), ..Filter::default() }.on(&lattice).unwrap();
+            let filter = Filter { bounds: Some(bounds), ..Filter::default() }
+                .on(&lattice, &Schema::default())
+                .unwrap();
             assert!(filter.in_box(p, p).keeps(p, None, None), "{face}");
             assert!(!filter.in_box(p, p).keeps([p[0], p[1], p[2] + 1], None, None), "{face}");
         }
@@ -331,7 +362,9 @@ mod tests {
             };
             let classes = classes.map(|c| c.parse().unwrap());
             let (flags, without_flags) = (parse(flags), parse(without));
-            Filter { classes, flags, without_flags, ..Filter::default() }.on(&lattice()).unwrap()
+            Filter { classes, flags, without_flags, ..Filter::default() }
+                .on(&lattice(), &Schema::default())
+                .unwrap()
         };
         let keeps = |filter: &LatticeFilter, class, flags| {
             filter.in_box([0; 3], [0; 3]).keeps([0; 3], class, flags)
@@ -365,13 +398,13 @@ mod tests {
             let (low, high) = ([0, 1, 2].map(|i| a[i].min(b[i])), [0, 1, 2].map(|i| a[i].max(b[i])));
             let (min, max) = (lattice().world(low), lattice().world(high));
             let filter = Filter { bounds: Some(Bounds { min, max }), ..Filter::default() };
-            let filter = filter.on(&lattice()).unwrap();
+            let filter = filter.on(&lattice(), &Schema::default()).unwrap();
             let within = |axes: usize| (0..axes).all(|i| low[i] <= p[i] && p[i] <= high[i]);
             prop_assert_eq!(filter.in_box(p, p).keeps(p, None, None), within(3));
             prop_assert_eq!(filter.side_of_box(p, p), if within(3) { Side::Inside } else { Side::Outside });
             let ring = vec![[min[0], min[1]], [max[0], min[1]], [max[0], max[1]], [min[0], max[1]]];
             let over = Filter { polygon: Some(Polygon::new(vec![ring]).unwrap()), ..Filter::default() };
-            let over = over.on(&lattice()).unwrap();
+            let over = over.on(&lattice(), &Schema::default()).unwrap();
             // A rectangle without area has no edge that a corner could lie on.
             if low[0] < high[0] || low[1] < high[1] {
                 prop_assert_eq!(over.in_box(p, p).keeps(p, None, None), within(2));

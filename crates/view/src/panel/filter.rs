@@ -66,6 +66,7 @@ impl Fields {
             polygon: before.polygon.clone(),
             flags: before.flags,
             without_flags: before.without_flags,
+            values: before.values.clone(),
         })
     }
 }
