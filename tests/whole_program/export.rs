@@ -327,6 +327,15 @@ fn filters() {
     assert!(n("nodes_read") < n("nodes") * 2 / 3, "{report}");
     let sampled = export(&built, &out, &["--max-spacing", "60"]).json();
     assert!(sampled["bytes_read"].as_u64().unwrap() < n("bytes_read") / 2, "{sampled} {report}");
+    // Values of attributes: red is the tenth column, return numbers the eleventh.
+    let value = |line: &str, column: usize| -> f64 {
+        line.split(',').nth(column).unwrap().parse().unwrap()
+    };
+    let ranges = ["--where", "red:20000..30000", "--where", "return:..0"];
+    let of_ranges = |l: &&String| (20e3..=30e3).contains(&value(l, 9)) && value(l, 10) == 0.0;
+    let reds: Vec<String> = all.iter().filter(of_ranges).cloned().collect();
+    assert!(reds.len() > 1000 && reds.len() < all.len() / 2, "{}", reds.len());
+    assert!(lines_of(&built, &folder, &ranges) == reds);
     // Classes, in a scan that has them.
     let rows: String = (0..3000)
         .map(|i| format!("{},{},{},{}\n", i % 83, i / 83, i % 7, [2, 6, 9][i / 1000]))

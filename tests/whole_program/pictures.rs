@@ -25,6 +25,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials
         .push(trial("pictures: exposures that cannot be compensated are reported", nothing_evened));
     trials.push(trial("pictures: errors name the scan, not the temporary file", scans_are_named));
+    trials.push(trial("pictures: ranges of values draw what an export of them draws", ranges));
     trials.push(trial("pictures: sources are named in the legend", sources_are_in_the_legend));
 }
 
@@ -178,6 +179,28 @@ fn nothing_seen() {
     assert_eq!(seen["notes"], serde_json::json!([]), "{seen}");
 }
 
+fn ranges() {
+    let folder = Folder::new();
+    let file = built(&folder);
+    let wanted = ["--where", "red:16000..26000", "--where", "green:30000.."];
+    let words = [OsStr::new("export"), file.as_os_str(), OsStr::new("-o")];
+    let las = folder.file("part.las");
+    let words = words.into_iter().chain([las.as_os_str()]).chain(wanted.map(OsStr::new));
+    let exported = esker(words.chain([OsStr::new("--json")])).json();
+    let [all, part] = ["points_in", "points_out"].map(|name| exported[name].as_u64().unwrap());
+    assert!(part > all / 20 && part < all / 2, "{exported}");
+    let again = folder.file("again.esker");
+    build(&[&las], &again, &[]);
+    let eye = "eye=5678000,3769800,1900;target=5678984,3770632,980;fovy=50";
+    let same = ["--method", "points", "--target-spacing", "0", "--size", "320x240"];
+    let same = [&same[..], &["--camera", eye, "--backend", "cpu"]].concat();
+    let (_, chosen, covered) = picture(&folder, &file, &[&same[..], &wanted].concat());
+    let (_, rebuilt, _) = picture(&folder, &again, &same);
+    let off = chosen.chunks(4).zip(rebuilt.chunks(4)).filter(|(a, b)| a != b).count() as u64;
+    // Points of one pixel that are equally deep are drawn in another order.
+    assert!(covered > 10_000 && off * 500 < covered, "{off} of {covered}");
+}
+
 fn nothing_left() {
     let folder = Folder::new();
     let file = built(&folder);
@@ -188,6 +211,7 @@ fn nothing_left() {
         (&file, ["--classes", "99"], "is wanted"),
         (&file, ["--box", "0,0,1,1"], "is wanted"),
         (&file, ["--polygon", "0,0 1,0 0,1"], "is wanted"),
+        (&file, ["--where", "red:70000.."], "is wanted"),
         // Within the box of a node, but without a point in it.
         (&plain, ["--box", "2,3,3,4"], none),
         (&plain, ["--classes", "2"], "plain.esker: has no classification"),

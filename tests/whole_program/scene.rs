@@ -117,6 +117,7 @@ fn saved() {
         &["--up", "-y", "--colour", "elevation"],
         &["--method", "ewa", "--box", &flat, "--classes", "0-1,overlap,2", "--max-spacing", "7.5"],
         &["--polygon", &polygon, "--without-flags", "withheld,synthetic"],
+        &["--where", "red:20000..40000.5", "--where", "return:..1"],
         &["--polygon", rings.to_str().unwrap(), "--window", "10,20,100,50"],
     ] {
         draws_the_same(&folder, &file, &[&small, more].concat());

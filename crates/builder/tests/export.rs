@@ -151,6 +151,7 @@ fn values_choose_points_in_exports_and_pictures_alike() {
     let a = given("a.las", [0.001; 3], (0..6_000).map(hill).collect())
         .with("id", AttrType::U64, move |i| odd + i)
         .with("signed", AttrType::I64, |i| (i as i64 - 3_000) as u64)
+        .with("place", AttrType::U32, |i| below(2 * i, 50_000) as u64)
         .with("red", AttrType::U16, red)
         .with("green", AttrType::U16, |_| 256)
         .with("blue", AttrType::U16, blue)
@@ -177,7 +178,7 @@ fn values_choose_points_in_exports_and_pictures_alike() {
         (&["red:1000..40000"], first(&|i| (1000..=40_000).contains(&red(i)))),
         (&["red:..100"], first(&|i| red(i) <= 100) + second(&|i| i % 256 <= 100)),
         (&["blue:200.."], first(&|i| blue(i) >= 200)),
-        (&["intensity:5990..6009"], 20),
+        (&["intensity:1500..1509"], 20),
         (&["return:2..2", "number_of_returns:3..3"], 2_000),
         (&["time:100..200.1"], first(&|i| (100.0..=200.1).contains(&time(i)))),
         (&["gps_time:.."], 4_000),
@@ -188,11 +189,20 @@ fn values_choose_points_in_exports_and_pictures_alike() {
         assert_eq!(lines(&file, folder.path(), &wanted).len(), points, "{ranges:?}");
         assert_eq!(drawn(&file, &wanted), points, "{ranges:?}");
     }
+    // Nodes whose values are all outside are not read.
+    let place = filter(|f| f.values = vec!["place:..4000".parse().unwrap()]);
+    let report = export(&file, &folder.path().join("place.csv"), &place, &Silent).unwrap();
+    let within = first(&|i| below(2 * i, 50_000) <= 4_000);
+    assert_eq!((report.points_out as usize, drawn(&file, &place)), (within, within));
+    assert!(report.nodes_read * 2 < report.nodes, "{report:?}");
     let unknown = filter(|f| f.values = vec!["height:1..".parse().unwrap()]);
     let error = export(&file, &folder.path().join("no.csv"), &unknown, &Silent).unwrap_err();
     let error = error.to_string();
     assert!(error.contains("in.esker: there is no attribute `height`"), "{error}");
-    assert!(error.contains("amplitude, blue, gps_time, green, id, intensity, red"), "{error}");
+    assert!(
+        error.contains("amplitude, blue, gps_time, green, id, intensity, place, red"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -36,6 +36,17 @@ pub enum Part {
     ReturnCount,
 }
 
+impl Part {
+    /// The part of a byte.
+    pub fn of_byte(self, byte: u8) -> u8 {
+        match self {
+            Self::Whole => byte,
+            Self::ReturnNumber => byte & RETURN_NUMBER_MASK,
+            Self::ReturnCount => byte >> NUMBER_OF_RETURNS_SHIFT,
+        }
+    }
+}
+
 /// An attribute that a name stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NamedAttribute {

@@ -360,8 +360,20 @@ pub(super) struct AttributeColours<'a> {
 }
 
 impl<'a> AttributeColours<'a> {
-    /// Finds the attribute: by its exact name, in any case, or by its short name.
+    /// Finds an attribute that gives colours: by its exact name, in any case, or by its short name.
     pub(super) fn find(
+        file: &'a Forest,
+        request: &'a ColourRequest<'a>,
+        shown: &'a ForestFilter,
+    ) -> Result<Self> {
+        let found = Self::find_any(file, request, shown)?;
+        let (path, name) = (file.path().display(), &found.attribute.name);
+        ensure!(file.has(found.kind), "{path}: `{name}` is a part of the colour; use --colour rgb");
+        Ok(found)
+    }
+
+    /// Finds an attribute as [`AttributeColours::find`], also a part of the colour.
+    pub(super) fn find_any(
         file: &'a Forest,
         request: &'a ColourRequest<'a>,
         shown: &'a ForestFilter,
@@ -374,9 +386,6 @@ impl<'a> AttributeColours<'a> {
         let attribute = &schema.attributes[index];
         let (name, ty) = (attribute.name.as_str(), attribute.ty);
         let kind = plane_of(name, ty, index);
-        if !file.has(kind) {
-            bail!("{}: `{name}` is a part of the colour; use --colour rgb", file.path().display());
-        }
         let range = ranges::whole(file, index)?;
         let note = match range {
             Some((0.0, 0.0)) => Some("all values are zero"),
@@ -403,6 +412,16 @@ impl<'a> AttributeColours<'a> {
         let is_byte = self.attribute.ty == AttrType::U8;
         name == names::POINT_SOURCE_ID
             || is_byte && (name == names::CLASSIFICATION || name == names::RETURNS)
+    }
+
+    /// The part of bytes of returns that is requested; `None` for other attributes.
+    pub(super) fn returns(&self) -> Option<Part> {
+        let part = match (self.is_return_number, self.is_return_count) {
+            (true, _) => Part::ReturnNumber,
+            (_, true) => Part::ReturnCount,
+            _ => Part::Whole,
+        };
+        (part != Part::Whole && self.attribute.ty == AttrType::U8).then_some(part)
     }
 
     /// Factor and offset from stored to shown values: the user sees extra bytes of LAS scaled.

@@ -9,6 +9,7 @@ use crate::cameras::vertical::{AXES, Vertical};
 use anyhow::Result;
 use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_points::AttrType;
+use esker_points::named::{Part, RETURN_NUMBER_MASK};
 use esker_points::quant::{HOT_POSITION_BYTES, exact, read_residual};
 
 /// Most bins.
@@ -111,6 +112,37 @@ pub fn histogram(forest: &Forest, name: &str, vertical: Vertical) -> Result<Opti
             if colours.has_labels() { Ok(None) } else { of_attribute(forest, &colours) }
         }
     }
+}
+
+/// Histogram of the values of an attribute, also where they have colours of their own; `None` if
+/// they have no range. Reads from the disk, as [`histogram`].
+///
+/// # Errors
+/// If there is no such attribute, or statistics or nodes cannot be read.
+pub fn value_histogram(forest: &Forest, name: &str) -> Result<Option<Histogram>> {
+    let request = ColourRequest::parse(name)?;
+    let shown = ForestFilter::default();
+    let colours = AttributeColours::find_any(forest, &request, &shown)?;
+    match colours.returns() {
+        Some(part) => of_returns(forest, colours.index, part),
+        None => of_attribute(forest, &colours),
+    }
+}
+
+/// Histogram of a part of bytes of returns.
+fn of_returns(forest: &Forest, attribute: usize, part: Part) -> Result<Option<Histogram>> {
+    let mut all = [0.0; 1 + RETURN_NUMBER_MASK as usize];
+    for (byte, points) in (0u8..).zip(ranges::points_of_bytes(forest, attribute)?) {
+        all[usize::from(part.of_byte(byte))] += points as f64;
+    }
+    let occurs = |points: &f64| *points > 0.0;
+    let ends = all.iter().position(occurs).zip(all.iter().rposition(occurs));
+    Ok(ends.map(|(low, high)| Histogram {
+        range: [low as f64 - 0.5, high as f64 + 0.5],
+        counts: all[low..=high].to_vec(),
+        sample: None,
+        is_whole: true,
+    }))
 }
 
 /// Histogram of the coordinates of the first points along an axis.

@@ -74,21 +74,29 @@ pub fn whole(forest: &Forest, attribute: usize) -> Result<Option<(f64, f64)>> {
 /// # Errors
 /// If statistics cannot be read.
 pub fn bytes_of(forest: &Forest, attribute: usize) -> Result<Vec<u8>> {
+    let points = points_of_bytes(forest, attribute)?;
+    Ok((0..).zip(points).filter(|(_, points)| *points > 0).map(|(value, _)| value).collect())
+}
+
+/// Points with each value of an attribute of bytes.
+///
+/// # Errors
+/// If statistics cannot be read.
+pub fn points_of_bytes(forest: &Forest, attribute: usize) -> Result<[u64; 1 << u8::BITS]> {
     let attribute = &forest.schema().attributes[attribute];
-    let mut occurs = [false; 1 << u8::BITS];
+    let mut points = [0; 1 << u8::BITS];
     for file in forest.files() {
         let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
         let Some(index) = index.filter(|_| file.footer().points > 0) else { continue };
         let statistics = file.statistics()?;
         let histograms = statistics.histograms();
         let counts = histograms.counts(index);
-        for (value, occurs) in (0u8..).zip(&mut occurs) {
+        for (value, points) in (0u8..).zip(&mut points) {
             // Bytes have a bin each.
-            let bin = histograms.bin_of(index, value.into());
-            *occurs |= bin.is_some_and(|bin| counts[bin] > 0);
+            *points += histograms.bin_of(index, value.into()).map_or(0, |bin| counts[bin]);
         }
     }
-    Ok((0..).zip(occurs).filter(|(_, occurs)| *occurs).map(|(value, _)| value).collect())
+    Ok(points)
 }
 
 /// Whole numbers from 0 on of an attribute that occur, ascending, and whether these are all: where

@@ -1,8 +1,9 @@
-//! The histogram of what colours the points, which a thread counts since that reads the disk.
+//! The histogram of what colours the points, or of the values of an attribute, which a thread counts
+//! since that reads the disk.
 
 use eframe::egui::Context;
 use esker_engine::Forest;
-use esker_engine::cameras::histogram::{Histogram, histogram};
+use esker_engine::cameras::histogram::{Histogram, histogram, value_histogram};
 use esker_engine::cameras::vertical::Vertical;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
@@ -11,6 +12,9 @@ use std::thread::JoinHandle;
 /// The newest histogram that was wanted. Dropping it waits for the threads that count.
 #[derive(Debug, Default)]
 pub struct Counted {
+    /// Whether it is of the values of an attribute, also of one whose values have colours of their
+    /// own.
+    is_of_values: bool,
     /// File, source of colours and vertical of the histogram.
     of: Option<(Arc<Forest>, String, Vertical)>,
     state: State,
@@ -28,6 +32,11 @@ enum State {
 }
 
 impl Counted {
+    /// Histograms of the values of attributes, whatever colours they have.
+    pub fn of_values() -> Self {
+        Self { is_of_values: true, ..Self::default() }
+    }
+
     /// The histogram of a source of colours, once it is counted; repaints the window then.
     pub fn get(
         &mut self,
@@ -67,11 +76,15 @@ impl Counted {
         vertical: Vertical,
     ) -> State {
         let (sender, counted) = sync_channel(1);
-        let ctx = ctx.clone();
+        let (ctx, is_of_values) = (ctx.clone(), self.is_of_values);
         let work = move || {
             // A file that cannot be read shows that when it is drawn. The receiver is gone if
             // another histogram is wanted.
-            let _ = sender.send(histogram(&file, &name, vertical).unwrap_or_default());
+            let counted = match is_of_values {
+                true => value_histogram(&file, &name),
+                false => histogram(&file, &name, vertical),
+            };
+            let _ = sender.send(counted.unwrap_or_default());
             ctx.request_repaint();
         };
         // Without a thread the channel is closed, and there is no histogram.

@@ -1,9 +1,10 @@
-//! The tab that chooses the points to show: a list of classes with a check box each, flags, a box,
-//! a spacing and the polygon of the command line. A field takes effect when it loses the focus; if
+//! The tab that chooses the points to show: a list of classes with a check box each, flags, ranges of
+//! values, a box, a spacing and the polygon of the command line. A field takes effect when it loses the focus; if
 //! its text is invalid, an error is shown.
 
 use super::data::PanelData;
 use super::names;
+use super::ranges::{self, Rows};
 use super::widgets::{SMALL, label, note, section, tick};
 use crate::theme;
 use eframe::egui::{Align, Button, Color32, Label, Layout, RichText, Sense, TextEdit, Ui, vec2};
@@ -71,8 +72,14 @@ impl Fields {
     }
 }
 
-/// Shows the tab; changes `filter` when a class is ticked, or a field loses the focus.
-pub fn show(ui: &mut Ui, fields: &mut Fields, data: &PanelData<'_>, filter: &mut Filter) {
+/// Shows the tab; changes `filter` when a class is ticked, an end of a range is moved, or a field
+/// loses the focus.
+pub fn show(
+    ui: &mut Ui,
+    (fields, rows): (&mut Fields, &mut Rows),
+    data: &PanelData<'_>,
+    filter: &mut Filter,
+) {
     if fields.of.is_none() {
         *fields = Fields::of(filter);
     }
@@ -91,6 +98,7 @@ pub fn show(ui: &mut Ui, fields: &mut Fields, data: &PanelData<'_>, filter: &mut
         section(ui, "Leave out");
         flags(ui, &mut filter.without_flags);
     }
+    ranges::show(ui, rows, data, filter);
     section(ui, "Place");
     text_fields(ui, fields, filter, data.unit);
     if filter.polygon.is_some() {

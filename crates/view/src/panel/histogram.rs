@@ -37,7 +37,10 @@ pub fn show(
     // Handles at the ends stay within the panel.
     let size = vec2(ui.available_width(), HEIGHT);
     let (all, _) = ui.allocate_exact_size(size, Sense::hover());
-    let axis = Axis { rect: all.shrink2(vec2(GRIP / 2.0, 0.0)), of: histogram.range };
+    let extent = histogram.range[1] - histogram.range[0];
+    // A key moves an end of whole numbers to the next one at least.
+    let step = (extent * STEP).max(if histogram.is_whole { 1.0 } else { 0.0 });
+    let axis = Axis { rect: all.shrink2(vec2(GRIP / 2.0, 0.0)), of: histogram.range, step };
     bars(ui, &axis, histogram, colours, *range);
     for end in [0, 1] {
         handle(ui, &axis, (name, end), range);
@@ -56,6 +59,8 @@ pub fn show(
 struct Axis {
     rect: Rect,
     of: [f64; 2],
+    /// What an arrow key moves an end by.
+    step: f64,
 }
 
 impl Axis {
@@ -120,7 +125,7 @@ fn handle(ui: &Ui, axis: &Axis, (name, end): (&str, usize), range: &mut [f64; 2]
     }
     let steps = steps_of_keys(ui, id);
     if steps != 0.0 {
-        wanted = Some(value + steps * STEP * axis.extent());
+        wanted = Some(value + steps * axis.step);
     }
     if let Some(wanted) = wanted {
         let gap = axis.extent() * GAP;

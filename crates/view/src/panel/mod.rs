@@ -14,6 +14,7 @@ mod legend;
 pub mod light;
 pub mod names;
 mod plot;
+mod ranges;
 mod sides;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests may panic")]
@@ -40,6 +41,7 @@ const PICKED_HEIGHT: f32 = 132.0;
 pub struct PanelState {
     tab: Tab,
     fields: filter::Fields,
+    ranges: ranges::Rows,
     counted: Counted,
     /// Legend of the last picture: it stays while a session is opened, so that nothing below it
     /// moves.
@@ -59,7 +61,7 @@ enum Tab {
 /// The tabs, their names, and what they have.
 const TABS: [(Tab, &str, &str); 4] = [
     (Tab::View, "View", "How the points are drawn: method, colours, light"),
-    (Tab::Filter, "Filter", "Which points are drawn: classes, box, flags"),
+    (Tab::Filter, "Filter", "Which points are drawn: classes, flags, values, box"),
     (Tab::Clouds, "Clouds", "What is open: scans, points, extent, coordinate system"),
     (Tab::Engine, "Engine", "What the engine does: frame times, memory, budgets"),
 ];
@@ -119,7 +121,10 @@ pub fn show(
             let shown = view::Shown { legend: state.legend.as_ref(), counted: &mut state.counted };
             view::show(ui, data, shown, wanted, is_coarser_moving, &mut given);
         }
-        Tab::Filter => filter::show(ui, &mut state.fields, data, &mut wanted.filter),
+        Tab::Filter => {
+            let kept = (&mut state.fields, &mut state.ranges);
+            filter::show(ui, kept, data, &mut wanted.filter);
+        }
         Tab::Clouds => clouds::show(ui, data, &mut wanted.hidden_clouds, &mut given),
         Tab::Engine => engine::show(ui, data, wanted, &mut given),
     });

@@ -22,7 +22,7 @@ use esker_engine::cameras::classes::{self, ClassCount};
 use esker_engine::cameras::colour;
 use esker_engine::cameras::legend::Legend;
 use esker_engine::io::progress::{Progress, Style};
-use esker_engine::{BuildOptions, Classes, Filter, Forest, Method};
+use esker_engine::{Bound, BuildOptions, Classes, Filter, Forest, Method};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
@@ -152,7 +152,8 @@ fn window(shown: Shown, size: Vec2, scale: f32) -> Harness<'static, Shown> {
     // The histogram is counted by a thread.
     for _ in 0..200 {
         harness.step();
-        if !harness.state().state.counted.is_counting() {
+        let state = &harness.state().state;
+        if !state.counted.is_counting() && !state.ranges.are_counting() {
             break;
         }
         std::thread::sleep(std::time::Duration::from_millis(10));
@@ -181,7 +182,8 @@ fn every_control_has_a_name_and_a_tooltip() {
         for method in [Method::Points, Method::Lit] {
             let mut shown = Shown::new(tab);
             shown.wanted.method = method;
-            shown.wanted.filter = Filter { classes: "2".parse().ok(), ..Filter::default() };
+            let values = vec!["red:20000..".parse().unwrap()];
+            shown.wanted.filter = Filter { classes: "2".parse().ok(), values, ..Filter::default() };
             // So high that no control is scrolled away.
             let mut harness = window(shown, vec2(420.0, 2400.0), 1.0);
             assert_eq!(harness.unnamed_widgets(), Vec::<String>::new(), "{name}");
@@ -301,6 +303,42 @@ fn flags_and_classes_change_the_filter() {
     let is_alone = |set: Classes| (0..=u8::MAX).filter(|&c| set.has(c)).eq([class]);
     assert!(filter.classes.is_some_and(is_alone));
     harness.get_by_label("Show all points").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().wanted.filter, Filter::default());
+}
+
+#[test]
+fn ranges_of_values_are_added_moved_and_removed() {
+    let mut harness = window(Shown::new(Tab::Filter), vec2(800.0, 1600.0), 1.0);
+    harness.get_by_role_and_label(Role::ComboBox, "add filter").click();
+    harness.run_steps(3);
+    harness.get_by_label("red").click();
+    harness.run_steps(2);
+    let added = "red:..".parse().unwrap();
+    assert_eq!(harness.state().wanted.filter.values, [added]);
+    for _ in 0..200 {
+        harness.step();
+        if harness.query_by_label("lower end of red").is_some() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    harness.run_steps(2);
+    let low = harness.get_by_label("lower end of red").rect();
+    let high = harness.get_by_label("upper end of red").rect();
+    let (from, to) = (low.center(), low.center().lerp(high.center(), 0.5));
+    harness.drag_at(from);
+    harness.run_steps(2);
+    harness.hover_at(to);
+    harness.run_steps(2);
+    harness.drop_at(to);
+    harness.run_steps(2);
+    let [low, high] = harness.state().wanted.filter.values[0].ends;
+    assert!(
+        matches!(low, Some(Bound::Whole(low)) if low > 0) && high.is_none(),
+        "{low:?} {high:?}"
+    );
+    harness.get_by_label("remove").click();
     harness.run_steps(2);
     assert_eq!(harness.state().wanted.filter, Filter::default());
 }
