@@ -86,7 +86,7 @@ fn filters(file: &Forest) -> Vec<(&'static str, Filter)> {
         ("box", Filter { bounds: Some(part(file, 0.2, 0.7)), ..all() }),
         ("classes", Filter { classes: Some(classes), ..all() }),
         ("polygon", Filter { polygon: Some(polygon), ..all() }),
-        ("values", Filter { values: vec!["intensity:100..180".parse().unwrap()], ..all() }),
+        ("values", Filter { values: vec!["intensity:5000..12000".parse().unwrap()], ..all() }),
         ("spacing", Filter { max_spacing: Some((x1 - x0) / 100.0), ..all() }),
         ("all", all()),
     ]

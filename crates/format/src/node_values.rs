@@ -78,7 +78,7 @@ impl<'a> StatisticSides<'a> {
     }
 }
 
-/// Kinds of planes that have the values of attributes of a node of `file`, as `forest` numbers them.
+/// Kinds of planes that have the values of attributes of a node of `file`, numbered as in `forest`.
 pub(crate) fn kinds_of(forest: &Forest, file: &EskerFile, attributes: &[usize]) -> Vec<PlaneKind> {
     let layout = file.layout();
     let mut kinds = Vec::new();
@@ -104,7 +104,7 @@ fn own_kind(forest: &Forest, layout: &PageLayout, attribute: usize) -> Option<Pl
 
 /// Exact values of some attributes of a node's points.
 pub(crate) struct NodeColumns {
-    /// Index of the attribute in the schema of its file, bytes of a value, and values of all points.
+    /// Of each its index in the schema of the file, bytes of a value, and the values of all points.
     columns: Vec<(usize, usize, Vec<u8>)>,
 }
 

@@ -1,5 +1,5 @@
-//! The histogram of what colours the points, or of the values of an attribute, which a thread counts
-//! since that reads the disk.
+//! The histogram of what colours the points, or of the values of an attribute, which a thread
+//! counts since that reads the disk.
 
 use eframe::egui::Context;
 use esker_engine::Forest;

@@ -1,6 +1,6 @@
-//! The tab that chooses the points to show: a list of classes with a check box each, flags, ranges of
-//! values, a box, a spacing and the polygon of the command line. A field takes effect when it loses the focus; if
-//! its text is invalid, an error is shown.
+//! The tab that chooses the points to show: a list of classes with a check box each, flags, ranges
+//! of values, a box, a spacing and the polygon of the command line. A field takes effect when it
+//! loses the focus; if its text is invalid, an error is shown.
 
 use super::data::PanelData;
 use super::names;
