@@ -14,7 +14,8 @@ use esker_engine::{Bound, Filter, ValueRange};
 /// Attributes that are no sources of colours by themselves.
 const COLOURS: [&str; 3] = ["red", "green", "blue"];
 
-/// Histograms of the attributes that have a row, by their names.
+/// Histograms of the attributes that have or had a row, by their names: dropping one would wait for
+/// the thread that counts.
 #[derive(Debug, Default)]
 pub struct Rows {
     counted: Vec<(String, Counted)>,
@@ -39,7 +40,6 @@ impl Rows {
 /// Shows the rows; changes the ranges of `filter` as the user moves their ends, adds or removes
 /// one.
 pub fn show(ui: &mut Ui, rows: &mut Rows, data: &PanelData<'_>, filter: &mut Filter) {
-    rows.counted.retain(|(name, _)| filter.values.iter().any(|range| range.name == *name));
     let offered = offered(data, filter);
     if filter.values.is_empty() && offered.is_empty() {
         return;
