@@ -196,9 +196,18 @@ fn ranges() {
     let same = [&same[..], &["--camera", eye, "--backend", "cpu"]].concat();
     let (_, chosen, covered) = picture(&folder, &file, &[&same[..], &wanted].concat());
     let (_, rebuilt, _) = picture(&folder, &again, &same);
-    let off = chosen.chunks(4).zip(rebuilt.chunks(4)).filter(|(a, b)| a != b).count() as u64;
-    // Points of one pixel that are equally deep are drawn in another order.
-    assert!(covered > 10_000 && off * 500 < covered, "{off} of {covered}");
+    // Hot positions drop a bit where the box of a node is wide, and the boxes differ: a point at the
+    // border of a pixel may lie in the next one.
+    let at = |pixels: &[u8], x: usize, y: usize| pixels[(y * 320 + x) * 4..][..4].to_vec();
+    let pixels = (1..239).flat_map(|y| (1..319).map(move |x| (x, y)));
+    let differ = pixels.filter(|&(x, y)| at(&chosen, x, y) != at(&rebuilt, x, y));
+    let differ: Vec<_> = differ.collect();
+    for &(x, y) in &differ {
+        let around = (0..9).map(|i| at(&rebuilt, x + i % 3 - 1, y + i / 3 - 1));
+        assert!(around.into_iter().any(|pixel| pixel == at(&chosen, x, y)), "{x} {y}");
+    }
+    let off = differ.len() as u64;
+    assert!(covered > 10_000 && off * 100 < covered, "{off} of {covered}");
 }
 
 fn nothing_left() {

@@ -156,7 +156,7 @@ fn values_choose_points_in_exports_and_pictures_alike() {
         .with("green", AttrType::U16, |_| 256)
         .with("blue", AttrType::U16, blue)
         .with("intensity", AttrType::U16, |i| i)
-        .with("returns", AttrType::U8, |i| i % 3 + 1 | 0x30)
+        .with("returns", AttrType::U8, |i| (i % 3 + 1) | 0x30)
         .with("gps_time", AttrType::F64, move |i| time(i).to_bits());
     // Colours and an intensity of other types, and no times.
     let b = given("b.las", [0.001; 3], (6_000..8_000).map(hill).collect())

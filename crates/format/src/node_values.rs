@@ -9,6 +9,9 @@ use crate::statistics::Statistics;
 use esker_points::AttrType;
 use esker_points::filter::{LatticeFilter, NodeValues, Side, ValueTests};
 
+/// Least and greatest value of an attribute of a node's points, or of those of its subtree.
+type StoredRange = for<'a> fn(&'a Statistics, u32, usize) -> Option<[&'a [u8]; 2]>;
+
 /// Sides of the nodes of a file, by the classes and the values of their points.
 #[derive(Debug)]
 pub struct StatisticSides<'a> {
@@ -63,7 +66,7 @@ impl<'a> StatisticSides<'a> {
         &self,
         node: u32,
         classes: fn(&Statistics, u32) -> Option<[u64; 4]>,
-        values: fn(&Statistics, u32, usize) -> Option<[&[u8]; 2]>,
+        values: StoredRange,
     ) -> Side {
         let Some(statistics) = &self.statistics else { return Side::Inside };
         let by_classes = match self.filter.needs_classes() {

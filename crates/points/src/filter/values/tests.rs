@@ -99,7 +99,10 @@ fn end(ty: AttrType, value: &[u8], [kind, by]: [i128; 2], real: f64) -> Option<B
     }
 }
 
-fn case() -> impl Strategy<Value = (AttrType, Vec<Vec<u8>>, [[i128; 2]; 2], [f64; 2])> {
+/// A type, values of it, and what makes two ends.
+type Case = (AttrType, Vec<Vec<u8>>, [[i128; 2]; 2], [f64; 2]);
+
+fn case() -> impl Strategy<Value = Case> {
     select(TYPES.to_vec()).prop_flat_map(|ty| {
         let values = proptest::collection::vec(value(ty), 1..6);
         (Just(ty), values, any::<[[i128; 2]; 2]>(), any::<[f64; 2]>())
