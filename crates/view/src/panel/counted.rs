@@ -34,7 +34,7 @@ enum State {
 impl Counted {
     /// Histograms of the values of attributes, whatever colours they have.
     pub fn of_values() -> Self {
-        Self { is_of_values: true, ..Self::default() }
+        Self { is_of_values: true, of: None, state: State::None, threads: Vec::new() }
     }
 
     /// The histogram of a source of colours, once it is counted; repaints the window then.
