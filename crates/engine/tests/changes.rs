@@ -86,7 +86,6 @@ fn filters(file: &Forest) -> Vec<(&'static str, Filter)> {
         ("box", Filter { bounds: Some(part(file, 0.2, 0.7)), ..all() }),
         ("classes", Filter { classes: Some(classes), ..all() }),
         ("polygon", Filter { polygon: Some(polygon), ..all() }),
-        ("values", Filter { values: vec!["intensity:5000..12000".parse().unwrap()], ..all() }),
         ("spacing", Filter { max_spacing: Some((x1 - x0) / 100.0), ..all() }),
         ("all", all()),
     ]
@@ -99,6 +98,10 @@ fn changes(file: &Forest) -> Vec<(String, Settings)> {
     let mut all: Vec<_> = names.map(|name| (name.to_owned(), colour(name))).into();
     let filtered = filters(file).into_iter();
     all.extend(filtered.map(|(name, filter)| (name.into(), Settings { filter, ..settings() })));
+    // Most nodes cross the ends of a range of values.
+    let values = vec!["intensity:5000..12000".parse().unwrap()];
+    let filter = Filter { values, ..Filter::default() };
+    all.push(("values".into(), Settings { filter, ..settings() }));
     let vertical = Vertical::nearest(DVec3::NEG_X);
     all.push(("vertical".into(), Settings { vertical, ..colour("elevation") }));
     all.push(("points".into(), Settings { points_budget: 20_000, ..settings() }));

@@ -1,8 +1,8 @@
 //! Filters of points: a box, a polygon, classes, flags, values, a spacing. [`Filter`] is the user's
-//! input in world units; [`LatticeFilter`] is the same on the lattice of one file, where all tests of
-//! places are on integers. Each test is first made for a node (its box, the classes and ranges of
-//! values of its points, its parent's spacing), so that unwanted nodes are not read, and for single
-//! points only in nodes that cross a border.
+//! input in world units; [`LatticeFilter`] is the same on the lattice of one file, where all tests
+//! of places are on integers. Each test is first made for a node (its box, the classes and ranges
+//! of values of its points, its parent's spacing), so that unwanted nodes are not read, and for
+//! single points only in nodes that cross a border.
 
 mod classes;
 mod condition;
