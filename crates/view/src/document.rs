@@ -243,6 +243,7 @@ fn filter_over(own: Filter, base: &Filter) -> Filter {
         classes: own.classes.or(base.classes),
         flags: flags(own.flags, base.flags),
         without_flags: flags(own.without_flags, base.without_flags),
+        values: if own.values.is_empty() { base.values.clone() } else { own.values },
         max_spacing: own.max_spacing.or(base.max_spacing),
     }
 }

@@ -205,9 +205,11 @@ impl Gestures {
         std::mem::take(&mut self.undoes_click)
     }
 
-    /// Removes the measured points.
+    /// Removes the measured points, and those that were clicked and are not found yet.
     pub fn clear_measurements(&mut self) {
         self.measure.clear();
+        self.picks.retain(|pick| pick.purpose != Purpose::Measure);
+        self.clicked.clear();
     }
 
     /// Pixels whose depth is needed from the next picture.

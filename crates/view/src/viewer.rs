@@ -393,6 +393,7 @@ impl Viewer {
 
     /// Removes the measurements.
     pub fn clear_measurements(&mut self) {
+        self.picking = None;
         self.gestures.clear_measurements();
     }
 
