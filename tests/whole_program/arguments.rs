@@ -48,7 +48,7 @@ fn nonsense() {
         ("verify B --against nothere", "nothere"),
         ("render B", "--out"),
         ("render B -o N", "folder"),
-        ("render B B -o O", "several inputs"),
+        ("render S B -o O", "not drawn together"),
         ("render B -o O --size 0x9", "1 to 16384"),
         ("render B -o O --size 9", "1024x1024"),
         ("render B -o O --size 99999x9", "1 to 16384"),

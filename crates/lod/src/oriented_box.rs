@@ -30,7 +30,9 @@ impl OrientedBox {
         let corner = lattice.world(node.corner);
         // The corner of a cell that was moved beyond the lattice has wrapped around.
         let whole = (1u64 << 32) as f64;
-        let wraps = |axis: usize| node.box_min[axis] < node.corner[axis];
+        let edge = node.cell().edge();
+        let reaches_beyond = |axis: usize| u64::from(node.corner[axis]) + edge > 1 << 32;
+        let wraps = |axis: usize| reaches_beyond(axis) && node.box_min[axis] < node.corner[axis];
         let turn = |axis: usize| if wraps(axis) { whole * lattice.scale[axis] } else { 0.0 };
         let corner = DVec3::from_array([0, 1, 2].map(|axis| corner[axis] - turn(axis)));
         Self {

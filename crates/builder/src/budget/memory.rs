@@ -174,10 +174,11 @@ mod tests {
     #[test]
     fn anonymous_memory_is_counted() {
         let before = usage().anon_bytes;
-        let block = vec![1u8; 64 << 20];
+        // Other tests of the process take and free memory meanwhile.
+        let block = vec![1u8; 256 << 20];
         let after = usage().anon_bytes;
         assert!(block.iter().all(|&b| b == 1));
-        assert!(after > before + (60 << 20), "{before} {after}");
+        assert!(after > before + (200 << 20), "{before} {after}");
         assert!(default_bytes() > 0);
     }
 }
