@@ -77,6 +77,7 @@ fn choice(ui: &mut Ui, offered: &[String]) -> Option<String> {
         return None;
     }
     let mut chosen = None;
+    let name = label(ui, "by value");
     let choice = ComboBox::from_id_salt("values").selected_text("add filter");
     let choice = choice.width(ui.available_width()).show_ui(ui, |ui| {
         for (name, words) in offered.iter().zip(names::sources(offered)) {
@@ -85,7 +86,8 @@ fn choice(ui: &mut Ui, offered: &[String]) -> Option<String> {
             }
         }
     });
-    choice.response.on_hover_text("Show the points with values of an attribute within a range");
+    let choice = choice.response.labelled_by(name.id);
+    choice.on_hover_text("Show the points with values of an attribute within a range");
     chosen
 }
 

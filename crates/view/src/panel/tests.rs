@@ -310,7 +310,7 @@ fn flags_and_classes_change_the_filter() {
 #[test]
 fn ranges_of_values_are_added_moved_and_removed() {
     let mut harness = window(Shown::new(Tab::Filter), vec2(800.0, 1600.0), 1.0);
-    harness.get_by_role_and_label(Role::ComboBox, "add filter").click();
+    harness.get_by_role_and_label(Role::ComboBox, "by value").click();
     harness.run_steps(3);
     harness.get_by_label("red").click();
     harness.run_steps(2);
