@@ -15,10 +15,10 @@ use share::{Share, Thinned, Watched};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Points of a preview, about; the picture of a window has as many pixels.
-const POINTS: u64 = 1_000_000;
-/// Points that are decoded for the first preview at most: what two cores decode in a second.
-const DECODED: u64 = 7_000_000;
+/// Points of a preview, about: as many as the pixels of a window.
+const POINTS: u64 = 700_000;
+/// Points that are decoded for the first preview at most: what two cores decode in half a second.
+const DECODED: u64 = 4_000_000;
 /// Number of points from which on there is a preview: smaller scans are built in hardly more time.
 const WORTH: u64 = 5_000_000;
 /// Most files of a preview: each has to be opened for it.
