@@ -67,6 +67,22 @@ fn previews_have_points_from_all_of_the_scan_and_leave_the_built_file_as_it_is()
 }
 
 #[test]
+fn builds_with_little_memory_keep_no_points_and_small_scans_have_no_preview() {
+    let folder = tempfile::tempdir().unwrap();
+    let [out, second] = ["out.esker", "second.esker"].map(|name| folder.path().join(name));
+    let options = BuildOptions::default();
+    let little = BuildOptions { memory_bytes: 1 << 30, ..options.clone() };
+    for (scan, options) in
+        [("synthetic:terrain:6M:1", &little), ("synthetic:office:10k:1", &options)]
+    {
+        let sample = Sample::default();
+        build_watched(&[scan.into()], &out, options, &sample, &Silent).unwrap();
+        assert_eq!(sample.build(&second, options, &Silent).unwrap(), None, "{scan}");
+        std::fs::remove_file(&out).unwrap();
+    }
+}
+
+#[test]
 fn small_scans_and_those_read_from_front_to_back_have_no_preview() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("none.esker");

@@ -68,13 +68,13 @@ pub fn build(
     options: &Options,
     task: &dyn Task,
 ) -> Result<Report, BuildError> {
-    build_wrapped(inputs, out, options, &|source| source, task)
+    build_wrapped(inputs, out, options, &|sources| sources, task)
 }
 
-/// Makes another source of an opened one, whose points are built in its place.
-pub type Wrap<'a> = dyn Fn(Box<dyn Source>) -> Box<dyn Source> + Sync + 'a;
+/// Makes other sources of the opened ones, whose points are built in their place.
+pub type Wrap<'a> = dyn Fn(Vec<Box<dyn Source>>) -> Vec<Box<dyn Source>> + Sync + 'a;
 
-/// Builds like [`build`], from what `wrap` makes of each source.
+/// Builds like [`build`], from what `wrap` makes of the sources.
 ///
 /// # Errors
 /// As for [`build`].
@@ -88,7 +88,7 @@ pub fn build_wrapped(
     inputs.iter().try_for_each(|input| check_not_replaced(input, out))?;
     let sources = open_with(inputs, &options.open_options(), task)?;
     note_guesses(&sources, options, task);
-    build_sources(sources.into_iter().map(wrap).collect(), out, options, task)
+    build_sources(wrap(sources), out, options, task)
 }
 
 /// Builds `out` from opened inputs; otherwise like [`build`].

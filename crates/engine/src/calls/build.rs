@@ -112,10 +112,10 @@ pub fn build(
     threads: usize,
     task: &dyn Task,
 ) -> Result<BuildReport> {
-    build_from(inputs, out, options, threads, &|source| source, task)
+    build_from(inputs, out, options, threads, &|sources| sources, task)
 }
 
-/// Builds like [`build`], from what `wrap` makes of each source.
+/// Builds like [`build`], from what `wrap` makes of the sources.
 pub(crate) fn build_from(
     inputs: &[PathBuf],
     out: &Path,

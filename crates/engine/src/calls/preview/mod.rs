@@ -8,6 +8,7 @@ use crate::calls::build::{self, BuildReport};
 use crate::io::inputs;
 use anyhow::Result;
 use esker_builder::Options;
+use esker_builder::budget::memory::MEMORY_BYTES_MIN;
 use esker_points::{Cancelled, Task};
 use esker_scan::Source;
 use rayon::prelude::*;
@@ -21,8 +22,12 @@ const POINTS: u64 = 700_000;
 const DECODED: u64 = 4_000_000;
 /// Number of points from which on there is a preview: smaller scans are built in hardly more time.
 const WORTH: u64 = 5_000_000;
-/// Most files of a preview: each has to be opened for it.
+/// Most files of the first preview: each has to be opened for it.
 const FILES_MAX: usize = 256;
+/// Memory of the build that a second preview takes beside it, bytes: the least of any build, and
+/// room for the points that are kept. A build with less than four times as much has none.
+const MEMORY_BYTES: u64 = MEMORY_BYTES_MIN + (128 << 20);
+const MEMORY_TIMES: u64 = 4;
 
 /// Options of a preview, for those of the whole file: nothing that only splats need.
 fn simple(options: &Options) -> Options {
@@ -51,6 +56,7 @@ pub fn preview(
     let one_in = u32::try_from(one_in).unwrap_or(u32::MAX);
     let simple = Options { one_in, ..simple(options) };
     let thin = |source| -> Box<dyn Source> { Box::new(Thinned::new(source, every)) };
+    let thin = |sources: Vec<_>| sources.into_iter().map(thin).collect();
     let report = build::build_from(&scans, out, &simple, 0, &thin, task)?;
     Ok(Some([report.points_out, all]))
 }
@@ -91,7 +97,8 @@ impl Sample {
             return Ok(None);
         }
         let sources = shares.into_iter().map(Share::into_source).collect();
-        let report = esker_builder::build_sources(sources, out, &simple(options), task)?;
+        let options = Options { memory_bytes: MEMORY_BYTES_MIN, ..simple(options) };
+        let report = esker_builder::build_sources(sources, out, &options, task)?;
         Ok(Some(report.points_out))
     }
 
@@ -101,7 +108,7 @@ impl Sample {
 }
 
 /// Builds `out` from scans as [`build::build`] does, and keeps points for a preview in `sample` if
-/// the scans are large.
+/// the scans are large and there is memory for both.
 ///
 /// # Errors
 /// As for [`build::build`].
@@ -112,18 +119,23 @@ pub fn build_watched(
     sample: &Sample,
     task: &dyn Task,
 ) -> Result<BuildReport> {
-    let scans = inputs::scans(inputs, task)?;
-    let is_many = scans.len() > FILES_MAX;
-    let watch = |source: Box<dyn Source>| -> Box<dyn Source> {
-        let points = source.info().points_hint;
-        // Of several files each keeps its share of about as many points as the first preview has.
-        let every = (points * scans.len() as u64).div_ceil(POINTS).max(1);
-        if is_many || points * (scans.len() as u64) < WORTH {
-            return source;
+    if options.memory_bytes < MEMORY_TIMES * MEMORY_BYTES {
+        return build::build(inputs, out, options, 0, task);
+    }
+    let watch = |sources: Vec<Box<dyn Source>>| -> Vec<Box<dyn Source>> {
+        let points = sources.iter().map(|source| source.info().points_hint);
+        let points = points.fold(0, u64::saturating_add);
+        if points < WORTH {
+            return sources;
         }
-        let watched = Watched::new(source, every);
-        sample.lock().push(watched.share());
-        Box::new(watched)
+        let every = points.div_ceil(POINTS);
+        let watched = sources.into_iter().map(|source| -> Box<dyn Source> {
+            let watched = Watched::new(source, every);
+            sample.lock().push(watched.share());
+            Box::new(watched)
+        });
+        watched.collect()
     };
-    build::build_from(&scans, out, options, 0, &watch, task)
+    let whole = Options { memory_bytes: options.memory_bytes - MEMORY_BYTES, ..options.clone() };
+    build::build_from(inputs, out, &whole, 0, &watch, task)
 }
