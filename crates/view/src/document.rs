@@ -214,7 +214,7 @@ pub fn settings(args: &Args, base: &PictureRequest, present: &Settings) -> Setti
         hidden_clouds: Vec::new(),
         shines: base.shines && !args.no_highlights,
         light: LightSettings {
-            lights: own.lights.or_else(|| light.lights.clone()),
+            lights: own.lights.as_ref().or(light.lights.as_ref()).cloned(),
             filters_shadows: own.filters_shadows || (light.filters_shadows && own.gloss.is_none()),
             gloss: own.gloss.or(light.gloss.filter(|_| !own.filters_shadows)),
             ..light.clone()
