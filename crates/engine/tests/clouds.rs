@@ -5,7 +5,8 @@
 
 use esker_engine::Method;
 use esker_engine::calls::info;
-use esker_engine::draw::scene::open_together;
+use esker_engine::calls::pick::pick;
+use esker_engine::draw::scene::{PictureRequest, PictureScene, open_together};
 use esker_engine::draw::session::{Options, Session, Settings};
 use esker_engine::machine::backend::{Backend, GpuRequest};
 use esker_format::Forest;
@@ -110,6 +111,47 @@ fn files_that_are_moved_beside_each_other_give_the_picture_of_one_file() {
     let again = finished(&mut session, &view);
     assert!(again.rgba == first.rgba && hidden.rgba != first.rgba);
     assert_eq!(session.status().read_bytes, read, "nothing was read again");
+}
+
+#[test]
+fn picks_of_moved_clouds_are_placed_in_the_scene_and_have_the_integers_of_their_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let west = built(folder.path(), "west", &ground(1, 4, [0.0; 3]));
+    let east = built(folder.path(), "east", &ground(4, 8, MOVED.map(|c| -c)));
+    let whole = built(folder.path(), "whole", &ground(1, 8, [0.0; 3]));
+    let whole = Forest::open(&whole).unwrap();
+    let both = open_together(&[west, east], &[[0.0; 3], MOVED]).unwrap().unwrap();
+    let request = PictureRequest { method: Method::Points, size: SIZE, ..Default::default() };
+    let scenes = [&whole, &both].map(|file| PictureScene::choose(file, &request).unwrap());
+    let shown = scenes.each_ref().map(|scene| scene.appearance.shown.clone());
+    let [low, high] = info::bounds(&whole).map(DVec3::from_array);
+    let view = View::fit(low, high, DVec3::new(0.6, 0.5, -0.6), 1.0, SIZE[0], SIZE[1]);
+    let mut of_clouds = [0; 2];
+    for (i, j) in (21..160).step_by(6).flat_map(|i| (0..400).step_by(16).map(move |j| (i, j))) {
+        let [x, y] = [i, j].map(|c| f64::from(c) * 0.05);
+        let z = ((x * 0.7).sin() * (y * 0.5).cos() * 100.0).round() / 100.0;
+        let on = view.project(DVec3::new(x, y, z)).unwrap();
+        let picks = [&whole, &both].into_iter().zip(&shown);
+        let [a, b] = picks
+            .map(|(file, shown)| {
+                let picked = pick(file, &view, on.truncate(), on.z, shown).unwrap();
+                picked.unwrap_or_else(|| panic!("{x} {y} {z} at {on} of {}", file.clouds()))
+            })
+            .collect::<Vec<_>>()
+            .try_into()
+            .unwrap();
+        assert_eq!(b.coordinates, a.coordinates);
+        assert_eq!(b.coordinates, [x, y, z].map(|c| format!("{:.2}", c + 0.0)));
+        let is_east = b.file.ends_with("east.esker");
+        of_clouds[usize::from(is_east)] += 1;
+        for axis in 0..3 {
+            let own = b.steps[axis] as f64 * b.scale[axis] + b.offset[axis];
+            let moved = if is_east { MOVED[axis] } else { 0.0 };
+            assert!((own + moved - a.position[axis]).abs() < 1e-6, "{own} of {b:?}");
+            assert!((b.position[axis] - a.position[axis]).abs() < 1e-6);
+        }
+    }
+    assert!(of_clouds.iter().all(|count| *count > 100), "{of_clouds:?}");
 }
 
 #[test]

@@ -238,11 +238,8 @@ impl Forest {
     pub fn bounds_without(&self, left_out: &[usize]) -> Option<[[u32; 3]; 2]> {
         let trees = self.trees.iter().filter(|tree| !left_out.contains(&tree.cloud));
         let bounds = trees.filter_map(|tree| {
-            let at = |c: u32, axis: usize| {
-                i64::from(c).saturating_add(tree.moved[axis]).clamp(0, i64::from(u32::MAX)) as u32
-            };
             let bounds = tree.file.metadata().bounds?;
-            Some(bounds.map(|corner| [0, 1, 2].map(|axis| at(corner[axis], axis))))
+            Some(bounds.map(|corner| tree.placed(corner)))
         });
         bounds.reduce(|[low, high], [l, h]| {
             [[0, 1, 2].map(|i| low[i].min(l[i])), [0, 1, 2].map(|i| high[i].max(h[i]))]
@@ -283,6 +280,12 @@ impl Forest {
     /// Cloud that a node belongs to.
     pub fn cloud_of(&self, node: u32) -> usize {
         self.tree_of(node).cloud
+    }
+
+    /// Lattice coordinates of a point of a node, which its file has at `own`. Those beside the
+    /// lattice, which no point of a valid file has, become its border.
+    pub fn placed(&self, node: u32, own: [u32; 3]) -> [u32; 3] {
+        self.tree_of(node).placed(own)
     }
 
     /// Nodes of the trees of a cloud, in one range.
@@ -375,6 +378,14 @@ impl Forest {
 }
 
 impl Tree {
+    /// Coordinates of the file, moved.
+    fn placed(&self, own: [u32; 3]) -> [u32; 3] {
+        [0, 1, 2].map(|axis| {
+            let placed = i64::from(own[axis]).saturating_add(self.moved[axis]);
+            placed.clamp(0, i64::from(u32::MAX)) as u32
+        })
+    }
+
     /// The file's own kind for a kind of the forest: attributes are numbered differently.
     fn own(&self, kind: PlaneKind) -> Option<PlaneKind> {
         match kind {

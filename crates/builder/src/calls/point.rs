@@ -13,9 +13,9 @@ use std::sync::Arc;
 /// A point of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExactPoint {
-    /// Lattice coordinates.
+    /// Lattice coordinates in its own file.
     pub lattice: [u32; 3],
-    /// Coordinates as an export to text writes them.
+    /// Coordinates as an export to text writes them, moved as its cloud is.
     pub coordinates: [String; 3],
     /// Attributes, in the order of the export.
     pub values: Vec<ExactValue>,
@@ -74,7 +74,7 @@ pub fn exact_point(
     let text = PointText::new(&outline, &mut origins(forest))?;
     let own = own_attributes(file, &schema);
     let is_present = presence(file, class, &own, colours.as_ref(), &written);
-    let batch = batch(file, points, &schema, &own, colours.as_ref());
+    let mut batch = batch(file, points, &schema, &own, colours.as_ref());
     let columns = written.attributes.iter().zip(&batch.columns);
     let values = columns.zip(text.names()).zip(text.values(&batch, 0)).zip(is_present);
     let values = values.map(|((((attribute, column), name), text), is_present)| ExactValue {
@@ -84,6 +84,7 @@ pub fn exact_point(
         stored: column.clone(),
         is_present,
     });
+    batch.positions[0] = forest.placed(node, lattice);
     Ok(ExactPoint {
         lattice,
         coordinates: text.coordinates(&batch, 0),

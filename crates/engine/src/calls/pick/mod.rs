@@ -23,10 +23,11 @@ pub use search::REACH_PX;
 /// A point of a file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Picked {
-    /// Its coordinates, as an export to text writes them: in degrees where the scan's are.
+    /// Its coordinates, as an export to text writes them: in degrees where the scan's are. Those of
+    /// a cloud with an offset are moved by it.
     pub coordinates: [String; 3],
-    /// Its coordinates in steps of the file's grid: times [`Picked::scale`], plus
-    /// [`Picked::offset`]. Those of LAS files whose grid the file has.
+    /// Its coordinates in steps of the grid of its file, without the offset of its cloud: times
+    /// [`Picked::scale`], plus [`Picked::offset`]. Those of LAS files whose grid the file has.
     pub steps: [i64; 3],
     /// Step of each axis.
     pub scale: [f64; 3],
@@ -132,9 +133,9 @@ pub fn pick(
     let Some(aim) = Aim::new(view, at, depth) else { return Ok(None) };
     let Some(found) = search::find(forest, &aim, shown)? else { return Ok(None) };
     let exact = exact_point(forest, found.node, found.point, &Silent)?;
-    let lattice = forest.lattice();
-    let stated = |axis: usize| i64::from(exact.lattice[axis]) - ORIGIN + lattice.shift[axis];
     let file = forest.file_of(found.node);
+    let lattice = &file.metadata().lattice;
+    let stated = |axis: usize| i64::from(exact.lattice[axis]) - ORIGIN + lattice.shift[axis];
     let sources = &file.metadata().sources;
     let attributes = exact.values.into_iter().map(|value| PickedValue {
         meaning: meaning(&value.key.0, value.key.1, &value.stored).filter(|_| value.is_present),

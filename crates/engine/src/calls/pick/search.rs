@@ -26,6 +26,8 @@ const DEPTHS: f64 = 1.0;
 /// behind a surface that is thicker than twice the distance of the place from a point of it. Where
 /// the nearest point is beside the picture, points are looked for as far as they are picked.
 const RADII: f64 = 2.0;
+/// Share of the distance of the eye from the origin, and of the depth, that rounding may change.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// Number of points behind which a pass ends. Only points at one place are as many.
 const POINTS_MAX: usize = 1 << 22;
 /// Share of a box's radius by which single-precision bounds may be too narrow.
@@ -109,6 +111,8 @@ pub fn find(forest: &Forest, aim: &Aim, shown: &ForestFilter) -> Result<Option<F
     let search = Search { forest, aim, shown, lattice: forest.metric() };
     let reach = aim.reach(forest);
     let Some((nearest, is_on_picture)) = search.nearest(reach)? else { return Ok(None) };
+    // Distances of a place that is a point itself are errors of rounding.
+    let nearest = nearest.max(ROUNDING * (aim.view.eye.length() + aim.depth));
     let radius = if is_on_picture { RADII * nearest } else { reach };
     search.nearest_on_picture(radius, DEPTHS * nearest)
 }
