@@ -98,6 +98,50 @@ pub struct Bookmark {
     pub camera: Camera,
 }
 
+impl MeasurementKind {
+    /// What points, which have to be in one unit of length along all axes, measure: the length of
+    /// the line through them, the elevation of the second above the first, the angle in degrees (0
+    /// to 180), or the area of the polygon, in the square of the unit; of a polygon that is not
+    /// plane, that of its projection on the plane where it is greatest (Newell's normal). `None`
+    /// for coordinates, for another number of points than the kind needs, and for an angle at a
+    /// point that is one of the others.
+    pub fn value(self, points: &[[f64; 3]]) -> Option<f64> {
+        let from = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|i| b[i] - a[i]);
+        let value = match (self, points) {
+            (Self::Distance, [_, _, ..]) => {
+                points.windows(2).map(|line| length(from(line[0], line[1]))).sum()
+            }
+            (Self::Height, [a, b]) => b[2] - a[2],
+            (Self::Angle, &[a, at, b]) => {
+                let (a, b) = (from(at, a), from(at, b));
+                let dot: f64 = a.iter().zip(b).map(|(x, y)| x * y).sum();
+                let has_sides = length(a) > 0.0 && length(b) > 0.0;
+                has_sides.then(|| length(cross(a, b)).atan2(dot).to_degrees())?
+            }
+            (Self::Area, &[first, _, _, ..]) => {
+                // Differences to a corner keep their digits where coordinates are large.
+                let sides =
+                    points.windows(2).map(|side| cross(from(first, side[0]), from(first, side[1])));
+                let twice = sides.fold([0.0; 3], |sum, of| [0, 1, 2].map(|i| sum[i] + of[i]));
+                length(twice) / 2.0
+            }
+            _ => return None,
+        };
+        Some(value)
+    }
+}
+
+fn length(v: [f64; 3]) -> f64 {
+    v[0].hypot(v[1]).hypot(v[2])
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        a[j] * b[k] - a[k] * b[j]
+    })
+}
+
 impl Clip {
     pub(crate) fn check(&self, field: &str) -> Result<(), SceneError> {
         let fault = match (&self.bounds, &self.plane) {
@@ -141,4 +185,41 @@ pub(crate) fn check_bookmarks(bookmarks: &[Bookmark]) -> Result<(), SceneError> 
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use MeasurementKind::{Angle, Area, Coordinates, Distance, Height};
+
+    #[test]
+    fn measurements_have_the_values_of_known_figures_wherever_they_lie() {
+        for offset in [[0.0; 3], [4_512_345.0, -691_000.0, 2_048.0]] {
+            let at = |p: [f64; 3]| [0, 1, 2].map(|i| p[i] + offset[i]);
+            let path = [[0.0; 3], [3.0, 4.0, 0.0], [3.0, 4.0, -12.0]].map(at);
+            assert_eq!(Distance.value(&path), Some(17.0));
+            assert_eq!(Height.value(&path[1..]), Some(-12.0));
+            assert_eq!(Angle.value(&path), Some(90.0));
+            assert_eq!(Area.value(&path), Some(30.0));
+            // An L on a slope of 45 degrees: three unit squares on the ground.
+            let corners = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]];
+            let slope = corners.map(|[x, y]| at([f64::from(x), f64::from(y), f64::from(x)]));
+            let area = Area.value(&slope).unwrap_or_default();
+            assert!((area - 3.0 * 2f64.sqrt()).abs() < 1e-12, "{area}");
+            let back: Vec<[f64; 3]> = slope.iter().rev().copied().collect();
+            assert_eq!(Area.value(&back), Some(area), "in either direction");
+        }
+    }
+
+    #[test]
+    fn measurements_without_a_value_have_none() {
+        let p = [1.0, 2.0, 3.0];
+        assert_eq!(Coordinates.value(&[p]), None);
+        assert_eq!(Distance.value(&[p]), None);
+        assert_eq!(Height.value(&[p; 3]), None);
+        assert_eq!(Angle.value(&[p; 3]), None, "no sides");
+        assert_eq!(Angle.value(&[[0.0; 3], p, [2.0, 4.0, 6.0]]), Some(180.0));
+        assert_eq!(Area.value(&[p; 2]), None);
+        assert_eq!(Area.value(&[p; 3]), Some(0.0));
+    }
 }

@@ -26,8 +26,7 @@ use crate::{document, fault, fit, fonts, progress, theme};
 use anyhow::Result;
 use eframe::egui::text_selection::LabelSelectionState;
 use eframe::egui::{
-    CentralPanel, Context, CursorIcon, Event, Frame, Margin, Panel, RawInput, Rect, Sense, Ui,
-    ViewportCommand,
+    CentralPanel, Context, Event, Frame, Margin, Panel, RawInput, Rect, Sense, Ui, ViewportCommand,
 };
 use esker_engine::draw::scene::PictureRequest;
 use esker_engine::io::kept::Kept;
@@ -420,6 +419,7 @@ impl App {
             picked: &viewer.about_picked(),
             picture: viewer.picture_size(),
             speed: viewer.camera().pace(),
+            tool: viewer.tool(),
             has_fixed_speed: viewer.camera().has_fixed_pace(),
             is_parallel: viewer.camera().is_parallel(),
             up_note: viewer.up_note(),
@@ -460,9 +460,7 @@ impl App {
     fn show_scene(&mut self, ui: &mut Ui, rect: Rect, now_s: f64) {
         let Stage::Viewing(viewer) = &mut self.stage else { return };
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
-        if viewer.handle_input(ui, &response, now_s) {
-            ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
-        }
+        viewer.handle_input(ui, &response, now_s);
         #[cfg(feature = "light")]
         if let Some(moved) = viewer.take_sun_drag() {
             panel::light::drag_sun(&mut self.wanted, moved);
@@ -537,6 +535,7 @@ impl App {
         match command {
             Command::Fit => viewer.go_home(),
             Command::Look(side) => viewer.look_from(side),
+            Command::Tool(name) => viewer.set_tool(name),
             Command::Parallel => viewer.toggle_parallel(),
             Command::Hud => viewer.toggle_hud(),
             Command::Picture => self.shots.request(None, viewer.name()),

@@ -3,8 +3,8 @@
 //! speed.
 //! The camera is late by a fraction of a second and never exactly on the path.
 
-use crate::gestures::{SPEED_A_POINT, TURN_RAD};
 use crate::input_events::{WindowState, button_event, key_event, position_at, wheel_event};
+use crate::tools::{SPEED_A_POINT, TURN_RAD};
 use eframe::egui::{Event, Key, PointerButton, vec2};
 use esker_engine::View;
 use esker_engine::cameras::path::Path;

@@ -1,6 +1,7 @@
 //! What a user can do beside moving the camera, in one table: the panel's buttons, the keys, the
 //! overview of keys and the list of commands all come from it.
 
+use crate::tools::ToolName;
 use crate::views::Side;
 use eframe::egui::{
     Button, Context, Event, InputState, Key, KeyboardShortcut, Modifiers, Response, Ui,
@@ -13,6 +14,8 @@ pub enum Command {
     Fit,
     /// Look at all of the scan from a side.
     Look(Side),
+    /// Choose what the pointer does.
+    Tool(ToolName),
     /// Draw parallel (orthographic) pictures, or perspective ones.
     Parallel,
     /// Show or hide compass, scale bar and coordinates.
@@ -81,7 +84,7 @@ const fn with_command(key: Key) -> KeyboardShortcut {
 
 /// All commands, in the order in which they are listed. Of two with the same key, the one with more
 /// modifiers comes first, so that the other one does not take it.
-pub const COMMANDS: [Row; 27] = [
+pub const COMMANDS: [Row; 29] = [
     Row {
         command: Command::Fit,
         id: "fit",
@@ -137,6 +140,20 @@ pub const COMMANDS: [Row; 27] = [
         name: "Isometric",
         keys: &[plain(Key::Num0)],
         about: "look at all of the scan from the front, the right and above",
+    },
+    Row {
+        command: Command::Tool(ToolName::Navigate),
+        id: "navigate",
+        name: "Navigate",
+        keys: &[plain(Key::N)],
+        about: "use the pointer to move alone: a click picks nothing",
+    },
+    Row {
+        command: Command::Tool(ToolName::Pick),
+        id: "pick",
+        name: "Pick",
+        keys: &[plain(Key::I)],
+        about: "click a point to read its coordinates and attributes, two for their distance; moving works as ever",
     },
     Row {
         command: Command::Parallel,
@@ -284,7 +301,7 @@ pub const GESTURES: [(&str, &str); 11] = [
     ("Ctrl+left button", "move the sun (Lit)"),
     ("wheel", "zoom to the pointer"),
     ("wheel while flying", "change the speed"),
-    ("click", "measure"),
+    ("click (Pick)", "read a point, measure"),
     ("double click", "fly there"),
 ];
 

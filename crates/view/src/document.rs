@@ -7,7 +7,7 @@ use crate::settings::Settings;
 use anyhow::Result;
 use esker_engine::cameras::camera::Camera as CameraRequest;
 use esker_engine::cameras::vertical::Vertical;
-use esker_engine::document::{self, Document};
+use esker_engine::document::{self, Annotation, Document, Measurement};
 use esker_engine::draw::scene::{PictureRequest, open_together};
 use esker_engine::io::output::folder_of;
 use esker_engine::light::settings::LightSettings;
@@ -30,6 +30,19 @@ pub struct SceneFile {
     hidden: Vec<usize>,
     /// What is left out.
     note: Option<String>,
+}
+
+/// What the window shows, as a document has it.
+#[derive(Debug)]
+pub struct Present {
+    /// Settings.
+    pub settings: Settings,
+    /// The view, in the scan's coordinates.
+    pub camera: CameraRequest,
+    /// Size of the picture, pixels.
+    pub size: [u32; 2],
+    /// All measurements.
+    pub measurements: Vec<Measurement>,
 }
 
 /// Outcome of saving.
@@ -131,10 +144,19 @@ impl SceneFile {
         self.clouds.iter().filter_map(name).collect()
     }
 
-    /// What is in the document and not in the window, a line each.
-    pub fn notes(&self) -> Vec<String> {
-        let notes = self.document.as_ref().map_or_else(Vec::new, Document::notes);
-        self.note.iter().cloned().chain(notes).collect()
+    /// Clouds that are not open although the document has them.
+    pub fn note(&self) -> Option<&str> {
+        self.note.as_deref()
+    }
+
+    /// Measurements of the document.
+    pub fn measurements(&self) -> &[Measurement] {
+        self.document.as_ref().map_or(&[], |document| &document.scene.measurements)
+    }
+
+    /// Annotations of the document.
+    pub fn annotations(&self) -> &[Annotation] {
+        self.document.as_ref().map_or(&[], |document| &document.scene.annotations)
     }
 
     /// Settings of the document, with those of the command line in place of its own; the budgets of
@@ -152,18 +174,13 @@ impl SceneFile {
         CameraRequest { up: args.up.map(Vertical::direction).or(camera.up), ..camera }
     }
 
-    /// The present state as a document at `out`, which is written; what the document has beside its
-    /// picture is kept. A document that is a file keeps its size of pictures, another one gets
-    /// `size`. Waits for the disk.
+    /// The present state as a document at `out`, which is written; what the document has beside it
+    /// is kept. A document that is a file keeps its size of pictures, another one gets that of the
+    /// window. Waits for the disk.
     ///
     /// # Errors
     /// If the document cannot be made or written, or would replace a file of another kind.
-    pub fn save(
-        mut self,
-        out: &Path,
-        may_replace: bool,
-        (settings, camera, size): (&Settings, CameraRequest, [u32; 2]),
-    ) -> Result<Saved> {
+    pub fn save(mut self, out: &Path, may_replace: bool, present: &Present) -> Result<Saved> {
         let is_unchanged = |document: &Document| {
             let is_own = out.canonicalize().ok() == document.path.canonicalize().ok();
             is_own && Document::read(out).is_ok_and(|read| read.scene == document.scene)
@@ -172,8 +189,9 @@ impl SceneFile {
         if !may_replace && out.symlink_metadata().is_ok() {
             return Ok(Saved::Exists(out.to_owned()));
         }
-        let size = if self.document.is_some() { self.request.size } else { size };
-        self.request = request(&self.request, settings, camera, size);
+        let settings = &present.settings;
+        let size = if self.document.is_some() { self.request.size } else { present.size };
+        self.request = request(&self.request, settings, present.camera, size);
         let mut document = match self.document.take() {
             Some(document) => document,
             None => Document::of_inputs(&self.inputs)?,
@@ -183,6 +201,7 @@ impl SceneFile {
                 cloud.visible = !settings.hidden_clouds.contains(&i);
             }
         }
+        document.scene.measurements.clone_from(&present.measurements);
         let read: Vec<PathBuf> = document.clouds().into_iter().map(|cloud| cloud.path).collect();
         document::save_over(out, &read, &document, &self.request)?;
         self.document = Some(Document::read(out)?);

@@ -1,8 +1,8 @@
 //! Undo and redo of what a user makes: settings and measured points. The camera is not undone. A
 //! change that goes on, such as that of a slider, is one step.
 
-use crate::measure::Measure;
 use crate::settings::Settings;
+use crate::tools::measure::Measure;
 use eframe::egui::util::undoer::{self, Undoer};
 use std::time::Duration;
 

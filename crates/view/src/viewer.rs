@@ -8,16 +8,15 @@ use crate::clouds::Clouds;
 use crate::counters::Counters;
 use crate::depth::{Depths, typical};
 use crate::device::{Device, WindowPainter};
-use crate::gestures::{Clicked, Gestures};
 use crate::hud::Hud;
-use crate::measure::Measure;
 use crate::pacing::Pacing;
-use crate::picking::{Picking, Search};
 use crate::scene::{FrameOutcome, FrameViews, Scene};
 use crate::settings::Settings;
 use crate::sharpness::{Drawn, Sharpness};
 use crate::shots::Shots;
 use crate::source::Opened;
+use crate::tools::measure::{Measure, Over};
+use crate::tools::{Depth, Seen, ToolName, Tools};
 use crate::views::{Side, Views, request_of};
 use crate::{fault, frustum, progress, theme};
 use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
@@ -27,6 +26,7 @@ use esker_engine::cameras::classes::{self, ClassCount};
 use esker_engine::cameras::colour;
 use esker_engine::cameras::legend::Legend;
 use esker_engine::cameras::vertical::Vertical;
+use esker_engine::document::Annotation;
 use esker_engine::draw::pace::Load;
 use esker_engine::draw::session::Image;
 use esker_engine::io::quantity::grouped;
@@ -45,10 +45,9 @@ pub struct Viewer {
     scene: Option<Scene>,
     camera: Camera,
     views: Views,
-    gestures: Gestures,
-    /// Search for the point of the last click, and the error of the last search.
-    picking: Option<Picking>,
-    pick_fault: Option<String>,
+    tools: Tools,
+    /// Texts of the scene document, and their places.
+    annotations: Vec<(String, DVec3)>,
     canvas: Canvas,
     sharpness: Sharpness,
     pacing: Pacing,
@@ -97,17 +96,22 @@ impl Viewer {
             n => format!("{name} and {} more", n - 1),
         });
         let built = opened.built_in();
-        let notes = opened.preview_note().into_iter().chain(opened.scene.notes());
+        let notes = opened.preview_note().into_iter();
+        let notes = notes.chain(opened.scene.note().map(String::from));
         let mut sharpness = Sharpness::new(is_coarser_moving, args.frame_ms);
         let (pacing, pace) = Pacing::new();
         pace.into_iter().for_each(|pace| sharpness.set_pace(pace));
+        let mut tools = Tools::default();
+        let measurements = opened.scene.measurements();
+        tools.pick.set_measure(Measure::of(measurements, |p| file.lattice().measure(p)));
+        let annotations = opened.scene.annotations();
+        let placed = |of: &Annotation| (of.text.clone(), file.lattice().measure(of.at).into());
         let [points, nodes] = [file.points(), file.table().nodes.len() as u64].map(grouped);
         Self {
             scene: None,
             camera: views.first(args.size),
-            gestures: Gestures::default(),
-            picking: None,
-            pick_fault: None,
+            tools,
+            annotations: annotations.iter().map(placed).collect(),
             canvas: Canvas::new(window_painter.driver.clone()),
             device: window_painter.device(args.backend),
             sharpness,
@@ -146,7 +150,7 @@ impl Viewer {
             self.views.set_vertical(preview.vertical());
         }
         self.camera = preview.camera;
-        self.gestures = preview.gestures;
+        self.tools = preview.tools;
         self.sharpness = preview.sharpness;
         self.pacing = preview.pacing;
         self.frozen = preview.frozen;
@@ -329,7 +333,7 @@ impl Viewer {
 
     /// Makes pictures parallel (orthographic) ones, or perspective ones.
     pub fn toggle_parallel(&mut self) {
-        self.gestures.set_parallel(!self.camera.is_parallel());
+        self.tools.navigate.set_parallel(!self.camera.is_parallel());
     }
 
     /// Keeps the speed of flying, or lets it follow the viewing distance again.
@@ -337,64 +341,57 @@ impl Viewer {
         self.camera.fix_pace(!self.camera.has_fixed_pace());
     }
 
-    /// Measurements by clicks, in words.
+    /// The active tool.
+    pub fn tool(&self) -> ToolName {
+        self.tools.active
+    }
+
+    /// Chooses a tool.
+    pub fn set_tool(&mut self, name: ToolName) {
+        self.tools.active = name;
+    }
+
+    /// Measurements, in words.
     pub fn measured(&self) -> Vec<String> {
-        self.gestures.measure().lines(self.unit())
+        self.measure().lines(self.unit())
     }
 
-    /// Names and values of the point that was clicked last.
+    /// Names and values of the point that was picked last.
     pub fn about_picked(&self) -> Vec<(String, String)> {
-        self.gestures.measure().about_last()
+        self.measure().about_last()
     }
 
-    /// Error of the last search for a clicked point.
+    /// Error of the last search for a picked point.
     pub fn pick_fault(&self) -> Option<&str> {
-        self.pick_fault.as_deref()
+        self.tools.pick.fault()
     }
 
-    /// Looks for the points of new clicks, and takes those that were found.
-    fn pick(&mut self, ctx: &Context) {
-        if self.gestures.take_undo() && self.picking.take().is_none() {
-            self.gestures.measure_mut().pop();
-        }
-        let shown = self.scene.as_ref().and_then(Scene::shown);
-        for clicked in self.gestures.take_clicked() {
-            self.pick_fault = None;
-            let file = Arc::clone(self.file());
-            let (view, shown) = (self.view(), shown.clone());
-            let depth = clicked.depth - self.camera.depth_offset(&view);
-            let clicked = Clicked { depth, ..clicked };
-            self.picking = shown.map(|shown| Picking::start(ctx, file, view, clicked, shown));
-        }
-        match self.picking.as_ref().map(Picking::poll) {
-            None | Some(Search::Open) => return,
-            Some(Search::Found(Some(picked))) => self.gestures.measure_mut().push(*picked),
-            Some(Search::Found(None)) => {}
-            Some(Search::Failed(fault)) => self.pick_fault = Some(fault),
-        }
-        self.picking = None;
+    /// What the picture shows, while a session runs.
+    fn seen(&self) -> Option<Seen> {
+        let shown = self.scene.as_ref().and_then(Scene::shown)?;
+        let (file, view) = (Arc::clone(self.file()), self.view());
+        Some(Seen { file, view, shown, depth_offset: self.camera.depth_offset(&view) })
     }
 
     /// Movement of the sun since the last call, in shares of the height of the picture.
     #[cfg(feature = "light")]
     pub fn take_sun_drag(&mut self) -> Option<[f64; 2]> {
-        self.gestures.take_sun_drag()
+        self.tools.navigate.take_sun_drag()
     }
 
     /// The measured points.
     pub fn measure(&self) -> &Measure {
-        self.gestures.measure()
+        self.tools.pick.measure()
     }
 
     /// Replaces the measured points.
     pub fn set_measure(&mut self, measure: Measure) {
-        *self.gestures.measure_mut() = measure;
+        self.tools.pick.set_measure(measure);
     }
 
     /// Removes the measurements.
     pub fn clear_measurements(&mut self) {
-        self.picking = None;
-        self.gestures.clear_measurements();
+        self.tools.clear();
     }
 
     /// Whether the cut is frozen.
@@ -414,28 +411,30 @@ impl Viewer {
         };
     }
 
-    /// Moves the camera by the input of this pass. Returns whether the user is dragging the scene.
-    pub fn handle_input(&mut self, ui: &Ui, response: &Response, now_s: f64) -> bool {
+    /// Gives the input of this pass to the tools, which move the camera.
+    pub fn handle_input(&mut self, ui: &Ui, response: &Response, now_s: f64) {
         if self.picture_rect.is_none() {
             // The aspect ratio of the picture is known only now.
             let size = pixels(response.rect, ui.ctx().pixels_per_point(), 1.0);
             self.camera = self.views.first(size);
         }
         let before = self.camera.pose();
-        self.gestures.has_sun = self.scene.as_ref().is_some_and(Scene::is_lit);
-        self.gestures.update(ui, response, &mut self.camera);
-        let is_dragging = self.gestures.is_dragging();
+        self.tools.navigate.has_sun = self.scene.as_ref().is_some_and(Scene::is_lit);
+        self.tools.input(ui, response, &mut self.camera);
+        let is_dragging = self.tools.is_dragging();
         if !is_dragging {
             self.sharpness.let_go();
         }
         if self.camera.pose() != before {
             self.sharpness.moved(now_s, is_dragging);
-        } else if !self.camera.is_moving() && self.gestures.picks().is_empty() {
+        } else if !self.camera.is_moving() && !self.tools.needs_depth() {
             self.sharpness.rests();
         }
         self.picture_rect = Some(response.rect);
         self.full_px = pixels(response.rect, ui.ctx().pixels_per_point(), 1.0);
-        self.gestures.is_dragging()
+        if response.hovered() || is_dragging {
+            ui.ctx().set_cursor_icon(self.tools.cursor());
+        }
     }
 
     /// Keeps a session with the settings `wanted`, for pictures up to the size of the window. While
@@ -461,7 +460,7 @@ impl Viewer {
         // The value of a slider changes in each pass while it is dragged. Light follows it.
         let light = wanted.light.clone();
         let is_light_alone = Settings { light, ..scene.settings().clone() } == *wanted;
-        if !ctx.egui_is_using_pointer() || self.gestures.is_dragging() || is_light_alone {
+        if !ctx.egui_is_using_pointer() || self.tools.is_dragging() || is_light_alone {
             scene.set(wanted.clone());
         }
         let has = scene.size();
@@ -494,7 +493,7 @@ impl Viewer {
         self.size = within(pixels(rect, ctx.pixels_per_point(), scale), has);
         let views = self.views();
         let scene = self.scene.as_mut()?;
-        if !self.gestures.picks().is_empty() || shots.is_requested() {
+        if self.tools.needs_depth() || shots.is_requested() {
             scene.invalidate();
         }
         let method = scene.settings().method;
@@ -505,7 +504,7 @@ impl Viewer {
                 let (start, drawn_ms) = (Instant::now(), frame.times.total_ms);
                 // GPU time of the newest finished frame, if a GPU draws.
                 let rendered_ms = frame.stats.stages.total_ms;
-                let (gestures, camera) = (&mut self.gestures, &mut self.camera);
+                let (tools, camera) = (&mut self.tools, &mut self.camera);
                 let offset = camera.depth_offset(&views.seen);
                 let from_eye = |depth: Option<f64>| depth.map(|depth| depth + offset);
                 let size = DVec2::new(f64::from(self.size[0]), f64::from(self.size[1]));
@@ -520,7 +519,8 @@ impl Viewer {
                         let depths =
                             Depths { width: picture.width as usize, depth: &picture.depth };
                         self.hud.drew_memory(depths, views.seen, frame.is_final);
-                        gestures.resolve_picks(camera, size, |at| from_eye(depths.near(at)));
+                        let at = &mut |at| from_eye(depths.near(at));
+                        tools.take_depths(camera, &mut Depth { size, at });
                         let far = typical(|at| depths.exactly(at));
                         far.iter().for_each(|&far| camera.follow_depth(far, drawn_ms / 1e3));
                     }
@@ -528,13 +528,15 @@ impl Viewer {
                         if !self.canvas.show(view, self.size) {
                             self.canvas.upload(ctx, &scene.picture().ok()?);
                         }
-                        if gestures.needs_exact_depth() {
+                        if tools.needs_exact_depth() {
                             let picture = scene.picture().ok()?;
                             let depths =
                                 Depths { width: picture.width as usize, depth: &picture.depth };
-                            gestures.resolve_picks(camera, size, |at| from_eye(depths.near(at)));
+                            let at = &mut |at| from_eye(depths.near(at));
+                            tools.take_depths(camera, &mut Depth { size, at });
                         } else {
-                            gestures.resolve_picks(camera, size, |at| from_eye(scene.depth_at(at)));
+                            let at = &mut |at| from_eye(scene.depth_at(at));
+                            tools.take_depths(camera, &mut Depth { size, at });
                         }
                         self.hud.drew_texture(views.seen, scene.depth_at(DVec2::splat(0.5)));
                         let far = typical(|at| scene.depth_at(at));
@@ -567,7 +569,8 @@ impl Viewer {
         };
         counters.take_status(scene.status(), now_s);
         counters.gpu_bytes = scene.gpu_bytes();
-        self.pick(ctx);
+        let seen = self.seen();
+        self.tools.advance(ctx, seen.as_ref());
         drawn
     }
 
@@ -588,7 +591,13 @@ impl Viewer {
             painter.rect_filled(behind, 4.0, Color32::from_black_alpha(170));
             painter.galley(corner, text, theme::ACCENT);
         }
-        self.gestures.measure().paint(&painter, rect, &self.view());
+        let seen = &self.view();
+        let over = Over { painter: &painter, rect, seen };
+        for (text, at) in &self.annotations {
+            over.text(*at, text.clone());
+            over.mark(*at);
+        }
+        self.tools.paint(&painter, rect, seen);
         if let Some(fault) = &self.fault {
             progress::fault_over(ui, rect, fault);
             return;
@@ -616,7 +625,7 @@ impl Viewer {
     pub fn needs_redraw(&self, now_s: f64) -> bool {
         let is_done = self.is_at_rest() || self.fault.is_some();
         let is_moving = self.camera.is_moving() || self.sharpness.is_moving(now_s);
-        !is_done || is_moving || self.resized.is_some() || self.picking.is_some()
+        !is_done || is_moving || self.resized.is_some() || self.tools.is_busy()
     }
 
     /// View of the camera for a picture of the present size.

@@ -13,5 +13,6 @@ mod save;
 mod values;
 
 pub use about::SceneInfo;
+pub use esker_scene::{Annotation, Measurement, MeasurementKind};
 pub use read::{Document, PlacedCloud, is_document};
 pub use save::{SaveReport, may_save, save, save_over, text};

@@ -3,7 +3,7 @@
 
 use super::{App, Stage};
 use crate::counters::Counters;
-use crate::document::{Saved, SceneFile};
+use crate::document::{Present, Saved, SceneFile};
 use crate::files::Files;
 use crate::history::{History, Made};
 use crate::job::Job;
@@ -202,9 +202,14 @@ impl App {
         if self.files.is_busy() {
             return;
         }
-        let (scene, path, settings) = (scene.clone(), path.to_owned(), self.wanted.clone());
-        let (camera, size) = (viewer.camera_request(), viewer.full_size());
-        let save = move || scene.save(&path, may_replace, (&settings, camera, size));
+        let (scene, path) = (scene.clone(), path.to_owned());
+        let present = Present {
+            settings: self.wanted.clone(),
+            camera: viewer.camera_request(),
+            size: viewer.full_size(),
+            measurements: viewer.measure().measurements(),
+        };
+        let save = move || scene.save(&path, may_replace, &present);
         match Job::start("esker-save", save) {
             Ok(job) => self.files.saving = Some(job),
             Err(error) => self.shots.add_failure(format!("{error:#}")),

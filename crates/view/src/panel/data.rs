@@ -4,6 +4,7 @@ use crate::clouds::Cloud;
 use crate::counters::Counters;
 use crate::shots::Message;
 use crate::times::Times;
+use crate::tools::ToolName;
 use esker_engine::Forest;
 use esker_engine::cameras::classes::ClassCount;
 use esker_engine::cameras::legend::Legend;
@@ -61,6 +62,8 @@ pub struct PanelData<'a> {
     pub picture: [u32; 2],
     /// Speed of the camera, the file's unit a second.
     pub speed: f64,
+    /// The active tool.
+    pub tool: ToolName,
     /// Whether the speed is fixed, instead of following the distance of what is in view.
     pub has_fixed_speed: bool,
     /// Whether pictures are parallel (orthographic) ones.

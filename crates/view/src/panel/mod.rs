@@ -25,6 +25,7 @@ mod widgets;
 use crate::commands::{self, Command};
 use crate::settings::Settings;
 use crate::theme;
+use crate::tools::ToolName;
 use counted::Counted;
 use data::PanelData;
 use eframe::egui::{
@@ -150,6 +151,8 @@ fn heading(ui: &mut Ui, data: &PanelData<'_>, given: &mut Vec<Command>) {
 
 fn buttons(ui: &mut Ui, data: &PanelData<'_>, given: &mut Vec<Command>) {
     let buttons = [
+        (Command::Tool(ToolName::Navigate), data.tool == ToolName::Navigate),
+        (Command::Tool(ToolName::Pick), data.tool == ToolName::Pick),
         (Command::Fit, false),
         (Command::Picture, false),
         (Command::Open, false),

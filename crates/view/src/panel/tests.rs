@@ -10,6 +10,7 @@ use crate::soft::clip::Clip;
 use crate::soft::painter::{Painter, Target};
 use crate::theme;
 use crate::times::Times;
+use crate::tools::ToolName;
 use eframe::egui::accesskit::Role;
 use eframe::egui::{
     Context, Frame, Margin, Order, Panel, Pos2, RawInput, Rect, ThemePreference, Vec2, ViewportId,
@@ -122,6 +123,7 @@ impl Shown {
             picked: &picked,
             picture: [1024, 800],
             speed: 3344.0,
+            tool: ToolName::Pick,
             has_fixed_speed: false,
             is_parallel: false,
             up_note: None,

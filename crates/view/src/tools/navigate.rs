@@ -1,13 +1,13 @@
 //! Turns input into movements of the camera: keys fly, the left button orbits around the point
 //! under the pointer, the right one pans, the middle one looks around, the wheel zooms to the
-//! pointer (or changes the speed while flying), a click measures coordinates, a double click flies
-//! to the point. In lit pictures the left button with Ctrl (Command on a Mac) moves the sun.
-//! Gestures that need the point under the pointer wait for the picture of this frame, which has its
-//! depth, so that nothing blocks on reading a depth.
+//! pointer (or changes the speed while flying), a double click flies to the point. In lit pictures
+//! the left button with Ctrl (Command on a Mac) moves the sun. Gestures that need the point under
+//! the pointer wait for the picture of this frame, which has its depth, so that nothing blocks on
+//! reading a depth.
 
+use super::{Depth, Tool, share_of};
 use crate::camera::Camera;
-use crate::measure::Measure;
-use eframe::egui::{Key, PointerButton, Pos2, Rect, Response, Ui};
+use eframe::egui::{Key, PointerButton, Rect, Response, Ui};
 use glam::{DVec2, DVec3};
 
 /// Turn of the camera for a drag over the whole height of the picture, radians.
@@ -34,29 +34,15 @@ const FLY: [(Key, DVec3); 10] = [
     (Key::ArrowLeft, DVec3::NEG_X),
 ];
 
-/// The gesture that is being made, and the picks that wait for a depth.
+/// Moves the camera. Has the gesture that is being made, and what waits for a depth.
 #[derive(Debug, Default)]
-pub struct Gestures {
+pub struct Navigate {
     drag: Option<Drag>,
-    picks: Vec<Pick>,
-    measure: Measure,
-    /// Places that were clicked, and whose point is still to be found.
-    clicked: Vec<Clicked>,
-    /// Whether the last click was the first one of a double click.
-    undoes_click: bool,
+    waiting: Vec<Waiting>,
     /// Whether there is a sun to drag.
     pub has_sun: bool,
     /// Movement of the sun that was not taken yet, in shares of the height of the picture.
     sun: DVec2,
-}
-
-/// A place that was clicked to measure it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clicked {
-    /// Position in the picture, 0 to 1 from its top left corner.
-    pub at: DVec2,
-    /// Depth that the picture shows there, from the eye of the camera.
-    pub depth: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,9 +58,9 @@ enum Drag {
 
 /// A pixel whose depth is needed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pick {
+struct Waiting {
     /// Position in the picture, 0 to 1 from its top left corner.
-    pub at: DVec2,
+    at: DVec2,
     /// What the point behind the pixel is used for.
     purpose: Purpose,
 }
@@ -87,37 +73,15 @@ enum Purpose {
         ratio: f64,
     },
     FlyTo,
-    Measure,
     /// Make the picture a parallel one, or a perspective one.
     Parallel(bool),
 }
 
-impl Gestures {
-    /// Moves the camera by the input of this frame; the rectangle of `response` is that of the
-    /// picture.
-    pub fn update(&mut self, ui: &Ui, response: &Response, camera: &mut Camera) {
-        let rect = response.rect;
-        self.start(ui, response, rect);
-        let moved = response.drag_delta();
-        let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y));
-        if moved != DVec2::ZERO {
-            self.drag(camera, moved, f64::from(rect.height().max(1.0)));
-        }
-        if !response.is_pointer_button_down_on() {
-            self.drag = None;
-        }
-        self.wheel(ui, response, camera, rect);
-        camera.step(keys_held(ui), f64::from(ui.input(|i| i.stable_dt)));
-    }
-
+impl Navigate {
     fn start(&mut self, ui: &Ui, response: &Response, rect: Rect) {
         let Some(at) = response.interact_pointer_pos().map(|p| share_of(rect, p)) else { return };
         if response.double_clicked() {
-            // The first click of a double click is no measurement.
-            self.undoes_click = true;
-            self.picks.push(Pick { at, purpose: Purpose::FlyTo });
-        } else if response.clicked() && ui.input(|i| i.modifiers.is_none()) {
-            self.picks.push(Pick { at, purpose: Purpose::Measure });
+            self.waiting.push(Waiting { at, purpose: Purpose::FlyTo });
         }
         let pressed = |button| ui.input(|i| i.pointer.button_pressed(button));
         if !response.is_pointer_button_down_on() {
@@ -126,12 +90,12 @@ impl Gestures {
         let [shift, command] = ui.input(|i| [i.modifiers.shift, i.modifiers.command]);
         if pressed(PointerButton::Secondary) || (pressed(PointerButton::Primary) && shift) {
             self.drag = Some(Drag::Pan(None));
-            self.picks.push(Pick { at, purpose: Purpose::Pan });
+            self.waiting.push(Waiting { at, purpose: Purpose::Pan });
         } else if pressed(PointerButton::Primary) && command && self.has_sun {
             self.drag = Some(Drag::Sun);
         } else if pressed(PointerButton::Primary) {
             self.drag = Some(Drag::Orbit(None));
-            self.picks.push(Pick { at, purpose: Purpose::Orbit });
+            self.waiting.push(Waiting { at, purpose: Purpose::Orbit });
         } else if pressed(PointerButton::Middle) {
             self.drag = Some(Drag::Look);
         }
@@ -163,19 +127,16 @@ impl Gestures {
         }
         let ratio = (-scrolled * ZOOM_A_POINT).exp() / f64::from(pinched.max(1e-3));
         if ratio != 1.0 {
-            self.picks.push(Pick { at: share_of(rect, pointer), purpose: Purpose::Zoom { ratio } });
+            self.waiting
+                .push(Waiting { at: share_of(rect, pointer), purpose: Purpose::Zoom { ratio } });
         }
     }
 
     /// Makes the picture a parallel one, or a perspective one, when the depth in its middle is
     /// known.
     pub fn set_parallel(&mut self, is_parallel: bool) {
-        self.picks.push(Pick { at: DVec2::splat(0.5), purpose: Purpose::Parallel(is_parallel) });
-    }
-
-    /// Whether a pick needs the exact depth of the picture.
-    pub fn needs_exact_depth(&self) -> bool {
-        self.picks.iter().any(|pick| pick.purpose == Purpose::Measure)
+        self.waiting
+            .push(Waiting { at: DVec2::splat(0.5), purpose: Purpose::Parallel(is_parallel) });
     }
 
     /// Movement of the sun since the last call, in shares of the height of the picture.
@@ -184,61 +145,37 @@ impl Gestures {
         let moved = std::mem::take(&mut self.sun);
         (moved != DVec2::ZERO).then_some(moved.to_array())
     }
+}
 
-    /// The measured points.
-    pub fn measure(&self) -> &Measure {
-        &self.measure
+impl Tool for Navigate {
+    fn input(&mut self, ui: &Ui, response: &Response, camera: &mut Camera) {
+        let rect = response.rect;
+        self.start(ui, response, rect);
+        let moved = response.drag_delta();
+        let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y));
+        if moved != DVec2::ZERO {
+            self.drag(camera, moved, f64::from(rect.height().max(1.0)));
+        }
+        if !response.is_pointer_button_down_on() {
+            self.drag = None;
+        }
+        self.wheel(ui, response, camera, rect);
+        camera.step(keys_held(ui), f64::from(ui.input(|i| i.stable_dt)));
     }
 
-    /// The measured points.
-    pub fn measure_mut(&mut self) -> &mut Measure {
-        &mut self.measure
+    fn needs_depth(&self) -> bool {
+        !self.waiting.is_empty()
     }
 
-    /// Places that were clicked since the last call.
-    pub fn take_clicked(&mut self) -> Vec<Clicked> {
-        std::mem::take(&mut self.clicked)
-    }
-
-    /// Whether the last click has become a double click since the last call.
-    pub fn take_undo(&mut self) -> bool {
-        std::mem::take(&mut self.undoes_click)
-    }
-
-    /// Removes the measured points, and those that were clicked and are not found yet.
-    pub fn clear_measurements(&mut self) {
-        self.measure.clear();
-        self.picks.retain(|pick| pick.purpose != Purpose::Measure);
-        self.clicked.clear();
-    }
-
-    /// Pixels whose depth is needed from the next picture.
-    pub fn picks(&self) -> &[Pick] {
-        &self.picks
-    }
-
-    /// Finishes the gestures that wait for a depth. `depth` gives the depth at a position of the
-    /// picture, from the eye of the camera. The picture has `size` pixels and was drawn for the
-    /// present pose of `camera`.
-    pub fn resolve_picks(
-        &mut self,
-        camera: &mut Camera,
-        size: DVec2,
-        mut depth: impl FnMut(DVec2) -> Option<f64>,
-    ) {
-        for pick in self.picks.drain(..) {
-            let known = depth(pick.at);
+    fn take_depths(&mut self, camera: &mut Camera, picture: &mut Depth<'_>) {
+        for Waiting { at, purpose } in self.waiting.drain(..) {
             // Where the picture is empty, the viewing distance is used.
-            let depth = known.unwrap_or(camera.distance());
-            let point = camera.point_at(pick.at * size, size, depth);
-            match pick.purpose {
+            let depth = (picture.at)(at).unwrap_or(camera.distance());
+            let point = camera.point_at(at * picture.size, picture.size, depth);
+            match purpose {
                 Purpose::Zoom { ratio } => camera.zoom(point, ratio),
                 Purpose::FlyTo => camera.fly_to(point),
                 Purpose::Parallel(is_parallel) => camera.set_parallel(is_parallel, depth),
-                Purpose::Measure if known.is_some() => {
-                    self.clicked.push(Clicked { at: pick.at, depth });
-                }
-                Purpose::Measure => self.measure.clear(),
                 Purpose::Orbit => {
                     if self.drag == Some(Drag::Orbit(None)) {
                         self.drag = Some(Drag::Orbit(Some(point)));
@@ -253,8 +190,7 @@ impl Gestures {
         }
     }
 
-    /// Whether the user is dragging the scene.
-    pub fn is_dragging(&self) -> bool {
+    fn is_dragging(&self) -> bool {
         self.drag.is_some()
     }
 }
@@ -283,10 +219,4 @@ fn keys_held(ui: &Ui) -> DVec3 {
         };
         held.sum::<DVec3>().clamp(DVec3::NEG_ONE, DVec3::ONE) * pace
     })
-}
-
-fn share_of(rect: Rect, pointer: Pos2) -> DVec2 {
-    let at = pointer - rect.min;
-    let share = |v: f32, side: f32| f64::from(v / side.max(1.0)).clamp(0.0, 1.0);
-    DVec2::new(share(at.x, rect.width()), share(at.y, rect.height()))
 }

@@ -1,20 +1,20 @@
-//! Finds the points of the file that were clicked, on a thread, since that reads the disk.
+//! Finds the point of the file that was clicked, on a thread, since that reads the disk.
 
-use crate::gestures::Clicked;
+use super::Seen;
+use super::pick::Clicked;
 use eframe::egui::Context;
 use esker_engine::calls::pick::{Picked, pick};
-use esker_engine::{Forest, ForestFilter, View};
 use glam::DVec2;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 
-/// A point that is being found.
-pub struct Picking {
+/// A search for a point.
+pub struct Search {
     found: Receiver<Result<Option<Picked>, String>>,
 }
 
 /// How far a search is.
-pub enum Search {
+pub enum Outcome {
     /// It goes on.
     Open,
     /// The point, if there is one at the place.
@@ -23,21 +23,16 @@ pub enum Search {
     Failed(String),
 }
 
-impl Picking {
-    /// Starts to find the point at a place of the picture of `view`, among those that `shown`
-    /// accepts; repaints the window when it is found.
-    pub fn start(
-        ctx: &Context,
-        file: Arc<Forest>,
-        view: View,
-        clicked: Clicked,
-        shown: Arc<ForestFilter>,
-    ) -> Self {
+impl Search {
+    /// Starts to find the point at a place of a picture; repaints the window when it is found.
+    pub fn start(ctx: &Context, seen: &Seen, clicked: Clicked) -> Self {
         let (sender, found) = sync_channel(1);
-        let ctx = ctx.clone();
+        let (file, shown) = (Arc::clone(&seen.file), Arc::clone(&seen.shown));
+        let (ctx, view) = (ctx.clone(), seen.view);
         let at = clicked.at * DVec2::new(f64::from(view.width), f64::from(view.height));
+        let depth = clicked.depth - seen.depth_offset;
         let work = move || {
-            let picked = pick(&file, &view, at, clicked.depth, &shown);
+            let picked = pick(&file, &view, at, depth, &shown);
             // The receiver is gone if another place was clicked.
             let _ = sender.send(picked.map_err(|error| format!("{error:#}")));
             ctx.request_repaint();
@@ -48,13 +43,13 @@ impl Picking {
     }
 
     /// How far the search is.
-    pub fn poll(&self) -> Search {
+    pub fn poll(&self) -> Outcome {
         match self.found.try_recv() {
-            Ok(Ok(picked)) => Search::Found(picked.map(Box::new)),
-            Ok(Err(fault)) => Search::Failed(fault),
-            Err(TryRecvError::Empty) => Search::Open,
+            Ok(Ok(picked)) => Outcome::Found(picked.map(Box::new)),
+            Ok(Err(fault)) => Outcome::Failed(fault),
+            Err(TryRecvError::Empty) => Outcome::Open,
             Err(TryRecvError::Disconnected) => {
-                Search::Failed("the thread that looks for the point has ended".into())
+                Outcome::Failed("the thread that looks for the point has ended".into())
             }
         }
     }

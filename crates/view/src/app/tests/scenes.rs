@@ -317,3 +317,75 @@ fn what_was_built_is_kept_under_a_name_and_opened_by_its_path() {
     let message = harness.state().shots.message();
     assert!(matches!(message, Some(Err(text)) if text.contains("nothing to keep")), "{message:?}");
 }
+
+#[test]
+fn measurements_are_saved_with_the_document_and_shown_when_it_is_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    let [low, high] = info::bounds(&Forest::open(sample()).unwrap());
+    let [a, b] = [low, high].map(|p| format!("{:?}", p));
+    // The second cloud is beside the first one, so that half of the picture is moved points.
+    let fields = format!(
+        r#""size": [420, 300], "camera": "direction=0.1,0.2,-1",
+            "annotations": [{{"text": "corner", "at": {a}}}],
+            "measurements": [{{"name": "across", "kind": "distance", "points": [{a}, {b}]}}]"#
+    );
+    let path = document(folder.path(), &fields);
+    let mut harness = picture_window(&path);
+    let across = |harness: &Harness<'_, App>| viewer(harness).measured()[0].clone();
+    assert!(across(&harness).starts_with("across: "), "{}", across(&harness));
+    assert_eq!(viewer(&harness).notes(), [""; 0], "nothing of it is left out");
+    let rect = viewer(&harness).picture_rect().unwrap();
+    for share in [vec2(0.35, 0.5), vec2(0.75, 0.45)] {
+        click(&mut harness, rect.lerp_inside(share));
+        settle(&mut harness);
+        // The next click is no second one of a double click.
+        harness.run_steps(60);
+    }
+    let lines = viewer(&harness).measured();
+    assert_eq!(lines.len(), 4, "{lines:?}");
+    save(&mut harness, Command::SaveScene);
+    let saved = Document::read(&path).unwrap().scene;
+    assert_eq!(saved.annotations.len(), 1, "what the window does not change is kept");
+    assert_eq!(saved.measurements.len(), 2);
+    for (point, line) in saved.measurements[1].points.iter().zip(&lines[1..]) {
+        let words: Vec<f64> = line.split_whitespace().map(|word| word.parse().unwrap()).collect();
+        assert_eq!(point[..], words[..], "every digit");
+    }
+    let mut again = picture_window(&path);
+    let distance = lines[3].split(',').next().unwrap();
+    assert_eq!(viewer(&again).measured(), [across(&harness), distance.to_owned()]);
+    let off = off(&shown(&mut again, folder.path()), &rendered(&path), 1);
+    assert!(off <= ROUNDED, "pictures have none: {off}");
+    // Escape removes them, undo brings them back.
+    press(&again, Key::Escape, Modifiers::NONE);
+    again.run_steps(3);
+    std::thread::sleep(Duration::from_millis(450));
+    again.run_steps(3);
+    assert_eq!(viewer(&again).measured(), [""; 0]);
+    press(&again, Key::Z, Modifiers::COMMAND);
+    again.run_steps(3);
+    assert_eq!(viewer(&again).measured().len(), 2);
+}
+
+#[test]
+fn only_the_tool_for_it_picks_points() {
+    let mut harness = window(sample(), vec2(900.0, 700.0), &[]);
+    settle(&mut harness);
+    let at = viewer(&harness).picture_rect().unwrap().center();
+    let mut picked = |harness: &mut Harness<'_, App>| {
+        click(harness, at);
+        settle(harness);
+        harness.run_steps(60);
+        viewer(harness).measured().len()
+    };
+    harness.get_by_label("Navigate").click();
+    harness.run_steps(2);
+    assert_eq!(picked(&mut harness), 0);
+    press(&harness, Key::I, Modifiers::NONE);
+    harness.run_steps(2);
+    assert_eq!(picked(&mut harness), 1);
+    // What a tool has made stays when another one is chosen.
+    press(&harness, Key::N, Modifiers::NONE);
+    harness.run_steps(2);
+    assert_eq!(picked(&mut harness), 1);
+}
