@@ -22,7 +22,7 @@ use crate::shots::Shots;
 use crate::source::Opening;
 use crate::times::{FrameTime, Times};
 use crate::viewer::{Viewer, pixels};
-use crate::{document, fault, fit, fonts, progress, theme};
+use crate::{document, fault, fit, fonts, progress, theme, widgets};
 use anyhow::Result;
 use eframe::egui::text_selection::LabelSelectionState;
 use eframe::egui::{
@@ -186,6 +186,9 @@ impl App {
     pub fn set_window_painter(&mut self, ctx: &Context, window_painter: WindowPainter) {
         theme::apply(ctx);
         fonts::apply(ctx);
+        if self.run.as_ref().is_some_and(ScriptedRun::clicks_widgets) {
+            widgets::collect(ctx);
+        }
         self.window_painter = window_painter;
     }
 
@@ -198,8 +201,10 @@ impl App {
 
     fn fly(&mut self, ctx: &Context, raw: &mut RawInput) {
         let now_s = self.now_s();
-        // A script flies through the whole file, not through a preview.
-        let Some(run) = self.run.as_mut().filter(|_| self.building.is_none()) else { return };
+        // A script flies through the whole file, unless it asks for the preview.
+        let is_whole = self.building.is_none();
+        let run = self.run.as_mut().filter(|run| is_whole || run.begins_with_preview());
+        let Some(run) = run else { return };
         let viewer = match &mut self.stage {
             Stage::Viewing(viewer) if viewer.fault().is_none() => viewer,
             Stage::Opening(_) if !run.closes_at_once() => return,
@@ -211,7 +216,9 @@ impl App {
             self.stage = Stage::failed(&error);
             return;
         }
+        let widgets = widgets::of(ctx);
         let window = WindowState {
+            widgets: &widgets,
             now_s,
             picture_rect,
             camera: viewer.camera(),
@@ -227,6 +234,7 @@ impl App {
                 Order::Picture(path) => self.shots.request(Some(&path), ""),
                 Order::Window(path) => self.shots.request_window(ctx, path),
                 Order::SetPose(pose) => viewer.set_pose(pose),
+                Order::Fault(fault) => run.record.fault(&fault),
                 Order::Close => ctx.send_viewport_cmd(ViewportCommand::Close),
                 Order::Begin | Order::End => {}
             }

@@ -173,6 +173,7 @@ mod tests {
         let (mut keys, mut buttons) = (0, 0);
         for frame in 0..200 {
             let window = WindowState {
+                widgets: &[],
                 now_s: f64::from(frame) * 0.02,
                 picture_rect: Rect::from_min_max(pos2(0.0, 0.0), pos2(640.0, 400.0)),
                 camera: &camera,

@@ -2,6 +2,7 @@
 //! the state of the window that a script reads in each frame.
 
 use crate::camera::Camera;
+use crate::widgets::Widget;
 use eframe::egui::{
     Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2, Rect, TouchPhase,
     pos2, vec2,
@@ -15,6 +16,8 @@ pub struct WindowState<'a> {
     pub picture_rect: Rect,
     /// Camera of the scene.
     pub camera: &'a Camera,
+    /// Widgets that can be clicked, if the script clicks any.
+    pub widgets: &'a [Widget],
     /// Whether the view is complete.
     pub settled: bool,
     /// Whether a requested picture is not written yet.

@@ -46,4 +46,5 @@ mod times;
 mod tools;
 mod viewer;
 mod views;
+mod widgets;
 pub mod window;

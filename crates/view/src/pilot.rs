@@ -8,12 +8,16 @@ use crate::camera::{Camera, Pose};
 use crate::commands::Command;
 use crate::input_events::{WindowState, button_event, key_event, position_at, wheel_event};
 use crate::script::{Script, Step, key};
+use crate::widgets;
+use eframe::egui::accesskit::{Action, ActionRequest, TreeId};
 use eframe::egui::{Event, Modifiers, PointerButton, Pos2, RawInput};
 use std::path::PathBuf;
 
 /// Greatest share of a drag or of a turn of the wheel that is made in one frame.
 const STRIDE: f64 = 0.1;
 
+/// Frames of a click on a widget.
+const WIDGET_FRAMES: f64 = 7.0;
 /// Movements of the pointer a second.
 const POINTS_A_SECOND: f64 = 60.0;
 
@@ -43,6 +47,8 @@ pub enum Order {
     Begin,
     /// End the flight.
     End,
+    /// Report what the script could not do.
+    Fault(String),
     /// Give a command.
     Command(Command),
     /// Close the window, which writes the report.
@@ -245,6 +251,13 @@ impl Pilot {
                 events.extend(click(at(*position)));
                 !begins
             }
+            Step::Widget { name, seconds: length } => {
+                self.click_widget(name, seconds >= *length, window, events, orders)
+            }
+            Step::Type { text } => {
+                events.extend(begins.then(|| Event::Text(text.clone())));
+                !begins
+            }
             Step::Path { file, faster } => {
                 self.follow(file.as_ref(), *faster, window, begins, events)
             }
@@ -269,6 +282,40 @@ impl Pilot {
                 false
             }
         }
+    }
+
+    /// Clicks a widget: brings it into view, then moves the pointer to it, presses and releases,
+    /// each in frames of its own. Returns whether that is done.
+    fn click_widget(
+        &mut self,
+        name: &str,
+        is_late: bool,
+        window: &WindowState<'_>,
+        events: &mut Vec<Event>,
+        orders: &mut Vec<Order>,
+    ) -> bool {
+        let Some(widget) = widgets::find(window.widgets, name) else {
+            if is_late {
+                orders.push(Order::Fault(format!("the window has no widget `{name}`")));
+            }
+            return is_late;
+        };
+        let (at, button) = (widget.rect.center(), PointerButton::Primary);
+        self.share += 1.0 / WIDGET_FRAMES;
+        match (self.share * WIDGET_FRAMES).round() as u32 {
+            1 => events.push(Event::AccessKitActionRequest(ActionRequest {
+                action: Action::ScrollIntoView,
+                target_tree: TreeId::ROOT,
+                target_node: widget.id,
+                data: None,
+            })),
+            // It has moved by then.
+            2..=4 => {}
+            5 => events.push(Event::PointerMoved(at)),
+            6 => events.push(button_event(at, button, true)),
+            _ => events.push(button_event(at, button, false)),
+        }
+        self.share >= 1.0
     }
 
     /// Moves the pointer to a share of the way, unless it is there.

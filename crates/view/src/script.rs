@@ -41,6 +41,9 @@ pub struct Script {
     /// Whether the file is first removed from the system's cache, so that it is read from the disk.
     #[serde(default)]
     pub cold: bool,
+    /// Whether the steps begin with the preview of a scan that is being built, not with all of it.
+    #[serde(default)]
+    pub preview: bool,
     /// Whether pictures are coarser while the camera moves.
     #[serde(default)]
     pub coarser_moving: bool,
@@ -105,6 +108,19 @@ pub enum Step {
     DoubleClick {
         /// Position of the pointer.
         at: [f64; 2],
+    },
+    /// Clicks the middle of a widget, of which as much is brought into view as there is room for.
+    Widget {
+        /// Its accessible name.
+        name: String,
+        /// Longest time to wait for it.
+        #[serde(default = "ten")]
+        seconds: f64,
+    },
+    /// Types a text into the widget that has the focus.
+    Type {
+        /// The text.
+        text: String,
     },
     /// Follows a camera path (`bench/README.md`) by keys, mouse and wheel.
     Path {
@@ -171,6 +187,10 @@ fn flights_max() -> u32 {
     5
 }
 
+fn ten() -> f64 {
+    10.0
+}
+
 fn one() -> f64 {
     1.0
 }
@@ -223,12 +243,16 @@ impl Step {
                 (*seconds, &[*at])
             }
             Self::Click { at } | Self::DoubleClick { at } => (0.0, &[*at]),
-            Self::Wait { seconds } | Self::Settle { seconds } => (*seconds, &[]),
+            Self::Wait { seconds } | Self::Settle { seconds } | Self::Widget { seconds, .. } => {
+                (*seconds, &[])
+            }
             Self::Path { faster, .. } => {
                 ensure!((0.01..=100.0).contains(faster), "`faster` must be 0.01 to 100");
                 (0.0, &[])
             }
-            Self::Picture { .. } | Self::Window { .. } | Self::Close => (0.0, &[]),
+            Self::Picture { .. } | Self::Window { .. } | Self::Type { .. } | Self::Close => {
+                (0.0, &[])
+            }
             Self::Command { id } => {
                 let known = Command::of(id).map(|_| 0.0);
                 (known.with_context(|| format!("`{id}` is no command of the window"))?, &[])

@@ -34,6 +34,18 @@ impl ScriptedRun {
         self.script.coarser_moving
     }
 
+    /// Whether the steps begin with the preview of a scan.
+    pub fn begins_with_preview(&self) -> bool {
+        self.script.preview
+    }
+
+    /// Whether the script clicks widgets by their names.
+    pub fn clicks_widgets(&self) -> bool {
+        let script = &self.script;
+        let mut steps = script.before.iter().chain(&script.flight).chain(&script.after);
+        steps.any(|step| matches!(step, Step::Widget { .. }))
+    }
+
     /// Whether the script begins with closing the window.
     pub fn closes_at_once(&self) -> bool {
         let script = &self.script;

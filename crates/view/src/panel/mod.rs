@@ -1,7 +1,7 @@
-//! The panel beside the picture. Buttons, messages and measurements stand above; below them are
-//! four tabs: how the points are drawn (*View*), which ones (*Filter*), what is open (*Clouds*) and
-//! what the engine does (*Engine*). The panel shows the data that it gets and returns the user's
-//! commands, but performs none itself.
+//! The panel beside the picture. Buttons stand above, messages and measurements at its foot; between
+//! them are four tabs: how the points are drawn (*View*), which ones (*Filter*), what is open
+//! (*Clouds*) and what the engine does (*Engine*). The panel shows the data that it gets and returns
+//! the user's commands, but performs none itself.
 
 mod clouds;
 mod counted;
@@ -29,8 +29,8 @@ use crate::tools::ToolName;
 use counted::Counted;
 use data::PanelData;
 use eframe::egui::{
-    Align, Align2, Area, Button, CollapsingHeader, Grid, Id, Label, Layout, Order, Rect, RichText,
-    ScrollArea, Ui, vec2,
+    Align, Align2, Area, Button, CollapsingHeader, Frame, Grid, Id, Label, Layout, Order, Panel,
+    Rect, RichText, ScrollArea, Ui, vec2,
 };
 use esker_engine::cameras::legend::Legend;
 
@@ -100,11 +100,15 @@ pub fn show(
         state.legend = Some(legend.clone());
     }
     heading(ui, data, &mut given);
-    // Buttons and faults are above the part that scrolls, so that they are visible in windows of
-    // any height.
+    // Buttons are above the part that scrolls, messages and what was picked below it, so that they
+    // are visible in windows of any height, and no control moves when they come.
     buttons(ui, data, &mut given);
-    messages(ui, data);
-    measured(ui, data);
+    let below = Panel::bottom("below").frame(Frame::NONE).resizable(false);
+    below.show_separator_line(false).show(ui, |ui| {
+        ui.add_space(4.0);
+        messages(ui, data);
+        measured(ui, data);
+    });
     ui.add_space(4.0);
     ui.horizontal(|ui| {
         for (tab, name, about) in TABS {
@@ -214,9 +218,10 @@ fn measured(ui: &mut Ui, data: &PanelData<'_>) {
         return;
     }
     let point = CollapsingHeader::new("Point").default_open(true).show(ui, |ui| {
-        // Below it the tabs must stay in view.
-        let scroll = ScrollArea::vertical().id_salt("picked").max_height(PICKED_HEIGHT);
-        scroll.show(ui, |ui| picked(ui, data.picked));
+        // Above it the tabs must stay in view.
+        let height = PICKED_HEIGHT.min(ui.ctx().content_rect().height() / 4.0);
+        let scroll = ScrollArea::vertical().id_salt("picked").max_height(height);
+        scroll.min_scrolled_height(height).show(ui, |ui| picked(ui, data.picked));
     });
     point.header_response.on_hover_text("What the file has of the point that was clicked last");
 }

@@ -372,7 +372,7 @@ fn only_the_tool_for_it_picks_points() {
     let mut harness = window(sample(), vec2(900.0, 700.0), &[]);
     settle(&mut harness);
     let at = viewer(&harness).picture_rect().unwrap().center();
-    let mut picked = |harness: &mut Harness<'_, App>| {
+    let picked = |harness: &mut Harness<'_, App>| {
         click(harness, at);
         settle(harness);
         harness.run_steps(60);
