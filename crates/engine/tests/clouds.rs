@@ -144,9 +144,9 @@ fn picks_of_moved_clouds_are_placed_in_the_scene_and_have_the_integers_of_their_
         assert_eq!(b.coordinates, [x, y, z].map(|c| format!("{:.2}", c + 0.0)));
         let is_east = b.file.ends_with("east.esker");
         of_clouds[usize::from(is_east)] += 1;
-        for axis in 0..3 {
+        let moved = if is_east { MOVED } else { [0.0; 3] };
+        for (axis, moved) in moved.into_iter().enumerate() {
             let own = b.steps[axis] as f64 * b.scale[axis] + b.offset[axis];
-            let moved = if is_east { MOVED[axis] } else { 0.0 };
             assert!((own + moved - a.position[axis]).abs() < 1e-6, "{own} of {b:?}");
             assert!((b.position[axis] - a.position[axis]).abs() < 1e-6);
         }

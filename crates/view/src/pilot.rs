@@ -206,9 +206,8 @@ impl Pilot {
                 is_done
             }
             Step::Press { key: name } => {
-                let is_done = !begins;
                 events.extend(key(name).ok().map(|key| key_event(key, begins)));
-                is_done
+                !begins
             }
             Step::Drag { button, from, to, command, seconds: length } => {
                 let button = PointerButton::from(*button);
@@ -243,20 +242,16 @@ impl Pilot {
                 self.share = t;
                 t >= 1.0
             }
-            Step::Click { at: position } => {
+            Step::Click { at: position } | Step::DoubleClick { at: position } => {
                 events.extend(click(at(*position)));
-                true
-            }
-            Step::DoubleClick { at: position } => {
-                events.extend(click(at(*position)));
-                !begins
+                matches!(step, Step::Click { .. }) || !begins
             }
             Step::Widget { name, seconds: length } => {
                 self.click_widget(name, seconds >= *length, window, events, orders)
             }
             Step::Type { text } => {
-                events.extend(begins.then(|| Event::Text(text.clone())));
-                !begins
+                events.push(Event::Text(text.clone()));
+                true
             }
             Step::Path { file, faster } => {
                 self.follow(file.as_ref(), *faster, window, begins, events)

@@ -1,5 +1,6 @@
-//! What a newcomer wants first, by clicks on widgets in a real window: open a scan, look from above,
-//! tick a class, read a coordinate, take a picture; in a small, a usual and a finely scaled window.
+//! What a newcomer wants first, by clicks on widgets in a real window: open a scan, look from
+//! above, tick a class, read a coordinate, take a picture; in a small, a usual and a finely scaled
+//! window.
 //! Skips itself without a display. With `ESKER_NEWCOMER` (a scan whose points have class 0) and
 //! `ESKER_PICTURES` (a folder) it prints the times for that scan and keeps the pictures, for people
 //! to look at.

@@ -1,7 +1,7 @@
-//! The panel beside the picture. Buttons stand above, messages and measurements at its foot; between
-//! them are four tabs: how the points are drawn (*View*), which ones (*Filter*), what is open
-//! (*Clouds*) and what the engine does (*Engine*). The panel shows the data that it gets and returns
-//! the user's commands, but performs none itself.
+//! The panel beside the picture. Buttons stand above, messages and measurements at its foot;
+//! between them are four tabs: how the points are drawn (*View*), which ones (*Filter*), what is
+//! open (*Clouds*) and what the engine does (*Engine*). The panel shows the data that it gets and
+//! returns the user's commands, but performs none itself.
 
 mod clouds;
 mod counted;

@@ -5,7 +5,7 @@
 //! the pointer wait for the picture of this frame, which has its depth, so that nothing blocks on
 //! reading a depth.
 
-use super::{Depth, Tool, share_of};
+use super::tool::{Depth, Tool, share_of};
 use crate::camera::Camera;
 use eframe::egui::{Key, PointerButton, Rect, Response, Ui};
 use glam::{DVec2, DVec3};

@@ -4,7 +4,7 @@
 
 use super::measure::Measure;
 use super::search::{Outcome, Search};
-use super::{Depth, Seen, Tool, share_of};
+use super::tool::{Clicked, Depth, Seen, Tool, share_of};
 use crate::camera::Camera;
 use eframe::egui::{Context, CursorIcon, Painter, Rect, Response, Ui};
 use esker_engine::View;
@@ -23,15 +23,6 @@ pub struct Pick {
     /// Whether the last click was the first one of a double click.
     undoes_click: bool,
     measure: Measure,
-}
-
-/// A place that was clicked.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clicked {
-    /// Position in the picture, 0 to 1 from its top left corner.
-    pub at: DVec2,
-    /// Depth that the picture shows there, from the eye of the camera.
-    pub depth: f64,
 }
 
 impl Pick {

@@ -1,7 +1,6 @@
 //! Finds the point of the file that was clicked, on a thread, since that reads the disk.
 
-use super::Seen;
-use super::pick::Clicked;
+use super::tool::{Clicked, Seen};
 use eframe::egui::Context;
 use esker_engine::calls::pick::{Picked, pick};
 use glam::DVec2;
