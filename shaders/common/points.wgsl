@@ -47,7 +47,7 @@ fn offset_at(draw: Draw, index: u32) -> vec3<u32> {
         return q | vec3<u32>(low & 1023u, (low >> 10u) & 1023u, (low >> 20u) & 1023u);
     }
     // Six bytes a point: points of odd index begin in the middle of a word.
-    let word = draw.residual_word + (index * 3u >> 1u);
+    let word = draw.residual_word + ((index * 3u) >> 1u);
     let a = residuals[word];
     let b = residuals[word + 1u];
     if (index & 1u) == 0u {

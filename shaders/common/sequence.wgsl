@@ -36,10 +36,10 @@ fn unit(bits: u32) -> f32 {
 
 fn spread(x: u32) -> u32 {
     var v = x & 0xffffu;
-    v = (v | v << 8u) & 0x00ff00ffu;
-    v = (v | v << 4u) & 0x0f0f0f0fu;
-    v = (v | v << 2u) & 0x33333333u;
-    return (v | v << 1u) & 0x55555555u;
+    v = (v | (v << 8u)) & 0x00ff00ffu;
+    v = (v | (v << 4u)) & 0x0f0f0f0fu;
+    v = (v | (v << 2u)) & 0x33333333u;
+    return (v | (v << 1u)) & 0x55555555u;
 }
 
 fn sample_of(sequence: Sequence, x: u32, y: u32, number: u32) -> Sample {
@@ -50,10 +50,10 @@ fn sample_of(sequence: Sequence, x: u32, y: u32, number: u32) -> Sample {
     }
     let half_bits = PIXEL_BITS / 2u;
     let mask = (1u << sequence.pixel_bits) - 1u;
-    let tile = mix_bits((x >> half_bits) | (y >> half_bits) << 16u);
+    let tile = mix_bits((x >> half_bits) | ((y >> half_bits) << 16u));
     let seed = select(sequence.seed ^ tile, sequence.seed, ((x | y) >> half_bits) == 0u);
-    let order = (spread(x) | spread(y) << 1u) & mask;
-    return Sample(seed, order << sequence.log2_samples | number, bits, 0u);
+    let order = (spread(x) | (spread(y) << 1u)) & mask;
+    return Sample(seed, (order << sequence.log2_samples) | number, bits, 0u);
 }
 
 fn pascal(index: u32) -> u32 {
@@ -78,7 +78,7 @@ fn pair(sample: Sample, dimension: u32) -> vec2<f32> {
     let seed = mix_bits(sample.seed ^ (dimension * 0x9e3779b9u));
     if sample.is_independent == 1u {
         let a = mix_bits(sample.index ^ seed);
-        let turned = seed << 16u | seed >> 16u;
+        let turned = (seed << 16u) | (seed >> 16u);
         return vec2<f32>(unit(a), unit(mix_bits(a ^ 0x68bc21ebu ^ turned)));
     }
     let shift = 32u - clamp(sample.bits, 1u, 32u);
@@ -94,7 +94,7 @@ fn part(sample: Sample, dimension: u32, number: u32, log2: u32) -> vec2<f32> {
     if sample.is_independent == 1u {
         one.index = mix_bits(sample.index ^ mix_bits(number + 0x51ed270bu));
     } else {
-        one.index = sample.index << log2 | number;
+        one.index = (sample.index << log2) | number;
     }
     one.bits = sample.bits + log2;
     return pair(one, dimension);

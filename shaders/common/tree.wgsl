@@ -153,7 +153,7 @@ fn open(level: u32, node: u32, ray: Ray, inverse: vec3<f32>) {
             let near = entry[k] * (1.0 - WIDENED);
             if near <= exit[k] * (1.0 + WIDENED) && near <= limit {
                 let child = node * WIDTH + half * 4u + k;
-                push(child | (level - 1u) << LEVEL_SHIFT, near, start);
+                push(child | ((level - 1u) << LEVEL_SHIFT), near, start);
             }
         }
     }

@@ -20,9 +20,9 @@ var<private> plane: u32;
 // White noise of variance one: a random sign, by the hash `lowbias32` (Wellons) of the pixel.
 fn white(pixel: u32) -> f32 {
     var hash = pixel;
-    hash = (hash ^ hash >> 16u) * 0x7feb352du;
-    hash = (hash ^ hash >> 15u) * 0x846ca68bu;
-    return select(-1.0, 1.0, ((hash ^ hash >> 16u) & 1u) == 0u);
+    hash = (hash ^ (hash >> 16u)) * 0x7feb352du;
+    hash = (hash ^ (hash >> 15u)) * 0x846ca68bu;
+    return select(-1.0, 1.0, ((hash ^ (hash >> 16u)) & 1u) == 0u);
 }
 
 // One of: 1, the guides (1 to 4), the channels of light (5 to 7), white noise (8), luminance (9).

@@ -36,7 +36,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         let row = 1.0 / bitcast<f32>(least);
         if least != NO_HIT && row > near {
             near = row;
-            place = at | y << 16u;
+            place = at | (y << 16u);
         }
     }
     nears[square] = vec2<u32>(bitcast<u32>(near), place);

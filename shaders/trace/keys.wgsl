@@ -47,7 +47,7 @@ fn hilbert(cell: vec3<u32>) -> u32 {
     for (var bit = 0u; bit < BITS; bit++) {
         let at = BITS - 1u - bit;
         let digits = (x >> vec3<u32>(at)) & vec3<u32>(1u);
-        key = key << 3u | digits.x << 2u | digits.y << 1u | digits.z;
+        key = (key << 3u) | (digits.x << 2u) | (digits.y << 1u) | digits.z;
     }
     return key;
 }

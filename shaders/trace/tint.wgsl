@@ -48,5 +48,5 @@ fn main(
     let tint = vec3<u32>(albedo * 65535.0 + 0.5);
     discs[2u * at] = vec4<f32>(place.xyz, radius);
     discs[2u * at + 1u] =
-        vec4<f32>(more.x, bitcast<f32>(tint.x | tint.y << 16u), bitcast<f32>(tint.z), 0.0);
+        vec4<f32>(more.x, bitcast<f32>(tint.x | (tint.y << 16u)), bitcast<f32>(tint.z), 0.0);
 }

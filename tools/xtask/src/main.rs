@@ -1,6 +1,7 @@
 //! Tasks for developers: `cargo xtask ci` is the one gate of the project, and CI runs it; each of
 //! its steps can be run alone. After a failed step the others are still run.
 
+mod browsers;
 mod compare;
 mod deps;
 mod faults;
@@ -29,7 +30,7 @@ struct Step {
     run: fn(&mut Tally) -> anyhow::Result<()>,
 }
 
-const STEPS: [Step; 9] = [
+const STEPS: [Step; 10] = [
     Step { name: "fmt", about: "formatting", run: |_| fmt::check() },
     Step {
         name: "lint",
@@ -38,6 +39,11 @@ const STEPS: [Step; 9] = [
     },
     Step { name: "deps", about: "directions of dependencies", run: |_| deps::check() },
     Step { name: "shaders", about: "validation of shaders", run: |_| shaders::check() },
+    Step {
+        name: "browsers",
+        about: "shaders as browsers compile them",
+        run: |_| browsers::check(),
+    },
     Step { name: "house", about: "house rules of files", run: |_| house::check() },
     Step {
         name: "light",

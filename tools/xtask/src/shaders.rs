@@ -33,7 +33,8 @@ pub fn check() -> Result<()> {
     Ok(())
 }
 
-fn collect(folder: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
+/// Adds all files in a folder and the folders in it.
+pub fn collect(folder: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
         if path.is_dir() {
