@@ -75,6 +75,11 @@ impl ForestFilter {
         Self { left_out: left_out.filter(|nodes| !nodes.is_empty()).collect(), ..self }
     }
 
+    /// Whether a node is one of a cloud that is left out.
+    pub fn leaves_out(&self, node: u32) -> bool {
+        self.left_out.iter().any(|nodes| nodes.contains(&node))
+    }
+
     /// Sets the plane that is mapped to codes.
     pub fn coded(self, codes: Option<(PlaneKind, Codes)>) -> Self {
         Self { codes, ..self }

@@ -17,10 +17,16 @@ const APART_PX: f64 = 1.0;
 /// Shares of crowded points up to which a view is not crowded, and from which it is wholly.
 const SHARES: [f64; 2] = [0.25, 0.75];
 
-/// Crowding of a view in which points are drawn at most `target_spacing_px` apart where the file
-/// has that many: 0 if the points of its finest nodes are apart, 1 if they crowd. In between it is
-/// continuous.
-pub fn crowding(table: &NodeTable, lattice: &Lattice, view: &View, target_spacing_px: f64) -> f32 {
+/// Crowding of a view of the trees of `roots` in which points are drawn at most `target_spacing_px`
+/// apart where the file has that many: 0 if the points of its finest nodes are apart, 1 if they
+/// crowd. In between it is continuous.
+pub fn crowding(
+    table: &NodeTable,
+    roots: impl Iterator<Item = u32>,
+    lattice: &Lattice,
+    view: &View,
+    target_spacing_px: f64,
+) -> f32 {
     if target_spacing_px >= APART_PX {
         return 0.0;
     }
@@ -29,7 +35,7 @@ pub fn crowding(table: &NodeTable, lattice: &Lattice, view: &View, target_spacin
         spacing * view.focal_px() / view.parallel_at.unwrap_or(distance.max(view.near))
     };
     let (mut crowded, mut all) = (0.0, 0.0);
-    let mut open: Vec<_> = table.roots().map(|root| (root, f64::INFINITY)).collect();
+    let mut open: Vec<_> = roots.map(|root| (root, f64::INFINITY)).collect();
     while let Some((index, above)) = open.pop() {
         let node = &table.nodes[index as usize];
         let cell = OrientedBox::of_cell(&node.cell(), lattice);

@@ -233,6 +233,13 @@ pub fn bounds(forest: &Forest) -> [[f64; 3]; 2] {
     forest.bounds().map_or([[0.0; 3]; 2], |b| b.map(|corner| forest.metric().world(corner)))
 }
 
+/// Bounds of all points of the other clouds than `left_out` on the metric lattice; of all clouds if
+/// none is left.
+pub fn bounds_without(forest: &Forest, left_out: &[usize]) -> [[f64; 3]; 2] {
+    let left = forest.bounds_without(left_out);
+    left.map_or_else(|| bounds(forest), |b| b.map(|corner| forest.metric().world(corner)))
+}
+
 /// Bounds of the coordinates of all points; `None` if there are none.
 pub fn world_bounds(forest: &Forest) -> Option<[[f64; 3]; 2]> {
     forest.bounds().map(|b| b.map(|corner| forest.lattice().world(corner)))
@@ -247,10 +254,7 @@ pub fn fitted_bounds(forest: &Forest) -> [[f64; 3]; 2] {
 /// The box, on the metric lattice, that views of a file without these clouds are fitted to, as
 /// [`fitted_bounds`]; that of all clouds if none is left.
 pub fn fitted_bounds_without(forest: &Forest, left_out: &[usize]) -> [[f64; 3]; 2] {
-    let bounds = match forest.bounds_without(left_out) {
-        Some(bounds) => bounds.map(|corner| forest.metric().world(corner)),
-        None => bounds(forest),
-    };
+    let bounds = bounds_without(forest, left_out);
     let shown = ForestFilter::of(forest, None, None);
     let shown = shown.map(|shown| shown.without_clouds(forest, left_out));
     shown.map_or(bounds, |shown| places::fitted_bounds(forest, bounds, &shown).unwrap_or(bounds))

@@ -1,5 +1,6 @@
 //! The camera of a picture: from the command line, or fitted to the scan.
 
+use crate::cameras::boxes::Boxes;
 use crate::cameras::vertical::Vertical;
 use anyhow::{Context, Result, bail, ensure};
 use esker_lod::View;
@@ -48,6 +49,8 @@ const FOVY_MIN_DEG: f64 = 0.00573;
 const ORTHO_MARGIN: f64 = 1.02;
 /// Tangent of the greatest angle between the direction of a plan and z.
 const PLAN_TILT: f64 = 0.01;
+/// Greatest part along z, over its length, of an up direction across z.
+const ACROSS: f64 = 1e-6;
 /// Default of the vertical field of view, degrees.
 const FOVY_DEG: f64 = 60.0;
 
@@ -129,14 +132,16 @@ impl Camera {
     }
 
     /// Axis along which elevations of a scan within `bounds` are measured: the one nearest to `up`.
-    /// A parallel view along z is a plan, in which `up` only chooses the upper side of the picture.
+    /// A parallel view along z is a plan, in which an `up` across z only chooses the upper side of
+    /// the picture. An `up` with a part along z counts; that part changes no picture.
     pub fn vertical(&self, bounds: [[f64; 3]; 2]) -> Vertical {
         let [low, high] = bounds.map(DVec3::from_array);
         let target = self.target.unwrap_or(low.midpoint(high));
         let towards = self.direction.or(self.eye.map(|eye| target - eye));
         let is_plan = self.ortho.is_some()
             && towards.is_some_and(|t| t.truncate().length() <= PLAN_TILT * t.z.abs());
-        self.up.filter(|_| !is_plan).map_or(Vertical::default(), Vertical::nearest)
+        let counts = |up: &DVec3| !is_plan || up.z.abs() > ACROSS * up.length();
+        self.up.filter(counts).map_or(Vertical::default(), Vertical::nearest)
     }
 
     /// Inverse of [`Camera::measured`].
@@ -144,6 +149,11 @@ impl Camera {
     pub fn unmeasured(&self, lattice: &Lattice) -> Self {
         let unmeasured = |place: DVec3| DVec3::from_array(lattice.unmeasure(place.to_array()));
         Self { eye: self.eye.map(unmeasured), target: self.target.map(unmeasured), ..*self }
+    }
+
+    /// [`Camera::view`] of a scan with these boxes.
+    pub fn view_in(&self, boxes: &Boxes, size: [u32; 2]) -> View {
+        self.view(if self.eye.is_some() { boxes.all } else { boxes.fitted }, size)
     }
 
     /// View of a scan within `bounds`, both on the metric lattice; fitted if the camera has no eye.
@@ -328,6 +338,8 @@ mod tests {
             ("up=0,1,0;ortho=fit;direction=0,0.1,-1", DVec3::Y),
             ("up=0,1,0;ortho=fit;direction=0,0,-1", DVec3::Z),
             ("up=1,0,0;ortho=9;eye=40,25,90", DVec3::Z),
+            ("up=0,1,-0.5;ortho=fit;direction=0,0,-1", DVec3::Y),
+            ("up=0,0.5,-1;ortho=fit;direction=0,0,1", DVec3::NEG_Z),
         ] {
             let camera = Camera::parse(text).unwrap();
             assert_eq!(camera.vertical(bounds), Vertical::nearest(up), "{text}");

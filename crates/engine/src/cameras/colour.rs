@@ -85,6 +85,11 @@ impl Colouring {
         Ok(self)
     }
 
+    /// Whether colours are those of depths.
+    pub(crate) fn is_by_depth(&self) -> bool {
+        matches!(self.by, ColourBy::EyeDepth(_))
+    }
+
     /// Fits the range of colours by depth to the depths of a box in a view, unless the request
     /// names a range. Other colours stay as they are. Depths of a parallel view count from its eye,
     /// which is its near plane.

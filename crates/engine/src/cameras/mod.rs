@@ -1,5 +1,6 @@
 //! Views, camera paths, sources of colours, and legends.
 
+pub mod boxes;
 pub mod camera;
 pub mod classes;
 pub mod colour;

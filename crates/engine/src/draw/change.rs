@@ -7,6 +7,7 @@
 //! of a GPU than the session was opened with, or less than one page of it; and a budget of main
 //! memory that is too small for what is allocated.
 
+use crate::cameras::boxes::Boxes;
 use crate::cameras::vertical::Vertical;
 use crate::draw::budget::Shares;
 use crate::draw::frame::Appearance;
@@ -24,6 +25,7 @@ use esker_stream::{Limits, Shown};
 pub struct Change {
     settings: Settings,
     appearance: Appearance,
+    boxes: Boxes,
 }
 
 /// Budgets and detail of pictures, as in [`Settings`].
@@ -47,7 +49,8 @@ impl Change {
     pub fn new(file: &Forest, mut settings: Settings) -> Result<Self> {
         settings.light = settings.light.measured(file.lattice());
         let appearance = Appearance::of(file, &settings)?;
-        Ok(Self { settings, appearance })
+        let boxes = appearance.boxes(file, &settings);
+        Ok(Self { settings, appearance, boxes })
     }
 }
 
@@ -141,7 +144,7 @@ impl Session {
     /// If a budget is too small for any session on the file, or the session has ended. The session
     /// then stays as it was.
     pub fn apply(&mut self, change: Change) -> Result<bool> {
-        let Change { settings, appearance } = change;
+        let Change { settings, appearance, boxes } = change;
         let Some(shares) = self.shares_for(&settings)? else { return Ok(false) };
         let present = self.shown();
         let wanted = appearance.shown_by(&self.file, &settings.light);
@@ -150,7 +153,7 @@ impl Session {
         };
         let is_read = !self.appearance.reads_as(&appearance) || present.needs != wanted.needs;
         let is_same = self.options.settings == settings;
-        (self.options.settings, self.shares) = (settings, shares);
+        (self.options.settings, self.shares, self.boxes) = (settings, shares, boxes);
         if is_read {
             self.set_look(appearance);
         } else {

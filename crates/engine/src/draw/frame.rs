@@ -2,6 +2,7 @@
 //! settings of a picture. Pictures of files that are read whole and sessions that stream share it.
 
 use crate::calls::info;
+use crate::cameras::boxes::Boxes;
 use crate::cameras::colour::{self, Colouring, filtered_colouring};
 use crate::cameras::vertical::Vertical;
 use crate::draw::empty_picture;
@@ -47,6 +48,8 @@ pub struct Appearance {
     pub target_spacing_px: f64,
     /// Depth of the near plane, the file's unit.
     near: f64,
+    /// Box of all points of the clouds that are shown, on the metric lattice.
+    bounds: [[f64; 3]; 2],
 }
 
 /// Depth of the near plane over the typical distance of points: a nearer point would cover the
@@ -74,7 +77,7 @@ impl Appearance {
         shines: bool,
     ) -> Result<Self> {
         let shown = Self::filter(file, filter)?;
-        Self::filtered(file, colour, vertical, shown, method, shines)
+        Self::filtered(file, colour, vertical, (shown, &[]), method, shines)
     }
 
     /// Points that `filter` accepts.
@@ -86,20 +89,22 @@ impl Appearance {
         Ok(ForestFilter::of(file, on_lattice, None)?)
     }
 
-    /// As [`Appearance::new`], of the points that `shown` accepts.
+    /// As [`Appearance::new`], of the points that `shown` accepts, which leaves out the clouds
+    /// `hidden`.
     fn filtered(
         file: &Forest,
         colour: Option<&str>,
         vertical: Vertical,
-        shown: ForestFilter,
+        (shown, hidden): (ForestFilter, &[usize]),
         method: Method,
         shines: bool,
     ) -> Result<Self> {
-        let colouring = filtered_colouring(file, colour, vertical, info::bounds(file), &shown)?;
+        let bounds = info::bounds_without(file, hidden);
+        let colouring = filtered_colouring(file, colour, vertical, bounds, &shown)?;
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
         let (evens_exposure, culls_back, dots) = (false, false, Dots::default());
-        let (near, target_spacing_px) = (near(file), Options::default().target_spacing_px);
+        let (near, target_spacing_px) = (near(file, &shown), Options::default().target_spacing_px);
         Ok(Self {
             colouring,
             shown,
@@ -111,6 +116,7 @@ impl Appearance {
             dots,
             target_spacing_px,
             near,
+            bounds,
         })
     }
 
@@ -123,7 +129,9 @@ impl Appearance {
         let Settings { colour_by, filter, method, shines, light, evens_exposure, full, .. } =
             settings;
         let colour = colour_by.as_deref();
-        let shown = Self::filter(file, filter)?.without_clouds(file, &settings.hidden_clouds);
+        let hidden = &*settings.hidden_clouds;
+        let shown = Self::filter(file, filter)?.without_clouds(file, hidden);
+        let shown = (shown, hidden);
         let appearance = Self::filtered(file, colour, settings.vertical, shown, *method, *shines)?;
         let appearance = appearance.evened(file, *evens_exposure)?.culled(settings.culls_back);
         let appearance = appearance.dotted(settings.dots).aimed(settings.target_spacing_px);
@@ -131,6 +139,14 @@ impl Appearance {
         // Classes are read as they are stored, also where colours are made of them.
         let has_classes = class_plane(file, *method, light).is_some();
         Ok(if has_classes { appearance.with_values() } else { appearance })
+    }
+
+    /// Boxes of what a session with this appearance and these settings shows; of all points where a
+    /// node cannot be read.
+    pub(crate) fn boxes(&self, file: &Forest, settings: &Settings) -> Boxes {
+        let Settings { filter, hidden_clouds, .. } = settings;
+        Boxes::of(file, filter, hidden_clouds, &self.shown)
+            .unwrap_or_else(|_| Boxes::equal(Boxes::all(file, filter, hidden_clouds)))
     }
 
     /// What a session with this appearance reads, without a look.
@@ -145,6 +161,15 @@ impl Appearance {
     pub(crate) fn drawn_as(&self, drawn: &Self) -> Self {
         let Self { method, shines, culls_back, dots, target_spacing_px, .. } = *drawn;
         Self { method, shines, culls_back, dots, target_spacing_px, ..self.clone() }
+    }
+
+    /// This appearance with the colours of depths in `view`, if its colours are those of depths,
+    /// which `colour` requests.
+    pub(crate) fn seen(&self, view: &View, boxes: &Boxes, colour: Option<&str>) -> Option<Self> {
+        self.colouring.is_by_depth().then(|| {
+            let colouring = self.colouring.clone().seen(view, boxes.fitted, colour);
+            Self { colouring, ..self.clone() }
+        })
     }
 
     /// Whether the same planes, filter and colours are drawn.
@@ -189,7 +214,8 @@ impl Appearance {
         if self.method.passes() != Passes::PullPush {
             return 0.0;
         }
-        crowding(file.table(), file.metric(), view, self.target_spacing_px)
+        let roots = file.table().roots().filter(|root| !self.shown.leaves_out(*root));
+        crowding(file.table(), roots, file.metric(), view, self.target_spacing_px)
     }
 
     /// How points look that are drawn alone, and whether they are mixed with surfaces.
@@ -280,7 +306,7 @@ impl Appearance {
     /// The view that is drawn: with the near plane of the file, which does not depend on the
     /// camera, and the margin of pictures ([`esker_render::picture::margin`]). There is no margin
     /// if the whole file is in the picture, or the picture would be too large.
-    pub fn drawn_view(&self, file: &Forest, view: &View) -> View {
+    pub fn drawn_view(&self, view: &View) -> View {
         // A parallel view draws nothing behind its eye, which is its near plane.
         let near = if view.parallel_at.is_some() { view.near } else { self.near };
         let view = View { near, ..*view };
@@ -288,7 +314,7 @@ impl Appearance {
         let wide = view.with_margin(MARGIN_PX);
         let takes = self.method.passes() == Passes::PullPush
             && is_drawable(wide.width, wide.height)
-            && goes_beyond(&shown, info::bounds(file));
+            && goes_beyond(&shown, self.bounds);
         if takes { wide } else { shown }
     }
 
@@ -324,12 +350,13 @@ impl Appearance {
 
 /// Depth of the near plane of pictures of a file: from the median distance of the points of leaves;
 /// less where a part of the file is far denser, so that it is not clipped from nearby.
-fn near(file: &Forest) -> f64 {
+fn near(file: &Forest, shown: &ForestFilter) -> f64 {
     let is_sound = |spacing: f64| spacing.is_finite() && spacing > 0.0;
-    let nodes = &file.table().nodes;
-    let leaves = nodes.iter().filter(|node| node.child_count == 0);
+    let nodes = (0u32..).zip(&file.table().nodes).filter(|(index, _)| !shown.leaves_out(*index));
+    let every = nodes.clone().count() / NEAR_LEAVES + 1;
+    let leaves = nodes.map(|(_, node)| node).filter(|node| node.child_count == 0);
     // A sample of the leaves of a large file.
-    let leaves = leaves.step_by(nodes.len() / NEAR_LEAVES + 1);
+    let leaves = leaves.step_by(every);
     let leaves = leaves.map(|node| (f64::from(node.spacing), node.points()));
     let mut leaves: Vec<_> = leaves.filter(|&(spacing, _)| is_sound(spacing)).collect();
     leaves.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));

@@ -1,9 +1,8 @@
 //! What a still picture is drawn from: the request, the file (opened, or built from scans), and the
 //! nodes, prefixes and planes that the view needs, which are read completely.
 
-use crate::calls::info;
+use crate::cameras::boxes::Boxes;
 use crate::cameras::camera::Camera;
-use crate::cameras::places::fitted_bounds;
 use crate::cameras::up::{GuessedUp, upright};
 use crate::draw::frame::{Appearance, draw_node};
 use crate::draw::method::Method;
@@ -262,7 +261,7 @@ impl PictureScene {
         let start = Instant::now();
         let PictureRequest { colour_by, filter, method, shines, evens_exposure, .. } = request;
         let before = file.read_bytes();
-        let bounds = bounds_of(file, &request.filter);
+        let bounds = Boxes::all(file, &request.filter, &[]);
         let camera = request.camera.measured(file.lattice());
         let (camera, vertical, guessed_up) = upright(file, camera, bounds);
         let colour = colour_by.as_deref();
@@ -274,12 +273,12 @@ impl PictureScene {
         // Classes are read as they are stored, also where colours are made of them.
         let keeps_values = request.keeps_values || class_plane.is_some();
         let mut appearance = if keeps_values { appearance.with_values() } else { appearance };
-        let fitted = match request.camera.eye {
-            Some(_) => bounds,
-            None => fitted_bounds(file, bounds, &appearance.shown)?,
+        let boxes = match camera.eye {
+            Some(_) if !appearance.colouring.is_by_depth() => Boxes::equal(bounds),
+            _ => Boxes::of(file, &request.filter, &[], &appearance.shown)?,
         };
-        let view = appearance.drawn_view(file, &camera.view(fitted, request.size));
-        appearance.colouring = appearance.colouring.seen(&view, fitted, colour);
+        let view = appearance.drawn_view(&camera.view_in(&boxes, request.size));
+        appearance.colouring = appearance.colouring.seen(&view, boxes.fitted, colour);
         let steps = (0..3).map(|axis| file.metric().steps_axis(axis, view.eye[axis]).abs());
         anyhow::ensure!(
             steps.fold(0.0, f64::max) <= EYE_STEPS_MAX,
@@ -310,7 +309,7 @@ impl PictureScene {
             view,
             window,
             lattice: *file.lattice(),
-            leaves_out_far: fitted != bounds,
+            leaves_out_far: camera.eye.is_none() && boxes.fitted != bounds,
             guessed_up,
             selection,
             planes: Vec::new(),
@@ -357,16 +356,6 @@ impl PictureScene {
             })
             .collect()
     }
-}
-
-/// Bounds that a camera is fitted to: of the points, within the box of the filter.
-fn bounds_of(file: &Forest, filter: &Filter) -> [[f64; 3]; 2] {
-    let [low, high] = info::bounds(file);
-    let Some(wanted) = filter.bounds else { return [low, high] };
-    let [min, max] = [wanted.min, wanted.max].map(|corner| file.lattice().measure(corner));
-    let least = [0, 1, 2].map(|i| low[i].max(min[i]));
-    let greatest = [0, 1, 2].map(|i| high[i].min(max[i]));
-    if (0..3).all(|i| least[i] <= greatest[i]) { [least, greatest] } else { [low, high] }
 }
 
 /// Residency of a file that is read on demand: every node is there, as far as the filter accepts

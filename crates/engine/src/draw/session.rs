@@ -10,6 +10,8 @@
 //! in place. A GPU runs copies and passes in the order in which they are submitted, so the same
 //! holds there for frames in flight.
 
+use crate::cameras::boxes::Boxes;
+use crate::cameras::legend::Legend;
 use crate::draw::budget::{Shares, lit_size};
 use crate::draw::frame::Appearance;
 use crate::draw::method::Method;
@@ -83,6 +85,10 @@ pub struct Session {
     pub(super) options: Options,
     /// What is to be shown.
     pub(super) appearance: Appearance,
+    /// Boxes of what is to be shown.
+    pub(super) boxes: Boxes,
+    /// Legend of the last picture, if its colours are those of depths.
+    seen_legend: Option<Legend>,
     /// The same, for the cuts that show it.
     look: Arc<dyn Any + Send + Sync>,
     /// What the newest cut is drawn by: what it was chosen for.
@@ -116,6 +122,7 @@ impl Session {
         system::give_back_freed_memory();
         options.settings.light = options.settings.light.measured(file.lattice());
         let appearance = Appearance::of(&file, &options.settings)?;
+        let boxes = appearance.boxes(&file, &options.settings);
         let is_lit = options.settings.method == Method::Lit;
         if is_lit {
             check_built()?;
@@ -151,6 +158,8 @@ impl Session {
             drawn_look: Arc::clone(&look),
             look,
             appearance,
+            boxes,
+            seen_legend: None,
             shares,
             drawer,
             is_smaller,
@@ -282,8 +291,7 @@ impl Session {
     pub fn frame_from(&mut self, chosen: &View, seen: &View) -> Result<DrawnFrame<'_>> {
         self.check(chosen)?;
         self.check(seen)?;
-        let [chosen, seen] =
-            &[chosen, seen].map(|view| self.appearance.drawn_view(&self.file, view));
+        let [chosen, seen] = &[chosen, seen].map(|view| self.appearance.drawn_view(view));
         let start = Instant::now();
         let drawn = match self.draw(chosen, seen) {
             Ok(drawn) => drawn,
@@ -379,6 +387,17 @@ impl Session {
         &self.appearance
     }
 
+    /// Boxes of what is to be shown, for cameras.
+    pub fn boxes(&self) -> &Boxes {
+        &self.boxes
+    }
+
+    /// Legend of the colours; that of depths is the one of the last picture.
+    pub fn legend(&self) -> &Legend {
+        let own = &self.appearance.colouring;
+        self.seen_legend.as_ref().filter(|_| own.is_by_depth()).unwrap_or(&own.legend)
+    }
+
     /// Whether frames show [`Session::appearance`]; before, they show what was set earlier.
     pub fn shows_newest(&self) -> bool {
         Arc::ptr_eq(&self.drawn_look, &self.look)
@@ -439,7 +458,7 @@ impl Session {
     /// As for [`Session::frame`].
     pub fn settle(&mut self, view: &View, patience: Duration) -> Result<Arc<Cut>> {
         self.check(view)?;
-        let view = &self.appearance.drawn_view(&self.file, view);
+        let view = &self.appearance.drawn_view(view);
         let start = Instant::now();
         loop {
             let taken = self.exchange(Some(view)).and_then(|exchange| {
@@ -509,12 +528,15 @@ impl Session {
     fn draw(&mut self, chosen: &View, seen: &View) -> Result<Exchange> {
         let mut exchange = self.exchange(Some(chosen))?;
         let start = Instant::now();
+        let colour = self.options.settings.colour_by.as_deref();
+        let by_depth = self.drawn.seen(seen, &self.boxes, colour);
+        self.seen_legend = by_depth.as_ref().map(|of| of.colouring.legend.clone());
         let Running { streamer, painter } = self.running.as_mut().context(ENDED)?;
         painter.draw(&FrameInput {
             file: &self.file,
             view: seen,
             cut: &exchange.cut,
-            appearance: &self.drawn,
+            appearance: by_depth.as_ref().unwrap_or(&self.drawn),
             light: &self.options.settings.light,
             splats_max: self.shares.splats_max(),
         })?;
