@@ -8,7 +8,7 @@ use crate::light::document::Emissive;
 use crate::light::options::{lights_of, options};
 use crate::light::scene::Meshes;
 use crate::light::scene_tracer::{OnCpu, OnGpu, Quality, SceneTracer};
-use crate::light::settings::LightSettings;
+use crate::light::settings::{LightSettings, SAMPLES_FINAL};
 use crate::light::status::LitStatus;
 use crate::light::tone::Tones;
 use anyhow::Result;
@@ -21,8 +21,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
-/// Samples a pixel of a finished picture. The error of filtered light hardly falls beyond.
-pub const SAMPLES_FINAL: u32 = 64;
 /// Time of a frame that refines a picture: the window answers ten times a second.
 const FRAME_BUDGET: Duration = Duration::from_millis(90);
 /// Time between two pictures that are shown while one is refined.
@@ -297,8 +295,16 @@ impl<T: SceneTracer> Progressive<T> {
             background: (!lights_of(settings).have_sky()).then_some(frame.background),
         };
         let exposure = settings.exposure.unwrap_or_else(|| match self.exposure {
-            Some(last) if self.status.samples > 0 => last,
-            Some(last) => last * (tones.chosen_exposure() / last).powf(EXPOSURE_STEP),
+            Some(last) => {
+                // That of the finished picture depends on nothing that was seen before.
+                let refined = f64::from(self.status.samples) / f64::from(SAMPLES_FINAL);
+                let step = if self.status.samples > 0 { refined.min(1.0) } else { EXPOSURE_STEP };
+                if step == 1.0 {
+                    tones.chosen_exposure()
+                } else {
+                    last * (tones.chosen_exposure() / last).powf(step)
+                }
+            }
             None => tones.chosen_exposure(),
         });
         self.exposure = Some(exposure);

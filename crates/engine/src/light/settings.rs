@@ -20,6 +20,10 @@ pub const SHADOW_SAMPLES: RangeInclusive<i64> = 1..=1024;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lights;
 
+/// Samples a pixel of a finished picture of a session. The error of filtered light hardly falls
+/// beyond.
+pub const SAMPLES_FINAL: u32 = 64;
+
 /// How a picture is lit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightSettings {
