@@ -5,8 +5,10 @@
 //! frame rate. A parallel (orthographic) picture shows lengths as a perspective one shows those at
 //! the viewing distance, so that zooming and flying ahead change the height of the picture.
 
-use crate::pose::{GLIDE_S, Glide, PITCH_MAX_RAD};
-use esker_engine::View;
+use crate::pose::{DISTANCE, GLIDE_S, Glide, MoveLimits, PITCH_MAX_RAD};
+use esker_engine::cameras::boxes::Boxes;
+use esker_engine::cameras::camera::{Camera as CameraRequest, OrthoHeight};
+use esker_engine::{Lattice, View};
 use glam::{DMat3, DVec2, DVec3};
 
 pub use crate::pose::{Frame, Pose};
@@ -26,45 +28,35 @@ const PACE_MIN: f64 = 0.01;
 const PARALLEL_FOVY_RAD: f64 = std::f64::consts::FRAC_PI_3;
 /// Share of the distance to a point that is left after flying to it.
 const NEARER: f64 = 0.3;
+/// Least distance of the target of a request, as a share of the size of coordinates, so that
+/// rounding them does not turn the view.
+const TARGET: f64 = 1e-6;
+/// A lattice whose coordinates are lengths.
+const UNIT: Lattice =
+    Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3], factor: [1.0; 3] };
 /// Longest time step, seconds, so that a slow frame does not move the camera far away.
 const STEP_MAX_S: f64 = 0.25;
 /// Range of the speed, in viewing distances a second.
 const SPEED: [f64; 2] = [0.01, 100.0];
-/// Range of the viewing distance, in sizes of the scene. The eye is never farther from the middle
-/// of the scene than the upper end, from where the scene still covers some pixels.
-const DISTANCE: [f64; 2] = [1e-8, 30.0];
 
-/// Region in which a camera may move around a scene, so that it finds back and its coordinates stay
-/// exact.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct MoveLimits {
-    /// Middle of the scene.
-    middle: DVec3,
-    /// Size of the scene, the file's unit.
-    size: f64,
-}
-
-impl MoveLimits {
-    /// Clamps a viewing distance to its range.
-    fn clamp_distance(&self, distance: f64) -> f64 {
-        distance.clamp(self.size * DISTANCE[0], self.size * DISTANCE[1])
-    }
-
-    /// Returns the position of the region that is nearest to `eye`.
-    fn clamp_eye(&self, eye: DVec3) -> DVec3 {
-        let reach = self.size * DISTANCE[1];
-        let arm = eye - self.middle;
-        if arm.length() <= reach { eye } else { self.middle + arm.normalize_or_zero() * reach }
-    }
-}
+/// What a view depends on, except the size of the picture: pose, whether it is parallel, and its
+/// height or field of view.
+pub type Seen = (Pose, bool, f64);
 
 /// A camera that moves by itself and by the user's input.
 #[derive(Clone, Debug)]
 pub struct Camera {
     frame: Frame,
     limits: MoveLimits,
-    /// Box of the scene, if it is known.
-    bounds: Option<[DVec3; 2]>,
+    /// Boxes of what is shown.
+    boxes: Boxes,
+    /// Lattice of the scan's coordinates; those of the camera are on its metric lattice.
+    lattice: Lattice,
+    /// Distance of the target of requests, and the pose for which it was set. The viewing distance
+    /// follows the scene also while the camera rests, and the view may not change with it.
+    target: (Pose, f64),
+    /// The request that the camera was made for, if no part of it is fitted, and its view.
+    given: Option<(CameraRequest, Seen)>,
     pose: Pose,
     home: Pose,
     /// Viewing distance of the first view.
@@ -94,7 +86,10 @@ impl Camera {
         Self {
             frame,
             limits: MoveLimits { middle: target, size: distance },
-            bounds: None,
+            boxes: Boxes::equal([target.to_array(); 2]),
+            lattice: UNIT,
+            target: (pose, distance),
+            given: None,
             pose,
             home: pose,
             home_distance: distance,
@@ -144,11 +139,27 @@ impl Camera {
     pub fn with_scene(self, [low, high]: [DVec3; 2]) -> Self {
         let middle = low.midpoint(high);
         let size = high.distance(low) + self.home.eye.distance(middle);
-        let Some(size) = positive(size) else { return self };
+        let boxes = Boxes::equal([low.to_array(), high.to_array()]);
+        let Some(size) = positive(size) else { return Self { boxes, ..self } };
         let limits = MoveLimits { middle, size };
         let distance = limits.clamp_distance(self.home_distance);
-        let bounds = Some([low, high]);
-        Self { limits, bounds, home_distance: distance, distance, ..self }
+        Self { limits, boxes, home_distance: distance, distance, ..self }
+    }
+
+    /// Sets the lattice of the scan's coordinates.
+    pub fn on_lattice(self, lattice: &Lattice) -> Self {
+        Self { lattice: *lattice, ..self }
+    }
+
+    /// Keeps the request that the camera was made for, in the scan's coordinates, as that of its
+    /// view, until it moves. No part of it may be fitted to the scan or to a size of pictures.
+    pub fn given(self, request: CameraRequest) -> Self {
+        Self { given: Some((request, self.seen())), ..self }
+    }
+
+    /// Sets the boxes of what is shown. The limits of movement stay.
+    pub fn set_boxes(&mut self, boxes: Boxes) {
+        self.boxes = boxes;
     }
 
     /// Present pose.
@@ -209,25 +220,54 @@ impl Camera {
         2.0 * self.distance * (self.fovy_rad * 0.5).tan()
     }
 
-    /// View for a picture of this size, pixels.
-    pub fn view(&self, [width, height]: [u32; 2]) -> View {
-        // Only the near plane depends on the distance of the target. It is rounded to a power of
-        // two, so that the view is constant while the camera rests.
-        let far = self.distance.log2().floor().exp2();
-        let is_steep = self.pose.pitch.abs() > PITCH_MAX_RAD;
-        // Along the up axis, the heading decides what is upwards in the picture.
-        let up = if is_steep { self.axes().y_axis } else { self.frame.up() };
-        let ahead = self.forward();
-        let look =
-            |eye: DVec3| View::look_at(eye, eye + ahead * far, up, self.fovy_rad, width, height);
-        let Some([low, high]) = self.bounds.filter(|_| self.is_parallel) else {
-            return look(self.pose.eye);
+    /// View for a picture of this size, pixels: that of [`Camera::request`], to the bit, so that
+    /// the picture of a saved scene is the same.
+    pub fn view(&self, size: [u32; 2]) -> View {
+        self.request().measured(&self.lattice).view_in(&self.boxes, size)
+    }
+
+    /// The view as a request of pictures, in the scan's coordinates. It is constant while the
+    /// camera rests.
+    pub fn request(&self) -> CameraRequest {
+        if let Some((request, seen)) = self.given
+            && seen == self.seen()
+        {
+            return request;
+        }
+        let ahead = along_axes(self.forward());
+        let request = CameraRequest { up: Some(self.request_up(ahead)), ..Default::default() };
+        let request = if self.is_parallel {
+            // Without an eye, which the engine places before all of the scan.
+            let target = Some(self.pose.eye + ahead * self.distance);
+            let ortho = Some(OrthoHeight::Units(self.height()));
+            CameraRequest { target, direction: Some(ahead), ortho, ..request }
+        } else {
+            let eye = self.pose.eye;
+            let far = self.target.1.max(eye.abs().max_element() * TARGET);
+            let fovy_deg = Some(self.fovy_rad.to_degrees());
+            CameraRequest { eye: Some(eye), target: Some(eye + ahead * far), fovy_deg, ..request }
         };
-        // Nothing behind the eye is drawn, so it is moved before all of the scene.
-        let middle = low.midpoint(high);
-        let reach = high.distance(low).max(self.distance);
-        let before = self.pose.eye + ahead * (ahead.dot(middle - self.pose.eye) - reach);
-        look(before).parallel(self.height(), low, high)
+        request.unmeasured(&self.lattice)
+    }
+
+    /// Up direction of the request of a view along `ahead`: its nearest axis is that of elevations,
+    /// and it chooses what is upwards in the picture.
+    fn request_up(&self, ahead: DVec3) -> DVec3 {
+        let up = self.frame.up();
+        if self.pose.pitch.abs() > PITCH_MAX_RAD {
+            // Along the up axis, the heading decides what is upwards in the picture.
+            return along_axes(up + self.axes().y_axis * 0.5);
+        }
+        // Where an up direction across z would be that of a plan, a part along the view, which does
+        // not change the picture, makes it that of elevations.
+        let is_plan = self.is_parallel && up.z.abs() < 0.5 && ahead.z.abs() > 0.5;
+        if is_plan { up + ahead * 0.25_f64.copysign(up.z * ahead.z) } else { up }
+    }
+
+    /// What the view depends on.
+    pub fn seen(&self) -> Seen {
+        let length = if self.is_parallel { self.height() } else { self.fovy_rad };
+        (self.pose, self.is_parallel, length)
     }
 
     /// What is added to eye depths of [`Camera::view`] for those of the camera: the eye of a
@@ -291,6 +331,9 @@ impl Camera {
         let share = 1.0 - (-clamp_step(seconds) / (4.0 * EASE_S)).exp();
         self.distance =
             self.limits.clamp_distance(self.distance * (depth / self.distance).powf(share));
+        if self.target.0 != self.pose {
+            self.target = (self.pose, self.distance);
+        }
     }
 
     /// Multiplies the speed by `factor`.
@@ -487,6 +530,11 @@ impl Camera {
     fn focal_px(&self, height_px: f64) -> f64 {
         height_px * 0.5 / (self.fovy_rad * 0.5).tan()
     }
+}
+
+/// A direction without parts along axes that are only rounding.
+fn along_axes(direction: DVec3) -> DVec3 {
+    DVec3::from_array(direction.to_array().map(|part| if part.abs() < 1e-14 { 0.0 } else { part }))
 }
 
 fn positive(distance: f64) -> Option<f64> {

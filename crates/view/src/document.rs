@@ -10,8 +10,8 @@ use esker_engine::cameras::vertical::Vertical;
 use esker_engine::document::{self, Annotation, Document, Measurement};
 use esker_engine::draw::scene::{PictureRequest, open_together};
 use esker_engine::io::output::folder_of;
-use esker_engine::light::settings::LightSettings;
-use esker_engine::{BuildOptions, Dots, Filter, Forest};
+use esker_engine::light::settings::{LightSettings, SAMPLES_FINAL};
+use esker_engine::{BuildOptions, Dots, Filter, Forest, Method};
 use std::path::{Path, PathBuf};
 
 /// What is open, as a scene document names it.
@@ -175,8 +175,8 @@ impl SceneFile {
     }
 
     /// The present state as a document at `out`, which is written; what the document has beside it
-    /// is kept. A document that is a file keeps its size of pictures, another one gets that of the
-    /// window. Waits for the disk.
+    /// is kept. A document that is a file keeps its size of pictures and its samples of light,
+    /// another one gets those of the window. Waits for the disk.
     ///
     /// # Errors
     /// If the document cannot be made or written, or would replace a file of another kind.
@@ -192,6 +192,9 @@ impl SceneFile {
         let settings = &present.settings;
         let size = if self.document.is_some() { self.request.size } else { present.size };
         self.request = request(&self.request, settings, present.camera, size);
+        if self.document.is_none() && settings.method == Method::Lit {
+            self.request.light.samples = SAMPLES_FINAL;
+        }
         let mut document = match self.document.take() {
             Some(document) => document,
             None => Document::of_inputs(&self.inputs)?,
@@ -292,3 +295,6 @@ fn request(
         ..base.clone()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,6 +10,34 @@ pub const GLIDE_S: f64 = 0.7;
 /// heading is its yaw.
 pub const PITCH_MAX_RAD: f64 = FRAC_PI_2 - 1e-3;
 
+/// Range of the viewing distance, in sizes of the scene. The eye is never farther from the middle
+/// of the scene than the upper end, from where the scene still covers some pixels.
+pub const DISTANCE: [f64; 2] = [1e-8, 30.0];
+
+/// Region in which a camera may move around a scene, so that it finds back and its coordinates stay
+/// exact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MoveLimits {
+    /// Middle of the scene.
+    pub middle: DVec3,
+    /// Size of the scene, the file's unit.
+    pub size: f64,
+}
+
+impl MoveLimits {
+    /// Clamps a viewing distance to its range.
+    pub fn clamp_distance(&self, distance: f64) -> f64 {
+        distance.clamp(self.size * DISTANCE[0], self.size * DISTANCE[1])
+    }
+
+    /// Returns the position of the region that is nearest to `eye`.
+    pub fn clamp_eye(&self, eye: DVec3) -> DVec3 {
+        let reach = self.size * DISTANCE[1];
+        let arm = eye - self.middle;
+        if arm.length() <= reach { eye } else { self.middle + arm.normalize_or_zero() * reach }
+    }
+}
+
 /// Position and orientation of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {

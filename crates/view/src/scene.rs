@@ -7,6 +7,7 @@ use crate::device::Device;
 use crate::job::Job;
 use crate::settings::Settings;
 use anyhow::{Result, bail};
+use esker_engine::cameras::boxes::Boxes;
 use esker_engine::cameras::legend::Legend;
 use esker_engine::draw::change::Change;
 use esker_engine::draw::session::{DrawnFrame, GpuBytes, Session};
@@ -92,7 +93,15 @@ impl Scene {
     /// Legend of the colours; `None` if no session runs.
     pub fn legend(&self) -> Option<Legend> {
         match &self.state {
-            State::Running(session) => Some(session.appearance().colouring.legend.clone()),
+            State::Running(session) => Some(session.legend().clone()),
+            _ => None,
+        }
+    }
+
+    /// Boxes of the points that are shown; `None` if no session runs.
+    pub fn boxes(&self) -> Option<&Boxes> {
+        match &self.state {
+            State::Running(session) => Some(session.boxes()),
             _ => None,
         }
     }

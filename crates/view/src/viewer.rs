@@ -2,7 +2,7 @@
 //! the frozen cut.
 
 use crate::args::Args;
-use crate::camera::{Camera, Pose};
+use crate::camera::{Camera, Pose, Seen};
 use crate::canvas::Canvas;
 use crate::clouds::Clouds;
 use crate::counters::Counters;
@@ -18,7 +18,7 @@ use crate::source::Opened;
 use crate::tools::measure::{Measure, Over};
 use crate::tools::tool::{Depth, Seen};
 use crate::tools::{ToolName, Tools};
-use crate::views::{Side, Views, request_of};
+use crate::views::{Side, Views};
 use crate::{fault, frustum, progress, theme};
 use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
 use esker_engine::calls::info;
@@ -39,6 +39,17 @@ use std::time::Instant;
 
 /// Seconds that a new size of the window must last before a session is opened for it.
 const RESIZE_S: f64 = 0.4;
+
+/// A picture that is requested.
+#[derive(Clone, Copy)]
+struct Shot {
+    /// What the camera saw when it was requested.
+    seen: Seen,
+    /// Whether nothing more was to come then. The picture then has the points of hidden nodes too,
+    /// which gaps between others may show: it is that of `esker render`. It waits for them until
+    /// the camera moves.
+    is_whole: bool,
+}
 
 /// The view of an open file. Fields are dropped in their order: the session before the file that it
 /// reads.
@@ -74,6 +85,8 @@ pub struct Viewer {
     size: [u32; 2],
     /// Size of the picture with all pixels of the window.
     full_px: [u32; 2],
+    /// The picture that is requested.
+    shot: Option<Shot>,
     /// When the window got another size, seconds, and that size, pixels.
     resized: Option<(f64, [u32; 2])>,
     fault: Option<String>,
@@ -138,6 +151,7 @@ impl Viewer {
             picture_rect: None,
             size: [1, 1],
             full_px: args.size,
+            shot: None,
             resized: None,
             fault: None,
             opened,
@@ -150,7 +164,7 @@ impl Viewer {
         if preview.vertical() != self.vertical() {
             self.views.set_vertical(preview.vertical());
         }
-        self.camera = preview.camera;
+        self.camera = preview.camera.on_lattice(self.file().lattice());
         self.tools = preview.tools;
         self.sharpness = preview.sharpness;
         self.pacing = preview.pacing;
@@ -182,7 +196,7 @@ impl Viewer {
 
     /// The present view as a request of pictures, in the scan's coordinates.
     pub fn camera_request(&self) -> CameraRequest {
-        request_of(&self.camera).unmeasured(self.file().lattice())
+        self.camera.request()
     }
 
     /// Size of the picture with all pixels of the window, at most that which the session draws.
@@ -447,7 +461,13 @@ impl Viewer {
         pace.into_iter().for_each(|pace| self.sharpness.set_pace(pace));
         let moving = self.sharpness.method(now_s, wanted.method);
         let method = if has_shot { wanted.method } else { moving };
-        let wanted = &Settings { method, ..wanted.clone() };
+        let shot = has_shot.then(|| {
+            let new = || Shot { seen: self.camera.seen(), is_whole: self.is_at_rest() };
+            self.shot.unwrap_or_else(new)
+        });
+        self.shot = shot;
+        let occlusion = wanted.occlusion && !shot.is_some_and(|shot| shot.is_whole);
+        let wanted = &Settings { method, occlusion, ..wanted.clone() };
         let window = pixels(ctx.content_rect(), ctx.pixels_per_point(), 1.0);
         if wanted.vertical != self.views.vertical() {
             self.views.set_vertical(wanted.vertical);
@@ -492,6 +512,9 @@ impl Viewer {
         let scale = if shots.is_requested() { 1.0 } else { self.sharpness.scale(now_s) };
         let has = self.scene.as_ref()?.drawn_size();
         self.size = within(pixels(rect, ctx.pixels_per_point(), scale), has);
+        if let Some(boxes) = self.scene.as_ref().and_then(Scene::boxes) {
+            self.camera.set_boxes(*boxes);
+        }
         let views = self.views();
         let scene = self.scene.as_mut()?;
         if self.tools.needs_depth() || shots.is_requested() {
@@ -548,7 +571,10 @@ impl Viewer {
                 let ms = work_ms.max(rendered_ms);
                 self.sharpness.drew(Drawn { method, scale, load, ms }, self.method);
                 self.fault = None;
-                if shots.is_requested() {
+                let is_seen = |shot: Shot| shot.is_whole && shot.seen == self.camera.seen();
+                let waits = self.shot.is_some_and(is_seen)
+                    && (scene.settings().occlusion || !scene.is_at_rest(&views));
+                if shots.is_requested() && !waits {
                     shots.take(scene.picture());
                 }
                 Some(work_ms)

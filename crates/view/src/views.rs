@@ -3,12 +3,17 @@
 //! upwards go in, cameras come out.
 
 use crate::camera::Camera;
-use esker_engine::Forest;
 use esker_engine::calls::info;
 use esker_engine::cameras::camera::{Camera as CameraRequest, OrthoHeight};
 use esker_engine::cameras::up::upright;
 use esker_engine::cameras::vertical::Vertical;
+use esker_engine::{Forest, Lattice};
 use glam::DVec3;
+
+/// Greatest part of the axis of elevations to the right of a picture in which it is upwards.
+const LEVEL: f64 = 1e-9;
+/// Greatest difference between the axes of a camera and those of the request that it stands for.
+const TURNED: f64 = 1e-6;
 
 /// A side from which the scan is seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,21 +38,27 @@ pub enum Side {
 pub struct Views {
     /// The first view as the command line requests it, with the up direction that was guessed.
     request: CameraRequest,
+    /// The same in the scan's coordinates.
+    given: CameraRequest,
     /// The axis that points upwards.
     vertical: Vertical,
     /// Why it does, if that was guessed.
     note: Option<&'static str>,
     /// The box that views are fitted to.
     bounds: [[f64; 3]; 2],
+    /// Lattice of the scan's coordinates.
+    lattice: Lattice,
 }
 
 impl Views {
-    /// Views of a file without the clouds `hidden`, of which `request` is the first one.
-    pub fn new(file: &Forest, request: &CameraRequest, hidden: &[usize]) -> Self {
-        let measured = request.measured(file.lattice());
+    /// Views of a file without the clouds `hidden`, of which `given` is the first one.
+    pub fn new(file: &Forest, given: &CameraRequest, hidden: &[usize]) -> Self {
+        let measured = given.measured(file.lattice());
         let (request, vertical, guess) = upright(file, measured, info::bounds(file));
+        let given = CameraRequest { up: request.up, ..*given };
         let note = guess.map(|guess| guess.reason());
-        Self { request, vertical, note, bounds: info::fitted_bounds_without(file, hidden) }
+        let bounds = info::fitted_bounds_without(file, hidden);
+        Self { request, given, vertical, note, bounds, lattice: *file.lattice() }
     }
 
     /// The axis that points upwards.
@@ -121,45 +132,32 @@ impl Views {
     fn camera(&self, request: &CameraRequest, size: [u32; 2]) -> Camera {
         let view = request.view(self.bounds, size);
         let scene = self.bounds.map(DVec3::from_array);
-        // In a plan, the request's up is a side of the picture.
-        let up = request.up.unwrap_or(DVec3::Z);
-        let is_upright = Vertical::nearest(up) == self.vertical;
-        let up = if is_upright { up } else { self.vertical.direction() };
+        let (up, vertical) = (request.up.unwrap_or(DVec3::Z), self.vertical.direction());
+        // In a plan, the request's up is a side of the picture. Where the axis of elevations is
+        // upwards in the picture too, or along the view, it is the one to turn around.
+        let is_level = vertical.dot(view.world_from_view.x_axis).abs() < LEVEL;
+        let is_upright = Vertical::nearest(up) == self.vertical && !is_level;
+        let up = if is_upright { up } else { vertical };
         let target = request.target.filter(|_| request.eye.is_some());
-        Camera::of_view(&view, up, target, scene)
+        let camera = Camera::of_view(&view, up, target, scene).on_lattice(&self.lattice);
+        let is_seen_so = camera.axes().abs_diff_eq(view.world_from_view, TURNED);
+        if is_seen_so && request == &self.request && is_complete(request) {
+            camera.given(self.given)
+        } else {
+            camera
+        }
     }
 }
 
-/// The view of a camera as a request, on the metric lattice.
-pub fn request_of(camera: &Camera) -> CameraRequest {
-    /// Least distance of the target, as a share of the size of coordinates, so that rounding them
-    /// does not turn the view.
-    const REACH: f64 = 1e-6;
-    /// Cosine of the angle between a vertical view and the vertical.
-    const STEEP: f64 = 1.0 - 1e-7;
-    /// Angle by which a vertical view is tilted, so that `up` still chooses the upper side of its
-    /// picture, radians: pixels move by less than a thousandth.
-    const TILT_RAD: f64 = 1e-8;
-    let (eye, forward, up) = (camera.eye(), camera.forward(), camera.up());
-    let steep = forward.dot(up);
-    let is_steep = steep.abs() > STEEP;
-    let tilt =
-        if is_steep { camera.axes().y_axis * (-steep.signum() * TILT_RAD) } else { DVec3::ZERO };
-    let direction = Some(forward + tilt);
-    let distance = camera.distance().max(eye.abs().max_element() * REACH);
-    let target = Some(eye + forward * distance);
-    let request = CameraRequest { up: Some(up), ..CameraRequest::default() };
-    if camera.is_parallel() {
-        // Without an eye, which the engine places before all of the scan, as the window does.
-        let ortho = Some(OrthoHeight::Units(camera.height()));
-        return CameraRequest { target, direction, ortho, ..request };
-    }
-    let (eye, fovy_deg) = (Some(eye), Some(camera.fovy_rad().to_degrees()));
-    let request = CameraRequest { eye, fovy_deg, ..request };
-    if is_steep {
-        CameraRequest { direction, ..request }
-    } else {
-        CameraRequest { target, ..request }
+/// Whether no part of a request is fitted to the scan or to the size of pictures.
+fn is_complete(request: &CameraRequest) -> bool {
+    let has_direction = request.direction.is_some() || request.target.is_some();
+    match request.ortho {
+        Some(OrthoHeight::Units(_)) => {
+            has_direction && (request.eye.is_some() || request.target.is_some())
+        }
+        Some(OrthoHeight::Fit) => false,
+        None => has_direction && request.eye.is_some(),
     }
 }
 
@@ -192,6 +190,9 @@ fn ahead(vertical: Vertical) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use esker_engine::cameras::boxes::Boxes;
+    use esker_engine::document;
+    use esker_engine::draw::scene::PictureRequest;
     use glam::{DMat3, DVec2};
 
     const SIDES: [Side; 7] = [
@@ -204,11 +205,14 @@ mod tests {
         Side::Isometric,
     ];
     const SIZE: [u32; 2] = [900, 600];
+    const LATTICE: Lattice =
+        Lattice { scale: [0.001; 3], offset: [0.0; 3], shift: [0; 3], factor: [1.0; 3] };
 
     fn views(vertical: Vertical) -> Views {
         let bounds = [[1e6, 2e6, -3.0], [1e6 + 80.0, 2e6 + 50.0, 40.0]];
         let request = CameraRequest { up: Some(vertical.direction()), ..CameraRequest::default() };
-        Views { request, vertical, note: None, bounds }
+        let lattice = LATTICE;
+        Views { request, given: request, vertical, note: None, bounds, lattice }
     }
 
     fn verticals() -> impl Iterator<Item = Vertical> {
@@ -253,13 +257,21 @@ mod tests {
 
     #[test]
     fn the_first_view_is_that_of_the_engine_and_a_plan_keeps_its_heading() {
-        let views = views(Vertical::default());
-        for text in
-            ["", "eye=1e6,2e6,90;target=1000040,2000025,0", "direction=0,0,-1;up=1,0.2,0;ortho=60"]
-        {
-            let request = CameraRequest::parse(text).unwrap();
+        for (text, is_complete) in [
+            ("", false),
+            ("direction=0,0,-1;up=1,0.2,0;ortho=60", false),
+            ("eye=1e6,2e6,90;target=1000040,2000025,0", true),
+            ("eye=1000000.3,2000000.7,90;direction=0.7,0.2,-0.13;fovy=41.3", true),
+            ("eye=1000000.3,2000000.7,90;direction=0,0,-3;up=0.3,0.7,0;fovy=41.3", true),
+            ("target=1000000.3,2000000.7,9;direction=0,0,-1;up=1,0.2,0;ortho=60.1", true),
+            ("eye=1000000.3,2000000.7,90;target=1000007,2000003,9;up=0,0.1,1;ortho=60.1", true),
+        ] {
+            let (request, views) =
+                (CameraRequest::parse(text).unwrap(), views(Vertical::default()));
             let wanted = request.view(views.bounds, SIZE);
-            let view = Views { request, ..views_like(&views) }.first(SIZE).view(SIZE);
+            let views = Views { request, given: request, ..views };
+            let view = views.first(SIZE).view(SIZE);
+            assert!(!is_complete || view == wanted, "{text}: {view:?} is not {wanted:?}");
             for corner in 0..8 {
                 let p = [0, 1, 2].map(|axis| views.bounds[corner >> axis & 1][axis]);
                 let [a, b] = [&wanted, &view].map(|view| view.project(p.into()).unwrap());
@@ -268,8 +280,68 @@ mod tests {
         }
     }
 
-    fn views_like(views: &Views) -> Views {
-        Views { request: views.request, ..*views }
+    /// The request of a camera, written as a document and read again.
+    fn saved(camera: CameraRequest) -> CameraRequest {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.json");
+        let request = PictureRequest { camera, ..PictureRequest::of_options() };
+        document::save(&path, &[], None, &request).unwrap();
+        document::Document::read(&path).unwrap().request().unwrap().camera
+    }
+
+    /// Checks that documents with the view of `camera` have the same picture and vertical, here and
+    /// in a window that opens them.
+    fn check_saved(camera: &Camera, views: &Views, boxes: Boxes, size: [u32; 2], what: &str) {
+        let read = saved(camera.request());
+        let measured = read.measured(&views.lattice);
+        let view = camera.view(size);
+        assert_eq!(measured.view_in(&boxes, size), view, "{what}");
+        assert_eq!(measured.vertical(boxes.all), views.vertical, "{what}");
+        let reopened = Views { request: measured, given: read, ..*views };
+        let mut again = reopened.first(size);
+        again.set_boxes(boxes);
+        assert_eq!(again.view(size), view, "{what}: opened again");
+        assert!(again.up().distance(camera.up()) < 1e-9, "{what}: {}", again.up());
+        let parts = [again.eye().distance(camera.eye()), again.height() - camera.height()];
+        if camera.is_parallel() {
+            assert!(parts[1].abs() < 1e-9 * camera.height(), "{what}: {parts:?}");
+        } else {
+            assert!(parts[0] < 1e-6, "{what}: {parts:?}");
+        }
+        // Its request is the same once it has moved, but for rounding.
+        again.look(0.1, 0.0);
+        assert_ne!(again.request(), read, "{what}");
+    }
+
+    #[test]
+    fn a_document_of_any_view_has_the_same_picture_to_the_bit() {
+        let uneven = Lattice { factor: [0.7, 1.1, 1.0], ..LATTICE };
+        for (vertical, lattice) in
+            verticals().flat_map(|vertical| [LATTICE, uneven].map(|of| (vertical, of)))
+        {
+            let views = Views { lattice, ..views(vertical) };
+            for (side, is_parallel) in SIDES.into_iter().flat_map(|s| [(s, false), (s, true)]) {
+                let what = format!("{side:?}, {vertical} up, parallel: {is_parallel}");
+                let size = [901, 333];
+                let mut camera = views.seen_from(side, is_parallel, size);
+                let [low, high] = views.bounds;
+                let fitted = [low.map(|v| v + 1.3), high.map(|v| v - 2.7)];
+                for boxes in [Boxes::equal(views.bounds), Boxes { all: views.bounds, fitted }] {
+                    camera.set_boxes(boxes);
+                    check_saved(&camera, &views, boxes, size, &what);
+                    check_saved(&camera, &views, boxes, [640, 1001], &what);
+                }
+                let boxes = Boxes { all: views.bounds, fitted };
+                let middle = DVec3::from_array(low).midpoint(high.into());
+                camera.pan(13.0, -7.0, 40.0, 333.0);
+                check_saved(&camera, &views, boxes, size, &format!("{what}, moved"));
+                camera.zoom(middle, 0.3);
+                (0..200).for_each(|_| camera.step(DVec3::ZERO, 0.05));
+                check_saved(&camera, &views, boxes, size, &format!("{what}, nearer"));
+                camera.orbit(middle, 0.7, -0.2);
+                check_saved(&camera, &views, boxes, size, &format!("{what}, turned"));
+            }
+        }
     }
 
     #[test]

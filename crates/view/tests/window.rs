@@ -670,3 +670,43 @@ fn a_window_that_a_signal_ends_removes_its_temporary_file() {
     assert_eq!(window.wait().unwrap().code(), Some(130));
     assert!(is_empty());
 }
+
+/// Checks that the picture of a scene that a window saves is that of its document, on the CPU.
+fn check_saved(fixture: &Fixture, file: &Path, commands: &[&str], options: &[&str]) {
+    let [picture, document] = ["saved.png", "saved.scene.json"].map(|name| fixture.path(name));
+    let copy = fixture.path("saved.esker");
+    for old in [&picture, &document, &copy] {
+        let _ = std::fs::remove_file(old);
+    }
+    std::fs::copy(file, &copy).unwrap();
+    let settle = r#"{"do": "settle", "seconds": 30}"#;
+    let given = commands.iter().map(|id| {
+        format!(r#"{{"do": "command", "id": "{id}"}}, {{"do": "wait", "seconds": 0.8}}, {settle}"#)
+    });
+    let given: Vec<String> = given.collect();
+    let script = format!(
+        r#"{{"before": [{settle}, {}, {{"do": "picture", "path": "saved.png"}},
+            {{"do": "command", "id": "save-scene"}}, {settle}]}}"#,
+        given.join(", ")
+    );
+    fixture.fly(&copy, &script, &[&["--backend", "cpu", "--no-panel"], options].concat());
+    let read = esker_engine::document::Document::read(&document).unwrap();
+    let file = Forest::open(&copy).unwrap();
+    let (still, _) = render::draw(&file, &read.request().unwrap(), &silent()).unwrap();
+    let off = share_off(&read_png(&picture), &still, 1);
+    assert_eq!(off, 0.0, "{commands:?} {options:?}: of the pixels differ by more than 1 of 255");
+}
+
+#[test]
+fn the_picture_that_is_saved_is_that_of_the_document_also_where_nodes_are_hidden() {
+    let Some(fixture) = fixture() else { return };
+    let office = fixture.path("office.esker");
+    let options = esker_engine::BuildOptions::default();
+    let scan = [PathBuf::from("synthetic:office:500k:1")];
+    esker_engine::calls::build::build(&scan, &office, &options, 0, &silent()).unwrap();
+    for commands in [["orthographic", "top"], ["orthographic", "front"], ["back", "isometric"]] {
+        for file in [office.as_path(), sample()] {
+            check_saved(&fixture, file, &commands, &[]);
+        }
+    }
+}
