@@ -16,7 +16,7 @@ use crate::sharpness::{Drawn, Sharpness};
 use crate::shots::Shots;
 use crate::source::Opened;
 use crate::tools::measure::{Measure, Over};
-use crate::tools::tool::{Depth, Seen};
+use crate::tools::tool::{Depth, Shown};
 use crate::tools::{ToolName, Tools};
 use crate::views::{Side, Views};
 use crate::{fault, frustum, progress, theme};
@@ -382,10 +382,10 @@ impl Viewer {
     }
 
     /// What the picture shows, while a session runs.
-    fn seen(&self) -> Option<Seen> {
+    fn shown(&self) -> Option<Shown> {
         let shown = self.scene.as_ref().and_then(Scene::shown)?;
         let (file, view) = (Arc::clone(self.file()), self.view());
-        Some(Seen { file, view, shown, depth_offset: self.camera.depth_offset(&view) })
+        Some(Shown { file, view, shown, depth_offset: self.camera.depth_offset(&view) })
     }
 
     /// Movement of the sun since the last call, in shares of the height of the picture.
@@ -596,8 +596,8 @@ impl Viewer {
         };
         counters.take_status(scene.status(), now_s);
         counters.gpu_bytes = scene.gpu_bytes();
-        let seen = self.seen();
-        self.tools.advance(ctx, seen.as_ref());
+        let shown = self.shown();
+        self.tools.advance(ctx, shown.as_ref());
         drawn
     }
 

@@ -119,6 +119,10 @@ prop_compose! {
     }
 }
 
+fn present(settings: &Settings, camera: CameraRequest, size: [u32; 2]) -> Present {
+    Present { settings: settings.clone(), camera, size, measurements: Vec::new() }
+}
+
 proptest! {
     #[test]
     fn settings_come_back_from_their_document(settings in any_settings()) {
@@ -127,8 +131,8 @@ proptest! {
         let mut scene = SceneFile::of(&[scan()]).unwrap();
         // What is saved first has more samples of light.
         for settings in [&Settings::default(), &settings] {
-            let state = (settings, CameraRequest::default(), SIZE);
-            scene = match scene.save(&out, true, state).unwrap() {
+            let state = present(settings, CameraRequest::default(), SIZE);
+            scene = match scene.save(&out, true, &state).unwrap() {
                 Saved::Written(scene) => *scene,
                 Saved::Exists(_) => unreachable!("it may be replaced"),
             };
@@ -184,8 +188,8 @@ impl Open {
         let window = drawn_by_the_window(&mut self.scene, camera, self.size);
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("scene.json");
-        let state = (self.scene.settings(), camera.request(), self.size);
-        self.saved.clone().save(&out, false, state).unwrap();
+        let state = present(self.scene.settings(), camera.request(), self.size);
+        self.saved.clone().save(&out, false, &state).unwrap();
         let document = Document::read(&out).unwrap();
         let request = document.request().unwrap();
         let inputs = document.inputs().unwrap();

@@ -11,7 +11,7 @@ pub mod tool;
 use crate::camera::Camera;
 use eframe::egui::{Context, CursorIcon, Painter, Rect, Response, Ui};
 use esker_engine::View;
-use tool::{Depth, Seen, Tool};
+use tool::{Depth, Shown, Tool};
 
 pub use navigate::{Navigate, SPEED_A_POINT, TURN_RAD};
 pub use pick::Pick;
@@ -83,7 +83,7 @@ impl Tools {
     }
 
     /// Goes on with work on other threads.
-    pub fn advance(&mut self, ctx: &Context, seen: Option<&Seen>) {
+    pub fn advance(&mut self, ctx: &Context, seen: Option<&Shown>) {
         self.all_mut().into_iter().for_each(|tool| tool.advance(ctx, seen));
     }
 

@@ -4,7 +4,7 @@
 
 use super::measure::Measure;
 use super::search::{Outcome, Search};
-use super::tool::{Clicked, Depth, Seen, Tool, share_of};
+use super::tool::{Clicked, Depth, Shown, Tool, share_of};
 use crate::camera::Camera;
 use eframe::egui::{Context, CursorIcon, Painter, Rect, Response, Ui};
 use esker_engine::View;
@@ -70,7 +70,7 @@ impl Tool for Pick {
         }
     }
 
-    fn advance(&mut self, ctx: &Context, seen: Option<&Seen>) {
+    fn advance(&mut self, ctx: &Context, seen: Option<&Shown>) {
         if take(&mut self.undoes_click) && self.search.take().is_none() {
             self.measure.pop();
         }

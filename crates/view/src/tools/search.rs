@@ -1,6 +1,6 @@
 //! Finds the point of the file that was clicked, on a thread, since that reads the disk.
 
-use super::tool::{Clicked, Seen};
+use super::tool::{Clicked, Shown};
 use eframe::egui::Context;
 use esker_engine::calls::pick::{Picked, pick};
 use glam::DVec2;
@@ -24,7 +24,7 @@ pub enum Outcome {
 
 impl Search {
     /// Starts to find the point at a place of a picture; repaints the window when it is found.
-    pub fn start(ctx: &Context, seen: &Seen, clicked: Clicked) -> Self {
+    pub fn start(ctx: &Context, seen: &Shown, clicked: Clicked) -> Self {
         let (sender, found) = sync_channel(1);
         let (file, shown) = (Arc::clone(&seen.file), Arc::clone(&seen.shown));
         let (ctx, view) = (ctx.clone(), seen.view);

@@ -25,7 +25,7 @@ pub trait Tool {
     fn take_depths(&mut self, camera: &mut Camera, picture: &mut Depth<'_>);
 
     /// Goes on with work on other threads; `seen` is what the picture shows, once one is drawn.
-    fn advance(&mut self, _ctx: &Context, _seen: Option<&Seen>) {}
+    fn advance(&mut self, _ctx: &Context, _seen: Option<&Shown>) {}
 
     /// Whether it waits for work on another thread.
     fn is_busy(&self) -> bool {
@@ -59,7 +59,7 @@ pub struct Depth<'a> {
 }
 
 /// What a picture shows.
-pub struct Seen {
+pub struct Shown {
     /// The file.
     pub file: Arc<Forest>,
     /// The view.
