@@ -315,6 +315,32 @@ fn filters() {
     // The same region as a polygon.
     let ring = format!("{0},{1} {2},{1} {2},{3} {0},{3}", lo[0], lo[1], hi[0], hi[1]);
     assert!(lines_of(&built, &folder, &["--polygon", &ring]) == flat);
+    // The same region as a clip, and the rest; and a box around its middle, turned by 30 degrees.
+    let corners = format!("box={},{},-1e5,{},{},1e5", lo[0], lo[1], hi[0], hi[1]);
+    assert!(lines_of(&built, &folder, &["--clip", &corners]) == flat);
+    let rest = lines_of(&built, &folder, &["--clip", &format!("{corners};keep=outside")]);
+    let mut both = [flat.clone(), rest].concat();
+    both.sort();
+    assert!(both == all);
+    let centre = [0, 1].map(|i| f64::midpoint(lo[i], hi[i]));
+    let turned = format!("centre={},{},0;size=150,90,1e5;rotation=30", centre[0], centre[1]);
+    let (sin, cos) = 30f64.to_radians().sin_cos();
+    let beyond = |line: &&String| {
+        let p = position(line);
+        let [x, y] = [p[0] - centre[0], p[1] - centre[1]];
+        ((x * cos + y * sin).abs() - 75.0).max((y * cos - x * sin).abs() - 45.0)
+    };
+    let clipped = lines_of(&built, &folder, &["--clip", &turned]);
+    // Faces lie within a 256th of a step, of which one is a hundredth.
+    let surely: Vec<_> = all.iter().filter(|line| beyond(line) < -1e-4).collect();
+    assert!(surely.len() > 100 && clipped.len() >= surely.len());
+    assert!(clipped.iter().all(|line| beyond(&line) < 1e-4));
+    assert!(surely.iter().all(|line| clipped.binary_search(line).is_ok()));
+    // Of two clips both must hold.
+    let two = lines_of(&built, &folder, &["--clip", &turned, "--clip", &corners]);
+    let common: Vec<_> =
+        clipped.iter().filter(|line| flat.binary_search(line).is_ok()).cloned().collect();
+    assert!(two == common && two.len() < clipped.len());
     // A sample holds points of the scan; it is even, and denser for a smaller spacing.
     let coarse = lines_of(&built, &folder, &["--max-spacing", "60"]);
     let fine = lines_of(&built, &folder, &["--max-spacing", "15"]);

@@ -1,6 +1,6 @@
 //! Scene documents: a picture from a document is that of the equal options, byte for byte; options
 //! replace fields; paths start from the document; documents are recognised by their content;
-//! and what is not drawn yet is an error.
+//! clips are drawn as their options; and what is not drawn yet is an error.
 
 use crate::folder::Folder;
 use crate::program::{Outcome, build, esker, sample};
@@ -16,6 +16,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("scene: lights, skies and meshes are found from the document", saved_lights));
     trials.push(trial("scene: fields by hand draw the picture of the options", by_hand));
     trials.push(trial("scene: an option replaces its field, and no other", options_replace));
+    trials.push(trial("scene: clips of a document cut as those of the options", clips));
     trials.push(trial("scene: what a picture does not show is kept when it is saved", kept));
     trials.push(trial("scene: documents are recognised by their content", by_content));
     trials.push(trial("scene: what is not drawn yet is an error or a note", not_drawn));
@@ -267,6 +268,7 @@ fn options_replace() {
     ];
     let scene = save(&folder, &file, "my scenes/base.json", &base);
     let other_box = format!("{x},{y},{right},{top}");
+    let clip = format!("point={},{y},0;normal=1,2,0", i64::midpoint(x, right));
     for (option, value) in [
         ("--size", "90x140"),
         ("--method", "pull-push"),
@@ -277,6 +279,7 @@ fn options_replace() {
         ("--budget-points", "7k"),
         ("--target-spacing", "6"),
         ("--max-spacing", "25"),
+        ("--clip", &clip),
     ] {
         let mut options: Vec<&str> = base.to_vec();
         match options.iter().position(|word| *word == option) {
@@ -297,6 +300,66 @@ fn options_replace() {
     let out = folder.file("p.png");
     let refused = render(&scene, &[&[OsStr::new("-o"), out.as_os_str()], &words[..]].concat());
     assert!(refused.error().contains("add --method points"), "{}", refused.stderr);
+}
+
+fn clips() {
+    let folder = Folder::new();
+    let file = built(&folder);
+    let [[x, y, z], [right, top, over]] = bounds(&file);
+    let [x1, y1] = [x + (right - x) / 4, y + (top - y) / 4];
+    let [x2, y2] = [i64::midpoint(x, right), i64::midpoint(y, top)];
+    let eye = format!("eye={x1},{y1},{};target={x2},{y2},{z};fovy=60", over + 600);
+    let options = ["--camera", &eye, "--size", "160x120"];
+    let drawn = |input: &Path, more: &[&str]| picture(&folder, input, &[&options, more].concat());
+    let document = |clips: &str| {
+        let text = format!(
+            r#"{{"esker_scene": 1, "clouds": [{{"file": "../data/creek.esker"}}], "clips": [{clips}]}}"#
+        );
+        drawn(&folder.write("my scenes/clips.json", &text), &[])
+    };
+    let all = drawn(&file, &[]);
+    let flat = format!("{x1},{y1},{},{x2},{y2},{}", z - 9, over + 9);
+    let boxed = drawn(&file, &["--box", &flat]);
+    assert!(boxed != all);
+    assert!(document(&format!(r#"{{"box": [{flat}]}}"#)) == boxed);
+    assert!(drawn(&file, &["--clip", &format!("box={flat}")]) == boxed);
+    // The same box, turned by a right angle with its lengths exchanged.
+    let half = |a: i64, b: i64| (a + b) as f64 / 2.0;
+    let centre = [half(x1, x2), half(y1, y2), half(z, over)];
+    let size = [y2 - y1, x2 - x1, over - z + 18];
+    let turned = |degrees: f64, more: &str| {
+        format!(
+            r#"{{"oriented_box": {{"centre": {centre:?}, "size": {size:?},
+                "rotation": [{degrees}, 0, 0]}}{more}}}"#
+        )
+    };
+    assert!(document(&turned(90.0, "")) == boxed);
+    let rest = document(&turned(90.0, r#", "keep": "outside""#));
+    assert!(rest != boxed && rest != all);
+    let [[a, b, c], [d, e, f]] = [centre, size.map(|length| length as f64)];
+    let clip = format!("centre={a},{b},{c};size={d},{e},{f};rotation=30,5,0;keep=outside");
+    let form = turned(30.0, r#", "keep": "outside""#).replace("30, 0, 0", "30, 5, 0");
+    assert!(document(&form) == drawn(&file, &["--clip", &clip]));
+    // Two clips, one that is switched off, and a half space that has all points.
+    let behind = format!(r#"{{"plane": {{"point": [0, 0, {}], "normal": [0, 0, 1]}}}}"#, over + 1);
+    assert!(document(&behind) == all);
+    assert!(document(&format!("{behind}, {}", turned(90.0, ""))) == boxed);
+    assert!(document(&turned(30.0, r#", "enabled": false"#)) == all);
+    // Options replace the clips of a document, and a document that is saved keeps its own.
+    let scene = folder.file("my scenes/clips.json");
+    assert!(drawn(&scene, &["--clip", &format!("box={flat}")]) == boxed);
+    let text = std::fs::read_to_string(&scene).unwrap();
+    let named = text.replace(r#""enabled": false"#, r#""enabled": false, "name": "roof""#);
+    let scene = folder.write("my scenes/clips.json", &named);
+    let more = ["--clip", &clip];
+    let saved = save(&folder, &scene, "data/other.json", &more);
+    assert!(drawn(&saved, &[]) == drawn(&file, &more));
+    let saved = save(&folder, &scene, "data/same.json", &["--size", "160x120"]);
+    let json = |path: &Path| -> Value {
+        serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+    };
+    assert_eq!(json(&saved)["clips"][0]["name"], "roof");
+    assert_eq!(json(&saved)["clips"][0]["enabled"], false);
 }
 
 fn kept() {
@@ -393,7 +456,7 @@ fn not_drawn() {
         ),
         (&format!(r#"{creek}, {{"file": "../data/a.xyz"}}"#), "", "a.xyz", "build it with"),
         (r#"{"file": "../data/a.xyz", "offset": [1, 0, 0]}"#, "", "a.xyz", "have offsets"),
-        (creek, r#", "clips": [{"box": [0, 0, 0, 1, 1, 1]}]"#, "`clips[0]`", "not drawn yet"),
+        (creek, r#", "clips": [{"box": [0, 0, 0, 1, 1, 1]}]"#, "creek.esker", "is wanted"),
         (r#"{"file": "none.laz"}"#, "", "none.laz", "cannot open"),
         ("", "", "`clouds`", "nothing to draw"),
     ] {

@@ -8,7 +8,7 @@ use esker_engine::io::visible::visible;
 use esker_engine::io::{polygon, quantity};
 use esker_engine::machine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::{
-    Bounds, BuildOptions, Classes, Codec, ColourDepth, Columns, Crs, Filter, Flags, Method,
+    Bounds, BuildOptions, Classes, Clip, Codec, ColourDepth, Columns, Crs, Filter, Flags, Method,
     NormalsMode, OpenOptions, Polygon, Resume, ValueRange,
 };
 use esker_engine::{UNITS, read_crs};
@@ -248,6 +248,12 @@ pub struct FilterArgs {
     /// or of GeoJSON.
     #[arg(long, value_name = "POLYGON", allow_hyphen_values = true, value_parser = parse_polygon)]
     pub polygon: Option<Polygon>,
+    /// Points that a clip keeps, in the scan's coordinates: "box=x0,y0,z0,x1,y1,z1";
+    /// "centre=x,y,z;size=x,y,z;rotation=z,y,x", a box that is turned by degrees about z, y and x;
+    /// or "point=x,y,z;normal=x,y,z", the side of a plane away from its normal. With
+    /// ";keep=outside" the points outside. May be repeated; all clips must keep a point then.
+    #[arg(long = "clip", value_name = "CLIP")]
+    pub clips: Vec<Clip>,
     /// Points of these classes: numbers, ranges and names, such as 2,6 or ground,3-5; overlap
     /// is class 12 and the flag.
     #[arg(long, value_name = "CLASSES")]
@@ -274,6 +280,7 @@ impl FilterArgs {
         Filter {
             bounds: self.bounds.or(base.bounds),
             polygon: self.polygon.clone().or(base.polygon),
+            clips: if self.clips.is_empty() { base.clips } else { self.clips.clone() },
             classes: self.classes.or(base.classes),
             flags: self.flags.unwrap_or(base.flags),
             without_flags: self.without_flags.unwrap_or(base.without_flags),

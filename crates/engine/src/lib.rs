@@ -15,7 +15,9 @@ pub use esker_builder::budget::memory;
 pub use esker_builder::{ExportOptions, NormalsMode, Options as BuildOptions, Resume};
 pub use esker_format::{Codec, EskerFile, Forest, ForestFilter};
 pub use esker_lod::{View, Window};
-pub use esker_points::filter::{Bound, Bounds, Classes, Filter, Flags, Polygon, ValueRange};
+pub use esker_points::filter::{
+    Bound, Bounds, Classes, Clip, ClipShape, Filter, Flags, Polygon, ValueRange,
+};
 pub use esker_points::unfinished::remove_all as remove_unfinished;
 pub use esker_points::{Cancelled, ColourDepth, Lattice, Task};
 

@@ -14,7 +14,7 @@ use esker_engine::machine::backend::{Backend, GpuRequest};
 use esker_format::{Forest, PlaneKind};
 use esker_lod::View;
 use esker_points::Filter;
-use esker_points::filter::{Bounds, Classes, Polygon};
+use esker_points::filter::{Bounds, Classes, Clip, ClipShape, Polygon};
 use esker_points::task::Silent;
 use esker_render::Picture;
 use esker_render::gpu::Gpu;
@@ -81,11 +81,19 @@ fn filters(file: &Forest) -> Vec<(&'static str, Filter)> {
     let Bounds { min: [x0, y0, _], max: [x1, y1, _] } = part(file, 0.1, 0.8);
     let polygon = Polygon::new(vec![vec![[x0, y0], [x1, y0], [x1, y1]]]).unwrap();
     let classes: Classes = "ground".parse().unwrap();
+    let turned = |degrees: f64| {
+        let [low, high] = esker_engine::calls::info::bounds(file);
+        let centre = [0, 1, 2].map(|i| f64::midpoint(low[i], high[i]));
+        let size = [x1 - x0, (y1 - y0) / 2.0, 1e4];
+        Clip::from(ClipShape::Oriented { centre, size, rotation: [degrees, 10.0, 0.0] })
+    };
     let all = Filter::default;
     vec![
         ("box", Filter { bounds: Some(part(file, 0.2, 0.7)), ..all() }),
         ("classes", Filter { classes: Some(classes), ..all() }),
         ("polygon", Filter { polygon: Some(polygon), ..all() }),
+        ("clip", Filter { clips: vec![turned(30.0)], ..all() }),
+        ("clips", Filter { clips: vec![turned(30.0), turned(75.0).inverted()], ..all() }),
         ("spacing", Filter { max_spacing: Some((x1 - x0) / 100.0), ..all() }),
         ("all", all()),
     ]

@@ -11,7 +11,7 @@ use esker_engine::light::settings::{FILTERS, Gloss, LightSettings};
 #[cfg(feature = "light")]
 use esker_engine::light::spec::parse;
 use esker_engine::{
-    Bounds, BuildOptions, Codec, ColourDepth, Dots, Filter, Flags, NormalsMode, PointSize, Polygon,
+    Bounds, BuildOptions, Clip, ClipShape, Codec, ColourDepth, Dots, Filter, Flags, NormalsMode, PointSize, Polygon,
     Window,
 };
 use glam::DVec3;
@@ -46,6 +46,25 @@ fn camera() -> impl Strategy<Value = Camera> {
     )
 }
 
+fn clip() -> impl Strategy<Value = Clip> {
+    let names = option::of(select(vec!["roof", "a \"b\" {c}", "é"]));
+    let normal = vector().prop_filter("a direction", |v| *v != DVec3::ZERO);
+    (names, any::<[bool; 2]>(), 0..3, [vector(), vector()], normal).prop_map(
+        |(name, [is_on, keeps_outside], kind, [a, b], normal)| {
+            let shape = match kind {
+                0 => ClipShape::Box(Bounds { min: a.min(b).to_array(), max: a.max(b).to_array() }),
+                1 => ClipShape::Oriented {
+                    centre: a.to_array(),
+                    size: b.abs().to_array(),
+                    rotation: normal.to_array(),
+                },
+                _ => ClipShape::Plane { point: a.to_array(), normal: normal.to_array() },
+            };
+            Clip { name: name.map(str::to_owned), is_on, keeps_outside, shape }
+        },
+    )
+}
+
 fn filter() -> impl Strategy<Value = Filter> {
     let bounds = (vector(), vector(), any::<bool>()).prop_map(|(a, b, is_flat)| {
         let (mut min, mut max) = (a.min(b).to_array(), a.max(b).to_array());
@@ -63,13 +82,15 @@ fn filter() -> impl Strategy<Value = Filter> {
         vec!["intensity:..4000", "gps_time:-1.5..", "id:9007199254740993..", "a:b:0.1..1e300"];
     let values = vec(select(ranges), 0..3);
     let last = (values, option::of(1e-9..1e9f64));
-    (option::of(bounds), option::of(polygon), option::of(classes), flags, last).prop_map(
-        |(bounds, polygon, classes, (flags, without), (values, max_spacing))| {
+    let places = (option::of(bounds), option::of(polygon), vec(clip(), 0..3));
+    (places, option::of(classes), flags, last).prop_map(
+        |((bounds, polygon, clips), classes, (flags, without), (values, max_spacing))| {
             let parse =
                 |word: &str| if word.is_empty() { Flags::default() } else { word.parse().unwrap() };
             Filter {
                 bounds,
                 polygon,
+                clips,
                 classes: classes.map(|words| words.parse().unwrap()),
                 flags: parse(flags),
                 without_flags: parse(without),
@@ -263,9 +284,9 @@ fn a_value_that_no_option_takes_is_an_error_that_names_its_field() {
         (r#""build": {"crs": "Lambert"}"#, "`build.crs`", "EPSG:NUMBER"),
         (r#""build": {"unit": "mile"}"#, "`build.unit`", "`mile` is none of metre"),
         (
-            r#""clips": [{"enabled": false, "box": [0, 0, 0, 1, 1, 1]}, {"box": [0, 0, 0, 1, 1, 1]}]"#,
-            "`clips[1]`",
-            "not drawn yet",
+            r#""clips": [{"box": [0, 0, 0, 1, 1, 1]}, {"box": [0, 0, 2, 1, 1, 1]}]"#,
+            "`clips[1].box`",
+            "no inside",
         ),
         (
             r#""bookmarks": [{"name": "a", "camera": {"fovy": 999}}]"#,

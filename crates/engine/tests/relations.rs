@@ -605,15 +605,26 @@ fn views_fitted_to_a_scan_in_degrees_are_those_of_its_projected_copy() {
     assert!(flip < 0.005, "{flip}");
     // A box in the scan's coordinates chooses the points that it chooses of the copy.
     let corners = |low: String, high: String| format!("{low},{high}").parse().unwrap();
-    let drawn = |file: &Forest, bounds| {
-        let filter = Filter { bounds: Some(bounds), ..Filter::default() };
+    let drawn = |file: &Forest, filter: Filter| {
         let request = PictureRequest { filter, ..request("", styles()[2]) };
         draw(file, &request, &Silent).unwrap().1.points_drawn as f64
     };
-    let ours = drawn(&file, corners(text([-2.0, -3.0, -9.0]), text([4.5, 2.5, 9.0])));
-    let copy = built(&[plain()], folder.path());
-    let theirs = drawn(&copy, corners("-2,-3,-9".into(), "4.5,2.5,9".into()));
+    let boxed = |bounds| Filter { bounds: Some(bounds), ..Filter::default() };
+    let ours = drawn(&file, boxed(corners(text([-2.0, -3.0, -9.0]), text([4.5, 2.5, 9.0]))));
+    let copies = tempfile::tempdir().unwrap();
+    let copy = built(&[plain()], copies.path());
+    let theirs = drawn(&copy, boxed(corners("-2,-3,-9".into(), "4.5,2.5,9".into())));
     assert!(ours > 1000.0 && (ours / theirs - 1.0).abs() < 0.01, "{ours} {theirs}");
+    // Sizes and turns of clips are in metres.
+    for shape in ["size=7,5,9;rotation=30,10,0", "size=7,5,9;rotation=30,10,0;keep=outside"] {
+        let clipped = |centre: String| Filter {
+            clips: vec![format!("centre={centre};{shape}").parse().unwrap()],
+            ..Filter::default()
+        };
+        let ours = drawn(&file, clipped(text([1.0, -0.5, 0.0])));
+        let theirs = drawn(&copy, clipped("1,-0.5,0".into()));
+        assert!(ours > 1000.0 && (ours / theirs - 1.0).abs() < 0.01, "{shape}: {ours} {theirs}");
+    }
 }
 
 #[cfg(feature = "light")]

@@ -7,7 +7,7 @@ use crate::fields::{is_default, is_yes, yes};
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 
-/// A region whose points are kept, or cut away. It has a box or a plane.
+/// A region whose points are kept, or cut away. It has a box, an oriented box or a plane.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Clip {
@@ -23,6 +23,9 @@ pub struct Clip {
     /// A box: least and greatest corner, `x0,y0,z0,x1,y1,z1`.
     #[serde(default, rename = "box", skip_serializing_if = "is_default")]
     pub bounds: Option<[f64; 6]>,
+    /// A box of any orientation.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub oriented_box: Option<OrientedBox>,
     /// A plane.
     #[serde(default, skip_serializing_if = "is_default")]
     pub plane: Option<Plane>,
@@ -37,6 +40,20 @@ pub enum Keep {
     Inside,
     /// The other side.
     Outside,
+}
+
+/// A box of any orientation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OrientedBox {
+    /// Its centre.
+    pub centre: [f64; 3],
+    /// Lengths of its edges, 0 or more.
+    pub size: [f64; 3],
+    /// Degrees by which it is turned about the axes z, y and x: about x first, then about y, then
+    /// about z.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub rotation: [f64; 3],
 }
 
 /// A plane.
@@ -144,15 +161,19 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 
 impl Clip {
     pub(crate) fn check(&self, field: &str) -> Result<(), SceneError> {
-        let fault = match (&self.bounds, &self.plane) {
-            (Some([x0, y0, z0, x1, y1, z1]), None) => {
+        let fault = match (&self.bounds, &self.oriented_box, &self.plane) {
+            (Some([x0, y0, z0, x1, y1, z1]), None, None) => {
                 let has_inside = x0 <= x1 && y0 <= y1 && z0 <= z1;
                 (!has_inside).then_some(("box", "has no inside: the least corner comes first"))
             }
-            (None, Some(plane)) => {
+            (None, Some(OrientedBox { size, .. }), None) => {
+                let has_inside = size.iter().all(|length| *length >= 0.0);
+                (!has_inside).then_some(("oriented_box.size", "has a length below 0"))
+            }
+            (None, None, Some(plane)) => {
                 (plane.normal == [0.0; 3]).then_some(("plane.normal", "is 0,0,0: no direction"))
             }
-            _ => return Err(SceneError::of(field, "needs either `box` or `plane`")),
+            _ => return Err(SceneError::of(field, "needs one of `box`, `oriented_box` and `plane`")),
         };
         fault.map_or(Ok(()), |(part, what)| Err(SceneError::of(format!("{field}.{part}"), what)))
     }

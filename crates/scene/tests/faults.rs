@@ -57,7 +57,17 @@ fn an_error_names_the_field() {
         (r#""clips": [{"box": [0, 0, 0, 1, 1]}]"#, "`clips[0].box", "length 5"),
         (r#""clips": [{"box": [0, 0, 2, 1, 1, 1]}]"#, "`clips[0].box`", "no inside"),
         (r#""clips": [{"keep": "left", "box": [0, 0, 0, 1, 1, 1]}]"#, "`clips[0].keep`", "`left`"),
-        (r#""clips": [{}]"#, "`clips[0]`", "`box` or `plane`"),
+        (r#""clips": [{}]"#, "`clips[0]`", "`oriented_box` and `plane`"),
+        (
+            r#""clips": [{"oriented_box": {"centre": [0, 0, 0], "size": [1, -1, 1]}}]"#,
+            "`clips[0].oriented_box.size`",
+            "below 0",
+        ),
+        (
+            r#""clips": [{"box": [0, 0, 0, 1, 1, 1], "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}]"#,
+            "`clips[0]`",
+            "needs one of",
+        ),
         (
             r#""clips": [{"plane": {"point": [0, 0, 0], "normal": [0, 0, 0]}}]"#,
             "`clips[0].plane.normal`",

@@ -4,7 +4,7 @@
 
 use esker_scene::{
     Annotation, Bookmark, Build, Camera, CameraParts, Clip, Cloud, Filter, Keep, KeyFrame,
-    LightItem, LightOptions, Measurement, MeasurementKind, Plane, PolygonForm, Quantity, Scene,
+    LightItem, LightOptions, Measurement, MeasurementKind, OrientedBox, Plane, PolygonForm, Quantity, Scene,
     VERSION, parse,
 };
 use proptest::collection::vec;
@@ -114,17 +114,19 @@ fn build() -> impl Strategy<Value = Build> {
 
 fn clip() -> impl Strategy<Value = Clip> {
     let shape = (place(), place()).prop_filter("a normal", |(_, normal)| *normal != [0.0; 3]);
-    (option::of(text()), any::<[bool; 3]>(), shape).prop_map(
-        |(name, [enabled, inside, is_box], (a, b))| {
+    (option::of(text()), any::<[bool; 2]>(), 0..3, shape, place()).prop_map(
+        |(name, [enabled, inside], kind, (a, b), rotation)| {
             let [low, high] = [f64::min, f64::max].map(|of| [0, 1, 2].map(|i| of(a[i], b[i])));
             let bounds = [low[0], low[1], low[2], high[0], high[1], high[2]];
             let plane = Plane { point: a, normal: b };
+            let oriented_box = OrientedBox { centre: a, size: b.map(f64::abs), rotation };
             Clip {
                 name,
                 enabled,
                 keep: if inside { Keep::Inside } else { Keep::Outside },
-                bounds: is_box.then_some(bounds),
-                plane: (!is_box).then_some(plane),
+                bounds: (kind == 0).then_some(bounds),
+                oriented_box: (kind == 1).then_some(oriented_box),
+                plane: (kind == 2).then_some(plane),
             }
         },
     )

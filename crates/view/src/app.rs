@@ -484,11 +484,11 @@ impl App {
         if let Some(building) = &self.building {
             progress::over(ui, rect, building);
         }
-        let is_filtered = self.wanted.filter != Filter::default();
+        let is_filtered = !self.wanted.filter.is_all();
         if is_filtered && self.counters.settled && self.counters.points == 0 {
             let all = progress::nothing_left(ui, rect);
             if all {
-                self.panel.clear_filter(&mut self.wanted);
+                self.wanted.filter = Filter::default();
             }
         }
         if self.counters.points > 0 {

@@ -8,7 +8,9 @@ use esker_engine::draw::method::{METHODS, method_of_name};
 use esker_engine::io::{polygon, quantity};
 use esker_engine::light::settings::{Gloss, LightSettings};
 use esker_engine::light::spec::{LightSpec, joined};
-use esker_engine::{Bounds, Classes, Filter, Flags, Method, PointSize, Polygon, ValueRange};
+use esker_engine::{
+    Bounds, Classes, Clip, Filter, Flags, Method, PointSize, Polygon, ValueRange,
+};
 use std::path::PathBuf;
 
 /// Flies through an .esker file, or scans, in a window.
@@ -70,6 +72,12 @@ pub struct Args {
     /// or of GeoJSON.
     #[arg(long, value_name = "POLYGON", allow_hyphen_values = true, value_parser = parse_polygon)]
     pub polygon: Option<Polygon>,
+    /// Points that a clip keeps, in the scan's coordinates: "box=x0,y0,z0,x1,y1,z1";
+    /// "centre=x,y,z;size=x,y,z;rotation=z,y,x", a box that is turned by degrees about z, y and x;
+    /// or "point=x,y,z;normal=x,y,z", the side of a plane away from its normal. With
+    /// ";keep=outside" the points outside. May be repeated; all clips must keep a point then.
+    #[arg(long = "clip", value_name = "CLIP")]
+    pub clips: Vec<Clip>,
     /// Points of these classes: numbers, ranges and names, such as 2,6 or ground,3-5; overlap
     /// is class 12 and the flag.
     #[arg(long, value_name = "CLASSES")]
@@ -187,6 +195,7 @@ impl Args {
         Filter {
             bounds: self.bounds,
             polygon: self.polygon.clone(),
+            clips: self.clips.clone(),
             classes: self.classes,
             flags: self.flags.unwrap_or_default(),
             without_flags: self.without_flags.unwrap_or_default(),

@@ -262,6 +262,7 @@ fn filter_over(own: Filter, base: &Filter) -> Filter {
     Filter {
         bounds: own.bounds.or(base.bounds),
         polygon: own.polygon.or_else(|| base.polygon.clone()),
+        clips: if own.clips.is_empty() { base.clips.clone() } else { own.clips },
         classes: own.classes.or(base.classes),
         flags: flags(own.flags, base.flags),
         without_flags: flags(own.without_flags, base.without_flags),

@@ -11,7 +11,7 @@ use esker_points::Filter;
 /// Boxes of the points of a file that are shown, on the metric lattice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Boxes {
-    /// Box of all points within the box of the filter.
+    /// Box of all points within the box and the clips of the filter.
     pub all: [[f64; 3]; 2],
     /// Box that cameras without an eye are fitted to: a few points that lie far from all others may
     /// be outside.
@@ -38,11 +38,11 @@ impl Boxes {
         Ok(Self { all, fitted: fitted_bounds(file, all, shown)? })
     }
 
-    /// Box of all points of the clouds that are not `hidden`, within the box of the filter; all of
-    /// their box if the two have nothing in common. Reads nothing.
+    /// Box of all points of the clouds that are not `hidden`, within the box and the clips of the
+    /// filter; all of their box if these have nothing in common. Reads nothing.
     pub fn all(file: &Forest, filter: &Filter, hidden: &[usize]) -> [[f64; 3]; 2] {
         let [low, high] = info::bounds_without(file, hidden);
-        let Some(wanted) = filter.bounds else { return [low, high] };
+        let wanted = filter.extent(file.lattice());
         let [min, max] = [wanted.min, wanted.max].map(|corner| file.lattice().measure(corner));
         let least = [0, 1, 2].map(|i| low[i].max(min[i]));
         let greatest = [0, 1, 2].map(|i| high[i].min(max[i]));

@@ -1,4 +1,4 @@
-//! The filter of a document, from and to the one that is drawn.
+//! The filter of a document, without its clips, from and to the one that is drawn.
 
 use super::values::{in_field, joined};
 use crate::io::{polygon, quantity};
@@ -7,7 +7,7 @@ use esker_points::filter::{Bounds, Filter, Flags, Polygon};
 use esker_scene::PolygonForm;
 use std::path::Path;
 
-/// The filter of a document in `folder`.
+/// The filter of a document in `folder`, without clips.
 pub(super) fn filter(form: &esker_scene::Filter, folder: &Path) -> Result<Filter> {
     let flags = |field: &str, text: &Option<String>| -> Result<Flags> {
         text.as_ref().map_or(Ok(Flags::default()), |text| in_field(field, text.parse()))
@@ -19,6 +19,7 @@ pub(super) fn filter(form: &esker_scene::Filter, folder: &Path) -> Result<Filter
     Ok(Filter {
         bounds: in_field("filter.box", bounds.transpose())?,
         polygon: in_field("filter.polygon", shape.transpose())?,
+        clips: Vec::new(),
         classes: in_field("filter.classes", classes.transpose())?,
         flags: flags("filter.flags", &form.flags)?,
         without_flags: flags("filter.without_flags", &form.without_flags)?,

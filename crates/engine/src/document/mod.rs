@@ -4,6 +4,7 @@
 
 mod about;
 mod build;
+mod clips;
 mod filter;
 mod lights;
 mod picture;

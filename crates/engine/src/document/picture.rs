@@ -2,7 +2,7 @@
 //! that limits and messages are the same; and from a request to the fields.
 
 use super::values::{decimal, in_field};
-use super::{build, filter, lights};
+use super::{build, clips, filter, lights};
 use crate::cameras::camera::{Camera, OrthoHeight};
 use crate::cameras::colour_request::ColourRequest;
 use crate::draw::method::{METHODS, method_of_name};
@@ -10,18 +10,13 @@ use crate::draw::scene::PictureRequest;
 use crate::io::quantity;
 use anyhow::{Context, Result, ensure};
 use esker_lod::Window;
+use esker_points::Filter;
 use esker_render::{Dots, PointSize};
 use esker_scene::{CameraParts, Quantity, Scene};
 use std::path::Path;
 
 /// Request of the picture of a document in `folder`.
 pub(super) fn request(scene: &Scene, folder: &Path) -> Result<PictureRequest> {
-    if let Some(i) = scene.clips.iter().position(|clip| clip.enabled) {
-        anyhow::bail!(
-            "`clips[{i}]`: clips are not drawn yet; give it \"enabled\": false, or use \
-             `filter.box` or `filter.polygon`"
-        );
-    }
     let default = PictureRequest::of_options();
     let size = scene.size.map(|[w, h]| quantity::picture_size(&format!("{w}x{h}")));
     let method = scene.method.as_ref().map(|name| {
@@ -44,7 +39,10 @@ pub(super) fn request(scene: &Scene, folder: &Path) -> Result<PictureRequest> {
             .unwrap_or(default.target_spacing_px),
         budget_ms: in_field("budget_ms", budget.transpose())?,
         colour_by: scene.colour.clone(),
-        filter: filter::filter(&scene.filter, folder)?,
+        filter: Filter {
+            clips: clips::clips(&scene.clips)?,
+            ..filter::filter(&scene.filter, folder)?
+        },
         shines: !scene.no_highlights,
         evens_exposure: scene.even_exposure,
         culls_back: scene.cull_back,
@@ -99,6 +97,7 @@ pub(super) fn scene(request: &PictureRequest, folder: &Path) -> Result<Scene> {
         target_spacing: other(*target_spacing_px, default.target_spacing_px),
         colour: colour_by.clone(),
         filter: filter::form(filter)?,
+        clips: clips::forms(&filter.clips)?,
         no_highlights: !shines,
         cull_back: *culls_back,
         point_size: other(dots.size, default.dots.size).map(|size| match size {

@@ -134,8 +134,8 @@ impl Document {
     /// Request of the picture, with the defaults of `esker render`.
     ///
     /// # Errors
-    /// If a value is invalid or out of range, a file that is named cannot be read, or a clip is
-    /// enabled, which is not drawn yet; the message names the field.
+    /// If a value is invalid or out of range, or a file that is named cannot be read; the message
+    /// names the field.
     pub fn request(&self) -> Result<PictureRequest> {
         let shown = || self.path.display().to_string();
         let request = picture::request(&self.scene, self.folder()).with_context(shown)?;

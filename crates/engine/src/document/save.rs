@@ -120,7 +120,6 @@ fn scene_of(
     let kept = document.scene.clone();
     Ok(Scene {
         clouds: kept.clouds.iter().map(renamed).collect::<Result<_>>()?,
-        clips: kept.clips,
         measurements: kept.measurements,
         annotations: kept.annotations,
         bookmarks: kept.bookmarks,

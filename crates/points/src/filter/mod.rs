@@ -1,16 +1,19 @@
-//! Filters of points: a box, a polygon, classes, flags, values, a spacing. [`Filter`] is the user's
-//! input in world units; [`LatticeFilter`] is the same on the lattice of one file, where all tests
+//! Filters of points: a box, a polygon, clips, classes, flags, values, a spacing. [`Filter`] is the
+//! user's input in world units; [`LatticeFilter`] is the same on the lattice of one file, where all tests
 //! of places are on integers. Each test is first made for a node (its box, the classes and ranges
 //! of values of its points, its parent's spacing), so that unwanted nodes are not read, and for
 //! single points only in nodes that cross a border.
 
 mod classes;
+mod clip;
 mod condition;
 mod flags;
 mod polygon;
+mod region;
 mod values;
 
 pub use classes::Classes;
+pub use clip::{Clip, ClipShape};
 pub use condition::{FilterError, Side};
 pub use flags::Flags;
 pub use polygon::{LatticePolygon, Polygon, Ring};
@@ -20,7 +23,7 @@ use crate::lattice::Lattice;
 use crate::node::Node;
 use crate::schema::Schema;
 use crate::strata::prefix_at_least;
-use condition::{PARTS, in_parts};
+use region::{LatticeBox, LatticeRegion};
 use std::str::FromStr;
 
 /// Wanted points, in world units. Absent conditions accept all points.
@@ -30,6 +33,8 @@ pub struct Filter {
     pub bounds: Option<Bounds>,
     /// Points over this polygon, its edges included.
     pub polygon: Option<Polygon>,
+    /// Points that all of these clips keep; clips that are switched off keep all.
+    pub clips: Vec<Clip>,
     /// Points of these classes.
     pub classes: Option<Classes>,
     /// Points with any of these flags; all if empty.
@@ -78,14 +83,28 @@ impl FromStr for Bounds {
 impl Filter {
     /// Whether all points are wanted.
     pub fn is_all(&self) -> bool {
-        *self == Self::default()
+        let off = |filter: &Self| Self { clips: Vec::new(), ..filter.clone() };
+        !self.clips.iter().any(|clip| clip.is_on) && off(self) == Self::default()
+    }
+
+    /// The box in the coordinates of `lattice` outside of which no point is wanted, by the box and
+    /// the clips; unbounded where these are. Its least corner is above its greatest one if nothing
+    /// is wanted.
+    pub fn extent(&self, lattice: &Lattice) -> Bounds {
+        let clips = self.clips.iter().filter_map(|clip| clip.extent(lattice));
+        let all = Bounds { min: [f64::NEG_INFINITY; 3], max: [f64::INFINITY; 3] };
+        self.bounds.into_iter().chain(clips).fold(all, |a, b| Bounds {
+            min: [0, 1, 2].map(|i| a.min[i].max(b.min[i])),
+            max: [0, 1, 2].map(|i| a.max[i].min(b.max[i])),
+        })
     }
 
     /// The filter on the lattice of a file with the attributes of `schema`.
     ///
     /// # Errors
-    /// If the polygon is too far away for the lattice, the spacing is not a length, or there is no
-    /// attribute of the name of a range.
+    /// If the polygon or a clip is too far away for the lattice, a clip is invalid
+    /// ([`Clip::check`]), the spacing is not a length, or there is no attribute of the name of a
+    /// range.
     pub fn on(&self, lattice: &Lattice, schema: &Schema) -> Result<LatticeFilter, FilterError> {
         self.values.iter().try_for_each(|range| range.check(schema))?;
         if let Some(spacing) = self.max_spacing.filter(|s| !(s.is_finite() && *s > 0.0)) {
@@ -94,8 +113,9 @@ impl Filter {
             )));
         }
         Ok(LatticeFilter {
-            region: self.bounds.map(|b| region(lattice, &b)),
+            region: self.bounds.map(|b| LatticeBox::new(lattice, &b)),
             polygon: self.polygon.as_ref().map(|p| p.on(lattice)).transpose()?,
+            clips: region::of_clips(&self.clips, lattice)?,
             classes: self.classes,
             flags: [self.flags, self.without_flags],
             values: self.values.clone(),
@@ -107,9 +127,9 @@ impl Filter {
 /// Wanted points, on a lattice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LatticeFilter {
-    /// Least and greatest coordinates; the least is above the greatest if nothing is inside.
-    region: Option<[[u32; 3]; 2]>,
+    region: Option<LatticeBox>,
     polygon: Option<LatticePolygon>,
+    clips: Vec<LatticeRegion>,
     classes: Option<Classes>,
     /// Wanted and unwanted flags.
     flags: [Flags; 2],
@@ -120,8 +140,9 @@ pub struct LatticeFilter {
 /// Conditions that the points of one node must be tested for.
 #[derive(Clone, Debug)]
 pub struct PointTest {
-    region: Option<[[u32; 3]; 2]>,
+    region: Option<LatticeBox>,
     polygon: Option<LatticePolygon>,
+    clips: Vec<LatticeRegion>,
     classes: Option<Classes>,
     flags: [Flags; 2],
 }
@@ -129,20 +150,17 @@ pub struct PointTest {
 impl LatticeFilter {
     /// Side of the points of a box, both corners included.
     pub fn side_of_box(&self, min: [u32; 3], max: [u32; 3]) -> Side {
-        let by_region = self.region.map_or(Side::Inside, |[low, high]| {
-            if (0..3).any(|i| max[i] < low[i] || min[i] > high[i] || low[i] > high[i]) {
-                Side::Outside
-            } else if (0..3).all(|i| low[i] <= min[i] && max[i] <= high[i]) {
-                Side::Inside
-            } else {
-                Side::Across
-            }
-        });
-        if by_region == Side::Outside {
-            return by_region;
+        let by_region = self.region.map_or(Side::Inside, |region| region.side_of_box(min, max));
+        let by_clip = |side: Side, clip: &LatticeRegion| match side {
+            Side::Outside => side,
+            _ => side.and(clip.side_of_box(min, max)),
+        };
+        let by_boxes = self.clips.iter().fold(by_region, by_clip);
+        if by_boxes == Side::Outside {
+            return by_boxes;
         }
         let by_polygon = self.polygon.as_ref().map_or(Side::Inside, |p| p.side_of_box(min, max));
-        by_region.and(by_polygon)
+        by_boxes.and(by_polygon)
     }
 
     /// Side of points of these classes (one bit each, as in the statistics); `None` if points have
@@ -221,6 +239,7 @@ impl LatticeFilter {
         PointTest {
             region: self.region,
             polygon: self.polygon.as_ref().map(|p| p.in_box(min, max)),
+            clips: self.clips.iter().filter_map(|clip| clip.in_box(min, max)).collect(),
             classes: self.classes,
             flags: self.flags,
         }
@@ -235,7 +254,8 @@ impl PointTest {
             class.is_some_and(|c| classes.has(c))
                 || classes.has_overlap() && Flags::OVERLAP.any(flags, class)
         };
-        self.region.is_none_or(|[low, high]| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i]))
+        self.region.is_none_or(|region| region.contains(p))
+            && self.clips.iter().all(|clip| clip.keeps(p))
             && self.classes.is_none_or(of_class)
             && (wanted.is_empty() || wanted.any(flags, class))
             && !unwanted.any(flags, class)
@@ -246,23 +266,6 @@ impl PointTest {
 fn spacing(node: &Node) -> f64 {
     let spacing = f64::from(node.spacing);
     if spacing.is_finite() { spacing.max(0.0) } else { 0.0 }
-}
-
-/// The lattice points in the box.
-fn region(lattice: &Lattice, bounds: &Bounds) -> [[u32; 3]; 2] {
-    let mut region = [[0; 3], [u32::MAX; 3]];
-    for axis in 0..3 {
-        let [low, high] = [bounds.min, bounds.max].map(|c| in_parts(lattice, axis, c[axis]));
-        // The first step that is not below, the last that is not above.
-        let (least, greatest) =
-            (low.div_euclid(PARTS) + i64::from(low.rem_euclid(PARTS) > 0), high.div_euclid(PARTS));
-        if greatest < 0 || least > i64::from(u32::MAX) || least > greatest {
-            return [[1; 3], [0; 3]];
-        }
-        region[0][axis] = least.max(0) as u32;
-        region[1][axis] = greatest.min(i64::from(u32::MAX)) as u32;
-    }
-    region
 }
 
 #[cfg(test)]

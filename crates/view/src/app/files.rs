@@ -15,6 +15,7 @@ use crate::theme::TITLE;
 use crate::viewer::Viewer;
 use crate::{fault, progress, source};
 use eframe::egui::{Context, Rect, Ui, ViewportCommand};
+use esker_engine::Filter;
 use std::path::{Path, PathBuf};
 
 impl App {
@@ -22,7 +23,7 @@ impl App {
     /// belong to the first ones.
     pub(super) fn open_files(&mut self, inputs: Vec<PathBuf>) {
         if inputs != self.args.inputs {
-            self.panel.clear_filter(&mut self.wanted);
+            self.wanted.filter = Filter::default();
             self.wanted.colour_by = None;
             self.wanted.hidden_clouds.clear();
             self.args = self.args.for_inputs(inputs);
@@ -188,9 +189,6 @@ impl App {
         else {
             return;
         };
-        if settings.filter != self.wanted.filter {
-            self.panel.refresh_filter();
-        }
         self.wanted = settings;
         viewer.set_measure(measure);
     }

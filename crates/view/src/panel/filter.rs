@@ -1,19 +1,22 @@
 //! The tab that chooses the points to show: a list of classes with a check box each, flags, ranges
-//! of values, a box, a spacing and the polygon of the command line. A field takes effect when it
-//! loses the focus; if its text is invalid, an error is shown.
+//! of values, a box, a spacing, the polygon of the command line, and clips.
 
+use super::clips;
 use super::data::PanelData;
 use super::names;
+use super::numbers::{Field, number};
 use super::ranges::{self, Rows};
-use super::widgets::{SMALL, label, note, section, tick};
+use super::widgets::{SMALL, label, section, tick};
 use crate::theme;
-use eframe::egui::{Align, Button, Color32, Label, Layout, RichText, Sense, TextEdit, Ui, vec2};
+use eframe::egui::{Align, Button, Color32, Layout, RichText, Sense, Ui, vec2};
 use esker_engine::cameras::classes::ClassCount;
 use esker_engine::io::quantity::grouped;
 use esker_engine::{Bounds, Classes, Filter, Flags};
 
 /// Side of the square of a colour, points.
 const SQUARE: f32 = 10.0;
+/// Width of the field of the spacing, points.
+const SPACING_WIDTH: f32 = 72.0;
 /// Names of flags, and what they mark.
 const FLAGS: [(&str, &str); 4] = [
     ("withheld", "Points that whoever classified the scan wants left out"),
@@ -22,73 +25,13 @@ const FLAGS: [(&str, &str); 4] = [
     ("key-point", "Points that a model of the ground needs"),
 ];
 
-/// Texts of the fields, and the error of the last one.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Fields {
-    /// The filter that the texts are of; none before the first pass.
-    of: Option<Filter>,
-    bounds: String,
-    spacing: String,
-    fault: Option<String>,
-}
-
-impl Fields {
-    fn of(filter: &Filter) -> Self {
-        let bounds = filter.bounds.map(|Bounds { min, max }| {
-            let axes = if min[2].is_finite() { 3 } else { 2 };
-            let numbers = min[..axes].iter().chain(&max[..axes]);
-            numbers.map(f64::to_string).collect::<Vec<_>>().join(",")
-        });
-        Self {
-            bounds: bounds.unwrap_or_default(),
-            spacing: filter.max_spacing.map(|s| s.to_string()).unwrap_or_default(),
-            fault: None,
-            of: Some(filter.clone()),
-        }
-    }
-
-    /// Parses the fields; all other conditions are those of `before`.
-    fn filter(&self, before: &Filter) -> Result<Filter, String> {
-        fn read<T>(
-            word: &str,
-            read: impl Fn(&str) -> Result<T, String>,
-        ) -> Result<Option<T>, String> {
-            let word = word.trim();
-            if word.is_empty() { Ok(None) } else { read(word).map(Some) }
-        }
-        let spacing = |word: &str| {
-            let value = word.parse().ok().filter(|s: &f64| s.is_finite() && *s > 0.0);
-            value.ok_or_else(|| format!("`{word}` is not a length above 0"))
-        };
-        Ok(Filter {
-            classes: before.classes,
-            bounds: read(&self.bounds, |w| w.parse::<Bounds>().map_err(|e| e.to_string()))?,
-            max_spacing: read(&self.spacing, spacing)?,
-            polygon: before.polygon.clone(),
-            flags: before.flags,
-            without_flags: before.without_flags,
-            values: before.values.clone(),
-        })
-    }
-}
-
-/// Shows the tab; changes `filter` when a class is ticked, an end of a range is moved, or a field
-/// loses the focus.
-pub fn show(
-    ui: &mut Ui,
-    (fields, rows): (&mut Fields, &mut Rows),
-    data: &PanelData<'_>,
-    filter: &mut Filter,
-) {
-    if fields.of.is_none() {
-        *fields = Fields::of(filter);
-    }
+/// Shows the tab; changes `filter` as the user does.
+pub fn show(ui: &mut Ui, rows: &mut Rows, data: &PanelData<'_>, filter: &mut Filter) {
     let is_filtered = *filter != Filter::default();
     let all = ui.add_enabled(is_filtered, Button::new("Show all points"));
     let all = all.on_hover_text("Remove the whole filter");
     if all.on_disabled_hover_text("All points are shown").clicked() {
         *filter = Filter::default();
-        *fields = Fields::of(filter);
     }
     if !data.classes.is_empty() {
         section(ui, "Classes");
@@ -100,7 +43,8 @@ pub fn show(
     }
     ranges::show(ui, rows, data, filter);
     section(ui, "Place");
-    text_fields(ui, fields, filter, data.unit);
+    box_of_filter(ui, data, &mut filter.bounds);
+    spacing(ui, data, &mut filter.max_spacing);
     if filter.polygon.is_some() {
         ui.horizontal(|ui| {
             label(ui, "within a polygon");
@@ -110,43 +54,54 @@ pub fn show(
             }
         });
     }
+    clips::show(ui, data, filter);
 }
 
-/// Fields that are typed.
-fn text_fields(ui: &mut Ui, fields: &mut Fields, filter: &mut Filter, unit: Option<&str>) {
-    let unit = unit.map_or(String::new(), |unit| format!(", {}", names::plural(unit)));
-    let mut is_left = false;
-    let Fields { bounds, spacing, fault, .. } = fields;
-    for (name, word, hint, about) in [
-        (
-            "box".to_owned(),
-            bounds,
-            "x0, y0, x1, y1",
-            "Show the points within a box: its least and greatest coordinates. Press Enter",
-        ),
-        (
-            format!("spacing{unit}"),
-            spacing,
-            "such as 0.5",
-            "Show an even sample whose points are about this far apart. Press Enter",
-        ),
-    ] {
-        let name = label(ui, &name).on_hover_text(about);
-        let field = TextEdit::singleline(word).hint_text(hint).desired_width(f32::INFINITY);
-        is_left |= ui.add(field).labelled_by(name.id).on_hover_text(about).lost_focus();
+/// A switch and the corners of the box of the filter.
+fn box_of_filter(ui: &mut Ui, data: &PanelData<'_>, bounds: &mut Option<Bounds>) {
+    let mut is_boxed = bounds.is_some();
+    let about = "Show the points between two corners, in the scan's coordinates";
+    if tick(ui, &mut is_boxed, "within a box", about).changed() {
+        *bounds = data.extent.filter(|_| is_boxed).map(|extent| whole(data, extent));
     }
-    if let Some(fault) = fault {
-        let text = RichText::new(fault.as_str()).small().color(theme::inks(ui).fault);
-        ui.add(Label::new(text).wrap());
-    } else {
-        note(ui, "A field takes effect with Enter.");
+    let Some(bounds) = bounds else { return };
+    let mut has_heights = bounds.min[2].is_finite() && bounds.max[2].is_finite();
+    let about = "Whether heights are bounded too";
+    if tick(ui, &mut has_heights, "also heights", about).changed() {
+        let heights = data.extent.filter(|_| has_heights).map(|extent| whole(data, extent));
+        let ends = heights.map(|whole| [whole.min[2], whole.max[2]]);
+        [bounds.min[2], bounds.max[2]] = ends.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
     }
-    if is_left {
-        match fields.filter(filter) {
-            Ok(wanted) => (*filter, fields.fault) = (wanted, None),
-            Err(fault) => fields.fault = Some(fault),
+    clips::box_fields(ui, clips::speed(data), bounds);
+}
+
+/// The box of all points, a step wider, so that rounding of its corners loses none.
+fn whole(data: &PanelData<'_>, extent: [[f64; 2]; 3]) -> Bounds {
+    let scale = data.file.lattice().scale;
+    let corner = |end: usize, sign: f64| {
+        clips::tidy(data, [0, 1, 2].map(|i| extent[i][end] + sign * scale[i]))
+    };
+    Bounds { min: corner(0, -1.0), max: corner(1, 1.0) }
+}
+
+/// A field of the spacing, where 0 stands for all points.
+fn spacing(ui: &mut Ui, data: &PanelData<'_>, spacing: &mut Option<f64>) {
+    let unit = data.unit.map_or(String::new(), |unit| format!(", {}", names::plural(unit)));
+    let about = "Show an even sample whose points are about this far apart; 0 shows all points";
+    ui.horizontal(|ui| {
+        label(ui, &format!("spacing{unit}")).on_hover_text(about);
+        let field = Field {
+            name: "spacing",
+            about,
+            speed: clips::speed(data) / 10.0,
+            range: 0.0..=f64::MAX,
+            width: SPACING_WIDTH,
+        };
+        let mut length = spacing.unwrap_or(0.0);
+        if number(ui, &field, &mut length) {
+            *spacing = (length > 0.0).then_some(length);
         }
-    }
+    });
 }
 
 /// A check box for each flag whose points are left out.
@@ -214,24 +169,6 @@ fn set_class(filter: &mut Filter, classes: &[ClassCount], class: u8, is_wanted: 
 #[allow(clippy::unwrap_used, reason = "tests may panic")]
 mod tests {
     use super::*;
-
-    #[test]
-    fn fields_are_parsed_to_a_filter_and_a_filter_is_formatted_to_fields() {
-        let fields =
-            Fields { bounds: "1,2,3,4".into(), spacing: "0.5".into(), ..Fields::default() };
-        let before = Filter { classes: "2,6".parse().ok(), ..Filter::default() };
-        let filter = fields.filter(&before).unwrap();
-        assert!(filter.classes.unwrap().has(6) && filter.max_spacing == Some(0.5));
-        let again = Fields::of(&filter);
-        assert_eq!((again.bounds, again.spacing), (fields.bounds.clone(), fields.spacing.clone()));
-        assert_eq!(Fields::default().filter(&filter).unwrap(), before);
-        for wrong in [
-            Fields { bounds: "1,2".into(), ..fields.clone() },
-            Fields { spacing: "-1".into(), ..fields.clone() },
-        ] {
-            assert!(wrong.filter(&filter).is_err(), "{wrong:?}");
-        }
-    }
 
     #[test]
     fn ticked_classes_are_a_filter_unless_they_are_all() {

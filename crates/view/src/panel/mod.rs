@@ -3,6 +3,7 @@
 //! open (*Clouds*) and what the engine does (*Engine*). The panel shows the data that it gets and
 //! returns the user's commands, but performs none itself.
 
+mod clips;
 mod clouds;
 mod counted;
 pub mod data;
@@ -13,6 +14,7 @@ mod legend;
 #[cfg(feature = "light")]
 pub mod light;
 pub mod names;
+mod numbers;
 mod plot;
 mod ranges;
 mod sides;
@@ -41,7 +43,6 @@ const PICKED_HEIGHT: f32 = 132.0;
 #[derive(Debug, Default)]
 pub struct PanelState {
     tab: Tab,
-    fields: filter::Fields,
     ranges: ranges::Rows,
     counted: Counted,
     /// Legend of the last picture: it stays while a session is opened, so that nothing below it
@@ -62,23 +63,12 @@ enum Tab {
 /// The tabs, their names, and what they have.
 const TABS: [(Tab, &str, &str); 4] = [
     (Tab::View, "View", "How the points are drawn: method, colours, light"),
-    (Tab::Filter, "Filter", "Which points are drawn: classes, flags, values, box"),
+    (Tab::Filter, "Filter", "Which points are drawn: classes, flags, values, box, clips"),
     (Tab::Clouds, "Clouds", "What is open: scans, points, extent, coordinate system"),
     (Tab::Engine, "Engine", "What the engine does: frame times, memory, budgets"),
 ];
 
 impl PanelState {
-    /// Shows all points again.
-    pub fn clear_filter(&mut self, wanted: &mut Settings) {
-        wanted.filter = Default::default();
-        self.fields = filter::Fields::default();
-    }
-
-    /// Reads the fields of the filter anew, since it was changed elsewhere.
-    pub fn refresh_filter(&mut self) {
-        self.fields = filter::Fields::default();
-    }
-
     /// Forgets what belongs to a file that is closed; the tab stays.
     pub fn close_file(&mut self) {
         *self = Self { tab: self.tab, ..Self::default() };
@@ -126,10 +116,7 @@ pub fn show(
             let shown = view::Shown { legend: state.legend.as_ref(), counted: &mut state.counted };
             view::show(ui, data, shown, wanted, is_coarser_moving, &mut given);
         }
-        Tab::Filter => {
-            let kept = (&mut state.fields, &mut state.ranges);
-            filter::show(ui, kept, data, &mut wanted.filter);
-        }
+        Tab::Filter => filter::show(ui, &mut state.ranges, data, &mut wanted.filter),
         Tab::Clouds => clouds::show(ui, data, &mut wanted.hidden_clouds, &mut given),
         Tab::Engine => engine::show(ui, data, wanted, &mut given),
     });

@@ -1,12 +1,14 @@
 //! Tests of the panel: every control has a name and a tooltip and lies within the panel, whatever
 //! is shown, at any size.
 
+mod clips;
+
 use super::data::PanelData;
 use super::{PanelState, TABS, Tab, show};
 use crate::clouds::Clouds;
 use crate::counters::Counters;
 use crate::settings::Settings;
-use crate::soft::clip::Clip;
+use crate::soft::clip::Clip as PaintedPart;
 use crate::soft::painter::{Painter, Target};
 use crate::theme;
 use crate::times::Times;
@@ -23,7 +25,7 @@ use esker_engine::cameras::classes::{self, ClassCount};
 use esker_engine::cameras::colour;
 use esker_engine::cameras::legend::Legend;
 use esker_engine::io::progress::{Progress, Style};
-use esker_engine::{Bound, BuildOptions, Classes, Filter, Forest, Method};
+use esker_engine::{Bound, BuildOptions, Classes, Clip, Filter, Forest, Method};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
@@ -178,6 +180,19 @@ fn has_tooltip(harness: &Harness<'_, Shown>) -> bool {
     })
 }
 
+/// A clip of each shape, with numbers of many digits.
+fn some_clips() -> Vec<Clip> {
+    let texts = [
+        "centre=4512345.1230000005,-987654321.123,0.30000000000000004;size=1e12,0,0.1;rotation=30.123456789",
+        "box=-123456789.123,-1e300,0,123456789.123456,1e300,1e-300;keep=outside",
+        "point=4512345.1230000005,2,3;normal=0.1234567890123,1e-9,-1",
+    ];
+    let mut clips: Vec<Clip> = texts.into_iter().map(|text| text.parse().unwrap()).collect();
+    clips[1].name = Some("a long name of a roof of the town hall, beside the bridge".into());
+    clips[2].is_on = false;
+    clips
+}
+
 #[test]
 fn every_control_has_a_name_and_a_tooltip() {
     for (tab, name, _) in TABS {
@@ -185,9 +200,15 @@ fn every_control_has_a_name_and_a_tooltip() {
             let mut shown = Shown::new(tab);
             shown.wanted.method = method;
             let values = vec!["red:20000..".parse().unwrap()];
-            shown.wanted.filter = Filter { classes: "2".parse().ok(), values, ..Filter::default() };
+            shown.wanted.filter = Filter {
+                classes: "2".parse().ok(),
+                bounds: "0,0,0,1,1,1".parse().ok(),
+                clips: some_clips(),
+                values,
+                ..Filter::default()
+            };
             // So high that no control is scrolled away.
-            let mut harness = window(shown, vec2(420.0, 2400.0), 1.0);
+            let mut harness = window(shown, vec2(420.0, 3200.0), 1.0);
             assert_eq!(harness.unnamed_widgets(), Vec::<String>::new(), "{name}");
             let all = controls(&harness);
             assert!(all.len() > 10, "{name}: {all:?}");
@@ -220,6 +241,8 @@ fn the_panel_has_the_same_width_whatever_it_shows() {
             shown.counters.lod_ms = 1234.5;
             shown.clouds.scans[0].name = "a_very_long_name_of_a_scan_of_a_town_in_2026.laz".into();
             shown.measured.push("distance 123456.789 US survey feet, across 123456.789".into());
+            shown.wanted.filter.clips = some_clips();
+            shown.wanted.filter.bounds = "-1e300,0,1e-300,1,1e300,123456789.1234567".parse().ok();
             harness.run_steps(3);
             assert_eq!(harness.state().width, width, "{name}");
             let panel = Rect::from_min_max(pos2(size.x - width, 0.0), Pos2::ZERO + size);
@@ -366,7 +389,7 @@ fn painted(shown: &mut Shown, size: Vec2, scale: f32, theme: ThemePreference) ->
         let primitives = ctx.tessellate(output.shapes, output.pixels_per_point);
         pixels.fill(0);
         let mut target = Target { width, height, pixels: &mut pixels };
-        let whole = Clip::whole([width, height]);
+        let whole = PaintedPart::whole([width, height]);
         painter.paint(&primitives, output.pixels_per_point, whole, &mut target);
         painter.free(&mut textures);
         if pass > 8 && !shown.state.counted.is_counting() {
