@@ -10,7 +10,9 @@ use esker_engine::{Bounds, Clip, ClipShape, Filter};
 /// Width of a field of a coordinate or a length, points.
 const WIDE: f32 = 92.0;
 /// Width of a field of an angle or of a part of a normal, points.
-const NARROW: f32 = 52.0;
+const NARROW: f32 = 60.0;
+/// Most characters of a name that are shown.
+const NAMED: usize = 18;
 /// Names of the axes.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -76,6 +78,14 @@ fn rounded(value: f64, decimals: i32) -> f64 {
     text.parse().unwrap_or(value)
 }
 
+/// A name in so few characters that it fits beside a button.
+fn shortened(name: &str) -> String {
+    match name.char_indices().nth(NAMED) {
+        Some((end, _)) => format!("{}...", &name[..end]),
+        None => name.to_owned(),
+    }
+}
+
 /// The controls of a clip. Returns whether it is to be removed.
 fn row(ui: &mut Ui, i: usize, data: &PanelData<'_>, clip: &mut Clip) -> bool {
     let name = clip.name.clone().unwrap_or_else(|| format!("clip {}", i + 1));
@@ -85,8 +95,7 @@ fn row(ui: &mut Ui, i: usize, data: &PanelData<'_>, clip: &mut Clip) -> bool {
             let remove = ui.small_button("remove");
             is_removed = remove.on_hover_text("Remove this clip").clicked();
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                ui.set_max_width(ui.available_width());
-                let shown: String = name.chars().take(24).collect();
+                let shown = shortened(&name);
                 tick(ui, &mut clip.is_on, &shown, "Switch this clip on or off");
             });
         });
@@ -132,7 +141,7 @@ pub fn speed(data: &PanelData<'_>) -> f64 {
 
 /// Fields for the corners of a box along the axes; heights only if they are bounded.
 pub fn box_fields(ui: &mut Ui, speed: f64, bounds: &mut Bounds) {
-    Grid::new("corners").num_columns(3).spacing([6.0, 3.0]).show(ui, |ui| {
+    Grid::new("corners").num_columns(3).min_col_width(8.0).spacing([6.0, 3.0]).show(ui, |ui| {
         for name in ["", "least", "greatest"] {
             label(ui, name);
         }
@@ -165,7 +174,7 @@ pub fn box_fields(ui: &mut Ui, speed: f64, bounds: &mut Bounds) {
 
 /// Columns of a number along each axis, with the least value of each.
 fn columns<const N: usize>(ui: &mut Ui, speed: f64, columns: [(&str, &mut [f64; 3], f64); N]) {
-    Grid::new("columns").num_columns(N + 1).spacing([6.0, 3.0]).show(ui, |ui| {
+    Grid::new("columns").num_columns(N + 1).min_col_width(8.0).spacing([6.0, 3.0]).show(ui, |ui| {
         label(ui, "");
         for (name, ..) in &columns {
             label(ui, name);
@@ -197,7 +206,7 @@ fn turns(ui: &mut Ui, rotation: &mut [f64; 3]) {
     });
 }
 
-/// Three small fields in a row.
+/// A name, and three small fields in a row below it.
 fn narrow(
     ui: &mut Ui,
     (name, axes): (&str, [&str; 3]),
@@ -205,9 +214,9 @@ fn narrow(
     values: &mut [f64; 3],
     about: impl Fn(&str) -> String,
 ) {
+    label(ui, name);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        label(ui, name);
         for (axis, value) in axes.into_iter().zip(values) {
             label(ui, axis);
             let field = Field {

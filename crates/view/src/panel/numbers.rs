@@ -1,11 +1,12 @@
 //! Fields for numbers of any size, such as coordinates: what is typed is kept to the last digit,
 //! and shown shortened only while it is not edited.
 
-use eframe::egui::{DragValue, Ui, vec2};
+use eframe::egui::{DragValue, Key, Ui, vec2};
 use std::ops::RangeInclusive;
 
-/// Most characters of a number that is not edited.
-const CHARACTERS: usize = 12;
+/// Width of a digit, and of the margins of a field, points.
+const DIGIT: f32 = 7.2;
+const MARGINS: f32 = 10.0;
 
 /// How a number is edited.
 #[derive(Clone, Debug)]
@@ -23,33 +24,48 @@ pub struct Field<'a> {
 }
 
 /// Shows a field. A number takes effect when Enter is pressed or the field loses the focus, or
-/// while it is dragged. Returns whether the value has changed.
+/// while it is dragged; Escape leaves it as it was. Returns whether the value has changed.
 pub fn number(ui: &mut Ui, field: &Field<'_>, value: &mut f64) -> bool {
     let before = *value;
     // The field has this identity whether it is edited or not.
-    let is_edited = ui.memory(|memory| memory.has_focus(ui.next_auto_id()));
-    let text = move |value: f64| if is_edited { value.to_string() } else { short(value) };
+    let id = ui.next_auto_id();
+    let is_edited = ui.memory(|memory| memory.has_focus(id));
+    let characters = ((field.width - MARGINS) / DIGIT) as usize;
+    let text =
+        move |value: f64| if is_edited { value.to_string() } else { short(value, characters) };
     let drag = DragValue::new(value).speed(field.speed).range(field.range.clone());
     let drag = drag.clamp_existing_to_range(false).update_while_editing(false);
     let drag = drag.custom_formatter(move |value, _| text(value)).custom_parser(parse);
     let height = ui.spacing().interact_size.y;
     let response = ui.add(drag.min_size(vec2(field.width, height)).clip_text(true));
     ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(field.name));
+    // egui would take what was typed in the pass after the one in which Escape takes the focus.
+    let escaped = id.with("escaped");
+    let was_escaped = ui.data_mut(|data| data.remove_temp::<bool>(escaped)).is_some();
+    let is_escaped = response.lost_focus() && ui.input(|input| input.key_pressed(Key::Escape));
+    if is_escaped {
+        ui.data_mut(|data| data.insert_temp(escaped, true));
+    }
+    if is_escaped || was_escaped {
+        *value = before;
+    }
     response.on_hover_text(field.about);
     value.to_bits() != before.to_bits()
 }
 
-/// A number in a few characters: without its last digits if it has too many.
-fn short(value: f64) -> String {
+/// A number in so many characters: without its last digits if it has more.
+fn short(value: f64, characters: usize) -> String {
+    let fits = |text: &String| text.chars().count() <= characters;
     let exact = value.to_string();
-    if exact.chars().count() <= CHARACTERS {
+    if fits(&exact) {
         return exact;
     }
-    let whole = format!("{value:.0}").chars().count();
-    match CHARACTERS.checked_sub(whole + 1) {
-        Some(decimals) if value.abs() >= 1e-3 => format!("{value:.decimals$}"),
-        _ => format!("{value:.4e}"),
-    }
+    let fixed = (0..characters).rev().map(|decimals| format!("{value:.decimals$}")).find(fits);
+    let scientific = (0..characters).rev().map(|decimals| format!("{value:.decimals$e}"));
+    let scientific = scientific.into_iter().find(fits);
+    let is_tiny = value.abs() < 1e-3;
+    let (first, second) = if is_tiny { (scientific, fixed) } else { (fixed, scientific) };
+    first.or(second).unwrap_or(exact)
 }
 
 /// Parses a number; groups of digits may be separated.
@@ -72,11 +88,17 @@ mod tests {
         for wrong in ["", "x", "inf", "nan", "1,5", "1e999"] {
             assert_eq!(parse(wrong), None, "{wrong}");
         }
-        assert_eq!(short(4_512_345.123), "4512345.123");
-        assert_eq!(short(4_512_345.123_456_7), "4512345.1235");
-        assert_eq!(short(0.1 + 0.2), "0.3000000000");
-        for value in [1e300, -1e300, 1e-300, f64::MIN_POSITIVE, -123_456_789_012.5, 0.0, -0.1 / 3.0] {
-            assert!(short(value).chars().count() <= CHARACTERS, "{}", short(value));
+        for (value, characters, text) in [
+            (4_512_345.123, 11, "4512345.123"),
+            (4_512_345.123_456_7, 11, "4512345.123"),
+            (0.1 + 0.2, 11, "0.300000000"),
+            (-30.123_456, 6, "-30.12"),
+            (-180.5, 6, "-180.5"),
+            (123_456_789.0, 6, "1.23e8"),
+            (1e-9 / 3.0, 6, "3e-10"),
+            (-1e300, 6, "-1e300"),
+        ] {
+            assert_eq!(short(value, characters), text);
         }
     }
 }
