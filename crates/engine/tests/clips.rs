@@ -186,7 +186,9 @@ fn the_exports_of_a_clip_and_of_its_complement_are_the_file() {
                 point: centre,
                 normal: [wave(i + 1, 0.9), wave(i + 1, 1.7), wave(i + 1, 0.3)],
             }),
-            _ => oriented(centre, [70.0, 50.0, 40.0].map(|c| c * f64::from(i % 7 + 1) / 4.0), angles),
+            _ => {
+                oriented(centre, [70.0, 50.0, 40.0].map(|c| c * f64::from(i % 7 + 1) / 4.0), angles)
+            }
         };
         let (inside, hash, read) = exported(&file, folder.path(), clip.clone());
         let (outside, mut rest, _) = exported(&file, folder.path(), clip.clone().inverted());
@@ -195,7 +197,11 @@ fn the_exports_of_a_clip_and_of_its_complement_are_the_file() {
         assert!(inside > 0 && outside > 0, "{clip}: {inside} inside");
         // Nodes that are cut away are not read.
         if inside * 20 < footer.points {
-            assert!(read * 3 < footer.nodes, "{clip}: {read} of {} nodes for {inside}", footer.nodes);
+            assert!(
+                read * 3 < footer.nodes,
+                "{clip}: {read} of {} nodes for {inside}",
+                footer.nodes
+            );
         }
     }
 }

@@ -11,8 +11,8 @@ use esker_engine::light::settings::{FILTERS, Gloss, LightSettings};
 #[cfg(feature = "light")]
 use esker_engine::light::spec::parse;
 use esker_engine::{
-    Bounds, BuildOptions, Clip, ClipShape, Codec, ColourDepth, Dots, Filter, Flags, NormalsMode, PointSize, Polygon,
-    Window,
+    Bounds, BuildOptions, Clip, ClipShape, Codec, ColourDepth, Dots, Filter, Flags, NormalsMode,
+    PointSize, Polygon, Window,
 };
 use glam::DVec3;
 use proptest::collection::vec;

@@ -19,5 +19,7 @@ pub use document::{Cloud, Scene};
 pub use error::SceneError;
 pub use fields::{Build, Filter, LightItem, LightOptions, PolygonForm, Quantity};
 pub use limits::{BYTES_MAX, VERSION};
-pub use marks::{Annotation, Bookmark, Clip, Keep, Measurement, MeasurementKind, OrientedBox, Plane};
+pub use marks::{
+    Annotation, Bookmark, Clip, Keep, Measurement, MeasurementKind, OrientedBox, Plane,
+};
 pub use read::{parse, read};

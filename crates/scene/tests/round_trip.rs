@@ -4,8 +4,8 @@
 
 use esker_scene::{
     Annotation, Bookmark, Build, Camera, CameraParts, Clip, Cloud, Filter, Keep, KeyFrame,
-    LightItem, LightOptions, Measurement, MeasurementKind, OrientedBox, Plane, PolygonForm, Quantity, Scene,
-    VERSION, parse,
+    LightItem, LightOptions, Measurement, MeasurementKind, OrientedBox, Plane, PolygonForm,
+    Quantity, Scene, VERSION, parse,
 };
 use proptest::collection::vec;
 use proptest::option;

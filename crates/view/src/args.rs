@@ -8,9 +8,7 @@ use esker_engine::draw::method::{METHODS, method_of_name};
 use esker_engine::io::{polygon, quantity};
 use esker_engine::light::settings::{Gloss, LightSettings};
 use esker_engine::light::spec::{LightSpec, joined};
-use esker_engine::{
-    Bounds, Classes, Clip, Filter, Flags, Method, PointSize, Polygon, ValueRange,
-};
+use esker_engine::{Bounds, Classes, Clip, Filter, Flags, Method, PointSize, Polygon, ValueRange};
 use std::path::PathBuf;
 
 /// Flies through an .esker file, or scans, in a window.

@@ -101,9 +101,8 @@ impl LatticeRegion {
                  among them; is it in their coordinates?"
             ))
         };
-        let face = |point, normal, distance| {
-            Face::new(lattice, point, normal, distance).ok_or_else(far)
-        };
+        let face =
+            |point, normal, distance| Face::new(lattice, point, normal, distance).ok_or_else(far);
         let (bounds, faces) = match clip.shape {
             ClipShape::Box(bounds) => (LatticeBox::new(lattice, &bounds), Vec::new()),
             ClipShape::Oriented { centre, size, rotation } => {
@@ -210,9 +209,8 @@ impl Face {
 
 /// The lattice points in a box, with a margin for rounding: the faces alone decide near them.
 fn roomy(lattice: &Lattice, Bounds { min, max }: &Bounds) -> LatticeBox {
-    let margin = |i: usize| {
-        (min[i].abs().max(max[i].abs())) * (4.0 * ERROR) + 2.0 * lattice.scale[i]
-    };
+    let margin =
+        |i: usize| (min[i].abs().max(max[i].abs())) * (4.0 * ERROR) + 2.0 * lattice.scale[i];
     let bounds = Bounds {
         min: [0, 1, 2].map(|i| min[i] - margin(i)),
         max: [0, 1, 2].map(|i| max[i] + margin(i)),
