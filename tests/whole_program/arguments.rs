@@ -63,8 +63,6 @@ fn nonsense() {
         ("render B -o O --colour plain:1..2", "no range"),
         ("render B -o O --classes trees", "no class"),
         ("render B -o O --box 1,2", "six or four"),
-        ("render B -o O --clip box=1,2", "six numbers"),
-        ("render B -o O --clip centre=1,2,3", "needs box="),
         ("render B -o O --max-spacing 0", "no length: it must be above 0"),
         ("render B -o O --max-spacing -1", "no length: it must be above 0"),
         ("export B -o O --max-spacing far", "no length: it must be above 0"),

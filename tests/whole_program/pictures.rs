@@ -216,6 +216,7 @@ fn nothing_left() {
         (&file, ["--box", "0,0,1,1"], "is wanted"),
         (&file, ["--polygon", "0,0 1,0 0,1"], "is wanted"),
         (&file, ["--clip", "centre=0,0,0;size=1,1,1;rotation=30"], "is wanted"),
+        (&file, ["--clip", "box=1,2"], "six numbers"),
         (&file, ["--clip", "point=1e30,-1e30,0;normal=1,1,0"], "so far from the points"),
         (&file, ["--where", "red:70000.."], "is wanted"),
         (&file, ["--where", "red:9..1"], "holds no value"),

@@ -174,7 +174,10 @@ impl Clip {
                 (plane.normal == [0.0; 3]).then_some(("plane.normal", "is 0,0,0: no direction"))
             }
             _ => {
-                return Err(SceneError::of(field, "needs one of `box`, `oriented_box` and `plane`"));
+                return Err(SceneError::of(
+                    field,
+                    "needs one of `box`, `oriented_box` and `plane`",
+                ));
             }
         };
         fault.map_or(Ok(()), |(part, what)| Err(SceneError::of(format!("{field}.{part}"), what)))

@@ -54,25 +54,6 @@ fn an_error_names_the_field() {
         (r#""light": {"lights": [7]}"#, "`light.lights[0]`", "expected a light"),
         (r#""light": {"samples": 1.5}"#, "`light.samples`", "u32"),
         (r#""light": {"sun": "1,2"}"#, "light.sun", "unknown field `sun`"),
-        (r#""clips": [{"box": [0, 0, 0, 1, 1]}]"#, "`clips[0].box", "length 5"),
-        (r#""clips": [{"box": [0, 0, 2, 1, 1, 1]}]"#, "`clips[0].box`", "no inside"),
-        (r#""clips": [{"keep": "left", "box": [0, 0, 0, 1, 1, 1]}]"#, "`clips[0].keep`", "`left`"),
-        (r#""clips": [{}]"#, "`clips[0]`", "`oriented_box` and `plane`"),
-        (
-            r#""clips": [{"oriented_box": {"centre": [0, 0, 0], "size": [1, -1, 1]}}]"#,
-            "`clips[0].oriented_box.size`",
-            "below 0",
-        ),
-        (
-            r#""clips": [{"box": [0, 0, 0, 1, 1, 1], "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}]"#,
-            "`clips[0]`",
-            "needs one of",
-        ),
-        (
-            r#""clips": [{"plane": {"point": [0, 0, 0], "normal": [0, 0, 0]}}]"#,
-            "`clips[0].plane.normal`",
-            "direction",
-        ),
         (
             r#""measurements": [{"kind": "weight", "points": []}]"#,
             "`measurements[0].kind`",
@@ -109,6 +90,34 @@ fn an_error_names_the_field() {
         ),
         (r#""camera_path": [{"time_s": 0}]"#, "`camera_path[0]`", "missing field `camera`"),
         (r#""full": true, "full": true"#, "full", "duplicate field"),
+    ] {
+        let error = fault(fields);
+        assert!(error.contains(field) && error.contains(what), "{fields}: {error}");
+    }
+}
+
+#[test]
+fn faults_of_clips_name_the_field() {
+    for (fields, field, what) in [
+        (r#""clips": [{"box": [0, 0, 0, 1, 1]}]"#, "`clips[0].box", "length 5"),
+        (r#""clips": [{"box": [0, 0, 2, 1, 1, 1]}]"#, "`clips[0].box`", "no inside"),
+        (r#""clips": [{"keep": "left", "box": [0, 0, 0, 1, 1, 1]}]"#, "`clips[0].keep`", "`left`"),
+        (r#""clips": [{}]"#, "`clips[0]`", "`oriented_box` and `plane`"),
+        (
+            r#""clips": [{"oriented_box": {"centre": [0, 0, 0], "size": [1, -1, 1]}}]"#,
+            "`clips[0].oriented_box.size`",
+            "below 0",
+        ),
+        (
+            r#""clips": [{"box": [0, 0, 0, 1, 1, 1], "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}]"#,
+            "`clips[0]`",
+            "needs one of",
+        ),
+        (
+            r#""clips": [{"plane": {"point": [0, 0, 0], "normal": [0, 0, 0]}}]"#,
+            "`clips[0].plane.normal`",
+            "direction",
+        ),
     ] {
         let error = fault(fields);
         assert!(error.contains(field) && error.contains(what), "{fields}: {error}");

@@ -2,7 +2,7 @@
 //! the user's input in world units, parsed from a text and formatted to one; `region` has its faces
 //! on a lattice.
 
-use super::Bounds;
+use super::bounds::Bounds;
 use super::condition::FilterError;
 use crate::lattice::Lattice;
 use std::fmt;

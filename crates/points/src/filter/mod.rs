@@ -1,9 +1,10 @@
 //! Filters of points: a box, a polygon, clips, classes, flags, values, a spacing. [`Filter`] is the
-//! user's input in world units; [`LatticeFilter`] is the same on the lattice of one file, where all tests
-//! of places are on integers. Each test is first made for a node (its box, the classes and ranges
-//! of values of its points, its parent's spacing), so that unwanted nodes are not read, and for
-//! single points only in nodes that cross a border.
+//! user's input in world units; [`LatticeFilter`] is the same on the lattice of one file, where all
+//! tests of places are on integers. Each test is first made for a node (its box, the classes and
+//! ranges of values of its points, its parent's spacing), so that unwanted nodes are not read, and
+//! for single points only in nodes that cross a border.
 
+mod bounds;
 mod classes;
 mod clip;
 mod condition;
@@ -12,6 +13,7 @@ mod polygon;
 mod region;
 mod values;
 
+pub use bounds::Bounds;
 pub use classes::Classes;
 pub use clip::{Clip, ClipShape};
 pub use condition::{FilterError, Side};
@@ -24,7 +26,6 @@ use crate::node::Node;
 use crate::schema::Schema;
 use crate::strata::prefix_at_least;
 use region::{LatticeBox, LatticeRegion};
-use std::str::FromStr;
 
 /// Wanted points, in world units. Absent conditions accept all points.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -45,39 +46,6 @@ pub struct Filter {
     pub values: Vec<ValueRange>,
     /// An even sample whose points are at most about this far apart, the file's unit.
     pub max_spacing: Option<f64>,
-}
-
-/// A box in world units; without a third axis it is unbounded upwards and downwards.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// Least corner.
-    pub min: [f64; 3],
-    /// Greatest corner.
-    pub max: [f64; 3],
-}
-
-impl FromStr for Bounds {
-    type Err = FilterError;
-
-    /// Parses `x0,y0,z0,x1,y1,z1` or `x0,y0,x1,y1`.
-    fn from_str(text: &str) -> Result<Self, FilterError> {
-        let wrong = |what: &str| {
-            FilterError(format!("`{text}` is no box: {what}, as x0,y0,z0,x1,y1,z1 or x0,y0,x1,y1"))
-        };
-        let numbers: Option<Vec<f64>> = text
-            .split(',')
-            .map(|n| n.trim().parse().ok().filter(|v: &f64| v.is_finite()))
-            .collect();
-        let (min, max) = match numbers.as_deref() {
-            Some(&[x0, y0, z0, x1, y1, z1]) => ([x0, y0, z0], [x1, y1, z1]),
-            Some(&[x0, y0, x1, y1]) => ([x0, y0, f64::NEG_INFINITY], [x1, y1, f64::INFINITY]),
-            _ => return Err(wrong("it needs six or four numbers")),
-        };
-        if (0..3).any(|i| min[i] > max[i]) {
-            return Err(wrong("the least corner comes first"));
-        }
-        Ok(Self { min, max })
-    }
 }
 
 impl Filter {
@@ -289,23 +257,6 @@ mod tests {
             .on(&lattice(), &Schema::default())
             .unwrap()
             .side_of_box(min, max)
-    }
-
-    #[test]
-    fn boxes_are_parsed() {
-        let bounds: Bounds = "-1,2, 3,4,5,6".parse().unwrap();
-        assert_eq!((bounds.min, bounds.max), ([-1.0, 2.0, 3.0], [4.0, 5.0, 6.0]));
-        let flat: Bounds = "0,0,1,1".parse().unwrap();
-        assert_eq!((flat.min[2], flat.max[2]), (f64::NEG_INFINITY, f64::INFINITY));
-        for (text, word) in [
-            ("1,2,3", "six or four"),
-            ("a,b,c,d", "six or four"),
-            ("1,2,nan,4", "six"),
-            ("2,0,1,1", "least corner"),
-        ] {
-            let error = text.parse::<Bounds>().unwrap_err().to_string();
-            assert!(error.contains(word), "{error}");
-        }
     }
 
     #[test]

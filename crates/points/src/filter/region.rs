@@ -8,7 +8,7 @@
 //! greatest slope, as the faces of upright boxes are. Sums of products of `s` and `u` are below
 //! 2^92, and `e` is below 2^113, so `i128` holds all of them on any lattice.
 
-use super::Bounds;
+use super::bounds::Bounds;
 use super::clip::{Clip, ClipShape, around, axes};
 use super::condition::{FilterError, PARTS, Side, in_parts};
 use crate::lattice::Lattice;
