@@ -126,7 +126,7 @@ proptest! {
         prop_assert_eq!(outside.side_of_box(min, max), opposite);
         let in_box = [&inside, &outside].map(|filter| filter.in_box(min, max));
         let within = shares.iter().map(|share| [0, 1, 2].map(|i| {
-            min[i] + (u64::from(share[i]) * (u64::from(max[i] - min[i]) + 1) >> 32) as u32
+            min[i] + ((u64::from(share[i]) * (u64::from(max[i] - min[i]) + 1)) >> 32) as u32
         }));
         for p in within.chain([min, max]) {
             let is_in = keeps(&inside, p);

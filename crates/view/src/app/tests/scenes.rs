@@ -139,6 +139,54 @@ fn a_scene_document_is_shown_as_it_is_rendered_and_saved_as_it_is_shown() {
 }
 
 #[test]
+fn clips_are_shown_changed_undone_and_saved_in_one_session() {
+    let folder = tempfile::tempdir().unwrap();
+    let [low, high] = info::bounds(&Forest::open(sample()).unwrap());
+    let [x, y, z] = [0, 1, 2].map(|i| low[i].midpoint(high[i]));
+    let (width, height) = ((high[0] - low[0]) / 2.0, high[2] - low[2] + 20.0);
+    // In the coordinates of the scene, so that the cloud with an offset is cut in the same place.
+    let fields = format!(
+        r#""size": [420, 300], "method": "points", "colour": "intensity",
+            "clips": [
+                {{"name": "part", "oriented_box": {{"centre": [{x}, {y}, {z}],
+                    "size": [{width}, {width}, {height}], "rotation": [30, 0, 0]}}}},
+                {{"plane": {{"point": [{x}, {y}, {z}], "normal": [1, 1, 0]}}, "enabled": false}}],
+            "camera": {{"eye": [{}, {y}, {}], "target": [{x}, {y}, {z}], "fovy": 50}}"#,
+        low[0],
+        high[2] + 60.0
+    );
+    let path = document(folder.path(), &fields);
+    let mut harness = picture_window(&path);
+    let cut = shown(&mut harness, folder.path());
+    assert_eq!(off(&cut, &rendered(&path), 1), 0);
+    let rest = |harness: &mut Harness<'_, App>| {
+        settle(harness);
+        std::thread::sleep(Duration::from_millis(450));
+        harness.run_steps(3);
+    };
+    rest(&mut harness);
+    let first = harness.state().wanted.filter.clips.clone();
+    let clips = &mut harness.state_mut().wanted.filter.clips;
+    clips[0] = clips[0].clone().inverted();
+    clips[1].is_on = true;
+    rest(&mut harness);
+    let second = harness.state().wanted.filter.clips.clone();
+    let away = shown(&mut harness, folder.path());
+    assert!(off(&away, &cut, 8) > 1000);
+    save(&mut harness, Command::SaveScene);
+    assert!(off(&away, &rendered(&path), 1) <= ROUNDED);
+    let saved = Document::read(&path).unwrap();
+    assert_eq!(saved.request().unwrap().filter.clips, second);
+    assert_eq!(saved.scene.clips[0].name.as_deref(), Some("part"));
+    press(&harness, Key::Z, Modifiers::COMMAND);
+    harness.run_steps(3);
+    assert_eq!(harness.state().wanted.filter.clips, first);
+    settle(&mut harness);
+    assert_eq!(off(&shown(&mut harness, folder.path()), &cut, 1), 0);
+    assert_eq!(viewer(&harness).reopened_and_stalls().0, 0);
+}
+
+#[test]
 fn a_scan_is_saved_beside_it_and_no_other_file_is_replaced_unasked() {
     let folder = tempfile::tempdir().unwrap();
     let built = folder.path().join("creek.esker");
