@@ -17,6 +17,7 @@ use glam::DVec3;
 use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::select;
+use proptest::sample::subsequence;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -51,8 +52,17 @@ fn filter() -> impl Strategy<Value = Filter> {
     let flags = || select(vec!["", "withheld", "overlap,key-point"]);
     let values = select(vec!["", "intensity:..4000", "gps_time:-1.5.."]);
     let polygon = option::of(select(vec!["0,0 9.5,0 9,7", "1e6,2e6 1000009,2e6 1e6,2000007"]));
-    (bounds, classes, (flags(), flags()), values, polygon, option::of(1e-9..1e9f64)).prop_map(
-        |(bounds, classes, (flags, without_flags), values, polygon, max_spacing)| {
+    let clips = subsequence(
+        vec![
+            "centre=0.1,-2e6,3;size=1,0,7.25;rotation=30;keep=outside",
+            "box=0,0,1,1e6,2e6,3",
+            "point=0.1,0.2,0.3;normal=0,-1,1e-3",
+        ],
+        0..=3,
+    );
+    let places = (polygon, clips);
+    (bounds, classes, (flags(), flags()), values, places, option::of(1e-9..1e9f64)).prop_map(
+        |(bounds, classes, (flags, without_flags), values, (polygon, clips), max_spacing)| {
             let flags = [flags, without_flags].map(|words| match words {
                 "" => esker_engine::Flags::default(),
                 words => words.parse().unwrap(),
@@ -63,6 +73,7 @@ fn filter() -> impl Strategy<Value = Filter> {
                 classes: classes.map(|text| text.parse().unwrap()),
                 flags: flags[0],
                 without_flags: flags[1],
+                clips: clips.iter().map(|text| text.parse().unwrap()).collect(),
                 values: [values].iter().filter_map(|text| text.parse().ok()).collect(),
                 max_spacing,
             }
