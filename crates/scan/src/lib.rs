@@ -28,6 +28,7 @@ mod ply;
 mod pose;
 mod ptx;
 mod registry;
+mod runs;
 pub mod source;
 pub mod synthetic;
 pub mod system;

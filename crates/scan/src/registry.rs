@@ -73,6 +73,10 @@ pub fn open(
             let what = format!("{} files cannot be read in part", format.name);
             Err(ScanError::unsupported(path, what))
         }
+        (Some(_), Some(packing)) if options.one_in > 1 => {
+            let what = format!("cannot be read in part: it is compressed with {}", packing.name());
+            Err(ScanError::unsupported(path, what))
+        }
         (Some(format), _) => Ok(located((format.open)(path, options, task)?, options)),
         // Who says how to read a text says that it is one.
         (None, _) if options.columns.is_some() || options.skip_lines > 0 => {

@@ -22,6 +22,11 @@ pub const BATCH_POINTS: usize = 1 << 16;
 pub(crate) const SCAN_NUMBERS: &str = "point_source_id is the number of the scan within this file, \
     from 1: scans of other files may have the same numbers";
 
+/// Note on an input of which one in `one_in` points is read.
+pub(crate) fn share_note(one_in: u32) -> String {
+    format!("one in {one_in} of its points is read, for a preview")
+}
+
 /// A scan format, an entry of the registry.
 pub struct Format {
     /// Name in messages: `LAS`, `PLY` ...
@@ -30,7 +35,8 @@ pub struct Format {
     pub endings: &'static [&'static str],
     /// Whether it is read from front to back, so that compressed files can be read, too.
     pub is_streamed: bool,
-    /// Whether a share of the points may be read without the others ([`OpenOptions::one_in`]).
+    /// Whether a share of the points may be read without the others ([`OpenOptions::one_in`]),
+    /// unless a file is compressed as a whole.
     pub can_sample: bool,
     /// Whether a file that begins with these bytes (up to 64 KiB) is of this format.
     pub recognises: fn(head: &[u8]) -> bool,
@@ -210,6 +216,11 @@ pub trait Source: Send + Sync {
     /// chunk whose decoder needs all of it.
     fn held_bytes(&self) -> u64 {
         0
+    }
+
+    /// Whether points are lines of text, which take several times as long to decode as others.
+    fn is_text(&self) -> bool {
+        false
     }
 
     /// Attributes, as indices in the schema, whose types were chosen by the values of this input

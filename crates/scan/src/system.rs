@@ -171,6 +171,10 @@ impl Source for Located {
         self.info.schema = Arc::clone(&self.source.info().schema);
     }
 
+    fn is_text(&self) -> bool {
+        self.source.is_text()
+    }
+
     fn held_bytes(&self) -> u64 {
         self.source.held_bytes()
     }

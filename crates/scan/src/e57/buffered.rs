@@ -8,6 +8,8 @@ use std::path::Path;
 
 /// Bytes read from the file at once.
 const READ_BYTES: usize = 256 << 10;
+/// Bytes that are read at once where most of the file is passed over.
+const SPARSE_READ_BYTES: usize = 4 << 10;
 
 /// A file whose read-ahead buffer survives the reader's seeks to each page.
 pub(crate) struct BufferedFile {
@@ -41,6 +43,15 @@ impl Seek for BufferedFile {
 
 /// Opens a file for buffered reading.
 pub(crate) fn file_of(path: &Path) -> Result<BufferedFile, ScanError> {
+    open(path, READ_BYTES)
+}
+
+/// Opens a file of which a small part is read.
+pub(crate) fn sparse_file_of(path: &Path) -> Result<BufferedFile, ScanError> {
+    open(path, SPARSE_READ_BYTES)
+}
+
+fn open(path: &Path, read_bytes: usize) -> Result<BufferedFile, ScanError> {
     let file = File::open(path).map_err(|e| ScanError::io(path, e))?;
-    Ok(BufferedFile { file: BufReader::with_capacity(READ_BYTES, file), at: 0 })
+    Ok(BufferedFile { file: BufReader::with_capacity(read_bytes, file), at: 0 })
 }

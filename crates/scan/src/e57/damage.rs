@@ -1,7 +1,7 @@
 //! Damaged scans of an E57 file of several: which of them cannot be read, from where on, and why.
 //! Their points are refused and counted. A file of one scan that is damaged is an error.
 
-use super::buffered::{Reader, file_of};
+use super::buffered::{Reader, file_of, sparse_file_of};
 use super::{fields, packets};
 use crate::error::ScanError;
 use crate::source::ReadReport;
@@ -90,7 +90,7 @@ pub(super) fn with_points(clouds: &[PointCloud]) -> Vec<(usize, &PointCloud)> {
 }
 
 /// Finds scans of which nothing can be read by their headers, and takes their points away from
-/// `clouds`.
+/// `clouds`. If a share of the points is wanted, little of the file is read.
 ///
 /// # Errors
 /// If no scan with points is left: the first fault. If the file cannot be read; on request.
@@ -98,6 +98,7 @@ pub(super) fn lost_scans(
     path: &Path,
     clouds: &mut [PointCloud],
     reader: &Reader,
+    is_share: bool,
     task: &dyn Task,
 ) -> Result<Vec<LostScan>, ScanError> {
     let mut lost = Vec::new();
@@ -105,7 +106,8 @@ pub(super) fn lost_scans(
         task.check()?;
         let mut why = fields::fault_of(cloud).map(str::to_owned);
         if why.is_none() && cloud.records > 0 {
-            match packets::are_even(file_of(path)?, reader.header().page_size, cloud, task) {
+            let file = if is_share { sparse_file_of(path)? } else { file_of(path)? };
+            match packets::are_even(file, reader.header().page_size, cloud, task) {
                 Ok(true) => {}
                 Ok(false) => {
                     why = Some("has values that are far ahead of others; it is damaged".into());

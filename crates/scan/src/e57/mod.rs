@@ -12,6 +12,7 @@ mod damage;
 mod fields;
 mod grid;
 mod packets;
+mod sampled;
 pub mod turns;
 mod values;
 mod xml;
@@ -21,6 +22,7 @@ use crate::error::ScanError;
 use crate::las::crs::unit_of;
 use crate::source::{
     Crs, Format, OpenOptions, ReadReport, SCAN_NUMBERS, Scanner, Sink, Source, SourceInfo,
+    share_note,
 };
 use crate::text::blocks::in_order;
 use crate::text::naming::{NO_RETURN, NOT_FINITE, colour_max, wide_colours};
@@ -32,6 +34,7 @@ use esker_points::lattice::{GridKind, Placement, float_grid};
 use esker_points::{Batch, Cancelled, ColourDepth, InputGrid, Rounding, Spread, Task};
 use fields::{Fields, FieldsError, Position};
 use rayon::prelude::*;
+use sampled::Share;
 use std::path::Path;
 
 /// E57, an entry of the registry.
@@ -39,7 +42,7 @@ pub const FORMAT: Format = Format {
     name: "E57",
     endings: &["e57"],
     is_streamed: false,
-    can_sample: false,
+    can_sample: true,
     recognises: |head| head.starts_with(b"ASTM-E57"),
     open,
 };
@@ -55,6 +58,7 @@ struct E57Source {
     fields: Fields,
     /// Scans of which nothing can be read.
     lost: Vec<LostScan>,
+    one_in: u32,
 }
 
 /// Values of some points of a scan, one point after another.
@@ -117,7 +121,12 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         return Err(ScanError::unsupported(path, what));
     }
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
-    let lost = lost_scans(path, &mut clouds, &reader, task)?;
+    let one_in = options.one_in.max(1);
+    let lost = lost_scans(path, &mut clouds, &reader, one_in > 1, task)?;
+    let mut points_hint = clouds.iter().fold(0, |n: u64, cloud| n.saturating_add(cloud.records));
+    if one_in > 1 {
+        points_hint = sampled_count(path, &clouds, &reader, one_in, task)?;
+    }
     let mut fields = Fields::new(&clouds, task).map_err(|why| match why {
         FieldsError::Damaged(what) => ScanError::damaged(path, what),
         FieldsError::Cancelled(cancelled) => cancelled.into(),
@@ -125,10 +134,10 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let claimed = fields.grid.and_then(|_| claimed_bounds(&clouds, &fields));
     let survey = match claimed {
         Some(spread) if fields.assumes_colours() => {
-            Survey { spread, ..survey_file(path, &clouds, &fields, task)? }
+            Survey { spread, ..survey_file(path, &clouds, &fields, one_in, task)? }
         }
         Some(spread) => Survey { spread, ..Survey::default() },
-        None => survey_file(path, &clouds, &fields, task)?,
+        None => survey_file(path, &clouds, &fields, one_in, task)?,
     };
     fields.assume_colours(survey.assumed_colour);
     let (kind, grid, bounds) = match fields.grid {
@@ -148,6 +157,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     }
     let mut notes = fields.notes.clone();
     notes.extend(lost.iter().map(LostScan::note));
+    notes.extend((one_in > 1).then(|| share_note(one_in)));
     match reader.images().len() {
         0 => {}
         1 => notes.push("an image is left out".into()),
@@ -171,7 +181,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         format: format!("E57 1.0, {scans}"),
         grid: InputGrid { name: path.display().to_string(), kind, grid, bounds },
         schema: fields.schema.clone(),
-        points_hint: clouds.iter().fold(0, |n, cloud| n.saturating_add(cloud.records)),
+        points_hint,
         bytes,
         colour_depth,
         // ASTM E2807 has coordinates in metres, unless a system says otherwise.
@@ -183,7 +193,33 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         verbatim: verbatim.into_iter().collect(),
         notes,
     };
-    Ok(Box::new(E57Source { info, clouds, fields, lost }))
+    Ok(Box::new(E57Source { info, clouds, fields, lost, one_in }))
+}
+
+/// Number of points of one in `one_in`.
+///
+/// # Errors
+/// If a scan is damaged, or its packets have hardly a point whole.
+fn sampled_count(
+    path: &Path,
+    clouds: &[PointCloud],
+    reader: &Reader,
+    one_in: u32,
+    task: &dyn Task,
+) -> Result<u64, ScanError> {
+    let page_bytes = reader.header().page_size;
+    let mut count = 0u64;
+    for (_, cloud) in with_points(clouds) {
+        task.check()?;
+        let share = Share::new(path, page_bytes, cloud, one_in, points_max(cloud))?;
+        let points = share.count(path)?;
+        if points < cloud.records / (2 * u64::from(one_in)) {
+            let what = "its points cannot be read in part: their values lie in different packets";
+            return Err(ScanError::unsupported(path, what));
+        }
+        count = count.saturating_add(points);
+    }
+    Ok(count)
 }
 
 /// Positions of the scanner. A scan's pose counts as one if the file gives it or if points have
@@ -230,7 +266,7 @@ struct Blocks<'a> {
     /// Number of the scan in the file, for messages.
     what: String,
     scan: usize,
-    points: PointCloudReaderRaw<'a, BufferedFile>,
+    points: Points<'a>,
     points_max: usize,
     /// Number of values of a point.
     width: usize,
@@ -240,16 +276,33 @@ struct Blocks<'a> {
     fault: Option<ScanError>,
 }
 
+/// Greatest number of points in a block.
+fn points_max(cloud: &PointCloud) -> usize {
+    (BLOCK_VALUES / cloud.prototype.len().max(1)).max(1)
+}
+
+/// The points of a scan, or a share of them.
+enum Points<'a> {
+    All(Box<PointCloudReaderRaw<'a, BufferedFile>>),
+    Some(Share),
+}
+
 impl<'a> Blocks<'a> {
     fn new(
         path: &'a Path,
         reader: &'a mut Reader,
         (scan, cloud): (usize, &PointCloud),
+        one_in: u32,
     ) -> Result<Self, ScanError> {
         let what = format!("scan {}: ", scan + 1);
-        let points = guarded(path, &what, || reader.pointcloud_raw(cloud))?;
         let width = cloud.prototype.len();
-        let points_max = (BLOCK_VALUES / cloud.prototype.len().max(1)).max(1);
+        let points_max = points_max(cloud);
+        let page_bytes = reader.header().page_size;
+        let points = if one_in > 1 {
+            Points::Some(Share::new(path, page_bytes, cloud, one_in, points_max)?)
+        } else {
+            Points::All(Box::new(guarded(path, &what, || reader.pointcloud_raw(cloud))?))
+        };
         Ok(Self { path, what, scan, points, points_max, width, there: 0, fault: None })
     }
 
@@ -259,12 +312,15 @@ impl<'a> Blocks<'a> {
             return None;
         }
         let mut values = Vec::new();
-        let read = guarded(self.path, &self.what, || {
-            for point in self.points.by_ref().take(self.points_max) {
-                values.extend(point?);
-            }
-            Ok(())
-        });
+        let read = match &mut self.points {
+            Points::All(points) => guarded(self.path, &self.what, || {
+                for point in points.by_ref().take(self.points_max) {
+                    values.extend(point?);
+                }
+                Ok(())
+            }),
+            Points::Some(share) => share.next(self.path).map(|next| values = next),
+        };
         self.fault = read.err();
         self.there += (values.len() / self.width.max(1)) as u64;
         (!values.is_empty()).then_some(ValueBlock { scan: self.scan, values })
@@ -275,6 +331,7 @@ fn survey_file(
     path: &Path,
     clouds: &[PointCloud],
     fields: &Fields,
+    one_in: u32,
     task: &dyn Task,
 ) -> Result<Survey, ScanError> {
     // Scans are surveyed in parallel; within a scan, the crate `e57` unpacks values on one core.
@@ -283,7 +340,7 @@ fn survey_file(
         |reader, scan| {
             let reader = reader.as_mut().map_err(|e| e.take().unwrap_or(Cancelled.into()))?;
             let mut found = Survey::default();
-            let mut blocks = match Blocks::new(path, reader, scan) {
+            let mut blocks = match Blocks::new(path, reader, scan, one_in) {
                 Ok(blocks) => blocks,
                 Err(fault) => {
                     found.damage.add(scan, 0, fault, clouds)?;
@@ -398,7 +455,7 @@ impl Source for E57Source {
         let mut reader = reader_of(path)?;
         let mut damage = Damage::default();
         for scan in with_points(&self.clouds) {
-            let mut blocks = match Blocks::new(path, &mut reader, scan) {
+            let mut blocks = match Blocks::new(path, &mut reader, scan, self.one_in) {
                 Ok(blocks) => blocks,
                 Err(fault) => {
                     damage.add(scan, 0, fault, &self.clouds)?;
@@ -434,6 +491,6 @@ impl Source for E57Source {
 
     fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
         let path = &self.info.path;
-        Ok(survey_file(path, &self.clouds, &self.fields, task)?.spread)
+        Ok(survey_file(path, &self.clouds, &self.fields, self.one_in, task)?.spread)
     }
 }

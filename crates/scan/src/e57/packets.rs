@@ -17,19 +17,35 @@ const CHECKSUM_BYTES: u64 = 4;
 const PACKETS_A_LOOK: u64 = 1 << 12;
 
 /// A file as a stream without the checksums of its pages.
-struct Pages {
+pub(super) struct Pages {
     file: BufferedFile,
     page_bytes: u64,
-    at: u64,
+    /// Position, which does not count checksums.
+    pub at: u64,
 }
 
 impl Pages {
+    /// The stream of a file with pages of this size, checksums included.
+    pub fn of(file: BufferedFile, page_bytes: u64) -> Self {
+        Self { file, page_bytes: page_bytes.max(CHECKSUM_BYTES + 1), at: 0 }
+    }
+
+    /// Reads the head of the section of a scan: its kind, its length, and where its packets begin.
+    /// Returns the position of the first one.
+    pub fn first_packet(&mut self, cloud: &PointCloud) -> Result<u64> {
+        self.seek(cloud.file_offset);
+        self.read(&mut [0; 16])?;
+        let data = self.number::<8>()?;
+        self.seek(data);
+        Ok(self.at)
+    }
+
     /// Seeks to a physical position, which counts checksums.
     fn seek(&mut self, physical: u64) {
         self.at = physical - physical / self.page_bytes * CHECKSUM_BYTES;
     }
 
-    fn read(&mut self, mut buffer: &mut [u8]) -> Result<()> {
+    pub fn read(&mut self, mut buffer: &mut [u8]) -> Result<()> {
         let page_data = self.page_bytes - CHECKSUM_BYTES;
         while !buffer.is_empty() {
             let (page, within) = (self.at / page_data, self.at % page_data);
@@ -45,7 +61,7 @@ impl Pages {
         Ok(())
     }
 
-    fn number<const N: usize>(&mut self) -> Result<u64> {
+    pub fn number<const N: usize>(&mut self) -> Result<u64> {
         let mut bytes = [0; N];
         self.read(&mut bytes)?;
         Ok(bytes.iter().rev().fold(0, |n, &byte| n << 8 | u64::from(byte)))
@@ -78,7 +94,7 @@ pub(crate) fn are_even(
     if page_bytes <= CHECKSUM_BYTES {
         return Ok(true);
     }
-    let mut pages = Pages { file, page_bytes, at: 0 };
+    let mut pages = Pages::of(file, page_bytes);
     match walk(&mut pages, cloud, task) {
         Err(error) if error.kind() == ErrorKind::UnexpectedEof => Ok(true),
         other => other,
@@ -86,11 +102,7 @@ pub(crate) fn are_even(
 }
 
 fn walk(pages: &mut Pages, cloud: &PointCloud, task: &dyn Task) -> Result<bool> {
-    // The section's head: its kind, its length, and where the packets begin.
-    pages.seek(cloud.file_offset);
-    pages.read(&mut [0; 16])?;
-    let data = pages.number::<8>()?;
-    pages.seek(data);
+    pages.first_packet(cloud)?;
     let bits: Vec<u64> = cloud.prototype.iter().map(|record| bits(&record.data_type)).collect();
     let mut bytes = vec![0u64; bits.len()];
     for packet in 0u64.. {

@@ -20,7 +20,9 @@ pub use header::GpsTimes;
 pub use no_data::NoData;
 
 use crate::error::ScanError;
-use crate::source::{BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
+use crate::source::{
+    BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Sink, Source, SourceInfo, share_note,
+};
 use decode::Points;
 use esker_points::lattice::{GridKind, Placement};
 use esker_points::{ColourDepth, InputGrid, Spread, Task};
@@ -140,7 +142,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     // The first points alone told their depth.
     points.one_in = options.one_in.max(1);
     if points.one_in > 1 {
-        notes.push(format!("one in {} of its points is read, for a preview", points.one_in));
+        notes.push(share_note(points.one_in));
     }
     let info = SourceInfo {
         path: path.to_owned(),

@@ -12,8 +12,10 @@ use crate::error::ScanError;
 use crate::packed::open_stream;
 use crate::ply::plan::{Decoded, RecordPlan, Survey};
 use crate::pose::Pose;
+use crate::runs::{Region, Runs, are_too_many};
 use crate::source::{
     BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo,
+    share_note,
 };
 use crate::text::blocks::in_order;
 use crate::text::naming::wide_colours;
@@ -21,6 +23,7 @@ use esker_points::lattice::Placement;
 use esker_points::{ColourDepth, InputGrid, Spread, Task};
 use header::{Data, Header};
 use points::{Layout, Points, Raw, sizes, too_few};
+use std::fs::File;
 use std::io::{BufRead, Read};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -30,7 +33,7 @@ pub const FORMAT: Format = Format {
     name: "PCD",
     endings: &["pcd"],
     is_streamed: true,
-    can_sample: false,
+    can_sample: true,
     recognises,
     open,
 };
@@ -43,6 +46,7 @@ struct PcdSource {
     layout: Layout,
     plan: RecordPlan,
     held_bytes: u64,
+    one_in: u32,
 }
 
 fn recognises(head: &[u8]) -> bool {
@@ -71,6 +75,11 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     if let Some(memory_bytes) = options.memory_bytes {
         check_held(held_bytes, memory_bytes, path)?;
     }
+    let one_in = options.one_in.max(1);
+    if one_in > 1 && header.data == Data::Compressed {
+        let what = "its points cannot be read in part: they are compressed as a whole";
+        return Err(ScanError::unsupported(path, what));
+    }
     let mut layout = Layout::new(header);
     let mut plan = RecordPlan::of_element(&layout.element, layout.encoding())
         .ok_or_else(|| ScanError::damaged(path, "its fields lack x, y or z: no points"))?;
@@ -79,7 +88,11 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     if options.apply_viewpoint && viewpoint != Pose::NONE {
         plan.apply(viewpoint, header.viewpoint_decimals);
     }
-    let survey = survey_stream(path, stream, &layout, &plan, task)?;
+    let survey = survey_points(path, stream, &layout, &plan, one_in, task)?;
+    if one_in > 1 && are_too_many(survey.vertices, layout.header.points, one_in) {
+        let what = "its points cannot be read in part: many lines follow them";
+        return Err(ScanError::unsupported(path, what));
+    }
     layout.are_colours_numbers = survey.packed.are_numbers();
     let (kind, grid, bounds) = plan.choose_grid(&layout.element, &survey);
     let colour_depth = wide_colours(&plan.schema).map(|_| {
@@ -89,6 +102,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     });
     let header = &layout.header;
     let mut notes = viewpoint_note(header, options.apply_viewpoint);
+    notes.extend((one_in > 1).then(|| share_note(one_in)));
     notes.extend(plan.notes.iter().cloned());
     notes.extend(survey.packed.notes(header.data == Data::Ascii));
     notes.extend(survey.rest.map(|rest| rest.note(header.points, "points")));
@@ -109,7 +123,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         format: format!("PCD {}, {data}{packing}", header.version),
         grid: InputGrid { name: path.display().to_string(), kind, grid, bounds },
         schema: plan.schema.clone(),
-        points_hint: header.points,
+        points_hint: if one_in > 1 { survey.vertices } else { header.points },
         bytes,
         colour_depth,
         crs: None,
@@ -117,7 +131,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         verbatim: plan.verbatim("PCD header", &header.text),
         notes,
     };
-    Ok(Box::new(PcdSource { info, layout, plan, held_bytes }))
+    Ok(Box::new(PcdSource { info, layout, plan, held_bytes, one_in }))
 }
 
 /// What became of the pose of the sensor, unless it is the default.
@@ -198,11 +212,35 @@ fn body_of(path: &Path, header: &Header) -> Result<Box<dyn BufRead + Send>, Scan
     Ok(stream)
 }
 
-fn survey_stream(
+/// One in `one_in` of the points of a file, whose `body` is behind the header.
+fn points_of<'a>(
+    path: &Path,
+    body: Box<dyn BufRead + Send>,
+    layout: &'a Layout,
+    one_in: u32,
+) -> Result<Points<'a>, ScanError> {
+    if one_in <= 1 {
+        return Points::new(path, body, layout);
+    }
+    let io = |e| ScanError::io(path, e);
+    let file = File::open(path).map_err(io)?;
+    let header = &layout.header;
+    let start = header.text.len() as u64;
+    let region = if header.data == Data::Ascii {
+        let end = file.metadata().map_err(io)?.len();
+        Region::Lines { start, end, mark: b'\n' }
+    } else {
+        Region::Records { start, stride: header.stride as u64, count: header.points }
+    };
+    Ok(Points::of_share(path, Runs::new(file, region, one_in), layout))
+}
+
+fn survey_points(
     path: &Path,
     body: Box<dyn BufRead + Send>,
     layout: &Layout,
     plan: &RecordPlan,
+    one_in: u32,
     task: &dyn Task,
 ) -> Result<Survey, ScanError> {
     let survey = |raw: Raw| {
@@ -224,7 +262,7 @@ fn survey_stream(
         found.rest = points.rest(task)?;
         return Ok(found);
     }
-    let mut points = Points::new(path, body, layout)?;
+    let mut points = points_of(path, body, layout, one_in)?;
     in_order(
         task,
         || points.next(),
@@ -251,7 +289,8 @@ impl Source for PcdSource {
     ) -> Result<ReadReport, ScanError> {
         let path = &self.info.path;
         let mut report = ReadReport::default();
-        let mut points = Points::new(path, body_of(path, &self.layout.header)?, &self.layout)?;
+        let body = body_of(path, &self.layout.header)?;
+        let mut points = points_of(path, body, &self.layout, self.one_in)?;
         in_order(
             task,
             || points.next(),
@@ -267,9 +306,14 @@ impl Source for PcdSource {
         Ok(report)
     }
 
+    fn is_text(&self) -> bool {
+        self.layout.header.data == Data::Ascii
+    }
+
     fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
         let body = body_of(&self.info.path, &self.layout.header)?;
-        Ok(survey_stream(&self.info.path, body, &self.layout, &self.plan, task)?.spread)
+        let (path, one_in) = (&self.info.path, self.one_in);
+        Ok(survey_points(path, body, &self.layout, &self.plan, one_in, task)?.spread)
     }
 
     fn held_bytes(&self) -> u64 {

@@ -9,6 +9,7 @@ use crate::ply::ascii::put;
 use crate::ply::header::{Element, Encoding};
 use crate::ply::plan::{RecordPlan, Survey};
 use crate::ply::rest::Rest;
+use crate::runs::Runs;
 use crate::source::BATCH_POINTS;
 use crate::text::blocks::{LineBlock, LineBlocks};
 use crate::text::layout::excerpt;
@@ -53,6 +54,8 @@ pub(crate) struct Points<'a> {
     path: PathBuf,
     layout: &'a Layout,
     left: u64,
+    /// Whether this is a share of the points, of which lines end where the body does.
+    is_share: bool,
     body: Body,
 }
 
@@ -234,7 +237,21 @@ impl<'a> Points<'a> {
                 Body::Fields(Arc::new(unpack(&all, bytes as usize).ok_or_else(damaged)?), input)
             }
         };
-        Ok(Self { path: path.to_owned(), layout, left: header.points, body })
+        let left = header.points;
+        Ok(Self { path: path.to_owned(), layout, left, is_share: false, body })
+    }
+
+    /// Begins at a share of points that are not compressed.
+    pub fn of_share(path: &Path, share: Runs, layout: &'a Layout) -> Self {
+        let records = share.units();
+        let input: Box<dyn BufRead + Send> = Box::new(share);
+        let (left, body) = if layout.header.data == Data::Ascii {
+            let lines = LineBlocks::new(input, path.to_owned(), 1);
+            (u64::MAX, Body::Lines { lines, more: 0 })
+        } else {
+            (records, Body::Records(input))
+        };
+        Self { path: path.to_owned(), layout, left, is_share: true, body }
     }
 
     /// The next points; `None` after the last.
@@ -272,17 +289,23 @@ impl<'a> Points<'a> {
             }
         };
         let Some((raw, there)) = raw else {
+            if self.is_share && matches!(self.body, Body::Lines { .. }) {
+                return Ok(None);
+            }
             return Err(too_few(&self.path, points, points - self.left));
         };
         self.left -= there;
         Ok(Some(raw))
     }
 
-    /// What follows the last point; reads to the end of the file.
+    /// What follows the last point; reads to the end of the file. Nothing follows a share.
     ///
     /// # Errors
     /// If the file cannot be read; [`ScanError::Cancelled`].
     pub fn rest(&mut self, task: &dyn Task) -> Result<Option<Rest>, ScanError> {
+        if self.is_share {
+            return Ok(None);
+        }
         match &mut self.body {
             Body::Lines { lines, more } => Rest::of_lines(*more, lines, task),
             Body::Records(input) => {

@@ -12,7 +12,8 @@ pub(crate) mod rest;
 use crate::error::ScanError;
 use crate::las::crs::wkt_unit;
 use crate::packed::open_stream;
-use crate::source::{Crs, Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
+use crate::runs::{Region, Runs, are_too_many};
+use crate::source::{Crs, Format, OpenOptions, ReadReport, Sink, Source, SourceInfo, share_note};
 use crate::text::blocks::in_order;
 use crate::text::naming::wide_colours;
 use esker_points::lattice::Placement;
@@ -20,6 +21,7 @@ use esker_points::{ColourDepth, InputGrid, Spread, Task};
 use header::{Encoding, Header, HeaderError, Shape};
 use plan::{Decoded, RecordPlan, Survey};
 use records::{Vertices, too_few};
+use std::fs::File;
 use std::io::{BufRead, Read};
 use std::path::Path;
 
@@ -28,7 +30,7 @@ pub const FORMAT: Format = Format {
     name: "PLY",
     endings: &["ply"],
     is_streamed: true,
-    can_sample: false,
+    can_sample: true,
     recognises,
     open,
 };
@@ -37,6 +39,7 @@ struct PlySource {
     info: SourceInfo,
     header: Header,
     plan: RecordPlan,
+    one_in: u32,
 }
 
 fn recognises(head: &[u8]) -> bool {
@@ -57,7 +60,12 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     if packing.is_none() {
         check_room(path, &header, &plan, bytes)?;
     }
-    let survey = survey_stream(path, stream, &header, &plan, task)?;
+    let one_in = options.one_in.max(1);
+    let vertices = vertices_of(path, stream, &header, &plan, one_in, task)?;
+    let survey = survey_vertices(path, vertices, &header, &plan, task)?;
+    if one_in > 1 && are_too_many(survey.vertices, element.count, one_in) {
+        return Err(ScanError::unsupported(path, NOT_IN_PART));
+    }
     let (kind, grid, bounds) = plan.choose_grid(element, &survey);
     let packing = packing.map_or(String::new(), |packing| format!(", {}", packing.name()));
     let colour_depth = wide_colours(&plan.schema).map(|_| {
@@ -70,15 +78,29 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         format: format!("PLY 1.0, {}{packing}", header.encoding.name()),
         grid: InputGrid { name: path.display().to_string(), kind, grid, bounds },
         schema: plan.schema.clone(),
-        points_hint: element.count,
+        points_hint: if one_in > 1 { survey.vertices } else { element.count },
         bytes,
         colour_depth,
         crs: comments::crs_of(&header.text).map(|text| Crs { unit: wkt_unit(&text), text }),
         scanner: None,
         verbatim: plan.verbatim("PLY header", &header.text),
-        notes: notes(&header, &plan, &survey),
+        notes: notes(&header, &plan, &survey, one_in),
     };
-    Ok(Box::new(PlySource { info, header, plan }))
+    Ok(Box::new(PlySource { info, header, plan, one_in }))
+}
+
+/// Why a file cannot be read in part.
+const NOT_IN_PART: &str = "its vertices cannot be read in part: other elements stand beside them, \
+    or they have lists";
+
+/// Offset of the vertices of a binary file, and the size of each, in bytes; `None` if elements
+/// before them vary in size, or they do.
+fn place_of(header: &Header, plan: &RecordPlan) -> Option<[u64; 2]> {
+    let mut start = header.text.len() as u64;
+    for e in &header.elements[..plan.vertex] {
+        start = start.saturating_add(e.stride()?.saturating_mul(e.count));
+    }
+    Some([start, header.elements[plan.vertex].stride()?])
 }
 
 /// Refuses a count that the file has no room for, if its size alone shows that.
@@ -89,15 +111,12 @@ fn check_room(
     bytes: u64,
 ) -> Result<(), ScanError> {
     let element = &header.elements[plan.vertex];
-    let (Some(stride), true) = (element.stride(), header.encoding != Encoding::Ascii) else {
+    let (Some([start, stride]), true) =
+        (place_of(header, plan), header.encoding != Encoding::Ascii)
+    else {
         return Ok(());
     };
-    let mut before = header.text.len() as u64;
-    for e in &header.elements[..plan.vertex] {
-        let Some(stride) = e.stride() else { return Ok(()) };
-        before = before.saturating_add(stride.saturating_mul(e.count));
-    }
-    let available = bytes.saturating_sub(before) / stride;
+    let available = bytes.saturating_sub(start) / stride;
     if available < element.count {
         return Err(too_few(path, element.count, available));
     }
@@ -105,8 +124,9 @@ fn check_room(
 }
 
 /// Notes on what is left out.
-fn notes(header: &Header, plan: &RecordPlan, survey: &Survey) -> Vec<String> {
+fn notes(header: &Header, plan: &RecordPlan, survey: &Survey, one_in: u32) -> Vec<String> {
     let mut notes = plan.notes.clone();
+    notes.extend((one_in > 1).then(|| share_note(one_in)));
     let count = header.elements[plan.vertex].count;
     notes.extend(survey.rest.map(|rest| rest.note(count, "vertices")));
     for (i, e) in header.elements.iter().enumerate() {
@@ -124,15 +144,43 @@ fn notes(header: &Header, plan: &RecordPlan, survey: &Survey) -> Vec<String> {
     notes
 }
 
-fn survey_stream(
+/// One in `one_in` of the vertices of a file, whose `body` is behind the header.
+fn vertices_of<'a>(
     path: &Path,
     body: Box<dyn BufRead + Send>,
+    header: &'a Header,
+    plan: &RecordPlan,
+    one_in: u32,
+    task: &dyn Task,
+) -> Result<Vertices<'a>, ScanError> {
+    if one_in <= 1 {
+        return Vertices::new(path, body, header, plan.vertex, task);
+    }
+    let not_in_part = || ScanError::unsupported(path, NOT_IN_PART);
+    let io = |e| ScanError::io(path, e);
+    let file = File::open(path).map_err(io)?;
+    let region = if header.encoding == Encoding::Ascii {
+        let others = header.elements.iter().enumerate().filter(|(i, _)| *i != plan.vertex);
+        if others.into_iter().any(|(_, e)| e.count > 0 && !e.properties.is_empty()) {
+            return Err(not_in_part());
+        }
+        let end = file.metadata().map_err(io)?.len();
+        Region::Lines { start: header.text.len() as u64, end, mark: b'\n' }
+    } else {
+        let [start, stride] = place_of(header, plan).ok_or_else(not_in_part)?;
+        Region::Records { start, stride, count: header.elements[plan.vertex].count }
+    };
+    Ok(Vertices::of_share(path, Runs::new(file, region, one_in), header, plan.vertex))
+}
+
+fn survey_vertices(
+    path: &Path,
+    mut vertices: Vertices<'_>,
     header: &Header,
     plan: &RecordPlan,
     task: &dyn Task,
 ) -> Result<Survey, ScanError> {
     let element = &header.elements[plan.vertex];
-    let mut vertices = Vertices::new(path, body, header, plan.vertex, task)?;
     let mut found = Survey::default();
     in_order(
         task,
@@ -161,6 +209,11 @@ impl PlySource {
         }
         Ok(stream)
     }
+
+    fn vertices(&self, task: &dyn Task) -> Result<Vertices<'_>, ScanError> {
+        let body = self.body()?;
+        vertices_of(&self.info.path, body, &self.header, &self.plan, self.one_in, task)
+    }
 }
 
 impl Source for PlySource {
@@ -177,7 +230,7 @@ impl Source for PlySource {
         let path = &self.info.path;
         let element = &self.header.elements[self.plan.vertex];
         let mut report = ReadReport::default();
-        let mut vertices = Vertices::new(path, self.body()?, &self.header, self.plan.vertex, task)?;
+        let mut vertices = self.vertices(task)?;
         in_order(
             task,
             || vertices.next(self.header.encoding),
@@ -190,8 +243,12 @@ impl Source for PlySource {
         Ok(report)
     }
 
+    fn is_text(&self) -> bool {
+        self.header.encoding == Encoding::Ascii
+    }
+
     fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
-        let body = self.body()?;
-        Ok(survey_stream(&self.info.path, body, &self.header, &self.plan, task)?.spread)
+        let vertices = self.vertices(task)?;
+        Ok(survey_vertices(&self.info.path, vertices, &self.header, &self.plan, task)?.spread)
     }
 }

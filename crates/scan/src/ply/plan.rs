@@ -63,6 +63,8 @@ pub(crate) struct RecordPlan {
 /// What one pass over vertices finds.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Survey {
+    /// Number of vertices, with and without a finite position.
+    pub vertices: u64,
     /// Distribution of the points with a finite position, in world coordinates.
     pub spread: Spread,
     decimals: [u32; 3],
@@ -76,6 +78,7 @@ pub(crate) struct Survey {
 
 impl Survey {
     pub fn merge(&mut self, other: Self) {
+        self.vertices += other.vertices;
         self.spread.merge(other.spread);
         self.packed.merge(other.packed);
         for (decimals, other) in self.decimals.iter_mut().zip(other.decimals) {
@@ -327,6 +330,7 @@ impl RecordPlan {
     /// Adds whole little-endian records to a survey.
     pub fn survey_records(&self, records: &[u8], found: &mut Survey) {
         found.values.resize(self.watched.len(), Values::empty(true));
+        found.vertices += (records.len() / self.record.stride) as u64;
         for record in records.chunks_exact(self.record.stride) {
             let world = self.world(record);
             if !world.iter().all(|c| c.is_finite()) {

@@ -5,6 +5,7 @@
 use super::header::{Element, Encoding, Header, Shape};
 use super::rest::Rest;
 use crate::error::ScanError;
+use crate::runs::Runs;
 use crate::source::BATCH_POINTS;
 use crate::text::blocks::{LineBlock, LineBlocks};
 use esker_points::{AttrType, Task};
@@ -76,6 +77,8 @@ pub(crate) struct Vertices<'a> {
     element: &'a Element,
     stride: usize,
     left: u64,
+    /// Whether this is a share of the vertices, of which lines end where the body does.
+    is_share: bool,
     body: Body,
 }
 
@@ -102,11 +105,7 @@ impl<'a> Vertices<'a> {
         task: &dyn Task,
     ) -> Result<Self, ScanError> {
         let (before, element) = (&header.elements[..vertex], &header.elements[vertex]);
-        let types = element.properties.iter().filter_map(|p| match p.shape {
-            Shape::Scalar(ty) => Some(ty),
-            Shape::List { .. } => None,
-        });
-        let stride = types.map(AttrType::size).sum();
+        let stride = stride_of(element);
         let body = if header.encoding == Encoding::Ascii {
             // An element without properties has no lines.
             let rows = before.iter().filter(|e| !e.properties.is_empty()).map(|e| e.count);
@@ -120,7 +119,23 @@ impl<'a> Vertices<'a> {
             }
             Body::Binary(input)
         };
-        Ok(Self { path: path.to_owned(), element, stride, left: element.count, body })
+        let left = element.count;
+        Ok(Self { path: path.to_owned(), element, stride, left, is_share: false, body })
+    }
+
+    /// Begins at a share of the vertices, which are element number `vertex`.
+    pub fn of_share(path: &Path, share: Runs, header: &'a Header, vertex: usize) -> Self {
+        let element = &header.elements[vertex];
+        let records = share.units();
+        let input: Box<dyn BufRead + Send> = Box::new(share);
+        let (left, body) = if header.encoding == Encoding::Ascii {
+            let lines = LineBlocks::new(input, path.to_owned(), 1);
+            (u64::MAX, Body::Ascii { lines, skip: 0, more: 0 })
+        } else {
+            (records, Body::Binary(input))
+        };
+        let stride = stride_of(element);
+        Self { path: path.to_owned(), element, stride, left, is_share: true, body }
     }
 
     /// The next vertices; `None` after the last.
@@ -155,17 +170,23 @@ impl<'a> Vertices<'a> {
             },
         };
         let Some(raw) = raw else {
+            if self.is_share && matches!(self.body, Body::Ascii { .. }) {
+                return Ok(None);
+            }
             return Err(too_few(&self.path, self.element.count, self.element.count - self.left));
         };
         self.left -= raw.len(self.stride);
         Ok(Some(raw))
     }
 
-    /// What follows the last vertex; reads to the end of the file.
+    /// What follows the last vertex; reads to the end of the file. Nothing follows a share.
     ///
     /// # Errors
     /// If the file cannot be read; [`ScanError::Cancelled`].
     pub fn rest(&mut self, task: &dyn Task) -> Result<Option<Rest>, ScanError> {
+        if self.is_share {
+            return Ok(None);
+        }
         match &mut self.body {
             Body::Ascii { lines, skip, more } => {
                 let rest = Rest::of_lines(*more, lines, task)?;
@@ -181,6 +202,15 @@ impl<'a> Vertices<'a> {
             Body::Binary(input) => Rest::of_bytes(&self.path, input, self.element.stride(), task),
         }
     }
+}
+
+/// Size of a record of an element's scalars, in bytes.
+fn stride_of(element: &Element) -> usize {
+    let types = element.properties.iter().filter_map(|p| match p.shape {
+        Shape::Scalar(ty) => Some(ty),
+        Shape::List { .. } => None,
+    });
+    types.map(AttrType::size).sum()
 }
 
 /// The error of a header that claims more vertices than there are.

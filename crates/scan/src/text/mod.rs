@@ -36,7 +36,9 @@ use crate::fields::values::Values;
 use crate::fields::{LEGACY, LEGACY_BLOCK};
 use crate::las::geodetic::in_degrees;
 use crate::las::times_block;
-use crate::source::{Format, Guess, HEAD_BYTES, OpenOptions, ReadReport, Sink, Source, SourceInfo};
+use crate::source::{
+    Format, Guess, HEAD_BYTES, OpenOptions, ReadReport, Sink, Source, SourceInfo, share_note,
+};
 use blocks::in_order;
 use cells::Row;
 use esker_points::lattice::{GridKind, Placement, decimal_grid};
@@ -57,7 +59,7 @@ pub const FORMAT: Format = Format {
     name: "text (XYZ, TXT, CSV, PTS)",
     endings: &["xyz", "txt", "csv", "pts", "asc", "xyzi", "xyzrgb", "xyzn", "neu", "tsv", "dat"],
     is_streamed: true,
-    can_sample: false,
+    can_sample: true,
     recognises,
     open,
 };
@@ -76,6 +78,7 @@ struct TextSource {
     layout: Layout,
     plan: ColumnPlan,
     guess: Option<Guess>,
+    one_in: u32,
 }
 
 fn recognises(head: &[u8]) -> bool {
@@ -93,7 +96,8 @@ fn recognises(head: &[u8]) -> bool {
 fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
     let layout = read_layout(path, options)?;
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
-    let survey = survey_file(path, &layout, task)?;
+    let one_in = options.one_in.max(1);
+    let survey = survey_file(path, &layout, one_in, task)?;
     check_malformed(path, &layout, &survey, true)?;
     if let (Some((line, text)), None) = (&survey.renamed, &options.columns) {
         let what = format!(
@@ -122,13 +126,18 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let mut notes: Vec<String> = guess.iter().map(|guess| guess.what.clone()).collect();
     notes.extend(layout.notes.iter().chain(&plan.notes).cloned());
     let lines = survey.lines();
-    if layout.has_counts && survey.claimed != lines {
+    if one_in > 1 {
+        notes.push(share_note(one_in));
+    } else if layout.has_counts && survey.claimed != lines {
         notes.push(format!("its counts say {} points, {lines} are there", survey.claimed));
     }
     if survey.points == 0 {
         notes.push("has no points".into());
     }
-    notes.extend(survey.notes());
+    if one_in == 1 {
+        // Lines of a share have other numbers.
+        notes.extend(survey.notes());
+    }
     if survey.decimals.iter().any(|&d| d > 15) {
         notes.push("coordinates have more than 15 digits after the point; 15 are kept".into());
     }
@@ -163,7 +172,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         // Colours are 16 bits wide only if a value needs more than 8.
         info.colour_depth = options.colour_depth.or(Some(ColourDepth::Sixteen));
     }
-    Ok(Box::new(TextSource { info, layout, plan, guess }))
+    Ok(Box::new(TextSource { info, layout, plan, guess, one_in }))
 }
 
 /// Reads as many lines as the layout needs.
@@ -207,8 +216,13 @@ fn no_table(sample: &Sample<'_>) -> String {
     }
 }
 
-fn survey_file(path: &Path, layout: &Layout, task: &dyn Task) -> Result<Survey, ScanError> {
-    let mut pieces = Pieces::of(path, layout)?;
+fn survey_file(
+    path: &Path,
+    layout: &Layout,
+    one_in: u32,
+    task: &dyn Task,
+) -> Result<Survey, ScanError> {
+    let mut pieces = Pieces::of(path, layout, one_in)?;
     let mut found = Survey::empty(layout);
     let work = |piece: Piece| Ok(Survey::of_piece(&piece, layout));
     in_order(
@@ -353,7 +367,7 @@ impl Source for TextSource {
         sink: &mut Sink<'_>,
     ) -> Result<ReadReport, ScanError> {
         let mut report = ReadReport::default();
-        let mut pieces = Pieces::of(&self.info.path, &self.layout)?;
+        let mut pieces = Pieces::of(&self.info.path, &self.layout, self.one_in)?;
         let work = |piece: Piece| self.decode(&piece, placement);
         in_order(
             task,
@@ -372,8 +386,12 @@ impl Source for TextSource {
         Ok(report)
     }
 
+    fn is_text(&self) -> bool {
+        true
+    }
+
     fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
-        Ok(survey_file(&self.info.path, &self.layout, task)?.spread)
+        Ok(survey_file(&self.info.path, &self.layout, self.one_in, task)?.spread)
     }
 
     fn guess(&self) -> Option<&Guess> {

@@ -7,7 +7,7 @@ use super::cells::{Row, is_comment, most_frequent};
 use super::layout::Layout;
 use super::line::count;
 use super::naming::COLUMNS_MAX;
-use super::start::lines_of;
+use super::start::{lines_of, some_lines_of};
 use crate::error::ScanError;
 use std::io::Read;
 use std::path::Path;
@@ -43,13 +43,17 @@ pub(crate) struct Pieces<'a> {
 }
 
 impl<'a> Pieces<'a> {
-    /// The pieces of the file at `path`.
+    /// The pieces of the file at `path`; if `one_in` is above 1, of a share of its lines.
     ///
     /// # Errors
-    /// If the file cannot be read.
-    pub fn of(path: &Path, layout: &'a Layout) -> Result<Self, ScanError> {
+    /// If the file cannot be read, or not in part.
+    pub fn of(path: &Path, layout: &'a Layout, one_in: u32) -> Result<Self, ScanError> {
         let columns = (!layout.has_counts).then_some(layout.columns);
-        Ok(Self { lines: lines_of(path)?, layout, columns })
+        let lines = match one_in {
+            0 | 1 => lines_of(path)?,
+            _ => some_lines_of(path, layout.first_line, one_in)?,
+        };
+        Ok(Self { lines, layout, columns })
     }
 
     /// The next piece; `None` at the end.

@@ -5,8 +5,10 @@ use super::blocks::LineBlocks;
 use super::encoding::{Encoding, Utf16ToUtf8, encoding_of};
 use crate::error::ScanError;
 use crate::packed::open_stream;
+use crate::runs::{Region, Runs};
 use crate::source::HEAD_BYTES;
-use std::io::{Cursor, Read};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
 /// Reads the first bytes of a file, from which its format is recognised.
@@ -49,6 +51,38 @@ pub(crate) fn lines_of(path: &Path) -> Result<LineBlocks<Box<dyn Read>>, ScanErr
     };
     let input = if is_cr { Box::new(CrToLf(input)) } else { input };
     Ok(LineBlocks::new(input, path.to_owned(), 1))
+}
+
+/// About one in `one_in` of the lines of a file from line `first_line` on, spread over all of it.
+/// Their numbers count on from `first_line` as if no others were there.
+///
+/// # Errors
+/// If the file cannot be read; if its characters have more than one byte.
+pub(crate) fn some_lines_of(
+    path: &Path,
+    first_line: u64,
+    one_in: u32,
+) -> Result<LineBlocks<Box<dyn Read>>, ScanError> {
+    let io = |e| ScanError::io(path, e);
+    let mut file = File::open(path).map_err(io)?;
+    let end = file.metadata().map_err(io)?.len();
+    let head = read_head(&mut file).map_err(io)?;
+    let (Encoding::Bytes, byte_order_mark) = encoding_of(&head) else {
+        let what = "cannot be read in part: its text is UTF-16; write it as UTF-8";
+        return Err(ScanError::unsupported(path, what));
+    };
+    let is_cr = ends_lines_with_cr(&head);
+    let mark = if is_cr { b'\r' } else { b'\n' };
+    file.rewind().map_err(io)?;
+    let mut lines = BufReader::new(&file);
+    let mut start = 0;
+    for _ in 1..first_line {
+        start += lines.skip_until(mark).map_err(io)? as u64;
+    }
+    let start = start.max(byte_order_mark as u64);
+    let runs = Runs::new(file, Region::Lines { start, end, mark }, one_in);
+    let input: Box<dyn Read> = if is_cr { Box::new(CrToLf(runs)) } else { Box::new(runs) };
+    Ok(LineBlocks::new(input, path.to_owned(), first_line))
 }
 
 /// The text of `head` behind the byte order mark; UTF-16 as UTF-8.

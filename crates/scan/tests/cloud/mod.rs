@@ -23,6 +23,13 @@ impl Cloud {
         (ty, self.columns[i].chunks_exact(ty.size()).map(|v| ty.to_f64(v)).collect())
     }
 
+    /// The bytes of the value of a point in a column.
+    pub fn column_at(&self, name: &str, row: usize) -> &[u8] {
+        let i = self.info.schema.find(name).unwrap();
+        let size = self.info.schema.attributes[i].ty.size();
+        &self.columns[i][row * size..][..size]
+    }
+
     /// The bytes of a column.
     pub fn bytes(&self, name: &str) -> &[u8] {
         &self.columns[self.info.schema.find(name).unwrap()]
