@@ -55,6 +55,18 @@ fn previews_have_points_from_all_of_the_scan_and_leave_the_built_file_as_it_is()
     // The chunks are an eleventh of the terrain wide, and half of each is read.
     assert!(covers(&file, &forest, 0.1));
 
+    // Records of a PLY file are read in short runs.
+    let (ply, of_ply) = (folder.path().join("terrain.ply"), folder.path().join("ply.esker"));
+    let (filter, how) = (Filter::default(), ExportOptions::default());
+    export::export(&whole, &ply, &filter, how, 0, &Silent).unwrap();
+    let made = preview(std::slice::from_ref(&ply), &of_ply, &options, &Silent);
+    let [points, all] = made.unwrap().unwrap();
+    assert!((POINTS * 99 / 100..POINTS * 101 / 100).contains(&all), "{all}");
+    let file = Forest::open(&of_ply).unwrap();
+    assert_eq!(file.points(), points);
+    assert!((POINTS / 12..POINTS / 7).contains(&points), "{points}");
+    assert!(covers(&file, &forest, 0.02));
+
     let sample = Sample::default();
     build_watched(inputs, &watched, &options, &sample, &Silent).unwrap();
     assert!(std::fs::read(&watched).unwrap() == std::fs::read(&whole).unwrap(), "other bytes");

@@ -19,7 +19,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Points of a preview, about: as many as the pixels of a window.
 const POINTS: u64 = 700_000;
 /// Points that are decoded for the first preview at most: what two cores decode in half a second.
+/// Those that are read together are neighbours, so more are read than are kept.
 const DECODED: u64 = 4_000_000;
+/// Points of text that are decoded at most: each is decoded twice, first for the bounds.
+const DECODED_OF_TEXT: u64 = 2 * POINTS;
 /// Number of points from which on there is a preview: smaller scans are built in hardly more time.
 const WORTH: u64 = 5_000_000;
 /// Most files of the first preview: each has to be opened for it.
@@ -35,8 +38,8 @@ fn simple(options: &Options) -> Options {
 }
 
 /// Builds a preview of scans at `out` from parts of them. Returns its number of points and that of
-/// the scans, about; `None`, and writes nothing, if the scans are small, too many, or of a format
-/// that is read from front to back.
+/// the scans, about; `None`, and writes nothing, if the scans are small, too many, damaged, or
+/// cannot be read in part.
 ///
 /// # Errors
 /// If an input is damaged, space runs out, or `task` is cancelled.
@@ -47,11 +50,13 @@ pub fn preview(
     task: &dyn Task,
 ) -> Result<Option<[u64; 2]>> {
     let scans = inputs::scans(inputs, task)?;
-    let Some(all) = points_of(&scans, options, task)? else { return Ok(None) };
+    let Some(Shares { points: all, has_text }) = shares_of(&scans, options, task)? else {
+        return Ok(None);
+    };
     if all < WORTH {
         return Ok(None);
     }
-    let one_in = all.div_ceil(DECODED);
+    let one_in = all.div_ceil(if has_text { DECODED_OF_TEXT } else { DECODED });
     let every = all.div_ceil(one_in * POINTS).max(1);
     let one_in = u32::try_from(one_in).unwrap_or(u32::MAX);
     let simple = Options { one_in, ..simple(options) };
@@ -61,22 +66,42 @@ pub fn preview(
     Ok(Some([report.points_out, all]))
 }
 
-/// Number of points of scans, about; `None` if they cannot be read in part, or one is damaged,
-/// which the build of the whole file reports.
-fn points_of(scans: &[PathBuf], options: &Options, task: &dyn Task) -> Result<Option<u64>> {
-    /// A source that is read in part is refused where it cannot be.
-    const ONE_IN: u32 = 2;
+/// What is known of scans that can be read in part.
+#[derive(Clone, Copy)]
+struct Shares {
+    /// Number of all points, about.
+    points: u64,
+    /// Whether some of them are text.
+    has_text: bool,
+}
+
+/// What is known of scans; `None` if they cannot be read in part, or one is damaged, which the
+/// build of the whole file reports.
+fn shares_of(scans: &[PathBuf], options: &Options, task: &dyn Task) -> Result<Option<Shares>> {
+    /// A source that is read in part is refused where it cannot be. Those that look for the bounds
+    /// of their points read no more than this share, which shows how many there are.
+    const ONE_IN: u32 = 64;
     if scans.len() > FILES_MAX {
         return Ok(None);
     }
     let reading = Options { one_in: ONE_IN, ..options.clone() }.open_options();
-    let count = |path: &PathBuf| -> Result<Option<u64>, Cancelled> {
+    let share = |path: &PathBuf| -> Result<Option<Shares>, Cancelled> {
         task.check()?;
         let source = esker_scan::open(path, &reading, task).ok();
-        Ok(source.map(|source| source.info().points_hint.saturating_mul(ONE_IN.into())))
+        Ok(source.map(|source| Shares {
+            points: source.info().points_hint.saturating_mul(ONE_IN.into()),
+            has_text: source.is_text(),
+        }))
     };
-    let counts: Result<Vec<_>, _> = scans.par_iter().map(count).collect();
-    Ok(counts?.into_iter().try_fold(0, |sum: u64, count| Some(sum.saturating_add(count?))))
+    let shares: Result<Vec<_>, _> = scans.par_iter().map(share).collect();
+    let none = Shares { points: 0, has_text: false };
+    Ok(shares?.into_iter().try_fold(none, |sum, share: Option<Shares>| {
+        let share = share?;
+        Some(Shares {
+            points: sum.points.saturating_add(share.points),
+            has_text: sum.has_text || share.has_text,
+        })
+    }))
 }
 
 /// Points that a build keeps for a second preview while it reads.
