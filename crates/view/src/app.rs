@@ -222,7 +222,9 @@ impl App {
             now_s,
             picture_rect,
             camera: viewer.camera(),
-            settled: self.counters.settled && !viewer.needs_redraw(now_s),
+            settled: self.counters.settled
+                && !viewer.needs_redraw(now_s)
+                && viewer.has(&self.wanted),
             is_busy: self.shots.is_busy() || self.files.is_busy(),
             read_bytes: self.counters.status.read_bytes,
         };

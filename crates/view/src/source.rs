@@ -47,6 +47,14 @@ pub struct Opened {
 }
 
 impl Opened {
+    /// A preview of about ten times its points, for tests.
+    #[cfg(test)]
+    pub fn preview(path: &Path) -> Result<Self> {
+        let file = Arc::new(Forest::open(path)?);
+        let (scene, preview_of) = (SceneFile::of(&[path.to_owned()])?, Some(10 * file.points()));
+        Ok(Self { file, scene, folder: None, is_kept: false, preview_of })
+    }
+
     /// A note if the file is a preview.
     pub fn preview_note(&self) -> Option<String> {
         let [shown, all] = [self.file.points(), self.preview_of?].map(grouped);

@@ -272,6 +272,15 @@ impl Viewer {
         self.scene.as_ref()?.legend()
     }
 
+    /// Whether the session has these settings, or will have them next; a change of the panel waits
+    /// until the pointer is let go. The method of moving pictures may be another one.
+    pub fn has(&self, wanted: &Settings) -> bool {
+        self.scene.as_ref().is_some_and(|scene| {
+            let method = scene.settings().method;
+            *scene.settings() == Settings { method, ..wanted.clone() }
+        })
+    }
+
     /// Settings of the session.
     #[cfg(test)]
     pub fn settings(&self) -> Option<&Settings> {

@@ -17,10 +17,17 @@ const WINDOWS: [(&str, &str); 3] = [("800x600", "1"), ("1280x800", "1"), ("640x4
 /// Width of windows that show the panel at first, points.
 const WITH_PANEL: u32 = 900;
 
-fn png_size(path: &Path) -> (u32, u32) {
+/// Width and height of a picture, and its pixels.
+fn png(path: &Path) -> ((u32, u32), Vec<u8>) {
     let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
-    let info = png::Decoder::new(file).read_info().unwrap();
-    (info.info().width, info.info().height)
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut rgba = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut rgba).unwrap();
+    ((info.width, info.height), rgba)
+}
+
+fn png_size(path: &Path) -> (u32, u32) {
+    png(path).0
 }
 
 /// Does what the script says, in a window on `scan`, with files in `folder`. Returns the report and
@@ -70,6 +77,10 @@ fn what_a_newcomer_wants_first_is_found_in_windows_of_all_sizes() {
         let names = ["1-top.png", "2-class.png", "3-coordinate.png", "4-picture.png"];
         let sizes = names.map(|name| png_size(&folder.path().join(name)));
         assert!(sizes.iter().all(|s| *s == sizes[0]), "{sizes:?}");
+        // The steps behind a changed setting wait for its picture: rows of background alone.
+        let ((width, _), empty) = png(&folder.path().join("empty.png"));
+        let is_even = |row: &[u8]| row.chunks_exact(4).all(|pixel| *pixel == row[..4]);
+        assert!(empty.chunks_exact(width as usize * 4).all(is_even), "{size}");
         let stem = scan.file_stem().unwrap().to_string_lossy();
         let picture = png_size(&folder.path().join(format!("{stem}-0001.png")));
         assert!(

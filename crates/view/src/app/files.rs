@@ -45,9 +45,10 @@ impl App {
     pub(super) fn take(&mut self, ctx: &Context, event: source::Event) {
         match event {
             source::Event::Preview(opened) => {
-                let before = std::mem::replace(&mut self.stage, Stage::Failed(String::new()));
-                if let Stage::Opening(opening) = before {
-                    self.building = Some(opening);
+                match std::mem::replace(&mut self.stage, Stage::Failed(String::new())) {
+                    Stage::Opening(opening) => self.building = Some(opening),
+                    // A preview of more points replaces the first one.
+                    before => self.stage = before,
                 }
                 self.view(ctx, opened);
             }

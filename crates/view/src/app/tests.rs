@@ -3,6 +3,7 @@
 
 use super::*;
 use crate::input_events::{button_event, wheel_event};
+use crate::source::{self, Opened};
 use clap::Parser;
 use eframe::egui::accesskit::Role;
 use eframe::egui::{Event, Key, Modifiers, OutputCommand, PointerButton, Pos2, Vec2, vec2};
@@ -122,6 +123,37 @@ fn measured_points_are_copied_by_the_keys_for_copying() {
     let lines = viewer(&harness).measured();
     assert_eq!(lines.len(), 3, "{lines:?}");
     assert_eq!(copied(&mut harness), Some(lines.join("\n")));
+}
+
+#[test]
+fn what_was_done_in_a_preview_stays_when_others_replace_it() {
+    let mut harness = window(sample(), vec2(900.0, 700.0), &[]);
+    settle(&mut harness);
+    press(&harness, Key::M, Modifiers::NONE);
+    press(&harness, Key::N, Modifiers::NONE);
+    press(&harness, Key::I, Modifiers::NONE);
+    press(&harness, Key::Num7, Modifiers::NONE);
+    settle(&mut harness);
+    let at = viewer(&harness).picture_rect().unwrap().center();
+    click(&mut harness, at);
+    settle(&mut harness);
+    let state = |harness: &Harness<'_, App>| {
+        let (viewer, wanted) = (viewer(harness), harness.state().wanted.clone());
+        (viewer.camera().pose(), viewer.measured(), viewer.tool(), wanted)
+    };
+    let before = state(&harness);
+    assert_eq!(before.1.len(), 1);
+    let ctx = harness.ctx.clone();
+    let opened = || Opened::preview(sample()).unwrap();
+    for event in [
+        source::Event::Preview(opened()),
+        source::Event::Preview(opened()),
+        source::Event::End(Ok(opened())),
+    ] {
+        harness.state_mut().take(&ctx, event);
+        settle(&mut harness);
+        assert_eq!(state(&harness), before);
+    }
 }
 
 #[test]
