@@ -109,7 +109,7 @@ pub enum Step {
         /// Position of the pointer.
         at: [f64; 2],
     },
-    /// Clicks the middle of a widget, of which as much is brought into view as there is room for.
+    /// Brings a widget into view and clicks its middle.
     Widget {
         /// Its accessible name.
         name: String,
@@ -167,9 +167,9 @@ pub enum Button {
     /// Orbits.
     #[default]
     Left,
-    /// Moves sideways.
-    Middle,
     /// Looks around.
+    Middle,
+    /// Moves sideways.
     Right,
 }
 

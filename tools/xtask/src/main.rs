@@ -117,13 +117,13 @@ fn main() -> ExitCode {
     let mut steps: Vec<&Step> = STEPS.iter().filter(|s| task == "ci" || task == s.name).collect();
     steps.extend(APART.iter().filter(|s| task == s.name));
     if steps.is_empty() {
-        println!("cargo xtask ci    all of these, in this order:");
+        println!("cargo xtask ci         all of these, in this order:");
         for step in &STEPS {
-            println!("cargo xtask {:<8}{}", step.name, step.about);
+            println!("cargo xtask {:<11}{}", step.name, step.about);
         }
         println!("not of these:");
         for step in &APART {
-            println!("cargo xtask {:<8}{}", step.name, step.about);
+            println!("cargo xtask {:<11}{}", step.name, step.about);
         }
         return ExitCode::from(if task.is_empty() { 0 } else { 2 });
     }

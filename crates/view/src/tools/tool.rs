@@ -15,8 +15,8 @@ pub trait Tool {
     /// Whether the tool needs depths of the next picture.
     fn needs_depth(&self) -> bool;
 
-    /// Whether these depths have to be those of the picture itself, for which a GPU has to be
-    /// waited for, instead of those of the picture before.
+    /// Whether these depths have to come from the newest picture, which on a GPU means waiting for
+    /// it. Else those of the picture before are enough.
     fn needs_exact_depth(&self) -> bool {
         false
     }

@@ -111,7 +111,7 @@ pub fn find(forest: &Forest, aim: &Aim, shown: &ForestFilter) -> Result<Option<F
     let search = Search { forest, aim, shown, lattice: forest.metric() };
     let reach = aim.reach(forest);
     let Some((nearest, is_on_picture)) = search.nearest(reach)? else { return Ok(None) };
-    // Distances of a place that is a point itself are errors of rounding.
+    // If the place is a point, its distance from it is an error of rounding.
     let nearest = nearest.max(ROUNDING * (aim.view.eye.length() + aim.depth));
     let radius = if is_on_picture { RADII * nearest } else { reach };
     search.nearest_on_picture(radius, DEPTHS * nearest)
