@@ -2,10 +2,9 @@
 //! wanted and the format holds coordinates that no lattice does.
 
 use crate::calls::export_colours::{ColourConversion, PointClasses};
-use crate::error::BuildError;
 use esker_format::{EskerFile, Forest, SetAside};
 use esker_points::{Batch, Schema};
-use esker_scan::write::{Encode, Output};
+use esker_scan::write::{Encode, Encoded};
 use std::sync::Arc;
 
 /// What the export of the points set aside needs.
@@ -21,24 +20,17 @@ pub struct AsideExport<'a> {
 }
 
 impl AsideExport<'_> {
-    /// Writes the points; returns their number, and a note if there are some that are not written.
-    ///
-    /// # Errors
-    /// If the output cannot be written.
-    pub fn write(
-        &self,
-        encode: &dyn Encode,
-        output: &mut dyn Output,
-    ) -> Result<(u64, Option<String>), BuildError> {
+    /// Encodes the points; also returns a note if there are some that are not written.
+    pub fn encode(&self, encode: &dyn Encode) -> (Vec<Encoded>, Option<String>) {
         let points = || self.forest.files().flat_map(|file| &file.metadata().set_aside);
-        let Some(first) = points().next() else { return Ok((0, None)) };
+        let Some(first) = points().next() else { return (Vec::new(), None) };
         let count = points().count() as u64;
         let left_out = |why: &str| {
             let [x, y, z] = first.place;
             let note = format!(
                 "{count} points far from nearly all others, the first at {x} {y} {z}, are left out: {why}"
             );
-            Ok((0, Some(note)))
+            (Vec::new(), Some(note))
         };
         if !self.is_whole {
             return left_out("filters choose among the points of the tree");
@@ -52,8 +44,7 @@ impl AsideExport<'_> {
                 None => return left_out("this format does not hold them; PLY and text do"),
             }
         }
-        all.into_iter().try_for_each(|encoded| output.put(encoded))?;
-        Ok((count, None))
+        (all, None)
     }
 
     /// The points with the attributes that are written; zeros for those that they lack.

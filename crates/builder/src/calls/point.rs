@@ -1,8 +1,9 @@
 //! One point of an `.esker` file as an export to text writes it: its exact coordinates and the
 //! values of all attributes, the lattice integers, and the scans that it may be of.
 
-use crate::calls::export::{batch, classes, origin, own_attributes, ranges};
 use crate::calls::export_colours::ColourConversion;
+use crate::calls::export_tree::{batch, own_attributes};
+use crate::calls::selection::{classes, origin, ranges};
 use crate::error::BuildError;
 use esker_format::{EskerFile, Forest};
 use esker_points::{AttrType, Schema, Task};

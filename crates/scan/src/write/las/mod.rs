@@ -1,6 +1,6 @@
 //! Writes LAS and LAZ: header and VLRs, points in the order in which they come, EVLRs; bounds and
 //! counts are filled in at the end (LAS 1.4 R15, tables 3 to 5). Decisions before the first point
-//! are made in [`plan`], records are encoded in [`records`].
+//! are made in [`plan`], records are encoded in [`records`]. [`copc`] writes LAZ with an octree.
 //!
 //! - Sources with the same record layout keep it, and with it version, point format and extra
 //!   bytes. The header and the global encoding are those of the first source, in byte order of
@@ -15,9 +15,11 @@
 //!   of 8 bits are multiplied by 256, as the specification asks. Points without the number of a
 //!   return are return 1.
 
+pub mod copc;
 mod order;
 mod plan;
 mod records;
+mod totals;
 
 use crate::error::ScanError;
 use crate::las::vlr::Vlr;
@@ -27,11 +29,14 @@ use esker_points::Grid;
 use laz::{LazVlr, ParLasZipCompressor};
 use order::Ordered;
 use plan::{LasPlan, is_1_4, minor};
-use records::raw;
+use records::Records;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use totals::Totals;
+
+pub use plan::Variant;
 
 /// Points in a chunk of LAZ.
 const CHUNK_POINTS: usize = 50_000;
@@ -48,7 +53,8 @@ pub fn create(
     origins: &mut Origins<'_>,
     is_compressed: bool,
 ) -> Result<Export, ScanError> {
-    let plan = plan::plan(path, outline, origins, is_compressed)?;
+    let variant = if is_compressed { Variant::Laz } else { Variant::Las };
+    let plan = plan::plan(path, outline, origins, variant)?;
     let LasPlan { header, vlrs, tail, records, laszip, notes } = plan;
     let format = format!(
         "{} 1.{}, point format {}",
@@ -57,10 +63,6 @@ pub fn create(
         records.point_format
     );
     let fields = records.fields();
-    let lattice = &outline.lattice;
-    let moved = |i: usize| lattice.shift[i] as f64 * lattice.scale[i] + lattice.offset[i];
-    let offset =
-        [0, 1, 2].map(|i| if lattice.shift[i] == 0 { lattice.offset[i] } else { moved(i) });
     let (behind, before): (Vec<Vlr>, Vec<Vlr>) = vlrs.into_iter().partition(Vlr::is_extended);
     let mut file = Partial::create(path)?;
     let mut head = header.clone();
@@ -74,26 +76,97 @@ pub fn create(
         None => Points::Plain(file),
         Some(laszip) => Points::Compressed(Compressor::new(file, laszip, path)?),
     };
+    let changes = Changes::of(&records);
     let output = LasOutput {
         points,
         is_legacy: records.point_format < 6,
-        filled: records.filled.clone(),
-        negative_zeros: Arc::default(),
-        grid: Grid { scale: lattice.scale, offset },
+        changes: changes.clone(),
         header,
         points_start: head.len() as u32,
         vlrs: before.len() as u32,
         evlrs: behind,
-        count: 0,
-        by_return: [0; 15],
-        bounds: None,
+        totals: Totals::new(totals::grid(&outline.lattice)),
     };
     let encode: Arc<dyn Encode> = if is_compressed {
-        Arc::new(Ordered { records, negative_zeros: output.negative_zeros.clone() })
+        Arc::new(Ordered { records, negative_zeros: changes.negative_zeros })
     } else {
         Arc::new(records)
     };
     Ok(Export { encode, output: Box::new(output), format, fields, notes })
+}
+
+/// Encoder of the records that an export has, and what decides their layout.
+pub struct RecordEncoder {
+    /// Encodes batches of the outline's attributes to records, which are not compressed.
+    pub encode: Arc<dyn Encode>,
+    /// Point format, 0 to 10.
+    pub point_format: u8,
+    /// Size of a record, in bytes.
+    pub record_bytes: usize,
+    /// Scale and offset of the coordinates.
+    pub grid: Grid,
+    /// Descriptions of the extra bytes.
+    pub extra_bytes: Vec<u8>,
+}
+
+/// The encoder of an export in a variant of LAS that would be at `path`; nothing is written.
+///
+/// # Errors
+/// If a source cannot be read or LAS cannot hold the attributes.
+pub fn record_encoder(
+    path: &Path,
+    outline: &Outline,
+    origins: &mut Origins<'_>,
+    variant: Variant<'_>,
+) -> Result<RecordEncoder, ScanError> {
+    let LasPlan { vlrs, records, .. } = plan::plan(path, outline, origins, variant)?;
+    let described = vlrs.iter().find(|v| v.user == "LASF_Spec" && v.record == 4);
+    let changes = Changes::of(&records);
+    let (point_format, record_bytes) = (records.point_format, records.record_bytes);
+    let encode: Arc<dyn Encode> = match variant {
+        Variant::Las => Arc::new(records),
+        _ => Arc::new(Ordered { records, negative_zeros: changes.negative_zeros }),
+    };
+    Ok(RecordEncoder {
+        encode,
+        point_format,
+        record_bytes,
+        grid: totals::grid(&outline.lattice),
+        extra_bytes: described.map_or_else(Vec::new, |v| v.data.clone()),
+    })
+}
+
+/// Counts of values that were changed for the format.
+#[derive(Clone)]
+struct Changes {
+    filled: Option<Arc<AtomicU64>>,
+    negative_zeros: Arc<AtomicU64>,
+}
+
+impl Changes {
+    fn of(records: &Records) -> Self {
+        Self { filled: records.filled.clone(), negative_zeros: Arc::default() }
+    }
+
+    /// What was changed so far, a line each.
+    fn remarks(&self) -> Vec<String> {
+        let filled = self.filled.as_ref().map_or(0, |n| n.load(Ordering::Relaxed));
+        let zeros = self.negative_zeros.load(Ordering::Relaxed);
+        let notes = [
+            (filled, "points without a return number are written as return 1"),
+            (zeros, "GPS times of -0 are written as 0"),
+        ];
+        notes.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect()
+    }
+}
+
+/// Writes records with their heads.
+fn write_records(file: &mut Partial, records: &[Vlr]) -> Result<(), ScanError> {
+    for v in records {
+        let written = file.write_all(&v.head).and_then(|()| file.write_all(&v.data));
+        written.map_err(|e| file.error(e))?;
+    }
+    Ok(())
 }
 
 enum Points {
@@ -105,27 +178,17 @@ enum Points {
 struct LasOutput {
     points: Points,
     is_legacy: bool,
-    filled: Option<Arc<AtomicU64>>,
-    negative_zeros: Arc<AtomicU64>,
-    grid: Grid,
+    changes: Changes,
     header: Vec<u8>,
     points_start: u32,
     vlrs: u32,
     evlrs: Vec<Vlr>,
-    count: u64,
-    by_return: [u64; 15],
-    bounds: Option<[[u32; 3]; 2]>,
+    totals: Totals,
 }
 
 impl Output for LasOutput {
     fn put(&mut self, points: Encoded) -> Result<(), ScanError> {
-        self.count += points.points;
-        for (sum, n) in self.by_return.iter_mut().zip(points.by_return) {
-            *sum += n;
-        }
-        self.bounds = self.bounds.into_iter().chain(points.bounds).reduce(|a, b| {
-            [[0, 1, 2].map(|i| a[0][i].min(b[0][i])), [0, 1, 2].map(|i| a[1][i].max(b[1][i]))]
-        });
+        self.totals.add(&points);
         match &mut self.points {
             Points::Plain(file) => file.write_all(&points.bytes).map_err(|e| file.error(e)),
             Points::Compressed(compressor) => compressor.put(&points.bytes),
@@ -133,17 +196,12 @@ impl Output for LasOutput {
     }
 
     fn remarks(&self) -> Vec<String> {
-        let filled = self.filled.as_ref().map_or(0, |n| n.load(Ordering::Relaxed));
-        let zeros = self.negative_zeros.load(Ordering::Relaxed);
-        let notes = [
-            (filled, "points without a return number are written as return 1"),
-            (zeros, "GPS times of -0 are written as 0"),
-        ];
-        notes.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect()
+        self.changes.remarks()
     }
 
     fn finish(mut self: Box<Self>) -> Result<u64, ScanError> {
-        self.fill();
+        let (start, vlrs, is_legacy) = (self.points_start, self.vlrs, self.is_legacy);
+        self.totals.fill(&mut self.header, start, vlrs, is_legacy);
         let mut file = match self.points {
             Points::Plain(file) => file,
             Points::Compressed(compressor) => compressor.finish()?,
@@ -152,55 +210,9 @@ impl Output for LasOutput {
             let start = file.seek(SeekFrom::End(0)).map_err(|e| file.error(e))?;
             self.header[235..243].copy_from_slice(&start.to_le_bytes());
             self.header[243..247].copy_from_slice(&(self.evlrs.len() as u32).to_le_bytes());
-            for v in &self.evlrs {
-                let written = file.write_all(&v.head).and_then(|()| file.write_all(&v.data));
-                written.map_err(|e| file.error(e))?;
-            }
+            write_records(&mut file, &self.evlrs)?;
         }
         file.finish(&self.header)
-    }
-}
-
-impl LasOutput {
-    /// Fills in the header's fields that are known when all points are written.
-    fn fill(&mut self) {
-        let is_1_4 = is_1_4(&self.header);
-        let has_waveforms = minor(&self.header) >= 3 && self.header.len() >= 235;
-        let header = &mut self.header;
-        let mut put = |at: usize, bytes: &[u8]| header[at..at + bytes.len()].copy_from_slice(bytes);
-        put(96, &self.points_start.to_le_bytes());
-        put(100, &self.vlrs.to_le_bytes());
-        // Formats 6 to 10 have no counts of 32 bits.
-        let legacy = |n: u64| {
-            let fits = self.is_legacy && self.count <= u64::from(u32::MAX);
-            if fits || !is_1_4 { n.min(u64::from(u32::MAX)) as u32 } else { 0 }
-        };
-        put(107, &legacy(self.count).to_le_bytes());
-        for i in 0..5 {
-            put(111 + 4 * i, &legacy(self.by_return[i]).to_le_bytes());
-        }
-        for axis in 0..3 {
-            let (scale, offset) = (self.grid.scale[axis], self.grid.offset[axis]);
-            put(131 + 8 * axis, &scale.to_le_bytes());
-            put(155 + 8 * axis, &offset.to_le_bytes());
-            let bound = |end: usize| match self.bounds {
-                None => offset,
-                Some(bounds) => f64::from(raw(bounds[end][axis])) * scale + offset,
-            };
-            put(179 + 16 * axis, &bound(1).to_le_bytes());
-            put(187 + 16 * axis, &bound(0).to_le_bytes());
-        }
-        if has_waveforms {
-            // Waveform packets are not kept.
-            put(227, &0u64.to_le_bytes());
-        }
-        if is_1_4 {
-            put(235, &[0; 12]);
-            put(247, &self.count.to_le_bytes());
-            for (i, n) in self.by_return.iter().enumerate() {
-                put(255 + 8 * i, &n.to_le_bytes());
-            }
-        }
     }
 }
 

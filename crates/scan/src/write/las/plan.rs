@@ -30,6 +30,25 @@ const WKT_RECORD: u16 = 2112;
 /// Greatest size of all VLRs, in bytes: the header has 32 bits for the offset of the points.
 const VLR_BYTES_MAX: usize = 1 << 30;
 
+/// Kind of LAS file.
+#[derive(Clone, Copy, Debug)]
+pub enum Variant<'a> {
+    /// Uncompressed.
+    Las,
+    /// Compressed, in chunks of one size.
+    Laz,
+    /// Compressed, in a chunk for each voxel of an octree. The text is that of the coordinate
+    /// reference system to write in place of the sources', in WKT.
+    Copc(Option<&'a str>),
+}
+
+impl Variant<'_> {
+    /// Whether it has points of this format.
+    fn holds(self, point_format: u8) -> bool {
+        !matches!(self, Self::Copc(_)) || (6..=8).contains(&point_format)
+    }
+}
+
 /// Head, tail and record layout of a LAS file.
 pub struct LasPlan {
     /// The header, without counts, bounds and offsets.
@@ -87,7 +106,7 @@ pub fn plan(
     path: &Path,
     outline: &Outline,
     origins: &mut Origins<'_>,
-    is_compressed: bool,
+    variant: Variant<'_>,
 ) -> Result<LasPlan, ScanError> {
     let mut found = SourceSummary::default();
     let mut sources = 0usize;
@@ -96,6 +115,7 @@ pub fn plan(
         found.add(&origin?, sources == 1);
     }
     let of_source = found.layout.as_ref().filter(|_| !found.differ);
+    let of_source = of_source.filter(|(format, _)| variant.holds(*format));
     let of_source =
         of_source.and_then(|(f, layout)| Records::of_source(*f, layout, &outline.schema));
     let is_restored = of_source.is_some();
@@ -103,7 +123,8 @@ pub fn plan(
     let (records, mut extra) = match of_source {
         Some(records) => (records, Vec::new()),
         None => {
-            let format = least_format(&outline.schema, found.modern || sources == 0);
+            let is_modern = found.modern || sources == 0;
+            let format = least_format(&outline.schema, is_modern, variant);
             Records::of_format(format, format_bytes(format).unwrap_or(0), outline)
         }
     };
@@ -112,18 +133,7 @@ pub fn plan(
     let (names, renamed) = unique(&wanted, &extra_bytes::avoided_names(), extra_bytes::NAME_BYTES);
     extra.iter_mut().zip(names).for_each(|(attribute, name)| attribute.name = name);
     let (header, mut vlrs, tail) = found.first.take().unwrap_or_else(new_head);
-    let mut needs_wkt = false;
-    if !vlrs.iter().any(is_of_crs) {
-        // The user, or a file beside a source, may state a system that no record has.
-        if let Some(record) = found.wkt.as_deref().and_then(crs_record) {
-            needs_wkt = record.record == WKT_RECORD;
-            found.is_wkt = Some(needs_wkt);
-            let behind = vlrs.iter().position(Vlr::is_extended).unwrap_or(vlrs.len());
-            vlrs.insert(behind, record);
-        } else if found.has_system {
-            notes.push("the coordinate reference system is left out: LAS holds WKT and numbers of GeoTIFF keys".into());
-        }
-    }
+    let needs_wkt = found.place_system(path, variant, &mut vlrs, &mut notes)?;
     if !is_restored {
         vlrs.retain(|v| !(v.user == "LASF_Spec" && v.record == 4));
         if !extra.is_empty() {
@@ -138,6 +148,13 @@ pub fn plan(
             );
         }
         found.note_format(sources, &records, &extra, &mut notes);
+        let own = found.layout.as_ref().map(|(format, _)| *format);
+        if let Some(own) = own.filter(|own| sources == 1 && !variant.holds(*own)) {
+            let to = records.point_format;
+            notes.push(format!(
+                "point format {own} is written as {to}: COPC has formats 6, 7 and 8"
+            ));
+        }
         notes.extend(renamed);
         if records.widens_colours() {
             notes.push("colours of 8 bits are written with 16 as LAS asks, times 256".into());
@@ -149,14 +166,19 @@ pub fn plan(
             );
         }
     }
-    let laszip = is_compressed.then(|| laszip(path, &records)).transpose()?;
+    let laszip = match variant {
+        Variant::Las => None,
+        Variant::Laz => Some(laszip(path, &records, false)?),
+        Variant::Copc(_) => Some(laszip(path, &records, true)?),
+    };
+    let is_compressed = laszip.is_some();
     place_laszip(laszip.as_ref(), &mut vlrs, path)?;
     if vlrs.iter().map(|v| v.head.len() + v.data.len()).sum::<usize>() > VLR_BYTES_MAX {
         return Err(ScanError::unsupported(path, "its VLRs would take over a GiB"));
     }
     found.differ = !is_restored;
     let is_long = outline.points_max > u32::MAX.into();
-    let is_modern = vlrs.iter().any(Vlr::is_extended) || is_long || needs_wkt;
+    let is_modern = vlrs.iter().any(Vlr::is_extended) || is_long || needs_wkt || is_copc(variant);
     let needed = if is_modern { 4 } else { 0 };
     let mut header = with_version(header, &found, &records, needed, &mut notes);
     header[104] = records.point_format | if is_compressed { 0x80 } else { 0 };
@@ -182,7 +204,55 @@ pub fn plan(
     Ok(LasPlan { header, vlrs, tail, records, laszip, notes })
 }
 
+/// Whether the file has an octree.
+fn is_copc(variant: Variant<'_>) -> bool {
+    matches!(variant, Variant::Copc(_))
+}
+
 impl SourceSummary {
+    /// Adds the record of a coordinate reference system that the VLRs of the sources lack; returns
+    /// whether it is WKT, which older versions do not have. COPC has WKT only.
+    fn place_system(
+        &mut self,
+        path: &Path,
+        variant: Variant<'_>,
+        vlrs: &mut Vec<Vlr>,
+        notes: &mut Vec<String>,
+    ) -> Result<bool, ScanError> {
+        let is_wkt = |v: &Vlr| is_of_crs(v) && v.record == WKT_RECORD;
+        let given = if let Variant::Copc(given) = variant { given } else { None };
+        if is_copc(variant) {
+            if given.is_some() || !vlrs.iter().any(is_wkt) {
+                self.has_system |= vlrs.iter().any(is_of_crs);
+                vlrs.retain(|v| !is_of_crs(v));
+            }
+            self.wkt = given.map(str::to_owned).or(self.wkt.take());
+            self.wkt = self.wkt.take().filter(|text| geo_keys(text).is_none());
+        }
+        let mut needs_wkt = false;
+        if !vlrs.iter().any(is_of_crs) {
+            // The user, or a file beside a source, may state a system that no record has.
+            if let Some(record) = self.wkt.as_deref().and_then(crs_record) {
+                needs_wkt = record.record == WKT_RECORD;
+                self.is_wkt = Some(needs_wkt);
+                let behind = vlrs.iter().position(Vlr::is_extended).unwrap_or(vlrs.len());
+                vlrs.insert(behind, record);
+            } else if is_copc(variant) && (self.has_system || given.is_some()) {
+                let what = "COPC states its coordinate reference system as WKT, and there is none: give it by --crs, as WKT or a file of it, or export as .laz";
+                return Err(ScanError::unsupported(path, what));
+            } else if self.has_system {
+                notes.push("the coordinate reference system is left out: LAS holds WKT and numbers of GeoTIFF keys".into());
+            }
+        }
+        if is_copc(variant) {
+            self.is_wkt = Some(true);
+            if !vlrs.iter().any(is_of_crs) {
+                notes.push("no coordinate reference system is stated: no scan has one".into());
+            }
+        }
+        Ok(needs_wkt)
+    }
+
     /// Notes what one file cannot hold of several sources.
     fn note_conflicts(&self, notes: &mut Vec<String>) {
         notes.extend(conflict_note(&self.no_data, "of which the file has the first"));
@@ -332,12 +402,14 @@ fn is_of_crs(vlr: &Vlr) -> bool {
 }
 
 /// The least point format that has a field for every attribute that LAS knows.
-fn least_format(schema: &Schema, modern: bool) -> u8 {
+fn least_format(schema: &Schema, modern: bool, variant: Variant<'_>) -> u8 {
     let has = |name, ty| schema.find_typed(name, ty).is_some();
     let colour = schema.rgb().is_some();
     let nir = has(names::NIR, AttrType::U16);
     let time = has(names::GPS_TIME, AttrType::F64);
-    let wave = has(names::WAVE_OFFSET, AttrType::U64);
+    // COPC has no formats with waveforms.
+    let wave = has(names::WAVE_OFFSET, AttrType::U64) && !is_copc(variant);
+    let modern = modern || is_copc(variant);
     match (modern, wave, nir, colour, time) {
         (true, true, false, false, _) => 9,
         (true, true, _, _, _) => 10,
@@ -413,7 +485,8 @@ fn with_version(
     header
 }
 
-fn vlr(user: &str, record: u16, description: &str, data: Vec<u8>) -> Vlr {
+/// A VLR of at most 65,535 bytes.
+pub fn vlr(user: &str, record: u16, description: &str, data: Vec<u8>) -> Vlr {
     let mut head = vec![0; VLR_HEAD_BYTES];
     head[2..2 + user.len()].copy_from_slice(user.as_bytes());
     head[18..20].copy_from_slice(&record.to_le_bytes());
@@ -423,11 +496,15 @@ fn vlr(user: &str, record: u16, description: &str, data: Vec<u8>) -> Vlr {
     Vlr { user: user.to_owned(), record, head, data }
 }
 
-fn laszip(path: &Path, records: &Records) -> Result<LazVlr, ScanError> {
+/// The LASzip record, for chunks of one size or of any.
+fn laszip(path: &Path, records: &Records, is_variable: bool) -> Result<LazVlr, ScanError> {
     let extra = records.record_bytes - format_bytes(records.point_format).unwrap_or(0);
+    let sized = |builder: LazVlrBuilder| {
+        if is_variable { builder.with_variable_chunk_size() } else { builder }
+    };
     LazVlrBuilder::default()
         .with_point_format(records.point_format, extra as u16)
-        .map(|builder| builder.build())
+        .map(|builder| sized(builder).build())
         .map_err(|e| ScanError::unsupported(path, format!("cannot be compressed: {e}")))
 }
 
