@@ -25,6 +25,7 @@ pub use calls::merge::merge;
 pub use calls::point::{ExactPoint, ExactValue, exact_point};
 pub use calls::selection::Exported;
 pub use calls::verify::{Against, against, against_forest, against_sources};
+pub use calls::verify_export::{ExportVerified, verify_export};
 pub use error::BuildError;
 pub use input::outside::{NO_VALUE, OFF_LATTICE};
 pub use options::{Inherited, Merged, Options, Report, Resume};

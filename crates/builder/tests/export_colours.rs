@@ -32,7 +32,7 @@ fn reds(
     let (file, out) = (folder.path().join("in.esker"), folder.path().join(format!("out.{ending}")));
     build_sources(boxed(scans), &file, &Options::default(), &Silent).unwrap();
     let forest = Forest::open(&file).unwrap();
-    let options = ExportOptions { colour_depth };
+    let options = ExportOptions { colour_depth, ..Default::default() };
     let report = export_with(&forest, &out, &Filter::default(), options, &Silent).unwrap();
     let source = esker_scan::open(&out, &OpenOptions::default(), &Silent).unwrap();
     let grid = &source.info().grid;

@@ -131,7 +131,8 @@ pub struct Append {
 
 #[derive(ClapArgs)]
 pub struct Verify {
-    /// The file.
+    /// The .esker file; or a LAS, LAZ or COPC file, with the .esker file that it was exported from
+    /// as IN.
     pub file: PathBuf,
     /// The scans that the file was built from, or folders of them. For a file made by append, the
     /// scans that were added last, or those of all files, in any order.

@@ -1,12 +1,12 @@
 //! `esker export`: its options, and the call that they become.
 
 use crate::output::Output;
-use crate::shared::{ColourBits, FilterArgs, Threads};
+use crate::shared::{ColourBits, FilterArgs, Threads, parse_crs};
 use anyhow::Result;
 use clap::Args as ClapArgs;
 use esker_engine::calls::export;
 use esker_engine::io::output::may_create;
-use esker_engine::{ExportOptions, Filter};
+use esker_engine::{Crs, ExportOptions, Filter};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -15,7 +15,7 @@ use std::sync::atomic::AtomicBool;
 pub struct Export {
     /// The .esker file.
     pub file: PathBuf,
-    /// The scan to write: .las, .laz, .ply, .xyz, .txt or .csv.
+    /// The scan to write: .las, .laz, .copc.laz, .ply, .xyz, .txt or .csv.
     #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,
     /// Replace OUT if it is there already.
@@ -26,6 +26,10 @@ pub struct Export {
     /// scan.
     #[arg(long, value_enum)]
     pub colour_bits: Option<ColourBits>,
+    /// Coordinate reference system of a .copc.laz, in place of that of the scans: WKT, or a file of
+    /// it. COPC has WKT only, so scans that state theirs otherwise need this.
+    #[arg(long, value_name = "CRS", value_parser = parse_crs)]
+    pub crs: Option<Crs>,
     #[command(flatten)]
     pub filter: FilterArgs,
     #[command(flatten)]
@@ -40,11 +44,21 @@ pub fn run(args: Export, stop: Arc<AtomicBool>) -> Result<()> {
         may_create(&args.out)?;
     }
     let filter = args.filter.over(Filter::default());
-    let options = ExportOptions { colour_depth: args.colour_bits.map(Into::into) };
+    let options = ExportOptions {
+        colour_depth: args.colour_bits.map(Into::into),
+        crs: args.crs.map(|crs| crs.text),
+    };
     args.output.report(
         stop,
         |progress| {
-            export::export(&args.file, &args.out, &filter, options, args.threads.count, progress)
+            export::export(
+                &args.file,
+                &args.out,
+                &filter,
+                options.clone(),
+                args.threads.count,
+                progress,
+            )
         },
         |report| export::text(report, &args.out),
     )

@@ -290,7 +290,8 @@ impl FilterArgs {
     }
 }
 
-fn parse_crs(word: &str) -> Result<Crs, String> {
+/// Parses a coordinate reference system, or reads the file that has it.
+pub fn parse_crs(word: &str) -> Result<Crs, String> {
     let path = Path::new(word);
     let is_file = !word.contains('[') && path.is_file();
     if is_file { read_crs(path).map_err(|e| e.to_string()) } else { word.parse() }

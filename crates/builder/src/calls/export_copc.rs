@@ -4,7 +4,7 @@
 
 use crate::calls::export_tree::{SelectedNode, TreeExport, groups};
 use crate::calls::selection::{Exported, Selection, Written};
-use crate::calls::voxels;
+use crate::calls::voxels::{Placement, Share};
 use crate::error::BuildError;
 use esker_points::{MultisetHash, Task};
 use esker_scan::write::las::copc::{self, Chunk, ChunkWriter, Compression, CopcOutput, VoxelKey};
@@ -17,6 +17,9 @@ struct Voxel {
     key: VoxelKey,
     runs: Vec<(usize, SelectedNode)>,
 }
+
+/// Number and hash of points.
+type Sum = (u64, MultisetHash);
 
 /// A voxel, ready to be written.
 struct VoxelChunk {
@@ -38,19 +41,27 @@ pub(super) fn export_copc(
     crs: Option<&str>,
     task: &dyn Task,
 ) -> Result<Exported, BuildError> {
-    let tables = selection.trees.iter().map(|(file, _)| file.table());
-    let octree = voxels::octree(tables, selection.forest.lattice());
+    let tables: Vec<_> = selection.trees.iter().map(|(file, _)| file.table()).collect();
+    let forest = selection.forest;
+    let placement = Placement::new(&tables, forest.bounds(), forest.lattice());
     let outline = selection.outline()?;
-    let started = copc::create(out, &outline, &mut selection.origins(), octree, crs)?;
+    let started = copc::create(out, &outline, &mut selection.origins(), placement.octree, crs)?;
     task.phase("exporting", Some(selection.points_max), "points");
     let trees = 0..selection.trees.len();
     let writing = Writing {
         trees: trees.clone().map(|tree| selection.tree(tree, &started.encode)).collect(),
         compression: &started.compression,
+        octree: placement.octree,
         task,
     };
     let mut output = started.output;
-    let sums = writing.run(&in_order(selection, &octree), &mut output)?;
+    let (sums, read) = writing.run(&in_order(selection, &placement), &mut output)?;
+    if read != selection.points_max {
+        let path = forest.path().display();
+        let what =
+            "some of its points lie outside of the box that it states for them: it is damaged";
+        return Err(BuildError::Differs(format!("{path}: {what}; nothing was written")));
+    }
     let mut written = Written::default();
     for (tree, (points, hash)) in trees.zip(sums) {
         written.add(selection, tree, points, hash)?;
@@ -69,21 +80,20 @@ pub(super) fn export_copc(
 }
 
 /// The voxels in the order of the pages of their first points.
-fn in_order(selection: &Selection<'_>, octree: &copc::Octree) -> Vec<Voxel> {
+fn in_order(selection: &Selection<'_>, placement: &Placement) -> Vec<Voxel> {
     let mut all: BTreeMap<VoxelKey, Vec<(usize, SelectedNode)>> = BTreeMap::new();
     for (tree, (file, nodes)) in selection.trees.iter().enumerate() {
-        let table = file.table();
-        let levels = voxels::levels(table, octree);
         for selected in nodes {
             let index = selected.node as usize;
-            for (key, range) in voxels::voxels(&table.nodes[index], levels[index], octree) {
+            for share in placement.shares(tree, index, &file.table().nodes[index]) {
+                let Share { key, range, within } = share;
                 let run = range.start.max(selected.run.start)..range.end.min(selected.run.end);
                 if run.is_empty() {
                     continue;
                 }
-                let share = run.len() as u64 * selected.decoded_bytes;
-                let decoded_bytes = share / selected.run.len().max(1) as u64;
-                let part = SelectedNode { run, decoded_bytes, ..selected.clone() };
+                let bytes = run.len() as u64 * selected.decoded_bytes;
+                let decoded_bytes = bytes / selected.run.len().max(1) as u64;
+                let part = SelectedNode { run, decoded_bytes, within, ..selected.clone() };
                 all.entry(key).or_default().push((tree, part));
             }
         }
@@ -97,17 +107,20 @@ fn in_order(selection: &Selection<'_>, octree: &copc::Octree) -> Vec<Voxel> {
 struct Writing<'a> {
     trees: Vec<TreeExport<'a>>,
     compression: &'a Compression,
+    octree: copc::Octree,
     task: &'a dyn Task,
 }
 
 impl Writing<'_> {
-    /// Reads and writes all voxels; returns number and hash of the points of each tree.
+    /// Reads and writes all voxels; returns number and hash of the points of each tree, and the
+    /// number of points that were decoded.
     fn run(
         &self,
         voxels: &[Voxel],
         output: &mut CopcOutput,
-    ) -> Result<Vec<(u64, MultisetHash)>, BuildError> {
-        let mut sums = vec![(0, MultisetHash::default()); self.trees.len()];
+    ) -> Result<(Vec<Sum>, u64), BuildError> {
+        let (mut sums, mut read): (Vec<Sum>, u64) = Default::default();
+        sums.resize_with(self.trees.len(), Sum::default);
         let mut ready = Vec::new();
         let mut put = |chunks: Vec<VoxelChunk>| -> Result<(), BuildError> {
             for chunk in chunks {
@@ -117,6 +130,7 @@ impl Writing<'_> {
                     sums[tree].1 += hash;
                 }
                 output.put(chunk.key, &chunk.chunk)?;
+                read += chunk.read;
                 self.task.advance(chunk.read);
             }
             Ok(())
@@ -129,7 +143,7 @@ impl Writing<'_> {
             ready = made?;
         }
         put(ready)?;
-        Ok(sums)
+        Ok((sums, read))
     }
 
     fn compress_all(&self, group: &[Voxel]) -> Result<Vec<VoxelChunk>, BuildError> {
@@ -140,7 +154,7 @@ impl Writing<'_> {
     }
 
     fn compress(&self, voxel: &Voxel) -> Result<VoxelChunk, BuildError> {
-        let mut writer = ChunkWriter::new(self.compression)?;
+        let mut writer = ChunkWriter::new(self.compression, self.octree.cell(voxel.key))?;
         let (mut sums, mut read) = (Vec::with_capacity(voxel.runs.len()), 0);
         for (tree, run) in &voxel.runs {
             let node = self.trees[*tree].encode_node(run, self.task)?;

@@ -6,7 +6,7 @@ use crate::error::BuildError;
 use esker_format::{EskerFile, Fault, FormatError, PagePoints, StatisticSides, runs};
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
-use esker_points::{AttrType, Attribute, Batch, MultisetHash, Schema, Task};
+use esker_points::{AttrType, Attribute, Batch, Cell, MultisetHash, Schema, Task};
 use esker_scan::write::{Encode, Encoded};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -27,6 +27,8 @@ pub(super) struct SelectedNode {
     pub run: Range<usize>,
     /// Their bytes when decoded.
     pub decoded_bytes: u64,
+    /// The cell that the points must lie in, if only some do.
+    pub within: Option<Cell>,
     /// Whether the filter must test each point.
     pub is_partial: bool,
     /// Where its page lies.
@@ -41,7 +43,7 @@ pub(super) struct EncodedNode {
     pub encoded: Encoded,
     /// Their multiset hash.
     pub hash: MultisetHash,
-    /// Number of points decoded.
+    /// Number of points decoded that lie in the cell.
     pub read: u64,
 }
 
@@ -71,6 +73,7 @@ pub(super) fn select_nodes(
             node: index,
             decoded_bytes: (run.len() * row_bytes) as u64,
             run,
+            within: None,
             is_partial: side == Side::Across,
             page_offset: node.page_offset,
             page_bytes: node.page_bytes,
@@ -129,10 +132,15 @@ impl TreeExport<'_> {
         };
         let mut points = page.points_in(selected.run.clone()).map_err(damaged)?;
         drop(page);
+        let mut read = points.len() as u64;
+        if let Some(cell) = selected.within {
+            let kept: Vec<bool> = points.positions.iter().map(|&p| cell.contains(p)).collect();
+            self.keep(&mut points, &kept);
+            read = points.len() as u64;
+        }
         self.filter_points(selected, &mut points)?;
         let hash = points.hash(self.file.layout());
         let batch = batch(self.file, points, &self.schema, &self.own, self.colours.as_deref());
-        let read = selected.run.len() as u64;
         Ok(EncodedNode { encoded: self.encode.encode(&batch), hash, read })
     }
 

@@ -15,4 +15,5 @@ pub(crate) mod point;
 mod rounding;
 pub(crate) mod selection;
 pub(crate) mod verify;
+pub(crate) mod verify_export;
 mod voxels;

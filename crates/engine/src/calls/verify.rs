@@ -1,6 +1,7 @@
 //! Verifying as a call: checks a file, and the files that it names, against their own rules, and
 //! against the scans that they were built from. Returns a [`VerifyReport`], or the first fault.
 
+use crate::io::file::is_esker;
 use crate::io::inputs;
 use crate::io::quantity::grouped;
 use crate::machine::pool;
@@ -19,15 +20,15 @@ pub struct VerifyReport {
     pub ok: bool,
     /// Points of all trees.
     pub points: u64,
-    /// Nodes of all trees.
+    /// Nodes of all trees; 0 if the file is a scan, as for its trees.
     pub nodes: usize,
     /// Bytes of all files.
     pub bytes: u64,
     /// Trees, one a file.
     pub trees: usize,
-    /// Multiset hash of all points, hexadecimal.
+    /// Multiset hash of all points, hexadecimal; of a scan that of its records.
     pub multiset_hash: String,
-    /// Scans that the points were compared with.
+    /// Scans that the points were compared with, or the `.esker` file that a scan was.
     pub against: Vec<String>,
     /// Points of the scans; none if there are no scans, as for the fields below.
     pub against_points: Option<u64>,
@@ -56,7 +57,8 @@ pub struct FaultReport {
 
 /// Checks every byte and every rule of the file at `path` and of all files that it names. With
 /// `against`, also checks that the points of all trees, or of the last one alone, are those of the
-/// scans, which are opened with `reading` as they were for the build.
+/// scans, which are opened with `reading` as they were for the build. The other way round, checks
+/// that a scan has the points of the `.esker` file that it was exported from.
 ///
 /// # Errors
 /// If there is a fault: the first one.
@@ -68,6 +70,12 @@ pub fn verify(
     task: &dyn Task,
 ) -> Result<VerifyReport> {
     let start = Instant::now();
+    if let [file] = against
+        && is_esker(file).unwrap_or(false)
+        && !is_esker(path).unwrap_or(true)
+    {
+        return pool::run(threads, || verify_scan(path, file, start, task));
+    }
     let against = &inputs::scans(against, task)?[..];
     pool::run(threads, || {
         let forest = Forest::open(path)?;
@@ -97,6 +105,31 @@ pub fn verify(
     })
 }
 
+/// Checks that the points of the scan at `path` are those of `file`, which it was exported from,
+/// and every byte of that file.
+fn verify_scan(path: &Path, file: &Path, start: Instant, task: &dyn Task) -> Result<VerifyReport> {
+    let forest = Forest::open(file)?;
+    for tree in forest.files() {
+        esker_format::verify(tree, task)?;
+    }
+    let verified = esker_builder::verify_export(path, &forest, task)?;
+    Ok(VerifyReport {
+        ok: true,
+        points: verified.points,
+        nodes: 0,
+        bytes: path.metadata()?.len(),
+        trees: 0,
+        multiset_hash: verified.hash.to_string(),
+        against: vec![file.display().to_string()],
+        against_points: Some(forest.points()),
+        against_set_aside: Some(verified.set_aside),
+        against_rounding_error_max: None,
+        against_refused: None,
+        against_trees: Some(forest.files().len()),
+        seconds: start.elapsed().as_secs_f64(),
+    })
+}
+
 /// Text of a report on the file at `path`.
 pub fn text(path: &Path, report: &VerifyReport) -> String {
     let mut line = format!("{}: ok, {} points", path.display(), grouped(report.points));
@@ -104,6 +137,17 @@ pub fn text(path: &Path, report: &VerifyReport) -> String {
         line += &format!(" in {} trees", report.trees);
     }
     let Some(trees) = report.against_trees else { return line };
+    if report.trees == 0 {
+        line += &format!(", all points of {} with all attributes", report.against.join(" "));
+        let aside = report.against_set_aside.unwrap_or(0);
+        if aside > 0 {
+            line += &format!(
+                "; {} points that it keeps beside its tree are not in the scan",
+                grouped(aside)
+            );
+        }
+        return line;
+    }
     line += if trees < report.trees {
         ", those of the last tree the points of the scans"
     } else {

@@ -23,7 +23,7 @@ mod totals;
 
 use crate::error::ScanError;
 use crate::las::vlr::Vlr;
-use crate::write::encode::{Encode, Encoded, Export, Origins, Outline, Output};
+use crate::write::encode::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
 use crate::write::partial::Partial;
 use esker_points::Grid;
 use laz::{LazVlr, ParLasZipCompressor};
@@ -133,6 +133,19 @@ pub fn record_encoder(
         record_bytes,
         grid: totals::grid(&outline.lattice),
         extra_bytes: described.map_or_else(Vec::new, |v| v.data.clone()),
+    })
+}
+
+/// The variant of LAS that a source is, if it is LAS.
+pub fn variant_of(source: &Origin) -> Option<Variant<'_>> {
+    let header = source.block("las header")?;
+    // Bytes of the LAS header; upper bits of the point format say that points are compressed.
+    let is_compressed = header.get(104)? & 0xc0 != 0;
+    let first_user = source.block("las vlrs").and_then(|vlrs| vlrs.get(2..7));
+    Some(match (is_compressed, first_user) {
+        (true, Some(b"copc\0")) => Variant::Copc(source.crs.as_ref().map(|crs| crs.text.as_str())),
+        (true, _) => Variant::Laz,
+        (false, _) => Variant::Las,
     })
 }
 

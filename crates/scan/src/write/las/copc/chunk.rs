@@ -4,6 +4,7 @@
 use super::super::totals::joined;
 use super::{Compression, Encoded};
 use crate::error::ScanError;
+use esker_points::Cell;
 use laz::record::{LayeredPointRecordCompressor, RecordCompressor};
 use std::io::Cursor;
 
@@ -42,31 +43,36 @@ pub struct ChunkWriter {
     chunk: Chunk,
     compressor: LayeredPointRecordCompressor<'static, Cursor<Vec<u8>>>,
     compression: Compression,
+    cell: Cell,
 }
 
 impl ChunkWriter {
-    /// A chunk without points.
+    /// A chunk without points, of a voxel with this cell.
     ///
     /// # Errors
     /// If records of this layout cannot be compressed.
-    pub fn new(compression: &Compression) -> Result<Self, ScanError> {
+    pub fn new(compression: &Compression, cell: Cell) -> Result<Self, ScanError> {
         let mut compressor = LayeredPointRecordCompressor::new(Cursor::default());
         let refused = |e: laz::LasZipError| {
             ScanError::unsupported(&compression.path, format!("cannot be compressed: {e}"))
         };
         compressor.set_fields_from(&compression.items).map_err(refused)?;
-        Ok(Self { chunk: Chunk::default(), compressor, compression: compression.clone() })
+        Ok(Self { chunk: Chunk::default(), compressor, compression: compression.clone(), cell })
     }
 
     /// Appends points.
     ///
     /// # Errors
-    /// If there are more than a chunk holds.
+    /// If there are more than a chunk holds, or some lie outside of the voxel.
     pub fn put(&mut self, points: &Encoded) -> Result<(), ScanError> {
         let chunk = &mut self.chunk;
         chunk.points += points.points;
         if chunk.points > CHUNK_MAX {
             return Err(self.compression.too_large());
+        }
+        if points.bounds.iter().flatten().any(|&corner| !self.cell.contains(corner)) {
+            let what = "points lie outside of the cell of their node: the file that is exported is damaged";
+            return Err(ScanError::damaged(&self.compression.path, what));
         }
         for (sum, n) in chunk.by_return.iter_mut().zip(points.by_return) {
             *sum += n;
