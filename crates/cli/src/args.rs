@@ -54,9 +54,9 @@ pub enum Command {
     /// Check every byte of an .esker file; with --against also that its points are those of the
     /// scans.
     Verify(Verify),
-    /// Write an .esker file, or a part of it, as a scan: LAS, LAZ, PLY or text, by the end of its
-    /// name. The whole of a file has the points, records and header of the scans that it was built
-    /// from.
+    /// Write an .esker file, or a part of it, as a scan: LAS, LAZ, COPC, PLY or text, by the end of
+    /// its name. The whole of a file has the points, records and header of the scans that it was
+    /// built from.
     Export(crate::export::Export),
     /// Draw a picture of an .esker file, or of scans, which are first built into a temporary file.
     Render(Box<Render>),

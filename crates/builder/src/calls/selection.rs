@@ -1,6 +1,6 @@
 //! What an export writes: the nodes of all trees that pass a filter, attributes and colours, the
-//! sources, and the notes. Without a filter, count and multiset hash of the points that were written
-//! must be those of each footer.
+//! sources, and the notes. Without a filter, count and multiset hash of the points that were
+//! written must be those of each footer.
 
 use crate::calls::export_aside::AsideExport;
 use crate::calls::export_colours::ColourConversion;

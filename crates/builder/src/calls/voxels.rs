@@ -3,16 +3,16 @@
 //! octant of the cell above.
 //!
 //! - The cube of the octree is the least one that holds all points and whose octants are cells of
-//!   the lattice, so that voxels below it are cells too. The cell of a root may be far larger, where
-//!   points lie on both sides of a face of large cells.
+//!   the lattice, so that voxels below it are cells too. The cell of a root may be far larger,
+//!   where points lie on both sides of a face of large cells.
 //! - A node comes one level below its parent, to the voxel that holds its cell, however small that
-//!   is, so that no empty voxel lies between them. Where no voxel of that level holds it, each point
-//!   comes to the one that it lies in. Continuations come to the voxels of their node.
-//! - A node with several children must end in the voxel that is its cell, since only there they come
-//!   to different octants; the root of one of several trees, where voxels have the size of its own
-//!   points. Its points are spread over the levels down to there: each has the share that halving
-//!   the spacing leaves to it, at least one point. Any prefix of a node is an even sample, so every
-//!   level shows the node.
+//!   is, so that no empty voxel lies between them. Where no voxel of that level holds it, each
+//!   point comes to the one that it lies in. Continuations come to the voxels of their node.
+//! - A node with several children must end in the voxel that is its cell, since only there they
+//!   come to different octants; the root of one of several trees, where voxels have the size of its
+//!   own points. Its points are spread over the levels down to there: each has the share that
+//!   halving the spacing leaves to it, at least one point. Any prefix of a node is an even sample,
+//!   so every level shows the node.
 
 use esker_points::{Cell, Lattice, Node, NodeTable};
 use esker_scan::write::las::copc::{Octree, VoxelKey};

@@ -33,6 +33,17 @@ pub struct Vlr {
 }
 
 impl Vlr {
+    /// A VLR of at most 65,535 bytes.
+    pub fn new(user: &str, record: u16, description: &str, data: Vec<u8>) -> Self {
+        let mut head = vec![0; VLR_HEAD_BYTES];
+        head[2..2 + user.len()].copy_from_slice(user.as_bytes());
+        head[18..20].copy_from_slice(&record.to_le_bytes());
+        // Fits: callers' records are bounded to 16 bits of length.
+        head[20..22].copy_from_slice(&(data.len() as u16).to_le_bytes());
+        head[22..22 + description.len()].copy_from_slice(description.as_bytes());
+        Self { user: user.to_owned(), record, head, data }
+    }
+
     /// Whether it is an EVLR.
     pub fn is_extended(&self) -> bool {
         self.head.len() == EVLR_HEAD_BYTES

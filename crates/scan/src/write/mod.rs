@@ -1,7 +1,8 @@
 //! Writes batches on the lattice as scan formats, the inverse of the readers. A format has two
 //! parts: [`Encode`] encodes a batch, on any thread; [`Output`] writes the encoded batches in
 //! order, and what precedes and follows them. No points are kept, so a file of any size takes the
-//! memory of a few batches. LAS and LAZ are described in [`las`].
+//! memory of a few batches. LAS and LAZ are described in [`las`], COPC, which is written voxel by
+//! voxel, in [`las::copc`].
 //!
 //! | format | coordinates | attributes |
 //! |---|---|---|
@@ -61,7 +62,7 @@ impl Target {
             "csv" => Ok(Self::Csv),
             _ => Err(ScanError::unsupported(
                 path,
-                "its ending names no format that is written: name it .las, .laz, .ply, .xyz, .txt or .csv",
+                "its ending names no format that is written: name it .las, .laz, .copc.laz, .ply, .xyz, .txt or .csv",
             )),
         }
     }

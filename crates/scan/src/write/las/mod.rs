@@ -19,6 +19,7 @@ pub mod copc;
 mod order;
 mod plan;
 mod records;
+mod system;
 mod totals;
 
 use crate::error::ScanError;

@@ -4,13 +4,13 @@
 //! is taken, and attributes without a field become extra bytes.
 
 use super::records::Records;
+use super::system::{StatedSystem, crs_record, is_of_crs};
 use crate::error::ScanError;
 use crate::fields::{LEGACY, LEGACY_BLOCK};
-use crate::las::crs::geo_keys;
 use crate::las::extra_bytes;
 use crate::las::header::{ADJUSTED_BIT, GpsTimes, Header, WKT_BIT, format_bytes, has_bit, set_bit};
 use crate::las::points::Layout;
-use crate::las::vlr::{VLR_HEAD_BYTES, Vlr, of_blocks};
+use crate::las::vlr::{Vlr, of_blocks};
 use crate::las::{EXTRA_BYTES_MAX, NoData, gps_times};
 use crate::write::encode::{Origin, Origins, Outline};
 use crate::write::stated::conflict_note;
@@ -25,8 +25,8 @@ const HEADER_BYTES: [u16; 6] = [227, 227, 227, 235, 375, 393];
 const HEADER_BYTES_1_4: u16 = HEADER_BYTES[4];
 /// Greatest number of extra-bytes descriptions in a VLR.
 const DESCRIPTIONS_MAX: usize = u16::MAX as usize / extra_bytes::DESCRIPTION_BYTES;
-/// Number of the record of a coordinate reference system in WKT.
-const WKT_RECORD: u16 = 2112;
+/// Note on the records of COPC, which hold for the order of the sources' points.
+const COPC_DROPPED: &str = "the sources' COPC index is left out: the order of points changes";
 /// Greatest size of all VLRs, in bytes: the header has 32 bits for the offset of the points.
 const VLR_BYTES_MAX: usize = 1 << 30;
 
@@ -133,13 +133,22 @@ pub fn plan(
     let (names, renamed) = unique(&wanted, &extra_bytes::avoided_names(), extra_bytes::NAME_BYTES);
     extra.iter_mut().zip(names).for_each(|(attribute, name)| attribute.name = name);
     let (header, mut vlrs, tail) = found.first.take().unwrap_or_else(new_head);
-    let needs_wkt = found.place_system(path, variant, &mut vlrs, &mut notes)?;
+    let system = StatedSystem { wkt: found.wkt.take(), is_any: found.has_system };
+    let system = match variant {
+        Variant::Copc(given) => system.place_wkt(path, given, &mut vlrs)?,
+        _ => system.place(&mut vlrs),
+    };
+    found.is_wkt = system.is_wkt.or(found.is_wkt);
+    notes.extend(system.note);
+    if is_copc(variant) {
+        found.dropped.retain(|what| *what != COPC_DROPPED);
+    }
     if !is_restored {
         vlrs.retain(|v| !(v.user == "LASF_Spec" && v.record == 4));
         if !extra.is_empty() {
             vlrs.insert(
                 0,
-                vlr(
+                Vlr::new(
                     "LASF_Spec",
                     4,
                     "extra bytes",
@@ -178,7 +187,8 @@ pub fn plan(
     }
     found.differ = !is_restored;
     let is_long = outline.points_max > u32::MAX.into();
-    let is_modern = vlrs.iter().any(Vlr::is_extended) || is_long || needs_wkt || is_copc(variant);
+    let is_modern =
+        vlrs.iter().any(Vlr::is_extended) || is_long || system.needs_1_4 || is_copc(variant);
     let needed = if is_modern { 4 } else { 0 };
     let mut header = with_version(header, &found, &records, needed, &mut notes);
     header[104] = records.point_format | if is_compressed { 0x80 } else { 0 };
@@ -186,20 +196,7 @@ pub fn plan(
     if let Some(is_wkt) = found.is_wkt {
         set_bit(&mut header, WKT_BIT, is_wkt);
     }
-    if let Some(times) = found.gps_times {
-        set_bit(&mut header, ADJUSTED_BIT, times == GpsTimes::Adjusted);
-        let has_times = outline.schema.find_typed(names::GPS_TIME, AttrType::F64).is_some();
-        if found.are_times_of_others && has_times && times == GpsTimes::Adjusted {
-            notes.push("the global encoding says that GPS times are adjusted standard time".into());
-        }
-        if found.other_times > 0 {
-            notes.push(format!(
-                "GPS times of {} sources have another epoch than the first's, which the global encoding gives ({}); they are written unchanged",
-                found.other_times,
-                times.name()
-            ));
-        }
-    }
+    found.set_times(&mut header, &outline.schema, &mut notes);
     found.note_conflicts(&mut notes);
     Ok(LasPlan { header, vlrs, tail, records, laszip, notes })
 }
@@ -210,47 +207,24 @@ fn is_copc(variant: Variant<'_>) -> bool {
 }
 
 impl SourceSummary {
-    /// Adds the record of a coordinate reference system that the VLRs of the sources lack; returns
-    /// whether it is WKT, which older versions do not have. COPC has WKT only.
-    fn place_system(
-        &mut self,
-        path: &Path,
-        variant: Variant<'_>,
-        vlrs: &mut Vec<Vlr>,
-        notes: &mut Vec<String>,
-    ) -> Result<bool, ScanError> {
-        let is_wkt = |v: &Vlr| is_of_crs(v) && v.record == WKT_RECORD;
-        let given = if let Variant::Copc(given) = variant { given } else { None };
-        if is_copc(variant) {
-            if given.is_some() || !vlrs.iter().any(is_wkt) {
-                self.has_system |= vlrs.iter().any(is_of_crs);
-                vlrs.retain(|v| !is_of_crs(v));
+    /// Sets the epoch of GPS times in the global encoding.
+    fn set_times(&self, header: &mut [u8], schema: &Schema, notes: &mut Vec<String>) {
+        if let Some(times) = self.gps_times {
+            set_bit(header, ADJUSTED_BIT, times == GpsTimes::Adjusted);
+            let has_times = schema.find_typed(names::GPS_TIME, AttrType::F64).is_some();
+            if self.are_times_of_others && has_times && times == GpsTimes::Adjusted {
+                notes.push(
+                    "the global encoding says that GPS times are adjusted standard time".into(),
+                );
             }
-            self.wkt = given.map(str::to_owned).or(self.wkt.take());
-            self.wkt = self.wkt.take().filter(|text| geo_keys(text).is_none());
-        }
-        let mut needs_wkt = false;
-        if !vlrs.iter().any(is_of_crs) {
-            // The user, or a file beside a source, may state a system that no record has.
-            if let Some(record) = self.wkt.as_deref().and_then(crs_record) {
-                needs_wkt = record.record == WKT_RECORD;
-                self.is_wkt = Some(needs_wkt);
-                let behind = vlrs.iter().position(Vlr::is_extended).unwrap_or(vlrs.len());
-                vlrs.insert(behind, record);
-            } else if is_copc(variant) && (self.has_system || given.is_some()) {
-                let what = "COPC states its coordinate reference system as WKT, and there is none: give it by --crs, as WKT or a file of it, or export as .laz";
-                return Err(ScanError::unsupported(path, what));
-            } else if self.has_system {
-                notes.push("the coordinate reference system is left out: LAS holds WKT and numbers of GeoTIFF keys".into());
+            if self.other_times > 0 {
+                notes.push(format!(
+                    "GPS times of {} sources have another epoch than the first's, which the global encoding gives ({}); they are written unchanged",
+                    self.other_times,
+                    times.name()
+                ));
             }
         }
-        if is_copc(variant) {
-            self.is_wkt = Some(true);
-            if !vlrs.iter().any(is_of_crs) {
-                notes.push("no coordinate reference system is stated: no scan has one".into());
-            }
-        }
-        Ok(needs_wkt)
     }
 
     /// Notes what one file cannot hold of several sources.
@@ -364,7 +338,7 @@ impl SourceSummary {
     /// Whether a record still holds in the new file: indices into the order of points do not.
     fn is_kept(&mut self, vlr: &Vlr) -> bool {
         let what = match (vlr.user.as_str(), vlr.record) {
-            ("copc", _) => "the sources' COPC index is left out: the order of points changes",
+            ("copc", _) => COPC_DROPPED,
             ("LAStools", 30) => {
                 "the sources' spatial index is left out: the order of points changes"
             }
@@ -394,11 +368,6 @@ impl SourceSummary {
             notes.push(format!("as extra bytes: {}", names.join(", ")));
         }
     }
-}
-
-/// Whether a record is part of a coordinate reference system: WKT or GeoTIFF keys.
-fn is_of_crs(vlr: &Vlr) -> bool {
-    vlr.user == "LASF_Projection"
 }
 
 /// The least point format that has a field for every attribute that LAS knows.
@@ -446,16 +415,6 @@ fn new_head() -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
     (header, Vec::new(), Vec::new())
 }
 
-/// The record of a coordinate reference system, if LAS can hold its text.
-fn crs_record(text: &str) -> Option<Vlr> {
-    if let Some(keys) = geo_keys(text) {
-        return Some(vlr("LASF_Projection", 34735, "GeoTIFF keys", keys));
-    }
-    let is_wkt = text.contains('[') && !text.starts_with("GeoTIFF:");
-    let is_wkt = is_wkt && text.len() < usize::from(u16::MAX);
-    is_wkt.then(|| vlr("LASF_Projection", WKT_RECORD, "WKT", [text.as_bytes(), &[0]].concat()))
-}
-
 /// The header in a version that has the point format, at least version `needed`. A restored header
 /// otherwise keeps its version.
 fn with_version(
@@ -485,17 +444,6 @@ fn with_version(
     header
 }
 
-/// A VLR of at most 65,535 bytes.
-pub fn vlr(user: &str, record: u16, description: &str, data: Vec<u8>) -> Vlr {
-    let mut head = vec![0; VLR_HEAD_BYTES];
-    head[2..2 + user.len()].copy_from_slice(user.as_bytes());
-    head[18..20].copy_from_slice(&record.to_le_bytes());
-    // Fits: callers' records are bounded to 16 bits of length.
-    head[20..22].copy_from_slice(&(data.len() as u16).to_le_bytes());
-    head[22..22 + description.len()].copy_from_slice(description.as_bytes());
-    Vlr { user: user.to_owned(), record, head, data }
-}
-
 /// The LASzip record, for chunks of one size or of any.
 fn laszip(path: &Path, records: &Records, is_variable: bool) -> Result<LazVlr, ScanError> {
     let extra = records.record_bytes - format_bytes(records.point_format).unwrap_or(0);
@@ -522,7 +470,7 @@ fn place_laszip(
         let mut data = Vec::new();
         laszip.write_to(&mut data).map_err(|e| ScanError::unsupported(path, e.to_string()))?;
         let behind = vlrs.iter().position(Vlr::is_extended).unwrap_or(vlrs.len());
-        let record = vlr(LazVlr::USER_ID, LazVlr::RECORD_ID, LazVlr::DESCRIPTION, data);
+        let record = Vlr::new(LazVlr::USER_ID, LazVlr::RECORD_ID, LazVlr::DESCRIPTION, data);
         vlrs.insert(place.unwrap_or(behind).min(behind), record);
     }
     Ok(())

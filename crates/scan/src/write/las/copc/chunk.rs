@@ -2,16 +2,27 @@
 //! are kept, so that a voxel may have more points than memory holds.
 
 use super::super::totals::joined;
-use super::{Compression, Encoded};
 use crate::error::ScanError;
+use crate::write::encode::Encoded;
 use esker_points::Cell;
 use laz::record::{LayeredPointRecordCompressor, RecordCompressor};
+use laz::{LazItem, LazVlr};
 use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Bytes of the GPS time in records of point formats 6 to 10.
 const TIME: std::ops::Range<usize> = 22..30;
 /// Greatest number of points, and of bytes, of a chunk: entries of the hierarchy have 31 bits.
 const CHUNK_MAX: u64 = i32::MAX as u64;
+
+/// How records are compressed.
+#[derive(Clone, Debug)]
+pub struct Compression {
+    items: Arc<Vec<LazItem>>,
+    record_bytes: usize,
+    path: Arc<PathBuf>,
+}
 
 /// The compressed points of a voxel.
 #[derive(Clone, Debug, Default)]
@@ -106,6 +117,12 @@ impl ChunkWriter {
 }
 
 impl Compression {
+    /// Compression of records of the file at `path`.
+    pub(super) fn new(laszip: &LazVlr, record_bytes: usize, path: &Path) -> Self {
+        let items = Arc::new(laszip.items().clone());
+        Self { items, record_bytes, path: Arc::new(path.to_owned()) }
+    }
+
     fn too_large(&self) -> ScanError {
         let what = "a voxel has more than 2,147,483,647 points or bytes, which COPC cannot state: export as .laz";
         ScanError::unsupported(&self.path, what)

@@ -9,24 +9,24 @@
 mod chunk;
 mod hierarchy;
 
-use super::plan::{self, LasPlan, Variant, vlr};
+use super::plan::{self, LasPlan, Variant};
 use super::totals::{self, Totals};
 use super::{Changes, write_records};
 use crate::error::ScanError;
 use crate::las::vlr::Vlr;
-use crate::write::encode::{Encode, Encoded, Origins, Outline};
+use crate::write::encode::{Encode, Origins, Outline};
 use crate::write::las::order::Ordered;
 use crate::write::partial::Partial;
 use esker_points::lattice::ORIGIN;
 use esker_points::{Cell, Grid, Lattice};
+use laz::LazVlr;
 use laz::laszip::{ChunkTable, ChunkTableEntry};
-use laz::{LazItem, LazVlr};
 use std::collections::BTreeMap;
 use std::io::{Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
-pub use chunk::{Chunk, ChunkWriter};
+pub use chunk::{Chunk, ChunkWriter, Compression};
 pub use hierarchy::VoxelKey;
 
 /// End of the names of COPC files.
@@ -97,14 +97,6 @@ pub struct CopcExport {
     pub notes: Vec<String>,
 }
 
-/// How records are compressed.
-#[derive(Clone, Debug)]
-pub struct Compression {
-    items: Arc<Vec<LazItem>>,
-    record_bytes: usize,
-    path: Arc<PathBuf>,
-}
-
 /// Begins a COPC file. `crs` is the coordinate reference system to state in place of the sources',
 /// in WKT.
 ///
@@ -126,7 +118,7 @@ pub fn create(
     header[25] = 4;
     header[94..96].copy_from_slice(&HEADER_BYTES.to_le_bytes());
     let (behind, mut before): (Vec<Vlr>, Vec<Vlr>) = vlrs.into_iter().partition(Vlr::is_extended);
-    before.insert(0, vlr(USER, INFO_RECORD, "COPC info", vec![0; INFO_BYTES]));
+    before.insert(0, Vlr::new(USER, INFO_RECORD, "COPC info", vec![0; INFO_BYTES]));
     let mut file = Partial::create(path)?;
     let vlr_bytes: usize = before.iter().map(|v| v.head.len() + v.data.len()).sum();
     let points_start = header.len() + vlr_bytes;
@@ -140,11 +132,7 @@ pub fn create(
     let format = format!("COPC 1.0 (LAZ 1.4), point format {}", records.point_format);
     let fields = records.fields();
     let grid = totals::grid(&outline.lattice);
-    let compression = Compression {
-        items: Arc::new(laszip.items().clone()),
-        record_bytes: records.record_bytes,
-        path: Arc::new(path.to_owned()),
-    };
+    let compression = Compression::new(&laszip, records.record_bytes, path);
     let output = CopcOutput {
         file,
         changes: changes.clone(),
