@@ -94,6 +94,9 @@ fn comes_through(scan: &Path, points: u64) {
     }
     assert_eq!(folder.names(), ["out.esker"], "nothing else is left");
     export::gives_back(scan, &out, report["points_refused"].as_u64().unwrap());
+    if scan.extension().is_some_and(|e| e == "las" || e == "laz") {
+        export::copc_comes_back(scan, &out);
+    }
 }
 
 fn is_refused(path: &Path) {

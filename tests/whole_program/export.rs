@@ -76,6 +76,30 @@ pub fn gives_back(scan: &Path, file: &Path, refused: u64) {
     assert_eq!(folder.names().len(), endings.len(), "nothing else is left");
 }
 
+/// Asserts that an export of a built file to COPC has its points, or is refused for what COPC
+/// cannot hold. Point formats that COPC has come back as they were.
+pub fn copc_comes_back(scan: &Path, file: &Path) {
+    let folder = Folder::new();
+    let out = folder.file("out.copc.laz");
+    let mut outcome = export(file, &out, &[]);
+    let is_refused =
+        |outcome: &Outcome, why: &str| outcome.code != Some(0) && outcome.error().contains(why);
+    if is_refused(&outcome, "voxels of COPC are cubes") {
+        return assert!(folder.names().is_empty());
+    }
+    let is_own_crs = !is_refused(&outcome, "give it by --crs");
+    if !is_own_crs {
+        outcome = export(file, &out, &["--crs", r#"LOCAL_CS["site",UNIT["metre",1]]"#]);
+    }
+    let report = outcome.json();
+    let verified = verify(&out, &[file]).json();
+    assert_eq!(verified["points"], report["points_out"], "{}", scan.display());
+    let source = las::File::read(scan);
+    if is_own_crs && (6..=8).contains(&source.point_format()) {
+        verify(file, &[&out]).json();
+    }
+}
+
 fn head_of(path: &Path) -> Vec<u8> {
     use std::io::Read;
     let mut head = Vec::new();
@@ -101,6 +125,10 @@ pub mod las {
             let bytes = std::fs::read(path).unwrap();
             let is_compressed = bytes[104] & 0xc0 != 0;
             Self { bytes, is_compressed }
+        }
+
+        pub fn point_format(&self) -> u8 {
+            self.bytes[104] & 0x3f
         }
 
         fn number(&self, at: usize, bytes: usize) -> usize {
@@ -224,6 +252,7 @@ fn sample_comes_back() {
     let folder = Folder::new();
     let built = built_sample(&folder);
     gives_back(&sample(), &built, 0);
+    copc_comes_back(&sample(), &built);
     // Another plane that is drawn does not change the points.
     let compact = folder.file("compact.esker");
     let report = build(&[sample()], &compact, &["--compact", "--tangents"]);

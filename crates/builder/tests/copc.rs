@@ -149,7 +149,7 @@ fn points_grow_denser_level_by_level() {
 #[test]
 fn all_fields_of_the_point_format_and_extra_bytes_come_back() {
     let full = scan(3_000, |i| [0, 1, 2].map(|axis| below(3 * i + axis, 9_000)))
-        .with("returns", AttrType::U8, |i| i % 3 + 1 | 0x30)
+        .with("returns", AttrType::U8, |i| (i % 3 + 1) | 0x30)
         .with("flags", AttrType::U8, |i| i % 16)
         .with("classification", AttrType::U8, |i| i % 40)
         .with("user_data", AttrType::U8, |i| i % 251)

@@ -1,6 +1,6 @@
 //! Export to COPC: the nodes of all trees become the voxels of one octree
-//! ([`crate::calls::voxels`]), each a chunk that is decoded, encoded and compressed in parallel with
-//! others, and written in the order of the pages.
+//! ([`crate::calls::voxels`]), each a chunk that is decoded, encoded and compressed in parallel
+//! with others, and written in the order of the pages.
 
 use crate::calls::export_tree::{SelectedNode, TreeExport, groups};
 use crate::calls::selection::{Exported, Selection, Written};
