@@ -12,9 +12,10 @@ use crate::metadata::{TREES_MAX, TreeRef};
 use crate::normals::Normals;
 use crate::reader::{EskerFile, Planes};
 use esker_points::palette::Palette;
+use esker_points::read_at::{beside, is_remote};
 use esker_points::{Lattice, Node, NodeName, NodeTable, Schema};
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Gap between two files in the range of bytes of the forest: more than is ever read at once.
 const FILES_APART_BYTES: u64 = 1 << 32;
@@ -75,9 +76,8 @@ impl Forest {
     /// If a file cannot be opened, is not the named one, or is on another lattice.
     pub fn open(path: &Path) -> Result<Self, FormatError> {
         let file = EskerFile::open(path)?;
-        let folder = path.parent().unwrap_or(Path::new(""));
         let named = file.metadata().forest.clone();
-        let open = |tree: &TreeRef| open_named(path, &folder.join(&tree.path), tree);
+        let open = |tree: &TreeRef| open_named(path, &beside(path, &tree.path), tree);
         let others = named.iter().map(open).collect::<Result<Vec<_>, _>>()?;
         Self::of(file, others)
     }
@@ -355,12 +355,33 @@ impl Forest {
         &self.table().nodes[node as usize]
     }
 
+    /// Says what [`Forest::read_exact_at`] reads next.
+    pub fn will_read(&self, ranges: &[Range<u64>]) {
+        let mut ranges = ranges.to_vec();
+        ranges.sort_by_key(|range| range.start);
+        for of_tree in ranges.chunk_by(|a, b| self.tree_at(a.start) == self.tree_at(b.start)) {
+            let tree = &self.trees[self.tree_at(of_tree[0].start)];
+            let own = of_tree.iter().map(|r| r.start - tree.first_byte..r.end - tree.first_byte);
+            tree.file.will_read(&own.collect::<Vec<_>>());
+        }
+    }
+
+    /// Number of threads that should read at the same time, if the places of the files tell.
+    pub fn readers(&self) -> Option<usize> {
+        self.files().filter_map(EskerFile::readers).max()
+    }
+
+    /// Index of the tree whose file has a byte of [`Forest::table`].
+    fn tree_at(&self, offset: u64) -> usize {
+        self.trees.partition_point(|t| t.first_byte <= offset) - 1
+    }
+
     /// Reads bytes of one file, unchecked, at an offset of [`Forest::table`].
     ///
     /// # Errors
     /// If the file ends before, or cannot be read.
     pub fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> Result<(), FormatError> {
-        let tree = &self.trees[self.trees.partition_point(|t| t.first_byte <= offset) - 1];
+        let tree = &self.trees[self.tree_at(offset)];
         tree.file.read_exact_at(buf, offset - tree.first_byte)
     }
 
@@ -447,6 +468,9 @@ const STEPS_APART_MAX: f64 = (1u64 << 40) as f64;
 /// Opens a file that another names.
 fn open_named(path: &Path, at: &Path, tree: &TreeRef) -> Result<EskerFile, FormatError> {
     let fault = |fault: String| FormatError::Forest { path: path.into(), tree: at.into(), fault };
+    if is_remote(path) && Path::new(&tree.path).components().any(|c| c == Component::ParentDir) {
+        return Err(fault("lies in another folder, which is not opened at addresses".into()));
+    }
     // Opening a pipe or a device may block for ever.
     if at.metadata().is_ok_and(|m| !m.is_file()) {
         return Err(fault("is not a file".into()));
@@ -498,7 +522,7 @@ impl TreeRef {
 /// Relative path from a folder to a file, both absolute.
 fn relative_path(folder: &Path, file: &Path) -> Option<PathBuf> {
     let common = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
-    let up = folder.components().skip(common).map(|_| std::path::Component::ParentDir);
+    let up = folder.components().skip(common).map(|_| Component::ParentDir);
     (common > 0).then(|| up.chain(file.components().skip(common)).collect())
 }
 

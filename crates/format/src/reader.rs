@@ -9,17 +9,17 @@ use crate::json::BlockPlace;
 use crate::layout::{PageLayout, PlaneKind};
 use crate::metadata::Metadata;
 use crate::page::Page;
-use crate::read_at::{FileSource, ReadAt};
 use crate::sections::{check_counts, check_sections, read_footer, read_section, read_table};
 use crate::statistics::Statistics;
 use crate::table;
 use esker_points::attribute::CLOSED_BLOCK;
 use esker_points::place::no_file_at;
+use esker_points::read_at::{self, ReadAt, is_remote};
 use esker_points::{Node, NodeTable};
 use std::fmt;
-use std::fs::File;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Greatest gap between two planes that is read along with them rather than skipped.
@@ -28,7 +28,7 @@ const GAP_BYTES_MAX: u64 = 32 << 10;
 /// An opened .esker file. Reading takes `&self`, from any thread.
 pub struct EskerFile {
     path: PathBuf,
-    source: Box<dyn ReadAt>,
+    source: Arc<dyn ReadAt>,
     footer: Footer,
     metadata: Metadata,
     layout: PageLayout,
@@ -91,11 +91,13 @@ impl EskerFile {
     /// # Errors
     /// If it cannot be read, has no valid footer, has another version, or is damaged.
     pub fn open(path: &Path) -> Result<Self, FormatError> {
-        if let Some(what) = no_file_at(path).map_err(io_error(path, "open it"))? {
+        if !is_remote(path)
+            && let Some(what) = no_file_at(path).map_err(io_error(path, "open it"))?
+        {
             return Err(FormatError::Unsupported { path: path.into(), what: what.into() });
         }
-        let file = File::open(path).map_err(io_error(path, "open it"))?;
-        Self::from_source(path, Box::new(FileSource(file)))
+        let source = read_at::open(path).map_err(io_error(path, "open it"))?;
+        Self::from_shared(path, source)
     }
 
     /// Opens a file behind any positioned reads; `name` is used in messages.
@@ -103,6 +105,10 @@ impl EskerFile {
     /// # Errors
     /// See [`EskerFile::open`].
     pub fn from_source(name: &Path, source: Box<dyn ReadAt>) -> Result<Self, FormatError> {
+        Self::from_shared(name, source.into())
+    }
+
+    fn from_shared(name: &Path, source: Arc<dyn ReadAt>) -> Result<Self, FormatError> {
         let footer = read_footer(name, source.as_ref())?;
         check_sections(&footer).map_err(|fault| fault.damaged(name))?;
         let mut head = [0; HEADER_BYTES];
@@ -164,6 +170,16 @@ impl EskerFile {
     pub fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> Result<(), FormatError> {
         self.read_bytes.fetch_add(buf.len() as u64, Relaxed);
         self.source.read_exact_at(buf, offset).map_err(io_error(&self.path, "read it"))
+    }
+
+    /// Says what [`EskerFile::read_exact_at`] reads next.
+    pub fn will_read(&self, ranges: &[Range<u64>]) {
+        self.source.will_read(ranges);
+    }
+
+    /// Number of threads that should read at the same time, if the place of the file tells.
+    pub fn readers(&self) -> Option<usize> {
+        self.source.readers()
     }
 
     /// Bytes of pages and statistics read since opening.

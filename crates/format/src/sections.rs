@@ -4,7 +4,7 @@ use crate::columns::read_sides;
 use crate::error::{Fault, FormatError, io_error};
 use crate::footer::{FOOTER_BYTES, Footer, FooterFault, HEADER_BYTES, HEADER_MAGIC, Section};
 use crate::metadata::{METADATA_BYTES_MAX, Metadata};
-use crate::read_at::ReadAt;
+use esker_points::read_at::ReadAt;
 use esker_points::{Node, NodeTable};
 use std::path::Path;
 

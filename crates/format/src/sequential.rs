@@ -2,8 +2,8 @@
 //! writes, past the system's cache if the file system allows. A copy in that cache costs the first
 //! touch of each fresh page of memory, and evicts what others read.
 
-use crate::system::write_all_at;
 use crossbeam_channel::{Receiver, Sender, bounded};
+use esker_points::positioned::write_all_at;
 use std::fs::File;
 use std::io::{self, ErrorKind};
 use std::path::Path;
@@ -320,7 +320,7 @@ mod tests {
             drop(out);
             let file = File::open(&path).unwrap();
             let mut found = vec![0; expected.len()];
-            crate::system::read_exact_at(&file, &mut found, 0).unwrap();
+            esker_points::positioned::read_exact_at(&file, &mut found, 0).unwrap();
             prop_assert!(found == expected);
             prop_assert_eq!(file.metadata().unwrap().len(), expected.len() as u64);
         }

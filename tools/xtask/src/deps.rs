@@ -8,11 +8,12 @@ use serde_json::Value;
 
 /// Crates of the project that each crate may depend on, its tests included. A crate missing from
 /// this table fails the check.
-const ALLOWED: [(&str, &[&str]); 16] = [
+const ALLOWED: [(&str, &[&str]); 17] = [
     ("esker-points", &[]),
     ("esker-scan", &["points"]),
     ("esker-format", &["points"]),
     ("esker-builder", &["points", "scan", "format"]),
+    ("esker-remote", &["points", "format", "builder"]),
     ("esker-lod", &["points"]),
     ("esker-scene", &[]),
     ("esker-stream", &["points", "format", "lod"]),
@@ -33,8 +34,8 @@ const ALLOWED: [(&str, &[&str]); 16] = [
             "engine",
         ],
     ),
-    ("esker-view", &["engine"]),
-    ("esker", &["engine", "bench"]),
+    ("esker-view", &["engine", "remote"]),
+    ("esker", &["engine", "bench", "remote"]),
     // Tools may use any library.
     ("esker-generate", &["points", "scan"]),
     ("xtask", &["points", "scan", "format", "builder", "lod", "stream", "render", "engine"]),

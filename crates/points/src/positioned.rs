@@ -6,10 +6,18 @@ mod calls {
     use std::io::Result;
     use std::os::unix::fs::FileExt;
 
+    /// Fills `buf` from `offset` on.
+    ///
+    /// # Errors
+    /// If the file ends before, or cannot be read.
     pub fn read_exact_at(file: &File, buf: &mut [u8], offset: u64) -> Result<()> {
         file.read_exact_at(buf, offset)
     }
 
+    /// Writes all of `bytes` from `offset` on.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> Result<()> {
         file.write_all_at(bytes, offset)
     }
@@ -21,6 +29,10 @@ mod calls {
     use std::io::{Error, ErrorKind, Result};
     use std::os::windows::fs::FileExt;
 
+    /// Fills `buf` from `offset` on.
+    ///
+    /// # Errors
+    /// If the file ends before, or cannot be read.
     pub fn read_exact_at(file: &File, buf: &mut [u8], offset: u64) -> Result<()> {
         let mut done = 0;
         while done < buf.len() {
@@ -30,6 +42,10 @@ mod calls {
         Ok(())
     }
 
+    /// Writes all of `bytes` from `offset` on.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> Result<()> {
         let mut done = 0;
         while done < bytes.len() {
@@ -49,4 +65,4 @@ mod calls {
     }
 }
 
-pub(crate) use calls::{read_exact_at, write_all_at};
+pub use calls::{read_exact_at, write_all_at};
