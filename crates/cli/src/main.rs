@@ -23,6 +23,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 fn main() -> ExitCode {
     esker_engine::hide_caught_panics();
     let args = args::Args::parse();
+    #[cfg(feature = "remote")]
+    esker_remote::install(esker_remote::Disk::of_user());
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
     // A second Ctrl-C ends the program at once, which leaves no file under its final name.

@@ -366,6 +366,22 @@ impl Forest {
         }
     }
 
+    /// Says which planes are read next, if that helps.
+    pub fn will_read_planes(&self, nodes: impl Iterator<Item = u32>, kinds: &[PlaneKind]) {
+        if self.readers().is_none() {
+            return;
+        }
+        let ranges = nodes.flat_map(|node| {
+            let (tree, record) = (self.tree_of(node), self.record(node));
+            let layout = tree.file.layout();
+            let directory = 0..layout.directory_bytes() as u64;
+            let planes = kinds.iter().filter_map(move |&kind| self.plane_range(node, kind));
+            let at = record.page_offset;
+            std::iter::once(directory).chain(planes).map(move |r| at + r.start..at + r.end)
+        });
+        self.will_read(&ranges.collect::<Vec<_>>());
+    }
+
     /// Number of threads that should read at the same time, if the places of the files tell.
     pub fn readers(&self) -> Option<usize> {
         self.files().filter_map(EskerFile::readers).max()

@@ -13,17 +13,42 @@ mod source;
 pub use disk::Disk;
 pub use source::{Limits, Remote};
 
+use esker_points::read_at::ReadAt;
 use std::io;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Lets this process open addresses wherever it opens files ([`esker_points::read_at::open`]).
 /// `disk` keeps what was fetched; `None` keeps it in memory alone.
 pub fn install(disk: Option<Disk>) {
     let disk = disk.map(Arc::new);
+    let recent: Mutex<Vec<Recent>> = Mutex::default();
     esker_points::read_at::set_remote(Box::new(move |address| {
-        let remote = Remote::open(address, disk.clone(), Limits::default())?;
-        Ok(Arc::new(remote))
+        let find = |recent: &mut Vec<Recent>| {
+            recent.retain(|one| one.opened.elapsed() < SAME_FILE);
+            recent.iter().find(|one| one.address == address).map(|one| Arc::clone(&one.file))
+        };
+        let lock = || recent.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(file) = find(&mut lock()) {
+            return Ok(file);
+        }
+        let file: Arc<dyn ReadAt> =
+            Arc::new(Remote::open(address, disk.clone(), Limits::default())?);
+        let (address, opened) = (address.to_owned(), Instant::now());
+        lock().push(Recent { address, opened, file: Arc::clone(&file) });
+        Ok(file)
     }));
+}
+
+/// Time for which a file that is opened again is the one that was opened before: a command first
+/// looks what its inputs are.
+const SAME_FILE: Duration = Duration::from_secs(3);
+
+/// A file that was opened.
+struct Recent {
+    address: String,
+    opened: Instant,
+    file: Arc<dyn ReadAt>,
 }
 
 /// Chooses what encrypts connections, for the whole process.

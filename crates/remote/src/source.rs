@@ -17,6 +17,8 @@ use tokio::sync::Semaphore;
 
 /// Bytes that are requested at a time for one long read.
 const WINDOW: u64 = 8 << 20;
+/// Bytes that are fetched behind a read that goes on where the last one ended.
+const AHEAD: u64 = 8 << 20;
 /// Bytes at the end of a file that are fetched when it is opened: footer and node table of a file
 /// of some ten million points.
 const TAIL: u64 = 256 << 10;
@@ -55,6 +57,8 @@ struct Shared {
     disk: Option<DiskFile>,
     permits: Semaphore,
     has_changed: AtomicBool,
+    /// Where the last read ended: one that begins there is followed by others.
+    last_end: AtomicU64,
     /// Requests made, and bytes received.
     requests: AtomicU64,
     received: AtomicU64,
@@ -83,6 +87,7 @@ impl Remote {
             disk,
             permits: Semaphore::new(limits.requests.max(1)),
             has_changed: AtomicBool::new(false),
+            last_end: AtomicU64::new(u64::MAX),
             requests: AtomicU64::new(1),
             received: AtomicU64::new(head.len() as u64),
             meta,
@@ -205,6 +210,10 @@ impl ReadAt for Remote {
     fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> io::Result<()> {
         let end = offset.checked_add(buf.len() as u64).filter(|end| *end <= self.shared.meta.size);
         let end = end.ok_or(io::ErrorKind::UnexpectedEof)?;
+        // Reads in the order of the file go on: the next ones are fetched beside this one.
+        if self.shared.last_end.swap(end, Relaxed) == offset && end > offset {
+            self.request(offset..end.saturating_add(AHEAD).min(self.shared.meta.size));
+        }
         let mut requested = offset;
         let mut at = offset;
         while at < end {

@@ -166,7 +166,7 @@ fn a_file_that_changes_while_it_is_read_is_named() {
     let (server, bytes) = (Server::start(), bytes());
     let address = server.put("town.esker", bytes);
     for has_no_tag in [false, true] {
-        server.set(Faults { changes_after: Some(2), has_no_tag, ..Faults::default() });
+        server.set(Faults { changes_after: Some(1), has_no_tag, ..Faults::default() });
         let remote = Remote::open(&address, None, limits()).unwrap();
         let read = read(&remote, (10 * 65_536, 10));
         if has_no_tag {

@@ -70,6 +70,10 @@ impl<L: Landing> Reading<'_, L> {
         let mut filling = Filling { run, at: 0, transfers: Vec::new() };
         let mut left = HashMap::new();
         let reads = self.hot_reads(batch, &mut left);
+        if self.planes.forest.readers().is_some() {
+            let places = reads.iter().map(|read| read.place.clone());
+            self.planes.forest.will_read(&places.collect::<Vec<_>>());
+        }
         for read in &reads {
             filling = self.read_hot(batch, read, filling, &mut left, &mut outcome)?;
         }

@@ -89,7 +89,8 @@ impl Streamer {
         if run_bytes < RUN_BYTES_MIN || !run_bytes.is_multiple_of(Transfer::ALIGNMENT) {
             return Err(StreamError::Runs(run_bytes));
         }
-        let loaders = options.loaders.clamp(1, LOADERS_MAX);
+        let wanted = options.loaders.max(forest.readers().unwrap_or(0));
+        let loaders = wanted.clamp(1, LOADERS_MAX);
         let rate = options.read_bytes_a_second.map(|rate| Arc::new(Rate::new(rate)));
         let shown = Arc::new(shown.into());
         let mut rules = Rules::default();

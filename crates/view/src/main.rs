@@ -15,6 +15,8 @@ const INTERRUPTED: i32 = 130;
 fn main() -> ExitCode {
     let start = Instant::now();
     esker_engine::hide_caught_panics();
+    #[cfg(feature = "remote")]
+    esker_remote::install(esker_remote::Disk::of_user());
     // The file that was built for this window is removed with it, also on Ctrl-C. It stays if the
     // handler cannot be installed.
     let _ = ctrlc::set_handler(|| {

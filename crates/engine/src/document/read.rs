@@ -6,6 +6,7 @@ use crate::cameras::camera::Camera;
 use crate::draw::scene::PictureRequest;
 use anyhow::{Context, Error, Result, ensure};
 use esker_points::place::no_file_at;
+use esker_points::read_at::is_remote;
 use esker_scan::synthetic::is_spec;
 use esker_scene::{Cloud, Found, Scene, detect};
 use std::fs::File;
@@ -162,7 +163,7 @@ impl Document {
 /// If it cannot be read, or has the name of a JSON file, and is JSON without the field of scene
 /// documents.
 pub fn is_document(path: &Path) -> Result<bool> {
-    if is_spec(path) || !matches!(no_file_at(path), Ok(None)) {
+    if is_spec(path) || is_remote(path) || !matches!(no_file_at(path), Ok(None)) {
         return Ok(false);
     }
     let Ok(file) = File::open(path) else { return Ok(false) };

@@ -202,6 +202,9 @@ fn name_of(inputs: &[PathBuf]) -> PathBuf {
     }
 }
 
+/// Nodes that are said to be read next, for files at addresses.
+const READ_AHEAD: usize = 32;
+
 /// What the view needs of a file: nodes, prefixes, and the planes of the frame.
 pub struct PictureScene {
     /// The camera.
@@ -405,8 +408,11 @@ fn read(
     let lattice = file.metric();
     nodes
         .par_iter()
-        .map(|drawn| {
+        .enumerate()
+        .map(|(i, drawn)| {
             task.check()?;
+            let next = nodes[i..].iter().take(READ_AHEAD).map(|drawn| drawn.node);
+            file.will_read_planes(next, kinds);
             let mut kinds = kinds.to_vec();
             if !needs_residual(&file.table().nodes[drawn.node as usize], lattice, view) {
                 kinds.retain(|&kind| kind != PlaneKind::Residual);

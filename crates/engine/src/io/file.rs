@@ -3,6 +3,7 @@
 use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
 use esker_points::place::no_file_at;
+use esker_points::read_at::{self, Cursor, is_remote};
 use std::path::Path;
 
 /// Whether a file is an `.esker` file; false for generated scans, and for folders of scans.
@@ -16,10 +17,12 @@ pub fn is_esker(path: &Path) -> Result<bool> {
     }
     let mut head = Vec::new();
     let context = || format!("{}: cannot open", path.display());
-    if let Some(what) = no_file_at(path).with_context(context)? {
+    if !is_remote(path)
+        && let Some(what) = no_file_at(path).with_context(context)?
+    {
         anyhow::bail!("{}: {what}", path.display());
     }
-    let file = std::fs::File::open(path).with_context(context)?;
+    let file = read_at::open(path).and_then(Cursor::new).with_context(context)?;
     file.take(HEADER_MAGIC.len() as u64)
         .read_to_end(&mut head)
         .with_context(|| format!("{}: cannot read", path.display()))?;
