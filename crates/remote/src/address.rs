@@ -1,6 +1,7 @@
 //! What an address names: a store, and a path in it. Stores get their credentials from the standard
 //! variables of the environment, and read without any where there are none.
 
+use crate::threads::choose_tls;
 use object_store::aws::AmazonS3Builder;
 use object_store::azure::MicrosoftAzureBuilder;
 use object_store::gcp::GoogleCloudStorageBuilder;
@@ -55,7 +56,7 @@ pub fn place(address: &str, request: Duration) -> io::Result<Place> {
     if url.query().is_some() || url.fragment().is_some() {
         return Err(invalid("has a `?` or a `#`, which are not supported in addresses".into()));
     }
-    crate::choose_tls();
+    choose_tls();
     let path = Path::from_url_path(url.path()).map_err(|e| invalid(e.to_string()))?;
     let has = |names: &[&str]| names.iter().any(|name| var_os(name).is_some());
     let options = ClientOptions::new().with_timeout(request).with_connect_timeout(CONNECT);

@@ -5,6 +5,7 @@ use crate::address;
 use crate::blocks::{BLOCK, Block, Blocks};
 use crate::disk::{Disk, DiskFile};
 use crate::fetch::{CHANGED, Fault, Fetcher, bytes_of, version};
+use crate::threads::runtime;
 use bytes::Bytes;
 use esker_points::read_at::ReadAt;
 use object_store::ObjectMeta;
@@ -72,7 +73,7 @@ impl Remote {
     /// If the address is invalid, there is no file, the server refuses it, does not answer, or
     /// sends no parts of files.
     pub fn open(address: &str, disk: Option<Arc<Disk>>, limits: Limits) -> io::Result<Self> {
-        let runtime = crate::runtime()?;
+        let runtime = runtime()?;
         let (store, path) = address::place(address, limits.answer)?;
         let fetcher = Fetcher::new(store, path);
         let (meta, head) = runtime.block_on(fetcher.head(BLOCK))?;
@@ -111,7 +112,7 @@ impl Remote {
 
     fn request_blocks(&self, numbers: impl Iterator<Item = u64>) {
         let runs = self.shared.lock().request(numbers, self.shared.limits.blocks);
-        let Ok(runtime) = crate::runtime() else { return };
+        let Ok(runtime) = runtime() else { return };
         for run in runs {
             let shared = Arc::clone(&self.shared);
             runtime.spawn(async move { shared.fetch(run).await });

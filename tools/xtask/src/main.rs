@@ -13,6 +13,7 @@ mod large;
 mod light;
 mod lint;
 mod readme;
+mod remote;
 mod report;
 mod shaders;
 mod shell;
@@ -30,7 +31,7 @@ struct Step {
     run: fn(&mut Tally) -> anyhow::Result<()>,
 }
 
-const STEPS: [Step; 10] = [
+const STEPS: [Step; 11] = [
     Step { name: "fmt", about: "formatting", run: |_| fmt::check() },
     Step {
         name: "lint",
@@ -50,6 +51,7 @@ const STEPS: [Step; 10] = [
         about: "programs without light have none of it",
         run: |_| light::check(),
     },
+    Step { name: "remote", about: "files at addresses", run: remote::check },
     Step { name: "test", about: "the README's test command", run: readme::test },
     Step { name: "view", about: "the viewer's tests, on a display or under Xvfb", run: view::test },
     Step { name: "demo", about: "the README's run command", run: |_| readme::demo() },
