@@ -115,13 +115,26 @@ pub fn open(path: &Path) -> io::Result<Arc<dyn ReadAt>> {
 
 /// Reads from front to back, and seeks, in a source of positioned reads.
 #[derive(Clone)]
-pub struct Cursor {
+pub struct Input {
     source: Arc<dyn ReadAt>,
     at: u64,
     end: u64,
 }
 
-impl Cursor {
+impl Input {
+    /// Opens what a path names, as [`open`] does, and begins at the front.
+    ///
+    /// # Errors
+    /// As for [`open`].
+    pub fn open(path: &Path) -> io::Result<Self> {
+        Self::new(open(path)?)
+    }
+
+    /// Number of bytes of the source.
+    pub fn end(&self) -> u64 {
+        self.end
+    }
+
     /// Begins at the front.
     ///
     /// # Errors
@@ -132,7 +145,7 @@ impl Cursor {
     }
 }
 
-impl Read for Cursor {
+impl Read for Input {
     fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
         let left = usize::try_from(self.end.saturating_sub(self.at)).unwrap_or(usize::MAX);
         let read = buf.len().min(left);
@@ -142,7 +155,7 @@ impl Read for Cursor {
     }
 }
 
-impl Seek for Cursor {
+impl Seek for Input {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         let at = match to {
             SeekFrom::Start(at) => Some(at),
@@ -185,7 +198,7 @@ mod tests {
     #[test]
     fn a_cursor_reads_what_the_source_has() {
         let bytes: Vec<u8> = (0..=255).collect();
-        let mut cursor = Cursor::new(Arc::new(bytes.clone())).unwrap();
+        let mut cursor = Input::new(Arc::new(bytes.clone())).unwrap();
         let mut all = Vec::new();
         cursor.read_to_end(&mut all).unwrap();
         assert_eq!(all, bytes);

@@ -1,8 +1,8 @@
 //! Positioned reads at addresses: `http://`, `https://`, `s3://`, `gs://` and `az://`. A file is
 //! read in blocks, of which neighbours are fetched in one request and many requests run at a time;
-//! what was fetched stays in memory and in a bounded folder of the user's cache. A file that changes
-//! while it is read, a server that ignores ranges, and short answers are errors. Credentials come
-//! from the standard variables of the environment alone.
+//! what was fetched stays in memory and in a bounded folder of the user's cache. A file that
+//! changes while it is read, a server that ignores ranges, and short answers are errors.
+//! Credentials come from the standard variables of the environment alone.
 
 mod address;
 mod blocks;

@@ -4,6 +4,7 @@
 
 use crate::error::ScanError;
 use crate::source::HEAD_BYTES;
+use esker_points::read_at::{Input, is_remote};
 use flate2::bufread::MultiGzDecoder;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Error, ErrorKind, Read, Result as IoResult};
@@ -79,8 +80,14 @@ pub(crate) fn open_stream(
 /// # Errors
 /// If the file cannot be read.
 pub(crate) fn head_of(path: &Path) -> Result<(Vec<u8>, Option<Packing>), ScanError> {
-    let (stream, packing) = open_stream(path)?;
     let mut head = Vec::new();
+    if is_remote(path) {
+        let file = Input::open(path).map_err(|e| ScanError::io(path, e))?;
+        file.take(HEAD_BYTES).read_to_end(&mut head).map_err(|e| ScanError::io(path, e))?;
+        let packing = Packing::of(&head);
+        return Ok((head, packing));
+    }
+    let (stream, packing) = open_stream(path)?;
     stream.take(HEAD_BYTES).read_to_end(&mut head).map_err(|e| ScanError::io(path, e))?;
     Ok((head, packing))
 }

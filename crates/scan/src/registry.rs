@@ -7,6 +7,7 @@ use crate::synthetic;
 use crate::system::located;
 use esker_points::Task;
 use esker_points::place::no_file_at;
+use esker_points::read_at::is_remote;
 use std::path::Path;
 
 /// All formats. Text is last, because nearly any file could be text.
@@ -50,7 +51,9 @@ pub fn open(
         return synthetic::open(path, options);
     }
     let io = |source| ScanError::io(path, source);
-    if let Some(what) = no_file_at(path).map_err(io)? {
+    if !is_remote(path)
+        && let Some(what) = no_file_at(path).map_err(io)?
+    {
         return Err(ScanError::unsupported(path, what));
     }
     let (head, packing) = head_of(path)?;
@@ -61,6 +64,13 @@ pub fn open(
         return Err(ScanError::unsupported(path, *what));
     }
     match (format_of(&head), packing) {
+        (Some(format), _) if is_remote(path) && format.name != crate::las::FORMAT.name => {
+            let what = format!(
+                "is {}, and only LAS and LAZ are read at addresses: download it first",
+                format.name
+            );
+            Err(ScanError::unsupported(path, what))
+        }
         (Some(format), Some(packing)) if !format.is_streamed => {
             let what = format!(
                 "is {} compressed with {}, which is not read; unpack it first",

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
 use esker_points::place::no_file_at;
-use esker_points::read_at::{self, Cursor, is_remote};
+use esker_points::read_at::{self, Input, is_remote};
 use std::path::Path;
 
 /// Whether a file is an `.esker` file; false for generated scans, and for folders of scans.
@@ -22,7 +22,7 @@ pub fn is_esker(path: &Path) -> Result<bool> {
     {
         anyhow::bail!("{}: {what}", path.display());
     }
-    let file = read_at::open(path).and_then(Cursor::new).with_context(context)?;
+    let file = read_at::open(path).and_then(Input::new).with_context(context)?;
     file.take(HEADER_MAGIC.len() as u64)
         .read_to_end(&mut head)
         .with_context(|| format!("{}: cannot read", path.display()))?;

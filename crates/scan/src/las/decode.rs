@@ -10,8 +10,8 @@ use crate::caught;
 use crate::error::ScanError;
 use crate::source::BATCH_POINTS;
 use esker_points::Task;
+use esker_points::read_at::Input;
 use std::collections::VecDeque;
-use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -53,7 +53,7 @@ pub type Convert<'a, T> = dyn Fn(&[u8]) -> Result<T, ScanError> + Sync + 'a;
 
 /// Progress of the reading.
 struct Reader {
-    file: File,
+    file: Input,
     at: u64,
     point: u64,
     chunk: usize,
@@ -88,7 +88,7 @@ impl Points {
         if self.one_in > 1 {
             return self.for_each_sampled(self.one_in, task, convert, sink);
         }
-        let file = File::open(&self.path).map_err(|e| self.io(e))?;
+        let file = Input::open(&self.path).map_err(|e| self.io(e))?;
         let mut reader = Reader { file, at: self.start, point: 0, chunk: 0 };
         let end = self.count.min(points_max);
         if let Some(c) = self.compression.as_ref().filter(|c| c.chunks.is_none()) {
@@ -206,7 +206,7 @@ impl Points {
         sink: &mut dyn FnMut(T) -> Result<(), ScanError>,
     ) -> Result<(), ScanError> {
         reader.file.seek(SeekFrom::Start(reader.at)).map_err(|e| self.io(e))?;
-        let input = BufReader::with_capacity(READ_BYTES, &reader.file);
+        let input = BufReader::with_capacity(READ_BYTES, reader.file.clone());
         let mut decoder = self.decoder(compression, input, reader.point)?;
         let chunk_points = chunk_points.filter(|&points| points > 0).map_or(u64::MAX, u64::from);
         let mut in_chunk = 0;
@@ -259,7 +259,7 @@ impl Points {
         reader.file.seek(SeekFrom::Start(reader.at)).map_err(|e| self.io(e))?;
         let mut head = Vec::new();
         let head_bytes = (self.record_bytes + 4 + 4 * layers) as u64;
-        (&reader.file).take(head_bytes).read_to_end(&mut head).map_err(|e| self.io(e))?;
+        reader.file.by_ref().take(head_bytes).read_to_end(&mut head).map_err(|e| self.io(e))?;
         self.check_layers(&head, chunk.bytes.into(), layers, chunk.points.into())
     }
 
@@ -333,7 +333,7 @@ impl Points {
         }
         reader.file.seek(SeekFrom::Start(reader.at)).map_err(|e| self.io(e))?;
         buffer.clear();
-        let read = (&reader.file).take(compressed as u64).read_to_end(&mut buffer);
+        let read = reader.file.by_ref().take(compressed as u64).read_to_end(&mut buffer);
         if read.map_err(|e| self.io(e))? < compressed {
             return Err(self.damaged("the file was cut short while it was read".into()));
         }

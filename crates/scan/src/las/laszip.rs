@@ -5,10 +5,10 @@
 use super::header::{Header, format_bytes, u16_at, u32_at, u64_at};
 use super::vlr::{Records, Vlr};
 use crate::error::ScanError;
+use esker_points::read_at::Input;
 use laz::decoders::ArithmeticDecoder;
 use laz::decompressors::IntegerDecompressorBuilder;
 use laz::{LazItem, LazVlr};
-use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -62,7 +62,7 @@ impl Compression {
     pub fn read(
         vlr: &Vlr,
         header: &mut Header,
-        file: &mut File,
+        file: &mut Input,
         file_bytes: u64,
         path: &Path,
         notes: &mut Vec<String>,
@@ -138,7 +138,7 @@ impl Compression {
     /// Reads the entries of the chunk table: numbers compressed as `laz` compresses integers.
     fn read_table(
         &self,
-        file: &mut File,
+        file: &mut Input,
         record_bytes: usize,
         is_variable: bool,
         path: &Path,
@@ -196,7 +196,7 @@ impl Compression {
         &self,
         chunks: &mut Vec<Chunk>,
         is_variable: bool,
-        file: &mut File,
+        file: &mut Input,
         header: &mut Header,
         notes: &mut Vec<String>,
     ) -> std::io::Result<()> {
@@ -230,7 +230,12 @@ impl Compression {
 
     /// Finds layered chunks without a table, by the count and the sizes of layers in the head of
     /// each.
-    fn walk(&self, file: &mut File, header: &Header, path: &Path) -> Result<Vec<Chunk>, ScanError> {
+    fn walk(
+        &self,
+        file: &mut Input,
+        header: &Header,
+        path: &Path,
+    ) -> Result<Vec<Chunk>, ScanError> {
         let layers = self.layers.unwrap_or(0);
         let (mut chunks, mut at, mut points) = (Vec::new(), self.start, 0);
         let mut head = vec![0; layered_head_bytes(header.record_bytes, layers)];
@@ -290,7 +295,7 @@ impl Compression {
 
 /// Offset of the chunk table: the number before the points or, from writers that could not seek
 /// back, the file's last eight bytes; `None` if neither is plausible.
-fn table_place(file: &mut File, start: u64, file_bytes: u64) -> std::io::Result<Option<u64>> {
+fn table_place(file: &mut Input, start: u64, file_bytes: u64) -> std::io::Result<Option<u64>> {
     if file_bytes < start + 8 {
         return Ok(Some(start));
     }

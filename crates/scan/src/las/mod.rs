@@ -25,11 +25,11 @@ use crate::source::{
 };
 use decode::Points;
 use esker_points::lattice::{GridKind, Placement};
+use esker_points::read_at::Input;
 use esker_points::{ColourDepth, InputGrid, Spread, Task};
 use header::{Header, format_bytes};
 use laszip::Compression;
 use points::{Layout, raw_position};
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::Path;
@@ -91,8 +91,8 @@ pub(crate) fn times_block(
 
 /// Bounds that the header of a file states; `None` if it is no sound one or has no points.
 pub(crate) fn header_bounds(path: &Path) -> Option<[[f64; 3]; 2]> {
-    let file = File::open(path).ok()?;
-    let bytes = file.metadata().ok()?.len();
+    let file = Input::open(path).ok()?;
+    let bytes = file.end();
     let mut head = Vec::new();
     file.take(HEAD_BYTES).read_to_end(&mut head).ok()?;
     let header = Header::parse(&head, bytes, path).ok()?;
@@ -109,10 +109,10 @@ struct LasSource {
 
 fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
     let io = |e| ScanError::io(path, e);
-    let mut file = File::open(path).map_err(io)?;
-    let bytes = file.metadata().map_err(io)?.len();
+    let mut file = Input::open(path).map_err(io)?;
+    let bytes = file.end();
     let mut head = Vec::new();
-    (&file).take(HEAD_BYTES).read_to_end(&mut head).map_err(io)?;
+    file.by_ref().take(HEAD_BYTES).read_to_end(&mut head).map_err(io)?;
     let mut header = Header::parse(&head, bytes, path)?;
     let mut notes = Vec::new();
     let records = Records::read(&mut file, &header, bytes, path, &mut notes)?;
@@ -174,7 +174,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
 fn points_of(
     header: &mut Header,
     records: &Records,
-    file: &mut File,
+    file: &mut Input,
     file_bytes: u64,
     path: &Path,
     notes: &mut Vec<String>,
@@ -232,7 +232,7 @@ fn check_held(held_bytes: u64, memory_bytes: u64, path: &Path) -> Result<(), Sca
 /// file is truncated.
 fn check_count(
     header: &mut Header,
-    file: &mut File,
+    file: &mut Input,
     file_bytes: u64,
     path: &Path,
     notes: &mut Vec<String>,
@@ -285,7 +285,7 @@ fn check_count(
 /// does.)
 fn is_far(
     header: &Header,
-    file: &mut File,
+    file: &mut Input,
     behind: Range<u64>,
     path: &Path,
 ) -> Result<bool, ScanError> {
@@ -312,7 +312,7 @@ fn is_far(
 
 /// Whether a range of a file is all zero; reads no further than the first block that is not.
 fn is_zero(
-    file: &mut File,
+    file: &mut Input,
     span: Range<u64>,
     path: &Path,
     task: &dyn Task,

@@ -6,8 +6,8 @@ use super::decode::{Convert, Points};
 use super::laszip::Compression;
 use crate::error::ScanError;
 use esker_points::Task;
+use esker_points::read_at::Input;
 use rayon::prelude::*;
-use std::fs::File;
 use std::io::{Cursor, Read, Seek, SeekFrom};
 
 /// Uncompressed records that are read together: a page of a disk holds more than a hundred.
@@ -108,13 +108,13 @@ impl Points {
 
     /// Reads and decodes parts.
     fn decode_unit<T>(&self, unit: &[Part], convert: &Convert<'_, T>) -> Result<Vec<T>, ScanError> {
-        let mut file = File::open(&self.path).map_err(|e| self.io(e))?;
+        let mut file = Input::open(&self.path).map_err(|e| self.io(e))?;
         let mut bytes = Vec::new();
         let mut records = Vec::new();
         for part in unit {
             bytes.clear();
             file.seek(SeekFrom::Start(part.at)).map_err(|e| self.io(e))?;
-            let read = (&file).take(part.bytes as u64).read_to_end(&mut bytes);
+            let read = file.by_ref().take(part.bytes as u64).read_to_end(&mut bytes);
             if read.map_err(|e| self.io(e))? < part.bytes {
                 return Err(self.damaged("the file was cut short while it was read".into()));
             }

@@ -4,7 +4,7 @@
 
 use super::header::{Header, u16_at, u64_at};
 use crate::error::ScanError;
-use std::fs::File;
+use esker_points::read_at::Input;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -75,7 +75,7 @@ impl Records {
     /// # Errors
     /// If the system refuses a read, or if header and VLRs are larger than the limit.
     pub fn read(
-        file: &mut File,
+        file: &mut Input,
         header: &Header,
         file_bytes: u64,
         path: &Path,
@@ -110,7 +110,7 @@ impl Records {
 
     fn read_evlrs(
         &mut self,
-        file: &mut File,
+        file: &mut Input,
         start: u64,
         number: u32,
         file_bytes: u64,
