@@ -6,6 +6,7 @@
 pub mod attributes;
 pub mod budget;
 pub(crate) mod calls;
+pub mod copc;
 pub(crate) mod error;
 pub(crate) mod input;
 pub(crate) mod options;

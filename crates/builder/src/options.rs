@@ -156,6 +156,20 @@ impl Options {
         Self { normals, ..self.clone() }
     }
 
+    /// Whether they ask for what only a build gives, so that a scan that could be drawn as it is
+    /// (COPC) is built first.
+    pub fn ask_for_build(&self) -> bool {
+        let usual = Self::default();
+        self.node_capacity != usual.node_capacity
+            || self.normals != usual.normals
+            || self.sharp_features
+            || self.tangents
+            || self.compact
+            || self.one_in > 1
+            || self.crs.is_some()
+            || self.unit.is_some()
+    }
+
     /// Options with which inputs are opened.
     pub fn open_options(&self) -> OpenOptions {
         OpenOptions {

@@ -21,7 +21,7 @@ use std::path::{Component, Path, PathBuf};
 const FILES_APART_BYTES: u64 = 1 << 32;
 
 /// Opened files whose trees belong together. Reading takes `&self`, from any thread.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Forest {
     /// The file itself first, then the files that it names, in its order. Never empty.
     trees: Vec<Tree>,
@@ -38,7 +38,7 @@ pub struct Forest {
 }
 
 /// One file of a forest.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Tree {
     file: EskerFile,
     /// Index of its root in the forest's table.
@@ -153,6 +153,9 @@ impl Forest {
         let schema = schemas.fold(Schema::default(), |all, own| all.union(own));
         let (mut table, mut trees, mut first_byte) = (NodeTable::default(), Vec::new(), 0u64);
         for (file, cloud, moved) in files {
+            if file.is_growing() {
+                return Err(misfit(&file, format!("is drawn alone, as it is no .esker file; {MERGE}")));
+            }
             let bytes = file.footer().file_bytes.checked_next_multiple_of(FILES_APART_BYTES);
             let end = bytes.and_then(|b| first_byte.checked_add(b)?.checked_add(FILES_APART_BYTES));
             let nodes = table.nodes.len() + file.table().nodes.len();
@@ -191,6 +194,27 @@ impl Forest {
     /// Sets a name to show instead of the path: that of a temporary file means nothing to the user.
     pub fn called(self, name: PathBuf) -> Self {
         Self { name: Some(name), ..self }
+    }
+
+    /// Whether pages of its tree are made when they are read ([`crate::growing`]).
+    pub fn is_growing(&self) -> bool {
+        self.trees[0].file.is_growing()
+    }
+
+    /// The same forest with its newest table; `None` if this is the newest. Only forests of one
+    /// tree grow.
+    pub fn newer(&self) -> Option<Self> {
+        let [tree] = &self.trees[..] else { return None };
+        let file = tree.file.newer()?;
+        Some(Self { trees: vec![Tree { file, ..tree.clone() }], ..self.clone() })
+    }
+
+    /// Makes what is not known yet of nodes ([`crate::growing::Growing::complete`]).
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn complete(&self, nodes: &[u32]) -> Result<(), FormatError> {
+        self.trees[0].file.complete(nodes)
     }
 
     /// Path of the file that names the others, or the name set by [`Forest::called`].

@@ -355,9 +355,14 @@ impl PageLayout {
 
     /// Greatest size of the page of a node with `node_points` points.
     pub fn page_bytes_max(&self, node_points: usize) -> u64 {
+        self.raw_page_bytes(node_points, 16)
+    }
+
+    /// Size of the page of a node with `node_points` points if all its planes are raw.
+    pub fn raw_page_bytes(&self, node_points: usize, hot_shift: u8) -> u64 {
         let mut end = self.directory_bytes() as u64;
         for plane in &self.planes {
-            end = end.next_multiple_of(ALIGNMENT) + Self::raw_bytes(plane, node_points, 16);
+            end = end.next_multiple_of(ALIGNMENT) + Self::raw_bytes(plane, node_points, hot_shift);
         }
         end.next_multiple_of(ALIGNMENT)
     }

@@ -15,6 +15,7 @@ mod error;
 pub mod footer;
 mod forest;
 mod forest_filter;
+pub mod growing;
 mod json;
 mod kinds;
 mod layout;
@@ -46,7 +47,7 @@ pub use layout::{PageLayout, PlaneKind, PlaneSpec, runs};
 pub use metadata::{CrsRecord, Metadata, SourceRecord, TREES_MAX, TreeRef};
 pub use node_values::StatisticSides;
 pub use normals::Normals;
-pub use page::{Page, encode_page};
+pub use page::{Page, encode_page, encode_raw_page};
 pub use points::PagePoints;
 pub use reader::{EskerFile, Planes};
 

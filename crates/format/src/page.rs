@@ -27,6 +27,31 @@ pub fn encode_page(
     hot_shift: u8,
     points: &PagePoints,
 ) -> Vec<u8> {
+    encode(layout, box_min, hot_shift, points, Some(layout.codec()))
+}
+
+/// Variant of [`encode_page`] with all planes raw: its size is [`PageLayout::raw_page_bytes`],
+/// whatever the values.
+///
+/// # Panics
+/// As for [`encode_page`].
+pub fn encode_raw_page(
+    layout: &PageLayout,
+    box_min: [u32; 3],
+    hot_shift: u8,
+    points: &PagePoints,
+) -> Vec<u8> {
+    encode(layout, box_min, hot_shift, points, None)
+}
+
+/// Encodes a page, with cold planes by `codec` or raw.
+fn encode(
+    layout: &PageLayout,
+    box_min: [u32; 3],
+    hot_shift: u8,
+    points: &PagePoints,
+    codec: Option<Codec>,
+) -> Vec<u8> {
     assert!(points.is_consistent(layout), "columns of a page differ in length");
     let values = Values { layout, box_min, hot_shift, points };
     let mut page = Vec::with_capacity(layout.page_bytes_max(points.len()) as usize);
@@ -37,12 +62,12 @@ pub fn encode_page(
         page.resize(page.len().next_multiple_of(ALIGNMENT as usize), 0);
         let start = page.len();
         values.push(plane, &mut page);
-        let codec = if plane.kind.is_written() { layout.codec() } else { Codec::None };
-        let encoding = match plane.hot {
-            true => Encoding::Raw,
-            false => {
+        let encoding = match codec {
+            Some(codec) if !plane.hot => {
+                let codec = if plane.kind.is_written() { codec } else { Codec::None };
                 codec::encode(codec, plane.value_bytes as usize, &mut page, start, &mut scratch)
             }
+            _ => Encoding::Raw,
         };
         entries.push(Entry {
             encoding,

@@ -5,6 +5,7 @@ use crate::codec;
 use crate::directory::Directory;
 use crate::error::{Fault, FormatError, io_error};
 use crate::footer::{Footer, HEADER_BYTES, Section, header};
+use crate::growing::{Growing, Outline};
 use crate::json::BlockPlace;
 use crate::layout::{PageLayout, PlaneKind};
 use crate::metadata::Metadata;
@@ -15,7 +16,7 @@ use crate::table;
 use esker_points::attribute::CLOSED_BLOCK;
 use esker_points::place::no_file_at;
 use esker_points::read_at::{self, ReadAt, is_remote};
-use esker_points::{Node, NodeTable};
+use esker_points::{Lattice, MultisetHash, Node, NodeTable};
 use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -25,17 +26,21 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 /// Greatest gap between two planes that is read along with them rather than skipped.
 const GAP_BYTES_MAX: u64 = 32 << 10;
 
-/// An opened .esker file. Reading takes `&self`, from any thread.
+/// An opened .esker file, or a tree whose pages are made when they are read. Reading takes `&self`,
+/// from any thread. Clones share the file.
+#[derive(Clone)]
 pub struct EskerFile {
     path: PathBuf,
     source: Arc<dyn ReadAt>,
     footer: Footer,
-    metadata: Metadata,
-    layout: PageLayout,
-    blocks: Vec<Vec<BlockPlace>>,
-    table: NodeTable,
+    metadata: Arc<Metadata>,
+    layout: Arc<PageLayout>,
+    blocks: Arc<Vec<Vec<BlockPlace>>>,
+    table: Arc<NodeTable>,
+    /// The tree, and the version of its table, if pages are made.
+    growing: Option<(Arc<dyn Growing>, u64)>,
     /// Bytes read since opening.
-    read_bytes: AtomicU64,
+    read_bytes: Arc<AtomicU64>,
 }
 
 /// Some planes of one node.
@@ -130,12 +135,87 @@ impl EskerFile {
             path: name.into(),
             source,
             footer,
-            metadata: decoded.metadata,
-            layout: decoded.layout,
-            blocks: decoded.blocks,
-            table,
-            read_bytes: AtomicU64::new(0),
+            metadata: decoded.metadata.into(),
+            layout: decoded.layout.into(),
+            blocks: decoded.blocks.into(),
+            table: table.into(),
+            growing: None,
+            read_bytes: Arc::default(),
         })
+    }
+
+    /// A tree whose pages are made when they are read; `name` is used in messages.
+    pub fn growing(name: &Path, outline: Outline, tree: Arc<impl Growing + 'static>) -> Self {
+        let (version, table) = tree.table(None).unwrap_or_default();
+        let Outline { metadata, points, file_bytes } = outline;
+        let footer = Footer {
+            version: metadata.version(),
+            points,
+            nodes: table.nodes.len() as u64,
+            hash: MultisetHash::default(),
+            rounding_error_max: metadata.rounding_error_max(),
+            node_capacity: metadata.node_capacity,
+            table: Section::default(),
+            statistics: Section::default(),
+            metadata: Section::default(),
+            verbatim: Section::default(),
+            file_bytes,
+        };
+        Self {
+            path: name.into(),
+            source: tree.clone(),
+            footer,
+            layout: metadata.layout().into(),
+            blocks: Arc::default(),
+            metadata: metadata.into(),
+            table,
+            growing: Some((tree, version)),
+            read_bytes: Arc::default(),
+        }
+    }
+
+    /// Whether its pages are made when they are read: it is no .esker file, and has no footer with a
+    /// proof.
+    pub fn is_growing(&self) -> bool {
+        self.growing.is_some()
+    }
+
+    /// The same tree with its newest table; `None` if this is the newest.
+    pub fn newer(&self) -> Option<Self> {
+        let (tree, version) = self.growing.as_ref()?;
+        let (version, table) = tree.table(Some(*version))?;
+        let mut newer = self.clone();
+        newer.footer.nodes = table.nodes.len() as u64;
+        (newer.table, newer.growing) = (table, Some((tree.clone(), version)));
+        Some(newer)
+    }
+
+    /// Lattice of the exact coordinates of its points: that of its metadata, or that of the file that
+    /// its pages are made of.
+    pub fn exact_lattice(&self) -> Lattice {
+        let own = self.growing.as_ref().map(|(tree, _)| tree.own_lattice());
+        own.unwrap_or(self.metadata.lattice)
+    }
+
+    /// Coordinates on [`EskerFile::exact_lattice`] of all points of a node, in their order, if these
+    /// are not those of its page.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn exact_positions(&self, node: u32) -> Result<Option<Vec<[u32; 3]>>, FormatError> {
+        let Some((tree, _)) = &self.growing else { return Ok(None) };
+        let own = tree.own_positions(node).map_err(io_error(&self.path, "read it"))?;
+        let moved = |p: [i32; 3]| p.map(|c| c.cast_unsigned() ^ 1 << 31);
+        Ok(Some(own.into_iter().map(moved).collect()))
+    }
+
+    /// Makes what is not known yet of nodes ([`Growing::complete`]).
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn complete(&self, nodes: &[u32]) -> Result<(), FormatError> {
+        let Some((tree, _)) = &self.growing else { return Ok(()) };
+        tree.complete(nodes).map_err(io_error(&self.path, "read it"))
     }
 
     /// Path by which it was opened.
@@ -192,6 +272,9 @@ impl EskerFile {
     /// # Errors
     /// If they cannot be read or are damaged.
     pub fn statistics(&self) -> Result<Statistics, FormatError> {
+        if let Some((tree, _)) = &self.growing {
+            return Ok(tree.statistics(&self.table));
+        }
         let place = self.footer.statistics;
         let bytes = read_section(&self.path, self.source.as_ref(), place, "statistics")?;
         Statistics::decode(&bytes, self.layout.schema(), self.table.nodes.len())
@@ -203,6 +286,9 @@ impl EskerFile {
     /// # Errors
     /// If they cannot be read. `verify` checks their checksum, which is one for all sources.
     pub fn verbatim(&self, source: usize) -> Result<Vec<(String, Vec<u8>)>, FormatError> {
+        if self.is_growing() {
+            return Ok(self.metadata.sources.get(source).map_or_else(Vec::new, |s| s.verbatim.clone()));
+        }
         let blocks = self.blocks.get(source).map_or(&[][..], Vec::as_slice);
         let read = |block: &BlockPlace| {
             let mut bytes = vec![0; block.bytes as usize];
@@ -223,6 +309,9 @@ impl EskerFile {
     /// # Errors
     /// If they cannot be read or are damaged.
     pub fn check_verbatim(&self) -> Result<(), FormatError> {
+        if self.is_growing() {
+            return Ok(());
+        }
         self.check_section(self.footer.verbatim, "verbatim section")
     }
 

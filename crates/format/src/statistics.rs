@@ -72,6 +72,29 @@ impl NodeStatistics {
         Self { ranges: ranges.collect(), class_bits: class_bits(layout, points), sides: [0; 2] }
     }
 
+    /// Statistics of points of which nothing is known: any value and class may be among them.
+    pub fn unknown(schema: &Schema) -> Self {
+        let ranges = schema.attributes.iter().map(|attribute| match attribute.ty {
+            AttrType::F32 | AttrType::F64 => {
+                (real_key(f64::NEG_INFINITY), real_key(f64::INFINITY))
+            }
+            ty => {
+                // Of signed types the least has the sign bit alone.
+                let bits = u64::MAX >> (64 - 8 * ty.size());
+                let [low, high] = match ty {
+                    AttrType::I8 | AttrType::I16 | AttrType::I32 | AttrType::I64 => {
+                        [bits ^ bits >> 1, bits >> 1]
+                    }
+                    _ => [0, bits],
+                };
+                (key(ty, low.to_le_bytes()), key(ty, high.to_le_bytes()))
+            }
+        });
+        let has_classes = schema.find_typed(names::CLASSIFICATION, AttrType::U8).is_some();
+        let class_bits = if has_classes { [u64::MAX; 4] } else { [0; 4] };
+        Self { ranges: ranges.collect(), class_bits, sides: [u64::MAX; 2] }
+    }
+
     /// Adds other points of the same node.
     pub(crate) fn merge(&mut self, other: &Self) {
         for (range, o) in self.ranges.iter_mut().zip(&other.ranges) {

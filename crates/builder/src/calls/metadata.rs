@@ -6,10 +6,12 @@ use crate::input::gps_times;
 use crate::input::intake::Intake;
 use crate::input::plan::Plan;
 use crate::options::Options;
-use esker_format::{CrsRecord, Metadata, Normals, SetAside, SourceRecord};
+use esker_format::{Codec, CrsRecord, Metadata, Normals, SetAside, SourceRecord};
+use esker_points::{Lattice, PointClass};
 use esker_scan::las::{NoData, gps_times};
 use esker_scan::synthetic::is_spec;
-use esker_scan::{Geographic, ReadReport};
+use esker_scan::{Geographic, ReadReport, SourceInfo};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Metadata of a file of these inputs; bounds and computed planes are added when the tree is built.
@@ -60,6 +62,65 @@ pub fn metadata(
         },
         forest: options.inherited.forest.clone(),
         generator: concat!("esker ", env!("CARGO_PKG_VERSION")).into(),
+    }
+}
+
+/// What is known of a COPC file that is drawn as it is.
+pub struct CopcMetadata<'a> {
+    /// Lattice of its cube.
+    pub lattice: Lattice,
+    /// The class of all points.
+    pub classes: &'a [PointClass],
+    /// What the reader knows.
+    pub info: &'a SourceInfo,
+    /// Number of points.
+    pub points: u64,
+}
+
+impl CopcMetadata<'_> {
+    /// Metadata of the tree.
+    pub fn metadata(&self) -> Metadata {
+        let Self { lattice, classes, info, points } = self;
+        let corner = |world: [f64; 3]| {
+            // Bounds of a damaged header lie outside of the cube.
+            [0, 1, 2].map(|axis| {
+                let steps = lattice.steps_axis(axis, world[axis]).round();
+                steps.clamp(0.0, f64::from(u32::MAX)) as u32
+            })
+        };
+        let record = SourceRecord {
+            path: info.path.display().to_string(),
+            format: info.format.clone(),
+            grid: info.grid.clone(),
+            points: *points,
+            refused: BTreeMap::new(),
+            rounding_error_max: 0.0,
+            colour_depth: info.colour_depth.and(classes.first().map(|class| class.colour_depth)),
+            colour_depth_forced: false,
+            class: 0,
+            crs: info
+                .crs
+                .as_ref()
+                .map(|c| CrsRecord { text: c.text.clone(), unit: c.unit.clone() }),
+            notes: info.notes.clone(),
+            verbatim: info.verbatim.clone(),
+        };
+        Metadata {
+            lattice: *lattice,
+            bounds: info.grid.bounds.map(|bounds| bounds.map(corner)),
+            schema: (*info.schema).clone(),
+            classes: classes.to_vec(),
+            node_capacity: 0,
+            normals: Normals::None,
+            has_clip_lines: false,
+            has_tangents: false,
+            palette: None,
+            codec: Codec::None,
+            sources: vec![record],
+            set_aside: Vec::new(),
+            forest: Vec::new(),
+            generator: String::new(),
+        }
     }
 }
 

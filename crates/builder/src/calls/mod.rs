@@ -10,7 +10,7 @@ mod export_copc;
 mod export_notes;
 mod export_tree;
 pub(crate) mod merge;
-mod metadata;
+pub(crate) mod metadata;
 pub(crate) mod point;
 mod rounding;
 pub(crate) mod selection;

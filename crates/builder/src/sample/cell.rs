@@ -335,7 +335,7 @@ impl Context {
     }
 
     /// Assigns turns and radii to the points of a leaf. Returns the dimension of their shape.
-    pub(super) fn assign_turns(
+    pub fn assign_turns(
         &self,
         rows: &Rows<'_>,
         leaf: &mut PendingCell,
@@ -473,20 +473,17 @@ impl Context {
             .for_each(|(radius, narrow)| *radius = radius.min(narrow));
     }
 
-    /// Encodes a node of some points of a cell. `spacing` is that with these points drawn, `full`
-    /// that with all points of the cell drawn; radii are at most `widest` spacings.
-    pub(super) fn node(
+    /// Orders some points of a cell as their node has them. `spacing` is that with these points drawn,
+    /// `full` that with all points of the cell drawn; radii are at most `widest` spacings. Returns
+    /// their rows, their radius codes, and the number of points of each level.
+    pub fn ordered(
         &self,
-        rows: &Rows<'_>,
         pending: &PendingCell,
         points: &[u32],
-        dimension: u32,
         ([spacing, full], widest): ([f64; 2], f64),
-        counts: &Counts,
-    ) -> Subtree {
+    ) -> (Vec<u32>, Vec<u8>, Vec<usize>) {
         let turns: Vec<u16> = points.iter().map(|&i| pending.turns[i as usize]).collect();
         let order = order(&turns);
-        let ordered = || order.points.iter().map(|&i| points[i as usize] as usize);
         let code = |radius: f32| {
             let spacings = match radius {
                 0.0 => 1.0,
@@ -509,14 +506,28 @@ impl Context {
         });
         let along_curve: Vec<u8> = along_curve.collect();
         let codes = order.points.iter().map(|&i| along_curve[i as usize]).collect();
-        let own: Vec<u32> = ordered().map(|i| pending.offered[i]).collect();
+        let row = |&i: &u32| pending.offered[points[i as usize] as usize];
+        (order.points.iter().map(row).collect(), codes, order.levels)
+    }
 
+    /// Encodes a node of some points of a cell; `spacing` is as for [`Context::ordered`].
+    pub(super) fn node(
+        &self,
+        rows: &Rows<'_>,
+        pending: &PendingCell,
+        points: &[u32],
+        dimension: u32,
+        spacing: ([f64; 2], f64),
+        counts: &Counts,
+    ) -> Subtree {
+        let (own, codes, levels) = self.ordered(pending, points, spacing);
+        let ([spacing, _], _) = spacing;
         let (mut points, hash) = self.page_points(rows, &own, codes);
         let mut node = Node::zeroed();
         (node.corner, node.cell_log2) = (pending.cell.corner, pending.cell.log2);
         node.shape = dimension as u8;
         node.spacing = spacing as f32;
-        node.set_levels(&order.levels);
+        node.set_levels(&levels);
         let bounds = set_box(&mut node, &points.positions);
         if let Some(clips) = &self.clips {
             points.clip_lines = clips.words(rows, &own, &self.rows, &node);

@@ -11,7 +11,7 @@ use crate::draw::empty_picture;
 use crate::draw::enlarge::enlarged;
 use crate::draw::facing;
 use crate::draw::method::{METHODS, Method};
-use crate::draw::scene::{PictureRequest, PictureScene, ms, open};
+use crate::draw::scene::{PictureRequest, PictureScene, completed, ms, open};
 use crate::draw::whole;
 use crate::draw::window::{self, cropped};
 use crate::io::output;
@@ -190,6 +190,9 @@ pub fn draw(
     request: &PictureRequest,
     task: &dyn Task,
 ) -> Result<(Picture, RenderReport)> {
+    if let Some(grown) = completed(file, request, task)? {
+        return draw(&grown, request, task);
+    }
     if let Some(budget_ms) = request.budget_ms {
         return draw_within(file, request, budget_ms, task);
     }

@@ -7,7 +7,7 @@ use crate::cameras::up::{GuessedUp, upright};
 use crate::draw::frame::{Appearance, draw_node};
 use crate::draw::method::Method;
 use crate::draw::window::windowed;
-use crate::io::file::is_esker;
+use crate::io::file::{is_esker, open_copc};
 use crate::io::{inputs, output};
 use crate::light;
 use crate::light::settings::LightSettings;
@@ -154,10 +154,17 @@ pub fn open(
     if let Some(forest) = open_together(inputs, &request.offsets)? {
         return Ok((forest, None));
     }
+    let build = request.build_options();
+    if let [one] = inputs
+        && request.offsets.iter().all(|offset| *offset == [0.0; 3])
+        && let Some(forest) = open_copc(one, &build)?
+    {
+        return Ok((forest, None));
+    }
     let scans = inputs::scans(inputs, task)?;
     let folder = output::temporary(request.build.scratch.as_deref())?;
     let built = folder.path().join("scan.esker");
-    esker_builder::build(&scans, &built, &request.build_options(), task)?;
+    esker_builder::build(&scans, &built, &build, task)?;
     Ok((Forest::open(&built)?.called(name_of(inputs)), Some(folder)))
 }
 
@@ -190,6 +197,34 @@ pub fn open_together(inputs: &[PathBuf], offsets: &[[f64; 3]]) -> Result<Option<
         [] => Ok(None),
         [(_, [0.0, 0.0, 0.0])] => Ok(clouds.pop().map(|(forest, _)| forest)),
         _ => Ok(Some(Forest::together(clouds)?)),
+    }
+}
+
+/// Makes what a picture needs of a tree whose nodes become known when they are read
+/// ([`esker_format::growing`]). `None` if it is known already.
+///
+/// # Errors
+/// If nodes cannot be read, or as for [`PictureScene::choose`].
+pub fn completed(
+    file: &Forest,
+    request: &PictureRequest,
+    task: &dyn Task,
+) -> Result<Option<Forest>> {
+    let mut grown = None;
+    if !file.is_growing() {
+        return Ok(grown);
+    }
+    loop {
+        task.check()?;
+        let newest = grown.as_ref().unwrap_or(file);
+        let Selection { drawn, hidden, surroundings, .. } =
+            PictureScene::choose(newest, request)?.selection;
+        let nodes = drawn.iter().chain(&hidden).chain(&surroundings).map(|d| d.node);
+        newest.complete(&nodes.collect::<Vec<_>>())?;
+        match newest.newer() {
+            Some(newer) => grown = Some(newer),
+            None => return Ok(grown),
+        }
     }
 }
 

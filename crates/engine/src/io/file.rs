@@ -1,6 +1,8 @@
-//! The kind of an input, from its first bytes.
+//! The kind of an input, from its first bytes, and COPC files that are drawn as they are.
 
 use anyhow::{Context, Result};
+use esker_builder::Options;
+use esker_format::Forest;
 use esker_format::footer::HEADER_MAGIC;
 use esker_points::place::no_file_at;
 use esker_points::read_at::{self, Input, is_remote};
@@ -28,3 +30,23 @@ pub fn is_esker(path: &Path) -> Result<bool> {
         .with_context(|| format!("{}: cannot read", path.display()))?;
     Ok(head == HEADER_MAGIC)
 }
+
+/// Opens a COPC file as a tree, without building it; `None` for all other inputs, and if the options
+/// ask for what only a build gives.
+///
+/// # Errors
+/// If it cannot be read, or is damaged.
+pub fn open_copc(path: &Path, options: &Options) -> Result<Option<Forest>> {
+    if options.ask_for_build() || esker_scan::synthetic::is_spec(path) || path.is_dir() {
+        return Ok(None);
+    }
+    let context = || format!("{}: cannot read", path.display());
+    if !esker_builder::copc::is_copc(path).with_context(context)? {
+        return Ok(None);
+    }
+    let file = esker_builder::copc::open(path, &options.open_options(), COPC_CACHE_BYTES)?;
+    Ok(Some(file.into()))
+}
+
+/// Most bytes of decoded chunks of a COPC file that are kept.
+const COPC_CACHE_BYTES: u64 = esker_builder::copc::CACHE_BYTES;

@@ -53,6 +53,27 @@ pub fn record(records: &Records) -> Option<&Vlr> {
 }
 
 impl Compression {
+    /// Checks the record against the header, and reads no chunk table: for files whose chunks are
+    /// found otherwise.
+    ///
+    /// # Errors
+    /// If the record is of a kind that is not read or contradicts the header.
+    pub fn without_table(
+        vlr: &Vlr,
+        header: &Header,
+        file_bytes: u64,
+        path: &Path,
+    ) -> Result<Self, ScanError> {
+        let items = checked_items(&vlr.data, header, path)?;
+        if u16_at(&vlr.data, 0) != 3 {
+            let what = "its points are not compressed in layers, as COPC has it";
+            return Err(ScanError::unsupported(path, what));
+        }
+        let layers = Some(items.iter().map(layers_of).sum());
+        let (start, end) = (header.points_start, file_bytes);
+        Ok(Self { items, layers, chunk_points: None, chunks: None, start, end })
+    }
+
     /// Checks the record against the header and reads the chunk table. If the chunks say how many
     /// points they hold and the header claims another count, the count in `header` is corrected.
     ///

@@ -1,8 +1,10 @@
-//! LAS and LAZ: versions 1.0 to 1.5, point formats 0 to 10, extra bytes, COPC (which is LAZ 1.4).
+//! LAS and LAZ: versions 1.0 to 1.5, point formats 0 to 10, extra bytes, COPC (which is LAZ 1.4, and
+//! is read by voxels by [`copc`]).
 //! Opening reads header, VLRs, chunk table and the colours of the first points; [`decode`] decodes
 //! points and [`points`] makes columns of them. Whether points are compressed is recognised by the
 //! upper bits of the point format and the LASzip record, never by the file name.
 
+pub mod copc;
 pub(crate) mod crs;
 mod decode;
 pub(crate) mod extra_bytes;
@@ -26,7 +28,7 @@ use crate::source::{
 use decode::Points;
 use esker_points::lattice::{GridKind, Placement};
 use esker_points::read_at::Input;
-use esker_points::{ColourDepth, InputGrid, Spread, Task};
+use esker_points::{Attribute, ColourDepth, InputGrid, Spread, Task};
 use header::{Header, format_bytes};
 use laszip::Compression;
 use points::{Layout, raw_position};
@@ -35,6 +37,9 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use vlr::Records;
+
+/// Name of files whose points are compressed.
+const FORMAT_NAME: &str = "LAZ";
 
 /// LAS and LAZ.
 pub const FORMAT: Format = Format {
@@ -125,16 +130,8 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         let what = "its points cannot be read in part: they are compressed as a whole";
         return Err(ScanError::unsupported(path, what));
     }
-    let extra = header.record_bytes - format_bytes(header.point_format).unwrap_or(0);
-    if extra > EXTRA_BYTES_MAX {
-        let what = format!("{extra} extra bytes a point; {EXTRA_BYTES_MAX} are read at most");
-        return Err(ScanError::unsupported(path, what));
-    }
-    let extra = extra_bytes::attributes(&records, extra, &mut notes);
+    let extra = extra_attributes(&header, &records, path, &mut notes)?;
     let layout = Layout::new(header.point_format, header.record_bytes, extra);
-    if matches!(header.point_format, 4 | 5 | 9 | 10) {
-        notes.push("waveform packets are not kept (the fields that point to them are)".into());
-    }
     let colour_depth = layout
         .rgb_offset
         .map(|_| options.colour_depth.map_or_else(|| detect_depth(&layout, &points, task), Ok))
@@ -144,30 +141,62 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     if points.one_in > 1 {
         notes.push(share_note(points.one_in));
     }
-    let info = SourceInfo {
+    let name = if points.compression.is_some() { FORMAT_NAME } else { "LAS" };
+    let format = format!("{name} 1.{}, point format {}", header.minor, header.point_format);
+    let info = source_info(path, format, &header, &layout, bytes, (records, notes));
+    let points_hint = points.sampled_count(points.one_in);
+    let info = SourceInfo { points_hint, colour_depth, ..info };
+    Ok(Box::new(LasSource { info, layout, points }))
+}
+
+/// Attributes of the extra bytes of a record.
+///
+/// # Errors
+/// If there are too many of them.
+fn extra_attributes(
+    header: &Header,
+    records: &Records,
+    path: &Path,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Attribute>, ScanError> {
+    let extra = header.record_bytes - format_bytes(header.point_format).unwrap_or(0);
+    if extra > EXTRA_BYTES_MAX {
+        let what = format!("{extra} extra bytes a point; {EXTRA_BYTES_MAX} are read at most");
+        return Err(ScanError::unsupported(path, what));
+    }
+    Ok(extra_bytes::attributes(records, extra, notes))
+}
+
+/// What is known of a file but for the depth of its colours.
+fn source_info(
+    path: &Path,
+    format: String,
+    header: &Header,
+    layout: &Layout,
+    bytes: u64,
+    (records, mut notes): (Records, Vec<String>),
+) -> SourceInfo {
+    if matches!(header.point_format, 4 | 5 | 9 | 10) {
+        notes.push("waveform packets are not kept (the fields that point to them are)".into());
+    }
+    SourceInfo {
         path: path.to_owned(),
-        format: format!(
-            "{} 1.{}, point format {}",
-            if points.compression.is_some() { "LAZ" } else { "LAS" },
-            header.minor,
-            header.point_format
-        ),
+        format,
         grid: InputGrid {
             name: path.display().to_string(),
             kind: GridKind::Integer,
             grid: header.grid,
-            bounds: (points.count > 0).then_some(header.bounds),
+            bounds: (header.points > 0).then_some(header.bounds),
         },
         schema: Arc::clone(&layout.schema),
-        points_hint: points.sampled_count(points.one_in),
+        points_hint: header.points,
         bytes,
-        colour_depth,
+        colour_depth: None,
         crs: crs::of(&records, &mut notes),
         scanner: None,
         verbatim: records.verbatim,
         notes,
-    };
-    Ok(Box::new(LasSource { info, layout, points }))
+    }
 }
 
 /// Locates the points after checking the header's claims against the file.

@@ -115,6 +115,17 @@ impl Layout {
         Converted { batch, rounding, colour_max }
     }
 
+    /// The columns of whole records, without their coordinates.
+    pub fn columns(&self, records: &[u8]) -> Vec<Column> {
+        let mut columns = vec![Column::new(); self.fields.len()];
+        for block in records.chunks(BLOCK_POINTS * self.record_bytes) {
+            for (field, column) in self.fields.iter().zip(&mut columns) {
+                field.gather(block, self.record_bytes, column);
+            }
+        }
+        columns
+    }
+
     /// The greatest of red, green and blue in whole records; 0 without colour.
     pub fn colour_max(&self, records: &[u8]) -> u16 {
         let Some(at) = self.rgb_offset else { return 0 };

@@ -2,6 +2,7 @@
 //! and keeps them verbatim. Wrong counts and lengths end the list with a note; points stay
 //! readable.
 
+use super::copc::HIERARCHY_RECORD;
 use super::header::{Header, u16_at, u64_at};
 use crate::error::ScanError;
 use esker_points::read_at::Input;
@@ -50,6 +51,15 @@ impl Vlr {
     }
 }
 
+/// Which EVLRs are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kept {
+    /// All but waveform packets.
+    All,
+    /// All but these and the hierarchy of COPC, of which pages are read when they are needed.
+    WithoutHierarchy,
+}
+
 /// All records of a file, and its header, VLRs and EVLRs as bytes.
 #[derive(Debug, Default)]
 pub struct Records {
@@ -81,6 +91,21 @@ impl Records {
         path: &Path,
         notes: &mut Vec<String>,
     ) -> Result<Self, ScanError> {
+        Self::read_kept(file, header, file_bytes, path, notes, Kept::All)
+    }
+
+    /// Variant of [`Records::read`] that may pass over EVLRs.
+    ///
+    /// # Errors
+    /// As for [`Records::read`].
+    pub fn read_kept(
+        file: &mut Input,
+        header: &Header,
+        file_bytes: u64,
+        path: &Path,
+        notes: &mut Vec<String>,
+        kept: Kept,
+    ) -> Result<Self, ScanError> {
         if header.points_start > VERBATIM_BYTES_MAX {
             let what = format!(
                 "header and VLRs are said to take {} bytes; {VERBATIM_BYTES_MAX} are read at most",
@@ -100,9 +125,10 @@ impl Records {
             records.verbatim.push(("las vlrs".into(), region));
         }
         if let Some((start, number)) = header.evlrs {
-            let kept = records.read_evlrs(file, start, number, file_bytes, notes).map_err(io)?;
-            if !kept.is_empty() {
-                records.verbatim.push(("las evlrs".into(), kept));
+            let evlrs = (start, number, kept);
+            let read = records.read_evlrs(file, evlrs, file_bytes, notes).map_err(io)?;
+            if !read.is_empty() {
+                records.verbatim.push(("las evlrs".into(), read));
             }
         }
         Ok(records)
@@ -111,8 +137,7 @@ impl Records {
     fn read_evlrs(
         &mut self,
         file: &mut Input,
-        start: u64,
-        number: u32,
+        (start, number, keeps): (u64, u32, Kept),
         file_bytes: u64,
         notes: &mut Vec<String>,
     ) -> std::io::Result<Vec<u8>> {
@@ -143,6 +168,10 @@ impl Records {
             at = data_at + data_bytes;
             let (user, record) = (text(&head[2..18]), u16_at(&head, 18));
             if user == "LASF_Spec" && record == WAVEFORM_PACKETS {
+                continue;
+            }
+            let is_hierarchy = user == "copc" && record == HIERARCHY_RECORD;
+            if keeps == Kept::WithoutHierarchy && is_hierarchy {
                 continue;
             }
             let Some(left) = budget.checked_sub(EVLR_HEAD_BYTES as u64 + data_bytes) else {
