@@ -201,6 +201,12 @@ impl Forest {
         self.trees[0].file.is_growing()
     }
 
+    /// Whether both are of the same opened files, in one of the states of a tree that grows.
+    pub fn is_same(&self, other: &Self) -> bool {
+        let same = |(a, b): (&Tree, &Tree)| a.file.is_same(&b.file) && a.moved == b.moved;
+        self.trees.len() == other.trees.len() && self.trees.iter().zip(&other.trees).all(same)
+    }
+
     /// The same forest with its newest table; `None` if this is the newest. Only forests of one
     /// tree grow.
     pub fn newer(&self) -> Option<Self> {

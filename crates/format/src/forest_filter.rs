@@ -69,6 +69,24 @@ impl ForestFilter {
         Ok(Self { filter, left_out: Vec::new(), codes, scans: None })
     }
 
+    /// The same filter for a forest that has grown ([`Forest::newer`]); `None` if it knows all nodes.
+    ///
+    /// # Errors
+    /// As for [`ForestFilter::of`].
+    pub fn grown(&self, forest: &Forest) -> Result<Option<Self>, FormatError> {
+        let nodes = forest.table().nodes.len();
+        let knows = |by_node: &[NodeFilter]| by_node.len() == nodes;
+        let is_known = self.filter.as_ref().is_none_or(|f| knows(&f.by_node))
+            && self.left_out.last().is_none_or(|range| !forest.is_growing() || range.end as usize == nodes);
+        if is_known {
+            return Ok(None);
+        }
+        let filter = self.filter.as_ref().map(|f| NodeFilters::new(forest, f.filter.clone()));
+        // Only forests of one tree grow.
+        let left_out = self.left_out.iter().map(|range| range.start..nodes as u32).collect();
+        Ok(Some(Self { filter: filter.transpose()?, left_out, ..self.clone() }))
+    }
+
     /// Leaves out all points of these clouds of the forest.
     pub fn without_clouds(self, forest: &Forest, clouds: &[usize]) -> Self {
         let left_out = clouds.iter().map(|&cloud| forest.nodes_of_cloud(cloud));

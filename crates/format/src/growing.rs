@@ -35,6 +35,12 @@ pub trait Growing: ReadAt {
     /// Lattice of the coordinates that the file has: each is moved by 2^31.
     fn own_lattice(&self) -> Lattice;
 
+    /// Whether the file is another one than that which was opened.
+    ///
+    /// # Errors
+    /// If it cannot be read, or is shorter now.
+    fn is_changed(&self) -> io::Result<bool>;
+
     /// Statistics of the nodes of a table: nodes whose points are not known may have any value.
     /// Histograms are those of the points known when it was opened.
     fn statistics(&self, table: &NodeTable) -> Statistics;

@@ -33,6 +33,12 @@ pub struct PagePoints {
 }
 
 impl PagePoints {
+    /// No points, with all columns of a layout.
+    pub fn empty(layout: &PageLayout) -> Self {
+        let columns = vec![Vec::new(); layout.schema().attributes.len()];
+        Self { columns, ..Self::default() }
+    }
+
     /// Number of points.
     pub fn len(&self) -> usize {
         self.positions.len()

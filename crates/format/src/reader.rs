@@ -180,6 +180,11 @@ impl EskerFile {
         self.growing.is_some()
     }
 
+    /// Whether both are the same opened file.
+    pub fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.metadata, &other.metadata)
+    }
+
     /// The same tree with its newest table; `None` if this is the newest.
     pub fn newer(&self) -> Option<Self> {
         let (tree, version) = self.growing.as_ref()?;
@@ -188,6 +193,16 @@ impl EskerFile {
         newer.footer.nodes = table.nodes.len() as u64;
         (newer.table, newer.growing) = (table, Some((tree.clone(), version)));
         Some(newer)
+    }
+
+    /// Whether the file that its pages are made of is another one than that which was opened; `None`
+    /// for .esker files, whose footers tell.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn is_changed(&self) -> Option<Result<bool, FormatError>> {
+        let (tree, _) = self.growing.as_ref()?;
+        Some(tree.is_changed().map_err(io_error(&self.path, "read it")))
     }
 
     /// Lattice of the exact coordinates of its points: that of its metadata, or that of the file that

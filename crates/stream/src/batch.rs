@@ -130,7 +130,7 @@ mod tests {
         let slot = Slot { offset: 0, bytes: 0 };
         let planes = kinds.iter().map(|&kind| (kind, slot)).collect();
         let (filter, test) = (Default::default(), VisibilityTest::Contour);
-        LoadRequest { id, node, planes, filter, test, alone }
+        LoadRequest { id, node, planes, forest: hills(), filter, test, alone }
     }
 
     proptest! {

@@ -69,6 +69,11 @@ impl Cache {
         }
     }
 
+    /// Takes a newer table of the forest, in which nodes have the same indices.
+    pub(crate) fn grow(&mut self, forest: Arc<Forest>) {
+        self.forest = forest;
+    }
+
     pub(crate) fn pool(&self) -> &Pool {
         &self.pool
     }

@@ -11,7 +11,7 @@ use crate::planes::{LoadRequest, Planes, Rules};
 use crate::queue::Queue;
 use crate::retries::Retries;
 use crate::shared::Shared;
-use esker_format::PlaneKind;
+use esker_format::{Forest, PlaneKind};
 use esker_lod::{
     CompactOctree, DepthFeedback, Drawn, Frustum, Occlusion, OrientedBox, Residency, Selection,
     SoftwareDepth, Surroundings, View, needs_residual, select,
@@ -108,6 +108,7 @@ impl Chooser {
     /// hidden nodes; never if `may_follow` is false.
     pub(crate) fn pass(&mut self, may_follow: bool) -> bool {
         self.cache.begin_pass();
+        self.grow();
         self.show_newest();
         let Some(view) = self.view else {
             self.show_roots();
@@ -142,6 +143,22 @@ impl Chooser {
         follows
     }
 
+    /// Takes the newest table of a tree that grows. Nodes keep their indices, cells and planes.
+    fn grow(&mut self) {
+        let Some(newer) = self.planes.forest.newer() else { return };
+        let forest = Arc::new(newer);
+        let is_same = self.shows_newest();
+        self.cache.grow(Arc::clone(&forest));
+        self.shown = grown(&self.shown, &forest);
+        self.newest = if is_same { Arc::clone(&self.shown) } else { grown(&self.newest, &forest) };
+        let planes = |shown: &Shown, rules| {
+            let (forest, filter) = (Arc::clone(&forest), Arc::clone(&shown.filter));
+            Planes { forest, filter, rules }
+        };
+        self.planes = planes(&self.shown, self.planes.rules);
+        self.newest_planes = planes(&self.newest, self.newest_planes.rules);
+    }
+
     /// Whether cuts show what is to be shown.
     pub(crate) fn shows_newest(&self) -> bool {
         Arc::ptr_eq(&self.shown, &self.newest)
@@ -153,7 +170,9 @@ impl Chooser {
     /// If the planes of the roots do not fit drawing memory beside those that they are drawn with.
     /// Nothing changes then.
     pub(crate) fn show(&mut self, shown: Arc<Shown>) -> Result<(), StreamError> {
-        let (forest, filter) = (Arc::clone(&self.planes.forest), Arc::clone(&shown.filter));
+        let forest = Arc::clone(&self.planes.forest);
+        let shown = grown(&shown, &forest);
+        let filter = Arc::clone(&shown.filter);
         let rules = self.rules.of(&filter);
         let planes = Planes { forest, filter, rules };
         let drawn = (&self.planes, &self.shown.needs);
@@ -364,6 +383,7 @@ impl Chooser {
         Cut {
             epoch: self.epoch,
             view: choice.view,
+            forest: Arc::clone(&self.planes.forest),
             shown: Arc::clone(&self.shown),
             nodes,
             octree: CompactOctree::with_hidden(
@@ -408,7 +428,7 @@ impl Chooser {
         let drawn: Vec<_> = drawn.collect();
         if drawn.len() > self.drawn.len() {
             let choice = Choice {
-                view: Cut::empty(Arc::default()).view,
+                view: Cut::empty(Arc::clone(&self.planes.forest), Arc::default()).view,
                 base,
                 selection: Selection { drawn, ..Selection::default() },
                 residuals: HashSet::new(),
@@ -449,6 +469,15 @@ impl Chooser {
         }
         self.shown = Arc::clone(&self.newest);
         self.planes = self.newest_planes.clone();
+    }
+}
+
+/// What is to be shown, with a filter that knows all nodes of a forest.
+fn grown(shown: &Arc<Shown>, forest: &Forest) -> Arc<Shown> {
+    // Statistics of trees that grow are in memory, so they can be read.
+    match shown.filter.grown(forest) {
+        Ok(Some(filter)) => Arc::new(Shown { filter: Arc::new(filter), ..Shown::clone(shown) }),
+        _ => Arc::clone(shown),
     }
 }
 

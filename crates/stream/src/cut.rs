@@ -3,7 +3,7 @@
 
 use crate::landing::Slot;
 use crate::options::Shown;
-use esker_format::PlaneKind;
+use esker_format::{Forest, PlaneKind};
 use esker_lod::{CompactOctree, Counters, View};
 use glam::DVec3;
 use std::sync::Arc;
@@ -15,6 +15,8 @@ pub struct Cut {
     pub epoch: u64,
     /// View that the cut was chosen for.
     pub view: View,
+    /// The forest whose table has the nodes: the newest one of a tree that grows.
+    pub forest: Arc<Forest>,
     /// What the cut shows. All nodes have the planes that it needs, as far as their files have
     /// them. It is what `Streamer::show` set last, once the nodes of the picture have its planes,
     /// or the roots have them and there is no memory for the other ones.
@@ -80,10 +82,11 @@ impl Cut {
     }
 
     /// The empty cut before the first choice.
-    pub(crate) fn empty(shown: Arc<Shown>) -> Self {
+    pub(crate) fn empty(forest: Arc<Forest>, shown: Arc<Shown>) -> Self {
         Self {
             epoch: 0,
             view: View::look_at(DVec3::ZERO, DVec3::Y, DVec3::Z, 1.0, 1, 1),
+            forest,
             shown,
             nodes: Vec::new(),
             octree: CompactOctree::default(),

@@ -41,12 +41,16 @@ impl Identity {
     }
 
     fn fault_of(file: &EskerFile) -> Option<String> {
-        let footer = file.footer();
-        let offset = footer.file_bytes.checked_sub(FOOTER_BYTES as u64)?;
-        let mut bytes = [0; FOOTER_BYTES];
-        let what = match file.read_exact_at(&mut bytes, offset) {
-            Ok(()) if bytes == footer.encode() => return None,
-            Ok(()) => "it was changed or replaced since it was opened",
+        let is_changed = file.is_changed().unwrap_or_else(|| {
+            let footer = file.footer();
+            let offset = footer.file_bytes.saturating_sub(FOOTER_BYTES as u64);
+            let mut bytes = [0; FOOTER_BYTES];
+            file.read_exact_at(&mut bytes, offset)?;
+            Ok(bytes != footer.encode())
+        });
+        let what = match is_changed {
+            Ok(false) => return None,
+            Ok(true) => "it was changed or replaced since it was opened",
             Err(esker_format::FormatError::Io { source, .. })
                 if source.kind() == std::io::ErrorKind::UnexpectedEof =>
             {

@@ -11,7 +11,6 @@ use crate::rate::Rate;
 use crate::reading::{Outcome, Reading};
 use crate::shared::Shared;
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TryRecvError};
-use esker_format::Forest;
 use esker_lod::{OrientedBox, Visible};
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -27,7 +26,8 @@ pub(crate) const QUEUE_LOW: usize = 4;
 /// Message of a loader to the LOD thread. Each request that is not landed is reported once.
 #[derive(Debug)]
 pub(crate) enum Report {
-    /// Requests that were out of view when a loader took them.
+    /// Requests that were out of view when a loader took them, or that only made more of a tree
+    /// known.
     Dropped(Vec<u64>),
     /// Requests that could not be read, and the reason.
     Failed {
@@ -43,7 +43,6 @@ pub(crate) enum Report {
 
 /// One loader thread.
 pub(crate) struct Loader<L: Landing> {
-    pub(crate) forest: Arc<Forest>,
     pub(crate) landing: Arc<L>,
     pub(crate) shared: Arc<Shared>,
     pub(crate) identity: Arc<Identity>,
@@ -64,7 +63,8 @@ impl<L: Landing> Loader<L> {
             // would block a batch that needs a second one.
             let Some(run) = self.lend() else { return };
             self.drop_unseen(&mut batch);
-            let Some(filter) = batch.first().map(|request| Arc::clone(&request.filter)) else {
+            self.complete_links(&mut batch);
+            let Some(LoadRequest { forest, filter, .. }) = batch.first().cloned() else {
                 self.landing.land(run, Vec::new());
                 continue;
             };
@@ -72,7 +72,7 @@ impl<L: Landing> Loader<L> {
                 self.report(Report::Changed(fault));
             }
             let lend = || self.lend();
-            let planes = Planes::read_by(Arc::clone(&self.forest), filter);
+            let planes = Planes::read_by(forest, filter);
             if !self.waits_for_rate(&batch, &planes) {
                 return;
             }
@@ -122,7 +122,7 @@ impl<L: Landing> Loader<L> {
     /// Removes requests that have left the view since they were made.
     fn drop_unseen(&self, batch: &mut Batch) {
         let Some(visible) = self.shared.visible.load_full() else { return };
-        let unseen = batch.extract_if(.., |r| !self.is_seen(r.node, r.test, &visible));
+        let unseen = batch.extract_if(.., |r| !is_seen(r, &visible));
         let dropped: Vec<u64> = unseen.map(|r| r.id).collect();
         if !dropped.is_empty() {
             self.shared.counts.dropped.fetch_add(dropped.len() as u64, Relaxed);
@@ -130,12 +130,16 @@ impl<L: Landing> Loader<L> {
         }
     }
 
-    fn is_seen(&self, node: u32, test: VisibilityTest, visible: &Visible) -> bool {
-        let (node, lattice) = (self.forest.record(node), self.forest.metric());
-        match test {
-            VisibilityTest::Always => true,
-            VisibilityTest::Contour => visible.may_show(&OrientedBox::of_contour(node, lattice)),
-            VisibilityTest::Cell => visible.may_show(&OrientedBox::of_cell(&node.cell(), lattice)),
+    /// Makes what is below nodes that stand for more of their tree, and removes their requests.
+    fn complete_links(&self, batch: &mut Batch) {
+        for request in batch.extract_if(.., |r| r.planes.is_empty()) {
+            self.report(match request.forest.complete(&[request.node]) {
+                Ok(()) => Report::Dropped(vec![request.id]),
+                Err(error) => {
+                    let (requests, fault) = (vec![request.id], error.to_string());
+                    Report::Failed { requests, fault, is_final: false }
+                }
+            });
         }
     }
 
@@ -157,5 +161,16 @@ impl<L: Landing> Loader<L> {
         // The channel has room for one report a request. If the caller of `uploaded` invented
         // requests, it is better to lose a report than to wait.
         let _ = self.reports.try_send(report);
+    }
+}
+
+/// Whether the part of a node for which a request was made may still be in view.
+fn is_seen(request: &LoadRequest, visible: &Visible) -> bool {
+    let LoadRequest { node, forest, test, .. } = request;
+    let (node, lattice) = (forest.record(*node), forest.metric());
+    match test {
+        VisibilityTest::Always => true,
+        VisibilityTest::Contour => visible.may_show(&OrientedBox::of_contour(node, lattice)),
+        VisibilityTest::Cell => visible.may_show(&OrientedBox::of_cell(&node.cell(), lattice)),
     }
 }

@@ -115,6 +115,12 @@ impl Planes {
         self.forest.record(node)
     }
 
+    /// Whether a node stands for more of a tree that grows ([`Forest::newer`]).
+    pub(crate) fn is_link(&self, node: u32) -> bool {
+        let record = self.node(node);
+        record.points() == 0 && record.child_count == 0 && self.forest.is_growing()
+    }
+
     /// The roots, which are always wanted.
     pub(crate) fn roots(&self) -> impl Iterator<Item = u32> + Clone + '_ {
         self.forest.table().roots()
@@ -183,7 +189,10 @@ pub(crate) struct LoadRequest {
     /// Id, never used twice.
     pub(crate) id: u64,
     pub(crate) node: u32,
+    /// None to make what is below a node that stands for more of its tree.
     pub(crate) planes: Vec<(PlaneKind, Slot)>,
+    /// Forest whose table names the node.
+    pub(crate) forest: Arc<Forest>,
     /// Filter by which they are read; all requests of a batch have the same.
     pub(crate) filter: Arc<ForestFilter>,
     /// Test by which a loader decides whether the request is still in view.

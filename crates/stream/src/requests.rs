@@ -6,7 +6,8 @@ use crate::choose::{Choice, Chooser};
 use crate::landing::Slot;
 use crate::planes::{LoadRequest, Planes, VisibilityTest};
 use crate::priority::{Scorer, load_candidates};
-use esker_format::{ForestFilter, PlaneKind};
+use esker_format::PlaneKind;
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
@@ -61,13 +62,30 @@ impl Chooser {
                 true => VisibilityTest::Contour,
                 false => VisibilityTest::Cell,
             };
-            let filter = Arc::clone(&self.planes.filter);
-            let request = self.request(candidate.node, slots, filter, test);
+            let planes = self.planes.clone();
+            let request = self.request(candidate.node, slots, &planes, test);
             if candidate.is_around { around.push(request) } else { requests.push(request) }
         }
+        self.request_links(choice, &mut requests);
         let planes = self.planes.clone();
         self.send(&planes, requests, around);
         unplaced == 0
+    }
+
+    /// Requests what is below the nodes in view that stand for more of a tree.
+    fn request_links(&mut self, choice: &Choice, requests: &mut Vec<LoadRequest>) {
+        if !self.planes.forest.is_growing() {
+            return;
+        }
+        let planes = self.planes.clone();
+        let (asked, now) = (self.requests.values().map(|r| r.node), Instant::now());
+        let asked: HashSet<u32> = asked.collect();
+        let links = choice.selection.hidden.iter().map(|hidden| hidden.node);
+        for node in links.filter(|&node| planes.is_link(node) && !asked.contains(&node)) {
+            if self.requests.len() < REQUESTS_MAX && self.retries.may_request(node, now) {
+                requests.push(self.request(node, Vec::new(), &planes, VisibilityTest::Cell));
+            }
+        }
     }
 
     /// Whether a node has a plane that is neither resident nor requested in the form of `planes`.
@@ -113,7 +131,7 @@ impl Chooser {
                 break;
             };
             bytes += slots.iter().map(|(_, slot)| slot.bytes).sum::<u64>();
-            requests.push(self.request(node, slots, Arc::clone(&planes.filter), test));
+            requests.push(self.request(node, slots, &planes, test));
         }
         if !requests.is_empty() {
             self.send(&planes, requests, Vec::new());
@@ -125,13 +143,14 @@ impl Chooser {
     fn request(
         &mut self,
         node: u32,
-        planes: Vec<(PlaneKind, Slot)>,
-        filter: Arc<ForestFilter>,
+        slots: Vec<(PlaneKind, Slot)>,
+        planes: &Planes,
         test: VisibilityTest,
     ) -> LoadRequest {
         self.last_id += 1;
-        let alone = self.retries.has_failed(node);
-        let request = LoadRequest { id: self.last_id, node, planes, filter, test, alone };
+        let (id, alone) = (self.last_id, self.retries.has_failed(node) || slots.is_empty());
+        let (forest, filter) = (Arc::clone(&planes.forest), Arc::clone(&planes.filter));
+        let request = LoadRequest { id, node, planes: slots, forest, filter, test, alone };
         self.requests.insert(request.id, request.clone());
         request
     }

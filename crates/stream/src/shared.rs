@@ -15,6 +15,7 @@
 //! `handover.rs` checks this order in all interleavings, and checks that other orders fail. Data
 //! races are excluded since the crate has no `unsafe`; the model checks the protocol.
 
+use esker_format::Forest;
 use crate::cut::Cut;
 use crate::mailbox::Mailbox;
 use crate::options::{Limits, Shown};
@@ -64,9 +65,9 @@ pub(crate) struct Counts {
 }
 
 impl Shared {
-    pub(crate) fn new(shown: &Arc<Shown>) -> Self {
+    pub(crate) fn new(forest: &Arc<Forest>, shown: &Arc<Shown>) -> Self {
         Self {
-            front: ArcSwap::from_pointee(Cut::empty(Arc::clone(shown))),
+            front: ArcSwap::from_pointee(Cut::empty(Arc::clone(forest), Arc::clone(shown))),
             view: Mailbox::default(),
             shown: Mailbox::default(),
             limits: Mailbox::default(),

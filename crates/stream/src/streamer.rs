@@ -98,7 +98,7 @@ impl Streamer {
         let planes =
             Planes { rules: rules.of(&filter), ..Planes::read_by(Arc::clone(&forest), filter) };
         check_roots(&[(&planes, &shown.needs)], &options)?;
-        let shared = Arc::new(Shared::new(&shown));
+        let shared = Arc::new(Shared::new(&forest, &shown));
         let started = options.clone();
         let channels = Channels::new();
         let queue = Arc::new(Queue::new());
@@ -131,7 +131,6 @@ impl Streamer {
         let identity = Arc::new(Identity::new(forest));
         for i in 0..loaders {
             let loader = Loader {
-                forest: Arc::clone(&planes.forest),
                 landing: Arc::clone(&landing),
                 shared: Arc::clone(&shared),
                 identity: Arc::clone(&identity),

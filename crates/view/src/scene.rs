@@ -75,9 +75,12 @@ impl Scene {
         Self { file, settings, device, size, state, change, refusal, hold_until, at_rest, reopened }
     }
 
-    /// The open file.
+    /// The open file: of a tree that grows, the state that is drawn.
     pub fn file(&self) -> &Arc<Forest> {
-        &self.file
+        match &self.state {
+            State::Running(session) => session.file(),
+            _ => &self.file,
+        }
     }
 
     /// Present settings.

@@ -6,6 +6,7 @@
 use crate::document::SceneFile;
 use anyhow::{Context, Result};
 use esker_engine::calls::preview::{self, Sample};
+use esker_engine::io::file::open_copc;
 use esker_engine::io::kept::{Kept, Place};
 use esker_engine::io::output;
 use esker_engine::io::quantity::grouped;
@@ -308,6 +309,12 @@ fn open(
         return Ok(Opened { file, scene, folder: None, is_kept: false, preview_of: None });
     }
     let (scans, options) = (scene.scans()?, scene.build_options(options));
+    if let [one] = &scans[..]
+        && let Some(forest) = open_copc(one, &options)?
+    {
+        let file = Arc::new(forest);
+        return Ok(Opened { file, scene, folder: None, is_kept: false, preview_of: None });
+    }
     build_scans(Building { scene, scans, options }, kept, (task, events))
 }
 

@@ -394,6 +394,7 @@ impl Viewer {
     fn shown(&self) -> Option<Shown> {
         let shown = self.scene.as_ref().and_then(Scene::shown)?;
         let (file, view) = (Arc::clone(self.file()), self.view());
+        let shown = shown.grown(&file).ok().flatten().map_or(shown, Arc::new);
         Some(Shown { file, view, shown, depth_offset: self.camera.depth_offset(&view) })
     }
 

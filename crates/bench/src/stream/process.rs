@@ -6,7 +6,7 @@ use crate::stream::report::{StreamReport, StreamRun};
 use crate::stream::request::{FlightRequest, Settings, StreamBenchRequest};
 use crate::stream::run;
 use anyhow::{Context, Result, bail, ensure};
-use esker_engine::io::file::is_esker;
+use esker_engine::io::file::{is_copc, is_esker};
 use esker_engine::io::output;
 use esker_engine::machine::pool;
 use esker_points::Task;
@@ -33,7 +33,7 @@ pub fn measure(request: &StreamBenchRequest, task: &dyn Task) -> Result<StreamRe
         );
     }
     if let ([input], false, []) = (&request.inputs[..], request.paper_too, &request.capacities[..])
-        && is_esker(input)?
+        && (is_esker(input)? || is_copc(input)?)
     {
         let flight = &request.flight;
         let run = pool::run(flight.threads, || run::measure(input, flight, task))?;
@@ -41,7 +41,7 @@ pub fn measure(request: &StreamBenchRequest, task: &dyn Task) -> Result<StreamRe
     }
     let mut runs = Vec::new();
     for input in &request.inputs {
-        if is_esker(input)? {
+        if is_esker(input)? || is_copc(input)? && request.capacities.is_empty() {
             ensure!(
                 request.capacities.is_empty(),
                 "{}: is an .esker file, which is built already; --capacities needs scans",

@@ -12,6 +12,7 @@ use esker_builder::budget::memory::usage;
 use esker_engine::cameras::path::Path;
 use esker_engine::draw::budget::Shares;
 use esker_engine::draw::session::{Options, Session};
+use esker_engine::io::file::open_copc;
 use esker_engine::io::picture;
 use esker_engine::machine::backend::{Backend, Drawer};
 use esker_engine::machine::system;
@@ -41,7 +42,11 @@ pub(super) fn measure(
     task: &dyn Task,
 ) -> Result<StreamRun> {
     let empty_rss_bytes = usage().rss_peak_bytes;
-    let file = Arc::new(Forest::open(file_path)?);
+    let forest = match open_copc(file_path, &esker_builder::Options::default())? {
+        Some(forest) => forest,
+        None => Forest::open(file_path)?,
+    };
+    let file = Arc::new(forest);
     let path = match &request.path {
         Some(path) => Path::read(path, &file, request.size)?,
         None => Path::of(&file, request.size),

@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// A point of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExactPoint {
-    /// Lattice coordinates in its own file.
+    /// Coordinates in its own file, on [`EskerFile::exact_lattice`].
     pub lattice: [u32; 3],
     /// Coordinates as an export to text writes them, moved as its cloud is.
     pub coordinates: [String; 3],
@@ -54,8 +54,12 @@ pub fn exact_point(
     let file = forest.file_of(node);
     let page = file.read_page(name.index)?;
     let points = page.points_in(point..point.saturating_add(1));
-    let points = points.map_err(|fault| file.damaged_page(name.index, fault))?;
+    let mut points = points.map_err(|fault| file.damaged_page(name.index, fault))?;
     drop(page);
+    let drawn = points.positions.first().copied();
+    if let Some(exact) = file.exact_positions(name.index)? {
+        points.positions = exact.get(point..).unwrap_or_default().iter().take(1).copied().collect();
+    }
     let Some(&lattice) = points.positions.first() else {
         let path = file.path().display();
         return Err(BuildError::Options(format!("{path}: node {node} has no point {point}")));
@@ -66,7 +70,7 @@ pub fn exact_point(
     let colours = ColourConversion::choose(forest, &selections, Target::Text, None, task)?;
     let written = colours.as_ref().map_or(&schema, ColourConversion::schema).clone();
     let outline = Outline {
-        lattice: *forest.lattice(),
+        lattice: if forest.is_growing() { file.exact_lattice() } else { *forest.lattice() },
         schema: written.clone(),
         points_max: 1,
         ranges: ranges(forest, &written, Target::Text)?,
@@ -85,12 +89,13 @@ pub fn exact_point(
         stored: column.clone(),
         is_present,
     });
-    batch.positions[0] = forest.placed(node, lattice);
+    // A tree that is not in a file of its own is not moved.
+    batch.positions[0] = if forest.is_growing() { lattice } else { forest.placed(node, lattice) };
     Ok(ExactPoint {
         lattice,
         coordinates: text.coordinates(&batch, 0),
         values: values.collect(),
-        sources: sources(file, class, lattice),
+        sources: sources(file, class, drawn.unwrap_or(lattice)),
     })
 }
 

@@ -14,7 +14,9 @@ use crate::rows::row::RowLayout;
 use crate::sample::cell::Context;
 use cache::{Cache, Made};
 use esker_format::growing::{Growing, Outline};
-use esker_format::{EskerFile, Histograms, NodeStatistics, PageLayout, Ranges, Statistics};
+use esker_format::{
+    EskerFile, Histograms, NodeStatistics, PageLayout, PagePoints, Ranges, Statistics, encode_raw_page,
+};
 use esker_points::read_at::{self, ReadAt};
 use esker_points::{ColourDepth, Lattice, NodeTable, PointClass};
 use esker_scan::las::copc::CopcFile;
@@ -41,6 +43,8 @@ struct CopcTree {
     state: RwLock<State>,
     cache: Cache,
     histograms: Histograms,
+    /// Page of a node without points.
+    empty_page: Vec<u8>,
 }
 
 /// What changes while the tree is read.
@@ -137,6 +141,7 @@ pub fn open(
         state: RwLock::new(State { table, version: 0, statistics }),
         cache: Cache::new(cache_bytes),
         histograms,
+        empty_page: encode_raw_page(&layout, [0; 3], 0, &PagePoints::empty(&layout)),
     };
     if let Some(nodes) = made {
         tree.cache.with(0, || tree.take(0, nodes)).map_err(|e| ScanError::io(path, e))?;
@@ -241,14 +246,17 @@ impl CopcTree {
         }
     }
 
-    /// Nodes whose pages lie in a range of bytes: chunk, node, and offset of the page.
-    fn pages_in(&self, range: Range<u64>) -> Vec<(u32, u32, u64)> {
+    /// Nodes whose pages lie in a range of bytes: chunk, node, and offset of the page. Pages without
+    /// points are of no chunk.
+    fn pages_in(&self, range: Range<u64>) -> Vec<(Option<u32>, u32, u64)> {
         let table = &self.state().table;
-        let of = |node: u32| match table.stands[node as usize] {
-            Stands::Chunk(chunk) => Some((chunk, node, table.nodes.nodes[node as usize].page_offset)),
-            _ => None,
+        let of = |(offset, node): (u64, u32)| match table.stands[node as usize] {
+            Stands::Chunk(chunk) if table.nodes.nodes[node as usize].page_offset == offset => {
+                (Some(chunk), node, offset)
+            }
+            _ => (None, node, offset),
         };
-        table.nodes_in(range).filter_map(of).collect()
+        table.pages_in(range).map(of).collect()
     }
 }
 
@@ -291,6 +299,10 @@ impl Growing for CopcTree {
         Lattice { scale: grid.scale, offset: grid.offset, shift: [0; 3], factor }
     }
 
+    fn is_changed(&self) -> io::Result<bool> {
+        self.file.is_changed()
+    }
+
     fn statistics(&self, table: &NodeTable) -> Statistics {
         let state = self.state();
         let schema = &self.pages.schema;
@@ -310,8 +322,8 @@ impl ReadAt for CopcTree {
         // Bytes between pages are never used.
         let mut filled = offset;
         for (chunk, node, start) in self.pages_in(offset..end) {
-            let made = self.made(chunk)?;
-            let page = made.page(node);
+            let made = chunk.map(|chunk| self.made(chunk)).transpose()?;
+            let page = made.as_ref().map_or(&self.empty_page[..], |made| made.page(node));
             let (from, to) = (start.max(offset), (start + page.len() as u64).min(end));
             if from < to {
                 let own = &page[(from - start) as usize..(to - start) as usize];
@@ -331,7 +343,7 @@ impl ReadAt for CopcTree {
 
     fn will_read(&self, ranges: &[Range<u64>]) {
         let mut chunks: Vec<u32> =
-            ranges.iter().flat_map(|r| self.pages_in(r.clone())).map(|(chunk, ..)| chunk).collect();
+            ranges.iter().flat_map(|r| self.pages_in(r.clone())).filter_map(|page| page.0).collect();
         chunks.sort_unstable();
         chunks.dedup();
         chunks.retain(|&chunk| !self.cache.has(chunk));

@@ -50,7 +50,8 @@ pub struct VoxelTable {
     pub stands: Vec<Stands>,
     /// All chunks.
     pub chunks: Vec<Chunk>,
-    /// Offset of the page of each node that has one, ascending, and the node.
+    /// Offset of the page of each node, ascending, and the node. Nodes that stand for more of the
+    /// tree first have a page without points.
     places: Vec<(u64, u32)>,
     /// Offset behind the last page.
     end: u64,
@@ -127,10 +128,12 @@ impl VoxelTable {
             let last = match entry {
                 Entry::Page(place) => {
                     self.stands[index as usize] = Stands::Page(key, place);
+                    self.set_page(index, layout);
                     continue;
                 }
                 Entry::Chunk(_, 0) => {
                     self.stands[index as usize] = Stands::Nothing;
+                    self.set_page(index, layout);
                     index
                 }
                 Entry::Chunk(place, points) => self.set_chunk(key, index, (place, points), layout),
@@ -181,15 +184,21 @@ impl VoxelTable {
             record.set_levels(&[size]);
             record.spacing = spacing as f32;
             record.occupancy = u64::MAX;
-            let bytes = layout.raw_page_bytes(size, record.hot_shift);
-            (record.page_offset, record.page_bytes) = (self.end, bytes as u32);
             table.sides[index as usize] = [u64::MAX; 2];
-            self.places.push((self.end, index));
-            self.end += bytes;
+            self.set_page(index, layout);
         }
         let last = nodes[nodes.len() - 1];
         self.chunks.push(Chunk { key, place, points, nodes });
         last
+    }
+
+    /// Gives the page of a node its place, behind all others.
+    fn set_page(&mut self, index: u32, layout: &PageLayout) {
+        let record = &mut Arc::make_mut(&mut self.nodes).nodes[index as usize];
+        let bytes = layout.raw_page_bytes(record.points(), record.hot_shift);
+        (record.page_offset, record.page_bytes) = (self.end, bytes as u32);
+        self.places.push((self.end, index));
+        self.end += bytes;
     }
 
     /// Adds a node without points: nothing in its cell is in view, and what is below it is looked
@@ -212,11 +221,11 @@ impl VoxelTable {
         self.stands.len() as u32 - 1
     }
 
-    /// Nodes whose pages lie in a range of bytes, at least in part, in order.
-    pub fn nodes_in(&self, range: std::ops::Range<u64>) -> impl Iterator<Item = u32> + '_ {
+    /// Offsets and nodes of the pages that lie in a range of bytes, at least in part, in order.
+    pub fn pages_in(&self, range: std::ops::Range<u64>) -> impl Iterator<Item = (u64, u32)> + '_ {
         let first = self.places.partition_point(|(offset, _)| *offset <= range.start).max(1) - 1;
         let places = self.places.get(first..).unwrap_or_default().iter();
-        places.take_while(move |(offset, _)| *offset < range.end).map(|(_, node)| *node)
+        places.take_while(move |(offset, _)| *offset < range.end).copied()
     }
 }
 

@@ -2,6 +2,7 @@
 //! colour map, the plane that it needs, and a legend. Ranges of values come from the user or from
 //! the statistics ([`crate::cameras::ranges`]).
 
+use crate::cameras::classes::{ClassCount, occurring};
 use crate::cameras::colour_request::ColourRequest;
 use crate::cameras::legend::{Legend, LegendEntry, short, srgb};
 use crate::cameras::places::central_range;
@@ -582,6 +583,13 @@ fn class_entries(forest: &Forest, shown: &ForestFilter) -> Result<Vec<LegendEntr
     for file in forest.files() {
         let statistics = file.statistics()?;
         let nodes = file.table().nodes.len() as u32;
+        if file.is_growing() {
+            // Nodes whose points are not known may have any class.
+            for ClassCount { class, .. } in occurring(forest)? {
+                bits[usize::from(class >> 6)] |= 1 << (class & 63);
+            }
+            continue;
+        }
         for node in (0..nodes).filter(|node| shown.points_max(first + node) > 0) {
             let own = statistics.own_classes(node).unwrap_or_default();
             bits.iter_mut().zip(own).for_each(|(all, own)| *all |= own);

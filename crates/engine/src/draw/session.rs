@@ -521,6 +521,10 @@ impl Session {
         self.stalls += timer.stalls;
         let times = Times { exchange_ms: timer.ms, upload_ms, ..Times::default() };
         self.take_look(&cut);
+        // A tree that grows has a newer table with each cut.
+        if !Arc::ptr_eq(&self.file, &cut.forest) {
+            self.file = Arc::clone(&cut.forest);
+        }
         Ok(Exchange { cut, is_settled, uploaded_bytes, times })
     }
 

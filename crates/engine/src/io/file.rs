@@ -31,17 +31,24 @@ pub fn is_esker(path: &Path) -> Result<bool> {
     Ok(head == HEADER_MAGIC)
 }
 
+/// Whether a file is COPC, which is drawn as it is.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn is_copc(path: &Path) -> Result<bool> {
+    if esker_scan::synthetic::is_spec(path) || path.is_dir() {
+        return Ok(false);
+    }
+    esker_builder::copc::is_copc(path).with_context(|| format!("{}: cannot read", path.display()))
+}
+
 /// Opens a COPC file as a tree, without building it; `None` for all other inputs, and if the options
 /// ask for what only a build gives.
 ///
 /// # Errors
 /// If it cannot be read, or is damaged.
 pub fn open_copc(path: &Path, options: &Options) -> Result<Option<Forest>> {
-    if options.ask_for_build() || esker_scan::synthetic::is_spec(path) || path.is_dir() {
-        return Ok(None);
-    }
-    let context = || format!("{}: cannot read", path.display());
-    if !esker_builder::copc::is_copc(path).with_context(context)? {
+    if options.ask_for_build() || !is_copc(path)? {
         return Ok(None);
     }
     let file = esker_builder::copc::open(path, &options.open_options(), COPC_CACHE_BYTES)?;

@@ -75,6 +75,8 @@ pub struct CopcFile {
     root_page: Place,
     /// Size of the file.
     bytes: u64,
+    /// Its first bytes.
+    head: Vec<u8>,
 }
 
 /// Whether a file that begins with these bytes is COPC.
@@ -143,6 +145,7 @@ impl CopcFile {
             spacing,
             root_page,
             bytes,
+            head,
         };
         opened.check_page(root_page)?;
         Ok(opened)
@@ -156,6 +159,16 @@ impl CopcFile {
     /// Number of points of all voxels.
     pub fn points(&self) -> u64 {
         self.points.count
+    }
+
+    /// Whether its first bytes are not those that it was opened with.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn is_changed(&self) -> std::io::Result<bool> {
+        let mut head = vec![0; self.head.len()];
+        self.source.read_exact_at(&mut head, 0)?;
+        Ok(head != self.head)
     }
 
     /// Centre of the cube and half its edge, in the file's unit.

@@ -44,7 +44,7 @@ impl Counted {
         (file, name, vertical): (&Arc<Forest>, &str, Vertical),
     ) -> Option<&Histogram> {
         let is_same = |(of, own, along): &(Arc<Forest>, String, Vertical)| {
-            Arc::ptr_eq(of, file) && own == name && *along == vertical
+            of.is_same(file) && own == name && *along == vertical
         };
         if !self.of.as_ref().is_some_and(is_same) {
             self.of = Some((Arc::clone(file), name.to_owned(), vertical));

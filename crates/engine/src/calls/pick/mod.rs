@@ -134,7 +134,7 @@ pub fn pick(
     let Some(found) = search::find(forest, &aim, shown)? else { return Ok(None) };
     let exact = exact_point(forest, found.node, found.point, &Silent)?;
     let file = forest.file_of(found.node);
-    let lattice = &file.metadata().lattice;
+    let lattice = file.exact_lattice();
     let stated = |axis: usize| i64::from(exact.lattice[axis]) - ORIGIN + lattice.shift[axis];
     let sources = &file.metadata().sources;
     let attributes = exact.values.into_iter().map(|value| PickedValue {
