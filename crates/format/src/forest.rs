@@ -215,6 +215,24 @@ impl Forest {
         Some(Self { trees: vec![Tree { file, ..tree.clone() }], ..self.clone() })
     }
 
+    /// The same forest with a table of all nodes, and with what is known of those whose pages were
+    /// made; `is_exact` makes the pages of all others too.
+    ///
+    /// # Errors
+    /// If nodes cannot be read.
+    pub fn grown(self, is_exact: bool) -> Result<Self, FormatError> {
+        let mut newest = self;
+        loop {
+            let nodes = (0u32..).zip(&newest.table().nodes);
+            let open = nodes.filter(|(_, n)| is_exact || n.points() == 0 && n.child_count == 0);
+            newest.complete(&open.map(|(index, _)| index).collect::<Vec<_>>())?;
+            match newest.newer() {
+                Some(newer) => newest = newer,
+                None => return Ok(newest),
+            }
+        }
+    }
+
     /// Makes what is not known yet of nodes ([`crate::growing::Growing::complete`]).
     ///
     /// # Errors
@@ -246,6 +264,12 @@ impl Forest {
     /// Lattice of all trees, on which coordinates are exact.
     pub fn lattice(&self) -> &Lattice {
         &self.lattice
+    }
+
+    /// Lattice of the exact coordinates of all points: [`Forest::lattice`], or that of the file that
+    /// a tree is made of ([`EskerFile::exact_lattice`]).
+    pub fn exact_lattice(&self) -> Lattice {
+        if self.is_growing() { self.trees[0].file.exact_lattice() } else { self.lattice }
     }
 
     /// Metric lattice of all trees, on which lengths are measured and views are given.

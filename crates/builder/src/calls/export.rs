@@ -52,6 +52,10 @@ pub fn export_with(
 ) -> Result<Exported, BuildError> {
     let selection = Selection::new(forest, out, filter, options.colour_depth, task)?;
     if copc::is_named(out) {
+        if forest.is_growing() {
+            let what = "is COPC already, whose voxels are not divided anew: build it, and export the built file";
+            return Err(BuildError::Options(format!("{}: {what}", forest.path().display())));
+        }
         return export_copc(&selection, out, options.crs.as_deref(), task);
     }
     if options.crs.is_some() {

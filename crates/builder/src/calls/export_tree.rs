@@ -6,7 +6,7 @@ use crate::error::BuildError;
 use esker_format::{EskerFile, Fault, FormatError, PagePoints, StatisticSides, runs};
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
-use esker_points::{AttrType, Attribute, Batch, Cell, MultisetHash, Schema, Task};
+use esker_points::{AttrType, Attribute, Batch, Cell, MultisetHash, Node, Schema, Task};
 use esker_scan::write::{Encode, Encoded};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -63,7 +63,7 @@ pub(super) fn select_nodes(
     let mut selected = Vec::new();
     for (index, node) in (0u32..).zip(nodes) {
         let prefix = filter.prefix(node, nodes.get(node.parent as usize));
-        let [min, max] = node.own_box();
+        let [min, max] = exact_box(tree, node);
         let by_box = if prefix == 0 { Side::Outside } else { filter.side_of_box(min, max) };
         let side = if by_box == Side::Outside { by_box } else { by_box.and(sides.own(index)) };
         if side == Side::Outside {
@@ -81,6 +81,21 @@ pub(super) fn select_nodes(
     }
     selected.sort_by_key(|n| (n.page_offset, n.run.start));
     Ok(selected)
+}
+
+/// A box on the exact lattice of a tree that holds a node's own points.
+fn exact_box(tree: &EskerFile, node: &Node) -> [[u32; 3]; 2] {
+    let corners = node.own_box();
+    if !tree.is_growing() {
+        return corners;
+    }
+    let (drawn, exact) = (tree.metadata().lattice, tree.exact_lattice());
+    // Points are drawn at most a step of their coordinates beside their place.
+    let moved = |corner: [u32; 3], by: f64| {
+        let world = drawn.world(corner);
+        [0, 1, 2].map(|axis| (exact.steps_axis(axis, world[axis]) + by).round() as u32)
+    };
+    [moved(corners[0], -2.0), moved(corners[1], 2.0)]
 }
 
 /// Export of one tree.
@@ -132,6 +147,15 @@ impl TreeExport<'_> {
         };
         let mut points = page.points_in(selected.run.clone()).map_err(damaged)?;
         drop(page);
+        if let Some(exact) = self.file.exact_positions(selected.node)? {
+            let exact = exact.get(selected.run.clone()).filter(|exact| exact.len() == points.len());
+            let count = points.len();
+            points.positions = exact.map(<[_]>::to_vec).unwrap_or_default();
+            if points.len() != count {
+                let path = self.file.path().display();
+                return Err(BuildError::Differs(format!("{path}: it was changed while it was read")));
+            }
+        }
         let mut read = points.len() as u64;
         if let Some(cell) = selected.within {
             let kept: Vec<bool> = points.positions.iter().map(|&p| cell.contains(p)).collect();
@@ -153,7 +177,7 @@ impl TreeExport<'_> {
         if !selected.is_partial {
             return Ok(());
         }
-        let [min, max] = self.file.node(selected.node)?.own_box();
+        let [min, max] = exact_box(self.file, self.file.node(selected.node)?);
         let test = self.filter.in_box(min, max);
         let layout = self.file.layout();
         let own = |name: &str| layout.schema().find_typed(name, AttrType::U8);

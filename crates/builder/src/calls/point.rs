@@ -70,7 +70,7 @@ pub fn exact_point(
     let colours = ColourConversion::choose(forest, &selections, Target::Text, None, task)?;
     let written = colours.as_ref().map_or(&schema, ColourConversion::schema).clone();
     let outline = Outline {
-        lattice: if forest.is_growing() { file.exact_lattice() } else { *forest.lattice() },
+        lattice: forest.exact_lattice(),
         schema: written.clone(),
         points_max: 1,
         ranges: ranges(forest, &written, Target::Text)?,

@@ -2,6 +2,7 @@
 //! filter accepts, as a scan. Returns an [`ExportReport`].
 
 use crate::draw::empty_picture;
+use crate::io::file::open_copc;
 use crate::io::output;
 use crate::io::quantity::{grouped, readable_bytes};
 use crate::machine::pool;
@@ -66,7 +67,10 @@ pub fn export(
     let start = Instant::now();
     output::may_write(out, &[file.to_owned()])?;
     let exported = pool::run(threads, || {
-        let forest = Forest::open(file)?;
+        let forest = match open_copc(file, &esker_builder::Options::default())? {
+            Some(forest) => forest.grown(filter.max_spacing.is_some())?,
+            None => Forest::open(file)?,
+        };
         let trees: Vec<_> = forest.files().map(|tree| tree.path().to_owned()).collect();
         output::may_write(out, &trees)?;
         let scans = forest.files().flat_map(|tree| &tree.metadata().sources);
@@ -85,7 +89,7 @@ impl ExportReport {
             set_aside_out: exported.set_aside_out,
             multiset_hash: exported.hash.to_string(),
             filtered: !exported.is_whole,
-            hash_equal: exported.is_whole.then_some(true),
+            hash_equal: (exported.is_whole && exported.has_hashes).then_some(true),
             trees: exported.trees,
             nodes: exported.nodes,
             nodes_read: exported.nodes_read,

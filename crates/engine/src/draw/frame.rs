@@ -348,10 +348,20 @@ impl Appearance {
     }
 }
 
+/// Depth of the near plane, in steps of the coordinates, where the distances of points are not known:
+/// these are at least as far apart in most scans.
+const NEAR_STEPS: f64 = 1.0;
+
 /// Depth of the near plane of pictures of a file: from the median distance of the points of leaves;
 /// less where a part of the file is far denser, so that it is not clipped from nearby.
 fn near(file: &Forest, shown: &ForestFilter) -> f64 {
     let is_sound = |spacing: f64| spacing.is_finite() && spacing > 0.0;
+    if file.is_growing() {
+        // Spacings are not known yet, and pictures must not depend on what is.
+        let steps = file.files().map(|file| file.exact_lattice().metric().scale);
+        let least = steps.flatten().fold(f64::INFINITY, f64::min);
+        return (least * NEAR_STEPS).max(f64::from(f32::MIN_POSITIVE));
+    }
     let nodes = (0u32..).zip(&file.table().nodes).filter(|(index, _)| !shown.leaves_out(*index));
     let every = nodes.clone().count() / NEAR_LEAVES + 1;
     let leaves = nodes.map(|(_, node)| node).filter(|node| node.child_count == 0);
