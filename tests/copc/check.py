@@ -1,18 +1,20 @@
-"""Compares COPC files with what laspy reads of them: every voxel has its points and its ancestors,
-and queries of levels and boxes give the points that a search through all points gives.
+"""Compares COPC files with what laspy and copclib read of them: every voxel has its points and its
+ancestors, and queries of levels and boxes give the points that a search through all points gives.
+A file of steps beside it, which check.mjs writes, must have the same points.
 
-Usage: python check.py FILE.copc.laz ...    needs: pip install laspy lazrs
+copclib takes the cube from the bounds of the header, and not from the octree's record, so it is
+asked for levels only.
+
+Usage: python check.py FILE.copc.laz ...    needs: pip install laspy lazrs copclib
 """
 
+import os
 import struct
 import sys
 
-try:
-    import laspy
-    import numpy as np
-except ImportError:
-    print("skipped: laspy and lazrs are not installed")
-    sys.exit(0)
+import copclib
+import laspy
+import numpy as np
 
 BOXES = 12
 
@@ -61,6 +63,29 @@ def check_queries(path, found, las):
             assert len(got) == want, (i, len(got), want)
 
 
+def sorted_rows(steps):
+    """Rows of three integers in an order that depends on the rows alone."""
+    steps = np.ascontiguousarray(steps, dtype=np.int64)
+    return steps[np.lexsort(steps.T)]
+
+
+def check_copclib(path, found, las):
+    """All points by copclib, and the voxels that it gives for a resolution."""
+    reader = copclib.FileReader(path)
+    nodes = reader.GetAllNodes()
+    chunks = [reader.GetPoints(node) for node in nodes if node.point_count > 0]
+    xyz = [np.stack([np.array(c.x), np.array(c.y), np.array(c.z)], 1) for c in chunks]
+    header = las.header
+    steps = np.round((np.concatenate(xyz) - header.offsets) / header.scales)
+    want = sorted_rows(np.stack([las.X, las.Y, las.Z], 1))
+    assert (sorted_rows(steps) == want).all(), "copclib reads other points"
+    spacing = reader.copc_config.copc_info.spacing
+    for level in range(max(key[0] for key in found) + 1):
+        within = reader.GetNodesWithinResolution(spacing / 2**level * 1.001)
+        want = sum(e[2] for key, e in found.items() if key[0] <= level)
+        assert sum(node.point_count for node in within) == want, level
+
+
 def check(path):
     with open(path, "rb") as file:
         data = file.read()
@@ -76,6 +101,11 @@ def check(path):
     check_voxels(found, np.array(las.xyz), start, np.array(centre) - half, 2 * half)
     if len(las.points) > 0:
         check_queries(path, found, las)
+        check_copclib(path, found, las)
+    if os.path.exists(path + ".steps"):
+        steps = np.fromfile(path + ".steps", dtype=np.int32).reshape(-1, 3)
+        want = sorted_rows(np.stack([las.X, las.Y, las.Z], 1))
+        assert (sorted_rows(steps) == want).all(), "copc.js reads other points"
     empty = sum(e[2] == 0 for e in found.values())
     print(f"{path}: ok, {len(las.points)} points, {len(found)} voxels, {empty} empty, {pages} pages")
 

@@ -3,6 +3,7 @@
 
 mod browsers;
 mod compare;
+mod copc;
 mod deps;
 mod faults;
 mod figures;
@@ -31,7 +32,7 @@ struct Step {
     run: fn(&mut Tally) -> anyhow::Result<()>,
 }
 
-const STEPS: [Step; 11] = [
+const STEPS: [Step; 12] = [
     Step { name: "fmt", about: "formatting", run: |_| fmt::check() },
     Step {
         name: "lint",
@@ -50,6 +51,11 @@ const STEPS: [Step; 11] = [
         name: "light",
         about: "programs without light have none of it",
         run: |_| light::check(),
+    },
+    Step {
+        name: "copc",
+        about: "exports to COPC as other programs read them",
+        run: |_| copc::check(),
     },
     Step { name: "remote", about: "files at addresses", run: remote::check },
     Step { name: "test", about: "the README's test command", run: readme::test },

@@ -17,11 +17,14 @@ pub struct ClassCount {
     pub name: &'static str,
     /// Colour of its points by class, sRGB.
     pub rgb: [u8; 3],
-    /// Points of the class.
+    /// Points of the class; a multiple of those in a sample if it is an estimate.
     pub points: u64,
+    /// Whether only a sample was counted: of a file that is drawn without being built.
+    pub is_estimate: bool,
 }
 
-/// The classes that occur in a file, ascending; empty if its points have none.
+/// The classes that occur in a file, ascending; empty if its points have none. Of a file that is
+/// drawn without being built, those of its first points.
 ///
 /// # Errors
 /// If statistics cannot be read.
@@ -34,9 +37,12 @@ pub fn occurring(forest: &Forest) -> Result<Vec<ClassCount>> {
         let statistics = file.statistics()?;
         let histograms = statistics.histograms();
         let counts = histograms.counts(index);
+        let counted = counts.iter().sum::<u64>().max(1);
+        let all = if file.is_growing() { file.footer().points } else { counted };
         for (class, points) in (0u8..).zip(&mut points) {
             // Bytes have a bin each.
-            *points += histograms.bin_of(index, class.into()).map_or(0, |bin| counts[bin]);
+            let of_class = histograms.bin_of(index, class.into()).map_or(0, |bin| counts[bin]);
+            *points += (u128::from(of_class) * u128::from(all) / u128::from(counted)) as u64;
         }
     }
     let of = |(class, points): (u8, u64)| ClassCount {
@@ -44,6 +50,7 @@ pub fn occurring(forest: &Forest) -> Result<Vec<ClassCount>> {
         name: Classes::name(class).unwrap_or("class"),
         rgb: srgb(class_colour(class)),
         points,
+        is_estimate: forest.is_growing(),
     };
     Ok((0..).zip(points).filter(|(_, points)| *points > 0).map(of).collect())
 }

@@ -122,14 +122,14 @@ fn flags(ui: &mut Ui, without: &mut Flags) {
 /// it alone.
 fn class_list(ui: &mut Ui, filter: &mut Filter, classes: &[ClassCount]) {
     let is_shown = |filter: &Filter, class: u8| filter.classes.is_none_or(|set| set.has(class));
-    for ClassCount { class, name, rgb: [r, g, b], points } in classes {
+    for ClassCount { class, name, rgb: [r, g, b], points, is_estimate } in classes {
         ui.horizontal(|ui| {
             let mut is_ticked = is_shown(filter, *class);
             let (square, _) = ui.allocate_exact_size(vec2(SQUARE, SQUARE), Sense::hover());
             ui.painter().rect_filled(square, 2.0, Color32::from_rgb(*r, *g, *b));
             let tick = ui.checkbox(&mut is_ticked, format!("{class} {name}"));
-            let tick =
-                tick.on_hover_text(format!("Show the {} points of this class", grouped(*points)));
+            let (about, all) = (if *is_estimate { "about " } else { "" }, grouped(*points));
+            let tick = tick.on_hover_text(format!("Show the {about}{all} points of this class"));
             if tick.changed() {
                 set_class(filter, classes, *class, is_ticked);
             }
@@ -141,7 +141,9 @@ fn class_list(ui: &mut Ui, filter: &mut Filter, classes: &[ClassCount]) {
                     set.set(*class, true);
                     filter.classes = Some(set);
                 }
-                ui.label(RichText::new(grouped(*points)).size(SMALL).color(theme::inks(ui).faint));
+                let about = if *is_estimate { "~" } else { "" };
+                let count = RichText::new(format!("{about}{all}")).size(SMALL);
+                ui.label(count.color(theme::inks(ui).faint));
             });
         });
     }
@@ -172,7 +174,13 @@ mod tests {
 
     #[test]
     fn ticked_classes_are_a_filter_unless_they_are_all() {
-        let count = |class| ClassCount { class, name: "class", rgb: [0; 3], points: 1 };
+        let count = |class| ClassCount {
+            class,
+            name: "class",
+            rgb: [0; 3],
+            points: 1,
+            is_estimate: false,
+        };
         let classes = [1, 2, 70].map(count);
         let mut filter = Filter::default();
         set_class(&mut filter, &classes, 2, false);
