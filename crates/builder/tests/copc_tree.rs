@@ -133,10 +133,18 @@ fn the_tree_has_every_point_once_with_all_attributes() {
         ("a volume", scan(20_000, move |i| near(i, 9_000)), 256),
         ("a plane", scan(20_000, |i| [below(2 * i, 50_000), below(2 * i + 1, 50_000), 7]), 256),
         ("a line", scan(5_000, |i| [i as i32, 3, 3]), 64),
-        ("far apart", scan(5_000, move |i| near(i, 900).map(|c| c + 100_000 * (i % 2) as i32)), 256),
+        (
+            "far apart",
+            scan(5_000, move |i| near(i, 900).map(|c| c + 100_000 * (i % 2) as i32)),
+            256,
+        ),
         ("one place", scan(3_000, |_| [5, 6, 7]), 256),
         ("one point", scan(1, |_| [-5, 6, 7]), 256),
-        ("whole range", scan(999, |i| [0, 1, 2].map(|a| below(3 * i + a, u32::MAX) ^ i32::MIN)), 256),
+        (
+            "whole range",
+            scan(999, |i| [0, 1, 2].map(|a| below(3 * i + a, u32::MAX) ^ i32::MIN)),
+            256,
+        ),
     ];
     for (name, cloud, capacity) in clouds {
         let points = cloud.positions.len() as u64;
@@ -173,7 +181,10 @@ fn pages_of_the_hierarchy_are_read_when_they_are_wanted() {
     assert!(new.len() > old.len() && new[before[0] as usize].points() > 0);
     for (index, (old, new)) in old.iter().zip(new).enumerate() {
         if index != before[0] as usize {
-            assert_eq!((old.corner, old.page_offset, old.parent), (new.corner, new.page_offset, new.parent));
+            assert_eq!(
+                (old.corner, old.page_offset, old.parent),
+                (new.corner, new.page_offset, new.parent)
+            );
         }
     }
     // The earlier state still reads what it names.

@@ -14,7 +14,9 @@ use esker_engine::draw::scene::{PictureRequest, PictureScene, completed, open};
 use esker_engine::draw::session::{Options, Session, Settings};
 use esker_engine::io::file::open_copc;
 use esker_engine::machine::backend::{Backend, DrawWith};
-use esker_engine::{Bounds, BuildOptions, Classes, Filter, Forest, Method, NormalsMode, Picture, ValueRange};
+use esker_engine::{
+    Bounds, BuildOptions, Classes, Filter, Forest, Method, NormalsMode, Picture, ValueRange,
+};
 use esker_points::task::Silent;
 use esker_scan::OpenOptions;
 use esker_truth::flip::mean_flip;
@@ -102,8 +104,7 @@ fn it_is_drawn_as_the_built_file_is() {
 fn sessions_settle_to_the_still_picture() {
     for (i, filter) in filters().iter().enumerate() {
         let settings = Settings { filter: filter.clone(), ..Settings::default() };
-        let options =
-            Options { settings, backend: Backend::Cpu, size: SIZE, ..Options::default() };
+        let options = Options { settings, backend: Backend::Cpu, size: SIZE, ..Options::default() };
         let mut session = Session::open(Arc::new(opened()), options).unwrap();
         let views = ["", "direction=-1,0.2,-0.4"];
         for camera in views {
@@ -133,8 +134,7 @@ fn a_flight_within_small_budgets_keeps_its_cut() {
     for budget_gpu_bytes in [1 << 20, 4 << 20] {
         let settings =
             Settings { budget_gpu_bytes, budget_ram_bytes: 256 << 20, ..Settings::default() };
-        let options =
-            Options { settings, backend: Backend::Cpu, size: SIZE, ..Options::default() };
+        let options = Options { settings, backend: Backend::Cpu, size: SIZE, ..Options::default() };
         let mut session = Session::open(Arc::new(opened()), options).unwrap();
         let first = overview(&session);
         session.settle(&first, Duration::from_secs(60)).unwrap();

@@ -154,7 +154,10 @@ impl Forest {
         let (mut table, mut trees, mut first_byte) = (NodeTable::default(), Vec::new(), 0u64);
         for (file, cloud, moved) in files {
             if file.is_growing() {
-                return Err(misfit(&file, format!("is drawn alone, as it is no .esker file; {MERGE}")));
+                return Err(misfit(
+                    &file,
+                    format!("is drawn alone, as it is no .esker file; {MERGE}"),
+                ));
             }
             let bytes = file.footer().file_bytes.checked_next_multiple_of(FILES_APART_BYTES);
             let end = bytes.and_then(|b| first_byte.checked_add(b)?.checked_add(FILES_APART_BYTES));

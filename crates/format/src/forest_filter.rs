@@ -77,7 +77,10 @@ impl ForestFilter {
         let nodes = forest.table().nodes.len();
         let knows = |by_node: &[NodeFilter]| by_node.len() == nodes;
         let is_known = self.filter.as_ref().is_none_or(|f| knows(&f.by_node))
-            && self.left_out.last().is_none_or(|range| !forest.is_growing() || range.end as usize == nodes);
+            && self
+                .left_out
+                .last()
+                .is_none_or(|range| !forest.is_growing() || range.end as usize == nodes);
         if is_known {
             return Ok(None);
         }

@@ -4,8 +4,8 @@
 
 use crate::metadata::Metadata;
 use crate::statistics::Statistics;
-use esker_points::{Lattice, NodeTable};
 use esker_points::read_at::ReadAt;
+use esker_points::{Lattice, NodeTable};
 use std::io;
 use std::sync::Arc;
 

@@ -302,7 +302,11 @@ impl EskerFile {
     /// If they cannot be read. `verify` checks their checksum, which is one for all sources.
     pub fn verbatim(&self, source: usize) -> Result<Vec<(String, Vec<u8>)>, FormatError> {
         if self.is_growing() {
-            return Ok(self.metadata.sources.get(source).map_or_else(Vec::new, |s| s.verbatim.clone()));
+            return Ok(self
+                .metadata
+                .sources
+                .get(source)
+                .map_or_else(Vec::new, |s| s.verbatim.clone()));
         }
         let blocks = self.blocks.get(source).map_or(&[][..], Vec::as_slice);
         let read = |block: &BlockPlace| {

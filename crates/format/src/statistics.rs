@@ -75,9 +75,7 @@ impl NodeStatistics {
     /// Statistics of points of which nothing is known: any value and class may be among them.
     pub fn unknown(schema: &Schema) -> Self {
         let ranges = schema.attributes.iter().map(|attribute| match attribute.ty {
-            AttrType::F32 | AttrType::F64 => {
-                (real_key(f64::NEG_INFINITY), real_key(f64::INFINITY))
-            }
+            AttrType::F32 | AttrType::F64 => (real_key(f64::NEG_INFINITY), real_key(f64::INFINITY)),
             ty => {
                 // Of signed types the least has the sign bit alone.
                 let bits = u64::MAX >> (64 - 8 * ty.size());

@@ -15,12 +15,12 @@
 //! `handover.rs` checks this order in all interleavings, and checks that other orders fail. Data
 //! races are excluded since the crate has no `unsafe`; the model checks the protocol.
 
-use esker_format::Forest;
 use crate::cut::Cut;
 use crate::mailbox::Mailbox;
 use crate::options::{Limits, Shown};
 use crate::status::Status;
 use arc_swap::{ArcSwap, ArcSwapOption};
+use esker_format::Forest;
 use esker_lod::{DepthFeedback, Surroundings, View, Visible};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};

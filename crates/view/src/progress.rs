@@ -184,7 +184,9 @@ pub fn nothing_left(ui: &Ui, rect: Rect) -> bool {
     let mut wants_all = false;
     area.fixed_pos(rect.center()).pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
         framed(ui).show(ui, |ui| {
-            ui.label("No point in view passes the filter: classes, flags, values, box, spacing, clips.");
+            ui.label(
+                "No point in view passes the filter: classes, flags, values, box, spacing, clips.",
+            );
             wants_all = ui.button("Show all").on_hover_text("Remove the filter").clicked();
         });
     });

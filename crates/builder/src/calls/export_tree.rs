@@ -153,7 +153,9 @@ impl TreeExport<'_> {
             points.positions = exact.map(<[_]>::to_vec).unwrap_or_default();
             if points.len() != count {
                 let path = self.file.path().display();
-                return Err(BuildError::Differs(format!("{path}: it was changed while it was read")));
+                return Err(BuildError::Differs(format!(
+                    "{path}: it was changed while it was read"
+                )));
             }
         }
         let mut read = points.len() as u64;

@@ -15,7 +15,8 @@ use crate::sample::cell::Context;
 use cache::{Cache, Made};
 use esker_format::growing::{Growing, Outline};
 use esker_format::{
-    EskerFile, Histograms, NodeStatistics, PageLayout, PagePoints, Ranges, Statistics, encode_raw_page,
+    EskerFile, Histograms, NodeStatistics, PageLayout, PagePoints, Ranges, Statistics,
+    encode_raw_page,
 };
 use esker_points::read_at::{self, ReadAt};
 use esker_points::{ColourDepth, Lattice, NodeTable, PointClass};
@@ -72,11 +73,7 @@ pub fn is_copc(path: &Path) -> io::Result<bool> {
 ///
 /// # Errors
 /// If it cannot be read, is damaged, or its octree is not one that can be drawn.
-pub fn open(
-    path: &Path,
-    options: &OpenOptions,
-    cache_bytes: u64,
-) -> Result<EskerFile, BuildError> {
+pub fn open(path: &Path, options: &OpenOptions, cache_bytes: u64) -> Result<EskerFile, BuildError> {
     let source = read_at::open(path).map_err(|e| ScanError::io(path, e))?;
     let file = CopcFile::open(path, source, options)?;
     let damaged = |what: String| BuildError::from(ScanError::damaged(path, what));
@@ -210,7 +207,8 @@ impl CopcTree {
                 record.shape = new.shape | links;
                 record.spacing = new.spacing;
                 (record.level_count, record.level_counts) = (new.level_count, new.level_counts);
-                (record.contour_centre, record.contour_half) = (new.contour_centre, new.contour_half);
+                (record.contour_centre, record.contour_half) =
+                    (new.contour_centre, new.contour_half);
                 (record.contour_rotation, record.occupancy) = (new.contour_rotation, new.occupancy);
                 nodes.sides[at] = sides;
                 statistics[at] = Some(of);
@@ -342,8 +340,11 @@ impl ReadAt for CopcTree {
     }
 
     fn will_read(&self, ranges: &[Range<u64>]) {
-        let mut chunks: Vec<u32> =
-            ranges.iter().flat_map(|r| self.pages_in(r.clone())).filter_map(|page| page.0).collect();
+        let mut chunks: Vec<u32> = ranges
+            .iter()
+            .flat_map(|r| self.pages_in(r.clone()))
+            .filter_map(|page| page.0)
+            .collect();
         chunks.sort_unstable();
         chunks.dedup();
         chunks.retain(|&chunk| !self.cache.has(chunk));

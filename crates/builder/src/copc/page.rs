@@ -77,8 +77,7 @@ impl Pages {
         let mut order: Vec<u32> = (0..own.len() as u32).collect();
         order.sort_by_cached_key(|&i| morton::encode3(positions[i as usize]));
         let own: Vec<[i32; 3]> = order.iter().map(|&i| own[i as usize]).collect();
-        let batch =
-            Batch { schema: self.schema.clone(), positions, columns, outside: Vec::new() };
+        let batch = Batch { schema: self.schema.clone(), positions, columns, outside: Vec::new() };
         let bytes = self.sorted_rows(&batch, &order);
         drop(batch);
         let rows = Rows { bytes: &bytes, stride: self.context.rows.bytes() };

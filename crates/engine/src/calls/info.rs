@@ -2,7 +2,7 @@
 //! of its tree; or the header of a scan that is not built yet. Returns an [`InfoReport`].
 
 use crate::cameras::places;
-use crate::io::file::is_esker;
+use crate::io::file::{is_copc, is_esker};
 use crate::io::quantity::grouped;
 use anyhow::Result;
 use esker_format::{CrsRecord, EskerFile, Forest, ForestFilter, PlaneKind, SourceRecord};
@@ -117,8 +117,28 @@ pub struct ScanInfo {
     pub gps_times: Option<&'static str>,
     /// Bytes of the scan.
     pub bytes: u64,
+    /// Octree of a COPC file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub octree: Option<OctreeInfo>,
     /// What is odd about the scan, a line each.
     pub notes: Vec<String>,
+}
+
+/// Octree of a COPC file, as far as the first page of its hierarchy tells.
+#[derive(Clone, Debug, Serialize)]
+pub struct OctreeInfo {
+    /// Centre of its cube, in the scan's coordinates.
+    pub centre: [f64; 3],
+    /// Edge of its cube, in the scan's unit.
+    pub edge: f64,
+    /// Typical distance of the points of the root, in the scan's unit.
+    pub spacing: f64,
+    /// Levels.
+    pub levels: u32,
+    /// Voxels with points.
+    pub voxels: u64,
+    /// Whether other pages have more voxels.
+    pub has_more: bool,
 }
 
 /// An attribute.
@@ -268,6 +288,10 @@ pub fn info(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<InfoR
     if is_esker(path)? {
         return Ok(InfoReport::File(Box::new(file_info(&Forest::open(path)?)?)));
     }
+    if is_copc(path)? {
+        let file = esker_builder::copc::open(path, options, esker_builder::copc::CACHE_BYTES)?;
+        return Ok(InfoReport::Scan(Box::new(copc_info(&file))));
+    }
     let source = esker_scan::open(path, options, task)?;
     let mut report = scan_info(source.info());
     if let Some(guess) = source.guess() {
@@ -334,7 +358,42 @@ fn scan_info(info: &SourceInfo) -> ScanInfo {
         unit: info.crs.as_ref().and_then(|c| c.unit.clone()),
         gps_times: gps_times(&info.verbatim).map(GpsTimes::name),
         bytes: info.bytes,
+        octree: None,
         notes: info.notes.clone(),
+    }
+}
+
+/// What is known of a COPC file without reading more than the top of its octree.
+fn copc_info(file: &EskerFile) -> ScanInfo {
+    let (metadata, table) = (file.metadata(), file.table());
+    let lattice = &metadata.lattice;
+    let with_points = table.nodes.iter().filter(|n| n.points() > 0 && !n.is_continuation());
+    let last = table.nodes.iter().map(|n| n.cell_log2).min().unwrap_or(32);
+    let root = table.root();
+    let octree = OctreeInfo {
+        centre: lattice.offset,
+        edge: lattice.scale[0] * 2f64.powi(32),
+        spacing: root.map_or(0.0, |root| f64::from(root.spacing) / lattice.factor[0]),
+        levels: u32::from(32 - last) + 1,
+        voxels: with_points.count() as u64,
+        has_more: table.nodes.iter().any(|n| n.points() == 0 && n.child_count == 0),
+    };
+    let source = &metadata.sources[0];
+    ScanInfo {
+        scan: source.path.clone(),
+        format: format!("COPC, {}", source.format),
+        points: file.footer().points,
+        bounds: source.grid.bounds,
+        scale: source.grid.grid.scale,
+        offset: source.grid.grid.offset,
+        attributes: metadata.schema.attributes.iter().map(AttributeInfo::from).collect(),
+        colour_bits: source.colour_depth.map(bits),
+        crs: source.crs.as_ref().and_then(|c| text_of(&c.text)),
+        unit: source.crs.as_ref().and_then(|c| c.unit.clone()),
+        gps_times: gps_times(&source.verbatim).map(GpsTimes::name),
+        bytes: file.footer().file_bytes,
+        octree: Some(octree),
+        notes: source.notes.clone(),
     }
 }
 

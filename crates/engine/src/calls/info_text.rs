@@ -1,7 +1,7 @@
 //! Text of a report on an `.esker` file or a scan ([`super::info`]): lines of a word and what it
 //! stands for.
 
-use super::info::{AttributeInfo, FileInfo, InfoReport, ScanInfo, SourceReport};
+use super::info::{AttributeInfo, FileInfo, InfoReport, OctreeInfo, ScanInfo, SourceReport};
 use crate::io::quantity::{grouped, readable_bytes};
 
 /// Most characters of a coordinate reference system in a text.
@@ -17,11 +17,20 @@ pub fn text(report: &InfoReport) -> String {
 
 impl ScanInfo {
     fn lines(&self) -> Vec<String> {
-        let mut lines = vec![format!("{}: a scan ({}), not yet built", self.scan, self.format)];
+        let state = if self.octree.is_some() { "drawn without building" } else { "not yet built" };
+        let mut lines = vec![format!("{}: a scan ({}), {state}", self.scan, self.format)];
         lines.extend(place_lines(self.points, self.bounds, self.scale, self.offset));
         lines.extend(crs_lines(self.unit.as_deref(), self.crs.as_deref()));
         lines.push(attributes_line(self.attributes.iter()));
         lines.extend(self.colour_bits.map(|bits| format!("colours      {bits} bits")));
+        lines.extend(self.octree.as_ref().map(|octree| {
+            let OctreeInfo { edge, spacing, levels, voxels, has_more, .. } = octree;
+            let more = if *has_more { ", and more in other pages" } else { "" };
+            format!(
+                "octree       {} voxels with points on {levels} levels{more}; edge {edge}, spacing {spacing}",
+                grouped(*voxels)
+            )
+        }));
         lines.extend(self.notes.iter().map(|note| format!("note         {note}")));
         lines
     }

@@ -113,8 +113,7 @@ impl CopcFile {
         if !is_cube || half_edge <= 0.0 {
             return Err(damaged("the cube of its COPC octree is no cube: build it instead"));
         }
-        let root_page =
-            Place { offset: u64_at(&octree.data, 40), bytes: u64_at(&octree.data, 48) };
+        let root_page = Place { offset: u64_at(&octree.data, 40), bytes: u64_at(&octree.data, 48) };
         let vlr = laszip::record(&records).filter(|_| header.is_compressed);
         let vlr = vlr.ok_or_else(|| damaged("is COPC, but its points are not compressed"))?;
         let compression = Compression::without_table(vlr, &header, bytes, path)?;
@@ -131,7 +130,8 @@ impl CopcFile {
         let layout = Layout::new(header.point_format, header.record_bytes, extra);
         let colour_depth =
             layout.rgb_offset.map(|_| options.colour_depth.unwrap_or(ColourDepth::Sixteen));
-        let format = format!("{FORMAT_NAME} 1.{}, point format {}", header.minor, header.point_format);
+        let format =
+            format!("{FORMAT_NAME} 1.{}, point format {}", header.minor, header.point_format);
         let info = source_info(path, format, &header, &layout, bytes, (records, notes));
         let info = SourceInfo { points_hint: header.points, colour_depth, ..info };
         let opened = Self {
@@ -223,7 +223,8 @@ impl CopcFile {
         let what = format!("{points} points in {size} bytes at {offset}");
         let wrong = |why: &str| {
             let VoxelKey { level, place: [x, y, z] } = key;
-            Err(self.damaged(format!("the voxel {level}-{x}-{y}-{z} of its hierarchy, {what}: {why}")))
+            Err(self
+                .damaged(format!("the voxel {level}-{x}-{y}-{z} of its hierarchy, {what}: {why}")))
         };
         if !is_key {
             return wrong("it is no voxel");

@@ -174,13 +174,8 @@ mod tests {
 
     #[test]
     fn ticked_classes_are_a_filter_unless_they_are_all() {
-        let count = |class| ClassCount {
-            class,
-            name: "class",
-            rgb: [0; 3],
-            points: 1,
-            is_estimate: false,
-        };
+        let count =
+            |class| ClassCount { class, name: "class", rgb: [0; 3], points: 1, is_estimate: false };
         let classes = [1, 2, 70].map(count);
         let mut filter = Filter::default();
         set_class(&mut filter, &classes, 2, false);
