@@ -1,6 +1,6 @@
-//! Measures when a COPC file is worth building: points a second, by wall and CPU time, of pages that
-//! are made of its chunks when they are read, of reading all its points without pages, and of a
-//! build; in turn. Prints one JSON object.
+//! Measures when a COPC file is worth building: points a second, by wall and CPU time, of pages
+//! that are made of its chunks when they are read, of reading all its points without pages, and of
+//! a build; in turn. Prints one JSON object.
 //!
 //! `cargo bench -p esker-builder --bench copc -- FILE.copc.laz [ROUNDS]`
 

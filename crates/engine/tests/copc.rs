@@ -1,5 +1,6 @@
-//! COPC files drawn as they are, without building: stills and sessions agree to the bit, pictures are
-//! those of the built file but for the choice of samples, picks and exports have the file's integers.
+//! COPC files drawn as they are, without building: stills and sessions agree to the bit, pictures
+//! are those of the built file but for the choice of samples, picks and exports have the file's
+//! integers.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod creek;

@@ -269,8 +269,8 @@ impl Forest {
         &self.lattice
     }
 
-    /// Lattice of the exact coordinates of all points: [`Forest::lattice`], or that of the file that
-    /// a tree is made of ([`EskerFile::exact_lattice`]).
+    /// Lattice of the exact coordinates of all points: [`Forest::lattice`], or that of the file
+    /// that a tree is made of ([`EskerFile::exact_lattice`]).
     pub fn exact_lattice(&self) -> Lattice {
         if self.is_growing() { self.trees[0].file.exact_lattice() } else { self.lattice }
     }

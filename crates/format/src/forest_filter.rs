@@ -69,7 +69,8 @@ impl ForestFilter {
         Ok(Self { filter, left_out: Vec::new(), codes, scans: None })
     }
 
-    /// The same filter for a forest that has grown ([`Forest::newer`]); `None` if it knows all nodes.
+    /// The same filter for a forest that has grown ([`Forest::newer`]); `None` if it knows all
+    /// nodes.
     ///
     /// # Errors
     /// As for [`ForestFilter::of`].

@@ -13,8 +13,8 @@ use std::sync::Arc;
 ///
 /// What is known of a node before its page is made: its cell, its number of points, a contour
 /// around the whole cell, an estimate of its spacing. Making the page replaces contour, spacing and
-/// levels. Nodes are only added, behind the others; cells, numbers of points, pages and the boxes of
-/// positions stay as they are.
+/// levels. Nodes are only added, behind the others; cells, numbers of points, pages and the boxes
+/// of positions stay as they are.
 pub trait Growing: ReadAt {
     /// The node table and the number of its version, if that is not `known`.
     fn table(&self, known: Option<u64>) -> Option<(u64, Arc<NodeTable>)>;

@@ -174,8 +174,8 @@ impl EskerFile {
         }
     }
 
-    /// Whether its pages are made when they are read: it is no .esker file, and has no footer with a
-    /// proof.
+    /// Whether its pages are made when they are read: it is no .esker file, and has no footer with
+    /// a proof.
     pub fn is_growing(&self) -> bool {
         self.growing.is_some()
     }
@@ -195,8 +195,8 @@ impl EskerFile {
         Some(newer)
     }
 
-    /// Whether the file that its pages are made of is another one than that which was opened; `None`
-    /// for .esker files, whose footers tell.
+    /// Whether the file that its pages are made of is another one than that which was opened;
+    /// `None` for .esker files, whose footers tell.
     ///
     /// # Errors
     /// If it cannot be read.
@@ -205,15 +205,15 @@ impl EskerFile {
         Some(tree.is_changed().map_err(io_error(&self.path, "read it")))
     }
 
-    /// Lattice of the exact coordinates of its points: that of its metadata, or that of the file that
-    /// its pages are made of.
+    /// Lattice of the exact coordinates of its points: that of its metadata, or that of the file
+    /// that its pages are made of.
     pub fn exact_lattice(&self) -> Lattice {
         let own = self.growing.as_ref().map(|(tree, _)| tree.own_lattice());
         own.unwrap_or(self.metadata.lattice)
     }
 
-    /// Coordinates on [`EskerFile::exact_lattice`] of all points of a node, in their order, if these
-    /// are not those of its page.
+    /// Coordinates on [`EskerFile::exact_lattice`] of all points of a node, in their order, if
+    /// these are not those of its page.
     ///
     /// # Errors
     /// If they cannot be read.

@@ -1,5 +1,5 @@
-//! The pages that were made last, within a bound of bytes. Threads that want the same chunk wait for
-//! the first of them; others do not.
+//! The pages that were made last, within a bound of bytes. Threads that want the same chunk wait
+//! for the first of them; others do not.
 
 use std::collections::HashMap;
 use std::io;

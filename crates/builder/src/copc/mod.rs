@@ -1,6 +1,6 @@
-//! Opens COPC files as trees, without conversion: voxels become nodes ([`table`]), and the page of a
-//! node is made of its chunk when it is read ([`page`]). Pages of the hierarchy are read when what is
-//! below them is wanted. See `docs/design/copc.md`.
+//! Opens COPC files as trees, without conversion: voxels become nodes ([`table`]), and the page of
+//! a node is made of its chunk when it is read ([`page`]). Pages of the hierarchy are read when
+//! what is below them is wanted. See `docs/design/copc.md`.
 
 mod cache;
 mod page;
@@ -244,8 +244,8 @@ impl CopcTree {
         }
     }
 
-    /// Nodes whose pages lie in a range of bytes: chunk, node, and offset of the page. Pages without
-    /// points are of no chunk.
+    /// Nodes whose pages lie in a range of bytes: chunk, node, and offset of the page. Pages
+    /// without points are of no chunk.
     fn pages_in(&self, range: Range<u64>) -> Vec<(Option<u32>, u32, u64)> {
         let table = &self.state().table;
         let of = |(offset, node): (u64, u32)| match table.stands[node as usize] {

@@ -1,6 +1,6 @@
-//! Makes the pages of the nodes of a chunk: places its points on the lattice, thins them to an order
-//! of which every prefix is an even sample, and measures contour and spacing. The file's own integers
-//! are kept beside the pages.
+//! Makes the pages of the nodes of a chunk: places its points on the lattice, thins them to an
+//! order of which every prefix is an even sample, and measures contour and spacing. The file's own
+//! integers are kept beside the pages.
 
 use crate::copc::table::{cell_of, hot_shift_of, part_sizes};
 use crate::rows::row::{Incoming, Rows};
@@ -16,8 +16,8 @@ use esker_scan::las::copc::ChunkPoints;
 use esker_scan::write::las::copc::VoxelKey;
 use std::sync::Arc;
 
-/// Share of the density of points on a surface that those of the levels above have, where each level
-/// has four times the points of the one above.
+/// Share of the density of points on a surface that those of the levels above have, where each
+/// level has four times the points of the one above.
 const SHARE_ABOVE: f64 = 0.25;
 /// How far a point may lie outside of its voxel, in steps of the file's coordinates: writers place
 /// points before they round them.
@@ -143,8 +143,8 @@ impl Pages {
         }
     }
 
-    /// Lattice coordinates of the file's integers, of points of a voxel. Those on its upper faces, or
-    /// outside of it by rounding, come to the nearest step in it.
+    /// Lattice coordinates of the file's integers, of points of a voxel. Those on its upper faces,
+    /// or outside of it by rounding, come to the nearest step in it.
     fn placed(
         &self,
         own: &[[i32; 3]],

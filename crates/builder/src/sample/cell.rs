@@ -473,9 +473,9 @@ impl Context {
             .for_each(|(radius, narrow)| *radius = radius.min(narrow));
     }
 
-    /// Orders some points of a cell as their node has them. `spacing` is that with these points drawn,
-    /// `full` that with all points of the cell drawn; radii are at most `widest` spacings. Returns
-    /// their rows, their radius codes, and the number of points of each level.
+    /// Orders some points of a cell as their node has them. `spacing` is that with these points
+    /// drawn, `full` that with all points of the cell drawn; radii are at most `widest` spacings.
+    /// Returns their rows, their radius codes, and the number of points of each level.
     pub fn ordered(
         &self,
         pending: &PendingCell,

@@ -348,8 +348,8 @@ impl Appearance {
     }
 }
 
-/// Depth of the near plane, in steps of the coordinates, where the distances of points are not known:
-/// these are at least as far apart in most scans.
+/// Depth of the near plane, in steps of the coordinates, where the distances of points are not
+/// known: these are at least as far apart in most scans.
 const NEAR_STEPS: f64 = 1.0;
 
 /// Depth of the near plane of pictures of a file: from the median distance of the points of leaves;

@@ -42,8 +42,8 @@ pub fn is_copc(path: &Path) -> Result<bool> {
     esker_builder::copc::is_copc(path).with_context(|| format!("{}: cannot read", path.display()))
 }
 
-/// Opens a COPC file as a tree, without building it; `None` for all other inputs, and if the options
-/// ask for what only a build gives.
+/// Opens a COPC file as a tree, without building it; `None` for all other inputs, and if the
+/// options ask for what only a build gives.
 ///
 /// # Errors
 /// If it cannot be read, or is damaged.

@@ -2,12 +2,12 @@
 //! (<https://copc.io>). The chunk table is not needed, so that opening takes a few reads whatever
 //! the size of the file.
 
-use super::decode::Points;
+use super::about::{FORMAT_NAME, HEAD_BYTES, extra_attributes, source_info};
+use super::decode::{Points, WINDOW_BYTES_MAX};
 use super::header::Header;
 use super::laszip::{self, Chunk, Compression};
 use super::points::{Layout, raw_position};
 use super::vlr::{Kept, Records};
-use super::{FORMAT_NAME, HEAD_BYTES, WINDOW_BYTES_MAX, extra_attributes, source_info};
 use crate::error::ScanError;
 use crate::las::header::{f64_at, u64_at};
 use crate::source::{OpenOptions, SourceInfo};
@@ -18,10 +18,9 @@ use std::io::{Cursor, Read};
 use std::path::Path;
 use std::sync::Arc;
 
-/// User of the records of COPC, and their numbers.
+/// User of the records of COPC, and the number of that of the octree.
 const USER: &str = "copc";
 const INFO_RECORD: u16 = 1;
-pub(super) const HIERARCHY_RECORD: u16 = 1000;
 /// Bytes of the octree's record.
 const INFO_BYTES: usize = 160;
 /// Bytes of an entry of the hierarchy.

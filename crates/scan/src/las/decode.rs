@@ -28,6 +28,8 @@ const PIECES_A_THREAD: usize = 2;
 /// A chunk of more raw bytes than this is streamed: decoded on one core while it is read.
 const CHUNK_BYTES_MAX: usize = 4 * GROUP_BYTES;
 const READ_BYTES: usize = 256 << 10;
+/// Greatest number of raw bytes under way on all threads.
+pub const WINDOW_BYTES_MAX: u64 = 64 << 20;
 
 /// Where the points of a file are, and how they are stored.
 #[derive(Clone, Debug)]

@@ -1,9 +1,10 @@
-//! LAS and LAZ: versions 1.0 to 1.5, point formats 0 to 10, extra bytes, COPC (which is LAZ 1.4, and
-//! is read by voxels by [`copc`]).
-//! Opening reads header, VLRs, chunk table and the colours of the first points; [`decode`] decodes
-//! points and [`points`] makes columns of them. Whether points are compressed is recognised by the
-//! upper bits of the point format and the LASzip record, never by the file name.
+//! LAS and LAZ: versions 1.0 to 1.5, point formats 0 to 10, extra bytes, COPC (which is LAZ 1.4,
+//! and is read by voxels by [`copc`]). Opening reads header, VLRs, chunk table and the colours of
+//! the first points; [`decode`] decodes points and [`points`] makes columns of them. Whether points
+//! are compressed is recognised by the upper bits of the point format and the LASzip record, never
+//! by the file name.
 
+mod about;
 pub mod copc;
 pub(crate) mod crs;
 mod decode;
@@ -18,6 +19,7 @@ pub(crate) mod points;
 mod sampled;
 pub(crate) mod vlr;
 
+pub(crate) use about::EXTRA_BYTES_MAX;
 pub use header::GpsTimes;
 pub use no_data::NoData;
 
@@ -25,21 +27,18 @@ use crate::error::ScanError;
 use crate::source::{
     BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Sink, Source, SourceInfo, share_note,
 };
-use decode::Points;
-use esker_points::lattice::{GridKind, Placement};
+use about::{FORMAT_NAME, HEAD_BYTES, extra_attributes, source_info};
+use decode::{Points, WINDOW_BYTES_MAX};
+use esker_points::lattice::Placement;
 use esker_points::read_at::Input;
-use esker_points::{Attribute, ColourDepth, InputGrid, Spread, Task};
-use header::{Header, format_bytes};
+use esker_points::{ColourDepth, Spread, Task};
+use header::Header;
 use laszip::Compression;
 use points::{Layout, raw_position};
 use std::io::{Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
 use vlr::Records;
-
-/// Name of files whose points are compressed.
-const FORMAT_NAME: &str = "LAZ";
 
 /// LAS and LAZ.
 pub const FORMAT: Format = Format {
@@ -51,14 +50,8 @@ pub const FORMAT: Format = Format {
     open,
 };
 
-/// Bytes read as the header; that of 1.5 has 393.
-const HEAD_BYTES: u64 = 512;
-/// Greatest number of extra bytes of a record: each may become an attribute of its own, and
-/// LASzip's models for each take up to 12 KiB a thread. Real files have a few dozen.
-pub(crate) const EXTRA_BYTES_MAX: usize = 1024;
-/// Raw records under way on all threads: share of the memory, and upper limit.
+/// Raw records under way on all threads: share of the memory.
 const WINDOW_SHARE: u64 = 16;
-const WINDOW_BYTES_MAX: u64 = 64 << 20;
 /// Number of first points whose colours are examined for 8-bit values in 16-bit fields.
 const COLOUR_PROBE_POINTS: u64 = 1 << 16;
 /// Bytes after the points that are read at once.
@@ -147,56 +140,6 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let points_hint = points.sampled_count(points.one_in);
     let info = SourceInfo { points_hint, colour_depth, ..info };
     Ok(Box::new(LasSource { info, layout, points }))
-}
-
-/// Attributes of the extra bytes of a record.
-///
-/// # Errors
-/// If there are too many of them.
-fn extra_attributes(
-    header: &Header,
-    records: &Records,
-    path: &Path,
-    notes: &mut Vec<String>,
-) -> Result<Vec<Attribute>, ScanError> {
-    let extra = header.record_bytes - format_bytes(header.point_format).unwrap_or(0);
-    if extra > EXTRA_BYTES_MAX {
-        let what = format!("{extra} extra bytes a point; {EXTRA_BYTES_MAX} are read at most");
-        return Err(ScanError::unsupported(path, what));
-    }
-    Ok(extra_bytes::attributes(records, extra, notes))
-}
-
-/// What is known of a file but for the depth of its colours.
-fn source_info(
-    path: &Path,
-    format: String,
-    header: &Header,
-    layout: &Layout,
-    bytes: u64,
-    (records, mut notes): (Records, Vec<String>),
-) -> SourceInfo {
-    if matches!(header.point_format, 4 | 5 | 9 | 10) {
-        notes.push("waveform packets are not kept (the fields that point to them are)".into());
-    }
-    SourceInfo {
-        path: path.to_owned(),
-        format,
-        grid: InputGrid {
-            name: path.display().to_string(),
-            kind: GridKind::Integer,
-            grid: header.grid,
-            bounds: (header.points > 0).then_some(header.bounds),
-        },
-        schema: Arc::clone(&layout.schema),
-        points_hint: header.points,
-        bytes,
-        colour_depth: None,
-        crs: crs::of(&records, &mut notes),
-        scanner: None,
-        verbatim: records.verbatim,
-        notes,
-    }
 }
 
 /// Locates the points after checking the header's claims against the file.

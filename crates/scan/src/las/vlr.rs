@@ -2,7 +2,6 @@
 //! and keeps them verbatim. Wrong counts and lengths end the list with a note; points stay
 //! readable.
 
-use super::copc::HIERARCHY_RECORD;
 use super::header::{Header, u16_at, u64_at};
 use crate::error::ScanError;
 use esker_points::read_at::Input;
@@ -19,6 +18,9 @@ pub const VLR_HEAD_BYTES: usize = 54;
 const EVLR_HEAD_BYTES: usize = 60;
 /// Record id of waveform packets in an EVLR of `LASF_Spec`.
 const WAVEFORM_PACKETS: u16 = 65535;
+
+/// User and record id of the hierarchy of COPC.
+const HIERARCHY: (&str, u16) = ("copc", 1000);
 
 /// One record, its data as in the file.
 #[derive(Clone, Debug)]
@@ -170,7 +172,7 @@ impl Records {
             if user == "LASF_Spec" && record == WAVEFORM_PACKETS {
                 continue;
             }
-            let is_hierarchy = user == "copc" && record == HIERARCHY_RECORD;
+            let is_hierarchy = (user.as_str(), record) == HIERARCHY;
             if keeps == Kept::WithoutHierarchy && is_hierarchy {
                 continue;
             }
