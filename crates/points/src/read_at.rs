@@ -149,6 +149,9 @@ impl Read for Input {
     fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
         let left = usize::try_from(self.end.saturating_sub(self.at)).unwrap_or(usize::MAX);
         let read = buf.len().min(left);
+        if read == 0 {
+            return Ok(0);
+        }
         self.source.read_exact_at(&mut buf[..read], self.at)?;
         self.at += read as u64;
         Ok(read)

@@ -5,35 +5,43 @@ use std::collections::HashMap;
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+/// The page of a node, and the file's integers of its points.
+#[derive(Debug)]
+struct MadePage {
+    node: u32,
+    page: Vec<u8>,
+    own: Vec<[i32; 3]>,
+}
+
 /// The pages of a chunk.
 #[derive(Debug, Default)]
 pub struct Made {
-    nodes: Vec<(u32, Vec<u8>, Vec<[i32; 3]>)>,
+    pages: Vec<MadePage>,
 }
 
 impl Made {
     /// Adds the page of a node, and the file's integers of its points.
     pub fn add(&mut self, node: u32, page: Vec<u8>, own: Vec<[i32; 3]>) {
-        self.nodes.push((node, page, own));
+        self.pages.push(MadePage { node, page, own });
     }
 
     /// The page of a node; empty if it is of another chunk.
     pub fn page(&self, node: u32) -> &[u8] {
-        self.find(node).map_or(&[], |(_, page, _)| page)
+        self.find(node).map_or(&[], |made| &made.page)
     }
 
     /// The file's integers of the points of a node, in the page's order.
     pub fn own(&self, node: u32) -> &[[i32; 3]] {
-        self.find(node).map_or(&[], |(.., own)| own)
+        self.find(node).map_or(&[], |made| &made.own)
     }
 
-    fn find(&self, node: u32) -> Option<&(u32, Vec<u8>, Vec<[i32; 3]>)> {
-        self.nodes.iter().find(|(of, ..)| *of == node)
+    fn find(&self, node: u32) -> Option<&MadePage> {
+        self.pages.iter().find(|made| made.node == node)
     }
 
     fn bytes(&self) -> u64 {
-        let of = |(_, page, own): &(u32, Vec<u8>, Vec<[i32; 3]>)| page.len() + own.len() * 12;
-        self.nodes.iter().map(of).sum::<usize>() as u64
+        let of = |made: &MadePage| made.page.len() + size_of_val(&made.own[..]);
+        self.pages.iter().map(of).sum::<usize>() as u64
     }
 }
 
