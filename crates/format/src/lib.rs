@@ -23,6 +23,7 @@ mod metadata;
 mod node_values;
 mod normals;
 mod page;
+mod part;
 mod planes;
 mod points;
 mod reader;
@@ -48,6 +49,7 @@ pub use metadata::{CrsRecord, Metadata, SourceRecord, TREES_MAX, TreeRef};
 pub use node_values::StatisticSides;
 pub use normals::Normals;
 pub use page::{Page, encode_page, encode_raw_page};
+pub use part::Wanted;
 pub use points::PagePoints;
 pub use reader::{EskerFile, Planes};
 

@@ -7,10 +7,11 @@ use crate::codec::{self, Codec, Encoding, Scratch};
 use crate::directory::{Directory, Entry};
 use crate::error::Fault;
 use crate::layout::{ALIGNMENT, AttributePlane, PageLayout, PlaneKind};
+use crate::part::Wanted;
 use crate::planes::Values;
 use crate::points::PagePoints;
 use esker_points::clip::CLIP_BYTES;
-use esker_points::quant::{HOT_POSITION_BYTES, exact, read_residual};
+use esker_points::quant::{HOT_POSITION_BYTES, exact, read_residual, residual_bytes};
 use esker_points::tangents::TANGENT_BYTES;
 use std::ops::Range;
 
@@ -154,26 +155,12 @@ impl Page<'_> {
         let plane = |kind| Ok::<_, Fault>(self.plane_in(kind, range.clone())?.unwrap_or_default());
         let position = plane(PlaneKind::Position)?;
         let residual = plane(PlaneKind::Residual)?;
-        let mut points = PagePoints::default();
-        for (i, record) in position.chunks_exact(HOT_POSITION_BYTES).enumerate() {
-            let low = read_residual(&residual, i, self.hot_shift);
-            let mut p = [0; 3];
-            for axis in 0..3 {
-                let min = self.box_min[axis];
-                p[axis] = exact(u16_at(record, axis * 2), low[axis], min, self.hot_shift);
-                if p[axis] < min {
-                    return Err(Fault::new("position plane", "a point lies outside the lattice"));
-                }
-            }
-            points.positions.push(p);
-            points.radius_codes.push(record[6]);
-        }
-        let classes = plane(PlaneKind::Class)?;
-        points.classes = classes.chunks_exact(2).map(|c| u16_at(c, 0)).collect();
-        let count = self.layout.classes().len();
-        if points.classes.iter().any(|&c| usize::from(c) >= count) {
-            return Err(Fault::new("class plane", "a point's class does not exist"));
-        }
+        let mut points = PagePoints {
+            positions: self.positions(&position, &residual)?,
+            radius_codes: position.chunks_exact(HOT_POSITION_BYTES).map(|p| p[6]).collect(),
+            classes: self.classes(&plane(PlaneKind::Class)?)?,
+            ..PagePoints::default()
+        };
         if self.layout.normals().is_estimated() {
             let normals = plane(PlaneKind::Normal)?;
             let codes = normals.as_chunks::<4>().0.iter();
@@ -188,42 +175,115 @@ impl Page<'_> {
             let tangents = plane(PlaneKind::Tangents)?;
             points.tangents = tangents.as_chunks::<TANGENT_BYTES>().0.to_vec();
         }
-        self.columns(&mut points, &range)?;
+        points.columns = self.columns(&points.classes, &range, None)?;
         Ok(points)
     }
 
-    fn columns(&self, points: &mut PagePoints, range: &Range<usize>) -> Result<(), Fault> {
+    /// Positions, classes and the `wanted` columns of some of the points.
+    ///
+    /// # Errors
+    /// As [`Page::points_in`].
+    pub(crate) fn part_in(
+        &self,
+        range: Range<usize>,
+        wanted: &Wanted,
+    ) -> Result<PagePoints, Fault> {
+        let range = range.start.min(self.points)..range.end.min(self.points);
+        let plane = |kind| Ok::<_, Fault>(self.plane_in(kind, range.clone())?.unwrap_or_default());
+        let position = plane(PlaneKind::Position)?;
+        let residual = plane(PlaneKind::Residual)?;
+        let positions = self.positions(&position, &residual)?;
+        let classes = self.classes(&plane(PlaneKind::Class)?)?;
+        let columns = self.columns(&classes, &range, Some(&wanted.attributes))?;
+        Ok(PagePoints { positions, classes, columns, ..PagePoints::default() })
+    }
+
+    /// Lattice coordinates from hot positions and residuals of the same points.
+    fn positions(&self, position: &[u8], residual: &[u8]) -> Result<Vec<[u32; 3]>, Fault> {
+        let (min, shift) = (self.box_min, self.hot_shift);
+        let hot = position.as_chunks::<HOT_POSITION_BYTES>().0.iter();
+        let at = |hot: &[u8; HOT_POSITION_BYTES], low: [u16; 3]| {
+            [0, 1, 2].map(|i| exact(u16_at(hot, i * 2), low[i], min[i], shift))
+        };
+        // A plane of each size has its own loop, which the compiler turns into vectors.
+        let positions: Vec<_> = match residual_bytes(shift) {
+            0 => hot.map(|hot| at(hot, [0; 3])).collect(),
+            4 => {
+                let low = residual.as_chunks::<4>().0.iter();
+                hot.zip(low).map(|(hot, low)| at(hot, read_residual(low, 0, shift))).collect()
+            }
+            _ => {
+                let low = residual.as_chunks::<6>().0.iter();
+                hot.zip(low).map(|(hot, low)| at(hot, read_residual(low, 0, shift))).collect()
+            }
+        };
+        let is_outside = |p: &[u32; 3]| (p[0] < min[0]) | (p[1] < min[1]) | (p[2] < min[2]);
+        if positions.iter().fold(false, |any, p| any | is_outside(p)) {
+            return Err(Fault::new("position plane", "a point lies outside the lattice"));
+        }
+        Ok(positions)
+    }
+
+    /// Classes of points from their plane.
+    fn classes(&self, plane: &[u8]) -> Result<Vec<u16>, Fault> {
+        let classes: Vec<u16> = plane.chunks_exact(2).map(|c| u16_at(c, 0)).collect();
+        let count = self.layout.classes().len();
+        if classes.iter().any(|&c| usize::from(c) >= count) {
+            return Err(Fault::new("class plane", "a point's class does not exist"));
+        }
+        Ok(classes)
+    }
+
+    /// Columns of the points `range`, whose classes are `classes`: of the `wanted` attributes, or
+    /// of all. Others are empty.
+    fn columns(
+        &self,
+        classes: &[u16],
+        range: &Range<usize>,
+        wanted: Option<&[bool]>,
+    ) -> Result<Vec<Vec<u8>>, Fault> {
         let count = range.len();
         let plane = |kind| Ok::<_, Fault>(self.plane_in(kind, range.clone())?.unwrap_or_default());
         let attributes = &self.layout.schema().attributes;
-        points.columns = (0..attributes.len())
+        let is_wanted = |a: usize| wanted.is_none_or(|wanted| wanted[a]);
+        let in_colour =
+            |a: usize| is_wanted(a) && self.layout.plane_of(a) == AttributePlane::Colour;
+        let mut columns = (0..attributes.len())
             .map(|a| match self.layout.plane_of(a) {
+                _ if !is_wanted(a) => Ok(Vec::new()),
                 AttributePlane::Own => plane(PlaneKind::Attribute(a as u16)),
                 AttributePlane::Intensity => plane(PlaneKind::Intensity),
                 AttributePlane::Colour => Ok(vec![0; count * attributes[a].ty.size()]),
             })
-            .collect::<Result<_, _>>()?;
+            .collect::<Result<Vec<_>, _>>()?;
+        if !(0..attributes.len()).any(in_colour) {
+            return Ok(columns);
+        }
         let Some(colour) = self.plane_in(PlaneKind::Colour, range.clone())? else {
-            return Ok(());
+            return Ok(columns);
         };
         let remainder = plane(PlaneKind::ColourRemainder)?;
-        for i in 0..count {
-            let Some(source) = self.layout.colour_of_class(points.class(i)) else { continue };
-            for (k, a) in source.rgb.into_iter().enumerate() {
-                if self.layout.plane_of(a) != AttributePlane::Colour {
-                    continue;
-                }
-                let hot = colour[i * 4 + k];
-                let column = &mut points.columns[a];
-                match source.depth {
-                    None => column[i] = hot,
-                    Some(_) => {
-                        let value = source.value(hot, remainder[i * 3 + k]);
-                        column[i * 2..][..2].copy_from_slice(&value);
-                    }
+        let (colour, remainder) = (colour.as_chunks::<4>().0, remainder.as_chunks::<3>().0);
+        let cold = |i: usize, channel: usize| remainder.get(i).map_or(0, |cold| cold[channel]);
+        if classes.is_empty() {
+            let Some(source) = self.layout.colour_of_class(0) else { return Ok(columns) };
+            for (channel, a) in (0..).zip(source.rgb).filter(|(_, a)| in_colour(*a)) {
+                let size = attributes[a].ty.size();
+                for (i, value) in columns[a].chunks_exact_mut(size).enumerate() {
+                    let all = source.value(colour[i][channel], cold(i, channel));
+                    value.copy_from_slice(&all[..size]);
                 }
             }
+            return Ok(columns);
         }
-        Ok(())
+        for (i, &class) in classes.iter().enumerate() {
+            let Some(source) = self.layout.colour_of_class(usize::from(class)) else { continue };
+            for (channel, a) in (0..).zip(source.rgb).filter(|(_, a)| in_colour(*a)) {
+                let value = source.value(colour[i][channel], cold(i, channel));
+                let size = attributes[a].ty.size();
+                columns[a][i * size..][..size].copy_from_slice(&value[..size]);
+            }
+        }
+        Ok(columns)
     }
 }

@@ -24,7 +24,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Greatest gap between two planes that is read along with them rather than skipped.
-const GAP_BYTES_MAX: u64 = 32 << 10;
+pub(crate) const GAP_BYTES_MAX: u64 = 32 << 10;
 
 /// An opened .esker file, or a tree whose pages are made when they are read. Reading takes `&self`,
 /// from any thread. Clones share the file.
@@ -382,14 +382,19 @@ impl EskerFile {
                 return Err(self.in_node(node)(fault));
             }
         }
-        Ok(Page {
+        Ok(self.page(record, directory, bytes))
+    }
+
+    /// The page of a node from its parts.
+    pub(crate) fn page(&self, record: &Node, directory: Directory, bytes: Vec<u8>) -> Page<'_> {
+        Page {
             layout: &self.layout,
             directory,
             points: record.points(),
             box_min: record.box_min,
             hot_shift: record.hot_shift,
             bytes,
-        })
+        }
     }
 
     /// Bytes of each plane of the layout in all pages; reads every page's directory.
@@ -410,7 +415,8 @@ impl EskerFile {
         Ok(sums)
     }
 
-    fn directory_of(
+    /// The directory at the beginning of the page of a node.
+    pub(crate) fn directory_of(
         &self,
         record: &Node,
         bytes: &[u8],
