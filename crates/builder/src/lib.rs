@@ -24,6 +24,7 @@ pub use calls::build::{Wrap, build, build_shared, build_sources, build_wrapped};
 pub use calls::export::{ExportOptions, export, export_with};
 pub use calls::merge::merge;
 pub use calls::point::{ExactPoint, ExactValue, exact_point};
+pub use calls::query::{Query, QueryPoints, points_at};
 pub use calls::selection::Exported;
 pub use calls::verify::{Against, against, against_forest, against_sources};
 pub use calls::verify_export::{ExportVerified, verify_export};

@@ -161,58 +161,63 @@ impl TreeExport<'_> {
         let mut read = points.len() as u64;
         if let Some(cell) = selected.within {
             let kept: Vec<bool> = points.positions.iter().map(|&p| cell.contains(p)).collect();
-            self.keep(&mut points, &kept);
+            keep(self.file, &mut points, &kept);
             read = points.len() as u64;
         }
-        self.filter_points(selected, &mut points)?;
+        filter_points(self.file, self.filter, selected, &mut points)?;
         let hash = points.hash(self.file.layout());
         let batch = batch(self.file, points, &self.schema, &self.own, self.colours.as_deref());
         Ok(EncodedNode { encoded: self.encode.encode(&batch), hash, read })
     }
+}
 
-    /// Removes the points that do not pass the filter.
-    fn filter_points(
-        &self,
-        selected: &SelectedNode,
-        points: &mut PagePoints,
-    ) -> Result<(), BuildError> {
-        if !selected.is_partial {
-            return Ok(());
-        }
-        let [min, max] = exact_box(self.file, self.file.node(selected.node)?);
-        let test = self.filter.in_box(min, max);
-        let layout = self.file.layout();
-        let own = |name: &str| layout.schema().find_typed(name, AttrType::U8);
-        let (classes, flags) = (own(names::CLASSIFICATION), own(names::FLAGS));
-        let value = |attribute: Option<usize>, i: usize| {
-            let has = |a: &usize| layout.has_attribute(points.class(i), *a);
-            attribute.filter(has).map(|a| points.columns[a][i])
-        };
-        let positions = points.positions.iter().enumerate();
-        let tests = self.filter.value_tests(layout.schema());
-        let sizes = layout.schema().attributes.iter().map(|a| a.ty.size()).collect::<Vec<_>>();
-        let bytes = |a: usize, i: usize| {
-            let has = layout.has_attribute(points.class(i), a);
-            has.then(|| &points.columns[a][i * sizes[a]..][..sizes[a]])
-        };
-        let keeps = |(i, &p): (usize, &[u32; 3])| {
-            test.keeps(p, value(classes, i), value(flags, i)) && tests.keep(|a| bytes(a, i))
-        };
-        let kept: Vec<bool> = positions.map(keeps).collect();
-        self.keep(points, &kept);
-        Ok(())
+/// Removes the points of a node that do not pass `filter`. The columns of the attributes that it
+/// tests must be there.
+///
+/// # Errors
+/// If there is no such node.
+pub(super) fn filter_points(
+    file: &EskerFile,
+    filter: &LatticeFilter,
+    selected: &SelectedNode,
+    points: &mut PagePoints,
+) -> Result<(), BuildError> {
+    if !selected.is_partial {
+        return Ok(());
     }
+    let [min, max] = exact_box(file, file.node(selected.node)?);
+    let test = filter.in_box(min, max);
+    let layout = file.layout();
+    let own = |name: &str| layout.schema().find_typed(name, AttrType::U8);
+    let (classes, flags) = (own(names::CLASSIFICATION), own(names::FLAGS));
+    let value = |attribute: Option<usize>, i: usize| {
+        let has = |a: &usize| layout.has_attribute(points.class(i), *a);
+        attribute.filter(has).and_then(|a| points.columns[a].get(i).copied())
+    };
+    let positions = points.positions.iter().enumerate();
+    let tests = filter.value_tests(layout.schema());
+    let sizes = layout.schema().attributes.iter().map(|a| a.ty.size()).collect::<Vec<_>>();
+    let bytes = |a: usize, i: usize| {
+        let has = layout.has_attribute(points.class(i), a);
+        has.then(|| &points.columns[a][i * sizes[a]..][..sizes[a]])
+    };
+    let keeps = |(i, &p): (usize, &[u32; 3])| {
+        test.keeps(p, value(classes, i), value(flags, i)) && tests.keep(|a| bytes(a, i))
+    };
+    let kept: Vec<bool> = positions.map(keeps).collect();
+    keep(file, points, &kept);
+    Ok(())
+}
 
-    /// Removes the points at which `kept` is false, and those past its end.
-    fn keep(&self, points: &mut PagePoints, kept: &[bool]) {
-        let attributes = self.file.layout().schema().attributes.iter();
-        for (column, size) in points.columns.iter_mut().zip(attributes.map(|a| a.ty.size())) {
-            compact(column, size, kept);
-        }
-        compact(&mut points.positions, 1, kept);
-        compact(&mut points.radius_codes, 1, kept);
-        compact(&mut points.classes, 1, kept);
+/// Removes the points at which `kept` is false, and those past its end.
+fn keep(file: &EskerFile, points: &mut PagePoints, kept: &[bool]) {
+    let attributes = file.layout().schema().attributes.iter();
+    for (column, size) in points.columns.iter_mut().zip(attributes.map(|a| a.ty.size())) {
+        compact(column, size, kept);
     }
+    compact(&mut points.positions, 1, kept);
+    compact(&mut points.radius_codes, 1, kept);
+    compact(&mut points.classes, 1, kept);
 }
 
 /// The points of `file` with the attributes of all trees; zeros for those that this tree lacks.

@@ -1,5 +1,5 @@
-//! What the crate does, as calls: build, append, merge, export, verify; and one exact
-//! point.
+//! What the crate does, as calls: build, append, merge, export, verify; and reading points: one, or
+//! those that pass a filter.
 
 pub(crate) mod append;
 pub(crate) mod build;
@@ -12,6 +12,7 @@ mod export_tree;
 pub(crate) mod merge;
 pub(crate) mod metadata;
 pub(crate) mod point;
+pub(crate) mod query;
 mod rounding;
 pub(crate) mod selection;
 pub(crate) mod verify;

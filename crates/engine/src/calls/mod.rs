@@ -10,5 +10,6 @@ pub mod info;
 pub mod info_text;
 pub mod pick;
 pub mod preview;
+pub mod query;
 pub mod render;
 pub mod verify;
