@@ -41,6 +41,7 @@ pub mod ewa;
 pub(crate) mod frame;
 pub mod gpu;
 pub mod inputs;
+pub(crate) mod nearest;
 pub(crate) mod pass;
 pub mod passes;
 pub mod picture;
@@ -55,6 +56,7 @@ pub use frame::{
 };
 pub use inputs::colour::{Codebook, ColourBy, ColourMap, Gradient};
 pub use inputs::splats::{Splat, splats};
+pub use nearest::{NearestPoint, nearest_points};
 pub use pass::{Pass, PassChoice, PassSet};
 pub use plan::{FrameOptions, FramePlan, SceneHas, Variant};
 pub use renderer::{Renderer, render};

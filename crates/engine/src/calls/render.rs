@@ -10,6 +10,7 @@ use crate::draw::choice;
 use crate::draw::empty_picture;
 use crate::draw::enlarge::enlarged;
 use crate::draw::facing;
+use crate::draw::layers::{LayerChoice, Layers};
 use crate::draw::method::{METHODS, Method};
 use crate::draw::scene::{PictureRequest, PictureScene, completed, ms, open};
 use crate::draw::whole;
@@ -199,6 +200,25 @@ pub fn draw(
     if request.method == Method::Lit {
         return draw_lit_window(file, request, task);
     }
+    let (picture, report, _) = draw_with_layers(file, request, LayerChoice::default(), task)?;
+    Ok((picture, report))
+}
+
+/// Draws a picture of an open file like [`draw`], without a budget of time and not lit, with the
+/// `wanted` images beside it.
+///
+/// # Errors
+/// As for [`draw`]; also if the picture is lit, or for a budget of time.
+pub fn draw_with_layers(
+    file: &Forest,
+    request: &PictureRequest,
+    wanted: LayerChoice,
+    task: &dyn Task,
+) -> Result<(Picture, RenderReport, Layers)> {
+    ensure!(
+        request.method != Method::Lit && request.budget_ms.is_none(),
+        "normals and points are of pictures that are neither lit nor drawn for a time"
+    );
     let scene = PictureScene::read(file, request, task)?;
     if let Some(drawn) = scene.view.window {
         picture::check_size([drawn.width, drawn.height], request.method)?;
@@ -226,7 +246,8 @@ pub fn draw(
     }
     let notes = notes(file, request, &scene, &picture)?;
     let report = RenderReport::new(&picture, &scene, &drawer, notes, ms(start));
-    Ok((picture, report))
+    let layers = Layers::of(file, request, &scene, &octree, &picture, wanted)?;
+    Ok((picture, report, layers))
 }
 
 /// Draws a picture with the settings that the model of this machine chooses for a time.

@@ -9,6 +9,7 @@ pub mod empty_picture;
 pub mod enlarge;
 pub(crate) mod facing;
 pub mod frame;
+pub mod layers;
 pub mod method;
 pub mod options;
 pub mod pace;

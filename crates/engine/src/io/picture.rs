@@ -75,17 +75,32 @@ pub fn write_png(picture: &Picture, path: &Path) -> Result<()> {
         tempfile::NamedTempFile::new_in(output::folder_of(path)).with_context(context)?;
     {
         let mut out = BufWriter::new(file.as_file_mut());
-        let mut encoder = png::Encoder::new(&mut out, picture.width, picture.height);
-        encoder.set_color(png::ColorType::Rgba);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        let mut writer = encoder.write_header().with_context(context)?;
-        writer.write_image_data(&picture.rgba).with_context(context)?;
-        writer.finish().with_context(context)?;
+        encode(picture, &mut out).with_context(context)?;
         out.flush().with_context(context)?;
     }
     readable_by_all(file.as_file()).with_context(context)?;
     file.persist(path).with_context(context)?;
+    Ok(())
+}
+
+/// The bytes of a picture as a PNG file.
+///
+/// # Errors
+/// If it has not four bytes a pixel, or no pixel.
+pub fn encode_png(picture: &Picture) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    encode(picture, &mut bytes)?;
+    Ok(bytes)
+}
+
+fn encode(picture: &Picture, out: impl Write) -> Result<()> {
+    let mut encoder = png::Encoder::new(out, picture.width, picture.height);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&picture.rgba)?;
+    writer.finish()?;
     Ok(())
 }
 
