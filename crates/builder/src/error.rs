@@ -57,6 +57,16 @@ pub enum BuildError {
         /// The reasons, and what to do.
         why: String,
     },
+    /// Some points were refused, which the options do not allow.
+    #[error("{inputs}: {points} points were refused, so nothing was written ({why})")]
+    Lost {
+        /// Names of the inputs, or of the first ones.
+        inputs: String,
+        /// Number of points.
+        points: u64,
+        /// The reasons.
+        why: String,
+    },
     /// The points written are not the points read, because of a defect of Esker.
     #[error("the points written are not the points read: {0}; please report this with the input")]
     Proof(String),

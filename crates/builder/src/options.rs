@@ -32,6 +32,8 @@ pub struct Options {
     /// Whether an append leaves out points that the lattice of the file does not hold; otherwise
     /// they are an error.
     pub drop_outside: bool,
+    /// Whether refused points are an error, in place of being counted.
+    pub refuse_loss: bool,
     /// Whether coordinates may be rounded by more than the typical distance of points.
     pub allow_rounding: bool,
     /// Treatment of interrupted builds.
@@ -111,6 +113,7 @@ impl Default for Options {
             compress: Codec::default(),
             ignore_crs: false,
             drop_outside: false,
+            refuse_loss: false,
             allow_rounding: false,
             resume: Resume::default(),
             inherited: Inherited::default(),

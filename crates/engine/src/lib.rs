@@ -12,17 +12,19 @@ pub mod machine;
 
 pub use draw::method::Method;
 pub use esker_builder::budget::memory;
-pub use esker_builder::{ExportOptions, NormalsMode, Options as BuildOptions, Resume};
+pub use esker_builder::{BuildError, ExportOptions, NormalsMode, Options as BuildOptions, Resume};
 pub use esker_format::{Codec, EskerFile, Forest, ForestFilter};
 pub use esker_lod::{View, Window};
 pub use esker_points::filter::{
     Bound, Bounds, Classes, Clip, ClipShape, Filter, Flags, Polygon, ValueRange,
 };
+pub use esker_points::lattice::Grid;
 pub use esker_points::unfinished::remove_all as remove_unfinished;
-pub use esker_points::{Cancelled, ColourDepth, Lattice, Task};
+pub use esker_points::{AttrType, Attribute, Cancelled, ColourDepth, Lattice, Task};
 
 pub use esker_render::{Dots, Gradient, POINT_SIZE_MAX, Picture, PointSize};
 pub use esker_scan::caught::hide as hide_caught_panics;
+pub use esker_scan::given;
 pub use esker_scan::system::{UNITS, read_crs};
 pub use esker_scan::{Columns, Crs, OpenOptions};
 pub use esker_stream::{Cut, Status};

@@ -290,6 +290,9 @@ impl Build<'_> {
         let files = (&mut self.store.scratch, &mut self.store.journal);
         let (plan, inputs) = intake.decode(files, buffer_bytes_max, self.task, &self.peak)?;
         let (points, points_refused) = count_points(&intake, &inputs.reports)?;
+        if self.options.refuse_loss && !points_refused.is_empty() {
+            return Err(some_refused(&intake, &points_refused));
+        }
         let chunk_rows_max = shares.chunk_rows_max(self.options, &plan);
         if points / chunk_rows_max.0 >= UNKEPT_CHUNKS && self.store.journal.may_begin() {
             self.store.journal.begin(None)?;
@@ -556,20 +559,35 @@ fn count_points(
 
 /// The error for inputs that have points, all of which were refused.
 fn all_refused(intake: &Intake, refused: &BTreeMap<String, u64>) -> BuildError {
-    let paths = intake.sources.iter().map(|s| s.info().path.display().to_string());
-    let mut inputs: Vec<_> = paths.take(NAMES_MAX).collect();
-    if intake.sources.len() > NAMES_MAX {
-        inputs.push(format!("{} more", intake.sources.len() - NAMES_MAX));
-    }
-    let reasons: Vec<_> = refused.iter().map(|(why, n)| format!("{n}: {why}")).collect();
     let remedy = if refused.contains_key(OFF_LATTICE) {
         "build them into a file of their own"
     } else {
         "look at what wrote them"
     };
     BuildError::Refused {
-        inputs: inputs.join(", "),
+        inputs: names_of(intake),
         points: refused.values().sum(),
-        why: format!("{}; {remedy}", reasons.join(", ")),
+        why: format!("{}; {remedy}", reasons(refused)),
     }
+}
+
+/// The error for inputs of which some points were refused.
+fn some_refused(intake: &Intake, refused: &BTreeMap<String, u64>) -> BuildError {
+    let points = refused.values().sum();
+    BuildError::Lost { inputs: names_of(intake), points, why: reasons(refused) }
+}
+
+/// Names of the inputs, or of the first ones.
+fn names_of(intake: &Intake) -> String {
+    let paths = intake.sources.iter().map(|s| s.info().path.display().to_string());
+    let mut inputs: Vec<_> = paths.take(NAMES_MAX).collect();
+    if intake.sources.len() > NAMES_MAX {
+        inputs.push(format!("{} more", intake.sources.len() - NAMES_MAX));
+    }
+    inputs.join(", ")
+}
+
+/// Numbers of refused points, each with its reason.
+fn reasons(refused: &BTreeMap<String, u64>) -> String {
+    refused.iter().map(|(why, n)| format!("{n}: {why}")).collect::<Vec<_>>().join(", ")
 }

@@ -13,6 +13,7 @@ use esker_format::{EskerFile, Normals};
 use esker_points::Task;
 use esker_points::palette::Misfit;
 use esker_points::{quant, tangents};
+use esker_scan::given::{Given, GivenInfo, Points};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -130,6 +131,26 @@ pub(crate) fn build_from(
     inputs::note_repeated(inputs, task);
     within_memory(threads, start, || {
         Ok(esker_builder::build_wrapped(inputs, out, options, wrap, task)?)
+    })
+}
+
+/// Builds `out` from points that the program has in memory, otherwise like [`build`].
+///
+/// # Errors
+/// As for [`build`]; also if a coordinate is not finite.
+pub fn build_given(
+    given: GivenInfo,
+    points: Box<dyn Points>,
+    out: &Path,
+    options: &Options,
+    threads: usize,
+    task: &dyn Task,
+) -> Result<BuildReport> {
+    let start = Instant::now();
+    output::may_build(out, &[])?;
+    within_memory(threads, start, || {
+        let given = Given::open(given, points, &options.open_options(), task)?;
+        Ok(esker_builder::build_sources(vec![Box::new(given)], out, options, task)?)
     })
 }
 
