@@ -8,7 +8,7 @@ use serde_json::Value;
 
 /// Crates of the project that each crate may depend on, its tests included. A crate missing from
 /// this table fails the check.
-const ALLOWED: [(&str, &[&str]); 17] = [
+const ALLOWED: [(&str, &[&str]); 18] = [
     ("esker-points", &[]),
     ("esker-scan", &["points"]),
     ("esker-format", &["points"]),
@@ -36,6 +36,7 @@ const ALLOWED: [(&str, &[&str]); 17] = [
     ),
     ("esker-view", &["engine", "remote"]),
     ("esker", &["engine", "bench", "remote"]),
+    ("esker-python", &["engine", "remote"]),
     // Tools may use any library.
     ("esker-generate", &["points", "scan"]),
     ("xtask", &["points", "scan", "format", "builder", "lod", "stream", "render", "engine"]),
@@ -48,7 +49,7 @@ const WINDOW: [&str; 9] =
 const GPU: [&str; 2] = ["wgpu", "naga"];
 
 /// Outside crates that must not be in the dependency tree of each crate.
-const NEVER: [(&str, &[&[&str]]); 8] = [
+const NEVER: [(&str, &[&[&str]]); 9] = [
     ("esker-points", &[&WINDOW, &GPU]),
     ("esker-scan", &[&WINDOW, &GPU]),
     ("esker-format", &[&WINDOW, &GPU]),
@@ -57,6 +58,7 @@ const NEVER: [(&str, &[&[&str]]); 8] = [
     ("esker-lod", &[&WINDOW, &GPU]),
     ("esker-stream", &[&WINDOW, &GPU]),
     ("esker", &[&WINDOW]),
+    ("esker-python", &[&WINDOW]),
 ];
 
 /// Refuses every edge that is not in the tables.

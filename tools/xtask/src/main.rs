@@ -13,6 +13,7 @@ mod house;
 mod large;
 mod light;
 mod lint;
+mod python;
 mod readme;
 mod remote;
 mod report;
@@ -60,6 +61,7 @@ const STEPS: [Step; 12] = [
     Step { name: "remote", about: "files at addresses", run: remote::check },
     Step { name: "test", about: "the README's test command", run: readme::test },
     Step { name: "view", about: "the viewer's tests, on a display or under Xvfb", run: view::test },
+    Step { name: "python", about: "the Python package", run: python::check },
     Step { name: "demo", about: "the README's run command", run: |_| readme::demo() },
 ];
 
