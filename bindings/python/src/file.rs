@@ -5,9 +5,9 @@ use crate::errors::{exception, wrong};
 use crate::work::{allow_addresses, run};
 use esker_engine::calls::query::{PointColumns, PointGrid, PointQuery, read_points};
 use esker_engine::{Attribute, Forest, Task};
-use numpy::IntoPyArray;
+use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyList};
+use pyo3::types::{PyDict, PyList};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -79,23 +79,6 @@ impl File {
         described(py, &self.forest.schema().attributes)
     }
 
-    /// Headers, VLRs and EVLRs of each scan, as they stood there: a list of (path, blocks).
-    fn verbatim<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        let all = PyList::empty(py);
-        for file in self.forest.files() {
-            for (index, source) in file.metadata().sources.iter().enumerate() {
-                let read = |_: &dyn Task| Ok(file.verbatim(index)?);
-                let (blocks, _) = run(py, None, read)?;
-                let named = PyList::empty(py);
-                for (name, bytes) in &blocks {
-                    named.append((name, PyBytes::new(py, bytes)))?;
-                }
-                all.append((&source.path, named))?;
-            }
-        }
-        Ok(all)
-    }
-
     /// Columns of the node table.
     fn nodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let nodes = &self.forest.table().nodes;
@@ -126,29 +109,31 @@ impl File {
         Ok(columns)
     }
 
-    /// Single points, each given by its node and its index in it: attributes, and arrays as those of
-    /// [`Query::read`].
+    /// Single points, each given by its node and its index in it, one after the other in `places`:
+    /// attributes, and arrays as those of [`Query::read`].
     #[pyo3(signature = (places, columns=None, threads=0))]
     fn points_at<'py>(
         &self,
         py: Python<'py>,
-        places: Vec<[u32; 2]>,
-        columns: Option<Vec<String>>,
+        places: PyReadonlyArray1<'py, u32>,
+        columns: Option<Vec<usize>>,
         threads: usize,
     ) -> PyResult<(Bound<'py, PyList>, Bound<'py, PyList>)> {
+        let places = places.as_slice()?.as_chunks::<2>().0.to_vec();
         let read =
             |task: &dyn Task| read_points(&self.forest, &places, columns.as_deref(), threads, task);
         let ((attributes, points), _) = run(py, None, read)?;
         Ok((described(py, &attributes)?, arrays(py, points)?))
     }
 
-    /// Begins a query of the points that `filter` accepts, with the attributes `columns`, or all.
+    /// Begins a query of the points that `filter` accepts, with the attributes `columns` (indices of
+    /// [`File::attributes`]), or all.
     #[pyo3(signature = (filter, columns=None, threads=0))]
     fn query(
         &self,
         py: Python<'_>,
         filter: &Filter,
-        columns: Option<Vec<String>>,
+        columns: Option<Vec<usize>>,
         threads: usize,
     ) -> PyResult<Query> {
         let forest = self.forest.clone();

@@ -6,6 +6,7 @@ mod arguments;
 mod build;
 mod errors;
 mod file;
+mod options;
 mod picture;
 mod reports;
 mod work;

@@ -1,9 +1,9 @@
 //! Pictures of open files, scans and scene documents.
 
 use crate::arguments::{Filter, parse};
-use crate::build::{of_engine, read_options};
-use crate::errors::wrong;
+use crate::errors::{exception, wrong};
 use crate::file::File;
+use crate::options::read_options;
 use crate::reports::json;
 use crate::work::{allow_addresses, run};
 use anyhow::Result;
@@ -21,6 +21,7 @@ use esker_engine::machine::pool;
 use esker_engine::{Forest, Picture, Task};
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use std::path::PathBuf;
 
@@ -51,9 +52,9 @@ pub fn render<'py>(
         Subject::Paths(paths) => (None, paths),
     };
     let mut base = PictureRequest::of_options();
-    if let Some(document) = Document::among(&inputs).map_err(of_engine)? {
-        base = document.request().map_err(of_engine)?;
-        inputs = document.inputs().map_err(of_engine)?;
+    if let Some(document) = Document::among(&inputs).map_err(|e| exception(&e))? {
+        base = document.request().map_err(|e| exception(&e))?;
+        inputs = document.inputs().map_err(|e| exception(&e))?;
     }
     if let Some(filter) = filter {
         base.filter = filter.0.clone();
@@ -96,11 +97,11 @@ type Drawn = (Picture, RenderReport, Layers);
 #[pyfunction]
 pub fn png<'py>(
     py: Python<'py>,
-    rgba: Vec<u8>,
+    rgba: PyBackedBytes,
     width: u32,
     height: u32,
 ) -> PyResult<Bound<'py, PyBytes>> {
-    let picture = Picture { width, height, rgba, ..Picture::default() };
+    let picture = Picture { width, height, rgba: rgba.to_vec(), ..Picture::default() };
     let (bytes, _) = run(py, None, |_| picture::encode_png(&picture))?;
     Ok(PyBytes::new(py, &bytes))
 }

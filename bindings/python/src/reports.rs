@@ -1,8 +1,8 @@
 //! Exports and verification; reports as JSON.
 
 use crate::arguments::Filter;
-use crate::build::read_options;
 use crate::errors::{exception, wrong};
+use crate::options::read_options;
 use crate::work::{allow_addresses, run};
 use esker_engine::calls::{export as exporting, verify as verifying};
 use esker_engine::io::output;

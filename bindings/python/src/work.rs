@@ -1,5 +1,5 @@
-//! Long calls: the engine works on a thread of its own, and the thread that called from Python waits
-//! for it without the interpreter lock. Every few dozen milliseconds it takes the lock to see
+//! Long calls: the engine works on a thread of its own, and the thread that called from Python
+//! waits for it without the interpreter lock. Every few dozen milliseconds it takes the lock to see
 //! whether the user has pressed Ctrl-C, and to call back with the progress; an exception in either
 //! cancels the work and is raised.
 

@@ -41,7 +41,7 @@ def examples() -> unittest.TestSuite:
         suite.addTests(found)
     guide = HERE.parents[2] / "docs" / "python.md"
     text = guide.read_text(encoding="utf-8")
-    blocks = re.findall(r"^```python\n(.*?)^```$", text, re.S | re.M)
+    blocks = re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
     parser = doctest.DocTestParser()
     test = parser.get_doctest("\n".join(blocks), dict(names), guide.name, str(guide), 0)
     suite.addTest(doctest.DocTestCase(test, optionflags=FLAGS))
@@ -60,6 +60,8 @@ def main(words: list[str]) -> int:
     """Runs the tests; the exit code."""
     tests = flat(unittest.defaultTestLoader.discover(str(HERE)))
     folder = tempfile.mkdtemp(prefix="esker-python-examples-")
+    # What is fetched from servers is not kept.
+    os.environ["XDG_CACHE_HOME"] = folder
     os.chdir(folder)
     write_scan(Path("creek.laz"))
     esker.build("creek.laz", "creek.esker")

@@ -17,7 +17,9 @@ class FromArrays(Case):
         given = {"xyz": random.uniform(-50, 50, (n, 3)).round(3)}
         for kind in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8"):
             limits = np.iinfo(kind)
-            given[f"of_{kind}"] = random.integers(limits.min, limits.max, n, dtype=kind, endpoint=True)
+            given[f"of_{kind}"] = random.integers(
+                limits.min, limits.max, n, dtype=kind, endpoint=True
+            )
         given["of_f4"] = random.normal(size=n).astype("f4")
         given["of_f8"] = np.where(random.random(n) < 0.01, np.nan, random.normal(size=n))
         given["of_bool"] = random.random(n) < 0.5
@@ -33,14 +35,18 @@ class FromArrays(Case):
         self.assertEqual(points["of_bool"].dtype, np.uint8)
         steps = np.rint(given["xyz"] / 0.001).astype("i4")
         # Bit by bit, so that NaN counts.
-        own = self.rows([points.X, points.Y, points.Z], [points[name] for name in given if name != "xyz"])
+        own = self.rows(
+            [points.X, points.Y, points.Z], [points[name] for name in given if name != "xyz"]
+        )
         other = self.rows(list(steps.T), [given[name] for name in given if name != "xyz"])
         self.assertTrue(np.array_equal(own, other))
         self.assertTrue(esker.verify(out).ok)
 
     def rows(self, steps: list, columns: list) -> np.ndarray:
         """Rows as bytes, sorted."""
-        all_columns = [np.ascontiguousarray(c, dtype=c.dtype.newbyteorder("<")) for c in steps + columns]
+        all_columns = [
+            np.ascontiguousarray(c, dtype=c.dtype.newbyteorder("<")) for c in steps + columns
+        ]
         raw = [c.view("u1").reshape(len(c), -1) for c in all_columns]
         joined = np.ascontiguousarray(np.concatenate(raw, axis=1))
         return np.sort(joined.view(f"V{joined.shape[1]}").ravel())
@@ -61,7 +67,9 @@ class FromArrays(Case):
 
     def test_coordinates_without_a_scale_choose_one(self) -> None:
         xyz = np.random.default_rng(1).normal(size=(1000, 3)) + [4e5, 5e6, 100]
-        report = esker.build({"x": xyz[:, 0], "y": xyz[:, 1], "z": xyz[:, 2]}, self.folder / "a.esker")
+        report = esker.build(
+            {"x": xyz[:, 0], "y": xyz[:, 1], "z": xyz[:, 2]}, self.folder / "a.esker"
+        )
         found = esker.open(self.folder / "a.esker").query().xyz
         error = np.abs(found[np.lexsort(found.T)] - xyz[np.lexsort(xyz.T)]).max()
         self.assertLessEqual(error, report.rounding_error_max + 1e-9)
@@ -85,6 +93,34 @@ class FromArrays(Case):
         esker.build(points.array(), out, scale=points.scale, offset=points.offset)
         self.assert_same_points(esker.open(out).query().array(), points.array())
 
+    def test_meanings_of_attributes_go_with_points(self) -> None:
+        random_scan(self.folder / "a.las", 7)
+        esker.build(self.folder / "a.las", self.folder / "a.esker")
+        points = esker.open(self.folder / "a.esker").query()
+        esker.build(points, self.folder / "b.esker")
+        again = esker.open(self.folder / "b.esker")
+        self.assertEqual(again.attributes, points.attributes)
+        self.assert_same_points(again.query().array(), points.array())
+
+    def test_attributes_with_the_names_of_coordinates_stay_apart(self) -> None:
+        scan = self.folder / "scan.ply"
+        rows = [f"{i} 0 0 {i % 7} {i % 5} 33" for i in range(40)]
+        head = ["ply", "format ascii 1.0", f"element vertex {len(rows)}"]
+        head += [f"property double {axis}" for axis in "xyz"]
+        head += ["property float X", "property ushort return_number", "property uchar returns"]
+        scan.write_text("\n".join([*head, "end_header", *rows]) + "\n")
+        esker.build(scan, self.folder / "a.esker")
+        file = esker.open(self.folder / "a.esker")
+        points = file.query()
+        self.assertEqual(points.array().dtype, file.dtype)
+        stored = {a.name for a in file.attributes}
+        self.assertEqual(stored, {"X:float32", "return_number:uint16", "returns"})
+        self.assertEqual(np.unique(points["X:float32"]).tolist(), [0, 1, 2, 3, 4, 5, 6])
+        self.assertEqual(np.unique(points["return_number:uint16"]).tolist(), [0, 1, 2, 3, 4])
+        self.assertEqual(np.unique(points["return_number"]).tolist(), [1])
+        only = file.query(columns=["X:float32", "return_number:uint16"])
+        self.assertEqual(list(only), ["X", "Y", "Z", "X:float32", "return_number:uint16"])
+
     def test_bit_fields_are_packed_and_colours_split(self) -> None:
         n = 100
         given = {
@@ -100,7 +136,9 @@ class FromArrays(Case):
         points = esker.open(self.folder / "a.esker").query()
         self.assertEqual(np.bincount(points["return_number"]).tolist(), [0, 20, 20, 20, 20, 20])
         self.assertEqual(int(points["withheld"].sum()), 50)
-        self.assertEqual((points["classification"].dtype, points["red"].dtype), (np.uint8, np.uint16))
+        self.assertEqual(
+            (points["classification"].dtype, points["red"].dtype), (np.uint8, np.uint16)
+        )
         self.assertTrue(np.array_equal(np.sort(points["blue"]), np.sort(given["rgb"][:, 2])))
         self.assertEqual(points["nz"].dtype, np.float32)
 
@@ -111,24 +149,38 @@ class FromArrays(Case):
         for given, options, error, message in (
             ({"xyz": bad}, {}, esker.EskerError, r"row 33 is at \[.*inf.*\], which is no place"),
             ({"xyz": bad}, {"scale": 0.01}, esker.EskerError, "row 33"),
-            ({"xyz": xyz, "a": np.zeros(49)}, {}, ValueError, "a has the shape .49,., and there are 50"),
+            (
+                {"xyz": xyz, "a": np.zeros(49)},
+                {},
+                ValueError,
+                "a has the shape .49,., and there are 50",
+            ),
             ({"xyz": xyz, "a": np.zeros(50, "c16")}, {}, TypeError, "a: values of complex128"),
             ({"xyz": xyz, "a": np.array(["x"] * 50)}, {}, TypeError, "a: values of <U1"),
             ({"xyz": xyz, "return_number": np.full(50, 16)}, {}, ValueError, "from 0 to 15"),
             ({"xyz": xyz[:, :2]}, {}, ValueError, "N x 3"),
             ({"a": np.zeros(5)}, {}, ValueError, "coordinates are missing"),
             ({"x": xyz[:, 0]}, {}, ValueError, "x, y and z"),
-            ({"X": np.zeros(2, int), "Y": np.zeros(2, int), "Z": np.zeros(2, int)}, {}, ValueError, "scale and offset"),
+            (
+                {"X": np.zeros(2, int), "Y": np.zeros(2, int), "Z": np.zeros(2, int)},
+                {},
+                ValueError,
+                "scale and offset",
+            ),
             ({"xyz": xyz}, {"scale": 0}, ValueError, "no length"),
-            ({"xyz": xyz * 1e9}, {"scale": 1e-3, "offset": 0.0}, esker.EskerError, "choose a greater scale"),
+            (
+                {"xyz": xyz * 1e9},
+                {"scale": 1e-3, "offset": 0.0},
+                esker.EskerError,
+                "choose a greater scale",
+            ),
             ({"xyz": xyz}, {"normals": "best"}, ValueError, "not best"),
             ({"xyz": xyz}, {"memory": "much"}, ValueError, "memory"),
             ({"xyz": xyz}, {"colour": 3}, ValueError, "no option colour"),
             (xyz, {}, TypeError, "named columns"),
         ):
-            with self.subTest(message=message):
-                with self.assertRaisesRegex(error, message):
-                    esker.build(given, self.folder / "a.esker", **options)
+            with self.subTest(message=message), self.assertRaisesRegex(error, message):
+                esker.build(given, self.folder / "a.esker", **options)
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_no_points_are_a_file_without_points(self) -> None:
@@ -139,7 +191,9 @@ class FromArrays(Case):
 class FromScans(Case):
     def test_a_report_counts_and_progress_is_called(self) -> None:
         seen: list[esker.Progress] = []
-        report = esker.build(str(SAMPLE), self.folder / "a.esker", progress=seen.append, memory="1GiB")
+        report = esker.build(
+            str(SAMPLE), self.folder / "a.esker", progress=seen.append, memory="1GiB"
+        )
         self.assertEqual(report.points_in, report.points_out)
         self.assertEqual(report.as_dict()["points_in"], laspy.read(SAMPLE).header.point_count)
         self.assertGreater(len(seen), 0)
@@ -164,7 +218,9 @@ class FromScans(Case):
         rows[20] = "nan 1 2"
         scan.write_text("\n".join(rows))
         out = self.folder / "a.esker"
-        with self.assertRaisesRegex(esker.LossError, "1 points were refused, so nothing was written"):
+        with self.assertRaisesRegex(
+            esker.LossError, "1 points were refused, so nothing was written"
+        ):
             esker.build(scan, out)
         self.assertFalse(out.exists())
         report = esker.build(scan, out, allow_loss=True)

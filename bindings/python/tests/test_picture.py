@@ -18,7 +18,10 @@ class Pictures(Case):
         for method in ("auto", "points", "ewa"):
             for arguments, options in (
                 ((), {}),
-                (("--colour", "elevation", "--classes", "2,5"), {"colour": "elevation", "classes": [2, 5]}),
+                (
+                    ("--colour", "elevation", "--classes", "2,5"),
+                    {"colour": "elevation", "classes": [2, 5]},
+                ),
             ):
                 with self.subTest(method=method, options=options):
                     out = self.folder / "p.png"
@@ -90,8 +93,13 @@ class Pictures(Case):
         plane = np.stack([x, y, x + 2 * y], axis=-1).reshape(-1, 3)
         path = self.folder / "plane.esker"
         esker.build({"xyz": plane}, path, scale=0.001)
-        images = esker.render(path, size=(90, 90), backend="cpu", outputs="normal",
-                              camera={"eye": (10, -10, 60), "target": (10, 10, 30)})
+        images = esker.render(
+            path,
+            size=(90, 90),
+            backend="cpu",
+            outputs="normal",
+            camera={"eye": (10, -10, 60), "target": (10, 10, 30)},
+        )
         normal = images["normal"].reshape(-1, 3)
         normal = normal[np.isfinite(normal[:, 0])]
         self.assertGreater(len(normal), 500)
@@ -105,7 +113,9 @@ class Pictures(Case):
     def test_layers_of_a_window_are_parts_of_those_of_the_picture(self) -> None:
         outputs = ("depth", "index")
         whole = creek().render(size=(96, 64), backend="cpu", method="points", outputs=outputs)
-        part = creek().render(size=(96, 64), backend="cpu", method="points", outputs=outputs, window="20,10,30,24")
+        part = creek().render(
+            size=(96, 64), backend="cpu", method="points", outputs=outputs, window="20,10,30,24"
+        )
         for name in outputs:
             self.assertTrue(np.array_equal(part[name], whole[name][10:34, 20:50]), name)
 
@@ -113,9 +123,13 @@ class Pictures(Case):
         low, high = creek().bounds
         middle = (low + high) / 2
         eye = middle + [0, -200, 150]
-        words = "eye={},{},{};target={},{},{};fovy=40".format(*map(repr, [*eye.tolist(), *middle.tolist()]))
+        words = "eye={},{},{};target={},{},{};fovy=40".format(
+            *map(repr, [*eye.tolist(), *middle.tolist()])
+        )
         a = esker.render(creek(), size=(64, 40), camera=words, backend="cpu")
-        b = esker.render(creek(), size=(64, 40), camera={"eye": eye, "target": middle, "fovy": 40}, backend="cpu")
+        b = esker.render(
+            creek(), size=(64, 40), camera={"eye": eye, "target": middle, "fovy": 40}, backend="cpu"
+        )
         self.assertTrue(np.array_equal(a, b))
         self.assertEqual(a.report.camera["fovy"], 40)
 
@@ -143,9 +157,8 @@ class Pictures(Case):
             ({"shadows": 3}, ValueError, "no option shadows"),
             ({"method": "lit", "samples": 0}, ValueError, "samples: 0"),
         ):
-            with self.subTest(options=options):
-                with self.assertRaisesRegex(error, message):
-                    creek().render(**{"size": (32, 32), **options})
+            with self.subTest(options=options), self.assertRaisesRegex(error, message):
+                creek().render(**{"size": (32, 32), **options})
 
 
 if __name__ == "__main__":

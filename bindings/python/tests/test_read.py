@@ -132,8 +132,16 @@ class Queries(Case):
         (x0, y0, _), (x1, y1, _) = creek().bounds
         w, h = x1 - x0, y1 - y0
         # Corners between steps, so that no point lies on an edge, which doubles do not decide.
-        ring = [(x0 + 0.1 * w + 1 / 3, y0 - 1.0), (x1 - 1 / 7, y0 + 0.7 * h), (x0 - 1.0, y1 - 1 / 9)]
-        hole = [(x0 + 0.3 * w, y0 + 0.3 * h + 1 / 7), (x0 + 0.5 * w, y0 + 0.35 * h), (x0 + 0.3 * w, y0 + 0.6 * h)]
+        ring = [
+            (x0 + 0.1 * w + 1 / 3, y0 - 1.0),
+            (x1 - 1 / 7, y0 + 0.7 * h),
+            (x0 - 1.0, y1 - 1 / 9),
+        ]
+        hole = [
+            (x0 + 0.3 * w, y0 + 0.3 * h + 1 / 7),
+            (x0 + 0.5 * w, y0 + 0.35 * h),
+            (x0 + 0.3 * w, y0 + 0.6 * h),
+        ]
         points = creek().query(columns=[])
         outer, inner = inside(points.x, points.y, ring), inside(points.x, points.y, hole)
         self.check(outer, polygon=ring)
@@ -236,7 +244,17 @@ class Conversions(Case):
                 own.write(self.folder / "again.laz")
                 again = laspy.read(self.folder / "again.laz")
                 names = [n for n in las.point_format.dimension_names]
-                dtype = np.dtype([(n, las.points.array[n].dtype if n in ("ratio", "width") else np.asarray(las[n]).dtype) for n in names])
+                dtype = np.dtype(
+                    [
+                        (
+                            n,
+                            las.points.array[n].dtype
+                            if n in ("ratio", "width")
+                            else np.asarray(las[n]).dtype,
+                        )
+                        for n in names
+                    ]
+                )
                 self.assert_same_points(as_laspy(again, dtype), as_laspy(las, dtype))
                 self.assertTrue(np.array_equal(again.header.scales, las.header.scales))
                 width = again.point_format.dimension_by_name("width")
@@ -320,7 +338,9 @@ class Arguments(Case):
 
     def test_nothing_found_is_no_error(self) -> None:
         found = creek().query(bounds=((0, 0), (1, 1)), columns=["intensity"])
-        self.assertEqual((len(found), found["intensity"].dtype, found.xyz.shape), (0, np.uint16, (0, 3)))
+        self.assertEqual(
+            (len(found), found["intensity"].dtype, found.xyz.shape), (0, np.uint16, (0, 3))
+        )
 
 
 def inside(x: np.ndarray, y: np.ndarray, ring: list[tuple[float, float]]) -> np.ndarray:
@@ -335,7 +355,7 @@ def inside(x: np.ndarray, y: np.ndarray, ring: list[tuple[float, float]]) -> np.
 
 
 def lattice_points(independent, index: int) -> np.ndarray:
-    """Steps of the points of a node, in their stored order, as the independent reader decodes them."""
+    """Steps of the points of a node, in their order, as the independent reader decodes them."""
     positions = independent.decode(index, independent.read_page(index))[0]
     return positions.astype(np.int64) - 2**31
 

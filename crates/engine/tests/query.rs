@@ -1,11 +1,16 @@
-//! Queries give the points of the pages: all columns, in parts too, single points, and of points
-//! that were built from a program's memory exactly what it gave.
+//! Queries give the points of the pages: all columns, in parts too, single points, those of pixels,
+//! and of points that were built from a program's memory exactly what it gave.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use esker_engine::calls::build::build_given;
 use esker_engine::calls::query::{PointColumns, PointGrid, PointQuery, read_points};
+use esker_engine::calls::render::draw_with_layers;
+use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::layers::{LayerChoice, NO_POINT};
+use esker_engine::draw::scene::PictureRequest;
 use esker_engine::given::{Coordinates, GivenInfo, Points};
-use esker_engine::{AttrType, Attribute, BuildOptions, Filter, Forest, Grid};
+use esker_engine::machine::backend::{Backend, DrawWith};
+use esker_engine::{AttrType, Attribute, BuildOptions, Filter, Forest, Grid, Method, Window};
 use esker_points::task::Silent;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -72,7 +77,7 @@ fn sizes(forest: &Forest) -> Vec<usize> {
     forest.schema().attributes.iter().map(|a| a.ty.size()).collect()
 }
 
-fn query(forest: &Arc<Forest>, columns: Option<&[String]>) -> PointQuery {
+fn query(forest: &Arc<Forest>, columns: Option<&[usize]>) -> PointQuery {
     PointQuery::new(forest.clone(), &Filter::default(), columns, 2).unwrap()
 }
 
@@ -94,10 +99,10 @@ fn one_column_is_that_of_all_and_parts_are_those_of_the_whole() {
     let forest = sample("all-kinds.esker");
     let whole = query(&forest, None).read(None, &Silent).unwrap().unwrap();
     for (index, attribute) in forest.schema().attributes.iter().enumerate() {
-        let mut single = query(&forest, Some(std::slice::from_ref(&attribute.name)));
-        let at = single.attributes().iter().position(|a| a.key() == attribute.key()).unwrap();
+        let mut single = query(&forest, Some(&[index]));
+        assert_eq!(single.attributes(), std::slice::from_ref(attribute));
         let found = single.read(None, &Silent).unwrap().unwrap();
-        assert_eq!(found.columns[at], whole.columns[index], "{}", attribute.name);
+        assert_eq!(found.columns[0], whole.columns[index], "{}", attribute.name);
         assert_eq!(found.steps, whole.steps);
     }
     for part in [1, 7, 1000, usize::MAX] {
@@ -118,7 +123,7 @@ fn one_column_is_that_of_all_and_parts_are_those_of_the_whole() {
         }
         assert_eq!(joined, whole, "parts of {part}");
     }
-    assert!(PointQuery::new(forest, &Filter::default(), Some(&["no".into()]), 1).is_err());
+    assert!(PointQuery::new(forest, &Filter::default(), Some(&[99]), 1).is_err());
 }
 
 #[test]
@@ -146,6 +151,42 @@ fn single_points_come_in_the_order_that_is_given() {
         let error = read_points(&forest, &[beyond], None, 1, &Silent).unwrap_err();
         assert!(error.to_string().contains("has no point 0"), "{error}");
     }
+}
+
+#[test]
+fn each_pixel_that_shows_something_has_a_normal_and_each_pixel_of_points_a_point() {
+    let forest = sample("all-kinds.esker");
+    let camera = Camera::parse("direction=0,0,-1;up=0,1,0;ortho=fit").unwrap();
+    let with = DrawWith { backend: Backend::Cpu, ..DrawWith::default() };
+    let wanted = LayerChoice { normals: true, points: true };
+    for (method, has_points) in [(Method::Points, true), (Method::PullPush, false)] {
+        let base = PictureRequest { size: [60, 40], method, camera, with, ..Default::default() };
+        let (picture, report, layers) = draw_with_layers(&forest, &base, wanted, &Silent).unwrap();
+        assert!(report.pixels_covered > 100, "{method:?}");
+        let mut found = 0;
+        for (pixel, depth) in picture.depth.iter().enumerate() {
+            let normal = layers.normals[pixel];
+            let length = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
+            assert_eq!(depth.is_finite(), (length - 1.0).abs() < 1e-4, "{method:?} {normal:?}");
+            let [node, point] = layers.points[pixel];
+            let is_point = layers.points[pixel] != NO_POINT;
+            assert!(depth.is_finite() || !is_point);
+            assert!(!has_points || depth.is_finite() == is_point);
+            assert!(!is_point || (point as usize) < forest.record(node).points());
+            found += u32::from(is_point);
+        }
+        assert!(found > 100, "{method:?}");
+        let window = Window { x: 11, y: 7, width: 30, height: 20 };
+        let part = PictureRequest { window: Some(window), ..base };
+        let (_, _, part) = draw_with_layers(&forest, &part, wanted, &Silent).unwrap();
+        for (pixel, place) in part.points.iter().enumerate() {
+            let at = (pixel / 30 + 7) * 60 + pixel % 30 + 11;
+            assert!(!has_points || *place == layers.points[at]);
+        }
+    }
+    let lit = PictureRequest { method: Method::Lit, ..Default::default() };
+    let error = draw_with_layers(&forest, &lit, wanted, &Silent).unwrap_err();
+    assert!(error.to_string().contains("neither lit"), "{error}");
 }
 
 /// Points in memory: coordinates, and their numbers as an attribute.

@@ -18,21 +18,22 @@ address; a wrong argument is a ``ValueError`` or a ``TypeError``; a column that 
 :class:`EskerError`. :class:`LossError`, a kind of it, is raised by builds that would lose points.
 """
 
-from ._esker import EskerError, LossError, __version__
 from ._build import Progress, Report, build
+from ._esker import EskerError, LossError, __version__
 from ._file import NO_NODE, File, export, open, verify
 from ._picture import Picture, render
 from ._points import Points
 
 __all__ = [
+    "NO_NODE",
     "EskerError",
     "File",
     "LossError",
-    "NO_NODE",
     "Picture",
     "Points",
     "Progress",
     "Report",
+    "__version__",
     "build",
     "export",
     "open",

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import _esker
-from ._names import ALIASES, PARTS, TYPES
-
+from ._names import ALIASES, PARTS, TYPES, Attribute
 
 
 class Progress(NamedTuple):
@@ -151,7 +150,11 @@ def build(
             raise ValueError(
                 f"{name} has the shape {values.shape}, and there are {len(coordinates)} points"
             )
-    native = [(name, _type_name(values), _bytes(values)) for name, values in attributes.items()]
+    known = {a.name: a for a in getattr(inputs, "attributes", [])}
+    native = [
+        (name, _type_name(values), *_meaning(known.get(name)), _bytes(values))
+        for name, values in attributes.items()
+    ]
     report = _esker.build_arrays(
         _bytes(coordinates), are_steps, native, grid, os.fspath(out), given, threads, told
     )
@@ -263,7 +266,9 @@ def _packed(parts: dict[str, np.ndarray]) -> np.ndarray:
         part = PARTS[name]
         most = (1 << part.bits) - 1
         values = np.asarray(values)
-        if values.dtype.kind not in "iub" or (values.size and not 0 <= values.min() <= values.max() <= most):
+        if values.dtype.kind not in "iub" or (
+            values.size and not 0 <= values.min() <= values.max() <= most
+        ):
             raise ValueError(f"{name} holds whole numbers from 0 to {most}")
         bits = values.astype("u1") << part.shift
         packed = bits if packed is None else packed | bits
@@ -275,7 +280,11 @@ def _typed(name: str, values: np.ndarray) -> np.ndarray:
     """Values in the type that LAS has for them if all fit, otherwise in their own."""
     if values.dtype.kind == "b":
         values = values.view("u1")
-    if values.dtype.kind not in "iuf" or values.dtype.itemsize not in (1, 2, 4, 8) or values.dtype == "f2":
+    if (
+        values.dtype.kind not in "iuf"
+        or values.dtype.itemsize not in (1, 2, 4, 8)
+        or values.dtype == "f2"
+    ):
         raise TypeError(f"{name}: values of {values.dtype} are not kept; convert them to numbers")
     own = values.dtype.newbyteorder("=")
     if values.dtype.kind in "iu" and own not in [np.dtype(t) for t in TYPES.get(name, ())]:
@@ -288,6 +297,13 @@ def _typed(name: str, values: np.ndarray) -> np.ndarray:
 def _fits(values: np.ndarray, dtype: np.dtype) -> bool:
     limits = np.iinfo(dtype)
     return not values.size or (values.min() >= limits.min and values.max() <= limits.max)
+
+
+def _meaning(attribute: Attribute | None) -> tuple[float, float, str]:
+    """Scale, offset and description of an attribute."""
+    if attribute is None:
+        return 1.0, 0.0, ""
+    return attribute.scale, attribute.offset, attribute.description
 
 
 def _type_name(values: np.ndarray) -> str:

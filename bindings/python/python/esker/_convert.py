@@ -44,9 +44,7 @@ def to_laspy(points: Points) -> Any:
     header = laspy.LasHeader(point_format=format_id, version="1.4")
     header.scales, header.offsets = points.scale, points.offset
     if is_wkt(points.crs):
-        from laspy.vlrs.known import WktCoordinateSystemVlr
-
-        header.vlrs.append(WktCoordinateSystemVlr(points.crs))
+        header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(points.crs))
         header.global_encoding.wkt = True
     known = set(laspy.PointFormat(format_id).dimension_names)
     extra = [a for a in points.attributes if not _is_field(a, known)]
@@ -83,11 +81,11 @@ def _is_field(attribute: Any, known: set[str]) -> bool:
     """Whether a field of the point format holds the values of an attribute."""
     name, dtype = attribute.name, attribute.dtype
     if name in ("returns", "flags"):
-        return dtype == np.uint8
+        return bool(dtype == np.uint8)
     if name in ("red", "green", "blue", "nir"):
         return name in known and dtype in (np.uint8, np.uint16)
     if name == "scan_angle_rank":
-        return dtype == np.int8
+        return bool(dtype == np.int8)
     if name == "scan_angle":
         return name in known and dtype == np.int16
     types = {"intensity": "u2", "point_source_id": "u2", "gps_time": "f8"}

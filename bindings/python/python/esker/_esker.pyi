@@ -2,17 +2,17 @@
 
 from collections.abc import Callable
 from os import PathLike
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 __version__: str
 
-_Path = str | PathLike[str]
-_Bytes = npt.NDArray[np.uint8]
-_Progress = Callable[[str, int, int | None, str], Any] | None
-_Attribute = tuple[str, str, float, float, str]
+_Path: TypeAlias = str | PathLike[str]
+_Bytes: TypeAlias = npt.NDArray[np.uint8]
+_Progress: TypeAlias = Callable[[str, int, int | None, str], Any] | None
+_Attribute: TypeAlias = tuple[str, str, float, float, str]
 
 class EskerError(Exception):
     """What Esker refuses, and what to do."""
@@ -49,10 +49,10 @@ class File:
     def attributes(self) -> list[_Attribute]: ...
     def nodes(self) -> dict[str, npt.NDArray[Any]]: ...
     def query(
-        self, filter: Filter, columns: list[str] | None = None, threads: int = 0
+        self, filter: Filter, columns: list[int] | None = None, threads: int = 0
     ) -> Query: ...
     def points_at(
-        self, places: list[tuple[int, int]], columns: list[str] | None = None, threads: int = 0
+        self, places: npt.NDArray[np.uint32], columns: list[int] | None = None, threads: int = 0
     ) -> tuple[list[_Attribute], list[npt.NDArray[Any]]]: ...
 
 class Query:
@@ -64,12 +64,16 @@ class Query:
     ) -> list[npt.NDArray[Any]] | None: ...
 
 def build(
-    inputs: list[str], out: str, options: dict[str, Any], threads: int = 0, progress: _Progress = None
+    inputs: list[str],
+    out: str,
+    options: dict[str, Any],
+    threads: int = 0,
+    progress: _Progress = None,
 ) -> str: ...
 def build_arrays(
     coordinates: _Bytes,
     are_steps: bool,
-    columns: list[tuple[str, str, _Bytes]],
+    columns: list[tuple[str, str, float, float, str, _Bytes]],
     grid: list[list[float]] | None,
     out: str,
     options: dict[str, Any],

@@ -93,7 +93,17 @@ class File:
     @cached_property
     def attributes(self) -> list[Attribute]:
         """The attributes of the points as stored: name, type, scale, offset, description."""
-        return described(self._native.attributes())
+        return list(self._known.values())
+
+    @cached_property
+    def _known(self) -> dict[tuple[str, str], Attribute]:
+        """The attributes by Esker's name and type."""
+        native = self._native.attributes()
+        return dict(zip(((name, dtype) for name, dtype, *_ in native), described(native)))
+
+    def _named(self, native: list[Any]) -> list[Attribute]:
+        """Attributes of a query by the names that they have in the file."""
+        return [self._known[name, dtype] for name, dtype, *_ in native]
 
     @cached_property
     def dtype(self) -> np.dtype:
@@ -238,10 +248,10 @@ class File:
         """
         flat = np.asarray(index).ravel()
         flat = flat[flat["node"] != NO_NODE]
-        places = np.stack([flat["node"], flat["point"]], axis=1).tolist()
-        stored = _stored_names(self, columns)
+        places = np.stack([flat["node"], flat["point"]], axis=1).astype("u4").ravel()
+        stored = _stored(self, columns)
         raw, found = self._native.points_at(places, stored)
-        return _points(self, described(raw), found)
+        return _points(self, self._named(raw), found)
 
     def export(self, out: Path, **options: Any) -> Report:
         """Writes the points, or some of them, as a scan: see :func:`export`."""
@@ -270,8 +280,8 @@ class _Query:
         progress: OnProgress,
     ) -> None:
         self.file = file
-        self.native = file._native.query(chosen, _stored_names(file, columns), threads)
-        self.attributes = described(self.native.attributes())
+        self.native = file._native.query(chosen, _stored(file, columns), threads)
+        self.attributes = file._named(self.native.attributes())
         self.progress = native_progress(progress)
 
     def read(self, n: int | None) -> Points | None:
@@ -287,30 +297,30 @@ class _Query:
 def _points(file: File, attributes: list[Attribute], found: list[np.ndarray]) -> Points:
     """Points from the native arrays: steps, and the bytes of each column."""
     columns = {a.name: raw.view(a.dtype) for a, raw in zip(attributes, found[3:])}
-    return Points(tuple(found[:3]), columns, attributes, file.scale, file.offset, file.crs)
+    steps = (found[0], found[1], found[2])
+    return Points(steps, columns, attributes, file.scale, file.offset, file.crs)
 
 
-def _stored_names(file: File, columns: Iterable[str] | None) -> list[str] | None:
-    """Esker's names of the attributes that have columns; None for all."""
+def _stored(file: File, columns: Iterable[str] | None) -> list[int] | None:
+    """Indices of the attributes that have columns; None for all."""
     if columns is None:
         return None
-    names = [columns] if isinstance(columns, str) else columns
-    return [_stored(file, name) for name in names if name not in ("X", "Y", "Z", "x", "y", "z")]
+    index = {a.name: i for i, a in enumerate(file.attributes)}
+    found = []
+    for name in [columns] if isinstance(columns, str) else columns:
+        if name in (*"XYZ", *"xyz", "xyz"):
+            continue
+        known = ALIASES.get(name, name)
+        packed = PARTS[known].of if known in PARTS else known
+        at = next((index[each] for each in (name, known, packed) if each in index), None)
+        if at is None:
+            there = ", ".join(file.dtype.names or ())
+            raise KeyError(f"{file.path}: has no column {name!r}; it has {there}")
+        found.append(at)
+    return found
 
 
-def _stored(file: File, name: str) -> str:
-    """Esker's name of the attribute that has a column."""
-    known = {a.name for a in file.attributes}
-    for each in (name, ALIASES.get(name, name)):
-        if each in known:
-            return each.split(":")[0]
-        if each in PARTS and PARTS[each].of in known:
-            return PARTS[each].of
-    there = ", ".join(file.dtype.names or ())
-    raise KeyError(f"{file.path}: has no column {name!r}; it has {there}")
-
-
-def open(path: Path) -> File:  # noqa: A001
+def open(path: Path) -> File:
     """Opens an ``.esker`` file, and the files that it names.
 
     ``path`` may be an address: ``https://``, ``s3://``, ``gs://`` or ``az://``. Only what is asked

@@ -107,7 +107,8 @@ def _ring(corners: Any) -> Ring:
     ring = np.asarray(corners, dtype=float)
     if ring.ndim != 2 or ring.shape[1] not in (2, 3):
         raise ValueError("a polygon has corners of x and y, such as [(0, 0), (4, 0), (0, 3)]")
-    return ring[:, :2].tolist()
+    flat: Ring = ring[:, :2].tolist()
+    return flat
 
 
 def _of_json(geometry: Mapping[str, Any]) -> list[list[Ring]]:
@@ -125,7 +126,11 @@ def _of_json(geometry: Mapping[str, Any]) -> list[list[Ring]]:
 
 
 def _of_text(text: str) -> list[list[Ring]]:
-    named = re.match(r"\s*(?:SRID=\d+;)?\s*(MULTI)?POLYGON\s*(?:Z|M|ZM)?\s*(\(.*\))\s*$", text, re.I | re.S)
+    named = re.match(
+        r"\s*(?:SRID=\d+;)?\s*(MULTI)?POLYGON\s*(?:Z|M|ZM)?\s*(\(.*\))\s*$",
+        text,
+        re.IGNORECASE | re.DOTALL,
+    )
     if named is None:
         numbers = re.split(r"[\s,;]+", text.strip())
         if len(numbers) % 2 or not all(re.fullmatch(_NUMBER, n) for n in numbers):

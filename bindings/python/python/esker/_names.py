@@ -101,10 +101,19 @@ SCAN_ANGLE_STEP = 0.006
 
 
 def described(attributes: list[tuple[str, str, float, float, str]]) -> list[Attribute]:
-    """Attributes from their native form. The second of two of one name gets that of its type."""
+    """Attributes from their native form.
+
+    The second of two of one name, and those with the name of coordinates or of a part of a packed
+    attribute, get that of their type.
+    """
+    packed = {name for name, dtype, *_ in attributes if np.dtype(dtype) == np.dtype("u1")}
+    taken = {
+        *("X", "Y", "Z", "x", "y", "z", "xyz"),
+        *(n for n, p in PARTS.items() if p.of in packed),
+    }
     found: list[Attribute] = []
     for name, dtype, scale, offset, description in attributes:
-        if any(a.name == name for a in found):
+        if name in taken or any(a.name == name for a in found):
             name = f"{name}:{np.dtype(dtype).name}"
         found.append(Attribute(name, np.dtype(dtype), scale, offset, description))
     return found

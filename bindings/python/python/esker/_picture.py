@@ -40,7 +40,9 @@ class Picture(np.ndarray):
     def png(self) -> bytes:
         """The bytes of a PNG file."""
         if self.ndim != 3 or self.shape[2] != 4 or self.dtype != np.uint8:
-            raise ValueError(f"a picture is height x width x 4 of uint8, not {self.shape} of {self.dtype}")
+            raise ValueError(
+                f"a picture is height x width x 4 of uint8, not {self.shape} of {self.dtype}"
+            )
         height, width, _ = self.shape
         return _esker.png(np.ascontiguousarray(self).tobytes(), width, height)
 
@@ -83,7 +85,7 @@ def render(
         size: Width and height in pixels; 1024 x 1024 by default.
         camera: ``"eye=x,y,z;target=x,y,z;fovy=60"`` or the same as a dict; fitted by default.
         method: ``"auto"`` (default), ``"points"``, ``"pull-push"``, ``"ewa"`` or ``"lit"``.
-        colour: What gives points their colour, as ``"elevation"``, ``"rgb"``, ``"intensity:0..400"``.
+        colour: What gives points their colour: ``"rgb"``, ``"elevation"``, ``"intensity:0..400"``.
         outputs: Images to return beside the colours, in a dict with ``"colour"``. ``"depth"``:
             eye depth in the file's unit, ``float32``, infinite where nothing is drawn.
             ``"normal"``: unit normal of the shown surface on the side of the eye, height x width x
@@ -111,7 +113,9 @@ def render(
     wanted = [outputs] if isinstance(outputs, str) else list(outputs)
     for name in wanted:
         if name not in (*_OUTPUTS, "colour"):
-            raise ValueError(f"there is no output {name!r}; there are colour, {', '.join(_OUTPUTS)}")
+            raise ValueError(
+                f"there is no output {name!r}; there are colour, {', '.join(_OUTPUTS)}"
+            )
     request = {
         "size": size,
         "camera": _camera(camera),

@@ -10,7 +10,7 @@ import numpy as np
 from ._names import ALIASES, PARTS, PDAL, SCAN_ANGLE_STEP, Attribute, part_of, unpacked
 
 
-class Points(Mapping):
+class Points(Mapping[str, np.ndarray]):
     """Points of a query: a mapping from names to NumPy columns.
 
     Columns are as stored, and are not copied on their way from the file: ``X``, ``Y`` and ``Z`` are
@@ -73,7 +73,7 @@ class Points(Mapping):
         KeyError: "there is no column 'colour'; there are X, Y, Z, gps_time, ..."
         """
         if name in ("X", "Y", "Z"):
-            return getattr(self, name)
+            return {"X": self.X, "Y": self.Y, "Z": self.Z}[name]
         if name in ("x", "y", "z"):
             return self._axis("xyz".index(name))
         for known in (name, ALIASES.get(name, name)):
@@ -91,8 +91,11 @@ class Points(Mapping):
 
     def _axis(self, axis: int, out: np.ndarray | None = None) -> np.ndarray:
         steps = (self.X, self.Y, self.Z)[axis]
-        out = np.multiply(steps, self.scale[axis], out=out)
-        return np.add(out, self.offset[axis], out=out)
+        if out is None:
+            out = np.empty(len(self))
+        np.multiply(steps, self.scale[axis], out=out)
+        np.add(out, self.offset[axis], out=out)
+        return out
 
     @property
     def x(self) -> np.ndarray:
@@ -130,7 +133,8 @@ class Points(Mapping):
         for attribute in self.attributes:
             if attribute.name == ALIASES.get(name, name):
                 scale, offset = attribute.scale, attribute.offset
-                if (attribute.name, attribute.dtype, scale) == ("scan_angle", np.int16, 1.0):
+                is_angle = attribute.name == "scan_angle" and attribute.dtype == np.int16
+                if is_angle and scale == 1.0:
                     scale = SCAN_ANGLE_STEP
                 return values * scale + offset
         return values.astype(float)
@@ -149,7 +153,7 @@ class Points(Mapping):
         out = np.empty(len(self), dtype=dtype)
         for axis, name in enumerate("XYZ"):
             out[name] = self._axis(axis) if names == "pdal" else self[name]
-        for own, theirs in zip(self._unpacked, dtype.names[3:]):
+        for own, theirs in zip(self._unpacked, (dtype.names or ())[3:]):
             out[theirs] = self[own]
         return out
 

@@ -132,15 +132,15 @@ pub struct PointQuery {
 }
 
 impl PointQuery {
-    /// Chooses the points of `forest` that `filter` accepts, and the attributes called `columns`,
-    /// or all. They are read on `threads` threads (0: one a core).
+    /// Chooses the points of `forest` that `filter` accepts, and the attributes `columns` (indices of
+    /// its schema), or all. They are read on `threads` threads (0: one a core).
     ///
     /// # Errors
     /// If the filter is wrong, there is no such attribute, or the file is damaged.
     pub fn new(
         forest: Arc<Forest>,
         filter: &Filter,
-        columns: Option<&[String]>,
+        columns: Option<&[usize]>,
         threads: usize,
     ) -> Result<Self> {
         let wanted = chosen(&forest, columns)?;
@@ -207,8 +207,8 @@ impl PointQuery {
 }
 
 /// Reads single points, each given by its node and its index in it
-/// ([`crate::draw::layers::Layers::points`]), in the order given; with the attributes called
-/// `columns`, or all, which are returned too.
+/// ([`crate::draw::layers::Layers::points`]), in the order given; with the attributes
+/// `columns` (indices of the schema), or all, which are returned too.
 ///
 /// # Errors
 /// If there is no such point or attribute, a file cannot be read or is damaged, or `task` is
@@ -216,7 +216,7 @@ impl PointQuery {
 pub fn read_points(
     forest: &Forest,
     places: &[[u32; 2]],
-    columns: Option<&[String]>,
+    columns: Option<&[usize]>,
     threads: usize,
     task: &dyn Task,
 ) -> Result<(Vec<Attribute>, PointColumns)> {
@@ -229,33 +229,15 @@ pub fn read_points(
     Ok((attributes.collect(), points))
 }
 
-/// Indices of the attributes called `names`, or of all.
-fn chosen(forest: &Forest, names: Option<&[String]>) -> Result<Vec<usize>> {
-    match names {
-        None => Ok((0..forest.schema().attributes.len()).collect()),
-        Some(names) => indices(forest, names),
+/// Indices of the attributes that are wanted, ascending and each once; of all by default.
+fn chosen(forest: &Forest, columns: Option<&[usize]>) -> Result<Vec<usize>> {
+    let count = forest.schema().attributes.len();
+    let Some(columns) = columns else { return Ok((0..count).collect()) };
+    if let Some(beyond) = columns.iter().find(|&&column| column >= count) {
+        let path = forest.path().display();
+        bail!("{path}: has no attribute {beyond}; it has {count} attributes");
     }
-}
-
-/// Indices of the attributes of `forest` that are called `names`, each once. A name stands for all
-/// attributes that have it.
-fn indices(forest: &Forest, names: &[String]) -> Result<Vec<usize>> {
-    let schema = forest.schema();
-    let mut wanted = Vec::new();
-    for name in names {
-        let Some(found) = schema.find_named(name) else {
-            let path = forest.path().display();
-            match schema.names() {
-                known if known.is_empty() => {
-                    bail!("{path}: has no attribute `{name}`: its points have none")
-                }
-                known => bail!("{path}: has no attribute `{name}`; it has {}", known.join(", ")),
-            }
-        };
-        let key = &schema.attributes[found.index].name;
-        let alike = schema.attributes.iter().enumerate().filter(|(_, a)| a.name == *key);
-        wanted.extend(alike.map(|(index, _)| index));
-    }
+    let mut wanted = columns.to_vec();
     wanted.sort_unstable();
     wanted.dedup();
     Ok(wanted)
