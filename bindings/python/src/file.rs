@@ -126,8 +126,8 @@ impl File {
         Ok((described(py, &attributes)?, arrays(py, points)?))
     }
 
-    /// Begins a query of the points that `filter` accepts, with the attributes `columns` (indices of
-    /// [`File::attributes`]), or all.
+    /// Begins a query of the points that `filter` accepts, with the attributes `columns` (indices
+    /// of [`File::attributes`]), or all.
     #[pyo3(signature = (filter, columns=None, threads=0))]
     fn query(
         &self,

@@ -7,7 +7,6 @@ use crate::codec::{self, Codec, Encoding, Scratch};
 use crate::directory::{Directory, Entry};
 use crate::error::Fault;
 use crate::layout::{ALIGNMENT, AttributePlane, PageLayout, PlaneKind};
-use crate::part::Wanted;
 use crate::planes::Values;
 use crate::points::PagePoints;
 use esker_points::clip::CLIP_BYTES;
@@ -179,14 +178,15 @@ impl Page<'_> {
         Ok(points)
     }
 
-    /// Positions, classes and the `wanted` columns of some of the points.
+    /// Positions and classes of some of the points, and the columns of the attributes at which
+    /// `wanted` is true.
     ///
     /// # Errors
     /// As [`Page::points_in`].
     pub(crate) fn part_in(
         &self,
         range: Range<usize>,
-        wanted: &Wanted,
+        wanted: &[bool],
     ) -> Result<PagePoints, Fault> {
         let range = range.start.min(self.points)..range.end.min(self.points);
         let plane = |kind| Ok::<_, Fault>(self.plane_in(kind, range.clone())?.unwrap_or_default());
@@ -194,7 +194,7 @@ impl Page<'_> {
         let residual = plane(PlaneKind::Residual)?;
         let positions = self.positions(&position, &residual)?;
         let classes = self.classes(&plane(PlaneKind::Class)?)?;
-        let columns = self.columns(&classes, &range, Some(&wanted.attributes))?;
+        let columns = self.columns(&classes, &range, Some(wanted))?;
         Ok(PagePoints { positions, classes, columns, ..PagePoints::default() })
     }
 

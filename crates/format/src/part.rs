@@ -13,7 +13,7 @@ use std::ops::Range;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wanted {
     /// Whether each attribute of the schema is read.
-    pub(crate) attributes: Vec<bool>,
+    attributes: Vec<bool>,
     /// Planes to read.
     kinds: Vec<PlaneKind>,
 }
@@ -64,7 +64,7 @@ impl EskerFile {
         wanted: &Wanted,
     ) -> Result<PagePoints, FormatError> {
         let page = self.read_page_of(node, &wanted.kinds)?;
-        page.part_in(range, wanted).map_err(|fault| self.damaged_page(node, fault))
+        page.part_in(range, &wanted.attributes).map_err(|fault| self.damaged_page(node, fault))
     }
 
     /// Says which bytes [`EskerFile::read_part`] reads of these nodes next: their pages, if most of

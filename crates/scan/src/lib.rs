@@ -1,9 +1,9 @@
 //! Decodes scan formats to columnar batches on the lattice, encodes batches as scan formats
 //! ([`mod@write`]), and reads triangle meshes ([`mesh`]). Only this crate knows LAS, LAZ, PLY, PCD,
 //! E57, PTX, OBJ and text. Formats are recognised by content, never by file name; only generated
-//! scans ([`synthetic`]) and meshes are named, and points of programs ([`given`]) have no file. All but LAS, LAZ and E57 may be compressed as a
-//! whole, with zstd or gzip. The grids of the last column are described in
-//! `docs/design/scans.md`.
+//! scans ([`synthetic`]) and meshes are named, and points of programs ([`given`]) have no file. All
+//! but LAS, LAZ and E57 may be compressed as a whole, with zstd or gzip. The grids of the last
+//! column are described in `docs/design/scans.md`.
 //!
 //! | format | what is read | grid of coordinates |
 //! |---|---|---|

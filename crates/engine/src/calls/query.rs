@@ -132,8 +132,8 @@ pub struct PointQuery {
 }
 
 impl PointQuery {
-    /// Chooses the points of `forest` that `filter` accepts, and the attributes `columns` (indices of
-    /// its schema), or all. They are read on `threads` threads (0: one a core).
+    /// Chooses the points of `forest` that `filter` accepts, and the attributes `columns` (indices
+    /// of its schema), or all. They are read on `threads` threads (0: one a core).
     ///
     /// # Errors
     /// If the filter is wrong, there is no such attribute, or the file is damaged.

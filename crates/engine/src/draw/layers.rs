@@ -27,8 +27,8 @@ pub const NO_POINT: [u32; 2] = [u32::MAX; 2];
 pub struct Layers {
     /// Unit normal of the shown surface, on the side of the eye, on the axes of the file (in metres
     /// where these are degrees): that of the plane through neighbouring pixels of about its depth.
-    /// It looks to the eye where a pixel has no such neighbours, and is not a number where nothing is
-    /// drawn.
+    /// It looks to the eye where a pixel has no such neighbours, and is not a number where nothing
+    /// is drawn.
     pub normals: Vec<[f32; 3]>,
     /// Node and index in it of the nearest point that falls on the pixel and is not behind the
     /// shown surface; [`NO_POINT`] where there is none, as between the points of a surface.
