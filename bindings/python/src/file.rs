@@ -4,6 +4,7 @@ use crate::arguments::Filter;
 use crate::errors::{exception, wrong};
 use crate::work::{allow_addresses, run};
 use esker_engine::calls::query::{PointColumns, PointGrid, PointQuery, read_points};
+use esker_engine::io::file::open_tree;
 use esker_engine::{Attribute, Forest, Task};
 use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -11,7 +12,7 @@ use pyo3::types::{PyDict, PyList};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// An open `.esker` file, with the files that it names.
+/// An open `.esker` file, with the files that it names, or an open COPC file.
 #[pyclass(frozen, module = "esker._esker")]
 pub struct File {
     pub forest: Arc<Forest>,
@@ -25,7 +26,7 @@ impl File {
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let open = |_: &dyn Task| {
             allow_addresses([path.as_path()]);
-            Ok(Arc::new(Forest::open(&path)?))
+            Ok(Arc::new(open_tree(&path)?))
         };
         let (forest, _) = run(py, None, open)?;
         let grid = PointGrid::of(&forest);
@@ -52,7 +53,7 @@ impl File {
     /// Least and greatest coordinates.
     #[getter]
     fn bounds(&self) -> Option<[[f64; 3]; 2]> {
-        self.forest.bounds().map(|corners| corners.map(|corner| self.grid.world(corner)))
+        self.forest.exact_bounds().map(|corners| corners.map(|corner| self.grid.world(corner)))
     }
 
     #[getter]
@@ -90,7 +91,12 @@ impl File {
             levels.push(above.map_or(0, |level| level.saturating_add(1)));
         }
         let corner = |corner: fn(&[[u32; 3]; 2]) -> [u32; 3]| {
-            let of = nodes.iter().flat_map(|n| self.grid.world(corner(&n.own_box())));
+            // Nodes of COPC files are on a lattice of their own.
+            let world = |corner| match self.forest.is_growing() {
+                true => self.forest.lattice().world(corner),
+                false => self.grid.world(corner),
+            };
+            let of = nodes.iter().flat_map(|n| world(corner(&n.own_box())));
             of.collect::<Vec<f64>>()
         };
         columns.set_item("level", levels.into_pyarray(py))?;

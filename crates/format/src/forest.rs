@@ -275,6 +275,20 @@ impl Forest {
         if self.is_growing() { self.trees[0].file.exact_lattice() } else { self.lattice }
     }
 
+    /// Least and greatest coordinates of all points on [`Forest::exact_lattice`]; `None` if there
+    /// is no point. Those of a tree that grows are the stated ones.
+    pub fn exact_bounds(&self) -> Option<[[u32; 3]; 2]> {
+        let bounds = self.bounds()?;
+        if !self.is_growing() {
+            return Some(bounds);
+        }
+        let exact = self.exact_lattice();
+        Some(bounds.map(|corner| {
+            let world = self.lattice.world(corner);
+            [0, 1, 2].map(|axis| exact.steps_axis(axis, world[axis]).round() as u32)
+        }))
+    }
+
     /// Metric lattice of all trees, on which lengths are measured and views are given.
     pub fn metric(&self) -> &Lattice {
         &self.metric

@@ -33,7 +33,7 @@ struct Step {
     run: fn(&mut Tally) -> anyhow::Result<()>,
 }
 
-const STEPS: [Step; 12] = [
+const STEPS: [Step; 13] = [
     Step { name: "fmt", about: "formatting", run: |_| fmt::check() },
     Step {
         name: "lint",

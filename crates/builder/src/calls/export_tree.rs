@@ -147,17 +147,7 @@ impl TreeExport<'_> {
         };
         let mut points = page.points_in(selected.run.clone()).map_err(damaged)?;
         drop(page);
-        if let Some(exact) = self.file.exact_positions(selected.node)? {
-            let exact = exact.get(selected.run.clone()).filter(|exact| exact.len() == points.len());
-            let count = points.len();
-            points.positions = exact.map(<[_]>::to_vec).unwrap_or_default();
-            if points.len() != count {
-                let path = self.file.path().display();
-                return Err(BuildError::Differs(format!(
-                    "{path}: it was changed while it was read"
-                )));
-            }
-        }
+        make_exact(self.file, selected.node, selected.run.clone(), &mut points)?;
         let mut read = points.len() as u64;
         if let Some(cell) = selected.within {
             let kept: Vec<bool> = points.positions.iter().map(|&p| cell.contains(p)).collect();
@@ -169,6 +159,26 @@ impl TreeExport<'_> {
         let batch = batch(self.file, points, &self.schema, &self.own, self.colours.as_deref());
         Ok(EncodedNode { encoded: self.encode.encode(&batch), hash, read })
     }
+}
+
+/// Gives the points of a run of a node the coordinates of [`EskerFile::exact_lattice`].
+///
+/// # Errors
+/// If they cannot be read, or are not as many.
+pub(super) fn make_exact(
+    file: &EskerFile,
+    node: u32,
+    run: Range<usize>,
+    points: &mut PagePoints,
+) -> Result<(), BuildError> {
+    let Some(exact) = file.exact_positions(node)? else { return Ok(()) };
+    let exact = exact.get(run).filter(|exact| exact.len() == points.len());
+    let changed = || {
+        let path = file.path().display();
+        BuildError::Differs(format!("{path}: it was changed while it was read"))
+    };
+    points.positions = exact.ok_or_else(changed)?.to_vec();
+    Ok(())
 }
 
 /// Removes the points of a node that do not pass `filter`. The columns of the attributes that it

@@ -4,7 +4,7 @@
 //! are wanted. A group is bounded, whatever the size of the file.
 
 use crate::calls::export_tree::{
-    SelectedNode, filter_points, groups, own_attributes, select_nodes,
+    SelectedNode, filter_points, groups, make_exact, own_attributes, select_nodes,
 };
 use crate::error::BuildError;
 use esker_format::{EskerFile, Forest, Wanted, runs};
@@ -20,7 +20,7 @@ const READ_AHEAD: usize = 32;
 /// Points as columns.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct QueryPoints {
-    /// Lattice coordinates.
+    /// Coordinates on [`Forest::exact_lattice`].
     pub positions: Vec<[u32; 3]>,
     /// Raw little-endian values of the wanted attributes, in their order; zeros where the scan of a
     /// point lacks one.
@@ -57,7 +57,7 @@ impl Query {
         let wrong = |e: esker_points::FilterError| {
             BuildError::Options(format!("{}: {e}", forest.path().display()))
         };
-        let filter = filter.on(forest.lattice(), forest.schema()).map_err(wrong)?;
+        let filter = filter.on(&forest.exact_lattice(), forest.schema()).map_err(wrong)?;
         let attributes = &forest.schema().attributes;
         let wanted: Vec<_> = wanted.iter().filter_map(|&i| attributes.get(i)).cloned().collect();
         let sizes = wanted.iter().map(|a| a.ty.size()).collect();
@@ -142,6 +142,7 @@ impl Query {
             return Ok(QueryPoints::default());
         };
         let mut points = file.read_part(node.node, node.run.clone(), &tree.wanted)?;
+        make_exact(file, node.node, node.run.clone(), &mut points)?;
         filter_points(file, &self.filter, node, &mut points)?;
         let count = points.len();
         let of = |(own, size): (&Option<usize>, &usize)| match own {
@@ -240,7 +241,8 @@ fn read_places(
         if of_run.is_empty() {
             continue;
         }
-        let points = file.read_part(index, run.clone(), &wanted)?;
+        let mut points = file.read_part(index, run.clone(), &wanted)?;
+        make_exact(file, index, run.clone(), &mut points)?;
         for &i in of_run {
             let at = places[i][1] as usize - run.start;
             found.positions.push(points.positions[at]);

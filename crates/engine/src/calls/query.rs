@@ -25,11 +25,11 @@ impl PointGrid {
     /// Grid of a file: that of its scans, if all points have steps of 32 bits on it, as those of
     /// LAS do; otherwise one that is moved by whole steps.
     pub fn of(forest: &Forest) -> Self {
-        let lattice = forest.lattice();
+        let lattice = forest.exact_lattice();
         let own = |axis: usize| lattice.shift[axis].checked_sub(ORIGIN);
         let fits = |axis: usize| {
             let Some(moved) = own(axis) else { return false };
-            let corners = forest.bounds().unwrap_or_default();
+            let corners = forest.exact_bounds().unwrap_or_default();
             corners.iter().all(|corner| {
                 let step = i64::from(corner[axis]).checked_add(moved);
                 step.is_some_and(|step| i32::try_from(step).is_ok())
@@ -144,6 +144,9 @@ impl PointQuery {
         threads: usize,
     ) -> Result<Self> {
         let wanted = chosen(&forest, columns)?;
+        // The spacings of nodes that were not read yet are estimates.
+        let is_known = filter.max_spacing.is_none() || !forest.is_growing();
+        let forest = if is_known { forest } else { Arc::new(Forest::clone(&forest).grown(true)?) };
         let attributes: Vec<_> =
             wanted.iter().map(|&i| forest.schema().attributes[i].clone()).collect();
         let sizes: Vec<usize> = attributes.iter().map(|a| a.ty.size()).collect();

@@ -55,5 +55,17 @@ pub fn open_copc(path: &Path, options: &Options) -> Result<Option<Forest>> {
     Ok(Some(file.into()))
 }
 
+/// Opens what has a tree: an `.esker` file with the files that it names, or a COPC file, with all
+/// of its octree.
+///
+/// # Errors
+/// If it cannot be read, is damaged, or has no tree.
+pub fn open_tree(path: &Path) -> Result<Forest> {
+    match open_copc(path, &Options::default())? {
+        Some(forest) => Ok(forest.grown(false)?),
+        None => Ok(Forest::open(path)?),
+    }
+}
+
 /// Most bytes of decoded chunks of a COPC file that are kept.
 const COPC_CACHE_BYTES: u64 = esker_builder::copc::CACHE_BYTES;
