@@ -15,6 +15,7 @@ mod shared;
 mod view;
 
 use clap::Parser;
+use esker_engine::io::address::shown_argument;
 use esker_engine::io::visible::visible;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -22,10 +23,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 fn main() -> ExitCode {
     esker_engine::hide_caught_panics();
-    let args = args::Args::parse();
-    #[cfg(feature = "remote")]
-    esker_remote::install(esker_remote::Disk::of_user());
+    let args = args::Args::parse_from(std::env::args_os().map(shown_argument));
     let stop = Arc::new(AtomicBool::new(false));
+    #[cfg(feature = "remote")]
+    esker_remote::install(
+        esker_remote::Disk::of_user(),
+        esker_remote::Pool::new(esker_remote::Limits::default(), stop.clone()),
+    );
     let flag = stop.clone();
     // A second Ctrl-C ends the program at once, which leaves no file under its final name.
     let handler = ctrlc::set_handler(move || {

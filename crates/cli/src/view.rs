@@ -3,6 +3,7 @@
 //! window library.
 
 use anyhow::{Context, Result, anyhow};
+use esker_engine::io::address::whole;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -33,7 +34,9 @@ pub fn run(view: &View) -> Result<ExitCode> {
             program.display()
         ));
     }
-    let status = Command::new(&program).args(&view.arguments).status();
+    // The window hides secrets of addresses itself.
+    let arguments = view.arguments.iter().map(|argument| whole(Path::new(argument)));
+    let status = Command::new(&program).args(arguments).status();
     let status = status.with_context(|| format!("{}: cannot be started", program.display()))?;
     // A process that was ended by a signal has no code.
     Ok(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1).into())

@@ -11,8 +11,8 @@ use crate::layout::PlaneKind;
 use crate::metadata::{TREES_MAX, TreeRef};
 use crate::normals::Normals;
 use crate::reader::{EskerFile, Planes};
+use esker_points::address::{beside, is_below, is_remote};
 use esker_points::palette::Palette;
-use esker_points::read_at::{beside, is_remote};
 use esker_points::{Lattice, Node, NodeName, NodeTable, Schema};
 use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
@@ -453,6 +453,11 @@ impl Forest {
         self.will_read(&ranges.collect::<Vec<_>>());
     }
 
+    /// Makes reads of the files that are waiting now fail, because those who need them end.
+    pub fn interrupt(&self) {
+        self.files().for_each(EskerFile::interrupt);
+    }
+
     /// Number of threads that should read at the same time, if the places of the files tell.
     pub fn readers(&self) -> Option<usize> {
         self.files().filter_map(EskerFile::readers).max()
@@ -555,8 +560,11 @@ const STEPS_APART_MAX: f64 = (1u64 << 40) as f64;
 /// Opens a file that another names.
 fn open_named(path: &Path, at: &Path, tree: &TreeRef) -> Result<EskerFile, FormatError> {
     let fault = |fault: String| FormatError::Forest { path: path.into(), tree: at.into(), fault };
-    if is_remote(path) && Path::new(&tree.path).components().any(|c| c == Component::ParentDir) {
-        return Err(fault("lies in another folder, which is not opened at addresses".into()));
+    if is_remote(path) && !is_below(&tree.path) {
+        return Err(fault(
+            "is not beside the file that names it or below, which is not opened at addresses"
+                .into(),
+        ));
     }
     // Opening a pipe or a device may block for ever.
     if at.metadata().is_ok_and(|m| !m.is_file()) {

@@ -272,6 +272,11 @@ impl EskerFile {
         self.source.will_read(ranges);
     }
 
+    /// Makes reads that are waiting now fail, because those who need them end.
+    pub fn interrupt(&self) {
+        self.source.interrupt();
+    }
+
     /// Number of threads that should read at the same time, if the place of the file tells.
     pub fn readers(&self) -> Option<usize> {
         self.source.readers()

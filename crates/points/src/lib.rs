@@ -2,6 +2,7 @@
 //! batches of points, Morton codes, cells of the octree, the node table, the multiset hash,
 //! filters, and what counts as a file. This crate knows no file format, no thread and no device.
 
+pub mod address;
 pub mod attribute;
 mod batch;
 mod cell;

@@ -3,12 +3,14 @@
 //! [`set_remote`] was given (`esker_remote`). Nothing is ever mapped, so a file that is truncated
 //! while it is read gives an error, not a signal.
 
+use crate::address::whole;
+pub use crate::address::{beside, is_remote};
 use crate::place::no_file_at;
 use crate::positioned::read_exact_at;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 /// A source of bytes that is read by position, from any thread.
@@ -28,6 +30,9 @@ pub trait ReadAt: Send + Sync {
     /// Says what is read next, so that a source with long round trips fetches it at once. Files on
     /// this machine need no such word.
     fn will_read(&self, _ranges: &[Range<u64>]) {}
+
+    /// Makes reads that are waiting now fail, because those who need them end.
+    fn interrupt(&self) {}
 
     /// Number of threads that should read at the same time; `None` if the caller knows best.
     fn readers(&self) -> Option<usize> {
@@ -73,24 +78,6 @@ pub fn set_remote(opener: Opener) {
     let _ = REMOTE.set(opener);
 }
 
-/// Whether a path is an address: begins with a scheme, as `https://`.
-pub fn is_remote(path: &Path) -> bool {
-    let Some((scheme, _)) = path.to_str().and_then(|text| text.split_once("://")) else {
-        return false;
-    };
-    let is_of_scheme = |c: char| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.');
-    scheme.starts_with(|c: char| c.is_ascii_alphabetic()) && scheme.chars().all(is_of_scheme)
-}
-
-/// Path of a file that a file at `path` names relative to its folder. Addresses have `/` between
-/// names on all systems.
-pub fn beside(path: &Path, name: &str) -> PathBuf {
-    match path.to_str().filter(|_| is_remote(path)).and_then(|text| text.rsplit_once('/')) {
-        Some((folder, _)) => format!("{folder}/{name}").into(),
-        None => path.parent().unwrap_or(Path::new("")).join(name),
-    }
-}
-
 /// Opens what a path names: an address, or a file on this machine.
 ///
 /// # Errors
@@ -98,6 +85,7 @@ pub fn beside(path: &Path, name: &str) -> PathBuf {
 /// program opens addresses.
 pub fn open(path: &Path) -> io::Result<Arc<dyn ReadAt>> {
     if is_remote(path) {
+        let path = whole(path);
         let address = path.to_str().unwrap_or_default();
         let none = || {
             io::Error::other(
@@ -174,29 +162,6 @@ impl Seek for Input {
 #[allow(clippy::unwrap_used, reason = "tests may panic")]
 mod tests {
     use super::*;
-
-    #[test]
-    fn addresses_begin_with_a_scheme_and_nothing_else_does() {
-        for address in ["https://host/town.esker", "s3://bucket/a", "gs://b/c", "az://b/c"] {
-            assert!(is_remote(Path::new(address)), "{address}");
-        }
-        for path in
-            ["town.esker", "/a/b", "C:\\a", "a b://c", "://a", "1a://b", "synthetic:office:1M:1"]
-        {
-            assert!(!is_remote(Path::new(path)), "{path}");
-        }
-    }
-
-    #[test]
-    fn names_lie_beside_the_file_that_names_them() {
-        let of = |path: &str, name| beside(Path::new(path), name);
-        assert_eq!(
-            of("https://host/a/town.esker", "b/c.esker").to_str().unwrap(),
-            "https://host/a/b/c.esker"
-        );
-        assert_eq!(of("a/town.esker", "c.esker"), Path::new("a/c.esker"));
-        assert_eq!(of("town.esker", "c.esker"), Path::new("c.esker"));
-    }
 
     #[test]
     fn a_cursor_reads_what_the_source_has() {

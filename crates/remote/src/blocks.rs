@@ -1,6 +1,7 @@
 //! The blocks of a file that are in memory or on their way, and which are forgotten when there are
 //! too many.
 
+use crate::fetch::Fault;
 use bytes::Bytes;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -16,7 +17,7 @@ enum State {
     /// Its bytes, and when they were used last.
     Here(Bytes, u64),
     /// Why it could not be fetched.
-    Failed(String),
+    Failed(Fault),
 }
 
 /// What a reader gets of a block.
@@ -29,24 +30,27 @@ pub enum Block {
     /// Its bytes.
     Here(Bytes),
     /// Why it could not be fetched; it is absent then.
-    Failed(String),
+    Failed(Fault),
 }
 
 /// Blocks by their numbers.
 #[derive(Debug)]
 pub struct Blocks {
     states: HashMap<u64, State>,
-    /// Number of blocks with bytes, and the most.
+    /// Number of blocks with bytes.
     here: usize,
-    most: usize,
     clock: u64,
 }
 
 impl Blocks {
-    /// No blocks; at most about `bytes` of them are kept.
-    pub fn new(bytes: u64) -> Self {
-        let most = usize::try_from(bytes / BLOCK).unwrap_or(usize::MAX).max(1);
-        Self { states: HashMap::new(), here: 0, most, clock: 0 }
+    /// No blocks.
+    pub fn new() -> Self {
+        Self { states: HashMap::new(), here: 0, clock: 0 }
+    }
+
+    /// Number of blocks with bytes.
+    pub fn count(&self) -> u64 {
+        self.here as u64
     }
 
     /// What there is of a block. A failed one can be requested again.
@@ -60,19 +64,19 @@ impl Blocks {
                 Block::Here(bytes.clone())
             }
             Some(State::Failed(why)) => {
-                let why = std::mem::take(why);
+                let why = why.clone();
                 self.states.remove(&number);
                 Block::Failed(why)
             }
         }
     }
 
-    /// Marks the absent ones of some blocks, in rising order, as coming, and returns runs of them
-    /// to fetch: of at most `most` blocks, over gaps of a single block.
+    /// Marks the absent and failed ones of some blocks, in rising order, as coming, and returns runs
+    /// of them to fetch: of at most `most` blocks, over gaps of a single block.
     pub fn request(&mut self, numbers: impl Iterator<Item = u64>, most: u64) -> Vec<Range<u64>> {
         let mut runs: Vec<Range<u64>> = Vec::new();
         for number in numbers {
-            if self.states.contains_key(&number) {
+            if matches!(self.states.get(&number), Some(State::Coming | State::Here(..))) {
                 continue;
             }
             self.states.insert(number, State::Coming);
@@ -91,12 +95,13 @@ impl Blocks {
     }
 
     /// Takes the bytes of a block that was coming, and forgets those that were not used for longest
-    /// where there are too many.
-    pub fn put(&mut self, number: u64, bytes: Bytes) {
+    /// where there are more than about `most_bytes`.
+    pub fn put(&mut self, number: u64, bytes: Bytes, most_bytes: u64) {
+        let most = usize::try_from(most_bytes / BLOCK).unwrap_or(usize::MAX).max(1);
         self.clock += 1;
         let before = self.states.insert(number, State::Here(bytes, self.clock));
         self.here += usize::from(!matches!(before, Some(State::Here(..))));
-        if self.here <= self.most {
+        if self.here <= most {
             return;
         }
         // An eighth at a time, so that few searches are made.
@@ -105,7 +110,7 @@ impl Blocks {
             State::Here(_, used) => Some((*used, *number)),
             _ => None,
         }));
-        let leave = (self.here - self.most).max(self.most / 8);
+        let leave = (self.here - most).max(most / 8);
         let leave = leave.min(used.len().saturating_sub(1));
         used.sort_unstable();
         for (_, number) in &used[..leave] {
@@ -115,9 +120,9 @@ impl Blocks {
     }
 
     /// Notes why a block that was coming could not be fetched.
-    pub fn fail(&mut self, number: u64, why: &str) {
+    pub fn fail(&mut self, number: u64, why: &Fault) {
         if let Some(state @ State::Coming) = self.states.get_mut(&number) {
-            *state = State::Failed(why.to_owned());
+            *state = State::Failed(why.clone());
         }
     }
 }
@@ -126,42 +131,52 @@ impl Blocks {
 mod tests {
     use super::*;
 
+    fn gone() -> Fault {
+        Fault::Passing("gone".into())
+    }
+
     fn bytes() -> Bytes {
         Bytes::from_static(&[7])
     }
 
     #[test]
     fn runs_join_neighbours_and_pass_over_one_block_and_no_block_is_requested_twice() {
-        let mut blocks = Blocks::new(100 * BLOCK);
+        let mut blocks = Blocks::new();
         assert_eq!(blocks.request([1, 2, 4, 7, 8].into_iter(), 64), [1..5, 7..9]);
         assert_eq!(blocks.take(3), Block::Coming, "it comes along");
         assert_eq!(blocks.request([0, 1, 5].into_iter(), 64), [0..1, 5..6]);
         assert_eq!(blocks.request(10..20, 4), [10..14, 14..18, 18..20]);
-        blocks.put(0, bytes());
+        blocks.put(0, bytes(), 100 * BLOCK);
         assert_eq!(blocks.take(0), Block::Here(bytes()));
-        blocks.fail(1, "gone");
-        assert_eq!(blocks.take(1), Block::Failed("gone".into()));
+        blocks.fail(1, &gone());
+        assert_eq!(blocks.take(1), Block::Failed(gone()));
         assert_eq!(blocks.take(1), Block::Absent, "it may be tried again");
+        blocks.fail(2, &gone());
+        assert_eq!(
+            blocks.request([2, 3].into_iter(), 64),
+            [2..3],
+            "one that nobody waited for too"
+        );
         // What is here already stays although a run over it fails.
-        blocks.fail(0, "gone");
+        blocks.fail(0, &gone());
         assert_eq!(blocks.take(0), Block::Here(bytes()));
     }
 
     #[test]
     fn the_blocks_that_were_used_last_stay() {
-        let mut blocks = Blocks::new(16 * BLOCK);
+        let mut blocks = Blocks::new();
         for number in 0..1000 {
             blocks.request(std::iter::once(number), 1);
-            blocks.put(number, bytes());
+            blocks.put(number, bytes(), 16 * BLOCK);
             assert_eq!(blocks.take(0), Block::Here(bytes()), "{number}");
             assert!(blocks.here <= 16 && blocks.states.len() <= 16);
             assert_eq!(blocks.take(number), Block::Here(bytes()));
         }
-        let mut one = Blocks::new(1);
+        let mut one = Blocks::new();
         for number in 0..3 {
-            one.put(number, bytes());
+            one.put(number, bytes(), 1);
             assert_eq!(one.take(number), Block::Here(bytes()));
         }
-        assert_eq!(one.here, 1);
+        assert_eq!(one.count(), 1);
     }
 }

@@ -41,7 +41,7 @@ impl Disk {
     /// `None` if they cannot be kept. Removes other files that were not used for longest, where
     /// there are too many bytes.
     pub(crate) fn file(&self, address: &str, version: &str, size: u64) -> Option<DiskFile> {
-        std::fs::create_dir_all(&self.folder).ok()?;
+        self.make_folder().ok()?;
         let name = format!("{address}\n{version}\n{size}");
         let id = format!("{:032x}", xxh3_128(name.as_bytes()));
         self.make_room(&id);
@@ -49,6 +49,8 @@ impl Disk {
             let path = self.folder.join(format!("{id}.{ending}"));
             open_own(&path)
                 .or_else(|_| OpenOptions::new().read(true).write(true).create_new(true).open(&path))
+                // Another process has made it since.
+                .or_else(|_| open_own(&path))
         };
         let (blocks, sums) = (open("blocks").ok()?, open("sums").ok()?);
         // The time of its use, for the choice of what is removed.
@@ -56,6 +58,20 @@ impl Disk {
         // The other half is for other files.
         let left = (self.bytes_max / 2).saturating_sub(taken(&blocks));
         Some(DiskFile { blocks, sums, size, left: Mutex::new(left) })
+    }
+
+    /// Makes the folder. Files that only this user may fetch are nothing for others to read.
+    fn make_folder(&self) -> io::Result<()> {
+        if let Some(parent) = self.folder.parent() {
+            std::fs::create_dir_all(parent)?;
+        }
+        let mut builder = std::fs::DirBuilder::new();
+        #[cfg(unix)]
+        std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+        match builder.create(&self.folder) {
+            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => Err(error),
+            _ => Ok(()),
+        }
     }
 
     /// Removes files, but for those of `id`, until half of the room is free or none is left.
@@ -174,6 +190,52 @@ mod tests {
         assert_eq!(disk.file("https://host/b", "1", size).unwrap().read(1), None);
         write_all_at(&file.blocks, &[1], BLOCK + 5).unwrap();
         assert_eq!(file.read(1), None, "damaged");
+        // Files that others cut or emptied have nothing.
+        file.write(1, &[7; BLOCK as usize]);
+        file.blocks.set_len(BLOCK + 5).unwrap();
+        assert_eq!(file.read(1), None, "cut");
+        file.sums.set_len(0).unwrap();
+        assert_eq!(file.read(1), None, "empty");
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn nobody_else_reads_the_folder_and_one_that_cannot_be_made_is_done_without() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("esker").join("ranges");
+        Disk::new(place.clone(), 1 << 30).file("https://host/a", "1", 10).unwrap();
+        assert_eq!(place.metadata().unwrap().permissions().mode() & 0o777, 0o700);
+        let taken = folder.path().join("taken");
+        std::fs::write(&taken, "a file").unwrap();
+        assert!(Disk::new(taken.clone(), 1 << 30).file("https://host/a", "1", 10).is_none());
+        assert!(Disk::new(taken.join("x"), 1 << 30).file("https://host/a", "1", 10).is_none());
+    }
+
+    #[test]
+    fn processes_that_use_and_remove_the_same_files_read_what_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        std::thread::scope(|scope| {
+            for thread in 0..4 {
+                let folder = folder.path();
+                scope.spawn(move || {
+                    for i in 0..40 {
+                        // So small that each file that is opened removes others.
+                        let disk = Disk::new(folder.to_owned(), 8 * BLOCK);
+                        let number = (i + thread) % 3;
+                        let address = format!("https://host/{number}");
+                        let Some(file) = disk.file(&address, "1", 4 * BLOCK) else { continue };
+                        let block = vec![number as u8 + 1; BLOCK as usize];
+                        for at in 0..4 {
+                            if let Some(read) = file.read(at) {
+                                assert_eq!(read, block);
+                            }
+                            file.write(at, &block);
+                        }
+                    }
+                });
+            }
+        });
     }
 
     #[test]

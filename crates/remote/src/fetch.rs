@@ -1,28 +1,45 @@
-//! Fetches runs of blocks: from the disk, else by one request for a range, which is repeated where
-//! it may succeed the next time. An answer has to be of the same version of the file and complete.
+//! Fetches ranges of a file by requests, which are repeated where they may succeed the next time.
+//! An answer has to be of the same version of the file, complete, and not encoded.
 
-use crate::blocks::BLOCK;
 use bytes::Bytes;
 use futures_util::TryStreamExt;
 use object_store::path::Path;
-use object_store::{GetOptions, GetRange, GetResult, ObjectMeta, ObjectStore};
+use object_store::{Attribute, GetOptions, GetRange, GetResult, ObjectMeta, ObjectStore};
+use std::error::Error;
 use std::io;
 use std::ops::Range;
-use std::time::Duration;
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
 
-/// Attempts at a request whose answer was cut, stalled or of another length. Refused ones are
-/// repeated by the store.
-const ATTEMPTS: u32 = 5;
-/// Wait before the second attempt; doubled each time.
+/// Attempts at a request.
+const ATTEMPTS: u32 = 6;
+/// Longest wait before the second attempt; doubled each time.
 const WAIT: Duration = Duration::from_millis(100);
+/// Longest waits for an answer, together, after which there is no other attempt.
+const ANSWERS: u32 = 2;
+/// Rate below which a server counts as one that stalls, bytes a second.
+const RATE_MIN: u64 = 8 << 10;
+/// Seconds that a file has to be unchanged for its time to tell its version: servers give times in
+/// seconds, and clocks differ.
+const SETTLED_S: i64 = 60;
 
 /// Why a range was not fetched.
-#[derive(Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
     /// It may be there the next time.
     Passing(String),
     /// It will not.
     Lasting(io::ErrorKind, String),
+}
+
+impl Fault {
+    /// The file is another one than when it was opened.
+    pub fn changed() -> Self {
+        Self::Lasting(
+            io::ErrorKind::StaleNetworkFileHandle,
+            "it has changed since it was opened; open it again".into(),
+        )
+    }
 }
 
 impl From<Fault> for io::Error {
@@ -42,7 +59,9 @@ impl From<object_store::Error> for Fault {
             Error::NotFound { .. } => Self::Lasting(NotFound, "there is no such file".into()),
             Error::PermissionDenied { .. } | Error::Unauthenticated { .. } => Self::Lasting(
                 PermissionDenied,
-                "the server refuses it: give credentials by the variables of the environment".into(),
+                "the server refuses it: credentials come from the variables of the environment, \
+                 and signed addresses expire"
+                    .into(),
             ),
             Error::NotSupported { .. } => Self::Lasting(
                 Unsupported,
@@ -50,73 +69,71 @@ impl From<object_store::Error> for Fault {
                  would have to be fetched: download the file and open that, or use another server"
                     .into(),
             ),
-            Error::Precondition { .. } => Self::Lasting(Other, CHANGED.into()),
+            Error::Precondition { .. } => Self::changed(),
             _ => {
-                // Chains of errors repeat the address, and may have parts of what was sent.
-                let text = deepest(&error);
-                Self::Passing(format!("the server does not answer as it should: {text}"))
+                let what = format!("the server does not answer as it should: {}", deepest(&error));
+                match status(&error) {
+                    // Too many requests, or a wait that was too long.
+                    Some(408 | 425 | 429) | None => Self::Passing(what),
+                    Some(status) if status < 500 => Self::Lasting(Other, what),
+                    Some(_) => Self::Passing(what),
+                }
             }
         }
     }
 }
 
-/// What is wrong with a file that is another one than when it was opened.
-pub const CHANGED: &str = "it has changed since it was opened; open it again";
-
-/// The last cause of an error, in one line.
-fn deepest(error: &dyn std::error::Error) -> String {
+/// The last cause of an error, in one line. The causes before it repeat the address, which may have
+/// a signature.
+pub fn deepest(error: &dyn Error) -> String {
     let mut last = error;
     while let Some(cause) = last.source() {
         last = cause;
     }
-    last.to_string().lines().next().unwrap_or_default().to_owned()
+    let text = last.to_string();
+    text.lines().next().unwrap_or_default().trim_end_matches([':', ' ']).to_owned()
+}
+
+/// Status of the answer that is behind an error.
+fn status(error: &object_store::Error) -> Option<u16> {
+    let text = deepest(error);
+    text.strip_prefix("Server returned non-2xx status code: ")?.get(..3)?.parse().ok()
 }
 
 /// A file in a store.
 pub struct Fetcher {
-    store: std::sync::Arc<dyn ObjectStore>,
+    store: Arc<dyn ObjectStore>,
     path: Path,
+    /// Longest wait for an answer.
+    answer: Duration,
 }
 
 impl Fetcher {
     /// A file at a path; nothing is read.
-    pub fn new(store: std::sync::Arc<dyn ObjectStore>, path: Path) -> Self {
-        Self { store, path }
+    pub fn new(store: Arc<dyn ObjectStore>, path: Path, answer: Duration) -> Self {
+        Self { store, path, answer }
     }
 
     /// What the store says of the file, and its first bytes, at most `most` of them.
-    pub async fn head(&self, most: u64) -> Result<(ObjectMeta, Bytes), Fault> {
-        let mut wait = WAIT;
-        for _ in 1..ATTEMPTS {
-            match self.head_once(most).await {
-                Err(Fault::Passing(_)) => tokio::time::sleep(wait).await,
-                done => return done,
-            }
-            wait *= 2;
-        }
-        self.head_once(most).await
+    pub async fn head(&self, most: u64) -> Result<(ObjectMeta, Vec<u8>), Fault> {
+        self.repeated(most, || self.head_once(most)).await
     }
 
-    async fn head_once(&self, most: u64) -> Result<(ObjectMeta, Bytes), Fault> {
+    async fn head_once(&self, most: u64) -> Result<(ObjectMeta, Vec<u8>), Fault> {
         match self.get(0..most).await {
-            Ok(result) => {
-                let (meta, range) = (result.meta.clone(), result.range.clone());
-                let bytes = body(result).await?;
-                let wanted = meta.size.min(most);
-                if bytes.len() as u64 != wanted || range != (0..wanted) {
-                    return Err(Fault::Passing("an answer of another length came".into()));
-                }
-                Ok((meta, bytes))
+            Ok(result) => Ok((result.meta.clone(), body(result).await?)),
+            // Servers refuse a range of an empty file, or ignore it.
+            Err(error) => {
+                let may_be_empty = matches!(error, object_store::Error::NotSupported { .. })
+                    || status(&error) == Some(416);
+                let meta = if may_be_empty { self.only_head().await } else { None };
+                let empty = meta.filter(|meta| meta.size == 0).map(|meta| (meta, Vec::new()));
+                empty.ok_or_else(|| error.into())
             }
-            // Some servers refuse a range of an empty file.
-            Err(fault) => match self.store_head().await {
-                Some(meta) if meta.size == 0 => Ok((meta, Bytes::new())),
-                _ => Err(fault.into()),
-            },
         }
     }
 
-    async fn store_head(&self) -> Option<ObjectMeta> {
+    async fn only_head(&self) -> Option<ObjectMeta> {
         let options = GetOptions { head: true, ..GetOptions::default() };
         self.store.get_opts(&self.path, options).await.ok().map(|result| result.meta)
     }
@@ -127,49 +144,89 @@ impl Fetcher {
     }
 
     /// Bytes of a range of the file that `of` describes.
-    pub async fn range(&self, range: Range<u64>, of: &ObjectMeta) -> Result<Bytes, Fault> {
-        let mut wait = WAIT;
-        for _ in 1..ATTEMPTS {
-            match self.range_once(range.clone(), of).await {
-                Err(Fault::Passing(_)) => tokio::time::sleep(wait).await,
+    pub async fn range(&self, range: Range<u64>, of: &ObjectMeta) -> Result<Vec<u8>, Fault> {
+        let bytes = range.end - range.start;
+        self.repeated(bytes, || self.range_once(range.clone(), of)).await
+    }
+
+    async fn range_once(&self, range: Range<u64>, of: &ObjectMeta) -> Result<Vec<u8>, Fault> {
+        let result = match self.get(range).await {
+            // The file ends before.
+            Err(error) if status(&error) == Some(416) => return Err(Fault::changed()),
+            result => result?,
+        };
+        if version(&result.meta) != version(of) || result.meta.size != of.size {
+            return Err(Fault::changed());
+        }
+        body(result).await
+    }
+
+    /// Makes a request of some bytes until it succeeds, cannot, or took too long.
+    async fn repeated<T, F>(&self, bytes: u64, once: impl Fn() -> F) -> Result<T, Fault>
+    where
+        F: Future<Output = Result<T, Fault>>,
+    {
+        let (mut waited, mut wait) = (Duration::ZERO, WAIT.min(self.answer / 10));
+        let longest = self.answer + Duration::from_secs(bytes / RATE_MIN);
+        let mut attempt = 1;
+        loop {
+            let start = Instant::now();
+            let done = match tokio::time::timeout(longest, once()).await {
+                Ok(done) => done,
+                Err(_) => Err(Fault::Passing("the server sends too slowly".into())),
+            };
+            waited += start.elapsed();
+            let may_repeat = attempt < ATTEMPTS && waited < ANSWERS * self.answer;
+            match done {
+                Err(Fault::Passing(_)) if may_repeat => tokio::time::sleep(wait).await,
                 done => return done,
             }
             wait *= 2;
+            attempt += 1;
         }
-        self.range_once(range, of).await
-    }
-
-    async fn range_once(&self, range: Range<u64>, of: &ObjectMeta) -> Result<Bytes, Fault> {
-        let result = self.get(range.clone()).await?;
-        if version(&result.meta) != version(of) || result.meta.size != of.size {
-            return Err(Fault::Lasting(io::ErrorKind::Other, CHANGED.into()));
-        }
-        let bytes = body(result).await?;
-        if bytes.len() as u64 != range.end - range.start {
-            return Err(Fault::Passing(format!(
-                "{} bytes came of {}",
-                bytes.len(),
-                range.end - range.start
-            )));
-        }
-        Ok(bytes)
     }
 }
 
-async fn body(result: GetResult) -> Result<Bytes, Fault> {
-    let parts: Vec<Bytes> = result.into_stream().try_collect().await?;
-    Ok(match &parts[..] {
-        [one] => one.clone(),
-        _ => parts.concat().into(),
-    })
+/// Bytes of an answer, which has to have as many as it says and no more.
+async fn body(result: GetResult) -> Result<Vec<u8>, Fault> {
+    let encoding = result.attributes.get(&Attribute::ContentEncoding).map(AsRef::<str>::as_ref);
+    if let Some(encoding) = encoding.filter(|name| !matches!(*name, "" | "identity")) {
+        let encoding: String = encoding.chars().filter(char::is_ascii_graphic).take(20).collect();
+        let what = format!(
+            "the server compresses it on the way (`Content-Encoding: {encoding}`), so that its \
+             bytes have no places: switch that off for this file"
+        );
+        return Err(Fault::Lasting(io::ErrorKind::Unsupported, what));
+    }
+    let wanted = usize::try_from(result.range.end - result.range.start).unwrap_or(usize::MAX);
+    let other = |came: usize| Fault::Passing(format!("{came} bytes came where {wanted} should"));
+    let mut bytes = Vec::new();
+    let mut parts = result.into_stream();
+    while let Some(part) = parts.try_next().await? {
+        let part: Bytes = part;
+        if bytes.len() + part.len() > wanted {
+            return Err(other(bytes.len() + part.len()));
+        }
+        bytes.extend_from_slice(&part);
+    }
+    if bytes.len() < wanted { Err(other(bytes.len())) } else { Ok(bytes) }
 }
 
-/// What tells one version of a file from another: its tag, or when it was changed.
+/// What tells one version of a file from another: its tag, or when it was changed. A weak tag is
+/// the same for files that a server takes for equal.
 pub fn version(meta: &ObjectMeta) -> String {
-    meta.e_tag.clone().unwrap_or_else(|| meta.last_modified.to_rfc3339())
+    let time = meta.last_modified.to_rfc3339();
+    match &meta.e_tag {
+        Some(tag) if tag.starts_with("W/") => format!("{tag} {time}"),
+        Some(tag) => tag.clone(),
+        None => time,
+    }
 }
 
-/// Bytes of the blocks of a run, of a file of `size` bytes.
-pub fn bytes_of(run: &Range<u64>, size: u64) -> Range<u64> {
-    (run.start * BLOCK).min(size)..(run.end * BLOCK).min(size)
+/// Whether no two versions of a file have the same [`version`], so that bytes can be kept for it.
+pub fn has_certain_version(meta: &ObjectMeta) -> bool {
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs());
+    let changed_s = meta.last_modified.timestamp();
+    let is_old = changed_s > 0 && i64::try_from(now).is_ok_and(|now| now - changed_s >= SETTLED_S);
+    is_old || meta.e_tag.as_ref().is_some_and(|tag| !tag.starts_with("W/"))
 }

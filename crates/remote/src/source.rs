@@ -4,7 +4,8 @@
 use crate::address;
 use crate::blocks::{BLOCK, Block, Blocks};
 use crate::disk::{Disk, DiskFile};
-use crate::fetch::{CHANGED, Fault, Fetcher, bytes_of, version};
+use crate::fetch::{Fault, Fetcher, has_certain_version, version};
+use crate::pool::{Limits, Pool};
 use crate::threads::runtime;
 use bytes::Bytes;
 use esker_points::read_at::ReadAt;
@@ -14,7 +15,6 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-use tokio::sync::Semaphore;
 
 /// Bytes that are requested at a time for one long read.
 const WINDOW: u64 = 8 << 20;
@@ -23,25 +23,8 @@ const AHEAD: u64 = 8 << 20;
 /// Bytes at the end of a file that are fetched when it is opened: footer and node table of a file
 /// of some ten million points.
 const TAIL: u64 = 256 << 10;
-
-/// How much is done at a time.
-#[derive(Clone, Copy, Debug)]
-pub struct Limits {
-    /// Requests that run at the same time, for one file.
-    pub requests: usize,
-    /// Most blocks of one request, of 64 KiB each.
-    pub blocks: u64,
-    /// Bytes in memory, for one file.
-    pub memory_bytes: u64,
-    /// Longest time for an answer.
-    pub answer: Duration,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self { requests: 16, blocks: 32, memory_bytes: 64 << 20, answer: Duration::from_secs(30) }
-    }
-}
+/// Time between two looks whether waiting is to end.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// A file at an address.
 pub struct Remote {
@@ -51,13 +34,16 @@ pub struct Remote {
 struct Shared {
     fetcher: Fetcher,
     meta: ObjectMeta,
-    limits: Limits,
+    pool: Arc<Pool>,
     blocks: Mutex<Blocks>,
     /// A block has come, or failed.
     came: Condvar,
     disk: Option<DiskFile>,
-    permits: Semaphore,
     has_changed: AtomicBool,
+    /// Nobody reads any more.
+    is_closed: AtomicBool,
+    /// How often waiting readers were told to give up.
+    interrupts: AtomicU64,
     /// Where the last read ended: one that begins there is followed by others.
     last_end: AtomicU64,
     /// Requests made, and bytes received.
@@ -67,34 +53,58 @@ struct Shared {
 
 impl Remote {
     /// Opens the file at an address by one request for its first block, and begins to fetch its
-    /// end.
+    /// end. It shares nothing with other files.
     ///
     /// # Errors
     /// If the address is invalid, there is no file, the server refuses it, does not answer, or
     /// sends no parts of files.
     pub fn open(address: &str, disk: Option<Arc<Disk>>, limits: Limits) -> io::Result<Self> {
+        Self::open_in(address, disk, &Arc::new(Pool::new(limits, Arc::default())))
+    }
+
+    /// Opens a file that shares requests and memory with others.
+    ///
+    /// # Errors
+    /// As for [`Remote::open`]; if the pool is stopped.
+    pub fn open_in(address: &str, disk: Option<Arc<Disk>>, pool: &Arc<Pool>) -> io::Result<Self> {
         let runtime = runtime()?;
-        let (store, path) = address::place(address, limits.answer)?;
-        let fetcher = Fetcher::new(store, path);
-        let (meta, head) = runtime.block_on(fetcher.head(BLOCK))?;
+        let (store, path) = address::place(address, pool.limits.answer)?;
+        let fetcher = Fetcher::new(store, path, pool.limits.answer);
+        let mut head = runtime.spawn(async move { (fetcher.head(BLOCK).await, fetcher) });
+        let head = runtime.block_on(async {
+            loop {
+                match tokio::time::timeout(LOOK_EVERY, &mut head).await {
+                    Ok(done) => return done.map_err(|_| io::Error::other(GIVEN_UP)),
+                    Err(_) if pool.is_stopped() => {
+                        head.abort();
+                        return Err(stopped());
+                    }
+                    Err(_) => {}
+                }
+            }
+        });
+        let (head, fetcher) = head?;
+        let (meta, head) = head?;
+        let disk = disk.filter(|_| has_certain_version(&meta));
         let disk = disk.and_then(|disk| disk.file(address, &version(&meta), meta.size));
-        let mut blocks = Blocks::new(limits.memory_bytes);
-        blocks.put(0, head.clone());
+        pool.opened();
+        let size = meta.size;
         let shared = Shared {
             fetcher,
-            limits,
-            blocks: Mutex::new(blocks),
+            meta,
+            pool: Arc::clone(pool),
+            blocks: Mutex::new(Blocks::new()),
             came: Condvar::new(),
             disk,
-            permits: Semaphore::new(limits.requests.max(1)),
             has_changed: AtomicBool::new(false),
+            is_closed: AtomicBool::new(false),
+            interrupts: AtomicU64::new(0),
             last_end: AtomicU64::new(u64::MAX),
             requests: AtomicU64::new(1),
             received: AtomicU64::new(head.len() as u64),
-            meta,
         };
+        shared.put([(0, Bytes::from(head))]);
         let remote = Self { shared: Arc::new(shared) };
-        let size = remote.shared.meta.size;
         remote.request(size.saturating_sub(TAIL)..size);
         Ok(remote)
     }
@@ -104,6 +114,11 @@ impl Remote {
         [self.shared.requests.load(Relaxed), self.shared.received.load(Relaxed)]
     }
 
+    /// Whether another file was found at the address.
+    pub fn has_changed(&self) -> bool {
+        self.shared.has_changed.load(Relaxed)
+    }
+
     /// Begins to fetch what is absent of a range.
     fn request(&self, range: Range<u64>) {
         let numbers = range.start / BLOCK..range.end.div_ceil(BLOCK);
@@ -111,37 +126,45 @@ impl Remote {
     }
 
     fn request_blocks(&self, numbers: impl Iterator<Item = u64>) {
-        let runs = self.shared.lock().request(numbers, self.shared.limits.blocks);
         let Ok(runtime) = runtime() else { return };
+        let runs = self.shared.lock().request(numbers, self.shared.pool.limits.blocks);
         for run in runs {
-            let shared = Arc::clone(&self.shared);
-            runtime.spawn(async move { shared.fetch(run).await });
+            let coming = Coming { shared: Arc::clone(&self.shared), run };
+            runtime.spawn(coming.fetch());
         }
     }
 
     /// Waits for a block.
     fn block(&self, number: u64) -> io::Result<Bytes> {
-        let mut blocks = self.shared.lock();
+        let shared = &self.shared;
+        let interrupts = shared.interrupts.load(Relaxed);
+        let mut blocks = shared.lock();
         loop {
             match blocks.take(number) {
                 Block::Here(bytes) => return Ok(bytes),
-                Block::Failed(why) if self.shared.has_changed.load(Relaxed) => {
-                    drop(why);
-                    return Err(io::Error::other(CHANGED));
-                }
-                Block::Failed(why) => return Err(io::Error::other(why)),
+                Block::Failed(fault) => return Err(fault.into()),
                 Block::Absent => {
                     drop(blocks);
                     self.request_blocks(number..number + 1);
-                    blocks = self.shared.lock();
+                    blocks = shared.lock();
                 }
                 Block::Coming => {
-                    let came = self.shared.came.wait(blocks);
-                    blocks = came.unwrap_or_else(PoisonError::into_inner);
+                    if shared.pool.is_stopped() || shared.interrupts.load(Relaxed) != interrupts {
+                        return Err(stopped());
+                    }
+                    let came = shared.came.wait_timeout(blocks, LOOK_EVERY);
+                    blocks = came.unwrap_or_else(PoisonError::into_inner).0;
                 }
             }
         }
     }
+}
+
+/// Message for blocks whose request ended without a result.
+const GIVEN_UP: &str = "the request was given up";
+
+fn stopped() -> io::Error {
+    io::Error::other("reading was stopped")
 }
 
 impl Shared {
@@ -149,45 +172,75 @@ impl Shared {
         self.blocks.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Fetches a run of blocks. Whatever happens, none stays on its way.
-    async fn fetch(self: Arc<Self>, run: Range<u64>) {
-        let Ok(_permit) = self.permits.acquire().await else { return };
-        let mut left = run.clone();
-        if self.disk.is_some() {
-            let (shared, numbers) = (Arc::clone(&self), run.clone());
+    /// Keeps blocks in memory, within the share of this file.
+    fn put(&self, blocks: impl IntoIterator<Item = (u64, Bytes)>) {
+        let mut all = self.lock();
+        let before = all.count();
+        for (number, bytes) in blocks {
+            all.put(number, bytes, self.pool.share());
+        }
+        let after = all.count();
+        self.pool.blocks.fetch_add(after.saturating_sub(before), Relaxed);
+        self.pool.blocks.fetch_sub(before.saturating_sub(after), Relaxed);
+    }
+}
+
+impl Drop for Shared {
+    fn drop(&mut self) {
+        let count = self.lock().count();
+        self.pool.blocks.fetch_sub(count, Relaxed);
+        self.pool.closed();
+    }
+}
+
+impl Drop for Remote {
+    fn drop(&mut self) {
+        self.shared.is_closed.store(true, Relaxed);
+    }
+}
+
+/// A run of blocks that is being fetched. Whatever happens, none stays on its way.
+struct Coming {
+    shared: Arc<Shared>,
+    run: Range<u64>,
+}
+
+impl Coming {
+    async fn fetch(self) {
+        let shared = &self.shared;
+        let Ok(_permit) = shared.pool.permits.acquire().await else { return };
+        if shared.is_closed.load(Relaxed) || shared.pool.is_stopped() {
+            return;
+        }
+        let mut left = self.run.clone();
+        if shared.disk.is_some() {
+            let (of, numbers) = (Arc::clone(shared), self.run.clone());
             let read = move || {
-                let read = |number| Some((number, shared.disk.as_ref()?.read(number)?));
+                let read = |number| Some((number, of.disk.as_ref()?.read(number)?.into()));
                 numbers.map_while(read).collect::<Vec<_>>()
             };
             let kept = tokio::task::spawn_blocking(read).await.unwrap_or_default();
             left.start += kept.len() as u64;
-            let mut blocks = self.lock();
-            kept.into_iter().for_each(|(number, bytes)| blocks.put(number, bytes.into()));
+            shared.put(kept);
         }
         if !left.is_empty() {
             self.fetch_from_server(left).await;
         }
-        self.came.notify_all();
     }
 
-    async fn fetch_from_server(self: &Arc<Self>, run: Range<u64>) {
-        let range = bytes_of(&run, self.meta.size);
-        self.requests.fetch_add(1, Relaxed);
-        let fetched = self.fetcher.range(range, &self.meta).await;
-        let mut blocks = self.lock();
-        match fetched {
+    async fn fetch_from_server(&self, run: Range<u64>) {
+        let shared = &self.shared;
+        let range = bytes_of(&run, shared.meta.size);
+        shared.requests.fetch_add(1, Relaxed);
+        match shared.fetcher.range(range, &shared.meta).await {
             Ok(bytes) => {
-                self.received.fetch_add(bytes.len() as u64, Relaxed);
-                let mut parts = Vec::new();
-                for (i, number) in run.enumerate() {
-                    let start = i * BLOCK as usize;
-                    let part = bytes.slice(start..bytes.len().min(start + BLOCK as usize));
-                    blocks.put(number, part.clone());
-                    parts.push((number, part));
-                }
-                drop(blocks);
-                if self.disk.is_some() {
-                    let shared = Arc::clone(self);
+                shared.received.fetch_add(bytes.len() as u64, Relaxed);
+                // Copies, since parts of one allocation would keep all of it.
+                let parts = bytes.chunks(BLOCK as usize).map(Bytes::copy_from_slice);
+                let parts: Vec<_> = run.zip(parts).collect();
+                shared.put(parts.iter().cloned());
+                if shared.disk.is_some() {
+                    let shared = Arc::clone(shared);
                     tokio::task::spawn_blocking(move || {
                         let Some(disk) = &shared.disk else { return };
                         parts.iter().for_each(|(number, part)| disk.write(*number, part));
@@ -195,31 +248,51 @@ impl Shared {
                 }
             }
             Err(fault) => {
-                let why = match fault {
-                    Fault::Passing(why) | Fault::Lasting(_, why) => why,
-                };
-                if why == CHANGED {
-                    self.has_changed.store(true, Relaxed);
+                if fault == Fault::changed() {
+                    shared.has_changed.store(true, Relaxed);
                 }
-                run.for_each(|number| blocks.fail(number, &why));
+                let mut blocks = shared.lock();
+                run.for_each(|number| blocks.fail(number, &fault));
             }
         }
     }
 }
 
+impl Drop for Coming {
+    fn drop(&mut self) {
+        let given_up = Fault::Passing(GIVEN_UP.into());
+        let mut blocks = self.shared.lock();
+        self.run.clone().for_each(|number| blocks.fail(number, &given_up));
+        drop(blocks);
+        self.shared.came.notify_all();
+    }
+}
+
+/// Bytes of the blocks of a run, of a file of `size` bytes.
+fn bytes_of(run: &Range<u64>, size: u64) -> Range<u64> {
+    run.start.saturating_mul(BLOCK).min(size)..run.end.saturating_mul(BLOCK).min(size)
+}
+
 impl ReadAt for Remote {
     fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> io::Result<()> {
-        let end = offset.checked_add(buf.len() as u64).filter(|end| *end <= self.shared.meta.size);
+        let shared = &self.shared;
+        let end = offset.checked_add(buf.len() as u64).filter(|end| *end <= shared.meta.size);
         let end = end.ok_or(io::ErrorKind::UnexpectedEof)?;
-        // Reads in the order of the file go on: the next ones are fetched beside this one.
-        if self.shared.last_end.swap(end, Relaxed) == offset && end > offset {
-            self.request(offset..end.saturating_add(AHEAD).min(self.shared.meta.size));
+        if self.has_changed() {
+            return Err(Fault::changed().into());
         }
+        // What is fetched before it is read has to stay until then.
+        let most = (shared.pool.share() / 2).max(BLOCK);
+        // Reads in the order of the file go on: the next ones are fetched beside this one.
+        if shared.last_end.swap(end, Relaxed) == offset && end > offset {
+            self.request(offset..end.saturating_add(AHEAD.min(most)).min(shared.meta.size));
+        }
+        let window = WINDOW.min(most);
         let mut requested = offset;
         let mut at = offset;
         while at < end {
-            if requested < end && at + WINDOW / 2 >= requested {
-                let until = requested.saturating_add(WINDOW).min(end);
+            if requested < end && at + window / 2 >= requested {
+                let until = requested.saturating_add(window).min(end);
                 self.request(requested..until);
                 requested = until;
             }
@@ -240,7 +313,7 @@ impl ReadAt for Remote {
 
     fn will_read(&self, ranges: &[Range<u64>]) {
         // More than the memory holds would be forgotten before it is read.
-        let mut left = self.shared.limits.memory_bytes / 2;
+        let mut left = self.shared.pool.share() / 2;
         let mut numbers: Vec<u64> = Vec::new();
         for range in ranges {
             let end = range.end.min(self.shared.meta.size);
@@ -256,6 +329,11 @@ impl ReadAt for Remote {
     }
 
     fn readers(&self) -> Option<usize> {
-        Some(self.shared.limits.requests)
+        Some(self.shared.pool.limits.requests)
+    }
+
+    fn interrupt(&self) {
+        self.shared.interrupts.fetch_add(1, Relaxed);
+        self.shared.came.notify_all();
     }
 }

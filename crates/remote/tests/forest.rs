@@ -6,16 +6,20 @@ mod server;
 
 use esker_format::{Forest, PlaneKind};
 use esker_points::task::Silent;
+use esker_remote::{Limits, Pool};
 use server::{Faults, Server};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Once;
+use std::sync::{Arc, Once};
 use std::time::Duration;
 
 /// Files at addresses are opened, without a disk.
 fn install() {
     static ONCE: Once = Once::new();
-    ONCE.call_once(|| esker_remote::install(None));
+    let limits = Limits { answer: Duration::from_millis(300), ..Limits::default() };
+    ONCE.call_once(|| {
+        esker_remote::install(None, Pool::new(limits, Arc::default()));
+    });
 }
 
 /// A file of a wavy ground, built in `folder`.

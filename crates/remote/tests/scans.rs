@@ -6,14 +6,21 @@ mod server;
 use esker_builder::Options;
 use esker_format::EskerFile;
 use esker_points::task::Silent;
+use esker_remote::{Limits, Pool};
 use server::{Faults, Server};
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
 
 fn bytes(path: &Path) -> Vec<u8> {
     let mut bytes = Vec::new();
     std::fs::File::open(path).unwrap().read_to_end(&mut bytes).unwrap();
     bytes
+}
+
+fn pool() -> Pool {
+    Pool::new(Limits { answer: Duration::from_millis(300), ..Limits::default() }, Arc::default())
 }
 
 /// The points of a built file: their number and the hash of the multiset.
@@ -27,7 +34,7 @@ fn built(scan: &Path, folder: &Path) -> (u64, String) {
 
 #[test]
 fn scans_at_addresses_are_built_with_all_their_points_also_by_faulty_servers() {
-    esker_remote::install(None);
+    esker_remote::install(None, pool());
     let folder = tempfile::tempdir().unwrap();
     let scan = PathBuf::from("../../tests/sample/creek.laz");
     let local = built(&scan, folder.path());

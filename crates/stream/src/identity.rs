@@ -56,6 +56,12 @@ impl Identity {
             {
                 "it was cut short since it was opened"
             }
+            // A file at an address says so itself.
+            Err(esker_format::FormatError::Io { source, .. })
+                if source.kind() == std::io::ErrorKind::StaleNetworkFileHandle =>
+            {
+                "it was changed or replaced since it was opened"
+            }
             Err(_) => return None,
         };
         let path = file.path().display();

@@ -26,6 +26,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::SeqCst;
 use std::thread::{Builder, JoinHandle};
+use std::time::Duration;
 
 /// Greatest number of loader threads: a disk serves no more requests at once.
 const LOADERS_MAX: usize = 64;
@@ -258,11 +259,19 @@ impl Streamer {
     }
 }
 
+/// Pause between two interrupts of the reads of threads that are to end: each may begin some more.
+const INTERRUPT_EVERY: Duration = Duration::from_millis(5);
+
 impl Drop for Streamer {
     fn drop(&mut self) {
         drop(self.stop.take());
         self.queue.close();
         for thread in self.threads.drain(..) {
+            // A read from a server that stalls would be waited for.
+            while self.forest.readers().is_some() && !thread.is_finished() {
+                self.forest.interrupt();
+                std::thread::sleep(INTERRUPT_EVERY);
+            }
             // A thread that panicked has printed its message itself.
             let _ = thread.join();
         }

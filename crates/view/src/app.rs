@@ -449,12 +449,14 @@ impl App {
             Stage::Start(recent) => match progress::start(ui, recent) {
                 Some(Next::Files(chosen)) => self.open_files(chosen),
                 Some(Next::Other) => given.push(Command::Open),
+                Some(Next::Address) => self.files.ask_address(),
                 None => {}
             },
             Stage::Opening(opening) => progress::show(ui, opening, &self.args.inputs),
             Stage::Failed(fault) => match progress::failed(ui, fault, &self.args.inputs) {
                 Some(Next::Files(again)) => self.open_files(again),
                 Some(Next::Other) => given.push(Command::Open),
+                Some(Next::Address) => self.files.ask_address(),
                 None => {}
             },
             Stage::Viewing(_) => {

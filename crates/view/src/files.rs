@@ -61,6 +61,11 @@ impl Files {
         }
     }
 
+    /// Asks for an address by a field.
+    pub fn ask_address(&mut self) {
+        self.prompt = Some(Prompt::new(Purpose::Open, Path::new("https://")));
+    }
+
     /// Files that were chosen in the dialog of the system.
     pub fn take_answer(&mut self) -> Option<(Purpose, Vec<PathBuf>)> {
         let dialog = self.dialog.as_ref()?;

@@ -89,6 +89,8 @@ pub enum Next {
     Files(Vec<PathBuf>),
     /// Others, which are still to be chosen.
     Other,
+    /// An address, which is still to be typed.
+    Address,
 }
 
 /// Shows why there is no scene of `inputs`. Returns what the user opens next.
@@ -123,9 +125,17 @@ pub fn start(ui: &mut Ui, recent: &[Vec<PathBuf>]) -> Option<Next> {
             RichText::new("LAS, LAZ, E57, PTX, PTS, PLY, PCD, XYZ, CSV")
                 .color(theme::inks(ui).faint),
         );
-        if ui.button("Open\u{2026}").on_hover_text("Choose files (Ctrl+O)").clicked() {
-            chosen = Some(Next::Other);
-        }
+        ui.horizontal(|ui| {
+            if ui.button("Open\u{2026}").on_hover_text("Choose files (Ctrl+O)").clicked() {
+                chosen = Some(Next::Other);
+            }
+            let about = "Type or paste an address of https, s3, gs or az";
+            if cfg!(feature = "remote")
+                && ui.button("Open an address\u{2026}").on_hover_text(about).clicked()
+            {
+                chosen = Some(Next::Address);
+            }
+        });
         if !recent.is_empty() {
             ui.add_space(8.0);
             ui.label(RichText::new("Opened before").strong());

@@ -5,6 +5,7 @@ use crate::theme;
 use eframe::egui::{
     Align2, Area, Context, Frame, Id, Key, Label, Margin, Order, RichText, TextEdit, vec2,
 };
+use esker_engine::io::address::shown;
 use std::path::{Path, PathBuf};
 
 /// Width of the field, points.
@@ -116,12 +117,13 @@ impl Prompt {
     }
 }
 
-/// The path that a text names: without blanks around it, and the quotes of file managers.
+/// The path that a text names: without blanks around it, the quotes of file managers, and secrets
+/// of an address.
 fn path_of(text: &str) -> PathBuf {
     let text = text.trim();
     let inner = text.strip_prefix('"').and_then(|text| text.strip_suffix('"'));
     let inner = inner.or_else(|| text.strip_prefix('\'')?.strip_suffix('\''));
-    inner.unwrap_or(text).into()
+    shown(Path::new(inner.unwrap_or(text)))
 }
 
 #[cfg(test)]
@@ -134,5 +136,7 @@ mod tests {
             assert_eq!(path_of(text), Path::new("a b.json"), "{text}");
         }
         assert_eq!(path_of("'a"), Path::new("'a"));
+        let address = Path::new("https://host/prompt.esker");
+        assert_eq!(path_of(" https://host/prompt.esker?signature=x "), address);
     }
 }

@@ -10,6 +10,7 @@ use esker_engine::io::file::{is_copc, is_esker};
 use esker_engine::io::output;
 use esker_engine::machine::pool;
 use esker_points::Task;
+use esker_points::address::whole;
 use std::ffi::OsString;
 use std::io::{Read, Seek};
 use std::path::Path;
@@ -108,7 +109,7 @@ fn run_in_process(
     let mut output = tempfile::tempfile().context("cannot make a temporary file")?;
     let mut command = Command::new(program);
     command.args(["bench", "stream", "--json", "--progress", "none"]).args(arguments(flight));
-    command.arg(file).stdin(Stdio::null());
+    command.arg(whole(file)).stdin(Stdio::null());
     command.stdout(output.try_clone().context("cannot make a temporary file")?);
     let status = wait(command, task)?;
     let mut text = String::new();

@@ -117,7 +117,7 @@ fn verify_scan(path: &Path, file: &Path, start: Instant, task: &dyn Task) -> Res
         ok: true,
         points: verified.points,
         nodes: 0,
-        bytes: path.metadata()?.len(),
+        bytes: esker_points::read_at::open(path)?.bytes()?,
         trees: 0,
         multiset_hash: verified.hash.to_string(),
         against: vec![file.display().to_string()],

@@ -1,13 +1,15 @@
-//! Paths of a document: from its folder, and back. Generated scans have no place.
+//! Paths of a document: from its folder, and back. Generated scans have no place, and addresses
+//! stay as they are, without secrets.
 
 use anyhow::{Context, Result};
+use esker_points::address::{is_remote, shown};
 use esker_scan::synthetic::is_spec;
 use std::path::{Path, PathBuf};
 
 /// Path of a file that a document in `folder` names.
 pub(super) fn placed(name: &str, folder: &Path) -> PathBuf {
     let path = Path::new(name);
-    if is_spec(path) { path.to_owned() } else { folder.join(path) }
+    if is_spec(path) || is_remote(path) { shown(path) } else { folder.join(path) }
 }
 
 /// Name of the file at `path` in a document in `folder`: relative, also upwards; absolute where no
@@ -25,8 +27,8 @@ pub(super) fn named(path: &Path, folder: &Path) -> Result<String> {
             )
         })
     };
-    if is_spec(path) {
-        return text(path);
+    if is_spec(path) || is_remote(path) {
+        return text(&shown(path));
     }
     // Links to files keep their own names and places.
     let resolved = |path: &Path| match (path.parent(), path.file_name()) {
@@ -70,6 +72,10 @@ mod tests {
         assert_eq!(named(&scans, &scans).unwrap(), ".");
         let generated = Path::new("synthetic:office:1k:1");
         assert_eq!(placed(&named(generated, &scans).unwrap(), &scenes), generated);
+        let address = Path::new("https://host/places/a b.esker?signature");
+        let there = Path::new("https://host/places/a b.esker");
+        assert_eq!(named(address, &scans).unwrap(), there.to_str().unwrap());
+        assert_eq!(placed(there.to_str().unwrap(), &scenes), there);
         let fault = format!("{:#}", named(&scans.join("none.laz"), &scans).unwrap_err());
         assert!(fault.contains("none.laz: cannot open"), "{fault}");
     }

@@ -1,5 +1,7 @@
 //! Inputs, outputs, quantities and progress.
 
+pub use esker_points::address;
+
 pub mod file;
 pub(crate) mod inputs;
 pub mod kept;
