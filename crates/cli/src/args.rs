@@ -20,6 +20,17 @@ pub struct Args {
     pub command: Option<Command>,
 }
 
+#[cfg(feature = "remote")]
+impl Args {
+    /// Whether files are to be read as if for the first time.
+    pub fn is_cold(&self) -> bool {
+        match &self.command {
+            Some(Command::Bench { benchmark: Some(benchmark) }) => benchmark.is_cold(),
+            _ => false,
+        }
+    }
+}
+
 #[derive(Subcommand)]
 pub enum Command {
     /// Build an .esker file from scans (LAS, LAZ, E57, PTX, PTS, PLY, PCD, XYZ, TXT, CSV), or from

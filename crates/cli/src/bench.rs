@@ -287,6 +287,10 @@ pub struct Stream {
     /// plain reads of the same bytes.
     #[arg(long)]
     pub cold: bool,
+    /// Rate and round trip of the line to the server of files at addresses, such as 100,50 for 100
+    /// Mbit/s and 50 ms: the time until the first view is complete is compared with what they allow.
+    #[arg(long, value_name = "MBIT,MS", value_parser = parse_line)]
+    pub line: Option<stream::Line>,
     /// Width and height in pixels.
     #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
@@ -468,6 +472,21 @@ fn run_size(args: BenchSize, stop: Arc<AtomicBool>) -> Result<()> {
     args.output.report(stop, |progress| size::measure(&request, progress), size::text)
 }
 
+impl Benchmark {
+    /// Whether files are to be read as if for the first time.
+    #[cfg(feature = "remote")]
+    pub fn is_cold(&self) -> bool {
+        matches!(self, Self::Stream(args) if args.cold)
+    }
+}
+
+fn parse_line(text: &str) -> Result<stream::Line, String> {
+    let number = |text: &str| text.parse::<f64>().ok().filter(|n| n.is_finite() && *n > 0.0);
+    let both = text.split_once(',').and_then(|(a, b)| Some((number(a)?, number(b)?)));
+    let (mbit_s, round_trip_ms) = both.ok_or("two numbers above 0 are needed, such as 100,50")?;
+    Ok(stream::Line { mbit_s, round_trip_ms })
+}
+
 fn run_stream(args: Stream, stop: Arc<AtomicBool>) -> Result<()> {
     note_built(&args.inputs, &args.how);
     let request = StreamBenchRequest {
@@ -482,6 +501,7 @@ fn run_stream(args: Stream, stop: Arc<AtomicBool>) -> Result<()> {
             settings: args.settings.into(),
             full: args.full,
             pictures: args.pictures,
+            line: args.line,
             threads: args.how.threads.count,
         },
         inputs: args.inputs,

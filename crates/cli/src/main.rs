@@ -27,7 +27,8 @@ fn main() -> ExitCode {
     let stop = Arc::new(AtomicBool::new(false));
     #[cfg(feature = "remote")]
     esker_remote::install(
-        esker_remote::Disk::of_user(),
+        // Reads that are measured from cold come from the server.
+        esker_remote::Disk::of_user().filter(|_| !args.is_cold()),
         esker_remote::Pool::new(esker_remote::Limits::default(), stop.clone()),
     );
     let flag = stop.clone();

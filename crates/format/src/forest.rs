@@ -453,6 +453,11 @@ impl Forest {
         self.will_read(&ranges.collect::<Vec<_>>());
     }
 
+    /// Requests made for all files and bytes that came, if they are at addresses.
+    pub fn traffic(&self) -> Option<[u64; 2]> {
+        self.files().filter_map(EskerFile::traffic).reduce(|a, b| [a[0] + b[0], a[1] + b[1]])
+    }
+
     /// Makes reads of the files that are waiting now fail, because those who need them end.
     pub fn interrupt(&self) {
         self.files().for_each(EskerFile::interrupt);
@@ -483,6 +488,10 @@ impl Forest {
     /// If they cannot be read or are damaged.
     pub fn read_planes(&self, node: u32, kinds: &[PlaneKind]) -> Result<Planes, FormatError> {
         let tree = self.tree_of(node);
+        if tree.file.readers().is_some() {
+            // All planes by one round trip.
+            self.will_read_planes(std::iter::once(node), kinds);
+        }
         let both = kinds.iter().filter_map(|&kind| Some((kind, tree.own(kind)?)));
         let (named, own): (Vec<_>, Vec<_>) = both.unzip();
         let planes = tree.file.read_planes(node - tree.first_node, &own)?;

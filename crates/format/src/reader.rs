@@ -272,6 +272,11 @@ impl EskerFile {
         self.source.will_read(ranges);
     }
 
+    /// Requests made for the file and bytes that came, if it is at an address.
+    pub fn traffic(&self) -> Option<[u64; 2]> {
+        self.source.traffic()
+    }
+
     /// Makes reads that are waiting now fail, because those who need them end.
     pub fn interrupt(&self) {
         self.source.interrupt();

@@ -34,6 +34,11 @@ pub trait ReadAt: Send + Sync {
     /// Makes reads that are waiting now fail, because those who need them end.
     fn interrupt(&self) {}
 
+    /// Requests that were made until now, and bytes that came; `None` for files on this machine.
+    fn traffic(&self) -> Option<[u64; 2]> {
+        None
+    }
+
     /// Number of threads that should read at the same time; `None` if the caller knows best.
     fn readers(&self) -> Option<usize> {
         None

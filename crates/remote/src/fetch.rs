@@ -75,6 +75,11 @@ impl From<object_store::Error> for Fault {
                 match status(&error) {
                     // Too many requests, or a wait that was too long.
                     Some(408 | 425 | 429) | None => Self::Passing(what),
+                    // S3 answers so to a token that has expired.
+                    Some(400) => Self::Lasting(
+                        PermissionDenied,
+                        format!("{what}; credentials are refused in this way, too"),
+                    ),
                     Some(status) if status < 500 => Self::Lasting(Other, what),
                     Some(_) => Self::Passing(what),
                 }

@@ -14,7 +14,7 @@ const SHARE_MIN: u64 = 1 << 20;
 pub struct Limits {
     /// Requests that run at the same time.
     pub requests: usize,
-    /// Most blocks of one request, of 64 KiB each.
+    /// Most blocks of one request, of 16 KiB each.
     pub blocks: u64,
     /// Bytes of blocks in memory. Each of many open files may have a megabyte in any case.
     pub memory_bytes: u64,
@@ -24,7 +24,7 @@ pub struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { requests: 16, blocks: 32, memory_bytes: 64 << 20, answer: Duration::from_secs(30) }
+        Self { requests: 16, blocks: 128, memory_bytes: 64 << 20, answer: Duration::from_secs(30) }
     }
 }
 

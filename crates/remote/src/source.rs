@@ -12,14 +12,21 @@ use esker_points::read_at::ReadAt;
 use object_store::ObjectMeta;
 use std::io;
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Bytes that are requested at a time for one long read.
 const WINDOW: u64 = 8 << 20;
-/// Bytes that are fetched behind a read that goes on where the last one ended.
+/// Most bytes that are fetched behind reads that go on where the last one ended.
 const AHEAD: u64 = 8 << 20;
+/// Such reads in a row before the first bytes are fetched ahead; each further one doubles these, as
+/// readers of pages here and there also go on at times.
+const IN_ORDER: u32 = 2;
+/// The first bytes that are fetched ahead.
+const AHEAD_FIRST: u64 = 512 << 10;
+/// Bytes that are fetched to see what there is.
+const HEAD: u64 = 64 << 10;
 /// Bytes at the end of a file that are fetched when it is opened: footer and node table of a file
 /// of some ten million points.
 const TAIL: u64 = 256 << 10;
@@ -44,8 +51,9 @@ struct Shared {
     is_closed: AtomicBool,
     /// How often waiting readers were told to give up.
     interrupts: AtomicU64,
-    /// Where the last read ended: one that begins there is followed by others.
+    /// Where the last read ended, and how many in a row began where one ended.
     last_end: AtomicU64,
+    in_order: AtomicU32,
     /// Requests made, and bytes received.
     requests: AtomicU64,
     received: AtomicU64,
@@ -70,7 +78,7 @@ impl Remote {
         let runtime = runtime()?;
         let (store, path) = address::place(address, pool.limits.answer)?;
         let fetcher = Fetcher::new(store, path, pool.limits.answer);
-        let mut head = runtime.spawn(async move { (fetcher.head(BLOCK).await, fetcher) });
+        let mut head = runtime.spawn(async move { (fetcher.head(HEAD).await, fetcher) });
         let head = runtime.block_on(async {
             loop {
                 match tokio::time::timeout(LOOK_EVERY, &mut head).await {
@@ -100,10 +108,11 @@ impl Remote {
             is_closed: AtomicBool::new(false),
             interrupts: AtomicU64::new(0),
             last_end: AtomicU64::new(u64::MAX),
+            in_order: AtomicU32::new(0),
             requests: AtomicU64::new(1),
             received: AtomicU64::new(head.len() as u64),
         };
-        shared.put([(0, Bytes::from(head))]);
+        shared.put((0..).zip(head.chunks(BLOCK as usize).map(Bytes::copy_from_slice)));
         let remote = Self { shared: Arc::new(shared) };
         remote.request(size.saturating_sub(TAIL)..size);
         Ok(remote)
@@ -284,8 +293,12 @@ impl ReadAt for Remote {
         // What is fetched before it is read has to stay until then.
         let most = (shared.pool.share() / 2).max(BLOCK);
         // Reads in the order of the file go on: the next ones are fetched beside this one.
-        if shared.last_end.swap(end, Relaxed) == offset && end > offset {
-            self.request(offset..end.saturating_add(AHEAD.min(most)).min(shared.meta.size));
+        if shared.last_end.swap(end, Relaxed) != offset {
+            shared.in_order.store(0, Relaxed);
+        } else if end > offset {
+            let more = shared.in_order.fetch_add(1, Relaxed).checked_sub(IN_ORDER - 1);
+            let ahead = more.map_or(0, |more| (AHEAD_FIRST << more.min(8)).min(AHEAD).min(most));
+            self.request(offset..end.saturating_add(ahead).min(shared.meta.size));
         }
         let window = WINDOW.min(most);
         let mut requested = offset;
@@ -326,6 +339,10 @@ impl ReadAt for Remote {
         numbers.sort_unstable();
         numbers.dedup();
         self.request_blocks(numbers.into_iter());
+    }
+
+    fn traffic(&self) -> Option<[u64; 2]> {
+        Some(self.counts())
     }
 
     fn readers(&self) -> Option<usize> {

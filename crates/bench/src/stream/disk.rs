@@ -5,8 +5,8 @@ use anyhow::{Context, Result};
 use esker_format::{Forest, PlaneKind};
 use esker_points::Task;
 use esker_points::node::NONE;
+use esker_points::read_at::{Input, is_remote};
 use esker_stream::Cut;
-use std::fs::File;
 use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
@@ -21,17 +21,21 @@ const GAP_BYTES: u64 = 64 << 10;
 /// than the rest of the run.
 const SEQUENTIAL_BYTES_MAX: u64 = 2 << 30;
 
+/// The same for a file at an address.
+const REMOTE_BYTES_MAX: u64 = 16 << 20;
+
 /// Reads a file from its beginning, at most [`SEQUENTIAL_BYTES_MAX`], and returns bytes a second.
 ///
 /// # Errors
 /// If the file cannot be read, or `task` is cancelled.
 pub(super) fn sequential_rate(path: &Path, task: &dyn Task) -> Result<f64> {
     let context = || format!("{}: cannot read", path.display());
-    let mut file = File::open(path).with_context(context)?;
+    let mut file = Input::open(path).with_context(context)?;
+    let most = if is_remote(path) { REMOTE_BYTES_MAX } else { SEQUENTIAL_BYTES_MAX };
     let mut buffer = vec![0; READ_BYTES];
     let start = Instant::now();
     let mut bytes = 0u64;
-    while bytes < SEQUENTIAL_BYTES_MAX {
+    while bytes < most {
         task.check()?;
         match file.read(&mut buffer).with_context(context)? {
             0 => break,
@@ -44,15 +48,7 @@ pub(super) fn sequential_rate(path: &Path, task: &dyn Task) -> Result<f64> {
 /// Lists the ranges of `file` that hold the planes of `cut`, without those of the roots; adjacent
 /// ranges are joined, and none is longer than a read.
 pub(super) fn ranges_of(file: &Forest, cut: &Cut) -> Vec<Range<u64>> {
-    let mut ranges: Vec<Range<u64>> = Vec::new();
-    for drawn in cut.nodes.iter().filter(|n| file.record(n.node).parent != NONE) {
-        let node = file.record(drawn.node);
-        let range = |&(kind, _): &(PlaneKind, _)| {
-            let range = file.plane_range(drawn.node, kind)?;
-            Some(node.page_offset + range.start..node.page_offset + range.end)
-        };
-        ranges.extend(drawn.planes.iter().filter_map(range).filter(|r| !r.is_empty()));
-    }
+    let mut ranges = ranges_in(file, cut, |node| file.record(node).parent != NONE);
     ranges.sort_by_key(|r| r.start);
     let mut joined: Vec<Range<u64>> = Vec::new();
     for range in ranges {
@@ -71,6 +67,25 @@ pub(super) fn ranges_of(file: &Forest, cut: &Cut) -> Vec<Range<u64>> {
         r.step_by(READ_BYTES).map(move |at| at..end.min(at + READ_BYTES as u64))
     };
     joined.into_iter().flat_map(pieces).collect()
+}
+
+/// Lists the ranges of `file` that hold the planes of `cut`.
+pub(super) fn ranges_of_all(file: &Forest, cut: &Cut) -> Vec<Range<u64>> {
+    ranges_in(file, cut, |_| true)
+}
+
+/// Lists the ranges of the planes of some nodes of a cut.
+fn ranges_in(file: &Forest, cut: &Cut, is_listed: impl Fn(u32) -> bool) -> Vec<Range<u64>> {
+    let mut ranges: Vec<Range<u64>> = Vec::new();
+    for drawn in cut.nodes.iter().filter(|drawn| is_listed(drawn.node)) {
+        let node = file.record(drawn.node);
+        let range = |&(kind, _): &(PlaneKind, _)| {
+            let range = file.plane_range(drawn.node, kind)?;
+            Some(node.page_offset + range.start..node.page_offset + range.end)
+        };
+        ranges.extend(drawn.planes.iter().filter_map(range).filter(|r| !r.is_empty()));
+    }
+    ranges
 }
 
 /// Reads `ranges`, `in_flight` at a time, and returns the seconds that it took.

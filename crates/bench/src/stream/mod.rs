@@ -5,12 +5,14 @@
 
 mod disk;
 mod flight;
+mod line;
 mod process;
 mod report;
 mod request;
 mod run;
 mod table;
 
+pub use line::Line;
 pub use process::measure;
 pub use report::StreamReport;
 pub use request::{FlightRequest, Settings, StreamBenchRequest};

@@ -4,13 +4,13 @@
 
 use crate::stream::report::{StreamReport, StreamRun};
 use crate::stream::request::{FlightRequest, Settings, StreamBenchRequest};
-use crate::stream::run;
+use crate::stream::{line, run};
 use anyhow::{Context, Result, bail, ensure};
 use esker_engine::io::file::{is_copc, is_esker};
 use esker_engine::io::output;
 use esker_engine::machine::pool;
 use esker_points::Task;
-use esker_points::address::whole;
+use esker_points::address::{is_remote, whole};
 use std::ffi::OsString;
 use std::io::{Read, Seek};
 use std::path::Path;
@@ -33,12 +33,18 @@ pub fn measure(request: &StreamBenchRequest, task: &dyn Task) -> Result<StreamRe
             folder.display()
         );
     }
+    let flight = &request.flight;
     if let ([input], false, []) = (&request.inputs[..], request.paper_too, &request.capacities[..])
-        && (is_esker(input)? || is_copc(input)?)
     {
-        let flight = &request.flight;
-        let run = pool::run(flight.threads, || run::measure(input, flight, task))?;
-        return Ok(StreamReport::One(Box::new(run)));
+        // Before anything of the file is read.
+        let line = match flight.line.filter(|_| is_remote(input)) {
+            Some(line) => Some(line::measure(input, flight, line)?),
+            None => None,
+        };
+        if is_esker(input)? || is_copc(input)? {
+            let run = pool::run(flight.threads, || run::measure(input, flight, line, task))?;
+            return Ok(StreamReport::One(Box::new(run)));
+        }
     }
     let mut runs = Vec::new();
     for input in &request.inputs {
@@ -150,6 +156,8 @@ fn arguments(flight: &FlightRequest) -> Vec<OsString> {
     for (name, path) in [("--path", &flight.path), ("--pictures", &flight.pictures)] {
         arguments.extend(path.iter().flat_map(|p| [name.into(), p.clone().into_os_string()]));
     }
+    let line = flight.line.map(|line| format!("--line={},{}", line.mbit_s, line.round_trip_ms));
+    arguments.extend(line.map(OsString::from));
     arguments.extend((!flight.occlusion).then(|| "--no-occlusion".into()));
     arguments.extend(flight.full.then(|| "--full".into()));
     arguments.extend(flight.cold.then(|| "--cold".into()));

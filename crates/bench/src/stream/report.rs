@@ -2,6 +2,7 @@
 //! report as JSON; the parent reads it back by the same types, so that a missing field is an error.
 
 use crate::pass_times;
+use crate::stream::line::LineReport;
 use crate::stream::request::Settings;
 use esker_render::PassTimes;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -135,6 +136,9 @@ pub struct StreamRun {
     pub sequential_bytes_per_s: f64,
     /// The loading's `streamed_bytes_per_s`.
     pub read_bytes_per_s: f64,
+    /// The first view of a file at an address, if its line was given.
+    #[serde(deserialize_with = "present")]
+    pub line: Option<LineReport>,
     /// Loading of one view, beside plain reads.
     pub loading: LoadingReport,
 }
@@ -235,7 +239,12 @@ mod tests {
             ..ViewReport::default()
         };
         let transitions = vec![TransitionReport::default()];
-        let run = StreamRun { views: vec![view], transitions, ..StreamRun::default() };
+        let run = StreamRun {
+            views: vec![view],
+            transitions,
+            line: Some(LineReport::default()),
+            ..StreamRun::default()
+        };
         serde_json::to_value(StreamReport::One(Box::new(run))).unwrap()
     }
 
@@ -258,6 +267,7 @@ mod tests {
             "/views/0/passes_ms",
             "/views/0/without_depth_test",
             "/transitions/0",
+            "/line",
             "/loading",
         ] {
             refuses_missing_fields(pointer);

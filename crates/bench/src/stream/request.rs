@@ -1,5 +1,6 @@
 //! What the benchmark of streaming measures: files and scans, and how each is flown through.
 
+use crate::stream::line::Line;
 use esker_engine::draw::session::{self, Options};
 use esker_engine::machine::backend::DrawWith;
 use esker_stream::Priority;
@@ -46,6 +47,9 @@ pub struct FlightRequest {
     pub full: bool,
     /// Folder for a picture of each view.
     pub pictures: Option<PathBuf>,
+    /// The line to the server of a file at an address; its first view is then measured beside what
+    /// the line allows.
+    pub line: Option<Line>,
     /// Threads that draw; 0 stands for one a core.
     pub threads: usize,
 }

@@ -5,6 +5,7 @@
 use crate::quantile::quantile;
 use crate::stream::disk;
 use crate::stream::flight::{Flight, Transition, fly};
+use crate::stream::line::LineReport;
 use crate::stream::report::{LoadingReport, StreamRun, TransitionReport, ViewReport};
 use crate::stream::request::FlightRequest;
 use anyhow::{Context, Result};
@@ -18,6 +19,7 @@ use esker_engine::machine::backend::{Backend, Drawer};
 use esker_engine::machine::system;
 use esker_format::Forest;
 use esker_points::Task;
+use esker_points::read_at::is_remote;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -32,13 +34,14 @@ const MARGIN: f64 = 1.05;
 /// Time of each thread's pass that counts as interactive (`kanzok2015`, section 3.2.5).
 const INTERACTIVE_MS: f64 = 100.0;
 
-/// Measures one `.esker` file in this process.
+/// Measures one `.esker` file in this process, whose `line` was measured before.
 ///
 /// # Errors
 /// If the file or the path cannot be read, a budget is too small, or `task` is cancelled.
 pub(super) fn measure(
     file_path: &std::path::Path,
     request: &FlightRequest,
+    line: Option<LineReport>,
     task: &dyn Task,
 ) -> Result<StreamRun> {
     let empty_rss_bytes = usage().rss_peak_bytes;
@@ -79,7 +82,7 @@ pub(super) fn measure(
     let flight = run.flight(true)?;
     let without = if request.occlusion { Some(run.flight(false)?) } else { None };
     let loading = run.loading()?;
-    Ok(run.report(&flight, without.as_ref(), sequential, loading))
+    Ok(StreamRun { line, ..run.report(&flight, without.as_ref(), sequential, loading) })
 }
 
 /// A file that is open, and how it is flown through.
@@ -103,7 +106,8 @@ impl Run<'_> {
     /// Removes the files from the system's cache if the request is for cold runs.
     fn empty_cache(&self) -> Result<()> {
         if self.request.cold {
-            for path in self.file.files().map(|file| file.path()) {
+            let files = self.file.files().map(|file| file.path());
+            for path in files.filter(|path| !is_remote(path)) {
                 let context = || format!("{}: cannot drop it from the cache", path.display());
                 let file = std::fs::File::open(path).with_context(context)?;
                 system::forget(&file).with_context(context)?;
@@ -229,6 +233,7 @@ impl Run<'_> {
             sequential_bytes_per_s,
             read_bytes_per_s: loading.streamed_bytes_per_s,
             loading,
+            line: None,
         }
     }
 

@@ -140,6 +140,22 @@ fn details(run: &StreamRun) -> Vec<String> {
         loading.ratio,
         loading.runs,
     ));
+    if let Some(line) = &run.line {
+        lines.push(format!(
+            "  line     `{}` {} after {:.2} s, {} in {} requests; {} needed over {} Mbit/s are {:.2} s, {} levels {:.2} s: ratio {:.2}",
+            line.view,
+            if line.is_complete { "complete" } else { "NOT complete" },
+            line.complete_ms / 1e3,
+            readable_bytes(line.received_bytes),
+            line.requests,
+            readable_bytes(line.needed_bytes),
+            line.mbit_s,
+            line.transfer_ms / 1e3,
+            line.levels,
+            line.trips_ms / 1e3,
+            line.ratio,
+        ));
+    }
     for t in &run.transitions {
         lines.push(format!(
             "  to {:<10} {} frames; p50 {:.1} ms, p99 {:.1}, longest {:.1}; {} read",

@@ -70,6 +70,9 @@ pub fn central_range(
     Ok(range)
 }
 
+/// What places are read from.
+const PLANES: [PlaneKind; 2] = [PlaneKind::Position, PlaneKind::Residual];
+
 /// Places of points along an axis.
 #[derive(Default)]
 struct Places {
@@ -108,6 +111,8 @@ impl Places {
             nodes.select_nth_unstable_by(LONG_READ, |a, b| weight(b).total_cmp(&weight(a)));
         }
         let mut known = Self { axis, ..Self::default() };
+        let read = nodes.iter().take(LONG_READ).filter(|&node| weight(node) >= 0.0);
+        forest.will_read_planes(read.map(|node| node.0), &PLANES);
         for (i, node) in nodes.into_iter().enumerate() {
             let (index, of, points) = node;
             if i < LONG_READ && weight(&node) >= 0.0 {
@@ -129,7 +134,7 @@ impl Places {
     ) -> Result<()> {
         let (node, axis) = (forest.record(index), self.axis);
         // In a box that a stray has stretched, hot positions alone are coarse.
-        let planes = shown.read(forest, index, &[PlaneKind::Position, PlaneKind::Residual])?;
+        let planes = shown.read(forest, index, &PLANES)?;
         let plane = planes.get(PlaneKind::Position).unwrap_or_default();
         let residual = planes.get(PlaneKind::Residual).unwrap_or_default();
         let (hides, [min, _]) = (shown.hides_points(index), node.own_box());

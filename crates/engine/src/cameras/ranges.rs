@@ -166,6 +166,13 @@ pub(super) fn sample(
 ) -> Result<(Vec<f64>, bool)> {
     let mut values = Vec::new();
     let nodes = 0..forest.table().nodes.len() as u32;
+    let mut left = SAMPLE;
+    let first = nodes.clone().filter(|&node| shown.points_max(node) > 0).take_while(|&node| {
+        let is_read = left > 0;
+        left = left.saturating_sub(forest.record(node).points());
+        is_read
+    });
+    forest.will_read_planes(first, &[kind]);
     for node in nodes.filter(|&node| shown.points_max(node) > 0) {
         let planes = forest.read_planes(node, &[kind])?;
         let plane = planes.get(kind).unwrap_or_default().chunks_exact(ty.size());

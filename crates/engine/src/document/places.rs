@@ -2,14 +2,14 @@
 //! stay as they are, without secrets.
 
 use anyhow::{Context, Result};
-use esker_points::address::{is_remote, shown};
+use esker_points::address::{self, is_remote};
 use esker_scan::synthetic::is_spec;
 use std::path::{Path, PathBuf};
 
 /// Path of a file that a document in `folder` names.
 pub(super) fn placed(name: &str, folder: &Path) -> PathBuf {
     let path = Path::new(name);
-    if is_spec(path) || is_remote(path) { shown(path) } else { folder.join(path) }
+    if is_spec(path) || is_remote(path) { address::shown(path) } else { folder.join(path) }
 }
 
 /// Name of the file at `path` in a document in `folder`: relative, also upwards; absolute where no
@@ -28,7 +28,7 @@ pub(super) fn named(path: &Path, folder: &Path) -> Result<String> {
         })
     };
     if is_spec(path) || is_remote(path) {
-        return text(&shown(path));
+        return text(&address::shown(path));
     }
     // Links to files keep their own names and places.
     let resolved = |path: &Path| match (path.parent(), path.file_name()) {

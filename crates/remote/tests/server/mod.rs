@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 
 /// Bytes that are sent at a time over a throttled line.
 const PIECE: usize = 16 << 10;
+/// Delay of a thread that the rate of a line makes up for.
+const LATE: Duration = Duration::from_millis(20);
 /// Longer than the tests' clients wait.
 const STALL: Duration = Duration::from_millis(700);
 
@@ -60,6 +62,8 @@ pub enum Odd {
     Trickles,
     /// Nothing comes.
     Stalls,
+    /// Nothing comes after so many answers.
+    StallsAfter(u64),
     /// `HEAD` is refused, and ranges of empty files are.
     NoHead,
     /// It is refused with this status and a text that has a secret.
@@ -278,13 +282,8 @@ fn answer(
             }
         }
         Odd::Loops => return plain("302 Found", &format!("Location: {}\r\n", request.target), ""),
-        Odd::Stalls => {
-            while !shared.is_over.load(Relaxed) && shared.faults.lock().unwrap().odd == Odd::Stalls
-            {
-                std::thread::sleep(Duration::from_millis(10));
-            }
-            return Ok(false);
-        }
+        Odd::Stalls => return stall(shared, faults.odd),
+        Odd::StallsAfter(number) if request.number > number => return stall(shared, faults.odd),
         Odd::Refused(status) => {
             return plain(
                 &format!("{status} No"),
@@ -353,6 +352,14 @@ fn answer(
     }
 }
 
+/// Waits until the server ends, or does something else.
+fn stall(shared: &Shared, odd: Odd) -> Result<bool> {
+    while !shared.is_over.load(Relaxed) && shared.faults.lock().unwrap().odd == odd {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    Ok(false)
+}
+
 /// The header of a range, which may be odd.
 fn content_range(odd: Odd, from: u64, to: u64, size: u64) -> String {
     let range = match odd {
@@ -418,7 +425,8 @@ fn send(mut stream: &TcpStream, shared: &Shared, faults: Faults, body: &[u8]) ->
         let took = Duration::from_secs_f64(piece.len() as f64 / rate as f64);
         let until = {
             let mut line = shared.line.lock().unwrap();
-            *line = (*line).max(Instant::now()) + took;
+            // Threads wake up late; the line does not wait for them.
+            *line = (*line).max(Instant::now() - LATE) + took;
             *line
         };
         std::thread::sleep(until.saturating_duration_since(Instant::now()));
