@@ -62,13 +62,16 @@ impl Query {
         let wanted: Vec<_> = wanted.iter().filter_map(|&i| attributes.get(i)).cloned().collect();
         let sizes = wanted.iter().map(|a| a.ty.size()).collect();
         let schema = Schema { attributes: wanted };
+        let wanted_bytes = schema.record_bytes();
         let (mut trees, mut nodes) = (Vec::new(), Vec::new());
         // A file names older files, so the last one listed is the oldest.
         for (tree, file) in forest.files().enumerate().collect::<Vec<_>>().into_iter().rev() {
             let own = own_attributes(file, &schema);
             let read = own.iter().copied().flatten().chain(tested(file, &filter));
             let wanted = Wanted::of(file.layout(), read);
-            let selected = select_nodes(file, &filter, wanted.record_bytes(file.layout()))?;
+            // Attributes that a tree lacks take as much memory as others.
+            let point_bytes = wanted_bytes + wanted.record_bytes(file.layout());
+            let selected = select_nodes(file, &filter, point_bytes)?;
             nodes.extend(selected.into_iter().map(|node| (trees.len(), node)));
             trees.push(QueryTree { tree, wanted, own });
         }
@@ -234,7 +237,8 @@ fn read_places(
         columns: vec![Vec::new(); own.len()],
     };
     let mut rest = of_node;
-    for run in runs(record.points(), wanted.record_bytes(file.layout())) {
+    let point_bytes = schema.record_bytes() + wanted.record_bytes(file.layout());
+    for run in runs(record.points(), point_bytes) {
         let here = rest.partition_point(|&i| (places[i][1] as usize) < run.end);
         let (of_run, behind) = rest.split_at(here);
         rest = behind;
