@@ -20,9 +20,11 @@ const NOT_PERMITTED: i32 = 13;
 pub fn exception(error: &Error) -> PyErr {
     let message = esker_engine::one_line(error);
     let of_build = error.chain().find_map(|cause| cause.downcast_ref::<BuildError>());
-    if let Some(BuildError::Lost { .. } | BuildError::Refused { .. } | BuildError::Proof(_)) =
-        of_build
-    {
+    if let Some(BuildError::Lost { .. }) = of_build {
+        let remedy = "with allow_loss=True they are left out and counted";
+        return LossError::new_err(format!("{message}; {remedy}"));
+    }
+    if let Some(BuildError::Refused { .. } | BuildError::Proof(_)) = of_build {
         return LossError::new_err(message);
     }
     let fault = error.chain().find_map(|cause| cause.downcast_ref::<io::Error>());

@@ -2,7 +2,7 @@
 //! and of points that were built from a program's memory exactly what it gave.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-use esker_engine::calls::build::build_given;
+use esker_engine::calls::build::{build, build_given};
 use esker_engine::calls::query::{PointColumns, PointGrid, PointQuery, read_points};
 use esker_engine::calls::render::draw_with_layers;
 use esker_engine::cameras::camera::Camera;
@@ -155,7 +155,12 @@ fn single_points_come_in_the_order_that_is_given() {
 
 #[test]
 fn each_pixel_that_shows_something_has_a_normal_and_each_pixel_of_points_a_point() {
-    let forest = sample("all-kinds.esker");
+    let folder = tempfile::tempdir().unwrap();
+    let built = folder.path().join("creek.esker");
+    let scan = "../../tests/sample/creek.laz".into();
+    let options = BuildOptions { node_capacity: 4096, ..BuildOptions::default() };
+    build(&[scan], &built, &options, 2, &Silent).unwrap();
+    let forest = Forest::open(&built).unwrap();
     let camera = Camera::parse("direction=0,0,-1;up=0,1,0;ortho=fit").unwrap();
     let with = DrawWith { backend: Backend::Cpu, ..DrawWith::default() };
     let wanted = LayerChoice { normals: true, points: true };
