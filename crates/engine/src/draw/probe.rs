@@ -2,7 +2,7 @@
 //! ([`crate::draw::calibration`]), and to correct it for a view ([`crate::draw::choice`]).
 
 use crate::draw::pace::Load;
-use crate::draw::scene::{PictureRequest, PictureScene};
+use crate::draw::scene::{PictureRequest, PictureScene, completed};
 use crate::machine::system;
 use anyhow::Result;
 use esker_format::Forest;
@@ -32,6 +32,8 @@ pub(crate) fn measured(
     frames: usize,
     task: &dyn Task,
 ) -> Result<Measured> {
+    let grown = completed(file, request, task)?;
+    let file = grown.as_ref().unwrap_or(file);
     let scene = PictureScene::read(file, request, task)?;
     let selection = &scene.selection;
     let octree = CompactOctree::with_hidden(file.table(), &selection.drawn, &selection.hidden);

@@ -3,7 +3,7 @@
 
 use super::{Picked, REACH_PX, pick, shown_depth};
 use crate::draw::empty_picture;
-use crate::draw::scene::{PictureRequest, PictureScene, open};
+use crate::draw::scene::{PictureRequest, PictureScene, completed, open};
 use crate::draw::window::cropped;
 use crate::io::picture;
 use crate::machine::pool;
@@ -59,6 +59,8 @@ pub fn pick_in(
     check_pixel(pixel, request.size)?;
     let window = around(pixel, request.size);
     let request = PictureRequest { window: Some(window), ..request.clone() };
+    let grown = completed(file, &request, task)?;
+    let file = grown.as_ref().unwrap_or(file);
     let scene = PictureScene::read(file, &request, task)?;
     let selection = &scene.selection;
     let octree = CompactOctree::with_hidden(file.table(), &selection.drawn, &selection.hidden);
