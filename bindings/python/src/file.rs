@@ -182,7 +182,12 @@ impl Query {
             let mut query = self.query.lock().unwrap_or_else(PoisonError::into_inner);
             query.read(points, task)
         };
-        let (found, _) = run(py, progress, read)?;
+        let found = run(py, progress, read);
+        if found.is_err() {
+            // What raised may have come after the points were read.
+            self.query.lock().unwrap_or_else(PoisonError::into_inner).end();
+        }
+        let (found, _) = found?;
         found.map(|points| arrays(py, points)).transpose()
     }
 }

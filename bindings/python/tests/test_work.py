@@ -20,7 +20,7 @@ BUILDS = """
         if progress.done:
             print("working", flush=True)
     try:
-        esker.build("synthetic:terrain:300M:1", sys.argv[1], progress=told, memory="512MiB")
+        esker.build("synthetic:terrain:20M:1", sys.argv[1], progress=told, memory="512MiB")
     except KeyboardInterrupt:
         print("interrupted", flush=True)
 """
@@ -63,6 +63,20 @@ class LongCalls(Case):
                     turns += 1
                 started.join()
                 self.assertGreater(turns, 1000)
+
+    def test_chunks_that_were_stopped_give_no_rest(self) -> None:
+        class Enough(Exception):
+            pass
+
+        def stop(progress: esker.Progress) -> None:
+            raise Enough
+
+        chunks = creek().chunks(10, columns=[], progress=stop)
+        with self.assertRaises(Enough):
+            for _ in chunks:
+                pass
+        with self.assertRaisesRegex(esker.EskerError, "begin again"):
+            next(chunks)
 
     def test_queries_of_several_threads_are_right(self) -> None:
         file = creek()

@@ -10,12 +10,13 @@ use esker_engine::draw::layers::{LayerChoice, NO_POINT};
 use esker_engine::draw::scene::PictureRequest;
 use esker_engine::given::{Coordinates, GivenInfo, Points};
 use esker_engine::machine::backend::{Backend, DrawWith};
-use esker_engine::{AttrType, Attribute, BuildOptions, Filter, Forest, Grid, Method, Window};
+use esker_engine::{AttrType, Attribute, BuildOptions, Filter, Forest, Grid, Method, Task, Window};
 use esker_points::task::Silent;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Rows of a file: each point as steps and the bytes of its attributes, with their number.
 type Rows = BTreeMap<Vec<u8>, usize>;
@@ -124,6 +125,28 @@ fn one_column_is_that_of_all_and_parts_are_those_of_the_whole() {
         assert_eq!(joined, whole, "parts of {part}");
     }
     assert!(PointQuery::new(forest, &Filter::default(), Some(&[99]), 1).is_err());
+}
+
+/// Is cancelled once some points are read.
+struct Stops(AtomicU64);
+
+impl Task for Stops {
+    fn advance(&self, by: u64) {
+        self.0.fetch_add(by, Ordering::Relaxed);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed) > 0
+    }
+}
+
+#[test]
+fn a_query_that_was_stopped_gives_no_rest() {
+    let mut query = query(&sample("forest-second.esker"), None);
+    let error = query.read(None, &Stops(AtomicU64::new(1))).unwrap_err();
+    assert!(error.to_string().contains("stopped on request"), "{error}");
+    let error = query.read(Some(10), &Silent).unwrap_err();
+    assert!(error.to_string().contains("begin again"), "{error}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //! accepts, as columns: all at once, or in parts of any number of points in bounded memory.
 
 use crate::machine::pool;
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use esker_builder::{Query, QueryPoints, points_at};
 use esker_format::Forest;
 use esker_points::lattice::ORIGIN;
@@ -128,6 +128,8 @@ pub struct PointQuery {
     /// Points that were read and not returned yet.
     left: PointColumns,
     has_begun: bool,
+    /// Whether reading has failed: points would be missing from the rest.
+    has_failed: bool,
     threads: usize,
 }
 
@@ -153,7 +155,16 @@ impl PointQuery {
         let grid = PointGrid::of(&forest);
         let query = Query::new(forest, filter, &wanted)?;
         let left = PointColumns { columns: vec![Vec::new(); sizes.len()], ..Default::default() };
-        Ok(Self { query, grid, attributes, sizes, left, has_begun: false, threads })
+        Ok(Self {
+            query,
+            grid,
+            attributes,
+            sizes,
+            left,
+            has_begun: false,
+            has_failed: false,
+            threads,
+        })
     }
 
     /// The attributes, in the order of the columns.
@@ -164,19 +175,28 @@ impl PointQuery {
     /// Reads the next `points` points, or all that are left; fewer at the end, `None` behind it.
     ///
     /// # Errors
-    /// If the file cannot be read or is damaged, or `task` is cancelled.
+    /// If the file cannot be read or is damaged, or `task` is cancelled; from then on always.
     pub fn read(&mut self, points: Option<usize>, task: &dyn Task) -> Result<Option<PointColumns>> {
         if !std::mem::replace(&mut self.has_begun, true) {
             task.phase("reading", Some(self.query.points_max()), "points");
         }
+        let path = || self.query.forest().path().display();
+        ensure!(!self.has_failed, "{}: reading it has failed before: begin again", path());
         let wanted = points.unwrap_or(usize::MAX).max(1);
         let threads = self.threads;
-        let mut found = pool::run(threads, || self.fill(wanted, task))?;
+        let found = pool::run(threads, || self.fill(wanted, task));
+        self.has_failed = found.is_err();
+        let mut found = found?;
         if found.len() > wanted {
             self.left = found.split_off(wanted, &self.sizes);
         }
         found.shrink();
         Ok((!found.is_empty()).then_some(found))
+    }
+
+    /// Ends the query: points that it has returned were lost.
+    pub fn end(&mut self) {
+        self.has_failed = true;
     }
 
     /// Reads at least `wanted` points, if there are as many. The points of a group are appended
