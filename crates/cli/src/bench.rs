@@ -288,7 +288,8 @@ pub struct Stream {
     #[arg(long)]
     pub cold: bool,
     /// Rate and round trip of the line to the server of files at addresses, such as 100,50 for 100
-    /// Mbit/s and 50 ms: the time until the first view is complete is compared with what they allow.
+    /// Mbit/s and 50 ms: the time until the first view is complete is compared with what they
+    /// allow.
     #[arg(long, value_name = "MBIT,MS", value_parser = parse_line)]
     pub line: Option<stream::Line>,
     /// Width and height in pixels.

@@ -75,8 +75,8 @@ impl Blocks {
         }
     }
 
-    /// Marks the absent and failed ones of some blocks, in rising order, as coming, and returns runs
-    /// of them to fetch: of at most `most` blocks, over gaps of at most [`GAP`].
+    /// Marks the absent and failed ones of some blocks, in rising order, as coming, and returns
+    /// runs of them to fetch: of at most `most` blocks, over gaps of at most [`GAP`].
     pub fn request(&mut self, numbers: impl Iterator<Item = u64>, most: u64) -> Vec<Range<u64>> {
         let mut runs: Vec<Range<u64>> = Vec::new();
         for number in numbers {

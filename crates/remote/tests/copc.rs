@@ -1,5 +1,5 @@
-//! COPC files at addresses are drawn without converting or downloading them: the first picture takes
-//! a few requests, and everything that is read is what a file on this machine has.
+//! COPC files at addresses are drawn without converting or downloading them: the first picture
+//! takes a few requests, and everything that is read is what a file on this machine has.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod server;

@@ -1,9 +1,9 @@
-//! Time until a view of a file at an address is complete, beside what the line to the server allows:
-//! the bytes that the view needs over its rate, or a round trip for each level of the tree, because
-//! a node is requested when its parent is there.
+//! Time until a view of a file at an address is complete, beside what the line to the server
+//! allows: the bytes that the view needs over its rate, or a round trip for each level of the tree,
+//! because a node is requested when its parent is there.
 
 use crate::stream::disk;
-use crate::stream::request::FlightRequest;
+use crate::stream::request::{FlightRequest, Line};
 use anyhow::{Result, ensure};
 use esker_engine::calls::info;
 use esker_engine::cameras::camera::Camera;
@@ -21,15 +21,6 @@ const TRIPS_TO_OPEN: u32 = 2;
 
 /// Time after which the view is given up.
 const PATIENCE: Duration = Duration::from_secs(600);
-
-/// What is known of the line to a server.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
-    /// Its rate, millions of bits a second.
-    pub mbit_s: f64,
-    /// Time from a request to its answer, milliseconds.
-    pub round_trip_ms: f64,
-}
 
 /// How long the first view took.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

@@ -12,8 +12,7 @@ mod request;
 mod run;
 mod table;
 
-pub use line::Line;
 pub use process::measure;
 pub use report::StreamReport;
-pub use request::{FlightRequest, Settings, StreamBenchRequest};
+pub use request::{FlightRequest, Line, Settings, StreamBenchRequest};
 pub use table::text;

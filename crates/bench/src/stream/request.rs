@@ -1,11 +1,19 @@
 //! What the benchmark of streaming measures: files and scans, and how each is flown through.
 
-use crate::stream::line::Line;
 use esker_engine::draw::session::{self, Options};
 use esker_engine::machine::backend::DrawWith;
 use esker_stream::Priority;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+
+/// What is known of the line to a server.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Its rate, millions of bits a second.
+    pub mbit_s: f64,
+    /// Time from a request to its answer, milliseconds.
+    pub round_trip_ms: f64,
+}
 
 /// Files to measure, and how often.
 #[derive(Clone, Debug)]
