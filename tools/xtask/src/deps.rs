@@ -13,7 +13,7 @@ const ALLOWED: [(&str, &[&str]); 18] = [
     ("esker-scan", &["points"]),
     ("esker-format", &["points"]),
     ("esker-builder", &["points", "scan", "format"]),
-    ("esker-remote", &["points", "format", "builder"]),
+    ("esker-remote", &["points", "scan", "format", "builder"]),
     ("esker-lod", &["points"]),
     ("esker-scene", &[]),
     ("esker-stream", &["points", "format", "lod"]),
