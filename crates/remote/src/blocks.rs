@@ -156,11 +156,8 @@ mod tests {
         assert_eq!(blocks.take(1), Block::Failed(gone()));
         assert_eq!(blocks.take(1), Block::Absent, "it may be tried again");
         blocks.fail(2, &gone());
-        assert_eq!(
-            blocks.request([2, 3].into_iter(), 64),
-            [2..3],
-            "one that nobody waited for too"
-        );
+        let again = blocks.request([2, 3].into_iter(), 64);
+        assert_eq!((again.len(), again[0].clone()), (1, 2..3), "one that nobody waited for too");
         // What is here already stays although a run over it fails.
         blocks.fail(0, &gone());
         assert_eq!(blocks.take(0), Block::Here(bytes()));

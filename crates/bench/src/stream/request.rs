@@ -32,6 +32,15 @@ pub struct StreamBenchRequest {
     pub program: PathBuf,
 }
 
+/// What is known of the line to a server.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Its rate, millions of bits a second.
+    pub mbit_s: f64,
+    /// Time from a request to its answer, milliseconds.
+    pub round_trip_ms: f64,
+}
+
 /// How one file is flown through.
 #[derive(Clone, Debug)]
 pub struct FlightRequest {

@@ -1,5 +1,6 @@
 //! A server of files with ranges on loopback, which misbehaves on request.
 #![allow(dead_code, reason = "each test uses a part")]
+#![allow(clippy::disallowed_methods, reason = "threads of a server for tests need no names")]
 
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Result, Write};
@@ -394,7 +395,9 @@ fn now() -> String {
     let (days, second) = (since.as_secs() / 86_400, since.as_secs() % 86_400);
     let (mut year, mut left) = (1970, days);
     let length = |year: u64| {
-        365 + u64::from(year.is_multiple_of(4) && !year.is_multiple_of(100) || year % 400 == 0)
+        365 + u64::from(
+            year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400),
+        )
     };
     while left >= length(year) {
         left -= length(year);
