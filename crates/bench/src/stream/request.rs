@@ -6,15 +6,6 @@ use esker_stream::Priority;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// What is known of the line to a server.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
-    /// Its rate, millions of bits a second.
-    pub mbit_s: f64,
-    /// Time from a request to its answer, milliseconds.
-    pub round_trip_ms: f64,
-}
-
 /// Files to measure, and how often.
 #[derive(Clone, Debug)]
 pub struct StreamBenchRequest {
