@@ -4,7 +4,7 @@
 use crate::errors::wrong;
 use crate::options::read_options;
 use crate::reports::json;
-use crate::work::{allow_addresses, run};
+use crate::work::{places, run};
 use esker_engine::calls::build::{self as building, BuildReport};
 use esker_engine::given::{Coordinates, GivenInfo, Points};
 use esker_engine::{AttrType, Attribute, Grid, Task};
@@ -30,10 +30,8 @@ pub fn build(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let options = read_options(options)?;
-    let work = |task: &dyn Task| {
-        allow_addresses(inputs.iter().map(PathBuf::as_path));
-        building::build(&inputs, &out, &options, threads, task)
-    };
+    let inputs = places(&inputs);
+    let work = |task: &dyn Task| building::build(&inputs, &out, &options, threads, task);
     let (report, notes) = run(py, progress, work)?;
     with_notes(report, notes)
 }

@@ -2,7 +2,7 @@
 
 use crate::arguments::Filter;
 use crate::errors::{exception, wrong};
-use crate::work::{allow_addresses, run};
+use crate::work::{place, run};
 use esker_engine::calls::query::{PointColumns, PointGrid, PointQuery, read_points};
 use esker_engine::io::file::open_tree;
 use esker_engine::{Attribute, Forest, Task};
@@ -24,10 +24,8 @@ impl File {
     /// Opens a file or an address.
     #[new]
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let open = |_: &dyn Task| {
-            allow_addresses([path.as_path()]);
-            Ok(Arc::new(open_tree(&path)?))
-        };
+        let path = place(&path);
+        let open = |_: &dyn Task| Ok(Arc::new(open_tree(&path)?));
         let (forest, _) = run(py, None, open)?;
         let grid = PointGrid::of(&forest);
         Ok(Self { forest, grid })

@@ -5,7 +5,7 @@ use crate::errors::{exception, wrong};
 use crate::file::File;
 use crate::options::read_options;
 use crate::reports::json;
-use crate::work::{allow_addresses, run};
+use crate::work::{places, run};
 use anyhow::Result;
 use esker_engine::calls::render::{RenderReport, draw, draw_with_layers};
 use esker_engine::cameras::camera::Camera;
@@ -49,12 +49,12 @@ pub fn render<'py>(
 ) -> PyResult<Bound<'py, PyTuple>> {
     let (forest, mut inputs) = match subject {
         Subject::Open(file) => (Some(file.forest.clone()), Vec::new()),
-        Subject::Paths(paths) => (None, paths),
+        Subject::Paths(paths) => (None, places(&paths)),
     };
     let mut base = PictureRequest::of_options();
     if let Some(document) = Document::among(&inputs).map_err(|e| exception(&e))? {
         base = document.request().map_err(|e| exception(&e))?;
-        inputs = document.inputs().map_err(|e| exception(&e))?;
+        inputs = places(&document.inputs().map_err(|e| exception(&e))?);
     }
     if let Some(filter) = filter {
         base.filter = filter.0.clone();
@@ -72,7 +72,6 @@ pub fn render<'py>(
         Ok((picture, report, Layers::default()))
     };
     let work = |task: &dyn Task| {
-        allow_addresses(inputs.iter().map(PathBuf::as_path));
         pool::run(request.threads, || match &forest {
             Some(forest) => draw_file(forest, task),
             None => {

@@ -3,7 +3,7 @@
 use crate::arguments::Filter;
 use crate::errors::{exception, wrong};
 use crate::options::read_options;
-use crate::work::{allow_addresses, run};
+use crate::work::{place, places, run};
 use esker_engine::calls::{export as exporting, verify as verifying};
 use esker_engine::io::output;
 use esker_engine::{ColourDepth, ExportOptions, Task};
@@ -43,8 +43,8 @@ pub fn export(
     };
     let options = ExportOptions { colour_depth, crs };
     let filter = &filter.0;
+    let file = place(&file);
     let work = |task: &dyn Task| {
-        allow_addresses([file.as_path()]);
         if !overwrite {
             output::may_create(&out)?;
         }
@@ -67,10 +67,8 @@ pub fn verify(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let reading = read_options(options)?.open_options();
-    let work = |task: &dyn Task| {
-        allow_addresses(against.iter().chain([&file]).map(PathBuf::as_path));
-        verifying::verify(&file, &against, &reading, threads, task)
-    };
+    let (file, against) = (place(&file), places(&against));
+    let work = |task: &dyn Task| verifying::verify(&file, &against, &reading, threads, task);
     let (report, _) = run(py, progress, work)?;
     json(&report)
 }

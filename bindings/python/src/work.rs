@@ -6,15 +6,18 @@
 use crate::errors::{EskerError, exception};
 use anyhow::Result;
 use esker_engine::Task;
+use esker_engine::io::address::{is_remote, shown};
 use pyo3::prelude::*;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
-use std::sync::{Mutex, MutexGuard, Once, PoisonError};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, Once, PoisonError};
 use std::time::Duration;
 
 /// Time between two looks at signals and progress.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// Ends reads at addresses that wait for a server, of all calls, while one that was cancelled ends.
+static STOPS_READING: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 /// Most notes that are kept.
 const NOTES_MAX: usize = 1000;
 
@@ -126,6 +129,7 @@ fn beside<T: Send>(
             let looked = Python::try_attach(|py| reporter.look(py, &state)).unwrap_or(Ok(()));
             if let Err(error) = looked {
                 state.is_cancelled.store(true, Ordering::Relaxed);
+                STOPS_READING.store(true, Ordering::Relaxed);
                 raised = Some(error);
             }
         }
@@ -134,6 +138,7 @@ fn beside<T: Send>(
         })
     });
     if let Some(raised) = raised {
+        STOPS_READING.store(false, Ordering::Relaxed);
         return Err(raised);
     }
     let done = done?.map_err(|error| exception(&error))?;
@@ -142,10 +147,19 @@ fn beside<T: Send>(
     Ok((done, state.into_notes()))
 }
 
-/// Lets this process open addresses, from the first one that is named on.
-pub fn allow_addresses<'a>(paths: impl IntoIterator<Item = &'a Path>) {
+/// The path of a file as it is used and shown: addresses without their secrets, which are kept for
+/// requests. Lets this process open addresses, from the first one that is named on.
+pub fn place(path: &Path) -> PathBuf {
     static ONCE: Once = Once::new();
-    if paths.into_iter().any(|path| path.to_str().is_some_and(|path| path.contains("://"))) {
-        ONCE.call_once(|| esker_remote::install(esker_remote::Disk::of_user()));
+    if is_remote(path) {
+        let pool =
+            || esker_remote::Pool::new(esker_remote::Limits::default(), STOPS_READING.clone());
+        ONCE.call_once(|| drop(esker_remote::install(esker_remote::Disk::of_user(), pool())));
     }
+    shown(path)
+}
+
+/// [`place`] of several files.
+pub fn places(paths: &[PathBuf]) -> Vec<PathBuf> {
+    paths.iter().map(|path| place(path)).collect()
 }
