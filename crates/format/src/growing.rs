@@ -26,6 +26,9 @@ pub trait Growing: ReadAt {
     /// If they cannot be read.
     fn complete(&self, nodes: &[u32]) -> io::Result<()>;
 
+    /// Most bytes of pages that are kept in memory.
+    fn kept_bytes_max(&self) -> u64;
+
     /// Coordinates of the points of a node as the file has them, in the order of its page.
     ///
     /// # Errors

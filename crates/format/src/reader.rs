@@ -195,6 +195,11 @@ impl EskerFile {
         Some(newer)
     }
 
+    /// Most bytes of pages that are kept in memory; `None` for .esker files, of which none is.
+    pub fn kept_bytes_max(&self) -> Option<u64> {
+        self.growing.as_ref().map(|(tree, _)| tree.kept_bytes_max())
+    }
+
     /// Whether the file that its pages are made of is another one than that which was opened;
     /// `None` for .esker files, whose footers tell.
     ///

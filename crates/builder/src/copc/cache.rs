@@ -70,6 +70,11 @@ impl Cache {
         Self { bytes_max, kept: Mutex::default() }
     }
 
+    /// Most bytes that are kept.
+    pub fn bytes_max(&self) -> u64 {
+        self.bytes_max
+    }
+
     /// Whether the pages of a chunk are kept, or are being made.
     pub fn has(&self, chunk: u32) -> bool {
         self.lock().entries.contains_key(&chunk)

@@ -286,6 +286,10 @@ impl Growing for CopcTree {
         chunks.par_iter().try_for_each(|&chunk| self.made(chunk).map(drop))
     }
 
+    fn kept_bytes_max(&self) -> u64 {
+        self.cache.bytes_max()
+    }
+
     fn own_positions(&self, node: u32) -> io::Result<Vec<[i32; 3]>> {
         let Some(chunk) = self.chunk_of(node) else { return Ok(Vec::new()) };
         Ok(self.made(chunk)?.own(node).to_vec())

@@ -8,7 +8,7 @@ use crate::draw::staging::RUN_BYTES;
 use crate::io::quantity::readable_bytes;
 use crate::light;
 use anyhow::{Result, ensure};
-use esker_format::{Footer, Forest};
+use esker_format::{EskerFile, Footer, Forest};
 use esker_lod::Surroundings;
 use esker_points::Node;
 use esker_render::gpu::NodePool;
@@ -104,6 +104,7 @@ impl Shares {
                 + footer.statistics.bytes * 2
         };
         let tree_bytes = file.files().map(|file| of(file.footer())).sum::<u64>();
+        let tree_bytes = tree_bytes + growth_bytes(file);
         let unlit = PIXEL_BYTES + if evens_exposure { EXPOSURE_PIXEL_BYTES } else { 0 };
         let pixel_bytes = lit_pixel_bytes.unwrap_or(unlit);
         let picture_bytes = pixels_with_margin(size) * pixel_bytes;
@@ -139,6 +140,22 @@ impl Shares {
     pub fn runs(&self) -> usize {
         (self.staging_bytes / RUN_BYTES as u64) as usize
     }
+}
+
+/// Points of a node, on average, of trees whose nodes are not known yet, and states of their tables
+/// that are in memory at a time: of the tree, of the choice, of the cut and of the next one.
+const GROWN_NODE_POINTS: u64 = 1 << 14;
+const GROWN_TABLES: u64 = 4;
+
+/// Bytes that a tree which grows takes beside its present table: the pages that it keeps, and the
+/// tables to come. Zero for files.
+fn growth_bytes(file: &Forest) -> u64 {
+    let of = |file: &EskerFile| {
+        let nodes = (file.footer().points / GROWN_NODE_POINTS).max(file.footer().nodes);
+        let node_bytes = file.table().bytes_a_node() as u64;
+        file.kept_bytes_max().map_or(0, |kept| kept + nodes * node_bytes * GROWN_TABLES)
+    };
+    file.files().map(of).sum()
 }
 
 /// Bytes a pixel of the buffers and textures of the GPU renderer: frame buffer 8, pyramid with
@@ -197,7 +214,8 @@ impl GpuShares {
     pub fn of(file: &Forest, options: &Options) -> Result<Self> {
         let [width, height] = options.size.map(u64::from);
         let is_lit = options.settings.method == Method::Lit;
-        let nodes = (file.table().nodes.len()).min(options.nodes_max) as u64;
+        let known = if file.is_growing() { usize::MAX } else { file.table().nodes.len() };
+        let nodes = known.min(options.nodes_max) as u64;
         let pixel_bytes = GPU_PIXEL_BYTES
             + if options.settings.evens_exposure { EXPOSURE_PIXEL_BYTES } else { 0 };
         let pixels_bytes = if is_lit {

@@ -21,6 +21,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::AcqRel, Ordering::Acquire};
 use std::time::{Duration, Instant};
 
+/// Most bytes of a point in the longest plane that is drawn from.
+const MADE_POINT_BYTES: u64 = 16;
+
 /// Most frames in flight when the next one begins.
 const FLYING_MAX: usize = 2;
 /// A frame that takes longer means that the GPU is lost.
@@ -65,8 +68,9 @@ impl GpuPainter {
         let mut renderer = GpuRenderer::new(&gpu)?;
         renderer.set_batch_capacity(shares.batch);
         let runs = UploadRing::runs(&gpu, shares.runs)?.into_iter().map(GpuRun).collect();
-        // A small file needs no large page.
-        let page_bytes = file.file_bytes().next_power_of_two();
+        // A small file needs no large page. Pages that are made are larger than what they are of.
+        let made_bytes = if file.is_growing() { file.points() * MADE_POINT_BYTES } else { 0 };
+        let page_bytes = file.file_bytes().max(made_bytes).next_power_of_two();
         Ok(Self {
             landing: Arc::new(Staging::new(runs)),
             ring: UploadRing::default(),
