@@ -14,11 +14,13 @@ use esker_engine::cameras::camera::Camera;
 use esker_engine::draw::scene::{PictureRequest, PictureScene, completed, open};
 use esker_engine::draw::session::{Options, Session, Settings};
 use esker_engine::io::file::open_copc;
-use esker_engine::machine::backend::{Backend, DrawWith};
+use esker_engine::machine::backend::{Backend, DrawWith, GpuRequest};
 use esker_engine::{
     Bounds, BuildOptions, Classes, Filter, Forest, Method, NormalsMode, Picture, ValueRange,
 };
 use esker_points::task::Silent;
+use esker_render::gpu::Gpu;
+use esker_render::gpu::device::all_interfaces;
 use esker_scan::OpenOptions;
 use esker_truth::flip::mean_flip;
 use glam::DVec2;
@@ -149,6 +151,30 @@ fn a_flight_within_small_budgets_keeps_its_cut() {
         let view = wanderer.next();
         session.settle(&view, Duration::from_secs(60)).unwrap();
     }
+}
+
+#[test]
+fn a_gpu_streams_it_as_the_cpu_does() {
+    let backends = all_interfaces().iter().copied();
+    let request = |backends| GpuRequest { backends, allow_software: true, ..GpuRequest::default() };
+    let Some(gpu) = backends.map(request).find_map(|request| Gpu::open(&request).ok()) else {
+        eprintln!("no adapter");
+        return;
+    };
+    let settled = |backend, device| {
+        let settings = Settings { occlusion: false, ..Settings::default() };
+        let options = Options { settings, backend, device, size: SIZE, ..Options::default() };
+        let mut session = Session::open(Arc::new(opened()), options).unwrap();
+        let view = overview(&session);
+        session.settle(&view, Duration::from_secs(60)).unwrap();
+        assert!(session.frame(&view).unwrap().cut.complete);
+        session.picture().unwrap()
+    };
+    let on_cpu = settled(Backend::Cpu, None);
+    let on_gpu = settled(Backend::Gpu, Some(gpu.clone()));
+    let flip = mean_flip(&on_gpu.rgba, &on_cpu.rgba, SIZE[0] as usize);
+    assert!(flip <= 0.01, "FLIP {flip}");
+    assert_eq!(gpu.fault(), None);
 }
 
 #[test]
