@@ -39,7 +39,8 @@ pub fn is_copc(path: &Path) -> Result<bool> {
     if esker_scan::synthetic::is_spec(path) || path.is_dir() {
         return Ok(false);
     }
-    esker_builder::copc::is_copc(path).with_context(|| format!("{}: cannot read", path.display()))
+    let context = || format!("{}: cannot open it", path.display());
+    esker_builder::copc::is_copc(path).with_context(context)
 }
 
 /// Opens a COPC file as a tree, without building it; `None` for all other inputs, and if the
