@@ -158,6 +158,44 @@ fn the_tree_has_every_point_once_with_all_attributes() {
     }
 }
 
+/// Whether the contour of a node holds all of its cell.
+fn holds_cell(file: &EskerFile, node: &esker_points::Node) -> bool {
+    let scale = file.metadata().lattice.metric().scale;
+    let contour = node.contour();
+    (0..8).all(|corner| {
+        let local = [0, 1, 2].map(|axis| {
+            let at = f64::from(corner >> axis & 1) * node.cell().edge() as f64;
+            at * scale[axis] - contour.centre[axis]
+        });
+        contour.axes.iter().zip(contour.half).all(|(axis, half)| {
+            let along: f64 = (0..3).map(|i| axis[i] * local[i]).sum();
+            along.abs() <= half * (1.0 + 1e-5)
+        })
+    })
+}
+
+#[test]
+fn contours_hold_all_points_before_and_after_chunks_are_read_also_in_degrees() {
+    let place = |i: u64| [0, 1, 2].map(|axis| below(3 * i + axis, 40_000));
+    let mut degrees = scan(20_000, place);
+    degrees.info.grid.grid.scale = [1e-7; 3];
+    degrees = degrees.at([8.5, 47.0, 0.0]);
+    degrees.info.crs = Some(esker_scan::Crs {
+        text: r#"GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]]"#.into(),
+        unit: Some("degree".into()),
+    });
+    for (name, cloud) in [("metres", scan(20_000, place)), ("degrees", degrees)] {
+        let (_folder, path) = exported(cloud, 256);
+        let file = open(&path);
+        assert_eq!(file.metadata().lattice.is_scaled(), name == "degrees");
+        // The first chunk is read when the file is opened.
+        let unknown = file.table().nodes.iter().skip(1);
+        assert!(unknown.clone().count() > 20);
+        assert!(unknown.clone().all(|node| holds_cell(&file, node)), "{name}");
+        assert_eq!(rows_of_tree(&completed(file)), rows_of_scan(&path), "{name}");
+    }
+}
+
 #[test]
 fn pages_of_the_hierarchy_are_read_when_they_are_wanted() {
     let place = |i: u64| [below(2 * i, 4_000_000), below(2 * i + 1, 4_000_000), 0];

@@ -11,6 +11,8 @@ use esker_engine::calls::pick::pick;
 use esker_engine::calls::render::draw;
 use esker_engine::calls::{export, info};
 use esker_engine::cameras::camera::Camera;
+use esker_engine::cameras::classes::{ClassCount, occurring};
+use esker_engine::cameras::histogram::value_histogram;
 use esker_engine::draw::scene::{PictureRequest, PictureScene, completed, open};
 use esker_engine::draw::session::{Options, Session, Settings};
 use esker_engine::io::file::open_copc;
@@ -244,6 +246,24 @@ fn exports_have_the_points_of_an_export_of_the_built_file() {
     let options = ExportOptions::default();
     let error = export::export(copc(), &refused, &Filter::default(), options, 0, &Silent);
     assert!(format!("{:#}", error.unwrap_err()).contains("COPC already"));
+}
+
+#[test]
+fn what_comes_from_the_first_points_says_so() {
+    let (file, built) = (opened(), Forest::open(sample()).unwrap());
+    let sampled = file.table().nodes[0].points() as u64;
+    assert!(sampled < file.points() / 4);
+    let counted = value_histogram(&file, "red").unwrap().unwrap();
+    // Strays are not in the bins.
+    let in_bins = counted.counts.iter().sum::<f64>().round() as u64;
+    assert_eq!(counted.sample, Some(in_bins));
+    assert!(in_bins <= sampled && in_bins * 100 >= sampled * 99, "{in_bins} of {sampled}");
+    assert_eq!(value_histogram(&built, "red").unwrap().unwrap().sample, None);
+    let (classes, exact) = (occurring(&file).unwrap(), occurring(&built).unwrap());
+    assert!(classes.iter().all(|class| class.is_estimate));
+    assert!(exact.iter().all(|class| !class.is_estimate));
+    let points = |all: &[ClassCount]| all.iter().map(|class| class.points).sum::<u64>();
+    assert!(points(&classes).abs_diff(points(&exact)) <= classes.len() as u64);
 }
 
 #[test]

@@ -33,6 +33,7 @@ mod sequential;
 mod statistics;
 mod strict;
 mod table;
+mod tree_ref;
 mod values;
 mod verify;
 mod writer;

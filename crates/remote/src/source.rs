@@ -49,7 +49,7 @@ struct Shared {
     has_changed: AtomicBool,
     /// Nobody reads any more.
     is_closed: AtomicBool,
-    /// How often waiting readers were told to give up.
+    /// Number of calls of [`ReadAt::interrupt`]: readers that waited before the last one give up.
     interrupts: AtomicU64,
     /// Where the last read ended, and how many in a row began where one ended.
     last_end: AtomicU64,

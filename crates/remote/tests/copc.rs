@@ -10,10 +10,10 @@ use esker_points::Filter;
 use esker_points::task::Silent;
 use esker_remote::{Limits, Pool};
 use esker_scan::OpenOptions;
-use server::{Faults, Server};
+use server::{Faults, Odd, Server};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Once};
 use std::time::Duration;
 
 const WKT: &str = r#"LOCAL_CS["site",UNIT["metre",1]]"#;
@@ -46,10 +46,43 @@ fn all(file: EskerFile) -> Vec<(Vec<[u32; 3]>, Vec<u8>)> {
     (0..file.table().nodes.len() as u32).map(of).collect()
 }
 
+/// Sets, once for all tests, what opens addresses. Servers are given up late, but for reads that
+/// are told to end.
+fn install() {
+    static ONCE: Once = Once::new();
+    let limits = Limits { answer: Duration::from_secs(20), ..Limits::default() };
+    ONCE.call_once(|| drop(esker_remote::install(None, Pool::new(limits, Arc::default()))));
+}
+
+#[test]
+fn a_read_of_a_server_that_stalls_ends_when_it_is_told_to() {
+    install();
+    let folder = tempfile::tempdir().unwrap();
+    let path = copc_file(folder.path());
+    let mut bytes = Vec::new();
+    std::fs::File::open(&path).unwrap().read_to_end(&mut bytes).unwrap();
+    let server = Server::start();
+    let address = server.put("stalls.copc.laz", bytes);
+    let forest = Forest::from(open(Path::new(&address)));
+    let [requests, _] = forest.traffic().unwrap();
+    assert!(requests > 0);
+    server.set(Faults { odd: Odd::Stalls, ..Faults::default() });
+    let all: Vec<u32> = (0..forest.table().nodes.len() as u32).collect();
+    std::thread::scope(|scope| {
+        let reading = scope.spawn(|| forest.complete(&all));
+        // Reads that begin after an interrupt wait for the next one.
+        while !reading.is_finished() {
+            forest.interrupt();
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let error = reading.join().unwrap().unwrap_err().to_string();
+        assert!(error.contains("stopped"), "{error}");
+    });
+}
+
 #[test]
 fn the_first_picture_takes_a_few_requests_and_all_points_are_those_of_the_file() {
-    let limits = Limits { answer: Duration::from_millis(300), ..Limits::default() };
-    esker_remote::install(None, Pool::new(limits, Arc::default()));
+    install();
     let folder = tempfile::tempdir().unwrap();
     let path = copc_file(folder.path());
     let mut bytes = Vec::new();

@@ -70,12 +70,9 @@ pub(super) fn export_copc(
     let (_, aside_note) = selection.aside(&*started.encode);
     selection.check_any(&written)?;
     task.check()?;
-    let mut notes = started.notes;
-    notes.extend(aside_note);
-    notes.extend(selection.colour_notes());
-    notes.extend(output.remarks());
+    let beginning = started.notes.into_iter().chain(aside_note);
+    let notes = selection.notes(beginning, output.remarks(), &started.fields);
     let bytes_out = output.finish()?;
-    notes.extend(selection.end_notes(&started.fields));
     Ok(selection.report(&written, bytes_out, started.format, notes))
 }
 

@@ -195,14 +195,21 @@ impl<'a> Selection<'a> {
         )))
     }
 
-    /// Notes on colours.
-    pub fn colour_notes(&self) -> Vec<String> {
-        self.colours.iter().flat_map(|colours| colours.notes()).collect()
+    /// All notes of an export: those of its beginning, on colours, of the `remarks` on what was
+    /// written, on attributes that points lack (by the field of each that is written), and on trees
+    /// that overlap.
+    pub fn notes(
+        &self,
+        beginning: impl IntoIterator<Item = String>,
+        remarks: Vec<String>,
+        fields: &[usize],
+    ) -> Vec<String> {
+        let colours = self.colours.iter().flat_map(|colours| colours.notes());
+        let before = beginning.into_iter().chain(colours).chain(remarks);
+        before.chain(self.end_notes(fields)).collect()
     }
 
-    /// Notes on attributes that points lack, by the field of each that is written, and on trees
-    /// that overlap.
-    pub fn end_notes(&self, fields: &[usize]) -> Vec<String> {
+    fn end_notes(&self, fields: &[usize]) -> Vec<String> {
         let fields = match &self.colours {
             Some(colours) => colours.index_of.iter().map(|&i| fields[i]).collect(),
             None => fields.to_vec(),

@@ -86,8 +86,7 @@ pub fn open(path: &Path, options: &OpenOptions, cache_bytes: u64) -> Result<Eske
     let edge = 2.0 * file.cube().1;
     let stated = file.spacing();
     let spacing = if EDGES.contains(&stated) { stated } else { edge / POINTS_ACROSS };
-    let metric = lattice.metric().scale[0] / lattice.scale[0];
-    let mut table = VoxelTable::new(lattice.metric().scale[0], spacing * metric);
+    let mut table = VoxelTable::new(lattice.metric().scale, spacing * lattice.factor[0]);
     table.add(None, &file.page(file.root_page())?, &layout).map_err(damaged)?;
 
     // The first points tell the depth of colours and the ranges of values.
@@ -355,6 +354,14 @@ impl ReadAt for CopcTree {
         let state = self.state();
         let place = |&chunk: &u32| state.table.chunks[chunk as usize].place;
         self.file.will_read(&chunks.iter().map(place).collect::<Vec<_>>());
+    }
+
+    fn interrupt(&self) {
+        self.file.interrupt();
+    }
+
+    fn traffic(&self) -> Option<[u64; 2]> {
+        self.file.traffic()
     }
 
     fn readers(&self) -> Option<usize> {

@@ -85,7 +85,7 @@ impl Pages {
         let mut leaf = self.context.leaf(&rows, 0..own.len() as u32, cell);
         let shape = Shape::of(leaf.moments.covariance(self.context.scale));
         let dimension = self.context.assign_turns(&rows, &mut leaf, &[], None, &shape);
-        let step = self.context.scale[0].max(1e-30);
+        let step = self.context.scale.iter().fold(f64::INFINITY, |a, &b| a.min(b)).max(1e-30);
         let total = own.len();
         let together = (1.0 - SHARE_ABOVE).sqrt();
         let spacing = |drawn: usize| {
@@ -103,7 +103,7 @@ impl Pages {
         };
         let mut drawn = 0;
         let mut made = Vec::with_capacity(sizes.len());
-        for (part, _) in (0u32..).zip(&sizes) {
+        for part in 0..sizes.len() as u32 {
             let of_part = (0u32..).zip(&part_of).filter(|(_, p)| **p == part);
             let points: Vec<u32> = of_part.map(|(i, _)| i).collect();
             drawn += points.len();
@@ -130,8 +130,9 @@ impl Pages {
         record.spacing = spacing as f32;
         record.set_levels(&levels);
         let scale = self.context.scale;
-        let step = scale[0] * f64::from(1u32 << record.hot_shift);
-        let sides = contour::enclose(&mut record, &points.positions, scale, step);
+        let step = scale.iter().fold(0.0f64, |a, &b| a.max(b));
+        let reach = step * f64::from(1u32 << record.hot_shift);
+        let sides = contour::enclose(&mut record, &points.positions, scale, reach);
         let layout = &self.context.pages;
         MadeNode {
             page: encode_raw_page(layout, record.box_min, record.hot_shift, &points),

@@ -55,9 +55,9 @@ pub struct VoxelTable {
     places: Vec<(u64, u32)>,
     /// Offset behind the last page.
     end: u64,
-    /// Length of a lattice step, in the file's unit.
-    step: f64,
-    /// Spacing of the root, in the file's unit.
+    /// Length of a lattice step on each axis, as lengths are measured.
+    scale: [f64; 3],
+    /// Spacing of the root, as lengths are measured.
     spacing: f64,
 }
 
@@ -75,22 +75,22 @@ pub fn hot_shift_of(cell: &Cell) -> u8 {
 }
 
 impl VoxelTable {
-    /// A table without voxels. `step` is the length of a lattice step, `spacing` that of the root,
-    /// both in the file's unit.
-    pub fn new(step: f64, spacing: f64) -> Self {
+    /// A table without voxels. `scale` has the length of a lattice step on each axis, `spacing` is
+    /// that of the root, both as lengths are measured
+    /// ([`Lattice::metric`](esker_points::Lattice::metric)).
+    pub fn new(scale: [f64; 3], spacing: f64) -> Self {
         Self {
             nodes: Arc::default(),
             stands: Vec::new(),
             chunks: Vec::new(),
             places: Vec::new(),
             end: HEADER_BYTES as u64,
-            step,
+            scale,
             spacing,
         }
     }
 
-    /// Spacing of the voxels of a level, in the file's unit, as far as it is known without their
-    /// points.
+    /// Spacing of the voxels of a level, as far as it is known without their points.
     pub fn spacing_at(&self, level: u32) -> f64 {
         self.spacing / 2f64.powi(level as i32)
     }
@@ -210,8 +210,11 @@ impl VoxelTable {
         (record.box_min, record.hot_shift) = (cell.corner, hot_shift_of(&cell));
         record.shape = 2;
         record.spacing = self.spacing_at(key.level.saturating_sub(1)) as f32;
-        let half = (cell.edge() as f64 * self.step / 2.0) as f32;
-        (record.contour_centre, record.contour_half) = ([half; 3], [half * (1.0 + 1e-6); 3]);
+        // Voxels are no cubes where lengths are scaled; a cube around one holds it.
+        let half = self.scale.map(|step| cell.edge() as f64 * step / 2.0);
+        let longest = half.iter().fold(0.0, |all: f64, &half| all.max(half));
+        record.contour_centre = half.map(|half| half as f32);
+        record.contour_half = [(longest * (1.0 + 1e-6)) as f32; 3];
         let upright = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         record.contour_rotation = pack_rotation(upright).0;
         let table = Arc::make_mut(&mut self.nodes);

@@ -2,13 +2,12 @@
 //! filter accepts, as a scan. Returns an [`ExportReport`].
 
 use crate::draw::empty_picture;
-use crate::io::file::open_copc;
+use crate::io::file::open_tree;
 use crate::io::output;
 use crate::io::quantity::{grouped, readable_bytes};
 use crate::machine::pool;
 use anyhow::Result;
 use esker_builder::{ExportOptions, Exported};
-use esker_format::Forest;
 use esker_points::{Filter, Task};
 use serde::Serialize;
 use std::path::Path;
@@ -67,10 +66,8 @@ pub fn export(
     let start = Instant::now();
     output::may_write(out, &[file.to_owned()])?;
     let exported = pool::run(threads, || {
-        let forest = match open_copc(file, &esker_builder::Options::default())? {
-            Some(forest) => forest.grown(filter.max_spacing.is_some())?,
-            None => Forest::open(file)?,
-        };
+        // The spacings of nodes that were not read yet are estimates.
+        let forest = open_tree(file)?.grown(filter.max_spacing.is_some())?;
         let trees: Vec<_> = forest.files().map(|tree| tree.path().to_owned()).collect();
         output::may_write(out, &trees)?;
         let scans = forest.files().flat_map(|tree| &tree.metadata().sources);

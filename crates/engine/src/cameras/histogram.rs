@@ -62,6 +62,14 @@ impl Histogram {
         is_range.then_some(Self { range, counts, sample: None, is_whole })
     }
 
+    /// States that the statistics of a file that is drawn without being built are those of a
+    /// sample.
+    fn counted_in(self, forest: &Forest) -> Self {
+        let counted = || self.counts.iter().sum::<f64>().round() as u64;
+        let sample = self.sample.or_else(|| forest.is_growing().then(counted));
+        Self { sample, ..self }
+    }
+
     /// Counts points whose values are evenly spread over `[from, to]`.
     fn add(&mut self, [from, to]: [f64; 2], points: f64) {
         let [low, high] = self.range;
@@ -94,7 +102,7 @@ pub fn histogram(forest: &Forest, name: &str, vertical: Vertical) -> Result<Opti
     let request = ColourRequest::parse(name)?;
     let is_attribute = forest.schema().find(request.name).is_some();
     let lower = request.name.to_ascii_lowercase();
-    match lower.as_str() {
+    let histogram = match lower.as_str() {
         "elevation" | "height" => of_places(forest, vertical),
         "x" | "y" | "z" if !is_attribute => {
             let axis = AXES.iter().position(|axis| *axis == lower).unwrap_or(2);
@@ -111,7 +119,8 @@ pub fn histogram(forest: &Forest, name: &str, vertical: Vertical) -> Result<Opti
             let colours = AttributeColours::find(forest, &request, &shown)?;
             if colours.has_labels() { Ok(None) } else { of_attribute(forest, &colours) }
         }
-    }
+    };
+    Ok(histogram?.map(|all| all.counted_in(forest)))
 }
 
 /// Histogram of the values of an attribute, also where they have colours of their own; `None` if
@@ -123,10 +132,11 @@ pub fn value_histogram(forest: &Forest, name: &str) -> Result<Option<Histogram>>
     let request = ColourRequest::parse(name)?;
     let shown = ForestFilter::default();
     let colours = AttributeColours::find_any(forest, &request, &shown)?;
-    match colours.returns() {
+    let histogram = match colours.returns() {
         Some(part) => of_returns(forest, colours.index, part),
         None => of_attribute(forest, &colours),
-    }
+    };
+    Ok(histogram?.map(|all| all.counted_in(forest)))
 }
 
 /// Histogram of a part of bytes of returns.

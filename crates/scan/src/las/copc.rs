@@ -263,6 +263,16 @@ impl CopcFile {
         self.source.will_read(&ranges.collect::<Vec<_>>());
     }
 
+    /// Ends the reads that wait now ([`ReadAt::interrupt`]).
+    pub fn interrupt(&self) {
+        self.source.interrupt();
+    }
+
+    /// Requests made and bytes received so far, if it is at an address ([`ReadAt::traffic`]).
+    pub fn traffic(&self) -> Option<[u64; 2]> {
+        self.source.traffic()
+    }
+
     /// Number of threads that should read at the same time, if the place of the file tells.
     pub fn readers(&self) -> Option<usize> {
         self.source.readers()
