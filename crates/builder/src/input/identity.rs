@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::time::UNIX_EPOCH;
 
 /// Version of the records of the journal; changes with their content.
-const JOURNAL_VERSION: &str = "9";
+const JOURNAL_VERSION: &str = "10";
 
 /// Options and inputs of a build.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub struct Identity {
     /// Names and values, which must be equal.
     entries: Vec<(String, String)>,
     memory_bytes: u64,
-    /// Memory for chunks, in bytes: the places of pages depend on it.
+    /// Memory for chunks, in bytes: the list of steps depends on it.
     pub chunk_bytes_max: u64,
 }
 

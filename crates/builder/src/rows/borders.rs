@@ -13,6 +13,7 @@ use crate::error::BuildError;
 use crate::rows::partition::Bucket;
 use crate::rows::row::{RowLayout, position};
 use crate::rows::scratch::{Extent, Map, Scratch};
+use esker_points::tangents::Shape;
 use esker_points::{Cell, Grain, quant};
 use rayon::prelude::*;
 
@@ -42,6 +43,22 @@ pub struct Borders {
     pub finds_shapes: bool,
     /// Cells of chunks, and the places of the positions near their faces.
     cells: Vec<(Cell, Vec<Extent>)>,
+}
+
+/// What is estimated for points: codes of normals, and edges and shapes if chosen.
+struct Surfaces {
+    codes: Vec<[i16; 2]>,
+    edges: Vec<Option<Edge>>,
+    shapes: Vec<Shape>,
+}
+
+/// What is estimated for coincident points.
+#[derive(Clone, Copy, Debug)]
+pub struct StackSurface {
+    /// Code of the normal of those for which sources give none.
+    code: [i16; 2],
+    edge: Option<Edge>,
+    shape: Option<Shape>,
 }
 
 /// The smallest cell of consecutive buckets in Morton order, at least one. It holds no points of
@@ -124,21 +141,52 @@ impl Borders {
     /// # Errors
     /// If scratch space fails.
     pub fn add(&mut self, buckets: &[Bucket], scratch: &mut Scratch) -> Result<(), BuildError> {
+        let cell = cell_of(buckets);
+        let steps = self.blocks.map_or(self.bounds.steps(), |blocks| blocks.steps());
+        let last = cell.last();
+        let near_a_face = move |p: &[u32; 3]| {
+            (0..3).any(|i| p[i] - cell.corner[i] < steps[i] || last[i] - p[i] < steps[i])
+        };
+        let extents = self.store(buckets, &near_a_face, scratch)?;
+        self.cells.push((cell, extents));
+        Ok(())
+    }
+
+    /// Stores the positions of a cell beside a part of the tree, `part`, that are within reach of
+    /// it: other machines build the cell.
+    ///
+    /// # Errors
+    /// If scratch space fails.
+    pub fn add_beside(
+        &mut self,
+        part: &Cell,
+        bucket: &Bucket,
+        scratch: &mut Scratch,
+    ) -> Result<(), BuildError> {
+        let [low, high] = self.around(part);
+        let within = move |p: &[u32; 3]| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i]);
+        let extents = self.store(std::slice::from_ref(bucket), &within, scratch)?;
+        self.cells.push((bucket.cell, extents));
+        Ok(())
+    }
+
+    /// Copies positions to scratch, with the normals that sources give: those for which `is_wanted`
+    /// is true.
+    fn store(
+        &self,
+        buckets: &[Bucket],
+        is_wanted: &(impl Fn(&[u32; 3]) -> bool + Sync),
+        scratch: &mut Scratch,
+    ) -> Result<Vec<Extent>, BuildError> {
         let stride = self.rows.bytes();
         let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
         let map = if is_stored { Some(scratch.map()?) } else { None };
         let runs: Vec<&[u8]> = buckets.iter().flat_map(|b| b.runs(map.as_ref(), stride)).collect();
         let tasks: Vec<&[u8]> = runs.iter().flat_map(|r| r.chunks(TASK_ROWS * stride)).collect();
-        let cell = cell_of(buckets);
-        let steps = self.blocks.map_or(self.bounds.steps(), |blocks| blocks.steps());
-        let near_a_face = |p: &[u32; 3]| {
-            let last = cell.last();
-            (0..3).any(|i| p[i] - cell.corner[i] < steps[i] || last[i] - p[i] < steps[i])
-        };
         let mut extents = Vec::new();
         for group in tasks.chunks(GROUP_TASKS) {
             let near = |rows: &&[u8]| {
-                let rows = rows.chunks_exact(stride).filter(|row| near_a_face(&position(row)));
+                let rows = rows.chunks_exact(stride).filter(|row| is_wanted(&position(row)));
                 let mut near: Vec<([u32; 3], Option<[i16; 2]>)> =
                     rows.map(|row| (position(row), self.rows.given_normal(row))).collect();
                 near.dedup();
@@ -155,8 +203,13 @@ impl Borders {
                 extents.push(scratch.append(&near)?);
             }
         }
-        self.cells.push((cell, extents));
-        Ok(())
+        Ok(extents)
+    }
+
+    /// Least and greatest position within reach of `cell`.
+    pub fn around(&self, cell: &Cell) -> [[u32; 3]; 2] {
+        let around = |blocks: Blocks| blocks.around(cell);
+        self.blocks.map_or_else(|| self.bounds.around(cell), around)
     }
 
     /// Removes the border of a cell and returns its place. The others keep their order, which is
@@ -173,34 +226,74 @@ impl Borders {
         let own: Vec<[u32; 3]> = rows.par_chunks_exact(stride).map(position).collect();
         let given: Vec<[i16; 2]> =
             rows.par_chunks_exact(stride).filter_map(|row| self.rows.given_normal(row)).collect();
+        let Surfaces { codes, edges, shapes } = self.surfaces(cell, (&own, &given), scratch);
+        let rows = rows.par_chunks_exact_mut(stride).zip(codes).enumerate();
+        rows.with_min_len(TASK_ROWS).for_each(|(i, (row, code))| {
+            self.set(row, code, edges.get(i).copied().flatten().as_ref(), shapes.get(i));
+        });
+    }
+
+    /// Estimates what [`Self::estimate`] does for points that all lie at the corner of `cell`;
+    /// `runs` are their rows, in any order.
+    pub fn estimate_stack(&self, cell: &Cell, runs: &[&[u8]], scratch: &Map) -> StackSurface {
+        let rows = runs.par_iter().flat_map(|run| run.par_chunks_exact(self.rows.bytes()));
+        let given = |row: &[u8]| self.rows.given_normal(row).unwrap_or(UNKNOWN);
+        // Of the normals that sources give, the greatest counts as that of the place, and that of
+        // the last row for the shape.
+        let ends = self.rows.has_given_normals().then(|| {
+            let greatest = rows.clone().map(given).max().unwrap_or(UNKNOWN);
+            let last = rows.clone().max().map_or(UNKNOWN, given);
+            let some_lack_it = rows.clone().any(|row| given(row) == UNKNOWN);
+            (some_lack_it.then_some(UNKNOWN), [greatest, last])
+        });
+        let given: Vec<[i16; 2]> =
+            ends.into_iter().flat_map(|(lacking, ends)| lacking.into_iter().chain(ends)).collect();
+        let own = vec![cell.corner; given.len().max(1)];
+        let found = self.surfaces(cell, (&own, &given), scratch);
+        StackSurface {
+            code: found.codes.first().copied().unwrap_or(UNKNOWN),
+            edge: found.edges.first().copied().flatten(),
+            shape: found.shapes.last().copied(),
+        }
+    }
+
+    /// Sets what was estimated for a stack in one of its rows.
+    pub fn set_of_stack(&self, row: &mut [u8], stack: &StackSurface) {
+        let given = self.rows.given_normal(row).filter(|&given| given != UNKNOWN);
+        self.set(row, given.unwrap_or(stack.code), stack.edge.as_ref(), stack.shape.as_ref());
+    }
+
+    /// Estimates normals, edges and shapes at the positions `own` of a chunk, with the normals that
+    /// sources give, if any do.
+    fn surfaces(
+        &self,
+        cell: &Cell,
+        (own, given): (&[[u32; 3]], &[[i16; 2]]),
+        scratch: &Map,
+    ) -> Surfaces {
         let (halo, given_of_halo) = self.halo(cell, scratch);
         let (codes, edges) = if self.finds_edges {
-            let own = Points { positions: &own, normals: &given };
+            let own = Points { positions: own, normals: given };
             detect(own, Points { positions: &halo, normals: &given_of_halo }, &self.bounds)
         } else if given.is_empty() || given.contains(&UNKNOWN) {
-            let estimated = self.normals(&own, &halo).into_iter().enumerate();
+            let estimated = self.normals(own, &halo).into_iter().enumerate();
             let code = |(i, code)| match given.get(i) {
                 Some(&given) if given != UNKNOWN => given,
                 _ => code,
             };
             (estimated.map(code).collect(), Vec::new())
         } else {
-            (given, Vec::new())
+            (given.to_vec(), Vec::new())
         };
-        if self.finds_shapes {
-            let edge = |i: usize| edges.get(i).copied().flatten();
-            let normal = |(i, &code)| edge(i).map_or(stored(code), |edge| edge.normal);
+        let edge = |i: usize| edges.get(i).copied().flatten();
+        let normal = |(i, &code)| edge(i).map_or(stored(code), |edge: Edge| edge.normal);
+        let shapes = if self.finds_shapes {
             let normals: Vec<[i16; 2]> = codes.iter().enumerate().map(normal).collect();
-            let shapes = shapes(&own, &halo, &self.bounds, &normals);
-            let shaped = rows.par_chunks_exact_mut(stride).zip(&shapes).with_min_len(TASK_ROWS);
-            shaped.for_each(|(row, shape)| self.rows.set_shape(row, shape));
-        }
-        rows.par_chunks_exact_mut(stride).zip(codes).enumerate().with_min_len(TASK_ROWS).for_each(
-            |(i, (row, code))| match edges.get(i).copied().flatten() {
-                Some(edge) => self.set_edge(row, &edge),
-                None => self.set(row, code),
-            },
-        );
+            shapes(own, &halo, &self.bounds, &normals)
+        } else {
+            Vec::new()
+        };
+        Surfaces { codes, edges, shapes }
     }
 
     /// Codes of the normals of `own` points beside those of the halo.
@@ -211,9 +304,13 @@ impl Borders {
         }
     }
 
-    /// Sets the normal and the clip lines of a row near an edge.
-    fn set_edge(&self, row: &mut [u8], edge: &Edge) {
-        self.set(row, edge.normal);
+    /// Sets what was estimated for a row.
+    fn set(&self, row: &mut [u8], code: [i16; 2], edge: Option<&Edge>, shape: Option<&Shape>) {
+        if let Some(shape) = shape {
+            self.rows.set_shape(row, shape);
+        }
+        self.set_normal(row, edge.map_or(code, |edge| edge.normal));
+        let Some(edge) = edge else { return };
         let drawn = self.rows.given_normal(row).or(self.rows.normal(row)).unwrap_or(UNKNOWN);
         let [drawn, found] = [drawn, edge.normal].map(quant::oct_decode);
         let cosine = drawn[0] * found[0] + drawn[1] * found[1] + drawn[2] * found[2];
@@ -225,13 +322,8 @@ impl Borders {
         self.rows.set_clip_lines(row, clip.words(position(row), Grain::new(self.bounds.scale)));
     }
 
-    /// Estimates the normal of a cell of one lattice point; returns its octahedral code.
-    pub fn estimate_one(&self, cell: &Cell, scratch: &Map) -> [i16; 2] {
-        self.normals(&[cell.corner], &self.halo(cell, scratch).0)[0]
-    }
-
     /// Sets the normal of a row, flipped towards the scanner if the row has the direction to it.
-    pub fn set(&self, row: &mut [u8], code: [i16; 2]) {
+    fn set_normal(&self, row: &mut [u8], code: [i16; 2]) {
         let towards = self.rows.normal(row).unwrap_or_default();
         // Estimated normals point upwards, the direction of a row without a scanner.
         let is_upwards = towards == [0; 2];
@@ -242,8 +334,7 @@ impl Borders {
     /// Stored positions of other chunks within reach of `cell`, and the normals that sources give
     /// them, if any do; some occur more than once.
     fn halo(&self, cell: &Cell, scratch: &Map) -> (Vec<[u32; 3]>, Vec<[i16; 2]>) {
-        let around = |blocks: Blocks| blocks.around(cell);
-        let [low, high] = self.blocks.map_or_else(|| self.bounds.around(cell), around);
+        let [low, high] = self.around(cell);
         let meets =
             |other: &Cell| (0..3).all(|i| other.corner[i] <= high[i] && low[i] <= other.last()[i]);
         let is_other = |other: &Cell| !other.contains(cell.corner) && meets(other);

@@ -1,10 +1,13 @@
 //! Finishes the nodes below a cell: each separately, in any order and on any thread; then they are
-//! joined to subtrees.
+//! joined to subtrees, and their pages get the order of the file. That order is a property of the
+//! tree: the nodes of the children of a cell stand together, behind all nodes below them. So it
+//! does not depend on how the points were cut into chunks.
 
 use crate::page::histograms::Counts;
 use crate::rows::row::Rows;
 use crate::sample::cell::Context;
 use crate::sample::pending::{Below, PendingCell, ReadyCell};
+use crate::tree::pages::Pages;
 use crate::tree::subtree::{Children, Subtree};
 use esker_points::Task;
 use std::sync::{Mutex, PoisonError};
@@ -25,6 +28,8 @@ struct UnfinishedCell {
     points: u64,
     /// Index of the sampled cell whose result has the nodes below, if they are finished elsewhere.
     elsewhere: Option<usize>,
+    /// Whether its node is continued by a chain of coincident points.
+    is_coincident: bool,
     state: Mutex<State>,
 }
 
@@ -51,9 +56,10 @@ impl Unfinished {
                     Below::Elsewhere { of, .. } => Some(of),
                     _ => None,
                 };
+                let is_coincident = matches!(cut.pending.below, Below::Coincident(_));
                 open.push((Some(cells.len()), cut.pending.below.take_ready()));
                 let state = Mutex::new(State::Ready(Box::new(cut)));
-                cells.push(UnfinishedCell { parent, points, elsewhere, state });
+                cells.push(UnfinishedCell { parent, points, elsewhere, is_coincident, state });
             }
         }
         Self { cells, other_points }
@@ -92,26 +98,42 @@ impl Unfinished {
     }
 
     /// The finished nodes right below the cell, with all below them; and for each the index of the
-    /// sampled cell whose result has the nodes below it, if they are finished elsewhere. `None` if
-    /// finishing a node has panicked.
-    pub fn into_children(self) -> Option<(Children, Vec<Option<usize>>)> {
-        let mut below: Vec<Vec<Subtree>> = self.cells.iter().map(|_| Vec::new()).collect();
-        let (mut top, mut top_elsewhere) = (Vec::new(), Vec::new());
-        for (i, cell) in self.cells.into_iter().enumerate().rev() {
-            let UnfinishedCell { parent, elsewhere, state, .. } = cell;
-            let mut children = std::mem::take(&mut below[i]);
-            children.reverse();
-            let state = state.into_inner().ok()?;
-            if let State::Finished(Some(mut tree)) = state {
-                tree.last_mut().children.extend(children);
-                if parent.is_none() {
-                    top_elsewhere.push(elsewhere);
-                }
-                parent.map_or(&mut top, |parent| &mut below[parent]).push(*tree);
-            }
+    /// sampled cell whose result has the nodes below it, if they are finished elsewhere. Their
+    /// pages are taken into `pages`. `None` if finishing a node has panicked.
+    pub fn into_children(self, pages: &mut Pages) -> Option<(Children, Vec<Option<usize>>)> {
+        let (mut groups, mut top) = (vec![Vec::new(); self.cells.len()], Vec::new());
+        for (i, cell) in self.cells.iter().enumerate() {
+            cell.parent.map_or(&mut top, |parent| &mut groups[parent]).push(i);
         }
-        top.reverse();
-        top_elsewhere.reverse();
-        Some((top.into(), top_elsewhere))
+        let mut cells: Vec<Option<UnfinishedCell>> = self.cells.into_iter().map(Some).collect();
+        join(&top, &groups, &mut cells, pages)
     }
+}
+
+/// Joins the nodes of sibling cells, `group`, and all below them to subtrees, and takes their pages:
+/// first those below each, then their own. Recursive: cells are nested at most 33 deep.
+fn join(
+    group: &[usize],
+    groups: &[Vec<usize>],
+    cells: &mut [Option<UnfinishedCell>],
+    pages: &mut Pages,
+) -> Option<(Children, Vec<Option<usize>>)> {
+    let (mut trees, mut below, mut elsewhere) = (Vec::new(), Vec::new(), Vec::new());
+    for &i in group {
+        let (children, _) = join(&groups[i], groups, cells, pages)?;
+        let cell = cells[i].take()?;
+        let State::Finished(Some(mut tree)) = cell.state.into_inner().ok()? else { continue };
+        if cell.is_coincident {
+            // The chain stands where it would if the cell were a chunk of its own.
+            pages.take(&mut tree.children);
+        }
+        trees.push(*tree);
+        below.push(children);
+        elsewhere.push(cell.elsewhere);
+    }
+    pages.take(&mut trees);
+    for (tree, mut below) in trees.iter_mut().zip(below) {
+        tree.last_mut().children.extend(below.take());
+    }
+    Some((trees.into(), elsewhere))
 }

@@ -1,7 +1,7 @@
 //! Builds the tree from buckets. They are joined to chunks, or split, until each fits memory; cells
 //! above are combined from their children. The list of steps does not depend on time or threads.
+//! Parts of a tree may be built by different machines, and joined.
 
-use crate::attributes::normals::UNKNOWN;
 use crate::budget::memory::Peak;
 use crate::error::BuildError;
 use crate::page::histograms::Counts;
@@ -46,14 +46,84 @@ pub enum Step {
     Combine(Cell, usize),
 }
 
+/// A step of joining parts of a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JoinStep {
+    /// Takes the part of this index.
+    Part(usize),
+    /// Samples this cell from its children, which are the last cells; their number.
+    Combine(Cell, usize),
+}
+
+/// Writes the pages of the part of an index to the file, and returns its record.
+pub type OpenPart<'o> = dyn FnMut(usize, &mut Store) -> Result<RecordedChunk, BuildError> + 'o;
+
 impl TreeBuilder<'_> {
     /// Builds the tree of buckets in Morton order; `None` if there are no rows.
     ///
     /// # Errors
     /// If scratch or the file fail, or on request.
     pub fn build(&mut self, buckets: Vec<Bucket>) -> Result<Option<Subtree>, BuildError> {
-        let mut tree = PartialTree::default();
-        tree.page_offset = self.store.writer.offset();
+        let mut tree = PartialTree::from(self.store.writer.offset());
+        self.build_cell(buckets, &mut tree)?;
+        self.finish_root(tree)
+    }
+
+    /// Builds a part of a tree: of buckets in Morton order, at least one, that hold all points of
+    /// their cell. Returns what the cell offers to the cells above, with the nodes below it, whose
+    /// pages are in the file.
+    ///
+    /// # Errors
+    /// If scratch or the file fail, or on request.
+    pub fn build_part(&mut self, buckets: Vec<Bucket>) -> Result<SampledCell, BuildError> {
+        let mut tree = PartialTree::from(self.store.writer.offset());
+        self.build_cell(buckets, &mut tree)?;
+        self.store.write(std::mem::take(&mut tree.outgoing))?;
+        self.store.writer.flush()?;
+        tree.cells.pop().ok_or_else(|| BuildError::Proof("a part lost its rows".into()))
+    }
+
+    /// Builds the tree above parts, by `steps` in their order; `None` if there are no parts. `open`
+    /// writes the pages of a part to the file, and returns its record.
+    ///
+    /// # Errors
+    /// If `open` or the file fail, or on request.
+    pub fn join(
+        &mut self,
+        steps: &[JoinStep],
+        open: &mut OpenPart<'_>,
+    ) -> Result<Option<Subtree>, BuildError> {
+        let mut tree = PartialTree::from(self.store.writer.offset());
+        for step in steps {
+            self.task.check()?;
+            match *step {
+                JoinStep::Part(part) => {
+                    let mut chunk = open(part, self.store)?;
+                    chunk.cell.shift_pages(chunk.pages.start, tree.page_offset);
+                    tree.page_offset += chunk.pages.end - chunk.pages.start;
+                    let is_placed = tree.page_offset == self.store.writer.offset();
+                    if !is_placed || !self.context.counts.add_all(&chunk.counts) {
+                        return Err(BuildError::Proof(format!("part {part} lost its pages")));
+                    }
+                    self.task.advance(chunk.rows);
+                    tree.cells.push(chunk.cell);
+                }
+                JoinStep::Combine(cell, child_count) => {
+                    tree.combine(self.context, cell, child_count);
+                    self.store.write(std::mem::take(&mut tree.outgoing))?;
+                }
+            }
+            self.peak.sample();
+        }
+        self.finish_root(tree)
+    }
+
+    /// Builds the cells of buckets, up to one that holds them all.
+    fn build_cell(
+        &mut self,
+        buckets: Vec<Bucket>,
+        tree: &mut PartialTree,
+    ) -> Result<(), BuildError> {
         let mut steps = Vec::new();
         if !buckets.is_empty() {
             self.plan_steps(buckets, &mut steps);
@@ -63,9 +133,9 @@ impl TreeBuilder<'_> {
             self.task.check()?;
             match step {
                 Step::Chunk(buckets) => {
-                    if !self.resume_chunk(&buckets, &mut tree)? {
+                    if !self.resume_chunk(&buckets, tree)? {
                         steps.push(Step::Chunk(buckets));
-                        self.build_chunks(&mut steps, &mut tree)?;
+                        self.build_chunks(&mut steps, tree)?;
                     }
                 }
                 Step::Split(bucket) => {
@@ -80,13 +150,18 @@ impl TreeBuilder<'_> {
                     self.store_borders(&steps[before..])?;
                 }
                 Step::Coincident(bucket) => {
-                    if !self.resume_chunk(std::slice::from_ref(&bucket), &mut tree)? {
-                        self.build_coincident(bucket, &mut tree)?;
+                    if !self.resume_chunk(std::slice::from_ref(&bucket), tree)? {
+                        self.build_coincident(bucket, tree)?;
                     }
                 }
                 Step::Combine(cell, child_count) => tree.combine(self.context, cell, child_count),
             }
         }
+        Ok(())
+    }
+
+    /// Finishes the uppermost node; `None` if there are no points.
+    fn finish_root(&mut self, mut tree: PartialTree) -> Result<Option<Subtree>, BuildError> {
         let Some(cell) = tree.cells.pop() else { return Ok(None) };
         let rows = Rows { bytes: &cell.rows, stride: self.context.rows.bytes() };
         let mut root = self.context.finish(&rows, cell.pending, &[], None, &self.context.counts);
@@ -184,10 +259,6 @@ impl TreeBuilder<'_> {
     ) -> Result<(), BuildError> {
         let stride = self.context.rows.bytes();
         let borders = self.store.borders.take();
-        let normal = match &borders {
-            Some(borders) => borders.estimate_one(&bucket.cell, &self.store.scratch.map()?),
-            None => UNKNOWN,
-        };
         self.store.write(std::mem::take(&mut tree.outgoing))?;
         let is_recorded = self.store.journal.is_recording();
         tree.begin_chunk(is_recorded);
@@ -195,6 +266,10 @@ impl TreeBuilder<'_> {
         let map = self.store.map(&bucket)?;
         let runs = bucket.runs(map.as_ref(), stride);
         self.store.check_rows(&bucket, &runs, &self.context.rows)?;
+        let beside = borders.as_ref().map(|_| self.store.scratch.map()).transpose()?;
+        let surface = borders.as_ref().zip(beside);
+        let surface =
+            surface.map(|(beside, map)| (beside, beside.estimate_stack(&bucket.cell, &runs, &map)));
         // Only references are held, which are smaller than rows.
         let rows_max = self.chunk_rows_max.1.max(ROWS_MIN);
         let rows = Coincident { runs, stride, rows_max, task: self.task };
@@ -202,8 +277,8 @@ impl TreeBuilder<'_> {
         rows.in_order(&mut |row| {
             let start = carry.len();
             carry.extend_from_slice(row);
-            if let Some(borders) = &borders {
-                borders.set(&mut carry[start..], normal);
+            if let Some((borders, surface)) = &surface {
+                borders.set_of_stack(&mut carry[start..], surface);
             }
             if carry.len() == self.context.capacity * stride {
                 let rows = Rows { bytes: &carry, stride };
@@ -226,11 +301,7 @@ impl TreeBuilder<'_> {
             head.pending.below = Below::Finished(vec![node].into());
         }
         let offer = is_recorded.then(|| head.record());
-        let below = match &head.pending.below {
-            Below::Finished(nodes) => nodes.as_slice(),
-            _ => &[],
-        };
-        tree.end_chunk(self.context, (counts, bucket.rows), offer.as_ref(), below);
+        tree.end_chunk(self.context, (counts, bucket.rows), offer.as_ref(), head.below());
         tree.cells.push(head);
         tree.outgoing.extents = bucket.extents;
         Ok(())

@@ -3,6 +3,7 @@
 pub(crate) mod chunk;
 pub(crate) mod finishing;
 pub(crate) mod levels;
+pub(crate) mod pages;
 pub(crate) mod parting;
 pub(crate) mod pipeline;
 pub(crate) mod proof;

@@ -17,8 +17,9 @@ use crate::sample::cell::Context;
 use crate::sample::pending::{Below, PendingCell};
 use crate::tree::finishing::Unfinished;
 use crate::tree::levels::{Step, TreeBuilder};
+use crate::tree::pages::Pages;
 use crate::tree::subtree::Children;
-use crate::tree::waiting::{Pages, PartialTree, SampledCell, join};
+use crate::tree::waiting::{PartialTree, SampledCell, join};
 use esker_points::task::Silent;
 use esker_points::{Cell, Task};
 use rayon::Scope;
@@ -428,21 +429,22 @@ impl<'a> Pipeline<'a> {
         let Some(job) = Arc::into_inner(job) else { return };
         let FinishJob { rows, unfinished, coincident, chunk, result } = job;
         let mut below = Children::default();
+        let mut pages = Pages::new(0, chunk.is_some() && self.is_recorded);
         if let Some(Chunk { counts, .. }) = &chunk {
             self.task.advance(unfinished.other_points());
             if let Some((cell, rest)) = coincident {
                 below = self.context.coincident_below(&self.rows(&rows), rest, cell, counts);
+                pages.take(&mut below);
             }
         }
         // If a task has panicked, the scope does too.
-        let Some((mut children, elsewhere)) = unfinished.into_children() else { return };
+        let Some((mut children, elsewhere)) = unfinished.into_children(&mut pages) else { return };
         children.extend(below.take());
         if chunk.is_some() && self.left.load(Ordering::SeqCst) > 0 {
             lock(&self.spare).push(rows);
         } else {
             drop(rows);
         }
-        let pages = Pages::take(&mut children, 0, chunk.is_some() && self.is_recorded);
         *lock(&result) = Some(FinishedStep { children, elsewhere, pages, chunk });
         self.drive(scope);
     }

@@ -9,6 +9,7 @@ use crate::sample::cell::Context;
 use crate::sample::pending::{Below, PendingCell};
 use crate::sample::shape::Moments;
 use crate::tree::finishing::Unfinished;
+use crate::tree::pages::Pages;
 use crate::tree::subtree::Subtree;
 use esker_format::NodeStatistics;
 use esker_points::task::Silent;
@@ -39,36 +40,10 @@ struct ChunkPages {
     is_recorded: bool,
 }
 
-/// Pages of nodes, in the order of the file.
-#[derive(Default)]
-pub struct Pages {
-    pages: Vec<Vec<u8>>,
-    bytes: u64,
-    /// CRC-32 of all pages, if chunks are recorded.
-    crc: crc32fast::Hasher,
-}
-
-impl Pages {
-    /// Takes the pages of siblings, then of the nodes below each, unless they have been taken. The
-    /// nodes get their places from `offset` on.
-    pub fn take(siblings: &mut [Subtree], offset: u64, with_crc: bool) -> Self {
-        let mut taken = Self::default();
-        let mut open = vec![siblings];
-        while let Some(group) = open.pop() {
-            for tree in group.iter_mut().filter(|t| !t.page.is_empty()) {
-                let page = std::mem::take(&mut tree.page);
-                tree.node.page_bytes = page.len() as u32;
-                tree.node.page_offset = offset + taken.bytes;
-                taken.bytes += page.len() as u64;
-                if with_crc {
-                    taken.crc.update(&page);
-                }
-                taken.pages.push(page);
-            }
-            let below = group.iter_mut().map(|t| t.children.as_mut_slice());
-            open.extend(below.filter(|b| b.iter().any(|c| !c.page.is_empty())).rev());
-        }
-        taken
+impl From<u64> for PartialTree {
+    /// An empty tree whose first page has its place at `page_offset`.
+    fn from(page_offset: u64) -> Self {
+        Self { page_offset, ..Self::default() }
     }
 }
 
@@ -76,7 +51,8 @@ impl PartialTree {
     /// Takes the pages of siblings, then of the nodes below each, unless they have been taken, and
     /// gives them their places.
     pub fn place(&mut self, siblings: &mut [Subtree]) {
-        let pages = Pages::take(siblings, self.page_offset, self.chunk.is_recorded);
+        let mut pages = self.pages_from_here();
+        pages.take(siblings);
         self.add(pages);
     }
 
@@ -90,10 +66,18 @@ impl PartialTree {
         self.add(pages);
     }
 
+    /// No pages yet, with places from the next one of the file on.
+    fn pages_from_here(&self) -> Pages {
+        Pages::new(self.page_offset, self.chunk.is_recorded)
+    }
+
     fn add(&mut self, pages: Pages) {
-        self.page_offset += pages.bytes;
-        self.chunk.crc.combine(&pages.crc);
-        self.outgoing.pages.extend(pages.pages);
+        self.page_offset += pages.bytes();
+        let (pages, crc) = pages.into_parts();
+        if let Some(crc) = crc {
+            self.chunk.crc.combine(&crc);
+        }
+        self.outgoing.pages.extend(pages);
     }
 
     /// Begins a chunk.
@@ -113,13 +97,9 @@ impl PartialTree {
     ) {
         let ChunkPages { page_offset, crc, is_recorded } = std::mem::take(&mut self.chunk);
         if let Some(offer) = offer.filter(|_| is_recorded) {
-            let mut record = Record::new(Kind::Chunk);
-            record.put([rows, page_offset, self.page_offset]);
-            record.put(crc.finalize());
-            counts.put(context.rows.attribute_count(), &mut record);
-            record.append(offer);
-            put_nodes(below, &mut record);
-            self.outgoing.record = Some(record);
+            let pages = page_offset..self.page_offset;
+            let chunk = (rows, pages, crc.finalize());
+            self.outgoing.record = Some(record_of(context, chunk, &counts, offer, below));
         }
         context.counts.merge(&counts);
     }
@@ -135,8 +115,9 @@ impl PartialTree {
         // The points were reported with those of the chunks.
         let finish = |i| unfinished.finish(i, context, &rows, &context.counts, &Silent);
         (0..unfinished.len()).into_par_iter().for_each(finish);
-        let (mut children, _) = unfinished.into_children().unwrap_or_default();
-        self.place(&mut children);
+        let mut pages = self.pages_from_here();
+        let (children, _) = unfinished.into_children(&mut pages).unwrap_or_default();
+        self.add(pages);
         pending.below = Below::Finished(children);
         self.cells.push(SampledCell::new(pending, &rows));
     }
@@ -155,7 +136,25 @@ pub fn join(cells: Vec<SampledCell>, stride: usize) -> (Vec<u8>, Vec<PendingCell
     (bytes, pending)
 }
 
-/// A chunk as the journal recorded it.
+/// Record of a chunk, or of a part of a tree: `chunk` is the number of its rows, the place of its
+/// pages and their CRC-32, `offer` what [`SampledCell::record`] makes, `below` the nodes below.
+pub fn record_of(
+    context: &Context,
+    (rows, pages, crc): (u64, Range<u64>, u32),
+    counts: &Counts,
+    offer: &Record,
+    below: &[Subtree],
+) -> Record {
+    let mut record = Record::new(Kind::Chunk);
+    record.put([rows, pages.start, pages.end]);
+    record.put(crc);
+    counts.put(context.rows.attribute_count(), &mut record);
+    record.append(offer);
+    put_nodes(below, &mut record);
+    record
+}
+
+/// A chunk as the journal recorded it, or a part of a tree.
 pub struct RecordedChunk {
     /// Number of its rows.
     pub rows: u64,
@@ -198,6 +197,25 @@ impl SampledCell {
         pending.offered.iter().for_each(|&i| bytes.extend_from_slice(rows.row(i)));
         pending.offered = (0..pending.offered.len() as u32).collect();
         Self { pending, rows: bytes }
+    }
+
+    /// The nodes below, if they are finished.
+    pub fn below(&self) -> &[Subtree] {
+        match &self.pending.below {
+            Below::Finished(nodes) => nodes,
+            _ => &[],
+        }
+    }
+
+    /// Moves the places of the pages of the nodes below, which were built from offset `from` on, to
+    /// offset `to`.
+    pub fn shift_pages(&mut self, from: u64, to: u64) {
+        let Below::Finished(nodes) = &mut self.pending.below else { return };
+        let mut open: Vec<&mut Subtree> = nodes.iter_mut().collect();
+        while let Some(tree) = open.pop() {
+            tree.node.page_offset = tree.node.page_offset.wrapping_sub(from).wrapping_add(to);
+            open.extend(tree.children.iter_mut());
+        }
     }
 
     /// Record of what the cell offers; in the journal the nodes below follow.
