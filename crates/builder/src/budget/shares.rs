@@ -22,7 +22,8 @@ const EDGES_BYTES: f64 = 240.0;
 /// More bytes a point while shapes of splats are estimated.
 const SHAPES_BYTES: f64 = 48.0;
 
-/// Shares of the memory. Rows that do not fit go to scratch. The file does not depend on the shares.
+/// Shares of the memory. Rows that do not fit go to scratch. The file does not depend on the
+/// shares.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shares {
     /// Bytes of rows in memory while inputs are read or a bucket is split.

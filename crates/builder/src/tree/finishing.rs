@@ -110,8 +110,8 @@ impl Unfinished {
     }
 }
 
-/// Joins the nodes of sibling cells, `group`, and all below them to subtrees, and takes their pages:
-/// first those below each, then their own. Recursive: cells are nested at most 33 deep.
+/// Joins the nodes of sibling cells, `group`, and all below them to subtrees, and takes their
+/// pages: first those below each, then their own. Recursive: cells are nested at most 33 deep.
 fn join(
     group: &[usize],
     groups: &[Vec<usize>],
