@@ -84,6 +84,24 @@ pub enum BuildError {
     /// The build was interrupted, and its finished steps are kept.
     #[error("{0}; what is done is kept: the same command with --resume goes on from there")]
     Kept(#[source] Box<Self>),
+    /// An output of a step of a divided build could not be written or read.
+    #[error("{name}: {phase}: {source}")]
+    Place {
+        /// Name of the object, with that of the place.
+        name: String,
+        /// Operation that failed.
+        phase: &'static str,
+        /// Error of the system.
+        source: std::io::Error,
+    },
+    /// A step of a divided build cannot be done, or has done something else than was planned.
+    #[error("{name}: {why}")]
+    Step {
+        /// Name of the output or input, with that of the place.
+        name: String,
+        /// The reason, and what to do.
+        why: String,
+    },
     /// Stopped on request.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

@@ -9,6 +9,7 @@ pub(crate) mod calls;
 pub mod copc;
 pub(crate) mod error;
 pub(crate) mod input;
+pub mod jobs;
 pub(crate) mod options;
 pub(crate) mod page;
 #[cfg(test)]

@@ -7,6 +7,7 @@ use crate::text::Columns;
 use esker_points::lattice::Placement;
 use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Rounding, Schema, Spread, Task};
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -204,6 +205,28 @@ pub trait Source: Send + Sync {
         task: &dyn Task,
         sink: &mut Sink<'_>,
     ) -> Result<ReadReport, ScanError>;
+
+    /// Number of the last point, at most `point`, at which [`Source::read_range`] can begin: 0 if
+    /// the input can only be read whole. The number of points is then [`SourceInfo::points_hint`].
+    fn begin_near(&self, _point: u64) -> u64 {
+        0
+    }
+
+    /// Decodes a range of the points as [`Source::read`] decodes all. It begins where
+    /// [`Source::begin_near`] says, and ends where another can begin, or with the last point.
+    ///
+    /// # Errors
+    /// As for [`Source::read`]; if the input can only be read whole.
+    fn read_range(
+        &self,
+        _points: Range<u64>,
+        _placement: &Placement,
+        _task: &dyn Task,
+        _sink: &mut Sink<'_>,
+    ) -> Result<ReadReport, ScanError> {
+        let what = "its points cannot be read in ranges";
+        Err(ScanError::unsupported(&self.info().path, what))
+    }
 
     /// Computes the true distribution of all points by decoding the file; called if the lattice
     /// that its bounds need does not hold its points, or is coarser than its coordinates.

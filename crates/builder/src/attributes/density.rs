@@ -2,12 +2,16 @@
 //! result depends only on the points, not on how they are split or what headers claim.
 
 use crate::rows::corners::{CornerMap, corner, key};
+use crate::rows::journal_record::{Record, RecordReader};
 
 /// Largest number of cells; beyond it, their edges double.
 const CELLS_MAX: usize = 1 << 14;
 
 /// Points of a cell from which a density is estimated.
 const POINTS_MIN: u64 = 8;
+
+/// Points of a cubic cell of steps, typically, over which no reach extends: a chunk has many more.
+const REACHED_POINTS: u64 = 8192;
 
 /// What the reach of computed attributes follows from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +42,44 @@ impl Distances {
 pub fn excess_bits(scale: [f64; 3]) -> [u32; 3] {
     let longest = scale.into_iter().fold(0.0, f64::max);
     scale.map(|step| ((longest / step).log2() as u32).min(31))
+}
+
+/// Densities from which [`Distances`] follow; those of parts of the points add up.
+#[derive(Default)]
+pub struct Densities {
+    /// Counts by cells that are about cubes: excess bits of the coordinates are left out.
+    pub cubic: Density,
+    /// Counts by cells of steps, where these differ.
+    pub by_steps: Option<Density>,
+}
+
+impl Densities {
+    /// The distances of the counted points.
+    pub fn distances(mut self) -> Distances {
+        let edge = |mut density: Density| density.edge_with(REACHED_POINTS);
+        let steps_max = self.by_steps.map_or(f64::INFINITY, edge);
+        Distances { spacing: self.cubic.spacing(), steps_max }
+    }
+
+    /// Sums both counts.
+    pub fn merged(self, other: Self) -> Self {
+        let by_steps = [self.by_steps, other.by_steps].into_iter().flatten();
+        Self { cubic: self.cubic.merged(other.cubic), by_steps: by_steps.reduce(Density::merged) }
+    }
+
+    /// Adds the counts to a record.
+    pub fn put(&self, record: &mut Record) {
+        self.cubic.put(record);
+        record.put(u8::from(self.by_steps.is_some()));
+        self.by_steps.iter().for_each(|density| density.put(record));
+    }
+
+    /// Reads counts from a record; `None` if it is damaged.
+    pub fn get(from: &mut RecordReader<'_>) -> Option<Self> {
+        let cubic = Density::get(from)?;
+        let by_steps = if from.get::<u8>()? > 0 { Some(Density::get(from)?) } else { None };
+        Some(Self { cubic, by_steps })
+    }
 }
 
 /// Number of points by cell.
@@ -78,6 +120,27 @@ impl Density {
             self.coarsen();
         }
         self
+    }
+
+    /// Adds the counts to a record.
+    pub fn put(&self, record: &mut Record) {
+        let mut cells: Vec<_> = self.cells.iter().map(|(&cell, &count)| (cell, count)).collect();
+        cells.sort_unstable();
+        record.put(self.log2);
+        record.put(cells.len() as u64);
+        for (cell, count) in cells {
+            record.put(corner(cell));
+            record.put(count);
+        }
+    }
+
+    /// Reads counts from a record; `None` if it is damaged.
+    pub fn get(from: &mut RecordReader<'_>) -> Option<Self> {
+        let log2 = from.get::<u8>().filter(|&log2| log2 <= 32)?;
+        let count = from.get::<u64>()?;
+        let cell = |_| Some((key(from.get()?), from.get()?));
+        let cells: Option<CornerMap<u64>> = (0..count).map(cell).collect();
+        Some(Self { log2, cells: cells? })
     }
 
     /// Whether finer cells than of `2^log2` steps would be too many: then it is the same to have

@@ -43,19 +43,19 @@ use std::path::{Path, PathBuf};
 
 /// A build has memory for the points of this many nodes: those of a chunk, and the samples of cells
 /// that wait for others; or, of small inputs, for `COPIES` copies of all points.
-const NODES_MIN: u64 = 80;
-const COPIES: u64 = 6;
+pub(crate) const NODES_MIN: u64 = 80;
+pub(crate) const COPIES: u64 = 6;
 /// Memory that a build uses whatever its inputs, and that each thread uses: a node or a sample in
 /// progress, and what the allocator keeps for the thread.
-const BASE_BYTES: u64 = 128 << 20;
-const THREAD_BYTES: u64 = 56 << 20;
+pub(crate) const BASE_BYTES: u64 = 128 << 20;
+pub(crate) const THREAD_BYTES: u64 = 56 << 20;
 
 /// From this many chunks on the journal records chunks even if all rows are in memory; fewer are
 /// quickly built again.
 const UNKEPT_CHUNKS: u64 = 16;
 
 /// Inputs that a message names.
-const NAMES_MAX: usize = 3;
+pub(crate) const NAMES_MAX: usize = 3;
 
 /// Builds `out` from `inputs`, in the current rayon pool, or in one of fewer threads if memory is
 /// scarce. After an error there is no file under the final name.
@@ -212,13 +212,13 @@ pub(crate) fn check_not_replaced(input: &Path, out: &Path) -> Result<(), BuildEr
     Ok(())
 }
 
-fn too_little_memory(least: u64, why: &str) -> BuildError {
+pub(crate) fn too_little_memory(least: u64, why: &str) -> BuildError {
     let least = least.div_ceil(1 << 20);
     BuildError::Options(format!("--memory must be at least {least} MiB{why}"))
 }
 
 /// Refuses options that contradict themselves or the inputs.
-fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildError> {
+pub(crate) fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildError> {
     let refuse = |text: String| Err(BuildError::Options(text));
     if sources.is_empty() {
         return refuse("no input: name at least one scan file".into());
@@ -460,7 +460,7 @@ impl Build<'_> {
 }
 
 /// Intake of `sources` with room for the attributes that the build computes.
-fn new_intake(sources: Vec<Box<dyn Source>>, options: &Options) -> Intake {
+pub(crate) fn new_intake(sources: Vec<Box<dyn Source>>, options: &Options) -> Intake {
     let are_given = schema_of(&sources).normals().is_some();
     let mut intake = Intake::new(sources, options.colour_depth.is_some());
     let keeps = options.normals == NormalsMode::Keep;
@@ -476,7 +476,7 @@ fn new_intake(sources: Vec<Box<dyn Source>>, options: &Options) -> Intake {
 }
 
 /// Layout of pages, without the planes that depend on colours and edges.
-fn page_layout(plan: &Plan, options: &Options, knows_scanners: bool) -> PageLayout {
+pub(crate) fn page_layout(plan: &Plan, options: &Options, knows_scanners: bool) -> PageLayout {
     let pages = PageLayout::new(&plan.schema, &plan.classes);
     let normals = match options.normals {
         NormalsMode::None => Normals::None,
@@ -488,7 +488,7 @@ fn page_layout(plan: &Plan, options: &Options, knows_scanners: bool) -> PageLayo
 }
 
 /// Context in which all cells are sampled and all nodes are finished.
-fn context(
+pub(crate) fn context(
     plan: &Plan,
     pages: PageLayout,
     ranges: Ranges,
@@ -588,6 +588,6 @@ fn names_of(intake: &Intake) -> String {
 }
 
 /// Numbers of refused points, each with its reason.
-fn reasons(refused: &BTreeMap<String, u64>) -> String {
+pub(crate) fn reasons(refused: &BTreeMap<String, u64>) -> String {
     refused.iter().map(|(why, n)| format!("{n}: {why}")).collect::<Vec<_>>().join(", ")
 }

@@ -6,13 +6,23 @@ use crate::options::Options;
 use crate::rows::journal_record::{Record, RecordReader};
 use esker_scan::Source;
 use std::collections::HashMap;
+use std::path::Path;
 use std::time::UNIX_EPOCH;
 
 /// Version of the records of the journal; changes with their content.
 const JOURNAL_VERSION: &str = "10";
 
+/// When a file was last changed, as text; "unknown" if the system does not say.
+pub fn time_of_change(path: &Path) -> String {
+    let modified = path.metadata().and_then(|m| m.modified()).ok();
+    let since = modified.and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+    since.map_or("unknown".into(), |t| {
+        format!("{}.{:09} s since 1970", t.as_secs(), t.subsec_nanos())
+    })
+}
+
 /// Options and inputs of a build.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
     /// Names and values, which must be equal.
     entries: Vec<(String, String)>,
@@ -30,11 +40,7 @@ impl Identity {
         let mut infos: Vec<_> = sources.iter().map(|s| s.info()).collect();
         infos.sort_by_key(|info| info.path.as_os_str().as_encoded_bytes());
         for info in infos {
-            let modified = info.path.metadata().and_then(|m| m.modified()).ok();
-            let since = modified.and_then(|time| time.duration_since(UNIX_EPOCH).ok());
-            let time = since.map_or("unknown".into(), |t| {
-                format!("{}.{:09} s since 1970", t.as_secs(), t.subsec_nanos())
-            });
+            let time = time_of_change(&info.path);
             let path = info.path.display();
             // First, so that it is the reported difference if another input was given.
             entries.push((format!("the input {path}"), "named".into()));

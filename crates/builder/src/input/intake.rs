@@ -15,7 +15,7 @@ use crate::rows::partition::{BUCKETS_MAX, Partition};
 use crate::rows::scratch::Scratch;
 use esker_format::SET_ASIDE_MAX;
 use esker_points::spread::join;
-use esker_points::{Batch, ColourDepth, InputGrid, Lattice, Spread, Task};
+use esker_points::{Batch, ColourDepth, InputGrid, Lattice, PointClass, Spread, Task};
 use esker_scan::{OpenOptions, ReadReport, ScanError, Source};
 use rayon::ScopeFifo;
 use rayon::prelude::*;
@@ -44,7 +44,7 @@ pub struct Intake {
 }
 
 /// Why decoding must start again.
-enum Restart {
+pub enum Restart {
     /// The lattice does not hold the points of this source.
     Bounds(usize),
     /// The colours of some sources are of another depth than assumed.
@@ -165,6 +165,64 @@ impl Intake {
     /// Journal record of what is known of the inputs beyond their headers.
     pub fn known_record(&self) -> Record {
         self.known.record()
+    }
+
+    /// Grids and colour depths of the sources, as far as they are known.
+    pub fn known(&self) -> &KnownInputs {
+        &self.known
+    }
+
+    /// Sources in an order of their own, of which more is known than their headers state.
+    pub fn of_known(sources: Vec<Box<dyn Source>>, known: KnownInputs, forced_depth: bool) -> Self {
+        let (lattice, computed) = (None, Computed::default());
+        Self { sources, known, forced_depth, lattice, drops_outside: false, computed }
+    }
+
+    /// Measures what the headers do not state exactly enough to choose a lattice.
+    ///
+    /// # Errors
+    /// If an input is damaged, or on request.
+    pub fn measure_doubtful(&mut self, task: &dyn Task) -> Result<(), BuildError> {
+        self.measure_coarse_lattice(task)?;
+        self.measure_latitude(task)
+    }
+
+    /// Measures the bounds of all inputs and the depth of their colours, whatever their headers
+    /// state.
+    ///
+    /// # Errors
+    /// If an input is damaged, or on request.
+    pub fn measure_all(&mut self, task: &dyn Task) -> Result<(), BuildError> {
+        self.measure(0, task)?;
+        let lattice = self.plan()?.lattice;
+        for (source, depth) in self.sources.iter().zip(&mut self.known.depths) {
+            if source.info().colour_depth.is_none() || self.forced_depth {
+                continue;
+            }
+            let placement = lattice.placement(&source.info().grid);
+            let report = source.read(&placement, task, &mut |_| Ok(task.check()?))?;
+            *depth = depth_of(report.colour_max).unwrap_or(*depth);
+        }
+        Ok(())
+    }
+
+    /// Decodes all inputs once into `partition`, on a plan that was made before.
+    ///
+    /// # Errors
+    /// If an input is damaged, if scratch space fails, or on request; the inner error if the plan
+    /// does not fit.
+    pub fn decode_on(
+        &self,
+        plan: &Plan,
+        partition: Partition,
+        scratch: &mut Scratch,
+        task: &dyn Task,
+        peak: &Peak,
+    ) -> Result<Result<DecodedInputs, Restart>, BuildError> {
+        let partitioner = BatchPartitioner::new(&self.sources, &self.known, plan);
+        let mut journal = Journal::none();
+        let collector = RowCollector::new(&partitioner, (scratch, &mut journal), partition);
+        self.read(collector, task, peak)
     }
 
     /// Decodes all inputs into a partition that keeps `buffer_bytes_max` in memory.
@@ -380,7 +438,7 @@ impl Intake {
 
     /// Chooses the size of the partition's cells: by the bounds, and the smaller the more points
     /// there are.
-    fn partition_log2(&self, plan: &Plan) -> u8 {
+    pub fn partition_log2(&self, plan: &Plan) -> u8 {
         let (mut min, mut max) = ([u32::MAX; 3], [0u32; 3]);
         for bounds in self.known.grids.iter().filter_map(|g| g.bounds) {
             for (corner, axis) in (0..6).map(|i| (i / 3, i % 3)) {
@@ -402,33 +460,46 @@ impl Intake {
         (0..32).rev().find(|&log2| cells(log2) >= buckets).unwrap_or(0)
     }
 
-    /// Compares assumed colour depths with those that decoding found. If the sources of each class
-    /// agree, the classes are corrected; if not, all inputs must be decoded again.
+    /// Compares assumed colour depths with those that decoding found, and corrects the classes. If
+    /// that is not possible, all inputs must be decoded again.
     fn correct_colours(&mut self, plan: &mut Plan, reports: &[ReadReport]) -> Option<Restart> {
         if self.forced_depth {
             return None;
         }
+        let found = reports.iter().zip(&self.sources).map(|(report, source)| {
+            source.info().colour_depth.and_then(|_| depth_of(report.colour_max))
+        });
         let depths = &mut self.known.depths;
-        let mut split = false;
-        for (i, report) in reports.iter().enumerate() {
-            if self.sources[i].info().colour_depth.is_some() && report.colour_max > 0 {
-                let eight = report.colour_max <= 255;
-                depths[i] = if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
-            }
-        }
-        for (class, entry) in plan.classes.iter_mut().enumerate() {
-            let mut depths = (0..depths.len())
-                .filter(|&i| usize::from(plan.class_of[i]) == class)
-                .map(|i| depths[i]);
-            let Some(first) = depths.next() else { continue };
-            if depths.all(|d| d == first) {
-                entry.colour_depth = first;
-            } else {
-                split = true;
-            }
-        }
-        // Two classes that were assumed different turned out equal.
-        let alike = (1..plan.classes.len()).any(|i| plan.classes[..i].contains(&plan.classes[i]));
-        (split || alike).then_some(Restart::Colours)
+        depths.iter_mut().zip(found).for_each(|(depth, found)| *depth = found.unwrap_or(*depth));
+        let is_corrected = correct_classes(&mut plan.classes, &plan.class_of, depths);
+        (!is_corrected).then_some(Restart::Colours)
     }
+}
+
+/// Depth of colours of which this is the greatest value; `None` if all are black.
+pub fn depth_of(colour_max: u16) -> Option<ColourDepth> {
+    let depth = if colour_max <= 255 { ColourDepth::Eight } else { ColourDepth::Sixteen };
+    (colour_max > 0).then_some(depth)
+}
+
+/// Gives classes the colour depth of their sources, which are of the classes `class_of`. Returns
+/// whether the sources of each class agree, and no two classes are alike.
+pub fn correct_classes(
+    classes: &mut [PointClass],
+    class_of: &[u16],
+    depths: &[ColourDepth],
+) -> bool {
+    let mut agree = true;
+    for (class, entry) in classes.iter_mut().enumerate() {
+        let own = class_of.iter().zip(depths).filter(|(of, _)| usize::from(**of) == class);
+        let mut depths = own.map(|(_, &depth)| depth);
+        let Some(first) = depths.next() else { continue };
+        if depths.all(|depth| depth == first) {
+            entry.colour_depth = first;
+        } else {
+            agree = false;
+        }
+    }
+    // Two classes that were assumed different may turn out equal.
+    agree && !(1..classes.len()).any(|i| classes[..i].contains(&classes[i]))
 }

@@ -62,6 +62,11 @@ impl Outside {
         found
     }
 
+    /// Strays alone.
+    pub fn of_aside(aside: Vec<SetAside>) -> Self {
+        Self { aside, ..Self::default() }
+    }
+
     /// Adds the points of a later batch.
     pub fn merge(&mut self, later: Self) {
         self.aside.extend(later.aside);

@@ -7,9 +7,11 @@ use crate::rows::row::RowLayout;
 use esker_format::{Ranges, SetAside};
 use esker_points::{ColourDepth, Lattice, MultisetHash, PointClass, Schema};
 use esker_scan::{ReadReport, Source};
+use serde::{Deserialize, Serialize};
 
 /// Attributes that the build computes, for which rows have room.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Computed {
     /// Normals.
     pub normals: bool,
@@ -95,6 +97,26 @@ impl Plan {
             classes.push(PointClass { present: Vec::new(), colour_depth: ColourDepth::Sixteen });
         }
         Ok(Self { lattice, schema, classes, class_of, computed, to_file })
+    }
+
+    /// The plan for some of the sources that it was made for, of these classes.
+    pub fn for_some(self, sources: &[Box<dyn Source>], class_of: Vec<u16>) -> Self {
+        let own = |source: &Box<dyn Source>| {
+            let attributes = source.info().schema.attributes.iter();
+            attributes.filter_map(|a| self.schema.find_typed(&a.name, a.ty)).collect()
+        };
+        let to_file = sources.iter().map(own).collect();
+        Self { class_of, to_file, ..self }
+    }
+
+    /// A plan that was made before.
+    pub fn made(
+        lattice: Lattice,
+        schema: Schema,
+        classes: Vec<PointClass>,
+        computed: Computed,
+    ) -> Self {
+        Self { lattice, schema, classes, computed, class_of: Vec::new(), to_file: Vec::new() }
     }
 
     /// Layout of rows.

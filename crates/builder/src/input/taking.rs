@@ -301,7 +301,8 @@ fn towards_scanner(batch: &Batch, info: &SourceInfo, lattice: &Lattice) -> Optio
     batch.positions.iter().enumerate().map(towards).collect()
 }
 
-fn put_report(report: &ReadReport, record: &mut Record) {
+/// Adds the report on a source to a record.
+pub fn put_report(report: &ReadReport, record: &mut Record) {
     record.put(report.points);
     record.put(report.rounding_error_max);
     record.put(report.colour_max);
@@ -314,7 +315,8 @@ fn put_report(report: &ReadReport, record: &mut Record) {
     report.notes.iter().for_each(|note| record.put_all(note.as_bytes()));
 }
 
-fn report(from: &mut RecordReader<'_>) -> Option<ReadReport> {
+/// Reads the report on a source from a record; `None` if it is damaged.
+pub fn report(from: &mut RecordReader<'_>) -> Option<ReadReport> {
     let mut report = ReadReport {
         points: from.get()?,
         rounding_error_max: from.get()?,

@@ -5,7 +5,7 @@
 //! within reach of its cell.
 
 use crate::attributes::blocks::{self, Blocks};
-use crate::attributes::density::{Density, Distances, excess_bits};
+use crate::attributes::density::{Densities, Density, Distances, excess_bits};
 use crate::attributes::normals::{Bounds, UNKNOWN, estimate, stored, turned_to};
 use crate::attributes::sharp::{Edge, Points, detect};
 use crate::attributes::tangents::shapes;
@@ -20,8 +20,6 @@ use rayon::prelude::*;
 /// Rows that one task reads, and tasks whose positions are written together.
 const TASK_ROWS: usize = 1 << 14;
 const GROUP_TASKS: usize = 64;
-/// Points of a cubic cell of steps, typically, over which no reach extends: a chunk has many more.
-const REACHED_POINTS: u64 = 8192;
 /// Log2 of the edge of a bucket over that of the cells in which its points are counted at first.
 const DIVIDED_LOG2: u8 = 4;
 /// Bytes of a stored position, and of the normal behind it if sources give normals.
@@ -78,13 +76,26 @@ pub fn distances(
     scale: [f64; 3],
     scratch: &mut Scratch,
 ) -> Result<Distances, BuildError> {
+    Ok(densities(buckets, stride, scale, scratch)?.distances())
+}
+
+/// Counts points by cell on a lattice with these steps.
+///
+/// # Errors
+/// If scratch space fails.
+pub fn densities(
+    buckets: &[Bucket],
+    stride: usize,
+    scale: [f64; 3],
+    scratch: &mut Scratch,
+) -> Result<Densities, BuildError> {
     let excess = excess_bits(scale);
-    let spacing = density(buckets, stride, excess, scratch)?.spacing();
-    let steps_max = match excess {
-        [0, 0, 0] => f64::INFINITY,
-        _ => density(buckets, stride, [0; 3], scratch)?.edge_with(REACHED_POINTS),
+    let cubic = density(buckets, stride, excess, scratch)?;
+    let by_steps = match excess {
+        [0, 0, 0] => None,
+        _ => Some(density(buckets, stride, [0; 3], scratch)?),
     };
-    Ok(Distances { spacing, steps_max })
+    Ok(Densities { cubic, by_steps })
 }
 
 /// Counts points by cell; `excess` bits of their coordinates are left out.

@@ -80,6 +80,22 @@ impl Journal {
         Ok(journal)
     }
 
+    /// A journal that keeps nothing.
+    pub fn none() -> Self {
+        Self {
+            path: PathBuf::new(),
+            resume: Resume::Never,
+            identity: Identity::default(),
+            file: None,
+            bytes: 0,
+            upcoming: None,
+            rows: None,
+            is_resumed: false,
+            is_kept: false,
+            abandoned: None,
+        }
+    }
+
     /// Reads and restores the first record; returns whether there is one.
     fn read_start(&mut self) -> Result<bool, BuildError> {
         self.read()?;

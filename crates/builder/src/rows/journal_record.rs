@@ -23,6 +23,12 @@ pub enum Kind {
     Split,
     /// A chunk whose pages are in the file.
     Chunk,
+    /// What a take of a divided build has found, behind its rows.
+    Take,
+    /// The cut of a divided build: sums over all takes, and its parts.
+    Cut,
+    /// The cells of a part of a divided build.
+    Part,
 }
 
 /// Bytes before the content: its length, its CRC-32, its kind.
@@ -63,6 +69,15 @@ impl Record {
         self.0[8..12].copy_from_slice(&crc.to_le_bytes());
         self.0
     }
+}
+
+/// The content of a sealed record; `None` unless it is whole and of this kind.
+pub fn unsealed(bytes: &[u8], kind: Kind) -> Option<RecordReader<'_>> {
+    let (head, content) = bytes.split_first_chunk::<HEAD_BYTES>()?;
+    let [length @ .., a, b, c, d, found] = *head;
+    let is_whole = u64::from_le_bytes(length) == content.len() as u64;
+    let is_sound = crc32fast::hash(&bytes[HEAD_BYTES - 1..]).to_le_bytes() == [a, b, c, d];
+    (is_whole && is_sound && found == kind as u8).then_some(RecordReader(content))
 }
 
 /// Reads the content of a record. All methods return `None` if the rest is too short.

@@ -2,6 +2,7 @@
 
 use super::grids::{GridKind, InputGrid, LatticeError, ORIGIN, tenfold};
 use crate::spread::{Spread, join};
+use serde::{Deserialize, Serialize};
 
 /// Least length of a step that is shortened, in spacings of doubles at the farthest coordinate:
 /// their noise is then no rounding ([`super::placement`]).
@@ -13,7 +14,7 @@ const ROOM: f64 = 6.0;
 pub(super) const STEPS_MAX: f64 = 9.0e15;
 
 /// The integer grid of all coordinates of a file: `world = (u - 2^31 + shift) * scale + offset`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lattice {
     /// Length of a step on each axis, the file's unit.
     pub scale: [f64; 3],

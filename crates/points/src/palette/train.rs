@@ -46,8 +46,15 @@ impl Histogram {
         }
     }
 
+    /// Adds the points of a colour that were counted elsewhere.
+    pub fn add_count(&self, [red, green, blue]: [u8; 3], points: u32) {
+        let at = usize::from(red) << 16 | usize::from(green) << 8 | usize::from(blue);
+        let sum = |count: u32| Some(count.saturating_add(points).min(COUNT_MAX));
+        let _ = self.0[at].fetch_update(Relaxed, Relaxed, sum);
+    }
+
     /// Colours that occur, in order, with their counts.
-    fn colours(&self) -> impl Iterator<Item = ([u8; 3], u64)> + '_ {
+    pub fn colours(&self) -> impl Iterator<Item = ([u8; 3], u64)> + '_ {
         self.0.iter().enumerate().filter_map(|(at, count)| {
             let count = u64::from(count.load(Relaxed).min(COUNT_MAX));
             (count > 0).then_some(([(at >> 16) as u8, (at >> 8) as u8, at as u8], count))

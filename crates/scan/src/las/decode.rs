@@ -13,6 +13,7 @@ use esker_points::Task;
 use esker_points::read_at::Input;
 use std::collections::VecDeque;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -69,20 +70,20 @@ struct Group {
 
 /// A run of records or a chunk in a group.
 struct Piece {
-    bytes: std::ops::Range<usize>,
+    bytes: Range<usize>,
     points: usize,
     first_point: u64,
 }
 
 impl Points {
-    /// Decodes the first `points_max` points, in runs of at most [`BATCH_POINTS`], or a share of
-    /// all points if only that is read.
+    /// Decodes a range of the points, in runs of at most [`BATCH_POINTS`], or a share of all points
+    /// if only that is read. The range begins as by [`Points::begin_near`].
     ///
     /// # Errors
     /// What is wrong with the file, an error of `convert` or `sink`, or [`ScanError::Cancelled`].
     pub fn for_each_run<T: Send>(
         &self,
-        points_max: u64,
+        points: Range<u64>,
         task: &dyn Task,
         convert: &Convert<'_, T>,
         sink: &mut dyn FnMut(T) -> Result<(), ScanError>,
@@ -91,8 +92,8 @@ impl Points {
             return self.for_each_sampled(self.one_in, task, convert, sink);
         }
         let file = Input::open(&self.path).map_err(|e| self.io(e))?;
-        let mut reader = Reader { file, at: self.start, point: 0, chunk: 0 };
-        let end = self.count.min(points_max);
+        let mut reader = self.reader(file, points.start);
+        let end = self.count.min(points.end);
         if let Some(c) = self.compression.as_ref().filter(|c| c.chunks.is_none()) {
             return self.stream(&mut reader, c, c.chunk_points, end, task, convert, sink);
         }
@@ -152,6 +153,37 @@ impl Points {
                 }
             }
         })
+    }
+
+    /// Number of the last point, at most `point`, at which reading can begin: that of any record,
+    /// or the first of a chunk.
+    pub fn begin_near(&self, point: u64) -> u64 {
+        match &self.compression {
+            _ if self.one_in > 1 => 0,
+            None => point.min(self.count),
+            Some(compression) => self.chunk_near(compression, point).2,
+        }
+    }
+
+    /// The last chunk that begins at or before a point: its index, its offset, its first point.
+    fn chunk_near(&self, compression: &Compression, point: u64) -> (usize, u64, u64) {
+        let mut near = (0, self.start, 0);
+        for chunk in compression.chunks.iter().flatten() {
+            if near.2 + u64::from(chunk.points) > point {
+                break;
+            }
+            near = (near.0 + 1, near.1 + u64::from(chunk.bytes), near.2 + u64::from(chunk.points));
+        }
+        near
+    }
+
+    /// A reader that begins at or before a point.
+    fn reader(&self, file: Input, point: u64) -> Reader {
+        let (chunk, at, point) = match &self.compression {
+            None => (0, self.start + point * self.record_bytes as u64, point),
+            Some(compression) => self.chunk_near(compression, point),
+        };
+        Reader { file, at, point, chunk }
     }
 
     /// Decodes a piece of a group.

@@ -316,7 +316,7 @@ fn detect_depth(
     }
     let mut max = 0;
     let probed = points.for_each_run(
-        COLOUR_PROBE_POINTS,
+        0..COLOUR_PROBE_POINTS,
         task,
         &|records| Ok(layout.colour_max(records)),
         &mut |of_run| {
@@ -342,10 +342,24 @@ impl Source for LasSource {
         task: &dyn Task,
         sink: &mut Sink<'_>,
     ) -> Result<ReadReport, ScanError> {
+        self.read_range(0..u64::MAX, placement, task, sink)
+    }
+
+    fn begin_near(&self, point: u64) -> u64 {
+        self.points.begin_near(point)
+    }
+
+    fn read_range(
+        &self,
+        points: Range<u64>,
+        placement: &Placement,
+        task: &dyn Task,
+        sink: &mut Sink<'_>,
+    ) -> Result<ReadReport, ScanError> {
         let mut report = ReadReport::default();
         let grid = &self.info.grid.grid;
         self.points.for_each_run(
-            u64::MAX,
+            points,
             task,
             &|records| Ok(self.layout.convert(records, placement, grid)),
             &mut |run| report.take(run.batch, &[], run.rounding, run.colour_max, sink),
@@ -362,7 +376,7 @@ impl Source for LasSource {
             Ok(spread)
         };
         let mut spread = Spread::default();
-        self.points.for_each_run(u64::MAX, task, &of_run, &mut |run| {
+        self.points.for_each_run(0..u64::MAX, task, &of_run, &mut |run| {
             spread.merge(run);
             Ok(())
         })?;

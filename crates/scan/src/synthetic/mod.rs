@@ -108,17 +108,18 @@ impl Synthetic {
         blocks.into_par_iter().map(one).collect()
     }
 
-    /// Passes the result of `make` for every block to `sink`, in order, while the next ones are
-    /// made.
+    /// Passes the result of `make` for every block of a range of points to `sink`, in order, while
+    /// the next ones are made. The range begins with a block.
     fn each<T: Send>(
         &self,
+        points: Range<u64>,
         task: &dyn Task,
         make: &(dyn Fn(&[Point]) -> Result<T, ScanError> + Sync),
         sink: &mut dyn FnMut(T) -> Result<(), ScanError>,
     ) -> Result<(), ScanError> {
-        let end = self.info.points_hint.div_ceil(BLOCK_POINTS);
+        let end = points.end.min(self.info.points_hint).div_ceil(BLOCK_POINTS);
         let mut ready = Vec::new();
-        for start in (0..end).step_by(GROUP_BLOCKS as usize) {
+        for start in (points.start / BLOCK_POINTS..end).step_by(GROUP_BLOCKS as usize) {
             task.check()?;
             let blocks = start..end.min(start + GROUP_BLOCKS);
             let mut made = Ok(Vec::new());
@@ -143,10 +144,24 @@ impl Source for Synthetic {
         task: &dyn Task,
         sink: &mut Sink<'_>,
     ) -> Result<ReadReport, ScanError> {
+        self.read_range(0..u64::MAX, placement, task, sink)
+    }
+
+    fn begin_near(&self, point: u64) -> u64 {
+        point.min(self.info.points_hint) / BLOCK_POINTS * BLOCK_POINTS
+    }
+
+    fn read_range(
+        &self,
+        points: Range<u64>,
+        placement: &Placement,
+        task: &dyn Task,
+        sink: &mut Sink<'_>,
+    ) -> Result<ReadReport, ScanError> {
         let mut report = ReadReport::default();
         let (schema, grid) = (&self.info.schema, &self.info.grid.grid);
         let make = |points: &[Point]| Ok(point::run(points, schema, grid, placement));
-        self.each(task, &make, &mut |mut run: Run| {
+        self.each(points, task, &make, &mut |mut run: Run| {
             report.points += run.batch.len() as u64;
             report.colour_max = report.colour_max.max(run.colour_max);
             report.rounding_error_max = report.rounding_error_max.max(run.rounding.error_max);
@@ -166,7 +181,7 @@ impl Source for Synthetic {
                 ]
             }))
         };
-        self.each(task, &make, &mut |[low, high]| {
+        self.each(0..u64::MAX, task, &make, &mut |[low, high]| {
             let [least, greatest] = bounds.unwrap_or([low, high]);
             bounds = Some([
                 [0, 1, 2].map(|i| low[i].min(least[i])),

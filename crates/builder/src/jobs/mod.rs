@@ -1,0 +1,71 @@
+//! A build that is divided among processes or machines, in steps that any scheduler may run
+//! (`docs/clusters.md`): `plan`, takes, which decode pieces of the sources, and `cut`, which sums
+//! them up and divides the cells into parts. Steps share nothing but a [`place::Place`].
+
+pub mod cut;
+pub mod cut_file;
+pub mod parts;
+pub mod pieces;
+pub mod place;
+pub mod plan;
+pub mod planned;
+pub mod status;
+pub mod step;
+pub mod summary;
+pub mod take;
+#[cfg(test)]
+mod tests;
+
+pub use planned::Needs;
+
+use crate::budget::memory;
+use crate::calls::build::{BASE_BYTES, THREAD_BYTES, too_little_memory};
+use crate::error::BuildError;
+use esker_points::Task;
+use rayon::ThreadBuilder;
+use std::path::PathBuf;
+
+/// What a step may use.
+#[derive(Clone, Debug)]
+pub struct Resources {
+    /// Anonymous memory above that of the empty program, in bytes.
+    pub memory_bytes: u64,
+    /// Folder of scratch files; `None` for the system's folder of temporary files.
+    pub scratch: Option<PathBuf>,
+}
+
+impl Default for Resources {
+    fn default() -> Self {
+        Self { memory_bytes: memory::default_bytes(), scratch: None }
+    }
+}
+
+impl Resources {
+    /// Folder of scratch files.
+    pub fn folder(&self) -> PathBuf {
+        self.scratch.clone().unwrap_or_else(std::env::temp_dir)
+    }
+
+    /// Does some work in the current pool, or in one of fewer threads if memory is scarce.
+    fn run<T: Send>(
+        &self,
+        task: &dyn Task,
+        work: impl FnOnce() -> Result<T, BuildError> + Send,
+    ) -> Result<T, BuildError> {
+        if self.memory_bytes < memory::MEMORY_BYTES_MIN {
+            return Err(too_little_memory(memory::MEMORY_BYTES_MIN, ""));
+        }
+        let threads_max = ((self.memory_bytes - BASE_BYTES) / THREAD_BYTES) as usize;
+        if rayon::current_num_threads() <= threads_max {
+            return work();
+        }
+        task.note(&format!(
+            "{threads_max} threads work: more need more --memory, {} MiB each",
+            THREAD_BYTES >> 20
+        ));
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(threads_max);
+        threads
+            .build_scoped(ThreadBuilder::run, |pool| pool.install(work))
+            .map_err(BuildError::no_thread)?
+    }
+}
