@@ -12,6 +12,7 @@ use crate::statistics::Statistics;
 use crate::table;
 use esker_points::place::open_alone;
 use esker_points::positioned::read_exact_at;
+use esker_points::read_at::FileSource;
 use esker_points::unfinished::Unfinished;
 use esker_points::{MultisetHash, NodeTable};
 use std::ffi::{OsStr, OsString};
@@ -139,6 +140,17 @@ impl FileWriter {
     pub fn flush(&mut self) -> Result<(), FormatError> {
         let Some(out) = &mut self.out else { return Ok(()) };
         out.flush().map_err(io_error(&self.path, "write it"))
+    }
+
+    /// What was written so far, to be read at the offsets of pages.
+    ///
+    /// # Errors
+    /// If the disk is full, or the file was finished.
+    pub fn written(&mut self) -> Result<FileSource, FormatError> {
+        self.flush()?;
+        let file = self.out.as_ref().map(|out| out.file().try_clone());
+        let file = file.unwrap_or_else(|| Err(io::Error::other("it is finished")));
+        file.map(FileSource).map_err(io_error(&self.partial, "read it"))
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<(), FormatError> {

@@ -3,12 +3,13 @@
 
 use crate::attributes::blocks::Blocks;
 use crate::attributes::clips::Clips;
+use crate::attributes::density::Distances;
 use crate::attributes::normals::{Bounds, NormalsMode};
 use crate::budget::disk::{DiskEstimate, free_bytes};
 use crate::budget::memory::{self, MEMORY_BYTES_MIN, Peak};
 use crate::budget::shares::{SPILLED_BYTES_MAX, Shares};
-use crate::calls::metadata::{metadata, note_aside, notes};
-use crate::calls::rounding::check_rounding;
+use crate::calls::closing::{Build, ProvenTree};
+use crate::calls::metadata::metadata;
 use crate::error::BuildError;
 use crate::input::attribute_types::join_types;
 use crate::input::attribute_units::check_attribute_units;
@@ -28,14 +29,10 @@ use crate::rows::store::Store;
 use crate::sample::cell::Context;
 use crate::sample::marks::{WireMarks, has_wires};
 use crate::tree::levels::TreeBuilder;
-use crate::tree::proof::{bounds_of, hash_of, prove, prove_merged};
-use crate::tree::subtree::{Subtree, assemble};
 use esker_format::NODE_BYTES_MAX;
-use esker_format::Statistics;
-use esker_format::{FileWriter, Metadata, NodeStatistics, Normals, PageLayout, Ranges};
+use esker_format::{FileWriter, Normals, PageLayout, Ranges};
 use esker_points::attribute::names;
-use esker_points::palette::{Misfit, Palette};
-use esker_points::{AttrType, MultisetHash, NodeTable, Task};
+use esker_points::{AttrType, MultisetHash, Task};
 use esker_scan::{ReadReport, Source};
 use rayon::ThreadBuilder;
 use std::collections::BTreeMap;
@@ -253,28 +250,6 @@ pub(crate) fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<()
     check_same_system(systems.iter().map(|(path, text)| (path.as_str(), *text)))
 }
 
-/// A build in progress.
-struct Build<'a> {
-    store: &'a mut Store,
-    options: &'a Options,
-    task: &'a dyn Task,
-    peak: Peak,
-    /// Anonymous memory at the start.
-    anon_bytes_before: u64,
-    scratch_bytes_estimated: Option<u64>,
-}
-
-/// A tree that was proven to hold all points, and what the file stores with them.
-struct ProvenTree {
-    table: NodeTable,
-    statistics: Statistics,
-    bounds: Option<[[u32; 3]; 2]>,
-    normals: Normals,
-    has_clip_lines: bool,
-    palette: Option<Palette>,
-    palette_misfit: Option<Misfit>,
-}
-
 impl Build<'_> {
     /// Runs the phases in their order. `folder` takes scratch files.
     fn run(
@@ -303,24 +278,9 @@ impl Build<'_> {
         let pages = page_layout(&plan, self.options, knows_scanners);
         let limits = (chunk_rows_max, buffer_bytes_max);
         let tree = self.build_tree(&plan, buckets, (pages, ranges), (points, hash), limits)?;
-        let metadata = Metadata {
-            normals: tree.normals,
-            has_clip_lines: tree.has_clip_lines,
-            has_tangents: self.options.tangents,
-            palette: tree.palette.clone(),
-            bounds: tree.bounds,
-            ..metadata(&intake, &plan, (&reports, aside), self.options)
-        };
-        let rounded = check_rounding(&tree.table, &metadata, self.options)?;
-        self.peak.sample();
-        self.task.check()?;
-        let writer = &mut self.store.writer;
-        let bytes_out = writer.finish(&tree.table, &tree.statistics, &metadata, points, hash)?;
-        let points = (points, points_refused, hash);
-        let mut report = self.report(&tree, (&reports, &metadata), points, bytes_out);
-        report.notes.extend(rounded);
-        report.notes.extend(note_aside(&metadata));
-        Ok(report)
+        let metadata = metadata(&intake, &plan, (&reports, aside), self.options);
+        let rounding = reports.iter().map(|r| r.rounding_error_max).fold(0.0, f64::max);
+        self.close(tree, metadata, (points, points_refused, hash), rounding)
     }
 
     /// Checks that nodes are not too large, and that memory and disk space suffice; returns the
@@ -373,11 +333,9 @@ impl Build<'_> {
         (chunk_rows_max, buffer_bytes_max): ((u64, u64), usize),
     ) -> Result<ProvenTree, BuildError> {
         let (options, task) = (self.options, self.task);
-        let normals = pages.normals();
         let palette = self.store.palette(&buckets, &plan.rows(), &pages, options, task)?;
         let (palette, palette_misfit) = palette.unzip();
-        let context = context(plan, pages.with_palette(palette.clone()), ranges, points, options);
-        let has_clip_lines = context.clips.is_some();
+        let context = context(plan, pages.with_palette(palette), ranges, points, options);
         task.phase("building", Some(points), "points");
         if plan.computed.is_any() && !buckets.is_empty() {
             self.store.borders = Some(new_borders(self.store, &context, &buckets, options, task)?);
@@ -391,71 +349,7 @@ impl Build<'_> {
             peak: &self.peak,
         }
         .build(buckets)?;
-        let bounds = root.as_ref().and_then(bounds_of);
-        let (table, own) = self.prove(root, points, hash)?;
-        let histograms = context.counts.into_inner();
-        let statistics = Statistics::assemble(&table, &plan.schema, own, histograms);
-        Ok(ProvenTree {
-            table,
-            statistics,
-            bounds,
-            normals,
-            has_clip_lines,
-            palette,
-            palette_misfit,
-        })
-    }
-
-    /// Proves that a tree holds the points that were read; returns its node table and the
-    /// statistics of its nodes.
-    fn prove(
-        &self,
-        root: Option<Subtree>,
-        points: u64,
-        hash: MultisetHash,
-    ) -> Result<(NodeTable, Vec<NodeStatistics>), BuildError> {
-        let written = root.as_ref().map_or_else(MultisetHash::default, hash_of);
-        let (table, own) = assemble(root);
-        prove(&table, points, written, hash)?;
-        if let Some(merged) = &self.options.inherited.merged {
-            prove_merged(merged, points, hash)?;
-        }
-        Ok((table, own))
-    }
-
-    /// Report of a finished build. Takes the number of points in the file, of refused points by
-    /// reason, and the hash.
-    fn report(
-        &self,
-        tree: &ProvenTree,
-        (reports, metadata): (&[ReadReport], &Metadata),
-        (points_out, points_refused, hash): (u64, BTreeMap<String, u64>, MultisetHash),
-        bytes_out: u64,
-    ) -> Report {
-        let scratch = &self.store.scratch;
-        Report {
-            points_in: points_out
-                + points_refused.values().sum::<u64>()
-                + metadata.set_aside.len() as u64,
-            points_out,
-            points_refused,
-            points_set_aside: metadata.set_aside.len() as u64,
-            hash,
-            peak_anon_bytes: self.peak.bytes().saturating_sub(self.anon_bytes_before),
-            peak_rss_bytes: memory::usage().rss_peak_bytes,
-            scratch_bytes_estimated: self.scratch_bytes_estimated,
-            scratch_bytes: scratch.bytes(),
-            scratch_bytes_peak: scratch.bytes_peak(),
-            disk_bytes_peak: scratch.disk_bytes_peak().max(bytes_out),
-            bytes_out,
-            nodes: tree.table.nodes.len() as u64,
-            depth: tree.table.depths().into_iter().max().unwrap_or(0),
-            rounding_error_max: reports.iter().map(|r| r.rounding_error_max).fold(0.0, f64::max),
-            palette_misfit: tree.palette_misfit,
-            normals: tree.normals,
-            has_tangents: self.options.tangents,
-            notes: notes(metadata),
-        }
+        self.prove_tree(root, context, &plan.schema, (points, hash), palette_misfit)
     }
 }
 
@@ -525,17 +419,26 @@ fn new_borders(
     task: &dyn Task,
 ) -> Result<Borders, BuildError> {
     let distances = store.distances(buckets, context.rows.bytes(), context.scale)?;
-    if let Some(longest) = distances.limit(context.scale) {
+    note_reach(&distances, context.scale, task);
+    Ok(borders_of(context, &distances, options))
+}
+
+/// A note if the steps of the axes limit how far normals are estimated.
+pub(crate) fn note_reach(distances: &Distances, scale: [f64; 3], task: &dyn Task) {
+    if let Some(longest) = distances.limit(scale) {
         task.note(&format!(
             "normals are estimated from points within {longest:.3e} at most, since the steps of the axes differ by orders of magnitude; points without near neighbours get none. Files with the same step on all axes have no such limit"
         ));
     }
-    let bounds = Bounds::new(context.scale, &distances);
+}
+
+/// Borders of chunks of points that are so far apart: still empty.
+pub(crate) fn borders_of(context: &Context, distances: &Distances, options: &Options) -> Borders {
+    let bounds = Bounds::new(context.scale, distances);
     let mut borders = Borders::new(bounds, context.rows.clone(), options.sharp_features);
     borders.finds_shapes = options.tangents;
-    let is_fast = options.estimates_fast();
-    borders.blocks = is_fast.then(|| Blocks::new(context.scale, &distances));
-    Ok(borders)
+    borders.blocks = options.estimates_fast().then(|| Blocks::new(context.scale, distances));
+    borders
 }
 
 /// Counts the points that were decoded, and those that were refused, by reason.

@@ -41,6 +41,23 @@ pub fn metadata(
             verbatim: info.verbatim.clone(),
         }
     };
+    let (sources, aside) = match &options.inherited.merged {
+        None => (reports.iter().enumerate().map(record).collect(), aside),
+        Some(merged) => {
+            let records = merged.records.iter().map(|r| merged_record(intake, plan, r));
+            (records.collect(), merged.aside.clone())
+        }
+    };
+    metadata_of(plan, options, sources, aside)
+}
+
+/// Metadata of a file of these sources and points set aside; as [`metadata`] otherwise.
+pub fn metadata_of(
+    plan: &Plan,
+    options: &Options,
+    sources: Vec<SourceRecord>,
+    set_aside: Vec<SetAside>,
+) -> Metadata {
     Metadata {
         lattice: plan.lattice,
         bounds: None,
@@ -52,14 +69,8 @@ pub fn metadata(
         has_tangents: false,
         palette: None,
         codec: options.compress,
-        sources: match &options.inherited.merged {
-            None => reports.iter().enumerate().map(record).collect(),
-            Some(merged) => merged.records.iter().map(|r| merged_record(intake, plan, r)).collect(),
-        },
-        set_aside: match &options.inherited.merged {
-            None => aside,
-            Some(merged) => merged.aside.clone(),
-        },
+        sources,
+        set_aside,
         forest: options.inherited.forest.clone(),
         generator: concat!("esker ", env!("CARGO_PKG_VERSION")).into(),
     }

@@ -3,6 +3,7 @@
 
 pub(crate) mod append;
 pub(crate) mod build;
+pub(crate) mod closing;
 pub(crate) mod export;
 mod export_aside;
 mod export_colours;

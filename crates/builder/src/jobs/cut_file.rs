@@ -3,13 +3,15 @@
 use crate::attributes::density::Distances;
 use crate::attributes::palette::{Trained, palette_record, restored};
 use crate::error::BuildError;
+use crate::input::plan::Plan;
 use crate::input::taking::{put_report, report};
-use crate::jobs::parts::{Part, PartStep, TakenRows};
+use crate::jobs::parts::{Part, TakenRows};
 use crate::jobs::place::Place;
 use crate::jobs::planned::Planned;
 use crate::jobs::step::{Record as StepRecord, Step, failed, refused};
 use crate::jobs::summary::{SourceKept, TakenPiece, aside, put_aside, put_ranges, ranges};
 use crate::rows::journal_record::{Kind, Record, RecordReader, unsealed};
+use crate::tree::levels::PartStep;
 use esker_format::{Ranges, SetAside, SourceRecord};
 use esker_points::read_at::ReadAt;
 use esker_points::{Cell, ColourDepth, MultisetHash, PointClass};
@@ -227,6 +229,13 @@ impl Cut {
         })
     }
 
+    /// Lattice, schema and classes for a build, as takes have corrected them.
+    pub fn plan(&self, planned: &Planned) -> Plan {
+        let mut plan = planned.plan();
+        plan.classes.clone_from(&self.classes);
+        plan
+    }
+
     /// Rows of all parts of a job.
     pub fn rows_of(&self, job: usize) -> u64 {
         let parts = self.builds.get(job).cloned().unwrap_or(0..0);
@@ -317,28 +326,39 @@ pub struct TakenObjects {
 }
 
 impl TakenObjects {
-    /// Appends rows of `stride` bytes to `into`.
+    /// Reads rows of a take from an offset on.
     ///
     /// # Errors
-    /// If they cannot be read, or are damaged.
+    /// If they cannot be read, or there are fewer.
     pub fn read(
         &self,
         (place, cut): (&dyn Place, &Cut),
-        rows: &TakenRows,
-        stride: usize,
-        into: &mut Vec<u8>,
+        take: u32,
+        offset: u64,
+        into: &mut [u8],
     ) -> Result<(), BuildError> {
-        let record = &cut.takes[rows.take as usize];
-        let damaged = || record.damaged(place, Step::Take(rows.take));
-        let end = rows.rows.checked_mul(stride as u64).and_then(|n| n.checked_add(rows.offset));
-        if end.is_none_or(|end| end > record.tail) {
-            return Err(damaged());
+        let record = &cut.takes[take as usize];
+        if offset.checked_add(into.len() as u64).is_none_or(|end| end > record.tail) {
+            return Err(record.damaged(place, Step::Take(take)));
         }
-        let start = into.len();
-        into.resize(start + rows.rows as usize * stride, 0);
-        let read = self.objects[rows.take as usize].read_exact_at(&mut into[start..], rows.offset);
-        read.map_err(failed(place, &record.object, "cannot be read"))?;
-        if crc32fast::hash(&into[start..]) == rows.crc { Ok(()) } else { Err(damaged()) }
+        let read = self.objects[take as usize].read_exact_at(into, offset);
+        read.map_err(failed(place, &record.object, "cannot be read"))
+    }
+
+    /// Compares the CRC-32 of rows that were read with theirs, and begins the next one.
+    ///
+    /// # Errors
+    /// If the rows are damaged.
+    pub fn check(
+        &self,
+        (place, cut): (&dyn Place, &Cut),
+        rows: &TakenRows,
+        crc: &mut crc32fast::Hasher,
+    ) -> Result<(), BuildError> {
+        if std::mem::take(crc).finalize() == rows.crc {
+            return Ok(());
+        }
+        Err(cut.takes[rows.take as usize].damaged(place, Step::Take(rows.take)))
     }
 }
 

@@ -1,17 +1,23 @@
 //! A build that is divided among processes or machines, in steps that any scheduler may run
-//! (`docs/clusters.md`): `plan`, takes, which decode pieces of the sources, and `cut`, which sums
-//! them up and divides the cells into parts. Steps share nothing but a [`place::Place`].
+//! (`docs/clusters.md`): `plan`, takes, which decode pieces of the sources, `cut`, which sums them
+//! up and divides the cells into parts, builds of parts, and `join`. Steps share nothing but a
+//! [`place::Place`].
 
+pub mod build;
+pub(crate) mod built;
 pub mod cut;
-pub mod cut_file;
-pub mod parts;
-pub mod pieces;
+pub(crate) mod cut_file;
+pub mod join;
+pub(crate) mod joined;
+mod loading;
+pub(crate) mod parts;
+mod pieces;
 pub mod place;
 pub mod plan;
-pub mod planned;
+pub(crate) mod planned;
 pub mod status;
-pub mod step;
-pub mod summary;
+pub(crate) mod step;
+pub(crate) mod summary;
 pub mod take;
 #[cfg(test)]
 mod tests;

@@ -4,6 +4,7 @@
 
 use crate::jobs::summary::CellRows;
 use crate::rows::journal_record::{Kind, Record, RecordReader, unsealed};
+use crate::tree::levels::PartStep;
 use esker_points::{Cell, morton};
 use rayon::prelude::*;
 use std::cmp::Reverse;
@@ -38,15 +39,6 @@ pub struct Part {
     pub cells: Vec<PartCell>,
     /// Cells of other parts that attributes computed in this one depend on, along the curve.
     pub halo: Vec<PartCell>,
-}
-
-/// A step of the tree above parts, in the order in which they are done.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PartStep {
-    /// Adds the part of this index.
-    Part(u32),
-    /// Samples this cell from its children, which are the last cells; their number.
-    Combine(Cell, u32),
 }
 
 /// Cells of all takes, divided into parts.

@@ -17,6 +17,7 @@ use crate::jobs::step::refused;
 use crate::options::{Inherited, Options};
 use crate::rows::borders::Borders;
 use crate::rows::partition::BUCKETS_MAX;
+use crate::sample::cell::Context;
 use esker_format::NODE_BYTES_MAX;
 use esker_points::Task;
 use esker_points::address::is_remote;
@@ -93,10 +94,8 @@ pub fn plan(
     let jobs = how.jobs.unwrap_or_else(advised).clamp(1, JOBS_MAX);
     let mut planned = Planned::new(&plan, options);
     planned.cell_log2 = intake.partition_log2(&plan);
-    planned.part_rows_max = match how.jobs {
-        Some(jobs) => points.div_ceil(jobs.max(1).into()).max(1),
-        None => JOB_POINTS,
-    };
+    let rows_max = how.jobs.map_or(JOB_POINTS, |jobs| points.div_ceil(jobs.max(1).into()));
+    planned.part_rows_max = rows_max.max(Context::undivided_points_max(options.node_capacity));
     planned.takes = divide(&intake.sources, jobs);
     planned.needs = needs(&intake, &plan, &planned, options)?;
     planned.sources = sources_of(&intake, &plan, place)?;

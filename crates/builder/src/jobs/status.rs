@@ -2,6 +2,7 @@
 
 use crate::error::BuildError;
 use crate::jobs::cut_file::Cut;
+use crate::jobs::joined::Joined;
 use crate::jobs::place::{Listed, Place};
 use crate::jobs::planned::Planned;
 use crate::jobs::step::{Record, Step, failed};
@@ -69,9 +70,13 @@ pub fn status(place: &dyn Place) -> Result<Status, BuildError> {
     let builds =
         if cut.is_done() { Some(Cut::read(place, &planned)?.builds.len() as u32) } else { None };
     let builds = of(builds, &Step::Build);
-    let join = of(Some(1), &|_| Step::Join);
+    let join = match Joined::find(place, &planned.hash) {
+        Ok(Some(_)) => StepsState { count: Some(1), ..StepsState::default() },
+        Ok(None) => StepsState { count: Some(1), missing: vec![0], ..StepsState::default() },
+        Err(error) => StepsState { damaged: vec![error.to_string()], ..StepsState::default() },
+    };
     let mut leftovers = Vec::new();
-    for prefix in ["take/", "build/", "cut-", "join-", "plan.json-"] {
+    for prefix in ["take/", "build/", "cut-", "plan.json-"] {
         let listed = place.list(prefix).map_err(failed(place, prefix, "cannot be listed"))?;
         // The names of records have no random part.
         let is_left = |object: &Listed| object.name.contains('-') && !named.contains(&object.name);

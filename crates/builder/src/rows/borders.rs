@@ -158,41 +158,43 @@ impl Borders {
         let near_a_face = move |p: &[u32; 3]| {
             (0..3).any(|i| p[i] - cell.corner[i] < steps[i] || last[i] - p[i] < steps[i])
         };
-        let extents = self.store(buckets, &near_a_face, scratch)?;
+        let stride = self.rows.bytes();
+        let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
+        let map = if is_stored { Some(scratch.map()?) } else { None };
+        let runs: Vec<&[u8]> = buckets.iter().flat_map(|b| b.runs(map.as_ref(), stride)).collect();
+        let extents = self.store(&runs, &near_a_face, scratch)?;
         self.cells.push((cell, extents));
         Ok(())
     }
 
-    /// Stores the positions of a cell beside a part of the tree, `part`, that are within reach of
-    /// it: other machines build the cell.
+    /// Stores positions of a cell beside a part of the tree, `part`, that are within reach of it:
+    /// another job builds the cell. `runs` are some or all of its rows.
     ///
     /// # Errors
     /// If scratch space fails.
     pub fn add_beside(
         &mut self,
         part: &Cell,
-        bucket: &Bucket,
+        cell: Cell,
+        runs: &[&[u8]],
         scratch: &mut Scratch,
     ) -> Result<(), BuildError> {
         let [low, high] = self.around(part);
         let within = move |p: &[u32; 3]| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i]);
-        let extents = self.store(std::slice::from_ref(bucket), &within, scratch)?;
-        self.cells.push((bucket.cell, extents));
+        let extents = self.store(runs, &within, scratch)?;
+        self.cells.push((cell, extents));
         Ok(())
     }
 
-    /// Copies positions to scratch, with the normals that sources give: those for which `is_wanted`
-    /// is true.
+    /// Copies positions of rows to scratch, with the normals that sources give: those for which
+    /// `is_wanted` is true.
     fn store(
         &self,
-        buckets: &[Bucket],
+        runs: &[&[u8]],
         is_wanted: &(impl Fn(&[u32; 3]) -> bool + Sync),
         scratch: &mut Scratch,
     ) -> Result<Vec<Extent>, BuildError> {
         let stride = self.rows.bytes();
-        let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
-        let map = if is_stored { Some(scratch.map()?) } else { None };
-        let runs: Vec<&[u8]> = buckets.iter().flat_map(|b| b.runs(map.as_ref(), stride)).collect();
         let tasks: Vec<&[u8]> = runs.iter().flat_map(|r| r.chunks(TASK_ROWS * stride)).collect();
         let mut extents = Vec::new();
         for group in tasks.chunks(GROUP_TASKS) {

@@ -29,6 +29,8 @@ pub enum Kind {
     Cut,
     /// The cells of a part of a divided build.
     Part,
+    /// The places of the parts that a job of a divided build has built.
+    Built,
 }
 
 /// Bytes before the content: its length, its CRC-32, its kind.

@@ -4,7 +4,7 @@
 use crate::page::histograms::Counts;
 use crate::rows::row::Rows;
 use crate::sample::candidates::Candidates;
-use crate::sample::cell::{Context, Part, ends};
+use crate::sample::cell::{Context, LEAF_NODES, Part, ends};
 use crate::sample::order::parts;
 use crate::sample::pending::PendingCell;
 use crate::sample::shape::{Moments, Shape};
@@ -52,6 +52,12 @@ impl Context {
     /// Number of points up to which a tree is one chunk, so that it can be arranged at once.
     pub fn arranged_points_max(&self) -> u64 {
         (self.capacity * UNEVEN_NODES) as u64
+    }
+
+    /// Number of points up to which a part of a tree is never divided, for nodes of `capacity`
+    /// points: those of a leaf, and of a tree that is arranged at once.
+    pub fn undivided_points_max(capacity: u32) -> u64 {
+        u64::from(capacity) * UNEVEN_NODES.max(LEAF_NODES) as u64
     }
 
     /// Whether rows are all points of a tree that is arranged at once.

@@ -45,10 +45,6 @@ const GIVEN: usize = 16;
 /// Nodes' worth of points up to which a cell is not split.
 pub const LEAF_NODES: usize = 2;
 
-/// Points beside dense parts are drawn wider than their spacing, up to so much, to be drawn as wide
-/// as they are stored.
-const APART_WIDENED: f32 = 2.0;
-
 /// A child of a cell, and the places of its points among those that all children offer.
 pub type Part = (PendingCell, Range<usize>);
 
@@ -406,10 +402,6 @@ impl Context {
         }
         let widest = if pending.apart.is_empty() { RADIUS_SPACINGS_MAX } else { quant::RADIUS_MAX };
         for &(i, radius) in &pending.apart {
-            // Wide radii do not shrink with the nodes below.
-            let fixed = (full * RADIUS_SPACINGS_MAX * 1.01) as f32;
-            let is_nearly = !below.is_empty() && radius * APART_WIDENED > fixed;
-            let radius = if is_nearly { radius.max(fixed) } else { radius };
             pending.radii[i as usize] = pending.radii[i as usize].max(radius);
         }
         for part in (0..count).rev() {

@@ -46,17 +46,17 @@ pub enum Step {
     Combine(Cell, usize),
 }
 
-/// A step of joining parts of a tree.
+/// A step of the tree above parts, in the order in which they are done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum JoinStep {
-    /// Takes the part of this index.
-    Part(usize),
+pub enum PartStep {
+    /// Adds the part of this index.
+    Part(u32),
     /// Samples this cell from its children, which are the last cells; their number.
-    Combine(Cell, usize),
+    Combine(Cell, u32),
 }
 
 /// Writes the pages of the part of an index to the file, and returns its record.
-pub type OpenPart<'o> = dyn FnMut(usize, &mut Store) -> Result<RecordedChunk, BuildError> + 'o;
+pub type OpenPart<'o> = dyn FnMut(u32, &mut Store) -> Result<RecordedChunk, BuildError> + 'o;
 
 impl TreeBuilder<'_> {
     /// Builds the tree of buckets in Morton order; `None` if there are no rows.
@@ -90,14 +90,14 @@ impl TreeBuilder<'_> {
     /// If `open` or the file fail, or on request.
     pub fn join(
         &mut self,
-        steps: &[JoinStep],
+        steps: &[PartStep],
         open: &mut OpenPart<'_>,
     ) -> Result<Option<Subtree>, BuildError> {
         let mut tree = PartialTree::from(self.store.writer.offset());
         for step in steps {
             self.task.check()?;
             match *step {
-                JoinStep::Part(part) => {
+                PartStep::Part(part) => {
                     let mut chunk = open(part, self.store)?;
                     chunk.cell.shift_pages(chunk.pages.start, tree.page_offset);
                     tree.page_offset += chunk.pages.end - chunk.pages.start;
@@ -108,8 +108,8 @@ impl TreeBuilder<'_> {
                     self.task.advance(chunk.rows);
                     tree.cells.push(chunk.cell);
                 }
-                JoinStep::Combine(cell, child_count) => {
-                    tree.combine(self.context, cell, child_count);
+                PartStep::Combine(cell, child_count) => {
+                    tree.combine(self.context, cell, child_count as usize);
                     self.store.write(std::mem::take(&mut tree.outgoing))?;
                 }
             }
