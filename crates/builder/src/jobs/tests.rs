@@ -4,6 +4,7 @@
 use super::Resources;
 use super::cut::cut;
 use super::cut_file::Cut;
+use super::loading::Loading;
 use super::place::{Folder, Listed, Place, Upload};
 use super::plan::{PlanHow, plan};
 use super::planned::Planned;
@@ -113,14 +114,14 @@ fn found_together(place: &dyn Place) -> Found {
     let planned = Planned::read(place).unwrap();
     let cut = Cut::read(place, &planned).unwrap();
     let layout = planned.plan().rows();
-    let objects = cut.open_takes(place).unwrap();
+    let takes = &cut.open_takes(place).unwrap();
+    let loading = Loading { place, cut: &cut, takes, stride: layout.bytes(), task: &Silent };
     let (mut hash, mut points) = (MultisetHash::default(), 0);
     for part in 0..cut.parts.len() as u32 {
         for cell in cut.part(place, part).unwrap().cells {
             let mut rows = Vec::new();
-            for taken in &cell.rows {
-                objects.read((place, &cut), taken, layout.bytes(), &mut rows).unwrap();
-            }
+            let own = std::slice::from_ref(&cell);
+            loading.each_block(own, &mut |more| Ok(rows.extend(more))).unwrap();
             let mut positions = rows.chunks_exact(layout.bytes()).map(position);
             assert!(positions.all(|p| cell.cell.contains(p)));
             points += (rows.len() / layout.bytes()) as u64;
