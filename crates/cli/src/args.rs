@@ -74,6 +74,10 @@ pub enum Command {
     /// Print the point that a pixel of a picture shows: its exact coordinates and all attributes,
     /// as export writes them.
     Pick(Box<crate::pick::Pick>),
+    /// Build one file by many jobs, on many machines that share a folder, or as processes of this
+    /// one: plan, takes, cut.
+    #[command(subcommand)]
+    Job(crate::job::Job),
     /// Fly through an .esker file, or scans, in a window.
     View(crate::view::View),
     /// Build, verify and draw the sample scan of the project.

@@ -40,6 +40,7 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         Command::Export(args) => export::run(args, stop),
         Command::Render(args) => render::run(*args, stop),
         Command::Pick(args) => pick::run(*args, stop),
+        Command::Job(job) => crate::job::run(job, stop),
         Command::View(args) => return view::run(&args),
         Command::Demo { out } => {
             let report = demo::demo(project(), &out, &Progress::new(Style::Bar, stop))?;

@@ -6,6 +6,8 @@ mod args;
 mod bench;
 mod commands;
 mod export;
+mod job;
+mod job_run;
 mod light;
 mod memory;
 mod output;

@@ -12,6 +12,7 @@ pub mod machine;
 
 pub use draw::method::Method;
 pub use esker_builder::budget::memory;
+pub use esker_builder::jobs::{Resources as JobResources, plan::PlanHow};
 pub use esker_builder::{BuildError, ExportOptions, NormalsMode, Options as BuildOptions, Resume};
 pub use esker_format::{Codec, EskerFile, Forest, ForestFilter};
 pub use esker_lod::{View, Window};

@@ -72,6 +72,14 @@ pub fn take(
     resources.run(task, || work.run(index, resources))
 }
 
+/// Number of takes of the plan of a place.
+///
+/// # Errors
+/// If there is no plan.
+pub fn count(place: &dyn Place) -> Result<u32, BuildError> {
+    Ok(Planned::read(place)?.takes.len() as u32)
+}
+
 fn report(
     index: u32,
     was_done: bool,

@@ -8,6 +8,7 @@ pub mod explain;
 pub mod export;
 pub mod info;
 pub mod info_text;
+pub mod job;
 pub mod pick;
 pub mod preview;
 pub mod query;
