@@ -6,7 +6,7 @@ use crate::output::Output;
 use crate::shared::{BuildHow, Threads};
 use anyhow::{Context, Result, ensure};
 use clap::{Args as ClapArgs, Subcommand};
-use esker_engine::calls::job;
+use esker_engine::calls::{build, job};
 use esker_engine::io::quantity;
 use esker_engine::{JobResources, PlanHow};
 use std::path::PathBuf;
@@ -25,6 +25,10 @@ pub enum Job {
     Take(Take),
     /// Sum up all takes, and divide the cells into parts.
     Cut(Cut),
+    /// Build the parts of one job.
+    Build(Build),
+    /// Join the parts to the file, once it is proved that it holds all points.
+    Join(Join),
     /// Print what is done, what is missing, and what killed jobs have left.
     Status(Status),
     /// Run all steps of the plan as processes of this machine.
@@ -99,6 +103,33 @@ pub struct Cut {
 }
 
 #[derive(ClapArgs)]
+pub struct Build {
+    #[command(flatten)]
+    pub to: To,
+    /// Number of the job, from 0, which the number of all jobs may follow: 3/8. By default that of
+    /// the task of a Slurm array, or of an indexed job of AWS Batch or Kubernetes.
+    #[arg(long, value_name = "I[/N]")]
+    pub job: Option<Index>,
+    #[command(flatten)]
+    pub how: StepHow,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+#[derive(ClapArgs)]
+pub struct Join {
+    #[command(flatten)]
+    pub to: To,
+    /// The file to write.
+    #[arg(short, long, value_name = "OUT")]
+    pub out: PathBuf,
+    #[command(flatten)]
+    pub how: StepHow,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+#[derive(ClapArgs)]
 pub struct Status {
     #[command(flatten)]
     pub to: To,
@@ -137,7 +168,7 @@ impl Index {
         let index = match given {
             Some(Self(index, stated)) => {
                 let stated = stated.unwrap_or(count);
-                ensure!(stated == count, "the plan has {count} jobs, and --job says {stated}");
+                ensure!(stated == count, "the step has {count} jobs, and --job says {stated}");
                 index
             }
             None => {
@@ -155,7 +186,7 @@ impl Index {
             }
         };
         let last = count.max(1) - 1;
-        ensure!(index < count, "there is no job {index}: the plan has jobs 0 to {last}");
+        ensure!(index < count, "there is no job {index}: the step has jobs 0 to {last}");
         Ok(index)
     }
 }
@@ -208,6 +239,23 @@ pub fn run(job: Job, stop: Arc<AtomicBool>) -> Result<()> {
                 stop,
                 |progress| job::cut(&to, &resources, threads, progress),
                 job::CutReport::text,
+            )
+        }
+        Job::Build(Build { to: To { to }, job, how, output }) => {
+            let index = Index::among(job, job::builds(&to)?, &|name| std::env::var(name).ok())?;
+            let (resources, threads) = (how.resources(), how.threads.count);
+            output.report(
+                stop,
+                |progress| job::build(&to, index, &resources, threads, progress),
+                job::PartsReport::text,
+            )
+        }
+        Job::Join(Join { to: To { to }, out, how, output }) => {
+            let (resources, threads) = (how.resources(), how.threads.count);
+            output.report(
+                stop,
+                |progress| job::join(&to, &out, &resources, threads, progress),
+                |report| build::text(report, &out),
             )
         }
         Job::Status(Status { to: To { to }, json }) => {

@@ -1,14 +1,15 @@
-//! `esker job run`: runs the steps of a divided build as processes of this program, some at a time.
-//! A step that fails is run once more. Ctrl-C is passed on, and no step is begun after it.
+//! `esker job run`: runs the steps of a divided build as processes of this program, some at a time,
+//! and joins the parts. A step that fails is run once more. Ctrl-C is passed on, and no step is begun after it.
 
 use crate::job::{StepHow, To};
 use crate::output::Output;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args as ClapArgs;
-use esker_engine::calls::job;
+use esker_engine::calls::{build, job};
 use esker_engine::io::progress::Progress;
 use esker_engine::{JobResources, Task};
 use std::collections::VecDeque;
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -27,6 +28,9 @@ const MEMORY_BYTES_MIN: u64 = 256 << 20;
 pub struct Run {
     #[command(flatten)]
     pub to: To,
+    /// The file to write.
+    #[arg(short, long, value_name = "OUT")]
+    pub out: PathBuf,
     /// Number of processes at a time.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..1025))]
     pub local: u32,
@@ -54,7 +58,7 @@ pub fn run(run: &Run, stop: Arc<AtomicBool>) -> Result<()> {
     run.output.report(
         stop,
         |progress| {
-            for kind in ["take", "cut"] {
+            for kind in ["take", "cut", "build"] {
                 let state = job::status(to)?;
                 let step = state.steps.iter().find(|(name, _)| *name == kind);
                 let (_, step) = step.context("no such step")?;
@@ -72,9 +76,10 @@ pub fn run(run: &Run, stop: Arc<AtomicBool>) -> Result<()> {
                 };
                 run_steps(run, steps, kind, progress)?;
             }
-            job::status(to)
+            let (resources, threads) = (run.how.resources(), run.how.threads.count);
+            job::join(to, &run.out, &resources, threads, progress)
         },
-        |report| report.text(to),
+        |report| build::text(report, &run.out),
     )
 }
 

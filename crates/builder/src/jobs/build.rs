@@ -97,6 +97,14 @@ pub fn build_parts(
     })
 }
 
+/// Number of jobs that build the parts of the plan of a place.
+///
+/// # Errors
+/// If there is no plan, or it is not cut.
+pub fn count(place: &dyn Place) -> Result<u32, BuildError> {
+    Ok(Cut::read(place, &Planned::read(place)?)?.builds.len() as u32)
+}
+
 /// A job that builds parts.
 struct Job<'a> {
     place: &'a dyn Place,

@@ -156,7 +156,7 @@ pub fn build_given(
 
 /// Runs a build, which keeps to `--memory`, on `threads` threads: freed memory must not stay with
 /// the process.
-fn within_memory(
+pub(crate) fn within_memory(
     threads: usize,
     start: Instant,
     work: impl FnOnce() -> Result<Report> + Send,

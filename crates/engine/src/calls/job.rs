@@ -1,7 +1,9 @@
 //! Steps of a build that is divided among processes or machines, as calls: each reads and writes a
 //! folder that all of them share, and returns a report, which is printed as JSON or as text.
 
+use crate::calls::build::{BuildReport, within_memory};
 use crate::io::inputs;
+use crate::io::output;
 use crate::io::quantity::{grouped, readable_bytes};
 use crate::machine::{pool, system};
 use anyhow::Result;
@@ -9,11 +11,12 @@ use esker_builder::Options;
 use esker_builder::jobs::place::Folder;
 use esker_builder::jobs::plan::{self, PlanHow};
 use esker_builder::jobs::status::{self, StepsState};
-use esker_builder::jobs::{Resources, cut, take};
+use esker_builder::jobs::{Resources, build, cut, join, take};
 use esker_points::Task;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// A plan.
 #[derive(Clone, Debug, Serialize)]
@@ -78,6 +81,23 @@ pub struct CutReport {
     pub builds: u32,
     /// Points of the largest of these jobs.
     pub build_points_max: u64,
+}
+
+/// A build of parts.
+#[derive(Clone, Debug, Serialize)]
+pub struct PartsReport {
+    /// Its index.
+    pub index: u32,
+    /// Whether it was finished before, or another job was faster.
+    pub was_done: bool,
+    /// Number of parts.
+    pub parts: u32,
+    /// Points of these.
+    pub points: u64,
+    /// Bytes that it left in the folder.
+    pub bytes: u64,
+    /// Bytes written to scratch.
+    pub scratch_bytes: u64,
 }
 
 /// State of the steps of one kind.
@@ -182,6 +202,49 @@ pub fn cut(to: &Path, resources: &Resources, threads: usize, task: &dyn Task) ->
     })
 }
 
+/// Number of jobs that build parts of the plan in the folder `to`.
+///
+/// # Errors
+/// If there is no plan, or it is not cut.
+pub fn builds(to: &Path) -> Result<u32> {
+    Ok(build::count(&Folder::new(to))?)
+}
+
+/// Builds the parts of one job of the plan in the folder `to`, unless that is done.
+///
+/// # Errors
+/// If the cut is missing, rows are damaged, a disk is full, or `task` is cancelled.
+pub fn build(
+    to: &Path,
+    index: u32,
+    resources: &Resources,
+    threads: usize,
+    task: &dyn Task,
+) -> Result<PartsReport> {
+    system::give_back_freed_memory();
+    let built = || Ok(build::build_parts(&Folder::new(to), index, resources, task)?);
+    let report = pool::run(threads, built)?;
+    let build::PartsReport { index, was_done, parts, points, bytes, scratch_bytes } = report;
+    Ok(PartsReport { index, was_done, parts, points, bytes, scratch_bytes })
+}
+
+/// Joins the parts of the plan in the folder `to` to the file `out`.
+///
+/// # Errors
+/// If a step is missing or damaged, the disk is full, or `task` is cancelled; no file has the final
+/// name then.
+pub fn join(
+    to: &Path,
+    out: &Path,
+    resources: &Resources,
+    threads: usize,
+    task: &dyn Task,
+) -> Result<BuildReport> {
+    let start = Instant::now();
+    output::may_build(out, &[])?;
+    within_memory(threads, start, || Ok(join::join(&Folder::new(to), out, resources, task)?))
+}
+
 /// What is done of the plan in the folder `to`, what is missing, and what killed jobs have left.
 ///
 /// # Errors
@@ -266,6 +329,21 @@ impl TakeReport {
             done(self.was_done),
             grouped(self.points),
             grouped(self.cells),
+            readable_bytes(self.bytes),
+            readable_bytes(self.scratch_bytes)
+        )
+    }
+}
+
+impl PartsReport {
+    /// The report as text.
+    pub fn text(&self) -> String {
+        format!(
+            "build {}{}: {} points in {} parts, {}; {} through scratch",
+            self.index,
+            done(self.was_done),
+            grouped(self.points),
+            self.parts,
             readable_bytes(self.bytes),
             readable_bytes(self.scratch_bytes)
         )
