@@ -13,6 +13,7 @@ use esker_points::lattice::Placement;
 use esker_points::{AttrType, Spread, Task};
 use std::fs::File;
 use std::io::Read;
+use std::ops::Range;
 use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -152,6 +153,20 @@ impl Source for Located {
         sink: &mut Sink<'_>,
     ) -> Result<ReadReport, ScanError> {
         self.source.read(placement, task, sink)
+    }
+
+    fn begin_near(&self, point: u64) -> u64 {
+        self.source.begin_near(point)
+    }
+
+    fn read_range(
+        &self,
+        points: Range<u64>,
+        placement: &Placement,
+        task: &dyn Task,
+        sink: &mut Sink<'_>,
+    ) -> Result<ReadReport, ScanError> {
+        self.source.read_range(points, placement, task, sink)
     }
 
     fn survey(&self, task: &dyn Task) -> Result<Spread, ScanError> {
