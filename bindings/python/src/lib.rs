@@ -6,6 +6,7 @@ mod arguments;
 mod build;
 mod errors;
 mod file;
+mod jobs;
 mod options;
 mod picture;
 mod reports;
@@ -28,6 +29,10 @@ fn _esker(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(build::build_arrays, m)?)?;
     m.add_function(wrap_pyfunction!(reports::export, m)?)?;
     m.add_function(wrap_pyfunction!(reports::verify, m)?)?;
+    m.add_function(wrap_pyfunction!(jobs::job_plan, m)?)?;
+    m.add_function(wrap_pyfunction!(jobs::job_step, m)?)?;
+    m.add_function(wrap_pyfunction!(jobs::job_join, m)?)?;
+    m.add_function(wrap_pyfunction!(jobs::job_status, m)?)?;
     m.add_function(wrap_pyfunction!(picture::render, m)?)?;
     m.add_function(wrap_pyfunction!(picture::png, m)?)?;
     Ok(())

@@ -16,11 +16,12 @@ import unittest
 from pathlib import Path
 
 import esker
+import esker.jobs
 import numpy as np
 from support import write_scan
 
 HERE = Path(__file__).resolve().parent
-MODULES = ("", "._build", "._file", "._filter", "._names", "._picture", "._points")
+MODULES = ("", "._build", "._file", "._filter", "._names", "._picture", "._points", ".jobs")
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 

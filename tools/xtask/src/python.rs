@@ -62,15 +62,21 @@ pub fn check(tally: &mut Tally) -> Result<()> {
 /// Builds the wheel; its path.
 fn build_wheel(maturin: &Path, folder: &Path) -> Result<PathBuf> {
     let manifest = format!("{PACKAGE}/Cargo.toml");
-    let words: [&OsStr; 7] = [
+    let mut words: Vec<&OsStr> = vec![
         "build".as_ref(),
         "--release".as_ref(),
         "--locked".as_ref(),
+        "--compression-level".as_ref(),
+        "9".as_ref(),
         "--manifest-path".as_ref(),
         manifest.as_ref(),
         "--out".as_ref(),
         folder.as_os_str(),
     ];
+    // The linker that Rust has there by default joins functions that are equal, 5 % of a wheel.
+    if cfg!(all(target_os = "linux", target_arch = "x86_64", target_env = "gnu")) {
+        words.extend(["--", "-C", "link-arg=-Wl,--icf=all"].map(OsStr::new));
+    }
     run("maturin", maturin.as_os_str(), &words)?;
     let mut files = std::fs::read_dir(folder)?.map(|entry| Ok(entry?.path()));
     let wheel = files.find(|path: &Result<PathBuf>| {

@@ -80,6 +80,31 @@ def build_arrays(
     threads: int = 0,
     progress: _Progress = None,
 ) -> str: ...
+def job_plan(
+    inputs: list[_Path],
+    to: _Path,
+    options: dict[str, Any],
+    jobs: int | None = None,
+    measure: bool = False,
+    threads: int = 0,
+    progress: _Progress = None,
+) -> str: ...
+def job_step(
+    step: str,
+    to: _Path,
+    index: int,
+    options: dict[str, Any],
+    threads: int = 0,
+    progress: _Progress = None,
+) -> str: ...
+def job_join(
+    to: _Path,
+    out: _Path,
+    options: dict[str, Any],
+    threads: int = 0,
+    progress: _Progress = None,
+) -> str: ...
+def job_status(to: _Path) -> str: ...
 def export(
     file: str,
     out: str,
