@@ -24,6 +24,7 @@ mod frames;
 mod hostile;
 mod inputs;
 mod interrupt;
+mod jobs;
 mod las;
 mod light;
 mod pick;
@@ -67,6 +68,7 @@ fn main() {
     scene::trials(&mut trials);
     devices::trials(&mut trials);
     interrupt::trials(&mut trials);
+    jobs::trials(&mut trials);
     python::trials(&mut trials);
     export::trials(&mut trials);
     stream::trials(&mut trials);

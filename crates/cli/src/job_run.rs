@@ -1,5 +1,6 @@
 //! `esker job run`: runs the steps of a divided build as processes of this program, some at a time,
-//! and joins the parts. A step that fails is run once more. Ctrl-C is passed on, and no step is begun after it.
+//! and joins the parts. A step that fails is run once more. Ctrl-C is passed on, and no step is
+//! begun after it.
 
 use crate::job::{StepHow, To};
 use crate::output::Output;
@@ -60,8 +61,11 @@ pub fn run(run: &Run, stop: Arc<AtomicBool>) -> Result<()> {
         |progress| {
             for kind in ["take", "cut", "build"] {
                 let state = job::status(to)?;
-                let step = state.steps.iter().find(|(name, _)| *name == kind);
-                let (_, step) = step.context("no such step")?;
+                let (_, step) = state
+                    .steps()
+                    .into_iter()
+                    .find(|(name, _)| *name == kind)
+                    .context("no such step")?;
                 if let Some(damaged) = step.damaged.first() {
                     bail!("{damaged}");
                 }

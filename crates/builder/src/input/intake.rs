@@ -350,7 +350,7 @@ impl Intake {
     /// An empty partition for all points.
     fn new_partition(&self, plan: &Plan, buffer_bytes_max: usize) -> Partition {
         let row_bytes = plan.row_bytes();
-        let log2 = self.partition_log2(plan);
+        let log2 = self.partition_log2(plan, BUCKETS_MAX as u64);
         let bytes = self.points_likely().saturating_mul(row_bytes as u64);
         let is_spilling = bytes > buffer_bytes_max as u64;
         Partition::new(row_bytes, log2, buffer_bytes_max, is_spilling)
@@ -437,8 +437,8 @@ impl Intake {
     }
 
     /// Chooses the size of the partition's cells: by the bounds, and the smaller the more points
-    /// there are.
-    pub fn partition_log2(&self, plan: &Plan) -> u8 {
+    /// there are, up to about `cells_max` cells.
+    pub fn partition_log2(&self, plan: &Plan, cells_max: u64) -> u8 {
         let (mut min, mut max) = ([u32::MAX; 3], [0u32; 3]);
         for bounds in self.known.grids.iter().filter_map(|g| g.bounds) {
             for (corner, axis) in (0..6).map(|i| (i / 3, i % 3)) {
@@ -451,7 +451,7 @@ impl Intake {
         if (0..3).any(|i| min[i] > max[i]) {
             (min, max) = ([0; 3], [u32::MAX; 3]);
         }
-        let buckets = (self.points_hint() / BUCKET_ROWS).clamp(64, BUCKETS_MAX as u64);
+        let buckets = (self.points_hint() / BUCKET_ROWS).clamp(64, cells_max);
         // Scans are surfaces: cells are counted on the largest side of the box. A volume fills more
         // cells, and the partition coarsens.
         let mut edges = [0, 1, 2].map(|i| u64::from(max[i] - min[i]));

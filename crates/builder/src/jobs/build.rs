@@ -80,7 +80,7 @@ pub fn build_parts(
     let options = planned.options(place, resources)?;
     resources.run(task, || {
         let plan = cut.plan(&planned);
-        let takes = cut.open_takes(place)?;
+        let takes = cut.open_rows(place)?;
         let (planned, options) = (&planned, &options);
         let job = Job { place, cut: &cut, takes, plan, options, resources, task };
         task.phase("building", Some(report.points), "points");
@@ -177,7 +177,6 @@ impl Job<'_> {
     fn loading(&self) -> Loading<'_> {
         Loading {
             place: self.place,
-            cut: self.cut,
             takes: &self.takes,
             stride: self.plan.row_bytes(),
             task: self.task,

@@ -10,10 +10,11 @@ use crate::calls::build::{NAMES_MAX, reasons};
 use crate::error::BuildError;
 use crate::input::intake::{correct_classes, depth_of};
 use crate::jobs::Resources;
-use crate::jobs::cut_file::{Cut, PartPlace, SourceTaken};
+use crate::jobs::cut_file::{Cut, PartPlace, SourceTaken, TakenObjects};
 use crate::jobs::parts::{Division, TakenCells};
 use crate::jobs::place::Place;
 use crate::jobs::planned::{NAME, Planned};
+use crate::jobs::refine::Refinement;
 use crate::jobs::step::{Output, Record, Step, refused};
 use crate::jobs::summary::Summary;
 use crate::options::Options;
@@ -25,6 +26,10 @@ use std::collections::BTreeMap;
 
 /// Takes whose summaries are read at the same time.
 const GROUP_TAKES: usize = 16;
+
+/// Share of the memory that has rows of cells that are refined: they are sorted, and held again for
+/// cells within.
+const REFINED_SHARE: u64 = 8;
 
 /// What the cut did.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -254,7 +259,18 @@ impl<'a> Sums<'a> {
             return Err(refused(place, NAME, why));
         }
         let Self { cells, densities, colours, .. } = self;
-        let division = cells.divide(planned.part_rows_max);
+        let mut output = Output::begin(place, &planned.hash, Step::Cut)?;
+        let refinement = Refinement {
+            place,
+            objects: &TakenObjects::open(place, &self.takes)?,
+            output: &mut output,
+            stride: planned.plan().row_bytes(),
+            rows_max: planned.part_rows_max,
+            bytes_max: options.memory_bytes / REFINED_SHARE,
+            task,
+            refined: Vec::new(),
+        };
+        let division = Division::of(refinement.run(cells)?, planned.part_rows_max);
         if division.rows() != points {
             let counted = division.rows();
             return Err(BuildError::Proof(format!("{points} points were taken, {counted} rows")));
@@ -265,7 +281,7 @@ impl<'a> Sums<'a> {
         if options.compact && palette.is_none() && points > 0 {
             task.note("--compact has no effect: the inputs have no colours");
         }
-        let mut output = Output::begin(place, &planned.hash, Step::Cut)?;
+        let sources_at = output.bytes();
         let sources = SourceTaken::seal_all(&self.sources);
         output.write(&sources)?;
         let reach = distances.map(|distances| Reach::new(planned, options, &distances));
@@ -285,7 +301,7 @@ impl<'a> Sums<'a> {
             builds: division.jobs(planned.part_rows_max),
             steps: division.steps,
             parts,
-            sources_bytes: sources.len() as u64,
+            sources_at: [sources_at, sources.len() as u64],
             object: None,
         };
         task.check()?;

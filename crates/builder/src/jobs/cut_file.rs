@@ -72,8 +72,8 @@ pub struct Cut {
     pub steps: Vec<PartStep>,
     /// Parts, along the Morton curve.
     pub parts: Vec<PartPlace>,
-    /// Bytes of what was found of the sources, at the beginning of the object.
-    pub sources_bytes: u64,
+    /// Offset and length of what was found of the sources, in bytes.
+    pub sources_at: [u64; 2],
     /// The object and its record, if the cut was read.
     pub object: Option<(Arc<dyn ReadAt>, StepRecord)>,
 }
@@ -118,7 +118,8 @@ impl Cut {
     /// Bytes of the sums, which are the tail of the object.
     pub fn seal(&self, planned: &Planned) -> Vec<u8> {
         let mut record = Record::new(Kind::Cut);
-        record.put([self.points, self.sources_bytes]);
+        record.put(self.points);
+        record.put(self.sources_at);
         record.put(self.points_refused.len() as u64);
         for (reason, &points) in &self.points_refused {
             record.put_all(reason.as_bytes());
@@ -179,7 +180,7 @@ impl Cut {
 
     fn unsealed(tail: &[u8], planned: &Planned) -> Option<Self> {
         let mut from = unsealed(tail, Kind::Cut)?;
-        let [points, sources_bytes] = from.get()?;
+        let (points, sources_at) = (from.get()?, from.get()?);
         let count = from.get::<u64>()?;
         let reason = |_| Some((from.get_text()?, from.get()?));
         let points_refused = (0..count).map(reason).collect::<Option<_>>()?;
@@ -224,7 +225,7 @@ impl Cut {
             builds: builds.into_iter().map(|[start, end]| start..end).collect(),
             steps,
             parts,
-            sources_bytes,
+            sources_at,
             object: None,
         })
     }
@@ -271,7 +272,7 @@ impl Cut {
         let takes = self.takes.len() as u32;
         let is_sound = |part: &Part| {
             let cells = part.cells.iter().chain(&part.halo);
-            cells.flat_map(|cell| &cell.rows).all(|rows| rows.take < takes)
+            cells.flat_map(|cell| &cell.rows).all(|rows| rows.take <= takes)
         };
         Part::unsealed(&bytes).filter(is_sound).ok_or_else(|| self.damaged(place))
     }
@@ -285,7 +286,8 @@ impl Cut {
         place: &dyn Place,
         planned: &Planned,
     ) -> Result<Vec<SourceRecord>, BuildError> {
-        let bytes = self.bytes(place, 0, self.sources_bytes)?;
+        let [offset, bytes] = self.sources_at;
+        let bytes = self.bytes(place, offset, bytes)?;
         let mut from = unsealed(&bytes, Kind::Inputs).ok_or_else(|| self.damaged(place))?;
         let mut records = Vec::with_capacity(planned.sources.len());
         for (source, &depth) in planned.sources.iter().zip(&self.depths) {
@@ -309,39 +311,70 @@ impl Cut {
         Ok(records)
     }
 
-    /// Opens the objects of all takes, whose rows parts name.
+    /// Opens the objects that have the rows of parts: those of all takes, and that of the cut.
     ///
     /// # Errors
     /// If one is missing or cut short, or was made again after the cut.
-    pub fn open_takes(&self, place: &dyn Place) -> Result<TakenObjects, BuildError> {
-        let open = |(index, record): (u32, &StepRecord)| record.open(place, Step::Take(index));
-        let objects = (0..).zip(&self.takes).map(open).collect::<Result<_, _>>()?;
-        Ok(TakenObjects { objects })
+    pub fn open_rows(&self, place: &dyn Place) -> Result<TakenObjects, BuildError> {
+        let mut objects = TakenObjects::open(place, &self.takes)?;
+        let of_cut = |(object, record): &(Arc<dyn ReadAt>, StepRecord)| TakenObject {
+            step: Step::Cut,
+            record: record.clone(),
+            object: object.clone(),
+        };
+        objects.0.extend(self.object.iter().map(of_cut));
+        Ok(objects)
     }
 }
 
-/// Objects of all takes.
-pub struct TakenObjects {
-    objects: Vec<Arc<dyn ReadAt>>,
+/// Objects that have rows: those of takes, and at last that of the cut.
+pub struct TakenObjects(Vec<TakenObject>);
+
+struct TakenObject {
+    step: Step,
+    record: StepRecord,
+    object: Arc<dyn ReadAt>,
 }
 
 impl TakenObjects {
-    /// Reads rows of a take from an offset on.
+    /// Opens the objects of all takes.
+    ///
+    /// # Errors
+    /// If one is missing or cut short.
+    pub fn open(place: &dyn Place, takes: &[StepRecord]) -> Result<Self, BuildError> {
+        let open = |(index, record): (u32, &StepRecord)| {
+            let step = Step::Take(index);
+            Ok(TakenObject { step, record: record.clone(), object: record.open(place, step)? })
+        };
+        Ok(Self((0..).zip(takes).map(open).collect::<Result<_, BuildError>>()?))
+    }
+
+    /// Number of objects.
+    pub fn len(&self) -> u32 {
+        self.0.len() as u32
+    }
+
+    fn of(&self, place: &dyn Place, index: u32) -> Result<&TakenObject, BuildError> {
+        let of = self.0.get(index as usize);
+        of.ok_or_else(|| refused(place, &Step::Cut.record(), "names no object"))
+    }
+
+    /// Reads rows of an object from an offset on.
     ///
     /// # Errors
     /// If they cannot be read, or there are fewer.
     pub fn read(
         &self,
-        (place, cut): (&dyn Place, &Cut),
-        take: u32,
+        place: &dyn Place,
+        index: u32,
         offset: u64,
         into: &mut [u8],
     ) -> Result<(), BuildError> {
-        let record = &cut.takes[take as usize];
+        let TakenObject { step, record, object } = self.of(place, index)?;
         if offset.checked_add(into.len() as u64).is_none_or(|end| end > record.tail) {
-            return Err(record.damaged(place, Step::Take(take)));
+            return Err(record.damaged(place, *step));
         }
-        let read = self.objects[take as usize].read_exact_at(into, offset);
+        let read = object.read_exact_at(into, offset);
         read.map_err(failed(place, &record.object, "cannot be read"))
     }
 
@@ -351,14 +384,34 @@ impl TakenObjects {
     /// If the rows are damaged.
     pub fn check(
         &self,
-        (place, cut): (&dyn Place, &Cut),
+        place: &dyn Place,
         rows: &TakenRows,
         crc: &mut crc32fast::Hasher,
     ) -> Result<(), BuildError> {
         if std::mem::take(crc).finalize() == rows.crc {
             return Ok(());
         }
-        Err(cut.takes[rows.take as usize].damaged(place, Step::Take(rows.take)))
+        let TakenObject { step, record, .. } = self.of(place, rows.take)?;
+        Err(record.damaged(place, *step))
+    }
+
+    /// Appends rows of `stride` bytes to `into`.
+    ///
+    /// # Errors
+    /// If they cannot be read, or are damaged.
+    pub fn append(
+        &self,
+        place: &dyn Place,
+        rows: &TakenRows,
+        stride: usize,
+        into: &mut Vec<u8>,
+    ) -> Result<(), BuildError> {
+        let start = into.len();
+        into.resize(start + rows.rows as usize * stride, 0);
+        self.read(place, rows.take, rows.offset, &mut into[start..])?;
+        let mut crc = crc32fast::Hasher::new();
+        crc.update(&into[start..]);
+        self.check(place, rows, &mut crc)
     }
 }
 

@@ -2,7 +2,7 @@
 //! blocks at a time, and checks them against their checksums.
 
 use crate::error::BuildError;
-use crate::jobs::cut_file::{Cut, TakenObjects};
+use crate::jobs::cut_file::TakenObjects;
 use crate::jobs::parts::{PartCell, TakenRows};
 use crate::jobs::place::Place;
 use crate::rows::partition::{RowBlock, block_of_rows};
@@ -15,7 +15,6 @@ const BLOCK_ROWS: u64 = 1 << 16;
 /// Reads rows.
 pub struct Loading<'a> {
     pub place: &'a dyn Place,
-    pub cut: &'a Cut,
     pub takes: &'a TakenObjects,
     /// Bytes of a row.
     pub stride: usize,
@@ -81,7 +80,7 @@ impl Loading<'_> {
                 for (piece, of_piece) in pieces.iter().zip(crcs) {
                     crc.combine(&of_piece);
                     if piece.first + piece.rows == piece.of.rows {
-                        self.takes.check((self.place, self.cut), &piece.of, &mut crc)?;
+                        self.takes.check(self.place, &piece.of, &mut crc)?;
                     }
                 }
                 take(block)?;
@@ -105,7 +104,7 @@ impl Loading<'_> {
             let bytes = run.iter().map(|piece| piece.rows * stride).sum::<u64>() as usize;
             let into = &mut block[at..at + bytes];
             let offset = run[0].of.offset.saturating_add(run[0].first.saturating_mul(stride));
-            self.takes.read((self.place, self.cut), run[0].of.take, offset, into)?;
+            self.takes.read(self.place, run[0].of.take, offset, into)?;
             for piece in run {
                 let bytes = (piece.rows * stride) as usize;
                 let mut crc = crc32fast::Hasher::new();

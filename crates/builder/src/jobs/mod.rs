@@ -15,6 +15,8 @@ mod pieces;
 pub mod place;
 pub mod plan;
 pub(crate) mod planned;
+mod refine;
+mod splitting;
 pub mod status;
 pub(crate) mod step;
 pub(crate) mod summary;

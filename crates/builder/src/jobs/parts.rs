@@ -67,32 +67,49 @@ impl TakenCells {
         self.0.extend(cells.iter().map(rows));
     }
 
-    /// Joins the cells, and divides them into parts of at most `rows_max` rows; a single cell may
-    /// have more.
-    pub fn divide(self, rows_max: u64) -> Division {
+    /// The cells of takes along the Morton curve; a cell comes before those in it.
+    pub fn along_the_curve(self) -> Vec<(Cell, TakenRows)> {
         let mut rows = self.0;
         rows.par_sort_unstable_by_key(|(cell, rows)| {
             (morton::encode3(cell.corner), Reverse(cell.log2), rows.take)
         });
+        rows
+    }
+}
+
+impl From<Vec<(Cell, TakenRows)>> for TakenCells {
+    fn from(cells: Vec<(Cell, TakenRows)>) -> Self {
+        Self(cells)
+    }
+}
+
+/// The end of the cells from `start` on that are in the first of them, in cells along the curve.
+pub fn end_of_cell(rows: &[(Cell, TakenRows)], start: usize) -> usize {
+    let (first, _) = rows[start];
+    start + rows[start..].partition_point(|(cell, _)| first.contains_cell(cell))
+}
+
+impl Division {
+    /// Joins cells, and divides them into parts of at most `rows_max` rows; a single cell may have
+    /// more.
+    pub fn of(cells: TakenCells, rows_max: u64) -> Self {
+        let rows = cells.along_the_curve();
         let mut cells: Vec<(Cell, u64, Range<usize>)> = Vec::new();
-        for (i, (cell, own)) in rows.iter().enumerate() {
-            match cells.last_mut() {
-                // Takes coarsen their cells independently.
-                Some((last, sum, range)) if last.contains_cell(cell) => {
-                    (*sum, range.end) = (*sum + own.rows, i + 1);
-                }
-                _ => cells.push((*cell, own.rows, i..i + 1)),
-            }
+        let mut start = 0;
+        while start < rows.len() {
+            // Takes coarsen and split their cells independently.
+            let end = end_of_cell(&rows, start);
+            let sum = rows[start..end].iter().map(|(_, own)| own.rows).sum();
+            cells.push((rows[start].0, sum, start..end));
+            start = end;
         }
-        let mut division = Division { rows, cells, steps: Vec::new(), parts: Vec::new() };
+        let mut division = Self { rows, cells, steps: Vec::new(), parts: Vec::new() };
         if !division.cells.is_empty() {
             division.divide(0..division.cells.len(), rows_max);
         }
         division
     }
-}
 
-impl Division {
     /// Adds the steps that build a range of the cells.
     fn divide(&mut self, range: Range<usize>, rows_max: u64) {
         let cells = &self.cells[range.clone()];
@@ -232,7 +249,7 @@ mod tests {
     proptest! {
         #[test]
         fn parts_hold_all_rows_once_and_their_steps_make_one_tree(points in prop::collection::vec(([0u32..64, 0u32..64, 0u32..64], 0u8..4, 0u32..5), 1..200), rows_max in 1u64..50) {
-            let division = taken(&points).divide(rows_max);
+            let division = Division::of(taken(&points), rows_max);
             let parts: Vec<Part> = (0..division.len()).map(|i| division.part(i, None)).collect();
             let cells: Vec<&PartCell> = parts.iter().flat_map(|part| &part.cells).collect();
             let rows: usize = cells.iter().map(|cell| cell.rows.len()).sum();
@@ -272,7 +289,7 @@ mod tests {
 
         #[test]
         fn halos_are_the_cells_of_other_parts_that_meet_the_box(points in prop::collection::vec(([0u32..64, 0u32..64, 0u32..64], 0u8..4, 0u32..5), 1..100), low in [0u32..64, 0u32..64, 0u32..64], size in 0u32..32) {
-            let division = taken(&points).divide(9);
+            let division = Division::of(taken(&points), 9);
             let high = low.map(|c| c + size);
             let all: Vec<Cell> = (0..division.len())
                 .flat_map(|i| division.part(i, None).cells).map(|own| own.cell).collect();

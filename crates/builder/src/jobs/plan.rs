@@ -93,10 +93,12 @@ pub fn plan(
     let advised = || points.div_ceil(JOB_POINTS).clamp(1, JOBS_MAX.into()) as u32;
     let jobs = how.jobs.unwrap_or_else(advised).clamp(1, JOBS_MAX);
     let mut planned = Planned::new(&plan, options);
-    planned.cell_log2 = intake.partition_log2(&plan);
     let rows_max = how.jobs.map_or(JOB_POINTS, |jobs| points.div_ceil(jobs.max(1).into()));
     planned.part_rows_max = rows_max.max(Context::undivided_points_max(options.node_capacity));
     planned.takes = divide(&intake.sources, jobs);
+    // Takes of nearby sources have few of the cells. Where a take has too many, they coarsen.
+    let cells_max = BUCKETS_MAX as u64 * (planned.takes.len() as u64).max(1);
+    planned.cell_log2 = intake.partition_log2(&plan, cells_max);
     planned.needs = needs(&intake, &plan, &planned, options)?;
     planned.sources = sources_of(&intake, &plan, place)?;
     let was_there = !planned.create(place)?;

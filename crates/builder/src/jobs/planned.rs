@@ -20,6 +20,9 @@ use std::path::PathBuf;
 pub const NAME: &str = "plan.json";
 /// Most bytes of a plan: some 300 for each source.
 const BYTES_MAX: u64 = 1 << 30;
+/// Least and greatest number of rows from which on takes split cells.
+const CELL_ROWS_LEAST: u64 = 1 << 10;
+const CELL_ROWS_MOST: u64 = 1 << 20;
 /// Program that made a plan, and its version: bytes of another one may differ.
 const PROGRAM: &str = concat!("esker ", env!("CARGO_PKG_VERSION"));
 
@@ -276,6 +279,13 @@ impl Planned {
     pub fn options(&self, place: &dyn Place, resources: &Resources) -> Result<Options, BuildError> {
         let options = self.options.options(resources);
         options.ok_or_else(|| refused(place, NAME, "has options that this program does not know"))
+    }
+
+    /// Rows of a cell of a take, unless all coincide: few enough that the same cell of all takes is
+    /// no larger than a part, and that the cut can hold them.
+    pub fn cell_rows_max(&self) -> u64 {
+        let share = self.part_rows_max / (self.takes.len() as u64).max(1);
+        share.clamp(CELL_ROWS_LEAST, CELL_ROWS_MOST)
     }
 
     /// Lattice, schema and classes for a build.

@@ -16,6 +16,7 @@ use crate::jobs::Resources;
 use crate::jobs::pieces::{Piece, PieceSource};
 use crate::jobs::place::Place;
 use crate::jobs::planned::{NAME, Planned, PlannedSource};
+use crate::jobs::splitting::Splitter;
 use crate::jobs::step::{Output, Record, Step, refused};
 use crate::jobs::summary::{CellRows, SourceKept, Summary, TakenPiece};
 use crate::options::Options;
@@ -120,6 +121,13 @@ impl Take<'_> {
         self.pieces.iter().try_for_each(|piece| check_time(of(piece)))?;
         let DecodedInputs { partition, reports, aside, hash, ranges, knows_scanners } = decoded;
         let buckets = partition.finish(&mut scratch)?;
+        let splitter = Splitter {
+            stride: plan.row_bytes(),
+            rows_max: planned.cell_rows_max(),
+            buffer_bytes_max: self.buffer_bytes(&intake, resources),
+            task,
+        };
+        let buckets = splitter.split_all(buckets, &mut scratch)?;
         task.phase("writing", Some(buckets.iter().map(|b| b.rows).sum()), "points");
         let rows = plan.rows();
         let scale = plan.lattice.metric().scale;
@@ -215,11 +223,9 @@ impl Take<'_> {
         plan: &Plan,
         resources: &Resources,
     ) -> Result<Partition, BuildError> {
-        let memory_bytes = resources.memory_bytes;
-        let held_bytes = intake.sources.iter().map(|s| s.held_bytes()).max().unwrap_or(0);
-        let shares = Shares::of(memory_bytes).beside(held_bytes, memory_bytes);
+        let buffer_bytes = self.buffer_bytes(intake, resources);
         let rows_bytes = intake.points_likely().saturating_mul(plan.row_bytes() as u64);
-        let is_spilling = rows_bytes > shares.buffer_bytes_max;
+        let is_spilling = rows_bytes > buffer_bytes as u64;
         let folder = resources.folder();
         if let Some(free_bytes) =
             free_bytes(&folder).filter(|&free| is_spilling && rows_bytes > free)
@@ -232,9 +238,16 @@ impl Take<'_> {
                 remedy: "name another folder with --scratch, give more --memory, or plan more jobs",
             });
         }
-        let buffer_bytes_max = usize::try_from(shares.buffer_bytes_max).unwrap_or(usize::MAX);
         let log2 = self.planned.cell_log2;
-        Ok(Partition::new(plan.row_bytes(), log2, buffer_bytes_max, is_spilling))
+        Ok(Partition::new(plan.row_bytes(), log2, buffer_bytes, is_spilling))
+    }
+
+    /// Bytes of rows in memory.
+    fn buffer_bytes(&self, intake: &Intake, resources: &Resources) -> usize {
+        let memory_bytes = resources.memory_bytes;
+        let held_bytes = intake.sources.iter().map(|s| s.held_bytes()).max().unwrap_or(0);
+        let shares = Shares::of(memory_bytes).beside(held_bytes, memory_bytes);
+        usize::try_from(shares.buffer_bytes_max).unwrap_or(usize::MAX)
     }
 
     /// The error for points that the plan does not fit.

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// Octree levels by which a bucket is split at a time.
 const SPLIT_LEVELS: u8 = 3;
 /// Rows that are sorted into cells together.
-const BLOCK_ROWS: usize = 1 << 16;
+pub(crate) const BLOCK_ROWS: usize = 1 << 16;
 
 /// Most bytes of rows that are in scratch twice while a bucket is split with this many bytes of
 /// rows in memory.
@@ -123,7 +123,7 @@ impl BucketSplitter<'_> {
 }
 
 /// Log2 of the edge of the cells into which rows, given as whole blocks, are split.
-fn log2_of(blocks: &[&[u8]], stride: usize) -> u8 {
+pub(crate) fn log2_of(blocks: &[&[u8]], stride: usize) -> u8 {
     let empty = || ([u32::MAX; 3], [0; 3]);
     let join = |a: ([u32; 3], [u32; 3]), b: ([u32; 3], [u32; 3])| {
         ([0, 1, 2].map(|i| a.0[i].min(b.0[i])), [0, 1, 2].map(|i| a.1[i].max(b.1[i])))

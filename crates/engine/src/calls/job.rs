@@ -119,8 +119,14 @@ pub struct StepsReport {
 pub struct StatusReport {
     /// Hash of the plan.
     pub plan: String,
-    /// The steps of each kind, in their order.
-    pub steps: Vec<(&'static str, StepsReport)>,
+    /// The takes.
+    pub take: StepsReport,
+    /// The cut.
+    pub cut: StepsReport,
+    /// Builds of parts.
+    pub build: StepsReport,
+    /// The joining of the parts.
+    pub join: StepsReport,
     /// Objects of jobs that are writing, or were killed, with their bytes.
     pub leftovers: Vec<(String, u64)>,
 }
@@ -252,10 +258,12 @@ pub fn join(
 pub fn status(to: &Path) -> Result<StatusReport> {
     let status::Status { plan, takes, cut, builds, join, leftovers } =
         status::status(&Folder::new(to))?;
-    let steps = [("take", takes), ("cut", cut), ("build", builds), ("join", join)];
     Ok(StatusReport {
         plan,
-        steps: steps.into_iter().map(|(name, state)| (name, state.into())).collect(),
+        take: takes.into(),
+        cut: cut.into(),
+        build: builds.into(),
+        join: join.into(),
         leftovers: leftovers.into_iter().map(|object| (object.name, object.bytes)).collect(),
     })
 }
@@ -373,10 +381,16 @@ impl CutReport {
 }
 
 impl StatusReport {
+    /// The steps of each kind, in their order.
+    pub fn steps(&self) -> [(&'static str, &StepsReport); 4] {
+        let Self { take, cut, build, join, .. } = self;
+        [("take", take), ("cut", cut), ("build", build), ("join", join)]
+    }
+
     /// The report as text.
     pub fn text(&self, to: &Path) -> String {
         let mut lines = vec![format!("{}: plan {}", to.display(), self.plan)];
-        for (name, steps) in &self.steps {
+        for (name, steps) in self.steps() {
             lines.push(match (steps.count, steps.missing.as_str()) {
                 (None, _) => format!("{name}: the number of jobs is known after the cut"),
                 (Some(_), "") => format!("{name}: done"),
