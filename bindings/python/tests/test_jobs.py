@@ -41,8 +41,8 @@ class Jobs(Case):
             # Each take twice, at the same time or after each other.
             points = pool.starmap(_take, [(place, i % 3) for i in range(6)])
         self.assertEqual(sum(points), 2 * 841_556)
-        status = dict(esker.jobs.status(place).steps)
-        self.assertEqual((status["take"]["missing"], status["cut"]["missing"]), ("", "0"))
+        status = esker.jobs.status(place)
+        self.assertEqual((status.take["missing"], status.cut["missing"]), ("", "0"))
         for i in range(esker.jobs.cut(place).builds):
             esker.jobs.build(place, i, memory=MEMORY)
         out = self.folder / "many.esker"
@@ -99,7 +99,7 @@ class Jobs(Case):
                     killed.append(process.pid)
 
             report = build(
-                client, SAMPLE, out, place, jobs_max=4, memory=MEMORY, progress=kill_one
+                client, SAMPLE, out, place, count=4, memory=MEMORY, progress=kill_one
             )
         self.assertEqual((len(killed), report.points_out), (1, 841_556))
         self.assertEqual(out.read_bytes(), self.whole())

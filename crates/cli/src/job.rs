@@ -42,7 +42,7 @@ pub struct Plan {
     pub inputs: Vec<PathBuf>,
     #[command(flatten)]
     pub to: To,
-    /// Number of jobs that decode scans, at most, and about of those that build; by default one for
+    /// Number of jobs that decode scans, and of those that build parts; by default one for
     /// each 64 million points.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..100_000))]
     pub jobs: Option<u32>,

@@ -27,7 +27,7 @@ def build(
     out: str | os.PathLike[str],
     to: str | os.PathLike[str],
     *,
-    jobs_max: int | None = None,
+    count: int | None = None,
     memory: str | int | None = None,
     scratch: str | os.PathLike[str] | None = None,
     threads: int = 1,
@@ -41,7 +41,7 @@ def build(
         inputs: A scan, a folder of scans, or a list of these, as workers see them.
         out: The file, as the worker that joins the parts sees it.
         to: The place that all workers share.
-        jobs_max: Number of takes, at most, and of builds.
+        count: Number of takes, and of builds.
         memory: Memory of each step. A worker runs as many at a time as it has threads.
         scratch: Folder for scratch files on each worker.
         threads: Threads of each step.
@@ -53,7 +53,7 @@ def build(
         The report of the build.
     """
     how = {"memory": memory, "scratch": scratch, "threads": threads}
-    told = progress or (lambda kind, done, count: None)
+    told = progress or (lambda kind, done, steps: None)
 
     def run(kind: str, step: Callable[..., Report], tasks: Iterable[tuple[Any, ...]]) -> list[Any]:
         # Keys name the plan, so that other builds of the same scheduler do not share results.
@@ -73,7 +73,7 @@ def build(
     names = [_absolute(path) for path in paths]
     where, target = _absolute(to), _absolute(out)
     planned = client.submit(
-        _planned, names, where, jobs_max, options, threads, retries=retries, pure=False
+        _planned, names, where, count, options, threads, retries=retries, pure=False
     ).result()
     run("take", jobs.take, [(where, i) for i in range(planned["takes"])])
     builds = run("cut", jobs.cut, [(where,)])[0]["builds"]
@@ -82,9 +82,9 @@ def build(
 
 
 def _planned(
-    names: list[str], to: str, jobs_max: int | None, options: dict[str, Any], threads: int
+    names: list[str], to: str, count: int | None, options: dict[str, Any], threads: int
 ) -> dict[str, Any]:
-    return jobs.plan(names, to, jobs=jobs_max, threads=threads, **options).as_dict()
+    return jobs.plan(names, to, jobs=count, threads=threads, **options).as_dict()
 
 
 def _fields(step: Callable[..., Report], task: tuple[Any, ...], how: dict[str, Any]) -> Any:
@@ -121,7 +121,7 @@ def main(arguments: list[str] | None = None) -> int:
         "--scheduler", default="local", help="address of the scheduler; a local cluster by default"
     )
     parser.add_argument("--workers", type=int, default=2, help="processes of a local cluster")
-    parser.add_argument("--jobs", type=int, help="number of takes, at most, and of builds")
+    parser.add_argument("--jobs", type=int, help="number of takes, and of builds")
     parser.add_argument("--memory", help="memory of each step, such as 2GiB")
     parser.add_argument("--scratch", help="folder for scratch files on each worker")
     parser.add_argument("--threads", type=int, default=1, help="threads of each step")
@@ -137,8 +137,8 @@ def main(arguments: list[str] | None = None) -> int:
     names = ("normals", "compress", "measure")
     options = {name: getattr(given, name) for name in names if getattr(given, name)}
 
-    def told(kind: str, done: int, count: int) -> None:
-        print(f"{kind}: {done} of {count}", file=sys.stderr, flush=True)
+    def told(kind: str, done: int, all_steps: int) -> None:
+        print(f"{kind}: {done} of {all_steps}", file=sys.stderr, flush=True)
 
     cluster = None
     if given.scheduler == "local":
@@ -153,7 +153,7 @@ def main(arguments: list[str] | None = None) -> int:
             given.inputs,
             given.out,
             given.to,
-            jobs_max=given.jobs,
+            count=given.jobs,
             memory=given.memory,
             scratch=given.scratch,
             threads=given.threads,

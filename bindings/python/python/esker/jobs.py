@@ -46,7 +46,7 @@ def plan(
     Args:
         inputs: A scan, a folder of scans, or a list of these.
         to: The place.
-        jobs: Number of takes, at most, and of builds; one for each 64 million points by default.
+        jobs: Number of takes, and of builds; one for each 64 million points by default.
         measure: Whether all points are read first, whatever headers state.
         allow_loss: As in :func:`esker.build`.
         options: Those of :func:`esker.build` for scans.

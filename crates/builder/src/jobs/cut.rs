@@ -298,7 +298,7 @@ impl<'a> Sums<'a> {
             distances,
             palette,
             takes: self.takes,
-            builds: division.jobs(planned.part_rows_max),
+            builds: division.jobs(planned.jobs),
             steps: division.steps,
             parts,
             sources_at: [sources_at, sources.len() as u64],

@@ -208,7 +208,7 @@ impl Cut {
         let (takes_planned, part_count) = (planned.takes.len(), parts.len() as u32);
         let is_sound = fits
             && takes.len() == takes_planned
-            && builds.iter().all(|[start, end]| start < end && *end <= part_count)
+            && builds.iter().all(|[start, end]| start <= end && *end <= part_count)
             && parts.iter().map(|part| part.rows).fold(0, u64::saturating_add) == points;
         is_sound.then(|| Self {
             points,

@@ -170,19 +170,21 @@ impl Division {
         }
     }
 
-    /// Consecutive parts that one job builds: as many as have at most `rows_max` rows, or one.
-    pub fn jobs(&self, rows_max: u64) -> Vec<Range<u32>> {
-        let mut jobs: Vec<(u64, Range<u32>)> = Vec::new();
-        for part in 0..self.parts.len() as u32 {
-            let (_, rows) = self.extent(part as usize);
-            match jobs.last_mut() {
-                Some((sum, range)) if *sum + rows <= rows_max => {
-                    (*sum, range.end) = (*sum + rows, part + 1);
-                }
-                _ => jobs.push((rows, part..part + 1)),
-            }
+    /// Divides the parts among `count` jobs: consecutive ones for each, of about as many rows. A job
+    /// may have none, so that a scheduler knows the number of jobs beforehand.
+    pub fn jobs(&self, count: u32) -> Vec<Range<u32>> {
+        let total = u128::from(self.rows()).max(1);
+        let mut starts = vec![0u32; count as usize];
+        let mut before = 0u128;
+        for part in 0..self.parts.len() {
+            let rows = u128::from(self.extent(part).1);
+            // The job in whose share the middle of the part lies.
+            let job = ((2 * before + rows) * u128::from(count) / (2 * total)) as usize;
+            starts.iter_mut().skip(job + 1).for_each(|start| *start = part as u32 + 1);
+            before += rows;
         }
-        jobs.into_iter().map(|(_, range)| range).collect()
+        let ends = starts.iter().skip(1).copied().chain([self.parts.len() as u32]);
+        starts.iter().copied().zip(ends).map(|(start, end)| start..end).collect()
     }
 }
 
@@ -282,9 +284,19 @@ mod tests {
                 }
             }
             prop_assert_eq!((open.len(), next as usize), (1, parts.len()));
-            let jobs = division.jobs(rows_max);
-            let listed: Vec<u32> = jobs.iter().flat_map(Clone::clone).collect();
-            prop_assert_eq!(listed, (0..next).collect::<Vec<_>>());
+            for count in [1, 2, 7] {
+                let jobs = division.jobs(count);
+                let listed: Vec<u32> = jobs.iter().flat_map(Clone::clone).collect();
+                prop_assert_eq!(jobs.len(), count as usize);
+                prop_assert_eq!(listed, (0..next).collect::<Vec<_>>());
+                // No job has much more than its share.
+                let rows = |parts: &Range<u32>| {
+                    parts.clone().map(|part| division.extent(part as usize).1).sum::<u64>()
+                };
+                let largest = (0..division.len()).map(|i| division.extent(i).1).max();
+                let share = division.rows() / u64::from(count) + largest.unwrap_or(0) + 1;
+                prop_assert!(jobs.iter().all(|job| rows(job) <= share));
+            }
         }
 
         #[test]

@@ -38,8 +38,8 @@ pub fn weight(info: &SourceInfo) -> u64 {
     }
 }
 
-/// Divides sources among at most `jobs` takes, so that their pieces have about equal bytes. Each
-/// take has a piece, unless there are no sources.
+/// Divides sources among `jobs` takes, so that their pieces have about equal bytes. The last takes
+/// have no pieces if the sources cannot be divided so far.
 pub fn divide(sources: &[Box<dyn Source>], jobs: u32) -> Vec<Vec<Piece>> {
     let weights: Vec<u128> = sources.iter().map(|s| weight(s.info()).max(1).into()).collect();
     let total = weights.iter().sum::<u128>().max(1);
@@ -64,7 +64,9 @@ pub fn divide(sources: &[Box<dyn Source>], jobs: u32) -> Vec<Vec<Piece>> {
         }
         before += weight;
     }
-    takes.into_iter().map(|(_, pieces)| pieces).collect()
+    let mut takes: Vec<Vec<Piece>> = takes.into_iter().map(|(_, pieces)| pieces).collect();
+    takes.resize(jobs as usize, Vec::new());
+    takes
 }
 
 /// Adds a piece to those of a take; ranges of one source that follow each other become one.

@@ -28,6 +28,8 @@ use std::path::{Path, PathBuf};
 
 /// Points of a take or a part where the user states no number of jobs: some minutes of work.
 const JOB_POINTS: u64 = 1 << 26;
+/// Parts of a job that builds, about: jobs are the more alike the more there are.
+const PARTS_A_JOB: u64 = 4;
 /// Most takes: names of records have five digits.
 pub const JOBS_MAX: u32 = 99_999;
 /// Bytes that the cut holds for each cell of each take.
@@ -38,7 +40,7 @@ const CUT_BYTES: u64 = 256 << 20;
 /// How a build is divided.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PlanHow {
-    /// Number of takes, at most, and about of parts; chosen by the number of points if absent.
+    /// Number of takes, and of jobs that build parts; chosen by the number of points if absent.
     pub jobs: Option<u32>,
     /// Whether all points are read for the bounds and colour depths of the sources, whatever their
     /// headers state.
@@ -93,9 +95,10 @@ pub fn plan(
     let advised = || points.div_ceil(JOB_POINTS).clamp(1, JOBS_MAX.into()) as u32;
     let jobs = how.jobs.unwrap_or_else(advised).clamp(1, JOBS_MAX);
     let mut planned = Planned::new(&plan, options);
-    let rows_max = how.jobs.map_or(JOB_POINTS, |jobs| points.div_ceil(jobs.max(1).into()));
+    let rows_max = points.div_ceil(u64::from(jobs) * PARTS_A_JOB);
     planned.part_rows_max = rows_max.max(Context::undivided_points_max(options.node_capacity));
     planned.takes = divide(&intake.sources, jobs);
+    planned.jobs = jobs;
     // Takes of nearby sources have few of the cells. Where a take has too many, they coarsen.
     let cells_max = BUCKETS_MAX as u64 * (planned.takes.len() as u64).max(1);
     planned.cell_log2 = intake.partition_log2(&plan, cells_max);

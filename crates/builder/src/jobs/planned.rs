@@ -46,6 +46,8 @@ pub struct Planned {
     pub cell_log2: u8,
     /// Rows of a part, unless a single cell has more.
     pub part_rows_max: u64,
+    /// Number of takes, and of jobs that build parts.
+    pub jobs: u32,
     /// What the steps need.
     pub needs: Needs,
     /// Pieces of the sources that each take decodes.
@@ -187,8 +189,8 @@ impl PlannedOptions {
 }
 
 impl Planned {
-    /// The plan for what was chosen; `cell_log2`, `part_rows_max`, what steps need, pieces and
-    /// sources are still to be set.
+    /// The plan for what was chosen; `cell_log2`, `part_rows_max`, `jobs`, what steps need, pieces
+    /// and sources are still to be set.
     pub fn new(plan: &Plan, options: &Options) -> Self {
         Self {
             version: VERSION,
@@ -200,6 +202,7 @@ impl Planned {
             computed: plan.computed,
             cell_log2: 0,
             part_rows_max: 0,
+            jobs: 0,
             needs: Needs::default(),
             takes: Vec::new(),
             sources: Vec::new(),
