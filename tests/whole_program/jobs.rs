@@ -81,7 +81,9 @@ fn killed_and_doubled() {
     let killed = job(&folder, &["cut", "--json"]).json();
     assert_eq!(killed, whole);
     let status = status(&folder);
-    assert_eq!((&status["take"]["missing"], &status["cut"]["missing"]), (&"".into(), &"".into()));
+    for step in ["take", "cut"] {
+        assert_eq!(status["steps"][step]["missing"], "", "{status}");
+    }
     // Only the killed job can have left anything.
     assert!(status["leftovers"].as_array().unwrap().len() <= 1, "{status}");
     // A damaged output is named.
@@ -108,7 +110,8 @@ fn run_does_all() {
     assert_eq!(done["points_out"], 3_000_000);
     let state = status(&folder);
     for step in ["take", "cut", "build", "join"] {
-        assert_eq!((&state[step]["missing"], &state[step]["damaged"]), (&"".into(), &json!([])));
+        let state = &state["steps"][step];
+        assert_eq!((&state["missing"], &state["damaged"]), (&"".into(), &json!([])));
     }
     assert_eq!(state["leftovers"], json!([]));
     let cut = job(&folder, &["cut", "--json"]).json();
@@ -142,7 +145,7 @@ fn interrupted() {
     // The processes have ended, and what they had begun is removed.
     let status = status(&folder);
     assert_eq!(status["leftovers"], json!([]), "{status}");
-    assert_ne!(status["take"]["missing"], "", "{status}");
+    assert_ne!(status["steps"]["take"]["missing"], "", "{status}");
 }
 
 #[cfg(unix)]

@@ -1,14 +1,14 @@
 //! `esker job`: the steps of a build that is divided among jobs of a scheduler, and the number of
 //! the step that a job is to do.
 
+use crate::job_options::{StepHow, To};
 use crate::job_run::{self, Run};
 use crate::output::Output;
-use crate::shared::{BuildHow, Threads};
+use crate::shared::BuildHow;
 use anyhow::{Context, Result, ensure};
 use clap::{Args as ClapArgs, Subcommand};
+use esker_engine::PlanHow;
 use esker_engine::calls::{build, job};
-use esker_engine::io::quantity;
-use esker_engine::{JobResources, PlanHow};
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -53,29 +53,6 @@ pub struct Plan {
     pub how: BuildHow,
     #[command(flatten)]
     pub output: Output,
-}
-
-/// The folder of a divided build.
-#[derive(ClapArgs)]
-pub struct To {
-    /// Folder that all steps share: the plan, and what each step leaves for others.
-    #[arg(long, value_name = "DIR")]
-    pub to: PathBuf,
-}
-
-/// What a step may use.
-#[derive(ClapArgs)]
-pub struct StepHow {
-    /// Memory that the step may use, such as 4GiB; at least 256MiB. Half of the machine's memory by
-    /// default.
-    #[arg(long, value_parser = quantity::bytes)]
-    pub memory: Option<u64>,
-    /// Folder for rows that do not fit in memory, best on a disk of the machine; the system's
-    /// temporary folder by default.
-    #[arg(long, value_name = "DIR")]
-    pub scratch: Option<PathBuf>,
-    #[command(flatten)]
-    pub threads: Threads,
 }
 
 #[derive(ClapArgs)]
@@ -199,17 +176,6 @@ fn slurm(number: &dyn Fn(&str) -> Result<Option<u32>>, count: u32) -> Result<Opt
     let span = number("SLURM_ARRAY_TASK_MAX")?.and_then(|max| max.checked_sub(min)?.checked_add(1));
     let is_whole = number("SLURM_ARRAY_TASK_COUNT")? == Some(count) && span == Some(count);
     Ok(Some(if is_whole { index.saturating_sub(min) } else { index }))
-}
-
-impl StepHow {
-    /// What the step may use.
-    pub fn resources(&self) -> JobResources {
-        let usual = JobResources::default();
-        JobResources {
-            memory_bytes: self.memory.unwrap_or(usual.memory_bytes),
-            scratch: self.scratch.clone(),
-        }
-    }
 }
 
 /// Runs a step; `stop` is set when the user interrupts it.

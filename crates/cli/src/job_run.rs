@@ -2,7 +2,7 @@
 //! and joins the parts. A step that fails is run once more. Ctrl-C is passed on, and no step is
 //! begun after it.
 
-use crate::job::{StepHow, To};
+use crate::job_options::{StepHow, To};
 use crate::output::Output;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args as ClapArgs;
@@ -62,7 +62,8 @@ pub fn run(run: &Run, stop: Arc<AtomicBool>) -> Result<()> {
             for kind in ["take", "cut", "build"] {
                 let state = job::status(to)?;
                 let (_, step) = state
-                    .steps()
+                    .steps
+                    .by_name()
                     .into_iter()
                     .find(|(name, _)| *name == kind)
                     .context("no such step")?;

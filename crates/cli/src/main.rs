@@ -7,6 +7,7 @@ mod bench;
 mod commands;
 mod export;
 mod job;
+mod job_options;
 mod job_run;
 mod light;
 mod memory;

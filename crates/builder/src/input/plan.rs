@@ -8,6 +8,7 @@ use esker_format::{Ranges, SetAside};
 use esker_points::{ColourDepth, Lattice, MultisetHash, PointClass, Schema};
 use esker_scan::{ReadReport, Source};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// Attributes that the build computes, for which rows have room.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -101,11 +102,12 @@ impl Plan {
 
     /// The plan for some of the sources that it was made for, of these classes.
     pub fn for_some(self, sources: &[Box<dyn Source>], class_of: Vec<u16>) -> Self {
-        let own = |source: &Box<dyn Source>| {
-            let attributes = source.info().schema.attributes.iter();
+        let schemas = sources.iter().map(|source| &source.info().schema);
+        let own = |schema: &Arc<Schema>| {
+            let attributes = schema.attributes.iter();
             attributes.filter_map(|a| self.schema.find_typed(&a.name, a.ty)).collect()
         };
-        let to_file = sources.iter().map(own).collect();
+        let to_file = schemas.map(own).collect();
         Self { class_of, to_file, ..self }
     }
 

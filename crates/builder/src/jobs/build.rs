@@ -80,7 +80,7 @@ pub fn build_parts(
     let options = planned.options(place, resources)?;
     resources.run(task, || {
         let plan = cut.plan(&planned);
-        let takes = cut.open_rows(place)?;
+        let takes = cut.rows();
         let (planned, options) = (&planned, &options);
         let job = Job { place, cut: &cut, takes, plan, options, resources, task };
         task.phase("building", Some(report.points), "points");

@@ -262,7 +262,7 @@ impl<'a> Sums<'a> {
         let mut output = Output::begin(place, &planned.hash, Step::Cut)?;
         let refinement = Refinement {
             place,
-            objects: &TakenObjects::open(place, &self.takes)?,
+            objects: &TakenObjects::of(&self.takes),
             output: &mut output,
             stride: planned.plan().row_bytes(),
             rows_max: planned.part_rows_max,

@@ -16,9 +16,12 @@ use esker_format::{Ranges, SetAside, SourceRecord};
 use esker_points::read_at::ReadAt;
 use esker_points::{Cell, ColourDepth, MultisetHash, PointClass};
 use esker_scan::ReadReport;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Objects that are open at the same time: systems allow few files, and there may be thousands.
+const OPEN_MAX: usize = 64;
 
 /// What takes have found of a source.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -311,52 +314,54 @@ impl Cut {
         Ok(records)
     }
 
-    /// Opens the objects that have the rows of parts: those of all takes, and that of the cut.
-    ///
-    /// # Errors
-    /// If one is missing or cut short, or was made again after the cut.
-    pub fn open_rows(&self, place: &dyn Place) -> Result<TakenObjects, BuildError> {
-        let mut objects = TakenObjects::open(place, &self.takes)?;
-        let of_cut = |(object, record): &(Arc<dyn ReadAt>, StepRecord)| TakenObject {
-            step: Step::Cut,
-            record: record.clone(),
-            object: object.clone(),
-        };
-        objects.0.extend(self.object.iter().map(of_cut));
-        Ok(objects)
+    /// The objects that have the rows of parts: those of all takes, and that of the cut. They are
+    /// opened when they are read.
+    pub fn rows(&self) -> TakenObjects {
+        let of_cut = self.object.iter().map(|(_, record)| (Step::Cut, record.clone()));
+        let mut objects = TakenObjects::of(&self.takes);
+        objects.records.extend(of_cut);
+        objects
     }
 }
 
 /// Objects that have rows: those of takes, and at last that of the cut.
-pub struct TakenObjects(Vec<TakenObject>);
-
-struct TakenObject {
-    step: Step,
-    record: StepRecord,
-    object: Arc<dyn ReadAt>,
+pub struct TakenObjects {
+    records: Vec<(Step, StepRecord)>,
+    /// Objects that were read last, oldest first.
+    open: Mutex<VecDeque<(u32, Arc<dyn ReadAt>)>>,
 }
 
 impl TakenObjects {
-    /// Opens the objects of all takes.
-    ///
-    /// # Errors
-    /// If one is missing or cut short.
-    pub fn open(place: &dyn Place, takes: &[StepRecord]) -> Result<Self, BuildError> {
-        let open = |(index, record): (u32, &StepRecord)| {
-            let step = Step::Take(index);
-            Ok(TakenObject { step, record: record.clone(), object: record.open(place, step)? })
-        };
-        Ok(Self((0..).zip(takes).map(open).collect::<Result<_, BuildError>>()?))
+    /// The objects of all takes.
+    pub fn of(takes: &[StepRecord]) -> Self {
+        let of_take = |(index, record): (u32, &StepRecord)| (Step::Take(index), record.clone());
+        Self { records: (0..).zip(takes).map(of_take).collect(), open: Mutex::default() }
     }
 
     /// Number of objects.
     pub fn len(&self) -> u32 {
-        self.0.len() as u32
+        self.records.len() as u32
     }
 
-    fn of(&self, place: &dyn Place, index: u32) -> Result<&TakenObject, BuildError> {
-        let of = self.0.get(index as usize);
-        of.ok_or_else(|| refused(place, &Step::Cut.record(), "names no object"))
+    fn record(&self, place: &dyn Place, index: u32) -> Result<&(Step, StepRecord), BuildError> {
+        let record = self.records.get(index as usize);
+        record.ok_or_else(|| refused(place, &Step::Cut.record(), "names no object"))
+    }
+
+    /// Opens an object, unless it is one of those that were read last.
+    fn object(&self, place: &dyn Place, index: u32) -> Result<Arc<dyn ReadAt>, BuildError> {
+        let lock = || self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, object)) = lock().iter().find(|(open, _)| *open == index) {
+            return Ok(Arc::clone(object));
+        }
+        let (step, record) = self.record(place, index)?;
+        let object = record.open(place, *step)?;
+        let mut open = lock();
+        if open.len() >= OPEN_MAX {
+            open.pop_front();
+        }
+        open.push_back((index, Arc::clone(&object)));
+        Ok(object)
     }
 
     /// Reads rows of an object from an offset on.
@@ -370,7 +375,8 @@ impl TakenObjects {
         offset: u64,
         into: &mut [u8],
     ) -> Result<(), BuildError> {
-        let TakenObject { step, record, object } = self.of(place, index)?;
+        let (step, record) = self.record(place, index)?;
+        let object = self.object(place, index)?;
         if offset.checked_add(into.len() as u64).is_none_or(|end| end > record.tail) {
             return Err(record.damaged(place, *step));
         }
@@ -391,7 +397,7 @@ impl TakenObjects {
         if std::mem::take(crc).finalize() == rows.crc {
             return Ok(());
         }
-        let TakenObject { step, record, .. } = self.of(place, rows.take)?;
+        let (step, record) = self.record(place, rows.take)?;
         Err(record.damaged(place, *step))
     }
 

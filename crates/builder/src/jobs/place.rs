@@ -127,8 +127,17 @@ impl Place for Folder {
     }
 
     fn read(&self, name: &str, bytes_max: u64) -> io::Result<Option<Vec<u8>>> {
-        let file = match File::open(self.path(name)) {
-            Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
+        let path = self.path(name);
+        let file = match File::open(&path) {
+            Err(e) if e.kind() == ErrorKind::NotFound => {
+                // Clients of NFS remember for a while that a name was not there, unless the folder
+                // is opened.
+                drop(path.parent().map(fs::read_dir));
+                match File::open(&path) {
+                    Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
+                    file => file?,
+                }
+            }
             file => file?,
         };
         let mut bytes = Vec::new();

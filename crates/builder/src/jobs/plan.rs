@@ -22,8 +22,8 @@ use esker_format::NODE_BYTES_MAX;
 use esker_points::Task;
 use esker_points::address::is_remote;
 use esker_points::quant::HOT_POSITION_BYTES;
-use esker_scan::BESIDE_HELD_BYTES;
 use esker_scan::synthetic::is_spec;
+use esker_scan::{BESIDE_HELD_BYTES, SourceInfo};
 use std::path::{Path, PathBuf};
 
 /// Points of a take or a part where the user states no number of jobs: some minutes of work.
@@ -126,8 +126,7 @@ fn sources_of(
     place: &dyn Place,
 ) -> Result<Vec<PlannedSource>, BuildError> {
     let known = intake.known();
-    let source = |(i, source): (usize, &Box<dyn esker_scan::Source>)| {
-        let info = source.info();
+    let source = |(i, info): (usize, &SourceInfo)| {
         let at = path_from_anywhere(&info.path).map_err(|e| {
             let path = info.path.display();
             refused(place, "plan.json", format!("{path} has no absolute path: {e}"))
@@ -144,7 +143,7 @@ fn sources_of(
             class: plan.class_of[i],
         })
     };
-    intake.sources.iter().enumerate().map(source).collect()
+    intake.sources.iter().map(|source| source.info()).enumerate().map(source).collect()
 }
 
 /// What the steps need at most.

@@ -78,7 +78,7 @@ impl Refinement<'_, '_> {
         let (mut rows, mut cells) = (carried, smaller);
         for octant in 0..8u8 {
             let of = |p| cell.octant(p) <= octant;
-            let count = partition_rows(rows, self.stride, |p| of(p));
+            let count = partition_rows(rows, self.stride, of);
             let (own_rows, rest_rows) = rows.split_at(count * self.stride);
             let (own, rest) = cells.split_at(cells.partition_point(|(c, _)| of(c.corner)));
             (rows, cells) = (rest_rows, rest);

@@ -1,6 +1,8 @@
 //! Plan, takes and cut find what one process finds, however the sources are divided and whatever
 //! happens to single jobs; and nothing is taken that is not whole.
 
+#![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
+
 use super::Resources;
 use super::cut::cut;
 use super::cut_file::Cut;
@@ -115,14 +117,18 @@ fn found_together(place: &dyn Place) -> Found {
     let planned = Planned::read(place).unwrap();
     let cut = Cut::read(place, &planned).unwrap();
     let layout = planned.plan().rows();
-    let takes = &cut.open_rows(place).unwrap();
+    let takes = &cut.rows();
     let loading = Loading { place, takes, stride: layout.bytes(), task: &Silent };
     let (mut hash, mut points) = (MultisetHash::default(), 0);
     for part in 0..cut.parts.len() as u32 {
         for cell in cut.part(place, part).unwrap().cells {
             let mut rows = Vec::new();
             let own = std::slice::from_ref(&cell);
-            loading.each_block(own, &mut |more| Ok(rows.extend(more))).unwrap();
+            let mut add = |more: Vec<u8>| {
+                rows.extend(more);
+                Ok(())
+            };
+            loading.each_block(own, &mut add).unwrap();
             let mut positions = rows.chunks_exact(layout.bytes()).map(position);
             assert!(positions.all(|p| cell.cell.contains(p)));
             points += (rows.len() / layout.bytes()) as u64;
@@ -146,6 +152,12 @@ fn found_together(place: &dyn Place) -> Found {
 fn plan_for(place: &dyn Place, inputs: &[PathBuf], options: &Options, jobs: u32) -> u32 {
     let how = PlanHow { jobs: Some(jobs), measures: false };
     plan(inputs, place, options, &how, &Silent).unwrap().takes
+}
+
+fn take_all(place: &dyn Place, takes: u32) {
+    for index in 0..takes {
+        take(place, index, &resources(), &Silent).unwrap();
+    }
 }
 
 /// Bytes of the objects of a place by the names of their records.
@@ -455,7 +467,7 @@ fn found_measured(folder: &Path, inputs: &[PathBuf], options: &Options) -> Found
     let place = Folder::new(folder);
     let how = PlanHow { jobs: Some(2), measures: true };
     let takes = plan(inputs, &place, options, &how, &Silent).unwrap().takes;
-    (0..takes).for_each(|i| drop(take(&place, i, &resources(), &Silent).unwrap()));
+    take_all(&place, takes);
     cut(&place, &resources(), &Silent).unwrap();
     found_together(&place)
 }
@@ -501,7 +513,7 @@ fn colours_of_another_depth_than_the_first_points_show_are_corrected() {
     let run = |name: &str, inputs: &[PathBuf], options: &Options| {
         let place = Folder::new(&folder.path().join(name));
         let takes = plan_for(&place, inputs, options, 2);
-        (0..takes).for_each(|i| drop(take(&place, i, &resources(), &Silent).unwrap()));
+        take_all(&place, takes);
         cut(&place, &resources(), &Silent).map(|_| found_together(&place))
     };
     let (deep, dark) = (scan("a.las", 60_000), scan("b.las", 255));
@@ -542,7 +554,7 @@ fn cells_that_only_some_takes_split_are_divided_too() {
         let place = Folder::new(&folder.path().join(format!("{jobs}")));
         let options = Options { compact: false, ..options() };
         let takes = plan_for(&place, &inputs, &options, jobs);
-        (0..takes).for_each(|i| drop(take(&place, i, &resources(), &Silent).unwrap()));
+        take_all(&place, takes);
         let report = cut(&place, &resources(), &Silent).unwrap();
         assert_eq!(found_together(&place), found_alone(&inputs, &options));
         // Rows of the second take were sorted once more, with the cut.

@@ -114,11 +114,9 @@ pub struct StepsReport {
     pub damaged: Vec<String>,
 }
 
-/// State of a divided build.
+/// State of the steps of all kinds.
 #[derive(Clone, Debug, Serialize)]
-pub struct StatusReport {
-    /// Hash of the plan.
-    pub plan: String,
+pub struct AllSteps {
     /// The takes.
     pub take: StepsReport,
     /// The cut.
@@ -127,6 +125,15 @@ pub struct StatusReport {
     pub build: StepsReport,
     /// The joining of the parts.
     pub join: StepsReport,
+}
+
+/// State of a divided build.
+#[derive(Clone, Debug, Serialize)]
+pub struct StatusReport {
+    /// Hash of the plan.
+    pub plan: String,
+    /// The steps.
+    pub steps: AllSteps,
     /// Objects of jobs that are writing, or were killed, with their bytes.
     pub leftovers: Vec<(String, u64)>,
 }
@@ -260,10 +267,12 @@ pub fn status(to: &Path) -> Result<StatusReport> {
         status::status(&Folder::new(to))?;
     Ok(StatusReport {
         plan,
-        take: takes.into(),
-        cut: cut.into(),
-        build: builds.into(),
-        join: join.into(),
+        steps: AllSteps {
+            take: takes.into(),
+            cut: cut.into(),
+            build: builds.into(),
+            join: join.into(),
+        },
         leftovers: leftovers.into_iter().map(|object| (object.name, object.bytes)).collect(),
     })
 }
@@ -380,17 +389,19 @@ impl CutReport {
     }
 }
 
-impl StatusReport {
-    /// The steps of each kind, in their order.
-    pub fn steps(&self) -> [(&'static str, &StepsReport); 4] {
-        let Self { take, cut, build, join, .. } = self;
+impl AllSteps {
+    /// The steps by name, in their order.
+    pub fn by_name(&self) -> [(&'static str, &StepsReport); 4] {
+        let Self { take, cut, build, join } = self;
         [("take", take), ("cut", cut), ("build", build), ("join", join)]
     }
+}
 
+impl StatusReport {
     /// The report as text.
     pub fn text(&self, to: &Path) -> String {
         let mut lines = vec![format!("{}: plan {}", to.display(), self.plan)];
-        for (name, steps) in self.steps() {
+        for (name, steps) in self.steps.by_name() {
             lines.push(match (steps.count, steps.missing.as_str()) {
                 (None, _) => format!("{name}: the number of jobs is known after the cut"),
                 (Some(_), "") => format!("{name}: done"),
