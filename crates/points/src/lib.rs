@@ -15,6 +15,7 @@ pub mod lattice;
 pub mod morton;
 pub mod named;
 pub mod node;
+pub mod objects;
 pub mod palette;
 pub mod place;
 pub mod positioned;

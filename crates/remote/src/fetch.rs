@@ -9,6 +9,7 @@ use std::error::Error;
 use std::io;
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant, SystemTime};
 
 /// Attempts at a request.
@@ -19,6 +20,10 @@ const WAIT: Duration = Duration::from_millis(100);
 const ANSWERS: u32 = 2;
 /// Rate below which a server counts as one that stalls, bytes a second.
 const RATE_MIN: u64 = 8 << 10;
+/// The same for bytes that are sent, by which the time for an answer is extended.
+const SEND_RATE_MIN: u64 = 64 << 10;
+/// Bytes that files have which are fetched whole, by which the time for an answer is extended.
+const WHOLE_BYTES: u64 = 4 << 20;
 /// Seconds that a file has to be unchanged for its time to tell its version: servers give times in
 /// seconds, and clocks differ.
 const SETTLED_S: i64 = 60;
@@ -143,6 +148,29 @@ impl Fetcher {
         self.store.get_opts(&self.path, options).await.ok().map(|result| result.meta)
     }
 
+    /// What the store says of the file, without any of its bytes.
+    pub async fn meta(&self) -> Result<ObjectMeta, Fault> {
+        let head = || GetOptions { head: true, ..GetOptions::default() };
+        let once = || async { Ok(self.store.get_opts(&self.path, head()).await?.meta) };
+        self.repeated(0, once).await
+    }
+
+    /// All bytes of a file that has no more than `most`; none if there is no file.
+    pub async fn whole(&self, most: u64) -> Result<Option<Vec<u8>>, Fault> {
+        let once = || async {
+            let result = match self.store.get_opts(&self.path, GetOptions::default()).await {
+                Err(object_store::Error::NotFound { .. }) => return Ok(None),
+                result => result?,
+            };
+            if result.meta.size > most {
+                let what = format!("is longer than {most} bytes");
+                return Err(Fault::Lasting(io::ErrorKind::Other, what));
+            }
+            Ok(Some(body(result).await?))
+        };
+        self.repeated(most.min(WHOLE_BYTES), once).await
+    }
+
     async fn get(&self, range: Range<u64>) -> Result<GetResult, object_store::Error> {
         let range = Some(GetRange::Bounded(range));
         self.store.get_opts(&self.path, GetOptions { range, ..GetOptions::default() }).await
@@ -166,34 +194,79 @@ impl Fetcher {
         body(result).await
     }
 
-    /// Makes a request of some bytes until it succeeds, cannot, or took too long.
+    /// Makes a request for some bytes until it succeeds, cannot, or took too long.
     async fn repeated<T, F>(&self, bytes: u64, once: impl Fn() -> F) -> Result<T, Fault>
     where
         F: Future<Output = Result<T, Fault>>,
     {
-        let (mut waited, mut wait) = (Duration::ZERO, WAIT.min(self.answer / 10));
         let longest = self.answer + Duration::from_secs(bytes / RATE_MIN);
-        let mut attempt = 1;
-        loop {
-            let start = Instant::now();
-            let done = match tokio::time::timeout(longest, once()).await {
-                Ok(done) => done,
-                Err(_) => Err(Fault::Passing("the server sends too slowly".into())),
-            };
-            waited += start.elapsed();
-            let may_repeat = attempt < ATTEMPTS && waited < ANSWERS * self.answer;
-            match done {
-                Err(Fault::Passing(_)) if may_repeat => tokio::time::sleep(wait).await,
-                done => return done,
-            }
-            wait *= 2;
-            attempt += 1;
+        repeated(WAIT.min(self.answer / 10), longest, ANSWERS * self.answer, once).await
+    }
+}
+
+/// Waits for an answer to a request that sends or changes something, and before it is repeated.
+#[derive(Clone, Copy, Debug)]
+pub struct Patience {
+    wait: Duration,
+    longest: Duration,
+}
+
+impl Patience {
+    /// For a request with `bytes` bytes, of a client that waits `answer` for an answer.
+    pub fn of(bytes: u64, answer: Duration) -> Self {
+        let longest = answer + Duration::from_secs(bytes / SEND_RATE_MIN);
+        Self { wait: WAIT.min(answer / 10), longest }
+    }
+
+    /// For a request that the store makes in up to so many parts.
+    pub fn times(self, parts: u32) -> Self {
+        Self { longest: self.longest * parts, ..self }
+    }
+
+    /// Makes a request until it succeeds, cannot, or took too long. `once` is told whether the
+    /// request was made before: its answer may be lost.
+    pub async fn repeated<T, F>(self, once: impl Fn(bool) -> F) -> Result<T, Fault>
+    where
+        F: Future<Output = Result<T, Fault>>,
+    {
+        let is_again = AtomicBool::new(false);
+        let once = || once(is_again.swap(true, Relaxed));
+        repeated(self.wait, self.longest, ANSWERS * self.longest, once).await
+    }
+}
+
+/// Makes a request of at most `longest` until it succeeds, cannot, or all took `together`; first
+/// waits `wait` in between.
+async fn repeated<T, F>(
+    mut wait: Duration,
+    longest: Duration,
+    together: Duration,
+    once: impl Fn() -> F,
+) -> Result<T, Fault>
+where
+    F: Future<Output = Result<T, Fault>>,
+{
+    let mut waited = Duration::ZERO;
+    let mut attempt = 1;
+    loop {
+        let start = Instant::now();
+        let done = match tokio::time::timeout(longest, once()).await {
+            Ok(done) => done,
+            Err(_) => Err(Fault::Passing("the server is too slow".into())),
+        };
+        waited += start.elapsed();
+        let may_repeat = attempt < ATTEMPTS && waited < together;
+        match done {
+            Err(Fault::Passing(_)) if may_repeat => tokio::time::sleep(wait).await,
+            done => return done,
         }
+        wait *= 2;
+        attempt += 1;
     }
 }
 
 /// Bytes of an answer, which has to have as many as it says and no more.
-async fn body(result: GetResult) -> Result<Vec<u8>, Fault> {
+pub async fn body(result: GetResult) -> Result<Vec<u8>, Fault> {
     let encoding = result.attributes.get(&Attribute::ContentEncoding).map(AsRef::<str>::as_ref);
     if let Some(encoding) = encoding.filter(|name| !matches!(*name, "" | "identity")) {
         let encoding: String = encoding.chars().filter(char::is_ascii_graphic).take(20).collect();

@@ -1,7 +1,8 @@
 //! Positioned reads at addresses: `http://`, `https://`, `s3://`, `gs://` and `az://`. A file is
 //! read in blocks, of which neighbours are fetched in one request and many requests run at a time;
 //! what was fetched stays in memory and in a bounded folder of the user's cache. A file that
-//! changes while it is read, a server that ignores ranges, and short answers are errors.
+//! changes while it is read, a server that ignores ranges, and short answers are errors. Steps of
+//! divided builds also write to object storage, small objects at once and large ones in parts.
 //! Credentials come from the standard variables of the environment alone, and are in no message.
 
 mod address;
@@ -9,12 +10,14 @@ mod blocks;
 mod connection;
 mod disk;
 mod fetch;
+mod place;
 mod pool;
 mod secrets;
 mod source;
 mod threads;
 
 pub use disk::Disk;
+pub use place::ObjectPlace;
 pub use pool::{Limits, Pool};
 pub use source::Remote;
 
@@ -22,11 +25,17 @@ use esker_points::read_at::ReadAt;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Lets this process open addresses wherever it opens files ([`esker_points::read_at::open`]).
+/// Lets this process open addresses wherever it opens files ([`esker_points::read_at::open`]), and
+/// keep the steps of divided builds in object storage ([`esker_points::objects::at`]).
 /// `disk` keeps what was fetched; `None` keeps it in memory alone. All files share `pool`.
 pub fn install(disk: Option<Disk>, pool: Pool) -> Arc<Pool> {
     let (disk, pool) = (disk.map(Arc::new), Arc::new(pool));
     let shared = Arc::clone(&pool);
+    let of_places = Arc::clone(&pool);
+    esker_points::objects::set_remote(Box::new(move |address| {
+        let place = ObjectPlace::open(address, &of_places).map_err(secrets::without)?;
+        Ok(Box::new(place))
+    }));
     let recent: Mutex<Vec<Recent>> = Mutex::default();
     esker_points::read_at::set_remote(Box::new(move |address| {
         let find = |recent: &mut Vec<Recent>| {

@@ -6,7 +6,7 @@ use crate::blocks::{BLOCK, Block, Blocks};
 use crate::disk::{Disk, DiskFile};
 use crate::fetch::{Fault, Fetcher, has_certain_version, version};
 use crate::pool::{Limits, Pool};
-use crate::threads::runtime;
+use crate::threads::{GIVEN_UP, LOOK_EVERY, finish, runtime, stopped};
 use bytes::Bytes;
 use esker_points::read_at::ReadAt;
 use object_store::ObjectMeta;
@@ -14,7 +14,6 @@ use std::io;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
 
 /// Bytes that are requested at a time for one long read.
 const WINDOW: u64 = 8 << 20;
@@ -30,8 +29,6 @@ const HEAD: u64 = 64 << 10;
 /// Bytes at the end of a file that are fetched when it is opened: footer and node table of a file
 /// of some ten million points.
 const TAIL: u64 = 256 << 10;
-/// Time between two looks whether waiting is to end.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// A file at an address.
 pub struct Remote {
@@ -75,28 +72,30 @@ impl Remote {
     /// # Errors
     /// As for [`Remote::open`]; if the pool is stopped.
     pub fn open_in(address: &str, disk: Option<Arc<Disk>>, pool: &Arc<Pool>) -> io::Result<Self> {
-        let runtime = runtime()?;
-        let (store, path) = address::place(address, pool.limits.answer)?;
+        let (store, path) = address::locate(address, pool.limits.answer)?;
         let fetcher = Fetcher::new(store, path, pool.limits.answer);
-        let mut head = runtime.spawn(async move { (fetcher.head(HEAD).await, fetcher) });
-        let head = runtime.block_on(async {
-            loop {
-                match tokio::time::timeout(LOOK_EVERY, &mut head).await {
-                    Ok(done) => return done.map_err(|_| io::Error::other(GIVEN_UP)),
-                    Err(_) if pool.is_stopped() => {
-                        head.abort();
-                        return Err(stopped());
-                    }
-                    Err(_) => {}
-                }
-            }
-        });
-        let (head, fetcher) = head?;
+        let head = async move { (fetcher.head(HEAD).await, fetcher) };
+        let (head, fetcher) = finish(pool, head)?;
         let (meta, head) = head?;
         let disk = disk.filter(|_| has_certain_version(&meta));
         let disk = disk.and_then(|disk| disk.file(address, &version(&meta), meta.size));
-        pool.opened();
         let size = meta.size;
+        let remote = Self::over(fetcher, meta, disk, pool);
+        remote.shared.requests.store(1, Relaxed);
+        remote.shared.received.store(head.len() as u64, Relaxed);
+        remote.shared.put((0..).zip(head.chunks(BLOCK as usize).map(Bytes::copy_from_slice)));
+        remote.request(size.saturating_sub(TAIL)..size);
+        Ok(remote)
+    }
+
+    /// Reads what a fetcher fetches, of which `meta` is known; nothing is fetched yet.
+    pub(crate) fn over(
+        fetcher: Fetcher,
+        meta: ObjectMeta,
+        disk: Option<DiskFile>,
+        pool: &Arc<Pool>,
+    ) -> Self {
+        pool.opened();
         let shared = Shared {
             fetcher,
             meta,
@@ -109,13 +108,10 @@ impl Remote {
             interrupts: AtomicU64::new(0),
             last_end: AtomicU64::new(u64::MAX),
             in_order: AtomicU32::new(0),
-            requests: AtomicU64::new(1),
-            received: AtomicU64::new(head.len() as u64),
+            requests: AtomicU64::new(0),
+            received: AtomicU64::new(0),
         };
-        shared.put((0..).zip(head.chunks(BLOCK as usize).map(Bytes::copy_from_slice)));
-        let remote = Self { shared: Arc::new(shared) };
-        remote.request(size.saturating_sub(TAIL)..size);
-        Ok(remote)
+        Self { shared: Arc::new(shared) }
     }
 
     /// Requests that were made, and bytes that came.
@@ -167,13 +163,6 @@ impl Remote {
             }
         }
     }
-}
-
-/// Message for blocks whose request ended without a result.
-const GIVEN_UP: &str = "the request was given up";
-
-fn stopped() -> io::Error {
-    io::Error::other("reading was stopped")
 }
 
 impl Shared {

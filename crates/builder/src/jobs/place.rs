@@ -1,11 +1,11 @@
-//! Places: where the steps of a divided build keep their outputs. A place has objects under names
-//! such as `take/00003`. Small objects are created whole and never change: whoever creates one
-//! first wins, and that is all that steps need to agree on. Large objects are streams that no
-//! reader looks for: a small one names them once they are whole. Here is the place in a folder, on
-//! a disk or a file system that many machines share.
+//! The place of a divided build ([`esker_points::objects`]) in a folder, on a disk or a file system
+//! that many machines share; and which place a path names.
 
+pub use esker_points::objects::{Listed, Place, Upload};
+
+use esker_points::objects;
 use esker_points::place::no_file_at;
-use esker_points::read_at::{FileSource, ReadAt};
+use esker_points::read_at::{FileSource, ReadAt, is_remote};
 use esker_points::unfinished::Unfinished;
 use std::fs::{self, File, OpenOptions};
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -18,73 +18,20 @@ const WRITE_BYTES: usize = 1 << 20;
 /// End of the name of a small object that is not created yet.
 const NEW: &str = ".new";
 
-/// Objects under names. Names are relative, of letters, digits, `/`, `-` and `.`.
-pub trait Place: Send + Sync {
-    /// Creates a small object, unless there is one of that name; returns whether it did. Others see
-    /// all of it or nothing.
-    ///
-    /// # Errors
-    /// If the place cannot be written, or cannot tell who is first.
-    fn create(&self, name: &str, bytes: &[u8]) -> io::Result<bool>;
-
-    /// Reads an object of at most `bytes_max` bytes; `None` if there is none.
-    ///
-    /// # Errors
-    /// If it cannot be read, or is larger.
-    fn read(&self, name: &str, bytes_max: u64) -> io::Result<Option<Vec<u8>>>;
-
-    /// Begins a large object. No other writer may use its name.
-    ///
-    /// # Errors
-    /// If the place cannot be written.
-    fn begin(&self, name: &str) -> io::Result<Box<dyn Upload>>;
-
-    /// Opens an object for reads of parts of it.
-    ///
-    /// # Errors
-    /// [`ErrorKind::NotFound`] if there is none; if it cannot be read.
-    fn open(&self, name: &str) -> io::Result<Arc<dyn ReadAt>>;
-
-    /// All objects whose names begin with `prefix`, in order of names.
-    ///
-    /// # Errors
-    /// If the place cannot be read.
-    fn list(&self, prefix: &str) -> io::Result<Vec<Listed>>;
-
-    /// Removes an object; one that is not there is no error.
-    ///
-    /// # Errors
-    /// If the place cannot be written.
-    fn remove(&self, name: &str) -> io::Result<()>;
-
-    /// The place as the user names it.
-    fn shown(&self) -> String;
-}
-
-/// A large object being written. Dropped before its end it is removed.
-pub trait Upload: Write + Send {
-    /// Ends the object; all bytes are safe after that.
-    ///
-    /// # Errors
-    /// If the place is full.
-    fn finish(self: Box<Self>) -> io::Result<()>;
-}
-
-/// An object of a list.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Listed {
-    /// Its name.
-    pub name: String,
-    /// Its bytes.
-    pub bytes: u64,
-}
-
 /// Sixteen hexadecimal digits that no other process has, on this machine or another.
 pub fn unique() -> String {
     // The keys of this hasher are random numbers of the system.
     let mut hasher = RandomState::new().build_hasher();
     hasher.write_u32(std::process::id());
     format!("{:016x}", hasher.finish())
+}
+
+/// The place that a path names: below an address, or in a folder.
+///
+/// # Errors
+/// For an address, as for [`objects::at`].
+pub fn at(path: &Path) -> io::Result<Box<dyn Place>> {
+    if is_remote(path) { objects::at(path) } else { Ok(Box::new(Folder::new(path))) }
 }
 
 /// A place in a folder, which is made when it is first written.

@@ -1,14 +1,15 @@
 //! Steps of a build that is divided among processes or machines, as calls: each reads and writes a
-//! folder that all of them share, and returns a report, which is printed as JSON or as text.
+//! folder that all of them share, or objects below an address, and returns a report, which is
+//! printed as JSON or as text.
 
 use crate::calls::build::{BuildReport, within_memory};
 use crate::io::inputs;
 use crate::io::output;
 use crate::io::quantity::{grouped, readable_bytes};
 use crate::machine::{pool, system};
-use anyhow::Result;
+use anyhow::{Context, Result};
 use esker_builder::Options;
-use esker_builder::jobs::place::Folder;
+use esker_builder::jobs::place::{self, Place};
 use esker_builder::jobs::plan::{self, PlanHow};
 use esker_builder::jobs::status::{self, StepsState};
 use esker_builder::jobs::{Resources, build, cut, join, take};
@@ -138,6 +139,11 @@ pub struct StatusReport {
     pub leftovers: Vec<(String, u64)>,
 }
 
+/// The place that `to` names: a folder, or below an address.
+fn place(to: &Path) -> Result<Box<dyn Place>> {
+    place::at(to).with_context(|| to.display().to_string())
+}
+
 /// Plans the build of scans, and of the scans in folders, into the folder `to`.
 ///
 /// # Errors
@@ -152,8 +158,7 @@ pub fn plan(
 ) -> Result<PlanReport> {
     let inputs = &inputs::scans(inputs, task)?;
     inputs::note_repeated(inputs, task);
-    let report =
-        pool::run(threads, || Ok(plan::plan(inputs, &Folder::new(to), options, how, task)?))?;
+    let report = pool::run(threads, || Ok(plan::plan(inputs, &*place(to)?, options, how, task)?))?;
     let needs = report.needs;
     Ok(PlanReport {
         was_there: report.was_there,
@@ -175,7 +180,7 @@ pub fn plan(
 /// # Errors
 /// If there is no plan.
 pub fn takes(to: &Path) -> Result<u32> {
-    Ok(take::count(&Folder::new(to))?)
+    Ok(take::count(&*place(to)?)?)
 }
 
 /// Does a take of the plan in the folder `to`, unless it is done.
@@ -190,7 +195,7 @@ pub fn take(
     task: &dyn Task,
 ) -> Result<TakeReport> {
     system::give_back_freed_memory();
-    let report = pool::run(threads, || Ok(take::take(&Folder::new(to), index, resources, task)?))?;
+    let report = pool::run(threads, || Ok(take::take(&*place(to)?, index, resources, task)?))?;
     let take::TakeReport { index, was_done, points, cells, bytes, scratch_bytes } = report;
     Ok(TakeReport { index, was_done, points, cells, bytes, scratch_bytes })
 }
@@ -202,7 +207,7 @@ pub fn take(
 /// If a take is missing or damaged, the disk is full, or `task` is cancelled.
 pub fn cut(to: &Path, resources: &Resources, threads: usize, task: &dyn Task) -> Result<CutReport> {
     system::give_back_freed_memory();
-    let report = pool::run(threads, || Ok(cut::cut(&Folder::new(to), resources, task)?))?;
+    let report = pool::run(threads, || Ok(cut::cut(&*place(to)?, resources, task)?))?;
     Ok(CutReport {
         was_done: report.was_done,
         points: report.points,
@@ -220,7 +225,7 @@ pub fn cut(to: &Path, resources: &Resources, threads: usize, task: &dyn Task) ->
 /// # Errors
 /// If there is no plan, or it is not cut.
 pub fn builds(to: &Path) -> Result<u32> {
-    Ok(build::count(&Folder::new(to))?)
+    Ok(build::count(&*place(to)?)?)
 }
 
 /// Builds the parts of one job of the plan in the folder `to`, unless that is done.
@@ -235,7 +240,7 @@ pub fn build(
     task: &dyn Task,
 ) -> Result<PartsReport> {
     system::give_back_freed_memory();
-    let built = || Ok(build::build_parts(&Folder::new(to), index, resources, task)?);
+    let built = || Ok(build::build_parts(&*place(to)?, index, resources, task)?);
     let report = pool::run(threads, built)?;
     let build::PartsReport { index, was_done, parts, points, bytes, scratch_bytes } = report;
     Ok(PartsReport { index, was_done, parts, points, bytes, scratch_bytes })
@@ -255,7 +260,7 @@ pub fn join(
 ) -> Result<BuildReport> {
     let start = Instant::now();
     output::may_build(out, &[])?;
-    within_memory(threads, start, || Ok(join::join(&Folder::new(to), out, resources, task)?))
+    within_memory(threads, start, || Ok(join::join(&*place(to)?, out, resources, task)?))
 }
 
 /// What is done of the plan in the folder `to`, what is missing, and what killed jobs have left.
@@ -264,7 +269,7 @@ pub fn join(
 /// If there is no plan, or the folder cannot be read.
 pub fn status(to: &Path) -> Result<StatusReport> {
     let status::Status { plan, takes, cut, builds, join, leftovers } =
-        status::status(&Folder::new(to))?;
+        status::status(&*place(to)?)?;
     Ok(StatusReport {
         plan,
         steps: AllSteps {
