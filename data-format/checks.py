@@ -3,6 +3,9 @@
 Sections are those of SPEC.md. `require(condition, what)` raises where a rule is broken.
 """
 
+import struct
+import zlib
+
 import numpy as np
 
 
@@ -81,6 +84,68 @@ def check_cells(i, node, children, require):
     bits = children["corner"].astype(np.uint64) >> np.uint64(log2 - 1) & np.uint64(1)
     octants = (bits * np.array([1, 2, 4], np.uint64)).sum(axis=1).astype(np.int64)
     require(inside.all() and (np.diff(octants) > 0).all(), f"node {i}: its children's octants")
+
+
+def check_parts(esker, require):  # section 11, parts and top of the node table
+    column = esker.columns.get((9, 65535))
+    if column is None:
+        return
+    sides = esker.columns.get((8, 65535), b"")[:-8]
+    records, (size, histograms) = esker.table.tobytes(), struct.unpack_from("<II", column)
+    require(1 <= size <= 2**16, "parts: their number of nodes")
+    stored = b"".join(esker.columns[7, a] for a in range(len(esker.dtypes)))
+    require(histograms == zlib.crc32(stored), "parts: the checksum of the histograms")
+    crcs = [
+        zlib.crc32(data[at * width : (at + size) * width])
+        for at in range(0, esker.nodes, size)
+        for data, width in ((records, 144), (sides, 16))
+    ]
+    require(column[8:-8] == struct.pack(f"<{len(crcs)}I", *crcs), "parts: a checksum")
+    check_top(esker, esker.columns[10, 65535], sides, require)
+
+
+def check_top(esker, column, sides, require):
+    n, zero = struct.unpack_from("<II", column)
+    require(1 <= n <= 2**16 and zero == 0, "top: its number of nodes")
+    require(len(column) == 16 + n * (160 + (16 if sides else 0)), "top: its length")
+    entry = np.dtype([("below", "<u8"), ("spacing", "<f4"), ("index", "<u4")])
+    entries = np.frombuffer(column, entry, n, 8)
+    index = entries["index"].astype(np.int64)
+    require(index[0] == 0 and (np.diff(index) > 0).all(), "top: the order of its nodes")
+    require(index[-1] < esker.nodes, "top: a node that is none")
+    table = esker.table
+    require(column[8 + 16 * n : 8 + 160 * n] == table[index].tobytes(), "top: a record")
+    if sides:
+        words = np.frombuffer(sides, "<u8").reshape(-1, 2)[index].tobytes()
+        require(column[8 + 160 * n : -8] == words, "top: sides")
+    is_in = np.zeros(esker.nodes, bool)
+    is_in[index] = True
+    parents = table["parent"].astype(np.int64)
+    require(is_in[parents[index[1:]]].all(), "top: a node without its parent")
+    above = np.full(esker.nodes, -1, np.int64)  # the node of the top that each is, or is below
+    above[index] = index
+    below = {int(i): [0, []] for i in index}
+    for i in range(esker.nodes):
+        if is_in[i]:
+            first, count = int(table[i]["first_child"]), int(table[i]["child_count"])
+            some = is_in[first : first + count]
+            require(some.all() or not some.any(), "top: a node without its siblings")
+            continue
+        above[i] = above[parents[i]]
+        of = below[int(above[i])]
+        of[0] += int(esker.node_points[i])
+        if table[i]["child_count"] == 0:
+            of[1].append((float(table[i]["spacing"]), int(esker.node_points[i])))
+    for e in entries:
+        points, leaves = below[int(e["index"])]
+        half, reached, spacing = (sum(p for _, p in leaves) + 1) // 2, 0, 0.0
+        for s, p in sorted(leaves):
+            reached += p
+            if reached >= half:
+                spacing = s
+                break
+        same = int(e["below"]) == points and e["spacing"].tobytes() == np.float32(spacing).tobytes()
+        require(same, "top: what is below a node")
 
 
 def check_points(esker, index, planes, p, classes, values, require):

@@ -29,7 +29,7 @@ POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL = 1, 2, 3, 4, 5
 TANGENT, CLIP, CLASS, REMAINDER, ATTRIBUTE, COMPACT = 6, 7, 8, 9, 10, 11
 KNOWN = {POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL, CLASS, REMAINDER, ATTRIBUTE}
 VERSIONS = 1, 2
-SIDES = 8  # a kind of column
+SIDES, PARTS, TOP = 8, 9, 10  # kinds of columns
 CLIP_LINES = (CLIP, None, False, 16)
 TANGENTS = (TANGENT, None, True, 4)
 NUMBERED = (COMPACT, None, True, 8)
@@ -262,7 +262,16 @@ class Esker:
             require(not any(data[offset + length : end]), "statistics: padding is not zero")
         require(end == len(data), "statistics: the columns do not fill the section")
         self.check_sides(columns.get((SIDES, 65535)))
+        self.check_sealed(columns.get((PARTS, 65535)), columns.get((TOP, 65535)))
         return columns
+
+    def check_sealed(self, *columns):  # section 11
+        require(len({column is None for column in columns}) == 1, "statistics: parts or top alone")
+        for column in columns:
+            if column is not None:
+                require(len(column) > 16, "statistics: a column of parts is too short")
+                crc = struct.unpack_from("<Q", column, len(column) - 8)[0]
+                require(crc == zlib.crc32(column[:-8]), "statistics: the checksum of parts or top")
 
     def check_sides(self, column):  # section 11
         if column is None:
@@ -394,6 +403,7 @@ class Esker:
 def check(esker, keep):
     """Checks the whole file; the points of each node where `keep`."""
     checks.check_table(esker, require)
+    checks.check_parts(esker, require)
     total, kept = 0, []
     statistics = checks.Statistics(esker)
     bounds = None

@@ -54,6 +54,21 @@ struct Tree {
     moved: [i64; 3],
 }
 
+/// A node from which a whole forest is estimated ([`Forest::overview`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OverviewNode {
+    /// Its index in the table of the forest.
+    pub node: u32,
+    /// Number of its own points.
+    pub points: u64,
+    /// Number of the points below it, of which its own are an even sample, if nodes below it do not
+    /// belong to the overview.
+    pub points_below: u64,
+    /// Typical spacing of the leaves that it stands for, itself or below it, the file's unit;
+    /// `None` if it stands for none.
+    pub leaf_spacing: Option<f32>,
+}
+
 /// Most that a moved cloud may be off whole steps of the lattice, in steps: rounding of coordinates
 /// that are given in decimals.
 const OFF_STEPS_MAX: f64 = 1e-3;
@@ -81,6 +96,20 @@ impl Forest {
         let open = |tree: &TreeRef| open_named(path, &beside(path, &tree.path), tree);
         let others = named.iter().map(open).collect::<Result<Vec<_>, _>>()?;
         Self::of(file, others)
+    }
+
+    /// Opens a file to draw it, as [`EskerFile::open_in_parts`] does; files that name others are
+    /// read whole.
+    ///
+    /// # Errors
+    /// As for [`Forest::open`].
+    pub fn open_in_parts(path: &Path) -> Result<Self, FormatError> {
+        let file = EskerFile::open_in_parts(path)?;
+        if file.metadata().forest.is_empty() {
+            return Ok(file.into());
+        }
+        drop(file);
+        Self::open(path)
     }
 
     /// Joins opened files.
@@ -154,6 +183,7 @@ impl Forest {
         let schema = schemas.fold(Schema::default(), |all, own| all.union(own));
         let (mut table, mut trees, mut first_byte) = (NodeTable::default(), Vec::new(), 0u64);
         for (file, cloud, moved) in files {
+            let file = file.whole()?;
             if file.is_growing() {
                 return Err(misfit(
                     &file,
@@ -205,6 +235,70 @@ impl Forest {
         self.trees[0].file.is_growing()
     }
 
+    /// Whether only a part of its node table is known ([`EskerFile::is_partial`]).
+    pub fn is_partial(&self) -> bool {
+        self.trees[0].file.is_partial()
+    }
+
+    /// Whether its table may become larger ([`Forest::newer`]).
+    pub fn grows(&self) -> bool {
+        self.is_growing() || self.is_partial()
+    }
+
+    /// The same forest with whole node tables ([`EskerFile::whole`]).
+    ///
+    /// # Errors
+    /// If a table cannot be read or is damaged.
+    pub fn whole(&self) -> Result<Self, FormatError> {
+        if !self.is_partial() {
+            return Ok(self.clone());
+        }
+        // Only forests of one tree are partial.
+        let file = self.trees[0].file.whole()?;
+        Ok(Self { trees: vec![Tree { file, ..self.trees[0].clone() }], ..self.clone() })
+    }
+
+    /// Number of nodes, of which a partial table has only some.
+    pub fn nodes(&self) -> u64 {
+        match self.is_partial() {
+            true => self.trees[0].file.footer().nodes,
+            false => self.table().nodes.len() as u64,
+        }
+    }
+
+    /// Nodes from which the extent of the points and their distances are estimated: of large files
+    /// those of their top ([`EskerFile::top`]), whatever else is known of their table, and of
+    /// others all; in the order of the files.
+    pub fn overview(&self) -> Vec<OverviewNode> {
+        let mut nodes = Vec::new();
+        for tree in &self.trees {
+            let (file, first) = (&tree.file, tree.first_node);
+            let records = &file.table().nodes;
+            let leaf = |node: &Node| (node.child_count == 0).then_some(node.spacing);
+            let Some(top) = file.top() else {
+                nodes.extend((first..).zip(records).map(|(node, record)| OverviewNode {
+                    node,
+                    points: record.points() as u64,
+                    points_below: 0,
+                    leaf_spacing: leaf(record),
+                }));
+                continue;
+            };
+            nodes.extend((0u32..).zip(top).map(|(place, of)| {
+                let own = if file.is_partial() { place } else { of.index };
+                let record = &records[own as usize];
+                let below = (of.points_below > 0).then_some(of.leaf_spacing);
+                OverviewNode {
+                    node: first + own,
+                    points: record.points() as u64,
+                    points_below: of.points_below,
+                    leaf_spacing: leaf(record).or(below),
+                }
+            }));
+        }
+        nodes
+    }
+
     /// Whether both are of the same opened files, in one of the states of a tree that grows.
     pub fn is_same(&self, other: &Self) -> bool {
         let same = |(a, b): (&Tree, &Tree)| a.file.is_same(&b.file) && a.moved == b.moved;
@@ -237,7 +331,7 @@ impl Forest {
         }
     }
 
-    /// Makes what is not known yet of nodes ([`crate::growing::Growing::complete`]).
+    /// Makes what is not known yet of nodes ([`EskerFile::complete`]).
     ///
     /// # Errors
     /// If they cannot be read.

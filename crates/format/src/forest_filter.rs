@@ -81,14 +81,24 @@ impl ForestFilter {
             && self
                 .left_out
                 .last()
-                .is_none_or(|range| !forest.is_growing() || range.end as usize == nodes);
+                .is_none_or(|range| !forest.grows() || range.end as usize == nodes);
         if is_known {
             return Ok(None);
         }
+        self.of_other(forest).map(Some)
+    }
+
+    /// The same filter for another state of a forest of one tree, in which nodes may have other
+    /// indices.
+    ///
+    /// # Errors
+    /// As for [`ForestFilter::of`].
+    pub fn of_other(&self, forest: &Forest) -> Result<Self, FormatError> {
+        let nodes = forest.table().nodes.len() as u32;
         let filter = self.filter.as_ref().map(|f| NodeFilters::new(forest, f.filter.clone()));
         // Only forests of one tree grow.
-        let left_out = self.left_out.iter().map(|range| range.start..nodes as u32).collect();
-        Ok(Some(Self { filter: filter.transpose()?, left_out, ..self.clone() }))
+        let left_out = self.left_out.iter().map(|range| range.start..nodes).collect();
+        Ok(Self { filter: filter.transpose()?, left_out, ..self.clone() })
     }
 
     /// Leaves out all points of these clouds of the forest.

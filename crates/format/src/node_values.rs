@@ -6,8 +6,9 @@ use crate::forest::Forest;
 use crate::layout::{AttributePlane, PageLayout, PlaneKind};
 use crate::reader::{EskerFile, Planes};
 use crate::statistics::Statistics;
-use esker_points::AttrType;
 use esker_points::filter::{LatticeFilter, NodeValues, Side, ValueTests};
+use esker_points::{AttrType, NodeTable};
+use std::sync::Arc;
 
 /// Least and greatest value of an attribute of a node's points, or of those of its subtree.
 type StoredRange = for<'a> fn(&'a Statistics, u32, usize) -> Option<[&'a [u8]; 2]>;
@@ -17,7 +18,9 @@ type StoredRange = for<'a> fn(&'a Statistics, u32, usize) -> Option<[&'a [u8]; 2
 pub struct StatisticSides<'a> {
     filter: &'a LatticeFilter,
     /// None if the filter needs none.
-    statistics: Option<Statistics>,
+    statistics: Option<Arc<Statistics>>,
+    /// Table of the file, whose nodes are meant.
+    table: &'a NodeTable,
     /// Whether all points have a class.
     have_classes: bool,
     tests: ValueTests,
@@ -30,8 +33,8 @@ impl<'a> StatisticSides<'a> {
     ///
     /// # Errors
     /// If they cannot be read or are damaged.
-    pub fn new(file: &EskerFile, filter: &'a LatticeFilter) -> Result<Self, FormatError> {
-        let statistics = filter.needs_statistics().then(|| file.statistics()).transpose()?;
+    pub fn new(file: &'a EskerFile, filter: &'a LatticeFilter) -> Result<Self, FormatError> {
+        let statistics = filter.needs_statistics().then(|| file.shared_statistics()).transpose()?;
         let layout = file.layout();
         let schema = layout.schema();
         let have = |index: usize| {
@@ -49,7 +52,7 @@ impl<'a> StatisticSides<'a> {
         tests.attributes().into_iter().for_each(|index| are_all[index] = have(index));
         let class = (esker_points::attribute::names::CLASSIFICATION, AttrType::U8);
         let have_classes = layout.all_have_one_of(&[class]);
-        Ok(Self { filter, statistics, have_classes, tests, are_all })
+        Ok(Self { filter, statistics, table: file.table(), have_classes, tests, are_all })
     }
 
     /// Side of a node's own points.
@@ -68,7 +71,8 @@ impl<'a> StatisticSides<'a> {
         classes: fn(&Statistics, u32) -> Option<[u64; 4]>,
         values: StoredRange,
     ) -> Side {
-        let Some(statistics) = &self.statistics else { return Side::Inside };
+        let Some(statistics) = self.statistics.as_deref() else { return Side::Inside };
+        let node = self.table.index_in_file(node);
         let by_classes = match self.filter.needs_classes() {
             true => self.filter.side_of_classes(classes(statistics, node), self.have_classes),
             false => Side::Inside,

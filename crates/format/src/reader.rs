@@ -2,6 +2,7 @@
 //! statistics by positioned reads on request, each checked against its checksum.
 
 use crate::codec;
+use crate::columns::ColumnPlaces;
 use crate::directory::Directory;
 use crate::error::{Fault, FormatError, io_error};
 use crate::footer::{Footer, HEADER_BYTES, Section, header};
@@ -10,9 +11,14 @@ use crate::json::BlockPlace;
 use crate::layout::{PageLayout, PlaneKind};
 use crate::metadata::Metadata;
 use crate::page::Page;
-use crate::sections::{check_counts, check_sections, read_footer, read_section, read_table};
-use crate::statistics::Statistics;
+use crate::partial::PartialTable;
+use crate::sections::{
+    check_counts, check_sections, of_columns, read_footer, read_section, read_table,
+};
+use crate::statistics::{Histograms, Statistics};
 use crate::table;
+use crate::table_parts::TableParts;
+use crate::table_top::{TableTop, TopNode};
 use esker_points::attribute::CLOSED_BLOCK;
 use esker_points::place::no_file_at;
 use esker_points::read_at::{self, ReadAt, is_remote};
@@ -20,8 +26,8 @@ use esker_points::{Lattice, MultisetHash, Node, NodeTable};
 use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, OnceLock};
 
 /// Greatest gap between two planes that is read along with them rather than skipped.
 pub(crate) const GAP_BYTES_MAX: u64 = 32 << 10;
@@ -39,9 +45,27 @@ pub struct EskerFile {
     table: Arc<NodeTable>,
     /// The tree, and the version of its table, if pages are made.
     growing: Option<(Arc<dyn Growing>, u64)>,
+    /// The table, and its version, if only a part of it is known.
+    partial: Option<(Arc<PartialTable>, u64)>,
+    /// What the file says of parts of its table.
+    index: Option<Arc<TableIndex>>,
     /// Bytes read since opening.
     read_bytes: Arc<AtomicU64>,
 }
+
+/// What a file says of its table, so that it need not be read whole.
+struct TableIndex {
+    places: ColumnPlaces,
+    parts: TableParts,
+    top: TableTop,
+    /// The whole file, if only a part of the table was read first.
+    whole: OnceLock<EskerFile>,
+    /// Statistics that were read for a table of which only a part is known.
+    statistics: OnceLock<Arc<Statistics>>,
+}
+
+/// Bytes of the directory of the statistics of most files.
+const DIRECTORY_BYTES: u64 = 4 << 10;
 
 /// Some planes of one node.
 #[derive(Clone, Debug, Default)]
@@ -102,7 +126,20 @@ impl EskerFile {
             return Err(FormatError::Unsupported { path: path.into(), what: what.into() });
         }
         let source = read_at::open(path).map_err(io_error(path, "open it"))?;
-        Self::from_shared(path, source)
+        Self::from_shared(path, source, false)
+    }
+
+    /// Opens a file as [`EskerFile::open`] does, but reads of the node table of a file at an
+    /// address only what views want, if the file allows it ([`EskerFile::is_partial`]): to draw it.
+    ///
+    /// # Errors
+    /// See [`EskerFile::open`].
+    pub fn open_in_parts(path: &Path) -> Result<Self, FormatError> {
+        if !is_remote(path) {
+            return Self::open(path);
+        }
+        let source = read_at::open(path).map_err(io_error(path, "open it"))?;
+        Self::from_shared(path, source, true)
     }
 
     /// Opens a file behind any positioned reads; `name` is used in messages.
@@ -110,10 +147,23 @@ impl EskerFile {
     /// # Errors
     /// See [`EskerFile::open`].
     pub fn from_source(name: &Path, source: Box<dyn ReadAt>) -> Result<Self, FormatError> {
-        Self::from_shared(name, source.into())
+        Self::from_shared(name, source.into(), false)
     }
 
-    fn from_shared(name: &Path, source: Arc<dyn ReadAt>) -> Result<Self, FormatError> {
+    /// Opens a file behind any positioned reads as [`EskerFile::open_in_parts`] does at addresses;
+    /// `name` is used in messages.
+    ///
+    /// # Errors
+    /// See [`EskerFile::open`].
+    pub fn from_source_in_parts(name: &Path, source: Box<dyn ReadAt>) -> Result<Self, FormatError> {
+        Self::from_shared(name, source.into(), true)
+    }
+
+    fn from_shared(
+        name: &Path,
+        source: Arc<dyn ReadAt>,
+        in_parts: bool,
+    ) -> Result<Self, FormatError> {
         let footer = read_footer(name, source.as_ref())?;
         check_sections(&footer).map_err(|fault| fault.damaged(name))?;
         let mut head = [0; HEADER_BYTES];
@@ -123,25 +173,75 @@ impl EskerFile {
                 Fault::new("header", "it is not that of the footer's version").damaged(name)
             );
         }
+        let of =
+            |section: Section, most: u64| section.offset..section.offset + section.bytes.min(most);
+        source.will_read(&[of(footer.statistics, DIRECTORY_BYTES), of(footer.metadata, u64::MAX)]);
         let json = read_section(name, source.as_ref(), footer.metadata, "metadata")?;
         let decoded = Metadata::decode(&json, footer.verbatim.bytes, footer.version)
             .map_err(|f| f.damaged(name))?;
         drop(json);
-        let table = read_table(name, source.as_ref(), &footer)?;
-        table::check(&table, &decoded.layout, footer.table.offset, footer.points)
-            .and_then(|()| check_counts(&footer, &decoded.metadata))
-            .map_err(|fault| fault.damaged(name))?;
-        Ok(Self {
+        check_counts(&footer, &decoded.metadata).map_err(|fault| fault.damaged(name))?;
+        let nodes = footer.nodes as usize;
+        let places = ColumnPlaces::read(source.as_ref(), footer.statistics, nodes);
+        let places = of_columns(name, places)?;
+        places.will_read_parts(source.as_ref());
+        let index = of_columns(name, places.parts(source.as_ref()))?;
+        let mut file = Self {
             path: name.into(),
             source,
             footer,
             metadata: decoded.metadata.into(),
             layout: decoded.layout.into(),
             blocks: decoded.blocks.into(),
-            table: table.into(),
+            table: Arc::default(),
             growing: None,
+            partial: None,
+            index: None,
             read_bytes: Arc::default(),
-        })
+        };
+        match index {
+            Some((parts, top)) => file.take_index(places, (parts, top), in_parts)?,
+            None => file.table = file.read_whole(&places)?.into(),
+        }
+        Ok(file)
+    }
+
+    /// Reads and checks the whole node table.
+    fn read_whole(&self, places: &ColumnPlaces) -> Result<NodeTable, FormatError> {
+        let (footer, source) = (&self.footer, self.source.as_ref());
+        let table = read_table(&self.path, source, footer, places)?;
+        table::check(&table, &self.layout, footer.table.offset, footer.points)
+            .map_err(|fault| fault.damaged(&self.path))?;
+        Ok(table)
+    }
+
+    /// Takes what the file says of parts of its table, and the top of the table alone or all of it.
+    fn take_index(
+        &mut self,
+        places: ColumnPlaces,
+        (parts, top): (TableParts, TableTop),
+        in_parts: bool,
+    ) -> Result<(), FormatError> {
+        let damaged = |fault: Fault| fault.damaged(&self.path);
+        let (source, layout) = (Arc::clone(&self.source), Arc::clone(&self.layout));
+        let index = (parts.clone(), &top);
+        let partial =
+            PartialTable::new(&self.path, source, self.footer, layout, places.clone(), index)
+                .map_err(damaged)?;
+        if in_parts {
+            let (version, table) = partial.table(None).unwrap_or_default();
+            (self.table, self.partial) = (table, Some((Arc::new(partial), version)));
+        } else {
+            let table = self.read_whole(&places)?;
+            if !top.is_of(&table) {
+                let fault = Fault::new("statistics", "the top of the table is of another one");
+                return Err(damaged(fault));
+            }
+            self.table = table.into();
+        }
+        let (whole, statistics) = (OnceLock::new(), OnceLock::new());
+        self.index = Some(Arc::new(TableIndex { places, parts, top, whole, statistics }));
+        Ok(())
     }
 
     /// A tree whose pages are made when they are read; `name` is used in messages.
@@ -170,6 +270,8 @@ impl EskerFile {
             metadata: metadata.into(),
             table,
             growing: Some((tree, version)),
+            partial: None,
+            index: None,
             read_bytes: Arc::default(),
         }
     }
@@ -180,6 +282,45 @@ impl EskerFile {
         self.growing.is_some()
     }
 
+    /// Whether only a part of its node table is known: nodes lack their children
+    /// ([`Node::lacks_children`]) until these are read ([`EskerFile::complete`]), and have the
+    /// indices in which they came ([`NodeTable::in_file`]).
+    pub fn is_partial(&self) -> bool {
+        self.partial.is_some()
+    }
+
+    /// The same file with its whole node table, which is read once.
+    ///
+    /// # Errors
+    /// If it cannot be read or is damaged.
+    pub fn whole(&self) -> Result<Self, FormatError> {
+        let Some(index) = self.index.as_ref().filter(|_| self.is_partial()) else {
+            return Ok(self.clone());
+        };
+        if let Some(whole) = index.whole.get() {
+            return Ok(whole.clone());
+        }
+        let table = self.read_whole(&index.places)?;
+        if !index.top.is_of(&table) {
+            let fault = Fault::new("statistics", "the top of the table is of another one");
+            return Err(fault.damaged(&self.path));
+        }
+        // It must not hold itself.
+        let TableIndex { places, parts, top, .. } = &**index;
+        let (places, parts, top) = (places.clone(), parts.clone(), top.clone());
+        let (whole, statistics) = (OnceLock::new(), OnceLock::new());
+        let own = TableIndex { places, parts, top, whole, statistics };
+        let whole =
+            Self { table: table.into(), partial: None, index: Some(Arc::new(own)), ..self.clone() };
+        Ok(index.whole.get_or_init(|| whole).clone())
+    }
+
+    /// The uppermost nodes of the table, in its order, if the file names them: for estimates of
+    /// large files. Of a partial table these are the first nodes.
+    pub fn top(&self) -> Option<&[TopNode]> {
+        self.index.as_ref().map(|index| index.top.entries.as_slice())
+    }
+
     /// Whether both are the same opened file.
     pub fn is_same(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.metadata, &other.metadata)
@@ -187,6 +328,11 @@ impl EskerFile {
 
     /// The same tree with its newest table; `None` if this is the newest.
     pub fn newer(&self) -> Option<Self> {
+        if let Some((partial, version)) = &self.partial {
+            let (version, table) = partial.table(Some(*version))?;
+            let partial = Some((Arc::clone(partial), version));
+            return Some(Self { table, partial, ..self.clone() });
+        }
         let (tree, version) = self.growing.as_ref()?;
         let (version, table) = tree.table(Some(*version))?;
         let mut newer = self.clone();
@@ -229,11 +375,15 @@ impl EskerFile {
         Ok(Some(own.into_iter().map(moved).collect()))
     }
 
-    /// Makes what is not known yet of nodes ([`Growing::complete`]).
+    /// Makes what is not known yet of nodes ([`Growing::complete`]), or reads the children that
+    /// they lack ([`EskerFile::is_partial`]).
     ///
     /// # Errors
     /// If they cannot be read.
     pub fn complete(&self, nodes: &[u32]) -> Result<(), FormatError> {
+        if let Some((partial, _)) = &self.partial {
+            return partial.complete(nodes);
+        }
         let Some((tree, _)) = &self.growing else { return Ok(()) };
         tree.complete(nodes).map_err(io_error(&self.path, "read it"))
     }
@@ -297,7 +447,7 @@ impl EskerFile {
         self.read_bytes.load(Relaxed)
     }
 
-    /// Reads the statistics.
+    /// Reads the statistics, in the order of the whole table.
     ///
     /// # Errors
     /// If they cannot be read or are damaged.
@@ -305,10 +455,37 @@ impl EskerFile {
         if let Some((tree, _)) = &self.growing {
             return Ok(tree.statistics(&self.table));
         }
-        let place = self.footer.statistics;
-        let bytes = read_section(&self.path, self.source.as_ref(), place, "statistics")?;
-        Statistics::decode(&bytes, self.layout.schema(), self.table.nodes.len())
+        let bytes = self.statistics_bytes()?;
+        Statistics::decode(&bytes, self.layout.schema(), self.footer.nodes as usize)
             .map_err(|fault| fault.damaged(&self.path))
+    }
+
+    /// Bytes of the section of statistics, whose checksum was compared.
+    pub(crate) fn statistics_bytes(&self) -> Result<Vec<u8>, FormatError> {
+        read_section(&self.path, self.source.as_ref(), self.footer.statistics, "statistics")
+    }
+
+    /// The statistics; those of a partial table are read once.
+    pub(crate) fn shared_statistics(&self) -> Result<Arc<Statistics>, FormatError> {
+        let Some(index) = self.index.as_ref().filter(|_| self.is_partial()) else {
+            return Ok(Arc::new(self.statistics()?));
+        };
+        if let Some(statistics) = index.statistics.get() {
+            return Ok(Arc::clone(statistics));
+        }
+        let statistics = Arc::new(self.statistics()?);
+        Ok(Arc::clone(index.statistics.get_or_init(|| statistics)))
+    }
+
+    /// Reads the histograms: alone, where the file has a checksum of them.
+    ///
+    /// # Errors
+    /// As for [`EskerFile::statistics`].
+    pub fn histograms(&self) -> Result<Histograms, FormatError> {
+        let Some(index) = &self.index else { return Ok(self.statistics()?.histograms) };
+        let (source, count) = (self.source.as_ref(), self.layout.schema().attributes.len());
+        let read = index.places.histograms(source, count, index.parts.histograms);
+        of_columns(&self.path, read)
     }
 
     /// Reads the verbatim blocks of a source, given by its index: name and bytes.
@@ -365,6 +542,7 @@ impl EskerFile {
     }
 
     fn in_node(&self, node: u32) -> impl Fn(Fault) -> FormatError + '_ {
+        let node = self.table.index_in_file(node);
         move |fault| {
             let section = format!("page of node {node}, {}", fault.section);
             Fault { section, ..fault }.damaged(&self.path)

@@ -1,6 +1,6 @@
 //! Sections of a file that are read and checked on opening: footer, metadata, table.
 
-use crate::columns::read_sides;
+use crate::columns::{ColumnPlaces, Read};
 use crate::error::{Fault, FormatError, io_error};
 use crate::footer::{FOOTER_BYTES, Footer, FooterFault, HEADER_BYTES, HEADER_MAGIC, Section};
 use crate::metadata::{METADATA_BYTES_MAX, Metadata};
@@ -94,10 +94,12 @@ pub(crate) fn read_section(
     Ok(bytes)
 }
 
+/// Reads the whole node table, and the sides of its contours.
 pub(crate) fn read_table(
     path: &Path,
     source: &dyn ReadAt,
     footer: &Footer,
+    places: &ColumnPlaces,
 ) -> Result<NodeTable, FormatError> {
     let mut nodes = vec![bytemuck::Zeroable::zeroed(); footer.nodes as usize];
     let bytes: &mut [u8] = bytemuck::cast_slice_mut::<Node, u8>(&mut nodes);
@@ -105,8 +107,11 @@ pub(crate) fn read_table(
     if crc32fast::hash(bytes) != footer.table.crc {
         return Err(Fault::new("node table", "its checksum does not match").damaged(path));
     }
-    let sides = read_sides(source, footer.statistics, nodes.len())
-        .map_err(io_error(path, "read its statistics"))?
-        .map_err(|fault| fault.damaged(path))?;
+    let sides = of_columns(path, places.sides(source))?;
     Ok(NodeTable { sides, ..NodeTable::of_tree(nodes) })
+}
+
+/// What was read of the statistics, or the error of reading them.
+pub(crate) fn of_columns<T>(path: &Path, read: Read<T>) -> Result<T, FormatError> {
+    read.map_err(io_error(path, "read its statistics"))?.map_err(|fault| fault.damaged(path))
 }

@@ -40,6 +40,34 @@ pub(crate) fn check(
     Ok(())
 }
 
+/// Checks a record of a table of `nodes` nodes, of which only a part is known: all but its parent
+/// and the cells of its children.
+pub(crate) fn check_node(
+    node: &Node,
+    index: u32,
+    nodes: u32,
+    layout: &PageLayout,
+    pages_end: u64,
+) -> Result<(), &'static str> {
+    check_record(node)?;
+    check_width(node, layout.schema().record_bytes() as u64)?;
+    check_page(node, layout, pages_end)?;
+    let children = node.children();
+    match node.child_count {
+        0 if node.first_child != 0 => Err("it has a child but no children"),
+        0 => Ok(()),
+        count
+            if count > 8
+                || node.first_child <= index
+                || children.end > nodes
+                || children.len() != usize::from(count) =>
+        {
+            Err("its children are not in the table behind it")
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Checks a record by itself.
 fn check_record(node: &Node) -> Result<(), &'static str> {
     let cell = node.cell();
@@ -110,7 +138,7 @@ fn check_links(table: &NodeTable, index: usize) -> Result<(), &'static str> {
 
 /// Checks that children are in different octants, in Morton order; a continuation is an only child
 /// of equal cell.
-fn check_cells(node: &Node, children: &[Node]) -> Result<(), &'static str> {
+pub(crate) fn check_cells(node: &Node, children: &[Node]) -> Result<(), &'static str> {
     let cell = node.cell();
     if let [only] = children
         && only.shape & SHAPE_CONTINUATION != 0

@@ -4,6 +4,7 @@
 //! its points.
 
 use crate::codec::Encoding;
+use crate::columns::check_parts;
 use crate::error::{Fault, FormatError};
 use crate::layout::{PageLayout, runs};
 use crate::page::Page;
@@ -56,7 +57,11 @@ pub fn verify(file: &EskerFile, task: &dyn Task) -> Result<VerifyReport, FormatE
     file.check_verbatim()?;
     let damaged = |fault: Fault| fault.damaged(file.path());
     check_pages_fill(file.table(), footer.table.offset).map_err(damaged)?;
-    let stored = file.statistics()?;
+    let bytes = file.statistics_bytes()?;
+    let nodes = file.table().nodes.len();
+    let stored = Statistics::decode(&bytes, file.layout().schema(), nodes).map_err(damaged)?;
+    check_parts(&bytes, file.table(), &stored).map_err(damaged)?;
+    drop(bytes);
     let sums = Mutex::new(Sums {
         points: 0,
         hash: MultisetHash::default(),

@@ -10,6 +10,7 @@ use crate::metadata::Metadata;
 use crate::sequential::{STACK_BYTES, Sequential};
 use crate::statistics::Statistics;
 use crate::table;
+use crate::table_parts::PartSizes;
 use esker_points::place::open_alone;
 use esker_points::positioned::read_exact_at;
 use esker_points::read_at::FileSource;
@@ -37,6 +38,7 @@ pub struct FileWriter {
     syncing: Option<JoinHandle<io::Result<()>>>,
     synced: u64,
     is_kept: bool,
+    part_sizes: PartSizes,
     _unfinished: Unfinished,
 }
 
@@ -104,10 +106,18 @@ impl FileWriter {
         }
         let file = open_alone(&partial, "build").map_err(io_error(path, "write it"))?;
         let out = Some(Sequential::new(file, &partial).map_err(io_error(path, "write it"))?);
-        let (path, syncing) = (path.into(), None);
+        let (path, syncing, part_sizes) = (path.into(), None, PartSizes::default());
         let _unfinished = Unfinished::new(&partial);
-        let mut writer =
-            Self { path, partial, out, syncing, synced: 0, is_kept: false, _unfinished };
+        let mut writer = Self {
+            path,
+            partial,
+            out,
+            syncing,
+            synced: 0,
+            is_kept: false,
+            part_sizes,
+            _unfinished,
+        };
         writer.write(&header(*VERSIONS.start()))?;
         Ok(writer)
     }
@@ -121,6 +131,11 @@ impl FileWriter {
     /// Sets whether the temporary file stays if the writer is dropped before its end.
     pub fn keep(&mut self, is_kept: bool) {
         self.is_kept = is_kept;
+    }
+
+    /// Sets how the node table can be read in parts.
+    pub fn set_part_sizes(&mut self, sizes: PartSizes) {
+        self.part_sizes = sizes;
     }
 
     /// Skips bytes that an earlier writer left, if they have this CRC-32; returns whether they do.
@@ -232,6 +247,8 @@ impl FileWriter {
         table::check_pages_fill(table, self.offset()).map_err(unwritable)?;
         statistics.check_shape(table, &metadata.schema).map_err(unwritable)?;
         metadata.check_classes(points).map_err(unwritable)?;
+        let has_parts = !table.nodes.is_empty() && table.nodes.len() >= self.part_sizes.from_nodes;
+        let columns = statistics.encode(table, has_parts.then_some(self.part_sizes));
         let mut footer = Footer {
             version: metadata.version(),
             points,
@@ -240,7 +257,7 @@ impl FileWriter {
             rounding_error_max: metadata.rounding_error_max(),
             node_capacity: metadata.node_capacity,
             table: self.section(bytemuck::cast_slice(&table.nodes))?,
-            statistics: self.section(&statistics.encode())?,
+            statistics: self.section(&columns)?,
             metadata: self.section(&json)?,
             verbatim: self.section(&verbatim)?,
             file_bytes: 0,

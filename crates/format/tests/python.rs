@@ -6,7 +6,7 @@
 mod mutate;
 mod tree;
 
-use esker_format::{EskerFile, verify};
+use esker_format::{EskerFile, PartSizes, verify};
 use esker_points::task::Silent;
 use mutate::Random;
 use std::fmt::Write;
@@ -59,7 +59,10 @@ fn both_readers_read_the_same_points() {
             metadata = tree::in_degrees(metadata);
         }
         metadata.set_aside = tree::set_aside(&metadata);
-        tree::write(&path, &metadata, &points, 60);
+        // Node tables that can be read in parts, of all sizes.
+        let part_nodes = 1 + number as u32;
+        let sizes = PartSizes { from_nodes: 1, part_nodes, top_nodes: 1 + 5 * number };
+        tree::write_parts(&path, &metadata, (&points, 60), sizes);
         let output = read(&python, &path, &["--csv", csv.to_str().unwrap()]);
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         assert!(output.status.success(), "{number}: {}", String::from_utf8_lossy(&output.stderr));
@@ -195,9 +198,12 @@ fn both_readers_accept_and_refuse_the_same_files() {
     tree::write(&path, &metadata, &points, 15);
     let samples = Path::new("../../data-format/samples");
     let degrees = folder.path().join("degrees.esker");
-    tree::write(&degrees, &tree::in_degrees(metadata), &points, 15);
+    tree::write(&degrees, &tree::in_degrees(metadata.clone()), &points, 15);
+    let parts = folder.path().join("parts.esker");
+    let sizes = PartSizes { from_nodes: 1, part_nodes: 4, top_nodes: 9 };
+    tree::write_parts(&parts, &metadata, (&points, 4), sizes);
     let samples_of_1 = ["all-kinds.esker", "forest-second.esker"].map(|name| samples.join(name));
-    let seeds = samples_of_1.into_iter().chain([path, degrees]);
+    let seeds = samples_of_1.into_iter().chain([path, degrees, parts]);
     let seeds: Vec<_> = seeds.map(|seed| contents(&seed)).collect();
     let wanted = std::env::var("ESKER_VERDICTS").ok().and_then(|n| n.parse().ok());
     let mut random = Random(0x9e37_79b9_7f4a_7c15);

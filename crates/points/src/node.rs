@@ -127,9 +127,15 @@ impl Node {
         Some(node)
     }
 
-    /// Indices of its children.
+    /// Indices of its children; none if they are not known ([`Node::lacks_children`]).
     pub fn children(&self) -> std::ops::Range<u32> {
         self.first_child..self.first_child.saturating_add(u32::from(self.child_count))
+    }
+
+    /// Whether it has children that are not in the table, of which only a part was read: its first
+    /// child is [`NONE`].
+    pub fn lacks_children(&self) -> bool {
+        self.child_count > 0 && self.first_child == NONE
     }
 
     /// The contour as numbers.
@@ -207,6 +213,9 @@ pub struct NodeTable {
     pub later_roots: Vec<u32>,
     /// [`Sides`] of the nodes: of the first nodes or of all.
     pub sides: Vec<Sides>,
+    /// Indices of the nodes in the table of their file, of which only a part was read; empty for
+    /// whole tables.
+    pub in_file: Vec<u32>,
 }
 
 /// Parts of a contour's sides that hold points, as [`Node::occupancy`] has for its plane: of 8 x 8
@@ -225,7 +234,9 @@ impl NodeTable {
 
     /// Bytes of a node in memory.
     pub fn bytes_a_node(&self) -> usize {
-        size_of::<Node>() + if self.sides.is_empty() { 0 } else { size_of::<Sides>() }
+        let sides = if self.sides.is_empty() { 0 } else { size_of::<Sides>() };
+        let in_file = if self.in_file.is_empty() { 0 } else { size_of::<u32>() };
+        size_of::<Node>() + sides + in_file
     }
 
     /// Bytes of all nodes in memory.
@@ -236,6 +247,11 @@ impl NodeTable {
     /// Sides of a node; all parts if the file does not have them.
     pub fn sides_of(&self, node: u32) -> Sides {
         self.sides.get(node as usize).copied().unwrap_or(ALL_SIDES)
+    }
+
+    /// Index of a node in the whole table: it does not depend on what else was read before it.
+    pub fn index_in_file(&self, node: u32) -> u32 {
+        self.in_file.get(node as usize).copied().unwrap_or(node)
     }
 
     /// Root of the first tree, if there is any node.

@@ -6,7 +6,7 @@
 
 use esker_format::{
     Codec, CrsRecord, FileWriter, Histograms, Metadata, NodeStatistics, Normals, PageLayout,
-    PagePoints, Ranges, SetAside, SourceRecord, Statistics, encode_page,
+    PagePoints, PartSizes, Ranges, SetAside, SourceRecord, Statistics, encode_page,
 };
 use esker_points::lattice::GridKind;
 use esker_points::node::{NONE, Node, SHAPE_CONTINUATION};
@@ -192,9 +192,20 @@ fn record(cell: Cell, parent: u32) -> Node {
 
 /// Writes a file of these points, with its pages in random order. Returns the table.
 pub fn write(path: &Path, metadata: &Metadata, points: &PagePoints, capacity: usize) -> NodeTable {
+    write_parts(path, metadata, (points, capacity), PartSizes::default())
+}
+
+/// [`write`] with a node table that can be read in parts of these sizes.
+pub fn write_parts(
+    path: &Path,
+    metadata: &Metadata,
+    (points, capacity): (&PagePoints, usize),
+    sizes: PartSizes,
+) -> NodeTable {
     let layout = metadata.layout();
     let (mut table, own) = build_tree(points, &metadata.lattice, capacity);
     let mut writer = FileWriter::create(path).unwrap();
+    writer.set_part_sizes(sizes);
     let parts: Vec<_> = own.iter().map(|o| take(points, &layout, o)).collect();
     for index in (0..parts.len()).rev() {
         let node = &mut table.nodes[index];
