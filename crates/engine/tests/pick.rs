@@ -415,7 +415,7 @@ fn the_search_alone_finds_the_picked_point() {
     for at in clicks(60) {
         let Some(depth) = depth_at(&picture, at) else { continue };
         let aim = Aim::new(&view, at, depth).unwrap();
-        let found = find(&file, &aim, &appearance.shown).unwrap().unwrap();
+        let found = find(&file, &aim, &appearance.shown, &mut Vec::new()).unwrap().unwrap();
         let picked = pick(&file, &view, at, depth, &appearance.shown).unwrap().unwrap();
         assert_eq!((found.node, found.point), (picked.node, picked.point));
         assert_eq!(found.position, picked.at());

@@ -19,13 +19,15 @@ const SHARES: [f64; 2] = [0.25, 0.75];
 
 /// Crowding of a view of the trees of `roots` in which points are drawn at most `target_spacing_px`
 /// apart where the file has that many: 0 if the points of its finest nodes are apart, 1 if they
-/// crowd. In between it is continuous.
+/// crowd. In between it is continuous. Adds nodes to `lacking` whose children are not in the table
+/// and would change it.
 pub fn crowding(
     table: &NodeTable,
     roots: impl Iterator<Item = u32>,
     lattice: &Lattice,
     view: &View,
     target_spacing_px: f64,
+    lacking: &mut Vec<u32>,
 ) -> f32 {
     if target_spacing_px >= APART_PX {
         return 0.0;
@@ -44,9 +46,11 @@ pub fn crowding(
             continue;
         }
         let spacing = spacing(node).min(above);
-        let is_coarse = spacing_px(spacing, subtree::distance(table, lattice, index, view.eye))
-            > target_spacing_px;
-        if node.child_count > 0 && is_coarse {
+        let distance = subtree::distance(table, lattice, index, view.eye, lacking);
+        let is_coarse = spacing_px(spacing, distance) > target_spacing_px;
+        if node.lacks_children() && is_coarse {
+            lacking.push(index);
+        } else if node.child_count > 0 && is_coarse {
             open.extend(children_below(table, index).map(|child| (child, spacing)));
             continue;
         }

@@ -45,12 +45,14 @@ pub fn select(
         projection: Projection::of(view),
         open: BinaryHeap::new(),
         visited: Vec::new(),
+        lacking: Vec::new(),
         selection: Selection::default(),
     };
     walk.visit_roots();
     while let Some(candidate) = walk.open.pop() {
         walk.visit(&candidate, u64::MAX);
     }
+    walk.selection.lack(walk.lacking);
     walk.selection
 }
 
@@ -60,6 +62,8 @@ struct Candidate {
     /// Distance, pixels, of the points that are wanted in its place without it.
     spacing_px: f64,
     node: u32,
+    /// Its index in the file, which does not depend on what is known of the table.
+    index: u32,
     /// Distance of the eye to its points and those below, or less; at least the near plane's.
     distance: f64,
     /// Effective spacing of its parent.
@@ -71,7 +75,7 @@ struct Candidate {
 impl Candidate {
     fn key(&self) -> (u64, Reverse<u32>) {
         // Bits of non-negative floats sort as the floats do.
-        (self.spacing_px.max(0.0).to_bits(), Reverse(self.node))
+        (self.spacing_px.max(0.0).to_bits(), Reverse(self.index))
     }
 }
 
@@ -124,6 +128,8 @@ struct Walk<'a, R> {
     projection: Projection,
     open: BinaryHeap<Candidate>,
     visited: Vec<Visited>,
+    /// Nodes whose children are wanted and not known.
+    lacking: Vec<u32>,
     selection: Selection,
 }
 
@@ -136,7 +142,7 @@ impl<R: Residency> Walk<'_, R> {
         table.roots().for_each(|root| self.open(root, f64::INFINITY, NO_PARENT));
         let mut seen = std::mem::take(&mut self.open).into_vec();
         if seen.len() > 1 {
-            seen.sort_by_cached_key(|root| (self.root_need(root), root.node));
+            seen.sort_by_cached_key(|root| (self.root_need(root), root.index));
         }
         for (i, candidate) in seen.iter().enumerate() {
             let left = self.points_left() / (seen.len() - i) as u64;
@@ -146,7 +152,10 @@ impl<R: Residency> Walk<'_, R> {
         for root in table.roots().filter(|root| !wanted.contains(root)) {
             let is_entered = seen.iter().any(|c| c.node == root);
             let place = self.visited.iter().position(|p| is_entered && p.node == root);
-            let place = place.unwrap_or_else(|| self.enter(&self.root(root)));
+            let place = place.unwrap_or_else(|| {
+                let candidate = self.root(root);
+                self.enter(&candidate)
+            });
             if self.fits(place) {
                 self.want(place, 0);
             }
@@ -163,16 +172,18 @@ impl<R: Residency> Walk<'_, R> {
     }
 
     /// A root as a candidate, in view or not.
-    fn root(&self, node: u32) -> Candidate {
+    fn root(&mut self, node: u32) -> Candidate {
         let distance = self.distance(node);
         let (spacing, spacing_px) = (f64::INFINITY, f64::INFINITY);
-        Candidate { spacing_px, node, distance, spacing, above: NO_PARENT }
+        let index = self.table.index_in_file(node);
+        Candidate { spacing_px, node, index, distance, spacing, above: NO_PARENT }
     }
 
     /// Distance of the eye to the points of a node and below it, or less; at least the near
     /// plane's.
-    fn distance(&self, node: u32) -> f64 {
-        subtree::distance(self.table, self.lattice, node, self.view.eye).max(self.view.near)
+    fn distance(&mut self, node: u32) -> f64 {
+        let Self { table, lattice, view, lacking, .. } = self;
+        subtree::distance(table, lattice, node, view.eye, lacking).max(view.near)
     }
 
     /// Points left of the budget.
@@ -203,7 +214,8 @@ impl<R: Residency> Walk<'_, R> {
             self.selection.counters.occluded += 1;
             return;
         }
-        self.open.push(Candidate { spacing_px, node: index, distance, spacing, above });
+        let (node, index) = (index, self.table.index_in_file(index));
+        self.open.push(Candidate { spacing_px, node, index, distance, spacing, above });
     }
 
     /// Whether a box, in whose place points of a spacing are drawn so far, is certainly hidden. A
@@ -403,6 +415,9 @@ impl<R: Residency> Walk<'_, R> {
         let target_px = self.options.target_spacing_px;
         if target_px > 0.0 && self.spacing_px(spacing, candidate.distance) <= target_px {
             return;
+        }
+        if self.table.nodes[candidate.node as usize].lacks_children() {
+            self.lacking.push(candidate.node);
         }
         for child in children_below(self.table, candidate.node) {
             self.open(child, spacing, place);

@@ -97,6 +97,18 @@ pub struct Selection {
     pub wanted_in_picture: usize,
     /// Those of the wanted nodes that are not resident, in the same order.
     pub missing: Vec<Missing>,
+    /// Nodes that lack their children ([`esker_points::Node::lacks_children`]), with which another
+    /// cut might be chosen: ascending, each once. Empty for whole tables.
+    pub lacking: Vec<u32>,
     /// Counters.
     pub counters: Counters,
+}
+
+impl Selection {
+    /// Notes nodes that lack their children.
+    pub(crate) fn lack(&mut self, nodes: Vec<u32>) {
+        self.lacking.extend(nodes);
+        self.lacking.sort_unstable();
+        self.lacking.dedup();
+    }
 }

@@ -18,23 +18,48 @@ pub(crate) fn children_below(table: &NodeTable, node: u32) -> impl Iterator<Item
     table.nodes[node as usize].children().filter(below)
 }
 
-/// Lower bound of the distance of the eye to the points of a node and of all nodes below it.
-pub(crate) fn distance(table: &NodeTable, lattice: &Lattice, node: u32, eye: DVec3) -> f64 {
-    let mut left = NODES_MAX;
-    bound(table, lattice, node, eye, &mut left)
+/// Lower bound of the distance of the eye to the points of a node and of all nodes below it. Adds
+/// nodes to `lacking` whose children are not in the table and would be examined.
+pub(crate) fn distance(
+    table: &NodeTable,
+    lattice: &Lattice,
+    node: u32,
+    eye: DVec3,
+    lacking: &mut Vec<u32>,
+) -> f64 {
+    Bound { table, lattice, eye, left: NODES_MAX, lacking }.of(node)
 }
 
-fn bound(table: &NodeTable, lattice: &Lattice, index: u32, eye: DVec3, left: &mut usize) -> f64 {
-    let node = &table.nodes[index as usize];
-    let cell = OrientedBox::of_cell(&node.cell(), lattice).distance(eye);
-    let own = OrientedBox::of_contour(node, lattice).distance(eye);
-    if cell >= CLOSE * own || *left < node.child_count as usize {
-        return cell;
+/// The search for a bound.
+struct Bound<'a> {
+    table: &'a NodeTable,
+    lattice: &'a Lattice,
+    eye: DVec3,
+    /// Nodes that may still be examined.
+    left: usize,
+    lacking: &'a mut Vec<u32>,
+}
+
+impl Bound<'_> {
+    fn of(&mut self, index: u32) -> f64 {
+        let (table, lattice, eye) = (self.table, self.lattice, self.eye);
+        let node = &table.nodes[index as usize];
+        let cell = OrientedBox::of_cell(&node.cell(), lattice).distance(eye);
+        let own = OrientedBox::of_contour(node, lattice).distance(eye);
+        if cell >= CLOSE * own || self.left < node.child_count as usize {
+            return cell;
+        }
+        if node.lacks_children() {
+            self.lacking.push(index);
+            return cell;
+        }
+        self.left -= node.child_count as usize;
+        let below = children_below(table, index);
+        let nearest =
+            below.fold(
+                own,
+                |least, child| if least <= cell { least } else { least.min(self.of(child)) },
+            );
+        nearest.max(cell)
     }
-    *left -= node.child_count as usize;
-    let below = children_below(table, index);
-    let nearest = below.fold(own, |least, child| {
-        if least <= cell { least } else { least.min(bound(table, lattice, child, eye, left)) }
-    });
-    nearest.max(cell)
 }

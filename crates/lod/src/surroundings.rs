@@ -74,6 +74,7 @@ pub fn surround(
         points_left: surroundings.points_budget,
         bytes_left: surroundings.bytes_budget.min(bytes_left),
         open: BinaryHeap::new(),
+        lacking: Vec::new(),
         selection,
     };
     let above = Above { spacing: f64::INFINITY, drawn_spacing: f64::INFINITY, is_resident: true };
@@ -81,6 +82,7 @@ pub fn surround(
     while let Some(candidate) = walk.open.pop() {
         walk.visit(&candidate);
     }
+    walk.selection.lack(walk.lacking);
 }
 
 /// The octree of a picture and its surroundings, for the radii of splats that light meets: entry
@@ -171,13 +173,15 @@ struct Candidate {
     /// Spacing of its ancestors' points over their distance.
     coarse: f64,
     node: u32,
+    /// Its index in the file, which does not depend on what is known of the table.
+    index: u32,
     above: Above,
 }
 
 impl Candidate {
     fn key(&self) -> (u64, Reverse<u32>) {
         // Bits of non-negative floats sort as the floats do.
-        (self.coarse.max(0.0).to_bits(), Reverse(self.node))
+        (self.coarse.max(0.0).to_bits(), Reverse(self.index))
     }
 }
 
@@ -211,6 +215,8 @@ struct Walk<'a, R> {
     points_left: u64,
     bytes_left: u64,
     open: BinaryHeap<Candidate>,
+    /// Nodes whose children are wanted and not known.
+    lacking: Vec<u32>,
     selection: &'a mut Selection,
 }
 
@@ -222,12 +228,14 @@ impl<R: Residency> Walk<'_, R> {
         }
         let coarse = above.spacing / self.distance(node);
         if above.spacing.is_infinite() || coarse > self.target {
-            self.open.push(Candidate { coarse, node, above });
+            let index = self.table.index_in_file(node);
+            self.open.push(Candidate { coarse, node, index, above });
         }
     }
 
-    fn distance(&self, node: u32) -> f64 {
-        subtree::distance(self.table, self.lattice, node, self.view.eye).max(self.nearest)
+    fn distance(&mut self, node: u32) -> f64 {
+        let Self { table, lattice, view, lacking, .. } = self;
+        subtree::distance(table, lattice, node, view.eye, lacking).max(self.nearest)
     }
 
     /// Takes a candidate that the picture has not taken, and opens the children of whole nodes.
@@ -292,7 +300,13 @@ impl<R: Residency> Walk<'_, R> {
         true
     }
 
-    fn missing(&self, candidate: &Candidate, node: &Node, prefix: usize, bytes: u64) -> Missing {
+    fn missing(
+        &mut self,
+        candidate: &Candidate,
+        node: &Node,
+        prefix: usize,
+        bytes: u64,
+    ) -> Missing {
         let distance = OrientedBox::of_contour(node, self.lattice).distance(self.view.eye);
         let apart = candidate.above.drawn_spacing / self.distance(candidate.node);
         let spacing_px = apart * self.view.focal_px();
@@ -301,6 +315,9 @@ impl<R: Residency> Walk<'_, R> {
 
     fn open_children(&mut self, index: u32, above: Above) {
         let table = self.table;
+        if table.nodes[index as usize].lacks_children() {
+            self.lacking.push(index);
+        }
         for child in children_below(table, index) {
             self.open(child, above);
         }

@@ -25,7 +25,14 @@ fn view(tree: &Tree, reach: f64) -> View {
 }
 
 fn of(tree: &Tree, reach: f64, target_px: f64) -> f32 {
-    crowding(&tree.table, tree.table.roots(), &tree.lattice, &view(tree, reach), target_px)
+    crowding(
+        &tree.table,
+        tree.table.roots(),
+        &tree.lattice,
+        &view(tree, reach),
+        target_px,
+        &mut Vec::new(),
+    )
 }
 
 proptest! {

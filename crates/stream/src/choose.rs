@@ -394,7 +394,10 @@ impl Chooser {
             surroundings,
             counters: selection.counters,
             drawing_bytes: self.extent_bytes,
-            complete: selection.missing.is_empty() && !misses_residual && self.shows_newest(),
+            complete: selection.missing.is_empty()
+                && selection.lacking.is_empty()
+                && !misses_residual
+                && self.shows_newest(),
             settled: false,
             lod_ms: began.elapsed().as_secs_f64() * 1000.0,
         }

@@ -284,7 +284,8 @@ fn cold_plane(planes: &Planes, node: u32, kind: PlaneKind, bytes: u64) -> Result
     match planes.get(kind) {
         Some(plane) if plane.len() as u64 == bytes => Ok(plane.to_vec()),
         _ => {
-            let (path, index) = (forest.file_of(node).path(), forest.name_of(node).index);
+            let (file, index) = (forest.file_of(node), forest.name_of(node).index);
+            let (path, index) = (file.path(), file.table().index_in_file(index));
             Err(format!("{}: node {index} has no whole plane {kind:?}", path.display()))
         }
     }

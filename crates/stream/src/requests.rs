@@ -66,26 +66,36 @@ impl Chooser {
             let request = self.request(candidate.node, slots, &planes, test);
             if candidate.is_around { around.push(request) } else { requests.push(request) }
         }
-        self.request_links(choice, &mut requests);
+        let mut links = self.request_links(choice);
+        links.append(&mut requests);
         let planes = self.planes.clone();
-        self.send(&planes, requests, around);
+        self.send(&planes, links, around);
         unplaced == 0
     }
 
-    /// Requests what is below the nodes in view that stand for more of a tree.
-    fn request_links(&mut self, choice: &Choice, requests: &mut Vec<LoadRequest>) {
-        if !self.planes.forest.is_growing() {
-            return;
+    /// Requests for what is below the nodes in view that stand for more of a tree, and for the
+    /// children that nodes lack. They come before all others: they are short, and what is to be
+    /// read next depends on them.
+    fn request_links(&mut self, choice: &Choice) -> Vec<LoadRequest> {
+        let (mut requests, forest) = (Vec::new(), &self.planes.forest);
+        if !forest.grows() {
+            return requests;
         }
-        let planes = self.planes.clone();
-        let (asked, now) = (self.requests.values().map(|r| r.node), Instant::now());
-        let asked: HashSet<u32> = asked.collect();
-        let links = choice.selection.hidden.iter().map(|hidden| hidden.node);
-        for node in links.filter(|&node| planes.is_link(node) && !asked.contains(&node)) {
+        let (planes, is_partial) = (self.planes.clone(), forest.is_partial());
+        let (asked, now) = (self.requests.values(), Instant::now());
+        let asked: HashSet<u32> =
+            asked.filter(|r| !is_partial || r.planes.is_empty()).map(|r| r.node).collect();
+        let hidden = choice.selection.hidden.iter().map(|hidden| hidden.node);
+        let links = hidden.filter(|&node| planes.is_link(node));
+        // Where they are is not all that the choice depends on.
+        let lacking = choice.selection.lacking.iter().map(|&node| (node, VisibilityTest::Always));
+        let links = links.map(|node| (node, VisibilityTest::Cell)).chain(lacking);
+        for (node, test) in links.filter(|(node, _)| !asked.contains(node)) {
             if self.requests.len() < REQUESTS_MAX && self.retries.may_request(node, now) {
-                requests.push(self.request(node, Vec::new(), &planes, VisibilityTest::Cell));
+                requests.push(self.request(node, Vec::new(), &planes, test));
             }
         }
+        requests
     }
 
     /// Whether a node has a plane that is neither resident nor requested in the form of `planes`.

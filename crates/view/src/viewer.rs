@@ -120,7 +120,7 @@ impl Viewer {
         tools.pick.set_measure(Measure::of(measurements, |p| file.lattice().measure(p)));
         let annotations = opened.scene.annotations();
         let placed = |of: &Annotation| (of.text.clone(), file.lattice().measure(of.at).into());
-        let [points, nodes] = [file.points(), file.table().nodes.len() as u64].map(grouped);
+        let [points, nodes] = [file.points(), file.nodes()].map(grouped);
         Self {
             scene: None,
             camera: views.first(args.size),

@@ -47,7 +47,7 @@ pub(super) fn measure(
     let empty_rss_bytes = usage().rss_peak_bytes;
     let forest = match open_copc(file_path, &esker_builder::Options::default())? {
         Some(forest) => forest,
-        None => Forest::open(file_path)?,
+        None => Forest::open_in_parts(file_path)?,
     };
     let file = Arc::new(forest);
     let path = match &request.path {

@@ -34,8 +34,7 @@ pub fn occurring(forest: &Forest) -> Result<Vec<ClassCount>> {
         let schema = &file.metadata().schema;
         let index = schema.find_typed(names::CLASSIFICATION, AttrType::U8);
         let Some(index) = index.filter(|_| file.footer().points > 0) else { continue };
-        let statistics = file.statistics()?;
-        let histograms = statistics.histograms();
+        let histograms = file.histograms()?;
         let counts = histograms.counts(index);
         let counted = counts.iter().sum::<u64>().max(1);
         let all = if file.is_growing() { file.footer().points } else { counted };

@@ -181,7 +181,7 @@ fn named_colouring(
             along(file, request, vertical, &name, bounds, shown)
         }
         "level" | "cell" | "node" => without_range(Colouring {
-            legend: Legend { entries: cell_entries(file, shown), ..Legend::named("level") },
+            legend: Legend { entries: cell_entries(file, shown)?, ..Legend::named("level") },
             ..Colouring::plain(ColourBy::Cell, "level")
         }),
         "normal" | "normals" if !file.has(PlaneKind::Normal) => {
@@ -296,10 +296,10 @@ pub fn offered(file: &Forest) -> Result<Vec<String>> {
 fn has_colours(file: &Forest) -> Result<bool> {
     let colours = [names::RED, names::GREEN, names::BLUE];
     for file in file.files() {
-        let statistics = file.statistics()?;
+        let histograms = file.histograms()?;
         let attributes = file.metadata().schema.attributes.iter().enumerate();
         let mut indices = attributes.filter(|(_, a)| colours.contains(&a.name.as_str()));
-        if indices.any(|(i, _)| statistics.histograms().ranges().of(i).1 > 0.0) {
+        if indices.any(|(i, _)| histograms.ranges().of(i).1 > 0.0) {
             return Ok(true);
         }
     }
@@ -342,7 +342,7 @@ pub fn is_one_scan(file: &Forest) -> Result<bool> {
     let attributes = only.metadata().schema.attributes.iter().enumerate();
     let mut indices = attributes.filter(|&(i, a)| plane_of(&a.name, a.ty, i) == kind);
     let Some((index, _)) = indices.next() else { return Ok(false) };
-    let (least, greatest) = only.statistics()?.histograms().ranges().of(index);
+    let (least, greatest) = only.histograms()?.ranges().of(index);
     Ok(least == greatest)
 }
 
@@ -555,7 +555,14 @@ impl<'a> AttributeColours<'a> {
 }
 
 /// Edges of the cells of nodes that `shown` accepts, the largest first, in the scan's unit.
-fn cell_entries(file: &Forest, shown: &ForestFilter) -> Vec<LegendEntry> {
+///
+/// # Errors
+/// If the whole node table cannot be read.
+fn cell_entries(file: &Forest, shown: &ForestFilter) -> Result<Vec<LegendEntry>> {
+    if file.is_partial() {
+        let whole = file.whole()?;
+        return cell_entries(&whole, &shown.of_other(&whole)?);
+    }
     let nodes = (0u32..).zip(&file.table().nodes);
     let kept = nodes.filter(|&(index, _)| shown.points_max(index) > 0);
     let sizes: BTreeSet<u8> = kept.map(|(_, node)| node.cell_log2).collect();
@@ -564,7 +571,7 @@ fn cell_entries(file: &Forest, shown: &ForestFilter) -> Vec<LegendEntry> {
         let rgb = srgb(hue(u32::from(log2)));
         LegendEntry { value: log2.into(), name: format!("edge {}", short(edge)), rgb }
     };
-    sizes.into_iter().rev().map(entry).collect()
+    Ok(sizes.into_iter().rev().map(entry).collect())
 }
 
 /// Labels of bytes.
@@ -579,17 +586,21 @@ fn label_entries(what: &str, values: &[u8], coding: Coding) -> Vec<LegendEntry> 
 
 /// Classes of the points in nodes that `shown` accepts.
 fn class_entries(forest: &Forest, shown: &ForestFilter) -> Result<Vec<LegendEntry>> {
+    if forest.is_partial() && shown.is_filtered() {
+        let whole = forest.whole()?;
+        return class_entries(&whole, &shown.of_other(&whole)?);
+    }
     let (mut bits, mut first) = ([0u64; 4], 0);
     for file in forest.files() {
-        let statistics = file.statistics()?;
-        let nodes = file.table().nodes.len() as u32;
-        if file.is_growing() {
-            // Nodes whose points are not known may have any class.
+        if file.is_growing() || file.is_partial() {
+            // Nodes whose points are not known may have any class of the file.
             for ClassCount { class, .. } in occurring(forest)? {
                 bits[usize::from(class >> 6)] |= 1 << (class & 63);
             }
             continue;
         }
+        let statistics = file.statistics()?;
+        let nodes = file.table().nodes.len() as u32;
         for node in (0..nodes).filter(|node| shown.points_max(first + node) > 0) {
             let own = statistics.own_classes(node).unwrap_or_default();
             bits.iter_mut().zip(own).for_each(|(all, own)| *all |= own);

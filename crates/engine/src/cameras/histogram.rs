@@ -159,7 +159,7 @@ fn of_returns(forest: &Forest, attribute: usize, part: Part) -> Result<Option<Hi
 fn of_places(forest: &Forest, vertical: Vertical) -> Result<Option<Histogram>> {
     let (axis, mut values) = (vertical.axis, Vec::new());
     let factor = forest.lattice().factor[axis];
-    for index in 0..forest.table().nodes.len() as u32 {
+    for index in forest.overview().into_iter().map(|of| of.node) {
         let planes = forest.read_planes(index, &[PlaneKind::Position, PlaneKind::Residual])?;
         let (node, [min, _]) = (forest.record(index), forest.record(index).own_box());
         let points = planes.get(PlaneKind::Position).unwrap_or_default();
@@ -200,16 +200,16 @@ fn of_attribute(forest: &Forest, colours: &AttributeColours<'_>) -> Result<Optio
     for file in forest.files() {
         let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
         let Some(index) = index.filter(|_| file.footer().points > 0) else { continue };
-        let statistics = file.statistics()?;
-        let counts = statistics.histograms().counts(index);
-        let (low, high) = statistics.histograms().ranges().of(index);
+        let histograms = file.histograms()?;
+        let counts = histograms.counts(index);
+        let (low, high) = histograms.ranges().of(index);
         if low > high {
             continue;
         }
         if is_whole && high - low < counts.len() as f64 {
             // Whole numbers have a bin each.
             for value in low as i64..=high as i64 {
-                let bin = statistics.histograms().bin_of(index, value as f64);
+                let bin = histograms.bin_of(index, value as f64);
                 let value = shown(value as f64);
                 all.add([value, value], bin.map_or(0.0, |bin| counts[bin] as f64));
             }

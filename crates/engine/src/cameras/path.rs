@@ -208,6 +208,9 @@ impl ViewRecord {
 /// Place that is scanned densely, and the spacing there: the first node, by spacing, that completes
 /// a tenth of all points.
 fn dense_place(file: &Forest) -> Option<(DVec3, f64)> {
+    // Without the rest of the table, of its top.
+    let whole = file.whole().ok();
+    let file = whole.as_ref().unwrap_or(file);
     let mut nodes: Vec<_> = file.table().nodes.iter().filter(|n| n.spacing > 0.0).collect();
     nodes.sort_by(|a, b| a.spacing.total_cmp(&b.spacing));
     let points: usize = nodes.iter().map(|n| n.points()).sum();

@@ -4,7 +4,7 @@
 
 use crate::cameras::ranges::{COARSE, outer};
 use anyhow::Result;
-use esker_format::{Forest, ForestFilter, PlaneKind};
+use esker_format::{Forest, ForestFilter, OverviewNode, PlaneKind};
 use esker_points::Node;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
 
@@ -79,18 +79,22 @@ struct Places {
     axis: usize,
     /// Ranges of places, and how many points are evenly spread over each.
     spread: Vec<([f64; 2], f64)>,
-    /// Places that were read.
-    exact: Vec<f64>,
+    /// Places that were read, and how many points each stands for.
+    exact: Vec<(f64, f64)>,
 }
 
 impl Places {
     /// Places of the points that `shown` accepts.
     fn of(forest: &Forest, shown: &ForestFilter, axis: usize) -> Result<Self> {
-        let nodes = (0u32..).zip(&forest.table().nodes);
-        let mut nodes: Vec<_> = nodes
-            .map(|(index, node)| {
-                let points = node.points().min(shown.points_max(index));
-                (index, extent(forest, node, axis), points)
+        let mut nodes: Vec<_> = forest
+            .overview()
+            .into_iter()
+            .map(|OverviewNode { node, points_below, .. }| {
+                let record = forest.record(node);
+                let own = record.points().min(shown.points_max(node));
+                let is_below = points_below > 0 && !shown.rejects_subtree(node);
+                let points = own as u64 + if is_below { points_below } else { 0 };
+                (node, extent(forest, record, axis), points)
             })
             .filter(|(.., points)| *points > 0)
             .collect();
@@ -103,7 +107,7 @@ impl Places {
             _ => *all.select_nth_unstable_by(middle, f64::total_cmp).1,
         };
         // Those on which the range depends most are read.
-        let weight = |&(_, of, points): &(u32, [f64; 2], usize)| match length(of) > LONG * usual {
+        let weight = |&(_, of, points): &(u32, [f64; 2], u64)| match length(of) > LONG * usual {
             true => length(of) * points as f64,
             false => -1.0,
         };
@@ -116,7 +120,10 @@ impl Places {
         for (i, node) in nodes.into_iter().enumerate() {
             let (index, of, points) = node;
             if i < LONG_READ && weight(&node) >= 0.0 {
-                known.read(forest, shown, index, points)?;
+                // Points below it are where its own are.
+                let own = forest.record(index).points().min(shown.points_max(index));
+                let weight = if own > 0 { points as f64 / own as f64 } else { 0.0 };
+                known.read(forest, shown, index, (own, weight))?;
             } else {
                 known.spread.push((of, points as f64));
             }
@@ -124,13 +131,14 @@ impl Places {
         Ok(known)
     }
 
-    /// Reads the places of the first `points` points of a node that the filter does not hide.
+    /// Reads the places of the first `points` points of a node that the filter does not hide; each
+    /// counts `weight` times.
     fn read(
         &mut self,
         forest: &Forest,
         shown: &ForestFilter,
         index: u32,
-        points: usize,
+        (points, weight): (usize, f64),
     ) -> Result<()> {
         let (node, axis) = (forest.record(index), self.axis);
         // In a box that a stray has stretched, hot positions alone are coarse.
@@ -144,7 +152,7 @@ impl Places {
             let hot = u16::from_le_bytes([point[2 * axis], point[2 * axis + 1]]);
             let low = read_residual(residual, i, node.hot_shift)[axis];
             let steps = exact(hot, low, min[axis], node.hot_shift);
-            forest.metric().world_axis(axis, f64::from(steps))
+            (forest.metric().world_axis(axis, f64::from(steps)), weight)
         }));
         Ok(())
     }
@@ -155,9 +163,9 @@ impl Places {
         let mut counts = [0.0; BINS + 2];
         let place = |at: f64| (at - low) / (high - low) * BINS as f64 + 1.0;
         let bin = |place: f64| (place.max(0.0) as usize).min(BINS + 1);
-        for &at in &self.exact {
+        for &(at, weight) in &self.exact {
             // The greatest place belongs to the last bin.
-            counts[if at == high { BINS } else { bin(place(at)) }] += 1.0;
+            counts[if at == high { BINS } else { bin(place(at)) }] += weight;
         }
         for &([from, to], points) in &self.spread {
             let (from, to) = (place(from), place(to));
@@ -209,7 +217,8 @@ mod tests {
         let (low, high) = tower.central((0.0, 50.0), STRAYS);
         assert!(low < 0.06 && high > 48.9, "{low} {high}");
         // A stray far above, and the range around what is left.
-        let exact: Vec<f64> = (0..10_000).map(|i| f64::from(i) * 0.001).chain([1e6]).collect();
+        let exact = (0..10_000).map(|i| f64::from(i) * 0.001).chain([1e6]);
+        let exact: Vec<_> = exact.map(|at| (at, 1.0)).collect();
         let known = Places { exact, ..Places::default() };
         let (low, high) = known.central((0.0, 1e6), STRAYS);
         assert!(low == 0.0 && high < 1000.0);

@@ -34,13 +34,18 @@ pub(crate) fn plane_of(name: &str, ty: AttrType, index: usize) -> PlaneKind {
 /// # Errors
 /// If statistics cannot be read.
 pub fn of_attribute(forest: &Forest, number: usize, shown: &ForestFilter) -> Result<(f64, f64)> {
+    if forest.is_partial() && shown.is_filtered() {
+        // The values of all nodes count that the filter accepts.
+        let whole = forest.whole()?;
+        return of_attribute(&whole, number, &shown.of_other(&whole)?);
+    }
     let attribute = &forest.schema().attributes[number];
     let (mut range, mut first) = (None, 0);
     for file in forest.files() {
         let nodes = file.table().nodes.len() as u32;
         let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
         if let Some(index) = index.filter(|_| file.footer().points > 0) {
-            range = joined(range, within(file, index, shown, first)?);
+            range = joined(range, within(forest, file, index, (shown, first))?);
         }
         first += nodes;
     }
@@ -62,7 +67,7 @@ pub fn whole(forest: &Forest, attribute: usize) -> Result<Option<(f64, f64)>> {
     for file in forest.files() {
         let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
         if let Some(index) = index.filter(|_| file.footer().points > 0) {
-            let of = file.statistics()?.histograms().ranges().of(index);
+            let of = file.histograms()?.ranges().of(index);
             range = joined(range, (of.0 <= of.1).then_some(of));
         }
     }
@@ -88,8 +93,7 @@ pub fn points_of_bytes(forest: &Forest, attribute: usize) -> Result<[u64; 1 << u
     for file in forest.files() {
         let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
         let Some(index) = index.filter(|_| file.footer().points > 0) else { continue };
-        let statistics = file.statistics()?;
-        let histograms = statistics.histograms();
+        let histograms = file.histograms()?;
         let counts = histograms.counts(index);
         for (value, points) in (0u8..).zip(&mut points) {
             // Bytes have a bin each.
@@ -110,8 +114,7 @@ pub fn whole_numbers_of(forest: &Forest, number: usize) -> Result<(Vec<u32>, boo
     for file in forest.files() {
         let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
         let Some(index) = index.filter(|_| file.footer().points > 0) else { continue };
-        let statistics = file.statistics()?;
-        let histograms = statistics.histograms();
+        let histograms = file.histograms()?;
         let (low, high) = histograms.ranges().of(index);
         // Whole numbers have a bin each.
         let is_whole = !matches!(attribute.ty, AttrType::F32 | AttrType::F64);
@@ -157,7 +160,8 @@ fn of_sample(
     Ok((end(values.get(strays)), end(values.iter().rev().nth(strays))))
 }
 
-/// Values of the first nodes, whose points are evenly spread, and whether these are all nodes.
+/// Values of the first nodes, whose points are evenly spread, and whether these are all nodes. Of
+/// large files, the first ones of their overview.
 pub(super) fn sample(
     forest: &Forest,
     kind: PlaneKind,
@@ -165,15 +169,17 @@ pub(super) fn sample(
     shown: &ForestFilter,
 ) -> Result<(Vec<f64>, bool)> {
     let mut values = Vec::new();
-    let nodes = 0..forest.table().nodes.len() as u32;
+    let nodes = forest.overview();
+    let is_whole = nodes.len() as u64 == forest.nodes();
+    let nodes = nodes.into_iter().map(|of| of.node).filter(|&node| shown.points_max(node) > 0);
     let mut left = SAMPLE;
-    let first = nodes.clone().filter(|&node| shown.points_max(node) > 0).take_while(|&node| {
+    let first = nodes.clone().take_while(|&node| {
         let is_read = left > 0;
         left = left.saturating_sub(forest.record(node).points());
         is_read
     });
     forest.will_read_planes(first, &[kind]);
-    for node in nodes.filter(|&node| shown.points_max(node) > 0) {
+    for node in nodes {
         let planes = forest.read_planes(node, &[kind])?;
         let plane = planes.get(kind).unwrap_or_default().chunks_exact(ty.size());
         values.extend(plane.map(|value| ty.to_f64(value)).filter(|&value| is_value(value)));
@@ -181,7 +187,7 @@ pub(super) fn sample(
             return Ok((values, false));
         }
     }
-    Ok((values, true))
+    Ok((values, is_whole))
 }
 
 fn joined(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {
@@ -191,15 +197,14 @@ fn joined(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {
     }
 }
 
-/// Range in one file; `first` is the index of its first node in the table of the forest.
+/// Range in one file of a forest; `first` is the index of its first node in the forest's table.
 fn within(
+    forest: &Forest,
     file: &EskerFile,
     attribute: usize,
-    shown: &ForestFilter,
-    first: u32,
+    (shown, first): (&ForestFilter, u32),
 ) -> Result<Option<(f64, f64)>> {
-    let statistics = file.statistics()?;
-    let histograms = statistics.histograms();
+    let histograms = file.histograms()?;
     let whole = histograms.ranges().of(attribute);
     if whole.0 > whole.1 {
         return Ok(None);
@@ -208,12 +213,16 @@ fn within(
     let bin = (whole.1 - whole.0) / counts.len() as f64;
     let mut range = central(whole, counts);
     if range.1 - range.0 < (whole.1 - whole.0) * COARSE {
-        range = within_bins(file, attribute, range, bin)?;
+        let last = first + file.table().nodes.len() as u32;
+        let nodes = forest.overview().into_iter().map(|of| of.node);
+        let nodes = nodes.filter(|node| (first..last).contains(node)).map(|node| node - first);
+        range = within_bins(file, nodes, attribute, range, bin)?;
     }
     let (low, high) = range;
     if !shown.is_filtered() {
         return Ok(Some((low, high)));
     }
+    let statistics = file.statistics()?;
     let nodes = 0..file.table().nodes.len() as u32;
     let wanted = nodes.filter(|&node| shown.points_max(first + node) > 0);
     let kept = wanted.filter_map(|node| statistics.own(node, attribute));
@@ -224,9 +233,10 @@ fn within(
 }
 
 /// Moves the ends of a range, which are those of bins, to the outermost values in these bins, if
-/// the first nodes have any.
+/// the first ones of `nodes` have any.
 fn within_bins(
     file: &EskerFile,
+    nodes: impl Iterator<Item = u32>,
     attribute: usize,
     (low, high): (f64, f64),
     bin: f64,
@@ -234,7 +244,7 @@ fn within_bins(
     let of = &file.metadata().schema.attributes[attribute];
     let kind = plane_of(&of.name, of.ty, attribute);
     let (mut least, mut greatest, mut read) = (f64::INFINITY, f64::NEG_INFINITY, 0);
-    for node in 0..file.table().nodes.len() as u32 {
+    for node in nodes {
         if read >= SAMPLE {
             break;
         }

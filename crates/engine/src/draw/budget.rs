@@ -10,7 +10,7 @@ use crate::light;
 use anyhow::{Result, ensure};
 use esker_format::{EskerFile, Footer, Forest};
 use esker_lod::Surroundings;
-use esker_points::Node;
+use esker_points::{Filter, Node};
 use esker_render::gpu::NodePool;
 use esker_render::gpu::passes::ewa::BatchCapacity;
 use esker_render::gpu::splats::SPLATS_MAX;
@@ -103,7 +103,11 @@ impl Shares {
                 + footer.metadata.bytes * 2
                 + footer.statistics.bytes * 2
         };
-        let tree_bytes = file.files().map(|file| of(file.footer())).sum::<u64>();
+        let of = |file: &EskerFile| match file.is_partial() {
+            true => partial_bytes(file, &options.settings),
+            false => of(file.footer()),
+        };
+        let tree_bytes = file.files().map(of).sum::<u64>();
         let tree_bytes = tree_bytes + growth_bytes(file);
         let unlit = PIXEL_BYTES + if evens_exposure { EXPOSURE_PIXEL_BYTES } else { 0 };
         let pixel_bytes = lit_pixel_bytes.unwrap_or(unlit);
@@ -146,6 +150,19 @@ impl Shares {
 /// that are in memory at a time: of the tree, of the choice, of the cut and of the next one.
 const GROWN_NODE_POINTS: u64 = 1 << 14;
 const GROWN_TABLES: u64 = 4;
+
+/// Nodes of a partial table that a session has room for, some six thousand million points.
+const PARTIAL_NODES: u64 = 1 << 18;
+
+/// Bytes of a file of whose table a part is known. Statistics are read only for filters.
+fn partial_bytes(file: &EskerFile, settings: &Settings) -> u64 {
+    let footer = file.footer();
+    let nodes = footer.nodes.min(PARTIAL_NODES.max(file.table().nodes.len() as u64));
+    let is_filtered = settings.filter != Filter::default();
+    let statistics = if is_filtered { footer.statistics.bytes * 2 } else { 0 };
+    let node_bytes = file.table().bytes_a_node() as u64;
+    nodes * (node_bytes * GROWN_TABLES + NODE_BYTES) + footer.metadata.bytes * 2 + statistics
+}
 
 /// Bytes that a tree which grows takes beside its present table: the pages that it keeps, and the
 /// tables to come. Zero for files.
@@ -214,7 +231,7 @@ impl GpuShares {
     pub fn of(file: &Forest, options: &Options) -> Result<Self> {
         let [width, height] = options.size.map(u64::from);
         let is_lit = options.settings.method == Method::Lit;
-        let known = if file.is_growing() { usize::MAX } else { file.table().nodes.len() };
+        let known = if file.is_growing() { usize::MAX } else { file.nodes() as usize };
         let nodes = known.min(options.nodes_max) as u64;
         let pixel_bytes = GPU_PIXEL_BYTES
             + if options.settings.evens_exposure { EXPOSURE_PIXEL_BYTES } else { 0 };

@@ -39,6 +39,10 @@ pub fn check_wanted(file: &Forest, shown: &ForestFilter) -> Result<()> {
     if points == 0 || !shown.is_filtered() {
         return Ok(());
     }
+    if file.is_partial() {
+        let whole = file.whole()?;
+        return check_wanted(&whole, &shown.of_other(&whole)?);
+    }
     for node in 0..file.table().nodes.len() as u32 {
         if has_wanted(file, shown, node)? {
             return Ok(());

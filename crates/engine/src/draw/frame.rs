@@ -11,7 +11,7 @@ use crate::draw::options::Settings;
 use crate::light::class_plane;
 use crate::light::settings::LightSettings;
 use anyhow::{Context, Result};
-use esker_format::{Forest, ForestFilter, PlaneKind};
+use esker_format::{Forest, ForestFilter, OverviewNode, PlaneKind};
 use esker_lod::{CompactOctree, Options, View, crowding, share_above};
 use esker_points::{Codes, Coding, Filter, NodeTable};
 use esker_render::inputs::camera::is_drawable;
@@ -57,7 +57,7 @@ pub struct Appearance {
 const NEAR_SPACINGS: f64 = 0.1;
 /// The near plane is at most `DENSE_SPACINGS` times as far as that of the densest part that has
 /// 1 / `DENSE_SHARE` of the points.
-const DENSE_SHARE: usize = 16;
+const DENSE_SHARE: u64 = 16;
 const DENSE_SPACINGS: f64 = 8.0;
 /// About how many leaves give the typical distance of points.
 const NEAR_LEAVES: usize = 1 << 13;
@@ -211,11 +211,21 @@ impl Appearance {
 
     /// How crowded a view is ([`esker_lod::crowding`]).
     pub fn crowding(&self, file: &Forest, view: &View) -> f32 {
+        self.crowding_lacking(file, view, &mut Vec::new())
+    }
+
+    /// How crowded a view is; adds nodes to `lacking` whose children would change it.
+    pub(crate) fn crowding_lacking(
+        &self,
+        file: &Forest,
+        view: &View,
+        lacking: &mut Vec<u32>,
+    ) -> f32 {
         if self.method.passes() != Passes::PullPush {
             return 0.0;
         }
         let roots = file.table().roots().filter(|root| !self.shown.leaves_out(*root));
-        crowding(file.table(), roots, file.metric(), view, self.target_spacing_px)
+        crowding(file.table(), roots, file.metric(), view, self.target_spacing_px, lacking)
     }
 
     /// How points look that are drawn alone, and whether they are mixed with surfaces.
@@ -362,16 +372,18 @@ fn near(file: &Forest, shown: &ForestFilter) -> f64 {
         let least = steps.flatten().fold(f64::INFINITY, f64::min);
         return (least * NEAR_STEPS).max(f64::from(f32::MIN_POSITIVE));
     }
-    let nodes = (0u32..).zip(&file.table().nodes).filter(|(index, _)| !shown.leaves_out(*index));
-    let every = nodes.clone().count() / NEAR_LEAVES + 1;
-    let leaves = nodes.map(|(_, node)| node).filter(|node| node.child_count == 0);
+    let nodes: Vec<_> = file.overview().into_iter().filter(|n| !shown.leaves_out(n.node)).collect();
+    let every = nodes.len() / NEAR_LEAVES + 1;
+    // Of a node that stands for those below it, nearly all points are below it.
+    let points = |node: &OverviewNode| node.points_below.max(node.points);
+    let leaves =
+        nodes.iter().filter_map(|node| Some((f64::from(node.leaf_spacing?), points(node))));
     // A sample of the leaves of a large file.
     let leaves = leaves.step_by(every);
-    let leaves = leaves.map(|node| (f64::from(node.spacing), node.points()));
     let mut leaves: Vec<_> = leaves.filter(|&(spacing, _)| is_sound(spacing)).collect();
     leaves.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    let all = leaves.iter().map(|leaf| leaf.1).sum::<usize>();
-    let quantile = |mut left: usize| {
+    let all = leaves.iter().map(|leaf| leaf.1).sum::<u64>();
+    let quantile = |mut left: u64| {
         let of = leaves.iter().find(|(_, points)| {
             let is_quantile = left < *points;
             left = left.saturating_sub(*points);

@@ -191,7 +191,7 @@ pub fn open_together(inputs: &[PathBuf], offsets: &[[f64; 3]]) -> Result<Option<
         );
         return Ok(None);
     }
-    let open = |(at, path): (usize, &PathBuf)| Ok((Forest::open(path)?, offset(at)));
+    let open = |(at, path): (usize, &PathBuf)| Ok((Forest::open_in_parts(path)?, offset(at)));
     let mut clouds = inputs.iter().enumerate().map(open).collect::<Result<Vec<_>>>()?;
     match &clouds[..] {
         [] => Ok(None),
@@ -201,7 +201,8 @@ pub fn open_together(inputs: &[PathBuf], offsets: &[[f64; 3]]) -> Result<Option<
 }
 
 /// Makes what a picture needs of a tree whose nodes become known when they are read
-/// ([`esker_format::growing`]). `None` if it is known already.
+/// ([`esker_format::growing`]), or reads it of a node table that is partly known. `None` if it is
+/// known already.
 ///
 /// # Errors
 /// If nodes cannot be read, or as for [`PictureScene::choose`].
@@ -211,16 +212,17 @@ pub fn completed(
     task: &dyn Task,
 ) -> Result<Option<Forest>> {
     let mut grown = None;
-    if !file.is_growing() {
+    if !file.grows() {
         return Ok(grown);
     }
     loop {
         task.check()?;
         let newest = grown.as_ref().unwrap_or(file);
-        let Selection { drawn, hidden, surroundings, .. } =
+        let Selection { drawn, hidden, surroundings, lacking, .. } =
             PictureScene::choose(newest, request)?.selection;
         let nodes = drawn.iter().chain(&hidden).chain(&surroundings).map(|d| d.node);
-        newest.complete(&nodes.collect::<Vec<_>>())?;
+        let unknown = if newest.is_partial() { lacking } else { nodes.collect() };
+        newest.complete(&unknown)?;
         match newest.newer() {
             Some(newer) => grown = Some(newer),
             None => return Ok(grown),
@@ -341,7 +343,8 @@ impl PictureScene {
         let sparsest_px = sparsest_px(&view, file.metric(), &octree, nodes);
         let apart = (file.has(PlaneKind::Normal), sparsest_px);
         let (view, window) = windowed(view, request.window, request.size, *method, apart)?;
-        let plan = appearance.plan(file, sparsest_px, appearance.crowding(file, &view));
+        let crowding = appearance.crowding_lacking(file, &view, &mut selection.lacking);
+        let plan = appearance.plan(file, sparsest_px, crowding);
         let mut kinds = planes_of(&plan, &appearance);
         kinds.extend(class_plane.filter(|plane| !kinds.contains(plane)));
         Ok(Self {

@@ -15,7 +15,7 @@ use esker_points::filter::{Classes, Flags};
 use esker_points::lattice::ORIGIN;
 use esker_points::task::Silent;
 use glam::{DVec2, DVec3};
-use search::Aim;
+use search::{Aim, Found};
 use serde::Serialize;
 
 pub use search::REACH_PX;
@@ -131,7 +131,8 @@ pub fn pick(
     shown: &ForestFilter,
 ) -> Result<Option<Picked>> {
     let Some(aim) = Aim::new(view, at, depth) else { return Ok(None) };
-    let Some(found) = search::find(forest, &aim, shown)? else { return Ok(None) };
+    let (grown, found) = found(forest, &aim, shown)?;
+    let (forest, Some(found)) = (grown.as_ref().unwrap_or(forest), found) else { return Ok(None) };
     let exact = exact_point(forest, found.node, found.point, &Silent)?;
     let file = forest.file_of(found.node);
     let lattice = file.exact_lattice();
@@ -153,11 +154,32 @@ pub fn pick(
         attributes: attributes.collect(),
         file: file.path().display().to_string(),
         scans: exact.sources.iter().map(|&i| sources[i].path.clone()).collect(),
-        node: found.node,
+        node: forest.table().index_in_file(found.node),
         point: found.point,
         offset_px: found.seen.offset_px,
         depth: depth + found.seen.depth_offset,
     }))
+}
+
+/// Searches, and reads what the search lacks of a partial node table; the forest that has the node
+/// that was found, if it is a newer one.
+fn found(
+    forest: &Forest,
+    aim: &Aim,
+    shown: &ForestFilter,
+) -> Result<(Option<Forest>, Option<Found>)> {
+    let mut grown = forest.newer();
+    loop {
+        let newest = grown.as_ref().unwrap_or(forest);
+        let newer = shown.grown(newest)?;
+        let mut lacking = Vec::new();
+        let found = search::find(newest, aim, newer.as_ref().unwrap_or(shown), &mut lacking)?;
+        if lacking.is_empty() {
+            return Ok((grown, found));
+        }
+        newest.complete(&lacking)?;
+        grown = Some(newest.newer().unwrap_or_else(|| newest.clone()));
+    }
 }
 
 /// Eye depth that a picture shows in the pixel of column `x` and row `y`. In an empty pixel the

@@ -96,20 +96,31 @@ impl Aim {
 
     /// Greatest distance in space from the shown place to a point that is picked.
     pub fn reach(&self, forest: &Forest) -> f64 {
+        self.reach_lacking(forest, &mut Vec::new())
+    }
+
+    /// [`Aim::reach`]; adds nodes to `lacking` whose children would change it.
+    fn reach_lacking(&self, forest: &Forest, lacking: &mut Vec<u32>) -> f64 {
         let reach = REACH_PX * self.pixel;
-        reach.max(REACH_SPACINGS * spacing_at(forest, self.place, reach))
+        reach.max(REACH_SPACINGS * spacing_at(forest, self.place, reach, lacking))
     }
 }
 
 /// Finds the point that is meant by `aim`, among those that `shown` accepts: of the points that
 /// are about as deep as the shown surface, the one nearest to it on the picture. `None` if no
-/// point is in reach.
+/// point is in reach. Adds nodes to `lacking` whose children are not in the table
+/// ([`esker_points::Node::lacks_children`]) and would be searched.
 ///
 /// # Errors
 /// If a node cannot be read or is damaged.
-pub fn find(forest: &Forest, aim: &Aim, shown: &ForestFilter) -> Result<Option<Found>> {
-    let search = Search { forest, aim, shown, lattice: forest.metric() };
-    let reach = aim.reach(forest);
+pub fn find(
+    forest: &Forest,
+    aim: &Aim,
+    shown: &ForestFilter,
+    lacking: &mut Vec<u32>,
+) -> Result<Option<Found>> {
+    let reach = aim.reach_lacking(forest, lacking);
+    let mut search = Search { forest, aim, shown, lattice: forest.metric(), lacking };
     let Some((nearest, is_on_picture)) = search.nearest(reach)? else { return Ok(None) };
     // If the place is a point, its distance from it is an error of rounding.
     let nearest = nearest.max(ROUNDING * (aim.view.eye.length() + aim.depth));
@@ -120,7 +131,7 @@ pub fn find(forest: &Forest, aim: &Aim, shown: &ForestFilter) -> Result<Option<F
 /// Distance of neighbouring points at a place: that of the smallest cell at most `reach` away, on
 /// the way from the root to the nearest cells, of the tree where it is greatest; 0 if there is
 /// none.
-fn spacing_at(forest: &Forest, place: DVec3, reach: f64) -> f64 {
+fn spacing_at(forest: &Forest, place: DVec3, reach: f64, lacking: &mut Vec<u32>) -> f64 {
     let (table, lattice) = (forest.table(), forest.metric());
     let near = |index: u32| {
         let node = table.nodes.get(index as usize)?;
@@ -138,6 +149,9 @@ fn spacing_at(forest: &Forest, place: DVec3, reach: f64) -> f64 {
         {
             (index, node) = (child, below);
         }
+        if node.lacks_children() {
+            lacking.push(index);
+        }
         Some(f64::from(node.spacing)).filter(|spacing| spacing.is_finite())
     };
     table.roots().filter_map(of_tree).fold(0.0, f64::max)
@@ -148,6 +162,8 @@ fn spacing_at(forest: &Forest, place: DVec3, reach: f64) -> f64 {
 struct Waiting {
     distance: f64,
     node: u32,
+    /// Its index in the file.
+    index: u32,
 }
 
 impl Eq for Waiting {}
@@ -155,7 +171,7 @@ impl Eq for Waiting {}
 impl Ord for Waiting {
     fn cmp(&self, other: &Self) -> Ordering {
         // The heap gives the greatest first.
-        other.distance.total_cmp(&self.distance).then(other.node.cmp(&self.node))
+        other.distance.total_cmp(&self.distance).then(other.index.cmp(&self.index))
     }
 }
 
@@ -171,12 +187,13 @@ struct Search<'a> {
     aim: &'a Aim,
     shown: &'a ForestFilter,
     lattice: &'a Lattice,
+    lacking: &'a mut Vec<u32>,
 }
 
 impl Search<'_> {
     /// Distance from the shown place to the nearest point that is drawn, at most `reach` away, and
     /// whether that point is on the picture.
-    fn nearest(&self, reach: f64) -> Result<Option<(f64, bool)>> {
+    fn nearest(&mut self, reach: f64) -> Result<Option<(f64, bool)>> {
         let mut best = None;
         let mut limit = reach;
         self.visit(reach, |found, distance| {
@@ -192,7 +209,7 @@ impl Search<'_> {
 
     /// The point nearest to the aim on the picture, of those at most `radius` from the shown place
     /// in space, and `depths` in depth.
-    fn nearest_on_picture(&self, radius: f64, depths: f64) -> Result<Option<Found>> {
+    fn nearest_on_picture(&mut self, radius: f64, depths: f64) -> Result<Option<Found>> {
         let mut best: Option<Found> = None;
         self.visit(radius, |found, distance| {
             if distance <= radius
@@ -210,29 +227,34 @@ impl Search<'_> {
     /// Calls `see` with the accepted points of all nodes, and their distances from the shown
     /// place; nodes farther away than it returned last are passed over. Begins with those within
     /// `radius`.
-    fn visit(&self, radius: f64, mut see: impl FnMut(Found, f64) -> f64) -> Result<()> {
-        let nodes = &self.forest.table().nodes;
+    fn visit(&mut self, radius: f64, mut see: impl FnMut(Found, f64) -> f64) -> Result<()> {
+        let table = self.forest.table();
+        let nodes = &table.nodes;
         let (mut limit, mut read) = (radius, 0);
         let mut waiting = BinaryHeap::new();
+        let (shown, lattice, place) = (self.shown, self.lattice, self.aim.place);
         let push = |waiting: &mut BinaryHeap<Waiting>, node: u32, limit: f64| {
             let Some(record) = nodes.get(node as usize) else { return };
-            let cell = OrientedBox::of_cell(&record.cell(), self.lattice);
-            let distance = self.distance(&cell);
-            if distance <= limit && !self.shown.rejects_subtree(node) {
-                waiting.push(Waiting { distance, node });
+            let cell = OrientedBox::of_cell(&record.cell(), lattice);
+            let distance = distance_to(&cell, place);
+            if distance <= limit && !shown.rejects_subtree(node) {
+                waiting.push(Waiting { distance, node, index: table.index_in_file(node) });
             }
         };
-        self.forest.table().roots().for_each(|root| push(&mut waiting, root, limit));
-        while let Some(Waiting { distance, node }) = waiting.pop() {
+        table.roots().for_each(|root| push(&mut waiting, root, limit));
+        while let Some(Waiting { distance, node, .. }) = waiting.pop() {
             if distance > limit || read > POINTS_MAX {
                 break;
             }
             let record = &nodes[node as usize];
             let contour = OrientedBox::of_contour(record, self.lattice);
             let points = self.shown.points_max(node).min(record.points());
-            if points > 0 && self.distance(&contour) <= limit {
+            if points > 0 && distance_to(&contour, place) <= limit {
                 read += points;
                 limit = self.see_node(node, points, &mut see)?.unwrap_or(limit);
+            }
+            if record.lacks_children() {
+                self.lacking.push(node);
             }
             // Children come behind their parents, so this ends.
             for child in record.children().filter(|&child| child > node) {
@@ -240,13 +262,6 @@ impl Search<'_> {
             }
         }
         Ok(())
-    }
-
-    /// Least distance of the points of a box from the shown place. A box that is not a number is
-    /// read rather than lost.
-    fn distance(&self, b: &OrientedBox) -> f64 {
-        let distance = b.distance(self.aim.place) - BOX_ROUNDING * b.radius();
-        if distance.is_nan() { 0.0 } else { distance.max(0.0) }
     }
 
     /// Calls `see` with the first `points` points of a node that are accepted; returns what it
@@ -277,6 +292,13 @@ impl Search<'_> {
         }
         Ok(last)
     }
+}
+
+/// Least distance of the points of a box from a place. A box that is not a number is read rather
+/// than lost.
+fn distance_to(b: &OrientedBox, place: DVec3) -> f64 {
+    let distance = b.distance(place) - BOX_ROUNDING * b.radius();
+    if distance.is_nan() { 0.0 } else { distance.max(0.0) }
 }
 
 /// Order by the distance on the picture, then by the depth from the shown surface.
